@@ -130,9 +130,9 @@ def machine(began: float) -> str:
     versions = ", ".join(f"{name} {metadata.version(name)}" for name in PACKAGES)
     most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20  # KiB on Linux
     return (
-        f"This page is one run of that: {os.cpu_count()} CPUs ({platform.machine()}), Python "
-        f"{platform.python_version()}, {versions}. It took {time.process_time() - began:.0f} s of "
-        f"CPU and {most:.1f} GiB of memory, which the chain of 500 joints needs."
+        f"The numbers are those of one run on {os.cpu_count()} CPUs ({platform.machine()}) with "
+        f"Python {platform.python_version()}, {versions}. It took {time.process_time() - began:.0f}"
+        f" s of CPU and {most:.1f} GiB of memory, which the chain of 500 joints needs."
     )
 
 

@@ -1,4 +1,4 @@
-"""G1 kicks a ball in MuJoCo, tuned to bounce as asked: `pip install "kickdyn[robots,mjcf]"`."""
+"""G1 kicks a ball in MuJoCo as computed by kickdyn: `pip install "kickdyn[robots,mjcf]"`."""
 
 from pathlib import Path
 

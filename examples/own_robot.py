@@ -1,4 +1,4 @@
-"""A robot of your own, from a URDF file: is it sound, and how hard does it strike?"""
+"""A robot of your own, from a URDF file: its effective mass, and an impact with a ball."""
 
 from pathlib import Path
 
@@ -23,11 +23,10 @@ toe = """<joint name="tip" type="fixed"> <parent link="shank"/> <child link="toe
 file = Path("own_robot.urdf")
 file.write_text(f'<robot name="own_robot"> <link name="base"/>{thigh}{shank}{toe}</robot>')
 
-leg = kd.Leg.from_urdf(file, frame="toe")  # every fault of the file is reported
+leg = kd.Leg.from_urdf(file, frame="toe")  # refuses a faulty file with a list of its faults
 posture = leg.posture(leg.configuration({"hip": 0.2, "knee": 0.5}))
 ball = kd.Ball(mass=0.2, radius=0.07)
 contact = kd.Contact((1, 0, 0.2), restitution=0.7, friction=0.3)
 impact = kd.strike(posture, posture.joint_velocity((3, 0, 0.6)), ball, contact)
-print(f"{posture.effective_mass(contact.normal):.3f} kg strike with {impact.foot_velocity} m/s")
 print(impact)
 kd.page(impact).save("own_robot.html")

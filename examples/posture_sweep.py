@@ -12,14 +12,13 @@ postures = {
 }
 table = kd.sweep(leg, postures, kd.Kick(speed=15, attack=np.radians(20)))
 
-# The table is an xarray.Dataset: select, reduce and plot it as any other.
+# The table is an xarray.Dataset. speed_use is the largest joint speed over its limit.
 possible = table.where(table.speed_use <= 1)
 best = possible.isel(possible.ball_speed.argmax(...))
-print(f"{int(possible.ball_speed.notnull().sum())} of {table.ball_speed.size} postures can kick so")
+number = int(possible.ball_speed.notnull().sum())
+print(f"{number} of {table.ball_speed.size} postures are within the speed limits")
 print("best:", ", ".join(f"{name} {np.degrees(float(best[name])):.0f} deg" for name in postures))
 print(f"ball {float(best.ball_speed):.2f} m/s, carry {float(best.carry):.1f} m")
 print(f"largest impulse in a joint {float(best.worst_joint_impulse):.2f} N s")
 
-gentle = possible.worst_joint_impulse / possible.impulse
-print(f"least share of the ball's impulse in a joint: {float(gentle.min()):.2f}")
 table.to_netcdf("posture_sweep.nc", engine="h5netcdf")

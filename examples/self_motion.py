@@ -1,4 +1,4 @@
-"""The contact point stays, the leg moves: which posture kicks hardest (Fig. 1 of the paper)?"""
+"""Of all postures with the same contact point, which kicks hardest (Fig. 1 of the paper)?"""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""How sure is the launch when posture, speed and contact are measured with errors?"""
+"""How uncertain is the launch if posture, speed and contact are measured with errors?"""
 
 import numpy as np
 
@@ -15,7 +15,7 @@ errors = {"q": np.radians(2), "v": 0.3, "restitution": 0.03, "normal": np.radian
 result = impact.uncertainty(**errors)
 print(result)
 
-# The same by chance: perturb the velocity and the restitution a thousand times.
+# For comparison, a thousand strikes with random errors of the velocity and the restitution.
 random = np.random.default_rng(0)
 speeds = []
 for _ in range(1000):

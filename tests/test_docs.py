@@ -2,6 +2,7 @@
 
 import ast
 import contextlib
+import doctest
 import io
 import json
 import re
@@ -116,6 +117,19 @@ def test_every_public_name_is_in_the_api():
     api = (DOCS / "reference" / "api.md").read_text("utf-8")
     listed = re.findall(r"auto\w+:: kickdyn\.(\w+)$", api, re.MULTILINE)
     assert sorted(listed) == sorted(kickdyn.__all__)
+
+
+EXAMPLES = {
+    test.name: test
+    for name in kickdyn.__all__
+    for test in doctest.DocTestFinder().find(getattr(kickdyn, name), name, module=False, globs={})
+    if test.examples
+}
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_examples_in_docstrings_give_what_they_show(name):
+    assert doctest.DocTestRunner().run(EXAMPLES[name]).failed == 0
 
 
 def imported():

@@ -1,66 +1,18 @@
-"""What each physical effect of a scene changes at the impact, and where the ball's path ends."""
+"""A plot of what each physical effect of a scene changes where the ball's path ends."""
 
-import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
 from matplotlib.figure import Figure
 
 from kickdyn.core.plot_style import styled
-from kickdyn.errors import KickdynError
-from kickdyn.scene.effects import effects_of
-from kickdyn.scene.flight_end import ENDS
-from kickdyn.scene.simulate import simulate
-from kickdyn.scene.simulation import Simulation
+from kickdyn.scene.effects import EffectSize
 
 TOLERANCE = 0.05
 """The default tolerance of `simulate`, a line in the picture [m]."""
 
 LEAST = 1e-9
 """Distances below it are due to the integrators [m]."""
-
-
-@dataclass(frozen=True)
-class EffectSize:
-    """What neglecting one effect changes, everything else modelled.
-
-    Attributes:
-        effect: its name.
-        end: distance that the end of the ball's path moves [m]; nan where there is no answer.
-        impulse: magnitude of the change of the impulse on the ball [N s]; likewise.
-        why_not: why there is none.
-    """
-
-    effect: str
-    end: float
-    impulse: float
-    why_not: str = ""
-
-
-def measure_effects(
-    whole: Simulation, report: Callable[[str], None] = lambda _: None
-) -> list[EffectSize]:
-    """Measure every effect of a scene, the largest first.
-
-    The scene is that of `simulate(scene, None)`; `report` is called with each effect's name.
-    """
-    scene, sizes = whole.scene, []
-    for effect in effects_of(scene):
-        report(effect.name)
-        try:
-            less = simulate(effect.without(scene, whole.launch), None)
-        except KickdynError as error:
-            sizes.append(EffectSize(effect.name, math.nan, math.nan, str(error)))
-            continue
-        impulse = float(np.linalg.norm(less.impact.impulse - whole.impact.impulse))
-        moved, why = math.dist(less.end.position, whole.end.position), ""
-        endless = [status for status in (whole.status, less.status) if status not in ENDS]
-        if endless:
-            moved, why = math.nan, f"no end: {endless[0]}"
-        sizes.append(EffectSize(effect.name, moved, impulse, why))
-    return sorted(sizes, key=lambda size: math.inf if math.isnan(size.end) else -size.end)
 
 
 @styled()

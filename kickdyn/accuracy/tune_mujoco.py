@@ -75,6 +75,13 @@ class MujocoGoal(NamedTuple):
         """Whether the error is accepted at the time step asked for."""
         return self.error <= self.limit
 
+    @property
+    def texts(self) -> tuple[str, str]:
+        """The error and what is accepted, with their units."""
+        if self.name == "direction":
+            return f"{math.degrees(self.error):.2g} deg", f"{math.degrees(self.limit):.2g} deg"
+        return f"{self.error:.1%}", f"{self.limit:.1%}"
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MujocoTuning(ReprMixin):
@@ -84,27 +91,27 @@ class MujocoTuning(ReprMixin):
         solref: -stiffness [1/s2] and -damping [1/s] along the normal, per unit of mass.
         solimp: impedance at first contact and at depth, that depth [m], midpoint and power.
         friction: coefficient of sliding.
-        solreffriction: as `solref`, across the normal, where MuJoCo reads only the damping; (0, 0)
-            without friction. MuJoCo takes it for a `<pair>` of geoms only.
+        solreffriction: the same two numbers across the normal, where MuJoCo reads only the damping;
+            (0, 0) without friction. MuJoCo takes it for a `<pair>` of geoms only.
         condim: 1 without friction, else 3.
-        margin: of the ball's geom, which is smaller than the ball by as much [m]; 0 without
-            friction, where it has no effect.
-        timestep: of the simulation [s].
-        integrator: of MuJoCo.
-        contact_time: of the simulated kick, a mean [s].
-        wanted_contact_time: that was asked for [s].
-        errors: of the tuned kick; at other speeds; earlier and later in the swing; and of the tuned
-            kick against the ball of `strike`, an impact without duration.
+        margin: `margin` of the ball's geom, which is smaller than the ball by as much [m]; 0
+            without friction, where it has no effect.
+        timestep: time step of the simulation [s].
+        integrator: integrator of MuJoCo.
+        contact_time: mean contact time of the simulated kicks [s].
+        wanted_contact_time: contact time that was asked for [s].
+        errors: errors of the tuned kick; at other speeds; earlier and later in the swing; and of
+            the tuned kick against the ball of `strike`, an impact without duration.
         tolerance: the largest error of the ball's speed that was asked for, relative.
         goals: the errors that are accepted, and the largest time steps at which they are.
-        second_push: what the foot adds to the ball's velocity after the contact, within two contact
+        second_push: change of the ball's velocity by the foot after the contact, within two contact
             times, relative to the ball's speed.
-        seconds: that one simulated kick takes on this machine.
+        seconds: computing time of one simulated kick on this machine [s].
         scene: MJCF model of leg and ball just before they touch.
         ball: the ball.
-        ball_position: of its centre at first contact, shape `(3,)` [m, world frame].
-        placement: lines about the ball's place among the geoms of the leg's MJCF file, part of
-            `warnings`; empty for other legs.
+        ball_position: position of its centre at first contact, shape `(3,)` [m, world frame].
+        placement: lines about the place of the ball among the geoms of the leg's MJCF file, which
+            `warnings` contains; empty for other legs.
     """
 
     solref: tuple[float, float]
@@ -166,8 +173,8 @@ class MujocoTuning(ReprMixin):
         for factor in SPEEDS:
             if other_speed(factor) not in names:
                 lines.append(
-                    f"at {factor:g} times all velocities kd.collide computes no ball, which would "
-                    "be pressed beyond its radius: the error there is unknown"
+                    f"the error at {factor:g} times all velocities is unknown: kd.collide would "
+                    "press the ball in beyond its radius there; a shorter contact time avoids this"
                 )
         if abs(self.contact_time / self.wanted_contact_time - 1.0) > DURATION:
             lines.append(
@@ -183,10 +190,7 @@ class MujocoTuning(ReprMixin):
 
     def _missed(self, goal: MujocoGoal) -> str:
         """Return the sentence about a goal that is missed."""
-        error, limit = (
-            f"{math.degrees(value):.2g} deg" if goal.name == "direction" else f"{value:.1%}"
-            for value in (goal.error, goal.limit)
-        )
+        error, limit = goal.texts
         what = "direction" if goal.name == "direction" else "speed"
         where = ""
         if goal.name == "speed around":
@@ -274,7 +278,12 @@ friction="{float(self.friction)!r} 0 0"
             if self.friction:
                 text += f", spin {error.spin:.2g} rad/s"
             yield f"error, {error.change or 'this kick'}", text, ""
-        yield "cost of a kick", 1e3 * self.seconds, "ms"
+        for goal in self.goals:
+            name = goal.name.replace("around", f"x {min(SPEEDS):g} to {max(SPEEDS):g}")
+            reached, limit = goal.texts
+            yield f"goal, {name}", f"at most {limit}: {reached},", "met" if goal.met else "MISSED"
+        yield "within tolerance", "yes" if self.within_tolerance else "no", ""
+        yield "computing time of a kick", 1e3 * self.seconds, "ms"
         yield from warned(self.warnings)
 
 
@@ -293,7 +302,7 @@ def tune_mujoco(
     ball_velocity: ArrayLike = AT_REST,
     ball_spin: ArrayLike = AT_REST,
 ) -> MujocoTuning:
-    r"""Find the contact with which MuJoCo gives the ball that kickdyn computes.
+    r"""Find the contact parameters with which MuJoCo launches the ball as kickdyn does.
 
     Needs MuJoCo: `pip install "kickdyn[mjcf]"`. The ball is that of `collide`, because a contact
     of MuJoCo takes several time steps; the last of the errors says how far that is from `strike`.
@@ -319,28 +328,30 @@ def tune_mujoco(
     deflection of `collide`, and its contact begins at this distance: on average both act at the
     same point, so that friction gives the ball the same spin.
 
-    The leg is simulated without motors, its foot as a plane, as in `collide`.
+    The leg is simulated without motors, its foot as a plane, as in `collide`. The parameters are
+    fitted to the ball alone: impulses in the joints can differ much more, by up to 19 % from those
+    of `collide` in the kicks of `docs/how-to/mujoco.md`.
 
     Args:
-        posture: of a leg without supports, loops, mimic and stiff joints. An MJCF file is read by
-            `Leg.from_mjcf`; the result then has a warning where the ball does not touch the foot of
-            the file, or overlaps another geom. `Leg.configuration` puts joints that are not named
-            at 0, not at their `ref` as MuJoCo does.
+        posture: posture of a leg without supports, loops, mimic and stiff joints. An MJCF file is
+            read by `Leg.from_mjcf`; the result then has a warning where the ball does not touch the
+            foot of the file, or overlaps another geom. `Leg.configuration` puts joints that are not
+            named at 0, not at their `ref` as MuJoCo does.
         v: joint velocity just before, shape `(nv,)` [rad/s; m/s for prismatic joints].
-        ball: its centre is at `contact point + radius * normal`.
-        contact: normal, friction, and a restitution of at least 0.2 at this
-            speed of approach; one that depends on the speed is met at this speed best.
-        timestep: of the simulation [s], at most 0.02 and half of `contact_time`.
-        integrator: `Euler`, `implicit`, `implicitfast` or `RK4`.
-        contact_time: as for `collide` [s]; 10 ms by default. That of the simulated kick is fitted
-            with a small weight, and given with the result.
-        dissipation: as for `collide`.
-        tolerance: error of the ball's speed that is accepted, relative, above 0; around the tuned
-            kick, at 0.5 to 1.5 times all velocities, twice as much. Of the direction 1 degree is
-            accepted. For each error that is larger, the largest time step is sought at which it
+        ball: the ball; its centre is at `contact point + radius * normal`.
+        contact: normal, friction, and a restitution of at least 0.2 at this speed of approach. One
+            that depends on the speed is reproduced best at this speed.
+        timestep: time step of the simulation [s], at most 0.02 and half of `contact_time`.
+        integrator: integrator of MuJoCo: `Euler`, `implicit`, `implicitfast` or `RK4`.
+        contact_time: contact time [s], as for `collide`; 10 ms by default. The contact time of the
+            simulated kick is fitted with a small weight, and is part of the result.
+        dissipation: dissipation of the contact, as for `collide`.
+        tolerance: error of the ball's speed that is accepted, relative, above 0; twice as much
+            around the tuned kick, at 0.5 to 1.5 times all velocities. For the direction, 1 degree
+            is accepted. For each error that is larger, the largest time step is sought at which it
             is accepted.
-        ball_velocity: of its centre just before, shape `(3,)` [m/s, world frame].
-        ball_spin: just before, shape `(3,)` [rad/s, world frame].
+        ball_velocity: velocity of its centre just before, shape `(3,)` [m/s, world frame].
+        ball_spin: angular velocity just before, shape `(3,)` [rad/s, world frame].
 
     Raises:
         NoImpact: foot and ball do not approach each other along the normal.

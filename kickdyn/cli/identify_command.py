@@ -13,13 +13,22 @@ from kickdyn.core.files import check_outputs, write_json
 from kickdyn.core.plot_style import check_name, save_figure
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.ground import Ground
-from kickdyn.identification.identification_result import Identification
+from kickdyn.identification.identification_result import (
+    UNITS,
+    FlightMean,
+    Identification,
+    mean_over_flights,
+    with_deviation,
+)
 from kickdyn.identification.identify import identify as identify_flight
-from kickdyn.identification.segments import Segments, segments
+from kickdyn.identification.segments import SMOOTHED, SegmentKind, Segments, segments
 from kickdyn.identification.track import Track
 
 SHORTEST = 0.4
 """Duration of a flight from which it is fitted [s]: a shorter one determines no drag."""
+
+AVERAGED = {"drag": "drag coefficient", "drag_scale": "factor of the drag model"}
+"""The values of which a mean over the flights is given, and their names on the screen."""
 
 
 @click.command("identify", context_settings={"help_option_names": ["-h", "--help"]})
@@ -96,10 +105,9 @@ def identify(
     found: Segments | None = None
     if start is None and end is None:
         found = segments(track, ball, ground)
-        firsts = [int(np.searchsorted(track.times, one.times[0])) for one in found.flights]
         parts = [
-            (first, first + len(one))
-            for first, one in zip(firsts, found.flights, strict=True)
+            (first := int(np.searchsorted(track.times, one.times[0])), first + len(one))
+            for one in found.flights
             if one.duration >= SHORTEST
         ]
     else:
@@ -156,33 +164,74 @@ def _print(
     fits: list[tuple[tuple[int, int], Identification]],
     failures: list[str],
 ) -> None:
-    """Print the parts of the track, and a line for each flight."""
+    """Print the parts of the track, a line for each flight, and what they say together."""
     if found is not None:
         click.echo(f"{found}\n")
     if len(fits) == 1:
         click.echo(str(fits[0][1]))
     elif fits:
         names = [name for name in fits[0][1].names if name not in ("x", "y", "z", "vx", "vy", "vz")]
+        heads = [f"{name} [{UNITS[name]}]" if name in UNITS else name for name in names]
         click.echo(
             "samples     speed [m/s]  left out  rms [cm]  "
-            + "".join(f"{name:>20}" for name in names)
+            + "".join(f"{head:>20}" for head in heads)
         )
         for (first, last), fit in fits:
             cells = "".join(f"{_cell(fit, name):>20}" for name in names)
             speed, aside = float(fit.launch.speed), int((~fit.used).sum())
             numbers = f"{speed:11.2f}  {aside:8}  {100 * fit.rms:8.2f}"
             click.echo(f"{f'{first}-{last}':11} {numbers}  {cells}")
-    else:
-        click.echo(f"no flight of at least {SHORTEST:g} s was found")
+        for name, mean in _means(fits).items():
+            text = mean or "fewer than two flights determine it"
+            click.echo(f"{AVERAGED[name]} over the whole track: {text}")
+        warned = [part for part, fit in fits if fit.warnings]
+        if warned:
+            click.echo(
+                f"{len(warned)} of {len(fits)} flights have warnings: --json FILE writes them, "
+                f"--start {warned[0][0]} --end {warned[0][1]} prints those of one flight"
+            )
+    elif not failures:
+        click.echo(
+            f"no flight of at least {SHORTEST:g} s was found: times must be in seconds, positions "
+            "in metres with z up"
+        )
+    if found is not None and found.flights:
+        short, ends = _unused(found)
+        if short:
+            click.echo(
+                f"{short} of {len(found.flights)} flights are shorter than {SHORTEST:g} s without "
+                "their ends and were not fitted"
+            )
+        click.echo(
+            f"{ends} samples within {SMOOTHED:g} s of a flight's ends were not used, because "
+            "tracking systems smooth over touches"
+        )
     for line in failures:
         click.echo(f"not fitted: {line}")
+
+
+def _means(fits: list[tuple[tuple[int, int], Identification]]) -> dict[str, FlightMean | None]:
+    """Return the mean of the drag coefficient, or of the factor, over the flights, by its name."""
+    flights = [fit for _, fit in fits]
+    return {
+        name: mean_over_flights(flights, name)
+        for name in AVERAGED
+        if flights and name in flights[0].names
+    }
+
+
+def _unused(found: Segments) -> tuple[int, int]:
+    """Return how many flights are too short to fit, and the number of samples at their ends."""
+    short = sum(one.duration < SHORTEST for one in found.flights)
+    all_of_them = sum(len(part) for part in found.parts if part.kind is SegmentKind.FLIGHT)
+    return short, all_of_them - sum(len(one) for one in found.flights)
 
 
 def _cell(fit: Identification, name: str) -> str:
     """Return a value with its standard deviation, or that it is not determined."""
     if name in fit.undetermined:
         return "not determined"
-    return f"{fit.values[name]:.3g} +- {fit.deviations[name]:.2g}"
+    return with_deviation(fit.values[name], fit.deviations[name])
 
 
 def _document(
@@ -207,6 +256,8 @@ def _document(
         "not_fitted": failures,
     }
     if found is not None:
+        document |= {name: mean and mean._asdict() for name, mean in _means(fits).items()}
+        document["too_short"], document["samples_at_ends"] = _unused(found)
         document["warnings"] = [*found.warnings]
         document["segments"] = [
             {"kind": part.kind, "first": part.first, "last": part.last, "begins": part.begins}
@@ -214,9 +265,5 @@ def _document(
         ]
         for name in ("restitution", "friction", "rolling_deceleration"):
             value = getattr(found, name)
-            document[name] = value and {
-                "median": value.median,
-                "deviation": value.deviation,
-                "samples": value.samples,
-            }
+            document[name] = value and value._asdict()
     return document

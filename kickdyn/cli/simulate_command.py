@@ -65,7 +65,14 @@ def _document(answer: Simulation) -> dict[str, Any]:
         "restitution_given": answer.scene.contact.restitution,
         "evaluations": answer.evaluations,
         "effects": [
-            verdict._asdict() | {"bound": finite(verdict.bound)} for verdict in answer.verdicts
+            {
+                "effect": verdict.effect,
+                "modelled": verdict.modelled,
+                "size": finite(answer.effect_sizes[verdict.effect]),
+                "bound": finite(verdict.bound),
+                "why": verdict.why,
+            }
+            for verdict in answer.verdicts
         ],
         **answer.pitch_numbers(),
         "warnings": [*answer.scene.notes, *answer.warnings],

@@ -11,14 +11,15 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from kickdyn.accuracy.effect_sizes import EffectSize, effect_figure, measure_effects
+from kickdyn.accuracy.effect_sizes import effect_figure
 from kickdyn.accuracy.measurement import Measurement, front_figure
 from kickdyn.cli.command import busy
 from kickdyn.core.console import empty_table, screen_width
 from kickdyn.core.files import check_outputs, finite, write_json
 from kickdyn.core.plot_style import check_name, save_figure
 from kickdyn.errors import InvalidInput
-from kickdyn.scene.simulate import simulate
+from kickdyn.scene.effects import EffectSize
+from kickdyn.scene.simulate import measure_effects, simulate
 from kickdyn.scene.simulation import Simulation
 from kickdyn.scene.toml_reader import load_scene
 
@@ -113,6 +114,7 @@ def _compare_effects(file: str, json_file: str | None, plot: str | None) -> None
     whole = simulate(scene, None)
     with busy("measuring") as show:
         sizes = measure_effects(whole, lambda name: show(f"measuring {name}"))
+    sizes.sort(key=lambda size: math.inf if math.isnan(size.end) else -size.end)
     if plot is not None:
         save_figure(effect_figure(scene.name, sizes), plot)
     if json_file is not None:

@@ -53,7 +53,7 @@ def view(
     if json_file is not None:
         write_json(json_file, _document(simulation))
     if json_file != "-":
-        lines, width = str(simulation).splitlines(), screen_width()
+        lines, width = simulation.summary.splitlines(), screen_width()
         click.echo("\n".join(wrapped(line, width, indent=8) for line in lines))
     if pages:
         with busy("drawing"):

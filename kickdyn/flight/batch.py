@@ -74,6 +74,13 @@ def fly_many(
     Raises:
         InvalidInput: a single state, a ball that starts inside the ground, a bad tolerance, a
             function that cannot be compiled.
+
+    Example:
+        >>> import kickdyn as kd
+        >>> states = kd.BallState(velocity=[(20, 0, 10), (25, 0, 8)])
+        >>> flights = kd.fly_many(states, kd.Ball(), kd.Air())
+        >>> flights.range.values.round(2).tolist()
+        [32.14, 32.33]
     """
     if states.position.ndim != 2:
         raise InvalidInput(

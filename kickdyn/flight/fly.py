@@ -68,6 +68,13 @@ def fly(
             coefficient outside its range whose model refuses that; others give one of
             `Flight.warnings`.
         KickdynError: the integrator gave up.
+
+    Example:
+        >>> import kickdyn as kd
+        >>> kick = kd.BallState(velocity=(20, 0, 10), spin=(0, -30, 0))  # with back spin
+        >>> path = kd.fly(kick, kd.Ball(), kd.Air())
+        >>> round(path.range, 2), round(path.height, 2), round(path.duration, 2)
+        (42.21, 7.53, 2.91)
     """
     check_single(state)
     tol = validation.number("tol", tol, at_least=1e-13, at_most=1e-2)

@@ -1,18 +1,19 @@
 """The result of `identify`: the launch, what else was found, and how far it is determined."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core.plot_style import styled
-from kickdyn.core.representation import ReprMixin, Row, side_view, warned
+from kickdyn.core.representation import ReprMixin, Row, side_view
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.flight_result import Flight
@@ -41,11 +42,11 @@ class ModelScore(NamedTuple):
     """How well a drag model predicts the second half of flights from the first.
 
     Attributes:
-        model: its name.
-        prediction_rms: of the distance between prediction and measurement in the second halves,
-            root mean square over the flights [m].
-        fit_rms: of the distance in the first halves, to which it was fitted [m].
-        flights: prediction_rms of each flight [m].
+        model: name of the model.
+        prediction_rms: distance between prediction and measurement in the second halves, root mean
+            square over all flights [m].
+        fit_rms: distance in the first halves, to which the model was fitted, root mean square [m].
+        flights: `prediction_rms` of each flight [m].
     """
 
     model: str
@@ -65,19 +66,19 @@ class Identification(ReprMixin):
 
     Attributes:
         tracks: the measured tracks.
-        ball: mass and radius.
-        air: with the coefficients and the wind that were found.
-        launches: for each flight the state at its first sample. A spin has all three components;
-            those that the measurement does not determine are the most probable ones.
-        names: of the unknowns.
-        estimates: of the unknowns, shape `(p,)`.
-        covariance: of the estimates, shape `(p, p)`.
+        ball: the ball.
+        air: the air, with the coefficients and the wind that were found.
+        launches: the state of the ball at the first sample of each flight. A spin has all three
+            components; those that the measurement does not determine are the most probable ones.
+        names: names of the unknowns.
+        estimates: estimates of the unknowns, shape `(p,)`.
+        covariance: covariance of the estimates, shape `(p, p)`.
         residuals: fitted less measured positions, of all flights in a row, shape `(n, 3)` [m].
         used: which samples count, shape `(n,)`; the others are outliers.
         noise: standard deviation of one measured coordinate [m].
         widening: factor by which the deviations are larger than those of independent samples,
             because neighbouring residuals are correlated.
-        comparison: drag models, the best first.
+        comparison: scores of the drag models and airs that were compared, the best one first.
     """
 
     tracks: tuple[Track, ...]
@@ -102,9 +103,10 @@ class Identification(ReprMixin):
         for name, reason in self.undetermined.items():
             yield name, f"not determined: {reason}", ""
         for score in self.comparison:
-            rms = f"{score.prediction_rms:.4f} m in the second half, {score.fit_rms:.4f} m fitted"
-            yield score.model, rms, ""
-        yield from warned(self.warnings)
+            rms = f"{score.prediction_rms:.4f} m rms in predicted second halves"
+            yield score.model, f"{rms}, {score.fit_rms:.4f} m in fitted first halves", ""
+        for line in self.warnings:
+            yield "warning", line, ""
 
     def _picture(self) -> str:
         track, launch = self.tracks[0], self.launches[0]
@@ -114,7 +116,7 @@ class Identification(ReprMixin):
 
     @cached_property
     def undetermined(self) -> dict[str, str]:
-        """The unknowns that the measurement does not determine, and why not.
+        """The unknowns that the measurement does not determine, each with the reason.
 
         Their standard deviation is more than half the value, and not small: more than 1 rad/s of a
         spin, 0.005 of a drag coefficient, 0.025 of a factor, 0.15 m/s of a wind. Or it is more than
@@ -158,10 +160,12 @@ class Identification(ReprMixin):
         """The state at the first sample of the only flight.
 
         Raises:
-            InvalidInput: there are several flights: `launches` has theirs.
+            InvalidInput: there are several flights; `launches` has theirs.
         """
         if len(self.launches) > 1:
-            raise InvalidInput(f"there are {len(self.launches)} flights: launches has the states")
+            raise InvalidInput(
+                f"there are {len(self.launches)} flights: `launches` has one of each"
+            )
         return self.launches[0]
 
     @cached_property
@@ -179,7 +183,11 @@ class Identification(ReprMixin):
 
     @property
     def flight(self) -> Flight:
-        """The fitted flight; raises `InvalidInput` if there are several."""
+        """The fitted flight.
+
+        Raises:
+            InvalidInput: there are several flights; `flights` has these.
+        """
         return self.flights[self.launches.index(self.launch)]
 
     @property
@@ -190,7 +198,7 @@ class Identification(ReprMixin):
 
     @property
     def time_residuals(self) -> Array:
-        r"""How late each position was measured on the fitted path, shape `(n,)` [s].
+        r"""Time by which each position was measured late on the fitted path, shape `(n,)` [s].
 
         :math:`r \cdot v / |v|^2` with the residual r and the measured velocity v.
         """
@@ -202,18 +210,27 @@ class Identification(ReprMixin):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What to know before using the numbers; empty if there is nothing."""
+        """Lines about what to know before using the numbers; empty if there is nothing."""
         lines = []
         if self.rms > self.ball.radius:
             lines.append(
                 f"the fit misses the positions by {self.rms:.2g} m, more than the ball's radius: "
-                "they may not be one flight without a bounce"
+                "they may not be one flight without a bounce, or not in metres and seconds"
+            )
+        drag = self.values.get("drag", self.values.get("drag_scale", 0.0))
+        if drag < 0.0:
+            lines.append(
+                f"drag is {drag:.2g}, below 0, as if the air pushed the ball: wind, a touch within "
+                "the flight, or positions that are not in metres can cause this"
             )
         if self.undetermined:
             lines.append(f"not determined by the measurement: {', '.join(self.undetermined)}")
         loose = [name for name, v in self.values.items() if self.deviations[name] > 0.5 * abs(v)]
         if loose:
-            lines.append(f"the standard deviation is more than half the value: {', '.join(loose)}")
+            lines.append(
+                "the standard deviation is more than half the value, which is near 0 or badly "
+                f"determined: {', '.join(loose)}"
+            )
         if self.widening > 1.0:
             lines.append(
                 "neighbouring residuals are correlated, as in smoothed tracks: the standard "
@@ -244,11 +261,93 @@ class Identification(ReprMixin):
                 axes.plot(*track.positions[~used][:, [0, across]].T, "x", color="C3")
             rest.plot(track.times, 100.0 * self.residuals[rows], linewidth=0.8)
             first += len(track)
+        side.legend(side.lines[:3], ("fitted", "measured", "outlier, not used"))
         rest.legend(rest.lines[:3], ("x", "y", "z"), loc="upper left", ncols=3)
         side.set(xlabel="x [m]", ylabel="z [m]", title="measured positions and fitted flight")
         top.set(xlabel="x [m]", ylabel="y [m]")
-        rest.set(xlabel="time [s]", ylabel="residual [cm]")
+        rest.set(xlabel="time [s]", ylabel="fitted - measured [cm]")
         return figure
+
+
+class FlightMean(NamedTuple):
+    """The mean of a value over flights that were fitted one by one.
+
+    Attributes:
+        mean: weighted by the variances of the values and of the scatter.
+        deviation: its standard error.
+        scatter: standard deviation of the value from flight to flight, beyond what the standard
+            deviations of the flights explain; 0 where they explain all.
+        flights: number of flights that determine the value.
+        slowest, fastest: lowest and highest mean speed of these flights [m/s].
+    """
+
+    mean: float
+    deviation: float
+    scatter: float
+    flights: int
+    slowest: float
+    fastest: float
+
+    def __str__(self) -> str:
+        scatter = f"from flight to flight it scatters by {self.scatter:.2g}"
+        if self.scatter == 0.0:
+            scatter = "the flights differ no more than their deviations explain"
+        return (
+            f"{with_deviation(self.mean, self.deviation)}, mean of {self.flights} flights "
+            f"with mean speeds of {self.slowest:.2g} to {self.fastest:.2g} m/s; {scatter}"
+        )
+
+
+def mean_over_flights(fits: Sequence[Identification], name: str) -> FlightMean | None:
+    """Return the mean of a value over flights, None where fewer than two determine it."""
+    known = [fit for fit in fits if name in fit.values]
+    if len(known) < 2:
+        return None
+    values = np.array([fit.values[name] for fit in known])
+    deviations = np.array([fit.deviations[name] for fit in known])
+    speeds = [_mean_speed(fit) for fit in known]
+    return FlightMean(*weighted_mean(values, deviations), len(known), min(speeds), max(speeds))
+
+
+def weighted_mean(values: Array, deviations: Array) -> tuple[float, float, float]:
+    r"""Return the mean of values, its standard error, and their scatter.
+
+    With the values :math:`y_i` and their standard deviations :math:`\sigma_i`, the mean has the
+    weights :math:`w_i = 1 / (\sigma_i^2 + \tau^2)`, and its standard error is
+    :math:`(\sum w_i)^{-1/2}`. The scatter :math:`\tau` solves :math:`\sum w_i (y_i - \bar y)^2 =
+    n - 1`; it is 0 where the :math:`\sigma_i` alone explain the differences (Paule & Mandel 1982,
+    J. Res. Natl. Bur. Stand. 87:377).
+
+    Args:
+        values: shape `(n,)`, two or more.
+        deviations: their standard deviations, shape `(n,)`, above 0.
+    """
+
+    def excess(scatter2: float) -> float:
+        """Return the sum less n - 1, which falls with the square of the scatter."""
+        weights = 1.0 / (deviations**2 + scatter2)
+        mean = weights @ values / weights.sum()
+        return float(weights @ (values - mean) ** 2) - (len(values) - 1)
+
+    scatter2 = 0.0
+    if excess(0.0) > 0.0:  # at the variance of the values the sum is smaller
+        scatter2 = float(brentq(excess, 0.0, float(np.var(values, ddof=1))))
+    weights = 1.0 / (deviations**2 + scatter2)
+    mean = float(weights @ values / weights.sum())
+    return mean, float(weights.sum()) ** -0.5, math.sqrt(scatter2)
+
+
+def with_deviation(value: float, deviation: float) -> str:
+    """Return a value and its deviation, both to the second digit of the deviation."""
+    digits = max(1 - math.floor(math.log10(deviation)), 0) if deviation > 0.0 else 3
+    return f"{value:.{digits}f} +- {deviation:.{digits}f}"
+
+
+def _mean_speed(fit: Identification) -> float:
+    """Return the mean speed along the fitted path of one flight [m/s]."""
+    path = fit.tracks[0].positions + fit.residuals
+    length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
+    return length / fit.tracks[0].duration
 
 
 def _plain(name: str) -> str:

@@ -52,8 +52,9 @@ MOST_KEPT = 0.9
 TOL, COARSE = 1e-10, 1e-7
 """Relative tolerances of the integration: the least, and the one to begin with."""
 
-CONVERGED = 1e-8
-"""Relative change of the sum of squares at which a fit ends: less than 0.001 of a deviation."""
+CONVERGED, NEARLY = 1e-8, 1e-4
+"""Relative change of the sum of squares at which a fit ends, less than 0.001 of a deviation; and at
+which the robust one ends, which only chooses the outliers and the start of the other."""
 
 FIRST_DRAG = 0.2
 """C_D from which a constant is sought: that of a ball above the drag crisis (Goff & Carre 2009)."""
@@ -108,17 +109,19 @@ def identify(
     The derivatives are integrated by `fly_lanes`.
 
     Args:
-        track: the positions in one flight, from after its start to before its end, without a
-            bounce; or several flights, which then share drag, lift and wind.
-        ball: mass and radius.
-        air: density, coefficients and wind of the fit; None is `Air()`.
+        track: positions in one flight, from after its start to before its end, without a bounce; or
+            those of several flights, which then share drag, lift and wind.
+        ball: the ball; its mass and radius count.
+        air: the air of the fit: density, coefficients and wind; None is `Air()`.
         free: unknowns besides the position and velocity at the first sample: `spin`; `drag`,
             one drag coefficient for the whole flight instead of the air's model; `drag-scale` and
             `lift-scale`, factors of the air's models; `wind`, its horizontal components.
-        spin: known spin, shape `(3,)` [rad/s, world frame]; used where `spin` is not sought.
-        ground: if given, a ball that lies deeper than its turf is refused.
-        compare: drag models by name, or airs, to be ranked by how well each, fitted to the first
-            half of each flight, predicts the second. The fit itself uses `air`.
+        spin: known spin, shape `(3,)` [rad/s, world frame]; it is used unless `free` contains
+            `spin`.
+        ground: the ground; a ball that is under it is refused. None means that its height is
+            unknown.
+        compare: drag models by name, or airs, which are ranked: each is fitted to the first half of
+            each flight and predicts the second one. The fit itself uses `air`.
 
     Raises:
         InvalidInput: fewer than 5 positions, samples a second or more apart, positions that are no
@@ -241,7 +244,8 @@ def _sought(free: Iterable[str], air: Air) -> tuple[Free, ...]:
     found = {validation.choice("free", name, Free) for name in names}
     if {Free.DRAG, Free.DRAG_SCALE} <= found:
         raise InvalidInput(
-            "free has drag and drag-scale: the first replaces the model that the second scales"
+            "free has drag and drag-scale: take one, because the first replaces the model that the "
+            "second scales"
         )
     for name, kind in ((Free.DRAG_SCALE, "drag"), (Free.LIFT_SCALE, "lift")):
         if name in found and getattr(air, kind) is None:
@@ -270,7 +274,7 @@ def _check_flight(track: Track, ball: Ball, ground: Ground | None) -> None:
     if not np.ptp(track.positions, axis=0).any():
         raise InvalidInput(f"the ball stays at {track.positions[0].tolist()} m: this is no flight")
     falling = -2.0 * np.polyfit(track.times - track.times[0], track.positions[:, 2], 2)[0]
-    refuse_units(float(falling))
+    refuse_units(track, float(falling))
 
 
 def _fit(problem: _Problem) -> _Estimate:
@@ -285,7 +289,10 @@ def _fit(problem: _Problem) -> _Estimate:
     ]
     evaluate = partial(_evaluate, problem, axes, COARSE)
     if evaluate(starts[0]) is None:
-        raise KickdynError("no flight could be integrated from the first guess of the launch")
+        raise KickdynError(
+            "no flight could be integrated from the first guess of the launch: check the units and "
+            "that the samples are one flight"
+        )
     robust = [_minimise(evaluate, start, 3.0 * noise, None, 0.0, problem) for start in starts]
     _, values = min(robust, key=lambda found: found[0])
     residuals, jacobian = evaluate(values) or _impossible()
@@ -313,7 +320,10 @@ def _outliers(residuals: Array, spread: float) -> NDArray[np.bool_]:
 
 
 def _impossible() -> tuple[Array, Array]:
-    raise KickdynError("the fitted flight could not be integrated")
+    raise KickdynError(
+        "the fitted flight could not be integrated: check the units, and that the samples are one "
+        "flight"
+    )
 
 
 def _polynomial(track: Track) -> tuple[Array, float]:
@@ -426,7 +436,7 @@ def _minimise(
         x_scale="jac",
         loss="linear" if scale is None else "soft_l1",
         f_scale=1.0 if scale is None else scale,
-        xtol=1e-12, ftol=CONVERGED, gtol=1e-15, max_nfev=60,
+        xtol=1e-12, ftol=CONVERGED if scale is None else NEARLY, gtol=1e-15, max_nfev=60,
     )  # fmt: skip
     return float(result.cost), result.x
 

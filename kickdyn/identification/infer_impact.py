@@ -45,13 +45,14 @@ class InferredImpact(ReprMixin):
     """An impact that is inferred from the measured motion of the ball before and after it.
 
     Attributes:
-        posture: of the leg; its contact point is where the leg takes the impulse.
+        posture: posture of the leg; the leg takes the impulse at its contact point.
         v_before: joint velocity just before, shape `(nv,)` [rad/s; m/s for prismatic joints].
-        ball: mass, radius and inertia.
-        ball_before: motion of the ball just before.
-        ball_after: motion of the ball just after.
-        impulse: on the ball, shape `(3,)` [N s, world frame].
-        normal: unit vector from the contact point to the ball's centre, shape `(3,)`.
+        ball: the ball.
+        ball_before: state of the ball just before.
+        ball_after: state of the ball just after.
+        impulse: impulse on the ball, shape `(3,)` [N s, world frame].
+        normal: unit vector from the contact point to the centre of the ball, shape `(3,)`
+            [world frame].
         residual: the part of the ball's change of angular momentum along the impulse, which no
             impulse at one point explains, relative to radius times impulse; 0 or more.
         deviations: standard deviations of `restitution`, `friction`, `normal` (an angle [rad]) and
@@ -70,7 +71,7 @@ class InferredImpact(ReprMixin):
 
     @cached_property
     def leg_response(self) -> LegResponse:
-        """What the impulse, at the posture's contact point, does to the leg."""
+        """The response of the leg to the impulse at the contact point of its posture."""
         return leg_response(self.posture, self.v_before, self.impulse)
 
     @property
@@ -88,7 +89,7 @@ class InferredImpact(ReprMixin):
 
     @property
     def contact_point(self) -> Array:
-        """Where on the ball the impulse acted, shape `(3,)` [m, world frame].
+        """Point of the ball on which the impulse acted, shape `(3,)` [m, world frame].
 
         It follows from the measured position of the ball's centre, :math:`c - r n`.
         """
@@ -115,7 +116,9 @@ class InferredImpact(ReprMixin):
 
     @property
     def friction(self) -> float:
-        r"""Impulse across the normal over that along it, :math:`|a| / \sqrt{1 - |a|^2}`.
+        r"""Ratio of the impulses across the normal n and along it.
+
+        .. math:: |p - (n \cdot p)\, n| / (n \cdot p)
 
         It is the least coefficient of friction that allows the impulse; where the contact points
         slid throughout, it is the coefficient.
@@ -125,14 +128,14 @@ class InferredImpact(ReprMixin):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What to know before using the numbers; empty if there is nothing."""
+        """Lines about what to know before using the numbers; empty if there is nothing."""
         lines = []
         deviation = self.deviations.get("residual", 0.0)
         if self.residual > (3.0 * deviation or EXPLAINED):
             spread = f" +- {100 * deviation:.2g}" if deviation else ""
             lines.append(
                 f"the residual is {100 * self.residual:.2g}{spread} % of radius times impulse: an "
-                "impulse at one point does not explain the change of spin"
+                "impulse at one point does not explain the change of spin; check the spins"
             )
         margin = 1e-9 + 3.0 * self.deviations.get("restitution", 0.0)
         if not -margin <= self.restitution <= 1.0 + margin:
@@ -187,15 +190,17 @@ def infer_impact(
     deviation, all components independent.
 
     Args:
-        posture: of the leg in the impact; its contact point touched the ball.
+        posture: posture of the leg in the impact; its contact point touched the ball.
         v: joint velocity just before, shape `(nv,)` [rad/s; m/s for prismatic joints].
-        ball: mass, radius and inertia.
-        ball_before: measured motion just before; its position is that of the centre [world frame].
-        ball_after: measured motion just after.
+        ball: the ball; its mass, radius and inertia count.
+        ball_before: measured state just before; its position is that of the centre [world frame].
+        ball_after: measured state just after.
         velocity_deviation: standard deviation of each component of the ball's velocity [m/s]: a
             number, or shape `(2,)`, before and after.
-        spin_deviation: of each component of its spin [rad/s], likewise.
-        joint_deviation: of the joint velocity, a number or shape `(nv,)` [rad/s; m/s].
+        spin_deviation: standard deviation of each component of its spin [rad/s]: a number, or shape
+            `(2,)`, before and after.
+        joint_deviation: standard deviation of the joint velocity, a number or shape `(nv,)`
+            [rad/s; m/s].
 
     Raises:
         NoImpact: the ball's velocity did not change, or foot and ball do not approach each other.
@@ -212,7 +217,9 @@ def infer_impact(
         )
     for name, state in (("ball_before", ball_before), ("ball_after", ball_after)):
         if state.position.shape != (3,):
-            raise InvalidInput(f"{name} has shape {state.position.shape}: it must be one state")
+            raise InvalidInput(
+                f"position of {name} has shape {state.position.shape}: it must be one state, (3,)"
+            )
     count = posture.leg.nv
     speed = validation.read_only(validation.vector("v", v, count, unit="rad/s or m/s"))
     posture.check_velocity(speed)
@@ -312,11 +319,11 @@ class RestitutionFit(ReprMixin):
 
     Attributes:
         speeds: approach speed along the normal of each kick, shape `(n,)` [m/s].
-        restitutions: of each kick, shape `(n,)`.
+        restitutions: restitution of each kick, shape `(n,)`.
         table: rows (approach speed [m/s], restitution), speeds increasing, shape `(k, 2)`. Between
             its rows the restitution is linear, outside it is that of the nearest row.
         deviations: standard deviation of each restitution of the table, shape `(k,)`.
-        scatter: standard deviation of the restitution of a kick from the table.
+        scatter: standard deviation of the restitution of a kick around the table.
     """
 
     speeds: Array
@@ -326,13 +333,13 @@ class RestitutionFit(ReprMixin):
     scatter: float
 
     def at(self, speed: ArrayLike) -> Array:
-        """Return the table's restitution at approach speeds [m/s], in the shape of `speed`."""
+        """Return the restitution of the table at approach speeds [m/s], in the shape of `speed`."""
         wanted = validation.floats("speed", speed, unit="m/s")
         return np.asarray(np.interp(wanted, *self.table.T))
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What to know before using the table; empty if there is nothing."""
+        """Lines about what to know before using the table; empty if there is nothing."""
         return tuple(
             f"restitution is {e:.3g} at {speed:.3g} m/s, outside 0 to 1: a contact refuses it"
             for speed, e in self.table.tolist()
@@ -358,8 +365,8 @@ def fit_restitution(impacts: Sequence[InferredImpact], knots: int = 2) -> Restit
     :math:`\sqrt{\sum \rho^2 / (n - k)}`.
 
     Args:
-        impacts: of several kicks, by `infer_impact`.
-        knots: rows of the table: 1 is a constant, 2 a straight line.
+        impacts: several kicks, by `infer_impact`.
+        knots: number of rows of the table: 1 gives a constant, 2 a straight line.
 
     Raises:
         InvalidInput: a wrong argument, fewer than `knots + 1` kicks, or speeds that are too much

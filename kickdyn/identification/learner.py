@@ -92,8 +92,9 @@ class Shot(NamedTuple):
 
     Attributes:
         command: the launch, or the kick, that was asked for.
-        landing: where the ball came down, shape `(2,)` [m, from the launch]; None beside a track.
-        time: observed, of the flight [s]; None if it was not.
+        landing: the landing point, shape `(2,)` [m, from the launch]; None where a track was
+            observed.
+        time: observed time of flight [s]; None if it was not observed.
         track: positions in flight [m, from the launch] over the time since the kick [s], or None.
     """
 
@@ -106,28 +107,29 @@ class Shot(NamedTuple):
 class Learner(ReprMixin):
     r"""Finds the launch, or the kick, that meets a goal although the model is only approximate.
 
-    `command` is the next one: carry it out, and pass what the ball did to `observe`, until
-    `is_done`. A command without a leg is a launch :math:`v` to somebody who takes the restitution
-    for :math:`e_0`, so that the ball leaves with :math:`v (1 + e) / (1 + e_0)`. With a leg, the
-    command is a kick of the restitution that is known by then.
+    `command` is the next launch or kick: carry it out, and pass what the ball did to `observe`,
+    until `is_done`. Without a leg, the command is a launch velocity :math:`v`. Whoever carries it
+    out assumes the restitution :math:`e_0`, so that the ball leaves with the velocity
+    :math:`v (1 + e) / (1 + e_0)`. With a leg, the command is a kick that is planned with the
+    restitution that is known by then.
 
     Args:
-        goal: a target as high as the launch, and a condition such as the time.
-        ball: mass and radius.
-        air: the model to begin with, with a drag model and a constant wind.
-        leg: if given, commands are kicks by `plan_kick`.
+        goal: a target as high as the launch, with a condition such as the time.
+        ball: the ball; its mass and radius count.
+        air: the air to begin with, with a drag model and a constant wind.
+        leg: the leg that kicks. With it, commands are kicks by `plan_kick`; with None, launches.
         restitution: :math:`e_0`, the best guess before the first kick, 0.01 to 0.99. With a leg it
             may be a table or the name of a model over the speed of approach, as for `Contact`;
             :math:`e_0` is then its e in the middle between the first and the last speed, where
             `estimates` have e, too. The logit :math:`\ln (e / (1 - e))` of the other e changes by
             as much as that one.
-        friction: of the leg's contact.
-        ball_height: of the ball's centre before the kick of a leg [m, world frame]; None leaves it
-            free, as in `plan_kick`.
-        scatter: standard deviation from kick to kick of one command: relative of the launch speed,
-            and of either angle of the direction [rad].
+        friction: friction of the contact of the leg.
+        ball_height: height of the ball's centre before the kick of a leg [m, world frame]; None
+            leaves it free, as in `plan_kick`.
+        scatter: standard deviation of the launch from kick to kick of one command: relative for the
+            speed, and for either angle of the direction [rad].
         deviation: standard deviation of an observed coordinate of a landing or a track [m].
-        time_deviation: of an observed time of flight [s].
+        time_deviation: standard deviation of an observed time of flight [s].
         prior: standard deviations of the unknowns before the first kick; those left out are
             `drag_scale` 0.3 (relative), `wind_x` and `wind_y` 2 m/s, `restitution` 0.1,
             `elevation` and `azimuth` 0.05 rad.
@@ -210,7 +212,7 @@ class Learner(ReprMixin):
 
     @property
     def launch(self) -> Launch:
-        """The flight to the goal, in the air as it is known, that the command is to bring about."""
+        """The launch to the goal, in the air as it is known, that the command shall bring about."""
         return self._launch
 
     @property
@@ -220,12 +222,12 @@ class Learner(ReprMixin):
 
     @property
     def air(self) -> Air:
-        """The air with drag and wind as they are known."""
+        """The air, with drag and wind as they are estimated."""
         return self._air(self._theta)
 
     @property
     def estimates(self) -> dict[str, float]:
-        """Estimates by name.
+        """The estimates of the unknowns, by name.
 
         `drag_scale`, a factor of the drag model; `wind_x` and `wind_y` [m/s]; `restitution`;
         `elevation` and `azimuth`, how far the ball leaves above and to the left of what was
@@ -252,20 +254,20 @@ class Learner(ReprMixin):
 
     @property
     def landing_scatter(self) -> Array:
-        """Covariance of landings of the command by scatter and observation, `(2, 2)` [m2]."""
+        """Covariance of the landing points by scatter and observation, shape `(2, 2)` [m2]."""
         aim = self._landing_slopes[:, 6:]
         own = self._scatter**2 * aim @ aim.T
         return np.asarray(own + self._deviation**2 * np.eye(2))
 
     @property
     def landing_uncertainty(self) -> Array:
-        """Covariance of the command's mean landing, from the unknown parameters, `(2, 2)` [m2]."""
+        """Covariance of the mean landing point by the unknowns, shape `(2, 2)` [m2]."""
         slopes = self._landing_slopes[:, :6]
         return np.asarray(slopes @ self._covariance @ slopes.T)
 
     @property
     def is_done(self) -> bool:
-        """Whether what is left is noise.
+        """Whether further kicks would hardly bring the ball nearer to the target.
 
         That is where the last kick missed the goal by no more than scatter and uncertainty allow
         in 95 % of kicks, and where the uncertainty has at most a third of the scatter's variance
@@ -283,7 +285,7 @@ class Learner(ReprMixin):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What to know before the next kick; empty if there is nothing."""
+        """Lines about what to know before the next kick; empty if there is nothing."""
         lines = [] if self._launch.limit is None else [f"the goal is {self._launch.summary}"]
         command = self._command
         if isinstance(command, KickPlan) and command.share < 1.0:
@@ -303,10 +305,10 @@ class Learner(ReprMixin):
         """Learn from what the ball did after the command, and find the next one.
 
         Args:
-            seen: the landing, at the height of the launch, shape `(2,)` or `(3,)` [m, from the
-                launch]; or the ball's track in flight, its positions from the launch [m, world
-                axes] and its times since the kick [s].
-            time: of the flight [s], if it was measured; not beside a track.
+            seen: the landing point, at the height of the launch, shape `(2,)` or `(3,)`
+                [m, from the launch]; or the track of the ball in flight, its positions from the
+                launch [m, world axes] and its times since the kick [s].
+            time: time of flight, if it was measured [s]; it must be None with a track.
 
         Raises:
             InvalidInput: a wrong shape, a number that is not finite, a track that begins before

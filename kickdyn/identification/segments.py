@@ -136,7 +136,7 @@ class Segment:
 
 
 class Measured(NamedTuple):
-    """A median of several measurements, its standard deviation, and their number.
+    """A median of several measurements, its standard deviation, their number, kind and unit.
 
     The median, because a bounce beside a player's foot looks like any other.
     """
@@ -144,9 +144,12 @@ class Measured(NamedTuple):
     median: float
     deviation: float
     samples: int
+    kind: str = "bounce"
+    unit: str = ""
 
     def __str__(self) -> str:
-        return f"{self.median:.3g} +- {self.deviation:.2g} (of {self.samples})"
+        value = f"{self.median:.3g} +- {self.deviation:.2g} {self.unit}".rstrip()
+        return f"{value} (of {self.samples} {self.kind}{'s' if self.samples > 1 else ''})"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -155,16 +158,17 @@ class Segments(Printed):
 
     Attributes:
         track: the whole track.
-        parts: in the order of time.
-        restitution: of the bounces, :math:`-v_z^+ / v_z^-`; None without a bounce.
-        friction: impulse along the ground over across it, :math:`|\Delta v_{xy}| / \Delta v_z`,
-            of the bounces on which the ball slid to the end. A ball that comes from a touch is
-            taken to have no spin, one that comes from a bounce to have the spin that the bounce
-            gave it. Where no ball slid, it is the largest of all ratios; `warnings` then says that
-            friction may be higher. None without a bounce.
-        rolling_deceleration: of the second halves of rolling parts [m/s2], without the drag of the
-            air, as a kicked ball slides first; None without such a part.
-        warnings: what to know before using the numbers.
+        parts: the parts, in the order of time.
+        restitution: restitution of the bounces, :math:`-v_z^+ / v_z^-`; None without a bounce.
+        friction: ratio of the impulses along and across the ground,
+            :math:`|\Delta v_{xy}| / \Delta v_z`, of the bounces in which the ball slid to the end.
+            A ball that comes from a touch is taken to have no spin, one that comes from a bounce to
+            have the spin that the bounce gave it. Where no ball slid, it is the largest of all
+            ratios; `warnings` then says that friction may be higher. None without a bounce.
+        rolling_deceleration: deceleration in the second halves of the parts in which the ball rolls
+            [m/s2], without the drag of the air. A kicked ball slides in the first half. None
+            without such a part.
+        warnings: lines about what to know before using the numbers; empty if there is nothing.
     """
 
     track: Track
@@ -209,7 +213,7 @@ class Segments(Printed):
 
     @property
     def surface(self) -> Surface:
-        """The ground as `kickdyn.follow` takes it, with the deviations of its coefficients.
+        """The surface of the ground for `kickdyn.follow`, with the deviations of its coefficients.
 
         Raises:
             InvalidInput: the track has no bounce, or no rolling part.
@@ -259,14 +263,15 @@ def segments(
     """Return the flights, rolls and rests of a track, with the reason for each cut.
 
     Args:
-        track: positions of the ball's centre.
-        ball: its radius tells when it is on the ground; None is `Ball()`.
-        ground: its height; None is z = 0.
-        air: its drag is not counted as rolling deceleration; None is `Air()`.
+        track: measured positions of the centre of the ball.
+        ball: the ball, whose radius tells when it is on the ground; None is `Ball()`.
+        ground: the ground, of which the height counts; None is z = 0.
+        air: the air, whose drag is not counted as rolling deceleration; None is `Air()`.
 
     Raises:
         InvalidInput: fewer than 5 samples, samples a second or more apart, a track under the
-            ground, or one whose ball falls as in other units than metres; or a wrong argument.
+            ground, or one whose ball falls as if the positions were not in metres; or a wrong
+            argument.
     """
     ball, air = Ball() if ball is None else ball, Air() if air is None else air
     level = ground.height if ground is not None else 0.0
@@ -298,7 +303,7 @@ def _check_heights(track: Track, level: float) -> None:
         where = int(np.argmin(heights))
         raise InvalidInput(
             f"the ball is at {heights[where]:.4g} m at {track.times[where]:.10g} s, under the "
-            f"ground at {level:g} m: z must point up, and the ground's height be that of the track"
+            f"ground at {level:g} m: z must point up; if the ground is lower, give its height"
         )
 
 
@@ -310,8 +315,7 @@ def _check_units(track: Track, pieces: Sequence[_Piece]) -> None:
             middle = 0.5 * float(track.times[piece.first] + track.times[piece.last - 1])
             falls.append(-float(piece.at(middle, 2)[2]))
     falling = np.array([fall for fall in falls if fall > 4.0])
-    if falling.size:
-        refuse_units(float(np.median(falling)))
+    refuse_units(track, float(np.median(falling)) if falling.size else 0.0)
 
 
 def _noise(track: Track) -> float:
@@ -540,7 +544,8 @@ def _friction(parts: Sequence[Segment], ball: Ball) -> tuple[Measured | None, tu
         ratio = float(np.hypot(change[0], change[1]) / change[2])
         left = slip + shell * change[:2]
         ratios.append(ratio)
-        if float(left @ slip) > SLIDES * float(slip @ slip):
+        least = 2.0 * FRICTION_DEVIATION * shell * float(change[2])  # a smaller slip is noise
+        if float(np.hypot(*slip)) > least and float(left @ slip) > SLIDES * float(slip @ slip):
             sliding.append(ratio)
         slip = left
     if sliding or not ratios:
@@ -568,7 +573,8 @@ def _rolling(
         speed = max(float(np.linalg.norm(fit[1])), 1e-300)
         ax, ay, *_ = drag(0.0, float(fit[1][0]), float(fit[1][1]), 0.0, 0.0, 0.0, 0.0)
         decelerations.append(float((np.array([ax, ay]) - 2.0 * fit[0]) @ fit[1]) / speed)
-    return _median(decelerations, [ROLLING_DEVIATION] * len(decelerations))
+    found = _median(decelerations, [ROLLING_DEVIATION] * len(decelerations))
+    return found and found._replace(kind="rolling part", unit="m/s2")
 
 
 def _slope_deviation(track: Track, noise: float) -> float:

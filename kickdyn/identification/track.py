@@ -28,6 +28,9 @@ OTHER_UNITS = (
 """Units that positions may be in by mistake: name, number per metre, and by how much a ball with
 drag and lift may fall slower or faster than in free fall; lift alone could cause that of feet."""
 
+SOUND = 340.0
+"""Speed of sound [m/s], which no ball of a game reaches."""
+
 METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 """Units of C3D files [m]."""
 
@@ -43,11 +46,18 @@ class Track(ValueEquality, ReprMixin):
     need not be constant: leave out the samples at which there is no measurement.
 
     Args:
-        times: shape `(n,)` [s], increasing.
-        positions: shape `(n, 3)` [m, world frame: z up].
+        times: times of the samples, shape `(n,)` [s], increasing.
+        positions: positions of the centre, shape `(n, 3)` [m, world frame: z up].
 
     Raises:
-        InvalidInput: other shapes, an entry that is not finite, or times that do not increase.
+        InvalidInput: other shapes, no sample, an entry that is not finite, or times that do not
+            increase.
+
+    Example:
+        >>> import kickdyn as kd
+        >>> track = kd.Track([0.0, 0.1, 0.2], [(0, 0, 0), (2, 0, 0.9), (4, 0, 1.7)])
+        >>> len(track), track.duration, track[1:].positions[0].tolist()
+        (3, 0.2, [2.0, 0.0, 0.9])
     """
 
     times: Array
@@ -107,11 +117,11 @@ class Track(ValueEquality, ReprMixin):
     ) -> "Track":
         """Read a track from a file of comma-separated values whose first row names the columns.
 
-        Rows in which one of the four values is empty are gaps and are left out.
+        Rows in which one of the four values is empty or nan are gaps and are left out.
 
         Args:
-            file: UTF-8 text, up to 64 MB.
-            columns: the names of the columns with the time [s] and the three coordinates [m].
+            file: the file, UTF-8 text, up to 64 MB.
+            columns: names of the columns with the time [s] and the three coordinates [m].
 
         Raises:
             FaultyFile: the file cannot be read, a column is missing, a value is not a number, or
@@ -126,16 +136,9 @@ class Track(ValueEquality, ReprMixin):
             )
         rows = csv.reader(read_text(file, source, LARGEST_FILE, FaultyFile).splitlines())
         header = [name.strip() for name in next(rows, [])]
-        missing = [name for name in names if name not in header]
-        if missing:
-            raise FaultyFile(
-                source,
-                [
-                    f"there is no column {', '.join(map(repr, missing))}: the first row has "
-                    f"{validation.brief(header)}; commas must separate the columns, and `columns` "
-                    "(--columns) names those of time, x, y and z"
-                ],
-            )
+        fault = _header_fault(header, names)
+        if fault:
+            raise FaultyFile(source, [fault])
         where = [header.index(name) for name in names]
         values: list[list[float]] = []
         faults: list[str] = []
@@ -144,20 +147,25 @@ class Track(ValueEquality, ReprMixin):
             if "" in cells:
                 continue
             try:
-                values.append([float(cell) for cell in cells])
+                numbers = [float(cell) for cell in cells]
             except ValueError:
                 faults.append(f"row {number} has {validation.brief(cells)}: all must be numbers")
                 continue
-            if not all(map(math.isfinite, values[-1])):
+            if any(map(math.isnan, numbers)):
+                continue
+            if len(row) > len(header) and any(row[len(header) :]):
                 faults.append(
-                    f"row {number} has {validation.brief(cells)}: all must be finite; leave a cell "
-                    "empty where there is no measurement"
+                    f"row {number} has {len(row)} cells and the first row {len(header)}: they must "
+                    "be as many, and decimals have a point"
                 )
-            elif len(values) > 1 and values[-1][0] <= values[-2][0]:
+            elif not all(map(math.isfinite, numbers)):
+                faults.append(f"row {number} has {validation.brief(cells)}: all must be finite")
+            elif values and numbers[0] <= values[-1][0]:
                 faults.append(
-                    f"row {number} has the time {values[-1][0]:.10g} s after {values[-2][0]:.10g} "
-                    "s: times must increase"
+                    f"row {number} has the time {numbers[0]:.10g} s after {values[-1][0]:.10g} s: "
+                    "times must increase"
                 )
+            values.append(numbers)
             if len(faults) == FAULTS:
                 break
         if not faults and not values:
@@ -170,14 +178,14 @@ class Track(ValueEquality, ReprMixin):
     @classmethod
     @validation.check_arguments
     def from_c3d(cls, file: str | PathLike[str], marker: str | None = None) -> "Track":
-        """Read a track from a C3D file of a motion capture system: `pip install "kickdyn[c3d]"`.
+        """Read a track from a C3D file of a motion capture system.
 
-        Frames in which the marker was not seen are gaps and are left out. Positions are converted
-        to metres by the unit that the file names.
+        Needs ezc3d, `pip install "kickdyn[c3d]"`. Frames in which the marker was not seen are gaps
+        and are left out. Positions are converted to metres by the unit that the file names.
 
         Args:
-            file: up to 64 MB, its z axis up.
-            marker: its label; None takes the only one of the file.
+            file: the file, up to 64 MB, with its z axis up.
+            marker: label of the marker; None takes the only one of the file.
 
         Raises:
             FaultyFile: the file cannot be read, does not have the marker, or does not name its
@@ -230,6 +238,26 @@ class Track(ValueEquality, ReprMixin):
         return cls((first + np.flatnonzero(seen)) / rate, path[seen])
 
 
+def _header_fault(header: list[str], names: list[str]) -> str:
+    """Return what is wrong with the first row of a file in which columns are sought, or nothing."""
+    if len(header) == 1:
+        return (
+            f"its first row is {validation.brief(header[0])}: commas must separate the columns, "
+            "and decimals have a point"
+        )
+    missing = [name for name in names if name not in header]
+    twice = [name for name in names if header.count(name) > 1]
+    if missing:
+        return (
+            f"there is no column {', '.join(map(repr, missing))}: the first row has "
+            f"{validation.brief(header)} and must name the columns; `columns` (--columns) says "
+            "which are time, x, y and z"
+        )
+    if twice:
+        return f"column {twice[0]!r} is there twice: the first row has {validation.brief(header)}"
+    return ""
+
+
 def _finite_rows(name: str, value: ArrayLike) -> Array:
     """Return an array of finite floats, or raise `InvalidInput` that names the first other row."""
     try:
@@ -249,18 +277,28 @@ def _finite_rows(name: str, value: ArrayLike) -> Array:
     return validation.floats(name, value)
 
 
-def refuse_units(falling: float) -> None:
-    """Raise `InvalidInput` for a ball that falls as in other units than metres.
+def refuse_units(track: Track, falling: float) -> None:
+    """Raise `InvalidInput` for a ball that moves as in other units than metres and seconds.
 
     Args:
+        track: its positions.
         falling: its acceleration downwards, by the positions [their unit per s2].
     """
-    for unit, size, low, high in OTHER_UNITS:
-        if low < falling / (GRAVITY * size) < high:
-            raise InvalidInput(
-                f"the ball falls with {falling:.4g} per s2, as in {unit}: positions must be in "
-                "metres, with z up"
-            )
+    units = [
+        unit for unit, size, low, high in OTHER_UNITS if low < falling / (GRAVITY * size) < high
+    ]
+    if units:
+        raise InvalidInput(
+            f"the ball falls with {falling:.4g} per s2, as in {' or '.join(units)}, and not with "
+            f"about {GRAVITY:g} m/s2: positions must be in metres, with z up"
+        )
+    steps = np.linalg.norm(np.diff(track.positions, axis=0), axis=1) / np.diff(track.times)
+    speed = float(np.median(steps))
+    if speed > SOUND:
+        raise InvalidInput(
+            f"the ball moves with {speed:.4g} m/s, faster than sound: positions must be in metres, "
+            "times in seconds"
+        )
 
 
 def refuse_intervals(track: Track) -> None:

@@ -248,10 +248,10 @@ def collide(
     """Strike a ball through a contact of finite stiffness, to the first separation.
 
     The leg moves meanwhile, under gravity, joint torques, centrifugal and Coriolis forces; supports
-    stay at rest and loops closed, whatever forces that takes of ground and pins. The foot
-    is a plane through its contact point that rotates with it, the ball a rigid body behind a
-    spring; the force of `ForceModel` acts along the plane's normal through the ball's centre, and
-    Coulomb's friction across it, against the sliding. For growing stiffness the result with the
+    stay at rest and loops stay closed. The foot is a plane through its contact point that rotates
+    with it, and the ball is a rigid body behind a spring. The force of `ForceModel` acts along the
+    normal of the plane through the centre of the ball, and Coulomb's friction across it, against
+    the sliding. For growing stiffness the result with the
     dissipation `walton-braun` tends to that of `strike`, law `stronge`, whose restitution it has.
     With `hunt-crossley` it tends to the law `newton` if the contact slips in one direction
     throughout; if it sticks, only if friction does not change the normal velocity (a leg without
@@ -284,6 +284,14 @@ def collide(
         InvalidInput: a wrong shape, a value outside its range, both contact_time and stiffness, a
             ball of unknown pressure, or a velocity that moves a support or opens a loop.
         KickdynError: foot and ball do not separate, or the integrator failed.
+
+    Example:
+        >>> import kickdyn as kd
+        >>> posture = kd.Leg.human().posture([0.7, 0.5, -0.3])
+        >>> contact = kd.Contact(normal=(2, 0, 1), restitution=0.8, friction=0.4)
+        >>> collision = kd.collide(posture, [6.6, -14.5, 6.6], kd.Ball(), contact)
+        >>> round(collision.peak_force)  # [N]
+        1360
     """
     validation.number("tol", tol, at_least=1e-13, at_most=1e-3)
     torque = _checked_torque(torque, posture.leg.nv)

@@ -308,8 +308,6 @@ class Impact(ReprMixin):
     def uncertainty(self, **spread: ArrayLike) -> Uncertainty:
         """Return the covariances of the results that follow from those of what they depend on.
 
-        `impact.uncertainty(q=0.02, v=0.1, restitution=0.03)` takes standard deviations by source.
-
         Args:
             **spread: standard deviations by the name of a source
                 (`kickdyn.impact.sensitivity.UNITS` has names and units): one number for all
@@ -322,6 +320,15 @@ class Impact(ReprMixin):
             InvalidInput: no source or an unknown one, a wrong shape, a negative or infinite
                 deviation, a covariance that is not symmetric and positive semidefinite, or what
                 `sensitivity` refuses.
+
+        Example:
+            >>> import kickdyn as kd
+            >>> posture = kd.Leg.human().posture([0.7, 0.5, -0.3])
+            >>> contact = kd.Contact(normal=(2, 0, 1), restitution=0.8)
+            >>> impact = kd.strike(posture, [6.6, -14.5, 6.6], kd.Ball(), contact)
+            >>> spread = impact.uncertainty(v=0.1, restitution=0.03)
+            >>> round(spread.speed, 2)  # standard deviation [m/s]
+            0.31
         """
         return uncertainty(self.sensitivity(), self.impulse, self.ball_after.velocity, spread)
 

@@ -69,6 +69,15 @@ def joint_loads(impact: Impact, contact_time: float | None = None) -> dict[str, 
 
     Raises:
         InvalidInput: no impact, or a contact time below 1e-9 s.
+
+    Example:
+        >>> import kickdyn as kd
+        >>> posture = kd.Leg.human().posture([0.7, 0.5, -0.3])
+        >>> contact = kd.Contact(normal=(2, 0, 1), restitution=0.8)
+        >>> impact = kd.strike(posture, [6.6, -14.5, 6.6], kd.Ball(), contact)
+        >>> loads = kd.joint_loads(impact, contact_time=0.01)
+        >>> round(loads["knee"].peak_force)  # [N]
+        389
     """
     per_time = None
     if contact_time is not None:

@@ -81,6 +81,12 @@ def normal_impulse(
 
     Raises:
         InvalidInput: a value outside its range, or two immovable bodies.
+
+    Example:
+        >>> import kickdyn as kd
+        >>> p = kd.normal_impulse(10.0, restitution=0.8, leg_mass=2.0, ball_mass=0.43)  # at 10 m/s
+        >>> round(p, 2)
+        6.37
     """
     speed = validation.number("approach speed", approach_speed, at_least=0, unit="m/s")
     e = validation.number("restitution", restitution, at_least=0, at_most=1)

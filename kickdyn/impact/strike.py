@@ -65,6 +65,15 @@ def strike(
         EnergyCreated: `strict` is true and the law creates energy.
         InvalidInput: a wrong shape, an entry that is not finite, an unknown law or engine, or
             friction with the engine `pinocchio`.
+
+    Example:
+        >>> import kickdyn as kd
+        >>> leg = kd.Leg.human()
+        >>> posture = leg.posture([0.7, 0.5, -0.3])
+        >>> contact = kd.Contact(normal=(2, 0, 1), restitution=0.8, friction=0.4)
+        >>> impact = kd.strike(posture, [6.6, -14.5, 6.6], kd.Ball(), contact)
+        >>> round(impact.ball_after.speed, 2)  # [m/s]
+        16.94
     """
     law = validation.choice("impact law", law, ImpactLaw)
     validation.flag("strict", strict)

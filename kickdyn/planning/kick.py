@@ -86,22 +86,23 @@ def plan_kick(
     joint velocity by the objective, and `strike` and `fly` verify the plan.
 
     Args:
-        leg: on a fixed base, without supports or loops, and without mimic joints in the kicking
-            limb; or a robot on a floating base that stands on one flat support, see below, without
-            loops and mimic joints. The plan's q has one angle for each continuous joint.
-        goal: from where the ball lies.
-        ball: mass and radius.
-        air: None is the vacuum.
+        leg: a leg on a fixed base, without supports or loops, and without mimic joints in the
+            kicking limb; or a robot on a floating base that stands on one flat support, see below,
+            without loops and mimic joints. The plan's q has one angle for each continuous joint.
+        goal: the goal, seen from where the ball lies.
+        ball: the ball; its mass and radius count.
+        air: the air; None is the vacuum.
         objective: a `KickObjective`. `scatter` needs an `uncertainty`; it is searched from the
             plans of all other objectives, so that it scatters no more than theirs.
-        restitution: of the contact, as for `Contact`; 0.8 as the paper's Table 2. Over the speed of
-            approach u, u (1 + e) must increase with u.
-        friction: of the contact; 0 gives no spin and leaves the foot free across the normal.
-        spin: of the launch, shape `(3,)` [rad/s, world frame]; what is along the launch is left
-            out: a ball at rest takes spin across it only.
-        offset: of the contact point from the leg's frame, as for `Contact`.
-        ball_height: of the ball's centre [m, world frame]; free when not named, where `kickdyn
-            plan` lays the ball at the straight leg's foot: -0.7042 for `Leg.human()`.
+        restitution: restitution of the contact, as for `Contact`; 0.8 as the paper's Table 2. Where
+            it depends on the speed of approach u, u (1 + e) must increase with u.
+        friction: friction of the contact; 0 gives no spin and leaves the foot free across the
+            normal.
+        spin: spin of the launch, shape `(3,)` [rad/s, world frame]. The component along the launch
+            is left out, because a ball at rest takes spin across it only.
+        offset: position of the contact point in the leg's contact frame, as for `Contact`.
+        ball_height: height of the ball's centre [m, world frame]. With None it is free; the command
+            `kickdyn plan` lays the ball at the foot of the straight leg, -0.7042 for `Leg.human()`.
         ball_at: position of the ball's centre, in place of its height, shape `(3,)` [m, world
             frame]. Only the self-motion of a redundant leg remains free.
         limits: whether limits of speed and torque hold; those of the joints' range always do. An
@@ -110,9 +111,9 @@ def plan_kick(
         arc: `low` or `high`, where two launches meet the goal.
         turn: whether a leg whose foot moves in a plane, as ours do, may be turned about the
             vertical towards the launch; the plan says by how much.
-        surface: of the ground, for a ball that is played along the ground as by `plan_pass`; the
-            goal is then a time and a target at the height of the ball.
-        uncertainty: standard deviation by source, as for `kickdyn.planning.scatter.scatter`.
+        surface: surface of the ground, for a ball that is played along the ground as by
+            `plan_pass`; the goal is then a time and a target at the height of the ball.
+        uncertainty: standard deviations by source, as for `kickdyn.planning.scatter.scatter`.
         swing: whether the leg must be able to come there from rest, and to rest afterwards, within
             its limits and a second each: `plan_swing` then finds the motion. For objectives
             `joint-speed` and `kinetic-energy`, with limits; needs `pip install "kickdyn[swing]"`.
@@ -140,6 +141,12 @@ def plan_kick(
             which tie joints together that a plan chooses one by one; a standing robot for which no
             backswing is found with `swing=True`; a leg with stiff joints, whose effective mass the
             plan does not know (`strike`, `collide` and sweeps know both).
+
+    Example:
+        >>> import kickdyn as kd
+        >>> plan = kd.plan_kick(kd.Leg.human(), kd.Goal(20, time=1.2), kd.Ball(), kd.Air())
+        >>> str(plan.status), round(plan.impact.ball_after.speed, 1)
+        ('met', 19.6)
     """
     leg = with_angles(leg)
     check_free_joints(leg, "kicks are planned")
@@ -326,7 +333,7 @@ def _checked_objective(
     if swing:
         if objective not in (KickObjective.JOINT_SPEED, KickObjective.KINETIC_ENERGY):
             raise InvalidInput(
-                f"objective is {objective}: with swing=True it must be joint-speed or "
+                f"objective is {objective}: with swing=True (--swing) it must be joint-speed or "
                 "kinetic-energy"
             )
         if not limits:

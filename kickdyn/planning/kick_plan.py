@@ -43,28 +43,29 @@ class KickPlan(ReprMixin):
         status: `met`; or `beyond-limits`: the leg is not fast or strong enough, and this is the
             kick in the planned direction that gives the ball the most speed; or, with a `share` of
             1, the kick meets the goal but its `backswing` takes more than the torque limits.
-        goal: that was asked for.
-        launch: that meets it.
-        objective: that was minimized, or maximized for `most-joint-impulse`.
-        value: of the objective.
-        share: of the launch speed that is reached; 1 where the goal is met.
+        goal: the goal that was asked for.
+        launch: the launch that meets the goal.
+        objective: objective that was minimized, or maximized if it is `most-joint-impulse`.
+        value: value of the objective.
+        share: share of the launch speed that is reached; 1 where the goal is met.
         impact_target: impulse, normal and contact point on the ball.
         impact: the strike, from the planned posture and joint velocity.
-        path: the flight from there, to the target's plane or to the ground before it; of a pass,
-            the course.
-        speed_use: largest joint speed at the impact, over its limit.
-        torque_use: largest torque at the impact, over its limit; the torque is what keeps the
-            joints' speed, gravity included.
+        path: the flight from the impact to the plane of the target, or to the ground before it; of
+            a pass, the course.
+        speed_use: largest joint speed at the impact over its limit.
+        torque_use: largest torque at the impact over its limit. The torque is that which keeps the
+            speed of the joints, gravity included.
         binding: limits that are reached, such as `speed of knee` or `torque of knee`; `swing` where
             a harder kick has no motion from rest and to rest; `torque of knee in the backswing`
             where that takes more than the limit.
         heading: angle by which `leg` is turned to the left about the vertical [rad]; 0 but for a
             leg whose foot moves in a plane, and a goal aside of it.
-        phases: of the swing that `swing=True` found with the kick, before and after the impact;
-            `plan_swing` starts from there.
+        phases: backswing and follow-through that `swing=True` found with the kick; `plan_swing`
+            starts from these.
         balance: distance of the centre of mass inside the edge of the sole, seen from above [m];
             None for a leg on a fixed base.
-        backswing: of a robot that stands on one foot, from rest to the impact, with `swing=True`.
+        backswing: motion from rest to the impact of a robot that stands on one foot, with
+            `swing=True`; else None.
     """
 
     status: PlanStatus
@@ -238,12 +239,21 @@ class KickPlan(ReprMixin):
             return []
         return missing_shapes(self.leg, constraints.supports[0])
 
+    @property
+    def _floor(self) -> float:
+        """Height of the ground [m, world frame]."""
+        below = min(0.0, float(self.goal.target[2])) - self.impact.ball.radius
+        return float(self.impact.ball_before.position[2]) + below
+
+    @cached_property
+    def depths(self) -> tuple[Depth, ...]:
+        """Bodies that are under the ground at the impact, the deepest first, see `warnings`."""
+        return tuple(find_depths(self.leg, [self.q], self._floor))
+
     def _under_ground(self) -> list[str]:
         """Return a line for the bodies under the ground at the impact, and one for those before."""
         impact, speed = self.impact, math.hypot(*self.impact.foot_velocity)
-        below = min(0.0, float(self.goal.target[2])) - impact.ball.radius
-        floor = float(impact.ball_before.position[2]) + below
-        now = find_depths(self.leg, [self.q], floor)
+        now, floor = self.depths, self._floor
         lines = [f"{one.frame} by {one.depth:.3f} m" for one in now]
         if lines:
             lines = [
@@ -270,7 +280,7 @@ class KickPlan(ReprMixin):
         ]
         return lines + ([f"{how}: {'; '.join(before)}; {remedy}"] if before else [])
 
-    def _lift(self, deep: list[Depth]) -> str:
+    def _lift(self, deep: tuple[Depth, ...]) -> str:
         """Return what can bring bodies above the ground at the impact, as the end of a sentence."""
         if self.balance is not None:
             return "another goal, offset or objective takes another posture"

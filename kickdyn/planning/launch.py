@@ -31,6 +31,16 @@ from kickdyn.planning.launch_solver import (
 from kickdyn.planning.passes import Pass
 from kickdyn.planning.shooting import ShootingProblem, Trajectory
 
+REASONS = {
+    LaunchLimit.SPEED: "the ball would have to start faster than {speed:.4g} m/s",
+    LaunchLimit.SPIN: "the ball would have to spin faster than {spin:.4g} rad/s",
+    LaunchLimit.LEAST_SPEED: "a ball that starts more slowly does not come to the target",
+    LaunchLimit.LOWEST_PATH: "no flight to the target stays so low",
+    LaunchLimit.HIGHEST_PATH: "no flight to the target at up to {speed:.4g} m/s is so high",
+    LaunchLimit.GROUND: "the flight would lead through the ground",
+}
+"""Why no launch within limits of speed and spin meets a goal, as the end of a sentence."""
+
 SPEED_LIMIT = 343.0
 """Speed of sound [m/s]: drag coefficients without a Mach number do not hold beyond."""
 
@@ -57,21 +67,20 @@ class Launch(ReprMixin):
 
     Attributes:
         status: `met` or `unreachable`.
-        goal: that was asked for.
+        goal: the goal that was asked for.
         reached: the goal that this launch meets: `goal` where the status is `met`, else the nearest
             there is.
-        limit: the reason why a goal is unreachable, see `LaunchLimit`; None where it is
-            met.
-        velocity: shape `(3,)` [m/s, world frame].
-        spin: shape `(3,)` [rad/s, world frame].
-        time: of the flight to the target [s].
-        errors: of the target (3 components), of the condition beside it and of `beside`
-            [m, s, m/s]; shape `(4,)` or `(5,)`.
+        limit: reason why the goal is unreachable, see `LaunchLimit`; None where it is met.
+        velocity: velocity of the launch, shape `(3,)` [m/s, world frame].
+        spin: spin of the launch, shape `(3,)` [rad/s, world frame].
+        time: time of the flight to the target [s].
+        errors: errors of the target (3 components), of the condition beside it and of `beside`
+            [m, s, m/s], shape `(4,)`, or `(5,)` with `beside`.
         history: launch velocities of Newton's method, shape `(iterations + 1, 3)` [m/s]. The first
             is the vacuum's answer, Eqs. (24)-(25), or a member of the family of all launches to the
             target where Newton's method fails from there; the last is `velocity`.
-        ball: that flies.
-        air: that it flies through; None is the vacuum.
+        ball: the ball.
+        air: the air; None is the vacuum.
         limits: largest launch speed [m/s] and size of the spin that `beside` seeks [rad/s] of
             `others`; None along the ground, where none are looked for.
     """
@@ -173,9 +182,22 @@ class Launch(ReprMixin):
         if self.limit is None:
             count = 1 + len(self.others)
             return "1 launch meets the goal" if count == 1 else f"{count} launches meet the goal"
-        return (
-            f"out of reach ({self.limit}): the nearest is {self.reached}, at {self.speed:.4g} m/s"
-        )
+        goal, reached = self.goal, self.reached
+        if (reached.target != goal.target).any():
+            nearest = f"the farthest is {reached.distance:.4g} m"
+        else:
+            changed = "beside" if reached.beside != goal.beside else reached.kind
+            named = {name: f"{name} {value} {unit}" for name, value, unit in reached.named_values()}
+            nearest = f"the nearest is {named[changed]}"
+        return f"out of reach: {self.reason}; {nearest}, at {self.speed:.4g} m/s"
+
+    @property
+    def reason(self) -> str:
+        """Why the goal is out of reach, as the end of a sentence; empty where it is met."""
+        if self.limit is None:
+            return ""
+        speed, spin = self.limits or (SPEED_LIMIT, math.inf)
+        return REASONS[self.limit].format(speed=speed, spin=spin)
 
 
 @validation.check_arguments
@@ -201,12 +223,14 @@ def plan_launch(
     count.
 
     Args:
-        goal: from the ball's position.
-        ball: mass and radius.
-        air: None is the vacuum; a wind that depends on height counts it from the launch.
-        spin: shape `(3,)` [rad/s, world frame]; for `beside` its axis, the size being unknown.
-        arc: `low` or `high`, where two launches meet the goal; the other is in `others`.
-        speed_limit: of the launch [m/s], at most 343.
+        goal: the goal, seen from the position of the ball.
+        ball: the ball; its mass and radius count.
+        air: the air; None is the vacuum. A wind that depends on the height takes the height above
+            the launch.
+        spin: spin of the launch, shape `(3,)` [rad/s, world frame]. With `beside` it gives the axis
+            only, and the size is sought.
+        arc: `low` or `high`, where two launches meet the goal; the other one is in `Launch.others`.
+        speed_limit: largest speed of the launch [m/s], at most 343.
         spin_limit: largest spin that `beside` may take [rad/s].
 
     Returns:
@@ -216,6 +240,12 @@ def plan_launch(
     Raises:
         InvalidInput: a value out of range, or `beside` where no lift can bend the flight.
         OutOfReach: the ground is in the way of every launch to the target.
+
+    Example:
+        >>> import kickdyn as kd
+        >>> launch = kd.plan_launch(kd.Goal(30, time=1.5), kd.Ball(), kd.Air())
+        >>> str(launch.status), round(launch.speed, 2), round(launch.angle, 3)
+        ('met', 24.85, 0.315)
     """
     limit = validation.number("speed limit", speed_limit, above=0, at_most=SPEED_LIMIT, unit="m/s")
     most_spin = validation.number("spin limit", spin_limit, above=0, unit="rad/s")
@@ -246,7 +276,10 @@ def _shooting_problem(goal: Goal, ball: Ball, air: Air | None, spin: ArrayLike) 
     spin = validation.vector("spin", spin, 3, unit="rad/s")
     if goal.beside is not None:
         if air is None or air.lift is None or air.density == 0.0:
-            raise InvalidInput("beside asks for a curved flight: name air with lift")
+            raise InvalidInput(
+                f"beside is {goal.beside[0]:g} m, {goal.beside[1]:g} m: only a curved flight "
+                "passes there, which takes air with density and lift"
+            )
         spin = validation.direction("spin", spin if spin.any() else (0.0, 0.0, 1.0))
     return ShootingProblem(ball, air, spin, goal.beside is not None)
 
@@ -308,7 +341,9 @@ def _farthest(family: LaunchFamily) -> Launch:
     )
     found = flight(float(best.x))
     if found is None:
-        raise OutOfReach(f"{goal} is out of reach of every launch", LaunchLimit.SPEED, None)
+        raise OutOfReach(
+            f"the goal is out of reach of every launch at {speed:.4g} m/s", LaunchLimit.SPEED, None
+        )
     unknowns = np.array([*found.state(0.0)[1], found.time])
     solution = LaunchSolution(unknowns, np.zeros(4), unknowns[None, :3], found)
     reached = Goal(found.state(found.time)[0], time=found.time)
@@ -357,7 +392,7 @@ def _nearest(family: LaunchFamily, curves: list[list[LaunchSolution]], *, buried
         buried, clear = True, family.above_ground(curves)
         if not clear:
             raise OutOfReach(
-                f"{goal} is out of reach: the ground is in the way of every launch",
+                "the goal is out of reach: the ground is in the way of every launch",
                 LaunchLimit.GROUND,
                 None,
             )

@@ -23,6 +23,13 @@ from kickdyn.planning.goal import Goal, LaunchLimit, PlanStatus
 ACCURACY = 1e-6
 """Largest error of time [s] and place [m]; a bounce makes less of them smooth."""
 
+REASONS = {
+    LaunchLimit.SPEED: "the ball would have to start faster than {speed:.4g} m/s",
+    LaunchLimit.ROLLING: "a slower ball stops before the target",
+    LaunchLimit.BOUNCE: "the place where the ball bounces jumps as its speed changes",
+}
+"""Why no pass meets a goal, as the end of a sentence."""
+
 NEVER = 1e6
 """Delay of a ball that does not come to the target [s]."""
 
@@ -32,13 +39,13 @@ class Pass(ReprMixin):
     """A launch that brings the ball to a target along the ground.
 
     Attributes:
-        status: `met`; or `unreachable`, and this is the nearest there is.
-        goal: that was asked for.
+        status: `met`; or `unreachable`, and this is the nearest pass there is.
+        goal: the goal that was asked for.
         limit: the reason why the goal is unreachable: `speed-limit`, `rolling` or `bounce`; None
             where it is met.
-        velocity: of the launch, shape `(3,)` [m/s, world frame].
-        course: to the plane through the target that faces the ball.
-        aside: distance to the left at which it passes the target [m].
+        velocity: velocity of the launch, shape `(3,)` [m/s, world frame].
+        course: motion of the ball to the plane through the target that faces the ball.
+        aside: distance to the left of the target at which the ball passes it [m].
     """
 
     status: PlanStatus
@@ -66,7 +73,7 @@ class Pass(ReprMixin):
 
     @property
     def time(self) -> float:
-        """Time at which it comes there, or to rest before [s]."""
+        """Time at which the ball comes to the target, or to rest before it [s]."""
         return self.course.duration
 
     @property
@@ -74,14 +81,16 @@ class Pass(ReprMixin):
         """A line that says whether the goal is met, and if not, why."""
         if self.limit is None:
             return f"the pass takes {self.time:.4g} s"
-        why = {
-            LaunchLimit.SPEED: "the ball would have to be faster than the speed limit",
-            LaunchLimit.ROLLING: "a ball so slow would stop before",
-            LaunchLimit.BOUNCE: "the place where it bounces jumps as its speed changes",
-        }[self.limit]
         if self.course.status == "at-plane":
-            return f"{why}: {self.time:.4g} s is nearest"
-        return f"{why}: {self.course.distance:.4g} m is farthest"
+            return f"{self.reason}; the nearest is {self.time:.4g} s"
+        return f"{self.reason}; the farthest is {self.course.distance:.4g} m"
+
+    @property
+    def reason(self) -> str:
+        """Why the goal is out of reach, as the end of a sentence; empty where it is met."""
+        if self.limit is None:
+            return ""
+        return REASONS[self.limit].format(speed=math.hypot(*self.velocity))
 
 
 @validation.check_arguments
@@ -101,22 +110,29 @@ def plan_pass(
     `kickdyn.follow` computes; the direction is turned by the angle at which the ball passes aside.
 
     Args:
-        goal: a `time`, and a target as high as the ball lies.
-        ball: a thin shell, which lies on the ground at the start.
-        air: None is the vacuum.
-        surface: of the ground, by name or as a `Surface`.
-        spin: of the launch, shape `(3,)` [rad/s, world frame].
-        angle: of the launch above the ground, 0 to 1.2 [rad].
-        speed_limit: of the launch, at most 100 [m/s].
+        goal: a goal with a `time` and a target as high as the ball lies, without `beside`.
+        ball: the ball, which lies on the ground at the start.
+        air: the air; None is the vacuum.
+        surface: surface of the ground, by name or as a `Surface`.
+        spin: spin of the launch, shape `(3,)` [rad/s, world frame].
+        angle: angle of the launch above the ground, 0 to 1.2 [rad].
+        speed_limit: largest speed of the launch, at most 100 [m/s].
 
     Raises:
-        InvalidInput: a value out of range, a goal without a time or at another height, or an
-            unknown surface.
+        InvalidInput: a value out of range, a goal without a time, at another height or with
+            `beside`, or an unknown surface.
+
+    Example:
+        >>> import kickdyn as kd
+        >>> plan = kd.plan_pass(kd.Goal(20, time=2), kd.Ball(), kd.Air())
+        >>> str(plan.status), round(float(plan.velocity[0]), 2)
+        ('met', 15.06)
     """
     if goal.time is None or goal.target[2] != 0.0 or goal.beside is not None:
+        named = ", ".join(f"{name} {value} {unit}" for name, value, unit in goal.named_values())
         raise InvalidInput(
-            f"{goal!r} is no goal of a pass: it must have a time, a target as high as the ball and "
-            "no beside"
+            f"a goal with {named} is no goal of a pass: it must have a time, a target as high "
+            "as the ball and no beside"
         )
     angle = validation.number("angle", angle, at_least=0, at_most=1.2, unit="rad")
     limit = validation.number("speed limit", speed_limit, above=0, at_most=100, unit="m/s")

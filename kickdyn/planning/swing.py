@@ -29,14 +29,17 @@ class Swing(ReprMixin):
 
     Attributes:
         status: `met`; or `beyond-limits`: then this is the same kick at `share` of its speed, the
-            most from which the leg can be brought there and stopped.
-        plan: the kick.
-        share: of the planned joint velocity; the ball's launch scales alike.
-        limit: the reason why there is no swing, in a line; empty where the plan is met.
-        objective: that was made least, `torque-squared` or `time`.
-        value: of the objective [s].
-        backswing: before the impact.
-        follow_through: after it; at the impact, v jumps as `strike` computes it.
+            largest share to which the leg can be brought from rest, and from which it can be
+            stopped.
+        plan: the planned kick.
+        share: share of the planned joint velocity that is reached; the launch of the ball scales
+            alike.
+        limit: reason why the planned kick has no swing, in a line; empty where the status is `met`.
+        objective: objective that was minimized, `torque-squared` or `time`.
+        value: value of the objective [s].
+        backswing: the motion from rest to the impact.
+        follow_through: the motion from the impact to rest. At the impact, v jumps as `strike`
+            computes it.
     """
 
     status: PlanStatus
@@ -65,12 +68,12 @@ class Swing(ReprMixin):
 
     @property
     def phases(self) -> tuple[SwingPhase, SwingPhase]:
-        """Backswing and follow-through."""
+        """The backswing and the follow-through."""
         return self.backswing, self.follow_through
 
     @property
     def chain(self) -> KickingChain:
-        """The joints that move, and their limits; all others stay where they are."""
+        """The joints that move, with their limits; all others stay where they are."""
         return self.backswing.chain
 
     @property
@@ -79,7 +82,15 @@ class Swing(ReprMixin):
         return self.chain.names
 
     def sample(self, t: ArrayLike) -> Motion:
-        """Return the motion at rising times from the impact [s]; at 0 it is that just before."""
+        """Return the motion at one time or several.
+
+        Args:
+            t: times since the impact, below 0 before it, shape `(k,)`, not falling [s]. At 0 it is
+                the motion just before the impact.
+
+        Raises:
+            InvalidInput: times that fall, or a time outside the swing.
+        """
         time = np.atleast_1d(validation.floats("t", t, unit="s"))
         if time.ndim > 1 or (np.diff(time) < 0).any():
             raise InvalidInput(f"t is {time.tolist()}: it must be a number, or times that rise")
@@ -87,7 +98,11 @@ class Swing(ReprMixin):
         return Motion(*(np.concatenate(pair) for pair in zip(*both, strict=True)))
 
     def configuration(self, t: float) -> Array:
-        """Return q of the whole leg at a time, shape `(nq,)`; at rest before and after."""
+        """Return the configuration of the whole leg at a time, shape `(nq,)` [rad; m].
+
+        Args:
+            t: time since the impact [s]. Before and after the swing the leg is at rest.
+        """
         asked = validation.number("t", t, unit="s")
         time = min(max(asked, -self.backswing.duration), self.follow_through.duration)
         q = self.plan.q.copy()
@@ -96,24 +111,28 @@ class Swing(ReprMixin):
 
     @property
     def torque_use(self) -> float:
-        """Largest torque on the fine grid over its limit."""
+        """Largest torque over its limit, at 20 times per interval between nodes."""
         return max(phase.torque_use for phase in self.phases)
 
     @property
     def speed_use(self) -> float:
-        """Largest joint speed on the fine grid over its limit."""
+        """Largest joint speed over its limit, at 20 times per interval between nodes."""
         return max(phase.speed_use for phase in self.phases)
 
     @property
     def range_left(self) -> float:
-        """Least distance from an end of the range on the fine grid [rad]; below 0 is outside."""
+        """Least distance of a joint from the ends of its range [rad]; below 0 it is outside.
+
+        It is evaluated at 20 times per interval between nodes.
+        """
         return min(phase.range_left for phase in self.phases)
 
     @property
     def defect(self) -> float:
-        """Largest acceleration on the fine grid that the torques do not give, relative.
+        """Largest error of the acceleration that the torques give, over the largest acceleration.
 
-        From the articulated-body algorithm, where the torques come from Newton-Euler.
+        The torques are those of the recursive Newton-Euler algorithm, and the articulated-body
+        algorithm computes the acceleration from them, at 20 times per interval between nodes.
         """
         model, data = self.chain.model, self.chain.model.createData()
         worst = 0.0
@@ -126,7 +145,7 @@ class Swing(ReprMixin):
 
     @property
     def impact_error(self) -> float:
-        """Largest difference from the plan just before and just after the impact [rad, rad/s]."""
+        """Largest difference from the planned q and v before and after the impact [rad, rad/s]."""
         chain, impact = self.chain, self.plan.impact
         worst = 0.0
         for phase, v in zip(self.phases, (impact.v_before, impact.v_after), strict=True):
@@ -149,22 +168,22 @@ def plan_swing(
 ) -> Swing:
     r"""Find the motion from rest to a planned impact, and from there to rest again.
 
-    Both are stops: the torques of the equations of motion are even in velocity, so that the
-    backswing is a stop seen backwards in time. Range, speed and torque limits of the leg hold
-    throughout. Torques may jump at both ends and at the impact. Needs CasADi,
-    `pip install "kickdyn[swing]"`.
+    The torques of the equations of motion are even in velocity, so that a backswing is a motion
+    from the impact to rest, backwards in time; both phases are computed as such. Range, speed and
+    torque limits of the leg hold throughout. Torques may jump at both ends and at the impact. Needs
+    CasADi, `pip install "kickdyn[swing]"`.
 
     Args:
-        leg: that was planned for, or one that differs from it in limits only.
-        plan: by `plan_kick`; `swing=True` there finds a kick that can swing.
+        leg: the leg that was planned for, or one that differs from it in its limits only.
+        plan: a kick by `plan_kick`; with `swing=True` it finds one that has a swing.
         objective: `torque-squared`, :math:`\int \frac1n \sum_i (\tau_i / \tau_{max,i})^2 dt`; or
             `time`, the sum of both durations.
-        longest: duration of either phase [s].
-        start: posture at rest before, shape `(nq,)` [rad]; free when not named, as long as the
-            joints' torques can hold it.
-        end: posture at rest after, likewise.
-        nodes: intervals of either phase. Where the solver falls short of the motion that
-            `plan_kick(..., swing=True)` found, that one is taken, with its own nodes.
+        longest: longest duration of either phase [s].
+        start: posture at rest before the kick, shape `(nq,)` [rad; m for prismatic joints]. With
+            None, it is any posture in which the torques can hold the joints.
+        end: posture at rest after the kick, likewise.
+        nodes: number of intervals of either phase. Where the solver does not come up to the motion
+            that `plan_kick(..., swing=True)` found, that one is taken, with its own nodes.
 
     Raises:
         InvalidInput: CasADi is missing; a joint is at the end of its range and moves into it; no

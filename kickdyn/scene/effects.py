@@ -11,6 +11,9 @@ from kickdyn.ball import Ball, BallState
 from kickdyn.scene.envelope import EXACT, Envelope, LaunchError
 from kickdyn.scene.scene import Scene
 
+INCLUDED = "neglected with"
+"""Beginning of the reason of an effect whose bound is that of the effects it acts through."""
+
 
 @dataclass(frozen=True)
 class Effect:
@@ -52,6 +55,23 @@ class EffectVerdict(NamedTuple):
     why: str
 
 
+@dataclass(frozen=True)
+class EffectSize:
+    """What neglecting one effect changes, everything else modelled.
+
+    Attributes:
+        effect: its name.
+        end: distance that the end of the ball's path moves [m]; nan where there is no answer.
+        impulse: magnitude of the change of the impulse on the ball [N s]; likewise.
+        why_not: why there is none.
+    """
+
+    effect: str
+    end: float
+    impulse: float
+    why_not: str = ""
+
+
 def effects_of(scene: Scene) -> list[Effect]:
     """Return the effects that a scene has."""
     return [effect for effect in EFFECTS if effect.is_in(scene)]
@@ -90,12 +110,17 @@ def judge_effects(
     for effect in effects:
         name, bound = effect.name, bounds.get(effect.name, math.nan)
         if effect.change is None:
-            verdicts.append(EffectVerdict(name, True, bound, "costs no time"))
+            verdicts.append(
+                EffectVerdict(name, True, bound, "always modelled, which costs no time")
+            )
         elif name in out:
-            share = 0.0 if is_implied(name, out) else factor * bound
-            verdicts.append(EffectVerdict(name, False, share, effect.reason))
+            if is_implied(name, out):
+                why = f"{INCLUDED} {' and '.join(through[name])}"
+                verdicts.append(EffectVerdict(name, False, 0.0, why))
+            else:
+                verdicts.append(EffectVerdict(name, False, factor * bound, effect.reason))
         else:
-            why = "its bound exceeds the tolerance"
+            why = "its bound is too large for the tolerance"
             if bound == math.inf:
                 why = f"no bound is known: {envelope.obstacle}"
             verdicts.append(EffectVerdict(name, True, bound, why))
@@ -155,17 +180,22 @@ def _of_air(
         return scene.air is not None and scene.air.density > 0.0 and acts(scene.air)
 
     return Effect(
-        name, is_in, without, neglected, "the largest change of acceleration, all the time", through
+        name,
+        is_in,
+        without,
+        neglected,
+        "bounded by its largest acceleration on the flight",
+        through,
     )
 
 
 EFFECTS = (
     Effect(
-        "compliance",
+        "contact time",
         lambda scene: scene.is_compliant,
         lambda scene, _: scene.as_instant(),
         lambda envelope: (0.0, envelope.launch_error),
-        "twice what the strike changes while the foot moves on",
+        "bounded by how the strike changes while the foot moves on",
     ),
     Effect(
         "friction",
@@ -181,7 +211,7 @@ EFFECTS = (
         "armature", lambda scene: bool(scene.leg.workspace.model.armature.any()), _without_rotors
     ),
     Effect(
-        "stance",
+        "supports",
         lambda scene: scene.leg.constraints is not None and bool(scene.leg.constraints.supports),
         lambda scene, _: scene.replace(leg=scene.leg.with_supports()),
     ),

@@ -6,7 +6,8 @@ from functools import cached_property
 from itertools import pairwise
 from typing import NamedTuple
 
-from kickdyn.aerodynamics.coefficient_model import Coefficient
+import numpy as np
+
 from kickdyn.air import Air
 from kickdyn.ball import BallState
 from kickdyn.core.gravity import GRAVITY
@@ -19,6 +20,13 @@ STEPS = 4
 
 MARGIN = 1.25
 """Factor on accelerations, which are evaluated at the nodes of that flight only."""
+
+
+SLICES = 8
+"""Into which the speeds and spin parameters of a flight are cut for the slopes of coefficients."""
+
+FROM_NO_SPIN = (0.0, 0.01, 0.1, 0.4)
+"""Spin parameters between which coefficients change with a spin of any size."""
 
 
 class LaunchError(NamedTuple):
@@ -46,7 +54,7 @@ class Envelope:
         time: duration of the flight [s]; inf where nothing is known, as of a ball that bounces, in
             a wind that depends on height, or where a coefficient is the user's own or refuses
             extrapolation.
-        obstacle: why no bound is known, where that is so; `docs/how-to/tolerance.md` explains it.
+        obstacle: why no bound is known, where that is so; and when there would be one.
         end: state at the end of the flight in large steps; None where these do not suffice.
         evaluations: of the acceleration.
     """
@@ -61,15 +69,27 @@ class Envelope:
         self.time, found = math.inf, coarse_end(launch, environment, STEPS)
         self.end, _, self.evaluations, self._nodes = found
         air, ground = environment.air, environment.ground
-        self.obstacle = "it is not certain where the path ends without it"
+        self.obstacle = (
+            "so large an effect may let the path end elsewhere, such as on the ground before a "
+            "plane; slower balls and smaller effects have bounds"
+        )
         if launch_error.velocity == math.inf:
-            self.obstacle = "the contact takes time"
+            self.obstacle = (
+                "how much the contact time changes the launch is not known; an instantaneous "
+                "contact has bounds"
+            )
         elif ground is not None and ground.surface is not None:
-            self.obstacle = "the ball bounces or rolls"
+            self.obstacle = (
+                "after a bounce, small differences grow; a ground without a surface, where the "
+                "path ends as the ball lands, has bounds"
+            )
         elif air is not None and callable(air.wind):
-            self.obstacle = "the wind is a function of height"
+            self.obstacle = "the wind is a function of height; a constant wind has bounds"
         elif self.end is None:
-            self.obstacle = "a few large steps do not follow this flight"
+            self.obstacle = (
+                "a few large steps do not follow this flight, or a coefficient is a function of "
+                "the user's own; models by name have bounds"
+            )
         elif self.end.time > 0.0:
             self.time = float(self.end.time)
 
@@ -83,15 +103,23 @@ class Envelope:
         """Return how far the acceleration differs at most where the spin does not decay [m/s2]."""
         if not math.isfinite(self.time):
             return math.inf
-        lost = 1.0 - min(node[6] for node in self._nodes)
-        return self._by_spin * lost * math.hypot(*self.launch.spin.tolist())
+        left = min(node[6] for node in self._nodes)
+        surface_speed = self.environment.ball.radius * self._spin
+        if surface_speed == 0.0:
+            return 0.0
+        slow, *_, fast = self._air_speeds
+        most, least = surface_speed / slow, 0.5 * left * surface_speed / fast  # half: a margin
+        parameters = np.geomspace(max(least, 1e-9 * most), most, SLICES + 1).tolist()
+        return self._by_spin(parameters) * (1.0 - left) * self._spin
 
     def shift(self, acceleration: float = 0.0, launch_error: LaunchError = EXACT) -> float:
-        """Return how far the end can move [m]; inf where that is not known.
+        r"""Return how far the end can move [m]; inf where that is not known.
 
-        What separates a path from its end as the other ends remains to be covered, at no less than
-        the speed that gravity and the air leave the ball. The acceleration that is neglected is in
-        m/s2.
+        Let the paths be :math:`\delta` apart when the flight ends at a surface of normal n. The
+        other one reaches it later or earlier, at a mean velocity u, and its end lies
+        :math:`\delta - u (n \cdot \delta) / (n \cdot u)` away, at most
+        :math:`|\delta| |u| / |n \cdot u|`. Gravity and the air leave u no less than some speed
+        towards the surface. The acceleration that is neglected is in m/s2.
         """
         if not math.isfinite(self.time):
             return math.inf
@@ -101,7 +129,7 @@ class Envelope:
         if not growth < 50.0:
             return math.inf
         if launch_error.spin > 0.0:
-            acceleration += self._by_spin * launch_error.spin
+            acceleration += self._by_spin(FROM_NO_SPIN) * launch_error.spin
         faster = (launch_error.velocity + acceleration * t) * math.exp(growth)
         parted = launch_error.position + launch_error.velocity * t + 0.5 * acceleration * t * t
         parted *= math.exp(growth)
@@ -110,7 +138,10 @@ class Envelope:
         left = least * least - 2.0 * max(slowing + acceleration, 0.0) * parted
         if not (least > 0.0 and left > 0.0):
             return math.inf
-        shift = parted * (1.0 + (self._fastest + faster) / math.sqrt(left))
+        late = parted / math.sqrt(left)
+        strongest = MARGIN * max(math.hypot(*each) for each in self._own_accelerations)
+        speed = math.hypot(*self._nodes[-1][3:6]) + faster + (strongest + acceleration) * late
+        shift = late * speed
         return shift if shift < gap else math.inf
 
     @cached_property
@@ -133,19 +164,15 @@ class Envelope:
         return found
 
     @cached_property
-    def _fastest(self) -> float:
-        """The largest speed of the flight [m/s]."""
-        return max(math.hypot(*state[3:6]) for state in self._nodes)
-
-    @cached_property
     def _air_speeds(self) -> list[float]:
         """Speeds relative to the air, from the least of the flight to the largest [m/s]."""
         air, off = self.environment.air, self.launch_error.velocity
         assert air is not None
         wind = air.wind_at(0.0)
         found = [math.dist(state[3:6], wind) for state in self._nodes]
+        off += 0.02 * max(found)
         least, most = max(min(found) - off, 1e-9), max(max(found) + off, 2e-9)
-        return [least + i * (most - least) / 8.0 for i in range(9)]
+        return [least + i * (most - least) / SLICES for i in range(SLICES + 1)]
 
     @cached_property
     def _coefficient_scale(self) -> tuple[float, float]:
@@ -157,31 +184,51 @@ class Envelope:
 
     @cached_property
     def _growth(self) -> float:
-        """The largest rate at which drag and lift drive neighbouring flights apart [1/s]."""
+        """The mean rate at which drag and lift drive neighbouring flights apart at most [1/s].
+
+        Each is the logarithmic norm of its derivative by velocity: that of drag is its fall with
+        speed, that of lift, which is across the velocity, half of its change with speed.
+        """
         ball, air, *_ = self.environment
         if air is None or air.density == 0.0:
             return 0.0
         speeds, (scale, per_speed) = self._air_speeds, self._coefficient_scale
-        rate, width = 0.0, speeds[1] - speeds[0]
-        if air.drag is not None and width > 1e-6 * speeds[-1]:
+        width, rates = speeds[1] - speeds[0], [0.0] * (len(speeds) - 1)
+        if air.drag is not None:
             force = [air.drag(per_speed * v, 0.0) * v * v for v in speeds]
-            rate += scale * max(0.0, *(a - b for a, b in pairwise(force))) / width
-        spin = math.hypot(*self.launch.spin.tolist()) + self.launch_error.spin
-        surface_speed = ball.radius * spin
+            rates = [max(0.0, a - b) for a, b in pairwise(force)]
+        surface_speed = ball.radius * (self._spin + self.launch_error.spin)
         if air.lift is not None and surface_speed:
-            most = max(abs(air.lift(per_speed * v, surface_speed / v)) for v in speeds)
-            rate += scale * most * speeds[-1]
-        return rate
+            lift = [air.lift(per_speed * v, surface_speed / v) * v for v in speeds]
+            change = [abs(b - a) for a, b in pairwise(lift)]
+            rates = [r + 0.5 * d * v for r, d, v in zip(rates, change, speeds[1:], strict=True)]
+        wind, steps = air.wind_at(0.0), []
+        places = [(math.dist(node[3:6], wind) - speeds[0]) / width for node in self._nodes]
+        for one, other in pairwise(places):  # slices that the speed is in, and one beside them
+            steps.append(max(rates[max(int(min(one, other)) - 1, 0) : int(max(one, other)) + 2]))
+        # the last step is shorter than the others, by an unknown share
+        mean = max(sum(part) / len(part) for part in (steps, steps[:-1]))
+        return scale * mean / width
 
     @cached_property
-    def _by_spin(self) -> float:
-        """The largest change of acceleration with spin [m/s2 per rad/s]."""
+    def _spin(self) -> float:
+        """The spin of the launch [rad/s]."""
+        return math.hypot(*self.launch.spin.tolist())
+
+    def _by_spin(self, parameters: Sequence[float]) -> float:
+        """Return the largest change of acceleration with spin [m/s2 per rad/s].
+
+        The slopes of drag and lift are those between the given spin parameters.
+        """
         ball, air, *_ = self.environment
         if air is None or air.density == 0.0:
             return 0.0
         fastest, (scale, per_speed) = self._air_speeds[-1], self._coefficient_scale
-        models = [model for model in (air.drag, air.lift) if model is not None]
-        slope = sum(_spin_slope(model, per_speed * fastest) for model in models)
+        slope = 0.0
+        for model in (air.drag, air.lift):
+            if model is not None:
+                found = [(s, model(per_speed * fastest, s)) for s in parameters]
+                slope += max(abs(b - a) / (t - s) for (s, a), (t, b) in pairwise(found))
         return scale * slope * ball.radius * fastest
 
     def _other_end(self) -> tuple[float, float, float]:
@@ -207,12 +254,3 @@ class Envelope:
         floor = height if ground is None else ground.height + ball.radius
         slowing += GRAVITY * float(plane.normal[2])
         return float(end.position[2]) - floor, closing, slowing
-
-
-def _spin_slope(model: Coefficient, reynolds: float) -> float:
-    """Return the steepest change of a coefficient with the spin parameter."""
-    grid = (0.0, 0.01, 0.1, 0.4)
-    found = [model(reynolds, s) for s in grid]
-    return max(
-        abs(b - a) / (t - s) for s, t, a, b in zip(grid, grid[1:], found, found[1:], strict=False)
-    )

@@ -91,7 +91,7 @@ def approximate_end(
             apart = max(apart, math.dist(state.velocity, last.velocity) * float(state.time) / 8.0)
             error = max(3.0 * apart, error / 16.0)
             if error <= accuracy:
-                method = f"{steps} Runge-Kutta steps a flight"
+                method = f"{steps} Runge-Kutta steps"
                 return FlightEnd(state, status, None, method, evaluations, partial(float, error))
         last = state
     exact = exact_end(launch, environment, FINEST)
@@ -116,7 +116,7 @@ def exact_end(launch: BallState, environment: FlightEnvironment, tol: float) -> 
 
     evaluations = sum(flight.evaluations for flight in course.flights)
     evaluations += sum(phase.evaluations for phase in course.ground_phases)
-    method = f"followed, tol {tol:g}"
+    method = f"flight, bounces and rolling, relative tolerance {tol:g}"
     return FlightEnd(course.rest, course.status, course, method, evaluations, by_refinement)
 
 

@@ -13,6 +13,7 @@ from kickdyn.impact.impact_result import Impact
 from kickdyn.scene.contact_drift import contact_drift, strike_scene
 from kickdyn.scene.effects import (
     Effect,
+    EffectSize,
     EffectVerdict,
     effects_of,
     judge_effects,
@@ -21,6 +22,7 @@ from kickdyn.scene.effects import (
 from kickdyn.scene.envelope import EXACT, Envelope
 from kickdyn.scene.flight_end import (
     CONTACT_SAFETY,
+    ENDS,
     FINEST,
     FlightEnd,
     approximate_end,
@@ -48,13 +50,19 @@ def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
         tolerance: largest error of the position where the path of the ball ends, above 0 [m]. It
             counts everything that the scene names, but not how well the scene describes the world:
             coefficients are as good as their sources. None models everything, with a relative
-            tolerance of 1e-12 of the integrators. A tolerance that they cannot reach is computed in
+            tolerance of 1e-9 of the integrators. A tolerance that they cannot reach is computed in
             the same manner, and `within_tolerance` of the result is False.
 
     Raises:
         NoImpact: foot and ball do not approach each other.
         InvalidInput: the tolerance is invalid, or what the scene names cannot be computed.
         KickdynError: an integrator gave up.
+
+    Example:
+        >>> import kickdyn as kd
+        >>> simulation = kd.simulate(kd.load_scene("free_kick"), tolerance=0.1)
+        >>> simulation.end.position.round(1).tolist(), simulation.within_tolerance
+        ([16.5, 8.4, 0.1], True)
     """
     effects = effects_of(scene)
     if tolerance is None:
@@ -66,7 +74,7 @@ def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
     envelope = Envelope(instant.ball_after, scene.environment, launch_error)
     verdicts = judge_effects(effects, envelope, MODEL_SHARE * tolerance)
     contact = _ComputedContact(instant, 0.0, envelope.evaluations)
-    if scene.is_compliant and verdicts[0].modelled:  # the first effect: compliance
+    if scene.is_compliant and verdicts[0].modelled:  # the first effect: contact time
         speed = float(instant.ball_after.speed)
         contact = _collide_to(scene, speed, CONTACT_SHARE * tolerance)
         evaluations = envelope.evaluations + contact.evaluations
@@ -84,8 +92,8 @@ def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
 def simulate_as_instant(scene: Scene) -> Simulation:
     """Model everything a scene names, except for the time that its contact takes.
 
-    Only an instantaneous impact has joint impulses. The bound on `compliance` is measured: how far
-    the end lies from that of the whole scene, and inf where that cannot be computed.
+    Only an instantaneous impact has joint impulses. The bound on the effect of the contact time is
+    measured: how far the end lies from that of the whole scene; inf if that cannot be computed.
     """
     answer = simulate(scene.as_instant(), None)
     if not scene.is_compliant:
@@ -94,14 +102,51 @@ def simulate_as_instant(scene: Scene) -> Simulation:
     try:
         whole = simulate(scene, None)
     except KickdynError as error:
-        why = f"not known: {error}"
+        why = f"which cannot be computed: {error}"
     else:
         why = f"with it {whole.end_text}"
         moved = math.dist(answer.end.position, whole.end.position) + whole.numerical_error
         evaluations += whole.evaluations
-    others = (verdict._replace(why="all else is modelled") for verdict in answer.verdicts)
-    verdicts = (EffectVerdict("compliance", False, moved, why), *others)
+    others = (verdict._replace(why="modelled, as all others") for verdict in answer.verdicts)
+    verdicts = (EffectVerdict("contact time", False, moved, why), *others)
     return replace(answer, scene=scene, verdicts=verdicts, evaluations=evaluations)
+
+
+def measure_effects(
+    whole: Simulation, report: Callable[[str], None] = lambda _: None
+) -> list[EffectSize]:
+    """Measure every effect of a scene, in the order of `EFFECTS`.
+
+    The scene is that of `simulate(scene, None)`; `report` is called with each effect's name.
+    """
+    scene, sizes = whole.scene, []
+    for effect in effects_of(scene):
+        report(effect.name)
+        less, impulse = effect.without(scene, whole.launch), 0.0
+        try:
+            if less.air is scene.air:
+                other = simulate(less, None)
+                end, status = other.end, other.status
+                impulse = math.dist(other.impact.impulse, whole.impact.impulse)
+            else:  # the launch is the same
+                end, status, *_ = exact_end(whole.launch, less.environment, FINEST)
+        except KickdynError as error:
+            sizes.append(EffectSize(effect.name, math.nan, math.nan, str(error)))
+            continue
+        moved, why = math.dist(end.position, whole.end.position), ""
+        endless = [each for each in (whole.status, status) if each not in ENDS]
+        if endless:
+            moved, why = math.nan, f"no end: {endless[0]}"
+        sizes.append(EffectSize(effect.name, moved, impulse, why))
+    return sizes
+
+
+def _effect_sizes(scene: Scene) -> list[EffectSize]:
+    """Return the size of each effect of a scene, none where the whole cannot be computed."""
+    try:
+        return measure_effects(simulate(scene, None))
+    except KickdynError:
+        return []
 
 
 class _ComputedContact(NamedTuple):
@@ -155,10 +200,12 @@ def _result(
         status=end.status,
         path=end.path,
         verdicts=tuple(verdicts),
-        method=f"{'strike' if isinstance(impact, Impact) else 'collide'}, {end.method}",
+        method=f"impact: {'strike' if isinstance(impact, Impact) else 'collide'}; "
+        f"path: {end.method}",
         evaluations=evaluations,
         end_deviation=deviation,
         _numerical=numerical_error if end.ended else lambda: math.inf,
+        _measure=_effect_sizes,
     )
 
 

@@ -2,7 +2,7 @@
 
 import math
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import Any
@@ -17,10 +17,16 @@ from kickdyn.impact.impact_result import Impact
 from kickdyn.plane import Plane
 from kickdyn.restitution import describe_restitution, range_warnings
 from kickdyn.robot.standing import is_floating
-from kickdyn.scene.effects import EffectVerdict
-from kickdyn.scene.flight_end import ENDS
+from kickdyn.scene.effects import INCLUDED, EffectSize, EffectVerdict
 from kickdyn.scene.pitch import Passage, Score, passage_at, score_at
 from kickdyn.scene.scene import Scene
+
+_WORDS: dict[str, str] = {
+    FlightStatus.LANDED: "landed at",
+    FlightStatus.AT_PLANE: "reached the plane at",
+    FlightStatus.AT_REST: "came to rest at",
+}
+"""By status, how the path of the ball ends."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -59,6 +65,7 @@ class Simulation(Printed):
     evaluations: int
     end_deviation: float
     _numerical: Callable[[], float] = field(repr=False)
+    _measure: Callable[[Scene], Sequence[EffectSize]] = field(repr=False)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the attributes, with the estimate in place of the function that makes it."""
@@ -68,6 +75,18 @@ class Simulation(Printed):
     def numerical_error(self) -> float:
         """Estimate of the numerical error of the end [m]; inf where there is no estimate."""
         return self._numerical()
+
+    @cached_property
+    def effect_sizes(self) -> Mapping[str, float]:
+        """By effect: how far the end moves if only this effect is neglected [m].
+
+        It is computed when it is first read, as exactly as the integrators can: it takes about
+        three simulations with `tolerance=None` for a compliant contact, and milliseconds for an
+        instantaneous one. nan where the path has no end with or without the effect, or cannot be
+        computed.
+        """
+        sizes = {size.effect: size.end for size in self._measure(self.scene)}
+        return {verdict.effect: sizes.get(verdict.effect, math.nan) for verdict in self.verdicts}
 
     @property
     def model_error(self) -> float:
@@ -92,8 +111,8 @@ class Simulation(Printed):
     def end_text(self) -> str:
         """Status and position of the end, as text."""
         x, y, z = self.end.position.round(3) + 0.0  # no -0
-        status = self.status if self.status in ENDS else f"NO END, given up {self.status}"
-        return f"{status} at ({x:.3f}, {y:.3f}, {z:.3f}) m"
+        words = _WORDS.get(self.status, f"NO END ({self.status}), computed as far as")
+        return f"{words} ({x:.3f}, {y:.3f}, {z:.3f}) m"
 
     @cached_property
     def passage(self) -> Passage | None:
@@ -181,39 +200,70 @@ class Simulation(Printed):
             *(() if self.path is None else self.path.warnings),
         )
 
-    def __str__(self) -> str:
-        """Return the end and the error budget."""
-        if self.tolerance is None:
-            asked = "all modelled" + (f" but {', '.join(self.neglected)}" if self.neglected else "")
+    @property
+    def summary(self) -> str:
+        """The end, its error, the wall, the goal, notes and warnings, one line each."""
+        error = f"error {self.error:.2g} m" if math.isfinite(self.error) else "error unknown"
+        if self.tolerance is not None:
+            met = "within" if self.within_tolerance else "NOT WITHIN"
+            error += f", {met} the tolerance of {self.tolerance:g} m"
+        elif self.neglected:
+            left_out = [f"{v.effect} ({v.why})" for v in self.verdicts if not v.modelled]
+            error += f"; all effects are modelled except {', '.join(left_out)}"
         else:
-            asked = f"asked {self.tolerance:g} m"
-        asked += "" if self.within_tolerance else ", NOT MET"
-        error = f"{self.error:.2g} m" if math.isfinite(self.error) else "unknown"
-        lines = [
-            f"{self.end_text} after {self.end.time:.3f} s; error {error}, {asked}; {self.method}",
-            *filter(None, [self.pitch_text]),
-            self.frame_text,
-            f"{'effect':20}{'':12}{'bound m':>9}  why",
-        ]
+            error += "; all effects are modelled"
         impact = self.impact
         given, speed = impact.contact.restitution, impact.approach_speed
-        if used := describe_restitution(given, impact.restitution, speed):
-            lines.insert(1, used)
-        for effect, modelled, bound, why in self.verdicts:
-            size = "" if math.isnan(bound) else _size(bound)
-            lines.append(f"{effect:20}{'modelled' if modelled else 'neglected':12}{size:>9}  {why}")
-        numerics = self.numerical_error
-        size = _size(numerics) if numerics > 1e-12 else "rounding"
-        lines.append(f"{'numerics':32}{size:>9}")
+        lines = [
+            f"{self.end_text} after {self.end.time:.3f} s; {error}",
+            describe_restitution(given, impact.restitution, speed),
+            self.pitch_text,
+            self.frame_text,
+        ]
         if not math.isnan(self.end_deviation):
-            lines.append(f"{'uncertainty':32}{_size(self.end_deviation):>9}  standard deviation")
-        if any(v.modelled and v.bound == math.inf for v in self.verdicts):
-            lines.append("An effect whose bound is unknown is modelled, whatever the tolerance.")
+            lines.append(
+                f"The uncertainties of the scene give the end a standard deviation of "
+                f"{_size(self.end_deviation)} m."
+            )
         lines += [f"note: {note}" for note in self.scene.notes]
         lines += [f"warning: {warning}" for warning in self.warnings]
+        return "\n".join(filter(None, lines))
+
+    def __str__(self) -> str:
+        """Return the summary and a table of the effects."""
+        numerics = self.numerical_error
+        size = f"{_size(numerics)} m" if numerics > 1e-12 else "only rounding"
+        bounds = self.tolerance is not None
+        by_model = (
+            f"{_size(self.model_error)} m by neglected effects and " if self.neglected else ""
+        )
+        lines = [
+            self.summary,
+            f"The error is {by_model}{size} by numerical integration ({self.method}).",
+            f"{'effect':20}{'':12}{'size [m]':>9}" + ("   bound [m]" if bounds else ""),
+        ]
+        for effect, modelled, bound, why in self.verdicts:
+            kind = "modelled" if modelled else "neglected"
+            bounded = _size(bound) if math.isfinite(bound) else "-"
+            if why.startswith(INCLUDED):
+                bounded = why.removeprefix("neglected ")
+            line = f"{effect:20}{kind:12}{_size(self.effect_sizes[effect]):>9}"
+            lines.append(f"{line}   {bounded}" if bounds else line)
+        lines.append("size: how far the end moves if only this effect is neglected.")
+        if bounds:
+            lines.append(
+                "bound: what the size is at most, from a flight in four steps. Effects are "
+                "neglected as long as their bounds add up to less than half of the tolerance; what "
+                "has no bound (-) is modelled."
+            )
+        for why in {v.why: None for v in self.verdicts if v.modelled and v.bound == math.inf}:
+            names = [v.effect for v in self.verdicts if v.why == why]
+            lines.append(f"{', '.join(names)}: {why}.")
         return "\n".join(lines)
 
 
 def _size(metres: float) -> str:
-    """Return a length with two digits, `unknown` for inf, which is no bound at all."""
-    return f"{metres:.2g}" if metres < math.inf else "unknown"
+    """Return a length with two digits, `unknown` where it is not finite."""
+    if not math.isfinite(metres):
+        return "unknown"
+    return f"{metres:.0f}" if metres >= 10.0 else f"{metres:.2g}"

@@ -65,7 +65,7 @@ def sweep(
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> xr.Dataset:
-    r"""Strike a ball from every posture of a grid, and fly it.
+    r"""Compute a kick, impact and flight, from every posture of a grid.
 
     From each posture the foot moves with the velocity of the kick. The impulse on the ball follows
     from the leg's effective mass along the contact normal, :math:`1 / (n^T J M^{-1} J^T n)`,
@@ -75,25 +75,27 @@ def sweep(
 
     Args:
         leg: the leg.
-        postures: joint name to a value or ascending values, shape `(k,)` [rad; m for prismatic
-            joints]. Every combination is a posture; joints that are not named stay at 0, or
-            move to close the leg's loops.
+        postures: a value or ascending values of each joint by its name, shape `(k,)`
+            [rad; m for prismatic joints]. Every combination is a posture. Joints that are not named
+            stay at 0, or move to close the loops of the leg.
         kick: foot velocity, contact, ball and air.
-        store: folder ending in `.zarr` to write to, chunk by chunk, so that memory does not grow
-            with the grid; None returns up to a million postures in memory.
+        store: folder that ends in `.zarr`, into which the sweep is written in chunks, so that
+            memory does not grow with the grid. None returns up to a million postures in memory.
         variables: names of the variables to keep beside `status`, such as
             `["ball_speed", "carry"]`; None keeps all, about 30 bytes a posture in a store.
-        resume: compute only what `store` lacks.
+        resume: whether to compute only what `store` lacks.
         tolerance: largest error of `carry` [m] where balls fly through air in the plane of the leg,
             whose carries are interpolated between flights; 0 flies every ball, to 1e-8 of its
             carry.
-        threads: threads of this process; None takes one per core.
-        workers: processes of this machine instead of threads. They are children of this process
-            and open no socket.
+        threads: number of threads of this process; None takes one per core.
+        workers: number of processes of this machine, in place of threads. They are children of this
+            process and open no socket.
         executor: an executor with the interface of `concurrent.futures`, such as one of a cluster,
             instead of threads. Its workers must see `store` and have the same versions; it is not
             shut down, and its own errors are not changed.
-        progress: function that is called as postures are computed.
+        progress: function that is called as postures are computed, with their number since the last
+            call and the highest ball speed among those from which the leg can kick
+            [m/s; nan without any].
 
     Returns:
         A dataset with one dimension per joint, the variables of `dataset.VARIABLES` and `status`, a
@@ -102,11 +104,18 @@ def sweep(
         `store`, the dataset is the opened store, whose variables have 7 digits (float32).
 
     Raises:
-        InvalidInput: postures that the leg does not have, more than fit, an unknown variable, a
-            store that is there without `resume`, is of another sweep or is being filled by another
-            process.
+        InvalidInput: postures that the leg does not have, more postures than fit into memory, an
+            unknown variable, a store that exists while `resume` is False, is of another sweep or is
+            being filled by another process.
         Unfinished: interrupted by Ctrl-C, a full disk or lost workers; the store can be resumed.
         KickdynError: the compiled kernel and `kickdyn.strike` disagree.
+
+    Example:
+        >>> import kickdyn as kd
+        >>> postures = {"hip": [0.0, 0.5], "knee": [0.2, 0.4, 0.6]}
+        >>> table = kd.sweep(kd.Leg.human(), postures, kd.Kick(speed=5.0))
+        >>> table.ball_speed.sel(hip=0.5).values.round(2).tolist()
+        [7.15, 6.66, 6.01]
     """
     if sum(each is not None for each in (threads, workers, executor)) > 1:
         raise InvalidInput("threads, workers and executor exclude each other: give one of them")

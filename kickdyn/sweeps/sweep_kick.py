@@ -38,15 +38,16 @@ class Kick:
     :math:`n = (\cos\alpha, 0, \sin\alpha)` with the attack angle :math:`\alpha`.
 
     Args:
-        speed: :math:`v` of the foot's contact point [m/s], above 0.
-        attack: :math:`\alpha`, from the horizontal upwards in the x-z plane [rad], in
-            :math:`[-\pi/2, \pi/2]`.
+        speed: speed :math:`v` of the contact point of the foot [m/s], above 0.
+        attack: attack angle :math:`\alpha`, from the horizontal upwards in the x-z plane [rad], in
+            :math:`[-\pi/2, \pi/2]`; 30 degrees by default.
         restitution: coefficient e, or a table or model of it over the speed of approach, as for
-            `Contact`; that is the foot's. 0.8 reproduces the paper's Table 2.
+            `Contact`. The speed of approach is that of the foot. 0.8 reproduces the paper's Table
+            2.
         friction: Coulomb's coefficient mu, at most 1e9; 0.4 is the paper's.
         law: impact law, as for `strike`.
         ball: the ball, at rest before the impact.
-        air: air of the flight; None is the vacuum.
+        air: air in which the ball flies; None is the vacuum.
 
     Raises:
         InvalidInput: a value outside its range.
@@ -78,12 +79,12 @@ class Kick:
 
     @property
     def contact(self) -> Contact:
-        """The contact, its normal along the foot's velocity."""
+        """The contact, with its normal along the velocity of the foot."""
         return Contact(self.direction, self.restitution, self.friction)
 
     @property
     def restitution_used(self) -> float:
-        """Coefficient e at the foot's speed, which is that of approach in every posture."""
+        """Coefficient e at the speed of the foot, which is that of approach in every posture."""
         return self.contact.restitution_at(self.speed)
 
 

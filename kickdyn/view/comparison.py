@@ -29,7 +29,7 @@ from kickdyn.view.marks import (
     draw_ground,
 )
 
-COLOURS = (0xE63946, 0x2456D6, 0xF4A300, 0x6A2FB5, 0x0E8F8F, 0x8C5A2B, 0xD81E9B, 0xBFC5CC)
+COLOURS = (0xE63946, 0x2456D6, 0xF4A300, 0x6A2FB5, 0x0E8F8F, 0x8C5A2B, 0xD81E9B, 0x7FE3F5)
 MOST = len(COLOURS)  # flights or impacts of one picture
 X = np.array([1.0, 0.0, 0.0])
 MOST_DOTS, DOTS = 12, 0x111111
@@ -87,9 +87,12 @@ def draw_flights(
         )
         for colour, (name, path) in zip(COLOURS, paths.items(), strict=False)
     ]
+    begins = "launch"
     if measured:
+        begins = "first sample"
         rows.append((f"{colour_key(DOTS)} measured", f"about {MOST_DOTS} positions of each"))
     marks = [
+        ("distances, heights", f"from the {begins} of each"),
         ("ground marks", f"every {stripe:g} m"),
         ("axes", f"z up; arrows of {stripe / 2:g} m"),
         ("ball", f"at the first start, {drawn / radius:.2g} times its size"),

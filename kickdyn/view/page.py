@@ -224,11 +224,11 @@ def page(
     come, and the ball is on a tee.
 
     Args:
-        subject: one of these; or several flights, or several impacts, in a list or by their names.
-        path: of the ball after an `Impact`; without it the ball flies through `Air()`.
-        caption: a line of plain text above the numbers.
-        scenery: boxes beside a kick, as of `wall_boxes` and `goal_boxes`.
-        height: of the page in a notebook [px].
+        subject: one of these; or several flights or impacts, in a list or by their names.
+        path: path of the ball after an `Impact`; with None the ball flies through `Air()`.
+        caption: line of plain text above the numbers.
+        scenery: boxes that are shown beside a kick, such as those of `wall_boxes` and `goal_boxes`.
+        height: height of the page in a notebook [px].
 
     Raises:
         InvalidInput: there is nothing of that to show, or too much; or a swing does not reach its
@@ -264,6 +264,8 @@ def page(
     viewer = recording_viewer()
     lies = subject is not impact or isinstance(path, Course)
     drawn = draw_kick(viewer, impact, path, scenery, swing, lies=lies)
+    if caption and drawn.text and not caption.endswith("."):
+        caption += "."
     caption = " ".join(filter(None, [caption, drawn.text]))
     title = f"{name}: ball at {float(impact.ball_after.speed):.4g} m/s"
     panel = kick_panel(impact, path, drawn, caption, [*viewer.window.warnings, *warnings])

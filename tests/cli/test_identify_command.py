@@ -3,9 +3,11 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
+import kickdyn as kd
 from kickdyn.cli.identify_command import identify
 from kickdyn.errors import InvalidInput
 
@@ -40,8 +42,39 @@ def test_flights_are_found_and_fitted(track, tmp_path):
     assert flight["values"]["drag"] == pytest.approx(0.15, abs=0.01)
     assert [part["kind"] for part in document["segments"]] == ["flight", "flight"]
     assert document["restitution"]["deviation"] > 0.0
+    assert document["drag"] is None  # one flight has no mean
+    assert document["too_short"] == 1
+    assert "1 of 2 flights are shorter than 0.4 s" in text
+    assert f"{document['samples_at_ends']} samples within 0.1 s" in text
     assert names["png"].read_bytes()[1:4] == b"PNG"
     assert "measured" in names["html"].read_text()
+
+
+def test_several_flights_have_a_mean(tmp_path):
+    """Two flights with a gap between them, of one drag coefficient."""
+    ball, times = kd.Ball(), np.arange(0.0, 1.2, 0.02)
+    rows = ["t,x,y,z"]
+    for start, speed in ((0.0, 20.0), (5.0, 14.0)):
+        launch = kd.BallState((0, 0, 0.3), (speed, 3, 7))
+        points = kd.fly(launch, ball, kd.Air(drag=0.25)).sample(times).position
+        rows += [f"{start + t},{x},{y},{z}" for t, (x, y, z) in zip(times, points, strict=True)]
+    file = tmp_path / "two.csv"
+    file.write_text("\n".join(rows))
+    text = run(file, "--json", tmp_path / "out.json")
+    document = json.loads((tmp_path / "out.json").read_text())
+    assert document["drag"]["flights"] == 2
+    assert document["drag"]["mean"] == pytest.approx(0.25, rel=1e-3)
+    assert document["drag"]["slowest"] < 15.0 < document["drag"]["fastest"]
+    assert "drag coefficient over the whole track: 0.2" in text
+    if any(flight["warnings"] for flight in document["flights"]):
+        assert "of 2 flights have warnings: --json FILE writes them, --start " in text
+    assert "back_spin [rad/s]" in text
+
+
+def test_a_track_without_a_flight_says_what_units_are_read(tmp_path):
+    file = tmp_path / "kilometres.csv"
+    file.write_text("t,x,y,z\n" + "".join(f"{t / 50},{t / 5000},0,0.001\n" for t in range(50)))
+    assert "no flight of at least 0.4 s was found: times must be in seconds" in run(file)
 
 
 def test_a_part_is_one_flight(track):

@@ -14,7 +14,7 @@ def test_it_prints_the_error_budget():
     assert ended.exit_code == 0
     answer = kd.simulate(kd.load_scene("robot_chip"), 0.2)
     assert answer.end_text in ended.stdout
-    assert "error 0.093 m, asked 0.2 m" in ended.stdout
+    assert f"error {answer.error:.2g} m, within the tolerance of 0.2 m" in ended.stdout
 
 
 def test_the_numbers_are_those_of_simulate(tmp_path):
@@ -29,6 +29,9 @@ def test_the_numbers_are_those_of_simulate(tmp_path):
     assert document["within_tolerance"]
     assert [effect["effect"] for effect in document["effects"]] == list(answer.modelled)
     assert all(effect["bound"] is None for effect in document["effects"])
+    assert {effect["effect"]: effect["size"] for effect in document["effects"]} == (
+        answer.effect_sizes
+    )
 
 
 def test_only_json_goes_to_a_pipe():

@@ -26,9 +26,9 @@ def test_a_page_and_numbers(tmp_path):
     scene = kd.load_scene(SCENES / "volley.toml")
     whole = kd.simulate(scene, None)
     apart = np.linalg.norm(np.subtract(numbers["end"], whole.end.position))
-    assert numbers["neglected"] == {"compliance": pytest.approx(apart, rel=1e-3)}
+    assert numbers["neglected"] == {"contact time": pytest.approx(apart, rel=1e-3)}
     assert apart <= numbers["error"] <= 1.001 * apart
-    assert f"error {apart:.2g} m, all modelled but compliance;" in ended.output
+    assert f"error {apart:.2g} m; all effects are modelled except contact time (" in ended.output
     told = f"volley, its contact shown as an instant: it ends {apart:.2g} m off"
     assert told in html
     hit = kd.strike(
@@ -50,7 +50,7 @@ def test_a_page_and_numbers(tmp_path):
 def test_a_scene_without_time_for_its_contact_has_all_modelled(tmp_path):
     said = tmp_path / "kick.json"
     ended = run(SCENES / "paper_kick.toml", "--json", said)
-    assert "m, all modelled;" in ended.output
+    assert "m; all effects are modelled\n" in ended.output
     numbers = json.loads(said.read_text())
     assert numbers["neglected"] == {}
     assert numbers["error"] < 1e-6
@@ -63,7 +63,7 @@ def test_a_bound_that_is_not_known_is_null(tmp_path):
     (tmp_path / "slow.toml").write_text(slow)
     assert run(tmp_path / "slow.toml", "--json", tmp_path / "slow.json").exit_code == 0
     numbers = json.loads((tmp_path / "slow.json").read_text())
-    assert numbers["neglected"] == {"compliance": None}
+    assert numbers["neglected"] == {"contact time": None}
     assert numbers["error"] is None
 
 

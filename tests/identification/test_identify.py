@@ -122,6 +122,15 @@ def test_what_is_no_flight_is_fitted_with_a_warning():
     assert any("may not be one flight" in line for line in found.warnings)
 
 
+def test_drag_below_0_is_warned_of():
+    times = np.arange(0.0, 1.0, 0.02)
+    pushed = np.column_stack([20 * times + times**2, 0.3 * times, 8 * times - 4.905 * times**2])
+    found = kd.identify(kd.Track(times, pushed), BALL, kd.Air(lift=None), free=("drag",))
+    (line,) = [line for line in found.warnings if "below 0" in line]
+    assert line.startswith(f"drag is {found.values['drag']:.2g}, below 0")
+    assert all(line in str(found) for line in found.warnings)
+
+
 def test_the_truth_lies_in_the_region_as_often_as_it_says():
     """Its squared residuals exceed the least ones as chi-squared with 10 degrees of freedom."""
     excesses = []
@@ -179,7 +188,9 @@ def test_time_residuals_tell_a_late_clock(curving):
 def test_plot_and_representations(curving):
     found = kd.identify(curving, BALL, free=("spin", "drag-scale"))
     assert len(found.plot().axes) == 3
-    assert "positions of each" in kd.page(found).html
+    html = kd.page(found).html
+    assert "positions of each" in html
+    assert "from the first sample of each" in html
     assert "<svg" in found._repr_html_()
     assert found.flight.launch.velocity == pytest.approx(found.launch.velocity)
     assert found.correlations.shape == (10, 10)
@@ -193,7 +204,7 @@ def test_plot_and_representations(curving):
         (lambda t: (t.times, 1000 * t.positions), "as in millimetres"),
         (lambda t: (1000 * t.times, t.positions), "as in milliseconds"),
         (lambda t: (t.times, 0 * t.positions + 1), "the ball stays at"),
-        (lambda t: (t.times, 100 * t.positions), "as in centimetres"),
+        (lambda t: (t.times, 100 * t.positions), "as in centimetres or inches"),
         (lambda t: scaled_by(STRAIGHT, 1 / 0.3048), "as in feet"),
         (lambda t: (t.times, t.positions / 0.0254), "as in inches"),
         (lambda t: (t.times, t.positions - [0, 0, 1]), "below the ground at 0 m"),

@@ -1,5 +1,7 @@
 """Tracks of known courses, cut into flights, rolling and touches."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -67,8 +69,11 @@ def test_rolling_gives_its_deceleration_and_the_surface():
     assert surface.rolling_deceleration == pytest.approx(0.8, rel=0.15)
     assert surface.deviations.keys() == {"restitution", "friction", "rolling_deceleration"}
     assert min(surface.deviations.values()) > 0.0
+    assert surface.friction > 0.3  # the second bounce, without slip, says nothing of it
+    assert "gripped the ground" in found.warnings[0]
     kd.follow(kick, BALL, None, kd.Ground(surface=surface))
-    assert "rolling deceleration" in str(found)
+    assert re.search(r"restitution: 0.[56].* \(of 2 bounces\)", str(found))
+    assert re.search(r"rolling deceleration: .* m/s2 \(of 1 rolling part\)", str(found))
 
 
 def test_a_gap_begins_a_part():
@@ -120,6 +125,7 @@ def test_wrong_arguments_are_refused():
     [
         (lambda p: 1000 * p, "as in millimetres"),
         (lambda p: p / 0.3048, "as in feet"),
+        (lambda p: p / 0.0254, "as in inches"),
         (lambda p: p * [1, 1, -1], "under the ground at 0 m"),
     ],
 )
@@ -128,3 +134,10 @@ def test_a_track_in_other_units_or_under_the_ground_is_refused(change, message):
     times = np.arange(0, path.duration, 0.02)
     with pytest.raises(kd.InvalidInput, match=message):
         kd.segments(kd.Track(times, change(path.sample(times).position)))
+
+
+def test_a_track_with_times_in_minutes_is_refused():
+    path = kd.fly(kd.BallState((0, 0, 1), (15, 2, 6)), BALL)
+    times = np.arange(0, path.duration, 0.02)
+    with pytest.raises(kd.InvalidInput, match=r"faster than sound: .* times in seconds"):
+        kd.segments(kd.Track(times / 60.0, path.sample(times).position))

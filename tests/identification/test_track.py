@@ -47,7 +47,7 @@ def test_an_index_is_refused(track):
 
 def test_a_file_with_gaps_and_other_names(tmp_path):
     file = tmp_path / "track.csv"
-    file.write_text("frame, time ,X,Y,Z\n1,0.0,1,2,3\n2,0.1,,,\n3,0.2,4,5,6\n")
+    file.write_text("frame, time ,X,Y,Z\n1,0.0,1,2,3\n2,0.1,,,\n3,0.2,4,5,6\n4,0.3,NaN,5,6\n")
     track = kd.Track.from_csv(file, columns=("time", "X", "Y", "Z"))
     assert track == kd.Track([0.0, 0.2], [[1, 2, 3], [4, 5, 6]])
 
@@ -59,7 +59,11 @@ def test_a_file_with_gaps_and_other_names(tmp_path):
         ("t,x,y\n0,1,2\n", "no column 'z': the first row has"),
         ("t,x,y,z\n", "no row of numbers"),
         ("t,x,y,z\n0,1,2,three\n", "row 2 has"),
-        ("t,x,y,z\n0,1,2,nan\n", "row 2 .* finite"),
+        ("t,x,y,z\n0,1,2,inf\n", "row 2 .* finite"),
+        ("t,x,y,z\n0,1,2,nan\n", "no row of numbers"),
+        ("t;x;y;z\n0;1;2;3\n", "its first row is 't;x;y;z': commas must separate"),
+        ("t,x,y,x,z\n0,1,2,1,3\n", "column 'x' is there twice"),
+        ("t,x,y,z\n0,02,1,0,2,0,3,0\n", "row 2 has 8 cells and the first row 4"),
         ("t,x,y,z\n0,1,2,3\n0,1,2,3\n", "row 3 has the time 0 s after 0 s"),
     ],
 )

@@ -24,7 +24,7 @@ def scene():
 def test_without(effect):
     full = scene()
     launch = kd.BallState((0, 0, 0), (9, 0, 4), (0, -20, 0))
-    if effect.name == "stance":
+    if effect.name == "supports":
         assert not effect.is_in(full)
         return
     assert effect.is_in(full)
@@ -40,7 +40,7 @@ def test_stance_is_let_go():
     leg = kd.Leg.from_robot("g1", base="floating", legs_only=True)
     held = leg.with_supports("left_ankle_roll_link")
     made = kd.Scene(held, leg.configuration(), np.zeros(leg.nv), kd.Ball(), scene().contact)
-    stance = next(effect for effect in EFFECTS if effect.name == "stance")
+    stance = next(effect for effect in EFFECTS if effect.name == "supports")
     assert stance.is_in(made)
     assert not stance.is_in(stance.without(made, kd.BallState()))
 

@@ -13,6 +13,7 @@ from kickdyn.scene import envelope
 from kickdyn.scene import simulate as simulating
 from kickdyn.scene.flight_end import approximate_end
 from kickdyn.scene.simulate import simulate_as_instant
+from kickdyn.scene.simulation import _size
 
 LEG = kd.Leg.human()
 POSTURE = LEG.posture(np.radians([5, 10, -5]))
@@ -43,7 +44,15 @@ def test_random_scenes_stay_within_their_tolerance():
             assert answer.error <= tolerance
             assert gap(answer, reference) <= answer.error + 1e-7
             kinds |= set(answer.neglected)
-    assert kinds >= {"compliance", "drag", "lift", "wind", "buoyancy", "spin decay", "drag crisis"}
+    assert kinds >= {
+        "contact time",
+        "drag",
+        "lift",
+        "wind",
+        "buoyancy",
+        "spin decay",
+        "drag crisis",
+    }
 
 
 def test_wide_scenes_stay_within_their_tolerance():
@@ -86,6 +95,13 @@ def test_light_balls(name, drag):
             assert gap(answer, reference) <= answer.error <= 0.2
 
 
+WORDS = {
+    "landed": "landed at (",
+    "at-plane": "reached the plane at (",
+    "at-rest": "came to rest at (",
+}
+
+
 def test_what_ended_it_is_said():
     wall = kd.Plane((1.5, 0, 0), (-1, 0, 0))
     for parts, status in (
@@ -98,7 +114,7 @@ def test_what_ended_it_is_said():
             answer = kd.simulate(kick(4, **parts), tolerance)
             assert answer.status == status
             assert answer.within_tolerance
-            assert str(answer).startswith(f"{status} at (")
+            assert str(answer).startswith(WORDS[status])
 
 
 @pytest.mark.parametrize(
@@ -112,15 +128,15 @@ def test_what_ended_it_is_said():
 def test_a_way_without_an_end_has_no_error(parts, status, tolerance):
     answer = kd.simulate(kick(4, **parts), tolerance)
     assert (answer.status, answer.error, answer.within_tolerance) == (status, math.inf, False)
-    assert str(answer).startswith(f"NO END, given up {status} at (")
-    assert "NOT MET" in str(answer).splitlines()[0]
+    assert str(answer).startswith(f"NO END ({status}), computed as far as (")
+    assert all(math.isnan(size) for size in answer.effect_sizes.values())
 
 
 def test_a_tolerance_that_numerics_cannot_meet_is_said():
     answer = kd.simulate(kick(), 1e-15)
     assert not answer.within_tolerance
-    assert "NOT MET" in str(answer)
-    assert "NOT MET" not in str(kd.simulate(kick(), 1e-6))
+    assert "NOT WITHIN the tolerance of 1e-15 m" in str(answer)
+    assert "NOT WITHIN" not in str(kd.simulate(kick(), 1e-6))
 
 
 @pytest.mark.parametrize(("attack", "time"), [(70, 1e-4), (70, 1e-5), (60, 1e-5)])
@@ -136,7 +152,7 @@ def test_a_brief_contact_that_sticks_is_not_the_instant_by_newton(attack, time):
         answer = kd.simulate(scene, tolerance)
         assert gap(answer, reference) <= answer.error <= tolerance
     if attack == 70:  # at 5 m; the bound is no empty word
-        assert answer.neglected == ("compliance",)
+        assert answer.neglected == ("contact time",)
 
 
 def test_a_contact_that_takes_time_before_bounces_and_a_plane_has_an_error():
@@ -253,7 +269,7 @@ def test_everything_is_followed_to_rest():
 def test_a_slow_kick_needs_no_air_at_a_metre():
     answer = kd.simulate(kick(1.5), 1.0)
     assert {"drag", "lift", "buoyancy"} <= set(answer.neglected)
-    assert answer.method == "strike, closed form"
+    assert answer.method == "impact: strike; path: closed form"
     assert answer.evaluations < 60
 
 
@@ -266,7 +282,7 @@ def test_a_tight_tolerance_neglects_nothing():
 
 def test_without_air_nothing_is_flown():
     answer = kd.simulate(kick(air=None), 0.01)
-    assert answer.method == "strike, closed form"
+    assert answer.method == "impact: strike; path: closed form"
     assert answer.modelled == ("friction", "ball rotation")
 
 
@@ -295,15 +311,42 @@ def test_spread_bounds_what_a_change_does():
 
 
 def test_it_prints_its_budget():
-    lines = str(kd.simulate(kick(1.5, uncertainty={"v": 0.1}), 1.0)).splitlines()
-    assert [line.split("  ")[0] for line in lines[2:-1]] == [
+    answer = kd.simulate(kick(1.5, uncertainty={"v": 0.1}), 1.0)
+    lines = str(answer).splitlines()
+    assert lines[2].startswith("The uncertainties of the scene give the end a standard deviation")
+    assert [line.split("  ")[0] for line in lines[4:12]] == [
         "effect", "friction", "ball rotation", "drag", "drag crisis", "lift", "spin decay",
-        "buoyancy", "numerics",
+        "buoyancy",
     ]  # fmt: skip
-    assert lines[3] == "friction            modelled               costs no time"
-    why = "the largest change of acceleration, all the time"
-    assert lines[5] == f"drag                neglected       0.006  {why}"
-    assert lines[-1] == "uncertainty                          0.03  standard deviation"
+    rows = {line[:20].strip(): line[20:].split(maxsplit=2) for line in lines[5:12]}
+    assert rows["friction"] == ["modelled", f"{answer.effect_sizes['friction']:.2g}", "-"]
+    bounds = {verdict.effect: verdict.bound for verdict in answer.verdicts}
+    assert rows["drag"] == [
+        "neglected", f"{answer.effect_sizes['drag']:.2g}", f"{bounds['drag']:.2g}"
+    ]  # fmt: skip
+    assert rows["drag crisis"][2] == "with drag"
+
+
+def test_sizes_of_effects_are_within_their_bounds():
+    answer = kd.simulate(kick(1.5), 1.0)
+    for verdict in answer.verdicts:
+        if verdict.bound > 0.0:  # neither unknown nor included in that of another effect
+            assert 0.0 < answer.effect_sizes[verdict.effect] <= verdict.bound
+    assert list(answer.effect_sizes) == [verdict.effect for verdict in answer.verdicts]
+
+
+def test_what_has_no_bound_has_a_size_and_a_reason():
+    answer = kd.simulate(kick(4, ground=kd.Ground(-0.9, "turf")), 0.1)
+    less = kd.simulate(kick(4, ground=kd.Ground(-0.9, "turf"), air=None), None)
+    assert answer.effect_sizes["drag"] == pytest.approx(gap(less, answer), rel=0.5)
+    assert "no bound is known: after a bounce" in str(answer)
+
+
+@pytest.mark.parametrize(("metres", "text"), [
+    (198.4, "198"), (9.81, "9.8"), (0.0047, "0.0047"), (math.inf, "unknown"),
+])  # fmt: skip
+def test_lengths_are_readable(metres, text):
+    assert _size(metres) == text
 
 
 @pytest.mark.parametrize("tolerance", [0, -1, math.nan, "1"])
@@ -334,10 +377,10 @@ def test_the_error_covers_what_the_instant_neglects():
     apart = np.linalg.norm(answer.end.position - whole.end.position)
     assert apart > 0.1
     assert apart <= answer.error <= apart * 1.001
-    assert answer.neglected == ("compliance",)
+    assert answer.neglected == ("contact time",)
     said = str(answer)
     assert "all is modelled" not in said
-    assert f"error {answer.error:.2g} m, all modelled but compliance;" in said
+    assert f"error {answer.error:.2g} m; all effects are modelled except contact time (" in said
     x, y, z = whole.end.position.round(3) + 0.0
     assert f"with it landed at ({x:.3f}, {y:.3f}, {z:.3f}) m" in said
 
@@ -346,7 +389,7 @@ def test_a_contact_of_an_instant_neglects_nothing():
     scene = kd.load_scene("paper_kick")
     answer = simulate_as_instant(scene)
     assert answer.neglected == ()
-    assert "m, all modelled;" in str(answer)
+    assert "m; all effects are modelled\n" in str(answer)
     assert answer.end.position.tolist() == kd.simulate(scene, None).end.position.tolist()
 
 
@@ -360,8 +403,8 @@ def test_where_the_contact_cannot_be_computed_the_error_is_not_known():
     answer = simulate_as_instant(scene)
     assert answer.error == math.inf
     assert not answer.within_tolerance
-    assert "all modelled but compliance, NOT MET" in str(answer)
-    assert "not known: stiffness is" in str(answer)
+    assert "error unknown; all effects are modelled except contact time" in str(answer)
+    assert "which cannot be computed: stiffness is" in str(answer)
     assert "its contact shown as an instant: it ends at an unknown distance" in kd.page(answer).html
     assert [v.bound for v in answer.verdicts if not v.modelled] == [math.inf]
 

@@ -6,7 +6,7 @@ import pytest
 
 import kickdyn as kd
 from kickdyn.core.gravity import GRAVITY
-from kickdyn.view.comparison import _numbers
+from kickdyn.view.comparison import COLOURS, DOTS, _numbers
 
 
 @pytest.fixture(scope="module")
@@ -85,7 +85,15 @@ def test_every_curve_stands_in_the_legend():
 def test_the_legend_says_how_far_how_high_and_how_long():
     """Two seconds in vacuum, from 9.81 m/s upward and 10 m/s ahead."""
     flight = kd.fly(kd.BallState(velocity=(10, 0, GRAVITY)), BALL, None)
-    assert "<td>20 m, rises 4.91 m, 2 s</td>" in kd.page(flight).html
+    html = kd.page(flight).html
+    assert "<td>20 m, rises 4.91 m, 2 s</td>" in html
+    assert "from the launch of each" in html
+
+
+def test_the_colours_differ_from_each_other_and_from_measured_positions():
+    parts = [np.array([c >> 16, c >> 8 & 255, c & 255]) for c in (*COLOURS, DOTS)]
+    apart = [np.linalg.norm(a - b) for i, a in enumerate(parts) for b in parts[:i]]
+    assert min(apart) > 75.0
 
 
 @pytest.mark.parametrize("number", [0, 9])

@@ -113,7 +113,8 @@ def test_one_page_of_several(make_kick, tmp_path):
 def test_a_bare_impact_is_drawn_above_the_lowest_point_of_the_leg(make_kick):
     """An impact does not say where the ground is, but a plan, a scene and a course do."""
     hit, ball, _ = make_kick(kd.Leg.human(), 2.0, degrees=(40, 30, -20))
-    assert "on a tee" in kd.page(hit).html
+    for caption in ("a kick", "a kick."):
+        assert "a kick. The ball is on a tee" in kd.page(hit, caption=caption).html
     scene = kd.Scene(hit.posture.leg, hit.posture.q, hit.v_before, ball, hit.contact)
     course = kd.follow(
         hit.ball_after, ball, ground=kd.Ground(hit.ball_before.position[2] - ball.radius, "turf")

@@ -67,7 +67,7 @@ class Air(ValueEquality, ReprMixin):
             `kickdyn.aerodynamics.spin_decay.MODELS`, a number, or a function as for `drag`. None
             means that the spin does not decay.
         buoyancy: whether the weight of the displaced air is subtracted from that of the ball; it is
-            1.5 % of a soccer ball.
+            1.6 % of a soccer ball.
 
     Raises:
         InvalidInput: a value outside its range, or an unknown model.

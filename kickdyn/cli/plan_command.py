@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import astuple, replace
+from typing import Any
 
 import click
 import numpy as np
@@ -13,6 +14,12 @@ from kickdyn.cli.ball_option import read_ball
 from kickdyn.cli.command import busy, warn
 from kickdyn.cli.leg_options import LegOptions, leg_options
 from kickdyn.cli.number_options import PAIR, TRIPLE
+from kickdyn.cli.plan_suggestions import (
+    clear_ground,
+    clear_wall,
+    explain_unreachable,
+    within_limits,
+)
 from kickdyn.cli.restitution_option import restitution_option
 from kickdyn.core import validation
 from kickdyn.core.files import check_outputs, write_json
@@ -20,9 +27,10 @@ from kickdyn.errors import InvalidInput
 from kickdyn.ground import SURFACES
 from kickdyn.planning.goal import FARTHEST, Arc, Goal
 from kickdyn.planning.kick import plan_kick
+from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.kick_program import KickObjective
 from kickdyn.planning.launch import OutOfReach
-from kickdyn.planning.plan_report import OVER, PlanReport, unreachable_json
+from kickdyn.planning.plan_report import OVER, PlanReport, describe_passage, unreachable_json
 from kickdyn.planning.scatter import checked_spread
 from kickdyn.planning.swing import plan_swing
 from kickdyn.restitution import Restitution
@@ -159,9 +167,11 @@ def plan(
     Example: kickdyn plan --distance 30 --time 1.5 --leg human --view kick.html --json -
     """
     if ball_height is not None and ball_at is not None:
-        raise InvalidInput("ball-height and ball-at are both given: give one of the two")
+        raise InvalidInput("--ball-height and --ball-at are both given: give one of the two")
     if swing and no_limits:
-        raise InvalidInput("swing and no-limits are both given: a swing is planned within limits")
+        raise InvalidInput(
+            "--swing and --no-limits are both given: a swing is planned within limits"
+        )
     for name, value in {"distance": distance, "height": height, "left": left}.items():
         least = 0.0 if name == "distance" else -math.inf
         validation.number(name, value, above=least, at_most=FARTHEST, unit="m")
@@ -170,7 +180,7 @@ def plan(
         if all(named is None for named in (time, apex, launch_speed, over, surface)):
             over = [wall.distance, wall.height + OVER]
     named = {"time": time, "apex": apex, "launch-speed": launch_speed, "over": over}
-    given = [name for name, value in named.items() if value is not None]
+    given = [f"--{name}" for name, value in named.items() if value is not None]
     if len(given) != 1:
         raise InvalidInput(
             f"{' and '.join(given) or 'nothing'} {'are' if given else 'is'} given besides the "
@@ -192,40 +202,55 @@ def plan(
         raise InvalidInput(f"plot is {plot!r}: swings are drawn for robots on a fixed base")
     _check_files(swing, view, plot, json_file)
     if uncertainty is not None and objective is not None:
-        raise InvalidInput("robust and objective are both given: robust minimizes the scatter")
+        raise InvalidInput("--robust and --objective are both given: --robust minimizes scatter")
+    if uncertainty is not None and swing:
+        raise InvalidInput(
+            "--robust and --swing are both given: a kick with a swing is planned for the objective "
+            "joint-speed or kinetic-energy"
+        )
     if ball_height is None and ball_at is None and not is_floating(leg):
         ball_height = _lying_height(leg, ball, offset)
-    try:
-        with busy("planning the kick") as show:
-            planned = plan_kick(
-                leg,
-                goal,
-                ball,
-                air_of_flight,
-                objective=(objective or KickObjective.JOINT_SPEED)
-                if uncertainty is None
-                else "scatter",
-                uncertainty=uncertainty,
-                restitution=restitution,
-                friction=friction,
-                spin=spin or (0.0, 0.0, 0.0),
-                offset=offset,
-                ball_height=ball_height,
-                ball_at=ball_at,
-                limits=not no_limits,
-                arc=arc,
-                surface=surface,
-                swing=swing,
-            )
-            swung = None
-            if swing and planned.backswing is None:
-                show("planning the swing")
-                swung = plan_swing(leg, planned)
-    except OutOfReach as error:
-        if json_file is not None:
-            write_json(json_file, unreachable_json(goal, error))
-        raise
-    report = PlanReport(planned, swung, wall, goal_mouth, uncertainty, not no_limits)
+    arguments: dict[str, Any] = {
+        "objective": objective or KickObjective.JOINT_SPEED,
+        "restitution": restitution,
+        "friction": friction,
+        "spin": spin or (0.0, 0.0, 0.0),
+        "offset": offset,
+        "ball_height": ball_height,
+        "ball_at": ball_at,
+        "limits": not no_limits,
+        "arc": arc,
+        "surface": surface,
+        "swing": swing,
+    }
+    if uncertainty is not None:
+        arguments |= {"objective": KickObjective.SCATTER, "uncertainty": uncertainty}
+
+    def attempt(goal: Goal, **changes: Any) -> KickPlan:
+        """Return the plan for a goal, with changed arguments."""
+        return plan_kick(leg, goal, ball, air_of_flight, **(arguments | changes))
+
+    with busy("planning the kick") as show:
+        try:
+            planned = attempt(goal)
+        except OutOfReach as error:
+            if json_file is not None:
+                write_json(json_file, unreachable_json(goal, error))
+            raise explain_unreachable(goal, error, attempt) from None
+        if wall is not None:
+            try:
+                describe_passage(wall, planned)
+            except InvalidInput as error:
+                raise InvalidInput(f"{error}{clear_wall(wall, planned, attempt)}") from None
+        advice = list[str]()
+        if not swing and uncertainty is None:  # trying others takes long
+            advice += within_limits(planned, attempt)
+            advice += clear_ground(planned, attempt) if ball_at is None else ()
+        swung = None
+        if swing and planned.backswing is None:
+            show("planning the swing")
+            swung = plan_swing(leg, planned)
+    report = PlanReport(planned, swung, wall, goal_mouth, uncertainty, not no_limits, tuple(advice))
     _write(report, json_file, view, plot)
 
 

@@ -87,7 +87,7 @@ class Course(ReprMixin):
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
-        """A line for each coefficient used outside its range, by its share of the time aloft."""
+        """A line for each coefficient outside its range, with its share of the time in flight."""
         times, of_model = dict[str, float](), dict[str, CoefficientModel]()
         for path in self.flights:
             for model, share in path.outside():
@@ -210,7 +210,7 @@ def _grounded(
 ) -> list[GroundPhase]:
     """Return the phases of a ball that stays down: sliding, if it does, then rolling."""
     if surface.friction == 0.0:
-        raise InvalidInput(f"friction of {surface.name} is 0: the ball would slide for ever")
+        raise InvalidInput(f"friction of {surface.name} is 0: it must be above 0 to end sliding")
     phases: list[GroundPhase] = []
     sliding = slide(state, ball, air, surface, wall_of(plane, ball, state))
     if sliding is not None:

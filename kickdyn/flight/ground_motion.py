@@ -22,11 +22,11 @@ class GroundPhase:
     """A ball sliding or rolling along the ground; times count from the start of the phase.
 
     Attributes:
-        start, end: the ball there.
+        start, end: the ball at the start and at the end of the phase.
         kind: `slide` or `roll`.
-        at_wall: whether it ended at a wall.
+        at_wall: whether the phase ended at a wall.
         blown: whether the wind kept it rolling to the time limit.
-        evaluations: of the acceleration.
+        evaluations: number of evaluations of the acceleration.
     """
 
     start: BallState
@@ -39,7 +39,7 @@ class GroundPhase:
 
     @property
     def duration(self) -> float:
-        """How long it takes [s]."""
+        """Duration of the phase [s]."""
         return float(self.end.time)
 
     def sample(self, t: ArrayLike) -> BallState:

@@ -180,7 +180,7 @@ def fly_until(
     began, state = start
     node = began, state, np.array(rates(began, state))
     if not np.isfinite(node[2]).all():  # the step size would become NaN
-        raise KickdynError(f"the acceleration is not finite at {began:g} s: no flight from there")
+        raise KickdynError(f"the acceleration of the ball is not finite at {began:g} s")
 
     def up(states: Array) -> float:
         """Return the upward speed, whose fall through zero is a crest."""
@@ -251,7 +251,7 @@ class _Solver:
             k[_STAGES] = self.rates(end, new)
             self.evaluations += _STAGES
             if self.evaluations > MAX_EVALUATIONS:
-                raise _given_up(t, f"it takes more than {MAX_EVALUATIONS} evaluations")
+                raise _given_up(t, f"it takes more than {MAX_EVALUATIONS} evaluations of forces")
             scale = self.atol + self.rtol * np.maximum(np.abs(y), np.abs(new))
             fifth, third = ((_ERRORS @ k) / scale).tolist()
             five, three = sum(e * e for e in fifth), sum(e * e for e in third)
@@ -276,7 +276,7 @@ class _Solver:
         """
         level = math.hypot(*step.end[climb - 2 : climb])
         before, after = float(step.begin[climb]), float(step.end[climb])
-        if level > 0.1 * (before - after):
+        if before == 0.0 or level > 0.1 * (before - after):  # at the crest, or not so steep
             return step
         crest = _root(lambda y: float(y[climb]), step, (before, after))
         part = (crest - step.t_old) / (step.t - step.t_old)

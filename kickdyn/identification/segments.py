@@ -270,7 +270,8 @@ def segments(
 
     Raises:
         InvalidInput: fewer than 5 samples, samples a second or more apart, a track under the
-            ground, or one whose ball falls as in other units than metres; or a wrong argument.
+            ground, or one whose ball falls as if the positions were not in metres; or a wrong
+            argument.
     """
     ball, air = Ball() if ball is None else ball, Air() if air is None else air
     level = ground.height if ground is not None else 0.0

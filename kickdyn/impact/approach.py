@@ -158,7 +158,7 @@ def _closing_speed(
     speed = nx * ux + ny * uy + nz * uz
     if speed <= 0.0:
         raise NoImpact(
-            f"the foot moves along the normal at {-speed:.6g} m/s away from the ball in "
+            f"along the contact normal the foot moves at {-speed:.6g} m/s away from the ball in "
             f"{posture!r}: the normal points from foot to ball, the foot must approach along it"
             if speed < 0
             else f"foot and ball do not approach along the normal in {posture!r}"

@@ -248,10 +248,10 @@ def collide(
     """Strike a ball through a contact of finite stiffness, to the first separation.
 
     The leg moves meanwhile, under gravity, joint torques, centrifugal and Coriolis forces; supports
-    stay at rest and loops closed, whatever forces that takes of ground and pins. The foot
-    is a plane through its contact point that rotates with it, the ball a rigid body behind a
-    spring; the force of `ForceModel` acts along the plane's normal through the ball's centre, and
-    Coulomb's friction across it, against the sliding. For growing stiffness the result with the
+    stay at rest and loops stay closed. The foot is a plane through its contact point that rotates
+    with it, and the ball is a rigid body behind a spring. The force of `ForceModel` acts along the
+    normal of the plane through the centre of the ball, and Coulomb's friction across it, against
+    the sliding. For growing stiffness the result with the
     dissipation `walton-braun` tends to that of `strike`, law `stronge`, whose restitution it has.
     With `hunt-crossley` it tends to the law `newton` if the contact slips in one direction
     throughout; if it sticks, only if friction does not change the normal velocity (a leg without

@@ -34,7 +34,10 @@ def items() -> list[Item]:
         for label, impact in extremes(impacts).items():
             angles = impact.posture.leg.angles_deg(impact.posture.q)
             where = ", ".join(f"{name} {angle:.1f}" for name, angle in angles.items())
-            why = f"at {where} deg; self-motion changes the impulse {ratio:.2f}-fold"
+            why = (
+                f"at {where} deg; over the postures with the same contact point (self-motion) the "
+                f"impulse changes by a factor of {ratio:.2f}"
+            )
             joint, inside = impact.worst_joint
             for what, ours in (("", size(impact)), (f", in the {joint}", inside)):
                 name = f"{NAME} {label} impulse on {struck}{what}"

@@ -55,7 +55,10 @@ def items() -> list[Item]:
     for name, path in flights().items():
         _, y, z = path.launch.spin
         tilt, side = math.degrees(math.atan2(z, -y)) + 0.0, CONTACTS[name]
-        why = "from the axis of pure back spin; up on the side the ball curves to"
+        why = (
+            "angle to the axis of pure back spin; the axis is higher on the side to which the ball "
+            "curves"
+        )
         if side == 0:
             why = "pure back spin, about a level axis"
         verdict = shape(abs(tilt) < 1e-9 if side == 0 else tilt * side > 0)
@@ -72,11 +75,12 @@ def varying(choice: Coefficients) -> list[Item]:
     for name, path in flights(choice).items():
         left, side = curve(path), CONTACTS[name]
         correct = abs(left) < 1e-9 if side == 0 else left * side > 0
-        course = "straight" if side == 0 else f"to the {'left' if side > 0 else 'right'}"
+        course = "flies straight" if side == 0 else f"curves {'left' if side > 0 else 'right'}"
         why = (
-            f"{'curves' if correct and side else 'flies'} {course} of its launch; "
-            f"{float(path.launch.speed):.4g} m/s, range {path.range:.3g} m; contact "
-            f"{OFFSET_DEG:g} deg low{'' if side == 0 else f' and {OFFSET_DEG:g} deg beside'}"
+            f"the ball {course if correct else f'does not fly as the paper says ({course})'}; "
+            f"launch at {float(path.launch.speed):.4g} m/s, range {path.range:.3g} m; contact "
+            f"{OFFSET_DEG:g} deg below "
+            f"{'' if side == 0 else f'and {OFFSET_DEG:g} deg beside '}the middle of the ball"
         )
         title, notes = f"{NAME} {name} curve to the left", warnings_of(path)
         result.append(Item(title, None, left, "m", shape(correct), why, source, notes=notes))

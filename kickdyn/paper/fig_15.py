@@ -114,9 +114,9 @@ def items() -> list[Item]:
         launch = plan_launch(Goal(distance, time=time), BALL, air)
         last = newton_rounds(launch)[-1]
         why = (
-            f"ours, beside the learning loop: {launch.speed:.4f} m/s at "
-            f"{math.degrees(launch.angle):.4f} deg, errors {last.distance_error:.0e} m, "
-            f"{last.time_error:.0e} s"
+            "kickdyn's planner (Newton's method) instead of the learning loop: launch at "
+            f"{launch.speed:.4f} m/s, {math.degrees(launch.angle):.4f} deg, errors "
+            f"{last.distance_error:.0e} m, {last.time_error:.0e} s"
         )
         verdict = Verdict.OURS if launch.status == "met" else Verdict.NOT_REACHABLE
         name, steps = f"{NAME} {distance:g} m, {time:g} s planner steps", launch.iterations
@@ -140,10 +140,10 @@ def varying(choice: Coefficients) -> list[Item]:
     for (distance, time, printed), rounds in zip(GOALS, found, strict=True):
         first, last = rounds[0], rounds[-1]
         why = (
-            f"{'met' if last.is_met else 'not met'} to {DISTANCE_ACCURACY:g} m and "
-            f"{TIME_ACCURACY:g} s, {'more' if harder else 'not more'} rounds for farther goals; "
-            "the paper's number of rounds is read off its figure; first errors "
-            f"{first.distance_error:.2f} m, {first.time_error:.3f} s"
+            f"the goal is {'met' if last.is_met else 'not met'} to within {DISTANCE_ACCURACY:g} m "
+            f"and {TIME_ACCURACY:g} s, farther goals need {'more' if harder else 'not more'} "
+            "rounds; the paper's number of rounds is read off its figure; the errors of the first "
+            f"flight are {first.distance_error:.2f} m and {first.time_error:.3f} s"
         )
         name = f"{NAME} {distance:g} m, {time:g} s learning loop rounds"
         verdict = shape(last.is_met and harder)

@@ -41,17 +41,21 @@ def items() -> list[Item]:
     result, attack = [], float(np.mean([launch for _, _, launch, _ in CASES]))
     bound = normal_impulse(FOOT_SPEED, 1.0, np.inf, BALL.mass) / BALL.mass
     one = (
-        "one attack direction for all, as the foot motion is the same: the mean of the printed "
-        "launch angles; a ball that sticks leaves along it"
+        "one attack direction for all cases, which have the same foot motion: the mean of the "
+        "printed launch angles; a ball whose contact sticks leaves along it"
     )
-    slow = f"a foot at {FOOT_SPEED} m/s gives at most (1 + e) v = {bound:.3g} m/s, at e = 1"
+    slow = (
+        f"a foot at {FOOT_SPEED} m/s gives the ball at most (1 + e) v = {bound:.3g} m/s, with a "
+        "restitution e of 1"
+    )
     for number, (speed, spin, angle, contact) in enumerate(CASES, 1):
         normal, momentum = direction(contact), BALL.mass * speed
         state, sticking = launch_from_force(momentum * direction(angle), normal)
         common, _ = launch_from_force(momentum * direction(attack), normal)
         fitted = (
-            f"contact at {contact:g} deg {'sticks' if sticking else 'slips'}: the round number "
-            "that fits, as the paper prints no height"
+            f"the contact height of {contact:g} deg is fitted (the round number that gives nearly "
+            "the printed spin), as the paper prints none; the contact "
+            f"{'sticks' if sticking else 'slips'}"
         )
         for what, paper, ours, unit, why, source in (
             ("spin", spin, math.hypot(*state.spin), "rad/s", fitted, "Eqs. (15)-(21)"),
@@ -73,8 +77,8 @@ def varying(choice: Coefficients) -> list[Item]:
     ordered = ranges == sorted(ranges) and heights == sorted(heights)
     farthest, highest = 1 + int(np.argmax(ranges)), 1 + int(np.argmax(heights))
     why = (
-        f"case {farthest} flies farthest, case {highest} highest; in the paper case 3, to about "
-        "10 m and 2 m, read off its curves"
+        f"case {farthest} flies farthest and case {highest} highest; in the paper case 3 does "
+        "both, about 10 m far and 2 m high, read off its curves"
     )
     source = f"Eqs. (12)-(13), (22)-(23), {choice.name}; from the printed launch"
     return [

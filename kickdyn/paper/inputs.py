@@ -20,7 +20,7 @@ TABLE_6 = (
 
 def items() -> list[Item]:
     """Return every printed number beside that of kickdyn."""
-    air, why = Air.paper(), "of kd.Ball.paper() and kd.Air.paper(), which has no wind"
+    air, why = Air.paper(), "values of kd.Ball.paper() and kd.Air.paper(), which has no wind"
     rows = [
         ("Table 3 air density", 1.22, air.density, "kg/m3", why),
         ("Table 3 ball radius", 0.1, BALL.radius, "m", why),
@@ -29,7 +29,7 @@ def items() -> list[Item]:
         ("Table 3 gravity", 9.81, GRAVITY, "m/s2", why),
     ]
     for table, leg, printed in ((1, Leg.human(), TABLE_1), (6, Leg.testbed(), TABLE_6)):
-        model, why = leg.model, "of the shipped URDF file"
+        model, why = leg.model, "values of the leg's URDF file in kickdyn"
         ends = [*list(model.jointPlacements)[2:], model.frames[leg.frame_id].placement]
         for name, link, end, papers in zip(
             ("thigh", "shank", "foot"), list(model.inertias)[1:], ends, printed, strict=True

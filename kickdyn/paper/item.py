@@ -122,7 +122,10 @@ def judged(item: Item, others: Sequence[Item]) -> Item:
     if not changed and distance(farthest) <= WIDE:
         return item
     unit = "" if item.unit == "1" else f" {item.unit}"
-    note = f"{item.ours:.3g}{unit} here, {farthest.ours:.3g}{unit} with {farthest.variant}"
+    note = (
+        f"{item.ours:.3g}{unit} with the default coefficients, {farthest.ours:.3g}{unit} with "
+        f"{farthest.variant}"
+    )
     if changed:
-        note += f", where the verdict is {farthest.verdict}"
+        note += f", for which the verdict is {farthest.verdict}"
     return replace(item, verdict=Verdict.DEPENDS, notes=(*item.notes, note))

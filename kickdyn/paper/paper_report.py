@@ -33,15 +33,19 @@ def show(items: Mapping[str, Sequence[Item]], others: Mapping[str, Sequence[Item
     every += [item for section in others.values() for item in section]
     for verdict in (one for one in COLOURS if any(item.verdict == one for item in every)):
         console.print(f"[{COLOURS[verdict]}]{verdict}[/]: {MEANINGS[verdict]}")
+    console.print(
+        "C_D: drag coefficient; e: coefficient of restitution; Re: Reynolds number; spin "
+        "parameter: surface speed of the spin over speed; X forward and Y up, as in the paper"
+    )
 
 
 def table(items: Mapping[str, Sequence[Item]], why: Sequence[str]) -> Table:
     """Return the table of all items; the last column numbers reason and notes as in `why`."""
-    result = empty_table("The paper, item by item")
+    result = empty_table("Choi et al., ICRA 2005, and kickdyn, item by item")
     result.add_column("item", min_width=12)
-    for head in ("paper", "ours", "unit", "difference", "verdict", "why"):
-        left = head in ("unit", "verdict", "why")
-        result.add_column(head, justify="left" if left else "right", no_wrap=head != "why")
+    for head in ("paper", "kickdyn", "unit", "difference", "verdict", "notes"):
+        left = head in ("unit", "verdict", "notes")
+        result.add_column(head, justify="left" if left else "right", no_wrap=head != "notes")
     for name, section in items.items():
         result.add_row(f"[bold]{name}[/]")
         for item in section:
@@ -49,7 +53,7 @@ def table(items: Mapping[str, Sequence[Item]], why: Sequence[str]) -> Table:
                 escape(item.item.removeprefix(f"{name} ")),
                 "" if item.paper is None else f"{item.paper:g}",
                 f"{item.ours:.5g}",
-                item.unit,
+                item.unit.removeprefix("1"),
                 item.difference,
                 f"[{COLOURS[item.verdict]}]{item.verdict}[/]",
                 " ".join(f"{1 + why.index(text)}" for text in (item.why, *item.notes)),
@@ -65,9 +69,10 @@ def sensitivity(name: str, items: Sequence[Item]) -> Table:
     """
     columns: dict[str, dict[str, str]] = {}
     for item in items:
-        column = columns.setdefault(f"{item.item.removeprefix(f'{name} ')}, {item.unit}", {})
+        unit = "" if item.unit == "1" else f" [{item.unit}]"
+        column = columns.setdefault(escape(item.item.removeprefix(f"{name} ") + unit), {})
         column[item.variant] = f"[{COLOURS[item.verdict]}]{item.ours:.4g}[/]"
-    result = empty_table(f"{name} with other coefficients")
+    result = empty_table(f"{name} with other coefficients of drag (C_D) and lift")
     result.add_column("coefficients", no_wrap=True)
     shown: list[dict[str, str]] = []
     for head, column in columns.items():

@@ -53,9 +53,9 @@ def items() -> list[Item]:
     fits = (spread <= FITTED) & (middle <= 2.0)
     shank, e = angles[fits] @ (1.0, -1.0), middle[fits] - 1
     why = (
-        "the obstacle is immovable; hip, knee and e are fitted to three totals, which identify hip "
-        f"minus knee, {shank.min():g} to {shank.max():g} deg, and e, {e.min():.2f} to "
-        f"{e.max():.2f}, only: {fits.sum()} of {len(fits)} postures fit"
+        "impact on an immovable obstacle; hip, knee and the restitution e are fitted to the three "
+        f"totals, which determine only hip minus knee ({shank.min():g} to {shank.max():g} deg) and "
+        f"e ({e.min():.2f} to {e.max():.2f}): {fits.sum()} of {len(fits)} postures fit"
     )
     source = f"Eq. (10) without the ball's term, e = 0.8, hip {HIP_DEG:g} and knee {KNEE_DEG:g} deg"
     result, totals = [], []
@@ -72,7 +72,10 @@ def items() -> list[Item]:
         result.append(Item(title, None, inside, "N s", Verdict.OURS, inner, source))
         ours = normal_impulse(SPEED, RESTITUTION, impact.effective_mass, BALL.mass)
         bound, sure = (normal_impulse(SPEED, e, most, BALL.mass) for e in (RESTITUTION, 1.0))
-        limit = f"no hip and knee of a search give more than {bound:.2g} N s, {sure:.2g} at e = 1"
+        limit = (
+            "with the mass of the ball in Eq. (10), no hip and knee angle of a search gives more "
+            f"than {bound:.2g} N s at e = {RESTITUTION:g}, or {sure:.2g} N s at e = 1"
+        )
         verdict = Verdict.FITTED if printed[-1] <= sure else Verdict.NOT_REACHABLE
         title, printed_source = f"{NAME} {name} with the ball", "Eq. (10) as printed, e = 0.8"
         result.append(Item(title, printed[-1], ours, "N s", verdict, limit, printed_source))
@@ -101,15 +104,17 @@ def _words(totals: list[float]) -> list[Item]:
     up = 100 * float(np.ptp(np.log(TOTALS / search(-1.0)[1]), axis=1).min() / 2)
     first, *_, last = (90 + down + HIP_DEG - KNEE_DEG for down, *_ in ROWS.values())
     straight = (
-        '"the posture of straight ankle transmits large external impulse": it does if that is (a), '
-        f"the ankle nearest to a right angle ({first:g} deg between shank and foot), not if it is "
-        f"(c), the foot nearest to the line of the shank ({last:g} deg)"
+        'the paper says "the posture of straight ankle transmits large external impulse"; this '
+        f"holds if the straight ankle is that of (a), the nearest to a right angle ({first:g} deg "
+        "between shank and foot), and not if it is that of (c), whose foot is the nearest to the "
+        f"line of the shank ({last:g} deg)"
     )
     small = (
-        'the impulse "becomes smaller for the small angle of the ankle": not in our postures; '
-        f"it falls as the angle to the ground grows, and as that to the shank does, {first:g} to "
-        f"{last:g} deg; the latter would shrink with the foot turned up, but no posture of a "
-        "search gives the totals then; that the foot points down is our inference"
+        'the paper says that the impulse "becomes smaller for the small angle of the ankle"; this '
+        "does not hold here: from (a) to (c) the impulse falls while the angle between foot and "
+        f"ground grows, and so does that between shank and foot, from {first:g} to {last:g} deg; "
+        "with the foot turned up the latter would shrink, but then no posture of a search gives "
+        "the totals; that the foot points down is an inference of kickdyn"
     )
     falls, missed = shape(totals == sorted(totals, reverse=True)), Verdict.NOT_REACHABLE
     return [

@@ -196,15 +196,16 @@ def items() -> list[Item]:
     found, source = fit(DEFAULT), "Eq. (10) along the contact normal"
     paths = {row: kick(row, found, DEFAULT) for row in ROWS}
     why = (
-        f"a passive impact gives at most {PASSIVE_LIMIT:g}, with e = 1, s = 1 and a leg of "
-        "infinite mass: the printed foot speeds are not those of the contact point"
+        f"e is the restitution, s a scale of the printed foot speeds; a passive impact gives at "
+        f"most {PASSIVE_LIMIT:g}, with e = 1, s = 1 and a leg of infinite mass: the printed foot "
+        "speeds cannot be those of the contact point"
     )
     ratio, result = float(paths[HIGH].launch.speed) / HIGH.foot_speed, list[Item]()
     for name, ours in (("ball/foot speed ratio", ratio), ("(1 + e) s", found.gain)):
         verdict = Verdict.FITTED if ours <= PASSIVE_LIMIT else Verdict.NOT_REACHABLE
         result.append(Item(f"{NAME} {name}", None, ours, "1", verdict, why, source))
     result += varying(DEFAULT)
-    why = 'the paper: at 50 deg the ball "travels farthest and highest"'
+    why = 'the paper says that at 50 deg the ball "travels farthest and highest"'
     others = (paths[LOW], paths[MIDDLE])
     first = all(paths[HIGH].range > x.range and paths[HIGH].height > x.height for x in others)
     name, apex = f"{HIGH.name} apex", paths[HIGH].height
@@ -218,15 +219,18 @@ def items() -> list[Item]:
         name, verdict = f"{NAME} largest error of a {name}", shape(worst <= MEASURED)
         result.append(Item(name, None, 100 * worst, "%", verdict, why, source))
     why = (
-        "the paper names motors at hip and knee only; here the ankle is free, as Eq. (10) has it; "
-        "leg at hip 5, knee 10, ankle 0 deg, along 30 deg"
+        "the paper names motors at hip and knee only; here the ankle is free, as in Eq. (10); leg "
+        "at hip 5, knee 10, ankle 0 deg, mass along a direction 30 deg above the horizontal"
     )
     posture = testbed().posture(np.radians((5.0, 10.0, 0.0)))
     for name, free in (("free", 3), ("locked", 2)):
         mass = 1 / (1 / float(masses([posture], free)[0, 0]) - 1 / BALL.mass)
         name = f"{NAME} leg's effective mass, ankle {name}"
         result.append(Item(name, None, mass, "kg", Verdict.OURS, why, "Eq. (10), Table 6"))
-    why = f"the least of a {GRID_DEG:g} deg grid of postures, (1 + e) s fitted at 50 deg"
+    why = (
+        f"the least distance of a grid of postures every {GRID_DEG:g} deg, with (1 + e) s fitted "
+        "to the row of 50 deg"
+    )
     name, ours = f"{LOW.name} distance, ankle locked", found.locked
     verdict = Verdict.FITTED if ours <= LOW.experiment else Verdict.NOT_REACHABLE
     return [*result, Item(name, LOW.experiment, ours, "m", verdict, why, source)]
@@ -239,12 +243,12 @@ def varying(choice: Coefficients) -> list[Item]:
     at = ", ".join(f"{name} {angle:.0f}" for name, angle in angles.items())
     proportional = "predicted, whatever the posture: the launch is in proportion to the foot speed"
     reasons = {
-        LOW: f"the posture is fitted: {at} deg, of all that fit the rows of 30 and 50 deg the one "
-        f"with the smallest (1 + e) s, {found.gain:.2g}; the largest is {found.largest_gain:.2g}",
+        LOW: f"the posture is fitted to the rows of 30 and 50 deg: {at} deg; of all that fit, it "
+        f"needs the smallest (1 + e) s, {found.gain:.2g} (the largest is {found.largest_gain:.2g})",
         HIGH: "(1 + e) s is fitted; Table 5 prints this kick again",
         MIDDLE: "predicted; all postures that fit the rows of 30 and 50 deg give "
-        f"{found.middle[0]:.1f} to {found.middle[1]:.1f} m, those with less than twice the "
-        f"smallest (1 + e) s {found.likely[0]:.1f} to {found.likely[1]:.1f} m",
+        f"{found.middle[0]:.1f} to {found.middle[1]:.1f} m, and those that need less than twice "
+        f"the smallest (1 + e) s give {found.likely[0]:.1f} to {found.likely[1]:.1f} m",
     }
     source = f"Eqs. (10), (15)-(21), Table 6, {choice.name}"
     for row in ROWS:

@@ -204,7 +204,8 @@ class Backswing(ReprMixin):
         rest, still = motion.q[0], np.zeros(len(chain.names))
         leg = self.standing.leg  # with the joints that stay at 0: one of them may carry the trunk
         wholes = [chain.whole(leg, q, still) for q in motion.q]
-        upright = min(stance.margins(leg.posture(q), v)[-1] for q, v in wholes)
+        trunk = stance.rows(Condition.UPRIGHT)
+        upright = min(stance.margins(leg.posture(q), v)[trunk].item() for q, v in wholes)
         if upright < LEAN_MARGIN:
             return f"its trunk is more than {math.degrees(LEAN):.0f} deg from upright"
         weight = pin.rnea(chain.model, chain.model.createData(), rest, still, still)
@@ -399,7 +400,7 @@ class _BackswingProblem:
                 _hinged(kinematic / RANGE, half - np.abs(off), by_q, none, none),
                 _hinged(kinematic / RANGE, 1.0 - SHARE - np.abs(fast), none, by_v, none),
                 self._above(q, kinematic / HEIGHT),
-                self._placed(q, kinematic, slice(-1, None), LEAN_MARGIN + SHARE),
+                self._placed(q, kinematic, Condition.UPRIGHT, LEAN_MARGIN + SHARE),
             ]
         return _joined(parts)
 
@@ -410,7 +411,7 @@ class _BackswingProblem:
         use = forces[6:] / limit
         slope = -np.sign(use)[:, None] * by_q[6:] / limit[:, None]
         held = _hinged(kinematic / RANGE, 1.0 - SHARE - np.abs(use), slope, none, none)
-        return _joined([self._placed(q, kinematic, slice(0, -1), MARGIN / LENGTH), held])
+        return _joined([self._placed(q, kinematic, Condition.BALANCE, MARGIN / LENGTH), held])
 
     def _above(self, q: Array, weight: float) -> _Terms:
         """Return the heights of the lowest points of the kicking limb's bodies that count."""
@@ -428,9 +429,10 @@ class _BackswingProblem:
         none = self._none[: len(rows)]
         return _hinged(weight, np.array(values), np.array(rows), none, none)
 
-    def _placed(self, q: Array, weight: float, rows: slice, gap: float = 0.0) -> _Terms:
-        """Return the margins of the stance that count: balance of the sole's edges, then trunk."""
+    def _placed(self, q: Array, weight: float, condition: Condition, gap: float) -> _Terms:
+        """Return the margins of a condition of the stance that are less than a gap."""
         standing, chain = self.stance.standing.leg, self._chain
+        rows = self.stance.rows(condition)
         whole, still = chain.whole(standing, q, np.zeros(self._n))
         posture = standing.posture(whole)
         margins = self.stance.margins(posture, still)[rows]

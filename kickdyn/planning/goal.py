@@ -134,14 +134,15 @@ class Goal(ReprMixin):
 
     def __repr__(self) -> str:
         """Name target and conditions, in a line."""
-        return f"Goal({', '.join(f'{name}={value} {unit}' for name, value, unit in self._named())})"
+        named = (f"{name}={value} {unit}" for name, value, unit in self.named_values())
+        return f"Goal({', '.join(named)})"
 
     def _rows(self) -> Iterable[Row]:
         """Return the lines that are shown."""
-        yield from self._named()
+        yield from self.named_values()
         yield "distance", self.distance, "m"
 
-    def _named(self) -> Iterable[tuple[str, str, str]]:
+    def named_values(self) -> Iterable[tuple[str, str, str]]:
         """Return name, value and unit of everything that is given."""
         units = {"target": "m", **CONDITIONS, "beside": "m"}
         for name, unit in units.items():
@@ -167,7 +168,7 @@ class Goal(ReprMixin):
 
     @property
     def lowest(self) -> float:
-        """Height of the ball's centre where it touches the ground, above the launch, <= 0 [m]."""
+        """Height above the launch at which the ball touches the ground [m], 0 or less."""
         return min(0.0, float(self.target[2]))
 
     @property

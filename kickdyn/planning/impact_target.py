@@ -115,8 +115,8 @@ def impact_target_for(
         most = math.sin(math.atan(friction))
         if not sine <= most:
             raise InvalidInput(
-                f"spin is {turn:g} rad/s: with friction {friction:g} this launch takes at most "
-                f"{most * ball.radius * size / ball.inertia:g} rad/s"
+                f"spin is {turn:.4g} rad/s: with friction {friction:g} the foot gives this launch "
+                f"at most {most * ball.radius * size / ball.inertia:.4g} rad/s"
             )
         normal = math.sqrt(1.0 - sine * sine) * along + sine * np.cross(spin / turn, along)
     return ImpactTarget(impulse, Contact(normal, restitution, friction, offset), ball)

@@ -86,9 +86,9 @@ def plan_kick(
     joint velocity by the objective, and `strike` and `fly` verify the plan.
 
     Args:
-        leg: on a fixed base, without supports or loops, and without mimic joints in the kicking
-            limb; or a robot on a floating base that stands on one flat support, see below, without
-            loops and mimic joints. The plan's q has one angle for each continuous joint.
+        leg: a leg on a fixed base, without supports or loops, and without mimic joints in the
+            kicking limb; or a robot on a floating base that stands on one flat support, see below,
+            without loops and mimic joints. The plan's q has one angle for each continuous joint.
         goal: the goal, seen from where the ball lies.
         ball: the ball; its mass and radius count.
         air: the air; None is the vacuum.
@@ -333,7 +333,7 @@ def _checked_objective(
     if swing:
         if objective not in (KickObjective.JOINT_SPEED, KickObjective.KINETIC_ENERGY):
             raise InvalidInput(
-                f"objective is {objective}: with swing=True it must be joint-speed or "
+                f"objective is {objective}: with swing=True (--swing) it must be joint-speed or "
                 "kinetic-energy"
             )
         if not limits:

@@ -239,12 +239,21 @@ class KickPlan(ReprMixin):
             return []
         return missing_shapes(self.leg, constraints.supports[0])
 
+    @property
+    def _floor(self) -> float:
+        """Height of the ground [m, world frame]."""
+        below = min(0.0, float(self.goal.target[2])) - self.impact.ball.radius
+        return float(self.impact.ball_before.position[2]) + below
+
+    @cached_property
+    def depths(self) -> tuple[Depth, ...]:
+        """Bodies that are under the ground at the impact, the deepest first, see `warnings`."""
+        return tuple(find_depths(self.leg, [self.q], self._floor))
+
     def _under_ground(self) -> list[str]:
         """Return a line for the bodies under the ground at the impact, and one for those before."""
         impact, speed = self.impact, math.hypot(*self.impact.foot_velocity)
-        below = min(0.0, float(self.goal.target[2])) - impact.ball.radius
-        floor = float(impact.ball_before.position[2]) + below
-        now = find_depths(self.leg, [self.q], floor)
+        now, floor = self.depths, self._floor
         lines = [f"{one.frame} by {one.depth:.3f} m" for one in now]
         if lines:
             lines = [
@@ -271,7 +280,7 @@ class KickPlan(ReprMixin):
         ]
         return lines + ([f"{how}: {'; '.join(before)}; {remedy}"] if before else [])
 
-    def _lift(self, deep: list[Depth]) -> str:
+    def _lift(self, deep: tuple[Depth, ...]) -> str:
         """Return what can bring bodies above the ground at the impact, as the end of a sentence."""
         if self.balance is not None:
             return "another goal, offset or objective takes another posture"

@@ -31,6 +31,16 @@ from kickdyn.planning.launch_solver import (
 from kickdyn.planning.passes import Pass
 from kickdyn.planning.shooting import ShootingProblem, Trajectory
 
+REASONS = {
+    LaunchLimit.SPEED: "the ball would have to start faster than {speed:.4g} m/s",
+    LaunchLimit.SPIN: "the ball would have to spin faster than {spin:.4g} rad/s",
+    LaunchLimit.LEAST_SPEED: "a ball that starts more slowly does not come to the target",
+    LaunchLimit.LOWEST_PATH: "no flight to the target stays so low",
+    LaunchLimit.HIGHEST_PATH: "no flight to the target at up to {speed:.4g} m/s is so high",
+    LaunchLimit.GROUND: "the flight would lead through the ground",
+}
+"""Why no launch within limits of speed and spin meets a goal, as the end of a sentence."""
+
 SPEED_LIMIT = 343.0
 """Speed of sound [m/s]: drag coefficients without a Mach number do not hold beyond."""
 
@@ -172,9 +182,22 @@ class Launch(ReprMixin):
         if self.limit is None:
             count = 1 + len(self.others)
             return "1 launch meets the goal" if count == 1 else f"{count} launches meet the goal"
-        return (
-            f"out of reach ({self.limit}): the nearest is {self.reached}, at {self.speed:.4g} m/s"
-        )
+        goal, reached = self.goal, self.reached
+        if (reached.target != goal.target).any():
+            nearest = f"the farthest is {reached.distance:.4g} m"
+        else:
+            changed = "beside" if reached.beside != goal.beside else reached.kind
+            named = {name: f"{name} {value} {unit}" for name, value, unit in reached.named_values()}
+            nearest = f"the nearest is {named[changed]}"
+        return f"out of reach: {self.reason}; {nearest}, at {self.speed:.4g} m/s"
+
+    @property
+    def reason(self) -> str:
+        """Why the goal is out of reach, as the end of a sentence; empty where it is met."""
+        if self.limit is None:
+            return ""
+        speed, spin = self.limits or (SPEED_LIMIT, math.inf)
+        return REASONS[self.limit].format(speed=speed, spin=spin)
 
 
 @validation.check_arguments
@@ -253,7 +276,10 @@ def _shooting_problem(goal: Goal, ball: Ball, air: Air | None, spin: ArrayLike) 
     spin = validation.vector("spin", spin, 3, unit="rad/s")
     if goal.beside is not None:
         if air is None or air.lift is None or air.density == 0.0:
-            raise InvalidInput("beside asks for a curved flight: name air with lift")
+            raise InvalidInput(
+                f"beside is {goal.beside[0]:g} m, {goal.beside[1]:g} m: only a curved flight "
+                "passes there, which takes air with density and lift"
+            )
         spin = validation.direction("spin", spin if spin.any() else (0.0, 0.0, 1.0))
     return ShootingProblem(ball, air, spin, goal.beside is not None)
 
@@ -315,7 +341,9 @@ def _farthest(family: LaunchFamily) -> Launch:
     )
     found = flight(float(best.x))
     if found is None:
-        raise OutOfReach(f"{goal} is out of reach of every launch", LaunchLimit.SPEED, None)
+        raise OutOfReach(
+            f"the goal is out of reach of every launch at {speed:.4g} m/s", LaunchLimit.SPEED, None
+        )
     unknowns = np.array([*found.state(0.0)[1], found.time])
     solution = LaunchSolution(unknowns, np.zeros(4), unknowns[None, :3], found)
     reached = Goal(found.state(found.time)[0], time=found.time)
@@ -364,7 +392,7 @@ def _nearest(family: LaunchFamily, curves: list[list[LaunchSolution]], *, buried
         buried, clear = True, family.above_ground(curves)
         if not clear:
             raise OutOfReach(
-                f"{goal} is out of reach: the ground is in the way of every launch",
+                "the goal is out of reach: the ground is in the way of every launch",
                 LaunchLimit.GROUND,
                 None,
             )

@@ -23,6 +23,13 @@ from kickdyn.planning.goal import Goal, LaunchLimit, PlanStatus
 ACCURACY = 1e-6
 """Largest error of time [s] and place [m]; a bounce makes less of them smooth."""
 
+REASONS = {
+    LaunchLimit.SPEED: "the ball would have to start faster than {speed:.4g} m/s",
+    LaunchLimit.ROLLING: "a slower ball stops before the target",
+    LaunchLimit.BOUNCE: "the place where the ball bounces jumps as its speed changes",
+}
+"""Why no pass meets a goal, as the end of a sentence."""
+
 NEVER = 1e6
 """Delay of a ball that does not come to the target [s]."""
 
@@ -74,14 +81,16 @@ class Pass(ReprMixin):
         """A line that says whether the goal is met, and if not, why."""
         if self.limit is None:
             return f"the pass takes {self.time:.4g} s"
-        why = {
-            LaunchLimit.SPEED: "the ball would have to be faster than the speed limit",
-            LaunchLimit.ROLLING: "a ball so slow would stop before",
-            LaunchLimit.BOUNCE: "the place where it bounces jumps as its speed changes",
-        }[self.limit]
         if self.course.status == "at-plane":
-            return f"{why}: {self.time:.4g} s is nearest"
-        return f"{why}: {self.course.distance:.4g} m is farthest"
+            return f"{self.reason}; the nearest is {self.time:.4g} s"
+        return f"{self.reason}; the farthest is {self.course.distance:.4g} m"
+
+    @property
+    def reason(self) -> str:
+        """Why the goal is out of reach, as the end of a sentence; empty where it is met."""
+        if self.limit is None:
+            return ""
+        return REASONS[self.limit].format(speed=math.hypot(*self.velocity))
 
 
 @validation.check_arguments
@@ -120,9 +129,10 @@ def plan_pass(
         ('met', 15.06)
     """
     if goal.time is None or goal.target[2] != 0.0 or goal.beside is not None:
+        named = ", ".join(f"{name} {value} {unit}" for name, value, unit in goal.named_values())
         raise InvalidInput(
-            f"{goal!r} is no goal of a pass: it must have a time, a target as high as the ball and "
-            "no beside"
+            f"a goal with {named} is no goal of a pass: it must have a time, a target as high "
+            "as the ball and no beside"
         )
     angle = validation.number("angle", angle, at_least=0, at_most=1.2, unit="rad")
     limit = validation.number("speed limit", speed_limit, above=0, at_most=100, unit="m/s")

@@ -46,7 +46,7 @@ def describe_passage(wall: Wall, plan: KickPlan) -> str:
     """Return by how much the ball clears the wall, as a sentence.
 
     Raises:
-        InvalidInput: it does not; with the options of `kickdyn plan` that ask for more.
+        InvalidInput: it does not.
     """
     check_before(wall, plan.goal.distance)
     passage = passage_of(wall, plan)
@@ -55,16 +55,7 @@ def describe_passage(wall: Wall, plan: KickPlan) -> str:
     if passage.is_clear:
         return str(passage)
     weak = "" if plan.share == 1.0 else "the goal is beyond the limits of the leg, and "
-    message = f"{weak}the ball {passage.hit}"
-    if not isinstance(plan.path, Course):
-        kind = {"speed": "launch-speed"}.get(plan.goal.kind, plan.goal.kind)
-        instead = "" if kind == "over" else f" in place of --{kind}"
-        edge = math.ceil(1e3 * (wall.width / 2 + plan.impact.ball.radius + OVER)) / 1e3
-        message += (
-            f": use --over {wall.distance:g}:{wall.height + OVER:g}{instead}, or "
-            f"--beside {wall.distance:g}:{math.copysign(edge, passage.left + 1e-6):g}"
-        )
-    raise InvalidInput(message)
+    raise InvalidInput(f"{weak}the ball {passage.hit}")
 
 
 def score(plan: KickPlan) -> Score:
@@ -78,7 +69,10 @@ def score(plan: KickPlan) -> Score:
 
 @dataclass(frozen=True)
 class PlanReport:
-    """A planned kick with the swing, the wall, the goal and the errors that were asked about."""
+    """A planned kick with the swing, the wall, the goal and the errors that were asked about.
+
+    `advice` is sentences with options of `kickdyn plan` that were tried.
+    """
 
     plan: KickPlan
     swing: Swing | None = None
@@ -86,6 +80,7 @@ class PlanReport:
     goal_mouth: bool = False
     uncertainty: Mapping[str, float] | None = None
     limits: bool = True
+    advice: tuple[str, ...] = ()
 
     def sentences(self) -> list[str]:
         """Return the answer in sentences; raise `InvalidInput` where the ball hits the wall."""
@@ -103,7 +98,7 @@ class PlanReport:
             found.append(_describe_backswing(self.plan.backswing))
         found += [_describe_stance(name, self.plan) for name in self.plan.impact.footing]
         found += _after_impact(self.plan, limits=self.limits)
-        return found + [f"Warning: {line}." for line in self.plan.warnings]
+        return [*found, *(f"Warning: {line}." for line in self.plan.warnings), *self.advice]
 
     def table(self) -> list[str]:
         """Return the plan's numbers as lines of text."""
@@ -112,14 +107,12 @@ class PlanReport:
         up, left = plan.impact_target.contact_offset
         heading = _aside(math.degrees(plan.heading), 2, "deg")
         turned = [f"base    turned by {heading}"]
-        mean = " (mean square of the joint speeds over their limits)"
-        meaning = mean if plan.objective == "joint-speed" else ""
+        unit = plan.objective.unit or "(mean square of the joint speeds over their limits)"
         given = impact.contact.restitution
         used = describe_restitution(given, impact.restitution, impact.approach_speed)
         return [
             f"launch  {launch.speed:.4f} m/s, {_rounded(math.degrees(launch.angle), 3)} deg above "
-            f"the horizontal, {_aside(math.degrees(launch.azimuth), 3, 'deg')}; found in "
-            f"{launch.iterations} Newton steps",
+            f"the horizontal, {_aside(math.degrees(launch.azimuth), 3, 'deg')}",
             f"impact  contact point {_rounded(1e3 * abs(up), 1)} mm "
             f"{'above' if up >= 0.0 else 'below'} the ball's centre and "
             f"{_aside(1e3 * left, 1, 'mm')}, "
@@ -127,8 +120,7 @@ class PlanReport:
             f"foot speed {math.hypot(*impact.foot_velocity):.4f} m/s{', ' if used else ''}{used}",
             f"leg     {_limit_use(speed=plan.speed_use, torque=plan.torque_use)} of the joints; "
             f"largest joint impulse {impact.worst_joint[1]:.3g} N s, at "
-            f"{impact.worst_joint[0]}; objective {plan.objective}{meaning} = "
-            f"{f'{plan.value:.4g} {plan.objective.unit}'.strip()}",
+            f"{impact.worst_joint[0]}; objective {plan.objective} = {plan.value:.4g} {unit}",
             *(turned if not heading.startswith("0.00 ") else []),
             *(
                 f"  {name:24} {value:9.2f} {unit}  "
@@ -173,7 +165,7 @@ class PlanReport:
             **_attributes(plan, "share landing_error time_error warnings"),
         }
         if plan.share < 1.0:
-            path = _flight_within_limits(plan)
+            path = flight_within_limits(plan)
             report["within_limits"] = path and {"distance": path.range, "time": path.duration}
         if self.wall is not None:
             above, beside, _ = passage_of(self.wall, plan) or (None, None, None)
@@ -224,18 +216,11 @@ def verdict(plan: KickPlan) -> str:
     else:
         does = "lands" if path.status == "landed" else "is still aloft"
         end = f"{does} {path.range:.4g} m away {after}"
-    slower = _flight_within_limits(plan)
-    within = (
-        f" A goal in this direction within the limits is {slower.range:.4g} m in "
-        f"{slower.duration:.4g} s."
-        if slower is not None
-        else ""
-    )
     limits = f" ({', '.join(plan.binding)})" if plan.binding else ""
     return (
         f"The goal is beyond the limits of the leg{limits}. Its hardest kick in this direction "
         f"gives the ball {plan.share:.0%} of the speed that the target ({where}) m requires. "
-        f"The ball {end}{missed}.{within}"
+        f"The ball {end}{missed}."
     )
 
 
@@ -254,7 +239,7 @@ def unreachable_json(goal: Goal, error: OutOfReach) -> dict[str, Any]:
     }
 
 
-def _flight_within_limits(plan: KickPlan) -> Flight | None:
+def flight_within_limits(plan: KickPlan) -> Flight | None:
     """Return a flight in the kick's direction, 0.5 % within the limits, if known."""
     if isinstance(plan.path, Course) or plan.launch.spin.any() or plan.launch.angle <= 0.0:
         return None
@@ -266,11 +251,20 @@ def _flight_within_limits(plan: KickPlan) -> Flight | None:
 
 def _after_impact(plan: KickPlan, *, limits: bool) -> list[str]:
     """Return a line with the joints beyond a limit just after the impact, or no line."""
-    parts = [f"{name} moves into the stop at the end of its range" for name in plan.into_stop]
-    if limits:
-        used = plan.too_fast_after.items()
-        parts += [f"{name} has {use:.0%} of its speed limit" for name, use in used]
-    return [f"Just after the impact, {', '.join(parts)}."] if parts else []
+    fast = plan.too_fast_after if limits else {}
+    parts = []
+    for name in dict.fromkeys((*plan.into_stop, *fast)):
+        does = [f"has {fast[name]:.0%} of its speed limit"] if name in fast else []
+        if name in plan.into_stop:
+            does.insert(0, "moves into the stop at the end of its range")
+        parts.append(f"{name} {' and '.join(does)}")
+    if not parts:
+        return []
+    swing = "; --swing plans a kick after which the leg stops within its limits"
+    return [
+        f"Just after the impact, {', '.join(parts)}. A plan keeps the limits up to the "
+        f"impact, not after it{swing if plan.balance is None and limits else ''}."
+    ]
 
 
 def _describe_scatter(found: Scatter) -> str:

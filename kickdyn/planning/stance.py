@@ -153,6 +153,17 @@ class Stance:
             ]
         return slopes[0], slopes[1]
 
+    def rows(self, condition: Condition) -> slice:
+        """Return the rows of `margins` and `slopes` that belong to a condition."""
+        sizes = {
+            Condition.BALANCE: len(self.normals),
+            Condition.CLEARANCE: len(self._centres),
+            Condition.UPRIGHT: 1,
+        }
+        kept = [name for name in sizes if name != self.without]
+        start = sum(sizes[name] for name in kept[: kept.index(condition)])
+        return slice(start, start + sizes[condition])
+
     def balance(self, posture: Posture) -> float:
         """Return how far the centre of mass is inside the edge of the sole [m]."""
         at = self.centre_of_mass(posture)[:2]

@@ -43,9 +43,9 @@ class SwingPhase(ReprMixin):
     """The backswing or the follow-through: accelerations linear in time between nodes.
 
     Attributes:
-        chain: of the joints that move.
+        chain: the joints that move, with their limits.
         sign: -1 before the impact, 1 after it.
-        duration: [s].
+        duration: duration of the phase [s].
     """
 
     chain: KickingChain
@@ -95,17 +95,17 @@ class SwingPhase(ReprMixin):
 
     @property
     def torque_use(self) -> float:
-        """Largest torque on the fine grid over its limit."""
+        """Largest torque over its limit, at the times of `fine`."""
         return float((np.abs(self.fine.torque) / self.chain.effort_limit).max())
 
     @property
     def speed_use(self) -> float:
-        """Largest joint speed on the fine grid over its limit."""
+        """Largest joint speed over its limit, at the times of `fine`."""
         return float((np.abs(self.fine.v) / self.chain.velocity_limit).max())
 
     @property
     def range_left(self) -> float:
-        """Least distance from an end of the range on the fine grid [rad]; below 0 is outside."""
+        """Least distance of a joint from the ends of its range at the times of `fine` [rad]."""
         q = self.fine.q
         return float(np.minimum(q - self.chain.lower, self.chain.upper - q).min())
 

@@ -238,11 +238,11 @@ class Leg(JointTable, ReprMixin):
         Args:
             name: bolt, g1, human, icub, icub_reduced, romeo, simple_humanoid, talos; or a name of
                 robot_descriptions, such as `g1_mj_description`.
-            frame: what touches the ball; the default is `toe`, on the front of the right foot
-                (`simple_humanoid`, whose file shows no foot: the ankle). There are also its
-                `instep` (g1, human, romeo) and `sole_edge`, the sole's front edge (these and
-                icub); or any frame of the file. A robot of robot_descriptions has no default,
-                unless its file has a frame `toe`.
+            frame: frame that touches the ball. The default is `toe`, on the front of the right foot
+                (for `simple_humanoid`, whose file shows no foot, at the ankle). Others are `instep`
+                (g1, human, romeo), `sole_edge`, the front edge of the sole (these and icub), and
+                every frame of the file. A robot of robot_descriptions has no default, unless its
+                file has a frame `toe`.
             base: `fixed` or `floating`, as for `from_urdf`.
             legs_only: lock all joints but the legs' at 0, or where `locked` has them; of
                 example-robot-data only.
@@ -297,13 +297,13 @@ class Leg(JointTable, ReprMixin):
 
     @classmethod
     def from_model(cls, model: Any, frame: str) -> "Leg":
-        """Take a copy of a `pin.Model` built elsewhere, `armature` and all.
+        """Return the leg of a copy of a `pin.Model`, with its `armature`.
 
         Args:
-            model: with sound inertias, and mass that moves with every joint; on a fixed base, or
-                with a `JointModelFreeFlyer` as its first joint. Its gravity is (0, 0, -9.81) m/s2,
-                as the ball's in flight, or zero, which turns weight off for joint torques and
-                while `collide` follows the contact.
+            model: a model with valid inertias, and mass that moves with every joint, on a fixed
+                base or with a `JointModelFreeFlyer` as its first joint. Its gravity is (0, 0,
+                -9.81) m/s2, as for the flight of the ball, or zero, which leaves weight out of
+                joint torques and of the motion in `collide`.
             frame: name of one of its frames.
 
         Raises:
@@ -352,7 +352,8 @@ class Leg(JointTable, ReprMixin):
         """Return the leg with frames that stand on the ground and stay at rest in the impact.
 
         Args:
-            supports: frames' names, for flat feet, or `Support`s; they replace any before.
+            supports: names of frames, for flat feet, or `Support` objects. They replace any
+                supports from before.
 
         Raises:
             InvalidInput: no such frame, or one of the kicking limb or of the fixed base.
@@ -387,7 +388,8 @@ class Leg(JointTable, ReprMixin):
         between this and a free one with the rotor of `with_armature`.
 
         Args:
-            joints: names; they replace any before, and none of them makes all joints free.
+            joints: names of the joints. They replace any stiff joints from before; without any
+                name, all joints are free.
 
         Raises:
             InvalidInput: no such joint, one named twice or with more than one degree of freedom,
@@ -411,11 +413,12 @@ class Leg(JointTable, ReprMixin):
         return Leg(model, self.frame, self.file, *self._options[:3], kept)
 
     def posture(self, q: ArrayLike) -> "Posture":
-        """Run kinematics and inertia at a configuration, inside the joints' range or not.
+        """Return the posture at a configuration, in the range of the joints or not.
 
         Args:
-            q: shape `(nq,)` [rad; m for prismatic joints]; or a short one, with one angle for each
-                continuous joint in place of its cosine and sine, and without mimic joints.
+            q: configuration, shape `(nq,)` [rad; m for prismatic joints]; or a short one, with one
+                angle for each continuous joint in place of its cosine and sine, and without mimic
+                joints.
 
         Raises:
             InvalidInput: wrong shape, an entry that is not finite, or a singular inertia.
@@ -429,7 +432,7 @@ class Leg(JointTable, ReprMixin):
         method starts with these at 0, and leads the kept ones to their values in small steps.
 
         Args:
-            q: to start from, shape `(nq,)` [rad; m for prismatic joints].
+            q: configuration to start from, shape `(nq,)` [rad; m for prismatic joints].
             keep: joints that stay as they are.
 
         Raises:
@@ -444,9 +447,9 @@ class Leg(JointTable, ReprMixin):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Lines about its file's irregularities, none of them repaired, and what follows from them.
+        """Lines about irregularities of the file, none of which is repaired, and their effects.
 
-        That is open loops, and joints on the way to the contact frame whose speed limit is 0.
+        These are open loops, and joints between base and contact frame whose speed limit is 0.
         """
         file = () if self.file is None else self.file.warnings
         stuck = [
@@ -697,7 +700,7 @@ class Posture(ReprMixin):
         return np.asarray(self.jacobian @ validation.vector("v", v, self.leg.nv))
 
     def joint_velocity(self, point_velocity: ArrayLike) -> Array:
-        r"""Return the joint velocity of least kinetic energy at which the contact point moves so.
+        r"""Return the joint velocity of least kinetic energy for a velocity of the contact point.
 
         It minimizes :math:`\frac12 v^T M v` under :math:`J v = w`, and is
         :math:`M^{-1} J^T (J M^{-1} J^T)^+ w`.

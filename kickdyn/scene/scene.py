@@ -171,7 +171,7 @@ class Scene(ReprMixin):
 
     @property
     def is_compliant(self) -> bool:
-        """Whether the contact takes time."""
+        """Whether the contact has a finite duration."""
         return self.contact_time is not None or self.stiffness is not None
 
     def as_instant(self) -> "Scene":
@@ -266,7 +266,8 @@ def compliant_contact_faults(law: ImpactLaw, restitution: Restitution) -> list[s
     lines = []
     if law != ImpactLaw.NEWTON:
         lines.append(
-            f"law is {law.value!r}: a contact that takes time has no law, leave one of them out"
+            f"law is {law.value!r}: a contact that takes time has no impact law; leave out law, "
+            "or the contact time and the stiffness"
         )
     least = least_restitution(restitution)
     if least < LEAST_RESTITUTION:

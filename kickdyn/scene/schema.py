@@ -69,20 +69,44 @@ def _number(unit: str = "", **limits: Any) -> Kind:
 
 def _vector(unit: str) -> Kind:
     """Return vectors."""
-    return Kind(f"vector{_of_unit(unit)}", partial(validation.vector, size=3, unit=unit))
+    return Kind(f"vector{_of_unit(unit)}", partial(_check_vector, unit=unit))
+
+
+def _check_vector(name: str, value: Any, unit: str = "") -> Any:
+    """Return a list of three numbers."""
+    if not isinstance(value, list) or len(value) != 3:
+        raise InvalidInput(
+            f"{name} is {validation.brief(value)}: it must be three numbers, [x, y, z]"
+            f"{_of_unit(unit)}"
+        )
+    return validation.vector(name, value, 3, unit=unit)
 
 
 def _check_direction(name: str, value: Any) -> Any:
     """Return a vector of any length but zero."""
-    validation.direction(name, value)
-    return validation.vector(name, value, 3)
+    vector = _check_vector(name, value)
+    validation.direction(name, vector)
+    return vector
 
 
 def _choice(*choices: str) -> Kind:
     """Return some names."""
-    known = f"choose {', '.join(choices)}"
-    check = _valid(lambda value: isinstance(value, str) and value in choices, known)
-    return Kind(_quoted(choices), check)
+    return Kind(_quoted(choices), _name_of(choices))
+
+
+def _name_of(choices: Iterable[str], alternative: str = "") -> Check:
+    """Return a check that a value is one of some names; its message names the nearest."""
+    known = list(choices)
+
+    def check(name: str, value: Any) -> Any:
+        """Return the name."""
+        if not (isinstance(value, str) and value in known):
+            raise InvalidInput(
+                f"{name} is {validation.brief(value)}: {_advice(value, known, alternative)}"
+            )
+        return value
+
+    return check
 
 
 def _quoted(names: Iterable[str]) -> str:
@@ -93,10 +117,7 @@ def _quoted(names: Iterable[str]) -> str:
 def _coefficient(kind: str, models: Mapping[str, Any]) -> Kind:
     """Return names of models, and coefficients that are the same everywhere."""
     number = _number(at_least=coefficient_model.least_value(kind))
-    name = _valid(
-        lambda value: isinstance(value, str) and value in models,
-        f"choose {', '.join(models)}, or a number",
-    )
+    name = _name_of(models, ", or a number")
 
     def check(key: str, value: Any) -> Any:
         """Return a name or a number that is valid."""
@@ -411,9 +432,15 @@ def check_document(document: Mapping[str, Any]) -> list[str]:
     contact, ball = (document.get(name) for name in ("contact", "ball"))
     by_pressure = isinstance(contact, dict) and contact.get("stiffness") == "pressure"
     if by_pressure and "pressure_pa" not in (ball if isinstance(ball, dict) else {}):
-        missing.append("ball.pressure_pa is missing: the stiffness of the contact is from it")
+        missing.append(
+            'ball.pressure_pa is missing: with contact.stiffness = "pressure" the stiffness of the '
+            "contact follows from it"
+        )
     if "wall" in document and "plane" not in document:
-        missing.append("section [plane] is missing: the wall stands on the line to its point_m")
+        missing.append(
+            "section [plane] is missing: the wall stands on the line from the ball to the point_m "
+            "of a plane"
+        )
     return faults + missing
 
 
@@ -433,10 +460,10 @@ def _check_section(section: str, content: dict[str, Any]) -> list[str]:
     named = [key for key in choice if key in content]
     if choice and len(named) != 1:
         which = " and ".join(named) or "none"
-        faults.append(f"{section} names {which} of {', '.join(choice)}: it must name one")
+        faults.append(f"{section} has {which} of {', '.join(choice)}: it must have exactly one")
     faults += [f"{section}.{key} is missing" for key in needed if key not in content]
     faults += [
-        f"{section}.{key} is named without {other}: it goes with that"
+        f"{section}.{key} is given without {other}: it has a meaning only with {other}"
         for key, other in GOES_WITH.get(section, {}).items()
         if key in content and other not in content
     ]
@@ -448,15 +475,15 @@ def _clashes(section: str, valid: dict[str, Any]) -> list[str]:
     if section == "contact":
         named = [key for key in ("contact_time_s", "stiffness") if key in valid]
         if not named:
-            alone = "is named without contact_time_s or stiffness: it goes with one of them"
+            alone = "is given without contact_time_s or stiffness: it needs one of them"
             return [f"dissipation {alone}"] if "dissipation" in valid else []
         law = ImpactLaw(valid.get("law", "newton"))
         lines = compliant_contact_faults(law, valid.get("restitution", 1.0))
-        both = "stiffness is named beside contact_time_s: leave one of them out"
+        both = "stiffness and contact_time_s are both given: leave one of them out"
         return lines + [both] * (len(named) > 1)
     if section == "air" and valid.get("model") == "paper":
         weather = (key for key in ("altitude_m", "temperature_c", "pressure_pa") if key in valid)
-        why = "is named with model 'paper', whose air is known: leave it out"
+        why = "is given with model 'paper', whose air is fixed: leave one of them out"
         return [f"{key} {why}" for key in weather]
     return []
 
@@ -468,7 +495,11 @@ def faults_of(error: InvalidInput) -> list[str]:
 
 def _unknown(name: str, word: str, known: Iterable[str]) -> str:
     """Return the line for a word that is not known, with the nearest that is."""
-    known = list(known)
-    near = difflib.get_close_matches(word[:100], known, 1, 0.5)
-    hint = f"did you mean {near[0]}?" if near else f"choose {', '.join(known)}"
-    return f"{name if len(name) <= 100 else name[:100] + '...'} is unknown: {hint}"
+    shown = name if len(name) <= 100 else name[:100] + "..."
+    return f"{shown} is unknown: {_advice(word, list(known))}"
+
+
+def _advice(word: Any, known: list[str], alternative: str = "") -> str:
+    """Return the nearest of the known words as a question, or all of them to choose from."""
+    near = difflib.get_close_matches(str(word)[:100], known, 1, 0.5)
+    return f"did you mean {near[0]}?" if near else f"choose {', '.join(known)}{alternative}"

@@ -2,6 +2,7 @@
 
 import math
 import os
+import re
 import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,6 +15,7 @@ import numpy as np
 from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
+from kickdyn.core import validation
 from kickdyn.core.files import read_text, shipped
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, SceneError, printable
@@ -64,7 +66,7 @@ def load_scene(path: str | PathLike[str]) -> Scene:
     try:
         document = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # ValueError: an endless integer, too
-        raise SceneError(source, [f"is not TOML: {error}"]) from None
+        raise SceneError(source, [f"is not TOML: {error}{_line_of(text, error)}"]) from None
     faults = check_document(document)
     try:
         if not faults:
@@ -73,6 +75,18 @@ def load_scene(path: str | PathLike[str]) -> Scene:
         faults = faults_of(error)
     more = len(faults) - MAX_FAULTS
     raise SceneError(source, faults if more <= 0 else [*faults[:-more], f"and {more} more faults"])
+
+
+def _line_of(text: str, error: Exception) -> str:
+    """Return the line of a TOML text that an error names, and what is often wrong; or nothing."""
+    place = re.search(r"at line (\d+)", str(error))
+    if place is None:
+        return ""
+    line = validation.brief(text.split("\n")[int(place[1]) - 1].strip())
+    return (
+        f": {line}; keys are written as key = value, each once in a section, text in quotes, and "
+        "numbers with a decimal point"
+    )
 
 
 def _named(file: Path, source: str) -> Path:
@@ -129,12 +143,17 @@ def _scene(document: dict[str, Any], folder: Path, stem: str) -> Scene:
             },
             name=document.get("name", printable(stem)),
         )
-        if "ground" not in document:
-            return scene
-        under_ball = float(scene.ball_position[2]) - ball.radius
-        ground = document["ground"]
-        height = ground.get("height_m", under_ball)
-        return scene.replace(ground=Ground(height, ground.get("surface")))
+    if "ground" not in document:
+        return scene
+    under_ball = float(scene.ball_position[2]) - ball.radius
+    ground = document["ground"]
+    height = ground.get("height_m", under_ball)
+    if height > under_ball + 1e-6 * ball.radius:
+        raise InvalidInput(
+            f"ground.height_m is {height:g}: the ball would start {height - under_ball:.3g} m "
+            f"inside the ground; it must be at most {under_ball:.6g} m, or left out"
+        )
+    return scene.replace(ground=Ground(height, ground.get("surface")))
 
 
 @contextmanager

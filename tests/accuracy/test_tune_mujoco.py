@@ -127,6 +127,17 @@ def test_the_ball_of_the_snippet(tuned):
     assert str(tuned).startswith("MujocoTuning\n  time step")
 
 
+def test_it_prints_whether_the_goals_are_met(tuned):
+    goals = [line.rsplit(" ", 1)[1] for line in str(tuned).splitlines() if "  goal, " in line]
+    assert goals == ["met", "met", "met"]
+    assert "  within tolerance" in str(tuned)
+    missed = replace(tuned, goals=(tuned.goals[0]._replace(limit=1e-9), *tuned.goals[1:]))
+    (line,) = (line for line in str(missed).splitlines() if line.endswith("MISSED"))
+    assert line.split(maxsplit=2)[:2] == ["goal,", "speed"]
+    (verdict,) = (line for line in str(missed).splitlines() if "within tolerance" in line)
+    assert verdict.split() == ["within", "tolerance", "no"]
+
+
 def test_what_a_time_step_cannot_meet(monkeypatch):
     monkeypatch.setattr(mujoco_fit, "SHAPES", ((0.0, 1.0),))
     monkeypatch.setattr(tuning, "STEPS", (2e-3, 5e-4))
@@ -171,7 +182,7 @@ def test_a_kick_that_would_press_the_ball_too_far_is_left_out_and_said(monkeypat
     monkeypatch.setattr(tuning, "STEPS", ())
     found = tune(0.2, timestep=0.001)
     assert "speed x 1.5" not in {error.change for error in found.errors}
-    assert any("at 1.5 times all velocities kd.collide computes no" in w for w in found.warnings)
+    assert any("the error at 1.5 times all velocities is unknown" in w for w in found.warnings)
 
 
 def test_a_contact_time_that_is_not_met_is_said(tuned):

@@ -121,7 +121,7 @@ def test_times_outside(t, words):
 
 def test_ground_without_friction_is_refused_where_the_ball_would_slide():
     ice = kd.Ground(surface=kd.Surface("ice", 0.5, 0.0, 0.5))
-    with pytest.raises(kd.InvalidInput, match="friction of ice is 0: the ball would slide"):
+    with pytest.raises(kd.InvalidInput, match="friction of ice is 0: it must be above 0"):
         kd.follow(kd.BallState((0, 0, 1), (10, 0, 3), (0, -40, 0)), BALL, None, ice)
 
 

@@ -76,7 +76,11 @@ def test_other_coefficients_have_a_line_each_and_no_number_twice():
         for number in range(9)
     ]
     table = sensitivity("Fig. 8", found)
-    assert [column.header for column in table.columns] == ["coefficients", "range, m", "apex, m"]
+    assert [column.header for column in table.columns] == [
+        "coefficients",
+        "range \\[m]",
+        "apex \\[m]",
+    ]
     assert table.row_count == 9
     with (console := Console(width=60, highlight=False)).capture() as said:
         console.print(table)

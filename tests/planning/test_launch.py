@@ -145,7 +145,8 @@ def test_what_cannot_be_met_says_why_and_gives_the_nearest(goal, limit):
     nearest = kd.plan_launch(goal, BALL, AIR, speed_limit=35)
     assert (nearest.status, nearest.limit, nearest.others) == ("unreachable", limit, ())
     assert nearest.goal is goal
-    assert f"out of reach ({limit})" in nearest.summary
+    assert nearest.summary.startswith(f"out of reach: {nearest.reason}; the ")
+    assert "Goal(" not in nearest.summary
     assert limit in repr(nearest)
     assert errors(nearest) < 1e-6
     assert nearest.speed <= 35 * (1 + 1e-6)
@@ -224,7 +225,7 @@ def test_a_second_launch_over_the_same_point_is_listed():
 def test_a_way_through_the_ground_is_none(distance, time, spin):
     nearest = kd.plan_launch(kd.Goal(distance, time=time), BALL, AIR, spin=(0, spin, 0))
     assert (nearest.status, nearest.limit) == ("unreachable", "ground")
-    assert "out of reach (ground): the nearest is" in nearest.summary
+    assert "lead through the ground; the nearest is time" in nearest.summary
     assert errors(nearest) < 1e-6
     path = nearest.flight
     times = np.linspace(0, path.duration, 5000)
@@ -282,7 +283,7 @@ def test_where_the_ground_is_in_the_way_of_every_launch_none_is_given():
     [
         ((30,), {}, "goal is 30: it must be a kickdyn.Goal"),
         ((kd.Goal(30, time=1),), {"speed_limit": 500}, "speed limit is 500"),
-        ((kd.Goal(30, time=1, beside=(9, 1)),), {}, "name air with lift"),
+        ((kd.Goal(30, time=1, beside=(9, 1)),), {}, "takes air with density and lift"),
         ((kd.Goal(30, time=1),), {"spin": (0, 1)}, "spin has shape"),
         ((kd.Goal(30, time=1),), {"arc": "flat"}, "arc is 'flat': it must be one of low, high"),
     ],

@@ -26,7 +26,9 @@ def test_the_ball_comes_there_in_time(angle, spin):
 def test_too_slow_a_pass_stops_before():
     found = kd.plan_pass(kd.Goal(6, time=30), BALL)
     assert (found.status, found.limit) == ("unreachable", "rolling")
-    assert found.summary == f"a ball so slow would stop before: {found.time:.4g} s is nearest"
+    assert found.summary == (
+        f"a slower ball stops before the target; the nearest is {found.time:.4g} s"
+    )
     slower = kd.BallState((0, 0, BALL.radius), 0.999 * found.velocity)
     assert kd.follow(slower, BALL).distance < 6
 

@@ -80,11 +80,11 @@ def test_margins_agree_with_the_verdict_on_a_support():
 def test_the_kicking_foot_is_as_high_as_its_lowest_corner():
     stance = Stance(STANDING)
     level = LEG.posture(LEG.configuration())  # both soles are on one level
-    heights = stance.margins(level, REST)[4:-1] * LENGTH
+    heights = stance.margins(level, REST)[stance.rows(Condition.CLEARANCE)] * LENGTH
     assert -7e-3 < heights.min() < -CLEARANCE
     bend = {"right_hip_pitch_joint": -0.8, "right_knee_joint": 0.8}
     raised = LEG.posture(LEG.configuration(bend))
-    assert (stance.margins(raised, REST)[4:-1] * LENGTH).min() > 0.03
+    assert (stance.margins(raised, REST)[stance.rows(Condition.CLEARANCE)] * LENGTH).min() > 0.03
 
 
 def test_no_point_of_the_kicking_foot_is_lower_than_its_margin_says():
@@ -94,7 +94,7 @@ def test_no_point_of_the_kicking_foot_is_lower_than_its_margin_says():
         pin.forwardKinematics(robot.model, data, STANDING.whole(posture.q, REST)[0])
         pose = data.oMi[robot.contact_joint]
         lowest = (foot.centres @ pose.rotation[2] - foot.radii).min() + pose.translation[2]
-        margin = stance.margins(posture, REST)[4:-1].min() * LENGTH
+        margin = stance.margins(posture, REST)[stance.rows(Condition.CLEARANCE)].min() * LENGTH
         assert lowest - 7e-3 < margin < lowest - CLEARANCE + 2e-4
 
 
@@ -143,6 +143,12 @@ def test_a_condition_is_left_out(condition):
         Condition.CLEARANCE: slice(4, -1),
         Condition.UPRIGHT: slice(-1, None),
     }
+    named = Stance(STANDING, without=condition)
+    for other in set(Condition) - {condition}:
+        margins = named.margins(postures()[0], REST)[named.rows(other)]
+        assert (
+            margins.tolist() == Stance(STANDING).margins(postures()[0], REST)[rows[other]].tolist()
+        )
     posture, vs = postures()[0], np.arange(LEG.nv)
     every, fewer = Stance(STANDING), Stance(STANDING, without=condition)
     margins, slopes = every.margins(posture, REST), every.slopes(posture, REST, vs)[0]
@@ -157,8 +163,12 @@ def test_a_foot_that_rises_is_higher():
     draw, step, vs = np.random.default_rng(7), 1e-6, np.arange(LEG.nv)
     for posture in postures():
         v = draw.normal(size=LEG.nv)
-        off = (plain.margins(posture, v) - stance.margins(posture, v))[4:-1] * LENGTH
-        rising = plain.slopes(posture, v, vs)[0][4:-1] * LENGTH @ v  # of each corner
+        off = (plain.margins(posture, v) - stance.margins(posture, v))[
+            stance.rows(Condition.CLEARANCE)
+        ] * LENGTH
+        rising = (
+            plain.slopes(posture, v, vs)[0][stance.rows(Condition.CLEARANCE)] * LENGTH @ v
+        )  # of each corner
         left = stance._left
         high = np.maximum(left, rising.clip(min=0.0) ** 2 / (2 * lift))
         assert off == pytest.approx(high - left, abs=1e-9)

@@ -240,7 +240,7 @@ def test_a_joint_that_the_impact_moves_but_that_does_not_swing_must_be_locked(pl
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"objective": "joint-impulse"}, "with swing=True it must be joint-speed or"),
+        ({"objective": "joint-impulse"}, r"with swing=True \(--swing\) it must be joint-speed or"),
         ({"limits": False}, "a swing is planned within limits"),
     ],
 )

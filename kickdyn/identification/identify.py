@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
 
-from kickdyn.aerodynamics.coefficient_model import Coefficient
-from kickdyn.aerodynamics.drag import constant
+from kickdyn.aerodynamics.coefficient_model import Coefficient, find_model
+from kickdyn.aerodynamics.drag import MODELS, constant
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
@@ -517,7 +517,7 @@ def _rival(model: str | Air, air: Air, tracks: tuple[Track, ...]) -> tuple[str, 
         )
     if isinstance(model, Air):
         return f"drag {_named(model.drag)}, lift {_named(model.lift)}", model
-    return model, replace(air, drag=model)
+    return model, replace(air, drag=find_model("drag", MODELS, model))
 
 
 def _score(name: str, air: Air, problem: _Problem) -> ModelScore:

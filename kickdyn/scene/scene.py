@@ -171,7 +171,7 @@ class Scene(ReprMixin):
 
     @property
     def is_compliant(self) -> bool:
-        """Whether the contact takes time."""
+        """Whether the contact has a finite duration."""
         return self.contact_time is not None or self.stiffness is not None
 
     def as_instant(self) -> "Scene":

@@ -669,7 +669,7 @@ def test_functions_of_a_module_can_be_pickled():
 
 def test_a_lambda_cannot_but_copies():
     hit = human(torque=lambda t, q, v: -0.5 * v, tol=1e-6)
-    with pytest.raises((AttributeError, pickle.PicklingError), match="pickle"):
+    with pytest.raises((AttributeError, pickle.PicklingError), match=r"pickle|local object"):
         pickle.dumps(hit)
     for again in (copy.copy(hit), copy.deepcopy(hit)):
         assert (again.impulse == hit.impulse).all()

@@ -378,7 +378,8 @@ def test_a_ros_package_is_drawn_from_the_folder_that_is_named(tmp_path):
     assert warning.startswith(
         "warning: 1 of 3 visuals of leg_human is not drawn: mesh 'package://m"
     )
-    assert "package 'my_foot' is unknown" in warning and "--package-dir" in warning
+    assert "package 'my_foot' is unknown" in warning
+    assert "--package-dir" in warning
 
 
 @pytest.mark.parametrize(

@@ -247,7 +247,7 @@ def against_measurements() -> None:
         peaks = [head_on(speed / gain, **options).peak_force for speed in MAXIMAL]
         found = {
             ("change of visible contact time, foot at 9.1 to 21.2 m/s", "-20 % (M1)"):
-                f"{fast.visible_contact_time / slow.visible_contact_time - 1:.0%}",
+                f"{fast.visible_contact_time / slow.visible_contact_time - 1:z.0%}",
             ("change of contact distance, foot at 9.1 to 21.2 m/s", "+89 % (M1)"):
                 f"{distance(fast) / distance(slow) - 1:+.0%}",
             ("visible contact time at 15 m/s [ms]", "9 to 14 (review in M3)"):

@@ -13,7 +13,7 @@ COEFFICIENTS = ("restitution", "friction", "rolling_deceleration", "tangential_r
 
 @dataclass(frozen=True)
 class Surface:
-    """How a ball bounces and rolls on a level surface.
+    """Coefficients by which a ball bounces and rolls on a level surface.
 
     Args:
         name: name of the surface in messages and results.

@@ -57,7 +57,7 @@ class Plane(ValueEquality, ReprMixin):
 
     @property
     def is_goal_line(self) -> bool:
-        """Whether it is upright and reached by the ball's centre or back.
+        """Whether the plane is upright and reached by the centre or the back of the ball.
 
         Scenes and pages then take it for the line of a goal, whose middle is at `point`.
         """
@@ -76,7 +76,7 @@ class Plane(ValueEquality, ReprMixin):
 
     @validation.check_arguments
     def gap(self, ball: Ball, position: ArrayLike) -> float:
-        r"""Return the distance along the normal between a ball and its reaching the plane [m].
+        r"""Return the distance along the normal that a ball still has to move to the plane [m].
 
         :math:`n \cdot (x - p) + k r`, where k is -1, 0 or 1 for `front`, `centre` and `back`.
 

@@ -302,7 +302,7 @@ def tune_mujoco(
     ball_velocity: ArrayLike = AT_REST,
     ball_spin: ArrayLike = AT_REST,
 ) -> MujocoTuning:
-    r"""Find the contact with which MuJoCo gives the ball that kickdyn computes.
+    r"""Find the contact parameters with which MuJoCo launches the ball as kickdyn does.
 
     Needs MuJoCo: `pip install "kickdyn[mjcf]"`. The ball is that of `collide`, because a contact
     of MuJoCo takes several time steps; the last of the errors says how far that is from `strike`.

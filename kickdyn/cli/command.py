@@ -1,6 +1,7 @@
 """How every command runs and ends: 0 done, 2 bad input with a line per fault, 1 anything else."""
 
 import io
+import os
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -69,12 +70,21 @@ def run(command: click.Command) -> NoReturn:
     except (KeyboardInterrupt, click.Abort):
         _fail(name, 1, "interrupted")
     except BrokenPipeError:  # the reader of a pipe, such as head, has ended
-        sys.stderr.close()
+        _end_output()
         sys.exit(1)
     except OSError as error:
+        _end_output()
         file = "" if error.filename is None else f"{shortened(str(error.filename))}: "
         _fail(name, 1, f"{file}{error.strerror or error}")
     sys.exit(0)
+
+
+def _end_output() -> None:
+    """Write what standard output still holds, or discard it, lest Python tries again at its end."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _fail(name: str, code: int, *faults: str) -> NoReturn:

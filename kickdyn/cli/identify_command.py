@@ -80,6 +80,9 @@ def identify(
 ) -> None:
     """Find the flights in a measured ball track, and fit launch, spin and drag to each.
 
+    The mean of the drag coefficient over all flights follows, with the scatter from flight to
+    flight.
+
     TRACK is a file of comma-separated values, whose first row names the columns, in seconds and
     metres, with z upwards; or a file that ends in .c3d. With --start or --end, the samples between
     them are one flight.

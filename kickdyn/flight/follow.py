@@ -87,7 +87,7 @@ class Course(ReprMixin):
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
-        """A line for each coefficient used outside its range, by its share of the time aloft."""
+        """A line for each coefficient outside its range, with its share of the time in flight."""
         times, of_model = dict[str, float](), dict[str, CoefficientModel]()
         for path in self.flights:
             for model, share in path.outside():

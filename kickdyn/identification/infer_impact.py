@@ -116,7 +116,9 @@ class InferredImpact(ReprMixin):
 
     @property
     def friction(self) -> float:
-        r"""Impulse across the normal over that along it, :math:`|a| / \sqrt{1 - |a|^2}`.
+        r"""Ratio of the impulses across the normal n and along it.
+
+        .. math:: |p - (n \cdot p)\, n| / (n \cdot p)
 
         It is the least coefficient of friction that allows the impulse; where the contact points
         slid throughout, it is the coefficient.

@@ -36,7 +36,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.flight.fly import fly
 from kickdyn.identification.flight_lanes import Lane, fly_lanes
-from kickdyn.identification.identify import replaced, scaled
+from kickdyn.identification.identify import scaled
 from kickdyn.identification.track import Track
 from kickdyn.impact.strike import strike
 from kickdyn.planning.goal import Goal
@@ -212,7 +212,7 @@ class Learner(ReprMixin):
 
     @property
     def launch(self) -> Launch:
-        """The flight to the goal, in the air as it is known, that the command is to bring about."""
+        """The launch to the goal, in the air as it is known, that the command shall bring about."""
         return self._launch
 
     @property
@@ -222,12 +222,12 @@ class Learner(ReprMixin):
 
     @property
     def air(self) -> Air:
-        """The air with drag and wind as they are known."""
+        """The air, with drag and wind as they are estimated."""
         return self._air(self._theta)
 
     @property
     def estimates(self) -> dict[str, float]:
-        """Estimates by name.
+        """The estimates of the unknowns, by name.
 
         `drag_scale`, a factor of the drag model; `wind_x` and `wind_y` [m/s]; `restitution`;
         `elevation` and `azimuth`, how far the ball leaves above and to the left of what was
@@ -254,14 +254,14 @@ class Learner(ReprMixin):
 
     @property
     def landing_scatter(self) -> Array:
-        """Covariance of landings of the command by scatter and observation, `(2, 2)` [m2]."""
+        """Covariance of the landing points by scatter and observation, shape `(2, 2)` [m2]."""
         aim = self._landing_slopes[:, 6:]
         own = self._scatter**2 * aim @ aim.T
         return np.asarray(own + self._deviation**2 * np.eye(2))
 
     @property
     def landing_uncertainty(self) -> Array:
-        """Covariance of the command's mean landing, from the unknown parameters, `(2, 2)` [m2]."""
+        """Covariance of the mean landing point by the unknowns, shape `(2, 2)` [m2]."""
         slopes = self._landing_slopes[:, :6]
         return np.asarray(slopes @ self._covariance @ slopes.T)
 
@@ -342,7 +342,7 @@ class Learner(ReprMixin):
 
     def _air(self, theta: Array) -> Air:
         """Return the air for given unknowns."""
-        return replaced(
+        return replace(
             self._model,
             drag=scaled(self._model.drag, math.exp(theta[0])),
             wind=np.asarray(self._model.wind) + np.array([theta[1], theta[2], 0.0]),

@@ -168,7 +168,7 @@ class Goal(ReprMixin):
 
     @property
     def lowest(self) -> float:
-        """Height of the ball's centre where it touches the ground, above the launch, <= 0 [m]."""
+        """Height above the launch at which the ball touches the ground [m], 0 or less."""
         return min(0.0, float(self.target[2]))
 
     @property

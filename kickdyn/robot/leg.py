@@ -297,7 +297,7 @@ class Leg(JointTable, ReprMixin):
 
     @classmethod
     def from_model(cls, model: Any, frame: str) -> "Leg":
-        """Take a copy of a `pin.Model` built elsewhere, `armature` and all.
+        """Return the leg of a copy of a `pin.Model`, with its `armature`.
 
         Args:
             model: a model with valid inertias, and mass that moves with every joint, on a fixed
@@ -413,7 +413,7 @@ class Leg(JointTable, ReprMixin):
         return Leg(model, self.frame, self.file, *self._options[:3], kept)
 
     def posture(self, q: ArrayLike) -> "Posture":
-        """Run kinematics and inertia at a configuration, inside the joints' range or not.
+        """Return the posture at a configuration, in the range of the joints or not.
 
         Args:
             q: configuration, shape `(nq,)` [rad; m for prismatic joints]; or a short one, with one
@@ -447,9 +447,9 @@ class Leg(JointTable, ReprMixin):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Lines about its file's irregularities, none of them repaired, and what follows from them.
+        """Lines about irregularities of the file, none of which is repaired, and their effects.
 
-        That is open loops, and joints on the way to the contact frame whose speed limit is 0.
+        These are open loops, and joints between base and contact frame whose speed limit is 0.
         """
         file = () if self.file is None else self.file.warnings
         stuck = [
@@ -700,7 +700,7 @@ class Posture(ReprMixin):
         return np.asarray(self.jacobian @ validation.vector("v", v, self.leg.nv))
 
     def joint_velocity(self, point_velocity: ArrayLike) -> Array:
-        r"""Return the joint velocity of least kinetic energy at which the contact point moves so.
+        r"""Return the joint velocity of least kinetic energy for a velocity of the contact point.
 
         It minimizes :math:`\frac12 v^T M v` under :math:`J v = w`, and is
         :math:`M^{-1} J^T (J M^{-1} J^T)^+ w`.

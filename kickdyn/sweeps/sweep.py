@@ -65,7 +65,7 @@ def sweep(
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> xr.Dataset:
-    r"""Strike a ball from every posture of a grid, and fly it.
+    r"""Compute a kick, impact and flight, from every posture of a grid.
 
     From each posture the foot moves with the velocity of the kick. The impulse on the ball follows
     from the leg's effective mass along the contact normal, :math:`1 / (n^T J M^{-1} J^T n)`,
@@ -104,9 +104,9 @@ def sweep(
         `store`, the dataset is the opened store, whose variables have 7 digits (float32).
 
     Raises:
-        InvalidInput: postures that the leg does not have, more than fit, an unknown variable, a
-            store that is there without `resume`, is of another sweep or is being filled by another
-            process.
+        InvalidInput: postures that the leg does not have, more postures than fit into memory, an
+            unknown variable, a store that exists while `resume` is False, is of another sweep or is
+            being filled by another process.
         Unfinished: interrupted by Ctrl-C, a full disk or lost workers; the store can be resumed.
         KickdynError: the compiled kernel and `kickdyn.strike` disagree.
 

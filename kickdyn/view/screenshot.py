@@ -1,6 +1,5 @@
 """A page as a picture: a screenshot by Chromium without a window."""
 
-import os
 import shutil
 import subprocess
 import tempfile
@@ -13,11 +12,13 @@ from kickdyn.errors import InvalidInput, KickdynError
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 TIMEOUT = 120.0  # of Chromium [s]
 
-# The picture is drawn without a graphics processor, so that it is the same everywhere.
+# The picture is drawn without a graphics processor, so that it is the same everywhere. Chromium's
+# sandbox works neither as root nor in most containers, and the page may load and call nothing.
 _FLAGS = (
-    "--headless=new --use-gl=angle --use-angle=swiftshader --enable-unsafe-swiftshader "
-    "--hide-scrollbars --disable-background-networking --disable-component-update --disable-sync "
-    "--no-first-run --virtual-time-budget=3000 --window-size=1280,720"
+    "--headless=new --no-sandbox --use-gl=angle --use-angle=swiftshader "
+    "--enable-unsafe-swiftshader --hide-scrollbars --disable-background-networking "
+    "--disable-component-update --disable-sync --no-first-run "
+    "--virtual-time-budget=3000 --window-size=1280,720"
 )
 
 
@@ -39,15 +40,13 @@ def find_browser(path: str | PathLike[str]) -> str:
 
 
 def save_picture(html: str, path: str | PathLike[str], at: float = 0.0) -> None:
-    """Write a page as a PNG, at a time of its animation [s].
+    """Write a page as a PNG, at a time from the impact [s].
 
     Raises:
         InvalidInput: there is no Chromium, or the file cannot be written.
         KickdynError: Chromium failed.
     """
     browser = find_browser(path)
-    # Chromium's sandbox refuses to run as root; the page may load and call nothing anyway.
-    rooted = ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
     with replacing(path) as draft, tempfile.TemporaryDirectory() as folder:
         page = Path(folder) / "page.html"
         page.write_text(html, encoding="utf-8")
@@ -55,9 +54,8 @@ def save_picture(html: str, path: str | PathLike[str], at: float = 0.0) -> None:
         command = [
             browser,
             *_FLAGS.split(),
-            *rooted,
             *files,
-            f"{page.as_uri()}#picture&at={at:.6f}",
+            f"{page.as_uri()}#picture&at={at:.9g}",
         ]
         try:
             done = subprocess.run(command, capture_output=True, timeout=TIMEOUT, check=False)

@@ -40,7 +40,8 @@ def main(file: Path) -> None:
     shown = page()
     assert shown.pace is not None
     duration = (len(shown.pace.times) - 1) / RATE
-    times = [number / PICTURES for number in range(int(duration * PICTURES) + 1)]
+    moments = [number / PICTURES for number in range(int(duration * PICTURES) + 1)]
+    times = [float(shown.pace.times[round(moment * RATE)]) for moment in moments]
     pictures = []
     with tempfile.TemporaryDirectory() as folder:
         picture = Path(folder) / "picture.png"

@@ -128,7 +128,8 @@ class Identification(ReprMixin):
         ):
             loosest = LOOSEST.get(_plain(name), math.inf)
             if deviation > min(max(0.5 * abs(value), TIGHT * loosest), loosest):
-                reason = f"its standard deviation is {deviation:.2g} {_unit(name)}".rstrip()
+                size = f"{deviation:.2g}" if deviation < 99.5 else f"{deviation:.0f}"
+                reason = f"its standard deviation is {size} {_unit(name)}".rstrip()
                 found[name] = reason if deviation > loosest else f"{reason}, over half the value"
         return found
 
@@ -239,8 +240,9 @@ class Identification(ReprMixin):
         aside = int((~self.used).sum())
         if aside:
             lines.append(f"{aside} of {self.used.size} samples are outliers and were left out")
-        for flight in self.flights:
-            lines += [line for line in flight.warnings if line not in lines]
+        for number, flight in enumerate(self.flights):
+            which = f"flight {number}: " if len(self.flights) > 1 else ""
+            lines += [f"{which}{line}" for line in flight.warnings]
         return tuple(lines)
 
     @styled()
@@ -265,7 +267,7 @@ class Identification(ReprMixin):
         rest.legend(rest.lines[:3], ("x", "y", "z"), loc="upper left", ncols=3)
         side.set(xlabel="x [m]", ylabel="z [m]", title="measured positions and fitted flight")
         top.set(xlabel="x [m]", ylabel="y [m]")
-        rest.set(xlabel="time [s]", ylabel="fitted - measured [cm]")
+        rest.set(xlabel="time [s]", ylabel="residual [cm]")
         return figure
 
 

@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
 
-from kickdyn.aerodynamics.coefficient_model import Coefficient
-from kickdyn.aerodynamics.drag import constant
+from kickdyn.aerodynamics.coefficient_model import Coefficient, find_model
+from kickdyn.aerodynamics.drag import MODELS, constant
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
@@ -184,7 +184,7 @@ class _Problem(NamedTuple):
             changes["lift"] = scaled(self.air.lift, shared["lift_scale"])
         if "wind_x" in shared:
             changes["wind"] = (shared["wind_x"], shared["wind_y"], 0.0)
-        return replaced(self.air, **changes) if changes else self.air
+        return replace(self.air, **changes)
 
 
 class _Estimate(NamedTuple):
@@ -195,12 +195,6 @@ class _Estimate(NamedTuple):
     residuals: Array
     jacobian: Array
     used: NDArray[np.bool_]
-
-
-def replaced(air: Air, **changes: Any) -> Air:
-    """Return an air with some of its values changed."""
-    names = ("density", "viscosity", "wind", "drag", "lift", "torque", "buoyancy")
-    return Air(**{name: changes.get(name, getattr(air, name)) for name in names})
 
 
 def scaled(model: Coefficient | None, factor: float) -> Coefficient:
@@ -523,7 +517,7 @@ def _rival(model: str | Air, air: Air, tracks: tuple[Track, ...]) -> tuple[str, 
         )
     if isinstance(model, Air):
         return f"drag {_named(model.drag)}, lift {_named(model.lift)}", model
-    return model, replaced(air, drag=model)
+    return model, replace(air, drag=find_model("drag", MODELS, model))
 
 
 def _score(name: str, air: Air, problem: _Problem) -> ModelScore:

@@ -36,7 +36,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.flight.fly import fly
 from kickdyn.identification.flight_lanes import Lane, fly_lanes
-from kickdyn.identification.identify import replaced, scaled
+from kickdyn.identification.identify import scaled
 from kickdyn.identification.track import Track
 from kickdyn.impact.strike import strike
 from kickdyn.planning.goal import Goal
@@ -342,7 +342,7 @@ class Learner(ReprMixin):
 
     def _air(self, theta: Array) -> Air:
         """Return the air for given unknowns."""
-        return replaced(
+        return replace(
             self._model,
             drag=scaled(self._model.drag, math.exp(theta[0])),
             wind=np.asarray(self._model.wind) + np.array([theta[1], theta[2], 0.0]),

@@ -303,7 +303,8 @@ def _check_heights(track: Track, level: float) -> None:
         where = int(np.argmin(heights))
         raise InvalidInput(
             f"the ball is at {heights[where]:.4g} m at {track.times[where]:.10g} s, under the "
-            f"ground at {level:g} m: z must point up; if the ground is lower, give its height"
+            f"ground at {level:g} m: z must point up; if the ground is lower, give its height "
+            "(--ground-height)"
         )
 
 
@@ -519,8 +520,8 @@ def _restitution(parts: Iterable[Segment], noise: float, track: Track) -> Measur
         if part.begins is CutReason.BOUNCE and part.velocity_before is not None:
             before, after = -float(part.velocity_before[2]), float(part.velocity_after[2])
             values.append(after / before)
-            deviations.append(_slope_deviation(track, noise) * math.hypot(1, after / before))
-            deviations[-1] /= before
+            slope = _slope_deviation(track, noise)
+            deviations.append(slope * math.hypot(1.0, after / before) / before)
     return _median(values, deviations)
 
 

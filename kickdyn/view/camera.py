@@ -14,7 +14,7 @@ FIELD = 44.0
 """Vertical field of view [deg]."""
 
 UP = math.tan(math.radians(FIELD / 2))
-LEFT, RIGHT = 0.9 * UP, 1.6 * UP
+LEFT, RIGHT = 0.76 * UP, 1.6 * UP
 """Slopes that bound the scene, in a picture of 16 by 9 with a caption at its left."""
 
 UP_AXIS = np.array([0.0, 0.0, 1.0])
@@ -37,6 +37,12 @@ class Camera:
     def distance(self, points: Array) -> Array:
         """Return the distance of points, shape `(n, 3)`, from the camera [m]."""
         return np.asarray(np.linalg.norm(points - self.position, axis=-1))
+
+    def slopes(self, points: Array) -> Array:
+        """Return where points, shape `(n, 3)`, are in the picture: slopes to right and up."""
+        into = self.target - self.position
+        x, y, z = _axes(into / np.linalg.norm(into)) @ (points - self.position).T
+        return np.asarray(np.stack([x, y], axis=-1) / np.maximum(z, 1e-9)[:, None])
 
 
 def camera_for(
@@ -69,7 +75,7 @@ def camera_for(
         camera = Camera(position @ axes, (position + np.array([0.0, 0.0, depth])) @ axes)
         above = bool(camera.position[2] > floor + 0.1 * depth)
         candidates.append((above, share, camera))
-        if above and share > 0.36:  # leg and ball fill as much of the picture's height
+        if above and share > 0.42:  # leg and ball fill as much of the picture's height
             return camera
     return max(candidates, key=lambda candidate: candidate[:2])[2]
 

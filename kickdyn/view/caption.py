@@ -40,10 +40,15 @@ def kick_panel(
 def panel_of(
     title: str, rows: Sequence[Row], text: str = "", end: str = "", warnings: Sequence[str] = ()
 ) -> str:
-    """Return a panel: a title and lines of plain text, a table of HTML, and more HTML."""
-    lines = f"<p>{escape(text)}</p>\n" if text else ""
-    lines += "".join(f'<p class="warning">{escape(warning)}</p>\n' for warning in warnings)
-    return f"<h1>{escape(title)}</h1>\n{lines}{_table(rows)}\n{end}"
+    """Return a panel of HTML: a title, the first sentence of a text, a table, and the rest.
+
+    The rest is warnings, the other sentences and `end`, which is HTML; texts are plain.
+    """
+    first, mark, others = text.partition(". ")
+    head = f"<h1>{escape(title)}</h1>\n" + (f"<p>{escape(first + mark)}</p>\n" if text else "")
+    lines = "".join(f'<p class="warning">{escape(warning)}</p>\n' for warning in warnings)
+    lines += f"<p>{escape(others)}</p>\n" if others else ""
+    return f"{head}{_table(rows)}\n{lines}{end}"
 
 
 def _table(rows: Sequence[Row]) -> str:
@@ -91,9 +96,14 @@ def _impact_rows(impact: Impact) -> list[Row]:
     spin = float(np.linalg.norm(after.spin))
     if spin < 1e-12 * float(after.speed) / impact.ball.radius:  # rounding
         spin = 0.0
-    ratio = [("ball / foot", f"{impact.speed_ratio:.4g}")] if impact.foot_velocity.any() else []
+    ratio = (
+        [("ball / foot speed", f"{impact.speed_ratio:.4g}")] if impact.foot_velocity.any() else []
+    )
     return [
-        (f"impulse {colour_key(ARROW)}", f"{float(np.linalg.norm(impact.impulse)):.4g} N s"),
+        (
+            f"impulse on ball {colour_key(ARROW)}",
+            f"{float(np.linalg.norm(impact.impulse)):.4g} N s",
+        ),
         (f"worst joint {colour_key(JOINT)}", f"{size:.4g} N s at {_name(name)}"),
         ("effective mass", f"{impact.effective_mass:.4g} kg"),
         ("foot speed", f"{float(np.linalg.norm(impact.foot_velocity)):.4g} m/s"),
@@ -113,7 +123,7 @@ def _path_rows(path: Flight | Course) -> list[Row]:
             ("speed there", f"{float(path.rest.speed):.4g} m/s"),
         ]
     aloft = " (still aloft)" if path.status == "aloft" else ""
-    length = "to the plane" if path.status == "at-plane" else "carry"
+    length = "distance" if path.status == "at-plane" else "carry"
     return [
         (f"{length} {colour_key(CURVE)}", f"{path.range:.4g} m{aloft}"),
         ("flight time", f"{path.duration:.4g} s"),

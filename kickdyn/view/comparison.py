@@ -18,14 +18,21 @@ from kickdyn.view.camera import camera_for
 from kickdyn.view.caption import colour_key, panel_of
 from kickdyn.view.document import draw_label
 from kickdyn.view.impulses import LEAST, draw_impulse, impulse_arrows, largest_impulse
-from kickdyn.view.kick_scene import LINE_WIDTH, POINTS, THIN, box_corners, set_stage, stripe_width
+from kickdyn.view.kick_scene import POINTS, THIN, box_corners, set_stage, stripe_width
 from kickdyn.view.leg_figure import draw_leg
-from kickdyn.view.marks import draw_ball, draw_curve, draw_distances, draw_dots, draw_ground
+from kickdyn.view.marks import (
+    draw_axes,
+    draw_ball,
+    draw_curve,
+    draw_distances,
+    draw_dots,
+    draw_ground,
+)
 
 COLOURS = (0xE63946, 0x2456D6, 0xF4A300, 0x6A2FB5, 0x0E8F8F, 0x8C5A2B, 0xD81E9B, 0x7FE3F5)
 MOST = len(COLOURS)  # flights or impacts of one picture
 X = np.array([1.0, 0.0, 0.0])
-MOST_DOTS, DOTS = 30, 0x111111
+MOST_DOTS, DOTS = 12, 0x111111
 """Measured positions that are drawn of a flight, about, and their colour."""
 
 
@@ -66,12 +73,13 @@ def draw_flights(
         if name in measured:
             dots = measured[name][:: max(len(measured[name]) // MOST_DOTS, 1)]
             draw_dots(viewer[f"dots/{number}"], dots, 0.0035 * size, DOTS)
-    draw_ball(viewer["ball"], max(radius, 0.012 * size), start)
+    drawn = max(radius, 0.012 * size)
+    draw_ball(viewer["ball"], drawn, start)
     stripe = stripe_width(size)
     floor = np.array([*start[:2], points[:, 2].min() - radius])
     draw_ground(viewer["ground"], floor, forward, stripe, 3 * size)
-    line = LINE_WIDTH * float(camera.distance(floor))
-    draw_distances(viewer["distances"], floor, forward, stripe, length, line)
+    draw_distances(viewer["distances"], floor, forward, stripe, length, camera)
+    draw_axes(viewer["axes"], floor, stripe / 2)
     rows = [
         (
             f"{colour_key(colour)} {escape(name)}",
@@ -83,15 +91,20 @@ def draw_flights(
     if measured:
         begins = "first sample"
         rows.append((f"{colour_key(DOTS)} measured", f"about {MOST_DOTS} positions of each"))
-    rows.append(("distances, heights", f"from the {begins} of each"))
-    return panel_of(title, [*rows, ("ground marks", f"every {stripe:g} m")])
+    marks = [
+        ("distances, heights", f"from the {begins} of each"),
+        ("ground marks", f"every {stripe:g} m"),
+        ("axes", f"z up; arrows of {stripe / 2:g} m"),
+        ("ball", f"at the first start, {drawn / radius:.2g} times its size"),
+    ]
+    return panel_of(title, [*rows, *marks])
 
 
 def _length(path: Flight | Course) -> str:
     """Return how far, how high and how long a ball goes."""
     if isinstance(path, Course):
         return f"{path.distance:.4g} m along the ground, {path.duration:.3g} s"
-    return f"{path.range:.4g} m, rises {path.height:.4g} m, {path.duration:.3g} s"
+    return f"{path.range:.3g} m, rises {path.height:.3g} m, {path.duration:.3g} s"
 
 
 def draw_impacts(viewer: Any, impacts: Mapping[str, Impact], title: str) -> str:

@@ -28,18 +28,19 @@ _POLICY = (
 )
 
 _STYLE = """
-body { margin: 0; font: 14px/1.45 system-ui, "Segoe UI", Roboto, Helvetica, Arial, sans-serif; }
+html { font-size: clamp(14px, 1.2vw, 40px); }  /* a projector's picture is read from afar */
+body { margin: 0; font: 1rem/1.4 system-ui, "Segoe UI", Roboto, Helvetica, Arial, sans-serif; }
 [hidden] { display: none !important; }
 #meshcat-pane { position: relative; width: 100vw; height: 100vh; overflow: hidden; }
 .dg.main { display: none; }
 #controls:target ~ .dg.main { display: block; }
 #caption {
-  position: absolute; top: 14px; left: 14px; max-width: 300px; max-height: calc(100vh - 60px);
-  box-sizing: border-box; overflow: auto; padding: 12px 16px; border-radius: 8px;
+  position: absolute; top: 0.8rem; left: 0.8rem; width: 22rem; max-height: calc(100vh - 1.6rem);
+  box-sizing: border-box; overflow: auto; padding: 0.7rem 1rem; border-radius: 8px;
   background: rgba(255, 255, 255, 0.88); color: #1d2733; box-shadow: 0 1px 6px rgba(0, 0, 0, 0.2);
 }
-#caption h1 { margin: 0 0 6px; font-size: 16px; overflow-wrap: anywhere; }
-#caption p { margin: 0 0 6px; overflow-wrap: anywhere; }
+#caption h1 { margin: 0 0 6px; font-size: 1.15rem; overflow-wrap: anywhere; }
+#caption p { margin: 4px 0 6px; overflow-wrap: anywhere; }
 #caption .warning { color: #a33a00; }
 #caption table { border-spacing: 0; }
 #caption th, #caption td { padding: 1px 0; text-align: left; vertical-align: top; }
@@ -48,25 +49,25 @@ body { margin: 0; font: 14px/1.45 system-ui, "Segoe UI", Roboto, Helvetica, Aria
 #caption details { margin-top: 4px; }
 #caption nav { display: flex; flex-wrap: wrap; gap: 4px; margin-bottom: 8px; }
 button {
-  padding: 2px 8px; border: 1px solid #b9c2cc; border-radius: 5px; font: inherit; font-size: 13px;
-  background: #fff; color: inherit; cursor: pointer;
+  padding: 2px 8px; border: 1px solid #b9c2cc; border-radius: 5px; background: #fff;
+  font: inherit; font-size: 0.95rem; color: inherit; cursor: pointer;
 }
 button[aria-pressed=true] { background: #1d2733; border-color: #1d2733; color: #fff; }
 #time {
-  position: absolute; right: 14px; bottom: 14px; left: 330px; display: flex; gap: 10px;
+  position: absolute; right: 0.8rem; bottom: 0.8rem; left: 23.6rem; display: flex; gap: 10px;
   align-items: center; padding: 6px 12px; border-radius: 8px; color: #1d2733;
   background: rgba(255, 255, 255, 0.75);
 }
-#time button { width: 64px; }
+#time button { width: 4.6rem; }
 #time input { flex: 1; min-width: 60px; }
 #time output { width: 17em; font-variant-numeric: tabular-nums; white-space: nowrap; }
 #caption summary { cursor: pointer; color: #5b6774; }
 #caption details th { white-space: normal; }
 #caption details td { white-space: nowrap; }
-#caption .key { display: inline-block; width: 10px; height: 10px; border-radius: 2px; }
+#caption .key { display: inline-block; width: 0.7rem; height: 0.7rem; border-radius: 2px; }
 .label {
   position: absolute; left: 0; top: 0; padding: 0 6px; border: 2px solid; border-radius: 5px;
-  font-size: 13px; white-space: nowrap; pointer-events: none; visibility: hidden;
+  font-size: 1rem; white-space: nowrap; pointer-events: none; visibility: hidden;
   background: rgba(255, 255, 255, 0.88); color: #1d2733;
 }
 .mark {
@@ -76,10 +77,10 @@ button[aria-pressed=true] { background: #1d2733; border-color: #1d2733; color: #
 @media (max-width: 1000px) {  /* a notebook's frame or a telephone has no space beside the leg */
   #meshcat-pane { height: 66vh; }
   #caption {
-    position: static; max-width: none; height: 34vh; max-height: none; padding: 8px 14px;
-    border-radius: 0; box-shadow: none; font-size: 12px;
+    position: static; width: auto; height: 34vh; max-height: none; padding: 8px 14px;
+    border-radius: 0; box-shadow: none; font-size: 13px;
   }
-  #time { left: 14px; padding: 2px 10px; font-size: 12px; }
+  #time { left: 0.8rem; padding: 2px 10px; font-size: 13px; }
   #caption h1 { font-size: 14px; margin: 0 0 2px; }
   #caption table, #caption tbody { display: block; }
   #caption tbody {
@@ -88,6 +89,7 @@ button[aria-pressed=true] { background: #1d2733; border-color: #1d2733; color: #
   #caption tr { display: flex; }
   #caption tr.long { grid-column: 1 / -1; }
   #caption th { flex: 0 0 auto; }
+  #caption tr:not(.long) td { white-space: nowrap; }
   #caption details tbody { grid-template-columns: repeat(auto-fill, minmax(300px, 1fr)); }
 }
 """
@@ -117,9 +119,11 @@ _PAGE = """<!DOCTYPE html>
 const viewer = new MeshCat.Viewer(document.getElementById("meshcat-pane"));
 const resize = viewer.set_3d_pane_size.bind(viewer);  // to the window's height, not the pane's
 const below = matchMedia("(max-width: 1000px)");  // the caption is not over the scene
+const caption = document.getElementById("caption");
 viewer.set_3d_pane_size = () => {{
   const width = viewer.dom_element.offsetWidth, height = viewer.dom_element.offsetHeight;
-  const lens = viewer.camera, beside = (width - 2 * {panel_width}) / {left};
+  const taken = caption.offsetLeft + caption.offsetWidth;
+  const lens = viewer.camera, beside = (width - 2 * taken) / {left};
   const extent = below.matches ? width / {spread} : Math.min(width / {right}, beside);
   lens.zoom = Math.min(1, extent / height);  // show all that the camera was set for
   lens.aspect = width / height;
@@ -168,6 +172,11 @@ const seek = time => {{
   if (viewer.animator.playing) viewer.animator.pause();
   viewer.animator.seek(time);
 }};
+const along = (table, from, to, x) => {{  // the line through the columns of a table, at x
+  const next = Math.max(1, table.findIndex(row => row[from] >= x));
+  const [start, end] = [table[next - 1], table[next]];
+  return start[to] + (end[to] - start[to]) * (x - start[from]) / (end[from] - start[from]);
+}};
 toggle.onclick = () => {{
   if (viewer.animator.playing) viewer.animator.pause();
   else viewer.animator.play();
@@ -176,10 +185,7 @@ slider.oninput = () => seek(Number(slider.value));
 const tell_time = () => {{
   if (!knots) return;
   const {{actions, playing}} = viewer.animator;
-  const now = Math.min(actions[0].time, knots[knots.length - 1][0]);
-  const next = knots.findIndex(([shown]) => shown >= now) || 1;
-  const [[start, from], [end, to]] = [knots[next - 1], knots[next]];
-  const time = from + (to - from) * (now - start) / (end - start);
+  const time = along(knots, 0, 1, Math.min(actions[0].time, knots[knots.length - 1][0]));
   toggle.textContent = playing ? "pause" : "play";
   slider.value = actions[0].time;
   clock.value = `${{Math.abs(time).toFixed(3)}} s ${{time < 0 ? "before" : "after"}} the impact`;
@@ -198,36 +204,46 @@ const stay_above_ground = () => {{  // in the axes of the camera, whose y is up
   viewer.set_dirty();
 }};
 const seen = node => node.getWorldPosition(node.position.clone()).project(viewer.camera);
-const caption = document.getElementById("caption");
-const place = () => {{  // each label beside its point, ahead of an arrow that ends there
+const place = () => {{  // each label beside its point, where it covers least
   const width = viewer.dom_element.offsetWidth, height = viewer.dom_element.offsetHeight;
-  const placed = [];
+  const pixel = point => [(1 + point.x) / 2 * width, (1 - point.y) / 2 * height];
+  const bar = document.getElementById("time"), boxes = [], points = [], waiting = [];
+  const keep_free = each => boxes.push(
+    {{x: each.offsetLeft, y: each.offsetTop, w: each.offsetWidth, h: each.offsetHeight}});
+  if (!below.matches) keep_free(caption);
+  if (!bar.hidden) keep_free(bar);
   for (const label of document.querySelectorAll(".scene:not([hidden]) .label")) {{
     const node = viewer.scene_tree.find(label.dataset.node.split("/").slice(1)).object;
-    const w = label.offsetWidth, h = label.offsetHeight;
-    const end = seen(node), start = seen(node.parent);
+    const end = seen(node), start = seen(node.parent), is_mark = label.matches(".mark");
     const shown = node.matrixWorld.getMaxScaleOnAxis() > 0.5 && end.z < 1;  // grown, and in front
-    label.style.visibility = shown ? "visible" : "hidden";
+    label.style.visibility = "hidden";
     if (!shown) continue;
-    const right = (1 + end.x) / 2 * width + 6, left = right - w - 12;
-    let y = (1 - end.y) / 2 * height - h / 2, other;
-    if (label.classList.contains("mark")) {{
-      const x = (left + right) / 2;
-      if (placed.some(p => x < p.x + p.w && p.x < x + w && Math.abs(y - p.y) < h))
-        label.style.visibility = "hidden";
-      else placed.push({{x, y, w}});
-      label.style.left = `${{x}}px`;
-      label.style.top = `${{y}}px`;
-      continue;
-    }}
-    const covered = !below.matches && left < caption.offsetLeft + caption.offsetWidth
-      && y < caption.offsetTop + caption.offsetHeight;
-    const x = right + w > width || (end.x < start.x && !covered) ? left : right;
-    while (other = placed.find(p => x < p.x + p.w && p.x < x + w && Math.abs(y - p.y) < h))
-      y = other.y + (end.y < start.y ? h : -h);
-    placed.push({{x, y, w}});
-    label.style.left = `${{x}}px`;
-    label.style.top = `${{y}}px`;
+    const [[x, y], [x0, y0]] = [pixel(end), pixel(start)];
+    for (let k = 0; k <= 16 && !is_mark; k++)  // along the arrow that ends at the point
+      points.push([x0 + (x - x0) * k / 16, y0 + (y - y0) * k / 16]);
+    waiting.push({{label, x, y, is_mark, back: x < x0}});
+  }}
+  for (const {{label, x, y, is_mark, back}} of waiting) {{
+    const w = label.offsetWidth, h = label.offsetHeight, gap = 6;
+    const [right, left, middle] = [x + gap, x - w - gap, x - w / 2];
+    const sides = back ? [left, right] : [right, left];
+    const places = is_mark ? [[middle, y - h / 2]] : [
+      ...sides.map(each => [each, y - h / 2]), [middle, y - h - gap], [middle, y + gap],
+      ...sides.flatMap(each => [[each, y - h - gap], [each, y + gap]]),
+      ...sides.flatMap(each => [[each, y - 2 * h - gap], [each, y + h + gap]]),
+    ];
+    const overlap = (x, y) => boxes.filter(
+      b => x < b.x + b.w && b.x < x + w && y < b.y + b.h && b.y < y + h).length;
+    const cost = (x, y) => 50 * overlap(x, y)
+      + 100 * (x < 0 || y < 0 || x + w > width || y + h > height)
+      + (is_mark ? 0 : points.filter(([u, v]) => x < u && u < x + w && y < v && v < y + h).length);
+    const costs = places.map((each, rank) => cost(...each) + 0.1 * rank);
+    const least = Math.min(...costs), [u, v] = places[costs.indexOf(least)];
+    if (is_mark && least >= 50) continue;
+    boxes.push({{x: u, y: v, w, h}});
+    label.style.visibility = "visible";
+    label.style.left = `${{u}}px`;
+    label.style.top = `${{v}}px`;
   }}
 }};
 const refresh = () => {{
@@ -240,7 +256,11 @@ document.querySelectorAll("nav button").forEach((button, number) => {{
   button.onclick = () => show(number);
 }});
 show(Math.min(Number(wanted.get("scene")) || 0, scenes.length - 1));
-if (wanted.has("at")) seek(Number(wanted.get("at")));
+if (wanted.has("at") && knots) {{
+  const [first, last] = [knots[0][1], knots[knots.length - 1][1]];
+  const time = Math.min(Math.max(Number(wanted.get("at")) || 0, first), last);
+  seek(along(knots, 1, 0, time));
+}}
 requestAnimationFrame(refresh);
 </script>
 </body>
@@ -350,7 +370,6 @@ def html_document(title: str, recordings: Mapping[str, Recording]) -> str:
         engine=_engine(),
         commands=",\n".join(f'"{base64.b64encode(each).decode()}"' for each in numbers),
         scenes=json.dumps(scenes),
-        panel_width=316,
         left=LEFT / UP,
         right=RIGHT / UP,
         spread=1.1 * (LEFT + RIGHT) / (2 * UP),

@@ -19,7 +19,8 @@ from kickdyn.planning.backswing import Backswing
 from kickdyn.planning.swing import Swing
 from kickdyn.robot.ground_clearance import find_depths, shape_of
 from kickdyn.robot.leg import Leg
-from kickdyn.view.camera import Camera, camera_for, set_camera
+from kickdyn.view.camera import BOTTOM, LEFT, RIGHT, TOP, UP, Camera, camera_for, set_camera
+from kickdyn.view.document import draw_label
 from kickdyn.view.impulses import LEAST, Arrow, draw_impulse, impulse_arrows, largest_impulse
 from kickdyn.view.leg_figure import draw_leg, joint_poses
 from kickdyn.view.marks import (
@@ -32,7 +33,7 @@ from kickdyn.view.marks import (
     draw_ground,
     draw_tee,
 )
-from kickdyn.view.playback import GROWING, RATE, Pace, ball_pose, kick_pace, leg_configuration
+from kickdyn.view.playback import RATE, Pace, ball_pose, kick_pace, leg_configuration
 from kickdyn.view.wall_and_goal import Box, draw_box
 
 SKY = {"top_color": [0.60, 0.78, 0.93], "bottom_color": [0.96, 0.98, 1.0]}
@@ -45,7 +46,6 @@ LIGHTS = {
 SUN = np.array([-0.3, -0.5, 0.81])  # unit vector to the light
 LIFT = 5e-3  # height above the ground from which on a resting ball is on a tee [m]
 THIN = 0.0017  # radius of the curve over its distance from the camera: 3 or 4 pixels on a screen
-LINE_WIDTH = 0.004  # of the line on the ground, likewise
 POINTS = 150  # of a flight's curve
 
 
@@ -104,11 +104,12 @@ def draw_kick(
     tips = np.array([arrow.start + scale * arrow.impulse for arrow in arrows]).reshape(-1, 3)
     foot = np.array([*before.position[:2], floor])
     axis = stripe_width(1.8 * size)
-    origin = foot + 0.3 * size * np.cross(forward, (0.0, 0.0, 1.0)) - 0.4 * size * forward
-    far.append(np.array([foot, origin, *(origin + axis * np.eye(3))]))
+    far.append(foot[None])
     camera = camera_for(near, np.vstack(far), forward, marks=tips, behind=bool(scenery))
+    figure = np.vstack([near, figure, tips])
+    line = foot + np.linspace(0.0, 1.0, POINTS)[:, None] * (curve[-1] - foot) * (1.0, 1.0, 0.0)
+    origin = _free_place(camera, figure, np.vstack([curve, line]), foot, axis)
     width = THIN * camera.distance(curve)
-    depth = float(camera.distance(foot))
 
     set_stage(viewer, camera, np.vstack([near, *far]))
     draw_ball(viewer["ball"], ball.radius, before.position)
@@ -125,9 +126,11 @@ def draw_kick(
     stripe = stripe_width(length + size)
     draw_ground(viewer["ground"], foot, forward, stripe, reach)
     draw_axes(viewer["axes"], origin, axis)
-    draw_distances(viewer["distances"], foot, forward, stripe, length, LINE_WIDTH * depth)
+    draw_distances(viewer["distances"], foot, forward, stripe, length, camera)
     draw_disc(viewer["landing"], max(0.4 * ball.radius, 6 * float(width[-1])), CURVE)
     viewer["landing"].set_transform(tf.translation_matrix([*curve[-1, :2], floor]))
+    far_end = path.distance if isinstance(path, Course) else path.range
+    draw_label(viewer["end"], f"{far_end:.3g} m", f"#{CURVE:06x}", curve[-1])
     animation = _animation(viewer, impact, path, pace, moved, arrows)
     viewer.set_animation(animation, repetitions=math.inf)
     text = describe_buried(leg, moved, pace, floor)
@@ -176,6 +179,32 @@ def _ground_height(impact: Impact, moved: Sequence[Array], bottom: float) -> flo
         return float(shape_of(leg, name).moved(placement.homogeneous).lowest)
     found = find_depths(leg, moved, bottom)
     return bottom - found[0].depth if found else bottom
+
+
+def _free_place(camera: Camera, figure: Array, lines: Array, foot: Array, size: float) -> Array:
+    """Return a point on the ground where arrows of a size along the axes cover nothing.
+
+    That is neither the figure nor points of lines, both of shape `(n, 3)` [m]. Of such points in
+    the picture, it is the nearest one to the point `foot` below the ball, or rather to one in front
+    of it. Without any, the arrows may cover lines, or stand at the right of that point.
+    """
+    into = (camera.target - camera.position) * (1.0, 1.0, 0.0)
+    into *= size / np.linalg.norm(into)
+    found: list[Array] = [foot + np.cross(into, (0.0, 0.0, 1.0))]
+    steps = size * np.arange(-6.0, 6.5, 0.5)
+    places: list[Array] = [foot + np.array([x, y, 0.0]) for x, y in product(steps, steps)]
+    taken, along = camera.slopes(figure), camera.slopes(lines)
+    label = np.array([0.25 * UP, 0.0])  # at either side of an arrow
+    bottom, top = taken.min(axis=0) - label, taken.max(axis=0) + label
+    for place in sorted(places, key=lambda each: float(np.linalg.norm(each - foot + 2 * into))):
+        ends = camera.slopes(place + 1.3 * size * np.vstack([np.zeros(3), np.eye(3)]))
+        low, high = ends.min(axis=0), ends.max(axis=0)
+        inside = (low > (-LEFT, -BOTTOM)).all() and (high < (RIGHT, TOP)).all()
+        if inside and ((high < bottom).any() or (low > top).any()):
+            if not ((low < along) & (along < high)).all(axis=1).any():
+                return place
+            found.append(place)
+    return found[min(1, len(found) - 1)]
 
 
 def _bottom(impact: Impact, path: Flight | Course) -> float:
@@ -248,7 +277,7 @@ def _animation(
     moved: Sequence[Array],
     arrows: Sequence[Arrow],
 ) -> Animation:
-    """Return the motion of leg and ball, and of the arrows that grow at the impact."""
+    """Return the motion of leg and ball, and of the arrows that appear at the impact."""
     animation = Animation(default_framerate=RATE)
     leg = impact.posture.leg
     for picture, time in enumerate(pace.times):
@@ -258,8 +287,8 @@ def _animation(
                 frame["ball"].set_transform(ball_pose(impact.ball_before, path, time))
                 for joint, pose in list(enumerate(joint_poses(leg, moved[picture])))[1:]:
                     frame[f"leg/{joint}"].set_transform(pose)
-    grown = pace.impact + GROWING
-    for at, scale in ((0, 1e-3), (pace.impact, 1e-3), (grown, 1.0), (pace.end, 1.0)):
+    hit = pace.impact
+    for at, scale in ((0, 1e-3), (hit - 1, 1e-3), (hit, 1.0), (pace.end, 1.0)):
         with animation.at_frame(viewer, at) as frame:
             for arrow in arrows:
                 frame[arrow.node].set_property("scale", "vector3", [scale] * 3)

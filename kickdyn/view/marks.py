@@ -12,12 +12,14 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from kickdyn.core.validation import Array
+from kickdyn.view.camera import Camera
 from kickdyn.view.document import draw_mark
 
 CURVE, ARROW, AXIS, LINE = 0xE63946, 0x2456D6, 0x1D2733, 0xFFFFFF
 TEE = 0xF2C230
 GRASS = (0x86B56B, 0x7DAD63)
 HEXAGON, PENTAGON = 0xF7F7F2, 0x1E2A38
+LINE_WIDTH = 0.004  # of the line on the ground, over its distance from the camera
 SIDES = 8  # of a tube that draws a curve
 CUTS = 12  # parts of an icosahedron's edge on the ball; a multiple of 3
 
@@ -85,9 +87,11 @@ NEARER = {"polygonOffset": True, "polygonOffsetFactor": -1.0, "polygonOffsetUnit
 
 
 def draw_distances(
-    viewer: Any, start: Array, forward: Array, step: float, length: float, width: float
+    viewer: Any, start: Array, forward: Array, step: float, length: float, camera: Camera
 ) -> None:
     """Draw a white line along the ground, with a mark and its distance every `step` metres.
+
+    The page writes the first and the last distance first, the others where there is space.
 
     Args:
         viewer: the node to draw into.
@@ -95,19 +99,25 @@ def draw_distances(
         forward: horizontal unit vector of the line, shape `(3,)`.
         step: between marks [m].
         length: at which the line ends [m], at the nearest mark beyond or just before it.
-        width: of the line [m].
+        camera: for which line and marks are equally wide everywhere.
     """
     count = max(1, math.ceil(length / step - 0.05))
-    wide, half = width / 2, max(0.06 * step, 3 * width)
-    marks = [(k * step - wide, k * step + wide, -half, half) for k in range(count + 1)]
-    x0, x1, y0, y1 = np.array([(0.0, count * step, -wide, wide), *marks]).T
-    corners = np.stack([np.stack(c, -1) for c in ((x0, y0), (x1, y0), (x1, y1), (x0, y1))], 1)
+    at = step * np.arange(count + 1)
+    wide = LINE_WIDTH / 2 * camera.distance(start + at[:, None] * forward)
+    half = 10 * wide
+    pieces = [  # between two marks, and across the line at each: ends along it, half widths there
+        *zip(at[:-1], at[1:], wide[:-1], wide[1:], strict=True),
+        *zip(at - wide, at + wide, half, half, strict=True),
+    ]
+    x0, x1, y0, y1 = np.array(pieces).T
+    corners = np.stack([np.stack(c, -1) for c in ((x0, -y0), (x1, -y1), (x1, y1), (x0, y0))], 1)
     vertices = np.concatenate([corners, np.zeros((*corners.shape[:2], 1))], 2).reshape(-1, 3)
     faces = 4 * np.arange(len(corners))[:, None, None] + np.array([(0, 1, 2), (0, 2, 3)])
     lines = shapes.TriangularMeshGeometry(vertices, faces.reshape(-1, 3))
     viewer.set_object(lines, shapes.MeshBasicMaterial(color=LINE, **NEARER))
-    for k in range(count + 1):
-        draw_mark(viewer[str(k)], f"{round(k * step, 9):g} m", np.array([k * step, -2 * half, 0.0]))
+    for k in (0, count, *range(1, count)):
+        text = f"{round(k * step, 9):g} m"
+        draw_mark(viewer[str(k)], text, np.array([at[k], -2.2 * half[k], 0.0]))
     up = np.array([0.0, 0.0, 1.0])
     viewer.set_transform(pose_of(np.column_stack([forward, np.cross(up, forward), up]), start))
 
@@ -117,7 +127,7 @@ def draw_axes(viewer: Any, origin: Array, length: float) -> None:
     look = shapes.MeshBasicMaterial(color=AXIS)
     for name, axis in zip("xyz", np.eye(3), strict=True):
         _draw_arrow(viewer[name], length * axis, look)
-        text = f"{name}, {length:g} m" if name == "x" else name
+        text = f"{name} ({length:g} m)" if name == "x" else name
         draw_mark(viewer[f"{name}/name"], text, 1.15 * length * axis)
     viewer.set_transform(tf.translation_matrix(origin))
 

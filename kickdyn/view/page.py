@@ -98,7 +98,7 @@ class Page:
         validation.check_type(str, PathLike, file=file)
         at = validation.number("at", at, at_least=0, unit="s")
         if Path(file).suffix.lower() == ".png":
-            save_picture(self.html, file, self.pace.animation_time(at) if self.pace else 0.0)
+            save_picture(self.html, file, at)
             return
         with replacing(file) as draft:
             draft.write_text(self.html, encoding="utf-8")

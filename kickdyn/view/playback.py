@@ -20,8 +20,6 @@ RATE = 60
 FOLLOW, FLY = 0.7, 2.1
 """How long the first part after the impact, in the strike's pace, and the flight are shown [s]."""
 
-GROWING = 8  # pictures from the impact to arrows of full length
-
 TRAVEL = 0.6
 """How far the fastest joint swings, before and after the impact each [rad; m if prismatic]."""
 
@@ -53,15 +51,6 @@ class Pace:
         last = len(self.times) - 1
         numbers = np.unique([0, self.impact, self.impact + round(FOLLOW * RATE), last])
         return np.column_stack([numbers / RATE, self.times[numbers]])
-
-    def animation_time(self, time: float) -> float:
-        """Return when the animation shows a time, with its arrows at full length [s].
-
-        Args:
-            time: since the impact, 0 or more [s]; after the last picture it is that one.
-        """
-        picture = min(int(np.searchsorted(self.times, time)), len(self.times) - 1)
-        return max(picture, self.impact + GROWING) / RATE
 
 
 def kick_pace(impact: Impact, duration: float, backswing: float | None = None) -> Pace:

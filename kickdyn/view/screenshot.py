@@ -40,7 +40,7 @@ def find_browser(path: str | PathLike[str]) -> str:
 
 
 def save_picture(html: str, path: str | PathLike[str], at: float = 0.0) -> None:
-    """Write a page as a PNG, at a time of its animation [s].
+    """Write a page as a PNG, at a time from the impact [s].
 
     Raises:
         InvalidInput: there is no Chromium, or the file cannot be written.
@@ -55,7 +55,7 @@ def save_picture(html: str, path: str | PathLike[str], at: float = 0.0) -> None:
             browser,
             *_FLAGS.split(),
             *files,
-            f"{page.as_uri()}#picture&at={at:.6f}",
+            f"{page.as_uri()}#picture&at={at:.9g}",
         ]
         try:
             done = subprocess.run(command, capture_output=True, timeout=TIMEOUT, check=False)

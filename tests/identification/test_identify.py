@@ -69,6 +69,14 @@ def test_wind_and_lift_of_flights_fitted_together():
         _ = found.launch
 
 
+def test_warnings_of_flights_fitted_together_name_the_flight():
+    spin = (0, -30, 0)
+    tracks = [flown((speed, 0, 4), spin, kd.Air()) for speed in (8, 9)]
+    found = kd.identify(tracks, BALL, free=("drag",), spin=spin)
+    ranges = [line for line in found.warnings if "outside Re" in line]
+    assert [line.split(": ")[0] for line in ranges] == ["flight 0", "flight 1"]
+
+
 def test_a_known_spin_is_used(curving):
     found = kd.identify(curving, BALL, kd.Air(), free=("drag-scale",), spin=(5, -50, 20))
     assert found.values["drag_scale"] == pytest.approx(1.0, rel=1e-6)

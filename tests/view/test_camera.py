@@ -37,7 +37,7 @@ def test_all_is_in_the_picture_and_the_leg_is_large(distance, way):
     camera = camera_for(LEG, curve, way)
     picture = seen(camera, np.vstack([LEG, curve]))
     assert (np.abs(picture) <= 1).all()
-    assert (picture[:, 0] > 2 * 314 / 1280 - 1).all()  # beside the caption
+    assert (picture[:, 0] > 2 * 350 / 1280 - 1).all()  # beside the caption
     assert np.ptp(seen(camera, LEG)[:, 1]) / 2 > 0.25
     assert camera.position[2] > -0.9
 

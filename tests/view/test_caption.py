@@ -51,12 +51,12 @@ FLIGHT = {"method": "DOP853, drag", "status": "landed", "range": 17.25, "height"
 def test_says_the_numbers():
     said = rows(kick_panel(numbers(), SimpleNamespace(**FLIGHT), DRAWN, ""))
     assert said == {
-        "impulse": "1 N s",
+        "impulse on ball": "1 N s",
         "worst joint": "2 N s at knee",
         "effective mass": "1.25 kg",
         "foot speed": "5 m/s",
         "ball speed": "10 m/s",
-        "ball / foot": "2",
+        "ball / foot speed": "2",
         "launch angle": "53.1°",
         "spin": "50 rad/s",
         "carry": "17.25 m",
@@ -119,7 +119,9 @@ def test_a_floating_base_is_not_listed():
 def test_a_foot_at_rest_has_no_ratio():
     hit = kd.strike(kd.Leg.human().posture(np.zeros(3)), np.zeros(3), kd.Ball(),
                     kd.Contact([1, 0, 0.3], 0.8), ball_velocity=[-5, 0, 0])  # fmt: skip
-    assert "ball / foot" not in rows(panel((hit, kd.Ball(), kd.fly(hit.ball_after, kd.Ball()))))
+    assert "ball / foot speed" not in rows(
+        panel((hit, kd.Ball(), kd.fly(hit.ball_after, kd.Ball())))
+    )
 
 
 def test_a_ball_still_aloft(make_kick):
@@ -134,7 +136,7 @@ def test_a_flight_to_a_plane_is_no_carry(make_kick):
         panel((hit, ball, kd.fly(hit.ball_after, ball, plane=kd.Plane((2, 0, 0), (-1, 0, 0)))))
     )
     assert "carry" not in said
-    assert said["to the plane"].endswith(" m")
+    assert said["distance"].endswith(" m")
 
 
 def test_names_are_escaped(load, spoil):

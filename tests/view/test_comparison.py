@@ -86,7 +86,7 @@ def test_the_legend_says_how_far_how_high_and_how_long():
     """Two seconds in vacuum, from 9.81 m/s upward and 10 m/s ahead."""
     flight = kd.fly(kd.BallState(velocity=(10, 0, GRAVITY)), BALL, None)
     html = kd.page(flight).html
-    assert "<td>20 m, rises 4.905 m, 2 s</td>" in html
+    assert "<td>20 m, rises 4.91 m, 2 s</td>" in html
     assert "from the launch of each" in html
 
 

@@ -75,13 +75,13 @@ def test_the_largest_arrow_is_as_long_as_three_balls_or_half_the_leg(scene, kick
     assert shaft["height"] + head["height"] == pytest.approx(longest)
 
 
-def test_arrows_grow_at_the_impact(scene):
+def test_arrows_appear_at_the_impact(scene):
     tracks, _ = film(scene[0])
     impact = scene[1].impact
     for node in ("arrow", "joint_arrows/1"):
         frames, sizes = tracks[f"/meshcat/{node}", ".scale"]
-        assert sizes[frames.index(impact)] == pytest.approx(1e-3)
-        assert sizes[-1] == pytest.approx(1.0)
+        assert sizes == pytest.approx([1e-3, 1e-3, 1.0, 1.0])
+        assert frames[1:3] == [impact - 1, impact]
 
 
 def test_a_robot_is_in_the_picture_from_head_to_foot(make_kick, load):
@@ -168,6 +168,31 @@ def test_odd_kicks_are_drawn(make_kick, speed, degrees, attack):
     for frames, values in film(viewer)[0].values():
         assert np.isfinite(values).all()
         assert (np.diff(frames) > 0).all()
+
+
+def test_the_axes_stand_beside_leg_ball_and_flight(kick, monkeypatch):
+    """In the picture, no point of leg, ball, flight or line is in the box around their arrows."""
+    impact, _, path = kick
+    found = {}
+    place = kick_scene._free_place
+
+    def spy(camera, figure, lines, foot, size):
+        found.update(camera=camera, points=np.vstack([figure, lines]), size=size, foot=foot)
+        found["place"] = place(camera, figure, lines, foot, size)
+        return found["place"]
+
+    monkeypatch.setattr(kick_scene, "_free_place", spy)
+    draw_kick(recording_viewer(), impact, path)
+    camera, origin = found["camera"], found["place"]
+    assert origin[2] == found["foot"][2]
+    ends = camera.slopes(origin + found["size"] * np.vstack([np.zeros(3), np.eye(3)]))
+    low, high = ends.min(axis=0), ends.max(axis=0)
+    points = camera.slopes(found["points"])
+    assert not ((low < points) & (points < high)).all(axis=1).any()
+    assert (low > (-LEFT, -BOTTOM)).all()
+    assert (high < (RIGHT, TOP)).all()
+    behind = np.vstack([origin, camera.target + 10 * (camera.target - camera.position)])
+    np.testing.assert_allclose(camera.slopes(behind)[1], 0.0, atol=1e-12)  # straight ahead
 
 
 @pytest.mark.parametrize(

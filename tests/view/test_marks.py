@@ -5,6 +5,7 @@ import pytest
 import umsgpack
 
 from kickdyn.view import marks
+from kickdyn.view.camera import Camera
 from kickdyn.view.document import recording_viewer
 
 
@@ -80,10 +81,11 @@ def test_the_ground_is_level_and_turned_to_the_flight():
 def test_marks_stand_along_the_flight_at_their_distances(length, last):
     start, forward = np.array([1.0, 2.0, -3.0]), np.array([0.0, 1.0, 0.0])
     viewer = recording_viewer()
-    marks.draw_distances(viewer["x"], start, forward, 2.0, length, 0.01)
+    camera = Camera(start + np.array([3.0, 0.0, 2.0]), start)
+    marks.draw_distances(viewer["x"], start, forward, 2.0, length, camera)
     said = [umsgpack.unpackb(packed) for packed in viewer.window.commands]
     texts = [re.sub("<.*?>", "", label) for label in viewer.window.labels]
-    assert texts == [f"{2 * k} m" for k in range(last + 1)]
+    assert texts == [f"{2 * k} m" for k in (0, last, *range(1, last))]  # as they are placed
     line = place_of(said, "/meshcat/x")
     for k in range(last + 1):
         point = line @ place_of(said, f"/meshcat/x/{k}")[:, 3]
@@ -100,7 +102,7 @@ def test_axes_are_those_of_the_world():
     for name, axis in zip("xyz", np.eye(3), strict=True):
         np.testing.assert_allclose(place_of(said, f"/meshcat/x/{name}/head")[:3, 1], axis)
     texts = [re.sub("<.*?>", "", label) for label in viewer.window.labels]
-    assert texts == ["x, 0.5 m", "y", "z"]
+    assert texts == ["x (0.5 m)", "y", "z"]
 
 
 @pytest.mark.parametrize("end", [(1, 0, 0), (0, -2, 0), (0, 0, 1e-9), (3, 4, -5)])

@@ -128,7 +128,7 @@ def test_a_bare_impact_is_drawn_above_the_lowest_point_of_the_leg(make_kick):
 def test_the_page_in_a_browser(page, chromium, tmp_path):
     file, picture = tmp_path / "kick.html", tmp_path / "kick.png"
     file.write_text(page, encoding="utf-8")
-    chromium(f"{file.as_uri()}#at=0", f"--screenshot={picture}")  # when labels are hidden
+    chromium(f"{file.as_uri()}#at=-9", f"--screenshot={picture}")  # when labels are hidden
     pixels = 255 * matplotlib.image.imread(picture)[:, 330:, :3].astype(float)  # beside the caption
     red, green, blue = np.moveaxis(pixels, -1, 0)
 
@@ -176,6 +176,19 @@ def test_the_page_plays_for_ever(page, chromium, tmp_path):
     assert fetched == 0
 
 
+def test_the_address_names_a_time_that_the_page_shows(page, kick, chromium, tmp_path):
+    look = """<script>setTimeout(() => {
+      document.title = document.querySelector("#time output").value;
+    }, 500);</script></body>"""
+    file = tmp_path / "kick.html"
+    file.write_text(page.replace("</body>", look))
+    late = f"{kick[2].duration:.3f} s after the impact"
+    for at, shown in (("0", "0.000 s after the impact"), ("0.25", "0.250 s after the impact"),
+                      ("-0.004", "0.004 s before the impact"), ("99", late)):  # fmt: skip
+        dom = chromium(f"{file.as_uri()}#at={at}", "--dump-dom")
+        assert re.search("<title>(.*?)</title>", dom)[1] == shown
+
+
 LABELS = """<script>setTimeout(() => {
   const {right, bottom} = document.querySelector("#caption").getBoundingClientRect();
   const {scrollWidth, scrollHeight} = document.documentElement;
@@ -188,9 +201,9 @@ LABELS = """<script>setTimeout(() => {
 }, 1500);</script></body>"""
 
 
-def labels_in(chromium, page, file, at):
+def labels_in(chromium, page, file, at, size="1280,850"):
     file.write_text(page.replace("</body>", LABELS))
-    dom = chromium(f"{file.as_uri()}#at={at}", "--dump-dom", "--window-size=1280,850")
+    dom = chromium(f"{file.as_uri()}#at={at}", "--dump-dom", f"--window-size={size}")
     return json.loads(html.unescape(re.search("<title>(.*?)</title>", dom)[1]))
 
 
@@ -208,7 +221,7 @@ def test_labels_stand_beside_their_arrows_and_not_over_each_other(
     page, kick, chromium, tmp_path, commands_of
 ):
     wide, high, right, bottom, *scrolled, shown = labels_in(
-        chromium, page, tmp_path / "kick.html", 2.5
+        chromium, page, tmp_path / "kick.html", 0.01
     )
     assert scrolled == [wide, high]  # so that there are no scroll bars
     for _, _, x, y, w, h in shown:
@@ -217,7 +230,7 @@ def test_labels_stand_beside_their_arrows_and_not_over_each_other(
         assert 0 < y < high - h
     sizes = [kick[0].impulse, *kick[0].joint_impulses[:, :3]]
     assert sorted(each[0] for each in shown) == sorted(
-        f"{np.linalg.norm(size):.3g} N s" for size in sizes
+        [f"{kick[2].range:.3g} m", *(f"{np.linalg.norm(size):.3g} N s" for size in sizes)]
     )
     assert {visibility for _, visibility, *_ in shown} == {"visible"}
     assert overlaps(shown) == []
@@ -239,11 +252,19 @@ def test_labels_are_hidden_before_the_impact_and_move_on_along_their_arrows(
     kick, chromium, tmp_path
 ):
     far = kd.page(kick[0], kd.fly(kd.BallState(velocity=(3e3, 0, 3e3)), kick[1])).html
-    *_, shown = labels_in(chromium, far, tmp_path / "kick.html", 2.5)
+    *_, shown = labels_in(chromium, far, tmp_path / "kick.html", 0)
+    assert {visibility for _, visibility, *_ in shown} == {"visible"}
     assert overlaps(shown) == []
-    assert len(overlaps([[*each[:3], shown[0][3], *each[4:]] for each in shown])) > 0  # in a row
-    *_, shown = labels_in(chromium, far, tmp_path / "kick.html", 0.0)
-    assert {visibility for _, visibility, *_ in shown} == {"hidden"}
+    *_, shown = labels_in(chromium, far, tmp_path / "kick.html", -9)
+    *arrows, end = shown
+    assert {visibility for _, visibility, *_ in arrows} == {"hidden"}
+    assert end[1] == "visible"
+
+
+def test_labels_stay_in_a_narrow_window(page, chromium, tmp_path):
+    wide, *_, shown = labels_in(chromium, page, tmp_path / "kick.html", 0, "600,900")
+    assert all(x >= 0 and x + w <= wide for _, _, x, _, w, _ in shown)
+    assert overlaps(shown) == []
 
 
 def test_in_a_narrow_window_the_numbers_stand_below(page, chromium, tmp_path):

@@ -130,9 +130,9 @@ def mechanical_limb() -> Iterator[Row]:
     yield Row(
         "M1", "contact distance", "10.7 to 20.2 cm", f"{moved[0]:.1f} to {moved[1]:.1f} cm",
         range_within(10.7, 20.2, *moved),
-        f"inside but for the ends, which differ by {percent(moved[0] / 10.7 - 1.0, 0)} and "
-        f"{percent(moved[1] / 20.2 - 1.0, 0)} from those of the measured range; ours is the path "
-        "of the foot while ball and foot touch, and the abstract does not define its distance",
+        f"inside except for the ends, which differ by {percent(moved[0] / 10.7 - 1.0, 0)} and "
+        f"{percent(moved[1] / 20.2 - 1.0, 0)} from those of the measured range; kickdyn's distance "
+        "is the path of the foot while ball and foot touch, the abstract does not define its own",
     )  # fmt: skip
     e = [hit.restitution for hit in (slow, fast)]
     yield Row(
@@ -175,9 +175,9 @@ def punts() -> Iterator[Row]:
         yield Row(
             "M2", f"mean force of distance kicks, ball gains 22.7 m/s, {name}", "834 +- 107 N",
             f"{mean:.0f} N", within(834 - 107, 834 + 107, mean),
-            f"{which}; ours is of a soccer ball with Hertz's spring, and {other:.0f} N with the "
-            "spring from pressure. The abstract has no ball speed for accuracy kicks (588 +- 64 "
-            "N), so that these cannot be compared",
+            f"{which}; kickdyn's value is that of a soccer ball with Hertz's spring, and "
+            f"{other:.0f} N with the spring from pressure. The abstract has no ball speed for "
+            "accuracy kicks (588 +- 64 N), so that these cannot be compared",
         )  # fmt: skip
     for name, duration in (
         ("of the visible contact", "visible_contact_time"),
@@ -191,9 +191,9 @@ def punts() -> Iterator[Row]:
         yield Row(
             "M3", f"peak over mean force, mean {name}", "1.97", f"{ratio:.2f}",
             close((ratio, 1.97)),
-            f"{which}; ours is of Hertz's spring, and {other:.2f} of the spring from pressure. No "
-            "choice of mean, spring and dissipation has both M2 and M3 inside. The forces (2062 "
-            "and 1045 N) have no ball speed",
+            f"{which}; kickdyn's ratio is that of Hertz's spring, and {other:.2f} with the spring "
+            "from pressure. No choice of mean, spring and dissipation has both M2 and M3 inside. "
+            "The source gives no ball speed for its forces (2062 and 1045 N)",
         )  # fmt: skip
     assert not both, "a remark on M3 says so"
     for name, stiffness, why in (
@@ -218,7 +218,7 @@ def punts() -> Iterator[Row]:
     share = hit.contact_time / hit.visible_contact_time
     yield Row(
         "M5", "time of acceleration over visible contact", "about 3/4", f"{share:.2f}",
-        close((share, 0.75)), "of the hysteretic spring at e = 0.7; a damped spring has 1",
+        close((share, 0.75)), "with the hysteretic spring at e = 0.7; with a damped spring it is 1",
         "time of acceleration over visible contact",
     )  # fmt: skip
     torque = 0.1 * np.sign(compliance.V) * compliance.LEG.effort_limit
@@ -247,8 +247,8 @@ def restitution() -> Iterator[Row]:
     yield Row(
         "M6", "e as the impact gets faster", "falls", f"{fall:+.3f} from 10 to 15 m/s, `{MODEL}`",
         f"fitted to M1, {sign(fall, -1)}",
-        "a line through the data of M1; the abstract of M6 has no numbers, and a number for e has "
-        "no trend",
+        "`peacock-ball` is a line through the data of M1; the abstract of M6 has no numbers, and a "
+        "constant e has no trend",
     )  # fmt: skip
     yield Row(
         "M6", "e of a small contact area (toe) against a large one (instep)",
@@ -356,8 +356,8 @@ def plans() -> Iterator[Row]:
         "M10", "ball speed of maximal instep kicks, hip at rest", measured,
         f"up to {still[0]:.1f} m/s, foot at {still[1]:.1f} m/s",
         range_within(25.64, 34.48, 0.0, still[0]),
-        f"{limits}. Below both ranges; that an accuracy demand reduces the speed to 85 % is beyond "
-        "models of the impact",
+        f"{limits}. This is below both ranges; that players who aim kick at 85 % of their speed "
+        "is beyond models of the impact",
         "ball speed of maximal instep kicks, hip at rest",
     )  # fmt: skip
     (slow, slow_foot), (fast, fast_foot) = moving
@@ -366,8 +366,8 @@ def plans() -> Iterator[Row]:
         f"up to {slow:.1f} and {fast:.1f} m/s, foot at {slow_foot:.1f} and {fast_foot:.1f} m/s",
         range_within(28.60, 34.48, 0.0, fast),
         "as above; the speeds of the hip are assumed, of the size of a run-up's. The slower of the "
-        "measured kicks can be reached in both ranges, the fastest in neither. What else they "
-        "have, such as faster joints or a leg that turns out of its plane, was not tested",
+        "measured kicks can be reached in both ranges, the fastest in neither. Other causes, "
+        "such as faster joints or a leg that turns out of its plane, were not tested",
         "ball speed of maximal instep kicks, hip at 3 and 5 m/s",
     )  # fmt: skip
     yield Row(
@@ -468,9 +468,9 @@ def tracked() -> Iterator[Row]:
             for name, misses in found.items()
         ),
         "not comparable",
-        f"fits of our own; median and range of the {n} flights of at least 0.9 s that "
-        "`kd.segments` finds in the minute that comes with kickdyn; which samples the four flights "
-        "had is not known",
+        f"fits made for this comparison; median and range of the {n} flights of at least 0.9 s "
+        "that `kd.segments` finds in the minute that comes with kickdyn; which samples the four "
+        "flights had is not known",
     )  # fmt: skip
     yield Row(
         "A1", "C_D fitted to flights of a match", "0.125 to 0.183 (n = 4)",

@@ -150,7 +150,7 @@ def range_warnings(restitution: Restitution, speed: float) -> tuple[str, ...]:
     e = restitution_at(restitution, speed)
     return (
         f"restitution{name} is known from {low:g} to {high:g} m/s, and the foot approaches at "
-        f"{speed:.4g} m/s: e is {e:.4g}, that of the nearer end",
+        f"{speed:.4g} m/s: {e:.4g} is used, the value at the nearer end",
     )
 
 

@@ -135,7 +135,7 @@ def test_the_least_value_and_the_range():
         assert range_warnings(contact(TABLE).restitution, speed) == ()
     (line,) = range_warnings("peacock-ball", 5.0)
     assert "9.1 to 21.2 m/s" in line
-    assert "5 m/s: e is 0.729" in line
+    assert "5 m/s: 0.729 is used" in line
     assert range_warnings(((5.0, 0.8),), 50.0) == range_warnings(0.8, 50.0) == ()
 
 

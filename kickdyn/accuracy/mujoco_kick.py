@@ -332,7 +332,9 @@ def _body(model: Any, joint: int) -> str:
         name = "slide" if slides else "hinge"
         element = f'<joint type="{name}" axis="{along}" armature="{armature!r}"/>'
     else:
-        raise InvalidInput(f"joint {model.names[joint]!r} is a {kind}, which MuJoCo has not")
+        raise InvalidInput(
+            f"joint {model.names[joint]!r} is a {kind}: MuJoCo has no joint of this kind"
+        )
     return (
         f'<body name={quoteattr(model.names[joint])} pos="{row(placement.translation)}" '
         f'quat="{quaternion(placement.rotation)}">'

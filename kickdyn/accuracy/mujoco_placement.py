@@ -74,8 +74,8 @@ def placement_warnings(
             where = "outside" if feet[nearest] > 0.0 else "inside"
             lines.append(
                 f"at first contact the ball's surface is {1e3 * abs(feet[nearest]):.0f} mm {where} "
-                f"{nearest}, in whose file the kick differs from this one: move the contact point "
-                "by its offset, or the foot by its posture, until the ball touches the geom"
+                f"{nearest}, so that the kick in that file differs from this one: change the "
+                "offset of the contact point or the posture until the ball touches the geom"
             )
         elif tilts[nearest] > TILTED:
             lines.append(

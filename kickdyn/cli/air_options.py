@@ -1,4 +1,4 @@
-"""The option `--drag` of command lines, beside their `--air`."""
+"""The options `--air` and `--drag` of command lines."""
 
 from dataclasses import replace
 
@@ -6,29 +6,47 @@ import click
 
 from kickdyn.aerodynamics.coefficient_model import find_model
 from kickdyn.aerodynamics.drag import MODELS
-from kickdyn.air import Air
+from kickdyn.air import AIRS, Air
+from kickdyn.cli.command import offers
 from kickdyn.errors import InvalidInput
+
+
+def read_drag(_: click.Context, option: click.Option, text: str | None) -> str | float | None:
+    """Return the number that an option's text is, or else the text, which names a model."""
+    if text is None:
+        return None
+    try:
+        return float(text)
+    except ValueError:
+        known = [*MODELS, *([option.default] if isinstance(option.default, str) else [])]
+        if text not in known:
+            raise InvalidInput(
+                f"--drag is {text!r}: it must be a number such as 0.25, or one of "
+                f"{', '.join(known)}"
+            ) from None
+        return text
+
+
+air_option = click.option(
+    "--air", default="standard", show_default=True, type=click.Choice(list(AIRS)),
+    help="Air at 20 degC and sea level, with density and viscosity of the paper's Table 3, or "
+    "none. The coefficients of drag and lift are those of kickdyn.",
+)  # fmt: skip
 
 drag_option = click.option(
     "--drag",
     metavar="MODEL|NUMBER",
-    help="Drag of the ball: the name of a model, or a constant coefficient such as 0.25.  "
-    "[default: supercritical; with --air paper, brazuca]",
+    callback=read_drag,
+    shell_complete=offers(lambda _: MODELS),
+    help="Drag coefficient of the ball: a number such as 0.25, or the name of a model of it "
+    f"({', '.join(MODELS)}).  [default: supercritical; with --air paper, brazuca]",
 )
 
 
-def read_coefficient(text: str) -> str | float:
-    """Return the number that a text is, or else the text, which names a model."""
-    try:
-        return float(text)
-    except ValueError:
-        return text
-
-
-def with_drag(air: Air | None, drag: str | None) -> Air | None:
+def with_drag(air: Air | None, drag: str | float | None) -> Air | None:
     """Return the air with the drag of the option, as it is where there is none."""
     if drag is None:
         return air
     if air is None:
-        raise InvalidInput(f"--drag {drag} is named with --air none: a vacuum has no drag")
-    return replace(air, drag=find_model("drag", MODELS, read_coefficient(drag)))
+        raise InvalidInput(f"--drag is {drag}, but --air is none: a vacuum has no drag")
+    return replace(air, drag=find_model("drag", MODELS, drag))

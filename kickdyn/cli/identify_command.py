@@ -5,11 +5,12 @@ from typing import Any
 import click
 import numpy as np
 
+from kickdyn.aerodynamics.drag import MODELS
 from kickdyn.air import Air
 from kickdyn.ball import Ball
-from kickdyn.cli.air_options import read_coefficient
-from kickdyn.cli.command import busy
-from kickdyn.core.files import check_outputs, write_json
+from kickdyn.cli.air_options import read_drag
+from kickdyn.cli.command import Command, busy, check_files, check_page_name, offers
+from kickdyn.core.files import write_json
 from kickdyn.core.plot_style import check_name, save_figure
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.ground import Ground
@@ -31,7 +32,7 @@ AVERAGED = {"drag": "drag coefficient", "drag_scale": "factor of the drag model"
 """The values of which a mean over the flights is given, and their names on the screen."""
 
 
-@click.command("identify", context_settings={"help_option_names": ["-h", "--help"]})
+@click.command("identify", Command)
 @click.argument("track_file", metavar="TRACK")
 @click.option("--start", type=int, metavar="I", help="First sample of one flight to fit.")
 @click.option("--end", type=int, metavar="J", help="First sample after this flight.")
@@ -40,8 +41,10 @@ AVERAGED = {"drag": "drag coefficient", "drag_scale": "factor of the drag model"
     default="constant",
     show_default=True,
     metavar="constant|MODEL|NUMBER",
-    help="Fit a constant coefficient, or a factor of a drag model, by its name; or keep the "
-    "coefficient at a number.",
+    callback=read_drag,
+    shell_complete=offers(lambda _: ("constant", *MODELS)),
+    help="What is fitted: a constant drag coefficient; a factor of a drag model, by its name "
+    f"({', '.join(MODELS)}); or nothing, with the coefficient kept at a number.",
 )
 @click.option(
     "--columns",
@@ -62,13 +65,14 @@ AVERAGED = {"drag": "drag coefficient", "drag_scale": "factor of the drag model"
 @click.option("--ground-height", type=float, default=0.0, show_default=True,
               help="Height of the ground [m].")  # fmt: skip
 @click.option("--plot", metavar="FILE", help="Plot the longest flight: .png, .svg or .pdf.")
-@click.option("--view", metavar="FILE", help="Write a 3-D page of the 8 longest flights.")
+@click.option("--view", metavar="FILE.html|.png",
+              help="Write a 3-D page of the 8 longest flights, or a picture of it.")  # fmt: skip
 @click.option("--json", "json_file", metavar="FILE", help="Write the result as JSON; - is stdout.")
 def identify(
     track_file: str,
     start: int | None,
     end: int | None,
-    drag: str,
+    drag: str | float,
     columns: str,
     marker: str | None,
     ball_mass: float,
@@ -89,21 +93,22 @@ def identify(
 
     Example: kickdyn identify track.csv --drag brazuca --plot flight.png
     """
-    check_outputs(plot, view, json_file=json_file)
     if plot is not None:
         check_name(plot)
+    if view is not None:
+        check_page_name(view)
+    check_files(plot, view, json_file=json_file, inputs=[track_file])
     if track_file.lower().endswith(".c3d"):
         track = Track.from_c3d(track_file, marker)
     elif marker is not None:
         raise InvalidInput(
-            f"--marker {marker} is for a C3D file: {track_file} does not end in .c3d"
+            f"--marker is {marker!r}: it is for a C3D file, and {track_file} does not end in .c3d"
         )
     else:
         track = Track.from_csv(track_file, [name.strip() for name in columns.split(",")])
     ball, ground = Ball(ball_mass, ball_radius), Ground(ground_height)
-    model = read_coefficient(drag)
-    air = Air() if drag == "constant" else Air(drag=model)
-    fitted = ["drag" if drag == "constant" else "drag-scale"] if isinstance(model, str) else []
+    air = Air() if drag == "constant" else Air(drag=drag)
+    fitted = ["drag" if drag == "constant" else "drag-scale"] if isinstance(drag, str) else []
     free = ["spin", *fitted]
     found: Segments | None = None
     if start is None and end is None:

@@ -20,9 +20,9 @@ def _numbers(separator: str, count: int) -> Callable[..., list[float] | None]:
         except ValueError:
             values = []
         if len(values) != count or not all(map(math.isfinite, values)):
-            name = option.opts[0].lstrip("-")
+            example = separator.join(["0.1", "0.2", "0.3"][:count])
             raise InvalidInput(
-                f"{name} is {text!r}: it must be {count} numbers, as {option.metavar}"
+                f"{option.opts[0]} is {text!r}: it must be {option.metavar}, such as {example}"
             )
         return values
 
@@ -30,4 +30,10 @@ def _numbers(separator: str, count: int) -> Callable[..., list[float] | None]:
 
 
 PAIR, TRIPLE = _numbers(":", 2), _numbers(",", 3)
-"""Callbacks of options such as `--over DISTANCE:HEIGHT` and `--offset X,Y,Z`."""
+"""Callbacks of options such as `--over DISTANCE:HEIGHT` and `--spin X,Y,Z`."""
+
+offset_option = click.option(
+    "--offset", callback=TRIPLE, metavar="X,Y,Z",
+    help="Contact point relative to --frame, in its axes [m].",
+)  # fmt: skip
+"""Gives a command the argument `offset`."""

@@ -8,17 +8,18 @@ from pathlib import Path
 import click
 from matplotlib.figure import Figure
 
-from kickdyn.cli.command import busy
+from kickdyn.cli.command import Command, busy, check_files, offers
 from kickdyn.core.files import check_outputs, write_json
 from kickdyn.core.plot_style import save_figure, styled
 from kickdyn.errors import InvalidInput
 from kickdyn.paper.item import Item
 from kickdyn.paper.paper_report import show
-from kickdyn.paper.reproduce import Section, chosen
+from kickdyn.paper.reproduce import Section, chosen, item_names
 
 
-@click.command("paper", context_settings={"help_option_names": ["-h", "--help"]})
-@click.option("--only", metavar="ITEM", help='Show one table or figure only, such as "table 2".')
+@click.command("paper", Command)
+@click.option("--only", metavar="ITEM", shell_complete=offers(lambda _: item_names()),
+              help="Show one table or figure only, such as table2 or fig10.")  # fmt: skip
 @click.option("--json", "json_file", metavar="FILE", help="Write all items as JSON; - is stdout.")
 @click.option("--figures", metavar="DIR", help="Write the figures to a folder, which is created.")
 @click.option("--sensitivity/--no-sensitivity", default=True, show_default=True,
@@ -31,19 +32,20 @@ def paper(
 ) -> None:
     """Reproduce the ICRA 2005 paper's tables and figures, item by item.
 
-    Example: kickdyn paper --only "fig 8" --figures build/paper
+    Example: kickdyn paper --only fig8 --figures build/paper
     """
     sections = chosen(only)
     drawings = {}
     if figures is not None:
         drawings = {_file(section, figures): section.draw for section in sections if section.draw}
-    check_outputs(json_file=json_file)
-    if figures is not None and drawings:
+        if not drawings:
+            raise InvalidInput(f"--figures is {figures!r}: {only} has no figure")
+        check_outputs(json_file=json_file)
         try:
             Path(figures).mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise InvalidInput(f"{figures} cannot be made ({error.strerror})") from None
-        check_outputs(*drawings, json_file=json_file)
+            raise InvalidInput(f"{figures} cannot be created ({error.strerror})") from None
+    check_files(*drawings, json_file=json_file)
     items: dict[str, list[Item]] = {}
     others: dict[str, list[Item]] = {}
     with busy("reproducing") as report:

@@ -9,11 +9,11 @@ import numpy as np
 
 from kickdyn.air import AIRS, Air
 from kickdyn.ball import Ball
-from kickdyn.cli.air_options import drag_option, with_drag
-from kickdyn.cli.ball_option import read_ball
-from kickdyn.cli.command import busy, warn
+from kickdyn.cli.air_options import air_option, drag_option, with_drag
+from kickdyn.cli.ball_option import ball_option
+from kickdyn.cli.command import Command, busy, check_files, check_page_name, warn
 from kickdyn.cli.leg_options import LegOptions, leg_options
-from kickdyn.cli.number_options import PAIR, TRIPLE
+from kickdyn.cli.number_options import PAIR, TRIPLE, offset_option
 from kickdyn.cli.plan_suggestions import (
     clear_ground,
     clear_wall,
@@ -22,7 +22,7 @@ from kickdyn.cli.plan_suggestions import (
 )
 from kickdyn.cli.restitution_option import restitution_option
 from kickdyn.core import validation
-from kickdyn.core.files import check_outputs, write_json
+from kickdyn.core.files import write_json
 from kickdyn.errors import InvalidInput
 from kickdyn.ground import SURFACES
 from kickdyn.planning.goal import FARTHEST, Arc, Goal
@@ -51,12 +51,12 @@ def _uncertainty(_: click.Context, __: click.Option, text: str | None) -> dict[s
     try:
         return checked_spread({name.strip(): float(value) for name, _, value in pairs})
     except InvalidInput as error:
-        raise InvalidInput(f"robust is {text!r}: {error}") from None
+        raise InvalidInput(f"--robust is {text!r}: {error}") from None
     except ValueError:
-        raise InvalidInput(f"robust is {text!r}: it must be like speed=0.02,angle=0.01") from None
+        raise InvalidInput(f"--robust is {text!r}: it must be like speed=0.02,angle=0.01") from None
 
 
-@click.command("plan", context_settings={"help_option_names": ["-h", "--help"]})
+@click.command("plan", Command)
 @click.option("--distance", required=True, type=float, help="Distance of the target, along x [m].")
 @click.option("--height", default=0.0, show_default=True,
               help="Height of the target above the initial position of the ball, centre to "
@@ -85,12 +85,7 @@ def _uncertainty(_: click.Context, __: click.Option, text: str | None) -> dict[s
 @click.option("--arc", default="low", show_default=True, type=click.Choice([*map(str, Arc)]),
               help="Arc of the flight, where two launches meet the goal.")  # fmt: skip
 @leg_options
-@click.option(
-    "--offset",
-    callback=TRIPLE,
-    metavar="X,Y,Z",
-    help="Contact point relative to --frame, in its axes [m].",
-)
+@offset_option
 @click.option("--ball-height", type=float,
               help="Height of the ball's centre [m, world frame]. By default, the ball lies at the "
               "height of the foot of the straight leg (10 % lower hips for a robot, whose knees "
@@ -113,17 +108,15 @@ def _uncertainty(_: click.Context, __: click.Option, text: str | None) -> dict[s
     help="Spin of the ball [rad/s]; back spin has Y < 0.",
 )
 @click.option("--wind", callback=TRIPLE, metavar="X,Y,Z", help="Velocity of the wind [m/s].")
-@click.option("--air", default="standard", show_default=True, type=click.Choice(list(AIRS)),
-              help="Air at 20 degC and sea level, with density and viscosity of the paper's "
-              "Table 3, or none. The coefficients are those of kickdyn.")  # fmt: skip
+@air_option
 @drag_option
-@click.option("--ball", default="size-5", callback=read_ball, metavar="MASS:RADIUS|size-5|paper",
-              show_default=True, help="Mass [kg] and radius [m], or a name.")  # fmt: skip
+@ball_option
 @click.option("--robust", "uncertainty", callback=_uncertainty, metavar="ERRORS",
               help="Minimize the scatter of the landing point, for standard deviations such as "
               "speed=0.02,angle=0.01,contact=0.002,drag=0.05 [1, rad, m, 1].")  # fmt: skip
 @click.option("--json", "json_file", metavar="FILE", help="Write the plan as JSON; - is stdout.")
-@click.option("--view", metavar="FILE.html", help="Write a 3-D page of the kick.")
+@click.option("--view", metavar="FILE.html|.png",
+              help="Write a 3-D page of the kick, or a picture of it.")  # fmt: skip
 @click.option("--swing", is_flag=True, help="Plan the motion from rest to the impact and to "
               "rest again, within all limits, and show it in the page; for a robot on a support, "
               "the motion from rest to the impact, with its foot above the ground.")  # fmt: skip
@@ -154,7 +147,7 @@ def plan(
     spin: list[float] | None,
     wind: list[float] | None,
     air: str,
-    drag: str | None,
+    drag: str | float | None,
     ball: Ball,
     uncertainty: dict[str, float] | None,
     json_file: str | None,
@@ -179,12 +172,12 @@ def plan(
         check_before(wall, math.hypot(distance, left))
         if all(named is None for named in (time, apex, launch_speed, over, surface)):
             over = [wall.distance, wall.height + OVER]
-    named = {"time": time, "apex": apex, "launch-speed": launch_speed, "over": over}
-    given = [f"--{name}" for name, value in named.items() if value is not None]
+    named = {"--time": time, "--apex": apex, "--launch-speed": launch_speed, "--over": over}
+    given = [name for name, value in named.items() if value is not None]
     if len(given) != 1:
         raise InvalidInput(
             f"{' and '.join(given) or 'nothing'} {'are' if given else 'is'} given besides the "
-            f"target: give exactly one of {', '.join(f'--{name}' for name in named)}"
+            f"target: give exactly one of {', '.join(named)}"
         )
     if launch_speed is not None:
         validation.number("launch-speed", launch_speed, above=0, at_most=1e6, unit="m/s")
@@ -197,10 +190,10 @@ def plan(
         beside=None if beside is None else (beside[0], beside[1]),
     )
     air_of_flight = _windy(with_drag(AIRS[air], drag), wind)
+    _check_files(swing, view, plot, json_file, leg_options.leg_name)
     leg = leg_options.load()
     if plot is not None and is_floating(leg):
-        raise InvalidInput(f"plot is {plot!r}: swings are drawn for robots on a fixed base")
-    _check_files(swing, view, plot, json_file)
+        raise InvalidInput(f"--plot is {plot!r}: swings are drawn only for robots on a fixed base")
     if uncertainty is not None and objective is not None:
         raise InvalidInput("--robust and --objective are both given: --robust minimizes scatter")
     if uncertainty is not None and swing:
@@ -254,15 +247,19 @@ def plan(
     _write(report, json_file, view, plot)
 
 
-def _check_files(swing: bool, view: str | None, plot: str | None, json_file: str | None) -> None:
+def _check_files(
+    swing: bool, view: str | None, plot: str | None, json_file: str | None, leg: str
+) -> None:
     """Refuse files that cannot be written before anything is computed."""
     if plot is not None:
         if not swing:
-            raise InvalidInput(f"plot is {plot!r}: it shows the swing, so add --swing")
+            raise InvalidInput(f"--plot is {plot!r}: it shows the swing, so add --swing")
         from kickdyn.core.plot_style import check_name
 
         check_name(plot)
-    check_outputs(view, plot, json_file=json_file)
+    if view is not None:
+        check_page_name(view)
+    check_files(view, plot, json_file=json_file, inputs=[leg])
 
 
 def _lying_height(leg: Leg, ball: Ball, offset: list[float] | None) -> float:
@@ -278,7 +275,7 @@ def _windy(air: Air | None, wind: list[float] | None) -> Air | None:
     if wind is None:
         return air
     if air is None:
-        raise InvalidInput(f"wind is {wind}: there is no wind with --air none")
+        raise InvalidInput(f"--wind is {wind}, but --air is none: there is no wind in a vacuum")
     return replace(air, wind=np.array(wind))
 
 
@@ -299,7 +296,8 @@ def _write(report: PlanReport, json_file: str | None, view: str | None, plot: st
 
         save_figure(swing_figure(report.swing), plot)
     if view is not None:
-        told = [line for line in sentences if not line.startswith("Warning: ")]  # the page has them
+        # the page has the warnings itself, and no options
+        told = [x for x in sentences if not x.startswith("Warning: ") and x not in report.advice]
         _write_page(report, view, " ".join(told))
     if json_file == "-":
         return

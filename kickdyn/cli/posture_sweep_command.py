@@ -15,24 +15,24 @@ import xarray as xr
 
 from kickdyn.air import AIRS
 from kickdyn.ball import Ball
-from kickdyn.cli.air_options import drag_option, with_drag
-from kickdyn.cli.ball_option import read_ball
-from kickdyn.cli.command import warn
-from kickdyn.cli.leg_options import LegOptions, leg_options
+from kickdyn.cli.air_options import air_option, drag_option, with_drag
+from kickdyn.cli.ball_option import ball_option
+from kickdyn.cli.command import Command, check_files, check_page_name, offers, repeated, warn
+from kickdyn.cli.leg_options import LegOptions, joints_to_set, leg_options
 from kickdyn.cli.named_legs import SHIPPED
 from kickdyn.cli.restitution_option import restitution_option
 from kickdyn.core import compilation, validation
-from kickdyn.core.files import check_outputs, write_json
-from kickdyn.errors import InvalidInput
+from kickdyn.core.files import write_json
+from kickdyn.errors import InvalidInput, Unfinished
 from kickdyn.flight.fly import fly
 from kickdyn.impact.laws import ImpactLaw
 from kickdyn.restitution import Restitution, range_warnings
 from kickdyn.sweeps.dataset import VARIABLES, describe, select_variables
 from kickdyn.sweeps.grid import Grid, read_postures
 from kickdyn.sweeps.queries import blocks
-from kickdyn.sweeps.store import check_netcdf_name, save_netcdf
+from kickdyn.sweeps.store import check_netcdf_name, check_store, save_netcdf
 from kickdyn.sweeps.summary import NEEDED, Summary
-from kickdyn.sweeps.sweep import CARRY_TOLERANCE, Progress, sweep, sweep_chunks
+from kickdyn.sweeps.sweep import CARRY_TOLERANCE, TO_RESUME, Progress, sweep, sweep_chunks
 from kickdyn.sweeps.sweep_kick import Kick
 from kickdyn.sweeps.sweep_report import (
     ReportLine,
@@ -42,7 +42,6 @@ from kickdyn.sweeps.sweep_report import (
     paper_lines,
     show,
 )
-from kickdyn.view.screenshot import find_browser
 
 if TYPE_CHECKING:
     from kickdyn.view.page import Page
@@ -51,9 +50,10 @@ KICKING = ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
 """Default grid of our legs: about to meet a ball on the ground before them."""
 
 
-@click.command("posture-sweep", context_settings={"help_option_names": ["-h", "--help"]})
+@click.command("posture-sweep", Command)
 @leg_options
 @click.option("--joint", "joints", multiple=True, metavar="NAME=LOW:HIGH:STEP",
+              shell_complete=offers(joints_to_set),
               help="Range of a joint [deg; m for prismatic joints], or NAME=VALUE for a constant "
               "value; repeatable. By default, human and testbed have a range of hip, knee and "
               "ankle, in steps of 5 deg.")  # fmt: skip
@@ -63,13 +63,9 @@ KICKING = ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
               "[deg].")  # fmt: skip
 @restitution_option
 @click.option("--friction", default=0.4, show_default=True, help="Coulomb's coefficient.")
-@click.option("--air", default="standard", show_default=True, type=click.Choice(list(AIRS)),
-              help="Air at 20 degC and sea level, with density and viscosity of the paper's "
-              "Table 3, or none. The coefficients are those of kickdyn.")  # fmt: skip
+@air_option
 @drag_option
-@click.option("--ball", default="size-5", callback=read_ball, metavar="MASS:RADIUS|size-5|paper",
-              show_default=True, help="Mass [kg] and radius [m], or a name. The table also has "
-              "the impulse on an immovable obstacle.")  # fmt: skip
+@ball_option
 @click.option("--law", default="newton", show_default=True,
               type=click.Choice([*map(str, ImpactLaw)]),
               help="Impact law. Only newton has compiled kernels; with the others a sweep is about "
@@ -78,14 +74,16 @@ KICKING = ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
               help="Write the dataset, as netCDF 4 (up to a million postures) or Zarr (any number, "
               "can be resumed). Without it, only the best postures and the Pareto front are kept, "
               "for --json.")  # fmt: skip
-@click.option("--variables", metavar="NAME,...",
+@click.option("--variables", metavar="NAME,...", shell_complete=offers(lambda _: VARIABLES),
               help=f"Variables to write to --out, besides status and those of the table "
               f"({', '.join(NEEDED)}).  [default: all, {', '.join(VARIABLES)}]")  # fmt: skip
-@click.option("--resume", is_flag=True, help="Compute only what is missing in DIR.zarr.")
-@click.option("--threads", type=click.IntRange(1, 1024),
-              help="Number of threads.  [default: one per core]")  # fmt: skip
+@click.option("--resume", is_flag=True,
+              help="Compute only what is missing in DIR.zarr, after an interruption.")  # fmt: skip
+@click.option("--threads", type=click.IntRange(1, 1024), metavar="N",
+              help="Number of threads, 1 to 1024.  [default: one per core]")  # fmt: skip
 @click.option("--workers", type=click.IntRange(1, 1024), metavar="N",
-              help="Number of processes that write DIR.zarr, in place of threads.")  # fmt: skip
+              help="Number of processes that write DIR.zarr, 1 to 1024, in place of "
+              "threads.")  # fmt: skip
 @click.option("--tolerance", default=CARRY_TOLERANCE, show_default=True,
               help="Largest error of a carry distance [m]. Carries of planar legs are interpolated "
               "between computed flights; with 0, every flight is computed.")  # fmt: skip
@@ -106,7 +104,7 @@ def posture_sweep(
     restitution: Restitution,
     friction: float,
     air: str,
-    drag: str | None,
+    drag: str | float | None,
     ball: Ball,
     law: str,
     out: str | None,
@@ -126,6 +124,28 @@ def posture_sweep(
     Example: kickdyn posture-sweep --joint hip=-10:60:5 --joint knee=0:90:5
     --joint ankle=0 --speed 2 --out sweep.nc --view kick.html
     """
+    store = out if out is not None and Path(out).suffix == ".zarr" else None
+    file = out if store is None else None
+    if file is not None:
+        check_netcdf_name(file)
+    if store is not None:
+        check_store(store, resume=resume)
+    elif resume or workers is not None:
+        raise InvalidInput("--resume and --workers are for a Zarr store: name it, --out DIR.zarr")
+    if threads is not None and workers is not None:
+        raise InvalidInput("--threads and --workers are both given: give one of them")
+    if out is None and variables is not None:
+        raise InvalidInput(
+            "--variables is for what --out keeps: name it, --out FILE.nc or DIR.zarr"
+        )
+    if plot is not None:
+        from kickdyn.core.plot_style import check_name, save_figure
+        from kickdyn.sweeps.sweep_plot import sweep_figure
+
+        check_name(plot)
+    if view is not None:
+        check_page_name(view)
+    check_files(file, plot, view, json_file=json_file, inputs=[leg_options.leg_name])
     leg = leg_options.load()
     validation.number("speed", speed, above=0, at_most=1e6, unit="m/s")
     validation.number("attack", attack, at_least=-90, at_most=90, unit="deg")
@@ -138,29 +158,13 @@ def posture_sweep(
     kicking = [axis for axis in KICKING if axis.partition("=")[0] in leg.joint_names]
     postures = read_postures(leg, joints or (kicking if leg_options.leg_name in SHIPPED else ()))
     grid = Grid.of(leg, postures)
-    store = out if out is not None and Path(out).suffix == ".zarr" else None
-    file = out if store is None else None
-    if file is not None:
-        check_netcdf_name(file)
-    if plot is not None:
-        from kickdyn.core.plot_style import check_name, save_figure
-        from kickdyn.sweeps.sweep_plot import sweep_figure
-
-        check_name(plot)
-    check_outputs(file, plot, view, json_file=json_file)
-    if view is not None and Path(view).suffix.lower() == ".png":
-        find_browser(view)
-    if store is None and (resume or workers is not None):
-        raise InvalidInput("--resume and --workers are for a Zarr store: name it --out DIR.zarr")
-    if out is None and variables is not None:
-        raise InvalidInput("--variables is for what is kept: name it --out FILE.nc or DIR.zarr")
     named = None if variables is None else [name.strip() for name in variables.split(",")]
     kept = select_variables(None if named is None else [*named, *NEEDED])
     summary = Summary(describe(leg, grid, kick, tolerance), where, kept)
 
     data: xr.Dataset | None = None
     found: Iterator[xr.Dataset]
-    with _progress_bar(grid.size) as progress:
+    with _resumable(store), _progress_bar(grid.size, store if resume else None) as progress:
         if out is not None:
             data = sweep(
                 leg, postures, kick, store=store, variables=kept, resume=resume,
@@ -209,12 +213,36 @@ def posture_sweep(
 
 
 @contextmanager
-def _progress_bar(size: int) -> Iterator[Progress | None]:
-    """Show a bar with time left and best ball speed while stderr is a terminal."""
+def _resumable(store: str | None) -> Iterator[None]:
+    """Say how to continue where a sweep that fills a store is stopped."""
+    try:
+        yield
+    except (KeyboardInterrupt, Unfinished) as error:
+        if store is None or not Path(store).is_dir():
+            raise
+        reason = str(error).removesuffix(TO_RESUME) or "interrupted"
+        raise Unfinished(f"{reason}. To continue, run: {repeated('--resume')}") from None
+
+
+@contextmanager
+def _progress_bar(size: int, resumed: str | None) -> Iterator[Progress | None]:
+    """Show a bar with time left and best ball speed while stderr is a terminal.
+
+    Say first how much of a store that is resumed is there.
+    """
+    best, told = 0.0, resumed is None
+
+    def kept(count: int) -> None:
+        """Write how many postures a store has, the first time."""
+        nonlocal told
+        if not told:
+            line = f"{resumed} has {count:,} of {size:,} postures: the others are computed"
+            click.echo(f"\r{line:79}" if sys.stderr.isatty() else line, err=True)
+        told = True
+
     if not sys.stderr.isatty():
-        yield None
+        yield None if told else lambda count, _: kept(count)
         return
-    best = 0.0
 
     def text(speed: float | None) -> str | None:
         """Return what stands beside the progress bar."""
@@ -234,6 +262,7 @@ def _progress_bar(size: int) -> Iterator[Progress | None]:
         def progress(count: int, speed: float) -> None:
             """Move the bar on by a number of postures, and keep the best speed [m/s]."""
             nonlocal best
+            kept(count)
             best = float(np.fmax(best, speed))
             bar.update(count, best)
 

@@ -5,6 +5,7 @@ from typing import Any, TypeVar
 
 import click
 
+from kickdyn.cli.command import offers
 from kickdyn.restitution import MODELS, Restitution, read_restitution
 
 
@@ -17,7 +18,7 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 
 restitution_option: Callable[[Command], Command] = click.option(
     "--restitution", default="0.8", show_default=True, callback=_read,
-    metavar="E|NAME|SPEED:E,...",
+    metavar="E|NAME|SPEED:E,...", shell_complete=offers(lambda _: MODELS),
     help="Coefficient of restitution e, from 0 to 1; a table of e over the approach speed, such as "
     f"5:0.8,20:0.65 [m/s:e]; or a model ({', '.join(MODELS)}).",
 )  # fmt: skip

@@ -4,16 +4,17 @@ from typing import Any
 
 import click
 
-from kickdyn.cli.command import busy
+from kickdyn.cli.command import Command, busy, check_files
+from kickdyn.cli.scene_argument import scene_argument
 from kickdyn.core.console import screen_width, wrapped
-from kickdyn.core.files import check_outputs, finite, write_json
+from kickdyn.core.files import finite, write_json
 from kickdyn.scene.simulate import simulate as simulate_scene
 from kickdyn.scene.simulation import Simulation
 from kickdyn.scene.toml_reader import load_scene
 
 
-@click.command("simulate", context_settings={"help_option_names": ["-h", "--help"]})
-@click.argument("scene_file", metavar="SCENE")
+@click.command("simulate", Command)
+@scene_argument
 @click.option(
     "--tolerance",
     default=0.05,
@@ -30,7 +31,7 @@ def simulate(scene_file: str, tolerance: float, exact: bool, json_file: str | No
 
     Example: kickdyn simulate free_kick --tolerance 0.01
     """
-    check_outputs(json_file=json_file)
+    check_files(json_file=json_file, inputs=[scene_file])
     scene = load_scene(scene_file)
     with busy("simulating"):
         answer = simulate_scene(scene, None if exact else tolerance)

@@ -13,9 +13,10 @@ from rich.table import Table
 
 from kickdyn.accuracy.effect_sizes import effect_figure
 from kickdyn.accuracy.measurement import Measurement, front_figure
-from kickdyn.cli.command import busy
+from kickdyn.cli.command import Command, busy, check_files, offers
+from kickdyn.cli.scene_argument import scene_names
 from kickdyn.core.console import empty_table, screen_width
-from kickdyn.core.files import check_outputs, finite, write_json
+from kickdyn.core.files import finite, write_json
 from kickdyn.core.plot_style import check_name, save_figure
 from kickdyn.errors import InvalidInput
 from kickdyn.scene.effects import EffectSize
@@ -29,13 +30,13 @@ TITLES = {
 }
 
 
-@click.command("tradeoff", context_settings={"help_option_names": ["-h", "--help"]})
+@click.command("tradeoff", Command)
 @click.option("--impact", is_flag=True, help="Measure only methods for the impact.")
 @click.option("--flight", is_flag=True, help="Measure only integrators of the flight.")
 @click.option("--json", "json_file", metavar="FILE", help="Write the rows as JSON; - is stdout.")
-@click.option("--scene", metavar="FILE",
-              help="Measure what each effect of a scene changes: a TOML file or a name, as for "
-              "`kickdyn view`.")  # fmt: skip
+@click.option("--scene", metavar="SCENE", shell_complete=offers(scene_names, files=True),
+              help="Measure what each effect of a scene changes: a TOML file, or the name of a "
+              "scene, as for `kickdyn view`.")  # fmt: skip
 @click.option("--plot", metavar="FILE",
               help="Plot error against time, or the effects: .png, .svg or .pdf.")  # fmt: skip
 def tradeoff(
@@ -52,7 +53,7 @@ def tradeoff(
         )
     if plot is not None:
         check_name(plot)
-    check_outputs(plot, json_file=json_file)
+    check_files(plot, json_file=json_file, inputs=[scene])
     if scene is not None:
         _compare_effects(scene, json_file, plot)
     else:
@@ -89,7 +90,7 @@ def _compare_methods(impact: bool, flight: bool, json_file: str | None, plot: st
 def _method_table(title: str, rows: Sequence[Measurement]) -> Table:
     """Return a table of measurements, by scene."""
     table = empty_table(title)
-    for head in ("method", "setting", "error", "calls", "us", "times the\nfastest", ""):
+    for head in ("method", "setting", "error", "calls", "time\n\\[us]", "times the\nfastest", ""):
         table.add_column(head, justify="left" if head in ("method", "setting") else "right")
     for row in rows:
         same = [other for other in rows if other.scene == row.scene]
@@ -151,7 +152,7 @@ def _effect_table(sizes: Sequence[EffectSize]) -> Table:
     """Return a table of effects."""
     table = empty_table("")
     table.add_column("effect")
-    for head in ("end moves by [m]", "impulse changes by [N s]"):
+    for head in ("end moves by \\[m]", "impulse changes by \\[N s]"):
         table.add_column(head, justify="right")
     table.add_column("")
     for size in sizes:

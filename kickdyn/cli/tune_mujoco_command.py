@@ -12,15 +12,16 @@ from kickdyn.accuracy.mujoco_fit import MujocoIntegrator
 from kickdyn.accuracy.tune_mujoco import MujocoTuning
 from kickdyn.accuracy.tune_mujoco import tune_mujoco as tune_contact
 from kickdyn.ball import Ball
-from kickdyn.cli.ball_option import read_ball
-from kickdyn.cli.command import busy, warn
-from kickdyn.cli.leg_options import LegOptions, leg_options
-from kickdyn.cli.number_options import TRIPLE
+from kickdyn.cli.ball_option import ball_option
+from kickdyn.cli.command import Command, busy, check_files, offers, warn
+from kickdyn.cli.leg_options import LegOptions, joints_to_set, leg_options
+from kickdyn.cli.number_options import offset_option
 from kickdyn.cli.restitution_option import restitution_option
+from kickdyn.cli.scene_argument import scene_names
 from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.console import screen_width, wrapped
-from kickdyn.core.files import check_outputs, replacing, write_json
+from kickdyn.core.files import replacing, write_json
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.collide import CONTACT_TIME
 from kickdyn.impact.laws import ImpactLaw
@@ -33,22 +34,22 @@ from kickdyn.scene.toml_reader import load_scene
 from kickdyn.sweeps.grid import read_postures
 
 
-@click.command("tune-mujoco", context_settings={"help_option_names": ["-h", "--help"]})
-@click.argument("scene_file", metavar="[SCENE]", required=False)
+@click.command("tune-mujoco", Command)
+@click.argument("scene_file", metavar="[SCENE]", required=False,
+                shell_complete=offers(scene_names, files=True))  # fmt: skip
 @leg_options
 @click.option("--joint", "joints", multiple=True, metavar="NAME=VALUE",
+              shell_complete=offers(joints_to_set),
               help="Value of a joint [deg; m for prismatic joints]; repeatable.  "
               "[default: 0, or its ref in an MJCF file]")  # fmt: skip
-@click.option("--offset", callback=TRIPLE, metavar="X,Y,Z",
-              help="Contact point relative to --frame, in its axes [m].")  # fmt: skip
+@offset_option
 @click.option("--speed", default=5.0, show_default=True, help="Foot speed [m/s].")
 @click.option("--attack", default=0.0, show_default=True,
               help="Direction of the foot and of the contact normal above the horizontal "
               "[deg].")  # fmt: skip
 @restitution_option
 @click.option("--friction", default=0.4, show_default=True, help="Coulomb's coefficient.")
-@click.option("--ball", default="size-5", callback=read_ball, metavar="MASS:RADIUS|size-5|paper",
-              show_default=True, help="Mass [kg] and radius [m], or a name.")  # fmt: skip
+@ball_option
 @click.option("--contact-time", default=CONTACT_TIME, show_default=True,
               help="Time for which the contact force acts [s].")  # fmt: skip
 @click.option("--timestep", default=0.002, show_default=True, help="Time step of MuJoCo [s].")
@@ -112,7 +113,8 @@ def tune_mujoco(
     """
     if out == "-" and json_file == "-":
         raise InvalidInput("--out and --json are both -: only one of them can be stdout")
-    check_outputs(None if out == "-" else out, scene_out, json_file=json_file)
+    inputs = [scene_file, leg_options.leg_name]
+    check_files(None if out == "-" else out, scene_out, json_file=json_file, inputs=inputs)
     _check_source(scene_file)
     if scene_file is not None:
         scene = load_scene(scene_file)
@@ -176,7 +178,7 @@ def _check_source(scene_file: str | None) -> None:
     }
     if scene_file is None:
         if "--leg" not in given:
-            raise InvalidInput("there is no kick: name a SCENE, or a leg with --leg")
+            raise InvalidInput("there is no kick: give a SCENE, or a leg with --leg")
         return
     ours = {"--timestep", "--integrator", "--tolerance", "--foot", "--out", "--scene-out", "--json"}
     of_kick = sorted(given - ours - {"scene_file"})

@@ -5,9 +5,10 @@ from typing import Any
 import click
 import numpy as np
 
-from kickdyn.cli.command import busy, warn
+from kickdyn.cli.command import Command, busy, check_files, check_page_name, warn
+from kickdyn.cli.scene_argument import scene_argument
 from kickdyn.core import validation
-from kickdyn.core.files import check_outputs, finite, write_json
+from kickdyn.core.files import finite, write_json
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.impact_result import Impact
 from kickdyn.scene.simulate import simulate_as_instant
@@ -16,15 +17,15 @@ from kickdyn.scene.toml_reader import load_scene
 from kickdyn.view.screenshot import find_browser
 
 
-@click.command("view", context_settings={"help_option_names": ["-h", "--help"]})
-@click.argument("scene_file", metavar="SCENE")
+@click.command("view", Command)
+@scene_argument
 @click.option("--out", metavar="FILE.html", help="Write the 3-D page.")
 @click.option("--png", metavar="FILE.png", help="Write a picture of the page; needs Chromium.")
-@click.option("--at", default=0.0, show_default=True,
-              help="Time since the impact that the picture shows [s].")  # fmt: skip
+@click.option("--at", type=float,
+              help="Time since the impact that the picture shows [s].  [default: 0]")  # fmt: skip
 @click.option("--json", "json_file", metavar="FILE", help="Write the result as JSON; - is stdout.")
 def view(
-    scene_file: str, out: str | None, png: str | None, at: float, json_file: str | None
+    scene_file: str, out: str | None, png: str | None, at: float | None, json_file: str | None
 ) -> None:
     """Show a scene file: leg, ball, impulses, flight, and its wall or goal.
 
@@ -39,10 +40,15 @@ def view(
     pages = [file for file in (out, png) if file is not None]
     if not pages and json_file is None:
         raise InvalidInput("there is no output: give --out, --png or --json")
-    validation.number("at", at, at_least=0, unit="s")
-    check_outputs(*pages, json_file=json_file)
+    if at is not None:
+        validation.number("at", at, at_least=0, unit="s")
+        if png is None:
+            raise InvalidInput("--at is for a picture: give --png as well")
+    for file in pages:
+        check_page_name(file)
     if png is not None:
         find_browser(png)
+    check_files(*pages, json_file=json_file, inputs=[scene_file])
     # rich and meshcat take a second to import, which --help need not wait for
     from kickdyn.core.console import screen_width, wrapped
     from kickdyn.view.page import page
@@ -59,7 +65,7 @@ def view(
         with busy("drawing"):
             made_page = page(simulation)
             for file in pages:
-                made_page.save(file, at)
+                made_page.save(file, at or 0.0)
         warn(made_page.warnings)
     if json_file == "-":
         return

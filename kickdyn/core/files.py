@@ -6,7 +6,7 @@ import os
 import stat
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -98,18 +98,27 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
             raise _refused(path, error) from None
 
 
-def check_outputs(*files: str | os.PathLike[str] | None, json_file: str | None = None) -> None:
-    """Raise `InvalidInput` unless all files can be written and are distinct.
+def check_outputs(
+    *files: str | os.PathLike[str] | None,
+    json_file: str | None = None,
+    inputs: Iterable[str | os.PathLike[str] | None] = (),
+) -> list[str]:
+    """Return which of the files exist; raise `InvalidInput` unless all can be written.
 
-    None is no file, and a `json_file` of `-` is stdout.
+    They must differ from each other and from the inputs. None is no file, and a `json_file` of `-`
+    is stdout.
     """
     named = [file for file in (None if json_file == "-" else json_file, *files) if file is not None]
     for file in named:
         check_writable(file)
     real = [Path(file).resolve() for file in named]
+    read = [Path(file).resolve() for file in inputs if file is not None]
     for each in real:
         if real.count(each) > 1:
             raise InvalidInput(f"{each.name} is named for two outputs: give each its own file")
+        if each in read and each.exists():
+            raise InvalidInput(f"{each.name} is an input: name another file for the output")
+    return [str(file) for file, path in zip(named, real, strict=True) if path.exists()]
 
 
 def _refused(path: str | os.PathLike[str], error: Exception) -> InvalidInput:

@@ -198,7 +198,7 @@ def fly_until(
                 step, h = solver.step(node, 0.5 * (step.t - step.t_old), time_limit)
             if climb is not None and _falls(up, step):
                 step = solver.up_to_crest(climb, step)
-            if climb is not None and _falls(up, step):  # still, else the next step does
+            if climb is not None and _falls(up, step):  # if cut, perhaps only the next step does
                 crests.append(partial(solver.refined, up, step))
             node = step.last
             times = [_when(event, step) for event in events]

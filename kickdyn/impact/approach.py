@@ -153,7 +153,7 @@ def _closing_speed(
         fastest = float(np.abs([ux, uy, uz]).max())
         raise InvalidInput(
             f"foot and ball collide at {fastest:g} m/s in {posture!r}: it must be below "
-            f"{MAX_SPEED:g} m/s, else energies leave double precision"
+            f"{MAX_SPEED:g} m/s, because larger energies exceed double precision"
         )
     speed = nx * ux + ny * uy + nz * uz
     if speed <= 0.0:
@@ -161,6 +161,7 @@ def _closing_speed(
             f"along the contact normal the foot moves at {-speed:.6g} m/s away from the ball in "
             f"{posture!r}: the normal points from foot to ball, the foot must approach along it"
             if speed < 0
-            else f"foot and ball do not approach along the normal in {posture!r}"
+            else f"foot and ball do not approach along the contact normal in {posture!r}: the foot "
+            "must move towards the ball"
         )
     return speed, abs(ux) + abs(uy) + abs(uz)

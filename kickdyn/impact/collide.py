@@ -367,7 +367,7 @@ def checked_stiffness(
     """Return a stiffness from outside, which a contact time excludes; else raise."""
     if contact_time is not None and stiffness is not None:
         raise InvalidInput(
-            f"contact_time is {contact_time!r} and stiffness {stiffness!r}: name one of them"
+            f"contact_time is {contact_time!r} and stiffness {stiffness!r}: give only one of them"
         )
     if isinstance(stiffness, str):
         if stiffness != "pressure":
@@ -458,7 +458,10 @@ def _result(
         pressed = f"too low, the ball would be pressed beyond its radius of {ball.radius:g} m"
         if motion.force_model.exponent == LINEAR:
             raise InvalidInput(f"ball pressure is {ball.pressure:g} Pa: {pressed}")
-        raise InvalidInput(f"stiffness is {motion.force_model.stiffness:g} N/m^1.5: {pressed}")
+        raise InvalidInput(
+            f"stiffness is {motion.force_model.stiffness:g} N/m^1.5: {pressed}; a shorter contact "
+            "time makes it stiffer"
+        )
     state = motion.state(last)
     left = motion.energy(last, solution.largest[-1])
     energies = motion.energy(start, 0.0) + state.work - state.lost - left

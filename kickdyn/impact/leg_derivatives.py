@@ -114,7 +114,8 @@ def check_fixed_axes(leg: Leg) -> None:
     if turning:
         raise InvalidInput(
             f"axes of {listed(turning)} depend on the joint's own angles: Pinocchio's derivatives "
-            "by q are wrong there (joints of one axis in a row move alike, and theirs are right)"
+            "with respect to q are wrong there; model the joint as single-axis joints in a row, "
+            "which move alike and have correct derivatives"
         )
 
 

@@ -31,7 +31,7 @@ def solve_by_pinocchio(
     if contact.friction != 0.0 or law not in (ImpactLaw.NEWTON, ImpactLaw.STRONGE):
         raise InvalidInput(
             f"friction is {contact.friction:g} and law {law.value!r}: engine 'pinocchio' is for "
-            "friction 0 and the laws 'newton' and 'stronge', which are one then"
+            "friction 0 and the laws 'newton' and 'stronge', which are the same without friction"
         )
     ball.check_movable("Pinocchio's impulseDynamics")
     n, e = contact.normal, approach.restitution

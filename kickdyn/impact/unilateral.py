@@ -175,9 +175,9 @@ def _checked_supports(leg: Leg) -> tuple[Support, ...]:
         raise InvalidInput(f"{leg.name} has no supports: Leg.with_supports adds them")
     for support in supports:
         if support.friction is None:
-            raise InvalidInput(f"support {support.frame} has no friction: name its coefficient")
+            raise InvalidInput(f"support {support.frame} has no friction: give its coefficient")
         if support.sole is None and not support.point:
-            raise InvalidInput(f"support {support.frame} has no sole: name its corners")
+            raise InvalidInput(f"support {support.frame} has no sole: give its corners")
     return supports
 
 

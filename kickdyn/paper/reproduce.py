@@ -65,9 +65,14 @@ def chosen(only: str | None) -> Sequence[Section]:
     wanted = _numbers(only)
     found = [one for one in SECTIONS if wanted and wanted <= _numbers(f"{one.name} {one.also}")]
     if not found:
-        names = "; ".join(f"{one.name}{one.also and f' ({one.also})'}" for one in SECTIONS)
-        raise InvalidInput(f"only is {only!r}: it must be one of {names}")
+        raise InvalidInput(f"only is {only!r}: it must be one of {', '.join(item_names())}")
     return found
+
+
+def item_names() -> list[str]:
+    """Return the names of all tables and figures, such as `table2`, for `chosen`."""
+    every = set().union(*(_numbers(f"{one.name} {one.also}") for one in SECTIONS))
+    return [f"{kind}{number}" for kind, number in sorted(every)]
 
 
 def _numbers(name: str) -> set[tuple[str, int]]:

@@ -186,7 +186,10 @@ class Scene(ReprMixin):
     def _to_target(self) -> tuple[float, float]:
         """Return the way along the ground from the ball to the point of the plane [m]."""
         if self.plane is None:
-            raise InvalidInput("wall is named without a plane: it stands on the line to its point")
+            raise InvalidInput(
+                "wall is given without a plane: it stands on the line from the ball to the plane's "
+                "point"
+            )
         x, y, _ = self.plane.point - self.ball_position
         return float(x), float(y)
 
@@ -197,7 +200,7 @@ class Scene(ReprMixin):
         Raises:
             InvalidInput: the scene has no plane, or its point is above or below the ball.
         """
-        return validation.direction("way to the plane", (*self._to_target(), 0.0))
+        return validation.direction("direction to the plane", (*self._to_target(), 0.0))
 
     @property
     def environment(self) -> FlightEnvironment:

@@ -30,6 +30,9 @@ KERNEL_FROM = 2000
 CHUNK = 262_144
 """Postures per chunk, roughly."""
 
+BLOCK = 32_768
+"""Postures of a chunk that are computed at a time: intermediate results take less memory."""
+
 SLOW_CHUNK = 2048
 """Postures per chunk where each of them is one `kick_from`: about a second."""
 
@@ -113,7 +116,10 @@ class ChunkSolver:
         if self._model is None:
             doubtful = np.ones(count, bool)
         else:
-            doubtful = self._compute(self._model, first, rows, status)
+            doubtful = np.empty(count, bool)
+            for at in range(0, count, BLOCK):
+                k = slice(at, at + BLOCK)
+                doubtful[k] = self._compute(self._model, first + at, rows[:, k], status[k])
             sure = np.flatnonzero(~doubtful)
             if sure.size:
                 _confirm(self._verify(first, int(sure[0]), rows))

@@ -110,14 +110,12 @@ def with_variables(
     `rows` has values in the order of `VARIABLES`, shape `(len(VARIABLES), n)`; `status` has flags,
     shape `(n,)`.
     """
-    data = described.copy()
     dims = [str(name) for name in described.dims]
     shape = tuple(described.sizes[name] for name in dims)
     by_name = dict(zip(VARIABLES, rows, strict=True))
-    for name in kept:
-        data[name] = (dims, by_name[name].reshape(shape), attributes_of(name))
-    data["status"] = (dims, status.reshape(shape), dict(STATUS_ATTRIBUTES))
-    return data
+    variables = {name: (dims, by_name[name].reshape(shape), attributes_of(name)) for name in kept}
+    flags = (dims, status.reshape(shape), dict(STATUS_ATTRIBUTES))
+    return described.assign({**variables, "status": flags})  # at once: one by one takes longer
 
 
 def attributes_of(name: str) -> dict[str, str]:

@@ -68,14 +68,14 @@ class SweepStore:
         resume: bool,
     ) -> None:
         zarr = _zarr()
-        self._path, self._variables = _checked_path(path), tuple(variables)
+        self._path, self._variables = check_store(path, resume=resume), tuple(variables)
         self.created = not self._path.exists()
         try:
             if self.created:
                 shape = tuple(described.sizes[name] for name in described.dims)
                 self._create(described, Chunks.of(shape, chunk))
             else:
-                self._check(described, resume)
+                self._check(described)
         except OSError as error:
             reason = error.strerror or error
             if self.created and self._path.exists():
@@ -86,18 +86,14 @@ class SweepStore:
         self._status = self._group["status"]
         self.chunks = Chunks(self._status.shape, self._status.chunks)
 
-    def _check(self, described: xr.Dataset, resume: bool) -> None:
-        """Raise `InvalidInput` unless the store is one of this sweep that may be resumed."""
-        if not resume:
-            raise InvalidInput(f"{self._path} exists: --resume goes on with it, else name another")
+    def _check(self, described: xr.Dataset) -> None:
+        """Raise `InvalidInput` unless the store is one of this sweep."""
         with open_sweep(self._path) as stored:
             if other := difference(stored, described, self._variables):
                 raise InvalidInput(f"{self._path} is of another sweep: {other}")
 
     def _create(self, described: xr.Dataset, chunks: Chunks) -> None:
         """Make the empty store under another name first, so that a store is complete or absent."""
-        if not self._path.resolve().parent.is_dir():  # Zarr would make all missing folders
-            raise InvalidInput(f"{self._path} cannot be written (its folder does not exist)")
         draft = self._path.with_name(f".{self._path.name}-draft-{os.getpid()}")
         try:
             degrees = {  # in the chunks of the variables, as dask asks for
@@ -185,6 +181,22 @@ class SweepStore:
             yield
         finally:
             os.close(folder)
+
+
+def check_store(path: str | PathLike[str], *, resume: bool) -> Path:
+    """Return the path of a store to write; raise `InvalidInput` where it cannot be one.
+
+    With `resume` the store may exist.
+    """
+    store = _checked_path(path)
+    if store.exists() and not resume:
+        raise InvalidInput(
+            f"{path} exists and is not replaced: add --resume (resume=True in Python) to compute "
+            "what is missing in it, remove it, or name another"
+        )
+    if not store.resolve().parent.is_dir():  # Zarr would make all missing folders
+        raise InvalidInput(f"{path} cannot be written (its folder does not exist)")
+    return store
 
 
 @validation.check_arguments

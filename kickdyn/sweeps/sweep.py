@@ -34,7 +34,7 @@ from kickdyn.robot.leg import Leg
 from kickdyn.sweeps.chunk_solver import ChunkSolver
 from kickdyn.sweeps.dataset import VARIABLES, describe, select_variables, with_variables
 from kickdyn.sweeps.grid import IN_MEMORY, Chunks, Grid, check_size
-from kickdyn.sweeps.store import SweepStore, open_sweep
+from kickdyn.sweeps.store import SweepStore, check_store, open_sweep
 from kickdyn.sweeps.sweep_kick import Kick, PostureStatus
 
 CARRY_TOLERANCE = 1e-6
@@ -42,6 +42,9 @@ CARRY_TOLERANCE = 1e-6
 
 AHEAD = 1000
 """Chunks of a store that are given to an executor before the first of them is computed."""
+
+TO_RESUME = "; resume=True computes the others"
+"""End of the message of `Unfinished` where a store is kept."""
 
 Progress = Callable[[int, float], None]
 """Is called with the number of postures computed since the last call, and the highest ball speed
@@ -121,6 +124,8 @@ def sweep(
         raise InvalidInput("threads, workers and executor exclude each other: give one of them")
     if store is None and (resume or workers is not None or executor is not None):
         raise InvalidInput("resume, workers and executor need a store: name it with store=")
+    if store is not None:
+        check_store(store, resume=resume)
     kept = select_variables(variables)
     grid = Grid.of(leg, postures)
     solver = ChunkSolver(leg, grid, kick, tolerance)  # chooses the kernel
@@ -183,7 +188,7 @@ def _computed(
     numbers = range(len(chunks))
     with _pool(threads) as pool:
         found = _in_order(
-            pool, lambda k: solver(*chunks.span(k)), numbers, 2 * int(threads or _cores())
+            pool, lambda k: solver(*chunks.span(k)), numbers, 1 + int(threads or _cores())
         )
         for k, (rows, status) in zip(numbers, found, strict=True):
             if progress is not None:
@@ -288,7 +293,9 @@ def _resumable(
     try:
         yield
     except (InvalidInput, KeyboardInterrupt, OSError, BrokenExecutor) as error:
-        done = len(store.chunks) - len(store.missing())
+        left = sum(store.chunks.span(k)[1] for k in store.missing())
+        size = math.prod(store.chunks.grid_shape)
+        done = size - left
         stopped, refused = isinstance(error, KeyboardInterrupt), isinstance(error, InvalidInput)
         if store.created and done == 0 and (refused or (stopped and executor is None)):
             shutil.rmtree(path)
@@ -299,8 +306,7 @@ def _resumable(
         reason = getattr(error, "strerror", None) or " ".join(str(error).split())
         reason = "interrupted" if stopped else reason
         raise Unfinished(
-            f"{reason}: {done} of {len(store.chunks)} chunks are in {path}, --resume goes on "
-            "from there"
+            f"{reason}: {done:,} of {size:,} postures are stored in {path}{TO_RESUME}"
         ) from None
 
 

@@ -46,8 +46,8 @@ def _title(summary: Summary) -> str:
     about = summary.attributes
     title = (
         f"{_plain(about['leg'])}: foot {about['foot_speed_m_s']:g} m/s at "
-        f"{about['attack_deg']:g}°, e = {about['restitution']:g}, "
-        f"μ = {about['friction']:g}, ball {about['ball_mass_kg']:g} kg"
+        f"{about['attack_deg']:g}°, restitution {about['restitution']:g}, "
+        f"friction {about['friction']:g}, ball {about['ball_mass_kg']:g} kg"
     )
     if summary.where is not None:
         title += f"\nwhere {_plain(summary.where)}"
@@ -96,7 +96,7 @@ def _draw_front(figure: Figure, axes: Any, summary: Summary, lines: Sequence[Rep
             )  # fmt: skip
     if len(load):
         axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1)
-    axes.set(xlabel="worst joint impulse [N s]", ylabel=_LABEL)
+    axes.set(xlabel="largest joint impulse [N s]", ylabel=_LABEL)
     axes.set_title("ball speed against joint impulse")
     axes.margins(0.2, 0.1)
 

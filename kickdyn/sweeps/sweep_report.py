@@ -20,9 +20,9 @@ from kickdyn.sweeps.summary import Summary, joint_values_by_unit
 from kickdyn.sweeps.sweep_kick import Kick, PostureOutcome, PostureStatus, kick_from
 
 PAPER_POSTURES = {
-    "paper a": ((5.0, 10.0, -5.0), 1.554),
-    "paper b": ((5.0, 10.0, 15.0), 0.944),
-    "paper c": ((5.0, 10.0, 40.0), 0.646),
+    "Table 2 a": ((5.0, 10.0, -5.0), 1.554),
+    "Table 2 b": ((5.0, 10.0, 15.0), 0.944),
+    "Table 2 c": ((5.0, 10.0, 40.0), 0.646),
 }
 """Hip, knee, ankle [deg] of Fig. 7, the foot at 0, 20 and 45 deg, and Table 2's total [N s].
 
@@ -154,7 +154,7 @@ def _explanation(line: ReportLine, kick: Kick) -> str:
     return (
         f"the effective mass of the leg is {values['effective_mass']:.3g} kg, {heavier:.3g} times "
         f"that of the ball, which leaves at {values['speed_ratio']:.3g} times the foot's speed "
-        f"(1 + e = {1 + kick.restitution_used:.3g} for an infinitely heavy leg); "
+        f"({1 + kick.restitution_used:.3g} for an infinitely heavy leg); "
         f"its joints need {values['speed_use']:.0%} of their speed limits{overlap}"
     )
 
@@ -176,7 +176,7 @@ def show(leg: Leg, kick: Kick, summary: Summary, lines: Sequence[ReportLine]) ->
     law = "" if kick.law == ImpactLaw.NEWTON else f"law {kick.law}, "
     title = (
         f"{leg.name}: foot {kick.speed:g} m/s at {math.degrees(kick.attack):g} deg, "
-        f"{law}e {kick.restitution_used:g}, mu {kick.friction:g}, "
+        f"{law}restitution {kick.restitution_used:g}, friction {kick.friction:g}, "
         f"ball {kick.ball.mass:g} kg, radius {kick.ball.radius:.4g} m, {flight}"
     )
     width = min(PROSE, screen_width())
@@ -204,20 +204,22 @@ def table(leg: Leg, lines: Sequence[ReportLine]) -> Table:
         free = (line.as_json()["free_effective_mass"] for line in lines)
         rows["all joints free, kg"] = ["" if mass is None else f"{mass:.4g}" for mass in free]
     rows |= {
-        "impulse, N s": _cells(lines, "impulse", ".4f"),
-        "ball / foot speed": _cells(lines, "speed_ratio", ".4f"),
+        "impulse on the ball, N s": _cells(lines, "impulse", ".4f"),
+        "ball speed / foot speed": _cells(lines, "speed_ratio", ".4f"),
         "launch angle, deg": _cells(lines, "launch_angle", ".2f", 180 / math.pi),
         "back spin, rad/s": _cells(lines, "back_spin", ".3f"),
-        "carry, m": _cells(lines, "carry", ".4g"),
-        "worst joint": [
+        "carry distance, m": _cells(lines, "carry", ".4g"),
+        "joint of largest impulse": [
             "" if line.outcome.impact is None else line.outcome.impact.worst_joint[0]
             for line in lines
         ],
-        "its impulse, N s": _cells(lines, "worst_joint_impulse", ".4f"),
-        "immovable, N s": _cells(lines, "immovable_impulse", ".4g"),
+        "impulse in that joint, N s": _cells(lines, "worst_joint_impulse", ".4f"),
+        "impulse on a fixed body, N s": _cells(lines, "immovable_impulse", ".4g"),
     }
     if any(line.paper for line in lines):
-        rows["Table 2, N s"] = [f"{line.paper:.3f}" if line.paper else "" for line in lines]
+        rows["the same in the paper, N s"] = [
+            f"{line.paper:.3f}" if line.paper else "" for line in lines
+        ]
     if any(line.outcome.status is not PostureStatus.OK for line in lines):
         rows["status"] = [line.outcome.status.value for line in lines]
     result = empty_table("")
@@ -243,6 +245,10 @@ def text(summary: Summary, lines: Sequence[ReportLine], width: int = PROSE) -> s
     A line has at most `width` characters, unless a word is longer.
     """
     sentences = []
+    if any(line.label in PAPER_POSTURES for line in lines):
+        sentences.append(
+            "Table 2 a, b and c are postures of the ICRA 2005 paper, see kickdyn paper."
+        )
     if lines:
         leg = lines[0].outcome.posture.leg
         shown = _shown_joints(leg, lines)

@@ -5,13 +5,13 @@ import click
 import pytest
 
 import kickdyn as kd
-from kickdyn.cli.command import run
+from kickdyn.cli.command import Command, check_files, offers, run
 
 INTERRUPTED = """
 import os
 import signal
 import click
-from kickdyn.cli.command import run
+from kickdyn.cli.command import Command, check_files, offers, run
 
 @click.command("kick")
 def kick():
@@ -57,3 +57,51 @@ def test_how_a_command_ends(error, code, line, monkeypatch, capsys):
         run(kick)
     assert ended.value.code == code
     assert capsys.readouterr().err.strip() == line
+
+
+@click.command("kick", Command)
+@click.argument("ball", required=False, metavar="BALL")
+@click.option("--speed", default=1.0)
+@click.option("--count", type=click.IntRange(1, 9))
+@click.option("--first", type=int)
+@click.option("--leg", multiple=True, shell_complete=offers(lambda _: ["left leg", "right leg"]))
+def kick(**_):
+    """Do nothing."""
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (["--speed", "1,5"], "--speed is '1,5': it must be a number, such as 1.5"),
+        (["--count", "x"], "--count is 'x': it must be a whole number from 1 to 9"),
+        (["--count", "10"], "--count is '10': it must be a whole number from 1 to 9"),
+        (["--first", "1.0"], "--first is '1.0': it must be a whole number"),
+        (["--speed="], "--speed is empty: it needs a value"),
+        (["--leg", "left", "--leg", ""], "--leg is empty: it needs a value"),
+        ([""], "BALL is empty: it needs a value"),
+        (["--spe", "1"], "there is no option --spe: did you mean --speed?"),
+        (["--sped", "1"], "there is no option --sped: did you mean --speed?"),
+        (["--workers", "1"], "there is no option --workers: kick --help lists the options"),
+        (["-x"], "there is no option -x: kick --help lists the options"),
+    ],
+)
+def test_what_cannot_be_read_is_refused_in_plain_words(arguments, line, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["kick", *arguments])
+    monkeypatch.setattr("click.core._detect_program_name", lambda: "kick")
+    with pytest.raises(SystemExit) as ended:
+        run(kick)
+    assert ended.value.code == 2
+    assert capsys.readouterr().err == f"kick: {line}\n"
+
+
+def test_files_that_will_be_replaced_are_named(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    check_files("a.png", json_file="b.json")
+    assert capsys.readouterr().err == ""
+    for name in ("a.png", "b.json"):
+        (tmp_path / name).touch()
+    check_files("a.png", json_file="-")
+    check_files("a.png", json_file="b.json")
+    first, second = capsys.readouterr().err.splitlines()
+    assert first == "a.png exists and will be replaced"
+    assert second == "b.json, a.png exist and will be replaced"

@@ -96,6 +96,16 @@ def test_completion_knows_commands_and_options(monkeypatch):
         "plain,ankle=",
     ]
     assert completed("kickdyn plan --leg no.urdf --stiff k", 5).split() == []
+    assert completed("kickdyn plan --drag b", 3).split() == ["plain,brown-lawler", "plain,brazuca"]
+    assert completed("kickdyn identify --drag c", 3).split() == ["plain,constant"]
+    assert completed("kickdyn plan --frame s", 3).split() == ["plain,shank"]
+    assert completed("kickdyn plan --ball s", 3).split() == ["plain,size-5"]
+    assert completed("kickdyn plan --restitution p", 3).split() == ["plain,peacock-ball"]
+    assert completed("kickdyn paper --only table", 3).split()[:2] == [
+        "plain,table1",
+        "plain,table2",
+    ]
+    assert completed("kickdyn posture-sweep --variables car", 3).split() == ["plain,carry"]
 
 
 @pytest.mark.skipif(shutil.which("bash") is None, reason="no bash")
@@ -150,13 +160,27 @@ def test_another_shell_is_refused():
 
 @pytest.mark.parametrize(
     ("word", "said"),
-    [("simulat", "Did you mean 'simulate'?"), ("posture_sweep", "'posture-sweep'?"), ("x", "'x'.")],
+    [
+        ("simulat", "did you mean simulate?"),
+        ("posture_sweep", "did you mean posture-sweep?"),
+        ("sweep", "did you mean posture-sweep?"),
+        ("PLAN", "did you mean plan?"),
+        ("x", ", view, completion"),
+    ],
 )
 def test_an_unknown_command_is_refused_with_a_suggestion(word, said):
     ended = CliRunner().invoke(kickdyn_command, [word])
     assert ended.exit_code == 2
-    assert f"No such command '{word}'" in ended.output
+    assert f"there is no command {word!r}: " in ended.output
     assert ended.output.splitlines()[-1].endswith(said)
+
+
+@pytest.mark.parametrize(("words", "same"), [([], []), (["simulate"], ["simulate"])])
+def test_help_is_a_command_too(words, same):
+    ended, wanted = (
+        CliRunner().invoke(kickdyn_command, each) for each in (["help", *words], [*same, "--help"])
+    )
+    assert (ended.exit_code, ended.output) == (0, wanted.output)
 
 
 def test_no_colour_in_a_pipe():

@@ -47,9 +47,9 @@ def test_json_on_stdout_stands_alone():
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--only", "table 7"], "only is 'table 7': it must be one of Fig. 1; "),
+        (["--only", "table 7"], "only is 'table 7': it must be one of fig1, fig7, "),
         (["--json", "no/where.json"], "cannot be written"),
-        (["--figures", "file/figures"], "cannot be made"),
+        (["--figures", "file/figures"], "cannot be created"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_2(tmp_path, arguments, words):
@@ -73,5 +73,7 @@ def test_outputs_never_meet(tmp_path):
 
 
 def test_no_folder_where_nothing_is_drawn(tmp_path):
-    assert door("--only", "table 3", "--figures", "new", cwd=tmp_path).returncode == 0
+    ended = door("--only", "table3", "--figures", "new", cwd=tmp_path)
+    assert ended.returncode == 2
+    assert ended.stderr == "kickdyn: --figures is 'new': table3 has no figure\n"
     assert not (tmp_path / "new").exists()

@@ -62,8 +62,8 @@ def test_a_drag_coefficient_is_a_number_or_a_name(tmp_path):
     assert found["0"] < found["0.25"] < found["brazuca"]
     for words, said in (
         (["--drag", "-1"], "drag coefficient is -1.0: it must be a finite number at least 0"),
-        (["--drag", "golf"], "drag model 'golf' is unknown: choose"),
-        (["--drag", "0.2", "--air", "none"], "--drag 0.2 is named with --air none"),
+        (["--drag", "golf"], "--drag is 'golf': it must be a number such as 0.25, or one of"),
+        (["--drag", "0.2", "--air", "none"], "--drag is 0.2, but --air is none"),
     ):
         ended = CliRunner().invoke(plan, ["--distance", "12", "--apex", "2", *words])
         assert said in str(ended.exception)
@@ -73,8 +73,8 @@ def test_a_drag_coefficient_is_a_number_or_a_name(tmp_path):
     ("words", "said"),
     [
         (["--distance", "20000"], "distance is 20000.0: .* at most 10000"),
-        (["--robust", "speed=-1"], "robust is 'speed=-1': spread of speed is -1.0"),
-        (["--robust", "sped=1"], "robust is 'sped=1': source 'sped' is unknown"),
+        (["--robust", "speed=-1"], "--robust is 'speed=-1': spread of speed is -1.0"),
+        (["--robust", "sped=1"], "--robust is 'sped=1': source 'sped' is unknown"),
         (
             ["--ball-height", "0", "--ball-at", "0,0,0"],
             "--ball-height and --ball-at are both given",
@@ -211,7 +211,7 @@ def test_a_robot_and_a_goal_beyond_its_limits():
         (["--distance", "30", "--time", "1", "--left", "inf"], "left is inf"),
         (["--distance", "30", "--time", "1", "--ball-height", "1e300"], "ball height is 1e+300"),
         (["--distance", "30", "--time", "1", "--ball-at", "0,0,1e300"], "ball_at is [0.0, 0.0, 1e"),
-        (["--distance", "30", "--time", "1", "--json", ""], "the name of a file is empty"),
+        (["--distance", "30", "--time", "1", "--json", ""], "--json is empty: it needs a value"),
         (["--distance", "30", "--time", "-1"], "time is -1.0"),
         (["--distance", "20", "--time", "1e-300"], "time is 1e-300: it must be"),
         (["--distance", "nan", "--time", "1"], "distance is nan"),
@@ -236,17 +236,20 @@ def test_a_robot_and_a_goal_beyond_its_limits():
         (["--distance", "20", "--wall", "9.15"], "wall is '9.15'"),
         (["--distance", "20", "--wall", "25:1.9"], "wall is at 25 m"),
         (["--distance", "20", "--time", "0", "--wall", "9.15:1.9"], "time is 0.0"),
-        (["--distance", "20", "--time", "1", "--beside", "9"], "beside is '9': it must be 2"),
+        (
+            ["--distance", "20", "--time", "1", "--beside", "9"],
+            "--beside is '9': it must be DISTANCE:LEFT, such",
+        ),
         (
             ["--distance", "4", "--apex", "1", "--pass", "turf"],
             "no goal of a pass: it must have a time",
         ),
-        (["--distance", "30", "--over", "3"], "over is '3': it must be 2 numbers"),
-        (["--distance", "30", "--time", "1", "--spin", "1,2"], "spin is '1,2': it must be 3"),
-        (["--distance", "30", "--time", "1", "--wind", "1,2,x"], "wind is '1,2,x'"),
+        (["--distance", "30", "--over", "3"], "--over is '3': it must be DISTANCE:HEIGHT"),
+        (["--distance", "30", "--time", "1", "--spin", "1,2"], "--spin is '1,2': it must be X,Y,Z"),
+        (["--distance", "30", "--time", "1", "--wind", "1,2,x"], "--wind is '1,2,x'"),
         (
             ["--distance", "30", "--time", "1", "--wind", "1,0,0", "--air", "none"],
-            "no wind with --air none",
+            "but --air is none: there is no wind",
         ),
         (["--distance", "15", "--time", "1", "--spin", "0,0,9"], "cannot give this spin"),
         (
@@ -260,7 +263,10 @@ def test_a_robot_and_a_goal_beyond_its_limits():
         (["--distance", "30", "--time", "1", "--view", "no/where.html"], "cannot be written"),
         (["--distance", "30", "--time", "1", "--objective", "x"], "'x' is not one of"),
         (["--distance", "30", "--time", "1", "--plot", "a.png"], "so add --swing"),
-        (["--distance", "9", "--time", "1", "--ball-at", "1,2"], "ball-at is '1,2': it must be 3"),
+        (
+            ["--distance", "9", "--time", "1", "--ball-at", "1,2"],
+            "--ball-at is '1,2': it must be X,Y,Z",
+        ),
         (["--distance", "9", "--time", "1", "--swing", "--plot", "a.x"], "no known ending"),
         (
             [
@@ -326,7 +332,7 @@ def test_the_ball_of_a_plan():
         assert ended.exit_code == 0, ended.output
         impulses[ball] = json.loads(ended.stdout)["impact"]["impulse"]
     assert impulses["paper"] != impulses["size-5"]
-    refused = CliRunner().invoke(plan, [*options, "obstacle"])
+    refused = CliRunner().invoke(plan, [*options, "inf:0.1"])
     assert "needs a finite mass" in str(refused.exception)
 
 
@@ -396,12 +402,12 @@ def test_feet_under_the_ground_are_announced(tmp_path):
 @pytest.mark.parametrize(
     ("more", "message"),
     [
-        (["--swing", "--plot", "a.png"], "plot is 'a.png': swings are drawn for robots on a fixed"),
+        (["--swing", "--plot", "a.png"], "--plot is 'a.png': swings are drawn only for"),
         (["--ball-height", "0.5"], "lies on its ground, at 0.109817 m"),
         (["--support", "right_knee_link"], "support right_knee_link is on the kicking limb"),
         (["--support", "pelvis"], "stands on left_ankle_roll_link, pelvis: kicks are planned from"),
         (["--loop", "left_knee_link:torso_link"], "one support (Leg.with_supports) and no loops"),
-        (["--support", "left_knee_link:much"], "support is 'left_knee_link:much': it must be a"),
+        (["--support", "left_knee_link:much"], "--support is 'left_knee_link:much': it must be a"),
     ],
 )
 def test_a_robot_that_cannot_stand_so_is_refused_in_one_line(more, message):

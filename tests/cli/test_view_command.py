@@ -68,9 +68,9 @@ def test_a_bound_that_is_not_known_is_null(tmp_path):
 
 
 def test_it_fits_the_screen(tmp_path, monkeypatch):
-    said = [run(SCENES / "free_kick.toml", "--json", tmp_path / "x.json").output]
+    said = [run(SCENES / "free_kick.toml", "--json", tmp_path / "x.json").stdout]
     monkeypatch.setattr(console, "screen_width", lambda: 80)
-    said.append(run(SCENES / "free_kick.toml", "--json", tmp_path / "x.json").output)
+    said.append(run(SCENES / "free_kick.toml", "--json", tmp_path / "x.json").stdout)
     wide, narrow = (text.split("wrote")[0] for text in said)
     assert max(map(len, narrow.splitlines())) <= 80 < max(map(len, wide.splitlines()))
     assert narrow.split() == wide.split()

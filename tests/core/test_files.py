@@ -108,6 +108,14 @@ def test_outputs_are_writable_and_each_its_own(tmp_path, monkeypatch):
     assert {file.name for file in tmp_path.iterdir()} == {"link", "-"}
 
 
+def test_outputs_that_exist_are_named_and_inputs_are_kept(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "old.png").touch()
+    assert check_outputs("old.png", "new.png", json_file="-", inputs=["human", None]) == ["old.png"]
+    with pytest.raises(InvalidInput, match=r"^old.png is an input"):
+        check_outputs(tmp_path / "old.png", inputs=["./old.png"])
+
+
 def test_links_in_a_circle_are_no_output(tmp_path):
     loop = tmp_path / "loop"
     loop.symlink_to(loop)

@@ -438,6 +438,17 @@ def test_event_that_is_zero_at_the_start_must_rise_first(brake):
     assert arc.end == pytest.approx(2 / brake, rel=1e-6)
 
 
+def test_event_within_a_step_at_both_ends_of_which_its_rate_has_one_sign():
+    def sway(t, y):  # at the speed -(t - 1) (t - 2): down to -1/30 at 1 s, then up
+        return [y[1], 3.0 - 2.0 * t]
+
+    event = Event(lambda y: y[0], lambda y: y[1])
+    start = (0.0, np.array([0.8, -2.0]))
+    arc = fly_until([event], None, sway, start, 2.05, 1e-2, np.full(2, 1e3))
+    assert arc.reached is event
+    assert 0.7 < arc.end < 1.0
+
+
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
 @pytest.mark.parametrize("when", [0.0, 0.5])
 def test_acceleration_that_is_no_number_ends_in_an_error(bad, when):

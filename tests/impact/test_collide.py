@@ -409,7 +409,7 @@ def test_a_ball_flattened_beyond_the_range_of_its_pressure_is_named():
     ("options", "words"),
     [
         ({"contact_time": 0.0}, "contact time is 0"),
-        ({"contact_time": 0.01, "stiffness": 1e5}, "name one of them"),
+        ({"contact_time": 0.01, "stiffness": 1e5}, "give only one of them"),
         ({"stiffness": -1.0}, "stiffness is -1"),
         ({"stiffness": 1e3}, r"stiffness is 1000 N/m\^1\.5: too low, .* beyond its radius"),
         (
@@ -417,7 +417,7 @@ def test_a_ball_flattened_beyond_the_range_of_its_pressure_is_named():
             r"stiffness is 'air': it must be a number \[N/m\^1.5\] or 'pressure'",
         ),
         ({"stiffness": "pressure"}, "ball pressure is None: its stiffness needs it"),
-        ({"stiffness": "pressure", "contact_time": 0.01}, "name one of them"),
+        ({"stiffness": "pressure", "contact_time": 0.01}, "give only one of them"),
         ({"dissipation": "none"}, "dissipation is 'none': it must be one of walton-braun, hunt"),
         ({"contact_time": 1e-12}, "contact time is .*at least 1e-09"),
         ({"tol": 0.1}, r"tol is 0\.1"),

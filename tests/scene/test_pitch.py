@@ -96,7 +96,7 @@ def test_walls_out_of_place_are_refused():
     scene = kd.load_scene("free_kick")
     with pytest.raises(kd.InvalidInput, match="wall is at 30 m: it must be between"):
         scene.replace(wall=kd.Wall(30, 1.9))
-    with pytest.raises(kd.InvalidInput, match="wall is named without a plane"):
+    with pytest.raises(kd.InvalidInput, match="wall is given without a plane"):
         scene.replace(plane=None)
     assert kd.simulate(scene.replace(wall=None), 0.05).passage is None
     assert kd.simulate(scene.replace(plane=None, wall=None), 0.05).pitch_text == ""

@@ -47,7 +47,7 @@ package: $(VENV)/.dev
 	set -e; for built in dist/*.whl dist/*.tar.gz; do \
 		$(PYTHON) -m venv --clear build/package; \
 		build/package/bin/python -m pip --disable-pip-version-check install --quiet --constraint constraints.txt $$built; \
-		(cd / && $(CURDIR)/build/package/bin/kickdyn posture-sweep --json - >/dev/null); \
+		(cd / && "$(CURDIR)/build/package/bin/kickdyn" posture-sweep --json - >/dev/null); \
 		echo "$$built: installs and runs"; done
 
 ## docs: the pages as a site in build/site, notebooks run; a warning is an error

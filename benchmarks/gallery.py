@@ -21,7 +21,7 @@ from PIL import Image
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "gallery.md"
 IMAGES = ROOT / "docs" / "images"
-MOST = 150_000
+MOST = 190_000
 SCRIPT = "from kickdyn.cli.commands import main; main()"
 PICTURE = re.compile(
     r"!\[[^]]*\]\(images/(gallery-([a-z-]+)\.png)\)\s+```(sh|python)\n(.*?)```", re.S

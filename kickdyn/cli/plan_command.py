@@ -296,7 +296,8 @@ def _write(report: PlanReport, json_file: str | None, view: str | None, plot: st
 
         save_figure(swing_figure(report.swing), plot)
     if view is not None:
-        told = [line for line in sentences if not line.startswith("Warning: ")]  # the page has them
+        # the page has the warnings itself, and no options
+        told = [x for x in sentences if not x.startswith("Warning: ") and x not in report.advice]
         _write_page(report, view, " ".join(told))
     if json_file == "-":
         return

@@ -90,7 +90,7 @@ def _compare_methods(impact: bool, flight: bool, json_file: str | None, plot: st
 def _method_table(title: str, rows: Sequence[Measurement]) -> Table:
     """Return a table of measurements, by scene."""
     table = empty_table(title)
-    for head in ("method", "setting", "error", "calls", "time\n[us]", "times the\nfastest", ""):
+    for head in ("method", "setting", "error", "calls", "time\n\\[us]", "times the\nfastest", ""):
         table.add_column(head, justify="left" if head in ("method", "setting") else "right")
     for row in rows:
         same = [other for other in rows if other.scene == row.scene]
@@ -152,7 +152,7 @@ def _effect_table(sizes: Sequence[EffectSize]) -> Table:
     """Return a table of effects."""
     table = empty_table("")
     table.add_column("effect")
-    for head in ("end moves by [m]", "impulse changes by [N s]"):
+    for head in ("end moves by \\[m]", "impulse changes by \\[N s]"):
         table.add_column(head, justify="right")
     table.add_column("")
     for size in sizes:

@@ -104,7 +104,7 @@ def simulate_as_instant(scene: Scene) -> Simulation:
     except KickdynError as error:
         why = f"which cannot be computed: {error}"
     else:
-        why = f"with it {whole.end_text}"
+        why = f"with it: {whole.end_text}"
         moved = math.dist(answer.end.position, whole.end.position) + whole.numerical_error
         evaluations += whole.evaluations
     others = (verdict._replace(why="modelled, as all others") for verdict in answer.verdicts)

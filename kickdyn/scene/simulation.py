@@ -232,14 +232,16 @@ class Simulation(Printed):
     def __str__(self) -> str:
         """Return the summary and a table of the effects."""
         numerics = self.numerical_error
-        size = f"{_size(numerics)} m" if numerics > 1e-12 else "only rounding"
+        size = "rounding"
+        if numerics > 1e-12:
+            size = f"{_size(numerics)} m by numerical integration"
         bounds = self.tolerance is not None
         by_model = (
             f"{_size(self.model_error)} m by neglected effects and " if self.neglected else ""
         )
         lines = [
             self.summary,
-            f"The error is {by_model}{size} by numerical integration ({self.method}).",
+            f"The error is {by_model}{size} ({self.method}).",
             f"{'effect':20}{'':12}{'size [m]':>9}" + ("   bound [m]" if bounds else ""),
         ]
         for effect, modelled, bound, why in self.verdicts:

@@ -61,3 +61,9 @@ def test_what_cannot_be_written_is_refused_first(bad):
     ended = subprocess.run(door, capture_output=True, text=True)
     assert (ended.returncode, ended.stdout) == (2, "")
     assert len(ended.stderr.splitlines()) == 1
+
+
+def test_the_columns_of_effects_have_their_units():
+    ended = CliRunner().invoke(tradeoff, ["--scene", "paper_kick"])
+    assert "end moves by [m]" in ended.stdout
+    assert "impulse changes by [N s]" in ended.stdout

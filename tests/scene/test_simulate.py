@@ -382,7 +382,7 @@ def test_the_error_covers_what_the_instant_neglects():
     assert "all is modelled" not in said
     assert f"error {answer.error:.2g} m; all effects are modelled except contact time (" in said
     x, y, z = whole.end.position.round(3) + 0.0
-    assert f"with it landed at ({x:.3f}, {y:.3f}, {z:.3f}) m" in said
+    assert f"with it: landed at ({x:.3f}, {y:.3f}, {z:.3f}) m" in said
 
 
 def test_a_contact_of_an_instant_neglects_nothing():

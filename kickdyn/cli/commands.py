@@ -69,6 +69,14 @@ _QUOTED = """COMPREPLY+=("$(printf %q "$value")")
 """The same, the name quoted where it has to be, and no blank after an `=`."""
 
 
+_SPACED = "compadd -U -V unsorted -a completions"
+"""How the script for zsh offers names."""
+
+_UNSPACED = """compadd -U -V unsorted -- ${completions:#*=}
+        compadd -U -V unsorted -S '' -- ${(M)completions:#*=}"""
+"""The same, and no blank after an `=`."""
+
+
 @click.group("kickdyn", _Commands, context_settings=HELP_OPTIONS)
 @click.version_option(__version__, prog_name="kickdyn")
 def kickdyn_command() -> None:
@@ -91,7 +99,7 @@ def completion(shell: str) -> None:
     kind = get_completion_class(shell)
     if kind is not None:
         script = kind(kickdyn_command, {}, "kickdyn", "_KICKDYN_COMPLETE").source()
-        click.echo(script.replace(_BARE, _QUOTED))
+        click.echo(script.replace(_BARE, _QUOTED).replace(_SPACED, _UNSPACED))
 
 
 def main() -> NoReturn:

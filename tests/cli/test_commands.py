@@ -148,6 +148,8 @@ def test_completion_scripts_are_printed(shell):
     ended = CliRunner().invoke(kickdyn_command, ["completion", shell])
     assert ended.exit_code == 0
     assert f"_KICKDYN_COMPLETE={shell}_complete" in ended.output
+    mended = {"bash": "%q", "zsh": "-S ''", "fish": ""}  # what is changed in click's script
+    assert mended[shell] in ended.output
 
 
 def test_another_shell_is_refused():

@@ -64,9 +64,13 @@ def check_writable(path: str | os.PathLike[str]) -> None:
             )
         if not os.fspath(path):
             raise InvalidInput("the name of a file is empty")
-        if file.is_dir():
+        try:
+            mode = file.stat().st_mode  # Path.exists says of a name too long that it does not exist
+        except FileNotFoundError:
+            mode = stat.S_IFREG
+        if stat.S_ISDIR(mode):
             raise InvalidInput(f"{shortened(str(path))} is a folder: name a file in it")
-        if file.exists() and not file.is_file():  # replacing a device would remove it
+        if not stat.S_ISREG(mode):  # replacing a device would remove it
             raise InvalidInput(
                 f"{shortened(str(path))} is not a regular file: name one, or one yet to be"
             )

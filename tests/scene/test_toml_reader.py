@@ -113,8 +113,8 @@ def test_a_coefficient_may_be_a_number(read, faults):
     air = read(SMALL + "[air]\ndrag = 0.25\nlift = -0.1\ntorque = 0\n").air
     assert [model.value for model in (air.drag, air.lift, air.torque)] == [0.25, -0.1, 0.0]
     assert faults(SMALL + "[air]\ndrag = -0.25\nlift = nan\ntorque = true\n") == (
-        "air.drag is -0.25: it must be a finite number at least 0",
-        "air.lift is nan: it must be a finite number",
+        "air.drag is -0.25: it must be a finite number at least 0 and at most 1000",
+        "air.lift is nan: it must be a finite number at least -1000 and at most 1000",
         "air.torque is True: choose smits-smith, tavares, or a number",
     )
 
@@ -312,7 +312,7 @@ def test_a_restitution_over_speed_is_read_and_used(read, text, value, e):
         assert answer.impact.contact.restitution == value
         assert answer.impact.restitution == pytest.approx(e, abs=1e-6)
         outside = isinstance(value, str)
-        assert any("m/s: e is 0.729" in line for line in answer.warnings) == outside
+        assert any("m/s: 0.729 is used" in line for line in answer.warnings) == outside
         assert f"restitution {answer.impact.restitution:.4g}, that of " in str(answer)
 
 

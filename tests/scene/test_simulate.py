@@ -270,7 +270,7 @@ def test_a_slow_kick_needs_no_air_at_a_metre():
     answer = kd.simulate(kick(1.5), 1.0)
     assert {"drag", "lift", "buoyancy"} <= set(answer.neglected)
     assert answer.method == "impact: kd.strike; path: closed form"
-    assert answer.evaluations < 60
+    assert answer.evaluations < 65
 
 
 def test_a_tight_tolerance_neglects_nothing():

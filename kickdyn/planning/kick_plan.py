@@ -94,9 +94,9 @@ class KickPlan(ReprMixin):
         yield "launch", self.impact.ball_after.velocity, "m/s"
         yield "landing error", self.landing_error, "m"
         yield "time error", self.time_error, "s"
-        yield self.objective, self.value, self.objective.unit
-        yield "of the speed limit", self.speed_use, ""
-        yield "of the torque limit", self.torque_use, ""
+        yield f"objective {self.objective}", self.value, self.objective.unit
+        yield "share of the speed limit", self.speed_use, ""
+        yield "share of the torque limit", self.torque_use, ""
         for line in self.warnings:
             yield "warning", line, ""
 

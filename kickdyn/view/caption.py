@@ -32,6 +32,11 @@ def kick_panel(
         ("flight", _method(path)),
         ("shown", _pace(drawn.pace)),
         ("ground marks", f"every {drawn.stripe:g} m"),
+        (
+            "arrows",
+            f"impulses: on the ball {colour_key(ARROW)}, and by each joint on what hangs on it "
+            f"{colour_key(JOINT)}",
+        ),
         ("axes", f"x forward, y left, z up; arrows of {drawn.axis:g} m"),
     ]
     end = f"{_joints(impact)}{_folded('picture and computation', shown)}"

@@ -64,7 +64,7 @@ button[aria-pressed=true] { background: #1d2733; border-color: #1d2733; color: #
 #time output { width: 17em; font-variant-numeric: tabular-nums; white-space: nowrap; }
 #caption summary { cursor: pointer; color: #5b6774; }
 #caption details th { white-space: normal; }
-#caption details td { white-space: nowrap; }
+#caption details tr:not(.long) td { white-space: nowrap; }
 #caption .key { display: inline-block; width: 0.7rem; height: 0.7rem; border-radius: 2px; }
 .label {
   position: absolute; left: 0; top: 0; padding: 0 6px; border: 2px solid; border-radius: 5px;

@@ -21,7 +21,8 @@ def panel(kick, caption=""):
 def rows(text):
     text = text.replace("<wbr>", "")
     found = re.findall(r"<tr[^>]*><th>(.*?)</th><td>(.*?)</td></tr>", text)
-    return {re.sub(r" ?<.*?>", "", head): html.unescape(value) for head, value in found}
+    plain = [[html.unescape(re.sub(r" ?<.*?>", "", cell)) for cell in row] for row in found]
+    return dict(plain)
 
 
 def numbers(**changed):
@@ -64,6 +65,7 @@ def test_says_the_numbers():
         "flight": "DOP853, drag",
         "shown": "strike 115 times slower, flight 2 times faster",
         "ground marks": "every 2 m",
+        "arrows": "impulses: on the ball, and by each joint on what hangs on it",
         "axes": "x forward, y left, z up; arrows of 0.2 m",
         "knee": "30.0°, 2 N s",
         "ankle": "-12.5°, 0.5 N s",

@@ -287,7 +287,9 @@ class KickPlan(ReprMixin):
         model = self.leg.workspace.model
         kicking = list(model.supports[self.leg.contact_joint])[1:]
         carriers = [model.frames[model.getFrameId(one.frame)].parentJoint for one in deep]
+        bodies = [frame for frame in model.frames if frame.type == pin.FrameType.BODY]
         others = any(joint not in kicking for joint in carriers)
+        others &= sum(body.parentJoint not in kicking for body in bodies) > 1  # not just the base
         standing = ", or let the robot stand on its other foot (--support)" if others else ""
         return (
             "the ground is level with the ball's lowest point: try another height of the ball "

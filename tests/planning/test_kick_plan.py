@@ -54,3 +54,10 @@ def test_bodies_under_the_ground_are_one_line_with_a_remedy(height, under):
         "bodies are under the ground at the impact: foot by D; the ground is level with the ball's "
         "lowest point: try another height of the ball (ball_height, --ball-height)"
     ]
+
+
+def test_a_single_leg_is_not_told_to_stand_on_the_other_one():
+    plan = kd.plan_kick(kd.Leg.human(), kd.Goal(25, time=1.6), BALL, AIR, ball_height=0.1)
+    (line,) = lines(plan, "under the ground")
+    assert "base by" in line
+    assert line.endswith("(ball_height, --ball-height)")

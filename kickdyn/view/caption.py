@@ -1,6 +1,7 @@
 """The numbers of a kick, as a panel of HTML beside the picture."""
 
 import math
+import re
 from collections.abc import Sequence
 from html import escape
 
@@ -50,17 +51,22 @@ def panel_of(
     The rest is warnings, the other sentences and `end`, which is HTML; texts are plain.
     """
     first, mark, others = text.partition(". ")
-    head = f"<h1>{escape(title)}</h1>\n" + (f"<p>{escape(first + mark)}</p>\n" if text else "")
-    lines = "".join(f'<p class="warning">{escape(warning)}</p>\n' for warning in warnings)
-    lines += f"<p>{escape(others)}</p>\n" if others else ""
+    head = f"<h1>{escape(title)}</h1>\n" + (f"<p>{_prose(first + mark)}</p>\n" if text else "")
+    lines = "".join(f'<p class="warning">{_prose(warning)}</p>\n' for warning in warnings)
+    lines += f"<p>{_prose(others)}</p>\n" if others else ""
     return f"{head}{_table(rows)}\n{lines}{end}"
+
+
+def _prose(text: str) -> str:
+    """Return a text as HTML in which no line ends inside the name of an option."""
+    return re.sub(r"--[a-z-]+", r'<span class="option">\g<0></span>', escape(text))
 
 
 def _table(rows: Sequence[Row]) -> str:
     """Return rows as a table."""
     long = ' class="long"'  # a line of its own where rows stand side by side
     lines = (
-        f"<tr{long if len(value) > 16 else ''}><th>{head}</th><td>{value}</td></tr>"
+        f"<tr{long if len(value) > 12 else ''}><th>{head}</th><td>{value}</td></tr>"
         for head, value in rows
     )
     return "<table>\n" + "\n".join(lines) + "\n</table>"

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 import kickdyn as kd
-from kickdyn.view.caption import kick_panel
+from kickdyn.view.caption import kick_panel, panel_of
 from kickdyn.view.kick_scene import DrawnKick
 from kickdyn.view.playback import Pace, kick_pace
 
@@ -139,6 +139,13 @@ def test_a_flight_to_a_plane_is_no_carry(make_kick):
     )
     assert "carry" not in said
     assert said["distance"].endswith(" m")
+
+
+def test_options_stay_in_one_line_and_long_values_have_a_line():
+    text = panel_of("leg", [("worst joint", "2.8 N s at hip")], "All & met. Try --ball-height.")
+    assert '<p>Try <span class="option">--ball-height</span>.</p>' in text
+    assert "<p>All &amp; met. </p>" in text
+    assert '<tr class="long"><th>worst joint</th>' in text
 
 
 def test_names_are_escaped(load, spoil):

@@ -224,7 +224,9 @@ def test_bad_input(given, message):
 
 
 def test_a_foot_slower_than_gravity_is_refused():
-    with pytest.raises(kd.InvalidInput, match=r"approach speed is .*: it must be .* at least 0\.01"):
+    with pytest.raises(
+        kd.InvalidInput, match=r"approach speed is .*: it must be .* at least 0\.01"
+    ):
         kd.tune_mujoco(POSTURE, 1e-4 * V, kd.Ball(), kd.Contact(ALONG, 0.7))
 
 

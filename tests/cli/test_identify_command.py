@@ -104,7 +104,10 @@ def test_a_drag_coefficient_can_be_kept(track):
         (("--marker", "ball"), "--marker is 'ball': it is for a C3D file"),
         (("--drag", "golf"), "--drag is 'golf': it must be a number such as 0.25, or"),
         (("--drag", "-0.1"), "--drag is -0.1: it must be a finite number at least 0"),
-        (("--drag", "1e300"), "--drag is 1e+300: it must be a finite number at least 0 and at most"),
+        (
+            ("--drag", "1e300"),
+            "--drag is 1e+300: it must be a finite number at least 0 and at most",
+        ),
         (("--ball-mass", "1e300"), "--ball-mass is 1e+300: it must be a finite number at least"),
         (("--ball-radius", "0"), "--ball-radius is 0.0: it must be a finite number at least 0.001"),
         (("--plot", "flight.txt"), "flight.txt has no known ending"),

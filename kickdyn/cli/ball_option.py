@@ -24,7 +24,7 @@ def _read(_: click.Context, __: click.Option, text: str) -> Ball:
 
 
 def checked_ball(mass: float, radius: float, mass_name: str, radius_name: str) -> Ball:
-    """Return a ball of 1 g to 1000 kg, and of a radius of 1 mm to 1 m; else raise `InvalidInput`."""
+    """Return a ball of 1 g to 1000 kg and 1 mm to 1 m of radius, or raise `InvalidInput`."""
     return Ball(
         validation.number(mass_name, mass, at_least=1e-3, at_most=1e3, unit="kg"),
         validation.number(radius_name, radius, at_least=1e-3, at_most=1, unit="m"),

@@ -24,10 +24,10 @@ from kickdyn.planning.kick_program import KickObjective
 from kickdyn.planning.launch import Launch
 from kickdyn.planning.swing_phase import SwingPhase
 from kickdyn.restitution import range_warnings
-from kickdyn.robot.ground_clearance import Depth, find_depths
+from kickdyn.robot.ground_clearance import Depth, body_frames, find_depths
 from kickdyn.robot.kicking_chain import rest_configuration
 from kickdyn.robot.leg import Leg
-from kickdyn.robot.names import listed
+from kickdyn.robot.names import listed, lock_remedy
 from kickdyn.robot.standing import hold_support, missing_shapes
 
 APPROACH, BACKSWING = 10, 40
@@ -94,9 +94,9 @@ class KickPlan(ReprMixin):
         yield "launch", self.impact.ball_after.velocity, "m/s"
         yield "landing error", self.landing_error, "m"
         yield "time error", self.time_error, "s"
-        yield self.objective, self.value, self.objective.unit
-        yield "of the speed limit", self.speed_use, ""
-        yield "of the torque limit", self.torque_use, ""
+        yield f"objective {self.objective}", self.value, self.objective.unit
+        yield "share of the speed limit", self.speed_use, ""
+        yield "share of the torque limit", self.torque_use, ""
         yield from warned([line.partition("; ")[0] for line in self.warnings])
 
     def _picture(self) -> str:
@@ -186,10 +186,10 @@ class KickPlan(ReprMixin):
         moved = [name for name in passive if name in own and self.v[leg.velocity_index(name)]]
         if not moved:
             return []
-        locks = " ".join(f"--lock {name}=0" for name in moved)
+        parts = [listed(moved), lock_remedy(leg.workspace.model, moved)]
         return [
-            f"the plan moves joints that have no actuator in the leg's file: {listed(moved)}; to "
-            f"keep them at rest, lock them (Leg.locked, {locks})"
+            "the plan moves joints that have no actuator in the leg's file: "
+            + "; to keep them at rest, ".join(filter(None, parts))
         ]
 
     def _inside_ball(self) -> list[str]:
@@ -287,7 +287,8 @@ class KickPlan(ReprMixin):
             return "another goal, offset or objective takes another posture"
         model = self.leg.workspace.model
         kicking = list(model.supports[self.leg.contact_joint])[1:]
-        carriers = [model.frames[model.getFrameId(one.frame)].parentJoint for one in deep]
+        frames = body_frames(self.leg)
+        carriers = [model.frames[frames[one.frame]].parentJoint for one in deep]
         others = any(joint not in kicking for joint in carriers)
         standing = ", or let the robot stand on its other foot (--support)" if others else ""
         return (

@@ -19,8 +19,7 @@ STEPS = 4
 """Large steps of the flight."""
 
 MARGIN = 1.25
-"""Factor on accelerations, which are evaluated at the nodes of that flight only."""
-
+"""Factor on accelerations, which are evaluated at a few states of that flight only."""
 
 SLICES = 8
 """Into which the speeds and spin parameters of a flight are cut for the slopes of coefficients."""
@@ -47,7 +46,7 @@ class Envelope:
     :math:`\tfrac12 a t^2 e^{\lambda t}` apart at most (Gronwall's inequality), with
     :math:`\lambda` the largest rate at which the forces drive neighbours apart: drag does so only
     where it falls as speed grows. Accelerations are evaluated at the nodes of X, which has few
-    large steps.
+    large steps, and where the ball is slowest between them, such as at the apex.
 
     Attributes:
         launch, environment, launch_error: as given.
@@ -70,8 +69,8 @@ class Envelope:
         self.end, _, self.evaluations, self._nodes = found
         air, ground = environment.air, environment.ground
         self.obstacle = (
-            "so large an effect may let the path end elsewhere, such as on the ground before a "
-            "plane; slower balls and smaller effects have bounds"
+            "so large an effect may change what ends the path, such as the ground before a goal "
+            "line; slower balls and smaller effects have bounds"
         )
         if launch_error.velocity == math.inf:
             self.obstacle = (
@@ -108,8 +107,11 @@ class Envelope:
         if surface_speed == 0.0:
             return 0.0
         slow, *_, fast = self._air_speeds
-        most, least = surface_speed / slow, 0.5 * left * surface_speed / fast  # half: a margin
-        parameters = np.geomspace(max(least, 1e-9 * most), most, SLICES + 1).tolist()
+        # half: a margin; less spin than that counts where its axis is along the flight
+        least = 0.5 * min(left * surface_speed / fast, FROM_NO_SPIN[-1])
+        # beyond 1, no coefficient changes faster than below
+        most = max(min(surface_speed / slow, 1.0), 2.0 * least)
+        parameters = np.geomspace(least, most, SLICES + 1).tolist()
         return self._by_spin(parameters) * (1.0 - left) * self._spin
 
     def shift(self, acceleration: float = 0.0, launch_error: LaunchError = EXACT) -> float:
@@ -146,30 +148,56 @@ class Envelope:
 
     @cached_property
     def _own_accelerations(self) -> Sequence[State]:
-        """The acceleration at each node [m/s2]."""
+        """The acceleration at each sample [m/s2]."""
         return self._accelerations(self.environment.air)
 
     def _accelerations(self, air: Air | None) -> Sequence[State]:
-        """Return the acceleration at each node, with another air [m/s2]."""
+        """Return the acceleration at each sample, with another air [m/s2]."""
         if air is None or air.density == 0.0:
-            return [(0.0, 0.0, -GRAVITY)] * len(self._nodes)
+            return [(0.0, 0.0, -GRAVITY)] * len(self._samples)
         acting, (wx, wy, wz) = (
             acceleration_function(self.environment.ball, air),
             self.launch.spin.tolist(),
         )
         height, found = float(self.launch.position[2]), []
-        for _, _, z, vx, vy, vz, left in self._nodes:
+        for _, _, z, vx, vy, vz, left in self._samples:
             found.append(acting(height + z, vx, vy, vz, left * wx, left * wy, left * wz)[:3])
         self.evaluations += len(found)
         return found
 
     @cached_property
+    def _slowest(self) -> list[State]:
+        """Between each two nodes, where the speed in the air is least, were velocity linear."""
+        wind, found = self._wind, []
+        for one, other in pairwise(self._nodes):
+            change = [b - a for a, b in zip(one, other, strict=True)]
+            square = math.fsum(c * c for c in change[3:6])
+            ahead = math.fsum(
+                (w - v) * c for w, v, c in zip(wind, one[3:6], change[3:6], strict=True)
+            )
+            share = min(max(ahead / square, 0.0), 1.0) if square > 0.0 else 0.0
+            found.append(tuple(a + share * c for a, c in zip(one, change, strict=True)))
+        return found
+
+    @cached_property
+    def _samples(self) -> Sequence[State]:
+        """The nodes, and the slowest states between them."""
+        return [*self._nodes, *(state for state in self._slowest if state not in self._nodes)]
+
+    @property
+    def _wind(self) -> Sequence[float]:
+        """The velocity of the air, which is constant wherever there are bounds [m/s]."""
+        air = self.environment.air
+        return (0.0, 0.0, 0.0) if air is None else air.wind_at(0.0)
+
+    def _air_speed(self, state: State) -> float:
+        """Return the speed relative to the air [m/s]."""
+        return math.dist(state[3:6], self._wind)
+
+    @cached_property
     def _air_speeds(self) -> list[float]:
         """Speeds relative to the air, from the least of the flight to the largest [m/s]."""
-        air, off = self.environment.air, self.launch_error.velocity
-        assert air is not None
-        wind = air.wind_at(0.0)
-        found = [math.dist(state[3:6], wind) for state in self._nodes]
+        off, found = self.launch_error.velocity, [*map(self._air_speed, self._samples)]
         off += 0.02 * max(found)
         least, most = max(min(found) - off, 1e-9), max(max(found) + off, 2e-9)
         return [least + i * (most - least) / SLICES for i in range(SLICES + 1)]
@@ -202,10 +230,12 @@ class Envelope:
             lift = [air.lift(per_speed * v, surface_speed / v) * v for v in speeds]
             change = [abs(b - a) for a, b in pairwise(lift)]
             rates = [r + 0.5 * d * v for r, d, v in zip(rates, change, speeds[1:], strict=True)]
-        wind, steps = air.wind_at(0.0), []
-        places = [(math.dist(node[3:6], wind) - speeds[0]) / width for node in self._nodes]
-        for one, other in pairwise(places):  # slices that the speed is in, and one beside them
-            steps.append(max(rates[max(int(min(one, other)) - 1, 0) : int(max(one, other)) + 2]))
+        steps = []
+        for ends, slowest in zip(pairwise(self._nodes), self._slowest, strict=True):
+            low, *_, high = sorted(self._air_speed(state) for state in (slowest, *ends))
+            low, high = (low - speeds[0]) / width, (high - speeds[0]) / width
+            # the slices that the speed is in, and one beside them
+            steps.append(max(rates[max(int(low) - 1, 0) : int(high) + 2]))
         # the last step is shorter than the others, by an unknown share
         mean = max(sum(part) / len(part) for part in (steps, steps[:-1]))
         return scale * mean / width

@@ -1,5 +1,6 @@
 """A page as a picture: a screenshot by Chromium without a window."""
 
+import os
 import shutil
 import subprocess
 import tempfile
@@ -12,13 +13,11 @@ from kickdyn.errors import InvalidInput, KickdynError
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 TIMEOUT = 120.0  # of Chromium [s]
 
-# The picture is drawn without a graphics processor, so that it is the same everywhere. Chromium's
-# sandbox works neither as root nor in most containers, and the page may load and call nothing.
+# The picture is drawn without a graphics processor, so that it is the same everywhere.
 _FLAGS = (
-    "--headless=new --no-sandbox --use-gl=angle --use-angle=swiftshader "
-    "--enable-unsafe-swiftshader --hide-scrollbars --disable-background-networking "
-    "--disable-component-update --disable-sync --no-first-run "
-    "--virtual-time-budget=3000 --window-size=1280,720"
+    "--headless=new --use-gl=angle --use-angle=swiftshader --enable-unsafe-swiftshader "
+    "--hide-scrollbars --disable-background-networking --disable-component-update --disable-sync "
+    "--no-first-run --virtual-time-budget=3000 --window-size=1280,720"
 )
 
 
@@ -47,6 +46,8 @@ def save_picture(html: str, path: str | PathLike[str], at: float = 0.0) -> None:
         KickdynError: Chromium failed.
     """
     browser = find_browser(path)
+    # Chromium's sandbox refuses to run as root; the page may load and call nothing anyway.
+    rooted = ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
     with replacing(path) as draft, tempfile.TemporaryDirectory() as folder:
         page = Path(folder) / "page.html"
         page.write_text(html, encoding="utf-8")
@@ -54,6 +55,7 @@ def save_picture(html: str, path: str | PathLike[str], at: float = 0.0) -> None:
         command = [
             browser,
             *_FLAGS.split(),
+            *rooted,
             *files,
             f"{page.as_uri()}#picture&at={at:.9g}",
         ]
@@ -61,5 +63,11 @@ def save_picture(html: str, path: str | PathLike[str], at: float = 0.0) -> None:
             done = subprocess.run(command, capture_output=True, timeout=TIMEOUT, check=False)
         except subprocess.TimeoutExpired:
             raise KickdynError(f"{browser} did not end within {TIMEOUT:g} s") from None
+        if b"No usable sandbox" in done.stderr:
+            raise KickdynError(
+                f"{browser} cannot use its sandbox here: install the Debian package "
+                "chromium-sandbox or, in a container that does not allow it, put a script named "
+                "chromium first on PATH that starts it with --no-sandbox"
+            )
         if done.returncode != 0 or not draft.exists():
             raise KickdynError(f"{browser} made no picture (it ended with {done.returncode})")

@@ -64,5 +64,5 @@ def test_the_kick_with_friction_sticks_and_turns_the_impulse():
 def test_the_reference_is_the_impulse_with_50_digits(kick):
     friction, stored = impact.KICKS[kick]
     exact = exact_impact(*given(impact.kick(friction)))["impulse"]
-    # a wheel of Pinocchio for another Python rounds the foot's Jacobian otherwise
-    assert stored == pytest.approx([float(part) for part in exact.exact], rel=1e-15)
+    # units in the last place: the BLAS of another processor rounds the joint velocity otherwise
+    assert stored == pytest.approx([float(part) for part in exact.exact], rel=5e-16, abs=0)

@@ -117,5 +117,6 @@ def test_digits_of_an_ordinary_kick_are_these():
     posture = kd.Leg.human().posture(np.radians([5, 10, -5]))
     contact = kd.Contact([0.9, 0, 0.4], 0.8, 0.4)
     hit = kd.strike(posture, posture.joint_velocity([8, 0, 4]), kd.Ball(), contact)
-    assert hit.digits == pytest.approx(14.347, abs=0.02)
-    assert hit.joint_digits == pytest.approx([12.589, 12.878, 13.272], abs=0.02)
+    assert hit.digits == pytest.approx(14.3472, abs=1e-4)
+    # estimated from rounding itself, which depends on the BLAS of the processor
+    assert hit.joint_digits == pytest.approx([12.589, 12.878, 13.272], abs=0.01)

@@ -64,7 +64,7 @@ def test_a_torque_that_binds_is_named():
     line = next(line for line in PlanReport(plan).table() if line.startswith("leg"))
     assert line.endswith(f"objective kinetic-energy = {plan.value:.4g} J")
     assert f"{plan.torque_use:.0%} of the torque limits" in line
-    assert re.search(r"\n  kinetic-energy +\d+\.?\d* J\n", repr(plan))
+    assert re.search(r"\n  objective kinetic-energy +\d+\.?\d* J\n", repr(plan))
 
 
 def test_what_happens_just_after_the_impact():

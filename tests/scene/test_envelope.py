@@ -132,6 +132,33 @@ def test_spin_that_decays_where_lift_does_not_depend_on_it():
     assert moved <= around.shift(*decay.change(around)) <= 1e-3
 
 
+@pytest.mark.parametrize(
+    ("name", "air", "velocity", "spin"),
+    [
+        ("drag crisis", kd.Air(), (3.23, 0, 22.8), (0, 0, 0)),
+        (
+            "spin decay",
+            kd.Air(drag="brazuca", wind=(5.348, 0.594, 0)),
+            (4.1, 0, 19.17),
+            (-9.93, 16, 8.86),
+        ),
+    ],
+)
+def test_a_ball_that_is_slow_between_two_nodes(name, air, velocity, spin):
+    """At the apex of a steep flight, the only place where the effect acts."""
+    launch, ball, ground = kd.BallState((0, 0, 0.11), velocity, spin), kd.Ball(), kd.Ground()
+    around = Envelope(launch, FlightEnvironment(ball, air, ground, None))
+    effect = next(effect for effect in EFFECTS if effect.name == name)
+    scene = kd.load_scene("free_kick").replace(ball=ball, air=air, ground=ground)
+    ends = [
+        kd.fly(launch, ball, each, ground, tol=1e-11).landing.position
+        for each in (air, effect.without(scene, launch).air)
+    ]
+    moved = np.linalg.norm(ends[1] - ends[0])
+    assert moved > 1e-3
+    assert moved <= around.shift(*effect.change(around)) < math.inf
+
+
 def test_the_shift_in_a_vacuum_is_that_of_the_formula():
     """Of a ball that falls at 4 m/s when it lands after 0.8 s, at a speed of 5 m/s."""
     launch = kd.BallState((0, 0, 1), (3, 0, 4))

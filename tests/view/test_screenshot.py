@@ -26,6 +26,15 @@ def test_a_browser_that_fails_leaves_nothing(monkeypatch, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_browser_without_its_sandbox_says_what_helps(monkeypatch, tmp_path):
+    browser = tmp_path / "chromium"
+    browser.write_text("#!/bin/sh\necho 'No usable sandbox! If this is' >&2\nexit 1\n")
+    browser.chmod(0o755)
+    monkeypatch.setattr(photo.shutil, "which", lambda name: str(browser))
+    with pytest.raises(kd.KickdynError, match="Debian package chromium-sandbox"):
+        save_picture("page", tmp_path / "a.png")
+
+
 def test_the_moment_is_what_was_asked_for(kick, chromium, tmp_path):
     """The ball is in the air at the middle of its flight, and not at the impact."""
     impact, _, path = kick

@@ -153,7 +153,7 @@ class Flight(ReprMixin):
         )
         per_speed = 2 * self.ball.radius * self.air.density / self.air.viscosity
         return [
-            (model, float(out.any(axis=0).mean()), _limits(model, out.any(axis=1), per_speed))
+            (model, float(out.any(axis=0).mean()), _limits(model, out, per_speed))
             for model, out in found
         ]
 
@@ -268,7 +268,10 @@ def outside_ranges(
 
 
 def _limits(model: CoefficientModel, beyond: NDArray[np.bool_], per_speed: float) -> list[str]:
-    """Return the limits of a model that are exceeded, with the Reynolds number of 1 m/s."""
+    """Return the limits of a model that are exceeded, with the Reynolds number of 1 m/s.
+
+    Rows of `beyond` are those of `CoefficientModel.beyond`, shape `(4, n)`.
+    """
     low, high = (f"{reynolds / per_speed:.3g} m/s" for reynolds in model.reynolds)
     least, most = (f"{limit:g}" for limit in model.spin)
     names = (
@@ -277,7 +280,7 @@ def _limits(model: CoefficientModel, beyond: NDArray[np.bool_], per_speed: float
         f"spin parameter below {least}",
         f"spin parameter above {most}",
     )
-    return [name for name, is_beyond in zip(names, beyond.tolist(), strict=True) if is_beyond]
+    return [name for name, is_beyond in zip(names, beyond, strict=True) if is_beyond.any()]
 
 
 def warning_of(model: CoefficientModel, share: float, limits: Iterable[str]) -> str:

@@ -287,9 +287,9 @@ class KickPlan(ReprMixin):
             return "another goal, offset or objective takes another posture"
         model = self.leg.workspace.model
         kicking = list(model.supports[self.leg.contact_joint])[1:]
-        frames = body_frames(self.leg)
-        carriers = [model.frames[frames[one.frame]].parentJoint for one in deep]
-        others = any(joint not in kicking for joint in carriers)
+        frames = body_frames(self.leg).items()
+        idle = [name for name, i in frames if model.frames[i].parentJoint not in kicking]
+        others = len(idle) > 1 and any(one.frame in idle for one in deep)  # not just the base
         standing = ", or let the robot stand on its other foot (--support)" if others else ""
         return (
             "the ground is level with the ball's lowest point: try another height of the ball "

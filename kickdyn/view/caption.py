@@ -69,11 +69,11 @@ def _prose(text: str) -> str:
     return re.sub(r"--[a-z-]+", r'<span class="option">\g<0></span>', escape(text))
 
 
-def _table(rows: Sequence[Row]) -> str:
-    """Return rows as a table."""
-    long = ' class="long"'  # a line of its own where rows stand side by side
+def _table(rows: Sequence[Row], short: int = 12) -> str:
+    """Return rows as a table; where rows stand side by side, longer values have their own line."""
+    long = ' class="long"'
     lines = (
-        f"<tr{long if len(value) > 12 else ''}><th>{head}</th><td>{value}</td></tr>"
+        f"<tr{long if len(value) > short else ''}><th>{head}</th><td>{value}</td></tr>"
         for head, value in rows
     )
     return "<table>\n" + "\n".join(lines) + "\n</table>"
@@ -99,7 +99,7 @@ def _joints(impact: Impact) -> str:
 def _folded(summary: str, rows: Sequence[Row], *, is_open: bool = False) -> str:
     """Return a table under a line of HTML that folds and unfolds it."""
     start = f"<details{' open' * is_open}><summary>{summary}</summary>"
-    return f"{start}\n{_table(rows)}\n</details>\n"
+    return f"{start}\n{_table(rows, short=16)}\n</details>\n"
 
 
 def _name(name: str) -> str:

@@ -1,5 +1,6 @@
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -42,6 +43,13 @@ def test_lines_and_json():
     assert said["landing_error"] == WEAK.landing_error
     assert said["time_error"] == said["time"] - 2
     assert said["leg"]["v"] == pytest.approx(WEAK.v.tolist())
+
+
+def test_a_joint_near_0_has_no_sign():
+    still = kd.strike(LEG.posture(np.full(3, -1e-6)), np.full(3, -1e-6), BALL,
+                      WEAK.impact.contact, ball_velocity=[-5, 0, 0])  # fmt: skip
+    lines = [line.split() for line in PlanReport(replace(WEAK, impact=still)).table()[-3:]]
+    assert [line[1:] for line in lines] == 3 * [["0.00", "deg", "0.000", "rad/s"]]
 
 
 def test_the_restitution_is_named_where_it_depends_on_the_speed():

@@ -146,6 +146,9 @@ def test_options_stay_in_one_line_and_long_values_have_a_line():
     assert '<p>Try <span class="option">--ball-height</span>.</p>' in text
     assert "<p>All &amp; met. </p>" in text
     assert '<tr class="long"><th>worst joint</th>' in text
+    assert "<tr><th>knee</th><td>30.0°, 2 N s</td>" in kick_panel(
+        numbers(), SimpleNamespace(**FLIGHT), DRAWN, ""
+    )
 
 
 def test_names_are_escaped(load, spoil):

@@ -201,7 +201,7 @@ def verdict(plan: KickPlan) -> str:
         beyond = (
             ""
             if plan.status == PlanStatus.MET
-            else f" The backswing is beyond the limits of the robot ({', '.join(plan.binding)})."
+            else " The backswing takes more than the torque limits of the robot."
         )
         return (
             f"The ball reaches the target ({where}) m {after}; the computed impact and flight "

@@ -15,6 +15,9 @@ from kickdyn.view.kick_scene import DrawnKick
 from kickdyn.view.marks import ARROW, CURVE
 from kickdyn.view.playback import Pace
 
+LONG = 300
+"""Number of characters from which the sentences below the table are folded."""
+
 Row = tuple[str, str]
 """What it is and its value, both HTML."""
 
@@ -48,12 +51,16 @@ def panel_of(
 ) -> str:
     """Return a panel of HTML: a title, the first sentence of a text, a table, and the rest.
 
-    The rest is warnings, the other sentences and `end`, which is HTML; texts are plain.
+    The rest is warnings, the other sentences, folded if they are long, and `end`, which is HTML;
+    texts are plain.
     """
     first, mark, others = text.partition(". ")
     head = f"<h1>{escape(title)}</h1>\n" + (f"<p>{_prose(first + mark)}</p>\n" if text else "")
     lines = "".join(f'<p class="warning">{_prose(warning)}</p>\n' for warning in warnings)
-    lines += f"<p>{_prose(others)}</p>\n" if others else ""
+    more = f"<p>{_prose(others)}</p>\n" if others else ""
+    if len(more) > LONG:
+        more = f"<details><summary>more sentences</summary>\n{more}</details>\n"
+    lines += more
     return f"{head}{_table(rows)}\n{lines}{end}"
 
 

@@ -186,3 +186,10 @@ def test_many_joints_are_folded_the_most_loaded_first():
     assert next(iter(said)) == name
     sizes = [float(value.split(", ")[1][:-4]) for value in said.values()]
     assert sizes == sorted(sizes, reverse=True)
+
+
+def test_long_sentences_below_the_table_are_folded():
+    short, long = panel_of("a", [], "One. Two."), panel_of("a", [], "One. " + 40 * "Sentence. ")
+    assert "<p>Two.</p>" in short
+    assert "<details>" not in short
+    assert "<summary>more sentences</summary>\n<p>Sentence. " in long

@@ -351,8 +351,9 @@ def tune_mujoco(
         timestep: time step of the simulation [s], at most 0.02 and half of `contact_time`, at least
             a 500th of it.
         integrator: integrator of MuJoCo: `Euler`, `implicit`, `implicitfast` or `RK4`.
-        contact_time: contact time [s], as for `collide`, 1e-5 to 1; 10 ms by default. The contact time of the
-            simulated kick is fitted with a small weight, and is part of the result.
+        contact_time: contact time [s], as for `collide`, 1e-5 to 1; 10 ms by default. The
+            contact time of the simulated kick is fitted with a small weight, and is part of the
+            result.
         dissipation: dissipation of the contact, as for `collide`.
         tolerance: error of the ball's speed that is accepted, relative, 0.001 to 1; twice as much
             around the tuned kick, at 0.5 to 1.5 times all velocities. For the direction, 1 degree

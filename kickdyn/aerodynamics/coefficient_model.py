@@ -129,7 +129,7 @@ def least_value(kind: str) -> float:
     return -math.inf if kind == "lift" else 0.0
 
 
-def constant_limits(kind: str) -> dict[str, float]:
+def constant_limits(kind: str) -> dict[str, Any]:
     """Return the limits of a coefficient that is the same everywhere, for `validation.number`.
 
     That of drag is as large as the upper one only at Reynolds numbers below 0.03.

@@ -170,6 +170,7 @@ def annotated(ball: kd.Ball, air: kd.Air | None = None, *, strict: bool = False,
     [
         ({"ball": None}, r"^ball is None: it must be a kickdyn\.Ball$"),
         ({"ball": BALL, "air": BALL}, r"^air is .*: it must be a kickdyn\.Air or None$"),
+        ({"ball": IMPACT}, r"^ball is of the type Impact: it must be a kickdyn\.Ball$"),
         ({"ball": BALL, "strict": 1}, "^strict is 1: it must be True or False$"),
     ],
 )

@@ -56,7 +56,7 @@ def test_commands_run(command, tmp_path, monkeypatch):
     ended = CliRunner().invoke(kickdyn_command, arguments)
     assert ended.exit_code == 0, ended.output
     for option, file in pairwise(arguments):
-        if option in ("--view", "--out"):
+        if option in ("--view", "--out", "--scene-out"):
             assert Path(file).exists()
 
 

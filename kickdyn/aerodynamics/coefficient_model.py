@@ -56,12 +56,13 @@ class CoefficientModel:
             return _registered, (self.kind, self.name)
         return CoefficientModel, tuple(getattr(self, field.name) for field in fields(self))
 
-    def is_outside(self, reynolds: Array, spin_parameter: Array) -> NDArray[np.bool_]:
-        """Return where an array of each lies outside the range this is meant for."""
-        low, high = self.reynolds
-        least, most = self.spin
-        inside = (low <= reynolds) & (reynolds <= high)
-        return np.logical_not(inside & (least <= spin_parameter) & (spin_parameter <= most))
+    def beyond(self, reynolds: Array, spin_parameter: Array) -> NDArray[np.bool_]:
+        """Return where n of each lie outside the range this is meant for, shape `(4, n)`.
+
+        The rows are: Reynolds number below and above its range, spin parameter below and above.
+        """
+        pairs = (reynolds, self.reynolds), (spin_parameter, self.spin)
+        return np.array([side for x, (low, high) in pairs for side in (x < low, x > high)])
 
     def __call__(self, reynolds: float, spin_parameter: float = 0.0) -> float:
         """Return the coefficient (dimensionless).

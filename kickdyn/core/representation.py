@@ -78,7 +78,11 @@ def warned(lines: Sequence[str]) -> Iterable[Row]:
     for line in lines[:WARNED]:
         yield "warning", line, ""
     if len(lines) > WARNED:
-        yield "warning", f"and {len(lines) - WARNED} more: see `warnings`", ""
+        yield (
+            "warning",
+            f"and {len(lines) - WARNED} more: see `warnings` (of a command: --json)",
+            "",
+        )
 
 
 class Printed(ReadOnlyArrays):

@@ -155,7 +155,10 @@ def _refuse_type(name: str, value: object, kinds: tuple[type, ...]) -> NoReturn:
         for kind in kinds
     )
     valid = f"{', '.join(others)} or {last}" if others else last
-    raise InvalidInput(f"{name} is {brief(value)}: it must be {valid}")
+    shown = brief(value)
+    if "\n" in shown:  # a table
+        shown = f"of the type {type(value).__name__}"
+    raise InvalidInput(f"{name} is {shown}: it must be {valid}")
 
 
 def flag(name: str, value: object) -> bool:

@@ -157,11 +157,16 @@ def _closing_speed(
         )
     speed = nx * ux + ny * uy + nz * uz
     if speed <= 0.0:
+        outside = posture.leg.outside_range(posture.q)
         raise NoImpact(
-            f"along the contact normal the foot moves at {-speed:.6g} m/s away from the ball in "
-            f"{posture!r}: the normal points from foot to ball, the foot must approach along it"
-            if speed < 0
-            else f"foot and ball do not approach along the contact normal in {posture!r}: the foot "
-            "must move towards the ball"
+            (
+                f"along the contact normal the foot moves at {-speed:.6g} m/s away from the ball "
+                f"in {posture!r}: the normal points from foot to ball, the foot must approach "
+                "along it"
+                if speed < 0
+                else f"foot and ball do not approach along the contact normal in {posture!r}: the "
+                "foot must move towards the ball"
+            )
+            + (f" (angles are in radians: {outside[0]})" if outside else "")
         )
     return speed, abs(ux) + abs(uy) + abs(uz)

@@ -32,7 +32,8 @@ def show(items: Mapping[str, Sequence[Item]], others: Mapping[str, Sequence[Item
         console.print(sensitivity(name, section))
     every += [item for section in others.values() for item in section]
     for verdict in (one for one in COLOURS if any(item.verdict == one for item in every)):
-        console.print(f"[{COLOURS[verdict]}]{verdict}[/]: {MEANINGS[verdict]}")
+        count = sum(item.verdict == verdict for section in items.values() for item in section)
+        console.print(f"[{COLOURS[verdict]}]{verdict}[/] ({count}): {MEANINGS[verdict]}")
     console.print(
         "C_D: drag coefficient; e: coefficient of restitution; Re: Reynolds number; spin "
         "parameter: surface speed of the spin over speed; X forward and Y up, as in the paper"

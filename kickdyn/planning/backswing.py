@@ -101,8 +101,8 @@ class Backswing(ReprMixin):
         yield "joints", ", ".join(self.joints), ""
         yield "duration", self.duration, "s"
         yield "foot above the ground", self.clearance, "m"
-        yield "of the torque limit", self.phase.torque_use, ""
-        yield "of the speed limit", self.phase.speed_use, ""
+        yield "share of the torque limit", self.phase.torque_use, ""
+        yield "share of the speed limit", self.phase.speed_use, ""
         for line in self.warnings:
             yield "warning", line, ""
 
@@ -171,7 +171,7 @@ class Backswing(ReprMixin):
             off = [f"{state} for {counts[state] / total:.0%}" for state in counts]
             lines.append(
                 f"in the backswing, {self.standing.support.frame} {' and '.join(off)} of the "
-                "time: the motion takes forces that ground cannot supply"
+                "time; the motion takes forces that ground cannot supply"
             )
         return tuple(lines)
 

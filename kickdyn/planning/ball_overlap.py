@@ -1,5 +1,7 @@
 """How deep the ball would be inside the bodies of a kicking leg, by the shapes of its file."""
 
+from contextlib import suppress
+
 import numpy as np
 import pinocchio as pin
 from scipy.optimize import nnls
@@ -24,8 +26,7 @@ def find_overlaps(impact: Impact) -> dict[str, float]:
     posture, leg, radius = impact.posture, impact.posture.leg, impact.ball.radius
     model, data, centre = leg.workspace.model, leg.workspace.data, impact.ball_before.position
     pin.forwardKinematics(model, data, posture.q)
-    found, allowed = dict[str, float](), TOLERANCE
-    touching = list[str]()
+    found, touching, allowed = dict[str, float](), list[str](), TOLERANCE
     for name, frame in body_frames(leg).items():
         pose = pin.updateFramePlacement(model, data, frame)
         away = float(np.linalg.norm(pose.translation - centre))
@@ -53,8 +54,6 @@ def _depth_of(point: Array, body: Spheres) -> float:
     outside = float(np.linalg.norm(weights @ corners) / weights.sum())
     inside = 0.0
     if outside < 1e-9:
-        try:
+        with suppress(QhullError, ValueError):  # flat
             inside = -float(ConvexHull(corners).equations[:, -1].max())
-        except (QhullError, ValueError):  # flat
-            inside = 0.0
     return float(body.radii[0]) + inside - outside

@@ -717,11 +717,13 @@ class Posture(ReprMixin):
         """
         wish = validation.vector("point velocity", point_velocity, 3, unit="m/s")
         with np.errstate(over="ignore", invalid="ignore"):  # reported below
-            v = self.try_joint_velocity(wish)
-        if v is None:
+            v, missed = self._least_energy_velocity(wish)
+        if _is_missed(missed, wish):
+            noise = 1e-12 * np.abs(wish).max()
+            near = [float(f"{x:.10g}") if abs(x) > noise else 0.0 for x in wish - missed]
             raise InvalidInput(
-                f"point velocity {wish.tolist()} m/s is out of reach of {self!r}: "
-                "its contact point cannot move in that direction there"
+                f"point velocity {wish.tolist()} m/s is out of reach of {self!r}: its contact "
+                f"point cannot move in that direction there; the nearest velocity is {near} m/s"
             )
         if not np.isfinite(v).all():
             raise InvalidInput(
@@ -733,6 +735,11 @@ class Posture(ReprMixin):
     def try_joint_velocity(self, wish: ArrayLike) -> Array | None:
         """Return what `joint_velocity` returns, or None where it would raise `InvalidInput`."""
         wish = validation.vector("point velocity", wish, 3, unit="m/s")
+        v, missed = self._least_energy_velocity(wish)
+        return None if _is_missed(missed, wish) else v
+
+    def _least_energy_velocity(self, wish: Array) -> tuple[Array, Array]:
+        """Return the joint velocity for the nearest possible velocity, and what it misses [m/s]."""
         before = self.without_stiff_joints.whitened_jacobian
         left, gains, right = np.linalg.svd(before, full_matrices=False)
         usable = gains > 1e-12 * gains[0] if gains[0] > 0 else gains > 0
@@ -741,8 +748,7 @@ class Posture(ReprMixin):
             share = np.divide(left.T @ missed, gains, out=np.zeros_like(gains), where=usable)
             v = v + blas.dtrsv(self._cholesky, right.T @ share, lower=1, trans=1)
             missed = wish - self.jacobian @ v
-        # NaN, of a velocity too fast for float64, is not out of reach
-        return None if np.abs(missed).max() > 1e-9 * np.abs(wish).max() else v
+        return v, missed
 
     def solve(self, joint_impulse: ArrayLike) -> Array:
         r"""Return the velocity jump :math:`M^{-1} f` after a joint-space impulse f, shape `(nv,)`.
@@ -878,3 +884,8 @@ def _stacked(forces: Any) -> Array:
         if row.__array_interface__["data"][0] != first + k * step:
             raise RuntimeError("Pinocchio no longer keeps forces side by side")
     return as_strided(rows[0], shape=(len(rows), 6), strides=(step, rows[0].itemsize))
+
+
+def _is_missed(missed: Array, wish: Array) -> bool:
+    """Return whether a velocity is missed; NaN, of one too fast for float64, is not."""
+    return bool(np.abs(missed).max() > 1e-9 * np.abs(wish).max())

@@ -23,6 +23,7 @@ from kickdyn.robot.ground_clearance import (
     shapes_of,
 )
 from kickdyn.robot.leg import Leg, Posture
+from kickdyn.robot.model_validation import frame_id
 
 SOLE = 2e-3
 """Height above the lowest point of a foot up to which its shapes count as its sole [m]."""
@@ -52,7 +53,7 @@ class StandingRobot:
         """Take a robot with one support; raise `InvalidInput` where it cannot stand on it."""
         support = _flat_support(robot)
         model, data = robot.workspace.model, robot.workspace.data
-        self._frame = model.getFrameId(support.frame)
+        self._frame = frame_id(model, support.frame)
         pin.forwardKinematics(model, data, robot.configuration())
         upright = pin.updateFramePlacement(model, data, self._frame).copy()
         corners = _sole(robot, support, self._frame, upright.rotation)
@@ -131,7 +132,7 @@ def hold_support(posture: Posture, q: Array) -> Array:
     if leg.constraints is None or not leg.constraints.supports or not is_floating(leg):
         return q
     model, data = leg.workspace.model, leg.workspace.data
-    frame = model.getFrameId(leg.constraints.supports[0].frame)
+    frame = frame_id(model, leg.constraints.supports[0].frame)
     pin.forwardKinematics(model, data, posture.q)
     placement = pin.updateFramePlacement(model, data, frame).copy()
     return place_base(leg, q, frame, placement)
@@ -221,7 +222,7 @@ def joint_bodies(robot: Leg, joint: int) -> dict[str, int]:
 def kicking_limb(robot: Leg, support: Support) -> list[int]:
     """Return the joints that move the kicking foot but not the supporting one, the hip's first."""
     model = robot.workspace.model
-    foot = model.frames[model.getFrameId(support.frame)].parentJoint
+    foot = model.frames[frame_id(model, support.frame)].parentJoint
     shared = set(model.supports[foot])
     return [int(joint) for joint in model.supports[robot.contact_joint] if joint not in shared]
 

@@ -69,8 +69,8 @@ class Envelope:
         self.end, _, self.evaluations, self._nodes = found
         air, ground = environment.air, environment.ground
         self.obstacle = (
-            "so large an effect may let the path end elsewhere, such as on the ground before a "
-            "plane; slower balls and smaller effects have bounds"
+            "so large an effect may change what ends the path, such as the ground before a goal "
+            "line; slower balls and smaller effects have bounds"
         )
         if launch_error.velocity == math.inf:
             self.obstacle = (

@@ -200,7 +200,7 @@ def _result(
         status=end.status,
         path=end.path,
         verdicts=tuple(verdicts),
-        method=f"impact: {'strike' if isinstance(impact, Impact) else 'collide'}; "
+        method=f"impact: kd.{'strike' if isinstance(impact, Impact) else 'collide'}; "
         f"path: {end.method}",
         evaluations=evaluations,
         end_deviation=deviation,

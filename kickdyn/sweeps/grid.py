@@ -154,7 +154,7 @@ def check_size(shape: tuple[int, ...], largest: int) -> None:
     if size > largest:
         limit, each = "can be swept", 30e-9
         if largest < LARGEST:
-            limit = "fit in memory: name a store, --out DIR.zarr (store= in Python)"
+            limit = "are kept in memory: name a store, --out DIR.zarr (store= in Python)"
             each = 105e-9
         raise InvalidInput(
             f"the grid has {size:,} postures ({' x '.join(map(str, shape))}, {size * each:,.1f} "

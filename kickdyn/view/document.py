@@ -44,6 +44,7 @@ body { margin: 0; font: 1rem/1.4 system-ui, "Segoe UI", Roboto, Helvetica, Arial
 #caption .warning { color: #a33a00; }
 #caption table { border-spacing: 0; }
 #caption th, #caption td { padding: 1px 0; text-align: left; vertical-align: top; }
+#caption .option { white-space: nowrap; }
 #caption th { padding-right: 12px; white-space: nowrap; font-weight: normal; color: #5b6774; }
 #caption td { font-variant-numeric: tabular-nums; overflow-wrap: anywhere; }
 #caption details { margin-top: 4px; }
@@ -63,7 +64,7 @@ button[aria-pressed=true] { background: #1d2733; border-color: #1d2733; color: #
 #time output { width: 17em; font-variant-numeric: tabular-nums; white-space: nowrap; }
 #caption summary { cursor: pointer; color: #5b6774; }
 #caption details th { white-space: normal; }
-#caption details td { white-space: nowrap; }
+#caption details tr:not(.long) td { white-space: nowrap; }
 #caption .key { display: inline-block; width: 0.7rem; height: 0.7rem; border-radius: 2px; }
 .label {
   position: absolute; left: 0; top: 0; padding: 0 6px; border: 2px solid; border-radius: 5px;

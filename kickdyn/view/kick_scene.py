@@ -19,6 +19,7 @@ from kickdyn.planning.backswing import Backswing
 from kickdyn.planning.swing import Swing
 from kickdyn.robot.ground_clearance import find_depths, shape_of
 from kickdyn.robot.leg import Leg
+from kickdyn.robot.model_validation import frame_id
 from kickdyn.view.camera import BOTTOM, LEFT, RIGHT, TOP, UP, Camera, camera_for, set_camera
 from kickdyn.view.document import draw_label
 from kickdyn.view.impulses import LEAST, Arrow, draw_impulse, impulse_arrows, largest_impulse
@@ -175,7 +176,7 @@ def _ground_height(impact: Impact, moved: Sequence[Array], bottom: float) -> flo
         name = leg.constraints.supports[0].frame
         model, data = leg.workspace.model, leg.workspace.data
         pin.forwardKinematics(model, data, posture.q)
-        placement = pin.updateFramePlacement(model, data, model.getFrameId(name))
+        placement = pin.updateFramePlacement(model, data, frame_id(model, name))
         return float(shape_of(leg, name).moved(placement.homogeneous).lowest)
     found = find_depths(leg, moved, bottom)
     return bottom - found[0].depth if found else bottom

@@ -156,9 +156,7 @@ def test_the_flight_s_warnings_are_in_table_page_and_json(tmp_path):
     files = ["--view", "kick.html", "--json", "kick.json"]
     ended = door("--distance", "100", "--time", "3", "--no-limits", *files, cwd=tmp_path)
     lines = json.loads((tmp_path / "kick.json").read_text())["warnings"]
-    assert re.match(
-        r"drag supercritical: \d+ % of the flight is outside Re 0 to 5.1e\+05", lines[0]
-    )
+    assert re.match(r"drag supercritical: \d+ % of the flight is outside its data", lines[0])
     page = (tmp_path / "kick.html").read_text()
     for line in lines:
         assert f"\nWarning: {line}.\n" in ended.stdout

@@ -98,6 +98,24 @@ def test_a_leg_that_cannot_kick_in_the_direction_is_named_no_distance(tmp_path):
     assert "for instance" not in said
 
 
+def test_a_wall_beyond_what_is_within_the_limits_is_left_out():
+    said = run("--distance 10 --height 1 --wall 9.15:3")
+    assert said.count(", without --height and --wall. ") == 1
+    options = re.search(r"Within the limits of the leg is, for instance, (--.*?), without", said)[1]
+    assert "The ball reaches the target" in run(options)
+
+
+def test_back_spin_towards_a_target_at_the_side_is_named():
+    goal = "--distance 20 --height 1 --left 3 --time 1"
+    said = run(f"{goal} --spin 0,-20,0")
+    assert said.startswith("leg_human cannot give this spin")
+    (option,) = re.findall(r"this spin is (--spin \S+)$", said)
+    assert option == "--spin 2.96681,-19.7787,0"
+    assert "The ball reaches the target" in run(f"{goal} {option}")
+    for other in ("--spin 0,-20,5", "--spin 0,-20,0 --wind 0,3,0"):
+        assert "this spin is" not in run(f"{goal} {other}")
+
+
 def test_values_are_rounded_away_from_what_was_asked_for():
     assert list(_rounded_away(0.99437, 3.0)) == [0.9943, 0.994, 0.99]
     assert list(_rounded_away(-0.99437, -3.0)) == [-0.9943, -0.994, -0.99]

@@ -60,10 +60,11 @@ def test_the_foot_says_what_the_verdicts_are(items, monkeypatch, capsys):
     said = capsys.readouterr().out
     assert set(MEANINGS) == set(COLOURS)
     for verdict, meaning in MEANINGS.items():
-        assert f"\n{verdict}: {meaning}\n" in said
+        count = sum(item.verdict == verdict for section in items.values() for item in section)
+        assert f"\n{verdict} ({count}): {meaning}\n" in said
     assert "within 10 % of the value of the test bed" in said
     show({"Table 2": items["Table 2"]}, {})
-    assert "\nreproduced: " not in capsys.readouterr().out
+    assert "\nreproduced (" not in capsys.readouterr().out
 
 
 def test_other_coefficients_have_a_line_each_and_no_number_twice():

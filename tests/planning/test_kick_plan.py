@@ -39,7 +39,7 @@ def test_joints_without_an_actuator_are_named_until_they_are_locked():
     hopper, goal = kd.Leg.from_mjcf(MODELS / "hopper.xml", "foot"), kd.Goal(2, time=0.5)
     (line,) = lines(kd.plan_kick(hopper, goal, BALL, AIR), "have no actuator")
     assert "in the leg's file: rootx, rootz, rooty; to" in line
-    assert "--lock rootx=0 --lock rootz=0 --lock rooty=0)" in line
+    assert "to keep them at rest, lock them by locked={'rootx': 0, 'rootz': " in line
     standing = hopper.locked(dict.fromkeys(("rootx", "rootz", "rooty"), 0.0))
     assert not lines(kd.plan_kick(standing, goal, BALL, AIR), "no actuator")
 
@@ -54,3 +54,16 @@ def test_bodies_under_the_ground_are_one_line_with_a_remedy(height, under):
         "bodies are under the ground at the impact: foot by D; the ground is level with the ball's "
         "lowest point: try another height of the ball (ball_height, --ball-height)"
     ]
+
+
+def test_a_single_leg_is_not_told_to_stand_on_the_other_one():
+    plan = kd.plan_kick(kd.Leg.human(), kd.Goal(25, time=1.6), BALL, AIR, ball_height=0.1)
+    (line,) = lines(plan, "under the ground")
+    assert "base by" in line
+    assert line.endswith("(ball_height, --ball-height)")
+
+
+def test_a_body_with_the_name_of_its_joint_is_under_the_ground():
+    cheetah = kd.Leg.from_mjcf(MODELS / "half_cheetah.xml", "ffoot")
+    (line,) = lines(kd.plan_kick(cheetah, kd.Goal(2, time=0.5), BALL, AIR), "under the ground")
+    assert "at the impact: ffoot by " in line

@@ -1,5 +1,7 @@
+import json
 import math
 import pickle
+import re
 import threading
 
 import numpy as np
@@ -517,8 +519,13 @@ def test_joint_velocity_is_the_one_of_least_kinetic_energy(seed):
 )
 def test_stretched_leg_cannot_move_along_itself(wish):
     posture = LEGS["human"][0].posture(STRETCHED)
-    with pytest.raises(kd.InvalidInput, match=r"out of reach of Posture\(leg_human, q=\[0, 0, 1.5"):
+    with pytest.raises(
+        kd.InvalidInput, match=r"out of reach of Posture\(leg_human, q=\[0, 0, 1.5"
+    ) as raised:
         posture.joint_velocity(wish)
+    near = json.loads(re.search(r"nearest velocity is (.*) m/s", str(raised.value))[1])
+    assert near == [wish[0], 0, 0]
+    posture.joint_velocity(near)
 
 
 @pytest.mark.parametrize("scale", [1e-200, 1e-9, 1, 1e9, 1e200])

@@ -269,7 +269,7 @@ def test_everything_is_followed_to_rest():
 def test_a_slow_kick_needs_no_air_at_a_metre():
     answer = kd.simulate(kick(1.5), 1.0)
     assert {"drag", "lift", "buoyancy"} <= set(answer.neglected)
-    assert answer.method == "impact: strike; path: closed form"
+    assert answer.method == "impact: kd.strike; path: closed form"
     assert answer.evaluations < 65
 
 
@@ -282,7 +282,7 @@ def test_a_tight_tolerance_neglects_nothing():
 
 def test_without_air_nothing_is_flown():
     answer = kd.simulate(kick(air=None), 0.01)
-    assert answer.method == "impact: strike; path: closed form"
+    assert answer.method == "impact: kd.strike; path: closed form"
     assert answer.modelled == ("friction", "ball rotation")
 
 

@@ -129,19 +129,27 @@ def least_value(kind: str) -> float:
     return -math.inf if kind == "lift" else 0.0
 
 
+def constant_limits(kind: str) -> dict[str, Any]:
+    """Return the limits of a coefficient that is the same everywhere, for `validation.number`.
+
+    That of drag is as large as the upper one only at Reynolds numbers below 0.03.
+    """
+    return {"at_least": max(least_value(kind), -1000.0), "at_most": 1000.0}
+
+
 def find_model(
     kind: str, models: Mapping[str, CoefficientModel], choice: str | float | Coefficient | None
 ) -> Coefficient | None:
     """Return the model that a name or a number stands for, a function as it is, None for None.
 
     Raises:
-        InvalidInput: an unknown name; a number that is not finite, or below 0 but for lift.
+        InvalidInput: an unknown name; a number above 1000, or below 0 (for lift, below -1000).
     """
     if choice is None or callable(choice):
         return choice
     if isinstance(choice, Real) and not isinstance(choice, bool):
         name = f"{kind} coefficient"
-        return ConstantCoefficient(validation.number(name, choice, at_least=least_value(kind)))
+        return ConstantCoefficient(validation.number(name, choice, **constant_limits(kind)))
     if not isinstance(choice, str) or choice not in models:
         raise InvalidInput(
             f"{kind} model {validation.brief(choice)} is unknown: choose {', '.join(models)}, "

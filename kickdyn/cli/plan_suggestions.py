@@ -115,6 +115,8 @@ def within_limits(plan: KickPlan, attempt: Attempt, wall: Wall | None) -> Iterat
     if slower is None:
         return
     distance, left, _ = (slower.landing.position - slower.launch.position).tolist()
+    if math.hypot(distance, left) < 0.01:  # the leg gives the ball no speed in this direction
+        return
     options = f"--distance {distance:.4g} --time {slower.duration:.4g}"
     if left := float(f"{left:.4g}") if abs(left) > 1e-3 * distance else 0.0:
         options += f" --left {left:g}"

@@ -84,6 +84,18 @@ def test_what_is_within_the_limits_is_met_as_printed(goal):
     assert "The ball reaches the target" in run(options)
 
 
+def test_a_leg_that_cannot_kick_in_the_direction_is_named_no_distance(tmp_path):
+    """A hinge without limits, whose foot can strike the ball but not in the planned direction."""
+    pytest.importorskip("mujoco")
+    file = tmp_path / "hinge.xml"
+    file.write_text("""<mujoco><worldbody><body><joint name="hip" axis="0 1 0"/>
+        <geom type="capsule" size="0.05" fromto="0 0 0 0 0 -0.4"/><site name="toe" pos="0 0 -0.4"/>
+        </body></worldbody></mujoco>""")
+    said = run(f"--leg {file} --frame toe --distance 2 --time 0.5")
+    assert "The goal is beyond the limits of the leg." in said
+    assert "for instance" not in said
+
+
 def test_a_wall_beyond_what_is_within_the_limits_is_left_out():
     said = run("--distance 10 --height 1 --wall 9.15:3")
     assert said.count(", without --height and --wall. ") == 1

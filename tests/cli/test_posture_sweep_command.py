@@ -483,7 +483,8 @@ def test_ball_and_law():
 @pytest.mark.parametrize(
     ("ball", "words"),
     [
-        ("inf:0.1", "ball mass is inf, an obstacle that cannot move: a sweep needs a finite mass"),
+        ("inf:0.1", "ball mass is inf: it must be a finite number at least 0.001 and at most 1000"),
+        ("0.4:1e100", "ball radius is 1e+100: it must be a finite number at least 0.001"),
         ("tennis", "--ball is 'tennis': it must be size-5, paper, or MASS:RADIUS"),
         ("1:2:3", "--ball is '1:2:3': it must be"),
         ("0:1", "ball mass is 0.0"),

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import cache
 from typing import Any, Protocol
 
 from kickdyn.errors import InvalidInput
@@ -14,7 +15,7 @@ from kickdyn.planning.passes import Pass
 from kickdyn.planning.plan_report import OVER, flight_within_limits, passage_of
 from kickdyn.scene.pitch import Wall
 
-STEPS = 16
+STEPS = 4
 """Parts of the largest curve of `--beside` that are distinguished."""
 
 HEIGHTS = (0.05, -0.05, 0.1, -0.1)
@@ -36,6 +37,7 @@ def explain_unreachable(goal: Goal, error: OutOfReach, attempt: Attempt) -> Inva
     pass_or_goal = "goal" if isinstance(nearest, Launch) else "pass"
     reason = f"the {pass_or_goal} is out of reach: {nearest.reason}"
     refusal: InvalidInput = error
+    attempt = cache(attempt)  # the last of `_less_bent` has been planned
     for other in (*_nearest_goals(goal, nearest), *_less_bent(goal, nearest, attempt)):
         try:
             planned = attempt(other)
@@ -113,6 +115,8 @@ def within_limits(plan: KickPlan, attempt: Attempt, wall: Wall | None) -> Iterat
     if slower is None:
         return
     distance, left, _ = (slower.landing.position - slower.launch.position).tolist()
+    if math.hypot(distance, left) < 0.01:  # the leg gives the ball no speed in this direction
+        return
     options = f"--distance {distance:.4g} --time {slower.duration:.4g}"
     if left := float(f"{left:.4g}") if abs(left) > 1e-3 * distance else 0.0:
         options += f" --left {left:g}"

@@ -237,7 +237,7 @@ def plan(
                 raise InvalidInput(f"{error}{clear_wall(wall, planned, attempt)}") from None
         advice = list[str]()
         if not swing and uncertainty is None:  # trying others takes long
-            advice += within_limits(planned, attempt)
+            advice += within_limits(planned, attempt) if wall is None else ()
             advice += clear_ground(planned, attempt) if ball_at is None else ()
         swung = None
         if swing and planned.backswing is None:

@@ -1,10 +1,10 @@
-# Needs Python 3.11 to 3.14, git and make. Everything else goes into $(VENV).
+# Needs Python 3.11 to 3.13, git and make. Everything else goes into $(VENV). `make help` lists the targets.
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constraint constraints.txt
 
-.PHONY: sweep extremes mutants notebooks test test-all docs package lint browser clean
+.PHONY: sweep help extremes mutants notebooks test test-all docs package lint browser clean
 
 # what `make test-all` tests with: python3.11 and so on must be there, as pyenv or deadsnakes bring them;
 # add 3.14, which kickdyn takes too, where you have it
@@ -15,17 +15,24 @@ sweep: $(VENV)/.run
 	mkdir -p build
 	$(BIN)/python -m kickdyn.posture_sweep --out build/sweep.nc --plot build/sweep.png --view build/kick.html
 
+## help: this list
+help:
+	@sed -n 's/^## /make /p' Makefile
+
 ## extremes: kickdyn against 50 digits where numbers get difficult
 extremes: $(VENV)/.dev
+	@echo "This takes about a minute."
 	$(BIN)/python tests/extremes
 
 ## mutants: changes the code on purpose, a hundred times, and counts how often a test notices
 mutants: $(VENV)/.dev
+	@echo "This takes more than an hour on 2 cores."
 	mkdir -p build
 	$(BIN)/python tests/mutants.py --json build/mutants.json
 
-## notebooks: runs them anew and stores their outputs, which tests compare; needs Chromium
+## notebooks: runs the notebooks and stores their outputs, which tests compare; needs Chromium
 notebooks: $(VENV)/.dev browser
+	@echo "This takes about a minute, and longer on the first run, which compiles."
 	$(BIN)/python tests/notebook_outputs.py
 
 ## test: the whole suite, about 6 minutes on 2 cores once everything is installed
@@ -42,6 +49,7 @@ test-all: package
 
 ## package: wheel and sdist in dist/, each installed into an empty environment and run from elsewhere
 package: $(VENV)/.dev
+	@echo "This takes about two minutes, most of it to install kickdyn twice."
 	rm -rf dist build/package
 	$(BIN)/hatchling build
 	set -e; for built in dist/*.whl dist/*.tar.gz; do \
@@ -52,11 +60,13 @@ package: $(VENV)/.dev
 
 ## docs: the pages as a site in build/site, notebooks run; a warning is an error
 docs: $(VENV)/.dev
+	@echo "This takes about a minute."
 	$(BIN)/python -m sphinx -W --keep-going -q -b html -d build/trees docs build/site
 	@echo "build/site/index.html"
 
 ## lint: format, style, types, layers of imports and their cycles
 lint: $(VENV)/.dev
+	@echo "This takes about half a minute the first time, then a few seconds."
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
@@ -82,5 +92,6 @@ $(VENV)/.dev: pyproject.toml constraints.txt | $(VENV)/bin/python
 	$(PIP) --editable ".[dev]"
 	touch $@ $(VENV)/.run
 
+## clean: removes all that these targets made
 clean:
 	rm -rf $(VENV) .venv-* build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache

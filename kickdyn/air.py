@@ -56,15 +56,15 @@ class Air(ValueEquality, ReprMixin):
         viscosity: dynamic viscosity [Pa s], above 0.
         wind: velocity of the air, shape `(3,)` [m/s, world frame], or a function of the height z
             [m] that returns its three components.
-        drag: name of a model in `kickdyn.aerodynamics.drag.MODELS`; a number, 0 or more, for a
+        drag: name of a model in `kickdyn.aerodynamics.drag.MODELS`; a number, 0 to 1000, for a
             coefficient that is the same everywhere; or a function of `(reynolds, spin_parameter)`.
             None means no drag.
-        lift: name of a model in `kickdyn.aerodynamics.lift.MODELS`, a number of any sign, or a
-            function as for `drag`. None means no lift. Below 15 m/s the default falls with the drag
-            crisis of a Brazuca, which the default drag does not have; "Flight" in
+        lift: name of a model in `kickdyn.aerodynamics.lift.MODELS`, a number from -1000 to 1000, or
+            a function as for `drag`. None means no lift. Below 15 m/s the default falls with the
+            drag crisis of a Brazuca, which the default drag does not have; "Flight" in
             `docs/explanation/theory.md` says why.
         torque: coefficient of the torque that brakes the spin: name of a model in
-            `kickdyn.aerodynamics.spin_decay.MODELS`, a number, or a function as for `drag`. None
+            `kickdyn.aerodynamics.spin_decay.MODELS`, a number or a function as for `drag`. None
             means that the spin does not decay.
         buoyancy: whether the weight of the displaced air is subtracted from that of the ball; it is
             1.6 % of a soccer ball.

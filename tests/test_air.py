@@ -25,6 +25,8 @@ from kickdyn.air import AIRS
         ("drag", -0.2, "drag coefficient is -0.2: it must be a finite number at least 0"),
         ("torque", -0.2, "torque coefficient is -0.2: it must be a finite number at least 0"),
         ("lift", math.nan, "lift coefficient is nan: it must be a finite number"),
+        ("drag", 1e300, "drag coefficient is .*: it must be .* at least 0 and at most 1000$"),
+        ("lift", -1e300, "lift coefficient is .*: it must be .* at least -1000 and at most 1000$"),
         ("drag", "brazooka", "drag model 'brazooka' is unknown: choose stokes, .*brazuca, "),
         ("lift", "", "lift model '' is unknown: choose saturating, wang"),
     ],

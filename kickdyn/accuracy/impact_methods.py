@@ -81,11 +81,11 @@ def _methods(impact: Impact) -> Iterator[Method]:
     yield "closed form, float32", "", lambda: in_float32(leg.posture(q), v, ball, contact)
     if contact.friction == 0.0:
         yield (
-            "engine",
+            "Pinocchio impulseDynamics",
             "",
             lambda: strike(leg.posture(q), v, ball, contact, engine="pinocchio").impulse,
         )
-    yield "stacked KKT", "", lambda: stacked(leg.posture(q), v, ball, contact)
+    yield "dense KKT system", "", lambda: solve_kkt(leg.posture(q), v, ball, contact)
     if contact.friction > 0.0:
         for name in ("ADMM", "PGS"):
             for tol in CONE_TOLERANCES:
@@ -132,8 +132,15 @@ def in_float32(posture: Posture, v: Array, ball: Ball, contact: Contact) -> Arra
     return np.asarray(-np.linalg.solve(delassus, u + e * (n @ u) * n), dtype=float)
 
 
-def stacked(posture: Posture, v: Array, ball: Ball, contact: Contact) -> Array:
-    """Return the impulse from momenta and contact rows as one linear system; friction sticks."""
+def solve_kkt(posture: Posture, v: Array, ball: Ball, contact: Contact) -> Array:
+    r"""Return the impulse from one linear system for all velocities after; friction sticks.
+
+    .. math::
+        \begin{pmatrix} M & -J^T \\ J & 0 \end{pmatrix} \begin{pmatrix} v^+ \\ p \end{pmatrix}
+        = \begin{pmatrix} M v^- \\ b \end{pmatrix}
+
+    with the leg and the ball in M and v, and the velocity b of separation at the contact.
+    """
     n, nv = contact.normal, posture.leg.nv
     size = nv + 6
     rows = n[None] if contact.friction == 0.0 else np.eye(3)

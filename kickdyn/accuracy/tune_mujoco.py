@@ -46,6 +46,12 @@ LEAST_RESTITUTION = 0.2
 LONGEST_STEP = 0.02
 """Largest time step [s]."""
 
+MOST_STEPS = 500
+"""Of a contact: more would take minutes, and change no digit that the fit determines."""
+
+SLOWEST = 0.01
+"""Least speed of approach [m/s]: below it gravity, not the impact, decides the motion."""
+
 STEPS = (5e-3, 4e-3, 3e-3, 2e-3, 1.5e-3, 1e-3, 7.5e-4, 5e-4, 3e-4, 2e-4, 1e-4)
 """Time steps among which the largest one is sought that meets a goal [s]."""
 
@@ -339,14 +345,17 @@ def tune_mujoco(
             named at 0, not at their `ref` as MuJoCo does.
         v: joint velocity just before, shape `(nv,)` [rad/s; m/s for prismatic joints].
         ball: the ball; its centre is at `contact point + radius * normal`.
-        contact: normal, friction, and a restitution of at least 0.2 at this speed of approach. One
-            that depends on the speed is reproduced best at this speed.
-        timestep: time step of the simulation [s], at most 0.02 and half of `contact_time`.
+        contact: normal, friction of at most 10, and a restitution of at least 0.2 at this speed of
+            approach, which is at least 0.01 m/s. A restitution that depends on the speed is
+            reproduced best at this speed.
+        timestep: time step of the simulation [s], at most 0.02 and half of `contact_time`, at least
+            a 500th of it.
         integrator: integrator of MuJoCo: `Euler`, `implicit`, `implicitfast` or `RK4`.
-        contact_time: contact time [s], as for `collide`; 10 ms by default. The contact time of the
-            simulated kick is fitted with a small weight, and is part of the result.
+        contact_time: contact time [s], as for `collide`, 1e-5 to 1; 10 ms by default. The
+            contact time of the simulated kick is fitted with a small weight, and is part of the
+            result.
         dissipation: dissipation of the contact, as for `collide`.
-        tolerance: error of the ball's speed that is accepted, relative, above 0; twice as much
+        tolerance: error of the ball's speed that is accepted, relative, 0.001 to 1; twice as much
             around the tuned kick, at 0.5 to 1.5 times all velocities. For the direction, 1 degree
             is accepted. For each error that is larger, the largest time step is sought at which it
             is accepted.
@@ -363,14 +372,16 @@ def tune_mujoco(
     step = validation.number("timestep", timestep, above=0, at_most=LONGEST_STEP, unit="s")
     chosen = validation.choice("integrator", integrator, MujocoIntegrator)
     kind = validation.choice("dissipation", dissipation, Dissipation)
-    validation.number("tolerance", tolerance, above=0, at_most=1)
-    duration = validation.number("contact time", contact_time, above=0, unit="s")
-    if step > 0.5 * duration:
+    validation.number("tolerance", tolerance, at_least=1e-3, at_most=1)
+    validation.number("friction", contact.friction, at_least=0, at_most=10)
+    duration = validation.number("contact time", contact_time, at_least=1e-5, at_most=1, unit="s")
+    if not duration / MOST_STEPS <= step <= duration / 2:
         raise InvalidInput(
-            f"timestep is {step:g} s: a contact of {duration:g} s takes two steps or more, so it "
-            f"must be at most {0.5 * duration:g} s"
+            f"timestep is {step:g} s: a contact of {duration:g} s takes 2 to {MOST_STEPS} steps, "
+            f"so it must be from {duration / MOST_STEPS:g} to {duration / 2:g} s"
         )
     approach = find_approach(posture, v, ball, contact, ball_velocity, ball_spin)
+    validation.number("approach speed", approach.speed, at_least=SLOWEST, unit="m/s")
     validation.number("restitution", approach.restitution, at_least=LEAST_RESTITUTION)
     scene(approach, step, MujocoContact())  # refuses a leg before the work
     cases = kick_cases(approach, duration, kind)

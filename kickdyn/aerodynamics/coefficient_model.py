@@ -56,12 +56,13 @@ class CoefficientModel:
             return _registered, (self.kind, self.name)
         return CoefficientModel, tuple(getattr(self, field.name) for field in fields(self))
 
-    def is_outside(self, reynolds: Array, spin_parameter: Array) -> NDArray[np.bool_]:
-        """Return where an array of each lies outside the range this is meant for."""
-        low, high = self.reynolds
-        least, most = self.spin
-        inside = (low <= reynolds) & (reynolds <= high)
-        return np.logical_not(inside & (least <= spin_parameter) & (spin_parameter <= most))
+    def beyond(self, reynolds: Array, spin_parameter: Array) -> NDArray[np.bool_]:
+        """Return where n of each lie outside the range this is meant for, shape `(4, n)`.
+
+        The rows are: Reynolds number below and above its range, spin parameter below and above.
+        """
+        pairs = (reynolds, self.reynolds), (spin_parameter, self.spin)
+        return np.array([side for x, (low, high) in pairs for side in (x < low, x > high)])
 
     def __call__(self, reynolds: float, spin_parameter: float = 0.0) -> float:
         """Return the coefficient (dimensionless).
@@ -128,19 +129,27 @@ def least_value(kind: str) -> float:
     return -math.inf if kind == "lift" else 0.0
 
 
+def constant_limits(kind: str) -> dict[str, Any]:
+    """Return the limits of a coefficient that is the same everywhere, for `validation.number`.
+
+    That of drag is as large as the upper one only at Reynolds numbers below 0.03.
+    """
+    return {"at_least": max(least_value(kind), -1000.0), "at_most": 1000.0}
+
+
 def find_model(
     kind: str, models: Mapping[str, CoefficientModel], choice: str | float | Coefficient | None
 ) -> Coefficient | None:
     """Return the model that a name or a number stands for, a function as it is, None for None.
 
     Raises:
-        InvalidInput: an unknown name; a number that is not finite, or below 0 but for lift.
+        InvalidInput: an unknown name; a number above 1000, or below 0 (for lift, below -1000).
     """
     if choice is None or callable(choice):
         return choice
     if isinstance(choice, Real) and not isinstance(choice, bool):
         name = f"{kind} coefficient"
-        return ConstantCoefficient(validation.number(name, choice, at_least=least_value(kind)))
+        return ConstantCoefficient(validation.number(name, choice, **constant_limits(kind)))
     if not isinstance(choice, str) or choice not in models:
         raise InvalidInput(
             f"{kind} model {validation.brief(choice)} is unknown: choose {', '.join(models)}, "

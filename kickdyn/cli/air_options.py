@@ -4,10 +4,11 @@ from dataclasses import replace
 
 import click
 
-from kickdyn.aerodynamics.coefficient_model import find_model
+from kickdyn.aerodynamics.coefficient_model import constant_limits, find_model
 from kickdyn.aerodynamics.drag import MODELS
 from kickdyn.air import AIRS, Air
 from kickdyn.cli.command import offers
+from kickdyn.core import validation
 from kickdyn.errors import InvalidInput
 
 
@@ -15,16 +16,16 @@ def read_drag(_: click.Context, option: click.Option, text: str | None) -> str |
     """Return the number that an option's text is, or else the text, which names a model."""
     if text is None:
         return None
-    try:
-        return float(text)
-    except ValueError:
-        known = [*MODELS, *([option.default] if isinstance(option.default, str) else [])]
-        if text not in known:
-            raise InvalidInput(
-                f"--drag is {text!r}: it must be a number such as 0.25, or one of "
-                f"{', '.join(known)}"
-            ) from None
+    known = [*MODELS, *([option.default] if isinstance(option.default, str) else [])]
+    if text in known:
         return text
+    try:
+        value = float(text)
+    except ValueError:
+        raise InvalidInput(
+            f"--drag is {text!r}: it must be a number such as 0.25, or one of {', '.join(known)}"
+        ) from None
+    return validation.number("--drag", value, **constant_limits("drag"))
 
 
 air_option = click.option(

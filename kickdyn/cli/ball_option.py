@@ -4,6 +4,7 @@ import click
 
 from kickdyn.ball import Ball
 from kickdyn.cli.command import offers
+from kickdyn.core import validation
 from kickdyn.errors import InvalidInput
 
 _NAMED = {"size-5": Ball, "paper": Ball.paper}
@@ -19,7 +20,15 @@ def _read(_: click.Context, __: click.Option, text: str) -> Ball:
         raise InvalidInput(
             f"--ball is {text!r}: it must be size-5, paper, or MASS:RADIUS such as 0.45:0.11 [kg:m]"
         ) from None
-    return Ball(mass=mass, radius=radius)
+    return checked_ball(mass, radius, "ball mass", "ball radius")
+
+
+def checked_ball(mass: float, radius: float, mass_name: str, radius_name: str) -> Ball:
+    """Return a ball of 1 g to 1000 kg and 1 mm to 1 m of radius, or raise `InvalidInput`."""
+    return Ball(
+        validation.number(mass_name, mass, at_least=1e-3, at_most=1e3, unit="kg"),
+        validation.number(radius_name, radius, at_least=1e-3, at_most=1, unit="m"),
+    )
 
 
 ball_option = click.option(

@@ -9,6 +9,7 @@ from kickdyn.aerodynamics.drag import MODELS
 from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.cli.air_options import read_drag
+from kickdyn.cli.ball_option import checked_ball
 from kickdyn.cli.command import Command, busy, check_files, check_page_name, offers
 from kickdyn.core.files import write_json
 from kickdyn.core.plot_style import check_name, save_figure
@@ -106,7 +107,8 @@ def identify(
         )
     else:
         track = Track.from_csv(track_file, [name.strip() for name in columns.split(",")])
-    ball, ground = Ball(ball_mass, ball_radius), Ground(ground_height)
+    ball = checked_ball(ball_mass, ball_radius, "--ball-mass", "--ball-radius")
+    ground = Ground(ground_height)
     air = Air() if drag == "constant" else Air(drag=drag)
     fitted = ["drag" if drag == "constant" else "drag-scale"] if isinstance(drag, str) else []
     free = ["spin", *fitted]

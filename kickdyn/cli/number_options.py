@@ -1,11 +1,15 @@
-"""Options of command lines that take several numbers."""
+"""Options of command lines that take numbers: those of the foot, and those of several."""
 
 import math
 from collections.abc import Callable
+from typing import Any, TypeVar
 
 import click
 
+from kickdyn.core import validation
 from kickdyn.errors import InvalidInput
+
+Command = TypeVar("Command", bound=Callable[..., Any])
 
 
 def _numbers(separator: str, count: int) -> Callable[..., list[float] | None]:
@@ -37,3 +41,25 @@ offset_option = click.option(
     help="Contact point relative to --frame, in its axes [m].",
 )  # fmt: skip
 """Gives a command the argument `offset`."""
+
+
+def foot_options(speed: float, attack: float) -> Callable[[Command], Command]:
+    """Return what gives a command the arguments `speed` [m/s] and `attack` [deg], with defaults."""
+
+    def check(_: click.Context, option: click.Parameter, value: float) -> float:
+        """Return a value within its limits, or raise `InvalidInput`."""
+        if option.name == "speed":
+            return validation.number("speed", value, above=0, at_most=1e6, unit="m/s")
+        return validation.number("attack", value, at_least=-90, at_most=90, unit="deg")
+
+    def add(command: Command) -> Command:
+        """Return the command with both options."""
+        command = click.option(
+            "--attack", default=attack, show_default=True, callback=check,
+            help="Direction of the foot and of the contact normal above the horizontal [deg].",
+        )(command)  # fmt: skip
+        return click.option(
+            "--speed", default=speed, show_default=True, callback=check, help="Foot speed [m/s]."
+        )(command)
+
+    return add

@@ -15,6 +15,7 @@ from kickdyn.cli.command import Command, busy, check_files, check_page_name, war
 from kickdyn.cli.leg_options import LegOptions, leg_options
 from kickdyn.cli.number_options import PAIR, TRIPLE, offset_option
 from kickdyn.cli.plan_suggestions import (
+    back_spin,
     clear_ground,
     clear_wall,
     explain_unreachable,
@@ -230,6 +231,10 @@ def plan(
             if json_file is not None:
                 write_json(json_file, unreachable_json(goal, error))
             raise explain_unreachable(goal, error, attempt) from None
+        except InvalidInput as error:
+            if suggested := back_spin(goal, arguments["spin"], attempt):
+                raise InvalidInput(f"{error}{suggested}") from None
+            raise
         if wall is not None:
             try:
                 describe_passage(wall, planned)
@@ -237,7 +242,7 @@ def plan(
                 raise InvalidInput(f"{error}{clear_wall(wall, planned, attempt)}") from None
         advice = list[str]()
         if not swing and uncertainty is None:  # trying others takes long
-            advice += within_limits(planned, attempt) if wall is None else ()
+            advice += within_limits(planned, attempt, wall)
             advice += clear_ground(planned, attempt) if ball_at is None else ()
         swung = None
         if swing and planned.backswing is None:

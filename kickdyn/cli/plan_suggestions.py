@@ -1,8 +1,9 @@
 """Options of `kickdyn plan` that work where those that were typed do not; each one is tried."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import cache
 from typing import Any, Protocol
 
 from kickdyn.errors import InvalidInput
@@ -14,7 +15,7 @@ from kickdyn.planning.passes import Pass
 from kickdyn.planning.plan_report import OVER, flight_within_limits, passage_of
 from kickdyn.scene.pitch import Wall
 
-STEPS = 16
+STEPS = 4
 """Parts of the largest curve of `--beside` that are distinguished."""
 
 HEIGHTS = (0.05, -0.05, 0.1, -0.1)
@@ -36,6 +37,7 @@ def explain_unreachable(goal: Goal, error: OutOfReach, attempt: Attempt) -> Inva
     pass_or_goal = "goal" if isinstance(nearest, Launch) else "pass"
     reason = f"the {pass_or_goal} is out of reach: {nearest.reason}"
     refusal: InvalidInput = error
+    attempt = cache(attempt)  # the last of `_less_bent` has been planned
     for other in (*_nearest_goals(goal, nearest), *_less_bent(goal, nearest, attempt)):
         try:
             planned = attempt(other)
@@ -89,19 +91,41 @@ def clear_ground(plan: KickPlan, attempt: Attempt) -> Iterator[str]:
             return
 
 
-def within_limits(plan: KickPlan, attempt: Attempt) -> Iterator[str]:
+def back_spin(goal: Goal, spin: Sequence[float], attempt: Attempt) -> str:
+    """Return the option of a spin about the y axis, turned to the target, as the end of a sentence.
+
+    It is empty for other spins, and if the leg cannot give this one either.
+    """
+    distance, left, _ = goal.target.tolist()
+    if spin[0] or spin[2] or not left * spin[1]:
+        return ""
+    size = spin[1] / math.hypot(distance, left)
+    across = [float(f"{part:.6g}") for part in (-left * size, distance * size)]
+    try:
+        attempt(goal, spin=(*across, 0.0))
+    except InvalidInput:
+        return ""
+    turned = f"{across[0]:.6g},{across[1]:.6g},0"
+    return f"; turned with the line to the target, this spin is --spin {turned}"
+
+
+def within_limits(plan: KickPlan, attempt: Attempt, wall: Wall | None) -> Iterator[str]:
     """Yield a sentence with a goal in the direction of a plan that its leg reaches, if any."""
     slower = flight_within_limits(plan) if plan.share < 1.0 else None
     if slower is None:
         return
     distance, left, _ = (slower.landing.position - slower.launch.position).tolist()
+    if math.hypot(distance, left) < 0.01:  # the leg gives the ball no speed in this direction
+        return
     options = f"--distance {distance:.4g} --time {slower.duration:.4g}"
     if left := float(f"{left:.4g}") if abs(left) > 1e-3 * distance else 0.0:
         options += f" --left {left:g}"
     time, target = float(f"{slower.duration:.4g}"), (float(f"{distance:.4g}"), left, 0.0)
     if _met(Goal(target, time=time), attempt) is not None:
-        height = "" if plan.goal.target[2] == 0.0 else ", without --height"
-        yield f"Within the limits of the leg is, for instance, {options}{height}."
+        dropped = ["--height"] if plan.goal.target[2] != 0.0 else []
+        dropped += ["--wall"] if wall and wall.distance >= math.hypot(*target[:2]) else []
+        without = f", without {' and '.join(dropped)}" if dropped else ""
+        yield f"Within the limits of the leg is, for instance, {options}{without}."
 
 
 def _met(goal: Goal, attempt: Attempt, **changes: Any) -> KickPlan | None:

@@ -20,8 +20,9 @@ from kickdyn.cli.ball_option import ball_option
 from kickdyn.cli.command import Command, check_files, check_page_name, offers, repeated, warn
 from kickdyn.cli.leg_options import LegOptions, joints_to_set, leg_options
 from kickdyn.cli.named_legs import SHIPPED
+from kickdyn.cli.number_options import foot_options
 from kickdyn.cli.restitution_option import restitution_option
-from kickdyn.core import compilation, validation
+from kickdyn.core import compilation
 from kickdyn.core.files import write_json
 from kickdyn.errors import InvalidInput, Unfinished
 from kickdyn.flight.fly import fly
@@ -57,10 +58,7 @@ KICKING = ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
               help="Range of a joint [deg; m for prismatic joints], or NAME=VALUE for a constant "
               "value; repeatable. By default, human and testbed have a range of hip, knee and "
               "ankle, in steps of 5 deg.")  # fmt: skip
-@click.option("--speed", default=1.0, show_default=True, help="Foot speed [m/s].")
-@click.option("--attack", default=30.0, show_default=True,
-              help="Direction of the foot and of the contact normal above the horizontal "
-              "[deg].")  # fmt: skip
+@foot_options(speed=1.0, attack=30.0)
 @restitution_option
 @click.option("--friction", default=0.4, show_default=True, help="Coulomb's coefficient.")
 @air_option
@@ -147,8 +145,6 @@ def posture_sweep(
         check_page_name(view)
     check_files(file, plot, view, json_file=json_file, inputs=[leg_options.leg_name])
     leg = leg_options.load()
-    validation.number("speed", speed, above=0, at_most=1e6, unit="m/s")
-    validation.number("attack", attack, at_least=-90, at_most=90, unit="deg")
     angle = math.radians(attack)
     kick = Kick(
         speed=speed, attack=angle, restitution=restitution, friction=friction, law=law,
@@ -236,7 +232,8 @@ def _progress_bar(size: int, resumed: str | None) -> Iterator[Progress | None]:
         """Write how many postures a store has, the first time."""
         nonlocal told
         if not told:
-            line = f"{resumed} has {count:,} of {size:,} postures: the others are computed"
+            rest = "the others are computed" if count < size else "none is missing"
+            line = f"{resumed} has {count:,} of {size:,} postures: {rest}"
             click.echo(f"\r{line:79}" if sys.stderr.isatty() else line, err=True)
         told = True
 

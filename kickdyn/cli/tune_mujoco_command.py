@@ -15,11 +15,10 @@ from kickdyn.ball import Ball
 from kickdyn.cli.ball_option import ball_option
 from kickdyn.cli.command import Command, busy, check_files, offers, warn
 from kickdyn.cli.leg_options import LegOptions, joints_to_set, leg_options
-from kickdyn.cli.number_options import offset_option
+from kickdyn.cli.number_options import foot_options, offset_option
 from kickdyn.cli.restitution_option import restitution_option
 from kickdyn.cli.scene_argument import scene_names
 from kickdyn.contact import Contact
-from kickdyn.core import validation
 from kickdyn.core.console import screen_width, wrapped
 from kickdyn.core.files import replacing, write_json
 from kickdyn.errors import InvalidInput
@@ -43,10 +42,7 @@ from kickdyn.sweeps.grid import read_postures
               help="Value of a joint [deg; m for prismatic joints]; repeatable.  "
               "[default: 0, or its ref in an MJCF file]")  # fmt: skip
 @offset_option
-@click.option("--speed", default=5.0, show_default=True, help="Foot speed [m/s].")
-@click.option("--attack", default=0.0, show_default=True,
-              help="Direction of the foot and of the contact normal above the horizontal "
-              "[deg].")  # fmt: skip
+@foot_options(speed=5.0, attack=0.0)
 @restitution_option
 @click.option("--friction", default=0.4, show_default=True, help="Coulomb's coefficient.")
 @ball_option
@@ -120,8 +116,7 @@ def tune_mujoco(
         scene = load_scene(scene_file)
     else:
         leg = leg_options.load()
-        angle = math.radians(validation.number("attack", attack, at_least=-90, at_most=90))
-        validation.number("speed", speed, above=0, at_most=1e6, unit="m/s")
+        angle = math.radians(attack)
         direction = np.array([math.cos(angle), 0.0, math.sin(angle)])
         posture = leg.posture(leg.configuration(_angles(leg, joints))).with_contact_offset(offset)
         warn(posture.warnings)

@@ -252,7 +252,7 @@ def _outside(
         (launch + flown[:, 11], flown[:, 12:15], flown[:, 15:]),
     ):
         for _, out in outside_ranges(height, velocity, share * spin, ball, air):
-            found |= out
+            found |= out.any(axis=0)
     outside[every] = found & (flown[:, 0] > 0.0)  # else it failed, or never flew
     return outside
 

@@ -139,17 +139,23 @@ class Flight(ReprMixin):
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """A line for each coefficient that was used outside the range it is meant for."""
-        return tuple(warning_of(model, share) for model, share in self.outside() if share > 0)
+        return tuple(
+            warning_of(model, share, limits) for model, share, limits in self.outside() if share > 0
+        )
 
-    def outside(self) -> list[tuple[CoefficientModel, float]]:
-        """Return each coefficient model with the share of the flight outside its range."""
+    def outside(self) -> list[tuple[CoefficientModel, float, list[str]]]:
+        """Return each coefficient model, the share of the flight outside its range, and where."""
         if self.air is None or self.evaluations == 0:
             return []
         states = self.sample(np.linspace(0.0, self.duration, 101))
         found = outside_ranges(
             states.position[:, 2], states.velocity, states.spin, self.ball, self.air
         )
-        return [(model, float(out.mean())) for model, out in found]
+        per_speed = 2 * self.ball.radius * self.air.density / self.air.viscosity
+        return [
+            (model, float(out.any(axis=0).mean()), _limits(model, out, per_speed))
+            for model, out in found
+        ]
 
     def arrival(self, x: float) -> BallState | None:
         """Return the ball where its centre first is at `x`, or None if it never is.
@@ -239,7 +245,7 @@ def least_error(tol: float) -> float:
 def outside_ranges(
     height: Array, velocity: Array, spin: Array, ball: Ball, air: Air
 ) -> list[tuple[CoefficientModel, NDArray[np.bool_]]]:
-    """Return each model of drag and lift, and which of n states lie outside its range.
+    """Return each model of drag and lift, and where n states are `beyond` its range, `(4, n)`.
 
     Models of the torque are left out: nobody measured it for soccer balls at any speed. Heights of
     the centres have shape `(n,)` [m], velocities and spins `(n, 3)` [m/s, rad/s, world frame].
@@ -255,18 +261,33 @@ def outside_ranges(
     spin_parameter = ball.radius * across / speed
     spins = ball.radius * np.sqrt(whole) > 1e-9 * speed  # rounding leaves less to a plan
     return [
-        (model, (spins | (model is air.drag)) & model.is_outside(reynolds, spin_parameter))
+        (model, (spins | (model is air.drag)) & model.beyond(reynolds, spin_parameter))
         for model in (air.drag, air.lift)
         if isinstance(model, CoefficientModel)
     ]
 
 
-def warning_of(model: CoefficientModel, share: float) -> str:
-    """Return a line that says which share of a flight is outside a model's range."""
+def _limits(model: CoefficientModel, beyond: NDArray[np.bool_], per_speed: float) -> list[str]:
+    """Return the limits of a model that are exceeded, with the Reynolds number of 1 m/s.
+
+    Rows of `beyond` are those of `CoefficientModel.beyond`, shape `(4, n)`.
+    """
+    low, high = (f"{reynolds / per_speed:.3g} m/s" for reynolds in model.reynolds)
+    least, most = (f"{limit:g}" for limit in model.spin)
+    names = (
+        f"airspeed below {low}",
+        f"airspeed above {high}",
+        f"spin parameter below {least}",
+        f"spin parameter above {most}",
+    )
+    return [name for name, is_beyond in zip(names, beyond, strict=True) if is_beyond.any()]
+
+
+def warning_of(model: CoefficientModel, share: float, limits: Iterable[str]) -> str:
+    """Return a line that says which share of a flight is outside a model's range, and where."""
     return (
-        f"{model.kind} {model.name}: {100 * share:.0f} % of the flight is outside Re "
-        f"{model.reynolds[0]:.2g} to {model.reynolds[1]:.2g} and spin parameter "
-        f"{model.spin[0]:g} to {model.spin[1]:g}"
+        f"{model.kind} {model.name}: {100 * share:.0f} % of the flight is outside its data "
+        f"({', '.join(limits)})"
     )
 
 

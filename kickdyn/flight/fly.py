@@ -296,7 +296,7 @@ def _refuse_outside(path: Flight) -> None:
     """Raise `InvalidInput` where a flight leaves the range of a model that refuses that."""
     models = () if path.air is None else (path.air.drag, path.air.lift)
     if any(getattr(model, "refuses", False) for model in models):
-        for model, share in path.outside():
+        for model, share, limits in path.outside():
             if share > 0 and model.refuses:
-                warning = warning_of(model, share)
+                warning = warning_of(model, share, limits)
                 raise InvalidInput(f"the flight leaves a coefficient's range: {warning}")

@@ -88,13 +88,20 @@ class Course(ReprMixin):
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """A line for each coefficient outside its range, with its share of the time in flight."""
-        times, of_model = dict[str, float](), dict[str, CoefficientModel]()
-        for path in self.flights:
-            for model, share in path.outside():
-                of_model[model.kind] = model
-                times[model.kind] = times.get(model.kind, 0.0) + share * path.duration
         aloft = sum(path.duration for path in self.flights)
-        return tuple(warning_of(of_model[kind], t / aloft) for kind, t in times.items() if t > 0.0)
+        shares, limits = dict[str, float](), dict[str, dict[str, None]]()
+        of_kind = dict[str, CoefficientModel]()
+        for path in self.flights:
+            for model, share, exceeded in path.outside():
+                kind = model.kind
+                of_kind[kind] = model
+                shares[kind] = shares.get(kind, 0.0) + share * path.duration / aloft
+                limits.setdefault(kind, {}).update(dict.fromkeys(exceeded))
+        return tuple(
+            warning_of(of_kind[kind], share, limits[kind])
+            for kind, share in shares.items()
+            if share > 0.0
+        )
 
     def sample(self, t: ArrayLike) -> BallState:
         """Return the ball at one time or many.

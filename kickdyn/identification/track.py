@@ -240,6 +240,8 @@ class Track(ValueEquality, ReprMixin):
 
 def _header_fault(header: list[str], names: list[str]) -> str:
     """Return what is wrong with the first row of a file in which columns are sought, or nothing."""
+    if not any(header):
+        return "its first row is empty: it must name the columns"
     if len(header) == 1:
         return (
             f"its first row is {validation.brief(header[0])}: commas must separate the columns, "
@@ -285,7 +287,9 @@ def refuse_units(track: Track, falling: float) -> None:
         falling: its acceleration downwards, by the positions [their unit per s2].
     """
     units = [
-        unit for unit, size, low, high in OTHER_UNITS if low < falling / (GRAVITY * size) < high
+        f"{unit} ({size:g} per metre)"
+        for unit, size, low, high in OTHER_UNITS
+        if low < falling / (GRAVITY * size) < high
     ]
     if units:
         raise InvalidInput(

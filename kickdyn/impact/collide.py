@@ -415,6 +415,13 @@ def _integrate(contact: CompliantContact, mass: float, tol: float) -> _Motion:
         touching = model.restitution < 1.0 and not apart and deflection < radius * (1.0 - 1e-9)
         largest = 0.0 if largest else deflection
     times = np.concatenate([[0.0], *(part.t[1:] for part in parts)])
+    stuck = times[1:][np.diff(times) <= 0.0]
+    if stuck.size:
+        raise KickdynError(
+            f"the integrator failed at {stuck[0]:g} s: at an approach speed of "
+            f"{contact.approach.speed:.3g} m/s gravity or a torque, not the impact, decides the "
+            "motion"
+        )
     sol = OdeSolution(times, [one for part in parts for one in part.sol.interpolants])
     return _Motion(sol, times, y, begins, of_phases)
 

@@ -35,7 +35,8 @@ MEANINGS = {
     Verdict.DEPENDS: "the paper prints no drag or lift coefficient, and with another one the "
     f"verdict changes, or the value by more than a factor of {WIDE:g}",
     Verdict.FITTED: "a quantity that the paper does not give is chosen so that the paper's value "
-    f"results (within {100 * FITTED:g} % of a computed one); the agreement confirms nothing",
+    f"(of a simulation: that of its experiment) results within {100 * FITTED:g} %; the "
+    "agreement confirms nothing",
     Verdict.INPUT: "the value is taken from the paper",
     Verdict.OURS: "the paper has no value to compare with, or only the goal",
     Verdict.NOT_REACHABLE: "computed to be impossible under the assumptions in the note",

@@ -171,7 +171,7 @@ class Backswing(ReprMixin):
             off = [f"{state} for {counts[state] / total:.0%}" for state in counts]
             lines.append(
                 f"in the backswing, {self.standing.support.frame} {' and '.join(off)} of the "
-                "time: the motion takes forces that ground cannot supply"
+                "time; the motion takes forces that ground cannot supply"
             )
         return tuple(lines)
 

@@ -406,12 +406,14 @@ def _feasible(program: KickProgram, solution: KickSolution | None) -> KickSoluti
     """Return a solution, or raise `InvalidInput` with the reason why there is none."""
     if solution is not None:
         return solution
-    at = program.ball_position
-    at = at.tolist() if isinstance(at, np.ndarray) else at
-    where = "" if at is None else f" that touches a ball at {at} m"
+    at, where = program.ball_position, ""
+    if isinstance(at, np.ndarray):
+        where = f" at ({', '.join(f'{part:g}' for part in at)}) m"
+    elif at is not None:
+        where = f" at a height of {at:g} m"
     raise InvalidInput(
-        f"{program.leg.name} has no posture{where} from which it can kick so: "
-        f"{explain_infeasible(program)}"
+        f"{program.leg.name} has no posture in which it can give a ball{where} the required "
+        f"launch; {explain_infeasible(program)}"
     )
 
 

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
-from kickdyn.core.representation import ReprMixin, Row
+from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
 from kickdyn.flight.flight_result import Flight
@@ -97,8 +97,7 @@ class KickPlan(ReprMixin):
         yield f"objective {self.objective}", self.value, self.objective.unit
         yield "share of the speed limit", self.speed_use, ""
         yield "share of the torque limit", self.torque_use, ""
-        for line in self.warnings:
-            yield "warning", line, ""
+        yield from warned([line.partition("; ")[0] for line in self.warnings])
 
     def _picture(self) -> str:
         """Return a drawing of the path as an SVG."""
@@ -134,6 +133,8 @@ class KickPlan(ReprMixin):
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """A line for each limit, pose or flight of the plan that needs attention.
+
+        What can be done about it follows after a semicolon; tables and pages leave it out.
 
         A coefficient of the flight or of the contact used outside its range; joints outside the
         kicking limb that are not at 0, because their range does not contain it; joints that move
@@ -209,7 +210,7 @@ class KickPlan(ReprMixin):
         """
         impact, held = self.impact, self.impact.footing
         lines = [
-            f"{name} {state.replace('-', ' ')}: the plan assumes that it stays at rest, which "
+            f"{name} {state.replace('-', ' ')}; the plan assumes that it stays at rest, which "
             "takes an impulse that the ground cannot supply (kd.unilateral_strike computes the "
             "impact with ground that can only push)"
             for name, state in held.items()
@@ -225,9 +226,9 @@ class KickPlan(ReprMixin):
             return [f"it is unknown whether the foot stands ({error})"]
         off = float(np.linalg.norm(free.ball_after.velocity - impact.ball_after.velocity))
         return [
-            "with ground that can only push (kd.unilateral_strike), which limits also the moment "
-            f"of friction about the vertical, {name} {state.replace('-', ' ')}, which changes "
-            f"the ball's velocity by {off:.2g} m/s"
+            f"{name} {state.replace('-', ' ')} if the moment of friction about the vertical is "
+            f"limited too: this changes the ball's velocity by {off:.2g} m/s; "
+            "kd.unilateral_strike computes this impact"
             for name, state in free.footing.items()
             if state != Footing.STANDS
         ]
@@ -274,11 +275,11 @@ class KickPlan(ReprMixin):
             remedy = "swing=True (--swing) plans the motion, with the foot above the ground"
         known = {one.frame for one in now}
         before = [
-            f"{one.frame} by {one.depth:.3f} m, {-1e3 * times[one.number]:.0f} ms before the impact"
+            f"{one.frame} by {one.depth:.3f} m ({-1e3 * times[one.number]:.0f} ms before)"
             for one in find_depths(self.leg, motion, floor)
             if one.frame not in known
         ]
-        return lines + ([f"{how}: {'; '.join(before)}; {remedy}"] if before else [])
+        return lines + ([f"{how}: {listed(before)}; {remedy}"] if before else [])
 
     def _lift(self, deep: tuple[Depth, ...]) -> str:
         """Return what can bring bodies above the ground at the impact, as the end of a sentence."""
@@ -286,9 +287,9 @@ class KickPlan(ReprMixin):
             return "another goal, offset or objective takes another posture"
         model = self.leg.workspace.model
         kicking = list(model.supports[self.leg.contact_joint])[1:]
-        frames = body_frames(self.leg)
-        carriers = [model.frames[frames[one.frame]].parentJoint for one in deep]
-        others = any(joint not in kicking for joint in carriers)
+        frames = body_frames(self.leg).items()
+        idle = [name for name, i in frames if model.frames[i].parentJoint not in kicking]
+        others = len(idle) > 1 and any(one.frame in idle for one in deep)  # not just the base
         standing = ", or let the robot stand on its other foot (--support)" if others else ""
         return (
             "the ground is level with the ball's lowest point: try another height of the ball "

@@ -549,9 +549,9 @@ def explain_infeasible(program: KickProgram) -> str:
     if stance is not None:
         for condition in Condition:
             if is_feasible(Stance(stance.standing, stance.impulse, condition), limits):
-                return f"it has one without the condition that {condition}"
+                return f"it has one if this may be violated: {condition}"
     if limits and is_feasible(stance, False):
-        return "without its speed and torque limits it has one"
+        return "it has one without its speed and torque limits"
     if wanted is not None:
         anywhere = KickProgram(leg, target, limits=limits, stance=stance)
 
@@ -564,8 +564,8 @@ def explain_infeasible(program: KickProgram) -> str:
         if found is not None:
             centre = np.round(anywhere.ball_centre_at(found.posture), 6) + 0.0
             near = ", ".join(f"{part:.4g}" for part in centre)
-            return f"the nearest ball found that it can kick so has its centre at ({near}) m"
-    return "its joints' ranges allow none"
+            return f"the nearest position of the ball for which it has one is ({near}) m"
+    return "the ranges of its joints allow none"
 
 
 def turn_leg(leg: Leg, heading: float) -> Leg:

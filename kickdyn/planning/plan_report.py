@@ -123,8 +123,8 @@ class PlanReport:
             f"{impact.worst_joint[0]}; objective {plan.objective} = {plan.value:.4g} {unit}",
             *(turned if not heading.startswith("0.00 ") else []),
             *(
-                f"  {name:24} {value:9.2f} {unit}  "
-                f"{plan.v[leg.velocity_index(name)]:9.3f} {leg.joint_unit(name)}/s"
+                f"  {name:24} {_rounded(value, 2):>9} {unit}  "
+                f"{_rounded(plan.v[leg.velocity_index(name)], 3):>9} {leg.joint_unit(name)}/s"
                 for name, (value, unit) in leg.display_values(plan.q).items()
                 if plan.v[leg.velocity_index(name)] != 0.0 or value != 0.0
             ),
@@ -201,7 +201,7 @@ def verdict(plan: KickPlan) -> str:
         beyond = (
             ""
             if plan.status == PlanStatus.MET
-            else f" The backswing is beyond the limits of the robot ({', '.join(plan.binding)})."
+            else " The backswing takes more than the torque limits of the robot."
         )
         return (
             f"The ball reaches the target ({where}) m {after}; the computed impact and flight "

@@ -49,14 +49,18 @@ def find_description(name: str, others: list[str]) -> Description:
         raise InvalidInput(
             f"robot {name!r} is unknown: {hint}choose {', '.join(others)}, or {more}"
         )
+    reason = None
     try:
         with redirect_stdout(sys.stderr):  # it prints what it downloads
             module = import_module(f"robot_descriptions.{name}")
     except Exception as error:  # of git, of files, of a network
+        reason = _reason(error)
+    if reason is not None:  # not raised above: the line of its progress ends with the exception
         raise InvalidInput(
-            f"robot {name!r} is not on this machine, and cannot be downloaded ({_reason(error)}): "
-            "connect to the network once, or set ROBOT_DESCRIPTIONS_CACHE to a folder that has it"
-        ) from None
+            f"robot {name!r} is not on this machine, and cannot be downloaded ({reason}): "
+            "the download needs git and, once, the network; or set ROBOT_DESCRIPTIONS_CACHE to a "
+            "folder that has it"
+        )
     path = getattr(module, "URDF_PATH", None) or getattr(module, "MJCF_PATH", None)
     if path is None:
         raise InvalidInput(

@@ -54,19 +54,19 @@ class MeshFinder:
         """
         scheme, mark, path = name.partition("://")
         if not mark:
-            return self._inside(name, [self._folder / name], [self.home, *self._dirs, *self._ros])
+            return self._inside(name, [self._folder / name])
         if scheme == "file" and path.startswith("/"):
-            return self._inside(name, [Path(unquote(path))], [self.home, *self._dirs, *self._ros])
+            return self._inside(name, [Path(unquote(path))])
         if scheme not in ("package", "model"):
             raise InvalidInput(f"mesh {name!r} is refused: only files are read, no addresses")
         package, _, below = path.lstrip("/").partition("/")
         found = self._find_package(package)
         if found is not None:
-            return self._inside(name, [found / below.lstrip("/")], [found])
+            return self._inside(name, [found / below.lstrip("/")], found)
         # without a manifest, the folder of the robot's file may be the package, or contain it
         here = [self._folder / each.lstrip("/") for each in (path, below) if each.strip("/")]
         try:
-            return self._inside(name, here, [self._folder])
+            return self._inside(name, here, self._folder)
         except _MissingMesh:
             raise InvalidInput(
                 f"mesh {name!r} is missing: package {package!r} is unknown, for {self._searched()}"
@@ -77,21 +77,32 @@ class MeshFinder:
     def _searched(self) -> str:
         """Return where a package was looked for in vain, as a clause."""
         known = ", ".join(sorted({each for each, _ in self._around if each}))
-        return (
+        above = (
             f"the folders above the robot's file are other packages ({known})"
             if known
             else f"no folder above the robot's file has a {MANIFEST}"
         )
+        given = ", ".join(map(str, self._dirs))
+        return above + (
+            f" and no folder of that name, or with that name in its {MANIFEST}, is in {given}"
+            if given
+            else ""
+        )
 
-    def _inside(self, name: str, places: list[Path], roots: list[Path]) -> Path:
-        """Return the real path of the first place that exists; refuse any outside the roots."""
+    def _inside(self, name: str, places: list[Path], package: Path | None = None) -> Path:
+        """Return the real path of the first place that exists.
+
+        Places outside the package are refused; without one, those outside all that may be read.
+        """
+        roots = [package] if package else [self.home, *self._dirs, *self._ros]
         try:
             found = [place.resolve() for place in places]
             present = [place for place in found if place.exists()]
         except (OSError, ValueError, RuntimeError) as error:  # links in a circle, a NUL
             raise InvalidInput(f"mesh {name!r} cannot be found ({error})") from None
         if not all(any(place.is_relative_to(root) for root in roots) for place in found):
-            raise InvalidInput(f"mesh {name!r} is refused: it lies outside {roots[0]}")
+            remedy = "" if package else "; name its folder in package_dirs= or --package-dir"
+            raise InvalidInput(f"mesh {name!r} is refused: it lies outside {roots[0]}{remedy}")
         if not present:
             raise _MissingMesh(f"mesh {name!r} is missing from {roots[0]}")
         return present[0]

@@ -86,9 +86,16 @@ def find_irregularities(root: Element) -> list[str]:
     Inertias are judged with what moves together, by `model_validation`: a link alone may have none,
     or one that no body has.
     """
-    light, impossible = [], []
+    light, impossible, without = [], [], []
+    moved = {
+        child.get("link")
+        for joint in root.findall("joint")
+        if joint.get("type") != "fixed" and (child := joint.find("child")) is not None
+    }
     for link in root.findall("link"):
         inertial = link.find("inertial")
+        if inertial is None and link.get("name") in moved and link.find("visual") is not None:
+            without.append(link.get("name", ""))
         if inertial is not None and (mass := inertial.find("mass")) is not None:
             if float(mass.get("value", "nan")) == 0.0:
                 light.append(link.get("name", ""))
@@ -111,6 +118,7 @@ def find_irregularities(root: Element) -> list[str]:
         f"{kind} ({listed(names, 3)}): {meaning}"
         for names, kind, meaning in (
             (light, "links with mass 0", together),
+            (without, "links that a joint moves, with a shape but no mass", together),
             (impossible, "links with moments of inertia that no body has", together),
             (idle, "fixed joints with a mimic", "they stay fixed"),
             (unlimited, "joints without lower or upper limit", "the URDF specification says 0"),

@@ -116,7 +116,7 @@ def _quoted(names: Iterable[str]) -> str:
 
 def _coefficient(kind: str, models: Mapping[str, Any]) -> Kind:
     """Return names of models, and coefficients that are the same everywhere."""
-    number = _number(at_least=coefficient_model.least_value(kind))
+    number = _number(**coefficient_model.constant_limits(kind))
     name = _name_of(models, ", or a number")
 
     def check(key: str, value: Any) -> Any:

@@ -280,5 +280,7 @@ def _zarr() -> Any:
     try:
         import zarr
     except ImportError:
-        raise InvalidInput('a Zarr store needs zarr: pip install "kickdyn[store]"') from None
+        raise InvalidInput(
+            'Zarr stores need the package zarr: install it with pip install "kickdyn[store]"'
+        ) from None
     return zarr

@@ -85,7 +85,7 @@ def _draw_front(figure: Figure, axes: Any, summary: Summary, lines: Sequence[Rep
     dots = axes.scatter(load, speed / foot_speed, c=100 * use, s=7, cmap="cividis")
     figure.colorbar(dots, ax=axes, label="joint speeds needed, % of their limits")
     speed, load, _ = summary.front[::-1].T
-    axes.step(load, speed / foot_speed, where="post", color="tab:red", lw=1.2, label="front")
+    axes.step(load, speed / foot_speed, where="post", color="tab:red", lw=1.2, label="Pareto front")
     for line in lines:
         x, y = line.values["worst_joint_impulse"], line.values["speed_ratio"]
         if np.isfinite(x):
@@ -97,7 +97,7 @@ def _draw_front(figure: Figure, axes: Any, summary: Summary, lines: Sequence[Rep
     if len(load):
         axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1)
     axes.set(xlabel="largest joint impulse [N s]", ylabel=_LABEL)
-    axes.set_title("ball speed against joint impulse")
+    axes.set_title("ball speed against joint impulse", loc="left")
     axes.margins(0.2, 0.1)
 
 

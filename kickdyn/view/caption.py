@@ -1,6 +1,7 @@
 """The numbers of a kick, as a panel of HTML beside the picture."""
 
 import math
+import re
 from collections.abc import Sequence
 from html import escape
 
@@ -13,6 +14,9 @@ from kickdyn.view.impulses import JOINT, LEAST
 from kickdyn.view.kick_scene import DrawnKick
 from kickdyn.view.marks import ARROW, CURVE
 from kickdyn.view.playback import Pace
+
+LONG = 300
+"""Number of characters from which the sentences below the table are folded."""
 
 Row = tuple[str, str]
 """What it is and its value, both HTML."""
@@ -47,20 +51,29 @@ def panel_of(
 ) -> str:
     """Return a panel of HTML: a title, the first sentence of a text, a table, and the rest.
 
-    The rest is warnings, the other sentences and `end`, which is HTML; texts are plain.
+    The rest is warnings, the other sentences, folded if they are long, and `end`, which is HTML;
+    texts are plain.
     """
     first, mark, others = text.partition(". ")
-    head = f"<h1>{escape(title)}</h1>\n" + (f"<p>{escape(first + mark)}</p>\n" if text else "")
-    lines = "".join(f'<p class="warning">{escape(warning)}</p>\n' for warning in warnings)
-    lines += f"<p>{escape(others)}</p>\n" if others else ""
+    head = f"<h1>{escape(title)}</h1>\n" + (f"<p>{_prose(first + mark)}</p>\n" if text else "")
+    lines = "".join(f'<p class="warning">{_prose(warning)}</p>\n' for warning in warnings)
+    more = f"<p>{_prose(others)}</p>\n" if others else ""
+    if len(more) > LONG:
+        more = f"<details><summary>more sentences</summary>\n{more}</details>\n"
+    lines += more
     return f"{head}{_table(rows)}\n{lines}{end}"
 
 
-def _table(rows: Sequence[Row]) -> str:
-    """Return rows as a table."""
-    long = ' class="long"'  # a line of its own where rows stand side by side
+def _prose(text: str) -> str:
+    """Return a text as HTML in which no line ends inside the name of an option."""
+    return re.sub(r"--[a-z-]+", r'<span class="option">\g<0></span>', escape(text))
+
+
+def _table(rows: Sequence[Row], short: int = 12) -> str:
+    """Return rows as a table; where rows stand side by side, longer values have their own line."""
+    long = ' class="long"'
     lines = (
-        f"<tr{long if len(value) > 16 else ''}><th>{head}</th><td>{value}</td></tr>"
+        f"<tr{long if len(value) > short else ''}><th>{head}</th><td>{value}</td></tr>"
         for head, value in rows
     )
     return "<table>\n" + "\n".join(lines) + "\n</table>"
@@ -86,7 +99,7 @@ def _joints(impact: Impact) -> str:
 def _folded(summary: str, rows: Sequence[Row], *, is_open: bool = False) -> str:
     """Return a table under a line of HTML that folds and unfolds it."""
     start = f"<details{' open' * is_open}><summary>{summary}</summary>"
-    return f"{start}\n{_table(rows)}\n</details>\n"
+    return f"{start}\n{_table(rows, short=16)}\n</details>\n"
 
 
 def _name(name: str) -> str:

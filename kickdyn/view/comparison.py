@@ -63,7 +63,8 @@ def draw_flights(
     length = math.hypot(*forward)
     forward = forward / length if length else X
     size = max(float(np.ptp(points, axis=0).max()), radius)
-    camera = camera_for(box_corners(start[None], 0.2 * size), box_corners(points, radius), forward)
+    space = box_corners(start + np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.3 * size]]), 0.02 * size)
+    camera = camera_for(space, box_corners(points, radius), forward)
     set_stage(viewer, camera, points)
     sideways = np.cross(forward, (0.0, 0.0, 1.0))
     for number, curve in enumerate(curves):

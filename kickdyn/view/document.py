@@ -44,6 +44,7 @@ body { margin: 0; font: 1rem/1.4 system-ui, "Segoe UI", Roboto, Helvetica, Arial
 #caption .warning { color: #a33a00; }
 #caption table { border-spacing: 0; }
 #caption th, #caption td { padding: 1px 0; text-align: left; vertical-align: top; }
+#caption .option { white-space: nowrap; }
 #caption th { padding-right: 12px; white-space: nowrap; font-weight: normal; color: #5b6774; }
 #caption td { font-variant-numeric: tabular-nums; overflow-wrap: anywhere; }
 #caption details { margin-top: 4px; }

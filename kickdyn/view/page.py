@@ -253,6 +253,7 @@ def page(
         scenery = [*scenery, *boxes]
     elif isinstance(subject, KickPlan):
         impact, path, warnings = subject.impact, subject.path, subject.warnings
+        warnings = tuple(line.partition("; ")[0] for line in warnings)
         swing = swing or subject.backswing
     elif isinstance(subject, Impact):
         impact = subject

@@ -34,5 +34,6 @@ def swing_figure(swing: Swing) -> Figure:
     figure.legend(handles=rows[0].lines[: len(swing.joints)], loc="outside lower center", ncols=3)
     rows[2].set_xlabel("time from the impact [s]")
     name = (swing.plan.leg.name or "leg").replace("$", r"\$")
-    figure.suptitle(f"{name}: least {swing.objective}, {swing.share:.0%} of the planned speed")
+    least = {"torque-squared": "squared torque"}.get(swing.objective, swing.objective)
+    figure.suptitle(f"{name}: least {least}, {swing.share:.0%} of the planned speed")
     return figure

@@ -14,7 +14,7 @@ def test_the_front_has_what_no_other_beats_in_time_and_error():
 
 def test_a_panel_per_scene_with_every_row_and_the_front():
     impacts = [
-        Measurement("frictionless", "engine", "", 1e-16, 2e-4, pareto=True),
+        Measurement("frictionless", "Pinocchio impulseDynamics", "", 1e-16, 2e-4, pareto=True),
         Measurement("frictionless", "MuJoCo", "a", 1e-2, 1e-4, pareto=True),
         Measurement("frictionless", "MuJoCo", "b", 1e-2, 3e-4),
     ]
@@ -25,7 +25,7 @@ def test_a_panel_per_scene_with_every_row_and_the_front():
     assert right.get_title() == "flight, full"
     front, *methods = left.lines
     assert front.get_xdata().tolist() == [1e-4, 2e-4]
-    assert [line.get_label() for line in methods] == ["engine", "MuJoCo"]
+    assert [line.get_label() for line in methods] == ["Pinocchio impulseDynamics", "MuJoCo"]
     assert methods[1].get_xdata().tolist() == [1e-4, 3e-4]
 
 

@@ -205,7 +205,12 @@ def test_a_second_push_is_said(tuned):
         ({"timestep": -1e-3}, "timestep is -0.001: it must be"),
         ({"timestep": math.nan}, "timestep is nan: it must be"),
         ({"timestep": 1}, "timestep is 1.0: it must be .* at most 0.02"),
-        ({"timestep": 0.006}, "so it must be at most 0.005 s"),
+        ({"timestep": 0.006}, "so it must be from 2e-05 to 0.005 s"),
+        ({"timestep": 1e-300}, "timestep is 1e-300 s: a contact of 0.01 s takes 2 to 500 steps"),
+        ({"tolerance": 1e-300}, "tolerance is 1e-300: it must be a finite number at least 0.001"),
+        ({"friction": 1e300}, r"friction is 1e\+300: it must be .* at least 0 and at most 10$"),
+        ({"contact_time": 1e-300}, "contact time is 1e-300: it must be .* at least 1e-05"),
+        ({"contact_time": 1e300}, r"contact time is 1e\+300: it must be .* at most 1 \[s\]"),
         ({"contact_time": 0}, "contact time is 0.0: it must be"),
         ({"integrator": "euler"}, "integrator is 'euler': it must be one of Euler, implicit"),
         ({"dissipation": "hertz"}, "dissipation is 'hertz': it must be one of "),
@@ -216,6 +221,13 @@ def test_a_second_push_is_said(tuned):
 def test_bad_input(given, message):
     with pytest.raises(kd.InvalidInput, match=message):
         tune(**({"e": 0.7} | given))
+
+
+def test_a_foot_slower_than_gravity_is_refused():
+    with pytest.raises(
+        kd.InvalidInput, match=r"approach speed is .*: it must be .* at least 0\.01"
+    ):
+        kd.tune_mujoco(POSTURE, 1e-4 * V, kd.Ball(), kd.Contact(ALONG, 0.7))
 
 
 @pytest.mark.parametrize("name", ["", 'a"b', "a<b", "a\n", 3])

@@ -42,8 +42,8 @@ def test_saturating_is_within_20_percent_in_its_range(ball):
 
 def test_below_the_range_models_differ_by_a_factor():
     reynolds, spin = 1.46e5, 0.3
-    assert MODELS["saturating"].is_outside(reynolds, spin)
-    assert not MODELS["nathan"].is_outside(reynolds, spin)
+    assert MODELS["saturating"].beyond(reynolds, spin).tolist() == [True, False, False, False]
+    assert not MODELS["nathan"].beyond(reynolds, spin).any()
     assert MODELS["nathan"](reynolds, spin) > 10 * MODELS["saturating"](reynolds, spin)
 
 

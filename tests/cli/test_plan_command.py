@@ -61,7 +61,7 @@ def test_a_drag_coefficient_is_a_number_or_a_name(tmp_path):
         found[drag] = launch["speed"]
     assert found["0"] < found["0.25"] < found["brazuca"]
     for words, said in (
-        (["--drag", "-1"], "drag coefficient is -1.0: it must be a finite number at least 0"),
+        (["--drag", "-1"], "--drag is -1.0: it must be a finite number at least 0"),
         (["--drag", "golf"], "--drag is 'golf': it must be a number such as 0.25, or one of"),
         (["--drag", "0.2", "--air", "none"], "--drag is 0.2, but --air is none"),
     ):
@@ -156,9 +156,7 @@ def test_the_flight_s_warnings_are_in_table_page_and_json(tmp_path):
     files = ["--view", "kick.html", "--json", "kick.json"]
     ended = door("--distance", "100", "--time", "3", "--no-limits", *files, cwd=tmp_path)
     lines = json.loads((tmp_path / "kick.json").read_text())["warnings"]
-    assert re.match(
-        r"drag supercritical: \d+ % of the flight is outside Re 0 to 5.1e\+05", lines[0]
-    )
+    assert re.match(r"drag supercritical: \d+ % of the flight is outside its data", lines[0])
     page = (tmp_path / "kick.html").read_text()
     for line in lines:
         assert f"\nWarning: {line}.\n" in ended.stdout
@@ -333,7 +331,7 @@ def test_the_ball_of_a_plan():
         impulses[ball] = json.loads(ended.stdout)["impact"]["impulse"]
     assert impulses["paper"] != impulses["size-5"]
     refused = CliRunner().invoke(plan, [*options, "inf:0.1"])
-    assert "needs a finite mass" in str(refused.exception)
+    assert "ball mass is inf: it must be a finite number" in str(refused.exception)
 
 
 def test_arc_wind_and_offset_are_those_of_the_plan(tmp_path):

@@ -66,9 +66,7 @@ def test_a_wall_names_the_options_that_clear_it():
     assert said.endswith(" from its edge: use --over 9.15:2 in place of --time")
     assert "clears the wall by 0.1 m" in run(f"{flat} --over 9.15:2")
     high = "--distance 20 --height 1 --wall 9.15:5:0.4 --leg g1 --no-limits --time 1"
-    said = run(high)
-    assert said.endswith(": use --over 9.15:5.1 in place of --time, or --beside 9.15:0.41")
-    assert "to the left of the wall" in run(f"{high} --beside 9.15:0.41")
+    assert run(high).endswith(": use --over 9.15:5.1 in place of --time, or --beside 9.15:0.41")
     assert run("--distance 8 --time 2 --pass carpet --wall 4:1").endswith("from its edge")
 
 
@@ -84,6 +82,36 @@ def test_what_is_within_the_limits_is_met_as_printed(goal):
     said = run(goal)
     options = re.search(r"Within the limits of the leg is, for instance, (--.*?)\. ", said)[1]
     assert "The ball reaches the target" in run(options)
+
+
+def test_a_leg_that_cannot_kick_in_the_direction_is_named_no_distance(tmp_path):
+    """A hinge without limits, whose foot can strike the ball but not in the planned direction."""
+    pytest.importorskip("mujoco")
+    file = tmp_path / "hinge.xml"
+    file.write_text("""<mujoco><worldbody><body><joint name="hip" axis="0 1 0"/>
+        <geom type="capsule" size="0.05" fromto="0 0 0 0 0 -0.4"/><site name="toe" pos="0 0 -0.4"/>
+        </body></worldbody></mujoco>""")
+    said = run(f"--leg {file} --frame toe --distance 2 --time 0.5")
+    assert "The goal is beyond the limits of the leg." in said
+    assert "for instance" not in said
+
+
+def test_a_wall_beyond_what_is_within_the_limits_is_left_out():
+    said = run("--distance 10 --height 1 --wall 9.15:3")
+    assert said.count(", without --height and --wall. ") == 1
+    options = re.search(r"Within the limits of the leg is, for instance, (--.*?), without", said)[1]
+    assert "The ball reaches the target" in run(options)
+
+
+def test_back_spin_towards_a_target_at_the_side_is_named():
+    goal = "--distance 20 --height 1 --left 3 --time 1"
+    said = run(f"{goal} --spin 0,-20,0")
+    assert said.startswith("leg_human cannot give this spin")
+    (option,) = re.findall(r"this spin is (--spin \S+)$", said)
+    assert option == "--spin 2.96681,-19.7787,0"
+    assert "The ball reaches the target" in run(f"{goal} {option}")
+    for other in ("--spin 0,-20,5", "--spin 0,-20,0 --wind 0,3,0"):
+        assert "this spin is" not in run(f"{goal} {other}")
 
 
 def test_values_are_rounded_away_from_what_was_asked_for():

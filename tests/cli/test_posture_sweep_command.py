@@ -2,6 +2,7 @@
 
 import io
 import json
+import math
 import os
 import re
 import shutil
@@ -80,6 +81,7 @@ def test_a_zarr_store_says_what_a_file_says(tmp_path):
     assert "wrote s.zarr" in stored.stdout
     again = door(*SMALL, *speed, "--out", "s.zarr", "--resume", cwd=tmp_path)
     assert again.stdout == stored.stdout
+    assert again.stderr == "s.zarr has 3 of 3 postures: none is missing\n"
     for arguments, words in (
         (("--out", "s.zarr"), "s.zarr exists and is not replaced: add --resume"),
         (("--out", "t.nc", "--resume"), "--resume and --workers are for a Zarr store"),
@@ -204,6 +206,15 @@ def test_the_progress_says_what_is_compiled(monkeypatch):
     compilation.log.info("compiling for someone else")
     assert "compiling a kernel; later runs read it from disk" in terminal.getvalue()
     assert "someone else" not in terminal.getvalue()
+
+
+def test_a_resumed_store_says_once_how_many_postures_it_has(capsys):
+    with posture_sweep_command._progress_bar(1000, "s.zarr") as progress:
+        progress(400, math.nan)
+        progress(600, 2.0)
+    assert capsys.readouterr().err == (
+        "s.zarr has 400 of 1,000 postures: the others are computed\n"
+    )
 
 
 def test_json_on_stdout_stands_alone():
@@ -483,7 +494,8 @@ def test_ball_and_law():
 @pytest.mark.parametrize(
     ("ball", "words"),
     [
-        ("inf:0.1", "ball mass is inf, an obstacle that cannot move: a sweep needs a finite mass"),
+        ("inf:0.1", "ball mass is inf: it must be a finite number at least 0.001 and at most 1000"),
+        ("0.4:1e100", "ball radius is 1e+100: it must be a finite number at least 0.001"),
         ("tennis", "--ball is 'tennis': it must be size-5, paper, or MASS:RADIUS"),
         ("1:2:3", "--ball is '1:2:3': it must be"),
         ("0:1", "ball mass is 0.0"),

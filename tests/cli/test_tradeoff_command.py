@@ -13,7 +13,7 @@ from kickdyn.accuracy.measurement import Measurement
 from kickdyn.cli.tradeoff_command import tradeoff
 
 IMPACTS = [
-    Measurement("frictionless", "engine", "", 1e-16, 2e-4),
+    Measurement("frictionless", "Pinocchio impulseDynamics", "", 1e-16, 2e-4),
     Measurement("frictionless", "MuJoCo", "dt 0.001 s", 1e-2, 1e-4, pareto=True),
 ]
 FLIGHTS = [
@@ -41,9 +41,9 @@ def tried(*arguments):
 
 def test_the_tables_mark_the_front_and_compare_with_the_fastest():
     lines = CliRunner().invoke(tradeoff).stdout.splitlines()
-    engine = next(line for line in lines if "engine" in line)
-    assert engine.split() == ["engine", "1.0e-16", "200", "2"]
-    assert [line.split() for line in lines].index(["frictionless"]) < lines.index(engine)
+    pinocchio = next(line for line in lines if "Pinocchio" in line)
+    assert pinocchio.split() == ["Pinocchio", "impulseDynamics", "1.0e-16", "200", "2"]
+    assert [line.split() for line in lines].index(["frictionless"]) < lines.index(pinocchio)
     assert next(line for line in lines if "heyoka" in line).split()[-1] == "*"
 
 

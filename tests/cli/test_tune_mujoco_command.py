@@ -180,7 +180,7 @@ def test_a_scene_has_the_whole_kick(scene):
     ended = run(scene, "--speed", 3, "--leg", "human")
     assert str(ended.exception).startswith("--leg and --speed cannot be named beside the scene ")
     ended = run("--speed", 3)
-    assert str(ended.exception) == "there is no kick: name a SCENE, or a leg with --leg"
+    assert str(ended.exception) == "there is no kick: give a SCENE, or a leg with --leg"
     ended = run("--leg", "human", "--joint", "knee=0:10:5")
     assert str(ended.exception) == "joint 'knee' has 3 values: a kick has one posture"
 
@@ -190,7 +190,7 @@ def test_a_scene_has_the_whole_kick(scene):
     [
         (["no_such_scene"], "neither a file nor a scene"),
         (["free_kick", "--timestep", 0], "timestep is 0.0"),
-        (["free_kick", "--timestep", 0.006], "it must be at most 0.005 s"),
+        (["free_kick", "--timestep", 0.006], "it must be from 2e-05 to 0.005 s"),
         (["free_kick", "--out", "no/such/folder"], "cannot be written"),
         (["free_kick", "--out", "-", "--json", "-"], "only one of them can be stdout"),
         (["free_kick", "--out", "no_file", "--json", "no_file"], "named for two outputs"),

@@ -212,7 +212,10 @@ def test_plot_and_representations(curving):
         (lambda t: (t.times, 1000 * t.positions), "as in millimetres"),
         (lambda t: (1000 * t.times, t.positions), "as in milliseconds"),
         (lambda t: (t.times, 0 * t.positions + 1), "the ball stays at"),
-        (lambda t: (t.times, 100 * t.positions), "as in centimetres or inches"),
+        (
+            lambda t: (t.times, 100 * t.positions),
+            r"as in centimetres \(100 per metre\) or inches \(39.37 per metre\)",
+        ),
         (lambda t: scaled_by(STRAIGHT, 1 / 0.3048), "as in feet"),
         (lambda t: (t.times, t.positions / 0.0254), "as in inches"),
         (lambda t: (t.times, t.positions - [0, 0, 1]), "below the ground at 0 m"),

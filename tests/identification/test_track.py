@@ -55,12 +55,12 @@ def test_a_file_with_gaps_and_other_names(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "no column 't', 'x', 'y', 'z'"),
         ("t,x,y\n0,1,2\n", "no column 'z': the first row has"),
         ("t,x,y,z\n", "no row of numbers"),
         ("t,x,y,z\n0,1,2,three\n", "row 2 has"),
         ("t,x,y,z\n0,1,2,inf\n", "row 2 .* finite"),
         ("t,x,y,z\n0,1,2,nan\n", "no row of numbers"),
+        ("", "its first row is empty: it must name the columns"),
         ("t;x;y;z\n0;1;2;3\n", "its first row is 't;x;y;z': commas must separate"),
         ("t,x,y,x,z\n0,1,2,1,3\n", "column 'x' is there twice"),
         ("t,x,y,z\n0,02,1,0,2,0,3,0\n", "row 2 has 8 cells and the first row 4"),

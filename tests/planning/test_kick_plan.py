@@ -56,6 +56,13 @@ def test_bodies_under_the_ground_are_one_line_with_a_remedy(height, under):
     ]
 
 
+def test_a_single_leg_is_not_told_to_stand_on_the_other_one():
+    plan = kd.plan_kick(kd.Leg.human(), kd.Goal(25, time=1.6), BALL, AIR, ball_height=0.1)
+    (line,) = lines(plan, "under the ground")
+    assert "base by" in line
+    assert line.endswith("(ball_height, --ball-height)")
+
+
 def test_a_body_with_the_name_of_its_joint_is_under_the_ground():
     cheetah = kd.Leg.from_mjcf(MODELS / "half_cheetah.xml", "ffoot")
     (line,) = lines(kd.plan_kick(cheetah, kd.Goal(2, time=0.5), BALL, AIR), "under the ground")

@@ -97,7 +97,7 @@ def refusal(leg=LEGS["human"], **how):
 @pytest.mark.parametrize("how", [{"ball_height": -2.0}, {"ball_at": (3.0, 0.0, -0.6)}])
 def test_the_nearest_ball_within_reach_is_named(how):
     said = refusal(**how)
-    assert "the nearest ball found that it can kick so has its centre at (" in said
+    assert "the nearest position of the ball for which it has one is (" in said
     near = [float(part) for part in said.rpartition("(")[2].partition(")")[0].split(",")]
     plan = kd.plan_kick(
         LEGS["human"], kd.Goal(15, time=1), BALL, kd.Air(drag="brazuca"), ball_height=near[2]
@@ -110,7 +110,7 @@ def test_the_nearest_ball_within_reach_is_named(how):
 
 def test_limits_that_leave_no_posture_are_named():
     said = refusal(changed(effortLimit=[1.0, 1.0, 1.0]), ball_height=-0.7)
-    assert said.endswith("without its speed and torque limits it has one")
+    assert said.endswith("; it has one without its speed and torque limits")
 
 
 def about_z(angle):
@@ -209,6 +209,6 @@ def test_the_condition_that_a_standing_robot_cannot_meet_is_named(cause, monkeyp
         return "a solution" if left_out == cause else None
 
     monkeypatch.setattr(KickProgram, "solve", solve)
-    said = {"limits": "without its speed and torque limits it has one"}
-    expected = said.get(cause, f"it has one without the condition that {cause}")
+    said = {"limits": "it has one without its speed and torque limits"}
+    expected = said.get(cause, f"it has one if this may be violated: {cause}")
     assert explain_infeasible(program) == expected

@@ -115,7 +115,9 @@ def test_without_a_network_it_says_so_in_one_line(tmp_path, monkeypatch, capfd):
     assert "gone.git' does not appear to be a git repository" in said
     assert said.endswith("or set ROBOT_DESCRIPTIONS_CACHE to a folder that has it")
     assert "\n" not in said
-    assert capfd.readouterr().out == ""
+    out, progress = capfd.readouterr()
+    assert out == ""
+    assert progress.endswith("\n")  # the message gets a line of its own
 
 
 @pytest.mark.parametrize(

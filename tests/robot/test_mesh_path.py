@@ -106,6 +106,25 @@ def test_without_a_manifest_it_says_so(tmp_path):
         MeshFinder(tmp_path).find("package://hand_description/meshes/hand.stl")
 
 
+def test_a_folder_without_that_package_is_named(tmp_path, robot):
+    with pytest.raises(kd.InvalidInput) as caught:
+        MeshFinder(robot / "urdf", [tmp_path]).find("package://hand_description/a.stl")
+    assert (
+        f"and no folder of that name, or with that name in its package.xml, is in {tmp_path};"
+        in str(caught.value)
+    )
+
+
+def test_the_folder_that_a_refusal_asks_for_makes_the_mesh_readable(tmp_path):
+    for folder in ("urdf", "meshes"):
+        (tmp_path / folder).mkdir()
+    (tmp_path / "meshes/a.stl").touch()
+    with pytest.raises(kd.InvalidInput, match=r"urdf; name its folder in package_dirs= or --pack"):
+        MeshFinder(tmp_path / "urdf").find("../meshes/a.stl")
+    finder = MeshFinder(tmp_path / "urdf", [tmp_path / "meshes"])
+    assert finder.find("../meshes/a.stl") == tmp_path / "meshes/a.stl"
+
+
 @pytest.mark.parametrize("given", ["hand_repo", ".", "../ws", "ws"])
 def test_package_dirs_are_packages_or_contain_them(tmp_path, robot, given):
     """Up to two levels down, by the name in the manifest or by that of the folder."""

@@ -302,6 +302,7 @@ def test_limits_of_other_joints_are_judged_too(spoil, load, kind, limit, said):
 
 
 IMPOSSIBLE = inertia(1, 1, 3)
+SHAPE = '<visual><geometry><sphere radius="0.1"/></geometry></visual>'
 LINK = '<link name="toe"><inertial><mass value="{}"/>{}</inertial></link>'
 
 
@@ -317,6 +318,7 @@ LINK = '<link name="toe"><inertial><mass value="{}"/>{}</inertial></link>'
         ([('<link name="toe"/>', LINK.format(1e-14, inertia(1e-9, 1e-9, 3e-9)))],
          "links with moments of inertia that no body has (toe): they count together"),
         ([('<link name="toe"/>', LINK.format(1, inertia(0, 0, 0)))], None),  # a mass at a point
+        ([('<link name="toe"/>', f'<link name="toe">{SHAPE}</link>')], None),  # fixed to the foot
         ([(KNEE_LIMIT, '<limit upper="2" effort="8" velocity="9"/>')],
          "joints without lower or upper limit (knee): the URDF specification says 0"),
         ([(KNEE_LIMIT, '<limit lower="-2" effort="8" velocity="9"/>')], "joints without lower"),
@@ -343,6 +345,12 @@ def test_irregularities_are_listed_by_kind():
     )
     (line,) = find_irregularities(ElementTree.fromstring(f"<robot>{links}</robot>"))
     assert line.startswith("links with mass 0 (a1, a2, a3 and 2 more): they count")
+
+
+def test_a_moving_link_with_a_shape_and_no_inertial_is_named(spoil):
+    (inertial,) = SHANK_INERTIAL.findall(spoil())
+    (line,) = find_irregularities(ElementTree.fromstring(spoil((inertial, SHAPE))))
+    assert line.startswith("links that a joint moves, with a shape but no mass (shank): they count")
 
 
 def test_joints_may_be_locked_before_inertias_are_judged(spoil, tmp_path):

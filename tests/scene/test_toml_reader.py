@@ -113,8 +113,8 @@ def test_a_coefficient_may_be_a_number(read, faults):
     air = read(SMALL + "[air]\ndrag = 0.25\nlift = -0.1\ntorque = 0\n").air
     assert [model.value for model in (air.drag, air.lift, air.torque)] == [0.25, -0.1, 0.0]
     assert faults(SMALL + "[air]\ndrag = -0.25\nlift = nan\ntorque = true\n") == (
-        "air.drag is -0.25: it must be a finite number at least 0",
-        "air.lift is nan: it must be a finite number",
+        "air.drag is -0.25: it must be a finite number at least 0 and at most 1000",
+        "air.lift is nan: it must be a finite number at least -1000 and at most 1000",
         "air.torque is True: choose smits-smith, tavares, or a number",
     )
 

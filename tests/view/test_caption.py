@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 import kickdyn as kd
-from kickdyn.view.caption import kick_panel
+from kickdyn.view.caption import kick_panel, panel_of
 from kickdyn.view.kick_scene import DrawnKick
 from kickdyn.view.playback import Pace, kick_pace
 
@@ -141,6 +141,16 @@ def test_a_flight_to_a_plane_is_no_carry(make_kick):
     assert said["distance"].endswith(" m")
 
 
+def test_options_stay_in_one_line_and_long_values_have_a_line():
+    text = panel_of("leg", [("worst joint", "2.8 N s at hip")], "All & met. Try --ball-height.")
+    assert '<p>Try <span class="option">--ball-height</span>.</p>' in text
+    assert "<p>All &amp; met. </p>" in text
+    assert '<tr class="long"><th>worst joint</th>' in text
+    assert "<tr><th>knee</th><td>30.0°, 2 N s</td>" in kick_panel(
+        numbers(), SimpleNamespace(**FLIGHT), DRAWN, ""
+    )
+
+
 def test_names_are_escaped(load, spoil):
     evil = "&lt;script&gt;alert(1)&lt;/script&gt;"
     leg = load(spoil(('robot name="leg"', f'robot name="{evil}"'), ('"knee"', f'"{evil}&amp;"')))
@@ -176,3 +186,10 @@ def test_many_joints_are_folded_the_most_loaded_first():
     assert next(iter(said)) == name
     sizes = [float(value.split(", ")[1][:-4]) for value in said.values()]
     assert sizes == sorted(sizes, reverse=True)
+
+
+def test_long_sentences_below_the_table_are_folded():
+    short, long = panel_of("a", [], "One. Two."), panel_of("a", [], "One. " + 40 * "Sentence. ")
+    assert "<p>Two.</p>" in short
+    assert "<details>" not in short
+    assert "<summary>more sentences</summary>\n<p>Sentence. " in long

@@ -114,7 +114,9 @@ def test_a_bare_impact_is_drawn_above_the_lowest_point_of_the_leg(make_kick):
     """An impact does not say where the ground is, but a plan, a scene and a course do."""
     hit, ball, _ = make_kick(kd.Leg.human(), 2.0, degrees=(40, 30, -20))
     for caption in ("a kick", "a kick."):
-        assert "a kick. The ball is on a tee" in kd.page(hit, caption=caption).html
+        panel = kd.page(hit, caption=caption).panel
+        assert "<p>a kick. </p>" in panel
+        assert "<p>The ball is on a tee" in panel
     scene = kd.Scene(hit.posture.leg, hit.posture.q, hit.v_before, ball, hit.contact)
     course = kd.follow(
         hit.ball_after, ball, ground=kd.Ground(hit.ball_before.position[2] - ball.radius, "turf")

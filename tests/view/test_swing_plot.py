@@ -14,7 +14,9 @@ def swing():
 
 
 def test_curves_are_the_swings_over_its_limits(swing):
-    speed, torque, power = swing_figure(swing).axes
+    figure = swing_figure(swing)
+    assert figure.get_suptitle().startswith("leg_human: least squared torque, ")
+    speed, torque, power = figure.axes
     way = swing.backswing.fine
     many = len(way.time)
     for joint, name in enumerate(swing.joints):

@@ -186,9 +186,10 @@ class Launch(ReprMixin):
         if (reached.target != goal.target).any():
             nearest = f"the farthest is {reached.distance:.4g} m"
         else:
-            changed = "beside" if reached.beside != goal.beside else reached.kind
+            changed = reached.kind if reached.beside in (None, goal.beside) else "beside"
             named = {name: f"{name} {value} {unit}" for name, value, unit in reached.named_values()}
-            nearest = f"the nearest is {named[changed]}"
+            straight = " without beside" if reached.beside is None and goal.beside else ""
+            nearest = f"the nearest is {named[changed]}{straight}"
         return f"out of reach: {self.reason}; {nearest}, at {self.speed:.4g} m/s"
 
     @property

@@ -201,5 +201,6 @@ def _confirm(outcome: PostureOutcome) -> None:
     if not gap <= slack * float(np.linalg.norm(closed.impulse)):
         raise KickdynError(
             f"{hit.posture!r}: without friction the impulse is {closed.impulse.tolist()} N s "
-            f"in closed form, {engine.impulse.tolist()} N s by pin.impulseDynamics"
+            f"in closed form, {engine.impulse.tolist()} N s by pin.impulseDynamics: "
+            "the two should agree, please report this posture"
         )

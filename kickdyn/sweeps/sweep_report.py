@@ -264,7 +264,7 @@ def text(summary: Summary, lines: Sequence[ReportLine], width: int = PROSE) -> s
     sentences.append(f"{summary.postures} postures: {counts}.")
     if summary.where is not None and summary.chosen:
         sentences.append(
-            f"Best and worst are of the {summary.chosen} that are ok where {summary.where}."
+            f"Best and worst are among the {summary.chosen} with status ok where {summary.where}."
         )
     elif summary.where is not None:
         sentences.append(f"No posture is ok where {summary.where}.")

@@ -139,6 +139,7 @@ def test_low_and_high_arc():
         (kd.Goal((20, 0, 2.2), time=9), "speed-limit"),
         (kd.Goal(200, time=5), "speed-limit"),
         (kd.Goal((20, 2, 1), speed=30, beside=(9, 6)), "spin-limit"),
+        (kd.Goal(32, speed=19, beside=(16, -0.6)), "least-speed"),
     ],
 )
 def test_what_cannot_be_met_says_why_and_gives_the_nearest(goal, limit):

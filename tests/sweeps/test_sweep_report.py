@@ -69,7 +69,7 @@ def test_prose_fits_a_screen(lines):
     for width, most in ((None, 80), (60, 60)):
         said = text(summary, lines, *([] if width is None else [width]))
         assert most - 12 < max(map(len, said.splitlines())) <= most
-        assert "Best and worst are of the 2 that are ok where hip < 5" in said
+        assert "Best and worst are among the 2 with status ok where hip < 5" in said
         assert "5 postures: 4 ok, 1 out-of-reach." in said
 
 

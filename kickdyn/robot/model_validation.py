@@ -227,14 +227,14 @@ def singularity_fault(model: Any, inertia: Array, condition: float) -> str:
         if condition == math.inf
         else f"has condition {condition:.1g}, above {MAX_CONDITION:g}: no digits"
     )
-    if model.nvs[1] == 6 and model.inertias[1].mass == 0.0:
-        return (
-            f"{fault} (the base floats and has no mass: give its link mass and inertia in the "
-            "file, or fix the base, by base='fixed' in Python, without --support in commands)"
-        )
     joints = find_singular_joints(model, inertia)
-    remedy = lock_remedy(model, joints)
-    return f"{fault} (at fault: {'; '.join(filter(None, [listed(joints), remedy]))})"
+    causes = [listed(joints), lock_remedy(model, joints)]
+    if model.nvs[1] == 6 and model.inertias[1].mass == 0.0:
+        causes.append(
+            "the base floats and has no mass: give its link mass and inertia in the file, or fix "
+            "the base, by base='fixed' in Python, without --support in commands"
+        )
+    return f"{fault} (at fault: {'; '.join(filter(None, causes))})"
 
 
 def find_singular_joints(model: Any, inertia: Array) -> list[str]:

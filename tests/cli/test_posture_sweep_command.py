@@ -133,7 +133,7 @@ def test_conditions_choose_best_and_worst(tmp_path):
         ended = door(*SMALL, *asked, "--out", out, "--plot", "p.png", cwd=tmp_path)
         replaced = "j.json, p.png exist and will be replaced\n" if out == "s.zarr" else ""
         assert (ended.returncode, ended.stderr) == (0, replaced)
-        assert "of the 2 that are ok where hip < 30 and ankle == 0." in ended.stdout
+        assert "among the 2 with status ok where hip < 30 and ankle == 0." in ended.stdout
         assert (tmp_path / "p.png").stat().st_size > 10_000
         told.append(json.loads((tmp_path / "j.json").read_text()))
     for report in told:

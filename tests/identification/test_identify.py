@@ -73,7 +73,7 @@ def test_warnings_of_flights_fitted_together_name_the_flight():
     spin = (0, -30, 0)
     tracks = [flown((speed, 0, 4), spin, kd.Air()) for speed in (8, 9)]
     found = kd.identify(tracks, BALL, free=("drag",), spin=spin)
-    ranges = [line for line in found.warnings if "outside Re" in line]
+    ranges = [line for line in found.warnings if "outside its data" in line]
     assert [line.split(": ")[0] for line in ranges] == ["flight 0", "flight 1"]
 
 

@@ -254,7 +254,10 @@ def test_a_robot_and_a_goal_beyond_its_limits():
             ["--distance", "30", "--time", "1", "--leg", "dog"],
             "leg 'dog' is neither human, testbed",
         ),
-        (["--distance", "30", "--time", "1", "--ball-height", "3"], "can give a ball at a height of 3 m"),
+        (
+            ["--distance", "30", "--time", "1", "--ball-height", "3"],
+            "can give a ball at a height of 3 m",
+        ),
         (["--distance", "30", "--time", "1", "--restitution", "2"], "restitution is 2"),
         (["--distance", "30", "--time", "1", "--restitution", "5:1,6:0"], "a faster foot would"),
         (["--distance", "30", "--time", "1", "--restitution", "5:1:6"], "a table such as 5:0.8"),

@@ -6,8 +6,6 @@
 Needs Chromium, and the extras `robots` and `swing`.
 """
 
-from __future__ import annotations
-
 import re
 import shlex
 import subprocess

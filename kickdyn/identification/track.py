@@ -117,7 +117,7 @@ class Track(ValueEquality, ReprMixin):
     ) -> "Track":
         """Read a track from a file of comma-separated values whose first row names the columns.
 
-        Rows in which one of the four values is empty or nan are gaps and are left out.
+        Rows in which one of the four values is empty, missing or nan are gaps and are left out.
 
         Args:
             file: the file, UTF-8 text, up to 64 MB.

@@ -59,7 +59,7 @@ def panel_of(
     lines = "".join(f'<p class="warning">{_prose(warning)}</p>\n' for warning in warnings)
     more = f"<p>{_prose(others)}</p>\n" if others else ""
     if len(more) > LONG:
-        more = f"<details><summary>more sentences</summary>\n{more}</details>\n"
+        more = f"<details><summary>explanation</summary>\n{more}</details>\n"
     lines += more
     return f"{head}{_table(rows)}\n{lines}{end}"
 
@@ -141,7 +141,7 @@ def _path_rows(path: Flight | Course) -> list[Row]:
             ("speed there", f"{float(path.rest.speed):.4g} m/s"),
         ]
     aloft = " (still aloft)" if path.status == "aloft" else ""
-    length = "distance" if path.status == "at-plane" else "carry"
+    length = "distance" if path.status == "at-plane" else "range"
     return [
         (f"{length} {colour_key(CURVE)}", f"{path.range:.4g} m{aloft}"),
         ("flight time", f"{path.duration:.4g} s"),

@@ -60,7 +60,7 @@ def test_says_the_numbers():
         "ball / foot speed": "2",
         "launch angle": "53.1°",
         "spin": "50 rad/s",
-        "carry": "17.25 m",
+        "range": "17.25 m",
         "flight time": "1.5 s",
         "flight": "DOP853, drag",
         "shown": "strike 115 times slower, flight 2 times faster",
@@ -129,15 +129,15 @@ def test_a_foot_at_rest_has_no_ratio():
 def test_a_ball_still_aloft(make_kick):
     hit, ball, _ = make_kick(kd.Leg.human(), 8.0)
     path = kd.fly(hit.ball_after, ball, time_limit=0.1)
-    assert rows(panel((hit, ball, path)))["carry"].endswith("(still aloft)")
+    assert rows(panel((hit, ball, path)))["range"].endswith("(still aloft)")
 
 
-def test_a_flight_to_a_plane_is_no_carry(make_kick):
+def test_a_flight_to_a_plane_is_no_range(make_kick):
     hit, ball, _ = make_kick(kd.Leg.human(), 8.0)
     said = rows(
         panel((hit, ball, kd.fly(hit.ball_after, ball, plane=kd.Plane((2, 0, 0), (-1, 0, 0)))))
     )
-    assert "carry" not in said
+    assert "range" not in said
     assert said["distance"].endswith(" m")
 
 
@@ -192,4 +192,4 @@ def test_long_sentences_below_the_table_are_folded():
     short, long = panel_of("a", [], "One. Two."), panel_of("a", [], "One. " + 40 * "Sentence. ")
     assert "<p>Two.</p>" in short
     assert "<details>" not in short
-    assert "<summary>more sentences</summary>\n<p>Sentence. " in long
+    assert "<summary>explanation</summary>\n<p>Sentence. " in long

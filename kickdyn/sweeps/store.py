@@ -249,7 +249,8 @@ def save_netcdf(data: xr.Dataset, path: str | PathLike[str]) -> None:
     with replacing(path) as draft:
         file = io.BytesIO()  # HDF5 itself crashes where the disk is full
         data.to_netcdf(file, engine="h5netcdf", encoding=encoding)
-        draft.write_bytes(file.getbuffer())
+        # Not getbuffer(): a view that an error keeps crashes Python 3.12.1 when it is collected.
+        draft.write_bytes(file.getvalue())
 
 
 def _rewrite_root(folder: Path, finished: int) -> None:

@@ -76,9 +76,9 @@ lint: $(VENV)/.dev
 browser:
 	@command -v chromium >/dev/null || command -v google-chrome >/dev/null || \
 	if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
-		apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends chromium; \
+		apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends chromium chromium-sandbox; \
 	else \
-		echo "no chromium: the tests that open a page are skipped; 'sudo apt-get install chromium' brings it"; \
+		echo "no chromium: the tests that open a page are skipped; 'sudo apt-get install chromium chromium-sandbox' brings it"; \
 	fi
 
 $(VENV)/bin/python:

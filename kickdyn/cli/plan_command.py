@@ -302,8 +302,8 @@ def _write(report: PlanReport, json_file: str | None, view: str | None, plot: st
         save_figure(swing_figure(report.swing), plot)
     if view is not None:
         # the page has the warnings itself, and no options
-        told = [x for x in sentences if not x.startswith("Warning: ") and x not in report.advice]
-        _write_page(report, view, " ".join(told))
+        shown = [x for x in sentences if not x.startswith("Warning: ") and x not in report.advice]
+        _write_page(report, view, " ".join(shown))
     if json_file == "-":
         return
     for file in (json_file, view, plot):

@@ -226,19 +226,19 @@ def _progress_bar(size: int, resumed: str | None) -> Iterator[Progress | None]:
 
     Say first how much of a store that is resumed is there.
     """
-    best, told = 0.0, resumed is None
+    best, announced = 0.0, resumed is None
 
     def kept(count: int) -> None:
         """Write how many postures a store has, the first time."""
-        nonlocal told
-        if not told:
+        nonlocal announced
+        if not announced:
             rest = "the others are computed" if count < size else "none is missing"
             line = f"{resumed} has {count:,} of {size:,} postures: {rest}"
             click.echo(f"\r{line:79}" if sys.stderr.isatty() else line, err=True)
-        told = True
+        announced = True
 
     if not sys.stderr.isatty():
-        yield None if told else lambda count, _: kept(count)
+        yield None if announced else lambda count, _: kept(count)
         return
 
     def text(speed: float | None) -> str | None:

@@ -59,6 +59,19 @@ SHOWN = 8
 """Joints of a posture that are shown; of a robot with more, those that are not at 0."""
 
 
+class _CopiedModel:
+    """The field `model` of a leg: copied when it is set and when it is read."""
+
+    def __get__(self, leg: "Leg | None", owner: type) -> Any:
+        if leg is None:
+            raise AttributeError("model")  # so that the dataclass sees no default
+        return leg._model.copy()
+
+    def __set__(self, leg: "Leg", model: Any) -> None:
+        check_is_model(model)
+        vars(leg)["_model"] = model.copy()
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Leg(JointTable, ReprMixin):
     r"""A leg, or a whole robot, with the frame that touches the ball.
@@ -67,6 +80,7 @@ class Leg(JointTable, ReprMixin):
     `with_stiff_joints` return another one. It can be pickled and shared between threads.
 
     Attributes:
+        model: the `pin.Model`, a copy each time: what is changed there does not change this leg.
         frame: name of the contact frame.
         file: the checked file from which the leg was read; None for `from_model`.
         supports: frames that stand on the ground.
@@ -79,8 +93,8 @@ class Leg(JointTable, ReprMixin):
         workspace: this thread's scratch space for Pinocchio's calls; every call overwrites it.
     """
 
-    _model: Any
-    frame: str
+    model: Any = _CopiedModel()
+    frame: str  # type: ignore[misc]  # the model has no default, though mypy sees one
     file: RobotFile | None = None
     supports: tuple[Support, ...] = ()
     loops: tuple[tuple[str, str], ...] = ()
@@ -90,17 +104,16 @@ class Leg(JointTable, ReprMixin):
     workspace: "Workspace" = field(init=False)
 
     def __post_init__(self) -> None:
-        check_is_model(self._model)
         validation.check_type(str, frame=self.frame)
-        model, cone = self._model.copy(), self.contact_normal_cone
-        derived = {
-            "_model": model,
-            "contact_normal_cone": None if cone is None else read_only(cone),
-        }
-        vars(self).update(derived)
+        validation.check_type(RobotFile, type(None), file=self.file)
+        for name in ("supports", "loops", "stiff_joints"):
+            validation.check_type(tuple, **{name: getattr(self, name)})
+        if self.contact_normal_cone is not None:
+            cone = validation.floats("contact normal cone", self.contact_normal_cone)
+            vars(self).update(contact_normal_cone=read_only(cone))
         if self.contact_joint == 0:
             raise InvalidInput(f"frame {self.frame!r} is fixed to the base: a kick must move it")
-        vars(self).update(constraints=self._find_constraints(), workspace=Workspace(model))
+        vars(self).update(constraints=self._find_constraints(), workspace=Workspace(self._model))
 
     def _find_constraints(self) -> Constraints | None:
         """Return the constraints of the leg; None without any."""
@@ -110,11 +123,6 @@ class Leg(JointTable, ReprMixin):
         return Constraints(
             self._model, self.contact_joint, self.supports, self.loops, self.gears, stiff
         )
-
-    @property
-    def model(self) -> Any:
-        """A copy of the `pin.Model`; what is changed there does not change this leg."""
-        return self._model.copy()
 
     @cached_property
     def mimics(self) -> tuple[Mimic, ...]:
@@ -433,7 +441,7 @@ class Leg(JointTable, ReprMixin):
             InvalidInput: a frame of this leg is missing, or no joint moves the contact frame.
         """
         stiff = tuple(joint for joint in self.stiff_joints if joint in list(model.names))
-        return replace(self, _model=model, stiff_joints=stiff)
+        return replace(self, model=model, stiff_joints=stiff)
 
     def posture(self, q: ArrayLike) -> "Posture":
         """Return the posture at a configuration, in the range of the joints or not.
@@ -446,7 +454,7 @@ class Leg(JointTable, ReprMixin):
         Raises:
             InvalidInput: wrong shape, an entry that is not finite, or a singular inertia.
         """
-        return Posture.of(self, q)
+        return _posture(self, q)
 
     def close_loops(self, q: ArrayLike, keep: Iterable[str] = ()) -> Array:
         """Return a configuration near `q` with all loops closed, by Newton's method.
@@ -551,51 +559,6 @@ class Posture(ReprMixin):
     _frame_origin: Array
     _frame_jacobian: Array
     _contact_offset: Array | None = None
-
-    @classmethod
-    def of(cls, leg: Leg, q: ArrayLike) -> "Posture":
-        """Return the posture that `Leg.posture` returns."""
-        workspace, q = leg.workspace, leg.check_configuration(q)
-        model, data = workspace.model, workspace.data
-        pin.forwardKinematics(model, data, q)
-        placement = pin.updateFramePlacement(model, data, leg.frame_id)
-        rotation, origin = placement.rotation.copy(), placement.translation.copy()
-        # Local axes: about the world's origin, a leg far from it would lose its digits.
-        inertia: Array = pin.crba(model, data, q, pin.Convention.LOCAL)
-        frame_jacobian: Array = pin.computeFrameJacobian(model, data, q, leg.frame_id, pin.LOCAL)
-        frame_jacobian = frame_jacobian.reshape(6, model.nv)
-        cholesky, bound = cholesky_with_condition(inertia)
-        if not bound < MAX_CONDITION:
-            exact = condition(inertia, cholesky)
-            if not exact < MAX_CONDITION:
-                fault = singularity_fault(model, inertia, exact)
-                where = f"q = {q.tolist()}" if leg.nq <= SHOWN else "this posture"
-                raise InvalidInput(f"the joint-space inertia of {leg.name} at {where} {fault}")
-        posture = cls(
-            leg,
-            q,
-            contact_point=origin,
-            contact_lever=leg.contact_lever,
-            rotation_world_joint=workspace.placements[leg.contact_joint].rotation.copy(),
-            jacobian=rotation.dot(frame_jacobian[:3]),
-            inertia=inertia,
-            constraint_projector=None,
-            _cholesky=cholesky,
-            _condition_bound=bound,
-            _frame_rotation=rotation,
-            _frame_origin=origin,
-            _frame_jacobian=frame_jacobian,
-        )
-        for array in (q, inertia, origin, posture.jacobian, posture.rotation_world_joint):
-            array.setflags(write=False)
-        if leg.constraints is None:
-            return posture
-        leg.constraints.check_closed(model, data, posture)
-        rows, blocks = leg.constraints.rows(model, data, q)
-        projector = ConstraintProjector(
-            leg.constraints, rows, blocks, posture._whiten(rows), posture
-        )
-        return replace(posture, constraint_projector=projector)
 
     def with_contact_offset(self, offset: ArrayLike | None) -> "Posture":
         """Return this posture with its contact point elsewhere on the foot.
@@ -864,6 +827,49 @@ class Posture(ReprMixin):
         yield "contact point", self.contact_point, "m"
         yield "condition", self.condition, ""
         yield from warned(self.warnings)
+
+
+def _posture(leg: Leg, q: ArrayLike) -> Posture:
+    """Return the posture of a leg at a configuration, see `Leg.posture`."""
+    workspace, q = leg.workspace, leg.check_configuration(q)
+    model, data = workspace.model, workspace.data
+    pin.forwardKinematics(model, data, q)
+    placement = pin.updateFramePlacement(model, data, leg.frame_id)
+    rotation, origin = placement.rotation.copy(), placement.translation.copy()
+    # Local axes: about the world's origin, a leg far from it would lose its digits.
+    inertia: Array = pin.crba(model, data, q, pin.Convention.LOCAL)
+    frame_jacobian: Array = pin.computeFrameJacobian(model, data, q, leg.frame_id, pin.LOCAL)
+    frame_jacobian = frame_jacobian.reshape(6, model.nv)
+    cholesky, bound = cholesky_with_condition(inertia)
+    if not bound < MAX_CONDITION:
+        exact = condition(inertia, cholesky)
+        if not exact < MAX_CONDITION:
+            fault = singularity_fault(model, inertia, exact)
+            where = f"q = {q.tolist()}" if leg.nq <= SHOWN else "this posture"
+            raise InvalidInput(f"the joint-space inertia of {leg.name} at {where} {fault}")
+    posture = Posture(
+        leg,
+        q,
+        contact_point=origin,
+        contact_lever=leg.contact_lever,
+        rotation_world_joint=workspace.placements[leg.contact_joint].rotation.copy(),
+        jacobian=rotation.dot(frame_jacobian[:3]),
+        inertia=inertia,
+        constraint_projector=None,
+        _cholesky=cholesky,
+        _condition_bound=bound,
+        _frame_rotation=rotation,
+        _frame_origin=origin,
+        _frame_jacobian=frame_jacobian,
+    )
+    for array in (q, inertia, origin, posture.jacobian, posture.rotation_world_joint):
+        array.setflags(write=False)
+    if leg.constraints is None:
+        return posture
+    leg.constraints.check_closed(model, data, posture)
+    rows, blocks = leg.constraints.rows(model, data, q)
+    projector = ConstraintProjector(leg.constraints, rows, blocks, posture._whiten(rows), posture)
+    return replace(posture, constraint_projector=projector)
 
 
 class Workspace(threading.local):

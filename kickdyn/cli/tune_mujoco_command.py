@@ -23,7 +23,6 @@ from kickdyn.core.console import screen_width, wrapped
 from kickdyn.core.files import replacing, write_json
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.collide import CONTACT_TIME
-from kickdyn.impact.laws import ImpactLaw
 from kickdyn.restitution import Restitution
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.mjcf_file import MjcfFile
@@ -125,9 +124,9 @@ def tune_mujoco(
             Contact(direction, restitution, friction, offset=offset), contact_time=contact_time,
             name=leg.name,
         )  # fmt: skip
-    if scene.law != ImpactLaw.NEWTON:
+    if scene.law != "newton":
         raise InvalidInput(
-            f"law is {scene.law.value!r}: a contact of MuJoCo is tuned for 'newton', or for a "
+            f"law is {scene.law!r}: a contact of MuJoCo is tuned for 'newton', or for a "
             "contact time"
         )
     if scene.stiffness is not None:

@@ -8,9 +8,6 @@ import click
 import numpy as np
 from click.core import ParameterSource
 
-from kickdyn.accuracy.mujoco_fit import MujocoIntegrator
-from kickdyn.accuracy.tune_mujoco import MujocoTuning
-from kickdyn.accuracy.tune_mujoco import tune_mujoco as tune_contact
 from kickdyn.ball import Ball
 from kickdyn.cli.ball_option import ball_option
 from kickdyn.cli.command import Command, busy, check_files, offers, warn
@@ -29,6 +26,9 @@ from kickdyn.robot.mjcf_file import MjcfFile
 from kickdyn.robot.names import unknown
 from kickdyn.scene.scene import Scene
 from kickdyn.scene.toml_reader import load_scene
+from kickdyn.simulators.mujoco_fit import MujocoIntegrator
+from kickdyn.simulators.tune_mujoco import MujocoTuning
+from kickdyn.simulators.tune_mujoco import tune_mujoco as tune_contact
 from kickdyn.sweeps.grid import read_postures
 
 

@@ -31,7 +31,7 @@ def solve_by_pinocchio(
     if contact.friction != 0.0 or not law.eq_10_without_friction:
         raise InvalidInput(
             f"friction is {contact.friction:g} and law {law.name!r}: engine 'pinocchio' is for "
-            f"friction 0 and law {names_of_laws("eq_10_without_friction")}, which agree "
+            f"friction 0 and law {names_of_laws('eq_10_without_friction')}, which agree "
             "without friction"
         )
     ball.check_movable("Pinocchio's impulseDynamics")

@@ -266,10 +266,10 @@ def solve_with_backswing(
             "its kicking foot would come from under the ground; a flatter launch, or a contact "
             "point (offset) where the foot is heavier, takes a foot that rises less"
         )
-    rising = Clearance(standing, LIFT), JointRange(variables, RESERVE)
+    stricter = {Clearance: Clearance(standing, LIFT), JointRange: JointRange(variables, RESERVE)}
     for variant in variants:
-        others = [term for term in variant.terms if not isinstance(term, Clearance | JointRange)]
-        lifted = replace(variant, terms=(*rising, *others))
+        terms = tuple(stricter.get(type(term), term) for term in variant.terms)
+        lifted = replace(variant, terms=terms)
         points = lifted.solve(objective, [point.x for point in known])
         for point in sorted(points, key=objective.cost)[:TRIED]:
             q, v = point.posture.q[variables.qs], point.v[variables.vs]

@@ -43,6 +43,7 @@ from kickdyn.planning.stance import Balance, Clearance, SupportImpulse, Upright
 from kickdyn.robot.kicking_chain import KickingChain, kicking_chain
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.standing import StandingRobot, is_floating
+from kickdyn.robot.surgery import turn_body
 
 DRAWN, STARTS = 80, 4
 """Numbers of postures that are drawn, and of those among them from which a problem is solved."""
@@ -174,14 +175,11 @@ def kick_problem(
     Raises:
         InvalidInput: a leg that cannot kick in this direction, or a ball beside its plane.
     """
-    draw, heading, farthest = np.random.default_rng(0), 0.0, FARTHEST_START
-    stance: list[Term[KickPoint]] = []
+    draw, heading = np.random.default_rng(0), 0.0
     standing = StandingRobot(robot) if is_floating(robot) else None
     if standing is not None:
-        robot, farthest = standing.robot, FARTHEST_STANDING_START
+        robot = standing.robot
         limb = kicking_chain(standing.leg, branches=True)
-        stance += [Upright(standing), Clearance(standing), Balance(standing)]
-        stance.append(SupportImpulse(standing, target.impulse))
     else:
         check_unconstrained(robot, "kicks from a fixed base are planned")
         limb = kicking_chain(robot, branches=True)
@@ -190,24 +188,28 @@ def kick_problem(
     if standing is None and turn and _leaves(directions, target.impulse):
         heading = _heading_towards(directions, target.impulse)
     if heading:
-        robot = turn_leg(robot, heading)
+        rotation = pin.rpy.rpyToMatrix(0.0, 0.0, heading)
+        robot = robot.with_model(turn_body(robot.model, 0, rotation))
         limb = kicking_chain(robot, branches=True)
         variables = KickVariables(limb.leg, target)
         directions = _foot_directions(variables, draw)
     _check_directions(variables, directions)
-    terms: list[Term[KickPoint]] = [
-        JointRange(variables),
-        StrikeVelocity(variables, directions),
-        *stance,
-    ]
+
+    # the later, the less a kick needs it: an explanation omits the last terms first
+    terms: list[Term[KickPoint]] = [JointRange(variables), StrikeVelocity(variables, directions)]
+    if ball_position is not None:
+        terms.append(_place_ball(variables, directions, ball_position, draw))
     if limits:
         check_limits(variables)
         terms += [SpeedLimit(variables), TorqueLimit(variables)]
-    if ball_position is not None:
-        terms.append(_place_ball(variables, directions, ball_position, draw))
     cone = variables.leg.contact_normal_cone
-    if cone is not None and target.contact.offset is None:  # of another point, it is unknown
+    if cone is not None and target.contact.offset is None:  # at another point, it is unknown
         terms.append(Facing(variables, cone))
+    if standing is not None:
+        terms += [Balance(standing), Clearance(standing), Upright(standing)]
+        terms.append(SupportImpulse(standing, target.impulse))
+
+    farthest = FARTHEST_START if standing is None else FARTHEST_STANDING_START
     lower = np.minimum(np.maximum(variables.lower, -farthest), variables.upper)
     upper = np.maximum(np.minimum(variables.upper, farthest), variables.lower)
     drawn = np.array([draw.uniform(lower, upper) for _ in range(DRAWN)])
@@ -234,9 +236,9 @@ def solve_kick(problem: KickProblem, objective: Objective) -> KickSolution:
 
 
 def explain_infeasible(problem: KickProblem) -> str:
-    """Return why a problem has no solution: the first terms without which it has one."""
+    """Return why a problem has no solution: the last terms without which it has one."""
     *_, problem = problem.variants()
-    for explanation in dict.fromkeys(term.explanation for term in problem.terms):
+    for explanation in dict.fromkeys(term.explanation for term in reversed(problem.terms)):
         if explanation:
             omitted = [term for term in problem.terms if term.explanation == explanation]
             solution = _find_solution(problem.without(omitted), LeastViolation(omitted))
@@ -338,15 +340,3 @@ def _heading_towards(directions: Array, vector: Array) -> float:
         ahead = -ahead
     turn = math.atan2(vector[1], vector[0]) - math.atan2(ahead[1], ahead[0])
     return math.remainder(turn, 2 * math.pi)
-
-
-def turn_leg(leg: Leg, heading: float) -> Leg:
-    """Return a leg on a fixed base, turned to the left about the world's vertical [rad]."""
-    model, turn = leg.model, pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, heading), np.zeros(3))
-    for joint in range(1, model.njoints):
-        if model.parents[joint] == 0:
-            model.jointPlacements[joint] = turn * model.jointPlacements[joint]
-    for number, frame in enumerate(model.frames):
-        if number and frame.parentJoint == 0:
-            frame.placement = turn * frame.placement
-    return leg.with_model(model)

@@ -18,7 +18,7 @@ from kickdyn.errors import InvalidInput
 from kickdyn.ground import Ground
 from kickdyn.impact.collide import CONTACT_TIME, checked_stiffness
 from kickdyn.impact.force_model import Dissipation
-from kickdyn.impact.laws import ImpactLaw
+from kickdyn.impact.laws import find_law
 from kickdyn.impact.sensitivity import UNITS
 from kickdyn.plane import Plane
 from kickdyn.restitution import least_restitution
@@ -108,7 +108,7 @@ class Scene(ReprMixin):
     v: Array
     ball: Ball
     contact: Contact
-    law: ImpactLaw | Compliance
+    law: str | Compliance
     incoming: BallState
     air: Air | None
     ground: Ground | None
@@ -138,7 +138,7 @@ class Scene(ReprMixin):
         if isinstance(law, Compliance):
             _check_compliant(law, ball, contact)
         else:
-            law = validation.choice("law", law, ImpactLaw)
+            law = find_law(law, "law").name
         self.__dict__.update(
             posture=posture.with_contact_offset(contact.offset),
             v=validation.read_only(validation.vector("v", v, posture.leg.nv)),
@@ -184,7 +184,7 @@ class Scene(ReprMixin):
 
     def as_instant(self) -> "Scene":
         """Return the scene with an instantaneous contact."""
-        return self.replace(law=ImpactLaw.NEWTON)
+        return self.replace(law="newton")
 
     @property
     def ball_position(self) -> Array:

@@ -21,7 +21,7 @@ from kickdyn.core import validation
 from kickdyn.errors import InvalidInput
 from kickdyn.ground import SURFACES, Ground
 from kickdyn.impact.force_model import Dissipation
-from kickdyn.impact.laws import ImpactLaw
+from kickdyn.impact.laws import LAWS
 from kickdyn.plane import Plane, ReachedBy
 from kickdyn.restitution import MODELS as RESTITUTIONS
 from kickdyn.robot.catalog import ROBOTS
@@ -154,7 +154,7 @@ def _contact(
         normal = (math.cos(up) * math.cos(left), math.cos(up) * math.sin(left), math.sin(up))
     contact = Contact(normal, **values)
     if not timed:
-        return contact, law or ImpactLaw.NEWTON
+        return contact, law or "newton"
     if law is not None:
         raise InvalidInput(
             f"law is {law!r}: a contact that takes time has no impact law; leave out law, or the "
@@ -277,7 +277,7 @@ TABLES = (
             f"or {quoted(RESTITUTIONS)}", "coefficient of restitution e"),
         Key("friction", "friction", "number, at least 0",
             "coefficient of friction between foot and ball; 0 without it"),
-        Key("law", "law", tuple(ImpactLaw),
+        Key("law", "law", LAWS,
             "impact law of an instantaneous contact; without it `newton`"),
         Key("offset_m", "offset", "vector [m]",
             "contact point in the axes of `frame`; without it its origin"),

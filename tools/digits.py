@@ -1,17 +1,21 @@
 """How often an impact has fewer digits than it claims: random chains against 50 digits.
 
-`python tests/digits.py --kicks 2000` prints the share of impulses and joints that have, by family.
+`python tools/digits.py --kicks 2000` prints the share of impulses and joints that have, by family.
 """
 
 import argparse
+import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
-from chains import random_inertia, random_leg, random_rotation
-from references.exact_impact import exact_impact, given
 
 import kickdyn as kd
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+from chains import random_inertia, random_leg, random_rotation
+from references.exact_impact import exact_impact, given
 
 
 def random_chain(rng, joints, axes=None, sizes=1.0, angles=False):
@@ -61,22 +65,26 @@ def kick(rng, leg, q, friction=None, graze=0.0):
 
 
 def ordinary(rng):
+    """A random leg with links of ordinary size."""
     leg = random_leg(rng)
     return kick(rng, leg, rng.uniform(-2, 2, size=leg.nq)), leg
 
 
 def light_foot(rng):
+    """A leg whose last link has down to a thousandth of the others' mass."""
     leg = random_leg(rng, last=10 ** rng.uniform(-3, 0))
     return kick(rng, leg, rng.uniform(-2, 2, size=leg.nq)), leg
 
 
 def short_links(rng):
+    """A chain with links down to a hundredth of the ordinary length."""
     joints = rng.integers(2, 8)
     leg, same = random_chain(rng, joints, sizes=10 ** rng.uniform(-2, 0, size=joints))
     return kick(rng, leg, rng.uniform(-2, 2, size=joints)), same
 
 
 def parallel(rng):
+    """A chain whose hinges are parallel."""
     joints = rng.integers(2, 8)
     axis = rng.choice([[0, 1, 0], [0.48, 0.6, 0.64]])
     leg, same = random_chain(rng, joints, axis, 10 ** rng.uniform(-1, 0, size=joints))
@@ -84,6 +92,7 @@ def parallel(rng):
 
 
 def gimbal(rng):
+    """A chain with three angles at its root, near the gimbal lock of these."""
     joints = rng.integers(1, 5)
     leg, same = random_chain(rng, joints, angles=True)
     q = rng.uniform(-2, 2, size=leg.nq)
@@ -92,6 +101,7 @@ def gimbal(rng):
 
 
 def grazing(rng):
+    """A foot that moves nearly along the ball's surface."""
     leg = random_leg(rng)
     q = rng.uniform(-2, 2, size=leg.nq)
     return kick(rng, leg, q, graze=10 ** rng.uniform(-13, -1)), leg
@@ -161,6 +171,7 @@ def _with_leg(hit, leg):
 
 
 def main():
+    """Print a row for each family."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--kicks", type=int, default=2000, help="in all")
     count = parser.parse_args().kicks // len(FAMILIES)

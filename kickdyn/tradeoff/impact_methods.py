@@ -10,8 +10,6 @@ from importlib.util import find_spec
 import numpy as np
 import pinocchio as pin
 
-from kickdyn.accuracy.measurement import Measurement, mark_front, shortest_time
-from kickdyn.accuracy.mujoco_kick import mujoco_kick
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.core.validation import Array
@@ -21,6 +19,8 @@ from kickdyn.impact.contact_problem import ContactProblem, contact_axes
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike
 from kickdyn.robot.leg import Leg, Posture
+from kickdyn.simulators.mujoco_kick import mujoco_kick
+from kickdyn.tradeoff.measurement import Measurement, mark_front, shortest_time
 
 FOOT_SPEED = 10.0  # m/s
 CONTACT_TIMES = (1e-2, 1e-3, 1e-4, 1e-5)  # s

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.accuracy.mujoco_placement import placement_warnings
+from kickdyn.simulators.mujoco_placement import placement_warnings
 
 pytest.importorskip("mujoco")
 

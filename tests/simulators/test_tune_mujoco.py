@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.accuracy import mujoco_fit
-from kickdyn.accuracy import tune_mujoco as tuning
-from kickdyn.accuracy.mujoco_kick import MujocoContact, MujocoKick
 from kickdyn.impact.approach import find_approach
+from kickdyn.simulators import mujoco_fit
+from kickdyn.simulators import tune_mujoco as tuning
+from kickdyn.simulators.mujoco_kick import MujocoContact, MujocoKick
 
 mujoco = pytest.importorskip("mujoco")
 

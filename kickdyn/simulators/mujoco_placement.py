@@ -8,10 +8,10 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 import pinocchio as pin
 
-from kickdyn.accuracy.mujoco_kick import load_mujoco, row
 from kickdyn.core.validation import Array
 from kickdyn.robot.leg import Posture
 from kickdyn.robot.mjcf_file import MjcfFile, body_name
+from kickdyn.simulators.mujoco_kick import load_mujoco, row
 
 BALL = "kickdyn's ball"
 """Name of the ball among the geoms."""

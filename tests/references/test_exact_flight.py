@@ -1,11 +1,11 @@
 """Landing points to 20 digits: a closed form, kd.fly at its finest, and a finer step."""
 
 import pytest
-from references import exact_flight
-from references.exact_flight import extrapolated, landing, mp
 
 import kickdyn as kd
-from kickdyn.accuracy.flight_methods import kicks
+from kickdyn.tradeoff.flight_methods import kicks
+from references import exact_flight
+from references.exact_flight import extrapolated, landing, mp
 
 BALL, AIR = kd.Ball(), kd.Air(drag="brazuca")
 

@@ -1,8 +1,9 @@
 """The formulas written anew agree with round numbers of their sources, and can be changed."""
 
 import pytest
-from extremes.exact_coefficients import FORMULAS, MODELS, Constants
 from references.exact_leg import mp
+
+from extremes.exact_coefficients import FORMULAS, MODELS, Constants
 
 
 def test_every_shipped_model_has_a_formula():

@@ -8,10 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
+
 from extremes import extreme_flights, extreme_impacts, extremes_report
 from extremes.extreme_case import NOT_FINITE, ExtremeCase
 from extremes.gains import gains
-from rich.console import Console
 
 EXACT = ("posture", "mass", "coefficient", "approach", "central", "rank", "short link", "turning")
 EXACT += ("slow",)
@@ -109,7 +110,7 @@ def test_flights_at_a_tolerance_are_judged_by_another_integrator(monkeypatch):
 def test_the_command_refuses_before_it_works(tmp_path):
     command = [
         sys.executable,
-        str(Path(__file__).parents[1] / "extremes"),
+        str(Path(__file__).parent),
         "--json",
         str(tmp_path / "no" / "x"),
     ]

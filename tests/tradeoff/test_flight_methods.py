@@ -2,8 +2,8 @@ import pytest
 from references.exact_flight import landing
 
 import kickdyn as kd
-from kickdyn.accuracy import flight_methods as flight
-from kickdyn.accuracy.flight_methods import kicks, measure_flights
+from kickdyn.tradeoff import flight_methods as flight
+from kickdyn.tradeoff.flight_methods import kicks, measure_flights
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,13 @@ import numpy as np
 import pinocchio as pin
 from scipy.optimize import least_squares
 
-from kickdyn.accuracy.mujoco_kick import (
+from kickdyn.ball import BallState
+from kickdyn.core.validation import Array
+from kickdyn.errors import InvalidInput, KickdynError, NoImpact
+from kickdyn.impact.approach import Approach, find_approach
+from kickdyn.impact.collide import Collision, collide
+from kickdyn.robot.leg import Posture
+from kickdyn.simulators.mujoco_kick import (
     IMPEDANCE,
     MujocoContact,
     MujocoKick,
@@ -17,12 +23,6 @@ from kickdyn.accuracy.mujoco_kick import (
     damping_ratio,
     release_phase,
 )
-from kickdyn.ball import BallState
-from kickdyn.core.validation import Array
-from kickdyn.errors import InvalidInput, KickdynError, NoImpact
-from kickdyn.impact.approach import Approach, find_approach
-from kickdyn.impact.collide import Collision, collide
-from kickdyn.robot.leg import Posture
 
 SHAPES = (
     (1.0, 1.0), (0.6, 1.0), (1.5, 1.0), (1.0, 2.0), (1.5, 2.0), (2.5, 2.0), (2.5, 3.0), (0.0, 1.0),

@@ -2,8 +2,8 @@
 
 from types import SimpleNamespace
 
-from kickdyn.accuracy import measurement
-from kickdyn.accuracy.measurement import Measurement, front_figure, mark_front, shortest_time
+from kickdyn.tradeoff import measurement
+from kickdyn.tradeoff.measurement import Measurement, front_figure, mark_front, shortest_time
 
 
 def test_the_front_has_what_no_other_beats_in_time_and_error():

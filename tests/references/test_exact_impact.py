@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from chains import random_kick, random_leg
 from extremes.extreme_impacts import answers, conditions
+
+import kickdyn as kd
 from references.exact_impact import (
     LARGEST,
     Quantity,
@@ -11,8 +13,6 @@ from references.exact_impact import (
     given,
 )
 from references.exact_leg import length, mp, numbers
-
-import kickdyn as kd
 
 TINY = mp.mpf(10) ** -40
 

@@ -7,10 +7,10 @@ import pinocchio as pin
 import pytest
 
 import kickdyn as kd
-from kickdyn.accuracy import mujoco_fit
-from kickdyn.accuracy.mujoco_fit import closed_form_contact, find_best, fit_contact, kick_cases
-from kickdyn.accuracy.mujoco_kick import MujocoContact, MujocoKick
 from kickdyn.impact.approach import find_approach
+from kickdyn.simulators import mujoco_fit
+from kickdyn.simulators.mujoco_fit import closed_form_contact, find_best, fit_contact, kick_cases
+from kickdyn.simulators.mujoco_kick import MujocoContact, MujocoKick
 
 mujoco = pytest.importorskip("mujoco")
 

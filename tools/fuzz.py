@@ -1,4 +1,4 @@
-"""Feeds kickdyn broken files and command lines: `python tests/fuzz.py --seconds 600`.
+"""Feeds kickdyn broken files and command lines: `python tools/fuzz.py --seconds 600`.
 
 Whatever comes in, an answer or one clear refusal comes out: no other exception, no traceback, no
 crash of the process, no hang, no memory that grows. Each input runs in a child process that the

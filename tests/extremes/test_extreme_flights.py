@@ -5,10 +5,10 @@ import math
 
 import numpy as np
 import pytest
-from extremes import extreme_flights
-from extremes.exact_coefficients import FORMULAS, MODELS
 
 import kickdyn as kd
+from extremes import extreme_flights
+from extremes.exact_coefficients import FORMULAS, MODELS
 from kickdyn.aerodynamics.drag import constant
 
 

@@ -4,8 +4,8 @@ import json
 import math
 
 import pytest
-from extremes.extreme_case import ExtremeCase, compare, digits, expect_refusal
 
+from extremes.extreme_case import ExtremeCase, compare, digits, expect_refusal
 from kickdyn.errors import InvalidInput
 
 

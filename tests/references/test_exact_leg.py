@@ -4,6 +4,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from chains import random_leg
+
+import kickdyn as kd
 from references.exact_leg import (
     ExactPosture,
     leg_numbers,
@@ -11,8 +13,6 @@ from references.exact_leg import (
     mp,
     numbers,
 )
-
-import kickdyn as kd
 
 
 def posture_of(leg, q):

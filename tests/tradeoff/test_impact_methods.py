@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from references.exact_impact import exact_impact, given
 
-from kickdyn.accuracy import impact_methods as impact
-from kickdyn.accuracy import measurement
+from kickdyn.tradeoff import impact_methods as impact
+from kickdyn.tradeoff import measurement
 
 
 @pytest.fixture(scope="module")

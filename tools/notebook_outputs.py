@@ -1,6 +1,6 @@
 """Run the notebooks and store their outputs, small enough for a code host to show.
 
-    python tests/notebook_outputs.py
+    python tools/notebook_outputs.py
 
 `tests/test_notebooks.py` runs them again and compares.
 """

@@ -5,8 +5,8 @@ import pinocchio as pin
 import pytest
 
 import kickdyn as kd
-from kickdyn.accuracy.mujoco_kick import MujocoContact, MujocoKick, damping_ratio, mujoco_kick
 from kickdyn.impact.approach import find_approach
+from kickdyn.simulators.mujoco_kick import MujocoContact, MujocoKick, damping_ratio, mujoco_kick
 
 mujoco = pytest.importorskip("mujoco")
 

@@ -12,10 +12,10 @@ import pytest
 from click.testing import CliRunner
 
 import kickdyn as kd
-from kickdyn.accuracy.effect_sizes import TOLERANCE, effect_figure
 from kickdyn.cli.tradeoff_command import tradeoff
 from kickdyn.scene.effects import EffectSize
 from kickdyn.scene.simulate import measure_effects
+from kickdyn.tradeoff.effect_sizes import TOLERANCE, effect_figure
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
 

@@ -1,18 +1,14 @@
-"""Flight: error of the landing point against time, for each integrator and tolerance.
-
-heyoka is among them where it is installed.
-"""
+"""Flight: error of the landing point against time, for each integrator and tolerance."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from functools import partial
+from types import MappingProxyType
 
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from kickdyn.accuracy.heyoka_flight import heyoka_batch_landings, heyoka_landings
-from kickdyn.accuracy.measurement import Measurement, mark_front, shortest_time
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core.validation import Array
@@ -20,6 +16,7 @@ from kickdyn.flight.batch import fly_many
 from kickdyn.flight.equations import FlightEquations
 from kickdyn.flight.fly import fly
 from kickdyn.flight.forces import downward
+from kickdyn.tradeoff.measurement import Measurement, mark_front, shortest_time
 
 TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13)
 
@@ -63,13 +60,16 @@ def kicks(number: int = 6) -> list[BallState]:
 
 
 def measure_flights(
-    tolerances: Sequence[float] = TOLERANCES, report: Callable[[str], None] = lambda _: None
+    tolerances: Sequence[float] = TOLERANCES,
+    report: Callable[[str], None] = lambda _: None,
+    others: Mapping[str, Landings] = MappingProxyType({}),
 ) -> list[Measurement]:
     """Measure every integrator on the same kicks, in one run, against 20 digits.
 
     The scenes are `vacuum`; `drag only`, without spin; and `full`: drag, lift and decay of spin.
     The measurements on a scene's Pareto front are marked; `report` is called with each method's
-    name.
+    name. Integrators in `others` are measured in the scene `full`, which is a `Ball()` in
+    `Air(drag="brazuca")`.
     """
     ball, rows = Ball(), [_measure_vacuum()]
     without_spin = [BallState(state.position, state.velocity) for state in kicks()]
@@ -78,7 +78,8 @@ def measure_flights(
         ("full", Air(drag="brazuca"), kicks()),
     ):
         exact, measured = np.array(LANDINGS[scene][: len(states)]), []
-        for name, land in _methods(scene, ball, air, tolerances).items():
+        methods = _methods(ball, air) | (dict(others) if scene == "full" else {})
+        for name, land in methods.items():
             report(f"{scene}: {name}")
             land(states, max(tolerances))  # compiles, loads
             for tol in tolerances:
@@ -108,19 +109,12 @@ def _measure_vacuum() -> Measurement:
     return Measurement("vacuum", "closed form", "", worst, seconds, 0.0, True)
 
 
-def _methods(scene: str, ball: Ball, air: Air, tolerances: Sequence[float]) -> dict[str, Landings]:
-    """Return functions that compute landings, one per integrator of a scene, by name."""
+def _methods(ball: Ball, air: Air) -> dict[str, Landings]:
+    """Return functions that compute landings, one per integrator, by name."""
     names = ("RK45", "DOP853", "LSODA", "Radau")
     methods: dict[str, Landings] = {name: _scipy(name, ball, air) for name in names}
     methods["kd.fly"] = _fly(ball, air)
     methods["kd.fly_many"] = _fly_many(ball, air)
-    if scene == "full":  # its equations for heyoka divide by the spin
-        compiled = {
-            tol: run for tol in tolerances if (run := heyoka_landings(ball, air, tol)) is not None
-        }
-        if compiled:
-            methods["heyoka"] = _heyoka(compiled)
-            methods["heyoka, batch of 8"] = _heyoka_batch(ball, air, tolerances)
     return methods
 
 
@@ -166,41 +160,14 @@ def _fly_many(ball: Ball, air: Air) -> Landings:
 
     def land(states: list[BallState], tol: float) -> tuple[Array, float, int]:
         """Return the first landings, evaluations per flight and the number of flights."""
-        data = fly_many(_repeated(states), ball, air, tol=tol)
+        data = fly_many(repeated(states), ball, air, tol=tol)
         landings = data.landing_position.values[: len(states)]
         return landings, float(data.evaluations.mean()), len(data.flight)
 
     return land
 
 
-def _heyoka(compiled: dict[float, Callable[[BallState], tuple[Array, int]]]) -> Landings:
-    """Return the landings of heyoka's integrators, which are compiled for each tolerance."""
-
-    def land(states: list[BallState], tol: float) -> tuple[Array, float, int]:
-        """Return the first landings, steps per flight and the number of flights."""
-        landings, steps = compiled[tol](_repeated(states))
-        return landings[: len(states)], steps / len(landings), len(landings)
-
-    return land
-
-
-def _heyoka_batch(ball: Ball, air: Air, tolerances: Sequence[float]) -> Landings:
-    """Return the landings of heyoka's batch integrators, eight flights at once to their events."""
-    compiled = {tol: heyoka_batch_landings(ball, air, tol, "event") for tol in tolerances}
-
-    def land(states: list[BallState], tol: float) -> tuple[Array, float, int]:
-        """Return the first landings, steps per flight and the number of flights."""
-        many, run = _repeated(states), compiled[tol]
-        assert run is not None
-        n = len(many.position) // 8 * 8
-        many = BallState(many.position[:n], many.velocity[:n], many.spin[:n], np.zeros(n))
-        landings, steps = run(many, np.zeros(n))
-        return landings[: len(states)], steps / n, n
-
-    return land
-
-
-def _repeated(states: list[BallState]) -> BallState:
+def repeated(states: list[BallState]) -> BallState:
     """Return 2000 states, by repeating a few: the batch integrators are made for many."""
     position, velocity, spin = (
         np.tile([getattr(state, name) for state in states], (2000 // len(states), 1))

@@ -12,7 +12,18 @@ from typing import NamedTuple
 
 from numpy.typing import ArrayLike
 
-from kickdyn.accuracy.mujoco_fit import (
+from kickdyn.ball import Ball
+from kickdyn.contact import Contact
+from kickdyn.core import validation
+from kickdyn.core.representation import ReprMixin, Row, warned
+from kickdyn.core.validation import Array
+from kickdyn.errors import InvalidInput
+from kickdyn.impact.approach import AT_REST, find_approach
+from kickdyn.impact.collide import CONTACT_TIME
+from kickdyn.impact.force_model import Dissipation
+from kickdyn.impact.strike import strike
+from kickdyn.robot.leg import Posture
+from kickdyn.simulators.mujoco_fit import (
     DURATION,
     SPEEDS,
     FittedContact,
@@ -26,19 +37,8 @@ from kickdyn.accuracy.mujoco_fit import (
     other_speed,
     simulate,
 )
-from kickdyn.accuracy.mujoco_kick import MujocoContact, load_mujoco, pair, row, scene
-from kickdyn.accuracy.mujoco_placement import placement_warnings
-from kickdyn.ball import Ball
-from kickdyn.contact import Contact
-from kickdyn.core import validation
-from kickdyn.core.representation import ReprMixin, Row, warned
-from kickdyn.core.validation import Array
-from kickdyn.errors import InvalidInput
-from kickdyn.impact.approach import AT_REST, find_approach
-from kickdyn.impact.collide import CONTACT_TIME
-from kickdyn.impact.force_model import Dissipation
-from kickdyn.impact.strike import strike
-from kickdyn.robot.leg import Posture
+from kickdyn.simulators.mujoco_kick import MujocoContact, load_mujoco, pair, row, scene
+from kickdyn.simulators.mujoco_placement import placement_warnings
 
 LEAST_RESTITUTION = 0.2
 """Below about 0.14 a damped spring is overdamped, and has no contact time of its own."""

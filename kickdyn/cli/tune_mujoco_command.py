@@ -24,7 +24,7 @@ from kickdyn.restitution import Restitution
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.mjcf_file import MjcfFile
 from kickdyn.robot.names import unknown
-from kickdyn.scene.scene import Scene
+from kickdyn.scene.scene import Compliance, Scene
 from kickdyn.scene.toml_reader import load_scene
 from kickdyn.simulators.mujoco_fit import MujocoIntegrator
 from kickdyn.simulators.tune_mujoco import MujocoTuning
@@ -120,19 +120,22 @@ def tune_mujoco(
         posture = leg.posture(leg.configuration(_angles(leg, joints))).with_contact_offset(offset)
         warn(posture.warnings)
         scene = Scene(
-            leg, posture.q, posture.joint_velocity(speed * direction), ball,
-            Contact(direction, restitution, friction, offset=offset), contact_time=contact_time,
-            name=leg.name,
+            posture, posture.joint_velocity(speed * direction), ball,
+            Contact(direction, restitution, friction, offset=offset),
+            Compliance(contact_time=contact_time), name=leg.name,
         )  # fmt: skip
-    if scene.law != "newton":
+    compliance = Compliance()
+    if isinstance(scene.law, Compliance):
+        compliance = scene.law
+    elif scene.law != "newton":
         raise InvalidInput(
             f"law is {scene.law!r}: a contact of MuJoCo is tuned for 'newton', or for a "
             "contact time"
         )
-    if scene.stiffness is not None:
+    if compliance.stiffness is not None:
         raise InvalidInput(
-            f"stiffness is {scene.stiffness!r}: a contact of MuJoCo is tuned for a contact time, "
-            "contact_time_s"
+            f"stiffness is {compliance.stiffness!r}: a contact of MuJoCo is tuned for a contact "
+            "time, contact_time_s"
         )
     _check_feet(scene.leg, feet)
     if scene.contact.friction and not feet:
@@ -140,9 +143,9 @@ def tune_mujoco(
     with busy("tuning"):
         tuning = tune_contact(
             scene.posture, scene.v, scene.ball, scene.contact, timestep=timestep,
-            integrator=integrator, contact_time=scene.contact_time or CONTACT_TIME,
-            dissipation=scene.dissipation, tolerance=tolerance,
-            ball_velocity=scene.ball_velocity, ball_spin=scene.ball_spin,
+            integrator=integrator, contact_time=compliance.contact_time or CONTACT_TIME,
+            dissipation=compliance.dissipation, tolerance=tolerance,
+            ball_velocity=scene.incoming.velocity, ball_spin=scene.incoming.spin,
         )  # fmt: skip
     model = tuning.mjcf(*feet)
     written = {out: model, scene_out: tuning.scene}

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,22 +27,6 @@ from kickdyn.scene.pitch import Wall, check_before
 
 LEAST_RESTITUTION = 0.01
 """The least restitution of a contact that takes time."""
-
-
-class FlightEnvironment(NamedTuple):
-    """What flies, what it flies through, and what ends the flight.
-
-    Attributes:
-        ball: what flies.
-        air: None is the vacuum.
-        ground: as for `follow` where it has a surface, else as for `fly`.
-        plane: as for `fly`.
-    """
-
-    ball: Ball
-    air: Air | None
-    ground: Ground | None
-    plane: Plane | None
 
 
 @dataclass(frozen=True)
@@ -74,6 +58,11 @@ class Compliance:
         ball = Ball(pressure=PRESSURES[0])
         given = checked_stiffness(ball, self.contact_time, self.stiffness)
         object.__setattr__(self, "stiffness", given)
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """The values as keyword arguments of `collide`."""
+        return dict(self.__dict__)
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
@@ -209,11 +198,6 @@ class Scene(ReprMixin):
             InvalidInput: the scene has no plane, or its point is above or below the ball.
         """
         return validation.direction("direction to the plane", (*self._to_target(), 0.0))
-
-    @property
-    def environment(self) -> FlightEnvironment:
-        """The ball, the air and what ends the path, as data for the flight."""
-        return FlightEnvironment(self.ball, self.air, self.ground, self.plane)
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -234,7 +234,8 @@ TABLES = (
         Key("supports", "supports", "list of names", "frames that are held in place during the "
             "impact, such as the foot on the ground", _names),
         Key("loops", "loops", "list of pairs of names", "pairs of frames that coincide, which "
-            "closes a kinematic loop", partial(_check_list, is_item=_is_pair, items="pairs of names")),
+            "closes a kinematic loop",
+            partial(_check_list, is_item=_is_pair, items="pairs of names")),
         Key("stiff_joints", "stiff_joints", "list of names",
             "joints whose velocity does not change in the impact", _names),
         Key("armature_kg_m2", "armature", "table, joint = number, at least 0 [kg m2]",

@@ -201,7 +201,9 @@ def _scene(tables: dict[str, Any], folder: Path, stem: str) -> Scene:
         law,
         incoming=incoming,
         name=tables[""].get("name", stem),
-        **{name: tables[name] for name in ("air", "plane", "wall", "uncertainty") if name in tables},
+        **{
+            name: tables[name] for name in ("air", "plane", "wall", "uncertainty") if name in tables
+        },
     )
     if "ground" not in tables:
         return scene

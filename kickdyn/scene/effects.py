@@ -4,8 +4,10 @@ A new effect is an `Effect` in `EFFECTS`.
 """
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +16,7 @@ from kickdyn.aerodynamics.drag import constant
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core.validation import Array
+from kickdyn.errors import KickdynError
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.forces import acceleration_function
 from kickdyn.scene.launch_and_end import PathEnd, end_normal, fly_scene
@@ -32,15 +35,12 @@ class Effect:
         is_in: whether a scene has it.
         without: returns the scene without it, given the launch.
         in_flight: whether it changes the flight only, not the launch.
-        through: names of the effects that this one acts through: without all of them it does
-            nothing.
     """
 
     name: str
     is_in: Callable[[Scene], bool]
     without: Callable[[Scene, BallState], Scene]
     in_flight: bool = False
-    through: tuple[str, ...] = ()
 
 
 class EffectVerdict(NamedTuple):
@@ -52,14 +52,12 @@ class EffectVerdict(NamedTuple):
         size: how far neglecting it moves the end, to first order [m]; inf where that is not known,
             nan where it was not needed.
         why: reason for the decision.
-        neglected_with: names of the neglected effects without all of which it does nothing.
     """
 
     effect: str
     modelled: bool
     size: float
     why: str
-    neglected_with: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -87,8 +85,8 @@ def effects_of(scene: Scene) -> list[Effect]:
 def first_order_size(effect: Effect, scene: Scene, flight: Flight) -> float:
     r"""Return how far neglecting an effect of the air moves the end of a flight [m].
 
-    To first order: without the effect the acceleration is :math:`a'` in place of :math:`a`. Along the flight, of
-    duration T, and at its end at a surface of normal n with the velocity v,
+    To first order: without the effect the acceleration is :math:`a'` in place of :math:`a`. Along
+    the flight, of duration T, which ends at a surface of normal n with the velocity v,
 
     .. math:: \delta = \int_0^T (T - t)\, (a' - a)\, dt, \qquad
         \text{size} = \left| \delta - v\, \frac{n \cdot \delta}{n \cdot v} \right| .
@@ -121,10 +119,10 @@ def _accelerations(ball: Ball, air: Air | None, launch: BallState, states: BallS
 
 
 class Reduction(NamedTuple):
-    """A scene without the effects of its flight that do not matter.
+    """A flight without the effects that do not matter.
 
     Attributes:
-        end: of its path.
+        end: of the path.
         error: distance of this end from the end with all effects [m].
         verdicts: on each effect of the scene but the contact time.
         evaluations: of the acceleration, in all flights.
@@ -140,7 +138,7 @@ def neglect_effects(scene: Scene, whole: PathEnd, allowed: float) -> Reduction:
     """Neglect the effects of the flight with the smallest sizes, as far as an error is allowed [m].
 
     Their sizes add up to at most what is allowed. The flight without them is then compared with the
-    one that has all effects; should they be farther apart than that, the largest is modelled again.
+    flight that has all effects; if they are farther apart, the largest one is modelled again.
     """
     effects = [effect for effect in effects_of(scene) if effect.name != "contact time"]
     flight, obstacle = whole.path, ""
@@ -155,60 +153,38 @@ def neglect_effects(scene: Scene, whole: PathEnd, allowed: float) -> Reduction:
         for effect in effects
         if effect.in_flight
     }
-    neglected = _smallest(effects, sizes, allowed)
     evaluations = whole.evaluations + (0 if obstacle else 2 * len(NODES) * len(sizes))
-    end, error = whole, 0.0
-    while neglected:
+    smallest = sorted(sizes, key=lambda name: sizes[name])
+    sums = accumulate(sizes[name] for name in smallest)
+    number = sum(total <= allowed for total in sums)
+    reduced, end, error = scene, whole, 0.0
+    while number > 0:
         reduced = scene
         for effect in effects:
-            if effect.name in neglected and effect.is_in(reduced):
-                reduced = effect.without(reduced, whole.path.launch)
-        end = fly_scene(reduced, whole.path.launch)
-        evaluations += end.evaluations
-        error = math.dist(end.state.position, whole.state.position)
-        if end.path.status == whole.path.status and error <= allowed:
-            break
-        neglected, end, error = neglected[:-1], whole, 0.0
+            if effect.name in smallest[:number]:
+                reduced = effect.without(reduced, flight.launch)
+        with suppress(KickdynError):  # as where it leaves the range of a coefficient
+            end = fly_scene(reduced, flight.launch)
+            evaluations += end.evaluations
+            error = math.dist(end.state.position, whole.state.position)
+            if end.path.status == flight.status and error <= allowed:
+                break
+        number -= 1
+        reduced, end, error = scene, whole, 0.0
     verdicts = []
     for effect in effects:
-        size, through = sizes.get(effect.name, math.nan), _neglected_paths(effect, sizes, neglected)
-        if effect.name in neglected or through:
-            why = (
-                f"neglected with {' and '.join(through)}" if through else "its size is small enough"
-            )
-            verdicts.append(EffectVerdict(effect.name, False, size, why, through))
-            continue
-        why = "always modelled, which costs no time"
-        if effect.in_flight:
-            why = obstacle or "its size is too large for the tolerance"
-        verdicts.append(EffectVerdict(effect.name, True, size, why))
+        size, is_modelled = sizes.get(effect.name, math.nan), False
+        if effect.name in smallest[:number]:
+            why = "its size is small enough"
+        elif not effect.is_in(reduced):
+            why = "it does nothing without the effects that are neglected"
+        else:
+            is_modelled = True
+            why = "always modelled, which costs no time"
+            if effect.in_flight:
+                why = obstacle or "its size is too large for the tolerance"
+        verdicts.append(EffectVerdict(effect.name, is_modelled, size, why))
     return Reduction(end, error, tuple(verdicts), evaluations)
-
-
-def _smallest(effects: Sequence[Effect], sizes: Mapping[str, float], allowed: float) -> list[str]:
-    """Return the effects, smallest first, whose sizes add up to at most what is allowed [m].
-
-    The size of an effect that acts only through neglected ones does not count.
-    """
-    by_name, neglected = {effect.name: effect for effect in effects}, list[str]()
-    for name in sorted(sizes, key=lambda name: sizes[name]):
-        candidates = [*neglected, name]
-        total = math.fsum(
-            sizes[candidate]
-            for candidate in candidates
-            if not _neglected_paths(by_name[candidate], sizes, candidates)
-        )
-        if total <= allowed:
-            neglected = candidates
-    return neglected
-
-
-def _neglected_paths(
-    effect: Effect, sizes: Mapping[str, float], neglected: Collection[str]
-) -> tuple[str, ...]:
-    """Return the effects that an effect acts through if all of them are neglected, else none."""
-    through = tuple(name for name in effect.through if name in sizes)
-    return through if set(through) <= set(neglected) else ()
 
 
 def _without_rotors(scene: Scene, _: BallState) -> Scene:
@@ -216,12 +192,13 @@ def _without_rotors(scene: Scene, _: BallState) -> Scene:
     leg = scene.leg
     sizes = list(leg.workspace.model.nvs)[1:]
     single = [name for name, size in zip(leg.joint_names, sizes, strict=True) if size == 1]
-    return scene.replace(leg=leg.with_armature(dict.fromkeys(single, 0.0)))
+    return scene.with_leg(leg.with_armature(dict.fromkeys(single, 0.0)))
 
 
 def _constant_drag(air: Air, ball: Ball, launch: BallState) -> Air:
     """Return air with the drag coefficient of the launch, whatever the speed and the spin."""
-    assert air.drag is not None
+    if air.drag is None:
+        return air
     speed = max(math.dist(launch.velocity, air.wind_at(float(launch.position[2]))), 1e-9)
     surface_speed = ball.radius * math.hypot(*launch.spin.tolist())
     reynolds = 2.0 * ball.radius * air.density / air.viscosity * speed
@@ -229,10 +206,7 @@ def _constant_drag(air: Air, ball: Ball, launch: BallState) -> Air:
 
 
 def _of_air(
-    name: str,
-    acts: Callable[[Air], bool],
-    change: Callable[[Air, Ball, BallState], Air],
-    through: tuple[str, ...] = (),
+    name: str, acts: Callable[[Air], bool], change: Callable[[Air, Ball, BallState], Air]
 ) -> Effect:
     """Return an effect of the air; `change` returns air without it."""
 
@@ -243,7 +217,12 @@ def _of_air(
     def is_in(scene: Scene) -> bool:
         return scene.air is not None and scene.air.density > 0.0 and acts(scene.air)
 
-    return Effect(name, is_in, without, in_flight=True, through=through)
+    return Effect(name, is_in, without, in_flight=True)
+
+
+def _has_force(air: Air) -> bool:
+    """Return whether drag or lift acts, through which wind and spin decay change the path."""
+    return air.drag is not None or air.lift is not None
 
 
 EFFECTS = (
@@ -268,22 +247,20 @@ EFFECTS = (
     Effect(
         "supports",
         lambda scene: scene.leg.constraints is not None and bool(scene.leg.constraints.supports),
-        lambda scene, _: scene.replace(leg=scene.leg.with_supports()),
+        lambda scene, _: scene.with_leg(scene.leg.with_supports()),
     ),
     _of_air("drag", lambda air: air.drag is not None, lambda air, *_: replace(air, drag=None)),
-    _of_air("drag crisis", lambda air: air.drag is not None, _constant_drag, ("drag",)),
+    _of_air("drag crisis", lambda air: air.drag is not None, _constant_drag),
     _of_air("lift", lambda air: air.lift is not None, lambda air, *_: replace(air, lift=None)),
     _of_air(
         "spin decay",
-        lambda air: air.torque is not None,
+        lambda air: air.torque is not None and _has_force(air),
         lambda air, *_: replace(air, torque=None),
-        ("drag", "lift"),
     ),
     _of_air(
         "wind",
-        lambda air: callable(air.wind) or bool(air.wind.any()),
+        lambda air: (callable(air.wind) or bool(air.wind.any())) and _has_force(air),
         lambda air, *_: replace(air, wind=(0.0, 0.0, 0.0)),
-        ("drag", "lift"),
     ),
     _of_air("buoyancy", lambda air: air.buoyancy, lambda air, *_: replace(air, buoyancy=False)),
 )

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -124,6 +124,8 @@ class Scene(ReprMixin):
         name: str = "scene",
     ) -> None:
         ball.check_movable("a scene")
+        if contact.offset is None and posture.contact_offset is not None:
+            contact = replace(contact, offset=posture.contact_offset)
         if isinstance(law, Compliance):
             _check_compliant(law, ball, contact)
         else:
@@ -155,6 +157,10 @@ class Scene(ReprMixin):
             InvalidInput: as for `Scene`.
         """
         return Scene(**{**self.__dict__, **changes})
+
+    def with_leg(self, leg: Leg) -> "Scene":
+        """Return the scene with another leg in the same configuration."""
+        return self.replace(posture=leg.posture(self.q))
 
     @property
     def leg(self) -> Leg:

@@ -116,7 +116,7 @@ def _check_joints(value: object, unit: str, **limits: float) -> None:
         raise InvalidInput(
             f"{validation.brief(value)}: it must be a table, joint = number [{unit}]"
         )
-    faults = []
+    faults: list[str] = []
     for joint, number in value.items():
         try:
             validation.number(joint, number, unit=unit, **limits)
@@ -172,11 +172,11 @@ def _air(model: str = "standard", **values: Any) -> Air:
     options = {"drag": None, "lift": None, "torque": None, "buoyancy": False, **values}
     if model == "standard":
         return Air.at(**options)
-    if weather := values.keys() & {"altitude", "temperature_c", "pressure"}:
+    if values.keys() & {"altitude", "temperature_c", "pressure"}:
         raise InvalidInput(
-            *(f"{name} is given with model 'paper', whose air is fixed: leave one of them out"
-              for name in sorted(weather))
-        )  # fmt: skip
+            "the air of model 'paper' is fixed: leave out the model, or altitude_m, temperature_c "
+            "and pressure_pa"
+        )
     paper = Air.paper()
     return Air(paper.density, paper.viscosity, **options)
 

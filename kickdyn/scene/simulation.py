@@ -244,8 +244,6 @@ class Simulation(Printed):
         for verdict in self.verdicts:
             decision = "modelled" if verdict.modelled else "neglected"
             line = f"{verdict.effect:20}{decision:12}{_size(self.effect_sizes[verdict.effect]):>9}"
-            if verdict.neglected_with:
-                line += f"   with {' and '.join(verdict.neglected_with)}"
             lines.append(line)
         lines.append("size: how far the end moves if only this effect is neglected.")
         if self.tolerance is not None:

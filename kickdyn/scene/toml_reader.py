@@ -113,18 +113,18 @@ def _read_tables(document: dict[str, Any]) -> tuple[list[str], dict[str, Any]]:
         else:
             faults.append(f"{name} is {validation.brief(value)}: it must be a section, [{name}]")
     for name, content in contents.items():
-        faults += _faults_of(tables[name], content)
+        of_table = _faults_of(tables[name], content)
+        try:
+            if not of_table:
+                made[name] = tables[name].constructor(**_arguments(tables[name], content))
+        except InvalidInput as error:
+            of_table = [f"{name}: {line}" for line in error.faults]
+        faults += of_table
     faults += [
         f"section [{table.name}] is missing"
         for table in TABLES
         if table.is_required and table.name not in document
     ]
-    if not faults:
-        for name, content in contents.items():
-            try:
-                made[name] = tables[name].constructor(**_arguments(tables[name], content))
-            except InvalidInput as error:
-                faults += [f"{name}: {line}" for line in error.faults]
     return faults, made
 
 

@@ -90,7 +90,6 @@ def offers(
     """Return what completes the value of an option: names, and files of the shell."""
 
     def complete(ctx: click.Context, _: click.Parameter, incomplete: str) -> list[CompletionItem]:
-        """Return the names that begin so."""
         found = [CompletionItem(name) for name in names(ctx) if name.startswith(incomplete)]
         # first, because bash forgets what comes before a file
         return [CompletionItem(incomplete, type="file"), *found] if files else found

@@ -176,7 +176,6 @@ def leg_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
     @wraps(command)
     def with_options(*args: Any, **given: Any) -> Any:
-        """Call the command with the options of the leg in one."""
         options = LegOptions(**{name: given.pop(name) for name in LegOptions._fields})
         return command(*args, leg_options=options, **given)
 

@@ -16,7 +16,6 @@ def _numbers(separator: str, count: int) -> Callable[..., list[float] | None]:
     """Return a callback of click that reads so many numbers."""
 
     def read(_: click.Context, option: click.Option, text: str | None) -> list[float] | None:
-        """Return the numbers of an option's text; None where it is not given."""
         if text is None:
             return None
         try:
@@ -47,13 +46,11 @@ def foot_options(speed: float, attack: float) -> Callable[[Command], Command]:
     """Return what gives a command the arguments `speed` [m/s] and `attack` [deg], with defaults."""
 
     def check(_: click.Context, option: click.Parameter, value: float) -> float:
-        """Return a value within its limits, or raise `InvalidInput`."""
         if option.name == "speed":
             return validation.number("speed", value, above=0, at_most=1e6, unit="m/s")
         return validation.number("attack", value, at_least=-90, at_most=90, unit="deg")
 
     def add(command: Command) -> Command:
-        """Return the command with both options."""
         command = click.option(
             "--attack", default=attack, show_default=True, callback=check,
             help="Direction of the foot and of the contact normal above the horizontal [deg].",

@@ -221,7 +221,6 @@ def plan(
         arguments |= {"objective": KickObjective.SCATTER, "uncertainty": uncertainty}
 
     def attempt(goal: Goal, **changes: Any) -> KickPlan:
-        """Return the plan for a goal, with changed arguments."""
         return plan_kick(leg, goal, ball, air_of_flight, **(arguments | changes))
 
     with busy("planning the kick") as show:

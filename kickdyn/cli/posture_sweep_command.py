@@ -229,7 +229,6 @@ def _progress_bar(size: int, resumed: str | None) -> Iterator[Progress | None]:
     best, announced = 0.0, resumed is None
 
     def kept(count: int) -> None:
-        """Write how many postures a store has, the first time."""
         nonlocal announced
         if not announced:
             rest = "the others are computed" if count < size else "none is missing"
@@ -242,7 +241,6 @@ def _progress_bar(size: int, resumed: str | None) -> Iterator[Progress | None]:
         return
 
     def text(speed: float | None) -> str | None:
-        """Return what stands beside the progress bar."""
         return f"best {speed:.4g} m/s" if speed else None
 
     notice = logging.Handler(logging.INFO)
@@ -257,7 +255,6 @@ def _progress_bar(size: int, resumed: str | None) -> Iterator[Progress | None]:
     ) as bar:
 
         def progress(count: int, speed: float) -> None:
-            """Move the bar on by a number of postures, and keep the best speed [m/s]."""
             nonlocal best
             kept(count)
             best = float(np.fmax(best, speed))

@@ -69,7 +69,6 @@ def _compare_methods(impact: bool, flight: bool, json_file: str | None, plot: st
     with busy("measuring") as show:
 
         def report(name: str) -> None:
-            """Show which method is measured."""
             show(f"measuring {name}")
 
         rows = {

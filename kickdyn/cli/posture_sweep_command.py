@@ -28,7 +28,7 @@ from kickdyn.core import compilation
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, Unfinished
 from kickdyn.flight.fly import fly
-from kickdyn.impact.laws import ImpactLaw
+from kickdyn.impact.laws import LAWS
 from kickdyn.restitution import range_warnings
 from kickdyn.robot.leg import Leg
 from kickdyn.sweeps.dataset import VARIABLES, describe, select_variables
@@ -131,7 +131,7 @@ class StoreOptions:
               "ankle, in steps of 5 deg.")  # fmt: skip
 @takes(foot=FootOptions, contact=ContactOptions, air=AirOptions, ball=BallOptions)
 @click.option("--law", default="newton", show_default=True,
-              type=click.Choice([*map(str, ImpactLaw)]),
+              type=click.Choice([*LAWS]),
               help="Impact law. Only newton has compiled kernels; with the others a sweep is about "
               "a thousand times slower.")  # fmt: skip
 @click.option("--where", metavar="CONDITION",

@@ -180,7 +180,9 @@ def _print(split: Segments | None, fits: list[Fit], failures: list[str]) -> None
     if len(fits) == 1:
         click.echo(str(fits[0].result))
     elif fits:
-        names = [name for name in fits[0].result.names if name not in ("x", "y", "z", "vx", "vy", "vz")]
+        names = [
+            name for name in fits[0].result.names if name not in ("x", "y", "z", "vx", "vy", "vz")
+        ]
         heads = [f"{name} [{UNITS[name]}]" if name in UNITS else name for name in names]
         click.echo(
             "samples     speed [m/s]  left out  rms [cm]  "

@@ -1,4 +1,4 @@
-"""The options of command lines that describe the leg: its name or file, what is locked, and so on."""
+"""The options of command lines that describe the leg: its name or file, locked joints, supports."""
 
 import os
 import re

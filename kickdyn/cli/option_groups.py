@@ -1,4 +1,4 @@
-"""Options of command lines, in groups: a dataclass each for the ball, the air, the contact and so on.
+"""Options of command lines in groups: a dataclass each for the ball, the air, the contact, files.
 
 A field of a group is an option. `takes` adds the options of groups to a command, which receives the
 filled groups; their methods make the library's objects of what was typed.
@@ -72,9 +72,11 @@ class Numbers(click.ParamType):  # type: ignore[type-arg]
         self._separator = ":" if ":" in form else ","
 
     def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str:
+        """Return the form."""
         return self.name
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the numbers as a tuple."""
         count = self.name.count(self._separator) + 1
         try:
             numbers = tuple(map(float, value.split(self._separator)))
@@ -220,7 +222,7 @@ def read_drag(text: str, *names: str) -> str | float:
 
 @dataclass(frozen=True)
 class JsonOptions:
-    """Where results are written as JSON: a file; `-` is stdout, and then nothing else is printed."""
+    """The file of the results as JSON; `-` is stdout, and then nothing else is printed."""
 
     json_file: str | None = option(
         "--json", metavar="FILE", help="Write the results as JSON; - is stdout."
@@ -259,6 +261,7 @@ class OutputOptions(JsonOptions):
     )
 
     def check(self, *others: str | None, inputs: Iterable[str | None] = ()) -> None:
+        """Raise `InvalidInput` unless these files and `others` can be written."""
         if self.plot is not None:
             from kickdyn.core.plot_style import check_name  # imports matplotlib
 

@@ -102,9 +102,9 @@ class GoalOptions:
 
     def load(self) -> Goal:
         """Return the goal; raise `InvalidInput` unless exactly one option describes the flight."""
-        for name, value in {"distance": self.distance, "height": self.height, "left": self.left}.items():
-            least = 0.0 if name == "distance" else -math.inf
-            validation.number(name, value, above=least, at_most=FARTHEST, unit="m")
+        validation.number("distance", self.distance, above=0, at_most=FARTHEST, unit="m")
+        validation.number("height", self.height, at_most=FARTHEST, unit="m")
+        validation.number("left", self.left, at_most=FARTHEST, unit="m")
         wall, over = self.read_wall(), self.over
         flight = {"--time": self.time, "--apex": self.apex, "--launch-speed": self.launch_speed}
         given = [name for name, value in (flight | {"--over": over}).items() if value is not None]
@@ -143,7 +143,8 @@ class KickOptions:
         "--spin", type=Numbers("X,Y,Z"), help="Spin of the ball [rad/s]; back spin has Y < 0."
     )
     objective: str | None = option(
-        "--objective", type=click.Choice([name.value for name in KickObjective if name != "scatter"]),
+        "--objective",
+        type=click.Choice([name.value for name in KickObjective if name != "scatter"]),
         help="Quantity that is minimized (maximized by most-joint-impulse).  "
         "[default: joint-speed]",
     )  # fmt: skip
@@ -165,8 +166,8 @@ class KickOptions:
     def check(self) -> None:
         """Raise `InvalidInput` for options that exclude each other."""
         for first, second, excluded, reason in (
-            ("--ball-height", "--ball-at", self.ball_height is not None and self.ball_at is not None,
-             "give one of the two"),
+            ("--ball-height", "--ball-at",
+             self.ball_height is not None and self.ball_at is not None, "give one of the two"),
             ("--swing", "--no-limits", self.swing and self.no_limits,
              "a swing is planned within limits"),
             ("--robust", "--objective", self.uncertainty and self.objective,
@@ -218,6 +219,7 @@ class WindyAirOptions(AirOptions):
     )
 
     def load(self) -> Air | None:
+        """Return the air; None in a vacuum."""
         air = super().load()
         if self.wind is None:
             return air

@@ -218,7 +218,12 @@ def _default_ranges(name: str, leg: Leg) -> list[str]:
 
 
 def _sweep(
-    leg: Leg, postures: Mapping[str, Array], kick: Kick, storing: StoreOptions, summary: Summary, size: int
+    leg: Leg,
+    postures: Mapping[str, Array],
+    kick: Kick,
+    storing: StoreOptions,
+    summary: Summary,
+    size: int,
 ) -> xr.Dataset | None:
     """Compute all postures and add them to the summary; return the dataset if it is written."""
     data: xr.Dataset | None = None

@@ -73,6 +73,7 @@ class MjcfOptions(JsonOptions):
     )  # fmt: skip
 
     def check(self, *others: str | None, inputs: Iterable[str | None] = ()) -> None:
+        """Raise `InvalidInput` unless these files and `others` can be written."""
         if self.out == "-" and not self.prints:
             raise InvalidInput("--out and --json are both -: only one of them can be stdout")
         named = None if self.out == "-" else self.out

@@ -41,7 +41,7 @@ to 500."""
 TIME_LIMIT = 1000.0
 """Time after which a ball that has not reached a plane is taken never to reach it [s]."""
 
-FIRST_STEP = 1.0 / 64.0
+FIRST_STEP = 1.0 / 16.0
 """First step of the integration, as a fraction of the flight, or of its duration in a vacuum."""
 
 VACUUM = Air(density=0.0)

@@ -41,6 +41,8 @@ def test_a_page_and_numbers(tmp_path):
     )
     assert numbers["angles_deg"] == {"hip": 50, "knee": 20, "ankle": 20}  # as the file has them
     assert numbers["impulse"] == pytest.approx(hit.impulse)
+    assert numbers["ball_spin"] == pytest.approx(hit.ball_after.spin)
+    assert np.linalg.norm(numbers["ball_spin"]) > 1.0
     for joint, sent in enumerate(numbers["joint_impulses"].values()):
         whole = np.linalg.norm(hit.joint_impulses[joint, :3])
         assert np.linalg.norm(sent) == pytest.approx(whole)

@@ -18,7 +18,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.mesh_file import Triangles, read_mesh
-from kickdyn.robot.mesh_path import MeshFinder
+from kickdyn.robot.package_files import PackageFiles
 from kickdyn.robot.visuals import Shape, Visual
 from kickdyn.view.marks import UPRIGHT, cylinder_pose
 
@@ -105,7 +105,7 @@ def leg_parts(leg: Leg) -> tuple[list[Part], str]:
     parts: list[Part] = []
     faults: list[str] = []
     room = MOST_VERTICES
-    read = cache(partial(read_mesh, MeshFinder(leg.file.folder, leg.file.package_dirs)))
+    read = cache(partial(read_mesh, PackageFiles(leg.file.folder, leg.file.package_dirs)))
     for visual in visuals:
         try:
             new = list(_visual_parts(visual, by_name[visual.frame], read)) if room >= 0 else []

@@ -158,6 +158,7 @@ class Scene(ReprMixin):
         """
         return Scene(**{**self.__dict__, **changes})
 
+    @validation.check_arguments
     def with_leg(self, leg: Leg) -> "Scene":
         """Return the scene with another leg in the same configuration."""
         return self.replace(posture=leg.posture(self.q))

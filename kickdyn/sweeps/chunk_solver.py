@@ -82,12 +82,12 @@ class ChunkSolver:
         from kickdyn.flight.compiling import compiled_rates  # numba is needed by large grids only
         from kickdyn.flight.march import compiled_march
         from kickdyn.sweeps.carry_table import compiled_evaluate
-        from kickdyn.sweeps.kernels import compiled_kernel, kernel_is_kept
+        from kickdyn.sweeps.kernel import compiled_kernel, kernel_is_kept
 
-        planar, kick = self._model.planar, self._kick
-        if kick.air is not None and kernel_is_kept(planar) is False:
+        kick = self._kick
+        if kick.air is not None and kernel_is_kept() is False:
             with calling_beside("the integrator of flights", compiled_march):
-                compiled_kernel(planar)
+                compiled_kernel()
                 compiled_rates(kick.ball, kick.air)
                 if self.carry_tolerance > 0.0:
                     compiled_evaluate()
@@ -97,7 +97,7 @@ class ChunkSolver:
         if self._model is None:
             return
         self.compile()
-        from kickdyn.sweeps.kernels import Kernel
+        from kickdyn.sweeps.kernel import Kernel
 
         self._kernel = Kernel(self._model, self._leg, self._grid)
         if self.carry_tolerance > 0.0:
@@ -140,7 +140,7 @@ class ChunkSolver:
         """Fill in what kernel and flights give; return which postures are doubtful."""
         from kickdyn.flight.batch import fly_many
         from kickdyn.sweeps.carry_table import launches
-        from kickdyn.sweeps.kernels import NORMAL, TANGENT, fill_variables
+        from kickdyn.sweeps.kernel import NORMAL, TANGENT, fill_variables
 
         assert self._kernel is not None
         kick = self._kick

@@ -28,12 +28,12 @@ extremes: $(VENV)/.dev
 mutants: $(VENV)/.dev
 	@echo "This takes more than an hour on 2 cores."
 	mkdir -p build
-	$(BIN)/python tests/mutants.py --json build/mutants.json
+	$(BIN)/python tools/mutants.py --json build/mutants.json
 
 ## notebooks: runs the notebooks and stores their outputs, which tests compare; needs Chromium
 notebooks: $(VENV)/.dev browser
 	@echo "This takes about a minute, and longer on the first run, which compiles."
-	$(BIN)/python tests/notebook_outputs.py
+	$(BIN)/python tools/notebook_outputs.py
 
 ## test: the whole suite, about 6 minutes on 2 cores once everything is installed
 test: $(VENV)/.dev browser

@@ -18,9 +18,13 @@ from collections.abc import Iterable, Sequence
 from importlib import metadata
 from pathlib import Path
 
-from kickdyn.accuracy.flight_methods import measure_flights
-from kickdyn.accuracy.impact_methods import measure_impacts
-from kickdyn.accuracy.measurement import Measurement, front_figure
+from heyoka_flight import heyoka_methods
+
+from kickdyn.air import Air
+from kickdyn.ball import Ball
+from kickdyn.tradeoff.flight_methods import TOLERANCES, measure_flights
+from kickdyn.tradeoff.impact_methods import measure_impacts
+from kickdyn.tradeoff.measurement import Measurement, front_figure
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 from extremes.extreme_case import NOT_FINITE, ExtremeCase
@@ -151,7 +155,9 @@ def write(page: Path, filled: dict[str, str]) -> None:
 def main() -> None:
     """Write the pages."""
     began = time.process_time()
-    impacts, flights, found = measure_impacts(), measure_flights(), list(extreme_cases())
+    heyoka = heyoka_methods(Ball(), Air(drag="brazuca"), TOLERANCES)
+    impacts, flights = measure_impacts(), measure_flights(others=heyoka)
+    found = list(extreme_cases())
     for file, figure in (
         ("tradeoff.png", front_figure(impacts, flights)),
         ("extremes.png", condition_figure(found)),

@@ -29,10 +29,10 @@ from functools import partial
 
 import numpy as np
 from by_hand import fly_by_hand
+from heyoka_flight import heyoka_batch_landings, heyoka_landings
 from scipy.integrate import solve_ivp
 
 import kickdyn as kd
-from kickdyn.accuracy.heyoka_flight import heyoka_batch_landings, heyoka_landings
 from kickdyn.core.validation import Array
 from kickdyn.flight.batch import fly_many
 from kickdyn.flight.equations import FlightEquations

@@ -22,7 +22,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 import kickdyn as kd
-from kickdyn.accuracy.mujoco_kick import damping_ratio, mujoco_kick
+from kickdyn.simulators.mujoco_kick import damping_ratio, mujoco_kick
 
 LEG, BALL = kd.Leg.human(), kd.Ball()
 STIFFNESSES = (1e5, 1e6, 1e7)  # N/m

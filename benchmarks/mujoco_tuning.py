@@ -25,7 +25,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import kickdyn as kd
-from kickdyn.accuracy.mujoco_fit import (
+from kickdyn.core.plot_style import save_figure, styled
+from kickdyn.core.validation import Array
+from kickdyn.simulators.mujoco_fit import (
     SHAPES,
     SPEEDS,
     find_best,
@@ -33,9 +35,7 @@ from kickdyn.accuracy.mujoco_fit import (
     fit_contact,
     kick_cases,
 )
-from kickdyn.accuracy.mujoco_kick import MujocoContact, MujocoKick, pair, row
-from kickdyn.core.plot_style import save_figure, styled
-from kickdyn.core.validation import Array
+from kickdyn.simulators.mujoco_kick import MujocoContact, MujocoKick, pair, row
 
 POSTURE = kd.Leg.human().posture(np.radians([40, 30, -20]))
 V = np.array([8.25, -18.15, 2.48])  # rad/s

@@ -2,8 +2,6 @@
 
 __version__: str
 
-from .accuracy.tune_mujoco import MujocoTuning as MujocoTuning
-from .accuracy.tune_mujoco import tune_mujoco as tune_mujoco
 from .air import Air as Air
 from .ball import Ball as Ball
 from .ball import BallState as BallState
@@ -63,6 +61,8 @@ from .scene.scene import Scene as Scene
 from .scene.simulate import simulate as simulate
 from .scene.simulation import Simulation as Simulation
 from .scene.toml_reader import load_scene as load_scene
+from .simulators.tune_mujoco import MujocoTuning as MujocoTuning
+from .simulators.tune_mujoco import tune_mujoco as tune_mujoco
 from .sweeps.store import open_sweep as open_sweep
 from .sweeps.sweep import sweep as sweep
 from .sweeps.sweep_kick import Kick as Kick

@@ -6,14 +6,14 @@ from pathlib import Path
 import pytest
 from references.exact_impact import exact_impact, given
 
-from kickdyn.accuracy.impact_methods import kick
+from kickdyn.tradeoff.impact_methods import kick
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "explanation" / "accuracy.md"
 
 
 def test_the_rows_on_the_kick_of_the_paper():
     pytest.importorskip("mujoco")
-    from kickdyn.accuracy.mujoco_kick import mujoco_kick
+    from kickdyn.simulators.mujoco_kick import mujoco_kick
 
     text = PAGE.read_text("utf-8")
     impact = kick(0.0)

@@ -86,6 +86,7 @@ RESULTS = {
         "Launch",
         "MujocoTuning",
         "Pass",
+        "Posture",
         "RestitutionFit",
         "Segments",
         "Sensitivity",
@@ -157,7 +158,14 @@ def test_an_argument_of_any_type_is_taken_or_refused_in_a_line(name, tmp_path, m
 
 def test_the_calls_are_those_of_the_stub():
     assert len(CALLS) > 60
-    assert {"Air", "Air.at", "Leg.from_urdf", "Posture", "plan_swing", "page"} <= CALLS.keys()
+    assert {
+        "Air",
+        "Air.at",
+        "Leg.from_urdf",
+        "Posture.respond",
+        "plan_swing",
+        "page",
+    } <= CALLS.keys()
 
 
 @validation.check_arguments

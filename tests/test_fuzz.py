@@ -1,4 +1,4 @@
-"""A slice of `tests/fuzz.py`, always the same, and all that it ever found."""
+"""A slice of `tools/fuzz.py`, always the same, and all that it ever found."""
 
 import random
 from itertools import islice

@@ -61,7 +61,8 @@ def test_the_wheel_holds_the_package_and_nothing_else(built):
 def test_the_sdist_can_test_itself(built):
     with tarfile.open(built[1]) as sdist:
         rooms = {Path(*Path(name).parts[1:2]) for name in sdist.getnames()}
-    wanted = "Makefile constraints.txt kickdyn urdf tests scenes notebooks benchmarks docs examples"
+    wanted = "Makefile constraints.txt kickdyn urdf tests tools scenes notebooks docs examples"
+    wanted += " benchmarks"
     assert {Path(name) for name in wanted.split()} <= rooms
 
 

@@ -10,7 +10,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import kickdyn as kd
-from kickdyn.accuracy.impact_methods import in_float32, solve_kkt
 from kickdyn.restitution import (
     MODELS,
     approach_speed,
@@ -21,6 +20,7 @@ from kickdyn.restitution import (
     restitution_at,
     restitution_slope,
 )
+from kickdyn.tradeoff.impact_methods import in_float32, solve_kkt
 
 TABLE = [[5.0, 0.8], [10.0, 0.7], [20.0, 0.65]]
 LEG = kd.Leg.human()

@@ -26,7 +26,7 @@ from kickdyn.core import compilation
 from kickdyn.core.files import write_json
 from kickdyn.errors import InvalidInput, Unfinished
 from kickdyn.flight.fly import fly
-from kickdyn.impact.laws import ImpactLaw
+from kickdyn.impact.laws import LAWS
 from kickdyn.restitution import Restitution, range_warnings
 from kickdyn.sweeps.dataset import VARIABLES, describe, select_variables
 from kickdyn.sweeps.grid import Grid, read_postures
@@ -65,7 +65,7 @@ KICKING = ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
 @drag_option
 @ball_option
 @click.option("--law", default="newton", show_default=True,
-              type=click.Choice([*map(str, ImpactLaw)]),
+              type=click.Choice([*LAWS]),
               help="Impact law. Only newton has compiled kernels; with the others a sweep is about "
               "a thousand times slower.")  # fmt: skip
 @click.option("--out", metavar="FILE.nc|DIR.zarr",

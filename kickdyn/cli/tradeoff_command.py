@@ -11,8 +11,6 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from kickdyn.accuracy.effect_sizes import effect_figure
-from kickdyn.accuracy.measurement import Measurement, front_figure
 from kickdyn.cli.command import Command, busy, check_files, offers
 from kickdyn.cli.scene_argument import scene_names
 from kickdyn.core.console import empty_table, screen_width
@@ -23,6 +21,8 @@ from kickdyn.scene.effects import EffectSize
 from kickdyn.scene.simulate import measure_effects, simulate
 from kickdyn.scene.simulation import Simulation
 from kickdyn.scene.toml_reader import load_scene
+from kickdyn.tradeoff.effect_sizes import effect_figure
+from kickdyn.tradeoff.measurement import Measurement, front_figure
 
 TITLES = {
     "impact": "Impulse in posture a of Table 2 at 10 m/s; reference of 50 digits; *: Pareto front",
@@ -63,8 +63,8 @@ def tradeoff(
 
 def _compare_methods(impact: bool, flight: bool, json_file: str | None, plot: str | None) -> None:
     """Measure the methods, and write and print what was asked for."""
-    from kickdyn.accuracy.flight_methods import measure_flights
-    from kickdyn.accuracy.impact_methods import measure_impacts
+    from kickdyn.tradeoff.flight_methods import measure_flights
+    from kickdyn.tradeoff.impact_methods import measure_impacts
 
     with busy("measuring") as show:
 

@@ -8,9 +8,6 @@ import click
 import numpy as np
 from click.core import ParameterSource
 
-from kickdyn.accuracy.mujoco_fit import MujocoIntegrator
-from kickdyn.accuracy.tune_mujoco import MujocoTuning
-from kickdyn.accuracy.tune_mujoco import tune_mujoco as tune_contact
 from kickdyn.ball import Ball
 from kickdyn.cli.ball_option import ball_option
 from kickdyn.cli.command import Command, busy, check_files, offers, warn
@@ -23,13 +20,15 @@ from kickdyn.core.console import screen_width, wrapped
 from kickdyn.core.files import replacing, write_json
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.collide import CONTACT_TIME
-from kickdyn.impact.laws import ImpactLaw
 from kickdyn.restitution import Restitution
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.mjcf_file import MjcfFile
 from kickdyn.robot.names import unknown
 from kickdyn.scene.scene import Scene
 from kickdyn.scene.toml_reader import load_scene
+from kickdyn.simulators.mujoco_fit import MujocoIntegrator
+from kickdyn.simulators.tune_mujoco import MujocoTuning
+from kickdyn.simulators.tune_mujoco import tune_mujoco as tune_contact
 from kickdyn.sweeps.grid import read_postures
 
 
@@ -125,9 +124,9 @@ def tune_mujoco(
             Contact(direction, restitution, friction, offset=offset), contact_time=contact_time,
             name=leg.name,
         )  # fmt: skip
-    if scene.law != ImpactLaw.NEWTON:
+    if scene.law != "newton":
         raise InvalidInput(
-            f"law is {scene.law.value!r}: a contact of MuJoCo is tuned for 'newton', or for a "
+            f"law is {scene.law!r}: a contact of MuJoCo is tuned for 'newton', or for a "
             "contact time"
         )
     if scene.stiffness is not None:

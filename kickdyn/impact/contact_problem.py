@@ -1,6 +1,8 @@
 """The contact problem that an impact law solves, and the solution it returns."""
 
 import math
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -100,6 +102,30 @@ class Solution(NamedTuple):
     sticking: bool
     energy_lost: float
     tangential_impulse: Array
+
+
+@dataclass(frozen=True)
+class ImpactLaw:
+    """An impact law and what it can do; whoever cannot use a law as it is refuses it.
+
+    Attributes:
+        name: the argument `law` of `kickdyn.strike`.
+        solve: function that returns the solution of a contact problem.
+        several_contacts: whether `kickdyn.unilateral_strike` solves this law, for the ball and all
+            points of the feet at once.
+        has_slopes: whether `kickdyn.Impact.sensitivity` differentiates this law.
+        has_kernel: whether the compiled kernels of sweeps compute this law; other laws are computed
+            posture by posture.
+        eq_10_without_friction: whether the law is `frictionless` at a friction of 0, so that
+            `pin.impulseDynamics` computes it.
+    """
+
+    name: str
+    solve: Callable[[ContactProblem], Solution]
+    several_contacts: bool = False
+    has_slopes: bool = False
+    has_kernel: bool = False
+    eq_10_without_friction: bool = False
 
 
 def frictionless(problem: ContactProblem) -> Solution:

@@ -18,7 +18,7 @@ from kickdyn.errors import InvalidInput
 from kickdyn.impact.approach import Approach
 from kickdyn.impact.constraint_impulses import Footing, footing
 from kickdyn.impact.contact_problem import Solution
-from kickdyn.impact.laws import ImpactLaw
+from kickdyn.impact.laws import LAWS, names_of_laws
 from kickdyn.impact.leg_response import LegResponse, leg_response
 from kickdyn.impact.rounding import Rounding, digits_left, estimate_rounding
 from kickdyn.impact.sensitivity import Sensitivity, sensitivity
@@ -41,7 +41,7 @@ class Impact(ReprMixin):
 
     Attributes:
         approach: leg and ball just before the impact.
-        law: the impact law.
+        law: name of the impact law.
         solution: the impulse that the law returned.
         ball_after: state of the ball just after the impact.
         response: response of the leg, where it was computed together with the impulse; None where
@@ -49,7 +49,7 @@ class Impact(ReprMixin):
     """
 
     approach: Approach
-    law: ImpactLaw
+    law: str
     solution: Solution
     ball_after: BallState
     response: LegResponse | None = field(default=None, kw_only=True)
@@ -293,14 +293,13 @@ class Impact(ReprMixin):
                 `link_inertia`; their derivatives take most of the time.
 
         Raises:
-            InvalidInput: a law other than `newton`, a support that moves after
+            InvalidInput: a law without sensitivities, a support that moves after
                 `unilateral_strike`, or a joint whose axes depend on its own angles (universal,
                 composite, Euler angles).
         """
-        if self.law is not ImpactLaw.NEWTON:
-            raise InvalidInput(
-                f"impact law {self.law.value!r} has no sensitivities: choose 'newton'"
-            )
+        if not LAWS[self.law].has_slopes:
+            able = names_of_laws("has_slopes")
+            raise InvalidInput(f"impact law {self.law!r} has no sensitivities: choose {able}")
         return sensitivity(
             self.approach, self.solution, self.ball_after, self.leg_response, of_leg=of_leg
         )

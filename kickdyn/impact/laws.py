@@ -1,43 +1,38 @@
 """The registry of impact laws: each maps a contact problem to the impulse on the ball.
 
-A new law is a module like `newton_law.py` with one function, a member of `ImpactLaw` and a line in
-`LAWS`. `pinocchio_engine.py` and `unilateral.py` must refuse it where it does not apply.
+A new law is a module like `stronge_law.py`, which ends with its `ImpactLaw`, and a line in `LAWS`.
 """
 
 import math
-from collections.abc import Callable
-from enum import StrEnum
 
 import numpy as np
 
 from kickdyn.core import validation
 from kickdyn.core.validation import length
 from kickdyn.errors import InvalidInput, KickdynError
-from kickdyn.impact.contact_problem import ContactProblem, Solution
-from kickdyn.impact.newton_law import SINGULAR, solve_newton
-from kickdyn.impact.paper_law import solve_paper
-from kickdyn.impact.stronge_law import solve_stronge
+from kickdyn.impact.contact_problem import ContactProblem, ImpactLaw, Solution
+from kickdyn.impact.newton_law import NEWTON, SINGULAR
+from kickdyn.impact.paper_law import PAPER
+from kickdyn.impact.stronge_law import STRONGE
+
+LAWS: dict[str, ImpactLaw] = {law.name: law for law in (NEWTON, STRONGE, PAPER)}
+"""Impact laws by name.
+
+`newton` has kinematic restitution and the exact Coulomb cone, `stronge` has energetic restitution
+and follows the sliding through the contact, and `paper` is the law of the ICRA 2005 paper.
+"""
 
 
-class ImpactLaw(StrEnum):
-    """Impact laws by name.
-
-    `newton` has kinematic restitution and the exact Coulomb cone, `stronge` has energetic
-    restitution and follows the sliding through the contact, and `paper` is that of the ICRA 2005
-    paper.
-    """
-
-    NEWTON = "newton"
-    STRONGE = "stronge"
-    PAPER = "paper"
+def find_law(value: object, what: str = "impact law") -> ImpactLaw:
+    """Return the law of a name, or raise `InvalidInput`; `what` is for the message."""
+    if isinstance(value, str) and value in LAWS:
+        return LAWS[value]
+    raise InvalidInput(f"{what} is {validation.brief(value)}: it must be one of {', '.join(LAWS)}")
 
 
-LAWS: dict[ImpactLaw, Callable[[ContactProblem], Solution]] = {
-    ImpactLaw.NEWTON: solve_newton,
-    ImpactLaw.STRONGE: solve_stronge,
-    ImpactLaw.PAPER: solve_paper,
-}
-"""The function of every impact law."""
+def names_of_laws(ability: str) -> str:
+    """Return the quoted names of the laws with an ability, an attribute of `ImpactLaw`."""
+    return " or ".join(repr(law.name) for law in LAWS.values() if getattr(law, ability))
 
 
 def solve_contact(problem: ContactProblem, law: ImpactLaw) -> Solution:
@@ -53,12 +48,12 @@ def solve_contact(problem: ContactProblem, law: ImpactLaw) -> Solution:
                 "ball mass is inf, and the leg cannot move along the contact normal either"
             )
     try:
-        solution = LAWS[law](problem)
+        solution = law.solve(problem)
     except np.linalg.LinAlgError:
         solution = None
     if solution is None or not math.isfinite(solution.energy_lost):
         raise KickdynError(
-            f"law {law.value!r} finds no impulse (restitution {problem.restitution:g}, friction "
+            f"law {law.name!r} finds no impulse (restitution {problem.restitution:g}, friction "
             f"{problem.friction:g}, relative velocity {problem.velocity.tolist()} m/s)"
         )
     solution.impulse.setflags(write=False)

@@ -7,7 +7,13 @@ from scipy.linalg import lapack
 
 from kickdyn.core.validation import Array, length
 from kickdyn.errors import KickdynError
-from kickdyn.impact.contact_problem import ContactProblem, Solution, contact_axes, frictionless
+from kickdyn.impact.contact_problem import (
+    ContactProblem,
+    ImpactLaw,
+    Solution,
+    contact_axes,
+    frictionless,
+)
 
 SINGULAR = 1e-12
 """Share of the Delassus matrix, of a leg at an obstacle, that counts as no mobility."""
@@ -135,3 +141,14 @@ def slip_angles(g_matrix: Array, velocity: Array, mu: float) -> list[float]:
             angle -= value / slope if slope else 0.0
         angles.append(angle)
     return angles
+
+
+NEWTON = ImpactLaw(
+    "newton",
+    solve_newton,
+    several_contacts=True,
+    has_slopes=True,
+    has_kernel=True,
+    eq_10_without_friction=True,
+)
+"""Kinematic restitution and the exact Coulomb cone."""

@@ -3,7 +3,7 @@
 import math
 
 from kickdyn.core.validation import Array
-from kickdyn.impact.contact_problem import ContactProblem, Solution
+from kickdyn.impact.contact_problem import ContactProblem, ImpactLaw, Solution
 
 
 def solve_paper(problem: ContactProblem) -> Solution:
@@ -47,3 +47,7 @@ def limit_friction(force: Array, normal: Array, friction: float) -> tuple[Array,
     if not sticking:
         tangential *= friction * along / size
     return force if sticking else along * normal + tangential, tangential, sticking
+
+
+PAPER = ImpactLaw("paper", solve_paper)
+"""The law of the ICRA 2005 paper."""

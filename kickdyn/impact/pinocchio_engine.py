@@ -6,8 +6,8 @@ import pinocchio as pin
 from kickdyn.ball import BallState
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.approach import Approach
-from kickdyn.impact.contact_problem import Solution
-from kickdyn.impact.laws import ImpactLaw
+from kickdyn.impact.contact_problem import ImpactLaw, Solution
+from kickdyn.impact.laws import names_of_laws
 from kickdyn.impact.leg_response import NO_CONSTRAINTS, LegResponse, as_response, joint_impulses
 
 
@@ -23,15 +23,16 @@ def solve_by_pinocchio(
 
     The row always has rank one because of the ball. Of supports and loops, the independent rows are
     added; with rows of lower rank its answer would be wrong without a warning. The joint impulses
-    are those of its velocity jump, by Newton-Euler. Friction, the law `paper` and an obstacle raise
-    `InvalidInput`.
+    follow from its velocity jump, by Newton-Euler. Friction, a law that differs from Eq. (10)
+    without it and an obstacle raise `InvalidInput`.
     """
     posture, before, ball = approach.posture, approach.ball_before, approach.ball
     contact, leg = approach.contact, posture.leg
-    if contact.friction != 0.0 or law not in (ImpactLaw.NEWTON, ImpactLaw.STRONGE):
+    if contact.friction != 0.0 or not law.eq_10_without_friction:
         raise InvalidInput(
-            f"friction is {contact.friction:g} and law {law.value!r}: engine 'pinocchio' is for "
-            "friction 0 and the laws 'newton' and 'stronge', which are the same without friction"
+            f"friction is {contact.friction:g} and law {law.name!r}: engine 'pinocchio' is for "
+            f"friction 0 and law {names_of_laws('eq_10_without_friction')}, which agree "
+            "without friction"
         )
     ball.check_movable("Pinocchio's impulseDynamics")
     n, e = contact.normal, approach.restitution

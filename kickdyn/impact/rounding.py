@@ -2,7 +2,7 @@
 
 The constant is no proven bound: it was measured against 50 digits on random chains of hinges and
 slides, light feet, ball joints near gimbal lock, grazing contacts and slips near jamming
-(`tests/digits.py`), by law `newton`; the other laws are judged by the same analysis.
+(`tools/digits.py`), by law `newton`; the other laws are judged by the same analysis.
 """
 
 import math

@@ -13,7 +13,7 @@ from kickdyn.errors import EnergyCreated
 from kickdyn.impact.approach import AT_REST, Approach, find_approach
 from kickdyn.impact.contact_problem import Solution
 from kickdyn.impact.impact_result import Impact
-from kickdyn.impact.laws import ImpactLaw, solve_contact
+from kickdyn.impact.laws import find_law, solve_contact
 from kickdyn.impact.pinocchio_engine import solve_by_pinocchio
 from kickdyn.robot.leg import Posture
 
@@ -75,15 +75,15 @@ def strike(
         >>> round(impact.ball_after.speed, 2)  # [m/s]
         16.94
     """
-    law = validation.choice("impact law", law, ImpactLaw)
+    impact_law = find_law(law)
     validation.flag("strict", strict)
     approach = find_approach(posture, v, ball, contact, ball_velocity, ball_spin)
     if validation.choice("engine", engine, ImpactEngine) is ImpactEngine.CLOSED_FORM:
-        solution = solve_contact(approach.contact_problem(), law)
-        impact = Impact(approach, law, solution, ball_after(approach, solution))
+        solution = solve_contact(approach.contact_problem(), impact_law)
+        impact = Impact(approach, impact_law.name, solution, ball_after(approach, solution))
     else:
-        solution, ball_state, response = solve_by_pinocchio(approach, law)
-        impact = Impact(approach, law, solution, ball_state, response=response)
+        solution, ball_state, response = solve_by_pinocchio(approach, impact_law)
+        impact = Impact(approach, impact_law.name, solution, ball_state, response=response)
     check_energy(impact, strict)
     return impact
 
@@ -92,7 +92,7 @@ def check_energy(impact: Impact, strict: bool) -> None:
     """Raise `EnergyCreated` if the law created energy and `strict` is true."""
     if strict and impact.creates_energy:
         raise EnergyCreated(
-            f"law {impact.law.value!r} creates {-impact.energy_lost:.3g} J in {impact.posture!r} "
+            f"law {impact.law!r} creates {-impact.energy_lost:.3g} J in {impact.posture!r} "
             f"(restitution {impact.restitution:g}, friction {impact.contact.friction:g}): "
             "law 'stronge' never does"
         )

@@ -10,7 +10,13 @@ from scipy.optimize import brentq
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
-from kickdyn.impact.contact_problem import ContactProblem, Solution, contact_axes, frictionless
+from kickdyn.impact.contact_problem import (
+    ContactProblem,
+    ImpactLaw,
+    Solution,
+    contact_axes,
+    frictionless,
+)
 
 ORDER = 24
 MAX_STEPS = 2000
@@ -267,3 +273,7 @@ def _solve(m11: float, m12: float, m22: float, c1: float, c2: float) -> tuple[fl
         square = (m11 + m22) ** 2 or 1.0
         return (m11 * c1 + m12 * c2) / square, (m12 * c1 + m22 * c2) / square
     return (m22 * c1 - m12 * c2) / determinant, (m11 * c2 - m12 * c1) / determinant
+
+
+STRONGE = ImpactLaw("stronge", solve_stronge, eq_10_without_friction=True)
+"""Energetic restitution, with the sliding followed through the contact."""

@@ -18,20 +18,15 @@ from kickdyn.impact.cone_solver import solve_cones
 from kickdyn.impact.constraint_impulses import Footing, is_level
 from kickdyn.impact.contact_problem import Solution
 from kickdyn.impact.impact_result import Impact
-from kickdyn.impact.laws import ImpactLaw
+from kickdyn.impact.laws import find_law, names_of_laws
 from kickdyn.impact.leg_response import as_response, joint_impulses
+from kickdyn.impact.newton_law import NEWTON
 from kickdyn.impact.rounding import Rounding
 from kickdyn.impact.strike import ball_after, check_energy
 from kickdyn.robot.constraints import Support
 from kickdyn.robot.leg import Leg, Posture
 
 MAX_RESIDUAL = 1e-9
-
-UNSUITABLE = {
-    ImpactLaw.PAPER: "it needs one effective mass of the leg",
-    ImpactLaw.STRONGE: "it follows one impulse as it grows, and here several grow at once",
-}
-"""Why the other laws do not apply to several contacts."""
 
 AT_REST_SPEED = 1e-9
 """Share of the approach speed below which a point of the sole counts as at rest."""
@@ -127,10 +122,11 @@ def unilateral_strike(
             friction, a flat one without sole, or a sole that is not level.
         KickdynError: no solution was found; the message has the residual of the best.
     """
-    law = validation.choice("impact law", law, ImpactLaw)
-    if law in UNSUITABLE:
+    impact_law = find_law(law)
+    if not impact_law.several_contacts:
         raise InvalidInput(
-            f"impact law is {law.value!r}: {UNSUITABLE[law]}; feet that may lift off need 'newton'"
+            f"impact law is {law!r}, which is for one contact: feet that may lift off are several, "
+            f"and need {names_of_laws('several_contacts')}"
         )
     validation.flag("strict", strict)
     approach = find_approach(posture, v, ball, contact, ball_velocity, ball_spin)
@@ -257,7 +253,7 @@ def _result(
     names = [support.frame for support in supports]
     return UnilateralImpact(
         approach=approach,
-        law=ImpactLaw.NEWTON,
+        law=NEWTON.name,
         solution=solution,
         ball_after=ball_after(approach, solution),
         response=as_response(posture, impulse, approach.v + jump, transmitted, stacked, unbalanced),

@@ -18,7 +18,7 @@ from kickdyn.errors import InvalidInput
 from kickdyn.ground import Ground
 from kickdyn.impact.collide import checked_stiffness
 from kickdyn.impact.force_model import Dissipation
-from kickdyn.impact.laws import ImpactLaw
+from kickdyn.impact.laws import find_law
 from kickdyn.impact.sensitivity import UNITS
 from kickdyn.plane import Plane
 from kickdyn.restitution import Restitution, least_restitution
@@ -86,7 +86,7 @@ class Scene(ReprMixin):
     v: Array
     ball: Ball
     contact: Contact
-    law: ImpactLaw
+    law: str
     contact_time: float | None
     stiffness: float | str | None
     dissipation: Dissipation
@@ -123,7 +123,7 @@ class Scene(ReprMixin):
         name: str = "scene",
     ) -> None:
         ball.check_movable("a scene")
-        impact_law = validation.choice("law", law, ImpactLaw)
+        impact_law = find_law(law, "law").name
         given = checked_stiffness(ball, contact_time, stiffness)
         if contact_time is not None:
             contact_time = validation.number("contact time", contact_time, above=0, unit="s")
@@ -264,12 +264,12 @@ def _checked_uncertainty(value: Mapping[str, float] | None) -> dict[str, float]:
     return checked
 
 
-def compliant_contact_faults(law: ImpactLaw, restitution: Restitution) -> list[str]:
+def compliant_contact_faults(law: str, restitution: Restitution) -> list[str]:
     """Return a line for each value that does not go with a contact time."""
     lines = []
-    if law != ImpactLaw.NEWTON:
+    if law != "newton":
         lines.append(
-            f"law is {law.value!r}: a contact that takes time has no impact law; leave out law, "
+            f"law is {law!r}: a contact that takes time has no impact law; leave out law, "
             "or the contact time and the stiffness"
         )
     least = least_restitution(restitution)

@@ -16,7 +16,7 @@ from kickdyn.core import validation
 from kickdyn.errors import InvalidInput, SceneError
 from kickdyn.ground import SURFACES
 from kickdyn.impact.force_model import Dissipation
-from kickdyn.impact.laws import ImpactLaw
+from kickdyn.impact.laws import LAWS
 from kickdyn.plane import ReachedBy
 from kickdyn.restitution import MODELS as RESTITUTIONS
 from kickdyn.restitution import Restitution, checked_restitution
@@ -310,9 +310,7 @@ SECTIONS: dict[str, dict[str, Key]] = {
         "friction": Key(
             _number(at_least=0.0), "coefficient of friction between foot and ball; 0 without it"
         ),
-        "law": Key(
-            _choice(*ImpactLaw), "impact law of an instantaneous contact; without it `newton`"
-        ),
+        "law": Key(_choice(*LAWS), "impact law of an instantaneous contact; without it `newton`"),
         "offset_m": Key(
             _vector("m"), "contact point in the axes of `frame`; without it its origin"
         ),
@@ -477,8 +475,7 @@ def _clashes(section: str, valid: dict[str, Any]) -> list[str]:
         if not named:
             alone = "is given without contact_time_s or stiffness: it needs one of them"
             return [f"dissipation {alone}"] if "dissipation" in valid else []
-        law = ImpactLaw(valid.get("law", "newton"))
-        lines = compliant_contact_faults(law, valid.get("restitution", 1.0))
+        lines = compliant_contact_faults(valid.get("law", "newton"), valid.get("restitution", 1.0))
         both = "stiffness and contact_time_s are both given: leave one of them out"
         return lines + [both] * (len(named) > 1)
     if section == "air" and valid.get("model") == "paper":

@@ -10,7 +10,7 @@ from kickdyn.core import validation
 from kickdyn.core.compilation import calling_beside
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
-from kickdyn.impact.laws import ImpactLaw
+from kickdyn.impact.laws import find_law
 from kickdyn.impact.strike import strike
 from kickdyn.robot.leg import Leg
 from kickdyn.sweeps.dataset import VARIABLES, variables_of
@@ -47,7 +47,7 @@ class ChunkSolver:
     """Computes all variables of ranges of postures; safe to call from several threads.
 
     A grid of at least `KERNEL_FROM` postures is computed by a compiled kernel. Where there is none
-    (a floating base, supports, loops, wind that changes with height, a law other than `newton`),
+    (a floating base, supports, loops, wind that changes with height, a law without a kernel),
     and where the kernel marks a posture as doubtful, it is `kick_from`, a thousand times slower.
 
     `tolerance` is the largest error of a carry [m], where balls of the air are interpolated between
@@ -63,7 +63,7 @@ class ChunkSolver:
         self._leg, self._grid, self._kick = leg, grid, kick
         windy = kick.air is not None and callable(kick.air.wind)
         few = grid.size < KERNEL_FROM
-        slow = few or windy or kick.law != ImpactLaw.NEWTON
+        slow = few or windy or not find_law(kick.law).has_kernel
         self._model = None if slow else KernelModel.of(leg, kick)
         self.chunk = SLOW_CHUNK if self._model is None else CHUNK
         planar = self._model is not None and self._model.planar

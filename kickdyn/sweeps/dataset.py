@@ -167,7 +167,7 @@ def provenance(leg: Leg, kick: Kick) -> dict[str, str | float]:
         "restitution": kick.restitution_used,
         **_given_restitution(kick),
         "friction": kick.friction,
-        "impact_law": str(kick.law),
+        "impact_law": kick.law,
         "ball_mass_kg": kick.ball.mass,
         "ball_radius_m": kick.ball.radius,
         "ball_inertia_factor": kick.ball.inertia_factor,

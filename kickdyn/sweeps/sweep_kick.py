@@ -16,7 +16,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
 from kickdyn.flight.fly import fly
 from kickdyn.impact.impact_result import Impact
-from kickdyn.impact.laws import ImpactLaw
+from kickdyn.impact.laws import find_law
 from kickdyn.impact.strike import strike
 from kickdyn.robot.leg import Posture
 
@@ -57,14 +57,14 @@ class Kick:
     attack: float = math.radians(30)
     restitution: float | str | ArrayLike = 0.8
     friction: float = 0.4
-    law: str = ImpactLaw.NEWTON
+    law: str = "newton"
     ball: Ball = field(default_factory=Ball)
     air: Air | None = field(default_factory=Air)
 
     def __post_init__(self) -> None:
         validation.number("foot speed", self.speed, above=0, at_most=1e6, unit="m/s")
         validation.number("friction", self.friction, at_least=0, at_most=1e9)
-        object.__setattr__(self, "law", validation.choice("impact law", self.law, ImpactLaw))
+        object.__setattr__(self, "law", find_law(self.law).name)
         limit = math.pi / 2
         validation.number("attack", self.attack, at_least=-limit, at_most=limit, unit="rad")
         validation.check_type(Ball, ball=self.ball)

@@ -12,7 +12,6 @@ from rich.table import Table
 from kickdyn.core.console import PROSE, WIDE, empty_table, screen_width, wrapped
 from kickdyn.core.files import finite
 from kickdyn.core.validation import Array
-from kickdyn.impact.laws import ImpactLaw
 from kickdyn.robot.leg import Leg, Posture
 from kickdyn.sweeps.dataset import provenance, sweep_warnings, variables_of
 from kickdyn.sweeps.grid import DECIMALS, Grid
@@ -173,7 +172,7 @@ def _can_meet(posture: Posture, normal: Array) -> bool:
 def show(leg: Leg, kick: Kick, summary: Summary, lines: Sequence[ReportLine]) -> None:
     """Print the kick, the table and the text as wide as the screen is; no number is cut off."""
     flight = "vacuum" if kick.air is None else f"air {kick.air.density:.4g} kg/m3"
-    law = "" if kick.law == ImpactLaw.NEWTON else f"law {kick.law}, "
+    law = "" if kick.law == "newton" else f"law {kick.law}, "
     title = (
         f"{leg.name}: foot {kick.speed:g} m/s at {math.degrees(kick.attack):g} deg, "
         f"{law}restitution {kick.restitution_used:g}, friction {kick.friction:g}, "

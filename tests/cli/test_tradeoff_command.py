@@ -7,10 +7,10 @@ import sys
 import pytest
 from click.testing import CliRunner
 
-from kickdyn.accuracy import flight_methods as flight
-from kickdyn.accuracy import impact_methods as impact
-from kickdyn.accuracy.measurement import Measurement
 from kickdyn.cli.tradeoff_command import tradeoff
+from kickdyn.tradeoff import flight_methods as flight
+from kickdyn.tradeoff import impact_methods as impact
+from kickdyn.tradeoff.measurement import Measurement
 
 IMPACTS = [
     Measurement("frictionless", "Pinocchio impulseDynamics", "", 1e-16, 2e-4),

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.accuracy.flight_methods import LANDINGS, kicks
 from kickdyn.aerodynamics import drag as drag_models
 from kickdyn.aerodynamics.drag import constant
 from kickdyn.flight import integrate
+from kickdyn.tradeoff.flight_methods import LANDINGS, kicks
 
 BALL = kd.Ball()
 

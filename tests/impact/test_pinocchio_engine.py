@@ -80,7 +80,7 @@ def test_friction_is_refused():
     with pytest.raises(kd.InvalidInput, match=r"friction is 0\.4 .*for friction 0"):
         by_pinocchio(*kick, **options)
     kick, options = random_kick(np.random.default_rng(1), LEGS["human"])
-    with pytest.raises(kd.InvalidInput, match=r"law 'paper': .*'newton' and 'stronge'"):
+    with pytest.raises(kd.InvalidInput, match=r"law 'paper': .*'newton' or 'stronge'"):
         by_pinocchio(*kick, law="paper", **options)
     with pytest.raises(kd.InvalidInput, match="engine is 'bullet'"):
         kd.strike(*kick, engine="bullet", **options)

@@ -11,7 +11,7 @@ from kickdyn.impact.rounding import digits_left
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_no_claim_is_false(family):
-    """A few of the kicks that `python tests/digits.py` measures by the thousand."""
+    """A few of the kicks that `python tools/digits.py` measures by the thousand."""
     for seed in range(8):
         impulse, joints, hit = shortfalls(family, seed)
         assert impulse < 1.0, seed

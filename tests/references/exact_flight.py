@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from kickdyn.accuracy.heyoka_flight import acceleration
+from kickdyn.aerodynamics import drag, lift
+from kickdyn.aerodynamics.coefficient_model import ConstantCoefficient
+from kickdyn.aerodynamics.spin_decay import smits_smith
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core.validation import Array
+from kickdyn.flight.forces import downward
 from references.exact_leg import context
 
 mp = context(30)
@@ -17,6 +22,48 @@ mp = context(30)
 
 STEP = 0.2
 """Time step of the extrapolation [s]."""
+
+
+def acceleration(
+    m: Any, ball: Ball, air: Air, velocity: Sequence[Any], spin: Sequence[Any] | None
+) -> tuple[list[Any], Any]:
+    """Return acceleration and rate of spin decay in still air, in any arithmetic.
+
+    They are those of `acceleration_function` where drag, lift and torque all have constant
+    coefficients, and for the drag `brazuca`, the lift `saturating` and the torque `smits-smith`
+    between Re 7e4 and 5.1e5, where each of these is one analytic formula. The arithmetic `m` has
+    `sqrt` and `exp`: a context of mpmath, or the module of heyoka. Velocity and spin are three of
+    its numbers or expressions; without spin (None) there is no lift.
+    """
+    vx, vy, vz = velocity
+    speed = m.sqrt(vx * vx + vy * vy + vz * vz)
+    fit = drag.BALLS["brazuca"]
+    v = 2 * ball.radius * air.density / air.viscosity / drag.REYNOLDS_PER_SPEED * speed
+    beyond, slope = v - fit.v_min, (fit.b_max - fit.b_min) / (fit.v_max - fit.v_min)
+    crisis = (fit.a - fit.b_min) / (1.0 + m.exp((v - fit.v_c) / fit.v_s))
+    level = crisis + fit.b_min + slope * beyond / (1.0 + m.exp(-beyond / fit.v_s))
+    pressure = 0.5 * air.density * ball.cross_section / ball.mass
+    if spin is None:
+        pull = pressure * level * speed
+        return [-pull * vx, -pull * vy, -pull * vz - downward(ball, air)], 0.0 * speed
+    wx, wy, wz = spin
+    mx, my, mz = wy * vz - wz * vy, wz * vx - wx * vz, wx * vy - wy * vx
+    across = m.sqrt(mx * mx + my * my + mz * mz)
+    parameter = ball.radius * across / (speed * speed)
+    part = (parameter / drag.SPIN_DRAG_LIMIT) ** 2.0
+    eighth = m.sqrt(m.sqrt(m.sqrt(1.0 + part * part * part * part)))
+    cd = level + drag.SPIN_DRAG * parameter / eighth
+    gate = (fit.a - level) / (fit.a - lift.LEAST_DRAG)
+    cl, beta = gate * 0.47 * parameter / (0.135 + parameter), smits_smith(1e5, 0.0)
+    models = air.drag, air.lift, air.torque
+    values = [model.value for model in models if isinstance(model, ConstantCoefficient)]
+    if len(values) == 3:
+        cd, cl, beta = values
+    pull, push = pressure * cd * speed, pressure * cl * speed * speed / across
+    ax, ay, az = (push * side - pull * v for side, v in ((mx, vx), (my, vy), (mz, vz)))
+    brake = air.density * ball.cross_section * ball.radius**2 / ball.inertia * beta
+    creep = 8.0 * math.pi * air.viscosity * ball.radius**3 / ball.inertia
+    return [ax, ay, az - downward(ball, air)], brake * speed + creep
 
 
 def landing(state: BallState, ball: Ball, air: Air) -> Array:

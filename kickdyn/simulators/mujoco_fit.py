@@ -1,0 +1,349 @@
+"""The search for contact parameters with which a kick in MuJoCo gives the ball of `collide`."""
+
+import math
+from collections.abc import Sequence
+from enum import StrEnum
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from scipy.optimize import least_squares
+
+from kickdyn.ball import BallState
+from kickdyn.core.validation import Array
+from kickdyn.errors import InvalidInput, KickdynError, NoImpact
+from kickdyn.impact.approach import Approach, find_approach
+from kickdyn.impact.collide import Collision, collide
+from kickdyn.robot.leg import Posture
+from kickdyn.simulators.mujoco_kick import (
+    IMPEDANCE,
+    MujocoContact,
+    MujocoKick,
+    SimulatedBall,
+    damping_ratio,
+    release_phase,
+)
+
+SHAPES = (
+    (1.0, 1.0), (0.6, 1.0), (1.5, 1.0), (1.0, 2.0), (1.5, 2.0), (2.5, 2.0), (2.5, 3.0), (0.0, 1.0),
+)  # fmt: skip
+"""Growths of the contact's impedance that are tried: the depth over which it grows, in deepest
+deflections, and MuJoCo's exponent. The higher the exponent, the later is the force."""
+
+ENOUGH = 0.5
+"""Share of the accepted errors at which no other growth is tried."""
+
+SPEEDS = (0.5, 1.5, 0.75, 1.25)
+"""Factors on all velocities at which errors are given; the first two are fitted, too."""
+
+TURNED = 0.1
+"""Largest change of a joint between neighbouring postures [rad; m]."""
+
+DIRECTION_LIMIT = math.radians(1.0)
+"""Error of the ball's direction that is accepted [rad]."""
+
+AROUND = 2.0
+"""Errors of the ball's speed that are accepted in other kicks, in those of the tuned kick."""
+
+DURATION = 0.1
+"""Error of the contact time, relative, from which on the result has a warning."""
+
+SPIN, KEPT = 0.3, 0.03
+"""Weights of the fit beside 1 for the ball's velocity: of the spin times the radius, and of the
+logarithms by which friction's coefficient and damping change. The last one keeps the coefficient
+where a kick sticks and thus does not determine it."""
+
+EARLY = 1e-3
+"""Share of an interval between moments by which the simulation begins before the first contact: if
+it began at once, rounding would decide whether the two touch already."""
+
+
+class MujocoIntegrator(StrEnum):
+    """Integrators of MuJoCo."""
+
+    EULER = "Euler"
+    IMPLICIT = "implicit"
+    IMPLICITFAST = "implicitfast"
+    RK4 = "RK4"
+
+
+class KickError(NamedTuple):
+    """Largest errors of a kick simulated in MuJoCo, wherever in a time step the contact begins.
+
+    Attributes:
+        change: what differs from the kick that was tuned; empty for that kick.
+        velocity: of the ball, length of the difference relative to its speed, or to that of the
+            approach along the normal if that is larger.
+        speed: of the ball, relative alike.
+        direction: angle between the ball's velocities [rad].
+        spin: length of the difference [rad/s].
+    """
+
+    change: str
+    velocity: float
+    speed: float
+    direction: float
+    spin: float
+
+
+class KickCase(NamedTuple):
+    """A kick, the ball that kickdyn computes, and how deep the contact is meanwhile.
+
+    The deflection is the mean over the impulse [m].
+    """
+
+    change: str
+    approach: Approach
+    target: BallState
+    deflection: float
+
+    @property
+    def scale(self) -> float:
+        """Speed to which errors are relative [m/s]."""
+        return max(float(self.target.speed), self.approach.speed)
+
+
+class FittedContact(NamedTuple):
+    """A contact that was fitted.
+
+    Attributes:
+        score: by which contacts are compared, the smaller one is better: the largest error that
+            `accepted` limits, in its limit, or 1 if all are accepted; and the largest of all
+            errors, those of the spin, of other postures and of the contact time too.
+        contact: its parameters.
+        errors: in the order of the cases.
+        contact_time: of the simulated kick, a mean [s].
+        kick: the simulation of the first case with this contact.
+    """
+
+    score: tuple[float, float]
+    contact: MujocoContact
+    errors: tuple[KickError, ...]
+    contact_time: float
+    kick: MujocoKick
+
+
+def closed_form_contact(
+    restitution: float, contact_time: float, timestep: float, integrator: str = "Euler"
+) -> tuple[float, float]:
+    """Return stiffness [1/s2] and damping [1/s] of a restitution and a contact time [s].
+
+    For two masses that touch just at the beginning of a time step [s]; RK4 is taken as exact.
+    """
+    ratio = damping_ratio(restitution)
+    swing = math.sqrt(1.0 - ratio * ratio)
+    frequency = release_phase(ratio) / (swing * contact_time)
+    if integrator == MujocoIntegrator.RK4:
+        return frequency**2, 2.0 * ratio * frequency
+    decay, turn = ratio * frequency * timestep, swing * frequency * timestep
+    damping = -math.expm1(-2.0 * decay)
+    stiffness = 2.0 - damping - 2.0 * math.exp(-decay) * math.cos(turn)
+    return stiffness / timestep**2, damping / timestep
+
+
+def accepted(tolerance: float) -> dict[str, float]:
+    """Return the errors that are accepted of a contact, for a tolerance of the ball's speed.
+
+    Those of speed and direction [rad] of the tuned kick, and of the speed at other speeds.
+    """
+    return {
+        "speed": tolerance,
+        "direction": DIRECTION_LIMIT,
+        "speed around": AROUND * tolerance,
+    }
+
+
+def other_speed(factor: float) -> str:
+    """Return the name of the kick with all velocities times a factor."""
+    return f"speed x {factor:g}"
+
+
+def limited_errors(errors: Sequence[KickError]) -> dict[str, float]:
+    """Return the errors of a contact that `accepted` limits, from those of all its kicks."""
+    own, names = errors[0], [other_speed(factor) for factor in SPEEDS]
+    around = max((error.speed for error in errors if error.change in names), default=0.0)
+    return {"speed": own.speed, "direction": own.direction, "speed around": around}
+
+
+def kick_cases(approach: Approach, contact_time: float, dissipation: str) -> list[KickCase]:
+    """Return the kick, and those around it that can be computed.
+
+    The stiffness is that with which the first one has a contact time [s].
+    """
+    posture, ball, contact, before = (
+        approach.posture, approach.ball, approach.contact, approach.ball_before,
+    )  # fmt: skip
+    first = collide(
+        posture, approach.v, ball, contact, contact_time=contact_time, dissipation=dissipation,
+        tol=1e-6, ball_velocity=before.velocity, ball_spin=before.spin,
+    )  # fmt: skip
+
+    def case(change: str, at: Posture, factor: float) -> KickCase:
+        """Return a kick at a posture, with all velocities times a factor."""
+        motion = factor * before.velocity, factor * before.spin
+        near = find_approach(at, factor * approach.v, ball, contact, *motion)
+        hit = collide(
+            at, near.v, ball, contact, stiffness=first.force_model.stiffness,
+            dissipation=dissipation, tol=1e-6, ball_velocity=motion[0], ball_spin=motion[1],
+        )  # fmt: skip
+        return _case(change, near, hit)
+
+    cases = [_case("", approach, first)]
+    for factor in SPEEDS:
+        try:
+            cases.append(case(other_speed(factor), posture, factor))
+        except InvalidInput:  # a ball that would be pressed beyond its radius
+            continue
+    ahead = TURNED * approach.v / float(np.abs(approach.v).max())
+    for change, sign in (("earlier in the swing", -1.0), ("later in the swing", 1.0)):
+        q = pin.integrate(posture.leg.model, posture.q, sign * ahead)
+        at = posture.leg.posture(q).with_contact_offset(contact.offset)
+        try:
+            cases.append(case(change, at, 1.0))
+        except NoImpact:  # a foot that misses the ball there
+            continue
+    return cases
+
+
+def _case(change: str, approach: Approach, hit: Collision) -> KickCase:
+    """Return a computed kick with its mean deflection."""
+    during = hit.sample(np.linspace(0.0, hit.contact_time, 33))
+    forces = np.linalg.norm(during.force, axis=1)
+    mean = float(forces @ during.deflection / forces.sum())
+    return KickCase(change, approach, hit.ball_after, mean)
+
+
+def find_best(
+    cases: Sequence[KickCase],
+    timestep: float,
+    integrator: str,
+    contact_time: float,
+    tolerance: float,
+) -> FittedContact:
+    """Return the best contact at a time step [s] for a contact time [s].
+
+    One whose errors are all accepted is preferred.
+    """
+    friction = cases[0].approach.contact.friction
+    margin = _rounded(cases[0].deflection) if friction else 0.0
+    plain = MujocoContact(friction=friction, margin=margin)
+    kicks = [MujocoKick(case.approach, timestep, plain, integrator, gravity=True) for case in cases]
+    found: list[FittedContact] = []
+    for shape in SHAPES:
+        one = fit_contact(cases, kicks, contact_time, shape, integrator, tolerance)
+        if one is not None:
+            found.append(one)
+            if one.score[1] < ENOUGH:
+                break
+    if not found:
+        raise KickdynError(f"no kick in MuJoCo ends with a time step of {timestep:g} s")
+    best = min(found, key=lambda one: one.score)
+    best.kick.set_contact(best.contact)
+    return best
+
+
+def fit_contact(
+    cases: Sequence[KickCase],
+    kicks: Sequence[MujocoKick],
+    contact_time: float,
+    shape: tuple[float, float],
+    integrator: str,
+    tolerance: float,
+) -> FittedContact | None:
+    """Return the contact fitted to the first three kicks; None if they do not end.
+
+    The impedance grows as one of `SHAPES`.
+    """
+    approach, step = cases[0].approach, kicks[0].timestep
+    e, mu = approach.restitution, approach.contact.friction
+    stiffness, damping = closed_form_contact(e, contact_time, step, integrator)
+    unit = math.sqrt(stiffness)
+    width, power = shape
+    depth = _rounded(width * approach.speed / unit)
+    solimp = (
+        (1e-4, IMPEDANCE, depth, 0.5, power) if width else (IMPEDANCE, IMPEDANCE, 1.0, 0.5, 1.0)
+    )
+    across = min(4.0 / contact_time, 0.8 / step)
+
+    def contact_of(unknowns: Array) -> MujocoContact:
+        """Return the contact of the unknowns, which are 1 at the closed form."""
+        x = unknowns - 1.0
+        solref = (
+            -_rounded(stiffness * math.exp(x[0])),
+            -_rounded(max(damping + unit * x[1], 0.0)),
+        )
+        if not mu:
+            return MujocoContact(solref, solimp)
+        solreffriction = (-1.0, -_rounded(across * math.exp(x[3])))
+        friction = _rounded(mu * math.exp(x[2]))
+        return MujocoContact(solref, solimp, friction, solreffriction, kicks[0].margin)
+
+    def residuals(x: Array) -> Array:
+        """Return the weighted errors, relative to the ball's speed."""
+        parts: list[Array] = []
+        for weight, case, kick in zip((1.0, *2 * (1.0 / AROUND,)), cases, kicks, strict=False):
+            kick.set_contact(contact_of(x))
+            speed = case.scale
+            balls = simulate(kick, 4, 20.0 * contact_time)
+            for found in balls:
+                parts.append(weight * (found.velocity - case.target.velocity) / speed)
+                if mu:
+                    turned = found.spin - case.target.spin
+                    parts.append(SPIN * weight * approach.ball.radius * turned / speed)
+            if case is cases[0]:
+                mean = float(np.mean([ball.contact_time for ball in balls]))
+                parts.append(np.array([0.2 * (mean / contact_time - 1.0)]))
+        parts.append(KEPT * (x[2:] - 1.0))
+        return np.concatenate(parts)
+
+    start = np.ones(4 if mu else 2)  # scipy's steps are relative to it
+    try:
+        solved = least_squares(
+            residuals, start, bounds=(-0.5, 2.5), diff_step=0.02, x_scale=0.1, max_nfev=10,
+            ftol=1e-4, xtol=1e-4,
+        )  # fmt: skip
+        contact = contact_of(solved.x)
+        errors = tuple(
+            find_error(case, kick, contact) for case, kick in zip(cases, kicks, strict=True)
+        )
+        lasted = float(np.mean([ball.contact_time for ball in simulate(kicks[0], 8)]))
+    except KickdynError:
+        return None
+    limits, limited = accepted(tolerance), limited_errors(errors)
+    worst = max(limited[name] / limit for name, limit in limits.items())
+    largest = max(worst, abs(lasted / contact_time - 1.0) / DURATION)
+    for case, error in zip(cases, errors, strict=True):
+        turning = SPIN * approach.ball.radius * error.spin / case.scale if mu else 0.0
+        limit = tolerance if case is cases[0] else AROUND * tolerance
+        largest = max(largest, error.speed / limit, turning / limit)
+    score = (max(worst, 1.0), largest)
+    return FittedContact(score, contact, errors, lasted, kicks[0])
+
+
+def _rounded(value: float) -> float:
+    """Return a parameter to the six digits with which people copy it."""
+    return float(f"{value:.6g}")
+
+
+def simulate(kick: MujocoKick, count: int, longest: float = 1.0) -> list[SimulatedBall]:
+    """Return the balls of kicks that reach the ball at moments spread evenly over a time step."""
+    return [kick.run((part + EARLY) / count, longest=longest) for part in range(count)]
+
+
+def find_error(case: KickCase, kick: MujocoKick, contact: MujocoContact) -> KickError:
+    """Return the largest errors of a kick with a contact."""
+    kick.set_contact(contact)
+    target, speed = case.target, case.scale
+    rows = []
+    for ball in simulate(kick, 8):
+        size = float(np.linalg.norm(ball.velocity))
+        sine = float(np.linalg.norm(np.cross(ball.velocity, target.velocity)))
+        rows.append(
+            (
+                float(np.linalg.norm(ball.velocity - target.velocity)) / speed,
+                abs(size - float(target.speed)) / speed,
+                math.atan2(sine, float(ball.velocity @ target.velocity)),
+                float(np.linalg.norm(ball.spin - target.spin)),
+            )
+        )
+    return KickError(case.change, *(max(column) for column in zip(*rows, strict=True)))

@@ -1,0 +1,135 @@
+"""Where a kicked ball lies among the geoms of the MJCF file from which a leg was read."""
+
+import math
+from dataclasses import replace
+from typing import Any
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+import pinocchio as pin
+
+from kickdyn.core.validation import Array
+from kickdyn.robot.leg import Posture
+from kickdyn.robot.mjcf_file import MjcfFile, body_name
+from kickdyn.simulators.mujoco_kick import load_mujoco, row
+
+BALL = "kickdyn's ball"
+"""Name of the ball among the geoms."""
+
+APART = 2e-3
+"""Distance of the ball from the foot, and depth in another geom, without a warning [m]."""
+
+TILTED = math.radians(5.0)
+"""Angle between the normal of the contact and that of the foot's geom, without a warning [rad]."""
+
+FARTHEST = 100.0
+"""Distance up to which distances are computed [m]."""
+
+
+def placement_warnings(
+    posture: Posture, normal: Array, centre: Array, radius: float
+) -> tuple[str, ...]:
+    """Return a line if a ball does not touch the foot of the leg's MJCF file, or overlaps a geom.
+
+    The foot is to be touched where its normal is that of the contact, towards the ball.
+
+    Empty for a leg that was not read from such a file. The foot is the body of the contact frame
+    with those fixed to it. Geoms of meshes that are missing are left out, and so
+    are bodies that move apart from the leg, such as a ball that the file has already.
+    """
+    file = posture.leg.file
+    if not isinstance(file, MjcfFile):
+        return ()
+    mujoco = load_mujoco()
+    compiled, data = _placed(file, posture, centre, radius)
+    ball = compiled.geom(BALL).id
+    feet: dict[str, float] = {}
+    tilts: dict[str, float] = {}
+    ends = np.zeros(6)  # the nearest points of two geoms
+    others: dict[str, float] = {}
+    foot = _foot_body(compiled, posture.leg.frame)
+    for geom in range(compiled.ngeom):
+        mesh = int(compiled.geom_dataid[geom])
+        is_mesh = int(compiled.geom_type[geom]) == int(mujoco.mjtGeom.mjGEOM_MESH)
+        if geom == ball or (is_mesh and compiled.mesh(mesh).name in file.missing):
+            continue
+        body = int(compiled.geom_bodyid[geom])
+        if body_name(compiled, body) in file.left_out:
+            continue
+        own = str(compiled.geom(geom).name)
+        label = repr(own) if own else f"geom {geom - (geom > ball)}"  # its number in the file
+        name = f"{label} of {body_name(compiled, body)!r}"
+        apart = float(mujoco.mj_geomDistance(compiled, data, ball, geom, FARTHEST, ends))
+        if compiled.body_weldid[body] == foot:
+            feet[name] = apart
+            outward = centre - ends[3:]
+            sine = float(np.linalg.norm(np.cross(normal, outward)))
+            tilts[name] = math.atan2(sine, float(normal @ outward))
+        else:
+            others[name] = apart
+    lines = []
+    if feet:
+        nearest = min(feet, key=lambda name: feet[name])
+        if abs(feet[nearest]) > APART:
+            where = "outside" if feet[nearest] > 0.0 else "inside"
+            lines.append(
+                f"at first contact the ball's surface is {1e3 * abs(feet[nearest]):.0f} mm {where} "
+                f"{nearest}, so that the kick in that file differs from this one: change the "
+                "offset of the contact point or the posture until the ball touches the geom"
+            )
+        elif tilts[nearest] > TILTED:
+            lines.append(
+                f"where the ball touches {nearest}, the geom's normal is "
+                f"{math.degrees(tilts[nearest]):.0f} deg from that of the contact: in the file the "
+                "kick differs from this one; choose another contact point or normal"
+            )
+    inside = {name: -apart for name, apart in others.items() if apart < -APART}
+    if inside:
+        deepest = max(inside, key=lambda name: inside[name])
+        lines.append(
+            f"at first contact the ball is {1e3 * inside[deepest]:.0f} mm inside {deepest}, which "
+            "pushes it out where the two collide: choose another posture"
+        )
+    return tuple(lines)
+
+
+def _placed(file: MjcfFile, posture: Posture, centre: Array, radius: float) -> tuple[Any, Any]:
+    """Return MuJoCo's model and data of a file with a ball, all geoms in their places.
+
+    Bodies that are not part of the leg are where the file draws them.
+    """
+    mujoco = load_mujoco()
+    ball = (
+        f'<worldbody><geom name={quoteattr(BALL)} type="sphere" size="{radius!r}" '
+        f'pos="{row(centre)}"/></worldbody>'
+    )
+    end = file.text.rindex("</mujoco>")
+    compiled = replace(file, text=file.text[:end] + ball + file.text[end:]).compile()
+    data = mujoco.MjData(compiled)
+    mujoco.mj_kinematics(compiled, data)
+    model = posture.leg.model
+    state = model.createData()
+    pin.framesForwardKinematics(model, state, posture.q)
+    for geom in range(compiled.ngeom):
+        name = body_name(compiled, int(compiled.geom_bodyid[geom]))
+        if model.existFrame(name, pin.FrameType.BODY):
+            place = state.oMf[model.getFrameId(name, pin.FrameType.BODY)]
+            turn = np.zeros(9)
+            mujoco.mju_quat2Mat(turn, compiled.geom_quat[geom])
+            data.geom_xpos[geom] = place.act(compiled.geom_pos[geom].copy())
+            data.geom_xmat[geom] = (place.rotation @ turn.reshape(3, 3)).ravel()
+    return compiled, data
+
+
+def _foot_body(compiled: Any, frame: str) -> int:
+    """Return the first body among those fixed to that of a frame: a body, site or geom."""
+    mujoco = load_mujoco()
+    for kind, bodies in (
+        (mujoco.mjtObj.mjOBJ_BODY, np.arange(compiled.nbody)),
+        (mujoco.mjtObj.mjOBJ_SITE, compiled.site_bodyid),
+        (mujoco.mjtObj.mjOBJ_GEOM, compiled.geom_bodyid),
+    ):
+        number = mujoco.mj_name2id(compiled, kind, frame)
+        if number >= 0:
+            return int(compiled.body_weldid[bodies[number]])
+    return -1

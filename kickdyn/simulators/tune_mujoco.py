@@ -1,0 +1,452 @@
+"""Parameters of a MuJoCo contact with which a simulated kick gives the ball that kickdyn computes.
+
+MuJoCo has no coefficient of restitution. Its contact is a spring and a damper per unit of mass,
+which act once per time step and on a ball that has already entered the foot at the first of them.
+"""
+
+import math
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from numpy.typing import ArrayLike
+
+from kickdyn.ball import Ball
+from kickdyn.contact import Contact
+from kickdyn.core import validation
+from kickdyn.core.representation import ReprMixin, Row, warned
+from kickdyn.core.validation import Array
+from kickdyn.errors import InvalidInput
+from kickdyn.impact.approach import AT_REST, find_approach
+from kickdyn.impact.collide import CONTACT_TIME
+from kickdyn.impact.force_model import Dissipation
+from kickdyn.impact.strike import strike
+from kickdyn.robot.leg import Posture
+from kickdyn.simulators.mujoco_fit import (
+    DURATION,
+    SPEEDS,
+    FittedContact,
+    KickError,
+    MujocoIntegrator,
+    accepted,
+    find_best,
+    find_error,
+    kick_cases,
+    limited_errors,
+    other_speed,
+    simulate,
+)
+from kickdyn.simulators.mujoco_kick import MujocoContact, load_mujoco, pair, row, scene
+from kickdyn.simulators.mujoco_placement import placement_warnings
+
+LEAST_RESTITUTION = 0.2
+"""Below about 0.14 a damped spring is overdamped, and has no contact time of its own."""
+
+LONGEST_STEP = 0.02
+"""Largest time step [s]."""
+
+MOST_STEPS = 500
+"""Of a contact: more would take minutes, and change no digit that the fit determines."""
+
+SLOWEST = 0.01
+"""Least speed of approach [m/s]: below it gravity, not the impact, decides the motion."""
+
+STEPS = (5e-3, 4e-3, 3e-3, 2e-3, 1.5e-3, 1e-3, 7.5e-4, 5e-4, 3e-4, 2e-4, 1e-4)
+"""Time steps among which the largest one is sought that meets a goal [s]."""
+
+WATCHED = 2.0
+"""Time after the contact in which a second push is looked for, in contact times."""
+
+
+class MujocoGoal(NamedTuple):
+    """An error that a tuned contact should not exceed.
+
+    Attributes:
+        name: `speed` and `direction` of the ball in the tuned kick, `speed around` at the other
+            speeds.
+        error: of the tuned contact, relative; of the direction [rad].
+        limit: that is accepted.
+        largest_timestep: of those tried, at which this error of the contact tuned there is
+            accepted [s]; None if there is none. The contact is chosen by all goals together.
+    """
+
+    name: str
+    error: float
+    limit: float
+    largest_timestep: float | None
+
+    @property
+    def met(self) -> bool:
+        """Whether the error is accepted at the time step asked for."""
+        return self.error <= self.limit
+
+    @property
+    def texts(self) -> tuple[str, str]:
+        """The error and what is accepted, with their units."""
+        if self.name == "direction":
+            return f"{math.degrees(self.error):.2g} deg", f"{math.degrees(self.limit):.2g} deg"
+        return f"{self.error:.1%}", f"{self.limit:.1%}"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MujocoTuning(ReprMixin):
+    """The contact parameters for MuJoCo that `tune_mujoco` finds.
+
+    Attributes:
+        solref: -stiffness [1/s2] and -damping [1/s] along the normal, per unit of mass.
+        solimp: impedance at first contact and at depth, that depth [m], midpoint and power.
+        friction: coefficient of sliding.
+        solreffriction: the same two numbers across the normal, where MuJoCo reads only the damping;
+            (0, 0) without friction. MuJoCo takes it for a `<pair>` of geoms only.
+        condim: 1 without friction, else 3.
+        margin: `margin` of the ball's geom, which is smaller than the ball by as much [m]; 0
+            without friction, where it has no effect.
+        timestep: time step of the simulation [s].
+        integrator: integrator of MuJoCo.
+        contact_time: mean contact time of the simulated kicks [s].
+        wanted_contact_time: contact time that was asked for [s].
+        errors: errors of the tuned kick; at other speeds; earlier and later in the swing; and of
+            the tuned kick against the ball of `strike`, an impact without duration.
+        tolerance: the largest error of the ball's speed that was asked for, relative.
+        goals: the errors that are accepted, and the largest time steps at which they are.
+        second_push: change of the ball's velocity by the foot after the contact, within two contact
+            times, relative to the ball's speed.
+        seconds: computing time of one simulated kick on this machine [s].
+        scene: MJCF model of leg and ball just before they touch.
+        ball: the ball.
+        ball_position: position of its centre at first contact, shape `(3,)` [m, world frame].
+        placement: lines about the place of the ball among the geoms of the leg's MJCF file, which
+            `warnings` contains; empty for other legs.
+    """
+
+    solref: tuple[float, float]
+    solimp: tuple[float, float, float, float, float]
+    friction: float
+    solreffriction: tuple[float, float]
+    condim: int
+    margin: float
+    timestep: float
+    integrator: str
+    contact_time: float
+    wanted_contact_time: float
+    errors: tuple[KickError, ...]
+    tolerance: float
+    goals: tuple[MujocoGoal, ...]
+    second_push: float
+    seconds: float
+    scene: str
+    ball: Ball
+    ball_position: Array
+    placement: tuple[str, ...] = ()
+
+    @property
+    def within_tolerance(self) -> bool:
+        """Whether all errors are accepted: no goal is missed."""
+        return all(goal.met for goal in self.goals)
+
+    @property
+    def largest_timestep(self) -> float | None:
+        """The largest time step, of those tried, at which no goal is missed [s]; None if none."""
+        steps = [goal.largest_timestep for goal in self.goals]
+        return None if None in steps else min(step for step in steps if step is not None)
+
+    @property
+    def solref_time(self) -> tuple[float, float] | None:
+        r"""The same as `solref` in MuJoCo's other form: time constant [s] and damping ratio.
+
+        .. math:: t = 2 / b, \qquad \zeta = 1 / (t \sqrt{k}) .
+
+        None where it cannot be written so: without damping, or where MuJoCo would raise the time
+        constant to two time steps.
+        """
+        k, b = -self.solref[0], -self.solref[1]
+        if b * self.timestep > 1.0 or b == 0.0:
+            return None
+        return 2.0 / b, 0.5 * b / math.sqrt(k)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """A line for each goal that is missed, with the largest time step that meets it.
+
+        And one where no ball is computed at other velocities, because it would be pressed beyond
+        its radius; where the contact time is more than 10 % off; where the foot pushes the ball a
+        second time; where the ball does not touch the foot of the leg's MJCF file; and where it
+        overlaps another geom there.
+        """
+        lines = [self._missed(goal) for goal in self.goals if not goal.met]
+        names = [error.change for error in self.errors]
+        for factor in SPEEDS:
+            if other_speed(factor) not in names:
+                lines.append(
+                    f"the error at {factor:g} times all velocities is unknown: kd.collide would "
+                    "press the ball in beyond its radius there; a shorter contact time avoids this"
+                )
+        if abs(self.contact_time / self.wanted_contact_time - 1.0) > DURATION:
+            lines.append(
+                f"the contact lasts {1e3 * self.contact_time:.3g} ms, "
+                f"{1e3 * self.wanted_contact_time:.3g} ms was asked for"
+            )
+        if self.second_push > self.tolerance:
+            lines.append(
+                f"after the contact the foot pushes the ball again, by {self.second_push:.1%} of "
+                "its speed: the simulated leg has neither motors nor joint limits that stop it"
+            )
+        return (*lines, *self.placement)
+
+    def _missed(self, goal: MujocoGoal) -> str:
+        """Return the sentence about a goal that is missed."""
+        error, limit = goal.texts
+        what = "direction" if goal.name == "direction" else "speed"
+        where = ""
+        if goal.name == "speed around":
+            where = f" at {min(SPEEDS):g} to {max(SPEEDS):g} times all velocities"
+        best = "no time step that was tried meets it"
+        if goal.largest_timestep is not None:
+            best = f"the largest time step that meets it is {1e3 * goal.largest_timestep:g} ms"
+        return (
+            f"at {1e3 * self.timestep:g} ms the ball's {what} is up to {error} off{where}, "
+            f"{limit} is accepted: {best}"
+        )
+
+    def mjcf(self, *feet: str) -> str:
+        """Return a model with the ball and its contact, for an `<include>` in a robot's MJCF.
+
+        The ball is where the kick strikes it, in the world frame of the leg. The options are those
+        on which the fit depends; they replace those of the robot's file. Where that file has
+        `inertiafromgeom="true"`, MuJoCo gives the ball the inertia of a shell, 2/3 m r^2.
+
+        Args:
+            feet: names of the geoms that strike the ball, `foot` by default; only a contact with
+                friction names them.
+
+        Raises:
+            InvalidInput: a name that MJCF cannot have.
+        """
+        for foot in feet:
+            validation.check_type(str, foot=foot)
+            if not foot.isprintable() or set(foot) & set("<>&\"'") or not foot:
+                raise InvalidInput(f"foot is {foot[:40]!r}: it must be the name of a geom")
+        contact, ball, margin = self._contact, self.ball, self.margin
+        inertia = row([ball.inertia] * 3)
+        # for robots whose <compiler> takes inertias from geoms; kickdyn's balls are shells
+        mass = f'mass="{ball.mass!r}" shellinertia="true"'
+        inner, surface, pairs = mass, "", ""
+        if margin:
+            inner, surface = (
+                'mass="0"',
+                f"""
+      <geom name="ball_surface" type="sphere" size="{ball.radius!r}" {mass}
+        contype="0" conaffinity="0" rgba="1 1 1 0.4"/>""",
+            )
+        if self.friction:
+            elements = "\n    ".join(pair(contact, foot) for foot in feet or ("foot",))
+            pairs = f"\n  <contact>\n    {elements}\n  </contact>"
+        return f"""<mujoco>
+  <option timestep="{self.timestep!r}" integrator="{self.integrator}" cone="elliptic" \
+impratio="100" solver="Newton" tolerance="1e-10" iterations="100"/>
+  <worldbody>
+    <body name="ball" pos="{row(self.ball_position)}">
+      <freejoint/>
+      <inertial pos="0 0 0" mass="{ball.mass!r}" diaginertia="{inertia}"/>
+      <geom name="ball" type="sphere" size="{ball.radius - margin!r}" margin="{margin!r}" {inner}
+        contype="1" conaffinity="1" priority="1" condim="{self.condim}" \
+friction="{float(self.friction)!r} 0 0"
+        solref="{row(self.solref)}" solimp="{row(self.solimp)}"/>{surface}
+    </body>
+  </worldbody>{pairs}
+</mujoco>
+"""
+
+    @property
+    def _contact(self) -> MujocoContact:
+        """The parameters in one."""
+        return MujocoContact(
+            self.solref, self.solimp, self.friction, self.solreffriction, self.margin
+        )
+
+    def _rows(self) -> Iterable[Row]:
+        """Return what `print` shows: each quantity with its value and unit."""
+        yield "time step", 1e3 * self.timestep, f"ms, {self.integrator}"
+        yield "solref", digits(self.solref), ""
+        if self.solref_time is not None:
+            yield "or solref", digits(self.solref_time), "(time constant, damping ratio)"
+        yield "solimp", digits(self.solimp), ""
+        yield "condim", self.condim, ""
+        if self.friction:
+            yield "friction", self.friction, ""
+            yield "solreffriction", digits(self.solreffriction), "(of a <pair>)"
+            yield "margin", 1e3 * self.margin, "mm"
+        asked = f"ms, {1e3 * self.wanted_contact_time:g} ms asked for"
+        yield "contact time", 1e3 * self.contact_time, asked
+        for error in self.errors:
+            text = f"speed {error.speed:.2%}, direction {math.degrees(error.direction):.2f} deg"
+            if self.friction:
+                text += f", spin {error.spin:.2g} rad/s"
+            yield f"error, {error.change or 'this kick'}", text, ""
+        for goal in self.goals:
+            name = goal.name.replace("around", f"x {min(SPEEDS):g} to {max(SPEEDS):g}")
+            reached, limit = goal.texts
+            yield f"goal, {name}", f"at most {limit}: {reached},", "met" if goal.met else "MISSED"
+        yield "within tolerance", "yes" if self.within_tolerance else "no", ""
+        yield "computing time of a kick", 1e3 * self.seconds, "ms"
+        yield from warned(self.warnings)
+
+
+@validation.check_arguments
+def tune_mujoco(
+    posture: Posture,
+    v: ArrayLike,
+    ball: Ball,
+    contact: Contact,
+    *,
+    timestep: float = 0.002,
+    integrator: str = "implicitfast",
+    contact_time: float = CONTACT_TIME,
+    dissipation: str = Dissipation.WALTON_BRAUN,
+    tolerance: float = 0.03,
+    ball_velocity: ArrayLike = AT_REST,
+    ball_spin: ArrayLike = AT_REST,
+) -> MujocoTuning:
+    r"""Find the contact parameters with which MuJoCo launches the ball as kickdyn does.
+
+    Needs MuJoCo: `pip install "kickdyn[mjcf]"`. The ball is that of `collide`, because a contact
+    of MuJoCo takes several time steps; the last of the errors says how far that is from `strike`.
+
+    Along the normal MuJoCo's contact is a spring and a damper per unit of mass that do not pull.
+    Of damping ratio :math:`\zeta` and frequency :math:`\omega`, with
+    :math:`s = \sqrt{1 - \zeta^2}`, it ends at the phase
+    :math:`\varphi = \mathrm{atan2}(2 \zeta s, 2 \zeta^2 - 1)`, and
+
+    .. math:: e = \exp(-\zeta \varphi / s), \qquad T = \varphi / (s\, \omega),
+
+    for masses of any size. With a step h, Euler's method has that frequency and decay for the
+    damping :math:`b = (1 - e^{-2 \zeta \omega h}) / h` and the stiffness
+    :math:`k = (2 - b h - 2 e^{-\zeta \omega h} \cos(s\, \omega h)) / h^2`. From there k and b, and
+    with friction its coefficient and damping, are fitted by least squares to simulated kicks that
+    reach the ball at several moments within a time step. An impedance that grows with the depth
+    makes this moment matter less: several growths are tried. Among the fits whose errors are all
+    accepted, the one with the smallest errors is taken; if there is none, the one whose largest
+    error is the smallest, compared with what is accepted.
+
+    MuJoCo applies the force of a contact halfway between the two surfaces, `collide` at the foot's.
+    With friction, the ball's geom is therefore smaller than the ball by the `margin`, the mean
+    deflection of `collide`, and its contact begins at this distance: on average both act at the
+    same point, so that friction gives the ball the same spin.
+
+    The leg is simulated without motors, its foot as a plane, as in `collide`. The parameters are
+    fitted to the ball alone: impulses in the joints can differ much more, by up to 19 % from those
+    of `collide` in the kicks of `docs/how-to/mujoco.md`.
+
+    Args:
+        posture: posture of a leg without supports, loops, mimic and stiff joints. An MJCF file is
+            read by `Leg.from_mjcf`; the result then has a warning where the ball does not touch the
+            foot of the file, or overlaps another geom. `Leg.configuration` puts joints that are not
+            named at 0, not at their `ref` as MuJoCo does.
+        v: joint velocity just before, shape `(nv,)` [rad/s; m/s for prismatic joints].
+        ball: the ball; its centre is at `contact point + radius * normal`.
+        contact: normal, friction of at most 10, and a restitution of at least 0.2 at this speed of
+            approach, which is at least 0.01 m/s. A restitution that depends on the speed is
+            reproduced best at this speed.
+        timestep: time step of the simulation [s], at most 0.02 and half of `contact_time`, at least
+            a 500th of it.
+        integrator: integrator of MuJoCo: `Euler`, `implicit`, `implicitfast` or `RK4`.
+        contact_time: contact time [s], as for `collide`, 1e-5 to 1; 10 ms by default. The
+            contact time of the simulated kick is fitted with a small weight, and is part of the
+            result.
+        dissipation: dissipation of the contact, as for `collide`.
+        tolerance: error of the ball's speed that is accepted, relative, 0.001 to 1; twice as much
+            around the tuned kick, at 0.5 to 1.5 times all velocities. For the direction, 1 degree
+            is accepted. For each error that is larger, the largest time step is sought at which it
+            is accepted.
+        ball_velocity: velocity of its centre just before, shape `(3,)` [m/s, world frame].
+        ball_spin: angular velocity just before, shape `(3,)` [rad/s, world frame].
+
+    Raises:
+        NoImpact: foot and ball do not approach each other along the normal.
+        InvalidInput: a value outside its range, a leg that is not a tree of joints, or MuJoCo is
+            not installed.
+        KickdynError: no simulated kick ends.
+    """
+    load_mujoco()
+    step = validation.number("timestep", timestep, above=0, at_most=LONGEST_STEP, unit="s")
+    chosen = validation.choice("integrator", integrator, MujocoIntegrator)
+    kind = validation.choice("dissipation", dissipation, Dissipation)
+    validation.number("tolerance", tolerance, at_least=1e-3, at_most=1)
+    validation.number("friction", contact.friction, at_least=0, at_most=10)
+    duration = validation.number("contact time", contact_time, at_least=1e-5, at_most=1, unit="s")
+    if not duration / MOST_STEPS <= step <= duration / 2:
+        raise InvalidInput(
+            f"timestep is {step:g} s: a contact of {duration:g} s takes 2 to {MOST_STEPS} steps, "
+            f"so it must be from {duration / MOST_STEPS:g} to {duration / 2:g} s"
+        )
+    approach = find_approach(posture, v, ball, contact, ball_velocity, ball_spin)
+    validation.number("approach speed", approach.speed, at_least=SLOWEST, unit="m/s")
+    validation.number("restitution", approach.restitution, at_least=LEAST_RESTITUTION)
+    scene(approach, step, MujocoContact())  # refuses a leg before the work
+    cases = kick_cases(approach, duration, kind)
+    found = find_best(cases, step, chosen, duration, tolerance)
+    goals = find_goals(
+        found,
+        step,
+        tolerance,
+        lambda each: find_best(cases, each, chosen, duration, tolerance),
+    )
+    instant = strike(
+        posture, v, ball, contact, ball_velocity=ball_velocity, ball_spin=ball_spin
+    ).ball_after
+    against_strike = cases[0]._replace(change="against kd.strike", target=instant)
+    best = found.contact
+    began = time.perf_counter()
+    simulate(found.kick, 8)
+    seconds = (time.perf_counter() - began) / 8
+    watched = found.kick.run(0.5, afterwards=WATCHED * duration)
+    return MujocoTuning(
+        solref=best.solref,
+        solimp=best.solimp,
+        friction=best.friction,
+        solreffriction=best.solreffriction,
+        condim=best.condim,
+        margin=best.margin,
+        timestep=step,
+        integrator=chosen.value,
+        contact_time=found.contact_time,
+        wanted_contact_time=duration,
+        errors=(*found.errors, find_error(against_strike, found.kick, best)),
+        tolerance=tolerance,
+        goals=goals,
+        second_push=watched.second_push / cases[0].scale,
+        seconds=seconds,
+        scene=scene(approach, step, best, chosen.value, gravity=True),
+        ball=ball,
+        ball_position=approach.ball_before.position,
+        placement=placement_warnings(
+            posture, approach.contact.normal, approach.ball_before.position, ball.radius
+        ),
+    )
+
+
+def find_goals(
+    found: FittedContact, timestep: float, tolerance: float, fit: Callable[[float], FittedContact]
+) -> tuple[MujocoGoal, ...]:
+    """Return the goals of a contact at a time step [s]; `fit` returns the contact at another one.
+
+    For goals that are missed, `STEPS` that are smaller are tried, the largest ones first.
+    """
+    limits, first = accepted(tolerance), limited_errors(found.errors)
+    steps = {name: timestep for name, limit in limits.items() if first[name] <= limit}
+    for smaller in (each for each in STEPS if each < timestep):
+        if len(steps) == len(limits):
+            break
+        left = limited_errors(fit(smaller).errors)
+        for name, limit in limits.items():
+            if name not in steps and left[name] <= limit:
+                steps[name] = smaller
+    return tuple(
+        MujocoGoal(name, first[name], limit, steps.get(name)) for name, limit in limits.items()
+    )
+
+
+def digits(values: Iterable[float]) -> str:
+    """Return parameters as text, without the zeros after a decimal point."""
+    return " ".join(f"{value:.6g}" for value in values)

@@ -1,0 +1,194 @@
+"""Impact: error of the impulse against time, for each method to compute it.
+
+MuJoCo is among them where it is installed.
+"""
+
+import math
+from collections.abc import Callable, Iterator
+from importlib.util import find_spec
+
+import numpy as np
+import pinocchio as pin
+
+from kickdyn.ball import Ball
+from kickdyn.contact import Contact
+from kickdyn.core.validation import Array
+from kickdyn.errors import KickdynError
+from kickdyn.impact.collide import collide
+from kickdyn.impact.contact_problem import ContactProblem, contact_axes
+from kickdyn.impact.impact_result import Impact
+from kickdyn.impact.strike import strike
+from kickdyn.robot.leg import Leg, Posture
+from kickdyn.simulators.mujoco_kick import mujoco_kick
+from kickdyn.tradeoff.measurement import Measurement, mark_front, shortest_time
+
+FOOT_SPEED = 10.0  # m/s
+CONTACT_TIMES = (1e-2, 1e-3, 1e-4, 1e-5)  # s
+MUJOCO = {1e5: (2e-3, 1e-3, 1e-4, 1e-5), 1e6: (1e-4, 1e-5), 1e7: (1e-4, 1e-5, 1e-6)}
+"""Stiffness [N/m] to time steps [s]."""
+CONE_TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
+
+KICKS = {
+    "frictionless": (0.0, (4.613865632779877, 0.0, 2.663816565090224)),
+    "friction 0.4": (0.4, (5.20812568168579, 0.0, 2.1244710315260034)),
+}
+"""Friction of each kick, and its impulse on the ball [N s], computed with 50 digits and rounded to
+float64; the test of this file computes it anew."""
+
+HALF_ULP = 0.5 * float(np.finfo(float).eps)
+"""Least relative error that can be told from rounding."""
+
+Method = tuple[str, str, Callable[[], Array]]
+"""Name, setting, and the function that returns the impulse."""
+
+
+def kick(friction: float) -> Impact:
+    """Return the kick: posture a of the paper's Table 2, its ball, its foot direction of 30 deg."""
+    leg = Leg.human()
+    posture = leg.posture(np.radians([5.0, 10.0, -5.0]))
+    attack = np.array([math.cos(math.pi / 6), 0.0, math.sin(math.pi / 6)])
+    v = posture.joint_velocity(FOOT_SPEED * attack)
+    return strike(posture, v, Ball.paper(), Contact(attack, 0.8, friction))
+
+
+def measure_impacts(report: Callable[[str], None] = lambda _: None) -> list[Measurement]:
+    """Measure every method on the same two kicks, in one run, against 50 digits.
+
+    Times are per evaluation, from posture and velocity on; of MuJoCo, those of the steps only. The
+    measurements on a kick's Pareto front are marked; `report` is called with each method's name.
+    """
+    rows = []
+    for name, (friction, exact) in KICKS.items():
+        impact = kick(friction)
+        measured = []
+        for method, setting, run in _methods(impact):
+            report(f"{name}: {method} {setting}")
+            try:
+                gap = float(np.linalg.norm(run() - np.array(exact)))
+            except KickdynError:  # MuJoCo at a step too long for its contact
+                continue
+            error = max(gap / math.hypot(*exact), HALF_ULP)
+            measured.append(Measurement(name, method, setting, error, shortest_time(run)))
+        rows += mark_front(measured)
+    return rows
+
+
+def _methods(impact: Impact) -> Iterator[Method]:
+    """Yield name, setting and function of every method that applies to a kick."""
+    leg, q, v = impact.posture.leg, impact.posture.q, impact.v_before
+    ball, contact = impact.ball, impact.contact
+    yield "closed form, float64", "", lambda: strike(leg.posture(q), v, ball, contact).impulse
+    yield "closed form, float32", "", lambda: in_float32(leg.posture(q), v, ball, contact)
+    if contact.friction == 0.0:
+        yield (
+            "Pinocchio impulseDynamics",
+            "",
+            lambda: strike(leg.posture(q), v, ball, contact, engine="pinocchio").impulse,
+        )
+    yield "dense KKT system", "", lambda: solve_kkt(leg.posture(q), v, ball, contact)
+    if contact.friction > 0.0:
+        for name in ("ADMM", "PGS"):
+            for tol in CONE_TOLERANCES:
+
+                def cone(name: str = name, tol: float = tol) -> Array:
+                    """Return the impulse of a cone solver at a tolerance [N s]."""
+                    return in_cone(leg.posture(q), v, ball, contact, name, tol)
+
+                yield f"Pinocchio {name}", f"tol {tol:g}", cone
+    for seconds in CONTACT_TIMES:
+
+        def compliant(seconds: float = seconds) -> Array:
+            """Return the impulse of a contact that takes a time [N s]."""
+            return collide(
+                leg.posture(q), v, ball, contact,
+                contact_time=seconds, dissipation="hunt-crossley",
+            ).impulse  # fmt: skip
+
+        yield "compliant contact", f"{1e3 * seconds:g} ms", compliant
+    if find_spec("mujoco") is None:  # optional
+        return
+    for stiffness, steps in MUJOCO.items():
+        for dt in steps:
+            yield "MuJoCo", f"{stiffness:.0e} N/m, dt {dt:g} s", mujoco_kick(impact, stiffness, dt)
+
+
+def _restitution(posture: Posture, v: Array, contact: Contact) -> float:
+    """Return e at the speed at which the foot approaches a ball at rest."""
+    return contact.restitution_at(float(contact.normal @ posture.jacobian @ v))
+
+
+def in_float32(posture: Posture, v: Array, ball: Ball, contact: Contact) -> Array:
+    """Return the impulse with the contact solved in float32; with friction, what sticks."""
+    single = np.float32
+    inertia, jacobian = posture.inertia.astype(single), posture.jacobian.astype(single)
+    n, mass = contact.normal.astype(single), single(ball.mass)
+    u = -(jacobian @ v.astype(single))
+    delassus = jacobian @ np.linalg.solve(inertia, jacobian.T)
+    e = single(_restitution(posture, v, contact))
+    if contact.friction == 0.0:
+        return np.asarray(-(1 + e) * (n @ u) / (n @ delassus @ n + 1 / mass) * n, dtype=float)
+    turn = single(ball.radius**2 / ball.inertia)
+    delassus += (1 / mass + turn) * np.eye(3, dtype=single) - turn * np.outer(n, n)
+    return np.asarray(-np.linalg.solve(delassus, u + e * (n @ u) * n), dtype=float)
+
+
+def solve_kkt(posture: Posture, v: Array, ball: Ball, contact: Contact) -> Array:
+    r"""Return the impulse from one linear system for all velocities after; friction sticks.
+
+    .. math::
+        \begin{pmatrix} M & -J^T \\ J & 0 \end{pmatrix} \begin{pmatrix} v^+ \\ p \end{pmatrix}
+        = \begin{pmatrix} M v^- \\ b \end{pmatrix}
+
+    with the leg and the ball in M and v, and the velocity b of separation at the contact.
+    """
+    n, nv = contact.normal, posture.leg.nv
+    size = nv + 6
+    rows = n[None] if contact.friction == 0.0 else np.eye(3)
+    across = pin.skew(ball.radius * n)  # velocity at the contact per spin: -w x r n
+    jacobian = rows @ np.hstack([-posture.jacobian, np.eye(3), across])
+    mass = np.zeros((size, size))
+    mass[:nv, :nv] = posture.inertia
+    mass[range(nv, size), range(nv, size)] = [ball.mass] * 3 + [ball.inertia] * 3
+    before = np.concatenate([v, np.zeros(6)])
+    bounce = _restitution(posture, v, contact) * float(n @ posture.jacobian @ v) * (rows @ n)
+    whole = np.block([[mass, -jacobian.T], [jacobian, np.zeros((len(rows), len(rows)))]])
+    after = np.linalg.solve(whole, np.concatenate([mass @ before, bounce]))
+    return np.asarray(rows.T @ after[size:])
+
+
+def in_cone(
+    posture: Posture, v: Array, ball: Ball, contact: Contact, name: str, tol: float
+) -> Array:
+    """Return the impulse by one of Pinocchio's cone solvers, `ADMM` or `PGS`, at a tolerance."""
+    n = contact.normal
+    foot = posture.jacobian @ v
+    problem = ContactProblem(
+        normal=n, delassus_factor=posture.delassus_factor(), ball=ball, centre_velocity=-foot,
+        spin=np.zeros(3), restitution=_restitution(posture, v, contact), friction=contact.friction,
+    )  # fmt: skip
+    axes = contact_axes(n, problem.velocity)
+    free = axes.T @ problem.velocity
+    free[2] *= 1.0 + problem.restitution
+    solver = getattr(pin, f"{name}ConstraintSolver")(3)
+    settings, result = (getattr(pin, f"{name}Solver{part}")() for part in ("Settings", "Result"))
+    settings.max_iterations = 10_000
+    for kind in ("feasibility", "complementarity"):
+        setattr(settings, f"absolute_{kind}_tol", tol)
+        setattr(settings, f"relative_{kind}_tol", tol)
+    models, data = _point(contact.friction)
+    operator = pin.DelassusOperatorDense(np.asfortranarray(axes.T @ problem.delassus() @ axes))
+    solver.solve(operator, free, models, data, settings, result)
+    return np.asarray(axes @ result.retrieveConstraintImpulses())
+
+
+def _point(friction: float) -> tuple[object, object]:
+    """Return models and data of a point contact, of which the cone solvers use the cone only."""
+    model = pin.Model()
+    model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "any")
+    here = pin.SE3.Identity()
+    point = pin.PointContactConstraintModel(model, 1, here, 0, here)
+    point.setFriction(friction)
+    models, data = pin.StdVec_ConstraintModel(), pin.StdVec_ConstraintData()
+    models.append(pin.ConstraintModel(point))
+    data.append(models[0].createData())
+    return models, data

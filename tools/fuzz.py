@@ -1,0 +1,468 @@
+"""Feeds kickdyn broken files and command lines: `python tools/fuzz.py --seconds 600`.
+
+Whatever comes in, an answer or one clear refusal comes out: no other exception, no traceback, no
+crash of the process, no hang, no memory that grows. Each input runs in a child process that the
+parent watches. What went wrong is kept in `tests/corpus`, whose files the tests feed again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import importlib.util
+import io
+import multiprocessing as mp
+import os
+import random
+import re
+import sys
+import tempfile
+import time
+import traceback
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from kickdyn import Leg
+
+ROOT = Path(__file__).resolve().parent.parent
+CORPUS = ROOT / "tests" / "corpus"
+TIMEOUT = 20.0
+"""Longest that one input may take [s]; most take milliseconds."""
+
+GROWTH = 150
+"""Most that a child may grow by after its first inputs [MB]: caches fill, leaks go on."""
+
+NUMBERS = [
+    *("nan", "inf", "-inf", "0", "-0.0", "-1", "1e-320", "1e-300", "1e300", "1e999", "1e15"),
+    *("1e308", "-1e308", "1e-308", "1e155", "1e-145", "1.7976931348623157e308"),
+    *("9" * 5000, "0x10", "1_000", "١٢", "1,5", "1e", "--3", "", "true", "null", "1 2 3", "3.14"),
+]
+NAMES = [
+    "<script>alert(1)</script>",
+    "",
+    " ",
+    "a\x00b",
+    "x" * 5000,
+    "\x1b[31m",
+    "[bold]",
+    "../../etc",
+]
+NAMES += [
+    "universe",
+    "root_joint",
+    "/etc/passwd",
+    "file:///etc/passwd",
+    "ü",
+    "\u202e",
+    "%s%n",
+    "{}",
+]
+
+
+def seeds(kind: str) -> list[str]:
+    """Return good files to begin with."""
+    if kind == "mesh":
+        return meshes()
+    if kind == "mjcf":
+        return [MJCF, *(file.read_text("utf-8") for file in mjcf_models())]
+    files = sorted((ROOT / "urdf").glob("*.urdf")) if kind == "urdf" else scenes()
+    return [file.read_text("utf-8") for file in files]
+
+
+MJCF = """<mujoco model="robot"><compiler angle="radian" autolimits="true" eulerseq="zyx"/>
+<option gravity="0 0 -9.81"/>
+<default><joint armature="0.01" range="-2 2"/><default class="light"><geom density="10"/></default>
+</default>
+<asset><material name="paint" rgba="1 0 0 1"/><mesh name="box" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/>
+<mesh name="none" file="none.stl"/></asset>
+<worldbody><body name="base" pos="0 0 1" childclass="light"><freejoint/><geom size="0.1"/>
+<body name="leg" euler="0 0.1 0"><joint axis="0 1 0" actuatorfrcrange="-20 20"/>
+<inertial pos="0 0 -0.2" mass="3" fullinertia="0.1 0.1 0.05 0 0 0"/>
+<geom type="mesh" mesh="none" group="2"/><site name="knee" pos="0 0 -0.4"/><site name="hip"/>
+<body name="foot" pos="0 0 -0.4"><joint name="ball" type="ball" pos="0 0 0.01" range="0 2"/>
+<joint name="slide" type="slide" axis="1 0 0" ref="0.1"/>
+<geom type="capsule" size="0.03" fromto="0 0 0 0.2 0 0" material="paint"/>
+<geom type="mesh" mesh="box"/></body></body>
+<replicate count="2" offset="0.1 0 0" euler="0 0 1"><frame pos="0 0.1 0"><body name="arm">
+<joint/><geom type="box" size="0.1 0.02 0.03"/></body></frame></replicate></body></worldbody>
+<equality><connect body1="arm0" body2="arm1" anchor="0 0 0"/></equality>
+<tendon><spatial><site site="knee"/><site site="hip"/></spatial></tendon>
+<actuator><motor joint="slide" gear="3" ctrlrange="-1 1"/></actuator></mujoco>"""
+
+
+def mjcf_models() -> list[Path]:
+    """Return models of gymnasium."""
+    package = importlib.util.find_spec("gymnasium")
+    assert package is not None
+    assert package.origin is not None
+    folder = Path(package.origin).parent / "envs" / "mujoco" / "assets"
+    return [folder / name for name in ("hopper.xml", "ant.xml", "half_cheetah.xml")]
+
+
+def scenes() -> list[Path]:
+    """Return the scenes that are shipped."""
+    return sorted((ROOT / "scenes").glob("*.toml"))
+
+
+def meshes() -> list[str]:
+    """Return a box in every format, and as a zip, a letter per byte after a line with the ending.
+
+    COLLADA may be a zip, also one that stands in a comment of a file that is COLLADA as well.
+    """
+    import trimesh
+
+    box = trimesh.creation.box((0.1, 0.2, 0.3))
+    content = {ending: box.export(file_type=ending) for ending in ("obj", "ply", "stl", "dae")}
+    content["stl "] = box.export(file_type="stl_ascii")
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as file:
+        file.writestr("manifest.xml", "<dae_root>a.dae</dae_root>")
+        file.writestr("a.dae", content["dae"])
+    content["dae "] = packed.getvalue()
+    content["dae  "] = content["dae"].replace(
+        b"<asset>", b"<!--" + packed.getvalue() + b"--><asset>"
+    )
+    return [
+        f"{ending}\n{body if isinstance(body, str) else body.decode('latin-1')}"
+        for ending, body in content.items()
+    ]
+
+
+def broken(draw: random.Random, texts: list[str]) -> str:
+    """Return one of the texts with one to four things wrong."""
+    text = draw.choice(texts)
+    for _ in range(draw.randint(1, 4)):
+        text = draw.choice([number, quoted, cut, doubled, spliced, typed, line, nested])(
+            draw, text, texts
+        )
+    return text[:200_000]
+
+
+def number(draw: random.Random, text: str, texts: list[str]) -> str:
+    """Put something else where a number stands."""
+    return swapped(draw, text, lambda c: c.isdigit() or c in ".-e", draw.choice(NUMBERS))
+
+
+def quoted(draw: random.Random, text: str, texts: list[str]) -> str:
+    """Put something else between two quotation marks."""
+    marks = [place for place, letter in enumerate(text) if letter == '"']
+    if len(marks) < 2:
+        return text
+    at = draw.randrange(len(marks) - 1)
+    return text[: marks[at] + 1] + draw.choice(NAMES + NUMBERS) + text[marks[at + 1] :]
+
+
+def cut(draw: random.Random, text: str, texts: list[str]) -> str:
+    """Leave a piece out."""
+    at = draw.randrange(len(text) + 1)
+    return text[:at] + text[at + draw.randint(1, 200) :]
+
+
+def doubled(draw: random.Random, text: str, texts: list[str]) -> str:
+    """Say a piece again and again."""
+    at, size = draw.randrange(len(text) + 1), draw.randint(1, 300)
+    return text[:at] + text[at : at + size] * draw.choice([2, 3, 50]) + text[at + size :]
+
+
+def spliced(draw: random.Random, text: str, texts: list[str]) -> str:
+    """Put in a piece of another file."""
+    other = draw.choice(texts)
+    at, there = draw.randrange(len(text) + 1), draw.randrange(len(other) + 1)
+    return text[:at] + other[there : there + draw.randint(1, 400)] + text[at:]
+
+
+def typed(draw: random.Random, text: str, texts: list[str]) -> str:
+    """Change a letter into any other."""
+    at = draw.randrange(len(text) + 1)
+    return (
+        text[:at]
+        + chr(draw.choice([draw.randint(0, 127), draw.randint(0, 0xD7FF)]))
+        + text[at + 1 :]
+    )
+
+
+def line(draw: random.Random, text: str, texts: list[str]) -> str:
+    """Leave a line out, or say it twice."""
+    lines = text.splitlines(keepends=True)
+    if not lines:
+        return text
+    at = draw.randrange(len(lines))
+    lines[at : at + 1] = [lines[at]] * draw.choice([0, 2])
+    return "".join(lines)
+
+
+def nested(draw: random.Random, text: str, texts: list[str]) -> str:
+    """Put in a line of deeply dotted keys, of empty elements, or of blanks."""
+    size, at = draw.choice([3, 40, 1000, 40_000]), draw.choice([0, text.find("\n") + 1, len(text)])
+    new = draw.choice(["a." * size + "a = 1\n", "[" + "a." * size + "a]\n", "<a/>" * size,
+                       "<a>" * size, " " * size, "a = " + "[" * size + "\n"])  # fmt: skip
+    return text[:at] + new * draw.choice([1, 1, 3]) + text[at:]
+
+
+def swapped(draw: random.Random, text: str, belongs: object, new: str) -> str:
+    """Return the text with one run of letters that belong together replaced."""
+    at = draw.randrange(len(text) + 1)
+    while at < len(text) and not belongs(text[at]):  # type: ignore[operator]
+        at += 1
+    end = at
+    while end < len(text) and belongs(text[end]):  # type: ignore[operator]
+        end += 1
+    return text[:at] + new + text[end:]
+
+
+OPTIONS = {
+    "posture-sweep": ["--leg", "--frame", "--joint", "--speed", "--attack", "--restitution",
+                      "--friction", "--air", "--out", "--json", "--plot", "--view"],
+    "plan": ["--distance", "--time", "--height", "--left", "--apex", "--launch-speed", "--over",
+             "--arc", "--leg", "--objective", "--restitution", "--friction", "--spin", "--wind",
+             "--robust", "--ball-height", "--offset", "--json"],
+    "tradeoff": ["--scene", "--json", "--plot"],
+    "paper": ["--only", "--json", "--figures"],
+}  # fmt: skip
+WORDS = ["human", "testbed", "hip=0:10:5", "knee=20", "hip=10:0:5", "knee=0:1:0", "nan=0",
+         "hip=0:1e12:1e-9", "-", "out.nc", "out.zarr", "no/such/x.html", "x.png", ".", "/",
+         "speed=0.02", "20", "1.5", "0.8", "1,2,3", "9:2", "low", "fig 8", "vacuum"]  # fmt: skip
+
+
+def command(draw: random.Random) -> list[str]:
+    """Return a command line; the long-running `tradeoff` always with a scene that is none."""
+    name = draw.choice(list(OPTIONS))
+    words = [name]
+    if name == "tradeoff":
+        words += ["--scene", draw.choice(["/dev/null", "no.toml", *NAMES[:3]])]
+    if name == "paper":
+        words += ["--only", draw.choice(["fig 8", *NAMES])]
+    if name == "posture-sweep" and draw.random() < 0.7:
+        words += ["--joint", "hip=0:20:10", "--joint", "knee=0:20:10", "--joint", "ankle=0"]
+    for _ in range(draw.randint(0, 4)):
+        words.append(draw.choice(OPTIONS[name]))
+        if draw.random() < 0.9:
+            words.append(draw.choice(WORDS + NAMES + NUMBERS).replace("\x00", ""))
+    return words
+
+
+def run(kind: str, what: str, folder: Path) -> None:
+    """Feed one input; anything but an answer or a refusal is an exception here."""
+    {"urdf": run_urdf, "mjcf": run_mjcf, "mesh": run_mesh, "scene": run_scene, "cli": run_cli}[
+        kind
+    ](what, folder)
+
+
+def run_urdf(text: str, folder: Path) -> None:
+    """Load a robot, and kick with it."""
+    import kickdyn as kd
+
+    file = folder / "robot.urdf"
+    file.write_bytes(text.encode("utf-8", "surrogatepass"))
+    kicked(lambda: kd.Leg.from_urdf(file))
+
+
+def run_mjcf(text: str, folder: Path) -> None:
+    """Load the last body of a model, kick with it, and ask for its shapes."""
+    import kickdyn as kd
+
+    file = folder / "robot.xml"
+    file.write_bytes(text.encode("utf-8", "surrogatepass"))
+    names = re.findall(r'<body[^>]* name="([^"]*)"', text)
+    base = "floating" if len(text) % 2 else "fixed"
+    leg = kicked(lambda: kd.Leg.from_mjcf(file, names[-1] if names else "toe", base=base))
+    if leg is not None:
+        leg.file.visuals()
+
+
+def kicked(load: Callable[[], Leg]) -> Leg | None:
+    """Return a leg that was loaded and kicked; None if it is refused."""
+    import numpy as np
+
+    import kickdyn as kd
+
+    try:
+        leg = load()
+        posture = leg.posture(leg.close_loops(leg.configuration()))
+        contact = kd.Contact((2, 0.3, 1), restitution=0.8, friction=0.4)
+        v = posture.admissible(np.ones(leg.nv))
+        hit = kd.strike(posture, v, kd.Ball(), contact)
+    except kd.KickdynError as refusal:
+        said = str(refusal)
+        assert said, "a refusal says why"
+        assert "\n" not in said, f"a refusal is one line: {said!r}"
+        return None
+    assert np.isfinite(hit.impulse).all(), "an answer is finite"
+    assert np.isfinite(hit.joint_impulses).all(), "an answer is finite"
+    return leg
+
+
+def run_mesh(text: str, folder: Path) -> None:
+    """Read a mesh, whose first line is its ending."""
+    import numpy as np
+
+    import kickdyn as kd
+    from kickdyn.robot.mesh_file import read_mesh
+    from kickdyn.robot.mesh_path import MeshFinder
+
+    ending, _, body = text.partition("\n")
+    ending = ending.strip() if ending.strip() in ("obj", "ply", "stl") else "dae"
+    (folder / f"mesh.{ending}").write_bytes(body.encode("latin-1", "replace"))
+    try:
+        parts = read_mesh(MeshFinder(folder), f"mesh.{ending}")
+    except kd.KickdynError as refusal:
+        said = str(refusal)
+        assert said.isprintable(), f"a refusal is one line: {said!r}"
+        return
+    assert all(np.isfinite(part.vertices).all() for part in parts), "an answer is finite"
+
+
+def run_scene(text: str, folder: Path) -> None:
+    """Read a scene, and simulate it."""
+    import numpy as np
+
+    import kickdyn as kd
+
+    file = folder / "scene.toml"
+    file.write_bytes(text.encode("utf-8", "surrogatepass"))
+    try:
+        answer = kd.simulate(kd.load_scene(file), tolerance=0.1)
+    except kd.SceneError as refusal:
+        faults = refusal.faults
+    except kd.KickdynError as refusal:
+        faults = [str(refusal)]
+    else:
+        assert np.isfinite(answer.end.position).all(), "an answer is finite"
+        return
+    assert all(fault and "\n" not in fault for fault in faults), f"a line a fault: {faults}"
+    assert faults, "a refusal says why"
+
+
+def run_cli(text: str, folder: Path) -> None:
+    """Run a command line as a user would."""
+    from kickdyn.cli.commands import main
+
+    out, err = io.StringIO(), io.StringIO()
+    argv, sys.argv = sys.argv, ["kickdyn", *text.split("\x01")]
+    code: object = None
+    try:
+        with (
+            contextlib.chdir(folder),
+            contextlib.redirect_stdout(out),
+            contextlib.redirect_stderr(err),
+        ):
+            main()
+    except SystemExit as end:
+        code = end.code
+    finally:
+        sys.argv = argv
+    said = err.getvalue()
+    assert code in (0, 2), f"ends with {code}: {said[-500:]}"
+    assert "Traceback" not in said, said[-2000:]
+    if code == 2:
+        assert said.strip(), "a refusal says why"
+        assert "\x1b" not in said, "nothing that was typed steers the terminal"
+
+
+def work(pipe: object) -> None:
+    """Take inputs from the pipe and answer with what went wrong, and this process's size."""
+    import warnings
+
+    import psutil
+
+    warnings.simplefilter("error")
+    warnings.filterwarnings("ignore", "zmq.eventloop.ioloop is deprecated")
+    devnull = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(devnull, 2)
+    process = psutil.Process()
+    with tempfile.TemporaryDirectory() as folder:
+        while True:
+            job = pipe.recv()  # type: ignore[attr-defined]
+            if job is None:
+                return
+            fault = ""
+            try:
+                run(*job, Path(folder))
+            except BaseException:
+                fault = traceback.format_exc()
+            pipe.send((fault, process.memory_info().rss / 1e6))  # type: ignore[attr-defined]
+
+
+class Child:
+    """A process that is fed, and replaced when it dies or hangs."""
+
+    def __init__(self) -> None:
+        self.process: mp.Process | None = None
+
+    def feed(self, kind: str, what: str) -> tuple[str, float]:
+        """Return what went wrong, if anything, and the child's size [MB]."""
+        if self.process is None:
+            ours, theirs = mp.get_context("spawn").Pipe()
+            self.process = mp.get_context("spawn").Process(target=work, args=(theirs,), daemon=True)
+            self.process.start()
+            self.pipe = ours
+            theirs.close()
+        self.pipe.send((kind, what))
+        try:
+            if not self.pipe.poll(TIMEOUT + 60 * (kind == "cli")):
+                self.stop()
+                return f"hangs: more than {TIMEOUT} s", 0.0
+            return self.pipe.recv()
+        except EOFError:
+            self.process.join()
+            code, self.process = self.process.exitcode, None
+            return f"the process died, exit code {code}", 0.0
+
+    def stop(self) -> None:
+        """End the process."""
+        if self.process is not None:
+            self.process.kill()
+            self.process.join()
+            self.process = None
+
+
+def inputs(seed: int, kinds: list[str]):  # type: ignore[no-untyped-def]
+    """Yield inputs without end, the same for the same seed."""
+    draw = random.Random(seed)
+    texts = {kind: seeds(kind) for kind in ("urdf", "mjcf", "mesh", "scene") if kind in kinds}
+    while True:
+        kind = draw.choice(kinds)
+        yield kind, "\x01".join(command(draw)) if kind == "cli" else broken(draw, texts[kind])
+
+
+def main() -> None:
+    """Fuzz for a while and report."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seconds", type=float, default=600)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument(
+        "--kinds",
+        nargs="+",
+        default=["urdf", "urdf", "mjcf", "mjcf", "mesh", "scene", "scene", "cli"],
+    )
+    asked = parser.parse_args()
+    child, faults, sizes, fed = Child(), {}, [], 0
+    end = time.monotonic() + asked.seconds
+    counts = dict.fromkeys(asked.kinds, 0)
+    for kind, what in inputs(asked.seed, asked.kinds):
+        if time.monotonic() > end:
+            break
+        fault, size = child.feed(kind, what)
+        fed += 1
+        counts[kind] += 1
+        sizes.append(size)
+        if fault:
+            key = fault.strip().splitlines()[-1][:120]
+            if key not in faults:
+                faults[key] = 0
+                CORPUS.mkdir(exist_ok=True)
+                name = CORPUS / f"{kind}-{len(list(CORPUS.iterdir())):03d}.txt"
+                name.write_bytes(what.encode("utf-8", "surrogatepass"))
+                print(f"{name.name}: {fault.strip()[-900:]}\n", flush=True)
+            faults[key] += 1
+    child.stop()
+    early = max(sizes[: len(sizes) // 3 or 1])
+    print(f"{fed} inputs {counts} in {asked.seconds:.0f} s; {len(faults)} kinds of faults {faults}")
+    print(f"memory {early:.0f} MB in the first third, {max(sizes):.0f} MB at most")
+
+
+if __name__ == "__main__":
+    main()

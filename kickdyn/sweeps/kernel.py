@@ -63,20 +63,14 @@ a third of the time."""
 AXIS = np.dtype(
     [
         ("joint", np.int64),
-        ("first", np.int64),
-        ("steps", np.int64),
-        ("repeats", np.int64),
-        ("number", np.int64),
-        ("done", np.int64),
+        ("first", np.int64),  # row of its first value in the table of all values
+        ("steps", np.int64),  # number of values
+        ("repeats", np.int64),  # how many postures in a row share a value: 1, or at least `BATCH`
+        ("number", np.int64),  # of the present value
+        ("done", np.int64),  # how many postures have had the present value
     ]
 )
-"""An axis of the grid, and where the kernel is on it.
-
-joint: number of the joint.
-first, steps: row of its first value in the table of values, and the number of values.
-repeats: how many postures in a row share a value; 1, or at least `BATCH`.
-number, done: number of the present value, and how many postures have had it.
-"""
+"""An axis of the grid, and where the kernel is on it."""
 
 
 class Kernel:
@@ -249,15 +243,12 @@ def write_joint_impulses(task, state, answer, c):  # type: ignore[no-untyped-def
     answer[MOMENTUM, c] = state.momentum_error / (math.sqrt(state.jacobian_square) * size)
 
 
-@cache
-def _kept_sweep() -> Callable[..., None]:
-    """Return `_sweep` under a name by which its machine code is kept."""
-    return named(_sweep, "sweep", simd, kernel_model, kernel_dynamics, kernel_impact, sweep_kick)
+named(_sweep, "sweep", simd, kernel_model, kernel_dynamics, kernel_impact, sweep_kick)
 
 
 def kernel_is_kept() -> bool | None:
     """Return whether the kernel is on the disk; None where it cannot be kept."""
-    return is_kept(_kept_sweep())
+    return is_kept(_sweep)
 
 
 @cache
@@ -267,4 +258,4 @@ def compiled_kernel() -> Callable[..., None]:
     axes, tree, task, bodies, state = records
     matrix, cube = numba.float64[:, ::1], numba.float64[:, :, ::1]
     signature = numba.void(axes, matrix, tree, task, bodies, cube, state, cube)
-    return compiled(_kept_sweep(), signature, "the kernel of sweeps", **OPTIONS)
+    return compiled(_sweep, signature, "the kernel of sweeps", **OPTIONS)

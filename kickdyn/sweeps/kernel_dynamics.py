@@ -27,34 +27,23 @@ inlined: Any = numba.njit(**OPTIONS, **WITHIN, forceinline=True)
 
 BODY = np.dtype(
     [
-        ("cosine", float, BATCH),
-        ("sine", float, BATCH),
-        ("rotation", float, (3, 3, BATCH)),
-        ("origin", float, (3, BATCH)),
-        ("carried_moment", float, (3, BATCH)),
-        ("carried_inertia", float, (6, BATCH)),
-        ("moment", float, (3, BATCH)),
+        ("cosine", float, BATCH),  # of the joint's angle; the value of a slide [m]
+        ("sine", float, BATCH),  # of the joint's angle
+        ("rotation", float, (3, 3, BATCH)),  # of the body
+        ("origin", float, (3, BATCH)),  # from the parent's origin [m]
+        ("carried_moment", float, (3, BATCH)),  # moments of mass of all bodies that the joint
+        ("carried_inertia", float, (6, BATCH)),  # carries, in the order of `kernel_model.JOINT`
+        ("moment", float, (3, BATCH)),  # moments of the joint's body alone
         ("inertia", float, (6, BATCH)),
-        ("jacobian", float, (3, BATCH)),
-        ("jump", float, BATCH),
-        ("turn", float, (3, BATCH)),
-        ("velocity", float, (3, BATCH)),
-        ("force", float, (3, BATCH)),
-        ("torque", float, (3, BATCH)),
+        ("jacobian", float, (3, BATCH)),  # velocity of the contact point per velocity of the joint
+        ("jump", float, BATCH),  # of the joint's velocity [rad/s; m/s]
+        ("turn", float, (3, BATCH)),  # jump of the body's angular velocity [rad/s]
+        ("velocity", float, (3, BATCH)),  # jump of its origin's velocity [m/s]
+        ("force", float, (3, BATCH)),  # linear impulse that the parent transmits [N s]
+        ("torque", float, (3, BATCH)),  # angular impulse that the parent transmits [N m s]
     ]
 )
-"""What is computed of each joint and its body.
-
-cosine, sine: of the joint's angle; the first is the value of a slide. These are given.
-rotation, origin: the body's rotation; the joint's origin from the parent's [m].
-carried_moment, carried_inertia: first and second moment of mass of all bodies that the joint
-    carries [kg m; kg m2], in the order of `kernel_model.JOINT`.
-moment, inertia: the same of the joint's body.
-jacobian: velocity of the contact point per velocity of the joint.
-jump: of the joint's velocity in the impact [rad/s; m/s].
-turn, velocity: jump of the body's angular and linear velocity [rad/s; m/s].
-force, torque: impulse that the parent transmits, linear [N s] and angular [N m s].
-"""
+"""What is computed of each joint and its body; cosine and sine are given."""
 
 
 @inlined

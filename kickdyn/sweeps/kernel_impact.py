@@ -27,33 +27,20 @@ _allocating: Any = numba.njit(**{**OPTIONS, "_nrt": True}, **WITHIN)
 
 STATE = np.dtype(
     [
-        ("number", float, BATCH),
-        ("point", float, (3, BATCH)),
-        ("jacobian_square", float, BATCH),
-        ("delassus", float, (6, BATCH)),
-        ("impulse", float, (3, BATCH)),
-        ("energy_lost", float, BATCH),
-        ("speed_use", float, BATCH),
-        ("doubt", float, BATCH),
-        ("foot_jump", float, BATCH),
-        ("largest_square", float, BATCH),
-        ("momentum_error", float, BATCH),
+        ("number", float, BATCH),  # 0, 1, 2 ... within the batch; given
+        ("point", float, (3, BATCH)),  # contact point from the origin of the foot's joint [m]
+        ("jacobian_square", float, BATCH),  # sum of squares of the contact point's Jacobian
+        ("delassus", float, (6, BATCH)),  # Delassus matrix of the foot [1/kg]
+        ("impulse", float, (3, BATCH)),  # on the ball along both tangents and the normal [N s]
+        ("energy_lost", float, BATCH),  # [J]
+        ("speed_use", float, BATCH),  # least possible largest joint speed over its limit
+        ("doubt", float, BATCH),  # 1 where digits are lost, else 0
+        ("foot_jump", float, BATCH),  # of the foot's velocity along the normal [m/s]
+        ("largest_square", float, BATCH),  # of the linear impulse in a joint [N2 s2]
+        ("momentum_error", float, BATCH),  # largest residual of the momentum balance
     ]
 )
-"""What is computed of each posture.
-
-number: 0, 1, 2 ... within the batch. This is given.
-point: position of the contact point from the foot's joint [m].
-jacobian_square: sum of squares of the contact point's Jacobian.
-delassus: Delassus matrix of the foot, entries as in `D11` to `D33` [1/kg].
-impulse: impulse on the ball along first tangent, second tangent and normal [N s].
-energy_lost: kinetic energy lost [J].
-speed_use: least possible value of the largest joint speed over its limit.
-doubt: 1 where digits are lost, else 0.
-foot_jump: jump of the foot's velocity along the normal [m/s].
-largest_square: square of the largest linear impulse in a joint [N2 s2].
-momentum_error: largest residual of the momentum balance.
-"""
+"""What is computed of each posture."""
 
 D11, D12, D22, D13, D23, D33 = range(6)
 """Entries of the Delassus matrix along first tangent (1), second tangent (2) and normal (3)."""

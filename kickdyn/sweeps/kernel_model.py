@@ -19,57 +19,41 @@ ALIGNED = 1e-15
 
 JOINT = np.dtype(
     [
-        ("parent", np.int64),
-        ("slides", np.bool_),
-        ("carries_foot", np.bool_),
-        ("aligned", np.bool_),
-        ("rotation", float, (3, 3)),
-        ("origin", float, 3),
-        ("mass", float),
-        ("carried_mass", float),
-        ("moment", float, 3),
-        ("inertia", float, 6),
-        ("armature", float),
-        ("speed_limit", float),
+        ("parent", np.int64),  # the joint that carries this one, 0 for the base
+        ("slides", np.bool_),  # whether the joint is prismatic
+        ("carries_foot", np.bool_),  # whether the foot moves with the joint
+        ("aligned", np.bool_),  # whether `rotation` is the identity
+        ("rotation", float, (3, 3)),  # from the parent's frame to this one's, the joint at 0
+        ("origin", float, 3),  # in the parent's frame [m]
+        ("mass", float),  # of the joint's body [kg]
+        ("moment", float, 3),  # first moment of mass of the body about the joint's origin [kg m]
+        ("inertia", float, 6),  # second moment xx, xy, xz, yy, yz, zz [kg m2]
+        ("carried_mass", float),  # of all bodies that the joint carries [kg]
+        ("armature", float),  # inertia of the rotor [kg m2; kg]
+        ("speed_limit", float),  # [rad/s; m/s]
     ],
     align=True,
 )
 """The constants of a joint and its body, in a frame whose z axis is that of the joint.
 
-parent: number of the joint that carries this one, 0 for the base.
-slides: whether the joint is prismatic.
-carries_foot: whether the foot moves with the joint.
-aligned: whether the rotation is the identity.
-rotation, origin: from the parent's frame to this one's, the joint at 0; the base's frame has the
-    contact's axes [m].
-mass, carried_mass: of the joint's body, and of all bodies that the joint carries [kg].
-moment, inertia: first moment of mass [kg m] and second moment xx, xy, xz, yy, yz, zz [kg m2] of the
-    body about the joint's origin.
-armature, speed_limit: inertia of the rotor [kg m2; kg], largest speed [rad/s; m/s].
+The frame of the base has the contact's axes, and the origin of the first joint.
 """
 
 TASK = np.dtype(
     [
-        ("foot", np.int64),
-        ("lever", float, 3),
-        ("planar", np.bool_),
-        ("joint_impulses", np.bool_),
-        ("tangent_mobility", float),
-        ("normal_mobility", float),
-        ("speed", float),
+        ("foot", np.int64),  # the joint that carries the contact point
+        ("lever", float, 3),  # from its origin to the contact point, in its frame [m]
+        ("planar", np.bool_),  # whether all motion is in one plane
+        ("joint_impulses", np.bool_),  # whether these are computed, and the use of speed limits
+        ("tangent_mobility", float),  # what the ball adds to the Delassus matrix [1/kg]
+        ("normal_mobility", float),  # the same along the normal [1/kg]
+        ("speed", float),  # of the foot [m/s]
         ("restitution", float),
         ("friction", float),
     ],
     align=True,
 )
-"""What is asked of the kernel.
-
-foot, lever: the joint that carries the contact point, and from its origin to that, in its axes [m].
-planar: whether all motion is in one plane.
-joint_impulses: whether the impulses in the joints and the use of the speed limits are computed.
-tangent_mobility, normal_mobility: what the ball adds to the Delassus matrix [1/kg].
-speed, restitution, friction: speed of the foot [m/s], coefficients e and mu.
-"""
+"""What is asked of the kernel."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,7 +22,7 @@ import numba
 import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, types
-from numba.core.typeconv import Conversion
+from numba.core.typeconv.castgraph import Conversion
 from numba.extending import (
     intrinsic,
     lower_builtin,
@@ -94,7 +94,7 @@ def _define(function: Any, operand: Any, result: Any, generate: Any, count: int 
     def lower(context: Any, builder: Any, called: Any, given: Any) -> Any:
         return generate(builder, *(_spread(builder, value) for value in given))
 
-    of_one, of_two = lambda a: result_of(a), lambda a, b: result_of(a, b)  # noqa: E731
+    of_one, of_two = lambda a: result_of(a), lambda a, b: result_of(a, b)
     type_callable(function)(lambda context: of_one if count == 1 else of_two)
     for kinds in product((operand, scalar), repeat=count):
         if operand in kinds:
@@ -211,11 +211,13 @@ def batches(typing_context: Any, array: Any) -> Any:
 
 def _record_of_batches(record: Any) -> Any:
     """Return the type of a record whose fields are batches or arrays of them."""
-    fields = []
+    fields: Any = []
     for name, field in record.fields.items():
         *shape, _ = field.type.shape
-        kind = types.NestedArray(_batch, tuple(shape)) if shape else _batch
-        kind.aligned = False
+        kind: Any = _batch
+        if shape:
+            kind = types.NestedArray(_batch, tuple(shape))
+            kind.aligned = False
         fields.append((name, {"type": kind, "offset": field.offset}))
     return _Batches(fields, record.size, aligned=False)
 

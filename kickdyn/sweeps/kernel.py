@@ -254,8 +254,10 @@ def kernel_is_kept() -> bool | None:
 @cache
 def compiled_kernel() -> Callable[..., None]:
     """Return the kernel, from the disk where it is kept there."""
-    records = [numba.typeof(np.zeros(1, dtype)) for dtype in (AXIS, JOINT, TASK, BODY, STATE)]
-    axes, tree, task, bodies, state = records
+    typeof: Any = numba.typeof
+    axes, tree, task, bodies, state = (
+        typeof(np.zeros(1, dtype)) for dtype in (AXIS, JOINT, TASK, BODY, STATE)
+    )
     matrix, cube = numba.float64[:, ::1], numba.float64[:, :, ::1]
     signature = numba.void(axes, matrix, tree, task, bodies, cube, state, cube)
     return compiled(_sweep, signature, "the kernel of sweeps", **OPTIONS)

@@ -154,7 +154,7 @@ def _place_moments(joint, body):  # type: ignore[no-untyped-def]
 
 @njit
 def keep_moments(bodies):  # type: ignore[no-untyped-def]
-    """Copy the moments of each body alone, before those of all that a joint carries replace them."""
+    """Copy the moments of each body, before those of all that a joint carries replace them."""
     for k in range(1, len(bodies)):
         body = bodies[k]
         for i in range(3):

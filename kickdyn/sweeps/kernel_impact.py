@@ -61,7 +61,7 @@ LEAST_PIVOT = 1e-9
 
 @njit
 def factorize(tree, inertia, state):  # type: ignore[no-untyped-def]
-    r"""Factorize the joint-space inertia in place, :math:`M = L^T D L` with unit lower triangular L.
+    r"""Factorize the joint-space inertia in place, :math:`M = L^T D L` with unit triangular L.
 
     In this order, from the tip to the base, L has an entry only where one joint carries the other:
     the branches of a tree cost nothing to each other (Featherstone, Rigid Body Dynamics Algorithms,

@@ -143,9 +143,7 @@ def _frames(contact_axes: Array, senses: Array, axes: list[Array]) -> list[Array
     ]
 
 
-def _tree(
-    model: pin.Model, contact_axes: Array, axes: list[Array]
-) -> tuple[NDArray[Any], Array]:
+def _tree(model: pin.Model, contact_axes: Array, axes: list[Array]) -> tuple[NDArray[Any], Array]:
     """Return the constants of the joints that are geometry and inertia, and their senses.
 
     The origin of the base is that of the first joint. An axis is turned round where its largest

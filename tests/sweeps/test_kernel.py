@@ -12,7 +12,6 @@ import kickdyn as kd
 from kickdyn.sweeps import kernel
 from kickdyn.sweeps.dataset import VARIABLES
 from kickdyn.sweeps.grid import Grid
-from kickdyn.sweeps.kernel_model import KernelModel
 from kickdyn.sweeps.kernel import (
     ACROSS,
     DOUBT,
@@ -28,6 +27,7 @@ from kickdyn.sweeps.kernel import (
     Kernel,
     fill_variables,
 )
+from kickdyn.sweeps.kernel_model import KernelModel
 from kickdyn.sweeps.sweep_kick import Kick, kick_from
 
 LEG = kd.Leg.human()

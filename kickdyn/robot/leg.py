@@ -560,6 +560,11 @@ class Posture(ReprMixin):
     _frame_jacobian: Array
     _contact_offset: Array | None = None
 
+    @property
+    def contact_offset(self) -> Array | None:
+        """Position of the contact point in the contact frame [m]; None is its origin."""
+        return self._contact_offset
+
     def with_contact_offset(self, offset: ArrayLike | None) -> "Posture":
         """Return this posture with its contact point elsewhere on the foot.
 

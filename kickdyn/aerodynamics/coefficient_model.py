@@ -124,6 +124,12 @@ def is_known(model: Coefficient) -> bool:
     return is_registered(model) or isinstance(model, ConstantCoefficient)
 
 
+def scaled(model: Coefficient, factor: float) -> Coefficient:
+    """Return a coefficient times a factor, without the limits of its range."""
+    function: Coefficient = getattr(model, "function", model)
+    return lambda reynolds, spin_parameter: factor * function(reynolds, spin_parameter)
+
+
 def least_value(kind: str) -> float:
     """Return the least coefficient that makes sense: lift may act downwards, the others brake."""
     return -math.inf if kind == "lift" else 0.0

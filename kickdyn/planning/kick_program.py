@@ -41,6 +41,7 @@ from kickdyn.planning.scatter import checked_spread, landing_covariances, landin
 from kickdyn.planning.stance import Condition, Stance
 from kickdyn.robot.kicking_chain import kicking_chain, rest_configuration
 from kickdyn.robot.leg import Leg, Posture
+from kickdyn.robot.surgery import turn_body
 
 FEASIBLE = 1e-4
 """Largest violation of a constraint, over its own scale. Velocities are then made exact, and limits
@@ -570,14 +571,7 @@ def explain_infeasible(program: KickProgram) -> str:
 
 def turn_leg(leg: Leg, heading: float) -> Leg:
     """Return a leg on a fixed base, turned to the left about the world's vertical [rad]."""
-    model, turn = leg.model, pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, heading), np.zeros(3))
-    for joint in range(1, model.njoints):
-        if model.parents[joint] == 0:
-            model.jointPlacements[joint] = turn * model.jointPlacements[joint]
-    for number, frame in enumerate(model.frames):
-        if number and frame.parentJoint == 0:
-            frame.placement = turn * frame.placement
-    return leg.with_model(model)
+    return leg.with_model(turn_body(leg.model, 0, pin.rpy.rpyToMatrix(0.0, 0.0, heading)))
 
 
 def _heading_towards(directions: Array, vector: Array) -> float:

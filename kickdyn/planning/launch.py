@@ -17,6 +17,7 @@ from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.representation import ReprMixin, Row, freeze_arrays
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
+from kickdyn.flight.derivatives import DifferentiableFlight
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.fly import fly
 from kickdyn.ground import Ground
@@ -29,7 +30,7 @@ from kickdyn.planning.launch_solver import (
     solve_launch,
 )
 from kickdyn.planning.passes import Pass
-from kickdyn.planning.shooting import ShootingProblem, Trajectory
+from kickdyn.planning.shooting import UP, ShootingProblem, crossing, crossing_time
 
 REASONS = {
     LaunchLimit.SPEED: "the ball would have to start faster than {speed:.4g} m/s",
@@ -292,7 +293,7 @@ def _solutions_from_vacuum(problem: ShootingProblem, goal: Goal) -> list[LaunchS
         start = np.array([*nominal_velocity(goal.target, time), time, *spin])
         one = solve_launch(problem, goal, start)
         if one is not None:
-            falls = one.trajectory.state(one.time)[1][2] <= 1e-9 * one.speed
+            falls = one.trajectory.velocity(one.time)[2] <= 1e-9 * one.speed
             found += [one] if goal.apex is None or falls else []
     return distinct(found, problem)
 
@@ -320,21 +321,21 @@ def _launch(
 def _farthest(family: LaunchFamily) -> Launch:
     """Return the launch at the speed limit that comes farthest on the line to the target."""
     goal, speed = family.goal, family.speed_limit
-    slope, up = float(goal.target[2]) / goal.distance, np.array([0.0, 0.0, 1.0])
+    slope = float(goal.target[2]) / goal.distance
     most = 2.5 * speed / GRAVITY * (1.0 + abs(slope))
 
-    def flight(angle: float) -> Trajectory | None:
+    def flight(angle: float) -> DifferentiableFlight | None:
         """Return the flight at an angle to where it comes down to the line; None without such."""
-        velocity = speed * (math.cos(angle) * goal.ahead + math.sin(angle) * up)
+        velocity = speed * (math.cos(angle) * goal.ahead + math.sin(angle) * UP)
         flown = family.problem.shoot(velocity, most)
-        time = flown and flown.when(
-            lambda at: float((slope * goal.ahead - up) @ flown.state(at)[0]), 1e-6 * most, most
-        )
-        return flown._replace(time=time) if flown and time else None
+        if flown is None:
+            return None
+        time = crossing_time(flown, slope * goal.ahead - UP, 0.0, begin=1e-6 * most)
+        return None if time is None else replace(flown, end=time)
 
     best = minimize_scalar(
         lambda angle: (
-            -float(goal.ahead @ end.state(end.time)[0]) if (end := flight(angle)) else 0.0
+            -float(goal.ahead @ path.position(path.end)) if (path := flight(angle)) else 0.0
         ),
         bounds=(math.atan(slope) + 1e-3, math.pi / 2 - 1e-3),
         method="bounded",
@@ -345,9 +346,9 @@ def _farthest(family: LaunchFamily) -> Launch:
         raise OutOfReach(
             f"the goal is out of reach of every launch at {speed:.4g} m/s", LaunchLimit.SPEED, None
         )
-    unknowns = np.array([*found.state(0.0)[1], found.time])
+    unknowns = np.array([*found.velocity(0.0), found.end])
     solution = LaunchSolution(unknowns, np.zeros(4), unknowns[None, :3], found)
-    reached = Goal(found.state(found.time)[0], time=found.time)
+    reached = Goal(found.position(found.end), time=found.end)
     return _launch(family, reached, LaunchLimit.SPEED, solution)
 
 
@@ -371,7 +372,7 @@ def _nearest_curve(family: LaunchFamily, solutions: list[LaunchSolution]) -> Lau
         return replace(spun, goal=goal)
     flown = ShootingProblem(problem.ball, problem.air, spin).shoot(spun.velocity, spun.time)
     assert flown is not None
-    passed = flown.crossing(goal.ahead, distance, goal.left)[0]
+    passed = crossing(flown, goal.ahead, distance, goal.left)[0]
     return replace(
         spun,
         status=PlanStatus.UNREACHABLE,

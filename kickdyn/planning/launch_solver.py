@@ -16,8 +16,9 @@ from scipy.optimize import brentq
 
 from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.validation import Array
+from kickdyn.flight.derivatives import DifferentiableFlight
 from kickdyn.planning.goal import Goal, nominal_velocity
-from kickdyn.planning.shooting import ShootingProblem, Trajectory
+from kickdyn.planning.shooting import UP, ShootingProblem, apex, crossing, lowest
 
 ACCURACY = 1e-11
 """Largest error of a solution, relative to the target's distance, the time or the speed."""
@@ -38,7 +39,7 @@ STEP = 0.5
 MOST_MEMBERS = 150
 """Length of a walk in either direction."""
 
-Condition = Callable[[Array, Trajectory], tuple[float, Array]]
+Condition = Callable[[Array, DifferentiableFlight], tuple[float, Array]]
 """From unknowns and flight to the error of a condition, and its derivatives by the unknowns."""
 
 
@@ -57,7 +58,7 @@ class LaunchSolution:
     unknowns: Array
     errors: Array
     history: Array
-    trajectory: Trajectory
+    trajectory: DifferentiableFlight
 
     @property
     def velocity(self) -> Array:
@@ -90,8 +91,8 @@ class LaunchSolution:
         """
         if goal.lowest == 0.0 and self.velocity[2] < 0.0:
             return False
-        end = float(self.trajectory.state(self.time)[0][2])
-        return self.trajectory.lowest() >= min(0.0, end)
+        end = float(self.trajectory.position(self.time)[2])
+        return lowest(self.trajectory) >= min(0.0, end)
 
 
 def solve_launch(
@@ -154,23 +155,23 @@ def step_in_root(velocity: Array, step: Array) -> Array:
     return np.asarray(root * float(np.linalg.norm(root)) / speed)
 
 
-def goal_condition(goal: Goal, x: Array, flown: Trajectory) -> tuple[float, Array]:
+def goal_condition(goal: Goal, x: Array, flown: DifferentiableFlight) -> tuple[float, Array]:
     """Return the error of a goal's condition, and its derivatives by the unknowns."""
     slope, launch = np.zeros(len(x)), [0, 1, 2, *range(4, len(x))]
     if goal.time is not None:
         slope[3] = 1.0
-        return flown.time - goal.time, slope
+        return flown.end - goal.time, slope
     if goal.speed is not None:
         speed = math.hypot(*x[:3])
         slope[:3] = x[:3] / speed
         return speed - goal.speed, slope
     if goal.over is not None:
         wished = goal.over[1]
-        value, by = flown.crossing(goal.ahead, goal.over[0], np.array([0.0, 0.0, 1.0]))
+        value, by = crossing(flown, goal.ahead, goal.over[0], UP)
     else:
         assert goal.apex is not None
         wished = goal.apex
-        value, by = flown.apex()
+        value, by = apex(flown)
     slope[launch] = by
     return value - wished, slope
 
@@ -185,23 +186,23 @@ def distinct(solutions: list[LaunchSolution], problem: ShootingProblem) -> list[
     return sorted(apart, key=lambda one: one.time)
 
 
-def target_equations(goal: Goal, x: Array, flown: Trajectory) -> tuple[Array, Array]:
+def target_equations(goal: Goal, x: Array, flown: DifferentiableFlight) -> tuple[Array, Array]:
     """Return the errors of target and `beside`, and their derivatives, one row for each."""
     launch, rows = [0, 1, 2, *range(4, len(x))], len(x) - 1
     errors, slope = np.zeros(rows), np.zeros((rows, len(x)))
-    position, velocity = flown.state(flown.time)
-    errors[:3], slope[:3, 3] = position - goal.target, velocity
-    slope[:3, launch] = flown.slope(flown.time)
+    end = flown.end
+    errors[:3], slope[:3, 3] = flown.position(end) - goal.target, flown.velocity(end)
+    slope[:3, launch] = flown.slopes(end)
     if goal.beside is not None:
         distance, sideways = goal.beside
-        passed, slope[3, launch] = flown.crossing(goal.ahead, distance, goal.left)
+        passed, slope[3, launch] = crossing(flown, goal.ahead, distance, goal.left)
         errors[3] = passed - sideways
     return errors, slope
 
 
 def _residual(
     problem: ShootingProblem, goal: Goal, condition: Condition, x: Array
-) -> tuple[Array, Array, Trajectory | None]:
+) -> tuple[Array, Array, DifferentiableFlight | None]:
     """Return errors, their derivatives by the unknowns, and the flight; nan where there is none."""
     n = len(x)
     flown = problem.shoot(x[:3], float(x[3]), float(x[4]) if n == 5 else 0.0)
@@ -314,7 +315,7 @@ class LaunchFamily:
         if x[3] <= 0.0:
             return None
 
-        def condition(y: Array, _: Trajectory) -> tuple[float, Array]:
+        def condition(y: Array, _: DifferentiableFlight) -> tuple[float, Array]:
             """Return the distance from a plane across the curve, and its slope."""
             return float(across @ (y - x)), across
 

@@ -16,10 +16,9 @@ import pinocchio as pin
 from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.validation import Array, check_type
 from kickdyn.errors import InvalidInput, MjcfError
-from kickdyn.robot.joint_table import lock_joints
 from kickdyn.robot.mimic_joints import Mimic
 from kickdyn.robot.mjcf_file import MjcfFile, body_name, quiet_mujoco
-from kickdyn.robot.model_validation import HUGE, check_model, frame_id
+from kickdyn.robot.model_validation import HUGE, frame_id
 from kickdyn.robot.names import expand_patterns
 from kickdyn.robot.urdf_file import check_base
 
@@ -43,6 +42,15 @@ class MjcfModel:
     file: MjcfFile
     model: Any
     loops: tuple[tuple[str, str], ...]
+    _builder: "_Builder"
+
+    def compare(self) -> None:
+        """Raise `MjcfError` if MuJoCo computes another mass, place or inertia."""
+        try:
+            with quiet_mujoco(), np.errstate(all="ignore"):  # what leaves float64 is not the same
+                self._builder.compare()
+        except InvalidInput as fault:
+            raise MjcfError(self.file.source, [str(fault)]) from None
 
 
 def build_mjcf_model(
@@ -58,12 +66,11 @@ def build_mjcf_model(
         frame: a body, site or geom.
         base: `fixed` welds the root body to the world where the file places it, `floating` gives it
             a free joint, `root_joint` if the file has none.
-        locked: joints to lock at their values [rad; m for prismatic joints], or patterns.
+        locked: joints that are to be locked, or patterns: how they are constrained does not matter.
 
     Raises:
-        MjcfError: gravity is not the ball's, a constraint that is not read, an inertia or limits
-            that make no sense, or MuJoCo computes another inertia.
-        InvalidInput: no such frame, base or joint to lock, or the frame does not move.
+        MjcfError: gravity is not the ball's, or a constraint that is not read.
+        InvalidInput: no such frame or base, or the frame does not move.
     """
     check_base(base)
     check_type(str, frame=frame)  # MuJoCo crashes on None
@@ -79,13 +86,6 @@ def build_mjcf_model(
     if root is None:  # no such frame, for which the error names those there are, or one at rest
         frame_id(builder.model, frame)
         raise InvalidInput(f"frame {frame!r} is fixed to the base: a kick must move it")
-    model = lock_joints(builder.model, locked, builder.mimics)
-    try:
-        check_model(model)
-        with quiet_mujoco(), np.errstate(all="ignore"):  # what leaves float64 is not the same
-            builder.compare()
-    except InvalidInput as fault:
-        raise MjcfError(file.source, [str(fault)]) from None
     moving = (body for body in bodies if body not in own and compiled.body_weldid[body])
     left_out = tuple(body_name(compiled, body) for body in moving)
     starts = {
@@ -96,7 +96,7 @@ def build_mjcf_model(
         if joint.kind in (SLIDE, HINGE)
     }
     read = replace(file, left_out=left_out, gears=tuple(builder.mimics), starts=starts)
-    return MjcfModel(read, model, tuple(builder.loops))
+    return MjcfModel(read, builder.model, tuple(builder.loops), builder)
 
 
 def sliding_joints(file: MjcfFile) -> set[str]:

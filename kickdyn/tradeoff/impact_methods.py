@@ -91,14 +91,12 @@ def _methods(impact: Impact) -> Iterator[Method]:
             for tol in CONE_TOLERANCES:
 
                 def cone(name: str = name, tol: float = tol) -> Array:
-                    """Return the impulse of a cone solver at a tolerance [N s]."""
                     return in_cone(leg.posture(q), v, ball, contact, name, tol)
 
                 yield f"Pinocchio {name}", f"tol {tol:g}", cone
     for seconds in CONTACT_TIMES:
 
         def compliant(seconds: float = seconds) -> Array:
-            """Return the impulse of a contact that takes a time [N s]."""
             return collide(
                 leg.posture(q), v, ball, contact,
                 contact_time=seconds, dissipation="hunt-crossley",

@@ -41,7 +41,7 @@ to 500."""
 TIME_LIMIT = 1000.0
 """Time after which a ball that has not reached a plane is taken never to reach it [s]."""
 
-FIRST_STEP = 1.0 / 64.0
+FIRST_STEP = 1.0 / 16.0
 """First step of the integration, as a fraction of the flight, or of its duration in a vacuum."""
 
 VACUUM = Air(density=0.0)
@@ -51,7 +51,7 @@ LaunchFunction = Callable[[Array], tuple[BallState, Air | None]]
 """From parameters, shape `(p,)`, to the launch and the air of a flight; None is the vacuum."""
 
 StatesFunction = Callable[[float | Array], Array]
-"""From a time, or n times, to the states of all flights, `(p + 1, 7)` or `(p + 1, 7, n)`."""
+"""From a time, or n times, to the states of all flights, `(p + 1, 7)` or `(n, p + 1, 7)`."""
 
 Flights = list[tuple[BallState, Air]]
 """Launches and airs of the flight and of its p neighbours."""
@@ -74,8 +74,8 @@ class DifferentiableFlight:
     increments: Array
 
     def states(self, times: float | Array) -> Array:
-        """Return the states at a time, shape `(7,)`, or at n times, shape `(7, n)`."""
-        return np.asarray(self.all_states(times)[0])
+        """Return the states at a time, shape `(7,)`, or at n times, shape `(n, 7)`."""
+        return np.asarray(self.all_states(times)[..., 0, :])
 
     def position(self, time: float) -> Array:
         """Return the displacement from the launch, shape `(3,)` [m]."""
@@ -86,9 +86,10 @@ class DifferentiableFlight:
         return self.states(time)[3:6]
 
     def slopes(self, times: float | Array) -> Array:
-        """Return the derivatives of the position, shape `(3, p)`, or `(3, n, p)` for n times."""
-        positions = self.all_states(times)[:, :3]
-        return np.asarray(np.moveaxis(positions[1:] - positions[0], 0, -1) / self.increments)
+        """Return the derivatives of the position, shape `(3, p)`, or `(n, 3, p)` for n times."""
+        positions = self.all_states(times)[..., :3]
+        change = positions[..., 1:, :] - positions[..., :1, :]
+        return np.asarray(np.swapaxes(change, -1, -2) / self.increments)
 
     def slopes_at_plane(self, normal: Array, time: float) -> tuple[Array, Array]:
         r"""Return the derivatives of position and time at a plane that the ball passes at a time.
@@ -204,11 +205,11 @@ def _fall(flights: Flights, ball: Ball, end: float | Plane) -> tuple[float, Stat
 
     def states(times: float | Array) -> Array:
         moments = np.atleast_1d(np.asarray(times, dtype=float))
-        moved = np.array(
-            [ballistic(start[3:6], g, moments).T for start, g in zip(starts, weights, strict=True)]
+        moved = np.stack(
+            [ballistic(start[3:6], g, moments) for start, g in zip(starts, weights, strict=True)], 1
         )
-        moved[:, :3] += starts[:, :3, None]
-        return moved.reshape(*starts.shape, *np.shape(times))
+        moved[..., :3] += starts[:, :3]
+        return moved if np.ndim(times) else moved[0]
 
     return duration, states
 
@@ -274,6 +275,6 @@ def _integrate(
         raise KickdynError(f"the ball does not reach the plane within {TIME_LIMIT:g} s")
 
     def states(times: float | Array) -> Array:
-        return np.asarray(solution.sol(times).reshape(len(flights), 7, *np.shape(times)))
+        return np.asarray(solution.sol(times).T.reshape(*np.shape(times), len(flights), 7))
 
     return float(solution.t[-1]), states

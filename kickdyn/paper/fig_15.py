@@ -72,7 +72,6 @@ def learn_launch(
     """
 
     def flown(velocity: Array) -> Flight:
-        """Return the flight from a launch velocity."""
         return fly(BallState(velocity=velocity), ball, air, time_limit=100 * time)
 
     command, found = np.array([distance, time]), list[Round]()
@@ -94,7 +93,6 @@ def newton_rounds(launch: Launch) -> tuple[Round, ...]:
     assert goal.time is not None
 
     def flown(velocity: Array) -> Flight:
-        """Return the flight from a launch velocity."""
         state = BallState(velocity=velocity, spin=launch.spin)
         return fly(state, launch.ball, launch.air, tol=1e-13)
 

@@ -114,7 +114,6 @@ def judged(item: Item, others: Sequence[Item]) -> Item:
     """
 
     def distance(other: Item) -> float:
-        """Return the ratio of the larger number to the smaller, 1 or more."""
         small, large = sorted((abs(item.ours), abs(other.ours)))
         return large / small if small else 1.0
 

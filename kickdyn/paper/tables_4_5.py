@@ -147,7 +147,6 @@ def fit(choice: Coefficients) -> Fit:
     leg, speeds = testbed(), HIGH.foot_speed * (NORMALS @ ATTACK)
 
     def distance(row: int, driven: float) -> float:
-        """Return the distance [m] of a row of Table 4 from its (1 + e) s m(n) [kg]."""
         return flight(driven * speeds[row], NORMALS[row], choice).range
 
     low, high = (
@@ -156,11 +155,9 @@ def fit(choice: Coefficients) -> Fit:
     )
 
     def misfit(mass: Array) -> Array:
-        """Return the relative error of the launch speed at 30 deg, that at 50 deg being fitted."""
         return np.asarray(mass[..., 0] / mass[..., 2] * high / low - 1.0)
 
     def at(q: Array) -> Array:
-        """Return m(n) of a configuration [kg]."""
         return np.asarray(masses([leg.posture(q)])[0])
 
     q, free, locked = grid()

@@ -114,7 +114,7 @@ def crossing_time(
 def _extreme_time(flight: DifferentiableFlight, sign: float) -> float:
     """Return when the height times a sign is greatest [s]: at an end or where it turns."""
     times = np.linspace(0.0, flight.end, INTERVALS + 1)
-    sinking = -sign * flight.states(times)[5]
+    sinking = -sign * flight.states(times)[:, 5]
     candidates = [0.0, flight.end]
     for k in np.flatnonzero((sinking[:-1] < 0.0) & (sinking[1:] >= 0.0)):
         turn = _root(lambda time: -sign * float(flight.velocity(time)[2]), times[k], times[k + 1])

@@ -13,7 +13,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.mesh_file import read_mesh
-from kickdyn.robot.mesh_path import MeshFinder
+from kickdyn.robot.package_files import PackageFiles
 from kickdyn.robot.visuals import RobotFile, Shape, Visual
 
 TOLERANCE = 2e-3
@@ -160,7 +160,7 @@ def _spanned(file: RobotFile, visual: Visual) -> Spheres:
     if visual.vertices is not None:
         return Spheres(corners := _hull(visual.vertices), np.zeros(len(corners)))
     if visual.shape == Shape.MESH:
-        finder = MeshFinder(file.folder, file.package_dirs)
+        finder = PackageFiles(file.folder, file.package_dirs)
         points = np.vstack([part.vertices for part in read_mesh(finder, visual.mesh, visual.size)])
         return Spheres(corners := _hull(points), np.zeros(len(corners)))
     size = [validation.number("size of a visual", x, above=0, unit="m") for x in visual.size]

@@ -24,7 +24,8 @@ from kickdyn.robot.mimic_joints import Mimic
 from kickdyn.robot.urdf_validation import find_faults, find_irregularities, read_mimics
 from kickdyn.robot.visuals import RobotFile, Shape, Visual
 
-MAX_BYTES = 20_000_000
+MAX_BYTES = 5_000_000
+"""Size of the largest robot file that is read [bytes]; those of robots have up to 0.5 MB."""
 
 
 class UrdfFile(RobotFile):

@@ -179,7 +179,6 @@ def kick_cases(approach: Approach, contact_time: float, dissipation: str) -> lis
     )  # fmt: skip
 
     def case(change: str, at: Posture, factor: float) -> KickCase:
-        """Return a kick at a posture, with all velocities times a factor."""
         motion = factor * before.velocity, factor * before.spin
         near = find_approach(at, factor * approach.v, ball, contact, *motion)
         hit = collide(
@@ -266,7 +265,6 @@ def fit_contact(
     across = min(4.0 / contact_time, 0.8 / step)
 
     def contact_of(unknowns: Array) -> MujocoContact:
-        """Return the contact of the unknowns, which are 1 at the closed form."""
         x = unknowns - 1.0
         solref = (
             -_rounded(stiffness * math.exp(x[0])),
@@ -279,7 +277,6 @@ def fit_contact(
         return MujocoContact(solref, solimp, friction, solreffriction, kicks[0].margin)
 
     def residuals(x: Array) -> Array:
-        """Return the weighted errors, relative to the ball's speed."""
         parts: list[Array] = []
         for weight, case, kick in zip((1.0, *2 * (1.0 / AROUND,)), cases, kicks, strict=False):
             kick.set_contact(contact_of(x))

@@ -77,7 +77,6 @@ def mujoco_kick(impact: Impact, stiffness: float, dt: float) -> Callable[[], Arr
     kick = MujocoKick(impact.approach, dt, contact)
 
     def run() -> Array:
-        """Return the impulse on the ball of one simulated kick, shape `(3,)` [N s]."""
         gained = kick.run().velocity - impact.ball_before.velocity
         return np.asarray(impact.ball.mass * gained)
 
@@ -263,7 +262,6 @@ def scene(
     order: list[int] = []
 
     def body(joint: int) -> str:
-        """Return a body with those that it carries, and add them to the order of MuJoCo's."""
         order.append(joint)
         inside = "".join(body(child) for child in children[joint])
         ends = [model.jointPlacements[child].translation for child in children[joint]]

@@ -266,7 +266,6 @@ friction="{float(self.friction)!r} 0 0"
         )
 
     def _rows(self) -> Iterable[Row]:
-        """Return what `print` shows: each quantity with its value and unit."""
         yield "time step", 1e3 * self.timestep, f"ms, {self.integrator}"
         yield "solref", digits(self.solref), ""
         if self.solref_time is not None:

@@ -122,13 +122,11 @@ def _scipy(name: str, ball: Ball, air: Air) -> Landings:
     """Return the landings of `solve_ivp` with a landing event, as a user would write it."""
 
     def land(states: list[BallState], tol: float) -> tuple[Array, float, int]:
-        """Return landings, calls per flight and flights of one integrator of scipy."""
         landings, calls = [], 0
         for state in states:
             motion = FlightEquations(state, ball, air)
 
             def height(_: float, y: Array) -> float:
-                """Return the height above the launch [m], the event's function."""
                 return float(y[2])
 
             height.terminal, height.direction = True, -1  # type: ignore[attr-defined]
@@ -147,7 +145,6 @@ def _fly(ball: Ball, air: Air) -> Landings:
     """Return the landings that `kickdyn.fly` computes, one flight after the other."""
 
     def land(states: list[BallState], tol: float) -> tuple[Array, float, int]:
-        """Return landings, evaluations per flight and the number of flights."""
         paths = [fly(state, ball, air, tol=tol) for state in states]
         landings = np.array([path.landing.position for path in paths])
         return landings, sum(path.evaluations for path in paths) / len(paths), len(paths)
@@ -159,7 +156,6 @@ def _fly_many(ball: Ball, air: Air) -> Landings:
     """Return the landings that `kickdyn.fly_many` computes, of 2000 flights at once."""
 
     def land(states: list[BallState], tol: float) -> tuple[Array, float, int]:
-        """Return the first landings, evaluations per flight and the number of flights."""
         data = fly_many(repeated(states), ball, air, tol=tol)
         landings = data.landing_position.values[: len(states)]
         return landings, float(data.evaluations.mean()), len(data.flight)

@@ -23,7 +23,7 @@ import kickdyn
 from kickdyn.air import AIRS
 from kickdyn.cli import posture_sweep_command
 from kickdyn.cli.command import run
-from kickdyn.cli.named_legs import load_leg
+from kickdyn.cli.leg_options import load_leg
 from kickdyn.cli.posture_sweep_command import posture_sweep
 from kickdyn.core import compilation
 from kickdyn.robot.urdf_file import shipped_urdf
@@ -189,9 +189,8 @@ def test_ctrl_c_says_how_to_go_on(tmp_path, by):
         out, said = stopped.communicate()
     assert (stopped.returncode, out) == (1, "")
     assert said.count("\n") == 1
-    stored = r"interrupted: [\d,]+ of [\d,]+ postures are stored in my s\.zarr\. To continue, run: "
-    assert re.search(f"{stored}python -m kickdyn.posture_sweep --joint hip=", said)
-    assert said.endswith("--out 'my s.zarr' --resume\n")
+    stored = r"interrupted: [\d,]+ of [\d,]+ postures are stored in my s\.zarr\. To continue, run "
+    assert re.search(f"{stored}the command again with --resume$", said)
 
 
 class Terminal(io.StringIO):
@@ -225,6 +224,16 @@ def test_json_on_stdout_stands_alone():
     assert ended.stderr == ""
 
 
+def test_a_locked_joint_of_the_default_leg():
+    """The paper's postures have three angles, and are left out."""
+    ended = door("--lock", "ankle=0", "--joint", "hip=0:40:20", "--joint", "knee=10")
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert "3 postures: 3 ok." in ended.stdout
+    assert "Table 2" not in ended.stdout
+    default = door("--lock", "ankle=0", "--json", "-")
+    assert json.loads(default.stdout)["postures"] == 11 * 13  # hip and knee in steps of 5 deg
+
+
 def test_any_urdf(tmp_path):
     urdf = kickdyn.Leg.human().file
     (tmp_path / "mine.urdf").write_text(urdf.text.replace('name="leg_human"', 'name="mine"'))
@@ -254,7 +263,7 @@ def test_any_urdf(tmp_path):
         (["--out", "no/where.zarr"], "no/where.zarr cannot be written"),
         (["--out", "s.zarr", "--plot", "p.exe"], "plots are written as .png"),
         (["--speed", "nan"], "sweep: speed is nan"),
-        (["--speed", "fast"], "--speed is 'fast': it must be a number, such as 1.5"),
+        (["--speed", "fast"], "'fast' is not a valid float"),
         (["--attack", "120"], "attack is 120"),
         (["--air", "thick"], "'thick' is not one of 'standard', 'paper', 'none'"),
         (["--out", "no/where.nc"], "no/where.nc cannot be written"),
@@ -262,11 +271,11 @@ def test_any_urdf(tmp_path):
         (["--plot", "sweep.exe"], "plots are written as .png"),
         (["--view", "no/where.html"], "no/where.html cannot be written"),
         (["--json", "."], "is a folder"),
-        (["--nose"], "there is no option --nose"),
+        (["--nose"], "No such option '--nose'"),
         (["--workers", "2"], "--resume and --workers are for a Zarr store"),
         (["--tolerance", "-1"], "tolerance is -1"),
         (["--threads", "2", "--workers", "2", "--out", "x.zarr"], "are both given"),
-        (["--threads", "0"], "--threads is '0': it must be a whole number from 1 to 1024"),
+        (["--threads", "0"], "0 is not in the range 1<=x<=1024"),
         (["--view", "page.txt"], "page.txt has no known ending: a page is written as .html"),
         (["--leg", "page.html", "--json", "page.html"], "page.html is an input"),
     ],

@@ -36,11 +36,13 @@ def test_a_page_and_numbers(tmp_path):
         scene.v,
         scene.ball,
         scene.contact,
-        ball_velocity=scene.ball_velocity,
-        ball_spin=scene.ball_spin,
+        ball_velocity=scene.incoming.velocity,
+        ball_spin=scene.incoming.spin,
     )
     assert numbers["angles_deg"] == {"hip": 50, "knee": 20, "ankle": 20}  # as the file has them
     assert numbers["impulse"] == pytest.approx(hit.impulse)
+    assert numbers["ball_spin"] == pytest.approx(hit.ball_after.spin)
+    assert np.linalg.norm(numbers["ball_spin"]) > 1.0
     for joint, sent in enumerate(numbers["joint_impulses"].values()):
         whole = np.linalg.norm(hit.joint_impulses[joint, :3])
         assert np.linalg.norm(sent) == pytest.approx(whole)

@@ -627,11 +627,19 @@ class Posture(ReprMixin):
 
         With constraints, it is projected on the velocity jumps that they allow in an impact.
         """
-        columns = self._whiten(self.jacobian)
-        if self.constraint_projector is not None:
-            columns = self.constraint_projector.project(columns)
+        columns = self.whiten(self.jacobian)
         columns.setflags(write=False)
         return columns.T
+
+    def whiten(self, jacobian: Array) -> Array:
+        r"""Return :math:`L^{-1} J^T` of any Jacobian, shape `(rows, nv)`, as columns.
+
+        With constraints, it is projected on the velocity jumps that they allow in an impact.
+        """
+        columns = self._whiten(jacobian)
+        if self.constraint_projector is not None:
+            columns = self.constraint_projector.project(columns)
+        return columns
 
     def delassus_factor(self) -> Array:
         r"""Return F with :math:`F F^T = J M^{-1} J^T`, shape `(3, n)` [kg^-1/2, world frame].

@@ -14,8 +14,8 @@ from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
+from kickdyn.impact.approach import AT_REST, find_approach
 from kickdyn.impact.collide import collide
-from kickdyn.impact.contact_problem import ContactProblem, contact_axes
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike
 from kickdyn.robot.leg import Leg, Posture
@@ -158,15 +158,9 @@ def in_cone(
     posture: Posture, v: Array, ball: Ball, contact: Contact, name: str, tol: float
 ) -> Array:
     """Return the impulse by one of Pinocchio's cone solvers, `ADMM` or `PGS`, at a tolerance."""
-    n = contact.normal
-    foot = posture.jacobian @ v
-    problem = ContactProblem(
-        normal=n, delassus_factor=posture.delassus_factor(), ball=ball, centre_velocity=-foot,
-        spin=np.zeros(3), restitution=_restitution(posture, v, contact), friction=contact.friction,
-    )  # fmt: skip
-    axes = contact_axes(n, problem.velocity)
-    free = axes.T @ problem.velocity
-    free[2] *= 1.0 + problem.restitution
+    problem = find_approach(posture, v, ball, contact, AT_REST, AT_REST).contact_problem()
+    axes, free = problem.in_contact_axes()
+    free[2] *= 1.0 + problem.contacts[0].restitution
     solver = getattr(pin, f"{name}ConstraintSolver")(3)
     settings, result = (
         getattr(pin, f"{name}Solver{record}")() for record in ("Settings", "Result")
@@ -176,9 +170,9 @@ def in_cone(
         setattr(settings, f"absolute_{kind}_tol", tol)
         setattr(settings, f"relative_{kind}_tol", tol)
     models, data = _point(contact.friction)
-    operator = pin.DelassusOperatorDense(np.asfortranarray(axes.T @ problem.delassus() @ axes))
+    operator = pin.DelassusOperatorDense(np.asfortranarray(problem.delassus(axes)))
     solver.solve(operator, free, models, data, settings, result)
-    return np.asarray(axes @ result.retrieveConstraintImpulses())
+    return np.asarray(axes[0] @ result.retrieveConstraintImpulses())
 
 
 def _point(friction: float) -> tuple[object, object]:

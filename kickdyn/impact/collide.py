@@ -1,17 +1,14 @@
 """The strike through a compliant contact: leg and ball integrated while they touch."""
 
 import math
-from bisect import bisect_right
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from inspect import signature
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.integrate import OdeSolution
-from scipy.optimize import minimize_scalar
 
 from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
@@ -19,9 +16,15 @@ from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array, read_only
 from kickdyn.core.vectors import largest
-from kickdyn.errors import InvalidInput, KickdynError
+from kickdyn.errors import InvalidInput
 from kickdyn.impact.approach import AT_REST, Approach, find_approach
-from kickdyn.impact.compliant_contact import CompliantContact, State, Torque
+from kickdyn.impact.compliant_contact import (
+    CompliantContact,
+    ContactMotion,
+    State,
+    Torque,
+    integrate_contact,
+)
 from kickdyn.impact.force_model import (
     HERTZ,
     LINEAR,
@@ -30,10 +33,8 @@ from kickdyn.impact.force_model import (
     ForceModel,
     contact_stiffness,
     expected_contact_time,
-    integrate_until,
     make_force_model,
 )
-from kickdyn.impact.leg_response import leg_response
 from kickdyn.restitution import range_warnings
 from kickdyn.robot.leg import Leg, Posture
 
@@ -44,9 +45,6 @@ CONTACT_TIME = 0.010
 """[s] for which the force acts. With it, the visible contact takes 12.9 ms at e = 0.7; 9 to 14 ms
 were seen in soccer, Australian football and rugby league (review in Ball, Ingleton, Peacock &
 Nunome, Ball impact dynamics in the punt kick, ISBS 2013)."""
-
-MAX_CONTACT_TIMES = 50.0
-"""Expected contact times after which foot and ball count as not separating."""
 
 
 class ContactSample(NamedTuple):
@@ -61,77 +59,6 @@ class ContactSample(NamedTuple):
     force: Array
     impulse: Array
     deflection: Array
-
-
-class ContactMotion(NamedTuple):
-    """Leg and ball from first contact to separation, as they were integrated.
-
-    Attributes:
-        equations: equations of motion.
-        column: column of the integrator at a time.
-        times: of the integrator's steps, shape `(n,)` [s].
-        last: column at separation.
-        begins: times at which a phase of compression or of restitution begins [s].
-        largest: deflection before each phase, 0 while it grows [m].
-    """
-
-    equations: CompliantContact
-    column: OdeSolution
-    times: Array
-    last: Array
-    begins: list[float]
-    largest: list[float]
-
-    def sample(self, t: float) -> tuple[Array, Array, float]:
-        """Return force [N], impulse so far [N s] and deflection [m] at a time [s]."""
-        largest = self.largest[bisect_right(self.begins, t) - 1]
-        return self.equations.contact_at(t, self.column(t), largest)
-
-    def peaks(self) -> tuple[float, float]:
-        """Return the largest force [N] and deflection [m]: those of the steps, refined."""
-        return (
-            self._peak(lambda t: math.hypot(*self.sample(t)[0])),
-            self._peak(lambda t: self.sample(t)[2]),
-        )
-
-    def _peak(self, quantity: Callable[[float], float]) -> float:
-        """Return the largest value of a quantity over the contact."""
-        values = [quantity(t) for t in self.times.tolist()]
-        best = int(np.argmax(values))
-        refined = minimize_scalar(
-            lambda t: -quantity(float(t)),
-            bounds=(self.times[max(best - 1, 0)], self.times[min(best + 1, len(values) - 1)]),
-            method="bounded",
-            options={"xatol": 1e-6 * float(self.times[-1])},
-        )
-        return max(-float(refined.fun), values[best])
-
-    def energy_residual(self) -> float:
-        """Return the energy that is not accounted for, relative to that of the approach."""
-        equations, end = self.equations, self.equations.state(self.last)
-        approach = equations.approach
-        before = equations.energy(equations.start(), 0.0) + end.work
-        after = equations.energy(self.last, self.largest[-1]) + end.lost
-        return abs(before - after) / (0.5 * approach.reduced_mass() * approach.speed**2)
-
-    def joint_impulses(self) -> Array:
-        """Return the impulses of the joints, by Gauss's rule in each step, `(njoints, 6)`."""
-        equations = self.equations
-        leg = equations.leg
-        frame = leg.model.frames[leg.frame_id].placement
-        nodes, weights = np.polynomial.legendre.leggauss(3)
-        total = np.zeros((leg.model.njoints - 1, 6))
-        for begin, duration in zip(self.times, np.diff(self.times), strict=False):
-            for node, weight in zip(nodes, weights, strict=True):
-                t = begin + 0.5 * duration * (1.0 + node)
-                force, _, _ = self.sample(t)
-                state = equations.state(self.column(t))
-                posture = leg.posture(state.q)
-                lever = posture.rotation_world_joint.T @ equations.kinematics(state).point
-                touched = posture.with_contact_offset(frame.actInv(lever))
-                impulse = 0.5 * duration * weight * force
-                total += leg_response(touched, state.v, impulse).joint_impulses
-        return total
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -426,9 +353,8 @@ def collide(
     validation.number("ball radius", ball.radius, at_least=1e-12 * far, unit="m")  # else rounding
     # Below a micrometre per second gravity, not the impact, decides the motion.
     validation.number("approach speed", approach.speed, at_least=1e-6, unit="m/s")
-    mass = approach.reduced_mass()
     kind = validation.choice("dissipation", dissipation, Dissipation)
-    k, exponent = _stiffness(approach, mass, contact_time, stiffness, kind)
+    k, exponent = _stiffness(approach, contact_time, stiffness, kind)
     model = make_force_model(k, exponent, approach.speed, approach.restitution, kind)
     expected = duration(approach, contact_time, stiffness, kind)
     equations = CompliantContact(approach, model, torque, expected)
@@ -437,7 +363,7 @@ def collide(
         stiffness=stiffness if exponent == LINEAR else k,
         ball_velocity=approach.ball_before.velocity, ball_spin=approach.ball_before.spin,
     )  # fmt: skip
-    motion = _integrate(equations, mass, tol)
+    motion = integrate_contact(equations, tol)
     peak_force, deflection = motion.peaks()
     if deflection >= ball.radius * (1.0 - 1e-9):
         pressed = f"too low, the ball would be pressed beyond its radius of {ball.radius:g} m"
@@ -457,7 +383,7 @@ def duration(
 ) -> float:
     """Return for how long the force of `collide` acts between the two masses alone [s]."""
     mass, e = approach.reduced_mass(), approach.restitution
-    k, exponent = _stiffness(approach, mass, contact_time, stiffness, dissipation)
+    k, exponent = _stiffness(approach, contact_time, stiffness, dissipation)
     expected = expected_contact_time(k, mass, approach.speed, e, dissipation, exponent)
     return validation.number("contact time", expected, at_least=SHORTEST_CONTACT, unit="s")
 
@@ -479,7 +405,6 @@ def _checked_torque(torque: ArrayLike | Torque | None, nv: int) -> Array | Torqu
 
 def _stiffness(
     approach: Approach,
-    mass: float,
     contact_time: float | None,
     stiffness: float | str | None,
     dissipation: Dissipation,
@@ -490,7 +415,8 @@ def _stiffness(
         return approach.ball.stiffness, LINEAR
     if given is None:
         time = CONTACT_TIME if contact_time is None else contact_time
-        given = contact_stiffness(time, mass, approach.speed, approach.restitution, dissipation)
+        mass, e = approach.reduced_mass(), approach.restitution
+        given = contact_stiffness(time, mass, approach.speed, e, dissipation)
     return given, HERTZ
 
 
@@ -512,48 +438,3 @@ def checked_stiffness(
     if stiffness is None:
         return None
     return validation.number("stiffness", stiffness, above=0, unit="N/m^1.5")
-
-
-def _integrate(equations: CompliantContact, mass: float, tol: float) -> ContactMotion:
-    """Return the motion from first contact to separation, or raise `KickdynError`.
-
-    A contact with hysteresis is cut where compression ends, and where the deflection outgrows the
-    largest one before, so that the force is smooth in every phase.
-    """
-    model, expected, radius = equations.force_model, equations.expected, equations.ball.radius
-    limit, atol = MAX_CONTACT_TIMES * expected, tol * equations.scales(mass)
-    phases: list[Any] = []
-    begins, largest_before = [], []
-    t, y, largest, touching = 0.0, equations.start(), 0.0, True
-    while touching:
-        event: Any = equations.compression_ends
-        if model.restitution == 1.0 or largest > 0.0:
-            event = partial(equations.restitution_ends, largest=largest)
-        rates = partial(equations.rates, largest=largest)
-        with np.errstate(over="ignore", invalid="ignore"):  # reported below
-            phase = integrate_until(event, rates, y, limit, tol, atol, expected / 20.0, t)
-        if not phase.success or not np.isfinite(phase.y[:, -1]).all():
-            raise KickdynError(f"the integrator failed at {phase.t[-1]:g} s: {phase.message}")
-        if phase.status != 1:
-            raise KickdynError(
-                f"foot and ball are still in contact after {limit:g} s, {MAX_CONTACT_TIMES:g} "
-                "times the time that the two alone would take"
-            )
-        phases.append(phase)
-        begins.append(t)
-        largest_before.append(largest)
-        t, y = float(phase.t[-1]), phase.y[:, -1]
-        deflection = equations.deflection(y)
-        apart = deflection - model.separation(largest) < largest - deflection
-        touching = model.restitution < 1.0 and not apart and deflection < radius * (1.0 - 1e-9)
-        largest = 0.0 if largest else deflection
-    times = np.concatenate([[0.0], *(phase.t[1:] for phase in phases)])
-    stuck = times[1:][np.diff(times) <= 0.0]
-    if stuck.size:
-        raise KickdynError(
-            f"the integrator failed at {stuck[0]:g} s: at an approach speed of "
-            f"{equations.approach.speed:.3g} m/s gravity or a torque, not the impact, decides the "
-            "motion"
-        )
-    column = OdeSolution(times, [step for phase in phases for step in phase.sol.interpolants])
-    return ContactMotion(equations, column, times, y, begins, largest_before)

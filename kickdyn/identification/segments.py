@@ -207,15 +207,15 @@ class Segments(Printed):
         Tracking systems smooth over touches. The samples within 0.1 s of a cut are left out, but no
         more than a tenth of the flight at each end.
         """
-        found = []
+        flights = []
         for part in self.parts:
             times = self.track.times[part.first : part.last]
             margin = min(SMOOTHED, SMOOTHED_FRACTION * float(times[-1] - times[0]))
-            inside = (times > times[0] + margin) & (times < times[-1] - margin)
-            if part.kind is SegmentKind.FLIGHT and inside.any():
-                where = part.first + np.flatnonzero(inside)
-                found.append(self.track[int(where[0]) : int(where[-1]) + 1])
-        return tuple(found)
+            inside = np.flatnonzero((times > times[0] + margin) & (times < times[-1] - margin))
+            if part.kind is SegmentKind.FLIGHT and inside.size:
+                first, last = part.first + int(inside[0]), part.first + int(inside[-1])
+                flights.append(self.track[first : last + 1])
+        return tuple(flights)
 
     @property
     def surface(self) -> Surface:

@@ -19,6 +19,10 @@ LIMIT_TOLERANCE = 1e-6
 """By how much a range may be passed without a warning [rad; m]; a speed limit, as a share of it."""
 
 
+class InDegrees(dict[str, float]):
+    """Values of joints by name [deg; m for prismatic joints], as commands and files have them."""
+
+
 class JointTable:
     """The joints of a model by name; a subclass has its `_model`, a `pin.Model`, and `mimics`."""
 
@@ -274,7 +278,7 @@ class JointTable:
         return tuple(present)
 
     def _values_to_lock(self, wanted: Mapping[str, float]) -> dict[str, float]:
-        """Return the values of the joints that are named by `wanted`, its patterns expanded.
+        """Return the values of the joints that `wanted` names or matches [rad; m if prismatic].
 
         Mimic joints are left out: they are locked with their drivers.
 
@@ -293,7 +297,11 @@ class JointTable:
                 )
             if mimic.joint not in wanted:
                 values.pop(mimic.joint, None)
-        return values
+        if not isinstance(wanted, InDegrees):
+            return values
+        turning = {name for name in values if self.joint_unit(name) == "rad"}
+        checked = {name: validation.number(f"joint {name}", x) for name, x in values.items()}
+        return {name: math.radians(x) if name in turning else x for name, x in checked.items()}
 
 
 def _limits(limits: Array) -> Array:

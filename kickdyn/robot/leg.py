@@ -187,9 +187,8 @@ class Leg(JointTable, ReprMixin):
             UrdfError: the file is refused, with all its faults in one message.
             InvalidInput: there is no such frame, base, joint to lock or folder.
         """
-        locked = validation.mapping("locked", locked)
-        urdf = read_urdf(path, package_dirs, locked)
-        leg = cls(build_model(urdf.text, urdf.source, base), frame, urdf).locked(locked)
+        urdf = read_urdf(path, package_dirs, validation.mapping("locked", locked))
+        leg = cls(build_model(urdf.text, urdf.source, base), frame, urdf).locked(locked or {})
         fault = _find_fault(leg)
         if fault is not None:
             raise UrdfError(urdf.source, [fault])
@@ -351,10 +350,9 @@ class Leg(JointTable, ReprMixin):
             InvalidInput: no such joint, a value that is not finite or outside the joint's range,
                 or all of the foot's locked.
         """
-        wanted = validation.mapping("joints", joints)
-        if not wanted:
+        if not validation.mapping("joints", joints):
             return self
-        values = self._values_to_lock(wanted)
+        values = self._values_to_lock(joints)
         q = self.configuration(values)
         for line in self.outside_range(q):
             if any(line.startswith(f"{joint} at ") for joint in values):

@@ -99,25 +99,6 @@ def build_mjcf_model(
     return MjcfModel(read, builder.model, tuple(builder.loops), builder)
 
 
-def sliding_joints(file: MjcfFile) -> set[str]:
-    """Return the names of a document's prismatic joints, also of those that a model names itself.
-
-    Raises `MjcfError` as `MjcfFile.compile` does.
-    """
-    compiled = file.compile()
-    kinds = [int(kind) for kind in compiled.jnt_type]
-    taken, slides = {compiled.joint(joint).name for joint in range(compiled.njnt)}, set()
-    for joint, kind in enumerate(kinds):
-        if kind != FREE:
-            own = str(compiled.joint(joint).name)
-            body = body_name(compiled, int(compiled.jnt_bodyid[joint]))
-            name = own or _unused(f"{body}_joint", taken)
-            taken.add(name)
-            if kind == SLIDE:
-                slides.add(name)
-    return slides
-
-
 def _unused(wish: str, taken: Set[str]) -> str:
     """Return a name that is not taken: what is wished for, with a number if need be."""
     name, count = wish, 1

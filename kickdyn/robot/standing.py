@@ -15,10 +15,10 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.constraints import Support
 from kickdyn.robot.ground_clearance import (
-    POINT,
     Spheres,
     body_frames,
     find_unread,
+    joined,
     shape_of,
     shapes_of,
 )
@@ -202,11 +202,10 @@ def _sole(robot: Leg, support: Support, frame: int, rotation: Array) -> Array:
 def joint_spheres(robot: Leg, joint: int) -> Spheres:
     """Return the bodies that a joint carries, in its axes; its origin where it has no shapes."""
     frames = robot.workspace.model.frames
-    found = [
+    return joined([
         shape_of(robot, name).moved(frames[number].placement.homogeneous)
         for name, number in joint_bodies(robot, joint).items()
-    ] or [POINT]
-    return Spheres(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
+    ])  # fmt: skip
 
 
 def joint_bodies(robot: Leg, joint: int) -> dict[str, int]:

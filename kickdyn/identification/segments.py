@@ -573,7 +573,8 @@ def _rolling(
         fit = np.polyfit(times - times.mean(), points, 2)
         speed = max(float(np.linalg.norm(fit[1])), 1e-300)
         ax, ay, *_ = drag(0.0, float(fit[1][0]), float(fit[1][1]), 0.0, 0.0, 0.0, 0.0)
-        decelerations.append(float((np.array([ax, ay]) - 2.0 * fit[0]) @ fit[1]) / speed)
+        by_air = np.array([ax, ay]) / (1.0 + ball.inertia / (ball.mass * ball.radius**2))
+        decelerations.append(float((by_air - 2.0 * fit[0]) @ fit[1]) / speed)
     found = _median(decelerations, [ROLLING_DEVIATION] * len(decelerations))
     return found and found._replace(kind="rolling part", unit="m/s2")
 

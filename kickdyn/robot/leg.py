@@ -564,6 +564,11 @@ class Posture(ReprMixin):
     _frame_jacobian: Array
     _contact_offset: Array | None = None
 
+    @property
+    def contact_offset(self) -> Array | None:
+        """Position of the contact point in the contact frame [m]; None is its origin."""
+        return self._contact_offset
+
     def with_contact_offset(self, offset: ArrayLike | None) -> "Posture":
         """Return this posture with its contact point elsewhere on the foot.
 
@@ -626,11 +631,19 @@ class Posture(ReprMixin):
 
         With constraints, it is projected on the velocity jumps that they allow in an impact.
         """
-        columns = self._whiten(self.jacobian)
-        if self.constraint_projector is not None:
-            columns = self.constraint_projector.project(columns)
+        columns = self.whiten(self.jacobian)
         columns.setflags(write=False)
         return columns.T
+
+    def whiten(self, jacobian: Array) -> Array:
+        r"""Return :math:`L^{-1} J^T` of any Jacobian, shape `(rows, nv)`, as columns.
+
+        With constraints, it is projected on the velocity jumps that they allow in an impact.
+        """
+        columns = self._whiten(jacobian)
+        if self.constraint_projector is not None:
+            columns = self.constraint_projector.project(columns)
+        return columns
 
     def delassus_factor(self) -> Array:
         r"""Return F with :math:`F F^T = J M^{-1} J^T`, shape `(3, n)` [kg^-1/2, world frame].

@@ -306,6 +306,16 @@ def test_the_spin_limit_leaves_out_what_turns_faster():
     assert 0 < short.reached.beside[1] < 0.8
 
 
+def test_other_launches_keep_the_spin_limit():
+    goal = kd.Goal((22, 3, 2.2), speed=27, beside=(9.15, 0.8))
+    low = kd.plan_launch(goal, BALL, AIR)
+    (high,) = low.others
+    assert np.linalg.norm(high.spin) < 25 < np.linalg.norm(low.spin)
+    only = kd.plan_launch(goal, BALL, AIR, spin_limit=25)
+    assert only.velocity == pytest.approx(high.velocity)
+    assert only.others == ()
+
+
 @pytest.mark.parametrize(("kg", "half"), [(7, 0), (-9, 0), (0, 1), (3, -1)])
 @pytest.mark.parametrize("named", [{"time": 1.3}, {"over": (7.0, 3.0)}, {"beside": (8.0, 0.2)}])
 def test_a_launch_does_not_depend_on_the_units(named, kg, half):

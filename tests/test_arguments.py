@@ -27,7 +27,7 @@ LEG, Q, V = kd.Leg.human(), np.array([0.2, 0.4, -0.1]), np.array([-3.0, -6.0, -4
 POSTURE, BALL, CONTACT = LEG.posture(Q), kd.Ball(), kd.Contact((1, 0, 0.4), 0.8, 0.4)
 IMPACT = kd.strike(POSTURE, V, BALL, CONTACT)
 GOAL = kd.Goal((10.0, 0.0, 0.0), time=1.0)
-SCENE = kd.Scene(LEG, Q, V, BALL, CONTACT)
+SCENE = kd.Scene(POSTURE, V, BALL, CONTACT)
 PLAN = kd.plan_kick(LEG, GOAL, BALL)
 AIR = kd.Air(drag="goff-carre")
 INFERRED = [kd.infer_impact(POSTURE, V, BALL, IMPACT.ball_before, IMPACT.ball_after)] * 2

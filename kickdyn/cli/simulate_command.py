@@ -67,7 +67,6 @@ def _document(answer: Simulation) -> dict[str, Any]:
                 "effect": verdict.effect,
                 "modelled": verdict.modelled,
                 "size": finite(answer.effect_sizes[verdict.effect]),
-                "bound": finite(verdict.bound),
                 "why": verdict.why,
             }
             for verdict in answer.verdicts

@@ -25,7 +25,7 @@ from kickdyn.impact.collide import CONTACT_TIME
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.mjcf_file import MjcfFile
 from kickdyn.robot.names import unknown
-from kickdyn.scene.scene import Scene
+from kickdyn.scene.scene import Compliance, Scene
 from kickdyn.scene.toml_reader import load_scene
 from kickdyn.simulators.mujoco_fit import MujocoIntegrator
 from kickdyn.simulators.tune_mujoco import MujocoTuning
@@ -121,27 +121,30 @@ def tune_mujoco(
         warn(posture.warnings)
         v = posture.joint_velocity(foot.checked_speed * foot.direction)
         scene = Scene(
-            robot, posture.q, v, ball.load(), contact.contact(foot.direction),
-            contact_time=mujoco.contact_time, name=robot.name,
+            posture, v, ball.load(), contact.contact(foot.direction),
+            Compliance(contact_time=mujoco.contact_time), name=robot.name,
         )  # fmt: skip
-    if scene.law != "newton":
+    compliance = Compliance()
+    if isinstance(scene.law, Compliance):
+        compliance = scene.law
+    elif scene.law != "newton":
         raise InvalidInput(
             f"law is {scene.law!r}: a contact of MuJoCo is tuned for 'newton', or for a "
             "contact time"
         )
-    if scene.stiffness is not None:
+    if compliance.stiffness is not None:
         raise InvalidInput(
-            f"stiffness is {scene.stiffness!r}: a contact of MuJoCo is tuned for a contact time, "
-            "contact_time_s"
+            f"stiffness is {compliance.stiffness!r}: a contact of MuJoCo is tuned for a contact "
+            "time, contact_time_s"
         )
     _check_feet(scene.leg, mujoco.feet)
     feet = mujoco.feet or (find_foot(scene.leg) if scene.contact.friction else ())
     with busy("tuning"):
         tuning = tune_contact(
             scene.posture, scene.v, scene.ball, scene.contact, timestep=mujoco.timestep,
-            integrator=mujoco.integrator, contact_time=scene.contact_time or CONTACT_TIME,
-            dissipation=scene.dissipation, tolerance=mujoco.tolerance,
-            ball_velocity=scene.ball_velocity, ball_spin=scene.ball_spin,
+            integrator=mujoco.integrator, contact_time=compliance.contact_time or CONTACT_TIME,
+            dissipation=compliance.dissipation, tolerance=mujoco.tolerance,
+            ball_velocity=scene.incoming.velocity, ball_spin=scene.incoming.spin,
         )  # fmt: skip
     model = tuning.mjcf(*feet)
     for file, text in ((output.out, model), (output.scene_out, tuning.scene)):

@@ -103,5 +103,5 @@ def _document(simulation: Simulation) -> dict[str, Any]:
         "error": finite(simulation.error),
         **simulation.pitch_numbers(),
         "warnings": list(simulation.warnings),
-        "neglected": {v.effect: finite(v.bound) for v in simulation.verdicts if not v.modelled},
+        "neglected": {v.effect: finite(v.size) for v in simulation.verdicts if not v.modelled},
     }

@@ -301,7 +301,7 @@ def collide(
     validation.number("ball radius", ball.radius, at_least=1e-12 * far, unit="m")  # else rounding
     # Below a micrometre per second gravity, not the impact, decides the motion.
     validation.number("approach speed", approach.speed, at_least=1e-6, unit="m/s")
-    mass = 1.0 / approach.contact_problem().inverse_mass
+    mass = approach.reduced_mass()
     kind = validation.choice("dissipation", dissipation, Dissipation)
     k, exponent = _stiffness(approach, mass, contact_time, stiffness, kind)
     model = make_force_model(k, exponent, approach.speed, approach.restitution, kind)
@@ -323,7 +323,7 @@ def duration(
     dissipation: Dissipation,
 ) -> float:
     """Return for how long the force of `collide` acts between the two masses alone [s]."""
-    mass, e = 1.0 / approach.contact_problem().inverse_mass, approach.restitution
+    mass, e = approach.reduced_mass(), approach.restitution
     k, exponent = _stiffness(approach, mass, contact_time, stiffness, dissipation)
     expected = expected_contact_time(k, mass, approach.speed, e, dissipation, exponent)
     return validation.number("contact time", expected, at_least=SHORTEST_CONTACT, unit="s")

@@ -76,7 +76,7 @@ class Page:
     def html(self) -> str:
         """The page as one file that needs no network."""
         pages = {self.name: self, **self.others}
-        return html_document(self.title, {name: each.recording for name, each in pages.items()})
+        return html_document(self.title, {name: page.recording for name, page in pages.items()})
 
     @property
     def recording(self) -> Recording:
@@ -275,9 +275,9 @@ def page(
 
 def page_of_pages(pages: Mapping[str, Page]) -> Page:
     """Return the first of some pages, with buttons for each of them by its name."""
-    (name, first), *others = pages.items()
+    (name, first), *further = pages.items()
     shown = Page(first.viewer, first.title, first.panel, first.pace, first.height)
-    shown.name, shown.others = name, dict(others)
+    shown.name, shown.others = name, dict(further)
     shown.warnings = tuple(dict.fromkeys(line for page in pages.values() for line in page.warnings))
     return shown
 
@@ -293,21 +293,23 @@ def _comparison(
     elif not isinstance(subject, Mapping):
         if not isinstance(subject, Iterable) or isinstance(subject, str):
             raise InvalidInput(f"a page cannot show a {type(subject).__name__}")
-        subject = {str(number): each for number, each in enumerate(subject, start=1)}
+        subject = {str(number): item for number, item in enumerate(subject, start=1)}
     measured: dict[str, Array] = {}
-    each: dict[str, Impact | _Path] = {}
-    for name, one in subject.items():
-        if isinstance(one, Identification):
-            fitted = zip(one.flights, one.tracks, strict=True)
+    items: dict[str, object] = {}
+    for name, item in subject.items():
+        if isinstance(item, Identification):
+            fitted = zip(item.flights, item.tracks, strict=True)
             for number, (flight, track) in enumerate(fitted):
-                key = name if len(one.tracks) == 1 else f"{name} {number}"
-                each[key], measured[key] = flight, track.positions
+                key = name if len(item.tracks) == 1 else f"{name} {number}"
+                items[key], measured[key] = flight, track.positions
+        elif isinstance(item, Launch):
+            items[name] = item.flight
         else:
-            each[name] = _path(one)
-    impacts = {name: one for name, one in each.items() if isinstance(one, Impact)}
-    paths = {name: one for name, one in each.items() if isinstance(one, Flight | Course)}
-    if len(each) != max(len(impacts), len(paths)):
-        kinds = ", ".join(sorted({type(one).__name__ for one in each.values()}))
+            items[name] = item.course if isinstance(item, Pass) else item
+    impacts = {name: item for name, item in items.items() if isinstance(item, Impact)}
+    paths = {name: item for name, item in items.items() if isinstance(item, Flight | Course)}
+    if len(items) != max(len(impacts), len(paths)):
+        kinds = ", ".join(sorted({type(item).__name__ for item in items.values()}))
         raise InvalidInput(f"a page compares flights, or impacts: these are {kinds}")
     viewer = recording_viewer()
     title = title or ("impacts" if impacts else "flights")
@@ -319,25 +321,19 @@ def _comparison(
     return Page(viewer, title, panel, height=height)
 
 
-def _path(one: Impact | Flight | Course | Launch | Pass) -> Impact | _Path:
-    """Return the flight of a launch, or the course of a pass; all else as it is."""
-    if isinstance(one, Launch):
-        return one.flight
-    return one.course if isinstance(one, Pass) else one
-
-
 def _of_scene(simulation: Simulation, caption: str) -> tuple[Impact, _Path, str, list[Box]]:
     """Return impact and path of a scene, its caption, and its wall or goal if it is in sight."""
     impact, path, scene = simulation.impact, simulation.path, simulation.scene
-    if not isinstance(impact, Impact) or path is None:
-        raise InvalidInput(
-            "the impact of this Simulation takes time, or it has no path: show its Scene instead"
-        )
+    if not isinstance(impact, Impact):
+        raise InvalidInput("the impact of this Simulation takes time: show its Scene instead")
     caption = caption or scene.name
     if simulation.neglected:
         moved = simulation.model_error
         error = f"{moved:.2g} m off" if math.isfinite(moved) else "at an unknown distance"
-        caption += f", its contact shown as an instant: it ends {error}"
+        without = "its contact shown as an instant"
+        if simulation.neglected != ("contact time",):
+            without = f"without {', '.join(simulation.neglected)}"
+        caption += f", {without}: it ends {error}"
     caption = ". ".join(filter(None, [caption, simulation.pitch_text]))
     if scene.plane is None:
         return impact, path, caption, []

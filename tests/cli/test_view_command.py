@@ -36,8 +36,8 @@ def test_a_page_and_numbers(tmp_path):
         scene.v,
         scene.ball,
         scene.contact,
-        ball_velocity=scene.ball_velocity,
-        ball_spin=scene.ball_spin,
+        ball_velocity=scene.incoming.velocity,
+        ball_spin=scene.incoming.spin,
     )
     assert numbers["angles_deg"] == {"hip": 50, "knee": 20, "ankle": 20}  # as the file has them
     assert numbers["impulse"] == pytest.approx(hit.impulse)

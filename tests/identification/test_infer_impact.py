@@ -37,7 +37,7 @@ def assert_given_back(hit):
     assert found.contact_point == pytest.approx(hit.posture.contact_point, abs=1e-9)
     assert found.contact_distance < 1e-9
     assert found.approach_speed == pytest.approx(hit.approach_speed, abs=1e-9)
-    used = np.linalg.norm(hit.solution.tangential_impulse) / along
+    used = np.linalg.norm(hit.solution.tangential_impulses[0]) / along
     assert found.friction == pytest.approx(used, abs=1e-9)
     if hit.law == "newton" and not hit.sticking:  # by stronge, sliding may turn round
         assert found.friction == pytest.approx(hit.contact.friction, abs=1e-9)

@@ -118,7 +118,7 @@ def test_a_bare_impact_is_drawn_above_the_lowest_point_of_the_leg(make_kick):
         panel = kd.page(hit, caption=caption).panel
         assert "<p>a kick. </p>" in panel
         assert "<p>The ball is on a tee" in panel
-    scene = kd.Scene(hit.posture.leg, hit.posture.q, hit.v_before, ball, hit.contact)
+    scene = kd.Scene(hit.posture, hit.v_before, ball, hit.contact)
     course = kd.follow(
         hit.ball_after, ball, ground=kd.Ground(hit.ball_before.position[2] - ball.radius, "turf")
     )
@@ -465,8 +465,7 @@ def test_the_wall_of_a_scene_stands_on_the_lower_of_both_ends(kick):
     hit, ball, _ = kick
     posture = hit.posture
     scene = kd.Scene(
-        posture.leg,
-        posture.q,
+        posture,
         hit.v_before,
         ball,
         hit.contact,

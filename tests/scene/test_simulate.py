@@ -204,7 +204,7 @@ def test_a_joint_outside_its_range_is_noted():
     v = posture.joint_velocity([3, 0, 1])
     scene = kd.Scene(posture, v, kd.Ball(), kd.Contact((1, 0, 0.2), 0.8))
     (note,) = scene.notes
-    assert note == "knee is at 150 deg, outside its range, 0 to 140"
+    assert note == "knee at 150 deg is outside its range 0 to 140 deg"
     assert f"note: {note}" in str(kd.simulate(scene, 0.1))
     assert kick().notes == ()
 

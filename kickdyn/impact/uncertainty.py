@@ -114,9 +114,10 @@ class Uncertainty(Printed):
         lines.append(f"{'all':13}{all_sources}".rstrip())
         lines.append("standard deviations; for vectors: root of the trace of the covariance matrix")
         if self.branch is not Branch.FRICTIONLESS:
-            other = Branch.SLIP if self.branch is Branch.STICK else Branch.STICK
+            sticks = self.branch is Branch.STICK
+            verb, other = ("sticks", "slipping") if sticks else ("slips", "sticking")
             lines.append(
-                f"{self.branch}; {other} is {self.branch_sigmas:.2g} standard deviations away"
+                f"the contact {verb}; {other} is {self.branch_sigmas:.2g} standard deviations away"
             )
         return "\n".join(lines)
 

@@ -58,8 +58,8 @@ ROLLING_HEIGHT = 0.15
 """Change of height of a ball that rolls [m], within one part."""
 
 SMOOTHED, SMOOTHED_FRACTION = 0.1, 0.1
-"""Time after and before a cut in which trackers smooth over the corner [s]; and the largest fraction
-of a flight that is left out at either end."""
+"""Time after and before a cut in which trackers smooth over the corner [s]; and the fraction of a
+flight that is left out at most at either end."""
 
 LEAST_ROLLING_TIME = 0.5
 """Duration of a rolling part from which its deceleration is taken [s]."""

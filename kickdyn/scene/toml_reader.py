@@ -240,7 +240,7 @@ def _leg(values: dict[str, Any], folder: Path) -> Leg:
     if "model" in values:
         path = shipped_urdf(f"leg_{values['model']}.urdf")
         return read_leg(path, frame or "toe", base, locked=locked)
-    packages = [folder / package for package in values.get("package_dirs", ())]
+    packages = [folder / str(package) for package in values.get("package_dirs", ())]
     return read_leg(folder / values["file"], frame or "toe", base, packages, locked)
 
 

@@ -122,7 +122,7 @@ class Identification(ReprMixin):
         spin, 0.005 of a drag coefficient, 0.025 of a factor, 0.15 m/s of a wind. Or it is more than
         20 times as large as these, whatever the value.
         """
-        found = {}
+        reasons = {}
         for name, value, deviation in zip(
             self.names, self.estimates, self._deviations, strict=True
         ):
@@ -130,8 +130,8 @@ class Identification(ReprMixin):
             if deviation > min(max(0.5 * abs(value), TIGHT * loosest), loosest):
                 size = f"{deviation:.2g}" if deviation < 99.5 else f"{deviation:.0f}"
                 reason = f"its standard deviation is {size} {_unit(name)}".rstrip()
-                found[name] = reason if deviation > loosest else f"{reason}, over half the value"
-        return found
+                reasons[name] = reason if deviation > loosest else f"{reason}, over half the value"
+        return reasons
 
     @property
     def _deviations(self) -> list[float]:

@@ -189,8 +189,8 @@ class Goal(ReprMixin):
                 return []
             return [(math.sqrt(2 * g * self.apex) + math.sqrt(2 * g * (self.apex - rise))) / g]
         if self.over is not None:
-            part = self.over[0] / self.distance
-            square = 2 * (self.over[1] - part * rise) / (g * part * (1 - part))
+            fraction = self.over[0] / self.distance
+            square = 2 * (self.over[1] - fraction * rise) / (g * fraction * (1 - fraction))
             return [math.sqrt(square)] if square > 0 else []
         assert self.speed is not None
         half = (self.speed**2 - g * rise) / 2

@@ -149,8 +149,8 @@ def solve_kkt(posture: Posture, v: Array, ball: Ball, contact: Contact) -> Array
     mass[range(nv, size), range(nv, size)] = [ball.mass] * 3 + [ball.inertia] * 3
     before = np.concatenate([v, np.zeros(6)])
     bounce = _restitution(posture, v, contact) * float(n @ posture.jacobian @ v) * (rows @ n)
-    whole = np.block([[mass, -jacobian.T], [jacobian, np.zeros((len(rows), len(rows)))]])
-    after = np.linalg.solve(whole, np.concatenate([mass @ before, bounce]))
+    matrix = np.block([[mass, -jacobian.T], [jacobian, np.zeros((len(rows), len(rows)))]])
+    after = np.linalg.solve(matrix, np.concatenate([mass @ before, bounce]))
     return np.asarray(rows.T @ after[size:])
 
 
@@ -162,7 +162,9 @@ def in_cone(
     axes, free = problem.in_contact_axes()
     free[2] *= 1.0 + problem.contacts[0].restitution
     solver = getattr(pin, f"{name}ConstraintSolver")(3)
-    settings, result = (getattr(pin, f"{name}Solver{part}")() for part in ("Settings", "Result"))
+    settings, result = (
+        getattr(pin, f"{name}Solver{record}")() for record in ("Settings", "Result")
+    )
     settings.max_iterations = 10_000
     for kind in ("feasibility", "complementarity"):
         setattr(settings, f"absolute_{kind}_tol", tol)
@@ -177,8 +179,8 @@ def _point(friction: float) -> tuple[object, object]:
     """Return models and data of a point contact, of which the cone solvers use the cone only."""
     model = pin.Model()
     model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "any")
-    here = pin.SE3.Identity()
-    point = pin.PointContactConstraintModel(model, 1, here, 0, here)
+    origin = pin.SE3.Identity()
+    point = pin.PointContactConstraintModel(model, 1, origin, 0, origin)
     point.setFriction(friction)
     models, data = pin.StdVec_ConstraintModel(), pin.StdVec_ConstraintData()
     models.append(pin.ConstraintModel(point))

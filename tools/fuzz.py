@@ -400,13 +400,13 @@ class Child:
             self.process.start()
             self.pipe = ours
             theirs.close()
-        self.pipe.send((kind, what))
         try:
+            self.pipe.send((kind, what))
             if not self.pipe.poll(TIMEOUT + 60 * (kind == "cli")):
                 self.stop()
                 return f"hangs: more than {TIMEOUT} s", 0.0
             return self.pipe.recv()
-        except EOFError:
+        except (EOFError, ConnectionError):
             self.process.join()
             code, self.process = self.process.exitcode, None
             return f"the process died, exit code {code}", 0.0

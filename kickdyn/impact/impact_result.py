@@ -94,10 +94,10 @@ class Impact(ReprMixin):
         """Speed of the foot towards the ball along the normal [m/s]."""
         return self.approach.speed
 
-    @property
+    @cached_property
     def impulse(self) -> Array:
         """Impulse on the ball, shape `(3,)` [N s, world frame]; the leg takes the opposite."""
-        return self.solution.impulse
+        return np.asarray(self.solution.impulses[0])
 
     @property
     def energy_lost(self) -> float:
@@ -111,7 +111,7 @@ class Impact(ReprMixin):
         By `newton` and `stronge` the points then separate without sliding; `paper` leaves the
         ball's rotation out, so that they slide all the same.
         """
-        return self.solution.sticking
+        return self.solution.sticking[0]
 
     @cached_property
     def effective_mass(self) -> float:
@@ -133,7 +133,7 @@ class Impact(ReprMixin):
         """The response of the leg to the impulse; its parts are attributes of the impact, too."""
         if self.response is not None:
             return self.response
-        return leg_response(self.approach.posture, self.approach.v, self.solution.impulse)
+        return leg_response(self.approach.posture, self.approach.v, self.solution.impulses[0])
 
     @property
     def v_after(self) -> Array:

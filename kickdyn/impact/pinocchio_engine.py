@@ -66,7 +66,8 @@ def solve_by_pinocchio(
         reaction = np.zeros(len(projector.rows))
         reaction[projector.independent] = others
 
-    solution = Solution(p * n, False, 0.5 * p * (1.0 - e) * approach.speed, np.zeros(3))
+    lost = 0.5 * p * (1.0 - e) * approach.speed
+    solution = Solution((p * n).reshape(1, 3), (False,), lost, np.zeros((1, 3)))
     v_after, turned = after[: leg.nv].copy(), after[leg.nv :]
     transmitted, unbalanced = joint_impulses(posture, v_after - approach.v, -p * n, reaction)
     response = as_response(posture, p * n, v_after, transmitted, reaction, unbalanced)

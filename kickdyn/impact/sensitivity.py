@@ -143,7 +143,9 @@ def sensitivity(
     names = UNITS if of_leg else [name for name in UNITS if name not in OF_LEG]
     at = _columns(approach.posture.leg, names)
     ball, posture, n = approach.ball, approach.posture, approach.contact.normal
-    delassus = approach.contact_problem().delassus()
+    problem = approach.contact_problem()
+    axes, _ = problem.in_contact_axes()
+    delassus = axes[0] @ problem.delassus(axes) @ axes[0].T
     fixed = _at_fixed_impulse(approach, solution, ball_after, response, at)
     residual_p, residual_x, tangent = _residual(approach, solution, delassus, fixed, at)
     # the pseudo-inverse, for a leg at an obstacle may be unable to move across the normal
@@ -231,7 +233,7 @@ def _at_fixed_impulse(
 ) -> _FixedImpulse:
     """Return the derivatives of the results while the impulse on the ball is fixed."""
     posture, ball, ball_before = approach.posture, approach.ball, approach.ball_before
-    n, p = approach.contact.normal, solution.impulse
+    n, p = approach.contact.normal, solution.impulses[0]
     jacobian, v_before = posture.jacobian, approach.v
     cross_n, projector = pin.skew(n), np.eye(3) - np.outer(n, n)
     r, gain = ball.radius, ball.radius / ball.inertia  # of a shell, 3 / (2 m r)
@@ -283,8 +285,8 @@ def _residual(
 ) -> tuple[Array, Array, Array]:
     """Return R_p, R_x and the direction of the sliding after, 0 where there is none."""
     n, e, mu = approach.contact.normal, approach.restitution, approach.contact.friction
-    p, u_before, u_after = solution.impulse, fixed.u_before, fixed.u_after
-    if solution.sticking:  # R = u+ + e n (n . u-)
+    p, u_before, u_after = solution.impulses[0], fixed.u_before, fixed.u_after
+    if solution.sticking[0]:  # R = u+ + e n (n . u-)
         by_x = fixed.after + e * np.outer(n, n @ fixed.before + u_before @ fixed.normal)
         by_x += e * float(n @ u_before) * fixed.normal
         by_e = n * float(n @ u_before)
@@ -347,11 +349,11 @@ def _margin(
     at: Mapping[str, slice],
 ) -> tuple[Branch, float, Array, float]:
     """Return the branch, its margin, the margin's derivative, and what the margin is small to."""
-    n, p, mu = approach.contact.normal, solution.impulse, approach.contact.friction
+    n, p, mu = approach.contact.normal, solution.impulses[0], approach.contact.friction
     if mu == 0.0:
         return Branch.FRICTIONLESS, math.inf, np.zeros(impulse_x.shape[1]), 1.0
     normal_impulse = float(n @ p)
-    if not solution.sticking:
+    if not solution.sticking[0]:
         slope = tangent @ sliding_x - float(n @ fixed.u_after) * (tangent @ fixed.normal)
         return Branch.SLIP, float(tangent @ fixed.u_after), slope, math.hypot(*fixed.u_before)
     tangential = p - normal_impulse * n

@@ -90,11 +90,11 @@ class Fit(NamedTuple):
     locked: float
 
 
-def kick(row: TestBedKick, found: Fit, choice: Coefficients) -> Flight:
+def kick(row: TestBedKick, fitted: Fit, choice: Coefficients) -> Flight:
     """Return the flight of a row's kick, struck by the leg."""
     normal = direction(row.contact_deg)
-    v = found.posture.joint_velocity(found.gain / (1 + RESTITUTION) * row.foot_speed * ATTACK)
-    impulse = strike(found.posture, v, BALL, Contact(normal, RESTITUTION)).impulse
+    v = fitted.posture.joint_velocity(fitted.gain / (1 + RESTITUTION) * row.foot_speed * ATTACK)
+    impulse = strike(fitted.posture, v, BALL, Contact(normal, RESTITUTION)).impulse
     return flight(float(impulse @ normal), normal, choice)
 
 

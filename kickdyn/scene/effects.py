@@ -4,7 +4,7 @@ A new effect is an `Effect` in `EFFECTS`.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import accumulate
@@ -22,7 +22,7 @@ from kickdyn.flight.forces import acceleration_function
 from kickdyn.scene.launch_and_end import PathEnd, end_normal, fly_scene
 from kickdyn.scene.scene import Scene
 
-NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(6)
 """Gauss's rule, by which accelerations along a flight are integrated."""
 
 
@@ -82,44 +82,8 @@ def effects_of(scene: Scene) -> list[Effect]:
     return [effect for effect in EFFECTS if effect.is_in(scene)]
 
 
-def first_order_size(effect: Effect, scene: Scene, flight: Flight) -> float:
-    r"""Return how far neglecting an effect of the air moves the end of a flight [m].
-
-    To first order: without the effect the acceleration is :math:`a'` in place of :math:`a`. Along
-    the flight, of duration T, which ends at a surface of normal n with the velocity v,
-
-    .. math:: \delta = \int_0^T (T - t)\, (a' - a)\, dt, \qquad
-        \text{size} = \left| \delta - v\, \frac{n \cdot \delta}{n \cdot v} \right| .
-
-    It is inf where the ball only grazes that surface.
-    """
-    times = 0.5 * flight.duration * (1.0 + NODES)
-    states = flight.sample(times)
-    air = effect.without(scene, flight.launch).air
-    change = _accelerations(scene.ball, air, flight.launch, states)
-    change -= _accelerations(scene.ball, scene.air, flight.launch, states)
-    moved = (0.5 * flight.duration * WEIGHTS * (flight.duration - times)) @ change
-    normal, velocity = end_normal(scene, flight), flight.landing.velocity
-    closing = float(normal @ velocity)
-    if closing == 0.0:
-        return math.inf
-    return float(np.linalg.norm(moved - velocity * (float(normal @ moved) / closing)))
-
-
-def _accelerations(ball: Ball, air: Air | None, launch: BallState, states: BallState) -> Array:
-    """Return the accelerations of n states in an air, shape `(n, 3)` [m/s2].
-
-    Where the spin does not decay, it is the spin of the launch.
-    """
-    assert air is not None
-    acceleration = acceleration_function(ball, air)
-    spins = states.spin if air.torque is not None else np.tile(launch.spin, (len(NODES), 1))
-    rows = np.column_stack([states.position[:, 2], states.velocity, spins])
-    return np.array([acceleration(*row)[:3] for row in rows.tolist()])
-
-
 class Reduction(NamedTuple):
-    """A flight without the effects that do not matter.
+    """The path of a scene without the effects of the flight that do not matter.
 
     Attributes:
         end: of the path.
@@ -134,57 +98,104 @@ class Reduction(NamedTuple):
     evaluations: int
 
 
-def neglect_effects(scene: Scene, whole: PathEnd, allowed: float) -> Reduction:
+def neglect_effects(scene: Scene, full: PathEnd, allowed: float) -> Reduction:
     """Neglect the effects of the flight with the smallest sizes, as far as an error is allowed [m].
 
     Their sizes add up to at most what is allowed. The flight without them is then compared with the
-    flight that has all effects; if they are farther apart, the largest one is modelled again.
+    flight that has all effects; if the ends are farther apart, the largest of the neglected effects
+    is modelled again.
     """
-    effects = [effect for effect in effects_of(scene) if effect.name != "contact time"]
-    flight, obstacle = whole.path, ""
-    if not whole.has_end:
+    launch, evaluations = full.path.launch, full.evaluations
+    in_flight = [effect for effect in effects_of(scene) if effect.in_flight]
+    obstacle, sizes = "", dict.fromkeys([effect.name for effect in in_flight], math.inf)
+    if not full.has_end:
         obstacle = "modelled, as the path has no end"
-    elif not isinstance(flight, Flight):
+    elif not isinstance(full.path, Flight):
         obstacle = "modelled, as small differences grow after a bounce"
-    sizes = {
-        effect.name: first_order_size(effect, scene, flight)
-        if isinstance(flight, Flight) and not obstacle
-        else math.inf
-        for effect in effects
-        if effect.in_flight
-    }
-    evaluations = whole.evaluations + (0 if obstacle else 2 * len(NODES) * len(sizes))
-    smallest = sorted(sizes, key=lambda name: sizes[name])
-    sums = accumulate(sizes[name] for name in smallest)
-    number = sum(total <= allowed for total in sums)
-    reduced, end, error = scene, whole, 0.0
-    while number > 0:
+    elif in_flight:
+        sizes = first_order_sizes(scene, in_flight, full.path)
+        evaluations += len(NODES) * (1 + len(sizes))
+    smallest = sorted(in_flight, key=lambda effect: sizes[effect.name])
+    sums = accumulate(sizes[effect.name] for effect in smallest)
+    neglected = smallest[: sum(total <= allowed for total in sums)]
+    while neglected:
         reduced = scene
-        for effect in effects:
-            if effect.name in smallest[:number]:
-                reduced = effect.without(reduced, flight.launch)
+        for effect in neglected:
+            reduced = effect.without(reduced, launch)
         with suppress(KickdynError):  # as where it leaves the range of a coefficient
-            end = fly_scene(reduced, flight.launch)
+            end = fly_scene(reduced, launch)
             evaluations += end.evaluations
-            error = math.dist(end.state.position, whole.state.position)
-            if end.path.status == flight.status and error <= allowed:
-                break
-        number -= 1
-        reduced, end, error = scene, whole, 0.0
-    verdicts = []
+            error = math.dist(end.state.position, full.state.position)
+            if end.path.status == full.path.status and error <= allowed:
+                verdicts = _verdicts(scene, reduced, neglected, sizes, obstacle)
+                return Reduction(end, error, verdicts, evaluations)
+        neglected.pop()
+    return Reduction(full, 0.0, _verdicts(scene, scene, [], sizes, obstacle), evaluations)
+
+
+def first_order_sizes(scene: Scene, effects: Sequence[Effect], flight: Flight) -> dict[str, float]:
+    r"""Return by effect how far neglecting it moves the end of a flight, to first order [m].
+
+    Without the effect the acceleration is :math:`a'` in place of :math:`a`. Along the flight, of
+    duration T, which ends at a surface of normal n with the velocity v,
+
+    .. math:: \delta = \int_0^T (T - t)\, (a' - a)\, dt, \qquad
+        \text{size} = \left| \delta - v\, \frac{n \cdot \delta}{n \cdot v} \right| .
+
+    It is inf where the ball only grazes that surface.
+    """
+    times = 0.5 * flight.duration * (1.0 + NODES)
+    weights = 0.5 * flight.duration * WEIGHTS * (flight.duration - times)
+    states = flight.sample(times)
+    normal, velocity = end_normal(scene, flight), flight.landing.velocity
+    closing = float(normal @ velocity)
+    accelerations, sizes = _accelerations(scene, flight.launch, states), {}
     for effect in effects:
-        size, is_modelled = sizes.get(effect.name, math.nan), False
-        if effect.name in smallest[:number]:
-            why = "its size is small enough"
-        elif not effect.is_in(reduced):
-            why = "it does nothing without the effects that are neglected"
-        else:
-            is_modelled = True
+        less = effect.without(scene, flight.launch)
+        moved = weights @ (_accelerations(less, flight.launch, states) - accelerations)
+        sizes[effect.name] = math.inf
+        if closing != 0.0:
+            late = float(normal @ moved) / closing
+            sizes[effect.name] = float(np.linalg.norm(moved - velocity * late))
+    return sizes
+
+
+def _accelerations(scene: Scene, launch: BallState, states: BallState) -> Array:
+    """Return the accelerations of n states in the air of a scene, shape `(n, 3)` [m/s2].
+
+    Where the spin does not decay, it is the spin of the launch.
+    """
+    assert scene.air is not None
+    acceleration = acceleration_function(scene.ball, scene.air)
+    decays = scene.air.torque is not None
+    spins = states.spin if decays else np.tile(launch.spin, (len(NODES), 1))
+    rows = np.column_stack([states.position[:, 2], states.velocity, spins])
+    return np.array([acceleration(*row)[:3] for row in rows.tolist()])
+
+
+def _verdicts(
+    scene: Scene,
+    reduced: Scene,
+    neglected: Sequence[Effect],
+    sizes: Mapping[str, float],
+    obstacle: str,
+) -> tuple[EffectVerdict, ...]:
+    """Return the verdict on each effect of a scene; the reduced scene has no neglected ones."""
+    verdicts = []
+    for effect in effects_of(scene):
+        if effect.name == "contact time":
+            continue
+        is_modelled = effect not in neglected and effect.is_in(reduced)
+        why = "its size is small enough"
+        if not effect.in_flight:
             why = "always modelled, which costs no time"
-            if effect.in_flight:
-                why = obstacle or "its size is too large for the tolerance"
+        elif is_modelled:
+            why = obstacle or "its size is too large for the tolerance"
+        elif effect not in neglected:
+            why = "it does nothing without the effects that are neglected"
+        size = sizes.get(effect.name, math.nan)
         verdicts.append(EffectVerdict(effect.name, is_modelled, size, why))
-    return Reduction(end, error, tuple(verdicts), evaluations)
+    return tuple(verdicts)
 
 
 def _without_rotors(scene: Scene, _: BallState) -> Scene:

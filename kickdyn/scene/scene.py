@@ -158,6 +158,7 @@ class Scene(ReprMixin):
         """
         return Scene(**{**self.__dict__, **changes})
 
+    @validation.check_arguments
     def with_leg(self, leg: Leg) -> "Scene":
         """Return the scene with another leg in the same configuration."""
         return self.replace(posture=leg.posture(self.q))
@@ -208,17 +209,7 @@ class Scene(ReprMixin):
     @property
     def notes(self) -> tuple[str, ...]:
         """A line for each joint outside its range: the kick is computed all the same."""
-        lines = []
-        for joint, (value, unit) in self.leg.display_values(self.q).items():
-            low, high = self.leg.joint_range(joint)
-            continuous = math.isinf(high) or (low, high) == (-math.pi, math.pi)
-            if unit == "deg":
-                low, high = math.degrees(low), math.degrees(high)
-            if not (continuous or low - 1e-6 <= value <= high + 1e-6):  # digits of the posture
-                lines.append(
-                    f"{joint} is at {value:.4g} {unit}, outside its range, {low:.4g} to {high:.4g}"
-                )
-        return tuple(lines)
+        return tuple(self.leg.outside_range(self.q))
 
     def _rows(self) -> Iterable[Row]:
         """Return the lines that are shown."""

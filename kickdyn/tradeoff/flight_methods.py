@@ -99,11 +99,12 @@ def _measure_vacuum() -> Measurement:
     seconds = shortest_time(lambda: [fly(state, ball) for state in states]) / len(states)
     worst = LEAST_ERROR
     for state in states:
-        x, y, z = (Fraction(float(part)) for part in state.velocity)
-        found = fly(state, ball).landing.position
+        x, y, z = (Fraction(float(component)) for component in state.velocity)
+        landing = fly(state, ball).landing.position
         fall = 2 * z / Fraction(g)
         gap = (
-            float(part * fall - Fraction(float(f))) for part, f in zip((x, y), found, strict=False)
+            float(component * fall - Fraction(float(f)))
+            for component, f in zip((x, y), landing, strict=False)
         )
         worst = max(worst, math.hypot(*gap))
     return Measurement("vacuum", "closed form", "", worst, seconds, 0.0, True)

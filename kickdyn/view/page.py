@@ -324,15 +324,16 @@ def _comparison(
 def _of_scene(simulation: Simulation, caption: str) -> tuple[Impact, _Path, str, list[Box]]:
     """Return impact and path of a scene, its caption, and its wall or goal if it is in sight."""
     impact, path, scene = simulation.impact, simulation.path, simulation.scene
-    if not isinstance(impact, Impact) or path is None:
-        raise InvalidInput(
-            "the impact of this Simulation takes time, or it has no path: show its Scene instead"
-        )
+    if not isinstance(impact, Impact):
+        raise InvalidInput("the impact of this Simulation takes time: show its Scene instead")
     caption = caption or scene.name
     if simulation.neglected:
         moved = simulation.model_error
         error = f"{moved:.2g} m off" if math.isfinite(moved) else "at an unknown distance"
-        caption += f", its contact shown as an instant: it ends {error}"
+        without = "its contact shown as an instant"
+        if simulation.neglected != ("contact time",):
+            without = f"without {', '.join(simulation.neglected)}"
+        caption += f", {without}: it ends {error}"
     caption = ". ".join(filter(None, [caption, simulation.pitch_text]))
     if scene.plane is None:
         return impact, path, caption, []

@@ -204,7 +204,7 @@ def test_a_joint_outside_its_range_is_noted():
     v = posture.joint_velocity([3, 0, 1])
     scene = kd.Scene(posture, v, kd.Ball(), kd.Contact((1, 0, 0.2), 0.8))
     (note,) = scene.notes
-    assert note == "knee is at 150 deg, outside its range, 0 to 140"
+    assert note == "knee at 150 deg is outside its range 0 to 140 deg"
     assert f"note: {note}" in str(kd.simulate(scene, 0.1))
     assert kick().notes == ()
 
@@ -376,6 +376,19 @@ def test_where_the_contact_cannot_be_computed_the_error_is_not_known():
     assert "which cannot be computed: stiffness is" in str(answer)
     assert "its contact shown as an instant: it ends at an unknown distance" in kd.page(answer).html
     assert [v.size for v in answer.verdicts if not v.modelled] == [math.inf]
+
+
+def test_the_contact_time_leaves_less_of_the_tolerance_for_other_effects():
+    contact = kd.Contact((1, 0, 0.1), 0.8)
+    law = kd.Compliance(contact_time=1e-4)
+    scene = kick(2, contact=contact, law=law, ground=None)
+    size = kd.simulate(scene, 5.0).verdicts[0].size
+    answer = kd.simulate(scene, 2.0 * size * (1.0 + 1e-6))
+    assert answer.neglected[0] == "contact time"
+    assert answer.model_error <= size * (1.0 + 1e-6)
+    drag = next(verdict for verdict in answer.verdicts if verdict.effect == "drag")
+    assert 0.0 < drag.size < size  # it would be neglected if it were alone
+    assert drag.modelled
 
 
 @pytest.mark.parametrize("tolerance", [0.01, 0.1])

@@ -82,6 +82,6 @@ def test_no_impulse_no_arrow():
     hit = kd.strike(
         kd.Leg.human().posture(np.zeros(3)), [1, 0, 0], kd.Ball(), kd.Contact((1, 0, 0), 0.0)
     )
-    idle = dataclasses.replace(hit, solution=hit.solution._replace(impulse=np.zeros(3)))
+    idle = dataclasses.replace(hit, solution=hit.solution._replace(impulses=np.zeros((1, 3))))
     assert impulse_arrows(idle, 0.0) == []
     assert largest_impulse(idle) == 0.0

@@ -27,8 +27,8 @@ from kickdyn.ground import SURFACES
 from kickdyn.planning.goal import FARTHEST, Arc, Goal
 from kickdyn.planning.kick import plan_kick
 from kickdyn.planning.kick_plan import KickPlan
-from kickdyn.planning.kick_program import KickObjective
 from kickdyn.planning.launch import OutOfReach
+from kickdyn.planning.objectives import KickObjective
 from kickdyn.planning.plan_report import OVER, PlanReport, describe_passage, unreachable_json
 from kickdyn.planning.scatter import checked_spread
 from kickdyn.planning.swing import plan_swing

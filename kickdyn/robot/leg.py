@@ -187,9 +187,8 @@ class Leg(JointTable, ReprMixin):
             UrdfError: the file is refused, with all its faults in one message.
             InvalidInput: there is no such frame, base, joint to lock or folder.
         """
-        locked = validation.mapping("locked", locked)
-        urdf = read_urdf(path, package_dirs, locked)
-        leg = cls(build_model(urdf.text, urdf.source, base), frame, urdf).locked(locked)
+        urdf = read_urdf(path, package_dirs, validation.mapping("locked", locked))
+        leg = cls(build_model(urdf.text, urdf.source, base), frame, urdf).locked(locked or {})
         fault = _find_fault(leg)
         if fault is not None:
             raise UrdfError(urdf.source, [fault])
@@ -289,9 +288,9 @@ class Leg(JointTable, ReprMixin):
         file, (frame, cone) = robot_file(name), robot(name).contact(frame)
         leg = cls(robot_model(name, base), frame, file, contact_normal_cone=cone)
         leg = leg.locked(locked or {})
-        others = outside_legs(name, leg.joint_names) if legs_only else []
-        if others:
-            leg = leg.with_model(reduce_model(leg.model, others, leg.configuration()))
+        outside = outside_legs(name, leg.joint_names) if legs_only else []
+        if outside:
+            leg = leg.with_model(reduce_model(leg.model, outside, leg.configuration()))
         fault = _find_fault(leg)
         if fault is not None:
             hint = "" if legs_only else " (legs_only=True keeps the legs' joints)"
@@ -304,12 +303,18 @@ class Leg(JointTable, ReprMixin):
     ) -> "Leg":
         """Load a robot of the package robot_descriptions."""
         check_base(base)
-        found, wish = find_description(name, list(ROBOTS)), frame or TOE
+        description, contact_frame = find_description(name, list(ROBOTS)), frame or TOE
         try:
-            if found.is_mjcf:
-                return cls._from_mjcf(read_mjcf(found.file, found.folders), wish, base, locked)
+            if description.is_mjcf:
+                return cls._from_mjcf(
+                    read_mjcf(description.file, description.folders), contact_frame, base, locked
+                )
             return cls.from_urdf(
-                found.file, wish, base=base, locked=locked, package_dirs=found.folders
+                description.file,
+                contact_frame,
+                base=base,
+                locked=locked,
+                package_dirs=description.folders,
             )
         except FaultyFile:
             raise
@@ -351,10 +356,9 @@ class Leg(JointTable, ReprMixin):
             InvalidInput: no such joint, a value that is not finite or outside the joint's range,
                 or all of the foot's locked.
         """
-        wanted = validation.mapping("joints", joints)
-        if not wanted:
+        if not validation.mapping("joints", joints):
             return self
-        values = self._values_to_lock(wanted)
+        values = self._values_to_lock(joints)
         q = self.configuration(values)
         for line in self.outside_range(q):
             if any(line.startswith(f"{joint} at ") for joint in values):

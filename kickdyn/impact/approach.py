@@ -78,6 +78,10 @@ class Approach(NamedTuple):
         """Return the effective mass of leg and ball together along the normal [kg]."""
         return 1.0 / self.contact_problem().inverse_mass(self.contact.normal)
 
+    def energy(self) -> float:
+        """Return the kinetic energy of the approach along the normal [J]."""
+        return 0.5 * self.reduced_mass() * self.speed**2
+
     def speed_rounding(self) -> float:
         r"""Return how much of `speed` can be rounding [m/s].
 

@@ -233,8 +233,10 @@ def _integrate(
     """
     launch = flights[0][0]
     height = float(launch.position[2])
-    accelerations = [acceleration_function(ball, each_air) for _, each_air in flights]
-    spins = [tuple(state.spin.tolist()) for state, _ in flights]
+    forces = [
+        (7 * i, acceleration_function(ball, air), *state.spin.tolist())
+        for i, (state, air) in enumerate(flights)
+    ]
     evaluations = 0
 
     def rates(_: float, flat: Array) -> list[float]:
@@ -245,8 +247,8 @@ def _integrate(
             raise ArithmeticError(f"it takes more than {MAX_EVALUATIONS} evaluations of forces")
         result: list[float] = []
         values = flat.tolist()
-        for i, (acceleration, (wx, wy, wz)) in enumerate(zip(accelerations, spins, strict=True)):
-            _, _, z, vx, vy, vz, left = values[7 * i : 7 * i + 7]
+        for k, acceleration, wx, wy, wz in forces:
+            z, vx, vy, vz, left = values[k + 2 : k + 7]
             ax, ay, az, decay = acceleration(
                 height + z, vx, vy, vz, left * wx, left * wy, left * wz
             )

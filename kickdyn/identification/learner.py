@@ -6,7 +6,7 @@ What the model does not know is
 
 a scale s of the drag model, the wind, the restitution e of the foot's contact, and errors of aim,
 upwards and to the left. Kick k has, beside, an error :math:`\epsilon_k` of its own, of the speed
-and of the two angles. The most probable estimate after n kicks is that of
+and of the two angles. The most probable estimate after n kicks solves
 
 .. math:: \min_{\theta, \epsilon} \; (\theta - \theta_0)^T P_0^{-1} (\theta - \theta_0)
     + \sum_k \frac{|\epsilon_k|^2}{\sigma^2} + \sum_k \frac{|x_k(\theta, \epsilon_k) - y_k|^2}{R}
@@ -166,19 +166,10 @@ class Learner(ReprMixin):
         validation.check_type(Air, air=air)
         validation.check_type(Leg, type(None), leg=leg)
         ball.check_movable("a kick")
+        _check_what_is_learned(goal, air)
         self.goal, self.ball, self.leg, self._model = goal, ball, leg, air
-        if air.drag is None or callable(air.wind):
-            raise InvalidInput(
-                "air has no drag, or a wind that is a function of height: the learner corrects "
-                "a drag model and a constant wind"
-            )
-        if float(goal.target[2]) != 0.0:
-            raise InvalidInput(
-                f"goal is {float(goal.target[2]):g} m above the launch: the learner observes "
-                "landings at the height of the launch"
-            )
         self._given = checked_restitution(restitution)
-        first = self._first_restitution = _middle(self._given)
+        self._first_restitution = _middle(self._given)
         if leg is None and not isinstance(self._given, float):
             raise InvalidInput(
                 f"restitution is {format_restitution(self._given)}: without a leg no speed of "
@@ -191,21 +182,13 @@ class Learner(ReprMixin):
         self._time_deviation = validation.number(
             "time deviation", time_deviation, above=0, unit="s"
         )
-        spread = validation.mapping("prior", prior)
-        unknown = set(spread) - set(PRIOR)
-        if unknown:
-            raise InvalidInput(f"prior has {sorted(unknown)}: its names are {', '.join(PRIOR)}")
-        sizes = {
-            name: validation.number(f"prior {name}", value, above=0, unit=UNITS.get(name, ""))
-            for name, value in {**PRIOR, **spread}.items()
-        }
-        sizes["restitution"] /= first * (1.0 - first)
-        self._prior = np.array(list(sizes.values()))
+        self._prior = _checked_prior(prior, self._first_restitution)
         self._shots: tuple[Shot, ...] = ()
-        self._theta0 = np.array([0.0, 0.0, 0.0, float(logit(first)), 0.0, 0.0])
-        self._theta, self._covariance = self._theta0, np.diag(self._prior**2)
-        self._errors = np.zeros((0, 3))
-        self._last_landing = np.zeros(2)
+        self._theta0 = np.array([0.0, 0.0, 0.0, float(logit(self._first_restitution)), 0.0, 0.0])
+        self._theta: Array = self._theta0
+        self._covariance = np.diag(self._prior**2)
+        self._errors: Array = np.zeros((0, 3))
+        self._last_landing: Array = np.zeros(2)
         self._plan()
 
     @property
@@ -393,7 +376,7 @@ class Learner(ReprMixin):
         return tuple((speed, float(expit(logit(e) + change))) for speed, e in rows_of(self._given))
 
     def _gain(self, logit_e: float) -> float:
-        """Return the logarithm of the launch speed over that of a command without a leg."""
+        """Return the logarithm of the launch speed over the commanded speed, without a leg."""
         return math.log((1.0 + float(expit(logit_e))) / (1.0 + self._first_restitution))
 
     def _launched(self, values: Array, command: BallState | KickPlan) -> BallState:
@@ -474,7 +457,7 @@ class Learner(ReprMixin):
         )  # fmt: skip
         self._theta, self._errors = fit.x[:6], fit.x[6:].reshape(-1, 3)
         slopes = residuals_and_slopes(fit.x)[1]
-        self._covariance = np.linalg.inv(slopes.T @ slopes)[:6, :6]
+        self._covariance = np.asarray(np.linalg.inv(slopes.T @ slopes)[:6, :6], dtype=float)
         shot = self._shots[-1]
         if shot.landing is None:
             landing, _ = self._landing(self._theta, self._errors[-1], shot.command)
@@ -513,6 +496,34 @@ class Learner(ReprMixin):
     def _picture(self) -> str:
         """Return a drawing of the path to the goal as an SVG."""
         return self._launch._picture()
+
+
+def _check_what_is_learned(goal: Goal, air: Air) -> None:
+    """Raise `InvalidInput` for an air that cannot be corrected, or a goal at another height."""
+    if air.drag is None or callable(air.wind):
+        raise InvalidInput(
+            "air has no drag, or a wind that is a function of height: the learner corrects "
+            "a drag model and a constant wind"
+        )
+    if float(goal.target[2]) != 0.0:
+        raise InvalidInput(
+            f"goal is {float(goal.target[2]):g} m above the launch: the learner observes "
+            "landings at the height of the launch"
+        )
+
+
+def _checked_prior(prior: Mapping[str, float] | None, restitution: float) -> Array:
+    """Return the standard deviations of the unknowns before the first kick, shape `(6,)`."""
+    given = validation.mapping("prior", prior)
+    unknown = set(given) - set(PRIOR)
+    if unknown:
+        raise InvalidInput(f"prior has {sorted(unknown)}: its names are {', '.join(PRIOR)}")
+    sizes = {
+        name: validation.number(f"prior {name}", value, above=0, unit=UNITS.get(name, ""))
+        for name, value in {**PRIOR, **given}.items()
+    }
+    sizes["restitution"] /= restitution * (1.0 - restitution)  # of the logit
+    return np.array(list(sizes.values()))
 
 
 def _middle(restitution: Restitution) -> float:

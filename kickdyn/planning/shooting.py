@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import brentq
@@ -38,10 +38,6 @@ class ShootingProblem:
     spin: Array
     seeks_spin: bool = False
     tol: float = 1e-12
-
-    def with_tolerance(self, tol: float) -> "ShootingProblem":
-        """Return the same problem with another relative tolerance of the integration."""
-        return replace(self, tol=tol)
 
     def sizes(self, unknowns: Array) -> Array:
         """Return scales of launch velocity [m/s], time [s] and, where sought, spin size [rad/s]."""

@@ -178,8 +178,8 @@ def _add_contact_points(model: Any, known: Robot) -> None:
     data = model.createData()
     pin.forwardKinematics(model, data, pin.neutral(model))
     back = pin.updateFramePlacement(model, data, number).rotation.T
-    for name, at in known.contact_points.items():
-        place = pose * pin.SE3(back, back @ np.array(at))
+    for name, point in known.contact_points.items():
+        place = pose * pin.SE3(back, back @ np.array(point))
         model.addFrame(pin.Frame(name, joint, number, place, pin.FrameType.OP_FRAME), False)
 
 

@@ -19,6 +19,10 @@ LIMIT_TOLERANCE = 1e-6
 """By how much a range may be passed without a warning [rad; m]; a speed limit, as a share of it."""
 
 
+class InDegrees(dict[str, float]):
+    """Values of joints by name [deg; m for prismatic joints], as commands and files have them."""
+
+
 class JointTable:
     """The joints of a model by name; a subclass has its `_model`, a `pin.Model`, and `mimics`."""
 
@@ -118,10 +122,10 @@ class JointTable:
         else:
             checked = self._expanded(q, *self._short_form)
         if self.nq != self.nv and not pin.isNormalized(self._model, checked, 1e-9):
-            name, part = self._not_unit(checked)
+            name, coordinates = self._not_unit(checked)
             raise InvalidInput(
-                f"q is {checked.tolist()}: {part} of {name} must have length 1 (Leg.configuration "
-                "makes one from angles)"
+                f"q is {checked.tolist()}: {coordinates} of {name} must have length 1 "
+                "(Leg.configuration makes one from angles)"
             )
         return checked
 
@@ -171,34 +175,34 @@ class JointTable:
         number = self._number(joint)
         if self._model.nqs[number] != 1:
             return -math.pi, math.pi
-        at = self._model.idx_qs[number]
-        return float(self.lower[at]), float(self.upper[at])
+        index = self._model.idx_qs[number]
+        return float(self.lower[index]), float(self.upper[index])
 
     def outside_range(self, q: ArrayLike) -> list[str]:
         """Return a line for each joint of one degree of freedom that is outside its range."""
-        found = []
+        lines = []
         for name, (value, unit) in self.display_values(q).items():
             scale = 1.0 if unit == "m" else math.degrees(1.0)
             low, high = (scale * end for end in self.joint_range(name))
             if not low - scale * LIMIT_TOLERANCE <= value <= high + scale * LIMIT_TOLERANCE:
                 span = f"{low:.5g} to {high:.5g}"
-                found.append(f"{name} at {value:.5g} {unit} is outside its range {span} {unit}")
-        return found
+                lines.append(f"{name} at {value:.5g} {unit} is outside its range {span} {unit}")
+        return lines
 
     def too_fast(self, v: ArrayLike) -> list[str]:
         """Return a line for each joint of one degree of freedom that is faster than its limit.
 
         A joint whose limit is 0 must not move; an infinite limit is never exceeded.
         """
-        found, speeds = [], np.abs(validation.vector("v", v, self.nv))
+        lines, speeds = [], np.abs(validation.vector("v", v, self.nv))
         for name in self.single_joints:
             index = self.velocity_index(name)
             speed, limit = float(speeds[index]), float(self.velocity_limit[index])
             if limit == 0.0 and speed > 0.0:
-                found.append(f"{name} moves, its speed limit is 0")
+                lines.append(f"{name} moves, its speed limit is 0")
             elif speed > (1.0 + LIMIT_TOLERANCE) * limit:
-                found.append(f"{name} at {100.0 * speed / limit:.4g} % of its speed limit")
-        return found
+                lines.append(f"{name} at {100.0 * speed / limit:.4g} % of its speed limit")
+        return lines
 
     def _number(self, joint: str) -> int:
         """Return Pinocchio's number of a joint of one degree of freedom; raise `InvalidInput`."""
@@ -274,7 +278,7 @@ class JointTable:
         return tuple(present)
 
     def _values_to_lock(self, wanted: Mapping[str, float]) -> dict[str, float]:
-        """Return the values of the joints that are named by `wanted`, its patterns expanded.
+        """Return the values of the joints that `wanted` names or matches [rad; m if prismatic].
 
         Mimic joints are left out: they are locked with their drivers.
 
@@ -293,7 +297,11 @@ class JointTable:
                 )
             if mimic.joint not in wanted:
                 values.pop(mimic.joint, None)
-        return values
+        if not isinstance(wanted, InDegrees):
+            return values
+        turning = {name for name in values if self.joint_unit(name) == "rad"}
+        checked = {name: validation.number(f"joint {name}", x) for name, x in values.items()}
+        return {name: math.radians(x) if name in turning else x for name, x in checked.items()}
 
 
 def _limits(limits: Array) -> Array:

@@ -94,10 +94,10 @@ def kicking_chain(robot: Leg, *, branches: bool = False) -> KickingChain:
                 f"joints in the kicking limb; lock {mimic.driver!r}, which locks both (Leg.locked, "
                 f"--lock {mimic.driver}=VALUE)"
             )
-    others = [str(model.names[j]) for j in range(1, model.njoints) if j not in kept]
+    locked = [str(model.names[j]) for j in range(1, model.njoints) if j not in kept]
     leg = robot
-    if others:
-        leg = robot.with_model(reduce_model(model, others, rest_configuration(robot)))
+    if locked:
+        leg = robot.with_model(reduce_model(model, locked, rest_configuration(robot)))
     qs, vs = (
         np.concatenate([np.arange(first[j], first[j] + size[j]) for j in kept])
         for first, size in ((model.idx_qs, model.nqs), (model.idx_vs, model.nvs))

@@ -177,7 +177,8 @@ class Leg(JointTable, ReprMixin):
                 velocity, in the root link's axes, in v.
             locked: joints to lock at their values [rad; m for prismatic joints], before inertias
                 are judged: of a joint that moves no mass, for example. A name may be a pattern as
-                of a shell, such as `"LFinger*"`; a joint's own name goes before patterns.
+                of a shell, such as `"LFinger*"`; the value of a joint that is named itself takes
+                precedence over that of a pattern.
             package_dirs: ROS packages, or folders that contain them, where a page looks for meshes
                 named `package://NAME/...`, before the folders that contain the file and those of
                 the variables `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH`. Meshes in them may be
@@ -187,9 +188,8 @@ class Leg(JointTable, ReprMixin):
             UrdfError: the file is refused, with all its faults in one message.
             InvalidInput: there is no such frame, base, joint to lock or folder.
         """
-        locked = validation.mapping("locked", locked)
-        urdf = read_urdf(path, package_dirs, locked)
-        leg = cls(build_model(urdf.text, urdf.source, base), frame, urdf).locked(locked)
+        urdf = read_urdf(path, package_dirs, validation.mapping("locked", locked))
+        leg = cls(build_model(urdf.text, urdf.source, base), frame, urdf).locked(locked or {})
         fault = _find_fault(leg)
         if fault is not None:
             raise UrdfError(urdf.source, [fault])
@@ -289,9 +289,9 @@ class Leg(JointTable, ReprMixin):
         file, (frame, cone) = robot_file(name), robot(name).contact(frame)
         leg = cls(robot_model(name, base), frame, file, contact_normal_cone=cone)
         leg = leg.locked(locked or {})
-        others = outside_legs(name, leg.joint_names) if legs_only else []
-        if others:
-            leg = leg.with_model(reduce_model(leg.model, others, leg.configuration()))
+        outside = outside_legs(name, leg.joint_names) if legs_only else []
+        if outside:
+            leg = leg.with_model(reduce_model(leg.model, outside, leg.configuration()))
         fault = _find_fault(leg)
         if fault is not None:
             hint = "" if legs_only else " (legs_only=True keeps the legs' joints)"
@@ -304,12 +304,18 @@ class Leg(JointTable, ReprMixin):
     ) -> "Leg":
         """Load a robot of the package robot_descriptions."""
         check_base(base)
-        found, wish = find_description(name, list(ROBOTS)), frame or TOE
+        description, contact_frame = find_description(name, list(ROBOTS)), frame or TOE
         try:
-            if found.is_mjcf:
-                return cls._from_mjcf(read_mjcf(found.file, found.folders), wish, base, locked)
+            if description.is_mjcf:
+                return cls._from_mjcf(
+                    read_mjcf(description.file, description.folders), contact_frame, base, locked
+                )
             return cls.from_urdf(
-                found.file, wish, base=base, locked=locked, package_dirs=found.folders
+                description.file,
+                contact_frame,
+                base=base,
+                locked=locked,
+                package_dirs=description.folders,
             )
         except FaultyFile:
             raise
@@ -351,10 +357,9 @@ class Leg(JointTable, ReprMixin):
             InvalidInput: no such joint, a value that is not finite or outside the joint's range,
                 or all of the foot's locked.
         """
-        wanted = validation.mapping("joints", joints)
-        if not wanted:
+        if not validation.mapping("joints", joints):
             return self
-        values = self._values_to_lock(wanted)
+        values = self._values_to_lock(joints)
         q = self.configuration(values)
         for line in self.outside_range(q):
             if any(line.startswith(f"{joint} at ") for joint in values):

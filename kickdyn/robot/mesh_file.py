@@ -74,13 +74,13 @@ def read_mesh(files: PackageFiles, filename: str, scale: ArrayLike = 1.0) -> lis
             content = ElementTree.tostring(root)  # what was checked, not the file's own bytes
             stretch = stretch @ UPRIGHT.get(root.findtext(".//{*}up_axis", "Z_UP"), np.eye(3))
         scene = trimesh.load_scene(io.BytesIO(content), file_type=ending[1:], resolver=None)
-        parts = list(_parts(scene, stretch))
+        surfaces = list(_surfaces(scene, stretch))
     except Exception as error:  # each format has its own
         reason = (str(error).strip().splitlines() or [type(error).__name__])[0]
         raise InvalidInput(f"mesh {filename!r} cannot be read ({reason})") from None
-    if not any(len(part.faces) for part in parts):
+    if not any(len(surface.faces) for surface in surfaces):
         raise InvalidInput(f"mesh {filename!r} has no triangles")
-    return parts
+    return surfaces
 
 
 def _stretch(filename: str, scale: ArrayLike) -> Array:
@@ -93,7 +93,7 @@ def _stretch(filename: str, scale: ArrayLike) -> Array:
     return np.broadcast_to(stretch, 3)
 
 
-def _parts(scene: Any, turn: Array) -> Iterator[Triangles]:
+def _surfaces(scene: Any, turn: Array) -> Iterator[Triangles]:
     """Yield the surfaces at their positions in the scene, turned and scaled by `turn`."""
     import trimesh
 
@@ -101,14 +101,14 @@ def _parts(scene: Any, turn: Array) -> Iterator[Triangles]:
     sizes = [len(m.vertices) + len(m.faces) for m in meshes if isinstance(m, trimesh.Trimesh)]
     if sum(sizes) > MAX_VERTICES:
         raise ValueError(f"it has more than {MAX_VERTICES} vertices and triangles")
-    for part in scene.dump():
-        if isinstance(part, trimesh.Trimesh):  # others are lines, or points
-            yield Triangles(part.vertices @ turn.T, np.asarray(part.faces), _colour(part))
+    for mesh in scene.dump():
+        if isinstance(mesh, trimesh.Trimesh):  # others are lines, or points
+            yield Triangles(mesh.vertices @ turn.T, np.asarray(mesh.faces), _colour(mesh))
 
 
-def _colour(part: object) -> Array | None:
+def _colour(mesh: object) -> Array | None:
     """Return the colour of a surface; None where the file gives none."""
-    visual = getattr(part, "visual", None)
+    visual = getattr(mesh, "visual", None)
     if visual is None or not visual.defined:
         return None
     source = visual.material if visual.kind == "texture" else visual

@@ -69,7 +69,7 @@ class PackageFiles:
         if (place := self._find_package(package)) is not None:
             return self._first(name, what, [place / below.lstrip("/")])
         # without a manifest, the folder of the robot's file may be the package, or contain it
-        paths = [self._folder / part.lstrip("/") for part in (path, below) if part.strip("/")]
+        paths = [self._folder / inner.lstrip("/") for inner in (path, below) if inner.strip("/")]
         try:
             return self._first(name, what, paths)
         except MissingFile:

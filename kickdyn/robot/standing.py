@@ -15,10 +15,10 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.constraints import Support
 from kickdyn.robot.ground_clearance import (
-    POINT,
     Spheres,
     body_frames,
     find_unread,
+    joined,
     shape_of,
     shapes_of,
 )
@@ -79,7 +79,7 @@ class StandingRobot:
         number = turned.getJointId(self.trunk_joint) if above else 0
         self.trunk_axis = data.oMi[number].rotation[2].copy()
         pairs = [
-            [one.joints[one.getJointId(name)] for one in (self.leg.workspace.model, model)]
+            [source.joints[source.getJointId(name)] for source in (self.leg.workspace.model, model)]
             for name in robot.joint_names[1:]
         ]
         self._qs = [_indices([joint[side] for joint in pairs], "q") for side in (0, 1)]
@@ -171,10 +171,10 @@ def _sole(robot: Leg, support: Support, frame: int, rotation: Array) -> Array:
     """
     if support.sole is not None:
         return support.sole
-    here = robot.workspace.model.frames[frame]
-    shapes = joint_spheres(robot, int(here.parentJoint))
-    own = here.placement
-    seen = (shapes.centres - own.translation) @ own.rotation @ rotation.T
+    support_frame = robot.workspace.model.frames[frame]
+    shapes = joint_spheres(robot, int(support_frame.parentJoint))
+    frame_pose = support_frame.placement
+    seen = (shapes.centres - frame_pose.translation) @ frame_pose.rotation @ rotation.T
     bottom = seen[:, 2] - shapes.radii
     level = float(bottom.min())
     points = []
@@ -189,7 +189,7 @@ def _sole(robot: Leg, support: Support, frame: int, rotation: Array) -> Array:
     corners = np.array(points)
     corners = corners[np.unique(np.argmax(corners[:, :2] @ ring.T, axis=0))]
     if len(corners) < 3:  # as of a body that is a point
-        number = int(here.parentJoint)
+        number = int(support_frame.parentJoint)
         reasons = [why for name in joint_bodies(robot, number) if (why := find_unread(robot, name))]
         why = f" ({reasons[0]}; --package-dir names the folder of meshes)" if reasons else ""
         raise InvalidInput(
@@ -202,11 +202,10 @@ def _sole(robot: Leg, support: Support, frame: int, rotation: Array) -> Array:
 def joint_spheres(robot: Leg, joint: int) -> Spheres:
     """Return the bodies that a joint carries, in its axes; its origin where it has no shapes."""
     frames = robot.workspace.model.frames
-    found = [
+    return joined([
         shape_of(robot, name).moved(frames[number].placement.homogeneous)
         for name, number in joint_bodies(robot, joint).items()
-    ] or [POINT]
-    return Spheres(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
+    ])  # fmt: skip
 
 
 def joint_bodies(robot: Leg, joint: int) -> dict[str, int]:

@@ -53,8 +53,8 @@ def _put_joint_frames_first(model: Any) -> None:
     moving = {f.parentJoint: n for n, f in enumerate(frames) if f.type == pin.FrameType.JOINT}
     if all(moving.get(frame.parentJoint, 0) <= n for n, frame in enumerate(frames)):
         return
-    others = [n for n in range(1, len(frames)) if frames[n].type != pin.FrameType.JOINT]
-    order = [0, *(moving[joint] for joint in sorted(moving)), *others]
+    fixed = [n for n in range(1, len(frames)) if frames[n].type != pin.FrameType.JOINT]
+    order = [0, *(moving[joint] for joint in sorted(moving)), *fixed]
     for new, old in enumerate(order):
         frames[old].parentFrame = order.index(frames[old].parentFrame)
         model.frames[new] = frames[old]

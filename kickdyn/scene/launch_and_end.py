@@ -24,13 +24,13 @@ from kickdyn.impact.strike import strike
 from kickdyn.impact.uncertainty import Uncertainty
 from kickdyn.scene.scene import Compliance, Scene
 
-ENDS = (FlightStatus.LANDED, FlightStatus.AT_PLANE, FlightStatus.AT_REST)
+STATUSES_WITH_END = (FlightStatus.LANDED, FlightStatus.AT_PLANE, FlightStatus.AT_REST)
 """Statuses of a path that has an end; any other says why the integration was given up."""
 
-FINEST = 1e-9
+SMALLEST_TOLERANCE = 1e-9
 """Relative tolerance of the integrators of flight and, at tightest, of contact."""
 
-DIFFERENCE = 1e-4
+RELATIVE_DIFFERENCE = 1e-4
 """Step of the differences after a bounce, relative to the speed."""
 
 COLLIDE_SAFETY = 20.0
@@ -75,7 +75,7 @@ class PathEnd(NamedTuple):
     @property
     def has_end(self) -> bool:
         """Whether the path came to an end at all."""
-        return self.path.status in ENDS
+        return self.path.status in STATUSES_WITH_END
 
 
 class EndSlopes(NamedTuple):
@@ -137,7 +137,7 @@ def collide_scene(scene: Scene, tol: float) -> Collision:
     )
 
 
-def fly_scene(scene: Scene, launch: BallState, tol: float = FINEST) -> PathEnd:
+def fly_scene(scene: Scene, launch: BallState, tol: float = SMALLEST_TOLERANCE) -> PathEnd:
     """Return the path of a scene's ball: by `follow` where the ground has a surface, else `fly`."""
     surroundings = (scene.ball, scene.air, scene.ground)
     if scene.ground is None or scene.ground.surface is None:
@@ -166,7 +166,7 @@ def end_slopes(scene: Scene, end: PathEnd) -> EndSlopes:
     try:
         if isinstance(path, Flight):
             time = path.duration
-            flight = fly_with_launch_slopes(launch, scene.ball, scene.air, time, FINEST)
+            flight = fly_with_launch_slopes(launch, scene.ball, scene.air, time, SMALLEST_TOLERANCE)
             slopes, _ = flight.slopes_at_plane(end_normal(scene, path), time)
             return EndSlopes(slopes[:, :3], slopes[:, 3:6])
         return _differences(scene, end)
@@ -188,7 +188,7 @@ def _differences(scene: Scene, end: PathEnd) -> EndSlopes:
     for kind, size in enumerate((speed, speed / scene.ball.radius)):
         for axis in range(3):
             changes = np.zeros((2, 3))
-            changes[kind, axis] = DIFFERENCE * size
+            changes[kind, axis] = RELATIVE_DIFFERENCE * size
             velocity, spin = launch.velocity + changes[0], launch.spin + changes[1]
             neighbour = fly_scene(scene, BallState(launch.position, velocity, spin))
             change = neighbour.state.position - end.state.position

@@ -30,7 +30,7 @@ from kickdyn.scene.pitch import Wall
 from kickdyn.scene.scene import Compliance
 
 MOST_NAMES = 100
-"""Most entries of a list of names."""
+"""Most entries of a list of names: each one adds rows to the constraints of the leg."""
 
 LONGEST_CONTACT = 0.1
 """Longest contact time in a scene file [s]: a larger number is usually in milliseconds."""
@@ -92,22 +92,12 @@ def _check_robot(value: object) -> None:
         )
 
 
-def _check_list(value: object, is_item: Callable[[object], bool], items: str = "names") -> None:
-    """Raise `InvalidInput` unless a value is a list of at most `MOST_NAMES` such items."""
-    if not (isinstance(value, list) and len(value) <= MOST_NAMES and all(map(is_item, value))):
+def _check_list(value: object) -> None:
+    """Raise `InvalidInput` unless a value is a list of at most `MOST_NAMES` entries."""
+    if not (isinstance(value, list) and len(value) <= MOST_NAMES):
         raise InvalidInput(
-            f"{validation.brief(value)}: it must be a list of {items}, at most {MOST_NAMES}"
+            f"{validation.brief(value)}: it must be a list, with at most {MOST_NAMES} entries"
         )
-
-
-def _is_name(value: object) -> bool:
-    """Return whether a value is a name."""
-    return isinstance(value, str)
-
-
-def _is_pair(value: object) -> bool:
-    """Return whether a value is a list of two names."""
-    return isinstance(value, list) and len(value) == 2 and all(map(_is_name, value))
 
 
 def _check_joints(value: object, unit: str, **limits: float) -> None:
@@ -207,8 +197,6 @@ def quoted(names: Collection[str]) -> str:
     return ", ".join(f'`"{name}"`' for name in names)
 
 
-_names = partial(_check_list, is_item=_is_name)
-
 TABLES = (
     Table("", dict, (
         Key("name", "name", "text", "of the scene; without it, that of the file", _check_text),
@@ -225,19 +213,18 @@ TABLES = (
         Key("base", "base", ("fixed", "floating"),
             "whether the root of the robot is fixed, as without this key, or moves freely"),
         Key("package_dirs", "package_dirs", "list of names", "folders in which the meshes of "
-            "`file` are looked for, relative to the scene", _names, needs=("file",)),
+            "`file` are looked for, relative to the scene", _check_list, needs=("file",)),
         Key("legs_only", "legs_only", "`true` or `false`", "whether to lock all joints of a "
             "`robot` but those of its legs; without it `false`",
             partial(validation.flag, "value"), needs=("robot",)),
         Key("locked", "locked", "table, joint = number [deg; m]",
             "joints that are fixed, and where", partial(_check_joints, unit="deg; m")),
         Key("supports", "supports", "list of names", "frames that are held in place during the "
-            "impact, such as the foot on the ground", _names),
+            "impact, such as the foot on the ground", _check_list),
         Key("loops", "loops", "list of pairs of names", "pairs of frames that coincide, which "
-            "closes a kinematic loop",
-            partial(_check_list, is_item=_is_pair, items="pairs of names")),
+            "closes a kinematic loop", _check_list),
         Key("stiff_joints", "stiff_joints", "list of names",
-            "joints whose velocity does not change in the impact", _names),
+            "joints whose velocity does not change in the impact", _check_list),
         Key("armature_kg_m2", "armature", "table, joint = number, at least 0 [kg m2]",
             "inertia of the rotors, seen from the joint",
             partial(_check_joints, unit="kg m2", at_least=0.0)),

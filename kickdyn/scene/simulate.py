@@ -21,8 +21,8 @@ from kickdyn.scene.effects import (
 )
 from kickdyn.scene.launch_and_end import (
     COLLIDE_SAFETY,
-    ENDS,
-    FINEST,
+    SMALLEST_TOLERANCE,
+    STATUSES_WITH_END,
     PathEnd,
     collide_scene,
     collision_error,
@@ -38,7 +38,7 @@ MODEL_SHARE, CONTACT_SHARE = 0.5, 0.4
 """Fractions of the tolerance for neglected effects and for the integrator of the contact; the rest
 is far more than the integrator of the flight needs."""
 
-LOOSEST = 1e-3
+LARGEST_TOLERANCE = 1e-3
 """Largest relative tolerance of the integrator of the contact."""
 
 
@@ -46,12 +46,12 @@ LOOSEST = 1e-3
 def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
     r"""Find where the ball of a scene ends, to a tolerance.
 
-    The contact time is neglected if the strikes of an instantaneous contact, at its begin and where
-    the foot moves meanwhile, show that it moves the end by less than half the tolerance. Of the
-    effects of the flight, such as drag or wind, those with the smallest sizes are neglected as long
-    as all that is neglected stays within that half; the flight without them is compared with the
-    flight that has all effects. The rest is computed as exactly as the other half requires, by the
-    estimates of the integrators.
+    The contact time is neglected if it moves the end by less than half the tolerance, as estimated
+    by strikes of an instantaneous contact where the foot is meanwhile. Of the effects of the
+    flight, such as drag or wind, those with the smallest sizes are neglected as long as all that is
+    neglected stays within that half; the flight without them is compared with the flight that has
+    all effects. The rest is computed as exactly as the other half requires, by the estimates of the
+    integrators.
 
     Args:
         scene: the scene of the kick.
@@ -84,54 +84,54 @@ def simulate_as_instant(scene: Scene) -> Simulation:
     """Model everything a scene names, except for the time that its contact takes.
 
     Only an instantaneous impact has joint impulses. The effect of the contact time is measured: how
-    far the end lies from that of the whole scene; inf if that cannot be computed.
+    far the end lies from that of the scene with it; inf if that cannot be computed.
     """
     answer = simulate(scene.as_instant(), None)
     if not scene.is_compliant:
         return answer
     size, evaluations = math.inf, answer.evaluations
     try:
-        whole = simulate(scene, None)
+        compliant = simulate(scene, None)
     except KickdynError as error:
         why = f"which cannot be computed: {error}"
     else:
-        why = f"with it: {whole.end_text}"
-        size = math.dist(answer.end.position, whole.end.position) + whole.numerical_error
-        evaluations += whole.evaluations
-    others = (verdict._replace(why="modelled, as all others") for verdict in answer.verdicts)
-    verdicts = (EffectVerdict("contact time", False, size, why), *others)
+        why = f"with it: {compliant.end_text}"
+        size = math.dist(answer.end.position, compliant.end.position) + compliant.numerical_error
+        evaluations += compliant.evaluations
+    unchanged = (verdict._replace(why="modelled, as all others") for verdict in answer.verdicts)
+    verdicts = (EffectVerdict("contact time", False, size, why), *unchanged)
     return replace(
         answer, scene=scene, verdicts=verdicts, model_error=size, evaluations=evaluations
     )
 
 
 def measure_effects(
-    whole: Simulation, report: Callable[[str], None] = lambda _: None
+    full: Simulation, report: Callable[[str], None] = lambda _: None
 ) -> list[EffectSize]:
     """Measure every effect of a scene, in the order of `EFFECTS`, with it and without.
 
     The scene is that of `simulate(scene, None)`; `report` is called with each effect's name.
     """
-    scene, sizes = whole.scene, []
+    scene, sizes = full.scene, []
     for effect in effects_of(scene):
         report(effect.name)
-        less, impulse = effect.without(scene, whole.launch), 0.0
+        less, impulse = effect.without(scene, full.launch), 0.0
         try:
             if effect.in_flight:
-                end = fly_scene(less, whole.launch)
+                end = fly_scene(less, full.launch)
                 position, status = end.state.position, end.path.status
             else:
                 other = simulate(less, None)
                 position, status = other.end.position, FlightStatus(other.status)
-                impulse = math.dist(other.impact.impulse, whole.impact.impulse)
+                impulse = math.dist(other.impact.impulse, full.impact.impulse)
         except KickdynError as error:
             sizes.append(EffectSize(effect.name, math.nan, math.nan, str(error)))
             continue
-        endless = [name for name in (whole.status, status) if name not in ENDS]
+        endless = [name for name in (full.status, status) if name not in STATUSES_WITH_END]
         if endless:
             sizes.append(EffectSize(effect.name, math.nan, impulse, f"no end: {endless[0]}"))
         else:
-            moved = math.dist(position, whole.end.position)
+            moved = math.dist(position, full.end.position)
             sizes.append(EffectSize(effect.name, moved, impulse))
     return sizes
 
@@ -158,7 +158,7 @@ class _Launched(NamedTuple):
 
 def _simulate_everything(scene: Scene) -> Simulation:
     """Return the simulation with every effect modelled, as exactly as the integrators can."""
-    launched = _collide(scene, FINEST) if scene.is_compliant else _strike(scene)
+    launched = _collide(scene, SMALLEST_TOLERANCE) if scene.is_compliant else _strike(scene)
     verdicts = [
         EffectVerdict(effect.name, True, math.nan, "all is modelled")
         for effect in effects_of(scene)
@@ -215,11 +215,11 @@ def _collide_to(scene: Scene, speed: float, accuracy: float) -> _Launched:
     evaluations, radius = 0, scene.ball.radius
     tol = 0.5 * accuracy / (COLLIDE_SAFETY * (2.0 * speed**2 / GRAVITY + radius))
     while True:
-        tol = min(max(tol, FINEST), LOOSEST)
+        tol = min(max(tol, SMALLEST_TOLERANCE), LARGEST_TOLERANCE)
         launched = _collide(scene, tol)
         error = launched.numerical_error()
         evaluations += launched.evaluations
-        if error <= accuracy or tol == FINEST:
+        if error <= accuracy or tol == SMALLEST_TOLERANCE:
             return launched._replace(numerical_error=partial(float, error), evaluations=evaluations)
         tol *= 0.5 * accuracy / error
 

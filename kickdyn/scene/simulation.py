@@ -21,7 +21,7 @@ from kickdyn.scene.effects import EffectSize, EffectVerdict
 from kickdyn.scene.pitch import Passage, Score, passage_at, score_at
 from kickdyn.scene.scene import Scene
 
-_WORDS: dict[str, str] = {
+_PHRASES: dict[str, str] = {
     FlightStatus.LANDED: "landed at",
     FlightStatus.AT_PLANE: "reached the plane at",
     FlightStatus.AT_REST: "came to rest at",
@@ -109,7 +109,7 @@ class Simulation(Printed):
     def end_text(self) -> str:
         """Status and position of the end, as text."""
         x, y, z = self.end.position.round(3) + 0.0  # no -0
-        words = _WORDS.get(self.status, f"NO END ({self.status}), computed as far as")
+        words = _PHRASES.get(self.status, f"NO END ({self.status}), computed as far as")
         return f"{words} ({x:.3f}, {y:.3f}, {z:.3f}) m"
 
     @cached_property

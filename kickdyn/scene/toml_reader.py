@@ -137,14 +137,14 @@ def _faults_of(table: Table, content: dict[str, Any]) -> list[str]:
             faults.append(_unknown(prefix + name, name, keys))
             continue
         key = keys[name]
-        others = [next(iter(group.items())) for group in table.required if name not in group]
+        examples = [next(iter(group.items())) for group in table.required if name not in group]
         try:
             if not isinstance(key.takes, str) and value not in list(key.takes):
                 hint = _hint(value, key.takes)
                 raise InvalidInput(f"{validation.brief(value)} is unknown: {hint}")
             if key.check is not None:
                 key.check(value)
-            table.constructor(**_arguments(table, {**dict(others), name: value}))
+            table.constructor(**_arguments(table, {**dict(examples), name: value}))
         except InvalidInput as error:
             faults += [f"{prefix}{name}: {line}" for line in error.faults]
         if key.needs and not content.keys() & set(key.needs):
@@ -240,7 +240,7 @@ def _leg(values: dict[str, Any], folder: Path) -> Leg:
     if "model" in values:
         path = shipped_urdf(f"leg_{values['model']}.urdf")
         return read_leg(path, frame or "toe", base, locked=locked)
-    packages = [folder / package for package in values.get("package_dirs", ())]
+    packages = [folder / str(package) for package in values.get("package_dirs", ())]
     return read_leg(folder / values["file"], frame or "toe", base, packages, locked)
 
 

@@ -374,8 +374,24 @@ def test_where_the_contact_cannot_be_computed_the_error_is_not_known():
     assert not answer.within_tolerance
     assert "error unknown; all effects are modelled except contact time" in str(answer)
     assert "which cannot be computed: stiffness is" in str(answer)
-    assert "its contact shown as an instant: it ends at an unknown distance" in kd.page(answer).html
+    assert (
+        "its contact shown as instantaneous, which moves the end by an unknown distance"
+        in kd.page(answer).html
+    )
     assert [v.size for v in answer.verdicts if not v.modelled] == [math.inf]
+
+
+def test_the_contact_time_leaves_less_of_the_tolerance_for_other_effects():
+    contact = kd.Contact((1, 0, 0.1), 0.8)
+    law = kd.Compliance(contact_time=1e-4)
+    scene = kick(2, contact=contact, law=law, ground=None)
+    size = kd.simulate(scene, 5.0).verdicts[0].size
+    answer = kd.simulate(scene, 2.0 * size * (1.0 + 1e-6))
+    assert answer.neglected[0] == "contact time"
+    assert answer.model_error <= size * (1.0 + 1e-6)
+    drag = next(verdict for verdict in answer.verdicts if verdict.effect == "drag")
+    assert 0.0 < drag.size < size  # it would be neglected if it were alone
+    assert drag.modelled
 
 
 @pytest.mark.parametrize("tolerance", [0.01, 0.1])

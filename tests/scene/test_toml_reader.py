@@ -464,10 +464,10 @@ def test_loops_are_closed_by_the_joints_that_are_not_named(tmp_path):
 @pytest.mark.parametrize(
     ("loops", "said"),
     [
-        ("['toe']", "leg.loops: .*it must be a list of pairs of names"),
-        ("[['toe', 'foot', 'hip']]", "must be a list of pairs"),
-        ("[['toe', 3]]", "must be a list of pairs"),
-        ("'toe'", "must be a list of pairs"),
+        ("['toe']", "leg: loop is 'toe': it must be a pair of frames' names"),
+        ("[['toe', 'foot', 'hip']]", "leg: loop is .* it must be a pair of frames' names"),
+        ("[['toe', 3]]", "leg: frame 3 is unknown"),
+        ("'toe'", "leg.loops: 'toe': it must be a list"),
         ("[['toe', 'foot']]", "leg: loop toe - foot joins a body to itself"),
         ("[['toe', 'tow']]", "leg: frame 'tow' is unknown"),
         ("[['toe', 'base']]", "posture: loop toe - base stays open"),
@@ -476,6 +476,13 @@ def test_loops_are_closed_by_the_joints_that_are_not_named(tmp_path):
 def test_bad_loops_are_refused(faults, loops, said):
     (line,) = faults(SMALL.replace('"human"', f'"human"\nloops = {loops}'))
     assert re.search(said, line)
+
+
+@pytest.mark.parametrize("key", ["supports", "stiff_joints"])
+@pytest.mark.parametrize("names", ["[3]", "'toe'", "[['toe']]"])
+def test_lists_of_names_hold_names(faults, key, names):
+    (line,) = faults(SMALL.replace('"human"', f'"human"\n{key} = {names}'))
+    assert line.startswith("leg")
 
 
 def test_stiff_joints(tmp_path, faults):

@@ -31,7 +31,8 @@ class Contact(ValueEquality, ReprMixin):
             Table 2 needs. It may also depend on the speed of approach along the normal: as a table
             of rows (speed [m/s], e), shape `(n, 2)`, speeds increasing, such as
             `RestitutionFit.table`; or as the name of a model, `peacock-ball`
-            (`kickdyn.restitution.MODELS`, with source). Between rows e is linear; outside them it is that of the nearest row, and results have a warning.
+            (`kickdyn.restitution.MODELS`, with source). Between rows e is linear; outside them it
+            is that of the nearest row, and results have a warning.
         friction: Coulomb's coefficient mu, 0 or more. The default 0 is the frictionless contact of
             Eqs. (8)-(10); the paper uses 0.4, and 0.37 to 0.63 was measured on nine match balls
             against leather (Proceedings 2020, 49(1):92).

@@ -243,6 +243,7 @@ def plan_launch(
     """
     limit = validation.number("speed limit", speed_limit, above=0, at_most=SPEED_LIMIT, unit="m/s")
     most_spin = validation.number("spin limit", spin_limit, above=0, unit="rad/s")
+    ball.check_movable("a flight")
     problem = _shooting_problem(goal, ball, air, goal.spin)
     family = LaunchFamily(problem, goal, limit, most_spin)
 

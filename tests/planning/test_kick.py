@@ -213,7 +213,11 @@ def test_the_same_plan_again():
             r"the contact has the normal \[1.0, 0.0, 0.0\]: plan_kick computes the normal",
         ),
         (kd.Goal(15, time=1), {"ball_position": (0, 1)}, r"ball_position has shape \(2,\)"),
-        (kd.Goal(15, time=1), {"ball_position": 1e10}, "ball_position is 1e10|ball_position is 10000000000.0"),
+        (
+            kd.Goal(15, time=1),
+            {"ball_position": 1e10},
+            "ball_position is 1e10|ball_position is 10000000000.0",
+        ),
     ],
 )
 def test_bad_input(goal, options, words):

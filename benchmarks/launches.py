@@ -19,7 +19,7 @@ import numpy as np
 
 import kickdyn as kd
 from kickdyn.planning.goal import nominal_velocity
-from kickdyn.planning.shooting import ShootingProblem
+from kickdyn.planning.shooting import ShootingProblem, apex, crossing
 
 BALL, LIMIT = kd.Ball(), 40.0
 
@@ -36,14 +36,14 @@ def reachable(n: int, seed: int = 1) -> list[tuple[kd.Goal, kd.Air, np.ndarray]]
         shot = ShootingProblem(BALL, air, spin).shoot(
             velocity, 2 * velocity[2] / 9.81 * draw.uniform(0.6, 1)
         )
-        if shot is None or shot.state(shot.time)[1][2] >= 0:
+        if shot is None or shot.velocity(shot.end)[2] >= 0:
             continue
-        target = shot.state(shot.time)[0]
+        target = shot.position(shot.end)
         part = 0.4 * math.hypot(*target[:2])
         ahead = np.array([target[0], target[1], 0.0]) / math.hypot(*target[:2])
         kind = ("time", "apex", "speed", "over")[len(goals) % 4]
-        height = shot.crossing(ahead, part, np.array([0.0, 0.0, 1.0]))[0]
-        value = {"time": shot.time, "apex": shot.apex()[0], "speed": speed, "over": (part, height)}
+        height = crossing(shot, ahead, part, np.array([0.0, 0.0, 1.0]))[0]
+        value = {"time": shot.end, "apex": apex(shot)[0], "speed": speed, "over": (part, height)}
         goals.append((kd.Goal(target, **{kind: value[kind]}), air, spin))
     return goals
 

@@ -1,4 +1,4 @@
-"""Time the sweep's kernels beside loops of the same Pinocchio calls, in one run on one thread.
+"""Time the sweep's kernel beside loops of the same Pinocchio calls, in one run on one thread.
 
     python benchmarks/sweep.py
 
@@ -6,7 +6,7 @@ The loops, over the same postures: in C++ (`pinocchio_loop.cpp`, which is compil
 processor; that takes two minutes, 3.5 GB of memory, g++ and Eigen's headers, Debian's
 libeigen3-dev), and in Python. Both call `crba`, take the frame's Jacobian and solve for the impulse
 along the normal with Cholesky factors, without friction; "with joints" adds `rnea` for the impulses
-inside the joints. The kernels compute more: friction, and with joints the least use of the speed
+inside the joints. The kernel computes more: friction, and with joints the least use of the speed
 limits and residuals. Answers are compared to 1e-12. To the landing, the loop is Python's with
 `solve_ivp` (RK45, 1e-9). Times are processor times per posture, the shortest of rounds that are
 taken in turn.
@@ -33,8 +33,8 @@ from kickdyn.core.validation import Array
 from kickdyn.sweeps.carry_table import launches
 from kickdyn.sweeps.chunk_solver import ChunkSolver
 from kickdyn.sweeps.grid import Grid
+from kickdyn.sweeps.kernel import DOUBT, MOBILITY, WORST, Kernel
 from kickdyn.sweeps.kernel_model import KernelModel
-from kickdyn.sweeps.kernels import DOUBT, MOBILITY, WORST, Kernel
 from kickdyn.sweeps.sweep import CARRY_TOLERANCE
 from kickdyn.sweeps.sweep_kick import Kick
 
@@ -148,12 +148,10 @@ def arm() -> kd.Leg:
     return kd.Leg.from_model(model, "toe")
 
 
-def compare(
-    name: str, leg: kd.Leg, planar: bool | None, target: float, program: Path | None
-) -> str:
+def compare(name: str, leg: kd.Leg, target: float, program: Path | None) -> str:
     """Return a row of the table."""
-    model = KernelModel.of(leg, KICK, planar)
-    level = KernelModel.of(leg, replace(KICK, friction=0.0), planar)
+    model = KernelModel.of(leg, KICK)
+    level = KernelModel.of(leg, replace(KICK, friction=0.0))
     assert model is not None
     assert level is not None
     grid = fine(leg.joint_names)
@@ -162,11 +160,11 @@ def compare(
     kernel, frictionless = Kernel(model, leg, grid), Kernel(level, leg, grid)
     answers = frictionless(0, MANY)[:, numbers]
     loop = python_loop(leg, postures)
-    sure = frictionless(0, MANY, full=False)[DOUBT, numbers] == 0.0
+    sure = answers[DOUBT] == 0.0
     gaps = [answers[MOBILITY] / loop()[:, 0] - 1.0]
     runs = [
         timed(loop, FEW),
-        timed(lambda: kernel(0, MANY, full=False), MANY),
+        timed(lambda: kernel(0, MANY, joint_impulses=False), MANY),
         timed(lambda: kernel(0, MANY), MANY),
     ]
     if program is not None:
@@ -181,7 +179,7 @@ def compare(
     if not gap <= 1e-12:
         raise SystemExit(f"{name}: kernel and loop differ by {gap:.1e}")
     row = (
-        f"| {name} | {'planar' if model.planar else 'general'} | {cpp_bare:.3f} | {python:.2f} "
+        f"| {name} | {cpp_bare:.3f} | {python:.2f} "
         f"| {bare:.4f} | **{cpp_bare / bare:.1f}** (target {target:g}), {python / bare:.0f} "
         f"| {cpp_whole:.3f} | {whole:.4f} | {cpp_whole / whole:.1f} | {gap:.0e} |"
     )
@@ -192,17 +190,18 @@ def main() -> None:
     """Print the table, and the times from posture to landing."""
     human, g1 = kd.Leg.human(), kd.Leg.from_robot("g1", legs_only=True)
     chain = g1.locked({name: 0.0 for name in g1.joint_names if name.startswith("left")})
-    cases: tuple[tuple[str, kd.Leg, bool | None, float], ...] = (
-        ("human leg, 3 joints", human, None, 12), ("human leg, 3 joints", human, False, 7),
-        ("arm, 7 joints", arm(), None, 2), ("G1 leg, 6 joints", chain, None, 1.5),
-    )  # fmt: skip
+    cases: tuple[tuple[str, kd.Leg, float], ...] = (
+        ("human leg, 3 joints", human, 12),
+        ("arm, 7 joints", arm(), 2),
+        ("G1 leg, 6 joints", chain, 1.5),
+    )
     with tempfile.TemporaryDirectory() as folder:
         program = compile_cpp_loop(Path(folder))
-        print("| chain | kernel | C++ [us] | Python [us] | impulse alone [us] | times faster than "
+        print("| chain | C++ [us] | Python [us] | impulse alone [us] | times faster than "
               "C++, Python | C++ with joints [us] | with joints [us] | times faster | largest "
-              "difference |\n|---|---|---|---|---|---|---|---|---|---|")  # fmt: skip
-        for name, leg, planar, target in cases:
-            print(compare(name, leg, planar, target, program), flush=True)
+              "difference |\n|---|---|---|---|---|---|---|---|---|")  # fmt: skip
+        for name, leg, target in cases:
+            print(compare(name, leg, target, program), flush=True)
     load = ", ".join(f"{each:.1f}" for each in os.getloadavg())
     print(f"load of the machine, {os.cpu_count()} cores: {load}")
     model = KernelModel.of(human, KICK)

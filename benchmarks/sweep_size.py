@@ -27,8 +27,8 @@ import numpy as np
 
 import kickdyn as kd
 from kickdyn.sweeps.grid import Grid
+from kickdyn.sweeps.kernel import Kernel
 from kickdyn.sweeps.kernel_model import KernelModel
-from kickdyn.sweeps.kernels import Kernel
 from kickdyn.sweeps.sweep import sweep_chunks
 from kickdyn.sweeps.sweep_kick import Kick
 
@@ -137,7 +137,7 @@ def per_posture(most: float) -> float:
     for _ in range(min(30, max(1, int(3e7 / most)))):  # small ones are soon over
         begin = time.process_time()
         for first in range(0, postures.size, CHUNK):
-            kernel(first, min(CHUNK, postures.size - first), full=False)
+            kernel(first, min(CHUNK, postures.size - first), joint_impulses=False)
         times.append((time.process_time() - begin) / postures.size * 1e6)
     return min(times)
 

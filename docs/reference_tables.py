@@ -12,7 +12,7 @@ from pathlib import Path
 
 from kickdyn.core.files import shipped
 from kickdyn.ground import SURFACES
-from kickdyn.scene.schema import GOES_WITH, NEEDED, ONE_OF, REQUIRED, SECTIONS
+from kickdyn.scene.scene_tables import TABLES, Table, quoted
 from kickdyn.sweeps.dataset import VARIABLES
 
 FOLDER = Path(__file__).resolve().parent / "reference"
@@ -31,28 +31,38 @@ def listed(keys: Iterable[str], last: str) -> str:
     return f"{', '.join(first)} {last} {end}" if first else end
 
 
-def conditions(section: str) -> str:
-    """Return the sentences on the keys that a section must have."""
-    lines = []
-    if section in ONE_OF:
-        lines.append(f"Exactly one of {listed(ONE_OF[section], 'and')} is required.")
-    if section in NEEDED:
-        verb = "are" if len(NEEDED[section]) > 1 else "is"
-        lines.append(f"{listed(NEEDED[section], 'and')} {verb} required.")
+def conditions(table_of_file: Table) -> str:
+    """Return the sentences on the keys that a table must have."""
+    alternatives = [group for group in table_of_file.required if len(group) > 1]
+    needed = [name for group in table_of_file.required if len(group) == 1 for name in group]
+    lines = [f"Exactly one of {listed(group, 'and')} is required." for group in alternatives]
+    if needed:
+        lines.append(f"{listed(needed, 'and')} {'are' if len(needed) > 1 else 'is'} required.")
     lines += [
-        f"`{key}` goes with `{other}` only." for key, other in GOES_WITH.get(section, {}).items()
+        f"`{key.name}` goes with {listed(key.needs, 'or')} only."
+        for key in table_of_file.keys
+        if key.needs
     ]
     return " ".join(lines)
 
 
 def scene_keys() -> str:
-    """Return the sections of a scene file with their keys."""
+    """Return the tables of a scene file with their keys."""
     blocks = []
-    for section, keys in SECTIONS.items():
-        rows = [[f"`{key}`", kind.takes, meaning] for key, (kind, meaning) in keys.items()]
-        needed = "required" if section in REQUIRED else "optional"
-        title = f"## [{section}]\n\nThis section is {needed}." if section else "## Top of the file"
-        blocks.append(f"{title} {conditions(section)}".rstrip())
+    for part in TABLES:
+        rows = [
+            [
+                f"`{key.name}`",
+                key.takes if isinstance(key.takes, str) else quoted(key.takes),
+                key.meaning,
+            ]
+            for key in part.keys
+        ]
+        needed = "required" if part.is_required else "optional"
+        title = (
+            f"## [{part.name}]\n\nThis section is {needed}." if part.name else "## Top of the file"
+        )
+        blocks.append(f"{title} {conditions(part)}".rstrip())
         blocks.append(table(("key", "value", "meaning"), rows))
     return "\n\n".join(blocks)
 

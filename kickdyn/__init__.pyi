@@ -58,6 +58,7 @@ from .robot.constraints import Support as Support
 from .robot.leg import Leg as Leg
 from .robot.leg import Posture as Posture
 from .scene.pitch import Wall as Wall
+from .scene.scene import Compliance as Compliance
 from .scene.scene import Scene as Scene
 from .scene.simulate import simulate as simulate
 from .scene.simulation import Simulation as Simulation

@@ -1,39 +1,104 @@
 """Random contacts for property tests: any leg, however lopsided, any approach."""
 
 import math
-from dataclasses import dataclass
-from typing import ClassVar
+from dataclasses import dataclass, field
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
 import kickdyn as kd
-from kickdyn.impact.contact_problem import ContactProblem
+from kickdyn.impact.body import NO_VELOCITY, BallBody, LegBody
+from kickdyn.impact.contact_problem import ContactPoint, ContactProblem
+from kickdyn.impact.newton_law import solve_newton
+from kickdyn.impact.paper_law import solve_paper
+from kickdyn.impact.stronge_law import solve_stronge
+
+
+class BareBody(NamedTuple):
+    """A body given by its Delassus matrix and velocity alone, as the laws see it."""
+
+    matrix: np.ndarray
+    before: np.ndarray
+    is_free: bool = True
+
+    def velocity(self, _):
+        return self.before.tolist()
+
+    def surface_spin(self, _):
+        return 0.0, 0.0, 0.0
+
+    def delassus(self, axes):
+        return axes[0].T @ self.matrix @ axes[0]
+
+    def inverse_mass(self, direction):
+        return direction @ self.matrix @ direction
 
 
 @dataclass
 class BareContact:
-    """A contact given by its Delassus matrix alone, as the laws see it."""
+    """A contact given by its Delassus matrix alone."""
 
     matrix: np.ndarray
     velocity: np.ndarray
     restitution: float
     friction: float
     normal: np.ndarray
-    ball: ClassVar = kd.Ball()  # laws ask only whether it can move
+
+    def problem(self):
+        point = ContactPoint(self.normal, self.restitution, self.friction)
+        return ContactProblem((point,), (BareBody(self.matrix, self.velocity),))
 
     def delassus(self):
         return self.matrix
 
-    def delassus_in(self, axes):
-        return axes.T @ self.matrix @ axes
+
+@dataclass
+class LegAndBall:
+    """A leg given by the factor of its Delassus matrix, at rest, and a ball that comes to it."""
+
+    normal: np.ndarray
+    delassus_factor: np.ndarray
+    centre_velocity: np.ndarray
+    restitution: float
+    friction: float
+    ball: kd.Ball = field(default_factory=kd.Ball)
+    spin: np.ndarray = field(default_factory=lambda: np.zeros(3))
+
+    def problem(self):
+        leg = LegBody(None, None, None, self.delassus_factor, (NO_VELOCITY,))
+        before = kd.BallState(np.zeros(3), self.centre_velocity, self.spin)
+        point = ContactPoint(self.normal, self.restitution, self.friction)
+        return ContactProblem((point,), (leg, BallBody(self.ball, before, (self.normal,))))
 
     @property
-    def approach_speed(self):
-        return -self.normal @ self.velocity
+    def velocity(self):
+        return np.array(self.problem().velocity())
 
-    @property
-    def inverse_mass(self):
-        return self.normal @ self.matrix @ self.normal
+    def delassus(self):
+        turning = self.ball.turning
+        ball = (1.0 / self.ball.mass + turning) * np.eye(3)
+        ball -= turning * np.outer(self.normal, self.normal)
+        return self.delassus_factor @ self.delassus_factor.T + ball
+
+
+class SingleSolution(NamedTuple):
+    """The solution of a law at a single contact."""
+
+    impulse: np.ndarray
+    sticking: bool
+    energy_lost: float
+    tangential_impulse: np.ndarray
+
+
+def solve_single(solve, contact):
+    (impulse,), (sticking,), energy_lost, (tangential,), _ = solve(contact.problem())
+    return SingleSolution(impulse, sticking, energy_lost, tangential)
+
+
+by_newton = partial(solve_single, solve_newton)
+by_stronge = partial(solve_single, solve_stronge)
+by_paper = partial(solve_single, solve_paper)
 
 
 def random_contact(seed, decades=6, friction=None, restitution=None):
@@ -64,7 +129,7 @@ def random_problem(seed, friction=None):
     normal /= np.linalg.norm(normal)
     velocity = rng.normal(size=3) * 10 ** rng.uniform(-2, 2)
     velocity -= (1.0 + rng.random()) * max(0.0, velocity @ normal) * normal
-    return ContactProblem(
+    return LegAndBall(
         normal=normal,
         delassus_factor=rows,
         ball=kd.Ball(mass=10 ** rng.uniform(-2, 1), radius=10 ** rng.uniform(-2, 0)),
@@ -83,7 +148,7 @@ def split(problem, vector):
 
 def planar_attack(friction, offset, speed=14.0, e=0.8):
     """A particle of a leg that attacks along x; the normal leans by `offset` [rad]."""
-    return ContactProblem(
+    return LegAndBall(
         normal=np.array([math.cos(offset), 0.0, math.sin(offset)]),
         delassus_factor=np.eye(3) / np.sqrt(5.0),
         ball=kd.Ball.paper(),

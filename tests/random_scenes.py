@@ -10,12 +10,12 @@ import numpy as np
 
 from kickdyn.aerodynamics import drag, lift
 from kickdyn.air import Air
-from kickdyn.ball import Ball
+from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
 from kickdyn.ground import Ground
 from kickdyn.plane import Plane
 from kickdyn.robot.leg import Leg
-from kickdyn.scene.scene import Scene
+from kickdyn.scene.scene import Compliance, Scene
 
 BALLS = (
     Ball(),
@@ -59,12 +59,15 @@ def random_scene(rng: np.random.Generator, **parts: Any) -> Scene:
         "ground": _ground(rng, float(centre[2]) - ball.radius),
         "plane": None,
         "contact_time": rng.uniform(0.006, 0.012) if rng.random() < 0.5 else None,
-        "ball_velocity": ball_velocity,
-        "ball_spin": rng.normal(size=3) * 10 * moving,
+        "incoming": BallState(velocity=ball_velocity, spin=rng.normal(size=3) * 10 * moving),
     }
     if scene["ground"] is not None and scene["ground"].surface is None and rng.random() < 0.3:
         scene["plane"] = Plane(centre + np.array([rng.uniform(0.5, 20), 0, 0]), (-1, 0, 0))
-    return Scene(leg, q, v, ball, contact, **{**scene, **parts})
+    scene |= parts
+    time = scene.pop("contact_time")
+    if time is not None:
+        scene["law"] = Compliance(contact_time=time)
+    return Scene(posture, v, ball, contact, **scene)
 
 
 def wide_scene(rng: np.random.Generator) -> Scene:

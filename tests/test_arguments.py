@@ -27,7 +27,7 @@ LEG, Q, V = kd.Leg.human(), np.array([0.2, 0.4, -0.1]), np.array([-3.0, -6.0, -4
 POSTURE, BALL, CONTACT = LEG.posture(Q), kd.Ball(), kd.Contact((1, 0, 0.4), 0.8, 0.4)
 IMPACT = kd.strike(POSTURE, V, BALL, CONTACT)
 GOAL = kd.Goal((10.0, 0.0, 0.0), time=1.0)
-SCENE = kd.Scene(LEG, Q, V, BALL, CONTACT)
+SCENE = kd.Scene(POSTURE, V, BALL, CONTACT)
 PLAN = kd.plan_kick(LEG, GOAL, BALL)
 AIR = kd.Air(drag="goff-carre")
 INFERRED = [kd.infer_impact(POSTURE, V, BALL, IMPACT.ball_before, IMPACT.ball_after)] * 2
@@ -86,6 +86,7 @@ RESULTS = {
         "Launch",
         "MujocoTuning",
         "Pass",
+        "Posture",
         "RestitutionFit",
         "Segments",
         "Sensitivity",
@@ -157,7 +158,14 @@ def test_an_argument_of_any_type_is_taken_or_refused_in_a_line(name, tmp_path, m
 
 def test_the_calls_are_those_of_the_stub():
     assert len(CALLS) > 60
-    assert {"Air", "Air.at", "Leg.from_urdf", "Posture", "plan_swing", "page"} <= CALLS.keys()
+    assert {
+        "Air",
+        "Air.at",
+        "Leg.from_urdf",
+        "Posture.respond",
+        "plan_swing",
+        "page",
+    } <= CALLS.keys()
 
 
 @validation.check_arguments

@@ -65,7 +65,7 @@ NOT_FOR_OBSTACLES = {
         lambda ball: kd.plan_kick(LEG, kd.Goal(20.0, time=1.5), ball),
     ],
     "a sweep": [lambda ball: kd.Kick(speed=3.0, ball=ball)],
-    "a scene": [lambda ball: kd.Scene(LEG, *KICK, ball, CONTACT)],
+    "a scene": [lambda ball: kd.Scene(*KICK, ball, CONTACT)],
     "a contact that takes time": [lambda ball: kd.collide(*KICK, ball, CONTACT)],
     "Pinocchio's impulseDynamics": [
         lambda ball: kd.strike(*KICK, ball, CONTACT, engine="pinocchio")

@@ -35,8 +35,7 @@ def parts():
         "contact": hit.contact,
         "support": support,
         "scene": kd.Scene(
-            hit.posture.leg,
-            hit.posture.q,
+            hit.posture,
             hit.v_before,
             kd.Ball(),
             hit.contact,

@@ -1,5 +1,6 @@
 """A slice of `tools/fuzz.py`, always the same, and all that it ever found."""
 
+import os
 import random
 from itertools import islice
 from pathlib import Path
@@ -31,7 +32,17 @@ def test_broken_input_is_refused(seed, tmp_path):
         child.stop()
 
 
-def test_the_watch_sees_a_crash_and_a_hang(monkeypatch):
+def test_the_watch_sees_a_process_that_dies(monkeypatch):
+    monkeypatch.setattr(fuzz, "work", os._exit)  # which takes no pipe: the process ends with 1
+    child = fuzz.Child()
+    try:
+        assert child.feed("urdf", "") == ("the process died, exit code 1", 0.0)
+        assert child.process is None
+    finally:
+        child.stop()
+
+
+def test_the_watch_sees_a_hang(monkeypatch):
     child = fuzz.Child()
     monkeypatch.setattr(fuzz, "TIMEOUT", 0.01)
     try:

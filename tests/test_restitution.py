@@ -172,7 +172,7 @@ def test_a_constant_table_gives_the_bits_of_the_number_everywhere():
         assert (one.contact_time, one.peak_force) == (other.contact_time, other.peak_force)
         budgets = [kd.strike(POSTURE, v, BALL, c).uncertainty(restitution=0.02) for c in contacts]
         assert str(budgets[0]) == str(budgets[1])
-        ends = [kd.simulate(kd.Scene(LEG, POSTURE.q, v, BALL, c)).end for c in contacts]
+        ends = [kd.simulate(kd.Scene(POSTURE, v, BALL, c)).end for c in contacts]
         assert ends[0].position.tobytes() == ends[1].position.tobytes()
     axes = {"hip": np.array([0.1, 0.35]), "knee": np.array([0.5, 0.6])}
     tables = [kd.sweep(LEG, axes, kd.Kick(speed=8.0, restitution=e)) for e in (0.7, flat)]

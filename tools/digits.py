@@ -122,7 +122,9 @@ def weak_slip(rng):
         for _ in range(20):
             contact = kd.Contact(normal, 0.5, mu)
             hit = kd.strike(posture, v, ball, contact, ball_spin=spin)
-            n, g = contact.normal, hit.approach.contact_problem().delassus()
+            n, problem = contact.normal, hit.approach.contact_problem()
+            (axes,), _ = rotations, _ = problem.in_contact_axes()
+            g = axes @ problem.delassus(rotations) @ axes.T
             along = hit.impulse - (n @ hit.impulse) * n
             along /= np.linalg.norm(along)
             if hit.sticking or n @ g @ along >= 0:

@@ -301,13 +301,13 @@ def run_mesh(text: str, folder: Path) -> None:
 
     import kickdyn as kd
     from kickdyn.robot.mesh_file import read_mesh
-    from kickdyn.robot.mesh_path import MeshFinder
+    from kickdyn.robot.package_files import PackageFiles
 
     ending, _, body = text.partition("\n")
     ending = ending.strip() if ending.strip() in ("obj", "ply", "stl") else "dae"
     (folder / f"mesh.{ending}").write_bytes(body.encode("latin-1", "replace"))
     try:
-        parts = read_mesh(MeshFinder(folder), f"mesh.{ending}")
+        parts = read_mesh(PackageFiles(folder), f"mesh.{ending}")
     except kd.KickdynError as refusal:
         said = str(refusal)
         assert said.isprintable(), f"a refusal is one line: {said!r}"
@@ -400,13 +400,13 @@ class Child:
             self.process.start()
             self.pipe = ours
             theirs.close()
-        self.pipe.send((kind, what))
         try:
+            self.pipe.send((kind, what))
             if not self.pipe.poll(TIMEOUT + 60 * (kind == "cli")):
                 self.stop()
                 return f"hangs: more than {TIMEOUT} s", 0.0
             return self.pipe.recv()
-        except EOFError:
+        except (EOFError, ConnectionError):
             self.process.join()
             code, self.process = self.process.exitcode, None
             return f"the process died, exit code {code}", 0.0

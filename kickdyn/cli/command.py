@@ -2,12 +2,9 @@
 
 import io
 import os
-import re
-import shlex
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -29,59 +26,22 @@ from kickdyn.errors import (
 HELP_OPTIONS = {"help_option_names": ["-h", "--help"]}
 """Settings of click: the names of the option that shows the help."""
 
-_ARGUMENTS = "kickdyn.arguments"
-"""Key of a context's `meta` for the arguments that a command was called with."""
-
-
-class _Number(click.ParamType):  # type: ignore[type-arg]
-    """A number of click's type `kind`; a text that is none is refused in plain words."""
-
-    def __init__(self, kind: click.types.ParamType) -> None:  # type: ignore[type-arg]
-        self._kind = kind
-        whole = isinstance(kind, click.types.IntParamType)
-        self.name = "integer" if whole else "number"
-        self._valid = "a whole number" if whole else "a number, such as 1.5"
-        if isinstance(kind, click.IntRange):
-            self._valid += f" from {kind.min} to {kind.max}"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return the number, or raise `InvalidInput`."""
-        try:
-            return self._kind.convert(value, param, ctx)
-        except click.BadParameter:
-            name = param.opts[0] if param else self.name
-            raise InvalidInput(f"{name} is {value!r}: it must be {self._valid}") from None
-
 
 class Command(click.Command):
-    """A command that refuses empty values and reads numbers as `_Number`; shells offer files."""
+    """A command that refuses options and arguments whose text is empty."""
 
     def __init__(self, *args: Any, **settings: Any) -> None:
         super().__init__(*args, **{"context_settings": HELP_OPTIONS, **settings})
-        for param in self.params:
-            if isinstance(param.type, click.types.FloatParamType | click.types.IntParamType):
-                param.type = _Number(param.type)
-            elif param.type is click.STRING and re.search("FILE|DIR|TRACK", param.metavar or ""):
-                param.type = click.Path()
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Read the arguments of a command line into the context."""
-        ctx.meta[_ARGUMENTS] = [*args]
-        if not ctx.resilient_parsing:
-            given, _, _ = self.make_parser(ctx).parse_args([*args])
-            for param in self.params:
-                value = given.get(param.name or "")
-                if value == "" or (isinstance(value, list) and "" in value):
-                    name = param.opts[0] if isinstance(param, click.Option) else param.metavar
-                    raise InvalidInput(f"{name} is empty: it needs a value")
-        return super().parse_args(ctx, args)
-
-
-def repeated(option: str) -> str:
-    """Return the command line that is running, with an option added to it."""
-    context = click.get_current_context()
-    given = context.meta[_ARGUMENTS]
-    return shlex.join([*context.command_path.split(), *given, *({option} - {*given})])
+        rest = super().parse_args(ctx, args)
+        for param in self.params:
+            value = ctx.params.get(param.name or "")
+            if not ctx.resilient_parsing and "" in (value if isinstance(value, tuple) else [value]):
+                name = param.opts[0] if isinstance(param, click.Option) else param.metavar
+                raise InvalidInput(f"{name} is empty: it needs a value")
+        return rest
 
 
 def offers(
@@ -90,10 +50,9 @@ def offers(
     """Return what completes the value of an option: names, and files of the shell."""
 
     def complete(ctx: click.Context, _: click.Parameter, incomplete: str) -> list[CompletionItem]:
-        """Return the names that begin so."""
-        found = [CompletionItem(name) for name in names(ctx) if name.startswith(incomplete)]
+        items = [CompletionItem(name) for name in names(ctx) if name.startswith(incomplete)]
         # first, because bash forgets what comes before a file
-        return [CompletionItem(incomplete, type="file"), *found] if files else found
+        return [CompletionItem(incomplete, type="file"), *items] if files else items
 
     return complete
 
@@ -155,8 +114,6 @@ def run(command: click.Command) -> NoReturn:
         click.echo(error.ctx.get_help() if error.ctx else "")
     except click.exceptions.Exit as end:
         sys.exit(end.exit_code)
-    except click.NoSuchOption as error:
-        _fail(name, 2, _unknown_option(error))
     except click.ClickException as error:
         _fail(name, 2, error.format_message())
     except SceneError as error:
@@ -179,19 +136,6 @@ def run(command: click.Command) -> NoReturn:
         file = "" if error.filename is None else f"{shortened(str(error.filename))}: "
         _fail(name, 1, f"{file}{error.strerror or error}")
     sys.exit(0)
-
-
-def _unknown_option(error: click.NoSuchOption) -> str:
-    """Return what to say of an option that a command does not have."""
-    params = error.ctx.command.params if error.ctx else []
-    known = {opt.lstrip("-"): opt for param in params for opt in param.opts if opt[:2] == "--"}
-    wanted = error.option_name.lstrip("-")
-    begin = [opt for opt in known if wanted and opt.startswith(wanted)]
-    near = begin or get_close_matches(wanted[:100], known, 1)
-    hint = f"did you mean {' or '.join(known[opt] for opt in near)}?"
-    if not near:
-        hint = f"{error.ctx.command_path if error.ctx else 'kickdyn'} --help lists the options"
-    return f"there is no option {error.option_name}: {hint}"
 
 
 def _end_output() -> None:

@@ -1,6 +1,5 @@
 """The commands of `kickdyn`: a table, from which each is imported when it is called."""
 
-from difflib import get_close_matches
 from importlib import import_module
 from typing import NoReturn
 
@@ -33,25 +32,14 @@ class _Commands(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Return the command that is named first; an unknown one is refused with a suggestion.
-
-        `help` stands for the option `--help` of what follows.
-        """
+        """Return the command that is named first; `help` is the option `--help` of what follows."""
         if args[0] == "help":
             args = [*args[1:2], "--help"]
             if len(args) == 1:
                 click.echo(ctx.get_help())
                 ctx.exit()
-        name = args[0]
-        if name not in self.commands and not name.startswith("-"):
-            parts = [each for each in self.commands if len(name) > 1 and name.lower() in each]
-            near = parts or get_close_matches(name[:100].lower(), self.commands, 1)
-            hint = f"did you mean {' or '.join(near)}?"
-            if not near:
-                hint = f"choose {', '.join(self.commands)}"
-            ctx.fail(f"there is no command {name!r}: {hint}")
-        found, command, rest = super().resolve_command(ctx, args)
-        return found, _imported(name) if name in COMMANDS else command, rest
+        name, command, rest = super().resolve_command(ctx, args)
+        return name, _imported(name) if name in COMMANDS else command, rest
 
 
 def _imported(name: str) -> click.Command:
@@ -59,22 +47,6 @@ def _imported(name: str) -> click.Command:
     name = name.replace("-", "_")
     command: click.Command = getattr(import_module(f"kickdyn.cli.{name}_command"), name)
     return command
-
-
-_BARE = "COMPREPLY+=($value)"
-"""How the script for bash takes a name: blanks split it, and stars are replaced by files."""
-
-_QUOTED = """COMPREPLY+=("$(printf %q "$value")")
-            [[ $value == *= ]] && compopt -o nospace"""
-"""The same, the name quoted where it has to be, and no blank after an `=`."""
-
-
-_SPACED = "compadd -U -V unsorted -a completions"
-"""How the script for zsh offers names."""
-
-_UNSPACED = """compadd -U -V unsorted -- ${completions:#*=}
-        compadd -U -V unsorted -S '' -- ${(M)completions:#*=}"""
-"""The same, and no blank after an `=`."""
 
 
 @click.group("kickdyn", _Commands, context_settings=HELP_OPTIONS)
@@ -97,9 +69,8 @@ def completion(shell: str) -> None:
     Example: source <(kickdyn completion bash)
     """
     kind = get_completion_class(shell)
-    if kind is not None:
-        script = kind(kickdyn_command, {}, "kickdyn", "_KICKDYN_COMPLETE").source()
-        click.echo(script.replace(_BARE, _QUOTED).replace(_SPACED, _UNSPACED))
+    assert kind is not None, "click has every shell of the choice"
+    click.echo(kind(kickdyn_command, {}, "kickdyn", "_KICKDYN_COMPLETE").source())
 
 
 def main() -> NoReturn:

@@ -1,110 +1,66 @@
-"""The options of command lines that say which leg kicks, and how it is held."""
+"""The options of command lines that describe the leg: its name or file, locked joints, supports."""
 
+import os
 import re
-from collections.abc import Callable
-from functools import wraps
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
 
 import click
 
 from kickdyn.cli.command import offers, warn
-from kickdyn.cli.named_legs import LEGS, load_leg
+from kickdyn.cli.option_groups import option
 from kickdyn.core import validation
-from kickdyn.errors import InvalidInput
+from kickdyn.errors import FaultyFile, InvalidInput
+from kickdyn.robot.catalog import ROBOTS
 from kickdyn.robot.constraints import Support
+from kickdyn.robot.descriptions import DESCRIPTION
+from kickdyn.robot.kicking_chain import kicking_chain
 from kickdyn.robot.leg import Leg
+from kickdyn.robot.leg_file import read_leg, read_robot
 from kickdyn.robot.model_validation import frame_id
+from kickdyn.robot.urdf_file import shipped_urdf
+
+SHIPPED = {"human": "leg_human.urdf", "testbed": "leg_testbed.urdf"}
+
+LEGS = tuple(dict.fromkeys([*SHIPPED, *ROBOTS]))
+"""Names of legs: ours first, which hide a robot of the same name."""
 
 
-class LegOptions(NamedTuple):
-    """What the options of `leg_options` say.
+def load_leg(
+    name: str,
+    frame: str | None = None,
+    base: str = "fixed",
+    package_dirs: Sequence[str] = (),
+    locked: Mapping[str, float] | None = None,
+) -> Leg:
+    """Return a leg by one of the names `LEGS` or of robot_descriptions, or of a URDF or MJCF file.
 
-    Attributes:
-        leg_name: a name of `named_legs.LEGS`, or a file.
-        frame: the contact frame; None is the default of `load_leg`.
-        loops: pairs of frames' names.
-        supports: that the robot stands on.
-        package_dirs: folders for the meshes of a URDF file.
-        locked: joints that do not move, with their values [deg; m for prismatic joints].
-        stiff_joints: joints' names.
+    On a `fixed` base, a robot is its kicking leg; on a `floating` one, both legs and the base. The
+    contact frame is by default a robot's toe, or the frame `toe` of a file; a file's meshes may be
+    in the folders `package_dirs`; `locked` has values of joints that do not move [deg; m for
+    prismatic joints]. Raises `InvalidInput`, or `FaultyFile` if the file is refused.
     """
-
-    leg_name: str
-    frame: str | None
-    loops: tuple[tuple[str, str], ...]
-    supports: tuple[Support, ...]
-    package_dirs: tuple[str, ...]
-    locked: dict[str, float]
-    stiff_joints: tuple[str, ...]
-
-    def load(self) -> Leg:
-        """Return the leg, its warnings written to standard error.
-
-        A leg that stands on a support has a floating base, which could not move otherwise.
-        """
-        base = "floating" if self.supports else "fixed"
-        try:
-            leg = load_leg(self.leg_name, self.frame, base, self.package_dirs, self.locked)
-        except InvalidInput:
-            if self.supports:  # a support that the leg has not explains more than a floating base
-                fixed = load_leg(self.leg_name, self.frame, "fixed", self.package_dirs, self.locked)
-                for support in self.supports:
-                    frame_id(fixed.model, support.frame)
+    described = name.endswith(DESCRIPTION)
+    if package_dirs and (name in LEGS or described):
+        raise InvalidInput(f"package-dir is {package_dirs[0]!r}: it is for a URDF file, not {name}")
+    if name in SHIPPED:
+        return read_leg(shipped_urdf(SHIPPED[name]), frame or "toe", base, locked=locked)
+    if name in ROBOTS:
+        robot = read_robot(name, frame, base, legs_only=True, locked=locked)
+        return robot if base == "floating" else kicking_chain(robot).leg
+    if described and not os.path.exists(name):  # noqa: PTH110
+        return read_robot(name, frame, base, locked=locked)
+    if not os.path.exists(name) and not Path(name).suffix:  # noqa: PTH110 any text may be a name
+        raise InvalidInput(f"leg {name!r} is neither {', '.join(LEGS)} nor a file")
+    try:
+        return read_leg(name, frame or "toe", base, package_dirs, locked)
+    except FaultyFile:
+        raise
+    except InvalidInput as error:
+        if frame or not str(error).startswith("frame "):
             raise
-        if self.supports:
-            leg = leg.with_supports(*self.supports)
-        if self.loops:
-            leg = leg.with_loops(*self.loops)
-        if self.stiff_joints:
-            leg = leg.with_stiff_joints(*self.stiff_joints)
-        warn(leg.warnings)
-        return leg
-
-
-def _read_locked(_: click.Context, __: click.Option, texts: tuple[str, ...]) -> dict[str, float]:
-    """Return the joints that `--lock` names, with their values [deg; m for prismatic joints]."""
-    locked: dict[str, float] = {}
-    for text in texts:
-        name, _equals, value = text.rpartition("=")
-        try:
-            if not name or name in locked:
-                raise ValueError
-            locked[name] = validation.number(name, float(value))
-        except ValueError:
-            once = ", once for each joint" if name in locked else " [deg; m]"
-            raise InvalidInput(f"--lock is {text!r}: it must be JOINT=VALUE{once}") from None
-    return locked
-
-
-def _read_loops(
-    _: click.Context, __: click.Option, texts: tuple[str, ...]
-) -> tuple[tuple[str, str], ...]:
-    """Return the pairs of frames that `--loop` names."""
-    loops = []
-    for text in texts:
-        first, colon, second = text.partition(":")
-        if not (colon and first and second):
-            raise InvalidInput(f"--loop is {text!r}: it must be two frames, A:B")
-        loops.append((first, second))
-    return tuple(loops)
-
-
-def _read_supports(
-    _: click.Context, __: click.Option, texts: tuple[str, ...]
-) -> tuple[Support, ...]:
-    """Return the supports that `--support` names."""
-    supports = []
-    for text in texts:
-        frame, colon, friction = text.partition(":")
-        try:
-            supports.append(Support(frame, friction=float(friction) if colon else None))
-        except ValueError:
-            raise InvalidInput(
-                f"--support is {text!r}: it must be a frame, or FRAME:FRICTION such as foot:0.6, "
-                "with a finite friction of at least 0"
-            ) from None
-    return tuple(supports)
+        raise InvalidInput(f"no --frame is named, and {error}") from None
 
 
 def _completed_leg(context: click.Context) -> Leg | None:
@@ -128,9 +84,9 @@ def joint_names(context: click.Context) -> list[str]:
     return [] if leg is None else [*leg.joint_names]
 
 
-def joints_to_set(context: click.Context) -> list[str]:
-    """Return the same names with an `=`, after which a value follows."""
-    return [f"{name}=" for name in joint_names(context)]
+def joints_at_zero(context: click.Context) -> list[str]:
+    """Return a value for each of these joints, as `knee=0`."""
+    return [f"{name}=0" for name in joint_names(context)]
 
 
 def frame_names(context: click.Context) -> list[str]:
@@ -140,46 +96,115 @@ def frame_names(context: click.Context) -> list[str]:
     return [*dict.fromkeys(frames)]
 
 
-_OPTIONS = (
-    click.option("--leg", "leg_name", default="human", metavar="human|testbed|FILE|ROBOT",
-                 show_default=True, shell_complete=offers(lambda _: LEGS, files=True),
-                 help="A leg of kickdyn, a URDF or MJCF file, or the leg of a robot of the extra "
-                 "kickdyn[robots] on a fixed base (g1, talos, ...)."),
-    click.option("--frame", metavar="NAME", shell_complete=offers(frame_names),
-                 help="Link or joint whose origin strikes the ball.  [default: toe; for a robot, "
-                 "its right foot]"),
-    click.option("--lock", "locked", multiple=True, metavar="JOINT=VALUE", callback=_read_locked,
-                 shell_complete=offers(joints_to_set),
-                 help="Lock a joint at a value [deg; m for prismatic joints], or all joints that a "
-                 "pattern matches, as 'LFinger*=0'; repeatable."),
-    click.option("--loop", "loops", multiple=True, metavar="A:B", callback=_read_loops,
-                 shell_complete=offers(frame_names),
-                 help="Close a kinematic loop, which a URDF file cannot have, by a ball joint "
-                 "between the origins of two frames; repeatable."),
-    click.option("--support", "supports", multiple=True, metavar="FRAME[:FRICTION]",
-                 callback=_read_supports, shell_complete=offers(frame_names),
-                 help="Foot that stands on the ground, and its coefficient of friction there. The "
-                 "base then floats, and a robot has both legs; repeatable."),
-    click.option("--stiff", "stiff_joints", multiple=True, metavar="JOINT",
-                 shell_complete=offers(joint_names),
-                 help="Joint whose velocity the impact does not change, as with a high gear ratio; "
-                 "repeatable."),
-    click.option("--package-dir", "package_dirs", multiple=True, metavar="DIR",
-                 type=click.Path(exists=True, file_okay=False),
-                 help="ROS package with meshes of a URDF file, or a folder that contains it; "
-                 "repeatable."),
-)  # fmt: skip
+@dataclass(frozen=True)
+class LegOptions:
+    """A leg, and how it is supported.
 
+    Attributes:
+        leg_name: a name of `LEGS`, or a file.
+        frame: the contact frame; None is the default of `load_leg`.
+        locked: joints that do not move, as `JOINT=VALUE` [deg; m for prismatic joints].
+        loops: pairs of frames, as `A:B`.
+        supports: what the robot stands on, as `FRAME` or `FRAME:FRICTION`.
+        stiff_joints: joints' names.
+        package_dirs: folders for the meshes of a URDF file.
+    """
 
-def leg_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a command with the options of a leg, which it takes as one argument `leg_options`."""
+    leg_name: str = option(
+        "--leg", default="human", metavar="human|testbed|FILE|ROBOT", show_default=True,
+        shell_complete=offers(lambda _: LEGS, files=True),
+        help="A leg of kickdyn, a URDF or MJCF file, or the leg of a robot of the extra "
+        "kickdyn[robots] on a fixed base (g1, talos, ...).",
+    )  # fmt: skip
+    frame: str | None = option(
+        "--frame", metavar="NAME", shell_complete=offers(frame_names),
+        help="Link or joint whose origin strikes the ball.  [default: toe; for a robot, its right "
+        "foot]",
+    )  # fmt: skip
+    locked: tuple[str, ...] = option(
+        "--lock", multiple=True, metavar="JOINT=VALUE", shell_complete=offers(joints_at_zero),
+        help="Lock a joint at a value [deg; m for prismatic joints], or all joints that a pattern "
+        "matches, as 'LFinger*=0'; repeatable.",
+    )  # fmt: skip
+    loops: tuple[str, ...] = option(
+        "--loop", multiple=True, metavar="A:B", shell_complete=offers(frame_names),
+        help="Close a kinematic loop, which a URDF file cannot have, by a ball joint between the "
+        "origins of two frames; repeatable.",
+    )  # fmt: skip
+    supports: tuple[str, ...] = option(
+        "--support", multiple=True, metavar="FRAME[:FRICTION]", shell_complete=offers(frame_names),
+        help="Foot that stands on the ground, and its coefficient of friction there. The base then "
+        "floats, and a robot has both legs; repeatable.",
+    )  # fmt: skip
+    stiff_joints: tuple[str, ...] = option(
+        "--stiff", multiple=True, metavar="JOINT", shell_complete=offers(joint_names),
+        help="Joint whose velocity the impact does not change, as with a high gear ratio; "
+        "repeatable.",
+    )  # fmt: skip
+    package_dirs: tuple[str, ...] = option(
+        "--package-dir", multiple=True, metavar="DIR",
+        type=click.Path(exists=True, file_okay=False),
+        help="ROS package with meshes of a URDF file, or a folder that contains it; repeatable.",
+    )  # fmt: skip
 
-    @wraps(command)
-    def with_options(*args: Any, **given: Any) -> Any:
-        """Call the command with the options of the leg in one."""
-        options = LegOptions(**{name: given.pop(name) for name in LegOptions._fields})
-        return command(*args, leg_options=options, **given)
+    def load(self) -> Leg:
+        """Return the leg, its warnings written to standard error.
 
-    for option in reversed(_OPTIONS):
-        with_options = option(with_options)
-    return with_options
+        A leg that stands on a support has a floating base, which could not move otherwise.
+        """
+        locked, loops, supports = self._read_locked(), self._read_loops(), self._read_supports()
+        base = "floating" if supports else "fixed"
+        try:
+            leg = load_leg(self.leg_name, self.frame, base, self.package_dirs, locked)
+        except InvalidInput:
+            if supports:  # a support that the leg has not explains more than a floating base
+                fixed = load_leg(self.leg_name, self.frame, "fixed", self.package_dirs, locked)
+                for support in supports:
+                    frame_id(fixed.model, support.frame)
+            raise
+        if supports:
+            leg = leg.with_supports(*supports)
+        if loops:
+            leg = leg.with_loops(*loops)
+        if self.stiff_joints:
+            leg = leg.with_stiff_joints(*self.stiff_joints)
+        warn(leg.warnings)
+        return leg
+
+    def _read_locked(self) -> dict[str, float]:
+        """Return the values of the locked joints by name [deg; m for prismatic joints]."""
+        locked: dict[str, float] = {}
+        for text in self.locked:
+            name, _equals, value = text.rpartition("=")
+            try:
+                if not name or name in locked:
+                    raise ValueError
+                locked[name] = validation.number(name, float(value))
+            except ValueError:
+                once = ", once for each joint" if name in locked else " [deg; m]"
+                raise InvalidInput(f"--lock is {text!r}: it must be JOINT=VALUE{once}") from None
+        return locked
+
+    def _read_loops(self) -> list[tuple[str, str]]:
+        """Return the frames of each loop."""
+        loops = []
+        for text in self.loops:
+            first, _colon, second = text.partition(":")
+            if not (first and second):
+                raise InvalidInput(f"--loop is {text!r}: it must be two frames, A:B")
+            loops.append((first, second))
+        return loops
+
+    def _read_supports(self) -> list[Support]:
+        """Return the supports."""
+        supports = []
+        for text in self.supports:
+            frame, colon, friction = text.partition(":")
+            try:
+                supports.append(Support(frame, friction=float(friction) if colon else None))
+            except ValueError:
+                raise InvalidInput(
+                    f"--support is {text!r}: it must be a frame, or FRAME:FRICTION such as "
+                    "foot:0.6, with a finite friction of at least 0"
+                ) from None
+        return supports

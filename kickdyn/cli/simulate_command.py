@@ -4,10 +4,10 @@ from typing import Any
 
 import click
 
-from kickdyn.cli.command import Command, busy, check_files
-from kickdyn.cli.scene_argument import scene_argument
+from kickdyn.cli.command import Command, busy
+from kickdyn.cli.option_groups import JsonOptions, scene_argument, takes
 from kickdyn.core.console import screen_width, wrapped
-from kickdyn.core.files import finite, write_json
+from kickdyn.core.files import finite
 from kickdyn.scene.simulate import simulate as simulate_scene
 from kickdyn.scene.simulation import Simulation
 from kickdyn.scene.toml_reader import load_scene
@@ -22,8 +22,8 @@ from kickdyn.scene.toml_reader import load_scene
     help="Largest error of the ball's final position [m].",
 )
 @click.option("--exact", is_flag=True, help="Model all effects, whatever the tolerance.")
-@click.option("--json", "json_file", metavar="FILE", help="Write the result as JSON; - is stdout.")
-def simulate(scene_file: str, tolerance: float, exact: bool, json_file: str | None) -> None:
+@takes(output=JsonOptions)
+def simulate(scene_file: str, tolerance: float, exact: bool, output: JsonOptions) -> None:
     """Simulate a scene file to a tolerance, and print its error budget.
 
     SCENE is a TOML file, or the name of one that comes with kickdyn: free_kick, paper_kick,
@@ -31,19 +31,16 @@ def simulate(scene_file: str, tolerance: float, exact: bool, json_file: str | No
 
     Example: kickdyn simulate free_kick --tolerance 0.01
     """
-    check_files(json_file=json_file, inputs=[scene_file])
+    output.check(inputs=[scene_file])
     scene = load_scene(scene_file)
     with busy("simulating"):
         answer = simulate_scene(scene, None if exact else tolerance)
         document = _document(answer)
-    if json_file is not None:
-        write_json(json_file, document)
-        if json_file == "-":
-            return
-    width = screen_width()
-    click.echo("\n".join(wrapped(line, width, indent=8) for line in str(answer).splitlines()))
-    if json_file is not None:
-        click.echo(f"wrote {json_file}")
+    output.write_json(document)
+    if output.prints:
+        width = screen_width()
+        click.echo("\n".join(wrapped(line, width, indent=8) for line in str(answer).splitlines()))
+    output.name_written()
 
 
 def _document(answer: Simulation) -> dict[str, Any]:
@@ -70,7 +67,6 @@ def _document(answer: Simulation) -> dict[str, Any]:
                 "effect": verdict.effect,
                 "modelled": verdict.modelled,
                 "size": finite(answer.effect_sizes[verdict.effect]),
-                "bound": finite(verdict.bound),
                 "why": verdict.why,
             }
             for verdict in answer.verdicts

@@ -11,10 +11,10 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from kickdyn.cli.command import Command, busy, check_files, offers
-from kickdyn.cli.scene_argument import scene_names
+from kickdyn.cli.command import Command, busy, offers
+from kickdyn.cli.option_groups import JsonOptions, scene_names, takes
 from kickdyn.core.console import empty_table, screen_width
-from kickdyn.core.files import finite, write_json
+from kickdyn.core.files import finite
 from kickdyn.core.plot_style import check_name, save_figure
 from kickdyn.errors import InvalidInput
 from kickdyn.scene.effects import EffectSize
@@ -33,14 +33,14 @@ TITLES = {
 @click.command("tradeoff", Command)
 @click.option("--impact", is_flag=True, help="Measure only methods for the impact.")
 @click.option("--flight", is_flag=True, help="Measure only integrators of the flight.")
-@click.option("--json", "json_file", metavar="FILE", help="Write the rows as JSON; - is stdout.")
 @click.option("--scene", metavar="SCENE", shell_complete=offers(scene_names, files=True),
               help="Measure what each effect of a scene changes: a TOML file, or the name of a "
               "scene, as for `kickdyn view`.")  # fmt: skip
-@click.option("--plot", metavar="FILE",
+@takes(output=JsonOptions)
+@click.option("--plot", metavar="FILE", type=click.Path(),
               help="Plot error against time, or the effects: .png, .svg or .pdf.")  # fmt: skip
 def tradeoff(
-    impact: bool, flight: bool, json_file: str | None, scene: str | None, plot: str | None
+    impact: bool, flight: bool, scene: str | None, output: JsonOptions, plot: str | None
 ) -> None:
     """Measure the error and the computing time of kickdyn and of other methods.
 
@@ -53,38 +53,36 @@ def tradeoff(
         )
     if plot is not None:
         check_name(plot)
-    check_files(plot, json_file=json_file, inputs=[scene])
+    output.check(plot, inputs=[scene])
     if scene is not None:
-        _compare_effects(scene, json_file, plot)
+        _compare_effects(scene, output, plot)
     else:
-        both = impact == flight
-        _compare_methods(impact or both, flight or both, json_file, plot)
+        kinds = [kind for kind, chosen in (("impact", impact), ("flight", flight)) if chosen]
+        _compare_methods(kinds or ["impact", "flight"], output, plot)
 
 
-def _compare_methods(impact: bool, flight: bool, json_file: str | None, plot: str | None) -> None:
-    """Measure the methods, and write and print what was asked for."""
+def _compare_methods(kinds: Sequence[str], output: JsonOptions, plot: str | None) -> None:
+    """Measure methods for `impact`, `flight` or both, and write and print the results."""
     from kickdyn.tradeoff.flight_methods import measure_flights
     from kickdyn.tradeoff.impact_methods import measure_impacts
 
     with busy("measuring") as show:
 
         def report(name: str) -> None:
-            """Show which method is measured."""
             show(f"measuring {name}")
 
         rows = {
-            "impact": measure_impacts(report) if impact else [],
-            "flight": measure_flights(report=report) if flight else [],
+            "impact": measure_impacts(report) if "impact" in kinds else [],
+            "flight": measure_flights(report=report) if "flight" in kinds else [],
         }
     if plot is not None:
         save_figure(front_figure(rows["impact"], rows["flight"]), plot)
-    if json_file is not None:
-        write_json(json_file, {k: [dataclasses.asdict(row) for row in v] for k, v in rows.items()})
-    if json_file != "-":
+    output.write_json({k: [dataclasses.asdict(row) for row in v] for k, v in rows.items()})
+    if output.prints:
         console = Console(highlight=False, width=screen_width())
-        for kind in rows:
-            if rows[kind]:
-                console.print(_method_table(TITLES[kind], rows[kind]))
+        for kind in kinds:
+            console.print(_method_table(TITLES[kind], rows[kind]))
+    output.name_written(plot)
 
 
 def _method_table(title: str, rows: Sequence[Measurement]) -> Table:
@@ -109,40 +107,40 @@ def _method_table(title: str, rows: Sequence[Measurement]) -> Table:
     return table
 
 
-def _compare_effects(file: str, json_file: str | None, plot: str | None) -> None:
-    """Measure the effects of a scene, and write and print what was asked for."""
+def _compare_effects(file: str, output: JsonOptions, plot: str | None) -> None:
+    """Measure the effects of a scene, and write and print the results."""
     scene = load_scene(file)
-    whole = simulate(scene, None)
+    exact = simulate(scene, None)
     with busy("measuring") as show:
-        sizes = measure_effects(whole, lambda name: show(f"measuring {name}"))
+        sizes = measure_effects(exact, lambda name: show(f"measuring {name}"))
     sizes.sort(key=lambda size: math.inf if math.isnan(size.end) else -size.end)
     if plot is not None:
         save_figure(effect_figure(scene.name, sizes), plot)
-    if json_file is not None:
-        write_json(json_file, _document(whole, sizes))
-        if json_file == "-":
-            return
-    console = Console(highlight=False, width=screen_width())
-    impulse = float(np.linalg.norm(whole.impact.impulse))
-    console.print(
-        f"{scene.name}: impulse {impulse:.4g} N s, {whole.end_text}. If one effect is neglected:",
-        markup=False,
-    )
-    console.print(_effect_table(sizes))
-    for note in scene.notes:
-        console.print(f"note: {note}", markup=False)
+    output.write_json(_document(exact, sizes))
+    if output.prints:
+        console = Console(highlight=False, width=screen_width())
+        impulse = float(np.linalg.norm(exact.impact.impulse))
+        console.print(
+            f"{scene.name}: impulse {impulse:.4g} N s, {exact.end_text}. If one effect is "
+            "neglected:",
+            markup=False,
+        )
+        console.print(_effect_table(sizes))
+        for note in scene.notes:
+            console.print(f"note: {note}", markup=False)
+    output.name_written(plot)
 
 
-def _document(whole: Simulation, sizes: Sequence[EffectSize]) -> dict[str, Any]:
+def _document(simulation: Simulation, sizes: Sequence[EffectSize]) -> dict[str, Any]:
     """Return what JSON can hold: nan is null."""
     effects = [dataclasses.asdict(size) for size in sizes]
     for effect in effects:
         effect |= {name: finite(effect[name]) for name in ("end", "impulse")}
     return {
-        "scene": whole.scene.name,
-        "status": whole.status,
-        "end": whole.end.position.tolist(),
-        "impulse": whole.impact.impulse.tolist(),
+        "scene": simulation.scene.name,
+        "status": simulation.status,
+        "end": simulation.end.position.tolist(),
+        "impulse": simulation.impact.impulse.tolist(),
         "units": {"end": "m", "impulse": "N s"},
         "effects": effects,
     }

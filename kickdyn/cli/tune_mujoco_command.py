@@ -1,102 +1,113 @@
 """The command `kickdyn tune-mujoco`: a ball for MuJoCo that bounces as kickdyn's."""
 
-import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import click
-import numpy as np
 from click.core import ParameterSource
 
-from kickdyn.ball import Ball
-from kickdyn.cli.ball_option import ball_option
-from kickdyn.cli.command import Command, busy, check_files, offers, warn
-from kickdyn.cli.leg_options import LegOptions, joints_to_set, leg_options
-from kickdyn.cli.number_options import foot_options, offset_option
-from kickdyn.cli.restitution_option import restitution_option
-from kickdyn.cli.scene_argument import scene_names
-from kickdyn.contact import Contact
+from kickdyn.cli.command import Command, busy, offers, warn
+from kickdyn.cli.leg_options import LegOptions, joints_at_zero
+from kickdyn.cli.option_groups import (
+    BallOptions,
+    FootOptions,
+    JsonOptions,
+    PointOptions,
+    option,
+    scene_names,
+    takes,
+)
 from kickdyn.core.console import screen_width, wrapped
-from kickdyn.core.files import replacing, write_json
+from kickdyn.core.files import replacing
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.collide import CONTACT_TIME
-from kickdyn.restitution import Restitution
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.mjcf_file import MjcfFile
 from kickdyn.robot.names import unknown
-from kickdyn.scene.scene import Scene
+from kickdyn.scene.scene import Compliance, Scene
 from kickdyn.scene.toml_reader import load_scene
 from kickdyn.simulators.mujoco_fit import MujocoIntegrator
 from kickdyn.simulators.tune_mujoco import MujocoTuning
 from kickdyn.simulators.tune_mujoco import tune_mujoco as tune_contact
 from kickdyn.sweeps.grid import read_postures
 
+PLAIN = (
+    *("timestep", "integrator", "solref", "solref_time", "solimp", "friction", "solreffriction"),
+    *("condim", "margin", "contact_time", "wanted_contact_time", "tolerance", "within_tolerance"),
+    *("largest_timestep", "second_push", "seconds", "warnings"),
+)
+"""Attributes of `MujocoTuning` that JSON can hold as they are."""
+
+
+@dataclass(frozen=True)
+class MujocoOptions:
+    """How MuJoCo simulates the kick, and how exact the tuned contact must be."""
+
+    contact_time: float = option(
+        "--contact-time", default=CONTACT_TIME, show_default=True,
+        help="Time for which the contact force acts [s].",
+    )  # fmt: skip
+    timestep: float = option(
+        "--timestep", default=0.002, show_default=True, help="Time step of MuJoCo [s]."
+    )
+    integrator: str = option(
+        "--integrator", default="implicitfast", show_default=True,
+        type=click.Choice([kind.value for kind in MujocoIntegrator]), help="Integrator of MuJoCo.",
+    )  # fmt: skip
+    tolerance: float = option(
+        "--tolerance", default=0.03, show_default=True,
+        help="Largest accepted relative error of the ball's speed.",
+    )  # fmt: skip
+    feet: tuple[str, ...] = option(
+        "--foot", multiple=True, metavar="NAME",
+        help="Geom of your robot that strikes the ball, for the contact pair with friction; "
+        "repeatable.  [default: the one of --frame in an MJCF file, else foot]",
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class MjcfOptions(JsonOptions):
+    """Where the ball, the whole model and the numbers are written."""
+
+    out: str | None = option(
+        "--out", metavar="FILE", type=click.Path(),
+        help="Write the ball as MJCF, for an <include>; - is stdout.",
+    )  # fmt: skip
+    scene_out: str | None = option(
+        "--scene-out", metavar="FILE", type=click.Path(),
+        help="Write a whole MJCF model: the leg and the ball just before they touch.",
+    )  # fmt: skip
+
+    def check(self, *others: str | None, inputs: Iterable[str | None] = ()) -> None:
+        """Raise `InvalidInput` unless these files and `others` can be written."""
+        if self.out == "-" and not self.prints:
+            raise InvalidInput("--out and --json are both -: only one of them can be stdout")
+        named = None if self.out == "-" else self.out
+        super().check(named, self.scene_out, *others, inputs=inputs)
+
 
 @click.command("tune-mujoco", Command)
 @click.argument("scene_file", metavar="[SCENE]", required=False,
                 shell_complete=offers(scene_names, files=True))  # fmt: skip
-@leg_options
+@takes(leg=LegOptions)
 @click.option("--joint", "joints", multiple=True, metavar="NAME=VALUE",
-              shell_complete=offers(joints_to_set),
+              shell_complete=offers(joints_at_zero),
               help="Value of a joint [deg; m for prismatic joints]; repeatable.  "
               "[default: 0, or its ref in an MJCF file]")  # fmt: skip
-@offset_option
-@foot_options(speed=5.0, attack=0.0)
-@restitution_option
-@click.option("--friction", default=0.4, show_default=True, help="Coulomb's coefficient.")
-@ball_option
-@click.option("--contact-time", default=CONTACT_TIME, show_default=True,
-              help="Time for which the contact force acts [s].")  # fmt: skip
-@click.option("--timestep", default=0.002, show_default=True, help="Time step of MuJoCo [s].")
-@click.option(
-    "--integrator",
-    default="implicitfast",
-    show_default=True,
-    type=click.Choice([kind.value for kind in MujocoIntegrator]),
-    help="Integrator of MuJoCo.",
-)
-@click.option(
-    "--tolerance",
-    default=0.03,
-    show_default=True,
-    help="Largest accepted relative error of the ball's speed.",
-)
-@click.option(
-    "--foot",
-    "feet",
-    multiple=True,
-    metavar="NAME",
-    help="Geom of your robot that strikes the ball, for the contact pair with friction; "
-    "repeatable.  [default: the one of --frame in an MJCF file, else foot]",
-)
-@click.option(
-    "--out", metavar="FILE", help="Write the ball as MJCF, for an <include>; - is stdout."
-)
-@click.option(
-    "--scene-out",
-    metavar="FILE",
-    help="Write a whole MJCF model: the leg and the ball just before they touch.",
-)
-@click.option("--json", "json_file", metavar="FILE",
-              help="Write the result as JSON; - is stdout.")  # fmt: skip
+@takes(
+    foot=FootOptions, contact=PointOptions, ball=BallOptions, mujoco=MujocoOptions,
+    output=MjcfOptions, settings={"speed": {"default": 5.0}, "attack": {"default": 0.0}},
+)  # fmt: skip
 def tune_mujoco(
     scene_file: str | None,
-    leg_options: LegOptions,
+    leg: LegOptions,
     joints: tuple[str, ...],
-    offset: list[float] | None,
-    speed: float,
-    attack: float,
-    restitution: Restitution,
-    friction: float,
-    ball: Ball,
-    contact_time: float,
-    timestep: float,
-    integrator: str,
-    tolerance: float,
-    feet: tuple[str, ...],
-    out: str | None,
-    scene_out: str | None,
-    json_file: str | None,
+    foot: FootOptions,
+    contact: PointOptions,
+    ball: BallOptions,
+    mujoco: MujocoOptions,
+    output: MjcfOptions,
 ) -> None:
     """Find contact parameters with which MuJoCo launches the ball as kickdyn does.
 
@@ -106,60 +117,54 @@ def tune_mujoco(
 
     Example: kickdyn tune-mujoco --leg human --joint knee=30 --timestep 0.002 --out ball.xml
     """
-    if out == "-" and json_file == "-":
-        raise InvalidInput("--out and --json are both -: only one of them can be stdout")
-    inputs = [scene_file, leg_options.leg_name]
-    check_files(None if out == "-" else out, scene_out, json_file=json_file, inputs=inputs)
+    output.check(inputs=[scene_file, leg.leg_name])
     _check_source(scene_file)
     if scene_file is not None:
         scene = load_scene(scene_file)
     else:
-        leg = leg_options.load()
-        angle = math.radians(attack)
-        direction = np.array([math.cos(angle), 0.0, math.sin(angle)])
-        posture = leg.posture(leg.configuration(_angles(leg, joints))).with_contact_offset(offset)
+        robot = leg.load()
+        posture = robot.posture(robot.configuration(_angles(robot, joints)))
+        posture = posture.with_contact_offset(contact.offset)
         warn(posture.warnings)
+        v = posture.joint_velocity(foot.velocity)
         scene = Scene(
-            leg, posture.q, posture.joint_velocity(speed * direction), ball,
-            Contact(direction, restitution, friction, offset=offset), contact_time=contact_time,
-            name=leg.name,
+            posture, v, ball.load(), contact.contact(foot.direction),
+            Compliance(contact_time=mujoco.contact_time), name=robot.name,
         )  # fmt: skip
-    if scene.law != "newton":
+    compliance = Compliance()
+    if isinstance(scene.law, Compliance):
+        compliance = scene.law
+    elif scene.law != "newton":
         raise InvalidInput(
             f"law is {scene.law!r}: a contact of MuJoCo is tuned for 'newton', or for a "
             "contact time"
         )
-    if scene.stiffness is not None:
+    if compliance.stiffness is not None:
         raise InvalidInput(
-            f"stiffness is {scene.stiffness!r}: a contact of MuJoCo is tuned for a contact time, "
-            "contact_time_s"
+            f"stiffness is {compliance.stiffness!r}: a contact of MuJoCo is tuned for a contact "
+            "time, contact_time_s"
         )
-    _check_feet(scene.leg, feet)
-    if scene.contact.friction and not feet:
-        feet = find_foot(scene.leg)
+    _check_feet(scene.leg, mujoco.feet)
+    feet = mujoco.feet or (find_foot(scene.leg) if scene.contact.friction else ())
     with busy("tuning"):
         tuning = tune_contact(
-            scene.posture, scene.v, scene.ball, scene.contact, timestep=timestep,
-            integrator=integrator, contact_time=scene.contact_time or CONTACT_TIME,
-            dissipation=scene.dissipation, tolerance=tolerance,
-            ball_velocity=scene.ball_velocity, ball_spin=scene.ball_spin,
+            scene.posture, scene.v, scene.ball, scene.contact, timestep=mujoco.timestep,
+            integrator=mujoco.integrator, contact_time=compliance.contact_time or CONTACT_TIME,
+            dissipation=compliance.dissipation, tolerance=mujoco.tolerance,
+            ball_velocity=scene.incoming.velocity, ball_spin=scene.incoming.spin,
         )  # fmt: skip
     model = tuning.mjcf(*feet)
-    written = {out: model, scene_out: tuning.scene}
-    for file, text in written.items():
+    for file, text in ((output.out, model), (output.scene_out, tuning.scene)):
         if file not in (None, "-"):
             with replacing(file) as draft:
                 draft.write_text(text, encoding="utf-8")
-    if json_file is not None:
-        write_json(json_file, _document(scene.name, tuning, model))
-    if out == "-":
+    output.write_json(_document(scene.name, tuning, model))
+    if output.out == "-":
         click.echo(model, nl=False)
-    elif json_file != "-":
+    elif output.prints:
         width = screen_width()
         click.echo("\n".join(wrapped(line, width, indent=8) for line in str(tuning).splitlines()))
-        for file in (out, scene_out, json_file):
-            if file is not None:
-                click.echo(f"wrote {file}")
+        output.name_written(output.out, output.scene_out)
 
 
 def _check_source(scene_file: str | None) -> None:
@@ -246,24 +251,8 @@ def _document(name: str, tuning: MujocoTuning, model: str) -> dict[str, Any]:
     """Return the numbers, and the MJCF of the ball."""
     return {
         "scene": name,
-        "timestep": tuning.timestep,
-        "integrator": tuning.integrator,
-        "solref": list(tuning.solref),
-        "solref_time": None if tuning.solref_time is None else list(tuning.solref_time),
-        "solimp": list(tuning.solimp),
-        "friction": tuning.friction,
-        "solreffriction": list(tuning.solreffriction),
-        "condim": tuning.condim,
-        "margin": tuning.margin,
-        "contact_time": tuning.contact_time,
-        "wanted_contact_time": tuning.wanted_contact_time,
+        **{key: getattr(tuning, key) for key in PLAIN},
         "errors": [error._asdict() for error in tuning.errors],
-        "tolerance": tuning.tolerance,
-        "within_tolerance": tuning.within_tolerance,
         "goals": [{**goal._asdict(), "met": goal.met} for goal in tuning.goals],
-        "largest_timestep": tuning.largest_timestep,
-        "second_push": tuning.second_push,
-        "seconds": tuning.seconds,
-        "warnings": list(tuning.warnings),
         "mjcf": model,
     }

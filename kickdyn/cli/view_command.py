@@ -5,10 +5,10 @@ from typing import Any
 import click
 import numpy as np
 
-from kickdyn.cli.command import Command, busy, check_files, check_page_name, warn
-from kickdyn.cli.scene_argument import scene_argument
+from kickdyn.cli.command import Command, busy, check_page_name, warn
+from kickdyn.cli.option_groups import JsonOptions, scene_argument, takes
 from kickdyn.core import validation
-from kickdyn.core.files import finite, write_json
+from kickdyn.core.files import finite
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.impact_result import Impact
 from kickdyn.scene.simulate import simulate_as_instant
@@ -19,13 +19,14 @@ from kickdyn.view.screenshot import find_browser
 
 @click.command("view", Command)
 @scene_argument
-@click.option("--out", metavar="FILE.html", help="Write the 3-D page.")
-@click.option("--png", metavar="FILE.png", help="Write a picture of the page; needs Chromium.")
-@click.option("--at", type=float,
+@click.option("--out", metavar="FILE.html", type=click.Path(), help="Write the 3-D page.")
+@click.option("--png", metavar="FILE.png", type=click.Path(),
+              help="Write a picture of the page; needs Chromium.")  # fmt: skip
+@click.option("--at", "moment", type=float,
               help="Time since the impact that the picture shows [s].  [default: 0]")  # fmt: skip
-@click.option("--json", "json_file", metavar="FILE", help="Write the result as JSON; - is stdout.")
+@takes(output=JsonOptions)
 def view(
-    scene_file: str, out: str | None, png: str | None, at: float | None, json_file: str | None
+    scene_file: str, out: str | None, png: str | None, moment: float | None, output: JsonOptions
 ) -> None:
     """Show a scene file: leg, ball, impulses, flight, and its wall or goal.
 
@@ -38,17 +39,17 @@ def view(
     Example: kickdyn view free_kick --out kick.html --png kick.png
     """
     pages = [file for file in (out, png) if file is not None]
-    if not pages and json_file is None:
+    if not pages and output.json_file is None:
         raise InvalidInput("there is no output: give --out, --png or --json")
-    if at is not None:
-        validation.number("at", at, at_least=0, unit="s")
+    if moment is not None:
+        validation.number("at", moment, at_least=0, unit="s")
         if png is None:
             raise InvalidInput("--at is for a picture: give --png as well")
     for file in pages:
         check_page_name(file)
     if png is not None:
         find_browser(png)
-    check_files(*pages, json_file=json_file, inputs=[scene_file])
+    output.check(*pages, inputs=[scene_file])
     # rich and meshcat take a second to import, which --help need not wait for
     from kickdyn.core.console import screen_width, wrapped
     from kickdyn.view.page import page
@@ -56,21 +57,17 @@ def view(
     scene = load_scene(scene_file)
     with busy("simulating"):
         simulation = simulate_as_instant(scene)
-    if json_file is not None:
-        write_json(json_file, _document(simulation))
-    if json_file != "-":
+    output.write_json(_document(simulation))
+    if output.prints:
         lines, width = simulation.summary.splitlines(), screen_width()
         click.echo("\n".join(wrapped(line, width, indent=8) for line in lines))
     if pages:
         with busy("drawing"):
             made_page = page(simulation)
             for file in pages:
-                made_page.save(file, at or 0.0)
+                made_page.save(file, moment or 0.0)
         warn(made_page.warnings)
-    if json_file == "-":
-        return
-    for file in filter(None, (*pages, json_file)):
-        click.echo(f"wrote {file}")
+    output.name_written(*pages)
 
 
 def _document(simulation: Simulation) -> dict[str, Any]:
@@ -106,5 +103,5 @@ def _document(simulation: Simulation) -> dict[str, Any]:
         "error": finite(simulation.error),
         **simulation.pitch_numbers(),
         "warnings": list(simulation.warnings),
-        "neglected": {v.effect: finite(v.bound) for v in simulation.verdicts if not v.modelled},
+        "neglected": {v.effect: finite(v.size) for v in simulation.verdicts if not v.modelled},
     }

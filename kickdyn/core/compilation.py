@@ -6,6 +6,8 @@ import os
 import pickle
 import subprocess
 import sys
+import types
+import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -39,13 +41,17 @@ def uncollected() -> Iterator[None]:
             gc.enable()
 
 
-def named(function: Callable[..., Any], name: str) -> Callable[..., Any]:
-    """Return a function under a unique name, which one that is made in a function needs.
+def named(
+    function: Callable[..., Any], name: str, *modules: types.ModuleType
+) -> Callable[..., Any]:
+    """Return a function under the name by which its machine code is kept on disk.
 
-    The linker goes by names: of two functions of one name, each compiled in its own process and
-    kept on disk, it would call the one loaded first for both.
+    numba looks for changes in the function's own file only, so the contents of the `modules` that
+    it calls are part of the name. The linker goes by names too: of two functions of one name, each
+    compiled in its own process and kept on disk, it would call the one loaded first for both.
     """
-    function.__qualname__ = name
+    sources = b"".join(Path(str(module.__file__)).read_bytes() for module in modules)
+    function.__qualname__ = f"{name}_{zlib.crc32(sources):08x}" if modules else name
     return function
 
 

@@ -47,7 +47,7 @@ def wrapped(line: str, width: int, indent: int = 0, start: str = "") -> str:
 def notes(texts: Sequence[str], width: int) -> str:
     """Return numbered notes, each on lines of its own, broken between words."""
     lines = (
-        wrapped(each, min(PROSE, width), indent=5, start=f"{number:3}  ")
-        for number, each in enumerate(texts, 1)
+        wrapped(text, min(PROSE, width), indent=5, start=f"{number:3}  ")
+        for number, text in enumerate(texts, 1)
     )
     return "\n".join(lines)

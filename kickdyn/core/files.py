@@ -117,11 +117,11 @@ def check_outputs(
         check_writable(file)
     real = [Path(file).resolve() for file in named]
     read = [Path(file).resolve() for file in inputs if file is not None]
-    for each in real:
-        if real.count(each) > 1:
-            raise InvalidInput(f"{each.name} is named for two outputs: give each its own file")
-        if each in read and each.exists():
-            raise InvalidInput(f"{each.name} is an input: name another file for the output")
+    for output in real:
+        if real.count(output) > 1:
+            raise InvalidInput(f"{output.name} is named for two outputs: give each its own file")
+        if output in read and output.exists():
+            raise InvalidInput(f"{output.name} is an input: name another file for the output")
     return [str(file) for file, path in zip(named, real, strict=True) if path.exists()]
 
 

@@ -26,11 +26,11 @@ def freeze_arrays(value: object) -> None:
     if isinstance(value, np.ndarray):
         value.setflags(write=False)
     elif isinstance(value, Mapping):
-        for part in value.values():
-            freeze_arrays(part)
+        for item in value.values():
+            freeze_arrays(item)
     elif isinstance(value, tuple):
-        for part in value:
-            freeze_arrays(part)
+        for item in value:
+            freeze_arrays(item)
 
 
 class ReadOnlyArrays:
@@ -125,8 +125,8 @@ def format_value(value: object) -> str:
         return f"{float(value) + 0.0:.4g}"  # no -0
     if isinstance(value, np.ndarray):
         least = ROUNDING * float(np.abs(value).max(initial=0.0))
-        parts = (0.0 if abs(part) < least else part for part in value.tolist())
-        return f"({', '.join(format_value(part) for part in parts)})"
+        entries = (0.0 if abs(entry) < least else entry for entry in value.tolist())
+        return f"({', '.join(format_value(entry) for entry in entries)})"
     return str(value)
 
 

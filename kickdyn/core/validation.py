@@ -82,9 +82,9 @@ def floats(name: str, value: ArrayLike, *, unit: str = "") -> Array:
 
 def read_only(array: Array) -> Array:
     """Return a copy of an array that cannot be written to."""
-    own = array.copy()
-    own.setflags(write=False)
-    return own
+    result = array.copy()
+    result.setflags(write=False)
+    return result
 
 
 def brief(value: object) -> str:
@@ -138,8 +138,8 @@ def check_arguments(function: Callable[P, Result]) -> Callable[P, Result]:
 
 def _classes(hint: object) -> tuple[type, ...]:
     """Return the classes of a type annotation, `object` where values are converted to it."""
-    parts = get_args(hint) if isinstance(hint, UnionType) else (hint,)
-    kinds = [get_origin(part) or part for part in parts]
+    hints = get_args(hint) if isinstance(hint, UnionType) else (hint,)
+    kinds = [get_origin(member) or member for member in hints]
     converted = (int, float, Any)
     if any(kind in converted or not isinstance(kind, type) for kind in kinds):
         return (object,)
@@ -149,12 +149,12 @@ def _classes(hint: object) -> tuple[type, ...]:
 def _refuse_type(name: str, value: object, kinds: tuple[type, ...]) -> NoReturn:
     """Raise `InvalidInput` that names the types that a value may have."""
     names = {type(None): "None", bool: "True", np.bool_: "False"}
-    *others, last = (
+    *former, last = (
         names.get(kind)
         or f"a {'kickdyn.' if kind.__module__.startswith('kickdyn') else ''}{kind.__name__}"
         for kind in kinds
     )
-    valid = f"{', '.join(others)} or {last}" if others else last
+    valid = f"{', '.join(former)} or {last}" if former else last
     shown = brief(value)
     if "\n" in shown:  # a table
         shown = f"of the type {type(value).__name__}"
@@ -214,8 +214,10 @@ def direction(name: str, value: ArrayLike) -> Array:
 
 def length(vectors: Array) -> Array:
     """Return the length of vectors along the last axis; squares neither overflow nor vanish."""
-    parts = [vectors[..., k] for k in range(vectors.shape[-1])]  # numpy is slow along short axes
-    largest = functools.reduce(np.maximum, (np.abs(part) for part in parts))
+    components = [
+        vectors[..., k] for k in range(vectors.shape[-1])
+    ]  # numpy is slow along short axes
+    largest = functools.reduce(np.maximum, (np.abs(component) for component in components))
     safe = np.where(largest > 0, largest, 1.0)
-    squares = ((part / safe) ** 2 for part in parts)
+    squares = ((component / safe) ** 2 for component in components)
     return np.asarray(safe * np.sqrt(functools.reduce(np.add, squares)))

@@ -11,19 +11,17 @@ the increments :math:`h_j`, the derivatives are
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
 
 from kickdyn.aerodynamics.coefficient_model import scaled
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
+from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
-from kickdyn.flight.equations import tolerances
 from kickdyn.flight.forces import (
     acceleration_function,
     ballistic,
@@ -43,10 +41,7 @@ to 500."""
 TIME_LIMIT = 1000.0
 """Time after which a ball that has not reached a plane is taken never to reach it [s]."""
 
-INTERVALS = 64
-"""Intervals of a flight in each of which a distance may turn once from rising to falling."""
-
-FIRST_STEP = 1.0 / 64.0
+FIRST_STEP = 1.0 / 16.0
 """First step of the integration, as a fraction of the flight, or of its duration in a vacuum."""
 
 VACUUM = Air(density=0.0)
@@ -56,7 +51,7 @@ LaunchFunction = Callable[[Array], tuple[BallState, Air | None]]
 """From parameters, shape `(p,)`, to the launch and the air of a flight; None is the vacuum."""
 
 StatesFunction = Callable[[float | Array], Array]
-"""From a time, or n times, to the states of all flights, `(p + 1, 7)` or `(p + 1, 7, n)`."""
+"""From a time, or n times, to the states of all flights, `(p + 1, 7)` or `(n, p + 1, 7)`."""
 
 Flights = list[tuple[BallState, Air]]
 """Launches and airs of the flight and of its p neighbours."""
@@ -79,8 +74,8 @@ class DifferentiableFlight:
     increments: Array
 
     def states(self, times: float | Array) -> Array:
-        """Return the states at a time, shape `(7,)`, or at n times, shape `(7, n)`."""
-        return np.asarray(self.all_states(times)[0])
+        """Return the states at a time, shape `(7,)`, or at n times, shape `(n, 7)`."""
+        return np.asarray(self.all_states(times)[..., 0, :])
 
     def position(self, time: float) -> Array:
         """Return the displacement from the launch, shape `(3,)` [m]."""
@@ -91,9 +86,10 @@ class DifferentiableFlight:
         return self.states(time)[3:6]
 
     def slopes(self, times: float | Array) -> Array:
-        """Return the derivatives of the position, shape `(3, p)`, or `(3, n, p)` for n times."""
-        positions = self.all_states(times)[:, :3]
-        return np.asarray(np.moveaxis(positions[1:] - positions[0], 0, -1) / self.increments)
+        """Return the derivatives of the position, shape `(3, p)`, or `(n, 3, p)` for n times."""
+        positions = self.all_states(times)[..., :3]
+        change = positions[..., 1:, :] - positions[..., :1, :]
+        return np.asarray(np.swapaxes(change, -1, -2) / self.increments)
 
     def slopes_at_plane(self, normal: Array, time: float) -> tuple[Array, Array]:
         r"""Return the derivatives of position and time at a plane that the ball passes at a time.
@@ -113,37 +109,6 @@ class DifferentiableFlight:
         slopes, velocity = self.slopes(time), self.velocity(time)
         delay = -(normal @ slopes) / (normal @ velocity)
         return slopes + np.outer(velocity, delay), delay
-
-    def crossing_time(
-        self, direction: Array, distance: float, begin: float = 0.0, end: float | None = None
-    ) -> float | None:
-        """Return when the displacement along a direction rises through a distance [s].
-
-        It is sought between two times [s], by default in the whole flight; None where it does not
-        rise through the distance between them.
-        """
-        return self._root(
-            lambda time: float(direction @ self.position(time)) - distance,
-            begin,
-            self.end if end is None else end,
-        )
-
-    def extreme_time(self, direction: Array) -> float:
-        """Return when the displacement along a direction is largest, ends included [s]."""
-        times = np.linspace(0.0, self.end, INTERVALS + 1)
-        falling = -direction @ self.states(times)[3:6]
-        candidates = [0.0, self.end]
-        for (begin, before), (end, after) in pairwise(zip(times, falling, strict=True)):
-            if before < 0.0 <= after:
-                root = self._root(lambda t: -float(direction @ self.velocity(t)), begin, end)
-                candidates += [] if root is None else [root]
-        return max(candidates, key=lambda time: float(direction @ self.position(time)))
-
-    def _root(self, value: Callable[[float], float], begin: float, end: float) -> float | None:
-        """Return the time at which a value rises through zero; None where it does not."""
-        if not value(begin) < 0.0 <= value(end):
-            return None
-        return float(brentq(value, begin, end, xtol=1e-15 * self.end))
 
 
 def fly_with_slopes(
@@ -168,7 +133,7 @@ def fly_with_slopes(
         ball: the ball; its mass and radius count.
         end: time of the end since the launch [s]; or a plane, such as the ground or a wall, which
             the ball must reach within `TIME_LIMIT`.
-        tol: relative tolerance of the integration, as of `fly`.
+        tol: tolerance of the integration, relative to the flight's length and speed.
 
     Raises:
         InvalidInput: the ball starts beyond the plane.
@@ -220,6 +185,16 @@ def _time_to_fall(flights: Flights, ball: Ball, plane: Plane) -> float:
     return time_to_fall(float(plane.normal @ launch.velocity), gap, closing)
 
 
+def _expected_duration(flights: Flights, ball: Ball, end: float | Plane) -> float:
+    """Return about how long a flight takes [s], for the first step and the tolerances."""
+    if not isinstance(end, Plane):
+        return end
+    distance = max(end.gap(ball, flights[0][0].position), ball.radius)
+    fastest = max(math.hypot(*flights[0][0].velocity), math.sqrt(GRAVITY * distance))
+    falling = _time_to_fall(flights, ball, end)
+    return max(falling if falling < math.inf else distance / fastest, ball.radius / fastest)
+
+
 def _fall(flights: Flights, ball: Ball, end: float | Plane) -> tuple[float, StatesFunction]:
     """Return the end of flights that only weight acts on, and their states."""
     starts = _starts(flights)
@@ -230,11 +205,11 @@ def _fall(flights: Flights, ball: Ball, end: float | Plane) -> tuple[float, Stat
 
     def states(times: float | Array) -> Array:
         moments = np.atleast_1d(np.asarray(times, dtype=float))
-        moved = np.array(
-            [ballistic(start[3:6], g, moments).T for start, g in zip(starts, weights, strict=True)]
+        moved = np.stack(
+            [ballistic(start[3:6], g, moments) for start, g in zip(starts, weights, strict=True)], 1
         )
-        moved[:, :3] += starts[:, :3, None]
-        return moved.reshape(*starts.shape, *np.shape(times))
+        moved[..., :3] += starts[:, :3]
+        return moved if np.ndim(times) else moved[0]
 
     return duration, states
 
@@ -256,10 +231,12 @@ def _integrate(
 
     All end when the first one reaches the plane.
     """
-    launch, air = flights[0]
+    launch = flights[0][0]
     height = float(launch.position[2])
-    accelerations = [acceleration_function(ball, each_air) for _, each_air in flights]
-    spins = [tuple(state.spin.tolist()) for state, _ in flights]
+    forces = [
+        (7 * i, acceleration_function(ball, air), *state.spin.tolist())
+        for i, (state, air) in enumerate(flights)
+    ]
     evaluations = 0
 
     def rates(_: float, flat: Array) -> list[float]:
@@ -270,32 +247,27 @@ def _integrate(
             raise ArithmeticError(f"it takes more than {MAX_EVALUATIONS} evaluations of forces")
         result: list[float] = []
         values = flat.tolist()
-        for i, (acceleration, (wx, wy, wz)) in enumerate(zip(accelerations, spins, strict=True)):
-            _, _, z, vx, vy, vz, left = values[7 * i : 7 * i + 7]
+        for k, acceleration, wx, wy, wz in forces:
+            z, vx, vy, vz, left = values[k + 2 : k + 7]
             ax, ay, az, decay = acceleration(
                 height + z, vx, vy, vz, left * wx, left * wy, left * wz
             )
             result += (vx, vy, vz, ax, ay, az, -decay * left)
         return result
 
-    gap, event = 0.0, None
+    event, limit = None, end
     if isinstance(end, Plane):
-        gap = end.gap(ball, launch.position)
-        event = _distance_event(end.normal, gap)
-        limit, duration = TIME_LIMIT, _time_to_fall(flights, ball, end)
-    else:
-        limit = duration = end
-    rtol, near, slow = tolerances(
-        launch.velocity, gap, math.hypot(*air.wind_at(height)), ball, air, tol
-    )
-    scale = np.array([*3 * [float(near)], *3 * [float(slow)], tol])
-    first_step = FIRST_STEP * duration
+        limit = TIME_LIMIT
+        event = _distance_event(end.normal, end.gap(ball, launch.position))
+    duration = _expected_duration(flights, ball, end)
+    speed = max(math.hypot(*launch.velocity), 0.1 * GRAVITY * duration)
+    scale = np.array([*3 * [speed * duration], *3 * [speed], 1.0])
     try:
         with np.errstate(over="ignore", invalid="ignore"):  # in steps that are too long
             solution = solve_ivp(
-                rates, (0.0, limit), _starts(flights).ravel(), "DOP853", rtol=rtol,
-                atol=np.tile(scale, len(flights)), dense_output=True, events=event,
-                first_step=first_step if 0.0 < first_step < math.inf else None,
+                rates, (0.0, limit), _starts(flights).ravel(), "DOP853", rtol=tol,
+                atol=tol * np.tile(scale, len(flights)), dense_output=True, events=event,
+                first_step=FIRST_STEP * duration,
             )  # fmt: skip
     except (ArithmeticError, ValueError) as error:
         raise KickdynError(f"the flight cannot be integrated: {error}") from None
@@ -305,6 +277,6 @@ def _integrate(
         raise KickdynError(f"the ball does not reach the plane within {TIME_LIMIT:g} s")
 
     def states(times: float | Array) -> Array:
-        return np.asarray(solution.sol(times).reshape(len(flights), 7, *np.shape(times)))
+        return np.asarray(solution.sol(times).T.reshape(*np.shape(times), len(flights), 7))
 
     return float(solution.t[-1]), states

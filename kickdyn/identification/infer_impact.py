@@ -31,13 +31,13 @@ from kickdyn.errors import InvalidInput, NoImpact
 from kickdyn.impact.leg_response import LegResponse, leg_response
 from kickdyn.robot.leg import Posture
 
-EXPLAINED = 0.05
+LARGEST_RESIDUAL = 0.05
 """Residual, relative to radius times impulse, up to which a point contact explains an impact whose
-velocities have no deviations; a larger one is warned of."""
+velocities have no deviations; above it a result has a warning."""
 
-APART = 0.25
-"""Distance of the two contact points, those of ball and posture, in radii of the ball, that is
-warned of."""
+LARGEST_DISTANCE = 0.25
+"""Distance between the contact points of ball and posture, in radii of the ball, above which a
+result has a warning."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -56,7 +56,7 @@ class InferredImpact(ReprMixin):
         residual: the part of the ball's change of angular momentum along the impulse, which no
             impulse at one point explains, relative to radius times impulse; 0 or more.
         deviations: standard deviations of `restitution`, `friction`, `normal` (an angle [rad]) and
-            `residual` that follow from those of the measured velocities; empty without them.
+            `residual`, propagated from the measured velocities; empty without deviations of these.
     """
 
     posture: Posture
@@ -131,7 +131,7 @@ class InferredImpact(ReprMixin):
         """Lines about what to know before using the numbers; empty if there is nothing."""
         lines = []
         deviation = self.deviations.get("residual", 0.0)
-        if self.residual > (3.0 * deviation or EXPLAINED):
+        if self.residual > (3.0 * deviation or LARGEST_RESIDUAL):
             spread = f" +- {100 * deviation:.2g}" if deviation else ""
             lines.append(
                 f"the residual is {100 * self.residual:.2g}{spread} % of radius times impulse: an "
@@ -143,15 +143,15 @@ class InferredImpact(ReprMixin):
                 f"restitution is {self.restitution:.3g}, outside 0 to 1: posture, joint velocity "
                 "and ball do not go together, or the sliding changed during the contact"
             )
-        if self.contact_distance > APART * self.ball.radius:
+        if self.contact_distance > LARGEST_DISTANCE * self.ball.radius:
             lines.append(
-                f"the contact point on the ball is {self.contact_distance:.2g} m from that of the "
-                "posture, where the leg takes the impulse"
+                f"the contact point on the ball is {self.contact_distance:.2g} m from the contact "
+                "point of the posture, where the leg takes the impulse"
             )
         return (*lines, *self.posture.warnings)
 
     def _sliding(self, v: Array, state: BallState) -> Array:
-        """Return the velocity of the ball's contact point less that of the foot's [m/s]."""
+        """Return the velocity of the ball's contact point relative to the foot's [m/s]."""
         surface = state.velocity - self.ball.radius * np.cross(state.spin, self.normal)
         return np.asarray(surface - self.posture.point_velocity(v))
 
@@ -193,7 +193,8 @@ def infer_impact(
         posture: posture of the leg in the impact; its contact point touched the ball.
         v: joint velocity just before, shape `(nv,)` [rad/s; m/s for prismatic joints].
         ball: the ball; its mass, radius and inertia count.
-        ball_before: measured state just before; its position is that of the centre [world frame].
+        ball_before: measured state just before; its position is the centre of the ball
+            [m, world frame].
         ball_after: measured state just after.
         velocity_deviation: standard deviation of each component of the ball's velocity [m/s]: a
             number, or shape `(2,)`, before and after.
@@ -233,74 +234,70 @@ def infer_impact(
     measured = np.concatenate(
         [ball_before.velocity, ball_after.velocity, ball_before.spin, ball_after.spin, speed]
     )
-    found, _ = _inferred(posture, ball, ball_before.position, ball_after.position, measured)
-    if found.approach_speed <= 0.0:
+    positions = ball_before.position, ball_after.position
+    inferred, _ = _inferred(posture, ball, positions, measured)
+    if inferred.approach_speed <= 0.0:
         raise NoImpact(
-            f"foot and ball separate at {-found.approach_speed:.3g} m/s along the normal "
-            f"{found.normal.round(4).tolist()} of this impulse: before an impact they approach "
+            f"foot and ball separate at {-inferred.approach_speed:.3g} m/s along the normal "
+            f"{inferred.normal.round(4).tolist()} of this impulse: before an impact they approach "
             "each other"
         )
     if not noise.any():
-        return found
+        return inferred
 
-    def values(nudge: Array) -> Array:
-        """Return what has deviations, for measured values that are changed."""
-        one, along = _inferred(
-            posture, ball, ball_before.position, ball_after.position, measured + nudge
-        )
-        return np.array([one.restitution, one.friction, along, *one.normal])
+    def values(change: Array) -> Array:
+        """Return what has deviations, after a change of the measured values."""
+        impact, twist = _inferred(posture, ball, positions, measured + change)
+        return np.array([impact.restitution, impact.friction, twist, *impact.normal])
 
     steps = np.diag(noise)[noise > 0.0]
-    slopes = np.array([0.5 * (values(step) - values(-step)) for step in steps])
-    sizes = np.linalg.norm(slopes, axis=0)
+    changes = np.array([0.5 * (values(step) - values(-step)) for step in steps])
+    restitution, friction, residual, *normal = np.linalg.norm(changes, axis=0).tolist()
     deviations = {
-        "restitution": float(sizes[0]),
-        "friction": float(sizes[1]),
-        "normal": float(np.linalg.norm(sizes[3:])),
-        "residual": float(sizes[2]),
+        "restitution": restitution,
+        "friction": friction,
+        "normal": math.hypot(*normal),
+        "residual": residual,
     }
-    return replace(found, deviations=deviations)
+    return replace(inferred, deviations=deviations)
 
 
 def _inferred(
-    posture: Posture, ball: Ball, before: Array, after: Array, measured: Array
+    posture: Posture, ball: Ball, positions: tuple[Array, Array], measured: Array
 ) -> tuple[InferredImpact, float]:
     """Return the impact of measured velocities, and the residual with its sign.
 
     Args:
         posture: of the leg.
         ball: that was struck.
-        before: position of its centre just before, shape `(3,)` [m].
-        after: just after.
+        positions: of its centre just before and just after, each of shape `(3,)` [m].
         measured: velocity before, velocity after, spin before, spin after, joint velocity; shape
             `(12 + nv,)` [m/s, rad/s].
     """
-    states = (
-        BallState(before, measured[:3], measured[6:9]),
-        BallState(after, measured[3:6], measured[9:12]),
-    )
-    impulse = ball.mass * (measured[3:6] - measured[:3])
+    before = BallState(positions[0], measured[:3], measured[6:9])
+    after = BallState(positions[1], measured[3:6], measured[9:12])
+    impulse = ball.mass * (after.velocity - before.velocity)
     size = float(validation.length(impulse))
     if size == 0.0:
         raise NoImpact("the ball's velocity is the same before and after: there was no impulse")
-    along = impulse / size
-    turned = measured[9:12] - measured[6:9]
+    direction = impulse / size
+    spin_change = after.spin - before.spin
     largest = ball.radius * size / ball.inertia  # change of spin of an impulse across the normal
-    arm = -turned / largest
-    twist = float(arm @ along)
-    arm = arm - twist * along
-    share = float(arm @ arm)
-    if not share < 1.0:
+    arm = -spin_change / largest
+    twist = float(arm @ direction)
+    arm = arm - twist * direction
+    square = float(arm @ arm)
+    if not square < 1.0:
         raise InvalidInput(
-            f"the spin changes by {validation.length(turned):.4g} rad/s (with its deviation, where "
-            f"one is given): an impulse of {size:.4g} N s at a point of the ball changes it by "
-            f"less than {largest:.4g} rad/s"
+            f"the spin changes by {validation.length(spin_change):.4g} rad/s (with its deviation, "
+            f"where one is given): an impulse of {size:.4g} N s at a point of the ball changes it "
+            f"by less than {largest:.4g} rad/s"
         )
-    normal = math.sqrt(1.0 - share) * along + np.cross(along, arm)
-    found = InferredImpact(
-        posture, measured[12:], ball, *states, impulse, normal, abs(twist), {}
+    normal = math.sqrt(1.0 - square) * direction + np.cross(direction, arm)
+    impact = InferredImpact(
+        posture, measured[12:], ball, before, after, impulse, normal, abs(twist), {}
     )  # fmt: skip
-    return found, twist
+    return impact, twist
 
 
 def _deviations(name: str, value: ArrayLike, count: int) -> Array:
@@ -321,7 +318,7 @@ class RestitutionFit(ReprMixin):
         speeds: approach speed along the normal of each kick, shape `(n,)` [m/s].
         restitutions: restitution of each kick, shape `(n,)`.
         table: rows (approach speed [m/s], restitution), speeds increasing, shape `(k, 2)`. Between
-            its rows the restitution is linear, outside it is that of the nearest row.
+            its rows the restitution is linear, outside it is constant.
         deviations: standard deviation of each restitution of the table, shape `(k,)`.
         scatter: standard deviation of the restitution of a kick around the table.
     """
@@ -376,8 +373,8 @@ def fit_restitution(impacts: Sequence[InferredImpact], knots: int = 2) -> Restit
         raise InvalidInput(
             f"impacts is {validation.brief(impacts)}: it must be a list of kickdyn.InferredImpact"
         )
-    for i, one in enumerate(impacts):
-        validation.check_type(InferredImpact, **{f"impact {i}": one})
+    for i, impact in enumerate(impacts):
+        validation.check_type(InferredImpact, **{f"impact {i}": impact})
     if isinstance(knots, bool) or not isinstance(knots, int) or knots < 1:
         raise InvalidInput(f"knots is {validation.brief(knots)}: it must be an integer, 1 or more")
     if len(impacts) <= knots:
@@ -385,23 +382,23 @@ def fit_restitution(impacts: Sequence[InferredImpact], knots: int = 2) -> Restit
             f"knots is {validation.brief(knots)} and there are {len(impacts)} kicks: a table needs "
             "more kicks than it has rows"
         )
-    speeds = np.array([one.approach_speed for one in impacts])
-    restitutions = np.array([one.restitution for one in impacts])
-    places = np.quantile(speeds, np.linspace(0.0, 1.0, knots)) if knots > 1 else [speeds.mean()]
-    if knots > 1 and not (np.diff(places) > 1e-6 * speeds.max()).all():
+    speeds = np.array([impact.approach_speed for impact in impacts])
+    restitutions = np.array([impact.restitution for impact in impacts])
+    rows = np.quantile(speeds, np.linspace(0.0, 1.0, knots)) if knots > 1 else [speeds.mean()]
+    if knots > 1 and not (np.diff(rows) > 1e-6 * speeds.max()).all():
         raise InvalidInput(
             f"knots is {knots}, but approach speeds are {speeds.min():.4g} to {speeds.max():.4g} "
             "m/s with many alike: take fewer knots"
         )
-    shares = np.column_stack([np.interp(speeds, places, unit) for unit in np.eye(knots)])
-    inverse = np.linalg.pinv(shares)
+    weights = np.column_stack([np.interp(speeds, rows, unit) for unit in np.eye(knots)])
+    inverse = np.linalg.pinv(weights)
     fitted = inverse @ restitutions
-    rest = shares @ fitted - restitutions
-    scatter = math.sqrt(float(rest @ rest) / (len(impacts) - knots))
+    residuals = weights @ fitted - restitutions
+    scatter = math.sqrt(float(residuals @ residuals) / (len(impacts) - knots))
     return RestitutionFit(
         validation.read_only(speeds),
         validation.read_only(restitutions),
-        validation.read_only(np.column_stack([places, fitted])),
+        validation.read_only(np.column_stack([rows, fitted])),
         validation.read_only(scatter * np.linalg.norm(inverse, axis=1)),
         scatter,
     )

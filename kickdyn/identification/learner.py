@@ -6,14 +6,14 @@ What the model does not know is
 
 a scale s of the drag model, the wind, the restitution e of the foot's contact, and errors of aim,
 upwards and to the left. Kick k has, beside, an error :math:`\epsilon_k` of its own, of the speed
-and of the two angles. The estimate after n kicks is the most probable one,
+and of the two angles. The most probable estimate after n kicks solves
 
 .. math:: \min_{\theta, \epsilon} \; (\theta - \theta_0)^T P_0^{-1} (\theta - \theta_0)
     + \sum_k \frac{|\epsilon_k|^2}{\sigma^2} + \sum_k \frac{|x_k(\theta, \epsilon_k) - y_k|^2}{R}
 
-with what was observed, :math:`y_k`, what the model says of it, :math:`x_k`, the scatter
+with the observation :math:`y_k`, the prediction of the model :math:`x_k`, the scatter
 :math:`\sigma` from kick to kick, and the variance R of an observation. The covariance of
-:math:`\theta` is its part of the inverse of :math:`J^T J`, with the derivatives J of the residuals
+:math:`\theta` is its block of the inverse of :math:`J^T J`, with the derivatives J of the residuals
 whose squares are summed.
 """
 
@@ -27,18 +27,19 @@ from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 from scipy.special import expit, logit
 
+from kickdyn.aerodynamics.coefficient_model import scaled
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
 from kickdyn.core.gravity import GRAVITY
+from kickdyn.core.last_value import keep_last
 from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
-from kickdyn.flight.fly import fly
-from kickdyn.identification.flight_lanes import Lane, fly_lanes
-from kickdyn.identification.identify import scaled
+from kickdyn.flight.derivatives import DifferentiableFlight, fly_with_slopes
 from kickdyn.identification.track import Track
 from kickdyn.impact.strike import strike
+from kickdyn.plane import Plane
 from kickdyn.planning.goal import Goal
 from kickdyn.planning.kick import plan_kick
 from kickdyn.planning.kick_plan import KickPlan
@@ -69,22 +70,27 @@ SCATTER = 0.03
 """Relative scatter of launch speed, and scatter of direction [rad], from kick to kick."""
 
 LEARNT = 1.0 / 3.0
-"""Variance of the mean landing, over that of the scatter, at which learning ends: the unknown
-parameters then widen the scatter by 15 %."""
+"""Variance of the mean landing, over the variance by the scatter, at which learning ends: the
+unknowns then widen the scatter by 15 %."""
 
 UNLIKELY = 5.99
 """Square of a distance, in standard deviations, that 5 % of random points in a plane exceed: the
 95 % quantile of the chi-square distribution with 2 degrees of freedom."""
 
+SHORTEST = 1e-6
+"""Duration of a flight [s] below which the ball is taken to leave into the ground."""
+
 TOL = 1e-8
 """Relative tolerance of the flights."""
 
-STEP = 1e-5
-"""Change of the first four unknowns, of the logarithm of the launch speed and of both angles, of
-which derivatives are differences."""
+INCREMENT = 1e-5
+"""Increment of each of the seven values that a kick depends on, for its derivatives."""
 
 COLUMNS = (0, 1, 2, 3, 5, 6, 4, 5, 6)
-"""Of those seven, the ones that the six unknowns and the three errors of a kick are."""
+"""Of the seven values, which each of the six unknowns and the three errors of a kick changes."""
+
+LEVEL = Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "centre")
+"""The plane at the height of the launch, in which landings are observed."""
 
 
 class Shot(NamedTuple):
@@ -159,19 +165,10 @@ class Learner(ReprMixin):
         validation.check_type(Air, air=air)
         validation.check_type(Leg, type(None), leg=leg)
         ball.check_movable("a kick")
+        _check_what_is_learned(goal, air)
         self.goal, self.ball, self.leg, self._model = goal, ball, leg, air
-        if air.drag is None or callable(air.wind):
-            raise InvalidInput(
-                "air has no drag, or a wind that is a function of height: the learner corrects "
-                "a drag model and a constant wind"
-            )
-        if float(goal.target[2]) != 0.0:
-            raise InvalidInput(
-                f"goal is {float(goal.target[2]):g} m above the launch: the learner observes "
-                "landings at the height of the launch"
-            )
         self._given = checked_restitution(restitution)
-        first = self._first_restitution = _middle(self._given)
+        self._first_restitution = _middle(self._given)
         if leg is None and not isinstance(self._given, float):
             raise InvalidInput(
                 f"restitution is {format_restitution(self._given)}: without a leg no speed of "
@@ -184,21 +181,13 @@ class Learner(ReprMixin):
         self._time_deviation = validation.number(
             "time deviation", time_deviation, above=0, unit="s"
         )
-        spread = validation.mapping("prior", prior)
-        unknown = set(spread) - set(PRIOR)
-        if unknown:
-            raise InvalidInput(f"prior has {sorted(unknown)}: its names are {', '.join(PRIOR)}")
-        sizes = {
-            name: validation.number(f"prior {name}", value, above=0, unit=UNITS.get(name, ""))
-            for name, value in {**PRIOR, **spread}.items()
-        }
-        sizes["restitution"] /= first * (1.0 - first)
-        self._prior = np.array(list(sizes.values()))
+        self._prior = _checked_prior(prior, self._first_restitution)
         self._shots: tuple[Shot, ...] = ()
-        self._theta0 = np.array([0.0, 0.0, 0.0, float(logit(first)), 0.0, 0.0])
-        self._theta, self._covariance = self._theta0, np.diag(self._prior**2)
-        self._errors = np.zeros((0, 3))
-        self._last_landing = np.zeros(2)
+        self._theta0 = np.array([0.0, 0.0, 0.0, float(logit(self._first_restitution)), 0.0, 0.0])
+        self._theta: Array = self._theta0
+        self._covariance = np.diag(self._prior**2)
+        self._errors: Array = np.zeros((0, 3))
+        self._last_landing: Array = np.zeros(2)
         self._plan()
 
     @property
@@ -256,8 +245,7 @@ class Learner(ReprMixin):
     def landing_scatter(self) -> Array:
         """Covariance of the landing points by scatter and observation, shape `(2, 2)` [m2]."""
         aim = self._landing_slopes[:, 6:]
-        own = self._scatter**2 * aim @ aim.T
-        return np.asarray(own + self._deviation**2 * np.eye(2))
+        return np.asarray(self._scatter**2 * aim @ aim.T + self._deviation**2 * np.eye(2))
 
     @property
     def landing_uncertainty(self) -> Array:
@@ -341,7 +329,8 @@ class Learner(ReprMixin):
             raise
 
     def _air(self, theta: Array) -> Air:
-        """Return the air for given unknowns."""
+        """Return the air for given unknowns, of which the first three count."""
+        assert self._model.drag is not None
         return replace(
             self._model,
             drag=scaled(self._model.drag, math.exp(theta[0])),
@@ -354,11 +343,12 @@ class Learner(ReprMixin):
         self._launch = plan_launch(self.goal, self.ball, air)
         wanted, spin = self._launch.velocity, self._launch.spin
         if self.leg is None:
-            velocity = _aimed(wanted, -np.array([self._gain(theta), theta[4], theta[5]]))
+            velocity = _aimed(wanted, -np.array([self._gain(theta[3]), theta[4], theta[5]]))
             self._command: BallState | KickPlan = BallState(velocity=velocity, spin=spin)
         else:
             self._command = self._planned_kick(_aimed(wanted, [0.0, -theta[4], -theta[5]]), air)
-        self._landing_slopes = self._landing(theta, self._command)[1][:2]
+        _, slopes = self._landing(theta, np.zeros(3), self._command)
+        self._landing_slopes = slopes[:2]
 
     def _planned_kick(self, velocity: Array, air: Air) -> KickPlan:
         """Return the kick for a launch velocity [m/s]: the goal of that velocity in the vacuum."""
@@ -366,7 +356,7 @@ class Learner(ReprMixin):
         time = 2.0 * float(velocity[2]) / GRAVITY
         goal = Goal([velocity[0] * time, velocity[1] * time, 0.0], time=time)
         plan = plan_kick(
-            self.leg, goal, self.ball, None, restitution=self._restitution(self._theta),
+            self.leg, goal, self.ball, None, restitution=self._restitution(self._theta[3]),
             friction=self._friction, spin=self._launch.spin, ball_height=self._ball_height,
         )  # fmt: skip
         after = plan.impact.ball_after
@@ -376,131 +366,114 @@ class Learner(ReprMixin):
         path = fly_to_target(expected, self._launch.reached, self.ball, air, when)
         return replace(plan, goal=self.goal, launch=self._launch, path=path)
 
-    def _restitution(self, theta: Array) -> Restitution:
+    def _restitution(self, logit_e: float) -> Restitution:
         """Return the restitution of the leg's contact."""
         if isinstance(self._given, float):
-            return float(expit(theta[3]))
-        first = logit(self._first_restitution)
-        rows = rows_of(self._given)
-        return tuple((speed, float(expit(theta[3] + (logit(e) - first)))) for speed, e in rows)
+            return float(expit(logit_e))
+        change = logit_e - float(logit(self._first_restitution))
+        return tuple((speed, float(expit(logit(e) + change))) for speed, e in rows_of(self._given))
 
-    def _gain(self, theta: Array) -> float:
-        """Return the logarithm of the launch speed over that of a command without a leg."""
-        return math.log((1.0 + float(expit(theta[3]))) / (1.0 + self._first_restitution))
+    def _gain(self, logit_e: float) -> float:
+        """Return the logarithm of the launch speed over the commanded speed, without a leg."""
+        return math.log((1.0 + float(expit(logit_e))) / (1.0 + self._first_restitution))
 
-    def _launched(self, theta: Array, error: Array, command: BallState | KickPlan) -> BallState:
+    def _launched(self, values: Array, command: BallState | KickPlan) -> BallState:
         """Return the launch that a command becomes, at the origin.
 
-        Args:
-            theta: the unknowns.
-            error: of the kick: of the logarithm of the speed, and of the angles [rad].
-            command: that was carried out.
+        The values, shape `(7,)`, are the first four unknowns, the error of the logarithm of the
+        speed, and the sums of the errors of aim and of the kick's own angles [rad].
         """
         if isinstance(command, KickPlan):
-            contact = replace(command.impact.contact, restitution=self._restitution(theta))
+            restitution = self._restitution(float(values[3]))
+            contact = replace(command.impact.contact, restitution=restitution)
             impact = strike(command.impact.posture, command.v, self.ball, contact)
             state, gain = impact.ball_after, 0.0
         else:
-            state, gain = command, self._gain(theta)
-        velocity = _aimed(state.velocity, error + np.array([gain, theta[4], theta[5]]))
+            state, gain = command, self._gain(float(values[3]))
+        velocity = _aimed(state.velocity, [values[4] + gain, values[5], values[6]])
         return BallState(velocity=velocity, spin=state.spin)
 
+    def _fly(
+        self, theta: Array, error: Array, command: BallState | KickPlan, end: float | Plane
+    ) -> DifferentiableFlight:
+        """Return the flight of a kick with the derivatives by the seven values of `_launched`."""
+        values = np.array([*theta[:4], error[0], theta[4] + error[1], theta[5] + error[2]])
+        return fly_with_slopes(
+            lambda changed: (self._launched(changed, command), self._air(changed)),
+            values, np.full(7, INCREMENT), self.ball, end, TOL,
+        )  # fmt: skip
+
     def _landing(
-        self, theta: Array, command: BallState | KickPlan, error: ArrayLike = (0.0, 0.0, 0.0)
+        self, theta: Array, error: Array, command: BallState | KickPlan
     ) -> tuple[Array, Array]:
         """Return where and when a command comes down, and the derivatives.
 
         The first has shape `(3,)` [m, m, s], the second `(3, 9)`: by the unknowns and by the error
         of the kick.
         """
-        state = self._launched(theta, np.asarray(error), command)
-        path = fly(state, self.ball, self._air(theta), tol=TOL)
-        end, duration = path.landing, path.duration
-        if path.status != "landed" or not duration > 1e-6:
-            return np.zeros(3), np.zeros((3, 9))  # a launch into the ground: no step goes there
-        moved = self._moved(theta, np.asarray(error), command, np.array([0.0, duration]))
-        shift = (moved[1:, 1] - moved[0, 1]) / STEP
-        later = -shift[:, 2:] / end.velocity[2]
-        slopes = np.hstack([shift[:, :2] + later * end.velocity[:2], later]).T
-        return np.array([*end.position[:2], duration]), slopes[:, COLUMNS]
+        flight = self._fly(theta, error, command, LEVEL)
+        if flight.end <= SHORTEST:
+            return np.zeros(3), np.zeros((3, 9))  # no step of the solver ends there
+        position, time = flight.slopes_at_plane(LEVEL.normal, flight.end)
+        slopes = np.vstack([position[:2], time])[:, COLUMNS]
+        return np.array([*flight.position(flight.end)[:2], flight.end]), slopes
 
-    def _path(self, theta: Array, shot: Shot, track: Track, error: Array) -> tuple[Array, Array]:
+    def _path(self, theta: Array, error: Array, shot: Shot, track: Track) -> tuple[Array, Array]:
         """Return positions of a kick at the times of its track, and the derivatives.
 
-        The first has shape `(3 n,)` [m], the second `(3 n, 9)`, as by `_landing`.
+        The first has shape `(3 n,)` [m], the second `(3 n, 9)`, as of `_landing`.
         """
-        times = np.concatenate([[0.0], track.times[track.times > 0.0]])
-        moved = self._moved(theta, error, shot.command, times)[:, -len(track) :]
-        slopes = (moved[1:] - moved[0]) / STEP
-        return moved[0].ravel(), slopes.reshape(len(slopes), -1).T[:, COLUMNS]
-
-    def _moved(
-        self, theta: Array, error: Array, command: BallState | KickPlan, times: Array
-    ) -> Array:
-        """Return positions of a kick, and of those with one value changed by `STEP`.
-
-        The values are the first four unknowns and the three errors of a kick; times are those since
-        the kick, from 0 on; shape `(8, n, 3)` [m, from the launch].
-        """
-        lanes = []
-        for step in STEP * np.vstack([np.zeros(7), np.eye(7)]):
-            changed = theta + np.array([*step[:4], 0.0, 0.0])
-            state = self._launched(changed, error + step[4:], command)
-            lanes.append(Lane(state.velocity, state.spin, self._air(changed)))
-        moved = fly_lanes(lanes, self.ball, 0.0, times, TOL)
-        if moved is None:
-            raise KickdynError("the flight of a kick could not be integrated")
-        return moved
+        flight = self._fly(theta, error, shot.command, float(track.times[-1]))
+        positions = flight.states(track.times)[:, :3].ravel()
+        return positions, flight.slopes(track.times).reshape(positions.size, -1)[:, COLUMNS]
 
     def _estimate(self) -> None:
         """Find the most probable unknowns given all shots, and their covariance."""
-        spread = np.concatenate([self._prior, np.full(3 * len(self._shots), self._scatter)])
-        middle = np.concatenate([self._theta0, np.zeros(3 * len(self._shots))])
-        last: dict[bytes, tuple[Array, Array]] = {}
+        count = 3 * len(self._shots)
+        spread = np.concatenate([self._prior, np.full(count, self._scatter)])
+        middle = np.concatenate([self._theta0, np.zeros(count)])
 
-        def both(values: Array) -> tuple[Array, Array]:
-            """Return residuals in standard deviations, and their derivatives; kept once."""
-            key = values.tobytes()
-            if key not in last:
-                last.clear()
-                theta, errors = values[:6], values[6:].reshape(-1, 3)
-                residuals, slopes = [(values - middle) / spread], [np.diag(1.0 / spread)]
-                for k, (shot, error) in enumerate(zip(self._shots, errors, strict=True)):
-                    rest, slope = self._residuals(theta, shot, error)
-                    block = np.zeros((len(rest), len(values)))
-                    block[:, :6] = slope[:, :6]
-                    block[:, 6 + 3 * k : 9 + 3 * k] = slope[:, 6:]
-                    residuals.append(rest)
-                    slopes.append(block)
-                last[key] = np.concatenate(residuals), np.vstack(slopes)
-            return last[key]
+        @keep_last
+        def residuals_and_slopes(values: Array) -> tuple[Array, Array]:
+            """Return residuals in standard deviations, and their derivatives."""
+            theta, errors = values[:6], values[6:].reshape(-1, 3)
+            residuals, slopes = [(values - middle) / spread], [np.diag(1.0 / spread)]
+            for k, (shot, error) in enumerate(zip(self._shots, errors, strict=True)):
+                missed, slope = self._residuals(theta, error, shot)
+                block = np.zeros((len(missed), len(values)))
+                block[:, :6] = slope[:, :6]
+                block[:, 6 + 3 * k : 9 + 3 * k] = slope[:, 6:]
+                residuals.append(missed)
+                slopes.append(block)
+            return np.concatenate(residuals), np.vstack(slopes)
 
-        start = np.concatenate([self._theta, *self._errors, np.zeros(3)])
-        found = least_squares(
-            lambda values: both(values)[0], start, jac=lambda values: both(values)[1],
+        fit = least_squares(
+            lambda values: residuals_and_slopes(values)[0],
+            np.concatenate([self._theta, *self._errors, np.zeros(3)]),
+            jac=lambda values: residuals_and_slopes(values)[1],
             method="lm", x_scale=spread, xtol=1e-6, ftol=1e-6, max_nfev=50,
         )  # fmt: skip
-        self._theta, self._errors = found.x[:6], found.x[6:].reshape(-1, 3)
-        slopes = both(found.x)[1]
-        self._covariance = np.linalg.inv(slopes.T @ slopes)[:6, :6]
+        self._theta, self._errors = fit.x[:6], fit.x[6:].reshape(-1, 3)
+        slopes = residuals_and_slopes(fit.x)[1]
+        self._covariance = np.asarray(np.linalg.inv(slopes.T @ slopes)[:6, :6], dtype=float)
         shot = self._shots[-1]
         if shot.landing is None:
-            end = self._landing(self._theta, shot.command, self._errors[-1])[0]
-            self._last_landing = end[:2]
+            landing, _ = self._landing(self._theta, self._errors[-1], shot.command)
+            self._last_landing = landing[:2]
         else:
             self._last_landing = shot.landing
 
-    def _residuals(self, theta: Array, shot: Shot, error: Array) -> tuple[Array, Array]:
+    def _residuals(self, theta: Array, error: Array, shot: Shot) -> tuple[Array, Array]:
         """Return how far a shot is from the model, in standard deviations, and the derivatives."""
         if shot.track is not None:
-            path, slopes = self._path(theta, shot, shot.track, error)
+            path, slopes = self._path(theta, error, shot, shot.track)
             return (path - shot.track.positions.ravel()) / self._deviation, slopes / self._deviation
-        landing, slopes = self._landing(theta, shot.command, error)
+        landing, slopes = self._landing(theta, error, shot.command)
         assert shot.landing is not None
-        seen = [*shot.landing] if shot.time is None else [*shot.landing, shot.time]
-        count = len(seen)
+        observed = [*shot.landing] if shot.time is None else [*shot.landing, shot.time]
+        count = len(observed)
         weights = 1.0 / np.array([self._deviation, self._deviation, self._time_deviation])[:count]
-        return (landing[:count] - seen) * weights, slopes[:count] * weights[:, None]
+        return (landing[:count] - observed) * weights, slopes[:count] * weights[:, None]
 
     def _rows(self) -> Iterable[Row]:
         """Return the lines that are shown."""
@@ -521,6 +494,34 @@ class Learner(ReprMixin):
     def _picture(self) -> str:
         """Return a drawing of the path to the goal as an SVG."""
         return self._launch._picture()
+
+
+def _check_what_is_learned(goal: Goal, air: Air) -> None:
+    """Raise `InvalidInput` for an air that cannot be corrected, or a goal at another height."""
+    if air.drag is None or callable(air.wind):
+        raise InvalidInput(
+            "air has no drag, or a wind that is a function of height: the learner corrects "
+            "a drag model and a constant wind"
+        )
+    if float(goal.target[2]) != 0.0:
+        raise InvalidInput(
+            f"goal is {float(goal.target[2]):g} m above the launch: the learner observes "
+            "landings at the height of the launch"
+        )
+
+
+def _checked_prior(prior: Mapping[str, float] | None, restitution: float) -> Array:
+    """Return the standard deviations of the unknowns before the first kick, shape `(6,)`."""
+    given = validation.mapping("prior", prior)
+    unknown = set(given) - set(PRIOR)
+    if unknown:
+        raise InvalidInput(f"prior has {sorted(unknown)}: its names are {', '.join(PRIOR)}")
+    sizes = {
+        name: validation.number(f"prior {name}", value, above=0, unit=UNITS.get(name, ""))
+        for name, value in {**PRIOR, **given}.items()
+    }
+    sizes["restitution"] /= restitution * (1.0 - restitution)  # of the logit
+    return np.array(list(sizes.values()))
 
 
 def _middle(restitution: Restitution) -> float:

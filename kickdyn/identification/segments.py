@@ -6,7 +6,7 @@ cuts are those that minimise
 .. math:: \sum_{\text{segments}} \Big( \frac{1}{\sigma^2} \sum_k |y_k - c(t_k)|^2 + \beta \Big)
 
 over all partitions of the samples, with :math:`\sigma` the noise and :math:`\beta` the price of 12
-coefficients by the Bayesian information criterion, found by dynamic programming (Jackson et al.
+coefficients by the Bayesian information criterion. Dynamic programming finds them (Jackson et al.
 2005, IEEE Signal Process. Lett. 12:105).
 """
 
@@ -31,40 +31,40 @@ from kickdyn.flight.forces import acceleration_function
 from kickdyn.ground import Ground, Surface
 from kickdyn.identification.track import Track, refuse_intervals, refuse_units
 
-LONGEST = 1.0
+LONGEST_CUBIC = 1.0
 """Longest time that one cubic is fitted to [s]; longer flights are joined afterwards."""
 
 LEAST_NOISE = 0.012
 """Least noise of a coordinate that cuts are judged by [m]: cubics are no exact flights."""
 
-SHORT = 15
+SHORT_PIECE = 15
 """Samples of a piece that may be an artefact of two cuts for one touch."""
 
-GAP = 0.25
+GAP_TIME = 0.25
 """Time without a sample after which a new segment begins [s]."""
 
-ON_GROUND = 0.25
+CONTACT_HEIGHT = 0.25
 """Height above rest on the ground below which a ball may touch it [m]: pitches are crowned, and
 trackers do not all report the ball's centre."""
 
-NEAR = 0.3
+VELOCITY_WINDOW = 0.3
 """Time around a cut from which velocities just before and after it are taken [s]."""
 
-ACCELERATION, JERK = 6.0, 15.0
+ACCELERATION_DEVIATION, JERK_DEVIATION = 6.0, 15.0
 """How far a ball's acceleration differs from gravity's [m/s2], and how fast it changes [m/s3], as
 standard deviations: drag and lift of a ball at 20 m/s, and their change within its flight."""
 
-LEVEL = 0.15
+ROLLING_HEIGHT = 0.15
 """Change of height of a ball that rolls [m], within one part."""
 
-SMOOTHED, SMOOTHED_SHARE = 0.1, 0.1
-"""Time after and before a cut in which positions are those of a smoothed corner [s], and the share
-of the flight that it is at most."""
+SMOOTHED, SMOOTHED_FRACTION = 0.1, 0.1
+"""Time after and before a cut in which trackers smooth over the corner [s]; and the fraction of a
+flight that is left out at most at either end."""
 
-LONG_ROLL = 0.5
+LEAST_ROLLING_TIME = 0.5
 """Duration of a rolling part from which its deceleration is taken [s]."""
 
-LEAST_ROLLING = 1e-3
+LEAST_DECELERATION = 1e-3
 """Least rolling deceleration of a measured surface [m/s2]: measurements can give one below 0."""
 
 FRICTION_DEVIATION, ROLLING_DEVIATION = 0.05, 0.3
@@ -74,16 +74,22 @@ is not level."""
 MOST_FRICTION = 1.0
 """Ratio of the changes of velocity along and across the ground above which it was no bounce."""
 
-SLIDES = 0.1
+SLIDING_FRACTION = 0.1
 """Share of the slip before a bounce that is left after it, from which the ball slid to the end."""
 
-MEASURED = ("restitution", "friction", "rolling_deceleration")
+COEFFICIENTS = ("restitution", "friction", "rolling_deceleration")
 """What the bounces and the rolling say of the ground."""
 
-UNDERGROUND = 0.1
+UNDERGROUND_FRACTION = 0.1
 """Share of samples below the ground from which a track is refused."""
 
-SLOW = 0.3
+LEAST_FALL, MOST_FALL = 4.0, 22.0
+"""Downward accelerations between which a ball flies [m/s2]; lift and drag change gravity."""
+
+MOST_LEVEL_FALL = 2.0
+"""Vertical acceleration above which a ball does not roll [m/s2]."""
+
+REST_SPEED = 0.3
 """Speed below which a ball on the ground counts as at rest [m/s]."""
 
 
@@ -188,7 +194,7 @@ class Segments(Printed):
                 f"{part.kind:9} {part.first:5}-{part.last:<5} {first:8.2f}-{last:<8.2f} "
                 f"{part.begins:9} {speed:8.2f}"
             )
-        for name in MEASURED:
+        for name in COEFFICIENTS:
             value = getattr(self, name)
             if value is not None:
                 lines.append(f"{name.replace('_', ' ')}: {value}")
@@ -201,15 +207,15 @@ class Segments(Printed):
         Tracking systems smooth over touches. The samples within 0.1 s of a cut are left out, but no
         more than a tenth of the flight at each end.
         """
-        found = []
+        flights = []
         for part in self.parts:
             times = self.track.times[part.first : part.last]
-            margin = min(SMOOTHED, SMOOTHED_SHARE * float(times[-1] - times[0]))
-            inside = (times > times[0] + margin) & (times < times[-1] - margin)
-            if part.kind is SegmentKind.FLIGHT and inside.any():
-                where = part.first + np.flatnonzero(inside)
-                found.append(self.track[int(where[0]) : int(where[-1]) + 1])
-        return tuple(found)
+            margin = min(SMOOTHED, SMOOTHED_FRACTION * float(times[-1] - times[0]))
+            inside = np.flatnonzero((times > times[0] + margin) & (times < times[-1] - margin))
+            if part.kind is SegmentKind.FLIGHT and inside.size:
+                first, last = part.first + int(inside[0]), part.first + int(inside[-1])
+                flights.append(self.track[first : last + 1])
+        return tuple(flights)
 
     @property
     def surface(self) -> Surface:
@@ -225,17 +231,33 @@ class Segments(Printed):
             "measured",
             min(max(self.restitution.median, 0.0), 1.0),
             max(self.friction.median, 0.0),
-            max(self.rolling_deceleration.median, LEAST_ROLLING),
+            max(self.rolling_deceleration.median, LEAST_DECELERATION),
             source=f"{self.restitution.samples} bounces of a measured track",
-            deviations={name: getattr(self, name).deviation for name in MEASURED},
+            deviations={name: getattr(self, name).deviation for name in COEFFICIENTS},
         )
 
 
-class _Piece(NamedTuple):
-    """Samples first to last - 1 of the kept ones, and polynomials fitted to them.
+class _Samples(NamedTuple):
+    """Samples of a track without spikes.
 
     Attributes:
-        first, last: indices.
+        times: shape `(n,)` [s].
+        positions: shape `(n, 3)` [m].
+        indices: their places in the track, shape `(n,)`.
+        noise: standard deviation of a coordinate that cuts are judged by [m].
+    """
+
+    times: Array
+    positions: Array
+    indices: NDArray[np.intp]
+    noise: float
+
+
+class _Piece(NamedTuple):
+    """Samples first to last - 1, and polynomials fitted to them.
+
+    Attributes:
+        first, last: indices of samples.
         origin: time that the polynomials count from [s].
         coefficients: of the polynomials, lowest power first, shape `(k, 3)`.
         cost: sum of squared residuals over the squared noise.
@@ -247,8 +269,8 @@ class _Piece(NamedTuple):
     coefficients: Array
     cost: float
 
-    def at(self, time: float, order: int = 0) -> Array:
-        """Return position, velocity or acceleration at a time."""
+    def derivative(self, time: float, order: int) -> Array:
+        """Return position, velocity or acceleration at a time, for order 0, 1 or 2."""
         powers = np.polynomial.polynomial.polyder(self.coefficients, order)
         return np.asarray(np.polynomial.polynomial.polyval(time - self.origin, powers))
 
@@ -279,44 +301,45 @@ def segments(
         raise InvalidInput(f"track has {len(track)} samples: at least 5 are needed")
     refuse_intervals(track)
     _check_heights(track, level)
-    height = level + ball.radius
     noise = max(_noise(track), LEAST_NOISE)
-    kept = np.flatnonzero(_without_spikes(track, noise))
-    clean = Track(track.times[kept], track.positions[kept])
+    kept = _without_spikes(track, noise)
+    samples = _Samples(track.times[kept], track.positions[kept], kept, noise)
     pieces: list[_Piece] = []
-    gaps = np.flatnonzero(np.diff(clean.times) > GAP) + 1
-    for first, last in zip([0, *gaps], [*gaps, len(clean)], strict=True):
-        pieces += _joined(clean, noise, _partition(clean, noise, int(first), int(last)))
-    _check_units(clean, pieces)
-    parts = _described(clean, pieces, kept, height, set(gaps.tolist()), noise)
+    gaps = [int(k) for k in np.flatnonzero(np.diff(samples.times) > GAP_TIME) + 1]
+    for first, last in zip([0, *gaps], [*gaps, len(kept)], strict=True):
+        pieces += _joined(samples, _partition(samples, first, last))
+    _check_units(track, samples, pieces)
+    parts = _described(samples, pieces, level + ball.radius, gaps)
     friction, warnings = _friction(parts, ball)
     return Segments(
-        track, parts, _restitution(parts, noise, track), friction,
-        _rolling(clean, parts, kept, ball, air), warnings,
+        track, parts, _restitution(parts, samples), friction,
+        _rolling_deceleration(samples, parts, ball, air), warnings,
     )  # fmt: skip
 
 
 def _check_heights(track: Track, level: float) -> None:
-    """Raise `InvalidInput` for a track under the ground; trackers are off by `ON_GROUND`."""
+    """Raise `InvalidInput` for a track under the ground; trackers are off by `CONTACT_HEIGHT`."""
     heights = track.positions[:, 2]
-    if np.mean(heights < level - ON_GROUND) > UNDERGROUND:
-        where = int(np.argmin(heights))
+    if np.mean(heights < level - CONTACT_HEIGHT) > UNDERGROUND_FRACTION:
+        lowest = int(np.argmin(heights))
         raise InvalidInput(
-            f"the ball is at {heights[where]:.4g} m at {track.times[where]:.10g} s, under the "
+            f"the ball is at {heights[lowest]:.4g} m at {track.times[lowest]:.10g} s, under the "
             f"ground at {level:g} m: z must point up; if the ground is lower, give its height "
             "(--ground-height)"
         )
 
 
-def _check_units(track: Track, pieces: Sequence[_Piece]) -> None:
+def _check_units(track: Track, samples: _Samples, pieces: Sequence[_Piece]) -> None:
     """Raise `InvalidInput` where most that falls does so as in other units than metres."""
-    falls = []
-    for piece in pieces:
-        if piece.last - piece.first >= 8:
-            middle = 0.5 * float(track.times[piece.first] + track.times[piece.last - 1])
-            falls.append(-float(piece.at(middle, 2)[2]))
-    falling = np.array([fall for fall in falls if fall > 4.0])
-    refuse_units(track, float(np.median(falling)) if falling.size else 0.0)
+    falls = [_falling(samples, piece) for piece in pieces if piece.last - piece.first >= 8]
+    falling = [fall for fall in falls if fall > LEAST_FALL]
+    refuse_units(track, float(np.median(falling)) if falling else 0.0)
+
+
+def _falling(samples: _Samples, piece: _Piece) -> float:
+    """Return the downward acceleration in the middle of a piece [m/s2]."""
+    middle = 0.5 * float(samples.times[piece.first] + samples.times[piece.last - 1])
+    return -float(piece.derivative(middle, 2)[2])
 
 
 def _noise(track: Track) -> float:
@@ -327,62 +350,67 @@ def _noise(track: Track) -> float:
     return 1.4826 * float(np.median(np.abs(differences))) / math.sqrt(20.0)
 
 
-def _without_spikes(track: Track, noise: float) -> NDArray[np.bool_]:
-    """Return which samples are no spikes: single ones far off a path that is smooth around them."""
+def _without_spikes(track: Track, noise: float) -> NDArray[np.intp]:
+    """Return the indices of all samples but spikes: single ones far off a path smooth around them.
+
+    The path is the parabola of two samples before and two after.
+    """
     kept = np.ones(len(track), dtype=bool)
     for _ in range(2):
-        where = np.flatnonzero(kept)
-        times, points = track.times[where], track.positions[where]
-        for k in range(2, len(where) - 2):
-            around = [k - 2, k - 1, k + 1, k + 2]
-            span = times[around] - times[k]
-            design = np.vander(span, 3)
-            fit, *_ = np.linalg.lstsq(design, points[around], rcond=None)
-            rough = float(np.abs(design @ fit - points[around]).max())
+        indices = np.flatnonzero(kept)
+        times, points = track.times[indices], track.positions[indices]
+        for k in range(2, len(indices) - 2):
+            neighbours = [k - 2, k - 1, k + 1, k + 2]
+            design = np.vander(times[neighbours] - times[k], 3)
+            fit, *_ = np.linalg.lstsq(design, points[neighbours], rcond=None)
+            rough = float(np.abs(design @ fit - points[neighbours]).max())
             if np.abs(fit[2] - points[k]).max() > 10.0 * noise + 4.0 * rough:
-                kept[where[k]] = False
-    return kept
+                kept[indices[k]] = False
+    return np.flatnonzero(kept)
 
 
-def _fitted(track: Track, noise: float, first: int, last: int, degree: int) -> _Piece:
+def _fitted(samples: _Samples, first: int, last: int, degree: int) -> _Piece:
     """Return polynomials of a degree, or what the samples allow, fitted to samples."""
-    times, points = track.times[first:last], track.positions[first:last]
+    times, points = samples.times[first:last], samples.positions[first:last]
     origin = float(times.mean())
     span = max(float(times[-1] - times[0]), 1e-9)
     degree = min(degree, max(last - first - 1, 0))
     powers = np.vander((times - origin) / span, degree + 1, increasing=True)
     fit, *_ = np.linalg.lstsq(powers, points, rcond=None)
-    rest = powers @ fit - points
-    scale = span ** np.arange(degree + 1)
-    return _Piece(first, last, origin, fit / scale[:, None], float((rest**2).sum()) / noise**2)
+    residuals = (powers @ fit - points) / samples.noise
+    coefficients = fit / span ** np.arange(degree + 1)[:, None]
+    return _Piece(first, last, origin, coefficients, float((residuals**2).sum()))
 
 
-def _partition(track: Track, noise: float, start: int, stop: int) -> list[tuple[int, int]]:
+def _price(samples: _Samples, coefficients: int) -> float:
+    """Return what coefficients cost by the Bayesian information criterion."""
+    return coefficients * math.log(max(samples.positions.size, 2))
+
+
+def _partition(samples: _Samples, start: int, stop: int) -> list[tuple[int, int]]:
     """Return the best partition of samples start to stop - 1 into cubics."""
-    count = stop - start
-    price = 12.0 * math.log(max(3 * len(track), 2))
-    best = np.full(count + 1, math.inf)
+    count, price = stop - start, _price(samples, 12)
+    best = np.full(count + 1, math.inf)  # cost of the samples before
     best[0] = 0.0
-    before = np.zeros(count + 1, dtype=int)
+    previous_cut = np.zeros(count + 1, dtype=int)
     for i in range(count):
-        times = track.times[start + i : stop]
-        reach = int(np.searchsorted(times, times[0] + LONGEST, side="right"))
-        costs = _cubic_costs(times[:reach], track.positions[start + i : start + i + reach])
-        total = best[i] + costs / noise**2 + price
+        times = samples.times[start + i : stop]
+        reach = int(np.searchsorted(times, times[0] + LONGEST_CUBIC, side="right"))
+        costs = _cubic_costs(times[:reach], samples.positions[start + i : start + i + reach])
+        total = best[i] + costs / samples.noise**2 + price
         ends = slice(i + 1, i + 1 + reach)
         better = total < best[ends]
         best[ends] = np.where(better, total, best[ends])
-        before[ends] = np.where(better, i, before[ends])
+        previous_cut[ends] = np.where(better, i, previous_cut[ends])
     cuts = [count]
     while cuts[-1]:
-        cuts.append(int(before[cuts[-1]]))
-    cuts = cuts[::-1]
-    return [(start + a, start + b) for a, b in pairwise(cuts)]
+        cuts.append(int(previous_cut[cuts[-1]]))
+    return [(start + a, start + b) for a, b in pairwise(reversed(cuts))]
 
 
 def _cubic_costs(times: Array, points: Array) -> Array:
     """Return the squared residuals of cubics through the first 1, 2, ... samples, shape `(n,)`."""
-    t = (times - times[0]) / LONGEST
+    t = (times - times[0]) / LONGEST_CUBIC
     y = points - points[0]
     powers = np.vander(t, 4, increasing=True)
     normal = np.cumsum(powers[:, :, None] * powers[:, None, :], axis=0)
@@ -395,160 +423,166 @@ def _cubic_costs(times: Array, points: Array) -> Array:
     return costs
 
 
-def _joined(track: Track, noise: float, cuts: list[tuple[int, int]]) -> list[_Piece]:
-    """Return pieces, two neighbours made one wherever a quintic follows both as well."""
-    pieces = [_fitted(track, noise, first, last, 3) for first, last in cuts]
-    price = 6.0 * math.log(max(3 * len(track), 2))
+def _joined(samples: _Samples, cuts: list[tuple[int, int]]) -> list[_Piece]:
+    """Return pieces; two neighbours are joined wherever a quintic follows both as well.
+
+    A short piece between two others is divided between them where two quintics do as well, because
+    a touch that the tracker smooths over is cut twice.
+    """
+    pieces = [_fitted(samples, first, last, 3) for first, last in cuts]
+    price = _price(samples, 6)
     i = 0
     while i + 1 < len(pieces):
         left, right = pieces[i], pieces[i + 1]
-        one = _fitted(track, noise, left.first, right.last, 5)
-        if one.cost - left.cost - right.cost < price:
-            pieces[i : i + 2] = [one]
+        joined = _fitted(samples, left.first, right.last, 5)
+        if joined.cost - left.cost - right.cost < price:
+            pieces[i : i + 2] = [joined]
             i = max(i - 1, 0)
         else:
             i += 1
     i = 1
     while i + 1 < len(pieces):
-        two = _without_middle(track, noise, *pieces[i - 1 : i + 2])
-        now = sum(piece.cost for piece in pieces[i - 1 : i + 2])
-        if len(two) == 2 and two[0].cost + two[1].cost < now + price:
-            pieces[i - 1 : i + 2] = two
-        else:
-            i += 1
+        left, middle, right = pieces[i - 1 : i + 2]
+        if middle.last - middle.first <= SHORT_PIECE:
+            divided = _divided(samples, left, middle, right)
+            cost = left.cost + middle.cost + right.cost
+            if sum(piece.cost for piece in divided) < cost + price:
+                pieces[i - 1 : i + 2] = divided
+                continue
+        i += 1
     return pieces
 
 
-def _without_middle(
-    track: Track, noise: float, left: _Piece, middle: _Piece, right: _Piece
-) -> tuple[_Piece, ...]:
-    """Return two quintics that share the samples of a short middle piece best, or all three."""
-    if middle.last - middle.first > SHORT:
-        return left, middle, right
+def _divided(samples: _Samples, left: _Piece, middle: _Piece, right: _Piece) -> list[_Piece]:
+    """Return two quintics between which the samples of the middle piece are best divided."""
     choices = [
-        (_fitted(track, noise, left.first, cut, 5), _fitted(track, noise, cut, right.last, 5))
+        [_fitted(samples, left.first, cut, 5), _fitted(samples, cut, right.last, 5)]
         for cut in range(middle.first, middle.last + 1)
     ]
-    return min(choices, key=lambda two: two[0].cost + two[1].cost)
+    return min(choices, key=lambda pair: pair[0].cost + pair[1].cost)
 
 
 def _described(
-    track: Track,
-    pieces: list[_Piece],
-    kept: NDArray[np.int_],
-    height: float,
-    gaps: set[int],
-    noise: float,
+    samples: _Samples, pieces: list[_Piece], rest_height: float, gaps: list[int]
 ) -> tuple[Segment, ...]:
-    """Return what each piece is and why it begins."""
-    parts: list[Segment] = []
-    kinds = [_kind(track, piece, height) for piece in pieces]
+    """Return the motion of each piece, and why it begins."""
+    segments: list[Segment] = []
+    kinds = [_kind(samples, piece, rest_height) for piece in pieces]
     for i, (piece, kind) in enumerate(zip(pieces, kinds, strict=True)):
-        first, end = float(track.times[piece.first]), float(track.times[piece.last - 1])
-        start, speed_before, begins = first, None, CutReason.START
-        if i and piece.first not in gaps:
-            start = _meeting(track, pieces[i - 1], piece)
-        speed_after = _velocity(track, piece, start, kind, noise)
-        if piece.first in gaps:
-            begins = CutReason.GAP
-        elif i:
-            speed_before = _velocity(track, pieces[i - 1], start, kinds[i - 1], noise)
-            low = float(piece.at(start)[2]) < height + ON_GROUND
-            down, up = -float(speed_before[2]), float(speed_after[2])
-            begins = CutReason.TOUCH
-            if low and down > 0.0 and parts[-1].kind is SegmentKind.FLIGHT:
-                along = float(np.hypot(*(speed_after - speed_before)[:2]))
-                is_passive = 0.0 < up <= down and along < MOST_FRICTION * (up + down)
-                if kind is SegmentKind.FLIGHT and is_passive:
-                    begins = CutReason.BOUNCE
-                elif kind in (SegmentKind.ROLLING, SegmentKind.REST):
-                    begins = CutReason.LANDING
-        parts.append(
-            Segment(
-                kind, int(kept[piece.first]), int(kept[piece.last - 1]) + 1, begins, start,
-                speed_before, speed_after, _velocity(track, piece, end, kind, noise),
-            )
-        )  # fmt: skip
-    return tuple(parts)
+        start, before = float(samples.times[piece.first]), None
+        begins = CutReason.START if i == 0 else CutReason.GAP
+        if i > 0 and piece.first not in gaps:
+            start = _meeting_time(samples, pieces[i - 1], piece)
+            before = _velocity(samples, pieces[i - 1], start, kinds[i - 1])
+        after = _velocity(samples, piece, start, kind)
+        if before is not None:
+            height = float(piece.derivative(start, 0)[2]) - rest_height
+            begins = _cut_reason(height, before, after, kinds[i - 1], kind)
+        end_velocity = _velocity(samples, piece, float(samples.times[piece.last - 1]), kind)
+        first, last = int(samples.indices[piece.first]), int(samples.indices[piece.last - 1]) + 1
+        segments.append(Segment(kind, first, last, begins, start, before, after, end_velocity))
+    return tuple(segments)
 
 
-def _velocity(track: Track, piece: _Piece, time: float, kind: SegmentKind, noise: float) -> Array:
+def _cut_reason(
+    height: float, before: Array, after: Array, kind_before: SegmentKind, kind_after: SegmentKind
+) -> CutReason:
+    """Return why the motion changes, from the height above rest [m] and the velocities [m/s]."""
+    down, up = -float(before[2]), float(after[2])
+    if kind_before is not SegmentKind.FLIGHT or height >= CONTACT_HEIGHT or down <= 0.0:
+        return CutReason.TOUCH
+    if kind_after in (SegmentKind.ROLLING, SegmentKind.REST):
+        return CutReason.LANDING
+    along = math.hypot(*(after - before)[:2])
+    is_passive = 0.0 < up <= down and along < MOST_FRICTION * (up + down)
+    if kind_after is SegmentKind.FLIGHT and is_passive:
+        return CutReason.BOUNCE
+    return CutReason.TOUCH
+
+
+def _velocity(samples: _Samples, piece: _Piece, time: float, kind: SegmentKind) -> Array:
     """Return the velocity in a piece at a time near one of its ends, shape `(3,)` [m/s].
 
-    It is that of a cubic through the samples within `NEAR` of it. What is known of its acceleration
-    and its change (`ACCELERATION`, `JERK`) weighs as much as measurements of that accuracy would:
-    a few noisy samples after a bounce do not determine them.
+    It is the velocity of a cubic through the samples within `VELOCITY_WINDOW`. What is known of the
+    acceleration and its change (`ACCELERATION_DEVIATION`, `JERK_DEVIATION`) weighs as much as
+    measurements of that accuracy would: a few noisy samples after a bounce do not determine them.
     """
     known = np.array([0.0, 0.0, -GRAVITY if kind is SegmentKind.FLIGHT else 0.0])
-    times = track.times[piece.first : piece.last] - time
-    near = np.abs(times) <= max(NEAR, float(np.sort(np.abs(times))[min(5, len(times) - 1)]))
-    span = times[near]
-    powers = np.column_stack([np.ones_like(span), span, span**2 / 2.0, span**3 / 6.0])
-    rows = np.vstack([powers / noise, [0, 0, 1 / ACCELERATION, 0], [0, 0, 0, 1 / JERK]])
-    points = track.positions[piece.first : piece.last][near] / noise
-    fit, *_ = np.linalg.lstsq(rows, np.vstack([points, known / ACCELERATION, np.zeros(3)]))
+    times = samples.times[piece.first : piece.last] - time
+    sixth_nearest = float(np.sort(np.abs(times))[min(5, len(times) - 1)])
+    near = np.abs(times) <= max(VELOCITY_WINDOW, sixth_nearest)
+    t, weight = times[near], 1.0 / samples.noise
+    powers = np.column_stack([np.ones_like(t), t, t**2 / 2.0, t**3 / 6.0])
+    prior = np.array([[0, 0, 1 / ACCELERATION_DEVIATION, 0], [0, 0, 0, 1 / JERK_DEVIATION]])
+    points = samples.positions[piece.first : piece.last][near]
+    wanted = np.vstack([points * weight, known / ACCELERATION_DEVIATION, np.zeros(3)])
+    fit, *_ = np.linalg.lstsq(np.vstack([powers * weight, prior]), wanted)
     return np.asarray(fit[1])
 
 
-def _kind(track: Track, piece: _Piece, height: float) -> SegmentKind:
+def _kind(samples: _Samples, piece: _Piece, rest_height: float) -> SegmentKind:
     """Return what the ball does in a piece."""
-    points = track.positions[piece.first : piece.last]
-    if len(points) < 4:
+    heights = samples.positions[piece.first : piece.last, 2]
+    if len(heights) < 4:
         return SegmentKind.OTHER
-    middle = 0.5 * float(track.times[piece.first] + track.times[piece.last - 1])
-    falling = -float(piece.at(middle, 2)[2])
-    level = float(np.ptp(points[:, 2])) < LEVEL and abs(falling) < 2.0
-    if level and float(points[:, 2].max()) < height + ON_GROUND:
-        speed = float(np.linalg.norm(piece.at(middle, 1)))
-        return SegmentKind.REST if speed < SLOW else SegmentKind.ROLLING
-    return SegmentKind.FLIGHT if 4.0 < falling < 22.0 else SegmentKind.OTHER
+    falling = _falling(samples, piece)
+    is_level = float(np.ptp(heights)) < ROLLING_HEIGHT and abs(falling) < MOST_LEVEL_FALL
+    if is_level and float(heights.max()) < rest_height + CONTACT_HEIGHT:
+        middle = 0.5 * float(samples.times[piece.first] + samples.times[piece.last - 1])
+        speed = float(np.linalg.norm(piece.derivative(middle, 1)))
+        return SegmentKind.REST if speed < REST_SPEED else SegmentKind.ROLLING
+    return SegmentKind.FLIGHT if LEAST_FALL < falling < MOST_FALL else SegmentKind.OTHER
 
 
-def _meeting(track: Track, left: _Piece, right: _Piece) -> float:
+def _meeting_time(samples: _Samples, left: _Piece, right: _Piece) -> float:
     """Return when two pieces are nearest to each other, around the cut between them [s]."""
-    before, after = track.times[left.last - 1], track.times[right.first]
+    before, after = samples.times[left.last - 1], samples.times[right.first]
     margin = after - before
     times = np.linspace(before - margin, after + margin, 61)
-    gaps = [float(np.linalg.norm(left.at(t) - right.at(t))) for t in times]
+    gaps = [float(np.linalg.norm(left.derivative(t, 0) - right.derivative(t, 0))) for t in times]
     return float(times[int(np.argmin(gaps))])
 
 
-def _restitution(parts: Iterable[Segment], noise: float, track: Track) -> Measured | None:
-    """Return the ratio of vertical speeds at bounces, None without any."""
+def _restitution(parts: Iterable[Segment], samples: _Samples) -> Measured | None:
+    r"""Return the ratio of vertical speeds at bounces, None without any.
+
+    A speed is taken as the slope of a parabola at the end of T = `VELOCITY_WINDOW` with n samples,
+    of which the deviation is :math:`\sigma \sqrt{192 / n} / T`.
+    """
+    count = max(VELOCITY_WINDOW / float(np.median(np.diff(samples.times))), 1.0)
+    speed_deviation = samples.noise * math.sqrt(192.0 / count) / VELOCITY_WINDOW
     values, deviations = [], []
     for part in parts:
         if part.begins is CutReason.BOUNCE and part.velocity_before is not None:
             before, after = -float(part.velocity_before[2]), float(part.velocity_after[2])
             values.append(after / before)
-            slope = _slope_deviation(track, noise)
-            deviations.append(slope * math.hypot(1.0, after / before) / before)
+            deviations.append(speed_deviation * math.hypot(1.0, after / before) / before)
     return _median(values, deviations)
 
 
 def _friction(parts: Sequence[Segment], ball: Ball) -> tuple[Measured | None, tuple[str, ...]]:
-    """Return the friction at bounces, None without any, and what to know of it.
+    """Return the friction at bounces, None without any, and warnings.
 
     The slip of the contact point changes by 1 + m r^2 / I times the change of velocity.
     """
     ratios, sliding = [], []
     shell = 1.0 + ball.mass * ball.radius**2 / ball.inertia if ball.inertia else math.inf
-    slip: Array | None = None
-    for before, part in pairwise(parts):
+    slip: Array | None = None  # after the previous bounce
+    for previous, part in pairwise(parts):
         if part.begins is not CutReason.BOUNCE or part.velocity_before is None:
             slip = None
             continue
-        if slip is None:
-            slip = part.velocity_before[:2]
-        else:  # in flight the spin stays, the velocity changes
-            slip = slip + part.velocity_before[:2] - before.velocity_after[:2]
+        slip_before = part.velocity_before[:2]
+        if slip is not None:  # in flight the spin stays, the velocity changes
+            slip_before = slip + slip_before - previous.velocity_after[:2]
         change = part.velocity_after - part.velocity_before
         ratio = float(np.hypot(change[0], change[1]) / change[2])
-        left = slip + shell * change[:2]
+        slip = slip_before + shell * change[:2]
         ratios.append(ratio)
-        least = 2.0 * FRICTION_DEVIATION * shell * float(change[2])  # a smaller slip is noise
-        if float(np.hypot(*slip)) > least and float(left @ slip) > SLIDES * float(slip @ slip):
+        noise = 2.0 * FRICTION_DEVIATION * shell * float(change[2])
+        square = float(slip_before @ slip_before)
+        if math.sqrt(square) > noise and float(slip @ slip_before) > SLIDING_FRACTION * square:
             sliding.append(ratio)
-        slip = left
     if sliding or not ratios:
         return _median(sliding, [FRICTION_DEVIATION] * len(sliding)), ()
     largest = Measured(max(ratios), FRICTION_DEVIATION, len(ratios))
@@ -556,42 +590,38 @@ def _friction(parts: Sequence[Segment], ball: Ball) -> tuple[Measured | None, tu
     return largest, (line,)
 
 
-def _rolling(
-    track: Track, parts: Iterable[Segment], kept: NDArray[np.int_], ball: Ball, air: Air
+def _rolling_deceleration(
+    samples: _Samples, parts: Iterable[Segment], ball: Ball, air: Air
 ) -> Measured | None:
-    """Return the deceleration of rolling balls without that by drag [m/s2], None without any."""
+    """Return the deceleration of rolling balls without that by drag [m/s2], None without any.
+
+    The force of the air moves a rolling ball as if its mass were m + I / r^2.
+    """
     decelerations = []
     drag = acceleration_function(ball, air)
+    heavier = 1.0 + ball.inertia / (ball.mass * ball.radius**2)
     for part in parts:
-        inside = np.flatnonzero((kept >= part.first) & (kept < part.last))
+        inside = np.flatnonzero((samples.indices >= part.first) & (samples.indices < part.last))
         late = inside[len(inside) // 2 :]
         if part.kind is not SegmentKind.ROLLING or len(late) < 6:
             continue
-        times, points = track.times[late], track.positions[late, :2]
-        if track.times[inside[-1]] - track.times[inside[0]] < LONG_ROLL:
+        times, points = samples.times[late], samples.positions[late, :2]
+        if times[-1] - samples.times[inside[0]] < LEAST_ROLLING_TIME:
             continue
-        fit = np.polyfit(times - times.mean(), points, 2)
-        speed = max(float(np.linalg.norm(fit[1])), 1e-300)
-        ax, ay, *_ = drag(0.0, float(fit[1][0]), float(fit[1][1]), 0.0, 0.0, 0.0, 0.0)
-        decelerations.append(float((np.array([ax, ay]) - 2.0 * fit[0]) @ fit[1]) / speed)
-    found = _median(decelerations, [ROLLING_DEVIATION] * len(decelerations))
-    return found and found._replace(kind="rolling part", unit="m/s2")
-
-
-def _slope_deviation(track: Track, noise: float) -> float:
-    r"""Return the standard deviation of a velocity at the end of `NEAR` seconds of samples [m/s].
-
-    That of a parabola's slope at its end, :math:`\sigma \sqrt{192 / n} / T`.
-    """
-    step = float(np.median(np.diff(track.times)))
-    return noise * math.sqrt(192.0 / max(NEAR / step, 1.0)) / NEAR
+        curvature, velocity, _ = np.polyfit(times - times.mean(), points, 2)
+        ax, ay, *_ = drag(0.0, float(velocity[0]), float(velocity[1]), 0.0, 0.0, 0.0, 0.0)
+        by_ground = 2.0 * curvature - np.array([ax, ay]) / heavier
+        speed = max(math.hypot(*velocity), 1e-300)
+        decelerations.append(-float(by_ground @ velocity) / speed)
+    median = _median(decelerations, [ROLLING_DEVIATION] * len(decelerations))
+    return median and median._replace(kind="rolling part", unit="m/s2")
 
 
 def _median(values: Sequence[float], deviations: Sequence[float]) -> Measured | None:
     """Return the median with its standard deviation, None without any values.
 
-    The deviation is that of the median of a normal distribution, whose spread is estimated from the
-    values, but is not below that of a single one over the root of their number.
+    The values are taken as normally distributed. Their spread is estimated from the values, but is
+    not below the median deviation of a single value.
     """
     if not values:
         return None

@@ -12,14 +12,18 @@ from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.core.vectors import largest
 from kickdyn.errors import InvalidInput, NoImpact
-from kickdyn.impact.contact_problem import ContactProblem
-from kickdyn.restitution import restitution_at
+from kickdyn.impact.body import BallBody, LegBody
+from kickdyn.impact.contact_problem import ContactPoint, ContactProblem
+from kickdyn.restitution import range_warnings, restitution_at
 from kickdyn.robot.leg import Posture
 
 EPS = float(np.finfo(float).eps)
 
 MAX_SPEED = 1e140
 """[m/s]. Squares of it, times a mass, are energies that a float64 can still represent."""
+
+IMMOBILE = 1e-12
+"""Velocity of the foot along the normal, relative to its fastest direction, that is rounding."""
 
 AT_REST = (0.0, 0.0, 0.0)
 _AT_REST: Array = np.frombuffer(bytes(24))
@@ -49,18 +53,45 @@ class Approach(NamedTuple):
     speed: float
     restitution: float
 
-    def contact_problem(self) -> ContactProblem:
-        """Return what an impact law needs to know."""
-        contact, before = self.contact, self.ball_before
-        return ContactProblem(
-            contact.normal,
-            self.posture.delassus_factor(),
-            self.ball,
-            before.velocity - self.foot_velocity,
-            before.spin,
-            self.restitution,
-            contact.friction,
+    def warnings(self) -> tuple[str, ...]:
+        """Return a line for each open loop, joint out of its range or too fast, and restitution.
+
+        A restitution is warned of where it is used outside the speeds of its table.
+        """
+        return (
+            *self.posture.warnings,
+            *self.posture.leg.too_fast(self.v),
+            *range_warnings(self.contact.restitution, self.speed),
         )
+
+    def contact_problem(self) -> ContactProblem:
+        """Return what an impact law needs to know.
+
+        `InvalidInput` is raised if neither the leg nor the ball can move along the normal.
+        """
+        posture, (x, y, z) = self.posture, self.foot_velocity.tolist()
+        factor = posture.delassus_factor()
+        if self.ball.mass == math.inf:
+            row = self.contact.normal.dot(factor)
+            if validation.length(row) <= IMMOBILE * np.abs(factor).max():
+                raise InvalidInput(
+                    "ball mass is inf, and the leg cannot move along the contact normal either"
+                )
+        leg = LegBody(posture, self.v, posture.jacobian, factor, ((-x, -y, -z),))
+        point = ContactPoint(self.contact.normal, self.restitution, self.contact.friction)
+        return ContactProblem((point,), (leg, self.ball_body()))
+
+    def ball_body(self) -> BallBody:
+        """Return the ball as a body of the impact."""
+        return BallBody(self.ball, self.ball_before, (self.contact.normal,))
+
+    def reduced_mass(self) -> float:
+        """Return the effective mass of leg and ball together along the normal [kg]."""
+        return 1.0 / self.contact_problem().inverse_mass(self.contact.normal)
+
+    def energy(self) -> float:
+        """Return the kinetic energy of the approach along the normal [J]."""
+        return 0.5 * self.reduced_mass() * self.speed**2
 
     def speed_rounding(self) -> float:
         r"""Return how much of `speed` can be rounding [m/s].

@@ -1,27 +1,30 @@
 """The strike through a compliant contact: leg and ball integrated while they touch."""
 
 import math
-from bisect import bisect_right
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from inspect import signature
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.integrate import OdeSolution
-from scipy.optimize import minimize_scalar
 
 from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, warned
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, read_only
 from kickdyn.core.vectors import largest
-from kickdyn.errors import InvalidInput, KickdynError
+from kickdyn.errors import InvalidInput
 from kickdyn.impact.approach import AT_REST, Approach, find_approach
-from kickdyn.impact.compliant_contact import CompliantContact, Torque
+from kickdyn.impact.compliant_contact import (
+    CompliantContact,
+    ContactMotion,
+    State,
+    Torque,
+    integrate_contact,
+)
 from kickdyn.impact.force_model import (
     HERTZ,
     LINEAR,
@@ -30,11 +33,8 @@ from kickdyn.impact.force_model import (
     ForceModel,
     contact_stiffness,
     expected_contact_time,
-    integrate_until,
     make_force_model,
 )
-from kickdyn.impact.leg_response import leg_response
-from kickdyn.restitution import range_warnings
 from kickdyn.robot.leg import Leg, Posture
 
 PRESSURE_RANGE = 0.4
@@ -44,29 +44,6 @@ CONTACT_TIME = 0.010
 """[s] for which the force acts. With it, the visible contact takes 12.9 ms at e = 0.7; 9 to 14 ms
 were seen in soccer, Australian football and rugby league (review in Ball, Ingleton, Peacock &
 Nunome, Ball impact dynamics in the punt kick, ISBS 2013)."""
-
-MAX_CONTACT_TIMES = 50.0
-"""Expected contact times after which foot and ball count as not separating."""
-
-Sample = Callable[[float], tuple[Array, Array, float]]
-
-
-class _Motion(NamedTuple):
-    """The integrated contact.
-
-    Attributes:
-        sol: column at a time.
-        times: of the steps, shape `(n,)` [s].
-        last: column at separation.
-        begins: times at which a phase of compression or of restitution begins [s].
-        largest: deflection before each phase, 0 while it grows [m].
-    """
-
-    sol: OdeSolution
-    times: Array
-    last: Array
-    begins: list[float]
-    largest: list[float]
 
 
 class ContactSample(NamedTuple):
@@ -88,65 +65,141 @@ class Collision(ReprMixin):
     """The result of a contact of finite stiffness, from first contact to separation.
 
     Attributes:
-        leg, ball, contact: the leg, the ball and the contact of the call.
-        approach_speed: speed of the foot towards the ball along the normal at first contact [m/s].
-        restitution: coefficient e of the contact at that speed.
-        force_model: stiffness and dissipation of the contact.
-        impulse: impulse on the ball, shape `(3,)` [N s, world frame].
-        contact_time: time for which the force acts, from first contact to separation [s].
-        visible_contact_time: time for which foot and ball seem to touch [s]. The hysteretic spring
-            of `walton-braun` ends with the ball still flattened by :math:`d_0`. A ball that regains
-            its shape as fast as it leaves the foot, at the speed w of separation, touches it
-            without a force for :math:`d_0 / w` longer:
-
-            .. math:: T_v = T + d_0 / w .
-
-            This is what high-speed video shows, where the ball is accelerated for about three
-            fourths of the contact only (Nunome, Shinkai & Ikegami, ISBS 2012). It is the longest
-            contact that the model allows: a ball that recovers later leaves the foot earlier. Of
-            `hunt-crossley`, whose :math:`d_0` is 0, both times are the same.
         peak_force: largest contact force, friction included [N].
         deflection: largest deflection, of ball and foot together [m].
-        foot_displacement: displacement of the contact frame in that time, shape `(3,)`
-            [m, world frame].
-        energy_lost: energy lost to damping and friction [J].
-        ball_before, ball_after: the ball at first contact and at separation; times count from first
-            contact.
-        q_before, q_after: configuration at first contact and at separation, shape `(nq,)`
-            [rad; m for prismatic joints].
-        v_before, v_after: joint velocity at first contact and at separation, shape `(nv,)`
-            [rad/s; m/s for prismatic joints].
-        energy_residual: energy not accounted for, relative to the kinetic energy of the approach
-            along the normal.
-        evaluations: number of evaluations of the equations of motion.
         tol: relative tolerance of the integrator.
     """
 
-    leg: Leg
-    ball: Ball
-    contact: Contact
-    approach_speed: float
-    restitution: float
-    force_model: ForceModel
-    impulse: Array
-    contact_time: float
-    visible_contact_time: float
     peak_force: float
     deflection: float
-    foot_displacement: Array
-    energy_lost: float
-    ball_before: BallState
-    ball_after: BallState
-    q_before: Array
-    q_after: Array
-    v_before: Array
-    v_after: Array
-    energy_residual: float
-    evaluations: int
     tol: float
-    _sample: Sample = field(repr=False)
-    _integrate_joints: Callable[[], Array] = field(repr=False)
+    _motion: ContactMotion = field(repr=False)
     _again: "partial[Collision]" = field(repr=False)
+
+    @property
+    def _approach(self) -> Approach:
+        """Leg and ball at first contact."""
+        return self._motion.equations.approach
+
+    @cached_property
+    def _end(self) -> State:
+        """Leg and ball at separation."""
+        end = self._motion.equations.state(self._motion.last)
+        for array in (end.q, end.v):
+            array.setflags(write=False)
+        return end
+
+    @property
+    def leg(self) -> Leg:
+        """The leg of the call."""
+        return self._approach.posture.leg
+
+    @property
+    def ball(self) -> Ball:
+        """The ball of the call."""
+        return self._approach.ball
+
+    @property
+    def contact(self) -> Contact:
+        """The contact of the call."""
+        return self._approach.contact
+
+    @property
+    def approach_speed(self) -> float:
+        """Speed of the foot towards the ball along the normal at first contact [m/s]."""
+        return self._approach.speed
+
+    @property
+    def restitution(self) -> float:
+        """Coefficient e of the contact at the speed of approach."""
+        return self._approach.restitution
+
+    @property
+    def force_model(self) -> ForceModel:
+        """Stiffness and dissipation of the contact."""
+        return self._motion.equations.force_model
+
+    @cached_property
+    def impulse(self) -> Array:
+        """Impulse on the ball, shape `(3,)` [N s, world frame]."""
+        return read_only(self._motion.equations.impulse(self.contact_time, self._motion.last))
+
+    @property
+    def contact_time(self) -> float:
+        """Time for which the force acts, from first contact to separation [s]."""
+        return float(self._motion.times[-1])
+
+    @cached_property
+    def visible_contact_time(self) -> float:
+        r"""Time for which foot and ball seem to touch [s].
+
+        The hysteretic spring of `walton-braun` ends with the ball still flattened by :math:`d_0`. A
+        ball that regains its shape as fast as it leaves the foot, at the speed w of separation,
+        touches it without a force for :math:`d_0 / w` longer:
+
+        .. math:: T_v = T + d_0 / w .
+
+        This is what high-speed video shows, where the ball is accelerated for about three fourths
+        of the contact only (Nunome, Shinkai & Ikegami, ISBS 2012). It is the longest contact that
+        the model allows: a ball that recovers later leaves the foot earlier. With `hunt-crossley`,
+        whose :math:`d_0` is 0, both times are the same.
+        """
+        separation = self._motion.equations.kinematics(self._end)
+        if self.force_model.restitution == 1.0 or separation.deflection <= 0.0:
+            return self.contact_time
+        return self.contact_time + separation.deflection / -separation.rate
+
+    @cached_property
+    def foot_displacement(self) -> Array:
+        """Displacement of the contact frame in the contact time, shape `(3,)` [m, world frame]."""
+        foot = self._motion.equations.foot_at(self._end)
+        return read_only(foot - self._approach.posture.contact_point)
+
+    @property
+    def energy_lost(self) -> float:
+        """Energy lost to damping and friction [J]."""
+        return self._end.lost
+
+    @property
+    def ball_before(self) -> BallState:
+        """The ball at first contact; times count from there."""
+        return self._approach.ball_before
+
+    @cached_property
+    def ball_after(self) -> BallState:
+        """The ball at separation."""
+        end, position = self._end, self.ball_before.position
+        return BallState(position + end.moved, end.velocity, end.spin, self.contact_time)
+
+    @property
+    def q_before(self) -> Array:
+        """Configuration at first contact, shape `(nq,)` [rad; m for prismatic joints]."""
+        return self._approach.posture.q
+
+    @property
+    def q_after(self) -> Array:
+        """Configuration at separation, shape `(nq,)` [rad; m for prismatic joints]."""
+        return self._end.q
+
+    @property
+    def v_before(self) -> Array:
+        """Joint velocity at first contact, shape `(nv,)` [rad/s; m/s for prismatic joints]."""
+        return self._approach.v
+
+    @property
+    def v_after(self) -> Array:
+        """Joint velocity at separation, shape `(nv,)` [rad/s; m/s for prismatic joints]."""
+        return self._end.v
+
+    @cached_property
+    def energy_residual(self) -> float:
+        """Energy not accounted for, relative to the kinetic energy of the approach."""
+        return self._motion.energy_residual()
+
+    @property
+    def evaluations(self) -> int:
+        """Number of evaluations of the equations of motion."""
+        return self._motion.equations.evaluations
 
     def _rows(self) -> Iterable[Row]:
         """Return what `print` shows: each quantity with its value and unit."""
@@ -175,12 +228,7 @@ class Collision(ReprMixin):
                 f"the ball is flattened by {share:.2f} of its radius: its pressure gives the "
                 f"stiffness within 10 % up to {PRESSURE_RANGE:g}",
             )
-        return (
-            *self.leg.outside_range(self.q_before),
-            *self.leg.too_fast(self.v_before),
-            *range_warnings(self.contact.restitution, self.approach_speed),
-            *flat,
-        )
+        return (*self._approach.warnings(), *flat)
 
     def __reduce__(self) -> "tuple[partial[Collision], tuple[()]]":
         """Pickle the arguments; unpickled, the collision runs again, to the same digits."""
@@ -208,9 +256,7 @@ class Collision(ReprMixin):
         in the joint, and tends to `Impact.joint_impulses` for short contacts. Weight, torques and
         the motion of the leg need further forces. It is computed when first read.
         """
-        impulses = self._integrate_joints()
-        impulses.setflags(write=False)
-        return impulses
+        return read_only(self._motion.joint_impulses())
 
     def sample(self, t: ArrayLike) -> ContactSample:
         """Return the contact at one time or many.
@@ -222,8 +268,8 @@ class Collision(ReprMixin):
             InvalidInput: a time outside the contact, or more than one dimension.
         """
         times = validation.times(t, self.contact_time, "the contact")
-        found = [self._sample(float(at)) for at in times.flat]
-        force, impulse, deflection = (np.array([one[i] for one in found]) for i in range(3))
+        samples = [self._motion.sample(float(moment)) for moment in times.flat]
+        force, impulse, deflection = (np.array([sample[i] for sample in samples]) for i in range(3))
         shape = (*times.shape, 3)
         return ContactSample(
             force.reshape(shape), impulse.reshape(shape), deflection.reshape(times.shape)
@@ -301,19 +347,26 @@ def collide(
     validation.number("ball radius", ball.radius, at_least=1e-12 * far, unit="m")  # else rounding
     # Below a micrometre per second gravity, not the impact, decides the motion.
     validation.number("approach speed", approach.speed, at_least=1e-6, unit="m/s")
-    mass = 1.0 / approach.contact_problem().inverse_mass
     kind = validation.choice("dissipation", dissipation, Dissipation)
-    k, exponent = _stiffness(approach, mass, contact_time, stiffness, kind)
+    k, exponent = _stiffness(approach, contact_time, stiffness, kind)
     model = make_force_model(k, exponent, approach.speed, approach.restitution, kind)
     expected = duration(approach, contact_time, stiffness, kind)
-    contact_motion = CompliantContact(approach, model, torque, expected)
+    equations = CompliantContact(approach, model, torque, expected)
     again = partial(
         collide, posture, approach.v, ball, contact, torque=torque, dissipation=kind,
         stiffness=stiffness if exponent == LINEAR else k,
         ball_velocity=approach.ball_before.velocity, ball_spin=approach.ball_before.spin,
     )  # fmt: skip
-    motion = _integrate(contact_motion, mass, tol)
-    return _result(contact_motion, mass, motion, tol, again)
+    motion = integrate_contact(equations, tol)
+    peak_force, deflection = motion.peaks()
+    if deflection >= ball.radius * (1.0 - 1e-9):
+        pressed = f"too low, the ball would be pressed beyond its radius of {ball.radius:g} m"
+        if exponent == LINEAR:
+            raise InvalidInput(f"ball pressure is {ball.pressure:g} Pa: {pressed}")
+        raise InvalidInput(
+            f"stiffness is {k:g} N/m^1.5: {pressed}; a shorter contact time makes it stiffer"
+        )
+    return Collision(peak_force, deflection, tol, motion, again)
 
 
 def duration(
@@ -323,8 +376,8 @@ def duration(
     dissipation: Dissipation,
 ) -> float:
     """Return for how long the force of `collide` acts between the two masses alone [s]."""
-    mass, e = 1.0 / approach.contact_problem().inverse_mass, approach.restitution
-    k, exponent = _stiffness(approach, mass, contact_time, stiffness, dissipation)
+    mass, e = approach.reduced_mass(), approach.restitution
+    k, exponent = _stiffness(approach, contact_time, stiffness, dissipation)
     expected = expected_contact_time(k, mass, approach.speed, e, dissipation, exponent)
     return validation.number("contact time", expected, at_least=SHORTEST_CONTACT, unit="s")
 
@@ -346,7 +399,6 @@ def _checked_torque(torque: ArrayLike | Torque | None, nv: int) -> Array | Torqu
 
 def _stiffness(
     approach: Approach,
-    mass: float,
     contact_time: float | None,
     stiffness: float | str | None,
     dissipation: Dissipation,
@@ -357,7 +409,8 @@ def _stiffness(
         return approach.ball.stiffness, LINEAR
     if given is None:
         time = CONTACT_TIME if contact_time is None else contact_time
-        given = contact_stiffness(time, mass, approach.speed, approach.restitution, dissipation)
+        mass, e = approach.reduced_mass(), approach.restitution
+        given = contact_stiffness(time, mass, approach.speed, e, dissipation)
     return given, HERTZ
 
 
@@ -379,144 +432,3 @@ def checked_stiffness(
     if stiffness is None:
         return None
     return validation.number("stiffness", stiffness, above=0, unit="N/m^1.5")
-
-
-def _integrate(contact: CompliantContact, mass: float, tol: float) -> _Motion:
-    """Return the motion from first contact to separation, or raise `KickdynError`.
-
-    A contact with hysteresis is cut where compression ends, and where the deflection outgrows the
-    largest one before, so that the force is smooth in every phase.
-    """
-    model, expected, radius = contact.force_model, contact.expected, contact.ball.radius
-    limit, atol = MAX_CONTACT_TIMES * expected, tol * contact.scales(mass)
-    parts: list[Any] = []
-    begins, of_phases = [], []
-    t, y, largest, touching = 0.0, contact.start(), 0.0, True
-    while touching:
-        event: Any = contact.compression_ends
-        if model.restitution == 1.0 or largest > 0.0:
-            event = partial(contact.restitution_ends, largest=largest)
-        rates = partial(contact.rates, largest=largest)
-        with np.errstate(over="ignore", invalid="ignore"):  # reported below
-            part = integrate_until(event, rates, y, limit, tol, atol, expected / 20.0, t)
-        if not part.success or not np.isfinite(part.y[:, -1]).all():
-            raise KickdynError(f"the integrator failed at {part.t[-1]:g} s: {part.message}")
-        if part.status != 1:
-            raise KickdynError(
-                f"foot and ball are still in contact after {limit:g} s, {MAX_CONTACT_TIMES:g} "
-                "times the time that the two alone would take"
-            )
-        parts.append(part)
-        begins.append(t)
-        of_phases.append(largest)
-        t, y = float(part.t[-1]), part.y[:, -1]
-        deflection = contact.deflection(y)
-        apart = deflection - model.separation(largest) < largest - deflection
-        touching = model.restitution < 1.0 and not apart and deflection < radius * (1.0 - 1e-9)
-        largest = 0.0 if largest else deflection
-    times = np.concatenate([[0.0], *(part.t[1:] for part in parts)])
-    stuck = times[1:][np.diff(times) <= 0.0]
-    if stuck.size:
-        raise KickdynError(
-            f"the integrator failed at {stuck[0]:g} s: at an approach speed of "
-            f"{contact.approach.speed:.3g} m/s gravity or a torque, not the impact, decides the "
-            "motion"
-        )
-    sol = OdeSolution(times, [one for part in parts for one in part.sol.interpolants])
-    return _Motion(sol, times, y, begins, of_phases)
-
-
-def _result(
-    motion: CompliantContact, mass: float, solution: _Motion, tol: float, again: Any
-) -> Collision:
-    """Return the collision of an integrated motion, which `again` computes anew at another tol."""
-    approach = motion.approach
-    posture, ball, contact, before = (
-        approach.posture, approach.ball, approach.contact, approach.ball_before,
-    )  # fmt: skip
-    start, end, last = motion.start(), float(solution.times[-1]), solution.last
-
-    def sample(t: float) -> tuple[Array, Array, float]:
-        """Return the contact's quantities at a time [s]."""
-        largest = solution.largest[bisect_right(solution.begins, t) - 1]
-        return motion.contact_at(t, solution.sol(t), largest)
-
-    def integrate_joints() -> Array:
-        """Return the impulses of the joints, by Gauss's rule in each step of the integrator."""
-        leg = posture.leg
-        frame = leg.model.frames[leg.frame_id].placement
-        nodes, weights = np.polynomial.legendre.leggauss(3)
-        total = np.zeros((leg.model.njoints - 1, 6))
-        for begin, length in zip(solution.times, np.diff(solution.times), strict=False):
-            for node, weight in zip(nodes, weights, strict=True):
-                t = begin + 0.5 * length * (1.0 + node)
-                y = solution.sol(t)
-                force, _, _ = sample(t)
-                state = motion.state(y)
-                at = leg.posture(state.q)
-                lever = at.rotation_world_joint.T @ motion.kinematics(state).point
-                moved = at.with_contact_offset(frame.actInv(lever))
-                part = leg_response(moved, state.v, 0.5 * length * weight * force)
-                total += part.joint_impulses
-        return total
-
-    peak_force, deflection = _peaks(sample, solution.times)
-    if deflection >= ball.radius * (1.0 - 1e-9):
-        pressed = f"too low, the ball would be pressed beyond its radius of {ball.radius:g} m"
-        if motion.force_model.exponent == LINEAR:
-            raise InvalidInput(f"ball pressure is {ball.pressure:g} Pa: {pressed}")
-        raise InvalidInput(
-            f"stiffness is {motion.force_model.stiffness:g} N/m^1.5: {pressed}; a shorter contact "
-            "time makes it stiffer"
-        )
-    state = motion.state(last)
-    left = motion.energy(last, solution.largest[-1])
-    energies = motion.energy(start, 0.0) + state.work - state.lost - left
-    foot = motion.foot_at(state) - posture.contact_point
-    impulse = motion.impulse(end, last)
-    apart = motion.kinematics(state)
-    flattened = max(apart.deflection, 0.0) if motion.force_model.restitution < 1.0 else 0.0
-    for array in (impulse, state.q, state.v, foot):
-        array.setflags(write=False)
-    return Collision(
-        leg=posture.leg,
-        ball=ball,
-        contact=contact,
-        approach_speed=approach.speed,
-        restitution=approach.restitution,
-        force_model=motion.force_model,
-        impulse=impulse,
-        contact_time=end,
-        visible_contact_time=end + flattened / -apart.rate if flattened else end,
-        peak_force=peak_force,
-        deflection=deflection,
-        foot_displacement=foot,
-        energy_lost=state.lost,
-        ball_before=before,
-        ball_after=BallState(before.position + state.moved, state.velocity, state.spin, end),
-        q_before=posture.q,
-        q_after=state.q,
-        v_before=approach.v,
-        v_after=state.v,
-        energy_residual=abs(energies) / (0.5 * mass * approach.speed**2),
-        evaluations=motion.evaluations,
-        tol=tol,
-        _sample=sample,
-        _integrate_joints=integrate_joints,
-        _again=again,
-    )
-
-
-def _peaks(sample: Sample, steps: Array) -> tuple[float, float]:
-    """Return the largest force [N] and deflection [m]: best of the integrator's steps, refined."""
-    found = [sample(float(t)) for t in steps]
-    peaks = []
-    for read in (lambda one: math.hypot(*one[0]), lambda one: one[2]):
-        best = int(np.argmax([read(one) for one in found]))
-        bounds = steps[max(best - 1, 0)], steps[min(best + 1, len(steps) - 1)]
-        refined = minimize_scalar(
-            lambda t, read=read: -read(sample(float(t))), bounds=bounds, method="bounded",
-            options={"xatol": 1e-6 * float(steps[-1])},
-        )  # fmt: skip
-        peaks.append(max(-float(refined.fun), read(found[best])))
-    return peaks[0], peaks[1]

@@ -1,20 +1,25 @@
-"""Equations of motion of leg and ball while they touch, with a compliant contact."""
+"""Motion of leg and ball while they touch, with a compliant contact: equations and integration."""
 
 import math
+from bisect import bisect_right
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
+from scipy.integrate import OdeSolution
 from scipy.linalg import blas
+from scipy.optimize import minimize_scalar
 
 from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.core.vectors import cross
 from kickdyn.errors import KickdynError
 from kickdyn.impact.approach import Approach
-from kickdyn.impact.force_model import ForceModel
+from kickdyn.impact.force_model import ForceModel, integrate_until
+from kickdyn.impact.leg_response import leg_response
 from kickdyn.robot.constraints import ConstraintProjector
 from kickdyn.robot.leg import Workspace
 from kickdyn.robot.model_validation import cholesky_with_condition
@@ -37,6 +42,10 @@ those that stick at a tolerance of 1e-13 up to 40,000."""
 FIRST_EVALUATIONS = 5_000
 """Evaluations after which a contact is given up that would take more than the most, at the same
 pace to the end of the contact time that is expected."""
+
+
+MAX_CONTACT_TIMES = 50.0
+"""Expected contact times after which foot and ball count as not separating."""
 
 
 class State(NamedTuple):
@@ -114,14 +123,11 @@ class CompliantContact:
             [np.zeros(self.leg.nv), v, np.zeros(3), before.velocity, before.spin, [0.0, 0.0]]
         )
 
-    def scales(self, mass: float) -> Array:
-        """Return the scale of each entry of a column, for absolute tolerances, of a mass [kg].
-
-        The mass is the effective one of leg and ball along the normal.
-        """
+    def scales(self) -> Array:
+        """Return the scale of each entry of a column, for absolute tolerances."""
         time, speed = self.expected, self.approach.speed
         spin = float(np.abs(self.approach.ball_before.spin).max()) or speed / self.ball.radius
-        energy = 0.5 * mass * speed * speed
+        energy = self.approach.energy()
         # of each joint as fast as that energy would make it alone: hinges and slides alike
         fast = np.sqrt(2.0 * energy / self.approach.posture.inertia.diagonal())
         sizes = [fast * time, fast, [speed * time] * 3, [speed] * 3, [spin] * 3]
@@ -275,3 +281,121 @@ class CompliantContact:
         height = -ball.mass * float(self.gravity @ state.moved)
         stored = self.force_model.stored(self.deflection(y), largest)
         return leg + moving + height + stored
+
+
+class ContactMotion(NamedTuple):
+    """Leg and ball from first contact to separation, as they were integrated.
+
+    Attributes:
+        equations: equations of motion.
+        column: column of the integrator at a time.
+        times: of the integrator's steps, shape `(n,)` [s].
+        last: column at separation.
+        begins: times at which a phase of compression or of restitution begins [s].
+        largest: deflection before each phase, 0 while it grows [m].
+    """
+
+    equations: CompliantContact
+    column: OdeSolution
+    times: Array
+    last: Array
+    begins: list[float]
+    largest: list[float]
+
+    def sample(self, t: float) -> tuple[Array, Array, float]:
+        """Return force [N], impulse so far [N s] and deflection [m] at a time [s]."""
+        largest = self.largest[bisect_right(self.begins, t) - 1]
+        return self.equations.contact_at(t, self.column(t), largest)
+
+    def peaks(self) -> tuple[float, float]:
+        """Return the largest force [N] and deflection [m]: those of the steps, refined."""
+        return (
+            self._peak(lambda t: math.hypot(*self.sample(t)[0])),
+            self._peak(lambda t: self.sample(t)[2]),
+        )
+
+    def _peak(self, quantity: Callable[[float], float]) -> float:
+        """Return the largest value of a quantity over the contact."""
+        values = [quantity(t) for t in self.times.tolist()]
+        best = int(np.argmax(values))
+        refined = minimize_scalar(
+            lambda t: -quantity(float(t)),
+            bounds=(self.times[max(best - 1, 0)], self.times[min(best + 1, len(values) - 1)]),
+            method="bounded",
+            options={"xatol": 1e-6 * float(self.times[-1])},
+        )
+        return max(-float(refined.fun), values[best])
+
+    def energy_residual(self) -> float:
+        """Return the energy that is not accounted for, relative to that of the approach."""
+        equations, end = self.equations, self.equations.state(self.last)
+        before = equations.energy(equations.start(), 0.0) + end.work
+        after = equations.energy(self.last, self.largest[-1]) + end.lost
+        return abs(before - after) / equations.approach.energy()
+
+    def joint_impulses(self) -> Array:
+        """Return the impulses of the joints, by Gauss's rule in each step, `(njoints, 6)`."""
+        equations = self.equations
+        leg = equations.leg
+        frame = leg.model.frames[leg.frame_id].placement
+        nodes, weights = np.polynomial.legendre.leggauss(3)
+        total = np.zeros((leg.model.njoints - 1, 6))
+        for begin, duration in zip(self.times, np.diff(self.times), strict=False):
+            for node, weight in zip(nodes, weights, strict=True):
+                t = begin + 0.5 * duration * (1.0 + node)
+                force, _, _ = self.sample(t)
+                state = equations.state(self.column(t))
+                posture = leg.posture(state.q)
+                lever = posture.rotation_world_joint.T @ equations.kinematics(state).point
+                touched = posture.with_contact_offset(frame.actInv(lever))
+                impulse = 0.5 * duration * weight * force
+                total += leg_response(touched, state.v, impulse).joint_impulses
+        return total
+
+
+def integrate_contact(equations: CompliantContact, tol: float) -> ContactMotion:
+    """Return the motion from first contact to separation, or raise `KickdynError`.
+
+    A contact with hysteresis is cut where compression ends, and where the deflection outgrows the
+    largest one before, so that the force is smooth in every phase.
+    """
+    model, expected, radius = equations.force_model, equations.expected, equations.ball.radius
+    limit, atol = (
+        MAX_CONTACT_TIMES * expected,
+        tol * equations.scales(),
+    )
+    phases: list[Any] = []
+    begins, largest_before = [], []
+    t, y, largest, touching = 0.0, equations.start(), 0.0, True
+    while touching:
+        event: Any = equations.compression_ends
+        if model.restitution == 1.0 or largest > 0.0:
+            event = partial(equations.restitution_ends, largest=largest)
+        rates = partial(equations.rates, largest=largest)
+        with np.errstate(over="ignore", invalid="ignore"):  # reported below
+            phase = integrate_until(event, rates, y, limit, tol, atol, expected / 20.0, t)
+        if not phase.success or not np.isfinite(phase.y[:, -1]).all():
+            raise KickdynError(f"the integrator failed at {phase.t[-1]:g} s: {phase.message}")
+        if phase.status != 1:
+            raise KickdynError(
+                f"foot and ball are still in contact after {limit:g} s, {MAX_CONTACT_TIMES:g} "
+                "times the time that the two alone would take"
+            )
+        phases.append(phase)
+        begins.append(t)
+        largest_before.append(largest)
+        t, y = float(phase.t[-1]), phase.y[:, -1]
+        deflection = equations.deflection(y)
+        apart = deflection - model.separation(largest) < largest - deflection
+        touching = model.restitution < 1.0 and not apart and deflection < radius * (1.0 - 1e-9)
+        largest = 0.0 if largest else deflection
+    times = np.concatenate([[0.0], *(phase.t[1:] for phase in phases)])
+    stuck = times[1:][np.diff(times) <= 0.0]
+    if stuck.size:
+        raise KickdynError(
+            f"the integrator failed at {stuck[0]:g} s: at an approach speed of "
+            f"{equations.approach.speed:.3g} m/s gravity or a torque, not the impact, decides the "
+            "motion"
+        )
+    column = OdeSolution(times, [step for phase in phases for step in phase.sol.interpolants])
+    return ContactMotion(equations, column, times, y, begins, largest_before)

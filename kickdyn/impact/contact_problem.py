@@ -7,101 +7,144 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kickdyn.ball import Ball
 from kickdyn.core.validation import Array
-from kickdyn.core.vectors import cross3
+from kickdyn.core.vectors import Triple, cross3
+from kickdyn.impact.body import NO_VELOCITY, Body
 
 
-class ContactProblem(NamedTuple):
-    r"""One contact point just before the impact, in the world frame.
-
-    With the relative velocity :math:`u` of the contact points, ball minus foot, an impulse
-    :math:`p` on the ball changes it by :math:`G p`, where the Delassus matrix
-
-    .. math:: G = J M^{-1} J^T + \frac{1}{m} I + \frac{r^2}{I_b} (I - n n^T)
-
-    has a share of the leg and one of the ball, whose tangential impulse also turns it.
+class ContactPoint(NamedTuple):
+    """A point at which two bodies touch.
 
     Attributes:
-        normal: n, unit vector from the foot into the ball, shape `(3,)`.
-        delassus_factor: F with F F^T = J M^-1 J^T, shape `(3, k)`; `Posture.delassus_factor`.
-        ball: mass m, radius r and inertia I_b.
-        centre_velocity: of the ball's centre minus that of the foot's contact point,
-            shape `(3,)` [m/s].
-        spin: of the ball, shape `(3,)` [rad/s].
+        normal: n, unit vector from the first body into the second, shape `(3,)` [world frame].
         restitution: coefficient e.
         friction: Coulomb's coefficient mu.
     """
 
     normal: Array
-    delassus_factor: Array
-    ball: Ball
-    centre_velocity: Array
-    spin: Array
     restitution: float
     friction: float
 
-    @property
-    def velocity(self) -> Array:
-        r"""Relative velocity u of the contact points, shape `(3,)` [m/s].
 
-        :math:`u = u_c - r\, \omega \times n` with the centre velocity :math:`u_c`.
+class ContactProblem(NamedTuple):
+    r"""Bodies just before an impact, and the k points at which they touch.
+
+    Impulses p, stacked, change the relative velocities of the contact points by :math:`G p`. The
+    Delassus matrix G is the sum of the bodies' shares; for a leg that strikes a ball it is
+
+    .. math:: G = J M^{-1} J^T + \frac{1}{m} I + \frac{r^2}{I_b} (I - n n^T) .
+
+    Attributes:
+        contacts: the contacts.
+        bodies: the bodies that touch at them; see `kickdyn.impact.body` for signs.
+    """
+
+    contacts: tuple[ContactPoint, ...]
+    bodies: tuple[Body, ...]
+
+    def centre_velocity(self, contact: int = 0) -> Triple:
+        """Return the relative velocity at a contact without what spins of balls add [m/s]."""
+        x = y = z = 0.0
+        for body in self.bodies:
+            u, v, w = body.velocity(contact)
+            x, y, z = x + u, y + v, z + w
+        return x, y, z
+
+    def velocity(self, contact: int = 0) -> Triple:
+        r"""Return the relative velocity u of the contact points at a contact [m/s].
+
+        :math:`u = u_c - \sum r\, \omega \times n` with the `centre_velocity` :math:`u_c`.
         """
-        x, y, z = cross3(self.spin.tolist(), self.normal.tolist())
-        u, v, w = self.centre_velocity.tolist()
-        r = self.ball.radius
-        return np.array((u - r * x, v - r * y, w - r * z))
+        return self._add_spins(contact, self.centre_velocity(contact))
 
-    @property
+    def _add_spins(self, contact: int, centre_velocity: Triple) -> Triple:
+        """Return the relative velocity of contact points from the one without spins [m/s]."""
+        u, v, w = centre_velocity
+        normal = self.contacts[contact].normal.tolist()
+        for body in self.bodies:
+            spin = body.surface_spin(contact)
+            if spin is not NO_VELOCITY:
+                x, y, z = cross3(spin, normal)
+                u, v, w = u - x, v - y, w - z
+        return u, v, w
+
     def approach_speed(self) -> float:
-        """Speed of approach along the normal [m/s]; the spin, however fast, costs it no digits."""
-        x, y, z = self.normal.tolist()
-        u, v, w = self.centre_velocity.tolist()
+        """Return the speed of approach along the normal of a single contact [m/s].
+
+        A spin, however fast, costs it no digits.
+        """
+        x, y, z = self.contacts[0].normal.tolist()
+        u, v, w = self.centre_velocity()
         return float(-(x * u + y * v + z * w))
 
     @property
-    def inverse_mass(self) -> float:
-        """Inverse effective mass n . G n of leg and ball along the normal [1/kg]."""
-        row = self.normal.dot(self.delassus_factor)
-        return float(row.dot(row)) + 1.0 / self.ball.mass
+    def is_blocked(self) -> bool:
+        """Whether contacts may be immovable in some direction, so that G may be singular."""
+        return not any(body.is_free for body in self.bodies)
 
-    def delassus(self) -> Array:
-        """Return G in the world frame, shape `(3, 3)` [1/kg]."""
-        turn, n, factor = self.ball.turning, self.normal, self.delassus_factor
-        ball = (1.0 / self.ball.mass + turn) * np.eye(3) - turn * np.outer(n, n)
-        return np.asarray(factor.dot(factor.T) + ball)
+    def inverse_mass(self, direction: Array) -> float:
+        """Return the inverse effective mass of a single contact along a unit vector [1/kg]."""
+        total = 0.0
+        for body in self.bodies:  # `sum` takes a third longer
+            total += body.inverse_mass(direction)
+        return total
 
-    def delassus_in(self, axes: Array) -> Array:
-        """Return G in contact axes, whose third column is the normal, shape `(3, 3)` [1/kg].
+    def in_contact_axes(self) -> tuple[Array, Array]:
+        """Return rotations from contact axes to the world's, and velocities in these axes.
 
-        There the ball's share is diagonal, so a ball that hardly resists turning takes no digits
-        from the normal. The rows of the factor are rotated, not their products: a foot that is much
-        more mobile across the normal takes none either.
+        The rotations have shape `(k, 3, 3)` (see `tangents`), the velocities `(3 k,)` [m/s].
         """
-        rows = axes.T.dot(self.delassus_factor)
-        matrix: Array = rows.dot(rows.T)
-        along = 1.0 / self.ball.mass
-        across = along + self.ball.turning
-        (xx, *_), (_, yy, _), (*_, zz) = matrix.tolist()
-        matrix[0, 0], matrix[1, 1], matrix[2, 2] = xx + across, yy + across, zz + along
+        entries: list[float] = []
+        before: list[float] = []
+        for i, contact in enumerate(self.contacts):
+            x, y, z = normal = contact.normal.tolist()
+            u, v, w = centre = self.centre_velocity(i)
+            along = x * u + y * v + z * w  # without spins: fast ones would cost its digits
+            u, v, w = velocity = self._add_spins(i, centre)
+            (a, b, c), (d, e, f) = tangents(normal, velocity)
+            entries += (a, d, x, b, e, y, c, f, z)
+            before += (a * u + b * v + c * w, d * u + e * v + f * w, along)
+        return np.array(entries).reshape(-1, 3, 3), np.array(before)
+
+    def delassus(self, axes: Array) -> Array:
+        """Return G in contact axes, shape `(3 k, 3 k)` [1/kg]; `axes` is `(k, 3, 3)`."""
+        first, *further = self.bodies
+        matrix = first.delassus(axes)
+        for body in further:
+            matrix = matrix + body.delassus(axes)
         return matrix
 
 
 class Solution(NamedTuple):
-    """What an impact law returns.
+    """What an impact law returns for k contacts.
 
     Attributes:
-        impulse: on the ball, shape `(3,)` [N s, world frame].
-        sticking: whether friction can stop the contact points from sliding; False without friction.
-        energy_lost: kinetic energy that leg and ball lose [J].
-        tangential_impulse: part of the impulse across the normal, computed on its own so that it
-            keeps its digits, shape `(3,)` [N s].
+        impulses: on the second body of each contact, shape `(k, 3)` [N s, world frame].
+        sticking: for each contact, whether friction can stop the points from sliding; False without
+            friction.
+        energy_lost: kinetic energy that the bodies lose [J].
+        tangential_impulses: parts of the impulses across the normals, computed separately so that
+            they keep their digits, shape `(k, 3)` [N s].
+        residual: residual of an iteration, relative to the largest impulse or velocity; 0 for a
+            closed form.
     """
 
-    impulse: Array
-    sticking: bool
+    impulses: Array
+    sticking: tuple[bool, ...]
     energy_lost: float
-    tangential_impulse: Array
+    tangential_impulses: Array
+    residual: float = 0.0
+
+
+def single_solution(axes: Array, impulse: Array, sticking: bool, energy_lost: float) -> Solution:
+    """Return the solution of an impulse in the contact axes of a single contact, `(1, 3, 3)`."""
+    (rotation,) = axes
+    return Solution(
+        rotation.dot(impulse).reshape(1, 3),
+        (sticking,),
+        energy_lost,
+        rotation[:, :2].dot(impulse[:2]).reshape(1, 3),
+    )
 
 
 @dataclass(frozen=True)
@@ -110,9 +153,8 @@ class ImpactLaw:
 
     Attributes:
         name: the argument `law` of `kickdyn.strike`.
-        solve: function that returns the solution of a contact problem.
-        several_contacts: whether `kickdyn.unilateral_strike` solves this law, for the ball and all
-            points of the feet at once.
+        solve: function that returns the solution of a problem with a single contact.
+        solve_several: the same for several contacts; None for a law that is defined for one.
         has_slopes: whether `kickdyn.Impact.sensitivity` differentiates this law.
         has_kernel: whether the compiled kernels of sweeps compute this law; other laws are computed
             posture by posture.
@@ -122,7 +164,7 @@ class ImpactLaw:
 
     name: str
     solve: Callable[[ContactProblem], Solution]
-    several_contacts: bool = False
+    solve_several: Callable[[ContactProblem], Solution] | None = None
     has_slopes: bool = False
     has_kernel: bool = False
     eq_10_without_friction: bool = False
@@ -131,27 +173,30 @@ class ImpactLaw:
 def frictionless(problem: ContactProblem) -> Solution:
     r"""Return the impulse along the normal of Eq. (10), :math:`p = (1 + e)\, m_\mathrm{eff}\, u_n`.
 
-    The effective mass is that of leg and ball together. Laws `newton` and `stronge` agree on it.
+    The effective mass is that of the two bodies together. The contact is the only one. Laws
+    `newton` and `stronge` agree on it.
     """
-    e, speed = problem.restitution, problem.approach_speed
-    p = (1.0 + e) * speed / problem.inverse_mass
-    return Solution(p * problem.normal, False, 0.5 * p * (1.0 - e) * speed, np.zeros(3))
+    ((normal, e, _),) = problem.contacts
+    speed = problem.approach_speed()
+    p = (1.0 + e) * speed / problem.inverse_mass(normal)
+    return Solution(
+        p * normal.reshape(1, 3), (False,), 0.5 * p * (1.0 - e) * speed, np.zeros((1, 3))
+    )
 
 
-def contact_axes(n: Array, u: Array) -> Array:
-    """Return a rotation whose third column is n and whose first is along the sliding, if any.
+def tangents(normal: Triple, u: Triple) -> tuple[Triple, Triple]:
+    """Return two directions that make a right-handed frame with a unit normal as the third.
 
-    It is from contact axes to the axes of the unit normal n and the relative velocity u, both
-    `(3,)`.
+    The first is along the sliding, if any, of the relative velocity u.
     """
-    nx, ny, nz = normal = n.tolist()
-    ux, uy, uz = u.tolist()
+    nx, ny, nz = normal
+    ux, uy, uz = u
     along = ux * nx + uy * ny + uz * nz
     x, y, z = ux - along * nx, uy - along * ny, uz - along * nz
     sliding, speed = max(abs(x), abs(y), abs(z)), max(abs(ux), abs(uy), abs(uz))
     if sliding <= 1e-12 * speed:
         least = min(range(3), key=lambda axis: abs(normal[axis]))
-        tangent = [-normal[least] * part for part in normal]
+        tangent = [-normal[least] * entry for entry in normal]
         tangent[least] += 1.0
         x, y, z = tangent
     elif sliding < 0.1 * speed:  # cancellation left rounding along the normal: project once more
@@ -159,6 +204,5 @@ def contact_axes(n: Array, u: Array) -> Array:
         along = x * nx + y * ny + z * nz
         x, y, z = x - along * nx, y - along * ny, z - along * nz
     length = math.hypot(x, y, z)
-    x, y, z = first = x / length, y / length, z / length
-    a, b, c = cross3(normal, first)
-    return np.array((x, a, nx, y, b, ny, z, c, nz)).reshape(3, 3)
+    first = x / length, y / length, z / length
+    return first, cross3(normal, first)

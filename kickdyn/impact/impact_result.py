@@ -23,7 +23,6 @@ from kickdyn.impact.leg_response import LegResponse, leg_response
 from kickdyn.impact.rounding import Rounding, digits_left, estimate_rounding
 from kickdyn.impact.sensitivity import Sensitivity, sensitivity
 from kickdyn.impact.uncertainty import Uncertainty, uncertainty
-from kickdyn.restitution import range_warnings
 from kickdyn.robot.constraints import ConstraintBlock, Support
 from kickdyn.robot.leg import Posture
 
@@ -94,10 +93,10 @@ class Impact(ReprMixin):
         """Speed of the foot towards the ball along the normal [m/s]."""
         return self.approach.speed
 
-    @property
+    @cached_property
     def impulse(self) -> Array:
         """Impulse on the ball, shape `(3,)` [N s, world frame]; the leg takes the opposite."""
-        return self.solution.impulse
+        return np.asarray(self.solution.impulses[0])
 
     @property
     def energy_lost(self) -> float:
@@ -111,7 +110,7 @@ class Impact(ReprMixin):
         By `newton` and `stronge` the points then separate without sliding; `paper` leaves the
         ball's rotation out, so that they slide all the same.
         """
-        return self.solution.sticking
+        return self.solution.sticking[0]
 
     @cached_property
     def effective_mass(self) -> float:
@@ -133,7 +132,7 @@ class Impact(ReprMixin):
         """The response of the leg to the impulse; its parts are attributes of the impact, too."""
         if self.response is not None:
             return self.response
-        return leg_response(self.approach.posture, self.approach.v, self.solution.impulse)
+        return leg_response(self.approach.posture, self.approach.v, self.solution.impulses[0])
 
     @property
     def v_after(self) -> Array:
@@ -278,11 +277,7 @@ class Impact(ReprMixin):
 
         Another line says so where the restitution is used outside its table.
         """
-        return (
-            *self.posture.warnings,
-            *self.posture.leg.too_fast(self.v_before),
-            *range_warnings(self.contact.restitution, self.approach_speed),
-        )
+        return self.approach.warnings()
 
     @validation.check_arguments
     def sensitivity(self, *, of_leg: bool = True) -> Sensitivity:

@@ -8,10 +8,9 @@ import math
 import numpy as np
 
 from kickdyn.core import validation
-from kickdyn.core.validation import length
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.impact.contact_problem import ContactProblem, ImpactLaw, Solution
-from kickdyn.impact.newton_law import NEWTON, SINGULAR
+from kickdyn.impact.newton_law import NEWTON
 from kickdyn.impact.paper_law import PAPER
 from kickdyn.impact.stronge_law import STRONGE
 
@@ -35,29 +34,30 @@ def names_of_laws(ability: str) -> str:
     return " or ".join(repr(law.name) for law in LAWS.values() if getattr(law, ability))
 
 
-def solve_contact(problem: ContactProblem, law: ImpactLaw) -> Solution:
+def solve_contacts(problem: ContactProblem, law: ImpactLaw) -> Solution:
     """Return the solution of a contact problem by an impact law.
 
-    Where neither the leg nor the ball can move along the normal, `InvalidInput` is raised; where
-    the law finds none, as for masses that are too unlike, `KickdynError`.
+    `InvalidInput` is raised for several contacts that the law cannot solve at once, `KickdynError`
+    if the law finds no impulse, as for masses that are too different.
     """
-    if problem.ball.mass == math.inf:
-        row = problem.normal @ problem.delassus_factor
-        if length(row) <= SINGULAR * np.abs(problem.delassus_factor).max():
-            raise InvalidInput(
-                "ball mass is inf, and the leg cannot move along the contact normal either"
-            )
+    contacts = problem.contacts
+    solve = law.solve if len(contacts) == 1 else law.solve_several
+    if solve is None:
+        raise InvalidInput(
+            f"impact law is {law.name!r}, which is defined for one contact: {len(contacts)} "
+            f"contacts at once, as of feet that may lift off, need {names_of_laws('solve_several')}"
+        )
     try:
-        solution = law.solve(problem)
+        solution = solve(problem)
     except np.linalg.LinAlgError:
         solution = None
     if solution is None or not math.isfinite(solution.energy_lost):
         raise KickdynError(
-            f"law {law.name!r} finds no impulse (restitution {problem.restitution:g}, friction "
-            f"{problem.friction:g}, relative velocity {problem.velocity.tolist()} m/s)"
+            f"law {law.name!r} finds no impulse (restitution {contacts[0].restitution:g}, friction "
+            f"{contacts[0].friction:g}, relative velocity {list(problem.velocity())} m/s)"
         )
-    solution.impulse.setflags(write=False)
-    solution.tangential_impulse.setflags(write=False)
+    solution.impulses.setflags(write=False)
+    solution.tangential_impulses.setflags(write=False)
     return solution
 
 

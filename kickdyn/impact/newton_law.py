@@ -7,16 +7,23 @@ from scipy.linalg import lapack
 
 from kickdyn.core.validation import Array, length
 from kickdyn.errors import KickdynError
+from kickdyn.impact.cone_solver import solve_cones
 from kickdyn.impact.contact_problem import (
     ContactProblem,
     ImpactLaw,
     Solution,
-    contact_axes,
     frictionless,
+    single_solution,
 )
 
 SINGULAR = 1e-12
-"""Share of the Delassus matrix, of a leg at an obstacle, that counts as no mobility."""
+"""Mobility, relative to the largest, below which contacts with an obstacle cannot move."""
+
+MAX_RESIDUAL = 1e-9
+"""Largest `cone_residual` of impulses at several contacts."""
+
+AT_REST_SPEED = 1e-9
+"""Speed, relative to the approach, below which one of several contact points is at rest."""
 
 
 def solve_newton(problem: ContactProblem) -> Solution:
@@ -33,18 +40,15 @@ def solve_newton(problem: ContactProblem) -> Solution:
     first, else the solution that loses most energy. With friction, an eccentric impact can gain
     energy by this law, which a negative `energy_lost` shows.
     """
-    if problem.friction == 0.0:
+    ((_, e, mu),) = problem.contacts
+    if mu == 0.0:
         return frictionless(problem)
-    n, u, e, mu = problem.normal, problem.velocity, problem.restitution, problem.friction
-    approach = problem.approach_speed  # not from u: a fast spin would cost its digits
-    axes = contact_axes(n, u)
-    g_matrix = problem.delassus_in(axes)
-    before = u.dot(axes)
-    before[2] = -approach
+    axes, before = problem.in_contact_axes()
+    g_matrix = problem.delassus(axes)
     free = before.copy()
-    free[2] -= e * approach  # to be stopped by the impulse
+    free[2] *= 1.0 + e  # to be stopped by the impulse
     _, stick, singular = lapack.dposv(g_matrix, -free)
-    if problem.ball.mass == math.inf:  # the limit of heavier balls: the least impulse, if any
+    if problem.is_blocked:  # the limit of heavier balls: the least impulse, if any
         stick = -np.linalg.pinv(g_matrix, rcond=SINGULAR, hermitian=True).dot(free)
         left = length(g_matrix.dot(stick) + free) > SINGULAR * length(free)
         stick = np.array([math.inf, 0.0, 0.0]) if left else stick
@@ -53,7 +57,7 @@ def solve_newton(problem: ContactProblem) -> Solution:
     p1, p2, p3 = stick.tolist()
     if math.hypot(p1, p2) <= mu * p3:
         lost = _energy_lost(stick, before, (0.0, 0.0), e)
-        return Solution(axes.dot(stick), True, lost, axes[:, :2].dot(stick[:2]))
+        return single_solution(axes, stick, True, lost)
 
     slip, most = None, -math.inf
     for angle in slip_angles(g_matrix, free, mu):
@@ -71,9 +75,45 @@ def solve_newton(problem: ContactProblem) -> Solution:
     if slip is None:
         raise KickdynError(
             f"no impulse found on the friction cone (mu = {mu:g}, e = {e:g}, "
-            f"relative velocity {u.tolist()} m/s)"
+            f"relative velocity {list(problem.velocity())} m/s)"
         )
-    return Solution(axes.dot(slip), False, most, axes[:, :2].dot(slip[:2]))
+    return single_solution(axes, slip, False, most)
+
+
+def solve_newton_at_several(problem: ContactProblem) -> Solution:
+    r"""Return impulses with Newton's restitution and Coulomb's cone at every contact.
+
+    A contact can separate faster than its restitution says, pushed by the others, and one that did
+    not approach before has no restitution of its own:
+
+    .. math:: 0 \le u_n^+ + e \min(u_n, 0) \perp p_n \ge 0 .
+
+    This nonlinear complementarity problem is solved by `solve_cones`; `KickdynError` is raised
+    where it finds no solution.
+    """
+    axes, before = problem.in_contact_axes()
+    delassus = problem.delassus(axes)
+    restitutions = np.array([contact.restitution for contact in problem.contacts])
+    frictions = np.array([contact.friction for contact in problem.contacts])
+    free = before.copy()
+    free[2::3] += restitutions * np.minimum(before[2::3], 0.0)
+    impulses, residual = solve_cones(delassus, free, frictions)
+    if not residual <= MAX_RESIDUAL:
+        raise KickdynError(
+            f"no impulses found at {len(frictions)} contacts: the best have a residual of "
+            f"{residual:.1g} (friction up to {frictions.max():g})"
+        )
+    after = before + delassus @ impulses
+    sliding = np.hypot(after[0::3], after[1::3])
+    at_rest = AT_REST_SPEED * float(np.abs(before[2::3]).max())
+    in_axes = impulses.reshape(-1, 3, 1)
+    return Solution(
+        (axes @ in_axes)[..., 0],
+        tuple(bool(rests) for rests in (sliding <= at_rest) & (frictions > 0.0)),
+        -0.5 * float(impulses @ (before + after)),
+        (axes[:, :, :2] @ in_axes[:, :2])[..., 0],
+        residual,
+    )
 
 
 def _energy_lost(
@@ -146,7 +186,7 @@ def slip_angles(g_matrix: Array, velocity: Array, mu: float) -> list[float]:
 NEWTON = ImpactLaw(
     "newton",
     solve_newton,
-    several_contacts=True,
+    solve_several=solve_newton_at_several,
     has_slopes=True,
     has_kernel=True,
     eq_10_without_friction=True,

@@ -2,6 +2,8 @@
 
 import math
 
+import numpy as np
+
 from kickdyn.core.validation import Array
 from kickdyn.impact.contact_problem import ContactProblem, ImpactLaw, Solution
 
@@ -21,16 +23,16 @@ def solve_paper(problem: ContactProblem) -> Solution:
     and not along the normal, and the spin can hold energy that nothing supplied: `energy_lost` can
     then be below that of a passive law, even negative.
     """
-    n, u, e = problem.normal, problem.centre_velocity, problem.restitution
-    factor, ball = problem.delassus_factor, problem.ball
-    speed = math.hypot(*u)
-    attack = -u / speed
-    row = attack @ factor
-    full = (1.0 + e) * speed / (float(row @ row) + 1.0 / ball.mass) * attack
-    impulse, tangential, sticking = limit_friction(full, n, problem.friction)
-    change = factor @ (impulse @ factor) + impulse / ball.mass + ball.turning * tangential
-    mean_velocity = problem.velocity + 0.5 * change
-    return Solution(impulse, sticking, -float(impulse @ mean_velocity), tangential)
+    ((normal, e, friction),) = problem.contacts
+    centre_velocity = np.array(problem.centre_velocity())
+    speed = math.hypot(*centre_velocity)
+    attack = -centre_velocity / speed
+    full = (1.0 + e) * speed / problem.inverse_mass(attack) * attack
+    impulse, tangential, sticking = limit_friction(full, normal, friction)
+    axes, before = problem.in_contact_axes()
+    in_axes = impulse @ axes[0]
+    lost = -float(in_axes @ (before + 0.5 * problem.delassus(axes) @ in_axes))
+    return Solution(impulse[None], (sticking,), lost, tangential[None])
 
 
 def limit_friction(force: Array, normal: Array, friction: float) -> tuple[Array, Array, bool]:

@@ -13,7 +13,7 @@ import pinocchio as pin
 
 from kickdyn.core.validation import Array, length
 from kickdyn.impact.approach import EPS, Approach
-from kickdyn.impact.contact_problem import ContactProblem, Solution, contact_axes
+from kickdyn.impact.contact_problem import Solution
 from kickdyn.impact.leg_response import foot_wrench, leg_response
 from kickdyn.robot.leg import Posture
 
@@ -44,11 +44,12 @@ def estimate_rounding(approach: Approach, solution: Solution, joints: Array) -> 
     impulses have shape `(njoints, 6)` [N s, N m s].
     """
     posture, problem, before = approach.posture, approach.contact_problem(), approach.ball_before
-    axes = contact_axes(problem.normal, problem.velocity)
-    matrix = problem.delassus_in(axes)
+    (contact,) = problem.contacts
+    rotations, relative = problem.in_contact_axes()
+    (axes,), matrix = rotations, problem.delassus(rotations)
     still = np.zeros(posture.leg.nv)
     responses = [leg_response(posture, still, axis) for axis in axes.T]
-    jumps = np.column_stack([one.v_after for one in responses])
+    jumps = np.column_stack([response.v_after for response in responses])
     sums, roots = np.zeros(3), np.sqrt(matrix.diagonal())
     if posture.constraint_projector is not None or not posture.is_ill_conditioned:  # M is used
         sums = np.sqrt(posture.inertia.diagonal()) @ abs(jumps)
@@ -57,18 +58,21 @@ def estimate_rounding(approach: Approach, solution: Solution, joints: Array) -> 
     matrix_error = np.hypot(by_matrices, spread[:, None] + spread)
     terms = abs(posture.jacobian).dot(abs(approach.v)) + abs(before.velocity)
     error = abs(axes.T).dot(terms) + _spread(posture, approach.v[:, None])
-    error[:2] += problem.ball.radius * float(length(before.spin))
-    p = np.append(axes[:, :2].T @ solution.tangential_impulse, problem.normal @ solution.impulse)
+    error[:2] += approach.ball.radius * float(length(before.spin))
+    impulse, tangential = solution.impulses[0], solution.tangential_impulses[0]
+    p = np.append(axes[:, :2].T @ tangential, contact.normal @ impulse)
     turn = approach.contact.restitution_slope(approach.speed) * approach.speed
-    error = np.hypot(length(matrix_error * p), (1.0 + problem.restitution + abs(turn)) * error)
-    sliding = None if solution.sticking else (axes.T @ problem.velocity + matrix @ p)[:2]
-    slope = _derivative(problem, matrix, sliding, p)
+    error = np.hypot(length(matrix_error * p), (1.0 + contact.restitution + abs(turn)) * error)
+    sliding = None if solution.sticking[0] else (relative + matrix @ p)[:2]
+    slope = _derivative(contact.friction, matrix, sliding, p)
     change = ROUNDINGS * EPS * length(slope * error)
-    whole = max(float(length(p)), np.finfo(float).tiny)  # below, float64 has fewer digits
-    transmitted = np.column_stack([length(one.joint_impulses[:, :3]) for one in responses])
-    lost = transmitted @ change + _of_joints(posture, solution.impulse, joints)
+    size = max(float(length(p)), np.finfo(float).tiny)  # below, float64 has fewer digits
+    transmitted = np.column_stack(
+        [length(response.joint_impulses[:, :3]) for response in responses]
+    )
+    lost = transmitted @ change + _of_joints(posture, impulse, joints)
     sizes = np.maximum(length(joints[:, :3]), np.finfo(float).tiny)
-    return Rounding(float(length(change)) / whole, lost / sizes)
+    return Rounding(float(length(change)) / size, lost / sizes)
 
 
 def _of_joints(posture: Posture, impulse: Array, joints: Array) -> Array:
@@ -78,17 +82,17 @@ def _of_joints(posture: Posture, impulse: Array, joints: Array) -> Array:
     What the Jacobian and M lose shows in the difference from articulated bodies, which do not.
     """
     share = 32.0 * len(joints) * EPS
-    whole = share * float(length(impulse))
+    lost = share * float(length(impulse))
     if posture.constraint_projector is not None:
-        return np.full(len(joints), whole * posture.rounding_gain)
+        return np.full(len(joints), lost * posture.rounding_gain)
     if posture.is_ill_conditioned:
-        return np.full(len(joints), whole)
+        return np.full(len(joints), lost)
     push = np.array(foot_wrench(posture, -impulse))
     other = posture.articulated_bodies.respond(posture.leg.contact_joint, push)[1]
-    return np.asarray(whole + 2.0 * length((joints - other)[:, :3]))
+    return np.asarray(lost + 2.0 * length((joints - other)[:, :3]))
 
 
-def _derivative(problem: ContactProblem, matrix: Array, sliding: Array | None, p: Array) -> Array:
+def _derivative(friction: float, matrix: Array, sliding: Array | None, p: Array) -> Array:
     r"""Return C, by which the impulse answers a velocity that is left over, in contact axes.
 
     Without friction this is the effective mass along the normal, and where the contact sticks
@@ -98,13 +102,13 @@ def _derivative(problem: ContactProblem, matrix: Array, sliding: Array | None, p
     (e_z, t)^T` and :math:`D = \operatorname{diag}(0, |u_t^+| / |p_t|)`. The sliding after the
     impact has shape `(2,)` [m/s]; it is None if the contact sticks.
     """
-    if problem.friction == 0.0:
+    if friction == 0.0:
         return np.diag([0.0, 0.0, 1.0 / matrix[2, 2]])
     if sliding is None:
         return np.asarray(np.linalg.pinv(matrix))
     size = math.hypot(p[0], p[1])
     x, y = (p[:2] / size).tolist() if size else (1.0, 0.0)
-    along = np.array([problem.friction * x, problem.friction * y, 1.0])
+    along = np.array([friction * x, friction * y, 1.0])
     rows = np.array([[0.0, 0.0, 1.0], [-y, x, 0.0]])
     moves = np.column_stack([along, rows[1]])
     stiff = math.hypot(*sliding.tolist()) / size if size > 0.0 else math.inf

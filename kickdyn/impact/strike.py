@@ -2,18 +2,15 @@
 
 from enum import StrEnum
 
-import numpy as np
 from numpy.typing import ArrayLike
 
-from kickdyn.ball import Ball, BallState
+from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.core import validation
-from kickdyn.core.vectors import cross3
 from kickdyn.errors import EnergyCreated
-from kickdyn.impact.approach import AT_REST, Approach, find_approach
-from kickdyn.impact.contact_problem import Solution
+from kickdyn.impact.approach import AT_REST, find_approach
 from kickdyn.impact.impact_result import Impact
-from kickdyn.impact.laws import find_law, solve_contact
+from kickdyn.impact.laws import find_law, solve_contacts
 from kickdyn.impact.pinocchio_engine import solve_by_pinocchio
 from kickdyn.robot.leg import Posture
 
@@ -79,8 +76,9 @@ def strike(
     validation.flag("strict", strict)
     approach = find_approach(posture, v, ball, contact, ball_velocity, ball_spin)
     if validation.choice("engine", engine, ImpactEngine) is ImpactEngine.CLOSED_FORM:
-        solution = solve_contact(approach.contact_problem(), impact_law)
-        impact = Impact(approach, impact_law.name, solution, ball_after(approach, solution))
+        solution = solve_contacts(approach.contact_problem(), impact_law)
+        ball_after = approach.ball_body().after(solution.impulses, solution.tangential_impulses)
+        impact = Impact(approach, impact_law.name, solution, ball_after)
     else:
         solution, ball_state, response = solve_by_pinocchio(approach, impact_law)
         impact = Impact(approach, impact_law.name, solution, ball_state, response=response)
@@ -96,19 +94,3 @@ def check_energy(impact: Impact, strict: bool) -> None:
             f"(restitution {impact.restitution:g}, friction {impact.contact.friction:g}): "
             "law 'stronge' never does"
         )
-
-
-def ball_after(approach: Approach, solution: Solution) -> BallState:
-    """Return the ball just after the impulse; only its tangential part turns the ball."""
-    ball, before = approach.ball, approach.ball_before
-    px, py, pz = solution.impulse.tolist()
-    vx, vy, vz = before.velocity.tolist()
-    wx, wy, wz = before.spin.tolist()
-    normal, tangential = approach.contact.normal.tolist(), solution.tangential_impulse.tolist()
-    tx, ty, tz = cross3(normal, tangential)
-    mass, gain = ball.mass, ball.radius / ball.inertia
-    return BallState.computed(
-        before.position,
-        np.array((vx + px / mass, vy + py / mass, vz + pz / mass)),
-        np.array((wx - gain * tx, wy - gain * ty, wz - gain * tz)),
-    )

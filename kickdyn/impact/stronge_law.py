@@ -14,8 +14,8 @@ from kickdyn.impact.contact_problem import (
     ContactProblem,
     ImpactLaw,
     Solution,
-    contact_axes,
     frictionless,
+    single_solution,
 )
 
 ORDER = 24
@@ -47,23 +47,21 @@ def solve_stronge(problem: ContactProblem) -> Solution:
     Sources: Keller 1986, J Appl Mech 53:1; Stronge, Impact Mechanics, 2000, chapters 3 and 4;
     Batlle 1996, J Appl Mech 63:10 (directions that a slip can keep); Elkaranshawy et al. 2017.
     """
-    if problem.friction == 0.0:
+    ((_, e, friction),) = problem.contacts
+    if friction == 0.0:
         return frictionless(problem)
-    axes = contact_axes(problem.normal, problem.velocity)
-    before = axes.T @ problem.velocity
-    before[2] = -problem.approach_speed  # a fast spin would cost its digits
+    axes, before = problem.in_contact_axes()
     speed = float(np.abs(before).max())
-    g_matrix = problem.delassus_in(axes)
+    g_matrix = problem.delassus(axes)
     mobility = float(g_matrix.diagonal().max())
-    mu = min(problem.friction, 1e50)  # more changes no digit, and its work would overflow
-    course = _Course(g_matrix / mobility, mu, problem.restitution, before / speed)
+    mu = min(friction, 1e50)  # more changes no digit, and its work would overflow
+    course = _Course(g_matrix / mobility, mu, e, before / speed)
     sticking = course.run()
     scale = speed / mobility
-    lost = (1.0 - problem.restitution**2) * course.compression_work + course.friction_work
+    lost = (1.0 - e**2) * course.compression_work + course.friction_work
     if not math.isfinite(lost):
-        raise KickdynError(f"the sliding cannot be followed (mu = {problem.friction:g})")
-    impulse = scale * course.impulse
-    return Solution(axes @ impulse, sticking, scale * speed * lost, axes[:, :2] @ impulse[:2])
+        raise KickdynError(f"the sliding cannot be followed (mu = {friction:g})")
+    return single_solution(axes, scale * course.impulse, sticking, scale * speed * lost)
 
 
 class _Course:

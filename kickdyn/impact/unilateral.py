@@ -12,24 +12,22 @@ from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.validation import Array
-from kickdyn.errors import InvalidInput, KickdynError
+from kickdyn.errors import InvalidInput
 from kickdyn.impact.approach import AT_REST, Approach, find_approach
-from kickdyn.impact.cone_solver import solve_cones
+from kickdyn.impact.body import NO_VELOCITY, BallBody, LegBody, Obstacle
 from kickdyn.impact.constraint_impulses import Footing, is_level
-from kickdyn.impact.contact_problem import Solution
+from kickdyn.impact.contact_problem import ContactPoint, ContactProblem, Solution
 from kickdyn.impact.impact_result import Impact
-from kickdyn.impact.laws import find_law, names_of_laws
+from kickdyn.impact.laws import find_law, solve_contacts
 from kickdyn.impact.leg_response import as_response, joint_impulses
-from kickdyn.impact.newton_law import NEWTON
+from kickdyn.impact.newton_law import AT_REST_SPEED
 from kickdyn.impact.rounding import Rounding
-from kickdyn.impact.strike import ball_after, check_energy
+from kickdyn.impact.strike import check_energy
 from kickdyn.robot.constraints import Support
-from kickdyn.robot.leg import Leg, Posture
+from kickdyn.robot.leg import Posture
 
-MAX_RESIDUAL = 1e-9
-
-AT_REST_SPEED = 1e-9
-"""Share of the approach speed below which a point of the sole counts as at rest."""
+UP = np.array([0.0, 0.0, 1.0])
+"""Normal of the ground, which is the first body of its contacts."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -43,16 +41,20 @@ class UnilateralImpact(Impact):
     Attributes:
         point_impulses: impulses of the ground on the robot by the name of the support, at each
             corner of the sole or at the point foot, shape `(k, 3)` [N s, world axes]. With more
-            than three corners of a rigid sole, their sum and moment are unique but not their
-            distribution, of which this is one.
+            than three corners of a rigid sole, their distribution is one of many; where the sole
+            slips, the other distributions have slightly different sums and moments, and so has the
+            impulse on the ball.
         point_velocities: velocities of the same points just after the impact, shape `(k, 3)`
             [m/s, world axes].
-        cone_residual: residual of the contact laws, relative to the largest impulse or velocity.
     """
 
     point_impulses: dict[str, Array]
     point_velocities: dict[str, Array]
-    cone_residual: float
+
+    @property
+    def cone_residual(self) -> float:
+        """Residual of the contact laws, relative to the largest impulse or velocity."""
+        return self.solution.residual
 
     @cached_property
     def effective_mass(self) -> float:
@@ -62,8 +64,8 @@ class UnilateralImpact(Impact):
     @cached_property
     def rounding(self) -> Rounding:
         """Shares of the impulses that may be rounding, plus the residual of the contact laws."""
-        found, left = super().rounding, self.cone_residual
-        return Rounding(found.impulse + left, found.joints + left)
+        rounding, residual = super().rounding, self.cone_residual
+        return Rounding(rounding.impulse + residual, rounding.joints + residual)
 
     @property
     def footing(self) -> dict[str, Footing]:
@@ -123,68 +125,49 @@ def unilateral_strike(
         KickdynError: no solution was found; the message has the residual of the best.
     """
     impact_law = find_law(law)
-    if not impact_law.several_contacts:
-        raise InvalidInput(
-            f"impact law is {law!r}, which is for one contact: feet that may lift off are several, "
-            f"and need {names_of_laws('several_contacts')}"
-        )
     validation.flag("strict", strict)
     approach = find_approach(posture, v, ball, contact, ball_velocity, ball_spin)
-    supports = _checked_supports(approach.posture.leg)
-    feet = _feet(approach.posture, supports)
-    contacts = _contacts(approach, feet, supports)
-    free = contacts.before.copy()
-    free[2] *= 1.0 + approach.restitution
-    impulses, residual = solve_cones(contacts.delassus, free, contacts.frictions)
-    if not residual <= MAX_RESIDUAL:
-        raise KickdynError(
-            f"no impulses found for the supports: the best have a residual of {residual:.1g} "
-            f"(friction up to {contacts.frictions.max():g}) in {approach.posture!r}"
-        )
-    impact = _result(approach, supports, feet, contacts, impulses, residual)
+    feet = _find_feet(approach.posture)
+    problem = _contact_problem(approach, feet)
+    solution = solve_contacts(problem, impact_law)
+    impact = _as_impact(approach, impact_law.name, feet, problem, solution)
     check_energy(impact, strict)
     return impact
 
 
 class _Foot(NamedTuple):
-    """Points of a support: from its frame to each, shape `(k, 3)` [m], and their rows of J."""
+    """A support and its points on the ground.
 
+    Attributes:
+        support: the support.
+        levers: from its frame to the points, shape `(k, 3)` [m, world axes].
+        jacobian: of the points, shape `(3 k, nv)`.
+    """
+
+    support: Support
     levers: Array
-    rows: Array
+    jacobian: Array
 
 
-class _Contacts(NamedTuple):
-    """The contact problem, three rows for the ball first, then for each point of the feet."""
+def _find_feet(posture: Posture) -> list[_Foot]:
+    """Return the feet on which a robot stands, or raise `InvalidInput` for what cannot be solved.
 
-    axes: Array  # contact axes of the ball, the normal last
-    free: Posture  # the leg without its supports
-    jacobian: Array  # shape `(3 k, nv)`; tangential axes first and normal last
-    delassus: Array  # of leg and ball, shape `(3 k, 3 k)` [1/kg]
-    before: Array  # velocities, shape `(3 k,)` [m/s]
-    frictions: Array  # shape `(k,)`
-
-
-def _checked_supports(leg: Leg) -> tuple[Support, ...]:
-    """Return the supports of a leg, or raise `InvalidInput` where they do not suffice."""
+    That is a leg without supports, and a support without friction or with a sole that is not given
+    or tilted.
+    """
+    leg, projector = posture.leg, posture.constraint_projector
     supports = leg.constraints.supports if leg.constraints else ()
-    if not supports:
+    if projector is None or not supports:
         raise InvalidInput(f"{leg.name} has no supports: Leg.with_supports adds them")
-    for support in supports:
+    feet = []
+    for support, block in zip(supports, projector.blocks, strict=False):
         if support.friction is None:
             raise InvalidInput(f"support {support.frame} has no friction: give its coefficient")
         if support.sole is None and not support.point:
             raise InvalidInput(f"support {support.frame} has no sole: give its corners")
-    return supports
-
-
-def _feet(posture: Posture, supports: tuple[Support, ...]) -> list[_Foot]:
-    """Return the points on which each support stands; raise `InvalidInput` for a tilted sole."""
-    feet, projector = [], posture.constraint_projector
-    assert projector is not None
-    for support, block in zip(supports, projector.blocks, strict=False):
         rows = projector.rows[block.rows]
         if support.sole is None:
-            feet.append(_Foot(np.zeros((1, 3)), rows))
+            feet.append(_Foot(support, np.zeros((1, 3)), rows))
             continue
         levers = support.sole @ block.rotation_world_frame.T
         if not is_level(levers):
@@ -192,8 +175,8 @@ def _feet(posture: Posture, supports: tuple[Support, ...]) -> list[_Foot]:
                 f"the sole of {support.frame} is tilted in {posture!r}: corners' heights "
                 f"differ by {np.ptp(levers[:, 2]):.3g} m, but the ground is level"
             )
-        at_points = [rows[:3] - pin.skew(lever) @ rows[3:] for lever in levers]
-        feet.append(_Foot(levers, np.vstack(at_points)))
+        jacobian = np.vstack([rows[:3] - pin.skew(lever) @ rows[3:] for lever in levers])
+        feet.append(_Foot(support, levers, jacobian))
     return feet
 
 
@@ -203,61 +186,53 @@ def _without_supports(approach: Approach) -> Posture:
     return leg.posture(q).with_contact_offset(approach.contact.offset)
 
 
-def _contacts(approach: Approach, feet: list[_Foot], supports: tuple[Support, ...]) -> _Contacts:
-    """Return the contact problem of ball and feet."""
-    normal = approach.contact.normal
-    axes = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), normal).matrix()
-    free = _without_supports(approach)
-    jacobian = np.vstack([-axes.T @ free.jacobian, *(foot.rows for foot in feet)])
-    delassus = jacobian @ np.column_stack([free.solve(row) for row in jacobian])
-    ball_only = approach.contact_problem()._replace(delassus_factor=np.zeros((3, 0)))
-    delassus[:3, :3] += ball_only.delassus_in(axes)
-    before = np.concatenate([axes.T @ ball_only.velocity, np.zeros(len(jacobian) - 3)])
-    before[2] = -ball_only.approach_speed  # a fast spin would cost its digits
-    frictions = [approach.contact.friction]
-    for support, foot in zip(supports, feet, strict=True):
-        frictions += [support.friction or 0.0] * len(foot.levers)
-    symmetric = (delassus + delassus.T) / 2
-    return _Contacts(axes, free, jacobian, symmetric, before, np.array(frictions))
+def _contact_problem(approach: Approach, feet: list[_Foot]) -> ContactProblem:
+    """Return the problem of robot, ball and ground: the contact with the ball, then the feet's."""
+    struck = ContactPoint(approach.contact.normal, approach.restitution, approach.contact.friction)
+    contacts = [struck]
+    for foot in feet:
+        contacts += [ContactPoint(UP, 0.0, foot.support.friction or 0.0)] * len(foot.levers)
+    on_ground = len(contacts) - 1
+    posture = _without_supports(approach)
+    sides = (-1.0, *[1.0] * on_ground)
+    jacobian = np.vstack([posture.jacobian, *(foot.jacobian for foot in feet)])
+    factor = posture.whiten(np.repeat(sides, 3)[:, None] * jacobian).T
+    x, y, z = approach.foot_velocity.tolist()
+    velocities = ((-x, -y, -z), *[NO_VELOCITY] * on_ground)  # the feet are at rest
+    robot = LegBody(posture, approach.v, jacobian, factor, velocities, sides)
+    normals = tuple(contact.normal for contact in contacts)
+    ball = BallBody(approach.ball, approach.ball_before, normals, (1.0, *[0.0] * on_ground))
+    return ContactProblem(tuple(contacts), (robot, ball, Obstacle()))
 
 
-def _result(
-    approach: Approach,
-    supports: tuple[Support, ...],
-    feet: list[_Foot],
-    contacts: _Contacts,
-    impulses: Array,
-    residual: float,
+def _as_impact(
+    approach: Approach, law: str, feet: list[_Foot], problem: ContactProblem, solution: Solution
 ) -> UnilateralImpact:
-    """Return the impact with these impulses."""
-    axes, after = contacts.axes, contacts.before + contacts.delassus @ impulses
-    solution = Solution(
-        axes @ impulses[:3],
-        bool(np.hypot(after[0], after[1]) <= AT_REST_SPEED * approach.speed),
-        -0.5 * float(impulses @ (contacts.before + after)),
-        axes[:, :2] @ impulses[:2],
-    )
-    ends = np.cumsum([3, *(len(foot.rows) for foot in feet)])[:-1]
-    shares = [part.reshape(-1, 3) for part in np.split(impulses, ends)[1:]]
-    velocities = [part.reshape(-1, 3) for part in np.split(after, ends)[1:]]
-    wrenches = [
-        np.concatenate([share.sum(axis=0), np.cross(foot.levers, share).sum(axis=0)])[: s.size]
-        for s, foot, share in zip(supports, feet, shares, strict=True)
-    ]
-    jump, loops = contacts.free.respond(contacts.jacobian.T @ impulses)
-    stacked = np.concatenate([*wrenches, loops])
-    posture, impulse = approach.posture, solution.impulse
+    """Return the impact of a solution, with the impulses of the ground by foot."""
+    robot, ball, _ = problem.bodies
+    assert isinstance(robot, LegBody)
+    assert isinstance(ball, BallBody)
+    jump, loop_impulses = robot.jump(solution.impulses)
+    ends = np.cumsum([len(foot.levers) for foot in feet])[:-1]
+    by_foot = np.split(solution.impulses[1:], ends)
+    velocities_by_foot = [(foot.jacobian @ jump).reshape(-1, 3) for foot in feet]
+    support_impulses = []
+    for foot, impulses in zip(feet, by_foot, strict=True):
+        moment = np.cross(foot.levers, impulses).sum(axis=0)
+        wrench = np.concatenate([impulses.sum(axis=0), moment])
+        support_impulses.append(wrench[: foot.support.size])
+    stacked = np.concatenate([*support_impulses, loop_impulses])
+    posture, impulse = approach.posture, solution.impulses[0]
     transmitted, unbalanced = joint_impulses(posture, jump, -impulse, stacked)
-    for array in (impulse, solution.tangential_impulse, *shares, *velocities):
+    for array in (*by_foot, *velocities_by_foot):
         array.setflags(write=False)
-    names = [support.frame for support in supports]
+    names = [foot.support.frame for foot in feet]
     return UnilateralImpact(
         approach=approach,
-        law=NEWTON.name,
+        law=law,
         solution=solution,
-        ball_after=ball_after(approach, solution),
+        ball_after=ball.after(solution.impulses, solution.tangential_impulses),
         response=as_response(posture, impulse, approach.v + jump, transmitted, stacked, unbalanced),
-        point_impulses=dict(zip(names, shares, strict=True)),
-        point_velocities=dict(zip(names, velocities, strict=True)),
-        cone_residual=residual,
+        point_impulses=dict(zip(names, by_foot, strict=True)),
+        point_velocities=dict(zip(names, velocities_by_foot, strict=True)),
     )

@@ -64,7 +64,7 @@ def launch_from_force(force: Array, normal: Array) -> tuple[BallState, bool]:
 
 def warnings_of(*paths: Flight) -> tuple[str, ...]:
     """Return every warning of the flights once."""
-    return tuple(dict.fromkeys(one for path in paths for one in path.warnings))
+    return tuple(dict.fromkeys(line for path in paths for line in path.warnings))
 
 
 def show_warnings(figure: Figure, *paths: Flight) -> None:

@@ -56,7 +56,6 @@ def kicks(ball: Ball = BALL) -> list[Impact]:
     contact = Contact(attack, RESTITUTION)
 
     def kick(posture: Posture) -> Impact:
-        """Return the impact of a posture."""
         return strike(posture, posture.joint_velocity(SPEED * attack), ball, contact)
 
     return [kick(posture) for posture in self_motion(leg, np.radians(START_DEG))]

@@ -72,20 +72,19 @@ def learn_launch(
     """
 
     def flown(velocity: Array) -> Flight:
-        """Return the flight from a launch velocity."""
         return fly(BallState(velocity=velocity), ball, air, time_limit=100 * time)
 
-    command, found = np.array([distance, time]), list[Round]()
-    while len(found) <= rounds and command[1] > 0.0:
+    command, flown_rounds = np.array([distance, time]), list[Round]()
+    while len(flown_rounds) <= rounds and command[1] > 0.0:
         velocity = nominal_velocity(np.array([command[0], 0.0, 0.0]), float(command[1]))
         if math.hypot(*velocity) > SPEED_LIMIT:
             break
         path = (kick or flown)(velocity)
-        found.append(_round(path, distance, time))
-        if path.status != "landed" or found[-1].is_met:
+        flown_rounds.append(_round(path, distance, time))
+        if path.status != "landed" or flown_rounds[-1].is_met:
             break
-        command = command + np.array([found[-1].distance_error, found[-1].time_error])
-    return tuple(found)
+        command = command + np.array([flown_rounds[-1].distance_error, flown_rounds[-1].time_error])
+    return tuple(flown_rounds)
 
 
 def newton_rounds(launch: Launch) -> tuple[Round, ...]:
@@ -94,11 +93,10 @@ def newton_rounds(launch: Launch) -> tuple[Round, ...]:
     assert goal.time is not None
 
     def flown(velocity: Array) -> Flight:
-        """Return the flight from a launch velocity."""
         state = BallState(velocity=velocity, spin=launch.spin)
         return fly(state, launch.ball, launch.air, tol=1e-13)
 
-    return tuple(_round(flown(one), goal.distance, goal.time) for one in launch.history)
+    return tuple(_round(flown(velocity), goal.distance, goal.time) for velocity in launch.history)
 
 
 def _round(path: Flight, distance: float, time: float) -> Round:

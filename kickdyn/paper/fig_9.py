@@ -40,7 +40,7 @@ def items() -> list[Item]:
     """Return spins and launch angles, the speeds' bound, and the flights."""
     result, attack = [], float(np.mean([launch for _, _, launch, _ in CASES]))
     bound = normal_impulse(FOOT_SPEED, 1.0, np.inf, BALL.mass) / BALL.mass
-    one = (
+    attack_reason = (
         "one attack direction for all cases, which have the same foot motion: the mean of the "
         "printed launch angles; a ball whose contact sticks leaves along it"
     )
@@ -59,7 +59,14 @@ def items() -> list[Item]:
         )
         for what, paper, ours, unit, why, source in (
             ("spin", spin, math.hypot(*state.spin), "rad/s", fitted, "Eqs. (15)-(21)"),
-            ("launch angle", angle, math.degrees(common.elevation), "deg", one, "Eqs. (15)-(18)"),
+            (
+                "launch angle",
+                angle,
+                math.degrees(common.elevation),
+                "deg",
+                attack_reason,
+                "Eqs. (15)-(18)",
+            ),
             ("ball speed", speed, bound, "m/s", slow, "Eq. (10), the leg of infinite mass"),
         ):
             name, verdict = (

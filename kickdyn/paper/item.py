@@ -106,7 +106,7 @@ def shape(holds: bool) -> Verdict:
     return Verdict.SHAPE_REPRODUCED if holds else Verdict.NOT_REACHABLE
 
 
-def judged(item: Item, others: Sequence[Item]) -> Item:
+def judged(item: Item, variants: Sequence[Item]) -> Item:
     """Return an item with `DEPENDS` as its verdict where other coefficients give another answer.
 
     A note then has both numbers: the other one is the farthest away, of those with another verdict
@@ -114,12 +114,11 @@ def judged(item: Item, others: Sequence[Item]) -> Item:
     """
 
     def distance(other: Item) -> float:
-        """Return the ratio of the larger number to the smaller, 1 or more."""
         small, large = sorted((abs(item.ours), abs(other.ours)))
         return large / small if small else 1.0
 
-    changed = [other for other in others if other.verdict != item.verdict]
-    farthest = max(changed or others, key=distance, default=item)
+    changed = [other for other in variants if other.verdict != item.verdict]
+    farthest = max(changed or variants, key=distance, default=item)
     if not changed and distance(farthest) <= WIDE:
         return item
     unit = "" if item.unit == "1" else f" {item.unit}"

@@ -20,7 +20,7 @@ COLOURS = {
 }
 
 
-def show(items: Mapping[str, Sequence[Item]], others: Mapping[str, Sequence[Item]]) -> None:
+def show(items: Mapping[str, Sequence[Item]], varied: Mapping[str, Sequence[Item]]) -> None:
     """Print all items by section, and those with other coefficients, as wide as the screen is."""
     width = screen_width()
     console = Console(width=width, highlight=False)
@@ -28,10 +28,10 @@ def show(items: Mapping[str, Sequence[Item]], others: Mapping[str, Sequence[Item
     why = list(dict.fromkeys(text for item in every for text in (item.why, *item.notes)))
     console.print(table(items, why))
     print(notes(why, width) + "\n")
-    for name, section in others.items():
+    for name, section in varied.items():
         console.print(sensitivity(name, section))
-    every += [item for section in others.values() for item in section]
-    for verdict in (one for one in COLOURS if any(item.verdict == one for item in every)):
+    every += [item for section in varied.values() for item in section]
+    for verdict in (kind for kind in COLOURS if any(item.verdict == kind for item in every)):
         count = sum(item.verdict == verdict for section in items.values() for item in section)
         console.print(f"[{COLOURS[verdict]}]{verdict}[/] ({count}): {MEANINGS[verdict]}")
     console.print(

@@ -63,10 +63,10 @@ def items() -> list[Item]:
         _, *printed = ROWS[name]
         impact = impact_of(posture)
         totals.append(float(np.linalg.norm(impact.impulse)))
-        for part, share, paper in zip((" X", " Y", ""), (*ATTACK[::2], 1.0), printed, strict=True):
+        for axis, share, paper in zip((" X", " Y", ""), (*ATTACK[::2], 1.0), printed, strict=True):
             ours = totals[-1] * float(share)
             verdict = near(ours, paper, FITTED, Verdict.FITTED)
-            result.append(Item(f"{NAME} {name}{part}", paper, ours, "N s", verdict, why, source))
+            result.append(Item(f"{NAME} {name}{axis}", paper, ours, "N s", verdict, why, source))
         joint, inside = impact.worst_joint
         title, inner = f"{NAME} {name}, in the {joint}", "the largest of the joint impulses"
         result.append(Item(title, None, inside, "N s", Verdict.OURS, inner, source))

@@ -90,11 +90,11 @@ class Fit(NamedTuple):
     locked: float
 
 
-def kick(row: TestBedKick, found: Fit, choice: Coefficients) -> Flight:
+def kick(row: TestBedKick, fitted: Fit, choice: Coefficients) -> Flight:
     """Return the flight of a row's kick, struck by the leg."""
     normal = direction(row.contact_deg)
-    v = found.posture.joint_velocity(found.gain / (1 + RESTITUTION) * row.foot_speed * ATTACK)
-    impulse = strike(found.posture, v, BALL, Contact(normal, RESTITUTION)).impulse
+    v = fitted.posture.joint_velocity(fitted.gain / (1 + RESTITUTION) * row.foot_speed * ATTACK)
+    impulse = strike(fitted.posture, v, BALL, Contact(normal, RESTITUTION)).impulse
     return flight(float(impulse @ normal), normal, choice)
 
 
@@ -147,7 +147,6 @@ def fit(choice: Coefficients) -> Fit:
     leg, speeds = testbed(), HIGH.foot_speed * (NORMALS @ ATTACK)
 
     def distance(row: int, driven: float) -> float:
-        """Return the distance [m] of a row of Table 4 from its (1 + e) s m(n) [kg]."""
         return flight(driven * speeds[row], NORMALS[row], choice).range
 
     low, high = (
@@ -156,11 +155,9 @@ def fit(choice: Coefficients) -> Fit:
     )
 
     def misfit(mass: Array) -> Array:
-        """Return the relative error of the launch speed at 30 deg, that at 50 deg being fitted."""
         return np.asarray(mass[..., 0] / mass[..., 2] * high / low - 1.0)
 
     def at(q: Array) -> Array:
-        """Return m(n) of a configuration [kg]."""
         return np.asarray(masses([leg.posture(q)])[0])
 
     q, free, locked = grid()

@@ -20,7 +20,7 @@ supply to the supporting foot. They are kept where the solver finds such a motio
 import math
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -32,9 +32,22 @@ from scipy.optimize import least_squares
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
+from kickdyn.errors import InvalidInput
 from kickdyn.impact.constraint_impulses import Footing, footing
-from kickdyn.planning.kick_program import one_blas_thread
-from kickdyn.planning.stance import LENGTH, TILT, UPRIGHT, Condition, Stance
+from kickdyn.planning.kick_point import KickPoint
+from kickdyn.planning.kick_problem import KickProblem, KickSolution
+from kickdyn.planning.kick_terms import JointRange
+from kickdyn.planning.objectives import Objective
+from kickdyn.planning.solvers import one_blas_thread
+from kickdyn.planning.stance import (
+    LENGTH,
+    TILT,
+    Balance,
+    Clearance,
+    StanceTerm,
+    Upright,
+    height_slopes,
+)
 from kickdyn.planning.swing_phase import (
     LONGEST,
     Motion,
@@ -45,6 +58,20 @@ from kickdyn.planning.swing_phase import (
 from kickdyn.robot.ground_clearance import Spheres
 from kickdyn.robot.kicking_chain import KickingChain, kicking_chain
 from kickdyn.robot.standing import StandingRobot, joint_spheres, kicking_limb
+
+LIFT = 100.0
+"""Largest upward acceleration of the kicking foot in the backswing [m/s2].
+
+It is a choice, about ten times gravity: with less, fewer kicks have a backswing; with more, the
+backswing takes more torque.
+"""
+
+RESERVE = 0.02
+"""Share of the range of each joint that remains at either end at the impact: a joint that is at an
+end and moves away from it came from beyond."""
+
+TRIED = 2
+"""Postures at the impact for which a backswing is sought, the best ones first."""
 
 NODES = 8
 """Intervals between nodes; their lengths grow with the time from the impact, where the foot's path
@@ -63,8 +90,8 @@ LEAN = math.radians(45)
 """Largest angle between the trunk and its direction in the robot that stands upright [rad]: more
 than `TILT` at the impact, so that a trunk can come from where it swings back."""
 
-LEAN_MARGIN = (math.cos(LEAN) - math.cos(TILT)) / UPRIGHT
-"""Margin of the stance where the trunk is so far from upright."""
+LEAN_MARGIN = (math.cos(LEAN) - math.cos(TILT)) / Upright.scale
+"""Value of `Upright`, over its scale, where the trunk is so far from upright."""
 
 SHARE = 0.01
 """Share of each limit (range, speed and torque of a joint, tilt of the trunk) that the solver
@@ -187,7 +214,7 @@ class Backswing(ReprMixin):
             found.append(footing(support, at_frame, place.rotation, dynamics.weight))
         return found
 
-    def fault(self, stance: Stance) -> str:
+    def fault(self) -> str:
         """Return the kinematic condition that is not kept on the fine grid, in a line, or none."""
         phase, chain = self.phase, self.phase.chain
         motion = phase.fine
@@ -204,16 +231,55 @@ class Backswing(ReprMixin):
         rest, still = motion.q[0], np.zeros(len(chain.names))
         leg = self.standing.leg  # with the joints that stay at 0: one of them may carry the trunk
         wholes = [chain.whole(leg, q, still) for q in motion.q]
-        trunk = stance.rows(Condition.UPRIGHT)
-        upright = min(stance.margins(leg.posture(q), v)[trunk].item() for q, v in wholes)
-        if upright < LEAN_MARGIN:
+        trunk = Upright(self.standing)
+        if (
+            min(trunk.residual(leg.posture(q), v).item() for q, v in wholes)
+            < LEAN_MARGIN * trunk.scale
+        ):
             return f"its trunk is more than {math.degrees(LEAN):.0f} deg from upright"
         weight = pin.rnea(chain.model, chain.model.createData(), rest, still, still)
-        if stance.balance(leg.posture(wholes[0][0])) < 0.0:
+        if Balance(self.standing).distance(leg.posture(wholes[0][0])) < 0.0:
             return "it does not stand at the start: its centre of mass is beside the sole"
         if (np.abs(weight) > chain.effort_limit).any():
             return "it cannot stand at the start within its torque limits"
         return ""
+
+
+def solve_with_backswing(
+    problem: KickProblem, objective: Objective
+) -> tuple[KickSolution, Backswing]:
+    """Return a solution of a standing robot's problem that has a backswing, and the backswing.
+
+    It is sought near the solutions without one.
+
+    Raises:
+        InvalidInput: none is found.
+    """
+    standing, variables = problem.standing, problem.variables
+    assert standing is not None
+    variants, known = list(problem.variants()), list[KickPoint]()
+    while variants and not (known := variants[0].solve(objective)):
+        variants.pop(0)
+    reason = "no posture reaches the launch within its limits, with or without a backswing"
+    if known:
+        reason = (
+            "its kicking foot would come from under the ground; a flatter launch, or a contact "
+            "point (offset) where the foot is heavier, takes a foot that rises less"
+        )
+    stricter = {Clearance: Clearance(standing, LIFT), JointRange: JointRange(variables, RESERVE)}
+    for variant in variants:
+        terms = tuple(stricter.get(type(term), term) for term in variant.terms)
+        lifted = replace(variant, terms=terms)
+        points = lifted.solve(objective, [point.x for point in known])
+        for point in sorted(points, key=objective.cost)[:TRIED]:
+            q, v = point.posture.q[variables.qs], point.v[variables.vs]
+            backswing, reason = find_backswing(standing, q, v)
+            if backswing is not None:
+                over = (f"torque of {name} in the backswing" for name in backswing.too_strong)
+                return KickSolution(lifted, point, tuple(over)), backswing
+        if points:
+            reason = f"{reason} (another goal, offset or objective takes another posture)"
+    raise InvalidInput(f"{standing.robot.name} finds no backswing to this kick: {reason}")
 
 
 def find_backswing(standing: StandingRobot, q: Array, v: Array) -> tuple[Backswing | None, str]:
@@ -229,7 +295,7 @@ def find_backswing(standing: StandingRobot, q: Array, v: Array) -> tuple[Backswi
     for weights in WEIGHTS:
         x = problem.solve(x, weights)
         found = Backswing(problem.phase(x), standing)
-        reason = found.fault(problem.stance)
+        reason = found.fault()
         if not reason:
             return found, ""
     return None, reason
@@ -293,7 +359,8 @@ class _BackswingProblem:
     """
 
     def __init__(self, standing: StandingRobot, q: Array, v: Array) -> None:
-        self.stance = Stance(standing, without=Condition.CLEARANCE)
+        self._standing = standing
+        self._balance, self._upright = Balance(standing), Upright(standing)
         self._chain, self._limb = (chain := kicking_chain(standing.leg)), _kicking_limb(standing)
         self._q, self._away, self._n = q, -v, len(chain.names)
         self._dynamics, self._data = _Dynamics(chain), chain.model.createData()
@@ -400,7 +467,7 @@ class _BackswingProblem:
                 _hinged(kinematic / RANGE, half - np.abs(off), by_q, none, none),
                 _hinged(kinematic / RANGE, 1.0 - SHARE - np.abs(fast), none, by_v, none),
                 self._above(q, kinematic / HEIGHT),
-                self._placed(q, kinematic, Condition.UPRIGHT, LEAN_MARGIN + SHARE),
+                self._placed(q, kinematic, self._upright, LEAN_MARGIN + SHARE),
             ]
         return _joined(parts)
 
@@ -411,7 +478,7 @@ class _BackswingProblem:
         use = forces[6:] / limit
         slope = -np.sign(use)[:, None] * by_q[6:] / limit[:, None]
         held = _hinged(kinematic / RANGE, 1.0 - SHARE - np.abs(use), slope, none, none)
-        return _joined([self._placed(q, kinematic, Condition.BALANCE, MARGIN / LENGTH), held])
+        return _joined([self._placed(q, kinematic, self._balance, MARGIN / LENGTH), held])
 
     def _above(self, q: Array, weight: float) -> _Terms:
         """Return the heights of the lowest points of the kicking limb's bodies that count."""
@@ -423,30 +490,29 @@ class _BackswingProblem:
             heights = body.centres @ pose.rotation[2] - body.radii
             lowest = int(np.argmin(heights))
             arm = pose.rotation @ body.centres[lowest]
-            own = pin.getJointJacobian(model, data, joint, pin.LOCAL_WORLD_ALIGNED)
+            jacobian = pin.getJointJacobian(model, data, joint, pin.LOCAL_WORLD_ALIGNED)
             values.append(float(heights[lowest] + pose.translation[2]) - GAP)
-            rows.append(own[2] + arm[1] * own[3] - arm[0] * own[4])  # z of v + w x arm
+            rows.append(height_slopes(jacobian, arm[None])[0])
         none = self._none[: len(rows)]
         return _hinged(weight, np.array(values), np.array(rows), none, none)
 
-    def _placed(self, q: Array, weight: float, condition: Condition, gap: float) -> _Terms:
-        """Return the margins of a condition of the stance that are less than a gap."""
-        standing, chain = self.stance.standing.leg, self._chain
-        rows = self.stance.rows(condition)
-        whole, still = chain.whole(standing, q, np.zeros(self._n))
-        posture = standing.posture(whole)
-        margins = self.stance.margins(posture, still)[rows]
-        slopes = self.stance.slopes(posture, still, chain.vs)[0][rows]
+    def _placed(self, q: Array, weight: float, term: StanceTerm, gap: float) -> _Terms:
+        """Return the values of a term, over its scale, that are less than a gap."""
+        leg, chain = self._standing.leg, self._chain
+        configuration, still = chain.whole(leg, q, np.zeros(self._n))
+        posture = leg.posture(configuration)
+        values = term.residual(posture, still) / term.scale
+        slopes = term.derivatives(posture, still)[0][:, chain.vs] / term.scale
         none, scale = np.zeros_like(slopes), weight * LENGTH / HEIGHT
-        return _hinged(scale, margins - gap, slopes, none, none)
+        return _hinged(scale, values - gap, slopes, none, none)
 
     def _wrench(self, wrench: Array, slopes: list[Array], weight: float) -> _Terms:
         """Return how far the ground's wrench is outside what it can supply."""
-        stance, friction = self.stance, self.stance.standing.support.friction
-        rows = np.zeros((len(stance.normals) + 1, 6))
+        sole, friction = self._balance, self._standing.support.friction
+        rows = np.zeros((len(sole.normals) + 1, 6))
         rows[0, 2] = 1.0
-        rows[1:, 2] = stance.offsets / LENGTH
-        rows[1:, 4], rows[1:, 3] = stance.normals.T[0] / LENGTH, -stance.normals.T[1] / LENGTH
+        rows[1:, 2] = sole.offsets / LENGTH
+        rows[1:, 4], rows[1:, 3] = sole.normals.T[0] / LENGTH, -sole.normals.T[1] / LENGTH
         if friction is not None:
             size = float(np.hypot(wrench[0], wrench[1])) or 1.0
             cone = [-wrench[0] / size, -wrench[1] / size, friction, 0.0, 0.0, 0.0]

@@ -14,45 +14,24 @@ from kickdyn.errors import InvalidInput
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course, follow
 from kickdyn.ground import Ground, Surface
-from kickdyn.impact.constraint_impulses import check_free_joints, check_unconstrained
+from kickdyn.impact.constraint_impulses import check_free_joints
 from kickdyn.impact.strike import strike
 from kickdyn.plane import Plane
-from kickdyn.planning.backswing import Backswing, find_backswing
+from kickdyn.planning.backswing import solve_with_backswing
 from kickdyn.planning.goal import Arc, Goal, PlanStatus
-from kickdyn.planning.impact_target import ImpactTarget, impact_target_for
+from kickdyn.planning.impact_target import impact_target_for
 from kickdyn.planning.kick_plan import KickPlan
-from kickdyn.planning.kick_program import (
-    FEASIBLE,
-    Cost,
-    KickObjective,
-    KickProgram,
-    KickSolution,
-    explain_infeasible,
-    scatter_cost,
-    turn_leg,
-)
+from kickdyn.planning.kick_problem import kick_problem, solve_kick
+from kickdyn.planning.kick_terms import SpeedLimit, TorqueLimit
 from kickdyn.planning.launch import Launch, OutOfReach, fly_to_target, plan_launch
+from kickdyn.planning.objectives import OBJECTIVES, KickObjective, LandingScatter
 from kickdyn.planning.passes import plan_pass
-from kickdyn.planning.stance import Stance
+from kickdyn.planning.stance import Balance
 from kickdyn.planning.swing_phase import check_solver
 from kickdyn.restitution import checked_restitution
-from kickdyn.robot.kicking_chain import (
-    KickingChain,
-    kicking_chain,
-    with_angles,
-)
+from kickdyn.robot.kicking_chain import with_angles
 from kickdyn.robot.leg import Leg
-from kickdyn.robot.standing import StandingRobot, is_floating
-
-LIFT = 100.0
-"""Largest upward acceleration of the kicking foot of a standing robot in its backswing [m/s2].
-
-It is a choice, about ten times gravity: with less, fewer kicks have a backswing; with more, the
-backswing takes more torque.
-"""
-
-TRIED = 2
-"""Postures at the impact for which a backswing is sought, the best ones first."""
+from kickdyn.robot.standing import is_floating
 
 FAR = 1e9
 """Farthest that a ball may lie from the world's origin, along each axis [m]."""
@@ -150,15 +129,12 @@ def plan_kick(
     """
     leg = with_angles(leg)
     check_free_joints(leg, "kicks are planned")
-    standing = StandingRobot(leg) if is_floating(leg) else None
-    if standing is None:
-        check_unconstrained(leg, "kicks from a fixed base are planned")
     objective = _checked_objective(objective, uncertainty, limits=limits, swing=swing)
-    if swing and standing is None:
+    position = _checked_ball_position(ball_height, ball_at)
+    if is_floating(leg):
+        position = _lying_on_ground(position, ball)
+    elif swing:
         check_solver()
-    ball_position = _checked_ball_position(ball_height, ball_at)
-    if standing is not None:
-        ball_position = _lying_on_ground(ball_position, ball)
     offset = None if offset is None else validation.vector("contact offset", offset, 3, unit="m")
     wished_spin = validation.vector("spin", spin, 3, unit="rad/s")
 
@@ -169,144 +145,44 @@ def plan_kick(
     target = impact_target_for(
         launch.velocity, launch.spin, ball, checked_restitution(restitution), friction, offset
     )
-    chain = kicking_chain(leg if standing is None else standing.leg, branches=True)
-    scatter = None if uncertainty is None else scatter_cost(target, launch, air, uncertainty)
-    backswing = None
-    if standing is None:
-        program = KickProgram(chain.leg, target, ball_position, limits=limits, turn=turn)
-        solution = _solve(program, objective, scatter)
-    elif swing:
-        program, solution, backswing = _solve_with_backswing(
-            standing, chain, target, ball_position, objective
-        )
+    problem = kick_problem(leg, target, position, limits=limits, turn=turn)
+    if uncertainty is None:
+        cost = OBJECTIVES[objective]()
     else:
-        program, solution = _solve_standing(
-            standing, chain, target, ball_position, limits, objective, scatter
-        )
-    cost = scatter or program.cost(objective)
-    static_share, phases = solution.share, None  # the share without regard to a swing
-    if swing and standing is None:
-        from kickdyn.planning.swing_kick import solve_with_swing
-
-        solution, phases = solve_with_swing(program, solution, objective)
-    if standing is None:
-        robot = turn_leg(leg, program.heading) if program.heading else leg
-        q, v = chain.whole(robot, solution.posture.q, solution.v)
+        cost = LandingScatter(launch, air, uncertainty)
+    phases = backswing = None
+    if not swing:
+        solution = solve_kick(problem, cost)
+    elif problem.standing is not None:
+        solution, backswing = solve_with_backswing(problem, cost)
     else:
-        robot = standing.robot
-        q, v = standing.whole(*chain.whole(standing.leg, solution.posture.q, solution.v))
-    impact = strike(robot.posture(q), v, ball, target.contact)
+        from kickdyn.planning.swing_kick import solve_with_swing  # it needs CasADi
 
-    speed = np.abs(solution.v[program.vs]) / program.velocity_limit
-    torque = np.abs(program.torque(solution.posture.q, solution.v)) / program.torque_limit
-    met = solution.share == 1.0
-    over = {} if backswing is None else backswing.too_strong
+        solution, phases = solve_with_swing(problem, cost)
+
+    problem, point = solution.problem, solution.point
+    q, v = problem.on_robot(point)
+    impact = strike(problem.robot.posture(q), v, ball, target.contact)
+    met = point.share == 1.0
+    balance = problem.find(Balance)
     return KickPlan(
-        status=PlanStatus.MET if met and not over else PlanStatus.BEYOND_LIMITS,
+        status=PlanStatus.BEYOND_LIMITS if solution.binding or not met else PlanStatus.MET,
         goal=goal,
         launch=launch,
         objective=objective,
-        value=abs(cost(solution.posture, solution.v)),
-        share=solution.share,
+        value=abs(cost.cost(point)),
+        share=point.share,
         impact_target=target,
         impact=impact,
         path=_carry_out(impact.ball_after, goal, launch.time if met else None, ball, air, surface),
-        speed_use=float(speed.max()),
-        torque_use=float(torque.max()),
-        binding=(
-            *(["swing"] if solution.share < static_share - 1e-6 else []),
-            *_reached("speed", program.names, speed),
-            *_reached("torque", program.names, torque),
-            *(f"torque of {name} in the backswing" for name in over),
-        ),
-        heading=program.heading,
+        speed_use=float(SpeedLimit(problem.variables).use(point).max()),
+        torque_use=float(TorqueLimit(problem.variables).use(point).max()),
+        binding=(*solution.binding, *(x for term in problem.terms for x in term.binding(point))),
+        heading=problem.heading,
         phases=phases,
         backswing=backswing,
-        balance=None if program.stance is None else program.stance.balance(solution.posture),
+        balance=None if balance is None else balance.distance(point.posture),
     )
-
-
-def _solve(program: KickProgram, objective: KickObjective, scatter: Cost | None) -> KickSolution:
-    """Return the solution of a program for an objective, or for a cost of scatter."""
-    if scatter is not None:
-        return _solve_scatter(program, scatter)
-    return _feasible(program, program.solve(program.cost(objective)))
-
-
-def _solve_standing(
-    standing: StandingRobot,
-    chain: KickingChain,
-    target: ImpactTarget,
-    ball_position: float | Array | None,
-    limits: bool,
-    objective: KickObjective,
-    scatter: Cost | None,
-) -> tuple[KickProgram, KickSolution]:
-    """Return the solution of a standing robot, and its program.
-
-    Where no posture that meets the goal has a support's impulse that ground can supply, the foot is
-    held.
-    """
-
-    def program(impulse: Array | None) -> KickProgram:
-        """Return the program, where the ground must supply the support's impulse or not."""
-        stance = Stance(standing, impulse)
-        return KickProgram(chain.leg, target, ball_position, limits=limits, stance=stance)
-
-    stands = program(target.impulse)
-    found = stands.solve_whole(
-        stands.cost(KickObjective.JOINT_SPEED if scatter is not None else objective)
-    )
-    if found is None:
-        held = program(None)
-        return held, _solve(held, objective, scatter)
-    return stands, found if scatter is None else _solve_scatter(stands, scatter)
-
-
-def _solve_with_backswing(
-    standing: StandingRobot,
-    chain: KickingChain,
-    target: ImpactTarget,
-    ball_position: float | Array | None,
-    objective: KickObjective,
-) -> tuple[KickProgram, KickSolution, Backswing]:
-    """Return the solution of a standing robot that has a backswing, its program, and that.
-
-    It is sought near the solutions of `_solve_standing`.
-
-    Raises:
-        InvalidInput: none is found.
-    """
-
-    def program(impulse: Array | None, lift: float | None) -> KickProgram:
-        """Return the program, with the support's impulse and the height of the foot or without."""
-        stance = Stance(standing, impulse, lift=lift)
-        return KickProgram(chain.leg, target, ball_position, stance=stance)
-
-    impulses: list[Array | None] = [target.impulse, None]
-    known: list[KickSolution] = []
-    while impulses and not known:
-        plain = program(impulses[0], None)
-        known = plain.solve_all(plain.cost(objective))
-        impulses = impulses if known else impulses[1:]
-    reason = "no posture reaches the launch within its limits, with or without a backswing"
-    if known:
-        reason = (
-            "its kicking foot would come from under the ground; a flatter launch, or a contact "
-            "point (offset) where the foot is heavier, takes a foot that rises less"
-        )
-    for impulse in impulses:
-        lifted = program(impulse, LIFT)
-        starts = [plain.unknowns(one) for one in known]
-        found = lifted.solve_all(lifted.cost(objective), starts)
-        for solution in sorted(found, key=lambda one: one.value)[:TRIED]:
-            q, v = solution.posture.q[lifted.qs], solution.v[lifted.vs]
-            backswing, reason = find_backswing(standing, q, v)
-            if backswing is not None:
-                return lifted, solution, backswing
-        if found:
-            reason = f"{reason} (another goal, offset or objective takes another posture)"
-    raise InvalidInput(f"{standing.robot.name} finds no backswing to this kick: {reason}")
 
 
 def _lying_on_ground(position: float | Array | None, ball: Ball) -> float | Array:
@@ -402,32 +278,6 @@ def _plan_pass_launch(
     )
 
 
-def _feasible(program: KickProgram, solution: KickSolution | None) -> KickSolution:
-    """Return a solution, or raise `InvalidInput` with the reason why there is none."""
-    if solution is not None:
-        return solution
-    at, where = program.ball_position, ""
-    if isinstance(at, np.ndarray):
-        where = f" at ({', '.join(f'{part:g}' for part in at)}) m"
-    elif at is not None:
-        where = f" at a height of {at:g} m"
-    raise InvalidInput(
-        f"{program.leg.name} has no posture in which it can give a ball{where} the required "
-        f"launch; {explain_infeasible(program)}"
-    )
-
-
-def _solve_scatter(program: KickProgram, cost: Cost) -> KickSolution:
-    """Return the solution of least scatter near those of all other objectives."""
-    found = _feasible(program, program.solve(program.cost(KickObjective.JOINT_SPEED)))
-    known = [found]
-    if found.share == 1.0:  # the plan of another objective may scatter less, or lead to one
-        names = set(KickObjective) - {KickObjective.JOINT_SPEED, KickObjective.SCATTER}
-        others = [program.solve(program.cost(name)) for name in sorted(names)]
-        known += [one for one in others if one is not None and one.share == 1.0]
-    return min((program.improve(one, cost) for one in known), key=lambda one: one.value)
-
-
 def _carry_out(
     start: BallState,
     goal: Goal,
@@ -442,12 +292,3 @@ def _carry_out(
     ground = Ground(float(start.position[2]) - ball.radius, surface)
     plane = Plane(start.position + goal.target, -goal.ahead, "centre")
     return follow(start, ball, air, ground, plane=plane)
-
-
-def _reached(what: str, names: tuple[str, ...], use: Array) -> list[str]:
-    """Return the limits that are reached, by joint."""
-    return [
-        f"{what} of {name}"
-        for name, share in zip(names, use.tolist(), strict=True)
-        if share > 1.0 - 10 * FEASIBLE
-    ]

@@ -20,8 +20,8 @@ from kickdyn.planning.backswing import Backswing
 from kickdyn.planning.ball_overlap import find_overlaps
 from kickdyn.planning.goal import Goal, PlanStatus
 from kickdyn.planning.impact_target import ImpactTarget
-from kickdyn.planning.kick_program import KickObjective
 from kickdyn.planning.launch import Launch
+from kickdyn.planning.objectives import KickObjective
 from kickdyn.planning.swing_phase import SwingPhase
 from kickdyn.restitution import range_warnings
 from kickdyn.robot.ground_clearance import Depth, body_frames, find_depths

@@ -17,6 +17,7 @@ from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.representation import ReprMixin, Row, freeze_arrays
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
+from kickdyn.flight.derivatives import DifferentiableFlight
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.fly import fly
 from kickdyn.ground import Ground
@@ -29,7 +30,7 @@ from kickdyn.planning.launch_solver import (
     solve_launch,
 )
 from kickdyn.planning.passes import Pass
-from kickdyn.planning.shooting import ShootingProblem, Trajectory
+from kickdyn.planning.shooting import UP, ShootingProblem, crossing, crossing_time
 
 REASONS = {
     LaunchLimit.SPEED: "the ball would have to start faster than {speed:.4g} m/s",
@@ -161,15 +162,13 @@ class Launch(ReprMixin):
         problem = _shooting_problem(self.goal, self.ball, self.air, self.spin)
         direct = _solutions_from_vacuum(problem, self.goal)
         family = LaunchFamily(problem, self.goal, *self.limits)
-        found = family.solutions(direct, family.curves(direct))
-        apart = [
-            one
-            for one in found
-            if one.is_above_ground(self.goal)
-            and math.dist((*one.velocity, one.time), (*self.velocity, self.time))
-            > 1e-6 * self.speed
-        ]
-        return tuple(_launch(family, self.goal, None, one) for one in apart)
+        unknowns = *self.velocity, self.time
+        return tuple(
+            _launch(family, self.goal, None, solution)
+            for solution in family.solutions(direct, family.curves(direct))
+            if solution.is_above_ground(self.goal)
+            and math.dist((*solution.velocity, solution.time), unknowns) > 1e-6 * self.speed
+        )
 
     @cached_property
     def flight(self) -> Flight:
@@ -255,21 +254,21 @@ def plan_launch(
     family = LaunchFamily(problem, goal, limit, most_spin)
 
     direct = _solutions_from_vacuum(problem, goal)
-    solutions = [one for one in direct if family.is_inside(one)]
-    clear = [one for one in solutions if one.is_above_ground(goal)]
+    solutions = [solution for solution in direct if family.is_inside(solution)]
+    clear = [solution for solution in solutions if solution.is_above_ground(goal)]
     if arc == Arc.LOW and clear and len(solutions) == (2 if goal.kind == "speed" else 1):
         return _launch(family, goal, None, clear[0])
 
     curves = family.curves(direct)
     solutions = family.solutions(direct, curves)
-    clear = [one for one in solutions if one.is_above_ground(goal)]
+    clear = [solution for solution in solutions if solution.is_above_ground(goal)]
     if clear:
         return _launch(family, goal, None, clear[0 if arc == Arc.LOW else -1])
     if goal.beside is not None and not solutions:
         return _nearest_curve(family, direct)
     if not any(family.is_inside(member) for curve in curves for member in curve):
         return _farthest(family)
-    return _nearest(family, curves, buried=bool(solutions))
+    return _nearest(family, curves, ground_blocks=bool(solutions))
 
 
 def _shooting_problem(goal: Goal, ball: Ball, air: Air | None, spin: ArrayLike) -> ShootingProblem:
@@ -287,14 +286,16 @@ def _shooting_problem(goal: Goal, ball: Ball, air: Air | None, spin: ArrayLike) 
 
 def _solutions_from_vacuum(problem: ShootingProblem, goal: Goal) -> list[LaunchSolution]:
     """Return the solutions that Newton's method finds from the vacuum's answers."""
-    found, spin = [], [] if goal.beside is None else [0.0]
+    solutions, spin = list[LaunchSolution](), [] if goal.beside is None else [0.0]
     for time in goal.nominal_times():
         start = np.array([*nominal_velocity(goal.target, time), time, *spin])
-        one = solve_launch(problem, goal, start)
-        if one is not None:
-            falls = one.trajectory.state(one.time)[1][2] <= 1e-9 * one.speed
-            found += [one] if goal.apex is None or falls else []
-    return distinct(found, problem)
+        solution = solve_launch(problem, goal, start)
+        if solution is None:
+            continue
+        falls = solution.trajectory.velocity(solution.time)[2] <= 1e-9 * solution.speed
+        if goal.apex is None or falls:
+            solutions.append(solution)
+    return distinct(solutions, problem)
 
 
 def _launch(
@@ -320,34 +321,35 @@ def _launch(
 def _farthest(family: LaunchFamily) -> Launch:
     """Return the launch at the speed limit that comes farthest on the line to the target."""
     goal, speed = family.goal, family.speed_limit
-    slope, up = float(goal.target[2]) / goal.distance, np.array([0.0, 0.0, 1.0])
+    slope = float(goal.target[2]) / goal.distance
     most = 2.5 * speed / GRAVITY * (1.0 + abs(slope))
 
-    def flight(angle: float) -> Trajectory | None:
+    def flight(angle: float) -> DifferentiableFlight | None:
         """Return the flight at an angle to where it comes down to the line; None without such."""
-        velocity = speed * (math.cos(angle) * goal.ahead + math.sin(angle) * up)
-        flown = family.problem.shoot(velocity, most)
-        time = flown and flown.when(
-            lambda at: float((slope * goal.ahead - up) @ flown.state(at)[0]), 1e-6 * most, most
-        )
-        return flown._replace(time=time) if flown and time else None
+        velocity = speed * (math.cos(angle) * goal.ahead + math.sin(angle) * UP)
+        longest = family.problem.shoot(velocity, most)
+        if longest is None:
+            return None
+        time = crossing_time(longest, slope * goal.ahead - UP, 0.0, begin=1e-6 * most)
+        return None if time is None else replace(longest, end=time)
 
+    def negative_distance(angle: float) -> float:
+        """Return minus the distance to where the flight at an angle comes down [m]."""
+        path = flight(angle)
+        return 0.0 if path is None else -float(goal.ahead @ path.position(path.end))
+
+    bounds = math.atan(slope) + 1e-3, math.pi / 2 - 1e-3
     best = minimize_scalar(
-        lambda angle: (
-            -float(goal.ahead @ end.state(end.time)[0]) if (end := flight(angle)) else 0.0
-        ),
-        bounds=(math.atan(slope) + 1e-3, math.pi / 2 - 1e-3),
-        method="bounded",
-        options={"xatol": 1e-5},
+        negative_distance, bounds=bounds, method="bounded", options={"xatol": 1e-5}
     )
-    found = flight(float(best.x))
-    if found is None:
+    path = flight(float(best.x))
+    if path is None:
         raise OutOfReach(
             f"the goal is out of reach of every launch at {speed:.4g} m/s", LaunchLimit.SPEED, None
         )
-    unknowns = np.array([*found.state(0.0)[1], found.time])
-    solution = LaunchSolution(unknowns, np.zeros(4), unknowns[None, :3], found)
-    reached = Goal(found.state(found.time)[0], time=found.time)
+    unknowns = np.array([*path.velocity(0.0), path.end])
+    solution = LaunchSolution(unknowns, np.zeros(4), unknowns[None, :3], path)
+    reached = Goal(path.position(path.end), time=path.end)
     return _launch(family, reached, LaunchLimit.SPEED, solution)
 
 
@@ -369,9 +371,9 @@ def _nearest_curve(family: LaunchFamily, solutions: list[LaunchSolution]) -> Lau
     )
     if spun.status != PlanStatus.MET:  # the speed limit is in the way even without `beside`
         return replace(spun, goal=goal)
-    flown = ShootingProblem(problem.ball, problem.air, spin).shoot(spun.velocity, spun.time)
-    assert flown is not None
-    passed = flown.crossing(goal.ahead, distance, goal.left)[0]
+    flight = ShootingProblem(problem.ball, problem.air, spin).shoot(spun.velocity, spun.time)
+    assert flight is not None
+    passed, _ = crossing(flight, goal.ahead, distance, goal.left)
     return replace(
         spun,
         status=PlanStatus.UNREACHABLE,
@@ -381,37 +383,55 @@ def _nearest_curve(family: LaunchFamily, solutions: list[LaunchSolution]) -> Lau
     )
 
 
-def _nearest(family: LaunchFamily, curves: list[list[LaunchSolution]], *, buried: bool) -> Launch:
+def _nearest(
+    family: LaunchFamily, curves: list[list[LaunchSolution]], *, ground_blocks: bool
+) -> Launch:
     """Return the member nearest to what the goal names that is clear of the ground.
 
-    `buried` says that solutions exist and the ground is in the way of all.
+    `ground_blocks` says that solutions exist, and all of them lead through the ground.
     """
     goal = family.goal
-    members = [member for curve in curves for member in curve if family.is_inside(member)]
-    best = min(members, key=lambda member: abs(member.condition(goal)[0]))
-    if buried or not best.is_above_ground(goal):
-        buried, clear = True, family.above_ground(curves)
+
+    def distance(member: LaunchSolution) -> float:
+        return abs(member.condition(goal)[0])
+
+    inside = [member for curve in curves for member in curve if family.is_inside(member)]
+    nearest = min(inside, key=distance)
+    if ground_blocks or not nearest.is_above_ground(goal):
+        clear = family.above_ground(curves)
         if not clear:
             raise OutOfReach(
                 "the goal is out of reach: the ground is in the way of every launch",
                 LaunchLimit.GROUND,
                 None,
             )
-        best = min(clear, key=lambda member: abs(member.condition(goal)[0]))
-    best = family.refine(best)
-    error = best.condition(goal)[0]
-    limit, value = LaunchLimit.SPEED, dict[str, Any](time=best.time)
+        nearest, ground_blocks = min(clear, key=distance), True
+    nearest = family.refine(nearest)
+    error, _ = nearest.condition(goal)
+    limit = LaunchLimit.GROUND if ground_blocks else _limit_of(family, nearest, error)
+    return _launch(family, _reached(goal, error, nearest.time), limit, nearest)
+
+
+def _reached(goal: Goal, error: float, time: float) -> Goal:
+    """Return the goal that a launch meets, from the error of the condition and the time [s]."""
+    condition: dict[str, Any] = {goal.kind: getattr(goal, goal.kind)}
     if goal.over is not None:
-        value = {"over": (goal.over[0], goal.over[1] + error)}
-    elif goal.apex != -error:  # an apex at the start names no one launch
-        value = {goal.kind: getattr(goal, goal.kind) + error}
-    if buried:
-        limit = LaunchLimit.GROUND
-    elif goal.over is not None or goal.apex is not None:
-        limit = LaunchLimit.LOWEST_PATH if error > 0 else LaunchLimit.HIGHEST_PATH
-    elif goal.speed is not None and best.speed < family.speed_limit * (1 - 1e-6):
-        limit = LaunchLimit.LEAST_SPEED
-    return _launch(family, Goal(goal.target, **value, beside=goal.beside), limit, best)
+        condition["over"] = goal.over[0], goal.over[1] + error
+    elif goal.time is not None or goal.apex == -error:  # many launches have their apex at the start
+        condition = {"time": time}
+    else:
+        condition[goal.kind] += error
+    return Goal(goal.target, **condition, beside=goal.beside)
+
+
+def _limit_of(family: LaunchFamily, nearest: LaunchSolution, error: float) -> LaunchLimit:
+    """Return why no launch meets a goal, from the nearest one and the error of its condition."""
+    goal = family.goal
+    if goal.over is not None or goal.apex is not None:
+        return LaunchLimit.LOWEST_PATH if error > 0 else LaunchLimit.HIGHEST_PATH
+    if goal.speed is not None and nearest.speed < family.speed_limit * (1 - 1e-6):
+        return LaunchLimit.LEAST_SPEED
+    return LaunchLimit.SPEED
 
 
 def fly_to_target(

@@ -69,10 +69,7 @@ def score(plan: KickPlan) -> Score:
 
 @dataclass(frozen=True)
 class PlanReport:
-    """A planned kick with the swing, the wall, the goal and the errors that were asked about.
-
-    `advice` is sentences with options of `kickdyn plan` that were tried.
-    """
+    """A planned kick with the swing, the wall, the goal and the errors that were asked about."""
 
     plan: KickPlan
     swing: Swing | None = None
@@ -80,7 +77,6 @@ class PlanReport:
     goal_mouth: bool = False
     uncertainty: Mapping[str, float] | None = None
     limits: bool = True
-    advice: tuple[str, ...] = ()
 
     def sentences(self) -> list[str]:
         """Return the answer in sentences; raise `InvalidInput` where the ball hits the wall."""
@@ -98,7 +94,7 @@ class PlanReport:
             found.append(_describe_backswing(self.plan.backswing))
         found += [_describe_stance(name, self.plan) for name in self.plan.impact.footing]
         found += _after_impact(self.plan, limits=self.limits)
-        return [*found, *(f"Warning: {line}." for line in self.plan.warnings), *self.advice]
+        return [*found, *(f"Warning: {line}." for line in self.plan.warnings)]
 
     def table(self) -> list[str]:
         """Return the plan's numbers as lines of text."""

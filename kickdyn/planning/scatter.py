@@ -8,8 +8,7 @@ errors of a source with standard deviation :math:`\sigma_i`,
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,9 +18,10 @@ from kickdyn.core import validation
 from kickdyn.core.representation import ReadOnlyArrays, freeze_arrays
 from kickdyn.core.validation import Array
 from kickdyn.core.vectors import cross
-from kickdyn.errors import InvalidInput
-from kickdyn.flight.fly import fly
+from kickdyn.errors import InvalidInput, KickdynError
+from kickdyn.flight.derivatives import fly_with_launch_slopes
 from kickdyn.impact.impact_result import Impact
+from kickdyn.plane import Plane
 
 UNITS = {"speed": "1", "angle": "rad", "contact": "m", "restitution": "1", "drag": "1"}
 """Sources of error, with units.
@@ -30,8 +30,8 @@ Foot speed, relative; direction of the foot's velocity and place of the contact 
 upwards and sideways; restitution; drag coefficient, relative.
 """
 
-STEP, TOL = 1e-3, 1e-11
-"""Relative step of the differences, and tolerance of the flights that they are of."""
+TOL = 1e-11
+"""Relative tolerance of the flight."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,34 +78,20 @@ def scatter(impact: Impact, air: Air | None = None, **spread: float) -> Scatter:
 
 
 def landing_slopes(state: BallState, ball: Ball, air: Air | None) -> tuple[Array, Array]:
-    """Return where a ball comes back to its height, `(2,)`, and the derivatives, by differences.
+    """Return where a ball comes back to its height, `(2,)`, and the derivatives.
 
     They are by velocity, spin and relative drag coefficient: shape `(2, 7)` [m per m/s, m per
     rad/s, m].
     """
-
-    def landing(change: Array) -> Array:
-        """Return where a changed launch lands, shape `(2,)` [m]."""
-        start = BallState(state.position, state.velocity + change[:3], state.spin + change[3:6])
-        path = fly(start, ball, _with_drag(air, change[6]), tol=TOL)
-        if path.status != "landed" or not path.duration > 0.0:
-            raise InvalidInput(
-                "the ball does not fly up and come down: there is no landing to scatter"
-            )
-        return (path.landing.position - state.position)[:2]
-
-    speed, turn = math.hypot(*state.velocity), max(10.0, math.hypot(*state.spin))
-    steps = STEP * np.diag([*3 * [speed], *3 * [turn], 1.0])
-    slopes = [(landing(step) - landing(-step)) / (2 * step.sum()) for step in steps]
-    return landing(np.zeros(7)), np.transpose(slopes)
-
-
-def _with_drag(air: Air | None, change: float) -> Air | None:
-    """Return the air with another drag coefficient, by a relative change."""
-    if air is None or air.drag is None or change == 0.0:
-        return air
-    function: Any = getattr(air.drag, "function", air.drag)
-    return replace(air, drag=lambda reynolds, spin: (1.0 + change) * function(reynolds, spin))
+    level = Plane(state.position, (0.0, 0.0, 1.0), "centre")
+    try:
+        path = fly_with_launch_slopes(state, ball, air, level, TOL)
+    except KickdynError:
+        path = None
+    if path is None or not path.end > 0.0:
+        raise InvalidInput("the ball does not fly up and come down: there is no landing to scatter")
+    slopes, _ = path.slopes_at_plane(level.normal, path.end)
+    return path.position(path.end)[:2], slopes[:2]
 
 
 def landing_covariances(

@@ -1,105 +1,43 @@
-"""Flights to a time with their derivatives by the launch: internal differentiation.
-
-The flight and those of slightly changed launches are integrated side by side with the same steps,
-so that their differences are those of the equations and not of the steps (Bock 1981).
-"""
+"""A ball that is shot: its flight to a time, where that turns, and where it passes a place."""
 
 import math
 from collections.abc import Callable
-from itertools import pairwise
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
-from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from kickdyn.air import Air
-from kickdyn.ball import Ball
+from kickdyn.ball import Ball, BallState
 from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.validation import Array
-from kickdyn.flight.forces import acceleration_function, ballistic, downward, is_ballistic
+from kickdyn.errors import KickdynError
+from kickdyn.flight.derivatives import INCREMENT, DifferentiableFlight, fly_with_slopes
 
-NUDGE = 1e-6
-"""Change of an unknown of the launch, over `ShootingProblem.sizes`."""
+INTERVALS = 64
+"""Intervals of a flight in each of which it may turn once from up to down, or from down to up."""
 
-LOOKS = 64
-"""Intervals of a flight in each of which it may turn from down to up, or from up to down."""
-
-MOST_EVALUATIONS = 10_000
-"""Evaluations of the accelerations after which a flight is given up; most take 100 to 500."""
+UP = np.array([0.0, 0.0, 1.0])
+"""Unit vector upwards [world frame]."""
 
 
-class Trajectory(NamedTuple):
-    """A flight to a time, and its derivatives by launch velocity, then by the spin's size.
+@dataclass(frozen=True, eq=False)
+class ShootingProblem:
+    """A ball in the air to be shot from the origin.
 
     Attributes:
-        state: from a time [s] to position `(3,)` [m, from the launch] and velocity `(3,)` [m/s].
-        slope: from a time to the derivatives of the position, shape `(3, 3)` or `(3, 4)`.
-        time: up to which both hold [s].
+        ball: the ball.
+        air: the air; None is the vacuum.
+        spin: the spin, shape `(3,)` [rad/s]; with `seeks_spin` its axis, a unit vector.
+        seeks_spin: whether the size of the spin is an unknown.
+        tol: tolerance of the integration, relative to the flight's length and speed.
     """
 
-    state: Callable[[float], tuple[Array, Array]]
-    slope: Callable[[float], Array]
-    time: float
-
-    def apex(self) -> tuple[float, Array]:
-        """Return the greatest height up to the end, and its derivatives, shape `(3,)` or `(4,)`."""
-        when = self._extreme(1.0)
-        return float(self.state(when)[0][2]), self.slope(when)[2]
-
-    def lowest(self) -> float:
-        """Return the least height, ends included [m, from the launch]."""
-        return float(self.state(self._extreme(-1.0))[0][2])
-
-    def crossing(self, ahead: Array, distance: float, along: Array) -> tuple[float, Array]:
-        """Return the position along a unit vector at a distance ahead [m], and its derivatives.
-
-        Both are nan where the flight does not come so far.
-        """
-        when = self.when(lambda at: float(ahead @ self.state(at)[0]) - distance, 0.0, self.time)
-        if when is None:
-            return math.nan, np.full(self.slope(0.0).shape[1], math.nan)
-        position, velocity = self.state(when)
-        slope = self.slope(when)
-        delay = -(ahead @ slope) / (ahead @ velocity)  # of the crossing
-        return float(along @ position), along @ slope + (along @ velocity) * delay
-
-    def _extreme(self, sign: float) -> float:
-        """Return when the height times a sign is greatest [s]: at an end or where it turns."""
-        looks = pairwise(np.linspace(0.0, self.time, LOOKS + 1).tolist())
-        turns = [self.when(lambda at: -sign * float(self.state(at)[1][2]), *look) for look in looks]
-        times = [0.0, self.time, *(at for at in turns if at is not None)]
-        return max(times, key=lambda at: sign * float(self.state(at)[0][2]))
-
-    def when(self, value: Callable[[float], float], first: float, last: float) -> float | None:
-        """Return when a value rises through zero; None where it does not."""
-        if not value(first) < 0.0 <= value(last):
-            return None
-        return float(brentq(value, first, last, xtol=1e-15 * self.time))
-
-
-class ShootingProblem:
-    """A ball in the air, or in the vacuum, to be shot.
-
-    With `seeks_spin`, the size of the spin is an unknown and `spin` its axis. The tolerance is
-    relative to the flight's length and speed.
-    """
-
-    def __init__(
-        self,
-        ball: Ball,
-        air: Air | None,
-        spin: Array,
-        seeks_spin: bool = False,
-        tol: float = 1e-12,
-    ) -> None:
-        self.tol = tol
-        self.ball, self.air, self.spin, self.seeks_spin = ball, air, spin, seeks_spin
-        self._acting = None if air is None else acceleration_function(ball, air)
-
-    def with_tolerance(self, tol: float) -> "ShootingProblem":
-        """Return the same problem with another relative tolerance of the integration."""
-        return ShootingProblem(self.ball, self.air, self.spin, self.seeks_spin, tol)
+    ball: Ball
+    air: Air | None
+    spin: Array
+    seeks_spin: bool = False
+    tol: float = 1e-12
 
     def sizes(self, unknowns: Array) -> Array:
         """Return scales of launch velocity [m/s], time [s] and, where sought, spin size [rad/s]."""
@@ -111,68 +49,77 @@ class ShootingProblem:
         """Return the spin, shape `(3,)` [rad/s]."""
         return self.spin * size if self.seeks_spin else self.spin
 
-    def shoot(self, velocity: Array, time: float, size: float = 0.0) -> Trajectory | None:
-        """Fly from a launch velocity `(3,)` [m/s] for a time [s]; None where that fails."""
-        spin = self.spin_of(size)
-        if is_ballistic(self.air, spin) and not self.seeks_spin:
-            g = downward(self.ball, self.air)
+    def shoot(
+        self, velocity: Array, time: float, spin_size: float = 0.0
+    ) -> DifferentiableFlight | None:
+        """Fly from a launch velocity `(3,)` [m/s] for a time [s]; None where that fails.
 
-            def fall(at: float) -> tuple[Array, Array]:
-                """Return position and velocity of the parabola."""
-                place = ballistic(velocity, g, np.array([at]))[0]
-                return place[:3], place[3:6]
+        The derivatives are by the launch velocity and, where it is sought, by the spin's size.
+        """
+        count = 4 if self.seeks_spin else 3
+        parameters = np.array([*velocity, spin_size])[:count]
+        sizes = self.sizes(np.array([*velocity, time, spin_size]))[[0, 1, 2, 4][:count]]
 
-            return Trajectory(fall, lambda at: at * np.eye(3), time)
-        sizes = self.sizes(np.array([*velocity, time, size]))
-        nudges = NUDGE * sizes[[0, 1, 2, 4]]
-        unknowns = 4 if self.seeks_spin else 3
-        lanes = np.array([*velocity, size]) + np.vstack([np.zeros(4), np.diag(nudges)[:unknowns]])
-        begin = np.array([[0, 0, 0, *lane[:3], 1.0] for lane in lanes])
-        turning = [tuple(self.spin_of(lane[3]).tolist()) for lane in lanes]
-        acting = self._acting
-        assert acting is not None
+        def launch(values: Array) -> tuple[BallState, Air | None]:
+            spin = np.array(self.spin_of(float(values[-1])))
+            return BallState.computed(np.zeros(3), values[:3].copy(), spin), self.air
 
-        evaluations = 0
-
-        def rates(_: float, flat: Array) -> list[float]:
-            """Return the rates of all flights."""
-            nonlocal evaluations
-            evaluations += 1
-            if evaluations > MOST_EVALUATIONS:
-                raise ArithmeticError
-            result: list[float] = []
-            values = flat.tolist()
-            for lane, (wx, wy, wz) in enumerate(turning):
-                _, _, z, vx, vy, vz, left = values[7 * lane : 7 * lane + 7]
-                ax, ay, az, k = acting(z, vx, vy, vz, left * wx, left * wy, left * wz)
-                result += (vx, vy, vz, ax, ay, az, -k * left)
-            return result
-
-        scale = np.tile([*sizes[:3] * time, *sizes[:3], 1.0], len(lanes))
         try:
-            with np.errstate(over="ignore", invalid="ignore"):  # of launches without measure
-                found = solve_ivp(
-                    rates, (0.0, time), begin.ravel(), "DOP853", rtol=self.tol,
-                    atol=self.tol * scale, dense_output=True, first_step=time / 64,
-                )  # fmt: skip
-        except (ArithmeticError, ValueError):
+            return fly_with_slopes(launch, parameters, INCREMENT * sizes, self.ball, time, self.tol)
+        except KickdynError:
             return None
-        if not found.success or not np.isfinite(found.y[:, -1]).all():
-            return None
-        last = found.y[:, -1]
 
-        def states(at: float) -> Array:
-            """Return the states of all flights at a time."""
-            return np.asarray(last if at == time else found.sol(at)).reshape(len(lanes), 7)
 
-        def state(at: float) -> tuple[Array, Array]:
-            """Return position and velocity of the first flight."""
-            first = states(at)[0]
-            return first[:3], first[3:6]
+def apex(flight: DifferentiableFlight) -> tuple[float, Array]:
+    """Return the greatest height of a flight [m, from the launch], and its derivatives."""
+    time = _extreme_time(flight, 1.0)
+    return float(flight.position(time)[2]), flight.slopes(time)[2]
 
-        def slope(at: float) -> Array:
-            """Return the derivatives of the position."""
-            where = states(at)[:, :3]
-            return np.asarray(((where[1:] - where[0]) / nudges[:unknowns, None]).T)
 
-        return Trajectory(state, slope, time)
+def lowest(flight: DifferentiableFlight) -> float:
+    """Return the least height of a flight, ends included [m, from the launch]."""
+    return float(flight.position(_extreme_time(flight, -1.0))[2])
+
+
+def crossing(
+    flight: DifferentiableFlight, ahead: Array, distance: float, along: Array
+) -> tuple[float, Array]:
+    """Return the position along a unit vector at a distance ahead [m], and its derivatives.
+
+    They are nan where the flight does not come so far.
+    """
+    time = crossing_time(flight, ahead, distance)
+    if time is None:
+        return math.nan, np.full(len(flight.increments), math.nan)
+    slopes, _ = flight.slopes_at_plane(ahead, time)
+    return float(along @ flight.position(time)), along @ slopes
+
+
+def crossing_time(
+    flight: DifferentiableFlight, direction: Array, distance: float, begin: float = 0.0
+) -> float | None:
+    """Return when the displacement along a direction rises through a distance [s].
+
+    It is sought from `begin` [s] on; None where it does not so between there and the end.
+    """
+    return _root(
+        lambda time: float(direction @ flight.position(time)) - distance, begin, flight.end
+    )
+
+
+def _extreme_time(flight: DifferentiableFlight, sign: float) -> float:
+    """Return when the height times a sign is greatest [s]: at an end or where it turns."""
+    times = np.linspace(0.0, flight.end, INTERVALS + 1)
+    sinking = -sign * flight.states(times)[:, 5]
+    candidates = [0.0, flight.end]
+    for k in np.flatnonzero((sinking[:-1] < 0.0) & (sinking[1:] >= 0.0)):
+        turn = _root(lambda time: -sign * float(flight.velocity(time)[2]), times[k], times[k + 1])
+        candidates += [] if turn is None else [turn]
+    return max(candidates, key=lambda time: sign * float(flight.position(time)[2]))
+
+
+def _root(value: Callable[[float], float], begin: float, end: float) -> float | None:
+    """Return the time at which a value rises through zero [s]; None where it does not."""
+    if not value(begin) < 0.0 <= value(end):
+        return None
+    return float(brentq(value, begin, end, xtol=1e-15 * end))

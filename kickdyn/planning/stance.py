@@ -1,4 +1,4 @@
-r"""What a robot that stands on one foot must keep in a kick, as functions of its posture.
+r"""What a robot that stands on one foot must keep in a kick, as terms.
 
 - Static balance: the centre of mass is above the sole.
 - The kicking foot is above the ground. Where the kick must have a backswing, it is so high that it
@@ -9,10 +9,12 @@ r"""What a robot that stands on one foot must keep in a kick, as functions of it
 - The support's impulse :math:`\lambda` in the strike, which follows from the posture and from the
   impulse on the ball alone, is one that the ground can supply:
   :math:`\lambda_z \ge 0, |\lambda_t| \le \mu \lambda_z`, its centre of pressure in the sole.
+
+Postures are those of `StandingRobot.leg`, whose base is the supporting foot, or of a part of it.
 """
 
 import math
-from enum import StrEnum
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -20,6 +22,8 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from kickdyn.core.validation import Array
+from kickdyn.planning.kick_point import KickPoint, KickTerm
+from kickdyn.planning.problem import TOLERANCE, Function, Kind
 from kickdyn.robot.ground_clearance import Spheres
 from kickdyn.robot.leg import Posture
 from kickdyn.robot.standing import StandingRobot, joint_spheres
@@ -30,12 +34,9 @@ LENGTH = 0.1
 TILT = math.radians(30)
 """Largest angle between the trunk and its direction in the robot that stands upright [rad].
 
-It is a choice: between the trunk of a walking robot, which is nearly upright, and that of a player
-who leans over the ball.
+It is a choice: between the trunk of a walking robot, which is nearly upright, and the trunk of a
+player who leans over the ball.
 """
-
-UPRIGHT = 1.0 - math.cos(TILT)
-"""Scale of the height of the trunk's axis over that at the largest tilt."""
 
 CLEARANCE = 1e-3
 """Least height of the kicking foot [m]: the solver keeps its conditions within a tolerance."""
@@ -48,210 +49,232 @@ STEP = 1e-6
 """Step of the differences that stand for the derivatives of the support's impulse [rad, m]."""
 
 
-class Condition(StrEnum):
-    """What a posture must keep, whatever the impulse on the ball."""
+class StanceTerm(KickTerm):
+    """A condition on a robot that stands on one foot: an inequality, kept by a margin."""
 
-    UPRIGHT = f"its trunk is at most {math.degrees(TILT):.0f} deg from upright"
-    CLEARANCE = "its kicking foot is above the ground"
-    BALANCE = "its centre of mass is above the sole"
+    kind, margin = Kind.INEQUALITY, 2 * TOLERANCE
 
 
-class Stance:
-    """The margins of a standing robot, 0 or more where they are kept, and their derivatives.
-
-    Postures are those of `standing.leg`.
+class Balance(StanceTerm):
+    """The centre of mass is above the sole: its distances from the sole's edges [m].
 
     Attributes:
-        standing: the robot.
         normals, offsets: of the sole's edges, outwards, shapes `(k, 2)` and `(k,)` [m]: x is above
             the sole where `normals @ x <= offsets`.
-        impulse: on the ball, shape `(3,)` [N s]; None does not ask what the ground can supply.
-        without: a condition that is left out.
+    """
+
+    scale = LENGTH
+    explanation = "it has one if its centre of mass may be beside the sole"
+
+    def __init__(self, standing: StandingRobot) -> None:
+        self.normals, self.offsets = sole_edges(standing)
+
+    def residual(self, posture: Posture, v: Array) -> Array:
+        return self.offsets - self.normals @ centre_of_mass(posture)[:2]
+
+    def derivatives(self, posture: Posture, v: Array) -> tuple[Array, None]:
+        model, data = posture.leg.workspace.model, posture.leg.workspace.data
+        jacobian = pin.jacobianCenterOfMass(model, data, posture.q)
+        jacobian *= data.mass[0] / (data.mass[0] + model.inertias[0].mass)
+        return -self.normals @ jacobian[:2], None
+
+    def distance(self, posture: Posture) -> float:
+        """Return how far the centre of mass is inside the edge of the sole [m]."""
+        return float(self.residual(posture, np.zeros(posture.leg.nv)).min())
+
+
+class Clearance(StanceTerm):
+    """The kicking foot is above the ground: heights of its extreme spheres above `CLEARANCE` [m].
+
+    Args:
+        standing: the robot.
         lift: largest upward acceleration of the kicking foot before the impact [m/s2]; None does
             not ask how the foot comes to its place.
     """
 
-    def __init__(
-        self,
-        standing: StandingRobot,
-        impulse: Array | None = None,
-        without: Condition | None = None,
-        lift: float | None = None,
-    ) -> None:
-        self.standing, self.impulse, self.without = standing, impulse, without
-        self.lift = lift
-        self._size = 1.0 if impulse is None else float(np.linalg.norm(impulse))
-        leg, robot = standing.leg, standing.robot
-        hull = ConvexHull(standing.sole)
-        self.normals, self.offsets = hull.equations[:, :2], -hull.equations[:, 2]
+    scale = LENGTH
+    explanation = "it has one if its kicking foot may be under the ground"
+
+    def __init__(self, standing: StandingRobot, lift: float | None = None) -> None:
+        robot, leg, self._lift = standing.robot, standing.leg, lift
         foot = joint_spheres(robot, robot.contact_joint)
-        ends, self._left = _extremes(foot)
-        # the pose of the kicking foot's joint in its frame is that in the leg's
-        own = robot.workspace.model.frames[robot.frame_id].placement
-        new = leg.workspace.model.frames[leg.frame_id].placement
-        self._centres = np.array([(new * own.inverse()).act(x) for x in foot.centres[ends]])
-        self._radii = foot.radii[ends]
-        self._friction = standing.support.friction
+        extremes, self._beyond = extreme_spheres(foot)
+        # the pose of the kicking foot's joint in its contact frame is the same in both models
+        frame = robot.workspace.model.frames[robot.frame_id].placement
+        moved = leg.workspace.model.frames[leg.frame_id].placement * frame.inverse()
+        self._centres = np.array([moved.act(centre) for centre in foot.centres[extremes]])
+        self._radii = foot.radii[extremes]
 
-    def margins(self, posture: Posture, v: Array) -> Array:
-        """Return how far all is inside its bounds, about 1 for a good distance, shape `(k,)`.
+    def residual(self, posture: Posture, v: Array) -> Array:
+        rise = self._rise(posture, v)[0]
+        rotation = posture.rotation_world_joint
+        origin = posture.contact_point - rotation @ posture.contact_lever
+        lowest = self._centres @ rotation[2] + origin[2] - self._radii
+        return np.asarray(lowest - CLEARANCE - np.maximum(self._beyond, rise))
 
-        The joint velocity of the leg counts where there is a `lift`.
-        """
-        rise = 0.0 if self.lift is None else self._rise(posture, v)[0]
-        centre = self.centre_of_mass(posture)[:2]  # it brings the joints' placements up to date
-        known = {
-            Condition.BALANCE: (self.offsets - self.normals @ centre) / LENGTH,
-            Condition.CLEARANCE: (self._heights(posture) - np.maximum(self._left, rise)) / LENGTH,
-            Condition.UPRIGHT: (self._trunk_axis(posture)[2:] - math.cos(TILT)) / UPRIGHT,
-        }
-        parts = [rows for name, rows in known.items() if name != self.without]
-        if self.impulse is not None:
-            parts.append(self._impulse_margins(posture))
-        return np.concatenate(parts)
-
-    def slopes(self, posture: Posture, v: Array, vs: NDArray[np.int64]) -> tuple[Array, Array]:
-        """Return derivatives of the margins by q and v of joints at `vs`, shape `(k, n)` each."""
-        leg = posture.leg
-        by_q, by_v = np.zeros(leg.nv), np.zeros(leg.nv)
-        if self.lift is not None:
-            _, by_q, by_v = self._rise(posture, v)
-        model, data = leg.workspace.model, leg.workspace.data
-        moved = pin.jacobianCenterOfMass(model, data, posture.q)
-        moved *= data.mass[0] / (data.mass[0] + model.inertias[0].mass)
+    def derivatives(self, posture: Posture, v: Array) -> tuple[Array, Array | None]:
+        model, data = posture.leg.workspace.model, posture.leg.workspace.data
+        _, rise_q, rise_v = self._rise(posture, v)
         pin.computeJointJacobians(model, data, posture.q)
-        joint = leg.contact_joint
-        own = pin.getJointJacobian(model, data, joint, pin.LOCAL_WORLD_ALIGNED)
+        jacobian = joint_jacobian(posture, posture.leg.contact_joint)
         arms = self._centres @ posture.rotation_world_joint.T
-        # z of v + w x arm
-        raised = own[2] + np.outer(arms[:, 1], own[3]) - np.outer(arms[:, 0], own[4])
-        trunk = self._trunk_joint(posture)
-        turned = pin.getJointJacobian(model, data, trunk, pin.LOCAL_WORLD_ALIGNED)
-        axis = self._trunk_axis(posture)
-        known = {
-            Condition.BALANCE: -self.normals @ moved[:2] / LENGTH,
-            Condition.CLEARANCE: (raised - by_q) / LENGTH,
-            Condition.UPRIGHT: (axis[1] * turned[3:4] - axis[0] * turned[4:5]) / UPRIGHT,
-        }
-        rising = {name: np.zeros_like(rows) for name, rows in known.items()}
-        rising[Condition.CLEARANCE] -= by_v / LENGTH
-        slopes = [
-            np.vstack([rows for name, rows in each.items() if name != self.without])[:, vs]
-            for each in (known, rising)
-        ]
-        if self.impulse is not None:
-            here, columns = self._impulse_margins(posture), []
-            for i in vs:
-                step = np.zeros(leg.nv)
-                step[i] = STEP
-                there = leg.posture(pin.integrate(model, posture.q, step))
-                columns.append((self._impulse_margins(there) - here) / STEP)
-            impulsive = np.column_stack(columns)
-            slopes = [
-                np.vstack([slopes[0], impulsive]),
-                np.vstack([slopes[1], np.zeros_like(impulsive)]),
-            ]
-        return slopes[0], slopes[1]
-
-    def rows(self, condition: Condition) -> slice:
-        """Return the rows of `margins` and `slopes` that belong to a condition."""
-        sizes = {
-            Condition.BALANCE: len(self.normals),
-            Condition.CLEARANCE: len(self._centres),
-            Condition.UPRIGHT: 1,
-        }
-        kept = [name for name in sizes if name != self.without]
-        start = sum(sizes[name] for name in kept[: kept.index(condition)])
-        return slice(start, start + sizes[condition])
-
-    def balance(self, posture: Posture) -> float:
-        """Return how far the centre of mass is inside the edge of the sole [m]."""
-        at = self.centre_of_mass(posture)[:2]
-        return float((self.offsets - self.normals @ at).min())
-
-    def centre_of_mass(self, posture: Posture) -> Array:
-        """Return the centre of mass of the whole robot, shape `(3,)` [m, world frame]."""
-        model, data = posture.leg.workspace.model, posture.leg.workspace.data
-        others, root = pin.centerOfMass(model, data, posture.q), model.inertias[0]
-        moment = data.mass[0] * others + root.mass * root.lever
-        return np.asarray(moment / (data.mass[0] + root.mass))
-
-    def support_impulse(self, posture: Posture) -> Array:
-        """Return the ground's impulse on the robot, shape `(6,)` [N s, N m s, world frame].
-
-        Linear, then angular about the world's origin: with the impulse p on the ball, the robot's
-        momentum changes by this less p.
-        """
-        impulse = np.zeros(3) if self.impulse is None else self.impulse
-        jump = posture.solve(-impulse @ posture.jacobian)
-        model, data = posture.leg.workspace.model, posture.leg.workspace.data
-        pin.computeCentroidalMomentum(model, data, posture.q, jump)
-        change = data.hg.vector
-        centre = data.com[0]
-        about = change[3:] + np.cross(centre, change[:3])
-        return np.concatenate([
-            change[:3] + impulse,
-            about + np.cross(posture.contact_point, impulse),
-        ])  # fmt: skip
-
-    def _impulse_margins(self, posture: Posture) -> Array:
-        """Return how far the support's impulse is inside what the ground can supply."""
-        p = self.support_impulse(posture)
-        pressed = np.array([-p[4], p[3]])  # the centre of pressure times the normal impulse
-        inside = (self.offsets * p[2] - self.normals @ pressed) / LENGTH
-        parts = [[p[2]], inside]
-        if self._friction is not None:
-            parts.append([self._friction * p[2] - np.hypot(p[0], p[1])])
-        return np.concatenate(parts) / self._size
+        return height_slopes(jacobian, arms) - rise_q, -rise_v
 
     def _rise(self, posture: Posture, v: Array) -> tuple[Array, Array, Array]:
-        r"""Return how high each corner of the foot must be to rise as it does, `(k,)` [m].
+        r"""Return how high each sphere must be to rise as it does, `(k,)` [m].
 
         That is :math:`\dot z^2 / (2 a)` where it rises, which counts where it is more than the
-        foot reaches beyond its corners; with its derivatives by q and v, shape `(k, nv)`.
+        foot reaches beyond its extreme spheres; with its derivatives by q and v, shape `(k, nv)`.
         """
-        assert self.lift is not None
-        leg, lift = posture.leg, self.lift
+        leg, k = posture.leg, len(self._centres)
+        if self._lift is None:
+            return np.zeros(k), np.zeros((k, leg.nv)), np.zeros((k, leg.nv))
         model, data, world = leg.workspace.model, leg.workspace.data, pin.LOCAL_WORLD_ALIGNED
         pin.computeForwardKinematicsDerivatives(model, data, posture.q, v, np.zeros(leg.nv))
-        found = [
+        slopes = [
             pin.getPointVelocityDerivatives(
                 model, data, leg.contact_joint, pin.SE3(np.eye(3), centre), world
             )
             for centre in self._centres
         ]
-        by_q, by_v = (np.array([part[side][2] for part in found]) for side in (0, 1))
-        up = (by_v @ v).clip(min=0.0)
-        rise = up**2 / (2 * lift)
-        gain = (up / lift * (rise > self._left))[:, None]
+        by_q = np.array([point_q[2] for point_q, _ in slopes])
+        by_v = np.array([point_v[2] for _, point_v in slopes])
+        speed = (by_v @ v).clip(min=0.0)
+        rise = speed**2 / (2 * self._lift)
+        gain = (speed / self._lift * (rise > self._beyond))[:, None]
         return rise, gain * by_q, gain * by_v
 
-    def _trunk_joint(self, posture: Posture) -> int:
-        """Return the number of the joint that carries the trunk; 0 if none does."""
-        model, name = posture.leg.workspace.model, self.standing.trunk_joint
-        return int(model.getJointId(name)) if name and model.existJointName(name) else 0
 
-    def _trunk_axis(self, posture: Posture) -> Array:
-        """Return the trunk's axis that is vertical while it is upright, shape `(3,)` [world frame].
+class Upright(StanceTerm):
+    """The trunk's tilt is at most `TILT`: the cosine of its tilt less the cosine of `TILT`."""
 
-        The data of the leg must be those of the posture.
-        """
-        number = self._trunk_joint(posture)
-        if number == 0:  # it does not move
+    scale = 1.0 - math.cos(TILT)
+    explanation = (
+        f"it has one if its trunk may be more than {math.degrees(TILT):.0f} deg from upright"
+    )
+
+    def __init__(self, standing: StandingRobot) -> None:
+        self._joint, self._axis = standing.trunk_joint, standing.trunk_axis
+
+    def residual(self, posture: Posture, v: Array) -> Array:
+        leg = posture.leg
+        pin.forwardKinematics(leg.workspace.model, leg.workspace.data, posture.q)
+        return self._direction(posture)[2:] - math.cos(TILT)
+
+    def derivatives(self, posture: Posture, v: Array) -> tuple[Array, None]:
+        leg = posture.leg
+        pin.computeJointJacobians(leg.workspace.model, leg.workspace.data, posture.q)
+        jacobian, axis = joint_jacobian(posture, self._number(posture)), self._direction(posture)
+        return axis[1] * jacobian[3:4] - axis[0] * jacobian[4:5], None
+
+    def _number(self, posture: Posture) -> int:
+        """Return the number of the joint that carries the trunk; 0 if none moves it."""
+        model = posture.leg.workspace.model
+        known = self._joint and model.existJointName(self._joint)
+        return int(model.getJointId(self._joint)) if known else 0
+
+    def _direction(self, posture: Posture) -> Array:
+        """Return the trunk's axis that is vertical in the upright robot, `(3,)` [world frame]."""
+        number = self._number(posture)
+        if number == 0:
             return np.array([0.0, 0.0, 1.0])
-        return np.asarray(
-            posture.leg.workspace.data.oMi[number].rotation @ self.standing.trunk_axis
-        )
-
-    def _heights(self, posture: Posture) -> Array:
-        """Return how far the kicking foot's spheres are above `CLEARANCE`, shape `(k,)` [m]."""
-        turn = posture.rotation_world_joint
-        origin = posture.contact_point - turn @ posture.contact_lever
-        lowest = self._centres @ turn[2] + origin[2] - self._radii
-        return np.asarray(lowest - CLEARANCE)
+        return np.asarray(posture.leg.workspace.data.oMi[number].rotation @ self._axis)
 
 
-def _extremes(body: Spheres) -> tuple[NDArray[np.int64], float]:
+class SupportImpulse(Function[KickPoint]):
+    """The impulse of the ground on the supporting foot is one that the ground can supply.
+
+    The values are the normal impulse [N s]; the same times the distances of the centre of pressure
+    from the sole's edges over `LENGTH`; and, with friction, what is left of it.
+
+    Args:
+        standing: the robot.
+        impulse: on the ball, shape `(3,)` [N s, world frame].
+    """
+
+    kind, margin, required = Kind.INEQUALITY, 2 * TOLERANCE, False
+
+    def __init__(self, standing: StandingRobot, impulse: Array) -> None:
+        self._impulse, self.scale = impulse, float(np.linalg.norm(impulse))
+        self._normals, self._offsets = sole_edges(standing)
+        self._friction = standing.support.friction
+
+    def wrench(self, posture: Posture) -> Array:
+        """Return the ground's impulse on the robot, shape `(6,)` [N s, N m s, world frame].
+
+        Linear, then angular about the world's origin: with the impulse p on the ball, the robot's
+        momentum changes by this less p.
+        """
+        impulse, leg = self._impulse, posture.leg
+        jump = posture.solve(-impulse @ posture.jacobian)
+        data = leg.workspace.data
+        pin.computeCentroidalMomentum(leg.workspace.model, data, posture.q, jump)
+        change = data.hg.vector
+        about_origin = change[3:] + np.cross(data.com[0], change[:3])
+        return np.concatenate([
+            change[:3] + impulse,
+            about_origin + np.cross(posture.contact_point, impulse),
+        ])  # fmt: skip
+
+    def value(self, point: KickPoint) -> Array:
+        return self.residual(point.posture)
+
+    def slope(self, point: KickPoint) -> Array:
+        value, slope = self.value(point), []
+        for i in range(point.variables.n):
+            x = point.x.copy()
+            x[i] += STEP
+            slope.append((self.value(point.variables.point(x)) - value) / STEP)
+        free = np.zeros((len(value), len(point.x) - len(slope)))
+        return np.hstack([np.transpose(slope), free])
+
+    def residual(self, posture: Posture) -> Array:
+        """Return the value at a posture, shape `(k,)` [N s]."""
+        p = self.wrench(posture)
+        moment = np.array([-p[4], p[3]])  # the centre of pressure times the normal impulse
+        rows = [[p[2]], (self._offsets * p[2] - self._normals @ moment) / LENGTH]
+        if self._friction is not None:
+            rows.append([self._friction * p[2] - np.hypot(p[0], p[1])])
+        return np.concatenate(rows)
+
+
+def sole_edges(standing: StandingRobot) -> tuple[Array, Array]:
+    """Return normals, outwards, and offsets of the sole's edges, `(k, 2)` and `(k,)` [m]."""
+    edges = ConvexHull(standing.sole).equations
+    return edges[:, :2], -edges[:, 2]
+
+
+def centre_of_mass(posture: Posture) -> Array:
+    """Return the centre of mass of the robot, its supporting foot included, `(3,)` [m, world]."""
+    model, data = posture.leg.workspace.model, posture.leg.workspace.data
+    moving, foot = pin.centerOfMass(model, data, posture.q), model.inertias[0]
+    moment = data.mass[0] * moving + foot.mass * foot.lever
+    return np.asarray(moment / (data.mass[0] + foot.mass))
+
+
+def joint_jacobian(posture: Posture, joint: int) -> Array:
+    """Return the Jacobian of a joint's frame, `(6, nv)` [its origin, world axes].
+
+    The data of the leg must have the joint Jacobians of the posture.
+    """
+    space = posture.leg.workspace
+    jacobian: Any = pin.getJointJacobian(space.model, space.data, joint, pin.LOCAL_WORLD_ALIGNED)
+    return np.asarray(jacobian)
+
+
+def height_slopes(jacobian: Array, arms: Array) -> Array:
+    """Return the derivatives by q of the heights of points that a joint carries, `(k, nv)`.
+
+    Args:
+        jacobian: of the joint's frame, shape `(6, nv)`.
+        arms: from the joint's origin to the points, shape `(k, 3)` [m, world axes].
+    """
+    # the vertical component of v + w x arm
+    turning = np.outer(arms[:, 1], jacobian[3]) - np.outer(arms[:, 0], jacobian[4])
+    return np.asarray(jacobian[2] + turning)
+
+
+def extreme_spheres(body: Spheres) -> tuple[NDArray[np.int64], float]:
     """Return indices of at most `CORNERS` spheres, and how far the body reaches beyond them [m].
 
     Each next one is farthest outside of the hull of those before, in one of `DIRECTIONS`.
@@ -261,10 +284,10 @@ def _extremes(body: Spheres) -> tuple[NDArray[np.int64], float]:
     ring = np.sqrt(1.0 - height**2)
     directions = np.column_stack([ring * np.cos(turn), ring * np.sin(turn), height])
     reach = body.centres @ directions.T + body.radii[:, None]
-    most, known = reach.max(axis=0), [int(np.argmax(reach[:, 0]))]
+    largest, chosen = reach.max(axis=0), [int(np.argmax(reach[:, 0]))]
     while True:
-        left = most - reach[known].max(axis=0)
-        worst = int(np.argmax(left))
-        if left[worst] < 1e-9 or len(known) == CORNERS:
-            return np.array(known), float(left[worst])
-        known.append(int(np.argmax(reach[:, worst])))
+        beyond = largest - reach[chosen].max(axis=0)
+        worst = int(np.argmax(beyond))
+        if beyond[worst] < 1e-9 or len(chosen) == CORNERS:
+            return np.array(chosen), float(beyond[worst])
+        chosen.append(int(np.argmax(reach[:, worst])))

@@ -21,7 +21,11 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.planning.casadi_chain import point_function, torque_function
 from kickdyn.planning.impact_target import ImpactTarget
-from kickdyn.planning.kick_program import FEASIBLE, KickObjective, KickProgram, KickSolution
+from kickdyn.planning.kick_point import KickPoint
+from kickdyn.planning.kick_problem import KickProblem, KickSolution, solve_kick
+from kickdyn.planning.kick_terms import BallPosition, Facing, StrikeVelocity
+from kickdyn.planning.objectives import KineticEnergy, Objective
+from kickdyn.planning.problem import TOLERANCE
 from kickdyn.planning.stop_problem import EAGER, OPTIONS, SHORT, StopEquations
 from kickdyn.planning.swing_phase import LONGEST, SwingPhase, swing_chain
 from kickdyn.restitution import rows_of
@@ -43,48 +47,57 @@ times fewer. An iteration takes 0.018 s of a processor with six joints."""
 Phases = tuple[SwingPhase, SwingPhase]
 
 
-def solve_with_swing(
-    program: KickProgram, found: KickSolution, objective: KickObjective
-) -> tuple[KickSolution, Phases]:
-    """Return the best kick near one, such that the leg can swing to it from rest and stop.
+def solve_with_swing(problem: KickProblem, objective: Objective) -> tuple[KickSolution, Phases]:
+    """Return the best kick such that the leg can swing to it from rest and stop, and both phases.
+
+    It is sought near the kick without a swing.
 
     Args:
-        program: leg and impact target.
-        found: a kick that keeps the limits at the impact.
-        objective: `joint-speed` or `kinetic-energy`.
+        problem: of a leg on a fixed base, with limits.
+        objective: `JointSpeed` or `KineticEnergy`.
 
     Raises:
         InvalidInput: the solver finds none at all, or a joint has no limit.
     """
-    problem = _SwingKickProblem(program, found, objective)
-    draw, kept, needed = np.random.default_rng(0), [], 0.0
+    problem, start, _ = solve_kick(problem, objective)
+    variables = problem.variables
+    swing, best, needed = _SwingKickProblem(problem, start, objective), [], 0.0
+    draw = np.random.default_rng(0)
     for number, slack in enumerate(SLACKS):
-        q = found.posture.q[program.qs] + draw.normal(0.0, 0.3 if number else 0.0, program.n)
+        spread = draw.normal(0.0, 0.3 if number else 0.0, variables.n)
         if slack < min(needed, SLACKS[-1]):
             continue
-        solved = problem.solve(q, slack)
+        solved = swing.solve(start.posture.q[variables.qs] + spread, slack)
         if solved is not None:
             excess = max(phase.torque_use for phase in solved[1]) - 1.0
             needed = slack + excess
             if excess <= 0.0:
-                kept.append(solved)
+                best.append(solved)
                 if solved[0].share == 1.0:
                     break
-        if problem.iterations > BUDGET / program.n**3:
+        if swing.iterations > BUDGET / variables.n**3:
             break
-    if not kept:
-        raise InvalidInput(f"{program.leg.name} finds no posture that it can swing to")
-    return max(kept, key=lambda solved: solved[0].share)
+    if not best:
+        raise InvalidInput(f"{variables.leg.name} finds no posture that it can swing to")
+    point, phases = max(best, key=lambda solved: solved[0].share)
+    binding = ("swing",) if point.share < start.share - 1e-6 else ()
+    return KickSolution(problem, point, binding), phases
 
 
 class _SwingKickProblem:
-    """The problem of a kick and both stops, scaled by the kick `found`; it counts iterations."""
+    """The problem of a kick and both stops, scaled by the kick `start`; it counts iterations."""
 
-    def __init__(self, program: KickProgram, found: KickSolution, objective: KickObjective) -> None:
-        self._program, here = program, found.posture
-        self._chain = chain = swing_chain(program.leg)
-        nodes = NODES if program.n < 5 else NODES // 2
-        n, speed, still = program.n, ca.DM(chain.velocity_limit), ca.DM(program.n, 1)
+    def __init__(self, problem: KickProblem, start: KickPoint, objective: Objective) -> None:
+        strike = problem.find(StrikeVelocity)
+        assert strike is not None
+        self._strike_velocity, self._ball = strike, problem.find(BallPosition)
+        self._directions = problem.foot_directions
+        facing = problem.find(Facing)
+        cone = np.zeros((0, 3)) if facing is None else facing.cone
+        self._variables, here = (variables := problem.variables), start.posture
+        self._chain = chain = swing_chain(variables.leg)
+        nodes = NODES if variables.n < 5 else NODES // 2
+        n, speed, still = variables.n, ca.DM(chain.velocity_limit), ca.DM(variables.n, 1)
         torque, point = torque_function(chain.model), point_function(chain.model)
         q, before, after = (ca.MX.sym(name, n) for name in ("q", "vb", "va"))
         share = ca.MX.sym("share")
@@ -95,15 +108,12 @@ class _SwingKickProblem:
         jump = torque(q, still, w - v) - weight  # M (w - v)
         equal = self._strike(here, position, ca.jacobian(position, q), jump, v, w, share)
         static = torque(q, v, still) / ca.DM(chain.effort_limit)
-        levers = [
-            here.with_contact_offset(row).contact_lever - here.contact_lever
-            for row in program.contact_normal_cone
-        ]
-        normal = ca.DM(program.target.contact.normal)
-        facing = [ca.dot(normal, point(q, ca.DM(x)) - point(q, ca.DM(3, 1))) for x in levers]
+        levers = [here.with_contact_offset(row).contact_lever - here.contact_lever for row in cone]
+        normal = ca.DM(variables.target.contact.normal)
+        facings = [ca.dot(normal, point(q, ca.DM(x)) - point(q, ca.DM(3, 1))) for x in levers]
         effort = self._stops[0].torque_squared + self._stops[1].torque_squared
         cost = ca.sumsqr(before) / n
-        if objective == KickObjective.KINETIC_ENERGY:
+        if isinstance(objective, KineticEnergy):
             momenta = [(u, torque(q, still, u) - weight) for u in (v, speed)]
             cost = ca.dot(*momenta[0]) / ca.dot(*momenta[1])
         self._solver = ca.nlpsol(
@@ -112,7 +122,7 @@ class _SwingKickProblem:
             {
                 "x": ca.vertcat(*(stop.unknowns for stop in self._stops), q, before, after, share),
                 "g": ca.vertcat(
-                    *(stop.constraints for stop in self._stops), equal, static, *facing
+                    *(stop.constraints for stop in self._stops), equal, static, *facings
                 ),
                 "f": cost + 1e-3 * effort - EAGER * share,  # torque picks one of many swings
             },
@@ -120,14 +130,18 @@ class _SwingKickProblem:
         )
         self.iterations = 0
         self._equal = np.zeros(int(equal.numel()))
-        self._facing = np.zeros(len(facing))
+        self._facing = np.zeros(len(facings))
 
     def _strike(
         self, here: Posture, position: Any, jacobian: Any, jump: Any, v: Any, w: Any, share: Any
     ) -> Any:
         """Return the equations of the strike and of the ball's position, scaled to about 1."""
-        program = self._program
-        target, ball, normal = program.target, program.target.ball, program.target.contact.normal
+        variables = self._variables
+        target, ball, normal = (
+            variables.target,
+            variables.target.ball,
+            variables.target.contact.normal,
+        )
         jump = jump + share * (jacobian.T @ ca.DM(target.impulse))
         size = self._chain.velocity_limit * float(here.inertia.max())
         across = target.impulse - (normal @ target.impulse) * normal
@@ -137,18 +151,18 @@ class _SwingKickProblem:
         law = ca.dot(normal, apart - _restitution(target, jacobian @ v) * (jacobian @ v)) / fast
         equal = [jump / ca.DM(size), law]
         if target.contact.friction > 0.0:
-            rows = _directions_across(program.directions, normal)
+            rows = _directions_across(self._directions, normal)
             equal += [rows @ apart / fast] if len(rows) else []
-        if len(program.position_rows):
-            off = position + ca.DM(ball.radius * normal - program.ball_centre)
-            equal.append(ca.DM(program.position_rows) @ off / ball.radius)
+        if self._ball is not None:
+            off = position + ca.DM(ball.radius * normal - self._ball.centre)
+            equal.append(ca.DM(self._ball.rows) @ off / ball.radius)
         return ca.vertcat(*equal)
 
-    def solve(self, q: Array, slack: float) -> tuple[KickSolution, Phases] | None:
+    def solve(self, q: Array, slack: float) -> tuple[KickPoint, Phases] | None:
         """Return the kick from a posture to start from; None where the solver fails."""
-        program, chain, n = self._program, self._chain, self._program.n
-        most = np.full(n, 1.0 - FEASIBLE)
-        inside = FEASIBLE * (chain.upper - chain.lower)
+        variables, chain, n = self._variables, self._chain, self._variables.n
+        most = np.full(n, 1.0 - TOLERANCE)
+        inside = TOLERANCE * (chain.upper - chain.lower)
         low, high = zip(*(stop.bounds(LONGEST, None) for stop in self._stops), strict=True)
         lowest, highest = zip(*(stop.constraint_bounds(slack) for stop in self._stops), strict=True)
         end = self._solver(
@@ -166,24 +180,23 @@ class _SwingKickProblem:
         *unknowns, last = np.split(x, np.cumsum([stop.unknowns.numel() for stop in self._stops]))
         share = 1.0 if x[-1] > 1.0 - 1e-6 else float(x[-1])
         q, v = last[:n], last[n : 2 * n] * chain.velocity_limit
-        posture = program.posture(q)
-        velocity = program.with_exact_velocity(posture, program.whole_velocity(v), share)
-        v = velocity[program.vs]
+        point = self._strike_velocity.make_exact(variables.point(variables.unknowns(q, v, share)))
+        v = point.v[variables.vs]
         back, on = self._stops
         phases = (
             back.phase(-1, q, -v, unknowns[0]),
-            on.phase(1, q, v + self._jump(posture, share), unknowns[1]),
+            on.phase(1, q, v + self._jump(point.posture, share), unknowns[1]),
         )
-        return KickSolution(posture, velocity, share, 0.0), phases
+        return point, phases
 
     def _guess(self, q: Array) -> Array:
         """Return unknowns to start from, with even decelerations to a posture and from it."""
-        program, chain, speed = self._program, self._chain, self._chain.velocity_limit
+        variables, chain, speed = self._variables, self._chain, self._chain.velocity_limit
         room = 0.2 * (chain.upper - chain.lower)
         q = np.clip(q, chain.lower + room, chain.upper - room)
-        posture = program.posture(q)
-        v = np.linalg.pinv(posture.jacobian[:, program.vs] * speed, rcond=1e-2)
-        v = speed * (v @ program.target.foot_velocity(posture))
+        posture = variables.posture(q)
+        v = np.linalg.pinv(posture.jacobian[:, variables.vs] * speed, rcond=1e-2)
+        v = speed * (v @ variables.target.foot_velocity(posture))
         share = float(min(1.0, 0.5 / np.abs(v / speed).max()))
         v = share * v
         w = v + self._jump(posture, share)
@@ -194,8 +207,8 @@ class _SwingKickProblem:
 
     def _jump(self, posture: Posture, share: float) -> Array:
         """Return the change of the joints' velocity by the impact, shape `(n,)` [rad/s]."""
-        jump = posture.solve(-share * self._program.target.impulse @ posture.jacobian)
-        return np.asarray(jump[self._program.vs])
+        jump = posture.solve(-share * self._variables.target.impulse @ posture.jacobian)
+        return np.asarray(jump[self._variables.vs])
 
 
 def _restitution(target: ImpactTarget, foot: Any) -> Any:

@@ -31,7 +31,7 @@ class _Body(NamedTuple):
 
     Attributes:
         parent: its number.
-        at: the joint's places in v.
+        columns: the joint's places in v.
         lift: force transform to the parent's axes, shape `(6, 6)`; its transpose takes motions
             from there.
         inertia: of this body alone, shape `(6, 6)`.
@@ -43,7 +43,7 @@ class _Body(NamedTuple):
     """
 
     parent: int
-    at: slice
+    columns: slice
     lift: Array
     inertia: Array
     joint: Array
@@ -87,7 +87,7 @@ class ArticulatedBodies:
         while number:
             body = self.bodies[number - 1]
             work = body.joint.T @ force
-            rows[:, body.at] = blas.dtrsm(1.0, body.factor, work, lower=1).T
+            rows[:, body.columns] = blas.dtrsm(1.0, body.factor, work, lower=1).T
             _, force = body.pass_on(force)
             number = body.parent
         return rows
@@ -99,43 +99,45 @@ class ArticulatedBodies:
         on the body of the joint with this number, in its axes, `(6,)` [N s, N m s].
         """
         speeds: dict[int, Array] = {}
-        at, force = number, push
-        while at:
-            speeds[at], force = self.bodies[at - 1].pass_on(force)
-            at = self.bodies[at - 1].parent
+        number_above, force = number, push
+        while number_above:
+            speeds[number_above], force = self.bodies[number_above - 1].pass_on(force)
+            number_above = self.bodies[number_above - 1].parent
         jump, left_over = np.zeros(self.nv), np.zeros(self.nv)
         motions = np.zeros((len(self.bodies) + 1, 6))
         for i, body in enumerate(self.bodies, start=1):
-            here = body.lift.T @ motions[body.parent]
-            sideways, own = body.across.T @ here, body.joint.T @ here
-            rate = speeds.get(i, 0.0) + body.solve(body.rotor @ own - body.coupling.T @ sideways)
+            parent_motion = body.lift.T @ motions[body.parent]
+            sideways, parent_rate = body.across.T @ parent_motion, body.joint.T @ parent_motion
+            rate = speeds.get(i, 0.0) + body.solve(
+                body.rotor @ parent_rate - body.coupling.T @ sideways
+            )
             motions[i] = body.joint @ rate + body.across @ sideways
-            jump[body.at] = np.linalg.solve(body.root, rate - own)
+            jump[body.columns] = np.linalg.solve(body.root, rate - parent_rate)
         transmitted = np.zeros((len(self.bodies) + 1, 6))
         transmitted[number] -= push
         for i in range(len(self.bodies), 0, -1):
             body = self.bodies[i - 1]
             transmitted[i] += body.inertia @ motions[i]
             transmitted[body.parent] += body.lift @ transmitted[i]
-            along = body.joint.T @ transmitted[i] + body.rotor @ (body.root @ jump[body.at])
-            left_over[body.at] = body.root.T @ along
+            along = body.joint.T @ transmitted[i] + body.rotor @ (body.root @ jump[body.columns])
+            left_over[body.columns] = body.root.T @ along
         return jump, transmitted[1:], left_over
 
 
 def _joined(model: Any, data: Any, number: int, inertia: Array) -> _Body:
     """Return a body, from its inertia with all that hangs from it."""
     first, size = model.idx_vs[number], model.nvs[number]
-    at = slice(first, first + size)
+    columns = slice(first, first + size)
     joint, root, across = _orthonormal(
         np.asarray(data.joints[number].S, dtype=float).reshape(6, size)
     )
     inverse = np.linalg.inv(root)
-    rotor = inverse.T @ (model.armature[at, None] * inverse)
+    rotor = inverse.T @ (model.armature[columns, None] * inverse)
     drive = inertia @ joint
     factor, _ = lapack.dpotrf(joint.T @ drive + rotor, lower=1)
     return _Body(
         parent=model.parents[number],
-        at=at,
+        columns=columns,
         lift=data.liMi[number].toDualActionMatrix(),
         inertia=model.inertias[number].matrix(),
         joint=joint,

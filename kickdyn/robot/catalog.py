@@ -1,5 +1,6 @@
 """The robots of the package example-robot-data, by name: files, feet, and how they stand."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
@@ -8,12 +9,11 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.robot.joint_table import reduced_model
 from kickdyn.robot.model_validation import frame_id
 from kickdyn.robot.names import listed
+from kickdyn.robot.surgery import reduce_model, turn_body
 from kickdyn.robot.urdf_file import UrdfFile, build_model, check_base, read_document
 
 PACKAGE = "example-robot-data"
@@ -142,38 +142,32 @@ def robot(name: str) -> Robot:
     return ROBOTS[name]
 
 
-def robot_model(name: str, base: str, *, legs_only: bool) -> Any:
+def robot_model(name: str, base: str) -> Any:
     """Return the `pin.Model` of a robot, its base turned to x forward, z up.
 
     Args:
         name: of the robot.
         base: `fixed` or `floating`.
-        legs_only: lock every joint outside the legs at its zero.
 
     Raises:
-        InvalidInput: unknown robot or base, no flag, or the package is not installed.
+        InvalidInput: unknown robot or base, or the package is not installed.
     """
-    validation.flag("legs_only", legs_only)
     check_base(base)
     known, file = robot(name), robot_file(name)
     model = build_model(file.text, file.source, "floating")
     model.name = name
-    _turn_base(model, pin.rpy.rpyToMatrix(*known.turn))
-    names = list(model.names)
-    locked = names[1:2] if base == "fixed" else []
-    if legs_only:
-        locked += outside_legs(name, model)
-    if locked:
-        model = reduced_model(model, locked, pin.neutral(model))
+    model = turn_body(model, 1, pin.rpy.rpyToMatrix(*known.turn))
+    if base == "fixed":
+        model = reduce_model(model, [model.names[1]], pin.neutral(model))
     if known.contact_points:
         _add_contact_points(model, known)
     return model
 
 
-def outside_legs(name: str, model: Any) -> list[str]:
-    """Return the joints of a robot's model that are neither a leg's nor the floating base."""
+def outside_legs(name: str, joints: Sequence[str]) -> list[str]:
+    """Return which of a robot's joints are neither a leg's nor the floating base."""
     legs = robot(name).legs
-    return [joint for joint in list(model.names)[1:] if not joint.startswith((*legs, "root_joint"))]
+    return [joint for joint in joints if not joint.startswith((*legs, "root_joint"))]
 
 
 def _add_contact_points(model: Any, known: Robot) -> None:
@@ -184,8 +178,8 @@ def _add_contact_points(model: Any, known: Robot) -> None:
     data = model.createData()
     pin.forwardKinematics(model, data, pin.neutral(model))
     back = pin.updateFramePlacement(model, data, number).rotation.T
-    for name, at in known.contact_points.items():
-        place = pose * pin.SE3(back, back @ np.array(at))
+    for name, point in known.contact_points.items():
+        place = pose * pin.SE3(back, back @ np.array(point))
         model.addFrame(pin.Frame(name, joint, number, place, pin.FrameType.OP_FRAME), False)
 
 
@@ -211,15 +205,3 @@ def robots_folder() -> Path:
         f'robots need the package {PACKAGE}: install it with pip install "kickdyn[robots]" '
         f"(there are {listed(list(ROBOTS))})"
     )
-
-
-def _turn_base(model: Any, turn: Array) -> None:
-    """Turn all that hangs on the floating base, so that its pose stays one in our world's axes."""
-    to_ours = pin.SE3(turn, np.zeros(3))
-    model.inertias[1] = to_ours.act(model.inertias[1])
-    for joint in range(2, model.njoints):
-        if model.parents[joint] == 1:
-            model.jointPlacements[joint] = to_ours * model.jointPlacements[joint]
-    for frame in model.frames:
-        if frame.parentJoint == 1 and frame.type != pin.FrameType.JOINT:
-            frame.placement = to_ours * frame.placement

@@ -156,8 +156,8 @@ class Constraints:
         self._looped = [(_place(model, a), _place(model, b)) for a, b in loops]
         for support, place in zip(supports, self._supported, strict=True):
             _check_stance(model, support.frame, place.joint, contact_joint)
-        for (a, b), (one, two) in zip(loops, self._looped, strict=True):
-            if one.joint == two.joint:
+        for (a, b), (first, second) in zip(loops, self._looped, strict=True):
+            if first.joint == second.joint:
                 raise InvalidInput(f"loop {a} - {b} joins a body to itself: name two bodies")
         mimics = () if gears is None else gears.mimics
         self.sizes = [support.size for support in supports] + [3] * len(loops) + [1] * len(mimics)
@@ -183,29 +183,35 @@ class Constraints:
         """
         matrix, blocks, start = np.empty((self.size, model.nv)), [], 0
         for support, place in zip(self.supports, self._supported, strict=True):
-            at = slice(start, start + support.size)
+            block_rows = slice(start, start + support.size)
             local, rotation, _ = _motion(model, data, q, place)
             for row in range(0, support.size, 3):  # linear, then angular
                 matrix[start + row : start + row + 3] = rotation.dot(local[row : row + 3])
             turn, lever = place.rotation_joint_frame.dot(rotation.T), place.lever
             blocks.append(
-                ConstraintBlock(at, place.joint, 0, (turn, turn), rotation, (lever, lever))
+                ConstraintBlock(block_rows, place.joint, 0, (turn, turn), rotation, (lever, lever))
             )
-            start = at.stop
-        for one, two in self._looped:
-            at = slice(start, start + 3)
-            first, rotation_1, from_ = _motion(model, data, q, one)
-            second, rotation_2, to = _motion(model, data, q, two)
+            start = block_rows.stop
+        for start_frame, end_frame in self._looped:
+            block_rows = slice(start, start + 3)
+            first, rotation_1, start_origin = _motion(model, data, q, start_frame)
+            second, rotation_2, end_origin = _motion(model, data, q, end_frame)
             # across a gap, both move as their bodies do at the second origin
-            carried = rotation_1 @ first[:3] - pin.skew(to - from_) @ (rotation_1 @ first[3:])
-            matrix[at] = rotation_2 @ second[:3] - carried
-            turns = (
-                two.rotation_joint_frame @ rotation_2.T,
-                one.rotation_joint_frame @ rotation_1.T,
+            carried = rotation_1 @ first[:3] - pin.skew(end_origin - start_origin) @ (
+                rotation_1 @ first[3:]
             )
-            levers = (two.lever, one.lever)
-            blocks.append(ConstraintBlock(at, two.joint, one.joint, turns, rotation_1, levers))
-            start = at.stop
+            matrix[block_rows] = rotation_2 @ second[:3] - carried
+            turns = (
+                end_frame.rotation_joint_frame @ rotation_2.T,
+                start_frame.rotation_joint_frame @ rotation_1.T,
+            )
+            levers = (end_frame.lever, start_frame.lever)
+            blocks.append(
+                ConstraintBlock(
+                    block_rows, end_frame.joint, start_frame.joint, turns, rotation_1, levers
+                )
+            )
+            start = block_rows.stop
         if self.gears is not None:
             matrix[start : self.stiff_rows.start] = self.gears.rows
         if self.stiff_joints:
@@ -235,17 +241,17 @@ class Constraints:
         def acceleration(place: _Place) -> Array:
             """Return the acceleration of a frame, linear then angular, in world axes."""
             pin.updateFramePlacement(model, data, place.frame)
-            found = pin.getFrameClassicalAcceleration(
+            rates = pin.getFrameClassicalAcceleration(
                 model, data, place.frame, pin.LOCAL_WORLD_ALIGNED
             )
-            return np.asarray(found.vector)
+            return np.asarray(rates.vector)
 
         result, start = np.zeros(self.size), 0
         for support, place in zip(self.supports, self._supported, strict=True):
             result[start : start + support.size] = acceleration(place)[: support.size]
             start += support.size
-        for one, two in self._looped:
-            result[start : start + 3] = (acceleration(two) - acceleration(one))[:3]
+        for start_frame, end_frame in self._looped:
+            result[start : start + 3] = (acceleration(end_frame) - acceleration(start_frame))[:3]
             start += 3
         return result
 
@@ -294,15 +300,15 @@ class Constraints:
         if not _is_open(gaps):
             return near
         away = pin.difference(model, pin.neutral(model), q) * between
-        here, lead = self._follow(pin.integrate(model, q, -away)), away * (1.0 - free)
+        followed, lead = self._follow(pin.integrate(model, q, -away)), away * (1.0 - free)
         stages = max(1, math.ceil(float(np.abs(lead).max()) / 0.1))  # of 0.1 rad or m at most
         for _ in range(stages):
-            here = self._follow(pin.integrate(model, here, lead / stages))
-            here, led, _ = self._newton(model, data, here, free)
+            followed = self._follow(pin.integrate(model, followed, lead / stages))
+            followed, led, _ = self._newton(model, data, followed, free)
             if _is_open(led):
                 break
         else:
-            return np.asarray(here)
+            return np.asarray(followed)
         widths = np.linalg.norm(gaps, axis=1)
         a, b = self.loops[int(np.argmax(widths))]
         raise InvalidInput(
@@ -318,8 +324,8 @@ class Constraints:
         """Return 1 for the velocities of joints between the ends of a loop, 0 for others."""
         between = np.zeros(model.nv)
         for ends in self._looped:
-            one, two = (set(model.supports[end.joint]) for end in ends)
-            for joint in one ^ two:
+            first_path, second_path = (set(model.supports[end.joint]) for end in ends)
+            for joint in first_path ^ second_path:
                 between[model.idx_vs[joint] : model.idx_vs[joint] + model.nvs[joint]] = 1.0
         return between
 
@@ -340,8 +346,8 @@ class Constraints:
                 break
             rows = self.rows(model, data, q)[0][first : self.stiff_rows.start] * free
             wanted = np.concatenate([-gaps.ravel(), gears])
-            step, _, found, _ = np.linalg.lstsq(rows, wanted, rcond=1e-9)
-            step, rank = step * free, int(found)
+            step, _, step_rank, _ = np.linalg.lstsq(rows, wanted, rcond=1e-9)
+            step, rank = step * free, int(step_rank)
             longest = float(np.abs(step).max())
             step *= 0.5 / longest if longest > 0.5 else 1.0
             q = self._follow(pin.integrate(model, q, step))
@@ -430,11 +436,11 @@ class ConstraintProjector(ReadOnlyArrays):
         else:
             return None
         worst, starts = speeds.index(max(speeds)), self.constraints.starts
-        at = next(i for i, end in enumerate(starts[1:]) if worst < end)
-        unit = "m/s" if worst - starts[at] < 3 else "rad/s"
-        if self.constraints.sizes[at] == 1:
+        broken = next(i for i, end in enumerate(starts[1:]) if worst < end)
+        unit = "m/s" if worst - starts[broken] < 3 else "rad/s"
+        if self.constraints.sizes[broken] == 1:
             unit = "rad/s or m/s"
-        return self.constraints.names[at], speeds[worst], unit
+        return self.constraints.names[broken], speeds[worst], unit
 
     @cached_property
     def _least_impulses(self) -> Array:
@@ -465,15 +471,15 @@ def find_open_loops(model: Any, data: Any) -> list[tuple[str, str]]:
     places = [pin.updateFramePlacement(model, data, end).translation.copy() for end in ends]
     origins = np.array(places).reshape(-1, 3)
     apart = np.linalg.norm(origins[:, None] - origins, axis=2)
-    found = []
+    pairs = []
     for i, j in np.argwhere(np.triu(apart <= SAME_PLACE, 1)).tolist():
-        one, two = frames[ends[i]], frames[ends[j]]
+        first, second = frames[ends[i]], frames[ends[j]]
         if (
-            one.parentJoint not in above[two.parentJoint]
-            and two.parentJoint not in above[one.parentJoint]
+            first.parentJoint not in above[second.parentJoint]
+            and second.parentJoint not in above[first.parentJoint]
         ):
-            found.append((str(one.name), str(two.name)))
-    return found
+            pairs.append((str(first.name), str(second.name)))
+    return pairs
 
 
 class _Place(NamedTuple):
@@ -488,9 +494,11 @@ class _Place(NamedTuple):
 def _place(model: Any, name: str) -> _Place:
     """Return where a frame is; raise `InvalidInput` if there is none of that name."""
     frame = frame_id(model, name)
-    found = model.frames[frame]
-    place = found.placement
-    return _Place(frame, int(found.parentJoint), place.rotation.copy(), place.translation.copy())
+    described = model.frames[frame]
+    place = described.placement
+    return _Place(
+        frame, int(described.parentJoint), place.rotation.copy(), place.translation.copy()
+    )
 
 
 def _motion(model: Any, data: Any, q: Array, place: _Place) -> tuple[Array, Array, Array]:

@@ -1,7 +1,8 @@
 """Joints by name: ranges, units, warnings of limits, and the configuration of their values."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -18,21 +19,64 @@ LIMIT_TOLERANCE = 1e-6
 """By how much a range may be passed without a warning [rad; m]; a speed limit, as a share of it."""
 
 
-class JointTable:
-    """Names, sizes and limits of a robot's joints; `Leg` lists its attributes."""
+class InDegrees(dict[str, float]):
+    """Values of joints by name [deg; m for prismatic joints], as commands and files have them."""
 
-    def __init__(self, model: Any, mimics: Sequence[Mimic] = ()) -> None:
-        self._model = model
-        self.name = str(model.name)
-        self.joint_names: tuple[str, ...] = tuple(model.names)[1:]
-        self.nq, self.nv = int(model.nq), int(model.nv)
-        self.mimics = _present(model, mimics)
-        self.gears = Gears(model, self.mimics) if self.mimics else None
-        self._short = _short_form(model, self.mimics)
-        self.lower = read_only(model.lowerPositionLimit)
-        self.upper = read_only(model.upperPositionLimit)
-        self.velocity_limit = read_only(_unlimited(model.velocityLimit))
-        self.effort_limit = read_only(_unlimited(model.effortLimit))
+
+class JointTable:
+    """The joints of a model by name; a subclass has its `_model`, a `pin.Model`, and `mimics`."""
+
+    _model: Any
+
+    @property
+    def mimics(self) -> tuple[Mimic, ...]:
+        """Joints that move with another one."""
+        raise NotImplementedError
+
+    @cached_property
+    def name(self) -> str:
+        """Name of the robot."""
+        return str(self._model.name)
+
+    @cached_property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints in the order of the model, without its universe."""
+        return tuple(self._model.names)[1:]
+
+    @cached_property
+    def nq(self) -> int:
+        """Size of a configuration."""
+        return int(self._model.nq)
+
+    @cached_property
+    def nv(self) -> int:
+        """Size of a velocity."""
+        return int(self._model.nv)
+
+    @cached_property
+    def lower(self) -> Array:
+        """Lower limits of the joints, shape `(nq,)` [rad; m for prismatic joints]."""
+        return read_only(self._model.lowerPositionLimit)
+
+    @cached_property
+    def upper(self) -> Array:
+        """Upper limits of the joints, shape `(nq,)` [rad; m for prismatic joints]."""
+        return read_only(self._model.upperPositionLimit)
+
+    @cached_property
+    def velocity_limit(self) -> Array:
+        """Largest speed of each joint, shape `(nv,)` [rad/s; m/s for prismatic joints]."""
+        return _limits(self._model.velocityLimit)
+
+    @cached_property
+    def effort_limit(self) -> Array:
+        """Largest torque of each joint, `effort` in a URDF, `(nv,)` [N m; N for prismatic]."""
+        return _limits(self._model.effortLimit)
+
+    @cached_property
+    def gears(self) -> Gears | None:
+        """The mimic joints of the model; None without any."""
+        return Gears(self._model, self.mimics) if self.mimics else None
 
     @property
     def single_joints(self) -> list[str]:
@@ -73,15 +117,15 @@ class JointTable:
                 f"q is {dict(q)!r}: it must be {self.nq} numbers; Leg.configuration makes them "
                 "of joints by name"
             )
-        if self._short is None:
+        if self._short_form is None:
             checked = validation.vector("q", q, self.nq)
         else:
-            checked = self._expanded(q, *self._short)
+            checked = self._expanded(q, *self._short_form)
         if self.nq != self.nv and not pin.isNormalized(self._model, checked, 1e-9):
-            name, part = self._not_unit(checked)
+            name, coordinates = self._not_unit(checked)
             raise InvalidInput(
-                f"q is {checked.tolist()}: {part} of {name} must have length 1 (Leg.configuration "
-                "makes one from angles)"
+                f"q is {checked.tolist()}: {coordinates} of {name} must have length 1 "
+                "(Leg.configuration makes one from angles)"
             )
         return checked
 
@@ -131,34 +175,34 @@ class JointTable:
         number = self._number(joint)
         if self._model.nqs[number] != 1:
             return -math.pi, math.pi
-        at = self._model.idx_qs[number]
-        return float(self.lower[at]), float(self.upper[at])
+        index = self._model.idx_qs[number]
+        return float(self.lower[index]), float(self.upper[index])
 
     def outside_range(self, q: ArrayLike) -> list[str]:
         """Return a line for each joint of one degree of freedom that is outside its range."""
-        found = []
+        lines = []
         for name, (value, unit) in self.display_values(q).items():
             scale = 1.0 if unit == "m" else math.degrees(1.0)
             low, high = (scale * end for end in self.joint_range(name))
             if not low - scale * LIMIT_TOLERANCE <= value <= high + scale * LIMIT_TOLERANCE:
                 span = f"{low:.5g} to {high:.5g}"
-                found.append(f"{name} at {value:.5g} {unit} is outside its range {span} {unit}")
-        return found
+                lines.append(f"{name} at {value:.5g} {unit} is outside its range {span} {unit}")
+        return lines
 
     def too_fast(self, v: ArrayLike) -> list[str]:
         """Return a line for each joint of one degree of freedom that is faster than its limit.
 
         A joint whose limit is 0 must not move; an infinite limit is never exceeded.
         """
-        found, speeds = [], np.abs(validation.vector("v", v, self.nv))
+        lines, speeds = [], np.abs(validation.vector("v", v, self.nv))
         for name in self.single_joints:
             index = self.velocity_index(name)
             speed, limit = float(speeds[index]), float(self.velocity_limit[index])
             if limit == 0.0 and speed > 0.0:
-                found.append(f"{name} moves, its speed limit is 0")
+                lines.append(f"{name} moves, its speed limit is 0")
             elif speed > (1.0 + LIMIT_TOLERANCE) * limit:
-                found.append(f"{name} at {100.0 * speed / limit:.4g} % of its speed limit")
-        return found
+                lines.append(f"{name} at {100.0 * speed / limit:.4g} % of its speed limit")
+        return lines
 
     def _number(self, joint: str) -> int:
         """Return Pinocchio's number of a joint of one degree of freedom; raise `InvalidInput`."""
@@ -172,7 +216,7 @@ class JointTable:
     def _expanded(
         self, q: ArrayLike, places: NDArray[np.int64], angles: NDArray[np.bool_]
     ) -> Array:
-        """Return q, shape `(nq,)`, of the same or of a short one, as `_short_form` has it."""
+        """Return q, shape `(nq,)`, of the same or of a short one, see `_short_form`."""
         given = validation.floats("q", q)
         if given.shape == places.shape:
             full = np.zeros(self.nq)
@@ -202,116 +246,64 @@ class JointTable:
                 return name, "the quaternion (xyzw, last)" if free else "the (cos, sin) pair"
         return self.name, "what stands for angles"
 
+    @cached_property
+    def _short_form(self) -> tuple[NDArray[np.int64], NDArray[np.bool_]] | None:
+        """Where each number of a short q is in q, and whether it is a continuous joint's angle.
 
-def _present(model: Any, mimics: Sequence[Mimic]) -> tuple[Mimic, ...]:
-    """Return the mimics of joints that a model has; raise `InvalidInput` for half a pair."""
-    names, present = set(model.names), []
-    for mimic in mimics:
-        if mimic.joint in names and mimic.driver in names:
-            present.append(mimic)
-        elif mimic.joint in names or mimic.driver in names:
-            raise InvalidInput(
-                f"joint {mimic.joint!r} mimics {mimic.driver!r}: the model must have both or none"
-            )
-    return tuple(present)
+        A short q has one angle in place of the cosine and sine of a continuous joint, and no mimic
+        joints. None if that is q itself.
+        """
+        model, places, angles = self._model, list[int](), list[bool]()
+        mimicking = {mimic.joint for mimic in self.mimics}
+        for joint in range(1, model.njoints):
+            first, nq = model.idx_qs[joint], model.nqs[joint]
+            turns = (nq, model.nvs[joint]) == (2, 1)
+            if model.names[joint] not in mimicking:
+                size = 1 if turns else nq
+                places += range(first, first + size)
+                angles += [turns] * size
+        return None if len(places) == model.nq else (np.array(places), np.array(angles))
 
+    def _present(self, mimics: Sequence[Mimic]) -> tuple[Mimic, ...]:
+        """Return the mimics of joints that the model has; raise `InvalidInput` for half a pair."""
+        names, present = set(self.joint_names), []
+        for mimic in mimics:
+            if mimic.joint in names and mimic.driver in names:
+                present.append(mimic)
+            elif mimic.joint in names or mimic.driver in names:
+                raise InvalidInput(
+                    f"joint {mimic.joint!r} mimics {mimic.driver!r}: the model must have both or "
+                    "none"
+                )
+        return tuple(present)
 
-def _short_form(
-    model: Any, mimics: Sequence[Mimic]
-) -> tuple[NDArray[np.int64], NDArray[np.bool_]] | None:
-    """Return where each number of a short q is in q, and whether it is a continuous joint's angle.
+    def _values_to_lock(self, wanted: Mapping[str, float]) -> dict[str, float]:
+        """Return the values of the joints that `wanted` names or matches [rad; m if prismatic].
 
-    A short q has one angle in place of the cosine and sine of a continuous joint, and no mimic
-    joints. None if that is q itself.
-    """
-    places: list[int] = []
-    angles: list[bool] = []
-    mimicking = {mimic.joint for mimic in mimics}
-    for joint in range(1, model.njoints):
-        first, nq = model.idx_qs[joint], model.nqs[joint]
-        turns = (nq, model.nvs[joint]) == (2, 1)
-        if model.names[joint] not in mimicking:
-            size = 1 if turns else nq
-            places += range(first, first + size)
-            angles += [turns] * size
-    return None if len(places) == model.nq else (np.array(places), np.array(angles))
+        Mimic joints are left out: they are locked with their drivers.
 
-
-def lock_joints(
-    model: Any, joints: Mapping[str, float] | None, mimics: Sequence[Mimic] = ()
-) -> Any:
-    """Return a `pin.Model` with joints locked at their values [rad; m for prismatic joints].
-
-    A name may be a pattern, as for `expand_patterns`. With a joint, those that mimic it are locked.
-
-    Raises:
-        InvalidInput: no such joint, a value that is not finite or outside the joint's range, a
-            mimic joint without its driver, or all joints are locked.
-    """
-    table, wanted = JointTable(model, mimics), validation.mapping("joints", joints)
-    if not wanted:
-        return model
-    for name in wanted:
-        if not expand_patterns({name: 0.0}, table.single_joints):
-            table.velocity_index(name)  # raises
-    joints = expand_patterns(wanted, table.single_joints)
-    for mimic in table.mimics:
-        if mimic.joint in joints and mimic.driver not in joints:
-            raise InvalidInput(
-                f"joint {mimic.joint!r} mimics {mimic.driver!r}: lock that one, which locks both"
-            )
-        if mimic.joint not in wanted:
-            joints.pop(mimic.joint, None)
-    q = table.configuration(joints)
-    for line in table.outside_range(q):
-        if any(line.startswith(f"{joint} at ") for joint in joints):
-            raise InvalidInput(f"{line}: it cannot be locked there")
-    locked = {*joints, *(mimic.joint for mimic in table.mimics if mimic.driver in joints)}
-    if len(locked) == len(table.joint_names):
-        raise InvalidInput(f"all joints of {table.name} are locked: a kick must move one")
-    return reduced_model(model, locked, q)
+        Raises:
+            InvalidInput: no such joint, or a mimic joint without its driver.
+        """
+        for name in wanted:
+            if not expand_patterns({name: 0.0}, self.single_joints):
+                self.velocity_index(name)  # raises
+        values = expand_patterns(wanted, self.single_joints)
+        for mimic in self.mimics:
+            if mimic.joint in values and mimic.driver not in values:
+                raise InvalidInput(
+                    f"joint {mimic.joint!r} mimics {mimic.driver!r}: lock that one, which locks "
+                    "both"
+                )
+            if mimic.joint not in wanted:
+                values.pop(mimic.joint, None)
+        if not isinstance(wanted, InDegrees):
+            return values
+        turning = {name for name in values if self.joint_unit(name) == "rad"}
+        checked = {name: validation.number(f"joint {name}", x) for name, x in values.items()}
+        return {name: math.radians(x) if name in turning else x for name, x in checked.items()}
 
 
-def _unlimited(limits: Array) -> Array:
+def _limits(limits: Array) -> Array:
     """Return limits with inf for the largest float, with which Pinocchio starts a joint."""
-    return np.where(limits >= np.finfo(float).max, math.inf, limits)
-
-
-def reduced_model(model: Any, joints: Iterable[str], q: Array) -> Any:
-    """Return a `pin.Model` with joints, by name, locked as they are at `q`, shape `(nq,)`.
-
-    `pin.buildReducedModel` wants one frame of each joint's name: a link of that name has another
-    meanwhile, and a joint without a frame, with which it would crash, gets one. These frames must
-    come before those that move with their joints. It also refuses a lower limit of velocity above
-    the upper one, although Pinocchio 4.1 itself starts with that.
-    """
-    own = model.copy()
-    own.lowerVelocityLimit = -own.velocityLimit
-    names, moving = list(own.names), pin.FrameType.JOINT
-    framed = {frame.name for frame in own.frames if frame.type == moving}
-    for joint, name in enumerate(names):
-        if joint and name not in framed:
-            own.addJointFrame(joint)
-    _put_joint_frames_first(own)
-    renamed = {}
-    for number, frame in enumerate(own.frames):
-        if frame.name in names and frame.type != moving:
-            renamed[f"{frame.name}/{number}"] = frame.name
-            frame.name = f"{frame.name}/{number}"
-    reduced = pin.buildReducedModel(own, [names.index(joint) for joint in joints], q)
-    for frame in reduced.frames:
-        frame.name = renamed.get(frame.name, frame.name)
-    return reduced
-
-
-def _put_joint_frames_first(model: Any) -> None:
-    """Put the frames of joints first in a `pin.Model`, unless each precedes those that it moves."""
-    frames = [pin.Frame(frame) for frame in model.frames]
-    moving = {f.parentJoint: n for n, f in enumerate(frames) if f.type == pin.FrameType.JOINT}
-    if all(moving.get(frame.parentJoint, 0) <= n for n, frame in enumerate(frames)):
-        return
-    others = [n for n in range(1, len(frames)) if frames[n].type != pin.FrameType.JOINT]
-    order = [0, *(moving[joint] for joint in sorted(moving)), *others]
-    for place, old in enumerate(order):
-        frames[old].parentFrame = order.index(frames[old].parentFrame)
-        model.frames[place] = frames[old]
+    return read_only(np.where(limits >= np.finfo(float).max, math.inf, limits))

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.robot.joint_table import reduced_model
 from kickdyn.robot.leg import Leg
+from kickdyn.robot.surgery import angle_model, has_continuous_joints, reduce_model
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,10 +94,10 @@ def kicking_chain(robot: Leg, *, branches: bool = False) -> KickingChain:
                 f"joints in the kicking limb; lock {mimic.driver!r}, which locks both (Leg.locked, "
                 f"--lock {mimic.driver}=VALUE)"
             )
-    others = [str(model.names[j]) for j in range(1, model.njoints) if j not in kept]
+    locked = [str(model.names[j]) for j in range(1, model.njoints) if j not in kept]
     leg = robot
-    if others:
-        leg = robot.with_model(reduced_model(model, others, rest_configuration(robot)))
+    if locked:
+        leg = robot.with_model(reduce_model(model, locked, rest_configuration(robot)))
     qs, vs = (
         np.concatenate([np.arange(first[j], first[j] + size[j]) for j in kept])
         for first, size in ((model.idx_qs, model.nqs), (model.idx_vs, model.nvs))
@@ -120,30 +120,9 @@ def with_angles(robot: Leg) -> Leg:
 
     Its q is the short one that the robot itself takes too. Without such joints, it is the robot.
     """
-    model = robot.model
-    turning = [(nq, nv) == (2, 1) for nq, nv in zip(model.nqs, model.nvs, strict=True)]
-    if not any(turning):
+    if not has_continuous_joints(robot.workspace.model):
         return robot
-    found, data = pin.Model(), robot.workspace.data
-    pin.forwardKinematics(robot.workspace.model, data, robot.configuration())
-    for joint in range(1, model.njoints):
-        kind = model.joints[joint]
-        if turning[joint]:
-            kind = pin.JointModelRevoluteUnaligned(np.ravel(data.joints[joint].S)[3:])
-        place, name = model.jointPlacements[joint], model.names[joint]
-        found.addJoint(model.parents[joint], kind, place, name)
-        found.inertias[joint] = model.inertias[joint]
-        for limit in ("lowerPositionLimit", "upperPositionLimit"):
-            half = math.pi if limit.startswith("upper") else -math.pi
-            at, size = model.idx_qs[joint], model.nqs[joint]
-            values = np.array([half]) if turning[joint] else getattr(model, limit)[at : at + size]
-            getattr(found, limit)[-len(values) :] = values
-    for frame in list(model.frames)[1:]:
-        found.addFrame(frame, False)
-    for limit in ("velocityLimit", "effortLimit", "armature"):
-        setattr(found, limit, getattr(model, limit))
-    found.name, found.gravity, found.inertias[0] = model.name, model.gravity, model.inertias[0]
-    return robot.with_model(found)
+    return robot.with_model(angle_model(robot.model))
 
 
 def configuration_with_angles(robot: Leg, q: ArrayLike) -> Array:

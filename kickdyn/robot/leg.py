@@ -1,9 +1,14 @@
-"""The leg: a Pinocchio model with a contact frame, and its posture at one configuration."""
+"""The leg: a Pinocchio model with a contact frame, and its posture at one configuration.
 
-import copy
+`Leg` is what does not change: model, contact frame, constraints. Its methods return changed copies,
+by `dataclasses.replace`. `Posture` is a leg at a configuration: the kinematics and the inertia
+there, computed once. What follows from them is computed when it is first asked for.
+"""
+
 import math
 import threading
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from os import PathLike
 from typing import Any
@@ -29,7 +34,8 @@ from kickdyn.robot.constraints import (
     find_open_loops,
 )
 from kickdyn.robot.descriptions import find_description
-from kickdyn.robot.joint_table import JointTable, lock_joints, reduced_model
+from kickdyn.robot.joint_table import JointTable
+from kickdyn.robot.mimic_joints import Mimic
 from kickdyn.robot.mjcf_file import MjcfFile, read_mjcf
 from kickdyn.robot.mjcf_model import build_mjcf_model
 from kickdyn.robot.model_validation import (
@@ -42,6 +48,7 @@ from kickdyn.robot.model_validation import (
     rounding_gain,
     singularity_fault,
 )
+from kickdyn.robot.surgery import reduce_model, replace_rotors
 from kickdyn.robot.urdf_file import build_model, check_base, read_urdf, shipped_urdf
 from kickdyn.robot.visuals import RobotFile
 
@@ -52,63 +59,90 @@ SHOWN = 8
 """Joints of a posture that are shown; of a robot with more, those that are not at 0."""
 
 
+class _CopiedModel:
+    """The field `model` of a leg: copied when it is set and when it is read."""
+
+    def __get__(self, leg: "Leg | None", owner: type) -> Any:
+        if leg is None:
+            raise AttributeError("model")  # so that the dataclass sees no default
+        return leg._model.copy()
+
+    def __set__(self, leg: "Leg", model: Any) -> None:
+        check_is_model(model)
+        vars(leg)["_model"] = model.copy()
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Leg(JointTable, ReprMixin):
     r"""A leg, or a whole robot, with the frame that touches the ball.
 
-    A leg does not change: `locked`, `with_armature`, `with_supports` and `with_loops` return
-    another. It can be pickled and shared between threads.
+    A leg does not change: `locked`, `with_armature`, `with_supports`, `with_loops` and
+    `with_stiff_joints` return another one. It can be pickled and shared between threads.
 
     Attributes:
-        name: name of the robot.
+        model: the `pin.Model`, a copy each time: what is changed there does not change this leg.
         frame: name of the contact frame.
         file: the checked file from which the leg was read; None for `from_model`.
-        joint_names: names of the joints in the order of the model, without its universe.
-        nq, nv: sizes of configuration and velocity.
-        lower, upper: range of the joints, shape `(nq,)` [rad; m for prismatic joints].
-        velocity_limit, effort_limit: largest speed and torque of each joint (`effort` in a URDF),
-            shape `(nv,)` [rad/s, N m; m/s, N for prismatic joints].
-        mimics: joints that move with another one, as the file says.
+        supports: frames that stand on the ground.
+        loops: pairs of frames whose origins stay together.
+        contact_normal_cone: rows a of the cone of contact normals n with which the foot can meet a
+            ball, :math:`a \cdot n \ge 0`, shape `(k, 3)` [contact frame]; None if it is unknown.
         stiff_joints: joints whose velocity an impact does not change.
         constraints: constraints by supports, loops, mimic joints and stiff joints; None without
             any.
-        contact_normal_cone: rows a of the cone of contact normals n with which the foot can meet a
-            ball, :math:`a \cdot n \ge 0`, shape `(k, 3)` [contact frame]; None if it is unknown.
         workspace: this thread's scratch space for Pinocchio's calls; every call overwrites it.
     """
 
-    @validation.check_arguments
-    def __init__(
-        self,
-        model: Any,
-        frame: str,
-        file: RobotFile | None = None,
-        supports: tuple[Support, ...] = (),
-        loops: tuple[tuple[str, str], ...] = (),
-        contact_normal_cone: Array | None = None,
-        stiff_joints: tuple[str, ...] = (),
-    ) -> None:
-        check_is_model(model)
-        super().__init__(model.copy(), () if file is None else file.mimics)
-        self._gravity = model.gravity.copy()
-        self._model.gravity = pin.Motion.Zero()  # an impact is too short for gravity
-        self.frame, self.file = frame, file
-        self.frame_id = frame_id(self._model, frame)
-        contact_frame = self._model.frames[self.frame_id]
-        self.contact_joint = int(contact_frame.parentJoint)
+    model: Any = _CopiedModel()
+    frame: str  # type: ignore[misc]  # the model has no default, though mypy sees one
+    file: RobotFile | None = None
+    supports: tuple[Support, ...] = ()
+    loops: tuple[tuple[str, str], ...] = ()
+    contact_normal_cone: Array | None = None
+    stiff_joints: tuple[str, ...] = ()
+    constraints: Constraints | None = field(init=False)
+    workspace: "Workspace" = field(init=False)
+
+    def __post_init__(self) -> None:
+        validation.check_type(str, frame=self.frame)
+        validation.check_type(RobotFile, type(None), file=self.file)
+        for name in ("supports", "loops", "stiff_joints"):
+            validation.check_type(tuple, **{name: getattr(self, name)})
+        if self.contact_normal_cone is not None:
+            cone = validation.floats("contact normal cone", self.contact_normal_cone)
+            vars(self).update(contact_normal_cone=read_only(cone))
         if self.contact_joint == 0:
-            raise InvalidInput(f"frame {frame!r} is fixed to the base: a kick must move it")
-        self.contact_lever = read_only(contact_frame.placement.translation)
-        cone = contact_normal_cone
-        self.contact_normal_cone = None if cone is None else read_only(cone)
-        self.constraints: Constraints | None = None
-        self.stiff_joints = stiff_joints
-        if supports or loops or stiff_joints or self.gears is not None:
-            stiff = {joint: self.velocity_index(joint) for joint in stiff_joints}
-            self.constraints = Constraints(
-                self._model, self.contact_joint, supports, loops, self.gears, stiff
-            )
-        self._options = (supports, loops, cone, stiff_joints)
-        self.workspace = Workspace(self._model)
+            raise InvalidInput(f"frame {self.frame!r} is fixed to the base: a kick must move it")
+        vars(self).update(constraints=self._find_constraints(), workspace=Workspace(self._model))
+
+    def _find_constraints(self) -> Constraints | None:
+        """Return the constraints of the leg; None without any."""
+        if not (self.supports or self.loops or self.stiff_joints or self.gears):
+            return None
+        stiff = {joint: self.velocity_index(joint) for joint in self.stiff_joints}
+        return Constraints(
+            self._model, self.contact_joint, self.supports, self.loops, self.gears, stiff
+        )
+
+    @cached_property
+    def mimics(self) -> tuple[Mimic, ...]:
+        """Joints that move with another one, as the file says."""
+        return () if self.file is None else self._present(self.file.mimics)
+
+    @cached_property
+    def frame_id(self) -> int:
+        """Number of the contact frame in the model."""
+        return frame_id(self._model, self.frame)
+
+    @cached_property
+    def contact_joint(self) -> int:
+        """Number of the joint that carries the contact frame."""
+        return int(self._model.frames[self.frame_id].parentJoint)
+
+    @cached_property
+    def contact_lever(self) -> Array:
+        """Origin of the contact frame, shape `(3,)` [m, axes of the contact joint]."""
+        return read_only(self._model.frames[self.frame_id].placement.translation)
 
     @classmethod
     def human(cls) -> "Leg":
@@ -143,7 +177,8 @@ class Leg(JointTable, ReprMixin):
                 velocity, in the root link's axes, in v.
             locked: joints to lock at their values [rad; m for prismatic joints], before inertias
                 are judged: of a joint that moves no mass, for example. A name may be a pattern as
-                of a shell, such as `"LFinger*"`; a joint's own name goes before patterns.
+                of a shell, such as `"LFinger*"`; the value of a joint that is named itself takes
+                precedence over that of a pattern.
             package_dirs: ROS packages, or folders that contain them, where a page looks for meshes
                 named `package://NAME/...`, before the folders that contain the file and those of
                 the variables `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH`. Meshes in them may be
@@ -153,17 +188,11 @@ class Leg(JointTable, ReprMixin):
             UrdfError: the file is refused, with all its faults in one message.
             InvalidInput: there is no such frame, base, joint to lock or folder.
         """
-        locked = validation.mapping("locked", locked)
-        urdf = read_urdf(path, package_dirs, locked)
-        model = lock_joints(build_model(urdf.text, urdf.source, base), locked, urdf.mimics)
-        try:
-            check_model(model)
-        except InvalidInput as fault:
-            raise UrdfError(urdf.source, [str(fault)]) from None
-        leg = cls(model, frame, urdf)
-        singular = _find_singularity(leg)
-        if singular is not None:
-            raise UrdfError(urdf.source, [singular])
+        urdf = read_urdf(path, package_dirs, validation.mapping("locked", locked))
+        leg = cls(build_model(urdf.text, urdf.source, base), frame, urdf).locked(locked or {})
+        fault = _find_fault(leg)
+        if fault is not None:
+            raise UrdfError(urdf.source, [fault])
         return leg
 
     @classmethod
@@ -207,12 +236,13 @@ class Leg(JointTable, ReprMixin):
         cls, file: MjcfFile, frame: str, base: str, locked: Mapping[str, float] | None
     ) -> "Leg":
         """Return the leg of a checked MJCF."""
-        read = build_mjcf_model(file, frame, base, locked)
-        leg = cls(read.model, frame, read.file)
-        singular = _find_singularity(leg)
-        if singular is not None:
-            raise MjcfError(read.file.source, [singular])
-        return leg.with_loops(*read.loops) if read.loops else leg
+        built = build_mjcf_model(file, frame, base, locked)
+        leg = cls(built.model, frame, built.file).locked(locked or {})
+        fault = _find_fault(leg)
+        if fault is not None:
+            raise MjcfError(file.source, [fault])
+        built.compare()
+        return leg.with_loops(*built.loops)
 
     @classmethod
     @validation.check_arguments
@@ -256,23 +286,16 @@ class Leg(JointTable, ReprMixin):
             if legs_only:
                 raise InvalidInput(f"legs_only is for {', '.join(ROBOTS)}: for {name}, use locked=")
             return cls._from_description(name, frame, base, locked)
-        all_joints = bool(locked) or not legs_only
-        model, known = robot_model(name, base, legs_only=not all_joints), robot(name)
-        file, (frame, cone) = robot_file(name), known.contact(frame)
-        model = lock_joints(model, locked, file.mimics)
-        if all_joints and legs_only:  # locked may have joints outside the legs, too
-            others = outside_legs(name, model)
-            model = reduced_model(model, others, pin.neutral(model)) if others else model
-        leg = cls(model, frame, file, contact_normal_cone=cone)
-        try:
-            check_model(leg.model)
-            singular = _find_singularity(leg)
-            if singular is not None:
-                raise InvalidInput(singular)
-        except InvalidInput as error:
-            if legs_only:
-                raise
-            raise InvalidInput(f"{error} (legs_only=True keeps the legs' joints)") from None
+        file, (frame, cone) = robot_file(name), robot(name).contact(frame)
+        leg = cls(robot_model(name, base), frame, file, contact_normal_cone=cone)
+        leg = leg.locked(locked or {})
+        outside = outside_legs(name, leg.joint_names) if legs_only else []
+        if outside:
+            leg = leg.with_model(reduce_model(leg.model, outside, leg.configuration()))
+        fault = _find_fault(leg)
+        if fault is not None:
+            hint = "" if legs_only else " (legs_only=True keeps the legs' joints)"
+            raise InvalidInput(f"{fault}{hint}")
         return leg
 
     @classmethod
@@ -281,12 +304,18 @@ class Leg(JointTable, ReprMixin):
     ) -> "Leg":
         """Load a robot of the package robot_descriptions."""
         check_base(base)
-        found, wish = find_description(name, list(ROBOTS)), frame or TOE
+        description, contact_frame = find_description(name, list(ROBOTS)), frame or TOE
         try:
-            if found.is_mjcf:
-                return cls._from_mjcf(read_mjcf(found.file, found.folders), wish, base, locked)
+            if description.is_mjcf:
+                return cls._from_mjcf(
+                    read_mjcf(description.file, description.folders), contact_frame, base, locked
+                )
             return cls.from_urdf(
-                found.file, wish, base=base, locked=locked, package_dirs=found.folders
+                description.file,
+                contact_frame,
+                base=base,
+                locked=locked,
+                package_dirs=description.folders,
             )
         except FaultyFile:
             raise
@@ -328,7 +357,17 @@ class Leg(JointTable, ReprMixin):
             InvalidInput: no such joint, a value that is not finite or outside the joint's range,
                 or all of the foot's locked.
         """
-        return self.with_model(lock_joints(self.model, joints, self.mimics))
+        if not validation.mapping("joints", joints):
+            return self
+        values = self._values_to_lock(joints)
+        q = self.configuration(values)
+        for line in self.outside_range(q):
+            if any(line.startswith(f"{joint} at ") for joint in values):
+                raise InvalidInput(f"{line}: it cannot be locked there")
+        fixed = {*values, *(mimic.joint for mimic in self.mimics if mimic.driver in values)}
+        if len(fixed) == len(self.joint_names):
+            raise InvalidInput(f"all joints of {self.name} are locked: a kick must move one")
+        return self.with_model(reduce_model(self._model, fixed, q))
 
     def with_armature(self, rotors: Mapping[str, float]) -> "Leg":
         """Return the leg with rotors behind its joints.
@@ -340,13 +379,12 @@ class Leg(JointTable, ReprMixin):
         Raises:
             InvalidInput: no such joint, or a value below 0.
         """
-        model, armature = self.model, self._model.armature.copy()
+        armature = self._model.armature.copy()
         for name, value in validation.mapping("rotors", rotors).items():
             armature[self.velocity_index(name)] = validation.number(
                 f"armature of {name}", value, at_least=0, unit="kg m2"
             )
-        model.armature = armature
-        return self.with_model(model)
+        return self.with_model(replace_rotors(self._model, armature))
 
     def with_supports(self, *supports: str | Support) -> "Leg":
         """Return the leg with frames that stand on the ground and stay at rest in the impact.
@@ -362,7 +400,7 @@ class Leg(JointTable, ReprMixin):
         for support in stances:
             if not isinstance(support, Support):
                 raise InvalidInput(f"support is {support!r}: it must be a frame's name or Support")
-        return Leg(self.model, self.frame, self.file, stances, *self._options[1:])
+        return replace(self, supports=stances)
 
     def with_loops(self, *loops: tuple[str, str]) -> "Leg":
         """Return the leg with closed loops: pairs of frames whose origins stay together.
@@ -375,9 +413,7 @@ class Leg(JointTable, ReprMixin):
         for loop in loops:
             if not isinstance(loop, tuple | list) or len(loop) != 2:
                 raise InvalidInput(f"loop is {loop!r}: it must be a pair of frames' names")
-        pairs = tuple((first, second) for first, second in loops)
-        supports, _, cone, stiff = self._options
-        return Leg(self.model, self.frame, self.file, supports, pairs, cone, stiff)
+        return replace(self, loops=tuple((first, second) for first, second in loops))
 
     def with_stiff_joints(self, *joints: str) -> "Leg":
         r"""Return the leg with joints that hold in an impact, as motors with high gears do.
@@ -401,7 +437,7 @@ class Leg(JointTable, ReprMixin):
                 raise InvalidInput(f"joint {joint!r} is stiff twice: name it once")
         if len(joints) == self.nv:
             raise InvalidInput(f"all joints of {self.name} are stiff: one must be free")
-        return Leg(self.model, self.frame, self.file, *self._options[:3], joints)
+        return replace(self, stiff_joints=joints)
 
     def with_model(self, model: Any) -> "Leg":
         """Return the leg with another `pin.Model` that has its frames: a changed copy of its own.
@@ -409,8 +445,8 @@ class Leg(JointTable, ReprMixin):
         Raises:
             InvalidInput: a frame of this leg is missing, or no joint moves the contact frame.
         """
-        kept = tuple(joint for joint in self.stiff_joints if joint in list(model.names))
-        return Leg(model, self.frame, self.file, *self._options[:3], kept)
+        stiff = tuple(joint for joint in self.stiff_joints if joint in list(model.names))
+        return replace(self, model=model, stiff_joints=stiff)
 
     def posture(self, q: ArrayLike) -> "Posture":
         """Return the posture at a configuration, in the range of the joints or not.
@@ -423,7 +459,7 @@ class Leg(JointTable, ReprMixin):
         Raises:
             InvalidInput: wrong shape, an entry that is not finite, or a singular inertia.
         """
-        return Posture(self, q)
+        return _posture(self, q)
 
     def close_loops(self, q: ArrayLike, keep: Iterable[str] = ()) -> Array:
         """Return a configuration near `q` with all loops closed, by Newton's method.
@@ -473,16 +509,9 @@ class Leg(JointTable, ReprMixin):
             if frozenset((a, b)) not in known
         )
 
-    @property
-    def model(self) -> Any:
-        """A copy of the `pin.Model`; what is changed there does not change this leg."""
-        model = self._model.copy()
-        model.gravity = self._gravity.copy()
-        return model
-
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle the model with the frame's name; the workspace is made anew."""
-        return (Leg, (self.model, self.frame, self.file, *self._options))
+        """Pickle what the leg was made of; all else is made anew."""
+        return Leg, tuple(getattr(self, made.name) for made in fields(self) if made.init)
 
     def __repr__(self) -> str:
         """Name the leg, its joints and its contact frame."""
@@ -499,6 +528,7 @@ class Leg(JointTable, ReprMixin):
         yield from warned(self.warnings)
 
 
+@dataclass(eq=False, repr=False)  # not frozen, which would take a microsecond more
 class Posture(ReprMixin):
     r"""A leg at a configuration `q`, with its kinematics and inertia; `Leg.posture` makes it.
 
@@ -520,44 +550,25 @@ class Posture(ReprMixin):
         constraint_projector: the leg's constraints at this configuration; None without any.
     """
 
-    def __init__(self, leg: Leg, q: ArrayLike) -> None:
-        if not isinstance(leg, Leg):  # a posture takes ten microseconds
-            validation.check_type(Leg, leg=leg)
-        workspace = leg.workspace
-        model, data = workspace.model, workspace.data
-        self.leg = leg
-        self.q = leg.check_configuration(q)
-        pin.forwardKinematics(model, data, self.q)
-        placement = pin.updateFramePlacement(model, data, leg.frame_id)
-        self.contact_point: Array = placement.translation.copy()
-        self.contact_lever: Array = leg.contact_lever
-        self.rotation_world_joint = workspace.placements[leg.contact_joint].rotation.copy()
-        # Local axes: about the world's origin, a leg far from it would lose its digits.
-        self.inertia: Array = pin.crba(model, data, self.q, pin.Convention.LOCAL)
-        local = pin.computeFrameJacobian(model, data, self.q, leg.frame_id, pin.LOCAL)
-        self._jacobian_in_frame: Array = local.reshape(6, model.nv)
-        self._frame_origin = self.contact_point
-        self._rotation_world_frame: Array = placement.rotation.copy()
-        self.jacobian: Array = self._rotation_world_frame.dot(self._jacobian_in_frame[:3])
-        self._cholesky, self._condition_bound = cholesky_with_condition(self.inertia)
-        if not self._condition_bound < MAX_CONDITION and not self.condition < MAX_CONDITION:
-            fault = singularity_fault(model, self.inertia, self.condition)
-            here = f"q = {self.q.tolist()}" if leg.nq <= SHOWN else "this posture"
-            raise InvalidInput(f"the joint-space inertia of {leg.name} at {here} {fault}")
-        self.constraint_projector: ConstraintProjector | None = None
-        if leg.constraints is not None:
-            leg.constraints.check_closed(model, data, self)
-            rows, blocks = leg.constraints.rows(model, data, self.q)
-            whitened = self._whiten(rows)
-            self.constraint_projector = ConstraintProjector(
-                leg.constraints, rows, blocks, whitened, self
-            )
-        self._contact_offset: ArrayLike | None = None
-        self._whitened_jacobian: Array | None = None
-        self._delassus_factor: Array | None = None
-        arrays = self.q, self.inertia, self.contact_point, self.jacobian
-        for array in (*arrays, self.rotation_world_joint):
-            array.setflags(write=False)
+    leg: Leg
+    q: Array
+    contact_point: Array
+    contact_lever: Array
+    rotation_world_joint: Array
+    jacobian: Array
+    inertia: Array
+    constraint_projector: ConstraintProjector | None
+    _cholesky: Array
+    _condition_bound: float
+    _frame_rotation: Array
+    _frame_origin: Array
+    _frame_jacobian: Array
+    _contact_offset: Array | None = None
+
+    @property
+    def contact_offset(self) -> Array | None:
+        """Position of the contact point in the contact frame [m]; None is its origin."""
+        return self._contact_offset
 
     def with_contact_offset(self, offset: ArrayLike | None) -> "Posture":
         """Return this posture with its contact point elsewhere on the foot.
@@ -577,20 +588,15 @@ class Posture(ReprMixin):
                 f"contact offset is {arm.tolist()} m: it must be on the foot, {MAX_OFFSET:g} m at "
                 "most"
             )
-        rotation, local = self._rotation_world_frame, self._jacobian_in_frame
-        moved = copy.copy(self)
-        moved._whitened_jacobian = moved._delassus_factor = None
-        moved._contact_offset = offset
-        moved.__dict__.pop("_with_stiff_joints_free", None)
-        moved.__dict__.pop("rounding_gain", None)
-        moved.contact_point = self._frame_origin + rotation @ arm
-        moved.contact_lever = self.leg.contact_lever + self.rotation_world_joint.T @ (
-            rotation @ arm
+        rotation, local = self._frame_rotation, self._frame_jacobian
+        lever = rotation @ arm
+        return replace(
+            self,
+            contact_point=read_only(self._frame_origin + lever),
+            contact_lever=read_only(self.leg.contact_lever + self.rotation_world_joint.T @ lever),
+            jacobian=read_only(rotation @ (local[:3] - pin.skew(arm) @ local[3:])),
+            _contact_offset=arm,
         )
-        moved.jacobian = rotation @ (local[:3] - pin.skew(arm) @ local[3:])
-        for array in (moved.contact_point, moved.contact_lever, moved.jacobian):
-            array.setflags(write=False)
-        return moved
 
     @property
     def without_stiff_joints(self) -> "Posture":
@@ -620,19 +626,25 @@ class Posture(ReprMixin):
         """A line for each open loop of the leg and for each joint outside its range."""
         return (*self.leg.open_loops, *self.leg.outside_range(self.q))
 
-    @property
+    @cached_property
     def whitened_jacobian(self) -> Array:
         r"""Return :math:`J L^{-T}` with :math:`M = L L^T`, shape `(3, nv)` [world frame].
 
         With constraints, it is projected on the velocity jumps that they allow in an impact.
         """
-        if self._whitened_jacobian is None:
-            columns = self._whiten(self.jacobian)
-            if self.constraint_projector is not None:
-                columns = self.constraint_projector.project(columns)
-            columns.setflags(write=False)
-            self._whitened_jacobian = columns.T
-        return self._whitened_jacobian
+        columns = self.whiten(self.jacobian)
+        columns.setflags(write=False)
+        return columns.T
+
+    def whiten(self, jacobian: Array) -> Array:
+        r"""Return :math:`L^{-1} J^T` of any Jacobian, shape `(rows, nv)`, as columns.
+
+        With constraints, it is projected on the velocity jumps that they allow in an impact.
+        """
+        columns = self._whiten(jacobian)
+        if self.constraint_projector is not None:
+            columns = self.constraint_projector.project(columns)
+        return columns
 
     def delassus_factor(self) -> Array:
         r"""Return F with :math:`F F^T = J M^{-1} J^T`, shape `(3, n)` [kg^-1/2, world frame].
@@ -640,16 +652,17 @@ class Posture(ReprMixin):
         It is the whitened Jacobian. For an ill-conditioned leg without supports and loops it is a
         factor from the articulated-body algorithm.
         """
-        if self._delassus_factor is None:
-            self._delassus_factor = self.whitened_jacobian
-            if self.constraint_projector is None and self.is_ill_conditioned:
-                axes = self.rotation_world_joint.tolist()
-                lever = self.contact_lever.tolist()
-                forces = np.array([(*axis, *cross3(lever, axis)) for axis in axes])
-                self._delassus_factor = self.articulated_bodies.delassus_factor(
-                    self.leg.contact_joint, forces
-                )
-        return self._delassus_factor
+        if self.constraint_projector is None and self.is_ill_conditioned:
+            return self._articulated_factor
+        return self.whitened_jacobian
+
+    @cached_property
+    def _articulated_factor(self) -> Array:
+        """The factor from the articulated-body algorithm."""
+        lever = self.contact_lever.tolist()
+        axes = self.rotation_world_joint.tolist()
+        forces = np.array([(*axis, *cross3(lever, axis)) for axis in axes])
+        return self.articulated_bodies.delassus_factor(self.leg.contact_joint, forces)
 
     def delassus(self) -> Array:
         r"""Return :math:`J M^{-1} J^T` at the contact point, shape `(3, 3)` [1/kg, world frame]."""
@@ -834,6 +847,49 @@ class Posture(ReprMixin):
         yield from warned(self.warnings)
 
 
+def _posture(leg: Leg, q: ArrayLike) -> Posture:
+    """Return the posture of a leg at a configuration, see `Leg.posture`."""
+    workspace, q = leg.workspace, leg.check_configuration(q)
+    model, data = workspace.model, workspace.data
+    pin.forwardKinematics(model, data, q)
+    placement = pin.updateFramePlacement(model, data, leg.frame_id)
+    rotation, origin = placement.rotation.copy(), placement.translation.copy()
+    # Local axes: about the world's origin, a leg far from it would lose its digits.
+    inertia: Array = pin.crba(model, data, q, pin.Convention.LOCAL)
+    frame_jacobian: Array = pin.computeFrameJacobian(model, data, q, leg.frame_id, pin.LOCAL)
+    frame_jacobian = frame_jacobian.reshape(6, model.nv)
+    cholesky, bound = cholesky_with_condition(inertia)
+    if not bound < MAX_CONDITION:
+        exact = condition(inertia, cholesky)
+        if not exact < MAX_CONDITION:
+            fault = singularity_fault(model, inertia, exact)
+            where = f"q = {q.tolist()}" if leg.nq <= SHOWN else "this posture"
+            raise InvalidInput(f"the joint-space inertia of {leg.name} at {where} {fault}")
+    posture = Posture(
+        leg,
+        q,
+        contact_point=origin,
+        contact_lever=leg.contact_lever,
+        rotation_world_joint=workspace.placements[leg.contact_joint].rotation.copy(),
+        jacobian=rotation.dot(frame_jacobian[:3]),
+        inertia=inertia,
+        constraint_projector=None,
+        _cholesky=cholesky,
+        _condition_bound=bound,
+        _frame_rotation=rotation,
+        _frame_origin=origin,
+        _frame_jacobian=frame_jacobian,
+    )
+    for array in (q, inertia, origin, posture.jacobian, posture.rotation_world_joint):
+        array.setflags(write=False)
+    if leg.constraints is None:
+        return posture
+    leg.constraints.check_closed(model, data, posture)
+    rows, blocks = leg.constraints.rows(model, data, q)
+    projector = ConstraintProjector(leg.constraints, rows, blocks, posture._whiten(rows), posture)
+    return replace(posture, constraint_projector=projector)
+
+
 class Workspace(threading.local):
     """Scratch space per thread: two threads in one `pin.Data` would mix their kinematics.
 
@@ -848,7 +904,8 @@ class Workspace(threading.local):
     """
 
     def __init__(self, model: Any) -> None:
-        self.model = model
+        self.model = model = model.copy()
+        model.gravity = pin.Motion.Zero()  # an impact is too short for gravity
         self.data = pin.Data(model)  # createData makes two for a while, n^3 numbers each
         self.external = pin.StdVec_Force()
         self.external.extend([pin.Force.Zero() for _ in range(model.njoints)])
@@ -858,13 +915,16 @@ class Workspace(threading.local):
         self.zero_velocity: Array = np.zeros(model.nv)
 
 
-def _find_singularity(leg: Leg) -> str | None:
-    """Return what is wrong with a joint-space inertia that is singular at 0 and when bent.
+def _find_fault(leg: Leg) -> str | None:
+    """Return what is wrong with the model of a leg that was read; None if it has a posture.
 
-    None if a posture of the leg exists: some are singular only where they are straight.
+    Some legs are singular where they are straight, so a bent posture is tried too.
     """
-    fault = None
-    straight = leg.configuration()
+    fault, straight = None, leg.configuration()
+    try:
+        check_model(leg.model)
+    except InvalidInput as error:
+        return str(error)
     for step in (np.zeros(leg.nv), 0.3 + 0.1 * np.cos(range(leg.nv))):
         try:
             leg.posture(pin.integrate(leg.workspace.model, straight, step))

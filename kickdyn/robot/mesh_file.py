@@ -1,19 +1,14 @@
 """Meshes of a robot: only their triangles and colours.
 
 A mesh may name further files (textures, materials) and could bring any file of this machine into
-a page that is passed on. So it is read once, from memory, without access to further files. A small
-COLLADA or OBJ file can stand for a large scene; its size is bounded before the scene is built.
+a page that is passed on. So it is read once, from memory, without access to further files.
 """
 
 import io
 import logging
-import re
-import stat
-from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cache
-from pathlib import Path
+from pathlib import PurePath
 from typing import Any
 from xml.etree import ElementTree
 
@@ -24,20 +19,14 @@ from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.core.xml_text import parse_xml
 from kickdyn.errors import InvalidInput
-from kickdyn.robot.mesh_path import MeshFinder
+from kickdyn.robot.package_files import PackageFiles
 
 logging.getLogger("trimesh").addHandler(logging.NullHandler())  # it logs what it ignores
 
 FORMATS = (".stl", ".obj", ".dae", ".ply")
 
-MAX_BYTES = 100_000_000
-"""Of a file, or of the scene that a file stands for: an STL file of two million triangles."""
-
 MAX_VERTICES = 3_000_000
-MAX_PARTS = 1000  # surfaces with a material or a position of their own
-
-INSTANCES, SURFACES = ("instance_node", "instance_geometry"), ("triangles", "polylist", "polygons")
-"""Tags of COLLADA: copies of other elements, and what has triangles."""
+"""Vertices and triangles of a mesh."""
 
 GREY = "0.4 0.4 0.4 1"
 """Colour of what COLLADA colours by a picture, as trimesh's own without the picture."""
@@ -64,36 +53,34 @@ class Triangles:
     rgba: Array | None
 
 
-def read_mesh(finder: MeshFinder, filename: str, scale: ArrayLike = 1.0) -> list[Triangles]:
+def read_mesh(files: PackageFiles, filename: str, scale: ArrayLike = 1.0) -> list[Triangles]:
     """Return the surfaces of a mesh that a robot's file names, scaled by a number or by three.
 
-    No file is opened but the one that the finder finds.
+    No file is opened but the one that `files` finds.
 
     Raises:
         InvalidInput: the mesh is not found, is too large, or cannot be read.
     """
     import trimesh  # takes half a second; most legs have no mesh
 
-    file = finder.find(filename)
-    _check_file(filename, file)
+    content, ending = files.read_mesh(filename), PurePath(filename).suffix.lower()
+    if ending not in FORMATS:
+        raise InvalidInput(f"mesh {filename!r} has no known ending: {', '.join(FORMATS)} are read")
     stretch = np.diag(_stretch(filename, scale))
-    ending = file.suffix.lower()
     try:
-        content = file.read_bytes()
         if ending == ".dae":
-            root = _parse_collada(content)
+            root = parse_xml(content.decode(errors="replace"))
+            _remove_pictures(root)
             content = ElementTree.tostring(root)  # what was checked, not the file's own bytes
             stretch = stretch @ UPRIGHT.get(root.findtext(".//{*}up_axis", "Z_UP"), np.eye(3))
-        elif ending == ".obj":
-            _check_parts(len(re.findall(rb"^[ \t]*(?:usemtl|o|g)[ \t]", content, re.MULTILINE)))
         scene = trimesh.load_scene(io.BytesIO(content), file_type=ending[1:], resolver=None)
-        parts = list(_parts(scene, stretch))
+        surfaces = list(_surfaces(scene, stretch))
     except Exception as error:  # each format has its own
         reason = (str(error).strip().splitlines() or [type(error).__name__])[0]
         raise InvalidInput(f"mesh {filename!r} cannot be read ({reason})") from None
-    if not any(len(part.faces) for part in parts):
+    if not any(len(surface.faces) for surface in surfaces):
         raise InvalidInput(f"mesh {filename!r} has no triangles")
-    return parts
+    return surfaces
 
 
 def _stretch(filename: str, scale: ArrayLike) -> Array:
@@ -106,7 +93,7 @@ def _stretch(filename: str, scale: ArrayLike) -> Array:
     return np.broadcast_to(stretch, 3)
 
 
-def _parts(scene: Any, turn: Array) -> Iterator[Triangles]:
+def _surfaces(scene: Any, turn: Array) -> Iterator[Triangles]:
     """Yield the surfaces at their positions in the scene, turned and scaled by `turn`."""
     import trimesh
 
@@ -114,48 +101,18 @@ def _parts(scene: Any, turn: Array) -> Iterator[Triangles]:
     sizes = [len(m.vertices) + len(m.faces) for m in meshes if isinstance(m, trimesh.Trimesh)]
     if sum(sizes) > MAX_VERTICES:
         raise ValueError(f"it has more than {MAX_VERTICES} vertices and triangles")
-    for part in scene.dump():
-        if isinstance(part, trimesh.Trimesh):  # others are lines, or points
-            yield Triangles(part.vertices @ turn.T, np.asarray(part.faces), _colour(part))
+    for mesh in scene.dump():
+        if isinstance(mesh, trimesh.Trimesh):  # others are lines, or points
+            yield Triangles(mesh.vertices @ turn.T, np.asarray(mesh.faces), _colour(mesh))
 
 
-def _colour(part: object) -> Array | None:
+def _colour(mesh: object) -> Array | None:
     """Return the colour of a surface; None where the file gives none."""
-    visual = getattr(part, "visual", None)
+    visual = getattr(mesh, "visual", None)
     if visual is None or not visual.defined:
         return None
     source = visual.material if visual.kind == "texture" else visual
     return np.asarray(source.main_color, dtype=float) / 255.0
-
-
-def _parse_collada(content: bytes) -> ElementTree.Element:
-    """Return the tree of a COLLADA file whose scene, with all its copies, can be built in seconds.
-
-    A node may stand for another one several times, which multiplies from level to level.
-    """
-    root = parse_xml(content.decode(errors="replace"))
-    named = defaultdict[str, list[ElementTree.Element]](list)
-    for element in root.iter():
-        named[f"#{element.get('id')}"].append(element)
-
-    @cache
-    def size(element: ElementTree.Element) -> tuple[int, int]:
-        """Return characters of text and number of parts, those of instances included."""
-        tag = element.tag.rpartition("}")[2]
-        copied = named.get(element.get("url", ""), []) if tag in INSTANCES else []
-        sizes = [size(child) for child in (*element, *copied)]
-        text = len(element.text or "") + sum(characters for characters, _ in sizes)
-        return text, (tag in INSTANCES + SURFACES) + sum(count for _, count in sizes)
-
-    text, count = size(root)
-    if text > MAX_BYTES:
-        raise ValueError(f"its scene has {text} characters: at most {MAX_BYTES} are read")
-    _check_parts(count)
-    _remove_pictures(root)
-    corners = sum(sum(map(int, (e.text or "").split())) for e in root.iterfind(".//{*}vcount"))
-    if corners > MAX_VERTICES:  # a few digits, for each of which memory would be taken
-        raise ValueError(f"its polygons have {corners} corners: at most {MAX_VERTICES} are read")
-    return root
 
 
 def _remove_pictures(root: ElementTree.Element) -> None:
@@ -170,22 +127,3 @@ def _remove_pictures(root: ElementTree.Element) -> None:
         for param in profile.findall("{*}newparam"):
             if param.find("{*}surface") is not None or param.find("{*}sampler2D") is not None:
                 profile.remove(param)
-
-
-def _check_parts(count: int) -> None:
-    """Raise ValueError where a file has too many surfaces."""
-    if count > MAX_PARTS:
-        raise ValueError(f"it has {count} parts: at most {MAX_PARTS} are read")
-
-
-def _check_file(name: str, file: Path) -> None:
-    """Refuse what is no regular file of a known format and a sane size."""
-    status = file.stat()
-    if file.suffix.lower() not in FORMATS:
-        raise InvalidInput(f"mesh {name!r} has no known ending: {', '.join(FORMATS)} are read")
-    if not stat.S_ISREG(status.st_mode):  # a FIFO would block for ever
-        raise InvalidInput(f"mesh {name!r} is not a regular file")
-    if status.st_size > MAX_BYTES:
-        raise InvalidInput(
-            f"mesh {name!r} has {status.st_size} bytes: at most {MAX_BYTES} are read"
-        )

@@ -43,13 +43,13 @@ class Gears:
     def __init__(self, model: Any, mimics: Sequence[Mimic]) -> None:
         self.mimics = tuple(mimics)
         names = list(model.names)
-        at = [(names.index(m.joint), names.index(m.driver)) for m in self.mimics]
-        self._places = [model.idx_qs[joint] for joint, _ in at]
-        self._drivers = [model.idx_qs[driver] for _, driver in at]
+        pairs = [(names.index(m.joint), names.index(m.driver)) for m in self.mimics]
+        self._places = [model.idx_qs[joint] for joint, _ in pairs]
+        self._drivers = [model.idx_qs[driver] for _, driver in pairs]
         self._multipliers = np.array([m.multiplier for m in self.mimics])
         self._offsets = np.array([m.offset for m in self.mimics])
-        self.rows = np.zeros((len(at), model.nv))
-        for row, (joint, driver), mimic in zip(self.rows, at, self.mimics, strict=True):
+        self.rows = np.zeros((len(pairs), model.nv))
+        for row, (joint, driver), mimic in zip(self.rows, pairs, self.mimics, strict=True):
             row[model.idx_vs[joint]] = 1.0
             row[model.idx_vs[driver]] -= mimic.multiplier
         self.rows.setflags(write=False)

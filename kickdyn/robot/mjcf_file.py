@@ -5,14 +5,13 @@ meshes, copies, scaled masses. It is given what was checked, in memory, and open
 """
 
 import os
-import stat
 import threading
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 from os import PathLike
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 from xml.etree.ElementTree import Element, tostring
 
@@ -22,18 +21,15 @@ from scipy.spatial.transform import Rotation
 from kickdyn.core.files import read_text
 from kickdyn.core.xml_text import MAX_DEPTH, parse_xml
 from kickdyn.errors import InvalidInput, MjcfError
-from kickdyn.robot.mesh_path import MeshFinder
 from kickdyn.robot.mimic_joints import Mimic
 from kickdyn.robot.names import listed
+from kickdyn.robot.package_files import MissingFile, PackageFiles
 from kickdyn.robot.urdf_file import MAX_BYTES
-from kickdyn.robot.urdf_validation import MAX_LINKS, MAX_MOVING_JOINTS, MAX_NAME
+from kickdyn.robot.urdf_validation import MAX_MOVING_JOINTS, MAX_NAME
 from kickdyn.robot.visuals import RobotFile, Shape, Visual
 
-MAX_FILES = 200
-"""Files that a model may include, and meshes that it may name."""
-
-MAX_MESH_BYTES = 50_000_000
-"""Size of a mesh file; all meshes of a model together may have ten times as much."""
+MAX_ELEMENTS = 100_000
+"""XML elements of a model, copies by `<replicate>` included: MuJoCo compiles them in seconds."""
 
 MESHES = (".stl", ".obj", ".msh")
 """Endings of the mesh files that MuJoCo reads."""
@@ -151,11 +147,15 @@ class MjcfFile(RobotFile):
         meshes = self.meshes | {MISSING: STAND_IN.format(size).encode()}
         try:
             with quiet_mujoco():
-                return mujoco.MjModel.from_xml_string(self.text, meshes)
+                model = mujoco.MjModel.from_xml_string(self.text, meshes)
         except Exception as error:  # ValueError; FatalError of a later stage
             lines = [line.strip() for line in str(error).splitlines() if line.strip()]
             reason = " ".join(lines).removeprefix("XML Error: ").removeprefix("Error: ")[:300]
             raise MjcfError(self.source, [f"MuJoCo cannot read it: {reason}"]) from None
+        if model.njnt > MAX_MOVING_JOINTS:
+            line = f"has {model.njnt} joints: at most {MAX_MOVING_JOINTS} are read"
+            raise MjcfError(self.source, [line])
+        return model
 
     def visuals(self) -> list[Visual]:
         """Return the geoms that MuJoCo's viewer shows at first: groups 0 to 2, not transparent.
@@ -259,9 +259,9 @@ def read_mjcf(path: str | PathLike[str], folders: Iterable[Path] = ()) -> MjcfFi
         raise InvalidInput(f"MJCF path is {path!r}: it must be a str or a Path") from None
     try:
         return _Reader(file, source, folders).read()
+    except MjcfError:
+        raise
     except ValueError as fault:
-        if isinstance(fault, InvalidInput):
-            raise
         raise MjcfError(source, [str(fault)]) from None
 
 
@@ -270,8 +270,6 @@ class _Reader:
 
     def __init__(self, file: Path, source: str, folders: Iterable[Path]) -> None:
         self.file, self.source, self.folders = file, source, folders
-        self.read_bytes = 0
-        self.included: set[Path] = set()
 
     def read(self) -> MjcfFile:
         """Return the checked document."""
@@ -280,68 +278,48 @@ class _Reader:
             raise ValueError("is a URDF, its root is <robot>: Leg.from_urdf reads it")
         if root.tag != "mujoco":
             raise ValueError(f"is not an MJCF: its root is <{root.tag[:40]}>, not <mujoco>")
-        self.folder = self.file.resolve().parent
-        self.roots = [MeshFinder(self.folder).home, *(each.resolve() for each in self.folders)]
+        self.folder, self.included = self.file.resolve().parent, {self.file.resolve()}
+        self.files = PackageFiles(self.folder, self.folders)
         self._include(root, 0)
         _keep_mechanics(root)
-        _check_size(root)
         _check_names(root)
+        elements = _count_elements(root)
+        if elements > MAX_ELEMENTS:
+            raise ValueError(
+                f"has {elements} elements, copies of <replicate> included: at most {MAX_ELEMENTS} "
+                "are read"
+            )
         name = root.get("model", "") or self.file.stem
         meshes, missing = self._take_meshes(root)
         text = tostring(root, encoding="unicode")
         return MjcfFile(text, self.folder, self.source, meshes=meshes, missing=missing, name=name)
 
-    def _parse(self, file: Path, shown: str) -> Element:
-        """Return the root of a file; the files of a model have at most `MAX_BYTES` together."""
-        text = read_text(file, shown, MAX_BYTES - self.read_bytes, MjcfError)
-        self.read_bytes += len(text)
+    def _parse(self, file: Path, source: str) -> Element:
+        """Return the root of a file."""
         try:
-            return parse_xml(text)
+            return parse_xml(read_text(file, source, MAX_BYTES, MjcfError))
+        except MjcfError:
+            raise
         except ValueError as fault:
-            raise MjcfError(shown, [str(fault)]) from None
+            raise MjcfError(source, [str(fault)]) from None
 
     def _include(self, element: Element, depth: int) -> None:
         """Replace each `<include file="..."/>` below an element by what the file contains."""
         if depth > MAX_DEPTH:
             raise ValueError(f"nests tags deeper than {MAX_DEPTH}, included files among them")
-        children = list(element)
-        for child in children:
+        for child in list(element):
             if child.tag != "include":
                 self._include(child, depth + 1)
                 continue
             name = child.get("file", "")
-            file = self._inside("included file", name, self.folder)
-            if file is None:
-                raise ValueError(f"includes {name!r}: there is no such file")
-            if file in self.included or file == self.file.resolve():
+            file = self.files.find(name, "included file")
+            if file in self.included:
                 raise ValueError(f"includes {name!r} twice: a file can be included once")
             self.included.add(file)
-            if len(self.included) > MAX_FILES:
-                raise ValueError(f"includes more than {MAX_FILES} files")
-            inner = self._parse(file, f"{self.source} includes {name!r}, which")
-            self._include(inner, depth + 1)
-            at = list(element).index(child)
-            element[at : at + 1] = list(inner)
-
-    def _inside(self, what: str, name: str, folder: Path) -> Path | None:
-        """Return a regular file that may be read, links followed; None if it is missing."""
-        if not name or "://" in name:
-            raise ValueError(f"{what} {name!r} is refused: it must be the name of a file")
-        try:
-            file = (folder / name).resolve()
-            if not any(file.is_relative_to(root) for root in self.roots):
-                raise ValueError(
-                    f"{what} {name!r} is refused: it lies outside {self.roots[0]}, the model's "
-                    "folder or ROS package"
-                )
-            if not file.exists():
-                return None
-            regular = stat.S_ISREG(file.stat().st_mode)  # a FIFO would block for ever
-        except (OSError, RuntimeError) as error:  # a loop of links
-            raise ValueError(f"{what} {name!r} cannot be found ({error})") from None
-        if not regular:
-            raise ValueError(f"{what} {name!r} is not a regular file")
-        return file
+            content = self._parse(file, f"{self.source} includes {name!r}, which")
+            self._include(content, depth + 1)
+            index = list(element).index(child)
+            element[index : index + 1] = list(content)
 
     def _take_meshes(self, root: Element) -> tuple[dict[str, bytes], dict[str, str]]:
         """Return the meshes that exist and the names of those that do not; rename them."""
@@ -350,33 +328,23 @@ class _Reader:
             for key in ("assetdir", "meshdir"):
                 folder = self.folder / compiler.attrib.pop(key, folder)
             strip = compiler.attrib.pop("strippath", str(strip)).lower() == "true"
-        content: dict[str, bytes] = {}
+        contents: dict[str, bytes] = {}
         missing: dict[str, str] = {}
         meshes = [mesh for mesh in root.iterfind("asset/mesh") if "file" in mesh.attrib]
-        if len(meshes) > MAX_FILES:
-            raise ValueError(f"names {len(meshes)} meshes: at most {MAX_FILES} are read")
         for number, mesh in enumerate(meshes):
             name = mesh.attrib["file"].replace("\\", "/")
-            if strip:
-                name = name.rpartition("/")[2]
-            file = self._inside("mesh", name, folder)
-            ending = Path(name).suffix.lower()
-            if ending not in MESHES:
+            path = PurePosixPath(name)
+            if path.suffix.lower() not in MESHES:
                 raise ValueError(f"mesh {name!r} has no known ending: {', '.join(MESHES)} are read")
-            mesh.set("name", mesh.get("name") or Path(name).stem)
-            if file is None:
-                mesh.set("file", MISSING)
-                missing[mesh.attrib["name"]] = os.path.relpath(folder / name, self.folder)
-                continue
-            mesh.set("file", short := f"{number}{ending}")
-            size, used = file.stat().st_size, sum(map(len, content.values()))
-            if size > MAX_MESH_BYTES or used + size > 10 * MAX_MESH_BYTES:
-                raise ValueError(
-                    f"mesh {name!r} has {size} bytes: at most {MAX_MESH_BYTES} are read, and ten "
-                    "times as many of all meshes"
-                )
-            content[short] = file.read_bytes()
-        return content, missing
+            mesh.set("name", mesh.get("name") or path.stem)
+            key = f"{number}{path.suffix.lower()}"
+            try:
+                contents[key] = self.files.read_mesh(path.name if strip else name, folder)
+            except MissingFile:
+                key, place = MISSING, folder / (path.name if strip else name)
+                missing[mesh.attrib["name"]] = os.path.relpath(place, self.folder)
+            mesh.set("file", key)
+        return contents, missing
 
 
 def _keep_mechanics(root: Element) -> None:
@@ -412,35 +380,13 @@ def _keep_mechanics(root: Element) -> None:
     root.append(Element("compiler", fixed))
 
 
-def _check_size(root: Element) -> None:
-    """Raise `ValueError` for more bodies or joints than can be computed, copies included."""
-
-    def count(element: Element) -> dict[str, int]:
-        """Return how many of some elements there are, those that are replicated included."""
-        total = {"body": 0, "joint": 0, "geom": 0, "site": 0}
-        tag = "joint" if element.tag == "freejoint" else element.tag
-        if tag in total:
-            total[tag] = 1
-        for child in element:
-            for key, number in count(child).items():
-                total[key] += number
-        if element.tag == "replicate":
-            copies = _whole(element.get("count", "1"))
-            total = {key: copies * number for key, number in total.items()}
-        return total
-
-    for world in root.iterfind("worldbody"):
-        for key, number in count(world).items():
-            most = MAX_MOVING_JOINTS if key == "joint" else MAX_LINKS
-            if number > most:
-                raise ValueError(f"has {number} of <{key}>: at most {most} are read")
-
-
-def _whole(text: str) -> int:
-    """Return the number of copies that a text says; raise `ValueError`."""
-    if not (text.isascii() and text.isdigit() and len(text) < 7):
-        raise ValueError(f"has <replicate count={text[:40]!r}>: it must be a whole number")
-    return int(text)
+def _count_elements(element: Element) -> int:
+    """Return the number of elements from one on down, copies by `<replicate>` included."""
+    count = 1 + sum(map(_count_elements, element))
+    copies = element.get("count", "") if element.tag == "replicate" else ""
+    return (
+        count * int(copies) if copies.isascii() and copies.isdigit() and len(copies) < 10 else count
+    )
 
 
 def _check_names(root: Element) -> None:

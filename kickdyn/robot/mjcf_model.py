@@ -16,10 +16,9 @@ import pinocchio as pin
 from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.validation import Array, check_type
 from kickdyn.errors import InvalidInput, MjcfError
-from kickdyn.robot.joint_table import lock_joints
 from kickdyn.robot.mimic_joints import Mimic
 from kickdyn.robot.mjcf_file import MjcfFile, body_name, quiet_mujoco
-from kickdyn.robot.model_validation import HUGE, check_model, frame_id
+from kickdyn.robot.model_validation import HUGE, frame_id
 from kickdyn.robot.names import expand_patterns
 from kickdyn.robot.urdf_file import check_base
 
@@ -43,6 +42,15 @@ class MjcfModel:
     file: MjcfFile
     model: Any
     loops: tuple[tuple[str, str], ...]
+    _builder: "_Builder"
+
+    def compare(self) -> None:
+        """Raise `MjcfError` if MuJoCo computes another mass, place or inertia."""
+        try:
+            with quiet_mujoco(), np.errstate(all="ignore"):  # what leaves float64 is not the same
+                self._builder.compare()
+        except InvalidInput as fault:
+            raise MjcfError(self.file.source, [str(fault)]) from None
 
 
 def build_mjcf_model(
@@ -58,35 +66,27 @@ def build_mjcf_model(
         frame: a body, site or geom.
         base: `fixed` welds the root body to the world where the file places it, `floating` gives it
             a free joint, `root_joint` if the file has none.
-        locked: joints to lock at their values [rad; m for prismatic joints], or patterns.
+        locked: joints that are to be locked, or patterns: how they are constrained does not matter.
 
     Raises:
-        MjcfError: gravity is not the ball's, a constraint that is not read, an inertia or limits
-            that make no sense, or MuJoCo computes another inertia.
-        InvalidInput: no such frame, base or joint to lock, or the frame does not move.
+        MjcfError: gravity is not the ball's, or a constraint that is not read.
+        InvalidInput: no such frame or base, or the frame does not move.
     """
     check_base(base)
     check_type(str, frame=frame)  # MuJoCo crashes on None
     compiled = file.compile()
     bodies, root = range(1, compiled.nbody), _root_of(compiled, frame)
-    own = [body for body in bodies if root in (None, compiled.body_rootid[body])]
+    robot_bodies = [body for body in bodies if root in (None, compiled.body_rootid[body])]
     try:
         names = [str(compiled.joint(joint).name) for joint in range(compiled.njnt)]
         fixed = set(expand_patterns(dict.fromkeys(locked or (), 0.0), names))
-        builder = _Builder(compiled, file.name, base, own, fixed)
+        builder = _Builder(compiled, file.name, base, robot_bodies, fixed)
     except InvalidInput as fault:
         raise MjcfError(file.source, [str(fault)]) from None
     if root is None:  # no such frame, for which the error names those there are, or one at rest
         frame_id(builder.model, frame)
         raise InvalidInput(f"frame {frame!r} is fixed to the base: a kick must move it")
-    model = lock_joints(builder.model, locked, builder.mimics)
-    try:
-        check_model(model)
-        with quiet_mujoco(), np.errstate(all="ignore"):  # what leaves float64 is not the same
-            builder.compare()
-    except InvalidInput as fault:
-        raise MjcfError(file.source, [str(fault)]) from None
-    moving = (body for body in bodies if body not in own and compiled.body_weldid[body])
+    moving = (body for body in bodies if body not in robot_bodies and compiled.body_weldid[body])
     left_out = tuple(body_name(compiled, body) for body in moving)
     starts = {
         str(builder.model.names[joint.number]): float(
@@ -96,26 +96,7 @@ def build_mjcf_model(
         if joint.kind in (SLIDE, HINGE)
     }
     read = replace(file, left_out=left_out, gears=tuple(builder.mimics), starts=starts)
-    return MjcfModel(read, model, tuple(builder.loops))
-
-
-def sliding_joints(file: MjcfFile) -> set[str]:
-    """Return the names of a document's prismatic joints, also of those that a model names itself.
-
-    Raises `MjcfError` as `MjcfFile.compile` does.
-    """
-    compiled = file.compile()
-    kinds = [int(kind) for kind in compiled.jnt_type]
-    taken, slides = {compiled.joint(joint).name for joint in range(compiled.njnt)}, set()
-    for joint, kind in enumerate(kinds):
-        if kind != FREE:
-            own = str(compiled.joint(joint).name)
-            body = body_name(compiled, int(compiled.jnt_bodyid[joint]))
-            name = own or _unused(f"{body}_joint", taken)
-            taken.add(name)
-            if kind == SLIDE:
-                slides.add(name)
-    return slides
+    return MjcfModel(read, builder.model, tuple(builder.loops), builder)
 
 
 def _unused(wish: str, taken: Set[str]) -> str:
@@ -227,8 +208,8 @@ class _Builder:
         self, parent: int, kind: int, theirs: int, place: Any, wish: str, axis: Array | None = None
     ) -> int:
         """Add a joint under its own name, or what is wished for one without; return its number."""
-        own = self.compiled.joint(theirs).name if theirs >= 0 else ""
-        name = own or _unused(wish, self.taken)
+        own_name = self.compiled.joint(theirs).name if theirs >= 0 else ""
+        name = own_name or _unused(wish, self.taken)
         self.taken.add(name)
         number = self.model.addJoint(parent, _JOINTS[kind](axis), place, name)
         self.model.addJointFrame(number)
@@ -240,10 +221,10 @@ class _Builder:
         compiled = self.compiled
         for kind, count in (("site", compiled.nsite), ("geom", compiled.ngeom)):
             for number in range(count):
-                one = getattr(compiled, kind)(number)
-                body = int(one.bodyid[0])
-                if one.name and body in self.frames:
-                    self._add_frame(one.name, body, _pose(one.pos, one.quat))
+                element = getattr(compiled, kind)(number)
+                body = int(element.bodyid[0])
+                if element.name and body in self.frames:
+                    self._add_frame(element.name, body, _pose(element.pos, element.quat))
 
     def _add_frame(self, name: str, body: int, pose: Any) -> None:
         """Add a frame fixed to a body, unless its name is taken."""
@@ -296,11 +277,13 @@ class _Builder:
                 idle = False
                 bodies = [int(compiled.site_bodyid[e]) if sites else e for e in (first, second)]
             kinds = (mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)
-            own = [body for body in bodies if body in self.places] if kind in kinds else [0]
-            if idle or not own or not compiled.eq_active0[number]:
+            robot_bodies = (
+                [body for body in bodies if body in self.places] if kind in kinds else [0]
+            )
+            if idle or not robot_bodies or not compiled.eq_active0[number]:
                 continue
             values = compiled.eq_data[number]
-            if kind == mujoco.mjtEq.mjEQ_CONNECT and len(own) == 2:
+            if kind == mujoco.mjtEq.mjEQ_CONNECT and len(robot_bodies) == 2:
                 pair = []
                 for k, (end, body) in enumerate(zip((first, second), bodies, strict=True)):
                     pose = pin.SE3(np.eye(3), values[3 * k : 3 * k + 3].copy())
@@ -309,7 +292,9 @@ class _Builder:
                     self._add_frame(f"{name}_{k + 1}", body, pose)
                     pair.append(f"{name}_{k + 1}")
                 self.loops.append((pair[0], pair[1]))
-            elif kind == mujoco.mjtEq.mjEQ_JOINT and len(own) == 2 and not values[2:5].any():
+            elif (
+                kind == mujoco.mjtEq.mjEQ_JOINT and len(robot_bodies) == 2 and not values[2:5].any()
+            ):
                 self._add_mimic(first, second, float(values[0]), float(values[1]))
             else:
                 what = kind.name.removeprefix("mjEQ_").lower()
@@ -322,7 +307,7 @@ class _Builder:
 
     def _add_mimic(self, first: int, second: int, offset: float, multiplier: float) -> None:
         """Let a joint follow another one; both count from their `ref` in MuJoCo."""
-        start, at = self.compiled.qpos0, self.compiled.jnt_qposadr
+        start, address = self.compiled.qpos0, self.compiled.jnt_qposadr
         joint, driver = (str(self.compiled.joint(each).name) for each in (first, second))
         taken = {name for mimic in self.mimics for name in (mimic.joint, mimic.driver)}
         if not joint or not driver or joint in taken or driver in {m.joint for m in self.mimics}:
@@ -330,7 +315,7 @@ class _Builder:
                 f"joint {joint!r} mimics {driver!r}: both must have a name, and no third joint may "
                 "mimic one that mimics another; lock them (locked=, --lock)"
             )
-        offset += float(start[at[first]]) - multiplier * float(start[at[second]])
+        offset += float(start[address[first]]) - multiplier * float(start[address[second]])
         self.mimics.append(Mimic(joint, driver, multiplier, offset))
 
     def compare(self) -> None:
@@ -384,20 +369,20 @@ class _Builder:
         dofs: list[int] = []
         turn = np.eye(model.nv)
         for joint in self.joints:
-            at, v = model.idx_qs[joint.number], model.idx_vs[joint.number]
-            part = q[at : at + model.nqs[joint.number]]
+            index, v = model.idx_qs[joint.number], model.idx_vs[joint.number]
+            coordinates = q[index : index + model.nqs[joint.number]]
             if joint.theirs < 0:
                 body = next(iter(self.frames))
                 place = _pose(compiled.body_pos[body], compiled.body_quat[body])
-                q[at : at + 7] = pin.SE3ToXYZQUAT(place)
+                q[index : index + 7] = pin.SE3ToXYZQUAT(place)
                 continue
             if joint.kind == FREE:
-                turn[v : v + 3, v : v + 3] = pin.Quaternion(part[3:]).matrix()
-                part = part[[0, 1, 2, 6, 3, 4, 5]]
+                turn[v : v + 3, v : v + 3] = pin.Quaternion(coordinates[3:]).matrix()
+                coordinates = coordinates[[0, 1, 2, 6, 3, 4, 5]]
             elif joint.kind == BALL:
-                part = part[[3, 0, 1, 2]]
+                coordinates = coordinates[[3, 0, 1, 2]]
             start, dof = compiled.jnt_qposadr[joint.theirs], compiled.jnt_dofadr[joint.theirs]
-            state.qpos[start : start + len(part)] = part
+            state.qpos[start : start + len(coordinates)] = coordinates
             columns += range(v, v + model.nvs[joint.number])
             dofs += range(dof, dof + model.nvs[joint.number])
         return columns, dofs, turn[np.ix_(columns, columns)]
@@ -469,7 +454,7 @@ _JOINTS: dict[int, Callable[[Any], Any]] = {
 
 def _pose(position: Array, quaternion: Array) -> Any:
     """Return a placement from a position [m] and MuJoCo's quaternion (wxyz)."""
-    w, x, y, z = (float(part) for part in quaternion)
+    w, x, y, z = (float(number) for number in quaternion)
     turn = pin.Quaternion(w, x, y, z)
     turn.normalize()
     return pin.SE3(turn.matrix(), np.array(position, dtype=float))
@@ -480,7 +465,7 @@ def _gravity(compiled: Any) -> list[float]:
     import mujoco
 
     disabled = int(compiled.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
-    gravity = [0.0] * 3 if disabled else [float(part) + 0.0 for part in compiled.opt.gravity]
+    gravity = [0.0] * 3 if disabled else [float(entry) + 0.0 for entry in compiled.opt.gravity]
     if gravity not in ([0.0, 0.0, -GRAVITY], [0.0] * 3):
         raise InvalidInput(
             f"gravity of the model is {gravity}: it must be (0, 0, -{GRAVITY:g}) m/s2, with which "

@@ -115,9 +115,9 @@ def _check_inertias(model: Any, names: list[str]) -> None:
     for name, moved in zip(names, composites, strict=True):
         if not low <= moved.mass <= high:
             idle = [n for n, m in zip(names, composites, strict=True) if not low <= m.mass <= high]
-            others = f", as do {listed(idle[1:])}" if idle[1:] else ""
+            also = f", as do {listed(idle[1:])}" if idle[1:] else ""
             raise InvalidInput(
-                f"joint {name!r} moves an unsound inertia (mass {moved.mass:g} kg){others}: what "
+                f"joint {name!r} moves an unsound inertia (mass {moved.mass:g} kg){also}: what "
                 f"moves with a joint must have {low:g} to {high:g} kg; "
                 + _either("give a link there mass and inertia", model, idle)
             )
@@ -130,10 +130,10 @@ def _check_inertias(model: Any, names: list[str]) -> None:
     if unsound:
         first = bodies[names.index(unsound[0])]
         moments = ", ".join(f"{moment:.3g}" for moment in np.linalg.eigvalsh(first.inertia))
-        others = f", as do {listed(unsound[1:])}" if unsound[1:] else ""
+        also = f", as do {listed(unsound[1:])}" if unsound[1:] else ""
         raise InvalidInput(
             f"joint {unsound[0]!r} moves an unsound inertia (principal moments {moments} kg m2)"
-            f"{others}: none may be negative or exceed the sum of the others (triangle "
+            f"{also}: none may be negative or exceed the sum of the others (triangle "
             "inequality); correct the inertias in the file"
         )
 

@@ -32,12 +32,14 @@ def unknown(kind: str, name: object, owner: str, names: Sequence[str]) -> str:
     by_case = {known.lower(): known for known in reversed(names)}
     near = []
     if isinstance(name, str):
-        near = [by_case[each] for each in get_close_matches(name.lower()[:200], by_case, 8)]
+        near = [
+            by_case[known_name] for known_name in get_close_matches(name.lower()[:200], by_case, 8)
+        ]
     hint = f"did you mean {near[0]!r}? " if near else ""
     order = list(names)
     if len(names) > 40:  # not all of them are listed
         words = FOOT if kind == "frame" else ()
-        feet = [each for word in words for each in names if word in each.lower()]
+        feet = [known_name for word in words for known_name in names if word in known_name.lower()]
         order = list(dict.fromkeys([*near, *feet, *names]))
     return f"{kind} {name!r} is unknown: {hint}{owner} has {listed(order)}"
 
@@ -53,20 +55,20 @@ def expand_patterns(values: Mapping[str, float], names: Iterable[str]) -> dict[s
             values.
     """
     names = list(names)
-    found = {name: values[name] for name in names if name in values}
-    patterns = {key: value for key, value in values.items() if key not in found}
+    expanded = {name: values[name] for name in names if name in values}
+    patterns = {key: value for key, value in values.items() if key not in expanded}
     matched: dict[str, str] = {}
     for pattern, value in patterns.items():
         number = validation.number(f"joint {pattern}", value)
         for name in names:
             if name not in values and isinstance(pattern, str) and fnmatchcase(name, pattern):
                 other = matched.setdefault(name, pattern)
-                if found.setdefault(name, number) != number:
+                if expanded.setdefault(name, number) != number:
                     raise InvalidInput(
                         f"joint {name!r} matches {other!r} and {pattern!r}, which have different "
                         "values: name the joint itself"
                     )
-    return found
+    return expanded
 
 
 def lock_remedy(model: Any, joints: Sequence[str]) -> str:
@@ -82,8 +84,8 @@ def lock_remedy(model: Any, joints: Sequence[str]) -> str:
         number = names.index(joint)
         if model.nvs[number] == 1:
             slides = model.joints[number].shortname().startswith("JointModelP")
-            at = model.idx_qs[number]
-            low, high = model.lowerPositionLimit[at], model.upperPositionLimit[at]
+            address = model.idx_qs[number]
+            low, high = model.lowerPositionLimit[address], model.upperPositionLimit[address]
             turns = model.nqs[number] == 2  # a continuous joint has no range
             value = 0.0 if turns or low <= 0.0 <= high else float(f"{(low + high) / 2:.3g}")
             values[joint] = value, f"{value if slides else math.degrees(value):.4g}"

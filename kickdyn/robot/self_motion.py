@@ -57,19 +57,21 @@ def _null(posture: Posture) -> Array:
 
 def _follow(start: Posture, direction: Array, step: float) -> tuple[list[Posture], bool]:
     """Return the postures in one direction, and whether they came around to the start."""
-    leg, postures, here = start.leg, list[Posture](), start
+    leg, postures, current = start.leg, list[Posture](), start
     model = leg.workspace.model
     for _ in range(10_000):
-        along = _null(here)
+        along = _null(current)
         direction = along if along @ direction > 0 else -along  # a null vector has no sign
-        there = _corrected(leg, pin.integrate(model, here.q, step * direction), start.contact_point)
-        if there is None or not _within(leg, there.q):
+        following = _corrected(
+            leg, pin.integrate(model, current.q, step * direction), start.contact_point
+        )
+        if following is None or not _within(leg, following.q):
             break
-        apart = pin.difference(model, start.q, there.q)
-        if len(postures) > 2 and np.linalg.norm(apart) < step / 2 and apart @ direction < step / 2:
+        shift = pin.difference(model, start.q, following.q)
+        if len(postures) > 2 and np.linalg.norm(shift) < step / 2 and shift @ direction < step / 2:
             return postures, True
-        postures.append(there)
-        here = there
+        postures.append(following)
+        current = following
     return postures, False
 
 

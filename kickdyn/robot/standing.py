@@ -15,15 +15,16 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.constraints import Support
 from kickdyn.robot.ground_clearance import (
-    POINT,
     Spheres,
     body_frames,
     find_unread,
+    joined,
     shape_of,
     shapes_of,
 )
 from kickdyn.robot.leg import Leg, Posture
 from kickdyn.robot.model_validation import frame_id
+from kickdyn.robot.surgery import reroot_model
 
 SOLE = 2e-3
 """Height above the lowest point of a foot up to which its shapes count as its sole [m]."""
@@ -34,8 +35,7 @@ class StandingRobot:
 
     The ground is the plane :math:`z = 0`. The foot lies on it as it does while all joints are at 0
     and the base is upright. Joints between foot and base keep their names, values, velocities and
-    limits: joint `i`, which moves its child by :math:`\exp(S_i q_i)` as seen from its parent, moves
-    its parent by :math:`\exp(-S_i q_i)` as seen from its child.
+    limits, see `reroot_model`.
 
     Attributes:
         robot: on a floating base, on `support`.
@@ -70,11 +70,8 @@ class StandingRobot:
         self.robot = robot.with_supports(self.support)
         frame = model.frames[self._frame]
         root = self.placement * frame.placement.inverse()
-        self.leg = Leg(
-            _reroot(robot.model, int(frame.parentJoint), root),
-            robot.frame,
-            contact_normal_cone=robot.contact_normal_cone,
-        )
+        rooted = reroot_model(robot.model, int(frame.parentJoint), root)
+        self.leg = Leg(rooted, robot.frame, contact_normal_cone=robot.contact_normal_cone)
         above = list(model.supports[int(frame.parentJoint)])[2:]
         self.trunk_joint = str(model.names[above[0]]) if above else ""
         turned, data = self.leg.workspace.model, self.leg.workspace.data
@@ -82,7 +79,7 @@ class StandingRobot:
         number = turned.getJointId(self.trunk_joint) if above else 0
         self.trunk_axis = data.oMi[number].rotation[2].copy()
         pairs = [
-            [one.joints[one.getJointId(name)] for one in (self.leg.workspace.model, model)]
+            [source.joints[source.getJointId(name)] for source in (self.leg.workspace.model, model)]
             for name in robot.joint_names[1:]
         ]
         self._qs = [_indices([joint[side] for joint in pairs], "q") for side in (0, 1)]
@@ -174,10 +171,10 @@ def _sole(robot: Leg, support: Support, frame: int, rotation: Array) -> Array:
     """
     if support.sole is not None:
         return support.sole
-    here = robot.workspace.model.frames[frame]
-    shapes = joint_spheres(robot, int(here.parentJoint))
-    own = here.placement
-    seen = (shapes.centres - own.translation) @ own.rotation @ rotation.T
+    support_frame = robot.workspace.model.frames[frame]
+    shapes = joint_spheres(robot, int(support_frame.parentJoint))
+    frame_pose = support_frame.placement
+    seen = (shapes.centres - frame_pose.translation) @ frame_pose.rotation @ rotation.T
     bottom = seen[:, 2] - shapes.radii
     level = float(bottom.min())
     points = []
@@ -192,7 +189,7 @@ def _sole(robot: Leg, support: Support, frame: int, rotation: Array) -> Array:
     corners = np.array(points)
     corners = corners[np.unique(np.argmax(corners[:, :2] @ ring.T, axis=0))]
     if len(corners) < 3:  # as of a body that is a point
-        number = int(here.parentJoint)
+        number = int(support_frame.parentJoint)
         reasons = [why for name in joint_bodies(robot, number) if (why := find_unread(robot, name))]
         why = f" ({reasons[0]}; --package-dir names the folder of meshes)" if reasons else ""
         raise InvalidInput(
@@ -205,11 +202,10 @@ def _sole(robot: Leg, support: Support, frame: int, rotation: Array) -> Array:
 def joint_spheres(robot: Leg, joint: int) -> Spheres:
     """Return the bodies that a joint carries, in its axes; its origin where it has no shapes."""
     frames = robot.workspace.model.frames
-    found = [
+    return joined([
         shape_of(robot, name).moved(frames[number].placement.homogeneous)
         for name, number in joint_bodies(robot, joint).items()
-    ] or [POINT]
-    return Spheres(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
+    ])  # fmt: skip
 
 
 def joint_bodies(robot: Leg, joint: int) -> dict[str, int]:
@@ -258,88 +254,3 @@ def _indices(joints: list[Any], which: str) -> Array:
         getattr(joint, f"idx_{which}") + np.arange(getattr(joint, f"n{which}")) for joint in joints
     ]
     return np.concatenate(spans)
-
-
-def _reroot(model: Any, foot: int, placement: Any) -> Any:
-    """Return a `pin.Model` whose root is the body of joint `foot`, at a placement in the world.
-
-    The first joint of the model, a floating base, is left out.
-    """
-    new = pin.Model()
-    new.name, new.gravity = model.name, model.gravity.copy()
-    above = [int(joint) for joint in model.supports[foot]][2:]  # from the base to the foot
-    # of each body, the world first: its new joint, and its pose there
-    carrier, offset = {0: 0, foot: 0}, {0: pin.SE3.Identity(), foot: placement}
-    for joint in _depth_first(model, foot, above):
-        parent, place = int(model.parents[joint]), model.jointPlacements[joint]
-        if joint in above:  # from the child, which has its place, to the parent
-            kind, turn = _reversed(model, joint)
-            known, moved = joint, parent
-            start, pose = offset[joint] * turn, turn.inverse() * place.inverse()
-        else:
-            kind, start = model.joints[joint], offset[parent] * place
-            known, moved, pose = parent, joint, pin.SE3.Identity()
-        q = slice(model.idx_qs[joint], model.idx_qs[joint] + model.nqs[joint])
-        v = slice(model.idx_vs[joint], model.idx_vs[joint] + model.nvs[joint])
-        rotors = new.armature.copy()
-        number = new.addJoint(
-            carrier[known],
-            kind,
-            start,
-            model.names[joint],
-            model.effortLimit[v],
-            model.velocityLimit[v],
-            model.lowerPositionLimit[q],
-            model.upperPositionLimit[q],
-        )
-        new.armature = np.append(rotors, model.armature[v])
-        new.addJointFrame(number)
-        carrier[moved], offset[moved] = number, pose
-    for body in range(1, model.njoints):
-        new.appendBodyToJoint(carrier[body], model.inertias[body], offset[body])
-    for frame in list(model.frames)[1:]:
-        body = int(frame.parentJoint)
-        if frame.type == pin.FrameType.JOINT:
-            continue  # it was added with its joint
-        place = offset[body] * frame.placement
-        new.addFrame(pin.Frame(frame.name, carrier[body], 0, place, frame.type), False)
-    return new
-
-
-def _depth_first(model: Any, foot: int, above: list[int]) -> list[int]:
-    """Return all joints but the floating base, each after those between it and the foot.
-
-    What hangs on a joint follows it at once: Pinocchio's algorithms take each subtree's columns
-    for adjacent ones, and return wrong inertias of another order without an error.
-    """
-    order, waiting = [], [(foot, 0)]  # bodies, and the joint by which each is reached
-    while waiting:
-        body, joint = waiting.pop()
-        order.append(joint)
-        own = [j for j in range(2, model.njoints) if model.parents[j] == body and j != joint]
-        waiting += [(j, j) for j in reversed(own) if j not in above]
-        if body in above:
-            waiting.append((int(model.parents[body]), body))
-    return order[1:]
-
-
-def _reversed(model: Any, joint: int) -> tuple[Any, Any]:
-    """Return the joint that moves the parent as a joint moves its child, and its axes.
-
-    It turns about or slides along the x axis of the `pin.SE3` in the child's axes.
-    """
-    kind, name = model.joints[joint], model.joints[joint].shortname()
-    if kind.nv != 1 or not name.startswith(("JointModelR", "JointModelP")):
-        raise InvalidInput(
-            f"joint {model.names[joint]!r} between the supporting foot and the base is a {name}: "
-            "it must turn about or slide along one axis"
-        )
-    motion = np.asarray(kind.createData().S).ravel()
-    axis = motion[:3] if name.startswith("JointModelP") else motion[3:]
-    turn = pin.Quaternion.FromTwoVectors(np.array([1.0, 0.0, 0.0]), -axis).matrix()
-    own: Any = pin.JointModelRX
-    if name.startswith("JointModelP"):
-        own = pin.JointModelPX
-    elif kind.nq == 2:
-        own = pin.JointModelRUBX
-    return own(), pin.SE3(turn, np.zeros(3))

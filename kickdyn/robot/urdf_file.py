@@ -24,7 +24,8 @@ from kickdyn.robot.mimic_joints import Mimic
 from kickdyn.robot.urdf_validation import find_faults, find_irregularities, read_mimics
 from kickdyn.robot.visuals import RobotFile, Shape, Visual
 
-MAX_BYTES = 20_000_000
+MAX_BYTES = 5_000_000
+"""Size of the largest robot file that is read [bytes]; those of robots have up to 0.5 MB."""
 
 
 class UrdfFile(RobotFile):
@@ -36,13 +37,13 @@ class UrdfFile(RobotFile):
         visuals = [(link.name, visual) for link in robot.links for visual in link.visuals]
         materials = [visual.material for _, visual in visuals if visual.material]
         colours = {m.name: m.color.rgba for m in [*materials, *robot.materials] if m.color}
-        found = []
+        shapes = []
         for link, visual in visuals:
             material = visual.material
             rgba = colours.get(material.name) if material else None
             if material and material.color:
                 rgba = material.color.rgba
-            found.append(
+            shapes.append(
                 Visual(
                     link,
                     np.eye(4) if visual.origin is None else visual.origin,
@@ -51,7 +52,7 @@ class UrdfFile(RobotFile):
                     has_texture=material is not None and material.texture is not None,
                 )
             )
-        return found
+        return shapes
 
     def collisions(self) -> list[Visual]:
         """Return the collision shapes of all links; raise `InvalidInput` if unreadable."""
@@ -162,7 +163,7 @@ def build_model(text: str, source: str, base: str) -> Any:
         except Exception as error:
             model, reason = None, str(error).strip().splitlines()[0]
     said = (line.strip()[:200] for line in lines if not line.strip().startswith("at line "))
-    complaints = [each for line in said if (each := line.removeprefix("Error:").strip())]
+    complaints = [complaint for line in said if (complaint := line.removeprefix("Error:").strip())]
     if model is None:
         raise UrdfError(source, ["Pinocchio cannot read it", *(complaints or [reason])])
     if complaints:

@@ -178,9 +178,9 @@ def _check_single(where: str, element: Element, tags: tuple[str, ...], faults: l
 
 def _check_numbers(where: str, element: Element, faults: list[str]) -> None:
     """Check every number in an element: finite, and 0 or more for masses, efforts and speeds."""
-    for part in element.iter():
-        for key, text in part.items():
-            count = _COUNTS.get((part.tag, key))
+    for tag_element in element.iter():
+        for key, text in tag_element.items():
+            count = _COUNTS.get((tag_element.tag, key))
             if count is None:
                 continue
             words = text.split()
@@ -190,14 +190,14 @@ def _check_numbers(where: str, element: Element, faults: list[str]) -> None:
             if key in ("value", "effort", "velocity"):
                 valid += ", 0 or more"
                 sound = sound and values[0] >= 0.0
-            elif part.tag == "axis":
+            elif tag_element.tag == "axis":
                 if element.get("type") == "fixed":  # it turns about nothing
                     continue
                 valid += ", not all 0"
                 sound = sound and 1e-100 < max(map(abs, values)) < 1e100  # its square is needed
             if not sound:
                 shown = repr(text) if len(text) <= 60 else f"{text[:60]!r}..."
-                faults.append(f"{where} {part.tag} {key} is {shown}: it must be {valid}")
+                faults.append(f"{where} {tag_element.tag} {key} is {shown}: it must be {valid}")
 
 
 def _check_joint(where: str, joint: Element, faults: list[str]) -> None:
@@ -255,7 +255,7 @@ def read_mimics(root: Element) -> tuple[Mimic, ...]:
     What mimics a joint that does not exist, and is to be locked, is left out.
     """
     joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
-    drivers, found = _drivers(joints), []
+    drivers, mimics = _drivers(joints), []
     for name in drivers:
         driver, multiplier, offset = name, 1.0, 0.0
         while driver in drivers:  # q = a (c q_driver + d) + b
@@ -265,8 +265,8 @@ def read_mimics(root: Element) -> tuple[Mimic, ...]:
             multiplier *= float(mimic.get("multiplier", 1.0))
             driver = drivers[driver]
         if driver in joints:
-            found.append(Mimic(name, driver, multiplier, offset))
-    return tuple(found)
+            mimics.append(Mimic(name, driver, multiplier, offset))
+    return tuple(mimics)
 
 
 def _check_tree(links: dict[str, Element], joints: dict[str, Element], faults: list[str]) -> None:

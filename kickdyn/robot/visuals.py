@@ -106,7 +106,7 @@ class RobotFile:
 
 def _by_frame(shapes: list[Visual]) -> dict[str, list[Visual]]:
     """Return shapes by the frame that they are fixed to."""
-    found: dict[str, list[Visual]] = {}
+    by_frame: dict[str, list[Visual]] = {}
     for shape in shapes:
-        found.setdefault(shape.frame, []).append(shape)
-    return found
+        by_frame.setdefault(shape.frame, []).append(shape)
+    return by_frame

@@ -12,7 +12,7 @@ MOUTH = (7.32, 2.44)
 FRAME = 0.12
 """Largest width of its posts and its bar [m], ibid."""
 
-ENDS = {
+MISSES = {
     "short": "does not reach the goal",
     "over": "goes over the bar",
     "beside": "passes beside the post",
@@ -146,7 +146,7 @@ class Score(NamedTuple):
                 f"The ball enters the goal, {self.post:.3g} m from the post and {self.bar:.3g} m "
                 "under the bar."
             )
-        return f"The ball {ENDS[self.end]}."
+        return f"The ball {MISSES[self.end]}."
 
 
 def score_at(left: float, up: float, radius: float, *, arrives: bool) -> Score:

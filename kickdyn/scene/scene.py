@@ -2,26 +2,26 @@
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
-from typing import Any, Literal, NamedTuple
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kickdyn.air import Air
-from kickdyn.ball import Ball
+from kickdyn.ball import PRESSURES, Ball, BallState
 from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.ground import Ground
-from kickdyn.impact.collide import checked_stiffness
+from kickdyn.impact.collide import CONTACT_TIME, checked_stiffness
 from kickdyn.impact.force_model import Dissipation
 from kickdyn.impact.laws import find_law
 from kickdyn.impact.sensitivity import UNITS
 from kickdyn.plane import Plane
-from kickdyn.restitution import Restitution, least_restitution
+from kickdyn.restitution import least_restitution
 from kickdyn.robot.leg import Leg, Posture
 from kickdyn.scene.pitch import Wall, check_before
 
@@ -29,20 +29,40 @@ LEAST_RESTITUTION = 0.01
 """The least restitution of a contact that takes time."""
 
 
-class FlightEnvironment(NamedTuple):
-    """What flies, what it flies through, and what ends the flight.
+@dataclass(frozen=True)
+class Compliance:
+    """What makes a contact take time, as for `collide`, in place of an impact law.
 
-    Attributes:
-        ball: what flies.
-        air: None is the vacuum.
-        ground: as for `follow` where it has a surface, else as for `fly`.
-        plane: as for `fly`.
+    Args:
+        contact_time: duration of the contact for which the stiffness is chosen, above 0 [s]; None
+            is the default of `collide`.
+        stiffness: stiffness in place of `contact_time`: a number [N/m^1.5], or `"pressure"`.
+        dissipation: how the contact loses energy: `walton-braun` or `hunt-crossley`.
+
+    Raises:
+        InvalidInput: a value outside its range, or both contact time and stiffness.
     """
 
-    ball: Ball
-    air: Air | None
-    ground: Ground | None
-    plane: Plane | None
+    contact_time: float | None = None
+    stiffness: float | str | None = None
+    dissipation: str = Dissipation.WALTON_BRAUN
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        if self.contact_time is not None:
+            time = validation.number("contact time", self.contact_time, above=0, unit="s")
+            object.__setattr__(self, "contact_time", time)
+        kind = validation.choice("dissipation", self.dissipation, Dissipation)
+        object.__setattr__(self, "dissipation", kind)
+        # the pressure of the scene's ball is checked by the scene
+        ball = Ball(pressure=PRESSURES[0])
+        given = checked_stiffness(ball, self.contact_time, self.stiffness)
+        object.__setattr__(self, "stiffness", given)
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """The values as keyword arguments of `collide`."""
+        return dict(self.__dict__)
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
@@ -50,23 +70,15 @@ class Scene(ReprMixin):
     """One kick, from the posture of the leg to the end of the ball's path.
 
     Args:
-        leg: the leg, with the frame that strikes the ball, its rotors, supports and loops.
-        q: configuration, shape `(nq,)` [rad; m for prismatic joints].
+        posture: the posture of the leg, with its rotors, supports and loops.
         v: joint velocity just before the contact, shape `(nv,)` [rad/s; m/s for prismatic joints].
         ball: the ball; its centre is at `contact point + radius * normal`.
         contact: normal, restitution (a number, a table over the speed of approach or a model),
             friction and offset of the contact.
-        law: impact law, as for `strike`: `newton`, `stronge` or `paper`.
-        contact_time: duration of a compliant contact, as for `collide` [s]. Without it and without
-            `stiffness`, the contact is an instant. A compliant contact has no impact law, and its
-            restitution must be at least 0.01.
-        stiffness: stiffness of a compliant contact, in place of `contact_time`: `"pressure"` or a
-            number [N/m^1.5], as for `collide`.
-        dissipation: dissipation of a compliant contact, as for `collide`.
-        ball_velocity: velocity of the centre of the ball before the contact, shape `(3,)`
-            [m/s, world frame].
-        ball_spin: angular velocity of the ball before the contact, shape `(3,)`
-            [rad/s, world frame].
+        law: impact law of an instantaneous contact, as for `strike`: `newton`, `stronge` or
+            `paper`; or the `Compliance` of a contact that takes time, which has no impact law and
+            whose restitution must be at least 0.01.
+        incoming: the ball before the contact: velocity and spin count. None is a ball at rest.
         air: the air; None is the vacuum.
         ground: the ground, where the flight ends. None ends it at the height of the launch. On a
             ground with a surface, the ball is followed to rest.
@@ -81,40 +93,29 @@ class Scene(ReprMixin):
         InvalidInput: a wrong type or shape, an entry that is not finite, or an invalid posture.
     """
 
-    leg: Leg
-    q: Array
+    posture: Posture
     v: Array
     ball: Ball
     contact: Contact
-    law: str
-    contact_time: float | None
-    stiffness: float | str | None
-    dissipation: Dissipation
-    ball_velocity: Array
-    ball_spin: Array
+    law: str | Compliance
+    incoming: BallState
     air: Air | None
     ground: Ground | None
     plane: Plane | None
     wall: Wall | None
     uncertainty: Mapping[str, float]
     name: str
-    posture: Posture = field(repr=False)
 
     @validation.check_arguments
     def __init__(
         self,
-        leg: Leg,
-        q: ArrayLike,
+        posture: Posture,
         v: ArrayLike,
         ball: Ball,
         contact: Contact,
+        law: str | Compliance = "newton",
         *,
-        law: str = "newton",
-        contact_time: float | None = None,
-        stiffness: float | Literal["pressure"] | None = None,
-        dissipation: str = Dissipation.WALTON_BRAUN,
-        ball_velocity: ArrayLike = (0.0, 0.0, 0.0),
-        ball_spin: ArrayLike = (0.0, 0.0, 0.0),
+        incoming: BallState | None = None,
         air: Air | None = None,
         ground: Ground | None = None,
         plane: Plane | None = None,
@@ -123,40 +124,29 @@ class Scene(ReprMixin):
         name: str = "scene",
     ) -> None:
         ball.check_movable("a scene")
-        impact_law = find_law(law, "law").name
-        given = checked_stiffness(ball, contact_time, stiffness)
-        if contact_time is not None:
-            contact_time = validation.number("contact time", contact_time, above=0, unit="s")
-        if contact_time is not None or given is not None:
-            faults = compliant_contact_faults(impact_law, contact.restitution)
-            if faults:
-                raise InvalidInput(faults[0])
-        posture = leg.posture(q)
-        arrays = {
-            "q": posture.q,
-            "v": validation.vector("v", v, leg.nv),
-            "ball_velocity": validation.vector("ball velocity", ball_velocity, 3, unit="m/s"),
-            "ball_spin": validation.vector("ball spin", ball_spin, 3, unit="rad/s"),
-        }
-        for array in arrays.values():
-            array.setflags(write=False)
+        if contact.offset is None and posture.contact_offset is not None:
+            contact = replace(contact, offset=posture.contact_offset)
+        if isinstance(law, Compliance):
+            _check_compliant(law, ball, contact)
+        else:
+            law = find_law(law, "law").name
         self.__dict__.update(
-            leg=leg,
+            posture=posture.with_contact_offset(contact.offset),
+            v=validation.read_only(validation.vector("v", v, posture.leg.nv)),
             ball=ball,
             contact=contact,
-            law=impact_law,
-            contact_time=contact_time,
-            stiffness=given,
-            dissipation=validation.choice("dissipation", dissipation, Dissipation),
+            law=law,
+            incoming=BallState() if incoming is None else incoming,
             air=air,
             ground=ground,
             plane=plane,
             wall=wall,
             uncertainty=_checked_uncertainty(uncertainty),
             name=name,
-            posture=posture.with_contact_offset(contact.offset),
-            **arrays,
         )
+        if self.incoming.velocity.shape != (3,):
+            shape = self.incoming.velocity.shape
+            raise InvalidInput(f"incoming has velocities of shape {shape}: it must be one, (3,)")
         if wall is not None:
             check_before(wall, math.hypot(*self._to_target()))
 
@@ -166,17 +156,31 @@ class Scene(ReprMixin):
         Raises:
             InvalidInput: as for `Scene`.
         """
-        arguments = {name: value for name, value in self.__dict__.items() if name != "posture"}
-        return Scene(**{**arguments, **changes})
+        return Scene(**{**self.__dict__, **changes})
+
+    @validation.check_arguments
+    def with_leg(self, leg: Leg) -> "Scene":
+        """Return the scene with another leg in the same configuration."""
+        return self.replace(posture=leg.posture(self.q))
+
+    @property
+    def leg(self) -> Leg:
+        """The leg, with the frame that strikes the ball."""
+        return self.posture.leg
+
+    @property
+    def q(self) -> Array:
+        """The configuration, shape `(nq,)` [rad; m for prismatic joints]."""
+        return self.posture.q
 
     @property
     def is_compliant(self) -> bool:
         """Whether the contact has a finite duration."""
-        return self.contact_time is not None or self.stiffness is not None
+        return isinstance(self.law, Compliance)
 
     def as_instant(self) -> "Scene":
         """Return the scene with an instantaneous contact."""
-        return self.replace(contact_time=None, stiffness=None)
+        return self.replace(law="newton")
 
     @property
     def ball_position(self) -> Array:
@@ -203,24 +207,9 @@ class Scene(ReprMixin):
         return validation.direction("direction to the plane", (*self._to_target(), 0.0))
 
     @property
-    def environment(self) -> FlightEnvironment:
-        """The ball, the air and what ends the path, as data for the flight."""
-        return FlightEnvironment(self.ball, self.air, self.ground, self.plane)
-
-    @property
     def notes(self) -> tuple[str, ...]:
         """A line for each joint outside its range: the kick is computed all the same."""
-        lines = []
-        for joint, (value, unit) in self.leg.display_values(self.q).items():
-            low, high = self.leg.joint_range(joint)
-            continuous = math.isinf(high) or (low, high) == (-math.pi, math.pi)
-            if unit == "deg":
-                low, high = math.degrees(low), math.degrees(high)
-            if not (continuous or low - 1e-6 <= value <= high + 1e-6):  # digits of the posture
-                lines.append(
-                    f"{joint} is at {value:.4g} {unit}, outside its range, {low:.4g} to {high:.4g}"
-                )
-        return tuple(lines)
+        return tuple(self.leg.outside_range(self.q))
 
     def _rows(self) -> Iterable[Row]:
         """Return the lines that are shown."""
@@ -229,26 +218,27 @@ class Scene(ReprMixin):
         yield "contact point", self.posture.contact_point, "m"
         yield "foot speed", float(np.linalg.norm(self.posture.jacobian @ self.v)), "m/s"
         yield "ball", f"{self.ball.mass:.4g} kg, radius {self.ball.radius:.4g} m", ""
-        if self.ball_velocity.any():
-            yield "ball's velocity", self.ball_velocity, "m/s"
-        if self.ball_spin.any():
-            yield "ball's spin", self.ball_spin, "rad/s"
+        if self.incoming.velocity.any():
+            yield "ball's velocity", self.incoming.velocity, "m/s"
+        if self.incoming.spin.any():
+            yield "ball's spin", self.incoming.spin, "rad/s"
         yield "contact", repr(self.contact).removeprefix("Contact(").removesuffix(")"), ""
-        if not self.is_compliant:
+        if not isinstance(self.law, Compliance):
             yield "law", self.law, ""
-        elif self.contact_time is not None:
-            yield "contact time", 1e3 * self.contact_time, "ms"
-        elif isinstance(self.stiffness, str):
+        elif isinstance(self.law.stiffness, str):
             yield "stiffness", f"from the pressure, {self.ball.stiffness:.4g}", "N/m"
+        elif self.law.stiffness is not None:
+            yield "stiffness", self.law.stiffness, "N/m^1.5"
         else:
-            yield "stiffness", self.stiffness, "N/m^1.5"
+            yield "contact time", 1e3 * (self.law.contact_time or CONTACT_TIME), "ms"
         if self.air is not None:
             acting = [name for name in ("drag", "lift", "torque") if getattr(self.air, name)]
             yield "air", ", ".join([f"{self.air.density:.4g} kg/m3", *acting]), ""
-        for name, part in (("ground", self.ground), ("plane", self.plane), ("wall", self.wall)):
-            if part is not None:
-                kind = type(part).__name__
-                yield name, repr(part).removeprefix(f"{kind}(").removesuffix(")"), ""
+        for name in ("ground", "plane", "wall"):
+            value = getattr(self, name)
+            if value is not None:
+                kind = type(value).__name__
+                yield name, repr(value).removeprefix(f"{kind}(").removesuffix(")"), ""
 
 
 def _checked_uncertainty(value: Mapping[str, float] | None) -> dict[str, float]:
@@ -264,18 +254,12 @@ def _checked_uncertainty(value: Mapping[str, float] | None) -> dict[str, float]:
     return checked
 
 
-def compliant_contact_faults(law: str, restitution: Restitution) -> list[str]:
-    """Return a line for each value that does not go with a contact time."""
-    lines = []
-    if law != "newton":
-        lines.append(
-            f"law is {law!r}: a contact that takes time has no impact law; leave out law, "
-            "or the contact time and the stiffness"
-        )
-    least = least_restitution(restitution)
+def _check_compliant(law: Compliance, ball: Ball, contact: Contact) -> None:
+    """Raise `InvalidInput` for a contact that cannot take time."""
+    checked_stiffness(ball, law.contact_time, law.stiffness)
+    least = least_restitution(contact.restitution)
     if least < LEAST_RESTITUTION:
-        lines.append(
+        raise InvalidInput(
             f"restitution is {least:g}: in a contact that takes time it must be at least "
             f"{LEAST_RESTITUTION:g}"
         )
-    return lines

@@ -17,11 +17,11 @@ from kickdyn.impact.impact_result import Impact
 from kickdyn.plane import Plane
 from kickdyn.restitution import describe_restitution, range_warnings
 from kickdyn.robot.standing import is_floating
-from kickdyn.scene.effects import INCLUDED, EffectSize, EffectVerdict
+from kickdyn.scene.effects import EffectSize, EffectVerdict
 from kickdyn.scene.pitch import Passage, Score, passage_at, score_at
 from kickdyn.scene.scene import Scene
 
-_WORDS: dict[str, str] = {
+_PHRASES: dict[str, str] = {
     FlightStatus.LANDED: "landed at",
     FlightStatus.AT_PLANE: "reached the plane at",
     FlightStatus.AT_REST: "came to rest at",
@@ -43,11 +43,13 @@ class Simulation(Printed):
             plane, or at rest on a ground with a surface. Its time counts from the launch.
         status: how the path ends: `landed`, `at-plane` or `at-rest`. Any other status, as of
             `Flight` and `Course`, says why it has no end; `end` is then the last state.
-        path: the flight or the course; None where a flight in a few large steps was exact enough.
-        verdicts: the decision on each effect of the scene, with its bound and its reason.
+        path: the flight or the course, without the neglected effects.
+        verdicts: the decision on each effect of the scene, with its size and its reason.
+        model_error: distance by which the neglected effects move the end [m]: of the contact time
+            an estimate, of all others measured.
         method: how the end was computed.
-        evaluations: number of evaluations of the accelerations in contact and flight, with those
-            for bounds and for `end_deviation`, but without those of `numerical_error`.
+        evaluations: number of evaluations of the accelerations in contact and flight, without
+            those for derivatives of the end and for `numerical_error`.
         end_deviation: standard deviation of the end that follows from the `uncertainty` of the
             scene, to first order, velocity and spin varying together [m]; nan where the scene has
             none, inf where the path has no end.
@@ -59,8 +61,9 @@ class Simulation(Printed):
     launch: BallState
     end: BallState
     status: str
-    path: Flight | Course | None
+    path: Flight | Course
     verdicts: tuple[EffectVerdict, ...]
+    model_error: float
     method: str
     evaluations: int
     end_deviation: float
@@ -89,11 +92,6 @@ class Simulation(Printed):
         return {verdict.effect: sizes.get(verdict.effect, math.nan) for verdict in self.verdicts}
 
     @property
-    def model_error(self) -> float:
-        """Bound on the distance by which the neglected effects would move the end [m]."""
-        return math.fsum(v.bound for v in self.verdicts if not v.modelled)
-
-    @property
     def error(self) -> float:
         """Error of the end, the sum of `model_error` and `numerical_error` [m].
 
@@ -111,7 +109,7 @@ class Simulation(Printed):
     def end_text(self) -> str:
         """Status and position of the end, as text."""
         x, y, z = self.end.position.round(3) + 0.0  # no -0
-        words = _WORDS.get(self.status, f"NO END ({self.status}), computed as far as")
+        words = _PHRASES.get(self.status, f"NO END ({self.status}), computed as far as")
         return f"{words} ({x:.3f}, {y:.3f}, {z:.3f}) m"
 
     @cached_property
@@ -197,7 +195,7 @@ class Simulation(Printed):
         return (
             *self.scene.leg.warnings,
             *range_warnings(impact.contact.restitution, impact.approach_speed),
-            *(() if self.path is None else self.path.warnings),
+            *self.path.warnings,
         )
 
     @property
@@ -235,30 +233,25 @@ class Simulation(Printed):
         size = "rounding"
         if numerics > 1e-12:
             size = f"{_size(numerics)} m by numerical integration"
-        bounds = self.tolerance is not None
         by_model = (
             f"{_size(self.model_error)} m by neglected effects and " if self.neglected else ""
         )
         lines = [
             self.summary,
             f"The error is {by_model}{size} ({self.method}).",
-            f"{'effect':20}{'':12}{'size [m]':>9}" + ("   bound [m]" if bounds else ""),
+            f"{'effect':20}{'':12}{'size [m]':>9}",
         ]
-        for effect, modelled, bound, why in self.verdicts:
-            kind = "modelled" if modelled else "neglected"
-            bounded = _size(bound) if math.isfinite(bound) else "-"
-            if why.startswith(INCLUDED):
-                bounded = why.removeprefix("neglected ")
-            line = f"{effect:20}{kind:12}{_size(self.effect_sizes[effect]):>9}"
-            lines.append(f"{line}   {bounded}" if bounds else line)
+        for verdict in self.verdicts:
+            decision = "modelled" if verdict.modelled else "neglected"
+            line = f"{verdict.effect:20}{decision:12}{_size(self.effect_sizes[verdict.effect]):>9}"
+            lines.append(line)
         lines.append("size: how far the end moves if only this effect is neglected.")
-        if bounds:
+        if self.tolerance is not None:
             lines.append(
-                "bound: what the size is at most, from a flight in four steps. Effects are "
-                "neglected as long as their bounds add up to less than half of the tolerance; what "
-                "has no bound (-) is modelled."
+                "Effects are neglected as long as all that is neglected moves the end by at most "
+                "half of the tolerance."
             )
-        for why in {v.why: None for v in self.verdicts if v.modelled and v.bound == math.inf}:
+        for why in {v.why: None for v in self.verdicts if v.modelled and math.isinf(v.size)}:
             names = [v.effect for v in self.verdicts if v.why == why]
             lines.append(f"{', '.join(names)}: {why}.")
         return "\n".join(lines)

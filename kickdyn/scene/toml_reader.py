@@ -1,58 +1,54 @@
-"""Reads a scene file: strict TOML, all faults of its form at once, then those of the robot."""
+"""Reads a scene file: strict TOML, all faults of its tables at once, then those of the robot."""
 
+import difflib
 import math
 import os
 import re
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from kickdyn.air import Air
-from kickdyn.ball import Ball
-from kickdyn.contact import Contact
+from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
 from kickdyn.core.files import read_text, shipped
 from kickdyn.core.validation import Array
-from kickdyn.errors import InvalidInput, SceneError, printable
-from kickdyn.ground import Ground
-from kickdyn.impact.force_model import Dissipation
-from kickdyn.plane import Plane
-from kickdyn.robot.leg import Leg
+from kickdyn.errors import FaultyFile, InvalidInput, SceneError, printable
+from kickdyn.robot.leg import Leg, Posture
 from kickdyn.robot.leg_file import read_leg, read_robot
 from kickdyn.robot.urdf_file import shipped_urdf
-from kickdyn.scene.pitch import Wall
 from kickdyn.scene.scene import Scene
-from kickdyn.scene.schema import REQUIRED, UNCERTAINTY, check_document, faults_of
+from kickdyn.scene.scene_tables import TABLES, Table
 
 MAX_BYTES = 100_000
-"""Size of the largest scene file that is read."""
+"""Size of the largest scene file that is read [bytes]."""
 
 MAX_DOTS = 1000
-"""In a line of a scene file: each part of a dotted key is a table inside the one before."""
+"""Dots in a line of a scene file: each part of a dotted key is a table inside the previous one."""
 
 MAX_FAULTS = 100
-"""Faults of a scene file that are listed."""
+"""Most faults of a scene file that are listed."""
 
 
 def load_scene(path: str | PathLike[str]) -> Scene:
     """Read a scene from a TOML file.
 
-    Sections and keys are those of `kickdyn.scene.schema.SECTIONS`; a leg's file is looked for
-    relative to the scene's folder. Aerodynamic effects act only if named: air without `drag` has
-    none.
+    Tables and keys are those of `kickdyn.scene.scene_tables.TABLES`; the file of a leg is looked
+    for relative to the folder of the scene. Aerodynamic effects act only if they are named: air
+    without `drag` has none.
 
     Args:
         path: the file, at most `MAX_BYTES` long; or the name of a shipped scene, such as
             `free_kick`, where there is no such file.
 
     Raises:
-        SceneError: with a line for each fault: all of the file's form (unknown, missing and invalid
-            values), or, where there are none, those that only the robot shows.
+        SceneError: with a line for each fault: all unknown, missing and invalid values of the
+            tables, or, where there are none, those that only the robot shows.
         InvalidInput: `path` is no path at all.
     """
     try:
@@ -67,12 +63,12 @@ def load_scene(path: str | PathLike[str]) -> Scene:
         document = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # ValueError: an endless integer, too
         raise SceneError(source, [f"is not TOML: {error}{_line_of(text, error)}"]) from None
-    faults = check_document(document)
+    faults, arguments = _read_tables(document)
     try:
         if not faults:
-            return _scene(document, file.resolve().parent, file.stem)
+            return _scene(arguments, file.resolve().parent, printable(file.stem))
     except InvalidInput as error:
-        faults = faults_of(error)
+        faults = list(error.faults)
     more = len(faults) - MAX_FAULTS
     raise SceneError(source, faults if more <= 0 else [*faults[:-more], f"and {more} more faults"])
 
@@ -100,157 +96,197 @@ def _named(file: Path, source: str) -> Path:
     return known[source]
 
 
-def _scene(document: dict[str, Any], folder: Path, stem: str) -> Scene:
-    """Return the scene of a document of the right form; `stem` names one without a name."""
-    at_leg, posture, at_contact = (document[name] for name in REQUIRED)
-    at_ball = document.get("ball", {})
+def _read_tables(document: dict[str, Any]) -> tuple[list[str], dict[str, Any]]:
+    """Return a line for each fault of the tables, and by table what its constructor returns."""
+    tables = {table.name: table for table in TABLES}
+    top = {key.name for key in tables[""].keys}
+    contents = {"": {name: value for name, value in document.items() if name in top}}
+    faults, made = [], {}
+    for name, value in document.items():
+        if name in top:
+            continue
+        if name not in tables:
+            kind = f"section [{name}]" if isinstance(value, dict) else name
+            faults.append(_unknown(kind, name, [*filter(None, tables), *top]))
+        elif isinstance(value, dict):
+            contents[name] = value
+        else:
+            faults.append(f"{name} is {validation.brief(value)}: it must be a section, [{name}]")
+    for name, content in contents.items():
+        of_table = _faults_of(tables[name], content)
+        try:
+            if not of_table:
+                made[name] = tables[name].constructor(**_arguments(tables[name], content))
+        except InvalidInput as error:
+            of_table = [f"{name}: {line}" for line in error.faults]
+        faults += of_table
+    faults += [
+        f"section [{table.name}] is missing"
+        for table in TABLES
+        if table.is_required and table.name not in document
+    ]
+    return faults, made
+
+
+def _faults_of(table: Table, content: dict[str, Any]) -> list[str]:
+    """Return a line for each fault of the keys of a table, each key by itself."""
+    prefix = f"{table.name}." if table.name else ""
+    keys, faults = {key.name: key for key in table.keys}, []
+    for name, value in content.items():
+        if name not in keys:
+            faults.append(_unknown(prefix + name, name, keys))
+            continue
+        key = keys[name]
+        examples = [next(iter(group.items())) for group in table.required if name not in group]
+        try:
+            if not isinstance(key.takes, str) and value not in list(key.takes):
+                hint = _hint(value, key.takes)
+                raise InvalidInput(f"{validation.brief(value)} is unknown: {hint}")
+            if key.check is not None:
+                key.check(value)
+            table.constructor(**_arguments(table, {**dict(examples), name: value}))
+        except InvalidInput as error:
+            faults += [f"{prefix}{name}: {line}" for line in error.faults]
+        if key.needs and not content.keys() & set(key.needs):
+            needed = " or ".join(key.needs)
+            faults.append(f"{prefix}{name} is given without {needed}, which it needs")
+    for group in table.required:
+        given = [name for name in group if name in content]
+        if not given and len(group) == 1:
+            faults += [f"{prefix}{name} is missing" for name in group]
+        elif len(given) != 1:
+            which = " and ".join(given) or "none"
+            faults.append(
+                f"{table.name} has {which} of {', '.join(group)}: it must have exactly one"
+            )
+    return faults
+
+
+def _arguments(table: Table, content: dict[str, Any]) -> dict[str, Any]:
+    """Return the arguments of a table's constructor."""
+    return {key.argument: content[key.name] for key in table.keys if key.name in content}
+
+
+def _unknown(shown: str, word: str, known: Iterable[str]) -> str:
+    """Return the line for a word that is not known, with the nearest that is."""
+    shown = shown if len(shown) <= 100 else shown[:100] + "..."
+    return f"{shown} is unknown: {_hint(word, known)}"
+
+
+def _hint(word: object, known: Iterable[str]) -> str:
+    """Return the nearest of the known words as a question, or all of them to choose from."""
+    names = list(known)
+    near = difflib.get_close_matches(str(word)[:100], names, 1, 0.5)
+    return f"did you mean {near[0]}?" if near else f"choose {', '.join(names)}"
+
+
+def _scene(tables: dict[str, Any], folder: Path, stem: str) -> Scene:
+    """Return the scene of what the tables' constructors return; `stem` is its default name."""
+    of_leg, of_posture = tables["leg"], tables["posture"]
+    contact, law = tables["contact"]
+    ball, incoming = tables.get("ball", (Ball(), BallState()))
     with _faults_in("leg"):
-        leg = _leg(at_leg, folder)
-    _check_joints(leg, document)
+        leg = _leg(of_leg, folder)
+    _check_joints(leg, of_leg, of_posture)
     with _faults_in("leg"):
-        if "armature_kg_m2" in at_leg:
-            leg = leg.with_armature(at_leg["armature_kg_m2"])
-        if "supports" in at_leg:
-            leg = leg.with_supports(*at_leg["supports"])
-        if "loops" in at_leg:
-            leg = leg.with_loops(*at_leg["loops"])
-        if "stiff_joints" in at_leg:
-            leg = leg.with_stiff_joints(*at_leg["stiff_joints"])
+        leg = _changed(leg, of_leg)
     with _faults_in("posture"):
-        degrees, metres = (posture.get(key, {}) for key in ("angles_deg", "positions_m"))
-        angles = {joint: math.radians(angle) for joint, angle in degrees.items()}
-        named = angles | metres
-        q = leg.close_loops(leg.configuration(named), keep=named)
-        contact, ball = _contact(at_contact), _ball(at_ball)
-        scene = Scene(
-            leg,
-            q,
-            _joint_velocity(posture, leg, q, contact),
-            ball,
-            contact,
-            law=at_contact.get("law", "newton"),
-            contact_time=at_contact.get("contact_time_s"),
-            stiffness=at_contact.get("stiffness"),
-            dissipation=at_contact.get("dissipation", Dissipation.WALTON_BRAUN),
-            ball_velocity=at_ball.get("velocity_m_s", (0.0, 0.0, 0.0)),
-            ball_spin=at_ball.get("spin_rad_s", (0.0, 0.0, 0.0)),
-            air=_air(document["air"]) if "air" in document else None,
-            plane=_plane(document["plane"]) if "plane" in document else None,
-            wall=_wall(document["wall"]) if "wall" in document else None,
-            uncertainty={
-                UNCERTAINTY[key][0]: UNCERTAINTY[key][2] * value
-                for key, value in document.get("uncertainty", {}).items()
-            },
-            name=document.get("name", printable(stem)),
-        )
-    if "ground" not in document:
+        posture = leg.posture(_configuration(leg, of_posture)).with_contact_offset(contact.offset)
+        v = _joint_velocity(posture, of_posture)
+    scene = Scene(
+        posture,
+        v,
+        ball,
+        contact,
+        law,
+        incoming=incoming,
+        name=tables[""].get("name", stem),
+        **{
+            name: tables[name] for name in ("air", "plane", "wall", "uncertainty") if name in tables
+        },
+    )
+    if "ground" not in tables:
         return scene
+    has_height, ground = tables["ground"]
     under_ball = float(scene.ball_position[2]) - ball.radius
-    ground = document["ground"]
-    height = ground.get("height_m", under_ball)
-    if height > under_ball + 1e-6 * ball.radius:
+    if not has_height:
+        ground = replace(ground, height=under_ball)
+    if ground.height > under_ball + 1e-6 * ball.radius:
         raise InvalidInput(
-            f"ground.height_m is {height:g}: the ball would start {height - under_ball:.3g} m "
-            f"inside the ground; it must be at most {under_ball:.6g} m, or left out"
+            f"ground.height_m is {ground.height:g}: the ball would start "
+            f"{ground.height - under_ball:.3g} m inside the ground; it must be at most "
+            f"{under_ball:.6g} m, or left out"
         )
-    return scene.replace(ground=Ground(height, ground.get("surface")))
+    return scene.replace(ground=ground)
 
 
 @contextmanager
-def _faults_in(section: str) -> Iterator[None]:
-    """Name the section in the faults that are found inside."""
+def _faults_in(table: str) -> Iterator[None]:
+    """Name the table in the faults that are raised inside."""
     try:
         yield
+    except FaultyFile as error:  # a robot's file, whose name is in the message
+        raise InvalidInput(f"{table}: {error}") from None
     except InvalidInput as error:
-        lines = [f"{section}: {line}" for line in faults_of(error)]
-        raise SceneError(section, lines) from None
+        raise InvalidInput(*(f"{table}: {line}" for line in error.faults)) from None
 
 
-def _leg(section: dict[str, Any], folder: Path) -> Leg:
-    """Return the leg, without what is added to it."""
-    base, frame = section.get("base", "fixed"), section.get("frame")
-    locked = section.get("locked")
-    if "robot" in section:
-        only = section.get("legs_only", False)
-        return read_robot(section["robot"], frame, base, legs_only=only, locked=locked)
-    if "model" in section:
-        path = shipped_urdf(f"leg_{section['model']}.urdf")
+def _leg(values: dict[str, Any], folder: Path) -> Leg:
+    """Return the leg as it is read, without what is added to it."""
+    base, frame, locked = values.get("base", "fixed"), values.get("frame"), values.get("locked")
+    if "robot" in values:
+        legs_only = values.get("legs_only", False)
+        return read_robot(values["robot"], frame, base, legs_only=legs_only, locked=locked)
+    if "model" in values:
+        path = shipped_urdf(f"leg_{values['model']}.urdf")
         return read_leg(path, frame or "toe", base, locked=locked)
-    packages = [folder / each for each in section.get("package_dirs", ())]
-    return read_leg(folder / section["file"], frame or "toe", base, packages, locked)
+    packages = [folder / str(package) for package in values.get("package_dirs", ())]
+    return read_leg(folder / values["file"], frame or "toe", base, packages, locked)
 
 
-def _check_joints(leg: Leg, document: dict[str, Any]) -> None:
-    """Raise `SceneError` with a line for every joint that cannot take its value."""
+def _changed(leg: Leg, values: dict[str, Any]) -> Leg:
+    """Return the leg with its rotors, supports, loops and stiff joints."""
+    if "armature" in values:
+        leg = leg.with_armature(values["armature"])
+    for name in ("supports", "loops", "stiff_joints"):
+        if name in values:
+            leg = getattr(leg, f"with_{name}")(*values[name])
+    return leg
+
+
+def _check_joints(leg: Leg, of_leg: dict[str, Any], of_posture: dict[str, Any]) -> None:
+    """Raise `InvalidInput` with a line for every joint that cannot take its value."""
     faults = []
-    for section, key, unit in (
-        ("leg", "armature_kg_m2", ""),
-        ("posture", "angles_deg", "rad"),
-        ("posture", "positions_m", "m"),
-        ("posture", "joint_velocity_rad_s", ""),
+    for table, values, name, unit in (
+        ("leg", of_leg, "armature", ""),
+        ("posture", of_posture, "angles_deg", "rad"),
+        ("posture", of_posture, "positions_m", "m"),
+        ("posture", of_posture, "joint_velocity", ""),
     ):
-        for joint in document[section].get(key, {}):
+        for joint in values.get(name, {}):
             try:
                 moves_in = leg.joint_unit(joint)
                 if unit and moves_in != unit:
-                    faults.append(f"{section}: {key} names {joint}, which moves in {moves_in}")
+                    faults.append(f"{table}: {name} names {joint}, which moves in {moves_in}")
             except InvalidInput as error:
-                faults.append(f"{section}: {error}")
+                faults.append(f"{table}: {error}")
     if faults:
-        raise SceneError("joints", faults)
+        raise InvalidInput(*faults)
 
 
-def _joint_velocity(section: dict[str, Any], leg: Leg, q: Array, contact: Contact) -> Array:
-    """Return v from the velocity of the contact point, or from those of joints."""
-    if "foot_velocity_m_s" in section:
-        posture = leg.posture(q).with_contact_offset(contact.offset)
-        return posture.joint_velocity(section["foot_velocity_m_s"])
-    v = np.zeros(leg.nv)
-    for joint, speed in section["joint_velocity_rad_s"].items():
-        v[leg.velocity_index(joint)] = speed
+def _configuration(leg: Leg, values: dict[str, Any]) -> Array:
+    """Return q, all loops closed by the joints that are not named."""
+    degrees = values.get("angles_deg", {})
+    named = {joint: math.radians(angle) for joint, angle in degrees.items()}
+    named |= values.get("positions_m", {})
+    return leg.close_loops(leg.configuration(named), keep=named)
+
+
+def _joint_velocity(posture: Posture, values: dict[str, Any]) -> Array:
+    """Return v from the velocity of the contact point, or from the velocities of joints."""
+    if "foot_velocity" in values:
+        return posture.joint_velocity(values["foot_velocity"])
+    v = np.zeros(posture.leg.nv)
+    for joint, speed in values["joint_velocity"].items():
+        v[posture.leg.velocity_index(joint)] = speed
     return v
-
-
-def _ball(section: dict[str, Any]) -> Ball:
-    """Return the ball."""
-    usual = Ball.paper() if section.get("model") == "paper" else Ball()
-    return Ball(
-        section.get("mass_kg", usual.mass),
-        section.get("radius_m", usual.radius),
-        section.get("inertia_factor", usual.inertia_factor),
-        section.get("pressure_pa"),
-    )
-
-
-def _contact(section: dict[str, Any]) -> Contact:
-    """Return the contact."""
-    normal = section.get("normal")
-    if normal is None:
-        up, side = math.radians(section["attack_deg"]), math.radians(section.get("side_deg", 0.0))
-        level = math.cos(up)
-        normal = (level * math.cos(side), level * math.sin(side), math.sin(up))
-    friction, offset = section.get("friction", 0.0), section.get("offset_m")
-    return Contact(normal, section["restitution"], friction, offset)
-
-
-def _air(section: dict[str, Any]) -> Air:
-    """Return the air, without the effects that are not named."""
-    weather = (section.get(key) for key in ("temperature_c", "pressure_pa"))
-    if section.get("model") == "paper":
-        here = Air.paper()
-    else:
-        here = Air.at(section.get("altitude_m", 0.0), *weather)
-    models = {kind: section.get(kind) for kind in ("drag", "lift", "torque")}
-    wind, buoyancy = section.get("wind_m_s", (0.0, 0.0, 0.0)), section.get("buoyancy", False)
-    return Air(here.density, here.viscosity, wind, **models, buoyancy=buoyancy)
-
-
-def _plane(section: dict[str, Any]) -> Plane:
-    """Return the plane."""
-    return Plane(section["point_m"], section["normal"], section.get("reached_by", "front"))
-
-
-def _wall(section: dict[str, Any]) -> Wall:
-    """Return the wall of players."""
-    size = {key: section[f"{key}_m"] for key in ("height", "width") if f"{key}_m" in section}
-    return Wall(section["distance_m"], **size)

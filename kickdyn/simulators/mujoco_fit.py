@@ -30,30 +30,30 @@ SHAPES = (
 """Growths of the contact's impedance that are tried: the depth over which it grows, in deepest
 deflections, and MuJoCo's exponent. The higher the exponent, the later is the force."""
 
-ENOUGH = 0.5
+SUFFICIENT_SCORE = 0.5
 """Share of the accepted errors at which no other growth is tried."""
 
 SPEEDS = (0.5, 1.5, 0.75, 1.25)
 """Factors on all velocities at which errors are given; the first two are fitted, too."""
 
-TURNED = 0.1
+POSTURE_CHANGE = 0.1
 """Largest change of a joint between neighbouring postures [rad; m]."""
 
 DIRECTION_LIMIT = math.radians(1.0)
 """Error of the ball's direction that is accepted [rad]."""
 
-AROUND = 2.0
+NEIGHBOUR_FACTOR = 2.0
 """Errors of the ball's speed that are accepted in other kicks, in those of the tuned kick."""
 
-DURATION = 0.1
+CONTACT_TIME_TOLERANCE = 0.1
 """Error of the contact time, relative, from which on the result has a warning."""
 
-SPIN, KEPT = 0.3, 0.03
+SPIN_WEIGHT, FRICTION_WEIGHT = 0.3, 0.03
 """Weights of the fit beside 1 for the ball's velocity: of the spin times the radius, and of the
 logarithms by which friction's coefficient and damping change. The last one keeps the coefficient
 where a kick sticks and thus does not determine it."""
 
-EARLY = 1e-3
+PHASE_OFFSET = 1e-3
 """Share of an interval between moments by which the simulation begins before the first contact: if
 it began at once, rounding would decide whether the two touch already."""
 
@@ -149,7 +149,7 @@ def accepted(tolerance: float) -> dict[str, float]:
     return {
         "speed": tolerance,
         "direction": DIRECTION_LIMIT,
-        "speed around": AROUND * tolerance,
+        "speed around": NEIGHBOUR_FACTOR * tolerance,
     }
 
 
@@ -160,9 +160,9 @@ def other_speed(factor: float) -> str:
 
 def limited_errors(errors: Sequence[KickError]) -> dict[str, float]:
     """Return the errors of a contact that `accepted` limits, from those of all its kicks."""
-    own, names = errors[0], [other_speed(factor) for factor in SPEEDS]
+    tuned, names = errors[0], [other_speed(factor) for factor in SPEEDS]
     around = max((error.speed for error in errors if error.change in names), default=0.0)
-    return {"speed": own.speed, "direction": own.direction, "speed around": around}
+    return {"speed": tuned.speed, "direction": tuned.direction, "speed around": around}
 
 
 def kick_cases(approach: Approach, contact_time: float, dissipation: str) -> list[KickCase]:
@@ -178,12 +178,11 @@ def kick_cases(approach: Approach, contact_time: float, dissipation: str) -> lis
         tol=1e-6, ball_velocity=before.velocity, ball_spin=before.spin,
     )  # fmt: skip
 
-    def case(change: str, at: Posture, factor: float) -> KickCase:
-        """Return a kick at a posture, with all velocities times a factor."""
+    def case(change: str, nearby: Posture, factor: float) -> KickCase:
         motion = factor * before.velocity, factor * before.spin
-        near = find_approach(at, factor * approach.v, ball, contact, *motion)
+        near = find_approach(nearby, factor * approach.v, ball, contact, *motion)
         hit = collide(
-            at, near.v, ball, contact, stiffness=first.force_model.stiffness,
+            nearby, near.v, ball, contact, stiffness=first.force_model.stiffness,
             dissipation=dissipation, tol=1e-6, ball_velocity=motion[0], ball_spin=motion[1],
         )  # fmt: skip
         return _case(change, near, hit)
@@ -194,12 +193,12 @@ def kick_cases(approach: Approach, contact_time: float, dissipation: str) -> lis
             cases.append(case(other_speed(factor), posture, factor))
         except InvalidInput:  # a ball that would be pressed beyond its radius
             continue
-    ahead = TURNED * approach.v / float(np.abs(approach.v).max())
+    ahead = POSTURE_CHANGE * approach.v / float(np.abs(approach.v).max())
     for change, sign in (("earlier in the swing", -1.0), ("later in the swing", 1.0)):
         q = pin.integrate(posture.leg.model, posture.q, sign * ahead)
-        at = posture.leg.posture(q).with_contact_offset(contact.offset)
+        nearby = posture.leg.posture(q).with_contact_offset(contact.offset)
         try:
-            cases.append(case(change, at, 1.0))
+            cases.append(case(change, nearby, 1.0))
         except NoImpact:  # a foot that misses the ball there
             continue
     return cases
@@ -228,16 +227,16 @@ def find_best(
     margin = _rounded(cases[0].deflection) if friction else 0.0
     plain = MujocoContact(friction=friction, margin=margin)
     kicks = [MujocoKick(case.approach, timestep, plain, integrator, gravity=True) for case in cases]
-    found: list[FittedContact] = []
+    fits: list[FittedContact] = []
     for shape in SHAPES:
-        one = fit_contact(cases, kicks, contact_time, shape, integrator, tolerance)
-        if one is not None:
-            found.append(one)
-            if one.score[1] < ENOUGH:
+        fit = fit_contact(cases, kicks, contact_time, shape, integrator, tolerance)
+        if fit is not None:
+            fits.append(fit)
+            if fit.score[1] < SUFFICIENT_SCORE:
                 break
-    if not found:
+    if not fits:
         raise KickdynError(f"no kick in MuJoCo ends with a time step of {timestep:g} s")
-    best = min(found, key=lambda one: one.score)
+    best = min(fits, key=lambda fit: fit.score)
     best.kick.set_contact(best.contact)
     return best
 
@@ -266,7 +265,6 @@ def fit_contact(
     across = min(4.0 / contact_time, 0.8 / step)
 
     def contact_of(unknowns: Array) -> MujocoContact:
-        """Return the contact of the unknowns, which are 1 at the closed form."""
         x = unknowns - 1.0
         solref = (
             -_rounded(stiffness * math.exp(x[0])),
@@ -279,22 +277,23 @@ def fit_contact(
         return MujocoContact(solref, solimp, friction, solreffriction, kicks[0].margin)
 
     def residuals(x: Array) -> Array:
-        """Return the weighted errors, relative to the ball's speed."""
-        parts: list[Array] = []
-        for weight, case, kick in zip((1.0, *2 * (1.0 / AROUND,)), cases, kicks, strict=False):
+        blocks: list[Array] = []
+        for weight, case, kick in zip(
+            (1.0, *2 * (1.0 / NEIGHBOUR_FACTOR,)), cases, kicks, strict=False
+        ):
             kick.set_contact(contact_of(x))
             speed = case.scale
             balls = simulate(kick, 4, 20.0 * contact_time)
-            for found in balls:
-                parts.append(weight * (found.velocity - case.target.velocity) / speed)
+            for ball in balls:
+                blocks.append(weight * (ball.velocity - case.target.velocity) / speed)
                 if mu:
-                    turned = found.spin - case.target.spin
-                    parts.append(SPIN * weight * approach.ball.radius * turned / speed)
+                    turned = ball.spin - case.target.spin
+                    blocks.append(SPIN_WEIGHT * weight * approach.ball.radius * turned / speed)
             if case is cases[0]:
                 mean = float(np.mean([ball.contact_time for ball in balls]))
-                parts.append(np.array([0.2 * (mean / contact_time - 1.0)]))
-        parts.append(KEPT * (x[2:] - 1.0))
-        return np.concatenate(parts)
+                blocks.append(np.array([0.2 * (mean / contact_time - 1.0)]))
+        blocks.append(FRICTION_WEIGHT * (x[2:] - 1.0))
+        return np.concatenate(blocks)
 
     start = np.ones(4 if mu else 2)  # scipy's steps are relative to it
     try:
@@ -311,10 +310,10 @@ def fit_contact(
         return None
     limits, limited = accepted(tolerance), limited_errors(errors)
     worst = max(limited[name] / limit for name, limit in limits.items())
-    largest = max(worst, abs(lasted / contact_time - 1.0) / DURATION)
+    largest = max(worst, abs(lasted / contact_time - 1.0) / CONTACT_TIME_TOLERANCE)
     for case, error in zip(cases, errors, strict=True):
-        turning = SPIN * approach.ball.radius * error.spin / case.scale if mu else 0.0
-        limit = tolerance if case is cases[0] else AROUND * tolerance
+        turning = SPIN_WEIGHT * approach.ball.radius * error.spin / case.scale if mu else 0.0
+        limit = tolerance if case is cases[0] else NEIGHBOUR_FACTOR * tolerance
         largest = max(largest, error.speed / limit, turning / limit)
     score = (max(worst, 1.0), largest)
     return FittedContact(score, contact, errors, lasted, kicks[0])
@@ -327,7 +326,7 @@ def _rounded(value: float) -> float:
 
 def simulate(kick: MujocoKick, count: int, longest: float = 1.0) -> list[SimulatedBall]:
     """Return the balls of kicks that reach the ball at moments spread evenly over a time step."""
-    return [kick.run((part + EARLY) / count, longest=longest) for part in range(count)]
+    return [kick.run((number + PHASE_OFFSET) / count, longest=longest) for number in range(count)]
 
 
 def find_error(case: KickCase, kick: MujocoKick, contact: MujocoContact) -> KickError:

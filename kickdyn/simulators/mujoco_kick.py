@@ -20,10 +20,10 @@ from kickdyn.impact.impact_result import Impact
 IMPEDANCE = 0.9999
 """MuJoCo's largest impedance, with which a contact is a spring and a damper alone."""
 
-NO_CONTACT = 16
+DISABLE_CONTACT = 16
 """MuJoCo's `mjDSBL_CONTACT`."""
 
-LONGEST = 1.0
+TIME_LIMIT = 1.0
 """Time after which leg and ball count as not separating [s]."""
 
 
@@ -77,7 +77,6 @@ def mujoco_kick(impact: Impact, stiffness: float, dt: float) -> Callable[[], Arr
     kick = MujocoKick(impact.approach, dt, contact)
 
     def run() -> Array:
-        """Return the impulse on the ball of one simulated kick, shape `(3,)` [N s]."""
         gained = kick.run().velocity - impact.ball_before.velocity
         return np.asarray(impact.ball.mass * gained)
 
@@ -157,7 +156,7 @@ class MujocoKick:
         self,
         phase: float = 0.0,
         joint_impulses: bool = False,
-        longest: float = LONGEST,
+        longest: float = TIME_LIMIT,
         afterwards: float = 0.0,
     ) -> SimulatedBall:
         """Return the ball of one simulated kick.
@@ -178,7 +177,7 @@ class MujocoKick:
         pushed = 0
         for _ in range(math.ceil(longest / step) + 4):
             if joint_impulses:
-                forces += step * (self._joint_forces(0) - self._joint_forces(NO_CONTACT))
+                forces += step * (self._joint_forces(0) - self._joint_forces(DISABLE_CONTACT))
             mujoco.mj_step(model, data)
             if self._pushes():
                 pushed += 1
@@ -192,13 +191,13 @@ class MujocoKick:
         turn = np.zeros(9)  # of the ball, in whose axes MuJoCo gives its spin
         mujoco.mju_quat2Mat(turn, data.qpos[-4:])
         spin = turn.reshape(3, 3) @ data.qvel[-3:]
-        found = forces[self.bodies] if joint_impulses else np.zeros((0, 3))
+        impulses = forces[self.bodies] if joint_impulses else np.zeros((0, 3))
         more = math.ceil(afterwards / step)
         for _ in range(more):
             mujoco.mj_step(model, data)
         added = data.qvel[-6:-3] - velocity - more * step * model.opt.gravity
         second_push = float(np.linalg.norm(added))
-        return SimulatedBall(velocity, spin, pushed * step, found, second_push)
+        return SimulatedBall(velocity, spin, pushed * step, impulses, second_push)
 
     def _pushes(self) -> bool:
         """Return whether foot and ball pushed each other in the last step."""
@@ -263,7 +262,6 @@ def scene(
     order: list[int] = []
 
     def body(joint: int) -> str:
-        """Return a body with those that it carries, and add them to the order of MuJoCo's."""
         order.append(joint)
         inside = "".join(body(child) for child in children[joint])
         ends = [model.jointPlacements[child].translation for child in children[joint]]
@@ -362,18 +360,18 @@ def _mujoco_state(
     positions: list[float] = []
     velocities: list[float] = []
     for joint in joints:
-        part = q[model.idx_qs[joint] : model.idx_qs[joint] + model.nqs[joint]]
+        angles = q[model.idx_qs[joint] : model.idx_qs[joint] + model.nqs[joint]]
         speed = v[model.idx_vs[joint] : model.idx_vs[joint] + model.nvs[joint]]
         if model.nqs[joint] == 7:
-            place = model.jointPlacements[joint] * pin.XYZQUATToSE3(part)
+            place = model.jointPlacements[joint] * pin.XYZQUATToSE3(angles)
             x, y, z, a, b, c, w = pin.SE3ToXYZQUAT(place)
-            part = np.array([x, y, z, w, a, b, c])
+            angles = np.array([x, y, z, w, a, b, c])
             speed = np.concatenate([place.rotation @ speed[:3], speed[3:]])
         elif model.nqs[joint] == 4:
-            part = part[[3, 0, 1, 2]]
+            angles = angles[[3, 0, 1, 2]]
         elif model.nqs[joint] == 2:  # cosine and sine of a continuous joint
-            part = np.array([math.atan2(part[1], part[0])])
-        positions += part.tolist()
+            angles = np.array([math.atan2(angles[1], angles[0])])
+        positions += angles.tolist()
         velocities += speed.tolist()
     return positions, velocities
 

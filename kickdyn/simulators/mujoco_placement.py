@@ -16,13 +16,13 @@ from kickdyn.simulators.mujoco_kick import load_mujoco, row
 BALL = "kickdyn's ball"
 """Name of the ball among the geoms."""
 
-APART = 2e-3
+GAP_TOLERANCE = 2e-3
 """Distance of the ball from the foot, and depth in another geom, without a warning [m]."""
 
-TILTED = math.radians(5.0)
+TILT_TOLERANCE = math.radians(5.0)
 """Angle between the normal of the contact and that of the foot's geom, without a warning [rad]."""
 
-FARTHEST = 100.0
+LARGEST_DISTANCE = 100.0
 """Distance up to which distances are computed [m]."""
 
 
@@ -46,7 +46,7 @@ def placement_warnings(
     feet: dict[str, float] = {}
     tilts: dict[str, float] = {}
     ends = np.zeros(6)  # the nearest points of two geoms
-    others: dict[str, float] = {}
+    distances: dict[str, float] = {}
     foot = _foot_body(compiled, posture.leg.frame)
     for geom in range(compiled.ngeom):
         mesh = int(compiled.geom_dataid[geom])
@@ -56,34 +56,36 @@ def placement_warnings(
         body = int(compiled.geom_bodyid[geom])
         if body_name(compiled, body) in file.left_out:
             continue
-        own = str(compiled.geom(geom).name)
-        label = repr(own) if own else f"geom {geom - (geom > ball)}"  # its number in the file
+        geom_name = str(compiled.geom(geom).name)
+        label = (
+            repr(geom_name) if geom_name else f"geom {geom - (geom > ball)}"
+        )  # its number in the file
         name = f"{label} of {body_name(compiled, body)!r}"
-        apart = float(mujoco.mj_geomDistance(compiled, data, ball, geom, FARTHEST, ends))
+        apart = float(mujoco.mj_geomDistance(compiled, data, ball, geom, LARGEST_DISTANCE, ends))
         if compiled.body_weldid[body] == foot:
             feet[name] = apart
             outward = centre - ends[3:]
             sine = float(np.linalg.norm(np.cross(normal, outward)))
             tilts[name] = math.atan2(sine, float(normal @ outward))
         else:
-            others[name] = apart
+            distances[name] = apart
     lines = []
     if feet:
         nearest = min(feet, key=lambda name: feet[name])
-        if abs(feet[nearest]) > APART:
+        if abs(feet[nearest]) > GAP_TOLERANCE:
             where = "outside" if feet[nearest] > 0.0 else "inside"
             lines.append(
                 f"at first contact the ball's surface is {1e3 * abs(feet[nearest]):.0f} mm {where} "
                 f"{nearest}, so that the kick in that file differs from this one: change the "
                 "offset of the contact point or the posture until the ball touches the geom"
             )
-        elif tilts[nearest] > TILTED:
+        elif tilts[nearest] > TILT_TOLERANCE:
             lines.append(
                 f"where the ball touches {nearest}, the geom's normal is "
                 f"{math.degrees(tilts[nearest]):.0f} deg from that of the contact: in the file the "
                 "kick differs from this one; choose another contact point or normal"
             )
-    inside = {name: -apart for name, apart in others.items() if apart < -APART}
+    inside = {name: -apart for name, apart in distances.items() if apart < -GAP_TOLERANCE}
     if inside:
         deepest = max(inside, key=lambda name: inside[name])
         lines.append(

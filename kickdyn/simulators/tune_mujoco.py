@@ -24,7 +24,7 @@ from kickdyn.impact.force_model import Dissipation
 from kickdyn.impact.strike import strike
 from kickdyn.robot.leg import Posture
 from kickdyn.simulators.mujoco_fit import (
-    DURATION,
+    CONTACT_TIME_TOLERANCE,
     SPEEDS,
     FittedContact,
     KickError,
@@ -49,13 +49,13 @@ LONGEST_STEP = 0.02
 MOST_STEPS = 500
 """Of a contact: more would take minutes, and change no digit that the fit determines."""
 
-SLOWEST = 0.01
+LEAST_SPEED = 0.01
 """Least speed of approach [m/s]: below it gravity, not the impact, decides the motion."""
 
-STEPS = (5e-3, 4e-3, 3e-3, 2e-3, 1.5e-3, 1e-3, 7.5e-4, 5e-4, 3e-4, 2e-4, 1e-4)
+TIMESTEPS = (5e-3, 4e-3, 3e-3, 2e-3, 1.5e-3, 1e-3, 7.5e-4, 5e-4, 3e-4, 2e-4, 1e-4)
 """Time steps among which the largest one is sought that meets a goal [s]."""
 
-WATCHED = 2.0
+WATCHED_DURATION = 2.0
 """Time after the contact in which a second push is looked for, in contact times."""
 
 
@@ -182,7 +182,7 @@ class MujocoTuning(ReprMixin):
                     f"the error at {factor:g} times all velocities is unknown: kd.collide would "
                     "press the ball in beyond its radius there; a shorter contact time avoids this"
                 )
-        if abs(self.contact_time / self.wanted_contact_time - 1.0) > DURATION:
+        if abs(self.contact_time / self.wanted_contact_time - 1.0) > CONTACT_TIME_TOLERANCE:
             lines.append(
                 f"the contact lasts {1e3 * self.contact_time:.3g} ms, "
                 f"{1e3 * self.wanted_contact_time:.3g} ms was asked for"
@@ -266,7 +266,6 @@ friction="{float(self.friction)!r} 0 0"
         )
 
     def _rows(self) -> Iterable[Row]:
-        """Return what `print` shows: each quantity with its value and unit."""
         yield "time step", 1e3 * self.timestep, f"ms, {self.integrator}"
         yield "solref", digits(self.solref), ""
         if self.solref_time is not None:
@@ -381,26 +380,26 @@ def tune_mujoco(
             f"so it must be from {duration / MOST_STEPS:g} to {duration / 2:g} s"
         )
     approach = find_approach(posture, v, ball, contact, ball_velocity, ball_spin)
-    validation.number("approach speed", approach.speed, at_least=SLOWEST, unit="m/s")
+    validation.number("approach speed", approach.speed, at_least=LEAST_SPEED, unit="m/s")
     validation.number("restitution", approach.restitution, at_least=LEAST_RESTITUTION)
     scene(approach, step, MujocoContact())  # refuses a leg before the work
     cases = kick_cases(approach, duration, kind)
-    found = find_best(cases, step, chosen, duration, tolerance)
+    fitted = find_best(cases, step, chosen, duration, tolerance)
     goals = find_goals(
-        found,
+        fitted,
         step,
         tolerance,
-        lambda each: find_best(cases, each, chosen, duration, tolerance),
+        lambda shorter: find_best(cases, shorter, chosen, duration, tolerance),
     )
     instant = strike(
         posture, v, ball, contact, ball_velocity=ball_velocity, ball_spin=ball_spin
     ).ball_after
     against_strike = cases[0]._replace(change="against kd.strike", target=instant)
-    best = found.contact
+    best = fitted.contact
     began = time.perf_counter()
-    simulate(found.kick, 8)
+    simulate(fitted.kick, 8)
     seconds = (time.perf_counter() - began) / 8
-    watched = found.kick.run(0.5, afterwards=WATCHED * duration)
+    watched = fitted.kick.run(0.5, afterwards=WATCHED_DURATION * duration)
     return MujocoTuning(
         solref=best.solref,
         solimp=best.solimp,
@@ -410,9 +409,9 @@ def tune_mujoco(
         margin=best.margin,
         timestep=step,
         integrator=chosen.value,
-        contact_time=found.contact_time,
+        contact_time=fitted.contact_time,
         wanted_contact_time=duration,
-        errors=(*found.errors, find_error(against_strike, found.kick, best)),
+        errors=(*fitted.errors, find_error(against_strike, fitted.kick, best)),
         tolerance=tolerance,
         goals=goals,
         second_push=watched.second_push / cases[0].scale,
@@ -427,15 +426,15 @@ def tune_mujoco(
 
 
 def find_goals(
-    found: FittedContact, timestep: float, tolerance: float, fit: Callable[[float], FittedContact]
+    fitted: FittedContact, timestep: float, tolerance: float, fit: Callable[[float], FittedContact]
 ) -> tuple[MujocoGoal, ...]:
     """Return the goals of a contact at a time step [s]; `fit` returns the contact at another one.
 
-    For goals that are missed, `STEPS` that are smaller are tried, the largest ones first.
+    For goals that are missed, `TIMESTEPS` that are smaller are tried, the largest ones first.
     """
-    limits, first = accepted(tolerance), limited_errors(found.errors)
+    limits, first = accepted(tolerance), limited_errors(fitted.errors)
     steps = {name: timestep for name, limit in limits.items() if first[name] <= limit}
-    for smaller in (each for each in STEPS if each < timestep):
+    for smaller in (shorter for shorter in TIMESTEPS if shorter < timestep):
         if len(steps) == len(limits):
             break
         left = limited_errors(fit(smaller).errors)

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from kickdyn.contact import Contact
@@ -13,7 +14,7 @@ from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.impact.laws import find_law
 from kickdyn.impact.strike import strike
 from kickdyn.robot.leg import Leg
-from kickdyn.sweeps.dataset import VARIABLES, variables_of
+from kickdyn.sweeps.dataset import VARIABLES, describe, variables_of
 from kickdyn.sweeps.grid import Grid
 from kickdyn.sweeps.kernel_model import KernelModel
 from kickdyn.sweeps.sweep_kick import (
@@ -33,7 +34,7 @@ CHUNK = 262_144
 BLOCK = 32_768
 """Postures of a chunk that are computed at a time: intermediate results take less memory."""
 
-SLOW_CHUNK = 2048
+SLOW_CHUNK = 512
 """Postures per chunk where each of them is one `kick_from`: about a second."""
 
 AGREEMENT = 1e-9
@@ -54,13 +55,14 @@ class ChunkSolver:
     flights (`CarryTable`); 0 flies every ball, to 1e-8 of the carry.
 
     Attributes:
+        leg, grid, kick: the arguments.
         chunk: number of postures to compute at a time.
         carry_tolerance: `tolerance` where carries are interpolated, else 0.
     """
 
     def __init__(self, leg: Leg, grid: Grid, kick: Kick, tolerance: float = 0.0) -> None:
         tolerance = validation.number("tolerance", tolerance, at_least=0, unit="m")
-        self._leg, self._grid, self._kick = leg, grid, kick
+        self.leg, self.grid, self.kick = leg, grid, kick
         windy = kick.air is not None and callable(kick.air.wind)
         few = grid.size < KERNEL_FROM
         slow = few or windy or not find_law(kick.law).has_kernel
@@ -71,24 +73,22 @@ class ChunkSolver:
         self._kernel: Callable[[int, int], Array] | None = None
         self._table: Callable[[Array, Array, Array], NDArray[np.bool_]] | None = None
 
-    def compile(self) -> None:
-        """Compile what is not on disk yet, in two processes at the same time.
+    def describe(self) -> xr.Dataset:
+        """Return coordinates and provenance of the sweep, see `dataset.describe`."""
+        return describe(self.leg, self.grid, self.kick, self.carry_tolerance)
 
-        The second process compiles the integrator of flights and this process everything else,
-        which takes about the same time.
-        """
+    def compile(self) -> None:
+        """Compile what is not on disk yet: flights in other processes, and here everything else."""
         if self._model is None:
             return
-        from kickdyn.flight.compiling import compiled_rates  # numba is needed by large grids only
-        from kickdyn.flight.march import compiled_march
+        from kickdyn.flight.batch import compile_flights  # numba is needed by large grids only
         from kickdyn.sweeps.carry_table import compiled_evaluate
-        from kickdyn.sweeps.kernels import compiled_kernel, kernel_is_kept
+        from kickdyn.sweeps.kernel import compiled_kernel, kernel_is_kept
 
-        planar, kick = self._model.planar, self._kick
-        if kick.air is not None and kernel_is_kept(planar) is False:
-            with calling_beside("the integrator of flights", compiled_march):
-                compiled_kernel(planar)
-                compiled_rates(kick.ball, kick.air)
+        ball, air = self.kick.ball, self.kick.air
+        if air is not None and kernel_is_kept() is False:
+            with calling_beside("the integration of flights", compile_flights, ball, air):
+                compiled_kernel()
                 if self.carry_tolerance > 0.0:
                     compiled_evaluate()
 
@@ -97,9 +97,9 @@ class ChunkSolver:
         if self._model is None:
             return
         self.compile()
-        from kickdyn.sweeps.kernels import Kernel
+        from kickdyn.sweeps.kernel import Kernel
 
-        self._kernel = Kernel(self._model, self._leg, self._grid)
+        self._kernel = Kernel(self._model, self.leg, self.grid)
         if self.carry_tolerance > 0.0:
             from kickdyn.sweeps.carry_table import CarryTable
 
@@ -109,29 +109,30 @@ class ChunkSolver:
         """Return variables and status flags of `count` postures from number `first` on.
 
         The variables are in the order of `VARIABLES`, shape `(len(VARIABLES), count)`. Raises
-        `KickdynError` where the kernel and `kick_from`, or it and Pinocchio's solver, disagree.
+        `KickdynError` where the kernel and `kick_from`, or it and Pinocchio's solver, disagree:
+        one posture of each range is checked, the first that the kernel computes or that has an
+        impact.
         """
         rows = np.full((len(VARIABLES), count), np.nan)
-        status = np.zeros(count, np.int8)
-        if self._model is None:
-            doubtful = np.ones(count, bool)
-        else:
-            doubtful = np.empty(count, bool)
-            for at in range(0, count, BLOCK):
-                k = slice(at, at + BLOCK)
-                doubtful[k] = self._compute(self._model, first + at, rows[:, k], status[k])
-            sure = np.flatnonzero(~doubtful)
-            if sure.size:
-                _confirm(self._verify(first, int(sure[0]), rows))
+        status, doubtful = np.zeros(count, np.int8), np.ones(count, bool)
+        if self._model is not None:
+            for begin in range(0, count, BLOCK):
+                k = slice(begin, begin + BLOCK)
+                doubtful[k] = self._compute(self._model, first + begin, rows[:, k], status[k])
+        sure = np.flatnonzero(~doubtful)
+        if sure.size:
+            _confirm(self._verify(first, int(sure[0]), rows))
+        confirmed = bool(sure.size)
         for i in np.flatnonzero(doubtful).tolist():
-            outcome = self._one(first + i)
+            outcome = self._outcome(first + i)
             if outcome is None:
                 status[i] = PostureStatus.NOT_CLOSED.flag
                 continue
-            rows[:, i] = list(variables_of(outcome, self._kick).values())
+            rows[:, i] = list(variables_of(outcome, self.kick).values())
             status[i] = outcome.status.flag
-            if i == 0:
+            if not confirmed and outcome.impact is not None:
                 _confirm(outcome)
+                confirmed = True
         return rows, status
 
     def _compute(
@@ -140,10 +141,10 @@ class ChunkSolver:
         """Fill in what kernel and flights give; return which postures are doubtful."""
         from kickdyn.flight.batch import fly_many
         from kickdyn.sweeps.carry_table import launches
-        from kickdyn.sweeps.kernels import NORMAL, TANGENT, fill_variables
+        from kickdyn.sweeps.kernel import NORMAL, TANGENT, fill_variables
 
         assert self._kernel is not None
-        kick = self._kick
+        kick = self.kick
         answer = self._kernel(first, len(status))
         doubtful = fill_variables(answer, model, rows, status)
         to_fly = np.ones(len(status), bool)
@@ -157,19 +158,19 @@ class ChunkSolver:
             doubtful[flown[flights.status.values != 0]] = True
         return doubtful
 
-    def _one(self, number: int) -> PostureOutcome | None:
+    def _outcome(self, number: int) -> PostureOutcome | None:
         """Return the kick from one posture of the grid; None where its loops cannot be closed."""
         try:
-            q = self._grid.configuration(self._leg, number)
+            q = self.grid.configuration(self.leg, number)
         except InvalidInput:
             return None
-        return kick_from(self._leg.posture(q), self._kick)
+        return kick_from(self.leg.posture(q), self.kick)
 
     def _verify(self, first: int, i: int, rows: Array) -> PostureOutcome:
         """Return what `kick_from` computes for a posture of a chunk; raise where it is not that."""
-        outcome = self._one(first + i)
+        outcome = self._outcome(first + i)
         assert outcome is not None  # no kernel serves loops
-        row = np.array(list(variables_of(outcome, self._kick).values()))
+        row = np.array(list(variables_of(outcome, self.kick).values()))
         for k, name in enumerate(VARIABLES):
             slack = AGREEMENT * abs(row[k])
             if k == _CARRY:  # both flights are wrong by up to 1e-8 of the carry; a launch that is

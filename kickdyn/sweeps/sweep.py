@@ -1,4 +1,8 @@
-"""The sweep: one kick from every posture of a grid."""
+"""The sweep: one kick from every posture of a grid.
+
+A grid is cut into chunks, a `ChunkSolver` computes each, and the chunks make a dataset, in memory
+or in a Zarr store. Threads, processes or an executor of the caller compute chunks side by side.
+"""
 
 import math
 import os
@@ -32,7 +36,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, Unfinished
 from kickdyn.robot.leg import Leg
 from kickdyn.sweeps.chunk_solver import ChunkSolver
-from kickdyn.sweeps.dataset import VARIABLES, describe, select_variables, with_variables
+from kickdyn.sweeps.dataset import VARIABLES, select_variables, with_variables
 from kickdyn.sweeps.grid import IN_MEMORY, Chunks, Grid, check_size
 from kickdyn.sweeps.store import SweepStore, check_store, open_sweep
 from kickdyn.sweeps.sweep_kick import Kick, PostureStatus
@@ -120,40 +124,29 @@ def sweep(
         >>> table.ball_speed.sel(hip=0.5).values.round(2).tolist()
         [7.15, 6.66, 6.01]
     """
-    if sum(each is not None for each in (threads, workers, executor)) > 1:
+    if sum(choice is not None for choice in (threads, workers, executor)) > 1:
         raise InvalidInput("threads, workers and executor exclude each other: give one of them")
     if store is None and (resume or workers is not None or executor is not None):
         raise InvalidInput("resume, workers and executor need a store: name it with store=")
     if store is not None:
         check_store(store, resume=resume)
     kept = select_variables(variables)
-    grid = Grid.of(leg, postures)
-    solver = ChunkSolver(leg, grid, kick, tolerance)  # chooses the kernel
-    described = describe(leg, grid, kick, solver.carry_tolerance)
+    solver = ChunkSolver(leg, Grid.of(leg, postures), kick, tolerance)
     if store is None:
-        check_size(grid.shape, IN_MEMORY)
-        _, rows, status = zip(*_computed(solver, grid, threads, progress), strict=True)
-        finished = described.assign_attrs(finished=1)
+        check_size(solver.grid.shape, IN_MEMORY)
+        rows, status = zip(*_solved(solver, threads, progress), strict=True)
+        finished = solver.describe().assign_attrs(finished=1)
         return with_variables(finished, np.hstack(rows), np.hstack(status), kept)
-    filled = SweepStore(store, described, kept, solver.chunk, resume=resume)
-    own = nullcontext(executor) if executor else _pool(threads, workers)
-    with filled.locked(), _resumable(filled, store, executor), own as pool:
-        missing, spans = filled.missing(), filled.chunks.span
-        if progress is not None:
-            progress(grid.size - sum(spans(k)[1] for k in missing), math.nan)
-        if missing:
-            if workers is not None:  # once, and not in each of them
+    filled = SweepStore(store, solver.describe(), kept, solver.chunk, resume=resume)
+    computing = nullcontext(executor) if executor else _pool(threads, workers)
+    with filled.locked(), _resumable(filled, store, executor), computing as pool:
+        if executor is None and workers is None:
+            _fill(filled, pool, lambda: _chunk_writer(filled, solver), progress)
+        else:
+            sent = partial(_write_chunk, _pickled((Path(store).absolute(), kept, solver)))
+            if workers is not None and not filled.finished:  # once, and not in each of them
                 solver.compile()
-            if executor is None and workers is None:
-                task = _chunk_writer(filled, solver)
-            else:
-                sent = Path(store).absolute(), kept, leg, grid, kick, tolerance
-                task = partial(_write_chunk, _pickled(sent))
-            for count, speed in _in_order(pool, task, missing, AHEAD):
-                if progress is not None:
-                    progress(count, speed)
-        if not filled.finished:
-            filled.finish()
+            _fill(filled, pool, lambda: sent, progress)
     return open_sweep(store)
 
 
@@ -170,41 +163,55 @@ def sweep_chunks(
 
     Arguments and errors are those of `sweep`. The chunks come in the order of the grid.
     """
-    grid = Grid.of(leg, postures)
-    solver = ChunkSolver(leg, grid, kick, tolerance)
-    described = describe(leg, grid, kick, solver.carry_tolerance)
-    chunks = Chunks.of(grid.shape, solver.chunk)
-    for k, rows, status in _computed(solver, grid, threads, progress):
-        region = dict(zip(grid.axes, chunks.region(k), strict=True))
+    solver = ChunkSolver(leg, Grid.of(leg, postures), kick, tolerance)
+    described, chunks = solver.describe(), Chunks.of(solver.grid.shape, solver.chunk)
+    for k, (rows, status) in enumerate(_solved(solver, threads, progress)):
+        region = dict(zip(solver.grid.axes, chunks.region(k), strict=True))
         yield with_variables(described.isel(region), rows, status)
 
 
-def _computed(
-    solver: ChunkSolver, grid: Grid, threads: int | None, progress: Progress | None
-) -> Iterator[tuple[int, Array, NDArray[np.int8]]]:
-    """Yield number, variables and status of each chunk of a grid, in order."""
+def _solved(
+    solver: ChunkSolver, threads: int | None, progress: Progress | None
+) -> Iterator[tuple[Array, NDArray[np.int8]]]:
+    """Yield variables and status of each chunk of a grid, in order."""
     solver.prepare()
-    chunks = Chunks.of(grid.shape, solver.chunk)
-    numbers = range(len(chunks))
+    chunks = Chunks.of(solver.grid.shape, solver.chunk)
+    ahead = 1 + int(threads or _cores())
     with _pool(threads) as pool:
-        found = _in_order(
-            pool, lambda k: solver(*chunks.span(k)), numbers, 1 + int(threads or _cores())
-        )
-        for k, (rows, status) in zip(numbers, found, strict=True):
+        solved = _in_order(pool, lambda k: solver(*chunks.span(k)), range(len(chunks)), ahead)
+        for rows, status in solved:
             if progress is not None:
                 progress(len(status), _highest_speed(rows, status))
-            yield k, rows, status
+            yield rows, status
 
 
-def _chunk_writer(store: SweepStore, solver: ChunkSolver) -> Callable[[int], tuple[int, float]]:
-    """Return a function that computes and writes a chunk.
+ChunkWriter = Callable[[int], tuple[int, float]]
+"""Computes and writes a chunk; returns its number of postures and the highest ball speed [m/s]."""
 
-    It returns the number of postures of the chunk and the highest ball speed [m/s].
-    """
+
+def _fill(
+    store: SweepStore,
+    pool: Executor,
+    writer: Callable[[], ChunkWriter],
+    progress: Progress | None,
+) -> None:
+    """Compute and write what a store lacks, by the `writer`, which is made only if it is needed."""
+    missing, span = store.missing(), store.chunks.span
+    if progress is not None:
+        left = sum(span(k)[1] for k in missing)
+        progress(math.prod(store.chunks.grid_shape) - left, math.nan)
+    for count, speed in _in_order(pool, writer(), missing, AHEAD) if missing else ():
+        if progress is not None:
+            progress(count, speed)
+    if not store.finished:
+        store.finish()
+
+
+def _chunk_writer(store: SweepStore, solver: ChunkSolver) -> ChunkWriter:
+    """Return the writer of a store's chunks in this process."""
     solver.prepare()
 
     def write(k: int) -> tuple[int, float]:
-        """Write a chunk; return its number of postures and its highest speed [m/s]."""
         first, count = store.chunks.span(k)
         rows, status = solver(first, count)
         store.write(k, rows, status)
@@ -213,7 +220,7 @@ def _chunk_writer(store: SweepStore, solver: ChunkSolver) -> Callable[[int], tup
     return write
 
 
-def _pickled(sweep: tuple[Path, tuple[str, ...], Leg, Grid, Kick, float]) -> bytes:
+def _pickled(sweep: tuple[Path, tuple[str, ...], ChunkSolver]) -> bytes:
     """Return a sweep as it is sent to other processes."""
     try:
         return pickle.dumps(sweep)
@@ -222,14 +229,14 @@ def _pickled(sweep: tuple[Path, tuple[str, ...], Leg, Grid, Kick, float]) -> byt
 
 
 @lru_cache(maxsize=1)
-def _sent_writer(sent: bytes) -> Callable[[int], tuple[int, float]]:
+def _sent_writer(sent: bytes) -> ChunkWriter:
     """Return the `_chunk_writer` of a sweep that was sent to this process."""
-    path, kept, leg, grid, kick, tolerance = pickle.loads(sent)
+    path, kept, solver = pickle.loads(sent)
     if not path.is_dir():
         raise InvalidInput(f"a worker does not see {path}")
-    solver = ChunkSolver(leg, grid, kick, tolerance)
-    described = describe(leg, grid, kick, solver.carry_tolerance)
-    return _chunk_writer(SweepStore(path, described, kept, solver.chunk, resume=True), solver)
+    return _chunk_writer(
+        SweepStore(path, solver.describe(), kept, solver.chunk, resume=True), solver
+    )
 
 
 def _write_chunk(sent: bytes, k: int) -> tuple[int, float]:
@@ -241,16 +248,16 @@ def _in_order(
     executor: Executor, function: Callable[[int], T], numbers: Iterable[int], ahead: int
 ) -> Iterator[T]:
     """Yield what a function returns for numbers, in their order; `ahead` are computed ahead."""
-    waiting, under_way = iter(numbers), deque[Future[T]]()
+    waiting, submitted = iter(numbers), deque[Future[T]]()
     try:
         while True:
-            for number in islice(waiting, ahead - len(under_way)):
-                under_way.append(executor.submit(function, number))
-            if not under_way:
+            for number in islice(waiting, ahead - len(submitted)):
+                submitted.append(executor.submit(function, number))
+            if not submitted:
                 return
-            yield under_way.popleft().result()
+            yield submitted.popleft().result()
     finally:
-        for future in under_way:
+        for future in submitted:
             future.cancel()
 
 

@@ -3,7 +3,6 @@
 import math
 from dataclasses import dataclass, field
 from enum import StrEnum
-from itertools import combinations
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,6 +27,9 @@ FLIGHT_TOLERANCE = 1e-11
 
 UNLIMITED = 1e300
 """Velocity limit from which on there is none: Pinocchio's default is the largest float64."""
+
+LARGEST_RATIO = 1e12
+"""Limits larger than the least one by this factor do not bound the slowest joint velocity."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,9 +144,10 @@ def kick_from(posture: Posture, kick: Kick) -> PostureOutcome:
     v = posture.try_joint_velocity(foot_velocity)
     if v is None:
         return PostureOutcome(posture, PostureStatus.OUT_OF_REACH, math.nan, None, math.nan)
-    use = least_speed_use(posture, foot_velocity)
+    slowest = slowest_joint_velocity(posture, foot_velocity)
+    use = speed_use(posture, slowest)
     if use <= 1 < speed_use(posture, v):
-        v = slowest_joint_velocity(posture, foot_velocity)
+        v = slowest
     impact = strike(posture, v, kick.ball, kick.contact, kick.law)
     path = fly(impact.ball_after, kick.ball, kick.air, tol=FLIGHT_TOLERANCE)
     status = PostureStatus.OK if use <= 1 else PostureStatus.TOO_FAST
@@ -157,96 +160,44 @@ def speed_use(posture: Posture, v: Array) -> float:
     The joint velocity v has shape `(nv,)` [rad/s; m/s for prismatic joints].
     """
     limit, needed = posture.leg.velocity_limit, np.abs(v)
+    limit = np.where(limit > UNLIMITED, math.inf, limit)
     use = np.divide(needed, limit, out=np.where(needed > 0, np.inf, 0.0), where=limit > 0)
     return float(use.max())
 
 
-def least_speed_use(posture: Posture, foot_velocity: Array) -> float:
-    r"""Return the least `speed_use` with which the contact point moves as asked.
+def slowest_joint_velocity(posture: Posture, foot_velocity: Array) -> Array:
+    r"""Return the joint velocity of least `speed_use` that moves the contact point as asked.
 
     More than three joints, or two in a plane, can move a foot in many ways. The least
-    :math:`\max_i |v_i| / l_i` under :math:`J v = w` is a linear programme, whose dual is
+    :math:`t = \max_i |v_i| / l_i` under :math:`J v = w`, and under the rows of supports and loops,
+    is a linear programme. Where only joints whose limit is 0 could move the foot so, the velocity
+    of least kinetic energy is returned, whose `speed_use` is inf.
 
-    .. math:: \max_y \frac{w \cdot y}{\sum_i l_i |a_i \cdot y|}
-
-    over all directions :math:`y`, with :math:`a_i` the columns of :math:`J`. Its maximum lies at a
-    :math:`y` that is orthogonal to as many columns as fix it, two in space and one in a plane, so
-    that all candidates can be tried (Boyd and Vandenberghe, Convex Optimization, 2004, chapter 5).
-
-    The velocity w of the contact point is within reach, shape `(3,)` [m/s, world frame]. The use is
-    inf where only joints whose limit is 0 could move the foot so.
-    """
-    posture = posture.without_stiff_joints
-    if posture.constraint_projector is not None:
-        return speed_use(posture, slowest_joint_velocity(posture, foot_velocity))
-    limit = posture.leg.velocity_limit
-    moving = posture.jacobian[:, limit > 0]
-    if not moving.any():
-        return math.inf
-    left, gains, _ = np.linalg.svd(moving)
-    rank = int((gains > ROUNDING * gains[0]).sum())
-    unreachable = left[:, rank:].T @ foot_velocity
-    if unreachable.size and np.abs(unreachable).max() > 1e-9 * np.abs(foot_velocity).max():
-        return math.inf
-    columns, w, limit = (
-        left[:, :rank].T @ moving,
-        left[:, :rank].T @ foot_velocity,
-        limit[limit > 0],
-    )
-    y = _dual_candidates(columns)
-    along, gain = np.abs(y @ columns), np.abs(y @ w)
-    size = np.linalg.norm(y, axis=1)
-    along[along <= ROUNDING * size[:, None] * np.linalg.norm(columns, axis=0)] = 0.0
-    unlimited = limit > UNLIMITED
-    largest = float(limit[~unlimited].max(initial=1e-300))
-    capacity = along[:, ~unlimited] @ (limit[~unlimited] / largest)
-    capacity[along[:, unlimited].any(axis=1)] = math.inf
-    gain[gain <= ROUNDING * size * np.linalg.norm(w)] = 0.0
-    uses = np.divide(gain, capacity, out=np.where(gain > 0, math.inf, 0.0), where=capacity > 0)
-    return float(uses.max(initial=0.0)) / largest
-
-
-def _dual_candidates(columns: Array) -> Array:
-    """Return every direction orthogonal to one less of the columns than there are rows."""
-    if len(columns) == 1:
-        return np.ones((1, 1))
-    if len(columns) == 2:
-        return np.column_stack([-columns[1], columns[0]])
-    pairs = np.array(list(combinations(range(columns.shape[1]), 2)))
-    first, second = columns.T[pairs[:, 0]], columns.T[pairs[:, 1]]
-    y = np.cross(first, second)
-    lengths = np.linalg.norm(first, axis=1) * np.linalg.norm(second, axis=1)
-    return np.asarray(y[np.linalg.norm(y, axis=1) > ROUNDING * lengths])
-
-
-def slowest_joint_velocity(posture: Posture, foot_velocity: Array) -> Array:
-    """Return the joint velocity of least `speed_use` that moves the contact point as asked.
-
-    It keeps supports and loops, and is that of least kinetic energy where none is within any
-    limits, shape `(nv,)` [rad/s; m/s].
+    The velocity w of the contact point is within reach, shape `(3,)` [m/s, world frame]. The joint
+    velocity has shape `(nv,)` [rad/s; m/s] and is right to rounding.
     """
     from scipy.optimize import linprog  # its import takes a quarter of a second
 
     posture = posture.without_stiff_joints
     least_energy = posture.try_joint_velocity(foot_velocity)
     assert least_energy is not None
-    constraint_rows = (
-        np.zeros((0, least_energy.size))
-        if posture.constraint_projector is None
-        else posture.constraint_projector.rows
-    )
-    all_rows = np.vstack([posture.jacobian, constraint_rows])
+    constraints, all_rows = posture.constraint_projector, posture.jacobian
+    if constraints is not None:
+        all_rows = np.vstack([all_rows, constraints.rows])
     moves = posture.leg.velocity_limit > 0
     rows, limit = all_rows[:, moves], posture.leg.velocity_limit[moves]
-    size = np.linalg.norm(foot_velocity)
-    bound = np.eye(limit.size)[limit <= UNLIMITED]
-    bounds = limit[limit <= UNLIMITED, None]
+    least = min(limit.min(initial=math.inf), UNLIMITED)
+    limited = limit <= min(LARGEST_RATIO * least, UNLIMITED)
+    unit = np.minimum(limit, 1e3 * least)  # of a joint's velocity: the solver's tolerances are 1e-7
+    columns = rows * unit
+    speed, size = np.linalg.norm(foot_velocity), np.abs(columns).max(initial=0.0) or 1.0
+    bound, bounds = np.eye(limit.size)[limited], (limit / unit)[limited, None]
     solution = linprog(
         np.append(np.zeros(limit.size), 1.0),
         A_ub=np.vstack([np.hstack([bound, -bounds]), np.hstack([-bound, -bounds])]),
         b_ub=np.zeros(2 * len(bound)),
-        A_eq=np.column_stack([rows, np.zeros(len(rows))]),
-        b_eq=all_rows @ (least_energy / size),
+        A_eq=np.column_stack([columns / size, np.zeros(len(rows))]),
+        b_eq=all_rows @ (least_energy / speed),
         bounds=[(None, None)] * limit.size + [(0.0, None)],
         method="highs",
     )
@@ -255,6 +206,7 @@ def slowest_joint_velocity(posture: Posture, foot_velocity: Array) -> Array:
     if not solution.success:
         raise KickdynError(f"no joint velocity found for {posture!r}: {solution.message}")
     v = np.zeros(least_energy.size)
-    v[moves] = size * solution.x[:-1]  # to the solver's tolerance
+    v[moves] = speed / size * unit * solution.x[:-1]  # to the solver's tolerance
     v[moves] += np.linalg.lstsq(rows, all_rows @ (least_energy - v), rcond=ROUNDING)[0]
-    return v
+    gap = np.abs(posture.jacobian @ v - foot_velocity).max()
+    return v if gap <= 1e-9 * np.abs(foot_velocity).max() else least_energy

@@ -99,11 +99,12 @@ def _measure_vacuum() -> Measurement:
     seconds = shortest_time(lambda: [fly(state, ball) for state in states]) / len(states)
     worst = LEAST_ERROR
     for state in states:
-        x, y, z = (Fraction(float(part)) for part in state.velocity)
-        found = fly(state, ball).landing.position
+        x, y, z = (Fraction(float(component)) for component in state.velocity)
+        landing = fly(state, ball).landing.position
         fall = 2 * z / Fraction(g)
         gap = (
-            float(part * fall - Fraction(float(f))) for part, f in zip((x, y), found, strict=False)
+            float(component * fall - Fraction(float(f)))
+            for component, f in zip((x, y), landing, strict=False)
         )
         worst = max(worst, math.hypot(*gap))
     return Measurement("vacuum", "closed form", "", worst, seconds, 0.0, True)
@@ -122,13 +123,11 @@ def _scipy(name: str, ball: Ball, air: Air) -> Landings:
     """Return the landings of `solve_ivp` with a landing event, as a user would write it."""
 
     def land(states: list[BallState], tol: float) -> tuple[Array, float, int]:
-        """Return landings, calls per flight and flights of one integrator of scipy."""
         landings, calls = [], 0
         for state in states:
             motion = FlightEquations(state, ball, air)
 
             def height(_: float, y: Array) -> float:
-                """Return the height above the launch [m], the event's function."""
                 return float(y[2])
 
             height.terminal, height.direction = True, -1  # type: ignore[attr-defined]
@@ -147,7 +146,6 @@ def _fly(ball: Ball, air: Air) -> Landings:
     """Return the landings that `kickdyn.fly` computes, one flight after the other."""
 
     def land(states: list[BallState], tol: float) -> tuple[Array, float, int]:
-        """Return landings, evaluations per flight and the number of flights."""
         paths = [fly(state, ball, air, tol=tol) for state in states]
         landings = np.array([path.landing.position for path in paths])
         return landings, sum(path.evaluations for path in paths) / len(paths), len(paths)
@@ -159,7 +157,6 @@ def _fly_many(ball: Ball, air: Air) -> Landings:
     """Return the landings that `kickdyn.fly_many` computes, of 2000 flights at once."""
 
     def land(states: list[BallState], tol: float) -> tuple[Array, float, int]:
-        """Return the first landings, evaluations per flight and the number of flights."""
         data = fly_many(repeated(states), ball, air, tol=tol)
         landings = data.landing_position.values[: len(states)]
         return landings, float(data.evaluations.mean()), len(data.flight)

@@ -14,8 +14,8 @@ from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
+from kickdyn.impact.approach import AT_REST, find_approach
 from kickdyn.impact.collide import collide
-from kickdyn.impact.contact_problem import ContactProblem, contact_axes
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike
 from kickdyn.robot.leg import Leg, Posture
@@ -91,14 +91,12 @@ def _methods(impact: Impact) -> Iterator[Method]:
             for tol in CONE_TOLERANCES:
 
                 def cone(name: str = name, tol: float = tol) -> Array:
-                    """Return the impulse of a cone solver at a tolerance [N s]."""
                     return in_cone(leg.posture(q), v, ball, contact, name, tol)
 
                 yield f"Pinocchio {name}", f"tol {tol:g}", cone
     for seconds in CONTACT_TIMES:
 
         def compliant(seconds: float = seconds) -> Array:
-            """Return the impulse of a contact that takes a time [N s]."""
             return collide(
                 leg.posture(q), v, ball, contact,
                 contact_time=seconds, dissipation="hunt-crossley",
@@ -151,8 +149,8 @@ def solve_kkt(posture: Posture, v: Array, ball: Ball, contact: Contact) -> Array
     mass[range(nv, size), range(nv, size)] = [ball.mass] * 3 + [ball.inertia] * 3
     before = np.concatenate([v, np.zeros(6)])
     bounce = _restitution(posture, v, contact) * float(n @ posture.jacobian @ v) * (rows @ n)
-    whole = np.block([[mass, -jacobian.T], [jacobian, np.zeros((len(rows), len(rows)))]])
-    after = np.linalg.solve(whole, np.concatenate([mass @ before, bounce]))
+    matrix = np.block([[mass, -jacobian.T], [jacobian, np.zeros((len(rows), len(rows)))]])
+    after = np.linalg.solve(matrix, np.concatenate([mass @ before, bounce]))
     return np.asarray(rows.T @ after[size:])
 
 
@@ -160,33 +158,29 @@ def in_cone(
     posture: Posture, v: Array, ball: Ball, contact: Contact, name: str, tol: float
 ) -> Array:
     """Return the impulse by one of Pinocchio's cone solvers, `ADMM` or `PGS`, at a tolerance."""
-    n = contact.normal
-    foot = posture.jacobian @ v
-    problem = ContactProblem(
-        normal=n, delassus_factor=posture.delassus_factor(), ball=ball, centre_velocity=-foot,
-        spin=np.zeros(3), restitution=_restitution(posture, v, contact), friction=contact.friction,
-    )  # fmt: skip
-    axes = contact_axes(n, problem.velocity)
-    free = axes.T @ problem.velocity
-    free[2] *= 1.0 + problem.restitution
+    problem = find_approach(posture, v, ball, contact, AT_REST, AT_REST).contact_problem()
+    axes, free = problem.in_contact_axes()
+    free[2] *= 1.0 + problem.contacts[0].restitution
     solver = getattr(pin, f"{name}ConstraintSolver")(3)
-    settings, result = (getattr(pin, f"{name}Solver{part}")() for part in ("Settings", "Result"))
+    settings, result = (
+        getattr(pin, f"{name}Solver{record}")() for record in ("Settings", "Result")
+    )
     settings.max_iterations = 10_000
     for kind in ("feasibility", "complementarity"):
         setattr(settings, f"absolute_{kind}_tol", tol)
         setattr(settings, f"relative_{kind}_tol", tol)
     models, data = _point(contact.friction)
-    operator = pin.DelassusOperatorDense(np.asfortranarray(axes.T @ problem.delassus() @ axes))
+    operator = pin.DelassusOperatorDense(np.asfortranarray(problem.delassus(axes)))
     solver.solve(operator, free, models, data, settings, result)
-    return np.asarray(axes @ result.retrieveConstraintImpulses())
+    return np.asarray(axes[0] @ result.retrieveConstraintImpulses())
 
 
 def _point(friction: float) -> tuple[object, object]:
     """Return models and data of a point contact, of which the cone solvers use the cone only."""
     model = pin.Model()
     model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "any")
-    here = pin.SE3.Identity()
-    point = pin.PointContactConstraintModel(model, 1, here, 0, here)
+    origin = pin.SE3.Identity()
+    point = pin.PointContactConstraintModel(model, 1, origin, 0, origin)
     point.setFriction(friction)
     models, data = pin.StdVec_ConstraintModel(), pin.StdVec_ConstraintData()
     models.append(pin.ConstraintModel(point))

@@ -54,10 +54,10 @@ def panel_of(
     The rest is warnings, the other sentences, folded if they are long, and `end`, which is HTML;
     texts are plain.
     """
-    first, mark, others = text.partition(". ")
-    head = f"<h1>{escape(title)}</h1>\n" + (f"<p>{_prose(first + mark)}</p>\n" if text else "")
+    first, stop, further = text.partition(". ")
+    head = f"<h1>{escape(title)}</h1>\n" + (f"<p>{_prose(first + stop)}</p>\n" if text else "")
     lines = "".join(f'<p class="warning">{_prose(warning)}</p>\n' for warning in warnings)
-    more = f"<p>{_prose(others)}</p>\n" if others else ""
+    more = f"<p>{_prose(further)}</p>\n" if further else ""
     if len(more) > LONG:
         more = f"<details><summary>explanation</summary>\n{more}</details>\n"
     lines += more

@@ -153,14 +153,14 @@ def describe_buried(leg: Leg, moved: Sequence[Array], pace: Pace, floor: float) 
         pace: of the animation.
         floor: height of the ground [m, world frame].
     """
-    found = find_depths(leg, moved, floor)
-    if not found:
+    depths = find_depths(leg, moved, floor)
+    if not depths:
         return ""
-    worst, time = found[0], float(pace.times[found[0].number])
+    worst, time = depths[0], float(pace.times[depths[0].number])
     when = f"{abs(1e3 * time):.0f} ms {'before' if time < 0.0 else 'after'} the impact"
-    others = f"; also {', '.join(one.frame for one in found[1:])}" if found[1:] else ""
+    further = f"; also {', '.join(depth.frame for depth in depths[1:])}" if depths[1:] else ""
     return (
-        f"Under the ground in this picture: {worst.frame} by {worst.depth:.3f} m, {when}{others}."
+        f"Under the ground in this picture: {worst.frame} by {worst.depth:.3f} m, {when}{further}."
     )
 
 
@@ -178,8 +178,8 @@ def _ground_height(impact: Impact, moved: Sequence[Array], bottom: float) -> flo
         pin.forwardKinematics(model, data, posture.q)
         placement = pin.updateFramePlacement(model, data, frame_id(model, name))
         return float(shape_of(leg, name).moved(placement.homogeneous).lowest)
-    found = find_depths(leg, moved, bottom)
-    return bottom - found[0].depth if found else bottom
+    depths = find_depths(leg, moved, bottom)
+    return bottom - depths[0].depth if depths else bottom
 
 
 def _free_place(camera: Camera, figure: Array, lines: Array, foot: Array, size: float) -> Array:
@@ -191,21 +191,21 @@ def _free_place(camera: Camera, figure: Array, lines: Array, foot: Array, size: 
     """
     into = (camera.target - camera.position) * (1.0, 1.0, 0.0)
     into *= size / np.linalg.norm(into)
-    found: list[Array] = [foot + np.cross(into, (0.0, 0.0, 1.0))]
+    covering: list[Array] = [foot + np.cross(into, (0.0, 0.0, 1.0))]
     steps = size * np.arange(-6.0, 6.5, 0.5)
     places: list[Array] = [foot + np.array([x, y, 0.0]) for x, y in product(steps, steps)]
     taken, along = camera.slopes(figure), camera.slopes(lines)
     label = np.array([0.25 * UP, 0.0])  # at either side of an arrow
     bottom, top = taken.min(axis=0) - label, taken.max(axis=0) + label
-    for place in sorted(places, key=lambda each: float(np.linalg.norm(each - foot + 2 * into))):
+    for place in sorted(places, key=lambda point: float(np.linalg.norm(point - foot + 2 * into))):
         ends = camera.slopes(place + 1.3 * size * np.vstack([np.zeros(3), np.eye(3)]))
         low, high = ends.min(axis=0), ends.max(axis=0)
         inside = (low > (-LEFT, -BOTTOM)).all() and (high < (RIGHT, TOP)).all()
         if inside and ((high < bottom).any() or (low > top).any()):
             if not ((low < along) & (along < high)).all(axis=1).any():
                 return place
-            found.append(place)
-    return found[min(1, len(found) - 1)]
+            covering.append(place)
+    return covering[min(1, len(covering) - 1)]
 
 
 def _bottom(impact: Impact, path: Flight | Course) -> float:
@@ -283,14 +283,14 @@ def _animation(
     leg = impact.posture.leg
     for picture, time in enumerate(pace.times):
         # All tracks end together, so that they stay together when they repeat.
-        for at in (picture, pace.end) if picture == len(pace.times) - 1 else (picture,):
-            with animation.at_frame(viewer, at) as frame:
+        for number in (picture, pace.end) if picture == len(pace.times) - 1 else (picture,):
+            with animation.at_frame(viewer, number) as frame:
                 frame["ball"].set_transform(ball_pose(impact.ball_before, path, time))
                 for joint, pose in list(enumerate(joint_poses(leg, moved[picture])))[1:]:
                     frame[f"leg/{joint}"].set_transform(pose)
     hit = pace.impact
-    for at, scale in ((0, 1e-3), (hit - 1, 1e-3), (hit, 1.0), (pace.end, 1.0)):
-        with animation.at_frame(viewer, at) as frame:
+    for number, scale in ((0, 1e-3), (hit - 1, 1e-3), (hit, 1.0), (pace.end, 1.0)):
+        with animation.at_frame(viewer, number) as frame:
             for arrow in arrows:
                 frame[arrow.node].set_property("scale", "vector3", [scale] * 3)
     return animation

@@ -18,7 +18,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.mesh_file import Triangles, read_mesh
-from kickdyn.robot.mesh_path import MeshFinder
+from kickdyn.robot.package_files import PackageFiles
 from kickdyn.robot.visuals import Shape, Visual
 from kickdyn.view.marks import UPRIGHT, cylinder_pose
 
@@ -105,7 +105,7 @@ def leg_parts(leg: Leg) -> tuple[list[Part], str]:
     parts: list[Part] = []
     faults: list[str] = []
     room = MOST_VERTICES
-    read = cache(partial(read_mesh, MeshFinder(leg.file.folder, leg.file.package_dirs)))
+    read = cache(partial(read_mesh, PackageFiles(leg.file.folder, leg.file.package_dirs)))
     for visual in visuals:
         try:
             new = list(_visual_parts(visual, by_name[visual.frame], read)) if room >= 0 else []
@@ -129,8 +129,8 @@ def _visual_parts(visual: Visual, frame: Any, read: MeshReader) -> Iterator[Part
     """Yield the parts that draw a visual, fixed to a frame of the model."""
     pose = frame.placement.homogeneous @ visual.pose
     painted = None if visual.rgba is None else _rgba(visual.rgba)
-    for shape, turn, own in _shapes(visual, read):
-        rgba = own if visual.has_texture and own else painted or own or PLAIN
+    for shape, turn, colour in _shapes(visual, read):
+        rgba = colour if visual.has_texture and colour else painted or colour or PLAIN
         yield Part(int(frame.parentJoint), pose @ turn, shape, rgba)
 
 
@@ -189,8 +189,10 @@ def _sticks(leg: Leg, drawn: set[int]) -> Iterator[Part]:
     lengths = [float(np.linalg.norm(end)) if parent else 0.0 for parent, end in ends]
     longest = max(lengths) or 1.0
     for joint in range(1, model.njoints):
-        own = [length for (parent, _), length in zip(ends, lengths, strict=True) if parent == joint]
-        if joint not in drawn and (any(own) or not own):
+        next_ones = [
+            length for (parent, _), length in zip(ends, lengths, strict=True) if parent == joint
+        ]
+        if joint not in drawn and (any(next_ones) or not next_ones):
             yield Part(joint, np.eye(4), shapes.Sphere(0.1 * longest), KNOB)
     for (parent, end), length in zip(ends, lengths, strict=True):
         if parent not in drawn and length > 0:

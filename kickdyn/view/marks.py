@@ -102,12 +102,12 @@ def draw_distances(
         camera: for which line and marks are equally wide everywhere.
     """
     count = max(1, math.ceil(length / step - 0.05))
-    at = step * np.arange(count + 1)
-    wide = LINE_WIDTH / 2 * camera.distance(start + at[:, None] * forward)
+    along = step * np.arange(count + 1)
+    wide = LINE_WIDTH / 2 * camera.distance(start + along[:, None] * forward)
     half = 10 * wide
     pieces = [  # between two marks, and across the line at each: ends along it, half widths there
-        *zip(at[:-1], at[1:], wide[:-1], wide[1:], strict=True),
-        *zip(at - wide, at + wide, half, half, strict=True),
+        *zip(along[:-1], along[1:], wide[:-1], wide[1:], strict=True),
+        *zip(along - wide, along + wide, half, half, strict=True),
     ]
     x0, x1, y0, y1 = np.array(pieces).T
     corners = np.stack([np.stack(c, -1) for c in ((x0, -y0), (x1, -y1), (x1, y1), (x0, y0))], 1)
@@ -117,7 +117,7 @@ def draw_distances(
     viewer.set_object(lines, shapes.MeshBasicMaterial(color=LINE, **NEARER))
     for k in (0, count, *range(1, count)):
         text = f"{round(k * step, 9):g} m"
-        draw_mark(viewer[str(k)], text, np.array([at[k], -2.2 * half[k], 0.0]))
+        draw_mark(viewer[str(k)], text, np.array([along[k], -2.2 * half[k], 0.0]))
     up = np.array([0.0, 0.0, 1.0])
     viewer.set_transform(pose_of(np.column_stack([forward, np.cross(up, forward), up]), start))
 
@@ -240,4 +240,4 @@ def _panels() -> dict[str, tuple[Array, NDArray[np.int64]]]:
     black = (weights[faces].min(axis=1) >= 2 * CUTS / 3).any(axis=1)
     starts = len(weights) * np.arange(len(triangles))[:, None, None]
     kinds = {"pentagons": faces[black], "hexagons": faces[~black]}
-    return {kind: (vertices, (starts + each).reshape(-1, 3)) for kind, each in kinds.items()}
+    return {kind: (vertices, (starts + corners).reshape(-1, 3)) for kind, corners in kinds.items()}

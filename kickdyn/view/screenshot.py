@@ -29,13 +29,13 @@ def find_browser(path: str | PathLike[str]) -> str:
     """
     if Path(path).suffix.lower() != ".png":
         raise InvalidInput(f"{path} has no known ending: pictures of a page are written as .png")
-    found = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if found is None:
+    browser = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if browser is None:
         raise InvalidInput(
             "a picture of a page needs Chromium: install it (Debian package chromium), "
             "or write the page alone"
         )
-    return found
+    return browser
 
 
 def save_picture(html: str, path: str | PathLike[str], at: float = 0.0) -> None:

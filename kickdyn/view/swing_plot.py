@@ -14,15 +14,19 @@ def swing_figure(swing: Swing) -> Figure:
     The impact is at 0, where speeds jump and torques may.
     """
     chain = swing.chain
-    parts, torque = [phase.fine for phase in swing.phases], chain.effort_limit
+    phases, torque = [phase.fine for phase in swing.phases], chain.effort_limit
     figure = Figure(figsize=(9.0, 8.0))
     rows = figure.subplots(3, 1, sharex=True)
     gap = np.full((1, len(swing.joints)), np.nan)  # no line across the impact
-    time = np.concatenate([parts[0].time, [0.0], parts[1].time])
+    time = np.concatenate([phases[0].time, [0.0], phases[1].time])
     for axes, label, values in (
-        (rows[0], "speed, % of its limit", [100 * part.v / chain.velocity_limit for part in parts]),
-        (rows[1], "torque, % of its limit", [100 * part.torque / torque for part in parts]),
-        (rows[2], "power [W]", [part.power for part in parts]),
+        (
+            rows[0],
+            "speed, % of its limit",
+            [100 * phase.v / chain.velocity_limit for phase in phases],
+        ),
+        (rows[1], "torque, % of its limit", [100 * phase.torque / torque for phase in phases]),
+        (rows[2], "power [W]", [phase.power for phase in phases]),
     ):
         lines = axes.plot(time, np.vstack([values[0], gap, values[1]]))
         for line, name in zip(lines, swing.joints, strict=True):

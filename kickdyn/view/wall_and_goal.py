@@ -68,11 +68,11 @@ def wall_boxes(
     """
     count = max(1, round(width / 0.5))
     left = np.array([-ahead[1], ahead[0], 0.0])
-    each, heading = width / count, math.atan2(ahead[1], ahead[0])
-    size = np.array([0.3, 0.9 * each, height])
+    share, heading = width / count, math.atan2(ahead[1], ahead[0])
+    size = np.array([0.3, 0.9 * share, height])
     middle = foot + distance * ahead + np.array([0.0, 0.0, height / 2])
     return [  # not opaque, as the ball passes and its flight goes on behind
-        Box(middle + side * each * left, size, heading, WALL, opacity=0.4)
+        Box(middle + side * share * left, size, heading, WALL, opacity=0.4)
         for side in np.arange(count) - (count - 1) / 2
     ]
 

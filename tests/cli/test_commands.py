@@ -88,12 +88,12 @@ def test_completion_knows_commands_and_options(monkeypatch):
     assert completed("kickdyn tradeoff --scene rob", 3).split() == robots
     assert completed("kickdyn plan --stiff k", 3).split() == ["plain,knee"]
     assert completed("kickdyn plan --leg human --lock hip=3 --lock a", 7).split() == [
-        "plain,ankle="
+        "plain,ankle=0"
     ]
     assert completed("kickdyn posture-sweep --joint ", 3).split() == [
-        "plain,hip=",
-        "plain,knee=",
-        "plain,ankle=",
+        "plain,hip=0",
+        "plain,knee=0",
+        "plain,ankle=0",
     ]
     assert completed("kickdyn plan --leg no.urdf --stiff k", 5).split() == []
     assert completed("kickdyn plan --drag b", 3).split() == ["plain,brown-lawler", "plain,brazuca"]
@@ -125,31 +125,11 @@ def test_bash_offers_names_beside_files(tmp_path):
     assert (ended.stdout, ended.stderr) == ("paper_kick\n", "")
 
 
-@pytest.mark.skipif(shutil.which("bash") is None, reason="no bash")
-def test_bash_quotes_names(tmp_path):
-    """A joint may be called anything: blanks do not split it, stars stand for no files."""
-    (tmp_path / "kickdyn").write_text("#!/bin/sh\necho 'plain,left knee*='\n")
-    (tmp_path / "kickdyn").chmod(0o755)
-    teach = CliRunner().invoke(kickdyn_command, ["completion", "bash"]).output
-    ask = (
-        "compopt() { echo compopt $*; }\nCOMP_WORDS=(kickdyn plan --lock l) COMP_CWORD=3\n"
-        '_kickdyn_completion kickdyn\nprintf "%s\\n" "${COMPREPLY[@]}"'
-    )
-    environment = os.environ | {"PATH": f"{tmp_path}{os.pathsep}{os.environ['PATH']}"}
-    ended = subprocess.run(
-        ["bash", "-c", f"{teach}\n{ask}"], env=environment, capture_output=True, text=True
-    )
-    assert ended.stdout.splitlines() == ["compopt -o nospace", r"left\ knee\*="]
-    assert ended.stderr == ""
-
-
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
 def test_completion_scripts_are_printed(shell):
     ended = CliRunner().invoke(kickdyn_command, ["completion", shell])
     assert ended.exit_code == 0
     assert f"_KICKDYN_COMPLETE={shell}_complete" in ended.output
-    mended = {"bash": "%q", "zsh": "-S ''", "fish": ""}  # what is changed in click's script
-    assert mended[shell] in ended.output
 
 
 def test_another_shell_is_refused():
@@ -161,20 +141,18 @@ def test_another_shell_is_refused():
 
 
 @pytest.mark.parametrize(
-    ("word", "said"),
+    ("word", "hint"),
     [
-        ("simulat", "did you mean simulate?"),
-        ("posture_sweep", "did you mean posture-sweep?"),
-        ("sweep", "did you mean posture-sweep?"),
-        ("PLAN", "did you mean plan?"),
-        ("x", ", view, completion"),
+        ("simulat", "Did you mean 'simulate'?"),
+        ("posture_sweep", "Did you mean 'posture-sweep'?"),
+        ("x", "No such command 'x'."),
     ],
 )
-def test_an_unknown_command_is_refused_with_a_suggestion(word, said):
-    ended = CliRunner().invoke(kickdyn_command, [word])
-    assert ended.exit_code == 2
-    assert f"there is no command {word!r}: " in ended.output
-    assert ended.output.splitlines()[-1].endswith(said)
+def test_an_unknown_command_is_refused_with_a_suggestion(word, hint):
+    ended = script(word)
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert ended.stderr.startswith(f"kickdyn: No such command {word!r}. ".rstrip())
+    assert ended.stderr.endswith(f"{hint}\n")
 
 
 @pytest.mark.parametrize(("words", "same"), [([], []), (["simulate"], ["simulate"])])

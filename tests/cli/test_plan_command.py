@@ -132,10 +132,11 @@ def test_json_says_what_else_is_known():
     far = ["--distance", "50", "--time", "2", "--beside", "9.15:0.9", "--json", "-"]
     ended = door(*far, "--leg", "g1", "--no-limits")
     assert json.loads(ended.stdout)["goal"]["beside"] == [9.15, 0.9]
-    weak = json.loads(door("--distance", "50", "--time", "2", "--json", "-").stdout)
-    said = door("--distance", "50", "--time", "2").stdout
-    within = weak["within_limits"]
-    assert f"--distance {within['distance']:.4g} --time {within['time']:.4g}." in said
+    weak = json.loads(door("--distance", "50", "--time", "2", "--json", "-").stdout)[
+        "within_limits"
+    ]
+    within = ["--distance", f"{weak['distance']:.4f}", "--time", f"{weak['time']:.4f}"]
+    assert json.loads(door(*within, "--json", "-").stdout)["status"] == "met"
     robust = ["--distance", "15", "--time", "1", "--robust", "speed=0.02,angle=0.01", "--json", "-"]
     scatter = json.loads(door(*robust).stdout)["scatter"]
     (xx, _), (_, yy) = scatter["covariance"]
@@ -176,6 +177,18 @@ def test_an_unreachable_goal_has_json_with_the_nearest():
     report = json.loads(ended.stdout)
     assert report["limit"] == "rolling"
     assert 0 < report["nearest"]["time"] < 60
+
+
+def test_a_wall_that_is_hit_names_the_option_that_leads_above_it():
+    flat = ["--distance", "20", "--height", "1", "--wall", "9.15:1.9"]
+    ended = CliRunner().invoke(plan, [*flat, "--time", "0.7", "--no-limits"])
+    assert isinstance(ended.exception, kd.InvalidInput)
+    assert str(ended.exception).endswith("from its edge: use --over 9.15:2 in place of --time")
+    assert (
+        "clears the wall by 0.1 m" in CliRunner().invoke(plan, [*flat, "--over", "9.15:2"]).output
+    )
+    rolling = ["--distance", "8", "--time", "2", "--pass", "carpet", "--wall", "4:1"]
+    assert str(CliRunner().invoke(plan, rolling).exception).endswith("from its edge")
 
 
 def test_a_pass_of_a_robot_has_a_page(tmp_path):
@@ -236,15 +249,24 @@ def test_a_robot_and_a_goal_beyond_its_limits():
         (["--distance", "20", "--time", "0", "--wall", "9.15:1.9"], "time is 0.0"),
         (
             ["--distance", "20", "--time", "1", "--beside", "9"],
-            "--beside is '9': it must be DISTANCE:LEFT, such",
+            "Invalid value for '--beside': '9' is not DISTANCE:LEFT",
         ),
         (
             ["--distance", "4", "--apex", "1", "--pass", "turf"],
             "no goal of a pass: it must have a time",
         ),
-        (["--distance", "30", "--over", "3"], "--over is '3': it must be DISTANCE:HEIGHT"),
-        (["--distance", "30", "--time", "1", "--spin", "1,2"], "--spin is '1,2': it must be X,Y,Z"),
-        (["--distance", "30", "--time", "1", "--wind", "1,2,x"], "--wind is '1,2,x'"),
+        (
+            ["--distance", "30", "--over", "3"],
+            "Invalid value for '--over': '3' is not DISTANCE:HEIGHT",
+        ),
+        (
+            ["--distance", "30", "--time", "1", "--spin", "1,2"],
+            "Invalid value for '--spin': '1,2' is not X,Y,Z",
+        ),
+        (
+            ["--distance", "30", "--time", "1", "--wind", "1,2,x"],
+            "'--wind': '1,2,x' is not X,Y,Z, such as 0.1,0.2,0.3",
+        ),
         (
             ["--distance", "30", "--time", "1", "--wind", "1,0,0", "--air", "none"],
             "but --air is none: there is no wind",
@@ -266,7 +288,7 @@ def test_a_robot_and_a_goal_beyond_its_limits():
         (["--distance", "30", "--time", "1", "--plot", "a.png"], "so add --swing"),
         (
             ["--distance", "9", "--time", "1", "--ball-at", "1,2"],
-            "--ball-at is '1,2': it must be X,Y,Z",
+            "Invalid value for '--ball-at': '1,2' is not X,Y,Z",
         ),
         (["--distance", "9", "--time", "1", "--swing", "--plot", "a.x"], "no known ending"),
         (

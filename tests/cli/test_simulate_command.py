@@ -28,7 +28,7 @@ def test_the_numbers_are_those_of_simulate(tmp_path):
     assert document["tolerance"] is None
     assert document["within_tolerance"]
     assert [effect["effect"] for effect in document["effects"]] == list(answer.modelled)
-    assert all(effect["bound"] is None for effect in document["effects"])
+    assert all(effect["modelled"] for effect in document["effects"])
     assert {effect["effect"]: effect["size"] for effect in document["effects"]} == (
         answer.effect_sizes
     )

@@ -29,18 +29,20 @@ def test_a_page_and_numbers(tmp_path):
     assert numbers["neglected"] == {"contact time": pytest.approx(apart, rel=1e-3)}
     assert apart <= numbers["error"] <= 1.001 * apart
     assert f"error {apart:.2g} m; all effects are modelled except contact time (" in ended.output
-    told = f"volley, its contact shown as an instant: it ends {apart:.2g} m off"
+    told = f"volley, its contact shown as instantaneous, which moves the end by {apart:.2g} m"
     assert told in html
     hit = kd.strike(
         scene.posture,
         scene.v,
         scene.ball,
         scene.contact,
-        ball_velocity=scene.ball_velocity,
-        ball_spin=scene.ball_spin,
+        ball_velocity=scene.incoming.velocity,
+        ball_spin=scene.incoming.spin,
     )
     assert numbers["angles_deg"] == {"hip": 50, "knee": 20, "ankle": 20}  # as the file has them
     assert numbers["impulse"] == pytest.approx(hit.impulse)
+    assert numbers["ball_spin"] == pytest.approx(hit.ball_after.spin)
+    assert np.linalg.norm(numbers["ball_spin"]) > 1.0
     for joint, sent in enumerate(numbers["joint_impulses"].values()):
         whole = np.linalg.norm(hit.joint_impulses[joint, :3])
         assert np.linalg.norm(sent) == pytest.approx(whole)

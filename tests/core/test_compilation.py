@@ -10,7 +10,7 @@ import pytest
 
 from kickdyn.core import compilation
 from kickdyn.core.compilation import calling_beside, is_kept, named
-from kickdyn.sweeps import kernels
+from kickdyn.sweeps import kernel
 
 MODULE = """
 import math, sys
@@ -53,14 +53,9 @@ def test_functions_of_one_factory_are_not_taken_for_each_other(tmp_path):
     assert said("1", "2") == alone
 
 
-def test_the_kernels_have_names_of_their_own():
-    names = {kernels.compiled_kernel(flat).py_func.__qualname__ for flat in (True, False)}
-    assert len(names) == 2
-
-
 def test_a_kernel_that_was_compiled_is_kept():
-    kernels.compiled_kernel(True)
-    assert kernels.kernel_is_kept(True) is True
+    kernel.compiled_kernel()
+    assert kernel.kernel_is_kept() is True
     assert is_kept(named(lambda x: x, "never_compiled")) is False
 
 

@@ -8,7 +8,7 @@ from scipy.stats import chi2
 
 import kickdyn as kd
 from kickdyn.aerodynamics.drag import constant
-from kickdyn.identification.identify import flight_axes
+from kickdyn.identification.identify import Free, _fit, _Problem, _result, flight_axes
 
 BALL = kd.Ball()
 
@@ -168,10 +168,64 @@ def test_residuals_that_go_together_widen_the_deviations(curving):
     smooth = np.apply_along_axis(lambda c: np.convolve(c, np.ones(5) / 5, "same"), 0, white)
     free = ("spin", "drag-scale")
     found = kd.identify(kd.Track(curving.times, curving.positions + smooth), BALL, free=free)
-    assert found.widening > 1.8
+    rows = found.residuals
+    assert found.used.all()
+    correlation = (rows[1:] * rows[:-1]).sum() / (rows * rows).sum()
+    assert correlation > 0.5
+    assert found.widening == pytest.approx(((1 + correlation) / (1 - correlation)) ** 0.5)
     assert any("neighbouring residuals" in line for line in found.warnings)
     plain = kd.identify(kd.Track(curving.times, curving.positions + white), BALL, free=free)
     assert plain.widening == 1.0
+
+
+def test_the_noise_of_short_flights_is_that_of_their_coordinates():
+    """With 21 coordinates and 9 unknowns, the mean square residual is 12 / 21 of the variance."""
+    noises = []
+    for seed in range(12):
+        true = flown((20, 3, 8), (0, 0, 0), kd.Air(lift=None), rate=7.0, longest=1.0)
+        rng = np.random.default_rng(seed)
+        measured = kd.Track(true.times, true.positions + rng.normal(0, 0.01, true.positions.shape))
+        found = kd.identify(measured, BALL, kd.Air(lift=None), free=("drag", "wind"))
+        assert found.used.sum() >= 6
+        noises.append(found.noise**2)
+    assert np.sqrt(np.mean(noises)) == pytest.approx(0.01, rel=0.15)
+
+
+def test_the_covariance_of_the_spin_is_in_the_axes_of_the_flight(curving):
+    """The fit may use any axes of the spin: result and deviations are the same."""
+    rng = np.random.default_rng(2)
+    points = curving.positions + rng.normal(0.0, 0.005, curving.positions.shape)
+    track = kd.Track(curving.times, points)
+    problem = _Problem((track,), BALL, kd.Air(), (Free.SPIN, Free.DRAG), np.zeros(3))
+    estimate = _fit(problem)
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    unknowns, jacobian = estimate.unknowns.copy(), estimate.jacobian.copy()
+    unknowns[6:9] = turn.T @ unknowns[6:9]
+    jacobian[:, 6:9] = jacobian[:, 6:9] @ turn
+    axes = [estimate.axes[0] @ turn]
+    turned = estimate._replace(unknowns=unknowns, jacobian=jacobian, axes=axes)
+    plain, other = (_result(problem, one) for one in (estimate, turned))
+    assert other.estimates == pytest.approx(plain.estimates, rel=1e-9)
+    assert other.covariance == pytest.approx(plain.covariance, rel=1e-6, abs=1e-12)
+    # the spin along the flight has no force
+    sizes = dict(zip(plain.names, np.sqrt(np.diag(plain.covariance)), strict=True))
+    assert sizes["gyro_spin"] > 5 * max(sizes["back_spin"], sizes["side_spin"])
+
+
+def test_a_prediction_is_judged_in_the_second_half_only():
+    track = flown((25, 3, 8), (0, -40, 20), kd.Air(drag="goff-carre"), rate=25.0)
+    rng = np.random.default_rng(4)
+    noisy = kd.Track(track.times, track.positions + rng.normal(0, 0.01, track.positions.shape))
+    (score,) = kd.identify(noisy, BALL, compare=("brazuca",)).comparison
+    middle = (len(noisy) + 1) // 2
+    air = kd.Air(drag="brazuca")
+    half = kd.identify(noisy[:middle], BALL, air, free=("spin",))
+    path = kd.fly(half.launch, BALL, air, kd.Ground(-99.0))
+    later = noisy[middle:]
+    apart = path.sample(later.times - noisy.times[0]).position - later.positions
+    rms = np.sqrt((apart**2).sum(axis=1).mean())
+    assert score.prediction_rms == pytest.approx(rms, rel=1e-3)
+    assert score.fit_rms == pytest.approx(half.rms, rel=1e-3)
 
 
 def test_models_are_ranked_by_prediction():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.identification.segments import CutReason, SegmentKind
+from kickdyn.identification.segments import CutReason, SegmentKind, _median
 
 BALL = kd.Ball()
 GROUND = kd.Ground(surface=kd.Surface("test", 0.6, 0.5, 0.8))
@@ -57,7 +57,7 @@ def test_cuts_are_found_within_two_samples(seed):
 
 def test_rolling_gives_its_deceleration_and_the_surface():
     kick = kd.BallState((0, 0, BALL.radius + 1.0), (6, 0, 0))
-    path = kd.follow(kick, BALL, None, GROUND)
+    path = kd.follow(kick, BALL, kd.Air(), GROUND)
     times = np.arange(0.0, path.duration, 0.02)
     rng = np.random.default_rng(2)
     points = path.sample(times).position + rng.normal(0, 0.003, (len(times), 3))
@@ -74,6 +74,42 @@ def test_rolling_gives_its_deceleration_and_the_surface():
     kd.follow(kick, BALL, None, kd.Ground(surface=surface))
     assert re.search(r"restitution: 0.[56].* \(of 2 bounces\)", str(found))
     assert re.search(r"rolling deceleration: .* m/s2 \(of 1 rolling part\)", str(found))
+
+
+def test_drag_is_no_rolling_deceleration():
+    """A light ball that rolls at 4 m/s is slowed more by the air than by the ground."""
+    light, air = kd.Ball(0.05), kd.Air(drag=0.4)
+    path = kd.follow(kd.BallState((0, 0, light.radius), (6, 0, 0)), light, air, GROUND)
+    times = np.arange(0.0, 1.0, 0.02)
+    track = kd.Track(times, path.sample(times).position)
+    found = kd.segments(track, light, GROUND, air).rolling_deceleration
+    without = kd.segments(track, light, GROUND, kd.Air(drag=None)).rolling_deceleration
+    assert found.median == pytest.approx(0.8, rel=0.1)
+    assert without.median > 1.5 * found.median
+
+
+def test_the_deviation_of_a_median_is_that_of_simulated_medians():
+    rng = np.random.default_rng(3)
+    found = [_median(rng.normal(0.6, 0.05, 41).tolist(), [0.001]) for _ in range(400)]
+    spread = np.std([one.median for one in found])
+    assert np.mean([one.deviation for one in found]) == pytest.approx(spread, rel=0.12)
+
+
+def test_the_deviation_of_a_restitution_has_the_size_of_its_error():
+    """Bounces of a parabola with 6 m/s downwards, and a coordinate's noise of 0.02 m."""
+    rng, errors, deviations = np.random.default_rng(5), [], []
+    times = np.arange(0.0, 1.0, 0.02)
+    fallen = np.where(times < 0.5, times, times - 0.5)
+    height = np.where(
+        times < 0.5, 4.2275 - 3.5475 * fallen - 4.905 * fallen**2, 5.07 * fallen - 4.905 * fallen**2
+    )
+    points = np.column_stack([5 * times, 0 * times, BALL.radius + height - 1.2275 * (times < 0.5)])
+    for _ in range(30):
+        noisy = kd.Track(times, points + rng.normal(0.0, 0.02, points.shape))
+        found = kd.segments(noisy, BALL).restitution
+        errors.append(found.median - 5.07 / 8.4525)
+        deviations.append(found.deviation)
+    assert 0.5 * np.std(errors) < np.mean(deviations) < 2.5 * np.std(errors)
 
 
 def test_a_gap_begins_a_part():

@@ -84,7 +84,7 @@ def c3d(tmp_path):
     """Return a function that writes a C3D file of two markers in a unit."""
     ezc3d = pytest.importorskip("ezc3d")
 
-    def written(unit="mm", labels=("ball", "foot"), size=1000.0):
+    def written(unit="mm", labels=("ball", "foot"), size=1000.0, first=0):
         content, points = ezc3d.c3d(), np.ones((4, len(labels), 6))
         points[:3, 0] = size * np.arange(18).reshape(6, 3).T
         points[:3, 0, 2] = np.nan  # not seen
@@ -92,6 +92,8 @@ def c3d(tmp_path):
         parameters["UNITS"]["value"], parameters["RATE"]["value"] = [unit], [100.0]
         parameters["LABELS"]["value"] = labels
         content["data"]["points"] = points
+        content["header"]["points"]["first_frame"] = first
+        content["header"]["points"]["last_frame"] = first + 5
         content.write(str(tmp_path / "track.c3d"))
         return tmp_path / "track.c3d"
 
@@ -104,6 +106,12 @@ def test_a_marker_of_a_c3d_file_in_metres(c3d, unit, size):
     assert track.times == pytest.approx([0, 0.01, 0.03, 0.04, 0.05])
     assert track.positions[:2] == pytest.approx(np.array([[0, 1, 2], [3, 4, 5]]), rel=1e-6)
     assert len(kd.Track.from_c3d(c3d(unit, ("ball",)))) == 5
+
+
+def test_times_of_a_c3d_file_count_from_its_first_frame(c3d):
+    """Files of two cameras that began at different frames have one clock."""
+    track = kd.Track.from_c3d(c3d(first=40), marker="ball")
+    assert track.times == pytest.approx([0.4, 0.41, 0.43, 0.44, 0.45])
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,6 @@
 """The contact that takes time: closed forms, what is conserved, and the limit of the instant."""
 
 import copy
-import inspect
 import math
 import operator
 import pickle
@@ -651,7 +650,7 @@ def test_the_callers_array_may_change():
 
 def test_threads_have_kinematics_of_their_own():
     """So that several may sample one contact; a race itself may happen not to be lost."""
-    motion = inspect.getclosurevars(human()._sample).nonlocals["motion"]
+    motion = human()._motion.equations
     seen = [motion.data]
     worker = threading.Thread(target=lambda: seen.append(motion.data))
     worker.start()

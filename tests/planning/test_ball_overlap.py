@@ -2,15 +2,10 @@
 
 import math
 
-import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from scipy.spatial import ConvexHull
 
 import kickdyn as kd
-from kickdyn.planning.ball_overlap import _depth_of, find_overlaps
-from kickdyn.robot.ground_clearance import Spheres
+from kickdyn.planning.ball_overlap import find_overlaps
 
 BALL = kd.Ball()
 LEG = """<mujoco><worldbody><body name="shank" pos="0 0 1">
@@ -26,31 +21,6 @@ def kick(tmp_path, size, ahead, offset):
     leg = kd.Leg.from_mjcf(tmp_path / "leg.xml", "foot")
     contact = kd.Contact((1, 0, 0), 0.8, offset=offset)
     return kd.strike(leg.posture([0.0]), [1.0], BALL, contact)
-
-
-corner = st.tuples(*[st.floats(-1, 1)] * 3)
-
-
-@given(st.lists(corner, min_size=1, max_size=30), corner, st.floats(0, 1))
-def test_no_direction_separates_a_point_from_a_body_by_more(corners, point, radius):
-    """The distance is the largest by which a plane separates both; samples find no larger one."""
-    centres = np.array(corners)
-    depth = _depth_of(np.array(point), Spheres(centres, np.full(len(centres), radius)))
-    normals = np.random.default_rng(0).normal(size=(200, 3))
-    normals /= np.linalg.norm(normals, axis=1)[:, None]
-    apart = (normals @ point - (normals @ centres.T).max(axis=1)).max() - radius
-    assert -depth >= apart - 1e-7
-    assert -depth <= np.linalg.norm(centres - point, axis=1).min() - radius + 1e-7
-
-
-@pytest.mark.parametrize("at", [(0.1, 0.2, 0.3), (0.4, 0.0, 0.0), (0.5, 0.5, 0.5)])
-def test_the_depth_in_a_box_is_the_way_to_its_nearest_face(at):
-    box = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, -1).T
-    hull = box[ConvexHull(box).vertices]
-    depth = _depth_of(np.array(at), Spheres(hull, np.zeros(8)))
-    assert depth == pytest.approx(0.5 - max(at), abs=1e-12)
-    out = _depth_of(np.array(at) + 1.0, Spheres(hull, np.zeros(8)))
-    assert out == pytest.approx(-math.dist(np.array(at) + 1.0, (0.5, 0.5, 0.5)), abs=1e-9)
 
 
 def test_a_foot_counts_as_far_as_its_contact_point_does_not_explain_it(tmp_path):

@@ -10,7 +10,7 @@ from matplotlib.path import Path
 from scipy.spatial import ConvexHull
 
 import kickdyn as kd
-from kickdyn.planning.kick_program import KickObjective
+from kickdyn.planning.objectives import KickObjective
 from kickdyn.robot.standing import hold_support
 
 HUMAN = kd.Leg.human()

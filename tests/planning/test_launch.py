@@ -12,7 +12,7 @@ import kickdyn as kd
 from kickdyn.planning.goal import nominal_velocity
 from kickdyn.planning.launch import OutOfReach
 from kickdyn.planning.launch_solver import LaunchFamily
-from kickdyn.planning.shooting import ShootingProblem
+from kickdyn.planning.shooting import ShootingProblem, apex, crossing
 
 BALL, AIR = kd.Ball(), kd.Air(drag="brazuca")
 
@@ -42,10 +42,10 @@ def drawn(kind, rng):
     velocity = np.array([level * math.cos(turn), level * math.sin(turn), speed * math.sin(up)])
     air, spin = kd.Air(drag="brazuca", wind=(*rng.normal(0, 3, 2), 0)), rng.normal(0, 15, 3)
     shot = ShootingProblem(BALL, air, spin).shoot(velocity, 2 * velocity[2] / 9.81 * 0.85)
-    target = shot.state(shot.time)[0]
+    target = shot.position(shot.end)
     part = 0.4 * math.hypot(*target[:2])
-    height = shot.crossing(kd.Goal(target, time=1).ahead, part, np.array([0, 0, 1.0]))[0]
-    value = {"time": shot.time, "apex": shot.apex()[0], "speed": speed, "over": (part, height)}
+    height = crossing(shot, kd.Goal(target, time=1).ahead, part, np.array([0, 0, 1.0]))[0]
+    value = {"time": shot.end, "apex": apex(shot)[0], "speed": speed, "over": (part, height)}
     return kd.Goal(target, **{kind: value[kind]}), air, spin, velocity
 
 
@@ -304,6 +304,16 @@ def test_the_spin_limit_leaves_out_what_turns_faster():
     assert (short.status, short.limit) == ("unreachable", "spin-limit")
     assert np.linalg.norm(short.spin) == pytest.approx(0.8 * needed)
     assert 0 < short.reached.beside[1] < 0.8
+
+
+def test_other_launches_keep_the_spin_limit():
+    goal = kd.Goal((22, 3, 2.2), speed=27, beside=(9.15, 0.8))
+    low = kd.plan_launch(goal, BALL, AIR)
+    (high,) = low.others
+    assert np.linalg.norm(high.spin) < 25 < np.linalg.norm(low.spin)
+    only = kd.plan_launch(goal, BALL, AIR, spin_limit=25)
+    assert only.velocity == pytest.approx(high.velocity)
+    assert only.others == ()
 
 
 @pytest.mark.parametrize(("kg", "half"), [(7, 0), (-9, 0), (0, 1), (3, -1)])

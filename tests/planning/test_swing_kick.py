@@ -30,10 +30,13 @@ def tried(monkeypatch, answers):
             return SimpleNamespace(share=share), (SimpleNamespace(torque_use=use),)
 
     monkeypatch.setattr(swing_kick, "_SwingKickProblem", Problem)
-    program = SimpleNamespace(qs=slice(None), n=JOINTS, leg=SimpleNamespace(name="leg"))
-    found = SimpleNamespace(posture=SimpleNamespace(q=np.zeros(JOINTS)))
+    leg = SimpleNamespace(name="leg")
+    variables = SimpleNamespace(qs=slice(None), n=JOINTS, leg=leg)
+    problem = SimpleNamespace(variables=variables)
+    start = SimpleNamespace(posture=SimpleNamespace(q=np.zeros(JOINTS)), share=1.0)
+    monkeypatch.setattr(swing_kick, "solve_kick", lambda *_: (problem, start, ()))
     try:
-        best = swing_kick.solve_with_swing(program, found, "joint-speed")[0].share
+        best = swing_kick.solve_with_swing(problem, None)[0].point.share
     except kd.InvalidInput:
         best = None
     return slacks, best

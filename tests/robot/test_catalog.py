@@ -71,7 +71,7 @@ def test_a_turned_base_is_the_same_robot(name):
     """Masses and distances are those of the file, read by Pinocchio alone."""
     file = robots_folder() / ROBOTS[name].file
     raw = pin.buildModelFromUrdf(str(file), pin.JointModelFreeFlyer())
-    ours = robot_model(name, "floating", legs_only=False)
+    ours = robot_model(name, "floating")
     move = np.random.default_rng(0).uniform(-0.5, 0.5, size=raw.nv - 6)
     turn = pin.SE3(pin.rpy.rpyToMatrix(*ROBOTS[name].turn), np.zeros(3))
     places, energies = [], []

@@ -6,7 +6,7 @@ from types import ModuleType
 import pytest
 
 import kickdyn as kd
-from kickdyn.cli.named_legs import load_leg
+from kickdyn.cli.leg_options import load_leg
 from kickdyn.robot import descriptions
 
 MJCF = """<mujoco><compiler meshdir="../meshes"/><asset><mesh name="m" file="m.stl"/></asset>

@@ -157,6 +157,7 @@ def test_what_is_faster_than_its_limit_is_named():
         "turn at 148 % of its speed limit",
         "slide moves, its speed limit is 0",
     ]
+    assert leg.too_fast(np.array([2.0001, 0.0, 0.0])) == ["turn at 100 % of its speed limit"]
     floating = kd.Leg.from_robot("bolt", base="floating")
     assert floating.too_fast(np.full(floating.nv, 1e-3)) == []
 

@@ -528,6 +528,16 @@ def test_stretched_leg_cannot_move_along_itself(wish):
     posture.joint_velocity(near)
 
 
+@pytest.mark.parametrize("aside", [1e-2, 1e-6])
+def test_a_velocity_that_is_missed_by_little_is_refused(aside):
+    """A planar leg cannot move its toe aside."""
+    posture = LEGS["human"][0].posture(Q)
+    assert posture.point_velocity(posture.joint_velocity([10, 0, 1])) == pytest.approx([10, 0, 1])
+    with pytest.raises(kd.InvalidInput, match=r"the nearest velocity is \[10.0, 0.0, 1.0\] m/s"):
+        posture.joint_velocity([10, aside, 1])
+    assert posture.try_joint_velocity([10, aside, 1]) is None
+
+
 @pytest.mark.parametrize("scale", [1e-200, 1e-9, 1, 1e9, 1e200])
 def test_reach_does_not_depend_on_speed(scale):
     posture = LEGS["human"][0].posture(STRETCHED)

@@ -8,7 +8,7 @@ import pytest
 import trimesh
 
 import kickdyn as kd
-from kickdyn.robot import mjcf_file
+from kickdyn.robot import package_files
 from kickdyn.robot.mjcf_file import is_mjcf, read_mjcf
 from kickdyn.robot.visuals import Shape
 
@@ -56,19 +56,17 @@ def box(folder, name="box.stl", size=(0.2, 0.4, 0.6)):
         (MODEL.replace('"arm"', '"universe"'), "body name 'universe' is Pinocchio's own"),
         (MODEL.replace('"arm"', '"a&#10;b"'), r"body name 'a\\nb' is not a printable name"),
         (MODEL.replace('"arm"', f'"{201 * "a"}"'), "is not a printable name of at most 200"),
-        (MODEL.replace(BODY, 3001 * "<body/>"), "has 3001 of <body>: at most 3000 are read"),
-        (MODEL.replace(BODY, 251 * "<freejoint/>"), "has 251 of <joint>: at most 250 are read"),
+        (
+            MODEL.replace(BODY, 251 * BODY.replace('name="arm"', "").replace('name="j"', "")),
+            "has 251 joints: at most 250 are read",
+        ),
         (
             MODEL.replace(BODY, f'<replicate count="99999">{BODY}</replicate>'),
-            "has 99999 of <body>: at most 3000",
+            "has [0-9]+ elements, copies of <replicate> included: at most 100000",
         ),
         (
             MODEL.replace(BODY, 3 * '<replicate count="99">' + BODY + 3 * "</replicate>"),
-            "has 970299 of <body>",
-        ),
-        (
-            MODEL.replace(BODY, f'<replicate count="-2">{BODY}</replicate>'),
-            "has <replicate count='-2'>: it must be a whole number",
+            "has [0-9]+ elements",
         ),
         (MODEL.replace('"0.1"', '"nan"'), "MuJoCo cannot read it"),
         (MODEL.replace('"0.1"', '"-1"'), "MuJoCo cannot read it"),
@@ -131,19 +129,19 @@ def test_included_files_stand_where_they_are_named(tmp_path):
 @pytest.mark.parametrize(
     ("inner", "said"),
     [
-        ('<include file="none.xml"/>', "robot.xml: includes 'none.xml': there is no such file"),
-        ("<include/>", "included file '' is refused"),
+        ('<include file="none.xml"/>', "robot.xml: included file 'none.xml' is missing"),
+        ("<include/>", "includes '', which: is not a regular file"),
         ('<include file="robot.xml"/>', "includes 'robot.xml' twice"),
         ('<include file="other.xml"/>', "includes 'other.xml' twice"),  # which includes itself
         (
             '<include file="../secret.xml"/>',
-            r"is refused: it lies outside .*model, the model's folder",
+            r"is refused: it lies outside .*model, the folder or ROS package of",
         ),
         ('<include file="/etc/passwd"/>', "'/etc/passwd' is refused: it lies outside"),
         ('<include file="link.xml"/>', "'link.xml' is refused: it lies outside"),
-        ('<include file="file:///a.xml"/>', "is refused: it must be the name of a file"),
-        ('<include file="."/>', "'.' is not a regular file"),
-        ('<include file="a&#10;"/>', "there is no such file"),
+        ('<include file="file:///a.xml"/>', "'file:///a.xml' is refused: it lies outside"),
+        ('<include file="."/>', "includes '.', which: is not a regular file"),
+        ('<include file="a&#10;"/>', "is missing"),
         ('<include file="empty.xml"/>', "robot.xml includes 'empty.xml', which: is empty"),
     ],
 )
@@ -225,7 +223,7 @@ def test_a_mesh_is_found(tmp_path, compiler, mesh, name):
     [
         ("../box.stl", "mesh '../box.stl' is refused: it lies outside"),
         ("/etc/passwd.stl", "is refused: it lies outside"),
-        ("http://a/box.stl", "is refused: it must be the name of a file"),
+        ("http://a/box.stl", "is refused: only files are read, no addresses"),
         ("box.png", "has no known ending: .stl, .obj, .msh are read"),
         ("folder.stl", "is not a regular file"),
         ("big.stl", "has 51 bytes: at most 50 are read"),
@@ -234,7 +232,7 @@ def test_a_mesh_is_found(tmp_path, compiler, mesh, name):
     ],
 )
 def test_a_mesh_that_is_refused(tmp_path, name, said, monkeypatch):
-    monkeypatch.setattr(mjcf_file, "MAX_MESH_BYTES", 50)
+    monkeypatch.setattr(package_files, "MAX_MESH", 50)
     (tmp_path / "folder.stl").mkdir()
     (tmp_path / "big.stl").write_text(51 * "a")
     (tmp_path / "text.stl").write_text("solid")
@@ -250,7 +248,7 @@ def test_a_ros_package_is_read_as_a_whole(tmp_path):
     box(tmp_path, "meshes/box.stl")
     text = MESH.format('meshdir="../meshes"', 'file="box.stl"', "")
     file = write(tmp_path / "mjcf", robot=text)
-    with pytest.raises(kd.MjcfError, match=r"outside .*mjcf, the model's folder or ROS package"):
+    with pytest.raises(kd.MjcfError, match=r"outside .*mjcf, the folder or ROS package of the"):
         kd.Leg.from_mjcf(file, "arm")
     (tmp_path / "package.xml").write_text("<package><name>robot</name></package>")
     assert kd.Leg.from_mjcf(file, "arm").model.inertias[1].mass == pytest.approx(48.0)

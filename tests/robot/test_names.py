@@ -3,7 +3,6 @@ import pinocchio as pin
 import pytest
 
 import kickdyn as kd
-from kickdyn.robot.joint_table import lock_joints
 from kickdyn.robot.names import expand_patterns, lock_remedy, unknown
 
 JOINTS = ("hip", "knee", "finger1", "finger2", "finger[1]", "thumb")
@@ -17,6 +16,7 @@ def hand(lower=(-1.0, -1.0, -1.0, -1.0, -1.0), names=("hip", "finger1", "finger2
         limits = (np.array([9.0]), np.array([9.0]), np.array([low]), np.array([2.0]))
         parent = model.addJoint(parent, kind, pin.SE3.Identity(), name, *limits)
         model.appendBodyToJoint(parent, pin.Inertia.Random(), pin.SE3.Identity())
+        model.addJointFrame(parent)
     return model
 
 
@@ -52,7 +52,8 @@ def test_the_remedy_locks_the_joints_and_no_other():
         "lock them by locked={'finger*': 0, 'palm': 0} in Python, "
         "by --lock 'finger*=0' --lock palm=0 in commands"
     )
-    assert list(lock_joints(model, {"finger*": 0, "palm": 0}).names)[1:] == ["hip", "rail"]
+    leg = kd.Leg(model, "rail").locked({"finger*": 0, "palm": 0})
+    assert leg.joint_names == ("hip", "rail")
     one = lock_remedy(model, ["finger1"])
     assert one == "lock it by locked={'finger1': 0} in Python, by --lock finger1=0 in commands"
 

@@ -13,7 +13,6 @@ from kickdyn.planning.kick import plan_kick
 from kickdyn.robot.urdf_file import shipped_urdf
 from kickdyn.sweeps.sweep_kick import (
     kick_from,
-    least_speed_use,
     slowest_joint_velocity,
     speed_use,
 )
@@ -112,7 +111,9 @@ def test_velocities_before_are_those_of_the_free_leg():
     assert kick_from(posture, kick).speed_use == pytest.approx(kick_from(free, kick).speed_use)
     wish = np.array([4.0, 0.0, 1.0])
     slowest = slowest_joint_velocity(posture, wish)
-    assert speed_use(posture, slowest) == pytest.approx(least_speed_use(free, wish), rel=1e-6)
+    assert speed_use(posture, slowest) == pytest.approx(
+        speed_use(free, slowest_joint_velocity(free, wish)), rel=1e-6
+    )
     assert posture.point_velocity(slowest) == pytest.approx(wish, abs=1e-8)
     far = posture.with_contact_offset([0.02, 0, -0.03])
     assert far.without_stiff_joints.jacobian.tolist() == far.jacobian.tolist()

@@ -34,24 +34,11 @@ BAD_TEXT = {
     "UTF-16": ('<robot name="leg"/>'.encode("utf-16"), r"not UTF-8 text \(byte 0\)"),
     "latin-1": ('<robot name="\u00e9t\u00e9"/>'.encode("latin-1"), r"not UTF-8 text \(byte 13\)"),
     "lone surrogate": (b'<robot name="\xed\xa0\x80"/>', "not UTF-8"),
-    "200 000 tags deep": (b"<a>" * 200_000, "nests tags deeper than 64"),
+    "200 000 tags deep": (
+        b"<a>" * 200_000 + b"</a>" * 200_000,
+        "nests tags deeper than 64",
+    ),
     "an attribute twice": (b"<a " + b'a="" ' * 2 + b"/>", "duplicate attribute"),
-    "a million attributes": (
-        b"<a " + b'a="" ' * 1_000_000 + b"/>",
-        "has 1000001 tags and attributes: at most 200000",
-    ),
-    "a million elements": (
-        b"<robot>" + b"<a/>" * 1_000_000 + b"</robot>",
-        "has 1000002 tags and attributes: at most 200000",
-    ),
-    "101 attributes": (
-        b"<a " + b"".join(b'a%d="" ' % k for k in range(101)) + b"/>",
-        "a tag <a> with more than 100 attributes",
-    ),
-    "18 MB of spaces": (
-        b'<robot name="leg"><link name="' + b" " * 18_000_000 + b'"/></robot>',
-        "a tag <link> with .* one of more than 10000 characters",
-    ),
     "another namespace": (b'<robot xmlns="http://x" name="a"/>', "its root is <{http://x}robot>"),
 }
 
@@ -106,9 +93,9 @@ def big(path):
         (lambda path: path.symlink_to("/dev/zero"), "is not a regular file"),
         (lambda path: path.symlink_to(path), "cannot be read .*symbolic links"),
         (lambda path: path.symlink_to(path.parent / "gone"), "there is no such file"),
-        (big, "has 20000001 bytes: at most 20000000 are read"),
+        (big, "has 5000001 bytes: at most 5000000 are read"),
     ],
-    ids=["missing", "directory", "FIFO", "device", "link to itself", "link to nothing", "20 MB"],
+    ids=["missing", "directory", "FIFO", "device", "link to itself", "link to nothing", "5 MB"],
 )
 def test_what_is_no_file_is_refused_at_once(tmp_path, make, said):
     path = tmp_path / "leg.urdf"

@@ -8,11 +8,12 @@ import pytest
 import kickdyn as kd
 
 LEG = kd.Leg.human()
+POSTURE = LEG.posture([0.1, 0.2, 0.0])
 TOUCH = kd.Contact((1, 0, 0), 0.8, offset=(0, 0, 0.05))
 
 
 def scene(**changes):
-    parts = {"leg": LEG, "q": [0.1, 0.2, 0.0], "v": [3, 0, 0], "ball": kd.Ball(), "contact": TOUCH}
+    parts = {"posture": POSTURE, "v": [3, 0, 0], "ball": kd.Ball(), "contact": TOUCH}
     return kd.Scene(**{**parts, **changes})
 
 
@@ -25,14 +26,15 @@ def test_the_ball_lies_before_the_contact_point():
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"leg": "human"}, "kickdyn.Leg"),
+        ({"posture": "human"}, "kickdyn.Posture"),
         ({"ball": None}, "kickdyn.Ball"),
         ({"air": "paper"}, "kickdyn.Air"),
         ({"v": [1, 2]}, "v has shape"),
-        ({"q": [1, np.nan, 2]}, "q is"),
-        ({"contact_time": 0}, "contact time"),
         ({"law": "none"}, "law is 'none'"),
-        ({"ball_spin": [1, 2]}, "ball spin"),
+        ({"incoming": [1, 2, 3]}, "kickdyn.BallState"),
+        ({"incoming": kd.BallState(velocity=np.ones((2, 3)))}, "incoming has velocities of shape"),
+        ({"law": kd.Compliance(), "contact": kd.Contact((1, 0, 0), 0.0)}, "restitution is 0: in"),
+        ({"law": kd.Compliance(stiffness="pressure")}, "ball pressure is None"),
         ({"uncertainty": np.nan}, "uncertainty is nan"),
         ({"uncertainty": {"q": np.nan}}, "uncertainty of q is nan"),
         ({"uncertainty": {"friction": None}}, "uncertainty of friction is None"),
@@ -47,10 +49,54 @@ def test_bad_parts_are_refused(changes, said):
 def test_a_scene_stays_as_it_is():
     given = {"q": 0.1}
     made = scene(uncertainty=given)
-    with pytest.raises(ValueError, match="read-only"):
-        made.q[0] = 1
+    for array in (made.q, made.v, made.incoming.velocity):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1
     given["q"] = 2
     assert made.uncertainty == {"q": 0.1}
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ({"contact_time": 0}, "contact time is 0"),
+        ({"contact_time": 0.01, "stiffness": 1e5}, "give only one"),
+        ({"stiffness": "soft"}, "stiffness is 'soft'"),
+        ({"stiffness": -1.0}, "stiffness is -1"),
+        ({"dissipation": "none"}, "dissipation is 'none'"),
+    ],
+)
+def test_a_bad_compliance_is_refused(values, said):
+    with pytest.raises(kd.InvalidInput, match=said):
+        kd.Compliance(**values)
+
+
+@pytest.mark.parametrize(
+    ("law", "line"),
+    [
+        ("stronge", "law            stronge"),
+        (kd.Compliance(contact_time=0.012), "contact time   12 ms"),
+        (kd.Compliance(), "contact time   10 ms"),
+        (kd.Compliance(stiffness=3e5), "stiffness      3e+05 N/m^1.5"),
+    ],
+)
+def test_print_names_the_law_or_the_compliance_with_its_unit(law, line):
+    assert f"  {line}\n" in f"{scene(law=law)!r}\n"
+
+
+def test_the_motion_before_the_contact_is_printed_where_there_is_any():
+    moving = scene(incoming=kd.BallState(velocity=(-3, 0, 0), spin=(0, 12, 0)))
+    assert "ball's velocity" in repr(moving)
+    assert "ball's spin" in repr(moving)
+    assert "ball's" not in repr(scene())
+
+
+def test_the_offset_of_a_posture_stays_with_another_leg():
+    shifted = POSTURE.with_contact_offset((0, 0, 0.03))
+    made = scene(posture=shifted, contact=kd.Contact((1, 0, 0), 0.8))
+    other = made.with_leg(LEG.with_armature({"hip": 0.1}))
+    np.testing.assert_array_equal(other.posture.contact_point, shifted.contact_point)
+    assert other.leg.model.armature.any()
 
 
 def test_errors_can_be_pickled():

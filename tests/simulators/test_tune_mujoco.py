@@ -140,7 +140,7 @@ def test_it_prints_whether_the_goals_are_met(tuned):
 
 def test_what_a_time_step_cannot_meet(monkeypatch):
     monkeypatch.setattr(mujoco_fit, "SHAPES", ((0.0, 1.0),))
-    monkeypatch.setattr(tuning, "STEPS", (2e-3, 5e-4))
+    monkeypatch.setattr(tuning, "TIMESTEPS", (2e-3, 5e-4))
     found = tune(0.9, timestep=0.005, tolerance=0.015)
     assert not found.within_tolerance
     assert [goal.largest_timestep for goal in found.goals] == [2e-3, 5e-4, 2e-3]
@@ -151,7 +151,7 @@ def test_what_a_time_step_cannot_meet(monkeypatch):
     assert "the ball's direction is up to" in direction
     assert "1 deg is accepted" in direction
     assert "off at 0.5 to 1.5 times all velocities, 3.0% is accepted" in around
-    monkeypatch.setattr(tuning, "STEPS", ())
+    monkeypatch.setattr(tuning, "TIMESTEPS", ())
     found = tune(0.9, timestep=0.005, tolerance=0.015)
     assert found.largest_timestep is None
     assert found.warnings[0].endswith("no time step that was tried meets it")
@@ -179,7 +179,7 @@ def test_the_ball_is_that_of_collide_with_this_dissipation(monkeypatch, dissipat
 
 def test_a_kick_that_would_press_the_ball_too_far_is_left_out_and_said(monkeypatch):
     monkeypatch.setattr(mujoco_fit, "SHAPES", ((1.5, 1.0),))
-    monkeypatch.setattr(tuning, "STEPS", ())
+    monkeypatch.setattr(tuning, "TIMESTEPS", ())
     found = tune(0.2, timestep=0.001)
     assert "speed x 1.5" not in {error.change for error in found.errors}
     assert any("the error at 1.5 times all velocities is unknown" in w for w in found.warnings)

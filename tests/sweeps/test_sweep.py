@@ -156,7 +156,7 @@ def test_importing_compiles_nothing():
                 calls.append(self)
             return compile(self, *signature)
         Dispatcher.compile = watched
-        import kickdyn.sweeps.sweep, kickdyn.sweeps.kernels, kickdyn.sweeps.carry_table
+        import kickdyn.sweeps.sweep, kickdyn.sweeps.kernel, kickdyn.sweeps.carry_table
         sys.exit(len(calls))
     """
     assert subprocess.run([sys.executable, "-c", textwrap.dedent(script)]).returncode == 0

@@ -1,3 +1,4 @@
+import itertools
 import math
 
 import numpy as np
@@ -10,7 +11,6 @@ from kickdyn.sweeps.sweep_kick import (
     Kick,
     PostureStatus,
     kick_from,
-    least_speed_use,
     slowest_joint_velocity,
     speed_use,
 )
@@ -31,7 +31,7 @@ def test_it_is_strike_and_fly():
     assert outcome.carry == pytest.approx(
         kd.fly(impact.ball_after, kd.Ball(), kd.Air()).range, rel=1e-9
     )
-    assert outcome.speed_use == least_speed_use(posture, 2 * np.array(n))
+    assert outcome.speed_use == least_use(posture, 2 * np.array(n))
 
 
 @pytest.mark.parametrize("law", ["stronge", "paper"])
@@ -103,8 +103,24 @@ def limited(leg, limits):
     return kd.Leg.from_model(model, leg.frame)
 
 
+def least_use(posture, wish):
+    return speed_use(posture, slowest_joint_velocity(posture, wish))
+
+
+def dual_maximum(posture, wish):
+    """The least speed use by the dual of its linear programme, all vertices tried."""
+    limit = posture.leg.velocity_limit
+    columns = posture.jacobian[:, limit > 0]
+    y = np.array([np.cross(a, b) for a, b in itertools.combinations(columns.T, 2)])
+    along = np.abs(y @ columns)
+    along[along < 1e-12 * np.linalg.norm(y, axis=1)[:, None]] = 0.0
+    with np.errstate(invalid="ignore"):
+        capacity = np.nansum(along * limit[limit > 0], axis=1)
+    return (np.abs(y @ wish) / capacity).max()
+
+
 @pytest.mark.parametrize("special", [None, 0.0, np.inf, 1e-2])
-def test_the_dual_is_the_linear_programme(special):
+def test_no_joint_velocity_is_slower(special):
     rng = np.random.default_rng(5)
     for joints in (3, 4, 5, 6, 7, 8) * 4:
         limits = rng.uniform(0.5, 20.0, joints)
@@ -114,7 +130,7 @@ def test_the_dual_is_the_linear_programme(special):
         posture, wish = leg.posture(rng.uniform(-2, 2, joints)), rng.normal(size=3)
         v = slowest_joint_velocity(posture, wish)
         assert posture.point_velocity(v) == pytest.approx(wish, abs=1e-12 * max(1, abs(v).max()))
-        assert least_speed_use(posture, wish) == pytest.approx(speed_use(posture, v), rel=1e-11)
+        assert dual_maximum(posture, wish) == pytest.approx(speed_use(posture, v), rel=1e-11)
         assert speed_use(posture, v) <= speed_use(posture, posture.joint_velocity(wish))
 
 
@@ -123,9 +139,8 @@ def test_in_a_plane_too():
     posture = leg.posture(np.radians([40, 30, -20]))
     v = slowest_joint_velocity(posture, wish)
     assert posture.point_velocity(v) == pytest.approx(wish, rel=1e-13, abs=1e-13)
-    assert least_speed_use(posture, wish) == pytest.approx(speed_use(posture, v), rel=1e-13)
     assert sorted(abs(v) / leg.velocity_limit)[1:] == pytest.approx(2 * [speed_use(posture, v)])
-    assert least_speed_use(posture, 3 * wish) == pytest.approx(3 * speed_use(posture, v), rel=1e-13)
+    assert least_use(posture, 3 * wish) == pytest.approx(3 * speed_use(posture, v), rel=1e-13)
 
 
 def test_joints_of_limit_0_and_of_none():
@@ -133,8 +148,7 @@ def test_joints_of_limit_0_and_of_none():
     q = np.radians([5, 10, -5])
     for limits, use in (([0, 10, 0], np.inf), ([0, 0, 0], np.inf), (3 * [np.inf], 0.0)):
         posture = limited(leg, limits).posture(q)
-        assert least_speed_use(posture, wish) == use
-        assert speed_use(posture, slowest_joint_velocity(posture, wish)) == use
+        assert least_use(posture, wish) == use
 
 
 def test_a_limit_beyond_all_others_is_none_and_its_rounding_does_not_count():
@@ -146,7 +160,7 @@ def test_a_limit_beyond_all_others_is_none_and_its_rounding_does_not_count():
         for most in (1e9, 1e16, 1e20, 1e200, np.inf):
             limits[k], before = most, limits[k]
             posture = limited(leg, limits).posture(np.full(5, 0.4))
-            uses.append(least_speed_use(posture, wish))
+            uses.append(least_use(posture, wish))
             limits[k] = before
         assert uses == pytest.approx(5 * [uses[-1]], rel=1e-8)
         assert uses[-1] > 0
@@ -161,7 +175,6 @@ def test_a_held_foot_counts():
     v = slowest_joint_velocity(posture, wish)
     assert posture.point_velocity(v) == pytest.approx(wish, abs=1e-9)
     posture.check_velocity(v)
-    assert least_speed_use(posture, wish) == speed_use(posture, v)
     assert speed_use(posture, v) < speed_use(posture, posture.joint_velocity(wish))
 
 
@@ -171,7 +184,7 @@ def test_a_kick_that_some_velocity_can_do_is_not_too_fast():
     wish = kick.speed * kick.direction
     outcome = kick_from(posture, kick)
     assert speed_use(posture, posture.joint_velocity(wish)) == pytest.approx(1.3197, rel=1e-4)
-    assert (outcome.status, outcome.speed_use) == ("ok", least_speed_use(posture, wish))
+    assert (outcome.status, outcome.speed_use) == ("ok", least_use(posture, wish))
     assert speed_use(posture, outcome.impact.v_before) == pytest.approx(0.64024, rel=1e-5)
     slow = kd.strike(posture, posture.joint_velocity(wish), kick.ball, kick.contact)
     assert outcome.impact.impulse == pytest.approx(slow.impulse, rel=1e-12)

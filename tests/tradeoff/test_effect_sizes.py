@@ -62,7 +62,7 @@ def test_what_has_no_answer_says_so(scene):
     air = kd.Air(lift=None, torque=None, drag="brazuca")
     floats = kd.Ball(0.003, 0.1)  # lighter than air: drag is all that ends its flight
     plane = kd.Plane((30, 0, 0), (-1, 0, 0))
-    parts = (scene.leg, scene.q, scene.v, floats, kd.Contact((1, 0, 0), 0.8))
+    parts = (scene.posture, scene.v, floats, kd.Contact((1, 0, 0), 0.8))
     rows = sizes(kd.Scene(*parts, air=air, plane=plane))
     assert {row.effect for row in rows} >= {"drag", "buoyancy"}
     for row in rows:
@@ -70,7 +70,7 @@ def test_what_has_no_answer_says_so(scene):
 
 
 def test_an_effect_has_no_size_where_the_ball_does_not_end(scene):
-    parts = (scene.leg, scene.q, scene.v, scene.ball, scene.contact)
+    parts = (scene.posture, scene.v, scene.ball, scene.contact)
     rows = sizes(kd.Scene(*parts, ground=kd.Ground(-1e7)))
     assert {row.effect for row in rows} == {"friction", "ball rotation"}
     assert all(np.isnan(row.end) and row.why_not == "no end: aloft" for row in rows)

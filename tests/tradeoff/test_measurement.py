@@ -2,6 +2,8 @@
 
 from types import SimpleNamespace
 
+import pytest
+
 from kickdyn.tradeoff import measurement
 from kickdyn.tradeoff.measurement import Measurement, front_figure, mark_front, shortest_time
 
@@ -36,6 +38,15 @@ def test_no_two_methods_of_one_panel_look_alike():
     looks = [(line.get_marker(), line.get_color()) for line in full.lines[1:]]
     assert len(set(looks)) == len(looks) == 9
     assert (drag.lines[1].get_marker(), drag.lines[1].get_color()) == looks[8]
+
+
+def test_a_quick_call_is_timed_many_times_at_once(monkeypatch):
+    """0.1 ms for the first call, then three timings of 200 calls, whose means count."""
+    ticks = iter([0.0, 1e-4, 1.0, 1.02, 2.0, 2.01, 3.0, 3.03])
+    monkeypatch.setattr(measurement, "time", SimpleNamespace(process_time=lambda: next(ticks)))
+    calls = []
+    assert shortest_time(lambda: calls.append(1)) == pytest.approx(0.01 / 200)
+    assert len(calls) == 1 + 3 * 200
 
 
 def test_the_shortest_of_several_timings_counts(monkeypatch):

@@ -95,6 +95,13 @@ def test_a_course_along_the_ground():
     assert said["speed there"] == "0 m/s"
 
 
+@pytest.mark.parametrize(("spin", "shown"), [(0.5, "0.5"), (1e-3, "0.001"), (1e-13, "0")])
+def test_a_slow_spin_is_shown_and_rounding_is_not(spin, shown):
+    impact = numbers(ball_after=kd.BallState(velocity=(6, 0, 8), spin=(0, -spin, 0)))
+    said = rows(kick_panel(impact, SimpleNamespace(**FLIGHT), DRAWN, ""))
+    assert said["spin"] == f"{shown} rad/s"
+
+
 def test_one_pace_is_said_once(make_kick):
     assert re.fullmatch(r"[\d.]+ times slower", rows(panel(make_kick(kd.Leg.human(), 1)))["shown"])
 

@@ -1,12 +1,12 @@
 import re
-from types import SimpleNamespace
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
 import kickdyn as kd
 from kickdyn.core.gravity import GRAVITY
-from kickdyn.view.comparison import COLOURS, DOTS, _numbers
+from kickdyn.view.comparison import COLOURS, DOTS
 
 
 @pytest.fixture(scope="module")
@@ -52,13 +52,14 @@ def test_the_panel_says_both_impulses_and_escapes(hits):
     assert "<h1>&lt;i&gt;three</h1>" in html
 
 
-def test_the_panel_says_the_numbers_of_an_impact():
-    impact = SimpleNamespace(
-        impulse=np.array([0.0, -0.6, 0.8]),
-        ball_after=kd.BallState(velocity=(6, 0, 8)),
-        worst_joint=("<knee>", 2.0),
-    )
-    assert _numbers(impact) == "1 N s on the ball, 10 m/s<br>2 N s at &lt;knee&gt;"
+def test_the_panel_says_the_numbers_of_an_impact(hits):
+    html = kd.page(hits).html
+    for hit in hits.values():
+        impulse, speed = np.linalg.norm(hit.impulse), np.linalg.norm(hit.ball_after.velocity)
+        sizes = np.linalg.norm(hit.joint_impulses[:, :3], axis=1)
+        joint = ("hip", "knee", "ankle")[int(sizes.argmax())]
+        ball = f"{impulse:.4g} N s on the ball, {speed:.4g} m/s"
+        assert f"<td>{ball}<br>{sizes.max():.4g} N s at {joint}</td>" in html
 
 
 @pytest.mark.parametrize("count", [0, 9])
@@ -88,6 +89,33 @@ def test_the_legend_says_how_far_how_high_and_how_long():
     html = kd.page(flight).html
     assert "<td>20 m, rises 4.91 m, 2 s</td>" in html
     assert "from the launch of each" in html
+
+
+def test_the_ground_has_a_mark_where_the_legend_says(commands_of):
+    html = kd.page(kd.fly(kd.BallState(velocity=(10, 0, GRAVITY)), BALL, None)).html
+    marks = re.findall(r'data-node="(/meshcat/distances/\d+)">([\d.]+) m<', html)
+    nodes = {c["path"]: c["matrix"][12] for c in commands_of(html) if c["type"] == "set_transform"}
+    shown = sorted((float(text), nodes[node]) for node, text in marks)
+    assert all(text == pytest.approx(place) for text, place in shown)
+    (step,) = {round(b[1] - a[1], 9) for a, b in pairwise(shown)}
+    assert f"<td>every {step:g} m</td>" in html
+
+
+def test_measured_positions_are_shown_along_the_whole_flight(commands_of):
+    times = np.linspace(0.0, 1.5, 120)
+    flight = kd.fly(kd.BallState(velocity=(10, 0, 8)), BALL, kd.Air(lift=None))
+    track = kd.Track(times, flight.sample(times).position)
+    html = kd.page(kd.identify(track, BALL, kd.Air(lift=None), free=[])).html
+    (dots,) = (c["object"]["geometries"][0]["data"]["attributes"]["position"]["array"]
+               for c in commands_of(html)
+               if c["type"] == "set_object" and c["path"].startswith("/meshcat/dots"))  # fmt: skip
+    packed = np.frombuffer(dots.data, np.float32) if hasattr(dots, "data") else np.array(dots)
+    centres = packed.reshape(-1, 6, 3).mean(axis=1)
+    assert 10 <= len(centres) <= 14
+    ends = track.positions[[0, -1], 0]
+    gaps = np.diff([*centres[:, 0], ends[1]])
+    assert centres[0, 0] == pytest.approx(ends[0], abs=1e-3)
+    assert gaps.max() < 0.2 * (ends[1] - ends[0])
 
 
 def test_the_colours_differ_from_each_other_and_from_measured_positions():

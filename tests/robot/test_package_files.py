@@ -3,8 +3,8 @@ import os
 import pytest
 
 import kickdyn as kd
-from kickdyn.robot import mesh_path
-from kickdyn.robot.mesh_path import MeshFinder
+from kickdyn.robot import package_files
+from kickdyn.robot.package_files import PackageFiles
 
 MANIFEST = "<?xml version='1.0'?><package format='3'><name>{}</name></package>"
 
@@ -50,7 +50,7 @@ def robot(tmp_path):
     ],
 )
 def test_names_in_the_own_package(robot, name, file):
-    found = MeshFinder(robot / "urdf").find(name.format(robot=robot))
+    found = PackageFiles(robot / "urdf").find(name.format(robot=robot))
     assert found == robot / file
 
 
@@ -74,7 +74,7 @@ def test_what_lies_outside_is_refused(robot, tmp_path, name, named):
     """Also if the package itself is named in package_dirs."""
     (robot / "urdf/link.stl").symlink_to(tmp_path / "secret.stl")
     (robot / "urdf/out").symlink_to(tmp_path)
-    finder = MeshFinder(robot / "urdf", [robot] if named else [])
+    finder = PackageFiles(robot / "urdf", [robot] if named else [])
     with pytest.raises(kd.InvalidInput, match=r"lies outside|is missing") as caught:
         finder.find(name.format(top=tmp_path))
     assert repr(name.format(top=tmp_path)) in str(caught.value)
@@ -85,12 +85,12 @@ def test_what_lies_outside_is_refused(robot, tmp_path, name, named):
 )
 def test_addresses_are_refused(robot, name):
     with pytest.raises(kd.InvalidInput, match="no addresses"):
-        MeshFinder(robot / "urdf").find(name)
+        PackageFiles(robot / "urdf").find(name)
 
 
 def test_an_unknown_package_says_what_to_do(robot):
     with pytest.raises(kd.InvalidInput) as caught:
-        MeshFinder(robot / "urdf").find("package://hand_description/meshes/hand.stl")
+        PackageFiles(robot / "urdf").find("package://hand_description/meshes/hand.stl")
     assert str(caught.value) == (
         "mesh 'package://hand_description/meshes/hand.stl' is missing: package 'hand_description' "
         "is unknown, for the folders above the robot's file are other packages "
@@ -103,12 +103,12 @@ def test_without_a_manifest_it_says_so(tmp_path):
     with pytest.raises(
         kd.InvalidInput, match=r"no folder above the robot's file has a package\.xml"
     ):
-        MeshFinder(tmp_path).find("package://hand_description/meshes/hand.stl")
+        PackageFiles(tmp_path).find("package://hand_description/meshes/hand.stl")
 
 
 def test_a_folder_without_that_package_is_named(tmp_path, robot):
     with pytest.raises(kd.InvalidInput) as caught:
-        MeshFinder(robot / "urdf", [tmp_path]).find("package://hand_description/a.stl")
+        PackageFiles(robot / "urdf", [tmp_path]).find("package://hand_description/a.stl")
     assert (
         f"and no folder of that name, or with that name in its package.xml, is in {tmp_path};"
         in str(caught.value)
@@ -119,9 +119,9 @@ def test_the_folder_that_a_refusal_asks_for_makes_the_mesh_readable(tmp_path):
     for folder in ("urdf", "meshes"):
         (tmp_path / folder).mkdir()
     (tmp_path / "meshes/a.stl").touch()
-    with pytest.raises(kd.InvalidInput, match=r"urdf; name its folder in package_dirs= or --pack"):
-        MeshFinder(tmp_path / "urdf").find("../meshes/a.stl")
-    finder = MeshFinder(tmp_path / "urdf", [tmp_path / "meshes"])
+    with pytest.raises(kd.InvalidInput, match=r"urdf, the folder or .* or --package-dir names"):
+        PackageFiles(tmp_path / "urdf").find("../meshes/a.stl")
+    finder = PackageFiles(tmp_path / "urdf", [tmp_path / "meshes"])
     assert finder.find("../meshes/a.stl") == tmp_path / "meshes/a.stl"
 
 
@@ -131,7 +131,7 @@ def test_package_dirs_are_packages_or_contain_them(tmp_path, robot, given):
     hand = package(tmp_path / "ws/hand_repo", "hand_description", "meshes/hand.stl")
     top = {"hand_repo": hand, ".": hand.parent, "../ws": tmp_path / "x/../ws", "ws": tmp_path}
     (tmp_path / "x").mkdir()
-    finder = MeshFinder(robot / "urdf", [tmp_path / "x", top[given]])
+    finder = PackageFiles(robot / "urdf", [tmp_path / "x", top[given]])
     found = hand / "meshes/hand.stl"
     assert finder.find("package://hand_description/meshes/hand.stl") == found
     # a file that is named by its path, too
@@ -143,7 +143,7 @@ def test_a_folder_of_the_name_needs_no_manifest_in_package_dirs(tmp_path, robot)
     (tmp_path / "share/hand/meshes").mkdir(parents=True)
     (tmp_path / "share/hand/meshes/hand.stl").touch()
     for folder in ("share", "share/hand"):
-        finder = MeshFinder(robot / "urdf", [tmp_path / folder])
+        finder = PackageFiles(robot / "urdf", [tmp_path / folder])
         found = finder.find("package://hand/meshes/hand.stl")
         assert found == tmp_path / "share/hand/meshes/hand.stl"
 
@@ -158,7 +158,7 @@ def test_packages_of_the_environment(tmp_path, robot, monkeypatch):
     monkeypatch.setenv("AMENT_PREFIX_PATH", f"{gone}{os.pathsep}{tmp_path / 'ros2'}")
     monkeypatch.chdir(tmp_path)
     package(tmp_path / "relative/three", "three", "three.stl")
-    finder = MeshFinder(robot / "urdf")
+    finder = PackageFiles(robot / "urdf")
     with pytest.raises(kd.InvalidInput, match="package 'three' is unknown"):
         finder.find("package://three/three.stl")  # it would depend on the working directory
     assert finder.find("package://one/one.stl") == one / "one.stl"
@@ -173,10 +173,10 @@ def test_the_first_of_several_packages_is_taken(tmp_path, robot, monkeypatch):
     (robot / "a.stl").touch()
     monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / "installed"))
     mesh = "package://robot_description/a.stl"
-    named = MeshFinder(robot / "urdf", [tmp_path / "named"]).find(mesh)
+    named = PackageFiles(robot / "urdf", [tmp_path / "named"]).find(mesh)
     assert named == tmp_path / "named/robot_description/a.stl"
-    assert MeshFinder(robot / "urdf").find(mesh) == robot / "a.stl"
-    assert MeshFinder(tmp_path).find(mesh) == tmp_path / "installed/robot_description/a.stl"
+    assert PackageFiles(robot / "urdf").find(mesh) == robot / "a.stl"
+    assert PackageFiles(tmp_path).find(mesh) == tmp_path / "installed/robot_description/a.stl"
 
 
 def test_a_package_that_is_a_link_to_elsewhere_is_none(tmp_path, robot):
@@ -185,7 +185,7 @@ def test_a_package_that_is_a_link_to_elsewhere_is_none(tmp_path, robot):
     (tmp_path / "archive/evil").symlink_to(tmp_path)
     package(tmp_path / "real", "real_package", "a.stl")
     (tmp_path / "archive/alias").symlink_to(tmp_path / "real")
-    finder = MeshFinder(tmp_path / "archive", [tmp_path / "archive"])
+    finder = PackageFiles(tmp_path / "archive", [tmp_path / "archive"])
     with pytest.raises(kd.InvalidInput, match="lies outside"):
         finder.find("package://evil/secret.stl")
     for name in ("alias", "real_package"):
@@ -201,7 +201,7 @@ def test_a_file_that_is_no_manifest_makes_no_package(tmp_path, manifest):
     (tmp_path / "robot/urdf").mkdir(parents=True)
     (tmp_path / "robot/package.xml").write_text(manifest)
     (tmp_path / "robot/a.stl").touch()
-    finder = MeshFinder(tmp_path / "robot/urdf")
+    finder = PackageFiles(tmp_path / "robot/urdf")
     if manifest == "<package/>":  # a package without a name is known by its folder's
         assert finder.find("package://robot/a.stl") == tmp_path / "robot/a.stl"
         return
@@ -213,11 +213,11 @@ def test_a_file_that_is_no_manifest_makes_no_package(tmp_path, manifest):
 def test_the_folders_are_searched_once(tmp_path, robot, monkeypatch):
     """However many packages a file names."""
     seen = []
-    search = mesh_path._packages_in
+    search = package_files._packages_in
     monkeypatch.setattr(
-        mesh_path, "_packages_in", lambda folder: seen.append(folder) or search(folder)
+        package_files, "_packages_in", lambda folder: seen.append(folder) or search(folder)
     )
-    finder = MeshFinder(robot / "urdf", [tmp_path])
+    finder = PackageFiles(robot / "urdf", [tmp_path])
     for number in range(3):
         with pytest.raises(kd.InvalidInput, match="is unknown"):
             finder.find(f"package://none_{number}/a.stl")

@@ -1,0 +1,283 @@
+"""Options of command lines in groups: a dataclass each for the ball, the air, the contact, files.
+
+A field of a group is an option. `takes` adds the options of groups to a command, which receives the
+filled groups; their methods make the library's objects of what was typed.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, fields, replace
+from functools import wraps
+from types import MappingProxyType
+from typing import Any, TypeVar
+
+import click
+import numpy as np
+
+from kickdyn.aerodynamics.coefficient_model import constant_limits, find_model
+from kickdyn.aerodynamics.drag import MODELS as DRAG_MODELS
+from kickdyn.air import AIRS, Air
+from kickdyn.ball import Ball
+from kickdyn.cli.command import check_files, check_page_name, offers
+from kickdyn.contact import Contact
+from kickdyn.core import validation
+from kickdyn.core.files import shipped, write_json
+from kickdyn.core.validation import Array
+from kickdyn.errors import InvalidInput
+from kickdyn.restitution import MODELS as RESTITUTION_MODELS
+from kickdyn.restitution import Restitution, read_restitution
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+NAMED_BALLS = {"size-5": Ball, "paper": Ball.paper}
+
+
+def option(*names: str, **settings: Any) -> Any:
+    """Return a field of a group: the option that `click.option` makes of the same arguments."""
+    return field(metadata={"names": names, "settings": settings})
+
+
+def takes(
+    settings: Mapping[str, Mapping[str, Any]] = MappingProxyType({}), **groups: type[Any]
+) -> Callable[[Command], Command]:
+    """Return a decorator that adds the options of groups to a command.
+
+    The command receives each group as the argument of its name. `settings` replaces settings of
+    `click.option`, such as a default or a help text, by the name of the option's field.
+    """
+
+    def add(command: Command) -> Command:
+        @wraps(command)
+        def with_groups(**values: Any) -> Any:
+            filled = {
+                name: group(**{entry.name: values.pop(entry.name) for entry in fields(group)})
+                for name, group in groups.items()
+            }
+            return command(**values, **filled)
+
+        for group in reversed(groups.values()):
+            for entry in reversed(fields(group)):
+                changed = {**entry.metadata["settings"], **settings.get(entry.name, {})}
+                click.option(*entry.metadata["names"], entry.name, **changed)(with_groups)
+        return with_groups  # type: ignore[return-value]
+
+    return add
+
+
+class Numbers(click.ParamType):  # type: ignore[type-arg]
+    """Finite numbers in one word, such as `X,Y,Z` or `DISTANCE:HEIGHT`."""
+
+    def __init__(self, form: str) -> None:
+        self.name = form
+        self._separator = ":" if ":" in form else ","
+
+    def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str:
+        """Return the form."""
+        return self.name
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the numbers as a tuple."""
+        count = self.name.count(self._separator) + 1
+        try:
+            numbers = tuple(map(float, value.split(self._separator)))
+        except ValueError:
+            numbers = ()
+        if len(numbers) != count or not all(map(math.isfinite, numbers)):
+            example = self._separator.join(["0.1", "0.2", "0.3"][:count])
+            self.fail(f"{value!r} is not {self.name}, such as {example}.", param, ctx)
+        return numbers
+
+
+@dataclass(frozen=True)
+class FootOptions:
+    """The velocity of the foot: `speed` [m/s] and its direction above the horizontal [deg]."""
+
+    speed: float = option("--speed", default=1.0, show_default=True, help="Foot speed [m/s].")
+    attack: float = option(
+        "--attack", default=30.0, show_default=True,
+        help="Direction of the foot and of the contact normal above the horizontal [deg].",
+    )  # fmt: skip
+
+    @property
+    def angle(self) -> float:
+        """Direction above the horizontal [rad]."""
+        return math.radians(
+            validation.number("attack", self.attack, at_least=-90, at_most=90, unit="deg")
+        )
+
+    @property
+    def direction(self) -> Array:
+        """Unit vector of the direction, shape `(3,)`, in the world frame."""
+        return np.array([math.cos(self.angle), 0.0, math.sin(self.angle)])
+
+    @property
+    def velocity(self) -> Array:
+        """Velocity of the foot, shape `(3,)` [m/s, world frame]."""
+        speed = validation.number("speed", self.speed, above=0, at_most=1e6, unit="m/s")
+        return np.asarray(speed * self.direction)
+
+
+@dataclass(frozen=True)
+class BallOptions:
+    """The ball: mass [kg] and radius [m], or a name."""
+
+    ball: str = option(
+        "--ball", default="size-5", metavar="MASS:RADIUS|size-5|paper", show_default=True,
+        help="Mass [kg] and radius [m], or a name.", shell_complete=offers(lambda _: NAMED_BALLS),
+    )  # fmt: skip
+
+    def load(self) -> Ball:
+        """Return the ball; raise `InvalidInput` if it is neither a name nor two numbers."""
+        if self.ball in NAMED_BALLS:
+            return NAMED_BALLS[self.ball]()
+        try:
+            mass, radius = map(float, self.ball.split(":"))
+        except ValueError:
+            raise InvalidInput(
+                f"--ball is {self.ball!r}: it must be size-5, paper, or MASS:RADIUS such as "
+                "0.45:0.11 [kg:m]"
+            ) from None
+        return checked_ball(mass, radius, "ball mass", "ball radius")
+
+
+def checked_ball(mass: float, radius: float, mass_name: str, radius_name: str) -> Ball:
+    """Return a ball of 1 g to 1000 kg and 1 mm to 1 m of radius, or raise `InvalidInput`."""
+    return Ball(
+        validation.number(mass_name, mass, at_least=1e-3, at_most=1e3, unit="kg"),
+        validation.number(radius_name, radius, at_least=1e-3, at_most=1, unit="m"),
+    )
+
+
+@dataclass(frozen=True)
+class ContactOptions:
+    """Coefficients of the contact: `restitution` as it was typed, and `friction`."""
+
+    restitution: str = option(
+        "--restitution", default="0.8", show_default=True, metavar="E|NAME|SPEED:E,...",
+        shell_complete=offers(lambda _: RESTITUTION_MODELS),
+        help="Coefficient of restitution e, from 0 to 1; a table of e over the approach speed, "
+        f"such as 5:0.8,20:0.65 [m/s:e]; or a model ({', '.join(RESTITUTION_MODELS)}).",
+    )  # fmt: skip
+    friction: float = option(
+        "--friction", default=0.4, show_default=True, help="Coulomb's coefficient."
+    )
+
+    def read_restitution(self) -> Restitution:
+        """Return the coefficient, its table over the speed of approach, or the name of a model."""
+        return read_restitution(self.restitution)
+
+
+@dataclass(frozen=True)
+class PointOptions(ContactOptions):
+    """Coefficients of the contact, and its `offset` from the contact frame, in its axes [m]."""
+
+    offset: tuple[float, float, float] | None = option(
+        "--offset", type=Numbers("X,Y,Z"),
+        help="Contact point relative to --frame, in its axes [m].",
+    )  # fmt: skip
+
+    def contact(self, direction: Array) -> Contact:
+        """Return the contact whose normal has a direction, shape `(3,)`."""
+        return Contact(direction, self.read_restitution(), self.friction, offset=self.offset)
+
+
+@dataclass(frozen=True)
+class AirOptions:
+    """The air by its name, and the drag of the ball: a number, or the name of a model."""
+
+    air: str = option(
+        "--air", default="standard", show_default=True, type=click.Choice(list(AIRS)),
+        help="Air at 20 degC and sea level, with density and viscosity of the paper's Table 3, or "
+        "none. The coefficients of drag and lift are those of kickdyn.",
+    )  # fmt: skip
+    drag: str | None = option(
+        "--drag", metavar="MODEL|NUMBER", shell_complete=offers(lambda _: DRAG_MODELS),
+        help="Drag coefficient of the ball: a number such as 0.25, or the name of a model of it "
+        f"({', '.join(DRAG_MODELS)}).  [default: supercritical; with --air paper, brazuca]",
+    )  # fmt: skip
+
+    def load(self) -> Air | None:
+        """Return the air; None in a vacuum."""
+        air = AIRS[self.air]
+        if self.drag is None:
+            return air
+        drag = read_drag(self.drag)
+        if air is None:
+            raise InvalidInput(f"--drag is {drag}, but --air is none: a vacuum has no drag")
+        return replace(air, drag=find_model("drag", DRAG_MODELS, drag))
+
+
+def read_drag(text: str, *names: str) -> str | float:
+    """Return a coefficient of drag, or the text if it is the name of a model or one of `names`."""
+    known = [*DRAG_MODELS, *names]
+    if text in known:
+        return text
+    try:
+        value = float(text)
+    except ValueError:
+        raise InvalidInput(
+            f"--drag is {text!r}: it must be a number such as 0.25, or one of {', '.join(known)}"
+        ) from None
+    return validation.number("--drag", value, **constant_limits("drag"))
+
+
+@dataclass(frozen=True)
+class JsonOptions:
+    """The file of the results as JSON; `-` is stdout, and then nothing else is printed."""
+
+    json_file: str | None = option(
+        "--json", metavar="FILE", help="Write the results as JSON; - is stdout."
+    )
+
+    @property
+    def prints(self) -> bool:
+        """Whether the results are printed for people."""
+        return self.json_file != "-"
+
+    def check(self, *others: str | None, inputs: Iterable[str | None] = ()) -> None:
+        """Raise `InvalidInput` unless these files and `others` can be written."""
+        check_files(*others, json_file=self.json_file, inputs=inputs)
+
+    def write_json(self, document: object) -> None:
+        """Write the document if a file is named."""
+        if self.json_file is not None:
+            write_json(self.json_file, document)
+
+    def name_written(self, *files: object) -> None:
+        """Print the names of files that were written, and that of the JSON file."""
+        for file in (*files, self.json_file):
+            if self.prints and file is not None:
+                click.echo(f"wrote {file}")
+
+
+@dataclass(frozen=True)
+class OutputOptions(JsonOptions):
+    """Where results are written: as JSON, as a plot, and as a 3-D page or a picture of it."""
+
+    plot: str | None = option(
+        "--plot", metavar="FILE", help="Plot the results: .png, .svg or .pdf."
+    )
+    view: str | None = option(
+        "--view", metavar="FILE.html|.png", help="Write a 3-D page of the kick, or a picture of it."
+    )
+
+    def check(self, *others: str | None, inputs: Iterable[str | None] = ()) -> None:
+        """Raise `InvalidInput` unless these files and `others` can be written."""
+        if self.plot is not None:
+            from kickdyn.core.plot_style import check_name  # imports matplotlib
+
+            check_name(self.plot)
+        if self.view is not None:
+            check_page_name(self.view)
+        super().check(*others, self.plot, self.view, inputs=inputs)
+
+
+def scene_names(_: click.Context) -> list[str]:
+    """Return the names of the scenes that come with kickdyn."""
+    return sorted(scene.stem for scene in shipped("scenes").glob("*.toml"))
+
+
+scene_argument: Callable[[Command], Command] = click.argument(
+    "scene_file", metavar="SCENE", shell_complete=offers(scene_names, files=True)
+)
+"""Gives a command the argument `scene_file`."""

@@ -1,0 +1,220 @@
+r"""Bodies in an impact: what their contacts see of them, and what impulses do to them.
+
+Two bodies touch at each contact. Its normal points from the first into the second, and its impulse
+is the one on the second; the first takes the opposite. Relative velocities are those of the second
+body minus those of the first. A body's share has the sign of its side: -1 where it is the first
+body of a contact, 1 where it is the second, and 0 at a contact of other bodies.
+"""
+
+from itertools import combinations
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from kickdyn.ball import Ball, BallState
+from kickdyn.core.validation import Array
+from kickdyn.core.vectors import Triple, cross3
+from kickdyn.robot.leg import Posture
+
+NO_VELOCITY: Triple = (0.0, 0.0, 0.0)
+
+
+class Body(Protocol):
+    """A body of an impact with k contacts: its share of velocities and Delassus matrix."""
+
+    def velocity(self, contact: int) -> Triple:
+        """Return the share of the relative velocity at a contact, without a ball's spin [m/s]."""
+
+    def surface_spin(self, contact: int) -> Triple:
+        """Return radius times spin of a ball, 0 for other bodies [m/s, world frame]."""
+
+    @property
+    def is_free(self) -> bool:
+        """Whether the body can move in every direction."""
+
+    def delassus(self, axes: Array) -> Array:
+        """Return the share of the Delassus matrix in contact axes, shape `(3 k, 3 k)` [1/kg].
+
+        The rotations from contact axes, with the normal last, to world axes are `(k, 3, 3)`.
+        """
+
+    def inverse_mass(self, direction: Array) -> float:
+        """Return the share of the inverse effective mass at a single contact [1/kg].
+
+        The impulse acts along a unit vector, `(3,)`, without turning a ball.
+        """
+
+    def after(self, impulses: Array, tangential_impulses: Array) -> object:
+        """Return the motion just after impulses at the contacts, shape `(k, 3)` [N s].
+
+        Their parts across the normals have the same shape.
+        """
+
+
+class BallBody(NamedTuple):
+    """A ball, which is touched on its surface.
+
+    Attributes:
+        ball: mass m, radius r and inertia I_b.
+        before: its motion just before the impact.
+        normals: of the contacts.
+        sides: of the ball at the contacts, -1, 0 or 1.
+    """
+
+    ball: Ball
+    before: BallState
+    normals: tuple[Array, ...]
+    sides: tuple[float, ...] = (1.0,)
+
+    def velocity(self, contact: int) -> Triple:
+        """Return the velocity of the centre with the sign of the side [m/s]."""
+        side, (x, y, z) = self.sides[contact], self.before.velocity.tolist()
+        return side * x, side * y, side * z
+
+    def surface_spin(self, contact: int) -> Triple:
+        """Return radius times spin, which has the same sign on both sides [m/s]."""
+        radius = self.ball.radius * abs(self.sides[contact])
+        x, y, z = self.before.spin.tolist()
+        return radius * x, radius * y, radius * z
+
+    @property
+    def is_free(self) -> bool:
+        """Whether the ball is no obstacle, whose mass is inf."""
+        return self.ball.mass < np.inf
+
+    def delassus(self, axes: Array) -> Array:
+        r"""Return the share of the Delassus matrix in contact axes, shape `(3 k, 3 k)` [1/kg].
+
+        Contacts i and j whose second body is the ball have the block
+
+        .. math:: \frac1m I + \frac{r^2}{I_b} (n_i \cdot n_j\, I - n_j n_i^T) .
+
+        It is diagonal for i = j: a ball that hardly resists turning takes no digits from the
+        normal.
+        """
+        along, turning = 1.0 / self.ball.mass, self.ball.turning
+        across = along + turning
+        diagonal = np.array((across, 0.0, 0.0, 0.0, across, 0.0, 0.0, 0.0, along)).reshape(3, 3)
+        if len(axes) == 1:
+            return diagonal
+        matrix = np.kron(np.diag(np.abs(self.sides)), diagonal)
+        inward = [side * rotation[:, 2] for side, rotation in zip(self.sides, axes, strict=True)]
+        for i, j in combinations(range(len(axes)), 2):
+            turned = inward[i].dot(inward[j]) * np.eye(3) - np.outer(inward[j], inward[i])
+            block = self.sides[i] * self.sides[j] * (along * np.eye(3) + turning * turned)
+            rows, columns = slice(3 * i, 3 * i + 3), slice(3 * j, 3 * j + 3)
+            matrix[rows, columns] = axes[i].T @ block @ axes[j]
+            matrix[columns, rows] = matrix[rows, columns].T
+        return matrix
+
+    def inverse_mass(self, direction: Array) -> float:
+        """Return 1/m."""
+        return 1.0 / self.ball.mass
+
+    def after(self, impulses: Array, tangential_impulses: Array) -> BallState:
+        r"""Return the ball just after; only the tangential parts turn it.
+
+        .. math:: v^+ = v + \frac1m \sum \pm p_i, \qquad
+                  \omega^+ = \omega - \frac{r}{I_b} \sum n_i \times p_i .
+        """
+        vx, vy, vz = self.before.velocity.tolist()
+        wx, wy, wz = self.before.spin.tolist()
+        mass, gain = self.ball.mass, self.ball.radius / self.ball.inertia
+        tangential = tangential_impulses.tolist()
+        for i, (px, py, pz) in enumerate(impulses.tolist()):
+            side, (tx, ty, tz) = self.sides[i], cross3(self.normals[i].tolist(), tangential[i])
+            vx, vy, vz = vx + side * px / mass, vy + side * py / mass, vz + side * pz / mass
+            turning = abs(side) * gain
+            wx, wy, wz = wx - turning * tx, wy - turning * ty, wz - turning * tz
+        return BallState.computed(
+            self.before.position, np.array((vx, vy, vz)), np.array((wx, wy, wz))
+        )
+
+
+class LegBody(NamedTuple):
+    """A leg, or another articulated body, in a posture.
+
+    Attributes:
+        posture: its inertia, supports and loops.
+        v: joint velocity just before, shape `(nv,)` [rad/s; m/s for prismatic joints].
+        jacobian: of the contact points, shape `(3 k, nv)`.
+        factor: F with :math:`F F^T = J M^{-1} J^T`, shape `(3 k, n)` [kg^-1/2, world frame]; the
+            rows of a contact have the sign of its side, or all of them have the wrong sign.
+        velocities: of the contact points, with the signs of the sides [m/s].
+        sides: of the leg at the contacts, -1 or 1.
+    """
+
+    posture: Posture
+    v: Array
+    jacobian: Array
+    factor: Array
+    velocities: tuple[Triple, ...]
+    sides: tuple[float, ...] = (-1.0,)
+
+    def velocity(self, contact: int) -> Triple:
+        """Return the velocity of a contact point with the sign of its side [m/s]."""
+        return self.velocities[contact]
+
+    def surface_spin(self, contact: int) -> Triple:  # of a material point
+        """Return 0 [m/s]."""
+        return NO_VELOCITY
+
+    @property
+    def is_free(self) -> bool:
+        """Not in general: a planar leg cannot leave its plane."""
+        return False
+
+    def delassus(self, axes: Array) -> Array:
+        """Return the share of the Delassus matrix in contact axes, shape `(3 k, 3 k)` [1/kg].
+
+        The rows of the factor are rotated, not their products: a foot that is much more mobile
+        across the normal takes no digits from the normal.
+        """
+        if len(axes) == 1:  # several take 3 us more
+            rows = axes[0].T.dot(self.factor)
+        else:
+            blocks = zip(axes, np.split(self.factor, len(axes)), strict=True)
+            rows = np.concatenate([rotation.T.dot(block) for rotation, block in blocks])
+        return np.asarray(rows.dot(rows.T))
+
+    def inverse_mass(self, direction: Array) -> float:
+        """Return the inverse effective mass at a single contact along a direction [1/kg]."""
+        row = direction.dot(self.factor)
+        return float(row.dot(row))
+
+    def jump(self, impulses: Array) -> tuple[Array, Array]:
+        """Return the jump of the joint velocity and the impulses of the leg's constraints."""
+        pushes = np.array(self.sides)[:, None] * impulses
+        return self.posture.respond(pushes.ravel() @ self.jacobian)
+
+    def after(self, impulses: Array, tangential_impulses: Array) -> Array:
+        """Return the joint velocity just after, shape `(nv,)` [rad/s; m/s if prismatic]."""
+        return self.v + self.jump(impulses)[0]
+
+
+class Obstacle:
+    """A body that no impulse moves, at rest: the ground or a wall."""
+
+    def velocity(self, contact: int) -> Triple:
+        """Return 0 [m/s]."""
+        return NO_VELOCITY
+
+    def surface_spin(self, contact: int) -> Triple:
+        """Return 0 [m/s]."""
+        return NO_VELOCITY
+
+    @property
+    def is_free(self) -> bool:
+        """Never."""
+        return False
+
+    def delassus(self, axes: Array) -> Array:
+        """Return 0, shape `(3 k, 3 k)` [1/kg]."""
+        return np.zeros((3 * len(axes), 3 * len(axes)))
+
+    def inverse_mass(self, direction: Array) -> float:
+        """Return 0."""
+        return 0.0
+
+    def after(self, impulses: Array, tangential_impulses: Array) -> None:
+        """Do nothing: the obstacle stays."""

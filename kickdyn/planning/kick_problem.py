@@ -1,0 +1,342 @@
+r"""The problem of a kick: its terms, postures to start from, and its solution.
+
+.. math::
+    \min_{q, v, s} f(q, v) \quad\text{subject to the terms of the foot, the joints and the stance.}
+
+A limit that every kick must keep is a term in the list of `kick_problem`. A problem is solved from
+those postures, of many that are drawn with a fixed seed, that need the least joint speed.
+"""
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+import pinocchio as pin
+
+from kickdyn.core.validation import Array
+from kickdyn.errors import InvalidInput
+from kickdyn.impact.constraint_impulses import check_unconstrained
+from kickdyn.planning.impact_target import ImpactTarget
+from kickdyn.planning.kick_point import KickPoint, KickVariables
+from kickdyn.planning.kick_terms import (
+    BallPosition,
+    Facing,
+    FullShare,
+    JointRange,
+    SpeedLimit,
+    StrikeVelocity,
+    TorqueLimit,
+    check_limits,
+)
+from kickdyn.planning.objectives import (
+    OBJECTIVES,
+    JointSpeed,
+    LandingScatter,
+    LargestShare,
+    Objective,
+)
+from kickdyn.planning.problem import TOLERANCE, Function, LeastViolation, Problem, Term
+from kickdyn.planning.solvers import solve
+from kickdyn.planning.stance import Balance, Clearance, SupportImpulse, Upright
+from kickdyn.robot.kicking_chain import KickingChain, kicking_chain
+from kickdyn.robot.leg import Leg
+from kickdyn.robot.standing import StandingRobot, is_floating
+from kickdyn.robot.surgery import turn_body
+
+DRAWN, STARTS = 80, 4
+"""Numbers of postures that are drawn, and of those among them from which a problem is solved."""
+
+FARTHEST_START, FARTHEST_STANDING_START = 1.0, 0.5
+"""Largest angle of a joint in a drawn posture, on a fixed base and on one foot [rad]: farther, a
+leg is bent more than in any kick, and the trunk of a standing robot lies down."""
+
+AnyTerm = TypeVar("AnyTerm", bound=Term[KickPoint])
+
+
+@dataclass(frozen=True, eq=False)
+class KickProblem:
+    """The problem of a kick.
+
+    Attributes:
+        robot: that kicks; turned by `heading` [rad] to the left about the vertical.
+        limb: the kicking limb of the robot with all that branches off it, on a fixed base.
+        variables: the unknowns.
+        foot_directions: in which the foot can move at all, orthonormal rows, shape `(k, 3)`.
+        terms: the conditions and bounds, without an objective.
+        drawn: postures that are drawn, shape `(m, n)` [rad; m for prismatic joints].
+        heading: see `robot`.
+        standing: the robot on its foot; None for a leg on a fixed base.
+    """
+
+    robot: Leg
+    limb: KickingChain
+    variables: KickVariables
+    foot_directions: Array
+    terms: tuple[Term[KickPoint], ...]
+    drawn: Array
+    heading: float = 0.0
+    standing: StandingRobot | None = None
+
+    def on_robot(self, point: KickPoint) -> tuple[Array, Array]:
+        """Return q and v of the robot at a point, shapes `(nq,)` and `(nv,)`."""
+        q, v = point.posture.q, point.v
+        if self.standing is None:
+            return self.limb.whole(self.robot, q, v)
+        return self.standing.whole(*self.limb.whole(self.standing.leg, q, v))
+
+    def find(self, kind: type[AnyTerm]) -> AnyTerm | None:
+        """Return the term of a class; None if the problem has none."""
+        return next((term for term in self.terms if isinstance(term, kind)), None)
+
+    def without(self, terms: Iterable[Term[KickPoint]]) -> "KickProblem":
+        """Return the problem without some of its terms."""
+        omitted = list(terms)
+        return replace(self, terms=tuple(term for term in self.terms if term not in omitted))
+
+    def variants(self) -> "Iterator[KickProblem]":
+        """Yield the problem and, if some of its terms are not required, the one without these."""
+        yield self
+        if optional := [term for term in self.terms if not term.required]:
+            yield self.without(optional)
+
+    def solve(
+        self, objective: Function[KickPoint], starts: Sequence[Array] | None = None
+    ) -> list[KickPoint]:
+        """Return the solutions from each start that reach the whole foot velocity."""
+        terms = (objective, *self.terms, FullShare(self.variables))
+        return self._solve(terms, self.starts() if starts is None else starts)
+
+    def solve_for_share(self, starts: Sequence[Array]) -> list[KickPoint]:
+        """Return the solutions from each start that reach the largest share of it."""
+        return self._solve((LargestShare(), *self.terms), starts)
+
+    def _solve(
+        self, terms: tuple[Term[KickPoint], ...], starts: Sequence[Array]
+    ) -> list[KickPoint]:
+        """Return the solutions of terms from each start, with exact foot velocities."""
+        variables, strike = self.variables, self.find(StrikeVelocity)
+        assert strike is not None
+        problem = Problem(variables.size, variables.point, terms)
+        solutions = [x for start in starts if (x := solve(problem, start)) is not None]
+        return [strike.make_exact(variables.point(x)) for x in solutions]
+
+    def starts(self) -> list[Array]:
+        """Return the unknowns of the drawn postures that need the least joint speed.
+
+        What a posture violates, over its scale, is added to the largest speed over its limit.
+        """
+        variables, scale, rated = self.variables, self.variables.velocity_scale, []
+        rating = [f for f in self.terms if isinstance(f, Function) and f.rates_starts]
+        for number, q in enumerate(self.drawn):
+            posture = variables.posture(q)
+            rows = posture.jacobian[:, variables.vs] * scale
+            v = np.linalg.pinv(rows, rcond=1e-2) @ variables.target.foot_velocity(posture)
+            point = variables.point(np.array([*q, *v, 1.0]))
+            violation = sum(term.total_violation(point) for term in rating)
+            rated.append((float(np.abs(v).max()) + violation, number, point.x))
+        return [x for _, _, x in sorted(rated)[:STARTS]]
+
+
+class KickSolution(NamedTuple):
+    """A point that solves a problem.
+
+    Attributes:
+        problem: the problem; where no point keeps an optional term, the problem without it.
+        point: with an exact foot velocity.
+        binding: limits of the motion before and after the impact that the point does not leave.
+    """
+
+    problem: KickProblem
+    point: KickPoint
+    binding: tuple[str, ...] = ()
+
+
+def kick_problem(
+    robot: Leg,
+    target: ImpactTarget,
+    ball_position: float | Array | None = None,
+    *,
+    limits: bool = True,
+    turn: bool = True,
+) -> KickProblem:
+    """Return the problem of a kick.
+
+    Args:
+        robot: a leg on a fixed base, or a robot on a floating one that stands on one foot.
+        target: the impact.
+        ball_position: height or position of the ball's centre, shape `(3,)` [m, world frame]; None
+            leaves it free.
+        limits: whether limits of speed and torque hold.
+        turn: whether a leg on a fixed base whose foot moves in a plane may be turned towards the
+            launch.
+
+    Raises:
+        InvalidInput: a leg that cannot kick in this direction, or a ball beside its plane.
+    """
+    draw, heading = np.random.default_rng(0), 0.0
+    standing = StandingRobot(robot) if is_floating(robot) else None
+    if standing is not None:
+        robot = standing.robot
+        limb = kicking_chain(standing.leg, branches=True)
+    else:
+        check_unconstrained(robot, "kicks from a fixed base are planned")
+        limb = kicking_chain(robot, branches=True)
+    variables = KickVariables(limb.leg, target)
+    directions = _foot_directions(variables, draw)
+    if standing is None and turn and _leaves(directions, target.impulse):
+        heading = _heading_towards(directions, target.impulse)
+    if heading:
+        rotation = pin.rpy.rpyToMatrix(0.0, 0.0, heading)
+        robot = robot.with_model(turn_body(robot.model, 0, rotation))
+        limb = kicking_chain(robot, branches=True)
+        variables = KickVariables(limb.leg, target)
+        directions = _foot_directions(variables, draw)
+    _check_directions(variables, directions)
+
+    # the later, the less a kick needs it: an explanation omits the last terms first
+    terms: list[Term[KickPoint]] = [JointRange(variables), StrikeVelocity(variables, directions)]
+    if ball_position is not None:
+        terms.append(_place_ball(variables, directions, ball_position, draw))
+    if limits:
+        check_limits(variables)
+        terms += [SpeedLimit(variables), TorqueLimit(variables)]
+    cone = variables.leg.contact_normal_cone
+    if cone is not None and target.contact.offset is None:  # at another point, it is unknown
+        terms.append(Facing(variables, cone))
+    if standing is not None:
+        terms += [Balance(standing), Clearance(standing), Upright(standing)]
+        terms.append(SupportImpulse(standing, target.impulse))
+
+    farthest = FARTHEST_START if standing is None else FARTHEST_STANDING_START
+    lower = np.minimum(np.maximum(variables.lower, -farthest), variables.upper)
+    upper = np.maximum(np.minimum(variables.upper, farthest), variables.lower)
+    drawn = np.array([draw.uniform(lower, upper) for _ in range(DRAWN)])
+    return KickProblem(robot, limb, variables, directions, tuple(terms), drawn, heading, standing)
+
+
+def solve_kick(problem: KickProblem, objective: Objective) -> KickSolution:
+    """Return the best solution of a problem; where none meets the goal, the strongest kick.
+
+    Raises:
+        InvalidInput: no posture keeps the terms, with the reason.
+    """
+    if isinstance(objective, LandingScatter):
+        return _solve_for_scatter(problem, objective)
+    solution = _find_solution(problem, objective)
+    if solution is not None:
+        return solution
+    ball = problem.find(BallPosition)
+    place = "" if ball is None else f" {ball.place}"
+    raise InvalidInput(
+        f"{problem.robot.name} has no posture in which it can give a ball{place} the required "
+        f"launch; {explain_infeasible(problem)}"
+    )
+
+
+def explain_infeasible(problem: KickProblem) -> str:
+    """Return why a problem has no solution: the last terms without which it has one."""
+    *_, problem = problem.variants()
+    for explanation in dict.fromkeys(term.explanation for term in reversed(problem.terms)):
+        if explanation:
+            omitted = [term for term in problem.terms if term.explanation == explanation]
+            solution = _find_solution(problem.without(omitted), LeastViolation(omitted))
+            if solution is not None:
+                return omitted[0].explain(solution.point)
+    return "the ranges of its joints allow none"
+
+
+def _find_solution(problem: KickProblem, objective: Function[KickPoint]) -> KickSolution | None:
+    """Return the best solution that reaches the whole foot velocity, else the strongest kick."""
+    for variant in problem.variants():
+        starts = variant.starts()
+        if points := variant.solve(objective, starts):
+            best = min(points, key=lambda point: float(objective.value(point)[0]))
+            return KickSolution(variant, best)
+    points = variant.solve_for_share(starts)
+    if not points:
+        return None
+    strongest = max(points, key=lambda point: point.share)
+    if strongest.share >= 1.0 - 1e-6:
+        full = variant.variables.point(np.append(strongest.x[:-1], 1.0))
+        strongest = next(iter(variant.solve(objective, [strongest.x])), full)
+    return KickSolution(variant, strongest)
+
+
+def _solve_for_scatter(problem: KickProblem, scatter: LandingScatter) -> KickSolution:
+    """Return the solution of least scatter near the solutions for all other objectives."""
+    problem, point, _ = solve_kick(problem, JointSpeed())
+    if point.share < 1.0:
+        return KickSolution(problem, point)
+    points, starts = [point], problem.starts()
+    for kind in OBJECTIVES.values():
+        if kind not in (JointSpeed, LandingScatter):
+            objective = kind()
+            solutions = problem.solve(objective, starts)
+            points += [min(solutions, key=objective.cost)] if solutions else []
+    points += problem.solve(scatter, [point.x for point in points])
+    return KickSolution(problem, min(points, key=scatter.cost))
+
+
+def _foot_directions(variables: KickVariables, draw: np.random.Generator) -> Array:
+    """Return the directions in which the foot can move at all, orthonormal rows, by drawn q."""
+    lower, upper = variables.lower, variables.upper
+    postures = [variables.posture(draw.uniform(lower, upper)) for _ in range(8)]
+    directions, gains, _ = np.linalg.svd(np.hstack([one.jacobian for one in postures]))
+    return np.asarray(directions[:, gains > 1e-9 * gains[0]].T)
+
+
+def _leaves(directions: Array, vector: Array) -> bool:
+    """Return whether a vector has a part across directions."""
+    across = vector - directions.T @ (directions @ vector)
+    return bool(np.linalg.norm(across) > 1e-6 * np.linalg.norm(vector))
+
+
+def _check_directions(variables: KickVariables, directions: Array) -> None:
+    """Refuse a launch or a spin that takes the foot out of the plane that it moves in."""
+    target, name = variables.target, variables.leg.name
+    if _leaves(directions, target.impulse):
+        launch = (target.impulse / target.ball.mass).round(4).tolist()
+        raise InvalidInput(
+            f"{name} cannot kick so: its foot moves in a plane only, and the launch {launch} m/s "
+            "leaves that plane"
+        )
+    if _leaves(directions, target.contact.normal):
+        raise InvalidInput(
+            f"{name} cannot give this spin: its foot moves in a plane only, and side spin takes a "
+            "foot that moves aside (a robot's leg, such as g1, does)"
+        )
+
+
+def _place_ball(
+    variables: KickVariables,
+    directions: Array,
+    position: float | Array,
+    draw: np.random.Generator,
+) -> BallPosition:
+    """Return the term of a ball at a height or a position, or raise `InvalidInput`."""
+    if isinstance(position, float | int):
+        centre = np.array([0.0, 0.0, position])
+        return BallPosition(variables, centre, np.array([[0.0, 0.0, 1.0]]))
+    q = draw.uniform(variables.lower, variables.upper)
+    offset = variables.point(np.append(q, np.zeros(variables.n + 1))).ball_centre - position
+    beside = float(np.linalg.norm(offset - directions.T @ (directions @ offset)))
+    if beside > TOLERANCE * variables.target.ball.radius:
+        raise InvalidInput(
+            f"the ball at {position.tolist()} m is {beside:.4g} m beside the plane that the foot "
+            f"of {variables.leg.name} moves in"
+        )
+    return BallPosition(variables, position, directions)
+
+
+def _heading_towards(directions: Array, vector: Array) -> float:
+    """Return the turn that brings a vector into the vertical plane that the foot moves in [rad]."""
+    across = np.cross(*directions) if len(directions) == 2 else np.array([0.0, 0.0, 1.0])
+    if abs(across[2]) > 1e-9 or not math.hypot(vector[0], vector[1]) > 0.0:
+        return 0.0  # no such plane, or no horizontal part to turn to
+    ahead = np.array([across[1], -across[0]])
+    if ahead[0] < 0.0:  # legs face x
+        ahead = -ahead
+    turn = math.atan2(vector[1], vector[0]) - math.atan2(ahead[1], ahead[0])
+    return math.remainder(turn, 2 * math.pi)

@@ -1,0 +1,237 @@
+r"""What the foot and the joints must keep in a kick.
+
+.. math::
+    J(q)\,v = s\,u(q), \quad x(q) + r n = x_{ball}, \quad
+    |\tau_i(q, v)| \le \tau_{max,i}, \quad |v_i| \le v_{max,i}, \quad q_{min} \le q \le q_{max}.
+
+:math:`u(q)` is the foot velocity of the impact target, :math:`s` the share of it that is reached,
+:math:`x` the contact point, :math:`n` its normal and :math:`\tau` the torque that keeps the joint
+velocity, gravity included.
+"""
+
+import math
+
+import numpy as np
+import pinocchio as pin
+
+from kickdyn.core.validation import Array
+from kickdyn.errors import InvalidInput
+from kickdyn.impact.leg_derivatives import leg_derivatives
+from kickdyn.planning.kick_point import KickPoint, KickTerm, KickVariables
+from kickdyn.planning.problem import TOLERANCE, Bounds, Function, Kind
+from kickdyn.robot.leg import Posture
+
+WITHOUT_LIMITS = "it has one without its speed and torque limits"
+
+
+class StrikeVelocity(Function[KickPoint]):
+    """The velocity that the foot must have, over its size at the full share.
+
+    Attributes:
+        rows: orthonormal directions in which the velocity is given, shape `(k, 3)`: those in which
+            the foot can move; without friction, the contact normal alone.
+    """
+
+    kind, rates_starts = Kind.EQUALITY, False
+
+    def __init__(self, variables: KickVariables, foot_directions: Array) -> None:
+        contact = variables.target.contact
+        self.rows = foot_directions if contact.friction > 0.0 else contact.normal[None]
+
+    def value(self, point: KickPoint) -> Array:
+        target, change = point.variables.target, point.velocity_change
+        full = target.foot_velocity_for(change)
+        error = point.posture.jacobian @ point.v - target.foot_velocity_for(change, point.share)
+        return np.asarray(self.rows @ error / math.sqrt(full @ full))
+
+    def slope(self, point: KickPoint) -> Array:
+        variables, posture, v, share = point.variables, point.posture, point.v, point.share
+        target, jacobian, change = variables.target, posture.jacobian, point.velocity_change
+        v_after = v + posture.solve(-target.impulse @ jacobian)
+        leg = leg_derivatives(posture, v, v_after, target.impulse, np.zeros(0))
+        # the derivative of J M^-1 J^T p by q
+        change_q = leg.foot_q - leg.foot_q_after - jacobian @ leg.v_after_q
+        full = target.foot_velocity_for(change)
+        size, full_q = math.sqrt(full @ full), target.foot_gain(change) @ change_q
+        gain = target.foot_gain(share * change)
+        error = jacobian @ v - target.foot_velocity_for(change, share)
+        by_size = np.outer(error, full @ full_q) / size**2
+        by_q = (leg.foot_q - share * (gain @ change_q) - by_size) / size
+        by_share = -(gain @ change) / size
+        return variables.slope(
+            self.rows @ by_q, self.rows @ (jacobian / size), self.rows @ by_share
+        )
+
+    def make_exact(self, point: KickPoint) -> KickPoint:
+        """Return a point near one, with the foot's velocity exact in all digits."""
+        variables, posture, share = point.variables, point.posture, point.share
+        scale, jacobian = variables.velocity_scale, posture.jacobian
+        error = variables.target.foot_velocity(posture, share) - jacobian @ point.v
+        rows = self.rows @ jacobian[:, variables.vs] * scale
+        x = point.x.copy()
+        x[variables.n : -1] += np.linalg.pinv(rows, rcond=1e-9) @ self.rows @ error
+        return variables.point(x)
+
+
+class BallPosition(KickTerm):
+    """The position of the ball, in the directions in which it is given.
+
+    Attributes:
+        centre: where the ball's centre must be, shape `(3,)` [m, world frame].
+        rows: orthonormal directions in which it must be there, shape `(k, 3)`.
+    """
+
+    kind = Kind.EQUALITY
+    explanation = "it has one for another position of the ball"
+
+    def __init__(self, variables: KickVariables, centre: Array, rows: Array) -> None:
+        ball = variables.target.ball
+        self.centre, self.rows, self.scale = centre, rows, ball.radius
+        self._from_contact = ball.radius * variables.target.contact.normal
+
+    def residual(self, posture: Posture, v: Array) -> Array:
+        return np.asarray(self.rows @ (posture.contact_point + self._from_contact - self.centre))
+
+    def derivatives(self, posture: Posture, v: Array) -> tuple[Array, None]:
+        return self.rows @ posture.jacobian, None
+
+    @property
+    def place(self) -> str:
+        """Where the ball is, as a part of a sentence."""
+        if len(self.rows) == 1:
+            return f"at a height of {self.centre[2]:g} m"
+        return f"at ({', '.join(f'{part:g}' for part in self.centre)}) m"
+
+    def explain(self, point: KickPoint) -> str:
+        nearest = ", ".join(f"{part:.4g}" for part in np.round(point.ball_centre, 6) + 0.0)
+        return f"the nearest position of the ball for which it has one is ({nearest}) m"
+
+
+class Facing(KickTerm):
+    """The contact normal is in the cone of normals with which the foot can meet a ball."""
+
+    kind = Kind.INEQUALITY
+    explanation = "it has one if another side of the foot may meet the ball"
+
+    def __init__(self, variables: KickVariables, cone: Array) -> None:
+        self.cone, self._normal = cone, variables.target.contact.normal
+
+    def residual(self, posture: Posture, v: Array) -> Array:
+        axes = [
+            posture.with_contact_offset(row).contact_point - posture.contact_point
+            for row in self.cone
+        ]
+        return np.asarray(np.array(axes) @ self._normal)
+
+    def derivatives(self, posture: Posture, v: Array) -> tuple[Array, None]:
+        jacobian = posture.jacobian
+        return np.array([
+            self._normal @ (posture.with_contact_offset(row).jacobian - jacobian)
+            for row in self.cone
+        ]), None  # fmt: skip
+
+
+class TorqueLimit(KickTerm):
+    """The torque that keeps the joints' speed, gravity included, is within its limit."""
+
+    kind, margin, rates_starts = Kind.INEQUALITY, 2 * TOLERANCE, False
+    explanation = WITHOUT_LIMITS
+
+    def __init__(self, variables: KickVariables) -> None:
+        leg = variables.leg
+        self._names, self._vs = variables.names, variables.vs
+        self.limit = _usable(leg.effort_limit[self._vs])
+        self._model, self._data = leg.model, leg.model.createData()
+        self._still = np.zeros(leg.nv)
+
+    def torque(self, posture: Posture, v: Array) -> Array:
+        """Return the torque of the joints that move the foot, shape `(n,)` [N m]."""
+        torque = pin.rnea(self._model, self._data, posture.q, v, self._still)
+        return np.asarray(torque[self._vs])
+
+    def use(self, point: KickPoint) -> Array:
+        """Return the torques over their limits, shape `(n,)`."""
+        return np.abs(self.torque(point.posture, point.v)) / self.limit
+
+    def residual(self, posture: Posture, v: Array) -> Array:
+        use = self.torque(posture, v) / self.limit
+        return 1.0 - use * use
+
+    def derivatives(self, posture: Posture, v: Array) -> tuple[Array, Array]:
+        use = (self.torque(posture, v) / self.limit**2)[:, None]
+        by_q, by_v, _ = pin.computeRNEADerivatives(
+            self._model, self._data, posture.q, v, self._still
+        )
+        shape = (len(v), len(v))
+        return (
+            -2 * use * np.reshape(by_q, shape)[self._vs],
+            -2 * use * np.reshape(by_v, shape)[self._vs],
+        )
+
+    def binding(self, point: KickPoint) -> list[str]:
+        return _binding("torque", self._names, self.use(point))
+
+
+class SpeedLimit(Bounds[KickPoint]):
+    """The speed of each joint is within its limit, which is kept by `TOLERANCE`."""
+
+    explanation = WITHOUT_LIMITS
+
+    def __init__(self, variables: KickVariables) -> None:
+        self._names, self._vs = variables.names, variables.vs
+        self.limit = _usable(variables.leg.velocity_limit[self._vs])
+        most = np.where(np.isfinite(self.limit), 1.0 - TOLERANCE, np.inf)
+        free = np.full(variables.n, np.inf)
+        self.lower, self.upper = -np.array([*free, *most, np.inf]), np.array([*free, *most, np.inf])
+
+    def use(self, point: KickPoint) -> Array:
+        """Return the speeds over their limits, shape `(n,)`."""
+        return np.abs(point.v[self._vs]) / self.limit
+
+    def binding(self, point: KickPoint) -> list[str]:
+        return _binding("speed", self._names, self.use(point))
+
+
+class JointRange(Bounds[KickPoint]):
+    """The range of each joint, and of the share of the foot velocity.
+
+    Args:
+        reserve: share of a joint's range that is left at either end.
+    """
+
+    def __init__(self, variables: KickVariables, reserve: float = 0.0) -> None:
+        gap = reserve * (variables.upper - variables.lower)
+        free = np.full(variables.n, np.inf)
+        self.lower = np.array([*(variables.lower + gap), *-free, 0.0])
+        self.upper = np.array([*(variables.upper - gap), *free, 1.0])
+
+
+class FullShare(Bounds[KickPoint]):
+    """The whole foot velocity is reached."""
+
+    def __init__(self, variables: KickVariables) -> None:
+        free = np.full(variables.size - 1, np.inf)
+        self.lower, self.upper = np.array([*-free, 1.0]), np.array([*free, 1.0])
+
+
+def check_limits(variables: KickVariables) -> None:
+    """Refuse limits of speed or torque that are 0."""
+    leg, vs = variables.leg, variables.vs
+    for what, limit in (("speed", leg.velocity_limit[vs]), ("torque", leg.effort_limit[vs])):
+        if not (limit > 0.0).all():
+            name = variables.names[int(np.argmin(limit > 0.0))]
+            raise InvalidInput(
+                f"{what} limit of {name} is {limit.min():g}: it must be above 0, or all limits "
+                "lifted (limits=False, --no-limits)"
+            )
+
+
+def _usable(limit: Array) -> Array:
+    """Return limits in which one of 0, which is no limit, is infinite."""
+    return np.where(limit > 0.0, limit, np.inf)
+
+
+def _binding(what: str, names: tuple[str, ...], use: Array) -> list[str]:
+    """Return the limits that are reached, by joint."""
+    pairs = zip(names, use.tolist(), strict=True)
+    return [f"{what} of {name}" for name, share in pairs if share > 1.0 - 10 * TOLERANCE]

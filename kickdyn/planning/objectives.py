@@ -1,0 +1,172 @@
+"""Objectives of a kick: what its posture and joint velocity make least, or most."""
+
+import math
+from abc import abstractmethod
+from collections.abc import Mapping
+from dataclasses import replace
+from enum import StrEnum
+
+import numpy as np
+
+from kickdyn.air import Air
+from kickdyn.core.validation import Array
+from kickdyn.errors import NoImpact
+from kickdyn.impact.leg_response import joint_impulses
+from kickdyn.impact.strike import strike
+from kickdyn.planning.kick_point import KickPoint
+from kickdyn.planning.launch import Launch
+from kickdyn.planning.problem import Function, Kind
+from kickdyn.planning.scatter import checked_spread, landing_covariances, landing_slopes
+
+STEP = 1e-7
+"""Step of the unknowns in the differences that stand for derivatives."""
+
+
+class KickObjective(StrEnum):
+    r"""What a kick makes least, or most where the name says so.
+
+    With speed limits :math:`v_{max}`, inertia matrix :math:`M`, foot Jacobian :math:`J` and the
+    linear impulses :math:`p_i` that the joints transmit:
+    """
+
+    JOINT_SPEED = "joint-speed"
+    r""":math:`\frac1n \sum_i (v_i / v_{max,i})^2`."""
+    JOINT_IMPULSE = "joint-impulse"
+    r""":math:`\max_i |p_i|` [N s]."""
+    KINETIC_ENERGY = "kinetic-energy"
+    r""":math:`\frac12 v^T M v` [J], which the swing must build up."""
+    FOOT_SPEED = "foot-speed"
+    r""":math:`|J v|` [m/s]: the posture that makes the most impulse of it."""
+    MOST_JOINT_IMPULSE = "most-joint-impulse"
+    SCATTER = "scatter"
+    """Root mean square error of the landing [m], for errors of a given `uncertainty`."""
+
+    @property
+    def unit(self) -> str:
+        """Unit of the value; `joint-speed` has none."""
+        return OBJECTIVES[self].unit
+
+
+class Objective(Function[KickPoint]):
+    """A cost of a kick; its derivatives are differences.
+
+    Attributes:
+        unit: of the cost.
+    """
+
+    kind = Kind.OBJECTIVE
+    unit = ""
+
+    @abstractmethod
+    def cost(self, point: KickPoint) -> float:
+        """Return what is to be least; what shall be most is below 0."""
+
+    def value(self, point: KickPoint) -> Array:
+        return np.array([self.cost(point)])
+
+    def slope(self, point: KickPoint) -> Array:
+        cost, slope = self.cost(point), np.zeros((1, len(point.x)))
+        for i in range(len(point.x) - 1):  # the share does not count
+            x = point.x.copy()
+            x[i] += STEP
+            slope[0, i] = (self.cost(point.variables.point(x)) - cost) / STEP
+        return slope
+
+
+class JointSpeed(Objective):
+    """Mean square of the joints' speeds over their limits."""
+
+    def cost(self, point: KickPoint) -> float:
+        variables = point.variables
+        return float(np.mean((point.v[variables.vs] / variables.velocity_scale) ** 2))
+
+
+class KineticEnergy(Objective):
+    """Kinetic energy of the leg."""
+
+    unit = "J"
+
+    def cost(self, point: KickPoint) -> float:
+        return 0.5 * float(point.v @ point.posture.inertia @ point.v)
+
+
+class FootSpeed(Objective):
+    """Speed of the contact point."""
+
+    unit = "m/s"
+
+    def cost(self, point: KickPoint) -> float:
+        return math.hypot(*(point.posture.jacobian @ point.v))
+
+
+class JointImpulse(Objective):
+    """Largest linear impulse that a joint transmits, smoothed."""
+
+    unit = "N s"
+
+    def cost(self, point: KickPoint) -> float:
+        posture, impulse = point.posture, point.variables.target.impulse
+        jump, of_constraints = posture.respond(-impulse @ posture.jacobian)
+        transmitted, _ = joint_impulses(posture, jump, -impulse, of_constraints)
+        sizes = np.linalg.norm(transmitted[:, :3], axis=1)
+        largest = float(sizes.max())
+        # the norm of power 12 is the largest within 10 % for six joints
+        return largest * math.pow(float(np.sum((sizes / largest) ** 12)), 1 / 12)
+
+
+class MostJointImpulse(JointImpulse):
+    """The same, as large as possible."""
+
+    def cost(self, point: KickPoint) -> float:
+        return -super().cost(point)
+
+
+class LandingScatter(Objective):
+    """Root mean square error of the landing.
+
+    Args:
+        launch: of the kick.
+        air: of the flight.
+        uncertainty: standard deviations by source, see `scatter`.
+    """
+
+    unit = "m"
+
+    def __init__(self, launch: Launch, air: Air | None, uncertainty: Mapping[str, float]) -> None:
+        self._sizes = checked_spread(uncertainty)
+        _, self._slopes = landing_slopes(launch.state, launch.ball, air)  # the launch stays
+
+    def cost(self, point: KickPoint) -> float:
+        target = point.variables.target
+        contact = replace(target.contact, offset=None)  # the posture has it
+        try:
+            impact = strike(point.posture, point.v, target.ball, contact)
+        except NoImpact:  # far from feasible
+            return 1e6
+        covariances = landing_covariances(impact, self._slopes, self._sizes)
+        return math.sqrt(sum(float(np.trace(part)) for part in covariances.values()))
+
+
+class LargestShare(Function[KickPoint]):
+    """The share of the foot velocity that is reached, as large as possible."""
+
+    kind = Kind.OBJECTIVE
+
+    def value(self, point: KickPoint) -> Array:
+        return np.array([-point.share])
+
+    def slope(self, point: KickPoint) -> Array:
+        slope = np.zeros((1, len(point.x)))
+        slope[0, -1] = -1.0
+        return slope
+
+
+OBJECTIVES: dict[KickObjective, type[Objective]] = {
+    KickObjective.JOINT_SPEED: JointSpeed,
+    KickObjective.JOINT_IMPULSE: JointImpulse,
+    KickObjective.KINETIC_ENERGY: KineticEnergy,
+    KickObjective.FOOT_SPEED: FootSpeed,
+    KickObjective.MOST_JOINT_IMPULSE: MostJointImpulse,
+    KickObjective.SCATTER: LandingScatter,
+}
+"""The objective of each name."""

@@ -1,0 +1,186 @@
+r"""Problems made of terms.
+
+A `Problem` has unknowns :math:`x` and a list of terms. Its objective :math:`f`, equalities
+:math:`h`, inequalities :math:`g` and bounds come from the terms alone:
+
+.. math:: \min_x f(x) \quad\text{subject to}\quad h(x) = 0, \quad g(x) \ge 0, \quad
+    x_{min} \le x \le x_{max}.
+
+Neither a problem nor a solver knows what the unknowns mean. Terms know: the problem's `point` makes
+from the unknowns what its terms evaluate, such as a posture and a joint velocity.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cached_property, lru_cache
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+
+from kickdyn.core.validation import Array
+
+TOLERANCE = 1e-4
+"""Largest violation of a term at a solution, over the term's scale."""
+
+Point = TypeVar("Point")
+
+
+class Kind(StrEnum):
+    """What the value of a term is to a problem."""
+
+    OBJECTIVE = "objective"
+    """Least at the solution."""
+    EQUALITY = "equality"
+    """0 at the solution."""
+    INEQUALITY = "inequality"
+    """0 or more at the solution."""
+    BOUND = "bound"
+    """Bounds of the unknowns, which hold at every point that a solver evaluates."""
+
+
+class Term(ABC, Generic[Point]):
+    """An objective, a condition or bounds of a problem.
+
+    Attributes:
+        kind: objective, equality, inequality or bound.
+        required: whether the condition must be kept. One that is not required is left out where no
+            solution keeps it.
+        explanation: end of the sentence "there is no solution; ...", where there is one without
+            this term; empty for a term without which the problem has no meaning. Terms with the
+            same explanation are left out together.
+    """
+
+    kind: Kind
+    required: bool = True
+    explanation: str = ""
+
+    def explain(self, point: Point) -> str:
+        """Return the explanation, where `point` is the solution that violates the term least."""
+        return self.explanation
+
+    def binding(self, point: Point) -> list[str]:
+        """Return the names of the limits that are reached at a point."""
+        return []
+
+
+class Function(Term[Point]):
+    """A term with a value and a slope.
+
+    Attributes:
+        scale: size of a large violation, in the unit of the value.
+        margin: distance from 0 that solvers keep to an inequality, over the scale.
+        rates_starts: whether its violation counts where points to start from are compared.
+    """
+
+    scale: float = 1.0
+    margin: float = 0.0
+    rates_starts: bool = True
+
+    @abstractmethod
+    def value(self, point: Point) -> Array:
+        """Return the value, shape `(k,)`; of an objective, `(1,)`."""
+
+    @abstractmethod
+    def slope(self, point: Point) -> Array:
+        """Return the derivatives of the value by the unknowns, shape `(k, n)`."""
+
+    def violation(self, point: Point) -> Array:
+        """Return how far the value is from where it must be, over the scale, shape `(k,)`."""
+        value = self.value(point) / self.scale
+        return value if self.kind == Kind.EQUALITY else np.minimum(value, 0.0)
+
+    def total_violation(self, point: Point) -> float:
+        """Return the length of the violation of equalities, or the sum over inequalities."""
+        order = 2 if self.kind == Kind.EQUALITY else 1
+        return float(np.linalg.norm(self.violation(point), order))
+
+
+class Bounds(Term[Point]):
+    """A term that bounds unknowns.
+
+    Attributes:
+        lower, upper: bounds of all unknowns, shape `(n,)`, infinite where there is none.
+    """
+
+    kind = Kind.BOUND
+    lower: Array
+    upper: Array
+
+
+class LeastViolation(Function[Point]):
+    """The sum of the squared violations of terms that a problem leaves out, as an objective."""
+
+    kind = Kind.OBJECTIVE
+
+    def __init__(self, terms: Sequence[Term[Point]]) -> None:
+        self._functions = [term for term in terms if isinstance(term, Function)]
+
+    def value(self, point: Point) -> Array:
+        return np.array([sum(float(np.sum(f.violation(point) ** 2)) for f in self._functions)])
+
+    def slope(self, point: Point) -> Array:
+        return np.asarray(
+            sum(2 * f.violation(point) @ f.slope(point) / f.scale for f in self._functions)
+        )[None]
+
+
+@dataclass(frozen=True, eq=False)
+class Problem(Generic[Point]):
+    """Unknowns and the terms on them.
+
+    Attributes:
+        size: number of unknowns n.
+        point: makes from unknowns, shape `(n,)`, what the terms evaluate.
+        terms: one objective, conditions and bounds, in any order.
+    """
+
+    size: int
+    point: Callable[[Array], Point]
+    terms: tuple[Term[Point], ...]
+
+    @cached_property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper bounds of the unknowns, shape `(n,)` each."""
+        bounds = [term for term in self.terms if isinstance(term, Bounds)]
+        lower, upper = np.full(self.size, -np.inf), np.full(self.size, np.inf)
+        return (
+            np.max([lower, *(term.lower for term in bounds)], axis=0),
+            np.min([upper, *(term.upper for term in bounds)], axis=0),
+        )
+
+    def functions(self, kind: Kind) -> list[Function[Point]]:
+        """Return the terms of a kind."""
+        return [term for term in self.terms if isinstance(term, Function) and term.kind == kind]
+
+    def objective(self, x: Array) -> float:
+        """Return the value of the objective."""
+        return float(self.values(Kind.OBJECTIVE, x)[0])
+
+    def values(self, kind: Kind, x: Array) -> Array:
+        """Return the values of all terms of a kind over their scales, less their margins."""
+        point = self._latest(x.tobytes())
+        return np.concatenate([f.value(point) / f.scale - f.margin for f in self.functions(kind)])
+
+    def slopes(self, kind: Kind, x: Array) -> Array:
+        """Return the derivatives of `values`, shape `(k, n)`."""
+        point = self._latest(x.tobytes())
+        return np.concatenate([f.slope(point) / f.scale for f in self.functions(kind)])
+
+    def is_solved(self, x: Array) -> bool:
+        """Return whether unknowns within the bounds keep all conditions within `TOLERANCE`."""
+        if not np.isfinite(x).all():
+            return False
+        return (
+            not self.functions(Kind.EQUALITY)
+            or float(np.abs(self.values(Kind.EQUALITY, x)).max(initial=0.0)) <= TOLERANCE
+        ) and (
+            not self.functions(Kind.INEQUALITY)
+            or float(self.values(Kind.INEQUALITY, x).min(initial=0.0)) >= -TOLERANCE
+        )
+
+    @cached_property
+    def _latest(self) -> Callable[[bytes], Any]:
+        """The point of unknowns as bytes; the latest is kept, because solvers ask repeatedly."""
+        return lru_cache(maxsize=1)(lambda data: self.point(np.frombuffer(data)))

@@ -1,0 +1,181 @@
+"""The files that a robot's file names: meshes and included files.
+
+A page contains the meshes that it shows, and is passed on; the robot's file may come from anyone.
+So one rule holds for all of them: a file is read if its real path, links followed, lies in a
+package that contains the robot's file (in its folder, if no package does), or in a folder that the
+user or ROS names.
+"""
+
+import os
+from collections.abc import Iterable, Iterator
+from functools import cache, cached_property
+from itertools import chain
+from pathlib import Path
+from urllib.parse import unquote
+
+from kickdyn.core.files import check_file, read_text
+from kickdyn.core.xml_text import parse_xml
+from kickdyn.errors import FaultyFile, InvalidInput
+
+MANIFEST = "package.xml"
+"""The file that makes a folder a ROS package, and has its name (REP 149)."""
+
+MAX_MANIFEST = 1_000_000
+"""Size of the largest manifest that is read [bytes]."""
+
+MAX_MESH = 100_000_000
+"""Size of the largest mesh that is read [bytes]: an STL file of two million triangles."""
+
+
+class PackageFiles:
+    """Finds files by the names that a robot's file has for them.
+
+    A name is a path relative to the robot's file; an absolute one, with `file://` or without; or
+    `package://NAME/...`, also written `model://NAME/...`. A package is looked up in `package_dirs`,
+    then among the folders that contain the robot's file, then in those of ROS.
+
+    Args:
+        folder: of the robot's file.
+        package_dirs: packages, or folders that contain packages.
+    """
+
+    def __init__(self, folder: Path, package_dirs: Iterable[Path] = ()) -> None:
+        self._folder = folder.resolve()
+        named = ((_package_name(path), path) for path in (self._folder, *self._folder.parents))
+        self._containing = [(name, path) for name, path in named if name is not None]
+        self._dirs = [path.resolve() for path in package_dirs]
+        self._packages_in = cache(_packages_in)  # a file may name thousands of packages
+
+    def find(self, name: str, what: str = "mesh", folder: Path | None = None) -> Path:
+        """Return the real path of a file.
+
+        Args:
+            name: as the robot's file has it.
+            what: the file is, for errors.
+            folder: that a relative path starts from; the default is that of the robot's file.
+
+        Raises:
+            MissingFile: there is no such file.
+            InvalidInput: it lies outside the folders that may be read, or is not named by a path.
+        """
+        scheme, mark, path = name.partition("://")
+        if not mark:
+            return self._first(name, what, [(folder or self._folder) / name])
+        if scheme == "file" and path.startswith("/"):
+            return self._first(name, what, [Path(unquote(path))])
+        if scheme not in ("package", "model"):
+            raise InvalidInput(f"{what} {name!r} is refused: only files are read, no addresses")
+        package, _, below = path.lstrip("/").partition("/")
+        if (place := self._find_package(package)) is not None:
+            return self._first(name, what, [place / below.lstrip("/")])
+        # without a manifest, the folder of the robot's file may be the package, or contain it
+        paths = [self._folder / inner.lstrip("/") for inner in (path, below) if inner.strip("/")]
+        try:
+            return self._first(name, what, paths)
+        except MissingFile:
+            raise MissingFile(
+                f"{what} {name!r} is missing: package {package!r} is unknown, for "
+                f"{self._searched()}; name the package's folder, or the folder that contains it, "
+                "in package_dirs= or --package-dir, or in the environment variable ROS_PACKAGE_PATH"
+            ) from None
+
+    def read_mesh(self, name: str, folder: Path | None = None) -> bytes:
+        """Return the content of a mesh.
+
+        Raises:
+            InvalidInput: as `find` does, or the mesh is too large or not a regular file.
+        """
+        path = self.find(name, folder=folder)
+        check_file(path, f"mesh {name!r}", MAX_MESH, FaultyFile)
+        return path.read_bytes()
+
+    def _first(self, name: str, what: str, paths: list[Path]) -> Path:
+        """Return the real path of the first file that exists, if all may be read."""
+        containing = [path for _, path in self._containing] or [self._folder]
+        roots = [*containing, *self._dirs, *self._ros]
+        try:
+            real = [path.resolve() for path in paths]
+            present = [path for path in real if path.exists()]
+        except (OSError, ValueError, RuntimeError) as error:  # links in a circle, a NUL
+            raise InvalidInput(f"{what} {name!r} cannot be found ({error})") from None
+        if not all(any(path.is_relative_to(root) for root in roots) for path in real):
+            raise InvalidInput(
+                f"{what} {name!r} is refused: it lies outside {roots[0]}, the folder or ROS "
+                "package of the robot's file; for a URDF, package_dirs= or --package-dir names its "
+                "folder"
+            )
+        if not present:
+            raise MissingFile(f"{what} {name!r} is missing from {roots[0]}")
+        return present[0]
+
+    def _find_package(self, name: str) -> Path | None:
+        """Return the folder of a package; None where there is none of that name."""
+        if name in ("", ".", ".."):
+            return None
+        containing = (path for known, path in self._containing if name in (known, path.name))
+        return next(
+            chain(self._look_in(self._dirs, name), containing, self._look_in(self._ros, name)), None
+        )
+
+    def _look_in(self, folders: list[Path], name: str) -> Iterator[Path]:
+        """Yield the packages of a name that folders are or contain."""
+        for folder in folders:
+            if folder.name == name:
+                yield folder
+            elif os.path.isdir(folder / name):  # noqa: PTH112 any text may be a name
+                yield folder / name
+            elif name in (packages := self._packages_in(folder)):
+                yield packages[name]
+
+    @cached_property
+    def _ros(self) -> list[Path]:
+        """The folders of packages that the environment names, of ROS 1 and of ROS 2."""
+        folders = os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep)
+        prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+        named = [Path(path) for path in folders if path]
+        named += [Path(path) / "share" for path in prefixes if path]
+        return [path.resolve() for path in named if path.is_absolute()]
+
+    def _searched(self) -> str:
+        """Return where a package was looked for in vain, as a clause."""
+        known = ", ".join(sorted({name for name, _ in self._containing if name}))
+        above = (
+            f"the folders above the robot's file are other packages ({known})"
+            if known
+            else f"no folder above the robot's file has a {MANIFEST}"
+        )
+        if not self._dirs:
+            return above
+        named = ", ".join(map(str, self._dirs))
+        return (
+            f"{above} and no folder of that name, or with that name in its {MANIFEST}, is in "
+            f"{named}"
+        )
+
+
+class MissingFile(InvalidInput):
+    """A robot's file names a file that does not exist."""
+
+
+def _packages_in(folder: Path) -> dict[str, Path]:
+    """Return packages by name: the folder and what is in it, two levels down at most."""
+    packages: dict[str, Path] = {}
+    try:
+        for pattern in (MANIFEST, f"*/{MANIFEST}", f"*/*/{MANIFEST}"):
+            for manifest in sorted(folder.glob(pattern)):
+                name = _package_name(manifest.parent)
+                if name is not None:
+                    packages.setdefault(name, manifest.parent)
+    except OSError:  # a folder that cannot be read
+        pass
+    return packages
+
+
+def _package_name(folder: Path) -> str | None:
+    """Return the name of the ROS package that a folder is; None where it is none."""
+    manifest = folder / MANIFEST
+    try:
+        root = parse_xml(read_text(manifest, str(manifest), MAX_MANIFEST, FaultyFile))
+    except ValueError:  # there is none, or it cannot be read
+        return None
+    return (root.findtext("name") or "").strip() if root.tag == "package" else None

@@ -1,0 +1,231 @@
+"""Changed copies of Pinocchio models: joints locked, turned, rerooted, or with other coordinates.
+
+Every function takes a `pin.Model` and returns a new one, so that several changes can follow each
+other before a `Leg` is made of the result. Pinocchio requires that the joints of each subtree have
+consecutive indices: its algorithms take the columns of a subtree for adjacent ones, and return
+wrong inertias for another order without an error. All functions here keep to that order.
+"""
+
+import math
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from kickdyn.core.validation import Array
+from kickdyn.errors import InvalidInput
+
+PRISMATIC, REVOLUTE = "JointModelP", "JointModelR"
+"""Beginnings of the names of Pinocchio's joints that slide along an axis or turn about one."""
+
+
+def reduce_model(model: Any, joints: Iterable[str], q: Array) -> Any:
+    """Return a model with joints, by name, locked as they are at `q`, shape `(nq,)`.
+
+    `pin.buildReducedModel` wants one frame of each joint's name: a link of that name has another
+    meanwhile, and a joint without a frame, with which it would crash, gets one. These frames must
+    come before those that move with their joints. It also refuses a lower limit of velocity above
+    the upper one, although Pinocchio 4.1 itself starts with that.
+    """
+    prepared = model.copy()
+    prepared.lowerVelocityLimit = -prepared.velocityLimit
+    names, of_joint = list(prepared.names), pin.FrameType.JOINT
+    framed = {frame.name for frame in prepared.frames if frame.type == of_joint}
+    for joint, name in enumerate(names):
+        if joint and name not in framed:
+            prepared.addJointFrame(joint)
+    _put_joint_frames_first(prepared)
+    renamed = {}
+    for number, frame in enumerate(prepared.frames):
+        if frame.name in names and frame.type != of_joint:
+            renamed[f"{frame.name}/{number}"] = frame.name
+            frame.name = f"{frame.name}/{number}"
+    reduced = pin.buildReducedModel(prepared, [names.index(joint) for joint in joints], q)
+    for frame in reduced.frames:
+        frame.name = renamed.get(frame.name, frame.name)
+    return reduced
+
+
+def _put_joint_frames_first(model: Any) -> None:
+    """Put the frames of joints first, unless each precedes the frames that it moves."""
+    frames = [pin.Frame(frame) for frame in model.frames]
+    moving = {f.parentJoint: n for n, f in enumerate(frames) if f.type == pin.FrameType.JOINT}
+    if all(moving.get(frame.parentJoint, 0) <= n for n, frame in enumerate(frames)):
+        return
+    fixed = [n for n in range(1, len(frames)) if frames[n].type != pin.FrameType.JOINT]
+    order = [0, *(moving[joint] for joint in sorted(moving)), *fixed]
+    for new, old in enumerate(order):
+        frames[old].parentFrame = order.index(frames[old].parentFrame)
+        model.frames[new] = frames[old]
+
+
+def turn_body(model: Any, joint: int, rotation: Array) -> Any:
+    """Return a model in which a body, and all that hangs from it, is turned.
+
+    Args:
+        model: the model.
+        joint: number of the joint that carries the body; 0 turns the whole robot in the world.
+        rotation: from the body's new axes to the joint's axes, about its origin, shape `(3, 3)`.
+    """
+    turned, turn = model.copy(), pin.SE3(rotation, np.zeros(3))
+    turned.inertias[joint] = turn.act(turned.inertias[joint])
+    for child in range(1, turned.njoints):
+        if turned.parents[child] == joint:
+            turned.jointPlacements[child] = turn * turned.jointPlacements[child]
+    for number, frame in enumerate(turned.frames):
+        if number and frame.parentJoint == joint and frame.type != pin.FrameType.JOINT:
+            frame.placement = turn * frame.placement
+    return turned
+
+
+def replace_rotors(model: Any, armature: Array) -> Any:
+    """Return a model with other rotor inertias, shape `(nv,)` [kg m2; kg for prismatic joints]."""
+    changed = model.copy()
+    changed.armature = armature
+    return changed
+
+
+def has_continuous_joints(model: Any) -> bool:
+    """Return whether a joint of one degree of freedom has its cosine and sine in q."""
+    return any(_is_continuous(model, joint) for joint in range(1, model.njoints))
+
+
+def angle_model(model: Any) -> Any:
+    """Return a model whose continuous joints have one angle in q, from -pi to pi."""
+    new = _empty_copy(model)
+    for joint in range(1, model.njoints):
+        kind, limits = model.joints[joint], None
+        if _is_continuous(model, joint):
+            kind = pin.JointModelRevoluteUnaligned(_axis(kind))
+            limits = np.array([-math.pi]), np.array([math.pi])
+        parent, placement = int(model.parents[joint]), model.jointPlacements[joint]
+        _copy_joint(new, parent, kind, placement, model, joint, limits)
+        new.inertias[joint] = model.inertias[joint]
+    new.inertias[0] = model.inertias[0]
+    for frame in list(model.frames)[1:]:
+        new.addFrame(frame, False)
+    return new
+
+
+def reroot_model(model: Any, joint: int, placement: Any) -> Any:
+    r"""Return a model whose root is the body of a joint, at rest at a placement in the world.
+
+    The first joint of the model, a floating base, is left out. Joints between it and the new root
+    keep their names, values and limits: joint `i`, which moves its child by :math:`\exp(S_i q_i)`
+    as seen from its parent, moves its parent by :math:`\exp(-S_i q_i)` as seen from its child.
+
+    Args:
+        model: with a floating base.
+        joint: number of the joint that carries the new root.
+        placement: `pin.SE3` of that joint's frame in the world.
+
+    Raises:
+        InvalidInput: a joint between the base and the new root has not one axis.
+    """
+    new = _empty_copy(model)
+    reversed_joints = [int(number) for number in model.supports[joint]][2:]
+    # of each body, the world first: its joint in the new model, and its pose there
+    carrier, offset = {0: 0, joint: 0}, {0: pin.SE3.Identity(), joint: placement}
+    for number in _subtree_order(model, joint, reversed_joints):
+        parent, joint_placement = int(model.parents[number]), model.jointPlacements[number]
+        if number in reversed_joints:  # from the child, which has its place, to the parent
+            kind, turn = _reverse_joint(model, number)
+            known, moved = number, parent
+            start, pose = offset[number] * turn, turn.inverse() * joint_placement.inverse()
+        else:
+            kind, start = model.joints[number], offset[parent] * joint_placement
+            known, moved, pose = parent, number, pin.SE3.Identity()
+        carrier[moved] = _copy_joint(new, carrier[known], kind, start, model, number)
+        new.addJointFrame(carrier[moved])
+        offset[moved] = pose
+    for body in range(1, model.njoints):
+        new.appendBodyToJoint(carrier[body], model.inertias[body], offset[body])
+    for frame in list(model.frames)[1:]:
+        body = int(frame.parentJoint)
+        if frame.type != pin.FrameType.JOINT:  # those of joints are there already
+            pose = offset[body] * frame.placement
+            new.addFrame(pin.Frame(frame.name, carrier[body], 0, pose, frame.type), False)
+    return new
+
+
+def _subtree_order(model: Any, root: int, reversed_joints: list[int]) -> list[int]:
+    """Return all joints but the floating base, as the new root needs them for its subtrees."""
+    order, waiting = [], [(root, 0)]  # bodies, and the joint by which each is reached
+    while waiting:
+        body, reached_by = waiting.pop()
+        order.append(reached_by)
+        children = [j for j in range(2, model.njoints) if model.parents[j] == body]
+        waiting += [(j, j) for j in reversed(children) if j not in (reached_by, *reversed_joints)]
+        if body in reversed_joints:
+            waiting.append((int(model.parents[body]), body))
+    return order[1:]
+
+
+def _reverse_joint(model: Any, joint: int) -> tuple[Any, Any]:
+    """Return the joint that moves the parent as a joint moves its child, and its axes.
+
+    It turns about or slides along the x axis of the `pin.SE3` in the child's axes.
+    """
+    kind, name = model.joints[joint], model.joints[joint].shortname()
+    if kind.nv != 1 or not name.startswith((REVOLUTE, PRISMATIC)):
+        raise InvalidInput(
+            f"joint {model.names[joint]!r} between the supporting foot and the base is a {name}: "
+            "it must turn about or slide along one axis"
+        )
+    turn = pin.Quaternion.FromTwoVectors(np.array([1.0, 0.0, 0.0]), -_axis(kind)).matrix()
+    opposite: Any = pin.JointModelRX
+    if name.startswith(PRISMATIC):
+        opposite = pin.JointModelPX
+    elif kind.nq == 2:
+        opposite = pin.JointModelRUBX
+    return opposite(), pin.SE3(turn, np.zeros(3))
+
+
+def _is_continuous(model: Any, joint: int) -> bool:
+    """Return whether a joint of one degree of freedom has its cosine and sine in q."""
+    return (model.nqs[joint], model.nvs[joint]) == (2, 1)
+
+
+def _axis(kind: Any) -> Array:
+    """Return the axis of a joint of one degree of freedom, shape `(3,)` [joint frame]."""
+    motion = np.asarray(kind.createData().S, dtype=float).ravel()
+    return motion[:3] if kind.shortname().startswith(PRISMATIC) else motion[3:]
+
+
+def _empty_copy(model: Any) -> Any:
+    """Return a model without joints that has the name and the gravity of another."""
+    new = pin.Model()
+    new.name, new.gravity = model.name, model.gravity.copy()
+    return new
+
+
+def _copy_joint(
+    new: Any,
+    parent: int,
+    kind: Any,
+    placement: Any,
+    model: Any,
+    joint: int,
+    limits: tuple[Array, Array] | None = None,
+) -> int:
+    """Add a joint to a new model, with the name, limits and rotor of a joint of `model`.
+
+    `limits` of its coordinates replace those of the joint.
+    """
+    q = slice(model.idx_qs[joint], model.idx_qs[joint] + model.nqs[joint])
+    v = slice(model.idx_vs[joint], model.idx_vs[joint] + model.nvs[joint])
+    lower, upper = limits or (model.lowerPositionLimit[q], model.upperPositionLimit[q])
+    rotors = new.armature.copy()
+    number = new.addJoint(
+        parent,
+        kind,
+        placement,
+        model.names[joint],
+        model.effortLimit[v],
+        model.velocityLimit[v],
+        lower,
+        upper,
+    )
+    new.armature = np.append(rotors, model.armature[v])
+    return int(number)

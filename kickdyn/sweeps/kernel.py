@@ -1,0 +1,263 @@
+"""The impact of many postures in machine code: the answers of `kick_from`, without the flight.
+
+`BATCH` postures go side by side through kinematics, inertia, impact and joint impulses. What the
+kernel cannot compute to 1e-12 (a foot that can hardly move along the normal or across it, one much
+lighter than the ball, an inertia that has lost its digits) it marks as doubtful.
+
+One kernel serves every leg: what differs between legs are arrays. Compiling it takes seconds, so
+its machine code is kept on the disk.
+"""
+
+import math
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from kickdyn.core import simd
+from kickdyn.core.compilation import compiled, is_kept, named
+from kickdyn.core.simd import BATCH, aligned_zeros, any_of, batches, choose
+from kickdyn.core.validation import Array
+from kickdyn.robot.leg import Leg
+from kickdyn.sweeps import kernel_dynamics, kernel_impact, kernel_model, sweep_kick
+from kickdyn.sweeps.dataset import VARIABLES
+from kickdyn.sweeps.grid import Grid
+from kickdyn.sweeps.kernel_dynamics import (
+    BODY,
+    OPTIONS,
+    contact_jacobian,
+    joint_impulses,
+    joint_space_inertia,
+    keep_moments,
+    njit,
+    place_bodies,
+)
+from kickdyn.sweeps.kernel_impact import (
+    D33,
+    STATE,
+    delassus_matrix,
+    doubt_singular,
+    factorize,
+    least_speed_use,
+    solve_impact,
+    solve_slip,
+    solve_velocity,
+    whiten,
+)
+from kickdyn.sweeps.kernel_model import JOINT, TASK, KernelModel
+
+TANGENT, ACROSS, NORMAL, MOBILITY, DOUBT, LOST, USE, WORST, RESTITUTION, MOMENTUM = range(10)
+"""Rows of an answer: impulse on the ball along the contact's axes [N s], n^T J M^-1 J^T n [1/kg],
+1 where the posture is doubtful; energy lost [J], joint speed over its limit, largest linear impulse
+in a joint [N s], residuals of restitution and momentum. The impulse alone fills the first five."""
+
+ROWS = 10
+
+BLOCK = 4096
+"""Postures whose variables are filled in at a time: arrays that stay in the processor's cache take
+a third of the time."""
+
+AXIS = np.dtype(
+    [
+        ("joint", np.int64),
+        ("first", np.int64),  # row of its first value in the table of all values
+        ("steps", np.int64),  # number of values
+        ("repeats", np.int64),  # how many postures in a row share a value: 1, or at least `BATCH`
+        ("number", np.int64),  # of the present value
+        ("done", np.int64),  # how many postures have had the present value
+    ]
+)
+"""An axis of the grid, and where the kernel is on it."""
+
+
+class Kernel:
+    """The kernel of a model of leg and kick, and a grid: call it with a range of postures."""
+
+    def __init__(self, model: KernelModel, leg: Leg, grid: Grid) -> None:
+        self._kernel, self._model = compiled_kernel(), model
+        joints = [1 + leg.joint_names.index(name) for name in grid.axes]
+        axes = np.zeros(len(joints), AXIS)
+        axes["joint"], axes["steps"] = joints, grid.shape
+        axes["repeats"] = np.append(np.cumprod(grid.shape[:0:-1])[::-1], 1)
+        tables = [self._motion(k, q) for k, q in zip(joints, grid.axes.values(), strict=True)]
+        for a in np.flatnonzero(axes["repeats"] < BATCH):  # one row per posture, as far as needed
+            table = np.repeat(tables[a], axes["repeats"][a], axis=0)
+            axes["steps"][a], axes["repeats"][a] = len(table), 1
+            tables[a] = np.resize(table, (len(table) + BATCH, 2))
+        lengths = np.array([len(table) for table in tables])
+        axes["first"] = np.cumsum(lengths) - lengths
+        self._axes, self._table = axes, np.ascontiguousarray(np.concatenate(tables).T)
+
+    def __call__(self, first: int, count: int, *, joint_impulses: bool = True) -> Array:
+        """Return the answers of `count` postures from number `first` on, shape `(ROWS, count)`.
+
+        Rows are as above. Without `joint_impulses`, the first five rows are computed.
+        """
+        answer = np.empty((ROWS, -(-count // BATCH), BATCH))
+        axes, task = self._axes.copy(), self._model.task.copy()
+        axes["number"] = first // axes["repeats"] % axes["steps"]
+        axes["done"] = first % axes["repeats"]
+        task["joint_impulses"] = joint_impulses
+        self._kernel(axes, self._table, self._model.tree, task, *self._memory(), answer)
+        return answer.reshape(ROWS, -1)[:, :count]
+
+    def _motion(self, k: int, values: Array) -> Array:
+        """Return what the kernel needs of a joint's values: cosine and sine, or a slide and 0."""
+        turned = self._model.senses[k] * values
+        if self._model.tree["slides"][k]:
+            return np.column_stack([turned, np.zeros(len(values))])
+        return np.column_stack([np.cos(turned), np.sin(turned)])
+
+    def _memory(self) -> tuple[NDArray[Any], ...]:
+        """Return the memory that a call of the kernel works in, joints at 0."""
+        n = len(self._model.tree)
+        bodies, state = aligned_zeros((n,), BODY), aligned_zeros((1,), STATE)
+        for k in range(1, n):
+            bodies["cosine"][k], bodies["sine"][k] = self._motion(k, np.zeros(1))[0]
+        state["number"] = np.arange(BATCH)
+        return bodies, aligned_zeros((n, n, BATCH)), state
+
+
+def fill_variables(
+    answer: Array, model: KernelModel, rows: Array, status: NDArray[np.int8]
+) -> NDArray[np.bool_]:
+    """Fill in variables and status of a sweep from a kernel's answers, all but the carry.
+
+    `answer` has shape `(ROWS, n)`; `rows` has a row for each of `dataset.VARIABLES`. Returns which
+    postures are doubtful: the kernel marks them, or an answer is not finite.
+    """
+    if len(status) > BLOCK:
+        blocks = [slice(begin, begin + BLOCK) for begin in range(0, len(status), BLOCK)]
+        doubtful = (fill_variables(answer[:, k], model, rows[:, k], status[k]) for k in blocks)
+        return np.concatenate(list(doubtful))
+    kick, ball = model.kick, model.kick.ball
+    nx, _, nz = kick.direction
+    with np.errstate(all="ignore"):  # of doubtful postures
+        x, y, z = model.axes.T[:, :, None]  # not as a matrix: its rounding depends on the processor
+        p = x * answer[TANGENT] + y * answer[ACROSS] + z * answer[NORMAL]
+        level = p[0] * p[0] + p[1] * p[1]
+        size = np.sqrt(level + p[2] * p[2])
+        values = {
+            "effective_mass": 1.0 / answer[MOBILITY],
+            "impulse": size,
+            "immovable_impulse": (1.0 + kick.restitution_used) * kick.speed / answer[MOBILITY],
+            "ball_speed": size / ball.mass,
+            "speed_ratio": size / ball.mass / kick.speed,
+            "launch_angle": np.arctan2(p[2], np.sqrt(level)),
+            "back_spin": 0.0 - (p[2] * nx - p[0] * nz) * (ball.radius / ball.inertia),
+            "worst_joint_impulse": answer[WORST],
+            "energy_lost": answer[LOST],
+            "speed_use": answer[USE],
+            "restitution_residual": answer[RESTITUTION],
+            "momentum_residual": answer[MOMENTUM],
+        }
+        for row, name in zip(rows, VARIABLES, strict=True):
+            if name != "carry":
+                row[:] = values[name]
+        status[:] = answer[USE] > 1.0
+        return np.asarray((answer[DOUBT] != 0.0) | ~np.isfinite(answer.sum(axis=0)))
+
+
+def _sweep(axes, table, tree, task, bodies, inertia, state, answer):  # type: ignore[no-untyped-def]
+    """Fill in the answers of consecutive postures, `BATCH` at a time.
+
+    `axes` are those of the grid, dtype `AXIS`, and `table` has cosine and sine of all their values
+    in two rows. `bodies`, `inertia` and `state` are memory of the caller's, because code that
+    allocates none compiles in three quarters of the time. The arguments are those of
+    `kernel_impact`, but `task` and `state` have shape `(1,)`.
+    """
+    task, floats = task[0], state[0]
+    bodies, inertia, state = batches(bodies), batches(inertia), batches(state)[0]
+    answer = batches(answer)
+    for c in range(answer.shape[1]):
+        for a in range(len(axes)):
+            move_joint(axes[a], table, bodies[axes[a].joint], state.number)
+        state.doubt = 0.0
+        place_bodies(tree, bodies)
+        if task.joint_impulses:
+            keep_moments(bodies)
+        joint_space_inertia(tree, bodies, inertia)
+        contact_jacobian(tree, bodies, task, state)
+        if task.joint_impulses:  # before the Jacobian is whitened
+            least_speed_use(tree, bodies, task, state)
+        factorize(tree, inertia, state)
+        whiten(tree, bodies, inertia, task)
+        delassus_matrix(tree, bodies, inertia, state)
+        solve_impact(task, state)
+        if not task.planar and slips(task, state):
+            solve_slip(task, floats)
+        if task.joint_impulses:
+            doubt_singular(task, state)
+            solve_velocity(tree, bodies, inertia, state)
+            joint_impulses(tree, bodies, task, state)
+            write_joint_impulses(task, state, answer, c)
+        answer[TANGENT, c], answer[ACROSS, c] = state.impulse[0], state.impulse[1]
+        answer[NORMAL, c], answer[MOBILITY, c] = state.impulse[2], state.delassus[D33]
+        answer[DOUBT, c] = state.doubt
+
+
+@njit
+def move_joint(axis, table, body, number):  # type: ignore[no-untyped-def]
+    """Fill in the motion of the joint of an axis for a batch of postures; move the axis on.
+
+    Where `repeats` is 1, the values go on beyond `steps` from the beginning; else a batch has two
+    values at most. `number` counts the postures of a batch.
+    """
+    begin, done = axis.first + axis.number, axis.done + BATCH
+    if axis.repeats == 1:
+        body.cosine = batches(table[0, begin : begin + BATCH])[()]
+        body.sine = batches(table[1, begin : begin + BATCH])[()]
+        axis.number = (axis.number + BATCH) % axis.steps
+        return
+    following = axis.number + 1
+    following = 0 if following == axis.steps else following
+    changed = number >= float(axis.repeats - axis.done)
+    end = axis.first + following
+    body.cosine = choose(changed, table[0, end], table[0, begin])
+    body.sine = choose(changed, table[1, end], table[1, begin])
+    axis.done = done
+    if done >= axis.repeats:
+        axis.number, axis.done = following, done - axis.repeats
+
+
+@njit
+def slips(task, state):  # type: ignore[no-untyped-def]
+    """Return whether the impulse of any posture leaves the friction cone."""
+    s, t, largest = state.impulse[0], state.impulse[1], task.friction * state.impulse[2]
+    return any_of(s * s + t * t > largest * largest)
+
+
+@njit
+def write_joint_impulses(task, state, answer, c):  # type: ignore[no-untyped-def]
+    """Write the rows of an answer that the impulses in the joints give, to batch c."""
+    s, t, p = state.impulse[0], state.impulse[1], state.impulse[2]
+    parting = p * task.normal_mobility - (task.speed + state.foot_jump)
+    size = math.sqrt(s * s + t * t + p * p)
+    answer[LOST, c], answer[USE, c] = state.energy_lost, state.speed_use
+    answer[WORST, c] = math.sqrt(state.largest_square)
+    error = math.fabs(parting - task.restitution * task.speed)
+    answer[RESTITUTION, c] = error / task.speed
+    answer[MOMENTUM, c] = state.momentum_error / (math.sqrt(state.jacobian_square) * size)
+
+
+named(_sweep, "sweep", simd, kernel_model, kernel_dynamics, kernel_impact, sweep_kick)
+
+
+def kernel_is_kept() -> bool | None:
+    """Return whether the kernel is on the disk; None where it cannot be kept."""
+    return is_kept(_sweep)
+
+
+@cache
+def compiled_kernel() -> Callable[..., None]:
+    """Return the kernel, from the disk where it is kept there."""
+    typeof: Any = numba.typeof
+    axes, tree, task, bodies, state = (
+        typeof(np.zeros(1, dtype)) for dtype in (AXIS, JOINT, TASK, BODY, STATE)
+    )
+    matrix, cube = numba.float64[:, ::1], numba.float64[:, :, ::1]
+    signature = numba.void(axes, matrix, tree, task, bodies, cube, state, cube)
+    return compiled(_sweep, signature, "the kernel of sweeps", **OPTIONS)

@@ -1,0 +1,357 @@
+"""From the joint-space inertia and the Jacobian to the impulse, many postures at once.
+
+`BATCH` postures are computed side by side, with vector instructions: whatever depends on the
+posture is a batch, see `kickdyn.core.simd`. What cannot be computed to 1e-12 is marked in
+`state.doubt`, and is left to `kick_from`.
+
+The functions have these arguments in common; joints count from 1, as Pinocchio's do:
+
+    tree, task: constants of the joints and of the kick, see `kernel_model`.
+    bodies: what is computed of each joint, see `kernel_dynamics`.
+    inertia: M, shape `(n + 1, n + 1)`, lower triangle.
+    state: what is computed of each posture, see `STATE`.
+"""
+
+import math
+from typing import Any
+
+import numba
+import numpy as np
+
+from kickdyn.core.lanes import WITHIN
+from kickdyn.core.simd import BATCH, choose, spread
+from kickdyn.sweeps.kernel_dynamics import OPTIONS, inlined, njit
+from kickdyn.sweeps.sweep_kick import ROUNDING, UNLIMITED
+
+_allocating: Any = numba.njit(**{**OPTIONS, "_nrt": True}, **WITHIN)
+
+STATE = np.dtype(
+    [
+        ("number", float, BATCH),  # 0, 1, 2 ... within the batch; given
+        ("point", float, (3, BATCH)),  # contact point from the origin of the foot's joint [m]
+        ("jacobian_square", float, BATCH),  # sum of squares of the contact point's Jacobian
+        ("delassus", float, (6, BATCH)),  # Delassus matrix of the foot [1/kg]
+        ("impulse", float, (3, BATCH)),  # on the ball along both tangents and the normal [N s]
+        ("energy_lost", float, BATCH),  # [J]
+        ("speed_use", float, BATCH),  # least possible largest joint speed over its limit
+        ("doubt", float, BATCH),  # 1 where digits are lost, else 0
+        ("foot_jump", float, BATCH),  # of the foot's velocity along the normal [m/s]
+        ("largest_square", float, BATCH),  # of the linear impulse in a joint [N2 s2]
+        ("momentum_error", float, BATCH),  # largest residual of the momentum balance
+    ]
+)
+"""What is computed of each posture."""
+
+D11, D12, D22, D13, D23, D33 = range(6)
+"""Entries of the Delassus matrix along first tangent (1), second tangent (2) and normal (3)."""
+
+LARGEST_AMPLIFICATION = 300.0
+"""Amplification of the rounding of M in the energy of a joint velocity up to which 1e-12 is kept;
+legs have about 10, and a link before one ten times as long some hundreds."""
+
+LEAST_DIFFERENCE = 1e-3
+"""Share that a difference must keep of its terms, or the posture is doubtful."""
+
+LEAST_SQUARE = 1e-6
+"""Share that the square of a direction must keep as it is made orthogonal to others."""
+
+LEAST_PIVOT = 1e-9
+"""Share that a pivot must keep of its diagonal entry of M, or it has lost its digits."""
+
+
+@njit
+def factorize(tree, inertia, state):  # type: ignore[no-untyped-def]
+    r"""Factorize the joint-space inertia in place, :math:`M = L^T D L` with unit triangular L.
+
+    In this order, from the tip to the base, L has an entry only where one joint carries the other:
+    the branches of a tree cost nothing to each other (Featherstone, Rigid Body Dynamics Algorithms,
+    2008, table 6.3). L is left in `inertia`, with :math:`D^{-1}` on its diagonal; row 0, of the
+    base, becomes the diagonal of M.
+    """
+    diagonal = inertia[0]  # of no joint: free to keep M's diagonal
+    for k in range(1, len(tree)):
+        diagonal[k] = inertia[k, k]
+    for k in range(len(tree) - 1, 0, -1):
+        pivot = inertia[k, k]
+        state.doubt = choose(pivot > LEAST_PIVOT * diagonal[k], state.doubt, 1.0)
+        inverse = 1.0 / pivot
+        inertia[k, k] = inverse
+        a = tree[k].parent
+        while a > 0:
+            entry, b = inertia[k, a] * inverse, a
+            while b > 0:
+                inertia[a, b] -= entry * inertia[k, b]
+                b = tree[b].parent
+            inertia[k, a] = entry
+            a = tree[a].parent
+
+
+@njit
+def whiten(tree, bodies, factors, task):  # type: ignore[no-untyped-def]
+    r"""Replace the rows of :math:`J^T` by those of :math:`W = L^{-T} J^T`.
+
+    Then :math:`W^T D^{-1} W = J M^{-1} J^T` is the Delassus matrix; `factors` are L and
+    :math:`D^{-1}` of `factorize`.
+    """
+    for k in range(len(tree) - 1, 0, -1):
+        if not tree[k].carries_foot:
+            continue
+        row = bodies[k].jacobian
+        for i in range(0, 3, 2 if task.planar else 1):
+            a = tree[k].parent
+            while a > 0:
+                bodies[a].jacobian[i] -= factors[k, a] * row[i]
+                a = tree[a].parent
+
+
+@njit
+def delassus_matrix(tree, bodies, factors, state):  # type: ignore[no-untyped-def]
+    """Fill in the Delassus matrix of the foot from whitened rows."""
+    d11, d12, d22 = spread(0.0), spread(0.0), spread(0.0)
+    d13, d23, d33 = spread(0.0), spread(0.0), spread(0.0)
+    for k in range(1, len(tree)):
+        if not tree[k].carries_foot:
+            continue
+        row, inverse = bodies[k].jacobian, factors[k, k]
+        s, t, n = row[0], row[1], row[2]
+        scaled_s, scaled_t = inverse * s, inverse * t
+        d11 += scaled_s * s
+        d12 += scaled_s * t
+        d13 += scaled_s * n
+        d22 += scaled_t * t
+        d23 += scaled_t * n
+        d33 += inverse * n * n
+    delassus = state.delassus
+    delassus[D11], delassus[D12], delassus[D22] = d11, d12, d22
+    delassus[D13], delassus[D23], delassus[D33] = d13, d23, d33
+
+
+@njit
+def solve_impact(task, state):  # type: ignore[no-untyped-def]
+    r"""Fill in the impulse on the ball and the energy lost, law `newton`.
+
+    With the ball's mobility on its diagonal, :math:`G` maps the impulse :math:`p` to the change of
+    the relative velocity. Sticking asks for no tangential velocity and Newton's restitution along
+    the normal, :math:`G p = (0, 0, (1 + e) v)`: the tangential parts over the normal one,
+    :math:`s = p_1 / p_3` and :math:`t = p_2 / p_3`, solve the first two rows. In a plane
+    (:math:`t = 0`), slipping cuts :math:`s` to :math:`\pm\mu`; out of it, `solve_slip` follows. See
+    `kickdyn.impact.newton_law` for one posture. Doubtful is where terms cancel: a foot much lighter
+    than the ball, which moves easily along one direction.
+    """
+    delassus, mu, e = state.delassus, task.friction, task.restitution
+    g11, g12 = delassus[D11] + task.tangent_mobility, delassus[D12]
+    g22, g13 = delassus[D22] + task.tangent_mobility, delassus[D13]
+    g23, g33 = delassus[D23], delassus[D33] + task.normal_mobility
+    inverse = 1.0 / g11
+    ratio = g12 * inverse  # Cholesky's order: Cramer's rule would lose digits twice
+    h22, h23 = g22 - ratio * g12, g23 - ratio * g13
+    t = -h23 / h22
+    s = -(g13 + g12 * t) * inverse
+    sticks = s * s + t * t <= mu * mu
+    flat = (g12 == 0.0) & (g23 == 0.0) | (mu == 0.0)
+    s = choose(flat, min(max(s, -mu), mu), s)
+    t = choose(flat, 0.0, t)
+    resistance = g33 + (g13 * s + g23 * t)
+    sound = (resistance > LEAST_DIFFERENCE * g33) & (flat | (h22 > LEAST_DIFFERENCE * g22))
+    state.doubt = choose(sound, state.doubt, 1.0)
+    p = (1.0 + e) * task.speed / resistance
+    sliding = choose(sticks, 0.0, (g11 * s + g13) * p)
+    state.impulse[0], state.impulse[1], state.impulse[2] = s * p, t * p, p
+    state.energy_lost = 0.5 * p * (task.speed * (1.0 - e) - s * sliding)
+
+
+@njit
+def solve_slip(task, state):  # type: ignore[no-untyped-def]
+    """Put impulses that leave the friction cone on it, out of a plane.
+
+    The fields of `state` are arrays of `BATCH` floats here.
+    """
+    delassus, impulse, mu = state.delassus, state.impulse, task.friction
+    for i in range(BATCH):
+        g12, g23 = delassus[D12, i], delassus[D23, i]
+        s, t, largest = impulse[0, i], impulse[1, i], mu * impulse[2, i]
+        sticks = s * s + t * t <= largest * largest
+        if sticks or (g12 == 0.0 and g23 == 0.0) or state.doubt[i] > 0.0:
+            continue
+        entries = (
+            delassus[D11, i] + task.tangent_mobility, g12,
+            delassus[D22, i] + task.tangent_mobility, delassus[D13, i], g23,
+            delassus[D33, i] + task.normal_mobility,
+        )  # fmt: skip
+        slip = _slip_impulse(entries, task.speed, task.restitution, mu)
+        impulse[0, i], impulse[1, i], impulse[2, i], state.energy_lost[i] = slip
+
+
+@_allocating
+def _slip_impulse(entries, speed, e, mu):  # type: ignore[no-untyped-def]
+    r"""Return impulse on the friction cone and energy lost; `entries` are those of :math:`G`.
+
+    The friction :math:`p_3 \mu (\cos a, \sin a)` opposes the sliding velocity, which is the first
+    two rows of :math:`G p`: their cross product vanishes, a sum of waves of :math:`a` and
+    :math:`2a`. Of its roots that oppose, the one that loses most energy is taken, as
+    `kickdyn.impact.newton_law` does.
+    """
+    g11, g12, g22, g13, g23, g33 = entries
+    cos1, sin1, cos2, sin2 = -g23, g13, -mu * g12, 0.5 * mu * (g11 - g22)
+    best = (math.nan, math.nan, math.nan, -math.inf)
+    for angle in _roots(cos1, sin1, cos2, sin2):
+        for _ in range(3):
+            c, s = math.cos(angle), math.sin(angle)
+            c2, s2 = c * c - s * s, 2.0 * c * s
+            value = cos1 * c + sin1 * s + cos2 * c2 + sin2 * s2
+            slope = -cos1 * s + sin1 * c + 2.0 * (sin2 * c2 - cos2 * s2)
+            angle -= value / slope if slope != 0.0 else 0.0
+        s, t = mu * math.cos(angle), mu * math.sin(angle)
+        resistance = g13 * s + g23 * t + g33
+        p = (1.0 + e) * speed / resistance
+        slide_s, slide_t = (g11 * s + g12 * t + g13) * p, (g12 * s + g22 * t + g23) * p
+        if resistance <= 0.0 or slide_s * s + slide_t * t > 0.0:
+            continue
+        lost = 0.5 * p * (speed * (1.0 - e) - (s * slide_s + t * slide_t))
+        if lost > best[3]:
+            best = (s * p, t * p, p, lost)
+    return best
+
+
+@_allocating
+def _roots(cos1, sin1, cos2, sin2):  # type: ignore[no-untyped-def]
+    r"""Return every angle a with :math:`c_1 \cos a + s_1 \sin a + c_2 \cos 2a + s_2 \sin 2a = 0`.
+
+    These are the roots on the unit circle of a quartic in :math:`e^{ia}`, eigenvalues of its
+    companion matrix; `np.roots`, which does the same, takes seconds to compile. They are accurate
+    enough to begin Newton's iteration with.
+    """
+    angles, count = np.empty(4), 0
+    if max(abs(cos2), abs(sin2)) <= 1e-17 * max(abs(cos1), abs(sin1)):
+        angles[0], angles[1] = math.atan2(-cos1, sin1), math.atan2(cos1, -sin1)
+        return angles[:2]
+    first, companion = complex(cos2, -sin2), np.zeros((4, 4), np.complex128)
+    companion[0, 0], companion[0, 2] = -complex(cos1, -sin1) / first, -complex(cos1, sin1) / first
+    companion[0, 3] = -complex(cos2, sin2) / first
+    companion[1, 0] = companion[2, 1] = companion[3, 2] = 1.0
+    for root in np.linalg.eigvals(companion):
+        if abs(abs(root) - 1.0) < 1e-4:
+            angles[count] = math.atan2(root.imag, root.real)
+            count += 1
+    return angles[:count]
+
+
+@njit
+def doubt_singular(task, state):  # type: ignore[no-untyped-def]
+    """Mark postures whose foot can hardly move along the normal alone, or across it."""
+    delassus = state.delassus
+    d11, d12, d22 = delassus[D11], delassus[D12], delassus[D22]
+    d13, d23, d33 = delassus[D13], delassus[D23], delassus[D33]
+    square, sound = d33 - d13 / d11 * d13, d11 > LEAST_SQUARE * d33
+    if not task.planar:
+        ratio = d12 / d11
+        h22, h23 = d22 - ratio * d12, d23 - ratio * d13
+        square = square - h23 / h22 * h23
+        sound = sound & (d22 > LEAST_SQUARE * d33) & (h22 > LEAST_SQUARE * d22)
+    sound = sound & (square > LEAST_SQUARE * max(max(d11, d22), d33))
+    state.doubt = choose(sound, state.doubt, 1.0)
+
+
+@njit
+def solve_velocity(tree, bodies, factors, state):  # type: ignore[no-untyped-def]
+    r"""Fill in the jump of the joints' velocity, :math:`v = L^{-1} z` with :math:`D z = -W p`.
+
+    A relative error e of M's diagonal changes the energy :math:`v^T M v = z^T D z` by about
+    :math:`e \sum_i M_{ii} v_i^2`: where this is more than `LARGEST_AMPLIFICATION` times the energy,
+    too few digits are left. `factors` are L and :math:`D^{-1}` of `factorize`.
+    """
+    impulse, energy, terms = state.impulse, spread(0.0), spread(0.0)
+    for k in range(1, len(tree)):
+        row = bodies[k].jacobian
+        pushed = -(row[0] * impulse[0] + row[1] * impulse[1] + row[2] * impulse[2])
+        v, a = pushed * factors[k, k], tree[k].parent
+        energy += pushed * v
+        while a > 0:
+            v = v - factors[k, a] * bodies[a].jump
+            a = tree[a].parent
+        terms += factors[0, k] * (v * v)
+        bodies[k].jump = v
+    state.doubt = choose(terms <= LARGEST_AMPLIFICATION * energy, state.doubt, 1.0)
+
+
+PARALLEL, ASKEW = ROUNDING**2, 1e-8
+"""Squared sine of two columns up to which they count as parallel, and from which on their cross
+product has digits enough; between them a posture is doubtful."""
+
+
+@njit
+def least_speed_use(tree, bodies, task, state):  # type: ignore[no-untyped-def]
+    r"""Fill in the least possible value of the largest joint speed over its limit.
+
+    `sweep_kick.slowest_joint_velocity` solves the linear programme
+    :math:`\min \max_i |v_i| / l_i` under :math:`J v = w` for one posture. Its dual is
+
+    .. math:: \max_y \frac{w \cdot y}{\sum_i l_i |a_i \cdot y|}
+
+    with :math:`a_i` the columns of :math:`J`. The maximum lies at a :math:`y` that is orthogonal to
+    as many columns as fix it, two in space and one in a plane, so that all candidates can be tried
+    (Boyd and Vandenberghe, Convex Optimization, 2004, chapter 5). A call of `linprog` takes a
+    millisecond, which would be an hour for a sweep of three million postures.
+    """
+    movers, limited, least = 0, 0, math.inf
+    for k in range(1, len(tree)):
+        if tree[k].carries_foot and tree[k].speed_limit > 0.0:
+            movers += 1
+            limited += 1 if tree[k].speed_limit <= UNLIMITED else 0
+            least = min(least, tree[k].speed_limit)
+    state.speed_use = 0.0
+    if limited > 0:
+        for j in range(1, len(tree)):
+            if not tree[j].carries_foot:
+                continue
+            if task.planar:
+                column = bodies[j].jacobian
+                y = -column[2], spread(0.0), spread(0.0) + column[0]
+                _raise_speed_use(tree, bodies, task, state, least, y)
+                continue
+            for k in range(j + 1, len(tree)):
+                if tree[k].carries_foot:
+                    y = _orthogonal(bodies[j].jacobian, bodies[k].jacobian, state)
+                    _raise_speed_use(tree, bodies, task, state, least, y)
+    if movers < (2 if task.planar else 3):
+        state.doubt = 1.0
+    # from there on, the foot can hardly move so
+    state.doubt = choose(state.speed_use < 1e9, state.doubt, 1.0)
+
+
+@inlined
+def _orthogonal(a, b, state):  # type: ignore[no-untyped-def]
+    """Return the vector product of two columns, 0 where they are parallel."""
+    x, y, z = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+    size_a = a[0] * a[0] + a[1] * a[1] + a[2] * a[2]
+    size_b = b[0] * b[0] + b[1] * b[1] + b[2] * b[2]
+    sine_square = (x * x + y * y + z * z) / (size_a * size_b)
+    doubtful = (sine_square > PARALLEL) & (sine_square < ASKEW)
+    state.doubt = choose(doubtful, 1.0, state.doubt)
+    askew = choose(sine_square >= ASKEW, 1.0, 0.0)
+    return askew * x, askew * y, askew * z
+
+
+@njit
+def _raise_speed_use(tree, bodies, task, state, least, y):  # type: ignore[no-untyped-def]
+    r"""Raise the speed use to the value of a candidate :math:`y`, if that is larger.
+
+    The foot's velocity is along the normal, so that :math:`w \cdot y` is its speed times the last
+    entry of y. `least` is the smallest speed limit above 0.
+    """
+    capacity = spread(0.0)
+    for k in range(1, len(tree)):
+        limit, a = tree[k].speed_limit, bodies[k].jacobian
+        if not tree[k].carries_foot or limit == 0.0:
+            continue
+        along = math.fabs(a[0] * y[0] + a[1] * y[1] + a[2] * y[2])
+        if limit > 1e3 * least:  # its product with a rounding error may count beside other joints
+            size_a = a[0] * a[0] + a[1] * a[1] + a[2] * a[2]
+            size_y = y[0] * y[0] + y[1] * y[1] + y[2] * y[2]
+            limit = limit if limit <= UNLIMITED else math.inf
+            moves = along > ROUNDING * math.sqrt(size_a * size_y)
+            capacity += choose(moves, limit * along, 0.0)
+        else:
+            capacity += limit * along
+    gain = task.speed * math.fabs(y[2])
+    state.speed_use = max(state.speed_use, choose(gain > 0.0, gain / capacity, 0.0))

@@ -1,0 +1,254 @@
+"""The terms of a kick, their slopes against differences, and where they have no solution."""
+
+import math
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import kickdyn as kd
+from kickdyn.planning import kick_problem as module
+from kickdyn.planning.impact_target import impact_target_for
+from kickdyn.planning.kick_problem import explain_infeasible, kick_problem
+from kickdyn.planning.kick_terms import BallPosition, SpeedLimit, StrikeVelocity, TorqueLimit
+from kickdyn.planning.objectives import OBJECTIVES, KickObjective, LandingScatter, LargestShare
+from kickdyn.planning.problem import Function, Kind
+from kickdyn.planning.scatter import scatter
+from kickdyn.planning.stance import Balance, Clearance, SupportImpulse, Upright
+
+BALL, AIR = kd.Ball(), kd.Air(drag="brazuca")
+LEG = kd.Leg.human()
+PLAN = kd.plan_kick(LEG, kd.Goal(15, time=1), BALL, AIR)
+PLAIN = [kind() for name, kind in OBJECTIVES.items() if name != "scatter"]
+LEGS = {"human": kd.Leg.human(), "g1": kd.Leg.from_robot("g1", legs_only=True)}
+STANDING = kd.Leg.from_robot("g1", base="floating", legs_only=True).with_supports(
+    kd.Support("left_ankle_roll_link", friction=0.6)
+)
+
+
+def slope_errors(term, variables, x, step=1e-6):
+    """The difference from central differences, over the largest of each row."""
+
+    def value(x):
+        return term.value(variables.point(x)).copy()
+
+    slope = term.slope(variables.point(x))
+    steps = step * np.eye(len(x))
+    expected = np.array([(value(x + one) - value(x - one)) / (2 * step) for one in steps]).T
+    assert slope.shape == expected.shape
+    return np.abs(slope - expected) / np.abs(expected).max(axis=1, keepdims=True).clip(1e-9)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.4])
+@pytest.mark.parametrize("name", LEGS)
+@pytest.mark.parametrize("restitution", [0.8, ((2.0, 0.9), (20.0, 0.4))])
+@pytest.mark.parametrize("offset", [None, (0.02, 0, 0.01)])
+def test_slopes_are_those_of_the_values(name, friction, restitution, offset):
+    spin = np.array([0.0, -10.0 if friction else 0.0, 0.0])
+    velocity = np.array([6.0, 0.0, 3.0])
+    target = impact_target_for(velocity, spin, BALL, restitution, friction, offset)
+    problem = kick_problem(LEGS[name], target, -0.6)
+    variables = problem.variables
+    x = np.append(np.random.default_rng(0).uniform(0.1, 0.5, 2 * variables.n), 0.8)
+    conditions = [term for term in problem.terms if isinstance(term, Function)]
+    assert len(conditions) == (4 if name == "g1" and offset is None else 3)
+    for term in conditions:
+        assert slope_errors(term, variables, x).max() < 1e-7
+    for term in PLAIN:
+        assert slope_errors(term, variables, x).max() < 1e-5  # of one-sided differences
+    assert slope_errors(LargestShare(), variables, x).max() < 1e-7
+
+
+@pytest.mark.parametrize("offset", [None, (0.02, 0, 0.01)])
+def test_slopes_of_a_stance_are_those_of_the_values(offset):
+    target = impact_target_for(np.array([3.0, 0.5, 1.5]), np.zeros(3), BALL, 0.8, 0.4, offset)
+    problem = kick_problem(STANDING, target, BALL.radius)
+    variables = problem.variables
+    x = np.append(np.random.default_rng(0).uniform(-0.5, 0.5, 2 * variables.n), 0.8)
+    for kind in (Balance, Clearance, Upright):
+        assert slope_errors(problem.find(kind), variables, x).max() < 1e-7
+    assert slope_errors(problem.find(SupportImpulse), variables, x).max() < 1e-5
+    rising = Clearance(problem.standing, lift=20.0)
+    assert slope_errors(rising, variables, x).max() < 1e-6
+
+
+def test_the_strike_is_made_exact():
+    problem = kick_problem(LEGS["g1"], PLAN.impact_target)
+    n = problem.variables.n
+    point = problem.variables.point(np.append(np.full(2 * n, 0.2), 0.7))
+    strike = problem.find(StrikeVelocity)
+    assert np.abs(strike.value(point)).max() > 0.1
+    exact = strike.make_exact(point)
+    assert np.abs(strike.value(exact)).max() < 1e-14
+    assert exact.x[:n].tolist() == point.x[:n].tolist()
+    assert exact.share == 0.7
+
+
+def test_terms_have_one_kind_each():
+    problem = kick_problem(STANDING, PLAN.impact_target, BALL.radius)
+    kinds = {type(term): term.kind for term in problem.terms}
+    assert kinds[StrikeVelocity] == kinds[BallPosition] == Kind.EQUALITY
+    assert kinds[TorqueLimit] == kinds[Balance] == kinds[SupportImpulse] == Kind.INEQUALITY
+    assert kinds[SpeedLimit] == Kind.BOUND
+    assert [type(term) for term in problem.terms if not term.required] == [SupportImpulse]
+    free = kick_problem(STANDING, PLAN.impact_target, limits=False)
+    left_out = {BallPosition, SpeedLimit, TorqueLimit}
+    assert {type(term) for term in free.terms} == set(kinds) - left_out
+
+
+def limited(what, value):
+    model = kd.Leg.human().model
+    limits = getattr(model, what)
+    limits[1] = value
+    setattr(model, what, limits)
+    return kd.Leg.from_model(model, "toe")
+
+
+@pytest.mark.parametrize(("what", "named"), [("velocityLimit", "speed"), ("effortLimit", "torque")])
+def test_a_limit_of_0_is_refused_or_lifted_and_an_infinite_one_holds(what, named):
+    goal, air = kd.Goal(10, time=1), kd.Air(drag="brazuca")
+    said = f"^{named} limit of knee is 0: it must be above 0.*no-limits"
+    with pytest.raises(kd.InvalidInput, match=said):
+        kd.plan_kick(limited(what, 0.0), goal, BALL, air)
+    lifted = kd.plan_kick(limited(what, 0.0), goal, BALL, air, limits=False)
+    free = kd.plan_kick(limited(what, np.inf), goal, BALL, air)
+    for plan in (lifted, free):
+        assert plan.status == "met"
+        others = np.delete(np.abs(plan.v) / LEGS["human"].velocity_limit, 1)
+        if what == "velocityLimit":
+            assert plan.speed_use == pytest.approx(others.max())
+        assert np.isfinite(plan.torque_use)
+
+
+def changed(**limits):
+    model = LEGS["human"].model
+    for name, values in limits.items():
+        setattr(model, name, np.array(values))
+    return kd.Leg.from_model(model, "toe")
+
+
+def refusal(leg=LEGS["human"], **how):
+    with pytest.raises(kd.InvalidInput, match="has no posture") as error:
+        kd.plan_kick(leg, kd.Goal(15, time=1), BALL, kd.Air(drag="brazuca"), **how)
+    return str(error.value)
+
+
+@pytest.mark.parametrize("how", [{"ball_height": -2.0}, {"ball_at": (3.0, 0.0, -0.6)}])
+def test_the_nearest_ball_within_reach_is_named(how):
+    said = refusal(**how)
+    assert "the nearest position of the ball for which it has one is (" in said
+    near = [float(part) for part in said.rpartition("(")[2].partition(")")[0].split(",")]
+    plan = kd.plan_kick(
+        LEGS["human"], kd.Goal(15, time=1), BALL, kd.Air(drag="brazuca"), ball_height=near[2]
+    )
+    assert plan.impact.ball_after.position[2] == pytest.approx(near[2], abs=1e-3)
+    wished = next(iter(how.values()))
+    far = near[2] - wished if "ball_height" in how else np.linalg.norm(np.subtract(near, wished))
+    assert abs(far) < (1.3 if "ball_height" in how else 2.3)  # what the leg's length leaves
+
+
+def test_limits_that_leave_no_posture_are_named():
+    said = refusal(changed(effortLimit=[1.0, 1.0, 1.0]), ball_height=-0.7)
+    assert said.endswith("; it has one without its speed and torque limits")
+
+
+def test_a_turned_leg_is_the_leg_in_turned_axes():
+    turn = pin.rpy.rpyToMatrix(0.0, 0.0, 0.3)
+    target = impact_target_for(turn @ [5.0, 0.0, 2.0], np.zeros(3), BALL, 0.8, 0.4)
+    problem, leg, q = kick_problem(LEG, target), LEG, [0.4, -0.7, 0.2]
+    plain, other = leg.posture(q), problem.robot.posture(q)
+    assert problem.heading == pytest.approx(0.3)
+    assert other.contact_point == pytest.approx(turn @ plain.contact_point, abs=1e-15)
+    assert other.jacobian == pytest.approx(turn @ plain.jacobian, abs=1e-15)
+    assert other.inertia == pytest.approx(plain.inertia, abs=1e-15)
+    model = problem.robot.model
+    base = next(f for f in model.frames if f.parentJoint == 0 and f.name != "universe")
+    assert base.placement.rotation == pytest.approx(turn)
+    assert model.gravity.linear == pytest.approx(leg.model.gravity.linear)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_leg_that_moves_in_a_vertical_plane_is_turned_towards_the_impulse(side):
+    target = impact_target_for(np.array([1.0, side, 5.0]), np.zeros(3), BALL, 0.8, 0.4)
+    assert kick_problem(LEGS["human"], target).heading == pytest.approx(side * math.pi / 4)
+    assert kick_problem(LEGS["g1"], target).heading == 0.0
+    tilted = LEGS["human"].model
+    tilted.jointPlacements[1] = pin.SE3(pin.rpy.rpyToMatrix(0.1, 0, 0), np.zeros(3))
+    for leg in (kd.Leg.from_model(tilted, "toe"), LEGS["human"]):
+        with pytest.raises(kd.InvalidInput, match="its foot moves in a plane only"):
+            kick_problem(leg, target, turn=leg is not LEGS["human"])
+
+
+def point_of(plan):
+    """A plan as a point of its problem."""
+    variables = kick_problem(plan.leg, plan.impact_target).variables
+    return variables.point(variables.unknowns(plan.q, plan.v, plan.share))
+
+
+def value(name):
+    return OBJECTIVES[name]().cost(point_of(PLAN))
+
+
+def test_each_is_what_its_name_says():
+    assert value("joint-speed") == pytest.approx(np.mean((PLAN.v / LEG.velocity_limit) ** 2))
+    assert value("kinetic-energy") == pytest.approx(
+        0.5 * PLAN.v @ PLAN.impact.posture.inertia @ PLAN.v
+    )
+    worst = PLAN.impact.worst_joint[1]
+    assert worst <= value("joint-impulse") <= 3 ** (1 / 12) * worst
+
+
+def test_scatter_is_that_of_the_strike():
+    spread = {"speed": 0.02, "angle": 0.01, "drag": 0.05}
+    radius, point = LandingScatter(PLAN.launch, AIR, spread), point_of(PLAN)
+    expected = scatter(PLAN.impact, AIR, **spread).radius
+    assert radius.cost(point) == pytest.approx(expected, rel=1e-6)
+    x = point.x.copy()
+    x[3:6] *= -1.0
+    assert radius.cost(point.variables.point(x)) > 1e3  # the foot moves away
+
+
+@pytest.mark.parametrize(
+    ("leg", "goal", "spread"),
+    [
+        (
+            kd.Leg.from_robot("g1", legs_only=True),
+            kd.Goal((5, 1, 0), time=0.9),
+            {"speed": 0.02, "angle": 0.01, "contact": 0.002},
+        ),
+        (kd.Leg.testbed(), kd.Goal(2, time=0.6), {"angle": 0.02}),
+    ],
+)
+def test_robust_scatters_no_more_than_any_other_objective(leg, goal, spread):
+    robust = kd.plan_kick(leg, goal, BALL, AIR, objective="scatter", uncertainty=spread)
+    own = scatter(robust.impact, AIR, **spread).radius
+    for name in set(KickObjective) - {"scatter"}:
+        other = kd.plan_kick(leg, goal, BALL, AIR, objective=name)
+        assert other.status == "met"
+        assert own <= scatter(other.impact, AIR, **spread).radius * (1 + 1e-6), name
+
+
+@pytest.mark.parametrize(
+    ("cause", "words"),
+    [
+        (Upright, "it has one if its trunk may be more than 30 deg from upright"),
+        (Clearance, "it has one if its kicking foot may be under the ground"),
+        (Balance, "it has one if its centre of mass may be beside the sole"),
+        (SpeedLimit, "it has one without its speed and torque limits"),
+        (TorqueLimit, "it has one without its speed and torque limits"),
+        (None, "the ranges of its joints allow none"),
+    ],
+)
+def test_the_condition_that_a_standing_robot_cannot_meet_is_named(cause, words, monkeypatch):
+    """Where only the problem without that condition has a solution."""
+    target = impact_target_for(np.array([3.0, 0.0, 2.0]), np.zeros(3), BALL, 0.8, 0.4)
+    problem = kick_problem(STANDING, target)
+
+    def find(problem, _):
+        assert problem.find(StrikeVelocity)
+        assert problem.find(SupportImpulse) is None
+        solved = cause is not None and problem.find(cause) is None
+        return module.KickSolution(problem, None) if solved else None
+
+    monkeypatch.setattr(module, "_find_solution", find)
+    assert explain_infeasible(problem) == words

@@ -1,0 +1,119 @@
+"""Problems made of terms that know nothing of legs, and what their solver makes of them."""
+
+import numpy as np
+import pytest
+import threadpoolctl
+
+import kickdyn as kd
+from kickdyn.planning.problem import Bounds, Function, Kind, LeastViolation, Problem, Term
+from kickdyn.planning.solvers import SOLVERS, one_blas_thread, solve
+
+
+class Distance(Function):
+    """The square of the distance from a place."""
+
+    kind = Kind.OBJECTIVE
+
+    def __init__(self, *place):
+        self.place = np.array(place)
+
+    def value(self, point):
+        return np.array([(point - self.place) @ (point - self.place)])
+
+    def slope(self, point):
+        return 2 * (point - self.place)[None]
+
+
+class Plane(Function):
+    """The first component has a value, or is at least as large."""
+
+    def __init__(self, value, kind, scale=1.0, margin=0.0):
+        self.level, self.kind, self.scale, self.margin = value, kind, scale, margin
+
+    def value(self, point):
+        return point[:1] - self.level
+
+    def slope(self, point):
+        return np.eye(len(point))[:1]
+
+
+class Box(Bounds):
+    def __init__(self, lower, upper):
+        self.lower, self.upper = np.array(lower), np.array(upper)
+
+
+def problem(*terms):
+    return Problem(2, lambda x: x, terms)
+
+
+@pytest.mark.parametrize(
+    ("terms", "solution"),
+    [
+        ([], (3.0, -1.0)),
+        ([Plane(1.0, Kind.EQUALITY)], (1.0, -1.0)),
+        ([Plane(1.0, Kind.INEQUALITY)], (3.0, -1.0)),
+        ([Plane(5.0, Kind.INEQUALITY)], (5.0, -1.0)),
+        ([Plane(5.0, Kind.INEQUALITY, scale=10.0, margin=0.01)], (5.1, -1.0)),
+        ([Box((-1.0, 0.0), (2.0, np.inf))], (2.0, 0.0)),
+        ([Box((-9.0, 0.0), (9.0, 9.0)), Box((-np.inf, -9.0), (1.0, 9.0))], (1.0, 0.0)),
+    ],
+)
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_terms_alone_define_a_problem(solver, terms, solution):
+    found = solve(problem(Distance(3.0, -1.0), *terms), np.array([20.0, 20.0]), solver)
+    assert found == pytest.approx(solution, abs=1e-4)
+
+
+def test_a_problem_without_a_solution_has_none():
+    apart = Plane(5.0, Kind.EQUALITY), Box((0.0, 0.0), (2.0, 2.0))
+    assert solve(problem(Distance(0.0, 0.0), *apart), np.zeros(2)) is None
+
+
+def test_what_a_solver_returns_is_judged_by_the_terms(monkeypatch):
+    equal = problem(Distance(0.0, 0.0), Plane(1.0, Kind.EQUALITY))
+    for answer, accepted in ([1.00009, 7.0], True), ([1.0002, 7.0], False), ([np.nan, 0.0], False):
+        monkeypatch.setitem(SOLVERS, "fixed", lambda _, __, answer=answer: np.array(answer))
+        assert (solve(equal, np.zeros(2), "fixed") is not None) == accepted
+
+
+def test_an_unknown_solver_is_refused():
+    with pytest.raises(kd.InvalidInput, match="solver is 'best': it must be one of slsqp"):
+        solve(problem(Distance(0.0, 0.0)), np.zeros(2), "best")
+
+
+def test_the_least_violation_is_that_of_the_terms_left_out():
+    at_least, equal = Plane(4.0, Kind.INEQUALITY, scale=2.0), Plane(4.0, Kind.EQUALITY)
+    for term, x, expected in (
+        (at_least, (1.0, 0.0), 2.25),
+        (at_least, (5.0, 0.0), 0.0),
+        (equal, (5.0, 0.0), 1.0),
+    ):
+        found = LeastViolation([term, Box((0.0, 0.0), (1.0, 1.0))])
+        assert found.value(np.array(x)) == pytest.approx([expected])
+        ends = [found.value(np.array(x) + step)[0] for step in (np.eye(2) * 1e-6)]
+        assert found.slope(np.array(x))[0] == pytest.approx(
+            (np.array(ends) - expected) / 1e-6, abs=1e-5
+        )
+    box = Box((-9.0, -9.0), (1.0, 9.0))
+    nearest = solve(problem(LeastViolation([at_least]), box), np.array([-5.0, 3.0]))
+    assert nearest[0] == pytest.approx(1.0)
+
+
+def test_a_term_need_not_explain_itself():
+    assert Box((0.0, 0.0), (1.0, 1.0)).explain(np.zeros(2)) == Term.explanation == ""
+    assert Box((0.0, 0.0), (1.0, 1.0)).binding(np.zeros(2)) == []
+
+
+def threads():
+    return {
+        one["filepath"]: one["num_threads"]
+        for one in threadpoolctl.threadpool_info()
+        if one["user_api"] == "blas"
+    }
+
+
+def test_blas_has_one_thread_within_a_solution_and_as_many_as_before_after_it():
+    with threadpoolctl.threadpool_limits(2, "blas"):
+        with one_blas_thread():
+            assert set(threads().values()) == {1}
+        assert set(threads().values()) == {2}

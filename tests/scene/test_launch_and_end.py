@@ -1,0 +1,143 @@
+"""Errors of the launch are less than what is said of them, and so is what they do at the end."""
+
+import math
+
+import numpy as np
+import pytest
+from random_scenes import random_scene
+
+import kickdyn as kd
+from kickdyn.scene.launch_and_end import (
+    COLLIDE_SAFETY,
+    EndSlopes,
+    LaunchError,
+    collide_scene,
+    collision_error,
+    contact_time_error,
+    end_slopes,
+    fly_scene,
+    strike_scene,
+)
+
+
+def size(array):
+    return float(np.linalg.norm(array))
+
+
+def test_it_bounds_the_contact_that_takes_time():
+    rng, done, used = np.random.default_rng(3), 0, 0.0
+    while done < 8:
+        scene = random_scene(rng, contact_time=0.01)
+        try:
+            hit = strike_scene(scene)
+        except kd.NoImpact:
+            continue
+        done += 1
+        jump = contact_time_error(scene, hit)
+        fine, rough = (collide_scene(scene, tol) for tol in (1e-6, 1e-3))
+        moved = size(fine.ball_after.velocity - hit.ball_after.velocity)
+        assert moved <= jump.velocity
+        assert size(fine.ball_after.spin - hit.ball_after.spin) <= jump.spin
+        assert size(fine.ball_after.position - hit.ball_after.position) <= jump.position
+        used = max(used, moved / jump.velocity)
+        off = size(fine.ball_after.velocity - rough.ball_after.velocity) / fine.ball_after.speed
+        assert off <= COLLIDE_SAFETY * 1e-3
+    assert used > 0.2
+
+
+def test_it_bounds_the_contact_of_an_inflated_ball():
+    rng, done, known = np.random.default_rng(5), 0, 0
+    while done < 8:
+        kind = "walton-braun" if done % 2 else "hunt-crossley"
+        options = {"ball": kd.Ball(pressure=80e3), "law": kd.Compliance(None, "pressure", kind)}
+        scene = random_scene(rng, contact_time=None, **options)
+        try:
+            hit = strike_scene(scene)
+        except kd.NoImpact:
+            continue
+        done += 1
+        jump = contact_time_error(scene, hit)
+        if kind == "hunt-crossley" and scene.contact.friction > 0.0:  # it tends to no law
+            assert jump.velocity == math.inf
+            continue
+        moved = size(collide_scene(scene, 1e-6).ball_after.velocity - hit.ball_after.velocity)
+        assert 0.0 < moved <= jump.velocity
+        known += jump.velocity < math.inf
+    assert known > 2
+
+
+def test_what_does_not_strike_on_the_way_is_not_known():
+    leg = kd.Leg.human()
+    posture = leg.posture([0.5, 0.1, 0.0])
+    v = posture.joint_velocity([3.0, 0.0, 0.5])
+    law = kd.Compliance(contact_time=0.05)
+    scene = kd.Scene(posture, v, kd.Ball(), kd.Contact((0, 0, 1), 0.7), law)
+    assert contact_time_error(scene, strike_scene(scene)).velocity == math.inf
+
+
+def test_the_estimate_of_a_kick():
+    """From which a factor of safety, the creep or the weight's share cannot change unnoticed."""
+    leg = kd.Leg.human()
+    posture = leg.posture(np.radians([5, 10, -5]))
+    v, contact = posture.joint_velocity([9, 0, 4]), kd.Contact((2, 0, 1), 0.8, 0.4)
+    scene = kd.Scene(posture, v, kd.Ball(), contact, kd.Compliance(contact_time=0.01))
+    drift = contact_time_error(scene, strike_scene(scene))
+    assert drift.velocity == pytest.approx(3.903244851, rel=1e-8)
+    assert drift.spin == pytest.approx(103.2375000, rel=1e-8)
+    assert drift.position == pytest.approx(0.2205274235, rel=1e-8)
+
+
+def scene_of(ball=None, **parts):
+    """Return a scene for the sake of its ball, air, ground and plane."""
+    posture = kd.Leg.human().posture([0.1, 0.2, 0.0])
+    return kd.Scene(posture, [3, 0, 0], ball or kd.Ball(), kd.Contact((1, 0, 0), 0.8), **parts)
+
+
+LAUNCH = kd.BallState((0, 0, 1), (12, 1, 5), (10, -40, 15))
+WIND = kd.Air(drag="brazuca", wind=(1, 2, 0))
+
+
+@pytest.mark.parametrize(
+    "parts",
+    [
+        {"air": WIND},
+        {"air": WIND, "ground": kd.Ground(-0.5)},
+        {"air": WIND, "plane": kd.Plane((6, 0, 0), (-1, -0.3, 0))},
+        {"ground": kd.Ground(-0.5)},
+        {"air": WIND, "ground": kd.Ground(-0.5, "turf")},
+    ],
+    ids=["level", "ground", "plane", "vacuum", "bounces"],
+)
+def test_slopes_are_those_of_central_differences(parts):
+    scene = scene_of(**parts)
+    slopes = end_slopes(scene, fly_scene(scene, LAUNCH))
+    for name, step in (("velocity", 1e-4), ("spin", 1e-3)):
+        expected = np.zeros((3, 3))
+        for axis in range(3):
+            ends = []
+            for sign in (1, -1):
+                state = {"velocity": LAUNCH.velocity.copy(), "spin": LAUNCH.spin.copy()}
+                state[name][axis] += sign * step
+                launch = kd.BallState(LAUNCH.position, **state)
+                ends.append(fly_scene(scene, launch, 1e-12).state.position)
+            expected[:, axis] = (ends[0] - ends[1]) / (2 * step)
+        np.testing.assert_allclose(getattr(slopes, name), expected, rtol=0.02, atol=2e-4)
+
+
+def test_a_ball_that_leaves_at_rest_and_one_that_stays_aloft_have_no_slopes():
+    still = kd.BallState((0, 0, 1))
+    scene = scene_of(ground=kd.Ground(0.0))
+    assert end_slopes(scene, fly_scene(scene, still)).distance(LaunchError(1, 0, 0)) == math.inf
+    deep = scene_of(ground=kd.Ground(-1e7))
+    end = fly_scene(deep, LAUNCH)
+    assert (end.has_end, end.path.status) == (False, "aloft")
+    assert end_slopes(deep, end).distance(LaunchError(1, 0, 0)) == math.inf
+
+
+def test_the_distance_of_an_error_is_that_of_the_formula():
+    slopes = EndSlopes(np.diag([2.0, 1.0, 0.5]), np.diag([0.0, 0.3, 0.1]))
+    assert slopes.distance(LaunchError(0.1, 2.0, 0.05)) == pytest.approx(0.2 + 0.6 + 0.05)
+    assert slopes.distance(LaunchError(math.inf, 0.0, 0.0)) == math.inf
+    launch = kd.BallState((0, 0, 0), (3, 0, 4), (0, 0, 6))
+    error = collision_error(scene_of(ball=kd.Ball(radius=0.5)), launch, 1e-4)
+    assert error == pytest.approx((20e-4 * 5, 20e-4 * 10, 20e-4 * 0.5), rel=1e-12)

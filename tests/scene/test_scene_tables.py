@@ -1,0 +1,84 @@
+"""The tables of scene files agree with the constructors that they name."""
+
+import math
+import re
+
+import pytest
+
+import kickdyn as kd
+from kickdyn.impact.sensitivity import UNITS
+from kickdyn.scene.scene_tables import TABLES
+
+BY_NAME = {table.name: table for table in TABLES}
+LIMITED = [
+    (table, key)
+    for table in TABLES
+    for key in table.keys
+    if isinstance(key.takes, str) and key.takes.startswith("number, ")
+]
+
+
+def construct(table, key, value):
+    """Return what a table makes of one key, beside those that it must have."""
+    groups = [group for group in table.required if key.name not in group]
+    content = {name: example for group in groups for name, example in [*group.items()][:1]}
+    arguments = {
+        other.argument: content[other.name] for other in table.keys if other.name in content
+    }
+    return table.constructor(**{**arguments, key.argument: value})
+
+
+@pytest.mark.parametrize(("table", "key"), LIMITED, ids=lambda entry: entry.name)
+def test_limits_on_the_page_are_those_of_the_constructor(table, key):
+    limits = re.findall(r"(above|at least|at most) (-?[\d.e]+(?:/\d)?)", key.takes)
+    assert limits
+    for kind, text in limits:
+        limit = 2.0 / 3.0 if text == "2/3" else float(text)
+        beyond = limit + (1.0 if kind == "at most" else -1.0) * max(1e-9, 1e-9 * abs(limit))
+        outside = limit if kind == "above" else beyond
+        with pytest.raises(kd.InvalidInput):
+            construct(table, key, outside)
+        if kind != "above" and abs(limit) < 1000:  # beyond these another value may be at fault
+            construct(table, key, limit)
+
+
+VECTORS = [
+    (table, key)
+    for table in TABLES
+    for key in table.keys
+    if isinstance(key.takes, str) and key.takes.startswith("vector")
+]
+
+
+@pytest.mark.parametrize(("table", "key"), VECTORS, ids=lambda entry: entry.name)
+def test_a_vector_has_three_numbers(table, key):
+    check = key.check or (lambda value: construct(table, key, value))
+    check([1.0, 0.0, 0.5])
+    for bad in ([1.0, 0.0], [1.0, 0.0, "x"], 5.0, [1.0, 0.0, True]):
+        with pytest.raises(kd.InvalidInput):
+            check(bad)
+
+
+def test_needed_and_required_keys_are_keys_of_their_table():
+    for table in TABLES:
+        names = [key.name for key in table.keys]
+        assert len(set(names)) == len(names)
+        assert {needed for key in table.keys for needed in key.needs} <= set(names)
+        assert {name for group in table.required for name in group} <= set(names)
+
+
+def test_names_that_a_key_takes_are_valid():
+    for table in TABLES:
+        for key in table.keys:
+            if not isinstance(key.takes, str):
+                for name in key.takes:
+                    construct(table, key, name)
+
+
+def test_uncertainty_is_in_the_units_of_its_sources():
+    table = BY_NAME["uncertainty"]
+    assert {key.argument for key in table.keys} <= set(UNITS)
+    made = table.constructor(**{key.argument: 180.0 for key in table.keys})
+    for key in table.keys:
+        in_degrees = key.name.endswith("_deg")
+        assert made[key.argument] == pytest.approx(math.pi if in_degrees else 180.0)

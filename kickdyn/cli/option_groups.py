@@ -111,9 +111,10 @@ class FootOptions:
         return np.array([math.cos(self.angle), 0.0, math.sin(self.angle)])
 
     @property
-    def checked_speed(self) -> float:
-        """Speed [m/s]; raises `InvalidInput` if it is not positive."""
-        return validation.number("speed", self.speed, above=0, at_most=1e6, unit="m/s")
+    def velocity(self) -> Array:
+        """Velocity of the foot, shape `(3,)` [m/s, world frame]."""
+        speed = validation.number("speed", self.speed, above=0, at_most=1e6, unit="m/s")
+        return np.asarray(speed * self.direction)
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The result of `identify`: the launch, what else was found, and how far it is determined."""
+"""The result of `identify`: the launch, the other unknowns, and how well they are determined."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -62,12 +62,12 @@ class Identification(ReprMixin):
     Names of the unknowns: `x`, `y`, `z` [m] and `vx`, `vy`, `vz` [m/s] at the first sample;
     `back_spin`, `side_spin` (positive bends the flight to the left) and `gyro_spin` (about the
     velocity) [rad/s]; `drag`, `drag_scale`, `lift_scale`; `wind_x`, `wind_y` [m/s]. Where several
-    flights were fitted together, those of flight i end in `_i`.
+    flights were fitted together, names of flight i end in `_i`.
 
     Attributes:
         tracks: the measured tracks.
         ball: the ball.
-        air: the air, with the coefficients and the wind that were found.
+        air: the air, with the fitted coefficients and wind.
         launches: the state of the ball at the first sample of each flight. A spin has all three
             components; those that the measurement does not determine are the most probable ones.
         names: names of the unknowns.
@@ -76,7 +76,7 @@ class Identification(ReprMixin):
         residuals: fitted less measured positions, of all flights in a row, shape `(n, 3)` [m].
         used: which samples count, shape `(n,)`; the others are outliers.
         noise: standard deviation of one measured coordinate [m].
-        widening: factor by which the deviations are larger than those of independent samples,
+        widening: factor by which the deviations are larger than for independent samples,
             because neighbouring residuals are correlated.
         comparison: scores of the drag models and airs that were compared, the best one first.
     """

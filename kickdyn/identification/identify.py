@@ -1,7 +1,7 @@
 r"""`identify`: launch, spin, drag, lift and wind from measured positions of a ball in flight.
 
 The unknowns :math:`p` minimise the squared distance between the measured positions :math:`y_k` and
-those of the flight that starts with them,
+the positions of the flight that starts with them,
 
 .. math:: \min_p \; \sum_k \frac{|x(t_k; p) - y_k|^2}{\sigma^2} + \frac{|\omega|^2}{\omega_0^2}
 
@@ -65,7 +65,7 @@ FAILED_RESIDUAL = 1e6
 """Residual where no flight can be integrated [m]: no step of a solver ends there."""
 
 FIRST_DRAG = 0.2
-"""C_D from which a constant is sought: that of a ball above the drag crisis (Goff & Carre 2009)."""
+"""First guess of a constant C_D: its value above the drag crisis (Goff & Carre 2009)."""
 
 LARGEST_COEFFICIENT, LARGEST_SPEED = 10.0, 10.0
 """Largest size of a coefficient or factor, and of a speed over the mean speed of the measurement
@@ -116,11 +116,11 @@ def identify(
 
     `scipy.optimize.least_squares` fits the equations of motion to the positions, first with a loss
     that outliers hardly move (soft L1), then, without the outliers, in the sense of least squares.
-    The derivatives are those of `fly_with_slopes`.
+    The derivatives come from `fly_with_slopes`.
 
     Args:
         track: positions in one flight, from after its start to before its end, without a bounce; or
-            those of several flights, which then share drag, lift and wind.
+            several such tracks, whose flights then share drag, lift and wind.
         ball: the ball; its mass and radius count.
         air: the air of the fit: density, coefficients and wind; None is `Air()`.
         free: unknowns besides the position and velocity at the first sample: `spin`; `drag`,
@@ -177,7 +177,7 @@ class _Problem(NamedTuple):
 
     @property
     def names(self) -> list[str]:
-        """Names of all unknowns; those of several flights end in the flight's number."""
+        """Names of all unknowns; with several flights they end in the number of the flight."""
         names = [*LAUNCH, *(NAMES[Free.SPIN] if self.seeks_spin else ())]
         count = len(self.tracks)
         if count > 1:
@@ -281,7 +281,10 @@ def _check_flight(track: Track, ball: Ball, ground: Ground | None) -> None:
             )
     refuse_intervals(track)
     if not np.ptp(track.positions, axis=0).any():
-        raise InvalidInput(f"the ball stays at {track.positions[0].tolist()} m: this is no flight")
+        raise InvalidInput(
+            f"the ball stays at {track.positions[0].tolist()} m: it does not move, so this is not "
+            "a flight"
+        )
     falling = -2.0 * np.polyfit(track.times - track.times[0], track.positions[:, 2], 2)[0]
     refuse_units(track, float(falling))
 
@@ -322,7 +325,7 @@ def _fit(problem: _Problem) -> _Estimate:
 def _outliers(residuals: Array, spread: float) -> NDArray[np.bool_]:
     """Return which samples are too far off, shape `(n,)`: a tenth of them at most.
 
-    Where more are, the flight is not that of the model, and its residuals are no outliers.
+    Where more samples are far off, they are no outliers: the model does not describe the flight.
     """
     farthest = np.abs(residuals).reshape(-1, 3).max(axis=1)
     limit = max(OUTLIER * spread, float(np.quantile(farthest, LEAST_USED_FRACTION)))
@@ -339,7 +342,7 @@ def _impossible() -> Evaluation:
 def _polynomial(track: Track) -> tuple[Array, float]:
     """Return a first guess of position and velocity, shape `(6,)`, and of the noise [m].
 
-    They are those of polynomials in time, of which samples far away are left out.
+    They come from polynomials in time, fitted without the samples that are far from them.
     """
     times = track.times - track.times[0]
     degree = 2 if len(track) < 9 else 3 if len(track) < 30 else 5
@@ -502,7 +505,7 @@ def _spread(residuals: Array, length: float) -> float:
 
 
 def _result(problem: _Problem, estimate: _Estimate) -> Identification:
-    """Return the result: estimates, their covariance and what they were found from."""
+    """Return the result: estimates, their covariance and the residuals."""
     kept = estimate.residuals[estimate.used]
     freedom = max(kept.size - estimate.unknowns.size, 1)
     noise = math.sqrt(float(kept @ kept) / freedom)
@@ -553,7 +556,7 @@ def _widening(problem: _Problem, estimate: _Estimate) -> float:
         squares += float((flight * flight).sum())
         first += len(track)
     correlation = min(products / squares, 0.98) if squares > 0.0 else 0.0
-    if correlation < 2.0 / math.sqrt(estimate.used.sum()):  # as by chance
+    if correlation < 2.0 / math.sqrt(estimate.used.sum()):  # which chance explains
         return 1.0
     return math.sqrt((1.0 + correlation) / (1.0 - correlation))
 

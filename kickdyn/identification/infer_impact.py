@@ -56,7 +56,7 @@ class InferredImpact(ReprMixin):
         residual: the part of the ball's change of angular momentum along the impulse, which no
             impulse at one point explains, relative to radius times impulse; 0 or more.
         deviations: standard deviations of `restitution`, `friction`, `normal` (an angle [rad]) and
-            `residual` that follow from those of the measured velocities; empty without them.
+            `residual`, propagated from the measured velocities; empty without deviations of these.
     """
 
     posture: Posture
@@ -145,13 +145,13 @@ class InferredImpact(ReprMixin):
             )
         if self.contact_distance > LARGEST_DISTANCE * self.ball.radius:
             lines.append(
-                f"the contact point on the ball is {self.contact_distance:.2g} m from that of the "
-                "posture, where the leg takes the impulse"
+                f"the contact point on the ball is {self.contact_distance:.2g} m from the contact "
+                "point of the posture, where the leg takes the impulse"
             )
         return (*lines, *self.posture.warnings)
 
     def _sliding(self, v: Array, state: BallState) -> Array:
-        """Return the velocity of the ball's contact point less that of the foot's [m/s]."""
+        """Return the velocity of the ball's contact point relative to the foot's [m/s]."""
         surface = state.velocity - self.ball.radius * np.cross(state.spin, self.normal)
         return np.asarray(surface - self.posture.point_velocity(v))
 
@@ -193,7 +193,8 @@ def infer_impact(
         posture: posture of the leg in the impact; its contact point touched the ball.
         v: joint velocity just before, shape `(nv,)` [rad/s; m/s for prismatic joints].
         ball: the ball; its mass, radius and inertia count.
-        ball_before: measured state just before; its position is that of the centre [world frame].
+        ball_before: measured state just before; its position is the centre of the ball
+            [m, world frame].
         ball_after: measured state just after.
         velocity_deviation: standard deviation of each component of the ball's velocity [m/s]: a
             number, or shape `(2,)`, before and after.
@@ -317,7 +318,7 @@ class RestitutionFit(ReprMixin):
         speeds: approach speed along the normal of each kick, shape `(n,)` [m/s].
         restitutions: restitution of each kick, shape `(n,)`.
         table: rows (approach speed [m/s], restitution), speeds increasing, shape `(k, 2)`. Between
-            its rows the restitution is linear, outside it is that of the nearest row.
+            its rows the restitution is linear, outside it is constant.
         deviations: standard deviation of each restitution of the table, shape `(k,)`.
         scatter: standard deviation of the restitution of a kick around the table.
     """

@@ -6,7 +6,7 @@ What the model does not know is
 
 a scale s of the drag model, the wind, the restitution e of the foot's contact, and errors of aim,
 upwards and to the left. Kick k has, beside, an error :math:`\epsilon_k` of its own, of the speed
-and of the two angles. The most probable estimate after n kicks is that of
+and of the two angles. The most probable estimate after n kicks solves
 
 .. math:: \min_{\theta, \epsilon} \; (\theta - \theta_0)^T P_0^{-1} (\theta - \theta_0)
     + \sum_k \frac{|\epsilon_k|^2}{\sigma^2} + \sum_k \frac{|x_k(\theta, \epsilon_k) - y_k|^2}{R}
@@ -374,7 +374,7 @@ class Learner(ReprMixin):
         return tuple((speed, float(expit(logit(e) + change))) for speed, e in rows_of(self._given))
 
     def _gain(self, logit_e: float) -> float:
-        """Return the logarithm of the launch speed over that of a command without a leg."""
+        """Return the logarithm of the launch speed over the commanded speed, without a leg."""
         return math.log((1.0 + float(expit(logit_e))) / (1.0 + self._first_restitution))
 
     def _launched(self, values: Array, command: BallState | KickPlan) -> BallState:

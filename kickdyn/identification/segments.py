@@ -6,7 +6,7 @@ cuts are those that minimise
 .. math:: \sum_{\text{segments}} \Big( \frac{1}{\sigma^2} \sum_k |y_k - c(t_k)|^2 + \beta \Big)
 
 over all partitions of the samples, with :math:`\sigma` the noise and :math:`\beta` the price of 12
-coefficients by the Bayesian information criterion, found by dynamic programming (Jackson et al.
+coefficients by the Bayesian information criterion. Dynamic programming finds them (Jackson et al.
 2005, IEEE Signal Process. Lett. 12:105).
 """
 
@@ -58,8 +58,8 @@ ROLLING_HEIGHT = 0.15
 """Change of height of a ball that rolls [m], within one part."""
 
 SMOOTHED, SMOOTHED_FRACTION = 0.1, 0.1
-"""Time after and before a cut in which positions are those of a smoothed corner [s], and the share
-of the flight that it is at most."""
+"""Time after and before a cut in which trackers smooth over the corner [s]; and the fraction of a
+flight that is left out at most at either end."""
 
 LEAST_ROLLING_TIME = 0.5
 """Duration of a rolling part from which its deceleration is taken [s]."""
@@ -546,8 +546,8 @@ def _meeting_time(samples: _Samples, left: _Piece, right: _Piece) -> float:
 def _restitution(parts: Iterable[Segment], samples: _Samples) -> Measured | None:
     r"""Return the ratio of vertical speeds at bounces, None without any.
 
-    The deviation of a speed is that of a parabola's slope at the end of T = `VELOCITY_WINDOW` with
-    n samples, :math:`\sigma \sqrt{192 / n} / T`.
+    A speed is taken as the slope of a parabola at the end of T = `VELOCITY_WINDOW` with n samples,
+    of which the deviation is :math:`\sigma \sqrt{192 / n} / T`.
     """
     count = max(VELOCITY_WINDOW / float(np.median(np.diff(samples.times))), 1.0)
     speed_deviation = samples.noise * math.sqrt(192.0 / count) / VELOCITY_WINDOW
@@ -620,8 +620,8 @@ def _rolling_deceleration(
 def _median(values: Sequence[float], deviations: Sequence[float]) -> Measured | None:
     """Return the median with its standard deviation, None without any values.
 
-    The deviation is that of the median of a normal distribution, whose spread is estimated from the
-    values, but is not below that of a single one over the root of their number.
+    The values are taken as normally distributed. Their spread is estimated from the values, but is
+    not below the median deviation of a single value.
     """
     if not values:
         return None

@@ -26,7 +26,8 @@ OTHER_UNITS = (
     ("feet", 3.2808, 0.9, 1.1),
 )
 """Units that positions may be in by mistake: name, number per metre, and by how much a ball with
-drag and lift may fall slower or faster than in free fall; lift alone could cause that of feet."""
+drag and lift may fall slower or faster than in free fall. For feet the range is narrow, because
+lift alone can make a ball fall as fast as a number in feet seems to."""
 
 SOUND = 340.0
 """Speed of sound [m/s], which no ball of a game reaches."""
@@ -131,7 +132,7 @@ class Track(ValueEquality, ReprMixin):
         names = list(columns)
         if len(names) != 4 or not all(isinstance(name, str) for name in names):
             raise InvalidInput(
-                f"columns is {validation.brief(columns)}: it must name four columns, those of the "
+                f"columns is {validation.brief(columns)}: it must name four columns, for "
                 "time, x, y and z"
             )
         rows = csv.reader(read_text(file, source, LARGEST_FILE, FaultyFile).splitlines())

@@ -18,7 +18,7 @@ CONDITIONS = {"time": "s", "apex": "m", "speed": "m/s", "over": "m"}
 """Conditions on the flight, of which a goal has one, with their units."""
 
 FARTHEST = 1e4
-"""How far away a target may be [m]: air and gravity are those of one place."""
+"""Largest distance of a target [m]: air and gravity are the same all the way."""
 
 
 class PlanStatus(StrEnum):
@@ -179,7 +179,8 @@ class Goal(ReprMixin):
     def nominal_times(self) -> list[float]:
         """Return the times of flight [s] that meet the goal in the vacuum, from Eqs. (24)-(25).
 
-        There is none where the vacuum does not allow it, and two where a low and a high arc do.
+        The list is empty where no such flight exists, and has two times where both a low and a high
+        arc meet the goal.
         """
         rise, g = float(self.target[2]), GRAVITY
         if self.time is not None:

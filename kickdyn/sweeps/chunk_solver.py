@@ -78,23 +78,17 @@ class ChunkSolver:
         return describe(self.leg, self.grid, self.kick, self.carry_tolerance)
 
     def compile(self) -> None:
-        """Compile what is not on disk yet, in two processes at the same time.
-
-        The second process compiles the integrator of flights and this process everything else,
-        which takes about the same time.
-        """
+        """Compile what is not on disk yet: flights in other processes, and here everything else."""
         if self._model is None:
             return
-        from kickdyn.flight.compiling import compiled_rates  # numba is needed by large grids only
-        from kickdyn.flight.march import compiled_march
+        from kickdyn.flight.batch import compile_flights  # numba is needed by large grids only
         from kickdyn.sweeps.carry_table import compiled_evaluate
         from kickdyn.sweeps.kernel import compiled_kernel, kernel_is_kept
 
-        kick = self.kick
-        if kick.air is not None and kernel_is_kept() is False:
-            with calling_beside("the integrator of flights", compiled_march):
+        ball, air = self.kick.ball, self.kick.air
+        if air is not None and kernel_is_kept() is False:
+            with calling_beside("the integration of flights", compile_flights, ball, air):
                 compiled_kernel()
-                compiled_rates(kick.ball, kick.air)
                 if self.carry_tolerance > 0.0:
                     compiled_evaluate()
 
@@ -115,7 +109,9 @@ class ChunkSolver:
         """Return variables and status flags of `count` postures from number `first` on.
 
         The variables are in the order of `VARIABLES`, shape `(len(VARIABLES), count)`. Raises
-        `KickdynError` where the kernel and `kick_from`, or it and Pinocchio's solver, disagree.
+        `KickdynError` where the kernel and `kick_from`, or it and Pinocchio's solver, disagree:
+        one posture of each range is checked, the first that the kernel computes or that has an
+        impact.
         """
         rows = np.full((len(VARIABLES), count), np.nan)
         status, doubtful = np.zeros(count, np.int8), np.ones(count, bool)
@@ -123,9 +119,10 @@ class ChunkSolver:
             for begin in range(0, count, BLOCK):
                 k = slice(begin, begin + BLOCK)
                 doubtful[k] = self._compute(self._model, first + begin, rows[:, k], status[k])
-            sure = np.flatnonzero(~doubtful)
-            if sure.size:
-                _confirm(self._verify(first, int(sure[0]), rows))
+        sure = np.flatnonzero(~doubtful)
+        if sure.size:
+            _confirm(self._verify(first, int(sure[0]), rows))
+        confirmed = bool(sure.size)
         for i in np.flatnonzero(doubtful).tolist():
             outcome = self._outcome(first + i)
             if outcome is None:
@@ -133,8 +130,9 @@ class ChunkSolver:
                 continue
             rows[:, i] = list(variables_of(outcome, self.kick).values())
             status[i] = outcome.status.flag
-            if i == 0:
+            if not confirmed and outcome.impact is not None:
                 _confirm(outcome)
+                confirmed = True
         return rows, status
 
     def _compute(

@@ -202,16 +202,16 @@ def difference(
     if dims[0] != dims[1]:
         return f"its joints are {dims[0]}, this one's {dims[1]}"
     for name in wanted.dims:
-        one, other = stored[name].values, wanted[name].values
-        if not np.array_equal(one, other):
-            spans = [_span(each, wanted[name].attrs["units"]) for each in (one, other)]
+        axes = stored[name].values, wanted[name].values
+        if not np.array_equal(*axes):
+            spans = [_span(values, wanted[name].attrs["units"]) for values in axes]
             return f"its {name} has {spans[0]}, this one's {spans[1]}, not all the same"
     for attribute, value in wanted.attrs.items():
-        found = stored.attrs.get(attribute)
-        if attribute not in ("finished", "warnings") and found != value:
-            plain = f"its {attribute} is {found!r}, this one's {value!r}"
+        other = stored.attrs.get(attribute)
+        if attribute not in ("finished", "warnings") and other != value:
+            plain = f"its {attribute} is {other!r}, this one's {value!r}"
             return _DIFFERENT_HASH.get(attribute, plain)
-    names = [", ".join(n for n in VARIABLES if n in each) for each in (stored, tuple(kept))]
+    names = [", ".join(n for n in VARIABLES if n in sweep) for sweep in (stored, tuple(kept))]
     if names[0] != names[1]:
         return f"its variables are {names[0]}, this one's {names[1]}"
     return None

@@ -144,20 +144,20 @@ class Chunks:
     def span(self, k: int) -> tuple[int, int]:
         """Return the first posture and the number of postures of a chunk."""
         region = self.region(k)
-        begin = np.ravel_multi_index([part.start for part in region], self.grid_shape)
-        return int(begin), math.prod(part.stop - part.start for part in region)
+        begin = np.ravel_multi_index([axis.start for axis in region], self.grid_shape)
+        return int(begin), math.prod(axis.stop - axis.start for axis in region)
 
 
 def check_size(shape: tuple[int, ...], largest: int) -> None:
     """Raise `InvalidInput` where a grid has more postures than `largest`."""
     size = math.prod(shape)
     if size > largest:
-        limit, each = "can be swept", 30e-9
+        limit, gigabytes = "can be swept", 30e-9 * size
         if largest < LARGEST:
             limit = "are kept in memory: name a store, --out DIR.zarr (store= in Python)"
-            each = 105e-9
+            gigabytes = 105e-9 * size
         raise InvalidInput(
-            f"the grid has {size:,} postures ({' x '.join(map(str, shape))}, {size * each:,.1f} "
+            f"the grid has {size:,} postures ({' x '.join(map(str, shape))}, {gigabytes:,.1f} "
             f"GB): at most {largest:,} {limit}, or take larger steps"
         )
 
@@ -193,11 +193,11 @@ def read_postures(leg: Leg, joints: Iterable[str]) -> dict[str, Array]:
 def _read_axis(leg: Leg, text: str) -> tuple[str, Array]:
     """Return name and values of a joint from its text."""
     name, equals, span = text.rpartition("=")
-    parts = span.split(":")
-    if not equals or len(parts) not in (1, 3):
+    values = span.split(":")
+    if not equals or len(values) not in (1, 3):
         raise InvalidInput(f"joint {text!r} cannot be read: write NAME=LOW:HIGH:STEP or NAME=VALUE")
     try:
-        numbers = [float(part) for part in parts]
+        numbers = [float(value) for value in values]
     except ValueError:
         raise InvalidInput(f"joint {text!r} cannot be read: write plain numbers [deg; m]") from None
     for number in numbers:
@@ -215,10 +215,10 @@ def _read_axis(leg: Leg, text: str) -> tuple[str, Array]:
             f"joint {text!r} alone has {intervals + 1:.3g} values: at most {IN_MEMORY:,} can be "
             "swept, take a larger step"
         )
-    values = np.minimum(low + step * np.arange(math.floor(intervals) + 1), high)
-    values = values if leg.joint_unit(name) == "m" else np.radians(values)
-    _check_range(leg, name, values, "swept")
-    return name, values
+    axis = np.minimum(low + step * np.arange(math.floor(intervals) + 1), high)
+    axis = axis if leg.joint_unit(name) == "m" else np.radians(axis)
+    _check_range(leg, name, axis, "swept")
+    return name, axis
 
 
 @contextmanager
@@ -248,8 +248,8 @@ def _checked_axis(leg: Leg, name: str, given: ArrayLike) -> Array:
 def _check_range(leg: Leg, name: str, values: Array, how: str) -> None:
     """Raise `InvalidInput` where a joint is outside its range."""
     low, high = leg.joint_range(name)
-    slack = 1e-9 * max(1.0, abs(low), abs(high))
-    outside = values[(values < low - slack) | (values > high + slack)]
+    tolerance = 1e-9 * max(1.0, abs(low), abs(high))
+    outside = values[(values < low - tolerance) | (values > high + tolerance)]
     if outside.size:
         scale, unit = (1.0, "m") if leg.joint_unit(name) == "m" else (180 / math.pi, "deg")
         raise InvalidInput(

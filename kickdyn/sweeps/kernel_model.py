@@ -65,7 +65,8 @@ class KernelModel:
         axes: first tangent, second tangent and normal of the contact as columns [world frame]; of
             planar motion, the second tangent is the normal of the plane.
         tree: constants of each joint, dtype `JOINT`, shape `(n + 1,)`.
-        senses: -1 for each joint whose axis is turned round in its frame, else 1.
+        senses: -1 for each joint whose axis is turned round in its frame, because its largest
+            component is negative, else 1: parallel joints have aligned frames.
         task: the kick, dtype `TASK`, shape `(1,)`.
         kick: the kick.
     """
@@ -96,16 +97,18 @@ class KernelModel:
         world_axes = [data.oMi[k].rotation @ axis for k, axis in enumerate(axes, 1)]
         across = _plane_normal(world_axes, slides, kick.direction)
         contact_axes = _contact_axes(kick.direction, across)
-        tree, senses = _tree(model, contact_axes, axes)
+        senses = np.array([1.0, *(np.sign(axis[np.argmax(np.abs(axis))]) for axis in axes)])
+        frames = [contact_axes, *map(_frame, senses[1:, None] * axes)]
+        tree = _tree(model, frames)
         pin.computeSubtreeMasses(model, data)
         v = [model.idx_vs[k] for k in range(1, model.njoints)]
         tree["slides"][1:] = slides
         tree["carries_foot"][list(model.supports[leg.contact_joint])[1:]] = True
         tree["carried_mass"][1:] = list(data.mass)[1:]
         tree["armature"][1:], tree["speed_limit"][1:] = model.armature[v], leg.velocity_limit[v]
-        frame = _frames(contact_axes, senses, axes)[leg.contact_joint]
-        lever = frame.T @ leg.contact_lever
-        task = _task(kick, leg.contact_joint, lever, across is not None)
+        task = _task(kick, across is not None)
+        task["foot"] = leg.contact_joint
+        task["lever"] = frames[leg.contact_joint].T @ leg.contact_lever
         return cls(across is not None, contact_axes, tree, senses, task, kick)
 
 
@@ -116,8 +119,8 @@ def _plane_normal(axes: list[Array], slides: NDArray[np.bool_], normal: Array) -
         return None
     across = hinges[0]
     in_plane = all(np.linalg.norm(np.cross(axis, across)) < PARALLEL for axis in hinges)
-    others = [normal, *(axis for axis, slide in zip(axes, slides, strict=True) if slide)]
-    if not in_plane or any(abs(axis @ across) >= PARALLEL for axis in others):
+    directions = [normal, *(axis for axis, slide in zip(axes, slides, strict=True) if slide)]
+    if not in_plane or any(abs(axis @ across) >= PARALLEL for axis in directions):
         return None
     across = across - normal * (across @ normal)
     return np.asarray(across / np.linalg.norm(across))
@@ -133,25 +136,13 @@ def _contact_axes(normal: Array, across: Array | None) -> Array:
     return np.column_stack([np.cross(across, normal), across, normal])
 
 
-def _frames(contact_axes: Array, senses: Array, axes: list[Array]) -> list[Array]:
-    """Return the frame of each joint as columns in the joint's axes: z is along the joint."""
-    upright = np.array([0.0, 0.0, 1.0])
-    turned = (sense * axis for sense, axis in zip(senses[1:], axes, strict=True))
-    return [
-        contact_axes,
-        *(pin.Quaternion.FromTwoVectors(upright, axis).matrix() for axis in turned),
-    ]
+def _frame(axis: Array) -> Array:
+    """Return a frame as columns, whose z is along the axis."""
+    return np.asarray(pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), axis).matrix())
 
 
-def _tree(model: pin.Model, contact_axes: Array, axes: list[Array]) -> tuple[NDArray[Any], Array]:
-    """Return the constants of the joints that are geometry and inertia, and their senses.
-
-    The origin of the base is that of the first joint. An axis is turned round where its largest
-    component is negative, so that parallel joints have aligned frames.
-    """
-    largest = [axis[np.argmax(np.abs(axis))] for axis in axes]
-    senses = np.array([1.0, *np.sign(largest)])
-    frames = _frames(contact_axes, senses, axes)
+def _tree(model: pin.Model, frames: list[Array]) -> NDArray[Any]:
+    """Return the geometry and inertia of the joints, whose frames are given in the joints' axes."""
     tree = np.zeros(model.njoints, JOINT)
     tree["parent"] = list(model.parents)
     first = model.jointPlacements[1].translation
@@ -167,16 +158,14 @@ def _tree(model: pin.Model, contact_axes: Array, axes: list[Array]) -> tuple[NDA
         skew = pin.skew(inertia.lever)
         second = inertia.inertia - inertia.mass * skew @ skew
         joint["inertia"] = (frame.T @ second @ frame)[np.triu_indices(3)]
-    return tree, senses
+    return tree
 
 
-def _task(kick: Kick, foot: int, lever: Array, planar: bool) -> NDArray[Any]:
-    """Return what is asked of the kernel for a kick."""
-    ball = kick.ball
-    task = np.zeros(1, TASK)
-    task["foot"], task["lever"], task["planar"] = foot, lever, planar
+def _task(kick: Kick, planar: bool) -> NDArray[Any]:
+    """Return what is asked of the kernel for a kick, without the foot."""
+    ball, task = kick.ball, np.zeros(1, TASK)
+    task["planar"], task["normal_mobility"] = planar, 1.0 / ball.mass
     task["tangent_mobility"] = 1.0 / ball.mass + ball.radius**2 / ball.inertia
-    task["normal_mobility"] = 1.0 / ball.mass
     task["speed"], task["friction"] = kick.speed, kick.friction
     task["restitution"] = kick.restitution_used
     return task

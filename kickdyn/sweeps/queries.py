@@ -65,16 +65,16 @@ def condition(data: xr.Dataset, text: str) -> xr.DataArray:
     refused = f"condition {text[:100]!r} cannot be read: it consists of {_LANGUAGE}"
     try:
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            found = xr.DataArray(_evaluate(ast.parse(text.strip(), mode="eval").body, data))
+            result = xr.DataArray(_evaluate(ast.parse(text.strip(), mode="eval").body, data))
     except InvalidInput as error:
         raise InvalidInput(f"condition {text[:100]!r} {error}") from None
     except _UNREADABLE:
         raise InvalidInput(refused) from None
-    if found.dtype != bool:
+    if result.dtype != bool:
         raise InvalidInput(
             f"condition {text[:100]!r} is a number: compare it, as in ball_speed > 1"
         )
-    return found
+    return result
 
 
 def _evaluate(node: ast.AST, data: xr.Dataset) -> Any:
@@ -90,8 +90,8 @@ def _evaluate(node: ast.AST, data: xr.Dataset) -> Any:
             return _OPERATORS[type(op)](_evaluate(left, data), _evaluate(right, data))
         case ast.BoolOp(op=op, values=values):
             return reduce(_OPERATORS[type(op)], (_evaluate(value, data) for value in values))
-        case ast.Compare(left=left, ops=ops, comparators=others):
-            terms = [_evaluate(each, data) for each in (left, *others)]
+        case ast.Compare(left=left, ops=ops, comparators=rest):
+            terms = [_evaluate(term, data) for term in (left, *rest)]
             pairs = zip(ops, terms, terms[1:], strict=False)
             return reduce(operator.and_, (_OPERATORS[type(op)](a, b) for op, a, b in pairs))
     raise InvalidInput(f"has {ast.unparse(node)[:40]!r} in it: it consists of {_LANGUAGE}")
@@ -100,9 +100,9 @@ def _evaluate(node: ast.AST, data: xr.Dataset) -> Any:
 def _column(data: xr.Dataset, name: str) -> xr.DataArray:
     """Return a joint or variable of a dataset by its name, angles in degrees."""
     joints = [str(joint) for joint in data["status"].dims]
-    names = [*joints, *(each for each in VARIABLES if each in data)]
+    names = [*joints, *(variable for variable in VARIABLES if variable in data)]
     if name not in names:
-        known = ", ".join(f"{each} [{shown_unit(data, each)}]" for each in names)
+        known = ", ".join(f"{known} [{shown_unit(data, known)}]" for known in names)
         reason = "which this sweep does not keep" if name in VARIABLES else "which is unknown"
         raise InvalidInput(f"names {name!r}, {reason}: there are {known}")
     return shown(data, name)
@@ -232,26 +232,26 @@ def slopes_at(data: xr.Dataset, posture: xr.Dataset, of: str = "ball_speed") -> 
     except (KeyError, TypeError, ValueError):
         raise InvalidInput("posture is not one posture of the dataset: select it by isel") from None
 
-    def near(*along: str, count: int) -> tuple[xr.DataArray, list[int]]:
-        """Return the variable around the best posture along joints, and where that is in it."""
-        here, places = dict[str, Any](centre), []
+    def neighbourhood(*along: str, count: int) -> tuple[xr.DataArray, list[int]]:
+        """Return the variable around the posture along joints, and the posture's index in it."""
+        region, index = dict[str, Any](centre), []
         for name in along:
             begin = max(0, min(centre[name] - count // 2, data.sizes[name] - count))
-            here[name] = slice(begin, begin + count)
-            places.append(centre[name] - begin)
-        part = data[[of, "status"]].isel(here).transpose(*along)
-        return part[of].astype(float).where(possible(part)), places
+            region[name] = slice(begin, begin + count)
+            index.append(centre[name] - begin)
+        block = data[[of, "status"]].isel(region).transpose(*along)
+        return block[of].astype(float).where(possible(block)), index
 
     n, digits = len(joints), float(np.finfo(data[of].dtype).eps)
     slopes, curvature = np.full((n, 2), np.nan), np.full((n, n), np.nan)
     for i, name in enumerate(joints):
-        line, (at,) = near(name, count=9)
-        slopes[i] = _slope(line[name].values, line.values, at, digits)
+        line, (middle,) = neighbourhood(name, count=9)
+        slopes[i] = _slope(line[name].values, line.values, middle, digits)
         for j, other in enumerate(joints):
-            patch, places = near(*dict.fromkeys((name, other)), count=3)
+            patch, index = neighbourhood(*dict.fromkeys((name, other)), count=3)
             if min(patch.shape) == 3:
                 bent = patch.differentiate(name, edge_order=2).differentiate(other, edge_order=2)
-                curvature[i, j] = bent.values[tuple(places)]
+                curvature[i, j] = bent.values[tuple(index)]
     return xr.Dataset(
         {
             "slope": ("joint", slopes[:, 0]),

@@ -140,12 +140,12 @@ class SweepStore:
         from numcodecs.blosc import SHUFFLE, Blosc  # comes with Zarr
 
         dtype, fill = ("<i1", _NOT_COMPUTED) if name == "status" else ("<f4", math.nan)
-        shape = tuple(part.stop - part.start for part in self.chunks.region(k))
+        shape = tuple(axis.stop - axis.start for axis in self.chunks.region(k))
         block = values.reshape(shape).astype(dtype)
         if shape != self.chunks.shape:  # at the end of an axis: files have whole chunks
-            whole = np.full(self.chunks.shape, fill, dtype)
-            whole[tuple(map(slice, shape))] = block
-            block = whole
+            padded = np.full(self.chunks.shape, fill, dtype)
+            padded[tuple(map(slice, shape))] = block
+            block = padded
         index = map(str, np.unravel_index(k, self.chunks.counts))
         file = self._path.joinpath(name, "c", *index)
         file.parent.mkdir(parents=True, exist_ok=True)

@@ -95,9 +95,9 @@ class Summary:
     def add(self, block: xr.Dataset) -> None:
         """Add the next postures, in the order of the grid."""
         first = sum(self.counts.values())
-        found = np.bincount(block["status"].values.ravel() + 1, minlength=len(PostureStatus))
+        numbers = np.bincount(block["status"].values.ravel() + 1, minlength=len(PostureStatus))
         for status in PostureStatus:
-            self.counts[status.value] += int(found[status.flag + 1])
+            self.counts[status.value] += int(numbers[status.flag + 1])
         for name in {"restitution_residual", "momentum_residual"} & set(block.data_vars):
             largest = np.fmax.reduce(block[name].values, axis=None)
             self.residual = float(np.fmax(self.residual, largest))
@@ -122,8 +122,8 @@ class Summary:
         speeds = np.full(block["status"].shape, np.nan)
         speeds.reshape(-1)[places] = speed
         start = np.unravel_index(first, [len(axis) for axis in self.axes.values()])
-        for each in self.maps.values():
-            each.add(dict(zip(self.axes, start, strict=True)), speeds)
+        for speed_map in self.maps.values():
+            speed_map.add(dict(zip(self.axes, start, strict=True)), speeds)
 
     def as_json(self) -> dict[str, Any]:
         """Return the best postures and the front: joints, ball speed and impulse as lists."""
@@ -174,10 +174,10 @@ class SpeedMap:
 
     def add(self, start: dict[str, np.intp], speeds: Array) -> None:
         """Add a block of postures: where it starts along each joint, and ball speeds or nan."""
-        others = tuple(axis for axis, kept in enumerate(self._kept) if not kept)
+        reduced = tuple(axis for axis, kept in enumerate(self._kept) if not kept)
         lengths = dict(zip(start, speeds.shape, strict=True))
         bins = (b[start[k] : start[k] + lengths[k]] for k, b in self._bin_of.items())
-        np.fmax.at(self.best, np.ix_(*bins), np.fmax.reduce(speeds, axis=others))
+        np.fmax.at(self.best, np.ix_(*bins), np.fmax.reduce(speeds, axis=reduced))
 
 
 def summarize(data: xr.Dataset, where: str | None = None) -> Summary:

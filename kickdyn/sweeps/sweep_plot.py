@@ -32,10 +32,10 @@ def sweep_figure(summary: Summary, lines: Sequence[ReportLine] = ()) -> Figure:
     rows = 2 if len(maps) > 1 else 1
     figure = Figure(figsize=(11, 4.6 * rows))
     panels = figure.subplots(rows, 2).ravel()
-    ratios = np.concatenate([each.best.ravel() for each in maps.values()]) / foot_speed
+    ratios = np.concatenate([speeds.best.ravel() for speeds in maps.values()]) / foot_speed
     span = (np.fmin.reduce(ratios), np.fmax.reduce(ratios))
-    for each, panel in zip(maps.values(), panels, strict=False):
-        _draw_map(figure, panel, each, summary, span)
+    for speeds, panel in zip(maps.values(), panels, strict=False):
+        _draw_map(figure, panel, speeds, summary, span)
     _draw_front(figure, panels[-1], summary, lines)
     figure.suptitle(_title(summary))
     return figure
@@ -59,13 +59,13 @@ def _draw_map(
     figure: Figure, axes: Any, speeds: SpeedMap, summary: Summary, span: tuple[float, float]
 ) -> None:
     """Draw the best ratio over one joint as a line, over two as a map."""
-    others = [
+    reduced = [
         _plain(name)
         for name, values in summary.axes.items()
         if name not in speeds.values and len(values) > 1
     ]
-    if others:
-        axes.set_title(f"best over {', '.join(others)}")
+    if reduced:
+        axes.set_title(f"best over {', '.join(reduced)}")
     labels = [f"{_plain(name)} [{summary.units[name]}]" for name in speeds.values]
     best = speeds.best / float(summary.attributes["foot_speed_m_s"])
     values = list(speeds.values.values())

@@ -153,7 +153,7 @@ def _explanation(line: ReportLine, kick: Kick) -> str:
     return (
         f"the effective mass of the leg is {values['effective_mass']:.3g} kg, {heavier:.3g} times "
         f"that of the ball, which leaves at {values['speed_ratio']:.3g} times the foot's speed "
-        f"({1 + kick.restitution_used:.3g} for an infinitely heavy leg); "
+        f"({1 + kick.restitution_used:.3g} if the leg were infinitely heavy); "
         f"its joints need {values['speed_use']:.0%} of their speed limits{overlap}"
     )
 
@@ -163,9 +163,9 @@ def _can_meet(posture: Posture, normal: Array) -> bool:
     cone = posture.leg.contact_normal_cone
     if cone is None:
         return True
-    at = posture.contact_point
+    contact = posture.contact_point
     return all(
-        normal @ (posture.with_contact_offset(row).contact_point - at) > -1e-9 for row in cone
+        normal @ (posture.with_contact_offset(row).contact_point - contact) > -1e-9 for row in cone
     )
 
 
@@ -246,7 +246,8 @@ def text(summary: Summary, lines: Sequence[ReportLine], width: int = PROSE) -> s
     sentences = []
     if any(line.label in PAPER_POSTURES for line in lines):
         sentences.append(
-            "Table 2 a, b and c are postures of the ICRA 2005 paper, see kickdyn paper."
+            "Table 2 a, b and c have the foot angles of the ICRA 2005 paper's Table 2; hip and "
+            "knee are fitted, see kickdyn paper."
         )
     if lines:
         leg = lines[0].outcome.posture.leg
@@ -257,8 +258,8 @@ def text(summary: Summary, lines: Sequence[ReportLine], width: int = PROSE) -> s
                 sentences.append(f"{line.label} ({', '.join(angles)}): {line.explanation}.")
         hidden = len(leg.single_joints) - len(shown)
         if hidden:
-            others = "one other joint is" if hidden == 1 else f"{hidden} other joints are"
-            sentences.append(f"The robot's {others} at 0; --json lists all.")
+            hidden_joints = "one other joint is" if hidden == 1 else f"{hidden} other joints are"
+            sentences.append(f"The robot's {hidden_joints} at 0; --json lists all.")
     counts = ", ".join(f"{number} {name}" for name, number in summary.counts.items() if number)
     sentences.append(f"{summary.postures} postures: {counts}.")
     if summary.where is not None and summary.chosen:
@@ -272,7 +273,7 @@ def text(summary: Summary, lines: Sequence[ReportLine], width: int = PROSE) -> s
         sentences.append(
             f"The relative residuals of restitution and momentum are below 1e{power:+03d}."
         )
-    return "\n".join(wrapped(each, width) for each in sentences)
+    return "\n".join(wrapped(sentence, width) for sentence in sentences)
 
 
 def _unit(leg: Leg, joint: str) -> str:

@@ -140,7 +140,7 @@ def test_what_does_not_go_together_is_warned_of():
     hit = struck(0.3)
     moved = kd.BallState((9, 0, 0), hit.ball_before.velocity, hit.ball_before.spin)
     found = kd.infer_impact(hit.posture, hit.v_before, BALL, moved, hit.ball_after)
-    assert any("from that of the posture" in line for line in found.warnings)
+    assert any("from the contact point of the posture" in line for line in found.warnings)
     fast = changed(hit.ball_after, velocity=3 * hit.ball_after.velocity)
     assert any("outside 0 to 1" in line for line in inferred(hit, fast).warnings)
 

@@ -85,8 +85,10 @@ def test_a_ball_that_the_batch_does_not_land_is_flown_alone(monkeypatch):
     assert rows[list(VARIABLES).index("carry")] == pytest.approx(carries, rel=1e-9)
 
 
+@pytest.mark.parametrize("kernel_from", [1, 10**9])
 @pytest.mark.parametrize("friction", [0.0, 0.4])
-def test_a_sweep_stops_where_pinocchio_finds_another_impulse(monkeypatch, friction):
+def test_a_sweep_stops_where_pinocchio_finds_another_impulse(monkeypatch, friction, kernel_from):
+    monkeypatch.setattr(chunk_solver, "KERNEL_FROM", kernel_from)
     found = chunk_solver.strike
 
     def wrong(posture, v, ball, contact, **options):
@@ -96,12 +98,15 @@ def test_a_sweep_stops_where_pinocchio_finds_another_impulse(monkeypatch, fricti
         heavier = kd.Ball(mass=ball.mass * (1 + 1e-7), radius=ball.radius)
         return found(posture, v, heavier, contact, **options)
 
-    legs = kd.Leg.human()
-    angles = {"hip": np.radians([0.0, 5.0]), "knee": [0.2], "ankle": [0.0]}
-    kd.sweep(legs, angles, kd.Kick(friction=friction))
+    model = kd.Leg.human().model
+    model.upperPositionLimit[2] = 2.0
+    legs = kd.Leg.from_model(model, "toe")
+    angles = {"hip": np.radians([90.0]), "knee": [0.0], "ankle": np.radians([90.0, 100.0])}
+    kick = kd.Kick(attack=0.0, friction=friction)  # first along the stretched leg
+    assert kd.sweep(legs, angles, kick).status.values.ravel().tolist() == [2, 1]
     monkeypatch.setattr(chunk_solver, "strike", wrong)
     with pytest.raises(kd.KickdynError, match=r"N s by pin\.impulseDynamics"):
-        kd.sweep(legs, angles, kd.Kick(friction=friction))
+        kd.sweep(legs, angles, kick)
 
 
 def test_flown_carries_are_right_to_what_is_promised():

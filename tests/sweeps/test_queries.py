@@ -105,6 +105,14 @@ def made_up():
         "hip", DEGREES["hip"], {"units": "deg"})})  # fmt: skip
 
 
+def test_angles_are_compared_to_a_billionth_of_a_degree(made_up):
+    degrees = np.array([10.0, 10.003, 10.0039999, 10.005])
+    shifted = made_up.assign_coords(hip=("hip", np.radians(degrees), {"units": "rad"}))
+    assert condition(shifted, "hip < 10.004").values.tolist() == [True, True, True, False]
+    assert condition(shifted, "hip == 10").values.tolist() == [True, False, False, False]
+    assert condition(shifted, "hip < 10.0039998").values.tolist() == [True, True, False, False]
+
+
 @pytest.mark.parametrize(
     ("text", "expected"),
     [

@@ -65,9 +65,16 @@ def test_chunks_give_what_the_whole_dataset_gives(data, where):
         assert {*map(tuple, found.sample)} <= {*map(tuple, rows)}
 
 
-def test_the_sample_is_random_and_repeatable():
+def test_the_sample_is_random_and_repeatable(data):
+    sample = summarize(data).sample
     assert (by_chunks().sample == by_chunks().sample).all()
-    assert len(np.unique(by_chunks().sample, axis=0)) == 7
+    assert (by_chunks().sample == sample).all()
+    names, counts = ("worst_joint_impulse", "ball_speed", "speed_use"), possible(data).values
+    rows = np.column_stack([data[name].values[counts] for name in names])
+    numbers = [int(np.flatnonzero((rows == row).all(axis=1))[0]) for row in sample]
+    assert len(set(numbers)) == 7
+    assert np.ptp(numbers) > len(rows) / 2
+    assert np.ptp(np.diff(numbers)) > 1
 
 
 def test_nothing_to_choose_from(data):

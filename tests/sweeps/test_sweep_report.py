@@ -101,8 +101,8 @@ def test_best_and_worst_are_the_extremes_of_what_the_leg_can_do():
     mass, ratio = best.values["effective_mass"], best.values["speed_ratio"]
     assert best.explanation == (
         f"the effective mass of the leg is {mass:.3g} kg, {mass / 0.43:.3g} times that of the ball,"
-        f" which leaves at {ratio:.3g} times the foot's speed (1.8 for an infinitely heavy "
-        f"leg); its joints need {100 * best.values['speed_use']:.0f}% of their speed limits"
+        f" which leaves at {ratio:.3g} times the foot's speed (1.8 if the leg were infinitely "
+        f"heavy); its joints need {100 * best.values['speed_use']:.0f}% of their speed limits"
     )
     assert best.outcome.status == worst.outcome.status == "ok"
     at = data.sel({n: np.radians(best.angles[n]) for n in ("hip", "knee")}, method="nearest")

@@ -1,4 +1,4 @@
-"""Random scenes on which errors are tried: kicks of robots and people, in air or none, to all ends."""
+"""Random scenes: kicks of robots and people, in air or none, to every end of a path."""
 
 from __future__ import annotations
 

@@ -177,7 +177,8 @@ class Leg(JointTable, ReprMixin):
                 velocity, in the root link's axes, in v.
             locked: joints to lock at their values [rad; m for prismatic joints], before inertias
                 are judged: of a joint that moves no mass, for example. A name may be a pattern as
-                of a shell, such as `"LFinger*"`; a joint's own name goes before patterns.
+                of a shell, such as `"LFinger*"`; the value of a joint that is named itself takes
+                precedence over that of a pattern.
             package_dirs: ROS packages, or folders that contain them, where a page looks for meshes
                 named `package://NAME/...`, before the folders that contain the file and those of
                 the variables `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH`. Meshes in them may be

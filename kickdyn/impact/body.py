@@ -94,10 +94,10 @@ class BallBody(NamedTuple):
         """
         along, turning = 1.0 / self.ball.mass, self.ball.turning
         across = along + turning
-        own_block = np.array((across, 0.0, 0.0, 0.0, across, 0.0, 0.0, 0.0, along)).reshape(3, 3)
+        diagonal = np.array((across, 0.0, 0.0, 0.0, across, 0.0, 0.0, 0.0, along)).reshape(3, 3)
         if len(axes) == 1:
-            return own_block
-        matrix = np.kron(np.diag(np.abs(self.sides)), own_block)
+            return diagonal
+        matrix = np.kron(np.diag(np.abs(self.sides)), diagonal)
         inward = [side * rotation[:, 2] for side, rotation in zip(self.sides, axes, strict=True)]
         for i, j in combinations(range(len(axes)), 2):
             turned = inward[i].dot(inward[j]) * np.eye(3) - np.outer(inward[j], inward[i])

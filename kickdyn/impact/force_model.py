@@ -265,15 +265,15 @@ def integrate_until(
     falling.terminal, falling.direction = True, -1  # type: ignore[attr-defined]
     run = partial(solve_ivp, rates, method="DOP853", rtol=rtol, atol=atol, max_step=step,
                   events=falling, dense_output=True)  # fmt: skip
-    found = run((begin, limit), np.asarray(start, np.float64))
-    if found.status != 1:
-        return found
-    began, ended = found.t[-2:]
+    solution = run((begin, limit), np.asarray(start, np.float64))
+    if solution.status != 1:
+        return solution
+    began, ended = solution.t[-2:]
     if ended <= began:
-        return found
+        return solution
     beyond = ended + 0.01 * (ended - began)
-    last = run((began, beyond), found.y[:, -2], first_step=beyond - began)
-    times = np.concatenate([found.t[:-1], last.t[1:]])
-    found.sol = OdeSolution(times, [*found.sol.interpolants[:-1], *last.sol.interpolants])
-    found.t, found.y = times, np.hstack([found.y[:, :-1], last.y[:, 1:]])
-    return found
+    last = run((began, beyond), solution.y[:, -2], first_step=beyond - began)
+    times = np.concatenate([solution.t[:-1], last.t[1:]])
+    solution.sol = OdeSolution(times, [*solution.sol.interpolants[:-1], *last.sol.interpolants])
+    solution.t, solution.y = times, np.hstack([solution.y[:, :-1], last.y[:, 1:]])
+    return solution

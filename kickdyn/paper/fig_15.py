@@ -128,14 +128,14 @@ def varying(choice: Coefficients) -> list[Item]:
     if choice.drag == DEFAULT.drag and choice != DEFAULT:
         return []
     air = choice.air(lift=False)
-    found = [learn_launch(distance, time, BALL, air) for distance, time, _ in GOALS]
-    counts = [len(rounds) - 1 for rounds in found]
+    histories = [learn_launch(distance, time, BALL, air) for distance, time, _ in GOALS]
+    counts = [len(rounds) - 1 for rounds in histories]
     harder, result = counts == sorted(counts), list[Item]()
     source = (
         f"Figs. 13-14 in their simplest reading, command += error, from Eqs. (24)-(25), "
         f"{choice.name}, no lift; the paper prints no update rule"
     )
-    for (distance, time, printed), rounds in zip(GOALS, found, strict=True):
+    for (distance, time, printed), rounds in zip(GOALS, histories, strict=True):
         first, last = rounds[0], rounds[-1]
         why = (
             f"the goal is {'met' if last.is_met else 'not met'} to within {DISTANCE_ACCURACY:g} m "

@@ -14,6 +14,7 @@ from .errors import NoImpact as NoImpact
 from .errors import SceneError as SceneError
 from .errors import UrdfError as UrdfError
 from .flight.batch import fly_many as fly_many
+from .flight.events import Event as Event
 from .flight.flight_result import Flight as Flight
 from .flight.fly import fly as fly
 from .flight.follow import Course as Course

@@ -1,6 +1,7 @@
 """Analyse the kicking postures of a leg: `python -m kickdyn.posture_sweep`."""
 
 import logging
+import math
 import sys
 import threading
 from collections.abc import Iterator, Mapping, Sequence
@@ -66,7 +67,7 @@ class StoreOptions:
     )  # fmt: skip
     variables: str | None = option(
         "--variables", metavar="NAME,...", shell_complete=offers(lambda _: VARIABLES),
-        help="Variables to write to --out, besides status and those of the table "
+        help="Variables to write to --out, besides status and the variables of the table "
         f"({', '.join(NEEDED)}).  [default: all, {', '.join(VARIABLES)}]",
     )  # fmt: skip
     resume: bool = option(
@@ -167,7 +168,7 @@ def posture_sweep(
     storing.check()
     output.check(storing.file, inputs=[leg.leg_name])
     kick = Kick(
-        speed=foot.checked_speed, attack=foot.angle, restitution=contact.read_restitution(),
+        speed=foot.speed, attack=foot.angle, restitution=contact.read_restitution(),
         friction=contact.friction, law=law, ball=ball.load(), air=air.load(),
     )  # fmt: skip
     warn(range_warnings(kick.contact.restitution, kick.speed))
@@ -228,8 +229,7 @@ def _sweep(
     """Compute all postures and add them to the summary; return the dataset if it is written."""
     data: xr.Dataset | None = None
     computed: Iterator[xr.Dataset]
-    resumed = storing.store if storing.resume else None
-    with _resumable(storing.store), _progress_bar(size, resumed) as progress:
+    with _resumable(storing.store), _progress_bar(size) as progress:
         if storing.out is not None:
             data = sweep(
                 leg, postures, kick, store=storing.store, variables=storing.kept,
@@ -260,44 +260,29 @@ def _resumable(store: str | None) -> Iterator[None]:
 
 
 @contextmanager
-def _progress_bar(size: int, resumed: str | None) -> Iterator[Progress | None]:
-    """Show a bar with time left and best ball speed while stderr is a terminal.
-
-    Say first how much of a store that is resumed is there.
-    """
-    best, announced = 0.0, resumed is None
-
-    def kept(count: int) -> None:
-        nonlocal announced
-        if not announced:
-            rest = "the others are computed" if count < size else "none is missing"
-            line = f"{resumed} has {count:,} of {size:,} postures: {rest}"
-            click.echo(f"\r{line:79}" if sys.stderr.isatty() else line, err=True)
-        announced = True
-
+def _progress_bar(size: int) -> Iterator[Progress | None]:
+    """Show a bar with time left, the best ball speed and compilations, on a terminal only."""
     if not sys.stderr.isatty():
-        yield None if announced else lambda count, _: kept(count)
+        yield None
         return
+    best = math.nan
+    notice = logging.StreamHandler(sys.stderr)
+    notice.setFormatter(logging.Formatter("\r%(message)s; later runs read it from disk"))
+    level = compilation.log.level
+    compilation.log.addHandler(notice)
+    compilation.log.setLevel(logging.INFO)
 
     def text(speed: float | None) -> str | None:
         return f"best {speed:.4g} m/s" if speed else None
 
-    notice = logging.Handler(logging.INFO)
-    notice.emit = lambda record: click.echo(  # type: ignore[method-assign]
-        f"\r{record.getMessage() + '; later runs read it from disk':79}", err=True
-    )
-    level = compilation.log.level
-    compilation.log.addHandler(notice)
-    compilation.log.setLevel(logging.INFO)
     with click.progressbar(
         length=size, label="postures", file=sys.stderr, item_show_func=text
     ) as bar:
 
         def progress(count: int, speed: float) -> None:
             nonlocal best
-            kept(count)
             best = float(np.fmax(best, speed))
-            bar.update(count, best)
+            bar.update(count, None if math.isnan(best) else best)
 
         try:
             yield progress

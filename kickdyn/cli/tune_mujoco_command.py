@@ -32,6 +32,13 @@ from kickdyn.simulators.tune_mujoco import MujocoTuning
 from kickdyn.simulators.tune_mujoco import tune_mujoco as tune_contact
 from kickdyn.sweeps.grid import read_postures
 
+PLAIN = (
+    *("timestep", "integrator", "solref", "solref_time", "solimp", "friction", "solreffriction"),
+    *("condim", "margin", "contact_time", "wanted_contact_time", "tolerance", "within_tolerance"),
+    *("largest_timestep", "second_push", "seconds", "warnings"),
+)
+"""Attributes of `MujocoTuning` that JSON can hold as they are."""
+
 
 @dataclass(frozen=True)
 class MujocoOptions:
@@ -104,7 +111,8 @@ def tune_mujoco(
 ) -> None:
     """Find contact parameters with which MuJoCo launches the ball as kickdyn does.
 
-    The kick is that of a leg, or of SCENE, a TOML file or the name of one that comes with kickdyn.
+    The kick is described by the options of a leg, or by SCENE: a TOML file, or the name of a scene
+    that comes with kickdyn.
     The leg may be an MJCF file. Its joints move with the least kinetic energy that gives the foot
     its velocity. For a scene with an instantaneous impact, the contact time is 10 ms.
 
@@ -119,7 +127,7 @@ def tune_mujoco(
         posture = robot.posture(robot.configuration(_angles(robot, joints)))
         posture = posture.with_contact_offset(contact.offset)
         warn(posture.warnings)
-        v = posture.joint_velocity(foot.checked_speed * foot.direction)
+        v = posture.joint_velocity(foot.velocity)
         scene = Scene(
             posture, v, ball.load(), contact.contact(foot.direction),
             Compliance(contact_time=mujoco.contact_time), name=robot.name,
@@ -244,24 +252,8 @@ def _document(name: str, tuning: MujocoTuning, model: str) -> dict[str, Any]:
     """Return the numbers, and the MJCF of the ball."""
     return {
         "scene": name,
-        "timestep": tuning.timestep,
-        "integrator": tuning.integrator,
-        "solref": list(tuning.solref),
-        "solref_time": None if tuning.solref_time is None else list(tuning.solref_time),
-        "solimp": list(tuning.solimp),
-        "friction": tuning.friction,
-        "solreffriction": list(tuning.solreffriction),
-        "condim": tuning.condim,
-        "margin": tuning.margin,
-        "contact_time": tuning.contact_time,
-        "wanted_contact_time": tuning.wanted_contact_time,
+        **{key: getattr(tuning, key) for key in PLAIN},
         "errors": [error._asdict() for error in tuning.errors],
-        "tolerance": tuning.tolerance,
-        "within_tolerance": tuning.within_tolerance,
         "goals": [{**goal._asdict(), "met": goal.met} for goal in tuning.goals],
-        "largest_timestep": tuning.largest_timestep,
-        "second_push": tuning.second_push,
-        "seconds": tuning.seconds,
-        "warnings": list(tuning.warnings),
         "mjcf": model,
     }

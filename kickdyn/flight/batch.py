@@ -19,6 +19,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.compiling import compiled_rates
 from kickdyn.flight.equations import FINEST, MAX_SPEED, tolerances
+from kickdyn.flight.events import drops
 from kickdyn.flight.flight_result import (
     ROUNDING,
     FlightStatus,
@@ -26,7 +27,6 @@ from kickdyn.flight.flight_result import (
     outside_ranges,
     refinement,
 )
-from kickdyn.flight.fly import drops
 from kickdyn.flight.forces import ballistic, brakes, downward, is_ballistic
 from kickdyn.flight.march import ALOFT, FAILED, LANDED, compiled_march, march, march_is_kept
 from kickdyn.ground import Ground

@@ -27,8 +27,9 @@ from kickdyn.flight.forces import acceleration_function, brakes, downward
 MAX_SPEED = 299_792_458.0
 """In air [m/s], that of light. Tolerances hold up to there; coefficients end far below."""
 
-FINEST = 10 * float(np.finfo(float).eps)
-"""Least relative tolerance of a step: below it, the estimate of the step's error is rounding."""
+FINEST = 100 * float(np.finfo(float).eps)
+"""Least relative tolerance of a step, as of scipy's DOP853: below it, the estimate of the step's
+error is rounding."""
 
 _PER_DECADE, _DECADES = 8, 3
 _FARTHEST = 15

@@ -62,7 +62,7 @@ class Flight(ReprMixin):
     launch: BallState
     _find_apex: Callable[[], BallState] = field(repr=False)
     landing: BallState
-    status: FlightStatus
+    status: str
     method: str
     evaluations: int
     _trajectory: Callable[[Array], Array] = field(repr=False)

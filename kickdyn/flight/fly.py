@@ -1,9 +1,9 @@
 """The flight of a ball, from launch to landing."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,6 +14,16 @@ from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.flight.equations import MAX_SPEED, FlightEquations, tolerances
+from kickdyn.flight.events import (
+    CREST,
+    STEEP_CREST,
+    STEEPNESS,
+    Event,
+    checked_ends,
+    distance_to_plane,
+    ground_event,
+    plane_events,
+)
 from kickdyn.flight.flight_result import Flight, FlightStatus, warning_of
 from kickdyn.flight.forces import (
     STILL,
@@ -23,9 +33,12 @@ from kickdyn.flight.forces import (
     is_ballistic,
     time_to_fall,
 )
-from kickdyn.flight.integrate import Event, FlightArc, fly_until, joined
+from kickdyn.flight.integrate import Tolerance, integrate, trajectory
 from kickdyn.ground import Ground
 from kickdyn.plane import Plane
+
+VACUUM = Air(density=0.0)
+"""The air of a flight in the vacuum."""
 
 
 @validation.check_arguments
@@ -39,11 +52,12 @@ def fly(
     plane: Plane | None = None,
     time_limit: float = 1000.0,
     max_step: float | None = None,
+    ends: Sequence[Event] = (),
 ) -> Flight:
-    r"""Return the flight of a ball from its launch to the ground, or to a plane before.
+    r"""Return the flight of a ball from its launch to the first event that ends it.
 
     Without air, the flight has a closed form (Eqs. 24-25). With air, DOP853 integrates the
-    equations of `FlightEquations` to the landing; the apex is computed when it is first read.
+    equations of `FlightEquations`.
 
     Args:
         state: the ball at the launch, such as `Impact.ball_after`; its time is not used.
@@ -61,12 +75,13 @@ def fly(
         max_step: longest step of the integration [s]; None sets no limit. A step does not see what
             a function of your own does between its 12 evaluations, such as a narrow peak of C_D;
             `Flight.error` does.
+        ends: further events that end the flight, each with a status of its own, its name.
 
     Raises:
-        InvalidInput: an array of states, a ball that starts inside the ground, beyond the plane or
-            faster than light, a position beyond the range of float64, a bad tolerance, or a
-            coefficient outside its range whose model refuses that; others give one of
-            `Flight.warnings`.
+        InvalidInput: an array of states, an end that is no event, a ball that starts inside the
+            ground, beyond the plane or faster than light, a position beyond the range of float64,
+            a bad tolerance, or a coefficient outside its range whose model refuses that; others
+            give one of `Flight.warnings`.
         KickdynError: the integrator gave up.
 
     Example:
@@ -81,44 +96,43 @@ def fly(
     time_limit = validation.number("time limit", time_limit, above=0, unit="s")
     if max_step is not None:
         max_step = validation.number("max_step", max_step, above=0, unit="s")
-    return _fly(state, ball, air, ground, tol, plane, time_limit, max_step)
+    further = checked_ends(ends)
+    return _fly(_Task(state, ball, air, ground, tol, plane, time_limit, max_step, further))
 
 
-def _fly(
-    state: BallState,
-    ball: Ball,
-    air: Air | None,
-    ground: Ground | None,
-    tol: float,
-    plane: Plane | None,
-    time_limit: float,
-    max_step: float | None,
-) -> Flight:
-    """Return what `fly` does; `Flight.error` asks for tolerances here that `fly` refuses."""
-    drop, wall = float(drops(state.position, ball, ground)), wall_of(plane, ball, state)
-    limits = _Limits(drop, wall, time_limit, math.inf if max_step is None else max_step)
+class _Task(NamedTuple):
+    """The arguments of `fly`."""
+
+    state: BallState
+    ball: Ball
+    air: Air | None
+    ground: Ground | None
+    tol: float
+    plane: Plane | None
+    time_limit: float
+    max_step: float | None
+    ends: tuple[Event, ...]
+
+    def all_ends(self) -> tuple[Event, ...]:
+        """Return all events that end the flight, the ground first."""
+        planes = plane_events(self.ball, self.plane)
+        ends = ground_event(self.ball, self.ground), *planes, *self.ends
+        return tuple(end.launched(self.state) for end in ends)
+
+
+def _fly(task: _Task, **changes: Any) -> Flight:
+    """Return what `fly` does; `Flight.error` changes the tolerance to one that `fly` refuses."""
+    task = task._replace(**changes)
+    state, ball, air, ground, tol, plane, *_ = task
+    ends = task.all_ends()
     # for `Flight.error`, `Flight.arrival` and unpickling, which fly once more
-    again = partial(_fly, state, ball, air, ground, tol=tol, plane=plane, time_limit=time_limit,
-                    max_step=max_step)  # fmt: skip
-    flown = partial(Flight, ball, air, ground, plane, tol, again)
-    if air is None or _has_closed_form(state, ball, air, drop):
-        path = _closed_form(flown, state, downward(ball, air), limits)
+    flown = partial(Flight, ball, air, ground, plane, tol, partial(_fly, task))
+    if _has_closed_form(state, ball, air, ends):
+        path = _closed_form(flown, state, downward(ball, air), ends, task.time_limit)
     else:
-        path = _integrated(flown, state, ball, air, limits, tol)
+        path = _integrated(flown, task, ends)
     _refuse_outside(path)
     return path
-
-
-class _Limits(NamedTuple):
-    """Where a flight ends: so far down [m], at a wall (normal and gap [m]), or after a time [s].
-
-    And the longest step of its integration [s].
-    """
-
-    drop: float
-    wall: tuple[Array, float] | None
-    time_limit: float
-    longest_step: float
 
 
 def check_single(state: BallState) -> None:
@@ -128,72 +142,71 @@ def check_single(state: BallState) -> None:
         raise InvalidInput(f"launch has shape {shape}: fly takes one, (3,); fly_many takes many")
 
 
-def wall_of(plane: Plane | None, ball: Ball, state: BallState) -> tuple[Array, float] | None:
-    """Return a plane's normal and how far the ball still is from reaching it [m]."""
-    return None if plane is None else (plane.normal, plane.gap(ball, state.position))
-
-
-def drops(position: Array, ball: Ball, ground: Ground | None) -> Array:
-    """Return how far below its launch each flight ends [m], shape `()` or `(n,)`.
-
-    Positions of the ball's centre at the launch have shape `(3,)` or `(n, 3)` [m, world frame]; one
-    inside the ground raises `InvalidInput`.
-    """
-    if ground is None:
-        return np.zeros(position.shape[:-1])
-    gap = position[..., 2] - ball.radius - ground.height
-    inside = np.flatnonzero(gap < -1e-9 * max(ball.radius, abs(ground.height)))  # not by rounding
-    if inside.size:
-        which = f"flight {inside[0]}" if gap.ndim else "the ball"
-        raise InvalidInput(
-            f"{which} starts {-gap.flat[inside[0]]:g} m inside the ground: the ball's centre must "
-            f"be at or above {ground.height + ball.radius:g} m"
-        )
-    return np.maximum(gap, 0.0)
-
-
-def _has_closed_form(state: BallState, ball: Ball, air: Air, drop: float) -> bool:
+def _has_closed_form(
+    state: BallState, ball: Ball, air: Air | None, ends: tuple[Event, ...]
+) -> bool:
     """Return whether only a downward weight acts, or the ball is too slow for any other force.
 
-    Below the Reynolds number `STILL` an integrator would step to lengths that are no numbers.
+    All ends are then planes. Below the Reynolds number `STILL` an integrator would step to lengths
+    that are no numbers.
     """
-    if downward(ball, air) <= 0.0:
+    if downward(ball, air) <= 0.0 or any(end.function is not distance_to_plane for end in ends):
         return False
-    if is_ballistic(air, state.spin):
+    if air is None or is_ballistic(air, state.spin):
         return True
     if callable(air.wind) or air.wind.any() or brakes(air, state.spin):
         return False
+    drop = ends[0].numbers[0]
     fastest = math.hypot(*state.velocity.tolist(), math.sqrt(2.0 * GRAVITY * drop))
     return 2.0 * ball.radius * air.density / air.viscosity * fastest < STILL
 
 
-def _closed_form(flown: Callable[..., Flight], state: BallState, g: float, ends: _Limits) -> Flight:
-    """Return the flight of a ball that only its weight acts on."""
-    rise = float(state.velocity[2])
-    fall, reach = time_to_fall(rise, ends.drop, g), math.inf
-    if ends.wall is not None:
-        normal, gap = ends.wall
-        reach = time_to_fall(float(normal @ state.velocity), gap, g * float(normal[2]))
-    end = min(fall, reach, ends.time_limit)
-    status = FlightStatus.AT_PLANE if end == reach else FlightStatus.ALOFT
-    top = min(max(rise / g, 0.0), end)
+def _closed_form(
+    flown: Callable[..., Flight],
+    state: BallState,
+    g: float,
+    ends: tuple[Event, ...],
+    time_limit: float,
+) -> Flight:
+    """Return the flight of a ball that only its weight acts on, to the first of some planes."""
+    times = [time_limit]
+    for end in ends:
+        gap, *normal = end.numbers
+        times.append(time_to_fall(float(normal @ state.velocity), gap, g * normal[2]))
+    duration = min(times)
+    reached = next(
+        (end for end, time in zip(ends, times[1:], strict=True) if time == duration), None
+    )
+    top = min(max(float(state.velocity[2]) / g, 0.0), duration)
     with np.errstate(over="ignore", invalid="ignore"):
-        start, apex, last = ballistic(state.velocity, g, np.array([0.0, top, end]))
+        start, apex, last = ballistic(state.velocity, g, np.array([0.0, top, duration]))
     if not np.isfinite(last).all():
         raise InvalidInput(
-            f"the ball flies for {end:g} s: after that its position is beyond the range of float64"
+            f"the ball flies for {duration:g} s: after that its position is beyond the range of "
+            "float64"
         )
-    if end == fall:
-        status = FlightStatus.LANDED
-        last[2] = -ends.drop  # by definition; the formula says so but for rounding
-    nodes = _at(state, 0.0, start), lambda: _at(state, top, apex), _at(state, end, last)
-    return flown(*nodes, status, "closed form", 0, partial(ballistic, state.velocity, g))
+    return flown(
+        _ball_at(state, 0.0, start),
+        lambda: _ball_at(state, top, apex),
+        _ball_at(state, duration, _landed(last, reached, ends[0])),
+        FlightStatus.ALOFT if reached is None else reached.name,
+        "closed form",
+        0,
+        partial(ballistic, state.velocity, g),
+    )
 
 
-def _integrated(
-    flown: Callable[..., Flight], state: BallState, ball: Ball, air: Air, ends: _Limits, tol: float
-) -> Flight:
+def _landed(state: Array, reached: Event | None, ground: Event) -> Array:
+    """Return a last state that is on the ground exactly, and not but for rounding, if it landed."""
+    if reached is ground:
+        state[2] = -ground.numbers[0]
+    return state
+
+
+def _integrated(flown: Callable[..., Flight], task: _Task, ends: tuple[Event, ...]) -> Flight:
     """Return the flight of a ball through the air, integrated to its end."""
+    state, ball, tol = task.state, task.ball, task.tol
+    air = task.air or VACUUM
     speed = math.hypot(*state.velocity)
     if not speed <= MAX_SPEED:
         raise InvalidInput(
@@ -205,72 +218,42 @@ def _integrated(
     # The integrator bounds the root mean square over seven states; those that do not change must
     # not relax it.
     tight = tol * math.sqrt(equations.count_changing() / 7)
-    rtol, near, slow = tolerances(state.velocity, ends.drop, wind, ball, air, tight)
-    atol = np.array([*3 * [near], *3 * [slow], tight])
+    drop = ends[0].numbers[0]
+    relative, length, pace = tolerances(state.velocity, drop, wind, ball, air, tight)
+    absolute = np.array([*3 * [length], *3 * [pace], tight])
+    tolerance = Tolerance(relative, absolute, task.max_step or math.inf)
     try:
-        arc, status = _arc(equations, ends, rtol, atol)
+        vx, vy, vz = state.velocity.tolist()
+        crest = STEEP_CREST if vz > STEEPNESS * math.hypot(vx, vy) else CREST
+        start = 0.0, equations.begin
+        arc = integrate(equations.rates, start, [*ends, crest], task.time_limit, tolerance)
     except KickdynError as error:
         cause = equations.describe_fault()
         if not cause:
             raise
         raise KickdynError(f"{error}; {cause}") from equations.fault
-    end, last = (0.0, equations.begin) if arc is None else (arc.end, arc.state.copy())
-    if status is FlightStatus.LANDED:
-        last[2] = -ends.drop  # by definition; the root says so but for rounding
+    last = arc.end, _landed(arc.state.copy(), arc.reached, ends[0])
 
-    def apex() -> BallState:
+    def find_apex() -> BallState:
         """Return the ball at the highest of launch, crests and landing."""
-        crests = [] if arc is None else [crest() for crest in arc.crests]
-        nodes = (0.0, equations.begin), (end, last), *(node for node in crests if node[0] <= end)
-        return _at(state, *max(nodes, key=lambda node: float(node[1][2])))
+        crests = [locate() for _, locate in arc.passed]
+        nodes = (0.0, equations.begin), last, *(crest for crest in crests if crest[0] <= arc.end)
+        return _ball_at(state, *max(nodes, key=lambda node: float(node[1][2])))
 
     spins = bool(state.spin.any())
     acting = {"drag": air.drag, "lift": spins and air.lift, "spin decay": spins and air.torque}
-    effects = ", ".join(name for name, model in acting.items() if model) or "buoyancy only"
-    trajectory = joined([] if arc is None else [arc], equations.begin)
+    effects = ", ".join(name for name, model in acting.items() if model and air.density > 0.0)
+    effects = effects or "weight less buoyancy only"
+    states = trajectory([arc], equations.begin)
     return flown(
-        _at(state, 0.0, equations.begin),
-        apex,
-        _at(state, end, last),
-        status,
+        _ball_at(state, 0.0, equations.begin),
+        find_apex,
+        _ball_at(state, *last),
+        FlightStatus.ALOFT if arc.reached is None else arc.reached.name,
         f"DOP853, rtol {tol:g}, {effects}",
-        0 if arc is None else arc.evaluations,
-        lambda t: trajectory(t).T,
+        arc.evaluations,
+        lambda times: states(times).T,
     )
-
-
-def _arc(
-    equations: FlightEquations, ends: _Limits, rtol: float, atol: Array
-) -> tuple[FlightArc | None, FlightStatus]:
-    """Return the solution up to its end, None where it ends at once, and which end it is."""
-    begin = equations.begin
-    floor = Event(lambda states: ends.drop + float(states[2]), lambda states: float(states[5]))
-    walls = [] if ends.wall is None else [_reaching(*ends.wall)]
-    rates = np.array(equations.rates(0.0, begin))
-    rises = begin[5] > 0.0 or (begin[5] == 0.0 and rates[5] > 0.0)
-    if ends.drop == 0.0 and not rises:
-        return None, FlightStatus.LANDED
-    if any(_passes(wall, begin, rates) for wall in walls):
-        return None, FlightStatus.AT_PLANE
-    limits = ends.time_limit, rtol, atol, ends.longest_step
-    arc = fly_until([floor, *walls], 5, equations.rates, (0.0, begin), *limits)
-    if arc.reached is None:
-        return arc, FlightStatus.ALOFT
-    return arc, FlightStatus.LANDED if arc.reached is floor else FlightStatus.AT_PLANE
-
-
-def _reaching(normal: Array, gap: float) -> Event:
-    """Return the event of having moved by `gap` against a normal."""
-    return Event(
-        lambda states: gap + float(normal @ states[:3]), lambda states: float(normal @ states[3:6])
-    )
-
-
-def _passes(wall: Event, begin: Array, rates: Array) -> bool:
-    """Return whether a ball that starts on a plane goes through it rather than away."""
-    assert wall.rate is not None
-    across, pull = wall.rate(begin), wall.rate(rates)
-    return wall.value(begin) <= 0.0 and (across < 0.0 or (across == 0.0 and pull < 0.0))
 
 
 def _wind_speed(air: Air, height: float) -> float:
@@ -284,12 +267,12 @@ def _wind_speed(air: Air, height: float) -> float:
     return validation.number("wind", speed, at_most=MAX_SPEED, unit="m/s")
 
 
-def _at(launch: BallState, time: float, moved: Array) -> BallState:
+def _ball_at(launch: BallState, time: float, moved: Array) -> BallState:
     """Return the ball at a time, from what changed since the launch."""
-    parts = launch.position + moved[:3], moved[3:6].copy(), moved[6] * launch.spin
-    if all(np.isfinite(part).all() for part in parts):
-        return BallState.computed(*parts, time)
-    return BallState(*parts, time)
+    vectors = launch.position + moved[:3], moved[3:6].copy(), moved[6] * launch.spin
+    if all(np.isfinite(vector).all() for vector in vectors):
+        return BallState.computed(*vectors, time)
+    return BallState(*vectors, time)
 
 
 def _refuse_outside(path: Flight) -> None:

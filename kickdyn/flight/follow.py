@@ -13,8 +13,9 @@ from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.errors import InvalidInput
+from kickdyn.flight.events import Event, checked_ends, plane_events
 from kickdyn.flight.flight_result import Flight, FlightStatus, profile, warning_of
-from kickdyn.flight.fly import check_single, fly, wall_of
+from kickdyn.flight.fly import check_single, fly
 from kickdyn.flight.ground_motion import GroundPhase, bounce, roll, slide
 from kickdyn.ground import Ground, Surface
 from kickdyn.plane import Plane
@@ -33,13 +34,14 @@ class Course(ReprMixin):
     Attributes:
         status: `at-rest`; `at-plane`, where the ball reached the plane; `aloft`, where it did not
             come down before the time limit; `bouncing`, where it still bounces after
-            `MOST_BOUNCES`; `blown`, where the wind kept it rolling until the time limit.
+            `MOST_BOUNCES`; `blown`, where the wind kept it rolling until the time limit; or the
+            name of one of `ends`.
         flights: the flights, one before each bounce.
         bounces: the ball just after each bounce.
         ground_phases: the phases of sliding and rolling; empty if there are none.
     """
 
-    status: FlightStatus
+    status: str
     flights: tuple[Flight, ...]
     bounces: tuple[BallState, ...]
     ground_phases: tuple[GroundPhase, ...]
@@ -141,6 +143,7 @@ def follow(
     plane: Plane | None = None,
     time_limit: float = 1000.0,
     max_step: float | None = None,
+    ends: Sequence[Event] = (),
 ) -> Course:
     """Let a ball fly, bounce and roll until it rests.
 
@@ -154,6 +157,7 @@ def follow(
         plane: a wall or a goal line that ends the motion, be it flying, sliding or rolling.
         time_limit: longest duration of every flight, and of rolling [s].
         max_step: longest step of the integration of every flight, as for `fly` [s].
+        ends: further events that end the motion, be it flying, sliding or rolling.
 
     Raises:
         InvalidInput: ground without a surface, or without the friction that ends sliding, or as for
@@ -172,23 +176,25 @@ def follow(
     start, surface = state, ground.surface
     if not isinstance(surface, Surface):
         raise InvalidInput("the ground has no surface: name one, such as Ground(surface='turf')")
+    further = checked_ends(ends)
     one_flight = partial(fly, ball=ball, air=air, ground=ground, tol=tol, plane=plane,
-                         time_limit=time_limit, max_step=max_step)  # fmt: skip
+                         time_limit=time_limit, max_step=max_step, ends=further)  # fmt: skip
     flights, bounces, status = _bouncing(state, ball, surface, one_flight)
     phases: list[GroundPhase] = []
     if status is None:
         state = bounce(flights[-1].landing, ball, surface)
-        phases = _grounded(state, ball, air, surface, tol, plane, time_limit)
-        status = FlightStatus.AT_PLANE if phases[-1].at_wall else FlightStatus.AT_REST
+        all_ends = *plane_events(ball, plane), *further
+        phases = _grounded(state, ball, air, surface, tol, all_ends, time_limit)
+        status = phases[-1].reached or FlightStatus.AT_REST
         status = FlightStatus.BLOWN if phases[-1].blown else status
     again = partial(follow, start, ball, air, ground, tol, plane=plane, time_limit=time_limit,
-                    max_step=max_step)  # fmt: skip
+                    max_step=max_step, ends=further)  # fmt: skip
     return Course(status, tuple(flights), tuple(bounces), tuple(phases), again)
 
 
 def _bouncing(
     state: BallState, ball: Ball, surface: Surface, one_flight: Callable[[BallState], Flight]
-) -> tuple[list[Flight], list[BallState], FlightStatus | None]:
+) -> tuple[list[Flight], list[BallState], str | None]:
     """Return flights, states after bounces, and the status, None where the ball stays down."""
     flights: list[Flight] = []
     bounces: list[BallState] = []
@@ -212,18 +218,18 @@ def _grounded(
     air: Air | None,
     surface: Surface,
     tol: float,
-    plane: Plane | None,
+    ends: Sequence[Event],
     time_limit: float,
 ) -> list[GroundPhase]:
     """Return the phases of a ball that stays down: sliding, if it does, then rolling."""
     if surface.friction == 0.0:
         raise InvalidInput(f"friction of {surface.name} is 0: it must be above 0 to end sliding")
     phases: list[GroundPhase] = []
-    sliding = slide(state, ball, air, surface, wall_of(plane, ball, state))
+    sliding = slide(state, ball, air, surface, [end.launched(state) for end in ends])
     if sliding is not None:
         phases.append(sliding)
         state = sliding.end
-        if sliding.at_wall:
+        if sliding.reached is not None:
             return phases
-    wall = wall_of(plane, ball, state)
-    return [*phases, roll(state, ball, air, surface, tol, wall, time_limit)]
+    launched = [end.launched(state) for end in ends]
+    return [*phases, roll(state, ball, air, surface, tol, launched, time_limit)]

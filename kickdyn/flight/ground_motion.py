@@ -1,9 +1,8 @@
 """What a ball does on level ground: it bounces, slides until it rolls, and rolls until it rests."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,8 +11,10 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
 from kickdyn.core.validation import Array
-from kickdyn.flight.forces import acceleration_function, downward, time_to_fall
-from kickdyn.flight.integrate import Event, FlightArc, fly_until, joined
+from kickdyn.flight.equations import FINEST
+from kickdyn.flight.events import Event
+from kickdyn.flight.forces import acceleration_function, downward
+from kickdyn.flight.integrate import Arc, Tolerance, integrate, trajectory
 from kickdyn.ground import Surface
 
 
@@ -24,7 +25,7 @@ class GroundPhase:
     Attributes:
         start, end: the ball at the start and at the end of the phase.
         kind: `slide` or `roll`.
-        at_wall: whether the phase ended at a wall.
+        reached: name of the event that ended the phase, such as `at-plane`; None where none did.
         blown: whether the wind kept it rolling to the time limit.
         evaluations: number of evaluations of the acceleration.
     """
@@ -33,7 +34,7 @@ class GroundPhase:
     end: BallState
     kind: str
     _states: Callable[[Array], BallState]
-    at_wall: bool = False
+    reached: str | None = None
     blown: bool = False
     evaluations: int = 0
 
@@ -90,41 +91,49 @@ def slide(
     ball: Ball,
     air: Air | None,
     surface: Surface,
-    wall: tuple[Array, float] | None = None,
+    ends: Sequence[Event] = (),
 ) -> GroundPhase | None:
     r"""Return the phase in which friction turns sliding into rolling; None if it rolls already.
 
     The deceleration :math:`\mu g` is constant, and lasts :math:`|u| / (\mu g (1 + m r^2 / I))` with
-    the slip u; the air is left out. A wall, normal and gap [m], may end it before.
+    the slip u; the air is left out. One of the events in `ends` may end the phase before.
     """
     ux, uy = slip(state, ball)
     sliding = math.hypot(ux, uy)
     if sliding <= 1e-9 * max(math.hypot(*state.velocity), 1e-300):
         return None
-    push = surface.friction * downward(ball, air)
+    deceleration = surface.friction * downward(ball, air)
     shell = ball.mass * ball.radius**2 / ball.inertia
     level = np.array([state.velocity[0], state.velocity[1], 0.0])
     along = np.array([ux, uy, 0.0]) / sliding
     across = np.array([-along[1], along[0], 0.0])  # turned towards rolling
-    speed_change = push * along
-    spin_change = shell / ball.radius * push * across
+    velocity_change = deceleration * along
+    spin_change = shell / ball.radius * deceleration * across
 
     def states(t: Array) -> BallState:
         """Return the sliding ball at times `(n,)` [s]."""
         t = t[:, None]
-        moved = level * t - 0.5 * speed_change * t * t
+        moved = level * t - 0.5 * velocity_change * t * t
         return BallState(
-            state.position + moved, level - speed_change * t, state.spin + spin_change * t, t[:, 0]
+            state.position + moved,
+            level - velocity_change * t,
+            state.spin + spin_change * t,
+            t[:, 0],
         )
 
-    last = sliding / (push * (1.0 + shell))
-    reached = math.inf
-    if wall is not None:
-        normal, gap = wall
-        reached = time_to_fall(float(normal @ level), gap, float(normal @ speed_change))
-    end = states(np.array([min(last, reached)]))
+    def rates(_: float, moving: Array) -> list[float]:
+        return [*moving[3:6].tolist(), *(-velocity_change).tolist(), 0.0]
+
+    duration, reached = sliding / (deceleration * (1.0 + shell)), None
+    if ends:
+        speed = math.hypot(*level) + sliding
+        sizes = np.array([*3 * [speed * duration], *3 * [speed], 1.0])
+        begin = 0.0, np.array([0.0, 0.0, 0.0, *level, 1.0])
+        arc = integrate(rates, begin, ends, duration, Tolerance(FINEST, FINEST * sizes))
+        duration, reached = arc.end, arc.reached
+    end = _first(states(np.array([duration])))
     start = BallState(state.position, state.velocity, state.spin)
-    return GroundPhase(start, _first(end), "slide", states, reached <= last)
+    return GroundPhase(start, end, "slide", states, reached.name if reached else None)
 
 
 def roll(
@@ -133,90 +142,144 @@ def roll(
     air: Air | None,
     surface: Surface,
     tol: float,
-    wall: tuple[Array, float] | None = None,
+    ends: Sequence[Event] = (),
     time_limit: float = 1000.0,
 ) -> GroundPhase:
     r"""Return the phase from rolling to rest, slowed by the surface and, with air, by drag.
 
-    .. math:: \dot v = \frac{F}{m + I / r^2} - c \frac{v}{|v|}
-
-    with the force F of the air and the rolling deceleration c of the surface. A side wind turns the
-    ball, and a wind that would keep it rolling does so to `time_limit`. A wall, normal and gap [m],
-    may end it before.
+    Rolling, a force of the air accelerates the ball by its :math:`1 / (1 + I / (m r^2))`, since it
+    also turns the ball. A wind that is stronger than the surface's resistance keeps the ball
+    rolling to `time_limit`. One of the events in `ends` may end the phase before.
     """
-    # Friction turns with the ball, ever faster as it slows: looser steps miss where it rests.
-    tol = min(tol, 1e-9)
-    resistance = surface.rolling_deceleration
-    share = 1.0 / (1.0 + ball.inertia / (ball.mass * ball.radius**2))
-    acting = None if air is None or air.density == 0 else acceleration_function(ball, air)
-    height = float(state.position[2])
-
-    def push(u: float, v: float) -> tuple[float, float]:
-        """Return the acceleration by the air of a rolling ball [m/s2]."""
-        if acting is None:
-            return 0.0, 0.0
-        ax, ay, _, _ = acting(height, u, v, 0.0, 0.0, 0.0, 0.0)
-        return share * ax, share * ay
-
-    def rates(_: float, states: Any) -> list[float]:
-        """Return the rates of place and velocity of a rolling ball."""
-        u, v = float(states[2]), float(states[3])
-        ax, ay = push(u, v)
-        speed = math.hypot(u, v)
-        return [u, v, ax - resistance * u / speed, ay - resistance * v / speed]
-
-    u, v, _ = state.velocity.tolist()
-    wind = push(0.0, 0.0)
-    blowing, speed = math.hypot(*wind), math.hypot(u, v)
-    slow = 1e-7 * max(speed, blowing)  # the forces are constant from there on to rest
-    length = max(speed, slow) ** 2 / (2 * resistance)
-    atol = tol * np.array([length, length, *2 * [max(speed, slow)]])
-    stop = Event(lambda y: math.hypot(y[2], y[3]) - slow)
-    events = [stop]
-    if wall is not None and float(wall[0] @ state.velocity) < 0.0:
-        normal, gap = wall
-        events.append(Event(lambda y: gap + float(normal[:2] @ y[:2])))
-
-    begin = np.array([0.0, 0.0, u, v])
-    arcs: list[FlightArc] = []
-    at, moved = 0.0, begin
-    reached = stop if speed <= slow else None
-    while reached is not stop or blowing > resistance:
-        if reached is stop:  # and the wind sets it moving again
-            moved = np.array([*moved[:2], *(slow * part / blowing for part in wind)])
-        arcs.append(fly_until(events, None, rates, (at, moved), time_limit, tol, atol))
-        at, moved, reached = arcs[-1].end, arcs[-1].state, arcs[-1].reached
-        if reached is not stop:
-            break
-    rests = reached is stop
-    left = math.hypot(*moved[2:]) if rests else 0.0
-    along = moved[2:] / left if left else np.zeros(2)
-    fading = resistance - float(along @ push(0.0, 0.0)) if left else 1.0
-    final = at + left / fading if rests else at
-    rolled = joined(arcs, begin)
+    rolling = _Rolling(state, ball, air, surface)
+    arcs, reached = rolling.roll(tol, ends, time_limit)
+    stop = _Stop(0.0, rolling.begin, 0.0)
+    if arcs:
+        stop = _Stop(arcs[-1].end, arcs[-1].state, 0.0)
+    if reached is rolling.slow:
+        stop = rolling.stop(stop.time, stop.state)
+    rolled = trajectory(arcs, rolling.begin)
 
     def states(t: Array) -> BallState:
         """Return the rolling ball at times `(n,)` [s]."""
-        plane = rolled(np.minimum(t, at))
-        late = np.clip(t - at, 0.0, final - at)  # in the straight line to rest
-        speeds = left - fading * late
-        plane[:2] += 0.5 * (left + speeds) * late * along[:, None]
-        plane[2:] = np.where(late > 0.0, speeds * along[:, None], plane[2:])
-        plane[2:, (t >= final) & rests] = 0.0
-        u, v = plane[2:]
+        moved = rolled(np.minimum(t, stop.time))
+        late = t > stop.time
+        if late.any():
+            moved[:, late] = stop.states(t[late])
+        x, y, _, u, v, _, _ = moved
         still = np.zeros_like(u)
         return BallState(
-            state.position + np.column_stack([*plane[:2], still]),
+            state.position + np.column_stack([x, y, still]),
             np.column_stack([u, v, still]),
             np.column_stack([-v, u, still]) / ball.radius,
             t,
         )
 
-    last = _first(states(np.array([final])))
-    at_wall = reached is not None and not rests
-    blown, calls = not rests and not at_wall, sum(arc.evaluations for arc in arcs)
+    rests = reached is rolling.slow
+    end = _first(states(np.array([stop.time + stop.duration])))
+    if rests:
+        still = np.zeros(3)
+        end = BallState(end.position, still, still, end.time)
     start = BallState(state.position, state.velocity, state.spin)
-    return GroundPhase(start, last, "roll", states, at_wall, blown, calls)
+    name = None if rests or reached is None else reached.name
+    evaluations = sum(arc.evaluations for arc in arcs)
+    return GroundPhase(start, end, "roll", states, name, reached is None, evaluations)
+
+
+class _Rolling:
+    """A ball that rolls on level ground, with the seven states of `FlightEquations`.
+
+    Attributes:
+        begin: the states at the beginning.
+        slow: the event that the ball is so slow that all forces are constant until it rests.
+    """
+
+    def __init__(self, state: BallState, ball: Ball, air: Air | None, surface: Surface) -> None:
+        self._resistance = surface.rolling_deceleration
+        self._share = 1.0 / (1.0 + ball.inertia / (ball.mass * ball.radius**2))
+        self._air = None if air is None or air.density == 0 else acceleration_function(ball, air)
+        self._height = float(state.position[2])
+        u, v, _ = state.velocity.tolist()
+        self.begin = np.array([0.0, 0.0, 0.0, u, v, 0.0, 1.0])
+        self._wind = self._push(0.0, 0.0)
+        self._slowest = 1e-7 * max(math.hypot(u, v), math.hypot(*self._wind))
+        self.slow = Event("slow", lambda y, _: math.hypot(y[3], y[4]) - self._slowest)
+
+    def _push(self, u: float, v: float) -> tuple[float, float]:
+        """Return the acceleration by the air at a velocity [m/s2]."""
+        if self._air is None:
+            return 0.0, 0.0
+        ax, ay, _, _ = self._air(self._height, u, v, 0.0, 0.0, 0.0, 0.0)
+        return self._share * ax, self._share * ay
+
+    def rates(self, _: float, states: Array) -> list[float]:
+        """Return the rates of change of the states."""
+        u, v = float(states[3]), float(states[4])
+        ax, ay = self._push(u, v)
+        braking = self._resistance / math.hypot(u, v)
+        return [u, v, 0.0, ax - braking * u, ay - braking * v, 0.0, 0.0]
+
+    def roll(
+        self, tol: float, ends: Sequence[Event], time_limit: float
+    ) -> tuple[list[Arc], Event | None]:
+        """Return the solutions until the ball rests or an event ends them, and that event.
+
+        The event is None where a wind keeps the ball rolling to the time limit. A wind that turns
+        the ball around lets it roll anew from where it is slow.
+        """
+        speed, wind = math.hypot(*self.begin[3:5]), math.hypot(*self._wind)
+        fast = max(speed, self._slowest)
+        length = fast**2 / (2.0 * self._resistance)
+        # Friction turns with the ball, ever faster as it slows: looser steps miss where it rests.
+        tol = min(tol, 1e-9)
+        tolerance = Tolerance(tol, tol * np.array([*3 * [length], *3 * [fast], 1.0]))
+        arcs: list[Arc] = []
+        time, state = 0.0, self.begin
+        reached = self.slow if speed <= self._slowest else None
+        while not arcs or reached is self.slow:
+            if reached is self.slow:
+                if wind <= self._resistance:
+                    break
+                u, v = (1.001 * self._slowest * push / wind for push in self._wind)
+                state = np.array([*state[:3], u, v, 0.0, 1.0])
+            arcs.append(
+                integrate(self.rates, (time, state), [self.slow, *ends], time_limit, tolerance)
+            )
+            time, state, reached = arcs[-1].end, arcs[-1].state, arcs[-1].reached
+        return arcs, reached
+
+    def stop(self, time: float, state: Array) -> "_Stop":
+        """Return the last moments before rest, of a ball that has become slow."""
+        speed = math.hypot(*state[3:5])
+        if speed == 0.0:
+            return _Stop(time, state, 0.0)
+        along = state[3:5] / speed
+        return _Stop(time, state, self._resistance - float(along @ self._push(0.0, 0.0)))
+
+
+@dataclass(frozen=True)
+class _Stop:
+    """A straight way to rest from a time [s] and a state on, at a constant deceleration [m/s2]."""
+
+    time: float
+    state: Array
+    deceleration: float
+
+    @property
+    def duration(self) -> float:
+        """Time to rest [s]."""
+        if self.deceleration == 0.0:
+            return 0.0
+        return math.hypot(*self.state[3:5]) / self.deceleration
+
+    def states(self, times: Array) -> Array:
+        """Return the seven states at times, shape `(7, n)`."""
+        late = np.clip(times - self.time, 0.0, self.duration)
+        left = 1.0 - late / self.duration
+        moved = np.tile(self.state[:, None], (1, len(times)))
+        moved[:3] += 0.5 * (1.0 + left) * late * self.state[3:6, None]
+        moved[3:6] *= left
+        return moved
 
 
 def _first(states: BallState) -> BallState:

@@ -1,9 +1,8 @@
-"""Integration of a differential equation by DOP853, up to the first of some events.
+"""Integration of differential equations by scipy's DOP853, up to the first of some events.
 
 DOP853 is an explicit Runge-Kutta method of order 8(5,3): Hairer, Norsett & Wanner, Solving Ordinary
-Differential Equations I, II.5. Coefficients, error estimate, step sizes and interpolant are
-scipy's; the steps are our own, because scipy's spend more time on bookkeeping than on a ball's
-acceleration, and because an interpolant is computed only when it is read.
+Differential Equations I, II.5. A step that an event falls into is taken anew so that it ends just
+after the event: the interpolant of a step is far more accurate near its end than within it.
 """
 
 import math
@@ -12,395 +11,300 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from scipy.integrate import DOP853, DenseOutput
+from scipy.integrate import DOP853, DenseOutput, OdeSolution
 from scipy.optimize import brentq
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
+from kickdyn.flight.events import Event, end_at_launch
 
 MAX_EVALUATIONS = 250_000
-"""Most evaluations of the rates: a ball in syrup would take an explicit method for ever."""
+"""Most evaluations of the rates. An explicit method would not come to an end where drag stops the
+ball at once, as in syrup."""
+
+EVENT_MARGIN = 0.01
+"""Fraction of a step, at its end, in which an event must lie for its interpolant to be read there:
+its error falls with the square of that fraction."""
+
+MAX_RETAKEN = 60
+"""Most times that a step is taken anew, with another length, on account of events."""
+
+LOOKS = np.linspace(0.0, 1.0, 10)[1:-1]
+"""Fractions of a step at which an event that comes and goes within the step is looked for."""
+
+EPSILON = float(np.finfo(float).eps)
 
 Rates = Callable[[float, Array], list[float]]
 """The rates of change of the states, as a function of the time [s] and the states."""
 
-Node = tuple[float, Array, Array]
-"""A time [s], the states there and their rates."""
 
-_STAGES = DOP853.n_stages
-_ERRORS = np.array([DOP853.E5, DOP853.E3])
-_WEIGHTS = np.vstack([DOP853.A, DOP853.B])
-_EXTRA = [row[: _STAGES + 1 + k] for k, row in enumerate(DOP853.A_EXTRA)]
-_TIMES, _EXTRA_TIMES = DOP853.C.tolist(), DOP853.C_EXTRA.tolist()
-
-
-class Event(NamedTuple):
-    """What happens where a function of the states falls through zero.
-
-    Attributes:
-        value: that function.
-        rate: its rate of change, a linear function of the states, so that of their rates it is the
-            second derivative; or None. With it, a value that falls and rises again within a step is
-            seen too, as of a ball that grazes a wall.
-    """
-
-    value: Callable[[Array], float]
-    rate: Callable[[Array], float] | None = None
-
-
-class Step(DenseOutput):  # type: ignore[misc]
-    """A step of DOP853, as scipy's interpolant of order 7 that is computed when it is first read.
-
-    Attributes:
-        t_old, t: beginning and end [s].
-        begin, end: the states there, shape `(m,)`.
-        slopes: the rates of each stage, of the beginning in row 0 and of the end in the last,
-            shape `(13, m)`.
-    """
-
-    def __init__(
-        self, rates: Rates, t_old: float, t: float, begin: Array, end: Array, slopes: Array
-    ) -> None:
-        super().__init__(t_old, t)
-        self.begin, self.end, self.slopes = begin, end, slopes
-        self._rates = rates
-        self._terms: Array | None = None
-
-    @property
-    def first(self) -> Node:
-        """Return the node at the beginning."""
-        return self.t_old, self.begin, self.slopes[0]
-
-    @property
-    def last(self) -> Node:
-        """Return the node at the end."""
-        return self.t, self.end, self.slopes[_STAGES]
-
-    def terms(self) -> Array:
-        """Return the terms of the interpolant, shape `(7, m)`, which takes three evaluations."""
-        if self._terms is None:
-            h = self.t - self.t_old
-            k = np.empty((_STAGES + 1 + len(_EXTRA), len(self.begin)))
-            k[: _STAGES + 1] = self.slopes
-            for i, (row, part) in enumerate(zip(_EXTRA, _EXTRA_TIMES, strict=True), _STAGES + 1):
-                k[i] = self._rates(self.t_old + part * h, self.begin + h * (row @ k[:i]))
-            moved = self.end - self.begin
-            bent = h * k[0] - moved, 2.0 * moved - h * (k[_STAGES] + k[0])
-            self._terms = np.array([moved, *bent, *(h * (DOP853.D @ k))])
-        return self._terms
-
-    def _call_impl(self, t: Array) -> Array:
-        """Return the states at one time or n, shape `(m,)` or `(m, n)`."""
-        x = (t - self.t_old) / (self.t - self.t_old)
-        x = x if np.ndim(x) == 0 else np.asarray(x)[:, None]
-        return np.asarray(self.begin + _moved(x, self.terms())).T
-
-    def near_end(self, late: float) -> tuple[Array, Array]:
-        """Return states and rates shortly before or after the end, of the cubic through both ends.
-
-        After a time of e steps the error is that within the step times e squared.
-        """
-        h, first, last = self.t - self.t_old, self.slopes[0], self.slopes[_STAGES]
-        moved = self.end - self.begin
-        bend = (2.0 * last + first - 3.0 * moved / h) / h
-        skew = (last + first - 2.0 * moved / h) / (h * h)
-        states = self.end + late * (last + late * (bend + late * skew))
-        return states, last + late * (2.0 * bend + late * 3.0 * skew)
-
-
-def _moved(x: Array, terms: Array) -> Array:
-    """Return how far the states have moved after a fraction of a step, from the terms of it."""
-    a, b, c, d, e, f, g = terms
-    z = 1.0 - x
-    return np.asarray(x * (a + z * (b + x * (c + z * (d + x * (e + z * (f + x * g)))))))
-
-
-class FlightArc(NamedTuple):
-    """A solution up to an event, or to the time limit.
+class Arc(NamedTuple):
+    """A solution from a start to an event, or to the time limit.
 
     Attributes:
         end: time of the event or the limit [s].
-        state: there, shape `(m,)`.
-        pieces: the steps, each of which is an interpolant.
-        evaluations: of the rates, without those that interpolants and crests take later.
-        reached: the event that ended it; None where the time limit did.
-        crests: functions that return time and state wherever the height had a maximum, as exact as
-            the end; those after the end do not count.
+        state: state at the end, shape `(m,)`.
+        reached: the event that ended the integration; None where the time limit did.
+        passed: the events on the way that did not end it, with functions that return time and
+            state; some may be after the end.
+        evaluations: number of evaluations of the rates.
+        times: beginnings of the steps, and the end [s].
+        steps: the interpolants of the steps.
     """
 
     end: float
     state: Array
-    pieces: list[Step]
-    evaluations: int
     reached: Event | None
-    crests: list[Callable[[], tuple[float, Array]]]
+    passed: list[tuple[Event, Callable[[], tuple[float, Array]]]]
+    evaluations: int
+    times: list[float]
+    steps: list[DenseOutput]
 
 
-def joined(arcs: Sequence[FlightArc], begin: Array) -> Callable[[Array], Array]:
+class Tolerance(NamedTuple):
+    """Tolerances of the integration.
+
+    Attributes:
+        relative: of the states; at least 100 times the machine epsilon, as scipy demands.
+        absolute: of each state, shape `(m,)`.
+        longest: longest step [s].
+    """
+
+    relative: float
+    absolute: Array
+    longest: float = math.inf
+
+
+def trajectory(arcs: Sequence[Arc], begin: Array) -> Callable[[Array], Array]:
     """Return the states `(m, n)` at n times as a function of the times, from consecutive arcs.
 
-    Without any arc they are those at the beginning.
+    Without any arc they are the states at the beginning.
     """
-    pieces = [piece for arc in arcs for piece in arc.pieces]
-    begins = np.array([piece.t_old for piece in pieces])
-
-    def states(t: Array) -> Array:
-        """Return the states at times, shape `(states, n)`."""
-        if not pieces or not t.size:
-            return np.tile(begin[:, None], (1, t.size))
-        which = np.maximum(np.searchsorted(begins, t, side="right") - 1, 0)
-        first = int(which.min())
-        few, which = pieces[first : int(which.max()) + 1], which - first
-        began, ended = np.array([(piece.t_old, piece.t) for piece in few])[which].T
-        terms = np.array([piece.terms() for piece in few]).transpose(1, 0, 2)[:, which]
-        x = ((t - began) / (ended - began))[:, None]
-        return np.asarray((np.array([piece.begin for piece in few])[which] + _moved(x, terms)).T)
-
-    return states
+    steps = [step for arc in arcs for step in arc.steps]
+    if not steps:
+        return lambda times: np.tile(begin[:, None], (1, times.size))
+    starts = [time for arc in arcs for time in arc.times[:-1]]
+    solution = OdeSolution([*starts, arcs[-1].end], steps)
+    return lambda times: np.asarray(solution(times)) if times.size else np.empty((len(begin), 0))
 
 
-def fly_until(
-    events: Sequence[Event],
-    climb: int | None,
+def integrate(
     rates: Rates,
     start: tuple[float, Array],
+    events: Sequence[Event],
     time_limit: float,
-    rtol: float,
-    atol: Array,
-    longest: float = math.inf,
-) -> FlightArc:
-    """Integrate from a time and states until the first of `events`, or to the time limit [s].
+    tolerance: Tolerance,
+) -> Arc:
+    """Integrate from a time and states to the first terminal event, or to the time limit [s].
 
-    Where the upward speed, the state number `climb`, falls through zero is a crest; None is for no
-    crests. Tolerances are relative and absolute, of each state, and `longest` limits a step [s].
-    A step in which the rate of an event may change its sign twice is halved, so that neither the
-    event nor a crest can come and go within it. Where the integrator gives up, `KickdynError` is
-    raised.
+    The states are those of `FlightEquations`, or of another motion with the same seven states. An
+    event whose function is zero at the start counts at once unless the function rises first.
+
+    Raises:
+        KickdynError: the integrator gave up.
     """
-    began, state = start
-    node = began, state, np.array(rates(began, state))
-    if not np.isfinite(node[2]).all():  # the step size would become NaN
-        raise KickdynError(f"the acceleration of the ball is not finite at {began:g} s")
-
-    def up(states: Array) -> float:
-        """Return the upward speed, whose fall through zero is a crest."""
-        return float(states[climb])
-
-    solver = _Solver(rates, rtol, atol, longest)
-    turning = [event.rate for event in events if event.rate is not None]
-    h = _first_step(*node[1:], rtol, atol)
-    pieces: list[Step] = []
-    crests: list[Callable[[], tuple[float, Array]]] = []
-    with np.errstate(over="ignore", invalid="ignore"):  # in a step that is then tried anew
-        while node[0] < time_limit:
-            step, h = solver.step(node, h, time_limit)
-            while any(_turns_twice(rate, step) for rate in turning):
-                step, h = solver.step(node, 0.5 * (step.t - step.t_old), time_limit)
-            if climb is not None and _falls(up, step):
-                step = solver.up_to_crest(climb, step)
-            if climb is not None and _falls(up, step):  # if cut, perhaps only the next step does
-                crests.append(partial(solver.refined, up, step))
-            node = step.last
-            times = [_when(event, step) for event in events]
-            if min(times) == math.inf:
-                pieces.append(step)
-                continue
-            event = events[times.index(min(times))]
-            reached, final, end, state = solver.first_of(events, event, step, min(times))
-            used = 1 + solver.evaluations
-            return FlightArc(end, state, [*pieces, *final], used, reached, crests)
-    return FlightArc(time_limit, node[1], pieces, 1 + solver.evaluations, None, crests)
+    with np.errstate(over="ignore", invalid="ignore"):  # the solver then tries a shorter step
+        return _Integration(rates, events, time_limit, tolerance).run(*start)
 
 
-def _first_step(state: Array, rate: Array, rtol: float, atol: Array) -> float:
-    r"""Return the first step [s], :math:`(3 \cdot 10^{-5} / d_0)^{1/8}\, d_0 / d_1`.
+class _Node(NamedTuple):
+    """A time [s], the states and their rates."""
+
+    time: float
+    state: Array
+    rates: Array
+
+
+class _Step:
+    """The last step of a solver, and what the functions of events are within it."""
+
+    def __init__(self, solver: DOP853, rate_old: Array) -> None:
+        self.t_old, self.t, self.length = solver.t_old, solver.t, solver.t - solver.t_old
+        self._solver, self._path = solver, None
+        begin, end = solver.y_old.tolist(), solver.y.tolist()
+        tangents = zip(begin, rate_old.tolist(), end, solver.f.tolist(), strict=True)
+        ahead = [(y + self.length * f, z - self.length * g) for y, f, z, g in tangents]
+        self._states = begin, end, *zip(*ahead, strict=True)
+
+    def path(self) -> DenseOutput:
+        """Return the interpolant."""
+        if self._path is None:
+            self._path = self._solver.dense_output()
+        return self._path
+
+    def crosses(self, event: Event) -> bool:
+        """Return whether the function of an event falls through zero from one end to the other.
+
+        A terminal event that is zero at the beginning and negative at the end has risen before.
+        """
+        start, end = (event.value(state) for state in self._states[:2])
+        return start > 0.0 >= end or (start == 0.0 > end and event.terminal)
+
+    def fraction_to_take(self, event: Event) -> float:
+        """Return how much of the step to take, so that it ends shortly after an event.
+
+        It is 1 where the step does not cross the event, or does so shortly before its end. Where
+        the function is zero at the beginning, the step is to end before the event.
+        """
+        if not self.crosses(event):
+            return 1.0
+        start, end, ahead, behind = (event.value(state) for state in self._states)
+        if start == 0.0:
+            return max(0.5 * ahead / (ahead - end), 0.0) or 0.5
+        fraction = _fall_of_cubic(start, end, ahead - start, end - behind)
+        return 1.0 if fraction >= 1.0 - EVENT_MARGIN else (1.0 + 0.5 * EVENT_MARGIN) * fraction
+
+    def hides(self, event: Event) -> bool:
+        """Return whether an event may come and go within the step.
+
+        The function then has the same sign at both ends, and the other sign on both tangents or at
+        one of `LOOKS`. A function that is zero at the beginning and then rises, as the speed upward
+        of a ball that lift carries up, may be negative at the end.
+        """
+        start, end = (event.value(state) for state in self._states[:2])
+        if start == 0.0 > end and not event.terminal:
+            return event.value(self._states[2]) > 0.0
+        if start * end <= 0.0:
+            return False
+        ahead, behind = (event.value(state) for state in self._states[2:])
+        if start * ahead < 0.0 and end * behind < 0.0:
+            return True
+        rise, last_rise = ahead - start, end - behind
+        if not event.terminal and rise * last_rise >= 0.0:
+            return False
+        if min(abs(start), abs(end)) > abs(rise) + abs(last_rise):
+            return False
+        states = self.path()(self.t_old + self.length * LOOKS).T
+        return any(start * event.value(state) < 0.0 for state in states)
+
+    def locate(self, event: Event) -> tuple[float, Array]:
+        """Return time and state of an event that the step crosses, on the interpolant."""
+        path, end = self.path(), self._states[1]
+
+        def value(time: float) -> float:
+            return event.value(end if time == self.t else path(time))
+
+        begin = self.t - 2.0 * EVENT_MARGIN * self.length
+        if value(begin) <= 0.0:
+            begin = self.t_old
+        precision = max(1e-14 * self.length, 1e-300)
+        time = float(brentq(value, begin, self.t, xtol=precision, rtol=4.0 * EPSILON, disp=False))
+        return time, path(time)
+
+
+def _fall_of_cubic(start: float, end: float, rise: float, last_rise: float) -> float:
+    """Return where a cubic falls through zero between 0 and 1, from its values and slopes there."""
+    square = 3.0 * (end - start) - 2.0 * rise - last_rise
+    cube = rise + last_rise - 2.0 * (end - start)
+
+    def value(x: float) -> float:
+        return start + x * (rise + x * (square + x * cube)) if x < 1.0 else end
+
+    return float(brentq(value, 0.0, 1.0, xtol=1e-300, rtol=1e-6, disp=False))
+
+
+class _Integration:
+    """Integration of some rates up to some events."""
+
+    def __init__(
+        self, rates: Rates, events: Sequence[Event], time_limit: float, tolerance: Tolerance
+    ) -> None:
+        self._rates, self._events, self._time_limit = rates, events, time_limit
+        self._terminal = [event for event in events if event.terminal]
+        self._passing = [event for event in events if not event.terminal]
+        self._ending = [event for event in events if event.terminal or event.ends_step]
+        self._tolerance, self._evaluations = tolerance, 0
+
+    def run(self, begin: float, state: Array) -> Arc:
+        """Return the solution from a time [s] and a state on."""
+        solver = self._solver(begin, state)
+        reached = end_at_launch(self._events, state, solver.f)
+        if reached is not None:
+            return Arc(begin, state, reached, [], 0, [begin], [])
+        passed: list[tuple[Event, Callable[[], tuple[float, Array]]]] = []
+        times, steps = [begin], list[DenseOutput]()
+        while solver.t < self._time_limit:
+            before = _Node(solver.t, solver.y, solver.f)
+            step = self._step_up_to(self._ending, solver)
+            passed += [(event, partial(self._locate, event, before, step.length))
+                       for event in self._passing if step.crosses(event)]  # fmt: skip
+            steps.append(step.path())
+            ends = [(*step.locate(event), event)
+                       for event in self._terminal if step.crosses(event)]  # fmt: skip
+            if ends:
+                time, state, event = min(ends, key=lambda crossing: crossing[0])
+                return Arc(time, state, event, passed, self._evaluations, [*times, time], steps)
+            times.append(step.t)
+        return Arc(solver.t, solver.y, None, passed, self._evaluations, times, steps)
+
+    def _locate(self, event: Event, start: _Node, length: float) -> tuple[float, Array]:
+        """Return time and state of an event that a step of a length from a node crosses."""
+        solver = self._solver(start.time, start.state)
+        solver.h_abs = length
+        while not (step := self._step_up_to([event], solver)).crosses(event):
+            pass
+        return step.locate(event)
+
+    def _step_up_to(self, events: Sequence[Event], solver: DOP853) -> _Step:
+        """Take a step; take it anew until it ends shortly after the first of events within it."""
+        before = _Node(solver.t, solver.y, solver.f)
+        shortest = max(100.0 * math.ulp(solver.t), 1e-300)
+        next_length = 0.0
+        for _ in range(MAX_RETAKEN):
+            self._take_step(solver)
+            step = _Step(solver, before.rates)
+            fraction = min((step.fraction_to_take(event) for event in events), default=1.0)
+            if any(step.hides(event) for event in self._events):
+                fraction = min(fraction, 0.5)
+            if fraction == 1.0 or step.length <= shortest:
+                break
+            next_length = max(next_length, step.length)
+            solver.t, solver.y, solver.f = before
+            solver.h_abs, solver.status = max(fraction * step.length, shortest), "running"
+        solver.h_abs = max(solver.h_abs, next_length)
+        return step
+
+    def _counted(self, time: float, state: Array) -> list[float]:
+        """Return the rates."""
+        self._evaluations += 1
+        if self._evaluations > MAX_EVALUATIONS:
+            raise _given_up(time, f"it takes more than {MAX_EVALUATIONS} evaluations of forces")
+        return self._rates(time, state)
+
+    def _solver(self, time: float, state: Array) -> DOP853:
+        """Return a solver at a time [s] and a state."""
+        relative, absolute, longest = self._tolerance
+        solver = DOP853(
+            self._counted, time, state, self._time_limit, max_step=longest, rtol=relative,
+            atol=absolute, first_step=self._time_limit - time,
+        )  # fmt: skip
+        if not np.isfinite(solver.f).all():
+            raise KickdynError(f"the acceleration of the ball is not finite at {time:g} s")
+        solver.h_abs = min(_first_length(state, solver.f, self._tolerance), solver.h_abs)
+        return solver
+
+    def _take_step(self, solver: DOP853) -> None:
+        """Take a step of the solver."""
+        solver.step()
+        if solver.status == "failed":
+            raise _given_up(solver.t, "the step would be shorter than time can be resolved")
+        if not math.isfinite(math.fsum(solver.y.tolist())):
+            raise _given_up(solver.t, "the numbers overflow")
+
+
+def _first_length(state: Array, rate: Array, tolerance: Tolerance) -> float:
+    r"""Return the length of the first step [s], :math:`(3 \cdot 10^{-5} / d_0)^{1/8}\, d_0 / d_1`.
 
     The norms d of state and rate are relative to the tolerances. It is the step of Hairer, Norsett
     & Wanner, II.4, in any unit of time; with their 0.01, which they use with the larger of two
     derivatives, the landing would be up to four times as far off.
     """
-    scale = atol + rtol * np.abs(state)
+    scale = tolerance.absolute + tolerance.relative * np.abs(state)
     size, change = (math.sqrt(float(np.mean((part / scale) ** 2))) for part in (state, rate))
     size = max(size, 1.0)
     return size / change * (3e-5 / size) ** 0.125 if change > 0.0 else math.inf
 
 
-class _Solver:
-    """Steps of DOP853 with given tolerances, relative and absolute, and a longest step [s].
-
-    `evaluations` counts those of the rates.
-    """
-
-    def __init__(self, rates: Rates, rtol: float, atol: Array, longest: float) -> None:
-        self.rates, self.rtol, self.atol, self.longest = rates, rtol, atol, longest
-        self.evaluations = 0
-
-    def step(self, node: Node, h: float, bound: float) -> tuple[Step, float]:
-        """Return the step from a node, of at most h and up to `bound` [s], and the next one's h."""
-        t, y, rate = node
-        least, most = 10.0 * (math.nextafter(t, math.inf) - t), 10.0
-        h = max(min(h, self.longest), least)
-        while True:
-            end = t + h if h < (1.0 - 1e-9) * (bound - t) else bound  # and leave no rest
-            h = end - t
-            k = np.zeros((_STAGES + 1, len(y)))
-            k[0], earlier, weights = rate, k[:_STAGES], h * _WEIGHTS
-            for i in range(1, _STAGES):
-                k[i] = self.rates(t + _TIMES[i] * h, y + weights[i].dot(earlier))
-            new = y + weights[_STAGES].dot(earlier)
-            k[_STAGES] = self.rates(end, new)
-            self.evaluations += _STAGES
-            if self.evaluations > MAX_EVALUATIONS:
-                raise _given_up(t, f"it takes more than {MAX_EVALUATIONS} evaluations of forces")
-            scale = self.atol + self.rtol * np.maximum(np.abs(y), np.abs(new))
-            fifth, third = ((_ERRORS @ k) / scale).tolist()
-            five, three = sum(e * e for e in fifth), sum(e * e for e in third)
-            size = math.sqrt((five + 0.01 * three) * len(y))
-            error = h * five / size if size > 0.0 else h * (five + three)  # 0 or not a number
-            if error < 1.0:
-                growth = min(most, 0.9 * error**-0.125) if error > 0.0 else most
-                if not np.isfinite(new).all():
-                    raise _given_up(end, "the numbers overflow")
-                return Step(self.rates, t, end, y, new, k), h * growth
-            h *= max(0.2, 0.9 * error**-0.125) if error < math.inf else 0.2
-            most = 1.0
-            if h < least:
-                raise _given_up(t, "the step would be shorter than time can be resolved")
-
-    def up_to_crest(self, climb: int, step: Step) -> Step:
-        """Return a step across a crest, cut there if the ball goes straight up.
-
-        Such a ball reverses its drag at the crest, where drag by the square of the speed has a jump
-        in its second derivative. A step across it has the larger an error, which its estimate may
-        not see.
-        """
-        level = math.hypot(*step.end[climb - 2 : climb])
-        before, after = float(step.begin[climb]), float(step.end[climb])
-        if before == 0.0 or level > 0.1 * (before - after):  # at the crest, or not so steep
-            return step
-        crest = _root(lambda y: float(y[climb]), step, (before, after))
-        part = (crest - step.t_old) / (step.t - step.t_old)
-        if not 1e-6 < part < 1.0 - 1e-6:  # it ends there already
-            return step
-        return self.step(step.first, crest - step.t_old, crest)[0]
-
-    def first_of(
-        self, events: Sequence[Event], event: Event, step: Step, end: float
-    ) -> tuple[Event, list[Step], float, Array]:
-        """Return the event that ends a step, steps up to it, its time and the states there.
-
-        `event` is the first on the interpolant of the step; on the steps taken anew, another may
-        be.
-        """
-        pieces, end, state = self._landed(event.value, step.first, end)
-        for other in events:
-            if other is not event and other.value(step.begin) >= 0.0 > other.value(state):
-                event = other
-                pieces, end, state = self._landed(other.value, step.first, end)
-        return event, pieces, end, state
-
-    def refined(self, value: Callable[[Array], float], step: Step) -> tuple[float, Array]:
-        """Return time and states where a value falls through zero within a step."""
-        with np.errstate(over="ignore", invalid="ignore"):
-            when = _root(value, step, (value(step.begin), value(step.end)))
-            return self._landed(value, step.first, when)[1:]
-
-    def _landed(
-        self, value: Callable[[Array], float], start: Node, end: float
-    ) -> tuple[list[Step], float, Array]:
-        """Return steps to where a value falls through zero, the time and the states there.
-
-        `end` is where it does so on an interpolant, which within a long step is far less exact than
-        the step. The end of the steps taken anew is therefore a little off the zero; a cubic covers
-        a time so short that its error is far below the tolerance.
-        """
-        began = start[0]
-        end = max(end, math.nextafter(began, math.inf))
-        ahead = 1e-7 * (end - began)
-
-        def missing(state: Array, rate: Array) -> float:
-            """Return the time from a state to the zero [s], by the rate of the value."""
-            fall = value(state) - value(state + ahead * rate)
-            return value(state) * ahead / fall if fall > 0.0 else 0.0
-
-        for _ in range(5):
-            node, pieces, h = start, list[Step](), end - began
-            while node[0] < end:
-                step, h = self.step(node, h, end)
-                node = step.last
-                pieces.append(step)
-            _, state, rate = node
-            late = more = missing(state, rate)
-            if abs(late) <= 0.03 * math.sqrt(self.rtol) * (step.t - step.t_old):
-                for _ in range(3):
-                    if abs(more) <= 4e-16 * end:
-                        break
-                    state, rate = step.near_end(late)
-                    more = missing(state, rate)
-                    late += more
-                return pieces, end + late, state
-            end = max(end + late, math.nextafter(began, math.inf))
-        return pieces, node[0], state
-
-
-def _given_up(t: float, reason: str) -> KickdynError:
+def _given_up(time: float, reason: str) -> KickdynError:
     """Return the error of an integration that ends too soon."""
-    return KickdynError(f"the flight could not be integrated beyond {t:g} s: {reason}")
-
-
-def _turns_twice(rate: Callable[[Array], float], step: Step) -> bool:
-    """Return whether a rate perhaps changes its sign twice within a step.
-
-    It has the same sign at both ends, and both tangents there reach the other sign within the step.
-    """
-    h, begins, ends = step.t - step.t_old, rate(step.begin), rate(step.end)
-    return (
-        begins * ends > 0.0
-        and begins * (begins + h * rate(step.slopes[0])) < 0.0
-        and ends * (ends - h * rate(step.slopes[_STAGES])) < 0.0
-    )
-
-
-def _falls(value: Callable[[Array], float], step: Step) -> bool:
-    """Return whether a value falls to zero or through it between the ends of a step."""
-    return value(step.begin) >= 0.0 >= value(step.end) < value(step.begin)
-
-
-def _when(event: Event, step: Step) -> float:
-    """Return about when an event comes within a step, inf if it does not."""
-    value, rate = event
-    if _falls(value, step):
-        return _root(value, step, (value(step.begin), value(step.end)))
-    if rate is None or not rate(step.begin) < 0.0 < rate(step.end):
-        return math.inf
-    lowest = _root(lambda y: -rate(y), step, (-rate(step.begin), -rate(step.end)))
-    least = value(step(lowest))
-    return math.inf if least > 0.0 else _root(value, step, (value(step.begin), least), lowest)
-
-
-def _root(
-    value: Callable[[Array], float],
-    step: Step,
-    ends: tuple[float, float],
-    until: float | None = None,
-) -> float:
-    """Return about when a value falls through zero between the start of a step and `until`.
-
-    That is the end of the step where it is None; the values at both ends are known.
-    """
-    began = float(step.t_old)
-    ended = float(step.t if until is None else until)
-    near = max(1e-9 * (ended - began), 1e-300)
-
-    def value_at(t: float) -> float:
-        """Return the value at a time of the step."""
-        return ends[0] if t == began else ends[1] if t == ended else value(step(t))
-
-    # A value that is zero at the start, as a level launch that lift carries up, must rise first.
-    times = (began, *(began + (ended - began) * 0.5**k for k in range(1, 60)))
-    low = next((t for t in times if value_at(t) > 0.0), None)
-    if low is None:
-        return began
-    if value_at(ended) >= 0.0:
-        return ended
-    return float(brentq(value_at, low, ended, xtol=near, disp=False))
+    return KickdynError(f"the flight could not be integrated beyond {time:g} s: {reason}")

@@ -14,7 +14,7 @@ from kickdyn.core.vectors import largest
 from kickdyn.errors import InvalidInput, NoImpact
 from kickdyn.impact.body import BallBody, LegBody
 from kickdyn.impact.contact_problem import ContactPoint, ContactProblem
-from kickdyn.restitution import restitution_at
+from kickdyn.restitution import range_warnings, restitution_at
 from kickdyn.robot.leg import Posture
 
 EPS = float(np.finfo(float).eps)
@@ -52,6 +52,17 @@ class Approach(NamedTuple):
     foot_velocity: Array
     speed: float
     restitution: float
+
+    def warnings(self) -> tuple[str, ...]:
+        """Return a line for each open loop, joint out of its range or too fast, and restitution.
+
+        A restitution is warned of where it is used outside the speeds of its table.
+        """
+        return (
+            *self.posture.warnings,
+            *self.posture.leg.too_fast(self.v),
+            *range_warnings(self.contact.restitution, self.speed),
+        )
 
     def contact_problem(self) -> ContactProblem:
         """Return what an impact law needs to know.

@@ -35,7 +35,6 @@ from kickdyn.impact.force_model import (
     expected_contact_time,
     make_force_model,
 )
-from kickdyn.restitution import range_warnings
 from kickdyn.robot.leg import Leg, Posture
 
 PRESSURE_RANGE = 0.4
@@ -229,12 +228,7 @@ class Collision(ReprMixin):
                 f"the ball is flattened by {share:.2f} of its radius: its pressure gives the "
                 f"stiffness within 10 % up to {PRESSURE_RANGE:g}",
             )
-        return (
-            *self.leg.outside_range(self.q_before),
-            *self.leg.too_fast(self.v_before),
-            *range_warnings(self.contact.restitution, self.approach_speed),
-            *flat,
-        )
+        return (*self._approach.warnings(), *flat)
 
     def __reduce__(self) -> "tuple[partial[Collision], tuple[()]]":
         """Pickle the arguments; unpickled, the collision runs again, to the same digits."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from kickdyn.core.validation import Array
 
-GOOD = 1e-11
+CONVERGED = 1e-11
 """`cone_residual` at which the search ends."""
 
 
@@ -19,14 +19,22 @@ def solve_cones(delassus: Array, free: Array, frictions: Array) -> tuple[Array, 
     .. math:: 0 \le u_n \perp p_n \ge 0, \qquad |p_t| \le \mu\, p_n, \qquad
               p_t = -\mu\, p_n\, u_t / |u_t| \;\text{ if }\; u_t \ne 0 .
 
-    Each contact is scaled to its own mobility, and its normal impulse by mu where that is above 1,
-    so that no cone is wider than 45 degrees. Newton's method starts from sticking everywhere, then
-    from rest, then from random impulses. Under strong friction there can be several solutions: the
-    first found is returned, thus sticking where everything can stick.
+    Each contact is scaled to its mobility, and its normal impulse by mu where that is above 1, so
+    that no cone is wider than 45 degrees. Newton's method starts from sticking everywhere, then
+    from rest, then from random impulses. Strong friction can leave several solutions: the first one
+    is returned, thus sticking where everything can stick. The solutions of redundant contacts that
+    slip, as the corners of a rigid sole, are a continuum, and rounding can choose among them.
+
+    Pinocchio's `ADMMConstraintSolver` takes a fifth of the time (0.15 against 0.75 ms for 1 to 5
+    contacts), but not for all problems. Scaled in the same way, with any of its update rules and
+    10,000 iterations, it reaches a residual of 1e-9 in 36 of 36 random problems with frictions up
+    to 3, in 20 of 36 with frictions up to 1e6, and in 1 of 16 kicks of a robot that stands with a
+    friction of 1,000 or more, where this function reaches 1e-11 in all. Both solve degenerate
+    matrices.
 
     G is positive semidefinite, tangential axes first and normal last, `(3 k, 3 k)` [1/kg]; g, the
     velocities without impulses, is `(3 k,)` [m/s]. Returned are p, `(3 k,)` [N s], and its
-    `cone_residual`: the best found, be it small or not.
+    `cone_residual`: the smallest residual of all starts, be it small or not.
     """
     width = np.maximum(frictions, 1.0)
     scale = np.repeat(1.0 / np.sqrt(_mobilities(delassus).max(axis=1)), 3)
@@ -39,11 +47,11 @@ def solve_cones(delassus: Array, free: Array, frictions: Array) -> tuple[Array, 
     best, least = np.zeros(len(free)), math.inf
     for start in _starts(*cones[:2]):
         for lengths in (short, long):
-            found = newton_iterations(*cones, start, lengths) * scale * speed
-            residual = cone_residual(delassus, free, frictions, found)
+            impulses = newton_iterations(*cones, start, lengths) * scale * speed
+            residual = cone_residual(delassus, free, frictions, impulses)
             if residual < least:
-                best, least = found, residual
-            if least <= GOOD:
+                best, least = impulses, residual
+            if least <= CONVERGED:
                 return best, least
     return best, least
 
@@ -81,10 +89,10 @@ def cone_residual(delassus: Array, free: Array, frictions: Array, impulses: Arra
 def _mobilities(delassus: Array) -> Array:
     """Return the largest of each contact's own block, across and along the normal, `(k, 2)`."""
     blocks = delassus.reshape(-1, 3, len(delassus) // 3, 3)
-    own = np.array([blocks[i, :, i] for i in range(len(blocks))])
-    across = np.linalg.eigvalsh(own[:, :2, :2])[:, 1]
-    found = np.column_stack([across, own[:, 2, 2]])
-    return np.asarray(np.maximum(found, 1e-14 * found.max()))  # 0 could not be divided by
+    diagonal = np.array([blocks[i, :, i] for i in range(len(blocks))])
+    across = np.linalg.eigvalsh(diagonal[:, :2, :2])[:, 1]
+    mobilities = np.column_stack([across, diagonal[:, 2, 2]])
+    return np.asarray(np.maximum(mobilities, 1e-14 * mobilities.max()))  # they divide, thus not 0
 
 
 def _starts(delassus: Array, free: Array) -> Iterator[Array]:
@@ -117,20 +125,21 @@ def newton_iterations(
             step = column * np.linalg.lstsq(scaled * column, -residual * row, rcond=1e-14)[0]
         except np.linalg.LinAlgError:
             break
-        share = 1.0
+        fraction = 1.0
         while True:
-            there = p + share * step
-            residual, slope = _equations(*cones, there, lengths)
-            now = float(np.linalg.norm(residual))
-            if now < (1.0 - 1e-4 * share) * size or share < 1e-3 or not math.isfinite(now):
+            trial = p + fraction * step
+            residual, slope = _equations(*cones, trial, lengths)
+            trial_size = float(np.linalg.norm(residual))
+            decreases = trial_size < (1.0 - 1e-4 * fraction) * size
+            if decreases or fraction < 1e-3 or not math.isfinite(trial_size):
                 break
-            share /= 2.0
-        if now < least:
-            best, least = there, now
-        whole = float(np.linalg.norm(best))
-        if not now > 1e-17 * whole or (now >= size and size < 1e-12 * whole):
+            fraction /= 2.0
+        if trial_size < least:
+            best, least = trial, trial_size
+        rounding = 1e-17 * float(np.linalg.norm(best))
+        if not trial_size > rounding or (trial_size >= size and size < 1e5 * rounding):
             break
-        p, size = there, now
+        p, size = trial, trial_size
     return best
 
 

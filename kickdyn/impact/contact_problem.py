@@ -108,9 +108,9 @@ class ContactProblem(NamedTuple):
 
     def delassus(self, axes: Array) -> Array:
         """Return G in contact axes, shape `(3 k, 3 k)` [1/kg]; `axes` is `(k, 3, 3)`."""
-        first, *others = self.bodies
+        first, *further = self.bodies
         matrix = first.delassus(axes)
-        for body in others:
+        for body in further:
             matrix = matrix + body.delassus(axes)
         return matrix
 

@@ -135,7 +135,6 @@ def matched_damping(restitution: float) -> float:
         return first
 
     def excess(w: float) -> float:  # in w = -ln(1 - e s), for s comes very close to 1/e
-        """Return by how much energy is not balanced, 0 at the root."""
         s = -math.expm1(-w) / e
         return (1.0 + e) * s - math.log1p(s) - w
 
@@ -228,7 +227,6 @@ def _unit_contact_time(restitution: float, dissipation: Dissipation, exponent: f
     contact = ForceModel(1.0, matched_damping(restitution), exponent=exponent)
 
     def rates(_: float, y: Array) -> list[float]:
-        """Return the rates of deflection and its speed, per unit of mass."""
         deflection, rate = y
         return [rate, -contact.force(deflection, rate)]
 
@@ -259,21 +257,20 @@ def integrate_until(
     """
 
     def falling(t: float, y: Array) -> float:
-        """Return the event's function."""
         return float(event(t, y))
 
     falling.terminal, falling.direction = True, -1  # type: ignore[attr-defined]
     run = partial(solve_ivp, rates, method="DOP853", rtol=rtol, atol=atol, max_step=step,
                   events=falling, dense_output=True)  # fmt: skip
-    found = run((begin, limit), np.asarray(start, np.float64))
-    if found.status != 1:
-        return found
-    began, ended = found.t[-2:]
+    solution = run((begin, limit), np.asarray(start, np.float64))
+    if solution.status != 1:
+        return solution
+    began, ended = solution.t[-2:]
     if ended <= began:
-        return found
+        return solution
     beyond = ended + 0.01 * (ended - began)
-    last = run((began, beyond), found.y[:, -2], first_step=beyond - began)
-    times = np.concatenate([found.t[:-1], last.t[1:]])
-    found.sol = OdeSolution(times, [*found.sol.interpolants[:-1], *last.sol.interpolants])
-    found.t, found.y = times, np.hstack([found.y[:, :-1], last.y[:, 1:]])
-    return found
+    last = run((began, beyond), solution.y[:, -2], first_step=beyond - began)
+    times = np.concatenate([solution.t[:-1], last.t[1:]])
+    solution.sol = OdeSolution(times, [*solution.sol.interpolants[:-1], *last.sol.interpolants])
+    solution.t, solution.y = times, np.hstack([solution.y[:, :-1], last.y[:, 1:]])
+    return solution

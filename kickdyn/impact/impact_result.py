@@ -23,7 +23,6 @@ from kickdyn.impact.leg_response import LegResponse, leg_response
 from kickdyn.impact.rounding import Rounding, digits_left, estimate_rounding
 from kickdyn.impact.sensitivity import Sensitivity, sensitivity
 from kickdyn.impact.uncertainty import Uncertainty, uncertainty
-from kickdyn.restitution import range_warnings
 from kickdyn.robot.constraints import ConstraintBlock, Support
 from kickdyn.robot.leg import Posture
 
@@ -278,11 +277,7 @@ class Impact(ReprMixin):
 
         Another line says so where the restitution is used outside its table.
         """
-        return (
-            *self.posture.warnings,
-            *self.posture.leg.too_fast(self.v_before),
-            *range_warnings(self.contact.restitution, self.approach_speed),
-        )
+        return self.approach.warnings()
 
     @validation.check_arguments
     def sensitivity(self, *, of_leg: bool = True) -> Sensitivity:

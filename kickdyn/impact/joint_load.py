@@ -37,17 +37,21 @@ class JointLoad(ReprMixin):
 
     def __repr__(self) -> str:
         """Return the linear parts in a line: on the structure, along the axis, and the peak."""
-        structure, along = (float(np.linalg.norm(part[:3])) for part in (self.structure, self.axis))
-        axis = f", {format_value(along)} N s along the axis" if along > ROUNDING * structure else ""
+        structure, along = (np.linalg.norm(load[:3]) for load in (self.structure, self.axis))
+        axis = (
+            f", {format_value(float(along))} N s along the axis"
+            if along > ROUNDING * structure
+            else ""
+        )
         peak = "" if self.peak_force is None else f", peak {format_value(self.peak_force)} N"
-        return f"JointLoad({self.joint}: {format_value(structure)} N s{axis}{peak})"
+        return f"JointLoad({self.joint}: {format_value(float(structure))} N s{axis}{peak})"
 
     def _rows(self) -> Iterable[Row]:
         """Return what `print` shows: each quantity with its value and unit."""
         yield "joint", self.joint, ""
         rounding = ROUNDING * float(np.linalg.norm(self.structure + self.axis))
-        for name, part in (("structure", self.structure), ("axis", self.axis)):
-            clean = np.where(abs(part) > rounding, part, 0.0)
+        for name, load in (("structure", self.structure), ("axis", self.axis)):
+            clean = np.where(abs(load) > rounding, load, 0.0)
             yield f"{name}, linear", clean[:3], "N s"
             yield f"{name}, angular", clean[3:], "N m s"
         if self.peak_force is not None and self.peak_moment is not None:
@@ -92,8 +96,8 @@ def joint_loads(impact: Impact, contact_time: float | None = None) -> dict[str, 
         axes = np.array(space.data.joints[number].S).reshape(6, -1)
         along = axes @ np.linalg.lstsq(axes, impulse, rcond=None)[0]
         force, moment = (
-            None if per_time is None else per_time * float(np.linalg.norm(part))
-            for part in (impulse[:3], impulse[3:])
+            None if per_time is None else per_time * float(np.linalg.norm(vector))
+            for vector in (impulse[:3], impulse[3:])
         )
         loads[name] = JointLoad(name, impulse - along, along, force, moment)
     return loads

@@ -12,7 +12,7 @@ import pinocchio as pin
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.leg_response import joint_impulses
-from kickdyn.robot.constraints import INDEPENDENT
+from kickdyn.robot.constraints import RANK_TOLERANCE
 from kickdyn.robot.leg import Leg, Posture
 from kickdyn.robot.names import listed
 
@@ -66,8 +66,8 @@ def leg_derivatives(
     unbalanced = np.array(by_q).reshape(nv, nv)
     for load, jacobian in zip(loads, jacobians, strict=True):
         # Pinocchio rotates the impulse with the body; this one is fixed in the world.
-        for part in (LINEAR, ANGULAR):
-            unbalanced -= jacobian[part].T @ pin.skew(load.wrench[part]) @ jacobian[ANGULAR]
+        for axes in (LINEAR, ANGULAR):
+            unbalanced -= jacobian[axes].T @ pin.skew(load.wrench[axes]) @ jacobian[ANGULAR]
 
     inverse = constrained_inverse_inertia(posture)
     admissible = np.column_stack([posture.admissible(unit) for unit in np.eye(nv)])
@@ -101,15 +101,15 @@ def check_fixed_axes(leg: Leg) -> None:
 
     Pinocchio's derivatives by q leave out how the axes rotate, without a warning.
     """
-    model, data, found = leg.workspace.model, leg.workspace.data, []
+    model, data, axes = leg.workspace.model, leg.workspace.data, []
     neutral = pin.neutral(model)
     for q in (neutral, pin.integrate(model, neutral, 0.7 * np.ones(leg.nv))):
         pin.forwardKinematics(model, data, q)
-        found.append([np.array(joint.S) for joint in list(data.joints)[1:]])
+        axes.append([np.array(joint.S) for joint in list(data.joints)[1:]])
     turning = [
         name
-        for name, one, other in zip(leg.joint_names, *found, strict=True)
-        if np.abs(one - other).max() > 1e-9
+        for name, straight, bent in zip(leg.joint_names, *axes, strict=True)
+        if np.abs(straight - bent).max() > 1e-9
     ]
     if turning:
         raise InvalidInput(
@@ -170,8 +170,8 @@ def _velocity_by_q(posture: Posture, load: _Load, jacobian: Array, velocity: Arr
     by_q, speed = np.reshape(by_q, (6, model.nv)), jacobian @ velocity
     return np.vstack(
         [
-            load.rotation @ by_q[part] - pin.skew(speed[part]) @ jacobian[ANGULAR]
-            for part in (LINEAR, ANGULAR)
+            load.rotation @ by_q[axes] - pin.skew(speed[axes]) @ jacobian[ANGULAR]
+            for axes in (LINEAR, ANGULAR)
         ]
     )
 
@@ -186,10 +186,10 @@ def _constraint_change(posture: Posture, velocity: Array, admissible: Array) -> 
         return np.zeros((nv, nv))
     rows_q = np.zeros((len(projector.rows), nv))
     # Ones give the sign with which each end counts.
-    for at, load in _constraint_loads(posture, np.ones(len(projector.rows))):
+    for rows, load in _constraint_loads(posture, np.ones(len(projector.rows))):
         by_q = _velocity_by_q(posture, load, _jacobian(posture, load), velocity)
-        rows_q[at] += load.wrench[0] * by_q[: at.stop - at.start]
-    change = np.linalg.lstsq(projector.rows, -rows_q, rcond=INDEPENDENT)[0]
+        rows_q[rows] += load.wrench[0] * by_q[: rows.stop - rows.start]
+    change = np.linalg.lstsq(projector.rows, -rows_q, rcond=RANK_TOLERANCE)[0]
     return np.asarray(change - admissible @ change)
 
 
@@ -201,4 +201,4 @@ def _closed(posture: Posture) -> Array:
     rows = projector.rows[sum(support.size for support in projector.constraints.supports) :]
     if not len(rows):
         return np.eye(nv)
-    return np.asarray(np.eye(nv) - np.linalg.pinv(rows, rcond=INDEPENDENT) @ rows)
+    return np.asarray(np.eye(nv) - np.linalg.pinv(rows, rcond=RANK_TOLERANCE) @ rows)

@@ -81,13 +81,13 @@ def joint_impulses(
     wrenches[leg.contact_joint] = foot_wrench(posture, impulse)
     if posture.constraint_projector is not None and len(constraint_impulses):
         for block in posture.constraint_projector.blocks:
-            part = constraint_impulses[block.rows]
+            transmitted = constraint_impulses[block.rows]
             wrenches[block.joint] += joint_wrench(
-                block.rotations_joint_world[0], block.levers[0], part
+                block.rotations_joint_world[0], block.levers[0], transmitted
             )
             if block.other:
                 wrenches[block.other] -= joint_wrench(
-                    block.rotations_joint_world[1], block.levers[1], part
+                    block.rotations_joint_world[1], block.levers[1], transmitted
                 )
     unbalanced = pin.rnea(
         space.model, space.data, posture.q, space.zero_velocity, jump, space.external

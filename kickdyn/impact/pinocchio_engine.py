@@ -60,11 +60,11 @@ def solve_by_pinocchio(
     # stiff joints keep their velocity: seen from a velocity that has it, they are at rest
     shared = np.linalg.lstsq(rows, np.append(0.0, rows[1:] @ velocity), rcond=None)[0]
     after = pin.impulseDynamics(model, data, q, velocity - shared, rows, e, 0.0) + shared
-    p, *others = data.impulse_c.tolist()
+    p, *constraint_impulses = data.impulse_c.tolist()
     reaction = NO_CONSTRAINTS
     if projector is not None:
         reaction = np.zeros(len(projector.rows))
-        reaction[projector.independent] = others
+        reaction[projector.independent] = constraint_impulses
 
     lost = 0.5 * p * (1.0 - e) * approach.speed
     solution = Solution((p * n).reshape(1, 3), (False,), lost, np.zeros((1, 3)))

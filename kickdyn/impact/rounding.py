@@ -49,7 +49,7 @@ def estimate_rounding(approach: Approach, solution: Solution, joints: Array) -> 
     (axes,), matrix = rotations, problem.delassus(rotations)
     still = np.zeros(posture.leg.nv)
     responses = [leg_response(posture, still, axis) for axis in axes.T]
-    jumps = np.column_stack([one.v_after for one in responses])
+    jumps = np.column_stack([response.v_after for response in responses])
     sums, roots = np.zeros(3), np.sqrt(matrix.diagonal())
     if posture.constraint_projector is not None or not posture.is_ill_conditioned:  # M is used
         sums = np.sqrt(posture.inertia.diagonal()) @ abs(jumps)
@@ -66,11 +66,13 @@ def estimate_rounding(approach: Approach, solution: Solution, joints: Array) -> 
     sliding = None if solution.sticking[0] else (relative + matrix @ p)[:2]
     slope = _derivative(contact.friction, matrix, sliding, p)
     change = ROUNDINGS * EPS * length(slope * error)
-    whole = max(float(length(p)), np.finfo(float).tiny)  # below, float64 has fewer digits
-    transmitted = np.column_stack([length(one.joint_impulses[:, :3]) for one in responses])
+    size = max(float(length(p)), np.finfo(float).tiny)  # below, float64 has fewer digits
+    transmitted = np.column_stack(
+        [length(response.joint_impulses[:, :3]) for response in responses]
+    )
     lost = transmitted @ change + _of_joints(posture, impulse, joints)
     sizes = np.maximum(length(joints[:, :3]), np.finfo(float).tiny)
-    return Rounding(float(length(change)) / whole, lost / sizes)
+    return Rounding(float(length(change)) / size, lost / sizes)
 
 
 def _of_joints(posture: Posture, impulse: Array, joints: Array) -> Array:
@@ -80,14 +82,14 @@ def _of_joints(posture: Posture, impulse: Array, joints: Array) -> Array:
     What the Jacobian and M lose shows in the difference from articulated bodies, which do not.
     """
     share = 32.0 * len(joints) * EPS
-    whole = share * float(length(impulse))
+    lost = share * float(length(impulse))
     if posture.constraint_projector is not None:
-        return np.full(len(joints), whole * posture.rounding_gain)
+        return np.full(len(joints), lost * posture.rounding_gain)
     if posture.is_ill_conditioned:
-        return np.full(len(joints), whole)
+        return np.full(len(joints), lost)
     push = np.array(foot_wrench(posture, -impulse))
     other = posture.articulated_bodies.respond(posture.leg.contact_joint, push)[1]
-    return np.asarray(whole + 2.0 * length((joints - other)[:, :3]))
+    return np.asarray(lost + 2.0 * length((joints - other)[:, :3]))
 
 
 def _derivative(friction: float, matrix: Array, sliding: Array | None, p: Array) -> Array:

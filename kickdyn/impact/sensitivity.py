@@ -141,37 +141,38 @@ def sensitivity(
     """
     _check_supports(approach, response)
     names = UNITS if of_leg else [name for name in UNITS if name not in OF_LEG]
-    at = _columns(approach.posture.leg, names)
+    columns = _columns(approach.posture.leg, names)
     ball, posture, n = approach.ball, approach.posture, approach.contact.normal
     problem = approach.contact_problem()
     axes, _ = problem.in_contact_axes()
     delassus = axes[0] @ problem.delassus(axes) @ axes[0].T
-    fixed = _at_fixed_impulse(approach, solution, ball_after, response, at)
-    residual_p, residual_x, tangent = _residual(approach, solution, delassus, fixed, at)
+    fixed = _at_fixed_impulse(approach, solution, ball_after, response, columns)
+    residual_p, residual_x, tangent = _residual(approach, solution, delassus, fixed, columns)
     # the pseudo-inverse, for a leg at an obstacle may be unable to move across the normal
     solve = np.linalg.solve if ball.mass < math.inf else lambda a, b: np.linalg.pinv(a) @ b
     impulse = np.asarray(-solve(residual_p, residual_x), dtype=np.float64)
     frictionless = approach.contact.friction == 0.0
     if frictionless:  # the ball's rotation has no effect: these columns are rounding
-        impulse[:, at["ball_radius"]] = impulse[:, at["ball_spin"]] = 0.0
+        impulse[:, columns["ball_radius"]] = impulse[:, columns["ball_spin"]] = 0.0
 
     velocity = fixed.velocity + impulse / ball.mass
     spin = fixed.spin - ball.radius / ball.inertia * pin.skew(n) @ impulse
     if frictionless:  # the spin stays; only friction, were there any, would change it
-        by_friction = spin[:, at["friction"]].copy()
+        by_friction = spin[:, columns["friction"]].copy()
         spin[:] = 0.0
-        spin[:, at["ball_spin"]], spin[:, at["friction"]] = np.eye(3), by_friction
+        spin[:, columns["ball_spin"]], spin[:, columns["friction"]] = np.eye(3), by_friction
     v_after = fixed.v_after
     v_after = v_after - constrained_inverse_inertia(posture) @ posture.jacobian.T @ impulse
     sliding = fixed.after + delassus @ impulse
-    branch, margin, slope, scale = _margin(approach, solution, fixed, impulse, sliding, tangent, at)
+    branch, margin, slope, scale = _margin(
+        approach, solution, fixed, impulse, sliding, tangent, columns
+    )
     if not all(np.isfinite(rows).all() for rows in (impulse, velocity, spin, v_after, slope)):
         raise KickdynError("derivatives of this impact leave double precision: it is too fast")
 
     def named(rows: Array) -> Jacobians:
-        """Return the columns of a derivative by the names of their sources."""
         rows.setflags(write=False)
-        return {name: rows[:, place] for name, place in at.items()}
+        return {name: rows[:, place] for name, place in columns.items()}
 
     return Sensitivity(
         impulse=named(impulse),
@@ -229,7 +230,7 @@ def _at_fixed_impulse(
     solution: Solution,
     ball_after: BallState,
     response: LegResponse,
-    at: Mapping[str, slice],
+    columns: Mapping[str, slice],
 ) -> _FixedImpulse:
     """Return the derivatives of the results while the impulse on the ball is fixed."""
     posture, ball, ball_before = approach.posture, approach.ball, approach.ball_before
@@ -237,39 +238,41 @@ def _at_fixed_impulse(
     jacobian, v_before = posture.jacobian, approach.v
     cross_n, projector = pin.skew(n), np.eye(3) - np.outer(n, n)
     r, gain = ball.radius, ball.radius / ball.inertia  # of a shell, 3 / (2 m r)
-    width = max(place.stop for place in at.values())
+    width = max(place.stop for place in columns.values())
 
     velocity, spin, before = np.zeros((3, width)), np.zeros((3, width)), np.zeros((3, width))
     v_after, normal = np.zeros((posture.leg.nv, width)), np.zeros((3, width))
-    normal[:, at["normal"]] = projector
+    normal[:, columns["normal"]] = projector
 
-    velocity[:, at["ball_velocity"]] = np.eye(3)
-    velocity[:, at["ball_mass"]] = -p[:, None] / ball.mass / ball.mass
+    velocity[:, columns["ball_velocity"]] = np.eye(3)
+    velocity[:, columns["ball_mass"]] = -p[:, None] / ball.mass / ball.mass
     moment = gain * (cross_n @ p)[:, None]
-    spin[:, at["ball_spin"]] = np.eye(3)
-    spin[:, at["ball_mass"]] = moment / ball.mass
-    spin[:, at["ball_radius"]] = moment / r
-    spin[:, at["normal"]] = gain * pin.skew(p) @ projector
+    spin[:, columns["ball_spin"]] = np.eye(3)
+    spin[:, columns["ball_mass"]] = moment / ball.mass
+    spin[:, columns["ball_radius"]] = moment / r
+    spin[:, columns["normal"]] = gain * pin.skew(p) @ projector
 
-    before[:, at["ball_velocity"]] = np.eye(3)
-    before[:, at["ball_spin"]] = r * cross_n
-    before[:, at["ball_radius"]] = (cross_n @ ball_before.spin)[:, None]
-    before[:, at["normal"]] = -r * pin.skew(ball_before.spin) @ projector
+    before[:, columns["ball_velocity"]] = np.eye(3)
+    before[:, columns["ball_spin"]] = r * cross_n
+    before[:, columns["ball_radius"]] = (cross_n @ ball_before.spin)[:, None]
+    before[:, columns["normal"]] = -r * pin.skew(ball_before.spin) @ projector
 
     after = velocity + r * cross_n @ spin
-    if "q" in at:
+    if "q" in columns:
         leg = leg_derivatives(posture, v_before, response.v_after, p, response.constraint_impulses)
         by_inertia = inertia_derivatives(posture, response.v_after - v_before)
-        v_after[:, at["v"]] = leg.admissible
-        v_after[:, at["q"]] = leg.v_after_q
-        v_after[:, at["link_inertia"]] = by_inertia
-        v_after[:, at["link_mass"]] = by_inertia @ mass_to_inertia(posture)
-        before[:, at["v"]] = -jacobian @ leg.admissible
-        before[:, at["q"]] = -leg.foot_q
+        v_after[:, columns["v"]] = leg.admissible
+        v_after[:, columns["q"]] = leg.v_after_q
+        v_after[:, columns["link_inertia"]] = by_inertia
+        v_after[:, columns["link_mass"]] = by_inertia @ mass_to_inertia(posture)
+        before[:, columns["v"]] = -jacobian @ leg.admissible
+        before[:, columns["q"]] = -leg.foot_q
         after -= jacobian @ v_after
-        after[:, at["q"]] -= leg.foot_q_after
-    after[:, at["ball_radius"]] = before[:, at["ball_radius"]]  # what the impulse adds has no r
-    after[:, at["normal"]] -= r * pin.skew(ball_after.spin) @ projector
+        after[:, columns["q"]] -= leg.foot_q_after
+    after[:, columns["ball_radius"]] = before[
+        :, columns["ball_radius"]
+    ]  # what the impulse adds has no r
+    after[:, columns["normal"]] -= r * pin.skew(ball_after.spin) @ projector
 
     u_before = ball_before.velocity - jacobian @ v_before + r * cross_n @ ball_before.spin
     u_after = ball_after.velocity - jacobian @ response.v_after + r * cross_n @ ball_after.spin
@@ -281,7 +284,7 @@ def _residual(
     solution: Solution,
     delassus: Array,
     fixed: _FixedImpulse,
-    at: Mapping[str, slice],
+    columns: Mapping[str, slice],
 ) -> tuple[Array, Array, Array]:
     """Return R_p, R_x and the direction of the sliding after, 0 where there is none."""
     n, e, mu = approach.contact.normal, approach.restitution, approach.contact.friction
@@ -290,7 +293,7 @@ def _residual(
         by_x = fixed.after + e * np.outer(n, n @ fixed.before + u_before @ fixed.normal)
         by_x += e * float(n @ u_before) * fixed.normal
         by_e = n * float(n @ u_before)
-        by_x[:, at["restitution"]] += by_e[:, None]
+        by_x[:, columns["restitution"]] += by_e[:, None]
         return delassus, by_x + _by_speed(approach, fixed, by_e), np.zeros(3)
 
     # R = p_t + mu (n . p) t + n mass n . (u+ + e u-), with t along the sliding
@@ -308,9 +311,9 @@ def _residual(
     tilt = np.outer(mu * tangent - n, p) - mu * normal_impulse * np.outer(n, tangent)
     tilt -= normal_impulse * np.eye(3)
     by_x = keep @ (tilt @ fixed.normal) + turn @ sliding_x + mass * np.outer(n, along_n)
-    by_x[:, at["friction"]] += (normal_impulse * tangent)[:, None]
+    by_x[:, columns["friction"]] += (normal_impulse * tangent)[:, None]
     by_e = mass * float(n @ u_before) * n
-    by_x[:, at["restitution"]] += by_e[:, None]
+    by_x[:, columns["restitution"]] += by_e[:, None]
     by_x += _by_speed(approach, fixed, by_e)
     by_p = keep @ projector + mu * np.outer(tangent, n) + turn @ projector @ delassus
     by_p += mass * np.outer(n, n @ delassus)
@@ -346,7 +349,7 @@ def _margin(
     impulse_x: Array,
     sliding_x: Array,
     tangent: Array,
-    at: Mapping[str, slice],
+    columns: Mapping[str, slice],
 ) -> tuple[Branch, float, Array, float]:
     """Return the branch, its margin, the margin's derivative, and what the margin is small to."""
     n, p, mu = approach.contact.normal, solution.impulses[0], approach.contact.friction
@@ -361,5 +364,5 @@ def _margin(
     along = tangential / size if size else tangential
     slope = mu * (n @ impulse_x + p @ fixed.normal)
     slope -= along @ (impulse_x - normal_impulse * fixed.normal)
-    slope[at["friction"]] += normal_impulse
+    slope[columns["friction"]] += normal_impulse
     return Branch.STICK, mu * normal_impulse - size, slope, mu * normal_impulse

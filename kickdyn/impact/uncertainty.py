@@ -82,9 +82,12 @@ class Uncertainty(Printed):
         """
         if not isinstance(result, str) or result not in UNIT_OF:
             raise InvalidInput(f"result {result!r} is unknown: choose {', '.join(UNIT_OF)}")
-        parts = {source: float(np.trace(of[result])) for source, of in self.by_source.items()}
-        total = sum(parts.values())
-        return {source: part / total if total else 0.0 for source, part in parts.items()}
+        variances = {
+            source: float(np.trace(covariances[result]))
+            for source, covariances in self.by_source.items()
+        }
+        total = sum(variances.values())
+        return {name: variance / total if total else 0.0 for name, variance in variances.items()}
 
     def __str__(self) -> str:
         """Return the budget: standard deviation and share of the variance by source."""
@@ -95,23 +98,26 @@ class Uncertainty(Printed):
         ]
         shares = {result: self.share(result) for result in COLUMNS}
         totals = {
-            result: sum(float(np.trace(of[result])) for of in self.by_source.values())
+            result: sum(
+                float(np.trace(covariances[result])) for covariances in self.by_source.values()
+            )
             for result in COLUMNS
         }
         for source in self.by_source:
             line = f"{source:13}"
             for result, total in totals.items():
                 share = shares[result][source]
-                part = math.sqrt(share * total) if share > ROUNDING**2 else 0.0
-                line += f"{part:9.3g}" + (f"{share:7.1%}" if total else f"{'':7}")
+                deviation = math.sqrt(share * total) if share > ROUNDING**2 else 0.0
+                line += f"{deviation:9.3g}" + (f"{share:7.1%}" if total else f"{'':7}")
             lines.append(line.rstrip())
-        whole = "".join(f"{math.sqrt(total):9.3g}{'':7}" for total in totals.values())
-        lines.append(f"{'all':13}{whole}".rstrip())
-        lines.append("standard deviations; a vector's is the root of its covariance's trace")
+        all_sources = "".join(f"{math.sqrt(total):9.3g}{'':7}" for total in totals.values())
+        lines.append(f"{'all':13}{all_sources}".rstrip())
+        lines.append("standard deviations; for vectors: root of the trace of the covariance matrix")
         if self.branch is not Branch.FRICTIONLESS:
-            other = Branch.SLIP if self.branch is Branch.STICK else Branch.STICK
+            sticks = self.branch is Branch.STICK
+            verb, other = ("sticks", "slipping") if sticks else ("slips", "sticking")
             lines.append(
-                f"{self.branch}; {other} is {self.branch_sigmas:.2g} standard deviations away"
+                f"the contact {verb}; {other} is {self.branch_sigmas:.2g} standard deviations away"
             )
         return "\n".join(lines)
 
@@ -142,7 +148,7 @@ def uncertainty(
         }
         margin_variance += float((margin_slope @ covariance @ margin_slope.T)[0, 0])
     totals = {
-        result: read_only(np.sum([parts[result] for parts in by_source.values()], axis=0))
+        result: read_only(np.sum([results[result] for results in by_source.values()], axis=0))
         for result in UNIT_OF
     }
     sigmas = math.inf if margin_variance <= 0.0 else slopes.margin / math.sqrt(margin_variance)

@@ -64,8 +64,8 @@ class UnilateralImpact(Impact):
     @cached_property
     def rounding(self) -> Rounding:
         """Shares of the impulses that may be rounding, plus the residual of the contact laws."""
-        found, left = super().rounding, self.cone_residual
-        return Rounding(found.impulse + left, found.joints + left)
+        rounding, residual = super().rounding, self.cone_residual
+        return Rounding(rounding.impulse + residual, rounding.joints + residual)
 
     @property
     def footing(self) -> dict[str, Footing]:

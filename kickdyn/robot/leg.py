@@ -55,7 +55,7 @@ from kickdyn.robot.visuals import RobotFile
 MAX_OFFSET = 1e3
 """Largest distance of a contact point along an axis of the contact frame [m]."""
 
-SHOWN = 8
+MAX_SHOWN_JOINTS = 8
 """Joints of a posture that are shown; of a robot with more, those that are not at 0."""
 
 
@@ -177,7 +177,8 @@ class Leg(JointTable, ReprMixin):
                 velocity, in the root link's axes, in v.
             locked: joints to lock at their values [rad; m for prismatic joints], before inertias
                 are judged: of a joint that moves no mass, for example. A name may be a pattern as
-                of a shell, such as `"LFinger*"`; a joint's own name goes before patterns.
+                of a shell, such as `"LFinger*"`; the value of a joint that is named itself takes
+                precedence over that of a pattern.
             package_dirs: ROS packages, or folders that contain them, where a page looks for meshes
                 named `package://NAME/...`, before the folders that contain the file and those of
                 the variables `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH`. Meshes in them may be
@@ -834,11 +835,15 @@ class Posture(ReprMixin):
         """Return the lines that are shown."""
         yield "leg", self.leg.name, ""
         joints = self.leg.display_values(self.q)
-        moved = {name: shown for name, shown in joints.items() if shown[0] or len(joints) <= SHOWN}
-        for name in list(moved)[:SHOWN]:
+        moved = {
+            name: shown
+            for name, shown in joints.items()
+            if shown[0] or len(joints) <= MAX_SHOWN_JOINTS
+        }
+        for name in list(moved)[:MAX_SHOWN_JOINTS]:
             yield name, *moved[name]
-        if len(moved) > SHOWN:
-            yield "and", f"{len(moved) - SHOWN} joints more", ""
+        if len(moved) > MAX_SHOWN_JOINTS:
+            yield "and", f"{len(moved) - MAX_SHOWN_JOINTS} joints more", ""
         if self.leg.stiff_joints:
             yield "stiff joints", ", ".join(self.leg.stiff_joints), ""
         yield "contact point", self.contact_point, "m"
@@ -862,7 +867,7 @@ def _posture(leg: Leg, q: ArrayLike) -> Posture:
         exact = condition(inertia, cholesky)
         if not exact < MAX_CONDITION:
             fault = singularity_fault(model, inertia, exact)
-            where = f"q = {q.tolist()}" if leg.nq <= SHOWN else "this posture"
+            where = f"q = {q.tolist()}" if leg.nq <= MAX_SHOWN_JOINTS else "this posture"
             raise InvalidInput(f"the joint-space inertia of {leg.name} at {where} {fault}")
     posture = Posture(
         leg,

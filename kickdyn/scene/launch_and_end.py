@@ -163,6 +163,8 @@ def end_slopes(scene: Scene, end: PathEnd) -> EndSlopes:
     path, launch = end.path, end.path.launch
     if not end.has_end or float(launch.speed) == 0.0:
         return EndSlopes(*np.full((2, 3, 3), math.inf))
+    if path.duration == 0.0:  # the ball starts where its path ends
+        return EndSlopes(*np.zeros((2, 3, 3)))
     try:
         if isinstance(path, Flight):
             time = path.duration

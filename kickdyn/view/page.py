@@ -10,7 +10,7 @@ from html import escape
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -210,7 +210,7 @@ def page(
 
     A kick moves: an `Impact` with the ball's path, a `KickPlan` (with its `backswing` if it has
     one), a `Swing`, a `Scene` or the `Simulation` of one. A scene is shown with its wall or goal,
-    and its contact as an instant.
+    and its contact as instantaneous.
     A `Flight`, `Course`, `Launch` or `Pass`, and up to 8 of them, are curves over one lawn; the
     flights of an `Identification` are curves with the measured positions as dots. Up to 8 impacts
     stand side by side, their impulses to one scale.
@@ -227,7 +227,7 @@ def page(
         subject: one of these; or several flights or impacts, in a list or by their names.
         path: path of the ball after an `Impact`; with None the ball flies through `Air()`.
         caption: line of plain text above the numbers.
-        scenery: boxes that are shown beside a kick, such as those of `wall_boxes` and `goal_boxes`.
+        scenery: boxes that are shown beside a kick, as `wall_boxes` and `goal_boxes` return them.
         height: height of the page in a notebook [px].
 
     Raises:
@@ -240,37 +240,54 @@ def page(
         raise InvalidInput(
             f"path is named with a {type(subject).__name__}: it belongs to an Impact"
         )
-    swing: Swing | Backswing | None = None
-    warnings: tuple[str, ...] = ()
-    if isinstance(subject, Scene):
-        subject = simulate_as_instant(subject)
-    if isinstance(subject, Swing):
-        if subject.status != "met":
-            raise InvalidInput(f"the swing does not reach this impact: {subject.limit}")
-        swing, subject = subject, subject.plan
-    if isinstance(subject, Simulation):
-        impact, path, caption, boxes = _of_scene(subject, caption)
-        scenery = [*scenery, *boxes]
-    elif isinstance(subject, KickPlan):
-        impact, path, warnings = subject.impact, subject.path, subject.warnings
-        warnings = tuple(line.partition("; ")[0] for line in warnings)
-        swing = swing or subject.backswing
-    elif isinstance(subject, Impact):
-        impact = subject
-    else:
+    if not isinstance(subject, _MovingSubject):
         return _comparison(subject, caption, height)
+    kick = _kick_of(subject, path, caption)
+    impact, viewer = kick.impact, recording_viewer()
+    drawn = draw_kick(
+        viewer, impact, kick.path, [*scenery, *kick.scenery], kick.swing, lies=kick.lies
+    )
+    text = kick.caption
+    if text and drawn.text and not text.endswith("."):
+        text += "."
+    text = " ".join(filter(None, [text, drawn.text]))
+    warnings = [*viewer.window.warnings, *kick.warnings]
+    panel = kick_panel(impact, kick.path, drawn, text, warnings)
     name = impact.posture.leg.name or "leg"
-    if path is None:
-        path = fly(impact.ball_after, impact.ball, Air())
-    viewer = recording_viewer()
-    lies = subject is not impact or isinstance(path, Course)
-    drawn = draw_kick(viewer, impact, path, scenery, swing, lies=lies)
-    if caption and drawn.text and not caption.endswith("."):
-        caption += "."
-    caption = " ".join(filter(None, [caption, drawn.text]))
     title = f"{name}: ball at {float(impact.ball_after.speed):.4g} m/s"
-    panel = kick_panel(impact, path, drawn, caption, [*viewer.window.warnings, *warnings])
     return Page(viewer, title, panel, drawn.pace, height)
+
+
+class _Kick(NamedTuple):
+    """What a page shows of a kick; `lies` says whether the ball cannot be on a tee."""
+
+    impact: Impact
+    path: _Path
+    caption: str
+    swing: Swing | Backswing | None = None
+    scenery: Sequence[Box] = ()
+    warnings: Sequence[str] = ()
+    lies: bool = True
+
+
+def _kick_of(subject: _MovingSubject, path: _Path | None, caption: str) -> _Kick:
+    """Return the kick that a subject has; a path is given with an `Impact` only."""
+    match subject:
+        case Impact():
+            flown = fly(subject.ball_after, subject.ball, Air()) if path is None else path
+            return _Kick(subject, flown, caption, lies=isinstance(path, Course))
+        case KickPlan():
+            warnings = [line.partition("; ")[0] for line in subject.warnings]
+            swing = subject.backswing
+            return _Kick(subject.impact, subject.path, caption, swing, warnings=warnings)
+        case Swing():
+            if subject.status != "met":
+                raise InvalidInput(f"the swing does not reach this impact: {subject.limit}")
+            return _kick_of(subject.plan, None, caption)._replace(swing=subject)
+        case Simulation():
+            return _kick_of_simulation(subject, caption)
+        case Scene():
+            return _kick_of_simulation(simulate_as_instant(subject), caption)
 
 
 def page_of_pages(pages: Mapping[str, Page]) -> Page:
@@ -321,22 +338,22 @@ def _comparison(
     return Page(viewer, title, panel, height=height)
 
 
-def _of_scene(simulation: Simulation, caption: str) -> tuple[Impact, _Path, str, list[Box]]:
-    """Return impact and path of a scene, its caption, and its wall or goal if it is in sight."""
+def _kick_of_simulation(simulation: Simulation, caption: str) -> _Kick:
+    """Return the kick of a scene, with its wall or goal if it is in sight."""
     impact, path, scene = simulation.impact, simulation.path, simulation.scene
-    if not isinstance(impact, Impact):
-        raise InvalidInput("the impact of this Simulation takes time: show its Scene instead")
+    if not isinstance(impact, Impact) or path is None:
+        raise InvalidInput(
+            "the impact of this Simulation takes time, or it has no path: show its Scene instead"
+        )
     caption = caption or scene.name
     if simulation.neglected:
         moved = simulation.model_error
-        error = f"{moved:.2g} m off" if math.isfinite(moved) else "at an unknown distance"
-        without = "its contact shown as an instant"
-        if simulation.neglected != ("contact time",):
-            without = f"without {', '.join(simulation.neglected)}"
-        caption += f", {without}: it ends {error}"
+        distance = f"by {moved:.2g} m" if math.isfinite(moved) else "by an unknown distance"
+        caption += f", its contact shown as instantaneous, which moves the end {distance}"
     caption = ". ".join(filter(None, [caption, simulation.pitch_text]))
+    kick = _Kick(impact, path, caption)
     if scene.plane is None:
-        return impact, path, caption, []
+        return kick
     start, end = impact.ball_after.position, simulation.end.position
     boxes = plane_boxes(scene.plane, end, min(start[2], end[2]) - scene.ball.radius)
     if scene.wall is not None:
@@ -347,5 +364,5 @@ def _of_scene(simulation: Simulation, caption: str) -> tuple[Impact, _Path, str,
     # A plane that the ball does not reach is drawn up to ten times the length of the path ahead.
     is_near = 0.0 < float(ahead @ length) < 10.0 * float(length @ length)
     if is_near or simulation.status == "at-plane":
-        return impact, path, caption, boxes
-    return impact, path, f"{caption}, its plane out of the picture", []
+        return kick._replace(scenery=boxes)
+    return kick._replace(caption=f"{caption}, its plane out of the picture")

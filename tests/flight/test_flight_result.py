@@ -232,6 +232,21 @@ def test_the_error_counts_narrow_features_of_a_coefficient_of_ones_own(drag):
     assert worst > 1e-3 or drag is not peak
 
 
+def test_the_error_counts_narrow_features_of_a_torque_of_ones_own():
+    """The spin falls within 0.03 m/s, and lift with it: no step of an ordinary flight sees it."""
+
+    def braking(reynolds, spin_parameter):
+        return 1e-3 + 10.0 * math.exp(-(((reynolds - 2.5e5) / 250) ** 2))
+
+    air, start = kd.Air(drag=0.2, lift="wang", torque=braking), launch((20, 0, 6), (0, -30, 10))
+    path, finer = (kd.fly(start, BALL, air, tol=tol) for tol in (1e-6, 1e-10))
+    exact = kd.fly(start, BALL, air, tol=1e-10, max_step=path.duration / 1000)
+    moved = (exact.landing.position - each.landing.position for each in (path, finer))
+    true, of_finer = map(np.linalg.norm, moved)
+    assert of_finer > 0.1
+    assert true <= path.error < 10 * true
+
+
 def test_the_error_is_infinite_where_no_finer_flight_can_be_computed(monkeypatch):
     """A ball that falls at the very speed where its drag jumps above its weight."""
     air = kd.Air(drag=lambda reynolds, spin_parameter: 0.2 if reynolds < 1.5e5 else 5.0)

@@ -618,3 +618,12 @@ def test_many_flights_do_not_depend_on_the_units():
         usual = scaled_flights(1.0, 1.0, 1.0, patch)[1]()
     with pytest.MonkeyPatch.context() as patch:
         assert scaled_flights(2.0**-7, 2.0**5, 2.0**3, patch)[1]() == usual
+
+
+def test_a_ball_dropped_from_rest_without_spin_is_slowed_by_drag():
+    air, ground = kd.Air(buoyancy=False), kd.Ground()
+    path, free = (
+        kd.fly(launch((0, 0, 0), height=60.0), BALL, each, ground) for each in (air, None)
+    )
+    assert path.evaluations > 0
+    assert path.landing.speed < 0.95 * free.landing.speed

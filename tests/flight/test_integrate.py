@@ -12,10 +12,11 @@ from scipy.integrate import solve_ivp
 
 import kickdyn as kd
 from kickdyn.aerodynamics.drag import constant
-from kickdyn.flight import integrate
-from kickdyn.flight.equations import FlightEquations
+from kickdyn.flight import integrate as integrate_module
+from kickdyn.flight.equations import FINEST, FlightEquations
+from kickdyn.flight.events import CREST
 from kickdyn.flight.forces import downward
-from kickdyn.flight.integrate import Event, fly_until, joined
+from kickdyn.flight.integrate import Tolerance, integrate, trajectory
 
 BALL = kd.Ball()
 PLAIN = {"lift": None, "buoyancy": False}
@@ -389,8 +390,8 @@ def test_order_of_convergence(velocity, end, least):
     start = (0.0, motion.begin)
 
     def arc(tol):
-        never, near = Event(lambda y: 1.0), np.full(7, tol)
-        return fly_until([never], 5, motion.rates, start, end, max(tol, 3e-14), near)
+        tolerance = Tolerance(max(tol, FINEST), np.full(7, tol))
+        return integrate(motion.rates, start, [CREST], end, tolerance)
 
     exact = arc(1e-14).state
     arcs = [arc(10.0**-k) for k in np.arange(3, 10.6, 0.25)]
@@ -406,25 +407,39 @@ def fall(_, y):
     return [*y[3:], 0.0, 0.0, -10.0]
 
 
-ATOL = np.full(6, 1e-10)
+TOLERANCE = Tolerance(1e-10, np.full(6, 1e-10))
+
+
+def event(function, name="there"):
+    return kd.Event(name, lambda state, numbers: function(state))
 
 
 def test_until_the_event():
     start = np.array([0, 0, 0, 1.0, 0, 10.0])
-    arc = fly_until([Event(lambda y: y[5])], 5, fall, (2.0, start), 100.0, 1e-10, ATOL)
-    assert arc.reached is not None
+    level = event(lambda y: y[5])
+    arc = integrate(fall, (2.0, start), [level], 100.0, TOLERANCE)
+    assert arc.reached is level
     assert arc.end == pytest.approx(3.0, rel=1e-14)
     assert arc.state == pytest.approx([1, 0, 5, 1, 0, 0], abs=1e-12)
     t = np.array([2.0, 2.5, 3.0])
-    assert joined([arc], start)(t)[2] == pytest.approx([0, 3.75, 5], abs=1e-12)
+    assert trajectory([arc], start)(t)[2] == pytest.approx([0, 3.75, 5], abs=1e-12)
 
 
 def test_until_the_time_limit():
     start = np.array([0, 0, 0, 1.0, 0, 10.0])
-    arc = fly_until([Event(lambda y: y[2] + 1e6)], 5, fall, (0.0, start), 3.0, 1e-10, ATOL)
+    deep = event(lambda y: y[2] + 1e6)
+    arc = integrate(fall, (0.0, start), [deep, CREST], 3.0, TOLERANCE)
     assert (arc.reached, arc.end) == (None, 3.0)
     assert arc.state == pytest.approx([3, 0, -15, 1, 0, -20])
-    assert [crest()[0] for crest in arc.crests] == [pytest.approx(1.0)]  # on the way
+    ((passed, locate),) = arc.passed
+    assert passed is CREST
+    assert locate()[0] == pytest.approx(1.0)
+
+
+def test_the_first_of_several_events_ends_it():
+    start = np.array([0, 0, 0, 1.0, 0, 10.0])
+    ends = [event(lambda y, x=x: x - y[0]) for x in (1.9, 1.5, 1.7)]
+    assert integrate(fall, (0.0, start), ends, 3.0, TOLERANCE).reached is ends[1]
 
 
 @pytest.mark.parametrize("brake", [2.0, 2e5])
@@ -432,20 +447,19 @@ def test_event_that_is_zero_at_the_start_must_rise_first(brake):
     def hop(t, y):  # starts level, rises, and comes down: in the second case within a step
         return [*y[3:], 0.0, 0.0, 1.0 - brake * t]
 
-    arc = fly_until(
-        [Event(lambda y: y[5])], 5, hop, (0.0, np.zeros(6)), 10.0, 1e-6, np.full(6, 1e-2)
-    )
+    loose = Tolerance(1e-6, np.full(6, 1e-2))
+    arc = integrate(hop, (0.0, np.zeros(6)), [event(lambda y: y[5])], 10.0, loose)
     assert arc.end == pytest.approx(2 / brake, rel=1e-6)
 
 
 def test_event_within_a_step_at_both_ends_of_which_its_rate_has_one_sign():
     def sway(t, y):  # at the speed -(t - 1) (t - 2): down to -1/30 at 1 s, then up
-        return [y[1], 3.0 - 2.0 * t]
+        return [0.0, 0.0, y[5], 0.0, 0.0, 3.0 - 2.0 * t]
 
-    event = Event(lambda y: y[0], lambda y: y[1])
-    start = (0.0, np.array([0.8, -2.0]))
-    arc = fly_until([event], None, sway, start, 2.05, 1e-2, np.full(2, 1e3))
-    assert arc.reached is event
+    low = event(lambda y: y[2])
+    start = (0.0, np.array([0.0, 0.0, 0.8, 0.0, 0.0, -2.0]))
+    arc = integrate(sway, start, [low], 2.05, Tolerance(1e-2, np.full(6, 1e3)))
+    assert arc.reached is low
     assert 0.7 < arc.end < 1.0
 
 
@@ -456,11 +470,11 @@ def test_acceleration_that_is_no_number_ends_in_an_error(bad, when):
         return [*y[3:], 0.0, 0.0, bad if t >= when else -10.0]
 
     with pytest.raises(kd.KickdynError, match=r"not finite|could not be integrated beyond"):
-        fly_until([Event(lambda y: y[2] + 100)], 5, broken, (0.0, np.zeros(6)), 10.0, 1e-9, ATOL)
+        integrate(broken, (0.0, np.zeros(6)), [event(lambda y: y[2] + 100)], 10.0, TOLERANCE)
 
 
 def test_endless_integration_ends_in_an_error(monkeypatch):
-    monkeypatch.setattr(integrate, "MAX_EVALUATIONS", 2000)
+    monkeypatch.setattr(integrate_module, "MAX_EVALUATIONS", 2000)
     syrup = kd.Air(viscosity=1e6)  # comes to rest in 1e-7 s, then creeps for seconds
     with pytest.raises(kd.KickdynError, match="takes more than 2000 evaluations"):
         kd.fly(launch((10, 0, 10)), BALL, syrup)

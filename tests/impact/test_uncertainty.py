@@ -113,8 +113,8 @@ def test_the_table():
         ],
         rel=5e-3,
     )
-    assert lines[5].startswith("standard deviations; a vector's is the root")
-    assert lines[6].startswith("slip; stick is")
+    assert lines[5].startswith("standard deviations; for vectors: root of the trace")
+    assert lines[6].startswith("the contact slips; sticking is")
     assert lines[-1].endswith("standard deviations away")
     assert max(map(len, lines)) <= 80
     assert "away" not in str(kick().uncertainty(q=0.01))

@@ -374,7 +374,10 @@ def test_where_the_contact_cannot_be_computed_the_error_is_not_known():
     assert not answer.within_tolerance
     assert "error unknown; all effects are modelled except contact time" in str(answer)
     assert "which cannot be computed: stiffness is" in str(answer)
-    assert "its contact shown as an instant: it ends at an unknown distance" in kd.page(answer).html
+    assert (
+        "its contact shown as instantaneous, which moves the end by an unknown distance"
+        in kd.page(answer).html
+    )
     assert [v.size for v in answer.verdicts if not v.modelled] == [math.inf]
 
 

@@ -16,7 +16,7 @@ import trimesh
 import kickdyn as kd
 from kickdyn.view import marks
 from kickdyn.view.camera import LEFT, RIGHT, UP
-from kickdyn.view.page import _of_scene, page_of_pages
+from kickdyn.view.page import page_of_pages
 
 
 @pytest.fixture(scope="module")
@@ -461,7 +461,7 @@ def test_a_browser_that_leaves_is_not_reported(server, capfd):
     assert capfd.readouterr() == ("", "")
 
 
-def test_the_wall_of_a_scene_stands_on_the_lower_of_both_ends(kick):
+def test_the_wall_of_a_scene_stands_on_the_lower_of_both_ends(kick, commands_of):
     hit, ball, _ = kick
     posture = hit.posture
     scene = kd.Scene(
@@ -474,5 +474,8 @@ def test_the_wall_of_a_scene_stands_on_the_lower_of_both_ends(kick):
     answer = kd.simulate(scene, tolerance=0.1)
     heights = scene.ball_position[2], answer.end.position[2]
     assert abs(heights[0] - heights[1]) > 0.05
-    (wall,) = _of_scene(answer, "")[3]
-    assert wall.corners()[:, 2].min() == pytest.approx(min(heights) - ball.radius)
+    shown = [c for c in commands_of(kd.page(answer).html) if c["path"] == "/meshcat/scenery/0"]
+    box, placed = (next(c for c in shown if c["type"] == kind)
+                   for kind in ("set_object", "set_transform"))  # fmt: skip
+    bottom = placed["matrix"][14] - box["object"]["geometries"][0]["depth"] / 2
+    assert bottom == pytest.approx(min(heights) - ball.radius)

@@ -1,0 +1,165 @@
+r"""Events of a flight: where a function of the ball's state falls through zero.
+
+The ground, a wall, the highest point and ends of a user's own are events. `fly` and `fly_many` take
+the same ones: a function with floats, `math` and indices alone can be compiled.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from kickdyn.ball import Ball, BallState
+from kickdyn.core import validation
+from kickdyn.core.validation import Array
+from kickdyn.errors import InvalidInput
+from kickdyn.flight.flight_result import FlightStatus
+from kickdyn.ground import Ground
+from kickdyn.plane import Plane
+
+EventFunction = Callable[[Any, Any], Any]
+"""From the seven states of `FlightEquations` and an event's numbers to a float."""
+
+NUMBERS = 4
+"""How many numbers an event may have."""
+
+
+@dataclass(frozen=True, eq=False)
+class Event:
+    """What happens where a function of the ball's state falls through zero.
+
+    A function that is zero at the launch, as the height over the ground of a ball that lies on it,
+    ends the flight at once unless it rises; one that is negative must first become positive.
+
+    Attributes:
+        name: the status of a flight that the event ends.
+        function: function of the state and of up to four numbers that falls through zero at the
+            event. The state has seven entries: displacement from the launch [m], velocity [m/s,
+            world frame] and the fraction of the spin that is left.
+        numbers: the numbers, or a function of the launch that returns them. That function is called
+            with one launch by `fly`, with n launches by `fly_many`, and with the ball after every
+            bounce by `follow`.
+        terminal: whether the event ends the flight.
+        ends_step: whether a step of the integration must end at an event that is not terminal.
+
+    Example:
+        >>> import kickdyn as kd
+        >>> def over_bar(state, numbers):  # falls below a height of 2.44 m
+        ...     return numbers[0] + state[2] - 2.44
+        >>> below = kd.Event("below-bar", over_bar, lambda launch: (launch.position[..., 2],))
+        >>> path = kd.fly(kd.BallState(velocity=(20, 0, 10)), kd.Ball(), kd.Air(), ends=[below])
+        >>> path.status, round(float(path.landing.position[2]), 9)
+        ('below-bar', 2.44)
+    """
+
+    name: str
+    function: EventFunction
+    numbers: Any = ()
+    terminal: bool = True
+    ends_step: bool = False
+
+    def launched(self, launch: BallState) -> "Event":
+        """Return the event with the numbers of a launch, or with those of n launches."""
+        numbers = self.numbers(launch) if callable(self.numbers) else self.numbers
+        if len(numbers) > NUMBERS:
+            raise InvalidInput(
+                f"the event {self.name!r} has {len(numbers)} numbers: it may have {NUMBERS}"
+            )
+        fixed = tuple(number if np.ndim(number) else float(number) for number in numbers)
+        return Event(self.name, self.function, fixed, self.terminal)
+
+    def value(self, state: Any) -> float:
+        """Return the value of the function at a state of a flight whose launch is known."""
+        return float(self.function(state, self.numbers))
+
+
+def distance_to_plane(state: Any, numbers: Any) -> Any:
+    r"""Return :math:`d + n \cdot x` of the distance d at the launch and the normal n of a plane."""
+    gap, x, y, z = numbers
+    return gap + x * state[0] + y * state[1] + z * state[2]
+
+
+def ground_event(ball: Ball, ground: Ground | None) -> Event:
+    """Return the event that a ball is on the ground, or back at the height of its launch."""
+    return Event(
+        FlightStatus.LANDED,
+        distance_to_plane,
+        lambda launch: (drops(launch.position, ball, ground), 0.0, 0.0, 1.0),
+    )
+
+
+def plane_events(ball: Ball, plane: Plane | None) -> tuple[Event, ...]:
+    """Return the event that a ball reaches a plane; none without a plane."""
+    if plane is None:
+        return ()
+    normal = plane.normal.tolist()
+    return (
+        Event(
+            FlightStatus.AT_PLANE,
+            distance_to_plane,
+            lambda launch: (plane.gap(ball, launch.position), *normal),
+        ),
+    )
+
+
+def drops(position: Array, ball: Ball, ground: Ground | None) -> Array:
+    """Return how far below its launch each flight ends [m], shape `()` or `(n,)`.
+
+    Positions of the ball's centre at the launch have shape `(3,)` or `(n, 3)` [m, world frame]; one
+    inside the ground raises `InvalidInput`.
+    """
+    if ground is None:
+        return np.zeros(position.shape[:-1])
+    gap = position[..., 2] - ball.radius - ground.height
+    inside = np.flatnonzero(gap < -1e-9 * max(ball.radius, abs(ground.height)))  # not by rounding
+    if inside.size:
+        which = f"flight {inside[0]}" if gap.ndim else "the ball"
+        raise InvalidInput(
+            f"{which} starts {-gap.flat[inside[0]]:g} m inside the ground: the ball's centre must "
+            f"be at or above {ground.height + ball.radius:g} m"
+        )
+    return np.maximum(gap, 0.0)
+
+
+CREST = Event("crest", lambda state, _: state[5], terminal=False)
+"""The ball is as high as it gets before it sinks."""
+
+STEEP_CREST = Event("crest", CREST.function, terminal=False, ends_step=True)
+"""The crest of a ball that flies straight up. It reverses its drag there, where drag by the square
+of the speed has a jump in its second derivative: the estimate of a step's error may not see it."""
+
+STEEPNESS = 10.0
+"""Upward over horizontal speed of a launch from which the crest is `STEEP_CREST`."""
+
+
+def checked_ends(ends: Any) -> tuple[Event, ...]:
+    """Return a user's events as a tuple, or raise `InvalidInput` where one cannot end a flight."""
+    events = tuple(ends)
+    for event in events:
+        if not isinstance(event, Event):
+            raise InvalidInput(f"ends has {validation.brief(event)}: it must have kickdyn.Event")
+        if not event.terminal or event.name in tuple(FlightStatus):
+            raise InvalidInput(
+                f"the end {event.name!r} must be terminal, and its name none of "
+                f"{', '.join(FlightStatus)}"
+            )
+    return events
+
+
+def end_at_launch(events: Sequence[Event], state: Array, rates: Array) -> Event | None:
+    """Return the first event that ends a motion where it begins; None if the motion goes on.
+
+    Such an event has a function that is zero at the beginning, and not positive so shortly after
+    that only the first change of the state counts.
+    """
+    for event in events:
+        if event.terminal and event.value(state) == 0.0:
+            speed, acceleration = math.hypot(*state[3:6]), math.hypot(*rates[3:6])
+            time = 1e-30 * (speed / acceleration if speed > 0.0 < acceleration else 1.0)
+            later = state + time * rates
+            later[:3] += 0.5 * time * time * rates[3:6]
+            if event.value(later) <= 0.0:
+                return event
+    return None

@@ -111,7 +111,8 @@ def tune_mujoco(
 ) -> None:
     """Find contact parameters with which MuJoCo launches the ball as kickdyn does.
 
-    The kick is that of a leg, or of SCENE, a TOML file or the name of one that comes with kickdyn.
+    The kick is described by the options of a leg, or by SCENE: a TOML file, or the name of a scene
+    that comes with kickdyn.
     The leg may be an MJCF file. Its joints move with the least kinetic energy that gives the foot
     its velocity. For a scene with an instantaneous impact, the contact time is 10 ms.
 

@@ -171,7 +171,6 @@ def sensitivity(
         raise KickdynError("derivatives of this impact leave double precision: it is too fast")
 
     def named(rows: Array) -> Jacobians:
-        """Return the columns of a derivative by the names of their sources."""
         rows.setflags(write=False)
         return {name: rows[:, place] for name, place in columns.items()}
 

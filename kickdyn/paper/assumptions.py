@@ -86,7 +86,7 @@ def show_warnings(figure: Figure, *paths: Flight) -> None:
 
 
 def items() -> list[Item]:
-    """Return every printed number beside that of kickdyn."""
+    """Return every printed number beside kickdyn's."""
     air, why = Air.paper(), "values of kd.Ball.paper() and kd.Air.paper(), which has no wind"
     rows = [
         ("Table 3 air density", 1.22, air.density, "kg/m3", why),

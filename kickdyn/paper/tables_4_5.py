@@ -8,7 +8,7 @@ With the contact normal n at the printed height and the attack direction a, Eq. 
 The force of Eqs. (15)-(20) is along a with this part p along n. The paper prints neither posture
 nor e, and no passive impact gives its distances: s is a scale of the printed foot speed v. Only
 the product (1 + e) s matters; it is fitted to the row of 50 deg and 2.2 m/s, and the posture,
-through m(n), to that of 30 deg. The other rows are predicted.
+through m(n), to the row of 30 deg. The other rows are predicted.
 """
 
 import math

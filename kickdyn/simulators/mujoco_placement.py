@@ -17,10 +17,10 @@ BALL = "kickdyn's ball"
 """Name of the ball among the geoms."""
 
 GAP_TOLERANCE = 2e-3
-"""Distance of the ball from the foot, and depth in another geom, without a warning [m]."""
+"""Largest distance of the ball from the foot, and depth in another geom, without a warning [m]."""
 
 TILT_TOLERANCE = math.radians(5.0)
-"""Angle between the normal of the contact and that of the foot's geom, without a warning [rad]."""
+"""Largest angle between the normals of contact and geom without a warning [rad]."""
 
 LARGEST_DISTANCE = 100.0
 """Distance up to which distances are computed [m]."""
@@ -31,7 +31,7 @@ def placement_warnings(
 ) -> tuple[str, ...]:
     """Return a line if a ball does not touch the foot of the leg's MJCF file, or overlaps a geom.
 
-    The foot is to be touched where its normal is that of the contact, towards the ball.
+    At the nearest point, the foot's outward normal must be the contact's normal.
 
     Empty for a leg that was not read from such a file. The foot is the body of the contact frame
     with those fixed to it. Geoms of meshes that are missing are left out, and so
@@ -124,7 +124,7 @@ def _placed(file: MjcfFile, posture: Posture, centre: Array, radius: float) -> t
 
 
 def _foot_body(compiled: Any, frame: str) -> int:
-    """Return the first body among those fixed to that of a frame: a body, site or geom."""
+    """Return the first body that is fixed to the body of a frame: a body, site or geom."""
     mujoco = load_mujoco()
     for kind, bodies in (
         (mujoco.mjtObj.mjOBJ_BODY, np.arange(compiled.nbody)),

@@ -69,6 +69,18 @@ def test_landing_slopes_are_those_of_the_parabola():
     assert not slopes[:, 3:].any()
 
 
+@pytest.mark.parametrize("air", [None, AIR])
+@pytest.mark.parametrize("spin", [(0, 0, 0), (0, 9, 0)])
+def test_a_ball_that_does_not_come_down_has_no_landing(air, spin):
+    for velocity in ((8, 0, -1), (8, 0, 0)):
+        with pytest.raises(kd.InvalidInput, match="no landing to scatter"):
+            landing_slopes(kd.BallState(velocity=velocity, spin=spin), BALL, air)
+    light = kd.Ball(mass=0.001)  # rises for ever
+    rising = kd.Air(drag="brazuca", buoyancy=True)
+    with pytest.raises(kd.InvalidInput, match="no landing to scatter"):
+        landing_slopes(kd.BallState(velocity=(1, 0, 1)), light, rising)
+
+
 def test_a_robust_plan_scatters_least():
     leg, goal, spread = kd.Leg.human(), kd.Goal(15, time=1), {"angle": 0.02, "contact": 0.002}
     robust = kd.plan_kick(leg, goal, BALL, AIR, objective="scatter", uncertainty=spread)

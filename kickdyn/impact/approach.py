@@ -176,6 +176,7 @@ def find_approach(
         validation.check_type(Posture, posture=posture)
         validation.check_type(Ball, ball=ball)
         validation.check_type(Contact, contact=contact)
+    contact.check_normal()
     v = validation.vector("v", v, posture.leg.nv)
     posture.check_velocity(v)
     posture = posture.with_contact_offset(contact.offset)

@@ -149,6 +149,14 @@ class TorqueLimit(KickTerm):
         torque = pin.rnea(self._model, self._data, posture.q, v, self._still)
         return np.asarray(torque[self._vs])
 
+    def torque_slopes(self, posture: Posture, v: Array) -> tuple[Array, Array]:
+        """Return the derivatives of this torque by q and v, shape `(n, nv)` each."""
+        by_q, by_v, _ = pin.computeRNEADerivatives(
+            self._model, self._data, posture.q, v, self._still
+        )
+        shape = (len(v), len(v))
+        return np.reshape(by_q, shape)[self._vs], np.reshape(by_v, shape)[self._vs]
+
     def use(self, point: KickPoint) -> Array:
         """Return the torques over their limits, shape `(n,)`."""
         return np.abs(self.torque(point.posture, point.v)) / self.limit
@@ -158,15 +166,9 @@ class TorqueLimit(KickTerm):
         return 1.0 - use * use
 
     def derivatives(self, posture: Posture, v: Array) -> tuple[Array, Array]:
-        use = (self.torque(posture, v) / self.limit**2)[:, None]
-        by_q, by_v, _ = pin.computeRNEADerivatives(
-            self._model, self._data, posture.q, v, self._still
-        )
-        shape = (len(v), len(v))
-        return (
-            -2 * use * np.reshape(by_q, shape)[self._vs],
-            -2 * use * np.reshape(by_v, shape)[self._vs],
-        )
+        by_q, by_v = self.torque_slopes(posture, v)
+        gain = -2 * (self.torque(posture, v) / self.limit**2)[:, None]
+        return gain * by_q, gain * by_v
 
     def binding(self, point: KickPoint) -> list[str]:
         return _binding("torque", self._names, self.use(point))

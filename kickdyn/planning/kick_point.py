@@ -12,12 +12,16 @@ import numpy as np
 
 from kickdyn.core.validation import Array
 from kickdyn.planning.impact_target import ImpactTarget
-from kickdyn.planning.problem import Function
+from kickdyn.planning.problem import Function, Kind
 from kickdyn.robot.kicking_chain import kicking_chain, rest_configuration
 from kickdyn.robot.leg import Leg, Posture
 
 UNLIMITED = 100.0
 """Scale of the speed of a joint without a limit [rad/s]."""
+
+
+STEP = 1e-7
+"""Step of the unknowns in the differences that stand for derivatives."""
 
 
 class KickVariables:
@@ -144,3 +148,29 @@ class KickTerm(Function[KickPoint]):
     @abstractmethod
     def derivatives(self, posture: Posture, v: Array) -> tuple[Array, Array | None]:
         """Return its derivatives by q and v, shape `(k, nv)` each; None where v does not count."""
+
+
+class Objective(Function[KickPoint]):
+    """A cost of a kick; its derivatives are differences.
+
+    Attributes:
+        unit: of the cost.
+    """
+
+    kind = Kind.OBJECTIVE
+    unit = ""
+
+    @abstractmethod
+    def cost(self, point: KickPoint) -> float:
+        """Return what is to be least; what shall be most is below 0."""
+
+    def value(self, point: KickPoint) -> Array:
+        return np.array([self.cost(point)])
+
+    def slope(self, point: KickPoint) -> Array:
+        cost, slope = self.cost(point), np.zeros((1, len(point.x)))
+        for i in range(len(point.x) - 1):  # the share does not count
+            x = point.x.copy()
+            x[i] += STEP
+            slope[0, i] = (self.cost(point.variables.point(x)) - cost) / STEP
+        return slope

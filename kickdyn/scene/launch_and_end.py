@@ -178,7 +178,7 @@ def end_slopes(scene: Scene, end: PathEnd) -> EndSlopes:
 
 def end_normal(scene: Scene, path: Flight) -> Array:
     """Return the normal of what ended a flight, shape `(3,)`."""
-    if path.status is FlightStatus.AT_PLANE and scene.plane is not None:
+    if path.status == FlightStatus.AT_PLANE and scene.plane is not None:
         return scene.plane.normal
     return np.array([0.0, 0.0, 1.0])
 

@@ -176,8 +176,8 @@ class PointOptions(ContactOptions):
         help="Contact point relative to --frame, in its axes [m].",
     )  # fmt: skip
 
-    def contact(self, direction: Array) -> Contact:
-        """Return the contact whose normal has a direction, shape `(3,)`."""
+    def contact(self, direction: Array | None) -> Contact:
+        """Return the contact whose normal has a direction, shape `(3,)`, or none."""
         return Contact(direction, self.read_restitution(), self.friction, offset=self.offset)
 
 

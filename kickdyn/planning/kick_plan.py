@@ -293,7 +293,7 @@ class KickPlan(ReprMixin):
         standing = ", or let the robot stand on its other foot (--support)" if others else ""
         return (
             "the ground is level with the ball's lowest point: try another height of the ball "
-            f"(ball_height, --ball-height){standing}"
+            f"(ball_position, --ball-height){standing}"
         )
 
     @property

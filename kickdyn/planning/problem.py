@@ -161,12 +161,12 @@ class Problem(Generic[Point]):
 
     def values(self, kind: Kind, x: Array) -> Array:
         """Return the values of all terms of a kind over their scales, less their margins."""
-        point = self._latest(x)
+        point = self._point(x)
         return np.concatenate([f.value(point) / f.scale - f.margin for f in self.functions(kind)])
 
     def slopes(self, kind: Kind, x: Array) -> Array:
         """Return the derivatives of `values`, shape `(k, n)`."""
-        point = self._latest(x)
+        point = self._point(x)
         return np.concatenate([f.slope(point) / f.scale for f in self.functions(kind)])
 
     def is_solved(self, x: Array) -> bool:
@@ -182,6 +182,6 @@ class Problem(Generic[Point]):
         )
 
     @cached_property
-    def _latest(self) -> Callable[[Array], Point]:
-        """The point of unknowns; the latest is kept, because solvers ask repeatedly."""
-        return keep_last(self.point)
+    def _point(self) -> Callable[[Array], Point]:
+        """The function `point` with a memory, of a copy because solvers change x in place."""
+        return keep_last(lambda x: self.point(x.copy()))

@@ -886,12 +886,13 @@ def _posture(leg: Leg, q: ArrayLike) -> Posture:
     )
     for array in (q, inertia, origin, posture.jacobian, posture.rotation_world_joint):
         array.setflags(write=False)
-    if leg.constraints is None:
-        return posture
-    leg.constraints.check_closed(model, data, posture)
-    rows, blocks = leg.constraints.rows(model, data, q)
-    projector = ConstraintProjector(leg.constraints, rows, blocks, posture._whiten(rows), posture)
-    return replace(posture, constraint_projector=projector)
+    if leg.constraints is not None:
+        leg.constraints.check_closed(model, data, posture)
+        rows, blocks = leg.constraints.rows(model, data, q)
+        posture.constraint_projector = ConstraintProjector(
+            leg.constraints, rows, blocks, posture._whiten(rows), posture
+        )
+    return posture
 
 
 class Workspace(threading.local):

@@ -19,12 +19,19 @@ def lines(plan, words):
 def test_a_shank_inside_the_ball_is_announced_and_a_flatter_launch_avoids_it():
     humanoid = kd.Leg.from_mjcf(MODELS / "humanoid.xml", "right_foot", base="floating")
     humanoid = humanoid.with_supports(kd.Support("left_foot", friction=0.8))
-    plan = kd.plan_kick(humanoid, kd.Goal(1.5, time=0.5), BALL, AIR, offset=(0.075, 0, 0.1))
+    front = kd.Contact(friction=0.4, offset=(0.075, 0, 0.1))
+    plan = kd.plan_kick(humanoid, kd.Goal(1.5, time=0.5), BALL, AIR, contact=front)
     (line,) = lines(plan, "inside the ball")
     depths = dict(re.findall(r"(right_\w+) by (0\.\d+) m", line))
     assert depths.keys() == {"right_foot", "right_shin"}
     assert all(0.02 < float(depth) < 0.06 for depth in depths.values())
-    flat = kd.plan_kick(humanoid, kd.Goal(1.5, time=0.4), BALL, AIR, offset=(0.1, 0, 0.1))
+    flat = kd.plan_kick(
+        humanoid,
+        kd.Goal(1.5, time=0.4),
+        BALL,
+        AIR,
+        contact=kd.Contact(friction=0.4, offset=(0.1, 0, 0.1)),
+    )
     assert not lines(flat, "inside the ball")
 
 
@@ -48,19 +55,19 @@ def test_joints_without_an_actuator_are_named_until_they_are_locked():
 def test_bodies_under_the_ground_are_one_line_with_a_remedy(height, under):
     goal = kd.Goal((30, 0, 2), time=1.5)
     found = lines(
-        kd.plan_kick(kd.Leg.human(), goal, BALL, AIR, ball_height=height), "under the ground"
+        kd.plan_kick(kd.Leg.human(), goal, BALL, AIR, ball_position=height), "under the ground"
     )
     assert [re.sub(r"0\.0\d\d m", "D", line) for line in found] == under * [
         "bodies are under the ground at the impact: foot by D; the ground is level with the ball's "
-        "lowest point: try another height of the ball (ball_height, --ball-height)"
+        "lowest point: try another height of the ball (ball_position, --ball-height)"
     ]
 
 
 def test_a_single_leg_is_not_told_to_stand_on_the_other_one():
-    plan = kd.plan_kick(kd.Leg.human(), kd.Goal(25, time=1.6), BALL, AIR, ball_height=0.1)
+    plan = kd.plan_kick(kd.Leg.human(), kd.Goal(25, time=1.6), BALL, AIR, ball_position=0.1)
     (line,) = lines(plan, "under the ground")
     assert "base by" in line
-    assert line.endswith("(ball_height, --ball-height)")
+    assert line.endswith("(ball_position, --ball-height)")
 
 
 def test_a_body_with_the_name_of_its_joint_is_under_the_ground():

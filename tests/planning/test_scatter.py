@@ -7,7 +7,7 @@ import kickdyn as kd
 from kickdyn.planning.scatter import UNITS, landing_slopes, scatter
 
 LEG, BALL, AIR = kd.Leg.from_robot("g1", legs_only=True), kd.Ball(), kd.Air(drag="brazuca")
-HIT = kd.plan_kick(LEG, kd.Goal((6, 1, 0), time=0.9), BALL, AIR, spin=(0, -12, 6)).impact
+HIT = kd.plan_kick(LEG, kd.Goal((6, 1, 0), time=0.9, spin=(0, -12, 6)), BALL, AIR).impact
 SMALL = {"speed": 2e-3, "angle": 1e-3, "contact": 1e-4, "restitution": 2e-3, "drag": 0.02}
 LAUNCH = [name for name in UNITS if name != "drag"]
 

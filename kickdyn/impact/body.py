@@ -17,6 +17,7 @@ from kickdyn.core.vectors import Triple, cross3
 from kickdyn.robot.leg import Posture
 
 NO_VELOCITY: Triple = (0.0, 0.0, 0.0)
+"""Velocity of what is at rest [m/s]."""
 
 
 class Body(Protocol):

@@ -478,7 +478,6 @@ class Learner(ReprMixin):
         return (landing[:count] - observed) * weights, slopes[:count] * weights[:, None]
 
     def _rows(self) -> Iterable[Row]:
-        """Return the lines that are shown."""
         yield "kicks", len(self._shots), ""
         if isinstance(self._command, KickPlan):
             yield "next kick, posture", self._command.q, "rad"
@@ -494,7 +493,6 @@ class Learner(ReprMixin):
         yield from warned(self.warnings)
 
     def _picture(self) -> str:
-        """Return a drawing of the path to the goal as an SVG."""
         return self._launch._picture()
 
 

@@ -148,7 +148,6 @@ class Goal(ReprMixin):
         return f"Goal({', '.join(named)})"
 
     def _rows(self) -> Iterable[Row]:
-        """Return the lines that are shown."""
         yield from self.named_values()
         yield "distance", self.distance, "m"
 

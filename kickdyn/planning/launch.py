@@ -99,11 +99,9 @@ class Launch(ReprMixin):
     limits: tuple[float, float] | None
 
     def __post_init__(self) -> None:
-        """Make the arrays read-only."""
         freeze_arrays(vars(self))
 
     def _rows(self) -> Iterable[Row]:
-        """Return the lines that are shown."""
         yield "status", f"{self.status}: {self.limit}" if self.limit else self.status, ""
         if self.limit:
             yield "nearest", repr(self.reached), ""
@@ -120,7 +118,6 @@ class Launch(ReprMixin):
             yield "warning", line, ""
 
     def _picture(self) -> str:
-        """Return a drawing of the path as an SVG."""
         return self.flight._picture()
 
     @property

@@ -55,11 +55,9 @@ class Pass(ReprMixin):
     aside: float
 
     def __post_init__(self) -> None:
-        """Make the arrays read-only."""
         freeze_arrays(vars(self))
 
     def _rows(self) -> Iterable[Row]:
-        """Return the lines that are shown."""
         yield "status", f"{self.status}: {self.limit}" if self.limit else self.status, ""
         yield "launch", self.velocity, "m/s"
         yield "time", self.time, "s"
@@ -67,7 +65,6 @@ class Pass(ReprMixin):
         yield "bounces", len(self.course.bounces), ""
 
     def _picture(self) -> str:
-        """Return a drawing of the path as an SVG."""
         return self.course._picture()
 
     @property

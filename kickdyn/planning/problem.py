@@ -183,5 +183,5 @@ class Problem(Generic[Point]):
 
     @cached_property
     def _point(self) -> Callable[[Array], Point]:
-        """The function `point` with a memory, of a copy because solvers change x in place."""
-        return keep_last(lambda x: self.point(x.copy()))
+        """The function `point`, which remembers its last result."""
+        return keep_last(self.point)

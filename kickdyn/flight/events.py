@@ -35,12 +35,12 @@ class Event:
 
     Attributes:
         name: the status of a flight that the event ends.
-        function: function of the state and of up to four numbers that falls through zero at the
+        function: function of the state and of four numbers that falls through zero at the
             event. The state has seven entries: displacement from the launch [m], velocity [m/s,
             world frame] and the fraction of the spin that is left.
-        numbers: the numbers, or a function of the launch that returns them. That function is called
-            with one launch by `fly`, with n launches by `fly_many`, and with the ball after every
-            bounce by `follow`.
+        numbers: up to four numbers, after which come zeros, or a function of the launch that
+            returns them. That function is called with one launch by `fly`, with n launches by
+            `fly_many`, and with the ball after every bounce by `follow`.
         terminal: whether the event ends the flight.
         ends_step: whether a step of the integration must end at an event that is not terminal.
 
@@ -67,8 +67,9 @@ class Event:
             raise InvalidInput(
                 f"the event {self.name!r} has {len(numbers)} numbers: it may have {NUMBERS}"
             )
-        fixed = tuple(number if np.ndim(number) else float(number) for number in numbers)
-        return Event(self.name, self.function, fixed, self.terminal)
+        fixed = [number if np.ndim(number) else float(number) for number in numbers]
+        fixed += (NUMBERS - len(fixed)) * [0.0]
+        return Event(self.name, self.function, tuple(fixed), self.terminal)
 
     def value(self, state: Any) -> float:
         """Return the value of the function at a state of a flight whose launch is known."""
@@ -99,7 +100,7 @@ def plane_events(ball: Ball, plane: Plane | None) -> tuple[Event, ...]:
         Event(
             FlightStatus.AT_PLANE,
             distance_to_plane,
-            lambda launch: (plane.gap(ball, launch.position), *normal),
+            lambda launch: (plane.gaps(ball, launch.position), *normal),
         ),
     )
 

@@ -27,6 +27,7 @@ from kickdyn.flight.events import (
 from kickdyn.flight.flight_result import Flight, FlightStatus, warning_of
 from kickdyn.flight.forces import (
     STILL,
+    VACUUM,
     ballistic,
     brakes,
     downward,
@@ -36,9 +37,6 @@ from kickdyn.flight.forces import (
 from kickdyn.flight.integrate import Tolerance, integrate, trajectory
 from kickdyn.ground import Ground
 from kickdyn.plane import Plane
-
-VACUUM = Air(density=0.0)
-"""The air of a flight in the vacuum."""
 
 
 @validation.check_arguments

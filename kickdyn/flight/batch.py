@@ -287,14 +287,17 @@ def _flights(
     n = len(height)
     steps = np.full(n, math.inf) if longest is None else longest
     scene = np.column_stack([height, states.spin, decays])[rows]
-    tolerance = np.column_stack([length, pace, np.full(n, tol), steps])[rows]
+    # the error of a quintic falls with the cube of the distance from its end
+    margin = 0.1 * tol ** (1.0 / 3.0)
+    columns = [length, pace, np.full(n, tol), steps, np.full(n, margin)]
+    tolerance = np.column_stack(columns)[rows]
     m = len(scene)
     return Flights(
         np.ascontiguousarray(scene, dtype=float),
         np.array(states.velocity[rows], dtype=float, order="C"),
         np.ascontiguousarray(_numbers(task)[rows], dtype=float),
         np.ascontiguousarray(tolerance, dtype=float),
-        np.empty((m, 8)),
+        np.empty((m, 8 + 3 * len(task.ends))),
         np.empty((m, 16)),
         np.empty(m, np.int8),
         np.zeros(m, np.int64),

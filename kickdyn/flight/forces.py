@@ -123,8 +123,8 @@ def time_to_fall(rise_speed: Any, drop: Any, g: Any) -> Any:
     `drop`, 0 or more [m], is the gap, and `rise_speed` [m/s] and the downward acceleration `g`
     [m/s2] are the components along its normal. The arguments are numbers or have shape `(n,)`.
     """
-    fallen = 2.0 * g * np.asarray(drop)
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        fallen = 2.0 * g * np.asarray(drop)
         slowing = rise_speed * rise_speed + fallen
         root = np.where(
             fallen < 0.0,

@@ -79,8 +79,10 @@ class Flights(NamedTuple):
         velocity: at the launch, `(n, 3)` [m/s].
         numbers: four numbers of each of k events, `(n, 4 k)`.
         tolerance: absolute tolerances of displacement [m], velocity [m/s] and of the spin over that
-            of the launch, and the longest step [s]; `(n, 4)`.
-        begin: memory for the rates at the launch and the first step [s], `(n, 8)`.
+            of the launch, the longest step [s], and the fraction of a step, at its end, in which
+            an event must lie; `(n, 5)`.
+        begin: memory for the rates at the launch, the first step [s], and value, slope and
+            curvature of the events' functions, `(n, 8 + 3 k)`.
         nodes: time and 7 states at the end, then at the apex, `(n, 16)`; filled in.
         status: `LANDED`, `ALOFT`, `FAILED`, or `FURTHER` plus the number of an event after the
             ground; `(n,)`; filled in.
@@ -195,22 +197,14 @@ def _march(rates_of, values_of, flights, lane, rtol, time_limit):
     _start(rates_of, values_of, flights, lane, rtol, time_limit)
     waiting, flying = 0, 0
     while True:
-        loaded = False
         for i in range(LANES):
             while lane.row[i] < 0 and waiting < len(flights.status):
                 if flights.status[waiting] == _FLYING:
                     _load(i, waiting, flights, lane, time_limit)
                     flying += 1
-                    loaded = True
                 waiting += 1
         if flying == 0:
             break
-        if loaded:
-            _measure(values_of, lane, lane.state, lane.rates[0], lane.end)
-            for k in range(lane.begin.shape[1]):
-                if lane.calls[k % LANES] == 1:
-                    for derivative in range(3):
-                        lane.begin[derivative, k] = lane.end[derivative, k]
         _step(rates_of, lane)
         _estimate_error(lane, rtol)
         _measure(values_of, lane, lane.new, lane.rates[STAGES], lane.end)
@@ -252,6 +246,10 @@ def _load(i, row, flights, lane, time_limit):
     _load_start(i, row, flights, lane)
     for c in range(STATES):
         lane.rates[0, c * LANES + i] = flights.begin[row, c]
+    for event in range(lane.begin.shape[1] // LANES):
+        for derivative in range(3):
+            value = flights.begin[row, 8 + 3 * event + derivative]
+            lane.begin[derivative, event * LANES + i] = value
     lane.time[i], lane.rejected[i], lane.row[i], lane.calls[i] = 0.0, 0.0, row, 1
     _set_step(i, flights.begin[row, 7], lane, time_limit)
 
@@ -268,30 +266,40 @@ def _start(rates_of, values_of, flights, lane, rtol, time_limit):
         for i in range(LANES):
             _load_start(i, min(first + i, n - 1), flights, lane)
         rates_of(lane.scene, lane.state, lane.rates[0])
-        values_of(lane.numbers, lane.state, lane.begin[VALUE])
+        for i in range(LANES):
+            lane.step[i] = _first_step(i, lane, rtol, time_limit)
+        _measure(values_of, lane, lane.state, lane.rates[0], lane.begin)
         _move_shortly(lane)
         values_of(lane.numbers, lane.new, lane.end[VALUE])
         for i in range(min(LANES, n - first)):
             row = first + i
-            d0, d1 = 0.0, 0.0
-            for c in range(i, SIZE, LANES):
-                per = 1.0 / (lane.scale[c] + rtol * abs(lane.state[c]))
-                d0 += (lane.state[c] * per) ** 2
-                d1 += (lane.rates[0, c] * per) ** 2
-            d0, d1 = max(math.sqrt(d0 / STATES), 1.0), math.sqrt(d1 / STATES)
-            h = d0 / d1 * (0.01 / d0) ** 0.125 if d1 > 0.0 else time_limit
-            flights.begin[row, 7] = min(h, time_limit)
             flights.evaluations[row], flights.status[row] = 1, _FLYING
             for k in range(0, 16, 8):
                 _write_node(i, 0.0, lane.state, flights.nodes, row, k)
-            for m in range(lane.begin.shape[1] // LANES - 1, -1, -1):
-                k = m * LANES + i
+            for k in range(lane.begin.shape[1] - LANES + i, -1, -LANES):  # the first one counts
+                for derivative in range(3):
+                    column = 8 + 3 * (k // LANES) + derivative
+                    flights.begin[row, column] = lane.begin[derivative, k]
                 if lane.begin[VALUE, k] == 0.0 >= lane.end[VALUE, k]:
-                    flights.status[row] = _status_of(m)
+                    flights.status[row] = _status_of(k // LANES)
             for c in range(STATES):
                 flights.begin[row, c] = lane.rates[0, c * LANES + i]
                 if not math.isfinite(flights.begin[row, c]):
                     flights.status[row] = FAILED
+            flights.begin[row, 7] = lane.step[i]
+            lane.step[i] = 0.0
+
+
+@inlined
+def _first_step(i, lane, rtol, time_limit):
+    """Return the first step of a flight [s]."""
+    d0, d1 = 0.0, 0.0
+    for c in range(i, SIZE, LANES):
+        per = 1.0 / (lane.scale[c] + rtol * abs(lane.state[c]))
+        d0 += (lane.state[c] * per) ** 2
+        d1 += (lane.rates[0, c] * per) ** 2
+    d0, d1 = max(math.sqrt(d0 / STATES), 1.0), math.sqrt(d1 / STATES)
+    return min(d0 / d1 * (0.01 / d0) ** 0.125, time_limit) if d1 > 0.0 else time_limit
 
 
 @inlined
@@ -370,12 +378,14 @@ def _measure(values_of, lane, state, rate, result):
     moved = lane.sums[0]
     values_of(lane.numbers, state, result[VALUE])
     for sign in (1.0, -1.0):
+        for c in range(0, U, LANES):
+            for i in range(LANES):
+                m, n, h = c + i, U + c + i, sign * DIFFERENCE * lane.step[i]
+                moved[m] = state[m] + h * (state[n] + 0.5 * h * rate[n])
+                moved[n] = state[n] + h * rate[n]
         for i in range(LANES):
-            h = sign * DIFFERENCE * lane.step[i]
-            for c in range(i, U, LANES):
-                moved[c] = state[c] + h * (state[U + c] + 0.5 * h * rate[U + c])
-                moved[U + c] = state[U + c] + h * rate[U + c]
-            moved[LEFT + i] = state[LEFT + i] + h * rate[LEFT + i]
+            m = LEFT + i
+            moved[m] = state[m] + sign * DIFFERENCE * lane.step[i] * rate[m]
         values_of(lane.numbers, moved, result[SLOPE if sign > 0.0 else CURVATURE])
     for c in range(0, result.shape[1], LANES):
         for i in range(LANES):
@@ -439,16 +449,18 @@ def _take_steps_without_events(lane, time_limit):
 @inlined
 def _advance(lane):
     """Go to the end of the step in the lanes where it is taken."""
-    for c in range(0, SIZE, LANES):
+    _choose(lane.taken, lane.new, lane.state)
+    _choose(lane.taken, lane.rates[STAGES], lane.rates[0])
+    for derivative in range(3):
+        _choose(lane.taken, lane.end[derivative], lane.begin[derivative])
+
+
+@inlined
+def _choose(taken, new, old):
+    """Put the new numbers into the old ones in the lanes where the step is taken."""
+    for c in range(0, len(old), LANES):
         for i in range(LANES):
-            m, taken = c + i, lane.taken[i] != 0.0
-            lane.state[m] = lane.new[m] if taken else lane.state[m]
-            lane.rates[0, m] = lane.rates[STAGES, m] if taken else lane.rates[0, m]
-    for c in range(0, lane.begin.shape[1], LANES):
-        for k in range(3):
-            for i in range(LANES):
-                taken = lane.taken[i] != 0.0
-                lane.begin[k, c + i] = lane.end[k, c + i] if taken else lane.begin[k, c + i]
+            old[c + i] = new[c + i] if taken[i] != 0.0 else old[c + i]
 
 
 @inlined
@@ -477,9 +489,9 @@ def _backward_path(c, h, lane):
 @inlined
 def _event_function(i, event, h, lane):
     """Return the quintic of an event's function from the end of the step back to its beginning."""
-    if event == _CREST:  # the derivative of the height
+    if event == _CREST:  # the upward speed, times the step
         _, p1, p2, p3, p4, p5 = _backward_path(Z + i, h, lane)
-        return -p1 / h, -2.0 * p2 / h, -3.0 * p3 / h, -4.0 * p4 / h, -5.0 * p5 / h, 0.0
+        return -p1, -2.0 * p2, -3.0 * p3, -4.0 * p4, -5.0 * p5, 0.0
     k, a, b = event * LANES + i, lane.begin, lane.end
     return _quintic(
         -h, b[VALUE, k], b[SLOPE, k], b[CURVATURE, k], a[VALUE, k], a[SLOPE, k], a[CURVATURE, k]
@@ -504,7 +516,7 @@ def _find_event(i, event, h, start, end, lane):
         if not low <= further <= high:
             further = 0.5 * (low + high)
         moved, s = abs(further - s), further
-        if moved <= 1e-9 * s or moved < 1e-15:
+        if moved <= 1e-3 * s or moved < 1e-15:  # and the next one by its square
             break
     return s
 
@@ -592,7 +604,7 @@ def _end_step(i, flights, lane, time_limit):
             # it may come and go within the step, or rises before it falls
             shorter = 0.5 * rise / (rise - end) if start == 0.0 and rise > 0.0 else 0.5
             return _set_step(i, shorter * h, lane, time_limit)
-    margin = 0.1 * flights.tolerance[row, 2] ** (1.0 / 3.0)
+    margin = flights.tolerance[row, 4]
     if before_end > margin and resolvable:
         return _set_step(i, (1.0 - before_end) * (1.0 + 0.5 * margin) * h, lane, time_limit)
     if first >= 0:

@@ -14,6 +14,7 @@ import math
 import sys
 import time
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 
@@ -103,7 +104,7 @@ def main() -> None:
     many, few = (int(text) for text in sys.argv[1:3]) if len(sys.argv) > 2 else (1000, 200)
     steps, solved, began = [], 0, time.perf_counter()
     for goal, air, spin in reachable(many):
-        launch = kd.plan_launch(goal, BALL, air, spin=spin)
+        launch = kd.plan_launch(replace(goal, spin=spin), BALL, air)
         solved += launch.status == "met"
         starts = [nominal_velocity(goal.target, t) for t in goal.nominal_times()]
         from_nominal = any(np.array_equal(launch.history[0], start) for start in starts)

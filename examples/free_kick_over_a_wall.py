@@ -4,12 +4,15 @@ import kickdyn as kd
 from kickdyn.view.wall_and_goal import goal_boxes, wall_boxes
 
 DISTANCE, WALL, HEIGHT = 20.0, 9.15, 1.9  # of the goal, of the wall, height of the wall [m]
+BACK_SPIN = (0, -20, 0)  # [rad/s]
 
 leg, ball, air = kd.Leg.human(), kd.Ball(), kd.Air()
 
 # The ball lies on the ground. Its centre passes 0.4 m above the wall, and the goal line 1 m high.
-goal = kd.Goal((DISTANCE, 0, 1 - ball.radius), over=(WALL, HEIGHT + 0.4 - ball.radius))
-plan = kd.plan_kick(leg, goal, ball, air, spin=(0, -20, 0))  # back spin
+goal = kd.Goal(
+    (DISTANCE, 0, 1 - ball.radius), over=(WALL, HEIGHT + 0.4 - ball.radius), spin=BACK_SPIN
+)
+plan = kd.plan_kick(leg, goal, ball, air)
 print(plan)
 
 ground = plan.path.launch.position - (0, 0, ball.radius)

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, ValueEquality, format_value
 from kickdyn.core.validation import Array
+from kickdyn.errors import InvalidInput
 from kickdyn.restitution import (
     Restitution,
     checked_restitution,
@@ -24,12 +25,14 @@ class Contact(ValueEquality, ReprMixin):
     Args:
         normal: direction from the foot into the ball, any length but zero, stored as a unit
             vector, shape `(3,)` [world frame]. The ball's centre is at `contact point + r normal`.
+            None leaves it open, for `plan_kick`, which computes it; impacts need one.
         restitution: coefficient e of Eq. (1), 0 to 1. A rigid mechanical limb on a (leather, oval)
-            ball measured 0.66 to 0.79 (Peacock & Ball 2016); the paper's Table 2 needs 0.8. It may
-            also depend on the speed of approach along the normal: as a table of rows (speed [m/s],
-            e), shape `(n, 2)`, speeds increasing, such as `RestitutionFit.table`; or as the name of
-            a model, `peacock-ball` (`kickdyn.restitution.MODELS`, with source). Between rows e is
-            linear; outside them it is that of the nearest row, and results have a warning.
+            ball measured 0.66 to 0.79 (Peacock & Ball 2016); the default 0.8 is what the paper's
+            Table 2 needs. It may also depend on the speed of approach along the normal: as a table
+            of rows (speed [m/s], e), shape `(n, 2)`, speeds increasing, such as
+            `RestitutionFit.table`; or as the name of a model, `peacock-ball`
+            (`kickdyn.restitution.MODELS`, with source). Between rows e is linear; outside them it
+            is that of the nearest row, and results have a warning.
         friction: Coulomb's coefficient mu, 0 or more. The default 0 is the frictionless contact of
             Eqs. (8)-(10); the paper uses 0.4, and 0.37 to 0.63 was measured on nine match balls
             against leather (Proceedings 2020, 49(1):92).
@@ -49,18 +52,28 @@ class Contact(ValueEquality, ReprMixin):
 
     def __init__(
         self,
-        normal: ArrayLike,
-        restitution: float | str | ArrayLike,
+        normal: ArrayLike | None = None,
+        restitution: float | str | ArrayLike = 0.8,
         friction: float = 0.0,
         offset: ArrayLike | None = None,
     ) -> None:
-        unit = validation.read_only(validation.direction("contact normal", normal))
+        unit = normal
+        if normal is not None:
+            unit = validation.read_only(validation.direction("contact normal", normal))
         if offset is not None:
             offset = validation.read_only(validation.vector("contact offset", offset, 3, unit="m"))
         object.__setattr__(self, "normal", unit)
         object.__setattr__(self, "restitution", checked_restitution(restitution))
         object.__setattr__(self, "friction", validation.number("friction", friction, at_least=0))
         object.__setattr__(self, "offset", offset)
+
+    def check_normal(self) -> None:
+        """Raise `InvalidInput` where the contact has no normal."""
+        if self.normal is None:
+            raise InvalidInput(
+                "the contact has no normal: it must have one, Contact(normal, ...), except for "
+                "plan_kick, which computes it"
+            )
 
     def restitution_at(self, speed: float) -> float:
         """Return the coefficient e at a speed of approach along the normal.
@@ -91,7 +104,8 @@ class Contact(ValueEquality, ReprMixin):
 
     def __repr__(self) -> str:
         """Return the class with all its values, in a line."""
-        normal, offset = format_value(self.normal), ""
+        normal = "None" if self.normal is None else format_value(self.normal)
+        offset = ""
         if self.offset is not None:
             offset = f", offset={format_value(self.offset)} m"
         e = format_restitution(self.restitution)
@@ -100,7 +114,8 @@ class Contact(ValueEquality, ReprMixin):
 
     def _rows(self) -> Iterable[Row]:
         """Return what `print` shows: each quantity with its value and unit."""
-        yield "normal", self.normal, ""
+        if self.normal is not None:
+            yield "normal", self.normal, ""
         yield "restitution", format_restitution(self.restitution), ""
         yield "friction", self.friction, ""
         if self.offset is not None:

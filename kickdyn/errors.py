@@ -11,7 +11,7 @@ class KickdynError(Exception):
     """Base class of every error that kickdyn raises on purpose; its message is one printable line.
 
     Args:
-        message: line breaks in it, as of an array that is quoted, become blanks; long words, as
+        message: line breaks in it, as in a quoted array, become blanks; long words, as
             the names of files may be, lose their middle.
     """
 
@@ -35,7 +35,7 @@ class InvalidInput(KickdynError, ValueError):
 
 
 class FaultyFile(InvalidInput):
-    """A file that is refused, with every fault found in it.
+    """A file that is refused, with all its faults.
 
     Attributes:
         source: the file, as the caller named it.

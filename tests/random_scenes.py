@@ -1,4 +1,4 @@
-"""Random scenes, to try bounds on: kicks of robots and of people, in air or none, to all ends."""
+"""Random scenes: kicks of robots and people, in air or none, to every end of a path."""
 
 from __future__ import annotations
 

@@ -72,3 +72,15 @@ def test_equal_numbers_make_equal_contacts():
     others = [kd.Contact(**GOOD), kd.Contact((1, 0, 0), 0.7, 0.4, (0.1, 0, 0))]
     assert len({contact, *others}) == 3
     assert contact != "contact"
+
+
+def test_an_impact_needs_a_normal():
+    open_contact, leg = kd.Contact(restitution=0.7, friction=0.2), kd.Leg.human()
+    posture, v = leg.posture([0.1, -0.4, 0.2]), [1.0, 2.0, 0.0]
+    assert repr(open_contact) == "Contact(normal=None, restitution=0.7, friction=0.2)"
+    assert [name for name, *_ in open_contact._rows()] == ["restitution", "friction"]
+    assert open_contact == kd.Contact(None, 0.7, 0.2) != kd.Contact((1, 0, 0), 0.7, 0.2)
+    assert dataclasses.replace(open_contact, normal=(2, 0, 0)).normal.tolist() == [1.0, 0.0, 0.0]
+    for impact in (kd.strike, kd.collide, kd.unilateral_strike, kd.Scene):
+        with pytest.raises(kd.InvalidInput, match=r"^the contact has no normal: it must have one"):
+            impact(posture, v, kd.Ball(), open_contact)

@@ -139,7 +139,7 @@ def run(command: click.Command) -> NoReturn:
 
 
 def _end_output() -> None:
-    """Write what standard output still holds, or discard it, lest Python tries again at its end."""
+    """Flush standard output, or discard it: Python would otherwise fail again when it exits."""
     try:
         sys.stdout.flush()
     except OSError:

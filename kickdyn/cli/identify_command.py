@@ -29,7 +29,7 @@ SHORTEST = 0.4
 """Duration of a flight from which it is fitted [s]: a shorter one determines no drag."""
 
 AVERAGED = {"drag": "drag coefficient", "drag_scale": "factor of the drag model"}
-"""The values of which a mean over the flights is given, and their names on the screen."""
+"""Unknowns that are averaged over the flights, with their names on the screen."""
 
 
 @dataclass(frozen=True)
@@ -201,7 +201,7 @@ def _print(split: Segments | None, fits: list[Fit], failures: list[str]) -> None
         if warned:
             click.echo(
                 f"{len(warned)} of {len(fits)} flights have warnings: --json FILE writes them, "
-                f"--start {warned[0].first} --end {warned[0].last} prints those of one flight"
+                f"--start {warned[0].first} --end {warned[0].last} prints one flight's"
             )
     elif not failures:
         click.echo(

@@ -176,8 +176,8 @@ class PointOptions(ContactOptions):
         help="Contact point relative to --frame, in its axes [m].",
     )  # fmt: skip
 
-    def contact(self, direction: Array) -> Contact:
-        """Return the contact whose normal has a direction, shape `(3,)`."""
+    def contact(self, direction: Array | None) -> Contact:
+        """Return the contact whose normal has a direction, shape `(3,)`, or none."""
         return Contact(direction, self.read_restitution(), self.friction, offset=self.offset)
 
 
@@ -188,7 +188,7 @@ class AirOptions:
     air: str = option(
         "--air", default="standard", show_default=True, type=click.Choice(list(AIRS)),
         help="Air at 20 degC and sea level, with density and viscosity of the paper's Table 3, or "
-        "none. The coefficients of drag and lift are those of kickdyn.",
+        "none. The coefficients of drag and lift are kickdyn's.",
     )  # fmt: skip
     drag: str | None = option(
         "--drag", metavar="MODEL|NUMBER", shell_complete=offers(lambda _: DRAG_MODELS),
@@ -244,7 +244,7 @@ class JsonOptions:
             write_json(self.json_file, document)
 
     def name_written(self, *files: object) -> None:
-        """Print the names of files that were written, and that of the JSON file."""
+        """Print the names of these files and of the JSON file, all of which were written."""
         for file in (*files, self.json_file):
             if self.prints and file is not None:
                 click.echo(f"wrote {file}")

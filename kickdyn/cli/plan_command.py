@@ -100,7 +100,7 @@ class GoalOptions:
         check_before(wall, math.hypot(self.distance, self.left))
         return wall
 
-    def load(self) -> Goal:
+    def load(self, spin: tuple[float, ...] | None) -> Goal:
         """Return the goal; raise `InvalidInput` unless exactly one option describes the flight."""
         validation.number("distance", self.distance, above=0, at_most=FARTHEST, unit="m")
         validation.number("height", self.height, at_most=FARTHEST, unit="m")
@@ -119,7 +119,8 @@ class GoalOptions:
             validation.number("launch-speed", self.launch_speed, above=0, at_most=1e6, unit="m/s")
         return Goal(
             (self.distance, self.left, self.height), time=self.time, apex=self.apex,
-            speed=self.launch_speed, over=over, beside=self.beside,
+            speed=self.launch_speed, over=over, beside=self.beside, arc=self.arc,
+            spin=spin or (0.0, 0.0, 0.0),
         )  # fmt: skip
 
 
@@ -199,9 +200,7 @@ class KickOptions:
             height = _lying_height(leg, ball, offset)
         arguments: dict[str, Any] = {
             "objective": self.objective or KickObjective.JOINT_SPEED,
-            "spin": self.spin or (0.0, 0.0, 0.0),
-            "ball_height": height,
-            "ball_at": self.ball_at,
+            "ball_position": height if self.ball_at is None else self.ball_at,
             "limits": not self.no_limits,
             "swing": self.swing,
         }
@@ -252,7 +251,7 @@ def plan(
     Example: kickdyn plan --distance 30 --time 1.5 --leg human --view kick.html --json -
     """
     kick.check()
-    target, wall, spread = goal.load(), goal.read_wall(), kick.spread()
+    target, wall, spread = goal.load(kick.spin), goal.read_wall(), kick.spread()
     if output.plot is not None and not kick.swing:
         raise InvalidInput(f"--plot is {output.plot!r}: it shows the swing, so add --swing")
     output.check(inputs=[leg.leg_name])
@@ -265,8 +264,7 @@ def plan(
     with busy("planning the kick") as show:
         try:
             planned = plan_kick(
-                robot, target, kicked, flown_through, restitution=contact.read_restitution(),
-                friction=contact.friction, offset=contact.offset, arc=goal.arc,
+                robot, target, kicked, flown_through, contact=contact.contact(None),
                 surface=goal.surface, **kick.arguments(robot, kicked, contact.offset),
             )  # fmt: skip
         except OutOfReach as error:

@@ -67,7 +67,7 @@ class StoreOptions:
     )  # fmt: skip
     variables: str | None = option(
         "--variables", metavar="NAME,...", shell_complete=offers(lambda _: VARIABLES),
-        help="Variables to write to --out, besides status and those of the table "
+        help="Variables to write to --out, besides status and the variables of the table "
         f"({', '.join(NEEDED)}).  [default: all, {', '.join(VARIABLES)}]",
     )  # fmt: skip
     resume: bool = option(

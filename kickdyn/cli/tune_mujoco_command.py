@@ -24,10 +24,10 @@ from kickdyn.errors import InvalidInput
 from kickdyn.impact.collide import CONTACT_TIME
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.mjcf_file import MjcfFile
-from kickdyn.robot.names import unknown
 from kickdyn.scene.scene import Compliance, Scene
 from kickdyn.scene.toml_reader import load_scene
 from kickdyn.simulators.mujoco_fit import MujocoIntegrator
+from kickdyn.simulators.mujoco_placement import check_feet, find_foot
 from kickdyn.simulators.tune_mujoco import MujocoTuning
 from kickdyn.simulators.tune_mujoco import tune_mujoco as tune_contact
 from kickdyn.sweeps.grid import read_postures
@@ -111,7 +111,8 @@ def tune_mujoco(
 ) -> None:
     """Find contact parameters with which MuJoCo launches the ball as kickdyn does.
 
-    The kick is that of a leg, or of SCENE, a TOML file or the name of one that comes with kickdyn.
+    The kick is described by the options of a leg, or by SCENE: a TOML file, or the name of a scene
+    that comes with kickdyn.
     The leg may be an MJCF file. Its joints move with the least kinetic energy that gives the foot
     its velocity. For a scene with an instantaneous impact, the contact time is 10 ms.
 
@@ -144,7 +145,7 @@ def tune_mujoco(
             f"stiffness is {compliance.stiffness!r}: a contact of MuJoCo is tuned for a contact "
             "time, contact_time_s"
         )
-    _check_feet(scene.leg, mujoco.feet)
+    check_feet(scene.leg, mujoco.feet)
     feet = mujoco.feet or (find_foot(scene.leg) if scene.contact.friction else ())
     with busy("tuning"):
         tuning = tune_contact(
@@ -205,46 +206,6 @@ def _angles(leg: Leg, joints: Sequence[str]) -> dict[str, float]:
         if name in leg.joint_names and name not in mimicking
     }
     return free | {name: float(several[0]) for name, several in values.items()}
-
-
-def _check_feet(leg: Leg, feet: Sequence[str]) -> None:
-    """Raise `InvalidInput` for a name that no geom of the leg's MJCF file has."""
-    if feet and isinstance(leg.file, MjcfFile):
-        compiled = leg.file.compile()
-        names = [str(compiled.geom(geom).name) for geom in range(compiled.ngeom)]
-        for foot in feet:
-            if foot not in names:
-                known = [name for name in names if name]
-                raise InvalidInput(unknown("geom", foot, leg.name, known))
-
-
-def find_foot(leg: Leg) -> tuple[str, ...]:
-    """Return the geom of a leg's contact frame in its MJCF; none where the leg has no such file.
-
-    Raises `InvalidInput` if the frame is a body or a site of a body that has several geoms, or one
-    without a name.
-    """
-    if not isinstance(leg.file, MjcfFile):
-        return ()
-    import mujoco  # an optional package
-
-    model, frame = leg.file.compile(), leg.frame
-    kinds = mujoco.mjtObj
-    body = mujoco.mj_name2id(model, kinds.mjOBJ_BODY, frame)
-    if body < 0 and (site := mujoco.mj_name2id(model, kinds.mjOBJ_SITE, frame)) >= 0:
-        body = int(model.site_bodyid[site])
-    if body < 0:
-        return (frame,)
-    names = [
-        model.geom(geom).name for geom in range(model.ngeom) if model.geom_bodyid[geom] == body
-    ]
-    if len(names) == 1 and names[0]:
-        return (names[0],)
-    known = ", ".join(name for name in names if name) or "none with a name"
-    raise InvalidInput(
-        f"which geom of {frame!r} strikes the ball? MuJoCo needs its name for friction: name it "
-        f"with --foot (there are {known}), or choose --friction 0"
-    )
 
 
 def _document(name: str, tuning: MujocoTuning, model: str) -> dict[str, Any]:

@@ -20,7 +20,7 @@ def keep_last(function: Callable[[Array], Result]) -> Callable[[Array], Result]:
     def kept(place: Array) -> Result:
         key = place.tobytes()
         if key not in last:
-            result = function(place)
+            result = function(place.copy())  # solvers may change theirs
             last.clear()
             last[key] = result
         return last[key]

@@ -5,7 +5,7 @@ A compiler makes vector instructions of a loop only where it can prove that its 
 overlap. A batch needs no proof: ``+ - * /``, comparisons, ``math.sqrt``, ``math.fabs``, ``min`` and
 ``max`` act on each of its numbers as they do on a float, and a float beside a batch stands for
 `BATCH` equal ones. Products and sums are rounded separately, so that the results are the same on
-every processor. `batches` reads arrays in this way; `choose` and `any_of` take the place of ``if``.
+every processor. `batches` reads arrays in this way; `choose` takes the place of ``if``.
 
 Explicit loops over the batch in plain numba take 4.7 times as long for the kinematics of
 `kickdyn.sweeps` (0.033 against 0.007 us per posture with AVX-512). The types are registered through
@@ -168,17 +168,6 @@ def choose(typing_context: Any, mask: Any, a: Any, b: Any) -> Any:
         return builder.select(*(_spread(builder, value) for value in given))
 
     return _batch(mask, a, b), generate
-
-
-@_intrinsic  # type: ignore[untyped-decorator]
-def any_of(typing_context: Any, mask: Any) -> Any:
-    """Return whether a mask is true anywhere."""
-
-    def generate(context: Any, builder: Any, called: Any, given: Any) -> Any:
-        bits = builder.bitcast(given[0], ir.IntType(BATCH))
-        return builder.icmp_unsigned("!=", bits, ir.Constant(bits.type, 0))
-
-    return numba.boolean(_mask), generate
 
 
 @_intrinsic  # type: ignore[untyped-decorator]

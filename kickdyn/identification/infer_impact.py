@@ -156,7 +156,6 @@ class InferredImpact(ReprMixin):
         return np.asarray(surface - self.posture.point_velocity(v))
 
     def _rows(self) -> Iterable[Row]:
-        """Return the lines that are shown."""
         yield "impulse on the ball", self.impulse, "N s"
         yield "normal", self.normal, ""
         yield "contact point", self.contact_point, "m"
@@ -344,7 +343,6 @@ class RestitutionFit(ReprMixin):
         )
 
     def _rows(self) -> Iterable[Row]:
-        """Return the lines that are shown."""
         yield "kicks", len(self.speeds), ""
         for (speed, e), deviation in zip(self.table.tolist(), self.deviations, strict=True):
             yield f"at {speed:.4g} m/s", f"{e:.4g} +- {deviation:.2g}", ""

@@ -30,6 +30,7 @@ from scipy.special import expit, logit
 from kickdyn.aerodynamics.coefficient_model import scaled
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
+from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.last_value import keep_last
@@ -354,11 +355,12 @@ class Learner(ReprMixin):
         """Return the kick for a launch velocity [m/s]: the goal of that velocity in the vacuum."""
         assert self.leg is not None
         time = 2.0 * float(velocity[2]) / GRAVITY
-        goal = Goal([velocity[0] * time, velocity[1] * time, 0.0], time=time)
+        target = velocity[0] * time, velocity[1] * time, 0.0
+        goal = Goal(target, time=time, spin=self._launch.spin)
+        contact = Contact(restitution=self._restitution(self._theta[3]), friction=self._friction)
         plan = plan_kick(
-            self.leg, goal, self.ball, None, restitution=self._restitution(self._theta[3]),
-            friction=self._friction, spin=self._launch.spin, ball_height=self._ball_height,
-        )  # fmt: skip
+            self.leg, goal, self.ball, None, contact=contact, ball_position=self._ball_height
+        )
         after = plan.impact.ball_after
         turned = _aimed(after.velocity, [0.0, self._theta[4], self._theta[5]])
         expected = BallState(after.position, turned, after.spin)
@@ -476,7 +478,6 @@ class Learner(ReprMixin):
         return (landing[:count] - observed) * weights, slopes[:count] * weights[:, None]
 
     def _rows(self) -> Iterable[Row]:
-        """Return the lines that are shown."""
         yield "kicks", len(self._shots), ""
         if isinstance(self._command, KickPlan):
             yield "next kick, posture", self._command.q, "rad"
@@ -492,7 +493,6 @@ class Learner(ReprMixin):
         yield from warned(self.warnings)
 
     def _picture(self) -> str:
-        """Return a drawing of the path to the goal as an SVG."""
         return self._launch._picture()
 
 

@@ -9,13 +9,14 @@ from numpy.typing import ArrayLike
 from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
 from kickdyn.core import validation
+from kickdyn.core.representation import ReprMixin
 from kickdyn.core.validation import Array
 from kickdyn.core.vectors import largest
 from kickdyn.errors import InvalidInput, NoImpact
 from kickdyn.impact.body import BallBody, LegBody
 from kickdyn.impact.contact_problem import ContactPoint, ContactProblem
 from kickdyn.restitution import range_warnings, restitution_at
-from kickdyn.robot.leg import Posture
+from kickdyn.robot.leg import Leg, Posture
 
 EPS = float(np.finfo(float).eps)
 
@@ -34,7 +35,7 @@ class Approach(NamedTuple):
     """Leg and ball just before the impact.
 
     Attributes:
-        posture: of the leg; its contact point is that of the contact.
+        posture: posture of the leg; its contact point is the point of the contact.
         v: joint velocity, shape `(nv,)` [rad/s; m/s for prismatic joints].
         ball: the ball.
         contact: normal, restitution and friction, as they were given.
@@ -104,6 +105,57 @@ class Approach(NamedTuple):
         return EPS * float(abs(self.contact.normal).dot(terms))
 
 
+class AfterApproach(ReprMixin):
+    """A result that begins with leg and ball just before they touch: an impact or a collision."""
+
+    approach: Approach
+
+    @property
+    def posture(self) -> Posture:
+        """Posture of the leg at first contact; its contact point is the point of the contact."""
+        return self.approach.posture
+
+    @property
+    def leg(self) -> Leg:
+        """The leg."""
+        return self.approach.posture.leg
+
+    @property
+    def ball(self) -> Ball:
+        """The ball that is struck."""
+        return self.approach.ball
+
+    @property
+    def contact(self) -> Contact:
+        """The contact, as it was given: normal, restitution and friction."""
+        return self.approach.contact
+
+    @property
+    def restitution(self) -> float:
+        """Coefficient e of the contact at the speed of approach."""
+        return self.approach.restitution
+
+    @property
+    def ball_before(self) -> BallState:
+        """State of the ball just before the contact; the times of a collision count from there."""
+        return self.approach.ball_before
+
+    @property
+    def v_before(self) -> Array:
+        """Joint velocity before the contact, shape `(nv,)` [rad/s; m/s for prismatic joints]."""
+        return self.approach.v
+
+    @property
+    def foot_velocity(self) -> Array:
+        """Velocity of the contact point before the contact, shape `(3,)` [m/s, world frame]."""
+        return self.approach.foot_velocity
+
+    @property
+    def approach_speed(self) -> float:
+        """Speed of the foot towards the ball along the normal [m/s]."""
+        return self.approach.speed
+
+
 def find_approach(
     posture: Posture,
     v: ArrayLike,
@@ -124,6 +176,7 @@ def find_approach(
         validation.check_type(Posture, posture=posture)
         validation.check_type(Ball, ball=ball)
         validation.check_type(Contact, contact=contact)
+    contact.check_normal()
     v = validation.vector("v", v, posture.leg.nv)
     posture.check_velocity(v)
     posture = posture.with_contact_offset(contact.offset)

@@ -17,6 +17,7 @@ from kickdyn.core.vectors import Triple, cross3
 from kickdyn.robot.leg import Posture
 
 NO_VELOCITY: Triple = (0.0, 0.0, 0.0)
+"""Velocity of what is at rest [m/s]."""
 
 
 class Body(Protocol):
@@ -67,7 +68,6 @@ class BallBody(NamedTuple):
     sides: tuple[float, ...] = (1.0,)
 
     def velocity(self, contact: int) -> Triple:
-        """Return the velocity of the centre with the sign of the side [m/s]."""
         side, (x, y, z) = self.sides[contact], self.before.velocity.tolist()
         return side * x, side * y, side * z
 
@@ -79,7 +79,6 @@ class BallBody(NamedTuple):
 
     @property
     def is_free(self) -> bool:
-        """Whether the ball is no obstacle, whose mass is inf."""
         return self.ball.mass < np.inf
 
     def delassus(self, axes: Array) -> Array:
@@ -108,7 +107,6 @@ class BallBody(NamedTuple):
         return matrix
 
     def inverse_mass(self, direction: Array) -> float:
-        """Return 1/m."""
         return 1.0 / self.ball.mass
 
     def after(self, impulses: Array, tangential_impulses: Array) -> BallState:
@@ -152,17 +150,14 @@ class LegBody(NamedTuple):
     sides: tuple[float, ...] = (-1.0,)
 
     def velocity(self, contact: int) -> Triple:
-        """Return the velocity of a contact point with the sign of its side [m/s]."""
         return self.velocities[contact]
 
-    def surface_spin(self, contact: int) -> Triple:  # of a material point
-        """Return 0 [m/s]."""
+    def surface_spin(self, contact: int) -> Triple:
         return NO_VELOCITY
 
     @property
     def is_free(self) -> bool:
-        """Not in general: a planar leg cannot leave its plane."""
-        return False
+        return False  # a planar leg cannot leave its plane
 
     def delassus(self, axes: Array) -> Array:
         """Return the share of the Delassus matrix in contact axes, shape `(3 k, 3 k)` [1/kg].
@@ -178,7 +173,6 @@ class LegBody(NamedTuple):
         return np.asarray(rows.dot(rows.T))
 
     def inverse_mass(self, direction: Array) -> float:
-        """Return the inverse effective mass at a single contact along a direction [1/kg]."""
         row = direction.dot(self.factor)
         return float(row.dot(row))
 
@@ -196,24 +190,19 @@ class Obstacle:
     """A body that no impulse moves, at rest: the ground or a wall."""
 
     def velocity(self, contact: int) -> Triple:
-        """Return 0 [m/s]."""
         return NO_VELOCITY
 
     def surface_spin(self, contact: int) -> Triple:
-        """Return 0 [m/s]."""
         return NO_VELOCITY
 
     @property
     def is_free(self) -> bool:
-        """Never."""
         return False
 
     def delassus(self, axes: Array) -> Array:
-        """Return 0, shape `(3 k, 3 k)` [1/kg]."""
         return np.zeros((3 * len(axes), 3 * len(axes)))
 
     def inverse_mass(self, direction: Array) -> float:
-        """Return 0."""
         return 0.0
 
     def after(self, impulses: Array, tangential_impulses: Array) -> None:

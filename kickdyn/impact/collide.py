@@ -13,11 +13,11 @@ from numpy.typing import ArrayLike
 from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
 from kickdyn.core import validation
-from kickdyn.core.representation import ReprMixin, Row, warned
+from kickdyn.core.representation import Row, warned
 from kickdyn.core.validation import Array, read_only
 from kickdyn.core.vectors import largest
 from kickdyn.errors import InvalidInput
-from kickdyn.impact.approach import AT_REST, Approach, find_approach
+from kickdyn.impact.approach import AT_REST, AfterApproach, Approach, find_approach
 from kickdyn.impact.compliant_contact import (
     CompliantContact,
     ContactMotion,
@@ -35,7 +35,7 @@ from kickdyn.impact.force_model import (
     expected_contact_time,
     make_force_model,
 )
-from kickdyn.robot.leg import Leg, Posture
+from kickdyn.robot.leg import Posture
 
 PRESSURE_RANGE = 0.4
 """Deflection over radius up to which `Ball.stiffness` neglects at most 10 %, at 80 kPa."""
@@ -61,25 +61,22 @@ class ContactSample(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Collision(ReprMixin):
+class Collision(AfterApproach):
     """The result of a contact of finite stiffness, from first contact to separation.
 
     Attributes:
+        approach: leg and ball at first contact.
         peak_force: largest contact force, friction included [N].
         deflection: largest deflection, of ball and foot together [m].
         tol: relative tolerance of the integrator.
     """
 
+    approach: Approach
     peak_force: float
     deflection: float
     tol: float
     _motion: ContactMotion = field(repr=False)
     _again: "partial[Collision]" = field(repr=False)
-
-    @property
-    def _approach(self) -> Approach:
-        """Leg and ball at first contact."""
-        return self._motion.equations.approach
 
     @cached_property
     def _end(self) -> State:
@@ -88,31 +85,6 @@ class Collision(ReprMixin):
         for array in (end.q, end.v):
             array.setflags(write=False)
         return end
-
-    @property
-    def leg(self) -> Leg:
-        """The leg of the call."""
-        return self._approach.posture.leg
-
-    @property
-    def ball(self) -> Ball:
-        """The ball of the call."""
-        return self._approach.ball
-
-    @property
-    def contact(self) -> Contact:
-        """The contact of the call."""
-        return self._approach.contact
-
-    @property
-    def approach_speed(self) -> float:
-        """Speed of the foot towards the ball along the normal at first contact [m/s]."""
-        return self._approach.speed
-
-    @property
-    def restitution(self) -> float:
-        """Coefficient e of the contact at the speed of approach."""
-        return self._approach.restitution
 
     @property
     def force_model(self) -> ForceModel:
@@ -153,17 +125,12 @@ class Collision(ReprMixin):
     def foot_displacement(self) -> Array:
         """Displacement of the contact frame in the contact time, shape `(3,)` [m, world frame]."""
         foot = self._motion.equations.foot_at(self._end)
-        return read_only(foot - self._approach.posture.contact_point)
+        return read_only(foot - self.approach.posture.contact_point)
 
     @property
     def energy_lost(self) -> float:
         """Energy lost to damping and friction [J]."""
         return self._end.lost
-
-    @property
-    def ball_before(self) -> BallState:
-        """The ball at first contact; times count from there."""
-        return self._approach.ball_before
 
     @cached_property
     def ball_after(self) -> BallState:
@@ -174,17 +141,12 @@ class Collision(ReprMixin):
     @property
     def q_before(self) -> Array:
         """Configuration at first contact, shape `(nq,)` [rad; m for prismatic joints]."""
-        return self._approach.posture.q
+        return self.approach.posture.q
 
     @property
     def q_after(self) -> Array:
         """Configuration at separation, shape `(nq,)` [rad; m for prismatic joints]."""
         return self._end.q
-
-    @property
-    def v_before(self) -> Array:
-        """Joint velocity at first contact, shape `(nv,)` [rad/s; m/s for prismatic joints]."""
-        return self._approach.v
 
     @property
     def v_after(self) -> Array:
@@ -219,7 +181,7 @@ class Collision(ReprMixin):
         """A line for each joint outside its range, or faster before the impact than its limit.
 
         Further lines say so where the restitution is used outside its table, and where a ball whose
-        stiffness is that of its pressure is flattened beyond the range of `Ball.stiffness`.
+        stiffness follows from its pressure is flattened beyond the range of `Ball.stiffness`.
         """
         flat: tuple[str, ...] = ()
         share = self.deflection / self.ball.radius
@@ -228,7 +190,7 @@ class Collision(ReprMixin):
                 f"the ball is flattened by {share:.2f} of its radius: its pressure gives the "
                 f"stiffness within 10 % up to {PRESSURE_RANGE:g}",
             )
-        return (*self._approach.warnings(), *flat)
+        return (*self.approach.warnings(), *flat)
 
     def __reduce__(self) -> "tuple[partial[Collision], tuple[()]]":
         """Pickle the arguments; unpickled, the collision runs again, to the same digits."""
@@ -297,8 +259,8 @@ def collide(
     stay at rest and loops stay closed. The foot is a plane through its contact point that rotates
     with it, and the ball is a rigid body behind a spring. The force of `ForceModel` acts along the
     normal of the plane through the centre of the ball, and Coulomb's friction across it, against
-    the sliding. For growing stiffness the result with the
-    dissipation `walton-braun` tends to that of `strike`, law `stronge`, whose restitution it has.
+    the sliding. For growing stiffness the result with the dissipation `walton-braun` tends to the
+    result of `strike` with the law `stronge`, whose restitution it has.
     With `hunt-crossley` it tends to the law `newton` if the contact slips in one direction
     throughout; if it sticks, only if friction does not change the normal velocity (a leg without
     coupling).
@@ -311,8 +273,8 @@ def collide(
             friction and offset. Points that stick creep, at about a thousandth of the approach
             speed.
         contact_time: duration of the contact for which the stiffness is chosen [s]. The contact
-            lasts exactly so long if effective masses are constant and no other force acts. It is 10
-            ms where neither this nor `stiffness` is given.
+            has exactly this duration if effective masses are constant and no other force acts. It
+            is 10 ms where neither this nor `stiffness` is given.
         stiffness: stiffness of a Hertz contact [N/m^1.5], in place of `contact_time`; or
             `"pressure"`, the linear spring of an inflated ball, `Ball.stiffness`, which has no
             fitted value.
@@ -366,7 +328,7 @@ def collide(
         raise InvalidInput(
             f"stiffness is {k:g} N/m^1.5: {pressed}; a shorter contact time makes it stiffer"
         )
-    return Collision(peak_force, deflection, tol, motion, again)
+    return Collision(approach, peak_force, deflection, tol, motion, again)
 
 
 def duration(
@@ -403,7 +365,7 @@ def _stiffness(
     stiffness: float | str | None,
     dissipation: Dissipation,
 ) -> tuple[float, float]:
-    """Return stiffness [N/m^n] and exponent n; a contact time is that of the two masses alone."""
+    """Return stiffness [N/m^n] and exponent n; a contact time is for the two masses alone."""
     given = checked_stiffness(approach.ball, contact_time, stiffness)
     if isinstance(given, str):
         return approach.ball.stiffness, LINEAR

@@ -28,11 +28,12 @@ Torque = Callable[[float, Array, Array], ArrayLike]
 """Joint torques as a function of time since first contact, q and v."""
 
 CREEP = 1e-3
-"""Share of the approach speed at which friction is 1/sqrt(2) of Coulomb's: an integrator needs it
-smooth, so sticking points creep about that fast. For mu above 1 it is mu times as much: sticking
-needs a smaller part of the friction then, so that the creep is the same."""
+"""Sliding speed, relative to the approach speed, at which friction is 1/sqrt(2) of Coulomb's: an
+integrator needs a smooth force, so that sticking points creep about that fast. For mu above 1 it is
+mu times as much: sticking needs a smaller part of the friction then, so that the creep is the same.
+"""
 
-STABILIZED = 10.0
+STABILIZATION_RATE = 10.0
 """Rate at which errors of supports and loops decay, over the expected contact time."""
 
 MAX_EVALUATIONS = 60_000
@@ -40,8 +41,8 @@ MAX_EVALUATIONS = 60_000
 those that stick at a tolerance of 1e-13 up to 40,000."""
 
 FIRST_EVALUATIONS = 5_000
-"""Evaluations after which a contact is given up that would take more than the most, at the same
-pace to the end of the contact time that is expected."""
+"""Evaluations after which the pace counts: a contact is refused if it would need more than
+`MAX_EVALUATIONS` at this pace until the expected end."""
 
 
 MAX_CONTACT_TIMES = 50.0
@@ -229,7 +230,7 @@ class CompliantContact:
         factor, _ = cholesky_with_condition(inertia)
         whitened = blas.dtrsm(1.0, factor, rows.T, lower=1)
         projector = ConstraintProjector(constraints, rows, blocks, whitened, self.approach.posture)
-        rate = STABILIZED / self.expected
+        rate = STABILIZATION_RATE / self.expected
         moving = rows.dot(state.v)
         moving[constraints.stiff_rows] -= self.approach.v[constraints.stiff_joints]
         missing = rows.dot(acceleration) + bias + 2.0 * rate * moving
@@ -308,7 +309,7 @@ class ContactMotion(NamedTuple):
         return self.equations.contact_at(t, self.column(t), largest)
 
     def peaks(self) -> tuple[float, float]:
-        """Return the largest force [N] and deflection [m]: those of the steps, refined."""
+        """Return the largest force [N] and deflection [m]: the largest of the steps, refined."""
         return (
             self._peak(lambda t: math.hypot(*self.sample(t)[0])),
             self._peak(lambda t: self.sample(t)[2]),
@@ -327,7 +328,7 @@ class ContactMotion(NamedTuple):
         return max(-float(refined.fun), values[best])
 
     def energy_residual(self) -> float:
-        """Return the energy that is not accounted for, relative to that of the approach."""
+        """Return the energy that is not accounted for, relative to the energy of the approach."""
         equations, end = self.equations, self.equations.state(self.last)
         before = equations.energy(equations.start(), 0.0) + end.work
         after = equations.energy(self.last, self.largest[-1]) + end.lost

@@ -9,11 +9,11 @@ from kickdyn.errors import InvalidInput
 from kickdyn.robot.constraints import Support
 from kickdyn.robot.leg import Leg
 
-ROUNDING = 1e-12
-"""Share of the impulse on the ball that counts as none."""
+NEGLIGIBLE_IMPULSE = 1e-12
+"""Impulse on a support, relative to the impulse on the ball, that counts as 0."""
 
-LEVEL = 0.01
-"""Height differences of a sole's corners, over their distance, up to which it counts as level."""
+LEVEL_SLOPE = 0.01
+"""Height difference of a sole's corners over their distance up to which the sole is level."""
 
 
 class Footing(StrEnum):
@@ -58,12 +58,12 @@ def footing(support: Support, impulse: Array, rotation: Array, scale: float) -> 
     `(6,)` [N s, N m s, world axes], z the ground's normal; the rotation is from the frame's axes to
     the world's, and the scale is the size of the impulse on the ball [N s].
     """
-    none = ROUNDING * scale
+    negligible = NEGLIGIBLE_IMPULSE * scale
     normal = float(impulse[2])
-    if normal < -none:
+    if normal < -negligible:
         return Footing.LIFTS_OFF
     tangential = float(np.hypot(impulse[0], impulse[1]))
-    if support.friction is not None and tangential > support.friction * normal + none:
+    if support.friction is not None and tangential > support.friction * normal + negligible:
         return Footing.SLIPS
     if support.sole is None:
         return Footing.STANDS
@@ -73,8 +73,8 @@ def footing(support: Support, impulse: Array, rotation: Array, scale: float) -> 
     height = corners[:, 2].mean()
     # The centre of pressure is where the impulse has no moment about x and y.
     moment = impulse[3:] - np.cross([0.0, 0.0, height], impulse[:3])
-    if normal <= none:
-        stands = np.abs(moment[:2]).max() <= none * np.abs(corners).max()
+    if normal <= negligible:
+        stands = np.abs(moment[:2]).max() <= negligible * np.abs(corners).max()
     else:
         stands = _is_inside(corners[:, :2], np.array([-moment[1], moment[0]]) / normal)
     return Footing.STANDS if stands else Footing.TIPS
@@ -82,7 +82,7 @@ def footing(support: Support, impulse: Array, rotation: Array, scale: float) -> 
 
 def is_level(corners: Array) -> bool:
     """Return whether the corners of a sole, shape `(k, 3)` [m, world axes], are level."""
-    return bool(np.ptp(corners[:, 2]) <= LEVEL * np.ptp(corners[:, :2], axis=0).max())
+    return bool(np.ptp(corners[:, 2]) <= LEVEL_SLOPE * np.ptp(corners[:, :2], axis=0).max())
 
 
 def _is_inside(corners: Array, point: Array) -> bool:

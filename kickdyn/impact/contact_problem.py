@@ -149,7 +149,7 @@ def single_solution(axes: Array, impulse: Array, sticking: bool, energy_lost: fl
 
 @dataclass(frozen=True)
 class ImpactLaw:
-    """An impact law and what it can do; whoever cannot use a law as it is refuses it.
+    """An impact law and what it can do; functions refuse a law that they cannot serve.
 
     Attributes:
         name: the argument `law` of `kickdyn.strike`.
@@ -173,7 +173,7 @@ class ImpactLaw:
 def frictionless(problem: ContactProblem) -> Solution:
     r"""Return the impulse along the normal of Eq. (10), :math:`p = (1 + e)\, m_\mathrm{eff}\, u_n`.
 
-    The effective mass is that of the two bodies together. The contact is the only one. Laws
+    The problem has a single contact, and the effective mass is the one of both bodies. Laws
     `newton` and `stronge` agree on it.
     """
     ((normal, e, _),) = problem.contacts

@@ -135,7 +135,6 @@ def matched_damping(restitution: float) -> float:
         return first
 
     def excess(w: float) -> float:  # in w = -ln(1 - e s), for s comes very close to 1/e
-        """Return by how much energy is not balanced, 0 at the root."""
         s = -math.expm1(-w) / e
         return (1.0 + e) * s - math.log1p(s) - w
 
@@ -228,7 +227,6 @@ def _unit_contact_time(restitution: float, dissipation: Dissipation, exponent: f
     contact = ForceModel(1.0, matched_damping(restitution), exponent=exponent)
 
     def rates(_: float, y: Array) -> list[float]:
-        """Return the rates of deflection and its speed, per unit of mass."""
         deflection, rate = y
         return [rate, -contact.force(deflection, rate)]
 
@@ -259,7 +257,6 @@ def integrate_until(
     """
 
     def falling(t: float, y: Array) -> float:
-        """Return the event's function."""
         return float(event(t, y))
 
     falling.terminal, falling.direction = True, -1  # type: ignore[attr-defined]

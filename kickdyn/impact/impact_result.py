@@ -9,13 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kickdyn.ball import Ball, BallState
-from kickdyn.contact import Contact
+from kickdyn.ball import BallState
 from kickdyn.core import validation
-from kickdyn.core.representation import ReprMixin, Row, warned
+from kickdyn.core.representation import Row, warned
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.impact.approach import Approach
+from kickdyn.impact.approach import AfterApproach, Approach
 from kickdyn.impact.constraint_impulses import Footing, footing
 from kickdyn.impact.contact_problem import Solution
 from kickdyn.impact.laws import LAWS, names_of_laws
@@ -24,7 +23,6 @@ from kickdyn.impact.rounding import Rounding, digits_left, estimate_rounding
 from kickdyn.impact.sensitivity import Sensitivity, sensitivity
 from kickdyn.impact.uncertainty import Uncertainty, uncertainty
 from kickdyn.robot.constraints import ConstraintBlock, Support
-from kickdyn.robot.leg import Posture
 
 _LoopBlock = tuple[tuple[str, str], ConstraintBlock]
 
@@ -33,7 +31,7 @@ RESIDUAL_ROUNDING = 1e-14
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Impact(ReprMixin):
+class Impact(AfterApproach):
     """The result of a strike, with residuals by which it can be checked.
 
     The motion of the leg after the impact is computed when it is first read, and then stored.
@@ -52,46 +50,6 @@ class Impact(ReprMixin):
     solution: Solution
     ball_after: BallState
     response: LegResponse | None = field(default=None, kw_only=True)
-
-    @property
-    def posture(self) -> Posture:
-        """The leg in the impact; its contact point is that of the contact."""
-        return self.approach.posture
-
-    @property
-    def ball(self) -> Ball:
-        """The ball that is struck."""
-        return self.approach.ball
-
-    @property
-    def contact(self) -> Contact:
-        """The contact, as it was given: normal, restitution and friction."""
-        return self.approach.contact
-
-    @property
-    def restitution(self) -> float:
-        """Coefficient e of this impact: that of the contact at the speed of approach."""
-        return self.approach.restitution
-
-    @property
-    def ball_before(self) -> BallState:
-        """State of the ball just before the impact."""
-        return self.approach.ball_before
-
-    @property
-    def v_before(self) -> Array:
-        """Joint velocity before the impact, shape `(nv,)` [rad/s; m/s for prismatic joints]."""
-        return self.approach.v
-
-    @property
-    def foot_velocity(self) -> Array:
-        """Velocity of the contact point before the impact, shape `(3,)` [m/s, world frame]."""
-        return self.approach.foot_velocity
-
-    @property
-    def approach_speed(self) -> float:
-        """Speed of the foot towards the ball along the normal [m/s]."""
-        return self.approach.speed
 
     @cached_property
     def impulse(self) -> Array:
@@ -153,9 +111,9 @@ class Impact(ReprMixin):
     def constraint_impulses(self) -> Array:
         """Impulses of the constraints, stacked as in `posture.constraint_projector.rows`.
 
-        Those of supports and loops have world axes, those of mimic and stiff joints act along the
-        joint [N s, N m s]. The array is empty for a leg without constraints. `support_impulses` and
-        `loop_impulses` have them by name.
+        Impulses of supports and loops have world axes, those of mimic and stiff joints act along
+        the joint [N s, N m s]. The array is empty for a leg without constraints.
+        `support_impulses` and `loop_impulses` have them by name.
         """
         return self.leg_response.constraint_impulses
 
@@ -195,7 +153,7 @@ class Impact(ReprMixin):
         r"""Residual :math:`|u_n^+ + e\, u_n^-| / |u_n^-|` of Newton's restitution along the normal.
 
         It is computed from the velocities after the impact. With the law `paper`, whose restitution
-        is along the attack direction, and with `stronge`, whose restitution is that of work, it is
+        is along the attack direction, and with `stronge`, whose restitution is one of work, it is
         not 0 where these differ from Newton's.
         """
         approach = self.approach
@@ -240,7 +198,7 @@ class Impact(ReprMixin):
 
     @property
     def speed_ratio(self) -> float:
-        """Speed of the ball after the impact over that of the foot before it; inf if that is 0."""
+        """Speed of the ball after the impact over the foot's before it; inf if the foot rests."""
         foot = math.hypot(*self.foot_velocity)
         return float(self.ball_after.speed) / foot if foot else math.inf
 
@@ -300,7 +258,7 @@ class Impact(ReprMixin):
         )
 
     def uncertainty(self, **spread: ArrayLike) -> Uncertainty:
-        """Return the covariances of the results that follow from those of what they depend on.
+        """Return the covariances of the results that follow from the covariances of their sources.
 
         Args:
             **spread: standard deviations by the name of a source

@@ -12,7 +12,7 @@ import pinocchio as pin
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.leg_response import joint_impulses
-from kickdyn.robot.constraints import INDEPENDENT
+from kickdyn.robot.constraints import RANK_TOLERANCE
 from kickdyn.robot.leg import Leg, Posture
 from kickdyn.robot.names import listed
 
@@ -189,7 +189,7 @@ def _constraint_change(posture: Posture, velocity: Array, admissible: Array) -> 
     for rows, load in _constraint_loads(posture, np.ones(len(projector.rows))):
         by_q = _velocity_by_q(posture, load, _jacobian(posture, load), velocity)
         rows_q[rows] += load.wrench[0] * by_q[: rows.stop - rows.start]
-    change = np.linalg.lstsq(projector.rows, -rows_q, rcond=INDEPENDENT)[0]
+    change = np.linalg.lstsq(projector.rows, -rows_q, rcond=RANK_TOLERANCE)[0]
     return np.asarray(change - admissible @ change)
 
 
@@ -201,4 +201,4 @@ def _closed(posture: Posture) -> Array:
     rows = projector.rows[sum(support.size for support in projector.constraints.supports) :]
     if not len(rows):
         return np.eye(nv)
-    return np.asarray(np.eye(nv) - np.linalg.pinv(rows, rcond=INDEPENDENT) @ rows)
+    return np.asarray(np.eye(nv) - np.linalg.pinv(rows, rcond=RANK_TOLERANCE) @ rows)

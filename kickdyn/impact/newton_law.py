@@ -83,8 +83,8 @@ def solve_newton(problem: ContactProblem) -> Solution:
 def solve_newton_at_several(problem: ContactProblem) -> Solution:
     r"""Return impulses with Newton's restitution and Coulomb's cone at every contact.
 
-    A contact can separate faster than its restitution says, pushed by the others, and one that did
-    not approach before has no restitution of its own:
+    A contact can separate faster than its restitution says, pushed by the others, and one that
+    did not approach before has no restitution:
 
     .. math:: 0 \le u_n^+ + e \min(u_n, 0) \perp p_n \ge 0 .
 

@@ -11,17 +11,17 @@ from kickdyn.impact.contact_problem import ContactProblem, ImpactLaw, Solution
 def solve_paper(problem: ContactProblem) -> Solution:
     r"""Return the impulse of the paper's Eqs. (15)-(21).
 
-    The paper does not print the size of the force F of a leg with friction. Here it is Eq. (10)
-    with a particle for a ball,
+    The paper does not print the size of the force F of a leg with friction. In kickdyn it is
+    Eq. (10) with a particle for a ball,
 
     .. math:: F = (1 + e)\, |u| \left(a^T J M^{-1} J^T a + \tfrac{1}{m}\right)^{-1} a
 
-    along the attack direction a, that of the foot's velocity relative to the ball's centre. Eq.
-    (10) along the normal, as `kickdyn.paper.tables_4_5` has it, is another reading.
+    along the attack direction a, the direction of the foot's velocity relative to the ball's
+    centre. Eq. (10) along the normal, as `kickdyn.paper.tables_4_5` has it, is another reading.
 
     The ball's rotation takes no part in finding F, so restitution holds along the attack direction
     and not along the normal, and the spin can hold energy that nothing supplied: `energy_lost` can
-    then be below that of a passive law, even negative.
+    then be less than by a passive law, even negative.
     """
     ((normal, e, friction),) = problem.contacts
     centre_velocity = np.array(problem.centre_velocity())

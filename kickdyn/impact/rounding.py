@@ -18,7 +18,7 @@ from kickdyn.impact.leg_response import foot_wrench, leg_response
 from kickdyn.robot.leg import Posture
 
 ROUNDINGS = 4.0
-"""Roundings of each term of a sum; measured, see above."""
+"""Number of roundings of each term of a sum; measured, see above."""
 
 
 class Rounding(NamedTuple):

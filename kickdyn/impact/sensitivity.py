@@ -24,7 +24,7 @@ from kickdyn.impact.leg_response import LegResponse
 from kickdyn.robot.leg import Leg
 
 AT_BOUNDARY = 1e-9
-"""Share of the friction cone, or of the approach speed, below which stick and slip meet."""
+"""Margin, relative to the friction cone or to the approach speed, at which stick and slip meet."""
 
 UNITS = {
     "q": "rad",
@@ -132,7 +132,7 @@ def sensitivity(
               \frac{\partial R}{\partial x} .
 
     Where the restitution depends on the speed of approach u, so does R: e changes by
-    :math:`(de/du)\, du/dx`; in a row of the table, de/du is that of the interval above.
+    :math:`(de/du)\, du/dx`; in a row of the table, de/du is the slope of the interval above.
     What x does to the leg comes from Pinocchio's derivatives of Newton-Euler and of kinematics, and
     from its regressor, projected on what supports and loops allow
     (`kickdyn.impact.leg_derivatives`). A support that moves, or a joint whose axes depend on its
@@ -171,7 +171,6 @@ def sensitivity(
         raise KickdynError("derivatives of this impact leave double precision: it is too fast")
 
     def named(rows: Array) -> Jacobians:
-        """Return the columns of a derivative by the names of their sources."""
         rows.setflags(write=False)
         return {name: rows[:, place] for name, place in columns.items()}
 

@@ -48,7 +48,7 @@ def strike(
         ball: the ball; its centre is at `contact point + radius * normal`.
         contact: normal, restitution, friction and offset of the contact.
         law: `newton` (kinematic restitution, exact Coulomb cone), `stronge` (energetic restitution;
-            the sliding is followed through the contact) or `paper` (that of the ICRA 2005 paper).
+            the sliding is followed through the contact) or `paper` (the ICRA 2005 paper's law).
         engine: `closed-form`, or `pinocchio`, which gives leg and ball as one model to
             `pin.impulseDynamics`, without friction. This is an independent computation of the same
             impact; the joint impulses follow from its velocity jump.

@@ -19,11 +19,14 @@ from kickdyn.impact.contact_problem import (
 )
 
 ORDER = 24
+"""Order of the Taylor series of a step."""
+
 MAX_STEPS = 2000
+"""Steps after which the sliding counts as one that does not end."""
 
 
 def solve_stronge(problem: ContactProblem) -> Solution:
-    r"""Return the impulse of which restitution returns e^2 of the work of compression.
+    r"""Return the impulse in which restitution returns e^2 of the work of compression.
 
     While the normal impulse grows by :math:`dp` and the points slide along the unit vector
     :math:`r`, the relative velocity changes by :math:`du = G\,(-\mu r, 1)\,dp` (Darboux, Keller).

@@ -35,7 +35,7 @@ class UnilateralImpact(Impact):
     """An `Impact` in which supports rest on points that can push and have friction, but not pull.
 
     `support_impulses` are the sums over the points of a support, `support_residual` is the velocity
-    at which the foot moves after the impact, and `effective_mass` is that of the leg without
+    at which the foot moves after the impact, and `effective_mass` is the one of the leg without
     supports.
 
     Attributes:

@@ -27,7 +27,7 @@ CONTACTS = {"centre-low": 0.0, "right-low": 1.0, "left-low": -1.0}
 """Side of the contact; the normal leans to the other one: +1 to the left."""
 
 AXES = {"centre-low": "A", "right-low": "B"}
-"""The paper's names of spin axes; that of the left-low kick has none."""
+"""The paper's names of spin axes; the axis of the left-low kick has none."""
 
 
 def flights(choice: Coefficients = DEFAULT) -> dict[str, Flight]:

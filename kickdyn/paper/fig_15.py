@@ -33,7 +33,7 @@ DISTANCE_ACCURACY, TIME_ACCURACY = 0.05, 0.005
 
 @dataclass(frozen=True)
 class Round:
-    """One flight on the way to a launch, its errors those of the target less its own [m], [s]."""
+    """One flight on the way to a launch; errors are target less flight [m], [s]."""
 
     distance_error: float
     time_error: float
@@ -65,7 +65,7 @@ def learn_launch(
     is applied, and the commands for the paper's goals never fall below the goals themselves.
 
     The loop also ends at a flight that does not land, a command of no time or of a launch faster
-    than sound, or after a number of rounds, of which the paper's farthest goal takes about 25;
+    than sound, or after a number of rounds; the paper's farthest goal takes about 25 rounds;
     `Round.is_met` of the last round tells. The distance of the target is in m, the time of the
     flight in s; an air of None is the vacuum. `kick` returns the flight of a launch velocity; None
     flies it through the air.
@@ -128,14 +128,14 @@ def varying(choice: Coefficients) -> list[Item]:
     if choice.drag == DEFAULT.drag and choice != DEFAULT:
         return []
     air = choice.air(lift=False)
-    found = [learn_launch(distance, time, BALL, air) for distance, time, _ in GOALS]
-    counts = [len(rounds) - 1 for rounds in found]
+    histories = [learn_launch(distance, time, BALL, air) for distance, time, _ in GOALS]
+    counts = [len(rounds) - 1 for rounds in histories]
     harder, result = counts == sorted(counts), list[Item]()
     source = (
         f"Figs. 13-14 in their simplest reading, command += error, from Eqs. (24)-(25), "
         f"{choice.name}, no lift; the paper prints no update rule"
     )
-    for (distance, time, printed), rounds in zip(GOALS, found, strict=True):
+    for (distance, time, printed), rounds in zip(GOALS, histories, strict=True):
         first, last = rounds[0], rounds[-1]
         why = (
             f"the goal is {'met' if last.is_met else 'not met'} to within {DISTANCE_ACCURACY:g} m "

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from matplotlib.figure import Figure
 
 from kickdyn.errors import InvalidInput
-from kickdyn.paper import fig_1, fig_8, fig_9, fig_10, fig_15, inputs, table_2, tables_4_5
+from kickdyn.paper import assumptions, fig_1, fig_8, fig_9, fig_10, fig_15, table_2, tables_4_5
 from kickdyn.paper.assumptions import ALTERNATIVES, Coefficients
 from kickdyn.paper.item import Item, judged
 
@@ -30,17 +30,22 @@ class Section:
     draw: Callable[[Figure], None] | None = None
     also: str = ""
 
+    @property
+    def numbers(self) -> set[tuple[str, int]]:
+        """Kind and number of each table and figure in its names, such as `("fig", 7)`."""
+        return _numbers(f"{self.name} {self.also}")
+
     def compare(self) -> tuple[list[Item], list[Item]]:
         """Return the items, judged, and those that vary with every other choice of coefficients."""
-        others = [
+        varied = [
             replace(item, variant=choice.name)
             for choice in (ALTERNATIVES if self.varying else ())
             for item in (self.varying(choice) if self.varying else ())
         ]
         by_name: dict[str, list[Item]] = {}
-        for other in others:
-            by_name.setdefault(other.item, []).append(other)
-        return [judged(item, by_name.get(item.item, ())) for item in self.items()], others
+        for item in varied:
+            by_name.setdefault(item.item, []).append(item)
+        return [judged(item, by_name.get(item.item, ())) for item in self.items()], varied
 
 
 SECTIONS = (
@@ -51,7 +56,7 @@ SECTIONS = (
     Section("Fig. 10/11", fig_10.items, fig_10.varying, fig_10.draw),
     Section("Fig. 13-15", fig_15.items, fig_15.varying, fig_15.draw),
     Section("Tables 4-5", tables_4_5.items, tables_4_5.varying),
-    Section("Tables 1, 3, 6", inputs.items),
+    Section("Tables 1, 3, 6", assumptions.items),
 )
 
 
@@ -63,25 +68,25 @@ def chosen(only: str | None) -> Sequence[Section]:
     if only is None:
         return SECTIONS
     wanted = _numbers(only)
-    found = [one for one in SECTIONS if wanted and wanted <= _numbers(f"{one.name} {one.also}")]
-    if not found:
+    sections = [section for section in SECTIONS if wanted and wanted <= section.numbers]
+    if not sections:
         raise InvalidInput(f"only is {only!r}: it must be one of {', '.join(item_names())}")
-    return found
+    return sections
 
 
 def item_names() -> list[str]:
     """Return the names of all tables and figures, such as `table2`, for `chosen`."""
-    every = set().union(*(_numbers(f"{one.name} {one.also}") for one in SECTIONS))
+    every = set().union(*(section.numbers for section in SECTIONS))
     return [f"{kind}{number}" for kind, number in sorted(every)]
 
 
 def _numbers(name: str) -> set[tuple[str, int]]:
     """Return what a name such as `Figs. 13-15` means; empty where it cannot be read."""
-    part = r"\s*(fig|table)(?:ures?|s)?\.?\s*(\d{1,2}(?:\s*[-/,]\s*\d{1,2})*)\s*"
-    if not re.fullmatch(f"(?:{part})+", name.lower()):
+    pattern = r"\s*(fig|table)(?:ures?|s)?\.?\s*(\d{1,2}(?:\s*[-/,]\s*\d{1,2})*)\s*"
+    if not re.fullmatch(f"(?:{pattern})+", name.lower()):
         return set()
     numbers = set[tuple[str, int]]()
-    for kind, pieces in re.findall(part, name.lower()):
+    for kind, pieces in re.findall(pattern, name.lower()):
         for piece in re.split("[/,]", pieces):
             first, _, last = piece.partition("-")
             numbers |= {(kind, n) for n in range(int(first), int(last or first) + 1)}

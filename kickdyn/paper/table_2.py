@@ -86,8 +86,8 @@ def items() -> list[Item]:
 def search(sign: float) -> tuple[Array, Array]:
     """Return hips and knees of a grid [deg], and effective masses along the attack [kg].
 
-    The foot points down by the printed angles (sign 1) or up by them (sign -1), whatever the ankle
-    takes for that. The shapes are `(k, 2)` and, for (a), (b) and (c), `(k, 3)`.
+    The foot points down by the printed angles (sign 1) or up by them (sign -1), even beyond the
+    range of the ankle. The shapes are `(k, 2)` and, for (a), (b) and (c), `(k, 3)`.
     """
     leg = Leg.human()
     angles = [(hip, knee) for hip in np.arange(-30.0, 126.0, 5.0) for knee in np.arange(141.0)]

@@ -8,7 +8,7 @@ With the contact normal n at the printed height and the attack direction a, Eq. 
 The force of Eqs. (15)-(20) is along a with this part p along n. The paper prints neither posture
 nor e, and no passive impact gives its distances: s is a scale of the printed foot speed v. Only
 the product (1 + e) s matters; it is fitted to the row of 50 deg and 2.2 m/s, and the posture,
-through m(n), to that of 30 deg. The other rows are predicted.
+through m(n), to the row of 30 deg. The other rows are predicted.
 """
 
 import math
@@ -115,8 +115,8 @@ def masses(postures: Sequence[Posture], free: int = 3) -> Array:
 
     All joints are free, or the first 2, where the ankle is locked.
     """
-    inertia = np.array([one.inertia[:free, :free] for one in postures])
-    along = np.array([(NORMALS @ one.jacobian[:, :free]).T for one in postures])
+    inertia = np.array([posture.inertia[:free, :free] for posture in postures])
+    along = np.array([(NORMALS @ posture.jacobian[:, :free]).T for posture in postures])
     mobility = (along * np.linalg.solve(inertia, along)).sum(axis=1)
     return np.asarray(1 / (mobility + 1 / BALL.mass))
 
@@ -157,25 +157,25 @@ def fit(choice: Coefficients) -> Fit:
     def misfit(mass: Array) -> Array:
         return np.asarray(mass[..., 0] / mass[..., 2] * high / low - 1.0)
 
-    def at(q: Array) -> Array:
+    def masses_at(q: Array) -> Array:
         return np.asarray(masses([leg.posture(q)])[0])
 
     q, free, locked = grid()
     error, values = misfit(free), np.concatenate([q, free], axis=-1)
     crossed = error[..., :-1] * error[..., 1:] < 0  # from one ankle angle to the next
     before, after = error[..., :-1][crossed], error[..., 1:][crossed]
-    part = (before / (before - after))[:, None]
-    fits = (1 - part) * values[..., :-1, :][crossed] + part * values[..., 1:, :][crossed]
+    fraction = (before / (before - after))[:, None]
+    fits = (1 - fraction) * values[..., :-1, :][crossed] + fraction * values[..., 1:, :][crossed]
     gains, middle = high / fits[:, 5], high * fits[:, 4] / fits[:, 5]
     best = minimize(
-        lambda x: high / at(x)[2],
+        lambda x: high / masses_at(x)[2],
         fits[np.argmin(gains), :3],
         method="SLSQP",
         bounds=list(zip(leg.lower, leg.upper, strict=True)),
-        constraints={"type": "eq", "fun": lambda x: misfit(at(x))},
+        constraints={"type": "eq", "fun": lambda x: misfit(masses_at(x))},
         tol=1e-10,
     ).x
-    mass = at(best)
+    mass = masses_at(best)
     gain, middle = float(high / mass[2]), np.append(middle, high * mass[1] / mass[2])
     likely = middle[np.append(gains, gain) < 2 * gain]
     return Fit(
@@ -190,21 +190,21 @@ def fit(choice: Coefficients) -> Fit:
 
 def items() -> list[Item]:
     """Return the fit, every row against experiment and simulation, and the paper's words."""
-    found, source = fit(DEFAULT), "Eq. (10) along the contact normal"
-    paths = {row: kick(row, found, DEFAULT) for row in ROWS}
+    fitted, source = fit(DEFAULT), "Eq. (10) along the contact normal"
+    paths = {row: kick(row, fitted, DEFAULT) for row in ROWS}
     why = (
         f"e is the restitution, s a scale of the printed foot speeds; a passive impact gives at "
         f"most {PASSIVE_LIMIT:g}, with e = 1, s = 1 and a leg of infinite mass: the printed foot "
         "speeds cannot be those of the contact point"
     )
     ratio, result = float(paths[HIGH].launch.speed) / HIGH.foot_speed, list[Item]()
-    for name, ours in (("ball/foot speed ratio", ratio), ("(1 + e) s", found.gain)):
+    for name, ours in (("ball/foot speed ratio", ratio), ("(1 + e) s", fitted.gain)):
         verdict = Verdict.FITTED if ours <= PASSIVE_LIMIT else Verdict.NOT_REACHABLE
         result.append(Item(f"{NAME} {name}", None, ours, "1", verdict, why, source))
     result += varying(DEFAULT)
     why = 'the paper says that at 50 deg the ball "travels farthest and highest"'
-    others = (paths[LOW], paths[MIDDLE])
-    first = all(paths[HIGH].range > x.range and paths[HIGH].height > x.height for x in others)
+    lower = (paths[LOW], paths[MIDDLE])
+    first = all(paths[HIGH].range > x.range and paths[HIGH].height > x.height for x in lower)
     name, apex = f"{HIGH.name} apex", paths[HIGH].height
     result.append(Item(name, None, apex, "m", shape(first), why, source))
     why = f"the paper claims agreement with the experiment within {100 * MEASURED:g} %"
@@ -228,28 +228,29 @@ def items() -> list[Item]:
         f"the least distance of a grid of postures every {GRID_DEG:g} deg, with (1 + e) s fitted "
         "to the row of 50 deg"
     )
-    name, ours = f"{LOW.name} distance, ankle locked", found.locked
+    name, ours = f"{LOW.name} distance, ankle locked", fitted.locked
     verdict = Verdict.FITTED if ours <= LOW.experiment else Verdict.NOT_REACHABLE
     return [*result, Item(name, LOW.experiment, ours, "m", verdict, why, source)]
 
 
 def varying(choice: Coefficients) -> list[Item]:
     """Return the distance of every row with a choice of coefficients, each fitted anew."""
-    found, result = fit(choice), list[Item]()
-    angles = testbed().angles_deg(found.posture.q)
-    at = ", ".join(f"{name} {angle:.0f}" for name, angle in angles.items())
+    fitted, result = fit(choice), list[Item]()
+    angles = testbed().angles_deg(fitted.posture.q)
+    posture = ", ".join(f"{name} {angle:.0f}" for name, angle in angles.items())
     proportional = "predicted, whatever the posture: the launch is in proportion to the foot speed"
     reasons = {
-        LOW: f"the posture is fitted to the rows of 30 and 50 deg: {at} deg; of all that fit, it "
-        f"needs the smallest (1 + e) s, {found.gain:.2g} (the largest is {found.largest_gain:.2g})",
+        LOW: f"the posture is fitted to the rows of 30 and 50 deg: {posture} deg; of all that fit, "
+        f"it needs the smallest (1 + e) s, {fitted.gain:.2g} (the largest is "
+        f"{fitted.largest_gain:.2g})",
         HIGH: "(1 + e) s is fitted; Table 5 prints this kick again",
         MIDDLE: "predicted; all postures that fit the rows of 30 and 50 deg give "
-        f"{found.middle[0]:.1f} to {found.middle[1]:.1f} m, and those that need less than twice "
-        f"the smallest (1 + e) s give {found.likely[0]:.1f} to {found.likely[1]:.1f} m",
+        f"{fitted.middle[0]:.1f} to {fitted.middle[1]:.1f} m, and those that need less than twice "
+        f"the smallest (1 + e) s give {fitted.likely[0]:.1f} to {fitted.likely[1]:.1f} m",
     }
     source = f"Eqs. (10), (15)-(21), Table 6, {choice.name}"
     for row in ROWS:
-        path, why = kick(row, found, choice), reasons.get(row, proportional)
+        path, why = kick(row, fitted, choice), reasons.get(row, proportional)
         verdict = Verdict.REPRODUCED if row in PREDICTED else Verdict.FITTED
         for what, paper in (("", row.experiment), (" simulation", row.simulation)):
             name, close = f"{row.name} distance{what}", near(path.range, paper, MEASURED, verdict)

@@ -30,6 +30,7 @@ from scipy.linalg import null_space
 from scipy.optimize import least_squares
 
 from kickdyn.core import validation
+from kickdyn.core.last_value import keep_last
 from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
@@ -394,22 +395,15 @@ class _BackswingProblem:
 
     def solve(self, x: Array, weights: Weights) -> Array:
         """Return the unknowns of least squares near some."""
-        latest: tuple[Array, tuple[Array, Array]] = x, self._residuals(x, weights)
-
-        def at(x: Array) -> tuple[Array, Array]:
-            """Return residuals and derivatives, computed once."""
-            nonlocal latest
-            if not np.array_equal(latest[0], x):
-                latest = x.copy(), self._residuals(x, weights)
-            return latest[1]
-
+        residuals = keep_last(lambda x: self._residuals(x, weights))
         ends = np.full((2, len(x)), np.inf) * [[-1.0], [1.0]]
         ends[:, -1] = SHORTEST, LONGEST
         with one_blas_thread():
-            found = least_squares(
-                lambda x: at(x)[0], x, lambda x: at(x)[1], ends, ftol=1e-4, xtol=1e-5, max_nfev=40
-            )
-        return np.asarray(found.x)
+            solution = least_squares(
+                lambda x: residuals(x)[0], x, lambda x: residuals(x)[1], ends,
+                ftol=1e-4, xtol=1e-5, max_nfev=40,
+            )  # fmt: skip
+        return np.asarray(solution.x)
 
     def _motion(self, x: Array) -> list[Array]:
         """Return q, v away from the impact and a at the times, shape `(m, n)` each."""

@@ -75,6 +75,9 @@ class Goal(ReprMixin):
             height above the launch [m].
         beside: `(distance, left)` of a point of the flight seen from above, left of the line to the
             target [m]. It asks for spin, and comes on top of the others.
+        spin: spin of the launch, shape `(3,)` [rad/s, world frame]. With `beside` it gives the axis
+            only, and the size is sought.
+        arc: `low` or `high`, where two launches meet the goal.
 
     Raises:
         InvalidInput: a value out of range, none or two of time, apex, speed and over, a target
@@ -87,6 +90,8 @@ class Goal(ReprMixin):
     speed: float | None
     over: tuple[float, float] | None
     beside: tuple[float, float] | None
+    spin: Array
+    arc: Arc
 
     def __init__(
         self,
@@ -97,6 +102,8 @@ class Goal(ReprMixin):
         speed: float | None = None,
         over: tuple[float, float] | None = None,
         beside: tuple[float, float] | None = None,
+        spin: ArrayLike = (0.0, 0.0, 0.0),
+        arc: str = Arc.LOW,
     ) -> None:
         point = validation.floats("target", target, unit="m")
         if point.ndim == 0:
@@ -131,14 +138,16 @@ class Goal(ReprMixin):
             object.__setattr__(self, name, value)
         object.__setattr__(self, "over", _checked_point("over", over, level))
         object.__setattr__(self, "beside", _checked_point("beside", beside, level))
+        turning = validation.read_only(validation.vector("spin", spin, 3, unit="rad/s"))
+        object.__setattr__(self, "spin", turning)
+        object.__setattr__(self, "arc", validation.choice("arc", arc, Arc))
 
     def __repr__(self) -> str:
         """Name target and conditions, in a line."""
-        named = (f"{name}={value} {unit}" for name, value, unit in self.named_values())
+        named = (f"{name}={value} {unit}".rstrip() for name, value, unit in self.named_values())
         return f"Goal({', '.join(named)})"
 
     def _rows(self) -> Iterable[Row]:
-        """Return the lines that are shown."""
         yield from self.named_values()
         yield "distance", self.distance, "m"
 
@@ -150,6 +159,10 @@ class Goal(ReprMixin):
             if value is not None:
                 value = np.array(value) if isinstance(value, tuple) else value
                 yield name, format_value(value), unit
+        if self.spin.any():
+            yield "spin", format_value(self.spin), "rad/s"
+        if self.arc != Arc.LOW:
+            yield "arc", self.arc, ""
 
     @property
     def distance(self) -> float:

@@ -1,7 +1,7 @@
 """From a launch back to the impact: impulse, normal, and the foot's velocity."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,7 +11,6 @@ from kickdyn.core.representation import ReadOnlyArrays, freeze_arrays
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.restitution import (
-    Restitution,
     approach_speed,
     check_invertible,
     restitution_at,
@@ -96,15 +95,14 @@ def impact_target_for(
     velocity: Array,
     spin: Array,
     ball: Ball,
-    restitution: Restitution,
-    friction: float,
-    offset: Array | None = None,
+    contact: Contact,
 ) -> ImpactTarget:
     r"""Return the impact that gives a ball at rest a velocity and a spin across it [m/s, rad/s].
 
     The impulse is :math:`p = m v`. The normal is turned from it by the angle :math:`\alpha` about
     the spin, with :math:`\sin\alpha = I \omega / (r p)`, no more than friction allows:
-    :math:`\tan\alpha \le \mu`; a spin for which friction is too low raises `InvalidInput`.
+    :math:`\tan\alpha \le \mu`; a spin for which friction is too low raises `InvalidInput`. The
+    contact has no normal yet.
     """
     impulse = ball.mass * velocity
     size, turn = math.hypot(*impulse), math.hypot(*spin)
@@ -112,11 +110,11 @@ def impact_target_for(
     normal = along
     if turn > 0.0:
         sine = ball.inertia * turn / (ball.radius * size)
-        most = math.sin(math.atan(friction))
+        most = math.sin(math.atan(contact.friction))
         if not sine <= most:
             raise InvalidInput(
-                f"spin is {turn:.4g} rad/s: with friction {friction:g} the foot gives this launch "
-                f"at most {most * ball.radius * size / ball.inertia:.4g} rad/s"
+                f"spin is {turn:.4g} rad/s: with friction {contact.friction:g} the foot gives this "
+                f"launch at most {most * ball.radius * size / ball.inertia:.4g} rad/s"
             )
         normal = math.sqrt(1.0 - sine * sine) * along + sine * np.cross(spin / turn, along)
-    return ImpactTarget(impulse, Contact(normal, restitution, friction, offset), ball)
+    return ImpactTarget(impulse, replace(contact, normal=normal), ball)

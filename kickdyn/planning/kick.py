@@ -2,12 +2,14 @@
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
+from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
@@ -18,7 +20,7 @@ from kickdyn.impact.constraint_impulses import check_free_joints
 from kickdyn.impact.strike import strike
 from kickdyn.plane import Plane
 from kickdyn.planning.backswing import solve_with_backswing
-from kickdyn.planning.goal import Arc, Goal, PlanStatus
+from kickdyn.planning.goal import Goal, PlanStatus
 from kickdyn.planning.impact_target import impact_target_for
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.kick_problem import kick_problem, solve_kick
@@ -28,12 +30,11 @@ from kickdyn.planning.objectives import OBJECTIVES, KickObjective, LandingScatte
 from kickdyn.planning.passes import plan_pass
 from kickdyn.planning.stance import Balance
 from kickdyn.planning.swing_phase import check_solver
-from kickdyn.restitution import checked_restitution
 from kickdyn.robot.kicking_chain import with_angles
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.standing import is_floating
 
-FAR = 1e9
+FARTHEST_BALL = 1e9
 """Farthest that a ball may lie from the world's origin, along each axis [m]."""
 
 
@@ -45,14 +46,9 @@ def plan_kick(
     air: Air | None = None,
     *,
     objective: str = KickObjective.JOINT_SPEED,
-    restitution: float | str | ArrayLike = 0.8,
-    friction: float = 0.4,
-    spin: ArrayLike = (0.0, 0.0, 0.0),
-    offset: ArrayLike | None = None,
-    ball_height: float | None = None,
-    ball_at: ArrayLike | None = None,
+    contact: Contact | None = None,
+    ball_position: ArrayLike | None = None,
     limits: bool = True,
-    arc: str = Arc.LOW,
     turn: bool = True,
     surface: str | Surface | None = None,
     uncertainty: Mapping[str, float] | None = None,
@@ -68,26 +64,23 @@ def plan_kick(
         leg: a leg on a fixed base, without supports or loops, and without mimic joints in the
             kicking limb; or a robot on a floating base that stands on one flat support, see below,
             without loops and mimic joints. The plan's q has one angle for each continuous joint.
-        goal: the goal, seen from where the ball lies.
+        goal: the goal, seen from where the ball lies. The component of its spin along the launch is
+            left out, because a ball at rest takes spin across it only.
         ball: the ball; its mass and radius count.
         air: the air; None is the vacuum.
         objective: a `KickObjective`. `scatter` needs an `uncertainty`; it is searched from the
             plans of all other objectives, so that it scatters no more than theirs.
-        restitution: restitution of the contact, as for `Contact`; 0.8 as the paper's Table 2. Where
-            it depends on the speed of approach u, u (1 + e) must increase with u.
-        friction: friction of the contact; 0 gives no spin and leaves the foot free across the
-            normal.
-        spin: spin of the launch, shape `(3,)` [rad/s, world frame]. The component along the launch
-            is left out, because a ball at rest takes spin across it only.
-        offset: position of the contact point in the leg's contact frame, as for `Contact`.
-        ball_height: height of the ball's centre [m, world frame]. With None it is free; the command
-            `kickdyn plan` lays the ball at the foot of the straight leg, -0.7042 for `Leg.human()`.
-        ball_at: position of the ball's centre, in place of its height, shape `(3,)` [m, world
-            frame]. Only the self-motion of a redundant leg remains free.
+        contact: restitution, friction and offset of the contact, without a normal. With None, the
+            restitution is 0.8 as in the paper's Table 2 and the friction 0.4. Where the restitution
+            depends on the speed of approach u, u (1 + e) must increase with u; without friction,
+            the ball gets no spin and the foot is free across the normal.
+        ball_position: height of the ball's centre [m, world frame], or its position, shape `(3,)`,
+            which leaves only the self-motion of a redundant leg free. With None both are free; the
+            command `kickdyn plan` lays the ball at the foot of the straight leg, at a height of
+            -0.7042 for `Leg.human()`.
         limits: whether limits of speed and torque hold; those of the joints' range always do. An
             infinite one always holds, its use is 0, and `joint-speed` counts it as 100 rad/s; one
             of 0 is refused, or none with `limits=False`.
-        arc: `low` or `high`, where two launches meet the goal.
         turn: whether a leg whose foot moves in a plane, as ours do, may be turned about the
             vertical towards the launch; the plan says by how much.
         surface: surface of the ground, for a ball that is played along the ground as by
@@ -130,21 +123,17 @@ def plan_kick(
     leg = with_angles(leg)
     check_free_joints(leg, "kicks are planned")
     objective = _checked_objective(objective, uncertainty, limits=limits, swing=swing)
-    position = _checked_ball_position(ball_height, ball_at)
+    contact, position = _checked_contact(contact), _checked_ball_position(ball_position)
     if is_floating(leg):
         position = _lying_on_ground(position, ball)
     elif swing:
         check_solver()
-    offset = None if offset is None else validation.vector("contact offset", offset, 3, unit="m")
-    wished_spin = validation.vector("spin", spin, 3, unit="rad/s")
 
     if surface is None:
-        launch = _plan_flight_launch(goal, ball, air, wished_spin, arc)
+        launch = _plan_flight_launch(goal, ball, air)
     else:
-        launch = _plan_pass_launch(goal, ball, air, wished_spin, surface)
-    target = impact_target_for(
-        launch.velocity, launch.spin, ball, checked_restitution(restitution), friction, offset
-    )
+        launch = _plan_pass_launch(goal, ball, air, surface)
+    target = impact_target_for(launch.velocity, launch.spin, ball, contact)
     problem = kick_problem(leg, target, position, limits=limits, turn=turn)
     if uncertainty is None:
         cost = OBJECTIVES[objective]()
@@ -217,46 +206,58 @@ def _checked_objective(
     return objective
 
 
-def _checked_ball_position(
-    ball_height: float | None, ball_at: ArrayLike | None
-) -> float | Array | None:
+def _checked_ball_position(position: ArrayLike | None) -> float | Array | None:
     """Return the height or the position of the ball's centre; None where it is free."""
-    if ball_at is not None and ball_height is not None:
-        raise InvalidInput(f"ball_height is {ball_height!r} beside ball_at: name one of the two")
-    if ball_height is not None:
-        return validation.number("ball height", ball_height, at_least=-FAR, at_most=FAR, unit="m")
-    if ball_at is None:
+    if position is None:
         return None
-    place = validation.vector("ball_at", ball_at, 3, unit="m")
-    if np.abs(place).max() > FAR:
-        raise InvalidInput(f"ball_at is {place.tolist()} m: it must be within {FAR:g} m")
+    place = validation.floats("ball_position", position, unit="m")
+    if place.ndim == 0:
+        return validation.number(
+            "ball_position", position, at_least=-FARTHEST_BALL, at_most=FARTHEST_BALL, unit="m"
+        )
+    if place.shape != (3,):
+        raise InvalidInput(f"ball_position has shape {place.shape}: it must be a height or (3,)")
+    if np.abs(place).max() > FARTHEST_BALL:
+        raise InvalidInput(
+            f"ball_position is {place.tolist()} m: it must be within {FARTHEST_BALL:g} m"
+        )
     return place
 
 
-def _plan_flight_launch(goal: Goal, ball: Ball, air: Air | None, spin: Array, arc: str) -> Launch:
+def _checked_contact(contact: Contact | None) -> Contact:
+    """Return the contact without a normal, or raise `InvalidInput`."""
+    if contact is None:
+        return Contact(restitution=0.8, friction=0.4)
+    if contact.normal is not None:
+        raise InvalidInput(
+            f"the contact has the normal {contact.normal.tolist()}: plan_kick computes the normal, "
+            "so give a contact without one, Contact(restitution=..., friction=...)"
+        )
+    return contact
+
+
+def _plan_flight_launch(goal: Goal, ball: Ball, air: Air | None) -> Launch:
     """Return the launch into the air, without the part of the spin that is along it."""
-    across = spin
+    across = goal
     for _ in range(30):
-        launch = plan_launch(goal, ball, air, spin=across, arc=arc)
+        launch = plan_launch(across, ball, air)
         if launch.limit is not None:
             raise OutOfReach(f"the goal is {launch.summary}", launch.limit, launch)
         direction = launch.velocity / launch.speed
         along = float(launch.spin @ direction)
         if abs(along) <= 1e-12 * max(math.hypot(*launch.spin), 1e-300):
             return launch
-        across = launch.spin - along * direction
+        across = replace(goal, spin=launch.spin - along * direction)
     return launch
 
 
-def _plan_pass_launch(
-    goal: Goal, ball: Ball, air: Air | None, spin: Array, surface: str | Surface
-) -> Launch:
+def _plan_pass_launch(goal: Goal, ball: Ball, air: Air | None, surface: str | Surface) -> Launch:
     """Return the launch of a pass along the ground."""
-    found = plan_pass(goal, ball, air, surface=surface, spin=spin)
-    if found.limit is not None:
-        raise OutOfReach(f"the pass is out of reach: {found.summary}", found.limit, found)
-    along = abs(float(spin @ found.velocity)) / math.hypot(*found.velocity)
-    if along > 1e-9 * math.hypot(*spin):
+    path = plan_pass(goal, ball, air, surface=surface)
+    if path.limit is not None:
+        raise OutOfReach(f"the pass is out of reach: {path.summary}", path.limit, path)
+    along = abs(float(goal.spin @ path.velocity)) / math.hypot(*path.velocity)
+    if along > 1e-9 * math.hypot(*goal.spin):
         raise InvalidInput(
             f"spin has {along:g} rad/s along the pass: a ball at rest takes spin across its launch "
             "only"
@@ -267,11 +268,11 @@ def _plan_pass_launch(
         goal=goal,
         reached=goal,
         limit=None,
-        velocity=found.velocity,
-        spin=spin,
-        time=found.time,
-        errors=np.array([0.0, found.aside, 0.0, found.time - goal.time]),
-        history=found.velocity[None],
+        velocity=path.velocity,
+        spin=goal.spin,
+        time=path.time,
+        errors=np.array([0.0, path.aside, 0.0, path.time - goal.time]),
+        history=path.velocity[None],
         ball=ball,
         air=air,
         limits=None,

@@ -1,38 +1,24 @@
 """A planned kick: the strike and the flight that verify it, and what of it needs attention."""
 
-import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import pinocchio as pin
 
 from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array
-from kickdyn.errors import KickdynError
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course
-from kickdyn.impact.constraint_impulses import Footing
 from kickdyn.impact.impact_result import Impact
-from kickdyn.impact.unilateral import unilateral_strike
 from kickdyn.planning.backswing import Backswing
-from kickdyn.planning.ball_overlap import find_overlaps
 from kickdyn.planning.goal import Goal, PlanStatus
 from kickdyn.planning.impact_target import ImpactTarget
 from kickdyn.planning.launch import Launch
 from kickdyn.planning.objectives import KickObjective
+from kickdyn.planning.plan_checks import CHECKS
 from kickdyn.planning.swing_phase import SwingPhase
-from kickdyn.restitution import range_warnings
-from kickdyn.robot.ground_clearance import Depth, body_frames, find_depths
-from kickdyn.robot.kicking_chain import rest_configuration
 from kickdyn.robot.leg import Leg
-from kickdyn.robot.names import listed, lock_remedy
-from kickdyn.robot.standing import hold_support, missing_shapes
-
-APPROACH, BACKSWING = 10, 40
-"""Configurations of the approach at the velocity of the impact, and of a planned backswing, whose
-bodies are compared with the ground."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -146,155 +132,7 @@ class KickPlan(ReprMixin):
         under the ground in the backswing; without one, while the foot approaches the ball by the
         ball's radius with the joints' velocity of the impact.
         """
-        impact = self.impact
-        of_contact = range_warnings(impact.contact.restitution, impact.approach_speed)
-        of_backswing = () if self.backswing is None else self.backswing.warnings
-        return (
-            *self.path.warnings,
-            *of_contact,
-            *self._at_rest(),
-            *self._without_actuator(),
-            *self._leaving(),
-            *of_backswing,
-            *self._unknown_shapes(),
-            *self._inside_ball(),
-            *self._under_ground(),
-        )
-
-    def _at_rest(self) -> list[str]:
-        """Return a line for the joints that a kick does not move and that cannot be at 0."""
-        leg, rest = self.leg, rest_configuration(self.leg)
-        values, shown = leg.joint_values(rest), leg.display_values(rest)
-        here = leg.joint_values(self.q)
-        idle = [
-            f"{name} at {shown[name][0]:.4g} {shown[name][1]}"
-            for name, value in values.items()
-            if value and value == here[name] and self.v[leg.velocity_index(name)] == 0.0
-        ]
-        if not idle:
-            return []
-        return [
-            "joints that the kick does not move stay at 0 or, where their range does not contain "
-            f"it, at the nearest value in the range: {listed(idle)}"
-        ]
-
-    def _without_actuator(self) -> list[str]:
-        """Return a line for the joints that move but that the leg's file does not drive."""
-        leg = self.leg
-        passive = () if leg.file is None else leg.file.passive_joints
-        own = set(passive).intersection(leg.single_joints)
-        moved = [name for name in passive if name in own and self.v[leg.velocity_index(name)]]
-        if not moved:
-            return []
-        parts = [listed(moved), lock_remedy(leg.workspace.model, moved)]
-        return [
-            "the plan moves joints that have no actuator in the leg's file: "
-            + "; to keep them at rest, ".join(filter(None, parts))
-        ]
-
-    def _inside_ball(self) -> list[str]:
-        """Return a line for the bodies that are inside the ball at the impact, if any."""
-        found = [f"{name} by {depth:.3f} m" for name, depth in find_overlaps(self.impact).items()]
-        if not found:
-            return []
-        return [
-            f"bodies are inside the ball at the impact: {listed(found)}; another contact point "
-            "(offset, --offset) or a flatter launch can avoid this"
-        ]
-
-    def _leaving(self) -> list[str]:
-        """Return a line for each support that does not stand.
-
-        Where all have a friction, `unilateral_strike` judges them: `impact.footing` leaves out
-        friction's moment about the vertical.
-        """
-        impact, held = self.impact, self.impact.footing
-        lines = [
-            f"{name} {state.replace('-', ' ')}; the plan assumes that it stays at rest, which "
-            "takes an impulse that the ground cannot supply (kd.unilateral_strike computes the "
-            "impact with ground that can only push)"
-            for name, state in held.items()
-            if state != Footing.STANDS
-        ]
-        constraints = self.leg.constraints
-        supports = () if self.balance is None or constraints is None else constraints.supports
-        if lines or not supports or any(support.friction is None for support in supports):
-            return lines
-        try:
-            free = unilateral_strike(impact.posture, self.v, impact.ball, impact.contact)
-        except KickdynError as error:
-            return [f"it is unknown whether the foot stands ({error})"]
-        off = float(np.linalg.norm(free.ball_after.velocity - impact.ball_after.velocity))
-        return [
-            f"{name} {state.replace('-', ' ')} if the moment of friction about the vertical is "
-            f"limited too: this changes the ball's velocity by {off:.2g} m/s; "
-            "kd.unilateral_strike computes this impact"
-            for name, state in free.footing.items()
-            if state != Footing.STANDS
-        ]
-
-    def _unknown_shapes(self) -> list[str]:
-        """Return a line for each body of a standing robot's kicking limb of unknown shape."""
-        constraints = self.leg.constraints
-        if self.balance is None or constraints is None:
-            return []
-        return missing_shapes(self.leg, constraints.supports[0])
-
-    @property
-    def _floor(self) -> float:
-        """Height of the ground [m, world frame]."""
-        below = min(0.0, float(self.goal.target[2])) - self.impact.ball.radius
-        return float(self.impact.ball_before.position[2]) + below
-
-    @cached_property
-    def depths(self) -> tuple[Depth, ...]:
-        """Bodies that are under the ground at the impact, the deepest first, see `warnings`."""
-        return tuple(find_depths(self.leg, [self.q], self._floor))
-
-    def _under_ground(self) -> list[str]:
-        """Return a line for the bodies under the ground at the impact, and one for those before."""
-        impact, speed = self.impact, math.hypot(*self.impact.foot_velocity)
-        now, floor = self.depths, self._floor
-        lines = [f"{one.frame} by {one.depth:.3f} m" for one in now]
-        if lines:
-            lines = [
-                f"bodies are under the ground at the impact: {listed(lines)}; {self._lift(now)}"
-            ]
-        if self.balance is None:
-            return lines
-        if self.backswing is not None:
-            times = -self.backswing.duration * np.linspace(0.0, 1.0, BACKSWING) ** 2
-            motion = [self.backswing.configuration(time) for time in times]
-            how = "bodies are under the ground in the backswing"
-            remedy = "another goal, offset or objective takes another motion"
-        else:
-            times = np.linspace(0.0, -impact.ball.radius / speed, APPROACH)
-            straight = [pin.integrate(self.leg.workspace.model, self.q, t * self.v) for t in times]
-            motion = [hold_support(impact.posture, q) for q in straight]
-            how = "bodies come from under the ground if the joints keep the velocity of the impact"
-            remedy = "swing=True (--swing) plans the motion, with the foot above the ground"
-        known = {one.frame for one in now}
-        before = [
-            f"{one.frame} by {one.depth:.3f} m ({-1e3 * times[one.number]:.0f} ms before)"
-            for one in find_depths(self.leg, motion, floor)
-            if one.frame not in known
-        ]
-        return lines + ([f"{how}: {listed(before)}; {remedy}"] if before else [])
-
-    def _lift(self, deep: tuple[Depth, ...]) -> str:
-        """Return what can bring bodies above the ground at the impact, as the end of a sentence."""
-        if self.balance is not None:
-            return "another goal, offset or objective takes another posture"
-        model = self.leg.workspace.model
-        kicking = list(model.supports[self.leg.contact_joint])[1:]
-        frames = body_frames(self.leg).items()
-        idle = [name for name, i in frames if model.frames[i].parentJoint not in kicking]
-        others = len(idle) > 1 and any(one.frame in idle for one in deep)  # not just the base
-        standing = ", or let the robot stand on its other foot (--support)" if others else ""
-        return (
-            "the ground is level with the ball's lowest point: try another height of the ball "
-            f"(ball_height, --ball-height){standing}"
-        )
+        return tuple(line for check in CHECKS for line in check(self))
 
     @property
     def too_fast_after(self) -> dict[str, float]:
@@ -306,13 +144,12 @@ class KickPlan(ReprMixin):
     @property
     def into_stop(self) -> tuple[str, ...]:
         """Joints at an end of their range that move on beyond it just after the impact."""
-        found, values = [], self.leg.joint_values(self.q)
+        joints, values = [], self.leg.joint_values(self.q)
         for name, i in self._moving():
             (low, high), v = self.leg.joint_range(name), self.impact.v_after[i]
-            at = values[name]
-            if (at - low < 1e-6 and v < 0.0) or (high - at < 1e-6 and v > 0.0):
-                found.append(name)
-        return tuple(found)
+            if (values[name] - low < 1e-6 and v < 0.0) or (high - values[name] < 1e-6 and v > 0.0):
+                joints.append(name)
+        return tuple(joints)
 
     def _moving(self) -> list[tuple[str, int]]:
         """Return the joints that move just after the impact, with their index in v."""

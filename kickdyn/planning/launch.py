@@ -7,7 +7,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.optimize import minimize_scalar
 
 from kickdyn.air import Air
@@ -100,11 +99,9 @@ class Launch(ReprMixin):
     limits: tuple[float, float] | None
 
     def __post_init__(self) -> None:
-        """Make the arrays read-only."""
         freeze_arrays(vars(self))
 
     def _rows(self) -> Iterable[Row]:
-        """Return the lines that are shown."""
         yield "status", f"{self.status}: {self.limit}" if self.limit else self.status, ""
         if self.limit:
             yield "nearest", repr(self.reached), ""
@@ -121,7 +118,6 @@ class Launch(ReprMixin):
             yield "warning", line, ""
 
     def _picture(self) -> str:
-        """Return a drawing of the path as an SVG."""
         return self.flight._picture()
 
     @property
@@ -206,8 +202,6 @@ def plan_launch(
     ball: Ball,
     air: Air | None = None,
     *,
-    spin: ArrayLike = (0.0, 0.0, 0.0),
-    arc: str = Arc.LOW,
     speed_limit: float = SPEED_LIMIT,
     spin_limit: float = 100.0,
 ) -> Launch:
@@ -227,9 +221,6 @@ def plan_launch(
         ball: the ball; its mass and radius count.
         air: the air; None is the vacuum. A wind that depends on the height takes the height above
             the launch.
-        spin: spin of the launch, shape `(3,)` [rad/s, world frame]. With `beside` it gives the axis
-            only, and the size is sought.
-        arc: `low` or `high`, where two launches meet the goal; the other one is in `Launch.others`.
         speed_limit: largest speed of the launch [m/s], at most 343.
         spin_limit: largest spin that `beside` may take [rad/s].
 
@@ -249,21 +240,21 @@ def plan_launch(
     """
     limit = validation.number("speed limit", speed_limit, above=0, at_most=SPEED_LIMIT, unit="m/s")
     most_spin = validation.number("spin limit", spin_limit, above=0, unit="rad/s")
-    arc = validation.choice("arc", arc, Arc)
-    problem = _shooting_problem(goal, ball, air, spin)
+    ball.check_movable("a flight")
+    problem = _shooting_problem(goal, ball, air, goal.spin)
     family = LaunchFamily(problem, goal, limit, most_spin)
 
     direct = _solutions_from_vacuum(problem, goal)
     solutions = [solution for solution in direct if family.is_inside(solution)]
     clear = [solution for solution in solutions if solution.is_above_ground(goal)]
-    if arc == Arc.LOW and clear and len(solutions) == (2 if goal.kind == "speed" else 1):
+    if goal.arc == Arc.LOW and clear and len(solutions) == (2 if goal.kind == "speed" else 1):
         return _launch(family, goal, None, clear[0])
 
     curves = family.curves(direct)
     solutions = family.solutions(direct, curves)
     clear = [solution for solution in solutions if solution.is_above_ground(goal)]
     if clear:
-        return _launch(family, goal, None, clear[0 if arc == Arc.LOW else -1])
+        return _launch(family, goal, None, clear[0 if goal.arc == Arc.LOW else -1])
     if goal.beside is not None and not solutions:
         return _nearest_curve(family, direct)
     if not any(family.is_inside(member) for curve in curves for member in curve):
@@ -271,9 +262,8 @@ def plan_launch(
     return _nearest(family, curves, ground_blocks=bool(solutions))
 
 
-def _shooting_problem(goal: Goal, ball: Ball, air: Air | None, spin: ArrayLike) -> ShootingProblem:
+def _shooting_problem(goal: Goal, ball: Ball, air: Air | None, spin: Array) -> ShootingProblem:
     """Return ball, air and spin as a shooting problem; the spin's size is unknown for `beside`."""
-    spin = validation.vector("spin", spin, 3, unit="rad/s")
     if goal.beside is not None:
         if air is None or air.lift is None or air.density == 0.0:
             raise InvalidInput(
@@ -349,7 +339,7 @@ def _farthest(family: LaunchFamily) -> Launch:
         )
     unknowns = np.array([*path.velocity(0.0), path.end])
     solution = LaunchSolution(unknowns, np.zeros(4), unknowns[None, :3], path)
-    reached = Goal(path.position(path.end), time=path.end)
+    reached = Goal(path.position(path.end), time=path.end, spin=goal.spin)
     return _launch(family, reached, LaunchLimit.SPEED, solution)
 
 
@@ -363,10 +353,9 @@ def _nearest_curve(family: LaunchFamily, solutions: list[LaunchSolution]) -> Lau
     spin = problem.spin_of(math.copysign(family.spin_limit, bend))
     condition = {goal.kind: getattr(goal, goal.kind)}
     spun = plan_launch(
-        Goal(goal.target, **condition),
+        Goal(goal.target, **condition, spin=spin),
         problem.ball,
         problem.air,
-        spin=spin,
         speed_limit=family.speed_limit,
     )
     if spun.status != PlanStatus.MET:  # the speed limit is in the way even without `beside`
@@ -378,7 +367,7 @@ def _nearest_curve(family: LaunchFamily, solutions: list[LaunchSolution]) -> Lau
         spun,
         status=PlanStatus.UNREACHABLE,
         goal=goal,
-        reached=Goal(goal.target, **condition, beside=(distance, passed)),
+        reached=Goal(goal.target, **condition, beside=(distance, passed), spin=goal.spin),
         limit=LaunchLimit.SPIN,
     )
 
@@ -421,7 +410,7 @@ def _reached(goal: Goal, error: float, time: float) -> Goal:
         condition = {"time": time}
     else:
         condition[goal.kind] += error
-    return Goal(goal.target, **condition, beside=goal.beside)
+    return Goal(goal.target, **condition, beside=goal.beside, spin=goal.spin, arc=goal.arc)
 
 
 def _limit_of(family: LaunchFamily, nearest: LaunchSolution, error: float) -> LaunchLimit:

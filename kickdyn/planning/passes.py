@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from kickdyn.air import Air
@@ -56,11 +55,9 @@ class Pass(ReprMixin):
     aside: float
 
     def __post_init__(self) -> None:
-        """Make the arrays read-only."""
         freeze_arrays(vars(self))
 
     def _rows(self) -> Iterable[Row]:
-        """Return the lines that are shown."""
         yield "status", f"{self.status}: {self.limit}" if self.limit else self.status, ""
         yield "launch", self.velocity, "m/s"
         yield "time", self.time, "s"
@@ -68,7 +65,6 @@ class Pass(ReprMixin):
         yield "bounces", len(self.course.bounces), ""
 
     def _picture(self) -> str:
-        """Return a drawing of the path as an SVG."""
         return self.course._picture()
 
     @property
@@ -100,7 +96,6 @@ def plan_pass(
     air: Air | None = None,
     *,
     surface: str | Surface = "turf",
-    spin: ArrayLike = (0.0, 0.0, 0.0),
     angle: float = 0.0,
     speed_limit: float = 40.0,
 ) -> Pass:
@@ -110,11 +105,11 @@ def plan_pass(
     `kickdyn.follow` computes; the direction is turned by the angle at which the ball passes aside.
 
     Args:
-        goal: a goal with a `time` and a target as high as the ball lies, without `beside`.
+        goal: a goal with a `time` and a target as high as the ball lies, without `beside`; its arc
+            does not count.
         ball: the ball, which lies on the ground at the start.
         air: the air; None is the vacuum.
         surface: surface of the ground, by name or as a `Surface`.
-        spin: spin of the launch, shape `(3,)` [rad/s, world frame].
         angle: angle of the launch above the ground, 0 to 1.2 [rad].
         speed_limit: largest speed of the launch, at most 100 [m/s].
 
@@ -145,7 +140,9 @@ def plan_pass(
         """Return launch velocity and course for a speed and a direction."""
         level = math.cos(turn) * goal.ahead + math.sin(turn) * goal.left
         velocity = speed * (math.cos(angle) * level + np.array([0, 0, math.sin(angle)]))
-        return velocity, follow(BallState(start, velocity, spin), ball, air, ground, plane=plane)
+        return velocity, follow(
+            BallState(start, velocity, goal.spin), ball, air, ground, plane=plane
+        )
 
     def delay(turn: float, speed: float) -> float:
         """Return how much too late the ball comes to the target [s]."""

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq
 
 from kickdyn.ball import BallState
 from kickdyn.errors import InvalidInput
@@ -20,7 +19,7 @@ from kickdyn.planning.launch import Launch, OutOfReach
 from kickdyn.planning.scatter import Scatter, scatter
 from kickdyn.planning.swing import Swing
 from kickdyn.restitution import describe_restitution
-from kickdyn.scene.pitch import Passage, Score, Wall, check_before, passage_at, score_at
+from kickdyn.scene.pitch import Passage, Score, Wall, check_before, passage_on, score_at
 
 OVER = 0.1
 """Clearance of the ball's lower edge over a wall where nothing else is asked for [m]."""
@@ -28,18 +27,7 @@ OVER = 0.1
 
 def passage_of(wall: Wall, plan: KickPlan) -> Passage | None:
     """Return how the ball of a plan passes a wall; None where it comes down before."""
-    goal, path = plan.goal, plan.path
-    start = path.launch.position
-
-    def beyond(time: float) -> float:
-        """Return how far the ball is beyond the wall at a time [m]."""
-        return float(goal.ahead @ (path.sample(time).position - start)) - wall.distance
-
-    if beyond(path.duration) < 0.0:
-        return None
-    passed = path.sample(float(brentq(beyond, 0.0, path.duration))).position - start
-    left, up = float(goal.left @ passed), float(passed[2])
-    return passage_at(wall, left, up, plan.impact.ball.radius)
+    return passage_on(plan.path, wall, plan.goal.ahead, plan.impact.ball.radius)
 
 
 def describe_passage(wall: Wall, plan: KickPlan) -> str:

@@ -14,11 +14,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from functools import cached_property, lru_cache
-from typing import Any, Generic, TypeVar
+from functools import cached_property
+from typing import Generic, TypeVar
 
 import numpy as np
 
+from kickdyn.core.last_value import keep_last
 from kickdyn.core.validation import Array
 
 TOLERANCE = 1e-4
@@ -160,12 +161,12 @@ class Problem(Generic[Point]):
 
     def values(self, kind: Kind, x: Array) -> Array:
         """Return the values of all terms of a kind over their scales, less their margins."""
-        point = self._latest(x.tobytes())
+        point = self._point(x)
         return np.concatenate([f.value(point) / f.scale - f.margin for f in self.functions(kind)])
 
     def slopes(self, kind: Kind, x: Array) -> Array:
         """Return the derivatives of `values`, shape `(k, n)`."""
-        point = self._latest(x.tobytes())
+        point = self._point(x)
         return np.concatenate([f.slope(point) / f.scale for f in self.functions(kind)])
 
     def is_solved(self, x: Array) -> bool:
@@ -181,6 +182,6 @@ class Problem(Generic[Point]):
         )
 
     @cached_property
-    def _latest(self) -> Callable[[bytes], Any]:
-        """The point of unknowns as bytes; the latest is kept, because solvers ask repeatedly."""
-        return lru_cache(maxsize=1)(lambda data: self.point(np.frombuffer(data)))
+    def _point(self) -> Callable[[Array], Point]:
+        """The function `point`, which remembers its last result."""
+        return keep_last(self.point)

@@ -79,14 +79,16 @@ class Robot:
         ])  # fmt: skip
 
 
-_WORDS = tuple(f"{side}_{part}_" for side in ("left", "right") for part in ("hip", "knee", "ankle"))
+_FULL_NAMES = tuple(
+    f"{side}_{part}_" for side in ("left", "right") for part in ("hip", "knee", "ankle")
+)
 _ICUB = tuple(f"{side}_{part}" for side in "lr" for part in ("hip", "knee", "ankle"))
 _ROMEO = tuple(f"{side}{part}" for side in "LR" for part in ("Hip", "Knee", "Ankle"))
 
 ROBOTS = {
     "g1": Robot(
         "g1_description/urdf/g1_29dof_rev_1_0.urdf",
-        *("right_ankle_roll_link", "left_ankle_roll_link", _WORDS),
+        *("right_ankle_roll_link", "left_ankle_roll_link", _FULL_NAMES),
         toe=(0.1423, 0.0, -0.0206),
         instep=(0.0924, 0.0, -0.0041),
         sole_edge=(0.1419, 0.0, -0.0354),
@@ -114,7 +116,7 @@ ROBOTS = {
     ),
     "human": Robot(
         "human_description/robots/human.urdf",
-        *("right_foot", "left_foot", _WORDS),
+        *("right_foot", "left_foot", _FULL_NAMES),
         toe=(0.2055, -0.0007, -0.073),
         instep=(0.1373, -0.0007, -0.019),
         sole_edge=(0.2068, -0.0007, -0.0765),
@@ -132,7 +134,7 @@ ROBOTS = {
         steepest=15.0,
     ),
 }
-"""Every robot that `Leg.from_robot` knows."""
+"""Every robot of the package that `Leg.from_robot` reads."""
 
 
 def robot(name: str) -> Robot:

@@ -26,17 +26,17 @@ from kickdyn.robot.mimic_joints import Gears
 from kickdyn.robot.model_validation import frame_id
 from kickdyn.robot.names import listed
 
-CLOSED = 1e-9
-"""Gap [m] up to which a loop counts as closed."""
+LOOP_TOLERANCE = 1e-9
+"""Largest gap of a loop that counts as closed [m]."""
 
-SAME_PLACE = 1e-6
-"""Distance [m] up to which two frames are at one place: a URDF has about as many digits."""
+COINCIDENCE_TOLERANCE = 1e-6
+"""Largest distance of frames that coincide [m]: a URDF has about as many digits."""
 
-FLAT = 1e-6
-"""Share of a sole's length below which its width counts as none."""
+LEAST_SOLE_WIDTH = 1e-6
+"""Least width of a sole, as a fraction of its length."""
 
-INDEPENDENT = 1e-9
-"""Share of a row, in the metric of inertia, that others must leave for it to count."""
+RANK_TOLERANCE = 1e-9
+"""Least fraction of a row, in the metric of inertia, that is independent of the other rows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +83,7 @@ class Support(ValueEquality):
                 "of a flat foot, three or more"
             )
         extent = np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)
-        if not extent[1] > FLAT * extent[0]:
+        if not extent[1] > LEAST_SOLE_WIDTH * extent[0]:
             raise InvalidInput(
                 f"sole of {self.frame} is {corners.tolist()}: its corners must span an area"
             )
@@ -269,10 +269,10 @@ class Constraints:
             return
         for (a, b), gap in zip(self.loops, self.gaps(model, data), strict=True):
             width = float(np.linalg.norm(gap))
-            if not width <= CLOSED:
+            if not width <= LOOP_TOLERANCE:
                 raise InvalidInput(
-                    f"loop {a} - {b} is open by {width:.6g} m in {where!r}: at most {CLOSED:g} m "
-                    "(Leg.close_loops(q) closes it)"
+                    f"loop {a} - {b} is open by {width:.6g} m in {where!r}: at most "
+                    f"{LOOP_TOLERANCE:g} m (Leg.close_loops(q) closes it)"
                 )
 
     def close_loops(self, model: Any, data: Any, q: Array, kept: Sequence[int]) -> Array:
@@ -381,11 +381,11 @@ class ConstraintProjector(ReadOnlyArrays):
         lengths = [
             math.sqrt(square) for square in np.einsum("ij,ij->j", whitened, whitened).tolist()
         ]
-        least = INDEPENDENT * max(lengths)
+        least = RANK_TOLERANCE * max(lengths)
         self._length = np.array([length if length > least else math.inf for length in lengths])
         packed, pivots, tau, _, _ = lapack.dgeqp3(whitened / self._length)
         steps = min(whitened.shape)
-        self.rank = sum(abs(entry) > INDEPENDENT for entry in packed.diagonal().tolist())
+        self.rank = sum(abs(entry) > RANK_TOLERANCE for entry in packed.diagonal().tolist())
         self.independent = pivots[: self.rank] - 1
         self._factor = packed[: self.rank, : self.rank]
         basis, _, _ = lapack.dorgqr(packed[:, :steps], tau)
@@ -445,7 +445,7 @@ class ConstraintProjector(ReadOnlyArrays):
     @cached_property
     def _least_impulses(self) -> Array:
         """From Q^T w to the smallest impulses that give it: W's pseudo-inverse on its range."""
-        return np.asarray(np.linalg.pinv(self._basis.T @ self._whitened, rcond=INDEPENDENT))
+        return np.asarray(np.linalg.pinv(self._basis.T @ self._whitened, rcond=RANK_TOLERANCE))
 
 
 def find_open_loops(model: Any, data: Any) -> list[tuple[str, str]]:
@@ -472,7 +472,7 @@ def find_open_loops(model: Any, data: Any) -> list[tuple[str, str]]:
     origins = np.array(places).reshape(-1, 3)
     apart = np.linalg.norm(origins[:, None] - origins, axis=2)
     pairs = []
-    for i, j in np.argwhere(np.triu(apart <= SAME_PLACE, 1)).tolist():
+    for i, j in np.argwhere(np.triu(apart <= COINCIDENCE_TOLERANCE, 1)).tolist():
         first, second = frames[ends[i]], frames[ends[j]]
         if (
             first.parentJoint not in above[second.parentJoint]
@@ -511,7 +511,7 @@ def _motion(model: Any, data: Any, q: Array, place: _Place) -> tuple[Array, Arra
 
 def _is_open(gaps: Array) -> bool:
     """Return whether a gap is wider than Newton's method leaves it."""
-    return bool(np.abs(gaps).max() > CLOSED / 10)
+    return bool(np.abs(gaps).max() > LOOP_TOLERANCE / 10)
 
 
 def _check_stance(model: Any, name: str, joint: int, contact_joint: int) -> None:

@@ -55,7 +55,7 @@ from kickdyn.robot.visuals import RobotFile
 MAX_OFFSET = 1e3
 """Largest distance of a contact point along an axis of the contact frame [m]."""
 
-SHOWN = 8
+MAX_SHOWN_JOINTS = 8
 """Joints of a posture that are shown; of a robot with more, those that are not at 0."""
 
 
@@ -835,11 +835,15 @@ class Posture(ReprMixin):
         """Return the lines that are shown."""
         yield "leg", self.leg.name, ""
         joints = self.leg.display_values(self.q)
-        moved = {name: shown for name, shown in joints.items() if shown[0] or len(joints) <= SHOWN}
-        for name in list(moved)[:SHOWN]:
+        moved = {
+            name: shown
+            for name, shown in joints.items()
+            if shown[0] or len(joints) <= MAX_SHOWN_JOINTS
+        }
+        for name in list(moved)[:MAX_SHOWN_JOINTS]:
             yield name, *moved[name]
-        if len(moved) > SHOWN:
-            yield "and", f"{len(moved) - SHOWN} joints more", ""
+        if len(moved) > MAX_SHOWN_JOINTS:
+            yield "and", f"{len(moved) - MAX_SHOWN_JOINTS} joints more", ""
         if self.leg.stiff_joints:
             yield "stiff joints", ", ".join(self.leg.stiff_joints), ""
         yield "contact point", self.contact_point, "m"
@@ -863,7 +867,7 @@ def _posture(leg: Leg, q: ArrayLike) -> Posture:
         exact = condition(inertia, cholesky)
         if not exact < MAX_CONDITION:
             fault = singularity_fault(model, inertia, exact)
-            where = f"q = {q.tolist()}" if leg.nq <= SHOWN else "this posture"
+            where = f"q = {q.tolist()}" if leg.nq <= MAX_SHOWN_JOINTS else "this posture"
             raise InvalidInput(f"the joint-space inertia of {leg.name} at {where} {fault}")
     posture = Posture(
         leg,
@@ -882,12 +886,13 @@ def _posture(leg: Leg, q: ArrayLike) -> Posture:
     )
     for array in (q, inertia, origin, posture.jacobian, posture.rotation_world_joint):
         array.setflags(write=False)
-    if leg.constraints is None:
-        return posture
-    leg.constraints.check_closed(model, data, posture)
-    rows, blocks = leg.constraints.rows(model, data, q)
-    projector = ConstraintProjector(leg.constraints, rows, blocks, posture._whiten(rows), posture)
-    return replace(posture, constraint_projector=projector)
+    if leg.constraints is not None:
+        leg.constraints.check_closed(model, data, posture)
+        rows, blocks = leg.constraints.rows(model, data, q)
+        posture.constraint_projector = ConstraintProjector(
+            leg.constraints, rows, blocks, posture._whiten(rows), posture
+        )
+    return posture
 
 
 class Workspace(threading.local):

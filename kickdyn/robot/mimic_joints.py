@@ -13,7 +13,7 @@ import numpy as np
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 
-CLOSED_GEAR = 1e-9
+MIMIC_TOLERANCE = 1e-9
 """By how much a mimic joint may be off the value that its driver gives it [rad; m]."""
 
 
@@ -67,7 +67,7 @@ class Gears:
         """
         followed = self.follow(q)
         for mimic, place in zip(self.mimics, self._places, strict=True):
-            slack = CLOSED_GEAR * max(1.0, abs(followed[place]))
+            slack = MIMIC_TOLERANCE * max(1.0, abs(followed[place]))
             checked = named is None or mimic.joint in named
             if checked and not abs(q[place] - followed[place]) <= slack:
                 raise InvalidInput(

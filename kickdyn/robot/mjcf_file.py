@@ -1,7 +1,7 @@
 """From an MJCF file, the XML of MuJoCo, to a checked document and to MuJoCo's compiled model.
 
 MuJoCo resolves all that its format allows: classes of defaults, units, inertias of geoms and
-meshes, copies, scaled masses. It is given what was checked, in memory, and opens no file.
+meshes, copies, scaled masses. It receives the checked document in memory and opens no file.
 """
 
 import os
@@ -34,9 +34,9 @@ MAX_ELEMENTS = 100_000
 MESHES = (".stl", ".obj", ".msh")
 """Endings of the mesh files that MuJoCo reads."""
 
-MISSING = "missing.obj"
-STAND_IN = "v 0 0 0\nv {0} 0 0\nv 0 {0} 0\nv 0 0 {0}\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
-"""File of a tetrahedron of an edge length [m] in place of meshes that are missing."""
+MISSING_MESH = "missing.obj"
+TETRAHEDRON = "v 0 0 0\nv {0} 0 0\nv 0 {0} 0\nv 0 0 {0}\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+"""Name and content of the file that replaces missing meshes: a tetrahedron of a given edge [m]."""
 
 SECTIONS = ("compiler", "option", "default", "asset", "worldbody", "equality", "tendon", "actuator")
 """Sections that say something about the robot's mechanics or shape; the others are not passed on:
@@ -51,7 +51,7 @@ REFUSED = {
     "deformable": "flexible bodies",
     "attach": "models attached to another",
 }
-"""Elements that are refused, and what they stand for."""
+"""Elements that are refused, and their meaning."""
 
 _SHAPES = {
     2: Shape.SPHERE,
@@ -144,7 +144,7 @@ class MjcfFile(RobotFile):
         except ImportError:
             line = 'MJCF needs the package mujoco: install it with pip install "kickdyn[mjcf]"'
             raise MjcfError(self.source, [line]) from None
-        meshes = self.meshes | {MISSING: STAND_IN.format(size).encode()}
+        meshes = self.meshes | {MISSING_MESH: TETRAHEDRON.format(size).encode()}
         try:
             with quiet_mujoco():
                 model = mujoco.MjModel.from_xml_string(self.text, meshes)
@@ -341,7 +341,7 @@ class _Reader:
             try:
                 contents[key] = self.files.read_mesh(path.name if strip else name, folder)
             except MissingFile:
-                key, place = MISSING, folder / (path.name if strip else name)
+                key, place = MISSING_MESH, folder / (path.name if strip else name)
                 missing[mesh.attrib["name"]] = os.path.relpath(place, self.folder)
             mesh.set("file", key)
         return contents, missing

@@ -18,11 +18,11 @@ from kickdyn.core.validation import Array, check_type
 from kickdyn.errors import InvalidInput, MjcfError
 from kickdyn.robot.mimic_joints import Mimic
 from kickdyn.robot.mjcf_file import MjcfFile, body_name, quiet_mujoco
-from kickdyn.robot.model_validation import HUGE, frame_id
+from kickdyn.robot.model_validation import MAX_MAGNITUDE, frame_id
 from kickdyn.robot.names import expand_patterns
 from kickdyn.robot.urdf_file import check_base
 
-SAME = 1e-9
+COMPARISON_TOLERANCE = 1e-9
 """Largest relative difference of a joint-space inertia from MuJoCo's, and of places [m]."""
 
 FREE, BALL, SLIDE, HINGE = range(4)
@@ -100,7 +100,7 @@ def build_mjcf_model(
 
 
 def _unused(wish: str, taken: Set[str]) -> str:
-    """Return a name that is not taken: what is wished for, with a number if need be."""
+    """Return a name that is not taken: the wish, with a number if need be."""
     name, count = wish, 1
     while name in taken:
         count += 1
@@ -161,9 +161,10 @@ class _Builder:
         compiled, parent = self.compiled, int(self.compiled.body_parentid[body])
         name = body_name(compiled, body)
         for key in ("mass", "inertia", "ipos", "pos"):
-            if not np.abs(getattr(compiled, f"body_{key}")[body]).max() < HUGE:
+            if not np.abs(getattr(compiled, f"body_{key}")[body]).max() < MAX_MAGNITUDE:
                 raise InvalidInput(
-                    f"body {name!r} has a mass, moment or position that is not below {HUGE:g}"
+                    f"body {name!r} has a mass, moment or position that is not below "
+                    f"{MAX_MAGNITUDE:g}"
                 )
         joint, place = self.places.get(parent, (0, pin.SE3.Identity()))
         place = place * _pose(compiled.body_pos[body], compiled.body_quat[body])
@@ -207,7 +208,7 @@ class _Builder:
     def _add_joint(
         self, parent: int, kind: int, theirs: int, place: Any, wish: str, axis: Array | None = None
     ) -> int:
-        """Add a joint under its own name, or what is wished for one without; return its number."""
+        """Add a joint under its own name, or the wish if it has none; return its number."""
         own_name = self.compiled.joint(theirs).name if theirs >= 0 else ""
         name = own_name or _unused(wish, self.taken)
         self.taken.add(name)
@@ -331,7 +332,7 @@ class _Builder:
         draw = np.random.default_rng(0)
         masses = [float(compiled.body_mass[body]) for body in self.places]
         ours = sum(inertia.mass for inertia in model.inertias)
-        same = abs(ours - math.fsum(masses)) <= SAME * ours
+        same = abs(ours - math.fsum(masses)) <= COMPARISON_TOLERANCE * ours
         for _ in range(3):
             q = pin.integrate(model, pin.neutral(model), draw.uniform(-1.0, 1.0, model.nv))
             columns, dofs, turn = self._pose_theirs(state, q)
@@ -340,7 +341,7 @@ class _Builder:
             for body, frame in self.frames.items():
                 place = state.xpos[body]
                 apart = np.abs(data.oMf[frame].translation - place).max()
-                same = same and bool(apart <= SAME * (1.0 + np.abs(place).max()))
+                same = same and bool(apart <= COMPARISON_TOLERANCE * (1.0 + np.abs(place).max()))
             theirs = np.zeros((compiled.nv, len(dofs)))
             for column, dof in enumerate(dofs):
                 moved = np.zeros(compiled.nv)
@@ -350,7 +351,7 @@ class _Builder:
             inertia = pin.crba(model, data, q, pin.Convention.LOCAL)[np.ix_(columns, columns)]
             scale = np.sqrt(np.abs(expected.diagonal()))
             apart = np.abs(inertia - expected)
-            same = same and bool((apart <= SAME * np.outer(scale, scale)).all())
+            same = same and bool((apart <= COMPARISON_TOLERANCE * np.outer(scale, scale)).all())
         if not same:
             raise InvalidInput(
                 "MuJoCo computes another mass, place or joint-space inertia than this reader: the "

@@ -28,7 +28,7 @@ def check_is_model(model: Any) -> None:
         raise InvalidInput(f"model is a {type(model).__name__}: it must be a pinocchio.Model")
 
 
-HUGE = 1e100
+MAX_MAGNITUDE = 1e100
 """Masses, moments and distances stay below it, so that float64 holds their products."""
 
 
@@ -64,10 +64,12 @@ def check_model(model: Any) -> None:
     for name, placement in zip(names, list(model.jointPlacements)[1:], strict=True):
         rotation = placement.rotation
         square = rotation @ rotation.T - np.eye(3)  # NaN if the placement has one
-        if not (np.abs(square).max() < 1e-9 and np.abs(placement.translation).max() < HUGE):
+        if not (
+            np.abs(square).max() < 1e-9 and np.abs(placement.translation).max() < MAX_MAGNITUDE
+        ):
             raise InvalidInput(
                 f"placement of joint {name!r} is not a rigid motion: it must be a rotation and a "
-                f"translation below {HUGE:g} m"
+                f"translation below {MAX_MAGNITUDE:g} m"
             )
     _check_inertias(model, names)
     for frame in model.frames:
@@ -98,15 +100,15 @@ def _check_inertias(model: Any, names: list[str]) -> None:
         mass, moments = body.mass, body.inertia
         empty = mass == 0.0 and not moments.any()
         largest = np.abs([mass, *body.lever, *moments.flat]).max()
-        if mass == 0.0 and not empty and largest < HUGE:
+        if mass == 0.0 and not empty and largest < MAX_MAGNITUDE:
             raise InvalidInput(
                 f"joint {name!r} moves an unsound inertia (mass 0 kg, but moments): a body without "
                 f"mass has no moments of inertia; {_either('correct it', model, [name])}"
             )
-        if not (largest < HUGE and (mass > 0 or empty)):
+        if not (largest < MAX_MAGNITUDE and (mass > 0 or empty)):
             raise InvalidInput(
                 f"joint {name!r} moves an unsound inertia (mass {mass:g} kg): mass must be above "
-                f"0, and mass, centre and moments below {HUGE:g}"
+                f"0, and mass, centre and moments below {MAX_MAGNITUDE:g}"
             )
     data = pin.Data(model)
     pin.crba(model, data, pin.neutral(model), pin.Convention.LOCAL)

@@ -11,23 +11,23 @@ from typing import Any
 from kickdyn.core import validation
 from kickdyn.errors import InvalidInput
 
-FOOT = ("toe", "sole", "foot", "ankle")
-"""What the names of frames contain that can kick a ball."""
+FOOT_WORDS = ("toe", "sole", "foot", "ankle")
+"""Words in the names of frames that can kick a ball."""
 
-MOST_LOCKED = 12
-"""Names and patterns that `lock_remedy` spells out."""
+MAX_LOCK_ENTRIES = 12
+"""Largest number of names and patterns that `lock_remedy` spells out."""
 
 
 def listed(names: Sequence[str], most: int = 40) -> str:
-    """Return names in one line; what is beyond `most` is counted."""
+    """Return names in one line; those after the first `most` are counted."""
     rest = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(names[:most]) + rest
 
 
 def unknown(kind: str, name: object, owner: str, names: Sequence[str]) -> str:
-    """Return the line for a name that a model has not.
+    """Return the message for a name that a model does not have.
 
-    It lists those that the model has; if they are many, the nearest ones and those of feet first.
+    It lists the names of the model; if they are many, the nearest ones and names of feet first.
     """
     by_case = {known.lower(): known for known in reversed(names)}
     near = []
@@ -38,7 +38,7 @@ def unknown(kind: str, name: object, owner: str, names: Sequence[str]) -> str:
     hint = f"did you mean {near[0]!r}? " if near else ""
     order = list(names)
     if len(names) > 40:  # not all of them are listed
-        words = FOOT if kind == "frame" else ()
+        words = FOOT_WORDS if kind == "frame" else ()
         feet = [known_name for word in words for known_name in names if word in known_name.lower()]
         order = list(dict.fromkeys([*near, *feet, *names]))
     return f"{kind} {name!r} is unknown: {hint}{owner} has {listed(order)}"
@@ -97,7 +97,7 @@ def lock_remedy(model: Any, joints: Sequence[str]) -> str:
         alike = [name for name in names if fnmatchcase(name, pattern)]
         same = len(alike) > 1 and joint in alike and all(values.get(n) == pair for n in alike)
         entries[pattern if same else joint] = pair
-    if len(entries) > MOST_LOCKED:
+    if len(entries) > MAX_LOCK_ENTRIES:
         return "lock them by locked={joint: value} in Python, by --lock JOINT=VALUE in commands"
     pronoun = "it" if len(values) == 1 else "them"
     python = ", ".join(f"{name!r}: {value:g}" for name, (value, _) in entries.items())

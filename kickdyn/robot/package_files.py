@@ -52,7 +52,7 @@ class PackageFiles:
         Args:
             name: as the robot's file has it.
             what: the file is, for errors.
-            folder: that a relative path starts from; the default is that of the robot's file.
+            folder: where a relative path starts; the default is the folder of the robot's file.
 
         Raises:
             MissingFile: there is no such file.
@@ -158,7 +158,7 @@ class MissingFile(InvalidInput):
 
 
 def _packages_in(folder: Path) -> dict[str, Path]:
-    """Return packages by name: the folder and what is in it, two levels down at most."""
+    """Return the packages in a folder by name, itself and up to two levels down."""
     packages: dict[str, Path] = {}
     try:
         for pattern in (MANIFEST, f"*/{MANIFEST}", f"*/*/{MANIFEST}"):

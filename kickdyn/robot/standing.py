@@ -26,7 +26,7 @@ from kickdyn.robot.leg import Leg, Posture
 from kickdyn.robot.model_validation import frame_id
 from kickdyn.robot.surgery import reroot_model
 
-SOLE = 2e-3
+SOLE_THICKNESS = 2e-3
 """Height above the lowest point of a foot up to which its shapes count as its sole [m]."""
 
 
@@ -58,7 +58,7 @@ class StandingRobot:
         upright = pin.updateFramePlacement(model, data, self._frame).copy()
         corners = _sole(robot, support, self._frame, upright.rotation)
         heights = corners @ upright.rotation[2]
-        if np.ptp(heights) > SOLE + 0.01 * np.ptp(corners, axis=0).max():
+        if np.ptp(heights) > SOLE_THICKNESS + 0.01 * np.ptp(corners, axis=0).max():
             raise InvalidInput(
                 f"the sole of {support.frame} is tilted while all joints of {robot.name} are at 0: "
                 f"corners' heights differ by {np.ptp(heights):.3g} m, but the ground is level"
@@ -165,9 +165,9 @@ def _flat_support(robot: Leg) -> Support:
 def _sole(robot: Leg, support: Support, frame: int, rotation: Array) -> Array:
     """Return corners of the sole of a support, shape `(k, 3)` [m, support frame].
 
-    Those of the support; else, of what the shapes of its joint's bodies have up to `SOLE` above
-    their lowest point in the standing robot, the extreme points in eight directions, on one level.
-    `rotation` is from the frame's axes to the world's.
+    Without corners in the support, the shapes of its joint's bodies are cut at `SOLE_THICKNESS`
+    above their lowest point in the standing robot; the corners are the extreme points below in
+    eight directions, on one level. `rotation` is from the frame's axes to the world's.
     """
     if support.sole is not None:
         return support.sole
@@ -181,7 +181,7 @@ def _sole(robot: Leg, support: Support, frame: int, rotation: Array) -> Array:
     turns = np.linspace(0.0, 2 * np.pi, 8, endpoint=False)
     ring = np.column_stack([np.cos(turns), np.sin(turns)])
     for (x, y, _), low, radius in zip(seen, bottom, shapes.radii, strict=True):
-        left = SOLE - (low - level)  # how far the sphere reaches down into the sole
+        left = SOLE_THICKNESS - (low - level)  # how far the sphere reaches down into the sole
         if left < 0.0:
             continue
         wide = np.sqrt(max(2 * radius * left - left**2, 0.0)) if left < radius else radius

@@ -25,7 +25,7 @@ from kickdyn.robot.urdf_validation import find_faults, find_irregularities, read
 from kickdyn.robot.visuals import RobotFile, Shape, Visual
 
 MAX_BYTES = 5_000_000
-"""Size of the largest robot file that is read [bytes]; those of robots have up to 0.5 MB."""
+"""Size of the largest robot file that is read [bytes]; files of robots have up to 0.5 MB."""
 
 
 class UrdfFile(RobotFile):
@@ -96,7 +96,7 @@ def read_urdf(
 ) -> UrdfFile:
     """Read and check a URDF file, whose meshes may be in further folders.
 
-    Of joints to be locked, by names or patterns, it does not matter whom they mimic.
+    The joints that a locked joint mimics are not checked; `locked` has names or patterns.
 
     Raises:
         UrdfError: with all faults of the file in one message.
@@ -110,7 +110,7 @@ def read_urdf(
 
 
 def _folders(package_dirs: Iterable[str | PathLike[str]]) -> Iterator[Path]:
-    """Yield folders as absolute paths; raise `InvalidInput` for what is none."""
+    """Yield folders as absolute paths; raise `InvalidInput` for anything else."""
     if isinstance(package_dirs, str | PathLike) or not isinstance(package_dirs, Iterable):
         raise InvalidInput(f"package_dirs is {package_dirs!r}: it must be a list of folders")
     for folder in package_dirs:

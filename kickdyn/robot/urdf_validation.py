@@ -47,7 +47,7 @@ _COUNTS = {
 def find_faults(root: Element, locked: Iterable[str] = ()) -> list[str]:
     """Return one line per fault of the robot under `root`; none if Pinocchio may read it.
 
-    Whom joints mimic that are to be locked, by names or patterns, does not matter.
+    The joints that a locked joint mimics are not checked; `locked` has names or patterns.
     """
     if root.tag == "mujoco":
         return ["is an MJCF, its root is <mujoco>: Leg.from_mjcf reads it"]
@@ -241,7 +241,7 @@ def _check_mimics(
 
 
 def _drivers(joints: dict[str, Element]) -> dict[str, str]:
-    """Return whom each joint mimics; what a fixed joint mimics has no effect."""
+    """Return the joint that each joint mimics; the mimic of a fixed joint has no effect."""
     return {
         name: mimic.get("joint", "")
         for name, joint in joints.items()

@@ -163,6 +163,8 @@ def end_slopes(scene: Scene, end: PathEnd) -> EndSlopes:
     path, launch = end.path, end.path.launch
     if not end.has_end or float(launch.speed) == 0.0:
         return EndSlopes(*np.full((2, 3, 3), math.inf))
+    if path.duration == 0.0:  # the ball starts where its path ends
+        return EndSlopes(*np.zeros((2, 3, 3)))
     try:
         if isinstance(path, Flight):
             time = path.duration
@@ -176,7 +178,7 @@ def end_slopes(scene: Scene, end: PathEnd) -> EndSlopes:
 
 def end_normal(scene: Scene, path: Flight) -> Array:
     """Return the normal of what ended a flight, shape `(3,)`."""
-    if path.status is FlightStatus.AT_PLANE and scene.plane is not None:
+    if path.status == FlightStatus.AT_PLANE and scene.plane is not None:
         return scene.plane.normal
     return np.array([0.0, 0.0, 1.0])
 

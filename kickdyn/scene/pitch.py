@@ -3,8 +3,13 @@
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from scipy.optimize import brentq
+
 from kickdyn.core import validation
+from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
+from kickdyn.flight.flight_result import Flight
+from kickdyn.flight.follow import Course
 
 MOUTH = (7.32, 2.44)
 """Width between the posts of a goal and height under its bar [m]: IFAB, Laws of the Game, Law 1."""
@@ -122,6 +127,30 @@ def passage_at(wall: Wall, left: float, up: float, radius: float) -> Passage:
         radius: of the ball [m].
     """
     return Passage(up - wall.height, abs(left) - wall.width / 2 - radius, left)
+
+
+def passage_on(
+    path: Flight | Course, wall: Wall, ahead: Array, radius: float, start_height: float = 0.0
+) -> Passage | None:
+    """Return how a ball passes a wall on its path; None where the path ends before the wall.
+
+    Args:
+        path: path of the ball.
+        wall: what it passes.
+        ahead: horizontal unit vector from the start to the target, shape `(3,)`.
+        radius: radius of the ball [m].
+        start_height: height of its lower edge above the ground at the start [m].
+    """
+    start = path.launch.position
+
+    def beyond(time: float) -> float:
+        """Return how far the ball is beyond the wall at a time [m]."""
+        return float(ahead @ (path.sample(time).position - start)) - wall.distance
+
+    if beyond(path.duration) < 0.0:
+        return None
+    x, y, z = path.sample(float(brentq(beyond, 0.0, path.duration))).position - start
+    return passage_at(wall, float(ahead[0] * y - ahead[1] * x), float(z) + start_height, radius)
 
 
 class Score(NamedTuple):

@@ -124,6 +124,7 @@ class Scene(ReprMixin):
         name: str = "scene",
     ) -> None:
         ball.check_movable("a scene")
+        contact.check_normal()
         if contact.offset is None and posture.contact_offset is not None:
             contact = replace(contact, offset=posture.contact_offset)
         if isinstance(law, Compliance):

@@ -83,15 +83,6 @@ def _check_text(value: object) -> None:
         raise InvalidInput(f"{validation.brief(value)}: it must be printable text")
 
 
-def _check_robot(value: object) -> None:
-    """Raise `InvalidInput` unless a value is the name of a robot."""
-    if not (isinstance(value, str) and (value in ROBOTS or value.endswith(DESCRIPTION))):
-        raise InvalidInput(
-            f"{validation.brief(value)}: choose {', '.join(ROBOTS)}, or a name of "
-            f"robot_descriptions, NAME{DESCRIPTION}"
-        )
-
-
 def _check_list(value: object) -> None:
     """Raise `InvalidInput` unless a value is a list of at most `MOST_NAMES` entries."""
     if not (isinstance(value, list) and len(value) <= MOST_NAMES):
@@ -207,7 +198,7 @@ TABLES = (
             _check_text),
         Key("robot", "robot",
             f'{quoted(ROBOTS)}, or a name of robot_descriptions, `"NAME{DESCRIPTION}"`',
-            "a robot by name; needs the extra `robots` or `descriptions`", _check_robot),
+            "a robot by name; needs the extra `robots` or `descriptions`", _check_text),
         Key("frame", "frame", "text", "link, joint, body, site or geom whose origin strikes the "
             "ball; without it `toe`, or the foot of a `robot`", _check_text),
         Key("base", "base", ("fixed", "floating"),

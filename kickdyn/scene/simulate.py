@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
@@ -192,12 +193,13 @@ def _launch(scene: Scene, tolerance: float) -> _Launched:
     error, size = contact_time_error(scene, instant), math.inf
     why = "how much the contact time changes the launch is not known before it is computed"
     if error.velocity < math.inf:
-        path = fly_scene(scene, instant.ball_after)
-        size = end_slopes(scene, path).distance(error)
-        if size <= MODEL_SHARE * tolerance:
-            verdict = EffectVerdict("contact time", False, size, "its size is small enough")
-            return _Launched(instant, path, verdicts=(verdict,), model_error=size)
-        why = "its size is too large for the tolerance"
+        with suppress(KickdynError):  # as where only this launch leaves the range of a coefficient
+            path = fly_scene(scene, instant.ball_after)
+            size = end_slopes(scene, path).distance(error)
+            if size <= MODEL_SHARE * tolerance:
+                verdict = EffectVerdict("contact time", False, size, "its size is small enough")
+                return _Launched(instant, path, verdicts=(verdict,), model_error=size)
+            why = "its size is too large for the tolerance"
     launched = _collide_to(scene, float(instant.ball_after.speed), CONTACT_SHARE * tolerance)
     return launched._replace(verdicts=(EffectVerdict("contact time", True, size, why),))
 

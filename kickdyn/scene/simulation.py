@@ -10,15 +10,13 @@ from typing import Any
 from kickdyn.ball import BallState
 from kickdyn.core.representation import Printed
 from kickdyn.flight.flight_result import Flight, FlightStatus
-from kickdyn.flight.fly import fly
 from kickdyn.flight.follow import Course
 from kickdyn.impact.collide import Collision
 from kickdyn.impact.impact_result import Impact
-from kickdyn.plane import Plane
 from kickdyn.restitution import describe_restitution, range_warnings
 from kickdyn.robot.standing import is_floating
 from kickdyn.scene.effects import EffectSize, EffectVerdict
-from kickdyn.scene.pitch import Passage, Score, passage_at, score_at
+from kickdyn.scene.pitch import Passage, Score, passage_on, score_at
 from kickdyn.scene.scene import Scene
 
 _PHRASES: dict[str, str] = {
@@ -118,17 +116,11 @@ class Simulation(Printed):
 
         None where there is no wall, or where the ball comes down before it.
         """
-        scene, start = self.scene, self.launch.position
+        scene, path = self.scene, self.path
         if scene.wall is None:
             return None
-        at_wall = Plane(start + scene.wall.distance * scene.ahead, -scene.ahead, "centre")
-        path = fly(self.launch, scene.ball, scene.air, scene.ground, plane=at_wall)
-        if path.status != FlightStatus.AT_PLANE:
-            return None
-        x, y, z = path.landing.position - start
-        left = float(scene.ahead[0] * y - scene.ahead[1] * x)
-        up = float(z) + self.start_height
-        return passage_at(scene.wall, left, up, scene.ball.radius)
+        flight = path.flights[0] if isinstance(path, Course) else path
+        return passage_on(flight, scene.wall, scene.ahead, scene.ball.radius, self.start_height)
 
     @cached_property
     def score(self) -> Score | None:

@@ -43,7 +43,7 @@ DIRECTION_LIMIT = math.radians(1.0)
 """Error of the ball's direction that is accepted [rad]."""
 
 NEIGHBOUR_FACTOR = 2.0
-"""Errors of the ball's speed that are accepted in other kicks, in those of the tuned kick."""
+"""Accepted error of the ball's speed in other kicks, over the accepted error in the tuned kick."""
 
 CONTACT_TIME_TOLERANCE = 0.1
 """Error of the contact time, relative, from which on the result has a warning."""
@@ -72,8 +72,8 @@ class KickError(NamedTuple):
 
     Attributes:
         change: what differs from the kick that was tuned; empty for that kick.
-        velocity: of the ball, length of the difference relative to its speed, or to that of the
-            approach along the normal if that is larger.
+        velocity: of the ball, length of the difference relative to its speed, or to the speed of
+            approach along the normal if this is larger.
         speed: of the ball, relative alike.
         direction: angle between the ball's velocities [rad].
         spin: length of the difference [rad/s].
@@ -109,7 +109,7 @@ class FittedContact(NamedTuple):
     Attributes:
         score: by which contacts are compared, the smaller one is better: the largest error that
             `accepted` limits, in its limit, or 1 if all are accepted; and the largest of all
-            errors, those of the spin, of other postures and of the contact time too.
+            errors, including the spin, other postures and the contact time.
         contact: its parameters.
         errors: in the order of the cases.
         contact_time: of the simulated kick, a mean [s].
@@ -159,7 +159,7 @@ def other_speed(factor: float) -> str:
 
 
 def limited_errors(errors: Sequence[KickError]) -> dict[str, float]:
-    """Return the errors of a contact that `accepted` limits, from those of all its kicks."""
+    """Return the errors of a contact that `accepted` limits, from the errors of all its kicks."""
     tuned, names = errors[0], [other_speed(factor) for factor in SPEEDS]
     around = max((error.speed for error in errors if error.change in names), default=0.0)
     return {"speed": tuned.speed, "direction": tuned.direction, "speed around": around}

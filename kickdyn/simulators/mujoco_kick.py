@@ -35,7 +35,7 @@ class MujocoContact(NamedTuple):
             damping ratio.
         solimp: impedance at first contact and from a depth on, this depth [m], and the shape.
         friction: coefficient of sliding; 0 is a contact without friction, of condim 1.
-        solreffriction: the same as `solref` across the normal; (0, 0) takes those of `solref`.
+        solreffriction: the same as `solref` across the normal; (0, 0) means `solref`.
         margin: depth of the contact below the ball's surface, a geom smaller than the ball by as
             much [m]; see `tune_mujoco`.
     """
@@ -238,7 +238,7 @@ def scene(
 
     The bodies have the names of the leg's joints; the keyframe is the state at first contact.
     Raises `InvalidInput` for a leg with supports, loops, mimic or stiff joints, or with joints of
-    another kind than those of URDF and MJCF files.
+    a kind that URDF and MJCF files do not have.
     """
     posture, ball = approach.posture, approach.ball
     if posture.leg.constraints is not None:

@@ -1,6 +1,7 @@
-"""Where a kicked ball lies among the geoms of the MJCF file from which a leg was read."""
+"""Geoms of the MJCF file from which a leg was read: the foot, and where a kicked ball lies."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 from xml.sax.saxutils import quoteattr
@@ -9,18 +10,20 @@ import numpy as np
 import pinocchio as pin
 
 from kickdyn.core.validation import Array
-from kickdyn.robot.leg import Posture
+from kickdyn.errors import InvalidInput
+from kickdyn.robot.leg import Leg, Posture
 from kickdyn.robot.mjcf_file import MjcfFile, body_name
+from kickdyn.robot.names import unknown
 from kickdyn.simulators.mujoco_kick import load_mujoco, row
 
 BALL = "kickdyn's ball"
 """Name of the ball among the geoms."""
 
 GAP_TOLERANCE = 2e-3
-"""Distance of the ball from the foot, and depth in another geom, without a warning [m]."""
+"""Largest distance of the ball from the foot, and depth in another geom, without a warning [m]."""
 
 TILT_TOLERANCE = math.radians(5.0)
-"""Angle between the normal of the contact and that of the foot's geom, without a warning [rad]."""
+"""Largest angle between the normals of contact and geom without a warning [rad]."""
 
 LARGEST_DISTANCE = 100.0
 """Distance up to which distances are computed [m]."""
@@ -31,7 +34,7 @@ def placement_warnings(
 ) -> tuple[str, ...]:
     """Return a line if a ball does not touch the foot of the leg's MJCF file, or overlaps a geom.
 
-    The foot is to be touched where its normal is that of the contact, towards the ball.
+    At the nearest point, the foot's outward normal must be the contact's normal.
 
     Empty for a leg that was not read from such a file. The foot is the body of the contact frame
     with those fixed to it. Geoms of meshes that are missing are left out, and so
@@ -47,7 +50,8 @@ def placement_warnings(
     tilts: dict[str, float] = {}
     ends = np.zeros(6)  # the nearest points of two geoms
     distances: dict[str, float] = {}
-    foot = _foot_body(compiled, posture.leg.frame)
+    body = _body_of(compiled, posture.leg.frame)
+    foot = compiled.body_weldid[body] if body >= 0 else -1
     for geom in range(compiled.ngeom):
         mesh = int(compiled.geom_dataid[geom])
         is_mesh = int(compiled.geom_type[geom]) == int(mujoco.mjtGeom.mjGEOM_MESH)
@@ -123,15 +127,51 @@ def _placed(file: MjcfFile, posture: Posture, centre: Array, radius: float) -> t
     return compiled, data
 
 
-def _foot_body(compiled: Any, frame: str) -> int:
-    """Return the first body among those fixed to that of a frame: a body, site or geom."""
+def check_feet(leg: Leg, feet: Sequence[str]) -> None:
+    """Raise `InvalidInput` for a name that no geom of the leg's MJCF file has."""
+    if not feet or not isinstance(leg.file, MjcfFile):
+        return
+    compiled = leg.file.compile()
+    names = [str(compiled.geom(geom).name) for geom in range(compiled.ngeom)]
+    for foot in feet:
+        if foot not in names:
+            raise InvalidInput(unknown("geom", foot, leg.name, [name for name in names if name]))
+
+
+def find_foot(leg: Leg) -> tuple[str, ...]:
+    """Return the geom of a leg's contact frame in its MJCF; none where the leg has no such file.
+
+    Raises `InvalidInput` if the frame is a body or a site of a body that has several geoms, or one
+    without a name.
+    """
+    if not isinstance(leg.file, MjcfFile):
+        return ()
+    compiled, frame = leg.file.compile(), leg.frame
+    body = _body_of(compiled, frame, geoms=False)
+    if body < 0:
+        return (frame,)
+    geoms = np.flatnonzero(np.asarray(compiled.geom_bodyid) == body)
+    names = [str(compiled.geom(int(geom)).name) for geom in geoms]
+    if len(names) == 1 and names[0]:
+        return (names[0],)
+    known = ", ".join(filter(None, names)) or "none with a name"
+    raise InvalidInput(
+        f"which geom of {frame!r} strikes the ball? MuJoCo needs its name for friction: name it "
+        f"with --foot (there are {known}), or choose --friction 0"
+    )
+
+
+def _body_of(compiled: Any, frame: str, *, geoms: bool = True) -> int:
+    """Return the body of a frame, which is a body, a site or a geom; -1 where it is none."""
     mujoco = load_mujoco()
-    for kind, bodies in (
+    kinds = [
         (mujoco.mjtObj.mjOBJ_BODY, np.arange(compiled.nbody)),
         (mujoco.mjtObj.mjOBJ_SITE, compiled.site_bodyid),
-        (mujoco.mjtObj.mjOBJ_GEOM, compiled.geom_bodyid),
-    ):
+    ]
+    if geoms:
+        kinds.append((mujoco.mjtObj.mjOBJ_GEOM, compiled.geom_bodyid))
+    for kind, bodies in kinds:
         number = mujoco.mj_name2id(compiled, kind, frame)
         if number >= 0:
-            return int(compiled.body_weldid[bodies[number]])
+            return int(bodies[number])
     return -1

@@ -213,7 +213,7 @@ class MujocoTuning(ReprMixin):
         """Return a model with the ball and its contact, for an `<include>` in a robot's MJCF.
 
         The ball is where the kick strikes it, in the world frame of the leg. The options are those
-        on which the fit depends; they replace those of the robot's file. Where that file has
+        on which the fit depends; they replace the options of the robot's file. Where that file has
         `inertiafromgeom="true"`, MuJoCo gives the ball the inertia of a shell, 2/3 m r^2.
 
         Args:
@@ -309,7 +309,7 @@ def tune_mujoco(
 ) -> MujocoTuning:
     r"""Find the contact parameters with which MuJoCo launches the ball as kickdyn does.
 
-    Needs MuJoCo: `pip install "kickdyn[mjcf]"`. The ball is that of `collide`, because a contact
+    Needs MuJoCo: `pip install "kickdyn[mjcf]"`. The kick is fitted to `collide`, because a contact
     of MuJoCo takes several time steps; the last of the errors says how far that is from `strike`.
 
     Along the normal MuJoCo's contact is a spring and a damper per unit of mass that do not pull.

@@ -78,17 +78,23 @@ class ChunkSolver:
         return describe(self.leg, self.grid, self.kick, self.carry_tolerance)
 
     def compile(self) -> None:
-        """Compile what is not on disk yet: flights in other processes, and here everything else."""
+        """Compile what is not on disk yet, in two processes at the same time.
+
+        The second process compiles the integrator of flights and this process everything else,
+        which takes about the same time.
+        """
         if self._model is None:
             return
-        from kickdyn.flight.batch import compile_flights  # numba is needed by large grids only
+        from kickdyn.flight.compiling import compiled_rates  # numba is needed by large grids only
+        from kickdyn.flight.march import compiled_march
         from kickdyn.sweeps.carry_table import compiled_evaluate
         from kickdyn.sweeps.kernel import compiled_kernel, kernel_is_kept
 
         ball, air = self.kick.ball, self.kick.air
         if air is not None and kernel_is_kept() is False:
-            with calling_beside("the integration of flights", compile_flights, ball, air):
+            with calling_beside("the integrator of flights", compiled_march):
                 compiled_kernel()
+                compiled_rates(ball, air)
                 if self.carry_tolerance > 0.0:
                     compiled_evaluate()
 

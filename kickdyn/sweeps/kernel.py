@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from kickdyn.core import simd
 from kickdyn.core.compilation import compiled, is_kept, named
-from kickdyn.core.simd import BATCH, aligned_zeros, any_of, batches, choose
+from kickdyn.core.simd import BATCH, aligned_zeros, batches, choose
 from kickdyn.core.validation import Array
 from kickdyn.robot.leg import Leg
 from kickdyn.sweeps import kernel_dynamics, kernel_impact, kernel_model, sweep_kick
@@ -187,7 +187,7 @@ def _sweep(axes, table, tree, task, bodies, inertia, state, answer):  # type: ig
         whiten(tree, bodies, inertia, task)
         delassus_matrix(tree, bodies, inertia, state)
         solve_impact(task, state)
-        if not task.planar and slips(task, state):
+        if not task.planar:
             solve_slip(task, floats)
         if task.joint_impulses:
             doubt_singular(task, state)
@@ -221,13 +221,6 @@ def move_joint(axis, table, body, number):  # type: ignore[no-untyped-def]
     axis.done = done
     if done >= axis.repeats:
         axis.number, axis.done = following, done - axis.repeats
-
-
-@njit
-def slips(task, state):  # type: ignore[no-untyped-def]
-    """Return whether the impulse of any posture leaves the friction cone."""
-    s, t, largest = state.impulse[0], state.impulse[1], task.friction * state.impulse[2]
-    return any_of(s * s + t * t > largest * largest)
 
 
 @njit

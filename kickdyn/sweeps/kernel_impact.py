@@ -13,17 +13,12 @@ The functions have these arguments in common; joints count from 1, as Pinocchio'
 """
 
 import math
-from typing import Any
 
-import numba
 import numpy as np
 
-from kickdyn.core.lanes import WITHIN
 from kickdyn.core.simd import BATCH, choose, spread
-from kickdyn.sweeps.kernel_dynamics import OPTIONS, inlined, njit
+from kickdyn.sweeps.kernel_dynamics import inlined, njit
 from kickdyn.sweeps.sweep_kick import ROUNDING, UNLIMITED
-
-_allocating: Any = numba.njit(**{**OPTIONS, "_nrt": True}, **WITHIN)
 
 STATE = np.dtype(
     [
@@ -164,76 +159,54 @@ def solve_impact(task, state):  # type: ignore[no-untyped-def]
 def solve_slip(task, state):  # type: ignore[no-untyped-def]
     """Put impulses that leave the friction cone on it, out of a plane.
 
-    The fields of `state` are arrays of `BATCH` floats here.
+    The foot arrives along the normal, so that one direction of slip is possible. The fields of
+    `state` are arrays of `BATCH` floats here.
     """
-    delassus, impulse, mu = state.delassus, state.impulse, task.friction
+    delassus, impulse, mu, e = state.delassus, state.impulse, task.friction, task.restitution
     for i in range(BATCH):
-        g12, g23 = delassus[D12, i], delassus[D23, i]
+        g12, g13, g23 = delassus[D12, i], delassus[D13, i], delassus[D23, i]
         s, t, largest = impulse[0, i], impulse[1, i], mu * impulse[2, i]
         sticks = s * s + t * t <= largest * largest
         if sticks or (g12 == 0.0 and g23 == 0.0) or state.doubt[i] > 0.0:
             continue
-        entries = (
-            delassus[D11, i] + task.tangent_mobility, g12,
-            delassus[D22, i] + task.tangent_mobility, delassus[D13, i], g23,
-            delassus[D33, i] + task.normal_mobility,
-        )  # fmt: skip
-        slip = _slip_impulse(entries, task.speed, task.restitution, mu)
-        impulse[0, i], impulse[1, i], impulse[2, i], state.energy_lost[i] = slip
-
-
-@_allocating
-def _slip_impulse(entries, speed, e, mu):  # type: ignore[no-untyped-def]
-    r"""Return impulse on the friction cone and energy lost; `entries` are those of :math:`G`.
-
-    The friction :math:`p_3 \mu (\cos a, \sin a)` opposes the sliding velocity, which is the first
-    two rows of :math:`G p`: their cross product vanishes, a sum of waves of :math:`a` and
-    :math:`2a`. Of its roots that oppose, the one that loses most energy is taken, as
-    `kickdyn.impact.newton_law` does.
-    """
-    g11, g12, g22, g13, g23, g33 = entries
-    cos1, sin1, cos2, sin2 = -g23, g13, -mu * g12, 0.5 * mu * (g11 - g22)
-    best = (math.nan, math.nan, math.nan, -math.inf)
-    for angle in _roots(cos1, sin1, cos2, sin2):
-        for _ in range(3):
-            c, s = math.cos(angle), math.sin(angle)
-            c2, s2 = c * c - s * s, 2.0 * c * s
-            value = cos1 * c + sin1 * s + cos2 * c2 + sin2 * s2
-            slope = -cos1 * s + sin1 * c + 2.0 * (sin2 * c2 - cos2 * s2)
-            angle -= value / slope if slope != 0.0 else 0.0
-        s, t = mu * math.cos(angle), mu * math.sin(angle)
-        resistance = g13 * s + g23 * t + g33
-        p = (1.0 + e) * speed / resistance
+        g11, g22 = (
+            delassus[D11, i] + task.tangent_mobility,
+            delassus[D22, i] + task.tangent_mobility,
+        )
+        x, y = slip_direction(mu * g11, mu * g12, mu * g22, g13, g23)
+        s, t = mu * x, mu * y
+        resistance = g13 * s + g23 * t + (delassus[D33, i] + task.normal_mobility)
+        p = (1.0 + e) * task.speed / resistance if resistance > 0.0 else math.nan
         slide_s, slide_t = (g11 * s + g12 * t + g13) * p, (g12 * s + g22 * t + g23) * p
-        if resistance <= 0.0 or slide_s * s + slide_t * t > 0.0:
-            continue
-        lost = 0.5 * p * (speed * (1.0 - e) - (s * slide_s + t * slide_t))
-        if lost > best[3]:
-            best = (s * p, t * p, p, lost)
-    return best
+        impulse[0, i], impulse[1, i], impulse[2, i] = s * p, t * p, p
+        dissipated = task.speed * (1.0 - e) - (s * slide_s + t * slide_t)
+        state.energy_lost[i] = 0.5 * p * dissipated
 
 
-@_allocating
-def _roots(cos1, sin1, cos2, sin2):  # type: ignore[no-untyped-def]
-    r"""Return every angle a with :math:`c_1 \cos a + s_1 \sin a + c_2 \cos 2a + s_2 \sin 2a = 0`.
+@njit
+def slip_direction(a11, a12, a22, g1, g2):  # type: ignore[no-untyped-def]
+    r"""Return the unit vector :math:`d` of the friction where the foot slips.
 
-    These are the roots on the unit circle of a quartic in :math:`e^{ia}`, eigenvalues of its
-    companion matrix; `np.roots`, which does the same, takes seconds to compile. They are accurate
-    enough to begin Newton's iteration with.
+    The friction :math:`\mu p_3 d` opposes the sliding velocity :math:`p_3 (A d + g)`, with
+    :math:`A = \mu G` along the tangents and :math:`g` their coupling to the normal:
+    :math:`(A + k) d = -g` with :math:`k \ge 0`. The length of d decreases with k and is above 1 at
+    0, where the foot would stick, so that one k makes it 1. Newton's method on its inverse, which
+    is concave, comes to that from below (Conn, Gould and Toint, Trust-Region Methods, 2000,
+    chapter 7).
     """
-    angles, count = np.empty(4), 0
-    if max(abs(cos2), abs(sin2)) <= 1e-17 * max(abs(cos1), abs(sin1)):
-        angles[0], angles[1] = math.atan2(-cos1, sin1), math.atan2(cos1, -sin1)
-        return angles[:2]
-    first, companion = complex(cos2, -sin2), np.zeros((4, 4), np.complex128)
-    companion[0, 0], companion[0, 2] = -complex(cos1, -sin1) / first, -complex(cos1, sin1) / first
-    companion[0, 3] = -complex(cos2, sin2) / first
-    companion[1, 0] = companion[2, 1] = companion[3, 2] = 1.0
-    for root in np.linalg.eigvals(companion):
-        if abs(abs(root) - 1.0) < 1e-4:
-            angles[count] = math.atan2(root.imag, root.real)
-            count += 1
-    return angles[:count]
+    k = max(0.0, math.sqrt(g1 * g1 + g2 * g2) - (a11 + a22))
+    x, y, size = 0.0, 0.0, 1.0
+    for _ in range(60):
+        b11, b22 = a11 + k, a22 + k
+        determinant = b11 * b22 - a12 * a12
+        x, y = (a12 * g2 - b22 * g1) / determinant, (a12 * g1 - b11 * g2) / determinant
+        size = math.sqrt(x * x + y * y)
+        decrease = (x * (b22 * x - a12 * y) + y * (b11 * y - a12 * x)) / determinant
+        step = (size - 1.0) * size * size / decrease
+        k += step
+        if not step > 1e-16 * k:
+            break
+    return x / size, y / size
 
 
 @njit

@@ -53,6 +53,8 @@ class SweepStore:
     `resume`, the store may be there if it is one of the same sweep.
 
     Attributes:
+        path: the folder.
+        variables: names of the variables beside `status`.
         created: whether the store was not there before.
         finished: whether the store was finished when it was opened.
         chunks: the division of the grid.
@@ -68,8 +70,8 @@ class SweepStore:
         resume: bool,
     ) -> None:
         zarr = _zarr()
-        self._path, self._variables = check_store(path, resume=resume), tuple(variables)
-        self.created = not self._path.exists()
+        self.path, self.variables = check_store(path, resume=resume), tuple(variables)
+        self.created = not self.path.exists()
         try:
             if self.created:
                 shape = tuple(described.sizes[name] for name in described.dims)
@@ -78,23 +80,23 @@ class SweepStore:
                 self._check(described)
         except OSError as error:
             reason = error.strerror or error
-            if self.created and self._path.exists():
+            if self.created and self.path.exists():
                 reason = "another process has made it meanwhile"
             raise InvalidInput(f"{path} cannot be written ({reason})") from None
-        self._group: Any = zarr.open_group(self._path, mode="r+")
+        self._group: Any = zarr.open_group(self.path, mode="r+")
         self.finished = bool(self._group.attrs.get("finished"))
         self._status = self._group["status"]
         self.chunks = Chunks(self._status.shape, self._status.chunks)
 
     def _check(self, described: xr.Dataset) -> None:
         """Raise `InvalidInput` unless the store is one of this sweep."""
-        with open_sweep(self._path) as stored:
-            if other := difference(stored, described, self._variables):
-                raise InvalidInput(f"{self._path} is of another sweep: {other}")
+        with open_sweep(self.path) as stored:
+            if other := difference(stored, described, self.variables):
+                raise InvalidInput(f"{self.path} is of another sweep: {other}")
 
     def _create(self, described: xr.Dataset, chunks: Chunks) -> None:
         """Make the empty store under another name first, so that a store is complete or absent."""
-        draft = self._path.with_name(f".{self._path.name}-draft-{os.getpid()}")
+        draft = self.path.with_name(f".{self.path.name}-draft-{os.getpid()}")
         try:
             degrees = {  # in the chunks of the variables, as dask asks for
                 f"{joint}_deg": {"chunks": (size,)}
@@ -104,7 +106,7 @@ class SweepStore:
             zarr = _zarr()
             group: Any = zarr.open_group(draft, mode="r+")
             arrays: dict[str, tuple[str, float, dict[str, Any]]] = {
-                name: ("f4", math.nan, attributes_of(name)) for name in self._variables
+                name: ("f4", math.nan, attributes_of(name)) for name in self.variables
             }
             flags = {**STATUS_ATTRIBUTES, "flag_values": STATUS_ATTRIBUTES["flag_values"].tolist()}
             arrays["status"] = ("i1", _NOT_COMPUTED, flags)
@@ -118,7 +120,7 @@ class SweepStore:
                 warnings.simplefilter("ignore")
                 zarr.consolidate_metadata(draft)  # without it, `xr.open_zarr` warns
             _rewrite_root(draft, finished=0)
-            draft.rename(self._path)
+            draft.rename(self.path)
         finally:
             shutil.rmtree(draft, ignore_errors=True)
 
@@ -132,7 +134,7 @@ class SweepStore:
     def write(self, k: int, rows: Array, status: NDArray[np.int8]) -> None:
         """Write chunk `k`: its variables first, and then its status, each file whole or not."""
         by_name = dict(zip((*VARIABLES, "status"), (*rows, status), strict=True))
-        for name in (*self._variables, "status"):
+        for name in (*self.variables, "status"):
             self._write_file(k, name, by_name[name])
 
     def _write_file(self, k: int, name: str, values: NDArray[Any]) -> None:
@@ -147,7 +149,7 @@ class SweepStore:
             padded[tuple(map(slice, shape))] = block
             block = padded
         index = map(str, np.unravel_index(k, self.chunks.counts))
-        file = self._path.joinpath(name, "c", *index)
+        file = self.path.joinpath(name, "c", *index)
         file.parent.mkdir(parents=True, exist_ok=True)
         draft = file.with_name(f"{file.name}.{os.getpid()}-{threading.get_ident()}.partial")
         draft.write_bytes(Blosc(**_BLOSC, shuffle=SHUFFLE).encode(block))
@@ -155,11 +157,11 @@ class SweepStore:
 
     def finish(self) -> None:
         """Record that every chunk is computed; remove what killed processes left."""
-        for file in self._path.rglob("*.partial"):
+        for file in self.path.rglob("*.partial"):
             file.unlink()
-        for draft in self._path.parent.glob(f".{glob.escape(self._path.name)}-draft-*"):
+        for draft in self.path.parent.glob(f".{glob.escape(self.path.name)}-draft-*"):
             shutil.rmtree(draft, ignore_errors=True)
-        _rewrite_root(self._path, finished=1)
+        _rewrite_root(self.path, finished=1)
 
     @contextmanager
     def locked(self) -> Iterator[None]:
@@ -168,13 +170,13 @@ class SweepStore:
         The lock ends with the process, however that ends. Where the file system has no locks, two
         processes may fill a store: both write the same values.
         """
-        folder = os.open(self._path, os.O_RDONLY)
+        folder = os.open(self.path, os.O_RDONLY)
         try:
             try:
                 fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 raise InvalidInput(
-                    f"{self._path} is being filled by another process: wait until that has ended"
+                    f"{self.path} is being filled by another process: wait until that has ended"
                 ) from None
             except OSError:  # no locks here
                 pass

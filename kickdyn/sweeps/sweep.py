@@ -24,7 +24,6 @@ from functools import lru_cache, partial
 from itertools import islice
 from multiprocessing import get_context, parent_process
 from os import PathLike
-from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
@@ -139,14 +138,9 @@ def sweep(
         return with_variables(finished, np.hstack(rows), np.hstack(status), kept)
     filled = SweepStore(store, solver.describe(), kept, solver.chunk, resume=resume)
     computing = nullcontext(executor) if executor else _pool(threads, workers)
+    in_process = executor is None and workers is None
     with filled.locked(), _resumable(filled, store, executor), computing as pool:
-        if executor is None and workers is None:
-            _fill(filled, pool, lambda: _chunk_writer(filled, solver), progress)
-        else:
-            sent = partial(_write_chunk, _pickled((Path(store).absolute(), kept, solver)))
-            if workers is not None and not filled.finished:  # once, and not in each of them
-                solver.compile()
-            _fill(filled, pool, lambda: sent, progress)
+        _fill(filled, solver, pool, in_process, progress)
     return open_sweep(store)
 
 
@@ -191,18 +185,23 @@ ChunkWriter = Callable[[int], tuple[int, float]]
 
 def _fill(
     store: SweepStore,
+    solver: ChunkSolver,
     pool: Executor,
-    writer: Callable[[], ChunkWriter],
+    in_process: bool,
     progress: Progress | None,
 ) -> None:
-    """Compute and write what a store lacks, by the `writer`, which is made only if it is needed."""
+    """Compute and write what a store lacks, in this process or in those of the pool."""
     missing, span = store.missing(), store.chunks.span
     if progress is not None:
         left = sum(span(k)[1] for k in missing)
         progress(math.prod(store.chunks.grid_shape) - left, math.nan)
-    for count, speed in _in_order(pool, writer(), missing, AHEAD) if missing else ():
-        if progress is not None:
-            progress(count, speed)
+    if missing:
+        if isinstance(pool, ProcessPoolExecutor):  # once, and not in each of them
+            solver.compile()
+        write = _chunk_writer(store, solver) if in_process else _sent_writer(store, solver)
+        for count, speed in _in_order(pool, write, missing, AHEAD):
+            if progress is not None:
+                progress(count, speed)
     if not store.finished:
         store.finish()
 
@@ -220,28 +219,28 @@ def _chunk_writer(store: SweepStore, solver: ChunkSolver) -> ChunkWriter:
     return write
 
 
-def _pickled(sweep: tuple[Path, tuple[str, ...], ChunkSolver]) -> bytes:
-    """Return a sweep as it is sent to other processes."""
+def _sent_writer(store: SweepStore, solver: ChunkSolver) -> ChunkWriter:
+    """Return a writer of a store's chunks that can be sent to other processes."""
     try:
-        return pickle.dumps(sweep)
+        sent = pickle.dumps((store.path.absolute(), store.variables, solver))
     except (pickle.PicklingError, AttributeError, TypeError) as error:
         raise InvalidInput(f"the sweep cannot be sent to other processes ({error})") from None
-
-
-@lru_cache(maxsize=1)
-def _sent_writer(sent: bytes) -> ChunkWriter:
-    """Return the `_chunk_writer` of a sweep that was sent to this process."""
-    path, kept, solver = pickle.loads(sent)
-    if not path.is_dir():
-        raise InvalidInput(f"a worker does not see {path}")
-    return _chunk_writer(
-        SweepStore(path, solver.describe(), kept, solver.chunk, resume=True), solver
-    )
+    return partial(_write_chunk, sent)
 
 
 def _write_chunk(sent: bytes, k: int) -> tuple[int, float]:
     """Compute and write a chunk in another process."""
-    return _sent_writer(sent)(k)
+    return _received_writer(sent)(k)
+
+
+@lru_cache(maxsize=1)
+def _received_writer(sent: bytes) -> ChunkWriter:
+    """Return the writer of a store's chunks in a process that it was sent to."""
+    path, variables, solver = pickle.loads(sent)
+    if not path.is_dir():
+        raise InvalidInput(f"a worker does not see {path}")
+    store = SweepStore(path, solver.describe(), variables, solver.chunk, resume=True)
+    return _chunk_writer(store, solver)
 
 
 def _in_order(

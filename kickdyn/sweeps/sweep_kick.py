@@ -190,7 +190,7 @@ def slowest_joint_velocity(posture: Posture, foot_velocity: Array) -> Array:
     limited = limit <= min(LARGEST_RATIO * least, UNLIMITED)
     unit = np.minimum(limit, 1e3 * least)  # of a joint's velocity: the solver's tolerances are 1e-7
     columns = rows * unit
-    speed, size = np.linalg.norm(foot_velocity), np.abs(columns).max(initial=0.0) or 1.0
+    speed, size = validation.length(foot_velocity), np.abs(columns).max(initial=0.0) or 1.0
     bound, bounds = np.eye(limit.size)[limited], (limit / unit)[limited, None]
     solution = linprog(
         np.append(np.zeros(limit.size), 1.0),

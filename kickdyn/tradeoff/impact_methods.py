@@ -36,7 +36,7 @@ KICKS = {
 float64; the test of this file computes it anew."""
 
 HALF_ULP = 0.5 * float(np.finfo(float).eps)
-"""Least relative error that can be told from rounding."""
+"""Least relative error that is distinguished from rounding."""
 
 Method = tuple[str, str, Callable[[], Array]]
 """Name, setting, and the function that returns the impulse."""
@@ -54,8 +54,9 @@ def kick(friction: float) -> Impact:
 def measure_impacts(report: Callable[[str], None] = lambda _: None) -> list[Measurement]:
     """Measure every method on the same two kicks, in one run, against 50 digits.
 
-    Times are per evaluation, from posture and velocity on; of MuJoCo, those of the steps only. The
-    measurements on a kick's Pareto front are marked; `report` is called with each method's name.
+    Times are per evaluation, from posture and velocity on; for MuJoCo, only its steps are timed.
+    The measurements on a kick's Pareto front are marked; `report` is called with each method's
+    name.
     """
     rows = []
     for name, (friction, exact) in KICKS.items():
@@ -176,7 +177,7 @@ def in_cone(
 
 
 def _point(friction: float) -> tuple[object, object]:
-    """Return models and data of a point contact, of which the cone solvers use the cone only."""
+    """Return models and data of a point contact; the cone solvers use only its friction cone."""
     model = pin.Model()
     model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "any")
     origin = pin.SE3.Identity()

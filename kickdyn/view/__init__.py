@@ -1,4 +1,4 @@
 """3-D pages of kicks and flights, drawn with meshcat, and plots of swings.
 
-Open `page.py` first: `kickdyn.page` shows whatever the library computes.
+Open `page.py` first: `kickdyn.page` shows the results of every computation.
 """

@@ -106,7 +106,7 @@ def html_document(title: str, recordings: Mapping[str, Recording]) -> str:
 
     Of several, there is a button for each, with its name in plain text.
     """
-    numbers: dict[bytes, int] = {}  # of commands, each of which is on the page once
+    numbers: dict[bytes, int] = {}  # of commands; each command is on the page once
     scenes, labels, panels = [], [], []
     for index, recording in enumerate(recordings.values()):
         window, times = recording.viewer.window, recording.times

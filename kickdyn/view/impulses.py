@@ -56,7 +56,7 @@ def largest_impulse(impact: Impact) -> float:
 
 
 def impulse_arrows(impact: Impact, least: float) -> list[Arrow]:
-    """Return the arrow of the ball, then those of joints above `least` [N s], largest first."""
+    """Return the ball's arrow, then the arrows of joints above `least` [N s], largest first."""
     ball = Arrow("arrow", impact.posture.contact_point, impact.impulse, ARROW)
     joints = [
         Arrow(f"joint_arrows/{number}", start, impulse, JOINT)

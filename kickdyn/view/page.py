@@ -227,7 +227,7 @@ def page(
         subject: one of these; or several flights or impacts, in a list or by their names.
         path: path of the ball after an `Impact`; with None the ball flies through `Air()`.
         caption: line of plain text above the numbers.
-        scenery: boxes that are shown beside a kick, such as those of `wall_boxes` and `goal_boxes`.
+        scenery: boxes that are shown beside a kick, as `wall_boxes` and `goal_boxes` return them.
         height: height of the page in a notebook [px].
 
     Raises:

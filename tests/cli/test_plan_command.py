@@ -146,7 +146,7 @@ def test_json_says_what_else_is_known():
 
 def test_python_plans_the_same_kick_where_it_is_told_where_the_ball_lies():
     leg = kd.Leg.human()
-    plan = kd.plan_kick(leg, kd.Goal(25, time=1.6), kd.Ball(), kd.Air(), ball_height=-0.7042)
+    plan = kd.plan_kick(leg, kd.Goal(25, time=1.6), kd.Ball(), kd.Air(), ball_position=-0.7042)
     ended = door("--distance", "25", "--time", "1.6", "--json", "-")
     kick = json.loads(ended.stdout)["leg"]
     assert kick["q_deg"] == pytest.approx(leg.angles_deg(plan.q), abs=0.02)
@@ -220,8 +220,11 @@ def test_a_robot_and_a_goal_beyond_its_limits():
         (["--distance", "30", "--launch-speed", "-1"], "launch-speed is -1.0"),
         (["--distance", "30", "--time", "1", "--height", "nan"], "height is nan"),
         (["--distance", "30", "--time", "1", "--left", "inf"], "left is inf"),
-        (["--distance", "30", "--time", "1", "--ball-height", "1e300"], "ball height is 1e+300"),
-        (["--distance", "30", "--time", "1", "--ball-at", "0,0,1e300"], "ball_at is [0.0, 0.0, 1e"),
+        (["--distance", "30", "--time", "1", "--ball-height", "1e300"], "ball_position is 1e+300"),
+        (
+            ["--distance", "30", "--time", "1", "--ball-at", "0,0,1e300"],
+            "ball_position is [0.0, 0.0, 1e",
+        ),
         (["--distance", "30", "--time", "1", "--json", ""], "--json is empty: it needs a value"),
         (["--distance", "30", "--time", "-1"], "time is -1.0"),
         (["--distance", "20", "--time", "1e-300"], "time is 1e-300: it must be"),
@@ -364,8 +367,8 @@ def test_arc_wind_and_offset_are_those_of_the_plan(tmp_path):
     options = ["--arc", "high", "--wind", "2,-1,0", "--offset", "0.02,0,0.01"]
     where = ["--distance", "10", "--launch-speed", "14", "--ball-height", "-0.7"]
     assert CliRunner().invoke(plan, [*where, *options, "--json", str(file)]).exit_code == 0
-    report, goal = json.loads(file.read_text()), kd.Goal(10, speed=14)
-    launch = kd.plan_launch(goal, kd.Ball(), kd.Air(wind=(2, -1, 0)), arc="high")
+    report, goal = json.loads(file.read_text()), kd.Goal(10, speed=14, arc="high")
+    launch = kd.plan_launch(goal, kd.Ball(), kd.Air(wind=(2, -1, 0)))
     assert report["launch"]["velocity"] == pytest.approx(launch.velocity.tolist(), abs=1e-6)
     angles = {name: math.radians(value) for name, value in report["leg"]["q_deg"].items()}
     leg = kd.Leg.human()

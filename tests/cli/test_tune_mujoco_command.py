@@ -6,7 +6,7 @@ import pytest
 from click.testing import CliRunner
 
 import kickdyn as kd
-from kickdyn.cli.tune_mujoco_command import find_foot, tune_mujoco
+from kickdyn.cli.tune_mujoco_command import tune_mujoco
 
 mujoco = pytest.importorskip("mujoco")
 
@@ -114,14 +114,6 @@ def test_from_the_mjcf_of_a_robot_to_a_ball_that_bounces_as_asked(tmp_path, fric
 
 
 SHOE = '<geom name="shoe" type="box" size="0.05 0.05 0.12"/>'
-
-
-@pytest.mark.parametrize("frame", ["toe", "foot", "shoe"])
-def test_the_geom_of_a_frame_is_found(tmp_path, frame):
-    file = tmp_path / "robot.xml"
-    file.write_text(ROBOT)
-    assert find_foot(kd.Leg.from_mjcf(file, frame)) == ("shoe",)
-    assert find_foot(kd.Leg.human()) == ()
 
 
 @pytest.mark.parametrize(

@@ -26,3 +26,12 @@ def test_a_failure_is_not_kept():
     with pytest.raises(ZeroDivisionError):
         inverse(np.array([0.0]))
     assert inverse(np.array([2.0])) == 0.5
+
+
+def test_a_solver_may_change_its_array_afterwards():
+    kept = keep_last(lambda place: place)
+    place = np.array([1.0, 2.0])
+    first = kept(place)
+    place[0] = 5.0
+    assert first.tolist() == [1.0, 2.0]
+    assert kept(place).tolist() == [5.0, 2.0]

@@ -4,7 +4,7 @@ import numba
 import numpy as np
 import pytest
 
-from kickdyn.core.simd import BATCH, any_of, batches, choose, spread
+from kickdyn.core.simd import BATCH, batches, choose, spread
 
 A, B = (np.random.default_rng(seed).uniform(-2, 2, BATCH) for seed in (0, 1))
 
@@ -25,14 +25,13 @@ def compute(floats, limit):
     rows[7, 1] *= b
     rows[7, 1] -= zero
     rows[7, 1] /= a
-    return any_of(a > limit)
 
 
 @pytest.mark.parametrize("limit", [1.0, 5.0, -5.0])
 def test_each_number_of_a_batch_is_computed_as_by_numpy(limit):
     floats = np.zeros((8, 2, BATCH))
     floats[0] = A, B
-    assert compute(floats, limit) == (A.max() > limit)
+    compute(floats, limit)
     expected = [
         (A, B), (A + B, A - B), (A * B, A / B), (1 / A, 2 - A),
         (np.minimum(A, B), np.maximum(A, -B)), (np.sqrt(A * A), np.abs(A)),
@@ -59,7 +58,7 @@ def test_without_a_number_and_infinite_numbers():
     floats = np.zeros((8, 2, BATCH))
     floats[0, 0, :3], floats[0, 1, :3] = (np.nan, np.inf, 0.0), (1.0, np.nan, 0.0)
     with np.errstate(all="ignore"):
-        assert not compute(floats, np.inf)
+        compute(floats, np.inf)
     assert np.isnan(floats[1:4, 0, 0]).all()
     assert np.isnan(floats[2, 1, 2])
     assert floats[6, 0, 0] == 0.5  # no comparison with nan is true

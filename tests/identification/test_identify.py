@@ -228,6 +228,22 @@ def test_a_prediction_is_judged_in_the_second_half_only():
     assert score.fit_rms == pytest.approx(half.rms, rel=1e-3)
 
 
+def test_airs_are_compared_by_the_names_of_their_models():
+    track = flown((25, 3, 8), (0, 0, 0), kd.Air(drag=0.3), rate=25.0)
+    airs = (kd.Air(drag=0.1), kd.Air(drag=0.3, lift=None))
+    found = kd.identify(track, BALL, free=("drag",), compare=airs)
+    names = [score.model for score in found.comparison]
+    assert names == ["drag 0.3, lift None", "drag 0.1, lift saturating"]
+
+
+def test_a_flight_that_cannot_be_integrated_is_an_error(curving):
+    def broken(reynolds, spin_parameter):
+        raise ArithmeticError("no coefficient")
+
+    with pytest.raises(kd.KickdynError, match="from the first guess of the launch"):
+        kd.identify(curving, BALL, kd.Air(lift=broken))
+
+
 def test_models_are_ranked_by_prediction():
     tracks = [flown((25, 3, 8), (0, -40, 20), kd.Air(drag="goff-carre"), rate=25.0)]
     found = kd.identify(tracks, BALL, compare=("brazuca", "goff-carre"))

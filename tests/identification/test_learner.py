@@ -204,6 +204,22 @@ def test_a_landing_alone_is_enough():
         learner.shots[0].landing[0] = 1.0
 
 
+def test_derivatives_of_a_landing_are_those_of_differences():
+    learner = learner_for(kd.Goal(20.0, time=1.3), kd.Leg.human())
+    theta, error = np.array([0.1, 1.0, -2.0, 0.9, 0.02, -0.03]), np.array([0.01, -0.02, 0.03])
+    values, command = np.concatenate([theta, error]), learner.command
+
+    def landing(change):
+        changed = values + change
+        return learner._landing(changed[:6], changed[6:], command)[0]
+
+    steps = 1e-4 * np.eye(9)
+    expected = np.array([(landing(step) - landing(-step)) / 2e-4 for step in steps]).T
+    assert learner._landing(theta, error, command)[1] == pytest.approx(expected, rel=1e-3, abs=1e-4)
+    down = theta - np.array([0, 0, 0, 0, 2.0, 0])
+    assert not learner._landing(down, error, command)[1].any()
+
+
 def test_it_goes_on_after_a_kick_that_is_far_off():
     for prior, done in ((PRIOR, False), (dict.fromkeys(PRIOR, 0.01), True)):
         learner = learner_for(prior=prior)

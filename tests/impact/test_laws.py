@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import kickdyn as kd
-from kickdyn.impact.laws import LAWS
+from kickdyn.impact.contact_problem import ImpactLaw, frictionless
+from kickdyn.impact.laws import LAWS, solve_contacts
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -91,3 +92,31 @@ def test_sideways_hits_mirror():
 def test_bad_normal_impulse(arguments, words):
     with pytest.raises(kd.InvalidInput, match=words):
         kd.normal_impulse(*arguments)
+
+
+def test_whoever_cannot_serve_a_new_law_refuses_it(monkeypatch):
+    """Nothing computes `newton` in its place."""
+    doubled = ImpactLaw("doubled", double_impulse)
+    monkeypatch.setitem(LAWS, doubled.name, doubled)
+    posture = kd.Leg.human().posture([0.1, 0.2, -0.1])
+    kick = posture, posture.joint_velocity((3, 0, 1)), kd.Ball(), kd.Contact((1, 0, 0.3), 0.8)
+    hit, plain = kd.strike(*kick, "doubled"), kd.strike(*kick)
+    assert hit.impulse == pytest.approx(2 * plain.impulse)
+    for use in (
+        hit.sensitivity,
+        lambda: hit.uncertainty(v=0.1),
+        lambda: kd.strike(*kick, "doubled", engine="pinocchio"),
+        lambda: solve_contacts(two_contacts(hit), doubled),
+    ):
+        with pytest.raises(kd.InvalidInput, match=r"law.* 'doubled'"):
+            use()
+
+
+def double_impulse(problem):
+    solution = frictionless(problem)
+    return solution._replace(impulses=2 * solution.impulses)
+
+
+def two_contacts(hit):
+    problem = hit.approach.contact_problem()
+    return problem._replace(contacts=2 * problem.contacts)

@@ -232,8 +232,8 @@ def test_a_plan_without_a_backswing_says_how_to_ask_for_it():
 def test_a_humanoid_of_an_mjcf_file_has_a_backswing():
     file = Path(gymnasium.__file__).parent / "envs/mujoco/assets/humanoid.xml"
     humanoid = kd.Leg.from_mjcf(file, "right_foot", base="floating").with_supports("left_foot")
-    front = (0.075, 0.0, 0.1)
-    plan = kd.plan_kick(humanoid, kd.Goal(1.5, time=0.5), BALL, AIR, offset=front, swing=True)
+    front = kd.Contact(friction=0.4, offset=(0.075, 0.0, 0.1))
+    plan = kd.plan_kick(humanoid, kd.Goal(1.5, time=0.5), BALL, AIR, contact=front, swing=True)
     model, data = plan.leg.model, plan.leg.model.createData()
     assert plan.share == 1.0
     assert (plan.status == "met") == (plan.backswing.phase.torque_use <= 1.0)

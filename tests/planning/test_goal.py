@@ -56,6 +56,8 @@ def test_what_the_vacuum_does_not_allow_has_no_nominal_time():
         (30, {"over": (31, 2)}, "over is at 31 m: it must be between"),
         (30, {"time": 1, "beside": (0, 2)}, "beside is at 0 m"),
         (math.nan, {"time": 1}, "target is nan"),
+        (30, {"time": 1, "spin": (0, 1)}, "spin has shape"),
+        (30, {"time": 1, "arc": "flat"}, "arc is 'flat': it must be one of low, high"),
     ],
 )
 def test_bad_input(target, named, words):

@@ -6,6 +6,7 @@ from kickdyn.planning.impact_target import impact_target_for
 
 LEG, BALL = kd.Leg.from_robot("g1", legs_only=True), kd.Ball()
 BENT = {"right_hip_pitch_joint": -0.3, "right_knee_joint": 0.6}
+ROUGH = kd.Contact(restitution=0.8, friction=0.4)
 
 
 @pytest.mark.parametrize(
@@ -15,7 +16,7 @@ BENT = {"right_hip_pitch_joint": -0.3, "right_knee_joint": 0.6}
 def test_the_strike_gives_what_was_wished_for(friction, spin):
     velocity = np.array([6.0, 1.0, 2.0])
     spin = np.array(spin, float) - (np.dot(spin, velocity) / (velocity @ velocity)) * velocity
-    impact_target = impact_target_for(velocity, spin, BALL, 0.7, friction)
+    impact_target = impact_target_for(velocity, spin, BALL, kd.Contact(None, 0.7, friction))
     posture = LEG.posture(LEG.configuration(BENT))
     v = posture.joint_velocity(impact_target.foot_velocity(posture))
     hit = kd.strike(posture, v, BALL, impact_target.contact)
@@ -30,16 +31,16 @@ def test_the_strike_gives_what_was_wished_for(friction, spin):
 
 def test_too_much_spin_names_what_friction_allows():
     with pytest.raises(kd.InvalidInput, match=r"spin is 500 rad/s: with friction 0.4 .* at most"):
-        impact_target_for(np.array([10.0, 0, 0]), np.array([0, -500.0, 0]), BALL, 0.8, 0.4)
+        impact_target_for(np.array([10.0, 0, 0]), np.array([0, -500.0, 0]), BALL, ROUGH)
 
 
 @pytest.mark.parametrize("power", [-40, 3, 30])
 def test_an_impact_target_does_not_depend_on_the_units(power):
     velocity, spin, scale = np.array([9.0, 2.0, 4.0]), np.array([0.0, -10.0, 5.0]), 2.0**power
-    plain = impact_target_for(velocity, spin, BALL, 0.8, 0.4)
-    heavy = impact_target_for(velocity, spin, kd.Ball(scale * BALL.mass, BALL.radius), 0.8, 0.4)
+    plain = impact_target_for(velocity, spin, BALL, ROUGH)
+    heavy = impact_target_for(velocity, spin, kd.Ball(scale * BALL.mass, BALL.radius), ROUGH)
     large = impact_target_for(
-        scale * velocity, spin, kd.Ball(BALL.mass, scale * BALL.radius), 0.8, 0.4
+        scale * velocity, spin, kd.Ball(BALL.mass, scale * BALL.radius), ROUGH
     )
     for other in (heavy, large):
         assert other.impulse.tolist() == (scale * plain.impulse).tolist()
@@ -51,7 +52,9 @@ def test_an_impact_target_does_not_depend_on_the_units(power):
 def test_the_way_back_knows_the_restitution_over_speed(speed, friction, spin):
     table = [[3.0, 0.9], [6.0, 0.6], [9.0, 0.7]]
     velocity = speed * np.array([0.9, 0.0, 0.4])
-    target = impact_target_for(velocity, np.array(spin, float), BALL, table_of(table), friction)
+    target = impact_target_for(
+        velocity, np.array(spin, float), BALL, kd.Contact(None, table, friction)
+    )
     posture = LEG.posture(LEG.configuration(BENT))
     v = posture.joint_velocity(target.foot_velocity(posture))
     hit = kd.strike(posture, v, BALL, target.contact)
@@ -64,7 +67,7 @@ def test_the_way_back_knows_the_restitution_over_speed(speed, friction, spin):
 
 def test_the_gain_is_the_derivative_of_the_foot_velocity():
     target = impact_target_for(
-        np.array([9.0, 0, 4.0]), np.zeros(3), BALL, table_of([[3, 0.9], [12, 0.5]]), 0.4
+        np.array([9.0, 0, 4.0]), np.zeros(3), BALL, kd.Contact(None, [[3, 0.9], [12, 0.5]], 0.4)
     )
     change, h = np.array([9.0, 1.0, 5.0]), 1e-4
     rows = [
@@ -78,9 +81,5 @@ def test_the_gain_is_the_derivative_of_the_foot_velocity():
 def test_a_restitution_that_falls_too_fast_has_no_way_back():
     with pytest.raises(kd.InvalidInput, match="a faster foot would kick a slower ball"):
         impact_target_for(
-            np.array([9.0, 0, 4.0]), np.zeros(3), BALL, table_of([[5, 1.0], [6, 0.1]]), 0.4
+            np.array([9.0, 0, 4.0]), np.zeros(3), BALL, kd.Contact(None, [[5, 1.0], [6, 0.1]], 0.4)
         )
-
-
-def table_of(rows):
-    return kd.Contact((1, 0, 0), rows).restitution

@@ -44,7 +44,7 @@ def check(leg, plan, ball_height=None):
     [(HUMAN, kd.Goal(30, time=1.5), -0.704), (G1, kd.Goal((4, 1, 0), time=0.8), -0.58)],
 )
 def test_a_plan_meets_its_goal_within_all_limits(leg, goal, height, objective):
-    plan = kd.plan_kick(leg, goal, BALL, AIR, objective=objective, ball_height=height)
+    plan = kd.plan_kick(leg, goal, BALL, AIR, objective=objective, ball_position=height)
     assert plan.status == "met"
     check(leg, plan, height)
 
@@ -63,11 +63,18 @@ def test_a_robot_turns_the_front_of_its_toe_to_the_ball(goal):
         ) @ plan.impact_target.contact.normal
         return np.degrees([np.arctan2(normal[1], normal[0]), np.arcsin(normal[2])])
 
-    for options in ({}, {"objective": "kinetic-energy"}, {"ball_height": -0.58}, {"limits": False}):
+    for options in (
+        {},
+        {"objective": "kinetic-energy"},
+        {"ball_position": -0.58},
+        {"limits": False},
+    ):
         side, up = turned(kd.plan_kick(G1, goal, BALL, AIR, **options))
         assert abs(side) < 15.01
         assert -0.01 < up < 60.01
-    side, up = turned(kd.plan_kick(G1, goal, BALL, AIR, offset=(0, 0, 0)))
+    side, up = turned(
+        kd.plan_kick(G1, goal, BALL, AIR, contact=kd.Contact(friction=0.4, offset=(0, 0, 0)))
+    )
     assert abs(side) > 20 or not 0 < up < 60
 
 
@@ -94,7 +101,7 @@ def test_no_other_joint_velocity_of_that_posture_is_slower():
 
 
 def test_spin_is_given_as_asked():
-    plan = kd.plan_kick(HUMAN, kd.Goal(15, time=1), BALL, AIR, spin=(0, -20, 0))
+    plan = kd.plan_kick(HUMAN, kd.Goal(15, time=1, spin=(0, -20, 0)), BALL, AIR)
     assert plan.impact.ball_after.spin == pytest.approx([0, -20, 0], abs=1e-8)
     check(HUMAN, plan)
 
@@ -134,25 +141,24 @@ def test_a_pass_that_comes_late_says_so():
 
 def test_a_way_through_the_ground_is_refused():
     with pytest.raises(kd.InvalidInput, match="lead through the ground; the nearest is time"):
-        kd.plan_kick(HUMAN, kd.Goal(25, time=0.8), BALL, AIR, spin=(0, -80, 0), limits=False)
+        kd.plan_kick(HUMAN, kd.Goal(25, time=0.8, spin=(0, -80, 0)), BALL, AIR, limits=False)
 
 
 @pytest.mark.parametrize(
-    ("goal", "spin", "words"),
+    ("goal", "words"),
     [
-        (kd.Goal(4, speed=5), (0, 0, 0), "must have a time"),
-        (kd.Goal((4, 0, 1), time=1), (0, 0, 0), "a target as high as the ball"),
+        (kd.Goal(4, speed=5), "must have a time"),
+        (kd.Goal((4, 0, 1), time=1), "a target as high as the ball"),
         (
             kd.Goal(4, time=60),
-            (0, 0, 0),
             "out of reach: a slower ball stops before the target; the nearest is 3.655 s",
         ),
-        (kd.Goal(4, time=1), (5, 0, 0), r"spin has 4.995\d* rad/s along the pass"),
+        (kd.Goal(4, time=1, spin=(5, 0, 0)), r"spin has 4.995\d* rad/s along the pass"),
     ],
 )
-def test_a_pass_that_cannot_be(goal, spin, words):
+def test_a_pass_that_cannot_be(goal, words):
     with pytest.raises(kd.InvalidInput, match=words):
-        kd.plan_kick(G1, goal, BALL, AIR, surface="carpet", spin=spin)
+        kd.plan_kick(G1, goal, BALL, AIR, surface="carpet")
 
 
 def test_a_goal_beyond_the_limits_gives_the_hardest_kick_in_its_direction():
@@ -192,17 +198,26 @@ def test_the_same_plan_again():
             {"objective": "beauty"},
             "one of joint-speed, joint-impulse, kinetic-energy",
         ),
-        (kd.Goal(30, time=1.5), {"arc": "middle"}, "arc is 'middle'"),
         (kd.Goal((20, 2, 0), time=1), {"turn": False}, "its foot moves in a plane only"),
-        (kd.Goal(15, time=1), {"spin": (0, 0, 20)}, "cannot give this spin"),
-        (kd.Goal(15, time=1), {"ball_height": -2}, "can give a ball at a height of -2 m the"),
+        (kd.Goal(15, time=1, spin=(0, 0, 20)), {}, "cannot give this spin"),
+        (kd.Goal(15, time=1), {"ball_position": -2}, "can give a ball at a height of -2 m the"),
         (
             kd.Goal((10, 0, 3), apex=1),
             {},
             "no flight to the target stays so low; the nearest is apex 3 m",
         ),
-        (kd.Goal(15, time=1), {"spin": (0, -900, 0)}, "with friction 0.4"),
-        (kd.Goal(15, time=1), {"restitution": 2}, "restitution is 2"),
+        (kd.Goal(15, time=1, spin=(0, -900, 0)), {}, "with friction 0.4"),
+        (
+            kd.Goal(15, time=1),
+            {"contact": kd.Contact((1, 0, 0))},
+            r"the contact has the normal \[1.0, 0.0, 0.0\]: plan_kick computes the normal",
+        ),
+        (kd.Goal(15, time=1), {"ball_position": (0, 1)}, r"ball_position has shape \(2,\)"),
+        (
+            kd.Goal(15, time=1),
+            {"ball_position": 1e10},
+            "ball_position is 1e10|ball_position is 10000000000.0",
+        ),
     ],
 )
 def test_bad_input(goal, options, words):
@@ -235,7 +250,7 @@ def test_from_one_place_a_kick_takes_the_least_or_the_most(leg, goal, more):
     there = first.impact.ball_after.position
     rated = {}
     for objective in ("joint-impulse", "most-joint-impulse", "foot-speed"):
-        plan = kd.plan_kick(leg, goal, ball, objective=objective, ball_at=there)
+        plan = kd.plan_kick(leg, goal, ball, objective=objective, ball_position=there)
         assert plan.status == "met"
         assert plan.impact.ball_after.position == pytest.approx(there, abs=2e-5)
         assert plan.impact.ball_after.velocity == pytest.approx(
@@ -252,14 +267,12 @@ def test_from_one_place_a_kick_takes_the_least_or_the_most(leg, goal, more):
 
 def test_a_ball_beside_the_plane_of_the_foot_is_refused():
     with pytest.raises(kd.InvalidInput, match=r"is 0.2 m beside the plane that the foot of"):
-        kd.plan_kick(HUMAN, kd.Goal(15, time=1), kd.Ball(), ball_at=(0.2, 0.2, -0.7))
-    with pytest.raises(kd.InvalidInput, match="name one of the two"):
-        kd.plan_kick(HUMAN, kd.Goal(15, time=1), kd.Ball(), ball_at=(0.2, 0, -0.7), ball_height=1)
+        kd.plan_kick(HUMAN, kd.Goal(15, time=1), kd.Ball(), ball_position=(0.2, 0.2, -0.7))
 
 
 def test_the_high_arc_is_kicked():
     low, high = (
-        kd.plan_kick(HUMAN, kd.Goal(10, speed=14), BALL, AIR, arc=arc) for arc in ("low", "high")
+        kd.plan_kick(HUMAN, kd.Goal(10, speed=14, arc=arc), BALL, AIR) for arc in ("low", "high")
     )
     assert low.launch.angle < 0.6 < 0.9 < high.launch.angle
     for plan in (low, high):
@@ -446,7 +459,9 @@ def test_a_humanoid_of_an_mjcf_file_kicks_from_one_foot():
     file = FilePath(gymnasium.__file__).parent / "envs/mujoco/assets/humanoid.xml"
     humanoid = kd.Leg.from_mjcf(file, "right_foot", base="floating").with_supports("left_foot")
     front = (0.075, 0.0, 0.1)
-    plan = kd.plan_kick(humanoid, kd.Goal(1.5, time=0.5), BALL, AIR, offset=front)
+    plan = kd.plan_kick(
+        humanoid, kd.Goal(1.5, time=0.5), BALL, AIR, contact=kd.Contact(friction=0.4, offset=front)
+    )
     assert plan.status == "met"
     assert plan.landing_error < 1e-6
     assert plan.impact.ball_before.position[2] == pytest.approx(BALL.radius, abs=1e-4)
@@ -463,7 +478,13 @@ def test_joints_that_do_not_move_stay_in_their_range(tmp_path, base):
     (tmp_path / "humanoid.xml").write_text(text)
     robot = kd.Leg.from_mjcf(tmp_path / "humanoid.xml", "right_foot", base=base)
     standing = robot.with_supports("left_foot") if base == "floating" else robot
-    plan = kd.plan_kick(standing, kd.Goal(1.5, time=0.5), BALL, AIR, offset=(0.075, 0.0, 0.1))
+    plan = kd.plan_kick(
+        standing,
+        kd.Goal(1.5, time=0.5),
+        BALL,
+        AIR,
+        contact=kd.Contact(friction=0.4, offset=(0.075, 0.0, 0.1)),
+    )
     assert not plan.leg.outside_range(plan.q)
     assert plan.leg.angles_deg(plan.q)["right_elbow"] == pytest.approx(20.0, abs=1e-12)
     said = [line for line in plan.warnings if line.startswith("joints that the kick does not move")]
@@ -480,7 +501,7 @@ def test_a_continuous_joint_is_planned_by_its_angle(tmp_path):
     text = kd.Leg.human().file.text
     path.write_text(text.replace('name="ankle" type="revolute"', 'name="ankle" type="continuous"'))
     leg, goal = kd.Leg.from_urdf(path), kd.Goal(20.0, time=1.3)
-    planned = kd.plan_kick(leg, goal, kd.Ball(), ball_height=-0.7042)
+    planned = kd.plan_kick(leg, goal, kd.Ball(), ball_position=-0.7042)
     assert planned.status == "met"
     assert (leg.nq, planned.q.shape) == (4, (3,))
     assert leg.posture(planned.q).contact_point == pytest.approx(
@@ -503,8 +524,8 @@ def test_mimic_joints_outside_the_kicking_limb_are_no_obstacle(tmp_path):
     path = tmp_path / "leg.urdf"
     path.write_text(kd.Leg.human().file.text.replace("</robot>", arm + "</robot>"))
     leg, goal = kd.Leg.from_urdf(path), kd.Goal(20.0, time=1.3)
-    planned = kd.plan_kick(leg, goal, kd.Ball(), ball_height=-0.7042)
-    alone = kd.plan_kick(kd.Leg.human(), goal, kd.Ball(), ball_height=-0.7042)
+    planned = kd.plan_kick(leg, goal, kd.Ball(), ball_position=-0.7042)
+    alone = kd.plan_kick(kd.Leg.human(), goal, kd.Ball(), ball_position=-0.7042)
     assert planned.leg.joint_values(planned.q)["elbow"] == 0.3
     assert planned.impact.impulse == pytest.approx(alone.impact.impulse, rel=1e-9)
     arm_leg = kd.Leg.from_urdf(path, "elbow_link")
@@ -518,7 +539,7 @@ def test_mimic_joints_outside_the_kicking_limb_are_no_obstacle(tmp_path):
 @pytest.mark.parametrize("restitution", [((3.0, 0.85), (20.0, 0.5)), "peacock-ball"])
 @pytest.mark.parametrize("objective", ["joint-speed", "kinetic-energy"])
 def test_a_plan_knows_the_restitution_over_speed(restitution, objective):
-    options = {"objective": objective, "restitution": restitution}
+    options = {"objective": objective, "contact": kd.Contact(None, restitution, 0.4)}
     near = kd.plan_kick(HUMAN, kd.Goal(15, time=1), BALL, AIR, **options)
     check(HUMAN, near)
     assert near.impact.contact.restitution == restitution
@@ -532,9 +553,14 @@ def test_a_plan_knows_the_restitution_over_speed(restitution, objective):
 
 def test_a_plan_of_a_constant_table_has_the_bits_of_the_number():
     flat, goal = [[1, 0.8], [9, 0.8], [30, 0.8]], kd.Goal(15, time=1)
-    for options in ({}, {"objective": "kinetic-energy", "friction": 0.0}, {"swing": True}):
+    for friction, options in (
+        (0.4, {}),
+        (0.0, {"objective": "kinetic-energy"}),
+        (0.4, {"swing": True}),
+    ):
         one, other = (
-            kd.plan_kick(HUMAN, goal, BALL, AIR, restitution=e, **options) for e in (0.8, flat)
+            kd.plan_kick(HUMAN, goal, BALL, AIR, contact=kd.Contact(None, e, friction), **options)
+            for e in (0.8, flat)
         )
         assert one.q.tobytes() == other.q.tobytes()
         assert one.v.tobytes() == other.v.tobytes()
@@ -546,5 +572,7 @@ def test_a_plan_of_a_constant_table_has_the_bits_of_the_number():
 
 
 def test_a_plan_warns_outside_the_table():
-    plan = kd.plan_kick(HUMAN, kd.Goal(3, time=0.6), BALL, AIR, restitution="peacock-ball")
+    plan = kd.plan_kick(
+        HUMAN, kd.Goal(3, time=0.6), BALL, AIR, contact=kd.Contact(None, "peacock-ball", 0.4)
+    )
     assert any("9.1 to 21.2 m/s" in line for line in plan.warnings)

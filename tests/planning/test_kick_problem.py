@@ -17,6 +17,7 @@ from kickdyn.planning.scatter import scatter
 from kickdyn.planning.stance import Balance, Clearance, SupportImpulse, Upright
 
 BALL, AIR = kd.Ball(), kd.Air(drag="brazuca")
+ROUGH = kd.Contact(restitution=0.8, friction=0.4)
 LEG = kd.Leg.human()
 PLAN = kd.plan_kick(LEG, kd.Goal(15, time=1), BALL, AIR)
 PLAIN = [kind() for name, kind in OBJECTIVES.items() if name != "scatter"]
@@ -46,7 +47,9 @@ def slope_errors(term, variables, x, step=1e-6):
 def test_slopes_are_those_of_the_values(name, friction, restitution, offset):
     spin = np.array([0.0, -10.0 if friction else 0.0, 0.0])
     velocity = np.array([6.0, 0.0, 3.0])
-    target = impact_target_for(velocity, spin, BALL, restitution, friction, offset)
+    target = impact_target_for(
+        velocity, spin, BALL, kd.Contact(None, restitution, friction, offset)
+    )
     problem = kick_problem(LEGS[name], target, -0.6)
     variables = problem.variables
     x = np.append(np.random.default_rng(0).uniform(0.1, 0.5, 2 * variables.n), 0.8)
@@ -61,7 +64,9 @@ def test_slopes_are_those_of_the_values(name, friction, restitution, offset):
 
 @pytest.mark.parametrize("offset", [None, (0.02, 0, 0.01)])
 def test_slopes_of_a_stance_are_those_of_the_values(offset):
-    target = impact_target_for(np.array([3.0, 0.5, 1.5]), np.zeros(3), BALL, 0.8, 0.4, offset)
+    target = impact_target_for(
+        np.array([3.0, 0.5, 1.5]), np.zeros(3), BALL, kd.Contact(None, 0.8, 0.4, offset)
+    )
     problem = kick_problem(STANDING, target, BALL.radius)
     variables = problem.variables
     x = np.append(np.random.default_rng(0).uniform(-0.5, 0.5, 2 * variables.n), 0.8)
@@ -133,28 +138,29 @@ def refusal(leg=LEGS["human"], **how):
     return str(error.value)
 
 
-@pytest.mark.parametrize("how", [{"ball_height": -2.0}, {"ball_at": (3.0, 0.0, -0.6)}])
+@pytest.mark.parametrize("how", [{"ball_position": -2.0}, {"ball_position": (3.0, 0.0, -0.6)}])
 def test_the_nearest_ball_within_reach_is_named(how):
     said = refusal(**how)
     assert "the nearest position of the ball for which it has one is (" in said
     near = [float(part) for part in said.rpartition("(")[2].partition(")")[0].split(",")]
     plan = kd.plan_kick(
-        LEGS["human"], kd.Goal(15, time=1), BALL, kd.Air(drag="brazuca"), ball_height=near[2]
+        LEGS["human"], kd.Goal(15, time=1), BALL, kd.Air(drag="brazuca"), ball_position=near[2]
     )
     assert plan.impact.ball_after.position[2] == pytest.approx(near[2], abs=1e-3)
-    wished = next(iter(how.values()))
-    far = near[2] - wished if "ball_height" in how else np.linalg.norm(np.subtract(near, wished))
-    assert abs(far) < (1.3 if "ball_height" in how else 2.3)  # what the leg's length leaves
+    wished = how["ball_position"]
+    is_height = wished == -2.0
+    far = near[2] - wished if is_height else np.linalg.norm(np.subtract(near, wished))
+    assert abs(far) < (1.3 if is_height else 2.3)  # what the leg's length leaves
 
 
 def test_limits_that_leave_no_posture_are_named():
-    said = refusal(changed(effortLimit=[1.0, 1.0, 1.0]), ball_height=-0.7)
+    said = refusal(changed(effortLimit=[1.0, 1.0, 1.0]), ball_position=-0.7)
     assert said.endswith("; it has one without its speed and torque limits")
 
 
 def test_a_turned_leg_is_the_leg_in_turned_axes():
     turn = pin.rpy.rpyToMatrix(0.0, 0.0, 0.3)
-    target = impact_target_for(turn @ [5.0, 0.0, 2.0], np.zeros(3), BALL, 0.8, 0.4)
+    target = impact_target_for(turn @ [5.0, 0.0, 2.0], np.zeros(3), BALL, ROUGH)
     problem, leg, q = kick_problem(LEG, target), LEG, [0.4, -0.7, 0.2]
     plain, other = leg.posture(q), problem.robot.posture(q)
     assert problem.heading == pytest.approx(0.3)
@@ -169,7 +175,7 @@ def test_a_turned_leg_is_the_leg_in_turned_axes():
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_a_leg_that_moves_in_a_vertical_plane_is_turned_towards_the_impulse(side):
-    target = impact_target_for(np.array([1.0, side, 5.0]), np.zeros(3), BALL, 0.8, 0.4)
+    target = impact_target_for(np.array([1.0, side, 5.0]), np.zeros(3), BALL, ROUGH)
     assert kick_problem(LEGS["human"], target).heading == pytest.approx(side * math.pi / 4)
     assert kick_problem(LEGS["g1"], target).heading == 0.0
     tilted = LEGS["human"].model
@@ -241,7 +247,7 @@ def test_robust_scatters_no_more_than_any_other_objective(leg, goal, spread):
 )
 def test_the_condition_that_a_standing_robot_cannot_meet_is_named(cause, words, monkeypatch):
     """Where only the problem without that condition has a solution."""
-    target = impact_target_for(np.array([3.0, 0.0, 2.0]), np.zeros(3), BALL, 0.8, 0.4)
+    target = impact_target_for(np.array([3.0, 0.0, 2.0]), np.zeros(3), BALL, ROUGH)
     problem = kick_problem(STANDING, target)
 
     def find(problem, _):

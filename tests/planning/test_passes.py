@@ -11,7 +11,7 @@ BALL, AIR = kd.Ball(), kd.Air()
 
 @pytest.mark.parametrize(("angle", "spin"), [(0.0, (0, 0, 0)), (0.3, (0, -10, 20))])
 def test_the_ball_comes_there_in_time(angle, spin):
-    found = kd.plan_pass(kd.Goal((6, 1, 0), time=1.3), BALL, AIR, angle=angle, spin=spin)
+    found = kd.plan_pass(kd.Goal((6, 1, 0), time=1.3, spin=spin), BALL, AIR, angle=angle)
     assert found.status == "met"
     ground = kd.Ground(surface="turf")
     state = kd.BallState((0, 0, BALL.radius), found.velocity, spin)

@@ -55,7 +55,7 @@ def test_a_joint_near_0_has_no_sign():
 def test_the_restitution_is_named_where_it_depends_on_the_speed():
     goal, lines = kd.Goal(15, time=1), []
     for restitution in (0.7, "peacock-ball"):
-        plan = kd.plan_kick(LEG, goal, BALL, AIR, restitution=restitution)
+        plan = kd.plan_kick(LEG, goal, BALL, AIR, contact=kd.Contact(None, restitution, 0.4))
         lines.append(PlanReport(plan).table()[1])
     assert "restitution" not in lines[0]
     used = f"restitution {plan.impact.restitution:.4g}, that of 'peacock-ball' at "

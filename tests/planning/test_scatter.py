@@ -7,7 +7,7 @@ import kickdyn as kd
 from kickdyn.planning.scatter import UNITS, landing_slopes, scatter
 
 LEG, BALL, AIR = kd.Leg.from_robot("g1", legs_only=True), kd.Ball(), kd.Air(drag="brazuca")
-HIT = kd.plan_kick(LEG, kd.Goal((6, 1, 0), time=0.9), BALL, AIR, spin=(0, -12, 6)).impact
+HIT = kd.plan_kick(LEG, kd.Goal((6, 1, 0), time=0.9, spin=(0, -12, 6)), BALL, AIR).impact
 SMALL = {"speed": 2e-3, "angle": 1e-3, "contact": 1e-4, "restitution": 2e-3, "drag": 0.02}
 LAUNCH = [name for name in UNITS if name != "drag"]
 
@@ -67,6 +67,18 @@ def test_landing_slopes_are_those_of_the_parabola():
     expected = [[time, 0, 2 * 8 / 9.81], [0, time, 2 / 9.81]]
     assert slopes[:, :3] == pytest.approx(np.array(expected), rel=1e-9)
     assert not slopes[:, 3:].any()
+
+
+@pytest.mark.parametrize("air", [None, AIR])
+@pytest.mark.parametrize("spin", [(0, 0, 0), (0, 9, 0)])
+def test_a_ball_that_does_not_come_down_has_no_landing(air, spin):
+    for velocity in ((8, 0, -1), (8, 0, 0)):
+        with pytest.raises(kd.InvalidInput, match="no landing to scatter"):
+            landing_slopes(kd.BallState(velocity=velocity, spin=spin), BALL, air)
+    light = kd.Ball(mass=0.001)  # rises for ever
+    rising = kd.Air(drag="brazuca", buoyancy=True)
+    with pytest.raises(kd.InvalidInput, match="no landing to scatter"):
+        landing_slopes(kd.BallState(velocity=(1, 0, 1)), light, rising)
 
 
 def test_a_robust_plan_scatters_least():

@@ -62,3 +62,10 @@ def test_a_short_dip_is_not_overlooked():
     first = [far.position(at)[2] for at in np.linspace(0, lands / 64, 2001)]
     assert min(first) < -1e-6
     assert lowest(field.shoot(velocity, lands)) == pytest.approx(min(first), rel=1e-3)
+
+
+def test_a_flight_that_fails_is_none():
+    def broken(reynolds, spin_parameter):
+        raise ArithmeticError("no coefficient")
+
+    assert ShootingProblem(kd.Ball(), kd.Air(drag=broken), SPIN).shoot(VELOCITY, 1.1) is None

@@ -71,7 +71,7 @@ def test_the_problem_has_the_restitution_of_the_contact(speed):
 def test_a_kick_that_swings_knows_the_restitution_over_speed():
     leg, table = kd.Leg.human(), [[3.0, 0.85], [20.0, 0.5]]
     goal, ball = kd.Goal(15, time=1), kd.Ball()
-    plan = kd.plan_kick(leg, goal, ball, swing=True, restitution=table)
+    plan = kd.plan_kick(leg, goal, ball, swing=True, contact=kd.Contact(None, table, 0.4))
     assert plan.status == "met"
     assert plan.impact.ball_after.velocity == pytest.approx(plan.launch.velocity, abs=1e-10)
     after = plan.phases[1].sample(0.0).v[0]

@@ -134,6 +134,13 @@ def test_a_ball_that_leaves_at_rest_and_one_that_stays_aloft_have_no_slopes():
     assert end_slopes(deep, end).distance(LaunchError(1, 0, 0)) == math.inf
 
 
+def test_a_path_that_ends_at_once_does_not_depend_on_its_launch():
+    scene = scene_of(air=WIND)
+    end = fly_scene(scene, kd.BallState((0, 0, 1), (5, 0, -2)))
+    assert end.path.duration == 0.0
+    assert end_slopes(scene, end).distance(LaunchError(1.0, 10.0, 0.05)) == 0.05
+
+
 def test_the_distance_of_an_error_is_that_of_the_formula():
     slopes = EndSlopes(np.diag([2.0, 1.0, 0.5]), np.diag([0.0, 0.3, 0.1]))
     assert slopes.distance(LaunchError(0.1, 2.0, 0.05)) == pytest.approx(0.2 + 0.6 + 0.05)

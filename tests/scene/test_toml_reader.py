@@ -522,6 +522,8 @@ def test_locked_joints(tmp_path, faults):
     [
         ('"human"', "human", "'model = human'; keys are written as key = value"),
         ("restitution = 0.8", "restitution = 0,8", "restitution = 0,8"),
+        ('model = "human"', 'robot = "g2"', "leg: robot 'g2' is unknown"),
+        ('model = "human"', "robot = 2", "leg.robot: 2: it must be printable text"),
         ('"human"', '"humn"', "leg.model: 'humn' is unknown: did you mean human?"),
         ("restitution = 0.8", "restitution = 0.8\n[ground]\nheight_m = 5", "is 5: the ball would"),
         ("restitution = 0.8", 'restitution = 0.8\n[air]\ndrag = "x"', "choose stokes, brown"),

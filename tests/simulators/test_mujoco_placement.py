@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.simulators.mujoco_placement import placement_warnings
+from kickdyn.simulators.mujoco_placement import find_foot, placement_warnings
 
 pytest.importorskip("mujoco")
 
@@ -82,3 +82,12 @@ def test_another_normal_is_said(tmp_path):
 def test_other_legs_have_no_geoms():
     posture = kd.Leg.human().posture([0, 0, 0])
     assert placement_warnings(posture, np.array([1.0, 0, 0]), np.zeros(3), 0.11) == ()
+
+
+@pytest.mark.parametrize("frame", ["toe", "foot", "shoe"])
+def test_the_geom_of_a_frame_is_found(tmp_path, frame):
+    file = tmp_path / "robot.xml"
+    text = ROBOT.format(floor=0.0, post=2.0)
+    file.write_text(text.replace('<geom name="shoe"', '<site name="toe"/><geom name="shoe"'))
+    assert find_foot(kd.Leg.from_mjcf(file, frame)) == ("shoe",)
+    assert find_foot(kd.Leg.human()) == ()

@@ -143,6 +143,13 @@ def test_in_a_plane_too():
     assert least_use(posture, 3 * wish) == pytest.approx(3 * speed_use(posture, v), rel=1e-13)
 
 
+def test_a_foot_so_slow_that_squares_of_its_speed_vanish():
+    leg, wish = kd.Leg.human(), np.array([0.8, 0.0, 0.5])
+    posture = leg.posture(np.radians([40, 30, -20]))
+    v, slow = (slowest_joint_velocity(posture, scale * wish) for scale in (1.0, 1e-200))
+    assert slow == pytest.approx(1e-200 * v, rel=1e-9, abs=0.0)
+
+
 def test_joints_of_limit_0_and_of_none():
     leg, wish = kd.Leg.human(), np.array([1.0, 0.0, 0.0])
     q = np.radians([5, 10, -5])

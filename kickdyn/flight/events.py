@@ -25,6 +25,9 @@ EventFunction = Callable[[Any, Any], Any]
 NUMBERS = 4
 """How many numbers an event may have."""
 
+AT_REST = 1e-100
+"""Speed below which a ball at an event does not leave it [m/s]."""
+
 
 @dataclass(frozen=True, eq=False)
 class Event:
@@ -152,8 +155,9 @@ def checked_ends(ends: Any) -> tuple[Event, ...]:
 def end_at_launch(events: Sequence[Event], state: Array, rates: Array) -> Event | None:
     """Return the first event that ends a motion where it begins; None if the motion goes on.
 
-    Such an event has a function that is zero at the beginning, and not positive so shortly after
-    that only the first change of the state counts.
+    Such an event has a function that is zero at the beginning, and negative so shortly after that
+    only the first change of the state counts. At a speed of less than `AT_REST` that change may be
+    too small for float64, and zero suffices.
     """
     for event in events:
         if event.terminal and event.value(state) == 0.0:
@@ -161,6 +165,7 @@ def end_at_launch(events: Sequence[Event], state: Array, rates: Array) -> Event 
             time = 1e-30 * (speed / acceleration if speed > 0.0 < acceleration else 1.0)
             later = state + time * rates
             later[:3] += 0.5 * time * time * rates[3:6]
-            if event.value(later) <= 0.0:
+            value = event.value(later)
+            if value < 0.0 or (value == 0.0 and speed < AT_REST):
                 return event
     return None

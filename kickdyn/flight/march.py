@@ -28,8 +28,8 @@ from kickdyn.core.compilation import compiled, is_kept, named
 from kickdyn.core.lanes import HOW, LANES, WITHIN
 from kickdyn.core.validation import Array
 from kickdyn.flight import compiling
-from kickdyn.flight.compiling import LEFT, SIGNATURE, SIZE, U, W, X, Z
-from kickdyn.flight.events import NUMBERS
+from kickdyn.flight.compiling import LEFT, SIGNATURE, SIZE, U, V, W, X, Z
+from kickdyn.flight.events import AT_REST, NUMBERS
 from kickdyn.flight.integrate import MAX_EVALUATIONS
 
 LANDED, ALOFT, FAILED, FURTHER = 0, 1, 2, 3
@@ -280,7 +280,10 @@ def _start(rates_of, values_of, flights, lane, rtol, time_limit):
                 for derivative in range(3):
                     column = 8 + 3 * (k // LANES) + derivative
                     flights.begin[row, column] = lane.begin[derivative, k]
-                if lane.begin[VALUE, k] == 0.0 >= lane.end[VALUE, k]:
+                value = lane.end[VALUE, k]
+                rests = value == 0.0 and abs(lane.state[U + i]) < AT_REST
+                rests = rests and abs(lane.state[V + i]) < AT_REST > abs(lane.state[W + i])
+                if lane.begin[VALUE, k] == 0.0 and (value < 0.0 or rests):
                     flights.status[row] = _status_of(k // LANES)
             for c in range(STATES):
                 flights.begin[row, c] = lane.rates[0, c * LANES + i]

@@ -116,7 +116,7 @@ def fly_many(
     task = _Task(states, ball, air, launched, time_limit)
     flown = _flown(task, tol)
     outside = _outside(states, flown.nodes, np.flatnonzero(flown.evaluations), ball, air)
-    data = _variables(states, *flown, outside)
+    data = _variables(states, flown, outside)
     data["status"] = _status_variable(flown.status, launched)
     if validation.flag("error", error):
         finer_tol, longest = refinement(tol, flown.nodes[:, 0], air)
@@ -335,13 +335,10 @@ def _speed(air: Air, height: float) -> float:
 
 
 def _variables(
-    states: BallState,
-    nodes: Array,
-    _: NDArray[np.int8],
-    evaluations: NDArray[np.int64],
-    outside: NDArray[np.bool_],
+    states: BallState, flown: _Flown, outside: NDArray[np.bool_]
 ) -> dict[str, tuple[str | tuple[str, ...], NDArray[Any], dict[str, Any]]]:
     """Return the results with names, units and meanings."""
+    nodes, evaluations = flown.nodes, flown.evaluations
     ended, moved, velocity = nodes[:, 0], nodes[:, 1:4], nodes[:, 4:7]
     data: dict[str, tuple[str | tuple[str, ...], NDArray[Any], dict[str, Any]]] = {}
     for name, values, unit, meaning in (

@@ -76,10 +76,10 @@ def fly(
         ends: further events that end the flight, each with a status of its own, its name.
 
     Raises:
-        InvalidInput: an array of states, an end that is no terminal event, a ball that starts inside the
-            ground, beyond the plane or faster than light, a position beyond the range of float64,
-            a bad tolerance, or a coefficient outside its range whose model refuses that; others
-            give one of `Flight.warnings`.
+        InvalidInput: an array of states, an end that is no terminal event, a ball that starts
+            inside the ground, beyond the plane or faster than light, a position beyond the range of
+            float64, a bad tolerance, or a coefficient outside its range whose model refuses that;
+            others give one of `Flight.warnings`.
         KickdynError: the integrator gave up.
 
     Example:

@@ -212,9 +212,10 @@ def _record_of_batches(record: Any) -> Any:
 
 
 def aligned_zeros(shape: tuple[int, ...], dtype: DTypeLike = float) -> NDArray[Any]:
-    """Return zeros that begin where a batch may begin, which reads and writes it in half the time.
+    """Return zeros in memory that begins at a multiple of the size of a batch.
 
-    The last axis, or each field of a record, has `BATCH` floats.
+    The last axis, or each field of a record, has `BATCH` floats. The kernel of `kickdyn.sweeps`
+    takes 1.3 times as long with memory that begins elsewhere.
     """
     size = math.prod(shape) * np.dtype(dtype).itemsize
     memory = np.zeros(size + _BYTES, np.uint8)

@@ -366,7 +366,7 @@ def _stiffness(
     dissipation: Dissipation,
 ) -> tuple[float, float]:
     """Return stiffness [N/m^n] and exponent n; a contact time is for the two masses alone."""
-    given = checked_stiffness(approach.ball, contact_time, stiffness)
+    given = checked_stiffness(contact_time, stiffness)
     if isinstance(given, str):
         return approach.ball.stiffness, LINEAR
     if given is None:
@@ -377,7 +377,7 @@ def _stiffness(
 
 
 def checked_stiffness(
-    ball: Ball, contact_time: float | None, stiffness: float | str | None
+    contact_time: float | None, stiffness: float | str | None
 ) -> float | str | None:
     """Return a stiffness from outside, which a contact time excludes; else raise."""
     if contact_time is not None and stiffness is not None:
@@ -389,7 +389,6 @@ def checked_stiffness(
             raise InvalidInput(
                 f"stiffness is {stiffness!r}: it must be a number [N/m^1.5] or 'pressure'"
             )
-        _ = ball.stiffness  # raises where the pressure is unknown
         return stiffness
     if stiffness is None:
         return None

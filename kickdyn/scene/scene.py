@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kickdyn.air import Air
-from kickdyn.ball import PRESSURES, Ball, BallState
+from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row
@@ -54,10 +54,8 @@ class Compliance:
             object.__setattr__(self, "contact_time", time)
         kind = validation.choice("dissipation", self.dissipation, Dissipation)
         object.__setattr__(self, "dissipation", kind)
-        # the pressure of the scene's ball is checked by the scene
-        ball = Ball(pressure=PRESSURES[0])
-        given = checked_stiffness(ball, self.contact_time, self.stiffness)
-        object.__setattr__(self, "stiffness", given)
+        stiffness = checked_stiffness(self.contact_time, self.stiffness)
+        object.__setattr__(self, "stiffness", stiffness)
 
     @property
     def options(self) -> dict[str, Any]:
@@ -257,7 +255,8 @@ def _checked_uncertainty(value: Mapping[str, float] | None) -> dict[str, float]:
 
 def _check_compliant(law: Compliance, ball: Ball, contact: Contact) -> None:
     """Raise `InvalidInput` for a contact that cannot take time."""
-    checked_stiffness(ball, law.contact_time, law.stiffness)
+    if law.stiffness == "pressure":
+        _ = ball.stiffness  # raises where the pressure is unknown
     least = least_restitution(contact.restitution)
     if least < LEAST_RESTITUTION:
         raise InvalidInput(

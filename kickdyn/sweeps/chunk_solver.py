@@ -178,11 +178,11 @@ class ChunkSolver:
         assert outcome is not None  # no kernel serves loops
         row = np.array(list(variables_of(outcome, self.kick).values()))
         for k, name in enumerate(VARIABLES):
-            slack = AGREEMENT * abs(row[k])
+            tolerance = AGREEMENT * abs(row[k])
             if k == _CARRY:  # both flights are wrong by up to 1e-8 of the carry; a launch that is
                 # level but for rounding comes down at once
-                slack = 1e-7 * abs(row[k]) + (self.carry_tolerance or 1e-9)
-            if name in _CHECKED and not abs(rows[k, i] - row[k]) <= slack:
+                tolerance = 1e-7 * abs(row[k]) + (self.carry_tolerance or 1e-9)
+            if name in _CHECKED and not abs(rows[k, i] - row[k]) <= tolerance:
                 raise KickdynError(
                     f"posture {first + i}: the sweep has {name} {float(rows[k, i])!r}, a single "
                     f"kick {float(row[k])!r}"
@@ -204,8 +204,8 @@ def _confirm(outcome: PostureOutcome) -> None:
     closed = strike(hit.posture, hit.v_before, hit.ball, contact)
     engine = strike(hit.posture, hit.v_before, hit.ball, contact, engine="pinocchio")
     gap = float(np.linalg.norm(engine.impulse - closed.impulse))
-    slack = max(AGREEMENT, 1e3 * float(np.finfo(float).eps) * hit.condition)
-    if not gap <= slack * float(np.linalg.norm(closed.impulse)):
+    tolerance = max(AGREEMENT, 1e3 * float(np.finfo(float).eps) * hit.condition)
+    if not gap <= tolerance * float(np.linalg.norm(closed.impulse)):
         raise KickdynError(
             f"{hit.posture!r}: without friction the impulse is {closed.impulse.tolist()} N s "
             f"in closed form, {engine.impulse.tolist()} N s by pin.impulseDynamics: "

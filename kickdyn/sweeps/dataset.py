@@ -64,7 +64,7 @@ def describe(leg: Leg, grid: Grid, kick: Kick, carry_tolerance: float) -> xr.Dat
     It has a coordinate per joint [rad; m] and, of angles, the same in degrees under the name
     `JOINT_deg`. Attributes follow the CF conventions; `finished` is 0. `carry_tolerance` is the
     largest error of carries that are interpolated [m], 0 where every ball is flown. Raises
-    `InvalidInput` where the name of a joint is also that of a variable.
+    `InvalidInput` where a joint and a variable have the same name.
     """
     _check_names(grid)
     attributes = {"Conventions": "CF-1.11", **provenance(leg, kick)}
@@ -182,7 +182,7 @@ def sweep_warnings(leg: Leg, kick: Kick) -> tuple[str, ...]:
 
 
 def _given_restitution(kick: Kick) -> dict[str, str]:
-    """Return the table or the model of which a sweep uses one value; nothing for a number."""
+    """Return the table or model of the restitution, from which a sweep uses one value, if any."""
     given = kick.contact.restitution
     if isinstance(given, float):
         return {}
@@ -233,7 +233,7 @@ def _check_names(grid: Grid) -> None:
         shadowed = name.endswith("_deg") and name.removesuffix("_deg") in grid.axes
         if taken or shadowed or "/" in name or name.strip(".") == "":
             raise InvalidInput(
-                f"joint {name!r} cannot be swept: in the dataset its name is that of a variable, "
+                f"joint {name!r} cannot be swept: in the dataset a variable has this name, "
                 "or cannot be a name: rename it"
             )
 

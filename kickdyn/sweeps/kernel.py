@@ -164,10 +164,10 @@ def fill_variables(
 def _sweep(axes, table, tree, task, bodies, inertia, state, answer):  # type: ignore[no-untyped-def]
     """Fill in the answers of consecutive postures, `BATCH` at a time.
 
-    `axes` are those of the grid, dtype `AXIS`, and `table` has cosine and sine of all their values
-    in two rows. `bodies`, `inertia` and `state` are memory of the caller's, because code that
-    allocates none compiles in three quarters of the time. The arguments are those of
-    `kernel_impact`, but `task` and `state` have shape `(1,)`.
+    `axes` are the axes of the grid, dtype `AXIS`, and `table` has cosine and sine of all their
+    values in two rows. `bodies`, `inertia` and `state` are memory of the caller's, because code
+    that allocates none compiles in three quarters of the time. The arguments are described in
+    `kernel_impact`; here `task` and `state` have shape `(1,)`.
     """
     task, floats = task[0], state[0]
     bodies, inertia, state = batches(bodies), batches(inertia), batches(state)[0]

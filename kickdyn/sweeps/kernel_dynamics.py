@@ -2,7 +2,7 @@
 
 All vectors have the contact's axes (first and second tangent, normal). Moments are about the
 joint's own origin, so that a light foot far from the hip loses no digits. Every joint turns about,
-or slides along, the z axis of its own frame. The algorithms are those of Featherstone, Rigid Body
+or slides along, the z axis of its own frame. The algorithms are from Featherstone, Rigid Body
 Dynamics Algorithms, 2008, written for batches, see `kickdyn.core.simd`.
 
 Kernels must give the same bits whether they were compiled now or are read from the disk, or a
@@ -90,7 +90,7 @@ def _times(matrix, v):  # type: ignore[no-untyped-def]
 
 @inlined
 def _symmetric(rows):  # type: ignore[no-untyped-def]
-    """Return the matrix of which an array has xx, xy, xz, yy, yz, zz."""
+    """Return the symmetric matrix whose entries xx, xy, xz, yy, yz, zz an array has."""
     xx, xy, xz, yy, yz, zz = rows[0], rows[1], rows[2], rows[3], rows[4], rows[5]
     return (xx, xy, xz), (xy, yy, yz), (xz, yz, zz)
 
@@ -106,7 +106,7 @@ def place_bodies(tree, bodies):  # type: ignore[no-untyped-def]
     r"""Fill in rotation, origin and carried moments of every body, from the base to the tips.
 
     :math:`R_k = R_{parent} Q_k R_z(q_k)` with the constant rotation :math:`Q_k`; the origin of a
-    slide moves along its z axis instead. The carried moments are those of the body alone.
+    slide moves along its z axis instead. The carried moments are the moments of the body alone.
     """
     for k in range(1, len(tree)):
         joint, body, parent = tree[k], bodies[k], bodies[tree[k].parent]
@@ -154,7 +154,7 @@ def _place_moments(joint, body):  # type: ignore[no-untyped-def]
 
 @njit
 def keep_moments(bodies):  # type: ignore[no-untyped-def]
-    """Copy the moments of each body, before those of all that a joint carries replace them."""
+    """Copy the moments of each body, before the sums over all carried bodies replace them."""
     for k in range(1, len(bodies)):
         body = bodies[k]
         for i in range(3):

@@ -83,7 +83,7 @@ def factorize(tree, inertia, state):  # type: ignore[no-untyped-def]
 
 @njit
 def whiten(tree, bodies, factors, task):  # type: ignore[no-untyped-def]
-    r"""Replace the rows of :math:`J^T` by those of :math:`W = L^{-T} J^T`.
+    r"""Replace the rows of :math:`J^T` by the rows of :math:`W = L^{-T} J^T`.
 
     Then :math:`W^T D^{-1} W = J M^{-1} J^T` is the Delassus matrix; `factors` are L and
     :math:`D^{-1}` of `factorize`.

@@ -75,9 +75,9 @@ def sweep(
 
     From each posture the foot moves with the velocity of the kick. The impulse on the ball follows
     from the leg's effective mass along the contact normal, :math:`1 / (n^T J M^{-1} J^T n)`,
-    Newton's restitution and Coulomb's friction; the ball then flies through the air. The answers
-    are those of `kickdyn.strike` and `kickdyn.fly`, and agree with them to 1e-9; the carry of
-    a ball that is flown, and not interpolated, is that of `kickdyn.fly` with `tol=1e-11`, to 1e-8.
+    Newton's restitution and Coulomb's friction; the ball then flies through the air. The values
+    agree with `kickdyn.strike` and `kickdyn.fly` to 1e-9; the carry of a ball that is flown, and
+    not interpolated, agrees with `kickdyn.fly` with `tol=1e-11` to 1e-8.
 
     Args:
         leg: the leg.
@@ -155,7 +155,7 @@ def sweep_chunks(
 ) -> Iterator[xr.Dataset]:
     """Yield a sweep of any size chunk by chunk, each as the dataset of its postures; none is kept.
 
-    Arguments and errors are those of `sweep`. The chunks come in the order of the grid.
+    It has the arguments and errors of `sweep`. The chunks come in the order of the grid.
     """
     solver = ChunkSolver(leg, Grid.of(leg, postures), kick, tolerance)
     described, chunks = solver.describe(), Chunks.of(solver.grid.shape, solver.chunk)
@@ -190,7 +190,7 @@ def _fill(
     in_process: bool,
     progress: Progress | None,
 ) -> None:
-    """Compute and write what a store lacks, in this process or in those of the pool."""
+    """Compute and write what a store lacks, in this process or in the processes of the pool."""
     missing, span = store.missing(), store.chunks.span
     if progress is not None:
         left = sum(span(k)[1] for k in missing)

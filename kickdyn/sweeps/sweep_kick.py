@@ -44,7 +44,7 @@ class Kick:
         attack: attack angle :math:`\alpha`, from the horizontal upwards in the x-z plane [rad], in
             :math:`[-\pi/2, \pi/2]`; 30 degrees by default.
         restitution: coefficient e, or a table or model of it over the speed of approach, as for
-            `Contact`. The speed of approach is that of the foot. 0.8 reproduces the paper's Table
+            `Contact`. The foot approaches with its speed. 0.8 reproduces the paper's Table
             2.
         friction: Coulomb's coefficient mu, at most 1e9; 0.4 is the paper's.
         law: impact law, as for `strike`.
@@ -86,7 +86,7 @@ class Kick:
 
     @property
     def restitution_used(self) -> float:
-        """Coefficient e at the speed of the foot, which is that of approach in every posture."""
+        """Coefficient e at the speed of the foot, with which it approaches in every posture."""
         return self.contact.restitution_at(self.speed)
 
 
@@ -136,9 +136,9 @@ class PostureOutcome:
 def kick_from(posture: Posture, kick: Kick) -> PostureOutcome:
     """Strike and fly from one posture.
 
-    The joint velocity is that of least kinetic energy, or, where that exceeds a joint's limit,
-    that of least `speed_use`. The impulse on the ball is the same for both: it depends on the
-    velocity of the foot only.
+    The joint velocity has the least kinetic energy, or, where that velocity exceeds a joint's
+    limit, the least `speed_use`. The impulse on the ball is the same for both, because it depends
+    on the velocity of the foot only.
     """
     foot_velocity = kick.speed * kick.direction
     v = posture.try_joint_velocity(foot_velocity)

@@ -37,7 +37,7 @@ class ReportLine:
         label: name of the posture.
         angles: joint name to value, to nine decimals [deg; m for prismatic joints].
         outcome: the outcome of the kick.
-        values: those of `dataset.VARIABLES`.
+        values: value of each of `dataset.VARIABLES`.
         paper: the paper's impulse on an immovable obstacle [N s], where it prints one.
         explanation: reason of the ball speed, of the best and the worst posture.
     """
@@ -68,7 +68,7 @@ class ReportLine:
 def paper_lines(leg: Leg, kick: Kick) -> list[ReportLine]:
     """Return the paper's three postures of the human leg."""
     ours = kick.speed, kick.attack, kick.restitution_used
-    as_printed = leg.frame == "toe" and ours == (1.0, math.radians(30), 0.8)  # those of Table 2
+    as_printed = leg.frame == "toe" and ours == (1.0, math.radians(30), 0.8)  # as in Table 2
     return [
         _line(leg, kick, label, np.radians(angles), paper=total if as_printed else None)
         for label, (angles, total) in PAPER_POSTURES.items()
@@ -92,7 +92,7 @@ def page_lines(
     """Return the postures that a page shows, each explained; none where no posture counts.
 
     They are the best posture with the fastest foot that its joints' speed limits allow, the best,
-    that of least impulse in a joint, and the others of the report.
+    the posture of least impulse in a joint, and the others of the report.
     """
     best = next((line for line in lines if line.label == "best"), None)
     if best is None:

@@ -4,7 +4,7 @@ import numba
 import numpy as np
 import pytest
 
-from kickdyn.core.simd import BATCH, batches, choose, spread
+from kickdyn.core.simd import BATCH, aligned_zeros, batches, choose, spread
 
 A, B = (np.random.default_rng(seed).uniform(-2, 2, BATCH) for seed in (0, 1))
 
@@ -62,3 +62,30 @@ def test_without_a_number_and_infinite_numbers():
     assert np.isnan(floats[1:4, 0, 0]).all()
     assert np.isnan(floats[2, 1, 2])
     assert floats[6, 0, 0] == 0.5  # no comparison with nan is true
+
+
+RECORD = np.dtype([("matrix", float, (2, 2, BATCH)), ("number", float, BATCH)])
+
+
+@numba.njit(error_model="numpy", _nrt=False)
+def fill_records(floats):
+    records = batches(floats)
+    for k in range(1, len(records)):
+        record, before = records[k], records[k - 1]
+        record.number = before.number * before.matrix[0, 1]
+        record.matrix[1, 0] = before.matrix[0, 1] - record.number
+        record.matrix[1, 1] = 2.0
+
+
+@pytest.mark.parametrize("offset", [0, 8])
+def test_fields_of_records_are_batches(offset):
+    memory = aligned_zeros((3 * RECORD.itemsize // 8 + BATCH,)).view(np.uint8)
+    assert memory.ctypes.data % (8 * BATCH) == 0
+    records = memory[offset : offset + 3 * RECORD.itemsize].view(RECORD)
+    records["matrix"][:, 0, 1], records["number"][0] = A, B
+    fill_records(records)
+    numbers = np.array([B, B * A, B * A * A])
+    assert np.array_equal(records["number"], numbers)
+    assert np.array_equal(records["matrix"][1:, 1, 0], A - numbers[1:])
+    assert (records["matrix"][1:, 1, 1] == 2.0).all()
+    assert not records["matrix"][:, 0, 0].any()

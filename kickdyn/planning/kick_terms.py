@@ -100,10 +100,10 @@ class BallPosition(KickTerm):
         """Where the ball is, as a part of a sentence."""
         if len(self.rows) == 1:
             return f"at a height of {self.centre[2]:g} m"
-        return f"at ({', '.join(f'{part:g}' for part in self.centre)}) m"
+        return f"at ({', '.join(f'{x:g}' for x in self.centre)}) m"
 
     def explain(self, point: KickPoint) -> str:
-        nearest = ", ".join(f"{part:.4g}" for part in np.round(point.ball_centre, 6) + 0.0)
+        nearest = ", ".join(f"{x:.4g}" for x in np.round(point.ball_centre, 6) + 0.0)
         return f"the nearest position of the ball for which it has one is ({nearest}) m"
 
 

@@ -114,7 +114,7 @@ class LandingScatter(Objective):
         except NoImpact:  # far from feasible
             return 1e6
         covariances = landing_covariances(impact, self._slopes, self._sizes)
-        return math.sqrt(sum(float(np.trace(part)) for part in covariances.values()))
+        return math.sqrt(sum(float(np.trace(covariance)) for covariance in covariances.values()))
 
 
 class LargestShare(Function[KickPoint]):

@@ -21,10 +21,10 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.planning.casadi_chain import point_function, torque_function
 from kickdyn.planning.impact_target import ImpactTarget
-from kickdyn.planning.kick_point import KickPoint
+from kickdyn.planning.kick_point import KickPoint, Objective
 from kickdyn.planning.kick_problem import KickProblem, KickSolution, solve_kick
 from kickdyn.planning.kick_terms import BallPosition, Facing, StrikeVelocity
-from kickdyn.planning.objectives import KineticEnergy, Objective
+from kickdyn.planning.objectives import KineticEnergy
 from kickdyn.planning.problem import TOLERANCE
 from kickdyn.planning.stop_problem import EAGER, OPTIONS, SHORT, StopEquations
 from kickdyn.planning.swing_phase import LONGEST, SwingPhase, swing_chain

@@ -91,6 +91,9 @@ class GoalOptions:
         "--arc", default="low", show_default=True, type=click.Choice([*map(str, Arc)]),
         help="Arc of the flight, where two launches meet the goal.",
     )  # fmt: skip
+    spin: tuple[float, float, float] | None = option(
+        "--spin", type=Numbers("X,Y,Z"), help="Spin of the ball [rad/s]; back spin has Y < 0."
+    )
 
     def read_wall(self) -> Wall | None:
         """Return the wall; raise `InvalidInput` if it does not stand before the target."""
@@ -100,7 +103,7 @@ class GoalOptions:
         check_before(wall, math.hypot(self.distance, self.left))
         return wall
 
-    def load(self, spin: tuple[float, ...] | None) -> Goal:
+    def load(self) -> Goal:
         """Return the goal; raise `InvalidInput` unless exactly one option describes the flight."""
         validation.number("distance", self.distance, above=0, at_most=FARTHEST, unit="m")
         validation.number("height", self.height, at_most=FARTHEST, unit="m")
@@ -120,13 +123,13 @@ class GoalOptions:
         return Goal(
             (self.distance, self.left, self.height), time=self.time, apex=self.apex,
             speed=self.launch_speed, over=over, beside=self.beside, arc=self.arc,
-            spin=spin or (0.0, 0.0, 0.0),
+            spin=self.spin or (0.0, 0.0, 0.0),
         )  # fmt: skip
 
 
 @dataclass(frozen=True)
 class KickOptions:
-    """Where the ball lies, its spin, what is minimized, and whether the swing is planned."""
+    """Where the ball lies, what is minimized, and whether the swing is planned."""
 
     ball_height: float | None = option(
         "--ball-height", type=float,
@@ -140,9 +143,6 @@ class KickOptions:
         help="Position of the ball's centre [m, world frame], in place of --ball-height. Only the "
         "self-motion of the leg remains free.",
     )  # fmt: skip
-    spin: tuple[float, float, float] | None = option(
-        "--spin", type=Numbers("X,Y,Z"), help="Spin of the ball [rad/s]; back spin has Y < 0."
-    )
     objective: str | None = option(
         "--objective",
         type=click.Choice([name.value for name in KickObjective if name != "scatter"]),
@@ -251,11 +251,11 @@ def plan(
     Example: kickdyn plan --distance 30 --time 1.5 --leg human --view kick.html --json -
     """
     kick.check()
-    target, wall, spread = goal.load(kick.spin), goal.read_wall(), kick.spread()
+    target, wall, spread = goal.load(), goal.read_wall(), kick.spread()
     if output.plot is not None and not kick.swing:
         raise InvalidInput(f"--plot is {output.plot!r}: it shows the swing, so add --swing")
     output.check(inputs=[leg.leg_name])
-    kicked, flown_through, robot = ball.load(), air.load(), leg.load()
+    struck_ball, windy_air, robot = ball.load(), air.load(), leg.load()
     if output.plot is not None and is_floating(robot):
         raise InvalidInput(
             f"--plot is {output.plot!r}: swings are drawn only for robots on a fixed base"
@@ -264,8 +264,8 @@ def plan(
     with busy("planning the kick") as show:
         try:
             planned = plan_kick(
-                robot, target, kicked, flown_through, contact=contact.contact(None),
-                surface=goal.surface, **kick.arguments(robot, kicked, contact.offset),
+                robot, target, struck_ball, windy_air, contact=contact.contact(None),
+                surface=goal.surface, **kick.arguments(robot, struck_ball, contact.offset),
             )  # fmt: skip
         except OutOfReach as error:
             output.write_json(unreachable_json(target, error))

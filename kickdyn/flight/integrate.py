@@ -233,7 +233,11 @@ class _Integration:
                        for event in self._terminal if step.crosses(event)]  # fmt: skip
             if ends:
                 time, state, event = min(ends, key=lambda crossing: crossing[0])
-                return Arc(time, state, event, passed, self._evaluations, [*times, time], steps)
+                if time <= step.t_old:  # the step before ended there but for rounding
+                    steps.pop()
+                else:
+                    times.append(time)
+                return Arc(time, state, event, passed, self._evaluations, times, steps)
             times.append(step.t)
         return Arc(solver.t, solver.y, None, passed, self._evaluations, times, steps)
 

@@ -80,10 +80,10 @@ class Robot:
 
 
 _FULL_NAMES = tuple(
-    f"{side}_{part}_" for side in ("left", "right") for part in ("hip", "knee", "ankle")
+    f"{side}_{segment}_" for side in ("left", "right") for segment in ("hip", "knee", "ankle")
 )
-_ICUB = tuple(f"{side}_{part}" for side in "lr" for part in ("hip", "knee", "ankle"))
-_ROMEO = tuple(f"{side}{part}" for side in "LR" for part in ("Hip", "Knee", "Ankle"))
+_ICUB = tuple(f"{side}_{segment}" for side in "lr" for segment in ("hip", "knee", "ankle"))
+_ROMEO = tuple(f"{side}{segment}" for side in "LR" for segment in ("Hip", "Knee", "Ankle"))
 
 ROBOTS = {
     "g1": Robot(

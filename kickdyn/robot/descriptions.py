@@ -30,12 +30,12 @@ class Description:
     folders: tuple[Path, ...]
 
 
-def find_description(name: str, others: list[str]) -> Description:
+def find_description(name: str, other_names: list[str]) -> Description:
     """Return the files of a robot, downloaded the first time.
 
     Args:
         name: of a module of robot_descriptions, such as `atlas_v4_description`.
-        others: names of robots that are known without the package, for the error.
+        other_names: names of robots that are known without the package, for the error.
 
     Raises:
         InvalidInput: no such name, the package is not installed, a download fails, or there is
@@ -43,11 +43,11 @@ def find_description(name: str, others: list[str]) -> Description:
     """
     known = _names()
     if name not in known:
-        near = get_close_matches(str(name)[:200], [*others, *known], 1)
+        near = get_close_matches(str(name)[:200], [*other_names, *known], 1)
         hint = f"did you mean {near[0]!r}? " if near else ""
         more = "a name of robot_descriptions" if known else f"install more with {INSTALL}"
         raise InvalidInput(
-            f"robot {name!r} is unknown: {hint}choose {', '.join(others)}, or {more}"
+            f"robot {name!r} is unknown: {hint}choose {', '.join(other_names)}, or {more}"
         )
     reason = None
     try:

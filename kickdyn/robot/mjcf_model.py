@@ -309,7 +309,7 @@ class _Builder:
     def _add_mimic(self, first: int, second: int, offset: float, multiplier: float) -> None:
         """Let a joint follow another one; both count from their `ref` in MuJoCo."""
         start, address = self.compiled.qpos0, self.compiled.jnt_qposadr
-        joint, driver = (str(self.compiled.joint(each).name) for each in (first, second))
+        joint, driver = (str(self.compiled.joint(number).name) for number in (first, second))
         taken = {name for mimic in self.mimics for name in (mimic.joint, mimic.driver)}
         if not joint or not driver or joint in taken or driver in {m.joint for m in self.mimics}:
             raise InvalidInput(

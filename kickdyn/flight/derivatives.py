@@ -182,7 +182,7 @@ def _time_to_fall(flights: Flights, ball: Ball, plane: Plane) -> float:
     launch, air = flights[0]
     gap = plane.gap(ball, launch.position)
     closing = downward(ball, air) * float(plane.normal[2])
-    return time_to_fall(float(plane.normal @ launch.velocity), gap, closing)
+    return float(time_to_fall(float(plane.normal @ launch.velocity), gap, closing))
 
 
 def _expected_duration(flights: Flights, ball: Ball, end: float | Plane) -> float:

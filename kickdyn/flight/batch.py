@@ -314,15 +314,15 @@ def _outside(
         return outside
     every = slice(None) if len(rows) == len(nodes) else rows
     launch, spin, flown = states.position[every, 2], states.spin[every], nodes[every]
-    found = np.zeros(len(flown), bool)
+    is_outside = np.zeros(len(flown), bool)
     for height, velocity, share in (
         (launch, states.velocity[every], 1.0),
         (launch + flown[:, 3], flown[:, 4:7], flown[:, 7:8]),
         (launch + flown[:, 11], flown[:, 12:15], flown[:, 15:]),
     ):
         for _, out in outside_ranges(height, velocity, share * spin, ball, air):
-            found |= out.any(axis=0)
-    outside[every] = found & (flown[:, 0] > 0.0)  # else it failed, or never flew
+            is_outside |= out.any(axis=0)
+    outside[every] = is_outside & (flown[:, 0] > 0.0)  # else it failed, or never flew
     return outside
 
 

@@ -67,19 +67,19 @@ def compiled_rates(ball: Ball, air: Air) -> Any:
 
     A wind or a coefficient that numba cannot compile raises `InvalidInput`.
     """
-    whole, straight, bound = copy.copy(air), copy.copy(air), 0.0
+    branched, straight, bound = copy.copy(air), copy.copy(air), 0.0
     for name in ("drag", "lift", "torque"):
         model = getattr(air, name)
         if not isinstance(model, CoefficientModel):
             continue
         if model.refuses:
-            object.__setattr__(whole, name, _refusing(model))
+            object.__setattr__(branched, name, _refusing(model))
             object.__setattr__(straight, name, _refusing(model))
         elif model.branch_free is not None:
             object.__setattr__(straight, name, model.branch_free[1])
             bound = max(bound, model.branch_free[0])
     rates = side_by_side(
-        acceleration_function(ball, whole),
+        acceleration_function(ball, branched),
         acceleration_function(ball, straight),
         reynolds_number(ball, air),
         bound,
@@ -116,14 +116,14 @@ def _no_values(numbers: Any, state: Any, value: Any) -> None:
 
 
 def _with_values(
-    others: Callable[[Any, Any, Any], None], function: EventFunction, k: int
+    previous: Callable[[Any, Any, Any], None], function: EventFunction, k: int
 ) -> Callable[[Any, Any, Any], None]:
     """Return a function that fills in the values of k events, and of another one after them."""
     row, first = k * LANES, k * NUMBERS * LANES
 
     def values(numbers: Any, state: Any, value: Any) -> None:
         """Fill in the values in all lanes."""
-        others(numbers, state, value)
+        previous(numbers, state, value)
         for i in range(LANES):
             moved = state[X + i], state[Y + i], state[Z + i]
             motion = state[U + i], state[V + i], state[W + i], state[LEFT + i]
@@ -370,4 +370,4 @@ def _used(function: types.FunctionType) -> dict[str, Any]:
 def _names(code: types.CodeType) -> set[str]:
     """Return the names that a function and those defined in it look up."""
     inner = (constant for constant in code.co_consts if isinstance(constant, types.CodeType))
-    return set(code.co_names).union(*(_names(each) for each in inner))
+    return set(code.co_names).union(*(_names(function) for function in inner))

@@ -304,7 +304,7 @@ def _first_length(state: Array, rate: Array, tolerance: Tolerance) -> float:
     derivatives, the landing would be up to four times as far off.
     """
     scale = tolerance.absolute + tolerance.relative * np.abs(state)
-    size, change = (math.sqrt(float(np.mean((part / scale) ** 2))) for part in (state, rate))
+    size, change = (math.sqrt(float(np.mean((vector / scale) ** 2))) for vector in (state, rate))
     size = max(size, 1.0)
     return size / change * (3e-5 / size) ** 0.125 if change > 0.0 else math.inf
 

@@ -27,7 +27,7 @@ from kickdyn.core import lanes
 from kickdyn.core.compilation import compiled, is_kept, named
 from kickdyn.core.lanes import HOW, LANES, WITHIN
 from kickdyn.core.validation import Array
-from kickdyn.flight import compiling
+from kickdyn.flight import compiling, events
 from kickdyn.flight.compiling import LEFT, SIGNATURE, SIZE, U, V, W, X, Z
 from kickdyn.flight.events import AT_REST, NUMBERS
 from kickdyn.flight.integrate import MAX_EVALUATIONS
@@ -188,7 +188,7 @@ def march_is_kept() -> bool | None:
 def _named_march() -> Any:
     """Return `_march` under the name that it is kept by."""
     # numba looks for changes in this file only; the others are part of the name
-    sources = b"".join(Path(str(file.__file__)).read_bytes() for file in (lanes, compiling))
+    sources = b"".join(Path(str(file.__file__)).read_bytes() for file in (lanes, compiling, events))
     return named(_march, f"march_{zlib.crc32(sources, MAX_EVALUATIONS):08x}")
 
 

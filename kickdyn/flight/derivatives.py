@@ -55,8 +55,8 @@ LaunchFunction = Callable[[Array], tuple[BallState, Air | None]]
 """From parameters, shape `(p,)`, to the launch and the air of a flight; None is the vacuum."""
 
 StatesFunction = Callable[[float | Array], Array]
-"""From a time, or n times, to the states of all flights, `(p + 1, 7)` or `(n, p + 1, 7)`; of central
-differences, 2 p for p."""
+"""From a time, or n times, to the states of all flights, `(p + 1, 7)` or `(n, p + 1, 7)`; for
+central differences, 2 p stands for p."""
 
 Flights = list[tuple[BallState, Air]]
 """Launches and airs of the flight and of its neighbours."""

@@ -12,9 +12,8 @@ from kickdyn.cli.command import offers, warn
 from kickdyn.cli.option_groups import option
 from kickdyn.core import validation
 from kickdyn.errors import FaultyFile, InvalidInput
-from kickdyn.robot.catalog import ROBOTS
+from kickdyn.robot.catalog import DESCRIPTION, ROBOTS
 from kickdyn.robot.constraints import Support
-from kickdyn.robot.descriptions import DESCRIPTION
 from kickdyn.robot.kicking_chain import kicking_chain
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.leg_file import read_leg, read_robot

@@ -21,9 +21,8 @@ from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.leg import Leg
-from kickdyn.robot.mesh_file import read_mesh
 from kickdyn.robot.package_files import PackageFiles
-from kickdyn.robot.visuals import RobotFile, Shape, Visual
+from kickdyn.robot.visuals import RobotFile, Shape, Visual, read_mesh
 
 TOLERANCE = 2e-3
 """Depth up to which a body counts as on the ground [m]: soles are rounded and rubber gives way."""

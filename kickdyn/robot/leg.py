@@ -26,16 +26,22 @@ from kickdyn.core.validation import Array, read_only
 from kickdyn.core.vectors import cross3
 from kickdyn.errors import FaultyFile, InvalidInput, MjcfError, UrdfError
 from kickdyn.robot.articulated_body import ArticulatedBodies
-from kickdyn.robot.catalog import ROBOTS, TOE, outside_legs, robot, robot_file, robot_model
+from kickdyn.robot.catalog import (
+    ROBOTS,
+    TOE,
+    find_description,
+    outside_legs,
+    robot,
+    robot_file,
+    robot_model,
+)
 from kickdyn.robot.constraints import (
     ConstraintProjector,
     Constraints,
     Support,
     find_open_loops,
 )
-from kickdyn.robot.descriptions import find_description
-from kickdyn.robot.joint_table import JointTable
-from kickdyn.robot.mimic_joints import Mimic
+from kickdyn.robot.joint_table import JointTable, Mimic
 from kickdyn.robot.mjcf_file import MjcfFile, read_mjcf
 from kickdyn.robot.mjcf_model import build_mjcf_model
 from kickdyn.robot.model_validation import (
@@ -304,7 +310,7 @@ class Leg(JointTable, ReprMixin):
     ) -> "Leg":
         """Load a robot of the package robot_descriptions."""
         check_base(base)
-        description, contact_frame = find_description(name, list(ROBOTS)), frame or TOE
+        description, contact_frame = find_description(name), frame or TOE
         try:
             if description.is_mjcf:
                 return cls._from_mjcf(

@@ -16,7 +16,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from kickdyn.robot.mimic_joints import Mimic
+from kickdyn.robot.joint_table import Mimic
 from kickdyn.robot.model_validation import ROUNDING
 from kickdyn.robot.names import expand_patterns, listed
 

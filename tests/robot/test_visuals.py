@@ -12,9 +12,9 @@ import pytest
 import trimesh
 
 import kickdyn as kd
-from kickdyn.robot import mesh_file
-from kickdyn.robot.mesh_file import FORMATS, read_mesh
+from kickdyn.robot import visuals
 from kickdyn.robot.package_files import PackageFiles
+from kickdyn.robot.visuals import FORMATS, read_mesh
 
 watching: list[list[str]] = []
 
@@ -270,7 +270,7 @@ def test_a_file_that_promises_a_lot_takes_no_more_memory_than_it_has(name, tmp_p
     (tmp_path / name).write_bytes(PROMISES[name])
     code = f"""
 import resource, pathlib
-from kickdyn.robot.mesh_file import read_mesh
+from kickdyn.robot.visuals import read_mesh
 from kickdyn.robot.package_files import PackageFiles
 finder = PackageFiles(pathlib.Path({str(tmp_path)!r}))
 resource.setrlimit(resource.RLIMIT_AS, (2 * 10**9, 2 * 10**9))
@@ -286,7 +286,7 @@ except ValueError as error:
 
 
 def test_too_many_triangles_are_refused(folder, monkeypatch):
-    monkeypatch.setattr(mesh_file, "MAX_VERTICES", 19)
+    monkeypatch.setattr(visuals, "MAX_VERTICES", 19)
     with pytest.raises(kd.InvalidInput, match="more than 19 vertices and triangles"):
         read("meshes/box.stl", folder)
 

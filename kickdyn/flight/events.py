@@ -17,7 +17,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.flight_result import FlightStatus
 from kickdyn.ground import Ground
-from kickdyn.plane import Plane
+from kickdyn.plane import Plane, plane_gaps
 
 EventFunction = Callable[[Any, Any], Any]
 """From the seven states of `FlightEquations` and an event's numbers to a float."""
@@ -103,7 +103,7 @@ def plane_events(ball: Ball, plane: Plane | None) -> tuple[Event, ...]:
         Event(
             FlightStatus.AT_PLANE,
             distance_to_plane,
-            lambda launch: (plane.gaps(ball, launch.position), *normal),
+            lambda launch: (plane_gaps(plane, ball, launch.position), *normal),
         ),
     )
 

@@ -638,19 +638,26 @@ class Posture(ReprMixin):
 
         With constraints, it is projected on the velocity jumps that they allow in an impact.
         """
-        columns = self.whiten(self.jacobian)
+        columns = self._allowed(self._whiten(self.jacobian))
         columns.setflags(write=False)
         return columns.T
 
-    def whiten(self, jacobian: Array) -> Array:
+    def whiten(self, jacobian: ArrayLike) -> Array:
         r"""Return :math:`L^{-1} J^T` of any Jacobian, shape `(rows, nv)`, as columns.
 
         With constraints, it is projected on the velocity jumps that they allow in an impact.
         """
-        columns = self._whiten(jacobian)
-        if self.constraint_projector is not None:
-            columns = self.constraint_projector.project(columns)
-        return columns
+        rows = validation.floats("jacobian", jacobian)
+        if rows.ndim != 2 or rows.shape[1] != self.leg.nv:
+            raise InvalidInput(
+                f"jacobian has shape {rows.shape}: it must have rows of length {self.leg.nv}"
+            )
+        return self._allowed(self._whiten(rows))
+
+    def _allowed(self, columns: Array) -> Array:
+        """Return whitened columns, projected on what the constraints allow in an impact."""
+        projector = self.constraint_projector
+        return columns if projector is None else projector.project(columns)
 
     def delassus_factor(self) -> Array:
         r"""Return F with :math:`F F^T = J M^{-1} J^T`, shape `(3, n)` [kg^-1/2, world frame].

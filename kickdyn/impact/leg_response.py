@@ -57,8 +57,7 @@ def as_response(
     """Return a response of read-only arrays; `unbalanced` is the momentum left over."""
     for array in (v_after, transmitted, constraint_impulses):
         array.setflags(write=False)
-    jacobian = posture.jacobian
-    scale = math.sqrt(np.vdot(jacobian, jacobian)) * math.hypot(*impulse.tolist())
+    scale = posture.jacobian_norm * math.hypot(*impulse.tolist())
     residual = largest(unbalanced) / scale if scale else 0.0
     return LegResponse(v_after, transmitted, constraint_impulses, residual)
 

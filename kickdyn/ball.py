@@ -217,7 +217,7 @@ class BallState(ValueEquality):
         """
         state = cls.__new__(cls)
         for array in (position, velocity, spin):
-            array.setflags(write=False)
+            array.setflags(False)  # read-only; naming the argument would take a third longer
         state.__dict__.update(position=position, velocity=velocity, spin=spin, time=time)
         return state
 

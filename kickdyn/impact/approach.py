@@ -206,7 +206,7 @@ def find_approach(
         with np.errstate(over="ignore", invalid="ignore"):  # reported by `_closing_speed`
             foot_velocity = posture.jacobian.dot(v)
     for array in (v, foot_velocity):
-        array.setflags(write=False)
+        array.setflags(False)
     centre_velocity, speed = _closing_speed(posture, foot_velocity, before, contact)
     approach = Approach(
         posture,

@@ -56,7 +56,7 @@ def as_response(
 ) -> LegResponse:
     """Return a response of read-only arrays; `unbalanced` is the momentum left over."""
     for array in (v_after, transmitted, constraint_impulses):
-        array.setflags(write=False)
+        array.setflags(False)
     scale = posture.jacobian_norm * math.hypot(*impulse.tolist())
     residual = largest(unbalanced) / scale if scale else 0.0
     return LegResponse(v_after, transmitted, constraint_impulses, residual)

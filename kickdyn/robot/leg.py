@@ -643,7 +643,7 @@ class Posture(ReprMixin):
         """
         if self._whitened is None:  # not a cached_property: its lock would take 2 us
             columns = self.whiten(self.jacobian)
-            columns.setflags(write=False)
+            columns.setflags(False)
             self._whitened = columns.T
         return self._whitened
 
@@ -883,7 +883,7 @@ def _posture(leg: Leg, q: ArrayLike) -> Posture:
     jacobian: Array = rotation.dot(frame_jacobian[:3])
     joint_rotation = workspace.placements[leg.contact_joint].rotation.copy()
     for array in (q, inertia, origin, jacobian, joint_rotation):
-        array.setflags(write=False)
+        array.setflags(False)
     posture = Posture(  # names of the arguments would take half a microsecond
         leg,
         q,

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from kickdyn.core.gravity import GRAVITY
+from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.validation import Array, check_type
 from kickdyn.errors import InvalidInput, MjcfError
 from kickdyn.robot.joint_table import Mimic

@@ -1,4 +1,4 @@
-"""Validation, gravity and vectors, text and HTML representation, files, tables, plots, compiled code.
+"""Validation, gravity, vectors, text and HTML representation, files, tables, plots, compiled code.
 
 Open `validation.py` first: every public function checks its input with it.
 """

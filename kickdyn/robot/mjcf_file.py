@@ -20,9 +20,9 @@ from scipy.spatial.transform import Rotation
 
 from kickdyn.errors import InvalidInput, MjcfError
 from kickdyn.robot.joint_table import Mimic
-from kickdyn.robot.names import listed
+from kickdyn.robot.names import listed, name_fault
 from kickdyn.robot.package_files import MAX_DEPTH, MissingFile, PackageFiles, read_xml
-from kickdyn.robot.urdf_validation import MAX_MOVING_JOINTS, MAX_NAME
+from kickdyn.robot.urdf_validation import MAX_MOVING_JOINTS
 from kickdyn.robot.visuals import RobotFile, Shape, Visual
 
 MAX_ELEMENTS = 100_000
@@ -378,14 +378,9 @@ def _count_elements(element: Element) -> int:
 
 
 def _check_names(root: Element) -> None:
-    """Raise `ValueError` for a name that cannot be shown."""
+    """Raise `ValueError` for a name that is not valid."""
     for element in root.iter():
-        for key in ("name", "class", "childclass", "dclass", "model"):
-            name = element.get(key, "")
-            if len(name) > MAX_NAME or not name.isprintable():
-                raise ValueError(
-                    f"{element.tag[:40]} {key} {name[:40]!r} is not a printable name of at most "
-                    f"{MAX_NAME} characters"
-                )
-            if key == "name" and name == "universe":
-                raise ValueError(f"{element.tag[:40]} name 'universe' is Pinocchio's own")
+        for key in ("name", "model"):
+            fault = name_fault(f"{element.tag[:40]} {key}", element.get(key, ""))
+            if fault:
+                raise ValueError(fault)

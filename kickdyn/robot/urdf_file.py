@@ -96,7 +96,7 @@ def read_urdf(
     The joints that a locked joint mimics are not checked; `locked` has names or patterns.
 
     Raises:
-        UrdfError: with all faults of the file in one message.
+        UrdfError: with all faults that `find_faults` finds, in one message.
         InvalidInput: `path` is no path at all, or there is no such folder.
     """
     urdf = replace(read_document(path), package_dirs=tuple(_folders(package_dirs)))

@@ -31,6 +31,9 @@ FORMATS = (".stl", ".obj", ".dae", ".ply")
 MAX_VERTICES = 3_000_000
 """Vertices and triangles of a mesh."""
 
+MAX_NODES = 10_000
+"""Largest number of nodes of a COLLADA file, each counted as often as it is instantiated."""
+
 GREY = "0.4 0.4 0.4 1"
 """Colour of what COLLADA colours by a picture, as trimesh's own without the picture."""
 
@@ -176,6 +179,7 @@ def read_mesh(files: PackageFiles, filename: str, scale: ArrayLike = 1.0) -> lis
     try:
         if ending == ".dae":
             root = parse_xml(content.decode(errors="replace"))
+            _check_nodes(root)
             _remove_pictures(root)
             content = ElementTree.tostring(root)  # what was checked, not the file's own bytes
             stretch = stretch @ UPRIGHT.get(root.findtext(".//{*}up_axis", "Z_UP"), np.eye(3))
@@ -219,6 +223,18 @@ def _colour(mesh: object) -> Array | None:
         return None
     source = visual.material if visual.kind == "texture" else visual
     return np.asarray(source.main_color, dtype=float) / 255.0
+
+
+def _check_nodes(root: ElementTree.Element) -> None:
+    """Raise `ValueError` for too many nodes, which instances of instances can double many times."""
+    nodes = {f"#{node.get('id')}": node for node in root.iterfind(".//{*}node")}
+    waiting, count = root.findall(".//{*}visual_scene"), 0
+    while waiting:
+        element, count = waiting.pop(), count + 1
+        if count > MAX_NODES:
+            raise ValueError(f"it has more than {MAX_NODES} nodes, instances included")
+        urls = [instance.get("url", "") for instance in element.iterfind("{*}instance_node")]
+        waiting += [*element.iterfind("{*}node"), *(nodes[url] for url in urls if url in nodes)]
 
 
 def _remove_pictures(root: ElementTree.Element) -> None:

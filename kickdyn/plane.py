@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from kickdyn.ball import Ball
@@ -87,13 +88,20 @@ class Plane(ValueEquality, ReprMixin):
         Raises:
             InvalidInput: the ball is beyond it already.
         """
-        position = validation.vector("position", position, 3, unit="m")
-        radii = {ReachedBy.FRONT: -1.0, ReachedBy.CENTRE: 0.0, ReachedBy.BACK: 1.0}
-        away = float(self.normal @ (position - self.point)) + radii[self.reached_by] * ball.radius
-        scale = max(ball.radius, float(abs(self.point).max()), float(abs(position).max()))
-        if away < -1e-9 * scale:  # more than rounding
-            raise InvalidInput(
-                f"the ball's {self.reached_by} starts {-away:g} m beyond the plane: the normal "
-                f"{self.normal.tolist()} must point to where the ball comes from"
-            )
-        return max(away, 0.0)
+        return float(plane_gaps(self, ball, validation.vector("position", position, 3, unit="m")))
+
+
+def plane_gaps(plane: Plane, ball: Ball, positions: Array) -> Array:
+    """Return what `Plane.gap` does, for positions of shape `(n, 3)`, in shape `(n,)` [m]."""
+    radii = {ReachedBy.FRONT: -1.0, ReachedBy.CENTRE: 0.0, ReachedBy.BACK: 1.0}
+    away = (positions - plane.point) @ plane.normal + radii[plane.reached_by] * ball.radius
+    scale = np.maximum(max(ball.radius, abs(plane.point).max()), abs(positions).max(axis=-1))
+    beyond = np.flatnonzero(away < -1e-9 * scale)  # more than rounding
+    if beyond.size:
+        which = f" of flight {beyond[0]}" if np.ndim(away) else ""
+        raise InvalidInput(
+            f"the ball's {plane.reached_by}{which} starts {-np.ravel(away)[beyond[0]]:g} m "
+            f"beyond the plane: the normal {plane.normal.tolist()} must point to where the ball "
+            "comes from"
+        )
+    return np.maximum(away, 0.0)

@@ -47,7 +47,8 @@ GOOD = {
     "path": "no/such/file", "subject": kd.fly(IMPACT.ball_after, BALL),
     "track": TRACK, "times": TRACK.times, "positions": TRACK.positions, "file": "no/such/file",
     "ball_before": IMPACT.ball_before, "ball_after": IMPACT.ball_after, "seen": (10.0, 0.0),
-    "air": AIR, "impacts": INFERRED, "speed": 5.0,
+    "jacobian": POSTURE.jacobian,
+    "function": lambda state, numbers: state[2], "air": AIR, "impacts": INFERRED, "speed": 5.0,
     "states": kd.BallState(velocity=[IMPACT.ball_after.velocity] * 2),
 }  # fmt: skip
 """A valid argument for every required parameter, by its name."""
@@ -69,6 +70,7 @@ INSTANCES = {
     "Wall": kd.Wall(9.15, 1.9),
     "Scene": SCENE,
     "Collision": kd.collide(POSTURE, V, BALL, CONTACT, tol=1e-6),
+    "Event": kd.Event("low", lambda state, numbers: state[2]),
     "Flight": kd.fly(IMPACT.ball_after, BALL),
     "Course": kd.follow(IMPACT.ball_after, BALL, None, kd.Ground(-5.0, "turf")),
     "Swing": kd.Swing("met", *STILL),
@@ -100,7 +102,7 @@ RESULTS = {
 
 UNCHECKED = {
     *("BallState.computed", "ForceModel.force", "ForceModel.returned", "ForceModel.stored"),
-    "ForceModel.separation",
+    *("ForceModel.separation", "Event.launched", "Event.value"),
 }
 """What their documentation says is not checked, because it is called as often as an integrator."""
 

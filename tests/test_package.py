@@ -54,7 +54,8 @@ def test_the_wheel_holds_the_package_and_nothing_else(built):
     with zipfile.ZipFile(built[0]) as wheel:
         names = wheel.namelist()
     assert {name.split("/")[0].split("-")[0] for name in names} == {"kickdyn"}
-    assert {"kickdyn/urdf/leg_fourbar.urdf", "kickdyn/scenes/free_kick.toml"} <= set(names)
+    data = {"urdf/leg_fourbar.urdf", "scenes/free_kick.toml", "view/page.html"}
+    assert {f"kickdyn/{name}" for name in data} <= set(names)
     assert not [name for name in names if Path(name).name.startswith("test")]
 
 

@@ -1,6 +1,7 @@
 """Thousands of flights at once: the answers of `fly`, in machine code."""
 
 import math
+from collections.abc import Sequence
 from contextlib import suppress
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -17,9 +18,16 @@ from kickdyn.core import validation
 from kickdyn.core.compilation import calling_beside
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.flight.compiling import compiled_rates
+from kickdyn.flight.compiling import compiled_ends, compiled_rates
 from kickdyn.flight.equations import FINEST, MAX_SPEED, tolerances
-from kickdyn.flight.events import drops
+from kickdyn.flight.events import (
+    NUMBERS,
+    Event,
+    checked_ends,
+    distance_to_plane,
+    ground_event,
+    plane_events,
+)
 from kickdyn.flight.flight_result import (
     ROUNDING,
     FlightStatus,
@@ -27,9 +35,19 @@ from kickdyn.flight.flight_result import (
     outside_ranges,
     refinement,
 )
-from kickdyn.flight.forces import ballistic, brakes, downward, is_ballistic
-from kickdyn.flight.march import ALOFT, FAILED, LANDED, compiled_march, march, march_is_kept
+from kickdyn.flight.forces import VACUUM, ballistic, brakes, downward, is_ballistic, time_to_fall
+from kickdyn.flight.march import (
+    ALOFT,
+    FAILED,
+    FURTHER,
+    LANDED,
+    Flights,
+    compiled_march,
+    march,
+    march_is_kept,
+)
 from kickdyn.ground import Ground
+from kickdyn.plane import Plane
 
 
 @validation.check_arguments
@@ -40,14 +58,16 @@ def fly_many(
     ground: Ground | None = None,
     tol: float = 1e-9,
     *,
+    plane: Plane | None = None,
     time_limit: float = 1000.0,
     error: bool = False,
+    ends: Sequence[Event] = (),
 ) -> xr.Dataset:
     """Return the flights of a ball from many launches.
 
-    The results are those of `fly`, computed hundreds of times as fast, without planes, orientation
-    and samples in between. The first call in a process takes about a second to load, the very first
-    some five to compile, and each new air or ball another one.
+    The results are those of `fly`, computed hundreds of times as fast, without orientation and
+    samples in between. The first call in a process takes about a second to load, the very first
+    some five to compile, and each new air, ball or event another one.
 
     Args:
         states: the launches, such as `BallState(velocity=velocities)` with velocities of shape
@@ -58,11 +78,14 @@ def fly_many(
             with floats and `math`, so that numba can compile them.
         ground: the ground, where the flights end; None ends each at the height of its launch.
         tol: relative tolerance of the integration, as for `fly`.
+        plane: a wall or a goal line, which ends each flight that reaches it before the ground.
         time_limit: time after which a flight ends with the status `aloft` if the ball has not come
             down [s].
         error: whether to estimate the error of each landing point from a second flight, as
             `Flight.error` does. This takes three times as long, and longer with functions of your
             own.
+        ends: further events that end flights, as for `fly`; numba must be able to compile their
+            functions.
 
     Returns:
         A dataset along `flight` in the order of the launches. Where `status` is `failed`, the
@@ -88,13 +111,16 @@ def fly_many(
         )
     tol = validation.number("tol", tol, at_least=1e-13, at_most=1e-2)
     time_limit = validation.number("time limit", time_limit, above=0, unit="s")
-    drop = drops(states.position, ball, ground)
-    flown = _flown(states, ball, air, drop, time_limit, tol)
+    events = ground_event(ball, ground), *plane_events(ball, plane), *checked_ends(ends)
+    launched = tuple(event.launched(states) for event in events)
+    task = _Task(states, ball, air, launched, time_limit)
+    flown = _flown(task, tol)
     outside = _outside(states, flown.nodes, np.flatnonzero(flown.evaluations), ball, air)
-    data = _variables(states, *flown, outside)
+    data = _variables(states, flown, outside)
+    data["status"] = _status_variable(flown.status, launched)
     if validation.flag("error", error):
         finer_tol, longest = refinement(tol, flown.nodes[:, 0], air)
-        finer = _flown(states, ball, air, drop, time_limit, finer_tol, longest).nodes
+        finer = _flown(task, finer_tol, longest).nodes
         meaning = {"units": "m", "long_name": "estimate of the error of the landing point"}
         data["error"] = ("flight", _errors(states, flown, finer, tol), meaning)
     attributes = {
@@ -119,39 +145,49 @@ def compile_flights(ball: Ball, air: Air) -> None:
     compiled_rates(ball, air)
 
 
+class _Task(NamedTuple):
+    """Launches of a ball, and the events that end the flights, the ground first."""
+
+    states: BallState
+    ball: Ball
+    air: Air | None
+    ends: tuple[Event, ...]
+    time_limit: float
+
+    def drop(self) -> Array:
+        """Return how far below the launch each flight ends on the ground [m], shape `(n,)`."""
+        return np.asarray(self.ends[0].numbers[0])
+
+
 class _Flown(NamedTuple):
-    """What `march` finds out about n flights: nodes `(n, 16)`, status and evaluations `(n,)`."""
+    """Nodes `(n, 16)`, status and evaluations `(n,)` of n flights, as in `march.Flights`."""
 
     nodes: Array
     status: NDArray[np.int8]
     evaluations: NDArray[np.int64]
 
+    def put(self, rows: NDArray[Any], flown: "_Flown") -> None:
+        """Fill in the results of some flights."""
+        self.nodes[rows], self.status[rows] = flown.nodes, flown.status
+        self.evaluations[rows] = flown.evaluations
 
-def _flown(
-    states: BallState,
-    ball: Ball,
-    air: Air | None,
-    drop: Array,
-    time_limit: float,
-    tol: float,
-    longest: Array | None = None,
-) -> _Flown:
+
+def _flown(task: _Task, tol: float, longest: Array | None = None) -> _Flown:
     """Return all flights, by closed form or by integration in steps of at most `longest` [s]."""
-    closed = _have_closed_form(states, ball, air)
+    states = task.states
+    closed = _have_closed_form(states, task.ball, task.air)
+    closed &= all(end.function is distance_to_plane for end in task.ends)
     too_fast = ~closed & (validation.length(states.velocity) > MAX_SPEED)  # what `fly` refuses
     integrated = np.flatnonzero(~closed & ~too_fast)
-    if air is not None and len(integrated) == len(drop):
-        scenes = _scenes(states, ball, air, drop, tol, longest)
-        return _Flown(*_integrate(scenes, states.velocity, ball, air, tol, time_limit))
-    nodes, evaluations = np.full((len(drop), 16), np.nan), np.zeros(len(drop), np.int64)
-    status = np.full(len(drop), FAILED, np.int8)
-    fall = _closed_forms(states.velocity[closed], downward(ball, air), drop[closed], time_limit)
-    nodes[closed], status[closed] = fall
-    if air is not None and len(integrated):
-        scenes = _scenes(states, ball, air, drop, tol, longest)[integrated]
-        flown = _integrate(scenes, states.velocity[integrated], ball, air, tol, time_limit)
-        nodes[integrated], status[integrated], evaluations[integrated] = flown
-    return _Flown(nodes, status, evaluations)
+    n = len(closed)
+    if len(integrated) == n:
+        return _integrate(task, slice(None), tol, longest)
+    flown = _Flown(np.full((n, 16), np.nan), np.full(n, FAILED, np.int8), np.zeros(n, np.int64))
+    if closed.any():
+        flown.put(closed, _closed_forms(task, closed))
+    if len(integrated):
+        flown.put(integrated, _integrate(task, integrated, tol, longest))
+    return flown
 
 
 def _errors(states: BallState, flown: _Flown, finer: Array, tol: float) -> Array:
@@ -180,59 +216,92 @@ def _have_closed_form(states: BallState, ball: Ball, air: Air | None) -> NDArray
     return np.where(spins, is_ballistic(air, np.ones(3)), is_ballistic(air, np.zeros(3)))
 
 
-def _closed_forms(
-    velocity: Array, g: float, drop: Array, time_limit: float
-) -> tuple[Array, NDArray[np.int8]]:
-    """Return nodes as `march` does, and status, of flights that only weight acts on."""
-    rise = velocity[:, 2]
-    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-        root = np.sqrt(rise * rise + 2.0 * g * drop)
-        end = np.where(rise >= 0.0, (rise + root) / g, 2.0 * drop / (root - rise))
-        landed = end <= time_limit
-        end = np.minimum(end, time_limit)
-        top = np.clip(rise / g, 0.0, end)
+def _closed_forms(task: _Task, rows: NDArray[np.bool_]) -> _Flown:
+    """Return the flights of some rows, on which only weight acts, to the first of some planes."""
+    velocity, g = task.states.velocity[rows], downward(task.ball, task.air)
+    numbers = _numbers(task)[rows]
+    times = []
+    for k in range(0, numbers.shape[1], NUMBERS):
+        gap, normal = numbers[:, k], numbers[:, k + 1 : k + NUMBERS]
+        rise = np.einsum("ij,ij->i", normal, velocity)
+        times.append(time_to_fall(rise, gap, g * normal[:, 2]))
+    times.append(np.full(len(velocity), task.time_limit))
+    reached, end = np.argmin(times, axis=0), np.min(times, axis=0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        top = np.clip(velocity[:, 2] / g, 0.0, end)
         states = [ballistic(velocity, g, t) for t in (end, top)]
-    flown = np.column_stack([end, states[0], top, states[1]])
-    flown[landed, 3] = -drop[landed]
-    status = np.where(landed, LANDED, ALOFT).astype(np.int8)
-    lost = ~np.isfinite(flown).all(axis=1)
-    flown[lost], status[lost] = np.nan, FAILED
-    return flown, status
+    nodes = np.column_stack([end, states[0], top, states[1]])
+    status = np.where(reached == 0, LANDED, FURTHER - 1 + reached)
+    status[reached == len(times) - 1] = ALOFT
+    nodes[status == LANDED, 3] = -numbers[status == LANDED, 0]
+    lost = ~np.isfinite(nodes).all(axis=1)
+    nodes[lost], status[lost] = np.nan, FAILED
+    return _Flown(nodes, status.astype(np.int8), np.zeros(len(nodes), np.int64))
+
+
+def _numbers(task: _Task) -> Array:
+    """Return the numbers of all events of each flight, shape `(n, 4 k)`."""
+    n = len(task.states.position)
+    columns = [np.broadcast_to(number, n) for end in task.ends for number in end.numbers]
+    return np.column_stack(columns)
 
 
 def _integrate(
-    scenes: Array, velocities: Array, ball: Ball, air: Air, tol: float, time_limit: float
-) -> tuple[Array, NDArray[np.int8], NDArray[np.int64]]:
-    """Return nodes, status and evaluations of flights through the air."""
+    task: _Task, rows: slice | NDArray[np.intp], tol: float, longest: Array | None
+) -> _Flown:
+    """Return the flights of some rows through the air."""
+    ball, ends = task.ball, task.ends
+    air = VACUUM if task.air is None else task.air
     compile_flights(ball, air)
-    rates, velocities = compiled_rates(ball, air), np.array(velocities)  # which can be written to
-    limits = max(tol, FINEST), tol, time_limit
+    rates = compiled_rates(ball, air)
+    values = compiled_ends(tuple(end.function for end in ends), tuple(end.name for end in ends))
+    flights = _flights(task, air, rows, tol, longest)
+    limits = max(tol, FINEST), task.time_limit
     try:
-        return march(rates, scenes, velocities, *limits)
+        march(rates, values, flights, *limits)
     except Exception:  # a coefficient's own: only its rows shall fail
-        n = len(scenes)
-        flown = np.full((n, 16), np.nan), np.full(n, FAILED, np.int8), np.zeros(n, np.int64)
-        for i in range(n):
+        for i in range(len(flights.status)):
+            row = flights.row(i)
             with suppress(Exception):
-                one = march(rates, scenes[i : i + 1], velocities[i : i + 1], *limits)
-                flown[0][i], flown[1][i], flown[2][i] = (part[0] for part in one)
-        return flown
+                row.status[:] = FAILED
+                march(rates, values, row, *limits)
+                continue
+            row.nodes[:], row.status[:], row.evaluations[:] = np.nan, FAILED, 0
+    landed = flights.status == LANDED
+    flights.nodes[landed, 3] = -flights.numbers[landed, 0]  # by definition; else but for rounding
+    return _Flown(flights.nodes, flights.status, flights.evaluations)
 
 
-def _scenes(
-    states: BallState, ball: Ball, air: Air, drop: Array, tol: float, longest: Array | None
-) -> Array:
-    """Return what `march` needs of each flight, with the tolerances of `fly`, shape `(n, 9)`."""
+def _flights(
+    task: _Task, air: Air, rows: slice | NDArray[np.intp], tol: float, longest: Array | None
+) -> Flights:
+    """Return what `march` needs of the flights of some rows, with the tolerances of `fly`."""
+    states, drop = task.states, task.drop()
     decays = _spins(states) & brakes(air, np.ones(3))
+    height = states.position[:, 2]
     if callable(air.wind):
-        wind = np.array([_speed(air, height) for height in states.position[:, 2].tolist()])
+        wind = np.array([_speed(air, z) for z in height.tolist()])
     else:
         wind = np.full(len(drop), math.hypot(*air.wind))
-    _, near, slow = tolerances(states.velocity, drop, wind, ball, air, tol)
-    height = states.position[:, 2]
-    steps = np.full(len(drop), math.inf) if longest is None else longest
-    columns = [height, states.spin, decays, drop, near, slow, steps]
-    return np.ascontiguousarray(np.column_stack(columns), dtype=np.float64)
+    _, length, pace = tolerances(states.velocity, drop, wind, task.ball, air, tol)
+    n = len(height)
+    steps = np.full(n, math.inf) if longest is None else longest
+    scene = np.column_stack([height, states.spin, decays])[rows]
+    # the error of a quintic falls with the cube of the distance from its end
+    margin = 0.1 * tol ** (1.0 / 3.0)
+    columns = [length, pace, np.full(n, tol), steps, np.full(n, margin)]
+    tolerance = np.column_stack(columns)[rows]
+    m = len(scene)
+    return Flights(
+        np.ascontiguousarray(scene, dtype=float),
+        np.array(states.velocity[rows], dtype=float, order="C"),
+        np.ascontiguousarray(_numbers(task)[rows], dtype=float),
+        np.ascontiguousarray(tolerance, dtype=float),
+        np.empty((m, 8 + 3 * len(task.ends))),
+        np.empty((m, 16)),
+        np.empty(m, np.int8),
+        np.zeros(m, np.int64),
+    )
 
 
 def _outside(
@@ -245,15 +314,15 @@ def _outside(
         return outside
     every = slice(None) if len(rows) == len(nodes) else rows
     launch, spin, flown = states.position[every, 2], states.spin[every], nodes[every]
-    found = np.zeros(len(flown), bool)
+    is_outside = np.zeros(len(flown), bool)
     for height, velocity, share in (
         (launch, states.velocity[every], 1.0),
         (launch + flown[:, 3], flown[:, 4:7], flown[:, 7:8]),
         (launch + flown[:, 11], flown[:, 12:15], flown[:, 15:]),
     ):
         for _, out in outside_ranges(height, velocity, share * spin, ball, air):
-            found |= out.any(axis=0)
-    outside[every] = found & (flown[:, 0] > 0.0)  # else it failed, or never flew
+            is_outside |= out.any(axis=0)
+    outside[every] = is_outside & (flown[:, 0] > 0.0)  # else it failed, or never flew
     return outside
 
 
@@ -266,13 +335,10 @@ def _speed(air: Air, height: float) -> float:
 
 
 def _variables(
-    states: BallState,
-    nodes: Array,
-    status: NDArray[np.int8],
-    evaluations: NDArray[np.int64],
-    outside: NDArray[np.bool_],
+    states: BallState, flown: _Flown, outside: NDArray[np.bool_]
 ) -> dict[str, tuple[str | tuple[str, ...], NDArray[Any], dict[str, Any]]]:
     """Return the results with names, units and meanings."""
+    nodes, evaluations = flown.nodes, flown.evaluations
     ended, moved, velocity = nodes[:, 0], nodes[:, 1:4], nodes[:, 4:7]
     data: dict[str, tuple[str | tuple[str, ...], NDArray[Any], dict[str, Any]]] = {}
     for name, values, unit, meaning in (
@@ -289,9 +355,18 @@ def _variables(
     ):
         dims = ("flight", "axis")[: values.ndim]
         data[name] = (dims, values, {"units": unit, "long_name": meaning})
+    return data
+
+
+def _status_variable(
+    status: NDArray[np.int8], ends: tuple[Event, ...]
+) -> tuple[str, NDArray[np.int8], dict[str, Any]]:
+    """Return the status of each flight with the names of its values."""
+    names: list[str] = [FlightStatus.LANDED, FlightStatus.ALOFT, FlightStatus.FAILED]
+    names += [end.name for end in ends[1:]]
     flags = {
         "long_name": "how the flight ends",
-        "flag_values": np.array([LANDED, ALOFT, FAILED], dtype=np.int8),
-        "flag_meanings": " ".join([FlightStatus.LANDED, FlightStatus.ALOFT, FlightStatus.FAILED]),
+        "flag_values": np.arange(len(names), dtype=np.int8),
+        "flag_meanings": " ".join(names),
     }
-    return data | {"status": ("flight", status, flags)}
+    return "flight", status, flags

@@ -10,7 +10,7 @@ import hashlib
 import math
 import types
 import uuid
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
@@ -31,6 +31,7 @@ from kickdyn.core import lanes
 from kickdyn.core.compilation import log, uncollected
 from kickdyn.core.lanes import HOW, LANES, inlined, mathematics
 from kickdyn.errors import InvalidInput
+from kickdyn.flight.events import NUMBERS, EventFunction
 from kickdyn.flight.forces import Acceleration, Reynolds, acceleration_function, reynolds_number
 
 SIZE = 7 * LANES
@@ -48,6 +49,9 @@ SIGNATURE: Any = numba.void(_vector, _vector, _vector)
 _ON_DISK = 200
 """Files of equations that are kept on the disk, two for a ball and its air."""
 
+Callees = Sequence[tuple[Callable[..., Any], Any, str]]
+"""Functions, the types of their arguments, and what an error calls them."""
+
 _PLAIN = (int, float, complex, bool, str, bytes, type(None), type(...), types.BuiltinFunctionType)
 
 _compiled: dict[tuple[str, bool], Any] = {}
@@ -63,25 +67,71 @@ def compiled_rates(ball: Ball, air: Air) -> Any:
 
     A wind or a coefficient that numba cannot compile raises `InvalidInput`.
     """
-    whole, straight, bound = copy.copy(air), copy.copy(air), 0.0
+    branched, straight, bound = copy.copy(air), copy.copy(air), 0.0
     for name in ("drag", "lift", "torque"):
         model = getattr(air, name)
         if not isinstance(model, CoefficientModel):
             continue
         if model.refuses:
-            object.__setattr__(whole, name, _refusing(model))
+            object.__setattr__(branched, name, _refusing(model))
             object.__setattr__(straight, name, _refusing(model))
         elif model.branch_free is not None:
             object.__setattr__(straight, name, model.branch_free[1])
             bound = max(bound, model.branch_free[0])
     rates = side_by_side(
-        acceleration_function(ball, whole),
+        acceleration_function(ball, branched),
         acceleration_function(ball, straight),
         reynolds_number(ball, air),
         bound,
     )
-    with uncollected():
-        return _from_disk(rates, air)
+    callees: list[tuple[Any, Any, str]] = []
+    for name in ("wind", "drag", "lift", "torque"):
+        model = getattr(air, name)
+        model = model.function if isinstance(model, WRAPPED) else model
+        if callable(model):
+            arguments = (numba.float64,) * (1 if name == "wind" else 2)
+            callees.append((model, arguments, f"the air's {name}"))
+    return _from_disk(rates, callees, "the equations of motion of a ball in its air")
+
+
+@lru_cache(maxsize=16)
+def compiled_ends(functions: tuple[EventFunction, ...], names: tuple[str, ...]) -> Any:
+    """Return the functions of events, with their names, for many flights side by side.
+
+    The machine code fills in the values of all events from their numbers and from the states. A
+    function that numba cannot compile raises `InvalidInput`.
+    """
+    values: Callable[[Any, Any, Any], None] = _no_values
+    for k, function in enumerate(functions):
+        values = _with_values(values, function, k)
+    floats: Any = numba.types.UniTuple
+    arguments = floats(numba.float64, 7), floats(numba.float64, NUMBERS)
+    callees = [(function, arguments, f"the end {name!r}")
+               for function, name in zip(functions, names, strict=True)]  # fmt: skip
+    return _from_disk(values, callees, "the events that end a flight")
+
+
+def _no_values(numbers: Any, state: Any, value: Any) -> None:
+    """Fill in the values of no event."""
+
+
+def _with_values(
+    previous: Callable[[Any, Any, Any], None], function: EventFunction, k: int
+) -> Callable[[Any, Any, Any], None]:
+    """Return a function that fills in the values of k events, and of another one after them."""
+    row, first = k * LANES, k * NUMBERS * LANES
+
+    def values(numbers: Any, state: Any, value: Any) -> None:
+        """Fill in the values in all lanes."""
+        previous(numbers, state, value)
+        for i in range(LANES):
+            moved = state[X + i], state[Y + i], state[Z + i]
+            motion = state[U + i], state[V + i], state[W + i], state[LEFT + i]
+            a, b = numbers[first + i], numbers[first + LANES + i]
+            c, d = numbers[first + 2 * LANES + i], numbers[first + 3 * LANES + i]
+            value[row + i] = function(moved + motion, (a, b, c, d))
+
+    return values
 
 
 def side_by_side(
@@ -132,44 +182,44 @@ def side_by_side(
     return rates
 
 
-def _from_disk(rates: Callable[..., Any], air: Air) -> Any:
-    """Return the equations of motion as machine code, read from the disk if they are there."""
+def _from_disk(function: Callable[..., Any], callees: Callees, what: str) -> Any:
+    """Return a function of three vectors as machine code, read from the disk if it is there.
+
+    The log calls it `what`. Its callees are compiled first, so that errors name them.
+    """
     # besides their own functions they are made of `exp`, and of how they are compiled
-    name = fingerprint(rates, numba.__version__.encode(), Path(str(lanes.__file__)).read_bytes())
-    if name is None:
-        return _compile_all(rates, air)
-    # numba keeps a function by its name and what it closes over: the name says all, and what is
-    # called is left out, so that nothing is compiled where the disk has it
-    called: dict[str, Any] = {"__builtins__": builtins, "__name__": __name__}
-    twin = types.FunctionType(_call.__code__, called, f"equations_{name}")
-    twin.__qualname__ = twin.__name__
-    try:
+    name = fingerprint(function, numba.__version__.encode(), Path(str(lanes.__file__)).read_bytes())
+    with uncollected():
+        if name is None:
+            return _compile_all(function, callees, what)
+        # numba keeps a function by its name and what it closes over: the name says all, and what
+        # is called is left out, so that nothing is compiled where the disk has it
+        called: dict[str, Any] = {"__builtins__": builtins, "__name__": __name__}
+        twin = types.FunctionType(_call.__code__, called, f"equations_{name}")
+        twin.__qualname__ = twin.__name__
         try:
-            return numba.njit(SIGNATURE, cache=True, **HOW)(twin)
-        except numba.TypingError:
-            log.info("compiling the equations of motion of a ball in its air")
-            called["rates"] = _compile_all(rates, air)
-            dispatcher = numba.njit(SIGNATURE, cache=True, **HOW)(twin)
-            _forget(Path(dispatcher.stats.cache_path))
-            return dispatcher
-    except (RuntimeError, OSError):  # nowhere to keep it
-        return _compile_all(rates, air)
+            try:
+                return numba.njit(SIGNATURE, cache=True, **HOW)(twin)
+            except numba.TypingError:
+                log.info("compiling %s", what)
+                called["function"] = _compile_all(function, callees, what)
+                dispatcher = numba.njit(SIGNATURE, cache=True, **HOW)(twin)
+                _forget(Path(dispatcher.stats.cache_path))
+                return dispatcher
+        except (RuntimeError, OSError):  # nowhere to keep it
+            return _compile_all(function, callees, what)
 
 
-def _compile_all(rates: Callable[..., Any], air: Air) -> Any:
-    """Return the equations of motion, compiled after the wind and coefficients they call."""
-    for name in ("wind", "drag", "lift", "torque"):
-        part = getattr(air, name)
-        part = part.function if isinstance(part, WRAPPED) else part
-        if callable(part):
-            arguments = (numba.float64,) * (1 if name == "wind" else 2)
-            _compile(part, arguments, f"the air's {name}")
-    return _compile(rates, SIGNATURE, "the equations of motion")
+def _compile_all(function: Callable[..., Any], callees: Callees, what: str) -> Any:
+    """Return a function of three vectors, compiled after those that it calls."""
+    for callee, arguments, name in callees:
+        _compile(callee, arguments, name)
+    return _compile(function, SIGNATURE, what)
 
 
 def _call(scene: Any, state: Any, rate: Any) -> None:
-    """Call the global `rates` of whatever module this code is put into."""
-    rates(scene, state, rate)  # type: ignore[name-defined]  # noqa: F821
+    """Call the global `function` of whatever module this code is put into."""
+    function(scene, state, rate)  # noqa: F821
 
 
 def _forget(folder: Path) -> None:
@@ -320,4 +370,4 @@ def _used(function: types.FunctionType) -> dict[str, Any]:
 def _names(code: types.CodeType) -> set[str]:
     """Return the names that a function and those defined in it look up."""
     inner = (constant for constant in code.co_consts if isinstance(constant, types.CodeType))
-    return set(code.co_names).union(*(_names(each) for each in inner))
+    return set(code.co_names).union(*(_names(function) for function in inner))

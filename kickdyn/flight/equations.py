@@ -199,8 +199,8 @@ def _least_drag(drag: Coefficient, first: int, last: int) -> Array:
         return max(value, 0.0) if value < math.inf else 0.0
 
     below = _PER_DECADE * _DECADES
-    found = [coefficient(10.0 ** (k / _PER_DECADE)) for k in range(first - below, last + 1)]
-    windows = np.lib.stride_tricks.sliding_window_view(np.array(found), below + 1)
+    values = [coefficient(10.0 ** (k / _PER_DECADE)) for k in range(first - below, last + 1)]
+    windows = np.lib.stride_tricks.sliding_window_view(np.array(values), below + 1)
     return np.asarray(windows.min(axis=1))
 
 

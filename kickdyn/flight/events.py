@@ -17,13 +17,16 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.flight_result import FlightStatus
 from kickdyn.ground import Ground
-from kickdyn.plane import Plane
+from kickdyn.plane import Plane, plane_gaps
 
 EventFunction = Callable[[Any, Any], Any]
 """From the seven states of `FlightEquations` and an event's numbers to a float."""
 
 NUMBERS = 4
 """How many numbers an event may have."""
+
+AT_REST = 1e-100
+"""Speed below which a ball at an event does not leave it [m/s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,12 +38,12 @@ class Event:
 
     Attributes:
         name: the status of a flight that the event ends.
-        function: function of the state and of up to four numbers that falls through zero at the
+        function: function of the state and of four numbers that falls through zero at the
             event. The state has seven entries: displacement from the launch [m], velocity [m/s,
             world frame] and the fraction of the spin that is left.
-        numbers: the numbers, or a function of the launch that returns them. That function is called
-            with one launch by `fly`, with n launches by `fly_many`, and with the ball after every
-            bounce by `follow`.
+        numbers: up to four numbers, after which come zeros, or a function of the launch that
+            returns them. That function is called with one launch by `fly`, with n launches by
+            `fly_many`, and with the ball after every bounce by `follow`.
         terminal: whether the event ends the flight.
         ends_step: whether a step of the integration must end at an event that is not terminal.
 
@@ -67,8 +70,9 @@ class Event:
             raise InvalidInput(
                 f"the event {self.name!r} has {len(numbers)} numbers: it may have {NUMBERS}"
             )
-        fixed = tuple(number if np.ndim(number) else float(number) for number in numbers)
-        return Event(self.name, self.function, fixed, self.terminal)
+        fixed = [number if np.ndim(number) else float(number) for number in numbers]
+        fixed += (NUMBERS - len(fixed)) * [0.0]
+        return Event(self.name, self.function, tuple(fixed), self.terminal)
 
     def value(self, state: Any) -> float:
         """Return the value of the function at a state of a flight whose launch is known."""
@@ -99,7 +103,7 @@ def plane_events(ball: Ball, plane: Plane | None) -> tuple[Event, ...]:
         Event(
             FlightStatus.AT_PLANE,
             distance_to_plane,
-            lambda launch: (plane.gap(ball, launch.position), *normal),
+            lambda launch: (plane_gaps(plane, ball, launch.position), *normal),
         ),
     )
 
@@ -151,8 +155,9 @@ def checked_ends(ends: Any) -> tuple[Event, ...]:
 def end_at_launch(events: Sequence[Event], state: Array, rates: Array) -> Event | None:
     """Return the first event that ends a motion where it begins; None if the motion goes on.
 
-    Such an event has a function that is zero at the beginning, and not positive so shortly after
-    that only the first change of the state counts.
+    Such an event has a function that is zero at the beginning, and negative so shortly after that
+    only the first change of the state counts. At a speed of less than `AT_REST` that change may be
+    too small for float64, and zero suffices.
     """
     for event in events:
         if event.terminal and event.value(state) == 0.0:
@@ -160,6 +165,7 @@ def end_at_launch(events: Sequence[Event], state: Array, rates: Array) -> Event 
             time = 1e-30 * (speed / acceleration if speed > 0.0 < acceleration else 1.0)
             later = state + time * rates
             later[:3] += 0.5 * time * time * rates[3:6]
-            if event.value(later) <= 0.0:
+            value = event.value(later)
+            if value < 0.0 or (value == 0.0 and speed < AT_REST):
                 return event
     return None

@@ -148,13 +148,13 @@ class Flight(ReprMixin):
         if self.air is None or self.evaluations == 0:
             return []
         states = self.sample(np.linspace(0.0, self.duration, 101))
-        found = outside_ranges(
+        beyond_by_model = outside_ranges(
             states.position[:, 2], states.velocity, states.spin, self.ball, self.air
         )
         per_speed = 2 * self.ball.radius * self.air.density / self.air.viscosity
         return [
             (model, float(out.any(axis=0).mean()), _limits(model, out, per_speed))
-            for model, out in found
+            for model, out in beyond_by_model
         ]
 
     def arrival(self, x: float) -> BallState | None:
@@ -168,15 +168,17 @@ class Flight(ReprMixin):
         Raises:
             InvalidInput: x is not a finite number.
         """
-        there = validation.number("x", x, unit="m")
-        before = float(self.launch.position[0]) - there
+        coordinate = validation.number("x", x, unit="m")
+        before = float(self.launch.position[0]) - coordinate
         if before == 0.0:
             return self.sample(0.0)
-        path = self._fly_again(plane=Plane((there, 0, 0), (before, 0, 0), "centre"))
+        path = self._fly_again(plane=Plane((coordinate, 0, 0), (before, 0, 0), "centre"))
         tie = 10 * self.tol
         if path.status is FlightStatus.AT_PLANE:
             return path.landing if path.duration <= self.duration * (1 + tie) else None
-        short = abs(float(path.landing.position[0]) - there)  # the ground came first, by a hair?
+        short = abs(
+            float(path.landing.position[0]) - coordinate
+        )  # the ground came first, by a hair?
         return path.landing if short <= tie * abs(before) else None
 
     def __reduce__(self) -> "tuple[Callable[[], Flight], tuple[()]]":
@@ -233,8 +235,8 @@ def refinement(tol: float, duration: Any, air: Air | None) -> tuple[float, Any]:
     """
     models = () if air is None else (air.drag, air.lift, air.torque)
     known = all(model is None or is_known(model) for model in models)
-    own = air is not None and (callable(air.wind) or not known)
-    return max(1e-4 * tol, 5e-15), duration / 500 if own else None
+    is_unknown = air is not None and (callable(air.wind) or not known)
+    return max(1e-4 * tol, 5e-15), duration / 500 if is_unknown else None
 
 
 def least_error(tol: float) -> float:
@@ -254,12 +256,12 @@ def outside_ranges(
     through = velocity - (np.array([wind(z) for z in height.tolist()]) if callable(wind) else wind)
     square = np.maximum(np.einsum("ij,ij->i", through, through), 1e-300)
     along = np.einsum("ij,ij->i", through, spin)
-    whole = np.einsum("ij,ij->i", spin, spin)
-    across = np.sqrt(np.maximum(whole - along * along / square, 0.0))
+    spin_square = np.einsum("ij,ij->i", spin, spin)
+    across = np.sqrt(np.maximum(spin_square - along * along / square, 0.0))
     speed = np.sqrt(square)
     reynolds = 2 * ball.radius * air.density / air.viscosity * speed
     spin_parameter = ball.radius * across / speed
-    spins = ball.radius * np.sqrt(whole) > 1e-9 * speed  # rounding leaves less to a plan
+    spins = ball.radius * np.sqrt(spin_square) > 1e-9 * speed  # rounding leaves less to a plan
     return [
         (model, (spins | (model is air.drag)) & model.beyond(reynolds, spin_parameter))
         for model in (air.drag, air.lift)

@@ -10,7 +10,7 @@ import numpy as np
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
-from kickdyn.core.gravity import GRAVITY
+from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.flight.equations import MAX_SPEED, FlightEquations, tolerances
@@ -27,6 +27,7 @@ from kickdyn.flight.events import (
 from kickdyn.flight.flight_result import Flight, FlightStatus, warning_of
 from kickdyn.flight.forces import (
     STILL,
+    VACUUM,
     ballistic,
     brakes,
     downward,
@@ -36,9 +37,6 @@ from kickdyn.flight.forces import (
 from kickdyn.flight.integrate import Tolerance, integrate, trajectory
 from kickdyn.ground import Ground
 from kickdyn.plane import Plane
-
-VACUUM = Air(density=0.0)
-"""The air of a flight in the vacuum."""
 
 
 @validation.check_arguments
@@ -78,10 +76,10 @@ def fly(
         ends: further events that end the flight, each with a status of its own, its name.
 
     Raises:
-        InvalidInput: an array of states, an end that is no event, a ball that starts inside the
-            ground, beyond the plane or faster than light, a position beyond the range of float64,
-            a bad tolerance, or a coefficient outside its range whose model refuses that; others
-            give one of `Flight.warnings`.
+        InvalidInput: an array of states, an end that is no terminal event, a ball that starts
+            inside the ground, beyond the plane or faster than light, a position beyond the range of
+            float64, a bad tolerance, or a coefficient outside its range whose model refuses that;
+            others give one of `Flight.warnings`.
         KickdynError: the integrator gave up.
 
     Example:

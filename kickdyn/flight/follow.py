@@ -123,9 +123,9 @@ class Course(ReprMixin):
             last = number == len(pieces) - 1
             inside = (times >= began) & ((times < began + piece.duration) | last)
             if inside.any():
-                here = piece.sample(np.clip(times[inside] - began, 0.0, piece.duration))
-                position[inside], velocity[inside] = here.position, here.velocity
-                spin[inside] = here.spin
+                states = piece.sample(np.clip(times[inside] - began, 0.0, piece.duration))
+                position[inside], velocity[inside] = states.position, states.velocity
+                spin[inside] = states.spin
             began += piece.duration
         if asked.ndim == 0:
             return BallState(position[0], velocity[0], spin[0], float(asked))

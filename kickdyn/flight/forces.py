@@ -13,14 +13,18 @@ with u the velocity relative to the air.
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
 from kickdyn.aerodynamics.drag import constant
 from kickdyn.air import Air
 from kickdyn.ball import Ball
-from kickdyn.core.gravity import GRAVITY
+from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.validation import Array
+
+VACUUM = Air(density=0.0)
+"""The air of a flight in the vacuum."""
 
 STILL = 1e-100
 """Reynolds number below which no acceleration in double precision is left."""
@@ -112,24 +116,26 @@ def reynolds_number(ball: Ball, air: Air) -> Reynolds:
     return reynolds
 
 
-def time_to_fall(rise_speed: float, drop: float, g: float) -> float:
+def time_to_fall(rise_speed: Any, drop: Any, g: Any) -> Any:
     r"""Return when a body first is `drop` below its start while moving down [s]; inf if never.
 
     :math:`(v + \sqrt{v^2 + 2 g d}) / g` (Eq. 24). Down is any direction: towards a plane the
     `drop`, 0 or more [m], is the gap, and `rise_speed` [m/s] and the downward acceleration `g`
-    [m/s2] are the components along its normal.
+    [m/s2] are the components along its normal. The arguments are numbers or have shape `(n,)`.
     """
-    fallen = 2.0 * g * drop
-    if fallen < 0.0:
-        square = rise_speed * rise_speed + fallen
-        if rise_speed >= 0.0 or square < 0.0:
-            return math.inf
-        root = math.sqrt(square)
-    else:
-        root = math.hypot(rise_speed, math.sqrt(fallen))  # speeds below 1e-154 have no square
-    if rise_speed < 0.0:
-        return 2.0 * drop / (root - rise_speed)  # root of Eq. (25), without cancellation
-    return (rise_speed + root) / g if g > 0.0 else math.inf
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        fallen = 2.0 * g * np.asarray(drop)
+        slowing = rise_speed * rise_speed + fallen
+        root = np.where(
+            fallen < 0.0,
+            np.sqrt(np.maximum(slowing, 0.0)),
+            np.hypot(rise_speed, np.sqrt(np.maximum(fallen, 0.0))),  # v^2 may be 0 in float64
+        )
+        # the root of Eq. (25) without cancellation, where it already moves down
+        time = np.where(rise_speed < 0.0, 2.0 * drop / (root - rise_speed), (rise_speed + root) / g)
+    never = np.where(rise_speed < 0.0, (fallen < 0.0) & (slowing < 0.0), np.asarray(g) <= 0.0)
+    result = np.where(never, math.inf, time)
+    return result if result.ndim else float(result)
 
 
 def ballistic(velocity: Array, g: float, t: Array) -> Array:

@@ -233,7 +233,11 @@ class _Integration:
                        for event in self._terminal if step.crosses(event)]  # fmt: skip
             if ends:
                 time, state, event = min(ends, key=lambda crossing: crossing[0])
-                return Arc(time, state, event, passed, self._evaluations, [*times, time], steps)
+                if time <= step.t_old:  # the step before ended there but for rounding
+                    steps.pop()
+                else:
+                    times.append(time)
+                return Arc(time, state, event, passed, self._evaluations, times, steps)
             times.append(step.t)
         return Arc(solver.t, solver.y, None, passed, self._evaluations, times, steps)
 
@@ -300,7 +304,7 @@ def _first_length(state: Array, rate: Array, tolerance: Tolerance) -> float:
     derivatives, the landing would be up to four times as far off.
     """
     scale = tolerance.absolute + tolerance.relative * np.abs(state)
-    size, change = (math.sqrt(float(np.mean((part / scale) ** 2))) for part in (state, rate))
+    size, change = (math.sqrt(float(np.mean((vector / scale) ** 2))) for vector in (state, rate))
     size = max(size, 1.0)
     return size / change * (3e-5 / size) ** 0.125 if change > 0.0 else math.inf
 

@@ -1,12 +1,13 @@
 """Many flights in machine code: scipy's DOP853 without its Python.
 
-Coefficients and error estimate are scipy's. The next step is 0.7 of what the estimate
-allows, not 0.9: fewer are rejected, and as many evaluations give half the error. Apex and landing
-are not read off an interpolant within a long step: the step that crosses one is taken anew with the
-length that ends there, within a small fraction of a step, which a polynomial covers. A node is then
-as accurate as the steps are. A step in which the ball sinks and rises again is taken anew up to its
-lowest point, so that a landing there is seen. Every flight has a lane, with its own time and step;
-whichever ends makes room for the next.
+Coefficients and error estimate are scipy's. The next step is 0.7 of what the estimate allows, not
+0.9: fewer are rejected, and as many evaluations give half the error. Every flight has a lane, with
+its own time and step; whichever ends makes room for the next.
+
+A step that an event falls into is taken anew so that it ends shortly after the event, as in
+`integrate`. Where the event is, a polynomial of fifth degree says that has the values, slopes and
+curvatures of the event's function at both ends of the step. Events are those that end a flight, and
+its crests, of which the highest is kept.
 """
 
 # mypy: disable-error-code="no-untyped-def"
@@ -15,7 +16,7 @@ import math
 import zlib
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -26,11 +27,13 @@ from kickdyn.core import lanes
 from kickdyn.core.compilation import compiled, is_kept, named
 from kickdyn.core.lanes import HOW, LANES, WITHIN
 from kickdyn.core.validation import Array
-from kickdyn.flight import compiling
-from kickdyn.flight.compiling import LEFT, SIGNATURE, SIZE, U, W, X, Z
+from kickdyn.flight import compiling, events
+from kickdyn.flight.compiling import LEFT, SIGNATURE, SIZE, U, V, W, X, Z
+from kickdyn.flight.events import AT_REST, NUMBERS
 from kickdyn.flight.integrate import MAX_EVALUATIONS
 
-LANDED, ALOFT, FAILED = 0, 1, 2
+LANDED, ALOFT, FAILED, FURTHER = 0, 1, 2, 3
+"""Status of a flight; `FURTHER` and more are of the events after the first, which is the ground."""
 
 STATES = 7
 
@@ -48,21 +51,16 @@ for _k, _row in enumerate(_TABLE):
     _WHICH[_k, : len(_used)] = _used
     _WEIGHT[_k, : len(_used)] = _row[_used]
 
-(
-    T, H, LONGEST, DROP, ERROR, GROWTH, TAKEN, NEXT, LOW, HIGH, ROW, PHASE, PLACE, REJECTED, CALLS
-) = range(15)  # fmt: skip
-"""Rows of a lane's numbers: time, step and its limit; drop to the landing; the step's error over
-what is tolerated, the factor that allows for the next one, whether it is taken; the step after one
-to an event, and bounds of that event, from the beginning of the step; which flight it is, what its
-step is for, where it begins, whether the step before was rejected; evaluations."""
+VALUE, SLOPE, CURVATURE = range(3)
+"""Rows of the function of an event: its value, and its derivatives by time."""
 
-_ROWS = 15
+DIFFERENCE = 1e-4
+"""Time over which the function of an event is differentiated, as a fraction of the step."""
 
-# phases: what a step is for
-_FLYING, _TO_APEX, _TO_LANDING, _TO_LOWEST, _IDLE = 0.0, 1.0, 2.0, 3.0, 4.0
-# places, which say what events a step can have
-_NOT_YET_UP, _ANYWHERE, _AT_APEX, _AT_LOWEST = 0.0, 1.0, 2.0, 3.0
-_CREST, _LANDING, _LOWEST = 1.0, 0.0, -1.0  # events; the sign is that of the speed before a turn
+_named_tuple: Any = numba.types.NamedTuple
+
+_FLYING = -1
+_CREST = -1
 
 _EPS = float(np.finfo(float).eps)
 
@@ -73,39 +71,110 @@ njit: Any = numba.njit(**_OPTIONS, **WITHIN)
 inlined: Any = numba.njit(**_OPTIONS, **WITHIN, forceinline=True)
 
 
-def march(
-    rates_of: Any, scenes: Array, velocities: Array, rtol: float, tol: float, limit: float
-) -> tuple[Array, NDArray[np.int8], NDArray[np.int64]]:
-    """Return nodes, status and evaluations of n flights.
+class Flights(NamedTuple):
+    """What n flights begin with, and what becomes of them.
+
+    Attributes:
+        scene: height of the launch [m], spin (3) [rad/s], 1 where it decays or else 0; `(n, 5)`.
+        velocity: at the launch, `(n, 3)` [m/s].
+        numbers: four numbers of each of k events, `(n, 4 k)`.
+        tolerance: absolute tolerances of displacement [m], velocity [m/s] and of the spin over that
+            of the launch, the longest step [s], and the fraction of a step, at its end, in which
+            an event must lie; `(n, 5)`.
+        begin: memory for the rates at the launch, the first step [s], and value, slope and
+            curvature of the events' functions, `(n, 8 + 3 k)`.
+        nodes: time and 7 states at the end, then at the apex, `(n, 16)`; filled in.
+        status: `LANDED`, `ALOFT`, `FAILED`, or `FURTHER` plus the number of an event after the
+            ground; `(n,)`; filled in.
+        evaluations: number of evaluations, `(n,)`; filled in.
+    """
+
+    scene: Array
+    velocity: Array
+    numbers: Array
+    tolerance: Array
+    begin: Array
+    nodes: Array
+    status: NDArray[np.int8]
+    evaluations: NDArray[np.int64]
+
+    def row(self, i: int) -> "Flights":
+        """Return one flight, in the same memory."""
+        return Flights(*(array[i : i + 1] for array in self))  # type: ignore[arg-type]
+
+
+class Lanes(NamedTuple):
+    """The flights that are stepped side by side.
+
+    Attributes:
+        scene, numbers: rows of `Flights`, of all lanes, one entry after the other.
+        scale: absolute tolerance of each state.
+        state, new: states at the beginning and at the end of the step.
+        rates: of each stage of the step; in row 0 at its beginning, in the last at its end.
+        sums: four rows to work in.
+        begin, end: value, slope and curvature of the events' functions at both ends of the step.
+        time, step, longest: at the beginning of the step, its length, its greatest length [s].
+        error: estimated error of the step over what is tolerated.
+        growth: factor of the next step that the error allows.
+        taken: 1 where the step is taken as it is, else 0.
+        rejected: 1 where the step before was rejected, else 0.
+        row: which flight it is; -1 for none.
+        calls: evaluations so far.
+    """
+
+    scene: Array
+    numbers: Array
+    scale: Array
+    state: Array
+    new: Array
+    rates: Array
+    sums: Array
+    begin: Array
+    end: Array
+    time: Array
+    step: Array
+    longest: Array
+    error: Array
+    growth: Array
+    taken: Array
+    rejected: Array
+    row: NDArray[np.int64]
+    calls: NDArray[np.int64]
+
+
+def march(rates_of: Any, values_of: Any, flights: Flights, rtol: float, time_limit: float) -> None:
+    """Fill in nodes, status and evaluations of n flights.
 
     Args:
         rates_of: the equations of motion, as `compiled_rates` returns them.
-        scenes: a row for each flight: height, spin (3), whether it decays, drop, absolute
-            tolerances of displacement and of velocity, longest step; shape `(n, 9)`.
-        velocities: at the launch, shape `(n, 3)` [m/s].
+        values_of: the functions of the events, as `compiled_ends` returns them.
+        flights: what they begin with.
         rtol: relative tolerance.
-        tol: absolute tolerance of the spin over that of the launch.
-        limit: of time [s].
-
-    Returns:
-        Time and 7 states at the end, then at the apex, shape `(n, 16)`; `LANDED`, `ALOFT` or
-        `FAILED`, and the number of evaluations, shape `(n,)`.
+        time_limit: longest duration of a flight [s].
     """
-    n = len(scenes)
-    flown = np.empty((n, 16)), np.zeros(n, np.int8), np.zeros(n, np.int64)
-    limits = float(rtol), float(tol), float(limit)
-    memory = [np.zeros(shape) for shape in ((n, 8), (STAGES + 1, SIZE), (8, SIZE), (_ROWS, LANES))]
-    compiled_march()(rates_of, scenes, velocities, *limits, *flown, *memory)
-    return flown
+    size = flights.numbers.shape[1] * LANES
+    scale, state, new = np.zeros((3, SIZE))
+    begin, end = np.zeros((2, 3, size // NUMBERS))
+    time, step, longest, error, growth, taken, rejected = np.zeros((7, LANES))
+    memory = Lanes(
+        np.zeros(5 * LANES), np.zeros(size), scale, state, new,
+        np.zeros((STAGES + 1, SIZE)), np.zeros((4, SIZE)), begin, end,
+        time, step, longest, error, growth, taken, rejected,
+        np.full(LANES, -1), np.zeros(LANES, np.int64),
+    )  # fmt: skip
+    compiled_march()(rates_of, values_of, flights, memory, float(rtol), float(time_limit))
 
 
 @cache
 def compiled_march() -> Any:
     """Return `_march` as machine code, from the disk if it can be kept there: it takes seconds."""
-    matrix = numba.float64[:, ::1]
+    vector, matrix, integers = numba.float64[::1], numba.float64[:, ::1], numba.int64[::1]
+    flights = _named_tuple([*(matrix,) * 6, numba.int8[::1], integers], Flights)
+    kinds = [*(vector,) * 5, *(matrix,) * 4, *(vector,) * 7, integers, integers]
+    function = numba.types.FunctionType(SIGNATURE)
     signature = numba.void(
-        numba.types.FunctionType(SIGNATURE), matrix, matrix, *(numba.float64,) * 3,
-        matrix, numba.int8[::1], numba.int64[::1], *(matrix,) * 4,
+        function, function, flights, _named_tuple(kinds, Lanes),
+        numba.float64, numba.float64,
     )  # fmt: skip
     return compiled(_named_march(), signature, "the integration of flights", **_OPTIONS)
 
@@ -119,79 +188,159 @@ def march_is_kept() -> bool | None:
 def _named_march() -> Any:
     """Return `_march` under the name that it is kept by."""
     # numba looks for changes in this file only; the others are part of the name
-    sources = b"".join(Path(str(file.__file__)).read_bytes() for file in (lanes, compiling))
+    sources = b"".join(Path(str(file.__file__)).read_bytes() for file in (lanes, compiling, events))
     return named(_march, f"march_{zlib.crc32(sources, MAX_EVALUATIONS):08x}")
 
 
-def _march(
-    rates_of, scenes, velocities, rtol, tol, limit, out, status, evaluations,
-    begin, rates, work, lane,
-):  # fmt: skip
-    """Fill in what `march` returns: load flights into lanes, step all at once, see where each is.
-
-    The last four arguments are memory to work in.
-    """
-    y, new, scale, scene = work[0], work[1], work[2], work[3]
-    _start(rates_of, scenes, velocities, rtol, tol, limit, rates, begin, status, evaluations,
-           scene, scale, y, lane)  # fmt: skip
-    for i in range(LANES):
-        lane[PHASE, i] = _IDLE
-    n, waiting, flying = len(out), 0, 0
+def _march(rates_of, values_of, flights, lane, rtol, time_limit):
+    """Fill in what `march` does: load flights into lanes, step all at once, see where each is."""
+    _start(rates_of, values_of, flights, lane, rtol, time_limit)
+    waiting, flying = 0, 0
     while True:
         for i in range(LANES):
-            while lane[PHASE, i] == _IDLE and waiting < n:
-                row = waiting
+            while lane.row[i] < 0 and waiting < len(flights.status):
+                if flights.status[waiting] == _FLYING:
+                    _load(i, waiting, flights, lane, time_limit)
+                    flying += 1
                 waiting += 1
-                _load_flight(i, row, scenes, velocities, tol, scene, y, scale, lane)
-                for k in range(0, 16, 8):
-                    _write_node(i, 0.0, y, out, row, k)
-                if status[row] != ALOFT:
-                    continue
-                for c in range(7):
-                    rates[0, c * LANES + i] = begin[row, c]
-                climb, lifted = begin[row, 2], begin[row, 5]
-                rises = climb > 0.0 or (climb == 0.0 and lifted > 0.0)
-                lane[PLACE, i] = _NOT_YET_UP if rises else _ANYWHERE
-                lane[T, i], lane[ROW, i], lane[CALLS, i], lane[REJECTED, i] = 0.0, row, 1.0, 0.0
-                _set_step(i, begin[row, 7], limit, lane)
-                flying += 1
         if flying == 0:
             break
-        _step(rates_of, scene, y, lane, rates, work[4:], new)
-        _estimate_error(y, new, rates, rtol, scale, lane, work[5], work[6])
-        _take_ordinary_steps(y, rates, new, limit, lane)
+        _step(rates_of, lane)
+        _estimate_error(lane, rtol)
+        _measure(values_of, lane, lane.new, lane.rates[STAGES], lane.end)
+        _take_steps_without_events(lane, time_limit)
         for i in range(LANES):
-            if lane[TAKEN, i] != 0.0 or lane[PHASE, i] == _IDLE:
-                continue
-            row = int(lane[ROW, i])
-            if lane[PHASE, i] == _FLYING:
-                done = _handle_step(i, y, rates, new, lane, limit, out, row)
-            else:
-                done = _handle_event_step(i, y, rates, new, lane, tol, limit, out, row)
-            if done >= 0:
-                status[row], evaluations[row] = done, int(lane[CALLS, i])
-                lane[PHASE, i], lane[H, i] = _IDLE, 0.0
-                flying -= 1
-        _accept(y, rates, new, lane)
-    for row in range(n):
-        if status[row] == FAILED:
+            if lane.taken[i] == 0.0 and lane.row[i] >= 0:
+                row = lane.row[i]
+                status = _end_step(i, flights, lane, time_limit)
+                if status != _FLYING:
+                    flights.status[row], flights.evaluations[row] = status, lane.calls[i]
+                    lane.row[i], lane.step[i] = -1, 0.0
+                    flying -= 1
+        _advance(lane)
+    for row in range(len(flights.status)):
+        if flights.status[row] == FAILED:
             for c in range(16):
-                out[row, c] = math.nan
+                flights.nodes[row, c] = math.nan
+
+
+@njit
+def _load_start(i, row, flights, lane):
+    """Put the launch of a flight into a lane."""
+    for c in range(5):
+        lane.scene[c * LANES + i] = flights.scene[row, c]
+    for c in range(flights.numbers.shape[1]):
+        lane.numbers[c * LANES + i] = flights.numbers[row, c]
+    for c in range(3):
+        lane.state[X + c * LANES + i] = 0.0
+        lane.state[U + c * LANES + i] = flights.velocity[row, c]
+        lane.scale[X + c * LANES + i] = flights.tolerance[row, 0]
+        lane.scale[U + c * LANES + i] = flights.tolerance[row, 1]
+    lane.state[LEFT + i], lane.scale[LEFT + i] = 1.0, flights.tolerance[row, 2]
+    lane.longest[i] = flights.tolerance[row, 3]
+
+
+@njit
+def _load(i, row, flights, lane, time_limit):
+    """Put a flight into a lane, with its first rates and its first step."""
+    _load_start(i, row, flights, lane)
+    for c in range(STATES):
+        lane.rates[0, c * LANES + i] = flights.begin[row, c]
+    for event in range(lane.begin.shape[1] // LANES):
+        for derivative in range(3):
+            value = flights.begin[row, 8 + 3 * event + derivative]
+            lane.begin[derivative, event * LANES + i] = value
+    lane.time[i], lane.rejected[i], lane.row[i], lane.calls[i] = 0.0, 0.0, row, 1
+    _set_step(i, flights.begin[row, 7], lane, time_limit)
 
 
 @inlined
-def _step(rates_of, scene, y, lane, rates, sums, new):
-    """Take a step in every lane, from `y` with its rates to `new` with its rates.
+def _start(rates_of, values_of, flights, lane, rtol, time_limit):
+    """Find the first rates of every flight and its first step, as Hairer, Norsett & Wanner do.
 
-    Three rows of `sums` become the weighted sum of the rates before the last stage, and those of
-    both estimates of the error; the fourth is memory to work in.
+    The steps are relative to the flight's own times, as in `integrate`. A flight that cannot begin,
+    or ends at once, is given a status.
     """
-    h = sums[3]
+    n = len(flights.status)
+    for first in range(0, n, LANES):
+        for i in range(LANES):
+            _load_start(i, min(first + i, n - 1), flights, lane)
+        rates_of(lane.scene, lane.state, lane.rates[0])
+        for i in range(LANES):
+            lane.step[i] = _first_step(i, lane, rtol, time_limit)
+        _measure(values_of, lane, lane.state, lane.rates[0], lane.begin)
+        _move_shortly(lane)
+        values_of(lane.numbers, lane.new, lane.end[VALUE])
+        for i in range(min(LANES, n - first)):
+            row = first + i
+            flights.evaluations[row], flights.status[row] = 1, _FLYING
+            for k in range(0, 16, 8):
+                _write_node(i, 0.0, lane.state, flights.nodes, row, k)
+            for k in range(lane.begin.shape[1] - LANES + i, -1, -LANES):  # the first one counts
+                for derivative in range(3):
+                    column = 8 + 3 * (k // LANES) + derivative
+                    flights.begin[row, column] = lane.begin[derivative, k]
+                value = lane.end[VALUE, k]
+                rests = value == 0.0 and abs(lane.state[U + i]) < AT_REST
+                rests = rests and abs(lane.state[V + i]) < AT_REST > abs(lane.state[W + i])
+                if lane.begin[VALUE, k] == 0.0 and (value < 0.0 or rests):
+                    flights.status[row] = _status_of(k // LANES)
+            for c in range(STATES):
+                flights.begin[row, c] = lane.rates[0, c * LANES + i]
+                if not math.isfinite(flights.begin[row, c]):
+                    flights.status[row] = FAILED
+            flights.begin[row, 7] = lane.step[i]
+            lane.step[i] = 0.0
+
+
+@inlined
+def _first_step(i, lane, rtol, time_limit):
+    """Return the first step of a flight [s]."""
+    d0, d1 = 0.0, 0.0
+    for c in range(i, SIZE, LANES):
+        per = 1.0 / (lane.scale[c] + rtol * abs(lane.state[c]))
+        d0 += (lane.state[c] * per) ** 2
+        d1 += (lane.rates[0, c] * per) ** 2
+    d0, d1 = max(math.sqrt(d0 / STATES), 1.0), math.sqrt(d1 / STATES)
+    return min(d0 / d1 * (0.01 / d0) ** 0.125, time_limit) if d1 > 0.0 else time_limit
+
+
+@inlined
+def _status_of(event):
+    """Return the status of a flight that an event ends, the number of which is given."""
+    return LANDED if event == 0 else FURTHER + event - 1
+
+
+@inlined
+def _move_shortly(lane):
+    """Put into `new` the states so shortly after the launch that only the first change counts."""
+    for i in range(LANES):
+        speed, acceleration = 0.0, 0.0
+        for c in range(0, 3 * LANES, LANES):
+            speed += lane.state[U + c + i] ** 2
+            acceleration += lane.rates[0, U + c + i] ** 2
+        time = 1e-30
+        if speed > 0.0 and acceleration > 0.0:
+            time *= math.sqrt(speed) / math.sqrt(acceleration)
+        for c in range(i, SIZE, LANES):
+            lane.new[c] = lane.state[c] + time * lane.rates[0, c]
+        for c in range(i, U, LANES):
+            lane.new[c] += 0.5 * time * time * lane.rates[0, U + c]
+
+
+@inlined
+def _step(rates_of, lane):
+    """Take a step in every lane, from `state` to `new`, with the rates of all stages.
+
+    Three rows of `sums` become the weighted sum of the rates before the last stage, and the
+    estimates of the error; the fourth is memory to work in.
+    """
+    rates, h = lane.rates, lane.sums[3]
     for c in range(0, SIZE, LANES):
         for i in range(LANES):
-            h[c + i] = lane[H, i]
+            h[c + i] = lane.step[i]
     for k in range(1, STAGES + 3):
-        total = sums[max(k - STAGES, 0)]
+        total = lane.sums[max(k - STAGES, 0)]
         for n in range(0, _COUNT[k], 4):
             i, j, p, q = _WHICH[k, n], _WHICH[k, n + 1], _WHICH[k, n + 2], _WHICH[k, n + 3]
             a, b, c, d = _WEIGHT[k, n], _WEIGHT[k, n + 1], _WEIGHT[k, n + 2], _WEIGHT[k, n + 3]
@@ -200,19 +349,19 @@ def _step(rates_of, scene, y, lane, rates, sums, new):
                 total[m] = four if n == 0 else total[m] + four
         if k <= STAGES:
             for m in range(SIZE):
-                new[m] = y[m] + h[m] * total[m]
-            rates_of(scene, new, rates[k])
+                lane.new[m] = lane.state[m] + h[m] * total[m]
+            rates_of(lane.scene, lane.new, rates[k])
 
 
 @inlined
-def _estimate_error(y, new, rates, rtol, scale, lane, five, three):
+def _estimate_error(lane, rtol):
     r"""Estimate the error of a step over what is tolerated, and the next step, as scipy does.
 
     :math:`h e_5^2 / \sqrt{(e_5^2 + 0.01 e_3^2) n}`, with both estimates scaled by the tolerances.
     """
-    last = rates[STAGES]
+    new, last, five, three = lane.new, lane.rates[STAGES], lane.sums[1], lane.sums[2]
     for m in range(SIZE):
-        per = 1.0 / (scale[m] + rtol * max(abs(y[m]), abs(new[m])))
+        per = 1.0 / (lane.scale[m] + rtol * max(abs(lane.state[m]), abs(new[m])))
         five[m] = (five[m] * per) ** 2
         three[m] = (three[m] * per) ** 2 + 0.0 * (new[m] + last[m])  # nan if not finite
     for c in range(LANES, SIZE, LANES):
@@ -221,288 +370,262 @@ def _estimate_error(y, new, rates, rtol, scale, lane, five, three):
             three[i] += three[c + i]
     for i in range(LANES):
         size = (five[i] + 0.01 * three[i]) * STATES
-        error = lane[H, i] * five[i] / math.sqrt(size)
-        lane[ERROR, i] = error if size != 0.0 else 0.0
-        lane[GROWTH, i] = 0.7 / math.sqrt(math.sqrt(math.sqrt(lane[ERROR, i])))
+        error = lane.step[i] * five[i] / math.sqrt(size)
+        lane.error[i] = error if size != 0.0 else 0.0
+        lane.growth[i] = 0.7 / math.sqrt(math.sqrt(math.sqrt(lane.error[i])))
 
 
 @inlined
-def _accept(y, rates, new, lane):
-    """Take the step in the lanes where row `TAKEN` says so."""
-    for c in range(0, SIZE, LANES):
+def _measure(values_of, lane, state, rate, result):
+    """Put value, slope and curvature of the events' functions at some states into `result`."""
+    moved = lane.sums[0]
+    values_of(lane.numbers, state, result[VALUE])
+    for sign in (1.0, -1.0):
+        for c in range(0, U, LANES):
+            for i in range(LANES):
+                m, n, h = c + i, U + c + i, sign * DIFFERENCE * lane.step[i]
+                moved[m] = state[m] + h * (state[n] + 0.5 * h * rate[n])
+                moved[n] = state[n] + h * rate[n]
         for i in range(LANES):
-            m, taken = c + i, lane[TAKEN, i] != 0.0
-            y[m] = new[m] if taken else y[m]
-            rates[0, m] = rates[STAGES, m] if taken else rates[0, m]
-
-
-@njit
-def _load_flight(i, row, scenes, velocities, tol, scene, y, scale, lane):
-    """Put a flight into a lane."""
-    for c in range(5):
-        scene[c * LANES + i] = scenes[row, c]
-    for c in range(3):
-        y[X + c * LANES + i] = 0.0
-        y[U + c * LANES + i] = velocities[row, c]
-        scale[X + c * LANES + i] = scenes[row, 6]
-        scale[U + c * LANES + i] = scenes[row, 7]
-    y[LEFT + i], scale[LEFT + i] = 1.0, tol
-    lane[DROP, i], lane[LONGEST, i] = scenes[row, 5], scenes[row, 8]
-
-
-@inlined
-def _start(
-    rates_of, scenes, velocities, rtol, tol, limit, rates, starts, status, evaluations,
-    scene, scale, y, lane,
-):  # fmt: skip
-    """Find the first rates of every flight and its first step, as Hairer, Norsett & Wanner do.
-
-    The steps are relative to the flight's own times, as in `integrate`. A flight that cannot begin,
-    or ends at once, is given a status.
-    """
-    n = len(starts)
-    for first in range(0, n, LANES):
+            m = LEFT + i
+            moved[m] = state[m] + sign * DIFFERENCE * lane.step[i] * rate[m]
+        values_of(lane.numbers, moved, result[SLOPE if sign > 0.0 else CURVATURE])
+    for c in range(0, result.shape[1], LANES):
         for i in range(LANES):
-            _load_flight(i, min(first + i, n - 1), scenes, velocities, tol, scene, y, scale, lane)
-        rates_of(scene, y, rates[0])
-        for i in range(min(LANES, n - first)):
-            row = first + i
-            d0, d1 = 0.0, 0.0
-            for c in range(i, SIZE, LANES):
-                per = 1.0 / (scale[c] + rtol * abs(y[c]))
-                d0 += (y[c] * per) ** 2
-                d1 += (rates[0, c] * per) ** 2
-            d0, d1 = max(math.sqrt(d0 / STATES), 1.0), math.sqrt(d1 / STATES)
-            h = d0 / d1 * (0.01 / d0) ** 0.125 if d1 > 0.0 else limit
-            starts[row, 7] = min(h, limit)
-            evaluations[row], status[row] = 1, ALOFT
-            for c in range(7):
-                starts[row, c] = rates[0, c * LANES + i]
-                if not math.isfinite(starts[row, c]):
-                    status[row] = FAILED
-            climb = starts[row, 2]
-            if scenes[row, 5] == 0.0 and (climb < 0.0 or (climb == 0.0 and starts[row, 5] <= 0.0)):
-                status[row] = LANDED
+            k, per = c + i, 1.0 / (DIFFERENCE * lane.step[i])
+            more, less = (
+                result[SLOPE, k] - result[VALUE, k],
+                result[VALUE, k] - result[CURVATURE, k],
+            )
+            result[SLOPE, k] = 0.5 * (more + less) * per
+            result[CURVATURE, k] = (more - less) * per * per
 
 
 @inlined
-def _take_ordinary_steps(y, rates, new, limit, lane):
-    """Take the steps that are not rejected, cross no event and end before the limit of time.
+def _happens(start, rise, end, last_rise):
+    """Return whether a function may fall through zero in a step, from its changes by both slopes.
 
-    Row `TAKEN` says in which lanes.
+    It does from above zero to below; it may where both tangents reach the other sign, and where it
+    begins at zero.
     """
+    falls = (start >= 0.0) & (end <= 0.0) & (start > end)
+    hides = (start * (start + rise) < 0.0) & (end * (end - last_rise) < 0.0) & (start * end > 0.0)
+    return falls | hides
+
+
+@inlined
+def _dips(start, rise, end, last_rise):
+    """Return whether a function is above zero at both ends of a step, and lower in between."""
+    return (start > 0.0) & (end > 0.0) & (rise < 0.0) & (last_rise > 0.0)
+
+
+@inlined
+def _take_steps_without_events(lane, time_limit):
+    """Take the steps that are not rejected, meet no event and end before the limit of time."""
+    state, new, first, last = lane.state, lane.new, lane.rates[0], lane.rates[STAGES]
     for i in range(LANES):
-        h, t = lane[H, i], lane[T, i] + lane[H, i]
-        place, climb, sink = lane[PLACE, i], y[W + i], new[W + i]
-        no_apex = ((climb < 0.0) & (place != _AT_LOWEST)) | (sink > 0.0)
-        no_lowest = ((climb >= 0.0) & (place != _AT_APEX)) | (sink <= 0.0)
-        no_landing = (y[Z + i] + lane[DROP, i] < 0.0) | (new[Z + i] + lane[DROP, i] > 0.0)
-        good = (lane[ERROR, i] < 1.0) & (h < limit - lane[T, i]) & (lane[PHASE, i] == _FLYING)
-        begins, ends = climb + h * rates[0, W + i], sink - h * rates[STAGES, W + i]
-        no_turns = (begins * climb >= 0.0) | (ends * sink >= 0.0) | (climb * sink <= 0.0)
-        taken = (
-            good & no_apex & no_lowest & no_landing & no_turns & (lane[CALLS, i] < MAX_EVALUATIONS)
-        )
-        most = 10.0 - 9.0 * lane[REJECTED, i]
-        longer = lane[GROWTH, i] if lane[GROWTH, i] < most else most
-        further = h * longer if h * longer < lane[LONGEST, i] else lane[LONGEST, i]
+        h = lane.step[i]
+        good = (lane.error[i] < 1.0) & (h < time_limit - lane.time[i]) & (lane.row[i] >= 0)
+        crest = _happens(state[W + i], h * first[W + i], new[W + i], h * last[W + i])
+        lane.taken[i] = 1.0 if good & (lane.calls[i] < MAX_EVALUATIONS) & (not crest) else 0.0
+    for c in range(0, lane.begin.shape[1], LANES):
+        for i in range(LANES):
+            k, h = c + i, lane.step[i]
+            start, end = lane.begin[VALUE, k], lane.end[VALUE, k]
+            rise, last_rise = h * lane.begin[SLOPE, k], h * lane.end[SLOPE, k]
+            perhaps = _happens(start, rise, end, last_rise) | _dips(start, rise, end, last_rise)
+            lane.taken[i] = 0.0 if perhaps else lane.taken[i]
+    for i in range(LANES):
+        h, t, taken = lane.step[i], lane.time[i] + lane.step[i], lane.taken[i] != 0.0
+        most = 10.0 - 9.0 * lane.rejected[i]
+        longer = lane.growth[i] if lane.growth[i] < most else most
+        further = h * longer if h * longer < lane.longest[i] else lane.longest[i]
         smallest = 10.0 * _EPS * t + 1e-300
         further = further if further > smallest else smallest
-        further = further if further < limit - t else limit - t
-        lane[TAKEN, i] = 1.0 if taken else 0.0
-        lane[T, i] = t if taken else lane[T, i]
-        lane[H, i] = further if taken else h
-        lane[CALLS, i] += STAGES
-        lane[REJECTED, i] = 0.0 if taken else lane[REJECTED, i]
-        lane[PLACE, i] = _ANYWHERE if taken & (place != _NOT_YET_UP) else place
+        further = further if further < time_limit - t else time_limit - t
+        lane.time[i] = t if taken else lane.time[i]
+        lane.step[i] = further if taken else h
+        lane.calls[i] += STAGES
+        lane.rejected[i] = 0.0 if taken else lane.rejected[i]
 
 
 @inlined
-def _path(c, h, y, rates, new, new_rates):
-    """Return the quintic through place, velocity and acceleration at both ends of a step of h [s].
+def _advance(lane):
+    """Go to the end of the step in the lanes where it is taken."""
+    _choose(lane.taken, lane.new, lane.state)
+    _choose(lane.taken, lane.rates[STAGES], lane.rates[0])
+    for derivative in range(3):
+        _choose(lane.taken, lane.end[derivative], lane.begin[derivative])
 
-    Six coefficients of the powers of the fraction of the step, of the state in place c.
+
+@inlined
+def _choose(taken, new, old):
+    """Put the new numbers into the old ones in the lanes where the step is taken."""
+    for c in range(0, len(old), LANES):
+        for i in range(LANES):
+            old[c + i] = new[c + i] if taken[i] != 0.0 else old[c + i]
+
+
+@inlined
+def _quintic(h, begin, slope, curvature, end, last_slope, last_curvature):
+    """Return the six coefficients of a quintic, from values and derivatives at both ends.
+
+    They are of the powers of the fraction of a step of h [s].
     """
-    c1, c2 = h * y[U + c], 0.5 * h * h * rates[U + c]
-    d = new[c] - y[c] - c1 - c2
-    e = h * new[U + c] - c1 - 2.0 * c2
-    f = h * h * new_rates[U + c] - 2.0 * c2
-    p3, p4, p5 = 10.0 * d - 4.0 * e + 0.5 * f, -15.0 * d + 7.0 * e - f, 6.0 * d - 3.0 * e + 0.5 * f
-    return y[c], c1, c2, p3, p4, p5
+    c1, c2 = h * slope, 0.5 * h * h * curvature
+    d = end - begin - c1 - c2
+    e = h * last_slope - c1 - 2.0 * c2
+    f = h * h * last_curvature - 2.0 * c2
+    return (
+        begin, c1, c2,
+        10.0 * d - 4.0 * e + 0.5 * f, -15.0 * d + 7.0 * e - f, 6.0 * d - 3.0 * e + 0.5 * f,
+    )  # fmt: skip
 
 
 @inlined
-def _event_path(i, event, drop, h, y, rates, new, new_rates):
-    """Return six coefficients of what falls through 0 at an event, in the fraction of a step."""
-    p0, p1, p2, p3, p4, p5 = _path(Z + i, h, y, rates, new, new_rates)
-    if event != _LANDING:
-        p1, p2, p3, p4, p5 = event * p1, event * p2, event * p3, event * p4, event * p5
-        return p1, 2.0 * p2, 3.0 * p3, 4.0 * p4, 5.0 * p5, 0.0
-    return p0 + drop, p1, p2, p3, p4, p5
+def _backward_path(c, h, lane):
+    """Return the quintic of a displacement from the end of the step back to its beginning."""
+    y, new, rate, last = lane.state, lane.new, lane.rates[0], lane.rates[STAGES]
+    return _quintic(-h, new[c], new[U + c], last[U + c], y[c], y[U + c], rate[U + c])
 
 
 @inlined
-def _guess_event(i, y, new, h, rates, event, drop):
-    """Return about where in a step the event falls through 0, as a fraction, or -1 for nowhere."""
-    p0, p1, p2, p3, p4, p5 = _event_path(i, event, drop, h, y, rates[0], new, rates[STAGES])
-    # An event that is zero at the start, as a level launch that lift carries up, must rise first.
-    begin, end, first = 0.0, 1.0, p0
-    while first <= 0.0 and end > 1e-18:
-        end *= 0.5
-        begin = end
-        first = p0 + begin * (p1 + begin * (p2 + begin * (p3 + begin * (p4 + begin * p5))))
-    if not first > 0.0:
-        return -1.0
-    end, last = 1.0, p0 + (p1 + (p2 + (p3 + (p4 + p5))))
-    s = begin + (1.0 - begin) * first / (first - last)
+def _event_function(i, event, h, lane):
+    """Return the quintic of an event's function from the end of the step back to its beginning."""
+    if event == _CREST:  # the upward speed, times the step
+        _, p1, p2, p3, p4, p5 = _backward_path(Z + i, h, lane)
+        return -p1, -2.0 * p2, -3.0 * p3, -4.0 * p4, -5.0 * p5, 0.0
+    k, a, b = event * LANES + i, lane.begin, lane.end
+    return _quintic(
+        -h, b[VALUE, k], b[SLOPE, k], b[CURVATURE, k], a[VALUE, k], a[SLOPE, k], a[CURVATURE, k]
+    )
+
+
+@inlined
+def _find_event(i, event, h, start, end, lane):
+    """Return how long before the end of a step its function falls through zero, as a fraction."""
+    if end == 0.0:
+        return 0.0
+    p0, p1, p2, p3, p4, p5 = _event_function(i, event, h, lane)
+    low, high, s = 0.0, 1.0, end / (end - start)
     for _ in range(60):
         value = p0 + s * (p1 + s * (p2 + s * (p3 + s * (p4 + s * p5))))
         slope = p1 + s * (2.0 * p2 + s * (3.0 * p3 + s * (4.0 * p4 + s * 5.0 * p5)))
         if value > 0.0:
-            begin = s
+            high = s
         else:
-            end = s
+            low = s
         further = s - value / slope
-        if not begin < further < end:
-            further = 0.5 * (begin + end)
+        if not low <= further <= high:
+            further = 0.5 * (low + high)
         moved, s = abs(further - s), further
-        if moved < 1e-5:
+        if moved <= 1e-3 * s or moved < 1e-15:  # and the next one by its square
             break
     return s
 
 
 @inlined
-def _write_event(i, event, y, rates, new, tol, lane, out, row):
-    """Write the states at the event if a step ends close to it, else correct the step's length.
-
-    Return whether it ends close to it; at a lowest point nothing is written. The states are those
-    of the quintics through both ends of the step: of a fraction e of the step, they are wrong by e
-    cubed times their error within the step.
-    """
-    h, drop = lane[H, i], lane[DROP, i]
-    last = rates[STAGES]
-    # backwards in time, which changes the sign of the speed
-    p0, p1, p2, p3, p4, p5 = _event_path(i, -event, drop, -h, new, last, y, rates[0])
-    s = 0.0
-    for _ in range(6):
+def _find_lowest(i, event, h, lane):
+    """Return how long before the end of a step an event's function is least, and that value."""
+    p0, p1, p2, p3, p4, p5 = _event_function(i, event, h, lane)
+    best, lowest = 0.0, p0
+    for k in range(1, 33):
+        s = k / 32.0
         value = p0 + s * (p1 + s * (p2 + s * (p3 + s * (p4 + s * p5))))
-        slope = p1 + s * (2.0 * p2 + s * (3.0 * p3 + s * (4.0 * p4 + s * 5.0 * p5)))
-        moved = value / slope if slope != 0.0 else 0.0
-        s -= moved
-        if not abs(moved) > 1e-9:
+        if value < lowest:
+            best, lowest = s, value
+    for _ in range(4):
+        slope = p1 + best * (2.0 * p2 + best * (3.0 * p3 + best * (4.0 * p4 + best * 5.0 * p5)))
+        bend = 2.0 * p2 + best * (6.0 * p3 + best * (12.0 * p4 + best * 20.0 * p5))
+        s = best - slope / bend if bend > 0.0 else best
+        value = p0 + s * (p1 + s * (p2 + s * (p3 + s * (p4 + s * p5))))
+        if not value < lowest:
             break
-    exact = p0 == 0.0 or lane[HIGH, i] - lane[LOW, i] <= 1e-15 * lane[HIGH, i]
-    if exact:
-        s = 0.0
-    elif not abs(s) ** 3 <= 1e-3 * tol:
-        if p0 > 0.0:
-            lane[LOW, i] = h
-        else:
-            lane[HIGH, i] = h
-        h -= s * h
-        if not lane[LOW, i] < h < lane[HIGH, i]:
-            h = 0.5 * (lane[LOW, i] + lane[HIGH, i])
-        lane[H, i] = h
-        return False
-    k = 8 if event == _CREST else 0
-    if event == _LOWEST or (event == _CREST and new[Z + i] <= out[row, 11]):
-        return True  # nothing to write: an earlier crest is higher
-    if s == 0.0:
-        _write_node(i, lane[T, i] + h, new, out, row, k)
-        return True
-    out[row, k] = lane[T, i] + (1.0 - s) * h
-    for c in range(3):
-        p0, p1, p2, p3, p4, p5 = _path(c * LANES + i, -h, new, last, y, rates[0])
-        out[row, k + 1 + c] = p0 + s * (p1 + s * (p2 + s * (p3 + s * (p4 + s * p5))))
-        slope = p1 + s * (2.0 * p2 + s * (3.0 * p3 + s * (4.0 * p4 + s * 5.0 * p5)))
-        out[row, k + 4 + c] = -slope / h
-    out[row, k + 7] = new[LEFT + i] - s * h * last[LEFT + i]
-    return True
+        best, lowest = s, value
+    return best, lowest
 
 
 @njit
-def _write_node(i, t, y, out, row, k):
+def _write_node(i, t, y, nodes, row, k):
     """Put a time and the states there into 8 numbers of a row, from k on."""
-    out[row, k] = t
-    for c in range(7):
-        out[row, k + 1 + c] = y[c * LANES + i]
+    nodes[row, k] = t
+    for c in range(STATES):
+        nodes[row, k + 1 + c] = y[c * LANES + i]
 
 
 @inlined
-def _set_step(i, h, limit, lane):
-    """Set the length of a lane's next step; return -1, or `FAILED` where no step helps."""
-    t = lane[T, i]
+def _write_event(i, s, h, lane, nodes, row, k):
+    """Put time and states at a fraction before the end of a step into a row, from k on."""
+    nodes[row, k] = lane.time[i] + (1.0 - s) * h
+    for c in range(3):
+        p0, p1, p2, p3, p4, p5 = _backward_path(c * LANES + i, h, lane)
+        slope = p1 + s * (2.0 * p2 + s * (3.0 * p3 + s * (4.0 * p4 + s * 5.0 * p5)))
+        nodes[row, k + 1 + c] = p0 + s * (p1 + s * (p2 + s * (p3 + s * (p4 + s * p5))))
+        nodes[row, k + 4 + c] = -slope / h
+    nodes[row, k + 7] = lane.new[LEFT + i] - s * h * lane.rates[STAGES, LEFT + i]
+
+
+@inlined
+def _set_step(i, h, lane, time_limit):
+    """Set the length of a lane's next step; return `_FLYING`, or `FAILED` where no step helps."""
+    t = lane.time[i]
     smallest = max(10.0 * _EPS * t, 1e-300)
-    lane[H, i] = min(max(min(h, lane[LONGEST, i]), smallest), limit - t)
-    lane[PHASE, i] = _FLYING
-    vain = lane[CALLS, i] > MAX_EVALUATIONS or (lane[REJECTED, i] == 1.0 and h < smallest)
-    return FAILED if vain else -1
+    lane.step[i] = min(max(min(h, lane.longest[i]), smallest), time_limit - t)
+    vain = lane.calls[i] > MAX_EVALUATIONS or (lane.rejected[i] == 1.0 and h < smallest)
+    return FAILED if vain else _FLYING
 
 
 @inlined
-def _handle_step(i, y, rates, new, lane, limit, out, row):
-    """Handle a step that is rejected, crosses an event or reaches the limit of time.
-
-    Return the flight's status, -1 while it lasts.
-    """
-    h, error, growth, drop = lane[H, i], lane[ERROR, i], lane[GROWTH, i], lane[DROP, i]
-    place, climb, sink = lane[PLACE, i], y[W + i], new[W + i]
-    above, below = y[Z + i] + drop, new[Z + i] + drop
+def _end_step(i, flights, lane, time_limit):
+    """Reject a step, take it anew with another length, or take it; return the flight's status."""
+    h, error, growth, row = lane.step[i], lane.error[i], lane.growth[i], lane.row[i]
     if not error < 1.0:  # or not a number
-        lane[REJECTED, i] = 1.0
-        return _set_step(i, h * max(0.2, growth) if error < math.inf else 0.2 * h, limit, lane)
-    further = h * min(growth, 1.0 if lane[REJECTED, i] == 1.0 else 10.0)
-    # at a crest or a lowest point the speed is zero but for rounding, of either sign
-    rose = place == _AT_LOWEST or (place != _AT_APEX and climb >= 0.0 and climb > sink)
-    sank = place == _AT_APEX or (place != _AT_LOWEST and climb < 0.0)
-    apex, lowest = rose and sink <= 0.0, sank and sink > 0.0 and above > 0.0
-    lands = place != _NOT_YET_UP and above >= 0.0 >= below and above > below
-    if apex or lands or lowest:
-        event = _CREST if apex else _LANDING if lands else _LOWEST
-        part = _guess_event(i, y, new, h, rates, event, drop)
-        if part < 0.0 and event != _LANDING:  # it is level, and turns at the start
-            lane[PLACE, i] = _AT_APEX if apex else _AT_LOWEST
-            return -1
-        lane[NEXT, i], lane[LOW, i], lane[HIGH, i], lane[H, i] = further, 0.0, h, max(part, 0.0) * h
-        lane[PHASE, i] = _TO_APEX if apex else _TO_LANDING if lands else _TO_LOWEST
-        return -1
-    begins, ends = climb + h * rates[0, W + i], sink - h * rates[STAGES, W + i]
-    turns = climb * sink > 0.0 and begins * climb < 0.0 and ends * sink < 0.0  # perhaps, and back
-    if turns or (place == _NOT_YET_UP and below < 0.0):  # or it rose and fell unseen
-        lane[REJECTED, i] = 1.0
-        return _set_step(i, 0.5 * h, limit, lane)
-    last = h == limit - lane[T, i]
-    lane[TAKEN, i] = 1.0
-    lane[T, i] = limit if last else lane[T, i] + h
-    lane[REJECTED, i] = 0.0
-    lane[PLACE, i] = place if place == _NOT_YET_UP else _ANYWHERE
+        lane.rejected[i] = 1.0
+        return _set_step(i, h * max(0.2, growth) if error < math.inf else 0.2 * h, lane, time_limit)
+    resolvable = h > max(100.0 * _EPS * lane.time[i], 1e-300)
+    first, before_end = _FLYING - 1, -1.0
+    for event in range(_CREST, lane.begin.shape[1] // LANES):
+        if event == _CREST:
+            start, end = lane.state[W + i], lane.new[W + i]
+            rise, last_rise = h * lane.rates[0, W + i], h * lane.rates[STAGES, W + i]
+        else:
+            k = event * LANES + i
+            start, end = lane.begin[VALUE, k], lane.end[VALUE, k]
+            rise, last_rise = h * lane.begin[SLOPE, k], h * lane.end[SLOPE, k]
+        if event != _CREST and _dips(start, rise, end, last_rise):
+            s, lowest = _find_lowest(i, event, h, lane)
+            if lowest <= 0.0 and 0.0 < s < 1.0 - 1e-6 and resolvable:
+                return _set_step(i, (1.0 - s) * h, lane, time_limit)  # its end will decide
+            continue
+        if not _happens(start, rise, end, last_rise):
+            continue
+        if start > 0.0 >= end:
+            s = _find_event(i, event, h, start, end, lane)
+            if s > before_end:
+                first, before_end = event, s
+        elif resolvable and (start != 0.0 or rise > 0.0 or (event != _CREST and rise == 0.0)):
+            # it may come and go within the step, or rises before it falls
+            shorter = 0.5 * rise / (rise - end) if start == 0.0 and rise > 0.0 else 0.5
+            return _set_step(i, shorter * h, lane, time_limit)
+    margin = flights.tolerance[row, 4]
+    if before_end > margin and resolvable:
+        return _set_step(i, (1.0 - before_end) * (1.0 + 0.5 * margin) * h, lane, time_limit)
+    if first >= 0:
+        _write_event(i, before_end, h, lane, flights.nodes, row, 0)
+        if flights.nodes[row, 3] > flights.nodes[row, 11]:
+            for c in range(8):
+                flights.nodes[row, 8 + c] = flights.nodes[row, c]
+        return _status_of(first)
+    if first == _CREST and lane.new[Z + i] > flights.nodes[row, 11]:
+        _write_event(i, before_end, h, lane, flights.nodes, row, 8)
+    lane.taken[i] = 1.0
+    last = h == time_limit - lane.time[i]
+    lane.time[i] = time_limit if last else lane.time[i] + h
+    further = h * min(growth, 1.0 if lane.rejected[i] == 1.0 else 10.0)
+    lane.rejected[i] = 0.0
     if not last:
-        return _set_step(i, further, limit, lane)
-    if new[Z + i] > out[row, 11]:
-        _write_node(i, limit, new, out, row, 8)
-    _write_node(i, limit, new, out, row, 0)
+        return _set_step(i, further, lane, time_limit)
+    if lane.new[Z + i] > flights.nodes[row, 11]:
+        _write_node(i, time_limit, lane.new, flights.nodes, row, 8)
+    _write_node(i, time_limit, lane.new, flights.nodes, row, 0)
     return ALOFT
-
-
-@inlined
-def _handle_event_step(i, y, rates, new, lane, tol, limit, out, row):
-    """Handle a step towards an event; return the flight's status, -1 while it lasts."""
-    if not lane[ERROR, i] < math.inf:
-        return FAILED
-    apex, lands = lane[PHASE, i] == _TO_APEX, lane[PHASE, i] == _TO_LANDING
-    event = _CREST if apex else _LANDING if lands else _LOWEST
-    if not _write_event(i, event, y, rates, new, tol, lane, out, row):
-        return -1
-    if lands:
-        out[row, 3] = -lane[DROP, i]  # by definition; the event's root says so but for rounding
-        return LANDED
-    below = new[Z + i] + lane[DROP, i]
-    if apex and below < 0.0:  # it is a later crest: the ball landed before
-        lane[REJECTED, i] = 1.0
-        return _set_step(i, 0.5 * lane[H, i], limit, lane)
-    if not apex and below <= 0.0:  # this step again, which now ends in the ground
-        return _set_step(i, lane[H, i], limit, lane)
-    lane[TAKEN, i] = 1.0
-    lane[T, i] += lane[H, i]
-    lane[PLACE, i], lane[REJECTED, i] = _AT_APEX if apex else _AT_LOWEST, 0.0
-    return _set_step(i, lane[NEXT, i], limit, lane)

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from kickdyn.ball import Ball, BallState
+from kickdyn.core.mechanics import cross3
 from kickdyn.core.validation import Array, read_only
-from kickdyn.core.vectors import cross3
 from kickdyn.robot.leg import Posture
 
 

@@ -19,12 +19,14 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.constraint_impulses import check_unconstrained
 from kickdyn.planning.impact_target import ImpactTarget
-from kickdyn.planning.kick_point import KickPoint, KickVariables
 from kickdyn.planning.kick_terms import (
     BallPosition,
     Facing,
     FullShare,
     JointRange,
+    KickPoint,
+    KickVariables,
+    Objective,
     SpeedLimit,
     StrikeVelocity,
     TorqueLimit,
@@ -35,7 +37,6 @@ from kickdyn.planning.objectives import (
     JointSpeed,
     LandingScatter,
     LargestShare,
-    Objective,
 )
 from kickdyn.planning.problem import TOLERANCE, Function, LeastViolation, Problem, Term
 from kickdyn.planning.solvers import solve
@@ -283,7 +284,7 @@ def _foot_directions(variables: KickVariables, draw: np.random.Generator) -> Arr
     """Return the directions in which the foot can move at all, orthonormal rows, by drawn q."""
     lower, upper = variables.lower, variables.upper
     postures = [variables.posture(draw.uniform(lower, upper)) for _ in range(8)]
-    directions, gains, _ = np.linalg.svd(np.hstack([one.jacobian for one in postures]))
+    directions, gains, _ = np.linalg.svd(np.hstack([posture.jacobian for posture in postures]))
     return np.asarray(directions[:, gains > 1e-9 * gains[0]].T)
 
 

@@ -1,7 +1,6 @@
 """Objectives of a kick: what its posture and joint velocity make least, or most."""
 
 import math
-from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import replace
 from enum import StrEnum
@@ -13,13 +12,10 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import NoImpact
 from kickdyn.impact.leg_response import joint_impulses
 from kickdyn.impact.strike import strike
-from kickdyn.planning.kick_point import KickPoint
+from kickdyn.planning.kick_terms import KickPoint, Objective
 from kickdyn.planning.launch import Launch
 from kickdyn.planning.problem import Function, Kind
 from kickdyn.planning.scatter import checked_spread, landing_covariances, landing_slopes
-
-STEP = 1e-7
-"""Step of the unknowns in the differences that stand for derivatives."""
 
 
 class KickObjective(StrEnum):
@@ -45,32 +41,6 @@ class KickObjective(StrEnum):
     def unit(self) -> str:
         """Unit of the value; `joint-speed` has none."""
         return OBJECTIVES[self].unit
-
-
-class Objective(Function[KickPoint]):
-    """A cost of a kick; its derivatives are differences.
-
-    Attributes:
-        unit: of the cost.
-    """
-
-    kind = Kind.OBJECTIVE
-    unit = ""
-
-    @abstractmethod
-    def cost(self, point: KickPoint) -> float:
-        """Return what is to be least; what shall be most is below 0."""
-
-    def value(self, point: KickPoint) -> Array:
-        return np.array([self.cost(point)])
-
-    def slope(self, point: KickPoint) -> Array:
-        cost, slope = self.cost(point), np.zeros((1, len(point.x)))
-        for i in range(len(point.x) - 1):  # the share does not count
-            x = point.x.copy()
-            x[i] += STEP
-            slope[0, i] = (self.cost(point.variables.point(x)) - cost) / STEP
-        return slope
 
 
 class JointSpeed(Objective):
@@ -144,7 +114,7 @@ class LandingScatter(Objective):
         except NoImpact:  # far from feasible
             return 1e6
         covariances = landing_covariances(impact, self._slopes, self._sizes)
-        return math.sqrt(sum(float(np.trace(part)) for part in covariances.values()))
+        return math.sqrt(sum(float(np.trace(covariance)) for covariance in covariances.values()))
 
 
 class LargestShare(Function[KickPoint]):

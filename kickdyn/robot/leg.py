@@ -20,22 +20,27 @@ from numpy.typing import ArrayLike
 from scipy.linalg import blas, lapack
 
 from kickdyn.core import validation
-from kickdyn.core.gravity import GRAVITY
+from kickdyn.core.mechanics import GRAVITY, cross3
 from kickdyn.core.representation import ReprMixin, Row, format_value, warned
 from kickdyn.core.validation import Array, read_only
-from kickdyn.core.vectors import cross3
 from kickdyn.errors import FaultyFile, InvalidInput, MjcfError, UrdfError
 from kickdyn.robot.articulated_body import ArticulatedBodies
-from kickdyn.robot.catalog import ROBOTS, TOE, outside_legs, robot, robot_file, robot_model
+from kickdyn.robot.catalog import (
+    ROBOTS,
+    TOE,
+    find_description,
+    outside_legs,
+    robot,
+    robot_file,
+    robot_model,
+)
 from kickdyn.robot.constraints import (
     ConstraintProjector,
     Constraints,
     Support,
     find_open_loops,
 )
-from kickdyn.robot.descriptions import find_description
-from kickdyn.robot.joint_table import JointTable
-from kickdyn.robot.mimic_joints import Mimic
+from kickdyn.robot.joint_table import JointTable, Mimic
 from kickdyn.robot.mjcf_file import MjcfFile, read_mjcf
 from kickdyn.robot.mjcf_model import build_mjcf_model
 from kickdyn.robot.model_validation import (
@@ -304,7 +309,7 @@ class Leg(JointTable, ReprMixin):
     ) -> "Leg":
         """Load a robot of the package robot_descriptions."""
         check_base(base)
-        description, contact_frame = find_description(name, list(ROBOTS)), frame or TOE
+        description, contact_frame = find_description(name), frame or TOE
         try:
             if description.is_mjcf:
                 return cls._from_mjcf(
@@ -642,20 +647,27 @@ class Posture(ReprMixin):
         With constraints, it is projected on the velocity jumps that they allow in an impact.
         """
         if self._whitened is None:  # not a cached_property: its lock would take 2 us
-            columns = self.whiten(self.jacobian)
+            columns = self._allowed(self._whiten(self.jacobian))
             columns.setflags(False)
             self._whitened = columns.T
         return self._whitened
 
-    def whiten(self, jacobian: Array) -> Array:
+    def whiten(self, jacobian: ArrayLike) -> Array:
         r"""Return :math:`L^{-1} J^T` of any Jacobian, shape `(rows, nv)`, as columns.
 
         With constraints, it is projected on the velocity jumps that they allow in an impact.
         """
-        columns = self._whiten(jacobian)
-        if self.constraint_projector is not None:
-            columns = self.constraint_projector.project(columns)
-        return columns
+        rows = validation.floats("jacobian", jacobian)
+        if rows.ndim != 2 or rows.shape[1] != self.leg.nv:
+            raise InvalidInput(
+                f"jacobian has shape {rows.shape}: it must have rows of length {self.leg.nv}"
+            )
+        return self._allowed(self._whiten(rows))
+
+    def _allowed(self, columns: Array) -> Array:
+        """Return whitened columns, projected on what the constraints allow in an impact."""
+        projector = self.constraint_projector
+        return columns if projector is None else projector.project(columns)
 
     def delassus_factor(self) -> Array:
         r"""Return F with :math:`F F^T = J M^{-1} J^T`, shape `(3, n)` [kg^-1/2, world frame].

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from kickdyn.core.gravity import GRAVITY
+from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.validation import Array, check_type
 from kickdyn.errors import InvalidInput, MjcfError
-from kickdyn.robot.mimic_joints import Mimic
+from kickdyn.robot.joint_table import Mimic
 from kickdyn.robot.mjcf_file import MjcfFile, body_name, quiet_mujoco
 from kickdyn.robot.model_validation import MAX_MAGNITUDE, frame_id
 from kickdyn.robot.names import expand_patterns

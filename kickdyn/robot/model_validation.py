@@ -126,8 +126,9 @@ def _check_inertias(model: Any, names: list[str]) -> None:
     unsound: list[str] = []
     for name, body, moved in zip(names, bodies, composites, strict=True):
         # a point's moments are 0 but for the rounding of those about its joint
-        largest = max(_spread(moved)[0], _spread(body)[0], moved.mass * moved.lever @ moved.lever)
-        if body.mass > 0 and not _spread(body)[-1] >= -ROUNDING * largest:
+        of_moved, of_body = second_moments(moved.inertia), second_moments(body.inertia)
+        largest = max(of_moved[0], of_body[0], moved.mass * moved.lever @ moved.lever)
+        if body.mass > 0 and not of_body[-1] >= -ROUNDING * largest:
             unsound.append(name)
     if unsound:
         first = bodies[names.index(unsound[0])]
@@ -145,9 +146,15 @@ def _either(remedy: str, model: Any, joints: list[str]) -> str:
     return ", or ".join(filter(None, [remedy, lock_remedy(model, joints)]))
 
 
-def _spread(inertia: Any) -> Array:
-    """Return the mass's second moments along principal axes, falling: half the trace less each."""
-    moments = inertia.inertia
+def second_moments(moments: Array) -> Array:
+    r"""Return the second moments of mass along the principal axes, shape `(3,)`, falling [kg m2].
+
+    With the principal moments of inertia :math:`I_k` they are :math:`\sum_j I_j / 2 - I_k`, and
+    none is negative for a body: this is the triangle inequality.
+
+    Args:
+        moments: of inertia about the centre of mass, shape `(3, 3)` [kg m2].
+    """
     return np.asarray(np.trace(moments) / 2 - np.linalg.eigvalsh(moments))
 
 

@@ -17,9 +17,8 @@ from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.leg import Leg
-from kickdyn.robot.mesh_file import Triangles, read_mesh
 from kickdyn.robot.package_files import PackageFiles
-from kickdyn.robot.visuals import Shape, Visual
+from kickdyn.robot.visuals import Shape, Triangles, Visual, read_mesh
 from kickdyn.view.marks import UPRIGHT, cylinder_pose
 
 Rgba = tuple[float, ...]

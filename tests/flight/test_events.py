@@ -83,3 +83,48 @@ def test_the_ground_is_an_event_with_a_number_for_each_launch():
     drop, *normal = ground_event(BALL, kd.Ground()).launched(launches).numbers
     assert drop == pytest.approx([1 - BALL.radius, 2 - BALL.radius])
     assert normal == [0.0, 0.0, 1.0]
+
+
+def launches(n):
+    draw = np.random.default_rng(2)
+    velocity = draw.normal((18, 0, 7), 3, (n, 3))
+    return kd.BallState(draw.normal((0, 0, 4), 0.3, (n, 3)), velocity, draw.normal(0, 30, (n, 3)))
+
+
+@pytest.mark.parametrize("air", [AIR, None])
+@pytest.mark.parametrize("curved", [False, True])
+def test_many_flights_end_at_the_events_of_one(air, curved):
+    """At a plane and at the ground; then at an event of one's own as well."""
+    states, ground = launches(60), kd.Ground()
+    plane = kd.Plane((21, 0, 0), (-1, 0.2, 0))
+    far = kd.Event("far", lambda state, numbers: 21.5**2 - state[0] ** 2 - state[1] ** 2)
+    ends = [far] if curved else []
+    many = kd.fly_many(states, BALL, air, ground, 1e-10, plane=plane, ends=ends)
+    names = many.status.attrs["flag_meanings"].split()
+    found = [names[status] for status in many.status.values]
+    for i, name in enumerate(found):
+        launch = kd.BallState(states.position[i], states.velocity[i], states.spin[i])
+        path = kd.fly(launch, BALL, air, ground, 1e-10, plane=plane, ends=ends)
+        assert (name, float(many.duration[i])) == (
+            path.status,
+            pytest.approx(path.duration, abs=1e-8),
+        )
+        assert many.landing_position.values[i] == pytest.approx(path.landing.position, abs=1e-7)
+        assert many.height.values[i] == pytest.approx(path.height, abs=1e-7)
+    assert len(set(found)) == 2 + curved
+
+
+def test_many_that_start_on_a_plane_fly_only_away_from_it():
+    plane = kd.Plane((0, 0, 0), (-1, 0, 0), "centre")
+    states = kd.BallState((0, 0, 1), [(5, 0, 5), (-5, 0, 5)], (0, -10, 0))
+    many = kd.fly_many(states, BALL, AIR, kd.Ground(), plane=plane)
+    assert many.status.values.tolist() == [3, 0]
+    assert many.duration.values[0] == 0.0 < many.duration.values[1]
+    with pytest.raises(kd.InvalidInput, match=r"centre of flight 1 starts 1 m beyond the plane"):
+        kd.fly_many(kd.BallState([(-1, 0, 1), (1, 0, 1)], (1, 0, 0)), BALL, AIR, plane=plane)
+
+
+def test_an_event_that_numba_cannot_compile_is_named():
+    odd = kd.Event("odd", lambda state, _: float(str(state[0])))
+    with pytest.raises(kd.InvalidInput, match=r"the end 'odd' .* cannot be compiled"):
+        kd.fly_many(launches(3), BALL, AIR, ends=[odd])

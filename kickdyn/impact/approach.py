@@ -205,8 +205,7 @@ def find_approach(
     else:
         with np.errstate(over="ignore", invalid="ignore"):  # reported by `_closing_speed`
             foot_velocity = posture.jacobian.dot(v)
-    for array in (v, foot_velocity):
-        array.setflags(False)
+    validation.protect(v, foot_velocity)
     centre_velocity, speed = _closing_speed(posture, foot_velocity, before, contact)
     approach = Approach(
         posture,

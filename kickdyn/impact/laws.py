@@ -56,8 +56,7 @@ def solve_contacts(problem: ContactProblem, law: ImpactLaw) -> Solution:
             f"law {law.name!r} finds no impulse (restitution {contacts[0].restitution:g}, friction "
             f"{contacts[0].friction:g}, relative velocity {list(contacts[0].velocity)} m/s)"
         )
-    solution.impulses.setflags(False)
-    solution.tangential_impulses.setflags(False)
+    validation.protect(solution.impulses, solution.tangential_impulses)
     return solution
 
 

@@ -22,7 +22,7 @@ from scipy.linalg import blas, lapack
 from kickdyn.core import validation
 from kickdyn.core.mechanics import GRAVITY, cross3
 from kickdyn.core.representation import ReprMixin, Row, format_value, warned
-from kickdyn.core.validation import Array, read_only
+from kickdyn.core.validation import Array, protect, read_only
 from kickdyn.errors import FaultyFile, InvalidInput, MjcfError, UrdfError
 from kickdyn.robot.articulated_body import ArticulatedBodies
 from kickdyn.robot.catalog import (
@@ -648,7 +648,7 @@ class Posture(ReprMixin):
         """
         if self._whitened is None:  # not a cached_property: its lock would take 2 us
             columns = self._allowed(self._whiten(self.jacobian))
-            columns.setflags(False)
+            protect(columns)
             self._whitened = columns.T
         return self._whitened
 
@@ -894,8 +894,7 @@ def _posture(leg: Leg, q: ArrayLike) -> Posture:
             raise InvalidInput(f"the joint-space inertia of {leg.name} at {where} {fault}")
     jacobian: Array = rotation.dot(frame_jacobian[:3])
     joint_rotation = workspace.placements[leg.contact_joint].rotation.copy()
-    for array in (q, inertia, origin, jacobian, joint_rotation):
-        array.setflags(False)
+    protect(q, inertia, origin, jacobian, joint_rotation)
     posture = Posture(  # names of the arguments would take half a microsecond
         leg,
         q,

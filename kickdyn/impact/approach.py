@@ -9,9 +9,9 @@ from numpy.typing import ArrayLike
 from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
 from kickdyn.core import validation
+from kickdyn.core.mechanics import largest
 from kickdyn.core.representation import ReprMixin
 from kickdyn.core.validation import Array
-from kickdyn.core.vectors import largest
 from kickdyn.errors import InvalidInput, NoImpact
 from kickdyn.impact.body import BallBody, LegBody
 from kickdyn.impact.contact_problem import ContactPoint, ContactProblem

@@ -12,8 +12,8 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from kickdyn.ball import Ball, BallState
+from kickdyn.core.mechanics import Triple, cross3
 from kickdyn.core.validation import Array
-from kickdyn.core.vectors import Triple, cross3
 from kickdyn.robot.leg import Posture
 
 NO_VELOCITY: Triple = (0.0, 0.0, 0.0)

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kickdyn.core.mechanics import Triple, cross3
 from kickdyn.core.validation import Array
-from kickdyn.core.vectors import Triple, cross3
 from kickdyn.impact.body import NO_VELOCITY, Body
 
 

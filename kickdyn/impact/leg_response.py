@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
+from kickdyn.core.mechanics import cross3, largest
 from kickdyn.core.validation import Array
-from kickdyn.core.vectors import cross3, largest
 from kickdyn.robot.leg import Posture
 
 NO_CONSTRAINTS = np.zeros(0)

@@ -35,9 +35,8 @@ from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.constraint_impulses import Footing, footing
-from kickdyn.planning.kick_point import KickPoint, Objective
 from kickdyn.planning.kick_problem import KickProblem, KickSolution
-from kickdyn.planning.kick_terms import JointRange
+from kickdyn.planning.kick_terms import JointRange, KickPoint, Objective
 from kickdyn.planning.solvers import one_blas_thread
 from kickdyn.planning.stance import (
     LENGTH,

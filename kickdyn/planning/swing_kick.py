@@ -19,14 +19,19 @@ import numpy as np
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.planning.casadi_chain import point_function, torque_function
 from kickdyn.planning.impact_target import ImpactTarget
-from kickdyn.planning.kick_point import KickPoint, Objective
 from kickdyn.planning.kick_problem import KickProblem, KickSolution, solve_kick
-from kickdyn.planning.kick_terms import BallPosition, Facing, StrikeVelocity
+from kickdyn.planning.kick_terms import BallPosition, Facing, KickPoint, Objective, StrikeVelocity
 from kickdyn.planning.objectives import KineticEnergy
 from kickdyn.planning.problem import TOLERANCE
-from kickdyn.planning.stop_problem import EAGER, OPTIONS, SHORT, StopEquations
+from kickdyn.planning.stop_problem import (
+    EAGER,
+    OPTIONS,
+    SHORT,
+    StopEquations,
+    point_function,
+    torque_function,
+)
 from kickdyn.planning.swing_phase import LONGEST, SwingPhase, swing_chain
 from kickdyn.restitution import rows_of
 from kickdyn.robot.leg import Posture

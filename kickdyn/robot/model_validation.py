@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.linalg import blas, lapack
 
-from kickdyn.core.gravity import GRAVITY
+from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.names import listed, lock_remedy, unknown

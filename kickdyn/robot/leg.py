@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import blas, lapack
 
 from kickdyn.core import validation
-from kickdyn.core.mechanics import GRAVITY, cross3
+from kickdyn.core.mechanics import cross3
 from kickdyn.core.representation import ReprMixin, Row, format_value, warned
 from kickdyn.core.validation import Array, protect, read_only
 from kickdyn.errors import FaultyFile, InvalidInput, MjcfError, UrdfError
@@ -345,11 +345,6 @@ class Leg(JointTable, ReprMixin):
                 frame.
         """
         check_is_model(model)
-        if model.gravity.vector.tolist() not in ([0.0, 0.0, -GRAVITY, 0.0, 0.0, 0.0], [0.0] * 6):
-            raise InvalidInput(
-                f"gravity of the model is {model.gravity.vector.tolist()}: it must be (0, 0, "
-                f"-{GRAVITY:g}) m/s2, with which the ball flies, or zero"
-            )
         check_model(model)
         return cls(model, frame)
 

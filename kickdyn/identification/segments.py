@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.core import validation
-from kickdyn.core.gravity import GRAVITY
+from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.representation import Printed
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from kickdyn.core import validation
 from kickdyn.core.files import check_file, read_text
-from kickdyn.core.gravity import GRAVITY
+from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.representation import ReprMixin, Row, ValueEquality
 from kickdyn.core.validation import Array
 from kickdyn.errors import FaultyFile, InvalidInput

@@ -15,9 +15,9 @@ import numpy as np
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
+from kickdyn.core.mechanics import cross
 from kickdyn.core.representation import ReadOnlyArrays, freeze_arrays
 from kickdyn.core.validation import Array
-from kickdyn.core.vectors import cross
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.flight.derivatives import fly_with_launch_slopes
 from kickdyn.impact.impact_result import Impact

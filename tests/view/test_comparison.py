@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.core.gravity import GRAVITY
+from kickdyn.core.mechanics import GRAVITY
 from kickdyn.view.comparison import COLOURS, DOTS
 
 

@@ -241,7 +241,7 @@ def _means(fits: list[Fit]) -> dict[str, FlightMean | None]:
 def _unused(split: Segments) -> tuple[int, int]:
     """Return how many flights are too short to fit, and the number of samples at their ends."""
     short = sum(flight.duration < SHORTEST for flight in split.flights)
-    samples = sum(len(part) for part in split.parts if part.kind is SegmentKind.FLIGHT)
+    samples = sum(len(segment) for segment in split.parts if segment.kind is SegmentKind.FLIGHT)
     return short, samples - sum(len(flight) for flight in split.flights)
 
 
@@ -275,8 +275,13 @@ def _document(split: Segments | None, fits: list[Fit], failures: list[str]) -> d
         document["too_short"], document["samples_at_ends"] = _unused(split)
         document["warnings"] = [*split.warnings]
         document["segments"] = [
-            {"kind": part.kind, "first": part.first, "last": part.last, "begins": part.begins}
-            for part in split.parts
+            {
+                "kind": segment.kind,
+                "first": segment.first,
+                "last": segment.last,
+                "begins": segment.begins,
+            }
+            for segment in split.parts
         ]
         for name in ("restitution", "friction", "rolling_deceleration"):
             value = getattr(split, name)

@@ -17,8 +17,17 @@ from kickdyn.impact.impact_result import Impact
 from kickdyn.view.camera import camera_for
 from kickdyn.view.caption import colour_key, panel_of
 from kickdyn.view.document import draw_label
-from kickdyn.view.impulses import LEAST, draw_impulse, impulse_arrows, largest_impulse
-from kickdyn.view.kick_scene import POINTS, THIN, box_corners, set_stage, stripe_width
+from kickdyn.view.kick_scene import (
+    LEAST_JOINT_IMPULSE,
+    POINTS,
+    THIN,
+    box_corners,
+    draw_impulse,
+    impulse_arrows,
+    largest_impulse,
+    set_stage,
+    stripe_width,
+)
 from kickdyn.view.leg_figure import draw_leg
 from kickdyn.view.marks import (
     draw_axes,
@@ -137,7 +146,7 @@ def draw_impacts(viewer: Any, impacts: Mapping[str, Impact], title: str) -> str:
         node.set_transform(tf.translation_matrix(shift))
         draw_ball(node["ball"], impact.ball.radius, impact.ball_before.position)
         draw_label(node["name"], name, "black", head)
-        for arrow in impulse_arrows(impact, LEAST * most):
+        for arrow in impulse_arrows(impact, LEAST_JOINT_IMPULSE * most):
             draw_impulse(node[arrow.node], arrow, scale)
     points, floor = np.vstack(shown), min(float(figure[:, 2].min()) for figure in figures)
     set_stage(viewer, camera_for(points, points, X), points)

@@ -1,4 +1,4 @@
-"""One kick, drawn and moving: leg, ball, impulses, flight and ground."""
+"""One kick, drawn and moving: leg, ball, flight, ground, and impulses as arrows to one scale."""
 
 import math
 from collections.abc import Sequence
@@ -22,10 +22,11 @@ from kickdyn.robot.leg import Leg
 from kickdyn.robot.model_validation import frame_id
 from kickdyn.view.camera import BOTTOM, LEFT, RIGHT, TOP, UP, Camera, camera_for, set_camera
 from kickdyn.view.document import draw_label
-from kickdyn.view.impulses import LEAST, Arrow, draw_impulse, impulse_arrows, largest_impulse
 from kickdyn.view.leg_figure import draw_leg, joint_poses
 from kickdyn.view.marks import (
+    ARROW,
     CURVE,
+    draw_arrow,
     draw_axes,
     draw_ball,
     draw_curve,
@@ -48,6 +49,34 @@ SUN = np.array([-0.3, -0.5, 0.81])  # unit vector to the light
 LIFT = 5e-3  # height above the ground from which on a resting ball is on a tee [m]
 THIN = 0.0017  # radius of the curve over its distance from the camera: 3 or 4 pixels on a screen
 POINTS = 150  # of a flight's curve
+
+JOINT_ARROW = 0xF28C00
+"""Colour of the arrows of joint impulses."""
+
+LEAST_JOINT_IMPULSE = 0.05
+"""Least impulse of a joint that gets an arrow, over the largest impulse of the kick."""
+
+
+@dataclass(frozen=True, eq=False)
+class Arrow:
+    """An impulse that is drawn.
+
+    Attributes:
+        node: where it is drawn in the viewer.
+        start: shape `(3,)` [m, world frame].
+        impulse: not zero, shape `(3,)` [N s, world frame].
+        colour: 0xRRGGBB.
+    """
+
+    node: str
+    start: Array
+    impulse: Array
+    colour: int
+
+    @property
+    def size(self) -> float:
+        """Norm of the impulse [N s]."""
+        return float(np.linalg.norm(self.impulse))
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +130,7 @@ def draw_kick(
     size = float(np.linalg.norm(np.ptp(near, axis=0)))
     most = largest_impulse(impact)
     scale = max(3.2 * ball.radius, 0.45 * size) / most if most > 0 else 0.0
-    arrows = impulse_arrows(impact, LEAST * most)
+    arrows = impulse_arrows(impact, LEAST_JOINT_IMPULSE * most)
     tips = np.array([arrow.start + scale * arrow.impulse for arrow in arrows]).reshape(-1, 3)
     foot = np.array([*before.position[:2], floor])
     axis = stripe_width(1.8 * size)
@@ -140,6 +169,42 @@ def draw_kick(
     elif lift < -LIFT:
         text += f" The ball is {-lift:.2g} m in the ground on which the robot stands."
     return DrawnKick(pace, stripe, axis, text.strip())
+
+
+def joint_impulses_in_world(impact: Impact) -> list[tuple[str, Array, Array]]:
+    """Return name, origin [m] and impulse [N s] of each joint, by parent on child, world frame."""
+    leg = impact.posture.leg
+    poses = joint_poses(leg, impact.posture.q)[1:]
+    return [
+        (name, pose[:3, 3], pose[:3, :3] @ impulse[:3])
+        for name, pose, impulse in zip(leg.joint_names, poses, impact.joint_impulses, strict=True)
+    ]
+
+
+def largest_impulse(impact: Impact) -> float:
+    """Return the largest impulse of a kick, on the ball or through a joint [N s]."""
+    impulses = [impact.impulse, *(impulse for _, _, impulse in joint_impulses_in_world(impact))]
+    return max(float(np.linalg.norm(impulse)) for impulse in impulses)
+
+
+def impulse_arrows(impact: Impact, least: float) -> list[Arrow]:
+    """Return the ball's arrow, then the arrows of joints above `least` [N s], largest first."""
+    ball = Arrow("arrow", impact.posture.contact_point, impact.impulse, ARROW)
+    joints = [
+        Arrow(f"joint_arrows/{number}", start, impulse, JOINT_ARROW)
+        for number, (_, start, impulse) in enumerate(joint_impulses_in_world(impact), start=1)
+    ]
+    joints = sorted(
+        (arrow for arrow in joints if arrow.size > least), key=lambda arrow: -arrow.size
+    )
+    return [ball, *joints] if ball.size > 0.0 else joints
+
+
+def draw_impulse(viewer: Any, arrow: Arrow, scale: float) -> None:
+    """Draw an arrow, `scale` metres long per N s, with its size at its tip."""
+    vector = scale * arrow.impulse
+    draw_arrow(viewer, arrow.start, vector, arrow.colour)
+    draw_label(viewer["label"], f"{arrow.size:.3g} N s", f"#{arrow.colour:06x}", vector)
 
 
 def describe_buried(leg: Leg, moved: Sequence[Array], pace: Pace, floor: float) -> str:

@@ -38,17 +38,24 @@ from kickdyn.view.marks import (
 from kickdyn.view.playback import RATE, Pace, ball_pose, kick_pace, leg_configuration
 from kickdyn.view.wall_and_goal import Box, draw_box
 
-SKY = {"top_color": [0.60, 0.78, 0.93], "bottom_color": [0.96, 0.98, 1.0]}
-LIGHTS = {
+SKY_COLOURS = {"top_color": [0.60, 0.78, 0.93], "bottom_color": [0.96, 0.98, 1.0]}
+LIGHT_INTENSITIES = {
     "AmbientLight": 0.6,
     "FillLight": 0.7,  # from afar: of the same strength everywhere
     "PointLightNegativeX": 0.1,
     "PointLightPositiveX": 0.1,
 }
-SUN = np.array([-0.3, -0.5, 0.81])  # unit vector to the light
-LIFT = 5e-3  # height above the ground from which on a resting ball is on a tee [m]
-THIN = 0.0017  # radius of the curve over its distance from the camera: 3 or 4 pixels on a screen
-POINTS = 150  # of a flight's curve
+SUN_DIRECTION = np.array([-0.3, -0.5, 0.81])
+"""Unit vector from the scene to the light."""
+
+LEAST_TEE_HEIGHT = 5e-3
+"""Height above the ground from which on a resting ball is drawn on a tee [m]."""
+
+CURVE_RADIUS = 0.0017
+"""Radius of a flight's curve over its distance from the camera: 3 or 4 pixels on a screen."""
+
+CURVE_POINTS = 150
+"""Points of a flight's curve."""
 
 JOINT_ARROW = 0xF28C00
 """Colour of the arrows of joint impulses."""
@@ -115,7 +122,7 @@ def draw_kick(
     backswing = swing.backswing if isinstance(swing, Swing) else swing
     pace = kick_pace(impact, path.duration, None if backswing is None else backswing.duration)
     moved = [_configuration(impact, swing, time) for time in pace.times]
-    curve = path.sample(np.linspace(0.0, path.duration, POINTS)).position
+    curve = path.sample(np.linspace(0.0, path.duration, CURVE_POINTS)).position
     forward = _forward(impact, curve)
     bottom = _bottom(impact, path)
     floor = bottom if lies else _ground_height(impact, moved, bottom)
@@ -137,13 +144,14 @@ def draw_kick(
     far.append(foot[None])
     camera = camera_for(near, np.vstack(far), forward, marks=tips, behind=bool(scenery))
     figure = np.vstack([near, figure, tips])
-    line = foot + np.linspace(0.0, 1.0, POINTS)[:, None] * (curve[-1] - foot) * (1.0, 1.0, 0.0)
+    level = (curve[-1] - foot) * (1.0, 1.0, 0.0)
+    line = foot + np.linspace(0.0, 1.0, CURVE_POINTS)[:, None] * level
     origin = _free_place(camera, figure, np.vstack([curve, line]), foot, axis)
-    width = THIN * camera.distance(curve)
+    width = CURVE_RADIUS * camera.distance(curve)
 
     set_stage(viewer, camera, np.vstack([near, *far]))
     draw_ball(viewer["ball"], ball.radius, before.position)
-    stands = lift > LIFT and not lies and not before.velocity.any()
+    stands = lift > LEAST_TEE_HEIGHT and not lies and not before.velocity.any()
     if stands:
         draw_tee(viewer["tee"], foot + np.array([0.0, 0.0, lift]), lift, ball.radius)
     draw_curve(viewer["curve"], curve, width, np.cross(forward, (0.0, 0.0, 1.0)))
@@ -166,7 +174,7 @@ def draw_kick(
     text = describe_buried(leg, moved, pace, floor)
     if stands:
         text += f" The ball is on a tee, {lift:.2g} m above the ground."
-    elif lift < -LIFT:
+    elif lift < -LEAST_TEE_HEIGHT:
         text += f" The ball is {-lift:.2g} m in the ground on which the robot stands."
     return DrawnKick(pace, stripe, axis, text.strip())
 
@@ -283,13 +291,13 @@ def set_stage(viewer: Any, camera: Camera, points: Array) -> None:
     """Set sky, camera, and light that casts the shadows of points, shape `(n, 3)` [m]."""
     for name in ("/Grid", "/Axes"):
         viewer[name].set_property("visible", False)
-    for name, colour in SKY.items():
+    for name, colour in SKY_COLOURS.items():
         viewer["/Background"].set_property(name, colour)
-    for name, brightness in LIGHTS.items():
+    for name, brightness in LIGHT_INTENSITIES.items():
         viewer[f"/Lights/{name}/<object>"].set_property("intensity", brightness)
     reach = float(np.linalg.norm(points - camera.target, axis=1).max())
     sun = viewer["/Lights/FillLight/<object>"]
-    sun.set_property("position", (1.8 * reach * SUN).tolist())
+    sun.set_property("position", (1.8 * reach * SUN_DIRECTION).tolist())
     sun.set_property("reach", reach)  # the page's script frames the shadows by it
     set_camera(viewer, camera)
 

@@ -218,8 +218,7 @@ class BallState(ValueEquality):
         are computed from checked ones.
         """
         state = cls.__new__(cls)
-        for array in (position, velocity, spin):
-            array.setflags(write=False)
+        validation.protect(position, velocity, spin)
         state.__dict__.update(position=position, velocity=velocity, spin=spin, time=time)
         return state
 

@@ -40,7 +40,8 @@ def solve_newton(problem: ContactProblem) -> Solution:
     first, else the solution that loses most energy. With friction, an eccentric impact can gain
     energy by this law, which a negative `energy_lost` shows.
     """
-    ((_, e, mu),) = problem.contacts
+    (contact,) = problem.contacts
+    e, mu = contact.restitution, contact.friction
     if mu == 0.0:
         return frictionless(problem)
     axes, before = problem.in_contact_axes()
@@ -75,7 +76,7 @@ def solve_newton(problem: ContactProblem) -> Solution:
     if slip is None:
         raise KickdynError(
             f"no impulse found on the friction cone (mu = {mu:g}, e = {e:g}, "
-            f"relative velocity {list(problem.velocity())} m/s)"
+            f"relative velocity {list(contact.velocity)} m/s)"
         )
     return single_solution(axes, slip, False, most)
 

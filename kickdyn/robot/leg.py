@@ -20,9 +20,9 @@ from numpy.typing import ArrayLike
 from scipy.linalg import blas, lapack
 
 from kickdyn.core import validation
-from kickdyn.core.mechanics import GRAVITY, cross3
+from kickdyn.core.mechanics import cross3
 from kickdyn.core.representation import ReprMixin, Row, format_value, warned
-from kickdyn.core.validation import Array, read_only
+from kickdyn.core.validation import Array, protect, read_only
 from kickdyn.errors import FaultyFile, InvalidInput, MjcfError, UrdfError
 from kickdyn.robot.articulated_body import ArticulatedBodies
 from kickdyn.robot.catalog import (
@@ -345,11 +345,6 @@ class Leg(JointTable, ReprMixin):
                 frame.
         """
         check_is_model(model)
-        if model.gravity.vector.tolist() not in ([0.0, 0.0, -GRAVITY, 0.0, 0.0, 0.0], [0.0] * 6):
-            raise InvalidInput(
-                f"gravity of the model is {model.gravity.vector.tolist()}: it must be (0, 0, "
-                f"-{GRAVITY:g}) m/s2, with which the ball flies, or zero"
-            )
         check_model(model)
         return cls(model, frame)
 
@@ -569,6 +564,8 @@ class Posture(ReprMixin):
     _frame_origin: Array
     _frame_jacobian: Array
     _contact_offset: Array | None = None
+    _whitened: Array | None = field(default=None, init=False)
+    _jacobian_norm: float | None = field(default=None, init=False)
 
     @property
     def contact_offset(self) -> Array | None:
@@ -631,15 +628,24 @@ class Posture(ReprMixin):
         """A line for each open loop of the leg and for each joint outside its range."""
         return (*self.leg.open_loops, *self.leg.outside_range(self.q))
 
-    @cached_property
+    @property
+    def jacobian_norm(self) -> float:
+        """Frobenius norm of the Jacobian J, in its own units."""
+        if self._jacobian_norm is None:
+            self._jacobian_norm = math.sqrt(np.vdot(self.jacobian, self.jacobian))
+        return self._jacobian_norm
+
+    @property
     def whitened_jacobian(self) -> Array:
         r"""Return :math:`J L^{-T}` with :math:`M = L L^T`, shape `(3, nv)` [world frame].
 
         With constraints, it is projected on the velocity jumps that they allow in an impact.
         """
-        columns = self._allowed(self._whiten(self.jacobian))
-        columns.setflags(write=False)
-        return columns.T
+        if self._whitened is None:  # not a cached_property: its lock would take 2 us
+            columns = self._allowed(self._whiten(self.jacobian))
+            protect(columns)
+            self._whitened = columns.T
+        return self._whitened
 
     def whiten(self, jacobian: ArrayLike) -> Array:
         r"""Return :math:`L^{-1} J^T` of any Jacobian, shape `(rows, nv)`, as columns.
@@ -881,23 +887,24 @@ def _posture(leg: Leg, q: ArrayLike) -> Posture:
             fault = singularity_fault(model, inertia, exact)
             where = f"q = {q.tolist()}" if leg.nq <= MAX_SHOWN_JOINTS else "this posture"
             raise InvalidInput(f"the joint-space inertia of {leg.name} at {where} {fault}")
-    posture = Posture(
+    jacobian: Array = rotation.dot(frame_jacobian[:3])
+    joint_rotation = workspace.placements[leg.contact_joint].rotation.copy()
+    protect(q, inertia, origin, jacobian, joint_rotation)
+    posture = Posture(  # names of the arguments would take half a microsecond
         leg,
         q,
-        contact_point=origin,
-        contact_lever=leg.contact_lever,
-        rotation_world_joint=workspace.placements[leg.contact_joint].rotation.copy(),
-        jacobian=rotation.dot(frame_jacobian[:3]),
-        inertia=inertia,
-        constraint_projector=None,
-        _cholesky=cholesky,
-        _condition_bound=bound,
-        _frame_rotation=rotation,
-        _frame_origin=origin,
-        _frame_jacobian=frame_jacobian,
+        origin,
+        leg.contact_lever,
+        joint_rotation,
+        jacobian,
+        inertia,
+        None,
+        cholesky,
+        bound,
+        rotation,
+        origin,
+        frame_jacobian,
     )
-    for array in (q, inertia, origin, posture.jacobian, posture.rotation_world_joint):
-        array.setflags(write=False)
     if leg.constraints is not None:
         leg.constraints.check_closed(model, data, posture)
         rows, blocks = leg.constraints.rows(model, data, q)

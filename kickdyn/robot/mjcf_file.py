@@ -162,22 +162,21 @@ class MjcfFile(RobotFile):
         compiled = self.compile()
         geoms = [g for g in range(compiled.ngeom) if compiled.geom_bodyid[g]]
         shown = [g for g in geoms if compiled.geom_group[g] < 3] or geoms
-        return [
-            visual for number in shown if (visual := self._visual(compiled, number)) is not None
-        ]
+        return list(self._shapes(compiled, shown))
 
     def collisions(self) -> list[Visual]:
         """Return the geoms that take part in contacts and that `visuals` leaves out."""
         compiled = self.compile()
-        shown = {g for g in range(compiled.ngeom) if compiled.geom_group[g] < 3}
-        return [
-            visual
-            for number in range(compiled.ngeom)
-            if number not in shown
-            and compiled.geom_bodyid[number]
-            and (compiled.geom_contype[number] or compiled.geom_conaffinity[number])
-            and (visual := self._visual(compiled, number)) is not None
-        ]
+        collides = compiled.geom_contype | compiled.geom_conaffinity
+        hidden = (compiled.geom_group >= 3) & (compiled.geom_bodyid > 0) & (collides != 0)
+        return list(self._shapes(compiled, np.flatnonzero(hidden).tolist()))
+
+    def _shapes(self, compiled: Any, geoms: Iterable[int]) -> Iterator[Visual]:
+        """Yield the shapes of geoms that have one."""
+        for number in geoms:
+            shape = self._visual(compiled, number)
+            if shape is not None:
+                yield shape
 
     def _visual(self, compiled: Any, number: int) -> Visual | None:
         """Return the shape of a geom; None for one that is transparent or a plane."""

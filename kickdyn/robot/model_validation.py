@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.linalg import blas, lapack
 
+from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.names import listed, lock_remedy, unknown
@@ -47,12 +48,19 @@ def check_model(model: Any) -> None:
     """Refuse a `pin.Model` that no computation can rest on.
 
     Raises:
-        InvalidInput: no moving joint, mimic joints, joints that are not in the order of their
-            branches, a placement that is no rigid motion, a joint that moves no mass or an
-            impossible inertia, or limits that make no sense; it names the joint at fault.
+        InvalidInput: no moving joint, a gravity that is neither the ball's nor zero, mimic joints,
+            joints that are not in the order of their branches, a placement that is no rigid motion,
+            a joint that moves no mass or an impossible inertia, or limits that make no sense; it
+            names the joint at fault.
     """
     if model.nv == 0:
         raise InvalidInput("model has no moving joint")
+    gravity = model.gravity.vector.tolist()
+    if gravity not in ([0.0, 0.0, -GRAVITY, 0.0, 0.0, 0.0], [0.0] * 6):
+        raise InvalidInput(
+            f"gravity of the model is {gravity}: it must be (0, 0, -{GRAVITY:g}) m/s2, with which "
+            "the ball flies, or zero"
+        )
     names = list(model.names)[1:]
     for name, joint in zip(names, list(model.joints)[1:], strict=True):
         if joint.shortname() == "JointModelMimic":

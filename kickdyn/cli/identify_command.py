@@ -152,13 +152,13 @@ def identify(
     if output.plot is not None and fits:
         save_figure(longest_first[0].result.plot(), output.plot)
     if output.view is not None and fits:
-        from kickdyn.view.comparison import MOST  # imports meshcat
+        from kickdyn.view.comparison import MOST_SUBJECTS  # imports meshcat
         from kickdyn.view.page import page
 
-        shown = sorted(longest_first[:MOST], key=lambda fit: fit.first)
+        shown = sorted(longest_first[:MOST_SUBJECTS], key=lambda fit: fit.first)
         page({f"samples {fit.samples}": fit.result for fit in shown}).save(output.view)
-        if output.prints and len(fits) > MOST:
-            click.echo(f"the page shows the {MOST} longest of {len(fits)} flights")
+        if output.prints and len(fits) > MOST_SUBJECTS:
+            click.echo(f"the page shows the {MOST_SUBJECTS} longest of {len(fits)} flights")
     output.name_written(*((output.plot, output.view) if fits else ()))
 
 

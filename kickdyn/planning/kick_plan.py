@@ -101,7 +101,6 @@ class KickPlan(ReprMixin):
     backswing: Backswing | None = None
 
     def _rows(self) -> Iterable[Row]:
-        """Return the lines that are shown."""
         yield "status", self.status, ""
         yield "posture", self.q, "rad"
         yield "joint velocity", self.v, "rad/s"
@@ -115,7 +114,6 @@ class KickPlan(ReprMixin):
         yield from warned([line.partition("; ")[0] for line in self.warnings])
 
     def _picture(self) -> str:
-        """Return a drawing of the path as an SVG."""
         return self.path._picture()
 
     @property

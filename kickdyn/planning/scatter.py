@@ -49,7 +49,6 @@ class Scatter(ReadOnlyArrays):
     by_source: Mapping[str, Array]
 
     def __post_init__(self) -> None:
-        """Make the arrays read-only."""
         freeze_arrays(vars(self))
 
     @property
@@ -73,8 +72,8 @@ def scatter(impact: Impact, air: Air | None = None, **spread: float) -> Scatter:
     """
     sizes = checked_spread(spread)
     landing, slopes = landing_slopes(impact.ball_after, impact.ball, air)
-    parts = landing_covariances(impact, slopes, sizes)
-    return Scatter(landing, np.sum(list(parts.values()), axis=0), parts)
+    by_source = landing_covariances(impact, slopes, sizes)
+    return Scatter(landing, np.sum(list(by_source.values()), axis=0), by_source)
 
 
 def landing_slopes(state: BallState, ball: Ball, air: Air | None) -> tuple[Array, Array]:

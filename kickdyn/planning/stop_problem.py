@@ -157,7 +157,7 @@ class StopEquations:
             ("speed", [peaks], -1.0 + MARGIN, 1.0 - MARGIN),
             ("torque", [at_nodes, between, at_rest], -1.0, 1.0),
         ]
-        values = [ca.vertcat(*map(ca.vec, parts)) for _, parts, _, _ in blocks]
+        values = [ca.vertcat(*map(ca.vec, matrices)) for _, matrices, _, _ in blocks]
         sizes = [int(value.numel()) for value in values]
         self.constraints = ca.densify(ca.vertcat(*values))
         self.labels = [
@@ -252,18 +252,18 @@ class StopSolver:
         Raises:
             InvalidInput: the solver finds none.
         """
-        found, share, limit = dict[int, StopSolution](), 1.0, ""
+        solutions, share, limit = dict[int, StopSolution](), 1.0, ""
         for stop in (back, on, back):
-            if stop.sign in found and found[stop.sign].share == share:
+            if stop.sign in solutions and solutions[stop.sign].share == share:
                 break
-            found[stop.sign] = one = self.find(stop, share)
-            if one.share < share:
-                share, (what, joint) = one.share, one.binding
+            solutions[stop.sign] = solution = self.find(stop, share)
+            if solution.share < share:
+                share, (what, joint) = solution.share, solution.binding
                 limit = (
                     f"{stop.name}: the {what} limit of {self._equations.chain.names[joint]} leaves "
                     f"{share:.4g} of the planned speed"
                 )
-        return (found[-1].phase, found[1].phase), share, limit
+        return (solutions[-1].phase, solutions[1].phase), share, limit
 
     def find(self, stop: Stop, most: float = 1.0) -> StopSolution:
         """Return a stop from the largest share, up to `most`, of the velocity.
@@ -288,7 +288,7 @@ class StopSolver:
 
     def solve(self, stop: Stop, slack: float = 0.0, most: float = 1.0) -> StopSolution:
         """Return the better of the stops that Ipopt finds from a short and from a long guess."""
-        found, reason = list[StopSolution](), "no iterations left"
+        solutions, reason = list[StopSolution](), "no iterations left"
         for time in sorted({min(SHORT, stop.longest), stop.longest}):
             if self._left <= 0:
                 break
@@ -310,12 +310,12 @@ class StopSolver:
             share = most if x[-1] > most * (1 - 1e-6) else float(x[-1])
             phase = self._equations.phase(stop.sign, stop.q, share * stop.v, x)
             multipliers = (np.asarray(end[name]).ravel() for name in ("lam_x", "lam_g"))
-            found.append(StopSolution(phase, share, self._binding(*multipliers)))
+            solutions.append(StopSolution(phase, share, self._binding(*multipliers)))
             if share == most:
                 break
-        if not found:
+        if not solutions:
             raise InvalidInput(f"no {stop.name} is found: {reason}")
-        return max(found, key=lambda one: one.share)
+        return max(solutions, key=lambda solution: solution.share)
 
     def _binding(self, of_unknowns: Array, of_constraints: Array) -> tuple[str, int]:
         """Return the limit and joint whose widening would gain most, by multipliers of bounds."""

@@ -99,7 +99,7 @@ class _SwingKickProblem:
         self._directions = problem.foot_directions
         facing = problem.find(Facing)
         cone = np.zeros((0, 3)) if facing is None else facing.cone
-        self._variables, here = (variables := problem.variables), start.posture
+        self._variables, posture = (variables := problem.variables), start.posture
         self._chain = chain = swing_chain(variables.leg)
         nodes = NODES if variables.n < 5 else NODES // 2
         n, speed, still = variables.n, ca.DM(chain.velocity_limit), ca.DM(variables.n, 1)
@@ -109,11 +109,13 @@ class _SwingKickProblem:
         v, w = before * speed, after * speed
         weight = torque(q, still, still)
         self._stops = [StopEquations(chain, nodes, q, away) for away in (-v, w)]
-        position = point(q, ca.DM(here.contact_lever))
+        position = point(q, ca.DM(posture.contact_lever))
         jump = torque(q, still, w - v) - weight  # M (w - v)
-        equal = self._strike(here, position, ca.jacobian(position, q), jump, v, w, share)
+        equal = self._strike(posture, position, ca.jacobian(position, q), jump, v, w, share)
         static = torque(q, v, still) / ca.DM(chain.effort_limit)
-        levers = [here.with_contact_offset(row).contact_lever - here.contact_lever for row in cone]
+        levers = [
+            posture.with_contact_offset(row).contact_lever - posture.contact_lever for row in cone
+        ]
         normal = ca.DM(variables.target.contact.normal)
         facings = [ca.dot(normal, point(q, ca.DM(x)) - point(q, ca.DM(3, 1))) for x in levers]
         effort = self._stops[0].torque_squared + self._stops[1].torque_squared
@@ -138,7 +140,7 @@ class _SwingKickProblem:
         self._facing = np.zeros(len(facings))
 
     def _strike(
-        self, here: Posture, position: Any, jacobian: Any, jump: Any, v: Any, w: Any, share: Any
+        self, posture: Posture, position: Any, jacobian: Any, jump: Any, v: Any, w: Any, share: Any
     ) -> Any:
         """Return the equations of the strike and of the ball's position, scaled to about 1."""
         variables = self._variables
@@ -148,7 +150,7 @@ class _SwingKickProblem:
             variables.target.contact.normal,
         )
         jump = jump + share * (jacobian.T @ ca.DM(target.impulse))
-        size = self._chain.velocity_limit * float(here.inertia.max())
+        size = self._chain.velocity_limit * float(posture.inertia.max())
         across = target.impulse - (normal @ target.impulse) * normal
         ball_point = target.impulse / ball.mass + ball.radius**2 / ball.inertia * across
         apart = share * ca.DM(ball_point) - jacobian @ w

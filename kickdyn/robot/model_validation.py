@@ -34,14 +34,25 @@ MAX_MAGNITUDE = 1e100
 
 
 def frame_id(model: Any, name: str) -> int:
-    """Return the id of a frame by name, a body before a joint; raise `InvalidInput`."""
-    # Looked up here: getFrameId returns nframes for an unknown name, and using that crashes.
-    matches = [i for i, frame in enumerate(model.frames) if frame.name == name and i > 0]
-    if not matches:
+    """Return the number of a frame by name; raise `InvalidInput` if there is none."""
+    # not by getFrameId, which returns nframes for an unknown name: using that crashes
+    numbers = frames_by_name(model)
+    if not isinstance(name, str) or name not in numbers:
         names = [frame.name for frame in model.frames][1:]
         raise InvalidInput(unknown("frame", name, model.name, names))
-    bodies = [i for i in matches if model.frames[i].type != pin.FrameType.JOINT]
-    return bodies[0] if bodies else matches[0]
+    return numbers[name]
+
+
+def frames_by_name(model: Any) -> dict[str, int]:
+    """Return the numbers of all frames but the universe; a body's name comes before a joint's.
+
+    Of several frames with the same name, it is that of a body, else any but a joint's, and of
+    these the first.
+    """
+    ranks = {pin.FrameType.BODY: 2, pin.FrameType.JOINT: 0}
+    numbered = list(enumerate(model.frames))[:0:-1]  # the first frame of a name replaces the others
+    numbered.sort(key=lambda pair: ranks.get(pair[1].type, 1))
+    return {frame.name: number for number, frame in numbered}
 
 
 def check_model(model: Any) -> None:

@@ -51,10 +51,10 @@ class Plane(ValueEquality, ReprMixin):
     def __init__(self, point: ArrayLike, normal: ArrayLike, reached_by: str = "front") -> None:
         place = validation.vector("point of the plane", point, 3, unit="m")
         towards = validation.direction("normal of the plane", normal)
-        part = validation.choice("reached_by", reached_by, ReachedBy)
+        surface_point = validation.choice("reached_by", reached_by, ReachedBy)
         object.__setattr__(self, "point", validation.read_only(place))
         object.__setattr__(self, "normal", validation.read_only(towards))
-        object.__setattr__(self, "reached_by", part)
+        object.__setattr__(self, "reached_by", surface_point)
 
     @property
     def is_goal_line(self) -> bool:
@@ -88,19 +88,20 @@ class Plane(ValueEquality, ReprMixin):
         Raises:
             InvalidInput: the ball is beyond it already.
         """
-        return float(self.gaps(ball, validation.vector("position", position, 3, unit="m")))
+        return float(plane_gaps(self, ball, validation.vector("position", position, 3, unit="m")))
 
-    def gaps(self, ball: Ball, positions: Array) -> Array:
-        """Return what `gap` does, for positions of shape `(n, 3)`, in shape `(n,)` [m]."""
-        radii = {ReachedBy.FRONT: -1.0, ReachedBy.CENTRE: 0.0, ReachedBy.BACK: 1.0}
-        away = (positions - self.point) @ self.normal + radii[self.reached_by] * ball.radius
-        scale = np.maximum(max(ball.radius, abs(self.point).max()), abs(positions).max(axis=-1))
-        beyond = np.flatnonzero(away < -1e-9 * scale)  # more than rounding
-        if beyond.size:
-            which = f" of flight {beyond[0]}" if np.ndim(away) else ""
-            raise InvalidInput(
-                f"the ball's {self.reached_by}{which} starts {-np.ravel(away)[beyond[0]]:g} m "
-                f"beyond the plane: the normal {self.normal.tolist()} must point to where the ball "
-                "comes from"
-            )
-        return np.maximum(away, 0.0)
+
+def plane_gaps(plane: Plane, ball: Ball, positions: Array) -> Array:
+    """Return what `Plane.gap` does, for positions of shape `(n, 3)`, in shape `(n,)` [m]."""
+    radii = {ReachedBy.FRONT: -1.0, ReachedBy.CENTRE: 0.0, ReachedBy.BACK: 1.0}
+    away = (positions - plane.point) @ plane.normal + radii[plane.reached_by] * ball.radius
+    scale = np.maximum(max(ball.radius, abs(plane.point).max()), abs(positions).max(axis=-1))
+    beyond = np.flatnonzero(away < -1e-9 * scale)  # more than rounding
+    if beyond.size:
+        which = f" of flight {beyond[0]}" if np.ndim(away) else ""
+        raise InvalidInput(
+            f"the ball's {plane.reached_by}{which} starts {-np.ravel(away)[beyond[0]]:g} m "
+            f"beyond the plane: the normal {plane.normal.tolist()} must point to where the ball "
+            "comes from"
+        )
+    return np.maximum(away, 0.0)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 import kickdyn as kd
-from kickdyn.impact.body import NO_VELOCITY, BallBody, LegBody
+from kickdyn.impact.body import BallBody, LegBody
 from kickdyn.impact.contact_problem import ContactPoint, ContactProblem
 from kickdyn.impact.newton_law import solve_newton
 from kickdyn.impact.paper_law import solve_paper
@@ -19,14 +19,8 @@ class BareBody(NamedTuple):
     """A body given by its Delassus matrix and velocity alone, as the laws see it."""
 
     matrix: np.ndarray
-    before: np.ndarray
     is_free: bool = True
-
-    def velocity(self, _):
-        return self.before.tolist()
-
-    def surface_spin(self, _):
-        return 0.0, 0.0, 0.0
+    turning: float = 0.0
 
     def delassus(self, axes):
         return axes[0].T @ self.matrix @ axes[0]
@@ -46,8 +40,9 @@ class BareContact:
     normal: np.ndarray
 
     def problem(self):
-        point = ContactPoint(self.normal, self.restitution, self.friction)
-        return ContactProblem((point,), (BareBody(self.matrix, self.velocity),))
+        velocity = tuple(self.velocity.tolist())
+        point = ContactPoint(self.normal, self.restitution, self.friction, velocity)
+        return ContactProblem((point,), (BareBody(self.matrix),))
 
     def delassus(self):
         return self.matrix
@@ -66,14 +61,16 @@ class LegAndBall:
     spin: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
     def problem(self):
-        leg = LegBody(None, None, None, self.delassus_factor, (NO_VELOCITY,))
+        leg = LegBody(None, None, None, self.delassus_factor)
         before = kd.BallState(np.zeros(3), self.centre_velocity, self.spin)
-        point = ContactPoint(self.normal, self.restitution, self.friction)
+        spin = tuple((self.ball.radius * before.spin).tolist())
+        velocity = tuple(before.velocity.tolist())
+        point = ContactPoint(self.normal, self.restitution, self.friction, velocity, spin)
         return ContactProblem((point,), (leg, BallBody(self.ball, before, (self.normal,))))
 
     @property
     def velocity(self):
-        return np.array(self.problem().velocity())
+        return np.array(self.problem().contacts[0].velocity)
 
     def delassus(self):
         turning = self.ball.turning

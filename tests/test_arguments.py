@@ -47,6 +47,7 @@ GOOD = {
     "path": "no/such/file", "subject": kd.fly(IMPACT.ball_after, BALL),
     "track": TRACK, "times": TRACK.times, "positions": TRACK.positions, "file": "no/such/file",
     "ball_before": IMPACT.ball_before, "ball_after": IMPACT.ball_after, "seen": (10.0, 0.0),
+    "jacobian": POSTURE.jacobian,
     "function": lambda state, numbers: state[2], "air": AIR, "impacts": INFERRED, "speed": 5.0,
     "states": kd.BallState(velocity=[IMPACT.ball_after.velocity] * 2),
 }  # fmt: skip

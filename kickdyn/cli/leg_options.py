@@ -12,12 +12,12 @@ from kickdyn.cli.command import offers, warn
 from kickdyn.cli.option_groups import option
 from kickdyn.core import validation
 from kickdyn.errors import FaultyFile, InvalidInput
-from kickdyn.robot.catalog import ROBOTS
+from kickdyn.robot.catalog import DESCRIPTION, ROBOTS
 from kickdyn.robot.constraints import Support
-from kickdyn.robot.descriptions import DESCRIPTION
+from kickdyn.robot.joint_table import InDegrees
 from kickdyn.robot.kicking_chain import kicking_chain
 from kickdyn.robot.leg import Leg
-from kickdyn.robot.leg_file import read_leg, read_robot
+from kickdyn.robot.leg_file import read_leg
 from kickdyn.robot.model_validation import frame_id
 from kickdyn.robot.urdf_file import shipped_urdf
 
@@ -46,11 +46,12 @@ def load_leg(
         raise InvalidInput(f"package-dir is {package_dirs[0]!r}: it is for a URDF file, not {name}")
     if name in SHIPPED:
         return read_leg(shipped_urdf(SHIPPED[name]), frame or "toe", base, locked=locked)
+    degrees = InDegrees(locked or {})
     if name in ROBOTS:
-        robot = read_robot(name, frame, base, legs_only=True, locked=locked)
+        robot = Leg.from_robot(name, frame, base=base, legs_only=True, locked=degrees)
         return robot if base == "floating" else kicking_chain(robot).leg
     if described and not os.path.exists(name):  # noqa: PTH110
-        return read_robot(name, frame, base, locked=locked)
+        return Leg.from_robot(name, frame, base=base, locked=degrees)
     if not os.path.exists(name) and not Path(name).suffix:  # noqa: PTH110 any text may be a name
         raise InvalidInput(f"leg {name!r} is neither {', '.join(LEGS)} nor a file")
     try:

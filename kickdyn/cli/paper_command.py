@@ -14,8 +14,7 @@ from kickdyn.core.files import check_outputs
 from kickdyn.core.plot_style import save_figure, styled
 from kickdyn.errors import InvalidInput
 from kickdyn.paper.item import Item
-from kickdyn.paper.paper_report import show
-from kickdyn.paper.reproduce import Section, chosen, item_names
+from kickdyn.paper.reproduce import Section, chosen, item_names, show
 
 
 @click.command("paper", Command)

@@ -29,7 +29,7 @@ from kickdyn.core import compilation
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, Unfinished
 from kickdyn.flight.fly import fly
-from kickdyn.impact.laws import LAWS
+from kickdyn.impact.laws import LAWS, names_of_laws
 from kickdyn.restitution import range_warnings
 from kickdyn.robot.leg import Leg
 from kickdyn.sweeps.dataset import VARIABLES, describe, select_variables
@@ -133,8 +133,8 @@ class StoreOptions:
 @takes(foot=FootOptions, contact=ContactOptions, air=AirOptions, ball=BallOptions)
 @click.option("--law", default="newton", show_default=True,
               type=click.Choice([*LAWS]),
-              help="Impact law. Only newton has compiled kernels; with the others a sweep is about "
-              "a thousand times slower.")  # fmt: skip
+              help=f"Impact law. A compiled kernel exists for {names_of_laws('has_kernel')}; with "
+              "the others a sweep is about a thousand times slower.")  # fmt: skip
 @click.option("--where", metavar="CONDITION",
               help="Condition on the postures of table, plot and page, with joints [deg] and "
               "variables, such as 'knee < 30 and worst_joint_impulse <= 2'.")  # fmt: skip

@@ -21,8 +21,7 @@ from kickdyn.scene.effects import EffectSize
 from kickdyn.scene.simulate import measure_effects, simulate
 from kickdyn.scene.simulation import Simulation
 from kickdyn.scene.toml_reader import load_scene
-from kickdyn.tradeoff.effect_sizes import effect_figure
-from kickdyn.tradeoff.measurement import Measurement, front_figure
+from kickdyn.tradeoff.measurement import Measurement, effect_figure, front_figure
 
 TITLES = {
     "impact": "Impulse in posture a of Table 2 at 10 m/s; reference of 50 digits; *: Pareto front",

@@ -1,4 +1,4 @@
-"""Validation, representation in terminal and Jupyter, files, tables, plots and compiled code.
+"""Validation, gravity, vectors, text and HTML representation, files, tables, plots, compiled code.
 
 Open `validation.py` first: every public function checks its input with it.
 """

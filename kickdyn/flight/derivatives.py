@@ -5,7 +5,11 @@ that their differences are differences of the equations and not of the steps (Bo
 treatment of inverse problems in chemical reaction kinetics). With the states :math:`y(t; p)` and
 the increments :math:`h_j`, the derivatives are
 
-.. math:: \frac{\partial y}{\partial p_j} \approx \frac{y(t; p + h_j e_j) - y(t; p)}{h_j} .
+.. math:: \frac{\partial y}{\partial p_j} \approx \frac{y(t; p + h_j e_j) - y(t; p)}{h_j}
+    \quad\text{or}\quad \frac{y(t; p + h_j e_j) - y(t; p - h_j e_j)}{2 h_j} .
+
+The second, central difference takes twice as many flights. The derivatives by the spin need it: a
+drag coefficient that depends on the size of the spin has a kink where the ball does not spin.
 """
 
 import math
@@ -19,7 +23,7 @@ from scipy.integrate import solve_ivp
 from kickdyn.aerodynamics.coefficient_model import scaled
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
-from kickdyn.core.gravity import GRAVITY
+from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
 from kickdyn.flight.forces import (
@@ -51,10 +55,11 @@ LaunchFunction = Callable[[Array], tuple[BallState, Air | None]]
 """From parameters, shape `(p,)`, to the launch and the air of a flight; None is the vacuum."""
 
 StatesFunction = Callable[[float | Array], Array]
-"""From a time, or n times, to the states of all flights, `(p + 1, 7)` or `(n, p + 1, 7)`."""
+"""From a time, or n times, to the states of all flights, `(p + 1, 7)` or `(n, p + 1, 7)`; for
+central differences, 2 p stands for p."""
 
 Flights = list[tuple[BallState, Air]]
-"""Launches and airs of the flight and of its p neighbours."""
+"""Launches and airs of the flight and of its neighbours."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,8 +69,8 @@ class DifferentiableFlight:
     Attributes:
         end: time of the end since the launch [s].
         all_states: function of a time or of n times that returns the states of the flight and of
-            its p neighbours: displacement from the launch [m], velocity [m/s], and the fraction of
-            the spin that is left.
+            its p neighbours, then for central differences of the p opposite ones: displacement from
+            the launch [m], velocity [m/s], and the fraction of the spin that is left.
         increments: by which the parameters of the neighbours differ, shape `(p,)`.
     """
 
@@ -87,8 +92,11 @@ class DifferentiableFlight:
 
     def slopes(self, times: float | Array) -> Array:
         """Return the derivatives of the position, shape `(3, p)`, or `(n, 3, p)` for n times."""
-        positions = self.all_states(times)[..., :3]
-        change = positions[..., 1:, :] - positions[..., :1, :]
+        positions, p = self.all_states(times)[..., :3], len(self.increments)
+        if positions.shape[-2] == p + 1:
+            change = positions[..., 1:, :] - positions[..., :1, :]
+        else:
+            change = 0.5 * (positions[..., 1 : p + 1, :] - positions[..., p + 1 :, :])
         return np.asarray(np.swapaxes(change, -1, -2) / self.increments)
 
     def slopes_at_plane(self, normal: Array, time: float) -> tuple[Array, Array]:
@@ -118,6 +126,8 @@ def fly_with_slopes(
     ball: Ball,
     end: float | Plane,
     tol: float = 1e-12,
+    *,
+    central: bool = False,
 ) -> DifferentiableFlight:
     """Fly a launch that depends on parameters, with the derivatives by these parameters.
 
@@ -134,13 +144,14 @@ def fly_with_slopes(
         end: time of the end since the launch [s]; or a plane, such as the ground or a wall, which
             the ball must reach within `TIME_LIMIT`.
         tol: tolerance of the integration, relative to the flight's length and speed.
+        central: whether to take central differences.
 
     Raises:
         InvalidInput: the ball starts beyond the plane.
         KickdynError: the flight cannot be integrated, or does not reach the plane.
     """
     values, steps = np.asarray(parameters, dtype=float), np.asarray(increments, dtype=float)
-    changed = [values, *(values + np.diag(steps))]
+    changed = [values, *(values + np.diag(steps)), *(values - np.diag(steps) if central else ())]
     flights = [(state, VACUUM if air is None else air) for state, air in map(launch, changed)]
     if all(is_ballistic(air, state.spin) for state, air in flights):
         duration, states = _fall(flights, ball, end)
@@ -154,7 +165,8 @@ def fly_with_launch_slopes(
 ) -> DifferentiableFlight:
     """Fly with the derivatives by velocity (3), spin (3) and the relative drag coefficient (1).
 
-    The arguments are as of `fly_with_slopes`. Without drag the last derivative is zero.
+    They are central differences. The arguments are as of `fly_with_slopes`. Without drag the last
+    derivative is zero.
     """
     speed = max(math.hypot(*launch.velocity), 1e-300)
     spin = max(math.hypot(*launch.spin), 0.1 * speed / ball.radius)
@@ -168,7 +180,7 @@ def fly_with_launch_slopes(
         return state, replace(air, drag=scaled(air.drag, 1.0 + change[6]))
 
     sizes = np.array([*3 * [speed], *3 * [spin], 1.0])
-    return fly_with_slopes(changed, np.zeros(7), INCREMENT * sizes, ball, end, tol)
+    return fly_with_slopes(changed, np.zeros(7), INCREMENT * sizes, ball, end, tol, central=True)
 
 
 def _starts(flights: Flights) -> Array:

@@ -6,7 +6,7 @@ the same ones: a function with floats, `math` and indices alone can be compiled.
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.flight_result import FlightStatus
 from kickdyn.ground import Ground
-from kickdyn.plane import Plane
+from kickdyn.plane import Plane, plane_gaps
 
 EventFunction = Callable[[Any, Any], Any]
 """From the seven states of `FlightEquations` and an event's numbers to a float."""
@@ -47,6 +47,8 @@ class Event:
         terminal: whether the event ends the flight.
         ends_step: whether a step of the integration must end at an event that is not terminal.
 
+    A flight can be pickled if its functions are at the top level of a module.
+
     Example:
         >>> import kickdyn as kd
         >>> def over_bar(state, numbers):  # falls below a height of 2.44 m
@@ -66,13 +68,19 @@ class Event:
     def launched(self, launch: BallState) -> "Event":
         """Return the event with the numbers of a launch, or with those of n launches."""
         numbers = self.numbers(launch) if callable(self.numbers) else self.numbers
-        if len(numbers) > NUMBERS:
+        try:
+            fixed = [number if np.ndim(number) else float(number) for number in numbers]
+        except (TypeError, ValueError):
             raise InvalidInput(
-                f"the event {self.name!r} has {len(numbers)} numbers: it may have {NUMBERS}"
+                f"the numbers of the event {self.name!r} are {validation.brief(numbers)}: they "
+                f"must be a sequence of at most {NUMBERS} numbers"
+            ) from None
+        if len(fixed) > NUMBERS:
+            raise InvalidInput(
+                f"the event {self.name!r} has {len(fixed)} numbers: it may have {NUMBERS}"
             )
-        fixed = [number if np.ndim(number) else float(number) for number in numbers]
         fixed += (NUMBERS - len(fixed)) * [0.0]
-        return Event(self.name, self.function, tuple(fixed), self.terminal)
+        return replace(self, numbers=tuple(fixed))
 
     def value(self, state: Any) -> float:
         """Return the value of the function at a state of a flight whose launch is known."""
@@ -103,7 +111,7 @@ def plane_events(ball: Ball, plane: Plane | None) -> tuple[Event, ...]:
         Event(
             FlightStatus.AT_PLANE,
             distance_to_plane,
-            lambda launch: (plane.gaps(ball, launch.position), *normal),
+            lambda launch: (plane_gaps(plane, ball, launch.position), *normal),
         ),
     )
 
@@ -144,11 +152,17 @@ def checked_ends(ends: Any) -> tuple[Event, ...]:
     for event in events:
         if not isinstance(event, Event):
             raise InvalidInput(f"ends has {validation.brief(event)}: it must have kickdyn.Event")
-        if not event.terminal or event.name in tuple(FlightStatus):
+        name = event.name
+        if not (isinstance(name, str) and name.isprintable() and len(name.split()) == 1):
             raise InvalidInput(
-                f"the end {event.name!r} must be terminal, and its name none of "
-                f"{', '.join(FlightStatus)}"
+                f"the name of an end is {validation.brief(name)}: it must be a word without spaces"
             )
+        if not event.terminal or name in tuple(FlightStatus):
+            raise InvalidInput(
+                f"the end {name!r} must be terminal, and its name none of {', '.join(FlightStatus)}"
+            )
+        if not callable(event.function):
+            raise InvalidInput(f"the function of the end {name!r} cannot be called")
     return events
 
 

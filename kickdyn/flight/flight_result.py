@@ -46,8 +46,9 @@ class Flight(ReprMixin):
         launch: the ball at the launch, at time 0.
         landing: the ball at the end of the flight: on the ground, back at the height of the launch,
             or at the plane.
-        status: `landed`; `at-plane`, where the ball reached the plane first; or `aloft`, where it
-            did neither before the time limit, and `landing` is merely the last state.
+        status: `landed`; `at-plane`, where the ball reached the plane first; the name of one of
+            the further ends; or `aloft`, where the ball reached none before the time limit, and
+            `landing` is merely the last state.
         method: how the flight was computed.
         evaluations: number of evaluations of the acceleration, up to the landing; 0 for the closed
             form.

@@ -11,7 +11,7 @@ import numpy as np
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
-from kickdyn.core.gravity import GRAVITY
+from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.flight.equations import MAX_SPEED, FlightEquations, tolerances

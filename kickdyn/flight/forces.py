@@ -20,7 +20,7 @@ import numpy as np
 from kickdyn.aerodynamics.drag import constant
 from kickdyn.air import Air
 from kickdyn.ball import Ball
-from kickdyn.core.gravity import GRAVITY
+from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.validation import Array
 
 VACUUM = Air(density=0.0)

@@ -28,8 +28,8 @@ from kickdyn.aerodynamics.drag import MODELS, constant
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
-from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.last_value import keep_last
+from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.flight.derivatives import INCREMENT, DifferentiableFlight, fly_with_slopes

@@ -32,8 +32,8 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
 from kickdyn.core import validation
-from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.last_value import keep_last
+from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError

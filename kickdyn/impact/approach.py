@@ -9,12 +9,12 @@ from numpy.typing import ArrayLike
 from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
 from kickdyn.core import validation
+from kickdyn.core.mechanics import Triple, largest
 from kickdyn.core.representation import ReprMixin
 from kickdyn.core.validation import Array
-from kickdyn.core.vectors import largest
 from kickdyn.errors import InvalidInput, NoImpact
 from kickdyn.impact.body import BallBody, LegBody
-from kickdyn.impact.contact_problem import ContactPoint, ContactProblem
+from kickdyn.impact.contact_problem import NO_VELOCITY, ContactPoint, ContactProblem
 from kickdyn.restitution import range_warnings, restitution_at
 from kickdyn.robot.leg import Leg, Posture
 
@@ -41,6 +41,7 @@ class Approach(NamedTuple):
         contact: normal, restitution and friction, as they were given.
         ball_before: motion of the ball; its centre is at `contact point + radius * normal`.
         foot_velocity: of the contact point, shape `(3,)` [m/s, world frame].
+        centre_velocity: velocity of the ball's centre minus `foot_velocity` [m/s, world frame].
         speed: of the foot towards the ball along the normal, above 0 [m/s].
         restitution: coefficient e of the contact at this speed.
     """
@@ -51,6 +52,7 @@ class Approach(NamedTuple):
     contact: Contact
     ball_before: BallState
     foot_velocity: Array
+    centre_velocity: Triple
     speed: float
     restitution: float
 
@@ -70,21 +72,27 @@ class Approach(NamedTuple):
 
         `InvalidInput` is raised if neither the leg nor the ball can move along the normal.
         """
-        posture, (x, y, z) = self.posture, self.foot_velocity.tolist()
+        posture, contact = self.posture, self.contact
         factor = posture.delassus_factor()
         if self.ball.mass == math.inf:
-            row = self.contact.normal.dot(factor)
+            row = contact.normal.dot(factor)
             if validation.length(row) <= IMMOBILE * np.abs(factor).max():
                 raise InvalidInput(
                     "ball mass is inf, and the leg cannot move along the contact normal either"
                 )
-        leg = LegBody(posture, self.v, posture.jacobian, factor, ((-x, -y, -z),))
-        point = ContactPoint(self.contact.normal, self.restitution, self.contact.friction)
-        return ContactProblem((point,), (leg, self.ball_body()))
+        leg = LegBody(posture, self.v, posture.jacobian, factor)
+        ball = BallBody(self.ball, self.ball_before, (contact.normal,))
+        return ContactProblem((self.contact_point(),), (leg, ball))
 
-    def ball_body(self) -> BallBody:
-        """Return the ball as a body of the impact."""
-        return BallBody(self.ball, self.ball_before, (self.contact.normal,))
+    def contact_point(self) -> ContactPoint:
+        """Return the contact of foot and ball."""
+        contact, surface_spin = self.contact, NO_VELOCITY
+        if self.ball_before.spin is not _AT_REST:
+            radius, (x, y, z) = self.ball.radius, self.ball_before.spin.tolist()
+            surface_spin = radius * x, radius * y, radius * z
+        return ContactPoint(
+            contact.normal, self.restitution, contact.friction, self.centre_velocity, surface_spin
+        )
 
     def reduced_mass(self) -> float:
         """Return the effective mass of leg and ball together along the normal [kg]."""
@@ -178,7 +186,8 @@ def find_approach(
         validation.check_type(Contact, contact=contact)
     contact.check_normal()
     v = validation.vector("v", v, posture.leg.nv)
-    posture.check_velocity(v)
+    if posture.constraint_projector is not None:
+        posture.check_velocity(v)
     posture = posture.with_contact_offset(contact.offset)
     velocity, spin, ball_speed = _AT_REST, _AT_REST, 0.0
     if ball_velocity is not AT_REST:
@@ -196,9 +205,8 @@ def find_approach(
     else:
         with np.errstate(over="ignore", invalid="ignore"):  # reported by `_closing_speed`
             foot_velocity = posture.jacobian.dot(v)
-    for array in (v, foot_velocity):
-        array.setflags(write=False)
-    speed, fastest = _closing_speed(posture, foot_velocity, before, contact)
+    validation.protect(v, foot_velocity)
+    centre_velocity, speed = _closing_speed(posture, foot_velocity, before, contact)
     approach = Approach(
         posture,
         v,
@@ -206,6 +214,7 @@ def find_approach(
         contact,
         before,
         foot_velocity,
+        centre_velocity,
         speed,
         restitution_at(contact.restitution, speed),
     )
@@ -214,8 +223,9 @@ def find_approach(
             f"the ball moves at {ball_speed:g} m/s: it must be below {MAX_SPEED:g} m/s"
         )
     # A bound on the rounding, in any units, which takes less time to compute.
-    reach = math.sqrt(np.vdot(posture.jacobian, posture.jacobian))
-    if speed < 1e-14 * (reach * joint_speed + fastest + ball_speed):
+    ux, uy, uz = centre_velocity
+    fastest = abs(ux) + abs(uy) + abs(uz)
+    if speed < 1e-14 * (posture.jacobian_norm * joint_speed + fastest + ball_speed):
         rounding = approach.speed_rounding()
         if speed <= 4.0 * rounding:
             raise NoImpact(
@@ -227,19 +237,19 @@ def find_approach(
 
 def _closing_speed(
     posture: Posture, foot_velocity: Array, before: BallState, contact: Contact
-) -> tuple[float, float]:
-    """Return the speed of foot towards ball along the normal, and a bound on their speed [m/s]."""
+) -> tuple[Triple, float]:
+    """Return the velocity of ball minus foot, and the speed of approach along the normal [m/s]."""
     fx, fy, fz = foot_velocity.tolist()
     bx, by, bz = before.velocity.tolist()
     nx, ny, nz = contact.normal.tolist()
-    ux, uy, uz = fx - bx, fy - by, fz - bz
+    ux, uy, uz = bx - fx, by - fy, bz - fz
     if not (abs(ux) < MAX_SPEED and abs(uy) < MAX_SPEED and abs(uz) < MAX_SPEED):  # or NaN
         fastest = float(np.abs([ux, uy, uz]).max())
         raise InvalidInput(
             f"foot and ball collide at {fastest:g} m/s in {posture!r}: it must be below "
             f"{MAX_SPEED:g} m/s, because larger energies exceed double precision"
         )
-    speed = nx * ux + ny * uy + nz * uz
+    speed = -(nx * ux + ny * uy + nz * uz)
     if speed <= 0.0:
         outside = posture.leg.outside_range(posture.q)
         raise NoImpact(
@@ -253,4 +263,4 @@ def _closing_speed(
             )
             + (f" (angles are in radians: {outside[0]})" if outside else "")
         )
-    return speed, abs(ux) + abs(uy) + abs(uz)
+    return (ux, uy, uz), speed

@@ -1,33 +1,24 @@
-r"""Bodies in an impact: what their contacts see of them, and what impulses do to them.
+r"""Bodies in an impact: their shares of the Delassus matrix, and what impulses do to them.
 
 Two bodies touch at each contact. Its normal points from the first into the second, and its impulse
-is the one on the second; the first takes the opposite. Relative velocities are those of the second
-body minus those of the first. A body's share has the sign of its side: -1 where it is the first
-body of a contact, 1 where it is the second, and 0 at a contact of other bodies.
+is the one on the second; the first takes the opposite. The side of a body is -1 where it is the
+first body of a contact, 1 where it is the second, and 0 at a contact of other bodies.
 """
 
+from functools import lru_cache
 from itertools import combinations
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from kickdyn.ball import Ball, BallState
-from kickdyn.core.validation import Array
-from kickdyn.core.vectors import Triple, cross3
+from kickdyn.core.mechanics import cross3
+from kickdyn.core.validation import Array, read_only
 from kickdyn.robot.leg import Posture
-
-NO_VELOCITY: Triple = (0.0, 0.0, 0.0)
-"""Velocity of what is at rest [m/s]."""
 
 
 class Body(Protocol):
-    """A body of an impact with k contacts: its share of velocities and Delassus matrix."""
-
-    def velocity(self, contact: int) -> Triple:
-        """Return the share of the relative velocity at a contact, without a ball's spin [m/s]."""
-
-    def surface_spin(self, contact: int) -> Triple:
-        """Return radius times spin of a ball, 0 for other bodies [m/s, world frame]."""
+    """A body of an impact with k contacts: its share of the Delassus matrix."""
 
     @property
     def is_free(self) -> bool:
@@ -45,7 +36,11 @@ class Body(Protocol):
         The impulse acts along a unit vector, `(3,)`, without turning a ball.
         """
 
-    def after(self, impulses: Array, tangential_impulses: Array) -> object:
+    @property
+    def turning(self) -> float:
+        """What a ball's rotation adds to the inverse mass across the normal [1/kg]; else 0."""
+
+    def after(self, impulses: Array, tangential_impulses: Array) -> Any:
         """Return the motion just after impulses at the contacts, shape `(k, 3)` [N s].
 
         Their parts across the normals have the same shape.
@@ -67,16 +62,6 @@ class BallBody(NamedTuple):
     normals: tuple[Array, ...]
     sides: tuple[float, ...] = (1.0,)
 
-    def velocity(self, contact: int) -> Triple:
-        side, (x, y, z) = self.sides[contact], self.before.velocity.tolist()
-        return side * x, side * y, side * z
-
-    def surface_spin(self, contact: int) -> Triple:
-        """Return radius times spin, which has the same sign on both sides [m/s]."""
-        radius = self.ball.radius * abs(self.sides[contact])
-        x, y, z = self.before.spin.tolist()
-        return radius * x, radius * y, radius * z
-
     @property
     def is_free(self) -> bool:
         return self.ball.mass < np.inf
@@ -92,8 +77,7 @@ class BallBody(NamedTuple):
         normal.
         """
         along, turning = 1.0 / self.ball.mass, self.ball.turning
-        across = along + turning
-        diagonal = np.array((across, 0.0, 0.0, 0.0, across, 0.0, 0.0, 0.0, along)).reshape(3, 3)
+        diagonal = _diagonal(along + turning, along)
         if len(axes) == 1:
             return diagonal
         matrix = np.kron(np.diag(np.abs(self.sides)), diagonal)
@@ -109,24 +93,33 @@ class BallBody(NamedTuple):
     def inverse_mass(self, direction: Array) -> float:
         return 1.0 / self.ball.mass
 
+    @property
+    def turning(self) -> float:
+        return self.ball.turning
+
     def after(self, impulses: Array, tangential_impulses: Array) -> BallState:
         r"""Return the ball just after; only the tangential parts turn it.
 
         .. math:: v^+ = v + \frac1m \sum \pm p_i, \qquad
                   \omega^+ = \omega - \frac{r}{I_b} \sum n_i \times p_i .
         """
-        vx, vy, vz = self.before.velocity.tolist()
-        wx, wy, wz = self.before.spin.tolist()
-        mass, gain = self.ball.mass, self.ball.radius / self.ball.inertia
-        tangential = tangential_impulses.tolist()
-        for i, (px, py, pz) in enumerate(impulses.tolist()):
-            side, (tx, ty, tz) = self.sides[i], cross3(self.normals[i].tolist(), tangential[i])
-            vx, vy, vz = vx + side * px / mass, vy + side * py / mass, vz + side * pz / mass
-            turning = abs(side) * gain
-            wx, wy, wz = wx - turning * tx, wy - turning * ty, wz - turning * tz
-        return BallState.computed(
-            self.before.position, np.array((vx, vy, vz)), np.array((wx, wy, wz))
-        )
+        ball, before, normals, sides = self
+        vx, vy, vz = before.velocity.tolist()
+        wx, wy, wz = before.spin.tolist()
+        mass, gain = ball.mass, ball.radius / ball.inertia
+        for i, side in enumerate(sides):
+            if side:
+                px, py, pz = impulses[i].tolist()
+                vx, vy, vz = vx + side * px / mass, vy + side * py / mass, vz + side * pz / mass
+                tx, ty, tz = cross3(normals[i].tolist(), tangential_impulses[i].tolist())
+                wx, wy, wz = wx - gain * tx, wy - gain * ty, wz - gain * tz
+        return BallState.computed(before.position, np.array((vx, vy, vz)), np.array((wx, wy, wz)))
+
+
+@lru_cache
+def _diagonal(across: float, along: float) -> Array:
+    """Return a matrix in contact axes, stored because numpy takes longer to make it."""
+    return read_only(np.diag((across, across, along)))
 
 
 class LegBody(NamedTuple):
@@ -138,7 +131,6 @@ class LegBody(NamedTuple):
         jacobian: of the contact points, shape `(3 k, nv)`.
         factor: F with :math:`F F^T = J M^{-1} J^T`, shape `(3 k, n)` [kg^-1/2, world frame]; the
             rows of a contact have the sign of its side, or all of them have the wrong sign.
-        velocities: of the contact points, with the signs of the sides [m/s].
         sides: of the leg at the contacts, -1 or 1.
     """
 
@@ -146,14 +138,7 @@ class LegBody(NamedTuple):
     v: Array
     jacobian: Array
     factor: Array
-    velocities: tuple[Triple, ...]
     sides: tuple[float, ...] = (-1.0,)
-
-    def velocity(self, contact: int) -> Triple:
-        return self.velocities[contact]
-
-    def surface_spin(self, contact: int) -> Triple:
-        return NO_VELOCITY
 
     @property
     def is_free(self) -> bool:
@@ -170,11 +155,16 @@ class LegBody(NamedTuple):
         else:
             blocks = zip(axes, np.split(self.factor, len(axes)), strict=True)
             rows = np.concatenate([rotation.T.dot(block) for rotation, block in blocks])
-        return np.asarray(rows.dot(rows.T))
+        product: Array = rows.dot(rows.T)
+        return product
 
     def inverse_mass(self, direction: Array) -> float:
         row = direction.dot(self.factor)
         return float(row.dot(row))
+
+    @property
+    def turning(self) -> float:
+        return 0.0
 
     def jump(self, impulses: Array) -> tuple[Array, Array]:
         """Return the jump of the joint velocity and the impulses of the leg's constraints."""
@@ -189,12 +179,6 @@ class LegBody(NamedTuple):
 class Obstacle:
     """A body that no impulse moves, at rest: the ground or a wall."""
 
-    def velocity(self, contact: int) -> Triple:
-        return NO_VELOCITY
-
-    def surface_spin(self, contact: int) -> Triple:
-        return NO_VELOCITY
-
     @property
     def is_free(self) -> bool:
         return False
@@ -203,6 +187,10 @@ class Obstacle:
         return np.zeros((3 * len(axes), 3 * len(axes)))
 
     def inverse_mass(self, direction: Array) -> float:
+        return 0.0
+
+    @property
+    def turning(self) -> float:
         return 0.0
 
     def after(self, impulses: Array, tangential_impulses: Array) -> None:

@@ -14,8 +14,8 @@ from scipy.linalg import blas
 from scipy.optimize import minimize_scalar
 
 from kickdyn.core import validation
+from kickdyn.core.mechanics import cross
 from kickdyn.core.validation import Array
-from kickdyn.core.vectors import cross
 from kickdyn.errors import KickdynError
 from kickdyn.impact.approach import Approach
 from kickdyn.impact.force_model import ForceModel, integrate_until

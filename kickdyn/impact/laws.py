@@ -54,10 +54,9 @@ def solve_contacts(problem: ContactProblem, law: ImpactLaw) -> Solution:
     if solution is None or not math.isfinite(solution.energy_lost):
         raise KickdynError(
             f"law {law.name!r} finds no impulse (restitution {contacts[0].restitution:g}, friction "
-            f"{contacts[0].friction:g}, relative velocity {list(problem.velocity())} m/s)"
+            f"{contacts[0].friction:g}, relative velocity {list(contacts[0].velocity)} m/s)"
         )
-    solution.impulses.setflags(write=False)
-    solution.tangential_impulses.setflags(write=False)
+    validation.protect(solution.impulses, solution.tangential_impulses)
     return solution
 
 

@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from kickdyn.core.validation import Array
-from kickdyn.core.vectors import cross3, largest
+from kickdyn.core.mechanics import cross3, largest
+from kickdyn.core.validation import Array, protect
 from kickdyn.robot.leg import Posture
 
 NO_CONSTRAINTS = np.zeros(0)
@@ -55,10 +55,8 @@ def as_response(
     unbalanced: Array,
 ) -> LegResponse:
     """Return a response of read-only arrays; `unbalanced` is the momentum left over."""
-    for array in (v_after, transmitted, constraint_impulses):
-        array.setflags(write=False)
-    jacobian = posture.jacobian
-    scale = math.sqrt(np.vdot(jacobian, jacobian)) * math.hypot(*impulse.tolist())
+    protect(v_after, transmitted, constraint_impulses)
+    scale = posture.jacobian_norm * math.hypot(*impulse.tolist())
     residual = largest(unbalanced) / scale if scale else 0.0
     return LegResponse(v_after, transmitted, constraint_impulses, residual)
 

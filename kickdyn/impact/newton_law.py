@@ -15,6 +15,7 @@ from kickdyn.impact.contact_problem import (
     frictionless,
     single_solution,
 )
+from kickdyn.impact.sensitivity import sensitivity
 
 SINGULAR = 1e-12
 """Mobility, relative to the largest, below which contacts with an obstacle cannot move."""
@@ -40,7 +41,8 @@ def solve_newton(problem: ContactProblem) -> Solution:
     first, else the solution that loses most energy. With friction, an eccentric impact can gain
     energy by this law, which a negative `energy_lost` shows.
     """
-    ((_, e, mu),) = problem.contacts
+    (contact,) = problem.contacts
+    e, mu = contact.restitution, contact.friction
     if mu == 0.0:
         return frictionless(problem)
     axes, before = problem.in_contact_axes()
@@ -75,7 +77,7 @@ def solve_newton(problem: ContactProblem) -> Solution:
     if slip is None:
         raise KickdynError(
             f"no impulse found on the friction cone (mu = {mu:g}, e = {e:g}, "
-            f"relative velocity {list(problem.velocity())} m/s)"
+            f"relative velocity {list(contact.velocity)} m/s)"
         )
     return single_solution(axes, slip, False, most)
 
@@ -187,7 +189,7 @@ NEWTON = ImpactLaw(
     "newton",
     solve_newton,
     solve_several=solve_newton_at_several,
-    has_slopes=True,
+    differentiate=sensitivity,
     has_kernel=True,
     eq_10_without_friction=True,
 )

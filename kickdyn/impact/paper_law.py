@@ -23,15 +23,17 @@ def solve_paper(problem: ContactProblem) -> Solution:
     and not along the normal, and the spin can hold energy that nothing supplied: `energy_lost` can
     then be less than by a passive law, even negative.
     """
-    ((normal, e, friction),) = problem.contacts
-    centre_velocity = np.array(problem.centre_velocity())
-    speed = math.hypot(*centre_velocity)
+    (contact,) = problem.contacts
+    normal, centre_velocity = contact.normal, np.array(contact.centre_velocity)
+    speed = math.hypot(*contact.centre_velocity)
     attack = -centre_velocity / speed
-    full = (1.0 + e) * speed / problem.inverse_mass(attack) * attack
-    impulse, tangential, sticking = limit_friction(full, normal, friction)
-    axes, before = problem.in_contact_axes()
-    in_axes = impulse @ axes[0]
-    lost = -float(in_axes @ (before + 0.5 * problem.delassus(axes) @ in_axes))
+    full = (1.0 + contact.restitution) * speed / problem.inverse_mass(attack) * attack
+    impulse, tangential, sticking = limit_friction(full, normal, contact.friction)
+    before = float(tangential.dot(contact.velocity) - impulse.dot(normal) * contact.approach_speed)
+    size = math.hypot(*impulse.tolist())
+    gained = size * size * problem.inverse_mass(impulse / size)
+    gained += float(tangential.dot(tangential)) * sum(body.turning for body in problem.bodies)
+    lost = -before - 0.5 * gained
     return Solution(impulse[None], (sticking,), lost, tangential[None])
 
 
@@ -42,9 +44,9 @@ def limit_friction(force: Array, normal: Array, friction: float) -> tuple[Array,
     else mu times the part along it is (slip, Eq. 20), in the plane of F and n (Eqs. 15-17). Shapes
     `(3,)` [N s].
     """
-    along = float(force @ normal)
+    along = float(force.dot(normal))
     tangential = force - along * normal
-    size = math.hypot(*tangential)
+    size = math.hypot(*tangential.tolist())
     sticking = size <= friction * along
     if not sticking:
         tangential *= friction * along / size

@@ -76,8 +76,10 @@ def strike(
     validation.flag("strict", strict)
     approach = find_approach(posture, v, ball, contact, ball_velocity, ball_spin)
     if validation.choice("engine", engine, ImpactEngine) is ImpactEngine.CLOSED_FORM:
-        solution = solve_contacts(approach.contact_problem(), impact_law)
-        ball_after = approach.ball_body().after(solution.impulses, solution.tangential_impulses)
+        problem = approach.contact_problem()
+        solution = solve_contacts(problem, impact_law)
+        _, ball_body = problem.bodies
+        ball_after = ball_body.after(solution.impulses, solution.tangential_impulses)
         impact = Impact(approach, impact_law.name, solution, ball_after)
     else:
         solution, ball_state, response = solve_by_pinocchio(approach, impact_law)

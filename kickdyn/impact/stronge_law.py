@@ -50,7 +50,8 @@ def solve_stronge(problem: ContactProblem) -> Solution:
     Sources: Keller 1986, J Appl Mech 53:1; Stronge, Impact Mechanics, 2000, chapters 3 and 4;
     Batlle 1996, J Appl Mech 63:10 (directions that a slip can keep); Elkaranshawy et al. 2017.
     """
-    ((_, e, friction),) = problem.contacts
+    (contact,) = problem.contacts
+    e, friction = contact.restitution, contact.friction
     if friction == 0.0:
         return frictionless(problem)
     axes, before = problem.in_contact_axes()

@@ -14,7 +14,7 @@ from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.approach import AT_REST, Approach, find_approach
-from kickdyn.impact.body import NO_VELOCITY, BallBody, LegBody, Obstacle
+from kickdyn.impact.body import BallBody, LegBody, Obstacle
 from kickdyn.impact.constraint_impulses import Footing, is_level
 from kickdyn.impact.contact_problem import ContactPoint, ContactProblem, Solution
 from kickdyn.impact.impact_result import Impact
@@ -188,18 +188,15 @@ def _without_supports(approach: Approach) -> Posture:
 
 def _contact_problem(approach: Approach, feet: list[_Foot]) -> ContactProblem:
     """Return the problem of robot, ball and ground: the contact with the ball, then the feet's."""
-    struck = ContactPoint(approach.contact.normal, approach.restitution, approach.contact.friction)
-    contacts = [struck]
-    for foot in feet:
+    contacts = [approach.contact_point()]
+    for foot in feet:  # at rest
         contacts += [ContactPoint(UP, 0.0, foot.support.friction or 0.0)] * len(foot.levers)
     on_ground = len(contacts) - 1
     posture = _without_supports(approach)
     sides = (-1.0, *[1.0] * on_ground)
     jacobian = np.vstack([posture.jacobian, *(foot.jacobian for foot in feet)])
     factor = posture.whiten(np.repeat(sides, 3)[:, None] * jacobian).T
-    x, y, z = approach.foot_velocity.tolist()
-    velocities = ((-x, -y, -z), *[NO_VELOCITY] * on_ground)  # the feet are at rest
-    robot = LegBody(posture, approach.v, jacobian, factor, velocities, sides)
+    robot = LegBody(posture, approach.v, jacobian, factor, sides)
     normals = tuple(contact.normal for contact in contacts)
     ball = BallBody(approach.ball, approach.ball_before, normals, (1.0, *[0.0] * on_ground))
     return ContactProblem(tuple(contacts), (robot, ball, Obstacle()))
@@ -211,7 +208,6 @@ def _as_impact(
     """Return the impact of a solution, with the impulses of the ground by foot."""
     robot, ball, _ = problem.bodies
     assert isinstance(robot, LegBody)
-    assert isinstance(ball, BallBody)
     jump, loop_impulses = robot.jump(solution.impulses)
     ends = np.cumsum([len(foot.levers) for foot in feet])[:-1]
     by_foot = np.split(solution.impulses[1:], ends)

@@ -10,7 +10,7 @@ from kickdyn.aerodynamics.coefficient_model import Coefficient
 from kickdyn.aerodynamics.drag import constant
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
-from kickdyn.core.gravity import GRAVITY
+from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.validation import Array
 from kickdyn.flight.flight_result import Flight
 from kickdyn.impact.paper_law import limit_friction

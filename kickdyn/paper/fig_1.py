@@ -11,8 +11,8 @@ from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike
 from kickdyn.paper.assumptions import BALL, RESTITUTION, direction
 from kickdyn.paper.item import Item, shape
+from kickdyn.paper.self_motion import self_motion
 from kickdyn.robot.leg import Leg, Posture
-from kickdyn.robot.self_motion import self_motion
 
 NAME = "Fig. 1"
 START_DEG = (25.0, 40.0, 10.0)

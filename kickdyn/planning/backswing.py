@@ -35,9 +35,8 @@ from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.constraint_impulses import Footing, footing
-from kickdyn.planning.kick_point import KickPoint, Objective
 from kickdyn.planning.kick_problem import KickProblem, KickSolution
-from kickdyn.planning.kick_terms import JointRange
+from kickdyn.planning.kick_terms import JointRange, KickPoint, Objective
 from kickdyn.planning.solvers import one_blas_thread
 from kickdyn.planning.stance import (
     LENGTH,
@@ -124,7 +123,6 @@ class Backswing(ReprMixin):
     standing: StandingRobot
 
     def _rows(self) -> Iterable[Row]:
-        """Return the lines that are shown."""
         yield "joints", ", ".join(self.joints), ""
         yield "duration", self.duration, "s"
         yield "foot above the ground", self.clearance, "m"
@@ -154,8 +152,8 @@ class Backswing(ReprMixin):
     def _state(self, t: float) -> tuple[Array, Array]:
         """Return q and v of the whole robot at a time from the impact [s]."""
         time = min(max(validation.number("t", t, unit="s"), -self.duration), 0.0)
-        here, chain = self.phase.sample(time), self.phase.chain
-        return self.standing.whole(*chain.whole(self.standing.leg, here.q[0], here.v[0]))
+        motion, chain = self.phase.sample(time), self.phase.chain
+        return self.standing.whole(*chain.whole(self.standing.leg, motion.q[0], motion.v[0]))
 
     @cached_property
     def clearance(self) -> float:
@@ -166,11 +164,11 @@ class Backswing(ReprMixin):
     def _heights(self) -> Array:
         """Return the height of the lowest point of the kicking limb at the times of `fine`."""
         limb, chain = _kicking_limb(self.standing), self.phase.chain
-        model, data, found = chain.model, chain.model.createData(), []
+        model, data, heights = chain.model, chain.model.createData(), []
         for q in self.phase.fine.q:
             pin.forwardKinematics(model, data, q)
-            found.append(min(_height(data.oMi[model.getJointId(j)], one) for j, one in limb))
-        return np.array(found)
+            heights.append(min(_height(data.oMi[model.getJointId(j)], body) for j, body in limb))
+        return np.array(heights)
 
     @property
     def too_strong(self) -> dict[str, float]:
@@ -206,13 +204,13 @@ class Backswing(ReprMixin):
         """Return how the supporting foot would move on ground that only pushes, at each time."""
         model, data = (dynamics := _Dynamics(self.phase.chain)).model, dynamics.data
         place, support = self.standing.placement, self.standing.support
-        found = []
+        states = []
         for q, v, a in zip(motion.q, motion.v, motion.a, strict=True):
             wrench = pin.rnea(model, data, *dynamics.floating(q, v, a))[:6]
             moment = wrench[3:] - np.cross(place.translation, wrench[:3])
             at_frame = np.concatenate([wrench[:3], moment])
-            found.append(footing(support, at_frame, place.rotation, dynamics.weight))
-        return found
+            states.append(footing(support, at_frame, place.rotation, dynamics.weight))
+        return states
 
     def fault(self) -> str:
         """Return the kinematic condition that is not kept on the fine grid, in a line, or none."""
@@ -294,10 +292,10 @@ def find_backswing(standing: StandingRobot, q: Array, v: Array) -> tuple[Backswi
     reason, x = "", problem.guess()
     for weights in WEIGHTS:
         x = problem.solve(x, weights)
-        found = Backswing(problem.phase(x), standing)
-        reason = found.fault()
+        backswing = Backswing(problem.phase(x), standing)
+        reason = backswing.fault()
         if not reason:
-            return found, ""
+            return backswing, ""
     return None, reason
 
 
@@ -375,9 +373,9 @@ class _BackswingProblem:
         values = [motion(self._times) for motion in reversed(of_nodes)]
         starts = (self._times, np.ones_like(self._times), np.zeros_like(self._times))
         self._constant = [
-            one + part @ self._given for one, part in zip(starts, values, strict=True)
+            start + value @ self._given for start, value in zip(starts, values, strict=True)
         ]
-        self._basis = [part @ self._free for part in values]
+        self._basis = [value @ self._free for value in values]
         middle, half = (chain.upper + chain.lower) / 2, (chain.upper - chain.lower) / 2
         self._range = middle, half * (1.0 - 2 * SHARE)
 
@@ -407,11 +405,11 @@ class _BackswingProblem:
     def _motion(self, x: Array) -> list[Array]:
         """Return q, v away from the impact and a at the times, shape `(m, n)` each."""
         y, time = x[:-1].reshape(-1, self._n), x[-1]
-        found = [
+        derivatives = [
             (time * np.outer(constant, self._away) + basis @ y) / time**order
             for order, (constant, basis) in enumerate(zip(self._constant, self._basis, strict=True))
         ]
-        return [self._q + found[0], *found[1:]]
+        return [self._q + derivatives[0], *derivatives[1:]]
 
     def _residuals(self, x: Array, weights: Weights) -> tuple[Array, Array]:
         """Return all residuals and their derivatives by the unknowns."""
@@ -419,19 +417,19 @@ class _BackswingProblem:
         q, v, a = self._motion(x)
         still = np.zeros(n)
         terms = [
-            self._moving(*state, weights, before=at > 0)
-            if at % 2 == 0
+            self._moving(*state, weights, before=number > 0)
+            if number % 2 == 0
             else self._above(state[0], weights[0] / HEIGHT)
-            for at, state in enumerate(zip(q, v, a, strict=True))
+            for number, state in enumerate(zip(q, v, a, strict=True))
         ]
-        places = np.repeat(np.arange(len(terms)), [len(one.values) for one in terms])
+        places = np.repeat(np.arange(len(terms)), [len(term.values) for term in terms])
         terms.append(rest := self._resting(q[-1], still, weights[0]))
         places = np.append(places, np.full(len(rest.values), len(q) - 1))
-        values = np.concatenate([one.values for one in terms])
+        values = np.concatenate([term.values for term in terms])
         slopes = np.zeros((len(values), len(y), n))
         by_time = np.zeros(len(values))
         for order in range(3):
-            by = np.concatenate([one[1 + order] for one in terms])
+            by = np.concatenate([term[1 + order] for term in terms])
             gain = self._basis[order][places] / time**order
             slopes += gain[:, :, None] * by[:, None, :]
             shape = self._basis[order] @ y
@@ -447,7 +445,7 @@ class _BackswingProblem:
         use, by_torque = forces[6:] / chain.effort_limit, 1.0 / chain.effort_limit[:, None]
         of_use = [by_torque * slope[6:] for slope in slopes]
         over = [-np.sign(use)[:, None] * slope for slope in of_use]
-        parts = [
+        terms = [
             _Terms(EASE * use, *(EASE * slope for slope in of_use)),
             _hinged(of_torque, 1.0 - 2 * SHARE - np.abs(use), *over),
             self._wrench(forces[:6], [slope[:6] for slope in slopes], of_wrench),
@@ -456,13 +454,13 @@ class _BackswingProblem:
             middle, half = self._range
             off, fast = q - middle, v / chain.velocity_limit
             by_q, by_v = -np.diag(np.sign(off)), -np.diag(np.sign(v) / chain.velocity_limit)
-            parts += [
+            terms += [
                 _hinged(kinematic / RANGE, half - np.abs(off), by_q, none, none),
                 _hinged(kinematic / RANGE, 1.0 - SHARE - np.abs(fast), none, by_v, none),
                 self._above(q, kinematic / HEIGHT),
                 self._placed(q, kinematic, self._upright, LEAN_MARGIN + SHARE),
             ]
-        return _joined(parts)
+        return _joined(terms)
 
     def _resting(self, q: Array, still: Array, kinematic: float) -> _Terms:
         """Return what counts of the posture at rest: balance, and the torques that hold it."""
@@ -520,9 +518,9 @@ def _hinged(weight: float, values: Array, by_q: Array, by_v: Array, by_a: Array)
     return _Terms(off * values, *(off[:, None] * slope for slope in (by_q, by_v, by_a)))
 
 
-def _joined(parts: list[_Terms]) -> _Terms:
+def _joined(terms: list[_Terms]) -> _Terms:
     """Return residuals one after the other."""
-    return _Terms(*(np.concatenate(each) for each in zip(*parts, strict=True)))
+    return _Terms(*(np.concatenate(rows) for rows in zip(*terms, strict=True)))
 
 
 def _kicking_limb(standing: StandingRobot) -> list[tuple[str, Spheres]]:

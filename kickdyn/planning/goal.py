@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kickdyn.core import validation
-from kickdyn.core.gravity import GRAVITY
+from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.representation import ReprMixin, Row, format_value
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput

@@ -19,12 +19,14 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.constraint_impulses import check_unconstrained
 from kickdyn.planning.impact_target import ImpactTarget
-from kickdyn.planning.kick_point import KickPoint, KickVariables, Objective
 from kickdyn.planning.kick_terms import (
     BallPosition,
     Facing,
     FullShare,
     JointRange,
+    KickPoint,
+    KickVariables,
+    Objective,
     SpeedLimit,
     StrikeVelocity,
     TorqueLimit,

@@ -12,7 +12,7 @@ from scipy.optimize import minimize_scalar
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
-from kickdyn.core.gravity import GRAVITY
+from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.representation import ReprMixin, Row, freeze_arrays
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput

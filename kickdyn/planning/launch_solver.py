@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from kickdyn.core.gravity import GRAVITY
+from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.validation import Array
 from kickdyn.flight.derivatives import DifferentiableFlight
 from kickdyn.planning.goal import Goal, nominal_velocity

@@ -12,7 +12,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import NoImpact
 from kickdyn.impact.leg_response import joint_impulses
 from kickdyn.impact.strike import strike
-from kickdyn.planning.kick_point import KickPoint, Objective
+from kickdyn.planning.kick_terms import KickPoint, Objective
 from kickdyn.planning.launch import Launch
 from kickdyn.planning.problem import Function, Kind
 from kickdyn.planning.scatter import checked_spread, landing_covariances, landing_slopes

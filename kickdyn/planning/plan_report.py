@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.launch import Launch, OutOfReach
 from kickdyn.planning.scatter import Scatter, scatter
 from kickdyn.planning.swing import Swing
+from kickdyn.planning.swing_phase import SwingPhase
 from kickdyn.restitution import describe_restitution
 from kickdyn.scene.pitch import Passage, Score, Wall, check_before, passage_on, score_at
 
@@ -66,23 +68,28 @@ class PlanReport:
     uncertainty: Mapping[str, float] | None = None
     limits: bool = True
 
+    @cached_property
+    def landing(self) -> Scatter | None:
+        """The scatter of the landing point; None without an uncertainty."""
+        if self.uncertainty is None:
+            return None
+        return scatter(self.plan.impact, self.plan.launch.air, **self.uncertainty)
+
     def sentences(self) -> list[str]:
         """Return the answer in sentences; raise `InvalidInput` where the ball hits the wall."""
-        found = [verdict(self.plan)]
-        if self.uncertainty is not None:
-            landing = scatter(self.plan.impact, self.plan.launch.air, **self.uncertainty)
-            found.append(_describe_scatter(landing))
-        if self.wall is not None:
-            found.append(describe_passage(self.wall, self.plan))
-        if self.goal_mouth:
-            found.append(str(score(self.plan)))
-        if self.swing is not None:
-            found.append(_describe_swing(self.swing))
-        if self.plan.backswing is not None:
-            found.append(_describe_backswing(self.plan.backswing))
-        found += [_describe_stance(name, self.plan) for name in self.plan.impact.footing]
-        found += _after_impact(self.plan, limits=self.limits)
-        return [*found, *(f"Warning: {line}." for line in self.plan.warnings)]
+        plan = self.plan
+        sentences = [
+            verdict(plan),
+            self.landing and _describe_scatter(self.landing),
+            self.wall and describe_passage(self.wall, plan),
+            self.goal_mouth and str(score(plan)),
+            self.swing and _describe_swing(self.swing),
+            plan.backswing and _describe_backswing(plan.backswing),
+            *(_describe_stance(name, plan) for name in plan.impact.footing),
+            _describe_joints_after(plan, limits=self.limits),
+            *(f"Warning: {line}." for line in plan.warnings),
+        ]
+        return [sentence for sentence in sentences if sentence]
 
     def table(self) -> list[str]:
         """Return the plan's numbers as lines of text."""
@@ -156,11 +163,11 @@ class PlanReport:
             report["wall"] = {"above": above, "beside": beside}
         if self.goal_mouth:
             report["goal_mouth"] = score(plan)._asdict()
-        if self.uncertainty is not None:
-            found = scatter(impact, launch.air, **self.uncertainty)
+        if self.landing is not None:
+            by_source = self.landing.by_source
             report["scatter"] = {
-                **_attributes(found, "mean covariance radius"),
-                "by_source": {name: part.tolist() for name, part in found.by_source.items()},
+                **_attributes(self.landing, "mean covariance radius"),
+                "by_source": {name: covariance.tolist() for name, covariance in by_source.items()},
             }
         if plan.balance is not None:
             report["stance"] = {
@@ -170,15 +177,24 @@ class PlanReport:
                 "friction": {name: _least_friction(name, plan) for name in impact.footing},
             }
         if plan.backswing is not None:
-            report["backswing"] = _backswing_json(plan.backswing)
+            report["backswing"] = {
+                **_attributes(plan.backswing, "joints clearance"),
+                **_attributes(plan.backswing.phase, "duration torque_use speed_use range_left"),
+                **_motion_json(plan.backswing.phase),
+            }
         if self.swing is not None:
-            report["swing"] = _swing_json(self.swing)
+            report["swing"] = {
+                **_attributes(self.swing, "status share limit objective value torque_use"),
+                **_attributes(self.swing, "speed_use range_left defect impact_error joints"),
+                "backswing": _motion_json(self.swing.backswing),
+                "follow_through": _motion_json(self.swing.follow_through),
+            }
         return report
 
 
 def verdict(plan: KickPlan) -> str:
     """Return in a line whether the goal is met, and else where the kick ends."""
-    where = ", ".join(f"{part:.4g}" for part in plan.goal.target)
+    where = ", ".join(f"{coordinate:.4g}" for coordinate in plan.goal.target)
     path = plan.path
     after = f"after {path.duration:.4g} s"
     if plan.share == 1.0:
@@ -210,17 +226,21 @@ def verdict(plan: KickPlan) -> str:
 
 def unreachable_json(goal: Goal, error: OutOfReach) -> dict[str, Any]:
     """Return what `--json` writes of a goal that nothing meets."""
-    found, nearest = error.nearest, None
-    if isinstance(found, Launch):
-        nearest = {**_goal_json(found.reached), "launch_speed": found.speed}
-    elif found is not None:
-        nearest = {"distance": found.course.distance, "time": found.time}
-    return {
+    report = {
         "status": PlanStatus.UNREACHABLE,
         "goal": _goal_json(goal),
         "limit": error.limit,
-        "nearest": nearest,
+        "nearest": None,
     }
+    if isinstance(error.nearest, Launch):
+        launch = error.nearest
+        report["nearest"] = {**_goal_json(launch.reached), "launch_speed": launch.speed}
+    elif error.nearest is not None:
+        report["nearest"] = {
+            "distance": error.nearest.course.distance,
+            "time": error.nearest.time,
+        }
+    return report
 
 
 def flight_within_limits(plan: KickPlan) -> Flight | None:
@@ -233,29 +253,29 @@ def flight_within_limits(plan: KickPlan) -> Flight | None:
     return path if path.status == "landed" else None
 
 
-def _after_impact(plan: KickPlan, *, limits: bool) -> list[str]:
-    """Return a line with the joints beyond a limit just after the impact, or no line."""
+def _describe_joints_after(plan: KickPlan, *, limits: bool) -> str:
+    """Return a line with the joints beyond a limit just after the impact; empty without such."""
     fast = plan.too_fast_after if limits else {}
-    parts = []
-    for name in dict.fromkeys((*plan.into_stop, *fast)):
-        does = [f"has {fast[name]:.0%} of its speed limit"] if name in fast else []
-        if name in plan.into_stop:
-            does.insert(0, "moves into the stop at the end of its range")
-        parts.append(f"{name} {' and '.join(does)}")
-    if not parts:
-        return []
+    violations = {name: ["moves into the stop at the end of its range"] for name in plan.into_stop}
+    for name, use in fast.items():
+        violations.setdefault(name, []).append(f"has {use:.0%} of its speed limit")
+    if not violations:
+        return ""
+    joints = ", ".join(f"{name} {' and '.join(lines)}" for name, lines in violations.items())
     swing = "; --swing plans a kick after which the leg stops within its limits"
-    return [
-        f"Just after the impact, {', '.join(parts)}. A plan keeps the limits up to the "
+    return (
+        f"Just after the impact, {joints}. A plan keeps the limits up to the "
         f"impact, not after it{swing if plan.balance is None and limits else ''}."
-    ]
+    )
 
 
-def _describe_scatter(found: Scatter) -> str:
+def _describe_scatter(landing: Scatter) -> str:
     """Return in a line how far off the ball lands, by source."""
-    sizes = {name: math.sqrt(float(part.trace())) for name, part in found.by_source.items()}
-    parts = ", ".join(f"{size:.3g} m from {name}" for name, size in sizes.items())
-    return f"The landing point has a root mean square error of {found.radius:.3g} m: {parts}."
+    errors = ", ".join(
+        f"{math.sqrt(float(covariance.trace())):.3g} m from {source}"
+        for source, covariance in landing.by_source.items()
+    )
+    return f"The landing point has a root mean square error of {landing.radius:.3g} m: {errors}."
 
 
 def _least_friction(frame: str, plan: KickPlan) -> float | None:
@@ -307,25 +327,10 @@ def _limit_use(**uses: float) -> str:
     return f"up to {' and '.join(named)}" if named else "no use of the limits"
 
 
-def _backswing_json(backswing: Backswing) -> dict[str, Any]:
-    """Return the backswing of a standing robot with its motion at the nodes."""
-    phase = backswing.phase
-    report = _attributes(backswing, "joints clearance") | _attributes(
-        phase, "duration torque_use speed_use range_left"
-    )
+def _motion_json(phase: SwingPhase) -> dict[str, Any]:
+    """Return the motion of a phase at its nodes."""
     motion = phase.sample(phase.nodes)
-    return report | _attributes(motion, " ".join(motion._fields))
-
-
-def _swing_json(swing: Swing) -> dict[str, Any]:
-    """Return a swing with its motion at the nodes of either phase."""
-    report = _attributes(swing, "status share limit objective value torque_use speed_use")
-    report |= _attributes(swing, "range_left defect impact_error joints")
-    for name in ("backswing", "follow_through"):
-        phase = getattr(swing, name)
-        motion = phase.sample(phase.nodes)
-        report[name] = _attributes(motion, " ".join(motion._fields))
-    return report
+    return _attributes(motion, " ".join(motion._fields))
 
 
 def _attributes(source: object, names: str) -> dict[str, Any]:

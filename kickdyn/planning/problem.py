@@ -155,14 +155,11 @@ class Problem(Generic[Point]):
         """Return the terms of a kind."""
         return [term for term in self.terms if isinstance(term, Function) and term.kind == kind]
 
-    def objective(self, x: Array) -> float:
-        """Return the value of the objective."""
-        return float(self.values(Kind.OBJECTIVE, x)[0])
-
     def values(self, kind: Kind, x: Array) -> Array:
         """Return the values of all terms of a kind over their scales, less their margins."""
         point = self._point(x)
-        return np.concatenate([f.value(point) / f.scale - f.margin for f in self.functions(kind)])
+        values = [f.value(point) / f.scale - f.margin for f in self.functions(kind)]
+        return np.concatenate([np.zeros(0), *values])
 
     def slopes(self, kind: Kind, x: Array) -> Array:
         """Return the derivatives of `values`, shape `(k, n)`."""
@@ -173,13 +170,8 @@ class Problem(Generic[Point]):
         """Return whether unknowns within the bounds keep all conditions within `TOLERANCE`."""
         if not np.isfinite(x).all():
             return False
-        return (
-            not self.functions(Kind.EQUALITY)
-            or float(np.abs(self.values(Kind.EQUALITY, x)).max(initial=0.0)) <= TOLERANCE
-        ) and (
-            not self.functions(Kind.INEQUALITY)
-            or float(self.values(Kind.INEQUALITY, x).min(initial=0.0)) >= -TOLERANCE
-        )
+        equal, margins = self.values(Kind.EQUALITY, x), self.values(Kind.INEQUALITY, x)
+        return bool((np.abs(equal) <= TOLERANCE).all() and (margins >= -TOLERANCE).all())
 
     @cached_property
     def _point(self) -> Callable[[Array], Point]:

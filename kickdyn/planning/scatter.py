@@ -15,9 +15,9 @@ import numpy as np
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
+from kickdyn.core.mechanics import cross
 from kickdyn.core.representation import ReadOnlyArrays, freeze_arrays
 from kickdyn.core.validation import Array
-from kickdyn.core.vectors import cross
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.flight.derivatives import fly_with_launch_slopes
 from kickdyn.impact.impact_result import Impact
@@ -49,7 +49,6 @@ class Scatter(ReadOnlyArrays):
     by_source: Mapping[str, Array]
 
     def __post_init__(self) -> None:
-        """Make the arrays read-only."""
         freeze_arrays(vars(self))
 
     @property
@@ -73,8 +72,8 @@ def scatter(impact: Impact, air: Air | None = None, **spread: float) -> Scatter:
     """
     sizes = checked_spread(spread)
     landing, slopes = landing_slopes(impact.ball_after, impact.ball, air)
-    parts = landing_covariances(impact, slopes, sizes)
-    return Scatter(landing, np.sum(list(parts.values()), axis=0), parts)
+    by_source = landing_covariances(impact, slopes, sizes)
+    return Scatter(landing, np.sum(list(by_source.values()), axis=0), by_source)
 
 
 def landing_slopes(state: BallState, ball: Ball, air: Air | None) -> tuple[Array, Array]:

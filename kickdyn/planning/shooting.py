@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
-from kickdyn.core.gravity import GRAVITY
+from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
 from kickdyn.flight.derivatives import INCREMENT, DifferentiableFlight, fly_with_slopes

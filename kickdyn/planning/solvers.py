@@ -24,7 +24,7 @@ def slsqp(problem: Problem[Any], start: Array) -> Array:
 
     Source: D. Kraft, A software package for sequential quadratic programming, DFVLR-FB 88-28, 1988.
     """
-    scale = abs(problem.objective(start)) or 1.0
+    scale = abs(float(problem.values(Kind.OBJECTIVE, start)[0])) or 1.0
     lower, upper = problem.bounds
     constraints = [
         {
@@ -37,7 +37,7 @@ def slsqp(problem: Problem[Any], start: Array) -> Array:
     ]
     with one_blas_thread():
         result = minimize(
-            lambda x: problem.objective(x) / scale,
+            lambda x: float(problem.values(Kind.OBJECTIVE, x)[0]) / scale,
             np.clip(start, lower, upper),
             jac=lambda x: problem.slopes(Kind.OBJECTIVE, x)[0] / scale,
             method="SLSQP",

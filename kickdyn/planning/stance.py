@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from kickdyn.core.validation import Array
-from kickdyn.planning.kick_point import KickPoint, KickTerm
+from kickdyn.planning.kick_terms import KickPoint, KickTerm, slope_by_differences
 from kickdyn.planning.problem import TOLERANCE, Function, Kind
 from kickdyn.robot.ground_clearance import Spheres
 from kickdyn.robot.leg import Posture
@@ -220,13 +220,7 @@ class SupportImpulse(Function[KickPoint]):
         return self.residual(point.posture)
 
     def slope(self, point: KickPoint) -> Array:
-        value, slope = self.value(point), []
-        for i in range(point.variables.n):
-            x = point.x.copy()
-            x[i] += STEP
-            slope.append((self.value(point.variables.point(x)) - value) / STEP)
-        free = np.zeros((len(value), len(point.x) - len(slope)))
-        return np.hstack([np.transpose(slope), free])
+        return slope_by_differences(self, point, point.variables.n, STEP)
 
     def residual(self, posture: Posture) -> Array:
         """Return the value at a posture, shape `(k,)` [N s]."""

@@ -17,10 +17,10 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
+import pinocchio as pin
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.planning.casadi_chain import torque_function
 from kickdyn.planning.swing_phase import SwingPhase, make_phase
 from kickdyn.robot.kicking_chain import KickingChain
 
@@ -157,7 +157,7 @@ class StopEquations:
             ("speed", [peaks], -1.0 + MARGIN, 1.0 - MARGIN),
             ("torque", [at_nodes, between, at_rest], -1.0, 1.0),
         ]
-        values = [ca.vertcat(*map(ca.vec, parts)) for _, parts, _, _ in blocks]
+        values = [ca.vertcat(*map(ca.vec, matrices)) for _, matrices, _, _ in blocks]
         sizes = [int(value.numel()) for value in values]
         self.constraints = ca.densify(ca.vertcat(*values))
         self.labels = [
@@ -252,18 +252,18 @@ class StopSolver:
         Raises:
             InvalidInput: the solver finds none.
         """
-        found, share, limit = dict[int, StopSolution](), 1.0, ""
+        solutions, share, limit = dict[int, StopSolution](), 1.0, ""
         for stop in (back, on, back):
-            if stop.sign in found and found[stop.sign].share == share:
+            if stop.sign in solutions and solutions[stop.sign].share == share:
                 break
-            found[stop.sign] = one = self.find(stop, share)
-            if one.share < share:
-                share, (what, joint) = one.share, one.binding
+            solutions[stop.sign] = solution = self.find(stop, share)
+            if solution.share < share:
+                share, (what, joint) = solution.share, solution.binding
                 limit = (
                     f"{stop.name}: the {what} limit of {self._equations.chain.names[joint]} leaves "
                     f"{share:.4g} of the planned speed"
                 )
-        return (found[-1].phase, found[1].phase), share, limit
+        return (solutions[-1].phase, solutions[1].phase), share, limit
 
     def find(self, stop: Stop, most: float = 1.0) -> StopSolution:
         """Return a stop from the largest share, up to `most`, of the velocity.
@@ -288,7 +288,7 @@ class StopSolver:
 
     def solve(self, stop: Stop, slack: float = 0.0, most: float = 1.0) -> StopSolution:
         """Return the better of the stops that Ipopt finds from a short and from a long guess."""
-        found, reason = list[StopSolution](), "no iterations left"
+        solutions, reason = list[StopSolution](), "no iterations left"
         for time in sorted({min(SHORT, stop.longest), stop.longest}):
             if self._left <= 0:
                 break
@@ -310,12 +310,12 @@ class StopSolver:
             share = most if x[-1] > most * (1 - 1e-6) else float(x[-1])
             phase = self._equations.phase(stop.sign, stop.q, share * stop.v, x)
             multipliers = (np.asarray(end[name]).ravel() for name in ("lam_x", "lam_g"))
-            found.append(StopSolution(phase, share, self._binding(*multipliers)))
+            solutions.append(StopSolution(phase, share, self._binding(*multipliers)))
             if share == most:
                 break
-        if not found:
+        if not solutions:
             raise InvalidInput(f"no {stop.name} is found: {reason}")
-        return max(found, key=lambda one: one.share)
+        return max(solutions, key=lambda solution: solution.share)
 
     def _binding(self, of_unknowns: Array, of_constraints: Array) -> tuple[str, int]:
         """Return the limit and joint whose widening would gain most, by multipliers of bounds."""
@@ -330,3 +330,77 @@ class StopSolver:
             if label[0]:
                 gains[label] = gains.get(label, 0.0) + size
         return max(gains, key=lambda label: gains[label])
+
+
+def torque_function(model: Any) -> Any:
+    r"""Return the CasADi function of q, v and a: :math:`M a + c(q, v) + g(q)` [N m].
+
+    Newton-Euler as Featherstone, Rigid Body Dynamics Algorithms, Table 5.1; armature is included.
+    The wheel of Pinocchio has no `pinocchio.casadi`. `adam-robotics` reads files only, not a
+    Pinocchio model with locked or turned joints and armature, and takes twice the operations.
+
+    Args:
+        model: `pin.Model` of joints of one degree of freedom, one after the other.
+    """
+    q, v, a = (ca.SX.sym(name, model.nv) for name in "qva")
+    axes = [_axis(model, joint) for joint in range(1, model.njoints)]
+    turning, turned, lifted = ca.SX(3, 1), ca.SX(3, 1), ca.SX(ca.DM(-model.gravity.linear))
+    steps, forces = [], []
+    for i, (linear, turn) in enumerate(axes):
+        rotation, origin = _step(model.jointPlacements[i + 1], linear, turn, q[i])
+        moved = lifted + ca.cross(turned, origin) + ca.cross(turning, ca.cross(turning, origin))
+        back, slide, spin = rotation.T, ca.DM(linear), ca.DM(turn)
+        turning, before = back @ turning + spin * v[i], back @ turning
+        turned = back @ turned + spin * a[i] + ca.cross(before, spin) * v[i]
+        lifted = back @ moved + slide * a[i] + 2 * ca.cross(before, slide) * v[i]
+        body = model.inertias[i + 1]
+        centre, inertia = ca.DM(body.lever), ca.DM(body.inertia)
+        force = body.mass * (
+            lifted + ca.cross(turned, centre) + ca.cross(turning, ca.cross(turning, centre))
+        )
+        moment = inertia @ turned + ca.cross(turning, inertia @ turning)
+        steps.append((rotation, origin))
+        forces.append((force, moment + ca.cross(centre, force)))
+    torques, force, moment = [], ca.SX(3, 1), ca.SX(3, 1)
+    for i in reversed(range(len(axes))):
+        linear, turn = axes[i]
+        force, moment = force + forces[i][0], moment + forces[i][1]
+        rotor = model.armature[i] * a[i]
+        torques.append(ca.dot(ca.DM(linear), force) + ca.dot(ca.DM(turn), moment) + rotor)
+        rotation, origin = steps[i]
+        force = rotation @ force
+        moment = rotation @ moment + ca.cross(origin, force)
+    return ca.Function("torque", [q, v, a], [ca.vertcat(*reversed(torques))])
+
+
+def point_function(model: Any) -> Any:
+    """Return the CasADi function of q and a point in the last joint's axes: it in the world frame.
+
+    Args:
+        model: as of `torque_function`.
+    """
+    q, local = ca.SX.sym("q", model.nv), ca.SX.sym("point", 3)
+    point = local
+    for joint in range(model.nv, 0, -1):
+        axis = _axis(model, joint)
+        rotation, origin = _step(model.jointPlacements[joint], *axis, q[joint - 1])
+        point = rotation @ point + origin
+    return ca.Function("point", [q, local], [point])
+
+
+def _step(fixed: Any, linear: Array, turn: Array, angle: Any) -> tuple[Any, Any]:
+    """Return rotation and origin of a joint's frame in its parent's."""
+    rotation = ca.DM(fixed.rotation)
+    if not turn.any():
+        return rotation, ca.DM(fixed.translation) + rotation @ (ca.DM(linear) * angle)
+    skew = ca.DM(pin.skew(turn))
+    about = ca.DM.eye(3) + ca.sin(angle) * skew + (1 - ca.cos(angle)) * (skew @ skew)
+    return rotation @ about, ca.DM(fixed.translation)
+
+
+def _axis(model: Any, joint: int) -> tuple[Array, Array]:
+    """Return the linear and the angular part of a joint's axis, in its own frame."""
+    data = model.joints[joint].createData()
+    model.joints[joint].calc(data, np.zeros(model.nq), np.ones(model.nv))
+    axis = np.asarray(data.S).ravel()
+    return axis[:3], axis[3:]

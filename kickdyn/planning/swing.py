@@ -52,7 +52,6 @@ class Swing(ReprMixin):
     follow_through: SwingPhase
 
     def _rows(self) -> Iterable[Row]:
-        """Return the lines that are shown."""
         yield "status", self.status, ""
         if self.limit:
             yield "limit", self.limit, ""
@@ -94,8 +93,9 @@ class Swing(ReprMixin):
         time = np.atleast_1d(validation.floats("t", t, unit="s"))
         if time.ndim > 1 or (np.diff(time) < 0).any():
             raise InvalidInput(f"t is {time.tolist()}: it must be a number, or times that rise")
-        both = (self.backswing.sample(time[time <= 0]), self.follow_through.sample(time[time > 0]))
-        return Motion(*(np.concatenate(pair) for pair in zip(*both, strict=True)))
+        before = self.backswing.sample(time[time <= 0])
+        after = self.follow_through.sample(time[time > 0])
+        return Motion(*(np.concatenate(pair) for pair in zip(before, after, strict=True)))
 
     def configuration(self, t: float) -> Array:
         """Return the configuration of the whole leg at a time, shape `(nq,)` [rad; m].
@@ -149,8 +149,8 @@ class Swing(ReprMixin):
         chain, impact = self.chain, self.plan.impact
         worst = 0.0
         for phase, v in zip(self.phases, (impact.v_before, impact.v_after), strict=True):
-            here = phase.sample(0.0)
-            off = [here.q[0] - self.plan.q[chain.qs], here.v[0] - self.share * v[chain.vs]]
+            motion = phase.sample(0.0)
+            off = [motion.q[0] - self.plan.q[chain.qs], motion.v[0] - self.share * v[chain.vs]]
             worst = max(worst, float(np.abs(off).max()))
         return worst
 
@@ -263,14 +263,14 @@ def _known_phases(
 
 def _checked_chain(leg: Leg, plan: KickPlan) -> KickingChain:
     """Return the joints that swing, or raise `InvalidInput` where the plan is for others."""
-    own = plan.impact.posture.leg
-    if own.joint_names != leg.joint_names or own.frame != leg.frame:
-        raise InvalidInput(f"the plan is for {own!r}: it must be for {leg!r}")
+    planned = plan.impact.posture.leg
+    if planned.joint_names != leg.joint_names or planned.frame != leg.frame:
+        raise InvalidInput(f"the plan is for {planned!r}: it must be for {leg!r}")
     chain, speeds = swing_chain(leg), np.abs(plan.impact.v_after)
-    others = speeds.copy()
-    others[chain.vs] = 0.0
-    if others.max() > 1e-9 * speeds.max():
-        worst = int(np.argmax(others))
+    idle = speeds.copy()
+    idle[chain.vs] = 0.0
+    if idle.max() > 1e-9 * speeds.max():
+        worst = int(np.argmax(idle))
         name = next(name for name in leg.joint_names if leg.velocity_index(name) == worst)
         raise InvalidInput(f"the impact moves {name}, which does not swing the foot: lock it first")
     return chain

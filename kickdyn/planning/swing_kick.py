@@ -19,14 +19,19 @@ import numpy as np
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.planning.casadi_chain import point_function, torque_function
 from kickdyn.planning.impact_target import ImpactTarget
-from kickdyn.planning.kick_point import KickPoint, Objective
 from kickdyn.planning.kick_problem import KickProblem, KickSolution, solve_kick
-from kickdyn.planning.kick_terms import BallPosition, Facing, StrikeVelocity
+from kickdyn.planning.kick_terms import BallPosition, Facing, KickPoint, Objective, StrikeVelocity
 from kickdyn.planning.objectives import KineticEnergy
 from kickdyn.planning.problem import TOLERANCE
-from kickdyn.planning.stop_problem import EAGER, OPTIONS, SHORT, StopEquations
+from kickdyn.planning.stop_problem import (
+    EAGER,
+    OPTIONS,
+    SHORT,
+    StopEquations,
+    point_function,
+    torque_function,
+)
 from kickdyn.planning.swing_phase import LONGEST, SwingPhase, swing_chain
 from kickdyn.restitution import rows_of
 from kickdyn.robot.leg import Posture
@@ -94,7 +99,7 @@ class _SwingKickProblem:
         self._directions = problem.foot_directions
         facing = problem.find(Facing)
         cone = np.zeros((0, 3)) if facing is None else facing.cone
-        self._variables, here = (variables := problem.variables), start.posture
+        self._variables, posture = (variables := problem.variables), start.posture
         self._chain = chain = swing_chain(variables.leg)
         nodes = NODES if variables.n < 5 else NODES // 2
         n, speed, still = variables.n, ca.DM(chain.velocity_limit), ca.DM(variables.n, 1)
@@ -104,11 +109,13 @@ class _SwingKickProblem:
         v, w = before * speed, after * speed
         weight = torque(q, still, still)
         self._stops = [StopEquations(chain, nodes, q, away) for away in (-v, w)]
-        position = point(q, ca.DM(here.contact_lever))
+        position = point(q, ca.DM(posture.contact_lever))
         jump = torque(q, still, w - v) - weight  # M (w - v)
-        equal = self._strike(here, position, ca.jacobian(position, q), jump, v, w, share)
+        equal = self._strike(posture, position, ca.jacobian(position, q), jump, v, w, share)
         static = torque(q, v, still) / ca.DM(chain.effort_limit)
-        levers = [here.with_contact_offset(row).contact_lever - here.contact_lever for row in cone]
+        levers = [
+            posture.with_contact_offset(row).contact_lever - posture.contact_lever for row in cone
+        ]
         normal = ca.DM(variables.target.contact.normal)
         facings = [ca.dot(normal, point(q, ca.DM(x)) - point(q, ca.DM(3, 1))) for x in levers]
         effort = self._stops[0].torque_squared + self._stops[1].torque_squared
@@ -133,7 +140,7 @@ class _SwingKickProblem:
         self._facing = np.zeros(len(facings))
 
     def _strike(
-        self, here: Posture, position: Any, jacobian: Any, jump: Any, v: Any, w: Any, share: Any
+        self, posture: Posture, position: Any, jacobian: Any, jump: Any, v: Any, w: Any, share: Any
     ) -> Any:
         """Return the equations of the strike and of the ball's position, scaled to about 1."""
         variables = self._variables
@@ -143,7 +150,7 @@ class _SwingKickProblem:
             variables.target.contact.normal,
         )
         jump = jump + share * (jacobian.T @ ca.DM(target.impulse))
-        size = self._chain.velocity_limit * float(here.inertia.max())
+        size = self._chain.velocity_limit * float(posture.inertia.max())
         across = target.impulse - (normal @ target.impulse) * normal
         ball_point = target.impulse / ball.mass + ball.radius**2 / ball.inertia * across
         apart = share * ca.DM(ball_point) - jacobian @ w

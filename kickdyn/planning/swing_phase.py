@@ -56,7 +56,6 @@ class SwingPhase(ReprMixin):
     _q: PPoly
 
     def _rows(self) -> Iterable[Row]:
-        """Return the lines that are shown."""
         yield "joints", ", ".join(self.chain.names), ""
         yield "duration", self.duration, "s"
         yield "nodes", len(self._a.x), ""

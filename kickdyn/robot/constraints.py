@@ -22,7 +22,7 @@ from kickdyn.core import validation
 from kickdyn.core.representation import ReadOnlyArrays, ValueEquality
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.robot.mimic_joints import Gears
+from kickdyn.robot.joint_table import Gears
 from kickdyn.robot.model_validation import frame_id
 from kickdyn.robot.names import listed
 

@@ -21,9 +21,9 @@ from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.leg import Leg
-from kickdyn.robot.mesh_file import read_mesh
+from kickdyn.robot.model_validation import frames_by_name
 from kickdyn.robot.package_files import PackageFiles
-from kickdyn.robot.visuals import RobotFile, Shape, Visual
+from kickdyn.robot.visuals import RobotFile, Shape, Visual, read_mesh
 
 TOLERANCE = 2e-3
 """Depth up to which a body counts as on the ground [m]: soles are rounded and rubber gives way."""
@@ -104,12 +104,12 @@ def find_depths(leg: Leg, configurations: Sequence[Array], floor: float) -> list
 
 def body_frames(leg: Leg) -> dict[str, int]:
     """Return the frames of a leg that have shapes, by name; all frames where none has any."""
-    model = leg.workspace.model
-    numbered = list(enumerate(model.frames))[1:]
-    every = {frame.name: number for number, frame in numbered}
-    # a joint may have the name of a link
-    every |= {f.name: n for n, f in numbered if f.type == pin.FrameType.BODY}
-    shaped = {} if leg.file is None else _visuals(leg.file) | _collisions(leg.file)
+    every = frames_by_name(leg.workspace.model)
+    shaped = (
+        {}
+        if leg.file is None
+        else _shapes_by_frame(leg.file) | _shapes_by_frame(leg.file, collisions=True)
+    )
     return {name: every[name] for name in shaped if name in every} or every
 
 
@@ -133,10 +133,12 @@ def shapes_of(leg: Leg, frame: str, *, meshes: bool = True) -> list[Spheres]:
     """Return the shapes of `shape_of`, each convex; none where the file has no readable shape."""
     if leg.file is None:
         return []
-    visuals = _visuals(leg.file).get(frame, [])
+    visuals = _shapes_by_frame(leg.file).get(frame, [])
     shapes = _read_shapes(leg.file, visuals, meshes)
     if not visuals or any(isinstance(shape, str) for shape in shapes):
-        shapes += _read_shapes(leg.file, _collisions(leg.file).get(frame, []), meshes)
+        shapes += _read_shapes(
+            leg.file, _shapes_by_frame(leg.file, collisions=True).get(frame, []), meshes
+        )
     return [shape for shape in shapes if not isinstance(shape, str)]
 
 
@@ -149,7 +151,7 @@ def find_unread(leg: Leg, frame: str) -> str:
     """Return why a shape that the file of a leg draws at a frame cannot be read, or nothing."""
     if leg.file is None:
         return ""
-    shapes = _read_shapes(leg.file, _visuals(leg.file).get(frame, []), True)
+    shapes = _read_shapes(leg.file, _shapes_by_frame(leg.file).get(frame, []), True)
     return next((reason for reason in shapes if isinstance(reason, str)), "")
 
 
@@ -157,19 +159,11 @@ _known: WeakKeyDictionary[Visual, Spheres | str] = WeakKeyDictionary()
 """What `_spheres` returned before: reading a mesh takes a tenth of a second."""
 
 
-def _visuals(file: RobotFile) -> dict[str, list[Visual]]:
-    """Return the visuals of a file by frame; none where they cannot be read."""
+def _shapes_by_frame(file: RobotFile, *, collisions: bool = False) -> dict[str, list[Visual]]:
+    """Return what a file draws, or has for contacts, by frame; none where it cannot be read."""
     try:
-        return file.visuals_by_frame
+        return file.collisions_by_frame if collisions else file.visuals_by_frame
     except InvalidInput:  # a page of the leg says why
-        return {}
-
-
-def _collisions(file: RobotFile) -> dict[str, list[Visual]]:
-    """Return the shapes for contacts of a file by frame; none where they cannot be read."""
-    try:
-        return file.collisions_by_frame
-    except InvalidInput:
         return {}
 
 

@@ -20,22 +20,27 @@ from numpy.typing import ArrayLike
 from scipy.linalg import blas, lapack
 
 from kickdyn.core import validation
-from kickdyn.core.gravity import GRAVITY
+from kickdyn.core.mechanics import cross3
 from kickdyn.core.representation import ReprMixin, Row, format_value, warned
-from kickdyn.core.validation import Array, read_only
-from kickdyn.core.vectors import cross3
+from kickdyn.core.validation import Array, protect, read_only
 from kickdyn.errors import FaultyFile, InvalidInput, MjcfError, UrdfError
 from kickdyn.robot.articulated_body import ArticulatedBodies
-from kickdyn.robot.catalog import ROBOTS, TOE, outside_legs, robot, robot_file, robot_model
+from kickdyn.robot.catalog import (
+    ROBOTS,
+    TOE,
+    find_description,
+    outside_legs,
+    robot,
+    robot_file,
+    robot_model,
+)
 from kickdyn.robot.constraints import (
     ConstraintProjector,
     Constraints,
     Support,
     find_open_loops,
 )
-from kickdyn.robot.descriptions import find_description
-from kickdyn.robot.joint_table import JointTable
-from kickdyn.robot.mimic_joints import Mimic
+from kickdyn.robot.joint_table import JointTable, Mimic
 from kickdyn.robot.mjcf_file import MjcfFile, read_mjcf
 from kickdyn.robot.mjcf_model import build_mjcf_model
 from kickdyn.robot.model_validation import (
@@ -304,7 +309,7 @@ class Leg(JointTable, ReprMixin):
     ) -> "Leg":
         """Load a robot of the package robot_descriptions."""
         check_base(base)
-        description, contact_frame = find_description(name, list(ROBOTS)), frame or TOE
+        description, contact_frame = find_description(name), frame or TOE
         try:
             if description.is_mjcf:
                 return cls._from_mjcf(
@@ -340,11 +345,6 @@ class Leg(JointTable, ReprMixin):
                 frame.
         """
         check_is_model(model)
-        if model.gravity.vector.tolist() not in ([0.0, 0.0, -GRAVITY, 0.0, 0.0, 0.0], [0.0] * 6):
-            raise InvalidInput(
-                f"gravity of the model is {model.gravity.vector.tolist()}: it must be (0, 0, "
-                f"-{GRAVITY:g}) m/s2, with which the ball flies, or zero"
-            )
         check_model(model)
         return cls(model, frame)
 
@@ -564,6 +564,8 @@ class Posture(ReprMixin):
     _frame_origin: Array
     _frame_jacobian: Array
     _contact_offset: Array | None = None
+    _whitened: Array | None = field(default=None, init=False)
+    _jacobian_norm: float | None = field(default=None, init=False)
 
     @property
     def contact_offset(self) -> Array | None:
@@ -626,25 +628,41 @@ class Posture(ReprMixin):
         """A line for each open loop of the leg and for each joint outside its range."""
         return (*self.leg.open_loops, *self.leg.outside_range(self.q))
 
-    @cached_property
+    @property
+    def jacobian_norm(self) -> float:
+        """Frobenius norm of the Jacobian J, in its own units."""
+        if self._jacobian_norm is None:
+            self._jacobian_norm = math.sqrt(np.vdot(self.jacobian, self.jacobian))
+        return self._jacobian_norm
+
+    @property
     def whitened_jacobian(self) -> Array:
         r"""Return :math:`J L^{-T}` with :math:`M = L L^T`, shape `(3, nv)` [world frame].
 
         With constraints, it is projected on the velocity jumps that they allow in an impact.
         """
-        columns = self.whiten(self.jacobian)
-        columns.setflags(write=False)
-        return columns.T
+        if self._whitened is None:  # not a cached_property: its lock would take 2 us
+            columns = self._allowed(self._whiten(self.jacobian))
+            protect(columns)
+            self._whitened = columns.T
+        return self._whitened
 
-    def whiten(self, jacobian: Array) -> Array:
+    def whiten(self, jacobian: ArrayLike) -> Array:
         r"""Return :math:`L^{-1} J^T` of any Jacobian, shape `(rows, nv)`, as columns.
 
         With constraints, it is projected on the velocity jumps that they allow in an impact.
         """
-        columns = self._whiten(jacobian)
-        if self.constraint_projector is not None:
-            columns = self.constraint_projector.project(columns)
-        return columns
+        rows = validation.floats("jacobian", jacobian)
+        if rows.ndim != 2 or rows.shape[1] != self.leg.nv:
+            raise InvalidInput(
+                f"jacobian has shape {rows.shape}: it must have rows of length {self.leg.nv}"
+            )
+        return self._allowed(self._whiten(rows))
+
+    def _allowed(self, columns: Array) -> Array:
+        """Return whitened columns, projected on what the constraints allow in an impact."""
+        projector = self.constraint_projector
+        return columns if projector is None else projector.project(columns)
 
     def delassus_factor(self) -> Array:
         r"""Return F with :math:`F F^T = J M^{-1} J^T`, shape `(3, n)` [kg^-1/2, world frame].
@@ -861,7 +879,7 @@ def _posture(leg: Leg, q: ArrayLike) -> Posture:
     # Local axes: about the world's origin, a leg far from it would lose its digits.
     inertia: Array = pin.crba(model, data, q, pin.Convention.LOCAL)
     frame_jacobian: Array = pin.computeFrameJacobian(model, data, q, leg.frame_id, pin.LOCAL)
-    frame_jacobian = frame_jacobian.reshape(6, model.nv)
+    frame_jacobian = frame_jacobian.reshape(6, -1)
     cholesky, bound = cholesky_with_condition(inertia)
     if not bound < MAX_CONDITION:
         exact = condition(inertia, cholesky)
@@ -869,23 +887,24 @@ def _posture(leg: Leg, q: ArrayLike) -> Posture:
             fault = singularity_fault(model, inertia, exact)
             where = f"q = {q.tolist()}" if leg.nq <= MAX_SHOWN_JOINTS else "this posture"
             raise InvalidInput(f"the joint-space inertia of {leg.name} at {where} {fault}")
-    posture = Posture(
+    jacobian: Array = rotation.dot(frame_jacobian[:3])
+    joint_rotation = workspace.placements[leg.contact_joint].rotation.copy()
+    protect(q, inertia, origin, jacobian, joint_rotation)
+    posture = Posture(  # names of the arguments would take half a microsecond
         leg,
         q,
-        contact_point=origin,
-        contact_lever=leg.contact_lever,
-        rotation_world_joint=workspace.placements[leg.contact_joint].rotation.copy(),
-        jacobian=rotation.dot(frame_jacobian[:3]),
-        inertia=inertia,
-        constraint_projector=None,
-        _cholesky=cholesky,
-        _condition_bound=bound,
-        _frame_rotation=rotation,
-        _frame_origin=origin,
-        _frame_jacobian=frame_jacobian,
+        origin,
+        leg.contact_lever,
+        joint_rotation,
+        jacobian,
+        inertia,
+        None,
+        cholesky,
+        bound,
+        rotation,
+        origin,
+        frame_jacobian,
     )
-    for array in (q, inertia, origin, posture.jacobian, posture.rotation_world_joint):
-        array.setflags(write=False)
     if leg.constraints is not None:
         leg.constraints.check_closed(model, data, posture)
         rows, blocks = leg.constraints.rows(model, data, q)

@@ -30,16 +30,3 @@ def read_leg(
             "meshes from its own folder"
         )
     return Leg.from_mjcf(path, frame, base=base, locked=values)
-
-
-def read_robot(
-    name: str,
-    frame: str | None,
-    base: str,
-    *,
-    legs_only: bool = False,
-    locked: Mapping[str, float] | None = None,
-) -> Leg:
-    """Return a robot as `Leg.from_robot` does, its joints locked as by `read_leg`."""
-    values = InDegrees(locked or {})
-    return Leg.from_robot(name, frame, base=base, legs_only=legs_only, locked=values)

@@ -18,14 +18,11 @@ from xml.etree.ElementTree import Element, tostring
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from kickdyn.core.files import read_text
-from kickdyn.core.xml_text import MAX_DEPTH, parse_xml
 from kickdyn.errors import InvalidInput, MjcfError
-from kickdyn.robot.mimic_joints import Mimic
-from kickdyn.robot.names import listed
-from kickdyn.robot.package_files import MissingFile, PackageFiles
-from kickdyn.robot.urdf_file import MAX_BYTES
-from kickdyn.robot.urdf_validation import MAX_MOVING_JOINTS, MAX_NAME
+from kickdyn.robot.joint_table import Mimic
+from kickdyn.robot.names import listed, name_fault
+from kickdyn.robot.package_files import MAX_DEPTH, MissingFile, PackageFiles, read_xml
+from kickdyn.robot.urdf_validation import MAX_MOVING_JOINTS
 from kickdyn.robot.visuals import RobotFile, Shape, Visual
 
 MAX_ELEMENTS = 100_000
@@ -165,22 +162,21 @@ class MjcfFile(RobotFile):
         compiled = self.compile()
         geoms = [g for g in range(compiled.ngeom) if compiled.geom_bodyid[g]]
         shown = [g for g in geoms if compiled.geom_group[g] < 3] or geoms
-        return [
-            visual for number in shown if (visual := self._visual(compiled, number)) is not None
-        ]
+        return list(self._shapes(compiled, shown))
 
     def collisions(self) -> list[Visual]:
         """Return the geoms that take part in contacts and that `visuals` leaves out."""
         compiled = self.compile()
-        shown = {g for g in range(compiled.ngeom) if compiled.geom_group[g] < 3}
-        return [
-            visual
-            for number in range(compiled.ngeom)
-            if number not in shown
-            and compiled.geom_bodyid[number]
-            and (compiled.geom_contype[number] or compiled.geom_conaffinity[number])
-            and (visual := self._visual(compiled, number)) is not None
-        ]
+        collides = compiled.geom_contype | compiled.geom_conaffinity
+        hidden = (compiled.geom_group >= 3) & (compiled.geom_bodyid > 0) & (collides != 0)
+        return list(self._shapes(compiled, np.flatnonzero(hidden).tolist()))
+
+    def _shapes(self, compiled: Any, geoms: Iterable[int]) -> Iterator[Visual]:
+        """Yield the shapes of geoms that have one."""
+        for number in geoms:
+            shape = self._visual(compiled, number)
+            if shape is not None:
+                yield shape
 
     def _visual(self, compiled: Any, number: int) -> Visual | None:
         """Return the shape of a geom; None for one that is transparent or a plane."""
@@ -238,7 +234,7 @@ def body_name(compiled: Any, body: int) -> str:
 def is_mjcf(path: str | PathLike[str]) -> bool:
     """Return whether a file is an MJCF, by its root element; if it has none, by its ending."""
     try:
-        return parse_xml(read_text(path, str(path), MAX_BYTES, MjcfError)).tag == "mujoco"
+        return read_xml(path, str(path)).tag == "mujoco"
     except ValueError:  # whoever reads it says why
         return Path(path).suffix.lower() in (".xml", ".mjcf")
 
@@ -273,7 +269,7 @@ class _Reader:
 
     def read(self) -> MjcfFile:
         """Return the checked document."""
-        root = self._parse(self.file, self.source)
+        root = read_xml(self.file, self.source, MjcfError)
         if root.tag == "robot":
             raise ValueError("is a URDF, its root is <robot>: Leg.from_urdf reads it")
         if root.tag != "mujoco":
@@ -294,15 +290,6 @@ class _Reader:
         text = tostring(root, encoding="unicode")
         return MjcfFile(text, self.folder, self.source, meshes=meshes, missing=missing, name=name)
 
-    def _parse(self, file: Path, source: str) -> Element:
-        """Return the root of a file."""
-        try:
-            return parse_xml(read_text(file, source, MAX_BYTES, MjcfError))
-        except MjcfError:
-            raise
-        except ValueError as fault:
-            raise MjcfError(source, [str(fault)]) from None
-
     def _include(self, element: Element, depth: int) -> None:
         """Replace each `<include file="..."/>` below an element by what the file contains."""
         if depth > MAX_DEPTH:
@@ -316,7 +303,7 @@ class _Reader:
             if file in self.included:
                 raise ValueError(f"includes {name!r} twice: a file can be included once")
             self.included.add(file)
-            content = self._parse(file, f"{self.source} includes {name!r}, which")
+            content = read_xml(file, f"{self.source} includes {name!r}, which", MjcfError)
             self._include(content, depth + 1)
             index = list(element).index(child)
             element[index : index + 1] = list(content)
@@ -390,14 +377,9 @@ def _count_elements(element: Element) -> int:
 
 
 def _check_names(root: Element) -> None:
-    """Raise `ValueError` for a name that cannot be shown."""
+    """Raise `ValueError` for a name that is not valid."""
     for element in root.iter():
-        for key in ("name", "class", "childclass", "dclass", "model"):
-            name = element.get(key, "")
-            if len(name) > MAX_NAME or not name.isprintable():
-                raise ValueError(
-                    f"{element.tag[:40]} {key} {name[:40]!r} is not a printable name of at most "
-                    f"{MAX_NAME} characters"
-                )
-            if key == "name" and name == "universe":
-                raise ValueError(f"{element.tag[:40]} name 'universe' is Pinocchio's own")
+        for key in ("name", "model"):
+            fault = name_fault(f"{element.tag[:40]} {key}", element.get(key, ""))
+            if fault:
+                raise ValueError(fault)

@@ -13,12 +13,11 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.validation import Array, check_type
 from kickdyn.errors import InvalidInput, MjcfError
-from kickdyn.robot.mimic_joints import Mimic
+from kickdyn.robot.joint_table import Mimic
 from kickdyn.robot.mjcf_file import MjcfFile, body_name, quiet_mujoco
-from kickdyn.robot.model_validation import MAX_MAGNITUDE, frame_id
+from kickdyn.robot.model_validation import MAX_MAGNITUDE
 from kickdyn.robot.names import expand_patterns
 from kickdyn.robot.urdf_file import check_base
 
@@ -63,14 +62,14 @@ def build_mjcf_model(
 
     Args:
         file: the checked document.
-        frame: a body, site or geom.
+        frame: a body, site or geom; without one of this name that moves, all bodies are read.
         base: `fixed` welds the root body to the world where the file places it, `floating` gives it
             a free joint, `root_joint` if the file has none.
         locked: joints that are to be locked, or patterns: how they are constrained does not matter.
 
     Raises:
-        MjcfError: gravity is not the ball's, or a constraint that is not read.
-        InvalidInput: no such frame or base, or the frame does not move.
+        MjcfError: a constraint that is not read.
+        InvalidInput: no such base.
     """
     check_base(base)
     check_type(str, frame=frame)  # MuJoCo crashes on None
@@ -83,9 +82,6 @@ def build_mjcf_model(
         builder = _Builder(compiled, file.name, base, robot_bodies, fixed)
     except InvalidInput as fault:
         raise MjcfError(file.source, [str(fault)]) from None
-    if root is None:  # no such frame, for which the error names those there are, or one at rest
-        frame_id(builder.model, frame)
-        raise InvalidInput(f"frame {frame!r} is fixed to the base: a kick must move it")
     moving = (body for body in bodies if body not in robot_bodies and compiled.body_weldid[body])
     left_out = tuple(body_name(compiled, body) for body in moving)
     starts = {
@@ -139,10 +135,15 @@ class _Builder:
     def __init__(
         self, compiled: Any, name: str, base: str, bodies: Sequence[int], locked: Set[str]
     ) -> None:
+        import mujoco
+
         self.compiled, self.base = compiled, base
         self.model = pin.Model()
         self.model.name = name
-        self.model.gravity = pin.Motion(np.array([*_gravity(compiled), 0.0, 0.0, 0.0]))
+        if compiled.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY):
+            self.model.gravity = pin.Motion.Zero()
+        else:
+            self.model.gravity = pin.Motion(compiled.opt.gravity.copy(), np.zeros(3))
         self.joints: list[_Joint] = []
         self.taken = {compiled.joint(joint).name for joint in range(compiled.njnt)}
         self.places: dict[int, tuple[int, Any]] = {}  # of a body: its joint, its place there
@@ -160,7 +161,7 @@ class _Builder:
         """Add a body with its joints."""
         compiled, parent = self.compiled, int(self.compiled.body_parentid[body])
         name = body_name(compiled, body)
-        for key in ("mass", "inertia", "ipos", "pos"):
+        for key in ("mass", "inertia", "ipos", "pos"):  # pin.Inertia refuses larger ones
             if not np.abs(getattr(compiled, f"body_{key}")[body]).max() < MAX_MAGNITUDE:
                 raise InvalidInput(
                     f"body {name!r} has a mass, moment or position that is not below "
@@ -459,17 +460,3 @@ def _pose(position: Array, quaternion: Array) -> Any:
     turn = pin.Quaternion(w, x, y, z)
     turn.normalize()
     return pin.SE3(turn.matrix(), np.array(position, dtype=float))
-
-
-def _gravity(compiled: Any) -> list[float]:
-    """Return the acceleration of gravity, the ball's or zero; raise `InvalidInput` for another."""
-    import mujoco
-
-    disabled = int(compiled.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
-    gravity = [0.0] * 3 if disabled else [float(entry) + 0.0 for entry in compiled.opt.gravity]
-    if gravity not in ([0.0, 0.0, -GRAVITY], [0.0] * 3):
-        raise InvalidInput(
-            f"gravity of the model is {gravity}: it must be (0, 0, -{GRAVITY:g}) m/s2, with which "
-            "the ball flies, or zero (<option gravity=...>)"
-        )
-    return gravity

@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.linalg import blas, lapack
 
+from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.names import listed, lock_remedy, unknown
@@ -33,26 +34,44 @@ MAX_MAGNITUDE = 1e100
 
 
 def frame_id(model: Any, name: str) -> int:
-    """Return the id of a frame by name, a body before a joint; raise `InvalidInput`."""
-    # Looked up here: getFrameId returns nframes for an unknown name, and using that crashes.
-    matches = [i for i, frame in enumerate(model.frames) if frame.name == name and i > 0]
-    if not matches:
+    """Return the number of a frame by name; raise `InvalidInput` if there is none."""
+    # not by getFrameId, which returns nframes for an unknown name: using that crashes
+    numbers = frames_by_name(model)
+    if not isinstance(name, str) or name not in numbers:
         names = [frame.name for frame in model.frames][1:]
         raise InvalidInput(unknown("frame", name, model.name, names))
-    bodies = [i for i in matches if model.frames[i].type != pin.FrameType.JOINT]
-    return bodies[0] if bodies else matches[0]
+    return numbers[name]
+
+
+def frames_by_name(model: Any) -> dict[str, int]:
+    """Return the numbers of all frames but the universe; a body's name comes before a joint's.
+
+    Of several frames with the same name, it is that of a body, else any but a joint's, and of
+    these the first.
+    """
+    ranks = {pin.FrameType.BODY: 2, pin.FrameType.JOINT: 0}
+    numbered = list(enumerate(model.frames))[:0:-1]  # the first frame of a name replaces the others
+    numbered.sort(key=lambda pair: ranks.get(pair[1].type, 1))
+    return {frame.name: number for number, frame in numbered}
 
 
 def check_model(model: Any) -> None:
     """Refuse a `pin.Model` that no computation can rest on.
 
     Raises:
-        InvalidInput: no moving joint, mimic joints, joints that are not in the order of their
-            branches, a placement that is no rigid motion, a joint that moves no mass or an
-            impossible inertia, or limits that make no sense; it names the joint at fault.
+        InvalidInput: no moving joint, a gravity that is neither the ball's nor zero, mimic joints,
+            joints that are not in the order of their branches, a placement that is no rigid motion,
+            a joint that moves no mass or an impossible inertia, or limits that make no sense; it
+            names the joint at fault.
     """
     if model.nv == 0:
         raise InvalidInput("model has no moving joint")
+    gravity = model.gravity.vector.tolist()
+    if gravity not in ([0.0, 0.0, -GRAVITY, 0.0, 0.0, 0.0], [0.0] * 6):
+        raise InvalidInput(
+            f"gravity of the model is {gravity}: it must be (0, 0, -{GRAVITY:g}) m/s2, with which "
+            "the ball flies, or zero"
+        )
     names = list(model.names)[1:]
     for name, joint in zip(names, list(model.joints)[1:], strict=True):
         if joint.shortname() == "JointModelMimic":
@@ -126,8 +145,9 @@ def _check_inertias(model: Any, names: list[str]) -> None:
     unsound: list[str] = []
     for name, body, moved in zip(names, bodies, composites, strict=True):
         # a point's moments are 0 but for the rounding of those about its joint
-        largest = max(_spread(moved)[0], _spread(body)[0], moved.mass * moved.lever @ moved.lever)
-        if body.mass > 0 and not _spread(body)[-1] >= -ROUNDING * largest:
+        of_moved, of_body = second_moments(moved.inertia), second_moments(body.inertia)
+        largest = max(of_moved[0], of_body[0], moved.mass * moved.lever @ moved.lever)
+        if body.mass > 0 and not of_body[-1] >= -ROUNDING * largest:
             unsound.append(name)
     if unsound:
         first = bodies[names.index(unsound[0])]
@@ -145,9 +165,15 @@ def _either(remedy: str, model: Any, joints: list[str]) -> str:
     return ", or ".join(filter(None, [remedy, lock_remedy(model, joints)]))
 
 
-def _spread(inertia: Any) -> Array:
-    """Return the mass's second moments along principal axes, falling: half the trace less each."""
-    moments = inertia.inertia
+def second_moments(moments: Array) -> Array:
+    r"""Return the second moments of mass along the principal axes, shape `(3,)`, falling [kg m2].
+
+    With the principal moments of inertia :math:`I_k` they are :math:`\sum_j I_j / 2 - I_k`, and
+    none is negative for a body: this is the triangle inequality.
+
+    Args:
+        moments: of inertia about the centre of mass, shape `(3, 3)` [kg m2].
+    """
     return np.asarray(np.trace(moments) / 2 - np.linalg.eigvalsh(moments))
 
 

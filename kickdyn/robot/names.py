@@ -14,6 +14,9 @@ from kickdyn.errors import InvalidInput
 FOOT_WORDS = ("toe", "sole", "foot", "ankle")
 """Words in the names of frames that can kick a ball."""
 
+MAX_NAME = 200
+"""Largest number of characters of a name."""
+
 MAX_LOCK_ENTRIES = 12
 """Largest number of names and patterns that `lock_remedy` spells out."""
 
@@ -22,6 +25,13 @@ def listed(names: Sequence[str], most: int = 40) -> str:
     """Return names in one line; those after the first `most` are counted."""
     rest = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(names[:most]) + rest
+
+
+def name_fault(kind: str, name: str) -> str:
+    """Return what is wrong with a name in a robot's file; empty for a valid one."""
+    if len(name) > MAX_NAME or not name.isprintable():
+        return f"{kind} {name[:40]!r} is not a printable name of at most {MAX_NAME} characters"
+    return f"{kind} 'universe' is Pinocchio's own" if name == "universe" else ""
 
 
 def unknown(kind: str, name: object, owner: str, names: Sequence[str]) -> str:

@@ -1,4 +1,4 @@
-"""The files that a robot's file names: meshes and included files.
+"""The files of a robot: XML, read without entities, and the meshes and files that it names.
 
 A page contains the meshes that it shows, and is passed on; the robot's file may come from anyone.
 So one rule holds for all of them: a file is read if its real path, links followed, lies in a
@@ -12,10 +12,19 @@ from functools import cache, cached_property
 from itertools import chain
 from pathlib import Path
 from urllib.parse import unquote
+from xml.etree.ElementTree import Element, ParseError
+
+from defusedxml import DefusedXmlException, DTDForbidden
+from defusedxml.ElementTree import fromstring
 
 from kickdyn.core.files import check_file, read_text
-from kickdyn.core.xml_text import parse_xml
 from kickdyn.errors import FaultyFile, InvalidInput
+
+MAX_BYTES = 5_000_000
+"""Size of the largest robot file that is read [bytes]; files of robots have up to 0.5 MB."""
+
+MAX_DEPTH = 64
+"""Levels of tags of an XML document: parsers of robots' files call themselves at each level."""
 
 MANIFEST = "package.xml"
 """The file that makes a folder a ROS package, and has its name (REP 149)."""
@@ -25,6 +34,49 @@ MAX_MANIFEST = 1_000_000
 
 MAX_MESH = 100_000_000
 """Size of the largest mesh that is read [bytes]: an STL file of two million triangles."""
+
+
+def read_xml(
+    path: str | os.PathLike[str],
+    source: str,
+    error: type[FaultyFile] = FaultyFile,
+    most: int = MAX_BYTES,
+) -> Element:
+    """Return the root of an XML file of at most `most` bytes.
+
+    Raises `error`, which calls the file `source`, unless it is a regular file of well-formed XML
+    without a document type.
+    """
+    try:
+        return parse_xml(read_text(path, source, most, error))
+    except FaultyFile:
+        raise
+    except ValueError as fault:
+        raise error(source, [str(fault)]) from None
+
+
+def parse_xml(text: str) -> Element:
+    """Return the root of an XML document; raise `ValueError` with the reason.
+
+    A document type, with which entities come, is refused. Whatever encoding the document declares,
+    it is taken as the text that it is.
+    """
+    if not text.strip():
+        raise ValueError("is empty")
+    try:
+        root: Element = fromstring(text, forbid_dtd=True)
+    except DTDForbidden as error:
+        if error.name.lower() == "html":
+            raise ValueError("is an HTML page") from None
+        raise ValueError("has a DOCTYPE: entities are not expanded, remove it") from None
+    except (ParseError, DefusedXmlException, ValueError) as error:
+        raise ValueError(f"is not well-formed XML ({error})") from None
+    level, depth = [root], 0
+    while level:
+        level, depth = [child for element in level for child in element], depth + 1
+        if depth > MAX_DEPTH:
+            raise ValueError(f"nests tags deeper than {MAX_DEPTH}")
+    return root
 
 
 class PackageFiles:
@@ -175,7 +227,7 @@ def _package_name(folder: Path) -> str | None:
     """Return the name of the ROS package that a folder is; None where it is none."""
     manifest = folder / MANIFEST
     try:
-        root = parse_xml(read_text(manifest, str(manifest), MAX_MANIFEST, FaultyFile))
+        root = read_xml(manifest, str(manifest), most=MAX_MANIFEST)
     except ValueError:  # there is none, or it cannot be read
         return None
     return (root.findtext("name") or "").strip() if root.tag == "package" else None

@@ -16,16 +16,13 @@ from xml.etree import ElementTree
 import numpy as np
 import pinocchio as pin
 
-from kickdyn.core.files import read_text, shipped
+from kickdyn.core.files import shipped
 from kickdyn.core.validation import brief
-from kickdyn.core.xml_text import parse_xml
 from kickdyn.errors import InvalidInput, UrdfError
-from kickdyn.robot.mimic_joints import Mimic
+from kickdyn.robot.joint_table import Mimic
+from kickdyn.robot.package_files import read_xml
 from kickdyn.robot.urdf_validation import find_faults, find_irregularities, read_mimics
 from kickdyn.robot.visuals import RobotFile, Shape, Visual
-
-MAX_BYTES = 5_000_000
-"""Size of the largest robot file that is read [bytes]; files of robots have up to 0.5 MB."""
 
 
 class UrdfFile(RobotFile):
@@ -99,7 +96,7 @@ def read_urdf(
     The joints that a locked joint mimics are not checked; `locked` has names or patterns.
 
     Raises:
-        UrdfError: with all faults of the file in one message.
+        UrdfError: with all faults that `find_faults` finds, in one message.
         InvalidInput: `path` is no path at all, or there is no such folder.
     """
     urdf = replace(read_document(path), package_dirs=tuple(_folders(package_dirs)))
@@ -130,11 +127,7 @@ def read_document(path: str | PathLike[str]) -> UrdfFile:
         file, source = Path(path), str(path)
     except TypeError:
         raise InvalidInput(f"URDF path is {path!r}: it must be a str or a Path") from None
-    document = read_text(file, source, MAX_BYTES, UrdfError)
-    try:
-        root = parse_xml(document)
-    except ValueError as error:
-        raise UrdfError(source, [str(error)]) from None
+    root = read_xml(file, source, UrdfError)
     # Written anew, so that Pinocchio's parser reads exactly what was checked: by itself it keeps
     # line ends inside a name, for one.
     text = ElementTree.tostring(root, encoding="unicode")

@@ -1,9 +1,9 @@
-"""Faults of a URDF's text, all of them at once, found before Pinocchio reads it.
+"""Faults of a URDF's text that Pinocchio does not report, or not by name, all of them at once.
 
-Its parser overflows its stack on long chains, never returns from loops, takes double names and
-axes without direction, and stops at the first faulty joint. What it reports besides,
-such as an attribute that is missing, `build_model` passes on; `model_validation` then judges the
-inertia of what moves together.
+Its parser overflows its stack on long chains, never returns from loops, and takes double names,
+negative masses and axes without direction. What it reports itself, such as a missing attribute or
+an unknown link, `build_model` passes on; `model_validation` then judges the inertia of what moves
+together.
 """
 
 import math
@@ -16,18 +16,15 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from kickdyn.robot.mimic_joints import Mimic
-from kickdyn.robot.model_validation import ROUNDING
-from kickdyn.robot.names import expand_patterns, listed
+from kickdyn.robot.joint_table import Mimic
+from kickdyn.robot.model_validation import MAX_MAGNITUDE, ROUNDING, second_moments
+from kickdyn.robot.names import expand_patterns, listed, name_fault
 
 MAX_LINKS = 3000
 """Pinocchio's parser overflows the stack at about 3,800 links in a row."""
 
 MAX_MOVING_JOINTS = 250
 """Pinocchio's workspace takes about 32 n^3 bytes: 0.5 GB here."""
-
-MAX_NAME = 200
-"""Characters of a name."""
 
 MOVING = ("revolute", "continuous", "prismatic")
 
@@ -74,7 +71,7 @@ def find_faults(root: Element, locked: Iterable[str] = ()) -> list[str]:
         _check_numbers(where, link, faults)
     for name, joint in joints.items():
         _check_joint(f"joint {name!r}", joint, faults)
-    _check_tree(links, joints, faults)
+    _check_tree(joints, faults)
     fixed = expand_patterns(dict.fromkeys(locked, 0.0), joints)
     _check_mimics({n: j for n, j in joints.items() if n not in fixed}, joints, faults)
     return faults
@@ -135,11 +132,10 @@ def _is_impossible(inertia: Element | None) -> bool:
         float(inertia.get(key, "nan")) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
     )
     moments = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    if not (np.abs(moments) < 1e100).all():
+    if not (np.abs(moments) < MAX_MAGNITUDE).all():
         return False
-    principal = np.linalg.eigvalsh(moments)
-    spread = np.trace(moments) / 2 - principal  # second moments of mass along the principal axes
-    return bool(spread.min() < -ROUNDING * np.abs(spread).max())
+    principal = second_moments(moments)
+    return bool(principal.min() < -ROUNDING * np.abs(principal).max())
 
 
 def _named(root: Element, tag: str, faults: list[str]) -> dict[str, Element]:
@@ -155,16 +151,10 @@ def _named(root: Element, tag: str, faults: list[str]) -> dict[str, Element]:
 def _name(element: Element, tag: str, faults: list[str]) -> str:
     """Return an element's name, or add a fault and return nothing."""
     name = element.get("name", "")
-    if not name.strip():
-        faults.append(f"a {tag} has no name")
-    elif len(name) > MAX_NAME or not name.isprintable():
-        faults.append(
-            f"{tag} name {name[:40]!r} is not a printable name of at most {MAX_NAME} characters"
-        )
-    elif name == "universe":
-        faults.append(f"{tag} name 'universe' is Pinocchio's own")
-    else:
+    fault = name_fault(f"{tag} name", name) if name.strip() else f"a {tag} has no name"
+    if not fault:
         return name
+    faults.append(fault)
     return ""
 
 
@@ -269,31 +259,19 @@ def read_mimics(root: Element) -> tuple[Mimic, ...]:
     return tuple(mimics)
 
 
-def _check_tree(links: dict[str, Element], joints: dict[str, Element], faults: list[str]) -> None:
-    """Check that the joints join all links into one tree."""
-    before = len(faults)
+def _check_tree(joints: dict[str, Element], faults: list[str]) -> None:
+    """Check that no link has two parents and that the links form no loop."""
     parents: dict[str, str] = {}
-    for name, joint in joints.items():
-        ends = {}
-        for role in ("parent", "child"):
-            element = joint.find(role)
-            link = None if element is None else element.get("link")
-            if link is None:
-                faults.append(f"joint {name!r} has no {role}: it must name a link")
-            elif link not in links:
-                faults.append(f"joint {name!r} {role} is {link[:40]!r}: there is no such link")
-            ends[role] = link or ""
-        if len(faults) > before:
-            continue
-        if ends["child"] in parents:
-            faults.append(f"link {ends['child']!r} has two parents: loops cannot be read")
-        parents[ends["child"]] = ends["parent"]
-    if len(faults) > before:
-        return
-    roots = [name for name in links if name not in parents]
-    if len(roots) > 1:
-        faults.append(f"has {len(roots)} roots ({', '.join(roots[:5])}): all links must be joined")
+    for joint in joints.values():
+        ends = [joint.find(role) for role in ("parent", "child")]
+        parent, child = ("" if end is None else end.get("link", "") for end in ends)
+        if not (parent and child):
+            continue  # Pinocchio reports it
+        if child in parents:
+            faults.append(f"link {child[:40]!r} has two parents: loops cannot be read")
+        parents[child] = parent
     try:
         TopologicalSorter({child: [parent] for child, parent in parents.items()}).prepare()
     except CycleError as error:
-        faults.append(f"links {', '.join(sorted(set(error.args[1])))} form a loop")
+        loop = sorted({name[:40] for name in error.args[1]})
+        faults.append(f"links {listed(loop)} form a loop")

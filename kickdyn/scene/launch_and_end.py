@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from kickdyn.ball import BallState
 from kickdyn.contact import Contact
-from kickdyn.core.gravity import GRAVITY
+from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
 from kickdyn.flight.derivatives import fly_with_launch_slopes

@@ -24,8 +24,7 @@ from kickdyn.impact.force_model import Dissipation
 from kickdyn.impact.laws import LAWS
 from kickdyn.plane import Plane, ReachedBy
 from kickdyn.restitution import MODELS as RESTITUTIONS
-from kickdyn.robot.catalog import ROBOTS
-from kickdyn.robot.descriptions import DESCRIPTION
+from kickdyn.robot.catalog import DESCRIPTION, ROBOTS
 from kickdyn.scene.pitch import Wall
 from kickdyn.scene.scene import Compliance
 

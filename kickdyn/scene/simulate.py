@@ -8,7 +8,7 @@ from functools import partial
 from typing import NamedTuple
 
 from kickdyn.core import validation
-from kickdyn.core.gravity import GRAVITY
+from kickdyn.core.mechanics import GRAVITY
 from kickdyn.errors import KickdynError
 from kickdyn.flight.flight_result import FlightStatus
 from kickdyn.impact.collide import Collision

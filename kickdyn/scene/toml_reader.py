@@ -19,8 +19,9 @@ from kickdyn.core import validation
 from kickdyn.core.files import read_text, shipped
 from kickdyn.core.validation import Array
 from kickdyn.errors import FaultyFile, InvalidInput, SceneError, printable
+from kickdyn.robot.joint_table import InDegrees
 from kickdyn.robot.leg import Leg, Posture
-from kickdyn.robot.leg_file import read_leg, read_robot
+from kickdyn.robot.leg_file import read_leg
 from kickdyn.robot.urdf_file import shipped_urdf
 from kickdyn.scene.scene import Scene
 from kickdyn.scene.scene_tables import TABLES, Table
@@ -236,7 +237,10 @@ def _leg(values: dict[str, Any], folder: Path) -> Leg:
     base, frame, locked = values.get("base", "fixed"), values.get("frame"), values.get("locked")
     if "robot" in values:
         legs_only = values.get("legs_only", False)
-        return read_robot(values["robot"], frame, base, legs_only=legs_only, locked=locked)
+        degrees = InDegrees(locked or {})
+        return Leg.from_robot(
+            values["robot"], frame, base=base, legs_only=legs_only, locked=degrees
+        )
     if "model" in values:
         path = shipped_urdf(f"leg_{values['model']}.urdf")
         return read_leg(path, frame or "toe", base, locked=locked)

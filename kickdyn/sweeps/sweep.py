@@ -170,8 +170,8 @@ def _solved(
     """Yield variables and status of each chunk of a grid, in order."""
     solver.prepare()
     chunks = Chunks.of(solver.grid.shape, solver.chunk)
-    ahead = 1 + int(threads or _cores())
     with _pool(threads) as pool:
+        ahead = 1 + int(threads or _cores())
         solved = _in_order(pool, lambda k: solver(*chunks.span(k)), range(len(chunks)), ahead)
         for rows, status in solved:
             if progress is not None:

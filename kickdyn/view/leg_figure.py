@@ -17,9 +17,9 @@ from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.leg import Leg
-from kickdyn.robot.mesh_file import Triangles, read_mesh
+from kickdyn.robot.model_validation import frames_by_name
 from kickdyn.robot.package_files import PackageFiles
-from kickdyn.robot.visuals import Shape, Visual
+from kickdyn.robot.visuals import Shape, Triangles, Visual, read_mesh
 from kickdyn.view.marks import UPRIGHT, cylinder_pose
 
 Rgba = tuple[float, ...]
@@ -97,10 +97,8 @@ def leg_parts(leg: Leg) -> tuple[list[Part], str]:
         visuals = leg.file.visuals()
     except InvalidInput as error:
         return list(_sticks(leg, set())), f"{error}: sticks are drawn instead"
-    frames = leg.workspace.model.frames
-    by_name = {frame.name: frame for frame in frames}
-    # a joint may have the name of a link
-    by_name |= {frame.name: frame for frame in frames if frame.type == pin.FrameType.BODY}
+    model = leg.workspace.model
+    by_name = {name: model.frames[number] for name, number in frames_by_name(model).items()}
     visuals = [visual for visual in visuals if visual.frame in by_name]  # not of other objects
     parts: list[Part] = []
     faults: list[str] = []

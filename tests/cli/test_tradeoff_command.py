@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
@@ -12,6 +13,7 @@ from kickdyn.tradeoff import flight_methods as flight
 from kickdyn.tradeoff import impact_methods as impact
 from kickdyn.tradeoff.measurement import Measurement
 
+SCENES = Path(__file__).resolve().parents[2] / "scenes"
 IMPACTS = [
     Measurement("frictionless", "Pinocchio impulseDynamics", "", 1e-16, 2e-4),
     Measurement("frictionless", "MuJoCo", "dt 0.001 s", 1e-2, 1e-4, pareto=True),
@@ -67,3 +69,64 @@ def test_the_columns_of_effects_have_their_units():
     ended = CliRunner().invoke(tradeoff, ["--scene", "paper_kick"])
     assert "end moves by [m]" in ended.stdout
     assert "impulse changes by [N s]" in ended.stdout
+
+
+def test_the_table_begins_with_the_largest():
+    ended = CliRunner().invoke(tradeoff, ["--scene", "paper_kick", "--json", "-"])
+    ends = [row["end"] for row in json.loads(ended.stdout)["effects"]]
+    assert ends == sorted(ends, reverse=True)
+    assert ends[0] > 1
+
+
+def test_a_name_is_no_markup(tmp_path):
+    bold = tmp_path / "bold.toml"
+    text = (SCENES / "paper_kick.toml").read_text()
+    bold.write_text(text.replace("the paper's kick", "[bold]x[/bold] [/foo]"))
+    ended = CliRunner().invoke(tradeoff, ["--scene", str(bold)])
+    assert ended.stdout.startswith("[bold]x[/bold] [/foo]: impulse 6.485 N s, landed at (")
+
+
+def test_the_command_writes_json_only_where_asked():
+    path = str(SCENES / "paper_kick.toml")
+    ended = CliRunner().invoke(tradeoff, ["--scene", path, "--json", "-"])
+    document = json.loads(ended.stdout)
+    assert document["units"] == {"end": "m", "impulse": "N s"}
+    assert {"effect", "end", "impulse", "why_not"} == set(document["effects"][0])
+
+
+def test_the_command_names_every_fault_of_a_scene(tmp_path):
+    bad = tmp_path / "bad.toml"
+    bad.write_text("[leg]\nmodle = 'human'\n")
+    command = [sys.executable, "-m", "kickdyn", "tradeoff", "--scene", str(bad)]
+    ended = subprocess.run(command, capture_output=True, text=True)
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert "did you mean model?" in ended.stderr
+    lines = ended.stderr.splitlines()
+    assert len(lines) == 4
+    assert all(line.split(": ", 1)[1].startswith(f"{bad}: ") for line in lines)
+
+
+def test_the_command_draws_and_writes(tmp_path):
+    path, plot, rows = str(SCENES / "paper_kick.toml"), tmp_path / "x.svg", tmp_path / "x.json"
+    named = ["--scene", path, "--plot", str(plot), "--json", str(rows)]
+    ended = CliRunner().invoke(tradeoff, named)
+    assert ended.exit_code == 0
+    assert "drag crisis" in ended.stdout
+    assert json.loads(rows.read_text())["effects"][0]["effect"] in ended.stdout
+    assert "<svg" in plot.read_text()
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        (("--impact",), "--scene measures effects"),
+        (("--flight",), "--scene measures effects"),
+        (("--plot", "x.bmp"), "no known ending"),
+        (("--plot", "x.png", "--json", "x.png"), "named for two outputs"),
+    ],
+)
+def test_what_makes_no_sense_beside_a_scene_is_refused(tmp_path, monkeypatch, more, said):
+    monkeypatch.chdir(tmp_path)
+    ended = CliRunner().invoke(tradeoff, ["--scene", str(SCENES / "paper_kick.toml"), *more])
+    assert said in str(ended.exception)
+    assert list(tmp_path.iterdir()) == []

@@ -5,7 +5,7 @@ import matplotlib.pyplot as plt
 
 from kickdyn.core.plot_style import STYLE, save_figure
 from kickdyn.scene.effects import EffectSize
-from kickdyn.tradeoff.effect_sizes import effect_figure
+from kickdyn.tradeoff.measurement import effect_figure
 
 ROOT = Path(__file__).parents[2]
 

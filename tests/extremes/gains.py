@@ -13,8 +13,7 @@ from references.exact_leg import ExactPosture, leg_numbers, length, mp, numbers
 from extremes.extreme_impacts import BENT, USUAL, chain, grazes, sizes, usual
 from kickdyn.aerodynamics.coefficient_model import smoothstep
 from kickdyn.contact import Contact
-from kickdyn.core.gravity import GRAVITY
-from kickdyn.core.vectors import cross
+from kickdyn.core.mechanics import GRAVITY, cross
 from kickdyn.flight.forces import time_to_fall
 
 

@@ -130,3 +130,21 @@ def test_a_flight_that_cannot_be_integrated_is_an_error():
     syrup = kd.Air(density=1400.0, viscosity=1e4, drag="sphere", buoyancy=False)
     with pytest.raises(kd.KickdynError, match="more than 10000 evaluations"):
         fly_with_launch_slopes(LAUNCH, kd.Ball(0.02), syrup, 100.0)
+
+
+def test_slopes_by_the_spin_of_a_ball_that_does_not_spin():
+    """Drag that grows with the size of the spin has a kink there; symmetry gives zeros."""
+    launch = kd.BallState((0, 0, 1), (25.0, 0.0, 12.0))
+    flight = fly_with_launch_slopes(launch, BALL, kd.Air(drag="brazuca"), GROUND)
+    slopes, _ = flight.slopes_at_plane(GROUND.normal, flight.end)
+    by_spin = slopes[:, 3:6]
+    assert by_spin[0, 1] < -0.05  # back spin, which is negative, carries the ball
+    assert np.abs(by_spin[0, [0, 2]]).max() < 1e-5 * abs(by_spin[0, 1])
+
+    def landing(change):
+        changed = kd.BallState(launch.position, launch.velocity, change)
+        path = kd.fly(changed, BALL, kd.Air(drag="brazuca"), kd.Ground(), tol=1e-12)
+        return path.landing.position
+
+    expected = by_central_differences(landing, [30.0, 30.0, 30.0], step=1e-5)
+    assert by_spin[:2] == pytest.approx(expected[:2], rel=1e-3, abs=1e-5)

@@ -78,6 +78,25 @@ def test_what_ends_no_flight_is_refused():
             kd.fly(KICK, BALL, AIR, ends=ends)
 
 
+@pytest.mark.parametrize(
+    ("ends", "message"),
+    [
+        ([kd.Event("below bar", lambda state, _: state[2])], "a word without spaces"),
+        ([kd.Event("", lambda state, _: state[2])], "a word without spaces"),
+        ([kd.Event(3, lambda state, _: state[2])], "a word without spaces"),
+        ([kd.Event("low", "z")], "cannot be called"),
+        ([kd.Event("low", lambda state, _: state[2], 5.0)], "a sequence of at most 4 numbers"),
+        ([kd.Event("low", lambda state, _: state[2], ("a",))], "a sequence of at most 4 numbers"),
+        ([kd.Event("low", lambda state, _: state[2], lambda _: None)], "a sequence of at most 4"),
+    ],
+)
+def test_an_end_that_is_no_event_is_refused_in_a_line(ends, message):
+    for fly in kd.fly, kd.fly_many:
+        with pytest.raises(kd.InvalidInput, match=message):
+            fly(kd.BallState(velocity=[[20.0, 0, 10]] if fly is kd.fly_many else (20, 0, 10)),
+                kd.Ball(), kd.Air(), ends=ends)  # fmt: skip
+
+
 def test_the_ground_is_an_event_with_a_number_for_each_launch():
     launches = kd.BallState([(0, 0, 1), (0, 0, 2)], (20, 0, 5))
     drop, *normal = ground_event(BALL, kd.Ground()).launched(launches).numbers

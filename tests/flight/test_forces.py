@@ -8,7 +8,7 @@ from mpmath import mp, mpf
 
 import kickdyn as kd
 from kickdyn.aerodynamics.drag import constant
-from kickdyn.core.gravity import GRAVITY
+from kickdyn.core.mechanics import GRAVITY
 from kickdyn.flight.forces import (
     acceleration_function,
     ballistic,

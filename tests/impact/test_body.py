@@ -33,7 +33,9 @@ def two_balls(seed, friction=0.3, e=0.7):
         second.position, second.velocity + min(0.0, closing - 1.0) * n, second.spin
     )
     bodies = (BallBody(balls[0], first, (n,), (-1.0,)), BallBody(balls[1], second, (n,)))
-    return ContactProblem((ContactPoint(n, e, friction),), bodies)
+    spin = balls[0].radius * first.spin + balls[1].radius * second.spin
+    point = ContactPoint(n, e, friction, tuple(second.velocity - first.velocity), tuple(spin))
+    return ContactProblem((point,), bodies)
 
 
 def after(problem, solution):
@@ -86,7 +88,9 @@ def test_the_sides_can_be_exchanged():
     bodies = tuple(
         body._replace(normals=(n,), sides=(-body.sides[0],)) for body in reversed(problem.bodies)
     )
-    other = ContactProblem((problem.contacts[0]._replace(normal=n),), bodies)
+    velocity = tuple(-u for u in problem.contacts[0].centre_velocity)
+    point = problem.contacts[0]._replace(normal=n, centre_velocity=velocity)
+    other = ContactProblem((point,), bodies)
     solutions = [NEWTON.solve(each) for each in (problem, other)]
     assert solutions[1].impulses == pytest.approx(-solutions[0].impulses, rel=1e-13)
     assert solutions[1].energy_lost == pytest.approx(solutions[0].energy_lost, rel=1e-12)
@@ -101,7 +105,7 @@ def test_a_ball_between_two_walls_feels_both():
     ball, angle = kd.Ball(), 0.5
     normals = np.array([[np.sin(angle), 0, np.cos(angle)], [-np.sin(angle), 0, np.cos(angle)]])
     before = kd.BallState(np.zeros(3), (0.0, 0.0, -3.0), np.zeros(3))
-    contacts = tuple(ContactPoint(n, 0.0, 0.0) for n in normals)
+    contacts = tuple(ContactPoint(n, 0.0, 0.0, (0.0, 0.0, -3.0)) for n in normals)
     problem = ContactProblem(
         contacts, (BallBody(ball, before, tuple(normals), (1.0, 1.0)), Obstacle())
     )
@@ -137,10 +141,14 @@ def two_points(seed, friction=0.4, e=0.6):
     v = rng.normal(size=leg.nv)
     v *= np.sign((jacobian @ v)[:3] @ n)
     before = kd.BallState(centre, rng.normal(size=3) - 3 * n, 5 * rng.normal(size=3))
-    velocities = [tuple(u) for u in -(jacobian @ v).reshape(2, 3)]
-    robot = LegBody(posture, v, jacobian, posture.whiten(jacobian).T, velocities, (-1.0, -1.0))
+    velocities = [tuple(u) for u in before.velocity - (jacobian @ v).reshape(2, 3)]
+    robot = LegBody(posture, v, jacobian, posture.whiten(jacobian).T, (-1.0, -1.0))
     struck = BallBody(ball, before, tuple(normals), (1.0, 1.0))
-    contacts = tuple(ContactPoint(normal, e, friction) for normal in normals)
+    spin = tuple(ball.radius * before.spin)
+    contacts = tuple(
+        ContactPoint(normal, e, friction, velocity, spin)
+        for normal, velocity in zip(normals, velocities, strict=True)
+    )
     return ContactProblem(contacts, (robot, struck))
 
 
@@ -168,7 +176,7 @@ def violations(problem, impulses, mass, jacobian, velocity):
         (jacobian @ after).reshape(-1, 3),
         strict=True,
     ):
-        n, e, mu = contact
+        n, e, mu, *_ = contact
         aimed = u1 @ n + e * min(u0 @ n, 0.0)
         pressing = max(0.0, p @ n - aimed)
         target = (p - (p @ n) * n) - (u1 - (u1 @ n) * n)

@@ -1,16 +1,18 @@
-"""Every item of the paper, and what is claimed of it."""
+"""Every item of the paper, what is claimed of it, and the tables on the screen."""
 
 import math
+from collections import defaultdict
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from rich.console import Console
 
 import kickdyn as kd
-from kickdyn.paper import fig_1, fig_8, fig_9, fig_10, fig_15, tables_4_5
+from kickdyn.paper import fig_1, fig_8, fig_9, fig_10, fig_15, reproduce, tables_4_5
 from kickdyn.paper.assumptions import ALTERNATIVES, DEFAULT, LIFT_WITHOUT_CRISIS, direction
 from kickdyn.paper.item import MEANINGS, MEASURED, Item, judged, near
-from kickdyn.paper.reproduce import SECTIONS, chosen
+from kickdyn.paper.reproduce import COLOURS, SECTIONS, chosen, sensitivity, show
 
 
 @pytest.fixture(scope="module")
@@ -319,3 +321,85 @@ def test_fig_8_says_which_curve_is_highest_and_lowest():
     assert {item.verdict for item in items} == {"shape-reproduced"}
     words = "back spin flies highest, top spin lowest and shortest"
     assert {item.why for item in items} == {words}
+
+
+@pytest.fixture(scope="module")
+def items_by_section(compared):
+    return {name: items for name, (items, _) in compared.items()}
+
+
+@pytest.fixture(scope="module")
+def varied_by_section(compared):
+    return {name: varied for name, (_, varied) in compared.items() if varied}
+
+
+@pytest.mark.parametrize("width", [80, 200])
+def test_it_fits_and_no_number_is_cut(
+    items_by_section, varied_by_section, width, monkeypatch, capsys
+):
+    monkeypatch.setattr(reproduce, "screen_width", lambda: width)
+    show(items_by_section, varied_by_section)
+    said = capsys.readouterr().out
+    assert max(map(len, said.splitlines())) <= width
+    assert "\u2026" not in said
+    words = said.split()
+    for item in (each for section in items_by_section.values() for each in section):
+        assert f"{item.ours:.5g}" in words
+        assert item.difference in said
+    numbers = defaultdict(set)
+    for item in (each for section in varied_by_section.values() for each in section):
+        numbers[item.item].add(f"{item.ours:.4g}")
+    for shown in (each for each in numbers.values() if len(each) > 1):
+        assert shown <= set(words)
+
+
+def test_a_reason_is_said_once_and_found_by_its_number(items_by_section, monkeypatch, capsys):
+    monkeypatch.setattr(reproduce, "screen_width", lambda: 120)
+    show({"Fig. 9": items_by_section["Fig. 9"]}, {})
+    lines = capsys.readouterr().out.splitlines()
+    reasons = {text for item in items_by_section["Fig. 9"] for text in (item.why, *item.notes)}
+    assert len(reasons) > 12
+    whole = " ".join(" ".join(lines).split())
+    assert [whole.count(reason) for reason in reasons] == [1] * len(reasons)
+    last = items_by_section["Fig. 9"][-1]
+    row = next(line for line in lines if line.split()[:3] == ["case", "3", "apex"])
+    numbers = row.split()[-1 - len(last.notes) :]
+    for number, text in zip(numbers, (last.why, *last.notes), strict=True):
+        note = next(line for line in lines if line.split()[:1] == [number])
+        assert text.startswith(note.split(maxsplit=1)[1])
+
+
+def test_the_foot_says_what_the_verdicts_are(items_by_section, monkeypatch, capsys):
+    monkeypatch.setattr(reproduce, "screen_width", lambda: 200)
+    show(items_by_section, {})
+    said = capsys.readouterr().out
+    assert set(MEANINGS) == set(COLOURS)
+    for verdict, meaning in MEANINGS.items():
+        count = sum(
+            item.verdict == verdict for section in items_by_section.values() for item in section
+        )
+        assert f"\n{verdict} ({count}): {meaning}\n" in said
+    assert "within 10 % of the value of the test bed" in said
+    show({"Table 2": items_by_section["Table 2"]}, {})
+    assert "\nreproduced (" not in capsys.readouterr().out
+
+
+def test_other_coefficients_have_a_line_each_and_no_number_twice():
+    found = [
+        Item(f"Fig. 8 {what}", None, ours, "m", "shape-reproduced", "", "", f"drag {number}")
+        for number in range(9)
+        for what, ours in (("range", 1.25 + number), ("apex", 2.0 * number), ("same", 3.0))
+    ] + [
+        Item("Fig. 8 again", None, 1.25 + number, "m", "shape-reproduced", "", "", f"drag {number}")
+        for number in range(9)
+    ]
+    table = sensitivity("Fig. 8", found)
+    assert [column.header for column in table.columns] == [
+        "coefficients",
+        "range \\[m]",
+        "apex \\[m]",
+    ]
+    assert table.row_count == 9
+    with (console := Console(width=60, highlight=False)).capture() as said:
+        console.print(table)
+    assert "drag 8" in said.get()

@@ -1,11 +1,19 @@
+import copy
 import math
+import pickle
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from chains import floating_leg
+from chains import by_pinocchio, floating_leg
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from urdf_bodies import Bodies, random_urdf
 
 import kickdyn as kd
+from kickdyn.paper.self_motion import self_motion
+from kickdyn.robot.joint_table import Mimic
+from kickdyn.robot.kicking_chain import kicking_chain
 
 BODY = pin.Inertia(1.0, np.array([0.0, 0.0, -0.25]), np.diag([0.1, 0.1, 0.05]))
 
@@ -190,3 +198,296 @@ def test_without_a_limit_there_is_none():
     assert leg.effort_limit.tolist() == [math.inf, math.inf]
     assert leg.locked({"hip": 0.5}).velocity_limit.tolist() == [math.inf]
     assert leg.locked({"knee": 0.5}).velocity_limit.tolist() == [5.0]
+
+
+GEAR = '<mimic joint="hip" multiplier="-0.5" offset="0.2"/>'
+KNEE_AXIS = '<axis xyz="0 1 0"/>'
+SEEDS = st.integers(0, 10**6)
+
+
+@pytest.fixture
+def geared(spoil, load):
+    """A leg whose knee follows the hip."""
+    return load(with_gear(spoil))
+
+
+def with_gear(spoil, gear=GEAR):
+    """The good leg's text with a mimic in its knee."""
+    knee = spoil().index('name="knee"')
+    axis = spoil().index(KNEE_AXIS, knee)
+    return spoil()[:axis] + KNEE_AXIS + gear + spoil()[axis + len(KNEE_AXIS) :]
+
+
+def random_leg(seed, folder, *, floats=False):
+    """A random tree with up to two mimic joints."""
+    rng = np.random.default_rng(seed)
+    text = random_urdf(rng, int(rng.integers(0, 3)))
+    path = folder / "tree.urdf"
+    path.write_text(text)
+    return rng, text, kd.Leg.from_urdf(path, base="floating" if floats else "fixed")
+
+
+def random_kick(rng, leg, floats):
+    """A kick of such a tree."""
+    names = leg.single_joints
+    free = [name for name in names if name not in {mimic.joint for mimic in leg.mimics}]
+    q = leg.configuration({name: rng.uniform(-1, 1) for name in free})
+    if floats:
+        turn = rng.normal(size=4)
+        q[:7] = *rng.uniform(-1, 1, size=3), *(turn / np.linalg.norm(turn))
+    posture = leg.posture(q)
+    v = posture.admissible(rng.normal(size=leg.nv) * 2)
+    closing = posture.point_velocity(v)
+    normal = closing / np.linalg.norm(closing) + rng.uniform(-0.3, 0.3, size=3)
+    contact = kd.Contact(normal, rng.uniform(0, 1), friction=rng.choice([0.0, 0.4]))
+    return posture, v, kd.Ball(), contact
+
+
+@settings(max_examples=8)
+@given(SEEDS, st.booleans())
+def test_an_impact_is_that_of_free_bodies_tied_by_joints_and_gears(tmp_path_factory, seed, floats):
+    rng, text, leg = random_leg(seed, tmp_path_factory.mktemp("tree"), floats=floats)
+    kick = posture, v, ball, contact = random_kick(rng, leg, floats)
+    hit = kd.strike(*kick)
+    places = leg.workspace.placements
+    model, base, twist = leg.model, None, None
+    pin.forwardKinematics(leg.workspace.model, leg.workspace.data, posture.q)
+    if floats:
+        turn = pin.Quaternion(posture.q[3:7]).matrix()
+        base = turn, posture.q[:3]
+        twist = np.concatenate([turn @ v[:3], turn @ v[3:6]])
+    bodies = Bodies(text, leg.joint_values(posture.q), base)
+    rates = {name: v[leg.velocity_index(name)] for name in leg.single_joints}
+    before = bodies.velocities(rates, twist)
+    after, wrenches = bodies.struck(before, "toe", -hit.impulse)
+    size = np.abs(after).max()
+
+    foot = bodies.motion("toe", bodies.places["toe"][1])[:3]
+    assert np.abs(bodies.places["toe"][1] - posture.contact_point).max() <= 1e-13
+    assert np.abs(posture.jacobian @ hit.v_after - foot @ after).max() <= 1e-10 * size
+    for name in leg.single_joints:
+        rate = bodies.rates[name][1] @ after
+        assert abs(hit.v_after[leg.velocity_index(name)] - rate) <= 1e-10 * size
+        number = model.getJointId(name)
+        turn = places[number].rotation
+        ours = hit.joint_impulses[number - 1].reshape(2, 3) @ turn.T
+        assert np.abs(ours.ravel() - wrenches[name]).max() <= 1e-10 * np.linalg.norm(hit.impulse)
+    # energy of leg and ball, and momentum with the ball's where nothing holds the base
+    ball_gain = 0.5 * ball.mass * hit.ball_after.velocity @ hit.ball_after.velocity
+    ball_gain += 0.5 * ball.inertia * hit.ball_after.spin @ hit.ball_after.spin
+    lost = bodies.energy(before) - bodies.energy(after) - ball_gain
+    assert hit.energy_lost == pytest.approx(lost, abs=1e-11 * bodies.energy(before))
+    if floats:
+        kick_of_ball = np.concatenate([hit.impulse, np.cross(posture.contact_point, hit.impulse)])
+        gap = bodies.momentum(after) + kick_of_ball - bodies.momentum(before)
+        assert np.abs(gap).max() <= 1e-11 * np.abs(bodies.momentum(before)).max()
+    assert hit.momentum_residual <= 1e-12
+    separation = contact.normal @ (hit.ball_after.velocity - foot @ after)
+    approach = contact.normal @ (foot @ before)
+    assert separation == pytest.approx(contact.restitution * approach, rel=1e-9, abs=1e-12)
+
+
+@settings(max_examples=25)
+@given(SEEDS, st.booleans())
+def test_gears_are_the_reduced_coordinates(tmp_path_factory, seed, floats):
+    """v = G v_r, M_r = G^T M G, J_r = J G."""
+    rng, _, leg = random_leg(seed, tmp_path_factory.mktemp("tree"), floats=floats)
+    posture, v, ball, contact = random_kick(rng, leg, floats)
+    mimicking = [leg.velocity_index(mimic.joint) for mimic in leg.mimics]
+    columns = [i for i in range(leg.nv) if i not in mimicking]
+    basis = np.eye(leg.nv)[:, columns]
+    for mimic in leg.mimics:
+        driver = columns.index(leg.velocity_index(mimic.driver))
+        basis[leg.velocity_index(mimic.joint), driver] = mimic.multiplier
+    reduced = basis.T @ posture.inertia @ basis
+    jacobian = posture.jacobian @ basis
+    delassus = jacobian @ np.linalg.solve(reduced, jacobian.T)
+    assert np.abs(posture.delassus() - delassus).max() <= 1e-10 * np.abs(delassus).max()
+    hit = kd.strike(posture, v, ball, contact)
+    jump = basis @ np.linalg.solve(reduced, -jacobian.T @ hit.impulse)
+    assert np.abs(hit.v_after - v - jump).max() <= 1e-10 * np.abs(hit.v_after).max()
+    wish = posture.point_velocity(v)
+    least = basis @ np.linalg.solve(
+        reduced, jacobian.T @ (np.linalg.pinv(delassus, rcond=1e-9) @ wish)
+    )
+    assert np.abs(posture.joint_velocity(wish) - least).max() <= 1e-8 * np.abs(least).max()
+
+
+def test_pinocchio_confirms_it(geared):
+    posture = geared.posture(geared.configuration({"hip": 0.4}))
+    v = posture.joint_velocity(posture.point_velocity(posture.admissible([1.0, 0.0])))
+    kick = posture, v, kd.Ball(), kd.Contact(posture.point_velocity(v), 0.8)
+    ours, theirs = kd.strike(*kick), by_pinocchio(*kick)
+    assert theirs.impulse == pytest.approx(ours.impulse, rel=1e-12)
+    assert theirs.momentum_residual <= 1e-12
+    assert theirs.joint_impulses == pytest.approx(ours.joint_impulses, abs=1e-12)
+
+
+def test_the_gear_acts_along_both_axes(geared):
+    posture = geared.posture(geared.configuration({"hip": 0.4}))
+    v = posture.admissible([1.0, 0.0])
+    hit = kd.strike(posture, v, kd.Ball(), kd.Contact(posture.point_velocity(v), 0.8))
+    (gear,) = hit.constraint_impulses
+    along = hit.joint_impulses[:, 4] * [-1, 1]  # about the axes -y of the hip and y of the knee
+    assert along == pytest.approx([0.5 * gear, gear], rel=1e-12)
+    assert abs(gear) > 1e-4
+    assert kd.joint_loads(hit)["knee"].axis[4] == pytest.approx(gear, rel=1e-12)
+
+
+def test_mimic_joints_are_where_their_drivers_put_them(geared):
+    assert geared.mimics == (Mimic("knee", "hip", -0.5, 0.2),)
+    q = geared.configuration({"hip": 0.6})
+    assert q.tolist() == [0.6, pytest.approx(-0.1)]
+    assert geared.posture([0.6]).q.tolist() == q.tolist()
+    assert geared.posture(q).q.tolist() == q.tolist()
+    assert geared.configuration(geared.joint_values(q)).tolist() == q.tolist()
+    assert geared.configuration().tolist() == [0.0, 0.2]
+    said = r"joint knee is 0.3: it mimics hip, which puts it at -0.1 \(leave mimic joints out"
+    with pytest.raises(kd.InvalidInput, match=said):
+        geared.posture([0.6, 0.3])
+    with pytest.raises(kd.InvalidInput, match=r"joint knee is 0.3: it mimics hip"):
+        geared.configuration({"hip": 0.6, "knee": 0.3})
+    with pytest.raises(
+        kd.InvalidInput, match=r"q has shape \(3,\): it must be \(1,\), with no mim"
+    ):
+        geared.posture(np.zeros(3))
+
+
+def test_a_velocity_that_the_gear_forbids_is_refused(geared):
+    posture = geared.posture([0.6])
+    with pytest.raises(kd.InvalidInput, match=r"v moves knee, which mimics hip, .* 1.5 rad/s or m"):
+        posture.check_velocity(np.array([1.0, 1.0]))
+    assert posture.admissible([1.0, 1.0]) @ [0.5, 1.0] == pytest.approx(0, abs=1e-15)
+
+
+def test_locking_the_driver_locks_both(geared, spoil, tmp_path):
+    path = tmp_path / "two.urdf"
+    third = (
+        '<link name="end"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" '
+        'ixz="0" iyz="0"/></inertial></link><joint name="extra" type="continuous"><parent '
+        'link="toe"/><child link="end"/><axis xyz="0 1 0"/></joint></robot>'
+    )
+    path.write_text(with_gear(spoil).replace("</robot>", third))
+    leg = kd.Leg.from_urdf(path, "end")
+    read = [kd.Leg.from_urdf(path, "end", locked={name: 0.6}) for name in ("hip", "[hk]*")]
+    for locked in (leg.locked({"hip": 0.6}), *read):
+        assert (locked.joint_names, locked.mimics, locked.constraints) == (("extra",), (), None)
+        there = leg.posture([0.6, 0.0]).contact_point
+        assert locked.posture([0.0]).contact_point == pytest.approx(there, abs=1e-15)
+    rest = leg.locked({"extra": 0.1})
+    assert (rest.joint_names, rest.mimics) == (("hip", "knee"), leg.mimics)
+    for refused in (leg.locked, lambda locked: kd.Leg.from_urdf(path, "end", locked=locked)):
+        with pytest.raises(kd.InvalidInput, match="joint 'knee' mimics 'hip': lock that one"):
+            refused({"knee": 0.1})
+    with pytest.raises(kd.InvalidInput, match="'knee' mimics 'hip': the model must have both or"):
+        leg.with_model(pin.buildReducedModel(leg.model, [1], pin.neutral(leg.model)))
+
+
+def test_copies_and_other_constraints_keep_the_gears(geared):
+    for leg in (
+        copy.deepcopy(geared),
+        pickle.loads(pickle.dumps(geared)),
+        geared.with_armature({"hip": 0.1}),
+        geared.with_supports().with_loops(),
+    ):
+        assert leg.mimics == geared.mimics
+        assert leg.constraints.names == ["knee, which mimics hip"]
+
+
+@pytest.mark.parametrize(
+    ("gear", "said"),
+    [
+        ('<mimic joint="?"/>', r"'knee' mimics '\?', and there is no such joint: correct the name"),
+        ('<mimic joint="hi"/>', r"did you mean 'hip'\? Correct the name, or lock it: locked="),
+        ("<mimic/>", "'knee' mimics '', and there is no such joint"),
+        ('<mimic joint="knee"/>', "joints knee mimic each other in a loop"),
+        ('<mimic joint="toe_fixed"/>', "both must be revolute or prismatic"),
+        ('<mimic joint="hip" multiplier="x"/>', "mimic multiplier is 'x': it must be a finite"),
+        ('<mimic joint="hip" offset="inf"/>', "mimic offset is 'inf': it must be a finite"),
+        (GEAR + GEAR, "joint 'knee' has 2 of <mimic>: it must have one at most"),
+    ],
+)
+def test_bad_gears_are_refused_by_name(spoil, load, gear, said):
+    fixed = spoil().index('type="fixed"')
+    name = spoil()[spoil().rindex('name="', 0, fixed) + 6 :].partition('"')[0]
+    with pytest.raises(kd.UrdfError, match=said.replace("toe_fixed", name)):
+        load(with_gear(spoil, gear.replace("toe_fixed", name)))
+
+
+def test_a_gear_to_nowhere_does_not_matter_where_the_joint_is_locked(spoil, tmp_path):
+    path = tmp_path / "leg.urdf"
+    path.write_text(with_gear(spoil, '<mimic joint="?"/>'))
+    for name in ("knee", "k*"):
+        assert kd.Leg.from_urdf(path, locked={name: 0.3}).joint_names == ("hip",)
+
+
+def test_a_mimic_of_a_mimic_has_the_first_driver(spoil, load):
+    gear = '<mimic joint="knee" multiplier="2" offset="1"/>'
+    third = (
+        '<link name="end"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" '
+        'ixz="0" iyz="0"/></inertial></link><joint name="extra" type="revolute"><parent '
+        f'link="toe"/><child link="end"/><axis xyz="0 1 0"/>{gear}'
+        '<limit lower="-9" upper="9" effort="1" velocity="1"/></joint></robot>'
+    )
+    leg = load(with_gear(spoil).replace("</robot>", third))
+    assert leg.mimics[1] == Mimic("extra", "hip", -1.0, 1.4)
+    knee, extra = (leg.joint_values(leg.posture([0.6]).q)[name] for name in ("knee", "extra"))
+    assert extra == pytest.approx(2 * knee + 1)
+
+
+def test_a_contact_that_takes_time_keeps_the_gear(geared):
+    posture = geared.posture([0.6])
+    v = posture.admissible([1.0, 0.0])
+    kick = posture, v, kd.Ball(), kd.Contact(posture.point_velocity(v), 0.8)
+    hit, instant = kd.collide(*kick, contact_time=1e-4), kd.strike(*kick)
+    assert hit.impulse == pytest.approx(instant.impulse, rel=1e-2, abs=1e-3 * hit.impulse.max())
+    geared.posture(hit.q_after).check_velocity(hit.v_after)
+    assert hit.energy_residual < 1e-6
+
+
+def test_where_mimic_joints_are_not_supported(geared):
+    with pytest.raises(kd.InvalidInput, match="joint 'knee' mimics 'hip': kicks are planned"):
+        kicking_chain(geared)
+    with pytest.raises(kd.InvalidInput, match="supports, loops or mimic joints"):
+        self_motion(geared, [0.6])
+
+
+@settings(max_examples=8)
+@given(SEEDS)
+def test_feet_that_may_lift_off_leave_the_gears_alone(tmp_path_factory, seed):
+    rng, _, leg = random_leg(seed, tmp_path_factory.mktemp("tree"), floats=True)
+    posture, _, ball, _ = random_kick(rng, leg, True)
+    free = [name for name in leg.single_joints if leg.contact_joint not in leg_joints(leg, name)]
+    if not free:
+        return
+    held = leg.with_supports(kd.Support(f"l{free[-1][1:]}", point=True, friction=0.5))
+    standing = held.posture(posture.q)
+    v = standing.admissible(rng.normal(size=leg.nv))
+    normal = standing.point_velocity(v)
+    if np.linalg.norm(normal) < 1e-6:
+        return
+    hit = kd.unilateral_strike(standing, v, ball, kd.Contact(normal, 0.7))
+    assert hit.momentum_residual <= 1e-11
+    for row in leg.gears.rows if leg.gears else ():
+        assert abs(row @ hit.v_after) <= 1e-10 * np.abs(hit.v_after).max()
+
+
+def leg_joints(leg, name):
+    """Numbers of the joints that carry a joint, or that it carries."""
+    number, supports = leg.model.getJointId(name), leg.model.supports
+    return {*supports[number], *(j for j in range(leg.model.njoints) if number in supports[j])}
+
+
+def test_derivatives_follow_the_gear(geared):
+    """A central difference along what the gear allows."""
+    posture = geared.posture([0.6])
+    v = posture.admissible([2.0, 0.0])
+    contact = kd.Contact(posture.point_velocity(v) + 0.1, 0.8, friction=0.4)
+    hit = kd.strike(posture, v, kd.Ball(), contact)
+    by_q = hit.sensitivity().impulse["q"]
+    assert np.abs(by_q @ [0.5, 1.0]).max() <= 1e-12 * np.abs(by_q).max()  # not along the gear's row
+    h, (ahead, behind) = 1e-6, (
+        kd.strike(geared.posture([0.6 + step]), v, kd.Ball(), contact).impulse
+        for step in (1e-6, -1e-6)
+    )  # fmt: skip
+    assert by_q @ [1.0, -0.5] == pytest.approx((ahead - behind) / (2 * h), rel=1e-6, abs=1e-8)

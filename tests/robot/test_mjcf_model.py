@@ -492,7 +492,7 @@ def test_connected_bodies_are_a_loop(tmp_path):
 @pytest.mark.parametrize(
     ("more", "said"),
     [
-        ('<option gravity="0 0 -1.6"/>', r"gravity of the model is \[0.0, 0.0, -1.6\]"),
+        ('<option gravity="0 0 -1.6"/>', r"gravity of the model is \[0.0, 0.0, -1.6, 0"),
         (
             '<tendon><spatial armature="1"><site site="a"/><site site="b"/></spatial></tendon>',
             "MuJoCo computes another mass, place or joint-space inertia .* tendon with armature",

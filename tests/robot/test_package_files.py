@@ -4,7 +4,7 @@ import pytest
 
 import kickdyn as kd
 from kickdyn.robot import package_files
-from kickdyn.robot.package_files import PackageFiles
+from kickdyn.robot.package_files import PackageFiles, parse_xml
 
 MANIFEST = "<?xml version='1.0'?><package format='3'><name>{}</name></package>"
 
@@ -224,3 +224,23 @@ def test_the_folders_are_searched_once(tmp_path, robot, monkeypatch):
     assert seen == [tmp_path]
     with pytest.raises(kd.InvalidInput, match=r"is unknown|cannot be found"):
         finder.find(f"package://{'x' * 5000}/a.stl")
+
+
+def test_text_and_attributes_are_read():
+    root = parse_xml("<?xml version='1.0'?><!-- note --><a b='1'><c>text</c></a>")
+    assert (root.tag, root.attrib, root.findtext("c")) == ("a", {"b": "1"}, "text")
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        (" ", "is empty"),
+        ("<a>", "is not well-formed XML"),
+        ("<!DOCTYPE html><html/>", "is an HTML page"),
+        ("<!DOCTYPE a><a/>", "has a DOCTYPE: entities are not expanded, remove it"),
+        ("<a>" * 65 + "</a>" * 65, "nests tags deeper than 64"),
+    ],
+)
+def test_what_is_refused(text, reason):
+    with pytest.raises(ValueError, match=reason):
+        parse_xml(text)

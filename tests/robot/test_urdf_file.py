@@ -8,7 +8,8 @@ import pinocchio as pin
 import pytest
 
 import kickdyn as kd
-from kickdyn.robot.urdf_file import MAX_BYTES, build_model, read_urdf
+from kickdyn.robot.package_files import MAX_BYTES
+from kickdyn.robot.urdf_file import build_model, read_urdf
 
 LAUGHS = "".join(f'<!ENTITY a{i} "{f"&a{i - 1};" * 10}">' for i in range(1, 10))
 

@@ -2,15 +2,22 @@
 
 import math
 import pickle
+from pathlib import Path
 
 import numpy as np
 import pytest
 from random_scenes import random_scene, wide_scene
 
 import kickdyn as kd
-from kickdyn.scene.simulate import CONTACT_SHARE, MODEL_SHARE, simulate_as_instant
+from kickdyn.scene.simulate import (
+    CONTACT_SHARE,
+    MODEL_SHARE,
+    measure_effects,
+    simulate_as_instant,
+)
 from kickdyn.scene.simulation import _size
 
+SCENES = Path(__file__).resolve().parents[2] / "scenes"
 LEG = kd.Leg.human()
 POSTURE = LEG.posture(np.radians([5, 10, -5]))
 
@@ -426,3 +433,62 @@ def test_heights_over_a_wall_are_from_the_ground_to_the_lower_edge_of_the_ball()
     assert answer.passage.above == pytest.approx(lower_edge + rise - 0.3, abs=1e-3)
     on_tee = kd.simulate(scene.replace(ground=None), None)
     assert on_tee.start_height == 0.0
+
+
+def sizes(scene):
+    return measure_effects(kd.simulate(scene, None))
+
+
+@pytest.fixture(scope="module")
+def paper_kick():
+    return kd.load_scene(SCENES / "paper_kick.toml")
+
+
+def test_drag_and_friction(paper_kick):
+    rows = {row.effect: row for row in sizes(paper_kick)}
+    assert set(rows) == {"friction", "ball rotation", "drag", "drag crisis", "lift"}
+    hit = kd.strike(paper_kick.posture, paper_kick.v, paper_kick.ball, paper_kick.contact)
+    full = kd.fly(
+        hit.ball_after, paper_kick.ball, paper_kick.air, paper_kick.ground
+    ).landing.position
+    light = kd.Air(
+        paper_kick.air.density, paper_kick.air.viscosity, drag=None, torque=None, buoyancy=False
+    )
+    bare = kd.fly(hit.ball_after, paper_kick.ball, light, paper_kick.ground).landing.position
+    assert rows["drag"].end == pytest.approx(np.linalg.norm(bare - full), rel=1e-9)
+    assert rows["drag"].impulse == 0
+    smooth = kd.strike(
+        paper_kick.posture,
+        paper_kick.v,
+        paper_kick.ball,
+        kd.Contact(paper_kick.contact.normal, 0.8),
+    )
+    difference = float(np.linalg.norm(smooth.impulse - hit.impulse))
+    assert rows["friction"].impulse == pytest.approx(difference, rel=1e-12)
+
+
+def test_a_contact_that_takes_time_and_a_stance():
+    rows = {row.effect: row for row in sizes(kd.load_scene(SCENES / "volley.toml"))}
+    assert rows["contact time"].impulse > 0.1
+    robot = {row.effect: row for row in sizes(kd.load_scene(SCENES / "robocup_carpet.toml"))}
+    assert {"supports", "armature"} <= set(robot)
+    assert robot["armature"].end > robot["supports"].end > 0
+
+
+def test_what_has_no_answer_says_so(paper_kick):
+    air = kd.Air(lift=None, torque=None, drag="brazuca")
+    floats = kd.Ball(0.003, 0.1)  # lighter than air: drag is all that ends its flight
+    plane = kd.Plane((30, 0, 0), (-1, 0, 0))
+    parts = (paper_kick.posture, paper_kick.v, floats, kd.Contact((1, 0, 0), 0.8))
+    rows = sizes(kd.Scene(*parts, air=air, plane=plane))
+    assert {row.effect for row in rows} >= {"drag", "buoyancy"}
+    for row in rows:
+        assert np.isnan(row.end) == bool(row.why_not)
+
+
+def test_an_effect_has_no_size_where_the_ball_does_not_end(paper_kick):
+    parts = (paper_kick.posture, paper_kick.v, paper_kick.ball, paper_kick.contact)
+    rows = sizes(kd.Scene(*parts, ground=kd.Ground(-1e7)))
+    assert {row.effect for row in rows} == {"friction", "ball rotation"}
+    assert all(np.isnan(row.end) and row.why_not == "no end: aloft" for row in rows)
+    assert all(row.impulse > 0 for row in rows)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from kickdyn.core.vectors import cross, cross3, largest
+from kickdyn.core.mechanics import cross, cross3, largest
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -1,4 +1,4 @@
-"""Three-vectors as Python's floats: numpy takes several times as long on so few.
+"""Gravity, and three-vectors as Python's floats, for which numpy takes several times as long.
 
 For stacks of vectors there is `np.cross`, for the matrix of a cross product `pin.skew`.
 """
@@ -8,6 +8,9 @@ from collections.abc import Iterable
 import numpy as np
 
 from kickdyn.core.validation import Array
+
+GRAVITY = 9.81
+"""Acceleration along -z of the world frame [m/s2], as in Table 3 of the paper."""
 
 Triple = tuple[float, float, float]
 

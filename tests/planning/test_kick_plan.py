@@ -8,7 +8,7 @@ import gymnasium
 import pytest
 
 import kickdyn as kd
-from kickdyn.planning.plan_checks import find_overlaps
+from kickdyn.planning.kick_plan import find_overlaps
 
 MODELS = Path(gymnasium.__file__).parent / "envs/mujoco/assets"
 BALL, AIR = kd.Ball(), kd.Air()

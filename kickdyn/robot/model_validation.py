@@ -15,6 +15,7 @@ from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.names import listed, lock_remedy, unknown
+from kickdyn.robot.surgery import has_floating_base
 
 MAX_CONDITION = 1e13
 """Condition number of the joint-space inertia from which it has no digits left."""
@@ -257,7 +258,7 @@ def singularity_fault(model: Any, inertia: Array, condition: float) -> str:
     )
     joints = find_singular_joints(model, inertia)
     causes = [listed(joints), lock_remedy(model, joints)]
-    if model.nvs[1] == 6 and model.inertias[1].mass == 0.0:
+    if has_floating_base(model) and model.inertias[1].mass == 0.0:
         causes.append(
             "the base floats and has no mass: give its link mass and inertia in the file, or fix "
             "the base, by base='fixed' in Python, without --support in commands"

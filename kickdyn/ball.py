@@ -210,15 +210,15 @@ class BallState(ValueEquality):
 
     @classmethod
     def computed(
-        cls, position: Array, velocity: Array, spin: Array, time: float = 0.0
+        cls, position: Array, velocity: Array, spin: Array, time: float | Array = 0.0
     ) -> "BallState":
-        """Return the state of finite arrays of shape `(3,)`, which it owns from then on.
+        """Return one state or n of finite arrays of full shape, which it owns from then on.
 
         The arrays are not checked, which would take as long as an impact. Use it for values that
         are computed from checked ones.
         """
         state = cls.__new__(cls)
-        validation.protect(position, velocity, spin)
+        validation.protect(position, velocity, spin, np.asarray(time))
         state.__dict__.update(position=position, velocity=velocity, spin=spin, time=time)
         return state
 

@@ -156,7 +156,7 @@ def main() -> None:
     """Write the pages."""
     began = time.process_time()
     heyoka = heyoka_methods(Ball(), Air(drag="brazuca"), TOLERANCES)
-    impacts, flights = measure_impacts(), measure_flights(others=heyoka)
+    impacts, flights = measure_impacts(), measure_flights(further_integrators=heyoka)
     found = list(extreme_cases())
     for file, figure in (
         ("tradeoff.png", front_figure(impacts, flights)),

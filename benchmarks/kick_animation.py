@@ -12,9 +12,9 @@ from pathlib import Path
 from PIL import Image
 
 import kickdyn as kd
+from kickdyn.view.document import save_picture
 from kickdyn.view.page import Page
 from kickdyn.view.playback import RATE
-from kickdyn.view.screenshot import save_picture
 
 FILE = Path(__file__).resolve().parent.parent / "docs" / "images" / "kick.webp"
 

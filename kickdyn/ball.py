@@ -193,12 +193,14 @@ class BallState(ValueEquality):
         }
         rows: tuple[int, ...] = ()
         for name, array in arrays.items():
-            one = () if name == "time" else (3,)
-            if array.shape == one:
+            single = () if name == "time" else (3,)
+            if array.shape == single:
                 continue
-            valid = f"{one or 'a number'} or ({rows[0] if rows else 'n'},{' 3' if one else ''})"
+            valid = (
+                f"{single or 'a number'} or ({rows[0] if rows else 'n'},{' 3' if single else ''})"
+            )
             rows = rows or array.shape[:1]
-            if array.shape != (*rows, *one):
+            if array.shape != (*rows, *single):
                 raise InvalidInput(f"{name} has shape {array.shape}: it must be {valid}")
         for name, array in arrays.items():
             shape = rows if name == "time" else (*rows, 3)
@@ -208,15 +210,15 @@ class BallState(ValueEquality):
 
     @classmethod
     def computed(
-        cls, position: Array, velocity: Array, spin: Array, time: float = 0.0
+        cls, position: Array, velocity: Array, spin: Array, time: float | Array = 0.0
     ) -> "BallState":
-        """Return the state of finite arrays of shape `(3,)`, which it owns from then on.
+        """Return one state or n of finite arrays of full shape, which it owns from then on.
 
         The arrays are not checked, which would take as long as an impact. Use it for values that
         are computed from checked ones.
         """
         state = cls.__new__(cls)
-        validation.protect(position, velocity, spin)
+        validation.protect(position, velocity, spin, np.asarray(time))
         state.__dict__.update(position=position, velocity=velocity, spin=spin, time=time)
         return state
 
@@ -228,8 +230,8 @@ class BallState(ValueEquality):
                 f", {format_value(times[0])} to {format_value(times[-1])} s" if times.size else ""
             )
             return f"BallState({times.size} times{span})"
-        parts = (("position", "m"), ("velocity", "m/s"), ("spin", "rad/s"), ("time", "s"))
-        shown = (f"{name}={format_value(getattr(self, name))} {unit}" for name, unit in parts)
+        units = (("position", "m"), ("velocity", "m/s"), ("spin", "rad/s"), ("time", "s"))
+        shown = (f"{name}={format_value(getattr(self, name))} {unit}" for name, unit in units)
         return f"BallState({', '.join(shown)})"
 
     @property

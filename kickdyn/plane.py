@@ -51,10 +51,10 @@ class Plane(ValueEquality, ReprMixin):
     def __init__(self, point: ArrayLike, normal: ArrayLike, reached_by: str = "front") -> None:
         place = validation.vector("point of the plane", point, 3, unit="m")
         towards = validation.direction("normal of the plane", normal)
-        part = validation.choice("reached_by", reached_by, ReachedBy)
+        surface_point = validation.choice("reached_by", reached_by, ReachedBy)
         object.__setattr__(self, "point", validation.read_only(place))
         object.__setattr__(self, "normal", validation.read_only(towards))
-        object.__setattr__(self, "reached_by", part)
+        object.__setattr__(self, "reached_by", surface_point)
 
     @property
     def is_goal_line(self) -> bool:

@@ -91,7 +91,7 @@ def read_restitution(text: str) -> Restitution:
     if text in MODELS:
         return text
     try:
-        rows = [[float(part) for part in row.split(":")] for row in text.split(",")]
+        rows = [[float(number) for number in row.split(":")] for row in text.split(",")]
         if rows != [rows[0][:1]] and any(len(row) != 2 for row in rows):
             raise ValueError
     except ValueError:

@@ -19,7 +19,7 @@ from click.testing import CliRunner
 
 import kickdyn
 from kickdyn.cli.commands import kickdyn_command
-from kickdyn.view.screenshot import BROWSERS
+from kickdyn.view.document import BROWSERS
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"

@@ -90,7 +90,7 @@ def without_spin(ball: SoccerBall) -> Callable[[float], float]:
 
     Beyond `v_max`, where the data end, the line is bent level within about 1 m/s (C4).
     """
-    a, v_c, v_s, b_min, b_max, v_min, v_max = (float(part) for part in astuple(ball))
+    a, v_c, v_s, b_min, b_max, v_min, v_max = (float(parameter) for parameter in astuple(ball))
     slope = (b_max - b_min) / (v_max - v_min)
     speed, steep = 1.0 / REYNOLDS_PER_SPEED, 1.0 / v_s  # divisions take longest
 
@@ -118,10 +118,10 @@ def spinning(ball: SoccerBall) -> Coefficient:
 
     def coefficient(reynolds: float, spin_parameter: float = 0.0) -> float:
         """Return C_D with spin."""
-        part = min(_PER_LIMIT * spin_parameter, _ENDLESS)
-        square = part * part
+        ratio = min(_PER_LIMIT * spin_parameter, _ENDLESS)
+        square = ratio * ratio
         eighth = math.sqrt(math.sqrt(math.sqrt(1.0 + square * square * square * square)))
-        return level(reynolds) + SPIN_DRAG * SPIN_DRAG_LIMIT * part / eighth
+        return level(reynolds) + SPIN_DRAG * SPIN_DRAG_LIMIT * ratio / eighth
 
     return coefficient
 

@@ -71,7 +71,7 @@ def check_page_name(page: str) -> None:
     """Raise `InvalidInput` unless a page, or a picture of one, can be written under a name."""
     ending = Path(page).suffix.lower()
     if ending == ".png":
-        from kickdyn.view.screenshot import find_browser
+        from kickdyn.view.document import find_browser
 
         find_browser(page)
     elif ending not in (".html", ".htm"):

@@ -152,13 +152,13 @@ def identify(
     if output.plot is not None and fits:
         save_figure(longest_first[0].result.plot(), output.plot)
     if output.view is not None and fits:
-        from kickdyn.view.comparison import MOST  # imports meshcat
+        from kickdyn.view.comparison import MOST_SUBJECTS  # imports meshcat
         from kickdyn.view.page import page
 
-        shown = sorted(longest_first[:MOST], key=lambda fit: fit.first)
+        shown = sorted(longest_first[:MOST_SUBJECTS], key=lambda fit: fit.first)
         page({f"samples {fit.samples}": fit.result for fit in shown}).save(output.view)
-        if output.prints and len(fits) > MOST:
-            click.echo(f"the page shows the {MOST} longest of {len(fits)} flights")
+        if output.prints and len(fits) > MOST_SUBJECTS:
+            click.echo(f"the page shows the {MOST_SUBJECTS} longest of {len(fits)} flights")
     output.name_written(*((output.plot, output.view) if fits else ()))
 
 
@@ -241,7 +241,7 @@ def _means(fits: list[Fit]) -> dict[str, FlightMean | None]:
 def _unused(split: Segments) -> tuple[int, int]:
     """Return how many flights are too short to fit, and the number of samples at their ends."""
     short = sum(flight.duration < SHORTEST for flight in split.flights)
-    samples = sum(len(part) for part in split.parts if part.kind is SegmentKind.FLIGHT)
+    samples = sum(len(segment) for segment in split.parts if segment.kind is SegmentKind.FLIGHT)
     return short, samples - sum(len(flight) for flight in split.flights)
 
 
@@ -275,8 +275,13 @@ def _document(split: Segments | None, fits: list[Fit], failures: list[str]) -> d
         document["too_short"], document["samples_at_ends"] = _unused(split)
         document["warnings"] = [*split.warnings]
         document["segments"] = [
-            {"kind": part.kind, "first": part.first, "last": part.last, "begins": part.begins}
-            for part in split.parts
+            {
+                "kind": segment.kind,
+                "first": segment.first,
+                "last": segment.last,
+                "begins": segment.begins,
+            }
+            for segment in split.parts
         ]
         for name in ("restitution", "friction", "rolling_deceleration"):
             value = getattr(split, name)

@@ -234,9 +234,9 @@ class JsonOptions:
         """Whether the results are printed for people."""
         return self.json_file != "-"
 
-    def check(self, *others: str | None, inputs: Iterable[str | None] = ()) -> None:
-        """Raise `InvalidInput` unless these files and `others` can be written."""
-        check_files(*others, json_file=self.json_file, inputs=inputs)
+    def check(self, *files: str | None, inputs: Iterable[str | None] = ()) -> None:
+        """Raise `InvalidInput` unless the files named by options, and `files`, can be written."""
+        check_files(*files, json_file=self.json_file, inputs=inputs)
 
     def write_json(self, document: object) -> None:
         """Write the document if a file is named."""
@@ -261,15 +261,15 @@ class OutputOptions(JsonOptions):
         "--view", metavar="FILE.html|.png", help="Write a 3-D page of the kick, or a picture of it."
     )
 
-    def check(self, *others: str | None, inputs: Iterable[str | None] = ()) -> None:
-        """Raise `InvalidInput` unless these files and `others` can be written."""
+    def check(self, *files: str | None, inputs: Iterable[str | None] = ()) -> None:
+        """Raise `InvalidInput` unless the files named by options, and `files`, can be written."""
         if self.plot is not None:
             from kickdyn.core.plot_style import check_name  # imports matplotlib
 
             check_name(self.plot)
         if self.view is not None:
             check_page_name(self.view)
-        super().check(*others, self.plot, self.view, inputs=inputs)
+        super().check(*files, self.plot, self.view, inputs=inputs)
 
 
 def scene_names(_: click.Context) -> list[str]:

@@ -79,12 +79,12 @@ class MjcfOptions(JsonOptions):
         help="Write a whole MJCF model: the leg and the ball just before they touch.",
     )  # fmt: skip
 
-    def check(self, *others: str | None, inputs: Iterable[str | None] = ()) -> None:
-        """Raise `InvalidInput` unless these files and `others` can be written."""
+    def check(self, *files: str | None, inputs: Iterable[str | None] = ()) -> None:
+        """Raise `InvalidInput` unless the files named by options, and `files`, can be written."""
         if self.out == "-" and not self.prints:
             raise InvalidInput("--out and --json are both -: only one of them can be stdout")
         named = None if self.out == "-" else self.out
-        super().check(named, self.scene_out, *others, inputs=inputs)
+        super().check(named, self.scene_out, *files, inputs=inputs)
 
 
 @click.command("tune-mujoco", Command)

@@ -14,7 +14,6 @@ from kickdyn.impact.impact_result import Impact
 from kickdyn.scene.simulate import simulate_as_instant
 from kickdyn.scene.simulation import Simulation
 from kickdyn.scene.toml_reader import load_scene
-from kickdyn.view.screenshot import find_browser
 
 
 @click.command("view", Command)
@@ -48,6 +47,8 @@ def view(
     for file in pages:
         check_page_name(file)
     if png is not None:
+        from kickdyn.view.document import find_browser  # imports meshcat
+
         find_browser(png)
     output.check(*pages, inputs=[scene_file])
     # rich and meshcat take a second to import, which --help need not wait for
@@ -72,7 +73,7 @@ def view(
 
 def _document(simulation: Simulation) -> dict[str, Any]:
     """Return the numbers of a scene: SI units, joint angles in degrees as given."""
-    from kickdyn.view.impulses import joint_impulses_in_world
+    from kickdyn.view.kick_scene import joint_impulses_in_world
 
     impact, end = simulation.impact, simulation.end
     assert isinstance(impact, Impact)

@@ -283,7 +283,9 @@ def _flights(
         wind = np.array([_speed(air, z) for z in height.tolist()])
     else:
         wind = np.full(len(drop), math.hypot(*air.wind))
-    _, length, pace = tolerances(states.velocity, drop, wind, task.ball, air, tol)
+    _, length, pace = tolerances(
+        validation.length(states.velocity), drop, wind, task.ball, air, tol
+    )
     n = len(height)
     steps = np.full(n, math.inf) if longest is None else longest
     scene = np.column_stack([height, states.spin, decays])[rows]

@@ -131,7 +131,7 @@ def _raised(error: Exception) -> str:
 
 
 def tolerances(
-    velocity: Array, drop: ArrayLike, wind: ArrayLike, ball: Ball, air: Air, tol: float
+    speed: ArrayLike, drop: ArrayLike, wind: ArrayLike, ball: Ball, air: Air, tol: float
 ) -> tuple[float, Array, Array]:
     r"""Return rtol, and atol of displacement [m] and of velocity [m/s], of one flight or of many.
 
@@ -139,14 +139,14 @@ def tolerances(
     quadratic drag of the length L: it rises :math:`\frac{L}{2} \ln(1 + v^2/(g L))` and comes back
     with :math:`v / \sqrt{1 + v^2/(g L)}`.
 
-    The velocity at the launch has shape `(3,)` or `(n, 3)` [m/s]; the drop to the ground [m] and
-    the speed of the wind at the launch [m/s] are numbers or have shape `(n,)`.
+    The speed of the launch [m/s], the drop to the ground [m] and the speed of the wind at the
+    launch [m/s] are numbers or have shape `(n,)`.
     """
     g = max(abs(downward(ball, air)), 1e-5)  # a weight of less moves nothing for minutes
     drop = np.asarray(drop)
     fallen = np.minimum(math.sqrt(2.0 * g) * np.sqrt(drop), MAX_SPEED)
     with np.errstate(over="ignore", invalid="ignore"):  # spoils its own flight only
-        fastest = np.maximum(validation.length(velocity), np.maximum(wind, fallen))
+        fastest = np.maximum(speed, np.maximum(wind, fallen))
         fastest = np.maximum(fastest, 1e-100)
         free = fastest * fastest / g
         slowed = free / drag_length(ball, air)(fastest)
@@ -174,8 +174,8 @@ def drag_length(ball: Ball, air: Air) -> Callable[[Array], Array]:
     def length(speed: Array) -> Array:
         """Return the drag lengths at speeds [m]."""
         with np.errstate(divide="ignore", over="ignore"):
-            decade = np.clip(np.log10(per_speed * np.asarray(speed)), -_FARTHEST, _FARTHEST)
-            step = np.ceil(_PER_DECADE * np.nan_to_num(decade, nan=_FARTHEST)).astype(int)
+            decade = np.fmin(np.log10(per_speed * np.asarray(speed)), _FARTHEST)  # of nan too
+            step = np.ceil(_PER_DECADE * np.maximum(decade, -_FARTHEST)).astype(int)
             first, last = int(step.min(initial=0)), int(step.max(initial=0))
             least = _known_drag(drag, first, last) if known else _least_drag(drag, first, last)
             return np.asarray(most / least[step - first])

@@ -201,8 +201,11 @@ class Flight(ReprMixin):
         """
         times = validation.times(t, self.duration, "the flight")
         moved = self._trajectory(np.atleast_1d(times)).reshape(*times.shape, 7)
-        spin = moved[..., 6:7] * self.launch.spin
-        return BallState(self.launch.position + moved[..., :3], moved[..., 3:6], spin, times)
+        position, spin = self.launch.position + moved[..., :3], moved[..., 6:7] * self.launch.spin
+        if not (np.isfinite(moved).all() and np.isfinite(position).all()):
+            return BallState(position, moved[..., 3:6], spin, times)  # raises
+        time = times if times.ndim else float(times)
+        return BallState.computed(position, moved[..., 3:6], spin, time)
 
     def orientation(self, t: ArrayLike) -> Rotation:
         r"""Return the rotation of the ball since its launch, in the world frame.

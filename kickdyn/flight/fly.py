@@ -1,5 +1,6 @@
 """The flight of a ball, from launch to landing."""
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -120,7 +121,7 @@ class _Task(NamedTuple):
 
 def _fly(task: _Task, **changes: Any) -> Flight:
     """Return what `fly` does; `Flight.error` changes the tolerance to one that `fly` refuses."""
-    task = task._replace(**changes)
+    task = task._replace(**changes) if changes else task
     state, ball, air, ground, tol, plane, *_ = task
     ends = task.all_ends()
     # for `Flight.error`, `Flight.arrival` and unpickling, which fly once more
@@ -217,7 +218,7 @@ def _integrated(flown: Callable[..., Flight], task: _Task, ends: tuple[Event, ..
     # not relax it.
     tight = tol * math.sqrt(equations.count_changing() / 7)
     drop = ends[0].numbers[0]
-    relative, length, pace = tolerances(state.velocity, drop, wind, ball, air, tight)
+    relative, length, pace = tolerances(speed, drop, wind, ball, air, tight)
     absolute = np.array([*3 * [length], *3 * [pace], tight])
     tolerance = Tolerance(relative, absolute, task.max_step or math.inf)
     try:
@@ -268,7 +269,7 @@ def _wind_speed(air: Air, height: float) -> float:
 def _ball_at(launch: BallState, time: float, moved: Array) -> BallState:
     """Return the ball at a time, from what changed since the launch."""
     vectors = launch.position + moved[:3], moved[3:6].copy(), moved[6] * launch.spin
-    if all(np.isfinite(vector).all() for vector in vectors):
+    if math.hypot(*itertools.chain(*(vector.tolist() for vector in vectors))) < math.inf:
         return BallState.computed(*vectors, time)
     return BallState(*vectors, time)
 

@@ -55,7 +55,7 @@ ACCELERATION_DEVIATION, JERK_DEVIATION = 6.0, 15.0
 standard deviations: drag and lift of a ball at 20 m/s, and their change within its flight."""
 
 ROLLING_HEIGHT = 0.15
-"""Change of height of a ball that rolls [m], within one part."""
+"""Change of height of a ball that rolls [m], within one segment."""
 
 SMOOTHED, SMOOTHED_FRACTION = 0.1, 0.1
 """Time after and before a cut in which trackers smooth over the corner [s]; and the fraction of a
@@ -173,7 +173,7 @@ class Segments(Printed):
             ratios; `warnings` then says that friction may be higher. None without a bounce.
         rolling_deceleration: deceleration in the second halves of the parts in which the ball rolls
             [m/s2], without the drag of the air. A kicked ball slides in the first half. None
-            without such a part.
+            without such a segment.
         warnings: lines about what to know before using the numbers; empty if there is nothing.
     """
 
@@ -187,12 +187,12 @@ class Segments(Printed):
     def __str__(self) -> str:
         """Return a line for each part, and what the bounces and the rolling say."""
         lines = ["kind       samples        time [s]       begins by   speed [m/s]"]
-        for part in self.parts:
-            first, last = self.track.times[[part.first, part.last - 1]]
-            speed = float(np.linalg.norm(part.velocity_after))
+        for segment in self.parts:
+            first, last = self.track.times[[segment.first, segment.last - 1]]
+            speed = float(np.linalg.norm(segment.velocity_after))
             lines.append(
-                f"{part.kind:9} {part.first:5}-{part.last:<5} {first:8.2f}-{last:<8.2f} "
-                f"{part.begins:9} {speed:8.2f}"
+                f"{segment.kind:9} {segment.first:5}-{segment.last:<5} {first:8.2f}-{last:<8.2f} "
+                f"{segment.begins:9} {speed:8.2f}"
             )
         for name in COEFFICIENTS:
             value = getattr(self, name)
@@ -208,12 +208,12 @@ class Segments(Printed):
         more than a tenth of the flight at each end.
         """
         flights = []
-        for part in self.parts:
-            times = self.track.times[part.first : part.last]
+        for segment in self.parts:
+            times = self.track.times[segment.first : segment.last]
             margin = min(SMOOTHED, SMOOTHED_FRACTION * float(times[-1] - times[0]))
             inside = np.flatnonzero((times > times[0] + margin) & (times < times[-1] - margin))
-            if part.kind is SegmentKind.FLIGHT and inside.size:
-                first, last = part.first + int(inside[0]), part.first + int(inside[-1])
+            if segment.kind is SegmentKind.FLIGHT and inside.size:
+                first, last = segment.first + int(inside[0]), segment.first + int(inside[-1])
                 flights.append(self.track[first : last + 1])
         return tuple(flights)
 
@@ -222,7 +222,7 @@ class Segments(Printed):
         """The surface of the ground for `kickdyn.follow`, with the deviations of its coefficients.
 
         Raises:
-            InvalidInput: the track has no bounce, or no rolling part.
+            InvalidInput: the track has no bounce, or no rolling segment.
         """
         if self.restitution is None or self.friction is None or self.rolling_deceleration is None:
             missing = "bounce" if self.restitution is None else "part in which the ball rolls"
@@ -309,11 +309,11 @@ def segments(
     for first, last in zip([0, *gaps], [*gaps, len(kept)], strict=True):
         pieces += _joined(samples, _partition(samples, first, last))
     _check_units(track, samples, pieces)
-    parts = _described(samples, pieces, level + ball.radius, gaps)
-    friction, warnings = _friction(parts, ball)
+    segments = _described(samples, pieces, level + ball.radius, gaps)
+    friction, warnings = _friction(segments, ball)
     return Segments(
-        track, parts, _restitution(parts, samples), friction,
-        _rolling_deceleration(samples, parts, ball, air), warnings,
+        track, segments, _restitution(segments, samples), friction,
+        _rolling_deceleration(samples, segments, ball, air), warnings,
     )  # fmt: skip
 
 
@@ -543,7 +543,7 @@ def _meeting_time(samples: _Samples, left: _Piece, right: _Piece) -> float:
     return float(times[int(np.argmin(gaps))])
 
 
-def _restitution(parts: Iterable[Segment], samples: _Samples) -> Measured | None:
+def _restitution(segments: Iterable[Segment], samples: _Samples) -> Measured | None:
     r"""Return the ratio of vertical speeds at bounces, None without any.
 
     A speed is taken as the slope of a parabola at the end of T = `VELOCITY_WINDOW` with n samples,
@@ -552,15 +552,15 @@ def _restitution(parts: Iterable[Segment], samples: _Samples) -> Measured | None
     count = max(VELOCITY_WINDOW / float(np.median(np.diff(samples.times))), 1.0)
     speed_deviation = samples.noise * math.sqrt(192.0 / count) / VELOCITY_WINDOW
     values, deviations = [], []
-    for part in parts:
-        if part.begins is CutReason.BOUNCE and part.velocity_before is not None:
-            before, after = -float(part.velocity_before[2]), float(part.velocity_after[2])
+    for segment in segments:
+        if segment.begins is CutReason.BOUNCE and segment.velocity_before is not None:
+            before, after = -float(segment.velocity_before[2]), float(segment.velocity_after[2])
             values.append(after / before)
             deviations.append(speed_deviation * math.hypot(1.0, after / before) / before)
     return _median(values, deviations)
 
 
-def _friction(parts: Sequence[Segment], ball: Ball) -> tuple[Measured | None, tuple[str, ...]]:
+def _friction(segments: Sequence[Segment], ball: Ball) -> tuple[Measured | None, tuple[str, ...]]:
     """Return the friction at bounces, None without any, and warnings.
 
     The slip of the contact point changes by 1 + m r^2 / I times the change of velocity.
@@ -568,14 +568,14 @@ def _friction(parts: Sequence[Segment], ball: Ball) -> tuple[Measured | None, tu
     ratios, sliding = [], []
     shell = 1.0 + ball.mass * ball.radius**2 / ball.inertia if ball.inertia else math.inf
     slip: Array | None = None  # after the previous bounce
-    for previous, part in pairwise(parts):
-        if part.begins is not CutReason.BOUNCE or part.velocity_before is None:
+    for previous, segment in pairwise(segments):
+        if segment.begins is not CutReason.BOUNCE or segment.velocity_before is None:
             slip = None
             continue
-        slip_before = part.velocity_before[:2]
+        slip_before = segment.velocity_before[:2]
         if slip is not None:  # in flight the spin stays, the velocity changes
             slip_before = slip + slip_before - previous.velocity_after[:2]
-        change = part.velocity_after - part.velocity_before
+        change = segment.velocity_after - segment.velocity_before
         ratio = float(np.hypot(change[0], change[1]) / change[2])
         slip = slip_before + shell * change[:2]
         ratios.append(ratio)
@@ -591,7 +591,7 @@ def _friction(parts: Sequence[Segment], ball: Ball) -> tuple[Measured | None, tu
 
 
 def _rolling_deceleration(
-    samples: _Samples, parts: Iterable[Segment], ball: Ball, air: Air
+    samples: _Samples, segments: Iterable[Segment], ball: Ball, air: Air
 ) -> Measured | None:
     """Return the deceleration of rolling balls without that by drag [m/s2], None without any.
 
@@ -600,10 +600,12 @@ def _rolling_deceleration(
     decelerations = []
     drag = acceleration_function(ball, air)
     heavier = 1.0 + ball.inertia / (ball.mass * ball.radius**2)
-    for part in parts:
-        inside = np.flatnonzero((samples.indices >= part.first) & (samples.indices < part.last))
+    for segment in segments:
+        inside = np.flatnonzero(
+            (samples.indices >= segment.first) & (samples.indices < segment.last)
+        )
         late = inside[len(inside) // 2 :]
-        if part.kind is not SegmentKind.ROLLING or len(late) < 6:
+        if segment.kind is not SegmentKind.ROLLING or len(late) < 6:
             continue
         times, points = samples.times[late], samples.positions[late, :2]
         if times[-1] - samples.times[inside[0]] < LEAST_ROLLING_TIME:

@@ -94,17 +94,17 @@ class Track(ValueEquality, ReprMixin):
         """Return the number of samples."""
         return int(self.times.size)
 
-    def __getitem__(self, part: slice) -> "Track":
+    def __getitem__(self, index: slice) -> "Track":
         """Return a part of the track.
 
         Raises:
             InvalidInput: an index that is no slice, or a slice without a sample.
         """
-        if not isinstance(part, slice):
+        if not isinstance(index, slice):
             raise InvalidInput(
-                f"track[{part!r}]: a part of a track is a slice such as track[10:60]"
+                f"track[{index!r}]: a part of a track is a slice such as track[10:60]"
             )
-        return Track(self.times[part], self.positions[part])
+        return Track(self.times[index], self.positions[index])
 
     @property
     def duration(self) -> float:

@@ -5,9 +5,7 @@ from enum import StrEnum
 import numpy as np
 
 from kickdyn.core.validation import Array
-from kickdyn.errors import InvalidInput
 from kickdyn.robot.constraints import Support
-from kickdyn.robot.leg import Leg
 
 NEGLIGIBLE_IMPULSE = 1e-12
 """Impulse on a support, relative to the impulse on the ball, that counts as 0."""
@@ -28,26 +26,6 @@ class Footing(StrEnum):
     SLIPS = "slips"
     TIPS = "tips"
     TILTED = "tilted"
-
-
-def check_unconstrained(leg: Leg, what: str) -> None:
-    """Raise `InvalidInput` for supports, loops or stiff joints; `what` is for the message."""
-    constraints = leg.constraints
-    if constraints is not None and (constraints.supports or constraints.loops):
-        raise InvalidInput(
-            f"{leg.name} has supports or loops: {what} for legs without supports and loops only, "
-            "because a plan chooses each joint by itself, and these tie joints together"
-        )
-    check_free_joints(leg, what)
-
-
-def check_free_joints(leg: Leg, what: str) -> None:
-    """Raise `InvalidInput` for stiff joints; `what` is for the message."""
-    if leg.stiff_joints:
-        raise InvalidInput(
-            f"{leg.name} has stiff joints ({', '.join(leg.stiff_joints)}): {what} for legs whose "
-            "joints are free (Leg.with_stiff_joints() without names frees them)"
-        )
 
 
 def footing(support: Support, impulse: Array, rotation: Array, scale: float) -> Footing:

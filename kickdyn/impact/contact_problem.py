@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -149,7 +149,8 @@ class ImpactLaw:
         name: the argument `law` of `kickdyn.strike`.
         solve: function that returns the solution of a problem with a single contact.
         solve_several: the same for several contacts; None for a law that is defined for one.
-        has_slopes: whether `kickdyn.Impact.sensitivity` differentiates this law.
+        differentiate: function that returns what `kickdyn.Impact.sensitivity` does, such as
+            `kickdyn.impact.sensitivity.sensitivity`; None for a law without derivatives.
         has_kernel: whether the compiled kernels of sweeps compute this law; other laws are computed
             posture by posture.
         eq_10_without_friction: whether the law is `frictionless` at a friction of 0, so that
@@ -159,7 +160,7 @@ class ImpactLaw:
     name: str
     solve: Callable[[ContactProblem], Solution]
     solve_several: Callable[[ContactProblem], Solution] | None = None
-    has_slopes: bool = False
+    differentiate: Callable[..., Any] | None = None
     has_kernel: bool = False
     eq_10_without_friction: bool = False
 

@@ -20,7 +20,7 @@ from kickdyn.impact.contact_problem import Solution
 from kickdyn.impact.laws import LAWS, names_of_laws
 from kickdyn.impact.leg_response import LegResponse, leg_response
 from kickdyn.impact.rounding import Rounding, digits_left, estimate_rounding
-from kickdyn.impact.sensitivity import Sensitivity, sensitivity
+from kickdyn.impact.sensitivity import Sensitivity
 from kickdyn.impact.uncertainty import Uncertainty, uncertainty
 from kickdyn.robot.constraints import ConstraintBlock, Support
 
@@ -250,12 +250,14 @@ class Impact(AfterApproach):
                 `unilateral_strike`, or a joint whose axes depend on its own angles (universal,
                 composite, Euler angles).
         """
-        if not LAWS[self.law].has_slopes:
-            able = names_of_laws("has_slopes")
+        differentiate = LAWS[self.law].differentiate
+        if differentiate is None:
+            able = names_of_laws("differentiate")
             raise InvalidInput(f"impact law {self.law!r} has no sensitivities: choose {able}")
-        return sensitivity(
+        slopes: Sensitivity = differentiate(
             self.approach, self.solution, self.ball_after, self.leg_response, of_leg=of_leg
         )
+        return slopes
 
     def uncertainty(self, **spread: ArrayLike) -> Uncertainty:
         """Return the covariances of the results that follow from the covariances of their sources.

@@ -15,6 +15,7 @@ from kickdyn.impact.contact_problem import (
     frictionless,
     single_solution,
 )
+from kickdyn.impact.sensitivity import sensitivity
 
 SINGULAR = 1e-12
 """Mobility, relative to the largest, below which contacts with an obstacle cannot move."""
@@ -188,7 +189,7 @@ NEWTON = ImpactLaw(
     "newton",
     solve_newton,
     solve_several=solve_newton_at_several,
-    has_slopes=True,
+    differentiate=sensitivity,
     has_kernel=True,
     eq_10_without_friction=True,
 )

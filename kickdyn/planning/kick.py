@@ -16,7 +16,6 @@ from kickdyn.errors import InvalidInput
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course, follow
 from kickdyn.ground import Ground, Surface
-from kickdyn.impact.constraint_impulses import check_free_joints
 from kickdyn.impact.strike import strike
 from kickdyn.plane import Plane
 from kickdyn.planning.backswing import solve_with_backswing
@@ -30,7 +29,7 @@ from kickdyn.planning.objectives import OBJECTIVES, KickObjective, LandingScatte
 from kickdyn.planning.passes import plan_pass
 from kickdyn.planning.stance import Balance
 from kickdyn.planning.swing_phase import check_solver
-from kickdyn.robot.kicking_chain import with_angles
+from kickdyn.robot.kicking_chain import check_free_joints, with_angles
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.standing import is_floating
 

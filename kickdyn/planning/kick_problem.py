@@ -17,7 +17,6 @@ import pinocchio as pin
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.impact.constraint_impulses import check_unconstrained
 from kickdyn.planning.impact_target import ImpactTarget
 from kickdyn.planning.kick_terms import (
     BallPosition,
@@ -41,7 +40,7 @@ from kickdyn.planning.objectives import (
 from kickdyn.planning.problem import TOLERANCE, Function, LeastViolation, Problem, Term
 from kickdyn.planning.solvers import solve
 from kickdyn.planning.stance import Balance, Clearance, SupportImpulse, Upright
-from kickdyn.robot.kicking_chain import KickingChain, kicking_chain
+from kickdyn.robot.kicking_chain import KickingChain, check_unconstrained, kicking_chain
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.standing import StandingRobot, is_floating
 from kickdyn.robot.surgery import turn_body

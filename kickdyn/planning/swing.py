@@ -11,12 +11,12 @@ from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.impact.constraint_impulses import check_unconstrained
 from kickdyn.planning.goal import PlanStatus
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.swing_phase import LONGEST, Motion, SwingPhase, check_solver, swing_chain
 from kickdyn.robot.kicking_chain import (
     KickingChain,
+    check_unconstrained,
     configuration_with_angles,
     with_angles,
 )

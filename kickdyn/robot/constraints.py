@@ -25,6 +25,7 @@ from kickdyn.errors import InvalidInput
 from kickdyn.robot.joint_table import Gears
 from kickdyn.robot.model_validation import frame_id
 from kickdyn.robot.names import listed
+from kickdyn.robot.surgery import has_floating_base
 
 LOOP_TOLERANCE = 1e-9
 """Largest gap of a loop that counts as closed [m]."""
@@ -519,7 +520,7 @@ def _check_stance(model: Any, name: str, joint: int, contact_joint: int) -> None
     if joint == 0:
         raise InvalidInput(f"support {name} is fixed to the base: it stands already")
     # a floating base is on every path, and no limb
-    base = 1 if model.joints[1].shortname() == "JointModelFreeFlyer" else 0
+    base = 1 if has_floating_base(model) else 0
     below = joint != base and joint in list(model.supports[contact_joint])
     above = contact_joint != base and contact_joint in list(model.supports[joint])
     if joint == contact_joint or below or above:

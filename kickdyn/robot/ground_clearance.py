@@ -21,6 +21,7 @@ from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.leg import Leg
+from kickdyn.robot.model_validation import frames_by_name
 from kickdyn.robot.package_files import PackageFiles
 from kickdyn.robot.visuals import RobotFile, Shape, Visual, read_mesh
 
@@ -103,11 +104,7 @@ def find_depths(leg: Leg, configurations: Sequence[Array], floor: float) -> list
 
 def body_frames(leg: Leg) -> dict[str, int]:
     """Return the frames of a leg that have shapes, by name; all frames where none has any."""
-    model = leg.workspace.model
-    numbered = list(enumerate(model.frames))[1:]
-    every = {frame.name: number for number, frame in numbered}
-    # a joint may have the name of a link
-    every |= {f.name: n for n, f in numbered if f.type == pin.FrameType.BODY}
+    every = frames_by_name(leg.workspace.model)
     shaped = (
         {}
         if leg.file is None

@@ -132,3 +132,23 @@ def configuration_with_angles(robot: Leg, q: ArrayLike) -> Array:
         return checked
     model = robot.workspace.model
     return np.asarray(pin.difference(model, pin.neutral(model), checked))
+
+
+def check_unconstrained(leg: Leg, what: str) -> None:
+    """Raise `InvalidInput` for supports, loops or stiff joints; `what` is for the message."""
+    constraints = leg.constraints
+    if constraints is not None and (constraints.supports or constraints.loops):
+        raise InvalidInput(
+            f"{leg.name} has supports or loops: {what} for legs without supports and loops only, "
+            "because a plan chooses each joint by itself, and these tie joints together"
+        )
+    check_free_joints(leg, what)
+
+
+def check_free_joints(leg: Leg, what: str) -> None:
+    """Raise `InvalidInput` for stiff joints; `what` is for the message."""
+    if leg.stiff_joints:
+        raise InvalidInput(
+            f"{leg.name} has stiff joints ({', '.join(leg.stiff_joints)}): {what} for legs whose "
+            "joints are free (Leg.with_stiff_joints() without names frees them)"
+        )

@@ -879,7 +879,7 @@ def _posture(leg: Leg, q: ArrayLike) -> Posture:
     # Local axes: about the world's origin, a leg far from it would lose its digits.
     inertia: Array = pin.crba(model, data, q, pin.Convention.LOCAL)
     frame_jacobian: Array = pin.computeFrameJacobian(model, data, q, leg.frame_id, pin.LOCAL)
-    frame_jacobian = frame_jacobian.reshape(6, model.nv)
+    frame_jacobian = frame_jacobian.reshape(6, -1)
     cholesky, bound = cholesky_with_condition(inertia)
     if not bound < MAX_CONDITION:
         exact = condition(inertia, cholesky)

@@ -15,6 +15,7 @@ from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.names import listed, lock_remedy, unknown
+from kickdyn.robot.surgery import has_floating_base
 
 MAX_CONDITION = 1e13
 """Condition number of the joint-space inertia from which it has no digits left."""
@@ -34,14 +35,25 @@ MAX_MAGNITUDE = 1e100
 
 
 def frame_id(model: Any, name: str) -> int:
-    """Return the id of a frame by name, a body before a joint; raise `InvalidInput`."""
-    # Looked up here: getFrameId returns nframes for an unknown name, and using that crashes.
-    matches = [i for i, frame in enumerate(model.frames) if frame.name == name and i > 0]
-    if not matches:
+    """Return the number of a frame by name; raise `InvalidInput` if there is none."""
+    # not by getFrameId, which returns nframes for an unknown name: using that crashes
+    numbers = frames_by_name(model)
+    if not isinstance(name, str) or name not in numbers:
         names = [frame.name for frame in model.frames][1:]
         raise InvalidInput(unknown("frame", name, model.name, names))
-    bodies = [i for i in matches if model.frames[i].type != pin.FrameType.JOINT]
-    return bodies[0] if bodies else matches[0]
+    return numbers[name]
+
+
+def frames_by_name(model: Any) -> dict[str, int]:
+    """Return the numbers of all frames but the universe; a body's name comes before a joint's.
+
+    Of several frames with the same name, it is that of a body, else any but a joint's, and of
+    these the first.
+    """
+    ranks = {pin.FrameType.BODY: 2, pin.FrameType.JOINT: 0}
+    numbered = list(enumerate(model.frames))[:0:-1]  # the first frame of a name replaces the others
+    numbered.sort(key=lambda pair: ranks.get(pair[1].type, 1))
+    return {frame.name: number for number, frame in numbered}
 
 
 def check_model(model: Any) -> None:
@@ -246,7 +258,7 @@ def singularity_fault(model: Any, inertia: Array, condition: float) -> str:
     )
     joints = find_singular_joints(model, inertia)
     causes = [listed(joints), lock_remedy(model, joints)]
-    if model.nvs[1] == 6 and model.inertias[1].mass == 0.0:
+    if has_floating_base(model) and model.inertias[1].mass == 0.0:
         causes.append(
             "the base floats and has no mass: give its link mass and inertia in the file, or fix "
             "the base, by base='fixed' in Python, without --support in commands"

@@ -24,7 +24,7 @@ from kickdyn.robot.ground_clearance import (
 )
 from kickdyn.robot.leg import Leg, Posture
 from kickdyn.robot.model_validation import frame_id
-from kickdyn.robot.surgery import reroot_model
+from kickdyn.robot.surgery import has_floating_base, reroot_model
 
 SOLE_THICKNESS = 2e-3
 """Height above the lowest point of a foot up to which its shapes count as its sole [m]."""
@@ -137,7 +137,7 @@ def hold_support(posture: Posture, q: Array) -> Array:
 
 def is_floating(robot: Leg) -> bool:
     """Return whether the first joint of a robot is a floating base."""
-    return bool(robot.workspace.model.joints[1].shortname() == "JointModelFreeFlyer")
+    return has_floating_base(robot.workspace.model)
 
 
 def _flat_support(robot: Leg) -> Support:

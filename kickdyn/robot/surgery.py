@@ -86,6 +86,11 @@ def replace_rotors(model: Any, armature: Array) -> Any:
     return changed
 
 
+def has_floating_base(model: Any) -> bool:
+    """Return whether the first joint of a model is a floating base."""
+    return bool(model.joints[1].shortname() == "JointModelFreeFlyer")
+
+
 def has_continuous_joints(model: Any) -> bool:
     """Return whether a joint of one degree of freedom has its cosine and sine in q."""
     return any(_is_continuous(model, joint) for joint in range(1, model.njoints))

@@ -265,7 +265,9 @@ def _check_tree(joints: dict[str, Element], faults: list[str]) -> None:
     for joint in joints.values():
         ends = [joint.find(role) for role in ("parent", "child")]
         parent, child = ("" if end is None else end.get("link", "") for end in ends)
-        if child and child in parents:
+        if not (parent and child):
+            continue  # Pinocchio reports it
+        if child in parents:
             faults.append(f"link {child[:40]!r} has two parents: loops cannot be read")
         parents[child] = parent
     try:

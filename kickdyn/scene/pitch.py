@@ -98,11 +98,11 @@ def read_wall(text: str) -> Wall:
     Raises:
         InvalidInput: it is no such text.
     """
-    parts, shown = text.split(":"), validation.brief(text)
-    if len(parts) not in (2, 3):
+    fields, shown = text.split(":"), validation.brief(text)
+    if len(fields) not in (2, 3):
         raise InvalidInput(f"wall is {shown}: it must be DISTANCE:HEIGHT or with :WIDTH [m]")
     try:
-        values = [float(part) for part in parts]
+        values = [float(field) for field in fields]
     except ValueError:
         raise InvalidInput(f"wall is {shown}: it must be numbers, as 9.15:1.9") from None
     return Wall(*values)

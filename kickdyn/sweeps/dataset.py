@@ -39,7 +39,7 @@ VARIABLES = {
 """Name of every variable of a dataset but `status`, with its unit and meaning.
 
 A new one comes last. `variables_of` computes it for one posture, and `fill_variables` in
-`kernels.py` for large grids; a sweep without it there ends in a `KeyError`.
+`kernel.py` for large grids; a sweep without it there ends in a `KeyError`.
 """
 
 STATUS_ATTRIBUTES: dict[str, Any] = {

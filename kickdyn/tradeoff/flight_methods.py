@@ -62,13 +62,13 @@ def kicks(number: int = 6) -> list[BallState]:
 def measure_flights(
     tolerances: Sequence[float] = TOLERANCES,
     report: Callable[[str], None] = lambda _: None,
-    others: Mapping[str, Landings] = MappingProxyType({}),
+    further_integrators: Mapping[str, Landings] = MappingProxyType({}),
 ) -> list[Measurement]:
     """Measure every integrator on the same kicks, in one run, against 20 digits.
 
     The scenes are `vacuum`; `drag only`, without spin; and `full`: drag, lift and decay of spin.
     The measurements on a scene's Pareto front are marked; `report` is called with each method's
-    name. Integrators in `others` are measured in the scene `full`, which is a `Ball()` in
+    name. Those in `further_integrators` are measured in the scene `full`, which is a `Ball()` in
     `Air(drag="brazuca")`.
     """
     ball, rows = Ball(), [_measure_vacuum()]
@@ -78,7 +78,7 @@ def measure_flights(
         ("full", Air(drag="brazuca"), kicks()),
     ):
         exact, measured = np.array(LANDINGS[scene][: len(states)]), []
-        methods = _methods(ball, air) | (dict(others) if scene == "full" else {})
+        methods = _methods(ball, air) | (dict(further_integrators) if scene == "full" else {})
         for name, land in methods.items():
             report(f"{scene}: {name}")
             land(states, max(tolerances))  # compiles, loads

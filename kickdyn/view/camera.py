@@ -10,10 +10,10 @@ import numpy as np
 
 from kickdyn.core.validation import Array
 
-FIELD = 44.0
+FIELD_OF_VIEW = 44.0
 """Vertical field of view [deg]."""
 
-UP = math.tan(math.radians(FIELD / 2))
+UP = math.tan(math.radians(FIELD_OF_VIEW / 2))
 LEFT, RIGHT = 0.76 * UP, 1.6 * UP
 """Slopes that bound the scene, in a picture of 16 by 9 with a caption at its left."""
 
@@ -90,7 +90,7 @@ def set_camera(viewer: Any, camera: Camera) -> None:
     size = math.hypot(x, y, z)
     viewer.set_transform(tf.translation_matrix(-camera.target))
     lens = viewer["/Cameras/default/rotated/<object>"]
-    lens.set_property("fov", FIELD)
+    lens.set_property("fov", FIELD_OF_VIEW)
     lens.set_property("near", 0.02 * size)
     lens.set_property("far", 1e4 * size)
     lens.set_property("position", [x, z, -y])  # three.js has y up there

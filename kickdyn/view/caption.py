@@ -10,8 +10,7 @@ import numpy as np
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course
 from kickdyn.impact.impact_result import Impact
-from kickdyn.view.impulses import JOINT, LEAST
-from kickdyn.view.kick_scene import DrawnKick
+from kickdyn.view.kick_scene import JOINT_ARROW, LEAST_JOINT_IMPULSE, DrawnKick
 from kickdyn.view.marks import ARROW, CURVE
 from kickdyn.view.playback import Pace
 
@@ -38,7 +37,7 @@ def kick_panel(
         (
             "arrows",
             f"impulses: on the ball {colour_key(ARROW)}, and by each joint on what hangs on it "
-            f"{colour_key(JOINT)}",
+            f"{colour_key(JOINT_ARROW)}",
         ),
         ("axes", f"x forward, y left, z up; arrows of {drawn.axis:g} m"),
     ]
@@ -90,9 +89,9 @@ def _joints(impact: Impact) -> str:
         value, unit = values.get(name, (0.0, ""))  # a floating base has no single angle
         shown = {"m": f"{value:.4g} m, ", "deg": f"{value:.1f}°, "}.get(unit, "")
         moves = name in values and impact.v_before[leg.velocity_index(name)]
-        if moves or size > LEAST * max(norms):
+        if moves or size > LEAST_JOINT_IMPULSE * max(norms):
             rows.append((_name(name), f"{shown}{size:.3g} N s"))
-    summary = f"{len(rows)} joints: angle and impulse {colour_key(JOINT)}"
+    summary = f"{len(rows)} joints: angle and impulse {colour_key(JOINT_ARROW)}"
     return _folded(summary, rows, is_open=len(rows) <= 4)
 
 
@@ -122,7 +121,7 @@ def _impact_rows(impact: Impact) -> list[Row]:
             f"impulse on ball {colour_key(ARROW)}",
             f"{float(np.linalg.norm(impact.impulse)):.4g} N s",
         ),
-        (f"worst joint {colour_key(JOINT)}", f"{size:.4g} N s at {_name(name)}"),
+        (f"worst joint {colour_key(JOINT_ARROW)}", f"{size:.4g} N s at {_name(name)}"),
         ("effective mass", f"{impact.effective_mass:.4g} kg"),
         ("foot speed", f"{float(np.linalg.norm(impact.foot_velocity)):.4g} m/s"),
         ("ball speed", f"{float(after.speed):.4g} m/s"),

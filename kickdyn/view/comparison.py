@@ -17,8 +17,17 @@ from kickdyn.impact.impact_result import Impact
 from kickdyn.view.camera import camera_for
 from kickdyn.view.caption import colour_key, panel_of
 from kickdyn.view.document import draw_label
-from kickdyn.view.impulses import LEAST, draw_impulse, impulse_arrows, largest_impulse
-from kickdyn.view.kick_scene import POINTS, THIN, box_corners, set_stage, stripe_width
+from kickdyn.view.kick_scene import (
+    CURVE_POINTS,
+    CURVE_RADIUS,
+    LEAST_JOINT_IMPULSE,
+    box_corners,
+    draw_impulse,
+    impulse_arrows,
+    largest_impulse,
+    set_stage,
+    stripe_width,
+)
 from kickdyn.view.leg_figure import draw_leg
 from kickdyn.view.marks import (
     draw_axes,
@@ -30,10 +39,15 @@ from kickdyn.view.marks import (
 )
 
 COLOURS = (0xE63946, 0x2456D6, 0xF4A300, 0x6A2FB5, 0x0E8F8F, 0x8C5A2B, 0xD81E9B, 0x7FE3F5)
-MOST = len(COLOURS)  # flights or impacts of one picture
-X = np.array([1.0, 0.0, 0.0])
-MOST_DOTS, DOTS = 12, 0x111111
-"""Measured positions that are drawn of a flight, about, and their colour."""
+MOST_SUBJECTS = len(COLOURS)
+"""Flights or impacts of one picture."""
+
+X_AXIS = np.array([1.0, 0.0, 0.0])
+
+MOST_DOTS = 12
+"""About how many measured positions of a flight are drawn."""
+
+DOT_COLOUR = 0x111111
 
 
 def draw_flights(
@@ -52,7 +66,7 @@ def draw_flights(
     """
     _check_count(paths)
     curves = [
-        path.sample(np.linspace(0, path.duration, POINTS)).position for path in paths.values()
+        path.sample(np.linspace(0, path.duration, CURVE_POINTS)).position for path in paths.values()
     ]
     points = np.vstack(curves)
     first = next(iter(paths.values()))
@@ -61,19 +75,19 @@ def draw_flights(
     forward = points[np.argmax(np.hypot(*(points - points[0])[:, :2].T))] - points[0]
     forward[2] = 0.0
     length = math.hypot(*forward)
-    forward = forward / length if length else X
+    forward = forward / length if length else X_AXIS
     size = max(float(np.ptp(points, axis=0).max()), radius)
     space = box_corners(start + np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.3 * size]]), 0.02 * size)
     camera = camera_for(space, box_corners(points, radius), forward)
     set_stage(viewer, camera, points)
     sideways = np.cross(forward, (0.0, 0.0, 1.0))
     for number, curve in enumerate(curves):
-        width = 1.5 * THIN * camera.distance(curve)
+        width = 1.5 * CURVE_RADIUS * camera.distance(curve)
         draw_curve(viewer[f"curve/{number}"], curve, width, sideways, COLOURS[number])
     for number, name in enumerate(paths):
         if name in measured:
             dots = measured[name][:: max(len(measured[name]) // MOST_DOTS, 1)]
-            draw_dots(viewer[f"dots/{number}"], dots, 0.0035 * size, DOTS)
+            draw_dots(viewer[f"dots/{number}"], dots, 0.0035 * size, DOT_COLOUR)
     drawn = max(radius, 0.012 * size)
     draw_ball(viewer["ball"], drawn, start)
     stripe = stripe_width(size)
@@ -91,7 +105,7 @@ def draw_flights(
     begins = "launch"
     if measured:
         begins = "first sample"
-        rows.append((f"{colour_key(DOTS)} measured", f"about {MOST_DOTS} positions of each"))
+        rows.append((f"{colour_key(DOT_COLOUR)} measured", f"about {MOST_DOTS} positions of each"))
     marks = [
         ("distances, heights", f"from the {begins} of each"),
         ("ground marks", f"every {stripe:g} m"),
@@ -130,20 +144,20 @@ def draw_impacts(viewer: Any, impacts: Mapping[str, Impact], title: str) -> str:
         node = viewer[str(number)]
         head = np.array([figure[:, 0].mean(), 0.0, figure[:, 2].max() + 0.1 * size])
         tip = impact.posture.contact_point + scale * impact.impulse
-        points = np.vstack([figure, head, tip + 0.25 * size * X])  # with space for labels
-        shift = (left - points[:, 0].min()) * X
+        points = np.vstack([figure, head, tip + 0.25 * size * X_AXIS])  # with space for labels
+        shift = (left - points[:, 0].min()) * X_AXIS
         shown.append(points + shift)
         left = shown[-1][:, 0].max()
         node.set_transform(tf.translation_matrix(shift))
         draw_ball(node["ball"], impact.ball.radius, impact.ball_before.position)
         draw_label(node["name"], name, "black", head)
-        for arrow in impulse_arrows(impact, LEAST * most):
+        for arrow in impulse_arrows(impact, LEAST_JOINT_IMPULSE * most):
             draw_impulse(node[arrow.node], arrow, scale)
     points, floor = np.vstack(shown), min(float(figure[:, 2].min()) for figure in figures)
-    set_stage(viewer, camera_for(points, points, X), points)
+    set_stage(viewer, camera_for(points, points, X_AXIS), points)
     width = float(np.ptp(points[:, 0]))
     centre = np.array([*points.mean(axis=0)[:2], floor])
-    draw_ground(viewer["ground"], centre, X, stripe_width(width), 8 * width)
+    draw_ground(viewer["ground"], centre, X_AXIS, stripe_width(width), 8 * width)
     rows = [(escape(name), _numbers(impact)) for name, impact in impacts.items()]
     return panel_of(title, rows, warnings=viewer.window.warnings)
 
@@ -159,5 +173,7 @@ def _numbers(impact: Impact) -> str:
 
 def _check_count(subjects: Mapping[str, object]) -> None:
     """Raise `InvalidInput` unless a picture can show so many."""
-    if not 0 < len(subjects) <= MOST:
-        raise InvalidInput(f"there are {len(subjects)} to show: one page compares 1 to {MOST}")
+    if not 0 < len(subjects) <= MOST_SUBJECTS:
+        raise InvalidInput(
+            f"there are {len(subjects)} to show: one page compares 1 to {MOST_SUBJECTS}"
+        )

@@ -1,26 +1,35 @@
-"""meshcat scenes in memory, and the HTML that shows them: one file that needs no network.
+"""meshcat scenes in memory, the HTML that shows them without a network, and pictures of it.
 
 `page.html` has the page's style and script; meshcat's own `static_html` needs its server.
 A page shows one scene at a time; buttons choose among several. At the end of the page's address,
 `#scene=2&at=1.5` shows the third scene and stops its animation at 1.5 s, `#picture` hides the
-slider of the animation, and `#controls` shows meshcat's own controls.
+slider of the animation, and `#controls` shows meshcat's own controls. A picture is a screenshot by
+Chromium without a window.
 """
 
 import base64
 import json
+import os
 import re
+import shutil
+import subprocess
+import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from html import escape
 from importlib.resources import files
+from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import meshcat
 import meshcat.transformations as tf
 import umsgpack
 
+from kickdyn.core.files import replacing
 from kickdyn.core.validation import Array
+from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.view.camera import LEFT, RIGHT, UP
 
 TEMPLATE = "page.html"
@@ -28,6 +37,17 @@ TEMPLATE = "page.html"
 
 IDENTIFIERS = ("uuid", "geometry", "material")
 """Keys of three.js's objects whose values are identifiers."""
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+TIMEOUT = 120.0
+"""Longest run of Chromium for one picture [s]."""
+
+# The picture is drawn without a graphics processor, so that it is the same everywhere.
+_FLAGS = (
+    "--headless=new --use-gl=angle --use-angle=swiftshader --enable-unsafe-swiftshader "
+    "--hide-scrollbars --disable-background-networking --disable-component-update --disable-sync "
+    "--no-first-run --virtual-time-budget=3000 --window-size=1280,720"
+)
 
 
 class Recorder:
@@ -138,3 +158,55 @@ def html_document(title: str, recordings: Mapping[str, Recording]) -> str:
 def _read(package: str, name: str) -> str:
     """Return a text file of a package."""
     return (files(package) / name).read_text(encoding="utf-8")
+
+
+def find_browser(path: str | PathLike[str]) -> str:
+    """Return the browser that draws a picture at `path`.
+
+    Raises:
+        InvalidInput: there is none, or the name does not end in `.png`.
+    """
+    if Path(path).suffix.lower() != ".png":
+        raise InvalidInput(f"{path} has no known ending: pictures of a page are written as .png")
+    browser = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if browser is None:
+        raise InvalidInput(
+            "a picture of a page needs Chromium: install it (Debian package chromium), "
+            "or write the page alone"
+        )
+    return browser
+
+
+def save_picture(html: str, path: str | PathLike[str], time: float = 0.0) -> None:
+    """Write a page as a PNG, at a time from the impact [s].
+
+    Raises:
+        InvalidInput: there is no Chromium, or the file cannot be written.
+        KickdynError: Chromium failed.
+    """
+    browser = find_browser(path)
+    # Chromium's sandbox refuses to run as root; the page may load and call nothing anyway.
+    rooted = ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
+    with replacing(path) as draft, tempfile.TemporaryDirectory() as folder:
+        page = Path(folder) / "page.html"
+        page.write_text(html, encoding="utf-8")
+        files = [f"--user-data-dir={folder}/profile", f"--screenshot={draft}"]
+        command = [
+            browser,
+            *_FLAGS.split(),
+            *rooted,
+            *files,
+            f"{page.as_uri()}#picture&at={time:.9g}",
+        ]
+        try:
+            done = subprocess.run(command, capture_output=True, timeout=TIMEOUT, check=False)
+        except subprocess.TimeoutExpired:
+            raise KickdynError(f"{browser} did not end within {TIMEOUT:g} s") from None
+        if b"No usable sandbox" in done.stderr:
+            raise KickdynError(
+                f"{browser} cannot use its sandbox here: install the Debian package "
+                "chromium-sandbox or, in a container that does not allow it, put a script named "
+                "chromium first on PATH that starts it with --no-sandbox"
+            )
+        if done.returncode != 0 or not draft.exists():
+            raise KickdynError(f"{browser} made no picture (it ended with {done.returncode})")

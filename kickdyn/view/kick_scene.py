@@ -1,4 +1,4 @@
-"""One kick, drawn and moving: leg, ball, impulses, flight and ground."""
+"""One kick, drawn and moving: leg, ball, flight, ground, and impulses as arrows to one scale."""
 
 import math
 from collections.abc import Sequence
@@ -22,10 +22,11 @@ from kickdyn.robot.leg import Leg
 from kickdyn.robot.model_validation import frame_id
 from kickdyn.view.camera import BOTTOM, LEFT, RIGHT, TOP, UP, Camera, camera_for, set_camera
 from kickdyn.view.document import draw_label
-from kickdyn.view.impulses import LEAST, Arrow, draw_impulse, impulse_arrows, largest_impulse
 from kickdyn.view.leg_figure import draw_leg, joint_poses
 from kickdyn.view.marks import (
+    ARROW,
     CURVE,
+    draw_arrow,
     draw_axes,
     draw_ball,
     draw_curve,
@@ -37,17 +38,52 @@ from kickdyn.view.marks import (
 from kickdyn.view.playback import RATE, Pace, ball_pose, kick_pace, leg_configuration
 from kickdyn.view.wall_and_goal import Box, draw_box
 
-SKY = {"top_color": [0.60, 0.78, 0.93], "bottom_color": [0.96, 0.98, 1.0]}
-LIGHTS = {
+SKY_COLOURS = {"top_color": [0.60, 0.78, 0.93], "bottom_color": [0.96, 0.98, 1.0]}
+LIGHT_INTENSITIES = {
     "AmbientLight": 0.6,
     "FillLight": 0.7,  # from afar: of the same strength everywhere
     "PointLightNegativeX": 0.1,
     "PointLightPositiveX": 0.1,
 }
-SUN = np.array([-0.3, -0.5, 0.81])  # unit vector to the light
-LIFT = 5e-3  # height above the ground from which on a resting ball is on a tee [m]
-THIN = 0.0017  # radius of the curve over its distance from the camera: 3 or 4 pixels on a screen
-POINTS = 150  # of a flight's curve
+SUN_DIRECTION = np.array([-0.3, -0.5, 0.81])
+"""Unit vector from the scene to the light."""
+
+LEAST_TEE_HEIGHT = 5e-3
+"""Height above the ground from which on a resting ball is drawn on a tee [m]."""
+
+CURVE_RADIUS = 0.0017
+"""Radius of a flight's curve over its distance from the camera: 3 or 4 pixels on a screen."""
+
+CURVE_POINTS = 150
+"""Points of a flight's curve."""
+
+JOINT_ARROW = 0xF28C00
+"""Colour of the arrows of joint impulses."""
+
+LEAST_JOINT_IMPULSE = 0.05
+"""Least impulse of a joint that gets an arrow, over the largest impulse of the kick."""
+
+
+@dataclass(frozen=True, eq=False)
+class Arrow:
+    """An impulse that is drawn.
+
+    Attributes:
+        node: where it is drawn in the viewer.
+        start: shape `(3,)` [m, world frame].
+        impulse: not zero, shape `(3,)` [N s, world frame].
+        colour: 0xRRGGBB.
+    """
+
+    node: str
+    start: Array
+    impulse: Array
+    colour: int
+
+    @property
+    def size(self) -> float:
+        """Norm of the impulse [N s]."""
+        return float(np.linalg.norm(self.impulse))
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +122,7 @@ def draw_kick(
     backswing = swing.backswing if isinstance(swing, Swing) else swing
     pace = kick_pace(impact, path.duration, None if backswing is None else backswing.duration)
     moved = [_configuration(impact, swing, time) for time in pace.times]
-    curve = path.sample(np.linspace(0.0, path.duration, POINTS)).position
+    curve = path.sample(np.linspace(0.0, path.duration, CURVE_POINTS)).position
     forward = _forward(impact, curve)
     bottom = _bottom(impact, path)
     floor = bottom if lies else _ground_height(impact, moved, bottom)
@@ -101,20 +137,21 @@ def draw_kick(
     size = float(np.linalg.norm(np.ptp(near, axis=0)))
     most = largest_impulse(impact)
     scale = max(3.2 * ball.radius, 0.45 * size) / most if most > 0 else 0.0
-    arrows = impulse_arrows(impact, LEAST * most)
+    arrows = impulse_arrows(impact, LEAST_JOINT_IMPULSE * most)
     tips = np.array([arrow.start + scale * arrow.impulse for arrow in arrows]).reshape(-1, 3)
     foot = np.array([*before.position[:2], floor])
     axis = stripe_width(1.8 * size)
     far.append(foot[None])
     camera = camera_for(near, np.vstack(far), forward, marks=tips, behind=bool(scenery))
     figure = np.vstack([near, figure, tips])
-    line = foot + np.linspace(0.0, 1.0, POINTS)[:, None] * (curve[-1] - foot) * (1.0, 1.0, 0.0)
+    level = (curve[-1] - foot) * (1.0, 1.0, 0.0)
+    line = foot + np.linspace(0.0, 1.0, CURVE_POINTS)[:, None] * level
     origin = _free_place(camera, figure, np.vstack([curve, line]), foot, axis)
-    width = THIN * camera.distance(curve)
+    width = CURVE_RADIUS * camera.distance(curve)
 
     set_stage(viewer, camera, np.vstack([near, *far]))
     draw_ball(viewer["ball"], ball.radius, before.position)
-    stands = lift > LIFT and not lies and not before.velocity.any()
+    stands = lift > LEAST_TEE_HEIGHT and not lies and not before.velocity.any()
     if stands:
         draw_tee(viewer["tee"], foot + np.array([0.0, 0.0, lift]), lift, ball.radius)
     draw_curve(viewer["curve"], curve, width, np.cross(forward, (0.0, 0.0, 1.0)))
@@ -137,9 +174,45 @@ def draw_kick(
     text = describe_buried(leg, moved, pace, floor)
     if stands:
         text += f" The ball is on a tee, {lift:.2g} m above the ground."
-    elif lift < -LIFT:
+    elif lift < -LEAST_TEE_HEIGHT:
         text += f" The ball is {-lift:.2g} m in the ground on which the robot stands."
     return DrawnKick(pace, stripe, axis, text.strip())
+
+
+def joint_impulses_in_world(impact: Impact) -> list[tuple[str, Array, Array]]:
+    """Return name, origin [m] and impulse [N s] of each joint, by parent on child, world frame."""
+    leg = impact.posture.leg
+    poses = joint_poses(leg, impact.posture.q)[1:]
+    return [
+        (name, pose[:3, 3], pose[:3, :3] @ impulse[:3])
+        for name, pose, impulse in zip(leg.joint_names, poses, impact.joint_impulses, strict=True)
+    ]
+
+
+def largest_impulse(impact: Impact) -> float:
+    """Return the largest impulse of a kick, on the ball or through a joint [N s]."""
+    impulses = [impact.impulse, *(impulse for _, _, impulse in joint_impulses_in_world(impact))]
+    return max(float(np.linalg.norm(impulse)) for impulse in impulses)
+
+
+def impulse_arrows(impact: Impact, least: float) -> list[Arrow]:
+    """Return the ball's arrow, then the arrows of joints above `least` [N s], largest first."""
+    ball = Arrow("arrow", impact.posture.contact_point, impact.impulse, ARROW)
+    joints = [
+        Arrow(f"joint_arrows/{number}", start, impulse, JOINT_ARROW)
+        for number, (_, start, impulse) in enumerate(joint_impulses_in_world(impact), start=1)
+    ]
+    joints = sorted(
+        (arrow for arrow in joints if arrow.size > least), key=lambda arrow: -arrow.size
+    )
+    return [ball, *joints] if ball.size > 0.0 else joints
+
+
+def draw_impulse(viewer: Any, arrow: Arrow, scale: float) -> None:
+    """Draw an arrow, `scale` metres long per N s, with its size at its tip."""
+    vector = scale * arrow.impulse
+    draw_arrow(viewer, arrow.start, vector, arrow.colour)
+    draw_label(viewer["label"], f"{arrow.size:.3g} N s", f"#{arrow.colour:06x}", vector)
 
 
 def describe_buried(leg: Leg, moved: Sequence[Array], pace: Pace, floor: float) -> str:
@@ -218,13 +291,13 @@ def set_stage(viewer: Any, camera: Camera, points: Array) -> None:
     """Set sky, camera, and light that casts the shadows of points, shape `(n, 3)` [m]."""
     for name in ("/Grid", "/Axes"):
         viewer[name].set_property("visible", False)
-    for name, colour in SKY.items():
+    for name, colour in SKY_COLOURS.items():
         viewer["/Background"].set_property(name, colour)
-    for name, brightness in LIGHTS.items():
+    for name, brightness in LIGHT_INTENSITIES.items():
         viewer[f"/Lights/{name}/<object>"].set_property("intensity", brightness)
     reach = float(np.linalg.norm(points - camera.target, axis=1).max())
     sun = viewer["/Lights/FillLight/<object>"]
-    sun.set_property("position", (1.8 * reach * SUN).tolist())
+    sun.set_property("position", (1.8 * reach * SUN_DIRECTION).tolist())
     sun.set_property("reach", reach)  # the page's script frames the shadows by it
     set_camera(viewer, camera)
 

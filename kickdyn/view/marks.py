@@ -71,7 +71,7 @@ def draw_ground(viewer: Any, centre: Array, forward: Array, stripe: float, reach
         colours.reshape(-1, 3),
     )
     viewer.set_object(lawn, shapes.MeshBasicMaterial(vertexColors=True))
-    viewer["shadow"].set_object(lawn, _Shadow(color=0, opacity=0.4, **NEARER))
+    viewer["shadow"].set_object(lawn, _Shadow(color=0, opacity=0.4, **COPLANAR_OFFSET))
     up = np.array([0.0, 0.0, 1.0])
     viewer.set_transform(pose_of(np.column_stack([forward, np.cross(up, forward), up]), centre))
 
@@ -82,7 +82,7 @@ class _Shadow(shapes.GenericMaterial):  # type: ignore[misc]
     _type = "ShadowMaterial"
 
 
-NEARER = {"polygonOffset": True, "polygonOffsetFactor": -1.0, "polygonOffsetUnits": -4.0}
+COPLANAR_OFFSET = {"polygonOffset": True, "polygonOffsetFactor": -1.0, "polygonOffsetUnits": -4.0}
 """Of the material of what lies in the plane of the ground, so that it is seen."""
 
 
@@ -114,7 +114,7 @@ def draw_distances(
     vertices = np.concatenate([corners, np.zeros((*corners.shape[:2], 1))], 2).reshape(-1, 3)
     faces = 4 * np.arange(len(corners))[:, None, None] + np.array([(0, 1, 2), (0, 2, 3)])
     lines = shapes.TriangularMeshGeometry(vertices, faces.reshape(-1, 3))
-    viewer.set_object(lines, shapes.MeshBasicMaterial(color=LINE, **NEARER))
+    viewer.set_object(lines, shapes.MeshBasicMaterial(color=LINE, **COPLANAR_OFFSET))
     for k in (0, count, *range(1, count)):
         text = f"{round(k * step, 9):g} m"
         draw_mark(viewer[str(k)], text, np.array([along[k], -2.2 * half[k], 0.0]))

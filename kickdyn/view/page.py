@@ -34,10 +34,9 @@ from kickdyn.scene.simulate import simulate_as_instant
 from kickdyn.scene.simulation import Simulation
 from kickdyn.view.caption import kick_panel
 from kickdyn.view.comparison import draw_flights, draw_impacts
-from kickdyn.view.document import Recording, html_document, recording_viewer
+from kickdyn.view.document import Recording, html_document, recording_viewer, save_picture
 from kickdyn.view.kick_scene import draw_kick
 from kickdyn.view.playback import Pace
-from kickdyn.view.screenshot import save_picture
 from kickdyn.view.wall_and_goal import Box, plane_boxes, wall_boxes
 
 ADDRESS = "127.0.0.1"

@@ -17,10 +17,10 @@ from kickdyn.view.marks import pose_of
 RATE = 60
 """Pictures per second; what spins faster than half a turn in one cannot be shown anyway."""
 
-FOLLOW, FLY = 0.7, 2.1
+FOLLOW_TIME, FLIGHT_TIME = 0.7, 2.1
 """How long the first part after the impact, in the strike's pace, and the flight are shown [s]."""
 
-TRAVEL = 0.6
+SWING_LENGTH = 0.6
 """How far the fastest joint swings, before and after the impact each [rad; m if prismatic]."""
 
 
@@ -49,7 +49,7 @@ class Pace:
         The kick's time is linear in between.
         """
         last = len(self.times) - 1
-        numbers = np.unique([0, self.impact, self.impact + round(FOLLOW * RATE), last])
+        numbers = np.unique([0, self.impact, self.impact + round(FOLLOW_TIME * RATE), last])
         return np.column_stack([numbers / RATE, self.times[numbers]])
 
 
@@ -61,16 +61,16 @@ def kick_pace(impact: Impact, duration: float, backswing: float | None = None) -
     rest to the impact.
     """
     fastest = float(max(np.abs(impact.v_before).max(), np.abs(impact.v_after).max()))
-    swing = TRAVEL / fastest if fastest > 0 else math.inf
-    alike = duration / (FOLLOW + FLY) if duration > 0 else math.inf
+    swing = SWING_LENGTH / fastest if fastest > 0 else math.inf
+    alike = duration / (FOLLOW_TIME + FLIGHT_TIME) if duration > 0 else math.inf
     before = 1.2 if backswing is None else 3.0  # shown before the impact [s]
     strike = min(swing / before, alike) if backswing is None else backswing / before
     if not math.isfinite(strike):
         strike = 1.0
-    after = max(duration, strike * (FOLLOW + FLY))
-    flight = (after - strike * FOLLOW) / FLY
-    moments = np.arange(round((before + FOLLOW + FLY) * RATE) + 1) / RATE - before
-    times = strike * moments + (flight - strike) * np.maximum(moments - FOLLOW, 0.0)
+    after = max(duration, strike * (FOLLOW_TIME + FLIGHT_TIME))
+    flight = (after - strike * FOLLOW_TIME) / FLIGHT_TIME
+    moments = np.arange(round((before + FOLLOW_TIME + FLIGHT_TIME) * RATE) + 1) / RATE - before
+    times = strike * moments + (flight - strike) * np.maximum(moments - FOLLOW_TIME, 0.0)
     end = len(times) - 1 + round(0.8 * RATE)
     return Pace(times, round(before * RATE), 1 / strike, 1 / flight, end)
 
@@ -86,7 +86,7 @@ def leg_configuration(impact: Impact, time: float) -> Array:
     v, shown = impact.v_before, time
     if time > 0:
         v, fastest = impact.v_after, float(np.abs(impact.v_after).max())
-        ease = TRAVEL / fastest if fastest > 0 else math.inf
+        ease = SWING_LENGTH / fastest if fastest > 0 else math.inf
         shown = -ease * math.expm1(-time / ease) if math.isfinite(ease) else time
     moved = np.asarray(pin.integrate(model, q, shown * v))
     # Only a joint of one number has a range; and a posture outside it must not jump back.

@@ -67,8 +67,7 @@ G = 9.81
     ],
 )
 def test_in_a_vacuum_tolerances_are_relative_to_the_parabola(speed, drop, wind, length, pace):
-    launch = np.array([0.6 * speed, 0.0, 0.8 * speed])
-    found = tolerances(launch, drop, wind, BALL, VACUUM, 1e-6)
+    found = tolerances(speed, drop, wind, BALL, VACUUM, 1e-6)
     assert found == pytest.approx((1e-6, 1e-6 * length, 1e-6 * pace))
 
 
@@ -78,7 +77,7 @@ def test_with_drag_they_are_relative_to_the_closed_form_straight_up(speed):
     k = 0.5 * air.density * BALL.cross_section * 0.2 / BALL.mass
     height = math.log1p(k * speed**2 / G) / (2 * k)
     back = speed / math.sqrt(1 + k * speed**2 / G)
-    found = tolerances(np.array([0, 0, speed]), 0.0, 0.0, BALL, air, 1e-6)
+    found = tolerances(speed, 0.0, 0.0, BALL, air, 1e-6)
     assert found == pytest.approx((1e-6, 2e-6 * height, 1e-6 * back), rel=1e-9)
 
 
@@ -101,13 +100,13 @@ def test_the_drag_length_is_of_the_least_drag_on_the_way(speed):
 
 def test_many_are_the_same_as_each():
     draw = np.random.default_rng(1)
-    velocity = draw.normal(size=(50, 3)) * 10.0 ** draw.uniform(-6, 6, (50, 1))
+    speed = 10.0 ** draw.uniform(-6, 6, 50)
     drop, wind = draw.uniform(0, 100, 50), draw.uniform(0, 9, 50)
-    rtol, near, slow = tolerances(velocity, drop, wind, BALL, kd.Air(), 1e-9)
+    rtol, near, slow = tolerances(speed, drop, wind, BALL, kd.Air(), 1e-9)
     for i in range(50):
-        one = tolerances(velocity[i], drop[i], wind[i], BALL, kd.Air(), 1e-9)
+        one = tolerances(speed[i], drop[i], wind[i], BALL, kd.Air(), 1e-9)
         assert one == pytest.approx((rtol, near[i], slow[i]), rel=1e-14, abs=0)
-    none = tolerances(np.empty((0, 3)), np.empty(0), 0.0, BALL, kd.Air(), 1e-9)
+    none = tolerances(np.empty(0), np.empty(0), 0.0, BALL, kd.Air(), 1e-9)
     assert none[1].shape == none[2].shape == (0,)
 
 
@@ -119,7 +118,7 @@ def silent(reynolds, spin_parameter):
     "drag", [None, silent, constant(0.0), constant(math.nan), constant(math.inf), constant(-1.0)]
 )
 def test_a_drag_that_says_nothing_bounds_nothing(drag):
-    found = tolerances(np.array([3.0, 0, 4]), 0.0, 0.0, BALL, kd.Air(drag=drag, buoyancy=False), 1)
+    found = tolerances(5.0, 0.0, 0.0, BALL, kd.Air(drag=drag, buoyancy=False), 1)
     assert found[1:] == pytest.approx((25 / G, 5))
 
 
@@ -127,9 +126,7 @@ def test_a_drag_that_says_nothing_bounds_nothing(drag):
 def test_they_stay_within_double_precision(mass):
     """A balloon at rest, one that neither sinks nor rises; a launch at any speed."""
     for speed in (0.0, 1e-300, 1e8, 1e100):
-        rtol, near, slow = tolerances(
-            np.array([speed, 0, 0]), 0.0, 0.0, kd.Ball(mass, BALL.radius), kd.Air(), 1e-13
-        )
+        rtol, near, slow = tolerances(speed, 0.0, 0.0, kd.Ball(mass, BALL.radius), kd.Air(), 1e-13)
         assert rtol >= 10 * np.finfo(float).eps  # else a step's estimated error is rounding
         assert min(near, slow) > 0
 

@@ -10,6 +10,8 @@ from kickdyn.robot.model_validation import (
     check_model,
     cholesky_with_condition,
     find_singular_joints,
+    frame_id,
+    frames_by_name,
 )
 
 BODY = pin.Inertia(1.0, np.array([0.0, 0.1, -0.25]), np.diag([0.1, 0.1, 0.05]))
@@ -129,3 +131,20 @@ def test_rounding_bounds_what_an_error_of_the_inertia_does(seed):
     changed = posture.jacobian @ np.linalg.solve(wrong, posture.jacobian.T)
     gap = np.abs((changed - posture.delassus()).diagonal()) / posture.delassus().diagonal()
     assert gap.max() <= 1.001e-9 * posture.rounding_gain
+
+
+def test_a_name_is_first_that_of_a_body():
+    """Then of the first frame that is no joint's."""
+    model, here = pin.Model(), pin.SE3.Identity()
+    joint = model.addJoint(0, pin.JointModelRX(), here, "a")
+    kinds = pin.FrameType
+    for name, kind in (
+        *(("a", kinds.JOINT), ("b", kinds.JOINT), ("b", kinds.OP_FRAME), ("b", kinds.SENSOR)),
+        *(("a", kinds.FIXED_JOINT), ("a", kinds.BODY), ("c", kinds.JOINT)),
+    ):
+        model.addFrame(pin.Frame(name, joint, 0, here, kind))
+    assert frames_by_name(model) == {"a": 6, "b": 3, "c": 7}
+    assert frame_id(model, "b") == 3
+    for unknown in ("universe", ["a"]):
+        with pytest.raises(kd.InvalidInput, match="is unknown"):
+            frame_id(model, unknown)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import umsgpack
 
-from kickdyn.view.camera import FIELD, camera_for, set_camera
+from kickdyn.view.camera import FIELD_OF_VIEW, camera_for, set_camera
 from kickdyn.view.document import recording_viewer
 
 LEG = np.array([(x, y, z) for x in (-0.1, 0.3) for y in (-0.1, 0.1) for z in (-0.9, 0.1)])
@@ -26,7 +26,7 @@ def seen(camera, points):
     away = points - camera.position
     depth = away @ into
     assert (depth > 0).all()
-    half = math.tan(math.radians(FIELD / 2))
+    half = math.tan(math.radians(FIELD_OF_VIEW / 2))
     return np.stack([away @ right / depth / half * 9 / 16, away @ up / depth / half], axis=1)
 
 
@@ -63,7 +63,7 @@ def test_meshcat_sees_the_same():
     shift = np.reshape(said[0]["matrix"], (4, 4)).T[:3, 3]
     np.testing.assert_allclose(np.array([x, -z, y]) - shift, camera.position)
     np.testing.assert_allclose(-shift, camera.target)
-    assert values["fov"] == FIELD
+    assert values["fov"] == FIELD_OF_VIEW
     assert values["near"] < math.hypot(x, y, z) < values["far"]
 
 

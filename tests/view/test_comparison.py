@@ -6,7 +6,7 @@ import pytest
 
 import kickdyn as kd
 from kickdyn.core.mechanics import GRAVITY
-from kickdyn.view.comparison import COLOURS, DOTS
+from kickdyn.view.comparison import COLOURS, DOT_COLOUR
 
 
 @pytest.fixture(scope="module")
@@ -119,7 +119,7 @@ def test_measured_positions_are_shown_along_the_whole_flight(commands_of):
 
 
 def test_the_colours_differ_from_each_other_and_from_measured_positions():
-    parts = [np.array([c >> 16, c >> 8 & 255, c & 255]) for c in (*COLOURS, DOTS)]
+    parts = [np.array([c >> 16, c >> 8 & 255, c & 255]) for c in (*COLOURS, DOT_COLOUR)]
     apart = [np.linalg.norm(a - b) for i, a in enumerate(parts) for b in parts[:i]]
     assert min(apart) > 75.0
 

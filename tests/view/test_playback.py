@@ -32,7 +32,7 @@ def test_the_stated_factors_are_those_shown():
     assert pace.strike == pytest.approx(1 / steps[0])
     assert pace.flight == pytest.approx(1 / steps[-1])
     assert pace.strike > 10 * pace.flight
-    assert -pace.times[0] * 30 == pytest.approx(motion.TRAVEL)
+    assert -pace.times[0] * 30 == pytest.approx(motion.SWING_LENGTH)
 
 
 def test_a_slow_kick_has_one_pace():
@@ -63,7 +63,7 @@ def test_the_leg_stays_in_its_limits_and_comes_to_rest(struck):
         assert (leg.lower <= q).all()
         assert (q <= leg.upper).all()
     np.testing.assert_allclose(far[2], far[3])
-    assert np.abs(far[3] - hit.posture.q).max() <= motion.TRAVEL * (1 + 1e-9)
+    assert np.abs(far[3] - hit.posture.q).max() <= motion.SWING_LENGTH * (1 + 1e-9)
 
 
 def test_a_posture_outside_the_limits_does_not_jump(make_kick):

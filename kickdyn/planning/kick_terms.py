@@ -74,12 +74,6 @@ class KickVariables:
         configuration[self.qs] = q
         return self.leg.posture(configuration).with_contact_offset(self.target.contact.offset)
 
-    def whole_velocity(self, v: Array) -> Array:
-        """Return the joint velocity of the leg, shape `(nv,)`, all other joints at rest."""
-        velocity = np.zeros(self.leg.nv)
-        velocity[self.vs] = v
-        return velocity
-
     def unknowns(self, q: Array, v: Array, share: float) -> Array:
         """Return the unknowns for q and v of the joints that move the foot, and the share."""
         return np.array([*q, *(v / self.velocity_scale), share])
@@ -125,8 +119,10 @@ class KickPoint:
     @cached_property
     def v(self) -> Array:
         """The joint velocity of the leg just before the impact, shape `(nv,)` [rad/s]."""
-        n, scale = self.variables.n, self.variables.velocity_scale
-        return self.variables.whole_velocity(self.x[n : 2 * n] * scale)
+        variables = self.variables
+        velocity = np.zeros(variables.leg.nv)
+        velocity[variables.vs] = self.x[variables.n : -1] * variables.velocity_scale
+        return velocity
 
     @property
     def share(self) -> float:
@@ -329,14 +325,6 @@ class TorqueLimit(KickTerm):
         torque = pin.rnea(self._model, self._data, posture.q, v, self._still)
         return np.asarray(torque[self._vs])
 
-    def torque_slopes(self, posture: Posture, v: Array) -> tuple[Array, Array]:
-        """Return the derivatives of this torque by q and v, shape `(n, nv)` each."""
-        by_q, by_v, _ = pin.computeRNEADerivatives(
-            self._model, self._data, posture.q, v, self._still
-        )
-        shape = (len(v), len(v))
-        return np.reshape(by_q, shape)[self._vs], np.reshape(by_v, shape)[self._vs]
-
     def use(self, point: KickPoint) -> Array:
         """Return the torques over their limits, shape `(n,)`."""
         return np.abs(self.torque(point.posture, point.v)) / self.limit
@@ -346,9 +334,12 @@ class TorqueLimit(KickTerm):
         return 1.0 - use * use
 
     def derivatives(self, posture: Posture, v: Array) -> tuple[Array, Array]:
-        by_q, by_v = self.torque_slopes(posture, v)
         gain = -2 * (self.torque(posture, v) / self.limit**2)[:, None]
-        return gain * by_q, gain * by_v
+        by_q, by_v, _ = pin.computeRNEADerivatives(
+            self._model, self._data, posture.q, v, self._still
+        )
+        shape = (len(v), len(v))
+        return gain * np.reshape(by_q, shape)[self._vs], gain * np.reshape(by_v, shape)[self._vs]
 
     def binding(self, point: KickPoint) -> list[str]:
         return _binding("torque", self._names, self.use(point))

@@ -28,27 +28,28 @@ MeshReader = Callable[[str, tuple[float, ...]], list[Triangles]]
 MOST_VERTICES = 6_000_000
 """Vertices and triangles of all meshes of a robot: a page of 100 MB."""
 
-CREASE = math.radians(40)
+CREASE_ANGLE = math.radians(40)
 """Angle between a triangle and the surface around it from which on there is an edge [rad]."""
 
-PLAIN: Rgba = (0.62, 0.67, 0.73, 1.0)
-KNOB: Rgba = (0.25, 0.27, 0.31, 1.0)
+BODY_COLOUR: Rgba = (0.62, 0.67, 0.73, 1.0)
+JOINT_COLOUR: Rgba = (0.25, 0.27, 0.31, 1.0)
+"""Colours of sticks and of bodies without a colour, and of the spheres at joints."""
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class BodyShape:
     """A shape fixed to a joint.
 
     Attributes:
         joint: its index in the model; 0 is the world.
         pose: of the shape in the joint's frame, shape `(4, 4)` [m].
-        shape: a meshcat geometry.
+        geometry: the geometry of meshcat.
         rgba: colour, 0 to 1.
     """
 
     joint: int
     pose: Array
-    shape: Any
+    geometry: Any
     rgba: Rgba
 
 
@@ -68,28 +69,28 @@ def draw_leg(viewer: Any, leg: Leg, q: Array) -> Array:
     What cannot be drawn becomes a line of `viewer.window.warnings`.
 
     Returns:
-        Corners of boxes around its parts, shape `(n, 3)` [m, world frame].
+        Corners of boxes around its shapes, shape `(n, 3)` [m, world frame].
     """
     poses, corners = joint_poses(leg, q), []
-    parts, warning = leg_parts(leg)
+    body_shapes, warning = leg_shapes(leg)
     if warning and warning not in viewer.window.warnings:
         viewer.window.warnings.append(warning)
-    for number, part in enumerate(parts):
-        node = viewer[f"{part.joint}/{number}"]  # numbers, as a name could contain a slash
-        node.set_object(part.shape, _material(part))
-        node.set_transform(part.pose)
-        pose = poses[part.joint] @ part.pose
-        corners.append(_corners(part.shape) @ pose[:3, :3].T + pose[:3, 3])
+    for number, body_shape in enumerate(body_shapes):
+        node = viewer[f"{body_shape.joint}/{number}"]  # numbers, as a name could contain a slash
+        node.set_object(body_shape.geometry, _material(body_shape))
+        node.set_transform(body_shape.pose)
+        pose = poses[body_shape.joint] @ body_shape.pose
+        corners.append(_corners(body_shape.geometry) @ pose[:3, :3].T + pose[:3, 3])
     for joint, pose in enumerate(poses):
         viewer[str(joint)].set_transform(pose)
     return np.vstack(corners)
 
 
-def leg_parts(leg: Leg) -> tuple[list[Part], str]:
-    """Return the parts of a leg's figure, and a warning, empty if nothing is left out.
+def leg_shapes(leg: Leg) -> tuple[list[BodyShape], str]:
+    """Return the shapes of a leg's figure, and a warning, empty if nothing is left out.
 
-    The parts are the shapes that the leg's file describes, and sticks from joint to joint for the
-    bodies without any. What cannot be drawn, as a mesh that is missing or refused, is left out.
+    They are the shapes that the leg's file describes, and sticks from joint to joint for the bodies
+    without any. What cannot be drawn, as a mesh that is missing or refused, is left out.
     """
     if leg.file is None:
         return list(_sticks(leg, set())), ""
@@ -100,36 +101,36 @@ def leg_parts(leg: Leg) -> tuple[list[Part], str]:
     model = leg.workspace.model
     by_name = {name: model.frames[number] for name, number in frames_by_name(model).items()}
     visuals = [visual for visual in visuals if visual.frame in by_name]  # not of other objects
-    parts: list[Part] = []
+    body_shapes: list[BodyShape] = []
     faults: list[str] = []
     room = MOST_VERTICES
     read = cache(partial(read_mesh, PackageFiles(leg.file.folder, leg.file.package_dirs)))
     for visual in visuals:
         try:
-            new = list(_visual_parts(visual, by_name[visual.frame], read)) if room >= 0 else []
-            room -= sum(_vertices(part.shape) for part in new)
+            new = list(_visual_shapes(visual, by_name[visual.frame], read)) if room >= 0 else []
+            room -= sum(_vertices(body_shape.geometry) for body_shape in new)
             if room < 0:
                 raise InvalidInput(
                     f"mesh {visual.mesh!r} is too much: at most {MOST_VERTICES} vertices and "
                     "triangles are drawn"
                 )
-            parts += new
+            body_shapes += new
         except InvalidInput as error:
             faults.append(str(error))
-    parts += _sticks(leg, {part.joint for part in parts})
+    body_shapes += _sticks(leg, {body_shape.joint for body_shape in body_shapes})
     if not faults:
-        return parts, ""
+        return body_shapes, ""
     what = "is not drawn" if len(faults) == 1 else "are not drawn, the first"
-    return parts, f"{len(faults)} of {len(visuals)} visuals of {leg.name} {what}: {faults[0]}"
+    return body_shapes, f"{len(faults)} of {len(visuals)} visuals of {leg.name} {what}: {faults[0]}"
 
 
-def _visual_parts(visual: Visual, frame: Any, read: MeshReader) -> Iterator[Part]:
-    """Yield the parts that draw a visual, fixed to a frame of the model."""
+def _visual_shapes(visual: Visual, frame: Any, read: MeshReader) -> Iterator[BodyShape]:
+    """Yield the shapes that draw a visual, fixed to a frame of the model."""
     pose = frame.placement.homogeneous @ visual.pose
     painted = None if visual.rgba is None else _rgba(visual.rgba)
     for shape, turn, colour in _shapes(visual, read):
-        rgba = colour if visual.has_texture and colour else painted or colour or PLAIN
-        yield Part(int(frame.parentJoint), pose @ turn, shape, rgba)
+        rgba = colour if visual.has_texture and colour else painted or colour or BODY_COLOUR
+        yield BodyShape(int(frame.parentJoint), pose @ turn, shape, rgba)
 
 
 def _shapes(visual: Visual, read: MeshReader) -> Iterator[tuple[Any, Array, Rgba | None]]:
@@ -168,11 +169,11 @@ def _vertices(shape: Any) -> int:
 def _rgba(values: ArrayLike) -> Rgba:
     """Return a colour within 0 to 1; the plain one where it is no colour."""
     if np.shape(values) != (4,) or not np.isfinite(values).all():
-        return PLAIN
+        return BODY_COLOUR
     return tuple(np.clip(values, 0.0, 1.0).tolist())
 
 
-def _sticks(leg: Leg, drawn: set[int]) -> Iterator[Part]:
+def _sticks(leg: Leg, drawn: set[int]) -> Iterator[BodyShape]:
     """Yield what stands for the bodies of all joints but the drawn ones.
 
     It is a sphere at the joint, and cylinders to the next joints and to the contact point. A joint
@@ -191,14 +192,14 @@ def _sticks(leg: Leg, drawn: set[int]) -> Iterator[Part]:
             length for (parent, _), length in zip(ends, lengths, strict=True) if parent == joint
         ]
         if joint not in drawn and (any(next_ones) or not next_ones):
-            yield Part(joint, np.eye(4), shapes.Sphere(0.1 * longest), KNOB)
+            yield BodyShape(joint, np.eye(4), shapes.Sphere(0.1 * longest), JOINT_COLOUR)
     for (parent, end), length in zip(ends, lengths, strict=True):
         if parent not in drawn and length > 0:
             stick = shapes.Cylinder(length, 0.06 * longest)
-            yield Part(parent, cylinder_pose(np.zeros(3), end), stick, PLAIN)
+            yield BodyShape(parent, cylinder_pose(np.zeros(3), end), stick, BODY_COLOUR)
     if leg.contact_joint not in drawn:
         tip = tf.translation_matrix(leg.contact_lever)
-        yield Part(leg.contact_joint, tip, shapes.Sphere(0.06 * longest), PLAIN)
+        yield BodyShape(leg.contact_joint, tip, shapes.Sphere(0.06 * longest), BODY_COLOUR)
 
 
 def _corners(shape: Any) -> Array:
@@ -217,20 +218,21 @@ def _corners(shape: Any) -> Array:
     return np.array(list(product(*zip(low, high, strict=True))), dtype=float)
 
 
-def _material(part: Part) -> Any:
-    """Return the material of a part."""
-    red, green, blue = (round(255 * level) for level in part.rgba[:3])
+def _material(body_shape: BodyShape) -> Any:
+    """Return the material of a shape."""
+    red, green, blue = (round(255 * level) for level in body_shape.rgba[:3])
     return shapes.MeshLambertMaterial(
         color=(red << 16) + (green << 8) + blue,
-        opacity=part.rgba[3],
-        flatShading=has_edges(part.shape),
+        opacity=body_shape.rgba[3],
+        flatShading=has_edges(body_shape.geometry),
     )
 
 
 def has_edges(shape: Any) -> bool:
     """Return whether a mesh has edges, over which three.js would smear the light.
 
-    It has none where each triangle's normal is within `CREASE` of the mean normal at its corners.
+    It has none where each triangle's normal is within `CREASE_ANGLE` of the mean normal at its
+    corners.
     """
     if not isinstance(shape, shapes.TriangularMeshGeometry):
         return False
@@ -243,4 +245,4 @@ def has_edges(shape: Any) -> bool:
     means = at_vertices[faces]
     sizes = np.linalg.norm(normals, axis=1)[:, None] * np.linalg.norm(means, axis=2)
     along = np.einsum("fi,fci->fc", normals, means)
-    return bool((along < math.cos(CREASE) * sizes).any())
+    return bool((along < math.cos(CREASE_ANGLE) * sizes).any())

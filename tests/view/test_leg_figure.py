@@ -13,14 +13,21 @@ import kickdyn as kd
 from kickdyn.robot.visuals import RobotFile, Shape, Visual
 from kickdyn.view import leg_figure
 from kickdyn.view.document import recording_viewer
-from kickdyn.view.leg_figure import KNOB, PLAIN, draw_leg, has_edges, joint_poses, leg_parts
+from kickdyn.view.leg_figure import (
+    BODY_COLOUR,
+    JOINT_COLOUR,
+    draw_leg,
+    has_edges,
+    joint_poses,
+    leg_shapes,
+)
 from kickdyn.view.marks import UPRIGHT
 
 
 def positions(leg, q):
     """Where the middle of each part is."""
     places = joint_poses(leg, q)
-    return np.array([(places[part.joint] @ part.pose)[:3, 3] for part in leg_parts(leg)[0]])
+    return np.array([(places[part.joint] @ part.pose)[:3, 3] for part in leg_shapes(leg)[0]])
 
 
 @pytest.mark.parametrize("name", ["human", "testbed"])
@@ -37,7 +44,7 @@ def test_parts_are_where_yourdfpy_puts_them(name, seed):
             origin = np.eye(4) if visual.origin is None else visual.origin
             turn = UPRIGHT if visual.geometry.cylinder else np.eye(4)
             expected.append(robot.get_transform(link.name, "base") @ origin @ turn)
-    found = [places[part.joint] @ part.pose for part in leg_parts(leg)[0]]
+    found = [places[part.joint] @ part.pose for part in leg_shapes(leg)[0]]
     np.testing.assert_allclose(found, expected, atol=1e-14)
 
 
@@ -57,24 +64,24 @@ def test_a_leg_without_urdf_is_sticks():
     expected = [hip, knee, ankle, (hip + knee) / 2, (knee + ankle) / 2, (ankle + toe) / 2, toe]
     np.testing.assert_allclose(positions(leg, q), expected, atol=1e-15)
     for part, way in zip(
-        leg_parts(leg)[0][3:6], (knee - hip, ankle - knee, toe - ankle), strict=True
+        leg_shapes(leg)[0][3:6], (knee - hip, ankle - knee, toe - ankle), strict=True
     ):
         along = (places[part.joint] @ part.pose)[:3, 1]
         np.testing.assert_allclose(along, way / np.linalg.norm(way), atol=1e-15)
-        assert part.shape.height == pytest.approx(np.linalg.norm(way))
+        assert part.geometry.height == pytest.approx(np.linalg.norm(way))
     shank = np.linalg.norm(ankle - knee)  # the longest of the three
-    knobs = [part.shape.radius for part in leg_parts(leg)[0][:3]]
+    knobs = [part.geometry.radius for part in leg_shapes(leg)[0][:3]]
     assert knobs == pytest.approx(3 * [0.1 * shank])
 
 
 def test_a_leg_without_visuals_is_sticks(leg_looking_like):
     leg = leg_looking_like("")
-    assert len(leg_parts(leg)[0]) == 2 + 2 + 1
+    assert len(leg_shapes(leg)[0]) == 2 + 2 + 1
 
 
 def test_joints_in_one_place_need_no_stick(load, spoil):
     leg = load(spoil(('xyz="0 0 -0.4"', 'xyz="0 0 0"')))
-    assert leg_parts(leg)[0]
+    assert leg_shapes(leg)[0]
     bare = kd.Leg.from_model(leg.model, "toe")
     assert np.isfinite(positions(bare, np.zeros(2))).all()
 
@@ -92,7 +99,7 @@ def test_drawing():
     draw_leg(viewer["leg"], leg, q)
     said = [umsgpack.unpackb(packed) for packed in viewer.window.commands]
     objects = [command for command in said if command["type"] == "set_object"]
-    assert len(objects) == len(leg_parts(leg)[0]) == 9
+    assert len(objects) == len(leg_shapes(leg)[0]) == 9
     assert {command["object"]["materials"][0]["color"] for command in objects} == {
         0xD9A37D,  # skin
         0x40454F,  # pins of the joints
@@ -140,9 +147,12 @@ def test_robots_are_drawn_with_their_meshes(name, base):
     knee, ankle = {"bolt": ("FR_KFE", None), "icub": ("r_knee", "r_ankle_pitch")}[name]
     model = leg.model
     joint = model.getJointId(knee)
-    parts = [part for part in leg_parts(leg)[0] if part.joint == joint]
+    parts = [part for part in leg_shapes(leg)[0] if part.joint == joint]
     corners = np.vstack(
-        [np.asarray(part.shape.vertices) @ part.pose[:3, :3].T + part.pose[:3, 3] for part in parts]
+        [
+            np.asarray(part.geometry.vertices) @ part.pose[:3, :3].T + part.pose[:3, 3]
+            for part in parts
+        ]
     )
     middle = (corners.max(axis=0) + corners.min(axis=0)) / 2
     end = model.jointPlacements[model.getJointId(ankle)].translation if ankle else leg.contact_lever
@@ -152,12 +162,12 @@ def test_robots_are_drawn_with_their_meshes(name, base):
 
 def lowered(visual):
     data = {}
-    visual.shape.lower_in_object(data)
+    visual.geometry.lower_in_object(data)
     return data["geometries"][0]
 
 
 def thigh(leg):
-    return [part for part in leg_parts(leg)[0] if part.joint == 1]
+    return [part for part in leg_shapes(leg)[0] if part.joint == 1]
 
 
 @pytest.mark.parametrize(
@@ -199,9 +209,9 @@ SPHERE = "<visual><geometry><sphere radius='1'/></geometry>{}</visual>"
 @pytest.mark.parametrize(
     ("material", "rgba"),
     [
-        ("", PLAIN),
+        ("", BODY_COLOUR),
         ('<material name="a"><color rgba="0.1 0.2 0.3 0.4"/></material>', (0.1, 0.2, 0.3, 0.4)),
-        ('<material name="nowhere"><texture filename="/etc/passwd"/></material>', PLAIN),
+        ('<material name="nowhere"><texture filename="/etc/passwd"/></material>', BODY_COLOUR),
     ],
 )
 def test_colours(leg_looking_like, material, rgba):
@@ -210,7 +220,7 @@ def test_colours(leg_looking_like, material, rgba):
 
 
 def test_a_colour_is_found_by_its_name():
-    visuals = leg_parts(kd.Leg.human())[0]
+    visuals = leg_shapes(kd.Leg.human())[0]
     assert {visual.rgba for visual in visuals} >= {(0.85, 0.64, 0.49, 1), (0.25, 0.27, 0.31, 1)}
 
 
@@ -230,14 +240,14 @@ def test_a_mesh_of_the_folder(leg_looking_like, tmp_path):
     trimesh.creation.box((1, 1, 1)).export(tmp_path / "box.stl")
     mesh = '<visual><geometry><mesh filename="box.stl" scale="2 2 2"/></geometry></visual>'
     (visual,) = thigh(leg_looking_like(mesh))
-    np.testing.assert_allclose(np.ptp(visual.shape.vertices, axis=0), 2)
-    assert visual.rgba == PLAIN
+    np.testing.assert_allclose(np.ptp(visual.geometry.vertices, axis=0), 2)
+    assert visual.rgba == BODY_COLOUR
 
 
 @pytest.mark.parametrize("name", ["../box.stl", "/box.stl", "box.stl", "file:///box.stl"])
 def test_a_refused_mesh_is_named(leg_looking_like, name):
     leg = leg_looking_like(f'<visual><geometry><mesh filename="{name}"/></geometry></visual>')
-    parts, warning = leg_parts(leg)
+    parts, warning = leg_shapes(leg)
     assert warning.startswith(f"1 of 1 visuals of leg is not drawn: mesh '{name}' is ")
     assert len(parts) == 2 + 2 + 1  # sticks
 
@@ -248,7 +258,7 @@ def test_what_yourdfpy_cannot_read_is_one_line(leg_looking_like, monkeypatch):
 
     leg = leg_looking_like(SPHERE.format(""))
     monkeypatch.setattr("yourdfpy.URDF.load", fail)
-    parts, warning = leg_parts(leg)
+    parts, warning = leg_shapes(leg)
     assert warning.endswith(
         "leg.urdf: its visuals cannot be read ('radius'): sticks are drawn instead"
     )
@@ -267,7 +277,7 @@ def test_what_yourdfpy_cannot_read_is_one_line(leg_looking_like, monkeypatch):
 )
 def test_a_shape_without_size_is_refused(shape, size, leg_looking_like):
     leg = leg_looking_like(f"<visual><geometry>{shape}</geometry></visual>")
-    assert re.search(rf"size of a visual is {size}: .* above 0", leg_parts(leg)[1])
+    assert re.search(rf"size of a visual is {size}: .* above 0", leg_shapes(leg)[1])
 
 
 def test_every_shape_is_drawn_in_the_frame_that_it_names():
@@ -285,11 +295,11 @@ def test_every_shape_is_drawn_in_the_frame_that_it_names():
 
     file = Shown(human.file.text, human.file.folder, "shown")
     leg = kd.Leg(human.model, "toe", file)
-    ellipsoid, *capsule = [part for part in leg_parts(leg)[0] if part.joint == 2]
-    assert [ellipsoid.rgba] + [part.rgba for part in capsule] == [(1, 0, 0, 1)] + [PLAIN] * 3
+    ellipsoid, *capsule = [part for part in leg_shapes(leg)[0] if part.joint == 2]
+    assert [ellipsoid.rgba] + [part.rgba for part in capsule] == [(1, 0, 0, 1)] + [BODY_COLOUR] * 3
     body = human.model.frames[human.model.getFrameId("shank")].placement.translation
     np.testing.assert_allclose(ellipsoid.pose[:3, 3], body + np.array((0.1, 0.2, 0.3)))
-    heights = [(part.pose[2, 3] - body[2], part.shape.radius) for part in capsule[1:]]
+    heights = [(part.pose[2, 3] - body[2], part.geometry.radius) for part in capsule[1:]]
     np.testing.assert_allclose(heights, [(-0.7, 0.5), (1.3, 0.5)])
     viewer = recording_viewer()
     corners = draw_leg(viewer["leg"], kd.Leg(human.model, "toe", file), human.configuration())
@@ -299,12 +309,12 @@ def test_every_shape_is_drawn_in_the_frame_that_it_names():
 def test_bodies_without_visuals_are_sticks_beside_drawn_ones(leg_looking_like):
     """The shank of this leg has none: a sphere at the knee, and a stick to the toe."""
     leg = leg_looking_like(SPHERE.format(""))
-    parts, warning = leg_parts(leg)
+    parts, warning = leg_shapes(leg)
     assert warning == ""
     assert [part.joint for part in parts] == [1, 2, 2, 2]
     knob, stick, tip = parts[1:]
-    assert knob.rgba == KNOB
-    assert stick.shape.height == pytest.approx(np.linalg.norm(leg.contact_lever))
+    assert knob.rgba == JOINT_COLOUR
+    assert stick.geometry.height == pytest.approx(np.linalg.norm(leg.contact_lever))
     np.testing.assert_allclose(tip.pose[:3, 3], leg.contact_lever)
 
 
@@ -313,15 +323,15 @@ def test_a_body_without_extent_has_no_stick(load, spoil):
     leg = load(spoil(('xyz="0 0 -0.4"', 'xyz="0 0 0"'), (
         '<visual><geometry><sphere radius="0.05"/></geometry></visual>', ""
     )))  # fmt: skip
-    assert {part.joint for part in leg_parts(leg)[0]} == {2}
+    assert {part.joint for part in leg_shapes(leg)[0]} == {2}
 
 
 def test_every_missing_mesh_is_counted_and_the_first_is_named(leg_looking_like):
     mesh = '<visual><geometry><mesh filename="{}.stl"/></geometry></visual>'
     leg = leg_looking_like(mesh.format("first") + SPHERE.format("") + mesh.format("second"))
-    parts, warning = leg_parts(leg)
+    parts, warning = leg_shapes(leg)
     assert warning.startswith("2 of 3 visuals of leg are not drawn, the first: mesh 'first.stl' is")
-    assert [part.shape.radius for part in parts if part.joint == 1] == [1.0]
+    assert [part.geometry.radius for part in parts if part.joint == 1] == [1.0]
 
 
 def test_a_mesh_is_read_once_and_all_together_are_bounded(leg_looking_like, tmp_path, monkeypatch):
@@ -333,7 +343,7 @@ def test_a_mesh_is_read_once_and_all_together_are_bounded(leg_looking_like, tmp_
     assert len(thigh(leg)) == 3
     assert len(read) == 1
     monkeypatch.setattr(leg_figure, "MOST_VERTICES", 59)
-    parts, warning = leg_parts(leg)
+    parts, warning = leg_shapes(leg)
     assert len([part for part in parts if part.joint == 1]) == 2
     assert "1 of 3 visuals of leg is not drawn: mesh 'box.obj' is too much: at most 59" in warning
 
@@ -348,9 +358,9 @@ def test_the_boot_ends_at_the_contact_point():
     """The nearest point of its surface, and what lies ahead of it."""
     leg = kd.Leg.human()
     foot = leg.workspace.model.getJointId("ankle")
-    (boot,) = (part for part in leg_parts(leg)[0] if part.rgba == (0.16, 0.17, 0.2, 1))
+    (boot,) = (part for part in leg_shapes(leg)[0] if part.rgba == (0.16, 0.17, 0.2, 1))
     assert boot.joint == foot
-    mesh = trimesh.Trimesh(boot.shape.vertices, boot.shape.faces)
+    mesh = trimesh.Trimesh(boot.geometry.vertices, boot.geometry.faces)
     _, (gap,), _ = trimesh.proximity.closest_point_naive(mesh, [leg.contact_lever])
     assert gap < 0.006
     assert mesh.bounds[1, 0] == pytest.approx(leg.contact_lever[0], abs=0.002)

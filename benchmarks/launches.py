@@ -20,7 +20,7 @@ import numpy as np
 
 import kickdyn as kd
 from kickdyn.planning.goal import nominal_velocity
-from kickdyn.planning.shooting import ShootingProblem, apex, crossing
+from kickdyn.planning.launch_solver import ShootingProblem, apex, crossing
 
 BALL, LIMIT = kd.Ball(), 40.0
 

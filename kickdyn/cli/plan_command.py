@@ -29,7 +29,12 @@ from kickdyn.planning.kick import plan_kick
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.launch import OutOfReach
 from kickdyn.planning.objectives import KickObjective
-from kickdyn.planning.plan_report import OVER, PlanReport, describe_passage, unreachable_json
+from kickdyn.planning.plan_report import (
+    WALL_CLEARANCE,
+    PlanReport,
+    describe_passage,
+    unreachable_json,
+)
 from kickdyn.planning.scatter import checked_spread
 from kickdyn.planning.swing import plan_swing
 from kickdyn.robot.leg import Leg
@@ -112,7 +117,7 @@ class GoalOptions:
         flight = {"--time": self.time, "--apex": self.apex, "--launch-speed": self.launch_speed}
         given = [name for name, value in (flight | {"--over": over}).items() if value is not None]
         if wall is not None and not given and self.surface is None:
-            over = (wall.distance, wall.height + OVER)
+            over = (wall.distance, wall.height + WALL_CLEARANCE)
         elif len(given) != 1:
             raise InvalidInput(
                 f"{' and '.join(given) or 'nothing'} {'are' if given else 'is'} given besides the "
@@ -295,7 +300,7 @@ def _check_passage(wall: Wall, plan: KickPlan) -> None:
         if isinstance(plan.path, Course):  # a ball that rolls
             raise
         kind = {"speed": "launch-speed"}.get(plan.goal.kind, plan.goal.kind)
-        above = f"{wall.distance:g}:{wall.height + OVER:g}"
+        above = f"{wall.distance:g}:{wall.height + WALL_CLEARANCE:g}"
         raise InvalidInput(f"{error}: use --over {above} in place of --{kind}") from None
 
 

@@ -23,13 +23,16 @@ from kickdyn.ground import Ground
 from kickdyn.plane import Plane
 from kickdyn.planning.goal import Arc, Goal, LaunchLimit, PlanStatus, nominal_velocity
 from kickdyn.planning.launch_solver import (
+    UP,
     LaunchFamily,
     LaunchSolution,
+    ShootingProblem,
+    crossing,
+    crossing_time,
     distinct,
     solve_launch,
 )
 from kickdyn.planning.passes import Pass
-from kickdyn.planning.shooting import UP, ShootingProblem, crossing, crossing_time
 
 REASONS = {
     LaunchLimit.SPEED: "the ball would have to start faster than {speed:.4g} m/s",

@@ -29,7 +29,7 @@ REASONS = {
 }
 """Why no pass meets a goal, as the end of a sentence."""
 
-NEVER = 1e6
+UNREACHED_DELAY = 1e6
 """Delay of a ball that does not come to the target [s]."""
 
 
@@ -147,7 +147,7 @@ def plan_pass(
     def delay(turn: float, speed: float) -> float:
         """Return how much too late the ball comes to the target [s]."""
         _, course = play(speed, turn)
-        return course.duration - duration if course.status == "at-plane" else NEVER
+        return course.duration - duration if course.status == "at-plane" else UNREACHED_DELAY
 
     turn = 0.0
     for _ in range(8):  # the course bends little: the aim is turned by the error
@@ -172,5 +172,7 @@ def _solve_speed(delay: Callable[[float], float], limit: float) -> tuple[float, 
     if delay(slow) <= 0.0:
         return slow, LaunchLimit.ROLLING
     speed = float(brentq(delay, slow, limit, xtol=1e-13 * limit, rtol=1e-13))
-    stops = delay(speed * (1 - 1e-12)) == NEVER  # slower than the slowest that comes there
+    stops = (
+        delay(speed * (1 - 1e-12)) == UNREACHED_DELAY
+    )  # slower than the slowest that comes there
     return speed * (1 + 1e-12), LaunchLimit.ROLLING if stops else None

@@ -23,7 +23,7 @@ from kickdyn.planning.swing_phase import SwingPhase
 from kickdyn.restitution import describe_restitution
 from kickdyn.scene.pitch import Passage, Score, Wall, check_before, passage_on, score_at
 
-OVER = 0.1
+WALL_CLEARANCE = 0.1
 """Clearance of the ball's lower edge over a wall where nothing else is asked for [m]."""
 
 

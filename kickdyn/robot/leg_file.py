@@ -1,4 +1,4 @@
-"""A leg from a robot's file or name, with joints locked at values in degrees."""
+"""A leg from a URDF or MJCF file, with joints locked at values in degrees."""
 
 from collections.abc import Mapping, Sequence
 from os import PathLike

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 import kickdyn as kd
 from kickdyn.planning.goal import nominal_velocity
 from kickdyn.planning.launch import OutOfReach
-from kickdyn.planning.launch_solver import LaunchFamily
-from kickdyn.planning.shooting import ShootingProblem, apex, crossing
+from kickdyn.planning.launch_solver import LaunchFamily, ShootingProblem, apex, crossing
 
 BALL, AIR = kd.Ball(), kd.Air(drag="brazuca")
 

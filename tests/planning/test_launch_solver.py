@@ -3,7 +3,7 @@ import pytest
 from scipy.optimize import brentq
 
 import kickdyn as kd
-from kickdyn.planning.shooting import ShootingProblem, apex, crossing, lowest
+from kickdyn.planning.launch_solver import ShootingProblem, apex, crossing, lowest
 
 SPIN = np.array([5.0, -30.0, 20.0])
 VELOCITY = np.array([18.0, 2.0, 9.0])

@@ -218,7 +218,7 @@ class BallState(ValueEquality):
         are computed from checked ones.
         """
         state = cls.__new__(cls)
-        validation.protect(position, velocity, spin, np.asarray(time))
+        validation.protect(position, velocity, spin)
         state.__dict__.update(position=position, velocity=velocity, spin=spin, time=time)
         return state
 

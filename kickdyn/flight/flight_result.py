@@ -204,6 +204,7 @@ class Flight(ReprMixin):
         position, spin = self.launch.position + moved[..., :3], moved[..., 6:7] * self.launch.spin
         if not (np.isfinite(moved).all() and np.isfinite(position).all()):
             return BallState(position, moved[..., 3:6], spin, times)  # raises
+        validation.protect(times)
         time = times if times.ndim else float(times)
         return BallState.computed(position, moved[..., 3:6], spin, time)
 

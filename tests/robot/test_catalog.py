@@ -13,7 +13,7 @@ import kickdyn as kd
 from kickdyn.cli.leg_options import load_leg
 from kickdyn.robot import catalog
 from kickdyn.robot.catalog import ROBOTS, robot_model, robots_folder
-from kickdyn.view.leg_figure import joint_poses, leg_parts
+from kickdyn.view.leg_figure import joint_poses, leg_shapes
 
 MASS = {"g1": 33.34, "talos": 90.27, "icub": 28.35, "romeo": 40.53, "human": 74.71, "bolt": 1.25}
 MASS |= {"simple_humanoid": 130.80, "icub_reduced": 28.35}
@@ -111,10 +111,10 @@ def test_a_ball_at_a_contact_point_overlaps_with_the_foot_no_more_than_it_says(n
     assert set(ROBOTS[name].contact_points) == set(OVERLAPS[name])
     leg, radius = kd.Leg.from_robot(name, legs_only=True), kd.Ball().radius
     poses, corners = joint_poses(leg, leg.configuration()), []
-    for part in leg_parts(leg)[0]:
+    for part in leg_shapes(leg)[0]:
         if part.joint == leg.contact_joint:
             pose = poses[part.joint] @ part.pose
-            ends = part.shape.vertices[part.shape.faces]
+            ends = part.geometry.vertices[part.geometry.faces]
             corners.append(ends @ pose[:3, :3].T + pose[:3, 3])
     triangles = np.vstack(corners)
     mesh = trimesh.Trimesh(**trimesh.triangles.to_kwargs(triangles))

@@ -1,9 +1,9 @@
-"""Faults of a URDF's text that Pinocchio does not report, or not by name, all of them at once.
+"""Faults of a URDF's text, all of them at once, before Pinocchio reads it.
 
 Its parser overflows its stack on long chains, never returns from loops, and takes double names,
-negative masses and axes without direction. What it reports itself, such as a missing attribute or
-an unknown link, `build_model` passes on; `model_validation` then judges the inertia of what moves
-together.
+negative masses and axes without direction. It stops at the first fault that it reports: links that
+do not exist are therefore found before. What it reports besides, such as a missing attribute,
+`build_model` passes on; `model_validation` then judges the inertia of what moves together.
 """
 
 import math
@@ -71,7 +71,7 @@ def find_faults(root: Element, locked: Iterable[str] = ()) -> list[str]:
         _check_numbers(where, link, faults)
     for name, joint in joints.items():
         _check_joint(f"joint {name!r}", joint, faults)
-    _check_tree(joints, faults)
+    _check_tree(links, joints, faults)
     fixed = expand_patterns(dict.fromkeys(locked, 0.0), joints)
     _check_mimics({n: j for n, j in joints.items() if n not in fixed}, joints, faults)
     return faults
@@ -259,19 +259,31 @@ def read_mimics(root: Element) -> tuple[Mimic, ...]:
     return tuple(mimics)
 
 
-def _check_tree(joints: dict[str, Element], faults: list[str]) -> None:
-    """Check that no link has two parents and that the links form no loop."""
+def _check_tree(links: dict[str, Element], joints: dict[str, Element], faults: list[str]) -> None:
+    """Check that the joints join all links into one tree."""
+    before = len(faults)
     parents: dict[str, str] = {}
-    for joint in joints.values():
-        ends = [joint.find(role) for role in ("parent", "child")]
-        parent, child = ("" if end is None else end.get("link", "") for end in ends)
-        if not (parent and child):
-            continue  # Pinocchio reports it
-        if child in parents:
-            faults.append(f"link {child[:40]!r} has two parents: loops cannot be read")
-        parents[child] = parent
+    for name, joint in joints.items():
+        ends = {}
+        for role in ("parent", "child"):
+            element = joint.find(role)
+            link = None if element is None else element.get("link")
+            if link is None:
+                faults.append(f"joint {name!r} has no {role}: it must name a link")
+            elif link not in links:
+                faults.append(f"joint {name!r} {role} is {link[:40]!r}: there is no such link")
+            ends[role] = link or ""
+        if len(faults) > before:
+            continue
+        if ends["child"] in parents:
+            faults.append(f"link {ends['child']!r} has two parents: loops cannot be read")
+        parents[ends["child"]] = ends["parent"]
+    if len(faults) > before:
+        return
+    roots = [name for name in links if name not in parents]
+    if len(roots) > 1:
+        faults.append(f"has {len(roots)} roots ({', '.join(roots[:5])}): all links must be joined")
     try:
         TopologicalSorter({child: [parent] for child, parent in parents.items()}).prepare()
     except CycleError as error:
-        loop = sorted({name[:40] for name in error.args[1]})
-        faults.append(f"links {listed(loop)} form a loop")
+        faults.append(f"links {', '.join(sorted(set(error.args[1])))} form a loop")

@@ -111,23 +111,15 @@ REFUSED = {
     ),
     # tree
     "no links": (re.compile(r"\n.*(?=</robot>)", re.DOTALL), "", "^has no link"),
-    "two roots": (
-        END,
-        '<link name="stray"/></robot>',
-        r"Two root links found: .*stray",
-    ),
+    "two roots": (END, '<link name="stray"/></robot>', r"^has 2 roots \(base, stray\)"),
     "cyclic": ('<parent link="base"/>', '<parent link="toe"/>', "form a loop"),
     "self loop": ('<parent link="thigh"/>', '<parent link="shank"/>', "link.* shank form a loop"),
     "unknown parent": (
         *('<parent link="thigh"/>', '<parent link="thihg"/>'),
-        r"parent link \[thihg\] of joint \[knee\] not found",
+        "^joint 'knee' parent is 'thihg': there is no such link",
     ),
-    "no parent": ('<parent link="thigh"/>', "", r"Joint \[knee\] is missing a parent"),
-    "missing child": (
-        '<child link="shank"/>',
-        "",
-        r"Joint .knee. is missing .*child",
-    ),
+    "no parent": ('<parent link="thigh"/>', "", "^joint 'knee' has no parent: it must name"),
+    "missing child": ('<child link="shank"/>', "", "^joint 'knee' has no child: it must name"),
     "closed loop": (
         END,
         '<joint name="close" type="fixed"><parent link="base"/><child link="toe"/></joint></robot>',
@@ -384,13 +376,13 @@ def test_joints_may_be_locked_before_inertias_are_judged(spoil, tmp_path):
 
 def test_all_faults_come_at_once(spoil, load):
     spoilt = spoil(
-        ('ixx="0.08"', 'ixx="x"'), (KNEE_AXIS, '<axis xyz="0 0 0"/>'), ('"shank"', '"thigh"')
+        ('ixx="0.08"', 'ixx="x"'), (KNEE_AXIS, '<axis xyz="0 0 0"/>'), ('link="shank"', 'link="?"')
     )
     with pytest.raises(kd.UrdfError) as caught:
         load(spoilt)
+    assert len(caught.value.faults) == 3
     assert all(fault in str(caught.value) for fault in caught.value.faults)
-    culprits = ("'thigh' inertia", "'knee'", "'thigh' has two parents", "thigh form a loop")
-    for fault, culprit in zip(caught.value.faults, culprits, strict=True):
+    for fault, culprit in zip(caught.value.faults, ("'thigh'", "'knee'", "'?'"), strict=True):
         assert culprit in fault
 
 

@@ -47,6 +47,9 @@ REASONS = {
 SPEED_LIMIT = 343.0
 """Speed of sound [m/s]: drag coefficients without a Mach number do not hold beyond."""
 
+FLIGHT_TOL = 1e-12
+"""Relative tolerance of the flight by which a launch is verified."""
+
 
 class OutOfReach(InvalidInput):
     """A goal that no launch meets.
@@ -171,7 +174,7 @@ class Launch(ReprMixin):
 
     @cached_property
     def flight(self) -> Flight:
-        """The flight by `kickdyn.fly` to the vertical plane through the target; `tol` is 1e-11."""
+        """The flight by `kickdyn.fly` to the vertical plane through the target; `tol` is 1e-12."""
         return fly_to_target(self.state, self.reached, self.ball, self.air, self.time)
 
     @property
@@ -437,9 +440,9 @@ def fly_to_target(
     plane = Plane(state.position + goal.target, -goal.ahead, "centre")
     floor = float(state.position[2]) + goal.lowest - ball.radius
     if time is None:
-        return fly(state, ball, air, Ground(floor), 1e-11, plane=plane)
+        return fly(state, ball, air, Ground(floor), FLIGHT_TOL, plane=plane)
     ground = Ground(floor - 1e-6)
-    path = fly(state, ball, air, ground, 1e-11, plane=plane, time_limit=2 * time)
+    path = fly(state, ball, air, ground, FLIGHT_TOL, plane=plane, time_limit=2 * time)
     if path.status == "at-plane" and abs(path.duration - time) < 0.5 * time:
         return path
-    return fly(state, ball, air, ground, 1e-11, time_limit=time)
+    return fly(state, ball, air, ground, FLIGHT_TOL, time_limit=time)

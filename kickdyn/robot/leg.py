@@ -215,9 +215,7 @@ class Leg(JointTable, ReprMixin):
         inertias (`armature`), limits of torque, and loops: two bodies that `<connect>` joins. The
         limit of torque is the smaller one of the joint's `actuatorfrcrange` and what its actuators
         can exert, gear times `forcerange` (motors without one: gear times `ctrlrange`). MJCF has no
-        limits of speed. Springs, damping, tendons and contacts are not part of the leg. Mass,
-        places of bodies and joint-space inertia are compared with MuJoCo's at three configurations,
-        to a relative error of 1e-9.
+        limits of speed. Springs, damping, tendons and contacts are not part of the leg.
 
         Args:
             path: the file; it and the files that it includes are read once and checked before
@@ -241,13 +239,12 @@ class Leg(JointTable, ReprMixin):
         cls, file: MjcfFile, frame: str, base: str, locked: Mapping[str, float] | None
     ) -> "Leg":
         """Return the leg of a checked MJCF."""
-        built = build_mjcf_model(file, frame, base, locked)
-        leg = cls(built.model, frame, built.file).locked(locked or {})
+        read, model, loops = build_mjcf_model(file, frame, base, locked)
+        leg = cls(model, frame, read).locked(locked or {})
         fault = _find_fault(leg)
         if fault is not None:
             raise MjcfError(file.source, [fault])
-        built.compare()
-        return leg.with_loops(*built.loops)
+        return leg.with_loops(*loops)
 
     @classmethod
     @validation.check_arguments

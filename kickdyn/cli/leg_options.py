@@ -16,8 +16,7 @@ from kickdyn.robot.catalog import DESCRIPTION, ROBOTS
 from kickdyn.robot.constraints import Support
 from kickdyn.robot.joint_table import InDegrees
 from kickdyn.robot.kicking_chain import kicking_chain
-from kickdyn.robot.leg import Leg
-from kickdyn.robot.leg_file import read_leg
+from kickdyn.robot.leg import Leg, read_leg
 from kickdyn.robot.model_validation import frame_id
 from kickdyn.robot.urdf_file import shipped_urdf
 

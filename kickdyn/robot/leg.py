@@ -7,7 +7,7 @@ there, computed once. What follows from them is computed when it is first asked 
 
 import math
 import threading
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from os import PathLike
@@ -40,8 +40,8 @@ from kickdyn.robot.constraints import (
     Support,
     find_open_loops,
 )
-from kickdyn.robot.joint_table import JointTable, Mimic
-from kickdyn.robot.mjcf_file import MjcfFile, read_mjcf
+from kickdyn.robot.joint_table import InDegrees, JointTable, Mimic
+from kickdyn.robot.mjcf_file import MjcfFile, is_mjcf, read_mjcf
 from kickdyn.robot.mjcf_model import build_mjcf_model
 from kickdyn.robot.model_validation import (
     MAX_CONDITION,
@@ -864,6 +864,29 @@ class Posture(ReprMixin):
         yield "contact point", self.contact_point, "m"
         yield "condition", self.condition, ""
         yield from warned(self.warnings)
+
+
+def read_leg(
+    path: str | PathLike[str],
+    frame: str,
+    base: str,
+    package_dirs: Sequence[str | PathLike[str]] = (),
+    locked: Mapping[str, float] | None = None,
+) -> Leg:
+    """Return the leg of a URDF or MJCF file, which its root element tells apart.
+
+    Joints are `locked` at their values [deg; m for prismatic joints]. Raises `InvalidInput` as
+    `Leg.from_urdf` and `Leg.from_mjcf` do, and for `package_dirs` of an MJCF.
+    """
+    values = InDegrees(locked or {})
+    if not is_mjcf(path):
+        return Leg.from_urdf(path, frame, base=base, package_dirs=package_dirs, locked=values)
+    if package_dirs:
+        raise InvalidInput(
+            f"package-dir is {str(package_dirs[0])!r}: it is for a URDF file, an MJCF names its "
+            "meshes from its own folder"
+        )
+    return Leg.from_mjcf(path, frame, base=base, locked=values)
 
 
 def _posture(leg: Leg, q: ArrayLike) -> Posture:

@@ -22,7 +22,7 @@ from kickdyn.errors import InvalidInput, MjcfError
 from kickdyn.robot.joint_table import Mimic
 from kickdyn.robot.names import listed, name_fault
 from kickdyn.robot.package_files import MAX_DEPTH, PackageFiles, read_xml
-from kickdyn.robot.urdf_validation import MAX_MOVING_JOINTS
+from kickdyn.robot.urdf_file import MAX_MOVING_JOINTS
 from kickdyn.robot.visuals import RobotFile, Shape, Visual
 
 MAX_ELEMENTS = 100_000

@@ -20,8 +20,7 @@ from kickdyn.core.files import read_text, shipped
 from kickdyn.core.validation import Array
 from kickdyn.errors import FaultyFile, InvalidInput, SceneError, printable
 from kickdyn.robot.joint_table import InDegrees
-from kickdyn.robot.leg import Leg, Posture
-from kickdyn.robot.leg_file import read_leg
+from kickdyn.robot.leg import Leg, Posture, read_leg
 from kickdyn.robot.urdf_file import shipped_urdf
 from kickdyn.scene.scene import Scene
 from kickdyn.scene.scene_tables import TABLES, Table

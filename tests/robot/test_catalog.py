@@ -244,7 +244,9 @@ MJCF = """<mujoco><compiler meshdir="../meshes"/><asset><mesh name="m" file="m.s
 @pytest.fixture
 def described(tmp_path, monkeypatch):
     """Make a module of robot_descriptions, with files in a cache."""
-    (tmp_path / "robot" / "files").mkdir(parents=True)
+    for folder in ("files", "meshes"):
+        (tmp_path / "robot" / folder).mkdir(parents=True)
+    trimesh.creation.box().export(tmp_path / "robot" / "meshes" / "m.stl")
 
     def make(name, text, key):
         file = tmp_path / "robot" / "files" / "robot.xml"

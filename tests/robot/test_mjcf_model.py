@@ -15,6 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import kickdyn as kd
+from kickdyn.robot.mjcf_file import quiet_mujoco
 
 MODELS = Path(find_spec("gymnasium").origin).parent / "envs" / "mujoco" / "assets"
 
@@ -45,7 +46,7 @@ def test_models_of_gymnasium(name, frame, mass, nv):
     assert sum(body.mass for body in leg.model.inertias) == pytest.approx(mass, abs=5e-4)
     posture = leg.posture(leg.configuration())
     assert posture.condition < 2e3
-    if mujoco.MjModel.from_xml_path(str(MODELS / name)).nv == nv:  # without a free joint, objects
+    if name not in ("humanoid.xml", "ant.xml", "pusher_v5.xml"):  # a free joint, objects
         check_inertia_of_mujoco(MODELS / name, leg, posture)
 
 
@@ -257,7 +258,8 @@ def test_random_models_are_bodies_tied_by_joints(tmp_path_factory, seed, kinds, 
 
 def check_inertia_of_mujoco(file, leg, posture):
     """Compare M with MuJoCo's, whose free joint has its linear velocity in world axes."""
-    theirs = mujoco.MjModel.from_xml_path(str(file))
+    with quiet_mujoco():
+        theirs = mujoco.MjModel.from_xml_path(str(file))
     state, turn, q = mujoco.MjData(theirs), np.eye(leg.nv), []
     for joint in list(leg.model.joints)[1:]:
         part = posture.q[joint.idx_q : joint.idx_q + joint.nq]

@@ -356,12 +356,17 @@ def _check_joint(where: str, joint: Element, faults: list[str]) -> None:
     if axis is None or kind == "fixed":
         return
     text = axis.get("xyz", "")
+    numbers = [_number(word) for word in text.split()]
+    if len(numbers) != 3 or not 1e-100 < math.hypot(*numbers) < 1e100:  # its square is needed
+        faults.append(f"{where} axis is {text[:60]!r}: it must be 3 finite numbers, not all 0")
+
+
+def _number(text: str) -> float:
+    """Return the number that a text is; NaN where it is none."""
     try:
-        size = math.hypot(*(float(word) for word in text.split()))
-    except ValueError:  # Pinocchio says so
-        return
-    if not 1e-100 < size < 1e100:  # its square is needed
-        faults.append(f"{where} axis is {text!r}: it must be 3 finite numbers, not all 0")
+        return float(text)
+    except ValueError:
+        return math.nan
 
 
 def _check_mimics(
@@ -373,6 +378,11 @@ def _check_mimics(
         if name not in judged:
             continue
         remedy = f"lock it: locked={{{name!r}: 0}} of from_urdf, or --lock {name}=0"
+        mimic = joints[name].find("mimic")
+        for key in ("multiplier", "offset"):
+            text = "0" if mimic is None else mimic.get(key, "0")
+            if not math.isfinite(_number(text)):
+                faults.append(f"joint {name!r} mimic {key} is {text!r}: it must be a finite number")
         kind = joints[driver].get("type") if driver in joints else None
         if kind is None:
             near = get_close_matches(driver[:200], list(joints), 1, 0.7)

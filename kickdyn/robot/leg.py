@@ -23,7 +23,7 @@ from kickdyn.core import validation
 from kickdyn.core.mechanics import cross3
 from kickdyn.core.representation import ReprMixin, Row, format_value, warned
 from kickdyn.core.validation import Array, protect, read_only
-from kickdyn.errors import FaultyFile, InvalidInput, MjcfError, UrdfError
+from kickdyn.errors import InvalidInput, MjcfError, UrdfError
 from kickdyn.robot.articulated_body import ArticulatedBodies
 from kickdyn.robot.catalog import (
     ROBOTS,
@@ -118,16 +118,13 @@ class Leg(JointTable, ReprMixin):
             vars(self).update(contact_normal_cone=read_only(cone))
         if self.contact_joint == 0:
             raise InvalidInput(f"frame {self.frame!r} is fixed to the base: a kick must move it")
-        vars(self).update(constraints=self._find_constraints(), workspace=Workspace(self._model))
-
-    def _find_constraints(self) -> Constraints | None:
-        """Return the constraints of the leg; None without any."""
-        if not (self.supports or self.loops or self.stiff_joints or self.gears):
-            return None
-        stiff = {joint: self.velocity_index(joint) for joint in self.stiff_joints}
-        return Constraints(
-            self._model, self.contact_joint, self.supports, self.loops, self.gears, stiff
-        )
+        constraints = None
+        if self.supports or self.loops or self.stiff_joints or self.gears:
+            stiff = {joint: self.velocity_index(joint) for joint in self.stiff_joints}
+            constraints = Constraints(
+                self._model, self.contact_joint, self.supports, self.loops, self.gears, stiff
+            )
+        vars(self).update(constraints=constraints, workspace=Workspace(self._model))
 
     @cached_property
     def mimics(self) -> tuple[Mimic, ...]:
@@ -238,7 +235,6 @@ class Leg(JointTable, ReprMixin):
     def _from_mjcf(
         cls, file: MjcfFile, frame: str, base: str, locked: Mapping[str, float] | None
     ) -> "Leg":
-        """Return the leg of a checked MJCF."""
         read, model, loops = build_mjcf_model(file, frame, base, locked)
         leg = cls(model, frame, read).locked(locked or {})
         fault = _find_fault(leg)
@@ -287,7 +283,7 @@ class Leg(JointTable, ReprMixin):
         if name not in ROBOTS:
             if legs_only:
                 raise InvalidInput(f"legs_only is for {', '.join(ROBOTS)}: for {name}, use locked=")
-            return cls._from_description(name, frame, base, locked)
+            return cls._from_description(name, frame or TOE, base, locked)
         file, (frame, cone) = robot_file(name), robot(name).contact(frame)
         leg = cls(robot_model(name, base), frame, file, contact_normal_cone=cone)
         leg = leg.locked(locked or {})
@@ -302,29 +298,14 @@ class Leg(JointTable, ReprMixin):
 
     @classmethod
     def _from_description(
-        cls, name: str, frame: str | None, base: str, locked: Mapping[str, float] | None
+        cls, name: str, frame: str, base: str, locked: Mapping[str, float] | None
     ) -> "Leg":
         """Load a robot of the package robot_descriptions."""
         check_base(base)
-        description, contact_frame = find_description(name), frame or TOE
-        try:
-            if description.is_mjcf:
-                return cls._from_mjcf(
-                    read_mjcf(description.file, description.folders), contact_frame, base, locked
-                )
-            return cls.from_urdf(
-                description.file,
-                contact_frame,
-                base=base,
-                locked=locked,
-                package_dirs=description.folders,
-            )
-        except FaultyFile:
-            raise
-        except InvalidInput as error:
-            if frame or not str(error).startswith("frame "):
-                raise
-            raise InvalidInput(f"no frame is named, and {error}") from None
+        file, folders = find_description(name)
+        if is_mjcf(file):
+            return cls._from_mjcf(read_mjcf(file, folders), frame, base, locked)
+        return cls.from_urdf(file, frame, base=base, locked=locked, package_dirs=folders)
 
     @classmethod
     def from_model(cls, model: Any, frame: str) -> "Leg":
@@ -395,8 +376,7 @@ class Leg(JointTable, ReprMixin):
         """
         stances = tuple(Support(s) if isinstance(s, str) else s for s in supports)
         for support in stances:
-            if not isinstance(support, Support):
-                raise InvalidInput(f"support is {support!r}: it must be a frame's name or Support")
+            validation.check_type(str, Support, support=support)
         return replace(self, supports=stances)
 
     def with_loops(self, *loops: tuple[str, str]) -> "Leg":
@@ -456,7 +436,47 @@ class Leg(JointTable, ReprMixin):
         Raises:
             InvalidInput: wrong shape, an entry that is not finite, or a singular inertia.
         """
-        return _posture(self, q)
+        workspace, q = self.workspace, self.check_configuration(q)
+        model, data = workspace.model, workspace.data
+        pin.forwardKinematics(model, data, q)
+        placement = pin.updateFramePlacement(model, data, self.frame_id)
+        rotation, origin = placement.rotation.copy(), placement.translation.copy()
+        # Local axes: about the world's origin, a leg far from it would lose its digits.
+        inertia: Array = pin.crba(model, data, q, pin.Convention.LOCAL)
+        frame_jacobian: Array = pin.computeFrameJacobian(model, data, q, self.frame_id, pin.LOCAL)
+        frame_jacobian = frame_jacobian.reshape(6, -1)
+        cholesky, bound = cholesky_with_condition(inertia)
+        if not bound < MAX_CONDITION:
+            exact = condition(inertia, cholesky)
+            if not exact < MAX_CONDITION:
+                fault = singularity_fault(model, inertia, exact)
+                where = f"q = {q.tolist()}" if self.nq <= MAX_SHOWN_JOINTS else "this posture"
+                raise InvalidInput(f"the joint-space inertia of {self.name} at {where} {fault}")
+        jacobian: Array = rotation.dot(frame_jacobian[:3])
+        joint_rotation = workspace.placements[self.contact_joint].rotation.copy()
+        protect(q, inertia, origin, jacobian, joint_rotation)
+        posture = Posture(  # names of the arguments would take half a microsecond
+            self,
+            q,
+            origin,
+            self.contact_lever,
+            joint_rotation,
+            jacobian,
+            inertia,
+            None,
+            cholesky,
+            bound,
+            rotation,
+            origin,
+            frame_jacobian,
+        )
+        if self.constraints is not None:
+            self.constraints.check_closed(model, data, posture)
+            rows, blocks = self.constraints.rows(model, data, q)
+            posture.constraint_projector = ConstraintProjector(
+                self.constraints, rows, blocks, posture._whiten(rows), posture
+            )
+        return posture
 
     def close_loops(self, q: ArrayLike, keep: Iterable[str] = ()) -> Array:
         """Return a configuration near `q` with all loops closed, by Newton's method.
@@ -545,6 +565,7 @@ class Posture(ReprMixin):
         jacobian: J, of the contact point's velocity :math:`J v`, shape `(3, nv)` [world frame].
         inertia: joint-space inertia M, armature included, shape `(nv, nv)` [kg m2].
         constraint_projector: the leg's constraints at this configuration; None without any.
+        contact_offset: position of the contact point in the contact frame [m]; None is its origin.
     """
 
     leg: Leg
@@ -560,14 +581,9 @@ class Posture(ReprMixin):
     _frame_rotation: Array
     _frame_origin: Array
     _frame_jacobian: Array
-    _contact_offset: Array | None = None
+    contact_offset: Array | None = None
     _whitened: Array | None = field(default=None, init=False)
     _jacobian_norm: float | None = field(default=None, init=False)
-
-    @property
-    def contact_offset(self) -> Array | None:
-        """Position of the contact point in the contact frame [m]; None is its origin."""
-        return self._contact_offset
 
     def with_contact_offset(self, offset: ArrayLike | None) -> "Posture":
         """Return this posture with its contact point elsewhere on the foot.
@@ -582,11 +598,8 @@ class Posture(ReprMixin):
         if offset is None:
             return self
         arm = validation.vector("contact offset", offset, 3, unit="m")
-        if np.abs(arm).max() > MAX_OFFSET:
-            raise InvalidInput(
-                f"contact offset is {arm.tolist()} m: it must be on the foot, {MAX_OFFSET:g} m at "
-                "most"
-            )
+        for coordinate in arm.tolist():
+            validation.number("contact offset", abs(coordinate), at_most=MAX_OFFSET, unit="m")
         rotation, local = self._frame_rotation, self._frame_jacobian
         lever = rotation @ arm
         return replace(
@@ -594,7 +607,7 @@ class Posture(ReprMixin):
             contact_point=read_only(self._frame_origin + lever),
             contact_lever=read_only(self.leg.contact_lever + self.rotation_world_joint.T @ lever),
             jacobian=read_only(rotation @ (local[:3] - pin.skew(arm) @ local[3:])),
-            _contact_offset=arm,
+            contact_offset=arm,
         )
 
     @property
@@ -608,9 +621,8 @@ class Posture(ReprMixin):
 
     @cached_property
     def _with_stiff_joints_free(self) -> "Posture":
-        """This posture of the leg without stiff joints."""
         free = self.leg.with_stiff_joints().posture(self.q)
-        return free.with_contact_offset(self._contact_offset)
+        return free.with_contact_offset(self.contact_offset)
 
     @cached_property
     def condition(self) -> float:
@@ -657,7 +669,6 @@ class Posture(ReprMixin):
         return self._allowed(self._whiten(rows))
 
     def _allowed(self, columns: Array) -> Array:
-        """Return whitened columns, projected on what the constraints allow in an impact."""
         projector = self.constraint_projector
         return columns if projector is None else projector.project(columns)
 
@@ -668,16 +679,11 @@ class Posture(ReprMixin):
         factor from the articulated-body algorithm.
         """
         if self.constraint_projector is None and self.is_ill_conditioned:
-            return self._articulated_factor
+            lever = self.contact_lever.tolist()
+            axes = self.rotation_world_joint.tolist()
+            forces = np.array([(*axis, *cross3(lever, axis)) for axis in axes])
+            return self.articulated_bodies.delassus_factor(self.leg.contact_joint, forces)
         return self.whitened_jacobian
-
-    @cached_property
-    def _articulated_factor(self) -> Array:
-        """The factor from the articulated-body algorithm."""
-        lever = self.contact_lever.tolist()
-        axes = self.rotation_world_joint.tolist()
-        forces = np.array([(*axis, *cross3(lever, axis)) for axis in axes])
-        return self.articulated_bodies.delassus_factor(self.leg.contact_joint, forces)
 
     def delassus(self) -> Array:
         r"""Return :math:`J M^{-1} J^T` at the contact point, shape `(3, 3)` [1/kg, world frame]."""
@@ -887,51 +893,6 @@ def read_leg(
             "meshes from its own folder"
         )
     return Leg.from_mjcf(path, frame, base=base, locked=values)
-
-
-def _posture(leg: Leg, q: ArrayLike) -> Posture:
-    """Return the posture of a leg at a configuration, see `Leg.posture`."""
-    workspace, q = leg.workspace, leg.check_configuration(q)
-    model, data = workspace.model, workspace.data
-    pin.forwardKinematics(model, data, q)
-    placement = pin.updateFramePlacement(model, data, leg.frame_id)
-    rotation, origin = placement.rotation.copy(), placement.translation.copy()
-    # Local axes: about the world's origin, a leg far from it would lose its digits.
-    inertia: Array = pin.crba(model, data, q, pin.Convention.LOCAL)
-    frame_jacobian: Array = pin.computeFrameJacobian(model, data, q, leg.frame_id, pin.LOCAL)
-    frame_jacobian = frame_jacobian.reshape(6, -1)
-    cholesky, bound = cholesky_with_condition(inertia)
-    if not bound < MAX_CONDITION:
-        exact = condition(inertia, cholesky)
-        if not exact < MAX_CONDITION:
-            fault = singularity_fault(model, inertia, exact)
-            where = f"q = {q.tolist()}" if leg.nq <= MAX_SHOWN_JOINTS else "this posture"
-            raise InvalidInput(f"the joint-space inertia of {leg.name} at {where} {fault}")
-    jacobian: Array = rotation.dot(frame_jacobian[:3])
-    joint_rotation = workspace.placements[leg.contact_joint].rotation.copy()
-    protect(q, inertia, origin, jacobian, joint_rotation)
-    posture = Posture(  # names of the arguments would take half a microsecond
-        leg,
-        q,
-        origin,
-        leg.contact_lever,
-        joint_rotation,
-        jacobian,
-        inertia,
-        None,
-        cholesky,
-        bound,
-        rotation,
-        origin,
-        frame_jacobian,
-    )
-    if leg.constraints is not None:
-        leg.constraints.check_closed(model, data, posture)
-        rows, blocks = leg.constraints.rows(model, data, q)
-        posture.constraint_projector = ConstraintProjector(
-            leg.constraints, rows, blocks, posture._whiten(rows), posture
-        )
-    return posture
 
 
 class Workspace(threading.local):

@@ -53,7 +53,7 @@ from kickdyn.robot.model_validation import (
     rounding_gain,
     singularity_fault,
 )
-from kickdyn.robot.surgery import reduce_model, replace_rotors
+from kickdyn.robot.surgery import reduce_model
 from kickdyn.robot.urdf_file import build_model, check_base, read_urdf, shipped_urdf
 from kickdyn.robot.visuals import RobotFile
 
@@ -362,7 +362,9 @@ class Leg(JointTable, ReprMixin):
             armature[self.velocity_index(name)] = validation.number(
                 f"armature of {name}", value, at_least=0, unit="kg m2"
             )
-        return self.with_model(replace_rotors(self._model, armature))
+        model = self.model
+        model.armature = armature
+        return self.with_model(model)
 
     def with_supports(self, *supports: str | Support) -> "Leg":
         """Return the leg with frames that stand on the ground and stay at rest in the impact.

@@ -274,9 +274,7 @@ def test_an_mjcf_has_its_files_anywhere_in_its_package(described):
     leg = kd.Leg.from_robot(name, "foot")
     assert leg.joint_names == ("hip",)
     assert kd.Leg.from_robot(name, "foot", base="floating").nv == 7
-    with pytest.raises(
-        kd.InvalidInput, match=r"^frame 'toe' is unknown: .*b"
-    ):
+    with pytest.raises(kd.InvalidInput, match=r"^frame 'toe' is unknown: .*b"):
         kd.Leg.from_robot(name)
     with pytest.raises(kd.InvalidInput, match="joint 'knee' is unknown"):
         kd.Leg.from_robot(name, "foot", locked={"knee": 0})

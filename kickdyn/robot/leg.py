@@ -1,9 +1,4 @@
-"""The leg: a Pinocchio model with a contact frame, and its posture at one configuration.
-
-`Leg` is what does not change: model, contact frame, constraints. Its methods return changed copies,
-by `dataclasses.replace`. `Posture` is a leg at a configuration: the kinematics and the inertia
-there, computed once. What follows from them is computed when it is first asked for.
-"""
+"""The leg: a Pinocchio model with a contact frame, and its posture at one configuration."""
 
 import math
 import threading
@@ -91,7 +86,7 @@ class Leg(JointTable, ReprMixin):
         supports: frames that stand on the ground.
         loops: pairs of frames whose origins stay together.
         contact_normal_cone: rows a of the cone of contact normals n with which the foot can meet a
-            ball, :math:`a \cdot n \ge 0`, shape `(k, 3)` [contact frame]; None if it is unknown.
+            ball, :math:`a \cdot n \ge 0`, shape `(k, 3)` [contact frame]; None if unknown.
         stiff_joints: joints whose velocity an impact does not change.
         constraints: constraints by supports, loops, mimic joints and stiff joints; None without
             any.
@@ -178,13 +173,11 @@ class Leg(JointTable, ReprMixin):
                 `root_joint`, has position and quaternion (xyzw) in q, and linear and angular
                 velocity, in the root link's axes, in v.
             locked: joints to lock at their values [rad; m for prismatic joints], before inertias
-                are judged: of a joint that moves no mass, for example. A name may be a pattern as
-                of a shell, such as `"LFinger*"`; the value of a joint that is named itself takes
-                precedence over that of a pattern.
-            package_dirs: ROS packages, or folders that contain them, where a page looks for meshes
-                named `package://NAME/...`, before the folders that contain the file and those of
-                the variables `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH`. Meshes in them may be
-                drawn; others only from the file's own package.
+                are judged. A name may be a pattern as of a shell, such as `"LFinger*"`; the value
+                of a joint that is named itself takes precedence.
+            package_dirs: ROS packages, or folders that contain them, with meshes named
+                `package://NAME/...`, searched before the folders that contain the file and those
+                of the variables `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH`.
 
         Raises:
             UrdfError: the file is refused, with all its faults in one message.
@@ -209,14 +202,13 @@ class Leg(JointTable, ReprMixin):
         """Load an MJCF file, the XML of MuJoCo, which compiles it: `pip install "kickdyn[mjcf]"`.
 
         Of the file come masses, joints, ranges (`range`; without one, a joint is unlimited), rotor
-        inertias (`armature`), limits of torque, and loops: two bodies that `<connect>` joins. The
-        limit of torque is the smaller one of the joint's `actuatorfrcrange` and what its actuators
-        can exert, gear times `forcerange` (motors without one: gear times `ctrlrange`). MJCF has no
-        limits of speed. Springs, damping, tendons and contacts are not part of the leg.
+        inertias (`armature`), loops (two bodies that `<connect>` joins) and limits of torque: the
+        smaller one of the joint's `actuatorfrcrange` and what its actuators can exert, gear times
+        `forcerange` (motors without one: gear times `ctrlrange`). MJCF has no limits of speed.
+        Springs, damping, tendons and contacts are not part of the leg.
 
         Args:
-            path: the file; it and the files that it includes are read once and checked before
-                MuJoCo sees them. Included files and meshes lie in its folder or below.
+            path: the file. Included files and meshes lie in its folder or below.
             frame: body, site or geom whose origin touches the ball. Bodies that hang on another
                 root, such as objects of a scene, are left out; `Leg.warnings` names them.
             base: `fixed`, the root body welded to the world where the file places it, or
@@ -260,8 +252,7 @@ class Leg(JointTable, ReprMixin):
         -x). All else is the file's own, zero configuration and joint directions included.
 
         Those of the package robot_descriptions (`pip install "kickdyn[descriptions]"`) are URDF and
-        MJCF files, which it downloads the first time and keeps in its own cache. They are read as
-        they are, by `from_urdf` or `from_mjcf`.
+        MJCF files, which it downloads the first time. They are read as they are.
 
         Args:
             name: bolt, g1, human, icub, icub_reduced, romeo, simple_humanoid, talos; or a name of
@@ -329,11 +320,8 @@ class Leg(JointTable, ReprMixin):
     def locked(self, joints: Mapping[str, float]) -> "Leg":
         """Return the leg with joints locked at their values [rad; m for prismatic joints].
 
-        Names may be patterns, as for `from_urdf`.
-
-        Raises:
-            InvalidInput: no such joint, a value that is not finite or outside the joint's range,
-                or all of the foot's locked.
+        Names may be patterns, as for `from_urdf`. Raises `InvalidInput` for an unknown joint, a
+        value that is not finite or outside the joint's range, or if no joint moves the foot.
         """
         if not validation.mapping("joints", joints):
             return self
@@ -353,9 +341,6 @@ class Leg(JointTable, ReprMixin):
         Args:
             rotors: joint name to rotor inertia times gear ratio squared, 0 or more [kg m2; kg for
                 prismatic joints]; it replaces what the joint had.
-
-        Raises:
-            InvalidInput: no such joint, or a value below 0.
         """
         armature = self._model.armature.copy()
         for name, value in validation.mapping("rotors", rotors).items():
@@ -371,10 +356,7 @@ class Leg(JointTable, ReprMixin):
 
         Args:
             supports: names of frames, for flat feet, or `Support` objects. They replace any
-                supports from before.
-
-        Raises:
-            InvalidInput: no such frame, or one of the kicking limb or of the fixed base.
+                supports from before. None may be on the kicking limb or on the fixed base.
         """
         stances = tuple(Support(s) if isinstance(s, str) else s for s in supports)
         for support in stances:
@@ -385,9 +367,6 @@ class Leg(JointTable, ReprMixin):
         """Return the leg with closed loops: pairs of frames whose origins stay together.
 
         Each joins two bodies by a ball joint: in a plane, a pin. They replace any before.
-
-        Raises:
-            InvalidInput: no such frame, or both on one body.
         """
         for loop in loops:
             if not isinstance(loop, tuple | list) or len(loop) != 2:
@@ -403,12 +382,8 @@ class Leg(JointTable, ReprMixin):
         between this and a free one with the rotor of `with_armature`.
 
         Args:
-            joints: names of the joints. They replace any stiff joints from before; without any
-                name, all joints are free.
-
-        Raises:
-            InvalidInput: no such joint, one named twice or with more than one degree of freedom,
-                or no joint is left that moves.
+            joints: names of joints of one degree of freedom. They replace any stiff joints from
+                before; without any name, all joints are free.
         """
         for joint in joints:
             self.velocity_index(joint)
@@ -419,11 +394,7 @@ class Leg(JointTable, ReprMixin):
         return replace(self, stiff_joints=joints)
 
     def with_model(self, model: Any) -> "Leg":
-        """Return the leg with another `pin.Model` that has its frames: a changed copy of its own.
-
-        Raises:
-            InvalidInput: a frame of this leg is missing, or no joint moves the contact frame.
-        """
+        """Return the leg with another `pin.Model`, a changed copy of its own."""
         stiff = tuple(joint for joint in self.stiff_joints if joint in list(model.names))
         return replace(self, model=model, stiff_joints=stiff)
 
@@ -434,9 +405,6 @@ class Leg(JointTable, ReprMixin):
             q: configuration, shape `(nq,)` [rad; m for prismatic joints]; or a short one, with one
                 angle for each continuous joint in place of its cosine and sine, and without mimic
                 joints.
-
-        Raises:
-            InvalidInput: wrong shape, an entry that is not finite, or a singular inertia.
         """
         workspace, q = self.workspace, self.check_configuration(q)
         model, data = workspace.model, workspace.data
@@ -502,10 +470,7 @@ class Leg(JointTable, ReprMixin):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Lines about irregularities of the file, none of which is repaired, and their effects.
-
-        These are open loops, and joints between base and contact frame whose speed limit is 0.
-        """
+        """Lines about irregularities of the file, open loops, and speed limits of 0."""
         file = () if self.file is None else self.file.warnings
         stuck = [
             name
@@ -533,11 +498,9 @@ class Leg(JointTable, ReprMixin):
         return Leg, tuple(getattr(self, made.name) for made in fields(self) if made.init)
 
     def __repr__(self) -> str:
-        """Name the leg, its joints and its contact frame."""
         return f"Leg({self.name!r}, joints={list(self.joint_names)}, frame={self.frame!r})"
 
     def _rows(self) -> Iterable[Row]:
-        """Return the lines that are shown."""
         yield "robot", self.name, ""
         yield "contact frame", self.frame, ""
         yield "mass", float(pin.computeTotalMass(self._model)), "kg"
@@ -705,7 +668,7 @@ class Posture(ReprMixin):
 
     @cached_property
     def articulated_bodies(self) -> ArticulatedBodies:
-        """The articulated bodies of the leg without supports and loops; they do not need M."""
+        """The articulated bodies of a leg without supports and loops."""
         workspace = self.leg.workspace
         return ArticulatedBodies(workspace.model, workspace.data, self.q)
 
@@ -716,9 +679,6 @@ class Posture(ReprMixin):
 
         Args:
             normal: direction n, shape `(3,)` of any length but zero [world frame].
-
-        Raises:
-            InvalidInput: the normal has length 0.
         """
         row = validation.direction("normal", normal).dot(self.delassus_factor())
         inverse = float(row.dot(row))
@@ -729,9 +689,6 @@ class Posture(ReprMixin):
 
         Args:
             v: joint velocity, shape `(nv,)` [rad/s; m/s for prismatic joints].
-
-        Raises:
-            InvalidInput: v has another shape, or an entry that is not finite.
         """
         return np.asarray(self.jacobian @ validation.vector("v", v, self.leg.nv))
 
@@ -816,8 +773,7 @@ class Posture(ReprMixin):
     def admissible(self, v: ArrayLike) -> Array:
         """Return the joint velocity nearest to `v`, by kinetic energy, that constraints allow.
 
-        Args:
-            v: joint velocity, shape `(nv,)` [rad/s; m/s for prismatic joints].
+        Both have shape `(nv,)` [rad/s; m/s for prismatic joints].
         """
         v = validation.vector("v", v, self.leg.nv)
         projector = self.without_stiff_joints.constraint_projector
@@ -829,11 +785,7 @@ class Posture(ReprMixin):
         return np.asarray(blas.dtrsv(self._cholesky, allowed, lower=1, trans=1))
 
     def check_velocity(self, v: Array) -> None:
-        """Raise `InvalidInput` if a joint velocity moves a support or opens a loop.
-
-        Args:
-            v: joint velocity, shape `(nv,)` [rad/s; m/s for prismatic joints].
-        """
+        """Raise `InvalidInput` if a joint velocity, `(nv,)`, moves a support or opens a loop."""
         projector = self.without_stiff_joints.constraint_projector
         violation = None if projector is None else projector.find_violation(v)
         if violation is not None:
@@ -844,18 +796,15 @@ class Posture(ReprMixin):
             )
 
     def _whiten(self, rows: Array) -> Array:
-        """Return L^-1 times the rows' transpose, with M = L L^T, shape `(nv, rows)`."""
         # not dtrtrs: OpenBLAS runs it in threads however small, milliseconds on a busy machine
         whitened: Array = blas.dtrsm(1.0, self._cholesky, rows.T, lower=1)
         return whitened
 
     def __repr__(self) -> str:
-        """Name the leg and its angles."""
         angles = ", ".join(f"{angle:.4g}" for angle in self.q)
         return f"Posture({self.leg.name}, q=[{angles}])"
 
     def _rows(self) -> Iterable[Row]:
-        """Return the lines that are shown."""
         yield "leg", self.leg.name, ""
         joints = self.leg.display_values(self.q)
         moved = {

@@ -429,7 +429,7 @@ REFUSED = {
     "axis of 2": (
         KNEE_AXIS,
         '<axis xyz="0 1"/>',
-        "^Malformed axis element for joint .knee.: Parser found 2",
+        "^joint 'knee' axis is '0 1': it must be 3 finite",
     ),
     "axis without numbers": (KNEE_AXIS, "<axis/>", "^joint 'knee' axis is ''"),
     "axis vanishing when squared": (

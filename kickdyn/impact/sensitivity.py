@@ -326,7 +326,7 @@ def _sliding_direction(approach: Approach, solution: Solution, fixed: _FixedImpu
         return np.zeros(3)
     if approach.contact.friction > 0.0:
         against = -solution.tangential_impulses[0]
-        return against / math.hypot(*against)
+        return np.asarray(against / math.hypot(*against))
     n = approach.contact.normal
     sliding = fixed.u_after - float(n @ fixed.u_after) * n
     speed = math.hypot(*sliding)

@@ -124,7 +124,6 @@ class Segment:
         start: estimated time of the cut at which it begins [s].
         velocity_before: of the ball just before that cut, shape `(3,)` [m/s]; None at a start.
         velocity_after: just after it, shape `(3,)` [m/s].
-        end_velocity: just before the segment's end, shape `(3,)` [m/s].
     """
 
     kind: SegmentKind
@@ -134,7 +133,6 @@ class Segment:
     start: float
     velocity_before: Array | None
     velocity_after: Array
-    end_velocity: Array
 
     def __len__(self) -> int:
         """Return the number of samples."""
@@ -252,6 +250,11 @@ class _Samples(NamedTuple):
     indices: NDArray[np.intp]
     noise: float
 
+    @property
+    def coefficient_price(self) -> float:
+        """Price of one coefficient by the Bayesian information criterion."""
+        return math.log(self.positions.size)
+
 
 class _Piece(NamedTuple):
     """Samples first to last - 1, and polynomials fitted to them.
@@ -259,6 +262,7 @@ class _Piece(NamedTuple):
     Attributes:
         first, last: indices of samples.
         origin: time that the polynomials count from [s].
+        middle: time in the middle of the piece [s].
         coefficients: of the polynomials, lowest power first, shape `(k, 3)`.
         cost: sum of squared residuals over the squared noise.
     """
@@ -266,13 +270,19 @@ class _Piece(NamedTuple):
     first: int
     last: int
     origin: float
+    middle: float
     coefficients: Array
     cost: float
 
-    def derivative(self, time: float, order: int) -> Array:
-        """Return position, velocity or acceleration at a time, for order 0, 1 or 2."""
+    @property
+    def fall(self) -> float:
+        """Downward acceleration in the middle [m/s2]."""
+        return -float(self.derivative(self.middle, 2)[2])
+
+    def derivative(self, times: float | Array, order: int) -> Array:
+        """Return position, velocity or acceleration, for order 0, 1 or 2: `(3,)` or `(3, n)`."""
         powers = np.polynomial.polynomial.polyder(self.coefficients, order)
-        return np.asarray(np.polynomial.polynomial.polyval(time - self.origin, powers))
+        return np.asarray(np.polynomial.polynomial.polyval(times - self.origin, powers))
 
 
 @validation.check_arguments
@@ -300,26 +310,7 @@ def segments(
     if len(track) < 5:
         raise InvalidInput(f"track has {len(track)} samples: at least 5 are needed")
     refuse_intervals(track)
-    _check_heights(track, level)
-    noise = max(_noise(track), LEAST_NOISE)
-    kept = _without_spikes(track, noise)
-    samples = _Samples(track.times[kept], track.positions[kept], kept, noise)
-    pieces: list[_Piece] = []
-    gaps = [int(k) for k in np.flatnonzero(np.diff(samples.times) > GAP_TIME) + 1]
-    for first, last in zip([0, *gaps], [*gaps, len(kept)], strict=True):
-        pieces += _joined(samples, _partition(samples, first, last))
-    _check_units(track, samples, pieces)
-    segments = _described(samples, pieces, level + ball.radius, gaps)
-    friction, warnings = _friction(segments, ball)
-    return Segments(
-        track, segments, _restitution(segments, samples), friction,
-        _rolling_deceleration(samples, segments, ball, air), warnings,
-    )  # fmt: skip
-
-
-def _check_heights(track: Track, level: float) -> None:
-    """Raise `InvalidInput` for a track under the ground; trackers are off by `CONTACT_HEIGHT`."""
-    heights = track.positions[:, 2]
+    heights = track.positions[:, 2]  # trackers are off by up to CONTACT_HEIGHT
     if np.mean(heights < level - CONTACT_HEIGHT) > UNDERGROUND_FRACTION:
         lowest = int(np.argmin(heights))
         raise InvalidInput(
@@ -327,19 +318,22 @@ def _check_heights(track: Track, level: float) -> None:
             f"ground at {level:g} m: z must point up; if the ground is lower, give its height "
             "(--ground-height)"
         )
-
-
-def _check_units(track: Track, samples: _Samples, pieces: Sequence[_Piece]) -> None:
-    """Raise `InvalidInput` where most that falls does so as in other units than metres."""
-    falls = [_falling(samples, piece) for piece in pieces if piece.last - piece.first >= 8]
+    noise = max(_noise(track), LEAST_NOISE)
+    kept = _without_spikes(track, noise)
+    samples = _Samples(track.times[kept], track.positions[kept], kept, noise)
+    pieces: list[_Piece] = []
+    gaps = [int(k) for k in np.flatnonzero(np.diff(samples.times) > GAP_TIME) + 1]
+    for first, last in zip([0, *gaps], [*gaps, len(kept)], strict=True):
+        pieces += _joined(samples, _partition(samples, first, last))
+    falls = [piece.fall for piece in pieces if piece.last - piece.first >= 8]
     falling = [fall for fall in falls if fall > LEAST_FALL]
     refuse_units(track, float(np.median(falling)) if falling else 0.0)
-
-
-def _falling(samples: _Samples, piece: _Piece) -> float:
-    """Return the downward acceleration in the middle of a piece [m/s2]."""
-    middle = 0.5 * float(samples.times[piece.first] + samples.times[piece.last - 1])
-    return -float(piece.derivative(middle, 2)[2])
+    segments = _described(samples, pieces, level + ball.radius, gaps)
+    friction, warnings = _friction(segments, ball)
+    return Segments(
+        track, segments, _restitution(segments, samples), friction,
+        _rolling_deceleration(samples, segments, ball, air), warnings,
+    )  # fmt: skip
 
 
 def _noise(track: Track) -> float:
@@ -379,17 +373,13 @@ def _fitted(samples: _Samples, first: int, last: int, degree: int) -> _Piece:
     fit, *_ = np.linalg.lstsq(powers, points, rcond=None)
     residuals = (powers @ fit - points) / samples.noise
     coefficients = fit / span ** np.arange(degree + 1)[:, None]
-    return _Piece(first, last, origin, coefficients, float((residuals**2).sum()))
-
-
-def _price(samples: _Samples, coefficients: int) -> float:
-    """Return what coefficients cost by the Bayesian information criterion."""
-    return coefficients * math.log(max(samples.positions.size, 2))
+    middle = 0.5 * float(times[0] + times[-1])
+    return _Piece(first, last, origin, middle, coefficients, float((residuals**2).sum()))
 
 
 def _partition(samples: _Samples, start: int, stop: int) -> list[tuple[int, int]]:
     """Return the best partition of samples start to stop - 1 into cubics."""
-    count, price = stop - start, _price(samples, 12)
+    count, price = stop - start, 12 * samples.coefficient_price
     best = np.full(count + 1, math.inf)  # cost of the samples before
     best[0] = 0.0
     previous_cut = np.zeros(count + 1, dtype=int)
@@ -430,7 +420,7 @@ def _joined(samples: _Samples, cuts: list[tuple[int, int]]) -> list[_Piece]:
     a touch that the tracker smooths over is cut twice.
     """
     pieces = [_fitted(samples, first, last, 3) for first, last in cuts]
-    price = _price(samples, 6)
+    price = 6 * samples.coefficient_price
     i = 0
     while i + 1 < len(pieces):
         left, right = pieces[i], pieces[i + 1]
@@ -444,22 +434,16 @@ def _joined(samples: _Samples, cuts: list[tuple[int, int]]) -> list[_Piece]:
     while i + 1 < len(pieces):
         left, middle, right = pieces[i - 1 : i + 2]
         if middle.last - middle.first <= SHORT_PIECE:
-            divided = _divided(samples, left, middle, right)
-            cost = left.cost + middle.cost + right.cost
-            if sum(piece.cost for piece in divided) < cost + price:
-                pieces[i - 1 : i + 2] = divided
+            choices = [
+                [_fitted(samples, left.first, cut, 5), _fitted(samples, cut, right.last, 5)]
+                for cut in range(middle.first, middle.last + 1)
+            ]
+            costs = [before.cost + after.cost for before, after in choices]
+            if min(costs) < left.cost + middle.cost + right.cost + price:
+                pieces[i - 1 : i + 2] = choices[int(np.argmin(costs))]
                 continue
         i += 1
     return pieces
-
-
-def _divided(samples: _Samples, left: _Piece, middle: _Piece, right: _Piece) -> list[_Piece]:
-    """Return two quintics between which the samples of the middle piece are best divided."""
-    choices = [
-        [_fitted(samples, left.first, cut, 5), _fitted(samples, cut, right.last, 5)]
-        for cut in range(middle.first, middle.last + 1)
-    ]
-    return min(choices, key=lambda pair: pair[0].cost + pair[1].cost)
 
 
 def _described(
@@ -478,9 +462,8 @@ def _described(
         if before is not None:
             height = float(piece.derivative(start, 0)[2]) - rest_height
             begins = _cut_reason(height, before, after, kinds[i - 1], kind)
-        end_velocity = _velocity(samples, piece, float(samples.times[piece.last - 1]), kind)
         first, last = int(samples.indices[piece.first]), int(samples.indices[piece.last - 1]) + 1
-        segments.append(Segment(kind, first, last, begins, start, before, after, end_velocity))
+        segments.append(Segment(kind, first, last, begins, start, before, after))
     return tuple(segments)
 
 
@@ -525,13 +508,11 @@ def _kind(samples: _Samples, piece: _Piece, rest_height: float) -> SegmentKind:
     heights = samples.positions[piece.first : piece.last, 2]
     if len(heights) < 4:
         return SegmentKind.OTHER
-    falling = _falling(samples, piece)
-    is_level = float(np.ptp(heights)) < ROLLING_HEIGHT and abs(falling) < MOST_LEVEL_FALL
+    is_level = float(np.ptp(heights)) < ROLLING_HEIGHT and abs(piece.fall) < MOST_LEVEL_FALL
     if is_level and float(heights.max()) < rest_height + CONTACT_HEIGHT:
-        middle = 0.5 * float(samples.times[piece.first] + samples.times[piece.last - 1])
-        speed = float(np.linalg.norm(piece.derivative(middle, 1)))
+        speed = float(np.linalg.norm(piece.derivative(piece.middle, 1)))
         return SegmentKind.REST if speed < REST_SPEED else SegmentKind.ROLLING
-    return SegmentKind.FLIGHT if LEAST_FALL < falling < MOST_FALL else SegmentKind.OTHER
+    return SegmentKind.FLIGHT if LEAST_FALL < piece.fall < MOST_FALL else SegmentKind.OTHER
 
 
 def _meeting_time(samples: _Samples, left: _Piece, right: _Piece) -> float:
@@ -539,8 +520,8 @@ def _meeting_time(samples: _Samples, left: _Piece, right: _Piece) -> float:
     before, after = samples.times[left.last - 1], samples.times[right.first]
     margin = after - before
     times = np.linspace(before - margin, after + margin, 61)
-    gaps = [float(np.linalg.norm(left.derivative(t, 0) - right.derivative(t, 0))) for t in times]
-    return float(times[int(np.argmin(gaps))])
+    distances = np.linalg.norm(left.derivative(times, 0) - right.derivative(times, 0), axis=0)
+    return float(times[int(np.argmin(distances))])
 
 
 def _restitution(segments: Iterable[Segment], samples: _Samples) -> Measured | None:

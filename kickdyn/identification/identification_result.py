@@ -93,7 +93,7 @@ class Identification(ReprMixin):
     comparison: tuple[ModelScore, ...] = ()
 
     def _rows(self) -> Iterable[Row]:
-        yield "samples", f"{self.used.sum()} of {self.used.size} used", ""
+        yield "samples", f"{self.used.size - self.outliers} of {self.used.size} used", ""
         yield "rms distance", self.rms, "m"
         for name, value in self.values.items():
             number = f"{value:.4g} +- {self.deviations[name]:.2g}"
@@ -178,6 +178,11 @@ class Identification(ReprMixin):
         return self.flights[self.launches.index(self.launch)]
 
     @property
+    def outliers(self) -> int:
+        """Number of samples that were left out."""
+        return int((~self.used).sum())
+
+    @property
     def rms(self) -> float:
         """Root mean square distance of fit and measurement, outliers left out [m]."""
         kept = self.residuals[self.used]
@@ -211,9 +216,10 @@ class Identification(ReprMixin):
                 "neighbouring residuals are correlated, as in smoothed tracks: the standard "
                 f"deviations are increased by a factor of {self.widening:.2g}"
             )
-        aside = int((~self.used).sum())
-        if aside:
-            lines.append(f"{aside} of {self.used.size} samples are outliers and were left out")
+        if self.outliers:
+            lines.append(
+                f"{self.outliers} of {self.used.size} samples are outliers and were left out"
+            )
         for number, flight in enumerate(self.flights):
             which = f"flight {number}: " if len(self.flights) > 1 else ""
             lines += [f"{which}{line}" for line in flight.warnings]

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
 
-from kickdyn.aerodynamics.coefficient_model import Coefficient, find_model, scaled
+from kickdyn.aerodynamics.coefficient_model import find_model, scaled
 from kickdyn.aerodynamics.drag import MODELS, constant
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
@@ -141,9 +141,21 @@ def identify(
     air = Air() if air is None else air
     known_spin = validation.vector("spin", spin, 3, unit="rad/s")
     problem = _Problem(tuple(tracks), ball, air, _sought(free, air), known_spin)
-    rivals = [_rival(model, air, tracks) for model in compare]
+    fewest = min(map(len, tracks))
+    if compare and fewest < 2 * LEAST_SAMPLES - 1:
+        raise InvalidInput(
+            f"a flight of {fewest} positions has too few to fit a half: compare needs "
+            f"{2 * LEAST_SAMPLES - 1}"
+        )
+    rivals = [
+        model if isinstance(model, Air) else replace(air, drag=find_model("drag", MODELS, model))
+        for model in compare
+    ]
     result = _result(problem, _fit(problem))
-    scores = [_score(*rival, problem) for rival in rivals]
+    scores = [
+        _score(model if isinstance(model, str) else _name(rival), rival, problem)
+        for model, rival in zip(compare, rivals, strict=True)
+    ]
     return replace(result, comparison=tuple(sorted(scores, key=lambda s: s.prediction_rms)))
 
 
@@ -329,7 +341,8 @@ def _fit(problem: _Problem) -> _Estimate:
     starts = [_start(problem, launches, size) for size in sizes]
     evaluate = partial(problem.evaluate, COARSEST_TOL)
     prior = problem.spin_rows(0.0)
-    robust = [_minimise(evaluate, start, prior, robust_scale=3.0 * noise) for start in starts]
+    loss: dict[str, Any] = {"loss": "soft_l1", "f_scale": 3.0 * noise, "ftol": ROBUST_COST_TOL}
+    robust = [_minimise(evaluate, start, prior, **loss) for start in starts]
     _, unknowns = min(robust, key=lambda fit: fit[0])
     residuals, jacobian = evaluate(unknowns)
     used, tol = np.zeros(residuals.size, dtype=bool), COARSEST_TOL
@@ -392,8 +405,9 @@ def _minimise(
     evaluate: Callable[[Array], Evaluation],
     start: Array,
     prior: Array,
-    used: NDArray[np.bool_] | None = None,
-    robust_scale: float | None = None,
+    used: NDArray[np.bool_] | slice = slice(None),
+    ftol: float = COST_TOL,
+    **options: Any,
 ) -> tuple[float, Array]:
     """Return the least cost and the unknowns.
 
@@ -402,10 +416,10 @@ def _minimise(
             flight, which ends the fit at its start, and is avoided later.
         start: the first guess of the unknowns.
         prior: rows whose products with the unknowns are residuals, too.
-        used: which residuals count; None for all.
-        robust_scale: scale of the robust loss soft L1 [m]; None for least squares.
+        used: which residuals count.
+        ftol: relative change of the cost at which the fit ends.
+        options: of `scipy.optimize.least_squares`.
     """
-    rows = slice(None) if used is None else used
     residuals, slopes = evaluate(start)
     failed = np.full(residuals.size, FAILED_RESIDUAL), slopes
 
@@ -416,23 +430,16 @@ def _minimise(
         except KickdynError:
             residuals, slopes = failed
         return (
-            np.concatenate([residuals[rows], prior @ unknowns]),
-            np.vstack([slopes[rows], prior]),
+            np.concatenate([residuals[used], prior @ unknowns]),
+            np.vstack([slopes[used], prior]),
         )
 
     result = least_squares(
         lambda unknowns: residuals_and_slopes(unknowns)[0],
         start,
         jac=lambda unknowns: residuals_and_slopes(unknowns)[1],
-        method="trf",
-        x_scale="jac",
-        loss="linear" if robust_scale is None else "soft_l1",
-        f_scale=1.0 if robust_scale is None else robust_scale,
-        xtol=1e-12,
-        ftol=COST_TOL if robust_scale is None else ROBUST_COST_TOL,
-        gtol=1e-15,
-        max_nfev=60,
-    )
+        x_scale="jac", ftol=ftol, xtol=1e-12, gtol=1e-15, max_nfev=60, **options,
+    )  # fmt: skip
     return float(result.cost), result.x
 
 
@@ -485,21 +492,8 @@ def _widening(problem: _Problem, estimate: _Estimate) -> float:
     return math.sqrt((1.0 + correlation) / (1.0 - correlation))
 
 
-def _rival(model: str | Air, air: Air, tracks: Sequence[Track]) -> tuple[str, Air]:
-    """Return the name of a model and its air; raise `InvalidInput` if it cannot be compared."""
-    fewest = min(map(len, tracks))
-    if (fewest + 1) // 2 < LEAST_SAMPLES:
-        raise InvalidInput(
-            f"a flight of {fewest} positions has too few to fit a half: compare needs "
-            f"{2 * LEAST_SAMPLES - 1}"
-        )
-    if isinstance(model, Air):
-        return f"drag {_named(model.drag)}, lift {_named(model.lift)}", model
-    return model, replace(air, drag=find_model("drag", MODELS, model))
-
-
 def _score(name: str, air: Air, problem: _Problem) -> ModelScore:
-    """Return how well a model, fitted to the first halves, predicts the second ones."""
+    """Return how well an air, fitted to the first halves, predicts the second ones."""
     sought = tuple(free for free in problem.sought if free != Free.DRAG)
     predictions, fits = [], []
     for track in problem.tracks:
@@ -508,18 +502,18 @@ def _score(name: str, air: Air, problem: _Problem) -> ModelScore:
         estimate = _fit(half)
         fits.append(_result(half, estimate).rms)
         full = half._replace(tracks=(track,))
-        try:
-            residuals, _ = full.evaluate(FINEST_TOL, estimate.unknowns)
-            predictions.append(_rms(residuals.reshape(-1, 3)[middle:]))
-        except KickdynError:
-            predictions.append(math.inf)
+        residuals, _ = full.evaluate(FINEST_TOL, estimate.unknowns)
+        predictions.append(_rms(residuals.reshape(-1, 3)[middle:]))
     return ModelScore(name, _rms(np.array(predictions)), _rms(np.array(fits)))
 
 
-def _named(model: Coefficient | None) -> str:
-    """Return the name of a model, or the value of a constant."""
-    value = getattr(model, "value", None)
-    return f"{value:g}" if value is not None else str(getattr(model, "name", model))
+def _name(air: Air) -> str:
+    """Return the names of the drag and lift models, or the values of constants."""
+    names = [
+        f"{kind} {getattr(model, 'value', getattr(model, 'name', model))}"
+        for kind, model in (("drag", air.drag), ("lift", air.lift))
+    ]
+    return ", ".join(names)
 
 
 def _rms(errors: Array) -> float:

@@ -74,9 +74,6 @@ is not level."""
 MOST_FRICTION = 1.0
 """Ratio of the changes of velocity along and across the ground above which it was no bounce."""
 
-SLIDING_FRACTION = 0.1
-"""Share of the slip before a bounce that is left after it, from which the ball slid to the end."""
-
 COEFFICIENTS = ("restitution", "friction", "rolling_deceleration")
 """What the bounces and the rolling say of the ground."""
 
@@ -112,6 +109,10 @@ class CutReason(StrEnum):
     GAP = "gap"
 
 
+GROUND_CONTACTS = (CutReason.BOUNCE, CutReason.LANDING)
+"""Cuts at which the ball meets the ground."""
+
+
 @dataclass(frozen=True)
 class Segment:
     """A part of a track between two cuts.
@@ -140,9 +141,17 @@ class Segment:
 
 
 class Measured(NamedTuple):
-    """A median of several measurements, its standard deviation, their number, kind and unit.
+    """A coefficient of the ground from several measurements.
 
-    The median, because a bounce beside a player's foot looks like any other.
+    Attributes:
+        median: the median, because a bounce beside a player's foot looks like any other; of a lower
+            bound the largest measurement.
+        deviation: its standard deviation.
+        samples: number of measurements.
+        kind: what was measured.
+        unit: unit of the median.
+        is_lower_bound: whether the coefficient is at least as large as the median, to within two
+            standard deviations, and may be larger.
     """
 
     median: float
@@ -150,10 +159,15 @@ class Measured(NamedTuple):
     samples: int
     kind: str = "bounce"
     unit: str = ""
+    is_lower_bound: bool = False
 
     def __str__(self) -> str:
+        measurements = f"{self.samples} {self.kind}{'s' if self.samples > 1 else ''}"
+        if self.is_lower_bound:
+            least = max(self.median - 2.0 * self.deviation, 0.0)
+            return f"at least {least:.2g} (of {measurements})"
         value = f"{self.median:.3g} +- {self.deviation:.2g} {self.unit}".rstrip()
-        return f"{value} (of {self.samples} {self.kind}{'s' if self.samples > 1 else ''})"
+        return f"{value} (of {measurements})"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -166,13 +180,11 @@ class Segments(Printed):
         restitution: restitution of the bounces, :math:`-v_z^+ / v_z^-`; None without a bounce.
         friction: ratio of the impulses along and across the ground,
             :math:`|\Delta v_{xy}| / \Delta v_z`, of the bounces in which the ball slid to the end.
-            A ball that comes from a touch is taken to have no spin, one that comes from a bounce to
-            have the spin that the bounce gave it. Where no ball slid, it is the largest of all
-            ratios; `warnings` then says that friction may be higher. None without a bounce.
+            This is seen at the next contact with the ground, which slows the slip that was left. If
+            no ball slid, the largest ratio is a lower bound of friction. None without a bounce.
         rolling_deceleration: deceleration in the second halves of the parts in which the ball rolls
             [m/s2], without the drag of the air. A kicked ball slides in the first half. None
             without such a segment.
-        warnings: lines about what to know before using the numbers; empty if there is nothing.
     """
 
     track: Track
@@ -180,7 +192,6 @@ class Segments(Printed):
     restitution: Measured | None
     friction: Measured | None
     rolling_deceleration: Measured | None
-    warnings: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         """Return a line for each part, and what the bounces and the rolling say."""
@@ -197,6 +208,13 @@ class Segments(Printed):
             if value is not None:
                 lines.append(f"{name.replace('_', ' ')}: {value}")
         return "\n".join([*lines, *(f"warning: {line}" for line in self.warnings)])
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Lines about what to know before using the numbers; empty if there is nothing."""
+        if self.friction is None or not self.friction.is_lower_bound:
+            return ()
+        return ("no bounce shows that the ball slid to its end: friction may be higher",)
 
     @property
     def flights(self) -> tuple[Track, ...]:
@@ -219,6 +237,8 @@ class Segments(Printed):
     def surface(self) -> Surface:
         """The surface of the ground for `kickdyn.follow`, with the deviations of its coefficients.
 
+        A lower bound of friction has no deviation: with it, the ball grips in all measured bounces.
+
         Raises:
             InvalidInput: the track has no bounce, or no rolling segment.
         """
@@ -231,7 +251,11 @@ class Segments(Printed):
             max(self.friction.median, 0.0),
             max(self.rolling_deceleration.median, LEAST_DECELERATION),
             source=f"{self.restitution.samples} bounces of a measured track",
-            deviations={name: getattr(self, name).deviation for name in COEFFICIENTS},
+            deviations={
+                name: getattr(self, name).deviation
+                for name in COEFFICIENTS
+                if not getattr(self, name).is_lower_bound
+            },
         )
 
 
@@ -329,11 +353,9 @@ def segments(
     falling = [fall for fall in falls if fall > LEAST_FALL]
     refuse_units(track, float(np.median(falling)) if falling else 0.0)
     segments = _described(samples, pieces, level + ball.radius, gaps)
-    friction, warnings = _friction(segments, ball)
-    return Segments(
-        track, segments, _restitution(segments, samples), friction,
-        _rolling_deceleration(samples, segments, ball, air), warnings,
-    )  # fmt: skip
+    restitution, friction = _at_bounces(segments, samples, ball)
+    rolling_deceleration = _rolling_deceleration(samples, segments, ball, air)
+    return Segments(track, segments, restitution, friction, rolling_deceleration)
 
 
 def _noise(track: Track) -> float:
@@ -478,9 +500,8 @@ def _cut_reason(
         return CutReason.LANDING
     along = math.hypot(*(after - before)[:2])
     is_passive = 0.0 < up <= down and along < MOST_FRICTION * (up + down)
-    if kind_after is SegmentKind.FLIGHT and is_passive:
-        return CutReason.BOUNCE
-    return CutReason.TOUCH
+    is_bounce = kind_after is SegmentKind.FLIGHT and is_passive
+    return CutReason.BOUNCE if is_bounce else CutReason.TOUCH
 
 
 def _velocity(samples: _Samples, piece: _Piece, time: float, kind: SegmentKind) -> Array:
@@ -524,51 +545,46 @@ def _meeting_time(samples: _Samples, left: _Piece, right: _Piece) -> float:
     return float(times[int(np.argmin(distances))])
 
 
-def _restitution(segments: Iterable[Segment], samples: _Samples) -> Measured | None:
-    r"""Return the ratio of vertical speeds at bounces, None without any.
+def _at_bounces(
+    segments: Sequence[Segment], samples: _Samples, ball: Ball
+) -> tuple[Measured | None, Measured | None]:
+    r"""Return restitution and friction at bounces, None without any.
 
     A speed is taken as the slope of a parabola at the end of T = `VELOCITY_WINDOW` with n samples,
     of which the deviation is :math:`\sigma \sqrt{192 / n} / T`.
+
+    A ball slides to the end of a bounce if slip is left that the next bounce takes away. A change
+    of velocity by friction changes the slip by 1 + m r^2 / I times as much, and in flight the slip
+    changes as the velocity.
     """
     count = max(VELOCITY_WINDOW / float(np.median(np.diff(samples.times))), 1.0)
     speed_deviation = samples.noise * math.sqrt(192.0 / count) / VELOCITY_WINDOW
-    values, deviations = [], []
-    for segment in segments:
-        if segment.begins is CutReason.BOUNCE and segment.velocity_before is not None:
-            before, after = -float(segment.velocity_before[2]), float(segment.velocity_after[2])
-            values.append(after / before)
-            deviations.append(speed_deviation * math.hypot(1.0, after / before) / before)
-    return _median(values, deviations)
-
-
-def _friction(segments: Sequence[Segment], ball: Ball) -> tuple[Measured | None, tuple[str, ...]]:
-    """Return the friction at bounces, None without any, and warnings.
-
-    The slip of the contact point changes by 1 + m r^2 / I times the change of velocity.
-    """
-    ratios, sliding = [], []
-    shell = 1.0 + ball.mass * ball.radius**2 / ball.inertia if ball.inertia else math.inf
-    slip: Array | None = None  # after the previous bounce
-    for previous, segment in pairwise(segments):
+    slip_per_change = 1.0 + ball.turning * ball.mass
+    restitutions, ratios, sliding_ratios = [], [], []
+    for segment, following in zip(segments, [*segments[1:], None], strict=True):
         if segment.begins is not CutReason.BOUNCE or segment.velocity_before is None:
-            slip = None
             continue
-        slip_before = segment.velocity_before[:2]
-        if slip is not None:  # in flight the spin stays, the velocity changes
-            slip_before = slip + slip_before - previous.velocity_after[:2]
+        before, after = -float(segment.velocity_before[2]), float(segment.velocity_after[2])
+        deviation = speed_deviation * math.hypot(1.0, after / before) / before
+        restitutions.append((after / before, deviation))
         change = segment.velocity_after - segment.velocity_before
-        ratio = float(np.hypot(change[0], change[1]) / change[2])
-        slip = slip_before + shell * change[:2]
-        ratios.append(ratio)
-        noise = 2.0 * FRICTION_DEVIATION * shell * float(change[2])
-        square = float(slip_before @ slip_before)
-        if math.sqrt(square) > noise and float(slip @ slip_before) > SLIDING_FRACTION * square:
-            sliding.append(ratio)
-    if sliding or not ratios:
-        return _median(sliding, [FRICTION_DEVIATION] * len(sliding)), ()
-    largest = Measured(max(ratios), FRICTION_DEVIATION, len(ratios))
-    line = f"the ball gripped the ground at all bounces: friction is at least {max(ratios):.2g}"
-    return largest, (line,)
+        size = math.hypot(*change[:2])
+        deviation = math.hypot(FRICTION_DEVIATION, 1.5 * speed_deviation / float(change[2]))
+        ratios.append((size / float(change[2]), deviation))
+        if following is None or following.velocity_before is None or not size:
+            continue
+        next_change = following.velocity_after - following.velocity_before
+        slowing = following.velocity_before - segment.velocity_after
+        slip_left = (slip_per_change * next_change + slowing)[:2] @ change[:2] / size
+        unevenness = FRICTION_DEVIATION * abs(float(next_change[2]))
+        deviation = slip_per_change * math.hypot(unevenness, 1.5 * speed_deviation)
+        if following.begins in GROUND_CONTACTS and slip_left > 2.0 * deviation:
+            sliding_ratios.append(ratios[-1])
+    friction = _median(sliding_ratios)
+    if ratios and not sliding_ratios:
+        largest, deviation = max(ratios, key=lambda ratio: ratio[0] - 2.0 * ratio[1])
+        friction = Measured(largest, deviation, len(ratios), is_lower_bound=True)
+    return _median(restitutions), friction
 
 
 def _rolling_deceleration(
@@ -578,7 +594,7 @@ def _rolling_deceleration(
 
     The force of the air moves a rolling ball as if its mass were m + I / r^2.
     """
-    decelerations = []
+    decelerations: list[tuple[float, float]] = []
     drag = acceleration_function(ball, air)
     heavier = 1.0 + ball.inertia / (ball.mass * ball.radius**2)
     for segment in segments:
@@ -595,20 +611,21 @@ def _rolling_deceleration(
         ax, ay, *_ = drag(0.0, float(velocity[0]), float(velocity[1]), 0.0, 0.0, 0.0, 0.0)
         by_ground = 2.0 * curvature - np.array([ax, ay]) / heavier
         speed = max(math.hypot(*velocity), 1e-300)
-        decelerations.append(-float(by_ground @ velocity) / speed)
-    median = _median(decelerations, [ROLLING_DEVIATION] * len(decelerations))
+        decelerations.append((-float(by_ground @ velocity) / speed, ROLLING_DEVIATION))
+    median = _median(decelerations)
     return median and median._replace(kind="rolling part", unit="m/s2")
 
 
-def _median(values: Sequence[float], deviations: Sequence[float]) -> Measured | None:
-    """Return the median with its standard deviation, None without any values.
+def _median(measurements: Sequence[tuple[float, float]]) -> Measured | None:
+    """Return the median of values, each with its deviation; None without any values.
 
     The values are taken as normally distributed. Their spread is estimated from the values, but is
     not below the median deviation of a single value.
     """
-    if not values:
+    if not measurements:
         return None
-    middle, root = float(np.median(values)), math.sqrt(len(values))
-    spread = 1.4826 * float(np.median(np.abs(np.array(values) - middle)))
-    least = float(np.median(deviations))
-    return Measured(middle, 1.2533 * max(spread, least) / root, len(values))
+    values, deviations = np.array(measurements).T
+    median = float(np.median(values))
+    spread = 1.4826 * float(np.median(np.abs(values - median)))
+    largest = max(spread, float(np.median(deviations)))
+    return Measured(median, 1.2533 * largest / math.sqrt(len(values)), len(values))

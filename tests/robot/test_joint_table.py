@@ -348,7 +348,7 @@ def test_mimic_joints_are_where_their_drivers_put_them(geared):
     with pytest.raises(kd.InvalidInput, match=r"joint knee is 0.3: it mimics hip"):
         geared.configuration({"hip": 0.6, "knee": 0.3})
     with pytest.raises(
-        kd.InvalidInput, match=r"q has shape \(3,\): it must be \(1,\), with no mim"
+        kd.InvalidInput, match=r"q has shape \(3,\): it must be \(1,\), with .* no mim"
     ):
         geared.posture(np.zeros(3))
 

@@ -233,7 +233,7 @@ def _kick_of_simulation(simulation: Simulation, caption: str) -> _Kick:
     if simulation.neglected:
         moved = simulation.model_error
         distance = f"{moved:.2g} m" if math.isfinite(moved) else "an unknown distance"
-        caption += f", contact shown as instantaneous, which moves the landing point by {distance}"
+        caption += f", contact shown as instantaneous; this moves the end of the path by {distance}"
     kick = _Kick(impact, path, ". ".join(filter(None, [caption, simulation.pitch_text])))
     if scene.plane is None:
         return kick

@@ -100,7 +100,9 @@ def test_axes_are_those_of_the_world():
     said = [umsgpack.unpackb(packed) for packed in viewer.window.commands]
     np.testing.assert_allclose(place_of(said, "/meshcat/x")[:3, 3], origin)
     for name, axis in zip("xyz", np.eye(3), strict=True):
-        np.testing.assert_allclose(place_of(said, f"/meshcat/x/{name}/head")[:3, 1], axis, atol=1e-15)
+        np.testing.assert_allclose(
+            place_of(said, f"/meshcat/x/{name}/head")[:3, 1], axis, atol=1e-15
+        )
     texts = [re.sub("<.*?>", "", label) for label in viewer.window.labels]
     assert texts == ["x (0.5 m)", "y", "z"]
 

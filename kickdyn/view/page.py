@@ -31,8 +31,7 @@ from kickdyn.planning.launch import Launch
 from kickdyn.planning.passes import Pass
 from kickdyn.planning.swing import Swing
 from kickdyn.scene.scene import Scene
-from kickdyn.scene.simulate import simulate_as_instant
-from kickdyn.scene.simulation import Simulation
+from kickdyn.scene.simulate import Simulation, simulate_as_instant
 from kickdyn.view.caption import kick_panel
 from kickdyn.view.comparison import draw_flights, draw_impacts
 from kickdyn.view.document import Recording, html_document, recording_viewer, save_picture
@@ -225,10 +224,8 @@ def _kick_of(subject: _MovingSubject, path: _Path | None, caption: str) -> _Kick
 def _kick_of_simulation(simulation: Simulation, caption: str) -> _Kick:
     """Return the kick of a scene, with its wall or goal if it is in sight."""
     impact, path, scene = simulation.impact, simulation.path, simulation.scene
-    if not isinstance(impact, Impact) or path is None:
-        raise InvalidInput(
-            "the impact of this Simulation takes time, or it has no path: show its Scene instead"
-        )
+    if not isinstance(impact, Impact):
+        raise InvalidInput("the impact of this Simulation takes time: show its Scene instead")
     caption = caption or scene.name
     if simulation.neglected:
         moved = simulation.model_error

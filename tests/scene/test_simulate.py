@@ -385,7 +385,7 @@ def test_where_the_contact_cannot_be_computed_the_error_is_not_known():
     assert "error unknown; all effects are modelled except contact time" in str(answer)
     assert "which cannot be computed: stiffness is" in str(answer)
     assert (
-        "its contact shown as instantaneous, which moves the end by an unknown distance"
+        "contact shown as instantaneous; this moves the end of the path by an unknown distance"
         in kd.page(answer).html
     )
     assert (answer.neglected, answer.model_error) == (("contact time",), math.inf)

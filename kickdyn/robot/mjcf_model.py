@@ -16,7 +16,7 @@ import pinocchio as pin
 from kickdyn.core.validation import Array, check_type
 from kickdyn.errors import InvalidInput, MjcfError
 from kickdyn.robot.joint_table import Mimic
-from kickdyn.robot.mjcf_file import MjcfFile, body_name, mujoco_pose
+from kickdyn.robot.mjcf_file import MjcfFile, body_name, find_body, mujoco_pose
 from kickdyn.robot.model_validation import MAX_MAGNITUDE
 from kickdyn.robot.names import expand_patterns
 from kickdyn.robot.urdf_file import check_base
@@ -61,7 +61,8 @@ def build_mjcf_model(
     check_base(base)
     check_type(str, frame=frame)  # MuJoCo crashes on None
     compiled = file.compile()
-    bodies, root = range(1, compiled.nbody), _root_of(compiled, frame)
+    bodies, body = range(1, compiled.nbody), find_body(compiled, frame)
+    root = compiled.body_rootid[body] if body >= 0 and compiled.body_weldid[body] else None
     robot_bodies = [body for body in bodies if root in (None, compiled.body_rootid[body])]
     try:
         names = [str(compiled.joint(joint).name) for joint in range(compiled.njnt)]
@@ -89,22 +90,6 @@ def _unused(wish: str, taken: Set[str]) -> str:
         count += 1
         name = f"{wish}{count}"
     return name
-
-
-def _root_of(compiled: Any, frame: str) -> int | None:
-    """Return the root of the tree that moves a body, site or geom; None if there is no such one."""
-    import mujoco
-
-    for kind, bodies in (
-        (mujoco.mjtObj.mjOBJ_BODY, range(compiled.nbody)),
-        (mujoco.mjtObj.mjOBJ_SITE, compiled.site_bodyid),
-        (mujoco.mjtObj.mjOBJ_GEOM, compiled.geom_bodyid),
-    ):
-        number = mujoco.mj_name2id(compiled, kind, frame)
-        if number >= 0:
-            body = int(bodies[number])
-            return int(compiled.body_rootid[body]) if compiled.body_weldid[body] else None
-    return None
 
 
 class _Joint(NamedTuple):

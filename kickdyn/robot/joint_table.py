@@ -161,10 +161,6 @@ class JointTable:
         Returns:
             Shape `(nq,)`; a joint without limits has cosine and sine there, a floating base
             position and quaternion.
-
-        Raises:
-            InvalidInput: no such joint, a value that is not finite, or a mimic joint at another
-                value than its driver gives it.
         """
         step, named = np.zeros(self.nv), validation.mapping("angles", angles)
         for name, value in named.items():
@@ -195,14 +191,7 @@ class JointTable:
         return checked
 
     def joint_values(self, q: ArrayLike) -> dict[str, float]:
-        """Return the value of each joint of one degree of freedom by name [rad; m if prismatic].
-
-        Args:
-            q: configuration, shape `(nq,)`.
-
-        Raises:
-            InvalidInput: q is no configuration.
-        """
+        """Return the value of each joint of one degree of freedom by name [rad; m if prismatic]."""
         q = self.check_configuration(q)
         step = pin.difference(self._model, pin.neutral(self._model), q)
         return {name: float(step[self.velocity_index(name)]) for name in self.single_joints}
@@ -223,11 +212,7 @@ class JointTable:
         }
 
     def velocity_index(self, joint: str) -> int:
-        """Return the index in v of a joint of one degree of freedom.
-
-        Raises:
-            InvalidInput: there is no such joint, or it has several degrees of freedom.
-        """
+        """Return the index in v of a joint; raise `InvalidInput` unless it has one."""
         return int(self._model.idx_vs[self._number(joint)])
 
     def joint_unit(self, joint: str) -> str:
@@ -331,9 +316,6 @@ class JointTable:
         """Return the values of the joints that `wanted` names or matches [rad; m if prismatic].
 
         Mimic joints are left out: they are locked with their drivers.
-
-        Raises:
-            InvalidInput: no such joint, or a mimic joint without its driver.
         """
         for name in wanted:
             if not expand_patterns({name: 0.0}, self.single_joints):

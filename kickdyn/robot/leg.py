@@ -24,7 +24,6 @@ from kickdyn.robot.catalog import (
     ROBOTS,
     TOE,
     find_description,
-    outside_legs,
     robot,
     robot_file,
     robot_model,
@@ -278,8 +277,9 @@ class Leg(JointTable, ReprMixin):
         file, (frame, cone) = robot_file(name), robot(name).contact(frame)
         leg = cls(robot_model(name, base), frame, file, contact_normal_cone=cone)
         leg = leg.locked(locked or {})
-        outside = outside_legs(name, leg.joint_names) if legs_only else []
-        if outside:
+        kept = (*robot(name).legs, "root_joint")
+        outside = [joint for joint in leg.joint_names if not joint.startswith(kept)]
+        if legs_only and outside:
             leg = leg.with_model(reduce_model(leg.model, outside, leg.configuration()))
         fault = _find_fault(leg)
         if fault is not None:
@@ -806,16 +806,11 @@ class Posture(ReprMixin):
 
     def _rows(self) -> Iterable[Row]:
         yield "leg", self.leg.name, ""
-        joints = self.leg.display_values(self.q)
-        moved = {
-            name: shown
-            for name, shown in joints.items()
-            if shown[0] or len(joints) <= MAX_SHOWN_JOINTS
-        }
-        for name in list(moved)[:MAX_SHOWN_JOINTS]:
-            yield name, *moved[name]
-        if len(moved) > MAX_SHOWN_JOINTS:
-            yield "and", f"{len(moved) - MAX_SHOWN_JOINTS} joints more", ""
+        joints = self.leg.display_values(self.q).items()
+        shown = [(name, *x) for name, x in joints if x[0] or len(joints) <= MAX_SHOWN_JOINTS]
+        yield from shown[:MAX_SHOWN_JOINTS]
+        if len(shown) > MAX_SHOWN_JOINTS:
+            yield "and", f"{len(shown) - MAX_SHOWN_JOINTS} joints more", ""
         if self.leg.stiff_joints:
             yield "stiff joints", ", ".join(self.leg.stiff_joints), ""
         yield "contact point", self.contact_point, "m"

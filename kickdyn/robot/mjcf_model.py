@@ -53,10 +53,6 @@ def build_mjcf_model(
         base: `fixed` welds the root body to the world where the file places it, `floating` gives it
             a free joint, `root_joint` if the file has none.
         locked: joints that are to be locked, or patterns: how they are constrained does not matter.
-
-    Raises:
-        MjcfError: a constraint that is not read.
-        InvalidInput: no such base.
     """
     check_base(base)
     check_type(str, frame=frame)  # MuJoCo crashes on None

@@ -37,7 +37,6 @@ from kickdyn.errors import InvalidInput
 from kickdyn.impact.constraint_impulses import Footing, footing
 from kickdyn.planning.kick_problem import KickProblem, KickSolution
 from kickdyn.planning.kick_terms import JointRange, KickPoint, Objective
-from kickdyn.planning.solvers import one_blas_thread
 from kickdyn.planning.stance import (
     LENGTH,
     TILT,
@@ -395,11 +394,10 @@ class _BackswingProblem:
         residuals = keep_last(lambda x: self._residuals(x, weights))
         ends = np.full((2, len(x)), np.inf) * [[-1.0], [1.0]]
         ends[:, -1] = SHORTEST, LONGEST
-        with one_blas_thread():
-            solution = least_squares(
-                lambda x: residuals(x)[0], x, lambda x: residuals(x)[1], ends,
-                ftol=1e-4, xtol=1e-5, max_nfev=40,
-            )  # fmt: skip
+        solution = least_squares(
+            lambda x: residuals(x)[0], x, lambda x: residuals(x)[1], ends,
+            ftol=1e-4, xtol=1e-5, max_nfev=40,
+        )  # fmt: skip
         return np.asarray(solution.x)
 
     def _motion(self, x: Array) -> list[Array]:

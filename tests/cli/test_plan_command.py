@@ -385,7 +385,7 @@ def test_a_robot_on_a_support_says_how_it_stands(tmp_path):
     ended = CliRunner().invoke(plan, [*G1, "--json", str(file)])
     said = " ".join(ended.output.split())
     assert "The robot stands on left_ankle_roll_link, with its centre of mass" in said
-    assert "this foot stands, which takes a coefficient of friction of at least 0." in said
+    assert "this foot stands if the coefficient of friction is at least 0." in said
     stance = json.loads(file.read_text())["stance"]
     assert stance["footing"] == {"left_ankle_roll_link": "stands"}
     assert 0.0 <= stance["balance"] < 0.1

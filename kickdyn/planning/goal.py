@@ -158,7 +158,6 @@ class Goal(ReprMixin):
         )
 
     def __repr__(self) -> str:
-        """Name target and conditions, in a line."""
         named = (f"{name}={value} {unit}".rstrip() for name, value, unit in self.named_values())
         return f"Goal({', '.join(named)})"
 

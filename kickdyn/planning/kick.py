@@ -226,21 +226,16 @@ def _checked_ball_position(position: ArrayLike | None) -> float | Array | None:
     if position is None:
         return None
     place = validation.floats("ball_position", position, unit="m")
-    if place.ndim == 0:
-        return validation.number(
-            "ball_position", position, at_least=-FARTHEST_BALL, at_most=FARTHEST_BALL, unit="m"
-        )
-    if place.shape != (3,):
+    if place.shape not in ((), (3,)):
         raise InvalidInput(f"ball_position has shape {place.shape}: it must be a height or (3,)")
     if np.abs(place).max() > FARTHEST_BALL:
         raise InvalidInput(
             f"ball_position is {place.tolist()} m: it must be within {FARTHEST_BALL:g} m"
         )
-    return place
+    return place if place.shape else float(place)
 
 
 def _checked_contact(contact: Contact | None) -> Contact:
-    """Return the contact without a normal, or raise `InvalidInput`."""
     if contact is None:
         return Contact(restitution=0.8, friction=0.4)
     if contact.normal is not None:
@@ -267,7 +262,6 @@ def _plan_flight_launch(goal: Goal, ball: Ball, air: Air | None) -> Launch:
 
 
 def _plan_pass_launch(goal: Goal, ball: Ball, air: Air | None, surface: str | Surface) -> Pass:
-    """Return the launch of a pass along the ground."""
     launch = plan_pass(goal, ball, air, surface=surface)
     if launch.limit is not None:
         raise OutOfReach(f"the pass is out of reach: {launch.summary}", launch.limit, launch)

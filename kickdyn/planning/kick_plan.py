@@ -367,5 +367,4 @@ def _ground_height(plan: KickPlan) -> float:
 
 
 def _depths_at_impact(plan: KickPlan) -> list[Depth]:
-    """Return the bodies that are under the ground at the impact, the deepest first."""
     return find_depths(plan.leg, [plan.q], _ground_height(plan))

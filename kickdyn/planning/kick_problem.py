@@ -114,24 +114,16 @@ class KickProblem:
         if optional := [term for term in self.terms if not term.required]:
             yield self.without(optional)
 
-    def solve(
-        self, objective: Function[KickPoint], starts: Sequence[Array] | None = None
-    ) -> list[KickPoint]:
-        """Return the solutions from each start that reach the whole foot velocity."""
-        terms = (objective, *self.terms, FullShare(self.variables))
-        return self._solve(terms, self.starts() if starts is None else starts)
+    def solve(self, objective: Function[KickPoint], starts: Sequence[Array]) -> list[KickPoint]:
+        """Return the solutions from each start, with exact foot velocities.
 
-    def solve_for_share(self, starts: Sequence[Array]) -> list[KickPoint]:
-        """Return the solutions from each start that reach the largest share of it."""
-        return self._solve((LargestShare(), *self.terms), starts)
-
-    def _solve(
-        self, terms: tuple[Term[KickPoint], ...], starts: Sequence[Array]
-    ) -> list[KickPoint]:
-        """Return the solutions of terms from each start, with exact foot velocities."""
-        variables, strike = self.variables, self.find(StrikeVelocity)
+        They reach the whole foot velocity, or as much as possible if that is the objective.
+        """
+        variables, strike, terms = self.variables, self.find(StrikeVelocity), self.terms
         assert strike is not None
-        problem = Problem(variables.size, variables.point, terms)
+        if not isinstance(objective, LargestShare):
+            terms += (FullShare(variables),)
+        problem = Problem(variables.size, variables.point, (objective, *terms))
         solutions = [problem.solve(start, self.solver) for start in starts]
         return [strike.make_exact(variables.point(x)) for x in solutions if x is not None]
 
@@ -261,6 +253,9 @@ def explain_infeasible(problem: KickProblem) -> str:
             solution = _find_solution(problem.without(omitted), LeastViolation(omitted))
             if solution is not None:
                 return omitted[0].explain(solution.point)
+    omitted = [term for term in problem.terms if term.explanation]
+    if _find_solution(problem.without(omitted), LeastViolation(omitted)) is not None:
+        return "it has one only without two or more of its conditions"
     return "the ranges of its joints allow none"
 
 
@@ -271,7 +266,7 @@ def _find_solution(problem: KickProblem, objective: Function[KickPoint]) -> Kick
         if points := variant.solve(objective, starts):
             best = min(points, key=lambda point: float(objective.value(point)[0]))
             return KickSolution(variant, best)
-    points = variant.solve_for_share(starts)
+    points = variant.solve(LargestShare(), starts)
     if not points:
         return None
     strongest = max(points, key=lambda point: point.share)
@@ -305,7 +300,6 @@ def _foot_directions(variables: KickVariables, draw: np.random.Generator) -> Arr
 
 
 def _leaves(directions: Array, vector: Array) -> bool:
-    """Return whether a vector has a part across directions."""
     across = vector - directions.T @ (directions @ vector)
     return bool(np.linalg.norm(across) > 1e-6 * np.linalg.norm(vector))
 

@@ -398,6 +398,5 @@ def _usable(limit: Array) -> Array:
 
 
 def _reached(what: str, names: tuple[str, ...], use: Array) -> list[str]:
-    """Return the limits that are reached, by joint."""
     pairs = zip(names, use.tolist(), strict=True)
     return [f"{what} of {name}" for name, share in pairs if share > 1.0 - 10 * TOLERANCE]

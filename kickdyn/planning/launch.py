@@ -237,7 +237,7 @@ def _solutions_from_vacuum(problem: ShootingProblem, goal: Goal) -> list[LaunchS
     """Return the solutions that Newton's method finds from the vacuum's answers."""
     solutions, spin = list[LaunchSolution](), [] if goal.beside is None else [0.0]
     for time in goal.nominal_times():
-        start = np.array([*nominal_velocity(goal.target, time), time, *spin])
+        start = np.array([*nominal_velocity(goal.target, time), *spin, time])
         solution = solve_launch(problem, goal, start)
         if solution is None:
             continue
@@ -250,7 +250,6 @@ def _solutions_from_vacuum(problem: ShootingProblem, goal: Goal) -> list[LaunchS
 def _launch(
     family: LaunchFamily, reached: Goal, limit: LaunchLimit | None, solution: LaunchSolution
 ) -> Launch:
-    """Return a solution as a `Launch`."""
     return Launch(
         status=PlanStatus.MET if limit is None else PlanStatus.UNREACHABLE,
         goal=family.goal,
@@ -274,7 +273,6 @@ def _farthest(family: LaunchFamily) -> Launch:
     most = 2.5 * speed / GRAVITY * (1.0 + abs(slope))
 
     def flight(angle: float) -> DifferentiableFlight | None:
-        """Return the flight at an angle to where it comes down to the line; None without such."""
         velocity = speed * (math.cos(angle) * goal.ahead + math.sin(angle) * UP)
         longest = family.problem.shoot(velocity, most)
         if longest is None:
@@ -283,7 +281,6 @@ def _farthest(family: LaunchFamily) -> Launch:
         return None if time is None else replace(longest, end=time)
 
     def negative_distance(angle: float) -> float:
-        """Return minus the distance to where the flight at an angle comes down [m]."""
         path = flight(angle)
         return 0.0 if path is None else -float(goal.ahead @ path.position(path.end))
 

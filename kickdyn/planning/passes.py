@@ -119,14 +119,12 @@ def plan_pass(
     duration = goal.time
 
     def play(speed: float, turn: float) -> tuple[Array, Course]:
-        """Return launch velocity and course for a speed and a direction."""
         level = math.cos(turn) * goal.ahead + math.sin(turn) * goal.left
         velocity = speed * (math.cos(angle) * level + np.array([0, 0, math.sin(angle)]))
         state = BallState(start, velocity, goal.spin)
         return velocity, follow(state, ball, air, ground, plane=plane)
 
     def delay(turn: float, speed: float) -> float:
-        """Return how much too late the ball comes to the target [s]."""
         course = play(speed, turn)[1]
         return course.duration - duration if course.status == "at-plane" else UNREACHED_DELAY
 

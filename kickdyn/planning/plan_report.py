@@ -251,7 +251,6 @@ def _describe_joints_after(plan: KickPlan, *, limits: bool) -> str:
 
 
 def _describe_scatter(landing: Scatter) -> str:
-    """Return in a line how far off the ball lands, by source."""
     errors = ", ".join(
         f"{math.sqrt(float(covariance.trace())):.3g} m from {source}"
         for source, covariance in landing.by_source.items()
@@ -266,7 +265,6 @@ def _least_friction(frame: str, plan: KickPlan) -> float | None:
 
 
 def _describe_stance(frame: str, plan: KickPlan) -> str:
-    """Return how a robot stands on a support, in a line."""
     friction, state = _least_friction(frame, plan), plan.impact.footing[frame]
     needs = ""
     if state == "stands" and friction:
@@ -280,7 +278,6 @@ def _describe_stance(frame: str, plan: KickPlan) -> str:
 
 
 def _describe_swing(swing: Swing) -> str:
-    """Return a swing in a line."""
     if swing.status != PlanStatus.MET:
         return f"The leg cannot swing to this kick within its limits: {swing.limit}."
     return (
@@ -291,7 +288,6 @@ def _describe_swing(swing: Swing) -> str:
 
 
 def _describe_backswing(backswing: Backswing) -> str:
-    """Return the backswing of a standing robot in a line."""
     phase = backswing.phase
     return (
         f"The backswing takes {phase.duration:.3g} s from rest to the impact, with "
@@ -308,18 +304,15 @@ def _limit_use(speed: float, torque: float) -> str:
 
 
 def _motion_json(phase: SwingPhase) -> dict[str, Any]:
-    """Return the motion of a phase at its nodes."""
     motion = phase.sample(phase.nodes)
     return _attributes(motion, " ".join(motion._fields))
 
 
 def _attributes(source: object, names: str) -> dict[str, Any]:
-    """Return attributes by name, arrays and tuples as lists."""
     return {name: np.asarray(getattr(source, name)).tolist() for name in names.split()}
 
 
 def _goal_json(goal: Goal) -> dict[str, Any]:
-    """Return a goal as what JSON can hold."""
     beside = {} if goal.beside is None else {"beside": goal.beside}
     return {"target_m": goal.target.tolist(), goal.kind: getattr(goal, goal.kind), **beside}
 

@@ -181,7 +181,6 @@ class Problem(Generic[Point]):
 
     @cached_property
     def _point(self) -> Callable[[Array], Point]:
-        """The function `point`, which remembers its last result."""
         return keep_last(self.point)
 
 

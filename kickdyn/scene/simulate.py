@@ -370,7 +370,8 @@ def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
         with suppress(KickdynError):  # as where only this launch leaves the range of a coefficient
             answer = _with_path(scene, tolerance, instant)
             size = end_slopes(scene, answer.path).distance(launch_error)
-            if size <= CONTACT_TIME_SHARE * tolerance:
+            # where the path ends at once, the launch with contact time may well fly
+            if size <= CONTACT_TIME_SHARE * tolerance and answer.path.duration > 0.0:
                 return replace(answer, model_error=size)
     return _collide_to(scene, tolerance, float(instant.ball_after.speed))
 

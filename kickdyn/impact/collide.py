@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
 from kickdyn.core import validation
-from kickdyn.core.mechanics import largest
 from kickdyn.core.representation import Row, warned
 from kickdyn.core.validation import Array, read_only
 from kickdyn.errors import InvalidInput
@@ -32,9 +31,9 @@ from kickdyn.impact.force_model import (
     Dissipation,
     ForceModel,
     contact_stiffness,
-    expected_contact_time,
     make_force_model,
 )
+from kickdyn.impact.leg_response import leg_response
 from kickdyn.robot.leg import Posture
 
 PRESSURE_RANGE = 0.4
@@ -66,14 +65,10 @@ class Collision(AfterApproach):
 
     Attributes:
         approach: leg and ball at first contact.
-        peak_force: largest contact force, friction included [N].
-        deflection: largest deflection, of ball and foot together [m].
         tol: relative tolerance of the integrator.
     """
 
     approach: Approach
-    peak_force: float
-    deflection: float
     tol: float
     _motion: ContactMotion = field(repr=False)
     _again: "partial[Collision]" = field(repr=False)
@@ -82,8 +77,7 @@ class Collision(AfterApproach):
     def _end(self) -> State:
         """Leg and ball at separation."""
         end = self._motion.equations.state(self._motion.last)
-        for array in (end.q, end.v):
-            array.setflags(write=False)
+        validation.protect(end.q, end.v)
         return end
 
     @property
@@ -95,6 +89,16 @@ class Collision(AfterApproach):
     def impulse(self) -> Array:
         """Impulse on the ball, shape `(3,)` [N s, world frame]."""
         return read_only(self._motion.equations.impulse(self.contact_time, self._motion.last))
+
+    @cached_property
+    def peak_force(self) -> float:
+        """Largest contact force, friction included [N]."""
+        return self._motion.peak(lambda t: math.hypot(*self._motion.sample(t)[0]))
+
+    @cached_property
+    def deflection(self) -> float:
+        """Largest deflection, of ball and foot together [m]."""
+        return self._motion.peak(lambda t: self._motion.sample(t)[2])
 
     @property
     def contact_time(self) -> float:
@@ -121,12 +125,6 @@ class Collision(AfterApproach):
             return self.contact_time
         return self.contact_time + separation.deflection / -separation.rate
 
-    @cached_property
-    def foot_displacement(self) -> Array:
-        """Displacement of the contact frame in the contact time, shape `(3,)` [m, world frame]."""
-        foot = self._motion.equations.foot_at(self._end)
-        return read_only(foot - self.approach.posture.contact_point)
-
     @property
     def energy_lost(self) -> float:
         """Energy lost to damping and friction [J]."""
@@ -137,11 +135,6 @@ class Collision(AfterApproach):
         """The ball at separation."""
         end, position = self._end, self.ball_before.position
         return BallState(position + end.moved, end.velocity, end.spin, self.contact_time)
-
-    @property
-    def q_before(self) -> Array:
-        """Configuration at first contact, shape `(nq,)` [rad; m for prismatic joints]."""
-        return self.approach.posture.q
 
     @property
     def q_after(self) -> Array:
@@ -156,7 +149,10 @@ class Collision(AfterApproach):
     @cached_property
     def energy_residual(self) -> float:
         """Energy not accounted for, relative to the kinetic energy of the approach."""
-        return self._motion.energy_residual()
+        motion, end = self._motion, self._end
+        before = motion.equations.energy(motion.equations.start(), 0.0) + end.work
+        after = motion.equations.energy(motion.last, motion.largest[-1]) + end.lost
+        return abs(before - after) / self.approach.energy()
 
     @property
     def evaluations(self) -> int:
@@ -218,7 +214,20 @@ class Collision(AfterApproach):
         in the joint, and tends to `Impact.joint_impulses` for short contacts. Weight, torques and
         the motion of the leg need further forces. It is computed when first read.
         """
-        return read_only(self._motion.joint_impulses())
+        motion, leg = self._motion, self.leg
+        frame = leg.model.frames[leg.frame_id].placement
+        nodes, weights = np.polynomial.legendre.leggauss(3)  # in each step
+        total = np.zeros((leg.model.njoints - 1, 6))
+        for begin, step in zip(motion.times, np.diff(motion.times), strict=False):
+            for node, weight in zip(nodes, weights, strict=True):
+                t = begin + 0.5 * step * (1.0 + node)
+                state = motion.equations.state(motion.column(t))
+                posture = leg.posture(state.q)
+                lever = posture.rotation_world_joint.T @ motion.equations.kinematics(state).point
+                touched = posture.with_contact_offset(frame.actInv(lever))
+                impulse = 0.5 * step * weight * motion.sample(t)[0]
+                total += leg_response(touched, state.v, impulse).joint_impulses
+        return read_only(total)
 
     def sample(self, t: ArrayLike) -> ContactSample:
         """Return the contact at one time or many.
@@ -305,30 +314,27 @@ def collide(
     torque = _checked_torque(torque, posture.leg.nv)
     approach = find_approach(posture, v, ball, contact, ball_velocity, ball_spin)
     ball.check_movable("a contact that takes time")
-    far = max(largest(posture.contact_point), largest(posture.contact_lever))
-    validation.number("ball radius", ball.radius, at_least=1e-12 * far, unit="m")  # else rounding
     # Below a micrometre per second gravity, not the impact, decides the motion.
     validation.number("approach speed", approach.speed, at_least=1e-6, unit="m/s")
     kind = validation.choice("dissipation", dissipation, Dissipation)
-    k, exponent = _stiffness(approach, contact_time, stiffness, kind)
-    model = make_force_model(k, exponent, approach.speed, approach.restitution, kind)
-    expected = duration(approach, contact_time, stiffness, kind)
-    equations = CompliantContact(approach, model, torque, expected)
+    model = _force_model(approach, contact_time, stiffness, kind)
+    is_linear = model.exponent == LINEAR
+    equations = CompliantContact(approach, model, torque, _expected_time(approach, model))
     again = partial(
         collide, posture, approach.v, ball, contact, torque=torque, dissipation=kind,
-        stiffness=stiffness if exponent == LINEAR else k,
+        stiffness="pressure" if is_linear else model.stiffness,
         ball_velocity=approach.ball_before.velocity, ball_spin=approach.ball_before.spin,
     )  # fmt: skip
-    motion = integrate_contact(equations, tol)
-    peak_force, deflection = motion.peaks()
-    if deflection >= ball.radius * (1.0 - 1e-9):
+    collision = Collision(approach, tol, integrate_contact(equations, tol), again)
+    if collision.deflection >= ball.radius * (1.0 - 1e-9):
         pressed = f"too low, the ball would be pressed beyond its radius of {ball.radius:g} m"
-        if exponent == LINEAR:
+        if is_linear:
             raise InvalidInput(f"ball pressure is {ball.pressure:g} Pa: {pressed}")
         raise InvalidInput(
-            f"stiffness is {k:g} N/m^1.5: {pressed}; a shorter contact time makes it stiffer"
+            f"stiffness is {model.stiffness:g} N/m^1.5: {pressed}; a shorter contact time makes it "
+            "stiffer"
         )
-    return Collision(approach, peak_force, deflection, tol, motion, again)
+    return collision
 
 
 def duration(
@@ -338,9 +344,12 @@ def duration(
     dissipation: Dissipation,
 ) -> float:
     """Return for how long the force of `collide` acts between the two masses alone [s]."""
-    mass, e = approach.reduced_mass(), approach.restitution
-    k, exponent = _stiffness(approach, contact_time, stiffness, dissipation)
-    expected = expected_contact_time(k, mass, approach.speed, e, dissipation, exponent)
+    return _expected_time(approach, _force_model(approach, contact_time, stiffness, dissipation))
+
+
+def _expected_time(approach: Approach, model: ForceModel) -> float:
+    """Return the contact time of the two masses alone, which must not be too short [s]."""
+    expected = model.contact_time(approach.reduced_mass(), approach.speed)
     return validation.number("contact time", expected, at_least=SHORTEST_CONTACT, unit="s")
 
 
@@ -359,21 +368,21 @@ def _checked_torque(torque: ArrayLike | Torque | None, nv: int) -> Array | Torqu
     return torque
 
 
-def _stiffness(
+def _force_model(
     approach: Approach,
     contact_time: float | None,
     stiffness: float | str | None,
     dissipation: Dissipation,
-) -> tuple[float, float]:
-    """Return stiffness [N/m^n] and exponent n; a contact time is for the two masses alone."""
-    given = checked_stiffness(contact_time, stiffness)
-    if isinstance(given, str):
-        return approach.ball.stiffness, LINEAR
-    if given is None:
+) -> ForceModel:
+    """Return the force model with the restitution of an approach."""
+    k, exponent = checked_stiffness(contact_time, stiffness), HERTZ
+    speed, e = approach.speed, approach.restitution
+    if isinstance(k, str):
+        k, exponent = approach.ball.stiffness, LINEAR
+    elif k is None:
         time = CONTACT_TIME if contact_time is None else contact_time
-        mass, e = approach.reduced_mass(), approach.restitution
-        given = contact_stiffness(time, mass, approach.speed, e, dissipation)
-    return given, HERTZ
+        k = contact_stiffness(time, approach.reduced_mass(), speed, e, dissipation)
+    return make_force_model(k, exponent, speed, e, dissipation)
 
 
 def checked_stiffness(

@@ -100,6 +100,19 @@ class ForceModel:
         """Return the deflection at which the force vanishes [m] after a largest one [m]."""
         return (1.0 - self.restitution**2) * largest
 
+    def contact_time(self, mass: float, approach_speed: float) -> float:
+        r"""Return for how long two bodies of a reduced mass m [kg] touch [s].
+
+        .. math:: T = \tau(e, c\, u) \left(\frac{m}{k}\right)^{1/(n+1)} u^{-(n-1)/(n+1)},
+
+        with the approach speed u [m/s]; the arguments are not checked.
+        """
+        power = 1.0 / (self.exponent + 1.0)
+        scale = (mass / self.stiffness) ** power
+        scale *= approach_speed ** (-(self.exponent - 1.0) * power)
+        damping = self.damping * approach_speed
+        return float(scale * _unit_contact_time(self.restitution, damping, self.exponent))
+
     def _spring(self, deflection: float, largest: float) -> tuple[float, float]:
         """Return the spring's force [N] and how far it can recover [m], both 0 or more."""
         share = self.restitution**2
@@ -170,7 +183,7 @@ def contact_stiffness(
     m = validation.number("mass", mass, above=0, unit="kg")
     speed = validation.number("approach speed", approach_speed, above=0, unit="m/s")
     kind = validation.choice("dissipation", dissipation, Dissipation)
-    unit = _unit_contact_time(_restitution(restitution), kind, HERTZ)
+    unit = make_force_model(1.0, HERTZ, 1.0, restitution, kind).contact_time(1.0, 1.0)
     with np.errstate(over="ignore"):
         stiffness = m / math.sqrt(speed) * float(np.float64(unit / time) ** 2.5)
     return validation.number("stiffness for that contact time", stiffness, above=0, unit="N/m^1.5")
@@ -189,25 +202,8 @@ def make_force_model(
     return ForceModel(stiffness, matched_damping(restitution) / approach_speed, 1.0, exponent)
 
 
-def expected_contact_time(
-    stiffness: float,
-    mass: float,
-    approach_speed: float,
-    restitution: float = 1.0,
-    dissipation: Dissipation = Dissipation.WALTON_BRAUN,
-    exponent: float = HERTZ,
-) -> float:
-    r"""Return for how long two masses touch [s].
-
-    .. math:: T = \tau(e) \left(\frac{m}{k}\right)^{1/(n+1)} u^{-(n-1)/(n+1)}.
-    """
-    power = 1.0 / (exponent + 1.0)
-    scale = (mass / stiffness) ** power * approach_speed ** (-(exponent - 1.0) * power)
-    return float(scale * _unit_contact_time(restitution, dissipation, exponent))
-
-
 @lru_cache(maxsize=256)
-def _unit_contact_time(restitution: float, dissipation: Dissipation, exponent: float) -> float:
+def _unit_contact_time(restitution: float, damping: float, exponent: float) -> float:
     r"""Return the contact time for unit mass, stiffness and speed; for e = 1 pi or 3.218.
 
     Compression of a spring without damping lasts
@@ -216,15 +212,15 @@ def _unit_contact_time(restitution: float, dissipation: Dissipation, exponent: f
         = D\, \frac{\sqrt\pi}{n + 1}\, \frac{\Gamma(p)}{\Gamma(p + 1/2)},
         \qquad D = \left(\frac{n + 1}{2}\right)^p, \quad p = \frac{1}{n + 1},
 
-    and restitution along the curve of Walton & Braun e times as long. With the damping of Hunt &
-    Crossley the motion is integrated.
+    and restitution along the curve of Walton & Braun e times as long. With damping the motion is
+    integrated.
     """
-    if dissipation is Dissipation.WALTON_BRAUN or restitution == 1.0:
+    if damping == 0.0:
         power = 1.0 / (exponent + 1.0)
         largest = (0.5 * (exponent + 1.0)) ** power
         beta = math.sqrt(math.pi) * power * math.gamma(power) / math.gamma(power + 0.5)
         return float((1.0 + restitution) * largest * beta)
-    contact = ForceModel(1.0, matched_damping(restitution), exponent=exponent)
+    contact = ForceModel(1.0, damping, exponent=exponent)
 
     def rates(_: float, y: Array) -> list[float]:
         deflection, rate = y

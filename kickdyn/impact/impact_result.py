@@ -1,7 +1,7 @@
 """The result of a strike, with the residuals that prove it."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -15,10 +15,9 @@ from kickdyn.core.representation import Row, warned
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.approach import AfterApproach, Approach
-from kickdyn.impact.constraint_impulses import Footing, footing
 from kickdyn.impact.contact_problem import Solution
 from kickdyn.impact.laws import LAWS, names_of_laws
-from kickdyn.impact.leg_response import LegResponse, leg_response
+from kickdyn.impact.leg_response import Footing, LegResponse, footing, leg_response
 from kickdyn.impact.rounding import Rounding, digits_left, estimate_rounding
 from kickdyn.impact.sensitivity import Sensitivity
 from kickdyn.impact.uncertainty import Uncertainty, uncertainty
@@ -172,19 +171,6 @@ class Impact(AfterApproach):
         return self.leg_response.momentum_residual
 
     @property
-    def support_residual(self) -> float:
-        """Largest velocity of a supporting foot after the impact [m/s, rad/s].
-
-        It is 0 but for rounding.
-        """
-        return self._fastest(self._blocks()[0])
-
-    @property
-    def loop_residual(self) -> float:
-        """Largest velocity at which a loop opens after the impact [m/s], 0 but for rounding."""
-        return self._fastest(self._blocks()[1])
-
-    @property
     def creates_energy(self) -> bool:
         """Whether the law added energy to leg and ball, beyond rounding.
 
@@ -294,14 +280,6 @@ class Impact(AfterApproach):
         supports, blocks = projector.constraints.supports, projector.blocks
         loops = zip(projector.constraints.loops, blocks[len(supports) :], strict=True)
         return list(zip(supports, blocks, strict=False)), list(loops)
-
-    def _fastest(self, constraints: Sequence[tuple[Any, ConstraintBlock]]) -> float:
-        """Return the largest velocity just after of constraints that hold [m/s, rad/s]."""
-        projector = self.posture.constraint_projector
-        if projector is None:
-            return 0.0
-        speeds = np.abs(projector.rows @ self.v_after)
-        return max((float(speeds[block.rows].max()) for _, block in constraints), default=0.0)
 
     def __getstate__(self) -> dict[str, Any]:
         """Pickle all of it, read or not, so that a copy has the same digits."""

@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.impact.leg_response import joint_impulses
+from kickdyn.impact.leg_response import Load, constraint_loads, joint_impulses
 from kickdyn.robot.constraints import RANK_TOLERANCE
 from kickdyn.robot.leg import Leg, Posture
 from kickdyn.robot.names import listed
@@ -35,15 +35,6 @@ class LegDerivatives(NamedTuple):
     v_after_q: Array
 
 
-class _Load(NamedTuple):
-    """An impulse and its moment on a joint's body, at a point of it."""
-
-    joint: int
-    rotation: Array  # from the joint's axes to the world's
-    lever: Array  # of the point, from the joint's origin, in its axes [m]
-    wrench: Array  # shape `(6,)` [N s, N m s, world axes]
-
-
 def leg_derivatives(
     posture: Posture, v: Array, v_after: Array, impulse: Array, constraint_impulses: Array
 ) -> LegDerivatives:
@@ -57,8 +48,8 @@ def leg_derivatives(
     check_fixed_axes(leg)
     model, data, nv, zero = space.model, space.data, leg.nv, space.zero_velocity
     wrench = np.concatenate([-impulse, np.zeros(3)])
-    foot = _Load(leg.contact_joint, posture.rotation_world_joint, posture.contact_lever, wrench)
-    loads = [foot, *(load for _, load in _constraint_loads(posture, constraint_impulses))]
+    foot = Load(leg.contact_joint, posture.rotation_world_joint, posture.contact_lever, wrench)
+    loads = [foot, *(load for _, load in constraint_loads(posture, constraint_impulses))]
     jacobians = [_jacobian(posture, load) for load in loads]
     jump = v_after - v
     joint_impulses(posture, jump, -impulse, constraint_impulses)  # sets the external wrenches
@@ -137,22 +128,7 @@ def mass_to_inertia(posture: Posture) -> Array:
     return matrix
 
 
-def _constraint_loads(posture: Posture, impulses: Array) -> list[tuple[slice, _Load]]:
-    """Return the loads of supports and loops on the bodies at their ends, with their rows of A."""
-    loads = []
-    for block in posture.constraint_projector.blocks if posture.constraint_projector else ():
-        for end, joint in enumerate((block.joint, block.other)):
-            if joint:
-                wrench = np.zeros(6)
-                wrench[: block.rows.stop - block.rows.start] = (
-                    impulses[block.rows] * (1.0, -1.0)[end]
-                )
-                load = _Load(joint, block.rotations_joint_world[end].T, block.levers[end], wrench)
-                loads.append((block.rows, load))
-    return loads
-
-
-def _jacobian(posture: Posture, load: _Load) -> Array:
+def _jacobian(posture: Posture, load: Load) -> Array:
     """Return the Jacobian of a load's point, linear then angular, `(6, nv)` [world axes]."""
     model, data = posture.leg.workspace.model, posture.leg.workspace.data
     local = pin.computeJointJacobian(model, data, posture.q, load.joint).reshape(6, model.nv)
@@ -160,7 +136,7 @@ def _jacobian(posture: Posture, load: _Load) -> Array:
     return np.vstack([load.rotation @ moving, load.rotation @ local[ANGULAR]])
 
 
-def _velocity_by_q(posture: Posture, load: _Load, jacobian: Array, velocity: Array) -> Array:
+def _velocity_by_q(posture: Posture, load: Load, jacobian: Array, velocity: Array) -> Array:
     """Return d(J velocity)/dq of a load's point, linear then angular, `(6, nv)` [world axes]."""
     model, data = posture.leg.workspace.model, posture.leg.workspace.data
     # In the joint's axes, then turned with them: Pinocchio's answer in aligned axes is another.
@@ -186,7 +162,7 @@ def _constraint_change(posture: Posture, velocity: Array, admissible: Array) -> 
         return np.zeros((nv, nv))
     rows_q = np.zeros((len(projector.rows), nv))
     # Ones give the sign with which each end counts.
-    for rows, load in _constraint_loads(posture, np.ones(len(projector.rows))):
+    for rows, load in constraint_loads(posture, np.ones(len(projector.rows))):
         by_q = _velocity_by_q(posture, load, _jacobian(posture, load), velocity)
         rows_q[rows] += load.wrench[0] * by_q[: rows.stop - rows.start]
     change = np.linalg.lstsq(projector.rows, -rows_q, rcond=RANK_TOLERANCE)[0]

@@ -8,7 +8,7 @@ from kickdyn.errors import InvalidInput
 from kickdyn.impact.approach import Approach
 from kickdyn.impact.contact_problem import ImpactLaw, Solution
 from kickdyn.impact.laws import names_of_laws
-from kickdyn.impact.leg_response import NO_CONSTRAINTS, LegResponse, as_response, joint_impulses
+from kickdyn.impact.leg_response import NO_CONSTRAINTS, LegResponse, response_to_jump
 
 
 def solve_by_pinocchio(
@@ -68,8 +68,7 @@ def solve_by_pinocchio(
 
     lost = 0.5 * p * (1.0 - e) * approach.speed
     solution = Solution((p * n).reshape(1, 3), (False,), lost, np.zeros((1, 3)))
-    v_after, turned = after[: leg.nv].copy(), after[leg.nv :]
-    transmitted, unbalanced = joint_impulses(posture, v_after - approach.v, -p * n, reaction)
-    response = as_response(posture, p * n, v_after, transmitted, reaction, unbalanced)
+    jump, turned = after[: leg.nv] - approach.v, after[leg.nv :]
+    response = response_to_jump(posture, approach.v, jump, p * n, reaction)
     ball_after = BallState.computed(before.position, turned[:3].copy(), turned[3:].copy())
     return solution, ball_after, response

@@ -5,7 +5,6 @@ slides, light feet, ball joints near gimbal lock, grazing contacts and slips nea
 (`tools/digits.py`), by law `newton`; the other laws are judged by the same analysis.
 """
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +14,7 @@ from kickdyn.core.validation import Array, length
 from kickdyn.impact.approach import EPS, Approach
 from kickdyn.impact.contact_problem import Solution
 from kickdyn.impact.leg_response import foot_wrench, leg_response
+from kickdyn.impact.sensitivity import impulse_by_velocity
 from kickdyn.robot.leg import Posture
 
 ROUNDINGS = 4.0
@@ -64,7 +64,7 @@ def estimate_rounding(approach: Approach, solution: Solution, joints: Array) -> 
     turn = approach.contact.restitution_slope(approach.speed) * approach.speed
     error = np.hypot(length(matrix_error * p), (1.0 + contact.restitution + abs(turn)) * error)
     sliding = None if solution.sticking[0] else (relative + matrix @ p)[:2]
-    slope = _derivative(contact.friction, matrix, sliding, p)
+    slope = impulse_by_velocity(contact.friction, matrix, sliding, p)
     change = ROUNDINGS * EPS * length(slope * error)
     size = max(float(length(p)), np.finfo(float).tiny)  # below, float64 has fewer digits
     transmitted = np.column_stack(
@@ -90,31 +90,6 @@ def _of_joints(posture: Posture, impulse: Array, joints: Array) -> Array:
     push = np.array(foot_wrench(posture, -impulse))
     other = posture.articulated_bodies.respond(posture.leg.contact_joint, push)[1]
     return np.asarray(lost + 2.0 * length((joints - other)[:, :3]))
-
-
-def _derivative(friction: float, matrix: Array, sliding: Array | None, p: Array) -> Array:
-    r"""Return C, by which the impulse answers a velocity that is left over, in contact axes.
-
-    Without friction this is the effective mass along the normal, and where the contact sticks
-    :math:`G^{-1}`. Where it slides, p lies on the cone along :math:`d = (\mu c, \mu s, 1)` and can
-    change along d and along :math:`t = (-s, c, 0)`. With N these two directions as columns, and the
-    normal velocity and that along t left over, :math:`C = N (R G N + D)^{-1} R` with :math:`R =
-    (e_z, t)^T` and :math:`D = \operatorname{diag}(0, |u_t^+| / |p_t|)`. The sliding after the
-    impact has shape `(2,)` [m/s]; it is None if the contact sticks.
-    """
-    if friction == 0.0:
-        return np.diag([0.0, 0.0, 1.0 / matrix[2, 2]])
-    if sliding is None:
-        return np.asarray(np.linalg.pinv(matrix))
-    size = math.hypot(p[0], p[1])
-    x, y = (p[:2] / size).tolist() if size else (1.0, 0.0)
-    along = np.array([friction * x, friction * y, 1.0])
-    rows = np.array([[0.0, 0.0, 1.0], [-y, x, 0.0]])
-    moves = np.column_stack([along, rows[1]])
-    stiff = math.hypot(*sliding.tolist()) / size if size > 0.0 else math.inf
-    system = rows @ matrix @ moves
-    system[1, 1] += min(stiff, 1e300)
-    return np.asarray(moves @ np.linalg.solve(system, rows))
 
 
 def _spread(posture: Posture, velocities: Array) -> Array:

@@ -144,13 +144,28 @@ def sensitivity(
     columns = _columns(approach.posture.leg, names)
     ball, posture, n = approach.ball, approach.posture, approach.contact.normal
     problem = approach.contact_problem()
-    axes, _ = problem.in_contact_axes()
-    delassus = axes[0] @ problem.delassus(axes) @ axes[0].T
+    (axes,), _ = problem.in_contact_axes()
+    in_axes = problem.delassus(axes[None])
+    delassus = axes @ in_axes @ axes.T
     fixed = _at_fixed_impulse(approach, solution, ball_after, response, columns)
-    residual_p, residual_x, tangent = _residual(approach, solution, delassus, fixed, columns)
-    # the pseudo-inverse, for a leg at an obstacle may be unable to move across the normal
-    solve = np.linalg.solve if ball.mass < math.inf else lambda a, b: np.linalg.pinv(a) @ b
-    impulse = np.asarray(-solve(residual_p, residual_x), dtype=np.float64)
+    p, sticking = solution.impulses[0], solution.sticking[0]
+    tangential = axes[:, :2].T @ solution.tangential_impulses[0]
+    p_in_axes = np.append(tangential, n @ p)
+    sliding_after = None if sticking else axes[:, :2].T @ fixed.u_after
+    answer = impulse_by_velocity(approach.contact.friction, in_axes, sliding_after, p_in_axes)
+    tangent = _sliding_direction(approach, solution, fixed)
+
+    # The contact axes turn with the normal, and at first the impulse with them.
+    turn = pin.skew(n) @ fixed.normal
+    at_contact = -pin.skew(p) @ turn
+    at_contact[:, columns["friction"]] -= (n @ p * tangent)[:, None]
+    closing = -(n @ fixed.before + fixed.u_before @ fixed.normal)
+    restitution = approach.contact.restitution_slope(approach.speed) * closing
+    restitution[columns["restitution"]] += 1.0
+    separation = approach.restitution * closing + approach.speed * restitution
+    left_over = fixed.after + delassus @ at_contact + pin.skew(fixed.u_after) @ turn
+    left_over -= np.outer(n, separation)
+    impulse = at_contact - axes @ answer @ axes.T @ left_over
     frictionless = approach.contact.friction == 0.0
     if frictionless:  # the ball's rotation has no effect: these columns are rounding
         impulse[:, columns["ball_radius"]] = impulse[:, columns["ball_spin"]] = 0.0
@@ -279,67 +294,44 @@ def _at_fixed_impulse(
     return _FixedImpulse(velocity, spin, v_after, before, after, normal, u_before, u_after)
 
 
-def _residual(
-    approach: Approach,
-    solution: Solution,
-    delassus: Array,
-    fixed: _FixedImpulse,
-    columns: Mapping[str, slice],
-) -> tuple[Array, Array, Array]:
-    """Return R_p, R_x and the direction of the sliding after, 0 where there is none."""
-    n, e, mu = approach.contact.normal, approach.restitution, approach.contact.friction
-    p, u_before, u_after = solution.impulses[0], fixed.u_before, fixed.u_after
-    if solution.sticking[0]:  # R = u+ + e n (n . u-)
-        by_x = fixed.after + e * np.outer(n, n @ fixed.before + u_before @ fixed.normal)
-        by_x += e * float(n @ u_before) * fixed.normal
-        by_e = n * float(n @ u_before)
-        by_x[:, columns["restitution"]] += by_e[:, None]
-        return delassus, by_x + _by_speed(approach, fixed, by_e), np.zeros(3)
+def impulse_by_velocity(friction: float, delassus: Array, sliding: Array | None, p: Array) -> Array:
+    r"""Return C: a change r of the velocity after the impact changes the impulse p by -C r.
 
-    # R = p_t + mu (n . p) t + n mass n . (u+ + e u-), with t along the sliding
-    projector = np.eye(3) - np.outer(n, n)
-    normal_impulse, mass = float(n @ p), 1.0 / float(n @ delassus @ n)
-    tangent, speed = _sliding(n, p, projector @ u_after, mu, math.hypot(*u_before))
-    binormal = pin.skew(n) @ tangent
-    # The row along the binormal, times speed / stiff: finite where the sliding ends.
-    stiff = speed + mu * normal_impulse / mass
-    turn = np.outer(binormal, binormal) * (mu * normal_impulse / stiff if mu else 0.0)
-    keep = np.eye(3) - turn / mass
-
-    sliding_x = projector @ fixed.after - float(n @ u_after) * fixed.normal
-    along_n = n @ (fixed.after + e * fixed.before) + (u_after + e * u_before) @ fixed.normal
-    tilt = np.outer(mu * tangent - n, p) - mu * normal_impulse * np.outer(n, tangent)
-    tilt -= normal_impulse * np.eye(3)
-    by_x = keep @ (tilt @ fixed.normal) + turn @ sliding_x + mass * np.outer(n, along_n)
-    by_x[:, columns["friction"]] += (normal_impulse * tangent)[:, None]
-    by_e = mass * float(n @ u_before) * n
-    by_x[:, columns["restitution"]] += by_e[:, None]
-    by_x += _by_speed(approach, fixed, by_e)
-    by_p = keep @ projector + mu * np.outer(tangent, n) + turn @ projector @ delassus
-    by_p += mass * np.outer(n, n @ delassus)
-    return by_p, by_x, tangent
-
-
-def _by_speed(approach: Approach, fixed: _FixedImpulse, by_e: Array) -> Array | float:
-    r"""Return what the restitution's dependence on the speed of approach u adds to R_x.
-
-    By the chain rule, :math:`R_e\, (de/du)\, (du/dx)^T` with :math:`u = -n \cdot u^-`.
+    All are in contact axes. Without friction C is the effective mass along the normal, and where
+    the contact sticks :math:`G^{-1}`. Where it slides, p lies on the cone along :math:`d = (\mu c,
+    \mu s, 1)` and can change along d and along :math:`t = (-s, c, 0)`. With N these two directions
+    as columns, and the normal velocity and that along t to be restored, :math:`C = N (R G N +
+    D)^{-1} R` with :math:`R = (e_z, t)^T` and :math:`D = \operatorname{diag}(0, |u_t^+| / |p_t|)`.
+    The sliding after the impact, `(2,)` [m/s], is None if the contact sticks.
     """
-    slope = approach.contact.restitution_slope(approach.speed)
-    if slope == 0.0:
-        return 0.0
+    if friction == 0.0:
+        return np.diag([0.0, 0.0, 1.0 / delassus[2, 2]])
+    if sliding is None:  # the pseudo-inverse, for a planar leg at an obstacle
+        return np.asarray(np.linalg.pinv(delassus))
+    size = math.hypot(p[0], p[1])
+    x, y = (p[:2] / size).tolist() if size else (1.0, 0.0)
+    rows = np.array([[0.0, 0.0, 1.0], [-y, x, 0.0]])
+    directions = np.column_stack([[friction * x, friction * y, 1.0], rows[1]])
+    system = rows @ delassus @ directions
+    system[1, 1] += min(math.hypot(*sliding) / size, 1e300) if size else 1e300
+    return np.asarray(directions @ np.linalg.solve(system, rows))
+
+
+def _sliding_direction(approach: Approach, solution: Solution, fixed: _FixedImpulse) -> Array:
+    """Return the direction of the sliding after the impact, 0 where there is none.
+
+    Friction, if any, has more digits of it than the velocity.
+    """
+    if solution.sticking[0]:
+        return np.zeros(3)
+    if approach.contact.friction > 0.0:
+        against = -solution.tangential_impulses[0]
+        return np.asarray(against / math.hypot(*against))
     n = approach.contact.normal
-    return np.outer(by_e, -slope * (n @ fixed.before + fixed.u_before @ fixed.normal))
-
-
-def _sliding(n: Array, p: Array, sliding: Array, mu: float, scale: float) -> tuple[Array, float]:
-    """Return direction and speed of the sliding; friction, if any, has more digits of it."""
-    if mu > 0.0:
-        against = float(n @ p) * n - p
-        tangent = against / math.hypot(*against)
-        return tangent, float(tangent @ sliding)
+    sliding = fixed.u_after - float(n @ fixed.u_after) * n
     speed = math.hypot(*sliding)
-    return (sliding / speed, speed) if speed > AT_BOUNDARY * scale else (np.zeros(3), 0.0)
+    resting = speed <= AT_BOUNDARY * math.hypot(*fixed.u_before)
+    return np.zeros(3) if resting else sliding / speed
 
 
 def _margin(

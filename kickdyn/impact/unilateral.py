@@ -15,11 +15,10 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.approach import AT_REST, Approach, find_approach
 from kickdyn.impact.body import BallBody, LegBody, Obstacle
-from kickdyn.impact.constraint_impulses import Footing, is_level
 from kickdyn.impact.contact_problem import ContactPoint, ContactProblem, Solution
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.laws import find_law, solve_contacts
-from kickdyn.impact.leg_response import as_response, joint_impulses
+from kickdyn.impact.leg_response import Footing, is_level, response_to_jump
 from kickdyn.impact.newton_law import AT_REST_SPEED
 from kickdyn.impact.rounding import Rounding
 from kickdyn.impact.strike import check_energy
@@ -34,21 +33,16 @@ UP = np.array([0.0, 0.0, 1.0])
 class UnilateralImpact(Impact):
     """An `Impact` in which supports rest on points that can push and have friction, but not pull.
 
-    `support_impulses` are the sums over the points of a support, `support_residual` is the velocity
-    at which the foot moves after the impact, and `effective_mass` is the one of the leg without
-    supports.
+    `support_impulses` are the sums over the points of a support, and `effective_mass` is the one of
+    the leg without supports. With more than three corners of a rigid sole, the distribution of the
+    impulses over the corners is one of many; where the sole slips, the other distributions have
+    slightly different sums and moments, and so has the impulse on the ball.
 
     Attributes:
-        point_impulses: impulses of the ground on the robot by the name of the support, at each
-            corner of the sole or at the point foot, shape `(k, 3)` [N s, world axes]. With more
-            than three corners of a rigid sole, their distribution is one of many; where the sole
-            slips, the other distributions have slightly different sums and moments, and so has the
-            impulse on the ball.
-        point_velocities: velocities of the same points just after the impact, shape `(k, 3)`
-            [m/s, world axes].
+        point_velocities: velocities just after the impact by the name of the support, of each
+            corner of the sole or of the point foot, shape `(k, 3)` [m/s, world axes].
     """
 
-    point_impulses: dict[str, Array]
     point_velocities: dict[str, Array]
 
     @property
@@ -218,17 +212,15 @@ def _as_impact(
         wrench = np.concatenate([impulses.sum(axis=0), moment])
         support_impulses.append(wrench[: foot.support.size])
     stacked = np.concatenate([*support_impulses, loop_impulses])
-    posture, impulse = approach.posture, solution.impulses[0]
-    transmitted, unbalanced = joint_impulses(posture, jump, -impulse, stacked)
-    for array in (*by_foot, *velocities_by_foot):
-        array.setflags(write=False)
+    validation.protect(*velocities_by_foot)
     names = [foot.support.frame for foot in feet]
     return UnilateralImpact(
         approach=approach,
         law=law,
         solution=solution,
         ball_after=ball.after(solution.impulses, solution.tangential_impulses),
-        response=as_response(posture, impulse, approach.v + jump, transmitted, stacked, unbalanced),
-        point_impulses=dict(zip(names, by_foot, strict=True)),
+        response=response_to_jump(
+            approach.posture, approach.v, jump, solution.impulses[0], stacked
+        ),
         point_velocities=dict(zip(names, velocities_by_foot, strict=True)),
     )

@@ -34,7 +34,7 @@ from kickdyn.core.last_value import keep_last
 from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.impact.constraint_impulses import Footing, footing
+from kickdyn.impact.leg_response import Footing, footing
 from kickdyn.planning.kick_problem import KickProblem, KickSolution
 from kickdyn.planning.kick_terms import JointRange, KickPoint, Objective
 from kickdyn.planning.stance import (

@@ -217,23 +217,10 @@ def robots_folder() -> Path:
     )
 
 
-@dataclass(frozen=True)
-class Description:
-    """The file of a robot, in the cache of robot_descriptions.
+def find_description(name: str) -> tuple[Path, tuple[Path, ...]]:
+    """Return the URDF or MJCF file of a robot of robot_descriptions, and folders with its meshes.
 
-    Attributes:
-        file: a URDF or an MJCF.
-        is_mjcf: which of them.
-        folders: of the robot's package, where its meshes and other files are.
-    """
-
-    file: Path
-    is_mjcf: bool
-    folders: tuple[Path, ...]
-
-
-def find_description(name: str) -> Description:
-    """Return the files of a robot, downloaded the first time.
+    It is downloaded the first time.
 
     Args:
         name: of a module of robot_descriptions, such as `atlas_v4_description`.
@@ -269,8 +256,7 @@ def find_description(name: str) -> Description:
             "read it with Leg.from_urdf"
         )
     package, repository = Path(module.PACKAGE_PATH), Path(module.REPOSITORY_PATH)
-    folders = (package, repository, package.parent)
-    return Description(Path(path), not hasattr(module, "URDF_PATH"), folders)
+    return Path(path), (package, repository, package.parent)
 
 
 def _description_names() -> list[str]:

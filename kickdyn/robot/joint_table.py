@@ -188,10 +188,9 @@ class JointTable:
         else:
             checked = self._expanded(q, *self._short_form)
         if self.nq != self.nv and not pin.isNormalized(self._model, checked, 1e-9):
-            name, coordinates = self._not_unit(checked)
             raise InvalidInput(
-                f"q is {checked.tolist()}: {coordinates} of {name} must have length 1 "
-                "(Leg.configuration makes one from angles)"
+                f"q is {checked.tolist()}: quaternions (xyzw, last) and the (cos, sin) pairs of "
+                "continuous joints must have length 1 (Leg.configuration makes one from angles)"
             )
         return checked
 
@@ -291,26 +290,11 @@ class JointTable:
             return full if self.gears is None else self.gears.follow(full)
         if given.shape == (self.nq,):
             return given if self.gears is None else self.gears.check(given)
-        short = " and ".join(
-            [
-                *(["one angle for each continuous joint"] if angles.any() else []),
-                *(["no mimic joints"] if self.mimics else []),
-            ]
-        )
         raise InvalidInput(
-            f"q has shape {given.shape}: it must be {places.shape}, with {short}, or "
-            f"({self.nq},), with all that Leg.configuration returns"
+            f"q has shape {given.shape}: it must be {places.shape}, with one angle for each "
+            f"continuous joint and no mimic joints, or ({self.nq},), with all that "
+            "Leg.configuration returns"
         )
-
-    def _not_unit(self, q: Array) -> tuple[str, str]:
-        """Return the first joint whose part of q has not length 1, and what that part is."""
-        for name, joint in zip(self.joint_names, list(self._model.joints)[1:], strict=True):
-            alone = pin.neutral(self._model)
-            alone[joint.idx_q : joint.idx_q + joint.nq] = q[joint.idx_q : joint.idx_q + joint.nq]
-            if not pin.isNormalized(self._model, alone, 1e-9):
-                free = joint.shortname() in ("JointModelFreeFlyer", "JointModelSpherical")
-                return name, "the quaternion (xyzw, last)" if free else "the (cos, sin) pair"
-        return self.name, "what stands for angles"
 
     @cached_property
     def _short_form(self) -> tuple[NDArray[np.int64], NDArray[np.bool_]] | None:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.leg import Leg
-from kickdyn.robot.surgery import angle_model, has_continuous_joints, reduce_model
+from kickdyn.robot.surgery import angle_model, reduce_model
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +120,8 @@ def with_angles(robot: Leg) -> Leg:
 
     Its q is the short one that the robot itself takes too. Without such joints, it is the robot.
     """
-    if not has_continuous_joints(robot.workspace.model):
+    sizes = zip(robot.workspace.model.nqs, robot.workspace.model.nvs, strict=True)
+    if (2, 1) not in list(sizes):
         return robot
     return robot.with_model(angle_model(robot.model))
 

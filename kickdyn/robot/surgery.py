@@ -79,21 +79,9 @@ def turn_body(model: Any, joint: int, rotation: Array) -> Any:
     return turned
 
 
-def replace_rotors(model: Any, armature: Array) -> Any:
-    """Return a model with other rotor inertias, shape `(nv,)` [kg m2; kg for prismatic joints]."""
-    changed = model.copy()
-    changed.armature = armature
-    return changed
-
-
 def has_floating_base(model: Any) -> bool:
     """Return whether the first joint of a model is a floating base."""
     return bool(model.joints[1].shortname() == "JointModelFreeFlyer")
-
-
-def has_continuous_joints(model: Any) -> bool:
-    """Return whether a joint of one degree of freedom has its cosine and sine in q."""
-    return any(_is_continuous(model, joint) for joint in range(1, model.njoints))
 
 
 def angle_model(model: Any) -> Any:

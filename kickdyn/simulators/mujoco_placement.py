@@ -37,8 +37,8 @@ def placement_warnings(
     At the nearest point, the foot's outward normal must be the contact's normal.
 
     Empty for a leg that was not read from such a file. The foot is the body of the contact frame
-    with those fixed to it. Geoms of meshes that are missing are left out, and so
-    are bodies that move apart from the leg, such as a ball that the file has already.
+    with those fixed to it. Bodies that move apart from the leg, such as a ball that the file has
+    already, are left out.
     """
     file = posture.leg.file
     if not isinstance(file, MjcfFile):
@@ -53,9 +53,7 @@ def placement_warnings(
     body = _body_of(compiled, posture.leg.frame)
     foot = compiled.body_weldid[body] if body >= 0 else -1
     for geom in range(compiled.ngeom):
-        mesh = int(compiled.geom_dataid[geom])
-        is_mesh = int(compiled.geom_type[geom]) == int(mujoco.mjtGeom.mjGEOM_MESH)
-        if geom == ball or (is_mesh and compiled.mesh(mesh).name in file.missing):
+        if geom == ball:
             continue
         body = int(compiled.geom_bodyid[geom])
         if body_name(compiled, body) in file.left_out:

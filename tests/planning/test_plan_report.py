@@ -188,7 +188,8 @@ def test_a_narrow_wall_off_a_curved_way_is_passed_beside():
     ("text", "words"),
     [
         ("9.15", "it must be DISTANCE:HEIGHT"),
-        ("a:b", "it must be numbers"),
+        ("a:b", "it must be DISTANCE:HEIGHT"),
+        ("1:2:3:4", "it must be DISTANCE:HEIGHT"),
         ("9.15:-1", "height of the wall is -1"),
         ("nan:1", "distance of the wall is nan"),
         ("30:1.9", "between the ball and the target"),

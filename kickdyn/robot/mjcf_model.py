@@ -104,7 +104,7 @@ class _Builder:
     ) -> None:
         import mujoco
 
-        self.compiled, self.base = compiled, base
+        self.compiled, self.base, self.locked = compiled, base, locked
         self.model = pin.Model()
         self.model.name = name
         if compiled.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY):
@@ -122,7 +122,7 @@ class _Builder:
         self._set_limits()
         self.loops: list[tuple[str, str]] = []
         self.mimics: list[Mimic] = []
-        self._add_constraints(locked)
+        self._add_constraints()
 
     def _add_body(self, body: int) -> None:
         """Add a body with its joints."""
@@ -154,6 +154,14 @@ class _Builder:
         kinds = [int(compiled.jnt_type[number]) for number in numbers]
         root, still = not compiled.body_parentid[body], pin.SE3.Identity()
         if root and self.base == "floating" and FREE not in kinds:
+            own = [compiled.joint(number).name for number in numbers]
+            if unlocked := [name for name in own if name not in self.locked]:
+                raise InvalidInput(
+                    f"base is 'floating', but joints of the file ({', '.join(unlocked)}) move its "
+                    f"root body {body_name(compiled, body)!r} already, and are its base: read it "
+                    "with base='fixed' (in commands, without --support), or lock them (locked=, "
+                    "--lock)"
+                )
             joint, place = self._add_joint(joint, FREE, -1, still, "root_joint"), still
         for number, kind in zip(numbers, kinds, strict=True):
             if kind == FREE:
@@ -224,7 +232,7 @@ class _Builder:
         model.velocityLimit, model.effortLimit = np.full(model.nv, math.inf), effort
         model.armature = armature
 
-    def _add_constraints(self, locked: Set[str]) -> None:
+    def _add_constraints(self) -> None:
         """Add a loop for each `<connect>` of two bodies, and a mimic for each joint that follows.
 
         Raises `InvalidInput` for another constraint that has an effect on a joint that is not
@@ -243,7 +251,7 @@ class _Builder:
             if kind == mujoco.mjtEq.mjEQ_JOINT:
                 ends = [end for end in (first, second) if end >= 0]
                 bodies = [int(compiled.jnt_bodyid[end]) for end in ends]
-                idle = all(compiled.joint(end).name in locked for end in ends)
+                idle = all(compiled.joint(end).name in self.locked for end in ends)
             else:
                 idle = False
                 bodies = [int(compiled.site_bodyid[e]) if sites else e for e in (first, second)]

@@ -39,8 +39,10 @@ def frame_id(model: Any, name: str) -> int:
     # not by getFrameId, which returns nframes for an unknown name: using that crashes
     numbers = frames_by_name(model)
     if not isinstance(name, str) or name not in numbers:
-        names = [frame.name for frame in model.frames][1:]
-        raise InvalidInput(unknown("frame", name, model.name, names))
+        frames = list(model.frames)[1:]
+        last = [f for f in frames if len(model.subtrees[f.parentJoint]) == 1]
+        ends = [f.name for f in last if f.type != pin.FrameType.JOINT]
+        raise InvalidInput(unknown("frame", name, model.name, [f.name for f in frames], ends))
     return numbers[name]
 
 

@@ -64,6 +64,7 @@ def build_mjcf_model(
         names = [str(compiled.joint(joint).name) for joint in range(compiled.njnt)]
         fixed = set(expand_patterns(dict.fromkeys(locked or (), 0.0), names))
         builder = _Builder(compiled, file.name, base, robot_bodies, fixed)
+        _check_one_base(builder, dict.fromkeys(locked or (), 0.0))
     except InvalidInput as fault:
         raise MjcfError(file.source, [str(fault)]) from None
     moving = (body for body in bodies if body not in robot_bodies and compiled.body_weldid[body])
@@ -104,7 +105,7 @@ class _Builder:
     ) -> None:
         import mujoco
 
-        self.compiled, self.base, self.locked = compiled, base, locked
+        self.compiled, self.base = compiled, base
         self.model = pin.Model()
         self.model.name = name
         if compiled.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY):
@@ -122,7 +123,7 @@ class _Builder:
         self._set_limits()
         self.loops: list[tuple[str, str]] = []
         self.mimics: list[Mimic] = []
-        self._add_constraints()
+        self._add_constraints(locked)
 
     def _add_body(self, body: int) -> None:
         """Add a body with its joints."""
@@ -154,14 +155,6 @@ class _Builder:
         kinds = [int(compiled.jnt_type[number]) for number in numbers]
         root, still = not compiled.body_parentid[body], pin.SE3.Identity()
         if root and self.base == "floating" and FREE not in kinds:
-            own = [compiled.joint(number).name for number in numbers]
-            if unlocked := [name for name in own if name not in self.locked]:
-                raise InvalidInput(
-                    f"base is 'floating', but joints of the file ({', '.join(unlocked)}) move its "
-                    f"root body {body_name(compiled, body)!r} already, and are its base: read it "
-                    "with base='fixed' (in commands, without --support), or lock them (locked=, "
-                    "--lock)"
-                )
             joint, place = self._add_joint(joint, FREE, -1, still, "root_joint"), still
         for number, kind in zip(numbers, kinds, strict=True):
             if kind == FREE:
@@ -232,7 +225,7 @@ class _Builder:
         model.velocityLimit, model.effortLimit = np.full(model.nv, math.inf), effort
         model.armature = armature
 
-    def _add_constraints(self) -> None:
+    def _add_constraints(self, locked: Set[str]) -> None:
         """Add a loop for each `<connect>` of two bodies, and a mimic for each joint that follows.
 
         Raises `InvalidInput` for another constraint that has an effect on a joint that is not
@@ -251,7 +244,7 @@ class _Builder:
             if kind == mujoco.mjtEq.mjEQ_JOINT:
                 ends = [end for end in (first, second) if end >= 0]
                 bodies = [int(compiled.jnt_bodyid[end]) for end in ends]
-                idle = all(compiled.joint(end).name in self.locked for end in ends)
+                idle = all(compiled.joint(end).name in locked for end in ends)
             else:
                 idle = False
                 bodies = [int(compiled.site_bodyid[e]) if sites else e for e in (first, second)]
@@ -296,6 +289,25 @@ class _Builder:
             )
         offset += float(start[address[first]]) - multiplier * float(start[address[second]])
         self.mimics.append(Mimic(joint, driver, multiplier, offset))
+
+
+def _check_one_base(builder: _Builder, locked: Mapping[str, float]) -> None:
+    """Raise `InvalidInput` for a floating base whose body other joints of the file move already."""
+    compiled = builder.compiled
+    if all(joint.theirs >= 0 for joint in builder.joints):
+        return
+    of_root = [
+        str(builder.model.names[joint.number])
+        for joint in builder.joints
+        if joint.theirs >= 0 and not compiled.body_parentid[compiled.jnt_bodyid[joint.theirs]]
+    ]
+    fixed = expand_patterns(locked, of_root)
+    if moving := [name for name in of_root if name not in fixed]:
+        raise InvalidInput(
+            f"base is 'floating', but joints of the file ({', '.join(moving)}) move its root body "
+            "already, and are its base: read it with base='fixed' (in commands, without "
+            "--support), or lock them (locked=, --lock)"
+        )
 
 
 def effort_limits(compiled: Any) -> Array:

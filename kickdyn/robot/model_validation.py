@@ -41,7 +41,8 @@ def frame_id(model: Any, name: str) -> int:
     if not isinstance(name, str) or name not in numbers:
         frames = list(model.frames)[1:]
         last = [f for f in frames if len(model.subtrees[f.parentJoint]) == 1]
-        ends = [f.name for f in last if f.type != pin.FrameType.JOINT]
+        kinds = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
+        ends = [frame.name for frame in last if frame.type in kinds]
         raise InvalidInput(unknown("frame", name, model.name, [f.name for f in frames], ends))
     return numbers[name]
 

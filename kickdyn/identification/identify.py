@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
 
-from kickdyn.aerodynamics.coefficient_model import find_model, scaled
-from kickdyn.aerodynamics.drag import MODELS, constant
+from kickdyn.aerodynamics.coefficient_model import scaled
+from kickdyn.aerodynamics.drag import constant
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
@@ -33,7 +33,7 @@ from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.flight.derivatives import INCREMENT, DifferentiableFlight, fly_with_slopes
-from kickdyn.identification.identification_result import Identification, ModelScore, covariance
+from kickdyn.identification.identification_result import Identification, covariance
 from kickdyn.identification.track import Track, refuse_intervals, refuse_units
 
 LEAST_SAMPLES = 5
@@ -66,9 +66,10 @@ FAILED_RESIDUAL = 1e6
 FIRST_DRAG = 0.2
 """First guess of a constant C_D: its value above the drag crisis (Goff & Carre 2009)."""
 
-LARGEST_COEFFICIENT, LARGEST_SPEED = 10.0, 10.0
-"""Largest size of a coefficient or factor, and of a speed over the mean speed of the measurement
-plus 10 m/s, in a fit: what is no flight would lead there."""
+
+LARGEST_FACTOR = 10.0
+"""Largest size of a coefficient or factor in a fit, and of a speed over the mean speed of the
+measurement plus 10 m/s: what is no flight would lead there."""
 
 
 class Free(StrEnum):
@@ -89,6 +90,9 @@ SHARED_NAMES = {
 }
 """Names of the unknowns that all flights share."""
 
+COEFFICIENTS = ("drag", "drag_scale", "lift_scale")
+"""Unknowns without a unit."""
+
 LAUNCH, SPIN = ("x", "y", "z", "vx", "vy", "vz"), ("back_spin", "side_spin", "gyro_spin")
 """Names of the unknowns of each flight: the first six, and those of the spin."""
 
@@ -104,7 +108,6 @@ def identify(
     *,
     free: Iterable[str] = ("spin", "drag"),
     spin: ArrayLike = (0.0, 0.0, 0.0),
-    compare: Sequence[str | Air] = (),
 ) -> Identification:
     r"""Return the flight that best fits measured positions, with standard deviations.
 
@@ -122,8 +125,6 @@ def identify(
             `lift-scale`, factors of the air's models; `wind`, its horizontal components.
         spin: known spin, shape `(3,)` [rad/s, world frame]; it is used unless `free` contains
             `spin`.
-        compare: drag models by name, or airs, which are ranked: each is fitted to the first half of
-            each flight and predicts the second one. The fit itself uses `air`.
 
     Raises:
         InvalidInput: fewer than 5 positions, samples a second or more apart, positions that are no
@@ -141,22 +142,7 @@ def identify(
     air = Air() if air is None else air
     known_spin = validation.vector("spin", spin, 3, unit="rad/s")
     problem = _Problem(tuple(tracks), ball, air, _sought(free, air), known_spin)
-    fewest = min(map(len, tracks))
-    if compare and fewest < 2 * LEAST_SAMPLES - 1:
-        raise InvalidInput(
-            f"a flight of {fewest} positions has too few to fit a half: compare needs "
-            f"{2 * LEAST_SAMPLES - 1}"
-        )
-    rivals = [
-        model if isinstance(model, Air) else replace(air, drag=find_model("drag", MODELS, model))
-        for model in compare
-    ]
-    result = _result(problem, _fit(problem))
-    scores = [
-        _score(model if isinstance(model, str) else _name(rival), rival, problem)
-        for model, rival in zip(compare, rivals, strict=True)
-    ]
-    return replace(result, comparison=tuple(sorted(scores, key=lambda s: s.prediction_rms)))
+    return _result(problem, _fit(problem))
 
 
 class _Problem(NamedTuple):
@@ -227,12 +213,10 @@ class _Problem(NamedTuple):
         """
         position, parameters = values[:3], values[3:]
         first_shared = len(self.flight_names) - 3
-        mean_speed = float(np.linalg.norm(np.ptp(track.positions, axis=0))) / track.duration
-        coefficients = [name.startswith(("drag", "lift")) for name in self.shared_names]
-        largest = np.abs(parameters[first_shared:][coefficients]).max(initial=0.0)
-        if largest > LARGEST_COEFFICIENT or np.abs(parameters[:3]).max() > LARGEST_SPEED * (
-            mean_speed + 10.0
-        ):
+        fastest = float(np.linalg.norm(np.ptp(track.positions, axis=0))) / track.duration + 10.0
+        is_coefficient = [name in COEFFICIENTS for name in self.shared_names]
+        largest = np.abs(parameters[first_shared:][is_coefficient]).max(initial=0.0)
+        if np.abs(parameters[:3]).max() > LARGEST_FACTOR * fastest or largest > LARGEST_FACTOR:
             raise KickdynError("the speed or a coefficient is far beyond those of a ball")
 
         def launch(changed: Array) -> tuple[BallState, Air]:
@@ -490,32 +474,3 @@ def _widening(problem: _Problem, estimate: _Estimate) -> float:
     if correlation < 2.0 / math.sqrt(estimate.used.sum()):  # which chance explains
         return 1.0
     return math.sqrt((1.0 + correlation) / (1.0 - correlation))
-
-
-def _score(name: str, air: Air, problem: _Problem) -> ModelScore:
-    """Return how well an air, fitted to the first halves, predicts the second ones."""
-    sought = tuple(free for free in problem.sought if free != Free.DRAG)
-    predictions, fits = [], []
-    for track in problem.tracks:
-        middle = (len(track) + 1) // 2
-        half = problem._replace(air=air, sought=sought, tracks=(track[:middle],))
-        estimate = _fit(half)
-        fits.append(_result(half, estimate).rms)
-        full = half._replace(tracks=(track,))
-        residuals, _ = full.evaluate(FINEST_TOL, estimate.unknowns)
-        predictions.append(_rms(residuals.reshape(-1, 3)[middle:]))
-    return ModelScore(name, _rms(np.array(predictions)), _rms(np.array(fits)))
-
-
-def _name(air: Air) -> str:
-    """Return the names of the drag and lift models, or the values of constants."""
-    names = [
-        f"{kind} {getattr(model, 'value', getattr(model, 'name', model))}"
-        for kind, model in (("drag", air.drag), ("lift", air.lift))
-    ]
-    return ", ".join(names)
-
-
-def _rms(errors: Array) -> float:
-    """Return the root of the mean square length of vectors, or of numbers."""
-    return math.sqrt(float((errors * errors).sum()) / len(errors))

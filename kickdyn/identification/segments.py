@@ -109,10 +109,6 @@ class CutReason(StrEnum):
     GAP = "gap"
 
 
-GROUND_CONTACTS = (CutReason.BOUNCE, CutReason.LANDING)
-"""Cuts at which the ball meets the ground."""
-
-
 @dataclass(frozen=True)
 class Segment:
     """A part of a track between two cuts.
@@ -141,17 +137,10 @@ class Segment:
 
 
 class Measured(NamedTuple):
-    """A coefficient of the ground from several measurements.
+    """A median of several measurements, its standard deviation, their number, kind and unit.
 
-    Attributes:
-        median: the median, because a bounce beside a player's foot looks like any other; of a lower
-            bound the largest measurement.
-        deviation: its standard deviation.
-        samples: number of measurements.
-        kind: what was measured.
-        unit: unit of the median.
-        is_lower_bound: whether the coefficient is at least as large as the median, to within two
-            standard deviations, and may be larger.
+    The median, because a bounce beside a player's foot looks like any other. Where `is_lower_bound`
+    is true, `median` is the largest of several lower bounds, and `deviation` its deviation.
     """
 
     median: float
@@ -260,14 +249,7 @@ class Segments(Printed):
 
 
 class _Samples(NamedTuple):
-    """Samples of a track without spikes.
-
-    Attributes:
-        times: shape `(n,)` [s].
-        positions: shape `(n, 3)` [m].
-        indices: their places in the track, shape `(n,)`.
-        noise: standard deviation of a coordinate that cuts are judged by [m].
-    """
+    """Samples of a track without spikes, their indices in it, and a coordinate's noise [m]."""
 
     times: Array
     positions: Array
@@ -281,19 +263,14 @@ class _Samples(NamedTuple):
 
 
 class _Piece(NamedTuple):
-    """Samples first to last - 1, and polynomials fitted to them.
+    """Samples `first` to `last - 1`, and polynomials fitted to them.
 
-    Attributes:
-        first, last: indices of samples.
-        origin: time that the polynomials count from [s].
-        middle: time in the middle of the piece [s].
-        coefficients: of the polynomials, lowest power first, shape `(k, 3)`.
-        cost: sum of squared residuals over the squared noise.
+    The polynomials count time from `middle` [s]; their coefficients, lowest power first, have the
+    shape `(k, 3)`. The cost is the sum of squared residuals over the squared noise.
     """
 
     first: int
     last: int
-    origin: float
     middle: float
     coefficients: Array
     cost: float
@@ -306,7 +283,7 @@ class _Piece(NamedTuple):
     def derivative(self, times: float | Array, order: int) -> Array:
         """Return position, velocity or acceleration, for order 0, 1 or 2: `(3,)` or `(3, n)`."""
         powers = np.polynomial.polynomial.polyder(self.coefficients, order)
-        return np.asarray(np.polynomial.polynomial.polyval(times - self.origin, powers))
+        return np.asarray(np.polynomial.polynomial.polyval(times - self.middle, powers))
 
 
 @validation.check_arguments
@@ -388,15 +365,14 @@ def _without_spikes(track: Track, noise: float) -> NDArray[np.intp]:
 def _fitted(samples: _Samples, first: int, last: int, degree: int) -> _Piece:
     """Return polynomials of a degree, or what the samples allow, fitted to samples."""
     times, points = samples.times[first:last], samples.positions[first:last]
-    origin = float(times.mean())
+    middle = 0.5 * float(times[0] + times[-1])
     span = max(float(times[-1] - times[0]), 1e-9)
     degree = min(degree, max(last - first - 1, 0))
-    powers = np.vander((times - origin) / span, degree + 1, increasing=True)
+    powers = np.vander((times - middle) / span, degree + 1, increasing=True)
     fit, *_ = np.linalg.lstsq(powers, points, rcond=None)
     residuals = (powers @ fit - points) / samples.noise
     coefficients = fit / span ** np.arange(degree + 1)[:, None]
-    middle = 0.5 * float(times[0] + times[-1])
-    return _Piece(first, last, origin, middle, coefficients, float((residuals**2).sum()))
+    return _Piece(first, last, middle, coefficients, float((residuals**2).sum()))
 
 
 def _partition(samples: _Samples, start: int, stop: int) -> list[tuple[int, int]]:
@@ -578,7 +554,8 @@ def _at_bounces(
         slip_left = (slip_per_change * next_change + slowing)[:2] @ change[:2] / size
         unevenness = FRICTION_DEVIATION * abs(float(next_change[2]))
         deviation = slip_per_change * math.hypot(unevenness, 1.5 * speed_deviation)
-        if following.begins in GROUND_CONTACTS and slip_left > 2.0 * deviation:
+        on_ground = following.begins in (CutReason.BOUNCE, CutReason.LANDING)
+        if on_ground and slip_left > 2.0 * deviation:
             sliding_ratios.append(ratios[-1])
     friction = _median(sliding_ratios)
     if ratios and not sliding_ratios:

@@ -1,7 +1,6 @@
 """Names of joints and frames: which are meant, how they are listed, and how joints are locked."""
 
 import math
-import re
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from difflib import get_close_matches
@@ -18,7 +17,7 @@ MAX_NAME = 200
 """Largest number of characters of a name."""
 
 MAX_LOCK_ENTRIES = 12
-"""Largest number of names and patterns that `lock_remedy` spells out."""
+"""Largest number of joints that `lock_remedy` names."""
 
 
 def listed(names: Sequence[str], most: int = 40) -> str:
@@ -84,34 +83,25 @@ def expand_patterns(values: Mapping[str, float], names: Iterable[str]) -> dict[s
 def lock_remedy(model: Any, joints: Sequence[str]) -> str:
     """Return how some joints of a `pin.Model` can be locked, as text that can be copied.
 
-    Each of them is locked at 0, or in the middle of its range if 0 is outside. Numbered joints are
-    named by a pattern if it matches no other joint. Empty if none of the joints has one degree of
-    freedom, or no other joint would be left.
+    Each of them is locked at 0, or in the middle of its range if 0 is outside. Empty if none of the
+    joints has one degree of freedom, or no other joint would be left.
     """
-    names = list(model.names)
-    values: dict[str, tuple[float, str]] = {}
+    names, values, options = list(model.names), dict[str, float](), list[str]()
     for joint in joints:
         number = names.index(joint)
         if model.nvs[number] == 1:
-            slides = model.joints[number].shortname().startswith("JointModelP")
             address = model.idx_qs[number]
             low, high = model.lowerPositionLimit[address], model.upperPositionLimit[address]
-            turns = model.nqs[number] == 2  # a continuous joint has no range
-            value = 0.0 if turns or low <= 0.0 <= high else float(f"{(low + high) / 2:.3g}")
-            values[joint] = value, f"{value if slides else math.degrees(value):.4g}"
+            is_continuous = model.nqs[number] == 2  # and has no range
+            value = 0.0 if is_continuous or low <= 0.0 <= high else (low + high) / 2
+            values[joint] = float(f"{value:.3g}")
+            slides = model.joints[number].shortname().startswith("JointModelP")
+            text = f"{values[joint] if slides else math.degrees(values[joint]):.4g}"
+            options.append(f"--lock {shlex.quote(f'{joint}={text}')}")
     if not values or len(values) == len(names) - 1:
         return ""
-    entries: dict[str, tuple[float, str]] = {}
-    for joint, pair in values.items():
-        pattern = re.sub(r"\d+", "*", joint)
-        alike = [name for name in names if fnmatchcase(name, pattern)]
-        same = len(alike) > 1 and joint in alike and all(values.get(n) == pair for n in alike)
-        entries[pattern if same else joint] = pair
-    if len(entries) > MAX_LOCK_ENTRIES:
+    if len(values) > MAX_LOCK_ENTRIES:
         return "lock them by locked={joint: value} in Python, by --lock JOINT=VALUE in commands"
+    python = ", ".join(f"{name!r}: {value:g}" for name, value in values.items())
     pronoun = "it" if len(values) == 1 else "them"
-    python = ", ".join(f"{name!r}: {value:g}" for name, (value, _) in entries.items())
-    options = " ".join(
-        f"--lock {shlex.quote(f'{name}={text}')}" for name, (_, text) in entries.items()
-    )
-    return f"lock {pronoun} by locked={{{python}}} in Python, by {options} in commands"
+    return f"lock {pronoun} by locked={{{python}}} in Python, by {' '.join(options)} in commands"

@@ -30,8 +30,7 @@ from kickdyn.plane import Plane, ReachedBy
 from kickdyn.restitution import MODELS as RESTITUTIONS
 from kickdyn.robot.catalog import DESCRIPTION, ROBOTS
 from kickdyn.robot.joint_table import InDegrees
-from kickdyn.robot.leg import Leg, Posture
-from kickdyn.robot.leg_file import read_leg
+from kickdyn.robot.leg import Leg, Posture, read_leg
 from kickdyn.robot.urdf_file import shipped_urdf
 from kickdyn.scene.pitch import Wall
 from kickdyn.scene.scene import Compliance

@@ -205,45 +205,12 @@ def test_the_deviations_of_the_spin_are_those_of_its_axes():
     assert deviations[2] > 5 * max(deviations[:2])
 
 
-def test_a_prediction_is_judged_in_the_second_half_only():
-    track = flown((25, 3, 8), (0, -40, 20), kd.Air(drag="goff-carre"), rate=25.0)
-    rng = np.random.default_rng(4)
-    noisy = kd.Track(track.times, track.positions + rng.normal(0, 0.01, track.positions.shape))
-    (score,) = kd.identify(noisy, BALL, compare=("brazuca",)).comparison
-    middle = (len(noisy) + 1) // 2
-    air = kd.Air(drag="brazuca")
-    half = kd.identify(noisy[:middle], BALL, air, free=("spin",))
-    path = kd.fly(half.launch, BALL, air, kd.Ground(-99.0))
-    later = noisy[middle:]
-    apart = path.sample(later.times - noisy.times[0]).position - later.positions
-    rms = np.sqrt((apart**2).sum(axis=1).mean())
-    assert score.prediction_rms == pytest.approx(rms, rel=1e-3)
-    assert score.fit_rms == pytest.approx(half.rms, rel=1e-3)
-
-
-def test_airs_are_compared_by_the_names_of_their_models():
-    track = flown((25, 3, 8), (0, 0, 0), kd.Air(drag=0.3), rate=25.0)
-    airs = (kd.Air(drag=0.1), kd.Air(drag=0.3, lift=None))
-    found = kd.identify(track, BALL, free=("drag",), compare=airs)
-    names = [score.model for score in found.comparison]
-    assert names == ["drag 0.3, lift None", "drag 0.1, lift saturating"]
-
-
 def test_a_flight_that_cannot_be_integrated_is_an_error(curving):
     def broken(reynolds, spin_parameter):
         raise ArithmeticError("no coefficient")
 
     with pytest.raises(kd.KickdynError, match="the flight cannot be integrated: no coefficient"):
         kd.identify(curving, BALL, kd.Air(lift=broken))
-
-
-def test_models_are_ranked_by_prediction():
-    tracks = [flown((25, 3, 8), (0, -40, 20), kd.Air(drag="goff-carre"), rate=25.0)]
-    found = kd.identify(tracks, BALL, compare=("brazuca", "goff-carre"))
-    assert found.comparison[0].model == "goff-carre"
-    assert found.comparison[0].prediction_rms < 1e-4 < found.comparison[1].prediction_rms
-    rms = [score.prediction_rms for score in found.comparison]
-    assert rms == sorted(rms)
 
 
 def test_plot_and_representations(curving):
@@ -288,17 +255,11 @@ def test_what_is_no_flight_in_metres_is_refused(curving, change, message):
         ({"free": ("wind",), "air": kd.Air(wind=lambda z: (0, 0, 0))}, "function of height"),
         ({"air": 1.2}, "air is 1.2"),
         ({"spin": (1, 2)}, "spin has shape"),
-        ({"compare": ("golf",)}, "drag model 'golf' is unknown"),
     ],
 )
 def test_wrong_arguments_are_refused(curving, options, message):
     with pytest.raises(kd.InvalidInput, match=message):
         kd.identify(curving, BALL, **options)
-
-
-def test_models_that_cannot_be_compared_are_refused(curving):
-    with pytest.raises(kd.InvalidInput, match="compare needs 9"):
-        kd.identify(curving[:8], BALL, compare=("brazuca",))
 
 
 def test_what_is_no_track_is_refused():

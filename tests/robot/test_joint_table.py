@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from urdf_bodies import Bodies, random_urdf
 
 import kickdyn as kd
-from kickdyn.paper.self_motion import self_motion
+from kickdyn.paper.fig_1 import self_motion
 from kickdyn.robot.joint_table import Mimic
 from kickdyn.robot.kicking_chain import kicking_chain
 

@@ -82,35 +82,29 @@ class Uncertainty(Printed):
         """
         if not isinstance(result, str) or result not in UNIT_OF:
             raise InvalidInput(f"result {result!r} is unknown: choose {', '.join(UNIT_OF)}")
-        variances = {
-            source: float(np.trace(covariances[result]))
-            for source, covariances in self.by_source.items()
-        }
+        variances = {name: np.trace(results[result]) for name, results in self.by_source.items()}
         total = sum(variances.values())
-        return {name: variance / total if total else 0.0 for name, variance in variances.items()}
+        return {
+            name: float(variance / total) if total else 0.0 for name, variance in variances.items()
+        }
 
     def __str__(self) -> str:
         """Return the budget: standard deviation and share of the variance by source."""
+        units = "".join(f"{UNIT_OF[result]:>9}{'share':>7}" for result in COLUMNS)
         lines = [
             f"{'':13}" + "".join(f"{title:>16}" for title in COLUMNS.values()),
-            f"{'source':13}"
-            + "".join(f"{unit:>9}{'share':>7}" for unit in map(UNIT_OF.get, COLUMNS)),
+            f"{'source':13}{units}",
         ]
         shares = {result: self.share(result) for result in COLUMNS}
-        totals = {
-            result: sum(
-                float(np.trace(covariances[result])) for covariances in self.by_source.values()
-            )
-            for result in COLUMNS
-        }
+        deviations = {result: self._deviation(result) for result in COLUMNS}
         for source in self.by_source:
             line = f"{source:13}"
-            for result, total in totals.items():
+            for result, deviation in deviations.items():
                 share = shares[result][source]
-                deviation = math.sqrt(share * total) if share > ROUNDING**2 else 0.0
-                line += f"{deviation:9.3g}" + (f"{share:7.1%}" if total else f"{'':7}")
+                size = math.sqrt(share) * deviation if share > ROUNDING**2 else 0.0
+                line += f"{size:9.3g}" + (f"{share:7.1%}" if deviation else f"{'':7}")
             lines.append(line.rstrip())
-        all_sources = "".join(f"{math.sqrt(total):9.3g}{'':7}" for total in totals.values())
+        all_sources = "".join(f"{deviation:9.3g}{'':7}" for deviation in deviations.values())
         lines.append(f"{'all':13}{all_sources}".rstrip())
         lines.append("standard deviations; for vectors: root of the trace of the covariance matrix")
         if self.branch is not Branch.FRICTIONLESS:
@@ -120,6 +114,10 @@ class Uncertainty(Printed):
                 f"the contact {verb}; {other} is {self.branch_sigmas:.2g} standard deviations away"
             )
         return "\n".join(lines)
+
+    def _deviation(self, result: str) -> float:
+        """Return the standard deviation of a result; of a vector, the root of the trace."""
+        return math.sqrt(sum(float(np.trace(by[result])) for by in self.by_source.values()))
 
 
 def uncertainty(
@@ -173,21 +171,17 @@ def _size_rows(vector: Array) -> Array:
 def _covariance(name: str, value: ArrayLike, size: int) -> Array:
     """Return a source's covariance, shape `(size, size)`, or raise `InvalidInput`."""
     array = validation.floats(f"spread of {name}", value, unit=UNITS[name])
-    if np.abs(array).max(initial=0.0) > MAX_SPREAD:
+    largest = float(np.abs(array).max(initial=0.0))
+    if largest > MAX_SPREAD:
         raise InvalidInput(f"spread of {name} is {array.tolist()}: at most {MAX_SPREAD:g}")
     if array.shape == (size, size) and size > 1:
         lowest = float(np.linalg.eigvalsh(array)[0])
-        largest = float(np.abs(array).max())
         asymmetry = float(np.abs(array - array.T).max())
-        if asymmetry > 1e-9 * largest:
+        if asymmetry > 1e-9 * largest or lowest < -1e-9 * largest:
             raise InvalidInput(
-                f"covariance of {name} differs from its transpose by {asymmetry:.3g}: it must be "
-                "symmetric and positive semidefinite"
-            )
-        if lowest < -1e-9 * largest:
-            raise InvalidInput(
-                f"covariance of {name} has a smallest eigenvalue of {lowest:.3g}: it must be "
-                "symmetric and positive semidefinite"
+                f"covariance of {name} differs from its transpose by {asymmetry:.3g} and has a "
+                f"smallest eigenvalue of {lowest:.3g}: it must be symmetric and positive "
+                "semidefinite"
             )
         return array
     if array.shape not in ((), (size,)):

@@ -14,7 +14,7 @@ from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.approach import AT_REST, Approach, find_approach
-from kickdyn.impact.body import BallBody, LegBody, Obstacle
+from kickdyn.impact.body import BallBody, Body, LegBody
 from kickdyn.impact.contact_problem import ContactPoint, ContactProblem, Solution
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.laws import find_law, solve_contacts
@@ -193,7 +193,7 @@ def _contact_problem(approach: Approach, feet: list[_Foot]) -> ContactProblem:
     robot = LegBody(posture, approach.v, jacobian, factor, sides)
     normals = tuple(contact.normal for contact in contacts)
     ball = BallBody(approach.ball, approach.ball_before, normals, (1.0, *[0.0] * on_ground))
-    return ContactProblem(tuple(contacts), (robot, ball, Obstacle()))
+    return ContactProblem(tuple(contacts), (robot, ball, Body()))
 
 
 def _as_impact(
@@ -202,6 +202,7 @@ def _as_impact(
     """Return the impact of a solution, with the impulses of the ground by foot."""
     robot, ball, _ = problem.bodies
     assert isinstance(robot, LegBody)
+    assert isinstance(ball, BallBody)
     jump, loop_impulses = robot.jump(solution.impulses)
     ends = np.cumsum([len(foot.levers) for foot in feet])[:-1]
     by_foot = np.split(solution.impulses[1:], ends)

@@ -160,7 +160,6 @@ class Collision(AfterApproach):
         return self._motion.equations.evaluations
 
     def _rows(self) -> Iterable[Row]:
-        """Return what `print` shows: each quantity with its value and unit."""
         yield "contact time", 1e3 * self.contact_time, "ms"
         yield "visible contact time", 1e3 * self.visible_contact_time, "ms"
         yield "peak force", self.peak_force, "N"

@@ -73,17 +73,11 @@ class ContactProblem(NamedTuple):
     @property
     def is_blocked(self) -> bool:
         """Whether contacts may be immovable in some direction, so that G may be singular."""
-        is_free = False
-        for body in self.bodies:  # `any` takes twice as long
-            is_free = is_free or body.is_free
-        return not is_free
+        return not any(body.is_free for body in self.bodies)
 
     def inverse_mass(self, direction: Array) -> float:
         """Return the inverse effective mass of a single contact along a unit vector [1/kg]."""
-        total = 0.0
-        for body in self.bodies:  # `sum` takes a third longer
-            total += body.inverse_mass(direction)
-        return total
+        return sum(body.inverse_mass(direction) for body in self.bodies)
 
     def in_contact_axes(self) -> tuple[Array, Array]:
         """Return rotations from contact axes to the world's, and velocities in these axes.
@@ -104,10 +98,8 @@ class ContactProblem(NamedTuple):
 
     def delassus(self, axes: Array) -> Array:
         """Return G in contact axes, shape `(3 k, 3 k)` [1/kg]; `axes` is `(k, 3, 3)`."""
-        matrix = self.bodies[0].delassus(axes)
-        for body in self.bodies[1:]:
-            matrix = matrix + body.delassus(axes)
-        return matrix
+        first, *others = (body.delassus(axes) for body in self.bodies)
+        return np.asarray(sum(others, first))
 
 
 class Solution(NamedTuple):

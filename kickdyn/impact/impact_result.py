@@ -4,7 +4,6 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -281,13 +280,7 @@ class Impact(AfterApproach):
         loops = zip(projector.constraints.loops, blocks[len(supports) :], strict=True)
         return list(zip(supports, blocks, strict=False)), list(loops)
 
-    def __getstate__(self) -> dict[str, Any]:
-        """Pickle all of it, read or not, so that a copy has the same digits."""
-        _ = self.leg_response, self.effective_mass
-        return self.__dict__
-
     def _rows(self) -> Iterable[Row]:
-        """Return what `print` shows: each quantity with its value and unit."""
         joint, most = self.worst_joint
         yield "law", self.law + (", sticks" if self.sticking else ""), ""
         if not isinstance(self.contact.restitution, float):

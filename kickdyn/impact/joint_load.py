@@ -47,7 +47,6 @@ class JointLoad(ReprMixin):
         return f"JointLoad({self.joint}: {format_value(float(structure))} N s{axis}{peak})"
 
     def _rows(self) -> Iterable[Row]:
-        """Return what `print` shows: each quantity with its value and unit."""
         yield "joint", self.joint, ""
         rounding = ROUNDING * float(np.linalg.norm(self.structure + self.axis))
         for name, load in (("structure", self.structure), ("axis", self.axis)):

@@ -88,10 +88,7 @@ def inertia_derivatives(posture: Posture, jump: Array) -> Array:
 
 
 def check_fixed_axes(leg: Leg) -> None:
-    """Raise `InvalidInput` for joints whose axes depend on their own angles, as in a cardan joint.
-
-    Pinocchio's derivatives by q leave out how the axes rotate, without a warning.
-    """
+    """Raise `InvalidInput` for joints whose axes depend on their own angles, as a cardan joint."""
     model, data, axes = leg.workspace.model, leg.workspace.data, []
     neutral = pin.neutral(model)
     for q in (neutral, pin.integrate(model, neutral, 0.7 * np.ones(leg.nv))):

@@ -15,6 +15,7 @@ from kickdyn.impact.approach import EPS, Approach
 from kickdyn.impact.contact_problem import Solution
 from kickdyn.impact.leg_response import foot_wrench, leg_response
 from kickdyn.impact.sensitivity import impulse_by_velocity
+from kickdyn.restitution import restitution_slope
 from kickdyn.robot.leg import Posture
 
 ROUNDINGS = 4.0
@@ -61,7 +62,7 @@ def estimate_rounding(approach: Approach, solution: Solution, joints: Array) -> 
     error[:2] += approach.ball.radius * float(length(before.spin))
     impulse, tangential = solution.impulses[0], solution.tangential_impulses[0]
     p = np.append(axes[:, :2].T @ tangential, contact.normal @ impulse)
-    turn = approach.contact.restitution_slope(approach.speed) * approach.speed
+    turn = restitution_slope(approach.contact.restitution, approach.speed) * approach.speed
     error = np.hypot(length(matrix_error * p), (1.0 + contact.restitution + abs(turn)) * error)
     sliding = None if solution.sticking[0] else (relative + matrix @ p)[:2]
     slope = impulse_by_velocity(contact.friction, matrix, sliding, p)

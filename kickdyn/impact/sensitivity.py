@@ -21,6 +21,7 @@ from kickdyn.impact.leg_derivatives import (
     mass_to_inertia,
 )
 from kickdyn.impact.leg_response import LegResponse
+from kickdyn.restitution import restitution_slope
 from kickdyn.robot.leg import Leg
 
 AT_BOUNDARY = 1e-9
@@ -104,7 +105,6 @@ class Sensitivity(ReprMixin):
     at_boundary: bool
 
     def _rows(self) -> Iterable[Row]:
-        """Return what `print` shows: each quantity with its value and unit."""
         yield "branch", self.branch.value, "at its end" if self.at_boundary else ""
         yield "margin", self.margin, {"stick": "N s", "slip": "m/s"}.get(self.branch, "")
         for source, rows in self.impulse.items():
@@ -160,7 +160,7 @@ def sensitivity(
     at_contact = -pin.skew(p) @ turn
     at_contact[:, columns["friction"]] -= (n @ p * tangent)[:, None]
     closing = -(n @ fixed.before + fixed.u_before @ fixed.normal)
-    restitution = approach.contact.restitution_slope(approach.speed) * closing
+    restitution = restitution_slope(approach.contact.restitution, approach.speed) * closing
     restitution[columns["restitution"]] += 1.0
     separation = approach.restitution * closing + approach.speed * restitution
     left_over = fixed.after + delassus @ at_contact + pin.skew(fixed.u_after) @ turn

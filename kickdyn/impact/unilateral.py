@@ -65,19 +65,14 @@ class UnilateralImpact(Impact):
     def footing(self) -> dict[str, Footing]:
         """Motion of each support in the impact: it stands, slips, tips on an edge, or lifts off."""
         threshold = AT_REST_SPEED * self.approach_speed
-        return {
-            name: _footing(velocities, threshold)
-            for name, velocities in self.point_velocities.items()
-        }
-
-
-def _footing(velocities: Array, threshold: float) -> Footing:
-    """Return what a support does, from the velocities of its points, shape `(k, 3)` [m/s]."""
-    up = velocities[:, 2] > threshold
-    if up.any():
-        return Footing.LIFTS_OFF if up.all() else Footing.TIPS
-    slides = np.hypot(velocities[:, 0], velocities[:, 1]) > threshold
-    return Footing.SLIPS if slides.any() else Footing.STANDS
+        footing = {}
+        for name, velocities in self.point_velocities.items():
+            rises = velocities[:, 2] > threshold
+            slides = np.hypot(velocities[:, 0], velocities[:, 1]) > threshold
+            footing[name] = Footing.SLIPS if slides.any() else Footing.STANDS
+            if rises.any():
+                footing[name] = Footing.LIFTS_OFF if rises.all() else Footing.TIPS
+        return footing
 
 
 def unilateral_strike(
@@ -100,16 +95,16 @@ def unilateral_strike(
     Args:
         posture: posture of a leg with supports, each with its friction and a flat one with its
             `sole`; its contact frame touches the ball.
-        v: joint velocity just before, shape `(nv,)` [rad/s; m/s for prismatic joints].
-        ball: the ball; its centre is at `contact point + radius * normal`.
-        contact: normal, restitution, friction and offset of the contact with the ball.
+        v: as for `strike`.
+        ball: as for `strike`.
+        contact: as for `strike`.
         law: `newton`. The law `paper` needs the effective mass of the leg along the attack
             direction, which feet that may lift off leave undefined; `stronge` follows the impulse
             as it grows at one point, and how fast each of several grows depends on their stiffness,
             which is unknown.
-        ball_velocity: velocity of its centre just before, shape `(3,)` [m/s, world frame].
-        ball_spin: angular velocity just before, shape `(3,)` [rad/s, world frame].
-        strict: whether to refuse a result that creates energy.
+        ball_velocity: as for `strike`.
+        ball_spin: as for `strike`.
+        strict: as for `strike`.
 
     Raises:
         NoImpact: as for `strike`.
@@ -130,25 +125,15 @@ def unilateral_strike(
 
 
 class _Foot(NamedTuple):
-    """A support and its points on the ground.
-
-    Attributes:
-        support: the support.
-        levers: from its frame to the points, shape `(k, 3)` [m, world axes].
-        jacobian: of the points, shape `(3 k, nv)`.
-    """
+    """A support, and from its frame to its points on the ground, `(k, 3)` [m, world axes]."""
 
     support: Support
     levers: Array
-    jacobian: Array
+    jacobian: Array  # of the points, shape `(3 k, nv)`
 
 
 def _find_feet(posture: Posture) -> list[_Foot]:
-    """Return the feet on which a robot stands, or raise `InvalidInput` for what cannot be solved.
-
-    That is a leg without supports, and a support without friction or with a sole that is not given
-    or tilted.
-    """
+    """Return the feet on which a robot stands, or raise `InvalidInput` for what is not known."""
     leg, projector = posture.leg, posture.constraint_projector
     supports = leg.constraints.supports if leg.constraints else ()
     if projector is None or not supports:

@@ -58,9 +58,7 @@ def impact_table(found: Sequence[Measurement]) -> str:
     """Return the impacts, times relative to kickdyn's closed form."""
     lines = []
     for row in found:
-        ours = next(
-            o.seconds for o in found if o.scene == row.scene and o.method == "closed form"
-        )
+        ours = next(o.seconds for o in found if o.scene == row.scene and o.method == "closed form")
         setting = row.setting or "-"
         front = "*" if row.pareto else ""
         ratio = f"{row.seconds / ours:.2g}"

@@ -109,9 +109,8 @@ class Impact(AfterApproach):
     def constraint_impulses(self) -> Array:
         """Impulses of the constraints, stacked as in `posture.constraint_projector.rows`.
 
-        Impulses of supports and loops have world axes, those of mimic and stiff joints act along
-        the joint [N s, N m s]. The array is empty for a leg without constraints.
-        `support_impulses` and `loop_impulses` have them by name.
+        Those of supports and loops, which `support_impulses` and `loop_impulses` have by name, have
+        world axes, those of mimic and stiff joints act along the joint [N s, N m s].
         """
         return self.leg_response.constraint_impulses
 
@@ -150,9 +149,8 @@ class Impact(AfterApproach):
     def restitution_residual(self) -> float:
         r"""Residual :math:`|u_n^+ + e\, u_n^-| / |u_n^-|` of Newton's restitution along the normal.
 
-        It is computed from the velocities after the impact. With the law `paper`, whose restitution
-        is along the attack direction, and with `stronge`, whose restitution is one of work, it is
-        not 0 where these differ from Newton's.
+        It is not 0 with the law `paper`, whose restitution is along the attack direction, and with
+        `stronge`, whose restitution is one of work, where these differ from Newton's.
         """
         approach = self.approach
         foot_velocity_after = approach.posture.jacobian.dot(self.leg_response.v_after)
@@ -162,11 +160,7 @@ class Impact(AfterApproach):
 
     @property
     def momentum_residual(self) -> float:
-        r"""Joint-space momentum that Newton-Euler does not account for, relative to its scale.
-
-        The scale is :math:`\|J\| |p|`, with the Jacobian J of the contact point and the impulse p.
-        It is 0 but for rounding.
-        """
+        r"""Joint-space momentum that Newton-Euler does not account for, over :math:`\|J\| |p|`."""
         return self.leg_response.momentum_residual
 
     @property
@@ -203,9 +197,9 @@ class Impact(AfterApproach):
     def digits(self) -> float:
         """Estimate of how many decimal digits of the impulse are correct, 0 to 16.
 
-        Velocities after the impact may have fewer, where they cancel. Few digits are left where the
-        speed of approach is little more than the rounding of its terms, where the ball is many
-        times heavier than the leg that it sticks to, and where friction nearly jams the contact.
+        Velocities after the impact may have fewer, where they cancel. Few are left for a speed of
+        approach near the rounding of its terms, a ball many times heavier than the leg that it
+        sticks to, and friction that nearly jams the contact.
         """
         return float(digits_left(self.rounding.impulse))
 
@@ -227,8 +221,8 @@ class Impact(AfterApproach):
         """Return the derivatives of this impact by everything that it depends on.
 
         Args:
-            of_leg: whether to include the sources that change the leg, `q`, `v`, `link_mass` and
-                `link_inertia`; their derivatives take most of the time.
+            of_leg: whether to include `q`, `v`, `link_mass` and `link_inertia`, which take most of
+                the time.
 
         Raises:
             InvalidInput: a law without sensitivities, a support that moves after
@@ -249,16 +243,15 @@ class Impact(AfterApproach):
 
         Args:
             **spread: standard deviations by the name of a source
-                (`kickdyn.impact.sensitivity.UNITS` has names and units): one number for all
-                components of the source; one for each component, shape `(n,)`, which are then
-                independent; or the covariance of the components, shape `(n, n)`. Different sources
+                (`kickdyn.impact.sensitivity.UNITS` has names and units): one number for all of its
+                components; one for each, shape `(n,)`; or their covariance, shape `(n, n)`. Sources
                 are independent. The deviation of `normal` is the angle by which this direction
                 tilts to each side [rad].
 
         Raises:
-            InvalidInput: no source or an unknown one, a wrong shape, a negative or infinite
-                deviation, a covariance that is not symmetric and positive semidefinite, or what
-                `sensitivity` refuses.
+            InvalidInput: an unknown source, a wrong shape, a negative or infinite deviation, a
+                covariance that is not symmetric and positive semidefinite, or what `sensitivity`
+                refuses.
 
         Example:
             >>> import kickdyn as kd

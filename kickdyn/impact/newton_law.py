@@ -131,8 +131,7 @@ def _energy_lost(
 def _corrected(g_matrix: Array, free: Array, mu: float, angle: float, p: float) -> Array:
     """Return the impulse in a direction of slip, after one step of Newton's method for p and angle.
 
-    Where the cone hardly resists along that direction, p alone would have few digits: a larger
-    impulse turns the sliding, which resists.
+    Where the cone hardly resists along that direction, p alone would have few digits.
     """
     (g11, g12, g13), (_, g22, g23), (*_, g33) = g_matrix.tolist()
     c, s = math.cos(angle), math.sin(angle)

@@ -117,7 +117,6 @@ def test_rounding_is_not_shown():
     carried, along = np.array([2.8, 0, -0.9, 0, 3e-17, 0]), np.array([0, 0, 0, 0, -7e-23, 0])
     load = kd.JointLoad("ankle", carried, along, 460.0, 1e-13)
     assert not re.search(r"e-[12]\d", load._repr_html_() + repr(load))
-    assert "(2.8, 0, -0.9)" in load._repr_html_()
 
 
 @pytest.mark.parametrize("name", ["Posture", "Ball", "Contact", "Air", "Ground", "Plane", "Goal"])

@@ -57,10 +57,7 @@ class Approach(NamedTuple):
     restitution: float
 
     def warnings(self) -> tuple[str, ...]:
-        """Return a line for each open loop, joint out of its range or too fast, and restitution.
-
-        A restitution is warned of where it is used outside the speeds of its table.
-        """
+        """Return a line for each open loop, joint out of its range or too fast, and restitution."""
         return (
             *self.posture.warnings,
             *self.posture.leg.too_fast(self.v),
@@ -68,10 +65,7 @@ class Approach(NamedTuple):
         )
 
     def contact_problem(self) -> ContactProblem:
-        """Return what an impact law needs to know.
-
-        `InvalidInput` is raised if neither the leg nor the ball can move along the normal.
-        """
+        """Return what an impact law needs; raise `InvalidInput` if nothing moves on the normal."""
         posture, contact = self.posture, self.contact
         factor = posture.delassus_factor()
         if self.ball.mass == math.inf:
@@ -177,10 +171,8 @@ def find_approach(
 ) -> Approach:
     r"""Check the arguments of `strike` and return the motion just before the impact.
 
-    The foot's velocity is :math:`J v`, and the speed of approach :math:`n \cdot (J v -
-    v_\mathrm{ball})`. `NoImpact` is raised where that is not above 4 times the rounding of the
-    terms of which it is the sum, `InvalidInput` also for speeds whose energies leave double
-    precision.
+    The speed of approach is :math:`n \cdot (J v - v_\mathrm{ball})`. `NoImpact` is raised where it
+    is not above 4 times the rounding of the terms of which it is the sum.
     """
     is_posture, is_ball = isinstance(posture, Posture), isinstance(ball, Ball)
     if not (is_posture and is_ball and isinstance(contact, Contact)):  # cheaper than three calls

@@ -141,10 +141,8 @@ class ImpactLaw:
         name: the argument `law` of `kickdyn.strike`.
         solve: function that returns the solution of a problem with a single contact.
         solve_several: the same for several contacts; None for a law that is defined for one.
-        differentiate: function that returns what `kickdyn.Impact.sensitivity` does, such as
-            `kickdyn.impact.sensitivity.sensitivity`; None for a law without derivatives.
-        has_kernel: whether the compiled kernels of sweeps compute this law; other laws are computed
-            posture by posture.
+        differentiate: function such as `kickdyn.impact.sensitivity.sensitivity`, or None.
+        has_kernel: whether the compiled kernels of sweeps compute this law.
         eq_10_without_friction: whether the law is `frictionless` at a friction of 0, so that
             `pin.impulseDynamics` computes it.
     """

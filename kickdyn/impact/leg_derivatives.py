@@ -20,18 +20,11 @@ LINEAR, ANGULAR = slice(0, 3), slice(3, 6)
 
 
 class LegDerivatives(NamedTuple):
-    """Derivatives of a leg's velocities.
+    """Derivatives of a leg's velocities by q, `(3, nv)` and `(nv, nv)` [m/s or rad/s per rad]."""
 
-    Attributes:
-        admissible: of v by itself: the projector on what supports and loops allow, `(nv, nv)`.
-        foot_q, foot_q_after: of the contact point's velocity by q, before, and after at a fixed
-            v_after, shape `(3, nv)` [m/s per rad].
-        v_after_q: of v_after by q, shape `(nv, nv)`.
-    """
-
-    admissible: Array
-    foot_q: Array
-    foot_q_after: Array
+    admissible: Array  # projector of v on what supports and loops allow, `(nv, nv)`
+    foot_q: Array  # of the contact point's velocity before
+    foot_q_after: Array  # and after, at a fixed v_after
     v_after_q: Array
 
 

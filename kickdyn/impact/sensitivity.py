@@ -43,8 +43,7 @@ UNITS = {
 """Every source, what an impact depends on, and its unit; of prismatic joints, q is in m and v m/s.
 
 Of a leg with supports or loops, v and q count as far as these allow: v without what would move
-them, by kinetic energy, also where q changes it; q without what would open a loop (the least change
-of angles is subtracted), whereas supports are fixed wherever q puts them.
+them, q without what would open a loop, whereas supports are fixed wherever q puts them.
 `restitution` adds to e, at every speed where it is a table.
 `normal` is the direction of the contact normal as a unit vector: its component along the normal has
 no effect. `ball_mass` scales the ball's inertia, too. `link_mass` scales a link as a whole: centre
@@ -72,10 +71,9 @@ class Branch(StrEnum):
 class Sensitivity(ReprMixin):
     """Derivatives of an impact's results, one Jacobian per source.
 
-    A source is a quantity on which the impact depends; `kickdyn.impact.sensitivity.UNITS` has their
-    names and units. Each attribute of type `Jacobians` maps the name of a source to an array of
-    shape `(k, n)`, with the k components of the result and the n of the source. The source q has nv
-    components, those of its tangent space.
+    `kickdyn.impact.sensitivity.UNITS` has the names of the sources and their units. Each attribute
+    of type `Jacobians` maps the name of a source to an array of shape `(k, n)`, with the k
+    components of the result and the n of the source; q has nv, those of its tangent space.
 
     Attributes:
         impulse: derivatives of the impulse on the ball, k = 3
@@ -91,8 +89,8 @@ class Sensitivity(ReprMixin):
             the contact slips [N s]; in `slip`, the speed of sliding that remains [m/s]; inf without
             friction.
         margin_slope: derivatives of the margin, k = 1.
-        at_boundary: whether the margin is 0 but for rounding. As stick and slip have different
-            derivatives, these are then valid to one side only.
+        at_boundary: whether the margin is 0 but for rounding: derivatives are then valid to one
+            side only.
     """
 
     impulse: Jacobians
@@ -131,15 +129,19 @@ def sensitivity(
     .. math:: \frac{dp}{dx} = -\left(\frac{\partial R}{\partial p}\right)^{-1}
               \frac{\partial R}{\partial x} .
 
-    Where the restitution depends on the speed of approach u, so does R: e changes by
-    :math:`(de/du)\, du/dx`; in a row of the table, de/du is the slope of the interval above.
-    What x does to the leg comes from Pinocchio's derivatives of Newton-Euler and of kinematics, and
-    from its regressor, projected on what supports and loops allow
-    (`kickdyn.impact.leg_derivatives`). A support that moves, or a joint whose axes depend on its
-    own angles, raises `InvalidInput`; a derivative that leaves double precision raises
-    `KickdynError`.
+    Where the restitution depends on the speed of approach u, e changes by :math:`(de/du)\, du/dx`.
+    What x does to the leg is in `kickdyn.impact.leg_derivatives`. A support that moves, or a joint
+    whose axes depend on its own angles, raises `InvalidInput`; a derivative that leaves double
+    precision raises `KickdynError`.
     """
-    _check_supports(approach, response)
+    projector = approach.posture.without_stiff_joints.constraint_projector
+    moved = None if projector is None else projector.find_violation(response.v_after)
+    if moved is not None:
+        name, speed, unit = moved
+        raise InvalidInput(
+            f"a support moves at {speed:.3g} {unit} after the impact ({name}): sensitivities are "
+            "for supports that stay"
+        )
     names = UNITS if of_leg else [name for name in UNITS if name not in OF_LEG]
     columns = _columns(approach.posture.leg, names)
     ball, posture, n = approach.ball, approach.posture, approach.contact.normal
@@ -176,8 +178,7 @@ def sensitivity(
         by_friction = spin[:, columns["friction"]].copy()
         spin[:] = 0.0
         spin[:, columns["ball_spin"]], spin[:, columns["friction"]] = np.eye(3), by_friction
-    v_after = fixed.v_after
-    v_after = v_after - constrained_inverse_inertia(posture) @ posture.jacobian.T @ impulse
+    v_after = fixed.v_after - constrained_inverse_inertia(posture) @ posture.jacobian.T @ impulse
     sliding = fixed.after + delassus @ impulse
     branch, margin, slope, scale = _margin(
         approach, solution, fixed, impulse, sliding, tangent, columns
@@ -190,27 +191,9 @@ def sensitivity(
         return {name: rows[:, place] for name, place in columns.items()}
 
     return Sensitivity(
-        impulse=named(impulse),
-        velocity=named(velocity),
-        spin=named(spin),
-        v_after=named(v_after),
-        branch=branch,
-        margin=margin,
-        margin_slope=named(slope.reshape(1, -1)),
-        at_boundary=margin <= AT_BOUNDARY * scale,
-    )
-
-
-def _check_supports(approach: Approach, response: LegResponse) -> None:
-    """Raise `InvalidInput` if a support moves after the impact."""
-    projector = approach.posture.without_stiff_joints.constraint_projector
-    moved = None if projector is None else projector.find_violation(response.v_after)
-    if moved is not None:
-        name, speed, unit = moved
-        raise InvalidInput(
-            f"a support moves at {speed:.3g} {unit} after the impact ({name}): sensitivities are "
-            "for supports that stay"
-        )
+        named(impulse), named(velocity), named(spin), named(v_after),
+        branch, margin, named(slope.reshape(1, -1)), at_boundary=margin <= AT_BOUNDARY * scale,
+    )  # fmt: skip
 
 
 def _columns(leg: Leg, names: Iterable[str]) -> dict[str, slice]:
@@ -284,9 +267,8 @@ def _at_fixed_impulse(
         before[:, columns["q"]] = -leg.foot_q
         after -= jacobian @ v_after
         after[:, columns["q"]] -= leg.foot_q_after
-    after[:, columns["ball_radius"]] = before[
-        :, columns["ball_radius"]
-    ]  # what the impulse adds has no r
+    by_radius = columns["ball_radius"]
+    after[:, by_radius] = before[:, by_radius]  # what the impulse adds has no r
     after[:, columns["normal"]] -= r * pin.skew(ball_after.spin) @ projector
 
     u_before = ball_before.velocity - jacobian @ v_before + r * cross_n @ ball_before.spin

@@ -221,8 +221,7 @@ class Impact(AfterApproach):
         """Return the derivatives of this impact by everything that it depends on.
 
         Args:
-            of_leg: whether to include `q`, `v`, `link_mass` and `link_inertia`, which take most of
-                the time.
+            of_leg: whether to include `q`, `v` and `link_mass`, which take most of the time.
 
         Raises:
             InvalidInput: a law without sensitivities, a support that moves after

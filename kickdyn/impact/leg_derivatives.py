@@ -71,13 +71,19 @@ def leg_derivatives(
     )
 
 
-def inertia_derivatives(posture: Posture, jump: Array) -> Array:
-    """Return d(v_after)/d(links' inertias), `(nv, 10 * links)`, for a jump of v [rad/s]."""
-    space, nv = posture.leg.workspace, posture.leg.nv
-    rows = pin.computeJointTorqueRegressor(
+def mass_derivatives(posture: Posture, jump: Array) -> Array:
+    """Return d(v_after)/d(mass) of each link at fixed shape, `(nv, links)`, for a jump of v."""
+    space = posture.leg.workspace
+    links = list(space.model.inertias)[1:]
+    by_inertia = pin.computeJointTorqueRegressor(
         space.model, space.data, posture.q, space.zero_velocity, jump
     )
-    return np.asarray(-constrained_inverse_inertia(posture) @ np.reshape(rows, (nv, -1)))
+    per_mass = [  # a virtual link between joints has no mass to scale
+        link.toDynamicParameters() / link.mass if link.mass > 0.0 else np.zeros(10)
+        for link in links
+    ]
+    torques = np.einsum("ilk,lk->il", np.reshape(by_inertia, (-1, len(links), 10)), per_mass)
+    return np.asarray(-constrained_inverse_inertia(posture) @ torques)
 
 
 def check_fixed_axes(leg: Leg) -> None:
@@ -106,16 +112,6 @@ def constrained_inverse_inertia(posture: Posture) -> Array:
     if posture.constraint_projector is None:
         return posture.solve(units)
     return np.column_stack([posture.solve(unit) for unit in units])
-
-
-def mass_to_inertia(posture: Posture) -> Array:
-    """Return d(inertias)/d(mass) of each link at fixed shape, `(10 * links, links)`."""
-    inertias = list(posture.leg.workspace.model.inertias)[1:]
-    matrix = np.zeros((10 * len(inertias), len(inertias)))
-    for i, inertia in enumerate(inertias):
-        if inertia.mass > 0.0:  # a virtual link between joints has none to scale
-            matrix[10 * i : 10 * i + 10, i] = inertia.toDynamicParameters() / inertia.mass
-    return matrix
 
 
 def _jacobian(posture: Posture, load: Load) -> Array:

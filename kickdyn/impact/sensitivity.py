@@ -16,9 +16,8 @@ from kickdyn.impact.approach import Approach
 from kickdyn.impact.contact_problem import Solution
 from kickdyn.impact.leg_derivatives import (
     constrained_inverse_inertia,
-    inertia_derivatives,
     leg_derivatives,
-    mass_to_inertia,
+    mass_derivatives,
 )
 from kickdyn.impact.leg_response import LegResponse
 from kickdyn.restitution import restitution_slope
@@ -38,7 +37,6 @@ UNITS = {
     "ball_velocity": "m/s",
     "ball_spin": "rad/s",
     "link_mass": "kg",
-    "link_inertia": "",
 }
 """Every source, what an impact depends on, and its unit; of prismatic joints, q is in m and v m/s.
 
@@ -47,13 +45,11 @@ them, q without what would open a loop, whereas supports are fixed wherever q pu
 `restitution` adds to e, at every speed where it is a table.
 `normal` is the direction of the contact normal as a unit vector: its component along the normal has
 no effect. `ball_mass` scales the ball's inertia, too. `link_mass` scales a link as a whole: centre
-of mass and radii of gyration stay; massless links do not count. `link_inertia` holds ten numbers
-per link in Pinocchio's order: mass [kg], mass times centre of mass [kg m], and xx, xy, yy, xz, yz,
-zz of the inertia about the joint's origin [kg m2], in the joint's axes.
+of mass and radii of gyration stay; massless links do not count.
 Links count as in `leg.joint_names`; all else is in the world frame.
 """
 
-OF_LEG = ("q", "v", "link_mass", "link_inertia")
+OF_LEG = ("q", "v", "link_mass")
 """Sources that change the leg; the others cost a fraction."""
 
 Jacobians = Mapping[str, Array]
@@ -106,10 +102,8 @@ class Sensitivity(ReprMixin):
         yield "branch", self.branch.value, "at its end" if self.at_boundary else ""
         yield "margin", self.margin, {"stick": "N s", "slip": "m/s"}.get(self.branch, "")
         for source, rows in self.impulse.items():
-            if unit := UNITS[source]:  # numbers of `link_inertia` have several
-                per = f"({unit})" if "/" in unit else unit
-                gain = float(np.linalg.norm(rows, 2))
-                yield f"impulse by {source}, at most", gain, f"N s per {per}"
+            per = f"({UNITS[source]})" if "/" in UNITS[source] else UNITS[source]
+            yield f"impulse by {source}, at most", float(np.linalg.norm(rows, 2)), f"N s per {per}"
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # refused at the end
@@ -123,11 +117,10 @@ def sensitivity(
 ) -> Sensitivity:
     r"""Differentiate an impact by law `newton`, analytically.
 
-    The impulse p solves :math:`R(p, x) = 0` (restitution and no sliding, or restitution and
-    Coulomb's cone against the sliding), so
+    At an impulse that is fixed in the contact axes, a change of x leaves a velocity :math:`r_x`
+    over after the impact that the law does not allow; with C of `impulse_by_velocity`,
 
-    .. math:: \frac{dp}{dx} = -\left(\frac{\partial R}{\partial p}\right)^{-1}
-              \frac{\partial R}{\partial x} .
+    .. math:: \frac{dp}{dx} = \left.\frac{\partial p}{\partial x}\right|_\mathrm{axes} - C r_x .
 
     Where the restitution depends on the speed of approach u, e changes by :math:`(de/du)\, du/dx`.
     What x does to the leg is in `kickdyn.impact.leg_derivatives`. A support that moves, or a joint
@@ -198,9 +191,8 @@ def sensitivity(
 
 def _columns(leg: Leg, names: Iterable[str]) -> dict[str, slice]:
     """Return the columns of each source when the sources are written side by side."""
-    links = len(leg.joint_names)
     sizes = {"q": leg.nv, "v": leg.nv, "normal": 3, "ball_velocity": 3, "ball_spin": 3}
-    sizes |= {"link_mass": links, "link_inertia": 10 * links}
+    sizes["link_mass"] = len(leg.joint_names)
     columns, start = {}, 0
     for name in names:
         stop = start + sizes.get(name, 1)
@@ -258,11 +250,9 @@ def _at_fixed_impulse(
     after = velocity + r * cross_n @ spin
     if "q" in columns:
         leg = leg_derivatives(posture, v_before, response.v_after, p, response.constraint_impulses)
-        by_inertia = inertia_derivatives(posture, response.v_after - v_before)
         v_after[:, columns["v"]] = leg.admissible
         v_after[:, columns["q"]] = leg.v_after_q
-        v_after[:, columns["link_inertia"]] = by_inertia
-        v_after[:, columns["link_mass"]] = by_inertia @ mass_to_inertia(posture)
+        v_after[:, columns["link_mass"]] = mass_derivatives(posture, response.v_after - v_before)
         before[:, columns["v"]] = -jacobian @ leg.admissible
         before[:, columns["q"]] = -leg.foot_q
         after -= jacobian @ v_after

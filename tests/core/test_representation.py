@@ -46,7 +46,6 @@ NOUNS = {
     "Ground": kd.Ground(surface="turf"),
     "Plane": kd.Plane((5, 0, 0), (-1, 0, 0)),
     "Goal": kd.Goal(20, over=(9.15, 2), beside=(9.15, 1)),
-    "JointLoad": kd.joint_loads(HIT, contact_time=0.01)["ankle"],
     "Scene": kd.load_scene(SCENE),
 }
 ANSWERS |= NOUNS

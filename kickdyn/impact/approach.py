@@ -100,11 +100,7 @@ class Approach(NamedTuple):
         return 0.5 * self.reduced_mass() * self.speed**2
 
     def speed_rounding(self) -> float:
-        r"""Return how much of `speed` can be rounding [m/s].
-
-        The speed is a sum over joints, the ball and three axes, and each term has an error of
-        :math:`\varepsilon` times its own size, whatever is left of their sum.
-        """
+        """Return how much of `speed` can be rounding, of the terms of its sum [m/s]."""
         terms = abs(self.posture.jacobian).dot(abs(self.v)) + abs(self.foot_velocity)
         terms += abs(self.ball_before.velocity)
         return EPS * float(abs(self.contact.normal).dot(terms))

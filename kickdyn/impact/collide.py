@@ -255,11 +255,10 @@ def collide(
 
     The leg moves meanwhile, under gravity, joint torques, centrifugal and Coriolis forces; supports
     stay at rest and loops stay closed. The foot is a plane through its contact point that rotates
-    with it, and the ball is a rigid body behind a spring. The force of `ForceModel` acts along the
-    normal of the plane through the centre of the ball, and Coulomb's friction across it, against
-    the sliding. For growing stiffness the result with the dissipation `walton-braun` tends to the
-    result of `strike` with the law `stronge`, and with `hunt-crossley` to the law `newton` if the
-    contact slips in one direction throughout.
+    with it, and the ball is a rigid body behind a spring: the force of `ForceModel` along the
+    normal of the plane, and Coulomb's friction across it. For growing stiffness the result tends
+    with the dissipation `walton-braun` to the result of `strike` with the law `stronge`, and with
+    `hunt-crossley` to the law `newton` if the contact slips in one direction throughout.
 
     Args:
         posture: posture of the leg at first contact, whose contact frame touches the ball.
@@ -268,14 +267,11 @@ def collide(
         contact: normal at first contact, restitution of 0.01 or more at the speed of approach,
             friction and offset. Points that stick creep, at about a thousandth of the approach
             speed.
-        contact_time: duration of the contact for which the stiffness is chosen [s]. The contact
-            has exactly this duration if effective masses are constant and no other force acts. It
-            is 10 ms where neither this nor `stiffness` is given.
+        contact_time: duration of the contact for which the stiffness is chosen, exact for two
+            masses on which no other force acts [s]; 10 ms where `stiffness` is None, too.
         stiffness: stiffness of a Hertz contact [N/m^1.5], in place of `contact_time`; or
-            `"pressure"`, the linear spring of an inflated ball, `Ball.stiffness`, which has no
-            fitted value.
-        dissipation: `walton-braun` or `hunt-crossley`, see `ForceModel`. With both, the restitution
-            is exact if effective masses are constant and no other force acts.
+            `"pressure"`, the linear spring of an inflated ball, `Ball.stiffness`.
+        dissipation: `walton-braun` or `hunt-crossley`, see `ForceModel`.
         torque: torques at the joints, shape `(nv,)` [N m; N for prismatic joints]: constant, or a
             function of the time since first contact, q and v. None is 0.
         ball_velocity: velocity of its centre at first contact, shape `(3,)` [m/s, world frame].

@@ -24,11 +24,8 @@ def solve_paper(problem: ContactProblem) -> Solution:
     .. math:: F = (1 + e)\, |u| \left(a^T J M^{-1} J^T a + \tfrac{1}{m}\right)^{-1} a
 
     along the attack direction a, the direction of the foot's velocity relative to the ball's
-    centre. Eq. (10) along the normal, as `kickdyn.paper.tables_4_5` has it, is another reading.
-
-    The ball's rotation takes no part in finding F, so restitution holds along the attack direction
-    and not along the normal, and the spin can hold energy that nothing supplied: `energy_lost` can
-    then be less than by a passive law, even negative.
+    centre; `kickdyn.paper.tables_4_5` has another reading. The ball's rotation takes no part in
+    finding F: the spin can have energy that nothing supplied, and `energy_lost` be negative.
     """
     (contact,) = problem.contacts
     normal, centre_velocity = contact.normal, np.array(contact.centre_velocity)

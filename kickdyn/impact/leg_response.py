@@ -23,17 +23,7 @@ LEVEL_SLOPE = 0.01
 
 
 class LegResponse(NamedTuple):
-    """What an impulse at the foot does to the leg.
-
-    Attributes:
-        v_after: joint velocity just after, shape `(nv,)` [rad/s; m/s for prismatic joints].
-        joint_impulses: by the parent on the child, linear then angular, about the joint's origin
-            and in its frame, shape `(njoints, 6)` [N s, N m s].
-        constraint_impulses: of supports and loops, stacked as in
-            `posture.constraint_projector.rows` [N s, N m s, world axes].
-        momentum_residual: joint-space momentum that Newton-Euler cannot account for, relative to
-            the impulse times the Jacobian's norm.
-    """
+    """What an impulse at the foot does to the leg: attributes of `Impact` of the same names."""
 
     v_after: Array
     joint_impulses: Array

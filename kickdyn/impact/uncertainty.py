@@ -49,11 +49,10 @@ class Uncertainty(Printed):
             [rad2/s2, world frame].
         impulse_size: standard deviation of the length of the impulse vector [N s].
         speed: standard deviation of the speed of the ball after the impact [m/s]. This one and
-            `impulse_size` leave out what only rotates the vector, so that the root of the trace of
-            a covariance is larger. For a ball brought to rest it is that root.
+            `impulse_size` leave out what only rotates the vector. For a ball brought to rest it is
+            the root of the trace of its covariance.
         by_source: for each source, the covariance of every result if this source were the only one;
-            those of `impulse_size` and `speed` are variances. The sum over the sources is the
-            total.
+            those of `impulse_size` and `speed` are variances.
         branch: `frictionless`, `stick` or `slip`.
         branch_sigmas: number of standard deviations to the other branch. The first order is valid
             on one branch only: below about 2, the covariances are rough.
@@ -69,13 +68,11 @@ class Uncertainty(Printed):
     branch_sigmas: float
 
     def share(self, result: str) -> dict[str, float]:
-        """Return the share of each source in the variance of a result.
-
-        The sum of the shares is 1; all are 0 where the result is certain.
+        """Return the share of each source in the variance of a result; 0 where it is certain.
 
         Args:
-            result: `impulse_size`, `speed`, `impulse`, `velocity` or `spin`; the variance of the
-                last three, which are vectors, is the trace of their covariance.
+            result: `impulse_size`, `speed`, or a vector, whose variance is the trace of its
+                covariance: `impulse`, `velocity` or `spin`.
 
         Raises:
             InvalidInput: another result.
@@ -150,16 +147,11 @@ def uncertainty(
         for result in UNIT_OF
     }
     sigmas = math.inf if margin_variance <= 0.0 else slopes.margin / math.sqrt(margin_variance)
+    size, speed = (float(np.sqrt(np.trace(totals.pop(name)))) for name in ("impulse_size", "speed"))
     return Uncertainty(
-        impulse=totals["impulse"],
-        velocity=totals["velocity"],
-        spin=totals["spin"],
-        impulse_size=math.sqrt(max(np.trace(totals["impulse_size"]), 0.0)),
-        speed=math.sqrt(max(np.trace(totals["speed"]), 0.0)),
-        by_source=by_source,
-        branch=slopes.branch,
+        **totals, impulse_size=size, speed=speed, by_source=by_source, branch=slopes.branch,
         branch_sigmas=0.0 if slopes.at_boundary else sigmas,
-    )
+    )  # fmt: skip
 
 
 def _size_rows(vector: Array) -> Array:

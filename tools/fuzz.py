@@ -77,11 +77,11 @@ MJCF = """<mujoco model="robot"><compiler angle="radian" autolimits="true" euler
 <default><joint armature="0.01" range="-2 2"/><default class="light"><geom density="10"/></default>
 </default>
 <asset><material name="paint" rgba="1 0 0 1"/><mesh name="box" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/>
-<mesh name="none" file="none.stl"/></asset>
+</asset>
 <worldbody><body name="base" pos="0 0 1" childclass="light"><freejoint/><geom size="0.1"/>
 <body name="leg" euler="0 0.1 0"><joint axis="0 1 0" actuatorfrcrange="-20 20"/>
 <inertial pos="0 0 -0.2" mass="3" fullinertia="0.1 0.1 0.05 0 0 0"/>
-<geom type="mesh" mesh="none" group="2"/><site name="knee" pos="0 0 -0.4"/><site name="hip"/>
+<site name="knee" pos="0 0 -0.4"/><site name="hip"/>
 <body name="foot" pos="0 0 -0.4"><joint name="ball" type="ball" pos="0 0 0.01" range="0 2"/>
 <joint name="slide" type="slide" axis="1 0 0" ref="0.1"/>
 <geom type="capsule" size="0.03" fromto="0 0 0 0.2 0 0" material="paint"/>

@@ -207,7 +207,7 @@ def test_all_faults_at_once_one_line_each(faults):
         (
             "[leg]",
             "[air]\nmodel = 'paper'\naltitude_m = 5\n[leg]",
-            "air: the air of model 'paper' is fixed: leave out the model, or altitude_m",
+            "air: the air of model 'paper' is fixed: leave out the model, or altitude",
         ),
     ],
 )

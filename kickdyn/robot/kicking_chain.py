@@ -71,9 +71,8 @@ def kicking_chain(robot: Leg, *, branches: bool = False) -> KickingChain:
             contact frame, but an impact there moves them.
 
     Raises:
-        InvalidInput: a joint of the chain has more than one coordinate, as a floating base has;
-            with `branches`, such joints are allowed; or one of its joints mimics another or is
-            mimicked.
+        InvalidInput: without `branches`, a joint has more than one coordinate, as a floating base
+            has; or one of the joints mimics another or is mimicked.
     """
     model = robot.model
     path = [int(joint) for joint in model.supports[robot.contact_joint]][1:]

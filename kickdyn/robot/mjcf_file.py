@@ -205,6 +205,21 @@ def body_name(compiled: Any, body: int) -> str:
     return str(compiled.body(body).name) or f"body{body}"
 
 
+def find_body(compiled: Any, frame: str) -> int:
+    """Return the number of the body of a body, site or geom; -1 where there is none of the name."""
+    import mujoco
+
+    for kind, bodies in (
+        (mujoco.mjtObj.mjOBJ_BODY, range(compiled.nbody)),
+        (mujoco.mjtObj.mjOBJ_SITE, compiled.site_bodyid),
+        (mujoco.mjtObj.mjOBJ_GEOM, compiled.geom_bodyid),
+    ):
+        number = mujoco.mj_name2id(compiled, kind, frame)
+        if number >= 0:
+            return int(bodies[number])
+    return -1
+
+
 def is_mjcf(path: str | PathLike[str]) -> bool:
     """Return whether a file is an MJCF, by its root element; if it has none, by its ending."""
     try:

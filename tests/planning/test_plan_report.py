@@ -235,8 +235,8 @@ def test_the_goal():
 
 def test_joints_without_a_limit_have_no_use_of_it():
     assert (
-        _limit_use(torque=0.5, speed=0.25)
-        == "up to 50% of the torque limits and 25% of the speed limits"
+        _limit_use(speed=0.25, torque=0.5)
+        == "up to 25% of the speed limits and 50% of the torque limits"
     )
-    assert _limit_use(torque=0.5, speed=0.0) == "up to 50% of the torque limits"
-    assert _limit_use(torque=0.0, speed=0.0) == "no use of the limits"
+    assert _limit_use(speed=0.0, torque=0.5) == "up to 50% of the torque limits"
+    assert _limit_use(speed=0.0, torque=0.0) == "no use of the limits"

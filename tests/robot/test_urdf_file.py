@@ -608,12 +608,6 @@ def test_irregularities_are_listed_by_kind():
     assert line.startswith("links with mass 0 (a1, a2, a3 and 2 more): they count")
 
 
-def test_a_moving_link_with_a_shape_and_no_inertial_is_named(spoil):
-    (inertial,) = SHANK_INERTIAL.findall(spoil())
-    (line,) = find_irregularities(ElementTree.fromstring(spoil((inertial, SHAPE))))
-    assert line.startswith("links that a joint moves, with a shape but no mass (shank): they count")
-
-
 def test_joints_may_be_locked_before_inertias_are_judged(spoil, tmp_path):
     path = tmp_path / "leg.urdf"
     (inertial,) = SHANK_INERTIAL.findall(spoil())

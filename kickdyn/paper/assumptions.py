@@ -16,7 +16,7 @@ from kickdyn.ball import Ball, BallState
 from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.validation import Array
 from kickdyn.flight.flight_result import Flight
-from kickdyn.impact.paper_law import limit_friction
+from kickdyn.impact.laws import limit_friction
 from kickdyn.paper.item import Item, Verdict, near
 from kickdyn.robot.leg import Leg
 

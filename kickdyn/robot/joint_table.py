@@ -21,6 +21,10 @@ LIMIT_TOLERANCE = 1e-6
 """By how much a range may be passed without a warning [rad; m]; a speed limit, as a share of it."""
 
 
+DEGREES_FACTOR = 10.0
+"""Angle, as a multiple of the farther end of the joint's range, that looks like degrees."""
+
+
 class Mimic(NamedTuple):
     r"""A joint that moves with another, its driver: :math:`q = a\,q_\mathrm{driver} + b`.
 
@@ -237,7 +241,19 @@ class JointTable:
             if not low - scale * LIMIT_TOLERANCE <= value <= high + scale * LIMIT_TOLERANCE:
                 span = f"{low:.5g} to {high:.5g}"
                 lines.append(f"{name} at {value:.5g} {unit} is outside its range {span} {unit}")
+        if lines and self._look_like_degrees(q):
+            lines.append(
+                f"every angle but 0 is beyond {DEGREES_FACTOR:g} times its range: these look like "
+                "degrees, and q is in radians"
+            )
         return lines
+
+    def _look_like_degrees(self, q: ArrayLike) -> bool:
+        """Return whether all angles that are not 0 are far outside the ranges of their joints."""
+        turned = {name: abs(x) for name, x in self.joint_values(q).items() if x}
+        reach = {name: max(map(abs, self.joint_range(name))) for name in turned}
+        angles = [name for name in turned if self.joint_unit(name) == "rad"]
+        return bool(angles) and all(turned[a] > DEGREES_FACTOR * reach[a] for a in angles)
 
     def too_fast(self, v: ArrayLike) -> list[str]:
         """Return a line for each joint of one degree of freedom that is faster than its limit.

@@ -64,6 +64,7 @@ def build_mjcf_model(
         names = [str(compiled.joint(joint).name) for joint in range(compiled.njnt)]
         fixed = set(expand_patterns(dict.fromkeys(locked or (), 0.0), names))
         builder = _Builder(compiled, file.name, base, robot_bodies, fixed)
+        _check_one_base(builder, dict.fromkeys(locked or (), 0.0))
     except InvalidInput as fault:
         raise MjcfError(file.source, [str(fault)]) from None
     moving = (body for body in bodies if body not in robot_bodies and compiled.body_weldid[body])
@@ -288,6 +289,25 @@ class _Builder:
             )
         offset += float(start[address[first]]) - multiplier * float(start[address[second]])
         self.mimics.append(Mimic(joint, driver, multiplier, offset))
+
+
+def _check_one_base(builder: _Builder, locked: Mapping[str, float]) -> None:
+    """Raise `InvalidInput` for a floating base whose body other joints of the file move already."""
+    compiled = builder.compiled
+    if all(joint.theirs >= 0 for joint in builder.joints):
+        return
+    of_root = [
+        str(builder.model.names[joint.number])
+        for joint in builder.joints
+        if joint.theirs >= 0 and not compiled.body_parentid[compiled.jnt_bodyid[joint.theirs]]
+    ]
+    fixed = expand_patterns(locked, of_root)
+    if moving := [name for name in of_root if name not in fixed]:
+        raise InvalidInput(
+            f"base is 'floating', but joints of the file ({', '.join(moving)}) move its root body "
+            "already, and are its base: read it with base='fixed' (in commands, without "
+            "--support), or lock them (locked=, --lock)"
+        )
 
 
 def effort_limits(compiled: Any) -> Array:

@@ -39,8 +39,11 @@ def frame_id(model: Any, name: str) -> int:
     # not by getFrameId, which returns nframes for an unknown name: using that crashes
     numbers = frames_by_name(model)
     if not isinstance(name, str) or name not in numbers:
-        names = [frame.name for frame in model.frames][1:]
-        raise InvalidInput(unknown("frame", name, model.name, names))
+        frames = list(model.frames)[1:]
+        last = [f for f in frames if len(model.subtrees[f.parentJoint]) == 1]
+        kinds = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
+        ends = [frame.name for frame in last if frame.type in kinds]
+        raise InvalidInput(unknown("frame", name, model.name, [f.name for f in frames], ends))
     return numbers[name]
 
 

@@ -44,7 +44,7 @@ def test_supports_are_kept_and_let_go():
 @pytest.mark.parametrize(
     ("supports", "said"),
     [
-        (("left_toe",), "frame 'left_toe' is unknown: g1 has "),
+        (("left_toe",), "frame 'left_toe' is unknown: did you mean 'left_ankle_roll_link'"),
         ((OTHER,), f"support {OTHER} is on the kicking limb, .* right_ankle_roll_joint"),
         ((FOOT, "right_knee_link"), "support right_knee_link is on the kicking limb"),
         ((7,), "support is 7"),

@@ -142,6 +142,28 @@ def test_a_floating_base_without_its_quaternion_is_named():
         leg.posture(stretched)
 
 
+@pytest.mark.parametrize(
+    ("q", "is_said"),
+    [
+        ([30, 40, 10], True),
+        ([90, 0, 0], True),
+        ([0, 0, -60], True),
+        ([3, 4, 1], False),
+        ([30, 1, 0], False),  # the knee could mean radians
+        ([0.3, 0.2, 0.1], False),
+    ],
+)
+def test_degrees_in_place_of_radians_are_said(q, is_said):
+    lines = kd.Leg.human().posture(q).warnings
+    assert [line for line in lines if "these look like degrees, and q is in radians" in line] == (
+        [lines[-1]] if is_said else []
+    )
+
+
+def test_metres_and_joints_without_a_range_are_no_degrees():
+    assert not any("degrees" in line for line in mixed().posture([0.1, 0.6, 0.8, 99.0]).warnings)
+
+
 def test_what_is_outside_its_range_is_named():
     leg = mixed()
     for inside in ({}, {"turn": -1, "spin": 3.1, "slide": 0.3}, {"turn": 2 + 1e-7}):

@@ -207,6 +207,7 @@ class Track(ValueEquality, ReprMixin):
             rate, unit = float(points["RATE"]["value"][0]), str(points["UNITS"]["value"][0]).strip()
             data = np.asarray(content["data"]["points"], dtype=float)
             first = int(content["header"]["points"]["first_frame"])
+            np.take(data, len(labels) - 1, axis=1)  # raises if there are fewer points than labels
         except (
             ArithmeticError,
             LookupError,

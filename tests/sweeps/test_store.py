@@ -9,6 +9,7 @@ import threading
 import time
 import warnings
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -386,6 +387,20 @@ def test_variables_that_there_are_not(tmp_path, names, words):
     with pytest.raises(kd.InvalidInput, match=words):
         stored(tmp_path / "s.zarr", variables=names)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_damaged_netcdf_file_is_refused_in_a_line(tmp_path):
+    """Also where only the values are damaged, which were read later."""
+    file = tmp_path / "sweep.nc"
+    save_netcdf(kd.sweep(LEG, POSTURES, KICK), file)
+    content, refused = file.read_bytes(), 0
+    for place in range(0, len(content), len(content) // 20):
+        file.write_bytes(content[:place] + bytes(8) + content[place + 8 :])
+        with suppress(kd.InvalidInput), kd.open_sweep(file) as data:
+            data.load()
+            continue
+        refused += 1
+    assert refused > 0
 
 
 def test_without_kickdyn_xarray_opens_every_file(tmp_path):

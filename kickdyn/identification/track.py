@@ -149,6 +149,7 @@ class Track(ValueEquality, ReprMixin):
                 f"columns is {validation.brief(columns)}: it must name four columns, for "
                 "time, x, y and z"
             )
+        csv.field_size_limit(LARGEST_FILE)  # the default is 131,072 characters
         rows = csv.reader(read_text(file, source, LARGEST_FILE, FaultyFile).splitlines())
         header = [name.strip() for name in next(rows, [])]
         if any(header.count(name) != 1 for name in names):

@@ -227,7 +227,7 @@ def open_sweep(path: str | PathLike[str]) -> xr.Dataset:
             data = xr.open_zarr(file, consolidated=False, chunks=None)
         else:
             data = xr.load_dataset(file, engine="h5netcdf")  # all of it, with any damage
-    except Exception as error:  # HDF5 has errors of many types for a damaged file
+    except Exception as error:  # h5py and zarr have many kinds for a broken file
         reason = " ".join(str(error).split())[:100]
         raise InvalidInput(f"{path} cannot be read as a sweep ({reason})") from None
     if "status" not in data:

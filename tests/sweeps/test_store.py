@@ -9,7 +9,6 @@ import threading
 import time
 import warnings
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -390,17 +389,15 @@ def test_variables_that_there_are_not(tmp_path, names, words):
 
 
 def test_a_damaged_netcdf_file_is_refused_in_a_line(tmp_path):
-    """Also where only the values are damaged, which were read later."""
+    """Where only values are damaged, a file that is read later ends later."""
     file = tmp_path / "sweep.nc"
     save_netcdf(kd.sweep(LEG, POSTURES, KICK), file)
-    content, refused = file.read_bytes(), 0
-    for place in range(0, len(content), len(content) // 20):
-        file.write_bytes(content[:place] + bytes(8) + content[place + 8 :])
-        with suppress(kd.InvalidInput), kd.open_sweep(file) as data:
-            data.load()
-            continue
-        refused += 1
-    assert refused > 0
+    content = bytearray(file.read_bytes())
+    place = content.rindex(b"x\x01") + 4  # of compressed values
+    content[place : place + 8] = bytes(8)
+    file.write_bytes(content)
+    with pytest.raises(kd.InvalidInput, match="cannot be read as a sweep"):
+        kd.open_sweep(file)
 
 
 def test_without_kickdyn_xarray_opens_every_file(tmp_path):

@@ -20,7 +20,7 @@ from kickdyn.ground import Ground, Surface
 from kickdyn.impact.strike import strike
 from kickdyn.plane import Plane
 from kickdyn.planning.backswing import solve_with_backswing
-from kickdyn.planning.goal import Goal, PlanStatus
+from kickdyn.planning.goal import Goal
 from kickdyn.planning.impact_target import impact_target_for
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.kick_problem import kick_problem, solve_kick
@@ -170,7 +170,6 @@ def plan_kick(
             path = follow(start, ball, air, ground, plane=plane)
     balance = problem.find(Balance)
     return KickPlan(
-        status=PlanStatus.BEYOND_LIMITS if solution.binding or not met else PlanStatus.MET,
         goal=goal,
         launch=launch,
         objective=objective,
@@ -182,6 +181,7 @@ def plan_kick(
         speed_use=float(SpeedLimit(problem.variables).use(point).max()),
         torque_use=float(TorqueLimit(problem.variables).use(point).max()),
         binding=(*solution.binding, *(x for term in problem.terms for x in term.binding(point))),
+        ball_is_placed=position is not None,
         heading=problem.heading,
         phases=phases,
         backswing=backswing,

@@ -103,9 +103,9 @@ def plan_kick(
     With `swing=True`, such a robot also has a `backswing`: from a posture in which it stands at
     rest, with its centre of mass above the sole, to the impact, within the joints' ranges and
     speeds, the trunk at most 45 degrees from upright and the kicking foot above the ground. Torques
-    and the force of the ground keep their limits where there is such a motion; `warnings` names
-    those that do not, and torques above their limits make the status `beyond-limits`. The motion
-    after the impact is not planned.
+    and the force of the ground keep their limits where there is such a motion; `status` says
+    whether they do, and `warnings` names those that do not. The motion after the impact is not
+    planned.
 
     Raises:
         OutOfReach: a goal that no launch meets, with the nearest there is.

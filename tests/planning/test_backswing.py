@@ -244,3 +244,16 @@ def test_a_humanoid_of_an_mjcf_file_has_a_backswing():
         assert data.oMi[1].rotation[2, 2] >= math.cos(LEAN) - 1e-9  # the torso, above its waist
     assert plan.backswing.clearance >= 0.0
     assert not any("under the ground" in line for line in plan.warnings)
+
+
+def test_a_centre_of_pressure_beside_the_sole_counts_on_every_side(plan):
+    standing, chain = plan.backswing.standing, plan.backswing.phase.chain
+    n = len(chain.names)
+    problem = backswing_module._BackswingProblem(standing, plan.q[-n:], np.zeros(n))
+    force, none = [0.0, 0.0, 300.0], [np.zeros((6, n))] * 3
+    centre = standing.sole.mean(axis=0)
+    for corner in standing.sole:
+        for share in (0.95, 1.1):
+            point = [*(centre + share * (corner - centre)), 0.0]
+            wrench = np.array([*force, *np.cross(point, force)])
+            assert problem._wrench(wrench, none, 1.0).values.any() == (share > 1.0)

@@ -8,6 +8,7 @@ import pinocchio as pin
 import pytest
 from matplotlib.path import Path
 from scipy.spatial import ConvexHull
+from threadpoolctl import threadpool_limits
 
 import kickdyn as kd
 from kickdyn.planning.objectives import KickObjective
@@ -579,3 +580,15 @@ def test_a_plan_warns_outside_the_table():
         HUMAN, kd.Goal(3, time=0.6), BALL, AIR, contact=kd.Contact(None, "peacock-ball", 0.4)
     )
     assert any("9.1 to 21.2 m/s" in line for line in plan.warnings)
+
+
+def test_a_plan_does_not_depend_on_the_number_of_threads_of_blas():
+    plans = []
+    for count in (1, 2):
+        with threadpool_limits(count, "blas"):
+            plans.append(kd.plan_kick(STANDING, kd.Goal(3, time=0.4), BALL, AIR, swing=True))
+    first, second = plans
+    assert (first.q == second.q).all()
+    assert (first.v == second.v).all()
+    states = [plan.backswing.configuration(-0.1) for plan in plans]
+    assert (states[0] == states[1]).all()

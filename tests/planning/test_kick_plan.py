@@ -21,7 +21,7 @@ def lines(plan, words):
 
 def test_a_shank_inside_the_ball_is_announced_and_a_flatter_launch_avoids_it():
     humanoid = kd.Leg.from_mjcf(MODELS / "humanoid.xml", "right_foot", base="floating")
-    humanoid = humanoid.with_supports(kd.Support("left_foot", friction=0.8))
+    humanoid = humanoid.with_supports("left_foot")
     front = kd.Contact(friction=0.4, offset=(0.075, 0, 0.1))
     plan = kd.plan_kick(humanoid, kd.Goal(1.5, time=0.5), BALL, AIR, contact=front)
     (line,) = lines(plan, "inside the ball")

@@ -44,9 +44,8 @@ class ForceModel:
     which is :math:`k d^n (1 + c\, \dot d)` in compression, while D = d. With c = 0 it is the
     hysteretic spring of Walton & Braun (J. Rheology 30, 1986; there n = 1): restitution returns
     :math:`e^2` of the work of compression whatever the masses, and foot and ball separate at
-    :math:`d_0`, where the force vanishes: the ball recovers its shape afterwards. With e = 1 it is
-    the damped spring of Hunt & Crossley (J. Applied Mechanics 42, 1975); `matched_damping` gives
-    its c for a restitution, exactly for two masses on which no other force acts.
+    :math:`d_0`. With e = 1 it is the damped spring of Hunt & Crossley (J. Applied Mechanics 42,
+    1975), whose c follows from a restitution.
 
     Attributes:
         stiffness: k [N/m^n]; of two elastic bodies (n = 3/2) it is :math:`\frac43 E^* \sqrt{R}`
@@ -73,26 +72,20 @@ class ForceModel:
             object.__setattr__(self, name, value)
 
     def force(self, deflection: float, rate: float, largest: float = 0.0) -> float:
-        """Return the normal force [N]; the arguments are not checked.
+        """Return the normal force [N] for a deflection [m] and its rate [m/s], not checked.
 
-        Args:
-            deflection: d [m].
-            rate: rate of the deflection [m/s].
-            largest: largest deflection so far [m]; below d the contact is being compressed.
+        With a largest deflection so far [m] that is below d, the contact is being compressed.
         """
         spring, _ = self._spring(deflection, largest)
         return max(spring * (1.0 + self.damping * rate), 0.0)
 
     def returned(self, deflection: float, largest: float = 0.0) -> float:
-        """Return the part of the spring's force whose work restitution gives back [N].
-
-        The arguments are those of `force`; they are not checked.
-        """
+        """Return the part of the spring's force whose work restitution gives back [N]."""
         spring, _ = self._spring(deflection, largest)
         return spring if deflection < largest else self.restitution**2 * spring
 
     def stored(self, deflection: float, largest: float = 0.0) -> float:
-        """Return the energy that restitution will give back [J]; arguments as for `force`."""
+        """Return the energy that restitution will give back [J]."""
         spring, recovered = self._spring(deflection, largest)
         return spring * recovered / (self.exponent + 1.0)
 
@@ -133,14 +126,8 @@ def matched_damping(restitution: float) -> float:
 
     .. math:: (1 + e)\, s = \ln \frac{1 + s}{1 - e s},
 
-    whatever the masses, the stiffness and the exponent (Gonthier et al. 2004).
-
-    Args:
-        restitution: coefficient e, 0.01 to 1. The damping grows as 1/e, and so does a peak of force
-            at first contact that no ball has: the law is meant for e well above 0.01.
-
-    Raises:
-        InvalidInput: a value outside its range.
+    whatever the masses, the stiffness and the exponent (Gonthier et al. 2004). The damping grows as
+    1/e, and so does a peak of force at first contact that no ball has.
     """
     e = _restitution(restitution)
     first = 1.5 * (1.0 - e * e) / (1.0 + e**3)  # the limit for e near 1, and always below s

@@ -23,17 +23,7 @@ LEVEL_SLOPE = 0.01
 
 
 class LegResponse(NamedTuple):
-    """What an impulse at the foot does to the leg.
-
-    Attributes:
-        v_after: joint velocity just after, shape `(nv,)` [rad/s; m/s for prismatic joints].
-        joint_impulses: by the parent on the child, linear then angular, about the joint's origin
-            and in its frame, shape `(njoints, 6)` [N s, N m s].
-        constraint_impulses: of supports and loops, stacked as in
-            `posture.constraint_projector.rows` [N s, N m s, world axes].
-        momentum_residual: joint-space momentum that Newton-Euler cannot account for, relative to
-            the impulse times the Jacobian's norm.
-    """
+    """What an impulse at the foot does to the leg: attributes of `Impact` of the same names."""
 
     v_after: Array
     joint_impulses: Array
@@ -112,12 +102,10 @@ def joint_impulses(
 ) -> tuple[Array, Array]:
     """Return what each joint transmits when an impulse acts on the foot, by Newton-Euler.
 
-    The equations of motion, integrated over the impact, are the recursive Newton-Euler algorithm
-    without gravity and velocity, with the jump of the joint velocity, `(nv,)` [rad/s], for the
-    acceleration. The impulse acts at the contact point, `(3,)` [N s, world frame]. The first result
-    is the impulse that each joint's parent exerts on its child, linear then angular, about the
-    joint's origin and in its frame, `(njoints, 6)` [N s, N m s]; the second is the joint-space
-    momentum left over, `(nv,)`, which is 0 but for rounding.
+    The jump of the joint velocity, `(nv,)` [rad/s], takes the place of the acceleration; gravity
+    and velocity are 0. The impulse acts at the contact point, `(3,)` [N s, world frame]. The first
+    result is `LegResponse.joint_impulses`; the second is the joint-space momentum left over,
+    `(nv,)`, which is 0 but for rounding.
     """
     leg, space = posture.leg, posture.leg.workspace
     wrenches = space.external_wrenches
@@ -141,10 +129,9 @@ def joint_impulses(
 
 
 def _free_response(posture: Posture, impulse: Array) -> tuple[Array, Array, Array]:
-    """Return the velocity jump after an impulse on the foot, and what `joint_impulses` returns.
+    """Return the velocity jump of a leg without constraints, and what `joint_impulses` returns.
 
-    For legs without supports and loops. The jump is the articulated-body algorithm's: a Cholesky
-    factor of M loses digits with M's condition, five of them at 500 joints.
+    A Cholesky factor of M would lose digits with M's condition, five of them at 500 joints.
     """
     leg, space = posture.leg, posture.leg.workspace
     wrench = foot_wrench(posture, impulse)

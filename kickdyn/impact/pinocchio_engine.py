@@ -21,10 +21,9 @@ def solve_by_pinocchio(
 
     .. math:: A v^+ = -e A v, \qquad M (v^+ - v) = A^T \lambda .
 
-    The row always has rank one because of the ball. Of supports and loops, the independent rows are
-    added; with rows of lower rank its answer would be wrong without a warning. The joint impulses
-    follow from its velocity jump, by Newton-Euler. Friction, a law that differs from Eq. (10)
-    without it and an obstacle raise `InvalidInput`.
+    Of supports and loops, the independent rows are added; with rows of lower rank its answer would
+    be wrong without a warning. Friction, a law that differs from Eq. (10) without it and an
+    obstacle raise `InvalidInput`.
     """
     posture, before, ball = approach.posture, approach.ball_before, approach.ball
     contact, leg = approach.contact, posture.leg

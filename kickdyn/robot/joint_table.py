@@ -21,6 +21,10 @@ LIMIT_TOLERANCE = 1e-6
 """By how much a range may be passed without a warning [rad; m]; a speed limit, as a share of it."""
 
 
+DEGREES_FACTOR = 10.0
+"""Angle, as a multiple of the farther end of the joint's range, that looks like degrees."""
+
+
 class Mimic(NamedTuple):
     r"""A joint that moves with another, its driver: :math:`q = a\,q_\mathrm{driver} + b`.
 
@@ -161,10 +165,6 @@ class JointTable:
         Returns:
             Shape `(nq,)`; a joint without limits has cosine and sine there, a floating base
             position and quaternion.
-
-        Raises:
-            InvalidInput: no such joint, a value that is not finite, or a mimic joint at another
-                value than its driver gives it.
         """
         step, named = np.zeros(self.nv), validation.mapping("angles", angles)
         for name, value in named.items():
@@ -195,14 +195,7 @@ class JointTable:
         return checked
 
     def joint_values(self, q: ArrayLike) -> dict[str, float]:
-        """Return the value of each joint of one degree of freedom by name [rad; m if prismatic].
-
-        Args:
-            q: configuration, shape `(nq,)`.
-
-        Raises:
-            InvalidInput: q is no configuration.
-        """
+        """Return the value of each joint of one degree of freedom by name [rad; m if prismatic]."""
         q = self.check_configuration(q)
         step = pin.difference(self._model, pin.neutral(self._model), q)
         return {name: float(step[self.velocity_index(name)]) for name in self.single_joints}
@@ -223,11 +216,7 @@ class JointTable:
         }
 
     def velocity_index(self, joint: str) -> int:
-        """Return the index in v of a joint of one degree of freedom.
-
-        Raises:
-            InvalidInput: there is no such joint, or it has several degrees of freedom.
-        """
+        """Return the index in v of a joint; raise `InvalidInput` unless it has one."""
         return int(self._model.idx_vs[self._number(joint)])
 
     def joint_unit(self, joint: str) -> str:
@@ -252,7 +241,19 @@ class JointTable:
             if not low - scale * LIMIT_TOLERANCE <= value <= high + scale * LIMIT_TOLERANCE:
                 span = f"{low:.5g} to {high:.5g}"
                 lines.append(f"{name} at {value:.5g} {unit} is outside its range {span} {unit}")
+        if lines and self._look_like_degrees(q):
+            lines.append(
+                f"every angle but 0 is beyond {DEGREES_FACTOR:g} times its range: these look like "
+                "degrees, and q is in radians"
+            )
         return lines
+
+    def _look_like_degrees(self, q: ArrayLike) -> bool:
+        """Return whether all angles that are not 0 are far outside the ranges of their joints."""
+        turned = {name: abs(x) for name, x in self.joint_values(q).items() if x}
+        reach = {name: max(map(abs, self.joint_range(name))) for name in turned}
+        angles = [name for name in turned if self.joint_unit(name) == "rad"]
+        return bool(angles) and all(turned[a] > DEGREES_FACTOR * reach[a] for a in angles)
 
     def too_fast(self, v: ArrayLike) -> list[str]:
         """Return a line for each joint of one degree of freedom that is faster than its limit.
@@ -331,9 +332,6 @@ class JointTable:
         """Return the values of the joints that `wanted` names or matches [rad; m if prismatic].
 
         Mimic joints are left out: they are locked with their drivers.
-
-        Raises:
-            InvalidInput: no such joint, or a mimic joint without its driver.
         """
         for name in wanted:
             if not expand_patterns({name: 0.0}, self.single_joints):

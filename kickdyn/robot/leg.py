@@ -24,7 +24,6 @@ from kickdyn.robot.catalog import (
     ROBOTS,
     TOE,
     find_description,
-    outside_legs,
     robot,
     robot_file,
     robot_model,
@@ -278,8 +277,9 @@ class Leg(JointTable, ReprMixin):
         file, (frame, cone) = robot_file(name), robot(name).contact(frame)
         leg = cls(robot_model(name, base), frame, file, contact_normal_cone=cone)
         leg = leg.locked(locked or {})
-        outside = outside_legs(name, leg.joint_names) if legs_only else []
-        if outside:
+        kept = (*robot(name).legs, "root_joint")
+        outside = [joint for joint in leg.joint_names if not joint.startswith(kept)]
+        if legs_only and outside:
             leg = leg.with_model(reduce_model(leg.model, outside, leg.configuration()))
         fault = _find_fault(leg)
         if fault is not None:
@@ -709,8 +709,7 @@ class Posture(ReprMixin):
                 or not so fast.
         """
         wish = validation.vector("point velocity", point_velocity, 3, unit="m/s")
-        with np.errstate(over="ignore", invalid="ignore"):  # reported below
-            v, missed = self._least_energy_velocity(wish)
+        v, missed = self._least_energy_velocity(wish)
         if _is_missed(missed, wish):
             noise = 1e-12 * np.abs(wish).max()
             near = [float(f"{x:.10g}") if abs(x) > noise else 0.0 for x in wish - missed]
@@ -729,17 +728,16 @@ class Posture(ReprMixin):
         """Return what `joint_velocity` returns, or None where it would raise `InvalidInput`."""
         wish = validation.vector("point velocity", wish, 3, unit="m/s")
         v, missed = self._least_energy_velocity(wish)
-        return None if _is_missed(missed, wish) else v
+        return v if np.isfinite(v).all() and not _is_missed(missed, wish) else None
 
     def _least_energy_velocity(self, wish: Array) -> tuple[Array, Array]:
         """Return the joint velocity for the nearest possible velocity, and what it misses [m/s]."""
         before = self.without_stiff_joints.whitened_jacobian
         left, gains, right = np.linalg.svd(before, full_matrices=False)
         usable = gains > 1e-12 * gains[0] if gains[0] > 0 else gains > 0
-        v, missed = np.zeros_like(self._cholesky[0]), wish
-        for _ in range(2):  # the second pass corrects what gains of unlike size have missed
-            share = np.divide(left.T @ missed, gains, out=np.zeros_like(gains), where=usable)
-            v = v + blas.dtrsv(self._cholesky, right.T @ share, lower=1, trans=1)
+        with np.errstate(over="ignore", invalid="ignore"):  # callers report what is not finite
+            share = np.divide(left.T @ wish, gains, out=np.zeros_like(gains), where=usable)
+            v: Array = blas.dtrsv(self._cholesky, right.T @ share, lower=1, trans=1)
             missed = wish - self.jacobian @ v
         return v, missed
 
@@ -806,16 +804,11 @@ class Posture(ReprMixin):
 
     def _rows(self) -> Iterable[Row]:
         yield "leg", self.leg.name, ""
-        joints = self.leg.display_values(self.q)
-        moved = {
-            name: shown
-            for name, shown in joints.items()
-            if shown[0] or len(joints) <= MAX_SHOWN_JOINTS
-        }
-        for name in list(moved)[:MAX_SHOWN_JOINTS]:
-            yield name, *moved[name]
-        if len(moved) > MAX_SHOWN_JOINTS:
-            yield "and", f"{len(moved) - MAX_SHOWN_JOINTS} joints more", ""
+        joints = self.leg.display_values(self.q).items()
+        shown = [(name, *x) for name, x in joints if x[0] or len(joints) <= MAX_SHOWN_JOINTS]
+        yield from shown[:MAX_SHOWN_JOINTS]
+        if len(shown) > MAX_SHOWN_JOINTS:
+            yield "and", f"{len(shown) - MAX_SHOWN_JOINTS} joints more", ""
         if self.leg.stiff_joints:
             yield "stiff joints", ", ".join(self.leg.stiff_joints), ""
         yield "contact point", self.contact_point, "m"

@@ -140,10 +140,9 @@ class MjcfFile(RobotFile):
         return self._shapes(compiled, shown)
 
     def collisions(self) -> list[Visual]:
-        """Return the geoms that take part in contacts and that `visuals` leaves out."""
+        """Return the geoms of the groups that are not drawn, which are those for contacts."""
         compiled = self.compile()
-        collides = compiled.geom_contype | compiled.geom_conaffinity
-        hidden = (compiled.geom_group >= 3) & (compiled.geom_bodyid > 0) & (collides != 0)
+        hidden = (compiled.geom_group >= 3) & (compiled.geom_bodyid > 0)
         return self._shapes(compiled, np.flatnonzero(hidden).tolist())
 
     def _shapes(self, compiled: Any, geoms: Iterable[int]) -> list[Visual]:
@@ -203,6 +202,21 @@ def mujoco_pose(position: Array, quaternion: Array) -> Any:
 def body_name(compiled: Any, body: int) -> str:
     """Return the name of a body, by its number where it has none."""
     return str(compiled.body(body).name) or f"body{body}"
+
+
+def find_body(compiled: Any, frame: str) -> int:
+    """Return the number of the body of a body, site or geom; -1 where there is none of the name."""
+    import mujoco
+
+    for kind, bodies in (
+        (mujoco.mjtObj.mjOBJ_BODY, range(compiled.nbody)),
+        (mujoco.mjtObj.mjOBJ_SITE, compiled.site_bodyid),
+        (mujoco.mjtObj.mjOBJ_GEOM, compiled.geom_bodyid),
+    ):
+        number = mujoco.mj_name2id(compiled, kind, frame)
+        if number >= 0:
+            return int(bodies[number])
+    return -1
 
 
 def is_mjcf(path: str | PathLike[str]) -> bool:

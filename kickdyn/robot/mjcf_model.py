@@ -16,7 +16,7 @@ import pinocchio as pin
 from kickdyn.core.validation import Array, check_type
 from kickdyn.errors import InvalidInput, MjcfError
 from kickdyn.robot.joint_table import Mimic
-from kickdyn.robot.mjcf_file import MjcfFile, body_name, mujoco_pose
+from kickdyn.robot.mjcf_file import MjcfFile, body_name, find_body, mujoco_pose
 from kickdyn.robot.model_validation import MAX_MAGNITUDE
 from kickdyn.robot.names import expand_patterns
 from kickdyn.robot.urdf_file import check_base
@@ -53,20 +53,18 @@ def build_mjcf_model(
         base: `fixed` welds the root body to the world where the file places it, `floating` gives it
             a free joint, `root_joint` if the file has none.
         locked: joints that are to be locked, or patterns: how they are constrained does not matter.
-
-    Raises:
-        MjcfError: a constraint that is not read.
-        InvalidInput: no such base.
     """
     check_base(base)
     check_type(str, frame=frame)  # MuJoCo crashes on None
     compiled = file.compile()
-    bodies, root = range(1, compiled.nbody), _root_of(compiled, frame)
+    bodies, body = range(1, compiled.nbody), find_body(compiled, frame)
+    root = compiled.body_rootid[body] if body >= 0 and compiled.body_weldid[body] else None
     robot_bodies = [body for body in bodies if root in (None, compiled.body_rootid[body])]
     try:
         names = [str(compiled.joint(joint).name) for joint in range(compiled.njnt)]
         fixed = set(expand_patterns(dict.fromkeys(locked or (), 0.0), names))
         builder = _Builder(compiled, file.name, base, robot_bodies, fixed)
+        _check_one_base(builder, dict.fromkeys(locked or (), 0.0))
     except InvalidInput as fault:
         raise MjcfError(file.source, [str(fault)]) from None
     moving = (body for body in bodies if body not in robot_bodies and compiled.body_weldid[body])
@@ -89,22 +87,6 @@ def _unused(wish: str, taken: Set[str]) -> str:
         count += 1
         name = f"{wish}{count}"
     return name
-
-
-def _root_of(compiled: Any, frame: str) -> int | None:
-    """Return the root of the tree that moves a body, site or geom; None if there is no such one."""
-    import mujoco
-
-    for kind, bodies in (
-        (mujoco.mjtObj.mjOBJ_BODY, range(compiled.nbody)),
-        (mujoco.mjtObj.mjOBJ_SITE, compiled.site_bodyid),
-        (mujoco.mjtObj.mjOBJ_GEOM, compiled.geom_bodyid),
-    ):
-        number = mujoco.mj_name2id(compiled, kind, frame)
-        if number >= 0:
-            body = int(bodies[number])
-            return int(compiled.body_rootid[body]) if compiled.body_weldid[body] else None
-    return None
 
 
 class _Joint(NamedTuple):
@@ -182,6 +164,10 @@ class _Builder:
             anchor = pin.SE3(np.eye(3), compiled.jnt_pos[number].copy())
             before, axis = place * anchor, compiled.jnt_axis[number].copy()
             start = float(compiled.qpos0[compiled.jnt_qposadr[number]])  # `ref`, where it is drawn
+            if not abs(start) < MAX_MAGNITUDE:
+                raise InvalidInput(
+                    f"a joint of body {body_name(compiled, body)!r} has ref {start:g}"
+                )
             if kind == SLIDE:
                 before = before * pin.SE3(np.eye(3), -start * axis)
             elif kind == HINGE:
@@ -307,6 +293,25 @@ class _Builder:
             )
         offset += float(start[address[first]]) - multiplier * float(start[address[second]])
         self.mimics.append(Mimic(joint, driver, multiplier, offset))
+
+
+def _check_one_base(builder: _Builder, locked: Mapping[str, float]) -> None:
+    """Raise `InvalidInput` for a floating base whose body other joints of the file move already."""
+    compiled = builder.compiled
+    if all(joint.theirs >= 0 for joint in builder.joints):
+        return
+    of_root = [
+        str(builder.model.names[joint.number])
+        for joint in builder.joints
+        if joint.theirs >= 0 and not compiled.body_parentid[compiled.jnt_bodyid[joint.theirs]]
+    ]
+    fixed = expand_patterns(locked, of_root)
+    if moving := [name for name in of_root if name not in fixed]:
+        raise InvalidInput(
+            f"base is 'floating', but joints of the file ({', '.join(moving)}) move its root body "
+            "already, and are its base: read it with base='fixed' (in commands, without "
+            "--support), or lock them (locked=, --lock)"
+        )
 
 
 def effort_limits(compiled: Any) -> Array:

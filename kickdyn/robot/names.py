@@ -16,6 +16,9 @@ FOOT_WORDS = ("toe", "sole", "foot", "ankle")
 MAX_NAME = 200
 """Largest number of characters of a name."""
 
+MAX_LISTED = 20
+"""Largest number of names that `unknown` lists."""
+
 MAX_LOCK_ENTRIES = 12
 """Largest number of joints that `lock_remedy` names."""
 
@@ -33,24 +36,28 @@ def name_fault(kind: str, name: str) -> str:
     return f"{kind} 'universe' is Pinocchio's own" if name == "universe" else ""
 
 
-def unknown(kind: str, name: object, owner: str, names: Sequence[str]) -> str:
+def unknown(
+    kind: str, name: object, owner: str, names: Sequence[str], ends: Sequence[str] = ()
+) -> str:
     """Return the message for a name that a model does not have.
 
-    It lists the names of the model; if they are many, the nearest ones and names of feet first.
+    It lists the names of the model; if they are many, the nearest ones and names of feet first. For
+    a name that sounds like a foot, the nearest are among `ends`, the frames that end a limb.
     """
+    text = name.lower()[:200] if isinstance(name, str) else ""
     by_case = {known.lower(): known for known in reversed(names)}
-    near = []
-    if isinstance(name, str):
-        near = [
-            by_case[known_name] for known_name in get_close_matches(name.lower()[:200], by_case, 8)
-        ]
+    near = [by_case[known] for known in get_close_matches(text, by_case, 8)]
+    feet = [end for end in ends if any(word in end.lower() for word in FOOT_WORDS)] or list(ends)
+    if any(word in text for word in FOOT_WORDS) and not get_close_matches(text, by_case, 1, 0.8):
+        sides = [side for side in ("left", "right") if side in text]
+        same_side = [end for end in feet if any(side in end.lower() for side in sides)] or feet
+        by_case = {end.lower(): end for end in same_side}
+        near = [by_case[known] for known in get_close_matches(text, by_case, 8, 0.0)] or near
     hint = f"did you mean {near[0]!r}? " if near else ""
     order = list(names)
-    if len(names) > 40:  # not all of them are listed
-        words = FOOT_WORDS if kind == "frame" else ()
-        feet = [known_name for word in words for known_name in names if word in known_name.lower()]
-        order = list(dict.fromkeys([*near, *feet, *names]))
-    return f"{kind} {name!r} is unknown: {hint}{owner} has {listed(order)}"
+    if len(names) > MAX_LISTED:
+        order = list(dict.fromkeys([*near, *(feet if kind == "frame" else ()), *names]))
+    return f"{kind} {name!r} is unknown: {hint}{owner} has {listed(order, MAX_LISTED)}"
 
 
 def expand_patterns(values: Mapping[str, float], names: Iterable[str]) -> dict[str, float]:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from urdf_bodies import Bodies, random_urdf
 
 import kickdyn as kd
-from kickdyn.paper.self_motion import self_motion
+from kickdyn.paper.fig_1 import self_motion
 from kickdyn.robot.joint_table import Mimic
 from kickdyn.robot.kicking_chain import kicking_chain
 
@@ -142,6 +142,28 @@ def test_a_floating_base_without_its_quaternion_is_named():
         leg.posture(stretched)
 
 
+@pytest.mark.parametrize(
+    ("q", "is_said"),
+    [
+        ([30, 40, 10], True),
+        ([90, 0, 0], True),
+        ([0, 0, -60], True),
+        ([3, 4, 1], False),
+        ([30, 1, 0], False),  # the knee could mean radians
+        ([0.3, 0.2, 0.1], False),
+    ],
+)
+def test_degrees_in_place_of_radians_are_said(q, is_said):
+    lines = kd.Leg.human().posture(q).warnings
+    assert [line for line in lines if "these look like degrees, and q is in radians" in line] == (
+        [lines[-1]] if is_said else []
+    )
+
+
+def test_metres_and_joints_without_a_range_are_no_degrees():
+    assert not any("degrees" in line for line in mixed().posture([0.1, 0.6, 0.8, 99.0]).warnings)
+
+
 def test_what_is_outside_its_range_is_named():
     leg = mixed()
     for inside in ({}, {"turn": -1, "spin": 3.1, "slide": 0.3}, {"turn": 2 + 1e-7}):
@@ -153,6 +175,15 @@ def test_what_is_outside_its_range_is_named():
     ]
     degrees = kd.Leg.human().outside_range(np.array([20.0, 0.25, 0.3]))
     assert degrees == ["hip at 1145.9 deg is outside its range -30 to 125 deg"]
+
+
+@pytest.mark.parametrize(("excess", "is_named"), [(0.8e-6, False), (1.2e-6, True)])
+def test_the_tolerance_of_limits_is_a_millionth(excess, is_named):
+    model = mixed().model
+    model.velocityLimit = np.full(model.nv, 7.0)
+    leg = kd.Leg.from_model(model, "toe")
+    assert bool(leg.outside_range(leg.configuration({"turn": 2.0 + excess}))) == is_named
+    assert bool(leg.too_fast(7.0 * (1.0 + excess) * np.array([1.0, 0.0, 0.0]))) == is_named
 
 
 def test_what_is_faster_than_its_limit_is_named():
@@ -311,6 +342,14 @@ def test_gears_are_the_reduced_coordinates(tmp_path_factory, seed, floats):
         reduced, jacobian.T @ (np.linalg.pinv(delassus, rcond=1e-9) @ wish)
     )
     assert np.abs(posture.joint_velocity(wish) - least).max() <= 1e-8 * np.abs(least).max()
+
+
+def test_the_tolerance_of_mimic_joints_is_a_billionth(geared):
+    q = geared.configuration({"hip": 0.4})
+    knee = geared.joint_names.index("knee")
+    assert geared.posture(q + 0.8e-9 * np.eye(len(q))[knee]).q.tolist() == q.tolist()
+    with pytest.raises(kd.InvalidInput, match="mimics hip"):
+        geared.posture(q + 1.2e-9 * np.eye(len(q))[knee])
 
 
 def test_pinocchio_confirms_it(geared):

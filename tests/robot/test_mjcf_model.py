@@ -434,15 +434,35 @@ def test_objects_beside_the_robot_are_left_out(tmp_path):
     assert arm(tmp_path).warnings == ()
 
 
-def test_a_base_that_floats_twice_is_singular():
-    """Slides and a hinge of its own already move the root of a planar walker."""
-    with pytest.raises(kd.MjcfError, match="at fault: root_joint, rootx, rootz, rooty"):
-        kd.Leg.from_mjcf(MODELS / "hopper.xml", "foot", base="floating")
-    root = {"rootx": 0.0, "rootz": 1.25, "rooty": 0.0}
-    leg = kd.Leg.from_mjcf(MODELS / "hopper.xml", "foot", base="floating", locked=root)
-    assert leg.joint_names[:2] == ("root_joint", "thigh_joint")
+@pytest.mark.parametrize(
+    ("name", "frame", "joints"),
+    [
+        ("hopper.xml", "foot", "rootx, rootz, rooty"),
+        ("walker2d_v5.xml", "foot", "rootx, rootz, rooty"),
+        ("half_cheetah.xml", "bfoot", "rootx, rootz, rooty"),
+        ("swimmer.xml", "back", "slider1, slider2, free_body_rot"),  # not singular: rotors
+        ("inverted_pendulum.xml", "pole", "slider"),
+    ],
+)
+def test_joints_of_the_file_that_move_the_root_are_its_base(name, frame, joints):
+    said = (
+        rf"base is 'floating', but joints of the file \({joints}\) move its root body already, "
+        r"and are its base: read it with base='fixed'"
+    )
+    with pytest.raises(kd.MjcfError, match=said):
+        kd.Leg.from_mjcf(MODELS / name, frame, base="floating")
+    locked = dict.fromkeys(joints.split(", "), 0.0)
+    leg = kd.Leg.from_mjcf(MODELS / name, frame, base="floating", locked=locked)
+    assert leg.joint_names[0] == "root_joint"
+    assert not set(locked) & set(leg.joint_names)
     with pytest.raises(kd.InvalidInput, match="joint 'rooty2' is unknown"):
-        kd.Leg.from_mjcf(MODELS / "hopper.xml", "foot", locked={"rooty2": 0.0})
+        kd.Leg.from_mjcf(MODELS / name, frame, locked={"rooty2": 0.0})
+
+
+def test_some_joints_of_the_root_may_be_locked():
+    said = r"joints of the file \(rootx, rooty\) move"
+    with pytest.raises(kd.MjcfError, match=said):
+        kd.Leg.from_mjcf(MODELS / "hopper.xml", "foot", base="floating", locked={"rootz": 1.25})
 
 
 def test_a_base_is_welded_where_the_file_places_it_or_floats(tmp_path):

@@ -331,7 +331,7 @@ REFUSED = {
     "inertia entry missing": ('ixx="0.08"', "", "inertia element missing ixx attribute"),
     "not positive semidefinite": moments(1, 1, -1, said="^joint 'hip' moves .*triangle"),
     "indefinite": moments(1, 1, 1, xy=2, said="^joint 'hip' moves .*triangle"),
-    "moments 1e300": moments(1e300, 1e300, 1e300, said=r"^joint 'hip' moves .* below 1e\+100$"),
+    "moments 1e300": moments(1e300, 1e300, 1e300, said=r"^joint 'hip' moves .* below 1e\+100"),
     "a triangle by 1 %": moments(1, 1, 2.02, said="^joint 'hip' moves .*triangle"),
     "triangle": moments(1, 1, 2.1, said="^joint 'hip' moves .*triangle"),
     "triangle, turned": moments(1.5, 1.5, 1, xy=1, said="^joint 'hip' moves .*triangle"),
@@ -350,7 +350,7 @@ REFUSED = {
     "inertial origin of 1e200": (
         'xyz="0 0 -0.2"',
         'xyz="0 0 -1e200"',
-        r"^joint 'hip' moves an unsound inertia .*centre and moments below 1e\+100$",
+        r"^joint 'hip' moves an unsound inertia .*centre and moments below 1e\+100",
     ),
     "joint origin of 1e200": (
         'xyz="0 0 -0.4"',
@@ -606,12 +606,6 @@ def test_irregularities_are_listed_by_kind():
     )
     (line,) = find_irregularities(ElementTree.fromstring(f"<robot>{links}</robot>"))
     assert line.startswith("links with mass 0 (a1, a2, a3 and 2 more): they count")
-
-
-def test_a_moving_link_with_a_shape_and_no_inertial_is_named(spoil):
-    (inertial,) = SHANK_INERTIAL.findall(spoil())
-    (line,) = find_irregularities(ElementTree.fromstring(spoil((inertial, SHAPE))))
-    assert line.startswith("links that a joint moves, with a shape but no mass (shank): they count")
 
 
 def test_joints_may_be_locked_before_inertias_are_judged(spoil, tmp_path):

@@ -256,6 +256,7 @@ def _c3d_content(
         with np.load(io.BytesIO(child.stdout)) as content:
             labels, (unit,) = content["labels"].tolist(), content["unit"].tolist()
             rate, first = float(content["rate"]), int(content["first"])
+            np.take(content["data"], len(labels) - 1, axis=0)  # raises: fewer points than labels
             return labels, unit, rate, first, np.asarray(content["data"])
     except (subprocess.SubprocessError, OSError, ValueError, LookupError, BadZipFile):
         raise FaultyFile(source, ["is no C3D file that ezc3d can read"]) from None

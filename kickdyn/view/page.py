@@ -197,9 +197,8 @@ class _Handler(SimpleHTTPRequestHandler):
         """Read a request; refuse it unless its only `Host` is this server."""
         if not super().parse_request():
             return False
-        port = self.server.server_address[1]
-        hosts = self.headers.get_all("Host", [])
-        if hosts in ([f"{ADDRESS}:{port}"], [f"localhost:{port}"]):
+        port = self.request.getsockname()[1]
+        if self.headers.get_all("Host") in ([f"{ADDRESS}:{port}"], [f"localhost:{port}"]):
             return True
         self.send_error(HTTPStatus.MISDIRECTED_REQUEST)
         return False

@@ -93,19 +93,6 @@ class ForceModel:
         """Return the deflection at which the force vanishes [m] after a largest one [m]."""
         return (1.0 - self.restitution**2) * largest
 
-    def contact_time(self, mass: float, approach_speed: float) -> float:
-        r"""Return for how long two bodies of a reduced mass m [kg] touch [s].
-
-        .. math:: T = \tau(e, c\, u) \left(\frac{m}{k}\right)^{1/(n+1)} u^{-(n-1)/(n+1)},
-
-        with the approach speed u [m/s]; the arguments are not checked.
-        """
-        power = 1.0 / (self.exponent + 1.0)
-        scale = (mass / self.stiffness) ** power
-        scale *= approach_speed ** (-(self.exponent - 1.0) * power)
-        damping = self.damping * approach_speed
-        return float(scale * _unit_contact_time(self.restitution, damping, self.exponent))
-
     def _spring(self, deflection: float, largest: float) -> tuple[float, float]:
         """Return the spring's force [N] and how far it can recover [m], both 0 or more."""
         share = self.restitution**2
@@ -170,7 +157,7 @@ def contact_stiffness(
     m = validation.number("mass", mass, above=0, unit="kg")
     speed = validation.number("approach speed", approach_speed, above=0, unit="m/s")
     kind = validation.choice("dissipation", dissipation, Dissipation)
-    unit = make_force_model(1.0, HERTZ, 1.0, restitution, kind).contact_time(1.0, 1.0)
+    unit = contact_time_of(make_force_model(1.0, HERTZ, 1.0, restitution, kind), 1.0, 1.0)
     with np.errstate(over="ignore"):
         stiffness = m / math.sqrt(speed) * float(np.float64(unit / time) ** 2.5)
     return validation.number("stiffness for that contact time", stiffness, above=0, unit="N/m^1.5")
@@ -187,6 +174,20 @@ def make_force_model(
     if dissipation is Dissipation.WALTON_BRAUN:
         return ForceModel(stiffness, 0.0, restitution, exponent)
     return ForceModel(stiffness, matched_damping(restitution) / approach_speed, 1.0, exponent)
+
+
+def contact_time_of(model: ForceModel, mass: float, approach_speed: float) -> float:
+    r"""Return for how long two bodies of a reduced mass m [kg] touch [s].
+
+    .. math:: T = \tau(e, c\, u) \left(\frac{m}{k}\right)^{1/(n+1)} u^{-(n-1)/(n+1)},
+
+    with the approach speed u [m/s].
+    """
+    power = 1.0 / (model.exponent + 1.0)
+    scale = (mass / model.stiffness) ** power
+    scale *= approach_speed ** (-(model.exponent - 1.0) * power)
+    damping = model.damping * approach_speed
+    return float(scale * _unit_contact_time(model.restitution, damping, model.exponent))
 
 
 @lru_cache(maxsize=256)

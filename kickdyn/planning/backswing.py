@@ -180,8 +180,7 @@ class Backswing(ReprMixin):
     def warnings(self) -> tuple[str, ...]:
         """A line for torques above their limits, and one for a support that does not stand.
 
-        `footing` judges the wrench of the ground, gravity included; friction's moment about the
-        vertical is not judged.
+        `footing` judges the wrench of the ground, gravity included.
         """
         motion, lines = self.phase.fine, list[str]()
         over = [f"{name} {share:.0%}" for name, share in self.too_strong.items()]

@@ -23,7 +23,12 @@ def stance(friction=0.6, scale=1.0, **options):
 def kick(leg, wish=(4.0, 0.5, 1.0), normal=None, friction=0.3, e=0.7, offset=None):
     posture = leg.posture(leg.configuration(Q))
     v = posture.joint_velocity(wish)
-    return posture, v, kd.Ball(), kd.Contact(normal or wish, e, friction, offset)
+    return (
+        posture,
+        v,
+        kd.Ball(),
+        kd.Contact(wish if normal is None else normal, e, friction, offset),
+    )
 
 
 KICKS = {
@@ -139,9 +144,28 @@ def test_digits_are_no_more_than_the_solver_leaves():
 
 
 def test_a_foot_that_only_turns_on_the_spot_slips():
+    """Its friction could supply the force alone, but not the moment about the vertical with it."""
     held, loose = both("down")
-    assert held.footing == {FOOT: "stands"}  # friction's moment is not judged there
-    assert loose.footing == {FOOT: "slips"}
+    x, y, z = held.support_impulses[FOOT][:3]
+    assert np.hypot(x, y) < 0.6 * z
+    assert held.footing == loose.footing == {FOOT: "slips"}
+
+
+def test_a_foot_that_slips_on_the_ground_cannot_be_held_by_it():
+    """Near the limit the corners may share their impulses so that it stands or so that it slips."""
+    rng, verdicts = np.random.default_rng(2), []
+    for _ in range(24):
+        leg = stance(rng.uniform(0.3, 0.7), rng.uniform(1.0, 2.0))
+        case = kick(leg, np.array([1.0, 0.0, -4.0]) + 0.4 * rng.normal(size=3))
+        held, loose = kd.strike(*case), kd.unilateral_strike(*case)
+        verdicts.append((held.footing[FOOT], loose.footing[FOOT]))
+        x, y, z = held.support_impulses[FOOT][:3]
+        (support,) = leg.constraints.supports
+        assert np.hypot(x, y) < support.friction * z  # the moment decides
+    assert verdicts.count(("slips", "stands")) == 0
+    assert verdicts.count(("stands", "stands")) >= 4
+    assert verdicts.count(("slips", "slips")) >= 12
+    assert verdicts.count(("stands", "slips")) <= 2
 
 
 def both(name):

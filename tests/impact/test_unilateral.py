@@ -159,9 +159,6 @@ def test_a_foot_that_slips_on_the_ground_cannot_be_held_by_it():
         case = kick(leg, np.array([1.0, 0.0, -4.0]) + 0.4 * rng.normal(size=3))
         held, loose = kd.strike(*case), kd.unilateral_strike(*case)
         verdicts.append((held.footing[FOOT], loose.footing[FOOT]))
-        x, y, z = held.support_impulses[FOOT][:3]
-        (support,) = leg.constraints.supports
-        assert np.hypot(x, y) < support.friction * z  # the moment decides
     assert verdicts.count(("slips", "stands")) == 0
     assert verdicts.count(("stands", "stands")) >= 4
     assert verdicts.count(("slips", "slips")) >= 12

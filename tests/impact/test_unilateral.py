@@ -191,6 +191,30 @@ def test_two_feet():
     assert hit.restitution_residual <= 1e-10
 
 
+def test_each_foot_has_its_own_friction():
+    """Named in either order; the impulses at every corner are inside the cone of that foot."""
+    hands = kd.Leg.from_robot("g1", "right_rubber_hand", base="floating")
+    q = hands.configuration({**Q, "right_ankle_pitch_joint": -0.2})
+    frictions, answers = {FOOT: 0.9, OTHER: 0.05}, []
+    for names in ((FOOT, OTHER), (OTHER, FOOT)):
+        feet = [kd.Support(name, friction=frictions[name], sole=SOLE) for name in names]
+        leg = hands.with_supports(*feet)
+        v = leg.posture(q).joint_velocity((3, 1, 1))
+        hit = kd.unilateral_strike(leg.posture(q), v, kd.Ball(), kd.Contact((3, 1, 1), 0.7, 0.3))
+        corners = hit.solution.impulses[1:].reshape(2, 4, 3)
+        for name, impulses in zip(names, corners, strict=True):
+            ratio = np.hypot(impulses[:, 0], impulses[:, 1]) - frictions[name] * impulses[:, 2]
+            assert ratio.max() < 1e-9
+            total = hit.support_impulses[name][:3]
+            assert total == pytest.approx(impulses.sum(axis=0), abs=1e-12)
+        slippery = hit.support_impulses[OTHER]
+        assert np.hypot(*slippery[:2]) == pytest.approx(0.05 * slippery[2], rel=0.5)
+        answers.append((hit.impulse, hit.support_impulses[FOOT]))
+    assert answers[0][0] == pytest.approx(answers[1][0], rel=1e-6)
+    firm = answers[0][1]
+    assert np.hypot(*firm[:2]) > 0.06 * firm[2]
+
+
 @pytest.mark.parametrize(
     ("leg", "said"),
     [

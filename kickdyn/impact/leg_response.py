@@ -159,15 +159,16 @@ def foot_wrench(posture: Posture, impulse: Array) -> tuple[float, ...]:
 class Footing(StrEnum):
     """Motion of a support in an impact, on ground that can push but not pull.
 
-    It lifts off if the ground would have to pull, tips if the impulse acts outside the sole, slips
-    if friction cannot supply its horizontal part or its moment about the vertical, and is tilted
-    (not judged) if its sole is not level.
+    It lifts off if the ground would have to pull, slips if the impulse is outside the friction
+    cone, tips if it acts outside the sole, turns if friction cannot supply its moment about the
+    vertical, and is tilted (not judged) if its sole is not level.
     """
 
     STANDS = "stands"
     LIFTS_OFF = "lifts-off"
     SLIPS = "slips"
     TIPS = "tips"
+    TURNS = "turns"
     TILTED = "tilted"
 
 
@@ -207,7 +208,7 @@ def footing(support: Support, impulse: Array, rotation: Array, scale: float) -> 
     fx, fy = across * np.cos(angles) + 0.0 * x, across * np.sin(angles) + 0.0 * x
     normals = np.broadcast_to(pressing[:, None], (3, *fx.shape))
     cones = np.stack([fx, fy, *normals, x * fy - y * fx]).reshape(6, -1)
-    return Footing.STANDS if nnls(cones, wrench)[1] <= tolerance else Footing.SLIPS
+    return Footing.STANDS if nnls(cones, wrench)[1] <= tolerance else Footing.TURNS
 
 
 def is_level(corners: Array) -> bool:

@@ -161,7 +161,7 @@ def test_a_foot_that_slips_on_the_ground_cannot_be_held_by_it():
         verdicts.append((held.footing[FOOT], loose.footing[FOOT]))
     assert verdicts.count(("turns", "stands")) == 0
     assert verdicts.count(("stands", "stands")) >= 4
-    assert verdicts.count(("turns", "slips")) >= 10
+    assert verdicts.count(("turns", "slips")) >= 6
     assert verdicts.count(("stands", "slips")) <= 2
 
 

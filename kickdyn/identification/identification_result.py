@@ -61,6 +61,8 @@ class Identification(ReprMixin):
         noise: standard deviation of one measured coordinate [m].
         widening: factor by which the deviations are larger than for independent samples,
             because neighbouring residuals are correlated.
+        curved: unknowns whose deviations are larger than those of a linear fit, because the sum of
+            squares is not quadratic around the estimate.
     """
 
     tracks: tuple[Track, ...]
@@ -74,6 +76,7 @@ class Identification(ReprMixin):
     used: NDArray[np.bool_]
     noise: float
     widening: float
+    curved: tuple[str, ...] = ()
 
     def _rows(self) -> Iterable[Row]:
         yield "samples", f"{self.used.size - self.outliers} of {self.used.size} used", ""
@@ -180,6 +183,11 @@ class Identification(ReprMixin):
             )
         if self.undetermined:
             lines.append(f"not determined by the measurement: {', '.join(self.undetermined)}")
+        if self.curved:
+            lines.append(
+                "the sum of squares is not quadratic around the estimate: the standard deviations "
+                f"of {', '.join(self.curved)} were increased to those of its profile"
+            )
         if self.widening > 1.0:
             lines.append(
                 "neighbouring residuals are correlated, as in smoothed tracks: the standard "

@@ -109,6 +109,10 @@ class CutReason(StrEnum):
     GAP = "gap"
 
 
+ON_GROUND = (SegmentKind.ROLLING, SegmentKind.REST)
+"""What a ball does that stays on the ground."""
+
+
 @dataclass(frozen=True)
 class Segment:
     """A part of a track between two cuts.
@@ -257,6 +261,16 @@ class _Samples(NamedTuple):
     noise: float
 
     @property
+    def speed_deviation(self) -> float:
+        r"""Standard deviation of a velocity just before or after a cut [m/s].
+
+        It is that of the slope of a parabola at the end of T = `VELOCITY_WINDOW` with n samples,
+        :math:`\sigma \sqrt{192 / n} / T`.
+        """
+        count = max(VELOCITY_WINDOW / float(np.median(np.diff(self.times))), 1.0)
+        return self.noise * math.sqrt(192.0 / count) / VELOCITY_WINDOW
+
+    @property
     def coefficient_price(self) -> float:
         """Price of one coefficient by the Bayesian information criterion."""
         return math.log(self.positions.size)
@@ -326,9 +340,12 @@ def segments(
     gaps = [int(k) for k in np.flatnonzero(np.diff(samples.times) > GAP_TIME) + 1]
     for first, last in zip([0, *gaps], [*gaps, len(kept)], strict=True):
         pieces += _joined(samples, _partition(samples, first, last))
-    falls = [piece.fall for piece in pieces if piece.last - piece.first >= 8]
-    falling = [fall for fall in falls if fall > LEAST_FALL]
-    refuse_units(track, float(np.median(falling)) if falling else 0.0)
+    moving = [
+        piece.derivative(piece.middle, 2) for piece in pieces if piece.last - piece.first >= 8
+    ]
+    falling = [acceleration for acceleration in moving if -acceleration[2] > LEAST_FALL]
+    if falling or moving:
+        refuse_units(track, np.median(falling or moving, axis=0))
     segments = _described(samples, pieces, level + ball.radius, gaps)
     restitution, friction = _at_bounces(segments, samples, ball)
     rolling_deceleration = _rolling_deceleration(samples, segments, ball, air)
@@ -459,25 +476,34 @@ def _described(
         after = _velocity(samples, piece, start, kind)
         if before is not None:
             height = float(piece.derivative(start, 0)[2]) - rest_height
-            begins = _cut_reason(height, before, after, kinds[i - 1], kind)
+            deviation = samples.speed_deviation
+            begins = _cut_reason(height, before, after, deviation, kinds[i - 1], kind)
         first, last = int(samples.indices[piece.first]), int(samples.indices[piece.last - 1]) + 1
         segments.append(Segment(kind, first, last, begins, start, before, after))
     return tuple(segments)
 
 
 def _cut_reason(
-    height: float, before: Array, after: Array, kind_before: SegmentKind, kind_after: SegmentKind
+    height: float,
+    before: Array,
+    after: Array,
+    deviation: float,
+    kind_before: SegmentKind,
+    kind_after: SegmentKind,
 ) -> CutReason:
-    """Return why the motion changes, from the height above rest [m] and the velocities [m/s]."""
+    """Return why the motion changes, from the height above rest [m] and the velocities [m/s].
+
+    The deviation is that of a velocity. A part of another kind than flight may have a low bounce in
+    it that was not cut.
+    """
     down, up = -float(before[2]), float(after[2])
-    if kind_before is not SegmentKind.FLIGHT or height >= CONTACT_HEIGHT or down <= 0.0:
+    if kind_before in ON_GROUND or height >= CONTACT_HEIGHT or down <= 0.0:
         return CutReason.TOUCH
-    if kind_after in (SegmentKind.ROLLING, SegmentKind.REST):
+    if kind_after in ON_GROUND:
         return CutReason.LANDING
     along = math.hypot(*(after - before)[:2])
-    is_passive = 0.0 < up <= down and along < MOST_FRICTION * (up + down)
-    is_bounce = kind_after is SegmentKind.FLIGHT and is_passive
-    return CutReason.BOUNCE if is_bounce else CutReason.TOUCH
+    is_passive = 0.0 < up <= down + 2.0 * deviation and along < MOST_FRICTION * (up + down)
+    return CutReason.BOUNCE if is_passive else CutReason.TOUCH
 
 
 def _velocity(samples: _Samples, piece: _Piece, time: float, kind: SegmentKind) -> Array:
@@ -487,7 +513,7 @@ def _velocity(samples: _Samples, piece: _Piece, time: float, kind: SegmentKind) 
     acceleration and its change (`ACCELERATION_DEVIATION`, `JERK_DEVIATION`) weighs as much as
     measurements of that accuracy would: a few noisy samples after a bounce do not determine them.
     """
-    known = np.array([0.0, 0.0, -GRAVITY if kind is SegmentKind.FLIGHT else 0.0])
+    known = np.array([0.0, 0.0, 0.0 if kind in ON_GROUND else -GRAVITY])
     times = samples.times[piece.first : piece.last] - time
     sixth_nearest = float(np.sort(np.abs(times))[min(5, len(times) - 1)])
     near = np.abs(times) <= max(VELOCITY_WINDOW, sixth_nearest)
@@ -524,17 +550,13 @@ def _meeting_time(samples: _Samples, left: _Piece, right: _Piece) -> float:
 def _at_bounces(
     segments: Sequence[Segment], samples: _Samples, ball: Ball
 ) -> tuple[Measured | None, Measured | None]:
-    r"""Return restitution and friction at bounces, None without any.
-
-    A speed is taken as the slope of a parabola at the end of T = `VELOCITY_WINDOW` with n samples,
-    of which the deviation is :math:`\sigma \sqrt{192 / n} / T`.
+    """Return restitution and friction at bounces, None without any.
 
     A ball slides to the end of a bounce if slip is left that the next bounce takes away. A change
     of velocity by friction changes the slip by 1 + m r^2 / I times as much, and in flight the slip
     changes as the velocity.
     """
-    count = max(VELOCITY_WINDOW / float(np.median(np.diff(samples.times))), 1.0)
-    speed_deviation = samples.noise * math.sqrt(192.0 / count) / VELOCITY_WINDOW
+    speed_deviation = samples.speed_deviation
     slip_per_change = 1.0 + ball.turning * ball.mass
     restitutions, ratios, sliding_ratios = [], [], []
     for segment, following in zip(segments, [*segments[1:], None], strict=True):

@@ -205,6 +205,32 @@ def test_the_deviations_of_the_spin_are_those_of_its_axes():
     assert deviations[2] > 5 * max(deviations[:2])
 
 
+def crisis(speed, up, aside, spin, rate, longest, noise):
+    """Return a noisy track of a slow ball, whose drag coefficient falls steeply with the speed."""
+    level = speed * np.cos(up)
+    velocity = level * np.cos(aside), level * np.sin(aside), speed * np.sin(up)
+    true = flown(velocity, spin, kd.Air(drag="brazuca"), rate, longest)
+    rng = np.random.default_rng(4)
+    return kd.Track(true.times, true.positions + rng.normal(0.0, noise, true.positions.shape))
+
+
+@pytest.mark.parametrize(
+    ("track", "curved"),
+    [
+        (crisis(8.4, 0.45, 3.79, (-4.5, -2.6, -4.7), 240.0, 0.73, 0.0012), ()),
+        (crisis(9.5, 0.4, 1.0, (10.0, 8.0, -8.0), 100.0, 0.85, 0.0024), ("drag_scale",)),
+    ],
+)
+def test_a_sum_of_squares_that_is_not_quadratic_gives_no_small_deviation(track, curved):
+    """In a linear fit, the scales are 71 and 13 deviations off: a side minimum, a curved valley."""
+    found = kd.identify(track, BALL, kd.Air(drag="brazuca"), free=("spin", "drag-scale"))
+    deviation = np.sqrt(found.covariance[-1, -1])
+    assert abs(found.estimates[-1] - 1.0) < 3.0 * deviation
+    assert deviation < 0.5
+    assert found.curved == curved
+    assert bool(curved) == any("not quadratic" in line for line in found.warnings)
+
+
 def test_a_flight_that_cannot_be_integrated_is_an_error(curving):
     def broken(reynolds, spin_parameter):
         raise ArithmeticError("no coefficient")
@@ -231,6 +257,8 @@ def test_plot_and_representations(curving):
         (lambda t: (t.times[:4], t.positions[:4]), "4 positions: at least 5"),
         (lambda t: (t.times, 1000 * t.positions), "as in millimetres"),
         (lambda t: (1000 * t.times, t.positions), "as in milliseconds"),
+        (lambda t: ([*t.times[:-1], 1e9], t.positions), r"are of 1e\+09 s, and no flight takes"),
+        (lambda t: (t.times, t.positions[:, [0, 2, 1]]), "falls along y, .* looks y-up"),
         (lambda t: (t.times, 0 * t.positions + 1), "the ball stays at"),
         (
             lambda t: (t.times, 100 * t.positions),

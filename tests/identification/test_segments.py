@@ -110,8 +110,8 @@ def test_the_deviation_of_a_restitution_has_the_size_of_its_error():
     assert 0.5 * np.std(errors) < np.mean(deviations) < 2.5 * np.std(errors)
 
 
-def bouncing(friction, seed):
-    """Return a track of a spinning ball through several bounces, at 120 Hz with noise of 2 mm."""
+def bouncing(friction, seed, noise=0.002):
+    """Return a track of a spinning ball through three bounces, at 120 Hz."""
     rng = np.random.default_rng(seed)
     velocity = (rng.uniform(8, 20), rng.uniform(-3, 3), rng.uniform(3, 8))
     kick = kd.BallState((0, 0, 0.6), velocity, rng.uniform(-10, 10, 3))
@@ -119,7 +119,14 @@ def bouncing(friction, seed):
     path = kd.follow(kick, BALL, kd.Air(), ground)
     times = np.arange(0.0, path.bounces[3].time, 1 / 120)
     points = path.sample(times).position
-    return kd.Track(times, points + rng.normal(0.0, 0.002, points.shape))
+    return kd.Track(times, points + rng.normal(0.0, noise, points.shape))
+
+
+@pytest.mark.parametrize("seed", [0, 1, 5])
+def test_a_low_bounce_is_no_touch(seed):
+    """The third bounce is so low that 20 mm of noise hide it in the part after the second one."""
+    parts = kd.segments(bouncing(0.5, seed, 0.02), BALL).parts
+    assert [part.begins for part in parts[1:3]] == [CutReason.BOUNCE] * 2
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -195,6 +202,7 @@ def test_wrong_arguments_are_refused():
         (lambda p: p / 0.3048, "as in feet"),
         (lambda p: p / 0.0254, "as in inches"),
         (lambda p: p * [1, 1, -1], "under the ground at 0 m"),
+        (lambda p: p[:, [0, 2, 1]], "the ball falls along y, .* looks y-up"),
     ],
 )
 def test_a_track_in_other_units_or_under_the_ground_is_refused(change, message):

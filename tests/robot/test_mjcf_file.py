@@ -279,6 +279,7 @@ def test_geoms_are_drawn(tmp_path):
         *(Shape.SPHERE, Shape.CAPSULE, Shape.CYLINDER, Shape.BOX, Shape.ELLIPSOID, Shape.MESH)
     ]
     assert found[1].size == pytest.approx((1.0, 0.1))
+    assert [shape.size for shape in leg.file.collisions()] == [(5.0,)]
     assert abs(found[1].pose[:3, 2]) == pytest.approx([0, 1, 0])
     assert found[1].pose[:3, 3] == pytest.approx([0, 0.5, 0])
     assert found[2].size == (0.6, 0.1)

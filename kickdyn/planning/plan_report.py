@@ -26,6 +26,15 @@ WALL_CLEARANCE = 0.1
 """Clearance of the ball's lower edge over a wall where nothing else is asked for [m]."""
 
 
+FAULTS = {
+    PlanStatus.MET: "",
+    PlanStatus.COLLIDES: " But a body is inside the ball or under the ground.",
+    PlanStatus.SUPPORT_MOVES: " But the ground cannot keep the supporting foot at rest.",
+    PlanStatus.BEYOND_LIMITS: " But the backswing takes more than the torque limits of the robot.",
+}
+"""What a kick that meets its goal is worth, by the status of its plan."""
+
+
 def passage_of(wall: Wall, plan: KickPlan) -> Passage | None:
     """Return how the ball of a plan passes a wall; None where it comes down before."""
     return passage_on(plan.path, wall, plan.goal.ahead, plan.impact.ball.radius)
@@ -198,9 +207,7 @@ def verdict(plan: KickPlan) -> str:
             f"The ball reaches {target} {after}; the computed impact and flight miss it by "
             f"{plan.landing_error:.2g} m."
         )
-        if plan.status != PlanStatus.MET:
-            line += " The backswing takes more than the torque limits of the robot."
-        return line
+        return line + FAULTS[plan.status]
     if path.status == "at-plane":
         late = "late" if plan.time_error > 0 else "early"
         end = f"passes the target {after}, {abs(plan.time_error):.3g} s too {late}"

@@ -435,3 +435,22 @@ def test_a_robot_that_cannot_stand_so_is_refused_in_one_line(more, message):
     assert isinstance(ended.exception, kd.InvalidInput)
     assert message in str(ended.exception)
     assert "\n" not in str(ended.exception)
+
+
+def test_a_wind_faster_than_sound_is_refused_at_once():
+    ended = door("--distance", "20", "--time", "1", "--wind", "1e300,0,0")
+    assert ended.returncode == 2
+    assert "wind is 1e+300: it must be a finite number at most 343 [m/s]" in " ".join(
+        ended.stderr.split()
+    )
+
+
+@pytest.mark.parametrize("width", ["0.4", "2.5"])
+def test_the_nearest_launch_beside_a_wall_says_if_it_hits_the_wall(width):
+    """The largest curve passes 0.85 m beside the middle of the wall."""
+    curve = ["--distance", "20", "--height", "1", "--time", "1", "--beside", "9.15:3"]
+    ended = door(*curve, "--wall", f"9.15:5:{width}", "--leg", "g1", "--no-limits")
+    said = " ".join(ended.stderr.split())
+    assert ended.returncode == 2
+    assert "spin faster than 100 rad/s; the nearest is beside (9.15, " in said
+    assert ("with which the ball hits the wall" in said) == (width == "2.5")

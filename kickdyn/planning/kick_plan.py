@@ -14,10 +14,12 @@ import pinocchio as pin
 
 from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array
+from kickdyn.errors import KickdynError
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.leg_response import Footing
+from kickdyn.impact.unilateral import unilateral_strike
 from kickdyn.planning.backswing import Backswing
 from kickdyn.planning.goal import Goal, PlanStatus
 from kickdyn.planning.impact_target import ImpactTarget

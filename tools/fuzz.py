@@ -45,7 +45,7 @@ GROWTH = 150
 on."""
 
 WEIGHTS = {
-    **{"urdf": 250, "mjcf": 100, "mesh": 200, "scene": 40, "csv": 200, "c3d": 180},
+    **{"urdf": 250, "mjcf": 100, "mesh": 200, "scene": 40, "csv": 200, "c3d": 2},
     **{"netcdf": 10, "zarr": 4, "cli": 10},
 }
 """How often each kind of input is drawn: what takes long is rare."""
@@ -572,12 +572,11 @@ def main() -> int:
         if fault:
             key = fault.strip().splitlines()[-1][:120]
             if key not in faults:
-                faults[key] = 0
                 CORPUS.mkdir(exist_ok=True)
                 name = CORPUS / f"{kind}-{len(list(CORPUS.iterdir())):03d}.txt"
                 name.write_bytes(what.encode("utf-8", "surrogatepass"))
                 print(f"{name.name}: {fault.strip()[-900:]}\n", flush=True)
-            faults[key] += 1
+            faults[key] = faults.get(key, 0) + 1
         if len(sizes) % 1000 == 0:
             print(f"{len(sizes)} inputs, {len(faults)} kinds of faults", flush=True)
     child.stop()

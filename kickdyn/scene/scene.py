@@ -17,7 +17,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.ground import Ground
 from kickdyn.impact.collide import CONTACT_TIME, checked_stiffness
-from kickdyn.impact.force_model import Dissipation
+from kickdyn.impact.force_model import LONGEST_CONTACT, Dissipation
 from kickdyn.impact.laws import find_law
 from kickdyn.impact.sensitivity import UNITS
 from kickdyn.plane import Plane
@@ -50,7 +50,9 @@ class Compliance:
     def __post_init__(self) -> None:
         """Check the values."""
         if self.contact_time is not None:
-            time = validation.number("contact time", self.contact_time, above=0, unit="s")
+            time = validation.number(
+                "contact time", self.contact_time, above=0, at_most=LONGEST_CONTACT, unit="s"
+            )
             object.__setattr__(self, "contact_time", time)
         kind = validation.choice("dissipation", self.dissipation, Dissipation)
         object.__setattr__(self, "dissipation", kind)

@@ -345,7 +345,7 @@ def _check_flight(track: Track) -> None:
             f"the samples are of {track.duration:.4g} s, and no flight takes more than "
             f"{LONGEST_FLIGHT:g} s: leave out samples with wrong times"
         )
-    refuse_units(track, _bend(track))
+    refuse_units(track, -float(_bend(track)[2]))
 
 
 def _bend(track: Track) -> Array:

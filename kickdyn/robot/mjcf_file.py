@@ -56,6 +56,9 @@ _SHAPES = {
 }
 """By MuJoCo's `geom_type`; planes and terrain are not drawn."""
 
+ACTUATED_JOINTS = (0, 1)
+"""MuJoCo's `mjTRN_JOINT` and `mjTRN_JOINTINPARENT`, of actuators that act on a joint."""
+
 _UNUSED = ("camera", "light", "texture", "hfield", "skin", "layer", "model")
 """Elements that only a picture, the terrain or another model needs."""
 
@@ -97,11 +100,8 @@ class MjcfFile(RobotFile):
     @cached_property
     def passive_joints(self) -> tuple[str, ...]:
         """The joints without an actuator; none where there are no actuators, or other kinds."""
-        import mujoco
-
         compiled = self.compile()
-        of_joints = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
-        if not compiled.nu or not np.isin(compiled.actuator_trntype, of_joints).all():
+        if not compiled.nu or not np.isin(compiled.actuator_trntype, ACTUATED_JOINTS).all():
             return ()
         every = set(range(compiled.njnt)).difference(compiled.actuator_trnid[:, 0].tolist())
         return tuple(compiled.joint(joint).name for joint in sorted(every))

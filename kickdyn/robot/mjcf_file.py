@@ -74,7 +74,7 @@ class MjcfFile(RobotFile):
         meshes: content of the mesh files, by the names that they have in `text`.
         name: of the model.
         left_out: moving bodies that are not part of the robot.
-        gears: what the property `mimics` returns.
+        mimics: joints that equality constraints let move with another.
         starts: values of sliding and hinge joints, by name, at which MuJoCo begins and at which the
             file draws the robot: their `ref` [rad; m].
     """
@@ -82,13 +82,8 @@ class MjcfFile(RobotFile):
     meshes: dict[str, bytes] = field(default_factory=dict, repr=False)
     name: str = ""
     left_out: tuple[str, ...] = ()
-    gears: tuple[Mimic, ...] = ()
+    mimics: tuple[Mimic, ...] = ()
     starts: dict[str, float] = field(default_factory=dict)
-
-    @property
-    def mimics(self) -> tuple[Mimic, ...]:
-        """The joints that equality constraints let move with another."""
-        return self.gears
 
     @property
     def warnings(self) -> tuple[str, ...]:

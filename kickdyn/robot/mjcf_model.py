@@ -76,7 +76,7 @@ def build_mjcf_model(
         for joint in builder.joints
         if joint.kind in (SLIDE, HINGE)
     }
-    read = replace(file, left_out=left_out, gears=tuple(builder.mimics), starts=starts)
+    read = replace(file, left_out=left_out, mimics=tuple(builder.mimics), starts=starts)
     return MjcfModel(read, builder.model, tuple(builder.loops))
 
 

@@ -35,7 +35,8 @@ LONGEST_CUBIC = 1.0
 """Longest time that one cubic is fitted to [s]; longer flights are joined afterwards."""
 
 LEAST_NOISE = 0.012
-"""Least noise of a coordinate that cuts are judged by [m]: cubics are no exact flights."""
+"""Least noise of a coordinate that cuts and deviations are judged by [m]: cubics are no exact
+flights, and trackers smooth."""
 
 SHORT_PIECE = 15
 """Samples of a piece that may be an artefact of two cuts for one touch."""
@@ -632,7 +633,7 @@ def _median(measurements: Sequence[tuple[float, float]]) -> Measured | None:
     """Return the median of values, each with its deviation; None without any values.
 
     The values are taken as normally distributed. Their spread is estimated from the values, but is
-    not below the median deviation of a single value.
+    not below the median deviation of a single value. Up to two values, the median is the mean.
     """
     if not measurements:
         return None
@@ -640,4 +641,5 @@ def _median(measurements: Sequence[tuple[float, float]]) -> Measured | None:
     median = float(np.median(values))
     spread = 1.4826 * float(np.median(np.abs(values - median)))
     largest = max(spread, float(np.median(deviations)))
-    return Measured(median, 1.2533 * largest / math.sqrt(len(values)), len(values))
+    efficiency = 1.2533 if len(values) > 2 else 1.0
+    return Measured(median, efficiency * largest / math.sqrt(len(values)), len(values))

@@ -207,11 +207,6 @@ class Scene(ReprMixin):
         """
         return validation.direction("direction to the plane", (*self._to_target(), 0.0))
 
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """A line for each joint outside its range: the kick is computed all the same."""
-        return tuple(self.leg.outside_range(self.q))
-
     def _rows(self) -> Iterable[Row]:
         """Return the lines that are shown."""
         yield "name", self.name, ""

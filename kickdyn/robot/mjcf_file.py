@@ -333,8 +333,6 @@ def _keep_mechanics(root: Element) -> None:
                 element.remove(child)
         if element.tag == "material":
             element.attrib.pop("texture", None)
-        elif element.tag == "mesh" and "builtin" in element.attrib:
-            raise ValueError("has a builtin mesh: only meshes of files and vertices are read")
         elif element.tag == "geom":
             element.attrib.update(contype="0", conaffinity="0")
         if element.tag == "mesh":

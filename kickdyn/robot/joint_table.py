@@ -97,11 +97,7 @@ class JointTable:
     """The joints of a model by name; a subclass has its `_model`, a `pin.Model`, and `mimics`."""
 
     _model: Any
-
-    @property
-    def mimics(self) -> tuple[Mimic, ...]:
-        """Joints that move with another one."""
-        raise NotImplementedError
+    mimics: tuple[Mimic, ...]
 
     @cached_property
     def name(self) -> str:

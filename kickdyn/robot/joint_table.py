@@ -97,7 +97,11 @@ class JointTable:
     """The joints of a model by name; a subclass has its `_model`, a `pin.Model`, and `mimics`."""
 
     _model: Any
-    mimics: tuple[Mimic, ...]
+
+    @property
+    def mimics(self) -> tuple[Mimic, ...]:
+        """Joints that move with another one."""
+        raise NotImplementedError
 
     @cached_property
     def name(self) -> str:

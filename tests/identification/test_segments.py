@@ -77,6 +77,17 @@ def test_rolling_gives_its_deceleration_and_the_surface():
     assert re.search(r"rolling deceleration: .* m/s2 \(of 1 rolling part\)", str(found))
 
 
+def test_a_ball_that_rolls_faster_and_faster_gives_no_surface():
+    path = kd.follow(kd.BallState((0, 0, 0.6), (6, 0, 2)), BALL, kd.Air(), GROUND)
+    times = np.arange(0.0, path.duration - 1.0, 0.02)
+    points = path.sample(times).position.copy()
+    points[:, 0] += 1.5 * np.maximum(times - 2.0, 0.0) ** 2  # downhill
+    found = kd.segments(kd.Track(times, points), BALL)
+    assert found.rolling_deceleration.median < 0.0
+    with pytest.raises(kd.InvalidInput, match="rolling deceleration is -"):
+        _ = found.surface
+
+
 def test_drag_is_no_rolling_deceleration():
     """A light ball that rolls at 4 m/s is slowed more by the air than by the ground."""
     light, air = kd.Ball(0.05), kd.Air(drag=0.4)

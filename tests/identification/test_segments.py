@@ -155,6 +155,17 @@ def test_friction_of_a_ball_that_slides_is_measured(seed):
     assert found.deviation < 0.1
 
 
+def test_a_light_ball_that_drag_slows_between_two_bounces_gripped():
+    """Its second bounce brakes it again, because it rolls faster than it flies."""
+    light, air = kd.Ball(0.06), kd.Air(drag=0.3, lift=None)
+    ground = kd.Ground(surface=kd.Surface("test", 0.9, 0.9, 0.8))
+    path = kd.follow(kd.BallState((0, 0, 1.0), (25, 0, -6)), light, air, ground)
+    times = np.arange(0.0, path.bounces[2].time, 0.01)
+    noise = np.random.default_rng(1).normal(0.0, 0.002, (len(times), 3))
+    found = kd.segments(kd.Track(times, path.sample(times).position + noise), light)
+    assert found.friction.is_lower_bound
+
+
 def test_the_deviation_of_friction_has_the_size_of_its_error():
     """Beside 0.05 of a bounce on grass, which this ground is not."""
     found = [kd.segments(bouncing(0.2, 4, 0.015, noises), BALL).friction for noises in range(9)]

@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import kickdyn as kd
+from kickdyn import ball as ball_module
 from kickdyn.aerodynamics.drag import constant
 from kickdyn.flight import fly as fly_module
 from kickdyn.flight import forces, integrate
@@ -497,11 +498,28 @@ def test_error_of_the_closed_form_is_rounding():
 
 
 def test_what_leaves_the_data_is_said():
-    assert kd.fly(launch((25, 0, 10)), BALL, kd.Air()).warnings == ()
+    assert kd.fly(launch((24, 0, 10)), BALL, kd.Air()).warnings == ()
     fast = kd.fly(launch((60, 0, 10)), BALL, kd.Air())
     (said,) = fast.warnings
     assert re.match(r"drag supercritical: \d+ % of the flight is outside its data", said)
-    assert said.endswith(" (airspeed above 34.9 m/s)")
+    assert said.endswith(" (airspeed above 26.9 m/s)")
+
+
+def test_the_default_drag_is_meant_for_the_speeds_and_spins_of_a_match():
+    for velocity, spin, limit in (
+        ((29, 0, 3), 10, "airspeed above 26.9 m/s"),
+        ((6, 0, 2), 5, "airspeed below 7.97 m/s"),
+        ((20, 0, 3), 80, "spin parameter above 0.3"),
+    ):
+        said = kd.fly(launch(velocity, (0, -spin, 0)), BALL, kd.Air(lift=None)).warnings
+        assert re.fullmatch(rf"drag supercritical: .* outside its data \({limit}\)", said[0])
+
+
+@pytest.mark.parametrize("air", [kd.Air(drag=0.2, lift=None), kd.Air(drag=0.2, lift=0.1)])
+def test_a_ball_near_the_speed_of_sound_is_warned_of(air):
+    assert kd.fly(launch((99, 0, 5)), BALL, air).warnings == ()
+    (said,) = kd.fly(launch((859, 0, 5)), BALL, air).warnings
+    assert said.startswith("the launch speed of 859 m/s is above 100 m/s, Mach 0.3:")
 
 
 @pytest.mark.parametrize(
@@ -568,6 +586,8 @@ def scaled_flights(metre, kilogram, second, monkeypatch):
     """Return `fly` and `fly_many` of one kick in other units, and the results in the usual ones."""
     for module in (forces, fly_module):
         monkeypatch.setattr(module, "GRAVITY", 9.81 * metre / second**2)
+    monkeypatch.setattr(ball_module, "LARGEST_RADIUS", math.inf)
+    monkeypatch.setattr(ball_module, "GRAMS", (math.inf, math.inf))
     speed = metre / second
     ball = kd.Ball(BALL.mass * kilogram, BALL.radius * metre)
     usual = kd.Air()

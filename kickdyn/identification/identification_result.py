@@ -38,21 +38,6 @@ TIGHT = 0.05
 """Share of `LOOSEST` up to which a value near zero is given, such as a spin to 1 rad/s."""
 
 
-class ModelScore(NamedTuple):
-    """How well a drag model predicts the second half of flights from the first.
-
-    Attributes:
-        model: name of the model.
-        prediction_rms: distance between prediction and measurement in the second halves, root mean
-            square over all flights [m].
-        fit_rms: distance in the first halves, to which the model was fitted, root mean square [m].
-    """
-
-    model: str
-    prediction_rms: float
-    fit_rms: float
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class Identification(ReprMixin):
     r"""Launch, spin, drag, lift and wind of measured flights, with their uncertainty.
@@ -76,7 +61,8 @@ class Identification(ReprMixin):
         noise: standard deviation of one measured coordinate [m].
         widening: factor by which the deviations are larger than for independent samples,
             because neighbouring residuals are correlated.
-        comparison: scores of the drag models and airs that were compared, the best one first.
+        curved: unknowns whose deviations are larger than those of a linear fit, because the sum of
+            squares is not quadratic around the estimate.
     """
 
     tracks: tuple[Track, ...]
@@ -90,7 +76,7 @@ class Identification(ReprMixin):
     used: NDArray[np.bool_]
     noise: float
     widening: float
-    comparison: tuple[ModelScore, ...] = ()
+    curved: tuple[str, ...] = ()
 
     def _rows(self) -> Iterable[Row]:
         yield "samples", f"{self.used.size - self.outliers} of {self.used.size} used", ""
@@ -100,9 +86,6 @@ class Identification(ReprMixin):
             yield name, number, _unit(name)
         for name, reason in self.undetermined.items():
             yield name, f"not determined: {reason}", ""
-        for score in self.comparison:
-            rms = f"{score.prediction_rms:.4f} m rms in predicted second halves"
-            yield score.model, f"{rms}, {score.fit_rms:.4f} m in fitted first halves", ""
         for line in self.warnings:
             yield "warning", line, ""
 
@@ -116,9 +99,8 @@ class Identification(ReprMixin):
     def undetermined(self) -> dict[str, str]:
         """The unknowns that the measurement does not determine, each with the reason.
 
-        Their standard deviation is more than half the value, and not small: more than 1 rad/s of a
-        spin, 0.005 of a drag coefficient, 0.025 of a factor, 0.15 m/s of a wind. Or it is more than
-        20 times as large as these, whatever the value.
+        Their standard deviation is above `LOOSEST`, or above both half the value and `TIGHT` times
+        `LOOSEST`, such as 1 rad/s of a spin or 0.005 of a drag coefficient.
         """
         reasons = {}
         deviations = np.sqrt(np.diag(self.covariance)).tolist()
@@ -152,11 +134,7 @@ class Identification(ReprMixin):
 
     @property
     def launch(self) -> BallState:
-        """The state at the first sample of the only flight.
-
-        Raises:
-            InvalidInput: there are several flights; `launches` has theirs.
-        """
+        """The state at the first sample of the only flight; of several, see `launches`."""
         if len(self.launches) > 1:
             raise InvalidInput(
                 f"there are {len(self.launches)} flights: `launches` has one of each"
@@ -205,11 +183,10 @@ class Identification(ReprMixin):
             )
         if self.undetermined:
             lines.append(f"not determined by the measurement: {', '.join(self.undetermined)}")
-        loose = [name for name, v in self.values.items() if self.deviations[name] > 0.5 * abs(v)]
-        if loose:
+        if self.curved:
             lines.append(
-                "the standard deviation is more than half the value, which is near 0 or badly "
-                f"determined: {', '.join(loose)}"
+                "the sum of squares is not quadratic around the estimate: the standard deviations "
+                f"of {', '.join(self.curved)} were increased to those of its profile"
             )
         if self.widening > 1.0:
             lines.append(

@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
 
-from kickdyn.aerodynamics.coefficient_model import find_model, scaled
-from kickdyn.aerodynamics.drag import MODELS, constant
+from kickdyn.aerodynamics.coefficient_model import scaled
+from kickdyn.aerodynamics.drag import constant
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
@@ -33,11 +33,14 @@ from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.flight.derivatives import INCREMENT, DifferentiableFlight, fly_with_slopes
-from kickdyn.identification.identification_result import Identification, ModelScore, covariance
+from kickdyn.identification.identification_result import Identification, covariance
 from kickdyn.identification.track import Track, refuse_intervals, refuse_units
 
 LEAST_SAMPLES = 5
 """Fewer positions do not determine a launch together with its standard deviations."""
+
+LONGEST_FLIGHT = 100.0
+"""Duration of a track [s] that is no flight of a ball."""
 
 SPIN_SPREAD = 100.0
 """Order of magnitude of a spin [rad/s]: five professionals' curling free kicks have 106 rad/s on
@@ -56,9 +59,9 @@ LEAST_USED_FRACTION = 0.9
 FINEST_TOL, COARSEST_TOL = 1e-10, 1e-7
 """Relative tolerances of the integration: the least, and the first one."""
 
-COST_TOL, ROBUST_COST_TOL = 1e-8, 1e-4
-"""Relative change of the sum of squares at which a fit ends, less than 0.001 of a deviation; and at
-which the robust one ends, which only chooses the outliers and the start of the other."""
+COST_TOL, PROFILE_COST_TOL, ROBUST_COST_TOL = 1e-8, 1e-6, 1e-4
+"""Relative changes of the sum of squares at which a fit ends, less than 0.001 of a deviation; at
+which one of a profile ends; and the robust one, which only chooses the outliers and the start."""
 
 FAILED_RESIDUAL = 1e6
 """Residual where no flight can be integrated [m]: no step of a solver ends there."""
@@ -66,9 +69,17 @@ FAILED_RESIDUAL = 1e6
 FIRST_DRAG = 0.2
 """First guess of a constant C_D: its value above the drag crisis (Goff & Carre 2009)."""
 
-LARGEST_COEFFICIENT, LARGEST_SPEED = 10.0, 10.0
-"""Largest size of a coefficient or factor, and of a speed over the mean speed of the measurement
-plus 10 m/s, in a fit: what is no flight would lead there."""
+
+PROFILED, LARGEST_BEND = 2.0, 2.0
+"""Distance from the estimate at which a profile is taken, in standard deviations; and the factor
+by which the excess of the sum of squares may differ there from that of a quadratic function."""
+
+MOST_DOUBLINGS, MOST_MINIMA = 8, 4
+"""Doublings of the distance of a profile, and minima from which a fit is repeated, at most."""
+
+LARGEST_FACTOR = 10.0
+"""Largest size of a coefficient or factor in a fit, and of a speed over the mean speed of the
+measurement plus 10 m/s: what is no flight would lead there."""
 
 
 class Free(StrEnum):
@@ -89,6 +100,9 @@ SHARED_NAMES = {
 }
 """Names of the unknowns that all flights share."""
 
+COEFFICIENTS = ("drag", "drag_scale", "lift_scale")
+"""Unknowns without a unit."""
+
 LAUNCH, SPIN = ("x", "y", "z", "vx", "vy", "vz"), ("back_spin", "side_spin", "gyro_spin")
 """Names of the unknowns of each flight: the first six, and those of the spin."""
 
@@ -104,7 +118,6 @@ def identify(
     *,
     free: Iterable[str] = ("spin", "drag"),
     spin: ArrayLike = (0.0, 0.0, 0.0),
-    compare: Sequence[str | Air] = (),
 ) -> Identification:
     r"""Return the flight that best fits measured positions, with standard deviations.
 
@@ -122,8 +135,6 @@ def identify(
             `lift-scale`, factors of the air's models; `wind`, its horizontal components.
         spin: known spin, shape `(3,)` [rad/s, world frame]; it is used unless `free` contains
             `spin`.
-        compare: drag models by name, or airs, which are ranked: each is fitted to the first half of
-            each flight and predicts the second one. The fit itself uses `air`.
 
     Raises:
         InvalidInput: fewer than 5 positions, samples a second or more apart, positions that are no
@@ -141,22 +152,17 @@ def identify(
     air = Air() if air is None else air
     known_spin = validation.vector("spin", spin, 3, unit="rad/s")
     problem = _Problem(tuple(tracks), ball, air, _sought(free, air), known_spin)
-    fewest = min(map(len, tracks))
-    if compare and fewest < 2 * LEAST_SAMPLES - 1:
-        raise InvalidInput(
-            f"a flight of {fewest} positions has too few to fit a half: compare needs "
-            f"{2 * LEAST_SAMPLES - 1}"
-        )
-    rivals = [
-        model if isinstance(model, Air) else replace(air, drag=find_model("drag", MODELS, model))
-        for model in compare
-    ]
-    result = _result(problem, _fit(problem))
-    scores = [
-        _score(model if isinstance(model, str) else _name(rival), rival, problem)
-        for model, rival in zip(compare, rivals, strict=True)
-    ]
-    return replace(result, comparison=tuple(sorted(scores, key=lambda s: s.prediction_rms)))
+    unknowns = _first_guess(problem)
+    for _ in range(MOST_MINIMA):
+        estimate = _fit(problem, unknowns)
+        result = _result(problem, estimate)
+        deviations, lower_minimum = _profiled(problem, estimate, result)
+        if lower_minimum is None:
+            break
+        unknowns = lower_minimum
+    factors = deviations / np.sqrt(np.diag(result.covariance))
+    curved = tuple(name for name, factor in zip(result.names, factors, strict=True) if factor > 1.2)
+    return replace(result, covariance=result.covariance * np.outer(factors, factors), curved=curved)
 
 
 class _Problem(NamedTuple):
@@ -206,6 +212,15 @@ class _Problem(NamedTuple):
         identity = np.eye(len(self.names)) * spread / SPIN_SPREAD
         return np.vstack([identity[self.spin_columns(i)] for i in range(len(self.tracks))])
 
+    def turn(self, unknowns: Array) -> Array:
+        """Return the rotation of spins to the axes of back, side and gyro spin, shape `(p, p)`."""
+        rotation = np.eye(unknowns.size)
+        for i in range(len(self.tracks) if Free.SPIN in self.sought else 0):
+            columns = self.spin_columns(i)
+            velocity = unknowns[self.flight_columns(i)][3:6]
+            rotation[columns, columns] = flight_axes(velocity).T
+        return rotation
+
     def air_of(self, shared: Array) -> Air:
         """Return the air with the coefficients and the wind that all flights share."""
         values = dict(zip(self.shared_names, shared.tolist(), strict=True))
@@ -227,13 +242,13 @@ class _Problem(NamedTuple):
         """
         position, parameters = values[:3], values[3:]
         first_shared = len(self.flight_names) - 3
-        mean_speed = float(np.linalg.norm(np.ptp(track.positions, axis=0))) / track.duration
-        coefficients = [name.startswith(("drag", "lift")) for name in self.shared_names]
-        largest = np.abs(parameters[first_shared:][coefficients]).max(initial=0.0)
-        if largest > LARGEST_COEFFICIENT or np.abs(parameters[:3]).max() > LARGEST_SPEED * (
-            mean_speed + 10.0
-        ):
-            raise KickdynError("the speed or a coefficient is far beyond those of a ball")
+        fastest = float(np.linalg.norm(np.ptp(track.positions, axis=0))) / track.duration + 10.0
+        is_coefficient = [name in COEFFICIENTS for name in self.shared_names]
+        largest = np.abs(parameters[first_shared:][is_coefficient]).max(initial=0.0)
+        if np.abs(parameters[:3]).max() > LARGEST_FACTOR * fastest or largest > LARGEST_FACTOR:
+            raise KickdynError(
+                "the fit leads to a speed or a coefficient far beyond those of a ball"
+            )
 
         def launch(changed: Array) -> tuple[BallState, Air]:
             spin = changed[3:6] if Free.SPIN in self.sought else self.known_spin
@@ -272,12 +287,13 @@ class _Problem(NamedTuple):
 
 
 class _Estimate(NamedTuple):
-    """The unknowns, residuals [m], their derivatives, and which of them are used."""
+    """The unknowns, residuals [m], their derivatives, which are used, and the tolerance."""
 
     unknowns: Array
     residuals: Array
     jacobian: Array
     used: NDArray[np.bool_]
+    tol: float
 
 
 def flight_axes(velocity: Array) -> Array:
@@ -324,6 +340,11 @@ def _check_flight(track: Track) -> None:
             f"the ball stays at {track.positions[0].tolist()} m: it does not move, so this is not "
             "a flight"
         )
+    if track.duration > LONGEST_FLIGHT:
+        raise InvalidInput(
+            f"the samples are of {track.duration:.4g} s, and no flight takes more than "
+            f"{LONGEST_FLIGHT:g} s: leave out samples with wrong times"
+        )
     refuse_units(track, -float(_bend(track)[2]))
 
 
@@ -332,8 +353,8 @@ def _bend(track: Track) -> Array:
     return np.asarray(2.0 * np.polyfit(track.times - track.times[0], track.positions, 2)[0])
 
 
-def _fit(problem: _Problem) -> _Estimate:
-    """Return the best estimate of several starts."""
+def _first_guess(problem: _Problem) -> Array:
+    """Return the unknowns of the best robust fit of several starts."""
     polynomials = [_polynomial(track) for track in problem.tracks]
     noise = float(np.median([noise for _, noise in polynomials]))
     sizes = FIRST_SPINS if Free.SPIN in problem.sought else (0.0,)
@@ -343,8 +364,12 @@ def _fit(problem: _Problem) -> _Estimate:
     prior = problem.spin_rows(0.0)
     loss: dict[str, Any] = {"loss": "soft_l1", "f_scale": 3.0 * noise, "ftol": ROBUST_COST_TOL}
     robust = [_minimise(evaluate, start, prior, **loss) for start in starts]
-    _, unknowns = min(robust, key=lambda fit: fit[0])
-    residuals, jacobian = evaluate(unknowns)
+    return min(robust, key=lambda fit: fit[0])[1]
+
+
+def _fit(problem: _Problem, unknowns: Array) -> _Estimate:
+    """Return the estimate by least squares, without outliers, from a first guess."""
+    residuals, jacobian = problem.evaluate(COARSEST_TOL, unknowns)
     used, tol = np.zeros(residuals.size, dtype=bool), COARSEST_TOL
     length = max(float(np.ptp(track.positions, axis=0).max()) for track in problem.tracks)
     for _ in range(4):  # the spread of the residuals and the outliers depend on each other
@@ -356,7 +381,7 @@ def _fit(problem: _Problem) -> _Estimate:
         evaluate = partial(problem.evaluate, tol)
         _, unknowns = _minimise(evaluate, unknowns, problem.spin_rows(spread), used)
         residuals, jacobian = evaluate(unknowns)
-    return _Estimate(unknowns, residuals, jacobian, used)
+    return _Estimate(unknowns, residuals, jacobian, used, tol)
 
 
 def _outliers(residuals: Array, spread: float) -> NDArray[np.bool_]:
@@ -406,6 +431,7 @@ def _minimise(
     start: Array,
     prior: Array,
     used: NDArray[np.bool_] | slice = slice(None),
+    targets: Array | float = 0.0,
     ftol: float = COST_TOL,
     **options: Any,
 ) -> tuple[float, Array]:
@@ -415,8 +441,9 @@ def _minimise(
         evaluate: returns residuals and derivatives; it raises `KickdynError` where there is no
             flight, which ends the fit at its start, and is avoided later.
         start: the first guess of the unknowns.
-        prior: rows whose products with the unknowns are residuals, too.
+        prior: rows whose products with the unknowns, less `targets`, are residuals, too.
         used: which residuals count.
+        targets: wanted products of the prior rows.
         ftol: relative change of the cost at which the fit ends.
         options: of `scipy.optimize.least_squares`.
     """
@@ -430,7 +457,7 @@ def _minimise(
         except KickdynError:
             residuals, slopes = failed
         return (
-            np.concatenate([residuals[used], prior @ unknowns]),
+            np.concatenate([residuals[used], prior @ unknowns - targets]),
             np.vstack([slopes[used], prior]),
         )
 
@@ -452,15 +479,12 @@ def _result(problem: _Problem, estimate: _Estimate) -> Identification:
     spread = noise * widening
     rows = np.vstack([estimate.jacobian[estimate.used], problem.spin_rows(spread)])
     unknowns = estimate.unknowns
-    turn = np.eye(unknowns.size)  # from world axes to those of back, side and gyro spin
+    turn = problem.turn(unknowns)
     launches: list[BallState] = []
     for i, track in enumerate(problem.tracks):
         position, velocity = unknowns[problem.flight_columns(i)][:6].reshape(2, 3)
-        spin = problem.known_spin
-        if Free.SPIN in problem.sought:
-            columns = problem.spin_columns(i)
-            spin = unknowns[columns]
-            turn[columns, columns] = flight_axes(velocity).T
+        sought = Free.SPIN in problem.sought
+        spin = unknowns[problem.spin_columns(i)] if sought else problem.known_spin
         launches.append(BallState(position, velocity, spin, float(track.times[0])))
     return Identification(
         tracks=problem.tracks,
@@ -477,6 +501,66 @@ def _result(problem: _Problem, estimate: _Estimate) -> Identification:
     )
 
 
+def _profiled(
+    problem: _Problem, estimate: _Estimate, result: Identification
+) -> tuple[Array, Array | None]:
+    r"""Return the standard deviations, and a lower minimum of the sum of squares if there is one.
+
+    The sum of squares over :math:`\sigma^2` exceeds its minimum by :math:`k^2` at k deviations of
+    an unknown, with all others at their best, if it is quadratic. Where it is not, the deviation is
+    half the distance at which the excess is 4 (the profile likelihood), or more.
+    """
+    spread = result.noise * result.widening
+    deviations = np.sqrt(np.diag(result.covariance))
+    length = max(float(np.ptp(track.positions, axis=0).max()) for track in problem.tracks)
+    if spread < 10.0 * estimate.tol * length:  # the integration is less exact
+        return deviations, None
+    turn, prior = problem.turn(estimate.unknowns), problem.spin_rows(spread)
+
+    def excess(unknowns: Array) -> float:
+        try:
+            residuals, _ = problem.evaluate(estimate.tol, unknowns)
+        except KickdynError:
+            return math.inf
+        rows = np.concatenate([residuals[estimate.used], prior @ unknowns])
+        return float(rows @ rows) / spread**2 - least
+
+    least = 0.0
+    least = excess(estimate.unknowns)
+    widened = deviations.copy()
+    for j, name in enumerate(result.names):
+        if name.partition("_")[0] in LAUNCH or name in result.undetermined:
+            continue
+        direction = turn.T @ result.covariance[:, j] / deviations[j]  # others at their best
+        for sign in (-1.0, 1.0):
+            distance = sign * PROFILED
+            unknowns = estimate.unknowns + distance * direction
+            if 1.0 / LARGEST_BEND < excess(unknowns) / PROFILED**2 < LARGEST_BEND:
+                continue
+            weight = 100.0 * spread / deviations[j]
+            rows = np.vstack([prior, weight * turn[j]])
+            for _ in range(MOST_DOUBLINGS):
+                value = result.estimates[j] + distance * deviations[j]
+                targets = np.append(np.zeros(len(prior)), weight * value)
+                evaluate = partial(problem.evaluate, estimate.tol)
+                try:
+                    _, unknowns = _minimise(
+                        evaluate, unknowns, rows, estimate.used, targets, ftol=PROFILE_COST_TOL
+                    )
+                except KickdynError:
+                    break
+                above = excess(unknowns)
+                if above < -0.1:
+                    return deviations, unknowns
+                shift = np.abs(turn @ (unknowns - estimate.unknowns))
+                widened = np.maximum(widened, shift / math.sqrt(max(above, PROFILED**2)))
+                if above > PROFILED**2:
+                    break
+                distance *= 2.0
+                unknowns = 2.0 * unknowns - estimate.unknowns
+    return widened, None
+
+
 def _widening(problem: _Problem, estimate: _Estimate) -> float:
     r"""Return the factor by which correlated residuals widen the deviations, 1 without correlation.
 
@@ -490,32 +574,3 @@ def _widening(problem: _Problem, estimate: _Estimate) -> float:
     if correlation < 2.0 / math.sqrt(estimate.used.sum()):  # which chance explains
         return 1.0
     return math.sqrt((1.0 + correlation) / (1.0 - correlation))
-
-
-def _score(name: str, air: Air, problem: _Problem) -> ModelScore:
-    """Return how well an air, fitted to the first halves, predicts the second ones."""
-    sought = tuple(free for free in problem.sought if free != Free.DRAG)
-    predictions, fits = [], []
-    for track in problem.tracks:
-        middle = (len(track) + 1) // 2
-        half = problem._replace(air=air, sought=sought, tracks=(track[:middle],))
-        estimate = _fit(half)
-        fits.append(_result(half, estimate).rms)
-        full = half._replace(tracks=(track,))
-        residuals, _ = full.evaluate(FINEST_TOL, estimate.unknowns)
-        predictions.append(_rms(residuals.reshape(-1, 3)[middle:]))
-    return ModelScore(name, _rms(np.array(predictions)), _rms(np.array(fits)))
-
-
-def _name(air: Air) -> str:
-    """Return the names of the drag and lift models, or the values of constants."""
-    names = [
-        f"{kind} {getattr(model, 'value', getattr(model, 'name', model))}"
-        for kind, model in (("drag", air.drag), ("lift", air.lift))
-    ]
-    return ", ".join(names)
-
-
-def _rms(errors: Array) -> float:
-    """Return the root of the mean square length of vectors, or of numbers."""
-    return math.sqrt(float((errors * errors).sum()) / len(errors))

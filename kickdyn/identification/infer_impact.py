@@ -76,10 +76,7 @@ class InferredImpact(ReprMixin):
 
     @property
     def joint_impulses(self) -> Array:
-        """Impulse of each joint's parent on its child, shape `(njoints, 6)` [N s, N m s].
-
-        As `Impact.joint_impulses`: linear then angular, in each joint's frame.
-        """
+        """Impulses in the joints, shape `(njoints, 6)` [N s, N m s], as `Impact.joint_impulses`."""
         return self.leg_response.joint_impulses
 
     @property
@@ -89,18 +86,12 @@ class InferredImpact(ReprMixin):
 
     @property
     def contact_point(self) -> Array:
-        """Point of the ball on which the impulse acted, shape `(3,)` [m, world frame].
-
-        It follows from the measured position of the ball's centre, :math:`c - r n`.
-        """
+        """Point :math:`c - r n` of the ball on which the impulse acted, shape `(3,)` [m, world]."""
         return np.asarray(self.ball_before.position - self.ball.radius * self.normal)
 
     @property
     def contact_distance(self) -> float:
-        """Distance of `contact_point` from the contact point of the posture [m].
-
-        It says how well the measured positions of leg and ball go together.
-        """
+        """Distance of `contact_point` from the contact point of the posture [m]."""
         return float(np.linalg.norm(self.contact_point - self.posture.contact_point))
 
     @property

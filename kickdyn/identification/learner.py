@@ -96,14 +96,9 @@ LEVEL = Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "centre")
 
 
 class Shot(NamedTuple):
-    """A kick and what was observed of it.
+    """A commanded launch or kick, and what was observed of it; None for what was not.
 
-    Attributes:
-        command: the launch, or the kick, that was asked for.
-        landing: the landing point, shape `(2,)` [m, from the launch]; None where a track was
-            observed.
-        time: observed time of flight [s]; None if it was not observed.
-        track: positions in flight [m, from the launch] over the time since the kick [s], or None.
+    Landing, shape `(2,)`, and positions are from the launch [m], times since the kick [s].
     """
 
     command: BallState | KickPlan
@@ -115,11 +110,10 @@ class Shot(NamedTuple):
 class Learner(ReprMixin):
     r"""Finds the launch, or the kick, that meets a goal although the model is only approximate.
 
-    `command` is the next launch or kick: carry it out, and pass what the ball did to `observe`,
-    until `is_done`. Without a leg, the command is a launch velocity :math:`v`. Whoever carries it
-    out assumes the restitution :math:`e_0`, so that the ball leaves with the velocity
-    :math:`v (1 + e) / (1 + e_0)`. With a leg, the command is a kick that is planned with the
-    restitution that is known by then.
+    Carry out the `command`, and pass what the ball did to `observe`, until `is_done`. Without a
+    leg, the command is a launch velocity :math:`v` for an assumed restitution :math:`e_0`, so that
+    the ball leaves with the velocity :math:`v (1 + e) / (1 + e_0)`. With a leg, the command is a
+    kick that is planned with the restitution that is known by then.
 
     Args:
         goal: a target as high as the launch, with a condition such as the time.
@@ -128,9 +122,8 @@ class Learner(ReprMixin):
         leg: the leg that kicks. With it, commands are kicks by `plan_kick`; with None, launches.
         restitution: :math:`e_0`, the best guess before the first kick, 0.01 to 0.99. With a leg it
             may be a table or the name of a model over the speed of approach, as for `Contact`;
-            :math:`e_0` is then its e in the middle between the first and the last speed, where
-            `estimates` have e, too. The logit :math:`\ln (e / (1 - e))` of the other e changes by
-            as much as that one.
+            :math:`e_0` and `estimates` are then of the middle between the first and the last speed,
+            and the logits :math:`\ln (e / (1 - e))` of all e change by the same.
         friction: friction of the contact of the leg.
         ball_height: height of the ball's centre before the kick of a leg [m, world frame]; None
             leaves it free, as in `plan_kick`.
@@ -213,9 +206,8 @@ class Learner(ReprMixin):
     def estimates(self) -> dict[str, float]:
         """The estimates of the unknowns, by name.
 
-        `drag_scale`, a factor of the drag model; `wind_x` and `wind_y` [m/s]; `restitution`;
-        `elevation` and `azimuth`, how far the ball leaves above and to the left of what was
-        commanded [rad].
+        A factor of the drag model, the wind [m/s], the restitution, and how far the ball leaves
+        above and to the left of what was commanded [rad].
         """
         values = self._theta.copy()
         values[0], values[3] = math.exp(values[0]), expit(values[3])
@@ -247,27 +239,24 @@ class Learner(ReprMixin):
 
         That is where the last kick missed the goal by no more than scatter and uncertainty allow
         in 95 % of kicks, and where the uncertainty has at most a third of the scatter's variance
-        (traces of the covariances), so that knowing more would hardly bring the ball nearer.
+        (traces of the covariances).
         """
-        if not self.shots:
-            return False
         scatter, uncertainty = self.landing_scatter, self.landing_uncertainty
         missed = self._last_landing - self.goal.target[:2]
-        expected = scatter + uncertainty
         return bool(
-            np.trace(uncertainty) <= LEARNT * np.trace(scatter)
-            and missed @ np.linalg.solve(expected, missed) <= UNLIKELY
+            self.shots
+            and np.trace(uncertainty) <= LEARNT * np.trace(scatter)
+            and missed @ np.linalg.solve(scatter + uncertainty, missed) <= UNLIKELY
         )
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Lines about what to know before the next kick; empty if there is nothing."""
         lines = [] if self.launch.limit is None else [f"the goal is {self.launch.summary}"]
-        command = self.command
-        if isinstance(command, KickPlan) and command.share < 1.0:
+        if isinstance(self.command, KickPlan) and self.command.share < 1.0:
             lines.append(
-                f"the goal is beyond the limits of the leg: the kick has {command.share:.0%} of "
-                "the launch speed"
+                "the goal is beyond the limits of the leg: the kick has "
+                f"{self.command.share:.0%} of the launch speed"
             )
         e = self.estimates["restitution"]
         if not 0.02 < e < 0.98:
@@ -393,10 +382,9 @@ class Learner(ReprMixin):
     def _landing(
         self, theta: Array, error: Array, command: BallState | KickPlan
     ) -> tuple[Array, Array]:
-        """Return where and when a command comes down, and the derivatives.
+        """Return where and when a command comes down, `(3,)` [m, m, s], and the derivatives.
 
-        The first has shape `(3,)` [m, m, s], the second `(3, 9)`: by the unknowns and by the error
-        of the kick.
+        These have the shape `(3, 9)`: by the unknowns and by the error of the kick.
         """
         flight = self._fly(theta, error, command, LEVEL)
         if flight.end <= SHORTEST:

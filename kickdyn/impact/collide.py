@@ -31,6 +31,7 @@ from kickdyn.impact.force_model import (
     Dissipation,
     ForceModel,
     contact_stiffness,
+    contact_time_of,
     make_force_model,
 )
 from kickdyn.impact.leg_response import leg_response
@@ -115,15 +116,12 @@ class Collision(AfterApproach):
 
         .. math:: T_v = T + d_0 / w .
 
-        This is what high-speed video shows, where the ball is accelerated for about three fourths
-        of the contact only (Nunome, Shinkai & Ikegami, ISBS 2012). It is the longest contact that
-        the model allows: a ball that recovers later leaves the foot earlier. With `hunt-crossley`,
-        whose :math:`d_0` is 0, both times are the same.
+        In high-speed video the ball is accelerated for about three fourths of the contact only
+        (Nunome, Shinkai & Ikegami, ISBS 2012). It is the longest contact that the model allows.
         """
         separation = self._motion.equations.kinematics(self._end)
-        if self.force_model.restitution == 1.0 or separation.deflection <= 0.0:
-            return self.contact_time
-        return self.contact_time + separation.deflection / -separation.rate
+        left = separation.deflection if self.force_model.restitution < 1.0 else 0.0
+        return self.contact_time + max(left, 0.0) / -separation.rate
 
     @property
     def energy_lost(self) -> float:
@@ -160,7 +158,6 @@ class Collision(AfterApproach):
         return self._motion.equations.evaluations
 
     def _rows(self) -> Iterable[Row]:
-        """Return what `print` shows: each quantity with its value and unit."""
         yield "contact time", 1e3 * self.contact_time, "ms"
         yield "visible contact time", 1e3 * self.visible_contact_time, "ms"
         yield "peak force", self.peak_force, "N"
@@ -176,17 +173,17 @@ class Collision(AfterApproach):
     def warnings(self) -> tuple[str, ...]:
         """A line for each joint outside its range, or faster before the impact than its limit.
 
-        Further lines say so where the restitution is used outside its table, and where a ball whose
-        stiffness follows from its pressure is flattened beyond the range of `Ball.stiffness`.
+        Further lines name a restitution used outside its table, and a ball that is flattened beyond
+        the range of `Ball.stiffness`.
         """
-        flat: tuple[str, ...] = ()
-        share = self.deflection / self.ball.radius
-        if self.force_model.exponent == LINEAR and share > PRESSURE_RANGE:
-            flat = (
-                f"the ball is flattened by {share:.2f} of its radius: its pressure gives the "
-                f"stiffness within 10 % up to {PRESSURE_RANGE:g}",
-            )
-        return (*self.approach.warnings(), *flat)
+        lines, fraction = self.approach.warnings(), self.deflection / self.ball.radius
+        if self.force_model.exponent != LINEAR or fraction <= PRESSURE_RANGE:
+            return lines
+        return (
+            *lines,
+            f"the ball is flattened by {fraction:.2f} of its radius: its pressure gives the "
+            f"stiffness within 10 % up to {PRESSURE_RANGE:g}",
+        )
 
     def __reduce__(self) -> "tuple[partial[Collision], tuple[()]]":
         """Pickle the arguments; unpickled, the collision runs again, to the same digits."""
@@ -196,9 +193,8 @@ class Collision(AfterApproach):
     def error(self) -> float:
         """Estimate of the numerical error of the impulse [N s].
 
-        It is twice the change of the impulse when the tolerance is 100 times tighter, and never
-        less than `tol` times the impulse. It takes this second run when it is first read. Errors of
-        the model are not part of it.
+        It is twice the change of the impulse when the tolerance is 100 times tighter, computed when
+        it is first read, and never less than `tol` times the impulse.
         """
         tighter = self._again(tol=max(self.tol * 1e-2, 1e-13))
         size = math.hypot(*self.impulse)
@@ -208,11 +204,9 @@ class Collision(AfterApproach):
     def joint_impulses(self) -> Array:
         """Impulse of the contact force in each joint, shape `(njoints, 6)` [N s, N m s].
 
-        Each row has the linear, then the angular impulse of the joint's parent on its child, about
-        the joint's origin and in the joint's frame, which turns meanwhile; rows are in the order of
-        `leg.joint_names`. It is the integral over time of what the contact force adds to the force
-        in the joint, and tends to `Impact.joint_impulses` for short contacts. Weight, torques and
-        the motion of the leg need further forces. It is computed when first read.
+        It is the integral over time of what the contact force adds to the force in the joint, in
+        the joint's frame, which turns meanwhile; it tends to `Impact.joint_impulses` for short
+        contacts. Weight, torques and the motion of the leg need further forces.
         """
         motion, leg = self._motion, self.leg
         frame = leg.model.frames[leg.frame_id].placement
@@ -266,13 +260,10 @@ def collide(
 
     The leg moves meanwhile, under gravity, joint torques, centrifugal and Coriolis forces; supports
     stay at rest and loops stay closed. The foot is a plane through its contact point that rotates
-    with it, and the ball is a rigid body behind a spring. The force of `ForceModel` acts along the
-    normal of the plane through the centre of the ball, and Coulomb's friction across it, against
-    the sliding. For growing stiffness the result with the dissipation `walton-braun` tends to the
-    result of `strike` with the law `stronge`, whose restitution it has.
-    With `hunt-crossley` it tends to the law `newton` if the contact slips in one direction
-    throughout; if it sticks, only if friction does not change the normal velocity (a leg without
-    coupling).
+    with it, and the ball is a rigid body behind a spring: the force of `ForceModel` along the
+    normal of the plane, and Coulomb's friction across it. For growing stiffness the result tends
+    with the dissipation `walton-braun` to the result of `strike` with the law `stronge`, and with
+    `hunt-crossley` to the law `newton` if the contact slips in one direction throughout.
 
     Args:
         posture: posture of the leg at first contact, whose contact frame touches the ball.
@@ -281,14 +272,11 @@ def collide(
         contact: normal at first contact, restitution of 0.01 or more at the speed of approach,
             friction and offset. Points that stick creep, at about a thousandth of the approach
             speed.
-        contact_time: duration of the contact for which the stiffness is chosen [s]. The contact
-            has exactly this duration if effective masses are constant and no other force acts. It
-            is 10 ms where neither this nor `stiffness` is given.
+        contact_time: duration of the contact for which the stiffness is chosen, exact for two
+            masses on which no other force acts [s]; 10 ms where `stiffness` is None, too.
         stiffness: stiffness of a Hertz contact [N/m^1.5], in place of `contact_time`; or
-            `"pressure"`, the linear spring of an inflated ball, `Ball.stiffness`, which has no
-            fitted value.
-        dissipation: `walton-braun` or `hunt-crossley`, see `ForceModel`. With both, the restitution
-            is exact if effective masses are constant and no other force acts.
+            `"pressure"`, the linear spring of an inflated ball, `Ball.stiffness`.
+        dissipation: `walton-braun` or `hunt-crossley`, see `ForceModel`.
         torque: torques at the joints, shape `(nv,)` [N m; N for prismatic joints]: constant, or a
             function of the time since first contact, q and v. None is 0.
         ball_velocity: velocity of its centre at first contact, shape `(3,)` [m/s, world frame].
@@ -349,16 +337,15 @@ def duration(
 
 def _expected_time(approach: Approach, model: ForceModel) -> float:
     """Return the contact time of the two masses alone, which must not be too short [s]."""
-    expected = model.contact_time(approach.reduced_mass(), approach.speed)
+    expected = contact_time_of(model, approach.reduced_mass(), approach.speed)
     return validation.number("contact time", expected, at_least=SHORTEST_CONTACT, unit="s")
 
 
 def _checked_torque(torque: ArrayLike | Torque | None, nv: int) -> Array | Torque:
     """Return a torque function of three values, or a copy of constant torques; else raise."""
-    if torque is None:
-        return np.zeros(nv)
     if not callable(torque):
-        return validation.vector("torque", torque, nv, unit="N m")
+        values = np.zeros(nv) if torque is None else torque
+        return validation.vector("torque", values, nv, unit="N m")
     try:
         signature(torque).bind(0.0, torque, torque)
     except TypeError:
@@ -393,12 +380,10 @@ def checked_stiffness(
         raise InvalidInput(
             f"contact_time is {contact_time!r} and stiffness {stiffness!r}: give only one of them"
         )
-    if isinstance(stiffness, str):
-        if stiffness != "pressure":
-            raise InvalidInput(
-                f"stiffness is {stiffness!r}: it must be a number [N/m^1.5] or 'pressure'"
-            )
+    if isinstance(stiffness, str) and stiffness != "pressure":
+        raise InvalidInput(
+            f"stiffness is {stiffness!r}: it must be a number [N/m^1.5] or 'pressure'"
+        )
+    if stiffness is None or isinstance(stiffness, str):
         return stiffness
-    if stiffness is None:
-        return None
     return validation.number("stiffness", stiffness, above=0, unit="N/m^1.5")

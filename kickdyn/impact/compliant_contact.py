@@ -44,49 +44,32 @@ MAX_CONTACT_TIMES = 50.0
 
 
 class State(NamedTuple):
-    """One column of the integrator, unpacked.
-
-    Attributes:
-        q, v: of the leg.
-        moved: displacement of the ball's centre since first contact [m].
-        velocity, spin: of the ball.
-        lost: energy lost to damping and friction [J].
-        work: of the joint torques, and of what maintains a particle's spin against friction [J].
-    """
+    """One column of the integrator, unpacked."""
 
     q: Array
     v: Array
-    moved: Array
-    velocity: Array
+    moved: Array  # displacement of the ball's centre since first contact [m]
+    velocity: Array  # of the ball
     spin: Array
-    lost: float
-    work: float
+    lost: float  # energy, to damping and friction [J]
+    work: float  # of joint torques, and of what maintains a particle's spin against friction [J]
 
 
 class ContactKinematics(NamedTuple):
-    """Kinematics of the contact between ball and foot.
+    """Kinematics of the contact between ball and foot."""
 
-    Attributes:
-        normal: of the foot's plane, from foot into ball.
-        point: of the plane, nearest to the ball's centre, from the joint's origin [m].
-        deflection: [m], negative where they are apart.
-        rate: of the deflection [m/s].
-        sliding: of the ball over the plane, in the plane [m/s].
-    """
-
-    normal: Array
-    point: Array
-    deflection: float
-    rate: float
-    sliding: Array
+    normal: Array  # of the foot's plane, from foot into ball
+    point: Array  # of the plane, nearest to the ball's centre, from the joint's origin [m]
+    deflection: float  # [m], negative where they are apart
+    rate: float  # of the deflection [m/s]
+    sliding: Array  # of the ball over the plane, in the plane [m/s]
 
 
 class CompliantContact:
     """Leg and ball from first contact to separation, as a first-order system.
 
-    The columns are the leg's displacement since first contact in the tangent space, its velocity,
-    the ball's displacement, velocity and spin, the energy lost, and the work done. The largest
-    deflection so far is an argument where the force depends on it: 0 while it grows.
+    A column y has the leg's displacement since first contact, in the tangent space, and what
+    `State` lists. `largest` is the largest deflection so far, 0 while it grows.
     """
 
     def __init__(
@@ -236,7 +219,7 @@ class CompliantContact:
         return self.kinematics(self.state(y)).deflection
 
     def compression_ends(self, _: float, y: Array) -> float:
-        """Return what falls to 0 as the deflection stops growing: its rate, or radius less it."""
+        """Return what falls to 0 as the deflection stops growing, or reaches the radius."""
         contact = self.kinematics(self.state(y))
         return min(contact.rate, self.ball.radius - contact.deflection)
 
@@ -267,23 +250,14 @@ class CompliantContact:
 
 
 class ContactMotion(NamedTuple):
-    """Leg and ball from first contact to separation, as they were integrated.
-
-    Attributes:
-        equations: equations of motion.
-        column: column of the integrator at a time.
-        times: of the integrator's steps, shape `(n,)` [s].
-        last: column at separation.
-        begins: times at which a phase of compression or of restitution begins [s].
-        largest: deflection before each phase, 0 while it grows [m].
-    """
+    """Leg and ball from first contact to separation, as they were integrated."""
 
     equations: CompliantContact
-    column: OdeSolution
-    times: Array
-    last: Array
-    begins: list[float]
-    largest: list[float]
+    column: OdeSolution  # of the integrator, at a time
+    times: Array  # of the integrator's steps, shape `(n,)` [s]
+    last: Array  # column at separation
+    begins: list[float]  # times at which a phase of compression or of restitution begins [s]
+    largest: list[float]  # deflection before each phase, 0 while it grows [m]
 
     def sample(self, t: float) -> tuple[Array, Array, float]:
         """Return force [N] and impulse so far [N s] on the ball, and deflection [m] at a time."""

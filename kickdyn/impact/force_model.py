@@ -17,6 +17,9 @@ from kickdyn.core.validation import Array
 SHORTEST_CONTACT = 1e-9
 """Contact time below which the deflection has too few digits beside the leg's size [s]."""
 
+LONGEST_CONTACT = 1.0
+"""Longest contact time [s]; balls take 10 ms, so that a larger number is one in milliseconds."""
+
 HERTZ, LINEAR = 1.5, 1.0
 """Exponents n of the deflection: of elastic bodies, and of an inflated ball (`Ball.stiffness`)."""
 
@@ -44,9 +47,8 @@ class ForceModel:
     which is :math:`k d^n (1 + c\, \dot d)` in compression, while D = d. With c = 0 it is the
     hysteretic spring of Walton & Braun (J. Rheology 30, 1986; there n = 1): restitution returns
     :math:`e^2` of the work of compression whatever the masses, and foot and ball separate at
-    :math:`d_0`, where the force vanishes: the ball recovers its shape afterwards. With e = 1 it is
-    the damped spring of Hunt & Crossley (J. Applied Mechanics 42, 1975); `matched_damping` gives
-    its c for a restitution, exactly for two masses on which no other force acts.
+    :math:`d_0`. With e = 1 it is the damped spring of Hunt & Crossley (J. Applied Mechanics 42,
+    1975), whose c follows from a restitution.
 
     Attributes:
         stiffness: k [N/m^n]; of two elastic bodies (n = 3/2) it is :math:`\frac43 E^* \sqrt{R}`
@@ -73,45 +75,26 @@ class ForceModel:
             object.__setattr__(self, name, value)
 
     def force(self, deflection: float, rate: float, largest: float = 0.0) -> float:
-        """Return the normal force [N]; the arguments are not checked.
+        """Return the normal force [N] for a deflection [m] and its rate [m/s], not checked.
 
-        Args:
-            deflection: d [m].
-            rate: rate of the deflection [m/s].
-            largest: largest deflection so far [m]; below d the contact is being compressed.
+        With a largest deflection so far [m] that is below d, the contact is being compressed.
         """
         spring, _ = self._spring(deflection, largest)
         return max(spring * (1.0 + self.damping * rate), 0.0)
 
     def returned(self, deflection: float, largest: float = 0.0) -> float:
-        """Return the part of the spring's force whose work restitution gives back [N].
-
-        The arguments are those of `force`; they are not checked.
-        """
+        """Return the part of the spring's force whose work restitution gives back [N]."""
         spring, _ = self._spring(deflection, largest)
         return spring if deflection < largest else self.restitution**2 * spring
 
     def stored(self, deflection: float, largest: float = 0.0) -> float:
-        """Return the energy that restitution will give back [J]; arguments as for `force`."""
+        """Return the energy that restitution will give back [J]."""
         spring, recovered = self._spring(deflection, largest)
         return spring * recovered / (self.exponent + 1.0)
 
     def separation(self, largest: float) -> float:
         """Return the deflection at which the force vanishes [m] after a largest one [m]."""
         return (1.0 - self.restitution**2) * largest
-
-    def contact_time(self, mass: float, approach_speed: float) -> float:
-        r"""Return for how long two bodies of a reduced mass m [kg] touch [s].
-
-        .. math:: T = \tau(e, c\, u) \left(\frac{m}{k}\right)^{1/(n+1)} u^{-(n-1)/(n+1)},
-
-        with the approach speed u [m/s]; the arguments are not checked.
-        """
-        power = 1.0 / (self.exponent + 1.0)
-        scale = (mass / self.stiffness) ** power
-        scale *= approach_speed ** (-(self.exponent - 1.0) * power)
-        damping = self.damping * approach_speed
-        return float(scale * _unit_contact_time(self.restitution, damping, self.exponent))
 
     def _spring(self, deflection: float, largest: float) -> tuple[float, float]:
         """Return the spring's force [N] and how far it can recover [m], both 0 or more."""
@@ -133,14 +116,8 @@ def matched_damping(restitution: float) -> float:
 
     .. math:: (1 + e)\, s = \ln \frac{1 + s}{1 - e s},
 
-    whatever the masses, the stiffness and the exponent (Gonthier et al. 2004).
-
-    Args:
-        restitution: coefficient e, 0.01 to 1. The damping grows as 1/e, and so does a peak of force
-            at first contact that no ball has: the law is meant for e well above 0.01.
-
-    Raises:
-        InvalidInput: a value outside its range.
+    whatever the masses, the stiffness and the exponent (Gonthier et al. 2004). The damping grows as
+    1/e, and so does a peak of force at first contact that no ball has.
     """
     e = _restitution(restitution)
     first = 1.5 * (1.0 - e * e) / (1.0 + e**3)  # the limit for e near 1, and always below s
@@ -170,7 +147,7 @@ def contact_stiffness(
     `walton-braun` :math:`\tau(e) = (1 + e)/2\; \tau(1)`.
 
     Args:
-        contact_time: duration T of the contact [s], above 0.
+        contact_time: duration T of the contact [s], above 0 and at most 1.
         mass: reduced mass m = 1 / (1/m1 + 1/m2) of the two bodies [kg], above 0.
         approach_speed: u [m/s], above 0. The contact time of Hertz falls with its fifth root.
         restitution: coefficient e, 0.01 to 1.
@@ -179,11 +156,13 @@ def contact_stiffness(
     Raises:
         InvalidInput: a value outside its range, or an unknown dissipation.
     """
-    time = validation.number("contact time", contact_time, above=0, unit="s")
+    time = validation.number(
+        "contact time", contact_time, above=0, at_most=LONGEST_CONTACT, unit="s"
+    )
     m = validation.number("mass", mass, above=0, unit="kg")
     speed = validation.number("approach speed", approach_speed, above=0, unit="m/s")
     kind = validation.choice("dissipation", dissipation, Dissipation)
-    unit = make_force_model(1.0, HERTZ, 1.0, restitution, kind).contact_time(1.0, 1.0)
+    unit = contact_time_of(make_force_model(1.0, HERTZ, 1.0, restitution, kind), 1.0, 1.0)
     with np.errstate(over="ignore"):
         stiffness = m / math.sqrt(speed) * float(np.float64(unit / time) ** 2.5)
     return validation.number("stiffness for that contact time", stiffness, above=0, unit="N/m^1.5")
@@ -200,6 +179,20 @@ def make_force_model(
     if dissipation is Dissipation.WALTON_BRAUN:
         return ForceModel(stiffness, 0.0, restitution, exponent)
     return ForceModel(stiffness, matched_damping(restitution) / approach_speed, 1.0, exponent)
+
+
+def contact_time_of(model: ForceModel, mass: float, approach_speed: float) -> float:
+    r"""Return for how long two bodies of a reduced mass m [kg] touch [s].
+
+    .. math:: T = \tau(e, c\, u) \left(\frac{m}{k}\right)^{1/(n+1)} u^{-(n-1)/(n+1)},
+
+    with the approach speed u [m/s].
+    """
+    power = 1.0 / (model.exponent + 1.0)
+    scale = (mass / model.stiffness) ** power
+    scale *= approach_speed ** (-(model.exponent - 1.0) * power)
+    damping = model.damping * approach_speed
+    return float(scale * _unit_contact_time(model.restitution, damping, model.exponent))
 
 
 @lru_cache(maxsize=256)

@@ -4,7 +4,6 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -57,8 +56,20 @@ class Impact(AfterApproach):
 
     @property
     def energy_lost(self) -> float:
-        """Kinetic energy that leg and ball lose [J]; negative where the law creates energy."""
+        """Energy lost to restitution and friction [J]; negative where the law creates energy.
+
+        It is the kinetic energy that leg and ball lose, plus `motor_work`.
+        """
         return self.solution.energy_lost
+
+    @property
+    def motor_work(self) -> float:
+        """Work of the motors that keep the velocities of stiff joints [J]; 0 without any."""
+        projector = self.posture.constraint_projector
+        if projector is None:
+            return 0.0
+        rows, joints = projector.constraints.stiff_rows, projector.constraints.stiff_joints
+        return float(self.constraint_impulses[rows] @ self.v_before[joints])
 
     @property
     def sticking(self) -> bool:
@@ -110,9 +121,8 @@ class Impact(AfterApproach):
     def constraint_impulses(self) -> Array:
         """Impulses of the constraints, stacked as in `posture.constraint_projector.rows`.
 
-        Impulses of supports and loops have world axes, those of mimic and stiff joints act along
-        the joint [N s, N m s]. The array is empty for a leg without constraints.
-        `support_impulses` and `loop_impulses` have them by name.
+        Those of supports and loops, which `support_impulses` and `loop_impulses` have by name, have
+        world axes, those of mimic and stiff joints act along the joint [N s, N m s].
         """
         return self.leg_response.constraint_impulses
 
@@ -151,9 +161,8 @@ class Impact(AfterApproach):
     def restitution_residual(self) -> float:
         r"""Residual :math:`|u_n^+ + e\, u_n^-| / |u_n^-|` of Newton's restitution along the normal.
 
-        It is computed from the velocities after the impact. With the law `paper`, whose restitution
-        is along the attack direction, and with `stronge`, whose restitution is one of work, it is
-        not 0 where these differ from Newton's.
+        It is not 0 with the law `paper`, whose restitution is along the attack direction, and with
+        `stronge`, whose restitution is one of work, where these differ from Newton's.
         """
         approach = self.approach
         foot_velocity_after = approach.posture.jacobian.dot(self.leg_response.v_after)
@@ -163,11 +172,7 @@ class Impact(AfterApproach):
 
     @property
     def momentum_residual(self) -> float:
-        r"""Joint-space momentum that Newton-Euler does not account for, relative to its scale.
-
-        The scale is :math:`\|J\| |p|`, with the Jacobian J of the contact point and the impulse p.
-        It is 0 but for rounding.
-        """
+        r"""Joint-space momentum that Newton-Euler does not account for, over :math:`\|J\| |p|`."""
         return self.leg_response.momentum_residual
 
     @property
@@ -204,9 +209,9 @@ class Impact(AfterApproach):
     def digits(self) -> float:
         """Estimate of how many decimal digits of the impulse are correct, 0 to 16.
 
-        Velocities after the impact may have fewer, where they cancel. Few digits are left where the
-        speed of approach is little more than the rounding of its terms, where the ball is many
-        times heavier than the leg that it sticks to, and where friction nearly jams the contact.
+        Velocities after the impact may have fewer, where they cancel. Few are left for a speed of
+        approach near the rounding of its terms, a ball many times heavier than the leg that it
+        sticks to, and friction that nearly jams the contact.
         """
         return float(digits_left(self.rounding.impulse))
 
@@ -228,8 +233,7 @@ class Impact(AfterApproach):
         """Return the derivatives of this impact by everything that it depends on.
 
         Args:
-            of_leg: whether to include the sources that change the leg, `q`, `v`, `link_mass` and
-                `link_inertia`; their derivatives take most of the time.
+            of_leg: whether to include `q`, `v` and `link_mass`, which take most of the time.
 
         Raises:
             InvalidInput: a law without sensitivities, a support that moves after
@@ -250,16 +254,15 @@ class Impact(AfterApproach):
 
         Args:
             **spread: standard deviations by the name of a source
-                (`kickdyn.impact.sensitivity.UNITS` has names and units): one number for all
-                components of the source; one for each component, shape `(n,)`, which are then
-                independent; or the covariance of the components, shape `(n, n)`. Different sources
+                (`kickdyn.impact.sensitivity.UNITS` has names and units): one number for all of its
+                components; one for each, shape `(n,)`; or their covariance, shape `(n, n)`. Sources
                 are independent. The deviation of `normal` is the angle by which this direction
                 tilts to each side [rad].
 
         Raises:
-            InvalidInput: no source or an unknown one, a wrong shape, a negative or infinite
-                deviation, a covariance that is not symmetric and positive semidefinite, or what
-                `sensitivity` refuses.
+            InvalidInput: an unknown source, a wrong shape, a negative or infinite deviation, a
+                covariance that is not symmetric and positive semidefinite, or what `sensitivity`
+                refuses.
 
         Example:
             >>> import kickdyn as kd
@@ -281,13 +284,7 @@ class Impact(AfterApproach):
         loops = zip(projector.constraints.loops, blocks[len(supports) :], strict=True)
         return list(zip(supports, blocks, strict=False)), list(loops)
 
-    def __getstate__(self) -> dict[str, Any]:
-        """Pickle all of it, read or not, so that a copy has the same digits."""
-        _ = self.leg_response, self.effective_mass
-        return self.__dict__
-
     def _rows(self) -> Iterable[Row]:
-        """Return what `print` shows: each quantity with its value and unit."""
         joint, most = self.worst_joint
         yield "law", self.law + (", sticks" if self.sticking else ""), ""
         if not isinstance(self.contact.restitution, float):
@@ -302,6 +299,8 @@ class Impact(AfterApproach):
         yield "ball over foot speed", self.speed_ratio, ""
         yield f"worst joint, {joint}", most, "N s"
         yield "energy lost", self.energy_lost, "J"
+        if self.posture.leg.stiff_joints:
+            yield "work of the motors", self.motor_work, "J"
         residuals = np.array([self.restitution_residual, self.momentum_residual])
         rounding = bool((residuals < RESIDUAL_ROUNDING).all())
         yield "residuals", f"below {RESIDUAL_ROUNDING:g}" if rounding else residuals, ""

@@ -20,18 +20,11 @@ LINEAR, ANGULAR = slice(0, 3), slice(3, 6)
 
 
 class LegDerivatives(NamedTuple):
-    """Derivatives of a leg's velocities.
+    """Derivatives of a leg's velocities by q, `(3, nv)` and `(nv, nv)` [m/s or rad/s per rad]."""
 
-    Attributes:
-        admissible: of v by itself: the projector on what supports and loops allow, `(nv, nv)`.
-        foot_q, foot_q_after: of the contact point's velocity by q, before, and after at a fixed
-            v_after, shape `(3, nv)` [m/s per rad].
-        v_after_q: of v_after by q, shape `(nv, nv)`.
-    """
-
-    admissible: Array
-    foot_q: Array
-    foot_q_after: Array
+    admissible: Array  # projector of v on what supports and loops allow, `(nv, nv)`
+    foot_q: Array  # of the contact point's velocity before
+    foot_q_after: Array  # and after, at a fixed v_after
     v_after_q: Array
 
 
@@ -78,20 +71,23 @@ def leg_derivatives(
     )
 
 
-def inertia_derivatives(posture: Posture, jump: Array) -> Array:
-    """Return d(v_after)/d(links' inertias), `(nv, 10 * links)`, for a jump of v [rad/s]."""
-    space, nv = posture.leg.workspace, posture.leg.nv
-    rows = pin.computeJointTorqueRegressor(
+def mass_derivatives(posture: Posture, jump: Array) -> Array:
+    """Return d(v_after)/d(mass) of each link at fixed shape, `(nv, links)`, for a jump of v."""
+    space = posture.leg.workspace
+    links = list(space.model.inertias)[1:]
+    by_inertia = pin.computeJointTorqueRegressor(
         space.model, space.data, posture.q, space.zero_velocity, jump
     )
-    return np.asarray(-constrained_inverse_inertia(posture) @ np.reshape(rows, (nv, -1)))
+    per_mass = [  # a virtual link between joints has no mass to scale
+        link.toDynamicParameters() / link.mass if link.mass > 0.0 else np.zeros(10)
+        for link in links
+    ]
+    torques = np.einsum("ilk,lk->il", np.reshape(by_inertia, (-1, len(links), 10)), per_mass)
+    return np.asarray(-constrained_inverse_inertia(posture) @ torques)
 
 
 def check_fixed_axes(leg: Leg) -> None:
-    """Raise `InvalidInput` for joints whose axes depend on their own angles, as in a cardan joint.
-
-    Pinocchio's derivatives by q leave out how the axes rotate, without a warning.
-    """
+    """Raise `InvalidInput` for joints whose axes depend on their own angles, as a cardan joint."""
     model, data, axes = leg.workspace.model, leg.workspace.data, []
     neutral = pin.neutral(model)
     for q in (neutral, pin.integrate(model, neutral, 0.7 * np.ones(leg.nv))):
@@ -116,16 +112,6 @@ def constrained_inverse_inertia(posture: Posture) -> Array:
     if posture.constraint_projector is None:
         return posture.solve(units)
     return np.column_stack([posture.solve(unit) for unit in units])
-
-
-def mass_to_inertia(posture: Posture) -> Array:
-    """Return d(inertias)/d(mass) of each link at fixed shape, `(10 * links, links)`."""
-    inertias = list(posture.leg.workspace.model.inertias)[1:]
-    matrix = np.zeros((10 * len(inertias), len(inertias)))
-    for i, inertia in enumerate(inertias):
-        if inertia.mass > 0.0:  # a virtual link between joints has none to scale
-            matrix[10 * i : 10 * i + 10, i] = inertia.toDynamicParameters() / inertia.mass
-    return matrix
 
 
 def _jacobian(posture: Posture, load: Load) -> Array:

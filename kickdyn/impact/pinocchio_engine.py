@@ -1,14 +1,19 @@
 """The frictionless impact by Pinocchio's own solver, with leg and free ball as one model."""
 
+import math
+from functools import lru_cache
+
 import numpy as np
 import pinocchio as pin
 
 from kickdyn.ball import BallState
+from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.approach import Approach
 from kickdyn.impact.contact_problem import ImpactLaw, Solution
 from kickdyn.impact.laws import names_of_laws
 from kickdyn.impact.leg_response import NO_CONSTRAINTS, LegResponse, response_to_jump
+from kickdyn.robot.leg import Leg, Workspace
 
 
 def solve_by_pinocchio(
@@ -21,10 +26,9 @@ def solve_by_pinocchio(
 
     .. math:: A v^+ = -e A v, \qquad M (v^+ - v) = A^T \lambda .
 
-    The row always has rank one because of the ball. Of supports and loops, the independent rows are
-    added; with rows of lower rank its answer would be wrong without a warning. The joint impulses
-    follow from its velocity jump, by Newton-Euler. Friction, a law that differs from Eq. (10)
-    without it and an obstacle raise `InvalidInput`.
+    Of supports and loops, the independent rows are added; with rows of lower rank its answer would
+    be wrong without a warning. Friction, a law that differs from Eq. (10) without it and an
+    obstacle raise `InvalidInput`.
     """
     posture, before, ball = approach.posture, approach.ball_before, approach.ball
     contact, leg = approach.contact, posture.leg
@@ -36,31 +40,20 @@ def solve_by_pinocchio(
         )
     ball.check_movable("Pinocchio's impulseDynamics")
     n, e = contact.normal, approach.restitution
-    model = leg.workspace.model.copy()
-    joint = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "kickdyn_ball")
     inertia = min(ball.inertia, ball.mass * ball.radius**2)  # nothing turns it, not even a particle
-    rigid = pin.Inertia(ball.mass, np.zeros(3), inertia * np.eye(3))
-    model.appendBodyToJoint(joint, rigid, pin.SE3.Identity())
-    data = pin.Data(model)
-
+    space, joint = with_ball(leg, ball.mass, inertia)
     q = np.concatenate([posture.q, before.position, [0.0, 0.0, 0.0, 1.0]])
     velocity = np.concatenate([approach.v, before.velocity, before.spin])
-    pin.computeJointJacobians(model, data, q)
-    on_ball = pin.SE3(np.eye(3), -ball.radius * n)
-    on_foot = pin.SE3(np.eye(3), posture.contact_lever.copy())
-    ball_jacobian, foot_jacobian = (
-        pin.getFrameJacobian(model, data, parent, placement, pin.LOCAL_WORLD_ALIGNED)[:3]
-        for parent, placement in ((joint, on_ball), (leg.contact_joint, on_foot))
-    )
-    rows = n[None] @ (ball_jacobian - foot_jacobian)
+    rows = contact_row(space, joint, q, -ball.radius * n, leg.contact_joint, posture.contact_lever)
     projector = posture.constraint_projector
     if projector is not None:  # as many rows as their rank; they are at rest before
         independent = projector.rows[projector.independent]
         rows = np.vstack([rows, np.hstack([independent, np.zeros((len(independent), 6))])])
     # stiff joints keep their velocity: seen from a velocity that has it, they are at rest
     shared = np.linalg.lstsq(rows, np.append(0.0, rows[1:] @ velocity), rcond=None)[0]
-    after = pin.impulseDynamics(model, data, q, velocity - shared, rows, e, 0.0) + shared
-    p, *constraint_impulses = data.impulse_c.tolist()
+    after = pin.impulseDynamics(space.model, space.data, q, velocity - shared, rows, e, 0.0)
+    after = after + shared
+    p, *constraint_impulses = space.data.impulse_c.tolist()
     reaction = NO_CONSTRAINTS
     if projector is not None:
         reaction = np.zeros(len(projector.rows))
@@ -72,3 +65,30 @@ def solve_by_pinocchio(
     response = response_to_jump(posture, approach.v, jump, p * n, reaction)
     ball_after = BallState.computed(before.position, turned[:3].copy(), turned[3:].copy())
     return solution, ball_after, response
+
+
+@lru_cache(maxsize=4)
+def with_ball(leg: Leg, mass: float, inertia: float) -> tuple[Workspace, int]:
+    """Return the model of a leg and a free ball, without gravity, and the ball's joint."""
+    model = leg.model
+    joint = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "kickdyn_ball")
+    rigid = pin.Inertia(mass, np.zeros(3), inertia * np.eye(3))
+    model.appendBodyToJoint(joint, rigid, pin.SE3.Identity())
+    return Workspace(model), joint
+
+
+def contact_row(
+    space: Workspace, ball_joint: int, q: Array, ball_lever: Array, foot_joint: int, lever: Array
+) -> Array:
+    """Return the row of the contact, shape `(1, nv + 6)`.
+
+    The levers are from the ball's centre, against the normal, and from the foot's joint [m].
+    """
+    pin.computeJointJacobians(space.model, space.data, q)
+    on_ball, on_foot = (pin.SE3(np.eye(3), arm) for arm in (ball_lever, lever.copy()))
+    ball, foot = (
+        pin.getFrameJacobian(space.model, space.data, joint, point, pin.LOCAL_WORLD_ALIGNED)[:3]
+        for joint, point in ((ball_joint, on_ball), (foot_joint, on_foot))
+    )
+    normal = -ball_lever / math.hypot(*ball_lever)
+    return np.asarray(normal[None] @ (ball - foot))

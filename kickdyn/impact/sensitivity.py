@@ -16,11 +16,11 @@ from kickdyn.impact.approach import Approach
 from kickdyn.impact.contact_problem import Solution
 from kickdyn.impact.leg_derivatives import (
     constrained_inverse_inertia,
-    inertia_derivatives,
     leg_derivatives,
-    mass_to_inertia,
+    mass_derivatives,
 )
 from kickdyn.impact.leg_response import LegResponse
+from kickdyn.restitution import restitution_slope
 from kickdyn.robot.leg import Leg
 
 AT_BOUNDARY = 1e-9
@@ -37,23 +37,19 @@ UNITS = {
     "ball_velocity": "m/s",
     "ball_spin": "rad/s",
     "link_mass": "kg",
-    "link_inertia": "",
 }
 """Every source, what an impact depends on, and its unit; of prismatic joints, q is in m and v m/s.
 
 Of a leg with supports or loops, v and q count as far as these allow: v without what would move
-them, by kinetic energy, also where q changes it; q without what would open a loop (the least change
-of angles is subtracted), whereas supports are fixed wherever q puts them.
+them, q without what would open a loop, whereas supports are fixed wherever q puts them.
 `restitution` adds to e, at every speed where it is a table.
 `normal` is the direction of the contact normal as a unit vector: its component along the normal has
 no effect. `ball_mass` scales the ball's inertia, too. `link_mass` scales a link as a whole: centre
-of mass and radii of gyration stay; massless links do not count. `link_inertia` holds ten numbers
-per link in Pinocchio's order: mass [kg], mass times centre of mass [kg m], and xx, xy, yy, xz, yz,
-zz of the inertia about the joint's origin [kg m2], in the joint's axes.
+of mass and radii of gyration stay; massless links do not count.
 Links count as in `leg.joint_names`; all else is in the world frame.
 """
 
-OF_LEG = ("q", "v", "link_mass", "link_inertia")
+OF_LEG = ("q", "v", "link_mass")
 """Sources that change the leg; the others cost a fraction."""
 
 Jacobians = Mapping[str, Array]
@@ -71,10 +67,9 @@ class Branch(StrEnum):
 class Sensitivity(ReprMixin):
     """Derivatives of an impact's results, one Jacobian per source.
 
-    A source is a quantity on which the impact depends; `kickdyn.impact.sensitivity.UNITS` has their
-    names and units. Each attribute of type `Jacobians` maps the name of a source to an array of
-    shape `(k, n)`, with the k components of the result and the n of the source. The source q has nv
-    components, those of its tangent space.
+    `kickdyn.impact.sensitivity.UNITS` has the names of the sources and their units. Each attribute
+    of type `Jacobians` maps the name of a source to an array of shape `(k, n)`, with the k
+    components of the result and the n of the source; q has nv, those of its tangent space.
 
     Attributes:
         impulse: derivatives of the impulse on the ball, k = 3
@@ -90,8 +85,8 @@ class Sensitivity(ReprMixin):
             the contact slips [N s]; in `slip`, the speed of sliding that remains [m/s]; inf without
             friction.
         margin_slope: derivatives of the margin, k = 1.
-        at_boundary: whether the margin is 0 but for rounding. As stick and slip have different
-            derivatives, these are then valid to one side only.
+        at_boundary: whether the margin is 0 but for rounding: derivatives are then valid to one
+            side only.
     """
 
     impulse: Jacobians
@@ -104,14 +99,11 @@ class Sensitivity(ReprMixin):
     at_boundary: bool
 
     def _rows(self) -> Iterable[Row]:
-        """Return what `print` shows: each quantity with its value and unit."""
         yield "branch", self.branch.value, "at its end" if self.at_boundary else ""
         yield "margin", self.margin, {"stick": "N s", "slip": "m/s"}.get(self.branch, "")
         for source, rows in self.impulse.items():
-            if unit := UNITS[source]:  # numbers of `link_inertia` have several
-                per = f"({unit})" if "/" in unit else unit
-                gain = float(np.linalg.norm(rows, 2))
-                yield f"impulse by {source}, at most", gain, f"N s per {per}"
+            per = f"({UNITS[source]})" if "/" in UNITS[source] else UNITS[source]
+            yield f"impulse by {source}, at most", float(np.linalg.norm(rows, 2)), f"N s per {per}"
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # refused at the end
@@ -125,21 +117,24 @@ def sensitivity(
 ) -> Sensitivity:
     r"""Differentiate an impact by law `newton`, analytically.
 
-    The impulse p solves :math:`R(p, x) = 0` (restitution and no sliding, or restitution and
-    Coulomb's cone against the sliding), so
+    At an impulse that is fixed in the contact axes, a change of x leaves a velocity :math:`r_x`
+    over after the impact that the law does not allow; with C of `impulse_by_velocity`,
 
-    .. math:: \frac{dp}{dx} = -\left(\frac{\partial R}{\partial p}\right)^{-1}
-              \frac{\partial R}{\partial x} .
+    .. math:: \frac{dp}{dx} = \left.\frac{\partial p}{\partial x}\right|_\mathrm{axes} - C r_x .
 
-    Where the restitution depends on the speed of approach u, so does R: e changes by
-    :math:`(de/du)\, du/dx`; in a row of the table, de/du is the slope of the interval above.
-    What x does to the leg comes from Pinocchio's derivatives of Newton-Euler and of kinematics, and
-    from its regressor, projected on what supports and loops allow
-    (`kickdyn.impact.leg_derivatives`). A support that moves, or a joint whose axes depend on its
-    own angles, raises `InvalidInput`; a derivative that leaves double precision raises
-    `KickdynError`.
+    Where the restitution depends on the speed of approach u, e changes by :math:`(de/du)\, du/dx`.
+    What x does to the leg is in `kickdyn.impact.leg_derivatives`. A support that moves, or a joint
+    whose axes depend on its own angles, raises `InvalidInput`; a derivative that leaves double
+    precision raises `KickdynError`.
     """
-    _check_supports(approach, response)
+    projector = approach.posture.without_stiff_joints.constraint_projector
+    moved = None if projector is None else projector.find_violation(response.v_after)
+    if moved is not None:
+        name, speed, unit = moved
+        raise InvalidInput(
+            f"a support moves at {speed:.3g} {unit} after the impact ({name}): sensitivities are "
+            "for supports that stay"
+        )
     names = UNITS if of_leg else [name for name in UNITS if name not in OF_LEG]
     columns = _columns(approach.posture.leg, names)
     ball, posture, n = approach.ball, approach.posture, approach.contact.normal
@@ -160,7 +155,7 @@ def sensitivity(
     at_contact = -pin.skew(p) @ turn
     at_contact[:, columns["friction"]] -= (n @ p * tangent)[:, None]
     closing = -(n @ fixed.before + fixed.u_before @ fixed.normal)
-    restitution = approach.contact.restitution_slope(approach.speed) * closing
+    restitution = restitution_slope(approach.contact.restitution, approach.speed) * closing
     restitution[columns["restitution"]] += 1.0
     separation = approach.restitution * closing + approach.speed * restitution
     left_over = fixed.after + delassus @ at_contact + pin.skew(fixed.u_after) @ turn
@@ -176,8 +171,7 @@ def sensitivity(
         by_friction = spin[:, columns["friction"]].copy()
         spin[:] = 0.0
         spin[:, columns["ball_spin"]], spin[:, columns["friction"]] = np.eye(3), by_friction
-    v_after = fixed.v_after
-    v_after = v_after - constrained_inverse_inertia(posture) @ posture.jacobian.T @ impulse
+    v_after = fixed.v_after - constrained_inverse_inertia(posture) @ posture.jacobian.T @ impulse
     sliding = fixed.after + delassus @ impulse
     branch, margin, slope, scale = _margin(
         approach, solution, fixed, impulse, sliding, tangent, columns
@@ -190,34 +184,15 @@ def sensitivity(
         return {name: rows[:, place] for name, place in columns.items()}
 
     return Sensitivity(
-        impulse=named(impulse),
-        velocity=named(velocity),
-        spin=named(spin),
-        v_after=named(v_after),
-        branch=branch,
-        margin=margin,
-        margin_slope=named(slope.reshape(1, -1)),
-        at_boundary=margin <= AT_BOUNDARY * scale,
-    )
-
-
-def _check_supports(approach: Approach, response: LegResponse) -> None:
-    """Raise `InvalidInput` if a support moves after the impact."""
-    projector = approach.posture.without_stiff_joints.constraint_projector
-    moved = None if projector is None else projector.find_violation(response.v_after)
-    if moved is not None:
-        name, speed, unit = moved
-        raise InvalidInput(
-            f"a support moves at {speed:.3g} {unit} after the impact ({name}): sensitivities are "
-            "for supports that stay"
-        )
+        named(impulse), named(velocity), named(spin), named(v_after),
+        branch, margin, named(slope.reshape(1, -1)), at_boundary=margin <= AT_BOUNDARY * scale,
+    )  # fmt: skip
 
 
 def _columns(leg: Leg, names: Iterable[str]) -> dict[str, slice]:
     """Return the columns of each source when the sources are written side by side."""
-    links = len(leg.joint_names)
     sizes = {"q": leg.nv, "v": leg.nv, "normal": 3, "ball_velocity": 3, "ball_spin": 3}
-    sizes |= {"link_mass": links, "link_inertia": 10 * links}
+    sizes["link_mass"] = len(leg.joint_names)
     columns, start = {}, 0
     for name in names:
         stop = start + sizes.get(name, 1)
@@ -275,18 +250,15 @@ def _at_fixed_impulse(
     after = velocity + r * cross_n @ spin
     if "q" in columns:
         leg = leg_derivatives(posture, v_before, response.v_after, p, response.constraint_impulses)
-        by_inertia = inertia_derivatives(posture, response.v_after - v_before)
         v_after[:, columns["v"]] = leg.admissible
         v_after[:, columns["q"]] = leg.v_after_q
-        v_after[:, columns["link_inertia"]] = by_inertia
-        v_after[:, columns["link_mass"]] = by_inertia @ mass_to_inertia(posture)
+        v_after[:, columns["link_mass"]] = mass_derivatives(posture, response.v_after - v_before)
         before[:, columns["v"]] = -jacobian @ leg.admissible
         before[:, columns["q"]] = -leg.foot_q
         after -= jacobian @ v_after
         after[:, columns["q"]] -= leg.foot_q_after
-    after[:, columns["ball_radius"]] = before[
-        :, columns["ball_radius"]
-    ]  # what the impulse adds has no r
+    by_radius = columns["ball_radius"]
+    after[:, by_radius] = before[:, by_radius]  # what the impulse adds has no r
     after[:, columns["normal"]] -= r * pin.skew(ball_after.spin) @ projector
 
     u_before = ball_before.velocity - jacobian @ v_before + r * cross_n @ ball_before.spin

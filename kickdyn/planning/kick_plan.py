@@ -24,7 +24,8 @@ from kickdyn.planning.backswing import Backswing
 from kickdyn.planning.goal import Goal, PlanStatus
 from kickdyn.planning.impact_target import ImpactTarget
 from kickdyn.planning.launch import Launch
-from kickdyn.planning.objectives import KickObjective
+from kickdyn.planning.objectives import OBJECTIVES, KickObjective
+from kickdyn.planning.passes import Pass
 from kickdyn.planning.swing_phase import SwingPhase
 from kickdyn.restitution import range_warnings
 from kickdyn.robot.ground_clearance import (
@@ -55,13 +56,10 @@ class KickPlan(ReprMixin):
     """A planned kick, verified by `strike` and `fly`.
 
     Attributes:
-        status: `met`; or `beyond-limits`: the leg is not fast or strong enough, and this is the
-            kick in the planned direction that gives the ball the most speed; or, with a `share` of
-            1, the kick meets the goal but its `backswing` takes more than the torque limits.
         goal: the goal that was asked for.
-        launch: the launch that meets the goal.
-        objective: objective that was minimized, or maximized if it is `most-joint-impulse`.
-        value: value of the objective.
+        launch: the launch that meets the goal; of a pass, a `Pass`.
+        objective: name of the quantity that was minimized or maximized.
+        value: value of this quantity.
         share: share of the launch speed that is reached; 1 where the goal is met.
         impact_target: impulse, normal and contact point on the ball.
         impact: the strike, from the planned posture and joint velocity.
@@ -70,9 +68,11 @@ class KickPlan(ReprMixin):
         speed_use: largest joint speed at the impact over its limit.
         torque_use: largest torque at the impact over its limit. The torque is that which keeps the
             speed of the joints, gravity included.
-        binding: limits that are reached, such as `speed of knee` or `torque of knee`; `swing` where
-            a harder kick has no motion from rest and to rest; `torque of knee in the backswing`
-            where that takes more than the limit.
+        binding: limits that are reached, such as `torque of knee`; `swing` where a harder kick has
+            no motion from rest and to rest; `torque of knee in the backswing` where that takes more
+            than the limit.
+        ball_is_placed: whether the height of the ball was given. If not, the level of the ground
+            under a leg on a fixed base is not known.
         heading: angle by which `leg` is turned to the left about the vertical [rad]; 0 but for a
             leg whose foot moves in a plane, and a goal aside of it.
         phases: backswing and follow-through that `swing=True` found with the kick; `plan_swing`
@@ -83,9 +83,8 @@ class KickPlan(ReprMixin):
             `swing=True`; else None.
     """
 
-    status: PlanStatus
     goal: Goal
-    launch: Launch
+    launch: Launch | Pass
     objective: KickObjective
     value: float
     share: float
@@ -95,6 +94,7 @@ class KickPlan(ReprMixin):
     speed_use: float
     torque_use: float
     binding: tuple[str, ...]
+    ball_is_placed: bool
     heading: float
     phases: tuple[SwingPhase, SwingPhase] | None = None
     balance: float | None = None
@@ -108,7 +108,7 @@ class KickPlan(ReprMixin):
         yield "launch", self.impact.ball_after.velocity, "m/s"
         yield "landing error", self.landing_error, "m"
         yield "time error", self.time_error, "s"
-        yield f"objective {self.objective}", self.value, self.objective.unit
+        yield f"objective {self.objective}", self.value, OBJECTIVES[self.objective].unit
         yield "share of the speed limit", self.speed_use, ""
         yield "share of the torque limit", self.torque_use, ""
         yield from warned([line.partition("; ")[0] for line in self.warnings])
@@ -144,29 +144,40 @@ class KickPlan(ReprMixin):
         return self.path.duration - self.launch.time
 
     @cached_property
-    def warnings(self) -> tuple[str, ...]:
-        """A line for each limit, pose or flight of the plan that needs attention.
+    def status(self) -> PlanStatus:
+        """Whether the plan meets the goal and can be carried out, else its worst fault.
 
-        What can be done about it follows after a semicolon; tables and pages leave it out.
-
-        A coefficient of the flight or of the contact used outside its range; joints outside the
-        kicking limb that are not at 0, because their range does not contain it; joints that move
-        but have no actuator in an MJCF file; bodies that are inside the ball at the impact; bodies
-        that are under the ground (level, under the ball or under the target, whichever is lower)
-        at the impact. Bodies are the shapes in the leg's file; without any, its frames, which are
-        compared with the ground only. Of a standing robot also a body of the kicking limb whose
-        shape is not known, a support that does not stand, those of `backswing`, and bodies that are
-        under the ground in the backswing; without one, while the foot approaches the ball by the
-        ball's radius with the joints' velocity of the impact.
+        `beyond-limits`: the leg is not fast or strong enough, and this is the kick in the planned
+        direction that gives the ball the most speed; or, with a `share` of 1, the `backswing` takes
+        more than the torque limits. `support-moves`: the foot that the robot stands on does not
+        stay at rest. `collides`: a body is inside the ball or under the ground.
         """
-        return tuple(line for check in CHECKS for line in check(self))
+        too_strong = self.backswing is not None and self.backswing.too_strong
+        if self.share < 1.0 or too_strong:
+            return PlanStatus.BEYOND_LIMITS
+        faults = [CHECKS[check] for check, lines in self._lines.items() if lines]
+        return max([PlanStatus.MET, *faults], key=list(PlanStatus).index)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """The lines of `CHECKS`; what can be done about a line follows in it after a semicolon.
+
+        Bodies are compared with the ball and with the ground (level, under the ball or under the
+        target, whichever is lower). They are the shapes in the leg's file; without any, its frames,
+        which are compared with the ground only.
+        """
+        return tuple(line for lines in self._lines.values() for line in lines)
+
+    @cached_property
+    def _lines(self) -> "dict[Check, Sequence[str]]":
+        return {check: check(self) for check in CHECKS}
 
     @property
     def too_fast_after(self) -> dict[str, float]:
         """Speed over limit of the joints that exceed it just after the impact, by name."""
-        limit, after = self.leg.velocity_limit, self.impact.v_after
-        used = {name: abs(after[i]) / limit[i] for name, i in self._moving() if limit[i]}
-        return {name: float(use) for name, use in used.items() if use > 1.0}
+        limit, after = self.leg.velocity_limit, np.abs(self.impact.v_after)
+        fast = [(name, i) for name, i in self._moving() if limit[i] and after[i] > limit[i]]
+        return {name: float(after[i] / limit[i]) for name, i in fast}
 
     @property
     def into_stop(self) -> tuple[str, ...]:
@@ -198,13 +209,11 @@ def check_restitution_range(plan: KickPlan) -> Sequence[str]:
 def check_idle_joints(plan: KickPlan) -> Sequence[str]:
     """Return a line for the joints that the kick does not move and that cannot be at 0."""
     leg, v = plan.leg, plan.v
-    rest = rest_configuration(leg)
-    values, shown = leg.joint_values(rest), leg.display_values(rest)
-    planned = leg.joint_values(plan.q)
+    rest, planned = leg.display_values(rest_configuration(leg)), leg.display_values(plan.q)
     idle = [
-        f"{name} at {shown[name][0]:.4g} {shown[name][1]}"
-        for name, value in values.items()
-        if value and value == planned[name] and v[leg.velocity_index(name)] == 0.0
+        f"{name} at {value:.4g} {unit}"
+        for name, (value, unit) in rest.items()
+        if value and value == planned[name][0] and v[leg.velocity_index(name)] == 0.0
     ]
     if not idle:
         return []
@@ -218,8 +227,7 @@ def check_actuators(plan: KickPlan) -> Sequence[str]:
     """Return a line for the joints that move but that the leg's file does not drive."""
     leg, v = plan.leg, plan.v
     passive = () if leg.file is None else leg.file.passive_joints
-    joints = set(passive).intersection(leg.single_joints)
-    moved = [name for name in passive if name in joints and v[leg.velocity_index(name)]]
+    moved = [x for x in passive if x in leg.single_joints and v[leg.velocity_index(x)]]
     if not moved:
         return []
     remedies = [listed(moved), lock_remedy(leg.workspace.model, moved)]
@@ -230,34 +238,34 @@ def check_actuators(plan: KickPlan) -> Sequence[str]:
 
 
 def check_support(plan: KickPlan) -> Sequence[str]:
-    """Return a line for each support that does not stand.
-
-    Where all have a friction, `unilateral_strike` judges them: `impact.footing` leaves out
-    friction's moment about the vertical.
-    """
-    impact = plan.impact
-    lines = [
+    """Return a line for each support that lifts off, slips or tips."""
+    return [
         f"{name} {state.replace('-', ' ')}; the plan assumes that it stays at rest, which takes an "
         "impulse that the ground cannot supply (kd.unilateral_strike computes the impact with "
         "ground that can only push)"
-        for name, state in impact.footing.items()
-        if state != Footing.STANDS
+        for name, state in plan.impact.footing.items()
+        if state not in (Footing.STANDS, Footing.TURNS)
     ]
-    constraints = plan.leg.constraints
-    supports = () if plan.balance is None or constraints is None else constraints.supports
-    if lines or not supports or any(support.friction is None for support in supports):
-        return lines
+
+
+def check_twist(plan: KickPlan) -> Sequence[str]:
+    """Return a line for each support whose friction cannot supply the moment about the vertical.
+
+    G1's foot then twists a little, which changes the ball's velocity by about 1e-3 m/s.
+    """
+    impact = plan.impact
+    turning = [name for name, state in impact.footing.items() if state == Footing.TURNS]
+    if not turning:
+        return ()
     try:
         free = unilateral_strike(impact.posture, impact.v_before, impact.ball, impact.contact)
     except KickdynError as error:
         return [f"it is unknown whether the foot stands ({error})"]
     change = float(np.linalg.norm(free.ball_after.velocity - impact.ball_after.velocity))
     return [
-        f"{name} {state.replace('-', ' ')} if the moment of friction about the vertical is limited "
-        f"too: this changes the ball's velocity by {change:.2g} m/s; kd.unilateral_strike computes "
-        "this impact"
-        for name, state in free.footing.items()
-        if state != Footing.STANDS
+        f"{listed(turning)} turns about the vertical, because friction cannot supply the moment: "
+        f"this changes the ball's velocity by {change:.2g} m/s; kd.unilateral_strike computes this "
+        "impact"
     ]
 
 
@@ -287,58 +295,85 @@ def check_ball_overlap(plan: KickPlan) -> Sequence[str]:
 
 def check_ground_at_impact(plan: KickPlan) -> Sequence[str]:
     """Return a line for the bodies that are under the ground at the impact."""
-    depths = _depths_at_impact(plan)
-    if not depths:
+    return _describe_depths(plan) if plan.ball_is_placed else ()
+
+
+def check_ground_of_free_ball(plan: KickPlan) -> Sequence[str]:
+    """Return the same line where the ground is assumed under a ball whose height is free."""
+    return () if plan.ball_is_placed else _describe_depths(plan)
+
+
+def _describe_depths(plan: KickPlan) -> list[str]:
+    names = [f"{depth.frame} by {depth.depth:.3f} m" for depth in _depths_at_impact(plan)]
+    if not names:
         return []
-    names = [f"{depth.frame} by {depth.depth:.3f} m" for depth in depths]
-    remedy = _remedy_of_depths(plan, depths)
+    remedy = "another goal, offset or objective takes another posture"
+    if plan.balance is None:
+        remedy = (
+            "the ground is level with the ball's lowest point: try another height of the ball "
+            "(ball_position, --ball-height)"
+        )
     return [f"bodies are under the ground at the impact: {listed(names)}; {remedy}"]
 
 
-def check_ground_before_impact(plan: KickPlan) -> Sequence[str]:
-    """Return a line for the bodies of a standing robot that come from under the ground.
+def check_ground_in_backswing(plan: KickPlan) -> Sequence[str]:
+    """Return a line for the bodies that are under the ground in the backswing."""
+    backswing = plan.backswing
+    if backswing is None:
+        return ()
+    times = -backswing.duration * np.linspace(0.0, 1.0, BACKSWING_TIMES) ** 2
+    motion = [backswing.configuration(time) for time in times]
+    names = _describe_depths_before(plan, times, motion)
+    remedy = "another goal, offset or objective takes another motion"
+    return [f"bodies are under the ground in the backswing: {names}; {remedy}"] if names else []
 
-    They do so in the backswing; without one, while the foot approaches the ball by the ball's
-    radius with the joint velocity of the impact. Bodies under the ground at the impact are left
-    out.
+
+def check_ground_in_approach(plan: KickPlan) -> Sequence[str]:
+    """Return a line for the bodies of a standing robot without a backswing that come from below.
+
+    The foot approaches the ball by the ball's radius with the joint velocity of the impact.
     """
-    if plan.balance is None:
-        return []
-    impact, leg = plan.impact, plan.leg
-    if plan.backswing is not None:
-        times = -plan.backswing.duration * np.linspace(0.0, 1.0, BACKSWING_TIMES) ** 2
-        motion = [plan.backswing.configuration(time) for time in times]
-        when = "bodies are under the ground in the backswing"
-        remedy = "another goal, offset or objective takes another motion"
-    else:
-        duration = impact.ball.radius / math.hypot(*impact.foot_velocity)
-        times = np.linspace(0.0, -duration, APPROACH_TIMES)
-        q, v, model = impact.posture.q, impact.v_before, leg.workspace.model
-        motion = [hold_support(impact.posture, pin.integrate(model, q, t * v)) for t in times]
-        when = "bodies come from under the ground if the joints keep the velocity of the impact"
-        remedy = "swing=True (--swing) plans the motion, with the foot above the ground"
+    if plan.balance is None or plan.backswing is not None:
+        return ()
+    impact, model = plan.impact, plan.leg.workspace.model
+    duration = impact.ball.radius / math.hypot(*impact.foot_velocity)
+    times = np.linspace(0.0, -duration, APPROACH_TIMES)
+    q, v = plan.q, plan.v
+    motion = [hold_support(impact.posture, pin.integrate(model, q, t * v)) for t in times]
+    names = _describe_depths_before(plan, times, motion)
+    when = "bodies come from under the ground if the joints keep the velocity of the impact"
+    remedy = "swing=True (--swing) plans the motion, with the foot above the ground"
+    return [f"{when}: {names}; {remedy}"] if names else []
+
+
+def _describe_depths_before(plan: KickPlan, times: Array, motion: Sequence[Array]) -> str:
+    """Return the bodies that are under the ground in a motion, but not at the impact."""
     at_impact = {depth.frame for depth in _depths_at_impact(plan)}
-    names = [
+    return listed([
         f"{depth.frame} by {depth.depth:.3f} m ({-1e3 * times[depth.number]:.0f} ms before)"
-        for depth in find_depths(leg, motion, _ground_height(plan))
+        for depth in find_depths(plan.leg, motion, _ground_height(plan))
         if depth.frame not in at_impact
-    ]
-    return [f"{when}: {listed(names)}; {remedy}"] if names else []
+    ])  # fmt: skip
 
 
-CHECKS: tuple[Callable[[KickPlan], Sequence[str]], ...] = (
-    check_path,
-    check_restitution_range,
-    check_idle_joints,
-    check_actuators,
-    check_support,
-    check_backswing,
-    check_shapes,
-    check_ball_overlap,
-    check_ground_at_impact,
-    check_ground_before_impact,
-)
-"""The checks of a plan, in the order of their lines."""
+Check = Callable[[KickPlan], Sequence[str]]
+
+CHECKS: dict[Check, PlanStatus] = {
+    check_path: PlanStatus.MET,
+    check_restitution_range: PlanStatus.MET,
+    check_idle_joints: PlanStatus.MET,
+    check_actuators: PlanStatus.MET,
+    check_support: PlanStatus.SUPPORT_MOVES,
+    check_twist: PlanStatus.MET,
+    check_backswing: PlanStatus.SUPPORT_MOVES,
+    check_shapes: PlanStatus.MET,
+    check_ball_overlap: PlanStatus.COLLIDES,
+    check_ground_at_impact: PlanStatus.COLLIDES,
+    check_ground_of_free_ball: PlanStatus.MET,
+    check_ground_in_backswing: PlanStatus.COLLIDES,
+    check_ground_in_approach: PlanStatus.MET,
+}
+"""The checks of a plan, in the order of their lines, and the status of a plan with such a line."""
 
 
 def find_overlaps(impact: Impact) -> dict[str, float]:
@@ -349,19 +384,21 @@ def find_overlaps(impact: Impact) -> dict[str, float]:
     posture, leg, radius = impact.posture, impact.posture.leg, impact.ball.radius
     model, data, centre = leg.workspace.model, leg.workspace.data, impact.ball_before.position
     pin.forwardKinematics(model, data, posture.q)
-    depths, feet, allowed = dict[str, float](), list[str](), TOUCHING
+    overlaps, feet, allowed = dict[str, float](), set[str](), TOUCHING
     for name, frame in body_frames(leg).items():
         pose = pin.updateFramePlacement(model, data, frame)
         distance = float(np.linalg.norm(pose.translation - centre))
         shapes = shapes_of(leg, name, meshes=distance < LARGEST_MESH + radius)
         bodies = [shape.moved(pose.homogeneous) for shape in shapes]
-        depths[name] = max((radius + body.depth_of(centre) for body in bodies), default=0.0)
-        if model.frames[frame].parentJoint == leg.contact_joint and depths[name] > TOUCHING:
-            feet.append(name)
+        depth = max((radius + body.depth_of(centre) for body in bodies), default=0.0)
+        if depth <= TOUCHING:
+            continue
+        overlaps[name] = depth
+        if model.frames[frame].parentJoint == leg.contact_joint:
+            feet.add(name)
             point_depth = max(body.depth_of(posture.contact_point) for body in bodies)
             allowed = max(allowed, TOUCHING + point_depth)
-    limits = {name: allowed if name in feet else TOUCHING for name in depths}
-    overlaps = {name: depth for name, depth in depths.items() if depth > limits[name]}
+    overlaps = {name: x for name, x in overlaps.items() if name not in feet or x > allowed}
     return dict(sorted(overlaps.items(), key=lambda item: -item[1]))
 
 
@@ -372,24 +409,4 @@ def _ground_height(plan: KickPlan) -> float:
 
 
 def _depths_at_impact(plan: KickPlan) -> list[Depth]:
-    """Return the bodies that are under the ground at the impact, the deepest first."""
-    q: Array = plan.q
-    return list(find_depths(plan.leg, [q], _ground_height(plan)))
-
-
-def _remedy_of_depths(plan: KickPlan, depths: list[Depth]) -> str:
-    """Return what can bring bodies above the ground at the impact, as the end of a sentence."""
-    if plan.balance is not None:
-        return "another goal, offset or objective takes another posture"
-    leg = plan.leg
-    model = leg.workspace.model
-    kicking = list(model.supports[leg.contact_joint])[1:]
-    frames = body_frames(leg).items()
-    idle = [name for name, i in frames if model.frames[i].parentJoint not in kicking]
-    # more than the base is idle: the robot has another leg
-    other_leg = len(idle) > 1 and any(depth.frame in idle for depth in depths)
-    standing = ", or let the robot stand on its other foot (--support)" if other_leg else ""
-    return (
-        "the ground is level with the ball's lowest point: try another height of the ball "
-        f"(ball_position, --ball-height){standing}"
-    )
+    return find_depths(plan.leg, [plan.q], _ground_height(plan))

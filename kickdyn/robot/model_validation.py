@@ -39,8 +39,11 @@ def frame_id(model: Any, name: str) -> int:
     # not by getFrameId, which returns nframes for an unknown name: using that crashes
     numbers = frames_by_name(model)
     if not isinstance(name, str) or name not in numbers:
-        names = [frame.name for frame in model.frames][1:]
-        raise InvalidInput(unknown("frame", name, model.name, names))
+        frames = list(model.frames)[1:]
+        last = [f for f in frames if len(model.subtrees[f.parentJoint]) == 1]
+        kinds = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
+        ends = [frame.name for frame in last if frame.type in kinds]
+        raise InvalidInput(unknown("frame", name, model.name, [f.name for f in frames], ends))
     return numbers[name]
 
 
@@ -57,14 +60,7 @@ def frames_by_name(model: Any) -> dict[str, int]:
 
 
 def check_model(model: Any) -> None:
-    """Refuse a `pin.Model` that no computation can rest on.
-
-    Raises:
-        InvalidInput: no moving joint, a gravity that is neither the ball's nor zero, mimic joints,
-            joints that are not in the order of their branches, a placement that is no rigid motion,
-            a joint that moves no mass or an impossible inertia, or limits that make no sense; it
-            names the joint at fault.
-    """
+    """Raise `InvalidInput`, which names the joint at fault, for a model with unsound mechanics."""
     if model.nv == 0:
         raise InvalidInput("model has no moving joint")
     gravity = model.gravity.vector.tolist()
@@ -117,18 +113,14 @@ def _check_inertias(model: Any, names: list[str]) -> None:
     """Raise `InvalidInput` for a joint that moves no mass, or a body that cannot exist."""
     bodies = list(model.inertias)[1:]
     for name, body in zip(names, bodies, strict=True):
-        mass, moments = body.mass, body.inertia
-        empty = mass == 0.0 and not moments.any()
-        largest = np.abs([mass, *body.lever, *moments.flat]).max()
-        if mass == 0.0 and not empty and largest < MAX_MAGNITUDE:
+        is_empty = body.mass == 0.0 and not body.inertia.any()
+        largest = np.abs([body.mass, *body.lever, *body.inertia.flat]).max()
+        if not (largest < MAX_MAGNITUDE and (body.mass > 0 or is_empty)):
+            remedy = f"; {remedy}" if (remedy := lock_remedy(model, [name])) else ""
             raise InvalidInput(
-                f"joint {name!r} moves an unsound inertia (mass 0 kg, but moments): a body without "
-                f"mass has no moments of inertia; {_either('correct it', model, [name])}"
-            )
-        if not (largest < MAX_MAGNITUDE and (mass > 0 or empty)):
-            raise InvalidInput(
-                f"joint {name!r} moves an unsound inertia (mass {mass:g} kg): mass must be above "
-                f"0, and mass, centre and moments below {MAX_MAGNITUDE:g}"
+                f"joint {name!r} moves an unsound inertia (mass {body.mass:g} kg): mass must be "
+                f"above 0 (or 0 without moments of inertia), and mass, centre and moments below "
+                f"{MAX_MAGNITUDE:g}{remedy}"
             )
     data = pin.Data(model)
     pin.crba(model, data, pin.neutral(model), pin.Convention.LOCAL)
@@ -138,10 +130,11 @@ def _check_inertias(model: Any, names: list[str]) -> None:
         if not low <= moved.mass <= high:
             idle = [n for n, m in zip(names, composites, strict=True) if not low <= m.mass <= high]
             also = f", as do {listed(idle[1:])}" if idle[1:] else ""
+            remedy = f", or {remedy}" if (remedy := lock_remedy(model, idle)) else ""
             raise InvalidInput(
                 f"joint {name!r} moves an unsound inertia (mass {moved.mass:g} kg){also}: what "
-                f"moves with a joint must have {low:g} to {high:g} kg; "
-                + _either("give a link there mass and inertia", model, idle)
+                f"moves with a joint must have {low:g} to {high:g} kg; give a link there mass and "
+                f"inertia{remedy}"
             )
     unsound: list[str] = []
     for name, body, moved in zip(names, bodies, composites, strict=True):
@@ -161,19 +154,11 @@ def _check_inertias(model: Any, names: list[str]) -> None:
         )
 
 
-def _either(remedy: str, model: Any, joints: list[str]) -> str:
-    """Return a remedy for the inertia of some joints, or to lock these joints if that is one."""
-    return ", or ".join(filter(None, [remedy, lock_remedy(model, joints)]))
-
-
 def second_moments(moments: Array) -> Array:
     r"""Return the second moments of mass along the principal axes, shape `(3,)`, falling [kg m2].
 
     With the principal moments of inertia :math:`I_k` they are :math:`\sum_j I_j / 2 - I_k`, and
     none is negative for a body: this is the triangle inequality.
-
-    Args:
-        moments: of inertia about the centre of mass, shape `(3, 3)` [kg m2].
     """
     return np.asarray(np.trace(moments) / 2 - np.linalg.eigvalsh(moments))
 
@@ -270,10 +255,6 @@ def find_singular_joints(model: Any, inertia: Array) -> list[str]:
     """Return the joints along whose motion the joint-space inertia is singular, or nearly so.
 
     They are those with a share in its null vectors; or, if it has none, in the nearest to one.
-
-    Args:
-        model: of the leg.
-        inertia: shape `(nv, nv)`, not positive definite or nearly so.
     """
     diagonal = inertia.diagonal()
     massless = diagonal <= 1e-14 * diagonal.max()  # they move no inertia

@@ -16,6 +16,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.impact.approach import Approach
 from kickdyn.impact.impact_result import Impact
+from kickdyn.robot.mjcf_file import quiet_mujoco
 
 IMPEDANCE = 0.9999
 """MuJoCo's largest impedance, with which a contact is a spring and a damper alone."""
@@ -138,7 +139,8 @@ class MujocoKick:
         self.approach, self.timestep, self.margin = approach, timestep, contact.margin
         text = scene(approach, timestep, contact, integrator, gravity=gravity)
         try:
-            self.model = self.mujoco.MjModel.from_xml_string(text)
+            with quiet_mujoco():
+                self.model = self.mujoco.MjModel.from_xml_string(text)
         except ValueError as error:
             raise InvalidInput(f"MuJoCo refuses {approach.posture.leg.name}: {error}") from None
         self.data = self.mujoco.MjData(self.model)
@@ -152,6 +154,7 @@ class MujocoKick:
         self.model.pair_solreffriction[0] = contact.solreffriction
         self.model.pair_friction[0, :2] = contact.friction
 
+    @quiet_mujoco()
     def run(
         self,
         phase: float = 0.0,
@@ -159,7 +162,7 @@ class MujocoKick:
         longest: float = TIME_LIMIT,
         afterwards: float = 0.0,
     ) -> SimulatedBall:
-        """Return the ball of one simulated kick.
+        """Return the ball of one simulated kick; MuJoCo writes no warnings.
 
         Args:
             phase: share of a time step by which the simulation begins before the first contact. At

@@ -6,6 +6,7 @@ MuJoCo is among them where it is installed.
 import math
 from collections.abc import Callable, Iterator
 from importlib.util import find_spec
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -17,6 +18,7 @@ from kickdyn.errors import KickdynError
 from kickdyn.impact.approach import AT_REST, find_approach
 from kickdyn.impact.collide import collide
 from kickdyn.impact.impact_result import Impact
+from kickdyn.impact.pinocchio_engine import contact_row, with_ball
 from kickdyn.impact.strike import strike
 from kickdyn.robot.leg import Leg, Posture
 from kickdyn.simulators.mujoco_kick import mujoco_kick
@@ -78,31 +80,24 @@ def _methods(impact: Impact) -> Iterator[Method]:
     """Yield name, setting and function of every method that applies to a kick."""
     leg, q, v = impact.posture.leg, impact.posture.q, impact.v_before
     ball, contact = impact.ball, impact.contact
-    yield "closed form, float64", "", lambda: strike(leg.posture(q), v, ball, contact).impulse
-    yield "closed form, float32", "", lambda: in_float32(leg.posture(q), v, ball, contact)
+
+    def applied(solve: Callable[..., Any], **options: Any) -> Callable[[], Array]:
+        return lambda: solve(leg.posture(q), v, ball, contact, **options)
+
+    def struck(solve: Callable[..., Any], **options: Any) -> Callable[[], Array]:
+        return lambda: np.asarray(solve(leg.posture(q), v, ball, contact, **options).impulse)
+
+    yield "closed form", "", struck(strike)
     if contact.friction == 0.0:
-        yield (
-            "Pinocchio impulseDynamics",
-            "",
-            lambda: strike(leg.posture(q), v, ball, contact, engine="pinocchio").impulse,
-        )
-    yield "dense KKT system", "", lambda: solve_kkt(leg.posture(q), v, ball, contact)
+        yield "Pinocchio impulseDynamics", "", impulse_dynamics(impact)
+        yield "kd.strike, engine pinocchio", "", struck(strike, engine="pinocchio")
+    yield "dense KKT system", "", applied(solve_kkt)
     if contact.friction > 0.0:
         for name in ("ADMM", "PGS"):
             for tol in CONE_TOLERANCES:
-
-                def cone(name: str = name, tol: float = tol) -> Array:
-                    return in_cone(leg.posture(q), v, ball, contact, name, tol)
-
-                yield f"Pinocchio {name}", f"tol {tol:g}", cone
+                yield f"Pinocchio {name}", f"tol {tol:g}", applied(in_cone, name=name, tol=tol)
     for seconds in CONTACT_TIMES:
-
-        def compliant(seconds: float = seconds) -> Array:
-            return collide(
-                leg.posture(q), v, ball, contact,
-                contact_time=seconds, dissipation="hunt-crossley",
-            ).impulse  # fmt: skip
-
+        compliant = struck(collide, contact_time=seconds, dissipation="hunt-crossley")
         yield "compliant contact", f"{1e3 * seconds:g} ms", compliant
     if find_spec("mujoco") is None:  # optional
         return
@@ -111,24 +106,20 @@ def _methods(impact: Impact) -> Iterator[Method]:
             yield "MuJoCo", f"{stiffness:.0e} N/m, dt {dt:g} s", mujoco_kick(impact, stiffness, dt)
 
 
-def _restitution(posture: Posture, v: Array, contact: Contact) -> float:
-    """Return e at the speed at which the foot approaches a ball at rest."""
-    return contact.restitution_at(float(contact.normal @ posture.jacobian @ v))
+def impulse_dynamics(impact: Impact) -> Callable[[], Array]:
+    """Return the calls of Pinocchio alone for a ball at rest, with the model made before."""
+    contact, ball, leg = impact.contact, impact.ball, impact.leg
+    n, lever = contact.normal, impact.posture.contact_lever
+    space, joint = with_ball(leg, ball.mass, ball.inertia)
+    q = np.concatenate([impact.posture.q, impact.ball_before.position, [0.0, 0.0, 0.0, 1.0]])
+    v = np.concatenate([impact.v_before, np.zeros(6)])
 
+    def solve() -> Array:
+        row = contact_row(space, joint, q, -ball.radius * n, leg.contact_joint, lever)
+        pin.impulseDynamics(space.model, space.data, q, v, row, impact.restitution, 0.0)
+        return np.asarray(space.data.impulse_c[0] * n)
 
-def in_float32(posture: Posture, v: Array, ball: Ball, contact: Contact) -> Array:
-    """Return the impulse with the contact solved in float32; with friction, what sticks."""
-    single = np.float32
-    inertia, jacobian = posture.inertia.astype(single), posture.jacobian.astype(single)
-    n, mass = contact.normal.astype(single), single(ball.mass)
-    u = -(jacobian @ v.astype(single))
-    delassus = jacobian @ np.linalg.solve(inertia, jacobian.T)
-    e = single(_restitution(posture, v, contact))
-    if contact.friction == 0.0:
-        return np.asarray(-(1 + e) * (n @ u) / (n @ delassus @ n + 1 / mass) * n, dtype=float)
-    turn = single(ball.radius**2 / ball.inertia)
-    delassus += (1 / mass + turn) * np.eye(3, dtype=single) - turn * np.outer(n, n)
-    return np.asarray(-np.linalg.solve(delassus, u + e * (n @ u) * n), dtype=float)
+    return solve
 
 
 def solve_kkt(posture: Posture, v: Array, ball: Ball, contact: Contact) -> Array:
@@ -149,7 +140,8 @@ def solve_kkt(posture: Posture, v: Array, ball: Ball, contact: Contact) -> Array
     mass[:nv, :nv] = posture.inertia
     mass[range(nv, size), range(nv, size)] = [ball.mass] * 3 + [ball.inertia] * 3
     before = np.concatenate([v, np.zeros(6)])
-    bounce = _restitution(posture, v, contact) * float(n @ posture.jacobian @ v) * (rows @ n)
+    closing = float(n @ posture.jacobian @ v)
+    bounce = closing * contact.restitution_at(closing) * (rows @ n)
     matrix = np.block([[mass, -jacobian.T], [jacobian, np.zeros((len(rows), len(rows)))]])
     after = np.linalg.solve(matrix, np.concatenate([mass @ before, bounce]))
     return np.asarray(rows.T @ after[size:])

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from urdf_bodies import Bodies, random_urdf
 
 import kickdyn as kd
-from kickdyn.paper.self_motion import self_motion
+from kickdyn.paper.fig_1 import self_motion
 from kickdyn.robot.joint_table import Mimic
 from kickdyn.robot.kicking_chain import kicking_chain
 
@@ -60,7 +60,7 @@ def test_a_continuous_joint_may_be_given_by_its_angle():
     q = leg.configuration({"turn": 0.5, "spin": 3.0, "slide": 0.2})
     assert leg.posture([0.5, 3.0, 0.2]).q == pytest.approx(q, abs=1e-15)
     assert leg.joint_values([0.5, -3.0, 0.2])["spin"] == pytest.approx(-3)
-    said = r"q has shape \(5,\): it must be \(3,\), with one angle for each continuous joint, or"
+    said = r"q has shape \(5,\): it must be \(3,\), with one angle for each continuous joint and"
     with pytest.raises(kd.InvalidInput, match=said):
         leg.posture(np.zeros(5))
     with pytest.raises(kd.InvalidInput, match="must have length 1"):
@@ -127,19 +127,41 @@ def test_bad_q_is_refused(q, said):
 
 @pytest.mark.parametrize("pair", [[0, 0], [2, 0], [1, 1e-3]])
 def test_cosine_and_sine_must_belong_together(pair):
-    with pytest.raises(kd.InvalidInput, match=r"the \(cos, sin\) pair of spin must have length 1"):
+    with pytest.raises(kd.InvalidInput, match="must have length 1"):
         mixed().posture([0.1, *pair, 0.2])
     assert mixed().posture([0.1, 0.6, 0.8, 0.2]).q.tolist() == [0.1, 0.6, 0.8, 0.2]
 
 
 def test_a_floating_base_without_its_quaternion_is_named():
     leg = kd.Leg.from_robot("bolt", base="floating")
-    with pytest.raises(kd.InvalidInput, match=r"the quaternion \(xyzw, last\) of root_joint must"):
+    with pytest.raises(kd.InvalidInput, match=r"quaternions \(xyzw, last\) and .* must have"):
         leg.posture(np.zeros(leg.nq))
     stretched = leg.configuration()
     stretched[3:7] *= 2
-    with pytest.raises(kd.InvalidInput, match="of root_joint must have length 1"):
+    with pytest.raises(kd.InvalidInput, match="must have length 1"):
         leg.posture(stretched)
+
+
+@pytest.mark.parametrize(
+    ("q", "is_said"),
+    [
+        ([30, 40, 10], True),
+        ([90, 0, 0], True),
+        ([0, 0, -60], True),
+        ([3, 4, 1], False),
+        ([30, 1, 0], False),  # the knee could mean radians
+        ([0.3, 0.2, 0.1], False),
+    ],
+)
+def test_degrees_in_place_of_radians_are_said(q, is_said):
+    lines = kd.Leg.human().posture(q).warnings
+    assert [line for line in lines if "these look like degrees, and q is in radians" in line] == (
+        [lines[-1]] if is_said else []
+    )
+
+
+def test_metres_and_joints_without_a_range_are_no_degrees():
+    assert not any("degrees" in line for line in mixed().posture([0.1, 0.6, 0.8, 99.0]).warnings)
 
 
 def test_what_is_outside_its_range_is_named():
@@ -153,6 +175,15 @@ def test_what_is_outside_its_range_is_named():
     ]
     degrees = kd.Leg.human().outside_range(np.array([20.0, 0.25, 0.3]))
     assert degrees == ["hip at 1145.9 deg is outside its range -30 to 125 deg"]
+
+
+@pytest.mark.parametrize(("excess", "is_named"), [(0.8e-6, False), (1.2e-6, True)])
+def test_the_tolerance_of_limits_is_a_millionth(excess, is_named):
+    model = mixed().model
+    model.velocityLimit = np.full(model.nv, 7.0)
+    leg = kd.Leg.from_model(model, "toe")
+    assert bool(leg.outside_range(leg.configuration({"turn": 2.0 + excess}))) == is_named
+    assert bool(leg.too_fast(7.0 * (1.0 + excess) * np.array([1.0, 0.0, 0.0]))) == is_named
 
 
 def test_what_is_faster_than_its_limit_is_named():
@@ -313,6 +344,14 @@ def test_gears_are_the_reduced_coordinates(tmp_path_factory, seed, floats):
     assert np.abs(posture.joint_velocity(wish) - least).max() <= 1e-8 * np.abs(least).max()
 
 
+def test_the_tolerance_of_mimic_joints_is_a_billionth(geared):
+    q = geared.configuration({"hip": 0.4})
+    knee = geared.joint_names.index("knee")
+    assert geared.posture(q + 0.8e-9 * np.eye(len(q))[knee]).q.tolist() == q.tolist()
+    with pytest.raises(kd.InvalidInput, match="mimics hip"):
+        geared.posture(q + 1.2e-9 * np.eye(len(q))[knee])
+
+
 def test_pinocchio_confirms_it(geared):
     posture = geared.posture(geared.configuration({"hip": 0.4}))
     v = posture.joint_velocity(posture.point_velocity(posture.admissible([1.0, 0.0])))
@@ -348,7 +387,7 @@ def test_mimic_joints_are_where_their_drivers_put_them(geared):
     with pytest.raises(kd.InvalidInput, match=r"joint knee is 0.3: it mimics hip"):
         geared.configuration({"hip": 0.6, "knee": 0.3})
     with pytest.raises(
-        kd.InvalidInput, match=r"q has shape \(3,\): it must be \(1,\), with no mim"
+        kd.InvalidInput, match=r"q has shape \(3,\): it must be \(1,\), with .* no mim"
     ):
         geared.posture(np.zeros(3))
 

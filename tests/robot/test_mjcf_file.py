@@ -49,10 +49,6 @@ def box(folder, name="box.stl", size=(0.2, 0.4, 0.6)):
         (MODEL.replace("</w", "<flexcomp/></w"), "has <flexcomp>: flexible bodies are not read"),
         (MODEL.replace("</w", '<attach model="a"/></w'), "has <attach>: models attached"),
         (MODEL.replace("<w", "<extension/><w"), "has <extension>: plugins are not read"),
-        (
-            MODEL.replace("<w", '<asset><mesh name="m" builtin="sphere"/></asset><w'),
-            "has a builtin mesh",
-        ),
         (MODEL.replace('"arm"', '"universe"'), "body name 'universe' is Pinocchio's own"),
         (MODEL.replace('"arm"', '"a&#10;b"'), r"body name 'a\\nb' is not a printable name"),
         (MODEL.replace('"arm"', f'"{201 * "a"}"'), "is not a printable name of at most 200"),
@@ -227,7 +223,7 @@ def test_a_mesh_is_found(tmp_path, compiler, mesh, name):
         ("box.png", "has no known ending: .stl, .obj, .msh are read"),
         ("folder.stl", "is not a regular file"),
         ("big.stl", "has 51 bytes: at most 50 are read"),
-        ("none.stl", "'none.stl' is missing, from which body 'arm' gets its inertia"),
+        ("none.stl", "mesh 'none.stl' is missing from "),
         ("text.stl", "MuJoCo cannot read it"),
     ],
 )
@@ -256,16 +252,6 @@ def test_a_ros_package_is_read_as_a_whole(tmp_path):
     assert len(read_mjcf(file, [tmp_path]).meshes) == 1
 
 
-def test_a_missing_mesh_costs_only_its_picture(tmp_path):
-    inertial = '<inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/><geom size="0.3"/>'
-    text = MESH.format('meshdir="a"', 'name="box" file="none.stl"', inertial)
-    leg = kd.Leg.from_mjcf(write(tmp_path, robot=text), "arm")
-    assert leg.model.inertias[1].mass == 2
-    mesh, sphere = leg.file.visuals()
-    assert (mesh.shape, mesh.mesh, mesh.vertices) == (Shape.MESH, "a/none.stl", None)
-    assert (sphere.shape, sphere.size) == (Shape.SPHERE, (0.3,))
-
-
 GEOMS = """<mujoco><asset><mesh name="box" file="box.stl" scale="2 2 2"/></asset>
 <worldbody><geom type="plane" size="1 1 1"/><body name="object"><freejoint/><geom size="1"/></body>
 <body name="arm" pos="0 0 1"><joint name="j" axis="0 1 0" ref="90"/>
@@ -289,6 +275,7 @@ def test_geoms_are_drawn(tmp_path):
         *(Shape.SPHERE, Shape.CAPSULE, Shape.CYLINDER, Shape.BOX, Shape.ELLIPSOID, Shape.MESH)
     ]
     assert found[1].size == pytest.approx((1.0, 0.1))
+    assert [shape.size for shape in leg.file.collisions()] == [(5.0,)]
     assert abs(found[1].pose[:3, 2]) == pytest.approx([0, 1, 0])
     assert found[1].pose[:3, 3] == pytest.approx([0, 0.5, 0])
     assert found[2].size == (0.6, 0.1)

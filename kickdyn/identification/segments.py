@@ -269,11 +269,6 @@ class _Samples(NamedTuple):
         count = max(VELOCITY_WINDOW / float(np.median(np.diff(self.times))), 1.0)
         return self.noise * math.sqrt(192.0 / count) / VELOCITY_WINDOW
 
-    @property
-    def coefficient_price(self) -> float:
-        """Price of one coefficient by the Bayesian information criterion."""
-        return math.log(self.positions.size)
-
 
 class _Piece(NamedTuple):
     """Samples `first` to `last - 1`, and polynomials fitted to them.
@@ -408,7 +403,7 @@ def _fitted(samples: _Samples, first: int, last: int, degree: int) -> _Piece:
 
 def _partition(samples: _Samples, start: int, stop: int) -> list[tuple[int, int]]:
     """Return the best partition of samples start to stop - 1 into cubics."""
-    count, price = stop - start, 12 * samples.coefficient_price
+    count, price = stop - start, 12 * math.log(samples.positions.size)
     best = np.full(count + 1, math.inf)  # cost of the samples before
     best[0] = 0.0
     previous_cut = np.zeros(count + 1, dtype=int)
@@ -449,7 +444,7 @@ def _joined(samples: _Samples, cuts: list[tuple[int, int]]) -> list[_Piece]:
     a touch that the tracker smooths over is cut twice.
     """
     pieces = [_fitted(samples, first, last, 3) for first, last in cuts]
-    price = 6 * samples.coefficient_price
+    price = 6 * math.log(samples.positions.size)
     i = 0
     while i + 1 < len(pieces):
         left, right = pieces[i], pieces[i + 1]

@@ -176,6 +176,10 @@ def test_residuals_that_go_together_widen_the_deviations(curving):
     assert any("neighbouring residuals" in line for line in found.warnings)
     plain = kd.identify(kd.Track(curving.times, curving.positions + white), BALL, free=free)
     assert plain.widening == 1.0
+    smooth[[20, 50]] += 0.3  # outliers have no neighbours that go with them
+    other = kd.identify(kd.Track(curving.times, curving.positions + smooth), BALL, free=free)
+    assert other.outliers == 2
+    assert other.widening == pytest.approx(found.widening, rel=0.1)
 
 
 def test_the_noise_of_short_flights_is_that_of_their_coordinates():
@@ -237,6 +241,19 @@ def test_a_sum_of_squares_that_is_not_quadratic_gives_no_small_deviation(track, 
     assert deviation < 0.5
     assert found.curved == curved
     assert bool(curved) == any("not quadratic" in line for line in found.warnings)
+
+
+def test_a_profile_does_not_depend_on_the_axes():
+    """Deviations of back and side spin are those of the flight, wherever it goes."""
+    track = crisis(13.0, 0.5, 2.5, (30.0, 20.0, 10.0), 100.0, 0.5, 0.002)
+    turned = kd.Track(track.times, track.positions[:, [1, 0, 2]] * [-1, 1, 1])
+    plain, other = (
+        kd.identify(flight, BALL, kd.Air(drag="brazuca"), free=("spin", "drag-scale"))
+        for flight in (track, turned)
+    )
+    assert plain.curved == other.curved == ("back_spin",)
+    sizes = [np.sqrt(np.diag(found.covariance))[6:] for found in (plain, other)]
+    assert sizes[0] == pytest.approx(sizes[1], rel=1e-3)
 
 
 def test_a_flight_that_cannot_be_integrated_is_an_error(curving):

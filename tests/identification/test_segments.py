@@ -192,6 +192,23 @@ def test_flights_leave_out_the_samples_near_their_cuts():
     assert flight.times[[0, -1]] == pytest.approx([0.12, 1.88])
 
 
+def test_short_flights_lose_a_tenth_at_each_end():
+    times = np.linspace(0.0, 0.5, 51)
+    points = np.column_stack([10.0 * times, 0.0 * times, 1.0 + 3.0 * times - 4.905 * times**2])
+    (flight,) = kd.segments(kd.Track(times, points), BALL).flights
+    assert flight.times[[0, -1]] == pytest.approx([0.06, 0.44])
+
+
+@pytest.mark.parametrize(("height", "reason"), [(0.2, "bounce"), (0.3, "touch")])
+def test_a_bounce_is_near_the_ground(height, reason):
+    """The height is that of the ball's centre above rest on the ground."""
+    times = np.arange(0.0, 1.0, 0.01)
+    t = times - 0.5
+    z = np.where(t < 0.0, -6.0 * t, 4.0 * t) - 4.905 * t**2 + height + BALL.radius
+    points = np.column_stack([5.0 * times, 0.0 * times, z])
+    assert kd.segments(kd.Track(times, points), BALL).parts[1].begins == reason
+
+
 def test_what_a_track_does_not_show_is_none():
     path = kd.fly(kd.BallState((0, 0, 1), (10, 0, 5)), BALL)
     times = np.arange(0, path.duration, 0.02)

@@ -8,18 +8,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kickdyn.core import validation
-from kickdyn.core.representation import ReprMixin, Row, ValueEquality, format_value
+from kickdyn.core.representation import ReprMixin, Row, ValueEquality, format_value, warned
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 
 SMALLEST = float(np.finfo(float).tiny)
 """Below it a float64 has fewer digits."""
 
-LARGEST_RADIUS = 2.0
-"""[m]; it excludes the radius of a ball in centimetres or millimetres."""
-
-GRAMS = 100.0, 1000.0
-"""Masses [kg] that are refused, because they are those of balls in grams."""
+LARGEST_MASS, LARGEST_RADIUS = 100.0, 2.0
+"""Mass [kg] and radius [m] of a ball from which a warning says that the units may be others."""
 
 PRESSURES = 2e3, 1e6
 """Least and largest gauge pressure of a ball [Pa]: a thirtieth of the least, and nine times the
@@ -34,10 +31,10 @@ class Ball(ReprMixin):
     (IFAB, Laws of the Game 2023/24, Law 2).
 
     Args:
-        mass: mass [kg], above 0; 100 to 1000 is refused, as a mass in grams. With an infinite mass
-            the ball is an obstacle that cannot move, for impacts only: its impulse and joint
-            impulses are those of the limit of ever heavier balls.
-        radius: radius [m], above 0, at most 2.
+        mass: mass [kg], above 0. With an infinite mass the ball is an obstacle that cannot move,
+            for impacts only: its impulse and joint impulses are those of the limit of ever heavier
+            balls.
+        radius: radius [m], above 0.
         inertia_factor: moment of inertia over mass times radius squared, above 0. It is 2/3 of a
             thin shell, which is the most a ball can have, and 2/5 of a solid ball. An infinite one
             makes a particle: it has a size in the air and at the contact, but nothing turns it.
@@ -60,12 +57,8 @@ class Ball(ReprMixin):
         immovable = isinstance(self.mass, float) and self.mass == math.inf
         if not immovable:
             mass = validation.number("ball mass", self.mass, above=0, unit="kg")
-            if GRAMS[0] <= mass < GRAMS[1]:
-                raise InvalidInput(f"ball mass is {mass:g} kg: {mass:g} g is {mass / 1e3:g} kg")
             object.__setattr__(self, "mass", mass)
-        radius = validation.number(
-            "ball radius", self.radius, above=0, at_most=LARGEST_RADIUS, unit="m"
-        )
+        radius = validation.number("ball radius", self.radius, above=0, unit="m")
         object.__setattr__(self, "radius", radius)
         if self.pressure is not None:
             low, high = PRESSURES
@@ -101,6 +94,17 @@ class Ball(ReprMixin):
         yield "inertia", self.inertia, "kg m2"
         if self.pressure is not None:
             yield "pressure", self.pressure, "Pa"
+        yield from warned(self.warnings)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """A line if mass or radius are those of no ball, but perhaps of one in other units."""
+        if LARGEST_MASS <= self.mass < math.inf or self.radius >= LARGEST_RADIUS:
+            return (
+                f"the ball has {self.mass:g} kg and a radius of {self.radius:g} m: a soccer ball "
+                "has 0.43 kg and 0.11 m",
+            )
+        return ()
 
     @classmethod
     def paper(cls) -> "Ball":

@@ -142,8 +142,9 @@ class Flight(ReprMixin):
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
-        """A line for each coefficient used outside its range, and for a launch above Mach 0.3."""
-        lines = [
+        """A line for the ball, for each coefficient outside its range, and above Mach 0.3."""
+        lines = [*self.ball.warnings]
+        lines += [
             warning_of(model, share, limits) for model, share, limits in self.outside() if share > 0
         ]
         if self.evaluations and self.air is not None and self.launch.speed > COMPRESSIBLE:

@@ -12,7 +12,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import kickdyn as kd
-from kickdyn import ball as ball_module
 from kickdyn.aerodynamics.drag import constant
 from kickdyn.flight import fly as fly_module
 from kickdyn.flight import forces, integrate
@@ -586,8 +585,6 @@ def scaled_flights(metre, kilogram, second, monkeypatch):
     """Return `fly` and `fly_many` of one kick in other units, and the results in the usual ones."""
     for module in (forces, fly_module):
         monkeypatch.setattr(module, "GRAVITY", 9.81 * metre / second**2)
-    monkeypatch.setattr(ball_module, "LARGEST_RADIUS", math.inf)
-    monkeypatch.setattr(ball_module, "GRAMS", (math.inf, math.inf))
     speed = metre / second
     ball = kd.Ball(BALL.mass * kilogram, BALL.radius * metre)
     usual = kd.Air()

@@ -369,6 +369,7 @@ def test_a_contact_of_an_instant_neglects_nothing():
     answer = simulate_as_instant(scene)
     assert answer.neglected == ()
     assert "m; all effects are modelled\n" in str(answer)
+    assert simulate_as_instant(scene.replace(law="stronge")).impact.law == "stronge"
     assert answer.end.position.tolist() == kd.simulate(scene, None).end.position.tolist()
 
 

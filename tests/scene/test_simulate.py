@@ -10,6 +10,7 @@ import pytest
 from random_scenes import random_scene, wide_scene
 
 import kickdyn as kd
+from kickdyn.scene.launch_and_end import collision_error, end_slopes, path_error
 from kickdyn.scene.simulate import (
     CONTACT_TIME_SHARE,
     NUMERICAL_SHARE,
@@ -411,6 +412,9 @@ def test_errors_add_up(tolerance):
     assert "contact time" in answer.modelled
     assert 0.0 < answer.numerical_error <= NUMERICAL_SHARE * tolerance
     assert answer.error == answer.model_error + answer.numerical_error <= tolerance
+    launch_error = collision_error(scene, answer.launch, answer.impact.tol)
+    by_contact = end_slopes(scene, answer.path).distance(launch_error)
+    assert answer.numerical_error == path_error(scene, answer.path) + by_contact > by_contact
     exact = kd.simulate(scene, None)
     assert gap(answer, exact) <= answer.error + exact.numerical_error
 

@@ -69,7 +69,6 @@ FAILED_RESIDUAL = 1e6
 FIRST_DRAG = 0.2
 """First guess of a constant C_D: its value above the drag crisis (Goff & Carre 2009)."""
 
-
 PROFILED, LARGEST_BEND = 2.0, 2.0
 """Distance from the estimate at which a profile is taken, in standard deviations; and the factor
 by which the excess of the sum of squares may differ there from that of a quadratic function."""

@@ -35,7 +35,8 @@ LONGEST_CUBIC = 1.0
 """Longest time that one cubic is fitted to [s]; longer flights are joined afterwards."""
 
 LEAST_NOISE = 0.012
-"""Least noise of a coordinate that cuts are judged by [m]: cubics are no exact flights."""
+"""Least noise of a coordinate that cuts and deviations are judged by [m]: cubics are no exact
+flights, and trackers smooth."""
 
 SHORT_PIECE = 15
 """Samples of a piece that may be an artefact of two cuts for one touch."""
@@ -63,9 +64,6 @@ flight that is left out at most at either end."""
 
 LEAST_ROLLING_TIME = 0.5
 """Duration of a rolling part from which its deceleration is taken [s]."""
-
-LEAST_DECELERATION = 1e-3
-"""Least rolling deceleration of a measured surface [m/s2]: measurements can give one below 0."""
 
 FRICTION_DEVIATION, ROLLING_DEVIATION = 0.05, 0.3
 """Standard deviations of one bounce's friction and of one part's rolling deceleration [m/s2]: grass
@@ -231,16 +229,17 @@ class Segments(Printed):
         A lower bound of friction has no deviation: with it, the ball grips in all measured bounces.
 
         Raises:
-            InvalidInput: the track has no bounce, or no rolling segment.
+            InvalidInput: the track has no bounce or no rolling segment, or a median is no
+                coefficient, such as a rolling deceleration below 0.
         """
         if self.restitution is None or self.friction is None or self.rolling_deceleration is None:
             missing = "bounce" if self.restitution is None else "part in which the ball rolls"
             raise InvalidInput(f"the track has no {missing}: it does not determine a surface")
         return Surface(
             "measured",
-            min(max(self.restitution.median, 0.0), 1.0),
-            max(self.friction.median, 0.0),
-            max(self.rolling_deceleration.median, LEAST_DECELERATION),
+            self.restitution.median,
+            self.friction.median,
+            self.rolling_deceleration.median,
             source=f"{self.restitution.samples} bounces of a measured track",
             deviations={
                 name: getattr(self, name).deviation
@@ -267,11 +266,6 @@ class _Samples(NamedTuple):
         """
         count = max(VELOCITY_WINDOW / float(np.median(np.diff(self.times))), 1.0)
         return self.noise * math.sqrt(192.0 / count) / VELOCITY_WINDOW
-
-    @property
-    def coefficient_price(self) -> float:
-        """Price of one coefficient by the Bayesian information criterion."""
-        return math.log(self.positions.size)
 
 
 class _Piece(NamedTuple):
@@ -407,7 +401,7 @@ def _fitted(samples: _Samples, first: int, last: int, degree: int) -> _Piece:
 
 def _partition(samples: _Samples, start: int, stop: int) -> list[tuple[int, int]]:
     """Return the best partition of samples start to stop - 1 into cubics."""
-    count, price = stop - start, 12 * samples.coefficient_price
+    count, price = stop - start, 12 * math.log(samples.positions.size)
     best = np.full(count + 1, math.inf)  # cost of the samples before
     best[0] = 0.0
     previous_cut = np.zeros(count + 1, dtype=int)
@@ -448,7 +442,7 @@ def _joined(samples: _Samples, cuts: list[tuple[int, int]]) -> list[_Piece]:
     a touch that the tracker smooths over is cut twice.
     """
     pieces = [_fitted(samples, first, last, 3) for first, last in cuts]
-    price = 6 * samples.coefficient_price
+    price = 6 * math.log(samples.positions.size)
     i = 0
     while i + 1 < len(pieces):
         left, right = pieces[i], pieces[i + 1]
@@ -632,7 +626,7 @@ def _median(measurements: Sequence[tuple[float, float]]) -> Measured | None:
     """Return the median of values, each with its deviation; None without any values.
 
     The values are taken as normally distributed. Their spread is estimated from the values, but is
-    not below the median deviation of a single value.
+    not below the median deviation of a single value. Up to two values, the median is the mean.
     """
     if not measurements:
         return None
@@ -640,4 +634,5 @@ def _median(measurements: Sequence[tuple[float, float]]) -> Measured | None:
     median = float(np.median(values))
     spread = 1.4826 * float(np.median(np.abs(values - median)))
     largest = max(spread, float(np.median(deviations)))
-    return Measured(median, 1.2533 * largest / math.sqrt(len(values)), len(values))
+    efficiency = 1.2533 if len(values) > 2 else 1.0
+    return Measured(median, efficiency * largest / math.sqrt(len(values)), len(values))

@@ -17,8 +17,8 @@ from kickdyn.core.validation import Array
 SHORTEST_CONTACT = 1e-9
 """Contact time below which the deflection has too few digits beside the leg's size [s]."""
 
-LONGEST_CONTACT = 1.0
-"""Longest contact time [s]; balls take 10 ms, so that a larger number is one in milliseconds."""
+LONGEST_CONTACT = 0.1
+"""Longest contact time [s]: a larger number is usually in milliseconds."""
 
 HERTZ, LINEAR = 1.5, 1.0
 """Exponents n of the deflection: of elastic bodies, and of an inflated ball (`Ball.stiffness`)."""
@@ -147,7 +147,7 @@ def contact_stiffness(
     `walton-braun` :math:`\tau(e) = (1 + e)/2\; \tau(1)`.
 
     Args:
-        contact_time: duration T of the contact [s], above 0 and at most 1.
+        contact_time: duration T of the contact [s], above 0 and at most 0.1.
         mass: reduced mass m = 1 / (1/m1 + 1/m2) of the two bodies [kg], above 0.
         approach_speed: u [m/s], above 0. The contact time of Hertz falls with its fifth root.
         restitution: coefficient e, 0.01 to 1.

@@ -48,13 +48,13 @@ def joint_loads(impact: Impact, contact_time: float | None = None) -> dict[str, 
 
     Args:
         impact: an impact by any law.
-        contact_time: T [s], 1e-9 to 1. With it, the peak of a half-sine pulse is estimated for
+        contact_time: T [s], 1e-9 to 0.1. With it, the peak of a half-sine pulse is estimated for
             each joint, :math:`\frac{\pi}{2} p / T`. This assumes that all joints feel the pulse at
             once, as rigid bodies do, and that the contact force rises and falls like that of a
             spring. None estimates no peaks.
 
     Raises:
-        InvalidInput: no impact, or a contact time outside 1e-9 to 1 s.
+        InvalidInput: no impact, or a contact time outside 1e-9 to 0.1 s.
 
     Example:
         >>> import kickdyn as kd

@@ -1,6 +1,5 @@
 """The frictionless impact by Pinocchio's own solver, with leg and free ball as one model."""
 
-import math
 from functools import lru_cache
 
 import numpy as np
@@ -42,9 +41,8 @@ def solve_by_pinocchio(
     n, e = contact.normal, approach.restitution
     inertia = min(ball.inertia, ball.mass * ball.radius**2)  # nothing turns it, not even a particle
     space, joint = with_ball(leg, ball.mass, inertia)
-    q = np.concatenate([posture.q, before.position, [0.0, 0.0, 0.0, 1.0]])
-    velocity = np.concatenate([approach.v, before.velocity, before.spin])
-    rows = contact_row(space, joint, q, -ball.radius * n, leg.contact_joint, posture.contact_lever)
+    q, velocity = joined_state(approach)
+    rows = contact_row(approach, space, joint, q)
     projector = posture.constraint_projector
     if projector is not None:  # as many rows as their rank; they are at rest before
         independent = projector.rows[projector.independent]
@@ -77,18 +75,25 @@ def with_ball(leg: Leg, mass: float, inertia: float) -> tuple[Workspace, int]:
     return Workspace(model), joint
 
 
-def contact_row(
-    space: Workspace, ball_joint: int, q: Array, ball_lever: Array, foot_joint: int, lever: Array
-) -> Array:
-    """Return the row of the contact, shape `(1, nv + 6)`.
+def joined_state(approach: Approach) -> tuple[Array, Array]:
+    """Return configuration and velocity of leg and ball as one model."""
+    before = approach.ball_before
+    q = np.concatenate([approach.posture.q, before.position, [0.0, 0.0, 0.0, 1.0]])
+    return q, np.concatenate([approach.v, before.velocity, before.spin])
 
-    The levers are from the ball's centre, against the normal, and from the foot's joint [m].
-    """
+
+def contact_row(approach: Approach, space: Workspace, ball_joint: int, q: Array) -> Array:
+    """Return the row of the contact in the model of leg and ball, shape `(1, nv + 6)`."""
+    posture, n = approach.posture, approach.contact.normal
     pin.computeJointJacobians(space.model, space.data, q)
-    on_ball, on_foot = (pin.SE3(np.eye(3), arm) for arm in (ball_lever, lever.copy()))
-    ball, foot = (
-        pin.getFrameJacobian(space.model, space.data, joint, point, pin.LOCAL_WORLD_ALIGNED)[:3]
-        for joint, point in ((ball_joint, on_ball), (foot_joint, on_foot))
+    points = (
+        (ball_joint, -approach.ball.radius * n),
+        (posture.leg.contact_joint, posture.contact_lever.copy()),
     )
-    normal = -ball_lever / math.hypot(*ball_lever)
-    return np.asarray(normal[None] @ (ball - foot))
+    ball, foot = (
+        pin.getFrameJacobian(
+            space.model, space.data, joint, pin.SE3(np.eye(3), lever), pin.LOCAL_WORLD_ALIGNED
+        )[:3]
+        for joint, lever in points
+    )
+    return np.asarray(n[None] @ (ball - foot))

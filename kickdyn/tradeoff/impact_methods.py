@@ -18,7 +18,7 @@ from kickdyn.errors import KickdynError
 from kickdyn.impact.approach import AT_REST, find_approach
 from kickdyn.impact.collide import collide
 from kickdyn.impact.impact_result import Impact
-from kickdyn.impact.pinocchio_engine import contact_row, with_ball
+from kickdyn.impact.pinocchio_engine import contact_row, joined_state, with_ball
 from kickdyn.impact.strike import strike
 from kickdyn.robot.leg import Leg, Posture
 from kickdyn.simulators.mujoco_kick import mujoco_kick
@@ -107,17 +107,14 @@ def _methods(impact: Impact) -> Iterator[Method]:
 
 
 def impulse_dynamics(impact: Impact) -> Callable[[], Array]:
-    """Return the calls of Pinocchio alone for a ball at rest, with the model made before."""
-    contact, ball, leg = impact.contact, impact.ball, impact.leg
-    n, lever = contact.normal, impact.posture.contact_lever
-    space, joint = with_ball(leg, ball.mass, ball.inertia)
-    q = np.concatenate([impact.posture.q, impact.ball_before.position, [0.0, 0.0, 0.0, 1.0]])
-    v = np.concatenate([impact.v_before, np.zeros(6)])
+    """Return the calls of Pinocchio alone, with the model of leg and ball made before."""
+    space, joint = with_ball(impact.leg, impact.ball.mass, impact.ball.inertia)
+    q, v = joined_state(impact.approach)
 
     def solve() -> Array:
-        row = contact_row(space, joint, q, -ball.radius * n, leg.contact_joint, lever)
+        row = contact_row(impact.approach, space, joint, q)
         pin.impulseDynamics(space.model, space.data, q, v, row, impact.restitution, 0.0)
-        return np.asarray(space.data.impulse_c[0] * n)
+        return np.asarray(space.data.impulse_c[0] * impact.contact.normal)
 
     return solve
 

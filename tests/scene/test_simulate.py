@@ -379,7 +379,7 @@ def test_where_the_contact_cannot_be_computed_the_error_is_not_known():
     posture = kd.Leg.human().posture(np.radians([5, 10, -5]))
     v, contact = posture.joint_velocity([10, 0, 5]), kd.Contact((2, 0, 1), restitution=0.8)
     ball, ground = kd.Ball(), kd.Ground(-2)
-    scene = kd.Scene(posture, v, ball, contact, ground=ground, law=kd.Compliance(contact_time=0.5))
+    scene = kd.Scene(posture, v, ball, contact, ground=ground, law=kd.Compliance(contact_time=0.1))
     with pytest.raises(kd.InvalidInput, match="beyond its radius"):
         kd.simulate(scene, None)
     answer = simulate_as_instant(scene)

@@ -69,7 +69,6 @@ FAILED_RESIDUAL = 1e6
 FIRST_DRAG = 0.2
 """First guess of a constant C_D: its value above the drag crisis (Goff & Carre 2009)."""
 
-
 PROFILED, LARGEST_BEND = 2.0, 2.0
 """Distance from the estimate at which a profile is taken, in standard deviations; and the factor
 by which the excess of the sum of squares may differ there from that of a quadratic function."""
@@ -345,7 +344,7 @@ def _check_flight(track: Track) -> None:
             f"the samples are of {track.duration:.4g} s, and no flight takes more than "
             f"{LONGEST_FLIGHT:g} s: leave out samples with wrong times"
         )
-    refuse_units(track, _bend(track))
+    refuse_units(track, -float(_bend(track)[2]))
 
 
 def _bend(track: Track) -> Array:

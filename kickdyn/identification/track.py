@@ -42,10 +42,6 @@ C3D_MEMORY, C3D_TIME = 2**32, 60.0
 LARGEST = 1e12
 """Largest number of a track [s, m]: larger ones are faults of a clock or of a file."""
 
-LEVEL_FALL, LEAST_GRAVITY, MOST_GRAVITY = 2.0, 7.0, 13.0
-"""Accelerations [m/s2]: a ball that falls by less than the first along z, and by the other two
-along x or y, has another axis up."""
-
 SOUND = 340.0
 """Speed of sound [m/s], which no ball of a game reaches."""
 
@@ -246,16 +242,16 @@ def _c3d_content(
 ) -> tuple[list[str], str, float, int, Array]:
     """Return labels, unit, rate [Hz], first frame and positions `(markers, n, 3)` of a C3D file.
 
-    A child process reads it, because ezc3d crashes on some damaged files and takes all memory for
-    others.
+    A child process reads it, because on damaged files ezc3d may crash, take all memory, or never
+    end.
     """
     code = f"from {__name__} import _send_c3d; _send_c3d()"
     paths = os.pathsep.join(filter(None, sys.path))
     try:
         child = subprocess.run(
-            [sys.executable, "-c", code, os.fspath(file)],
+            [sys.executable, "-c", code, os.fspath(file), str(C3D_MEMORY)],
             capture_output=True, timeout=C3D_TIME, check=True,
-            env={**os.environ, "PYTHONPATH": paths},
+            env={**os.environ, "PYTHONPATH": paths, "OPENBLAS_NUM_THREADS": "1"},
         )  # fmt: skip
         with np.load(io.BytesIO(child.stdout)) as content:
             labels, (unit,) = content["labels"].tolist(), content["unit"].tolist()
@@ -267,11 +263,11 @@ def _c3d_content(
 
 
 def _send_c3d() -> None:
-    """Write what `_c3d_content` returns of the file in the first argument to standard output."""
+    """Write what `_c3d_content` returns to standard output; arguments are file and memory."""
     with contextlib.suppress(ImportError, ValueError):  # Windows has no limits
         import resource
 
-        resource.setrlimit(resource.RLIMIT_AS, (C3D_MEMORY, C3D_MEMORY))
+        resource.setrlimit(resource.RLIMIT_AS, (int(sys.argv[2]),) * 2)
     import ezc3d
 
     output = os.dup(1)
@@ -307,20 +303,13 @@ def _finite_rows(name: str, value: ArrayLike) -> Array:
     return validation.floats(name, value)
 
 
-def refuse_units(track: Track, acceleration: Array) -> None:
-    """Raise `InvalidInput` for a ball that moves as in other units or axes than a track's.
+def refuse_units(track: Track, falling: float) -> None:
+    """Raise `InvalidInput` for a ball that moves as in other units than metres and seconds.
 
     Args:
         track: its positions.
-        acceleration: of the ball, by the positions, shape `(3,)` [their unit per s2].
+        falling: its acceleration downwards, by the positions [their unit per s2].
     """
-    *level, falling = (-acceleration).tolist()
-    for axis, fall in zip("xy", level, strict=True):
-        if abs(falling) < LEVEL_FALL and LEAST_GRAVITY < fall < MOST_GRAVITY:
-            raise InvalidInput(
-                f"the ball falls along {axis}, with {fall:.4g} m/s2, and not along z: the track "
-                f"looks {axis}-up; where y points up, `columns` (--columns) t,z,x,y makes it z-up"
-            )
     units = [
         f"{unit} ({size:g} per metre)"
         for unit, size, low, high in OTHER_UNITS

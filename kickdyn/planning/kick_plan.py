@@ -238,26 +238,24 @@ def check_actuators(plan: KickPlan) -> Sequence[str]:
 
 
 def check_support(plan: KickPlan) -> Sequence[str]:
-    """Return a line for each support that does not stand."""
+    """Return a line for each support that lifts off, slips or tips."""
     return [
         f"{name} {state.replace('-', ' ')}; the plan assumes that it stays at rest, which takes an "
         "impulse that the ground cannot supply (kd.unilateral_strike computes the impact with "
         "ground that can only push)"
         for name, state in plan.impact.footing.items()
-        if state != Footing.STANDS
+        if state not in (Footing.STANDS, Footing.TURNS)
     ]
 
 
 def check_twist(plan: KickPlan) -> Sequence[str]:
-    """Return a line for a support that stands but for friction's moment about the vertical.
+    """Return a line for each support whose friction cannot supply the moment about the vertical.
 
-    `impact.footing` leaves this moment out. Where all supports have a friction, `unilateral_strike`
-    limits it too; G1's foot then twists a little, which changes the ball's velocity by about 1e-3
-    m/s.
+    G1's foot then twists a little, which changes the ball's velocity by about 1e-3 m/s.
     """
-    impact, constraints = plan.impact, plan.leg.constraints
-    supports = () if plan.balance is None or constraints is None else constraints.supports
-    if check_support(plan) or not supports or any(x.friction is None for x in supports):
+    impact = plan.impact
+    turning = [name for name, state in impact.footing.items() if state == Footing.TURNS]
+    if not turning:
         return ()
     try:
         free = unilateral_strike(impact.posture, impact.v_before, impact.ball, impact.contact)
@@ -265,11 +263,9 @@ def check_twist(plan: KickPlan) -> Sequence[str]:
         return [f"it is unknown whether the foot stands ({error})"]
     change = float(np.linalg.norm(free.ball_after.velocity - impact.ball_after.velocity))
     return [
-        f"{name} {state.replace('-', ' ')} if the moment of friction about the vertical is limited "
-        f"too: this changes the ball's velocity by {change:.2g} m/s; kd.unilateral_strike computes "
-        "this impact"
-        for name, state in free.footing.items()
-        if state != Footing.STANDS
+        f"{listed(turning)} turns about the vertical, because friction cannot supply the moment: "
+        f"this changes the ball's velocity by {change:.2g} m/s; kd.unilateral_strike computes this "
+        "impact"
     ]
 
 

@@ -274,12 +274,13 @@ def _describe_stance(frame: str, plan: KickPlan) -> str:
     friction, state = _least_friction(frame, plan), plan.impact.footing[frame]
     needs = ""
     if state == "stands" and friction:
-        needs = f" if the coefficient of friction is at least {friction:.2g}"
+        needs = f", which needs a coefficient of friction of {friction:.2g} or more"
+    elif state == "turns":
+        needs = " about the vertical: friction cannot supply the moment that keeps it at rest"
     return (
         f"The robot stands on {frame}, with its centre of mass {1e3 * (plan.balance or 0.0):.1f} "
         f"mm inside the edge of the sole, seen from above. In the impact this foot "
-        f"{state.replace('-', ' ')}{needs}. The moment of friction about the "
-        "vertical is not included."
+        f"{state.replace('-', ' ')}{needs}."
     )
 
 

@@ -65,9 +65,9 @@ def test_values_agree_with_the_verdict_on_a_support():
         p = term.wrench(posture)
         about = p[3:] - np.cross(STANDING.placement.translation, p[:3])
         verdict = footing(support, [*p[:3], *about], STANDING.placement.rotation, 1.0)
-        assert (verdict == "stands") == (term.residual(posture) >= 0.0).all()
+        assert (verdict in ("stands", "turns")) == (term.residual(posture) >= 0.0).all()
         seen.add(verdict)
-    assert seen == {"stands", "slips", "tips", "lifts-off"}
+    assert seen == {"stands", "turns", "slips", "tips", "lifts-off"}
 
 
 def test_the_kicking_foot_is_as_high_as_its_lowest_corner():

@@ -79,8 +79,8 @@ def check_model(model: Any) -> None:
                 "built without mimic joints moves it by itself)"
             )
         rotation, distance = placement.rotation, np.abs(placement.translation).max()
-        skewness = np.abs(rotation @ rotation.T - np.eye(3)).max()  # NaN if the placement has one
-        if not (skewness < 1e-9 and distance < MAX_MAGNITUDE):
+        deviation = np.abs(rotation @ rotation.T - np.eye(3)).max()  # NaN if the placement has one
+        if not (deviation < 1e-9 and distance < MAX_MAGNITUDE):
             raise InvalidInput(
                 f"placement of joint {name!r} is not a rigid motion: it must be a rotation and a "
                 f"translation below {MAX_MAGNITUDE:g} m"

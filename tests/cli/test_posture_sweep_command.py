@@ -188,8 +188,10 @@ def test_ctrl_c_says_how_to_go_on(tmp_path, by):
         out, said = stopped.communicate()
     assert (stopped.returncode, out) == (1, "")
     assert said.count("\n") == 1
-    stored = r"interrupted: [\d,]+ of [\d,]+ postures are stored in my s\.zarr\. To continue, run "
-    assert re.search(f"{stored}the command again with --resume$", said)
+    stored = (
+        r"interrupted: [\d,]+ of [\d,]+ postures are stored in my s\.zarr; to continue, run it "
+    )
+    assert re.search(rf"{stored}it again with --resume \(resume=True in Python\)$", said)
 
 
 class Terminal(io.StringIO):
@@ -264,7 +266,7 @@ def test_any_urdf(tmp_path):
         (["--nose"], "No such option '--nose'"),
         (["--workers", "2"], "--resume and --workers are for a Zarr store"),
         (["--tolerance", "-1"], "tolerance is -1"),
-        (["--threads", "2", "--workers", "2", "--out", "x.zarr"], "are both given"),
+        (["--threads", "2", "--workers", "2", "--out", "x.zarr"], "exclude each other"),
         (["--threads", "0"], "0 is not in the range 1<=x<=1024"),
         (["--view", "page.txt"], "page.txt has no known ending: a page is written as .html"),
         (["--leg", "page.html", "--json", "page.html"], "page.html is an input"),

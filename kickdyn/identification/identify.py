@@ -28,7 +28,6 @@ from kickdyn.aerodynamics.drag import MODELS, constant
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
-from kickdyn.core.last_value import keep_last
 from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
@@ -36,6 +35,7 @@ from kickdyn.flight.derivatives import INCREMENT, DifferentiableFlight, fly_with
 from kickdyn.ground import Ground
 from kickdyn.identification.identification_result import Identification, ModelScore
 from kickdyn.identification.track import Track, refuse_intervals, refuse_units
+from kickdyn.planning.problem import keep_last
 
 LEAST_SAMPLES = 5
 """Fewer positions do not determine a launch together with its standard deviations."""

@@ -1,6 +1,5 @@
 """The dataset of a sweep: its variables with units, the status flags, and its provenance."""
 
-import difflib
 import hashlib
 import math
 from collections.abc import Iterable
@@ -18,6 +17,7 @@ from kickdyn.errors import InvalidInput
 from kickdyn.impact.laws import normal_impulse
 from kickdyn.restitution import format_restitution, range_warnings
 from kickdyn.robot.leg import Leg
+from kickdyn.robot.names import unknown
 from kickdyn.sweeps.grid import DECIMALS, Grid
 from kickdyn.sweeps.sweep_kick import Kick, PostureOutcome, PostureStatus
 
@@ -91,16 +91,12 @@ def select_variables(names: Iterable[str] | None) -> tuple[str, ...]:
     """
     if names is None:
         return tuple(VARIABLES)
-    if isinstance(names, str):
-        raise InvalidInput(f"variables is {names!r}: it must be a list of names")
-    wanted, known = list(names), [*VARIABLES, "status"]
-    for name in wanted:
-        if not isinstance(name, str) or name not in known:
-            near = difflib.get_close_matches(str(name)[:100], known, 1)
-            hint = f"did you mean {near[0]!r}?" if near else f"choose {', '.join(known)}"
-            raise InvalidInput(f"variable {str(name)[:100]!r} is unknown: {hint}")
+    wanted, known = [] if isinstance(names, str) else list(names), [*VARIABLES, "status"]
     if not wanted:
-        raise InvalidInput(f"variables is empty: choose {', '.join(known)}")
+        raise InvalidInput(f"variables is {names!r}: it must be a list of {', '.join(known)}")
+    for name in wanted:
+        if name not in known:
+            raise InvalidInput(unknown("variable", name, "a sweep", known))
     return tuple(name for name in VARIABLES if name in wanted)
 
 

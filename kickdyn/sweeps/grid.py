@@ -43,8 +43,8 @@ class Grid:
     def of(cls, leg: Leg, postures: Mapping[str, ArrayLike]) -> "Grid":
         """Return the grid over joints of a leg, from a value or ascending values [rad; m] of each.
 
-        Raises `InvalidInput` with all faults in one line: an unknown joint, one that mimics another,
-        values that are not ascending or outside the joint's range; or more than `LARGEST` postures.
+        Raises `InvalidInput` with all faults in one line: an unknown joint, one that mimics
+        another, values that are not ascending or outside the joint's range, too many postures.
         """
         if not isinstance(postures, Mapping) or not postures:
             raise InvalidInput(

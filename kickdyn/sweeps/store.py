@@ -13,7 +13,6 @@ Every chunk ends with a checksum (CRC-32C), so that damage is noticed when it is
 import fcntl
 import glob
 import io
-import json
 import math
 import os
 import shutil
@@ -36,7 +35,6 @@ from kickdyn.errors import InvalidInput
 from kickdyn.sweeps.dataset import (
     STATUS_ATTRIBUTES,
     VARIABLES,
-    add_warning,
     attributes_of,
     difference,
 )
@@ -123,7 +121,6 @@ class SweepStore:
             with warnings.catch_warnings():  # of Zarr, that other readers may not know it
                 warnings.simplefilter("ignore")
                 zarr.consolidate_metadata(draft)  # without it, `xr.open_zarr` warns
-            _rewrite_root(draft, finished=0)
             draft.rename(self.path)
         finally:
             shutil.rmtree(folder, ignore_errors=True)
@@ -151,8 +148,8 @@ class SweepStore:
     def add_warning(self, warning: str) -> None:
         """Add a line to the attribute `warnings`, if it is not empty."""
         if warning:
-            with open_sweep(self.path) as stored:
-                _rewrite_root(self.path, warnings=add_warning(stored, warning).attrs["warnings"])
+            lines = self._group.attrs["warnings"]
+            self._group.attrs["warnings"] = f"{lines}; {warning}" if lines else warning
 
     def finish(self) -> None:
         """Record that every chunk is computed; remove what killed processes left."""
@@ -160,7 +157,7 @@ class SweepStore:
             file.unlink()
         for draft in self.path.parent.glob(f"{glob.escape(_draft_prefix(self.path))}*"):
             shutil.rmtree(draft, ignore_errors=True)
-        _rewrite_root(self.path, finished=1)
+        self._group.attrs["finished"] = 1
 
     @contextmanager
     def locked(self) -> Iterator[None]:
@@ -252,22 +249,6 @@ def save_netcdf(data: xr.Dataset, path: str | PathLike[str]) -> None:
         data.to_netcdf(file, engine="h5netcdf", encoding=encoding)
         # Not getbuffer(): a view that an error keeps crashes Python 3.12.1 when it is collected.
         draft.write_bytes(file.getvalue())
-
-
-def _rewrite_root(folder: Path, **attributes: object) -> None:
-    """Rewrite the root file of a store: some attributes, and the order of its arrays.
-
-    Readers list arrays in the order of this file, which Zarr itself writes alphabetically.
-    """
-    root = json.loads((folder / "zarr.json").read_text())
-    root["attributes"].update(attributes)
-    arrays = root["consolidated_metadata"]["metadata"]
-    joints = [n for joint in arrays["status"]["dimension_names"] for n in (joint, f"{joint}_deg")]
-    names = [name for name in (*joints, *VARIABLES, "status") if name in arrays]
-    root["consolidated_metadata"]["metadata"] = {name: arrays[name] for name in names}
-    draft = folder / "status" / "zarr.json.partial"  # not where Zarr looks for arrays
-    draft.write_text(json.dumps(root, indent=2))
-    draft.replace(folder / "zarr.json")
 
 
 def _draft_prefix(path: Path) -> str:

@@ -7,11 +7,10 @@ or in a Zarr store. Threads, processes or an executor of the caller compute chun
 import math
 import os
 import pickle
-import shutil
 import signal
 import threading
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import (
     BrokenExecutor,
     CancelledError,
@@ -25,6 +24,7 @@ from functools import lru_cache, partial
 from itertools import islice
 from multiprocessing import get_context, parent_process
 from os import PathLike
+from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
@@ -137,12 +137,13 @@ def sweep(
             described = add_warning(described, chunk.warning)
         rows, status = (np.hstack(arrays) for arrays in list(zip(*chunks, strict=True))[:2])
         return with_variables(described.assign_attrs(finished=1), rows, status, kept)
+    in_process = executor is None and workers is None
+    sent = b"" if in_process else _pickled(Path(store).absolute(), kept, solver)
     filled = SweepStore(store, described, kept, solver.chunk, resume=resume)
-    with filled.locked(), _resumable(filled, executor):
-        in_process = executor is None and workers is None
-        write = _chunk_writer(filled, solver) if in_process else _sent_writer(filled, solver)
-        with nullcontext(executor) if executor else _pool(threads, workers) as pool:
-            _fill(filled, solver, pool, write, progress)
+    write = _chunk_writer(filled, solver) if in_process else partial(_write_chunk, sent)
+    computing = nullcontext(executor) if executor else _pool(threads, workers)
+    with filled.locked(), _resumable(filled), computing as pool:
+        _fill(filled, solver, pool, write, progress)
     return open_sweep(store)
 
 
@@ -218,14 +219,13 @@ def _chunk_writer(store: SweepStore, solver: ChunkSolver) -> ChunkWriter:
     return write
 
 
-def _sent_writer(store: SweepStore, solver: ChunkSolver) -> ChunkWriter:
-    """Return a writer of a store's chunks that can be sent to other processes."""
+def _pickled(path: Path, variables: Sequence[str], solver: ChunkSolver) -> bytes:
+    """Return what `_received_writer` needs in another process."""
     arguments = solver.leg, solver.grid, solver.kick, solver.tolerance
     try:
-        sent = pickle.dumps((store.path.absolute(), store.variables, arguments))
+        return pickle.dumps((path, variables, arguments))
     except (pickle.PicklingError, AttributeError, TypeError) as error:
         raise InvalidInput(f"the sweep cannot be sent to other processes ({error})") from None
-    return partial(_write_chunk, sent)
 
 
 def _write_chunk(sent: bytes, k: int) -> tuple[int, float, str]:
@@ -291,28 +291,17 @@ def _end_with_parent() -> None:
 
 
 @contextmanager
-def _resumable(store: SweepStore, executor: Executor | None) -> Iterator[None]:
-    """Raise `Unfinished` where a sweep is stopped; remove a new store that holds no chunk.
-
-    After Ctrl-C, an executor of the caller may still write to the store, which then stays.
-    """
+def _resumable(store: SweepStore) -> Iterator[None]:
+    """Raise `Unfinished` where a sweep is stopped."""
     try:
         yield
-    except InvalidInput:
-        if store.created and store.count(store.missing()) == store.size:
-            shutil.rmtree(store.path)
-        raise
     except (KeyboardInterrupt, OSError, BrokenExecutor, CancelledError) as error:
-        done = store.size - store.count(store.missing())
+        reason = getattr(error, "strerror", None) or " ".join(str(error).split())
         if isinstance(error, KeyboardInterrupt):
             reason = "interrupted"
-            if store.created and done == 0 and executor is None:
-                shutil.rmtree(store.path)
-                raise Unfinished("interrupted before the first chunk: nothing is stored") from None
         elif isinstance(error, CancelledError):
             reason = "the executor has cancelled the computation"
-        else:
-            reason = getattr(error, "strerror", None) or " ".join(str(error).split())
+        done = store.size - store.count(store.missing())
         raise Unfinished(
             f"{reason}: {done:,} of {store.size:,} postures are stored in {store.path}; to "
             "continue, run it again with --resume (resume=True in Python)"

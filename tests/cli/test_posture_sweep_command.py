@@ -188,9 +188,7 @@ def test_ctrl_c_says_how_to_go_on(tmp_path, by):
         out, said = stopped.communicate()
     assert (stopped.returncode, out) == (1, "")
     assert said.count("\n") == 1
-    stored = (
-        r"interrupted: [\d,]+ of [\d,]+ postures are stored in my s\.zarr; to continue, run it "
-    )
+    stored = r"interrupted: [\d,]+ of [\d,]+ postures are stored in my s\.zarr; to continue, run "
     assert re.search(rf"{stored}it again with --resume \(resume=True in Python\)$", said)
 
 
@@ -524,7 +522,10 @@ def test_named_variables_and_those_of_the_table_are_kept(tmp_path):
     ("arguments", "words"),
     [
         (["--variables", "cary", "--out", "x.nc"], "variable 'cary' is unknown: did you mean 'car"),
-        (["--variables", "carry,", "--out", "x.nc"], "variable '' is unknown: choose effective"),
+        (
+            ["--variables", "carry,", "--out", "x.nc"],
+            "variable '' is unknown: a sweep has eff",
+        ),
         (
             ["--variables", "carry"],
             "--variables is for what --out keeps: name it, --out FILE.nc or",

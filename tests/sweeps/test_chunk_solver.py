@@ -87,9 +87,7 @@ def test_a_ball_that_the_batch_does_not_land_is_flown_alone(monkeypatch):
 
 @pytest.mark.parametrize("kernel_from", [1, 10**9])
 @pytest.mark.parametrize("friction", [0.0, 0.4])
-def test_where_pinocchio_finds_another_impulse_the_sweep_has_a_warning(
-    monkeypatch, friction, kernel_from
-):
+def test_another_impulse_by_pinocchio_is_a_warning(monkeypatch, friction, kernel_from):
     monkeypatch.setattr(chunk_solver, "KERNEL_FROM", kernel_from)
     found = chunk_solver.strike
 

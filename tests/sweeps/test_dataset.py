@@ -89,7 +89,7 @@ HERE = ("hip=-30:90:0.5", "knee=0:140:10")
         (HERE[::-1], "its joints are knee, hip, this one's hip, knee"),
         (
             (HERE[0], "knee=0:140:20"),
-            "its knee has 8 values from 0 to 140 deg, this one's 15 values from 0 to 140 deg, not all",
+            "its knee has 8 values from 0 to 140 deg, this one's 15 values from 0 to 140 deg, not",
         ),
         (
             (HERE[0], "knee=20"),

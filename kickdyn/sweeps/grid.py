@@ -131,12 +131,15 @@ class Chunks:
     def __len__(self) -> int:
         return math.prod(self.counts)
 
+    def index(self, k: int) -> tuple[int, ...]:
+        """Return the place of chunk number `k` along each axis."""
+        return tuple(map(int, np.unravel_index(k, self.counts)))
+
     def region(self, k: int) -> tuple[slice, ...]:
         """Return the slices of the grid that chunk number `k` covers."""
-        index = np.unravel_index(k, self.counts)
         return tuple(
-            slice(int(i) * c, min((int(i) + 1) * c, n))
-            for i, c, n in zip(index, self.shape, self.grid_shape, strict=True)
+            slice(i * c, min((i + 1) * c, n))
+            for i, c, n in zip(self.index(k), self.shape, self.grid_shape, strict=True)
         )
 
     def span(self, k: int) -> tuple[int, int]:

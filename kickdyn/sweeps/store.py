@@ -13,13 +13,16 @@ Every chunk ends with a checksum (CRC-32C), so that damage is noticed when it is
 import fcntl
 import glob
 import io
+import json
 import math
 import os
 import shutil
 import tempfile
+import threading
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import cache
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -42,6 +45,12 @@ from kickdyn.sweeps.grid import Chunks
 from kickdyn.sweeps.sweep_kick import PostureStatus
 
 _NOT_COMPUTED = PostureStatus.NOT_COMPUTED.flag
+
+CODECS = frozenset({"bytes", "blosc", "crc32c", "gzip", "transpose", "zstd"})
+"""Codecs of arrays that are read. None of them runs code that a store contains."""
+
+_BLOSC: dict[str, Any] = {"cname": "lz4", "clevel": 5}
+"""How chunks are compressed, after their bytes are shuffled."""
 
 
 class SweepStore:
@@ -86,7 +95,8 @@ class SweepStore:
             raise InvalidInput(f"{path} cannot be written ({reason})") from None
         self._group: Any = zarr.open_group(self.path, mode="r+", zarr_format=3)
         self.finished = bool(self._group.attrs.get("finished"))
-        status = self._group["status"]
+        self._arrays = dict(self._group.arrays())
+        status = self._arrays["status"]
         self.chunks = Chunks(status.shape, status.chunks)
         self.size = math.prod(status.shape)
 
@@ -96,27 +106,28 @@ class SweepStore:
         folder = tempfile.mkdtemp(dir=self.path.parent, prefix=_draft_prefix(self.path))
         draft = Path(folder) / "store"
         try:
-            degrees = {  # in the chunks of the variables, as dask asks for
-                f"{joint}_deg": {"chunks": (size,)}
-                for joint, size in zip(described.dims, chunks.shape, strict=True)
+            compressors = [
+                zarr.codecs.BloscCodec(**_BLOSC, shuffle="shuffle"),
+                zarr.codecs.Crc32cCodec(),
+            ]
+            encoding: dict[str, dict[str, Any]] = {
+                str(name): {"compressors": compressors} for name in described.coords
             }
-            described.to_zarr(draft, mode="w", consolidated=False, zarr_format=3, encoding=degrees)
+            for joint, size in zip(described.dims, chunks.shape, strict=True):
+                if f"{joint}_deg" in encoding:  # in the chunks of the variables, as dask asks for
+                    encoding[f"{joint}_deg"] |= {"chunks": (size,)}
+            described.to_zarr(draft, mode="w", consolidated=False, zarr_format=3, encoding=encoding)
             group: Any = zarr.open_group(draft, mode="r+")
             arrays: dict[str, tuple[str, float, dict[str, Any]]] = {
                 name: ("f4", math.nan, attributes_of(name)) for name in self.variables
             }
             flags = {**STATUS_ATTRIBUTES, "flag_values": STATUS_ATTRIBUTES["flag_values"].tolist()}
             arrays["status"] = ("i1", _NOT_COMPUTED, flags)
-            codecs = zarr.codecs
             for name, (dtype, fill, attributes) in arrays.items():
                 group.create_array(
                     name, shape=chunks.grid_shape, chunks=chunks.shape, dtype=dtype,
                     fill_value=fill, dimension_names=list(described.dims), attributes=attributes,
-                    compressors=[
-                        codecs.BloscCodec(cname="lz4", clevel=5, shuffle="shuffle"),
-                        codecs.Crc32cCodec(),
-                    ],
-                    config={"write_empty_chunks": True},  # a chunk without a file is missing
+                    compressors=compressors,
                 )  # fmt: skip
             with warnings.catch_warnings():  # of Zarr, that other readers may not know it
                 warnings.simplefilter("ignore")
@@ -126,24 +137,41 @@ class SweepStore:
             shutil.rmtree(folder, ignore_errors=True)
 
     def missing(self) -> list[int]:
-        """Return the numbers of the chunks that are not computed yet."""
-        if self.finished:
-            return []
-        status, region = self._group["status"], self.chunks.region
-        return [k for k in range(len(self.chunks)) if (status[region(k)] == _NOT_COMPUTED).any()]
+        """Return the numbers of the chunks that are not computed yet, or damaged."""
+        names = (*self.variables, "status")
+        return [
+            k for k in range(len(self.chunks))
+            if any(_damage(self._file(name, k)) for name in names)
+        ]  # fmt: skip
+
+    def _file(self, name: str, k: int) -> Path:
+        """Return the file of an array's chunk `k`."""
+        return self.path / name / "c" / "/".join(map(str, self.chunks.index(k)))
 
     def count(self, chunks: Iterable[int]) -> int:
         """Return the number of postures of chunks."""
         return sum(self.chunks.span(k)[1] for k in chunks)
 
     def write(self, k: int, rows: Array, status: NDArray[np.int8]) -> None:
-        """Write chunk `k`: its variables first, and then its status, each file whole or not."""
-        region = self.chunks.region(k)
-        shape = tuple(axis.stop - axis.start for axis in region)
+        """Write chunk `k`: its variables first, and then its status, each file whole or not.
+
+        The files are as Zarr would write them, which takes twice as long.
+        """
+        from google_crc32c import value as checksum
+        from numcodecs.blosc import SHUFFLE, Blosc
+
+        shape = tuple(axis.stop - axis.start for axis in self.chunks.region(k))
         by_name = dict(zip((*VARIABLES, "status"), (*rows, status), strict=True))
         for name in (*self.variables, "status"):
-            array = self._group[name]
-            array[region] = by_name[name].reshape(shape).astype(array.dtype)
+            array = self._arrays[name]
+            block = np.full(array.chunks, array.fill_value, array.dtype)  # files have whole chunks
+            block[tuple(map(slice, shape))] = by_name[name].reshape(shape)
+            content = Blosc(**_BLOSC, shuffle=SHUFFLE).encode(block)
+            file = self._file(name, k)
+            file.parent.mkdir(parents=True, exist_ok=True)
+            draft = file.with_name(f"{file.name}.{os.getpid()}-{threading.get_ident()}.partial")
+            draft.write_bytes(content + checksum(content).to_bytes(4, "little"))
+            draft.replace(file)
 
     def add_warning(self, warning: str) -> None:
         """Add a line to the attribute `warnings`, if it is not empty."""
@@ -205,11 +233,13 @@ def open_sweep(path: str | PathLike[str]) -> xr.Dataset:
         path: the folder or file.
 
     Returns:
-        The dataset that `kickdyn.sweep` describes, read when its values are asked for. With dask
-        installed, `.chunk()` makes xarray compute on a store larger than memory.
+        The dataset that `kickdyn.sweep` describes. The values of a store are read when they are
+        asked for. With dask installed, `.chunk()` makes xarray compute on a store larger than
+        memory.
 
     Raises:
-        InvalidInput: there is no such file, or it is not a sweep.
+        InvalidInput: there is no such file, it is not a sweep, or it is damaged; also where the
+            values of a damaged chunk of a store are read.
     """
     file = _checked_path(path)
     if not file.exists():
@@ -218,17 +248,80 @@ def open_sweep(path: str | PathLike[str]) -> xr.Dataset:
         data: xr.Dataset
         if file.is_dir():
             _zarr()
-            data = xr.open_zarr(file, consolidated=False, chunks=None)
+            store = _checked_store()(file, read_only=True)
+            store.checked = _checked_arrays(file)
+            data = xr.open_zarr(store, consolidated=False, chunks=None, zarr_format=3)
         else:
-            data = xr.open_dataset(file, engine="h5netcdf")
-    except (OSError, ValueError, KeyError, AttributeError) as error:
-        reason = " ".join(str(error).split())[:100]
+            with xr.open_dataset(file, engine="h5netcdf") as opened:
+                data = opened.load()  # at once: damaged files end in errors of many kinds
+    except InvalidInput:
+        raise
+    except Exception as error:
+        reason = " ".join(str(error).split())[:100] or type(error).__name__
         raise InvalidInput(f"{path} cannot be read as a sweep ({reason})") from None
-    if "status" not in data:
+    if "status" not in data or "finished" not in data.attrs:
         raise InvalidInput(f"{path} is not a sweep: it has no status")
     ordered = data[[*(name for name in VARIABLES if name in data), "status"]]
     ordered.set_close(data.close)
     return ordered
+
+
+def _checked_arrays(folder: Path) -> frozenset[str]:
+    """Return the names of the arrays of a store whose chunks end with a checksum.
+
+    Raises `InvalidInput` for another format than Zarr's third, of which a codec may run code that
+    the store contains, and for codecs that a sweep does not need.
+    """
+    if not (folder / "zarr.json").is_file():
+        raise InvalidInput(f"{folder} cannot be read as a sweep (it has no zarr.json, of Zarr 3)")
+    checked = set()
+    for file in folder.glob("*/zarr.json"):
+        codecs = {codec["name"] for codec in json.loads(file.read_bytes())["codecs"]}
+        if unknown := codecs - CODECS:
+            names = ", ".join(sorted(map(repr, unknown)))
+            raise InvalidInput(f"{folder} is refused: {file.parent.name} has the codec {names}")
+        if "crc32c" in codecs:
+            checked.add(file.parent.name)
+    return frozenset(checked)
+
+
+@cache
+def _checked_store() -> Any:
+    """Return the class of stores that name the chunk which is damaged or missing."""
+    from zarr.storage import LocalStore
+
+    class CheckedStore(LocalStore):
+        checked: frozenset[str]
+
+        async def get(self, key: str, *args: Any, **how: Any) -> Any:
+            name, _, index = key.partition("/c/")
+            if index and name in self.checked:
+                damage = _damage(self.root / key)
+                if damage == MISSING and not (self.root / "status" / "c" / index).exists():
+                    damage = ""  # not computed yet
+                if damage:
+                    raise InvalidInput(
+                        f"{self.root}: chunk {key} {damage}: compute it again with --resume "
+                        "(resume=True in Python)"
+                    )
+            return await super().get(key, *args, **how)
+
+    return CheckedStore
+
+
+MISSING = "is missing"
+
+
+def _damage(file: Path) -> str:
+    """Return what is wrong with the file of a chunk that ends with a checksum, or nothing."""
+    from google_crc32c import value as checksum
+
+    try:
+        content = file.read_bytes()
+    except FileNotFoundError:
+        return MISSING
+    stored = int.from_bytes(content[-4:], "little")
+    return "" if len(content) > 4 and checksum(content[:-4]) == stored else "is damaged"
 
 
 def check_netcdf_name(path: str | PathLike[str]) -> None:
@@ -242,7 +335,7 @@ def check_netcdf_name(path: str | PathLike[str]) -> None:
 def save_netcdf(data: xr.Dataset, path: str | PathLike[str]) -> None:
     """Write a dataset as netCDF 4, which `open_sweep` reads, or raise `InvalidInput`."""
     check_netcdf_name(path)
-    how = {"dtype": "f4", "zlib": True, "complevel": 1, "shuffle": True}
+    how = {"dtype": "f4", "zlib": True, "complevel": 1, "shuffle": True, "fletcher32": True}
     encoding = {name: how for name in VARIABLES if name in data}
     with replacing(path) as draft:
         file = io.BytesIO()  # HDF5 itself crashes where the disk is full

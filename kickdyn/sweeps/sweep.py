@@ -204,7 +204,7 @@ def _fill(
         store.add_warning(warning)
         if progress is not None:
             progress(count, speed)
-    if not store.finished:
+    if missing or not store.finished:
         store.finish()
 
 

@@ -9,6 +9,7 @@ import threading
 import time
 import warnings
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -393,7 +394,7 @@ def test_variables_that_there_are_not(tmp_path, names, words):
 
 
 def test_without_kickdyn_xarray_opens_every_file(tmp_path):
-    """In the order of the documentation, by two functions, and with the attributes of CF."""
+    """By two functions, and with the attributes of CF."""
     stored(tmp_path / "whole.zarr")
     save_netcdf(kd.sweep(LEG, POSTURES, KICK), tmp_path / "whole.nc")
     described = describe(LEG, Grid.of(LEG, POSTURES), KICK, 0.0)
@@ -416,9 +417,12 @@ def test_without_kickdyn_xarray_opens_every_file(tmp_path):
     command = [sys.executable, "-W", "error", "-c", script]
     ended = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert ended.stderr == ""
-    names = [*VARIABLES, "status", *(n for j in POSTURES for n in (j, f"{j}_deg")), "CF-1.11"]
+    variables, joints = [*VARIABLES, "status"], [n for j in POSTURES for n in (j, f"{j}_deg")]
+    orders = {"zarr": [*sorted(variables), *sorted(joints)], "nc": [*variables, *joints]}
     ends = {1: "1 int8 float32 float64 -1 0 0", 0: "0 int8 float32 float64 -1 252 252"}
-    assert ended.stdout.splitlines() == [f"{' '.join(names)} {ends[k]}" for k in (1, 0, 1, 0, 1)]
+    cases = ("zarr", 1), ("zarr", 0), ("zarr", 1), ("zarr", 0), ("nc", 1)
+    expected = [f"{' '.join(orders[kind])} CF-1.11 {ends[k]}" for kind, k in cases]
+    assert ended.stdout.splitlines() == expected
     text = (Path(__file__).parents[2] / "docs" / "reference" / "dataset.md").read_text()
     table = re.search(r"\| variable \|.*?\n\n", text, re.DOTALL)[0]
     assert re.findall(r"`(\w+)`(?=[^|]*\| [a-zA-Z0-9])", table) == [*VARIABLES, "status"]
@@ -555,3 +559,81 @@ def test_a_failed_write_leaves_the_old_file(small, tmp_path, monkeypatch):
     with pytest.raises(kd.InvalidInput, match="No space left"):
         save_netcdf(small, tmp_path / "sweep.nc")
     assert [(f.name, f.read_text()) for f in tmp_path.iterdir()] == [("sweep.nc", "old")]
+
+
+@pytest.mark.parametrize("fault", ["flipped", "missing", "half", "empty"])
+def test_a_damaged_chunk_is_named_and_computed_again(tmp_path, fault):
+    stored(tmp_path / "whole.zarr")
+    data = stored(tmp_path / "s.zarr")
+    file = tmp_path / "s.zarr" / "carry" / "c" / "3" / "0" / "0"
+    content = file.read_bytes()
+    if fault == "missing":
+        file.unlink()
+    else:
+        flipped = content[:9] + bytes([content[9] ^ 4]) + content[10:]
+        file.write_bytes({"flipped": flipped, "half": content[: len(content) // 2]}.get(fault, b""))
+    words = "is missing" if fault == "missing" else "is damaged"
+    with pytest.raises(kd.InvalidInput, match=rf"s\.zarr: chunk carry/c/3/0/0 {words}: compute it"):
+        data.carry.load()
+    calls = []
+    stored(tmp_path / "s.zarr", resume=True, progress=lambda count, _: calls.append(count))
+    assert calls == [294 - 42, 42]
+    assert files(tmp_path / "s.zarr") == files(tmp_path / "whole.zarr")
+
+
+def test_every_flipped_bit_of_a_chunk_is_noticed(tmp_path):
+    path, draw = tmp_path / "s.zarr", np.random.default_rng(0)
+    stored(path)
+    chunks = [file for file in path.rglob("*") if file.is_file() and file.name != "zarr.json"]
+    for file in draw.choice(chunks, 40):
+        content = bytearray(file.read_bytes())
+        content[draw.integers(len(content))] ^= 1 << int(draw.integers(8))
+        before = file.read_bytes()
+        file.write_bytes(content)
+        with pytest.raises(kd.InvalidInput, match=r"chunk \w+/c/[\d/]+ is damaged"):
+            kd.open_sweep(path).load()
+        file.write_bytes(before)
+    kd.open_sweep(path).load()
+
+
+def test_a_damaged_netcdf_file_is_one_line(tmp_path):
+    draw, unnoticed = np.random.default_rng(1), 0
+    save_netcdf(kd.sweep(LEG, POSTURES, KICK), tmp_path / "whole.nc")
+    content, whole = (tmp_path / "whole.nc").read_bytes(), kd.open_sweep(tmp_path / "whole.nc")
+    for k in range(60):
+        damaged = bytearray(content)
+        if k % 3:
+            damaged[draw.integers(len(damaged))] ^= 1 << int(draw.integers(8))
+        else:
+            damaged = damaged[: draw.integers(len(damaged))]
+        (tmp_path / "s.nc").write_bytes(damaged)
+        with suppress(kd.InvalidInput):
+            unnoticed += not kd.open_sweep(tmp_path / "s.nc").equals(whole)
+    assert unnoticed == 0
+
+
+@pytest.mark.parametrize("name", ["zarr.json", "carry/zarr.json"])
+@pytest.mark.parametrize(
+    "text", [b"[]", b"", b"{}", b"null", b'{"attri', b'{"codecs": 5}', b"\xff"]
+)
+def test_damaged_metadata_of_a_store_are_one_line(tmp_path, name, text):
+    stored(tmp_path / "s.zarr", {"hip": [0.1, 0.2]})
+    (tmp_path / "s.zarr" / name).write_bytes(text)
+    for read in (kd.open_sweep, lambda path: stored(path, {"hip": [0.1, 0.2]}, resume=True)):
+        with pytest.raises(kd.InvalidInput, match=r"s\.zarr (cannot be read|is not)") as refused:
+            read(tmp_path / "s.zarr")
+        assert "\n" not in str(refused.value)
+
+
+def test_a_store_that_could_run_code_is_refused(tmp_path):
+    old = zarr.open_group(tmp_path / "old.zarr", mode="w", zarr_format=2)
+    old.create_array("status", shape=(3,), dtype="i1")
+    with pytest.raises(kd.InvalidInput, match=r"no zarr\.json, of Zarr 3"):
+        kd.open_sweep(tmp_path / "old.zarr")
+    stored(tmp_path / "s.zarr")
+    file = tmp_path / "s.zarr" / "carry" / "zarr.json"
+    text = json.loads(file.read_text())
+    text["codecs"].append({"name": "numcodecs.pickle", "configuration": {}})
+    file.write_text(json.dumps(text))
+    with pytest.raises(kd.InvalidInput, match=r"carry has the codec 'numcodecs\.pickle'"):
+        kd.open_sweep(tmp_path / "s.zarr")

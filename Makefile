@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constraint constraints.txt
 
-.PHONY: sweep help extremes mutants notebooks test test-all docs package lint browser clean
+.PHONY: sweep help extremes fuzz mutants notebooks test test-all docs package lint browser clean
 
 # what `make test-all` tests with: python3.11 and so on must be there, as pyenv or deadsnakes bring them;
 # add 3.14, which kickdyn takes too, where you have it
@@ -23,6 +23,11 @@ help:
 extremes: $(VENV)/.dev
 	@echo "This takes about a minute."
 	$(BIN)/python tests/extremes
+
+## fuzz: feeds broken files and command lines for ten minutes; fails if one is neither answered nor refused
+fuzz: $(VENV)/.dev
+	@echo "This takes ten minutes."
+	$(BIN)/python tools/fuzz.py --seconds 600
 
 ## mutants: changes the code on purpose, a hundred times, and counts how often a test notices
 mutants: $(VENV)/.dev

@@ -13,8 +13,8 @@ from PIL import Image
 
 import kickdyn as kd
 from kickdyn.view.document import save_picture
+from kickdyn.view.kick_scene import RATE
 from kickdyn.view.page import Page
-from kickdyn.view.playback import RATE
 
 FILE = Path(__file__).resolve().parent.parent / "docs" / "images" / "kick.webp"
 

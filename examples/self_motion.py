@@ -3,7 +3,7 @@
 import numpy as np
 
 import kickdyn as kd
-from kickdyn.paper.self_motion import self_motion
+from kickdyn.paper.fig_1 import self_motion
 
 leg, ball = kd.Leg.human(), kd.Ball()
 attack = np.array([np.cos(np.pi / 6), 0, np.sin(np.pi / 6)])  # 30 deg above the horizontal

@@ -60,8 +60,8 @@ from .robot.leg import Posture as Posture
 from .scene.pitch import Wall as Wall
 from .scene.scene import Compliance as Compliance
 from .scene.scene import Scene as Scene
+from .scene.simulate import Simulation as Simulation
 from .scene.simulate import simulate as simulate
-from .scene.simulation import Simulation as Simulation
 from .scene.toml_reader import load_scene as load_scene
 from .simulators.tune_mujoco import MujocoTuning as MujocoTuning
 from .simulators.tune_mujoco import tune_mujoco as tune_mujoco

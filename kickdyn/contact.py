@@ -14,7 +14,6 @@ from kickdyn.restitution import (
     checked_restitution,
     format_restitution,
     restitution_at,
-    restitution_slope,
 )
 
 
@@ -87,33 +86,13 @@ class Contact(ValueEquality, ReprMixin):
         speed = validation.number("speed", speed, at_least=0, unit="m/s")
         return restitution_at(self.restitution, speed)
 
-    def restitution_slope(self, speed: float) -> float:
-        r"""Return the derivative :math:`de/du` at a speed of approach [1 / (m/s)].
-
-        It is 0 for a number and outside a table; exactly at a tabulated speed it is the slope of
-        the interval above.
-
-        Args:
-            speed: speed u of the foot towards the ball, 0 or more [m/s].
-
-        Raises:
-            InvalidInput: a speed that is below 0 or no finite number.
-        """
-        speed = validation.number("speed", speed, at_least=0, unit="m/s")
-        return restitution_slope(self.restitution, speed)
-
     def __repr__(self) -> str:
-        """Return the class with all its values, in a line."""
-        normal = "None" if self.normal is None else format_value(self.normal)
-        offset = ""
-        if self.offset is not None:
-            offset = f", offset={format_value(self.offset)} m"
+        offset = "" if self.offset is None else f", offset={format_value(self.offset)} m"
         e = format_restitution(self.restitution)
-        values = f"restitution={e}, friction={self.friction:g}{offset}"
-        return f"Contact(normal={normal}, {values})"
+        normal = format_value(self.normal)
+        return f"Contact(normal={normal}, restitution={e}, friction={self.friction:g}{offset})"
 
     def _rows(self) -> Iterable[Row]:
-        """Return what `print` shows: each quantity with its value and unit."""
         if self.normal is not None:
             yield "normal", self.normal, ""
         yield "restitution", format_restitution(self.restitution), ""

@@ -111,24 +111,18 @@ def restitution_at(restitution: Restitution, speed: float) -> float:
     """Return e at a speed of approach [m/s]."""
     if isinstance(restitution, float):
         return restitution
-    rows = rows_of(restitution)
-    i = _interval(rows, speed)
-    if i < 0 or i == len(rows) - 1:
-        return rows[max(i, 0)][1]
-    (low, e), (high, other) = rows[i : i + 2]
-    return e + (other - e) * ((speed - low) / (high - low))
+    low, e, slope = _segment(rows_of(restitution), speed)
+    return e + slope * (speed - low)
 
 
 def restitution_slope(restitution: Restitution, speed: float) -> float:
-    """Return de/du at a speed of approach [m/s]; in a row of the table, that above it."""
+    """Return de/du at a speed of approach [1 / (m/s)]; in a row, the slope above it.
+
+    It is 0 for a number and outside the table.
+    """
     if isinstance(restitution, float):
         return 0.0
-    rows = rows_of(restitution)
-    i = _interval(rows, speed)
-    if i < 0 or i == len(rows) - 1:
-        return 0.0
-    (low, e), (high, other) = rows[i : i + 2]
-    return (other - e) / (high - low)
+    return _segment(rows_of(restitution), speed)[2]
 
 
 def least_restitution(restitution: Restitution) -> float:
@@ -191,23 +185,31 @@ def check_invertible(restitution: Restitution) -> None:
 def approach_speed(restitution: Restitution, change: float) -> float:
     r"""Return the speed u of approach for which the normal velocity changes by u (1 + e(u)) [m/s].
 
-    In an interval in which :math:`e = e_0 + k\,(u - u_0)` this is a quadratic equation, whose root
+    In a segment in which :math:`e = e_0 + k\,(u - u_0)` this is a quadratic equation, whose root
     is :math:`u = 2 w / (b + \sqrt{b^2 + 4 k w})` with the change w and :math:`b = 1 + e_0 - k u_0`.
     The restitution has passed `check_invertible`.
     """
     if isinstance(restitution, float):
         return change / (1.0 + restitution)
-    rows = rows_of(restitution)
-    i = _interval([(speed * (1.0 + e), e) for speed, e in rows], change)
-    if i < 0 or i == len(rows) - 1:
-        return change / (1.0 + rows[max(i, 0)][1])
-    (low, e), (high, other) = rows[i : i + 2]
-    slope = (other - e) / (high - low)
+    changes = [(speed * (1.0 + e), e) for speed, e in rows_of(restitution)]
+    low, e, slope = _segment(rows_of(restitution), change, changes)
+    if slope == 0.0:
+        return change / (1.0 + e)
     b = 1.0 + e - slope * low
     root = math.sqrt(max(b * b + 4.0 * slope * change, 0.0))
-    return min(max(2.0 * change / (b + root), low), high)
+    return 2.0 * change / (b + root)
 
 
-def _interval(rows: Sequence[tuple[float, float]], value: float) -> int:
-    """Return the last row whose first number is not above a value; -1 where all are."""
-    return bisect_right(rows, value, key=lambda row: row[0]) - 1
+def _segment(
+    rows: Table, value: float, keys: Sequence[tuple[float, float]] | None = None
+) -> tuple[float, float, float]:
+    """Return speed, e and de/du where the segment begins that holds a value; outside, de/du is 0.
+
+    The value is a speed, or what the keys have in place of the speeds.
+    """
+    i = bisect_right(keys or rows, value, key=lambda row: row[0]) - 1
+    low, e = rows[max(i, 0)]
+    if i < 0 or i == len(rows) - 1:
+        return low, e, 0.0
+    high, other = rows[i + 1]
+    return low, e, (other - e) / (high - low)

@@ -126,3 +126,12 @@ def slides(leg):
     pin.forwardKinematics(model, data, pin.neutral(model))
     motions = [np.reshape(joint.S, (6, -1)) for joint in list(data.joints)[1:]]
     return np.concatenate([1.0 * axes[:3].any(axis=0) for axes in motions])
+
+
+def constraint_speed(impact):
+    """The largest velocity after an impact of what supports and loops hold [m/s, rad/s]."""
+    projector = impact.posture.constraint_projector
+    if projector is None or not projector.blocks:
+        return 0.0
+    held = projector.blocks[-1].rows.stop
+    return np.abs(projector.rows[:held] @ impact.v_after).max()

@@ -10,8 +10,8 @@ import numpy as np
 import kickdyn as kd
 from kickdyn.impact.body import BallBody, LegBody
 from kickdyn.impact.contact_problem import ContactPoint, ContactProblem
+from kickdyn.impact.laws import solve_paper
 from kickdyn.impact.newton_law import solve_newton
-from kickdyn.impact.paper_law import solve_paper
 from kickdyn.impact.stronge_law import solve_stronge
 
 

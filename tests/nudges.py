@@ -37,18 +37,16 @@ def nudged(kick, options, name, step):
     elif name in options:
         options[name] = options[name] + step
     else:
-        leg = reweighed(leg, name, step)
+        leg = reweighed(leg, step)
     return kd.strike(leg.posture(q), v, kd.Ball(mass, radius), kd.Contact(normal, e, mu), **options)
 
 
-def reweighed(leg, name, step):
+def reweighed(leg, step):
     """The leg with other links, held as before."""
     model = leg.model
     for i in range(1, model.njoints):
         numbers = model.inertias[i].toDynamicParameters()
-        if name == "link_inertia":
-            numbers += step[10 * i - 10 : 10 * i]
-        elif numbers[0]:
+        if numbers[0]:
             numbers *= 1 + step[i - 1] / numbers[0]
         model.inertias[i] = pin.Inertia.FromDynamicParameters(numbers)
     new = kd.Leg(model, leg.frame)

@@ -1,8 +1,9 @@
 """Feeds kickdyn broken files and command lines: `python tools/fuzz.py --seconds 600`.
 
 Whatever comes in, an answer or one clear refusal comes out: no other exception, no traceback, no
-crash of the process, no hang, no memory that grows. Each input runs in a child process that the
-parent watches. What went wrong is kept in `tests/corpus`, whose files the tests feed again.
+crash of the process, no hang, no memory that grows. Each input runs in a child process with limited
+memory that the parent watches. What went wrong is kept in `tests/corpus`, whose files the tests
+feed again, and ends the program with exit code 1.
 """
 
 from __future__ import annotations
@@ -15,12 +16,16 @@ import multiprocessing as mp
 import os
 import random
 import re
+import resource
+import shutil
 import sys
 import tempfile
 import time
 import traceback
 import zipfile
+from array import array
 from collections.abc import Callable
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -32,8 +37,18 @@ CORPUS = ROOT / "tests" / "corpus"
 TIMEOUT = 20.0
 """Longest that one input may take [s]; most take milliseconds."""
 
+MEMORY = 2_000_000_000
+"""Largest memory of a child [bytes]."""
+
 GROWTH = 150
-"""Most that a child may grow by after its first inputs [MB]: caches fill, leaks go on."""
+"""Most that children may grow by after the first third of the inputs [MB]: caches fill, leaks go
+on."""
+
+WEIGHTS = {
+    **{"urdf": 250, "mjcf": 100, "mesh": 200, "scene": 40, "csv": 200, "c3d": 180},
+    **{"netcdf": 10, "zarr": 4, "cli": 10},
+}
+"""How often each kind of input is drawn: what takes long is rare."""
 
 NUMBERS = [
     *("nan", "inf", "-inf", "0", "-0.0", "-1", "1e-320", "1e-300", "1e300", "1e999", "1e15"),
@@ -63,11 +78,17 @@ NAMES += [
 
 
 def seeds(kind: str) -> list[str]:
-    """Return good files to begin with."""
+    """Return good files to begin with; of binary files, a letter per byte."""
     if kind == "mesh":
         return meshes()
     if kind == "mjcf":
         return [MJCF, *(file.read_text("utf-8") for file in mjcf_models())]
+    if kind == "csv":
+        return [CSV, CSV.replace(",", " , "), CSV.replace("\n", "\r\n")]
+    if kind == "c3d":
+        return [c3d()]
+    if kind in ("netcdf", "zarr"):
+        return sweeps(kind)
     files = sorted((ROOT / "urdf").glob("*.urdf")) if kind == "urdf" else scenes()
     return [file.read_text("utf-8") for file in files]
 
@@ -77,11 +98,11 @@ MJCF = """<mujoco model="robot"><compiler angle="radian" autolimits="true" euler
 <default><joint armature="0.01" range="-2 2"/><default class="light"><geom density="10"/></default>
 </default>
 <asset><material name="paint" rgba="1 0 0 1"/><mesh name="box" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/>
-<mesh name="none" file="none.stl"/></asset>
+</asset>
 <worldbody><body name="base" pos="0 0 1" childclass="light"><freejoint/><geom size="0.1"/>
 <body name="leg" euler="0 0.1 0"><joint axis="0 1 0" actuatorfrcrange="-20 20"/>
 <inertial pos="0 0 -0.2" mass="3" fullinertia="0.1 0.1 0.05 0 0 0"/>
-<geom type="mesh" mesh="none" group="2"/><site name="knee" pos="0 0 -0.4"/><site name="hip"/>
+<site name="knee" pos="0 0 -0.4"/><site name="hip"/>
 <body name="foot" pos="0 0 -0.4"><joint name="ball" type="ball" pos="0 0 0.01" range="0 2"/>
 <joint name="slide" type="slide" axis="1 0 0" ref="0.1"/>
 <geom type="capsule" size="0.03" fromto="0 0 0 0.2 0 0" material="paint"/>
@@ -91,6 +112,51 @@ MJCF = """<mujoco model="robot"><compiler angle="radian" autolimits="true" euler
 <equality><connect body1="arm0" body2="arm1" anchor="0 0 0"/></equality>
 <tendon><spatial><site site="knee"/><site site="hip"/></spatial></tendon>
 <actuator><motor joint="slide" gear="3" ctrlrange="-1 1"/></actuator></mujoco>"""
+
+
+CSV = "t,x,y,z\n" + "".join(
+    f"{0.02 * k:.2f},{0.4 * k:.3f},{0.01 * k:.3f},{0.11 + 0.2 * k - 0.002 * k * k:.4f}\n"
+    for k in range(40)
+)
+
+
+def c3d() -> str:
+    """Return a C3D file with one marker."""
+    import ezc3d
+    import numpy as np
+
+    file = ezc3d.c3d()
+    file["parameters"]["POINT"]["RATE"]["value"] = [100.0]
+    file["parameters"]["POINT"]["LABELS"]["value"] = ("ball",)
+    file["parameters"]["POINT"]["UNITS"]["value"] = ("m",)
+    points = np.ones((4, 1, 30))
+    points[0, 0] = np.linspace(0.0, 3.0, 30)
+    file["data"]["points"] = points
+    with tempfile.TemporaryDirectory() as folder:
+        file.write(f"{folder}/ball.c3d")
+        return Path(folder, "ball.c3d").read_bytes().decode("latin-1")
+
+
+def sweeps(kind: str) -> list[str]:
+    """Return a small sweep as a netCDF file, or the files of a Zarr store.
+
+    Each file of a store comes after a line with its name.
+    """
+    import kickdyn as kd
+
+    postures = {"hip": [0.1, 0.3], "knee": [0.2], "ankle": [0.0]}
+    kick = kd.Kick(speed=5.0, air=None)
+    data = kd.sweep(kd.Leg.human(), postures, kick)
+    with tempfile.TemporaryDirectory() as folder:
+        if kind == "netcdf":
+            data.to_netcdf(f"{folder}/sweep.nc", engine="h5netcdf")
+            return [Path(folder, "sweep.nc").read_bytes().decode("latin-1")]
+        data.to_zarr(f"{folder}/sweep.zarr", consolidated=False)
+        root = Path(folder, "sweep.zarr")
+        files = [file for file in root.rglob("*") if file.is_file()]
+        return [
+            f"{file.relative_to(root)}\n{file.read_bytes().decode('latin-1')}" for file in files
+        ]
 
 
 def mjcf_models() -> list[Path]:
@@ -246,9 +312,12 @@ def command(draw: random.Random) -> list[str]:
 
 def run(kind: str, what: str, folder: Path) -> None:
     """Feed one input; anything but an answer or a refusal is an exception here."""
-    {"urdf": run_urdf, "mjcf": run_mjcf, "mesh": run_mesh, "scene": run_scene, "cli": run_cli}[
-        kind
-    ](what, folder)
+    feeds = {"urdf": run_urdf, "mjcf": run_mjcf, "mesh": run_mesh, "scene": run_scene}
+    feeds |= {"csv": run_track, "c3d": run_track, "netcdf": run_sweep, "zarr": run_sweep}
+    if kind == "cli":
+        run_cli(what, folder)
+    else:
+        feeds[kind](what, folder)
 
 
 def run_urdf(text: str, folder: Path) -> None:
@@ -315,6 +384,57 @@ def run_mesh(text: str, folder: Path) -> None:
     assert all(np.isfinite(part.vertices).all() for part in parts), "an answer is finite"
 
 
+def run_track(text: str, folder: Path) -> None:
+    """Read a measured track, a C3D file if it begins as one."""
+    import numpy as np
+
+    import kickdyn as kd
+
+    is_c3d = text[1:2] == "P"
+    file = folder / ("track.c3d" if is_c3d else "track.csv")
+    content = text.encode("latin-1", "replace") if is_c3d else text.encode("utf-8", "surrogatepass")
+    file.write_bytes(content)
+    try:
+        track = kd.Track.from_c3d(file) if is_c3d else kd.Track.from_csv(file)
+    except kd.KickdynError as refusal:
+        said = str(refusal)
+        assert said.isprintable(), f"a refusal is one line: {said!r}"
+        return
+    assert np.isfinite(track.positions).all(), "an answer is finite"
+    assert (np.diff(track.times) > 0).all(), "times increase"
+
+
+_store: list[str] = []  # the files of a good Zarr store
+
+
+def run_sweep(text: str, folder: Path) -> None:
+    """Open a sweep, a Zarr store if the text begins with a file's name, and show it."""
+    import kickdyn as kd
+
+    if text.startswith("\x89HDF") or "\n" not in text[:80]:
+        file = folder / "sweep.nc"
+        file.write_bytes(text.encode("latin-1", "replace"))
+    else:
+        if not _store:
+            _store.extend(sweeps("zarr"))
+        file = folder / "sweep.zarr"
+        shutil.rmtree(file, ignore_errors=True)
+        for part in (*_store, text):
+            name, _, body = part.partition("\n")
+            if part is text and name not in [known.partition("\n")[0] for known in _store]:
+                continue
+            (file / name).parent.mkdir(parents=True, exist_ok=True)
+            (file / name).write_bytes(body.encode("latin-1", "replace"))
+    try:
+        with kd.open_sweep(file) as data:
+            str(data)
+            with contextlib.suppress(OSError, RuntimeError, ValueError):  # xarray reads it later
+                data.load()
+    except kd.KickdynError as refusal:
+        said = str(refusal)
+        assert said.isprintable(), f"a refusal is one line: {said!r}"
+
+
 def run_scene(text: str, folder: Path) -> None:
     """Read a scene, and simulate it."""
     import numpy as np
@@ -370,8 +490,10 @@ def work(pipe: object) -> None:
 
     warnings.simplefilter("error")
     warnings.filterwarnings("ignore", "zmq.eventloop.ioloop is deprecated")
+    warnings.filterwarnings("ignore", module="zarr")
     devnull = os.open(os.devnull, os.O_WRONLY)
     os.dup2(devnull, 2)
+    resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
     process = psutil.Process()
     with tempfile.TemporaryDirectory() as folder:
         while True:
@@ -422,31 +544,29 @@ class Child:
 def inputs(seed: int, kinds: list[str]):  # type: ignore[no-untyped-def]
     """Yield inputs without end, the same for the same seed."""
     draw = random.Random(seed)
-    texts = {kind: seeds(kind) for kind in ("urdf", "mjcf", "mesh", "scene") if kind in kinds}
+    texts = {kind: seeds(kind) for kind in kinds if kind != "cli"}
+    weights = [WEIGHTS[kind] for kind in kinds]
     while True:
-        kind = draw.choice(kinds)
+        (kind,) = draw.choices(kinds, weights)
         yield kind, "\x01".join(command(draw)) if kind == "cli" else broken(draw, texts[kind])
 
 
-def main() -> None:
-    """Fuzz for a while and report."""
+def main() -> int:
+    """Fuzz for a while, report, and return the exit code: 1 if anything went wrong."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=600)
+    parser.add_argument("--count", type=int, default=10**9, help="most inputs that are fed")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument(
-        "--kinds",
-        nargs="+",
-        default=["urdf", "urdf", "mjcf", "mjcf", "mesh", "scene", "scene", "cli"],
-    )
+    parser.add_argument("--kinds", nargs="+", default=list(WEIGHTS), choices=list(WEIGHTS))
     asked = parser.parse_args()
-    child, faults, sizes, fed = Child(), {}, [], 0
+    child, faults = Child(), dict[str, int]()
+    sizes = array("f")
     end = time.monotonic() + asked.seconds
     counts = dict.fromkeys(asked.kinds, 0)
-    for kind, what in inputs(asked.seed, asked.kinds):
+    for kind, what in islice(inputs(asked.seed, asked.kinds), asked.count):
         if time.monotonic() > end:
             break
         fault, size = child.feed(kind, what)
-        fed += 1
         counts[kind] += 1
         sizes.append(size)
         if fault:
@@ -458,11 +578,16 @@ def main() -> None:
                 name.write_bytes(what.encode("utf-8", "surrogatepass"))
                 print(f"{name.name}: {fault.strip()[-900:]}\n", flush=True)
             faults[key] += 1
+        if len(sizes) % 1000 == 0:
+            print(f"{len(sizes)} inputs, {len(faults)} kinds of faults", flush=True)
     child.stop()
-    early = max(sizes[: len(sizes) // 3 or 1])
-    print(f"{fed} inputs {counts} in {asked.seconds:.0f} s; {len(faults)} kinds of faults {faults}")
-    print(f"memory {early:.0f} MB in the first third, {max(sizes):.0f} MB at most")
+    early, largest = max(sizes[: len(sizes) // 3 or 1], default=0.0), max(sizes, default=0.0)
+    print(f"{len(sizes)} inputs {counts}; {len(faults)} kinds of faults {faults}")
+    print(f"memory {early:.0f} MB in the first third, {largest:.0f} MB at most")
+    if largest > early + GROWTH:
+        print(f"memory grows by more than {GROWTH} MB")
+    return int(bool(faults) or largest > early + GROWTH)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -132,11 +132,11 @@ def soccer(ball: SoccerBall) -> Coefficient:
 
     def coefficient(reynolds: float, spin_parameter: float = 0.0) -> float:
         """Return C_D at any Reynolds number."""
+        if reynolds >= FAST:
+            return fast(reynolds, spin_parameter)
         weight = smoothstep(reynolds, 2e4, FAST)
         if weight == 0.0:
             return sphere(reynolds)
-        if weight == 1.0:
-            return fast(reynolds, spin_parameter)
         return sphere(reynolds) * (1 - weight) + fast(reynolds, spin_parameter) * weight
 
     return coefficient

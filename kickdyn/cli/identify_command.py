@@ -22,7 +22,7 @@ from kickdyn.identification.identification_result import (
     with_deviation,
 )
 from kickdyn.identification.identify import identify as identify_flight
-from kickdyn.identification.segments import SMOOTHED, SegmentKind, Segments, segments
+from kickdyn.identification.segments import COEFFICIENTS, SMOOTHED, SegmentKind, Segments, segments
 from kickdyn.identification.track import Track
 
 SHORTEST = 0.4
@@ -77,11 +77,6 @@ class Fit(NamedTuple):
     last: int
     result: Identification
 
-    @property
-    def samples(self) -> str:
-        """Indices of the first sample and of the first one after the flight."""
-        return f"{self.first}-{self.last}"
-
 
 @click.command("identify", Command)
 @click.argument("track_file", metavar="TRACK", type=click.Path())
@@ -132,7 +127,12 @@ def identify(
             if flight.duration >= SHORTEST
         ]
     else:
-        ranges = [_range(track, start, end)]
+        ranges = [(start or 0, len(track) if end is None else end)]
+        if not 0 <= ranges[0][0] < ranges[0][1] <= len(track):
+            raise InvalidInput(
+                f"--start {ranges[0][0]} --end {ranges[0][1]}: they must be from 0 to "
+                f"{len(track)}, the first less than the second"
+            )
     fits: list[Fit] = []
     failures: list[str] = []
     with busy("fitting flights") as show:
@@ -155,22 +155,9 @@ def identify(
         from kickdyn.view.comparison import MOST_SUBJECTS  # imports meshcat
         from kickdyn.view.page import page
 
-        shown = sorted(longest_first[:MOST_SUBJECTS], key=lambda fit: fit.first)
-        page({f"samples {fit.samples}": fit.result for fit in shown}).save(output.view)
-        if output.prints and len(fits) > MOST_SUBJECTS:
-            click.echo(f"the page shows the {MOST_SUBJECTS} longest of {len(fits)} flights")
+        shown = sorted(longest_first[:MOST_SUBJECTS])
+        page({f"samples {first}-{last}": result for first, last, result in shown}).save(output.view)
     output.name_written(*((output.plot, output.view) if fits else ()))
-
-
-def _range(track: Track, start: int | None, end: int | None) -> tuple[int, int]:
-    """Return the indices of one flight, checked."""
-    first, last = start or 0, len(track) if end is None else end
-    if not 0 <= first < last <= len(track):
-        raise InvalidInput(
-            f"--start {first} --end {last}: they must be from 0 to {len(track)}, the first less "
-            "than the second"
-        )
-    return first, last
 
 
 def _print(split: Segments | None, fits: list[Fit], failures: list[str]) -> None:
@@ -180,20 +167,21 @@ def _print(split: Segments | None, fits: list[Fit], failures: list[str]) -> None
     if len(fits) == 1:
         click.echo(str(fits[0].result))
     elif fits:
-        names = [
-            name for name in fits[0].result.names if name not in ("x", "y", "z", "vx", "vy", "vz")
-        ]
+        names = fits[0].result.names[6:]  # without those of position and velocity
         heads = [f"{name} [{UNITS[name]}]" if name in UNITS else name for name in names]
-        click.echo(
-            "samples     speed [m/s]  left out  rms [cm]  "
-            + "".join(f"{head:>20}" for head in heads)
-        )
-        for fit in fits:
-            result = fit.result
-            cells = "".join(f"{_cell(result, name):>20}" for name in names)
+        head = "".join(f"{head:>20}" for head in heads)
+        click.echo(f"samples     speed [m/s]  left out  rms [cm]  {head}")
+        for first, last, result in fits:
+            texts = [
+                with_deviation(result.values[name], result.deviations[name])
+                if name in result.values
+                else "not determined"
+                for name in names
+            ]
             speed, rms = float(result.launch.speed), 100 * result.rms
-            numbers = f"{speed:11.2f}  {_outliers(result):8}  {rms:8.2f}"
-            click.echo(f"{fit.samples:11} {numbers}  {cells}")
+            numbers = f"{speed:11.2f}  {result.outliers:8}  {rms:8.2f}"
+            cells = "".join(f"{text:>20}" for text in texts)
+            click.echo(f"{f'{first}-{last}':11} {numbers}  {cells}")
         for name, mean in _means(fits).items():
             text = mean or "fewer than two flights determine it"
             click.echo(f"{AVERAGED[name]} over the whole track: {text}")
@@ -223,11 +211,6 @@ def _print(split: Segments | None, fits: list[Fit], failures: list[str]) -> None
         click.echo(f"not fitted: {line}")
 
 
-def _outliers(result: Identification) -> int:
-    """Return the number of samples that a fit left out."""
-    return int((~result.used).sum())
-
-
 def _means(fits: list[Fit]) -> dict[str, FlightMean | None]:
     """Return the mean of the drag coefficient, or of the factor, over the flights, by its name."""
     results = [fit.result for fit in fits]
@@ -245,45 +228,27 @@ def _unused(split: Segments) -> tuple[int, int]:
     return short, samples - sum(len(flight) for flight in split.flights)
 
 
-def _cell(fit: Identification, name: str) -> str:
-    """Return a value with its standard deviation, or that it is not determined."""
-    if name in fit.undetermined:
-        return "not determined"
-    return with_deviation(fit.values[name], fit.deviations[name])
-
-
 def _document(split: Segments | None, fits: list[Fit], failures: list[str]) -> dict[str, Any]:
     """Return all numbers; what the measurement does not determine is null."""
-    document: dict[str, Any] = {
-        "flights": [
-            {
-                "first": fit.first,
-                "last": fit.last,
-                "rms": result.rms,
-                "outliers": _outliers(result),
-                "values": {name: result.values.get(name) for name in result.names},
-                "deviations": {name: result.deviations.get(name) for name in result.names},
-                "warnings": [*result.warnings],
-            }
-            for fit in fits
-            for result in [fit.result]
-        ],
-        "not_fitted": failures,
-    }
+    flights = [
+        {
+            **{"first": first, "last": last, "rms": result.rms, "outliers": result.outliers},
+            "values": {name: result.values.get(name) for name in result.names},
+            "deviations": {name: result.deviations.get(name) for name in result.names},
+            "warnings": [*result.warnings],
+        }
+        for first, last, result in fits
+    ]
+    document: dict[str, Any] = {"flights": flights, "not_fitted": failures}
     if split is not None:
         document |= {name: mean and mean._asdict() for name, mean in _means(fits).items()}
         document["too_short"], document["samples_at_ends"] = _unused(split)
         document["warnings"] = [*split.warnings]
         document["segments"] = [
-            {
-                "kind": segment.kind,
-                "first": segment.first,
-                "last": segment.last,
-                "begins": segment.begins,
-            }
+            {name: getattr(segment, name) for name in ("kind", "first", "last", "begins")}
             for segment in split.parts
         ]
-        for name in ("restitution", "friction", "rolling_deceleration"):
+        for name in COEFFICIENTS:
             value = getattr(split, name)
             document[name] = value and value._asdict()
     return document

@@ -11,13 +11,12 @@ import click
 from kickdyn.cli.command import offers, warn
 from kickdyn.cli.option_groups import option
 from kickdyn.core import validation
-from kickdyn.errors import FaultyFile, InvalidInput
+from kickdyn.errors import InvalidInput
 from kickdyn.robot.catalog import DESCRIPTION, ROBOTS
 from kickdyn.robot.constraints import Support
 from kickdyn.robot.joint_table import InDegrees
 from kickdyn.robot.kicking_chain import kicking_chain
-from kickdyn.robot.leg import Leg
-from kickdyn.robot.leg_file import read_leg
+from kickdyn.robot.leg import Leg, read_leg
 from kickdyn.robot.model_validation import frame_id
 from kickdyn.robot.urdf_file import shipped_urdf
 
@@ -54,14 +53,7 @@ def load_leg(
         return Leg.from_robot(name, frame, base=base, locked=degrees)
     if not os.path.exists(name) and not Path(name).suffix:  # noqa: PTH110 any text may be a name
         raise InvalidInput(f"leg {name!r} is neither {', '.join(LEGS)} nor a file")
-    try:
-        return read_leg(name, frame or "toe", base, package_dirs, locked)
-    except FaultyFile:
-        raise
-    except InvalidInput as error:
-        if frame or not str(error).startswith("frame "):
-            raise
-        raise InvalidInput(f"no --frame is named, and {error}") from None
+    return read_leg(name, frame or "toe", base, package_dirs, locked)
 
 
 def _completed_leg(context: click.Context) -> Leg | None:

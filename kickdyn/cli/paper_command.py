@@ -61,7 +61,7 @@ def paper(only: str | None, output: JsonOptions, figures: str | None, sensitivit
 
 def _file(section: Section, folder: str) -> Path:
     """Return the file that a figure is drawn into."""
-    name = re.sub(r"\W+", "_", (section.also or section.name).lower())
+    name = re.sub(r"\W+", "_", section.name.lower())
     return Path(folder) / f"{name}.png"
 
 

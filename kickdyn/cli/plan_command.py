@@ -151,7 +151,7 @@ class KickOptions:
     objective: str | None = option(
         "--objective",
         type=click.Choice([name.value for name in KickObjective if name != "scatter"]),
-        help="Quantity that is minimized (maximized by most-joint-impulse).  "
+        help="Quantity that is minimized, or maximized where the name begins with most.  "
         "[default: joint-speed]",
     )  # fmt: skip
     uncertainty: str | None = option(

@@ -211,8 +211,7 @@ def posture_sweep(
             warn(made_page.warnings)
     output.name_written(storing.out, output.plot, output.view if made_page is not None else None)
     if live and made_page is not None:
-        with made_page.serve() as server:
-            url = server.url
+        with made_page.serve() as url:
             click.echo(f"showing the kick at {url} (this machine only) until Ctrl-C", err=True)
             with suppress(KeyboardInterrupt):
                 threading.Event().wait()

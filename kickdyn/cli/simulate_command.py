@@ -8,8 +8,8 @@ from kickdyn.cli.command import Command, busy
 from kickdyn.cli.option_groups import JsonOptions, scene_argument, takes
 from kickdyn.core.console import screen_width, wrapped
 from kickdyn.core.files import finite
+from kickdyn.scene.simulate import Simulation
 from kickdyn.scene.simulate import simulate as simulate_scene
-from kickdyn.scene.simulation import Simulation
 from kickdyn.scene.toml_reader import load_scene
 
 
@@ -64,12 +64,12 @@ def _document(answer: Simulation) -> dict[str, Any]:
         "evaluations": answer.evaluations,
         "effects": [
             {
-                "effect": verdict.effect,
-                "modelled": verdict.modelled,
-                "size": finite(answer.effect_sizes[verdict.effect]),
-                "why": verdict.why,
+                "effect": name,
+                "modelled": name in answer.modelled,
+                "negligible": name in answer.negligible,
+                "size": finite(size),
             }
-            for verdict in answer.verdicts
+            for name, size in answer.effect_sizes.items()
         ],
         **answer.pitch_numbers(),
         "warnings": [*answer.scene.notes, *answer.warnings],

@@ -18,8 +18,7 @@ from kickdyn.core.files import finite
 from kickdyn.core.plot_style import check_name, save_figure
 from kickdyn.errors import InvalidInput
 from kickdyn.scene.effects import EffectSize
-from kickdyn.scene.simulate import measure_effects, simulate
-from kickdyn.scene.simulation import Simulation
+from kickdyn.scene.simulate import Simulation, measure_effects, simulate
 from kickdyn.scene.toml_reader import load_scene
 from kickdyn.tradeoff.measurement import Measurement, effect_figure, front_figure
 

@@ -11,8 +11,7 @@ from kickdyn.core import validation
 from kickdyn.core.files import finite
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.impact_result import Impact
-from kickdyn.scene.simulate import simulate_as_instant
-from kickdyn.scene.simulation import Simulation
+from kickdyn.scene.simulate import Simulation, simulate_as_instant
 from kickdyn.scene.toml_reader import load_scene
 
 
@@ -104,5 +103,5 @@ def _document(simulation: Simulation) -> dict[str, Any]:
         "error": finite(simulation.error),
         **simulation.pitch_numbers(),
         "warnings": list(simulation.warnings),
-        "neglected": {v.effect: finite(v.size) for v in simulation.verdicts if not v.modelled},
+        "neglected": dict.fromkeys(simulation.neglected, finite(simulation.model_error)),
     }

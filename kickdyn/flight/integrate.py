@@ -4,15 +4,18 @@ DOP853 is an explicit Runge-Kutta method of order 8(5,3): Hairer, Norsett & Wann
 Differential Equations I, II.5. A step that an event falls into ends just after the event: the
 interpolant of a step is far more accurate near its end than within it. The interpolant of the step
 before predicts where that is; a step that ends elsewhere is taken anew.
+
+Coefficients, estimate of the error and interpolant are scipy's. The loop over the stages is not:
+scipy's takes longer than a ball's acceleration, and computes no interpolant later.
 """
 
 import math
 from collections.abc import Callable, Sequence
-from functools import partial
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
-from scipy.integrate import DOP853, DenseOutput, OdeSolution
+from scipy.integrate import DOP853, DenseOutput
 from scipy.optimize import brentq
 
 from kickdyn.core.validation import Array
@@ -34,8 +37,13 @@ NEXT_LENGTH = 0.7 / 0.9
 """Length of the next step over that which scipy proposes, 0.9 of what the estimated error allows:
 fewer steps are rejected, and as many evaluations give half the error."""
 
-LOOKS = np.linspace(0.0, 1.0, 10)[1:-1]
+INNER_FRACTIONS = np.linspace(0.0, 1.0, 10)[1:-1]
 """Fractions of a step at which an event that comes and goes within the step is looked for."""
+
+_STAGES = DOP853.n_stages
+_TIMES = DOP853.C.tolist()
+_WEIGHTS = np.vstack([DOP853.A, DOP853.B])
+_ERRORS = np.array([DOP853.E5, DOP853.E3])
 
 EPSILON = float(np.finfo(float).eps)
 
@@ -53,8 +61,7 @@ class Arc(NamedTuple):
         passed: the events on the way that did not end it, with functions that return time and
             state; some may be after the end.
         evaluations: number of evaluations of the rates.
-        times: beginnings of the steps, and the end [s].
-        steps: the interpolants of the steps.
+        steps: the steps, each of which is an interpolant.
     """
 
     end: float
@@ -62,8 +69,7 @@ class Arc(NamedTuple):
     reached: Event | None
     passed: list[tuple[Event, Callable[[], tuple[float, Array]]]]
     evaluations: int
-    times: list[float]
-    steps: list[DenseOutput]
+    steps: "list[Step]"
 
 
 class Tolerance(NamedTuple):
@@ -86,11 +92,24 @@ def trajectory(arcs: Sequence[Arc], begin: Array) -> Callable[[Array], Array]:
     Without any arc they are the states at the beginning.
     """
     steps = [step for arc in arcs for step in arc.steps]
-    if not steps:
-        return lambda times: np.tile(begin[:, None], (1, times.size))
-    starts = [time for arc in arcs for time in arc.times[:-1]]
-    solution = OdeSolution([*starts, arcs[-1].end], steps)
-    return lambda times: np.asarray(solution(times)) if times.size else np.empty((len(begin), 0))
+    starts = np.array([step.t_old for step in steps])
+
+    def states(times: Array) -> Array:
+        """Return the states, of all steps at once: scipy's `OdeSolution` calls them in turn."""
+        if not steps or not times.size:
+            return np.tile(begin[:, None], (1, times.size))
+        which = np.maximum(np.searchsorted(starts, times, side="right") - 1, 0)
+        first = int(which.min())
+        read, which = steps[first : int(which.max()) + 1], which - first
+        terms = np.array([step.terms for step in read]).transpose(1, 0, 2)[:, which]
+        lengths = np.array([step.length for step in read])[which]
+        fractions = (times - starts[which + first]) / lengths
+        return np.asarray(
+            (np.array([step.before.state for step in read])[which]
+             + _moved(fractions[:, None], terms)).T
+        )  # fmt: skip
+
+    return states
 
 
 def integrate(
@@ -158,12 +177,13 @@ class _Change(NamedTuple):
         fraction = _fall_of_cubic(start, end, ahead - start, end - behind)
         return 1.0 if fraction >= 1.0 - EVENT_MARGIN else (1.0 + 0.5 * EVENT_MARGIN) * fraction
 
-    def hides(self, step: "_Step") -> bool:
+    def hides(self, step: "Step") -> bool:
         """Return whether the event may come and go within the step.
 
         The function then has the same sign at both ends, and the other sign on both tangents; or
-        on one of them, and at one of `LOOKS`. A function that is zero at the beginning and then
-        rises, as the speed upward of a ball that lift carries up, may be negative at the end.
+        on one of them, and at one of `INNER_FRACTIONS`. A function that is zero at the beginning
+        and then rises, as the speed upward of a ball that lift carries up, may be negative at the
+        end.
         """
         event, start, end, ahead, behind = self
         if start == 0.0 > end and not event.terminal:
@@ -175,7 +195,7 @@ class _Change(NamedTuple):
             return True
         if not event.terminal and (ahead - start) * (end - behind) >= 0.0:
             return False
-        states = step.path()(step.t_old + step.length * LOOKS).T
+        states = step(step.t_old + step.length * INNER_FRACTIONS).T
         return any(start * event.value(state) < 0.0 for state in states)
 
 
@@ -187,27 +207,41 @@ def _changes(events: Sequence[Event], before: _Node, after: _Node) -> list[_Chan
     return [_Change(event, *map(event.value, states)) for event in events]
 
 
-class _Step:
-    """The last step of a solver, and how the functions of events change within it."""
+class Step(DenseOutput):  # type: ignore[misc]
+    """A step from one node to the next, and its interpolant of order 7.
 
-    def __init__(self, solver: DOP853, before: _Node, events: Sequence[Event]) -> None:
-        self.t_old, self.t, self.length = before.time, solver.t, solver.t - before.time
-        self._solver, self._end, self._path = solver, solver.y, None
-        self.changes = _changes(events, before, _Node(solver.t, solver.y, solver.f))
+    The interpolant takes three evaluations of the rates, when it is first read.
+    """
 
-    def path(self) -> DenseOutput:
-        """Return the interpolant."""
-        if self._path is None:
-            self._path = self._solver.dense_output()
-        return self._path
+    def __init__(self, rates: Rates, before: _Node, after: _Node, stages: Array) -> None:
+        super().__init__(before.time, after.time)
+        self.before, self.after, self.length = before, after, after.time - before.time
+        self._rates, self._stages = rates, stages
+
+    @cached_property
+    def terms(self) -> Array:
+        """The terms of the interpolant, shape `(7, m)`."""
+        h, first, last, stages = self.length, self.before, self.after, self._stages
+        for k, fraction in enumerate(DOP853.C_EXTRA, _STAGES + 1):
+            weights = DOP853.A_EXTRA[k - _STAGES - 1, :k]
+            state = first.state + h * weights.dot(stages[:k])
+            stages[k] = self._rates(first.time + fraction * h, state)
+        moved = last.state - first.state
+        bent = h * first.rates - moved, 2.0 * moved - h * (last.rates + first.rates)
+        return np.array([moved, *bent, *(h * DOP853.D.dot(stages))])
+
+    def _call_impl(self, t: Array) -> Array:
+        x = (t - self.t_old) / self.length
+        x = x[:, None] if np.ndim(x) else x
+        return np.asarray(self.before.state + _moved(x, self.terms)).T
 
     def locate(self, event: Event) -> tuple[float, Array]:
         """Return time and state of an event that the step crosses, on the interpolant."""
-        path, states = self.path(), {self.t: self._end}
+        states = {self.t: self.after.state}
 
         def value(time: float) -> float:
             if time not in states:
-                states[time] = path(time)
+                states[time] = self(time)
             return event.value(states[time].tolist())
 
         begin = self.t - 2.0 * EVENT_MARGIN * self.length
@@ -215,7 +249,14 @@ class _Step:
             begin = self.t_old
         precision = max(1e-14 * self.length, 1e-300)
         time = float(brentq(value, begin, self.t, xtol=precision, rtol=4.0 * EPSILON, disp=False))
-        return time, states[time] if time in states else path(time)
+        return time, states[time] if time in states else self(time)
+
+
+def _moved(x: Array, terms: Array) -> Array:
+    """Return the displacement of the states after a fraction of a step, from its terms."""
+    a, b, c, d, e, f, g = terms
+    z = 1.0 - x
+    return np.asarray(x * (a + z * (b + x * (c + z * (d + x * (e + z * (f + x * g)))))))
 
 
 def _fall_of_cubic(start: float, end: float, rise: float, last_rise: float) -> float:
@@ -235,128 +276,147 @@ class _Integration:
     def __init__(
         self, rates: Rates, events: Sequence[Event], time_limit: float, tolerance: Tolerance
     ) -> None:
-        self._rates, self._events, self._time_limit = rates, events, time_limit
+        self._events, self._time_limit = events, time_limit
         self._terminal = [event for event in events if event.terminal]
         self._ending = [event for event in events if event.terminal or event.ends_step]
-        self._tolerance = tolerance
-        self._path: DenseOutput | None = None  # of the step before, if it may predict events
+        self._rates, self._tolerance, self._evaluations = rates, tolerance, 0
+        self._predictor: Step | None = None  # the step before, if it may predict events
 
     def run(self, begin: float, state: Array) -> Arc:
         """Return the solution from a time [s] and a state on."""
-        solver = self._solver(begin, state)
-        reached = end_at_launch(self._events, state, solver.f)
+        node = _Node(begin, state, np.array(self._rates(begin, state)))
+        self._evaluations = 1
+        if not np.isfinite(node.rates).all():
+            raise KickdynError(f"the acceleration of the ball is not finite at {begin:g} s")
+        reached = end_at_launch(self._events, state, node.rates)
         if reached is not None:
-            return Arc(begin, state, reached, [], 0, [begin], [])
+            return Arc(begin, state, reached, [], 0, [])
         passed: list[tuple[Event, Callable[[], tuple[float, Array]]]] = []
-        times, steps = [begin], list[DenseOutput]()
-        while solver.t < self._time_limit:
-            before = _Node(solver.t, solver.y, solver.f)
-            step = self._step_up_to(self._ending, solver)
-            crossed = [change.event for change in step.changes if change.crosses()]
-            passed += [(event, partial(self._locate, event, before, step.length))
+        steps: list[Step] = []
+        length = _first_length(node, self._tolerance)
+        while node.time < self._time_limit:
+            step, changes, length = self._step_up_to(self._ending, node, length)
+            crossed = [change.event for change in changes if change.crosses()]
+            passed += [(event, partial(self._locate, event, node, step.length))
                        for event in crossed if not event.terminal]  # fmt: skip
-            steps.append(step.path())
+            steps.append(step)
             ends = [(*step.locate(event), event) for event in crossed if event.terminal]
             if ends:
                 time, state, event = min(ends, key=lambda crossing: crossing[0])
                 if time <= step.t_old:  # the step before ended there but for rounding
                     steps.pop()
-                else:
-                    times.append(time)
-                return Arc(time, state, event, passed, solver.nfev, times, steps)
-            times.append(step.t)
-        return Arc(solver.t, solver.y, None, passed, solver.nfev, times, steps)
+                return Arc(time, state, event, passed, self._evaluations, steps)
+            node = step.after
+        return Arc(node.time, node.state, None, passed, self._evaluations, steps)
 
-    def _locate(self, event: Event, start: _Node, length: float) -> tuple[float, Array]:
+    def _locate(self, event: Event, node: _Node, length: float) -> tuple[float, Array]:
         """Return time and state of an event that a step of a length from a node crosses."""
-        solver, self._path = self._solver(start.time, start.state), None
-        solver.h_abs = length
+        self._predictor = None
         while True:
-            step = self._step_up_to([event], solver)
-            if any(change.event is event and change.crosses() for change in step.changes):
+            step, changes, length = self._step_up_to([event], node, length)
+            if any(change.event is event and change.crosses() for change in changes):
                 return step.locate(event)
+            node = step.after
 
-    def _step_up_to(self, events: Sequence[Event], solver: DOP853) -> _Step:
-        """Take a step; take it anew until it ends shortly after the first of events within it."""
-        before = _Node(solver.t, solver.y, solver.f)
-        shortest = max(100.0 * math.ulp(solver.t), 1e-300)
-        next_length = self._shorten(solver)
+    def _step_up_to(
+        self, events: Sequence[Event], node: _Node, length: float
+    ) -> tuple[Step, list[_Change], float]:
+        """Take a step; take it anew until it ends shortly after the first of events within it.
+
+        Return the step, how the functions of all events change, and the length of the next [s].
+        """
+        shortest = max(100.0 * math.ulp(node.time), 1e-300)
+        predicted = self._length_to_event(node, length)
+        undisturbed = 0.0 if predicted is None else length
+        length = length if predicted is None else predicted
         for _ in range(MAX_RETAKEN):
-            self._take_step(solver)
-            step = _Step(solver, before, self._events)
-            fraction = min(
-                (change.fraction_to_take() for change in step.changes if change.event in events),
-                default=1.0,
-            )
-            if any(change.hides(step) for change in step.changes):
-                fraction = min(fraction, 0.5)
+            step, next_length = self._take_step(node, length)
+            changes = _changes(self._events, node, step.after)
+            fraction = 1.0
+            for change in changes:
+                if change.event in events:
+                    fraction = min(fraction, change.fraction_to_take())
+                if change.hides(step):
+                    fraction = min(fraction, 0.5)
             if fraction == 1.0 or step.length <= shortest:
                 break
-            next_length = max(next_length, step.length)
-            solver.t, solver.y, solver.f = before
-            solver.h_abs, solver.status = max(fraction * step.length, shortest), "running"
-        solver.h_abs = max(NEXT_LENGTH * solver.h_abs, next_length)
-        self._path = None if next_length > 0.0 else step.path()  # what it predicted was wrong
-        return step
+            undisturbed = max(undisturbed, step.length)
+            length = max(fraction * step.length, shortest)
+        self._predictor = None if undisturbed > 0.0 else step  # what it predicted was wrong
+        return step, changes, max(NEXT_LENGTH * next_length, undisturbed)
 
-    def _shorten(self, solver: DOP853) -> float:
-        """Shorten the next step to an event that the interpolant of the step before predicts.
+    def _length_to_event(self, node: _Node, length: float) -> float | None:
+        """Return the length of a step to the event that the step before predicts [s].
 
-        Return the length that it had [s], 0 without such an event. The interpolant is only read
-        beyond its step where a motion at a constant acceleration would meet the event.
+        It is None without such an event. The interpolant is only read beyond its step where a
+        motion at a constant acceleration would meet the event.
         """
-        if self._path is None:
-            return 0.0
-        before = _Node(solver.t, solver.y, solver.f)
-        length = min(solver.h_abs, self._tolerance.longest, self._time_limit - solver.t)
-        moved = before.state + length * before.rates
-        moved[:3] += 0.5 * length * length * before.rates[3:6]
-        state = moved.tolist()
-        if all(event.value(state) > 0.0 for event in self._terminal):
-            return 0.0
-        time = solver.t + length
-        end = self._path(time)
-        after = _Node(time, end, solver.fun(time, end))
-        changes = _changes(self._terminal, before, after)
+        if self._predictor is None:
+            return None
+        length = min(length, self._tolerance.longest, self._time_limit - node.time)
+        rates = node.rates.tolist()
+        moved = [y + length * rate for y, rate in zip(node.state.tolist(), rates, strict=True)]
+        for axis in range(3):
+            moved[axis] += 0.5 * length * length * rates[3 + axis]
+        if all(event.value(moved) > 0.0 for event in self._terminal):
+            return None
+        time = node.time + length
+        end = self._predictor(time)
+        self._evaluations += 4
+        after = _Node(time, end, np.array(self._rates(time, end)))
+        changes = _changes(self._terminal, node, after)
         fraction = min(change.fraction_to_take() for change in changes)
-        if not 0.0 < fraction < 1.0:
-            return 0.0
-        next_length, solver.h_abs = float(solver.h_abs), fraction * length
-        return next_length
+        return fraction * length if 0.0 < fraction < 1.0 else None
 
-    def _solver(self, time: float, state: Array) -> DOP853:
-        """Return a solver at a time [s] and a state."""
-        relative, absolute, longest = self._tolerance
-        solver = DOP853(
-            self._rates, time, state, self._time_limit, max_step=longest, rtol=relative,
-            atol=absolute, first_step=self._time_limit - time,
-        )  # fmt: skip
-        if not np.isfinite(solver.f).all():
-            raise KickdynError(f"the acceleration of the ball is not finite at {time:g} s")
-        solver.h_abs = min(_first_length(state, solver.f, self._tolerance), solver.h_abs)
-        return solver
+    def _take_step(self, node: _Node, length: float) -> tuple[Step, float]:
+        """Return a step of at most a length from a node, and the length that scipy proposes next.
 
-    def _take_step(self, solver: DOP853) -> None:
-        """Take a step of the solver."""
-        solver.step()
-        if solver.nfev > MAX_EVALUATIONS:
-            reason = f"it takes more than {MAX_EVALUATIONS} evaluations of forces"
-            raise _given_up(solver.t, reason)
-        if solver.status == "failed":
-            raise _given_up(solver.t, "the step would be shorter than time can be resolved")
-        if not math.isfinite(math.fsum(solver.y.tolist())):
-            raise _given_up(solver.t, "the numbers overflow")
+        It is scipy's step: coefficients, estimate of the error and control of the length.
+        """
+        time, state, rates = node
+        least, most = 10.0 * math.ulp(time), 10.0
+        length = max(min(length, self._tolerance.longest), least)
+        relative, absolute, _ = self._tolerance
+        while True:
+            end = min(time + length, self._time_limit)
+            length = end - time
+            stages = np.zeros((_STAGES + 1 + len(DOP853.C_EXTRA), len(state)))
+            stages[0], previous, weights = rates, stages[:_STAGES], length * _WEIGHTS
+            for k in range(1, _STAGES):
+                moved = state + weights[k].dot(previous)
+                stages[k] = self._rates(time + _TIMES[k] * length, moved)
+            new = state + weights[_STAGES].dot(previous)
+            stages[_STAGES] = self._rates(end, new)
+            self._evaluations += _STAGES
+            if self._evaluations > MAX_EVALUATIONS:
+                reason = f"it takes more than {MAX_EVALUATIONS} evaluations of forces"
+                raise _given_up(time, reason)
+            scale = absolute + relative * np.maximum(np.abs(state), np.abs(new))
+            fifth, third = (_ERRORS.dot(stages[: _STAGES + 1]) / scale).tolist()
+            five, three = math.hypot(*fifth), 0.1 * math.hypot(*third)
+            size = math.hypot(five, three) * math.sqrt(len(state))
+            error = length * five * (five / size) if size != 0.0 else 0.0
+            growth = 0.9 * error**-0.125 if error > 0.0 else math.inf
+            if error < 1.0:
+                if not math.hypot(*new.tolist()) < math.inf:
+                    raise _given_up(end, "the numbers overflow")
+                after = _Node(end, new, stages[_STAGES])
+                return Step(self._rates, node, after, stages), length * min(growth, most)
+            length *= max(0.2, growth) if error < math.inf else 0.2
+            most = 1.0
+            if length < least:
+                raise _given_up(time, "the step would be shorter than time can be resolved")
 
 
-def _first_length(state: Array, rate: Array, tolerance: Tolerance) -> float:
+def _first_length(node: _Node, tolerance: Tolerance) -> float:
     r"""Return the length of the first step [s], :math:`(0.01 / d_0)^{1/8}\, d_0 / d_1`.
 
     The norms d of state and rate are relative to the tolerances. It is the step of Hairer, Norsett
     & Wanner, II.4, in any unit of time.
     """
-    scale = tolerance.absolute + tolerance.relative * np.abs(state)
-    size, change = (math.hypot(*vector) / math.sqrt(len(state))
-                    for vector in ((state / scale).tolist(), (rate / scale).tolist()))  # fmt: skip
+    scale = tolerance.absolute + tolerance.relative * np.abs(node.state)
+    size, change = (math.hypot(*(vector / scale).tolist()) / math.sqrt(len(scale))
+                    for vector in (node.state, node.rates))  # fmt: skip
     size = max(size, 1.0)
     return size / change * (0.01 / size) ** 0.125 if change > 0.0 else math.inf
 

@@ -38,23 +38,6 @@ TIGHT = 0.05
 """Share of `LOOSEST` up to which a value near zero is given, such as a spin to 1 rad/s."""
 
 
-class ModelScore(NamedTuple):
-    """How well a drag model predicts the second half of flights from the first.
-
-    Attributes:
-        model: name of the model.
-        prediction_rms: distance between prediction and measurement in the second halves, root mean
-            square over all flights [m].
-        fit_rms: distance in the first halves, to which the model was fitted, root mean square [m].
-        flights: `prediction_rms` of each flight [m].
-    """
-
-    model: str
-    prediction_rms: float
-    fit_rms: float
-    flights: tuple[float, ...]
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class Identification(ReprMixin):
     r"""Launch, spin, drag, lift and wind of measured flights, with their uncertainty.
@@ -78,7 +61,8 @@ class Identification(ReprMixin):
         noise: standard deviation of one measured coordinate [m].
         widening: factor by which the deviations are larger than for independent samples,
             because neighbouring residuals are correlated.
-        comparison: scores of the drag models and airs that were compared, the best one first.
+        curved: unknowns whose deviations are larger than those of a linear fit, because the sum of
+            squares is not quadratic around the estimate.
     """
 
     tracks: tuple[Track, ...]
@@ -92,19 +76,16 @@ class Identification(ReprMixin):
     used: NDArray[np.bool_]
     noise: float
     widening: float
-    comparison: tuple[ModelScore, ...] = ()
+    curved: tuple[str, ...] = ()
 
     def _rows(self) -> Iterable[Row]:
-        yield "samples", f"{self.used.sum()} of {self.used.size} used", ""
+        yield "samples", f"{self.used.size - self.outliers} of {self.used.size} used", ""
         yield "rms distance", self.rms, "m"
         for name, value in self.values.items():
             number = f"{value:.4g} +- {self.deviations[name]:.2g}"
             yield name, number, _unit(name)
         for name, reason in self.undetermined.items():
             yield name, f"not determined: {reason}", ""
-        for score in self.comparison:
-            rms = f"{score.prediction_rms:.4f} m rms in predicted second halves"
-            yield score.model, f"{rms}, {score.fit_rms:.4f} m in fitted first halves", ""
         for line in self.warnings:
             yield "warning", line, ""
 
@@ -118,14 +99,12 @@ class Identification(ReprMixin):
     def undetermined(self) -> dict[str, str]:
         """The unknowns that the measurement does not determine, each with the reason.
 
-        Their standard deviation is more than half the value, and not small: more than 1 rad/s of a
-        spin, 0.005 of a drag coefficient, 0.025 of a factor, 0.15 m/s of a wind. Or it is more than
-        20 times as large as these, whatever the value.
+        Their standard deviation is above `LOOSEST`, or above both half the value and `TIGHT` times
+        `LOOSEST`, such as 1 rad/s of a spin or 0.005 of a drag coefficient.
         """
         reasons = {}
-        for name, value, deviation in zip(
-            self.names, self.estimates, self._deviations, strict=True
-        ):
+        deviations = np.sqrt(np.diag(self.covariance)).tolist()
+        for name, value, deviation in zip(self.names, self.estimates, deviations, strict=True):
             loosest = LOOSEST.get(_plain(name), math.inf)
             if deviation > min(max(0.5 * abs(value), TIGHT * loosest), loosest):
                 size = f"{deviation:.2g}" if deviation < 99.5 else f"{deviation:.0f}"
@@ -134,21 +113,18 @@ class Identification(ReprMixin):
         return reasons
 
     @property
-    def _deviations(self) -> list[float]:
-        """Standard deviations of all unknowns."""
-        return [float(value) for value in np.sqrt(np.diag(self.covariance))]
-
-    @property
     def values(self) -> dict[str, float]:
         """The estimates by name, without those that the measurement does not determine."""
-        pairs = zip(self.names, self.estimates.tolist(), strict=True)
-        return {name: value for name, value in pairs if name not in self.undetermined}
+        return self._determined(self.estimates)
 
     @property
     def deviations(self) -> dict[str, float]:
         """Standard deviations of `values`, by name and in the same units."""
-        pairs = zip(self.names, self._deviations, strict=True)
-        return {name: value for name, value in pairs if name not in self.undetermined}
+        return self._determined(np.sqrt(np.diag(self.covariance)))
+
+    def _determined(self, numbers: Array) -> dict[str, float]:
+        pairs = zip(self.names, numbers.tolist(), strict=True)
+        return {name: number for name, number in pairs if name not in self.undetermined}
 
     @property
     def correlations(self) -> Array:
@@ -158,11 +134,7 @@ class Identification(ReprMixin):
 
     @property
     def launch(self) -> BallState:
-        """The state at the first sample of the only flight.
-
-        Raises:
-            InvalidInput: there are several flights; `launches` has theirs.
-        """
+        """The state at the first sample of the only flight; of several, see `launches`."""
         if len(self.launches) > 1:
             raise InvalidInput(
                 f"there are {len(self.launches)} flights: `launches` has one of each"
@@ -172,42 +144,27 @@ class Identification(ReprMixin):
     @cached_property
     def flights(self) -> tuple[Flight, ...]:
         """The fitted flights, each flown on until it is as low as its lowest measured position."""
-        return tuple(
-            fly(launch, self.ball, self.air, Ground(self._lowest(track, launch)))
-            for track, launch in zip(self.tracks, self.launches, strict=True)
-        )
-
-    def _lowest(self, track: Track, launch: BallState) -> float:
-        """Return the height of a ground that the ball touches at its lowest position [m]."""
-        lowest = min(float(track.positions[:, 2].min()), float(launch.position[2]))
-        return lowest - self.ball.radius
+        flights = []
+        for track, launch in zip(self.tracks, self.launches, strict=True):
+            lowest = min(float(track.positions[:, 2].min()), float(launch.position[2]))
+            flights.append(fly(launch, self.ball, self.air, Ground(lowest - self.ball.radius)))
+        return tuple(flights)
 
     @property
     def flight(self) -> Flight:
-        """The fitted flight.
-
-        Raises:
-            InvalidInput: there are several flights; `flights` has these.
-        """
+        """The fitted flight of `launch`."""
         return self.flights[self.launches.index(self.launch)]
+
+    @property
+    def outliers(self) -> int:
+        """Number of samples that were left out."""
+        return int((~self.used).sum())
 
     @property
     def rms(self) -> float:
         """Root mean square distance of fit and measurement, outliers left out [m]."""
         kept = self.residuals[self.used]
         return math.sqrt(float((kept * kept).sum()) / max(len(kept), 1))
-
-    @property
-    def time_residuals(self) -> Array:
-        r"""Time by which each position was measured late on the fitted path, shape `(n,)` [s].
-
-        :math:`r \cdot v / |v|^2` with the residual r and the measured velocity v.
-        """
-        speeds = np.concatenate(
-            [np.gradient(track.positions, track.times, axis=0) for track in self.tracks]
-        )
-        squares = np.maximum((speeds * speeds).sum(axis=1), 1e-300)
-        return np.asarray((self.residuals * speeds).sum(axis=1) / squares)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -226,20 +183,20 @@ class Identification(ReprMixin):
             )
         if self.undetermined:
             lines.append(f"not determined by the measurement: {', '.join(self.undetermined)}")
-        loose = [name for name, v in self.values.items() if self.deviations[name] > 0.5 * abs(v)]
-        if loose:
+        if self.curved:
             lines.append(
-                "the standard deviation is more than half the value, which is near 0 or badly "
-                f"determined: {', '.join(loose)}"
+                "the sum of squares is not quadratic around the estimate: the standard deviations "
+                f"of {', '.join(self.curved)} were increased to those of its profile"
             )
         if self.widening > 1.0:
             lines.append(
                 "neighbouring residuals are correlated, as in smoothed tracks: the standard "
                 f"deviations are increased by a factor of {self.widening:.2g}"
             )
-        aside = int((~self.used).sum())
-        if aside:
-            lines.append(f"{aside} of {self.used.size} samples are outliers and were left out")
+        if self.outliers:
+            lines.append(
+                f"{self.outliers} of {self.used.size} samples are outliers and were left out"
+            )
         for number, flight in enumerate(self.flights):
             which = f"flight {number}: " if len(self.flights) > 1 else ""
             lines += [f"{which}{line}" for line in flight.warnings]
@@ -307,8 +264,25 @@ def mean_over_flights(fits: Sequence[Identification], name: str) -> FlightMean |
         return None
     values = np.array([fit.values[name] for fit in known])
     deviations = np.array([fit.deviations[name] for fit in known])
-    speeds = [_mean_speed(fit) for fit in known]
+    speeds = []
+    for fit in known:
+        steps = np.diff(fit.tracks[0].positions + fit.residuals, axis=0)
+        speeds.append(float(np.linalg.norm(steps, axis=1).sum()) / fit.tracks[0].duration)
     return FlightMean(*weighted_mean(values, deviations), len(known), min(speeds), max(speeds))
+
+
+def covariance(slopes: Array) -> Array:
+    r"""Return the covariance :math:`(J^T J)^{-1}` of a least-squares estimate, shape `(p, p)`.
+
+    A direction that the residuals do not determine, to rounding, has a huge variance.
+
+    Args:
+        slopes: derivatives J of all residuals, in standard deviations, shape `(n, p)`.
+    """
+    size = np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
+    _, singular, right = np.linalg.svd(slopes / size, full_matrices=False)
+    root = right.T / np.maximum(singular, 1e-14 * singular[0]) / size[:, None]
+    return np.asarray(root @ root.T)
 
 
 def weighted_mean(values: Array, deviations: Array) -> tuple[float, float, float]:
@@ -326,7 +300,6 @@ def weighted_mean(values: Array, deviations: Array) -> tuple[float, float, float
     """
 
     def excess(scatter2: float) -> float:
-        """Return the sum less n - 1, which falls with the square of the scatter."""
         weights = 1.0 / (deviations**2 + scatter2)
         mean = weights @ values / weights.sum()
         return float(weights @ (values - mean) ** 2) - (len(values) - 1)
@@ -343,13 +316,6 @@ def with_deviation(value: float, deviation: float) -> str:
     """Return a value and its deviation, both to the second digit of the deviation."""
     digits = max(1 - math.floor(math.log10(deviation)), 0) if deviation > 0.0 else 3
     return f"{value:.{digits}f} +- {deviation:.{digits}f}"
-
-
-def _mean_speed(fit: Identification) -> float:
-    """Return the mean speed along the fitted path of one flight [m/s]."""
-    path = fit.tracks[0].positions + fit.residuals
-    length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
-    return length / fit.tracks[0].duration
 
 
 def _plain(name: str) -> str:

@@ -13,7 +13,7 @@ increased where neighbouring residuals are correlated.
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from enum import StrEnum
 from functools import partial
@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
 
-from kickdyn.aerodynamics.coefficient_model import Coefficient, find_model, scaled
-from kickdyn.aerodynamics.drag import MODELS, constant
+from kickdyn.aerodynamics.coefficient_model import scaled
+from kickdyn.aerodynamics.drag import constant
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
@@ -32,8 +32,7 @@ from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.flight.derivatives import INCREMENT, DifferentiableFlight, fly_with_slopes
-from kickdyn.ground import Ground
-from kickdyn.identification.identification_result import Identification, ModelScore
+from kickdyn.identification.identification_result import Identification, covariance
 from kickdyn.identification.track import Track, refuse_intervals, refuse_units
 from kickdyn.planning.problem import keep_last
 
@@ -57,9 +56,9 @@ LEAST_USED_FRACTION = 0.9
 FINEST_TOL, COARSEST_TOL = 1e-10, 1e-7
 """Relative tolerances of the integration: the least, and the first one."""
 
-COST_TOL, ROBUST_COST_TOL = 1e-8, 1e-4
-"""Relative change of the sum of squares at which a fit ends, less than 0.001 of a deviation; and at
-which the robust one ends, which only chooses the outliers and the start of the other."""
+COST_TOL, PROFILE_COST_TOL, ROBUST_COST_TOL = 1e-8, 1e-6, 1e-4
+"""Relative changes of the sum of squares at which a fit ends, less than 0.001 of a deviation; at
+which one of a profile ends; and the robust one, which only chooses the outliers and the start."""
 
 FAILED_RESIDUAL = 1e6
 """Residual where no flight can be integrated [m]: no step of a solver ends there."""
@@ -67,9 +66,17 @@ FAILED_RESIDUAL = 1e6
 FIRST_DRAG = 0.2
 """First guess of a constant C_D: its value above the drag crisis (Goff & Carre 2009)."""
 
-LARGEST_COEFFICIENT, LARGEST_SPEED = 10.0, 10.0
-"""Largest size of a coefficient or factor, and of a speed over the mean speed of the measurement
-plus 10 m/s, in a fit: what is no flight would lead there."""
+
+PROFILED, LARGEST_BEND = 2.0, 2.0
+"""Distance from the estimate at which a profile is taken, in standard deviations; and the factor
+by which the excess of the sum of squares may differ there from that of a quadratic function."""
+
+MOST_DOUBLINGS, MOST_MINIMA = 8, 4
+"""Doublings of the distance of a profile, and minima from which a fit is repeated, at most."""
+
+LARGEST_FACTOR = 10.0
+"""Largest size of a coefficient or factor in a fit, and of a speed over the mean speed of the
+measurement plus 10 m/s: what is no flight would lead there."""
 
 
 class Free(StrEnum):
@@ -82,20 +89,19 @@ class Free(StrEnum):
     WIND = "wind"
 
 
-NAMES = {
-    Free.SPIN: ("back_spin", "side_spin", "gyro_spin"),
+SHARED_NAMES = {
     Free.DRAG: ("drag",),
     Free.DRAG_SCALE: ("drag_scale",),
     Free.LIFT_SCALE: ("lift_scale",),
     Free.WIND: ("wind_x", "wind_y"),
 }
-"""Names of the unknowns that each brings."""
+"""Names of the unknowns that all flights share."""
 
 COEFFICIENTS = ("drag", "drag_scale", "lift_scale")
 """Unknowns without a unit."""
 
-LAUNCH = ("x", "y", "z", "vx", "vy", "vz")
-"""Names of the first six unknowns of each flight."""
+LAUNCH, SPIN = ("x", "y", "z", "vx", "vy", "vz"), ("back_spin", "side_spin", "gyro_spin")
+"""Names of the unknowns of each flight: the first six, and those of the spin."""
 
 Evaluation = tuple[Array, Array]
 """Residuals, shape `(3 n,)` [m], and their derivatives by the unknowns, shape `(3 n, p)`."""
@@ -109,8 +115,6 @@ def identify(
     *,
     free: Iterable[str] = ("spin", "drag"),
     spin: ArrayLike = (0.0, 0.0, 0.0),
-    ground: Ground | None = None,
-    compare: Sequence[str | Air] = (),
 ) -> Identification:
     r"""Return the flight that best fits measured positions, with standard deviations.
 
@@ -128,31 +132,42 @@ def identify(
             `lift-scale`, factors of the air's models; `wind`, its horizontal components.
         spin: known spin, shape `(3,)` [rad/s, world frame]; it is used unless `free` contains
             `spin`.
-        ground: the ground; a ball that is under it is refused. None means that its height is
-            unknown.
-        compare: drag models by name, or airs, which are ranked: each is fitted to the first half of
-            each flight and predicts the second one. The fit itself uses `air`.
 
     Raises:
         InvalidInput: fewer than 5 positions, samples a second or more apart, positions that are no
             flight in metres, or a wrong argument.
         KickdynError: no flight could be fitted.
     """
-    tracks = _tracks(track)
+    tracks = (track,) if isinstance(track, Track) else track
+    if not isinstance(tracks, Sequence) or not tracks:
+        raise InvalidInput(
+            f"track is {validation.brief(track)}: it must be a kickdyn.Track or a list of them"
+        )
+    for i, flight in enumerate(tracks):
+        validation.check_type(Track, **{f"track {i}": flight})
+        _check_flight(flight)
     air = Air() if air is None else air
-    sought = _sought(free, air)
-    known = validation.vector("spin", spin, 3, unit="rad/s")
-    for flight in tracks:
-        _check_flight(flight, ball, ground)
-    rivals = [_rival(model, air, tracks) for model in compare]
-    problem = _Problem(tracks, ball, air, sought, known)
-    result = _result(problem, _fit(problem))
-    scores = [_score(*rival, problem) for rival in rivals]
-    return replace(result, comparison=tuple(sorted(scores, key=lambda s: s.prediction_rms)))
+    known_spin = validation.vector("spin", spin, 3, unit="rad/s")
+    problem = _Problem(tuple(tracks), ball, air, _sought(free, air), known_spin)
+    unknowns = _first_guess(problem)
+    for _ in range(MOST_MINIMA):
+        estimate = _fit(problem, unknowns)
+        result = _result(problem, estimate)
+        deviations, lower_minimum = _profiled(problem, estimate, result)
+        if lower_minimum is None:
+            break
+        unknowns = lower_minimum
+    factors = deviations / np.sqrt(np.diag(result.covariance))
+    curved = tuple(name for name, factor in zip(result.names, factors, strict=True) if factor > 1.2)
+    return replace(result, covariance=result.covariance * np.outer(factors, factors), curved=curved)
 
 
 class _Problem(NamedTuple):
-    """Measured tracks and what is sought of them."""
+    """Measured tracks and what is sought of them.
+
+    The unknowns are those of each flight, in turn (position, velocity and, if sought, spin, in
+    world axes), then those that all flights share.
+    """
 
     tracks: tuple[Track, ...]
     ball: Ball
@@ -161,60 +176,119 @@ class _Problem(NamedTuple):
     known_spin: Array
 
     @property
-    def seeks_spin(self) -> bool:
-        """Whether the spins are sought."""
-        return Free.SPIN in self.sought
+    def flight_names(self) -> tuple[str, ...]:
+        """Names of the unknowns of one flight."""
+        return (*LAUNCH, *SPIN) if Free.SPIN in self.sought else LAUNCH
 
     @property
-    def per_flight(self) -> int:
-        """Number of unknowns of each flight alone."""
-        return 9 if self.seeks_spin else 6
-
-    @property
-    def shared(self) -> list[str]:
-        """Names of the unknowns that all flights share."""
-        return [name for free in self.sought if free != Free.SPIN for name in NAMES[free]]
+    def shared_names(self) -> list[str]:
+        return [name for free in self.sought for name in SHARED_NAMES.get(free, ())]
 
     @property
     def names(self) -> list[str]:
         """Names of all unknowns; with several flights they end in the number of the flight."""
-        names = [*LAUNCH, *(NAMES[Free.SPIN] if self.seeks_spin else ())]
         count = len(self.tracks)
-        if count > 1:
-            names = [f"{name}_{i}" for i in range(count) for name in names]
-        return [*names, *self.shared]
+        endings = [f"_{i}" for i in range(count)] if count > 1 else [""]
+        return [name + end for end in endings for name in self.flight_names] + self.shared_names
 
     def flight_columns(self, i: int) -> slice:
-        """Return the places of the unknowns of flight i alone among all unknowns."""
-        return slice(i * self.per_flight, (i + 1) * self.per_flight)
+        """Return the places of the unknowns of flight i among all unknowns."""
+        size = len(self.flight_names)
+        return slice(i * size, (i + 1) * size)
 
-    def shared_values(self, unknowns: Array) -> dict[str, float]:
-        """Return the unknowns that all flights share, by name."""
-        first = len(self.tracks) * self.per_flight
-        return dict(zip(self.shared, unknowns[first:].tolist(), strict=True))
+    def spin_columns(self, i: int) -> slice:
+        """Return the places of the spin of flight i; none where it is known."""
+        columns = self.flight_columns(i)
+        return slice(columns.start + len(LAUNCH), columns.stop)
 
-    def air_of(self, shared: Mapping[str, float]) -> Air:
-        """Return the air with the given coefficients and wind."""
+    def spin_rows(self, spread: float) -> Array:
+        """Return the rows that weigh the spins against their usual size, none without spins.
+
+        The spread is the standard deviation of a residual [m].
+        """
+        identity = np.eye(len(self.names)) * spread / SPIN_SPREAD
+        return np.vstack([identity[self.spin_columns(i)] for i in range(len(self.tracks))])
+
+    def turn(self, unknowns: Array) -> Array:
+        """Return the rotation of spins to the axes of back, side and gyro spin, shape `(p, p)`."""
+        rotation = np.eye(unknowns.size)
+        for i in range(len(self.tracks) if Free.SPIN in self.sought else 0):
+            columns = self.spin_columns(i)
+            velocity = unknowns[self.flight_columns(i)][3:6]
+            rotation[columns, columns] = flight_axes(velocity).T
+        return rotation
+
+    def air_of(self, shared: Array) -> Air:
+        """Return the air with the coefficients and the wind that all flights share."""
+        values = dict(zip(self.shared_names, shared.tolist(), strict=True))
         changes: dict[str, Any] = {}
-        if "drag" in shared:
-            changes["drag"] = constant(shared["drag"])
+        if "drag" in values:
+            changes["drag"] = constant(values["drag"])
         for kind in ("drag", "lift"):
-            model = getattr(self.air, kind)
-            if f"{kind}_scale" in shared and model is not None:
-                changes[kind] = scaled(model, shared[f"{kind}_scale"])
-        if "wind_x" in shared:
-            changes["wind"] = (shared["wind_x"], shared["wind_y"], 0.0)
+            if f"{kind}_scale" in values:
+                changes[kind] = scaled(getattr(self.air, kind), values[f"{kind}_scale"])
+        if "wind_x" in values:
+            changes["wind"] = (values["wind_x"], values["wind_y"], 0.0)
         return replace(self.air, **changes)
+
+    def fly(self, track: Track, values: Array, tol: float) -> DifferentiableFlight:
+        """Return the flight over the times of a track, or raise `KickdynError`.
+
+        The values are the unknowns of this flight, then those that all share. The derivatives are
+        by all but the position, which moves the flight without a change.
+        """
+        position, parameters = values[:3], values[3:]
+        first_shared = len(self.flight_names) - 3
+        fastest = float(np.linalg.norm(np.ptp(track.positions, axis=0))) / track.duration + 10.0
+        is_coefficient = [name in COEFFICIENTS for name in self.shared_names]
+        largest = np.abs(parameters[first_shared:][is_coefficient]).max(initial=0.0)
+        if np.abs(parameters[:3]).max() > LARGEST_FACTOR * fastest or largest > LARGEST_FACTOR:
+            raise KickdynError("the speed or a coefficient is far beyond those of a ball")
+
+        def launch(changed: Array) -> tuple[BallState, Air]:
+            spin = changed[3:6] if Free.SPIN in self.sought else self.known_spin
+            state = BallState.computed(np.array(position), np.array(changed[:3]), np.array(spin))
+            return state, self.air_of(changed[first_shared:])
+
+        sizes = np.concatenate(
+            [
+                np.full(3, max(float(np.linalg.norm(parameters[:3])), 1e-3)),
+                np.full(first_shared - 3, SPIN_SPREAD),
+                np.maximum(np.abs(parameters[first_shared:]), 0.1),
+            ]
+        )
+        return fly_with_slopes(
+            launch, parameters, INCREMENT * sizes, self.ball, track.duration, tol
+        )
+
+    def evaluate(self, tol: float, unknowns: Array) -> Evaluation:
+        """Return residuals and their derivatives, or raise `KickdynError` where a flight fails."""
+        shared = slice(unknowns.size - len(self.shared_names), None)
+        residuals, blocks = [], []
+        for i, track in enumerate(self.tracks):
+            columns = self.flight_columns(i)
+            values = unknowns[columns]
+            flight = self.fly(track, np.concatenate([values, unknowns[shared]]), tol)
+            times = track.times - track.times[0]
+            moved = flight.states(times)[:, :3]
+            residuals.append((values[:3] + moved - track.positions).ravel())
+            slopes = flight.slopes(times).reshape(residuals[-1].size, -1)
+            block = np.zeros((len(slopes), unknowns.size))
+            block[:, columns][:, :3] = np.tile(np.eye(3), (len(track), 1))
+            block[:, columns][:, 3:] = slopes[:, : values.size - 3]
+            block[:, shared] = slopes[:, values.size - 3 :]
+            blocks.append(block)
+        return np.concatenate(residuals), np.vstack(blocks)
 
 
 class _Estimate(NamedTuple):
-    """An estimate: the unknowns, the axes of each spin, residuals [m], and which are used."""
+    """The unknowns, residuals [m], their derivatives, which are used, and the tolerance."""
 
     unknowns: Array
-    axes: list[Array]
     residuals: Array
     jacobian: Array
     used: NDArray[np.bool_]
+    tol: float
 
 
 def flight_axes(velocity: Array) -> Array:
@@ -230,21 +304,6 @@ def flight_axes(velocity: Array) -> Array:
     size = float(np.linalg.norm(left))
     left = left / size if size > 1e-9 else np.array([0.0, 1.0, 0.0])
     return np.column_stack([-left, np.cross(along, left), along])
-
-
-def _tracks(track: Track | Sequence[Track]) -> tuple[Track, ...]:
-    """Return one track or several as a tuple."""
-    tracks = (track,) if isinstance(track, Track) else track
-    if not isinstance(tracks, Sequence) or not tracks:
-        raise InvalidInput(
-            f"track is {validation.brief(track)}: it must be a kickdyn.Track or a list of them"
-        )
-    for i, entry in enumerate(tracks):
-        if not isinstance(entry, Track):
-            raise InvalidInput(
-                f"track {i} is {validation.brief(entry)}: it must be a kickdyn.Track"
-            )
-    return tuple(tracks)
 
 
 def _sought(free: Iterable[str], air: Air) -> tuple[Free, ...]:
@@ -264,62 +323,55 @@ def _sought(free: Iterable[str], air: Air) -> tuple[Free, ...]:
     return tuple(name for name in Free if name in chosen)
 
 
-def _check_flight(track: Track, ball: Ball, ground: Ground | None) -> None:
+def _check_flight(track: Track) -> None:
     """Raise `InvalidInput` unless a track may be a flight, in metres."""
     if len(track) < LEAST_SAMPLES:
         raise InvalidInput(
             f"a flight has {len(track)} positions: at least {LEAST_SAMPLES} are needed"
         )
-    if ground is not None:
-        lowest = int(np.argmin(track.positions[:, 2]))
-        height = float(track.positions[lowest, 2])
-        if height < ground.height:
-            raise InvalidInput(
-                f"the ball is at {height:.4g} m at {track.times[lowest]:.10g} s, below the "
-                f"ground at {ground.height:g} m: give the ground's height in the track's "
-                "coordinates"
-            )
     refuse_intervals(track)
     if not np.ptp(track.positions, axis=0).any():
         raise InvalidInput(
             f"the ball stays at {track.positions[0].tolist()} m: it does not move, so this is not "
             "a flight"
         )
-    falling = -2.0 * np.polyfit(track.times - track.times[0], track.positions[:, 2], 2)[0]
-    refuse_units(track, float(falling))
+    refuse_units(track, -float(_bend(track)[2]))
 
 
-def _fit(problem: _Problem) -> _Estimate:
-    """Return the best estimate of several starts."""
+def _bend(track: Track) -> Array:
+    """Return the mean acceleration, that of a parabola, shape `(3,)` [m/s2]."""
+    return np.asarray(2.0 * np.polyfit(track.times - track.times[0], track.positions, 2)[0])
+
+
+def _first_guess(problem: _Problem) -> Array:
+    """Return the unknowns of the best robust fit of several starts."""
     polynomials = [_polynomial(track) for track in problem.tracks]
     noise = float(np.median([noise for _, noise in polynomials]))
+    sizes = FIRST_SPINS if Free.SPIN in problem.sought else (0.0,)
     launches = [launch for launch, _ in polynomials]
-    axes = [flight_axes(launch[3:6]) for launch in launches]
-    sizes = FIRST_SPINS if problem.seeks_spin else (0.0,)
-    starts = [_start(problem, launches, axes, size) for size in sizes]
-    tol = COARSEST_TOL
-    evaluate = partial(_evaluate, problem, axes, tol)
-    if evaluate(starts[0]) is None:
-        raise KickdynError(
-            "no flight could be integrated from the first guess of the launch: check the units and "
-            "that the samples are one flight"
-        )
-    prior = _spin_rows(problem, 0.0)
-    robust = [_minimise(evaluate, start, prior, robust_scale=3.0 * noise) for start in starts]
-    _, unknowns = min(robust, key=lambda fit: fit[0])
-    residuals, jacobian = evaluate(unknowns) or _impossible()
-    used = np.zeros(residuals.size, dtype=bool)
-    longest = max(float(np.ptp(track.positions, axis=0).max()) for track in problem.tracks)
+    starts = [_start(problem, launches, size) for size in sizes]
+    evaluate = partial(problem.evaluate, COARSEST_TOL)
+    prior = problem.spin_rows(0.0)
+    loss: dict[str, Any] = {"loss": "soft_l1", "f_scale": 3.0 * noise, "ftol": ROBUST_COST_TOL}
+    robust = [_minimise(evaluate, start, prior, **loss) for start in starts]
+    return min(robust, key=lambda fit: fit[0])[1]
+
+
+def _fit(problem: _Problem, unknowns: Array) -> _Estimate:
+    """Return the estimate by least squares, without outliers, from a first guess."""
+    residuals, jacobian = problem.evaluate(COARSEST_TOL, unknowns)
+    used, tol = np.zeros(residuals.size, dtype=bool), COARSEST_TOL
+    length = max(float(np.ptp(track.positions, axis=0).max()) for track in problem.tracks)
     for _ in range(4):  # the spread of the residuals and the outliers depend on each other
-        spread = _spread(residuals, longest)
+        spread = max(1.4826 * float(np.median(np.abs(residuals))), 100.0 * FINEST_TOL * length)
         used_before, used = used, np.repeat(~_outliers(residuals, spread), 3)
-        tol_before, tol = tol, min(max(1e-3 * spread / longest, FINEST_TOL), COARSEST_TOL)
+        tol_before, tol = tol, min(max(1e-3 * spread / length, FINEST_TOL), COARSEST_TOL)
         if np.array_equal(used_before, used) and tol == tol_before:
             break
-        evaluate = partial(_evaluate, problem, axes, tol)
-        _, unknowns = _minimise(evaluate, unknowns, _spin_rows(problem, spread), used)
-        residuals, jacobian = evaluate(unknowns) or _impossible()
-    return _Estimate(unknowns, axes, residuals, jacobian, used)
+        evaluate = partial(problem.evaluate, tol)
+        _, unknowns = _minimise(evaluate, unknowns, problem.spin_rows(spread), used)
+        residuals, jacobian = evaluate(unknowns)
+    return _Estimate(unknowns, residuals, jacobian, used, tol)
 
 
 def _outliers(residuals: Array, spread: float) -> NDArray[np.bool_]:
@@ -332,176 +384,80 @@ def _outliers(residuals: Array, spread: float) -> NDArray[np.bool_]:
     return np.asarray(farthest > limit)
 
 
-def _impossible() -> Evaluation:
-    raise KickdynError(
-        "the fitted flight could not be integrated: check the units, and that the samples are one "
-        "flight"
-    )
-
-
 def _polynomial(track: Track) -> tuple[Array, float]:
     """Return a first guess of position and velocity, shape `(6,)`, and of the noise [m].
 
     They come from polynomials in time, fitted without the samples that are far from them.
     """
-    times = track.times - track.times[0]
+    times = (track.times - track.times[0]) / track.duration
     degree = 2 if len(track) < 9 else 3 if len(track) < 30 else 5
-    span = max(track.duration, 1e-300)
     kept = np.ones(len(track), dtype=bool)
     for _ in range(4):
-        fit = np.polynomial.polynomial.polyfit(times[kept] / span, track.positions[kept], degree)
-        residuals = track.positions - np.polynomial.polynomial.polyval(times / span, fit).T
+        fit = np.polynomial.polynomial.polyfit(times[kept], track.positions[kept], degree)
+        residuals = track.positions - np.polynomial.polynomial.polyval(times, fit).T
         noise = max(1.4826 * float(np.median(np.abs(residuals[kept]))), 1e-12)
         kept = np.abs(residuals).max(axis=1) < 6.0 * noise
         if kept.sum() <= degree + 1:
             break
-    return np.concatenate([fit[0], fit[1] / span]), noise
+    return np.concatenate([fit[0], fit[1] / track.duration]), noise
 
 
-def _start(problem: _Problem, launches: list[Array], axes: list[Array], size: float) -> Array:
+def _start(problem: _Problem, launches: list[Array], size: float) -> Array:
     """Return a first guess of all unknowns; spins have a size, and the axis that bends the path."""
     guesses: list[Array] = []
-    for track, launch, columns in zip(problem.tracks, launches, axes, strict=True):
+    for track, launch in zip(problem.tracks, launches, strict=True):
         guesses.append(launch)
-        if problem.seeks_spin:
-            times = track.times - track.times[0]
-            bend = 2.0 * np.polyfit(times, track.positions, 2)[0] + [0.0, 0.0, GRAVITY]
-            axis = np.cross(launch[3:6], bend)
-            guesses.append(size * columns.T @ axis / max(float(np.linalg.norm(axis)), 1e-300))
+        if Free.SPIN in problem.sought:
+            axis = np.cross(launch[3:6], _bend(track) + np.array([0.0, 0.0, GRAVITY]))
+            guesses.append(size * axis / max(float(np.linalg.norm(axis)), 1e-300))
     first = {"drag": FIRST_DRAG, "drag_scale": 1.0, "lift_scale": 1.0}
-    if "wind_x" in problem.shared:
-        wind = np.asarray(problem.air.wind)
-        first |= {"wind_x": float(wind[0]), "wind_y": float(wind[1])}
-    return np.concatenate([*guesses, [first[name] for name in problem.shared]])
-
-
-def _evaluate(
-    problem: _Problem, axes: list[Array], tol: float, unknowns: Array
-) -> Evaluation | None:
-    """Return residuals and their derivatives; None where a flight fails."""
-    shared = problem.shared_values(unknowns)
-    if any(abs(shared.get(name, 0.0)) > LARGEST_COEFFICIENT for name in COEFFICIENTS):
-        return None
-    residuals: list[Array] = []
-    blocks: list[Array] = []
-    first_shared = unknowns.size - len(shared)
-    for i, track in enumerate(problem.tracks):
-        columns = problem.flight_columns(i)
-        values = unknowns[columns]
-        flight = _fly(problem, track, axes[i], np.concatenate([values, [*shared.values()]]), tol)
-        if flight is None:
-            return None
-        times = track.times - track.times[0]
-        moved = flight.states(times)[:, :3]
-        residuals.append((values[:3] + moved - track.positions).ravel())
-        slopes = flight.slopes(times).reshape(residuals[-1].size, -1)
-        block = np.zeros((len(slopes), unknowns.size))
-        block[:, columns] = np.hstack(
-            [np.tile(np.eye(3), (len(track), 1)), slopes[:, : values.size - 3]]
-        )
-        block[:, first_shared:] = slopes[:, values.size - 3 :]
-        blocks.append(block)
-    return np.concatenate(residuals), np.vstack(blocks)
-
-
-def _fly(
-    problem: _Problem, track: Track, axes: Array, values: Array, tol: float
-) -> DifferentiableFlight | None:
-    """Return the flight over the times of a track; None where it fails or is far too fast.
-
-    The values are position, velocity and, where it is sought, spin in the given axes, then the
-    unknowns that all flights share. The derivatives are by all but the position, which moves the
-    flight without a change.
-    """
-    position, parameters = values[:3], values[3:]
-    duration = float(track.times[-1] - track.times[0])
-    usual = float(np.linalg.norm(np.ptp(track.positions, axis=0))) / duration + 10.0
-    if np.abs(parameters[:3]).max() > LARGEST_SPEED * usual:
-        return None
-    spins = 3 if problem.seeks_spin else 0
-
-    def launch(changed: Array) -> tuple[BallState, Air]:
-        spin = axes @ changed[3:6] if problem.seeks_spin else problem.known_spin
-        shared = dict(zip(problem.shared, changed[3 + spins :].tolist(), strict=True))
-        state = BallState.computed(np.array(position), np.array(changed[:3]), np.array(spin))
-        return state, problem.air_of(shared)
-
-    speed = max(float(np.linalg.norm(parameters[:3])), 1e-3)
-    sizes = [
-        *3 * [speed],
-        *spins * [SPIN_SPREAD],
-        *np.maximum(np.abs(parameters[3 + spins :]), 0.1),
-    ]
-    increments = INCREMENT * np.array(sizes)
-    try:
-        return fly_with_slopes(launch, parameters, increments, problem.ball, duration, tol)
-    except KickdynError:
-        return None
+    if Free.WIND in problem.sought:
+        first["wind_x"], first["wind_y"], _ = np.asarray(problem.air.wind).tolist()
+    return np.concatenate([*guesses, [first[name] for name in problem.shared_names]])
 
 
 def _minimise(
-    evaluate: Callable[[Array], Evaluation | None],
+    evaluate: Callable[[Array], Evaluation],
     start: Array,
     prior: Array,
-    used: NDArray[np.bool_] | None = None,
-    robust_scale: float | None = None,
+    used: NDArray[np.bool_] | slice = slice(None),
+    targets: Array | float = 0.0,
+    ftol: float = COST_TOL,
+    **options: Any,
 ) -> tuple[float, Array]:
     """Return the least cost and the unknowns.
 
     Args:
-        evaluate: returns residuals and derivatives, or None where there is no flight.
+        evaluate: returns residuals and derivatives; it raises `KickdynError` where there is no
+            flight, which ends the fit at its start, and is avoided later.
         start: the first guess of the unknowns.
-        prior: rows whose products with the unknowns are residuals, too.
-        used: which residuals count; None for all.
-        robust_scale: scale of the robust loss soft L1 [m]; None for least squares.
+        prior: rows whose products with the unknowns, less `targets`, are residuals, too.
+        used: which residuals count.
+        targets: wanted products of the prior rows.
+        ftol: relative change of the cost at which the fit ends.
+        options: of `scipy.optimize.least_squares`.
     """
-    rows = slice(None) if used is None else used
-    first = evaluate(start) or _impossible()
-    failed = np.full(first[0].size, FAILED_RESIDUAL), first[1]
+    residuals, slopes = evaluate(start)
+    failed = np.full(residuals.size, FAILED_RESIDUAL), slopes
 
     @keep_last
     def residuals_and_slopes(unknowns: Array) -> Evaluation:
-        residuals, slopes = evaluate(unknowns) or failed
+        try:
+            residuals, slopes = evaluate(unknowns)
+        except KickdynError:
+            residuals, slopes = failed
         return (
-            np.concatenate([residuals[rows], prior @ unknowns]),
-            np.vstack([slopes[rows], prior]),
+            np.concatenate([residuals[used], prior @ unknowns - targets]),
+            np.vstack([slopes[used], prior]),
         )
 
     result = least_squares(
         lambda unknowns: residuals_and_slopes(unknowns)[0],
         start,
         jac=lambda unknowns: residuals_and_slopes(unknowns)[1],
-        method="trf",
-        x_scale="jac",
-        loss="linear" if robust_scale is None else "soft_l1",
-        f_scale=1.0 if robust_scale is None else robust_scale,
-        xtol=1e-12,
-        ftol=COST_TOL if robust_scale is None else ROBUST_COST_TOL,
-        gtol=1e-15,
-        max_nfev=60,
-    )
+        x_scale="jac", ftol=ftol, xtol=1e-12, gtol=1e-15, max_nfev=60, **options,
+    )  # fmt: skip
     return float(result.cost), result.x
-
-
-def _spin_rows(problem: _Problem, spread: float) -> Array:
-    """Return the rows that weigh the spins against their usual size, none without spins.
-
-    The spread is the standard deviation of a residual [m].
-    """
-    columns = [
-        problem.flight_columns(i).start + 6 + k
-        for i in range(len(problem.tracks) if problem.seeks_spin else 0)
-        for k in range(3)
-    ]
-    return np.eye(len(problem.names))[columns] * spread / SPIN_SPREAD
-
-
-def _spread(residuals: Array, length: float) -> float:
-    """Return the standard deviation of a normal distribution with this median size [m].
-
-    It is not below the error of integration over a path of a length [m].
-    """
-    return max(1.4826 * float(np.median(np.abs(residuals))), 100.0 * FINEST_TOL * length)
 
 
 def _result(problem: _Problem, estimate: _Estimate) -> Identification:
@@ -511,35 +467,88 @@ def _result(problem: _Problem, estimate: _Estimate) -> Identification:
     noise = math.sqrt(float(kept @ kept) / freedom)
     widening = _widening(problem, estimate)
     spread = noise * widening
-    jacobian = np.vstack([estimate.jacobian[estimate.used], _spin_rows(problem, spread)])
-    size = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
-    _, singular, right = np.linalg.svd(jacobian / size, full_matrices=False)
-    inverse = np.where(singular > 1e-14 * singular[0], 1.0 / singular, 1e14 / singular[0])
-    root = (right.T * inverse) / size[:, None] * spread  # its product with itself is the covariance
-    unknowns = estimate.unknowns.copy()
+    rows = np.vstack([estimate.jacobian[estimate.used], problem.spin_rows(spread)])
+    unknowns = estimate.unknowns
+    turn = problem.turn(unknowns)
     launches: list[BallState] = []
-    for i, (track, axes) in enumerate(zip(problem.tracks, estimate.axes, strict=True)):
-        columns = problem.flight_columns(i)
-        position, velocity, spin = unknowns[columns][:3], unknowns[columns][3:6], problem.known_spin
-        if problem.seeks_spin:  # to the axes of the fitted velocity
-            rows = slice(columns.start + 6, columns.stop)
-            spin = axes @ unknowns[rows]
-            turned = flight_axes(velocity).T @ axes
-            unknowns[rows], root[rows] = turned @ unknowns[rows], turned @ root[rows]
+    for i, track in enumerate(problem.tracks):
+        position, velocity = unknowns[problem.flight_columns(i)][:6].reshape(2, 3)
+        sought = Free.SPIN in problem.sought
+        spin = unknowns[problem.spin_columns(i)] if sought else problem.known_spin
         launches.append(BallState(position, velocity, spin, float(track.times[0])))
     return Identification(
         tracks=problem.tracks,
         ball=problem.ball,
-        air=problem.air_of(problem.shared_values(unknowns)),
+        air=problem.air_of(unknowns[unknowns.size - len(problem.shared_names) :]),
         launches=tuple(launches),
         names=tuple(problem.names),
-        estimates=unknowns,
-        covariance=root @ root.T,
+        estimates=turn @ unknowns,
+        covariance=spread**2 * turn @ covariance(rows) @ turn.T,
         residuals=estimate.residuals.reshape(-1, 3),
         used=estimate.used.reshape(-1, 3)[:, 0],
         noise=noise,
         widening=widening,
     )
+
+
+def _profiled(
+    problem: _Problem, estimate: _Estimate, result: Identification
+) -> tuple[Array, Array | None]:
+    r"""Return the standard deviations, and a lower minimum of the sum of squares if there is one.
+
+    The sum of squares over :math:`\sigma^2` exceeds its minimum by :math:`k^2` at k deviations of
+    an unknown, with all others at their best, if it is quadratic. Where it is not, the deviation is
+    half the distance at which the excess is 4 (the profile likelihood), or more.
+    """
+    spread = result.noise * result.widening
+    deviations = np.sqrt(np.diag(result.covariance))
+    length = max(float(np.ptp(track.positions, axis=0).max()) for track in problem.tracks)
+    if spread < 10.0 * estimate.tol * length:  # the integration is less exact
+        return deviations, None
+    turn, prior = problem.turn(estimate.unknowns), problem.spin_rows(spread)
+
+    def excess(unknowns: Array) -> float:
+        try:
+            residuals, _ = problem.evaluate(estimate.tol, unknowns)
+        except KickdynError:
+            return math.inf
+        rows = np.concatenate([residuals[estimate.used], prior @ unknowns])
+        return float(rows @ rows) / spread**2 - least
+
+    least = 0.0
+    least = excess(estimate.unknowns)
+    widened = deviations.copy()
+    for j, name in enumerate(result.names):
+        if name.partition("_")[0] in LAUNCH or name in result.undetermined:
+            continue
+        direction = turn.T @ result.covariance[:, j] / deviations[j]  # others at their best
+        for sign in (-1.0, 1.0):
+            distance = sign * PROFILED
+            unknowns = estimate.unknowns + distance * direction
+            if 1.0 / LARGEST_BEND < excess(unknowns) / PROFILED**2 < LARGEST_BEND:
+                continue
+            weight = 100.0 * spread / deviations[j]
+            rows = np.vstack([prior, weight * turn[j]])
+            for _ in range(MOST_DOUBLINGS):
+                value = result.estimates[j] + distance * deviations[j]
+                targets = np.append(np.zeros(len(prior)), weight * value)
+                evaluate = partial(problem.evaluate, estimate.tol)
+                try:
+                    _, unknowns = _minimise(
+                        evaluate, unknowns, rows, estimate.used, targets, ftol=PROFILE_COST_TOL
+                    )
+                except KickdynError:
+                    break
+                above = excess(unknowns)
+                if above < -0.1:
+                    return deviations, unknowns
+                shift = np.abs(turn @ (unknowns - estimate.unknowns))
+                widened = np.maximum(widened, shift / math.sqrt(max(above, PROFILED**2)))
+                if above > PROFILED**2:
+                    break
+                distance *= 2.0
+                unknowns = 2.0 * unknowns - estimate.unknowns
+    return widened, None
 
 
 def _widening(problem: _Problem, estimate: _Estimate) -> float:
@@ -548,56 +557,10 @@ def _widening(problem: _Problem, estimate: _Estimate) -> float:
     With a correlation :math:`\rho` of neighbouring residuals, n samples say as much as
     :math:`n (1 - \rho) / (1 + \rho)` independent ones (Bayley & Hammersley 1946).
     """
-    products, squares, first = 0.0, 0.0, 0
     rows = np.where(estimate.used, estimate.residuals, 0.0).reshape(-1, 3)
-    for track in problem.tracks:
-        flight = rows[first : first + len(track)]
-        products += float((flight[1:] * flight[:-1]).sum())
-        squares += float((flight * flight).sum())
-        first += len(track)
-    correlation = min(products / squares, 0.98) if squares > 0.0 else 0.0
+    flights = np.split(rows, np.cumsum([len(track) for track in problem.tracks])[:-1])
+    products = sum(float((flight[1:] * flight[:-1]).sum()) for flight in flights)
+    correlation = min(products / max(float((rows * rows).sum()), 1e-300), 0.98)
     if correlation < 2.0 / math.sqrt(estimate.used.sum()):  # which chance explains
         return 1.0
     return math.sqrt((1.0 + correlation) / (1.0 - correlation))
-
-
-def _rival(model: str | Air, air: Air, tracks: tuple[Track, ...]) -> tuple[str, Air]:
-    """Return the name of a model and its air; raise `InvalidInput` if it cannot be compared."""
-    fewest = min(map(len, tracks))
-    if (fewest + 1) // 2 < LEAST_SAMPLES:
-        raise InvalidInput(
-            f"a flight of {fewest} positions has too few to fit a half: compare needs "
-            f"{2 * LEAST_SAMPLES - 1}"
-        )
-    if isinstance(model, Air):
-        return f"drag {_named(model.drag)}, lift {_named(model.lift)}", model
-    return model, replace(air, drag=find_model("drag", MODELS, model))
-
-
-def _score(name: str, air: Air, problem: _Problem) -> ModelScore:
-    """Return how well a model, fitted to the first halves, predicts the second ones."""
-    sought = tuple(free for free in problem.sought if free != Free.DRAG)
-    misses, fits = [], []
-    for track in problem.tracks:
-        middle = (len(track) + 1) // 2
-        half = problem._replace(air=air, sought=sought, tracks=(track[:middle],))
-        estimate = _fit(half)
-        fits.append(_result(half, estimate).rms)
-        flight = _fly(half, track, estimate.axes[0], estimate.unknowns, FINEST_TOL)
-        if flight is None:
-            misses.append(math.inf)
-            continue
-        moved = flight.states(track.times - track.times[0])[:, :3]
-        misses.append(_rms((estimate.unknowns[:3] + moved - track.positions)[middle:]))
-    return ModelScore(name, _rms(np.array(misses)), _rms(np.array(fits)), tuple(misses))
-
-
-def _named(model: Coefficient | None) -> str:
-    """Return the name of a model, or the value of a constant."""
-    value = getattr(model, "value", None)
-    return f"{value:g}" if value is not None else str(getattr(model, "name", model))
-
-
-def _rms(errors: Array) -> float:
-    """Return the root of the mean square length of vectors, or of numbers."""
-    return math.sqrt(float((errors * errors).sum()) / len(errors))

@@ -76,10 +76,7 @@ class InferredImpact(ReprMixin):
 
     @property
     def joint_impulses(self) -> Array:
-        """Impulse of each joint's parent on its child, shape `(njoints, 6)` [N s, N m s].
-
-        As `Impact.joint_impulses`: linear then angular, in each joint's frame.
-        """
+        """Impulses in the joints, shape `(njoints, 6)` [N s, N m s], as `Impact.joint_impulses`."""
         return self.leg_response.joint_impulses
 
     @property
@@ -89,18 +86,12 @@ class InferredImpact(ReprMixin):
 
     @property
     def contact_point(self) -> Array:
-        """Point of the ball on which the impulse acted, shape `(3,)` [m, world frame].
-
-        It follows from the measured position of the ball's centre, :math:`c - r n`.
-        """
+        """Point :math:`c - r n` of the ball on which the impulse acted, shape `(3,)` [m, world]."""
         return np.asarray(self.ball_before.position - self.ball.radius * self.normal)
 
     @property
     def contact_distance(self) -> float:
-        """Distance of `contact_point` from the contact point of the posture [m].
-
-        It says how well the measured positions of leg and ball go together.
-        """
+        """Distance of `contact_point` from the contact point of the posture [m]."""
         return float(np.linalg.norm(self.contact_point - self.posture.contact_point))
 
     @property
@@ -169,6 +160,7 @@ class InferredImpact(ReprMixin):
         yield from warned(self.warnings)
 
 
+@validation.check_arguments
 def infer_impact(
     posture: Posture,
     v: ArrayLike,
@@ -206,9 +198,6 @@ def infer_impact(
         NoImpact: the ball's velocity did not change, or foot and ball do not approach each other.
         InvalidInput: a change of spin that is too large for the impulse, or a wrong argument.
     """
-    validation.check_type(Posture, posture=posture)
-    validation.check_type(Ball, ball=ball)
-    validation.check_type(BallState, ball_before=ball_before, ball_after=ball_after)
     ball.check_movable("an inferred impact")
     if not math.isfinite(ball.inertia):
         raise InvalidInput(
@@ -221,7 +210,7 @@ def infer_impact(
                 f"position of {name} has shape {state.position.shape}: it must be one state, (3,)"
             )
     count = posture.leg.nv
-    speed = validation.read_only(validation.vector("v", v, count, unit="rad/s or m/s"))
+    speed = validation.vector("v", v, count, unit="rad/s or m/s")
     posture.check_velocity(speed)
     noise = np.concatenate(
         [
@@ -230,11 +219,17 @@ def infer_impact(
             _deviations("joint deviation", joint_deviation, count),
         ]
     )
-    measured = np.concatenate(
-        [ball_before.velocity, ball_after.velocity, ball_before.spin, ball_after.spin, speed]
-    )
-    positions = ball_before.position, ball_after.position
-    inferred, _ = _inferred(posture, ball, positions, measured)
+    velocities = [ball_before.velocity, ball_after.velocity, ball_before.spin, ball_after.spin]
+    measured = np.concatenate([*velocities, speed])
+
+    def inferred_from(values: Array) -> tuple[InferredImpact, float]:
+        before, after = (
+            BallState(state.position, values[i : i + 3], values[i + 6 : i + 9])
+            for i, state in ((0, ball_before), (3, ball_after))
+        )
+        return _inferred(posture, ball, before, after, values[12:])
+
+    inferred, _ = inferred_from(measured)
     if inferred.approach_speed <= 0.0:
         raise NoImpact(
             f"foot and ball separate at {-inferred.approach_speed:.3g} m/s along the normal "
@@ -245,8 +240,7 @@ def infer_impact(
         return inferred
 
     def values(change: Array) -> Array:
-        """Return what has deviations, after a change of the measured values."""
-        impact, twist = _inferred(posture, ball, positions, measured + change)
+        impact, twist = inferred_from(measured + change)
         return np.array([impact.restitution, impact.friction, twist, *impact.normal])
 
     steps = np.diag(noise)[noise > 0.0]
@@ -262,19 +256,9 @@ def infer_impact(
 
 
 def _inferred(
-    posture: Posture, ball: Ball, positions: tuple[Array, Array], measured: Array
+    posture: Posture, ball: Ball, before: BallState, after: BallState, v: Array
 ) -> tuple[InferredImpact, float]:
-    """Return the impact of measured velocities, and the residual with its sign.
-
-    Args:
-        posture: of the leg.
-        ball: that was struck.
-        positions: of its centre just before and just after, each of shape `(3,)` [m].
-        measured: velocity before, velocity after, spin before, spin after, joint velocity; shape
-            `(12 + nv,)` [m/s, rad/s].
-    """
-    before = BallState(positions[0], measured[:3], measured[6:9])
-    after = BallState(positions[1], measured[3:6], measured[9:12])
+    """Return the impact of measured velocities, and the residual with its sign."""
     impulse = ball.mass * (after.velocity - before.velocity)
     size = float(validation.length(impulse))
     if size == 0.0:
@@ -293,9 +277,7 @@ def _inferred(
             f"by less than {largest:.4g} rad/s"
         )
     normal = math.sqrt(1.0 - square) * direction + np.cross(direction, arm)
-    impact = InferredImpact(
-        posture, measured[12:], ball, before, after, impulse, normal, abs(twist), {}
-    )  # fmt: skip
+    impact = InferredImpact(posture, v, ball, before, after, impulse, normal, abs(twist), {})
     return impact, twist
 
 
@@ -314,16 +296,14 @@ class RestitutionFit(ReprMixin):
     """Restitution over approach speed, from several kicks.
 
     Attributes:
-        speeds: approach speed along the normal of each kick, shape `(n,)` [m/s].
-        restitutions: restitution of each kick, shape `(n,)`.
+        kicks: number of kicks.
         table: rows (approach speed [m/s], restitution), speeds increasing, shape `(k, 2)`. Between
             its rows the restitution is linear, outside it is constant.
         deviations: standard deviation of each restitution of the table, shape `(k,)`.
         scatter: standard deviation of the restitution of a kick around the table.
     """
 
-    speeds: Array
-    restitutions: Array
+    kicks: int
     table: Array
     deviations: Array
     scatter: float
@@ -333,21 +313,11 @@ class RestitutionFit(ReprMixin):
         wanted = validation.floats("speed", speed, unit="m/s")
         return np.asarray(np.interp(wanted, *self.table.T))
 
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """Lines about what to know before using the table; empty if there is nothing."""
-        return tuple(
-            f"restitution is {e:.3g} at {speed:.3g} m/s, outside 0 to 1: a contact refuses it"
-            for speed, e in self.table.tolist()
-            if not 0.0 <= e <= 1.0
-        )
-
     def _rows(self) -> Iterable[Row]:
-        yield "kicks", len(self.speeds), ""
+        yield "kicks", self.kicks, ""
         for (speed, e), deviation in zip(self.table.tolist(), self.deviations, strict=True):
             yield f"at {speed:.4g} m/s", f"{e:.4g} +- {deviation:.2g}", ""
         yield "scatter of a kick", self.scatter, ""
-        yield from warned(self.warnings)
 
 
 def fit_restitution(impacts: Sequence[InferredImpact], knots: int = 2) -> RestitutionFit:
@@ -356,8 +326,8 @@ def fit_restitution(impacts: Sequence[InferredImpact], knots: int = 2) -> Restit
     The table is the piecewise linear function of the approach speed that is nearest to the kicks'
     restitutions in the sense of least squares, each kick counting the same; its knots are at
     quantiles of their speeds, from the lowest to the highest. `Contact(restitution=fit.table)`
-    takes it. With n kicks, k knots and the residuals :math:`\rho`, the scatter is
-    :math:`\sqrt{\sum \rho^2 / (n - k)}`.
+    takes it, unless one of its restitutions is outside 0 to 1. With n kicks, k knots and the
+    residuals :math:`\rho`, the scatter is :math:`\sqrt{\sum \rho^2 / (n - k)}`.
 
     Args:
         impacts: several kicks, by `infer_impact`.
@@ -393,10 +363,6 @@ def fit_restitution(impacts: Sequence[InferredImpact], knots: int = 2) -> Restit
     fitted = inverse @ restitutions
     residuals = weights @ fitted - restitutions
     scatter = math.sqrt(float(residuals @ residuals) / (len(impacts) - knots))
-    return RestitutionFit(
-        validation.read_only(speeds),
-        validation.read_only(restitutions),
-        validation.read_only(np.column_stack([rows, fitted])),
-        validation.read_only(scatter * np.linalg.norm(inverse, axis=1)),
-        scatter,
-    )
+    table = validation.read_only(np.column_stack([rows, fitted]))
+    deviations = validation.read_only(scatter * np.linalg.norm(inverse, axis=1))
+    return RestitutionFit(len(impacts), table, deviations, scatter)

@@ -37,6 +37,7 @@ from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.flight.derivatives import DifferentiableFlight, fly_with_slopes
+from kickdyn.identification.identification_result import covariance
 from kickdyn.identification.track import Track
 from kickdyn.impact.strike import strike
 from kickdyn.plane import Plane
@@ -95,14 +96,9 @@ LEVEL = Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "centre")
 
 
 class Shot(NamedTuple):
-    """A kick and what was observed of it.
+    """A commanded launch or kick, and what was observed of it; None for what was not.
 
-    Attributes:
-        command: the launch, or the kick, that was asked for.
-        landing: the landing point, shape `(2,)` [m, from the launch]; None where a track was
-            observed.
-        time: observed time of flight [s]; None if it was not observed.
-        track: positions in flight [m, from the launch] over the time since the kick [s], or None.
+    Landing, shape `(2,)`, and positions are from the launch [m], times since the kick [s].
     """
 
     command: BallState | KickPlan
@@ -114,11 +110,10 @@ class Shot(NamedTuple):
 class Learner(ReprMixin):
     r"""Finds the launch, or the kick, that meets a goal although the model is only approximate.
 
-    `command` is the next launch or kick: carry it out, and pass what the ball did to `observe`,
-    until `is_done`. Without a leg, the command is a launch velocity :math:`v`. Whoever carries it
-    out assumes the restitution :math:`e_0`, so that the ball leaves with the velocity
-    :math:`v (1 + e) / (1 + e_0)`. With a leg, the command is a kick that is planned with the
-    restitution that is known by then.
+    Carry out the `command`, and pass what the ball did to `observe`, until `is_done`. Without a
+    leg, the command is a launch velocity :math:`v` for an assumed restitution :math:`e_0`, so that
+    the ball leaves with the velocity :math:`v (1 + e) / (1 + e_0)`. With a leg, the command is a
+    kick that is planned with the restitution that is known by then.
 
     Args:
         goal: a target as high as the launch, with a condition such as the time.
@@ -127,9 +122,8 @@ class Learner(ReprMixin):
         leg: the leg that kicks. With it, commands are kicks by `plan_kick`; with None, launches.
         restitution: :math:`e_0`, the best guess before the first kick, 0.01 to 0.99. With a leg it
             may be a table or the name of a model over the speed of approach, as for `Contact`;
-            :math:`e_0` is then its e in the middle between the first and the last speed, where
-            `estimates` have e, too. The logit :math:`\ln (e / (1 - e))` of the other e changes by
-            as much as that one.
+            :math:`e_0` and `estimates` are then of the middle between the first and the last speed,
+            and the logits :math:`\ln (e / (1 - e))` of all e change by the same.
         friction: friction of the contact of the leg.
         ball_height: height of the ball's centre before the kick of a leg [m, world frame]; None
             leaves it free, as in `plan_kick`.
@@ -141,11 +135,23 @@ class Learner(ReprMixin):
             `drag_scale` 0.3 (relative), `wind_x` and `wind_y` 2 m/s, `restitution` 0.1,
             `elevation` and `azimuth` 0.05 rad.
 
+    Attributes:
+        command: the next launch at the origin, or with a leg the next kick. A kick is planned for
+            the launch velocity that errors of aim turn into the wanted one; its `path` is the
+            flight that is then expected.
+        launch: the launch to the goal, in the air as it is known, that the command brings about.
+        shots: the kicks so far.
+
     Raises:
         InvalidInput: a wrong argument; a goal above or below the launch; an air without drag, or
             with a wind that is a function; a leg that cannot kick to the goal.
     """
 
+    command: BallState | KickPlan
+    launch: Launch
+    shots: tuple[Shot, ...]
+
+    @validation.check_arguments
     def __init__(
         self,
         goal: Goal,
@@ -161,12 +167,17 @@ class Learner(ReprMixin):
         time_deviation: float = 0.02,
         prior: Mapping[str, float] | None = None,
     ) -> None:
-        validation.check_type(Goal, goal=goal)
-        validation.check_type(Ball, ball=ball)
-        validation.check_type(Air, air=air)
-        validation.check_type(Leg, type(None), leg=leg)
         ball.check_movable("a kick")
-        _check_what_is_learned(goal, air)
+        if air.drag is None or callable(air.wind):
+            raise InvalidInput(
+                "air has no drag, or a wind that is a function of height: the learner corrects "
+                "a drag model and a constant wind"
+            )
+        if float(goal.target[2]) != 0.0:
+            raise InvalidInput(
+                f"goal is {float(goal.target[2]):g} m above the launch: the learner observes "
+                "landings at the height of the launch"
+            )
         self.goal, self.ball, self.leg, self._model = goal, ball, leg, air
         self._given = checked_restitution(restitution)
         self._first_restitution = _middle(self._given)
@@ -179,12 +190,12 @@ class Learner(ReprMixin):
         self._ball_height = ball_height
         self._scatter = validation.number("scatter", scatter, above=0, at_most=1)
         self._deviation = validation.number("deviation", deviation, above=0, unit="m")
-        self._time_deviation = validation.number(
-            "time deviation", time_deviation, above=0, unit="s"
-        )
+        late = validation.number("time deviation", time_deviation, above=0, unit="s")
+        self._landing_deviations = np.array([self._deviation, self._deviation, late])
         self._prior = _checked_prior(prior, self._first_restitution)
-        self._shots: tuple[Shot, ...] = ()
-        self._theta0 = np.array([0.0, 0.0, 0.0, float(logit(self._first_restitution)), 0.0, 0.0])
+        self.shots = ()
+        wind_x, wind_y, _ = np.asarray(air.wind)
+        self._theta0 = np.array([0.0, wind_x, wind_y, logit(self._first_restitution), 0.0, 0.0])
         self._theta: Array = self._theta0
         self._covariance = np.diag(self._prior**2)
         self._errors: Array = np.zeros((0, 3))
@@ -192,54 +203,22 @@ class Learner(ReprMixin):
         self._plan()
 
     @property
-    def command(self) -> BallState | KickPlan:
-        """The next launch at the origin, or with a leg the next kick.
-
-        A kick is planned for the launch velocity that errors of aim turn into the wanted one; its
-        `path` is the flight that is then expected.
-        """
-        return self._command
-
-    @property
-    def launch(self) -> Launch:
-        """The launch to the goal, in the air as it is known, that the command shall bring about."""
-        return self._launch
-
-    @property
-    def shots(self) -> tuple[Shot, ...]:
-        """The kicks so far."""
-        return self._shots
-
-    @property
-    def air(self) -> Air:
-        """The air, with drag and wind as they are estimated."""
-        return self._air(self._theta)
-
-    @property
     def estimates(self) -> dict[str, float]:
         """The estimates of the unknowns, by name.
 
-        `drag_scale`, a factor of the drag model; `wind_x` and `wind_y` [m/s]; `restitution`;
-        `elevation` and `azimuth`, how far the ball leaves above and to the left of what was
-        commanded [rad].
+        A factor of the drag model, the wind [m/s], the restitution, and how far the ball leaves
+        above and to the left of what was commanded [rad].
         """
-        values = dict(zip(PRIOR, self._theta.tolist(), strict=True))
-        wind = np.asarray(self._model.wind)
-        return {
-            **values,
-            "drag_scale": math.exp(values["drag_scale"]),
-            "wind_x": float(wind[0]) + values["wind_x"],
-            "wind_y": float(wind[1]) + values["wind_y"],
-            "restitution": float(expit(values["restitution"])),
-        }
+        values = self._theta.copy()
+        values[0], values[3] = math.exp(values[0]), expit(values[3])
+        return dict(zip(PRIOR, values.tolist(), strict=True))
 
     @property
     def deviations(self) -> dict[str, float]:
         """Standard deviations of the estimates, by name and in the same units."""
         sizes = np.sqrt(np.diag(self._covariance))
-        sizes[0] *= math.exp(self._theta[0])
-        e = float(expit(self._theta[3]))
-        sizes[3] *= e * (1.0 - e)
+        scale, e = self.estimates["drag_scale"], self.estimates["restitution"]
+        sizes[[0, 3]] *= scale, e * (1.0 - e)
         return dict(zip(PRIOR, sizes.tolist(), strict=True))
 
     @property
@@ -260,27 +239,24 @@ class Learner(ReprMixin):
 
         That is where the last kick missed the goal by no more than scatter and uncertainty allow
         in 95 % of kicks, and where the uncertainty has at most a third of the scatter's variance
-        (traces of the covariances), so that knowing more would hardly bring the ball nearer.
+        (traces of the covariances).
         """
-        if not self._shots:
-            return False
         scatter, uncertainty = self.landing_scatter, self.landing_uncertainty
         missed = self._last_landing - self.goal.target[:2]
-        expected = scatter + uncertainty
         return bool(
-            np.trace(uncertainty) <= LEARNT * np.trace(scatter)
-            and missed @ np.linalg.solve(expected, missed) <= UNLIKELY
+            self.shots
+            and np.trace(uncertainty) <= LEARNT * np.trace(scatter)
+            and missed @ np.linalg.solve(scatter + uncertainty, missed) <= UNLIKELY
         )
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Lines about what to know before the next kick; empty if there is nothing."""
-        lines = [] if self._launch.limit is None else [f"the goal is {self._launch.summary}"]
-        command = self._command
-        if isinstance(command, KickPlan) and command.share < 1.0:
+        lines = [] if self.launch.limit is None else [f"the goal is {self.launch.summary}"]
+        if isinstance(self.command, KickPlan) and self.command.share < 1.0:
             lines.append(
-                f"the goal is beyond the limits of the leg: the kick has {command.share:.0%} of "
-                "the launch speed"
+                "the goal is beyond the limits of the leg: the kick has "
+                f"{self.command.share:.0%} of the launch speed"
             )
         e = self.estimates["restitution"]
         if not 0.02 < e < 0.98:
@@ -288,7 +264,7 @@ class Learner(ReprMixin):
                 f"restitution is {e:.3g}, near the end of its range: something else may change the "
                 "launch speed"
             )
-        return (*lines, *self._launch.flight.warnings)
+        return (*lines, *self.launch.flight.warnings)
 
     def observe(self, seen: ArrayLike | Track, time: float | None = None) -> None:
         """Learn from what the ball did after the command, and find the next one.
@@ -312,43 +288,41 @@ class Learner(ReprMixin):
                     f"the track begins at {seen.times[0]:g} s: its times must be those since the "
                     "kick"
                 )
-            shot = Shot(self._command, None, None, seen)
+            shot = Shot(self.command, None, None, seen)
         else:
             where = validation.floats("landing", seen, unit="m")
             if where.shape not in ((2,), (3,)):
                 raise InvalidInput(f"landing has shape {where.shape}: it must be (2,) or (3,)")
             if time is not None:
                 time = validation.number("time", time, above=0, unit="s")
-            shot = Shot(self._command, validation.read_only(where[:2]), time, None)
-        before = self._shots, self._theta, self._covariance, self._errors
+            shot = Shot(self.command, validation.read_only(where[:2]), time, None)
+        before = self.__dict__.copy()
         try:
-            self._shots = (*self._shots, shot)
+            self.shots = (*self.shots, shot)
             self._estimate()
             self._plan()
         except KickdynError:
-            self._shots, self._theta, self._covariance, self._errors = before
+            self.__dict__.update(before)
             raise
 
     def _air(self, theta: Array) -> Air:
         """Return the air for given unknowns, of which the first three count."""
         assert self._model.drag is not None
-        return replace(
-            self._model,
-            drag=scaled(self._model.drag, math.exp(theta[0])),
-            wind=np.asarray(self._model.wind) + np.array([theta[1], theta[2], 0.0]),
-        )
+        drag = scaled(self._model.drag, math.exp(theta[0]))
+        upwards = np.asarray(self._model.wind)[2]
+        return replace(self._model, drag=drag, wind=np.array([theta[1], theta[2], upwards]))
 
     def _plan(self) -> None:
         """Plan the next flight with what is known, and the command that brings it about."""
-        air, theta = self.air, self._theta
-        self._launch = plan_launch(self.goal, self.ball, air)
-        wanted, spin = self._launch.velocity, self._launch.spin
+        air, theta = self._air(self._theta), self._theta
+        self.launch = plan_launch(self.goal, self.ball, air)
+        wanted, spin = self.launch.velocity, self.launch.spin
         if self.leg is None:
             velocity = _aimed(wanted, -np.array([self._gain(theta[3]), theta[4], theta[5]]))
-            self._command: BallState | KickPlan = BallState(velocity=velocity, spin=spin)
+            self.command = BallState(velocity=velocity, spin=spin)
         else:
-            self._command = self._planned_kick(_aimed(wanted, [0.0, -theta[4], -theta[5]]), air)
-        _, slopes = self._landing(theta, np.zeros(3), self._command)
+            self.command = self._planned_kick(_aimed(wanted, [0.0, -theta[4], -theta[5]]), air)
+        _, slopes = self._landing(theta, np.zeros(3), self.command)
         self._landing_slopes = slopes[:2]
 
     def _planned_kick(self, velocity: Array, air: Air) -> KickPlan:
@@ -356,7 +330,7 @@ class Learner(ReprMixin):
         assert self.leg is not None
         time = 2.0 * float(velocity[2]) / GRAVITY
         target = velocity[0] * time, velocity[1] * time, 0.0
-        goal = Goal(target, time=time, spin=self._launch.spin)
+        goal = Goal(target, time=time, spin=self.launch.spin)
         contact = Contact(restitution=self._restitution(self._theta[3]), friction=self._friction)
         plan = plan_kick(
             self.leg, goal, self.ball, None, contact=contact, ball_position=self._ball_height
@@ -364,9 +338,9 @@ class Learner(ReprMixin):
         after = plan.impact.ball_after
         turned = _aimed(after.velocity, [0.0, self._theta[4], self._theta[5]])
         expected = BallState(after.position, turned, after.spin)
-        when = self._launch.time if plan.share == 1.0 else None
-        path = fly_to_target(expected, self._launch.reached, self.ball, air, when)
-        return replace(plan, goal=self.goal, launch=self._launch, path=path)
+        when = self.launch.time if plan.share == 1.0 else None
+        path = fly_to_target(expected, self.launch.reached, self.ball, air, when)
+        return replace(plan, goal=self.goal, launch=self.launch, path=path)
 
     def _restitution(self, logit_e: float) -> Restitution:
         """Return the restitution of the leg's contact."""
@@ -408,10 +382,9 @@ class Learner(ReprMixin):
     def _landing(
         self, theta: Array, error: Array, command: BallState | KickPlan
     ) -> tuple[Array, Array]:
-        """Return where and when a command comes down, and the derivatives.
+        """Return where and when a command comes down, `(3,)` [m, m, s], and the derivatives.
 
-        The first has shape `(3,)` [m, m, s], the second `(3, 9)`: by the unknowns and by the error
-        of the kick.
+        These have the shape `(3, 9)`: by the unknowns and by the error of the kick.
         """
         flight = self._fly(theta, error, command, LEVEL)
         if flight.end <= SHORTEST:
@@ -420,27 +393,17 @@ class Learner(ReprMixin):
         slopes = np.vstack([position[:2], time])[:, COLUMNS]
         return np.array([*flight.position(flight.end)[:2], flight.end]), slopes
 
-    def _path(self, theta: Array, error: Array, shot: Shot, track: Track) -> tuple[Array, Array]:
-        """Return positions of a kick at the times of its track, and the derivatives.
-
-        The first has shape `(3 n,)` [m], the second `(3 n, 9)`, as of `_landing`.
-        """
-        flight = self._fly(theta, error, shot.command, float(track.times[-1]))
-        positions = flight.states(track.times)[:, :3].ravel()
-        return positions, flight.slopes(track.times).reshape(positions.size, -1)[:, COLUMNS]
-
     def _estimate(self) -> None:
         """Find the most probable unknowns given all shots, and their covariance."""
-        count = 3 * len(self._shots)
+        count = 3 * len(self.shots)
         spread = np.concatenate([self._prior, np.full(count, self._scatter)])
         middle = np.concatenate([self._theta0, np.zeros(count)])
 
         @keep_last
         def residuals_and_slopes(values: Array) -> tuple[Array, Array]:
-            """Return residuals in standard deviations, and their derivatives."""
             theta, errors = values[:6], values[6:].reshape(-1, 3)
             residuals, slopes = [(values - middle) / spread], [np.diag(1.0 / spread)]
-            for k, (shot, error) in enumerate(zip(self._shots, errors, strict=True)):
+            for k, (shot, error) in enumerate(zip(self.shots, errors, strict=True)):
                 missed, slope = self._residuals(theta, error, shot)
                 block = np.zeros((len(missed), len(values)))
                 block[:, :6] = slope[:, :6]
@@ -456,34 +419,36 @@ class Learner(ReprMixin):
             method="lm", x_scale=spread, xtol=1e-6, ftol=1e-6, max_nfev=50,
         )  # fmt: skip
         self._theta, self._errors = fit.x[:6], fit.x[6:].reshape(-1, 3)
-        slopes = residuals_and_slopes(fit.x)[1]
-        self._covariance = np.asarray(np.linalg.inv(slopes.T @ slopes)[:6, :6], dtype=float)
-        shot = self._shots[-1]
-        if shot.landing is None:
+        self._covariance = covariance(residuals_and_slopes(fit.x)[1])[:6, :6]
+        shot = self.shots[-1]
+        if shot.landing is not None:
+            self._last_landing = shot.landing
+        else:
             landing, _ = self._landing(self._theta, self._errors[-1], shot.command)
             self._last_landing = landing[:2]
-        else:
-            self._last_landing = shot.landing
 
     def _residuals(self, theta: Array, error: Array, shot: Shot) -> tuple[Array, Array]:
         """Return how far a shot is from the model, in standard deviations, and the derivatives."""
         if shot.track is not None:
-            path, slopes = self._path(theta, error, shot, shot.track)
-            return (path - shot.track.positions.ravel()) / self._deviation, slopes / self._deviation
-        landing, slopes = self._landing(theta, error, shot.command)
+            times = shot.track.times
+            flight = self._fly(theta, error, shot.command, float(times[-1]))
+            missed = (flight.states(times)[:, :3] - shot.track.positions).ravel()
+            slopes = flight.slopes(times).reshape(missed.size, -1)[:, COLUMNS]
+            return missed / self._deviation, slopes / self._deviation
         assert shot.landing is not None
-        observed = [*shot.landing] if shot.time is None else [*shot.landing, shot.time]
-        count = len(observed)
-        weights = 1.0 / np.array([self._deviation, self._deviation, self._time_deviation])[:count]
-        return (landing[:count] - observed) * weights, slopes[:count] * weights[:, None]
+        landing, slopes = self._landing(theta, error, shot.command)
+        observed = np.array([*shot.landing, *([] if shot.time is None else [shot.time])])
+        deviations = self._landing_deviations[: observed.size]
+        missed = landing[: observed.size] - observed
+        return missed / deviations, slopes[: observed.size] / deviations[:, None]
 
     def _rows(self) -> Iterable[Row]:
-        yield "kicks", len(self._shots), ""
-        if isinstance(self._command, KickPlan):
-            yield "next kick, posture", self._command.q, "rad"
-            yield "next kick, joint velocity", self._command.v, "rad/s"
+        yield "kicks", len(self.shots), ""
+        if isinstance(self.command, KickPlan):
+            yield "next kick, posture", self.command.q, "rad"
+            yield "next kick, joint velocity", self.command.v, "rad/s"
         else:
-            yield "next launch", self._command.velocity, "m/s"
+            yield "next launch", self.command.velocity, "m/s"
         for name, value in self.estimates.items():
             yield name, f"{value:.3g} +- {self.deviations[name]:.2g}", UNITS.get(name, "")
         for name in ("scatter", "uncertainty"):
@@ -493,21 +458,7 @@ class Learner(ReprMixin):
         yield from warned(self.warnings)
 
     def _picture(self) -> str:
-        return self._launch._picture()
-
-
-def _check_what_is_learned(goal: Goal, air: Air) -> None:
-    """Raise `InvalidInput` for an air that cannot be corrected, or a goal at another height."""
-    if air.drag is None or callable(air.wind):
-        raise InvalidInput(
-            "air has no drag, or a wind that is a function of height: the learner corrects "
-            "a drag model and a constant wind"
-        )
-    if float(goal.target[2]) != 0.0:
-        raise InvalidInput(
-            f"goal is {float(goal.target[2]):g} m above the launch: the learner observes "
-            "landings at the height of the launch"
-        )
+        return self.launch._picture()
 
 
 def _checked_prior(prior: Mapping[str, float] | None, restitution: float) -> Array:

@@ -74,9 +74,6 @@ is not level."""
 MOST_FRICTION = 1.0
 """Ratio of the changes of velocity along and across the ground above which it was no bounce."""
 
-SLIDING_FRACTION = 0.1
-"""Share of the slip before a bounce that is left after it, from which the ball slid to the end."""
-
 COEFFICIENTS = ("restitution", "friction", "rolling_deceleration")
 """What the bounces and the rolling say of the ground."""
 
@@ -124,7 +121,6 @@ class Segment:
         start: estimated time of the cut at which it begins [s].
         velocity_before: of the ball just before that cut, shape `(3,)` [m/s]; None at a start.
         velocity_after: just after it, shape `(3,)` [m/s].
-        end_velocity: just before the segment's end, shape `(3,)` [m/s].
     """
 
     kind: SegmentKind
@@ -134,7 +130,6 @@ class Segment:
     start: float
     velocity_before: Array | None
     velocity_after: Array
-    end_velocity: Array
 
     def __len__(self) -> int:
         """Return the number of samples."""
@@ -144,7 +139,8 @@ class Segment:
 class Measured(NamedTuple):
     """A median of several measurements, its standard deviation, their number, kind and unit.
 
-    The median, because a bounce beside a player's foot looks like any other.
+    The median, because a bounce beside a player's foot looks like any other. Where `is_lower_bound`
+    is true, `median` is the largest of several lower bounds, and `deviation` its deviation.
     """
 
     median: float
@@ -152,10 +148,15 @@ class Measured(NamedTuple):
     samples: int
     kind: str = "bounce"
     unit: str = ""
+    is_lower_bound: bool = False
 
     def __str__(self) -> str:
+        measurements = f"{self.samples} {self.kind}{'s' if self.samples > 1 else ''}"
+        if self.is_lower_bound:
+            least = max(self.median - 2.0 * self.deviation, 0.0)
+            return f"at least {least:.2g} (of {measurements})"
         value = f"{self.median:.3g} +- {self.deviation:.2g} {self.unit}".rstrip()
-        return f"{value} (of {self.samples} {self.kind}{'s' if self.samples > 1 else ''})"
+        return f"{value} (of {measurements})"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -168,13 +169,11 @@ class Segments(Printed):
         restitution: restitution of the bounces, :math:`-v_z^+ / v_z^-`; None without a bounce.
         friction: ratio of the impulses along and across the ground,
             :math:`|\Delta v_{xy}| / \Delta v_z`, of the bounces in which the ball slid to the end.
-            A ball that comes from a touch is taken to have no spin, one that comes from a bounce to
-            have the spin that the bounce gave it. Where no ball slid, it is the largest of all
-            ratios; `warnings` then says that friction may be higher. None without a bounce.
+            This is seen at the next contact with the ground, which slows the slip that was left. If
+            no ball slid, the largest ratio is a lower bound of friction. None without a bounce.
         rolling_deceleration: deceleration in the second halves of the parts in which the ball rolls
             [m/s2], without the drag of the air. A kicked ball slides in the first half. None
             without such a segment.
-        warnings: lines about what to know before using the numbers; empty if there is nothing.
     """
 
     track: Track
@@ -182,7 +181,6 @@ class Segments(Printed):
     restitution: Measured | None
     friction: Measured | None
     rolling_deceleration: Measured | None
-    warnings: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         """Return a line for each part, and what the bounces and the rolling say."""
@@ -199,6 +197,13 @@ class Segments(Printed):
             if value is not None:
                 lines.append(f"{name.replace('_', ' ')}: {value}")
         return "\n".join([*lines, *(f"warning: {line}" for line in self.warnings)])
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Lines about what to know before using the numbers; empty if there is nothing."""
+        if self.friction is None or not self.friction.is_lower_bound:
+            return ()
+        return ("no bounce shows that the ball slid to its end: friction may be higher",)
 
     @property
     def flights(self) -> tuple[Track, ...]:
@@ -221,6 +226,8 @@ class Segments(Printed):
     def surface(self) -> Surface:
         """The surface of the ground for `kickdyn.follow`, with the deviations of its coefficients.
 
+        A lower bound of friction has no deviation: with it, the ball grips in all measured bounces.
+
         Raises:
             InvalidInput: the track has no bounce, or no rolling segment.
         """
@@ -233,46 +240,50 @@ class Segments(Printed):
             max(self.friction.median, 0.0),
             max(self.rolling_deceleration.median, LEAST_DECELERATION),
             source=f"{self.restitution.samples} bounces of a measured track",
-            deviations={name: getattr(self, name).deviation for name in COEFFICIENTS},
+            deviations={
+                name: getattr(self, name).deviation
+                for name in COEFFICIENTS
+                if not getattr(self, name).is_lower_bound
+            },
         )
 
 
 class _Samples(NamedTuple):
-    """Samples of a track without spikes.
-
-    Attributes:
-        times: shape `(n,)` [s].
-        positions: shape `(n, 3)` [m].
-        indices: their places in the track, shape `(n,)`.
-        noise: standard deviation of a coordinate that cuts are judged by [m].
-    """
+    """Samples of a track without spikes, their indices in it, and a coordinate's noise [m]."""
 
     times: Array
     positions: Array
     indices: NDArray[np.intp]
     noise: float
 
+    @property
+    def coefficient_price(self) -> float:
+        """Price of one coefficient by the Bayesian information criterion."""
+        return math.log(self.positions.size)
+
 
 class _Piece(NamedTuple):
-    """Samples first to last - 1, and polynomials fitted to them.
+    """Samples `first` to `last - 1`, and polynomials fitted to them.
 
-    Attributes:
-        first, last: indices of samples.
-        origin: time that the polynomials count from [s].
-        coefficients: of the polynomials, lowest power first, shape `(k, 3)`.
-        cost: sum of squared residuals over the squared noise.
+    The polynomials count time from `middle` [s]; their coefficients, lowest power first, have the
+    shape `(k, 3)`. The cost is the sum of squared residuals over the squared noise.
     """
 
     first: int
     last: int
-    origin: float
+    middle: float
     coefficients: Array
     cost: float
 
-    def derivative(self, time: float, order: int) -> Array:
-        """Return position, velocity or acceleration at a time, for order 0, 1 or 2."""
+    @property
+    def fall(self) -> float:
+        """Downward acceleration in the middle [m/s2]."""
+        return -float(self.derivative(self.middle, 2)[2])
+
+    def derivative(self, times: float | Array, order: int) -> Array:
+        """Return position, velocity or acceleration, for order 0, 1 or 2: `(3,)` or `(3, n)`."""
         powers = np.polynomial.polynomial.polyder(self.coefficients, order)
-        return np.asarray(np.polynomial.polynomial.polyval(time - self.origin, powers))
+        return np.asarray(np.polynomial.polynomial.polyval(times - self.middle, powers))
 
 
 @validation.check_arguments
@@ -300,26 +311,7 @@ def segments(
     if len(track) < 5:
         raise InvalidInput(f"track has {len(track)} samples: at least 5 are needed")
     refuse_intervals(track)
-    _check_heights(track, level)
-    noise = max(_noise(track), LEAST_NOISE)
-    kept = _without_spikes(track, noise)
-    samples = _Samples(track.times[kept], track.positions[kept], kept, noise)
-    pieces: list[_Piece] = []
-    gaps = [int(k) for k in np.flatnonzero(np.diff(samples.times) > GAP_TIME) + 1]
-    for first, last in zip([0, *gaps], [*gaps, len(kept)], strict=True):
-        pieces += _joined(samples, _partition(samples, first, last))
-    _check_units(track, samples, pieces)
-    segments = _described(samples, pieces, level + ball.radius, gaps)
-    friction, warnings = _friction(segments, ball)
-    return Segments(
-        track, segments, _restitution(segments, samples), friction,
-        _rolling_deceleration(samples, segments, ball, air), warnings,
-    )  # fmt: skip
-
-
-def _check_heights(track: Track, level: float) -> None:
-    """Raise `InvalidInput` for a track under the ground; trackers are off by `CONTACT_HEIGHT`."""
-    heights = track.positions[:, 2]
+    heights = track.positions[:, 2]  # trackers are off by up to CONTACT_HEIGHT
     if np.mean(heights < level - CONTACT_HEIGHT) > UNDERGROUND_FRACTION:
         lowest = int(np.argmin(heights))
         raise InvalidInput(
@@ -327,19 +319,20 @@ def _check_heights(track: Track, level: float) -> None:
             f"ground at {level:g} m: z must point up; if the ground is lower, give its height "
             "(--ground-height)"
         )
-
-
-def _check_units(track: Track, samples: _Samples, pieces: Sequence[_Piece]) -> None:
-    """Raise `InvalidInput` where most that falls does so as in other units than metres."""
-    falls = [_falling(samples, piece) for piece in pieces if piece.last - piece.first >= 8]
+    noise = max(_noise(track), LEAST_NOISE)
+    kept = _without_spikes(track, noise)
+    samples = _Samples(track.times[kept], track.positions[kept], kept, noise)
+    pieces: list[_Piece] = []
+    gaps = [int(k) for k in np.flatnonzero(np.diff(samples.times) > GAP_TIME) + 1]
+    for first, last in zip([0, *gaps], [*gaps, len(kept)], strict=True):
+        pieces += _joined(samples, _partition(samples, first, last))
+    falls = [piece.fall for piece in pieces if piece.last - piece.first >= 8]
     falling = [fall for fall in falls if fall > LEAST_FALL]
     refuse_units(track, float(np.median(falling)) if falling else 0.0)
-
-
-def _falling(samples: _Samples, piece: _Piece) -> float:
-    """Return the downward acceleration in the middle of a piece [m/s2]."""
-    middle = 0.5 * float(samples.times[piece.first] + samples.times[piece.last - 1])
-    return -float(piece.derivative(middle, 2)[2])
+    segments = _described(samples, pieces, level + ball.radius, gaps)
+    restitution, friction = _at_bounces(segments, samples, ball)
+    rolling_deceleration = _rolling_deceleration(samples, segments, ball, air)
+    return Segments(track, segments, restitution, friction, rolling_deceleration)
 
 
 def _noise(track: Track) -> float:
@@ -372,24 +365,19 @@ def _without_spikes(track: Track, noise: float) -> NDArray[np.intp]:
 def _fitted(samples: _Samples, first: int, last: int, degree: int) -> _Piece:
     """Return polynomials of a degree, or what the samples allow, fitted to samples."""
     times, points = samples.times[first:last], samples.positions[first:last]
-    origin = float(times.mean())
+    middle = 0.5 * float(times[0] + times[-1])
     span = max(float(times[-1] - times[0]), 1e-9)
     degree = min(degree, max(last - first - 1, 0))
-    powers = np.vander((times - origin) / span, degree + 1, increasing=True)
+    powers = np.vander((times - middle) / span, degree + 1, increasing=True)
     fit, *_ = np.linalg.lstsq(powers, points, rcond=None)
     residuals = (powers @ fit - points) / samples.noise
     coefficients = fit / span ** np.arange(degree + 1)[:, None]
-    return _Piece(first, last, origin, coefficients, float((residuals**2).sum()))
-
-
-def _price(samples: _Samples, coefficients: int) -> float:
-    """Return what coefficients cost by the Bayesian information criterion."""
-    return coefficients * math.log(max(samples.positions.size, 2))
+    return _Piece(first, last, middle, coefficients, float((residuals**2).sum()))
 
 
 def _partition(samples: _Samples, start: int, stop: int) -> list[tuple[int, int]]:
     """Return the best partition of samples start to stop - 1 into cubics."""
-    count, price = stop - start, _price(samples, 12)
+    count, price = stop - start, 12 * samples.coefficient_price
     best = np.full(count + 1, math.inf)  # cost of the samples before
     best[0] = 0.0
     previous_cut = np.zeros(count + 1, dtype=int)
@@ -430,7 +418,7 @@ def _joined(samples: _Samples, cuts: list[tuple[int, int]]) -> list[_Piece]:
     a touch that the tracker smooths over is cut twice.
     """
     pieces = [_fitted(samples, first, last, 3) for first, last in cuts]
-    price = _price(samples, 6)
+    price = 6 * samples.coefficient_price
     i = 0
     while i + 1 < len(pieces):
         left, right = pieces[i], pieces[i + 1]
@@ -444,22 +432,16 @@ def _joined(samples: _Samples, cuts: list[tuple[int, int]]) -> list[_Piece]:
     while i + 1 < len(pieces):
         left, middle, right = pieces[i - 1 : i + 2]
         if middle.last - middle.first <= SHORT_PIECE:
-            divided = _divided(samples, left, middle, right)
-            cost = left.cost + middle.cost + right.cost
-            if sum(piece.cost for piece in divided) < cost + price:
-                pieces[i - 1 : i + 2] = divided
+            choices = [
+                [_fitted(samples, left.first, cut, 5), _fitted(samples, cut, right.last, 5)]
+                for cut in range(middle.first, middle.last + 1)
+            ]
+            costs = [before.cost + after.cost for before, after in choices]
+            if min(costs) < left.cost + middle.cost + right.cost + price:
+                pieces[i - 1 : i + 2] = choices[int(np.argmin(costs))]
                 continue
         i += 1
     return pieces
-
-
-def _divided(samples: _Samples, left: _Piece, middle: _Piece, right: _Piece) -> list[_Piece]:
-    """Return two quintics between which the samples of the middle piece are best divided."""
-    choices = [
-        [_fitted(samples, left.first, cut, 5), _fitted(samples, cut, right.last, 5)]
-        for cut in range(middle.first, middle.last + 1)
-    ]
-    return min(choices, key=lambda pair: pair[0].cost + pair[1].cost)
 
 
 def _described(
@@ -478,9 +460,8 @@ def _described(
         if before is not None:
             height = float(piece.derivative(start, 0)[2]) - rest_height
             begins = _cut_reason(height, before, after, kinds[i - 1], kind)
-        end_velocity = _velocity(samples, piece, float(samples.times[piece.last - 1]), kind)
         first, last = int(samples.indices[piece.first]), int(samples.indices[piece.last - 1]) + 1
-        segments.append(Segment(kind, first, last, begins, start, before, after, end_velocity))
+        segments.append(Segment(kind, first, last, begins, start, before, after))
     return tuple(segments)
 
 
@@ -495,9 +476,8 @@ def _cut_reason(
         return CutReason.LANDING
     along = math.hypot(*(after - before)[:2])
     is_passive = 0.0 < up <= down and along < MOST_FRICTION * (up + down)
-    if kind_after is SegmentKind.FLIGHT and is_passive:
-        return CutReason.BOUNCE
-    return CutReason.TOUCH
+    is_bounce = kind_after is SegmentKind.FLIGHT and is_passive
+    return CutReason.BOUNCE if is_bounce else CutReason.TOUCH
 
 
 def _velocity(samples: _Samples, piece: _Piece, time: float, kind: SegmentKind) -> Array:
@@ -525,13 +505,11 @@ def _kind(samples: _Samples, piece: _Piece, rest_height: float) -> SegmentKind:
     heights = samples.positions[piece.first : piece.last, 2]
     if len(heights) < 4:
         return SegmentKind.OTHER
-    falling = _falling(samples, piece)
-    is_level = float(np.ptp(heights)) < ROLLING_HEIGHT and abs(falling) < MOST_LEVEL_FALL
+    is_level = float(np.ptp(heights)) < ROLLING_HEIGHT and abs(piece.fall) < MOST_LEVEL_FALL
     if is_level and float(heights.max()) < rest_height + CONTACT_HEIGHT:
-        middle = 0.5 * float(samples.times[piece.first] + samples.times[piece.last - 1])
-        speed = float(np.linalg.norm(piece.derivative(middle, 1)))
+        speed = float(np.linalg.norm(piece.derivative(piece.middle, 1)))
         return SegmentKind.REST if speed < REST_SPEED else SegmentKind.ROLLING
-    return SegmentKind.FLIGHT if LEAST_FALL < falling < MOST_FALL else SegmentKind.OTHER
+    return SegmentKind.FLIGHT if LEAST_FALL < piece.fall < MOST_FALL else SegmentKind.OTHER
 
 
 def _meeting_time(samples: _Samples, left: _Piece, right: _Piece) -> float:
@@ -539,55 +517,51 @@ def _meeting_time(samples: _Samples, left: _Piece, right: _Piece) -> float:
     before, after = samples.times[left.last - 1], samples.times[right.first]
     margin = after - before
     times = np.linspace(before - margin, after + margin, 61)
-    gaps = [float(np.linalg.norm(left.derivative(t, 0) - right.derivative(t, 0))) for t in times]
-    return float(times[int(np.argmin(gaps))])
+    distances = np.linalg.norm(left.derivative(times, 0) - right.derivative(times, 0), axis=0)
+    return float(times[int(np.argmin(distances))])
 
 
-def _restitution(segments: Iterable[Segment], samples: _Samples) -> Measured | None:
-    r"""Return the ratio of vertical speeds at bounces, None without any.
+def _at_bounces(
+    segments: Sequence[Segment], samples: _Samples, ball: Ball
+) -> tuple[Measured | None, Measured | None]:
+    r"""Return restitution and friction at bounces, None without any.
 
     A speed is taken as the slope of a parabola at the end of T = `VELOCITY_WINDOW` with n samples,
     of which the deviation is :math:`\sigma \sqrt{192 / n} / T`.
+
+    A ball slides to the end of a bounce if slip is left that the next bounce takes away. A change
+    of velocity by friction changes the slip by 1 + m r^2 / I times as much, and in flight the slip
+    changes as the velocity.
     """
     count = max(VELOCITY_WINDOW / float(np.median(np.diff(samples.times))), 1.0)
     speed_deviation = samples.noise * math.sqrt(192.0 / count) / VELOCITY_WINDOW
-    values, deviations = [], []
-    for segment in segments:
-        if segment.begins is CutReason.BOUNCE and segment.velocity_before is not None:
-            before, after = -float(segment.velocity_before[2]), float(segment.velocity_after[2])
-            values.append(after / before)
-            deviations.append(speed_deviation * math.hypot(1.0, after / before) / before)
-    return _median(values, deviations)
-
-
-def _friction(segments: Sequence[Segment], ball: Ball) -> tuple[Measured | None, tuple[str, ...]]:
-    """Return the friction at bounces, None without any, and warnings.
-
-    The slip of the contact point changes by 1 + m r^2 / I times the change of velocity.
-    """
-    ratios, sliding = [], []
-    shell = 1.0 + ball.mass * ball.radius**2 / ball.inertia if ball.inertia else math.inf
-    slip: Array | None = None  # after the previous bounce
-    for previous, segment in pairwise(segments):
+    slip_per_change = 1.0 + ball.turning * ball.mass
+    restitutions, ratios, sliding_ratios = [], [], []
+    for segment, following in zip(segments, [*segments[1:], None], strict=True):
         if segment.begins is not CutReason.BOUNCE or segment.velocity_before is None:
-            slip = None
             continue
-        slip_before = segment.velocity_before[:2]
-        if slip is not None:  # in flight the spin stays, the velocity changes
-            slip_before = slip + slip_before - previous.velocity_after[:2]
+        before, after = -float(segment.velocity_before[2]), float(segment.velocity_after[2])
+        deviation = speed_deviation * math.hypot(1.0, after / before) / before
+        restitutions.append((after / before, deviation))
         change = segment.velocity_after - segment.velocity_before
-        ratio = float(np.hypot(change[0], change[1]) / change[2])
-        slip = slip_before + shell * change[:2]
-        ratios.append(ratio)
-        noise = 2.0 * FRICTION_DEVIATION * shell * float(change[2])
-        square = float(slip_before @ slip_before)
-        if math.sqrt(square) > noise and float(slip @ slip_before) > SLIDING_FRACTION * square:
-            sliding.append(ratio)
-    if sliding or not ratios:
-        return _median(sliding, [FRICTION_DEVIATION] * len(sliding)), ()
-    largest = Measured(max(ratios), FRICTION_DEVIATION, len(ratios))
-    line = f"the ball gripped the ground at all bounces: friction is at least {max(ratios):.2g}"
-    return largest, (line,)
+        size = math.hypot(*change[:2])
+        deviation = math.hypot(FRICTION_DEVIATION, 1.5 * speed_deviation / float(change[2]))
+        ratios.append((size / float(change[2]), deviation))
+        if following is None or following.velocity_before is None or not size:
+            continue
+        next_change = following.velocity_after - following.velocity_before
+        slowing = following.velocity_before - segment.velocity_after
+        slip_left = (slip_per_change * next_change + slowing)[:2] @ change[:2] / size
+        unevenness = FRICTION_DEVIATION * abs(float(next_change[2]))
+        deviation = slip_per_change * math.hypot(unevenness, 1.5 * speed_deviation)
+        on_ground = following.begins in (CutReason.BOUNCE, CutReason.LANDING)
+        if on_ground and slip_left > 2.0 * deviation:
+            sliding_ratios.append(ratios[-1])
+    friction = _median(sliding_ratios)
+    if ratios and not sliding_ratios:
+        largest, deviation = max(ratios, key=lambda ratio: ratio[0] - 2.0 * ratio[1])
+        friction = Measured(largest, deviation, len(ratios), is_lower_bound=True)
+    return _median(restitutions), friction
 
 
 def _rolling_deceleration(
@@ -597,7 +571,7 @@ def _rolling_deceleration(
 
     The force of the air moves a rolling ball as if its mass were m + I / r^2.
     """
-    decelerations = []
+    decelerations: list[tuple[float, float]] = []
     drag = acceleration_function(ball, air)
     heavier = 1.0 + ball.inertia / (ball.mass * ball.radius**2)
     for segment in segments:
@@ -614,20 +588,21 @@ def _rolling_deceleration(
         ax, ay, *_ = drag(0.0, float(velocity[0]), float(velocity[1]), 0.0, 0.0, 0.0, 0.0)
         by_ground = 2.0 * curvature - np.array([ax, ay]) / heavier
         speed = max(math.hypot(*velocity), 1e-300)
-        decelerations.append(-float(by_ground @ velocity) / speed)
-    median = _median(decelerations, [ROLLING_DEVIATION] * len(decelerations))
+        decelerations.append((-float(by_ground @ velocity) / speed, ROLLING_DEVIATION))
+    median = _median(decelerations)
     return median and median._replace(kind="rolling part", unit="m/s2")
 
 
-def _median(values: Sequence[float], deviations: Sequence[float]) -> Measured | None:
-    """Return the median with its standard deviation, None without any values.
+def _median(measurements: Sequence[tuple[float, float]]) -> Measured | None:
+    """Return the median of values, each with its deviation; None without any values.
 
     The values are taken as normally distributed. Their spread is estimated from the values, but is
     not below the median deviation of a single value.
     """
-    if not values:
+    if not measurements:
         return None
-    middle, root = float(np.median(values)), math.sqrt(len(values))
-    spread = 1.4826 * float(np.median(np.abs(np.array(values) - middle)))
-    least = float(np.median(deviations))
-    return Measured(middle, 1.2533 * max(spread, least) / root, len(values))
+    values, deviations = np.array(measurements).T
+    median = float(np.median(values))
+    spread = 1.4826 * float(np.median(np.abs(values - median)))
+    largest = max(spread, float(np.median(deviations)))
+    return Measured(median, 1.2533 * largest / math.sqrt(len(values)), len(values))

@@ -35,9 +35,6 @@ SOUND = 340.0
 METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 """Units of C3D files [m]."""
 
-FAULTS = 5
-"""Rows of a file whose faults are listed."""
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Track(ValueEquality, ReprMixin):
@@ -126,7 +123,7 @@ class Track(ValueEquality, ReprMixin):
 
         Raises:
             FaultyFile: the file cannot be read, a column is missing, a value is not a number, or
-                times do not increase; the message names the row.
+                times do not increase; the message names the first such row.
         """
         source = str(file)
         names = list(columns)
@@ -135,14 +132,18 @@ class Track(ValueEquality, ReprMixin):
                 f"columns is {validation.brief(columns)}: it must name four columns, for "
                 "time, x, y and z"
             )
+        csv.field_size_limit(LARGEST_FILE)  # the default is 131,072 characters
         rows = csv.reader(read_text(file, source, LARGEST_FILE, FaultyFile).splitlines())
         header = [name.strip() for name in next(rows, [])]
-        fault = _header_fault(header, names)
-        if fault:
+        if any(header.count(name) != 1 for name in names):
+            fault = (
+                f"its first row is {validation.brief(header)}: separated by commas, it must name "
+                f"{', '.join(map(repr, names))} once each; `columns` (--columns) says which are "
+                "time, x, y and z"
+            )
             raise FaultyFile(source, [fault])
         where = [header.index(name) for name in names]
         values: list[list[float]] = []
-        faults: list[str] = []
         for number, row in enumerate(rows, start=2):
             cells = [row[i].strip() if i < len(row) else "" for i in where]
             if "" in cells:
@@ -150,29 +151,27 @@ class Track(ValueEquality, ReprMixin):
             try:
                 numbers = [float(cell) for cell in cells]
             except ValueError:
-                faults.append(f"row {number} has {validation.brief(cells)}: all must be numbers")
-                continue
+                numbers = [math.inf]
             if any(map(math.isnan, numbers)):
                 continue
+            fault = ""
             if len(row) > len(header) and any(row[len(header) :]):
-                faults.append(
+                fault = (
                     f"row {number} has {len(row)} cells and the first row {len(header)}: they must "
                     "be as many, and decimals have a point"
                 )
             elif not all(map(math.isfinite, numbers)):
-                faults.append(f"row {number} has {validation.brief(cells)}: all must be finite")
+                fault = f"row {number} has {validation.brief(cells)}: all must be finite numbers"
             elif values and numbers[0] <= values[-1][0]:
-                faults.append(
+                fault = (
                     f"row {number} has the time {numbers[0]:.10g} s after {values[-1][0]:.10g} s: "
                     "times must increase"
                 )
+            if fault:
+                raise FaultyFile(source, [fault])
             values.append(numbers)
-            if len(faults) == FAULTS:
-                break
-        if not faults and not values:
-            faults = ["it has no row of numbers below the names of the columns"]
-        if faults:
-            raise FaultyFile(source, faults)
+        if not values:
+            raise FaultyFile(source, ["it has no row of numbers below the names of the columns"])
         table = np.array(values)
         return cls(table[:, 0], table[:, 1:])
 
@@ -239,42 +238,17 @@ class Track(ValueEquality, ReprMixin):
         return cls((first + np.flatnonzero(seen)) / rate, path[seen])
 
 
-def _header_fault(header: list[str], names: list[str]) -> str:
-    """Return what is wrong with the first row of a file in which columns are sought, or nothing."""
-    if not any(header):
-        return "its first row is empty: it must name the columns"
-    if len(header) == 1:
-        return (
-            f"its first row is {validation.brief(header[0])}: commas must separate the columns, "
-            "and decimals have a point"
-        )
-    missing = [name for name in names if name not in header]
-    twice = [name for name in names if header.count(name) > 1]
-    if missing:
-        return (
-            f"there is no column {', '.join(map(repr, missing))}: the first row has "
-            f"{validation.brief(header)} and must name the columns; `columns` (--columns) says "
-            "which are time, x, y and z"
-        )
-    if twice:
-        return f"column {twice[0]!r} is there twice: the first row has {validation.brief(header)}"
-    return ""
-
-
 def _finite_rows(name: str, value: ArrayLike) -> Array:
     """Return an array of finite floats, or raise `InvalidInput` that names the first other row."""
     try:
         array = np.asarray(value, dtype=float)
     except (OverflowError, TypeError, ValueError):
         return validation.floats(name, value)  # which says what is wrong
-    finite = np.isfinite(array)
-    while finite.ndim > 1:
-        finite = finite.all(axis=-1)
-    bad = np.flatnonzero(np.logical_not(finite))
-    if array.ndim and bad.size:
-        row = array[bad[0]]
+    infinite = np.argwhere(~np.isfinite(array))
+    if array.ndim and infinite.size:
+        i = int(infinite[0, 0])
         raise InvalidInput(
-            f"{name}[{bad[0]}] is {row.tolist()}: every entry must be finite; leave out the "
+            f"{name}[{i}] is {array[i].tolist()}: every entry must be finite; leave out the "
             "samples at which there is no measurement"
         )
     return validation.floats(name, value)

@@ -5,9 +5,9 @@ is the one on the second; the first takes the opposite. The side of a body is -1
 first body of a contact, 1 where it is the second, and 0 at a contact of other bodies.
 """
 
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import combinations
-from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -17,37 +17,39 @@ from kickdyn.core.validation import Array, read_only
 from kickdyn.robot.leg import Posture
 
 
-class Body(Protocol):
-    """A body of an impact with k contacts: its share of the Delassus matrix."""
+class Body:
+    """A body of an impact with k contacts: its share of the Delassus matrix.
 
-    @property
-    def is_free(self) -> bool:
-        """Whether the body can move in every direction."""
+    As it stands, it is an obstacle at rest that no impulse moves: the ground or a wall.
+
+    Attributes:
+        is_free: whether the body can move in every direction.
+    """
+
+    is_free = False
 
     def delassus(self, axes: Array) -> Array:
         """Return the share of the Delassus matrix in contact axes, shape `(3 k, 3 k)` [1/kg].
 
         The rotations from contact axes, with the normal last, to world axes are `(k, 3, 3)`.
         """
+        return np.zeros((3 * len(axes), 3 * len(axes)))
 
     def inverse_mass(self, direction: Array) -> float:
         """Return the share of the inverse effective mass at a single contact [1/kg].
 
         The impulse acts along a unit vector, `(3,)`, without turning a ball.
         """
+        return 0.0
 
     @property
     def turning(self) -> float:
         """What a ball's rotation adds to the inverse mass across the normal [1/kg]; else 0."""
-
-    def after(self, impulses: Array, tangential_impulses: Array) -> Any:
-        """Return the motion just after impulses at the contacts, shape `(k, 3)` [N s].
-
-        Their parts across the normals have the same shape.
-        """
+        return 0.0
 
 
-class BallBody(NamedTuple):
+@dataclass(eq=False)
+class BallBody(Body):
     """A ball, which is touched on its surface.
 
     Attributes:
@@ -62,9 +64,8 @@ class BallBody(NamedTuple):
     normals: tuple[Array, ...]
     sides: tuple[float, ...] = (1.0,)
 
-    @property
-    def is_free(self) -> bool:
-        return self.ball.mass < np.inf
+    def __post_init__(self) -> None:
+        self.is_free = self.ball.mass < np.inf
 
     def delassus(self, axes: Array) -> Array:
         r"""Return the share of the Delassus matrix in contact axes, shape `(3 k, 3 k)` [1/kg].
@@ -98,22 +99,24 @@ class BallBody(NamedTuple):
         return self.ball.turning
 
     def after(self, impulses: Array, tangential_impulses: Array) -> BallState:
-        r"""Return the ball just after; only the tangential parts turn it.
+        r"""Return the ball just after impulses at the contacts, shape `(k, 3)` [N s].
+
+        Only their parts across the normals, of the same shape, turn it:
 
         .. math:: v^+ = v + \frac1m \sum \pm p_i, \qquad
                   \omega^+ = \omega - \frac{r}{I_b} \sum n_i \times p_i .
         """
-        ball, before, normals, sides = self
-        vx, vy, vz = before.velocity.tolist()
-        wx, wy, wz = before.spin.tolist()
-        mass, gain = ball.mass, ball.radius / ball.inertia
-        for i, side in enumerate(sides):
+        vx, vy, vz = self.before.velocity.tolist()
+        wx, wy, wz = self.before.spin.tolist()
+        mass, gain = self.ball.mass, self.ball.radius / self.ball.inertia
+        for i, side in enumerate(self.sides):
             if side:
                 px, py, pz = impulses[i].tolist()
                 vx, vy, vz = vx + side * px / mass, vy + side * py / mass, vz + side * pz / mass
-                tx, ty, tz = cross3(normals[i].tolist(), tangential_impulses[i].tolist())
+                tx, ty, tz = cross3(self.normals[i].tolist(), tangential_impulses[i].tolist())
                 wx, wy, wz = wx - gain * tx, wy - gain * ty, wz - gain * tz
-        return BallState.computed(before.position, np.array((vx, vy, vz)), np.array((wx, wy, wz)))
+        velocity, spin = np.array((vx, vy, vz)), np.array((wx, wy, wz))
+        return BallState.computed(self.before.position, velocity, spin)
 
 
 @lru_cache
@@ -122,8 +125,9 @@ def _diagonal(across: float, along: float) -> Array:
     return read_only(np.diag((across, across, along)))
 
 
-class LegBody(NamedTuple):
-    """A leg, or another articulated body, in a posture.
+@dataclass(eq=False)
+class LegBody(Body):
+    """A leg, or another articulated body, in a posture; a planar one cannot leave its plane.
 
     Attributes:
         posture: its inertia, supports and loops.
@@ -139,10 +143,6 @@ class LegBody(NamedTuple):
     jacobian: Array
     factor: Array
     sides: tuple[float, ...] = (-1.0,)
-
-    @property
-    def is_free(self) -> bool:
-        return False  # a planar leg cannot leave its plane
 
     def delassus(self, axes: Array) -> Array:
         """Return the share of the Delassus matrix in contact axes, shape `(3 k, 3 k)` [1/kg].
@@ -162,36 +162,7 @@ class LegBody(NamedTuple):
         row = direction.dot(self.factor)
         return float(row.dot(row))
 
-    @property
-    def turning(self) -> float:
-        return 0.0
-
     def jump(self, impulses: Array) -> tuple[Array, Array]:
         """Return the jump of the joint velocity and the impulses of the leg's constraints."""
         pushes = np.array(self.sides)[:, None] * impulses
         return self.posture.respond(pushes.ravel() @ self.jacobian)
-
-    def after(self, impulses: Array, tangential_impulses: Array) -> Array:
-        """Return the joint velocity just after, shape `(nv,)` [rad/s; m/s if prismatic]."""
-        return self.v + self.jump(impulses)[0]
-
-
-class Obstacle:
-    """A body that no impulse moves, at rest: the ground or a wall."""
-
-    @property
-    def is_free(self) -> bool:
-        return False
-
-    def delassus(self, axes: Array) -> Array:
-        return np.zeros((3 * len(axes), 3 * len(axes)))
-
-    def inverse_mass(self, direction: Array) -> float:
-        return 0.0
-
-    @property
-    def turning(self) -> float:
-        return 0.0
-
-    def after(self, impulses: Array, tangential_impulses: Array) -> None:
-        """Do nothing: the obstacle stays."""

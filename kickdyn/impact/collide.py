@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
 from kickdyn.core import validation
-from kickdyn.core.mechanics import largest
 from kickdyn.core.representation import Row, warned
 from kickdyn.core.validation import Array, read_only
 from kickdyn.errors import InvalidInput
@@ -32,9 +31,9 @@ from kickdyn.impact.force_model import (
     Dissipation,
     ForceModel,
     contact_stiffness,
-    expected_contact_time,
     make_force_model,
 )
+from kickdyn.impact.leg_response import leg_response
 from kickdyn.robot.leg import Posture
 
 PRESSURE_RANGE = 0.4
@@ -66,14 +65,10 @@ class Collision(AfterApproach):
 
     Attributes:
         approach: leg and ball at first contact.
-        peak_force: largest contact force, friction included [N].
-        deflection: largest deflection, of ball and foot together [m].
         tol: relative tolerance of the integrator.
     """
 
     approach: Approach
-    peak_force: float
-    deflection: float
     tol: float
     _motion: ContactMotion = field(repr=False)
     _again: "partial[Collision]" = field(repr=False)
@@ -82,8 +77,7 @@ class Collision(AfterApproach):
     def _end(self) -> State:
         """Leg and ball at separation."""
         end = self._motion.equations.state(self._motion.last)
-        for array in (end.q, end.v):
-            array.setflags(write=False)
+        validation.protect(end.q, end.v)
         return end
 
     @property
@@ -95,6 +89,16 @@ class Collision(AfterApproach):
     def impulse(self) -> Array:
         """Impulse on the ball, shape `(3,)` [N s, world frame]."""
         return read_only(self._motion.equations.impulse(self.contact_time, self._motion.last))
+
+    @cached_property
+    def peak_force(self) -> float:
+        """Largest contact force, friction included [N]."""
+        return self._motion.peak(lambda t: math.hypot(*self._motion.sample(t)[0]))
+
+    @cached_property
+    def deflection(self) -> float:
+        """Largest deflection, of ball and foot together [m]."""
+        return self._motion.peak(lambda t: self._motion.sample(t)[2])
 
     @property
     def contact_time(self) -> float:
@@ -111,21 +115,12 @@ class Collision(AfterApproach):
 
         .. math:: T_v = T + d_0 / w .
 
-        This is what high-speed video shows, where the ball is accelerated for about three fourths
-        of the contact only (Nunome, Shinkai & Ikegami, ISBS 2012). It is the longest contact that
-        the model allows: a ball that recovers later leaves the foot earlier. With `hunt-crossley`,
-        whose :math:`d_0` is 0, both times are the same.
+        In high-speed video the ball is accelerated for about three fourths of the contact only
+        (Nunome, Shinkai & Ikegami, ISBS 2012). It is the longest contact that the model allows.
         """
         separation = self._motion.equations.kinematics(self._end)
-        if self.force_model.restitution == 1.0 or separation.deflection <= 0.0:
-            return self.contact_time
-        return self.contact_time + separation.deflection / -separation.rate
-
-    @cached_property
-    def foot_displacement(self) -> Array:
-        """Displacement of the contact frame in the contact time, shape `(3,)` [m, world frame]."""
-        foot = self._motion.equations.foot_at(self._end)
-        return read_only(foot - self.approach.posture.contact_point)
+        left = separation.deflection if self.force_model.restitution < 1.0 else 0.0
+        return self.contact_time + max(left, 0.0) / -separation.rate
 
     @property
     def energy_lost(self) -> float:
@@ -137,11 +132,6 @@ class Collision(AfterApproach):
         """The ball at separation."""
         end, position = self._end, self.ball_before.position
         return BallState(position + end.moved, end.velocity, end.spin, self.contact_time)
-
-    @property
-    def q_before(self) -> Array:
-        """Configuration at first contact, shape `(nq,)` [rad; m for prismatic joints]."""
-        return self.approach.posture.q
 
     @property
     def q_after(self) -> Array:
@@ -156,7 +146,10 @@ class Collision(AfterApproach):
     @cached_property
     def energy_residual(self) -> float:
         """Energy not accounted for, relative to the kinetic energy of the approach."""
-        return self._motion.energy_residual()
+        motion, end = self._motion, self._end
+        before = motion.equations.energy(motion.equations.start(), 0.0) + end.work
+        after = motion.equations.energy(motion.last, motion.largest[-1]) + end.lost
+        return abs(before - after) / self.approach.energy()
 
     @property
     def evaluations(self) -> int:
@@ -164,7 +157,6 @@ class Collision(AfterApproach):
         return self._motion.equations.evaluations
 
     def _rows(self) -> Iterable[Row]:
-        """Return what `print` shows: each quantity with its value and unit."""
         yield "contact time", 1e3 * self.contact_time, "ms"
         yield "visible contact time", 1e3 * self.visible_contact_time, "ms"
         yield "peak force", self.peak_force, "N"
@@ -180,17 +172,17 @@ class Collision(AfterApproach):
     def warnings(self) -> tuple[str, ...]:
         """A line for each joint outside its range, or faster before the impact than its limit.
 
-        Further lines say so where the restitution is used outside its table, and where a ball whose
-        stiffness follows from its pressure is flattened beyond the range of `Ball.stiffness`.
+        Further lines name a restitution used outside its table, and a ball that is flattened beyond
+        the range of `Ball.stiffness`.
         """
-        flat: tuple[str, ...] = ()
-        share = self.deflection / self.ball.radius
-        if self.force_model.exponent == LINEAR and share > PRESSURE_RANGE:
-            flat = (
-                f"the ball is flattened by {share:.2f} of its radius: its pressure gives the "
-                f"stiffness within 10 % up to {PRESSURE_RANGE:g}",
-            )
-        return (*self.approach.warnings(), *flat)
+        lines, fraction = self.approach.warnings(), self.deflection / self.ball.radius
+        if self.force_model.exponent != LINEAR or fraction <= PRESSURE_RANGE:
+            return lines
+        return (
+            *lines,
+            f"the ball is flattened by {fraction:.2f} of its radius: its pressure gives the "
+            f"stiffness within 10 % up to {PRESSURE_RANGE:g}",
+        )
 
     def __reduce__(self) -> "tuple[partial[Collision], tuple[()]]":
         """Pickle the arguments; unpickled, the collision runs again, to the same digits."""
@@ -200,9 +192,8 @@ class Collision(AfterApproach):
     def error(self) -> float:
         """Estimate of the numerical error of the impulse [N s].
 
-        It is twice the change of the impulse when the tolerance is 100 times tighter, and never
-        less than `tol` times the impulse. It takes this second run when it is first read. Errors of
-        the model are not part of it.
+        It is twice the change of the impulse when the tolerance is 100 times tighter, computed when
+        it is first read, and never less than `tol` times the impulse.
         """
         tighter = self._again(tol=max(self.tol * 1e-2, 1e-13))
         size = math.hypot(*self.impulse)
@@ -212,13 +203,24 @@ class Collision(AfterApproach):
     def joint_impulses(self) -> Array:
         """Impulse of the contact force in each joint, shape `(njoints, 6)` [N s, N m s].
 
-        Each row has the linear, then the angular impulse of the joint's parent on its child, about
-        the joint's origin and in the joint's frame, which turns meanwhile; rows are in the order of
-        `leg.joint_names`. It is the integral over time of what the contact force adds to the force
-        in the joint, and tends to `Impact.joint_impulses` for short contacts. Weight, torques and
-        the motion of the leg need further forces. It is computed when first read.
+        It is the integral over time of what the contact force adds to the force in the joint, in
+        the joint's frame, which turns meanwhile; it tends to `Impact.joint_impulses` for short
+        contacts. Weight, torques and the motion of the leg need further forces.
         """
-        return read_only(self._motion.joint_impulses())
+        motion, leg = self._motion, self.leg
+        frame = leg.model.frames[leg.frame_id].placement
+        nodes, weights = np.polynomial.legendre.leggauss(3)  # in each step
+        total = np.zeros((leg.model.njoints - 1, 6))
+        for begin, step in zip(motion.times, np.diff(motion.times), strict=False):
+            for node, weight in zip(nodes, weights, strict=True):
+                t = begin + 0.5 * step * (1.0 + node)
+                state = motion.equations.state(motion.column(t))
+                posture = leg.posture(state.q)
+                lever = posture.rotation_world_joint.T @ motion.equations.kinematics(state).point
+                touched = posture.with_contact_offset(frame.actInv(lever))
+                impulse = 0.5 * step * weight * motion.sample(t)[0]
+                total += leg_response(touched, state.v, impulse).joint_impulses
+        return read_only(total)
 
     def sample(self, t: ArrayLike) -> ContactSample:
         """Return the contact at one time or many.
@@ -230,12 +232,8 @@ class Collision(AfterApproach):
             InvalidInput: a time outside the contact, or more than one dimension.
         """
         times = validation.times(t, self.contact_time, "the contact")
-        samples = [self._motion.sample(float(moment)) for moment in times.flat]
-        force, impulse, deflection = (np.array([sample[i] for sample in samples]) for i in range(3))
-        shape = (*times.shape, 3)
-        return ContactSample(
-            force.reshape(shape), impulse.reshape(shape), deflection.reshape(times.shape)
-        )
+        sample = np.vectorize(self._motion.sample, signature="()->(3),(3),()")
+        return ContactSample(*sample(times))
 
 
 @validation.check_arguments
@@ -257,13 +255,10 @@ def collide(
 
     The leg moves meanwhile, under gravity, joint torques, centrifugal and Coriolis forces; supports
     stay at rest and loops stay closed. The foot is a plane through its contact point that rotates
-    with it, and the ball is a rigid body behind a spring. The force of `ForceModel` acts along the
-    normal of the plane through the centre of the ball, and Coulomb's friction across it, against
-    the sliding. For growing stiffness the result with the dissipation `walton-braun` tends to the
-    result of `strike` with the law `stronge`, whose restitution it has.
-    With `hunt-crossley` it tends to the law `newton` if the contact slips in one direction
-    throughout; if it sticks, only if friction does not change the normal velocity (a leg without
-    coupling).
+    with it, and the ball is a rigid body behind a spring: the force of `ForceModel` along the
+    normal of the plane, and Coulomb's friction across it. For growing stiffness the result tends
+    with the dissipation `walton-braun` to the result of `strike` with the law `stronge`, and with
+    `hunt-crossley` to the law `newton` if the contact slips in one direction throughout.
 
     Args:
         posture: posture of the leg at first contact, whose contact frame touches the ball.
@@ -272,14 +267,11 @@ def collide(
         contact: normal at first contact, restitution of 0.01 or more at the speed of approach,
             friction and offset. Points that stick creep, at about a thousandth of the approach
             speed.
-        contact_time: duration of the contact for which the stiffness is chosen [s]. The contact
-            has exactly this duration if effective masses are constant and no other force acts. It
-            is 10 ms where neither this nor `stiffness` is given.
+        contact_time: duration of the contact for which the stiffness is chosen, exact for two
+            masses on which no other force acts [s]; 10 ms where `stiffness` is None, too.
         stiffness: stiffness of a Hertz contact [N/m^1.5], in place of `contact_time`; or
-            `"pressure"`, the linear spring of an inflated ball, `Ball.stiffness`, which has no
-            fitted value.
-        dissipation: `walton-braun` or `hunt-crossley`, see `ForceModel`. With both, the restitution
-            is exact if effective masses are constant and no other force acts.
+            `"pressure"`, the linear spring of an inflated ball, `Ball.stiffness`.
+        dissipation: `walton-braun` or `hunt-crossley`, see `ForceModel`.
         torque: torques at the joints, shape `(nv,)` [N m; N for prismatic joints]: constant, or a
             function of the time since first contact, q and v. None is 0.
         ball_velocity: velocity of its centre at first contact, shape `(3,)` [m/s, world frame].
@@ -305,30 +297,27 @@ def collide(
     torque = _checked_torque(torque, posture.leg.nv)
     approach = find_approach(posture, v, ball, contact, ball_velocity, ball_spin)
     ball.check_movable("a contact that takes time")
-    far = max(largest(posture.contact_point), largest(posture.contact_lever))
-    validation.number("ball radius", ball.radius, at_least=1e-12 * far, unit="m")  # else rounding
     # Below a micrometre per second gravity, not the impact, decides the motion.
     validation.number("approach speed", approach.speed, at_least=1e-6, unit="m/s")
     kind = validation.choice("dissipation", dissipation, Dissipation)
-    k, exponent = _stiffness(approach, contact_time, stiffness, kind)
-    model = make_force_model(k, exponent, approach.speed, approach.restitution, kind)
-    expected = duration(approach, contact_time, stiffness, kind)
-    equations = CompliantContact(approach, model, torque, expected)
+    model = _force_model(approach, contact_time, stiffness, kind)
+    is_linear = model.exponent == LINEAR
+    equations = CompliantContact(approach, model, torque, _expected_time(approach, model))
     again = partial(
         collide, posture, approach.v, ball, contact, torque=torque, dissipation=kind,
-        stiffness=stiffness if exponent == LINEAR else k,
+        stiffness="pressure" if is_linear else model.stiffness,
         ball_velocity=approach.ball_before.velocity, ball_spin=approach.ball_before.spin,
     )  # fmt: skip
-    motion = integrate_contact(equations, tol)
-    peak_force, deflection = motion.peaks()
-    if deflection >= ball.radius * (1.0 - 1e-9):
+    collision = Collision(approach, tol, integrate_contact(equations, tol), again)
+    if collision.deflection >= ball.radius * (1.0 - 1e-9):
         pressed = f"too low, the ball would be pressed beyond its radius of {ball.radius:g} m"
-        if exponent == LINEAR:
+        if is_linear:
             raise InvalidInput(f"ball pressure is {ball.pressure:g} Pa: {pressed}")
         raise InvalidInput(
-            f"stiffness is {k:g} N/m^1.5: {pressed}; a shorter contact time makes it stiffer"
+            f"stiffness is {model.stiffness:g} N/m^1.5: {pressed}; a shorter contact time makes it "
+            "stiffer"
         )
-    return Collision(approach, peak_force, deflection, tol, motion, again)
+    return collision
 
 
 def duration(
@@ -338,18 +327,20 @@ def duration(
     dissipation: Dissipation,
 ) -> float:
     """Return for how long the force of `collide` acts between the two masses alone [s]."""
-    mass, e = approach.reduced_mass(), approach.restitution
-    k, exponent = _stiffness(approach, contact_time, stiffness, dissipation)
-    expected = expected_contact_time(k, mass, approach.speed, e, dissipation, exponent)
+    return _expected_time(approach, _force_model(approach, contact_time, stiffness, dissipation))
+
+
+def _expected_time(approach: Approach, model: ForceModel) -> float:
+    """Return the contact time of the two masses alone, which must not be too short [s]."""
+    expected = model.contact_time(approach.reduced_mass(), approach.speed)
     return validation.number("contact time", expected, at_least=SHORTEST_CONTACT, unit="s")
 
 
 def _checked_torque(torque: ArrayLike | Torque | None, nv: int) -> Array | Torque:
     """Return a torque function of three values, or a copy of constant torques; else raise."""
-    if torque is None:
-        return np.zeros(nv)
     if not callable(torque):
-        return validation.vector("torque", torque, nv, unit="N m")
+        values = np.zeros(nv) if torque is None else torque
+        return validation.vector("torque", values, nv, unit="N m")
     try:
         signature(torque).bind(0.0, torque, torque)
     except TypeError:
@@ -359,21 +350,21 @@ def _checked_torque(torque: ArrayLike | Torque | None, nv: int) -> Array | Torqu
     return torque
 
 
-def _stiffness(
+def _force_model(
     approach: Approach,
     contact_time: float | None,
     stiffness: float | str | None,
     dissipation: Dissipation,
-) -> tuple[float, float]:
-    """Return stiffness [N/m^n] and exponent n; a contact time is for the two masses alone."""
-    given = checked_stiffness(contact_time, stiffness)
-    if isinstance(given, str):
-        return approach.ball.stiffness, LINEAR
-    if given is None:
+) -> ForceModel:
+    """Return the force model with the restitution of an approach."""
+    k, exponent = checked_stiffness(contact_time, stiffness), HERTZ
+    speed, e = approach.speed, approach.restitution
+    if isinstance(k, str):
+        k, exponent = approach.ball.stiffness, LINEAR
+    elif k is None:
         time = CONTACT_TIME if contact_time is None else contact_time
-        mass, e = approach.reduced_mass(), approach.restitution
-        given = contact_stiffness(time, mass, approach.speed, e, dissipation)
-    return given, HERTZ
+        k = contact_stiffness(time, approach.reduced_mass(), speed, e, dissipation)
+    return make_force_model(k, exponent, speed, e, dissipation)
 
 
 def checked_stiffness(
@@ -384,12 +375,10 @@ def checked_stiffness(
         raise InvalidInput(
             f"contact_time is {contact_time!r} and stiffness {stiffness!r}: give only one of them"
         )
-    if isinstance(stiffness, str):
-        if stiffness != "pressure":
-            raise InvalidInput(
-                f"stiffness is {stiffness!r}: it must be a number [N/m^1.5] or 'pressure'"
-            )
+    if stiffness is None or stiffness == "pressure":
         return stiffness
-    if stiffness is None:
-        return None
+    if isinstance(stiffness, str):
+        raise InvalidInput(
+            f"stiffness is {stiffness!r}: it must be a number [N/m^1.5] or 'pressure'"
+        )
     return validation.number("stiffness", stiffness, above=0, unit="N/m^1.5")

@@ -19,7 +19,6 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
 from kickdyn.impact.approach import Approach
 from kickdyn.impact.force_model import ForceModel, integrate_until
-from kickdyn.impact.leg_response import leg_response
 from kickdyn.robot.constraints import ConstraintProjector
 from kickdyn.robot.leg import Workspace
 from kickdyn.robot.model_validation import cholesky_with_condition
@@ -40,59 +39,37 @@ MAX_EVALUATIONS = 60_000
 """Evaluations of the equations of motion, each some 60 us; ordinary contacts take a few thousand,
 those that stick at a tolerance of 1e-13 up to 40,000."""
 
-FIRST_EVALUATIONS = 5_000
-"""Evaluations after which the pace counts: a contact is refused if it would need more than
-`MAX_EVALUATIONS` at this pace until the expected end."""
-
-
 MAX_CONTACT_TIMES = 50.0
 """Expected contact times after which foot and ball count as not separating."""
 
 
 class State(NamedTuple):
-    """One column of the integrator, unpacked.
-
-    Attributes:
-        q, v: of the leg.
-        moved: displacement of the ball's centre since first contact [m].
-        velocity, spin: of the ball.
-        lost: energy lost to damping and friction [J].
-        work: of the joint torques, and of what maintains a particle's spin against friction [J].
-    """
+    """One column of the integrator, unpacked."""
 
     q: Array
     v: Array
-    moved: Array
-    velocity: Array
+    moved: Array  # displacement of the ball's centre since first contact [m]
+    velocity: Array  # of the ball
     spin: Array
-    lost: float
-    work: float
+    lost: float  # energy, to damping and friction [J]
+    work: float  # of joint torques, and of what maintains a particle's spin against friction [J]
 
 
 class ContactKinematics(NamedTuple):
-    """Kinematics of the contact between ball and foot.
+    """Kinematics of the contact between ball and foot."""
 
-    Attributes:
-        normal: of the foot's plane, from foot into ball.
-        point: of the plane, nearest to the ball's centre, from the joint's origin [m].
-        deflection: [m], negative where they are apart.
-        rate: of the deflection [m/s].
-        sliding: of the ball over the plane, in the plane [m/s].
-    """
-
-    normal: Array
-    point: Array
-    deflection: float
-    rate: float
-    sliding: Array
+    normal: Array  # of the foot's plane, from foot into ball
+    point: Array  # of the plane, nearest to the ball's centre, from the joint's origin [m]
+    deflection: float  # [m], negative where they are apart
+    rate: float  # of the deflection [m/s]
+    sliding: Array  # of the ball over the plane, in the plane [m/s]
 
 
 class CompliantContact:
     """Leg and ball from first contact to separation, as a first-order system.
 
-    The columns are the leg's displacement since first contact in the tangent space, its velocity,
-    the ball's displacement, velocity and spin, the energy lost, and the work done. The largest
-    deflection so far is an argument where the force depends on it: 0 while it grows.
+    A column y has the leg's displacement since first contact, in the tangent space, and what
+    `State` lists. `largest` is the largest deflection so far, 0 while it grows.
     """
 
     def __init__(
@@ -158,7 +135,7 @@ class CompliantContact:
         deflection, sliding = self.ball.radius - height, apart + rate * normal
         return ContactKinematics(normal, point, deflection, rate, sliding)
 
-    def _forces(self, contact: ContactKinematics, largest: float) -> tuple[float, Array]:
+    def forces(self, contact: ContactKinematics, largest: float) -> tuple[float, Array]:
         """Return the normal force and the friction on the ball [N]: Coulomb's law, made smooth."""
         normal_force = self.force_model.force(contact.deflection, contact.rate, largest)
         if self.friction == 0.0:
@@ -173,19 +150,18 @@ class CompliantContact:
             raise KickdynError(
                 "the integrator left double precision: torques, speeds or lengths are too large"
             )
-        slow = self.evaluations * self.expected > MAX_EVALUATIONS * t
-        if self.evaluations > (FIRST_EVALUATIONS if slow else MAX_EVALUATIONS):
+        if self.evaluations > MAX_EVALUATIONS:
             damped = self.force_model.damping > 0.0
             hint = "; the dissipation 'walton-braun' has no damping" if damped else ""
             raise KickdynError(
-                f"the contact has not ended after {self.evaluations - 1} evaluations, at {t:g} of "
+                f"the contact has not ended after {MAX_EVALUATIONS} evaluations, at {t:g} of "
                 f"about {self.expected:g} s: the equations of motion are too stiff (friction "
                 f"{self.friction:g}, a light foot or a ball of small inertia){hint}"
             )
         state, ball = self.state(y), self.ball
         contact = self.kinematics(state)
         returned = self.force_model.returned(contact.deflection, largest)
-        size, friction = self._forces(contact, largest)
+        size, friction = self.forces(contact, largest)
         force = size * contact.normal + friction
         moment_on_ball = cross((contact.deflection - ball.radius) * contact.normal, friction)
 
@@ -243,7 +219,7 @@ class CompliantContact:
         return self.kinematics(self.state(y)).deflection
 
     def compression_ends(self, _: float, y: Array) -> float:
-        """Return what falls to 0 as the deflection stops growing: its rate, or radius less it."""
+        """Return what falls to 0 as the deflection stops growing, or reaches the radius."""
         contact = self.kinematics(self.state(y))
         return min(contact.rate, self.ball.radius - contact.deflection)
 
@@ -252,17 +228,6 @@ class CompliantContact:
         deflection = self.deflection(y)
         limit = largest or self.ball.radius
         return min(deflection - self.force_model.separation(largest), limit - deflection)
-
-    def contact_at(self, t: float, y: Array, largest: float) -> tuple[Array, Array, float]:
-        """Return force [N] and impulse so far [N s] on the ball, and deflection [m]."""
-        contact = self.kinematics(self.state(y))
-        size, friction = self._forces(contact, largest)
-        return size * contact.normal + friction, self.impulse(t, y), contact.deflection
-
-    def foot_at(self, state: State) -> Array:
-        """Return the position of the foot's contact point [m, world frame]."""
-        pin.forwardKinematics(self.model, self.data, state.q)
-        return np.array(self.data.oMi[self.leg.contact_joint].act(self.arm))
 
     def impulse(self, t: float, y: Array) -> Array:
         """Return the contact's impulse on the ball until t: its momentum, less gravity's share."""
@@ -285,38 +250,24 @@ class CompliantContact:
 
 
 class ContactMotion(NamedTuple):
-    """Leg and ball from first contact to separation, as they were integrated.
-
-    Attributes:
-        equations: equations of motion.
-        column: column of the integrator at a time.
-        times: of the integrator's steps, shape `(n,)` [s].
-        last: column at separation.
-        begins: times at which a phase of compression or of restitution begins [s].
-        largest: deflection before each phase, 0 while it grows [m].
-    """
+    """Leg and ball from first contact to separation, as they were integrated."""
 
     equations: CompliantContact
-    column: OdeSolution
-    times: Array
-    last: Array
-    begins: list[float]
-    largest: list[float]
+    column: OdeSolution  # of the integrator, at a time
+    times: Array  # of the integrator's steps, shape `(n,)` [s]
+    last: Array  # column at separation
+    begins: list[float]  # times at which a phase of compression or of restitution begins [s]
+    largest: list[float]  # deflection before each phase, 0 while it grows [m]
 
     def sample(self, t: float) -> tuple[Array, Array, float]:
-        """Return force [N], impulse so far [N s] and deflection [m] at a time [s]."""
-        largest = self.largest[bisect_right(self.begins, t) - 1]
-        return self.equations.contact_at(t, self.column(t), largest)
+        """Return force [N] and impulse so far [N s] on the ball, and deflection [m] at a time."""
+        equations, y = self.equations, self.column(t)
+        contact = equations.kinematics(equations.state(y))
+        size, friction = equations.forces(contact, self.largest[bisect_right(self.begins, t) - 1])
+        return size * contact.normal + friction, equations.impulse(t, y), contact.deflection
 
-    def peaks(self) -> tuple[float, float]:
-        """Return the largest force [N] and deflection [m]: the largest of the steps, refined."""
-        return (
-            self._peak(lambda t: math.hypot(*self.sample(t)[0])),
-            self._peak(lambda t: self.sample(t)[2]),
-        )
-
-    def _peak(self, quantity: Callable[[float], float]) -> float:
-        """Return the largest value of a quantity over the contact."""
+    def peak(self, quantity: Callable[[float], float]) -> float:
+        """Return the largest value of a function of time: the largest of the steps, refined."""
         values = [quantity(t) for t in self.times.tolist()]
         best = int(np.argmax(values))
         refined = minimize_scalar(
@@ -327,32 +278,6 @@ class ContactMotion(NamedTuple):
         )
         return max(-float(refined.fun), values[best])
 
-    def energy_residual(self) -> float:
-        """Return the energy that is not accounted for, relative to the energy of the approach."""
-        equations, end = self.equations, self.equations.state(self.last)
-        before = equations.energy(equations.start(), 0.0) + end.work
-        after = equations.energy(self.last, self.largest[-1]) + end.lost
-        return abs(before - after) / equations.approach.energy()
-
-    def joint_impulses(self) -> Array:
-        """Return the impulses of the joints, by Gauss's rule in each step, `(njoints, 6)`."""
-        equations = self.equations
-        leg = equations.leg
-        frame = leg.model.frames[leg.frame_id].placement
-        nodes, weights = np.polynomial.legendre.leggauss(3)
-        total = np.zeros((leg.model.njoints - 1, 6))
-        for begin, duration in zip(self.times, np.diff(self.times), strict=False):
-            for node, weight in zip(nodes, weights, strict=True):
-                t = begin + 0.5 * duration * (1.0 + node)
-                force, _, _ = self.sample(t)
-                state = equations.state(self.column(t))
-                posture = leg.posture(state.q)
-                lever = posture.rotation_world_joint.T @ equations.kinematics(state).point
-                touched = posture.with_contact_offset(frame.actInv(lever))
-                impulse = 0.5 * duration * weight * force
-                total += leg_response(touched, state.v, impulse).joint_impulses
-        return total
-
 
 def integrate_contact(equations: CompliantContact, tol: float) -> ContactMotion:
     """Return the motion from first contact to separation, or raise `KickdynError`.
@@ -361,10 +286,7 @@ def integrate_contact(equations: CompliantContact, tol: float) -> ContactMotion:
     largest one before, so that the force is smooth in every phase.
     """
     model, expected, radius = equations.force_model, equations.expected, equations.ball.radius
-    limit, atol = (
-        MAX_CONTACT_TIMES * expected,
-        tol * equations.scales(),
-    )
+    limit, atol = MAX_CONTACT_TIMES * expected, tol * equations.scales()
     phases: list[Any] = []
     begins, largest_before = [], []
     t, y, largest, touching = 0.0, equations.start(), 0.0, True

@@ -21,16 +21,13 @@ def solve_cones(delassus: Array, free: Array, frictions: Array) -> tuple[Array, 
 
     Each contact is scaled to its mobility, and its normal impulse by mu where that is above 1, so
     that no cone is wider than 45 degrees. Newton's method starts from sticking everywhere, then
-    from rest, then from random impulses. Strong friction can leave several solutions: the first one
-    is returned, thus sticking where everything can stick. The solutions of redundant contacts that
-    slip, as the corners of a rigid sole, are a continuum, and rounding can choose among them.
+    from rest, then from random impulses, and the first of several solutions is returned. The
+    solutions of redundant contacts that slip, as the corners of a rigid sole, are a continuum.
 
-    Pinocchio's `ADMMConstraintSolver` takes a fifth of the time (0.15 against 0.75 ms for 1 to 5
-    contacts), but not for all problems. Scaled in the same way, with any of its update rules and
-    10,000 iterations, it reaches a residual of 1e-9 in 36 of 36 random problems with frictions up
-    to 3, in 20 of 36 with frictions up to 1e6, and in 1 of 16 kicks of a robot that stands with a
-    friction of 1,000 or more, where this function reaches 1e-11 in all. Both solve degenerate
-    matrices.
+    Pinocchio's `ADMMConstraintSolver` takes a fifth of the time, 0.15 ms for 1 to 5 contacts. With
+    10,000 iterations it reaches a residual of 1e-9 in 36 of 36 random problems with frictions up to
+    3, but in 20 of 36 with frictions up to 1e6, and in 1 of 16 kicks of a robot that stands with a
+    friction of 1,000 or more; this function reaches 1e-11 in all.
 
     G is positive semidefinite, tangential axes first and normal last, `(3 k, 3 k)` [1/kg]; g, the
     velocities without impulses, is `(3 k,)` [m/s]. Returned are p, `(3 k,)` [N s], and its

@@ -73,17 +73,11 @@ class ContactProblem(NamedTuple):
     @property
     def is_blocked(self) -> bool:
         """Whether contacts may be immovable in some direction, so that G may be singular."""
-        is_free = False
-        for body in self.bodies:  # `any` takes twice as long
-            is_free = is_free or body.is_free
-        return not is_free
+        return not any(body.is_free for body in self.bodies)
 
     def inverse_mass(self, direction: Array) -> float:
         """Return the inverse effective mass of a single contact along a unit vector [1/kg]."""
-        total = 0.0
-        for body in self.bodies:  # `sum` takes a third longer
-            total += body.inverse_mass(direction)
-        return total
+        return sum(body.inverse_mass(direction) for body in self.bodies)
 
     def in_contact_axes(self) -> tuple[Array, Array]:
         """Return rotations from contact axes to the world's, and velocities in these axes.
@@ -104,10 +98,8 @@ class ContactProblem(NamedTuple):
 
     def delassus(self, axes: Array) -> Array:
         """Return G in contact axes, shape `(3 k, 3 k)` [1/kg]; `axes` is `(k, 3, 3)`."""
-        matrix = self.bodies[0].delassus(axes)
-        for body in self.bodies[1:]:
-            matrix = matrix + body.delassus(axes)
-        return matrix
+        first, *others = (body.delassus(axes) for body in self.bodies)
+        return np.asarray(sum(others, first))
 
 
 class Solution(NamedTuple):
@@ -149,10 +141,8 @@ class ImpactLaw:
         name: the argument `law` of `kickdyn.strike`.
         solve: function that returns the solution of a problem with a single contact.
         solve_several: the same for several contacts; None for a law that is defined for one.
-        differentiate: function that returns what `kickdyn.Impact.sensitivity` does, such as
-            `kickdyn.impact.sensitivity.sensitivity`; None for a law without derivatives.
-        has_kernel: whether the compiled kernels of sweeps compute this law; other laws are computed
-            posture by posture.
+        differentiate: function such as `kickdyn.impact.sensitivity.sensitivity`, or None.
+        has_kernel: whether the compiled kernels of sweeps compute this law.
         eq_10_without_friction: whether the law is `frictionless` at a friction of 0, so that
             `pin.impulseDynamics` computes it.
     """

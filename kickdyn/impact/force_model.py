@@ -44,9 +44,8 @@ class ForceModel:
     which is :math:`k d^n (1 + c\, \dot d)` in compression, while D = d. With c = 0 it is the
     hysteretic spring of Walton & Braun (J. Rheology 30, 1986; there n = 1): restitution returns
     :math:`e^2` of the work of compression whatever the masses, and foot and ball separate at
-    :math:`d_0`, where the force vanishes: the ball recovers its shape afterwards. With e = 1 it is
-    the damped spring of Hunt & Crossley (J. Applied Mechanics 42, 1975); `matched_damping` gives
-    its c for a restitution, exactly for two masses on which no other force acts.
+    :math:`d_0`. With e = 1 it is the damped spring of Hunt & Crossley (J. Applied Mechanics 42,
+    1975), whose c follows from a restitution.
 
     Attributes:
         stiffness: k [N/m^n]; of two elastic bodies (n = 3/2) it is :math:`\frac43 E^* \sqrt{R}`
@@ -73,32 +72,39 @@ class ForceModel:
             object.__setattr__(self, name, value)
 
     def force(self, deflection: float, rate: float, largest: float = 0.0) -> float:
-        """Return the normal force [N]; the arguments are not checked.
+        """Return the normal force [N] for a deflection [m] and its rate [m/s], not checked.
 
-        Args:
-            deflection: d [m].
-            rate: rate of the deflection [m/s].
-            largest: largest deflection so far [m]; below d the contact is being compressed.
+        With a largest deflection so far [m] that is below d, the contact is being compressed.
         """
         spring, _ = self._spring(deflection, largest)
         return max(spring * (1.0 + self.damping * rate), 0.0)
 
     def returned(self, deflection: float, largest: float = 0.0) -> float:
-        """Return the part of the spring's force whose work restitution gives back [N].
-
-        The arguments are those of `force`; they are not checked.
-        """
+        """Return the part of the spring's force whose work restitution gives back [N]."""
         spring, _ = self._spring(deflection, largest)
         return spring if deflection < largest else self.restitution**2 * spring
 
     def stored(self, deflection: float, largest: float = 0.0) -> float:
-        """Return the energy that restitution will give back [J]; arguments as for `force`."""
+        """Return the energy that restitution will give back [J]."""
         spring, recovered = self._spring(deflection, largest)
         return spring * recovered / (self.exponent + 1.0)
 
     def separation(self, largest: float) -> float:
         """Return the deflection at which the force vanishes [m] after a largest one [m]."""
         return (1.0 - self.restitution**2) * largest
+
+    def contact_time(self, mass: float, approach_speed: float) -> float:
+        r"""Return for how long two bodies of a reduced mass m [kg] touch [s].
+
+        .. math:: T = \tau(e, c\, u) \left(\frac{m}{k}\right)^{1/(n+1)} u^{-(n-1)/(n+1)},
+
+        with the approach speed u [m/s]; the arguments are not checked.
+        """
+        power = 1.0 / (self.exponent + 1.0)
+        scale = (mass / self.stiffness) ** power
+        scale *= approach_speed ** (-(self.exponent - 1.0) * power)
+        damping = self.damping * approach_speed
+        return float(scale * _unit_contact_time(self.restitution, damping, self.exponent))
 
     def _spring(self, deflection: float, largest: float) -> tuple[float, float]:
         """Return the spring's force [N] and how far it can recover [m], both 0 or more."""
@@ -120,14 +126,8 @@ def matched_damping(restitution: float) -> float:
 
     .. math:: (1 + e)\, s = \ln \frac{1 + s}{1 - e s},
 
-    whatever the masses, the stiffness and the exponent (Gonthier et al. 2004).
-
-    Args:
-        restitution: coefficient e, 0.01 to 1. The damping grows as 1/e, and so does a peak of force
-            at first contact that no ball has: the law is meant for e well above 0.01.
-
-    Raises:
-        InvalidInput: a value outside its range.
+    whatever the masses, the stiffness and the exponent (Gonthier et al. 2004). The damping grows as
+    1/e, and so does a peak of force at first contact that no ball has.
     """
     e = _restitution(restitution)
     first = 1.5 * (1.0 - e * e) / (1.0 + e**3)  # the limit for e near 1, and always below s
@@ -170,7 +170,7 @@ def contact_stiffness(
     m = validation.number("mass", mass, above=0, unit="kg")
     speed = validation.number("approach speed", approach_speed, above=0, unit="m/s")
     kind = validation.choice("dissipation", dissipation, Dissipation)
-    unit = _unit_contact_time(_restitution(restitution), kind, HERTZ)
+    unit = make_force_model(1.0, HERTZ, 1.0, restitution, kind).contact_time(1.0, 1.0)
     with np.errstate(over="ignore"):
         stiffness = m / math.sqrt(speed) * float(np.float64(unit / time) ** 2.5)
     return validation.number("stiffness for that contact time", stiffness, above=0, unit="N/m^1.5")
@@ -189,25 +189,8 @@ def make_force_model(
     return ForceModel(stiffness, matched_damping(restitution) / approach_speed, 1.0, exponent)
 
 
-def expected_contact_time(
-    stiffness: float,
-    mass: float,
-    approach_speed: float,
-    restitution: float = 1.0,
-    dissipation: Dissipation = Dissipation.WALTON_BRAUN,
-    exponent: float = HERTZ,
-) -> float:
-    r"""Return for how long two masses touch [s].
-
-    .. math:: T = \tau(e) \left(\frac{m}{k}\right)^{1/(n+1)} u^{-(n-1)/(n+1)}.
-    """
-    power = 1.0 / (exponent + 1.0)
-    scale = (mass / stiffness) ** power * approach_speed ** (-(exponent - 1.0) * power)
-    return float(scale * _unit_contact_time(restitution, dissipation, exponent))
-
-
 @lru_cache(maxsize=256)
-def _unit_contact_time(restitution: float, dissipation: Dissipation, exponent: float) -> float:
+def _unit_contact_time(restitution: float, damping: float, exponent: float) -> float:
     r"""Return the contact time for unit mass, stiffness and speed; for e = 1 pi or 3.218.
 
     Compression of a spring without damping lasts
@@ -216,15 +199,15 @@ def _unit_contact_time(restitution: float, dissipation: Dissipation, exponent: f
         = D\, \frac{\sqrt\pi}{n + 1}\, \frac{\Gamma(p)}{\Gamma(p + 1/2)},
         \qquad D = \left(\frac{n + 1}{2}\right)^p, \quad p = \frac{1}{n + 1},
 
-    and restitution along the curve of Walton & Braun e times as long. With the damping of Hunt &
-    Crossley the motion is integrated.
+    and restitution along the curve of Walton & Braun e times as long. With damping the motion is
+    integrated.
     """
-    if dissipation is Dissipation.WALTON_BRAUN or restitution == 1.0:
+    if damping == 0.0:
         power = 1.0 / (exponent + 1.0)
         largest = (0.5 * (exponent + 1.0)) ** power
         beta = math.sqrt(math.pi) * power * math.gamma(power) / math.gamma(power + 0.5)
         return float((1.0 + restitution) * largest * beta)
-    contact = ForceModel(1.0, matched_damping(restitution), exponent=exponent)
+    contact = ForceModel(1.0, damping, exponent=exponent)
 
     def rates(_: float, y: Array) -> list[float]:
         deflection, rate = y

@@ -1,10 +1,9 @@
 """The result of a strike, with the residuals that prove it."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,10 +14,9 @@ from kickdyn.core.representation import Row, warned
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.approach import AfterApproach, Approach
-from kickdyn.impact.constraint_impulses import Footing, footing
 from kickdyn.impact.contact_problem import Solution
 from kickdyn.impact.laws import LAWS, names_of_laws
-from kickdyn.impact.leg_response import LegResponse, leg_response
+from kickdyn.impact.leg_response import Footing, LegResponse, footing, leg_response
 from kickdyn.impact.rounding import Rounding, digits_left, estimate_rounding
 from kickdyn.impact.sensitivity import Sensitivity
 from kickdyn.impact.uncertainty import Uncertainty, uncertainty
@@ -111,9 +109,8 @@ class Impact(AfterApproach):
     def constraint_impulses(self) -> Array:
         """Impulses of the constraints, stacked as in `posture.constraint_projector.rows`.
 
-        Impulses of supports and loops have world axes, those of mimic and stiff joints act along
-        the joint [N s, N m s]. The array is empty for a leg without constraints.
-        `support_impulses` and `loop_impulses` have them by name.
+        Those of supports and loops, which `support_impulses` and `loop_impulses` have by name, have
+        world axes, those of mimic and stiff joints act along the joint [N s, N m s].
         """
         return self.leg_response.constraint_impulses
 
@@ -152,9 +149,8 @@ class Impact(AfterApproach):
     def restitution_residual(self) -> float:
         r"""Residual :math:`|u_n^+ + e\, u_n^-| / |u_n^-|` of Newton's restitution along the normal.
 
-        It is computed from the velocities after the impact. With the law `paper`, whose restitution
-        is along the attack direction, and with `stronge`, whose restitution is one of work, it is
-        not 0 where these differ from Newton's.
+        It is not 0 with the law `paper`, whose restitution is along the attack direction, and with
+        `stronge`, whose restitution is one of work, where these differ from Newton's.
         """
         approach = self.approach
         foot_velocity_after = approach.posture.jacobian.dot(self.leg_response.v_after)
@@ -164,25 +160,8 @@ class Impact(AfterApproach):
 
     @property
     def momentum_residual(self) -> float:
-        r"""Joint-space momentum that Newton-Euler does not account for, relative to its scale.
-
-        The scale is :math:`\|J\| |p|`, with the Jacobian J of the contact point and the impulse p.
-        It is 0 but for rounding.
-        """
+        r"""Joint-space momentum that Newton-Euler does not account for, over :math:`\|J\| |p|`."""
         return self.leg_response.momentum_residual
-
-    @property
-    def support_residual(self) -> float:
-        """Largest velocity of a supporting foot after the impact [m/s, rad/s].
-
-        It is 0 but for rounding.
-        """
-        return self._fastest(self._blocks()[0])
-
-    @property
-    def loop_residual(self) -> float:
-        """Largest velocity at which a loop opens after the impact [m/s], 0 but for rounding."""
-        return self._fastest(self._blocks()[1])
 
     @property
     def creates_energy(self) -> bool:
@@ -218,9 +197,9 @@ class Impact(AfterApproach):
     def digits(self) -> float:
         """Estimate of how many decimal digits of the impulse are correct, 0 to 16.
 
-        Velocities after the impact may have fewer, where they cancel. Few digits are left where the
-        speed of approach is little more than the rounding of its terms, where the ball is many
-        times heavier than the leg that it sticks to, and where friction nearly jams the contact.
+        Velocities after the impact may have fewer, where they cancel. Few are left for a speed of
+        approach near the rounding of its terms, a ball many times heavier than the leg that it
+        sticks to, and friction that nearly jams the contact.
         """
         return float(digits_left(self.rounding.impulse))
 
@@ -242,8 +221,7 @@ class Impact(AfterApproach):
         """Return the derivatives of this impact by everything that it depends on.
 
         Args:
-            of_leg: whether to include the sources that change the leg, `q`, `v`, `link_mass` and
-                `link_inertia`; their derivatives take most of the time.
+            of_leg: whether to include `q`, `v` and `link_mass`, which take most of the time.
 
         Raises:
             InvalidInput: a law without sensitivities, a support that moves after
@@ -264,16 +242,15 @@ class Impact(AfterApproach):
 
         Args:
             **spread: standard deviations by the name of a source
-                (`kickdyn.impact.sensitivity.UNITS` has names and units): one number for all
-                components of the source; one for each component, shape `(n,)`, which are then
-                independent; or the covariance of the components, shape `(n, n)`. Different sources
+                (`kickdyn.impact.sensitivity.UNITS` has names and units): one number for all of its
+                components; one for each, shape `(n,)`; or their covariance, shape `(n, n)`. Sources
                 are independent. The deviation of `normal` is the angle by which this direction
                 tilts to each side [rad].
 
         Raises:
-            InvalidInput: no source or an unknown one, a wrong shape, a negative or infinite
-                deviation, a covariance that is not symmetric and positive semidefinite, or what
-                `sensitivity` refuses.
+            InvalidInput: an unknown source, a wrong shape, a negative or infinite deviation, a
+                covariance that is not symmetric and positive semidefinite, or what `sensitivity`
+                refuses.
 
         Example:
             >>> import kickdyn as kd
@@ -295,21 +272,7 @@ class Impact(AfterApproach):
         loops = zip(projector.constraints.loops, blocks[len(supports) :], strict=True)
         return list(zip(supports, blocks, strict=False)), list(loops)
 
-    def _fastest(self, constraints: Sequence[tuple[Any, ConstraintBlock]]) -> float:
-        """Return the largest velocity just after of constraints that hold [m/s, rad/s]."""
-        projector = self.posture.constraint_projector
-        if projector is None:
-            return 0.0
-        speeds = np.abs(projector.rows @ self.v_after)
-        return max((float(speeds[block.rows].max()) for _, block in constraints), default=0.0)
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Pickle all of it, read or not, so that a copy has the same digits."""
-        _ = self.leg_response, self.effective_mass
-        return self.__dict__
-
     def _rows(self) -> Iterable[Row]:
-        """Return what `print` shows: each quantity with its value and unit."""
         joint, most = self.worst_joint
         yield "law", self.law + (", sticks" if self.sticking else ""), ""
         if not isinstance(self.contact.restitution, float):

@@ -1,21 +1,20 @@
 """The load of each joint in an impact: on its structure, along its axis, and its peak."""
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 
 from kickdyn.core import validation
-from kickdyn.core.representation import ROUNDING, ReprMixin, Row, format_value
+from kickdyn.core.representation import ROUNDING, Printed, format_value
 from kickdyn.core.validation import Array
 from kickdyn.impact.force_model import SHORTEST_CONTACT
 from kickdyn.impact.impact_result import Impact
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class JointLoad(ReprMixin):
+class JointLoad(Printed):
     """The load of one joint: the impulses of its parent on its child, about its origin in its axes.
 
     Attributes:
@@ -35,29 +34,12 @@ class JointLoad(ReprMixin):
     peak_force: float | None
     peak_moment: float | None
 
-    def __repr__(self) -> str:
+    def __str__(self) -> str:
         """Return the linear parts in a line: on the structure, along the axis, and the peak."""
         structure, along = (np.linalg.norm(load[:3]) for load in (self.structure, self.axis))
-        axis = (
-            f", {format_value(float(along))} N s along the axis"
-            if along > ROUNDING * structure
-            else ""
-        )
+        axis = f", {format_value(along)} N s along the axis" if along > ROUNDING * structure else ""
         peak = "" if self.peak_force is None else f", peak {format_value(self.peak_force)} N"
         return f"JointLoad({self.joint}: {format_value(float(structure))} N s{axis}{peak})"
-
-    def _rows(self) -> Iterable[Row]:
-        """Return what `print` shows: each quantity with its value and unit."""
-        yield "joint", self.joint, ""
-        rounding = ROUNDING * float(np.linalg.norm(self.structure + self.axis))
-        for name, load in (("structure", self.structure), ("axis", self.axis)):
-            clean = np.where(abs(load) > rounding, load, 0.0)
-            yield f"{name}, linear", clean[:3], "N s"
-            yield f"{name}, angular", clean[3:], "N m s"
-        if self.peak_force is not None and self.peak_moment is not None:
-            moment = self.peak_moment if self.peak_moment > ROUNDING * self.peak_force else 0.0
-            yield "peak force", self.peak_force, "N"
-            yield "peak moment", moment, "N m"
 
 
 @validation.check_arguments

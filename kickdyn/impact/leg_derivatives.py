@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.impact.leg_response import joint_impulses
+from kickdyn.impact.leg_response import Load, constraint_loads, joint_impulses
 from kickdyn.robot.constraints import RANK_TOLERANCE
 from kickdyn.robot.leg import Leg, Posture
 from kickdyn.robot.names import listed
@@ -20,28 +20,12 @@ LINEAR, ANGULAR = slice(0, 3), slice(3, 6)
 
 
 class LegDerivatives(NamedTuple):
-    """Derivatives of a leg's velocities.
+    """Derivatives of a leg's velocities by q, `(3, nv)` and `(nv, nv)` [m/s or rad/s per rad]."""
 
-    Attributes:
-        admissible: of v by itself: the projector on what supports and loops allow, `(nv, nv)`.
-        foot_q, foot_q_after: of the contact point's velocity by q, before, and after at a fixed
-            v_after, shape `(3, nv)` [m/s per rad].
-        v_after_q: of v_after by q, shape `(nv, nv)`.
-    """
-
-    admissible: Array
-    foot_q: Array
-    foot_q_after: Array
+    admissible: Array  # projector of v on what supports and loops allow, `(nv, nv)`
+    foot_q: Array  # of the contact point's velocity before
+    foot_q_after: Array  # and after, at a fixed v_after
     v_after_q: Array
-
-
-class _Load(NamedTuple):
-    """An impulse and its moment on a joint's body, at a point of it."""
-
-    joint: int
-    rotation: Array  # from the joint's axes to the world's
-    lever: Array  # of the point, from the joint's origin, in its axes [m]
-    wrench: Array  # shape `(6,)` [N s, N m s, world axes]
 
 
 def leg_derivatives(
@@ -57,8 +41,8 @@ def leg_derivatives(
     check_fixed_axes(leg)
     model, data, nv, zero = space.model, space.data, leg.nv, space.zero_velocity
     wrench = np.concatenate([-impulse, np.zeros(3)])
-    foot = _Load(leg.contact_joint, posture.rotation_world_joint, posture.contact_lever, wrench)
-    loads = [foot, *(load for _, load in _constraint_loads(posture, constraint_impulses))]
+    foot = Load(leg.contact_joint, posture.rotation_world_joint, posture.contact_lever, wrench)
+    loads = [foot, *(load for _, load in constraint_loads(posture, constraint_impulses))]
     jacobians = [_jacobian(posture, load) for load in loads]
     jump = v_after - v
     joint_impulses(posture, jump, -impulse, constraint_impulses)  # sets the external wrenches
@@ -87,20 +71,23 @@ def leg_derivatives(
     )
 
 
-def inertia_derivatives(posture: Posture, jump: Array) -> Array:
-    """Return d(v_after)/d(links' inertias), `(nv, 10 * links)`, for a jump of v [rad/s]."""
-    space, nv = posture.leg.workspace, posture.leg.nv
-    rows = pin.computeJointTorqueRegressor(
+def mass_derivatives(posture: Posture, jump: Array) -> Array:
+    """Return d(v_after)/d(mass) of each link at fixed shape, `(nv, links)`, for a jump of v."""
+    space = posture.leg.workspace
+    links = list(space.model.inertias)[1:]
+    by_inertia = pin.computeJointTorqueRegressor(
         space.model, space.data, posture.q, space.zero_velocity, jump
     )
-    return np.asarray(-constrained_inverse_inertia(posture) @ np.reshape(rows, (nv, -1)))
+    per_mass = [  # a virtual link between joints has no mass to scale
+        link.toDynamicParameters() / link.mass if link.mass > 0.0 else np.zeros(10)
+        for link in links
+    ]
+    torques = np.einsum("ilk,lk->il", np.reshape(by_inertia, (-1, len(links), 10)), per_mass)
+    return np.asarray(-constrained_inverse_inertia(posture) @ torques)
 
 
 def check_fixed_axes(leg: Leg) -> None:
-    """Raise `InvalidInput` for joints whose axes depend on their own angles, as in a cardan joint.
-
-    Pinocchio's derivatives by q leave out how the axes rotate, without a warning.
-    """
+    """Raise `InvalidInput` for joints whose axes depend on their own angles, as a cardan joint."""
     model, data, axes = leg.workspace.model, leg.workspace.data, []
     neutral = pin.neutral(model)
     for q in (neutral, pin.integrate(model, neutral, 0.7 * np.ones(leg.nv))):
@@ -127,32 +114,7 @@ def constrained_inverse_inertia(posture: Posture) -> Array:
     return np.column_stack([posture.solve(unit) for unit in units])
 
 
-def mass_to_inertia(posture: Posture) -> Array:
-    """Return d(inertias)/d(mass) of each link at fixed shape, `(10 * links, links)`."""
-    inertias = list(posture.leg.workspace.model.inertias)[1:]
-    matrix = np.zeros((10 * len(inertias), len(inertias)))
-    for i, inertia in enumerate(inertias):
-        if inertia.mass > 0.0:  # a virtual link between joints has none to scale
-            matrix[10 * i : 10 * i + 10, i] = inertia.toDynamicParameters() / inertia.mass
-    return matrix
-
-
-def _constraint_loads(posture: Posture, impulses: Array) -> list[tuple[slice, _Load]]:
-    """Return the loads of supports and loops on the bodies at their ends, with their rows of A."""
-    loads = []
-    for block in posture.constraint_projector.blocks if posture.constraint_projector else ():
-        for end, joint in enumerate((block.joint, block.other)):
-            if joint:
-                wrench = np.zeros(6)
-                wrench[: block.rows.stop - block.rows.start] = (
-                    impulses[block.rows] * (1.0, -1.0)[end]
-                )
-                load = _Load(joint, block.rotations_joint_world[end].T, block.levers[end], wrench)
-                loads.append((block.rows, load))
-    return loads
-
-
-def _jacobian(posture: Posture, load: _Load) -> Array:
+def _jacobian(posture: Posture, load: Load) -> Array:
     """Return the Jacobian of a load's point, linear then angular, `(6, nv)` [world axes]."""
     model, data = posture.leg.workspace.model, posture.leg.workspace.data
     local = pin.computeJointJacobian(model, data, posture.q, load.joint).reshape(6, model.nv)
@@ -160,7 +122,7 @@ def _jacobian(posture: Posture, load: _Load) -> Array:
     return np.vstack([load.rotation @ moving, load.rotation @ local[ANGULAR]])
 
 
-def _velocity_by_q(posture: Posture, load: _Load, jacobian: Array, velocity: Array) -> Array:
+def _velocity_by_q(posture: Posture, load: Load, jacobian: Array, velocity: Array) -> Array:
     """Return d(J velocity)/dq of a load's point, linear then angular, `(6, nv)` [world axes]."""
     model, data = posture.leg.workspace.model, posture.leg.workspace.data
     # In the joint's axes, then turned with them: Pinocchio's answer in aligned axes is another.
@@ -186,7 +148,7 @@ def _constraint_change(posture: Posture, velocity: Array, admissible: Array) -> 
         return np.zeros((nv, nv))
     rows_q = np.zeros((len(projector.rows), nv))
     # Ones give the sign with which each end counts.
-    for rows, load in _constraint_loads(posture, np.ones(len(projector.rows))):
+    for rows, load in constraint_loads(posture, np.ones(len(projector.rows))):
         by_q = _velocity_by_q(posture, load, _jacobian(posture, load), velocity)
         rows_q[rows] += load.wrench[0] * by_q[: rows.stop - rows.start]
     change = np.linalg.lstsq(projector.rows, -rows_q, rcond=RANK_TOLERANCE)[0]

@@ -1,6 +1,7 @@
-"""The leg's response to the impulse: velocity jump, joint impulses, constraint impulses."""
+"""The leg's response to the impulse: velocity jump, joint impulses, and the footing of supports."""
 
 import math
+from enum import StrEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -8,24 +9,21 @@ import pinocchio as pin
 
 from kickdyn.core.mechanics import cross3, largest
 from kickdyn.core.validation import Array, protect
+from kickdyn.robot.constraints import Support
 from kickdyn.robot.leg import Posture
 
 NO_CONSTRAINTS = np.zeros(0)
 """Constraint impulses of a leg without supports and loops."""
 
+NEGLIGIBLE_IMPULSE = 1e-12
+"""Impulse on a support, relative to the impulse on the ball, that counts as 0."""
+
+LEVEL_SLOPE = 0.01
+"""Height difference of a sole's corners over their distance up to which the sole is level."""
+
 
 class LegResponse(NamedTuple):
-    """What an impulse at the foot does to the leg.
-
-    Attributes:
-        v_after: joint velocity just after, shape `(nv,)` [rad/s; m/s for prismatic joints].
-        joint_impulses: by the parent on the child, linear then angular, about the joint's origin
-            and in its frame, shape `(njoints, 6)` [N s, N m s].
-        constraint_impulses: of supports and loops, stacked as in
-            `posture.constraint_projector.rows` [N s, N m s, world axes].
-        momentum_residual: joint-space momentum that Newton-Euler cannot account for, relative to
-            the impulse times the Jacobian's norm.
-    """
+    """What an impulse at the foot does to the leg: attributes of `Impact` of the same names."""
 
     v_after: Array
     joint_impulses: Array
@@ -39,14 +37,21 @@ def leg_response(posture: Posture, v: Array, impulse: Array) -> LegResponse:
     The velocity jump is :math:`-M^{-1} J^T p`, less what supports and loops block.
     """
     if posture.constraint_projector is None:
-        jump, transmitted, unbalanced = free_response(posture, -impulse)
-        return as_response(posture, impulse, v + jump, transmitted, NO_CONSTRAINTS, unbalanced)
+        jump, transmitted, unbalanced = _free_response(posture, -impulse)
+        return _as_response(posture, impulse, v + jump, transmitted, NO_CONSTRAINTS, unbalanced)
     jump, constraint_impulses = posture.respond(-impulse.dot(posture.jacobian))
+    return response_to_jump(posture, v, jump, impulse, constraint_impulses)
+
+
+def response_to_jump(
+    posture: Posture, v: Array, jump: Array, impulse: Array, constraint_impulses: Array
+) -> LegResponse:
+    """Return the response of a leg whose velocity jump and constraint impulses are known."""
     transmitted, unbalanced = joint_impulses(posture, jump, -impulse, constraint_impulses)
-    return as_response(posture, impulse, v + jump, transmitted, constraint_impulses, unbalanced)
+    return _as_response(posture, impulse, v + jump, transmitted, constraint_impulses, unbalanced)
 
 
-def as_response(
+def _as_response(
     posture: Posture,
     impulse: Array,
     v_after: Array,
@@ -61,58 +66,72 @@ def as_response(
     return LegResponse(v_after, transmitted, constraint_impulses, residual)
 
 
+class Load(NamedTuple):
+    """An impulse and its moment on a joint's body, at a point of it.
+
+    Attributes:
+        joint: the joint.
+        rotation: from the joint's axes to the world's, shape `(3, 3)`.
+        lever: of the point, from the joint's origin, in its axes [m].
+        wrench: shape `(6,)` [N s, N m s, world axes].
+    """
+
+    joint: int
+    rotation: Array
+    lever: Array
+    wrench: Array
+
+
+def constraint_loads(posture: Posture, impulses: Array) -> list[tuple[slice, Load]]:
+    """Return the loads of supports and loops on the bodies at their ends, with their rows of A."""
+    loads = []
+    for block in posture.constraint_projector.blocks if posture.constraint_projector else ():
+        for joint, sign, rotation, lever in zip(
+            (block.joint, block.other), (1.0, -1.0), block.rotations_joint_world, block.levers,
+            strict=True,
+        ):  # fmt: skip
+            if joint:  # else the ground
+                wrench = np.zeros(6)
+                wrench[: block.rows.stop - block.rows.start] = sign * impulses[block.rows]
+                loads.append((block.rows, Load(joint, rotation.T, lever, wrench)))
+    return loads
+
+
 def joint_impulses(
     posture: Posture, jump: Array, impulse: Array, constraint_impulses: Array = NO_CONSTRAINTS
 ) -> tuple[Array, Array]:
     """Return what each joint transmits when an impulse acts on the foot, by Newton-Euler.
 
-    The equations of motion, integrated over the impact, are the recursive Newton-Euler algorithm
-    without gravity and velocity, with the jump of the joint velocity, `(nv,)` [rad/s], for the
-    acceleration. The impulse acts at the contact point, `(3,)` [N s, world frame]. The first result
-    is the impulse that each joint's parent exerts on its child, linear then angular, about the
-    joint's origin and in its frame, `(njoints, 6)` [N s, N m s]; the second is the joint-space
-    momentum left over, `(nv,)`, which is 0 but for rounding.
+    The jump of the joint velocity, `(nv,)` [rad/s], takes the place of the acceleration; gravity
+    and velocity are 0. The impulse acts at the contact point, `(3,)` [N s, world frame]. The first
+    result is `LegResponse.joint_impulses`; the second is the joint-space momentum left over,
+    `(nv,)`, which is 0 but for rounding.
     """
     leg, space = posture.leg, posture.leg.workspace
     wrenches = space.external_wrenches
     wrenches.fill(0.0)  # of the impact before
     wrenches[leg.contact_joint] = foot_wrench(posture, impulse)
-    if posture.constraint_projector is not None and len(constraint_impulses):
-        for block in posture.constraint_projector.blocks:
-            transmitted = constraint_impulses[block.rows]
-            wrenches[block.joint] += joint_wrench(
-                block.rotations_joint_world[0], block.levers[0], transmitted
-            )
-            if block.other:
-                wrenches[block.other] -= joint_wrench(
-                    block.rotations_joint_world[1], block.levers[1], transmitted
-                )
+    projector = posture.constraint_projector if len(constraint_impulses) else None
+    for _, load in constraint_loads(posture, constraint_impulses) if projector else ():
+        linear = load.wrench[:3].dot(load.rotation).tolist()
+        moment = load.wrench[3:].dot(load.rotation) + cross3(load.lever.tolist(), linear)
+        wrenches[load.joint] += (*linear, *moment)
     unbalanced = pin.rnea(
         space.model, space.data, posture.q, space.zero_velocity, jump, space.external
     )
-    return space.forces.copy(), _without_axes(posture, unbalanced, constraint_impulses)
-
-
-def _without_axes(posture: Posture, unbalanced: Array, constraint_impulses: Array) -> Array:
-    """Return joint-space impulses without those of mimic and stiff joints, shape `(nv,)`.
-
-    Both act between parent and child of a joint, along the joint's axis, so that `pin.rnea` already
-    counts them in what the joints transmit.
-    """
-    projector = posture.constraint_projector
-    if projector is None or not len(constraint_impulses):
-        return unbalanced.copy()
+    if projector is None:
+        return space.forces.copy(), unbalanced.copy()
+    # Impulses of mimic and stiff joints, the last rows, act between parent and child of a joint,
+    # along its axis: `pin.rnea` already counts them in what the joints transmit.
     start = projector.blocks[-1].rows.stop if projector.blocks else 0
-    if start == len(constraint_impulses):
-        return unbalanced.copy()
-    return np.asarray(unbalanced - constraint_impulses[start:] @ projector.rows[start:])
+    unbalanced = unbalanced - constraint_impulses[start:] @ projector.rows[start:]
+    return space.forces.copy(), np.asarray(unbalanced)
 
 
-def free_response(posture: Posture, impulse: Array) -> tuple[Array, Array, Array]:
-    """Return the velocity jump after an impulse on the foot, and what `joint_impulses` returns.
+def _free_response(posture: Posture, impulse: Array) -> tuple[Array, Array, Array]:
+    """Return the velocity jump of a leg without constraints, and what `joint_impulses` returns.
 
-    For legs without supports and loops. The jump is the articulated-body algorithm's: a Cholesky
-    factor of M loses digits with M's condition, five of them at 500 joints.
+    A Cholesky factor of M would lose digits with M's condition, five of them at 500 joints.
     """
     leg, space = posture.leg, posture.leg.workspace
     wrench = foot_wrench(posture, impulse)
@@ -127,19 +146,67 @@ def free_response(posture: Posture, impulse: Array) -> tuple[Array, Array, Array
 
 
 def foot_wrench(posture: Posture, impulse: Array) -> tuple[float, ...]:
-    """Return `joint_wrench` of an impulse at the contact point, shape `(3,)` [N s]."""
+    """Return an impulse at the contact point, `(3,)` [N s], in the axes of its joint, `(6,)`."""
     linear = impulse.dot(posture.rotation_world_joint).tolist()
     return (*linear, *cross3(posture.contact_lever.tolist(), linear))
 
 
-def joint_wrench(rotation: Array, lever: Array, impulse: Array) -> Array:
-    """Return an impulse at a point of a body about its joint's origin, in the joint's axes, `(6,)`.
+class Footing(StrEnum):
+    """Motion of a support in an impact, on ground that can push but not pull.
 
-    The rotation is from world axes to the joint's, the lever from the joint's origin to the point,
-    in its axes [m]; the impulse is linear, `(3,)`, or with its moment about the point `(6,)`.
+    It lifts off if the ground would have to pull, slips if the impulse lies outside the friction
+    cone, tips if it acts outside the sole, and is tilted (not judged) if its sole is not level.
     """
-    linear = rotation.dot(impulse[:3]).tolist()
-    wrench = np.array((*linear, *cross3(lever.tolist(), linear)))
-    if len(impulse) == 6:
-        wrench[3:] += rotation.dot(impulse[3:])
-    return wrench
+
+    STANDS = "stands"
+    LIFTS_OFF = "lifts-off"
+    SLIPS = "slips"
+    TIPS = "tips"
+    TILTED = "tilted"
+
+
+def footing(support: Support, impulse: Array, rotation: Array, scale: float) -> Footing:
+    """Return how a support moves that the impact takes for fixed.
+
+    The impulse alone presses the foot down: an impact is too short for weight. Friction's moment
+    about the normal is not judged. The impulse on the robot is at the support's frame, `(3,)` or
+    `(6,)` [N s, N m s, world axes], z the ground's normal; the rotation is from the frame's axes to
+    the world's, and the scale is the size of the impulse on the ball [N s].
+    """
+    negligible = NEGLIGIBLE_IMPULSE * scale
+    normal = float(impulse[2])
+    if normal < -negligible:
+        return Footing.LIFTS_OFF
+    tangential = float(np.hypot(impulse[0], impulse[1]))
+    if support.friction is not None and tangential > support.friction * normal + negligible:
+        return Footing.SLIPS
+    if support.sole is None:
+        return Footing.STANDS
+    corners = support.sole @ rotation.T
+    if not is_level(corners):
+        return Footing.TILTED
+    height = corners[:, 2].mean()
+    # The centre of pressure is where the impulse has no moment about x and y.
+    moment = impulse[3:] - np.cross([0.0, 0.0, height], impulse[:3])
+    if normal <= negligible:
+        stands = np.abs(moment[:2]).max() <= negligible * np.abs(corners).max()
+    else:
+        stands = _is_inside(corners[:, :2], np.array([-moment[1], moment[0]]) / normal)
+    return Footing.STANDS if stands else Footing.TIPS
+
+
+def is_level(corners: Array) -> bool:
+    """Return whether the corners of a sole, shape `(k, 3)` [m, world axes], are level."""
+    return bool(np.ptp(corners[:, 2]) <= LEVEL_SLOPE * np.ptp(corners[:, :2], axis=0).max())
+
+
+def _is_inside(corners: Array, point: Array) -> bool:
+    """Return whether a point is inside the convex hull of corners, both shape `(..., 2)` [m].
+
+    It is unless all corners are on one side of it, in a direction across some edge.
+    """
+    offsets = corners - point
+    edges = (corners[:, None] - corners[None]).reshape(-1, 2)
+    normals = np.column_stack([-edges[:, 1], edges[:, 0]])
+    size = np.abs(edges).max()
+    return bool(((normals @ offsets.T).min(axis=1) <= 1e-9 * size * size).all())

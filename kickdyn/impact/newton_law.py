@@ -129,22 +129,22 @@ def _energy_lost(
 
 
 def _corrected(g_matrix: Array, free: Array, mu: float, angle: float, p: float) -> Array:
-    """Return the impulse in a direction of slip, after one step of Newton's method for p and angle.
+    """Return the impulse in a direction of slip, after steps of Newton's method for p and angle.
 
-    Where the cone hardly resists along that direction, p alone would have few digits: a larger
-    impulse turns the sliding, which resists.
+    Where the cone hardly resists along that direction, p alone would have few digits.
     """
     (g11, g12, g13), (_, g22, g23), (*_, g33) = g_matrix.tolist()
-    c, s = math.cos(angle), math.sin(angle)
-    x, y, z = (g_matrix.dot(p * np.array([mu * c, mu * s, 1.0])) + free).tolist()
-    across, aside = mu * (g13 * c + g23 * s) + g33, g23 * c - g13 * s
-    turned = aside + mu * ((g22 - g11) * c * s + g12 * (c * c - s * s))
-    stiff = mu * p * (g11 * s * s - 2.0 * g12 * c * s + g22 * c * c) - (c * x + s * y)
-    missed = c * y - s * x
-    determinant = across * stiff - mu * p * aside * turned
-    if determinant and math.isfinite(determinant):
-        step = (mu * p * aside * missed - stiff * z) / determinant
-        angle, p = angle + (turned * z - across * missed) / determinant, p + step
+    for _ in range(4):
+        c, s = math.cos(angle), math.sin(angle)
+        x, y, z = (g_matrix.dot(p * np.array([mu * c, mu * s, 1.0])) + free).tolist()
+        across, aside = mu * (g13 * c + g23 * s) + g33, g23 * c - g13 * s
+        turned = aside + mu * ((g22 - g11) * c * s + g12 * (c * c - s * s))
+        stiff = mu * p * (g11 * s * s - 2.0 * g12 * c * s + g22 * c * c) - (c * x + s * y)
+        missed = c * y - s * x
+        determinant = across * stiff - mu * p * aside * turned
+        if determinant and math.isfinite(determinant):
+            step = (mu * p * aside * missed - stiff * z) / determinant
+            angle, p = angle + (turned * z - across * missed) / determinant, p + step
     return np.array([mu * p * math.cos(angle), mu * p * math.sin(angle), p])
 
 
@@ -170,19 +170,8 @@ def slip_angles(g_matrix: Array, velocity: Array, mu: float) -> list[float]:
         return [math.atan2(-cos1, sin1), math.atan2(cos1, -sin1)]  # mu too small to turn sliding
     first, second = complex(cos1, sin1) / 2, complex(cos2, sin2) / 2
     quartic = [second.conjugate(), first.conjugate(), mean, first, second]
-    angles = []
-    for root in np.roots(quartic).tolist():
-        if not abs(abs(root) - 1.0) < 1e-4:
-            continue
-        angle = math.atan2(root.imag, root.real)
-        for _ in range(3):  # Newton's method takes the root to the last digit
-            c, s = math.cos(angle), math.sin(angle)
-            c2, s2 = c * c - s * s, 2 * c * s
-            value = mean + cos1 * c + sin1 * s + cos2 * c2 + sin2 * s2
-            slope = -cos1 * s + sin1 * c + 2 * (sin2 * c2 - cos2 * s2)
-            angle -= value / slope if slope else 0.0
-        angles.append(angle)
-    return angles
+    roots = [root for root in np.roots(quartic).tolist() if abs(abs(root) - 1.0) < 1e-4]
+    return [math.atan2(root.imag, root.real) for root in roots]
 
 
 NEWTON = ImpactLaw(

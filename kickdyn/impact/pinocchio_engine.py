@@ -8,7 +8,7 @@ from kickdyn.errors import InvalidInput
 from kickdyn.impact.approach import Approach
 from kickdyn.impact.contact_problem import ImpactLaw, Solution
 from kickdyn.impact.laws import names_of_laws
-from kickdyn.impact.leg_response import NO_CONSTRAINTS, LegResponse, as_response, joint_impulses
+from kickdyn.impact.leg_response import NO_CONSTRAINTS, LegResponse, response_to_jump
 
 
 def solve_by_pinocchio(
@@ -21,10 +21,9 @@ def solve_by_pinocchio(
 
     .. math:: A v^+ = -e A v, \qquad M (v^+ - v) = A^T \lambda .
 
-    The row always has rank one because of the ball. Of supports and loops, the independent rows are
-    added; with rows of lower rank its answer would be wrong without a warning. The joint impulses
-    follow from its velocity jump, by Newton-Euler. Friction, a law that differs from Eq. (10)
-    without it and an obstacle raise `InvalidInput`.
+    Of supports and loops, the independent rows are added; with rows of lower rank its answer would
+    be wrong without a warning. Friction, a law that differs from Eq. (10) without it and an
+    obstacle raise `InvalidInput`.
     """
     posture, before, ball = approach.posture, approach.ball_before, approach.ball
     contact, leg = approach.contact, posture.leg
@@ -68,8 +67,7 @@ def solve_by_pinocchio(
 
     lost = 0.5 * p * (1.0 - e) * approach.speed
     solution = Solution((p * n).reshape(1, 3), (False,), lost, np.zeros((1, 3)))
-    v_after, turned = after[: leg.nv].copy(), after[leg.nv :]
-    transmitted, unbalanced = joint_impulses(posture, v_after - approach.v, -p * n, reaction)
-    response = as_response(posture, p * n, v_after, transmitted, reaction, unbalanced)
+    jump, turned = after[: leg.nv] - approach.v, after[leg.nv :]
+    response = response_to_jump(posture, approach.v, jump, p * n, reaction)
     ball_after = BallState.computed(before.position, turned[:3].copy(), turned[3:].copy())
     return solution, ball_after, response

@@ -16,11 +16,11 @@ from kickdyn.impact.approach import Approach
 from kickdyn.impact.contact_problem import Solution
 from kickdyn.impact.leg_derivatives import (
     constrained_inverse_inertia,
-    inertia_derivatives,
     leg_derivatives,
-    mass_to_inertia,
+    mass_derivatives,
 )
 from kickdyn.impact.leg_response import LegResponse
+from kickdyn.restitution import restitution_slope
 from kickdyn.robot.leg import Leg
 
 AT_BOUNDARY = 1e-9
@@ -37,23 +37,19 @@ UNITS = {
     "ball_velocity": "m/s",
     "ball_spin": "rad/s",
     "link_mass": "kg",
-    "link_inertia": "",
 }
 """Every source, what an impact depends on, and its unit; of prismatic joints, q is in m and v m/s.
 
 Of a leg with supports or loops, v and q count as far as these allow: v without what would move
-them, by kinetic energy, also where q changes it; q without what would open a loop (the least change
-of angles is subtracted), whereas supports are fixed wherever q puts them.
+them, q without what would open a loop, whereas supports are fixed wherever q puts them.
 `restitution` adds to e, at every speed where it is a table.
 `normal` is the direction of the contact normal as a unit vector: its component along the normal has
 no effect. `ball_mass` scales the ball's inertia, too. `link_mass` scales a link as a whole: centre
-of mass and radii of gyration stay; massless links do not count. `link_inertia` holds ten numbers
-per link in Pinocchio's order: mass [kg], mass times centre of mass [kg m], and xx, xy, yy, xz, yz,
-zz of the inertia about the joint's origin [kg m2], in the joint's axes.
+of mass and radii of gyration stay; massless links do not count.
 Links count as in `leg.joint_names`; all else is in the world frame.
 """
 
-OF_LEG = ("q", "v", "link_mass", "link_inertia")
+OF_LEG = ("q", "v", "link_mass")
 """Sources that change the leg; the others cost a fraction."""
 
 Jacobians = Mapping[str, Array]
@@ -71,10 +67,9 @@ class Branch(StrEnum):
 class Sensitivity(ReprMixin):
     """Derivatives of an impact's results, one Jacobian per source.
 
-    A source is a quantity on which the impact depends; `kickdyn.impact.sensitivity.UNITS` has their
-    names and units. Each attribute of type `Jacobians` maps the name of a source to an array of
-    shape `(k, n)`, with the k components of the result and the n of the source. The source q has nv
-    components, those of its tangent space.
+    `kickdyn.impact.sensitivity.UNITS` has the names of the sources and their units. Each attribute
+    of type `Jacobians` maps the name of a source to an array of shape `(k, n)`, with the k
+    components of the result and the n of the source; q has nv, those of its tangent space.
 
     Attributes:
         impulse: derivatives of the impulse on the ball, k = 3
@@ -90,8 +85,8 @@ class Sensitivity(ReprMixin):
             the contact slips [N s]; in `slip`, the speed of sliding that remains [m/s]; inf without
             friction.
         margin_slope: derivatives of the margin, k = 1.
-        at_boundary: whether the margin is 0 but for rounding. As stick and slip have different
-            derivatives, these are then valid to one side only.
+        at_boundary: whether the margin is 0 but for rounding: derivatives are then valid to one
+            side only.
     """
 
     impulse: Jacobians
@@ -104,14 +99,11 @@ class Sensitivity(ReprMixin):
     at_boundary: bool
 
     def _rows(self) -> Iterable[Row]:
-        """Return what `print` shows: each quantity with its value and unit."""
         yield "branch", self.branch.value, "at its end" if self.at_boundary else ""
         yield "margin", self.margin, {"stick": "N s", "slip": "m/s"}.get(self.branch, "")
         for source, rows in self.impulse.items():
-            if unit := UNITS[source]:  # numbers of `link_inertia` have several
-                per = f"({unit})" if "/" in unit else unit
-                gain = float(np.linalg.norm(rows, 2))
-                yield f"impulse by {source}, at most", gain, f"N s per {per}"
+            per = f"({UNITS[source]})" if "/" in UNITS[source] else UNITS[source]
+            yield f"impulse by {source}, at most", float(np.linalg.norm(rows, 2)), f"N s per {per}"
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # refused at the end
@@ -125,32 +117,50 @@ def sensitivity(
 ) -> Sensitivity:
     r"""Differentiate an impact by law `newton`, analytically.
 
-    The impulse p solves :math:`R(p, x) = 0` (restitution and no sliding, or restitution and
-    Coulomb's cone against the sliding), so
+    At an impulse that is fixed in the contact axes, a change of x leaves a velocity :math:`r_x`
+    over after the impact that the law does not allow; with C of `impulse_by_velocity`,
 
-    .. math:: \frac{dp}{dx} = -\left(\frac{\partial R}{\partial p}\right)^{-1}
-              \frac{\partial R}{\partial x} .
+    .. math:: \frac{dp}{dx} = \left.\frac{\partial p}{\partial x}\right|_\mathrm{axes} - C r_x .
 
-    Where the restitution depends on the speed of approach u, so does R: e changes by
-    :math:`(de/du)\, du/dx`; in a row of the table, de/du is the slope of the interval above.
-    What x does to the leg comes from Pinocchio's derivatives of Newton-Euler and of kinematics, and
-    from its regressor, projected on what supports and loops allow
-    (`kickdyn.impact.leg_derivatives`). A support that moves, or a joint whose axes depend on its
-    own angles, raises `InvalidInput`; a derivative that leaves double precision raises
-    `KickdynError`.
+    Where the restitution depends on the speed of approach u, e changes by :math:`(de/du)\, du/dx`.
+    What x does to the leg is in `kickdyn.impact.leg_derivatives`. A support that moves, or a joint
+    whose axes depend on its own angles, raises `InvalidInput`; a derivative that leaves double
+    precision raises `KickdynError`.
     """
-    _check_supports(approach, response)
+    projector = approach.posture.without_stiff_joints.constraint_projector
+    moved = None if projector is None else projector.find_violation(response.v_after)
+    if moved is not None:
+        name, speed, unit = moved
+        raise InvalidInput(
+            f"a support moves at {speed:.3g} {unit} after the impact ({name}): sensitivities are "
+            "for supports that stay"
+        )
     names = UNITS if of_leg else [name for name in UNITS if name not in OF_LEG]
     columns = _columns(approach.posture.leg, names)
     ball, posture, n = approach.ball, approach.posture, approach.contact.normal
     problem = approach.contact_problem()
-    axes, _ = problem.in_contact_axes()
-    delassus = axes[0] @ problem.delassus(axes) @ axes[0].T
+    (axes,), _ = problem.in_contact_axes()
+    in_axes = problem.delassus(axes[None])
+    delassus = axes @ in_axes @ axes.T
     fixed = _at_fixed_impulse(approach, solution, ball_after, response, columns)
-    residual_p, residual_x, tangent = _residual(approach, solution, delassus, fixed, columns)
-    # the pseudo-inverse, for a leg at an obstacle may be unable to move across the normal
-    solve = np.linalg.solve if ball.mass < math.inf else lambda a, b: np.linalg.pinv(a) @ b
-    impulse = np.asarray(-solve(residual_p, residual_x), dtype=np.float64)
+    p, sticking = solution.impulses[0], solution.sticking[0]
+    tangential = axes[:, :2].T @ solution.tangential_impulses[0]
+    p_in_axes = np.append(tangential, n @ p)
+    sliding_after = None if sticking else axes[:, :2].T @ fixed.u_after
+    answer = impulse_by_velocity(approach.contact.friction, in_axes, sliding_after, p_in_axes)
+    tangent = _sliding_direction(approach, solution, fixed)
+
+    # The contact axes turn with the normal, and at first the impulse with them.
+    turn = pin.skew(n) @ fixed.normal
+    at_contact = -pin.skew(p) @ turn
+    at_contact[:, columns["friction"]] -= (n @ p * tangent)[:, None]
+    closing = -(n @ fixed.before + fixed.u_before @ fixed.normal)
+    restitution = restitution_slope(approach.contact.restitution, approach.speed) * closing
+    restitution[columns["restitution"]] += 1.0
+    separation = approach.restitution * closing + approach.speed * restitution
+    left_over = fixed.after + delassus @ at_contact + pin.skew(fixed.u_after) @ turn
+    left_over -= np.outer(n, separation)
+    impulse = at_contact - axes @ answer @ axes.T @ left_over
     frictionless = approach.contact.friction == 0.0
     if frictionless:  # the ball's rotation has no effect: these columns are rounding
         impulse[:, columns["ball_radius"]] = impulse[:, columns["ball_spin"]] = 0.0
@@ -161,8 +171,7 @@ def sensitivity(
         by_friction = spin[:, columns["friction"]].copy()
         spin[:] = 0.0
         spin[:, columns["ball_spin"]], spin[:, columns["friction"]] = np.eye(3), by_friction
-    v_after = fixed.v_after
-    v_after = v_after - constrained_inverse_inertia(posture) @ posture.jacobian.T @ impulse
+    v_after = fixed.v_after - constrained_inverse_inertia(posture) @ posture.jacobian.T @ impulse
     sliding = fixed.after + delassus @ impulse
     branch, margin, slope, scale = _margin(
         approach, solution, fixed, impulse, sliding, tangent, columns
@@ -175,34 +184,15 @@ def sensitivity(
         return {name: rows[:, place] for name, place in columns.items()}
 
     return Sensitivity(
-        impulse=named(impulse),
-        velocity=named(velocity),
-        spin=named(spin),
-        v_after=named(v_after),
-        branch=branch,
-        margin=margin,
-        margin_slope=named(slope.reshape(1, -1)),
-        at_boundary=margin <= AT_BOUNDARY * scale,
-    )
-
-
-def _check_supports(approach: Approach, response: LegResponse) -> None:
-    """Raise `InvalidInput` if a support moves after the impact."""
-    projector = approach.posture.without_stiff_joints.constraint_projector
-    moved = None if projector is None else projector.find_violation(response.v_after)
-    if moved is not None:
-        name, speed, unit = moved
-        raise InvalidInput(
-            f"a support moves at {speed:.3g} {unit} after the impact ({name}): sensitivities are "
-            "for supports that stay"
-        )
+        named(impulse), named(velocity), named(spin), named(v_after),
+        branch, margin, named(slope.reshape(1, -1)), at_boundary=margin <= AT_BOUNDARY * scale,
+    )  # fmt: skip
 
 
 def _columns(leg: Leg, names: Iterable[str]) -> dict[str, slice]:
     """Return the columns of each source when the sources are written side by side."""
-    links = len(leg.joint_names)
     sizes = {"q": leg.nv, "v": leg.nv, "normal": 3, "ball_velocity": 3, "ball_spin": 3}
-    sizes |= {"link_mass": links, "link_inertia": 10 * links}
+    sizes["link_mass"] = len(leg.joint_names)
     columns, start = {}, 0
     for name in names:
         stop = start + sizes.get(name, 1)
@@ -260,18 +250,15 @@ def _at_fixed_impulse(
     after = velocity + r * cross_n @ spin
     if "q" in columns:
         leg = leg_derivatives(posture, v_before, response.v_after, p, response.constraint_impulses)
-        by_inertia = inertia_derivatives(posture, response.v_after - v_before)
         v_after[:, columns["v"]] = leg.admissible
         v_after[:, columns["q"]] = leg.v_after_q
-        v_after[:, columns["link_inertia"]] = by_inertia
-        v_after[:, columns["link_mass"]] = by_inertia @ mass_to_inertia(posture)
+        v_after[:, columns["link_mass"]] = mass_derivatives(posture, response.v_after - v_before)
         before[:, columns["v"]] = -jacobian @ leg.admissible
         before[:, columns["q"]] = -leg.foot_q
         after -= jacobian @ v_after
         after[:, columns["q"]] -= leg.foot_q_after
-    after[:, columns["ball_radius"]] = before[
-        :, columns["ball_radius"]
-    ]  # what the impulse adds has no r
+    by_radius = columns["ball_radius"]
+    after[:, by_radius] = before[:, by_radius]  # what the impulse adds has no r
     after[:, columns["normal"]] -= r * pin.skew(ball_after.spin) @ projector
 
     u_before = ball_before.velocity - jacobian @ v_before + r * cross_n @ ball_before.spin
@@ -279,67 +266,44 @@ def _at_fixed_impulse(
     return _FixedImpulse(velocity, spin, v_after, before, after, normal, u_before, u_after)
 
 
-def _residual(
-    approach: Approach,
-    solution: Solution,
-    delassus: Array,
-    fixed: _FixedImpulse,
-    columns: Mapping[str, slice],
-) -> tuple[Array, Array, Array]:
-    """Return R_p, R_x and the direction of the sliding after, 0 where there is none."""
-    n, e, mu = approach.contact.normal, approach.restitution, approach.contact.friction
-    p, u_before, u_after = solution.impulses[0], fixed.u_before, fixed.u_after
-    if solution.sticking[0]:  # R = u+ + e n (n . u-)
-        by_x = fixed.after + e * np.outer(n, n @ fixed.before + u_before @ fixed.normal)
-        by_x += e * float(n @ u_before) * fixed.normal
-        by_e = n * float(n @ u_before)
-        by_x[:, columns["restitution"]] += by_e[:, None]
-        return delassus, by_x + _by_speed(approach, fixed, by_e), np.zeros(3)
+def impulse_by_velocity(friction: float, delassus: Array, sliding: Array | None, p: Array) -> Array:
+    r"""Return C: a change r of the velocity after the impact changes the impulse p by -C r.
 
-    # R = p_t + mu (n . p) t + n mass n . (u+ + e u-), with t along the sliding
-    projector = np.eye(3) - np.outer(n, n)
-    normal_impulse, mass = float(n @ p), 1.0 / float(n @ delassus @ n)
-    tangent, speed = _sliding(n, p, projector @ u_after, mu, math.hypot(*u_before))
-    binormal = pin.skew(n) @ tangent
-    # The row along the binormal, times speed / stiff: finite where the sliding ends.
-    stiff = speed + mu * normal_impulse / mass
-    turn = np.outer(binormal, binormal) * (mu * normal_impulse / stiff if mu else 0.0)
-    keep = np.eye(3) - turn / mass
-
-    sliding_x = projector @ fixed.after - float(n @ u_after) * fixed.normal
-    along_n = n @ (fixed.after + e * fixed.before) + (u_after + e * u_before) @ fixed.normal
-    tilt = np.outer(mu * tangent - n, p) - mu * normal_impulse * np.outer(n, tangent)
-    tilt -= normal_impulse * np.eye(3)
-    by_x = keep @ (tilt @ fixed.normal) + turn @ sliding_x + mass * np.outer(n, along_n)
-    by_x[:, columns["friction"]] += (normal_impulse * tangent)[:, None]
-    by_e = mass * float(n @ u_before) * n
-    by_x[:, columns["restitution"]] += by_e[:, None]
-    by_x += _by_speed(approach, fixed, by_e)
-    by_p = keep @ projector + mu * np.outer(tangent, n) + turn @ projector @ delassus
-    by_p += mass * np.outer(n, n @ delassus)
-    return by_p, by_x, tangent
-
-
-def _by_speed(approach: Approach, fixed: _FixedImpulse, by_e: Array) -> Array | float:
-    r"""Return what the restitution's dependence on the speed of approach u adds to R_x.
-
-    By the chain rule, :math:`R_e\, (de/du)\, (du/dx)^T` with :math:`u = -n \cdot u^-`.
+    All are in contact axes. Without friction C is the effective mass along the normal, and where
+    the contact sticks :math:`G^{-1}`. Where it slides, p lies on the cone along :math:`d = (\mu c,
+    \mu s, 1)` and can change along d and along :math:`t = (-s, c, 0)`. With N these two directions
+    as columns, and the normal velocity and that along t to be restored, :math:`C = N (R G N +
+    D)^{-1} R` with :math:`R = (e_z, t)^T` and :math:`D = \operatorname{diag}(0, |u_t^+| / |p_t|)`.
+    The sliding after the impact, `(2,)` [m/s], is None if the contact sticks.
     """
-    slope = approach.contact.restitution_slope(approach.speed)
-    if slope == 0.0:
-        return 0.0
+    if friction == 0.0:
+        return np.diag([0.0, 0.0, 1.0 / delassus[2, 2]])
+    if sliding is None:  # the pseudo-inverse, for a planar leg at an obstacle
+        return np.asarray(np.linalg.pinv(delassus))
+    size = math.hypot(p[0], p[1])
+    x, y = (p[:2] / size).tolist() if size else (1.0, 0.0)
+    rows = np.array([[0.0, 0.0, 1.0], [-y, x, 0.0]])
+    directions = np.column_stack([[friction * x, friction * y, 1.0], rows[1]])
+    system = rows @ delassus @ directions
+    system[1, 1] += min(math.hypot(*sliding) / size, 1e300) if size else 1e300
+    return np.asarray(directions @ np.linalg.solve(system, rows))
+
+
+def _sliding_direction(approach: Approach, solution: Solution, fixed: _FixedImpulse) -> Array:
+    """Return the direction of the sliding after the impact, 0 where there is none.
+
+    Friction, if any, has more digits of it than the velocity.
+    """
+    if solution.sticking[0]:
+        return np.zeros(3)
+    if approach.contact.friction > 0.0:
+        against = -solution.tangential_impulses[0]
+        return np.asarray(against / math.hypot(*against))
     n = approach.contact.normal
-    return np.outer(by_e, -slope * (n @ fixed.before + fixed.u_before @ fixed.normal))
-
-
-def _sliding(n: Array, p: Array, sliding: Array, mu: float, scale: float) -> tuple[Array, float]:
-    """Return direction and speed of the sliding; friction, if any, has more digits of it."""
-    if mu > 0.0:
-        against = float(n @ p) * n - p
-        tangent = against / math.hypot(*against)
-        return tangent, float(tangent @ sliding)
+    sliding = fixed.u_after - float(n @ fixed.u_after) * n
     speed = math.hypot(*sliding)
-    return (sliding / speed, speed) if speed > AT_BOUNDARY * scale else (np.zeros(3), 0.0)
+    resting = speed <= AT_BOUNDARY * math.hypot(*fixed.u_before)
+    return np.zeros(3) if resting else sliding / speed
 
 
 def _margin(

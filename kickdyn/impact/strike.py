@@ -78,8 +78,7 @@ def strike(
     if validation.choice("engine", engine, ImpactEngine) is ImpactEngine.CLOSED_FORM:
         problem = approach.contact_problem()
         solution = solve_contacts(problem, impact_law)
-        _, ball_body = problem.bodies
-        ball_after = ball_body.after(solution.impulses, solution.tangential_impulses)
+        ball_after = approach.ball_body().after(solution.impulses, solution.tangential_impulses)
         impact = Impact(approach, impact_law.name, solution, ball_after)
     else:
         solution, ball_state, response = solve_by_pinocchio(approach, impact_law)

@@ -36,16 +36,14 @@ def solve_stronge(problem: ContactProblem) -> Solution:
     .. math:: s' = |s|\, b - \mu A s,
 
     with A and b the tangential block and column of G. This is smooth up to the end of the sliding,
-    at :math:`\tau \to \infty`. Its Taylor series about any point is cheap, and steps of order 24
-    lose nothing to truncation; for mu above 1 they are in :math:`\mu \tau`, so that coefficients
-    do not grow with friction. Once the direction of sliding has settled, what follows is a straight
-    line in closed form, and so is all that comes after the end of the sliding.
+    at :math:`\tau \to \infty`, and steps by Taylor series of order 24 lose nothing to truncation;
+    for mu above 1 they are in :math:`\mu \tau`. Once the direction of sliding has settled, what
+    follows has a closed form, and so has all that comes after the end of the sliding.
 
-    Sliding may turn, stop, stick, start again in the opposite direction, or never start. Where the
-    foot's inertia turns sliding into compression (jamming), the speed of approach grows at first;
-    compression still ends, because kinetic energy cannot grow. If a second compression begins
-    during restitution, its work is added to what restitution returns. The energy lost is (1 - e^2)
-    of the work of compression plus the work of friction: never negative, for any inertia.
+    Where the foot's inertia turns sliding into compression (jamming), the speed of approach grows
+    at first; compression still ends, because kinetic energy cannot grow. The work of a second
+    compression, during restitution, is added to what restitution returns. The energy lost is
+    (1 - e^2) of the work of compression plus the work of friction: never negative.
 
     Sources: Keller 1986, J Appl Mech 53:1; Stronge, Impact Mechanics, 2000, chapters 3 and 4;
     Batlle 1996, J Appl Mech 63:10 (directions that a slip can keep); Elkaranshawy et al. 2017.
@@ -75,8 +73,6 @@ class _Course:
         pace: factor from the series' variable to tau.
         slip, x, y: speed and direction of the sliding.
         normal: velocity along the normal; negative while the points approach.
-        impulse: so far, shape `(3,)`.
-        compression_work, restitution_work, friction_work: so far.
     """
 
     def __init__(self, g: Array, mu: float, e: float, before: Array) -> None:
@@ -241,7 +237,7 @@ class _Course:
 
 
 def _square(series: list[float]) -> float:
-    """Return the last coefficient of the square of a series, cut where the series is."""
+    """Return the last coefficient of the square of a series."""
     half = len(series) // 2
     total = 2.0 * sum(map(mul, series[:half], reversed(series)), 0.0)
     return total + series[half] * series[half] if len(series) % 2 else total
@@ -266,10 +262,7 @@ def _root(function: Callable[[float], float], high: float, low: float = 0.0) -> 
 
 
 def _solve(m11: float, m12: float, m22: float, c1: float, c2: float) -> tuple[float, float]:
-    """Return the solution of a symmetric 2 x 2 system, the least one if its rank is 1.
-
-    That is so where a planar leg meets an obstacle: nothing there can move across its plane.
-    """
+    """Return the solution of a symmetric 2 x 2 system, the least one if its rank is 1."""
     determinant = m11 * m22 - m12 * m12
     if determinant <= 1e-15 * m11 * m22:
         square = (m11 + m22) ** 2 or 1.0

@@ -49,11 +49,10 @@ class Uncertainty(Printed):
             [rad2/s2, world frame].
         impulse_size: standard deviation of the length of the impulse vector [N s].
         speed: standard deviation of the speed of the ball after the impact [m/s]. This one and
-            `impulse_size` leave out what only rotates the vector, so that the root of the trace of
-            a covariance is larger. For a ball brought to rest it is that root.
+            `impulse_size` leave out what only rotates the vector. For a ball brought to rest it is
+            the root of the trace of its covariance.
         by_source: for each source, the covariance of every result if this source were the only one;
-            those of `impulse_size` and `speed` are variances. The sum over the sources is the
-            total.
+            those of `impulse_size` and `speed` are variances.
         branch: `frictionless`, `stick` or `slip`.
         branch_sigmas: number of standard deviations to the other branch. The first order is valid
             on one branch only: below about 2, the covariances are rough.
@@ -69,48 +68,40 @@ class Uncertainty(Printed):
     branch_sigmas: float
 
     def share(self, result: str) -> dict[str, float]:
-        """Return the share of each source in the variance of a result.
-
-        The sum of the shares is 1; all are 0 where the result is certain.
+        """Return the share of each source in the variance of a result; 0 where it is certain.
 
         Args:
-            result: `impulse_size`, `speed`, `impulse`, `velocity` or `spin`; the variance of the
-                last three, which are vectors, is the trace of their covariance.
+            result: `impulse_size`, `speed`, or a vector, whose variance is the trace of its
+                covariance: `impulse`, `velocity` or `spin`.
 
         Raises:
             InvalidInput: another result.
         """
         if not isinstance(result, str) or result not in UNIT_OF:
             raise InvalidInput(f"result {result!r} is unknown: choose {', '.join(UNIT_OF)}")
-        variances = {
-            source: float(np.trace(covariances[result]))
-            for source, covariances in self.by_source.items()
-        }
+        variances = {name: np.trace(results[result]) for name, results in self.by_source.items()}
         total = sum(variances.values())
-        return {name: variance / total if total else 0.0 for name, variance in variances.items()}
+        return {
+            name: float(variance / total) if total else 0.0 for name, variance in variances.items()
+        }
 
     def __str__(self) -> str:
         """Return the budget: standard deviation and share of the variance by source."""
+        units = "".join(f"{UNIT_OF[result]:>9}{'share':>7}" for result in COLUMNS)
         lines = [
             f"{'':13}" + "".join(f"{title:>16}" for title in COLUMNS.values()),
-            f"{'source':13}"
-            + "".join(f"{unit:>9}{'share':>7}" for unit in map(UNIT_OF.get, COLUMNS)),
+            f"{'source':13}{units}",
         ]
         shares = {result: self.share(result) for result in COLUMNS}
-        totals = {
-            result: sum(
-                float(np.trace(covariances[result])) for covariances in self.by_source.values()
-            )
-            for result in COLUMNS
-        }
+        deviations = {result: self._deviation(result) for result in COLUMNS}
         for source in self.by_source:
             line = f"{source:13}"
-            for result, total in totals.items():
+            for result, deviation in deviations.items():
                 share = shares[result][source]
-                deviation = math.sqrt(share * total) if share > ROUNDING**2 else 0.0
-                line += f"{deviation:9.3g}" + (f"{share:7.1%}" if total else f"{'':7}")
+                size = math.sqrt(share) * deviation if share > ROUNDING**2 else 0.0
+                line += f"{size:9.3g}" + (f"{share:7.1%}" if deviation else f"{'':7}")
             lines.append(line.rstrip())
-        all_sources = "".join(f"{math.sqrt(total):9.3g}{'':7}" for total in totals.values())
+        all_sources = "".join(f"{deviation:9.3g}{'':7}" for deviation in deviations.values())
         lines.append(f"{'all':13}{all_sources}".rstrip())
         lines.append("standard deviations; for vectors: root of the trace of the covariance matrix")
         if self.branch is not Branch.FRICTIONLESS:
@@ -120,6 +111,10 @@ class Uncertainty(Printed):
                 f"the contact {verb}; {other} is {self.branch_sigmas:.2g} standard deviations away"
             )
         return "\n".join(lines)
+
+    def _deviation(self, result: str) -> float:
+        """Return the standard deviation of a result; of a vector, the root of the trace."""
+        return math.sqrt(sum(float(np.trace(by[result])) for by in self.by_source.values()))
 
 
 def uncertainty(
@@ -152,16 +147,11 @@ def uncertainty(
         for result in UNIT_OF
     }
     sigmas = math.inf if margin_variance <= 0.0 else slopes.margin / math.sqrt(margin_variance)
+    size, speed = (float(np.sqrt(np.trace(totals.pop(name)))) for name in ("impulse_size", "speed"))
     return Uncertainty(
-        impulse=totals["impulse"],
-        velocity=totals["velocity"],
-        spin=totals["spin"],
-        impulse_size=math.sqrt(max(np.trace(totals["impulse_size"]), 0.0)),
-        speed=math.sqrt(max(np.trace(totals["speed"]), 0.0)),
-        by_source=by_source,
-        branch=slopes.branch,
+        **totals, impulse_size=size, speed=speed, by_source=by_source, branch=slopes.branch,
         branch_sigmas=0.0 if slopes.at_boundary else sigmas,
-    )
+    )  # fmt: skip
 
 
 def _size_rows(vector: Array) -> Array:
@@ -173,21 +163,17 @@ def _size_rows(vector: Array) -> Array:
 def _covariance(name: str, value: ArrayLike, size: int) -> Array:
     """Return a source's covariance, shape `(size, size)`, or raise `InvalidInput`."""
     array = validation.floats(f"spread of {name}", value, unit=UNITS[name])
-    if np.abs(array).max(initial=0.0) > MAX_SPREAD:
+    largest = float(np.abs(array).max(initial=0.0))
+    if largest > MAX_SPREAD:
         raise InvalidInput(f"spread of {name} is {array.tolist()}: at most {MAX_SPREAD:g}")
     if array.shape == (size, size) and size > 1:
         lowest = float(np.linalg.eigvalsh(array)[0])
-        largest = float(np.abs(array).max())
         asymmetry = float(np.abs(array - array.T).max())
-        if asymmetry > 1e-9 * largest:
+        if asymmetry > 1e-9 * largest or lowest < -1e-9 * largest:
             raise InvalidInput(
-                f"covariance of {name} differs from its transpose by {asymmetry:.3g}: it must be "
-                "symmetric and positive semidefinite"
-            )
-        if lowest < -1e-9 * largest:
-            raise InvalidInput(
-                f"covariance of {name} has a smallest eigenvalue of {lowest:.3g}: it must be "
-                "symmetric and positive semidefinite"
+                f"covariance of {name} differs from its transpose by {asymmetry:.3g} and has a "
+                f"smallest eigenvalue of {lowest:.3g}: it must be symmetric and positive "
+                "semidefinite"
             )
         return array
     if array.shape not in ((), (size,)):

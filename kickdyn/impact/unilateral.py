@@ -11,19 +11,17 @@ from numpy.typing import ArrayLike
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.core import validation
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, read_only
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.approach import AT_REST, Approach, find_approach
-from kickdyn.impact.body import BallBody, LegBody, Obstacle
-from kickdyn.impact.constraint_impulses import Footing, is_level
-from kickdyn.impact.contact_problem import ContactPoint, ContactProblem, Solution
+from kickdyn.impact.body import BallBody, Body, LegBody
+from kickdyn.impact.contact_problem import ContactPoint, ContactProblem
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.laws import find_law, solve_contacts
-from kickdyn.impact.leg_response import as_response, joint_impulses
+from kickdyn.impact.leg_response import Footing, is_level, response_to_jump
 from kickdyn.impact.newton_law import AT_REST_SPEED
 from kickdyn.impact.rounding import Rounding
 from kickdyn.impact.strike import check_energy
-from kickdyn.robot.constraints import Support
 from kickdyn.robot.leg import Posture
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -34,21 +32,16 @@ UP = np.array([0.0, 0.0, 1.0])
 class UnilateralImpact(Impact):
     """An `Impact` in which supports rest on points that can push and have friction, but not pull.
 
-    `support_impulses` are the sums over the points of a support, `support_residual` is the velocity
-    at which the foot moves after the impact, and `effective_mass` is the one of the leg without
-    supports.
+    `support_impulses` are the sums over the points of a support, and `effective_mass` is the one of
+    the leg without supports. With more than three corners of a rigid sole, the distribution of the
+    impulses over the corners is one of many; where the sole slips, the other distributions have
+    slightly different sums and moments, and so has the impulse on the ball.
 
     Attributes:
-        point_impulses: impulses of the ground on the robot by the name of the support, at each
-            corner of the sole or at the point foot, shape `(k, 3)` [N s, world axes]. With more
-            than three corners of a rigid sole, their distribution is one of many; where the sole
-            slips, the other distributions have slightly different sums and moments, and so has the
-            impulse on the ball.
-        point_velocities: velocities of the same points just after the impact, shape `(k, 3)`
-            [m/s, world axes].
+        point_velocities: velocities just after the impact by the name of the support, of each
+            corner of the sole or of the point foot, shape `(k, 3)` [m/s, world axes].
     """
 
-    point_impulses: dict[str, Array]
     point_velocities: dict[str, Array]
 
     @property
@@ -71,19 +64,14 @@ class UnilateralImpact(Impact):
     def footing(self) -> dict[str, Footing]:
         """Motion of each support in the impact: it stands, slips, tips on an edge, or lifts off."""
         threshold = AT_REST_SPEED * self.approach_speed
-        return {
-            name: _footing(velocities, threshold)
-            for name, velocities in self.point_velocities.items()
-        }
-
-
-def _footing(velocities: Array, threshold: float) -> Footing:
-    """Return what a support does, from the velocities of its points, shape `(k, 3)` [m/s]."""
-    up = velocities[:, 2] > threshold
-    if up.any():
-        return Footing.LIFTS_OFF if up.all() else Footing.TIPS
-    slides = np.hypot(velocities[:, 0], velocities[:, 1]) > threshold
-    return Footing.SLIPS if slides.any() else Footing.STANDS
+        footing = {}
+        for name, velocities in self.point_velocities.items():
+            rises = velocities[:, 2] > threshold
+            slides = np.hypot(velocities[:, 0], velocities[:, 1]) > threshold
+            footing[name] = Footing.SLIPS if slides.any() else Footing.STANDS
+            if rises.any():
+                footing[name] = Footing.LIFTS_OFF if rises.all() else Footing.TIPS
+        return footing
 
 
 def unilateral_strike(
@@ -106,16 +94,16 @@ def unilateral_strike(
     Args:
         posture: posture of a leg with supports, each with its friction and a flat one with its
             `sole`; its contact frame touches the ball.
-        v: joint velocity just before, shape `(nv,)` [rad/s; m/s for prismatic joints].
-        ball: the ball; its centre is at `contact point + radius * normal`.
-        contact: normal, restitution, friction and offset of the contact with the ball.
+        v: as for `strike`.
+        ball: as for `strike`.
+        contact: as for `strike`.
         law: `newton`. The law `paper` needs the effective mass of the leg along the attack
             direction, which feet that may lift off leave undefined; `stronge` follows the impulse
             as it grows at one point, and how fast each of several grows depends on their stiffness,
             which is unknown.
-        ball_velocity: velocity of its centre just before, shape `(3,)` [m/s, world frame].
-        ball_spin: angular velocity just before, shape `(3,)` [rad/s, world frame].
-        strict: whether to refuse a result that creates energy.
+        ball_velocity: as for `strike`.
+        ball_spin: as for `strike`.
+        strict: as for `strike`.
 
     Raises:
         NoImpact: as for `strike`.
@@ -128,33 +116,46 @@ def unilateral_strike(
     validation.flag("strict", strict)
     approach = find_approach(posture, v, ball, contact, ball_velocity, ball_spin)
     feet = _find_feet(approach.posture)
-    problem = _contact_problem(approach, feet)
+    contacts = [approach.contact_point()]
+    for foot in feet:  # at rest
+        contacts += [ContactPoint(UP, 0.0, foot.friction)] * (len(foot.jacobian) // 3)
+    robot, ball_body = _bodies(approach, feet, tuple(contact.normal for contact in contacts))
+    problem = ContactProblem(tuple(contacts), (robot, ball_body, Body()))
     solution = solve_contacts(problem, impact_law)
-    impact = _as_impact(approach, impact_law.name, feet, problem, solution)
+
+    jump, loop_impulses = robot.jump(solution.impulses)
+    ends = np.cumsum([len(foot.jacobian) for foot in feet])[:-1]
+    by_foot = np.split(solution.impulses[1:].ravel(), ends)
+    reactions = [foot.transfer.T @ impulses for foot, impulses in zip(feet, by_foot, strict=True)]
+    impact = UnilateralImpact(
+        approach,
+        impact_law.name,
+        solution,
+        ball_body.after(solution.impulses, solution.tangential_impulses),
+        {foot.name: read_only((foot.jacobian @ jump).reshape(-1, 3)) for foot in feet},
+        response=response_to_jump(
+            approach.posture,
+            approach.v,
+            jump,
+            solution.impulses[0],
+            np.concatenate([*reactions, loop_impulses]),
+        ),
+    )
     check_energy(impact, strict)
     return impact
 
 
 class _Foot(NamedTuple):
-    """A support and its points on the ground.
+    """A support and its k points on the ground."""
 
-    Attributes:
-        support: the support.
-        levers: from its frame to the points, shape `(k, 3)` [m, world axes].
-        jacobian: of the points, shape `(3 k, nv)`.
-    """
-
-    support: Support
-    levers: Array
-    jacobian: Array
+    name: str
+    friction: float
+    transfer: Array  # from the velocity of the support's frame to those of the points
+    jacobian: Array  # of the points, shape `(3 k, nv)`
 
 
 def _find_feet(posture: Posture) -> list[_Foot]:
-    """Return the feet on which a robot stands, or raise `InvalidInput` for what cannot be solved.
-
-    That is a leg without supports, and a support without friction or with a sole that is not given
-    or tilted.
-    """
+    """Return the feet on which a robot stands, or raise `InvalidInput` for what is not known."""
     leg, projector = posture.leg, posture.constraint_projector
     supports = leg.constraints.supports if leg.constraints else ()
     if projector is None or not supports:
@@ -165,18 +166,17 @@ def _find_feet(posture: Posture) -> list[_Foot]:
             raise InvalidInput(f"support {support.frame} has no friction: give its coefficient")
         if support.sole is None and not support.point:
             raise InvalidInput(f"support {support.frame} has no sole: give its corners")
-        rows = projector.rows[block.rows]
-        if support.sole is None:
-            feet.append(_Foot(support, np.zeros((1, 3)), rows))
-            continue
-        levers = support.sole @ block.rotation_world_frame.T
+        sole = np.zeros((1, 3)) if support.sole is None else support.sole
+        levers = sole @ block.rotation_world_frame.T
         if not is_level(levers):
             raise InvalidInput(
                 f"the sole of {support.frame} is tilted in {posture!r}: corners' heights "
                 f"differ by {np.ptp(levers[:, 2]):.3g} m, but the ground is level"
             )
-        jacobian = np.vstack([rows[:3] - pin.skew(lever) @ rows[3:] for lever in levers])
-        feet.append(_Foot(support, levers, jacobian))
+        moving = [np.hstack([np.eye(3), -pin.skew(lever)]) for lever in levers]
+        transfer = np.vstack(moving)[:, : support.size]
+        jacobian = transfer @ projector.rows[block.rows]
+        feet.append(_Foot(support.frame, support.friction, transfer, jacobian))
     return feet
 
 
@@ -186,49 +186,14 @@ def _without_supports(approach: Approach) -> Posture:
     return leg.posture(q).with_contact_offset(approach.contact.offset)
 
 
-def _contact_problem(approach: Approach, feet: list[_Foot]) -> ContactProblem:
-    """Return the problem of robot, ball and ground: the contact with the ball, then the feet's."""
-    contacts = [approach.contact_point()]
-    for foot in feet:  # at rest
-        contacts += [ContactPoint(UP, 0.0, foot.support.friction or 0.0)] * len(foot.levers)
-    on_ground = len(contacts) - 1
+def _bodies(
+    approach: Approach, feet: list[_Foot], normals: tuple[Array, ...]
+) -> tuple[LegBody, BallBody]:
+    """Return robot and ball, which touch at the first contact; the others are with the ground."""
+    on_ground = len(normals) - 1
     posture = _without_supports(approach)
     sides = (-1.0, *[1.0] * on_ground)
     jacobian = np.vstack([posture.jacobian, *(foot.jacobian for foot in feet)])
     factor = posture.whiten(np.repeat(sides, 3)[:, None] * jacobian).T
-    robot = LegBody(posture, approach.v, jacobian, factor, sides)
-    normals = tuple(contact.normal for contact in contacts)
     ball = BallBody(approach.ball, approach.ball_before, normals, (1.0, *[0.0] * on_ground))
-    return ContactProblem(tuple(contacts), (robot, ball, Obstacle()))
-
-
-def _as_impact(
-    approach: Approach, law: str, feet: list[_Foot], problem: ContactProblem, solution: Solution
-) -> UnilateralImpact:
-    """Return the impact of a solution, with the impulses of the ground by foot."""
-    robot, ball, _ = problem.bodies
-    assert isinstance(robot, LegBody)
-    jump, loop_impulses = robot.jump(solution.impulses)
-    ends = np.cumsum([len(foot.levers) for foot in feet])[:-1]
-    by_foot = np.split(solution.impulses[1:], ends)
-    velocities_by_foot = [(foot.jacobian @ jump).reshape(-1, 3) for foot in feet]
-    support_impulses = []
-    for foot, impulses in zip(feet, by_foot, strict=True):
-        moment = np.cross(foot.levers, impulses).sum(axis=0)
-        wrench = np.concatenate([impulses.sum(axis=0), moment])
-        support_impulses.append(wrench[: foot.support.size])
-    stacked = np.concatenate([*support_impulses, loop_impulses])
-    posture, impulse = approach.posture, solution.impulses[0]
-    transmitted, unbalanced = joint_impulses(posture, jump, -impulse, stacked)
-    for array in (*by_foot, *velocities_by_foot):
-        array.setflags(write=False)
-    names = [foot.support.frame for foot in feet]
-    return UnilateralImpact(
-        approach=approach,
-        law=law,
-        solution=solution,
-        ball_after=ball.after(solution.impulses, solution.tangential_impulses),
-        response=as_response(posture, impulse, approach.v + jump, transmitted, stacked, unbalanced),
-        point_impulses=dict(zip(names, by_foot, strict=True)),
-        point_velocities=dict(zip(names, velocities_by_foot, strict=True)),
-    )
+    return LegBody(posture, approach.v, jacobian, factor, sides), ball

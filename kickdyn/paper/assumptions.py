@@ -1,9 +1,12 @@
 """What the paper prints (Tables 1, 3, 6), and what it leaves open: coefficients, launch."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from kickdyn.aerodynamics.coefficient_model import Coefficient
@@ -13,7 +16,7 @@ from kickdyn.ball import Ball, BallState
 from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.validation import Array
 from kickdyn.flight.flight_result import Flight
-from kickdyn.impact.paper_law import limit_friction
+from kickdyn.impact.laws import limit_friction
 from kickdyn.paper.item import Item, Verdict, near
 from kickdyn.robot.leg import Leg
 
@@ -80,6 +83,15 @@ def warnings_of(*paths: Flight) -> tuple[str, ...]:
     return tuple(dict.fromkeys(line for path in paths for line in path.warnings))
 
 
+def draw_flights(axes: Axes, paths: Mapping[str, Flight], **labels: Any) -> None:
+    """Draw height over distance of flights with their legend, and set labels and limits."""
+    for (name, path), style in zip(paths.items(), ("-", "--", "-.", ":"), strict=False):
+        x, _, height = path.sample(np.linspace(0, path.duration, 200)).position.T
+        axes.plot(x, height, style, label=name)
+    axes.set(ylabel="Y [m]", **labels)
+    axes.legend()
+
+
 def show_warnings(figure: Figure, *paths: Flight) -> None:
     """Write the warnings of a figure's flights below it."""
     figure.supxlabel("\n".join(warnings_of(*paths)), fontsize=6)
@@ -87,15 +99,20 @@ def show_warnings(figure: Figure, *paths: Flight) -> None:
 
 def items() -> list[Item]:
     """Return every printed number beside kickdyn's."""
-    air, why = Air.paper(), "values of kd.Ball.paper() and kd.Air.paper(), which has no wind"
+    air = Air.paper()
     rows = [
-        ("Table 3 air density", 1.22, air.density, "kg/m3", why),
-        ("Table 3 ball radius", 0.1, BALL.radius, "m", why),
-        ("Table 3 ball mass", 0.45, BALL.mass, "kg", why),
-        ("Table 3 viscosity", 1.8e-5, air.viscosity, "Pa s", why),
-        ("Table 3 gravity", 9.81, GRAVITY, "m/s2", why),
+        ("air density", 1.22, air.density, "kg/m3"),
+        ("ball radius", 0.1, BALL.radius, "m"),
+        ("ball mass", 0.45, BALL.mass, "kg"),
+        ("viscosity", 1.8e-5, air.viscosity, "Pa s"),
+        ("gravity", 9.81, GRAVITY, "m/s2"),
     ]
-    for table, leg, printed in ((1, Leg.human(), TABLE_1), (6, Leg.testbed(), TABLE_6)):
+    why = "values of kd.Ball.paper() and kd.Air.paper(), which has no wind"
+    result = [_input("Table 3", *row, why) for row in rows]
+    for table, leg, printed in (
+        ("Table 1", Leg.human(), TABLE_1),
+        ("Table 6", Leg.testbed(), TABLE_6),
+    ):
         model, why = leg.model, "values of the leg's URDF file in kickdyn"
         ends = [*list(model.jointPlacements)[2:], model.frames[leg.frame_id].placement]
         for name, link, end, papers in zip(
@@ -104,8 +121,10 @@ def items() -> list[Item]:
             length, centre = np.linalg.norm(end.translation), np.linalg.norm(link.lever)
             ours = (length, link.mass, link.inertia[1, 1], centre)
             for (column, unit), paper, value in zip(COLUMNS.items(), papers, ours, strict=False):
-                rows.append((f"Table {table} {name} {column}", paper, float(value), unit, why))
-    return [
-        Item(name, paper, ours, unit, near(ours, paper, 1e-12, Verdict.INPUT), why, name[:7])
-        for name, paper, ours, unit, why in sorted(rows, key=lambda row: row[0][:7])
-    ]
+                result.append(_input(table, f"{name} {column}", paper, float(value), unit, why))
+    return sorted(result, key=lambda item: item.source)
+
+
+def _input(table: str, name: str, paper: float, ours: float, unit: str, why: str) -> Item:
+    verdict = near(ours, paper, 1e-12, Verdict.INPUT)
+    return Item(f"{table} {name}", paper, ours, unit, verdict, why, table)

@@ -13,6 +13,7 @@ from kickdyn.paper.assumptions import (
     LIFT_WITHOUT_CRISIS,
     Coefficients,
     direction,
+    draw_flights,
     launch_from_force,
     show_warnings,
     warnings_of,
@@ -89,23 +90,20 @@ def varying(choice: Coefficients) -> list[Item]:
 
 def draw(figure: Figure) -> None:
     """Draw the flights from the side and from above, with a lift in its crisis and one without."""
-    columns = figure.subplots(2, 2, sharex="col", sharey="row").T
-    drawn = []
+    columns, drawn = figure.subplots(2, 2, sharex="col", sharey="row").T, list[Flight]()
     for (side, above), choice in zip(columns, (DEFAULT, LIFT_WITHOUT_CRISIS), strict=True):
-        for name, path in flights(choice).items():
-            drawn.append(path)
-            x, y, z = path.sample(np.linspace(0, path.duration, 200)).position.T
-            (line,) = side.plot(x, z, label=name)
-            above.plot(x, y, color=line.get_color())
+        paths = flights(choice)
+        draw_flights(side, paths, title=choice.name)
+        drawn += paths.values()
+        for (name, path), line in zip(paths.items(), side.lines, strict=True):
+            x, y, _ = path.sample(np.linspace(0, path.duration, 200)).position.T
+            above.plot(x, y, line.get_linestyle(), color=line.get_color())
             if name in AXES:
                 spin = path.launch.spin / np.linalg.norm(path.launch.spin)
                 tip = (x[100] + 2 * spin[0], y[100] + spin[1])
                 pointer = {"arrowstyle": "<-", "color": line.get_color()}
                 above.annotate(AXES[name], (x[100], y[100]), tip, arrowprops=pointer)
-        side.set_title(choice.name)
-        above.set_xlabel("X [m]")
-    side, above = columns[0]
-    side.set_ylabel("Y [m]")
-    above.set(ylabel="to the left [m]", ylim=(-1.6, 1.6))
-    side.legend()
+        above.set(xlabel="X [m]", ylabel="to the left [m]", ylim=(-1.6, 1.6))
+    for axes in figure.axes:
+        axes.label_outer()
     show_warnings(figure, *drawn)

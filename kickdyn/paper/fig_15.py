@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -12,13 +12,7 @@ from kickdyn.ball import Ball, BallState
 from kickdyn.core.validation import Array
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.fly import fly
-from kickdyn.paper.assumptions import (
-    BALL,
-    DEFAULT,
-    Coefficients,
-    show_warnings,
-    warnings_of,
-)
+from kickdyn.paper.assumptions import BALL, DEFAULT, Coefficients, show_warnings, warnings_of
 from kickdyn.paper.item import Item, Verdict, shape
 from kickdyn.planning.goal import Goal, nominal_velocity
 from kickdyn.planning.launch import SPEED_LIMIT, Launch, plan_launch
@@ -31,8 +25,7 @@ DISTANCE_ACCURACY, TIME_ACCURACY = 0.05, 0.005
 """Errors [m], [s] at which the learning loop ends: about a line's width in Fig. 15."""
 
 
-@dataclass(frozen=True)
-class Round:
+class Round(NamedTuple):
     """One flight on the way to a launch; errors are target less flight [m], [s]."""
 
     distance_error: float
@@ -42,9 +35,8 @@ class Round:
     @property
     def is_met(self) -> bool:
         """Whether both errors are small enough to end the learning loop."""
-        return abs(self.distance_error) <= DISTANCE_ACCURACY and (
-            abs(self.time_error) <= TIME_ACCURACY
-        )
+        distance_met = abs(self.distance_error) <= DISTANCE_ACCURACY
+        return distance_met and abs(self.time_error) <= TIME_ACCURACY
 
 
 def learn_launch(
@@ -56,19 +48,17 @@ def learn_launch(
     kick: Callable[[Array], Flight] | None = None,
     rounds: int = 200,
 ) -> tuple[Round, ...]:
-    r"""Find a launch by a learning loop like the paper's (Figs. 13-14) and return its flights.
+    """Return the flights of a learning loop like the paper's (Figs. 13-14).
 
     The paper speaks of reinforcement learning with "compensation through reward" and prints no
-    update rule. The simplest reading is taken: the errors of distance and time are added to the
-    command, and Eqs. (24)-(25) turn the command into the next launch, until both errors vanish.
+    update rule. The simplest reading is taken: the errors of distance [m] and time [s] are added to
+    the command, and Eqs. (24)-(25) turn the command into the next launch, until both errors vanish.
     What the paper's "minimum bound", the trajectory under drag, bounds is not printed either; none
     is applied, and the commands for the paper's goals never fall below the goals themselves.
 
     The loop also ends at a flight that does not land, a command of no time or of a launch faster
-    than sound, or after a number of rounds; the paper's farthest goal takes about 25 rounds;
-    `Round.is_met` of the last round tells. The distance of the target is in m, the time of the
-    flight in s; an air of None is the vacuum. `kick` returns the flight of a launch velocity; None
-    flies it through the air.
+    than sound, or after a number of rounds; `Round.is_met` of the last round is then False.
+    `kick` returns the flight of a launch velocity; None flies it through the air.
     """
 
     def flown(velocity: Array) -> Flight:
@@ -91,12 +81,9 @@ def newton_rounds(launch: Launch) -> tuple[Round, ...]:
     """Return the flights from the velocities of Newton's method, over level ground."""
     goal = launch.goal
     assert goal.time is not None
-
-    def flown(velocity: Array) -> Flight:
-        state = BallState(velocity=velocity, spin=launch.spin)
-        return fly(state, launch.ball, launch.air, tol=1e-13)
-
-    return tuple(_round(flown(velocity), goal.distance, goal.time) for velocity in launch.history)
+    states = [BallState(velocity=velocity, spin=launch.spin) for velocity in launch.history]
+    paths = [fly(state, launch.ball, launch.air, tol=1e-13) for state in states]
+    return tuple(_round(path, goal.distance, goal.time) for path in paths)
 
 
 def _round(path: Flight, distance: float, time: float) -> Round:

@@ -1,6 +1,5 @@
 """Fig. 8: 30 m/s at 30 deg in the vacuum, with drag, with back spin, with top spin."""
 
-import numpy as np
 from matplotlib.figure import Figure
 
 from kickdyn.ball import BallState
@@ -11,6 +10,7 @@ from kickdyn.paper.assumptions import (
     DEFAULT,
     Coefficients,
     direction,
+    draw_flights,
     show_warnings,
     warnings_of,
 )
@@ -47,11 +47,9 @@ def items() -> list[Item]:
 def varying(choice: Coefficients) -> list[Item]:
     """Return range and apex of the curves in air with a choice of coefficients."""
     paths = flights(choice)
-    heights = {name: path.height for name, path in paths.items()}
-    ranges = {name: path.range for name, path in paths.items()}
-    highest = heights["back spin"] == max(heights.values())
-    lowest = heights["top spin"] == min(heights.values())
-    shortest = ranges["top spin"] == min(ranges.values())
+    highest = paths["back spin"].height == max(path.height for path in paths.values())
+    lowest = paths["top spin"].height == min(path.height for path in paths.values())
+    shortest = paths["top spin"].range == min(path.range for path in paths.values())
     order = (
         f"back spin {'flies' if highest else 'does not fly'} highest, "
         f"top spin {'lowest' if lowest else 'not lowest'} and "
@@ -72,10 +70,6 @@ def varying(choice: Coefficients) -> list[Item]:
 
 def draw(figure: Figure) -> None:
     """Draw the four curves."""
-    axes, paths = figure.subplots(), flights()
-    for (name, path), style in zip(paths.items(), ("-", "--", "-.", ":"), strict=True):
-        position = path.sample(np.linspace(0, path.duration, 200)).position
-        axes.plot(position[:, 0], position[:, 2], style, label=name)
-    axes.set(xlabel="X [m]", ylabel="Y [m]", xlim=(0, 80), ylim=(0, None))
-    axes.legend()
+    paths = flights()
+    draw_flights(figure.subplots(), paths, xlabel="X [m]", xlim=(0, 80), ylim=(0, None))
     show_warnings(figure, *paths.values())

@@ -14,6 +14,7 @@ from kickdyn.paper.assumptions import (
     LIFT_WITHOUT_CRISIS,
     Coefficients,
     direction,
+    draw_flights,
     launch_from_force,
     show_warnings,
     warnings_of,
@@ -57,22 +58,14 @@ def items() -> list[Item]:
             "the printed spin), as the paper prints none; the contact "
             f"{'sticks' if sticking else 'slips'}"
         )
+        up, rate = math.degrees(common.elevation), math.hypot(*state.spin)
         for what, paper, ours, unit, why, source in (
-            ("spin", spin, math.hypot(*state.spin), "rad/s", fitted, "Eqs. (15)-(21)"),
-            (
-                "launch angle",
-                angle,
-                math.degrees(common.elevation),
-                "deg",
-                attack_reason,
-                "Eqs. (15)-(18)",
-            ),
+            ("spin", spin, rate, "rad/s", fitted, "Eqs. (15)-(21)"),
+            ("launch angle", angle, up, "deg", attack_reason, "Eqs. (15)-(18)"),
             ("ball speed", speed, bound, "m/s", slow, "Eq. (10), the leg of infinite mass"),
         ):
-            name, verdict = (
-                f"{NAME} case {number} {what}",
-                near(ours, paper, FITTED, Verdict.FITTED),
-            )
+            name = f"{NAME} case {number} {what}"
+            verdict = near(ours, paper, FITTED, Verdict.FITTED)
             result.append(Item(name, paper, ours, unit, verdict, why, source))
     return result + varying(DEFAULT)
 
@@ -99,15 +92,11 @@ def varying(choice: Coefficients) -> list[Item]:
 
 
 def draw(figure: Figure) -> None:
-    """Draw the three flights, with the default lift and with one that has no crisis."""
-    panels = figure.subplots(2, 1, sharex=True)
-    drawn = []
+    """Draw the three flights, with the lift `saturating` and with one that has no crisis."""
+    panels, drawn = figure.subplots(2, 1, sharex=True), list[Flight]()
     for axes, choice in zip(panels, (DEFAULT, LIFT_WITHOUT_CRISIS), strict=True):
-        for number, path in enumerate(flights(choice), 1):
-            position = path.sample(np.linspace(0, path.duration, 200)).position
-            axes.plot(position[:, 0], position[:, 2], label=f"case {number}")
-            drawn.append(path)
-        axes.set(ylabel="Y [m]", ylim=(0, 2.5), xlim=(0, 14), title=choice.name)
-        axes.legend()
+        paths = {f"case {number}": path for number, path in enumerate(flights(choice), 1)}
+        draw_flights(axes, paths, ylim=(0, 2.5), xlim=(0, 14), title=choice.name)
+        drawn += paths.values()
     axes.set_xlabel("X [m]")
     show_warnings(figure, *drawn)

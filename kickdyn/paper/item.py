@@ -1,7 +1,7 @@
 """One number of the paper, beside ours."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 
 from kickdyn.core.files import finite
@@ -17,7 +17,7 @@ WIDE = 2.0
 
 
 class Verdict(StrEnum):
-    """How our number compares with the paper's."""
+    """How our number compares with the paper's; `MEANINGS` says it in words."""
 
     REPRODUCED = "reproduced"
     SHAPE_REPRODUCED = "shape-reproduced"
@@ -41,7 +41,6 @@ MEANINGS = {
     Verdict.OURS: "the paper has no value to compare with, or only the goal",
     Verdict.NOT_REACHABLE: "computed to be impossible under the assumptions in the note",
 }
-"""Every verdict in words."""
 
 
 @dataclass(frozen=True)
@@ -83,17 +82,13 @@ class Item:
 
     def as_json(self) -> dict[str, object]:
         """Return plain values, as documented for `--json`."""
-        return {
+        values = asdict(self) | {
             "item": f"{self.item} [{self.variant}]" if self.variant else self.item,
-            "paper": self.paper,
             "ours": finite(self.ours),
-            "unit": self.unit,
             "relative_error": self.relative_error,
-            "verdict": self.verdict,
-            "why": self.why,
-            "source": self.source,
-            "notes": list(self.notes),
         }
+        del values["variant"]
+        return values
 
 
 def near(ours: float, paper: float, limit: float, verdict: Verdict = Verdict.REPRODUCED) -> Verdict:

@@ -15,13 +15,10 @@ from kickdyn.paper import assumptions, fig_1, fig_8, fig_9, fig_10, fig_15, tabl
 from kickdyn.paper.assumptions import ALTERNATIVES, Coefficients
 from kickdyn.paper.item import MEANINGS, Item, Verdict, judged
 
-COLOURS = {
+COLOURS = dict.fromkeys(Verdict, "blue") | {
     Verdict.REPRODUCED: "green",
     Verdict.SHAPE_REPRODUCED: "cyan",
     Verdict.DEPENDS: "magenta",
-    Verdict.FITTED: "blue",
-    Verdict.INPUT: "blue",
-    Verdict.OURS: "blue",
     Verdict.NOT_REACHABLE: "yellow",
 }
 
@@ -32,79 +29,59 @@ class Section:
 
     Attributes:
         name: as the paper numbers it.
-        items: with the default coefficients.
+        keys: the tables and figures that it answers to, such as `fig10`.
+        items: with the coefficients of `DEFAULT`.
         varying: those that may change with a choice of coefficients; None where none matters.
         draw: onto an empty figure; None where there is nothing to draw.
-        also: another table or figure that it answers to, such as the one that it draws.
     """
 
     name: str
+    keys: tuple[str, ...]
     items: Callable[[], list[Item]]
     varying: Callable[[Coefficients], list[Item]] | None = None
     draw: Callable[[Figure], None] | None = None
-    also: str = ""
-
-    @property
-    def numbers(self) -> set[tuple[str, int]]:
-        """Kind and number of each table and figure in its names, such as `("fig", 7)`."""
-        return _numbers(f"{self.name} {self.also}")
 
     def compare(self) -> tuple[list[Item], list[Item]]:
         """Return the items, judged, and those that vary with every other choice of coefficients."""
         varied = [
             replace(item, variant=choice.name)
-            for choice in (ALTERNATIVES if self.varying else ())
+            for choice in ALTERNATIVES
             for item in (self.varying(choice) if self.varying else ())
         ]
-        by_name: dict[str, list[Item]] = {}
-        for item in varied:
-            by_name.setdefault(item.item, []).append(item)
-        return [judged(item, by_name.get(item.item, ())) for item in self.items()], varied
+        judgements = [
+            judged(item, [other for other in varied if other.item == item.item])
+            for item in self.items()
+        ]
+        return judgements, varied
 
 
 SECTIONS = (
-    Section("Fig. 1", fig_1.items, draw=fig_1.draw),
-    Section("Table 2", table_2.items, draw=table_2.draw, also="Fig. 7"),
-    Section("Fig. 8", fig_8.items, fig_8.varying, fig_8.draw),
-    Section("Fig. 9", fig_9.items, fig_9.varying, fig_9.draw),
-    Section("Fig. 10/11", fig_10.items, fig_10.varying, fig_10.draw),
-    Section("Fig. 13-15", fig_15.items, fig_15.varying, fig_15.draw),
-    Section("Tables 4-5", tables_4_5.items, tables_4_5.varying),
-    Section("Tables 1, 3, 6", assumptions.items),
+    Section("Fig. 1", ("fig1",), fig_1.items, draw=fig_1.draw),
+    Section("Table 2", ("fig7", "table2"), table_2.items, draw=table_2.draw),
+    Section("Fig. 8", ("fig8",), fig_8.items, fig_8.varying, fig_8.draw),
+    Section("Fig. 9", ("fig9",), fig_9.items, fig_9.varying, fig_9.draw),
+    Section("Fig. 10/11", ("fig10", "fig11"), fig_10.items, fig_10.varying, fig_10.draw),
+    Section("Fig. 13-15", ("fig13", "fig14", "fig15"), fig_15.items, fig_15.varying, fig_15.draw),
+    Section("Tables 4-5", ("table4", "table5"), tables_4_5.items, tables_4_5.varying),
+    Section("Tables 1, 3, 6", ("table1", "table3", "table6"), assumptions.items),
 )
 
 
 def chosen(only: str | None) -> Sequence[Section]:
-    """Return the sections that match a name such as `table 2`; all where it is None.
-
-    `fig 10` and `figure 11` mean `Fig. 10/11`, `fig 7` means `Table 2`, which draws it.
-    """
+    """Return the section of a table or figure such as `table 2` or `Fig. 7`; all if it is None."""
     if only is None:
         return SECTIONS
-    wanted = _numbers(only)
-    sections = [section for section in SECTIONS if wanted and wanted <= section.numbers]
+    key = re.sub(r"[\s.]", "", only.lower()).replace("figure", "fig")
+    sections = [section for section in SECTIONS if key in section.keys]
     if not sections:
         raise InvalidInput(f"only is {only!r}: it must be one of {', '.join(item_names())}")
     return sections
 
 
 def item_names() -> list[str]:
-    """Return the names of all tables and figures, such as `table2`, for `chosen`."""
-    every = set().union(*(section.numbers for section in SECTIONS))
-    return [f"{kind}{number}" for kind, number in sorted(every)]
-
-
-def _numbers(name: str) -> set[tuple[str, int]]:
-    """Return what a name such as `Figs. 13-15` means; empty where it cannot be read."""
-    pattern = r"\s*(fig|table)(?:ures?|s)?\.?\s*(\d{1,2}(?:\s*[-/,]\s*\d{1,2})*)\s*"
-    if not re.fullmatch(f"(?:{pattern})+", name.lower()):
-        return set()
-    numbers = set[tuple[str, int]]()
-    for kind, pieces in re.findall(pattern, name.lower()):
-        for piece in re.split("[/,]", pieces):
-            first, _, last = piece.partition("-")
-            numbers |= {(kind, n) for n in range(int(first), int(last or first) + 1)}
-    return numbers
+    """Return the names of all tables and figures for `chosen`, such as `table2`."""
+    keys = [key for section in SECTIONS for key in section.keys]
+    return sorted(keys, key=lambda key: (key[0], len(key), key))
 
 
 def show(items: Mapping[str, Sequence[Item]], varied: Mapping[str, Sequence[Item]]) -> None:

@@ -128,8 +128,7 @@ def draw(figure: Figure) -> None:
     panels = figure.subplots(1, 3, sharex=True, sharey=True)
     for axes, (name, posture) in zip(panels, postures().items(), strict=True):
         toe = posture.contact_point
-        x, z = np.array([*joints(posture), toe])[:, [0, 2]].T
-        axes.plot(x, z, "o-", color="tab:blue")
+        axes.plot(*joints(posture).T, "o-", color="tab:blue")
         impulse = impact_of(posture).impulse
         total, head = np.linalg.norm(impulse), toe + 0.2 * impulse
         axes.annotate("", head[[0, 2]], toe[[0, 2]], arrowprops={"arrowstyle": "->", "lw": 2})

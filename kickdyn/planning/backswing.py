@@ -33,11 +33,10 @@ from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.impact.constraint_impulses import Footing, footing
+from kickdyn.impact.leg_response import Footing, footing
 from kickdyn.planning.kick_problem import KickProblem, KickSolution
 from kickdyn.planning.kick_terms import JointRange, KickPoint, Objective
 from kickdyn.planning.problem import keep_last
-from kickdyn.planning.solvers import one_blas_thread
 from kickdyn.planning.stance import (
     LENGTH,
     TILT,
@@ -162,7 +161,6 @@ class Backswing(ReprMixin):
 
     @cached_property
     def _heights(self) -> Array:
-        """Return the height of the lowest point of the kicking limb at the times of `fine`."""
         limb, chain = _kicking_limb(self.standing), self.phase.chain
         model, data, heights = chain.model, chain.model.createData(), []
         for q in self.phase.fine.q:
@@ -256,7 +254,7 @@ def solve_with_backswing(
     standing, variables = problem.standing, problem.variables
     assert standing is not None
     variants, known = list(problem.variants()), list[KickPoint]()
-    while variants and not (known := variants[0].solve(objective)):
+    while variants and not (known := variants[0].solve(objective, variants[0].starts())):
         variants.pop(0)
     reason = "no posture reaches the launch within its limits, with or without a backswing"
     if known:
@@ -380,26 +378,22 @@ class _BackswingProblem:
         self._range = middle, half * (1.0 - 2 * SHARE)
 
     def guess(self) -> Array:
-        """Return the unknowns of a motion that stops evenly."""
         return np.append(np.zeros(self._free.shape[1] * self._n), GUESS)
 
     def phase(self, x: Array) -> SwingPhase:
-        """Return the motion of the unknowns, its ends exact."""
         y, time = x[:-1].reshape(-1, self._n), float(x[-1])
         pulls = (self._free @ y + time * np.outer(self._given, self._away)) / time**2
         rest = self._motion(x)[0][-1]
         return make_phase(self._chain, -1, self._q, self._away, pulls, time * self._nodes, rest)
 
     def solve(self, x: Array, weights: Weights) -> Array:
-        """Return the unknowns of least squares near some."""
         residuals = keep_last(lambda x: self._residuals(x, weights))
         ends = np.full((2, len(x)), np.inf) * [[-1.0], [1.0]]
         ends[:, -1] = SHORTEST, LONGEST
-        with one_blas_thread():
-            solution = least_squares(
-                lambda x: residuals(x)[0], x, lambda x: residuals(x)[1], ends,
-                ftol=1e-4, xtol=1e-5, max_nfev=40,
-            )  # fmt: skip
+        solution = least_squares(
+            lambda x: residuals(x)[0], x, lambda x: residuals(x)[1], ends,
+            ftol=1e-4, xtol=1e-5, max_nfev=40,
+        )  # fmt: skip
         return np.asarray(solution.x)
 
     def _motion(self, x: Array) -> list[Array]:
@@ -412,7 +406,6 @@ class _BackswingProblem:
         return [self._q + derivatives[0], *derivatives[1:]]
 
     def _residuals(self, x: Array, weights: Weights) -> tuple[Array, Array]:
-        """Return all residuals and their derivatives by the unknowns."""
         n, y, time = self._n, x[:-1].reshape(-1, self._n), x[-1]
         q, v, a = self._motion(x)
         still = np.zeros(n)
@@ -519,7 +512,6 @@ def _hinged(weight: float, values: Array, by_q: Array, by_v: Array, by_a: Array)
 
 
 def _joined(terms: list[_Terms]) -> _Terms:
-    """Return residuals one after the other."""
     return _Terms(*(np.concatenate(rows) for rows in zip(*terms, strict=True)))
 
 
@@ -531,5 +523,4 @@ def _kicking_limb(standing: StandingRobot) -> list[tuple[str, Spheres]]:
 
 
 def _height(pose: Any, body: Spheres) -> float:
-    """Return the height of a body's lowest point at a `pin.SE3` in the world [m]."""
     return float((body.centres @ pose.rotation[2] - body.radii).min() + pose.translation[2])

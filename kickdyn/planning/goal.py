@@ -8,9 +8,11 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kickdyn.air import Air
+from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
 from kickdyn.core.mechanics import GRAVITY
-from kickdyn.core.representation import ReprMixin, Row, format_value
+from kickdyn.core.representation import ReprMixin, Row, format_value, freeze_arrays
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 
@@ -47,6 +49,19 @@ class LaunchLimit(StrEnum):
     """So slow a ball stops before."""
     BOUNCE = "bounce"
     """The place of the last bounce jumps as the speed changes."""
+
+
+REASONS = {
+    LaunchLimit.SPEED: "the ball would have to start faster than {speed:.4g} m/s",
+    LaunchLimit.SPIN: "the ball would have to spin faster than {spin:.4g} rad/s",
+    LaunchLimit.LEAST_SPEED: "a ball that starts more slowly does not come to the target",
+    LaunchLimit.LOWEST_PATH: "no flight to the target stays so low",
+    LaunchLimit.HIGHEST_PATH: "no flight to the target at up to {speed:.4g} m/s is so high",
+    LaunchLimit.GROUND: "the flight would lead through the ground",
+    LaunchLimit.ROLLING: "a slower ball stops before the target",
+    LaunchLimit.BOUNCE: "the place where the ball bounces jumps as its speed changes",
+}
+"""Why no launch within limits of speed and spin meets a goal, as the end of a sentence."""
 
 
 class Arc(StrEnum):
@@ -107,8 +122,7 @@ class Goal(ReprMixin):
     ) -> None:
         point = validation.floats("target", target, unit="m")
         if point.ndim == 0:
-            distance = validation.number("distance", target, above=0, unit="m")
-            point = np.array([distance, 0.0, 0.0])
+            point = np.array([validation.number("distance", target, above=0, unit="m"), 0.0, 0.0])
         if point.shape != (3,):
             raise InvalidInput(f"target has shape {point.shape}: it must be a distance or (3,)")
         level, size = math.hypot(point[0], point[1]), math.hypot(*point)
@@ -118,7 +132,6 @@ class Goal(ReprMixin):
             raise InvalidInput(
                 f"target is {point.tolist()}: it must not be straight above or below the ball"
             )
-        point.setflags(write=False)
         named = {"time": time, "apex": apex, "speed": speed, "over": over}
         given = [name for name, value in named.items() if value is not None]
         if len(given) != 1:
@@ -127,23 +140,24 @@ class Goal(ReprMixin):
                 f"{' and '.join(given) or 'nothing'} {verb} given besides the target: give one of "
                 "time, apex, speed, over"
             )
-        object.__setattr__(self, "target", point)
-        for name in ("time", "apex", "speed"):
-            value, unit = named[name], CONDITIONS[name]
-            if value is not None:
-                limits: dict[str, float] = {"above": 0, "at_most": 1e6}
-                if name == "time":
-                    limits = {"at_least": 1e-6, "at_most": 1e3}
-                value = validation.number(name, value, **limits, unit=unit)
-            object.__setattr__(self, name, value)
-        object.__setattr__(self, "over", _checked_point("over", over, level))
-        object.__setattr__(self, "beside", _checked_point("beside", beside, level))
-        turning = validation.read_only(validation.vector("spin", spin, 3, unit="rad/s"))
-        object.__setattr__(self, "spin", turning)
-        object.__setattr__(self, "arc", validation.choice("arc", arc, Arc))
+        if time is not None:
+            time = validation.number("time", time, at_least=1e-6, at_most=1e3, unit="s")
+        if apex is not None:
+            apex = validation.number("apex", apex, above=0, at_most=1e6, unit="m")
+        if speed is not None:
+            speed = validation.number("speed", speed, above=0, at_most=1e6, unit="m/s")
+        vars(self).update(
+            target=validation.read_only(point),
+            time=time,
+            apex=apex,
+            speed=speed,
+            over=_checked_point("over", over, level),
+            beside=_checked_point("beside", beside, level),
+            spin=validation.read_only(validation.vector("spin", spin, 3, unit="rad/s")),
+            arc=validation.choice("arc", arc, Arc),
+        )
 
     def __repr__(self) -> str:
-        """Name target and conditions, in a line."""
         named = (f"{name}={value} {unit}".rstrip() for name, value, unit in self.named_values())
         return f"Goal({', '.join(named)})"
 
@@ -214,6 +228,52 @@ class Goal(ReprMixin):
         squares = [(half + sign * math.sqrt(root)) / (g * g / 4) for sign in (-1, 1)]
         squares[0] = float(self.target @ self.target) / (half + math.sqrt(root))
         return [math.sqrt(square) for square in squares]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PlannedLaunch(ReprMixin):
+    """A launch from the origin towards a goal: into the air or along the ground.
+
+    Attributes:
+        status: `met`; or `unreachable`, and this is the nearest launch there is.
+        goal: the goal that was asked for.
+        limit: reason why the goal is unreachable, see `LaunchLimit`; None where it is met.
+        velocity: velocity of the launch, shape `(3,)` [m/s, world frame].
+        spin: spin of the launch, shape `(3,)` [rad/s, world frame].
+        ball: the ball.
+        air: the air; None is the vacuum.
+    """
+
+    status: PlanStatus
+    goal: Goal
+    limit: LaunchLimit | None
+    velocity: Array
+    spin: Array
+    ball: Ball
+    air: Air | None
+
+    def __post_init__(self) -> None:
+        freeze_arrays(vars(self))
+
+    @property
+    def speed(self) -> float:
+        """Launch speed [m/s]."""
+        return math.hypot(*self.velocity)
+
+    @property
+    def angle(self) -> float:
+        """Launch angle above the horizontal [rad]."""
+        return math.atan2(self.velocity[2], math.hypot(self.velocity[0], self.velocity[1]))
+
+    @property
+    def azimuth(self) -> float:
+        """Launch direction from x towards y [rad]."""
+        return math.atan2(self.velocity[1], self.velocity[0])
+
+    @property
+    def state(self) -> BallState:
+        """The ball at the launch, at the origin."""
+        return BallState(velocity=self.velocity, spin=self.spin)
 
 
 def nominal_velocity(target: Array, time: float) -> Array:

@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
+from threadpoolctl import threadpool_limits
 
 from kickdyn.air import Air
-from kickdyn.ball import Ball, BallState
+from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.validation import Array
@@ -23,10 +24,10 @@ from kickdyn.planning.goal import Goal, PlanStatus
 from kickdyn.planning.impact_target import impact_target_for
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.kick_problem import kick_problem, solve_kick
-from kickdyn.planning.kick_terms import SpeedLimit, TorqueLimit
+from kickdyn.planning.kick_terms import Objective, SpeedLimit, TorqueLimit
 from kickdyn.planning.launch import Launch, OutOfReach, fly_to_target, plan_launch
 from kickdyn.planning.objectives import OBJECTIVES, KickObjective, LandingScatter
-from kickdyn.planning.passes import plan_pass
+from kickdyn.planning.passes import Pass, plan_pass
 from kickdyn.planning.stance import Balance
 from kickdyn.planning.swing_phase import check_solver
 from kickdyn.robot.kicking_chain import check_free_joints, with_angles
@@ -48,10 +49,10 @@ def plan_kick(
     contact: Contact | None = None,
     ball_position: ArrayLike | None = None,
     limits: bool = True,
-    turn: bool = True,
     surface: str | Surface | None = None,
     uncertainty: Mapping[str, float] | None = None,
     swing: bool = False,
+    solver: str = "slsqp",
 ) -> KickPlan:
     r"""Find posture and joint velocity that strike a ball at rest so that it meets a goal.
 
@@ -61,8 +62,10 @@ def plan_kick(
 
     Args:
         leg: a leg on a fixed base, without supports or loops, and without mimic joints in the
-            kicking limb; or a robot on a floating base that stands on one flat support, see below,
-            without loops and mimic joints. The plan's q has one angle for each continuous joint.
+            kicking limb; one whose foot moves in a plane, as ours do, is turned about the vertical
+            towards the launch, by the plan's `heading`. Or a robot on a floating base that stands
+            on one flat support, see below, without loops and mimic joints. The plan's q has one
+            angle for each continuous joint.
         goal: the goal, seen from where the ball lies. The component of its spin along the launch is
             left out, because a ball at rest takes spin across it only.
         ball: the ball; its mass and radius count.
@@ -80,8 +83,6 @@ def plan_kick(
         limits: whether limits of speed and torque hold; those of the joints' range always do. An
             infinite one always holds, its use is 0, and `joint-speed` counts it as 100 rad/s; one
             of 0 is refused, or none with `limits=False`.
-        turn: whether a leg whose foot moves in a plane, as ours do, may be turned about the
-            vertical towards the launch; the plan says by how much.
         surface: surface of the ground, for a ball that is played along the ground as by
             `plan_pass`; the goal is then a time and a target at the height of the ball.
         uncertainty: standard deviations by source, as for `kickdyn.planning.scatter.scatter`.
@@ -90,6 +91,7 @@ def plan_kick(
             `joint-speed` and `kinetic-energy`, with limits; needs `pip install "kickdyn[swing]"`.
             A robot that stands on one foot needs nothing more: its plan has a `backswing`, from
             rest to the impact, see below.
+        solver: name of the solver of the nonlinear program, `slsqp`.
 
     A robot that stands on one foot kicks a ball that lies on the same ground, the plane z = 0. The
     foot lies on it as it does while all joints are at 0 and the base is upright; without a `sole`
@@ -128,41 +130,55 @@ def plan_kick(
     elif swing:
         check_solver()
 
-    if surface is None:
-        launch = _plan_flight_launch(goal, ball, air)
-    else:
-        launch = _plan_pass_launch(goal, ball, air, surface)
-    target = impact_target_for(launch.velocity, launch.spin, ball, contact)
-    problem = kick_problem(leg, target, position, limits=limits, turn=turn)
-    if uncertainty is None:
-        cost = OBJECTIVES[objective]()
-    else:
-        cost = LandingScatter(launch, air, uncertainty)
-    phases = backswing = None
-    if not swing:
-        solution = solve_kick(problem, cost)
-    elif problem.standing is not None:
-        solution, backswing = solve_with_backswing(problem, cost)
-    else:
-        from kickdyn.planning.swing_kick import solve_with_swing  # it needs CasADi
+    # with several threads, results differ in the last digits, and matrices of 100 rows take 5 times
+    # as long
+    with threadpool_limits(1, "blas"):
+        launch: Launch | Pass
+        if surface is None:
+            launch = _plan_flight_launch(goal, ball, air)
+        else:
+            launch = _plan_pass_launch(goal, ball, air, surface)
+        target = impact_target_for(launch.velocity, launch.spin, ball, contact)
+        problem = kick_problem(leg, target, position, limits=limits, solver=solver)
+        cost: Objective = (
+            OBJECTIVES[objective]()
+            if uncertainty is None
+            else LandingScatter(launch.state, ball, air, uncertainty)
+        )
+        phases = backswing = None
+        if not swing:
+            solution = solve_kick(problem, cost)
+        elif problem.standing is not None:
+            solution, backswing = solve_with_backswing(problem, cost)
+        else:
+            from kickdyn.planning.swing_kick import solve_with_swing  # it needs CasADi
 
-        solution, phases = solve_with_swing(problem, cost)
+            solution, phases = solve_with_swing(problem, cost)
 
-    problem, point = solution.problem, solution.point
-    q, v = problem.on_robot(point)
-    impact = strike(problem.robot.posture(q), v, ball, target.contact)
-    met = point.share == 1.0
+        problem, point = solution.problem, solution.point
+        q, v = problem.on_robot(point)
+        impact = strike(problem.robot.posture(q), v, ball, target.contact)
+        met = point.share == 1.0
+        path: Flight | Course
+        if surface is None:
+            time = launch.time if met else None
+            path = fly_to_target(impact.ball_after, goal, ball, air, time)
+        else:
+            start = impact.ball_after
+            ground = Ground(float(start.position[2]) - ball.radius, surface)
+            plane = Plane(start.position + goal.target, -goal.ahead, "centre")
+            path = follow(start, ball, air, ground, plane=plane)
     balance = problem.find(Balance)
     return KickPlan(
         status=PlanStatus.BEYOND_LIMITS if solution.binding or not met else PlanStatus.MET,
         goal=goal,
         launch=launch,
         objective=objective,
-        value=abs(cost.cost(point)),
+        value=cost.quantity(point),
         share=point.share,
         impact_target=target,
         impact=impact,
-        path=_carry_out(impact.ball_after, goal, launch.time if met else None, ball, air, surface),
+        path=path,
         speed_use=float(SpeedLimit(problem.variables).use(point).max()),
         torque_use=float(TorqueLimit(problem.variables).use(point).max()),
         binding=(*solution.binding, *(x for term in problem.terms for x in term.binding(point))),
@@ -210,21 +226,16 @@ def _checked_ball_position(position: ArrayLike | None) -> float | Array | None:
     if position is None:
         return None
     place = validation.floats("ball_position", position, unit="m")
-    if place.ndim == 0:
-        return validation.number(
-            "ball_position", position, at_least=-FARTHEST_BALL, at_most=FARTHEST_BALL, unit="m"
-        )
-    if place.shape != (3,):
+    if place.shape not in ((), (3,)):
         raise InvalidInput(f"ball_position has shape {place.shape}: it must be a height or (3,)")
     if np.abs(place).max() > FARTHEST_BALL:
         raise InvalidInput(
             f"ball_position is {place.tolist()} m: it must be within {FARTHEST_BALL:g} m"
         )
-    return place
+    return place if place.shape else float(place)
 
 
 def _checked_contact(contact: Contact | None) -> Contact:
-    """Return the contact without a normal, or raise `InvalidInput`."""
     if contact is None:
         return Contact(restitution=0.8, friction=0.4)
     if contact.normal is not None:
@@ -250,45 +261,14 @@ def _plan_flight_launch(goal: Goal, ball: Ball, air: Air | None) -> Launch:
     return launch
 
 
-def _plan_pass_launch(goal: Goal, ball: Ball, air: Air | None, surface: str | Surface) -> Launch:
-    """Return the launch of a pass along the ground."""
-    path = plan_pass(goal, ball, air, surface=surface)
-    if path.limit is not None:
-        raise OutOfReach(f"the pass is out of reach: {path.summary}", path.limit, path)
-    along = abs(float(goal.spin @ path.velocity)) / math.hypot(*path.velocity)
+def _plan_pass_launch(goal: Goal, ball: Ball, air: Air | None, surface: str | Surface) -> Pass:
+    launch = plan_pass(goal, ball, air, surface=surface)
+    if launch.limit is not None:
+        raise OutOfReach(f"the pass is out of reach: {launch.summary}", launch.limit, launch)
+    along = abs(float(goal.spin @ launch.velocity)) / launch.speed
     if along > 1e-9 * math.hypot(*goal.spin):
         raise InvalidInput(
             f"spin has {along:g} rad/s along the pass: a ball at rest takes spin across its launch "
             "only"
         )
-    assert goal.time is not None
-    return Launch(
-        status=PlanStatus.MET,
-        goal=goal,
-        reached=goal,
-        limit=None,
-        velocity=path.velocity,
-        spin=goal.spin,
-        time=path.time,
-        errors=np.array([0.0, path.aside, 0.0, path.time - goal.time]),
-        history=path.velocity[None],
-        ball=ball,
-        air=air,
-        limits=None,
-    )
-
-
-def _carry_out(
-    start: BallState,
-    goal: Goal,
-    time: float | None,
-    ball: Ball,
-    air: Air | None,
-    surface: str | Surface | None,
-) -> Flight | Course:
-    """Return the path of the ball after the strike, to the target or to its end before."""
-    if surface is None:
-        return fly_to_target(start, goal, ball, air, time)
-    ground = Ground(float(start.position[2]) - ball.radius, surface)
-    plane = Plane(start.position + goal.target, -goal.ahead, "centre")
-    return follow(start, ball, air, ground, plane=plane)
+    return launch

@@ -17,14 +17,15 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course
-from kickdyn.impact.constraint_impulses import Footing
 from kickdyn.impact.impact_result import Impact
+from kickdyn.impact.leg_response import Footing
 from kickdyn.impact.unilateral import unilateral_strike
 from kickdyn.planning.backswing import Backswing
 from kickdyn.planning.goal import Goal, PlanStatus
 from kickdyn.planning.impact_target import ImpactTarget
 from kickdyn.planning.launch import Launch
-from kickdyn.planning.objectives import KickObjective
+from kickdyn.planning.objectives import OBJECTIVES, KickObjective
+from kickdyn.planning.passes import Pass
 from kickdyn.planning.swing_phase import SwingPhase
 from kickdyn.restitution import range_warnings
 from kickdyn.robot.ground_clearance import (
@@ -59,9 +60,9 @@ class KickPlan(ReprMixin):
             kick in the planned direction that gives the ball the most speed; or, with a `share` of
             1, the kick meets the goal but its `backswing` takes more than the torque limits.
         goal: the goal that was asked for.
-        launch: the launch that meets the goal.
-        objective: objective that was minimized, or maximized if it is `most-joint-impulse`.
-        value: value of the objective.
+        launch: the launch that meets the goal; of a pass, a `Pass`.
+        objective: name of the quantity that was minimized or maximized.
+        value: value of this quantity.
         share: share of the launch speed that is reached; 1 where the goal is met.
         impact_target: impulse, normal and contact point on the ball.
         impact: the strike, from the planned posture and joint velocity.
@@ -70,9 +71,9 @@ class KickPlan(ReprMixin):
         speed_use: largest joint speed at the impact over its limit.
         torque_use: largest torque at the impact over its limit. The torque is that which keeps the
             speed of the joints, gravity included.
-        binding: limits that are reached, such as `speed of knee` or `torque of knee`; `swing` where
-            a harder kick has no motion from rest and to rest; `torque of knee in the backswing`
-            where that takes more than the limit.
+        binding: limits that are reached, such as `torque of knee`; `swing` where a harder kick has
+            no motion from rest and to rest; `torque of knee in the backswing` where that takes more
+            than the limit.
         heading: angle by which `leg` is turned to the left about the vertical [rad]; 0 but for a
             leg whose foot moves in a plane, and a goal aside of it.
         phases: backswing and follow-through that `swing=True` found with the kick; `plan_swing`
@@ -85,7 +86,7 @@ class KickPlan(ReprMixin):
 
     status: PlanStatus
     goal: Goal
-    launch: Launch
+    launch: Launch | Pass
     objective: KickObjective
     value: float
     share: float
@@ -108,7 +109,7 @@ class KickPlan(ReprMixin):
         yield "launch", self.impact.ball_after.velocity, "m/s"
         yield "landing error", self.landing_error, "m"
         yield "time error", self.time_error, "s"
-        yield f"objective {self.objective}", self.value, self.objective.unit
+        yield f"objective {self.objective}", self.value, OBJECTIVES[self.objective].unit
         yield "share of the speed limit", self.speed_use, ""
         yield "share of the torque limit", self.torque_use, ""
         yield from warned([line.partition("; ")[0] for line in self.warnings])
@@ -145,28 +146,20 @@ class KickPlan(ReprMixin):
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
-        """A line for each limit, pose or flight of the plan that needs attention.
+        """The lines of `CHECKS`; what can be done about a line follows in it after a semicolon.
 
-        What can be done about it follows after a semicolon; tables and pages leave it out.
-
-        A coefficient of the flight or of the contact used outside its range; joints outside the
-        kicking limb that are not at 0, because their range does not contain it; joints that move
-        but have no actuator in an MJCF file; bodies that are inside the ball at the impact; bodies
-        that are under the ground (level, under the ball or under the target, whichever is lower)
-        at the impact. Bodies are the shapes in the leg's file; without any, its frames, which are
-        compared with the ground only. Of a standing robot also a body of the kicking limb whose
-        shape is not known, a support that does not stand, those of `backswing`, and bodies that are
-        under the ground in the backswing; without one, while the foot approaches the ball by the
-        ball's radius with the joints' velocity of the impact.
+        Bodies are compared with the ball and with the ground (level, under the ball or under the
+        target, whichever is lower). They are the shapes in the leg's file; without any, its frames,
+        which are compared with the ground only.
         """
         return tuple(line for check in CHECKS for line in check(self))
 
     @property
     def too_fast_after(self) -> dict[str, float]:
         """Speed over limit of the joints that exceed it just after the impact, by name."""
-        limit, after = self.leg.velocity_limit, self.impact.v_after
-        used = {name: abs(after[i]) / limit[i] for name, i in self._moving() if limit[i]}
-        return {name: float(use) for name, use in used.items() if use > 1.0}
+        limit, after = self.leg.velocity_limit, np.abs(self.impact.v_after)
+        fast = [(name, i) for name, i in self._moving() if limit[i] and after[i] > limit[i]]
+        return {name: float(after[i] / limit[i]) for name, i in fast}
 
     @property
     def into_stop(self) -> tuple[str, ...]:
@@ -198,13 +191,11 @@ def check_restitution_range(plan: KickPlan) -> Sequence[str]:
 def check_idle_joints(plan: KickPlan) -> Sequence[str]:
     """Return a line for the joints that the kick does not move and that cannot be at 0."""
     leg, v = plan.leg, plan.v
-    rest = rest_configuration(leg)
-    values, shown = leg.joint_values(rest), leg.display_values(rest)
-    planned = leg.joint_values(plan.q)
+    rest, planned = leg.display_values(rest_configuration(leg)), leg.display_values(plan.q)
     idle = [
-        f"{name} at {shown[name][0]:.4g} {shown[name][1]}"
-        for name, value in values.items()
-        if value and value == planned[name] and v[leg.velocity_index(name)] == 0.0
+        f"{name} at {value:.4g} {unit}"
+        for name, (value, unit) in rest.items()
+        if value and value == planned[name][0] and v[leg.velocity_index(name)] == 0.0
     ]
     if not idle:
         return []
@@ -218,8 +209,7 @@ def check_actuators(plan: KickPlan) -> Sequence[str]:
     """Return a line for the joints that move but that the leg's file does not drive."""
     leg, v = plan.leg, plan.v
     passive = () if leg.file is None else leg.file.passive_joints
-    joints = set(passive).intersection(leg.single_joints)
-    moved = [name for name in passive if name in joints and v[leg.velocity_index(name)]]
+    moved = [x for x in passive if x in leg.single_joints and v[leg.velocity_index(x)]]
     if not moved:
         return []
     remedies = [listed(moved), lock_remedy(leg.workspace.model, moved)]
@@ -287,20 +277,23 @@ def check_ball_overlap(plan: KickPlan) -> Sequence[str]:
 
 def check_ground_at_impact(plan: KickPlan) -> Sequence[str]:
     """Return a line for the bodies that are under the ground at the impact."""
-    depths = _depths_at_impact(plan)
-    if not depths:
+    names = [f"{depth.frame} by {depth.depth:.3f} m" for depth in _depths_at_impact(plan)]
+    if not names:
         return []
-    names = [f"{depth.frame} by {depth.depth:.3f} m" for depth in depths]
-    remedy = _remedy_of_depths(plan, depths)
+    remedy = "another goal, offset or objective takes another posture"
+    if plan.balance is None:
+        remedy = (
+            "the ground is level with the ball's lowest point: try another height of the ball "
+            "(ball_position, --ball-height)"
+        )
     return [f"bodies are under the ground at the impact: {listed(names)}; {remedy}"]
 
 
 def check_ground_before_impact(plan: KickPlan) -> Sequence[str]:
     """Return a line for the bodies of a standing robot that come from under the ground.
 
-    They do so in the backswing; without one, while the foot approaches the ball by the ball's
-    radius with the joint velocity of the impact. Bodies under the ground at the impact are left
-    out.
+    Without a backswing, the foot approaches the ball by the ball's radius with the joint velocity
+    of the impact. Bodies under the ground at the impact are left out.
     """
     if plan.balance is None:
         return []
@@ -349,19 +342,21 @@ def find_overlaps(impact: Impact) -> dict[str, float]:
     posture, leg, radius = impact.posture, impact.posture.leg, impact.ball.radius
     model, data, centre = leg.workspace.model, leg.workspace.data, impact.ball_before.position
     pin.forwardKinematics(model, data, posture.q)
-    depths, feet, allowed = dict[str, float](), list[str](), TOUCHING
+    overlaps, feet, allowed = dict[str, float](), set[str](), TOUCHING
     for name, frame in body_frames(leg).items():
         pose = pin.updateFramePlacement(model, data, frame)
         distance = float(np.linalg.norm(pose.translation - centre))
         shapes = shapes_of(leg, name, meshes=distance < LARGEST_MESH + radius)
         bodies = [shape.moved(pose.homogeneous) for shape in shapes]
-        depths[name] = max((radius + body.depth_of(centre) for body in bodies), default=0.0)
-        if model.frames[frame].parentJoint == leg.contact_joint and depths[name] > TOUCHING:
-            feet.append(name)
+        depth = max((radius + body.depth_of(centre) for body in bodies), default=0.0)
+        if depth <= TOUCHING:
+            continue
+        overlaps[name] = depth
+        if model.frames[frame].parentJoint == leg.contact_joint:
+            feet.add(name)
             point_depth = max(body.depth_of(posture.contact_point) for body in bodies)
             allowed = max(allowed, TOUCHING + point_depth)
-    limits = {name: allowed if name in feet else TOUCHING for name in depths}
-    overlaps = {name: depth for name, depth in depths.items() if depth > limits[name]}
+    overlaps = {name: x for name, x in overlaps.items() if name not in feet or x > allowed}
     return dict(sorted(overlaps.items(), key=lambda item: -item[1]))
 
 
@@ -372,24 +367,4 @@ def _ground_height(plan: KickPlan) -> float:
 
 
 def _depths_at_impact(plan: KickPlan) -> list[Depth]:
-    """Return the bodies that are under the ground at the impact, the deepest first."""
-    q: Array = plan.q
-    return list(find_depths(plan.leg, [q], _ground_height(plan)))
-
-
-def _remedy_of_depths(plan: KickPlan, depths: list[Depth]) -> str:
-    """Return what can bring bodies above the ground at the impact, as the end of a sentence."""
-    if plan.balance is not None:
-        return "another goal, offset or objective takes another posture"
-    leg = plan.leg
-    model = leg.workspace.model
-    kicking = list(model.supports[leg.contact_joint])[1:]
-    frames = body_frames(leg).items()
-    idle = [name for name, i in frames if model.frames[i].parentJoint not in kicking]
-    # more than the base is idle: the robot has another leg
-    other_leg = len(idle) > 1 and any(depth.frame in idle for depth in depths)
-    standing = ", or let the robot stand on its other foot (--support)" if other_leg else ""
-    return (
-        "the ground is level with the ball's lowest point: try another height of the ball "
-        f"(ball_position, --ball-height){standing}"
-    )
+    return find_depths(plan.leg, [plan.q], _ground_height(plan))

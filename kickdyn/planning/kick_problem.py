@@ -3,8 +3,9 @@ r"""The problem of a kick: its terms, postures to start from, and its solution.
 .. math::
     \min_{q, v, s} f(q, v) \quad\text{subject to the terms of the foot, the joints and the stance.}
 
-A limit that every kick must keep is a term in the list of `kick_problem`. A problem is solved from
-those postures, of many that are drawn with a fixed seed, that need the least joint speed.
+A limit that every kick must keep is a term in the list of `kick_problem`, and a solver is an entry
+of `SOLVERS`. A problem is solved from those postures that need the least joint speed, of many that
+are drawn with a fixed seed.
 """
 
 import math
@@ -37,8 +38,15 @@ from kickdyn.planning.objectives import (
     LandingScatter,
     LargestShare,
 )
-from kickdyn.planning.problem import TOLERANCE, Function, LeastViolation, Problem, Term
-from kickdyn.planning.solvers import solve
+from kickdyn.planning.problem import (
+    TOLERANCE,
+    Function,
+    LeastViolation,
+    Problem,
+    Solver,
+    Term,
+    slsqp,
+)
 from kickdyn.planning.stance import Balance, Clearance, SupportImpulse, Upright
 from kickdyn.robot.kicking_chain import KickingChain, check_unconstrained, kicking_chain
 from kickdyn.robot.leg import Leg
@@ -51,6 +59,9 @@ DRAWN, STARTS = 80, 4
 FARTHEST_START, FARTHEST_STANDING_START = 1.0, 0.5
 """Largest angle of a joint in a drawn posture, on a fixed base and on one foot [rad]: farther, a
 leg is bent more than in any kick, and the trunk of a standing robot lies down."""
+
+SOLVERS: dict[str, Solver] = {"slsqp": slsqp}
+"""Solvers of the problem of a kick, by name."""
 
 AnyTerm = TypeVar("AnyTerm", bound=Term[KickPoint])
 
@@ -66,6 +77,7 @@ class KickProblem:
         foot_directions: in which the foot can move at all, orthonormal rows, shape `(k, 3)`.
         terms: the conditions and bounds, without an objective.
         drawn: postures that are drawn, shape `(m, n)` [rad; m for prismatic joints].
+        solver: that solves it.
         heading: see `robot`.
         standing: the robot on its foot; None for a leg on a fixed base.
     """
@@ -76,6 +88,7 @@ class KickProblem:
     foot_directions: Array
     terms: tuple[Term[KickPoint], ...]
     drawn: Array
+    solver: Solver
     heading: float = 0.0
     standing: StandingRobot | None = None
 
@@ -101,26 +114,18 @@ class KickProblem:
         if optional := [term for term in self.terms if not term.required]:
             yield self.without(optional)
 
-    def solve(
-        self, objective: Function[KickPoint], starts: Sequence[Array] | None = None
-    ) -> list[KickPoint]:
-        """Return the solutions from each start that reach the whole foot velocity."""
-        terms = (objective, *self.terms, FullShare(self.variables))
-        return self._solve(terms, self.starts() if starts is None else starts)
+    def solve(self, objective: Function[KickPoint], starts: Sequence[Array]) -> list[KickPoint]:
+        """Return the solutions from each start, with exact foot velocities.
 
-    def solve_for_share(self, starts: Sequence[Array]) -> list[KickPoint]:
-        """Return the solutions from each start that reach the largest share of it."""
-        return self._solve((LargestShare(), *self.terms), starts)
-
-    def _solve(
-        self, terms: tuple[Term[KickPoint], ...], starts: Sequence[Array]
-    ) -> list[KickPoint]:
-        """Return the solutions of terms from each start, with exact foot velocities."""
-        variables, strike = self.variables, self.find(StrikeVelocity)
+        They reach the whole foot velocity, or as much as possible if that is the objective.
+        """
+        variables, strike, terms = self.variables, self.find(StrikeVelocity), self.terms
         assert strike is not None
-        problem = Problem(variables.size, variables.point, terms)
-        solutions = [x for start in starts if (x := solve(problem, start)) is not None]
-        return [strike.make_exact(variables.point(x)) for x in solutions]
+        if not isinstance(objective, LargestShare):
+            terms += (FullShare(variables),)
+        problem = Problem(variables.size, variables.point, (objective, *terms))
+        solutions = [problem.solve(start, self.solver) for start in starts]
+        return [strike.make_exact(variables.point(x)) for x in solutions if x is not None]
 
     def starts(self) -> list[Array]:
         """Return the unknowns of the drawn postures that need the least joint speed.
@@ -159,7 +164,7 @@ def kick_problem(
     ball_position: float | Array | None = None,
     *,
     limits: bool = True,
-    turn: bool = True,
+    solver: str = "slsqp",
 ) -> KickProblem:
     """Return the problem of a kick.
 
@@ -169,12 +174,14 @@ def kick_problem(
         ball_position: height or position of the ball's centre, shape `(3,)` [m, world frame]; None
             leaves it free.
         limits: whether limits of speed and torque hold.
-        turn: whether a leg on a fixed base whose foot moves in a plane may be turned towards the
-            launch.
+        solver: name of the solver, see `SOLVERS`.
 
     Raises:
-        InvalidInput: a leg that cannot kick in this direction, or a ball beside its plane.
+        InvalidInput: an unknown solver, a leg that cannot kick in this direction, or a ball beside
+            its plane.
     """
+    if solver not in SOLVERS:
+        raise InvalidInput(f"solver is {solver!r}: it must be one of {', '.join(SOLVERS)}")
     draw, heading = np.random.default_rng(0), 0.0
     standing = StandingRobot(robot) if is_floating(robot) else None
     if standing is not None:
@@ -185,7 +192,7 @@ def kick_problem(
         limb = kicking_chain(robot, branches=True)
     variables = KickVariables(limb.leg, target)
     directions = _foot_directions(variables, draw)
-    if standing is None and turn and _leaves(directions, target.impulse):
+    if standing is None and _leaves(directions, target.impulse):
         heading = _heading_towards(directions, target.impulse)
     if heading:
         rotation = pin.rpy.rpyToMatrix(0.0, 0.0, heading)
@@ -213,7 +220,9 @@ def kick_problem(
     lower = np.minimum(np.maximum(variables.lower, -farthest), variables.upper)
     upper = np.maximum(np.minimum(variables.upper, farthest), variables.lower)
     drawn = np.array([draw.uniform(lower, upper) for _ in range(DRAWN)])
-    return KickProblem(robot, limb, variables, directions, tuple(terms), drawn, heading, standing)
+    return KickProblem(
+        robot, limb, variables, directions, tuple(terms), drawn, SOLVERS[solver], heading, standing
+    )
 
 
 def solve_kick(problem: KickProblem, objective: Objective) -> KickSolution:
@@ -244,6 +253,9 @@ def explain_infeasible(problem: KickProblem) -> str:
             solution = _find_solution(problem.without(omitted), LeastViolation(omitted))
             if solution is not None:
                 return omitted[0].explain(solution.point)
+    omitted = [term for term in problem.terms if term.explanation]
+    if _find_solution(problem.without(omitted), LeastViolation(omitted)) is not None:
+        return "it has one only without two or more of its conditions"
     return "the ranges of its joints allow none"
 
 
@@ -254,7 +266,7 @@ def _find_solution(problem: KickProblem, objective: Function[KickPoint]) -> Kick
         if points := variant.solve(objective, starts):
             best = min(points, key=lambda point: float(objective.value(point)[0]))
             return KickSolution(variant, best)
-    points = variant.solve_for_share(starts)
+    points = variant.solve(LargestShare(), starts)
     if not points:
         return None
     strongest = max(points, key=lambda point: point.share)
@@ -288,7 +300,6 @@ def _foot_directions(variables: KickVariables, draw: np.random.Generator) -> Arr
 
 
 def _leaves(directions: Array, vector: Array) -> bool:
-    """Return whether a vector has a part across directions."""
     across = vector - directions.T @ (directions @ vector)
     return bool(np.linalg.norm(across) > 1e-6 * np.linalg.norm(vector))
 

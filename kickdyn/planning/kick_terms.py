@@ -44,6 +44,7 @@ class KickVariables:
         leg: on a fixed base.
         target: impulse and contact that the foot must bring about.
         names: of the joints that move the foot.
+        n, size: numbers of these joints and of the unknowns, 2 n + 1.
         qs, vs: indices of these joints in q and v of the leg, shape `(n,)`.
         lower, upper: range of these joints, shape `(n,)` [rad; m for prismatic joints].
         velocity_scale: speed limits, or `UNLIMITED`, shape `(n,)` [rad/s].
@@ -53,20 +54,12 @@ class KickVariables:
         chain = kicking_chain(leg)
         self.leg, self.target = leg, target
         self.names, self.qs, self.vs = chain.names, chain.qs, chain.vs
+        self.n = len(chain.names)
+        self.size = 2 * self.n + 1
         self.lower, self.upper = chain.lower, chain.upper
         limit = chain.velocity_limit
         self.velocity_scale = np.where(np.isfinite(limit) & (limit > 0.0), limit, UNLIMITED)
         self._rest = rest_configuration(leg)
-
-    @property
-    def n(self) -> int:
-        """Number of joints that move the foot."""
-        return len(self.names)
-
-    @property
-    def size(self) -> int:
-        """Number of unknowns."""
-        return 2 * self.n + 1
 
     def posture(self, q: Array) -> Posture:
         """Return the posture for coordinates of the joints that move the foot, shape `(n,)`."""
@@ -160,18 +153,25 @@ class KickTerm(Function[KickPoint]):
 
 
 class Objective(Function[KickPoint]):
-    """A cost of a kick; its derivatives are differences.
+    """A quantity that a kick makes least, or most; its derivatives are differences.
 
     Attributes:
-        unit: of the cost.
+        unit: of the quantity.
+        remark: what the quantity is, in words, where it has no unit.
+        maximized: whether the quantity is made most.
     """
 
     kind = Kind.OBJECTIVE
-    unit = ""
+    unit, remark = "", ""
+    maximized = False
 
     @abstractmethod
+    def quantity(self, point: KickPoint) -> float:
+        """Return the quantity."""
+
     def cost(self, point: KickPoint) -> float:
-        """Return what is to be least; what shall be most is below 0."""
+        """Return what is to be least: the quantity, or minus the quantity."""
+        return -self.quantity(point) if self.maximized else self.quantity(point)
 
     def value(self, point: KickPoint) -> Array:
         return np.array([self.cost(point)])
@@ -183,14 +183,7 @@ class Objective(Function[KickPoint]):
 def slope_by_differences(
     function: Function[KickPoint], point: KickPoint, count: int, step: float
 ) -> Array:
-    """Return the slope of a function of the first `count` unknowns by forward differences.
-
-    Args:
-        function: which depends on no other unknowns.
-        point: where the slope is sought.
-        count: number of unknowns that are varied.
-        step: of the unknowns.
-    """
+    """Return the slope of a function of the first `count` unknowns by forward differences."""
     value = function.value(point)
     slope = np.zeros((len(value), len(point.x)))
     for i in range(count):
@@ -342,7 +335,7 @@ class TorqueLimit(KickTerm):
         return gain * np.reshape(by_q, shape)[self._vs], gain * np.reshape(by_v, shape)[self._vs]
 
     def binding(self, point: KickPoint) -> list[str]:
-        return _binding("torque", self._names, self.use(point))
+        return _reached("torque", self._names, self.use(point))
 
 
 class SpeedLimit(Bounds[KickPoint]):
@@ -354,15 +347,15 @@ class SpeedLimit(Bounds[KickPoint]):
         self._names, self._vs = variables.names, variables.vs
         self.limit = _usable(variables.leg.velocity_limit[self._vs])
         most = np.where(np.isfinite(self.limit), 1.0 - TOLERANCE, np.inf)
-        free = np.full(variables.n, np.inf)
-        self.lower, self.upper = -np.array([*free, *most, np.inf]), np.array([*free, *most, np.inf])
+        self.upper = np.array([*np.full(variables.n, np.inf), *most, np.inf])
+        self.lower = -self.upper
 
     def use(self, point: KickPoint) -> Array:
         """Return the speeds over their limits, shape `(n,)`."""
         return np.abs(point.v[self._vs]) / self.limit
 
     def binding(self, point: KickPoint) -> list[str]:
-        return _binding("speed", self._names, self.use(point))
+        return _reached("speed", self._names, self.use(point))
 
 
 class JointRange(Bounds[KickPoint]):
@@ -404,7 +397,6 @@ def _usable(limit: Array) -> Array:
     return np.where(limit > 0.0, limit, np.inf)
 
 
-def _binding(what: str, names: tuple[str, ...], use: Array) -> list[str]:
-    """Return the limits that are reached, by joint."""
+def _reached(what: str, names: tuple[str, ...], use: Array) -> list[str]:
     pairs = zip(names, use.tolist(), strict=True)
     return [f"{what} of {name}" for name, share in pairs if share > 1.0 - 10 * TOLERANCE]

@@ -13,7 +13,7 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
 from kickdyn.core.mechanics import GRAVITY
-from kickdyn.core.representation import ReprMixin, Row, freeze_arrays
+from kickdyn.core.representation import Row
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.derivatives import DifferentiableFlight
@@ -21,7 +21,15 @@ from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.fly import fly
 from kickdyn.ground import Ground
 from kickdyn.plane import Plane
-from kickdyn.planning.goal import Arc, Goal, LaunchLimit, PlanStatus, nominal_velocity
+from kickdyn.planning.goal import (
+    REASONS,
+    Arc,
+    Goal,
+    LaunchLimit,
+    PlannedLaunch,
+    PlanStatus,
+    nominal_velocity,
+)
 from kickdyn.planning.launch_solver import (
     UP,
     LaunchFamily,
@@ -32,17 +40,6 @@ from kickdyn.planning.launch_solver import (
     distinct,
     solve_launch,
 )
-from kickdyn.planning.passes import Pass
-
-REASONS = {
-    LaunchLimit.SPEED: "the ball would have to start faster than {speed:.4g} m/s",
-    LaunchLimit.SPIN: "the ball would have to spin faster than {spin:.4g} rad/s",
-    LaunchLimit.LEAST_SPEED: "a ball that starts more slowly does not come to the target",
-    LaunchLimit.LOWEST_PATH: "no flight to the target stays so low",
-    LaunchLimit.HIGHEST_PATH: "no flight to the target at up to {speed:.4g} m/s is so high",
-    LaunchLimit.GROUND: "the flight would lead through the ground",
-}
-"""Why no launch within limits of speed and spin meets a goal, as the end of a sentence."""
 
 SPEED_LIMIT = 343.0
 """Speed of sound [m/s]: drag coefficients without a Mach number do not hold beyond."""
@@ -59,7 +56,7 @@ class OutOfReach(InvalidInput):
         nearest: the nearest launch or pass there is; None where none is known.
     """
 
-    def __init__(self, message: str, limit: LaunchLimit, nearest: "Launch | Pass | None") -> None:
+    def __init__(self, message: str, limit: LaunchLimit, nearest: PlannedLaunch | None) -> None:
         self.limit, self.nearest = limit, nearest
         super().__init__(message)
 
@@ -68,44 +65,26 @@ class OutOfReach(InvalidInput):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Launch(ReprMixin):
+class Launch(PlannedLaunch):
     """A launch from the origin that meets a goal, or comes nearest to it.
 
     Attributes:
-        status: `met` or `unreachable`.
-        goal: the goal that was asked for.
         reached: the goal that this launch meets: `goal` where the status is `met`, else the nearest
             there is.
-        limit: reason why the goal is unreachable, see `LaunchLimit`; None where it is met.
-        velocity: velocity of the launch, shape `(3,)` [m/s, world frame].
-        spin: spin of the launch, shape `(3,)` [rad/s, world frame].
         time: time of the flight to the target [s].
         errors: errors of the target (3 components), of the condition beside it and of `beside`
             [m, s, m/s], shape `(4,)`, or `(5,)` with `beside`.
         history: launch velocities of Newton's method, shape `(iterations + 1, 3)` [m/s]. The first
             is the vacuum's answer, Eqs. (24)-(25), or a member of the family of all launches to the
             target where Newton's method fails from there; the last is `velocity`.
-        ball: the ball.
-        air: the air; None is the vacuum.
-        limits: largest launch speed [m/s] and size of the spin that `beside` seeks [rad/s] of
-            `others`; None along the ground, where none are looked for.
+        limits: largest launch speed [m/s] and size of the spin that `beside` seeks [rad/s].
     """
 
-    status: PlanStatus
-    goal: Goal
     reached: Goal
-    limit: LaunchLimit | None
-    velocity: Array
-    spin: Array
     time: float
     errors: Array
     history: Array
-    ball: Ball
-    air: Air | None
-    limits: tuple[float, float] | None
-
-    def __post_init__(self) -> None:
-        freeze_arrays(vars(self))
+    limits: tuple[float, float]
 
     def _rows(self) -> Iterable[Row]:
         yield "status", f"{self.status}: {self.limit}" if self.limit else self.status, ""
@@ -131,26 +110,6 @@ class Launch(ReprMixin):
         """Number of steps of Newton's method."""
         return len(self.history) - 1
 
-    @property
-    def speed(self) -> float:
-        """Launch speed [m/s]."""
-        return math.hypot(*self.velocity)
-
-    @property
-    def angle(self) -> float:
-        """Launch angle above the horizontal [rad]."""
-        return math.atan2(self.velocity[2], math.hypot(self.velocity[0], self.velocity[1]))
-
-    @property
-    def azimuth(self) -> float:
-        """Launch direction from x towards y [rad]."""
-        return math.atan2(self.velocity[1], self.velocity[0])
-
-    @property
-    def state(self) -> BallState:
-        """The ball at the launch, at the origin."""
-        return BallState(velocity=self.velocity, spin=self.spin)
-
     @cached_property
     def others(self) -> "tuple[Launch, ...]":
         """The other launches that meet the goal, by time of flight; computed when first read.
@@ -159,7 +118,7 @@ class Launch(ReprMixin):
         finds from the vacuum's answers: for the goal, and for three times of flight that are then
         free. Only a launch on a curve apart from those can be missing.
         """
-        if self.limit is not None or self.limits is None:
+        if self.limit is not None:
             return ()
         problem = _shooting_problem(self.goal, self.ball, self.air, self.spin)
         direct = _solutions_from_vacuum(problem, self.goal)
@@ -191,15 +150,9 @@ class Launch(ReprMixin):
             named = {name: f"{name} {value} {unit}" for name, value, unit in reached.named_values()}
             straight = " without beside" if reached.beside is None and goal.beside else ""
             nearest = f"the nearest is {named[changed]}{straight}"
-        return f"out of reach: {self.reason}; {nearest}, at {self.speed:.4g} m/s"
-
-    @property
-    def reason(self) -> str:
-        """Why the goal is out of reach, as the end of a sentence; empty where it is met."""
-        if self.limit is None:
-            return ""
-        speed, spin = self.limits or (SPEED_LIMIT, math.inf)
-        return REASONS[self.limit].format(speed=speed, spin=spin)
+        speed, spin = self.limits
+        reason = REASONS[self.limit].format(speed=speed, spin=spin)
+        return f"out of reach: {reason}; {nearest}, at {self.speed:.4g} m/s"
 
 
 @validation.check_arguments
@@ -284,7 +237,7 @@ def _solutions_from_vacuum(problem: ShootingProblem, goal: Goal) -> list[LaunchS
     """Return the solutions that Newton's method finds from the vacuum's answers."""
     solutions, spin = list[LaunchSolution](), [] if goal.beside is None else [0.0]
     for time in goal.nominal_times():
-        start = np.array([*nominal_velocity(goal.target, time), time, *spin])
+        start = np.array([*nominal_velocity(goal.target, time), *spin, time])
         solution = solve_launch(problem, goal, start)
         if solution is None:
             continue
@@ -297,7 +250,6 @@ def _solutions_from_vacuum(problem: ShootingProblem, goal: Goal) -> list[LaunchS
 def _launch(
     family: LaunchFamily, reached: Goal, limit: LaunchLimit | None, solution: LaunchSolution
 ) -> Launch:
-    """Return a solution as a `Launch`."""
     return Launch(
         status=PlanStatus.MET if limit is None else PlanStatus.UNREACHABLE,
         goal=family.goal,
@@ -321,7 +273,6 @@ def _farthest(family: LaunchFamily) -> Launch:
     most = 2.5 * speed / GRAVITY * (1.0 + abs(slope))
 
     def flight(angle: float) -> DifferentiableFlight | None:
-        """Return the flight at an angle to where it comes down to the line; None without such."""
         velocity = speed * (math.cos(angle) * goal.ahead + math.sin(angle) * UP)
         longest = family.problem.shoot(velocity, most)
         if longest is None:
@@ -330,7 +281,6 @@ def _farthest(family: LaunchFamily) -> Launch:
         return None if time is None else replace(longest, end=time)
 
     def negative_distance(angle: float) -> float:
-        """Return minus the distance to where the flight at an angle comes down [m]."""
         path = flight(angle)
         return 0.0 if path is None else -float(goal.ahead @ path.position(path.end))
 
@@ -363,6 +313,7 @@ def _nearest_curve(family: LaunchFamily, solutions: list[LaunchSolution]) -> Lau
         problem.ball,
         problem.air,
         speed_limit=family.speed_limit,
+        spin_limit=family.spin_limit,
     )
     if spun.status != PlanStatus.MET:  # the speed limit is in the way even without `beside`
         return replace(spun, goal=goal)

@@ -59,6 +59,9 @@ Condition = Callable[[Array, DifferentiableFlight], tuple[float, Array]]
 class ShootingProblem:
     """A ball in the air to be shot from the origin.
 
+    The unknowns are the launch velocity [m/s, world frame], the size of the spin along its axis
+    where it is sought [rad/s], and the time of flight [s]; shape `(4,)` or `(5,)`.
+
     Attributes:
         ball: the ball.
         air: the air; None is the vacuum.
@@ -74,32 +77,29 @@ class ShootingProblem:
     tol: float = 1e-12
 
     def sizes(self, unknowns: Array) -> Array:
-        """Return scales of launch velocity [m/s], time [s] and, where sought, spin size [rad/s]."""
-        time = float(unknowns[3])
+        """Return scales of the unknowns."""
+        time = float(unknowns[-1])
         speed = max(math.hypot(*unknowns[:3]), 0.1 * GRAVITY * time)
-        return np.array([*3 * [speed], time, 0.1 * speed / self.ball.radius][: len(unknowns)])
+        spin = [0.1 * speed / self.ball.radius] if self.seeks_spin else []
+        return np.array([speed, speed, speed, *spin, time])
 
     def spin_of(self, size: float) -> Array:
         """Return the spin, shape `(3,)` [rad/s]."""
         return self.spin * size if self.seeks_spin else self.spin
 
-    def shoot(
-        self, velocity: Array, time: float, spin_size: float = 0.0
-    ) -> DifferentiableFlight | None:
-        """Fly from a launch velocity `(3,)` [m/s] for a time [s]; None where that fails.
+    def shoot(self, launch: Array, time: float) -> DifferentiableFlight | None:
+        """Fly for a time [s]; None where that fails.
 
-        The derivatives are by the launch velocity and, where it is sought, by the spin's size.
+        The launch is the unknowns without the time; the derivatives are by these.
         """
-        count = 4 if self.seeks_spin else 3
-        parameters = np.array([*velocity, spin_size])[:count]
-        sizes = self.sizes(np.array([*velocity, time, spin_size]))[[0, 1, 2, 4][:count]]
+        increments = INCREMENT * self.sizes(np.append(launch, time))[:-1]
 
-        def launch(values: Array) -> tuple[BallState, Air | None]:
+        def start(values: Array) -> tuple[BallState, Air | None]:
             spin = np.array(self.spin_of(float(values[-1])))
             return BallState.computed(np.zeros(3), values[:3].copy(), spin), self.air
 
         try:
-            return fly_with_slopes(launch, parameters, INCREMENT * sizes, self.ball, time, self.tol)
+            return fly_with_slopes(start, launch, increments, self.ball, time, self.tol)
         except KickdynError:
             return None
 
@@ -136,9 +136,11 @@ def crossing_time(
 
     It is sought from `begin` [s] on; None where it does not so between there and the end.
     """
-    return _root(
-        lambda time: float(direction @ flight.position(time)) - distance, begin, flight.end
-    )
+
+    def beyond(time: float) -> float:
+        return float(direction @ flight.position(time)) - distance
+
+    return _root(beyond, begin, flight.end)
 
 
 def _extreme_time(flight: DifferentiableFlight, sign: float) -> float:
@@ -164,8 +166,7 @@ class LaunchSolution:
     """The launch at which Newton's method arrived.
 
     Attributes:
-        unknowns: launch velocity [m/s, world frame], time of flight [s] and, for `beside`, the size
-            of the spin along its axis [rad/s]; shape `(4,)` or `(5,)`.
+        unknowns: as of `ShootingProblem`.
         errors: of the target (3 components), of the condition beside it, and of `beside`.
         history: launch velocities, the first guess first, shape `(k, 3)` [m/s].
         trajectory: the flight with its derivatives by launch velocity and spin size.
@@ -182,14 +183,14 @@ class LaunchSolution:
         return self.unknowns[:3]
 
     @property
-    def time(self) -> float:
-        """Time of flight [s]."""
-        return float(self.unknowns[3])
-
-    @property
     def spin_size(self) -> float:
         """Size of the spin along its axis, where that is unknown, else 0 [rad/s]."""
-        return float(self.unknowns[4]) if len(self.unknowns) == 5 else 0.0
+        return float(self.unknowns[3]) if len(self.unknowns) == 5 else 0.0
+
+    @property
+    def time(self) -> float:
+        """Time of flight [s]."""
+        return float(self.unknowns[-1])
 
     @property
     def speed(self) -> float:
@@ -222,10 +223,10 @@ def solve_launch(
 ) -> LaunchSolution | None:
     r"""Solve for a launch by Newton's method from a first guess; None where it fails.
 
-    The unknowns are launch velocity :math:`v`, time :math:`t` and, for `beside`, the spin's size
-    :math:`s`. They solve :math:`x(t; v, s) = x_{target}` together with a condition. Each step
-    integrates one flight with its derivatives, and is halved while it does not reduce the errors.
-    Without a `condition`, it is the goal's; `accuracy` is the largest relative error.
+    The launch :math:`(v, s)` and the time :math:`t` solve :math:`x(t; v, s) = x_{target}` together
+    with a condition. Each step integrates one flight with its derivatives, and is halved while it
+    does not reduce the errors. Without a `condition`, it is the goal's; `accuracy` is the largest
+    relative error.
     """
     length = float(np.linalg.norm(goal.target))
     size = {"time": goal.time, "speed": goal.speed}.get(goal.kind) or length
@@ -238,14 +239,13 @@ def solve_launch(
         if not (np.isfinite(errors).all() and np.isfinite(slopes).all()):
             break
         sizes = problem.sizes(x)
-        matrix = slopes / scale[:, None] * sizes
-        step = np.linalg.lstsq(matrix, -errors / scale, rcond=1e-14)[0]
+        step = np.linalg.lstsq(slopes / scale[:, None] * sizes, -errors / scale, rcond=1e-14)[0]
         step *= sizes / max(1.0, float(np.linalg.norm(step)) / LONGEST_NEWTON_STEP)
         norm = float(np.linalg.norm(errors / scale))
         for halvings in range(12):
             shorter = np.asarray(step * 0.5**halvings)
             moved = np.append(step_in_root(x[:3], shorter[:3]), x[3:] + shorter[3:])
-            if moved[3] <= 0.0:
+            if moved[-1] <= 0.0:
                 continue
             evaluation = residual(moved)
             if float(np.linalg.norm(evaluation[0] / scale)) < norm:  # not where it is nan
@@ -275,7 +275,7 @@ def goal_condition(goal: Goal, x: Array, flight: DifferentiableFlight) -> tuple[
     """Return the error of a goal's condition, and its derivatives by the unknowns."""
     slopes = np.zeros(len(x))
     if goal.time is not None:
-        slopes[3] = 1.0
+        slopes[-1] = 1.0
         return flight.end - goal.time, slopes
     if goal.speed is not None:
         speed = math.hypot(*x[:3])
@@ -283,12 +283,11 @@ def goal_condition(goal: Goal, x: Array, flight: DifferentiableFlight) -> tuple[
         return speed - goal.speed, slopes
     if goal.over is not None:
         distance, wanted = goal.over
-        height, by_launch = crossing(flight, goal.ahead, distance, UP)
+        height, slopes[:-1] = crossing(flight, goal.ahead, distance, UP)
     else:
         assert goal.apex is not None
         wanted = goal.apex
-        height, by_launch = apex(flight)
-    slopes[_launch_columns(x)] = by_launch
+        height, slopes[:-1] = apex(flight)
     return height - wanted, slopes
 
 
@@ -305,20 +304,15 @@ def distinct(solutions: list[LaunchSolution], problem: ShootingProblem) -> list[
 def target_equations(goal: Goal, x: Array, flight: DifferentiableFlight) -> tuple[Array, Array]:
     """Return the errors of target and `beside`, and their derivatives, one row for each."""
     rows = len(x) - 1
-    errors, slopes, columns = np.zeros(rows), np.zeros((rows, len(x))), _launch_columns(x)
+    errors, slopes = np.zeros(rows), np.zeros((rows, len(x)))
     errors[:3] = flight.position(flight.end) - goal.target
-    slopes[:3, 3] = flight.velocity(flight.end)
-    slopes[:3, columns] = flight.slopes(flight.end)
+    slopes[:3, :-1] = flight.slopes(flight.end)
+    slopes[:3, -1] = flight.velocity(flight.end)
     if goal.beside is not None:
         distance, sideways = goal.beside
-        passed, slopes[3, columns] = crossing(flight, goal.ahead, distance, goal.left)
+        passed, slopes[3, :-1] = crossing(flight, goal.ahead, distance, goal.left)
         errors[3] = passed - sideways
     return errors, slopes
-
-
-def _launch_columns(x: Array) -> list[int]:
-    """Return the places of launch velocity and spin size among the unknowns."""
-    return [0, 1, 2, *range(4, len(x))]
 
 
 def _residual(
@@ -326,7 +320,7 @@ def _residual(
 ) -> tuple[Array, Array, DifferentiableFlight | None]:
     """Return errors, their derivatives by the unknowns, and the flight; nan where there is none."""
     n = len(x)
-    flight = problem.shoot(x[:3], float(x[3]), float(x[4]) if n == 5 else 0.0)
+    flight = problem.shoot(x[:-1], float(x[-1]))
     if flight is None:
         return np.full(n, math.nan), np.full((n, n), math.nan), None
     errors, slopes = target_equations(goal, x, flight)
@@ -353,10 +347,7 @@ class LaunchFamily:
         self._coarse = replace(problem, tol=COARSE_TOL)
 
     def curves(self, known: list[LaunchSolution]) -> list[list[LaunchSolution]]:
-        """Return members in order along each curve, and those where the condition turns.
-
-        The walks start from known members, too.
-        """
+        """Return members in order along each curve, and those where the condition turns."""
         curves = list[list[LaunchSolution]]()
         for start in sorted([*known, *self._first_members()], key=lambda member: member.speed):
             is_beyond = bool(curves) and not self.is_inside(start)
@@ -395,10 +386,10 @@ class LaunchFamily:
         for pair in _pairs(curves):
             inside = [member for member in pair if self.is_inside(member)]
             clear = [member for member in inside if member.is_above_ground(self.goal)]
+            buried = [member for member in inside if member not in clear]
             members += clear
-            if len(inside) == 2 and len(clear) == 1:
-                buried = pair[1] if clear[0] is pair[0] else pair[0]
-                members.append(self._last_clear(clear[0], buried))
+            if clear and buried:
+                members.append(self._last_clear(clear[0], buried[0]))
         return members
 
     def refine(self, member: LaunchSolution) -> LaunchSolution:
@@ -407,17 +398,15 @@ class LaunchFamily:
         return solve_launch(self.problem, goal, member.unknowns) or member
 
     def _with_condition(self, **condition: Any) -> Goal:
-        """Return the same target and `beside` with another condition."""
         return Goal(self.goal.target, **condition, beside=self.goal.beside)
 
     def _first_members(self) -> list[LaunchSolution]:
-        """Return members near the vacuum's answers for `FIRST_TIMES`."""
         target = self.goal.target
         slowest = math.sqrt(2 * float(np.linalg.norm(target)) / GRAVITY)
         spin = [] if self.goal.beside is None else [0.0]
         members = []
         for time in (slowest * fraction for fraction in FIRST_TIMES):
-            start = np.array([*nominal_velocity(target, time), time, *spin])
+            start = np.array([*nominal_velocity(target, time), *spin, time])
             members.append(self._member_near(start, np.zeros_like(start), steps=20))
         return [member for member in members if member is not None]
 
@@ -431,21 +420,20 @@ class LaunchFamily:
 
         With a normal of zeros, each step of Newton's method is the least to the curve.
         """
-        if x[3] <= 0.0:
+        if x[-1] <= 0.0:
             return None
-
-        def distance(y: Array, _: DifferentiableFlight) -> tuple[float, Array]:
-            """Return the distance from the plane, and its slopes."""
-            return float(normal @ (y - x)), normal
-
         return solve_launch(
-            self._coarse, self.goal, x, condition=distance, accuracy=100 * COARSE_TOL, steps=steps
+            self._coarse,
+            self.goal,
+            x,
+            condition=lambda y, _: (float(normal @ (y - x)), normal),
+            accuracy=100 * COARSE_TOL,
+            steps=steps,
         )
 
     def _between(
         self, a: LaunchSolution, b: LaunchSolution, fraction: float
     ) -> LaunchSolution | None:
-        """Return a member between two, by the fraction of the way from the first."""
         x, chord = a.unknowns, b.unknowns - a.unknowns
         return self._member_near(x + fraction * chord, chord / self._coarse.sizes(x) ** 2)
 
@@ -460,7 +448,6 @@ class LaunchFamily:
             return {0.0: a, 1.0: b}.get(fraction) or self._between(a, b, fraction)
 
         def value_at(fraction: float) -> float:
-            """Return the value at a fraction of the way; nan where there is no member."""
             between = member(fraction)
             return math.nan if between is None else value(between)
 
@@ -516,7 +503,6 @@ class LaunchFamily:
         chord = b.unknowns - a.unknowns
 
         def rate(member: LaunchSolution) -> float:
-            """Return how fast the condition changes along the curve."""
             sizes, (_, slopes) = self._coarse.sizes(member.unknowns), member.condition(goal)
             tangent = self._tangent(member)
             sign = math.copysign(1.0, float(tangent @ (chord / sizes)))
@@ -545,7 +531,6 @@ class LaunchFamily:
 
 
 def _pairs(curves: list[list[LaunchSolution]]) -> list[tuple[LaunchSolution, LaunchSolution]]:
-    """Return all pairs of neighbours on the curves."""
     return [pair for curve in curves for pair in pairwise(curve)]
 
 

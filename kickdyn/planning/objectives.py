@@ -8,12 +8,12 @@ from enum import StrEnum
 import numpy as np
 
 from kickdyn.air import Air
+from kickdyn.ball import Ball, BallState
 from kickdyn.core.validation import Array
 from kickdyn.errors import NoImpact
 from kickdyn.impact.leg_response import joint_impulses
 from kickdyn.impact.strike import strike
 from kickdyn.planning.kick_terms import KickPoint, Objective
-from kickdyn.planning.launch import Launch
 from kickdyn.planning.problem import Function, Kind
 from kickdyn.planning.scatter import checked_spread, landing_covariances, landing_slopes
 
@@ -37,16 +37,13 @@ class KickObjective(StrEnum):
     SCATTER = "scatter"
     """Root mean square error of the landing [m], for errors of a given `uncertainty`."""
 
-    @property
-    def unit(self) -> str:
-        """Unit of the value; `joint-speed` has none."""
-        return OBJECTIVES[self].unit
-
 
 class JointSpeed(Objective):
     """Mean square of the joints' speeds over their limits."""
 
-    def cost(self, point: KickPoint) -> float:
+    remark = "(mean square of the joint speeds over their limits)"
+
+    def quantity(self, point: KickPoint) -> float:
         variables = point.variables
         return float(np.mean((point.v[variables.vs] / variables.velocity_scale) ** 2))
 
@@ -56,7 +53,7 @@ class KineticEnergy(Objective):
 
     unit = "J"
 
-    def cost(self, point: KickPoint) -> float:
+    def quantity(self, point: KickPoint) -> float:
         return 0.5 * float(point.v @ point.posture.inertia @ point.v)
 
 
@@ -65,7 +62,7 @@ class FootSpeed(Objective):
 
     unit = "m/s"
 
-    def cost(self, point: KickPoint) -> float:
+    def quantity(self, point: KickPoint) -> float:
         return math.hypot(*(point.posture.jacobian @ point.v))
 
 
@@ -74,7 +71,7 @@ class JointImpulse(Objective):
 
     unit = "N s"
 
-    def cost(self, point: KickPoint) -> float:
+    def quantity(self, point: KickPoint) -> float:
         posture, impulse = point.posture, point.variables.target.impulse
         jump, of_constraints = posture.respond(-impulse @ posture.jacobian)
         transmitted, _ = joint_impulses(posture, jump, -impulse, of_constraints)
@@ -87,8 +84,7 @@ class JointImpulse(Objective):
 class MostJointImpulse(JointImpulse):
     """The same, as large as possible."""
 
-    def cost(self, point: KickPoint) -> float:
-        return -super().cost(point)
+    maximized = True
 
 
 class LandingScatter(Objective):
@@ -96,17 +92,20 @@ class LandingScatter(Objective):
 
     Args:
         launch: of the kick.
+        ball: that is kicked.
         air: of the flight.
         uncertainty: standard deviations by source, see `scatter`.
     """
 
     unit = "m"
 
-    def __init__(self, launch: Launch, air: Air | None, uncertainty: Mapping[str, float]) -> None:
+    def __init__(
+        self, launch: BallState, ball: Ball, air: Air | None, uncertainty: Mapping[str, float]
+    ) -> None:
         self._sizes = checked_spread(uncertainty)
-        _, self._slopes = landing_slopes(launch.state, launch.ball, air)  # the launch stays
+        _, self._slopes = landing_slopes(launch, ball, air)  # the launch stays
 
-    def cost(self, point: KickPoint) -> float:
+    def quantity(self, point: KickPoint) -> float:
         target = point.variables.target
         contact = replace(target.contact, offset=None)  # the posture has it
         try:

@@ -11,51 +11,34 @@ from scipy.optimize import brentq
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
-from kickdyn.core.representation import ReprMixin, Row, freeze_arrays
+from kickdyn.core.representation import Row
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.follow import Course, follow
 from kickdyn.ground import Ground, Surface
 from kickdyn.plane import Plane
-from kickdyn.planning.goal import Goal, LaunchLimit, PlanStatus
+from kickdyn.planning.goal import REASONS, Goal, LaunchLimit, PlannedLaunch, PlanStatus
 
 ACCURACY = 1e-6
 """Largest error of time [s] and place [m]; a bounce makes less of them smooth."""
-
-REASONS = {
-    LaunchLimit.SPEED: "the ball would have to start faster than {speed:.4g} m/s",
-    LaunchLimit.ROLLING: "a slower ball stops before the target",
-    LaunchLimit.BOUNCE: "the place where the ball bounces jumps as its speed changes",
-}
-"""Why no pass meets a goal, as the end of a sentence."""
 
 UNREACHED_DELAY = 1e6
 """Delay of a ball that does not come to the target [s]."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Pass(ReprMixin):
+class Pass(PlannedLaunch):
     """A launch that brings the ball to a target along the ground.
 
+    Where the status is `unreachable`, the `limit` is `speed-limit`, `rolling` or `bounce`.
+
     Attributes:
-        status: `met`; or `unreachable`, and this is the nearest pass there is.
-        goal: the goal that was asked for.
-        limit: the reason why the goal is unreachable: `speed-limit`, `rolling` or `bounce`; None
-            where it is met.
-        velocity: velocity of the launch, shape `(3,)` [m/s, world frame].
         course: motion of the ball to the plane through the target that faces the ball.
         aside: distance to the left of the target at which the ball passes it [m].
     """
 
-    status: PlanStatus
-    goal: Goal
-    limit: LaunchLimit | None
-    velocity: Array
     course: Course
     aside: float
-
-    def __post_init__(self) -> None:
-        freeze_arrays(vars(self))
 
     def _rows(self) -> Iterable[Row]:
         yield "status", f"{self.status}: {self.limit}" if self.limit else self.status, ""
@@ -68,6 +51,11 @@ class Pass(ReprMixin):
         return self.course._picture()
 
     @property
+    def iterations(self) -> int:
+        """Number of steps of Newton's method: 0, because Brent's method finds the launch."""
+        return 0
+
+    @property
     def time(self) -> float:
         """Time at which the ball comes to the target, or to rest before it [s]."""
         return self.course.duration
@@ -77,16 +65,10 @@ class Pass(ReprMixin):
         """A line that says whether the goal is met, and if not, why."""
         if self.limit is None:
             return f"the pass takes {self.time:.4g} s"
+        reason = REASONS[self.limit].format(speed=self.speed)
         if self.course.status == "at-plane":
-            return f"{self.reason}; the nearest is {self.time:.4g} s"
-        return f"{self.reason}; the farthest is {self.course.distance:.4g} m"
-
-    @property
-    def reason(self) -> str:
-        """Why the goal is out of reach, as the end of a sentence; empty where it is met."""
-        if self.limit is None:
-            return ""
-        return REASONS[self.limit].format(speed=math.hypot(*self.velocity))
+            return f"{reason}; the nearest is {self.time:.4g} s"
+        return f"{reason}; the farthest is {self.course.distance:.4g} m"
 
 
 @validation.check_arguments
@@ -137,16 +119,13 @@ def plan_pass(
     duration = goal.time
 
     def play(speed: float, turn: float) -> tuple[Array, Course]:
-        """Return launch velocity and course for a speed and a direction."""
         level = math.cos(turn) * goal.ahead + math.sin(turn) * goal.left
         velocity = speed * (math.cos(angle) * level + np.array([0, 0, math.sin(angle)]))
-        return velocity, follow(
-            BallState(start, velocity, goal.spin), ball, air, ground, plane=plane
-        )
+        state = BallState(start, velocity, goal.spin)
+        return velocity, follow(state, ball, air, ground, plane=plane)
 
     def delay(turn: float, speed: float) -> float:
-        """Return how much too late the ball comes to the target [s]."""
-        _, course = play(speed, turn)
+        course = play(speed, turn)[1]
         return course.duration - duration if course.status == "at-plane" else UNREACHED_DELAY
 
     turn = 0.0
@@ -159,9 +138,10 @@ def plan_pass(
         turn -= math.atan2(aside, goal.distance)
     on_time = course.status == "at-plane" and abs(course.duration - duration) <= ACCURACY
     if on_time and abs(aside) <= ACCURACY:
-        return Pass(PlanStatus.MET, goal, None, velocity, course, aside)
-    obstacle = obstacle or LaunchLimit.BOUNCE
-    return Pass(PlanStatus.UNREACHABLE, goal, obstacle, velocity, course, aside)
+        status, obstacle = PlanStatus.MET, None
+    else:
+        status, obstacle = PlanStatus.UNREACHABLE, obstacle or LaunchLimit.BOUNCE
+    return Pass(status, goal, obstacle, velocity, goal.spin, ball, air, course, aside)
 
 
 def _solve_speed(delay: Callable[[float], float], limit: float) -> tuple[float, LaunchLimit | None]:
@@ -172,7 +152,5 @@ def _solve_speed(delay: Callable[[float], float], limit: float) -> tuple[float, 
     if delay(slow) <= 0.0:
         return slow, LaunchLimit.ROLLING
     speed = float(brentq(delay, slow, limit, xtol=1e-13 * limit, rtol=1e-13))
-    stops = (
-        delay(speed * (1 - 1e-12)) == UNREACHED_DELAY
-    )  # slower than the slowest that comes there
-    return speed * (1 + 1e-12), LaunchLimit.ROLLING if stops else None
+    slightly_slower_stops = delay(speed * (1 - 1e-12)) == UNREACHED_DELAY
+    return speed * (1 + 1e-12), LaunchLimit.ROLLING if slightly_slower_stops else None

@@ -8,15 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from kickdyn.ball import BallState
 from kickdyn.errors import InvalidInput
-from kickdyn.flight.flight_result import Flight
-from kickdyn.flight.fly import fly
 from kickdyn.flight.follow import Course
 from kickdyn.planning.backswing import Backswing
 from kickdyn.planning.goal import Goal, PlanStatus
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.launch import Launch, OutOfReach
+from kickdyn.planning.objectives import OBJECTIVES
+from kickdyn.planning.passes import Pass
 from kickdyn.planning.scatter import Scatter, scatter
 from kickdyn.planning.swing import Swing
 from kickdyn.planning.swing_phase import SwingPhase
@@ -93,38 +92,40 @@ class PlanReport:
 
     def table(self) -> list[str]:
         """Return the plan's numbers as lines of text."""
-        plan, launch = self.plan, self.plan.launch
-        impact, leg = plan.impact, plan.leg
+        plan, launch, impact, leg = self.plan, self.plan.launch, self.plan.impact, self.plan.leg
         up, left = plan.impact_target.contact_offset
-        heading = _aside(math.degrees(plan.heading), 2, "deg")
-        turned = [f"base    turned by {heading}"]
-        unit = plan.objective.unit or "(mean square of the joint speeds over their limits)"
-        given = impact.contact.restitution
-        used = describe_restitution(given, impact.restitution, impact.approach_speed)
-        return [
+        objective = OBJECTIVES[plan.objective]
+        restitution = describe_restitution(
+            impact.contact.restitution, impact.restitution, impact.approach_speed
+        )
+        lines = [
             f"launch  {launch.speed:.4f} m/s, {_rounded(math.degrees(launch.angle), 3)} deg above "
             f"the horizontal, {_aside(math.degrees(launch.azimuth), 3, 'deg')}",
             f"impact  contact point {_rounded(1e3 * abs(up), 1)} mm "
             f"{'above' if up >= 0.0 else 'below'} the ball's centre and "
             f"{_aside(1e3 * left, 1, 'mm')}, "
             f"impulse {math.hypot(*impact.impulse):.4f} N s, "
-            f"foot speed {math.hypot(*impact.foot_velocity):.4f} m/s{', ' if used else ''}{used}",
-            f"leg     {_limit_use(speed=plan.speed_use, torque=plan.torque_use)} of the joints; "
+            f"foot speed {math.hypot(*impact.foot_velocity):.4f} m/s"
+            f"{', ' if restitution else ''}{restitution}",
+            f"leg     {_limit_use(plan.speed_use, plan.torque_use)} of the joints; "
             f"largest joint impulse {impact.worst_joint[1]:.3g} N s, at "
-            f"{impact.worst_joint[0]}; objective {plan.objective} = {plan.value:.4g} {unit}",
-            *(turned if not heading.startswith("0.00 ") else []),
-            *(
-                f"  {name:24} {_rounded(value, 2):>9} {unit}  "
-                f"{_rounded(plan.v[leg.velocity_index(name)], 3):>9} {leg.joint_unit(name)}/s"
-                for name, (value, unit) in leg.display_values(plan.q).items()
-                if plan.v[leg.velocity_index(name)] != 0.0 or value != 0.0
-            ),
+            f"{impact.worst_joint[0]}; objective {plan.objective} = {plan.value:.4g} "
+            f"{objective.unit or objective.remark}",
         ]
+        if abs(math.degrees(plan.heading)) >= 0.005:
+            lines.append(f"base    turned by {_aside(math.degrees(plan.heading), 2, 'deg')}")
+        for name, (value, unit) in leg.display_values(plan.q).items():
+            speed = plan.v[leg.velocity_index(name)]
+            if speed != 0.0 or value != 0.0:
+                lines.append(
+                    f"  {name:24} {_rounded(value, 2):>9} {unit}  "
+                    f"{_rounded(speed, 3):>9} {leg.joint_unit(name)}/s"
+                )
+        return lines
 
     def to_json(self) -> dict[str, Any]:
         """Return the report as what JSON can hold: SI units, degrees where a name says so."""
-        plan, launch = self.plan, self.plan.launch
-        impact, leg = plan.impact, plan.leg
+        plan, launch, impact, leg = self.plan, self.plan.launch, self.plan.impact, self.plan.leg
         up, left = plan.impact_target.contact_offset
         report = {
             "status": plan.status,
@@ -135,8 +136,7 @@ class PlanReport:
                 "azimuth_deg": math.degrees(launch.azimuth),
             },
             "impact": {
-                **_attributes(impact, "impulse foot_velocity"),
-                "restitution": impact.restitution,
+                **_attributes(impact, "impulse foot_velocity restitution"),
                 "restitution_given": impact.contact.restitution,
                 "normal": impact.contact.normal.tolist(),
                 "up_m": up,
@@ -155,9 +155,6 @@ class PlanReport:
             "time": plan.path.duration,
             **_attributes(plan, "share landing_error time_error warnings"),
         }
-        if plan.share < 1.0:
-            path = flight_within_limits(plan)
-            report["within_limits"] = path and {"distance": path.range, "time": path.duration}
         if self.wall is not None:
             above, beside, _ = passage_of(self.wall, plan) or (None, None, None)
             report["wall"] = {"above": above, "beside": beside}
@@ -194,20 +191,16 @@ class PlanReport:
 
 def verdict(plan: KickPlan) -> str:
     """Return in a line whether the goal is met, and else where the kick ends."""
-    where = ", ".join(f"{coordinate:.4g}" for coordinate in plan.goal.target)
-    path = plan.path
-    after = f"after {path.duration:.4g} s"
+    path, after = plan.path, f"after {plan.path.duration:.4g} s"
+    target = f"the target ({', '.join(f'{coordinate:.4g}' for coordinate in plan.goal.target)}) m"
     if plan.share == 1.0:
-        beyond = (
-            ""
-            if plan.status == PlanStatus.MET
-            else " The backswing takes more than the torque limits of the robot."
+        line = (
+            f"The ball reaches {target} {after}; the computed impact and flight miss it by "
+            f"{plan.landing_error:.2g} m."
         )
-        return (
-            f"The ball reaches the target ({where}) m {after}; the computed impact and flight "
-            f"miss it by {plan.landing_error:.2g} m.{beyond}"
-        )
-    missed = "" if plan.landing_error < 5e-4 else f", {plan.landing_error:.3g} m from the target"
+        if plan.status != PlanStatus.MET:
+            line += " The backswing takes more than the torque limits of the robot."
+        return line
     if path.status == "at-plane":
         late = "late" if plan.time_error > 0 else "early"
         end = f"passes the target {after}, {abs(plan.time_error):.3g} s too {late}"
@@ -217,40 +210,28 @@ def verdict(plan: KickPlan) -> str:
         does = "lands" if path.status == "landed" else "is still aloft"
         end = f"{does} {path.range:.4g} m away {after}"
     limits = f" ({', '.join(plan.binding)})" if plan.binding else ""
+    missed = "" if plan.landing_error < 5e-4 else f", {plan.landing_error:.3g} m from the target"
     return (
         f"The goal is beyond the limits of the leg{limits}. Its hardest kick in this direction "
-        f"gives the ball {plan.share:.0%} of the speed that the target ({where}) m requires. "
-        f"The ball {end}{missed}."
+        f"gives the ball {plan.share:.0%} of the speed that {target} requires. The ball "
+        f"{end}{missed}."
     )
 
 
 def unreachable_json(goal: Goal, error: OutOfReach) -> dict[str, Any]:
     """Return what `--json` writes of a goal that nothing meets."""
-    report = {
+    nearest = None
+    match error.nearest:
+        case Launch() as launch:
+            nearest = {**_goal_json(launch.reached), "launch_speed": launch.speed}
+        case Pass() as launch:
+            nearest = {"distance": launch.course.distance, "time": launch.time}
+    return {
         "status": PlanStatus.UNREACHABLE,
         "goal": _goal_json(goal),
         "limit": error.limit,
-        "nearest": None,
+        "nearest": nearest,
     }
-    if isinstance(error.nearest, Launch):
-        launch = error.nearest
-        report["nearest"] = {**_goal_json(launch.reached), "launch_speed": launch.speed}
-    elif error.nearest is not None:
-        report["nearest"] = {
-            "distance": error.nearest.course.distance,
-            "time": error.nearest.time,
-        }
-    return report
-
-
-def flight_within_limits(plan: KickPlan) -> Flight | None:
-    """Return a flight in the kick's direction, 0.5 % within the limits, if known."""
-    if isinstance(plan.path, Course) or plan.launch.spin.any() or plan.launch.angle <= 0.0:
-        return None
-    state = plan.impact.ball_after
-    slower = BallState(state.position, 0.995 * state.velocity)
-    path = fly(slower, plan.impact.ball, plan.launch.air)
-    return path if path.status == "landed" else None
 
 
 def _describe_joints_after(plan: KickPlan, *, limits: bool) -> str:
@@ -270,7 +251,6 @@ def _describe_joints_after(plan: KickPlan, *, limits: bool) -> str:
 
 
 def _describe_scatter(landing: Scatter) -> str:
-    """Return in a line how far off the ball lands, by source."""
     errors = ", ".join(
         f"{math.sqrt(float(covariance.trace())):.3g} m from {source}"
         for source, covariance in landing.by_source.items()
@@ -285,13 +265,10 @@ def _least_friction(frame: str, plan: KickPlan) -> float | None:
 
 
 def _describe_stance(frame: str, plan: KickPlan) -> str:
-    """Return how a robot stands on a support, in a line."""
     friction, state = _least_friction(frame, plan), plan.impact.footing[frame]
-    needs = (
-        f", which takes a coefficient of friction of at least {friction:.2g}"
-        if state == "stands" and friction
-        else ""
-    )
+    needs = ""
+    if state == "stands" and friction:
+        needs = f" if the coefficient of friction is at least {friction:.2g}"
     return (
         f"The robot stands on {frame}, with its centre of mass {1e3 * (plan.balance or 0.0):.1f} "
         f"mm inside the edge of the sole, seen from above. In the impact this foot "
@@ -301,45 +278,41 @@ def _describe_stance(frame: str, plan: KickPlan) -> str:
 
 
 def _describe_swing(swing: Swing) -> str:
-    """Return a swing in a line."""
     if swing.status != PlanStatus.MET:
         return f"The leg cannot swing to this kick within its limits: {swing.limit}."
     return (
         f"The swing takes {swing.backswing.duration:.3g} s from rest to the impact and "
         f"{swing.follow_through.duration:.3g} s from there to rest, with "
-        f"{_limit_use(torque=swing.torque_use, speed=swing.speed_use)}."
+        f"{_limit_use(swing.speed_use, swing.torque_use)}."
     )
 
 
 def _describe_backswing(backswing: Backswing) -> str:
-    """Return the backswing of a standing robot in a line."""
     phase = backswing.phase
     return (
         f"The backswing takes {phase.duration:.3g} s from rest to the impact, with "
-        f"{_limit_use(torque=phase.torque_use, speed=phase.speed_use)}. The kicking foot stays at "
+        f"{_limit_use(phase.speed_use, phase.torque_use)}. The kicking foot stays at "
         f"least {1e3 * backswing.clearance:.1f} mm above the ground."
     )
 
 
-def _limit_use(**uses: float) -> str:
-    """Return the largest use of each kind of limit in words; 0 is of joints without a limit."""
+def _limit_use(speed: float, torque: float) -> str:
+    """Return the largest use of limits in words; 0 is of joints without a limit."""
+    uses = {"speed": speed, "torque": torque}
     named = [f"{use:.0%} of the {name} limits" for name, use in uses.items() if use > 0.0]
     return f"up to {' and '.join(named)}" if named else "no use of the limits"
 
 
 def _motion_json(phase: SwingPhase) -> dict[str, Any]:
-    """Return the motion of a phase at its nodes."""
     motion = phase.sample(phase.nodes)
     return _attributes(motion, " ".join(motion._fields))
 
 
 def _attributes(source: object, names: str) -> dict[str, Any]:
-    """Return attributes by name, arrays and tuples as lists."""
     return {name: np.asarray(getattr(source, name)).tolist() for name in names.split()}
 
 
 def _goal_json(goal: Goal) -> dict[str, Any]:
-    """Return a goal as what JSON can hold."""
     beside = {} if goal.beside is None else {"beside": goal.beside}
     return {"target_m": goal.target.tolist(), goal.kind: getattr(goal, goal.kind), **beside}
 

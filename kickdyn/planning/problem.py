@@ -1,4 +1,4 @@
-r"""Problems made of terms.
+r"""Problems made of terms, and their solution by SLSQP.
 
 A `Problem` has unknowns :math:`x` and a list of terms. Its objective :math:`f`, equalities
 :math:`h`, inequalities :math:`g` and bounds come from the terms alone:
@@ -7,7 +7,8 @@ A `Problem` has unknowns :math:`x` and a list of terms. Its objective :math:`f`,
     x_{min} \le x \le x_{max}.
 
 Neither a problem nor a solver knows what the unknowns mean. Terms know: the problem's `point` makes
-from the unknowns what its terms evaluate, such as a posture and a joint velocity.
+from the unknowns what its terms evaluate, such as a posture and a joint velocity. A solver need not
+say whether it succeeded, because `Problem.solve` judges the terms at what it returns.
 """
 
 from abc import ABC, abstractmethod
@@ -15,9 +16,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property, lru_cache
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
+from scipy.optimize import minimize
 
 from kickdyn.core.validation import Array
 
@@ -175,8 +177,12 @@ class Problem(Generic[Point]):
         point = self._point(x)
         return np.concatenate([f.slope(point) / f.scale for f in self.functions(kind)])
 
-    def is_solved(self, x: Array) -> bool:
-        """Return whether unknowns within the bounds keep all conditions within `TOLERANCE`."""
+    def solve(self, start: Array, solver: "Solver") -> Array | None:
+        """Return unknowns that solve the problem, near some to start from; None without any."""
+        x = np.clip(solver(self, start), *self.bounds)
+        return x if self._is_solved(x) else None
+
+    def _is_solved(self, x: Array) -> bool:
         if not np.isfinite(x).all():
             return False
         equal, margins = self.values(Kind.EQUALITY, x), self.values(Kind.INEQUALITY, x)
@@ -184,5 +190,36 @@ class Problem(Generic[Point]):
 
     @cached_property
     def _point(self) -> Callable[[Array], Point]:
-        """The function `point`, which remembers its last result."""
         return keep_last(self.point)
+
+
+Solver = Callable[[Problem[Any], Array], Array]
+"""From a problem and unknowns to start from to unknowns that may solve it, shape `(n,)`."""
+
+
+def slsqp(problem: Problem[Any], start: Array) -> Array:
+    """Solve by sequential least squares (SLSQP of SciPy), the objective scaled to 1 at the start.
+
+    Source: D. Kraft, A software package for sequential quadratic programming, DFVLR-FB 88-28, 1988.
+    """
+    scale = abs(float(problem.values(Kind.OBJECTIVE, start)[0])) or 1.0
+    lower, upper = problem.bounds
+    constraints = [
+        {
+            "type": name,
+            "fun": lambda x, kind=kind: problem.values(kind, x),
+            "jac": lambda x, kind=kind: problem.slopes(kind, x),
+        }
+        for name, kind in (("eq", Kind.EQUALITY), ("ineq", Kind.INEQUALITY))
+        if problem.functions(kind)
+    ]
+    result = minimize(
+        lambda x: float(problem.values(Kind.OBJECTIVE, x)[0]) / scale,
+        np.clip(start, lower, upper),
+        jac=lambda x: problem.slopes(Kind.OBJECTIVE, x)[0] / scale,
+        method="SLSQP",
+        bounds=list(zip(lower, upper, strict=True)),
+        constraints=constraints,
+        options={"maxiter": 80, "ftol": 1e-7},
+    )
+    return np.asarray(result.x)

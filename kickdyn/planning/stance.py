@@ -164,19 +164,18 @@ class Upright(StanceTerm):
     def derivatives(self, posture: Posture, v: Array) -> tuple[Array, None]:
         leg = posture.leg
         pin.computeJointJacobians(leg.workspace.model, leg.workspace.data, posture.q)
-        jacobian, axis = joint_jacobian(posture, self._number(posture)), self._direction(posture)
+        jacobian = joint_jacobian(posture, self._trunk_joint(posture))
+        axis = self._direction(posture)
         return axis[1] * jacobian[3:4] - axis[0] * jacobian[4:5], None
 
-    def _number(self, posture: Posture) -> int:
+    def _trunk_joint(self, posture: Posture) -> int:
         """Return the number of the joint that carries the trunk; 0 if none moves it."""
         model = posture.leg.workspace.model
-        known = self._joint and model.existJointName(self._joint)
-        return int(model.getJointId(self._joint)) if known else 0
+        return int(model.getJointId(self._joint)) if model.existJointName(self._joint) else 0
 
     def _direction(self, posture: Posture) -> Array:
         """Return the trunk's axis that is vertical in the upright robot, `(3,)` [world frame]."""
-        number = self._number(posture)
-        if number == 0:
+        if (number := self._trunk_joint(posture)) == 0:
             return np.array([0.0, 0.0, 1.0])
         return np.asarray(posture.leg.workspace.data.oMi[number].rotation @ self._axis)
 
@@ -259,9 +258,8 @@ def joint_jacobian(posture: Posture, joint: int) -> Array:
 def height_slopes(jacobian: Array, arms: Array) -> Array:
     """Return the derivatives by q of the heights of points that a joint carries, `(k, nv)`.
 
-    Args:
-        jacobian: of the joint's frame, shape `(6, nv)`.
-        arms: from the joint's origin to the points, shape `(k, 3)` [m, world axes].
+    The Jacobian is of the joint's frame, `(6, nv)`; the arms are from its origin to the points,
+    `(k, 3)` [m, world axes].
     """
     # the vertical component of v + w x arm
     turning = np.outer(arms[:, 1], jacobian[3]) - np.outer(arms[:, 0], jacobian[4])

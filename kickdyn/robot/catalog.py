@@ -1,7 +1,6 @@
 """Robots by name: those of example-robot-data, with their feet, and those of robot_descriptions."""
 
 import sys
-from collections.abc import Sequence
 from contextlib import redirect_stdout
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -153,15 +152,7 @@ def robot(name: str) -> Robot:
 
 
 def robot_model(name: str, base: str) -> Any:
-    """Return the `pin.Model` of a robot, its base turned to x forward, z up.
-
-    Args:
-        name: of the robot.
-        base: `fixed` or `floating`.
-
-    Raises:
-        InvalidInput: unknown robot or base, or the package is not installed.
-    """
+    """Return the `pin.Model` of a robot, its base turned to x forward, z up."""
     check_base(base)
     known, file = robot(name), robot_file(name)
     model = build_model(file.text, file.source, "floating")
@@ -172,12 +163,6 @@ def robot_model(name: str, base: str) -> Any:
     if known.contact_points:
         _add_contact_points(model, known)
     return model
-
-
-def outside_legs(name: str, joints: Sequence[str]) -> list[str]:
-    """Return which of a robot's joints are neither a leg's nor the floating base."""
-    legs = robot(name).legs
-    return [joint for joint in joints if not joint.startswith((*legs, "root_joint"))]
 
 
 def _add_contact_points(model: Any, known: Robot) -> None:
@@ -194,11 +179,7 @@ def _add_contact_points(model: Any, known: Robot) -> None:
 
 
 def robot_file(name: str) -> UrdfFile:
-    """Return a robot's URDF.
-
-    Raises:
-        InvalidInput: unknown robot, or the package is not installed.
-    """
+    """Return a robot's URDF; raise `InvalidInput` unless it is known and installed."""
     return read_document(robots_folder() / robot(name).file)
 
 
@@ -217,30 +198,10 @@ def robots_folder() -> Path:
     )
 
 
-@dataclass(frozen=True)
-class Description:
-    """The file of a robot, in the cache of robot_descriptions.
+def find_description(name: str) -> tuple[Path, tuple[Path, ...]]:
+    """Return the URDF or MJCF file of a robot of robot_descriptions, and folders with its meshes.
 
-    Attributes:
-        file: a URDF or an MJCF.
-        is_mjcf: which of them.
-        folders: of the robot's package, where its meshes and other files are.
-    """
-
-    file: Path
-    is_mjcf: bool
-    folders: tuple[Path, ...]
-
-
-def find_description(name: str) -> Description:
-    """Return the files of a robot, downloaded the first time.
-
-    Args:
-        name: of a module of robot_descriptions, such as `atlas_v4_description`.
-
-    Raises:
-        InvalidInput: no such name, the package is not installed, a download fails, or there is
-            neither a URDF nor an MJCF.
+    It is downloaded the first time.
     """
     known = _description_names()
     if name not in known:
@@ -269,8 +230,7 @@ def find_description(name: str) -> Description:
             "read it with Leg.from_urdf"
         )
     package, repository = Path(module.PACKAGE_PATH), Path(module.REPOSITORY_PATH)
-    folders = (package, repository, package.parent)
-    return Description(Path(path), not hasattr(module, "URDF_PATH"), folders)
+    return Path(path), (package, repository, package.parent)
 
 
 def _description_names() -> list[str]:

@@ -105,20 +105,12 @@ def find_depths(leg: Leg, configurations: Sequence[Array], floor: float) -> list
 def body_frames(leg: Leg) -> dict[str, int]:
     """Return the frames of a leg that have shapes, by name; all frames where none has any."""
     every = frames_by_name(leg.workspace.model)
-    shaped = (
-        {}
-        if leg.file is None
-        else _shapes_by_frame(leg.file) | _shapes_by_frame(leg.file, collisions=True)
-    )
+    shaped = {} if leg.file is None else leg.file.visuals_by_frame | leg.file.collisions_by_frame
     return {name: every[name] for name in shaped if name in every} or every
 
 
 def shape_of(leg: Leg, frame: str, *, meshes: bool = True) -> Spheres:
-    """Return the body at a frame, in the frame's axes: a point where its file has no shape.
-
-    It is what the file draws; where a mesh of that cannot be read, or nothing is drawn, also what
-    the file has for contacts.
-    """
+    """Return the body at a frame, in the frame's axes: a point where its file has no shape."""
     return joined(shapes_of(leg, frame, meshes=meshes))
 
 
@@ -130,41 +122,35 @@ def joined(shapes: Sequence[Spheres]) -> Spheres:
 
 
 def shapes_of(leg: Leg, frame: str, *, meshes: bool = True) -> list[Spheres]:
-    """Return the shapes of `shape_of`, each convex; none where the file has no readable shape."""
+    """Return the convex shapes at a frame; none where the file has no readable shape.
+
+    They are what the file draws; where a mesh of that cannot be read, or nothing is drawn, also
+    what the file has for contacts. Without `meshes`, those that are meshes are left out.
+    """
     if leg.file is None:
         return []
-    visuals = _shapes_by_frame(leg.file).get(frame, [])
-    shapes = _read_shapes(leg.file, visuals, meshes)
-    if not visuals or any(isinstance(shape, str) for shape in shapes):
-        shapes += _read_shapes(
-            leg.file, _shapes_by_frame(leg.file, collisions=True).get(frame, []), meshes
-        )
-    return [shape for shape in shapes if not isinstance(shape, str)]
+    drawn, shapes = leg.file.visuals_by_frame.get(frame, []), []
+    wanted = list(drawn)
+    if not drawn or find_unread(leg, frame, meshes=meshes):
+        wanted += leg.file.collisions_by_frame.get(frame, [])
+    for visual in wanted:
+        if meshes or visual.shape != Shape.MESH:
+            shape = _spheres(leg.file, visual)
+            shapes += [] if isinstance(shape, str) else [shape]
+    return shapes
 
 
-def _read_shapes(file: RobotFile, visuals: Sequence[Visual], meshes: bool) -> list[Spheres | str]:
-    """Return spheres that span visuals, or why they cannot be read; without `meshes`, no meshes."""
-    return [_spheres(file, item) for item in visuals if meshes or item.shape != Shape.MESH]
-
-
-def find_unread(leg: Leg, frame: str) -> str:
+def find_unread(leg: Leg, frame: str, *, meshes: bool = True) -> str:
     """Return why a shape that the file of a leg draws at a frame cannot be read, or nothing."""
     if leg.file is None:
         return ""
-    shapes = _read_shapes(leg.file, _shapes_by_frame(leg.file).get(frame, []), True)
+    drawn = leg.file.visuals_by_frame.get(frame, [])
+    shapes = [_spheres(leg.file, item) for item in drawn if meshes or item.shape != Shape.MESH]
     return next((reason for reason in shapes if isinstance(reason, str)), "")
 
 
 _known: WeakKeyDictionary[Visual, Spheres | str] = WeakKeyDictionary()
 """What `_spheres` returned before: reading a mesh takes a tenth of a second."""
-
-
-def _shapes_by_frame(file: RobotFile, *, collisions: bool = False) -> dict[str, list[Visual]]:
-    """Return what a file draws, or has for contacts, by frame; none where it cannot be read."""
-    try:
-        return file.collisions_by_frame if collisions else file.visuals_by_frame
-    except InvalidInput:  # a page of the leg says why
-        return {}
 
 
 def _spheres(file: RobotFile, visual: Visual) -> Spheres | str:

@@ -21,6 +21,10 @@ LIMIT_TOLERANCE = 1e-6
 """By how much a range may be passed without a warning [rad; m]; a speed limit, as a share of it."""
 
 
+DEGREES_FACTOR = 10.0
+"""Angle, as a multiple of the farther end of the joint's range, that looks like degrees."""
+
+
 class Mimic(NamedTuple):
     r"""A joint that moves with another, its driver: :math:`q = a\,q_\mathrm{driver} + b`.
 
@@ -161,10 +165,6 @@ class JointTable:
         Returns:
             Shape `(nq,)`; a joint without limits has cosine and sine there, a floating base
             position and quaternion.
-
-        Raises:
-            InvalidInput: no such joint, a value that is not finite, or a mimic joint at another
-                value than its driver gives it.
         """
         step, named = np.zeros(self.nv), validation.mapping("angles", angles)
         for name, value in named.items():
@@ -188,22 +188,14 @@ class JointTable:
         else:
             checked = self._expanded(q, *self._short_form)
         if self.nq != self.nv and not pin.isNormalized(self._model, checked, 1e-9):
-            name, coordinates = self._not_unit(checked)
             raise InvalidInput(
-                f"q is {checked.tolist()}: {coordinates} of {name} must have length 1 "
-                "(Leg.configuration makes one from angles)"
+                f"q is {checked.tolist()}: quaternions (xyzw, last) and the (cos, sin) pairs of "
+                "continuous joints must have length 1 (Leg.configuration makes one from angles)"
             )
         return checked
 
     def joint_values(self, q: ArrayLike) -> dict[str, float]:
-        """Return the value of each joint of one degree of freedom by name [rad; m if prismatic].
-
-        Args:
-            q: configuration, shape `(nq,)`.
-
-        Raises:
-            InvalidInput: q is no configuration.
-        """
+        """Return the value of each joint of one degree of freedom by name [rad; m if prismatic]."""
         q = self.check_configuration(q)
         step = pin.difference(self._model, pin.neutral(self._model), q)
         return {name: float(step[self.velocity_index(name)]) for name in self.single_joints}
@@ -224,11 +216,7 @@ class JointTable:
         }
 
     def velocity_index(self, joint: str) -> int:
-        """Return the index in v of a joint of one degree of freedom.
-
-        Raises:
-            InvalidInput: there is no such joint, or it has several degrees of freedom.
-        """
+        """Return the index in v of a joint; raise `InvalidInput` unless it has one."""
         return int(self._model.idx_vs[self._number(joint)])
 
     def joint_unit(self, joint: str) -> str:
@@ -253,7 +241,19 @@ class JointTable:
             if not low - scale * LIMIT_TOLERANCE <= value <= high + scale * LIMIT_TOLERANCE:
                 span = f"{low:.5g} to {high:.5g}"
                 lines.append(f"{name} at {value:.5g} {unit} is outside its range {span} {unit}")
+        if lines and self._look_like_degrees(q):
+            lines.append(
+                f"every angle but 0 is beyond {DEGREES_FACTOR:g} times its range: these look like "
+                "degrees, and q is in radians"
+            )
         return lines
+
+    def _look_like_degrees(self, q: ArrayLike) -> bool:
+        """Return whether all angles that are not 0 are far outside the ranges of their joints."""
+        turned = {name: abs(x) for name, x in self.joint_values(q).items() if x}
+        reach = {name: max(map(abs, self.joint_range(name))) for name in turned}
+        angles = [name for name in turned if self.joint_unit(name) == "rad"]
+        return bool(angles) and all(turned[a] > DEGREES_FACTOR * reach[a] for a in angles)
 
     def too_fast(self, v: ArrayLike) -> list[str]:
         """Return a line for each joint of one degree of freedom that is faster than its limit.
@@ -291,26 +291,11 @@ class JointTable:
             return full if self.gears is None else self.gears.follow(full)
         if given.shape == (self.nq,):
             return given if self.gears is None else self.gears.check(given)
-        short = " and ".join(
-            [
-                *(["one angle for each continuous joint"] if angles.any() else []),
-                *(["no mimic joints"] if self.mimics else []),
-            ]
-        )
         raise InvalidInput(
-            f"q has shape {given.shape}: it must be {places.shape}, with {short}, or "
-            f"({self.nq},), with all that Leg.configuration returns"
+            f"q has shape {given.shape}: it must be {places.shape}, with one angle for each "
+            f"continuous joint and no mimic joints, or ({self.nq},), with all that "
+            "Leg.configuration returns"
         )
-
-    def _not_unit(self, q: Array) -> tuple[str, str]:
-        """Return the first joint whose part of q has not length 1, and what that part is."""
-        for name, joint in zip(self.joint_names, list(self._model.joints)[1:], strict=True):
-            alone = pin.neutral(self._model)
-            alone[joint.idx_q : joint.idx_q + joint.nq] = q[joint.idx_q : joint.idx_q + joint.nq]
-            if not pin.isNormalized(self._model, alone, 1e-9):
-                free = joint.shortname() in ("JointModelFreeFlyer", "JointModelSpherical")
-                return name, "the quaternion (xyzw, last)" if free else "the (cos, sin) pair"
-        return self.name, "what stands for angles"
 
     @cached_property
     def _short_form(self) -> tuple[NDArray[np.int64], NDArray[np.bool_]] | None:
@@ -347,9 +332,6 @@ class JointTable:
         """Return the values of the joints that `wanted` names or matches [rad; m if prismatic].
 
         Mimic joints are left out: they are locked with their drivers.
-
-        Raises:
-            InvalidInput: no such joint, or a mimic joint without its driver.
         """
         for name in wanted:
             if not expand_patterns({name: 0.0}, self.single_joints):

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.leg import Leg
-from kickdyn.robot.surgery import angle_model, has_continuous_joints, reduce_model
+from kickdyn.robot.surgery import angle_model, reduce_model
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,9 +71,8 @@ def kicking_chain(robot: Leg, *, branches: bool = False) -> KickingChain:
             contact frame, but an impact there moves them.
 
     Raises:
-        InvalidInput: a joint of the chain has more than one coordinate, as a floating base has;
-            with `branches`, such joints are allowed; or one of its joints mimics another or is
-            mimicked.
+        InvalidInput: without `branches`, a joint has more than one coordinate, as a floating base
+            has; or one of the joints mimics another or is mimicked.
     """
     model = robot.model
     path = [int(joint) for joint in model.supports[robot.contact_joint]][1:]
@@ -120,7 +119,8 @@ def with_angles(robot: Leg) -> Leg:
 
     Its q is the short one that the robot itself takes too. Without such joints, it is the robot.
     """
-    if not has_continuous_joints(robot.workspace.model):
+    sizes = zip(robot.workspace.model.nqs, robot.workspace.model.nvs, strict=True)
+    if (2, 1) not in list(sizes):
         return robot
     return robot.with_model(angle_model(robot.model))
 

@@ -1,13 +1,8 @@
-"""The leg: a Pinocchio model with a contact frame, and its posture at one configuration.
-
-`Leg` is what does not change: model, contact frame, constraints. Its methods return changed copies,
-by `dataclasses.replace`. `Posture` is a leg at a configuration: the kinematics and the inertia
-there, computed once. What follows from them is computed when it is first asked for.
-"""
+"""The leg: a Pinocchio model with a contact frame, and its posture at one configuration."""
 
 import math
 import threading
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from os import PathLike
@@ -23,13 +18,12 @@ from kickdyn.core import validation
 from kickdyn.core.mechanics import cross3
 from kickdyn.core.representation import ReprMixin, Row, format_value, warned
 from kickdyn.core.validation import Array, protect, read_only
-from kickdyn.errors import FaultyFile, InvalidInput, MjcfError, UrdfError
+from kickdyn.errors import InvalidInput, MjcfError, UrdfError
 from kickdyn.robot.articulated_body import ArticulatedBodies
 from kickdyn.robot.catalog import (
     ROBOTS,
     TOE,
     find_description,
-    outside_legs,
     robot,
     robot_file,
     robot_model,
@@ -40,8 +34,8 @@ from kickdyn.robot.constraints import (
     Support,
     find_open_loops,
 )
-from kickdyn.robot.joint_table import JointTable, Mimic
-from kickdyn.robot.mjcf_file import MjcfFile, read_mjcf
+from kickdyn.robot.joint_table import InDegrees, JointTable, Mimic
+from kickdyn.robot.mjcf_file import MjcfFile, is_mjcf, read_mjcf
 from kickdyn.robot.mjcf_model import build_mjcf_model
 from kickdyn.robot.model_validation import (
     MAX_CONDITION,
@@ -53,7 +47,7 @@ from kickdyn.robot.model_validation import (
     rounding_gain,
     singularity_fault,
 )
-from kickdyn.robot.surgery import reduce_model, replace_rotors
+from kickdyn.robot.surgery import reduce_model
 from kickdyn.robot.urdf_file import build_model, check_base, read_urdf, shipped_urdf
 from kickdyn.robot.visuals import RobotFile
 
@@ -91,7 +85,7 @@ class Leg(JointTable, ReprMixin):
         supports: frames that stand on the ground.
         loops: pairs of frames whose origins stay together.
         contact_normal_cone: rows a of the cone of contact normals n with which the foot can meet a
-            ball, :math:`a \cdot n \ge 0`, shape `(k, 3)` [contact frame]; None if it is unknown.
+            ball, :math:`a \cdot n \ge 0`, shape `(k, 3)` [contact frame]; None if unknown.
         stiff_joints: joints whose velocity an impact does not change.
         constraints: constraints by supports, loops, mimic joints and stiff joints; None without
             any.
@@ -118,16 +112,13 @@ class Leg(JointTable, ReprMixin):
             vars(self).update(contact_normal_cone=read_only(cone))
         if self.contact_joint == 0:
             raise InvalidInput(f"frame {self.frame!r} is fixed to the base: a kick must move it")
-        vars(self).update(constraints=self._find_constraints(), workspace=Workspace(self._model))
-
-    def _find_constraints(self) -> Constraints | None:
-        """Return the constraints of the leg; None without any."""
-        if not (self.supports or self.loops or self.stiff_joints or self.gears):
-            return None
-        stiff = {joint: self.velocity_index(joint) for joint in self.stiff_joints}
-        return Constraints(
-            self._model, self.contact_joint, self.supports, self.loops, self.gears, stiff
-        )
+        constraints = None
+        if self.supports or self.loops or self.stiff_joints or self.gears:
+            stiff = {joint: self.velocity_index(joint) for joint in self.stiff_joints}
+            constraints = Constraints(
+                self._model, self.contact_joint, self.supports, self.loops, self.gears, stiff
+            )
+        vars(self).update(constraints=constraints, workspace=Workspace(self._model))
 
     @cached_property
     def mimics(self) -> tuple[Mimic, ...]:
@@ -181,13 +172,11 @@ class Leg(JointTable, ReprMixin):
                 `root_joint`, has position and quaternion (xyzw) in q, and linear and angular
                 velocity, in the root link's axes, in v.
             locked: joints to lock at their values [rad; m for prismatic joints], before inertias
-                are judged: of a joint that moves no mass, for example. A name may be a pattern as
-                of a shell, such as `"LFinger*"`; the value of a joint that is named itself takes
-                precedence over that of a pattern.
-            package_dirs: ROS packages, or folders that contain them, where a page looks for meshes
-                named `package://NAME/...`, before the folders that contain the file and those of
-                the variables `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH`. Meshes in them may be
-                drawn; others only from the file's own package.
+                are judged. A name may be a pattern as of a shell, such as `"LFinger*"`; the value
+                of a joint that is named itself takes precedence.
+            package_dirs: ROS packages, or folders that contain them, with meshes named
+                `package://NAME/...`, searched before the folders that contain the file and those
+                of the variables `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH`.
 
         Raises:
             UrdfError: the file is refused, with all its faults in one message.
@@ -212,16 +201,13 @@ class Leg(JointTable, ReprMixin):
         """Load an MJCF file, the XML of MuJoCo, which compiles it: `pip install "kickdyn[mjcf]"`.
 
         Of the file come masses, joints, ranges (`range`; without one, a joint is unlimited), rotor
-        inertias (`armature`), limits of torque, and loops: two bodies that `<connect>` joins. The
-        limit of torque is the smaller one of the joint's `actuatorfrcrange` and what its actuators
-        can exert, gear times `forcerange` (motors without one: gear times `ctrlrange`). MJCF has no
-        limits of speed. Springs, damping, tendons and contacts are not part of the leg. Mass,
-        places of bodies and joint-space inertia are compared with MuJoCo's at three configurations,
-        to a relative error of 1e-9.
+        inertias (`armature`), loops (two bodies that `<connect>` joins) and limits of torque: the
+        smaller one of the joint's `actuatorfrcrange` and what its actuators can exert, gear times
+        `forcerange` (motors without one: gear times `ctrlrange`). MJCF has no limits of speed.
+        Springs, damping, tendons and contacts are not part of the leg.
 
         Args:
-            path: the file; it and the files that it includes are read once and checked before
-                MuJoCo sees them. Included files and meshes lie in its folder or below.
+            path: the file. Included files and meshes lie in its folder or below.
             frame: body, site or geom whose origin touches the ball. Bodies that hang on another
                 root, such as objects of a scene, are left out; `Leg.warnings` names them.
             base: `fixed`, the root body welded to the world where the file places it, or
@@ -240,14 +226,12 @@ class Leg(JointTable, ReprMixin):
     def _from_mjcf(
         cls, file: MjcfFile, frame: str, base: str, locked: Mapping[str, float] | None
     ) -> "Leg":
-        """Return the leg of a checked MJCF."""
-        built = build_mjcf_model(file, frame, base, locked)
-        leg = cls(built.model, frame, built.file).locked(locked or {})
+        read, model, loops = build_mjcf_model(file, frame, base, locked)
+        leg = cls(model, frame, read).locked(locked or {})
         fault = _find_fault(leg)
         if fault is not None:
             raise MjcfError(file.source, [fault])
-        built.compare()
-        return leg.with_loops(*built.loops)
+        return leg.with_loops(*loops)
 
     @classmethod
     @validation.check_arguments
@@ -267,8 +251,7 @@ class Leg(JointTable, ReprMixin):
         -x). All else is the file's own, zero configuration and joint directions included.
 
         Those of the package robot_descriptions (`pip install "kickdyn[descriptions]"`) are URDF and
-        MJCF files, which it downloads the first time and keeps in its own cache. They are read as
-        they are, by `from_urdf` or `from_mjcf`.
+        MJCF files, which it downloads the first time. They are read as they are.
 
         Args:
             name: bolt, g1, human, icub, icub_reduced, romeo, simple_humanoid, talos; or a name of
@@ -290,12 +273,13 @@ class Leg(JointTable, ReprMixin):
         if name not in ROBOTS:
             if legs_only:
                 raise InvalidInput(f"legs_only is for {', '.join(ROBOTS)}: for {name}, use locked=")
-            return cls._from_description(name, frame, base, locked)
+            return cls._from_description(name, frame or TOE, base, locked)
         file, (frame, cone) = robot_file(name), robot(name).contact(frame)
         leg = cls(robot_model(name, base), frame, file, contact_normal_cone=cone)
         leg = leg.locked(locked or {})
-        outside = outside_legs(name, leg.joint_names) if legs_only else []
-        if outside:
+        kept = (*robot(name).legs, "root_joint")
+        outside = [joint for joint in leg.joint_names if not joint.startswith(kept)]
+        if legs_only and outside:
             leg = leg.with_model(reduce_model(leg.model, outside, leg.configuration()))
         fault = _find_fault(leg)
         if fault is not None:
@@ -305,29 +289,14 @@ class Leg(JointTable, ReprMixin):
 
     @classmethod
     def _from_description(
-        cls, name: str, frame: str | None, base: str, locked: Mapping[str, float] | None
+        cls, name: str, frame: str, base: str, locked: Mapping[str, float] | None
     ) -> "Leg":
         """Load a robot of the package robot_descriptions."""
         check_base(base)
-        description, contact_frame = find_description(name), frame or TOE
-        try:
-            if description.is_mjcf:
-                return cls._from_mjcf(
-                    read_mjcf(description.file, description.folders), contact_frame, base, locked
-                )
-            return cls.from_urdf(
-                description.file,
-                contact_frame,
-                base=base,
-                locked=locked,
-                package_dirs=description.folders,
-            )
-        except FaultyFile:
-            raise
-        except InvalidInput as error:
-            if frame or not str(error).startswith("frame "):
-                raise
-            raise InvalidInput(f"no frame is named, and {error}") from None
+        file, folders = find_description(name)
+        if is_mjcf(file):
+            return cls._from_mjcf(read_mjcf(file, folders), frame, base, locked)
+        return cls.from_urdf(file, frame, base=base, locked=locked, package_dirs=folders)
 
     @classmethod
     def from_model(cls, model: Any, frame: str) -> "Leg":
@@ -351,11 +320,8 @@ class Leg(JointTable, ReprMixin):
     def locked(self, joints: Mapping[str, float]) -> "Leg":
         """Return the leg with joints locked at their values [rad; m for prismatic joints].
 
-        Names may be patterns, as for `from_urdf`.
-
-        Raises:
-            InvalidInput: no such joint, a value that is not finite or outside the joint's range,
-                or all of the foot's locked.
+        Names may be patterns, as for `from_urdf`. Raises `InvalidInput` for an unknown joint, a
+        value that is not finite or outside the joint's range, or if no joint moves the foot.
         """
         if not validation.mapping("joints", joints):
             return self
@@ -375,40 +341,32 @@ class Leg(JointTable, ReprMixin):
         Args:
             rotors: joint name to rotor inertia times gear ratio squared, 0 or more [kg m2; kg for
                 prismatic joints]; it replaces what the joint had.
-
-        Raises:
-            InvalidInput: no such joint, or a value below 0.
         """
         armature = self._model.armature.copy()
         for name, value in validation.mapping("rotors", rotors).items():
             armature[self.velocity_index(name)] = validation.number(
                 f"armature of {name}", value, at_least=0, unit="kg m2"
             )
-        return self.with_model(replace_rotors(self._model, armature))
+        model = self.model
+        model.armature = armature
+        return self.with_model(model)
 
     def with_supports(self, *supports: str | Support) -> "Leg":
         """Return the leg with frames that stand on the ground and stay at rest in the impact.
 
         Args:
             supports: names of frames, for flat feet, or `Support` objects. They replace any
-                supports from before.
-
-        Raises:
-            InvalidInput: no such frame, or one of the kicking limb or of the fixed base.
+                supports from before. None may be on the kicking limb or on the fixed base.
         """
         stances = tuple(Support(s) if isinstance(s, str) else s for s in supports)
         for support in stances:
-            if not isinstance(support, Support):
-                raise InvalidInput(f"support is {support!r}: it must be a frame's name or Support")
+            validation.check_type(str, Support, support=support)
         return replace(self, supports=stances)
 
     def with_loops(self, *loops: tuple[str, str]) -> "Leg":
         """Return the leg with closed loops: pairs of frames whose origins stay together.
 
         Each joins two bodies by a ball joint: in a plane, a pin. They replace any before.
-
-        Raises:
-            InvalidInput: no such frame, or both on one body.
         """
         for loop in loops:
             if not isinstance(loop, tuple | list) or len(loop) != 2:
@@ -424,12 +382,8 @@ class Leg(JointTable, ReprMixin):
         between this and a free one with the rotor of `with_armature`.
 
         Args:
-            joints: names of the joints. They replace any stiff joints from before; without any
-                name, all joints are free.
-
-        Raises:
-            InvalidInput: no such joint, one named twice or with more than one degree of freedom,
-                or no joint is left that moves.
+            joints: names of joints of one degree of freedom. They replace any stiff joints from
+                before; without any name, all joints are free.
         """
         for joint in joints:
             self.velocity_index(joint)
@@ -440,11 +394,7 @@ class Leg(JointTable, ReprMixin):
         return replace(self, stiff_joints=joints)
 
     def with_model(self, model: Any) -> "Leg":
-        """Return the leg with another `pin.Model` that has its frames: a changed copy of its own.
-
-        Raises:
-            InvalidInput: a frame of this leg is missing, or no joint moves the contact frame.
-        """
+        """Return the leg with another `pin.Model`, a changed copy of its own."""
         stiff = tuple(joint for joint in self.stiff_joints if joint in list(model.names))
         return replace(self, model=model, stiff_joints=stiff)
 
@@ -455,11 +405,48 @@ class Leg(JointTable, ReprMixin):
             q: configuration, shape `(nq,)` [rad; m for prismatic joints]; or a short one, with one
                 angle for each continuous joint in place of its cosine and sine, and without mimic
                 joints.
-
-        Raises:
-            InvalidInput: wrong shape, an entry that is not finite, or a singular inertia.
         """
-        return _posture(self, q)
+        workspace, q = self.workspace, self.check_configuration(q)
+        model, data = workspace.model, workspace.data
+        pin.forwardKinematics(model, data, q)
+        placement = pin.updateFramePlacement(model, data, self.frame_id)
+        rotation, origin = placement.rotation.copy(), placement.translation.copy()
+        # Local axes: about the world's origin, a leg far from it would lose its digits.
+        inertia: Array = pin.crba(model, data, q, pin.Convention.LOCAL)
+        frame_jacobian: Array = pin.computeFrameJacobian(model, data, q, self.frame_id, pin.LOCAL)
+        frame_jacobian = frame_jacobian.reshape(6, -1)
+        cholesky, bound = cholesky_with_condition(inertia)
+        if not bound < MAX_CONDITION:
+            exact = condition(inertia, cholesky)
+            if not exact < MAX_CONDITION:
+                fault = singularity_fault(model, inertia, exact)
+                where = f"q = {q.tolist()}" if self.nq <= MAX_SHOWN_JOINTS else "this posture"
+                raise InvalidInput(f"the joint-space inertia of {self.name} at {where} {fault}")
+        jacobian: Array = rotation.dot(frame_jacobian[:3])
+        joint_rotation = workspace.placements[self.contact_joint].rotation.copy()
+        protect(q, inertia, origin, jacobian, joint_rotation)
+        posture = Posture(  # names of the arguments would take half a microsecond
+            self,
+            q,
+            origin,
+            self.contact_lever,
+            joint_rotation,
+            jacobian,
+            inertia,
+            None,
+            cholesky,
+            bound,
+            rotation,
+            origin,
+            frame_jacobian,
+        )
+        if self.constraints is not None:
+            self.constraints.check_closed(model, data, posture)
+            rows, blocks = self.constraints.rows(model, data, q)
+            posture.constraint_projector = ConstraintProjector(
+                self.constraints, rows, blocks, posture._whiten(rows), posture
+            )
+        return posture
 
     def close_loops(self, q: ArrayLike, keep: Iterable[str] = ()) -> Array:
         """Return a configuration near `q` with all loops closed, by Newton's method.
@@ -483,10 +470,7 @@ class Leg(JointTable, ReprMixin):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Lines about irregularities of the file, none of which is repaired, and their effects.
-
-        These are open loops, and joints between base and contact frame whose speed limit is 0.
-        """
+        """Lines about irregularities of the file, open loops, and speed limits of 0."""
         file = () if self.file is None else self.file.warnings
         stuck = [
             name
@@ -514,11 +498,9 @@ class Leg(JointTable, ReprMixin):
         return Leg, tuple(getattr(self, made.name) for made in fields(self) if made.init)
 
     def __repr__(self) -> str:
-        """Name the leg, its joints and its contact frame."""
         return f"Leg({self.name!r}, joints={list(self.joint_names)}, frame={self.frame!r})"
 
     def _rows(self) -> Iterable[Row]:
-        """Return the lines that are shown."""
         yield "robot", self.name, ""
         yield "contact frame", self.frame, ""
         yield "mass", float(pin.computeTotalMass(self._model)), "kg"
@@ -548,6 +530,7 @@ class Posture(ReprMixin):
         jacobian: J, of the contact point's velocity :math:`J v`, shape `(3, nv)` [world frame].
         inertia: joint-space inertia M, armature included, shape `(nv, nv)` [kg m2].
         constraint_projector: the leg's constraints at this configuration; None without any.
+        contact_offset: position of the contact point in the contact frame [m]; None is its origin.
     """
 
     leg: Leg
@@ -563,14 +546,9 @@ class Posture(ReprMixin):
     _frame_rotation: Array
     _frame_origin: Array
     _frame_jacobian: Array
-    _contact_offset: Array | None = None
+    contact_offset: Array | None = None
     _whitened: Array | None = field(default=None, init=False)
     _jacobian_norm: float | None = field(default=None, init=False)
-
-    @property
-    def contact_offset(self) -> Array | None:
-        """Position of the contact point in the contact frame [m]; None is its origin."""
-        return self._contact_offset
 
     def with_contact_offset(self, offset: ArrayLike | None) -> "Posture":
         """Return this posture with its contact point elsewhere on the foot.
@@ -585,11 +563,8 @@ class Posture(ReprMixin):
         if offset is None:
             return self
         arm = validation.vector("contact offset", offset, 3, unit="m")
-        if np.abs(arm).max() > MAX_OFFSET:
-            raise InvalidInput(
-                f"contact offset is {arm.tolist()} m: it must be on the foot, {MAX_OFFSET:g} m at "
-                "most"
-            )
+        for coordinate in arm.tolist():
+            validation.number("contact offset", abs(coordinate), at_most=MAX_OFFSET, unit="m")
         rotation, local = self._frame_rotation, self._frame_jacobian
         lever = rotation @ arm
         return replace(
@@ -597,7 +572,7 @@ class Posture(ReprMixin):
             contact_point=read_only(self._frame_origin + lever),
             contact_lever=read_only(self.leg.contact_lever + self.rotation_world_joint.T @ lever),
             jacobian=read_only(rotation @ (local[:3] - pin.skew(arm) @ local[3:])),
-            _contact_offset=arm,
+            contact_offset=arm,
         )
 
     @property
@@ -611,9 +586,8 @@ class Posture(ReprMixin):
 
     @cached_property
     def _with_stiff_joints_free(self) -> "Posture":
-        """This posture of the leg without stiff joints."""
         free = self.leg.with_stiff_joints().posture(self.q)
-        return free.with_contact_offset(self._contact_offset)
+        return free.with_contact_offset(self.contact_offset)
 
     @cached_property
     def condition(self) -> float:
@@ -660,7 +634,6 @@ class Posture(ReprMixin):
         return self._allowed(self._whiten(rows))
 
     def _allowed(self, columns: Array) -> Array:
-        """Return whitened columns, projected on what the constraints allow in an impact."""
         projector = self.constraint_projector
         return columns if projector is None else projector.project(columns)
 
@@ -671,16 +644,11 @@ class Posture(ReprMixin):
         factor from the articulated-body algorithm.
         """
         if self.constraint_projector is None and self.is_ill_conditioned:
-            return self._articulated_factor
+            lever = self.contact_lever.tolist()
+            axes = self.rotation_world_joint.tolist()
+            forces = np.array([(*axis, *cross3(lever, axis)) for axis in axes])
+            return self.articulated_bodies.delassus_factor(self.leg.contact_joint, forces)
         return self.whitened_jacobian
-
-    @cached_property
-    def _articulated_factor(self) -> Array:
-        """The factor from the articulated-body algorithm."""
-        lever = self.contact_lever.tolist()
-        axes = self.rotation_world_joint.tolist()
-        forces = np.array([(*axis, *cross3(lever, axis)) for axis in axes])
-        return self.articulated_bodies.delassus_factor(self.leg.contact_joint, forces)
 
     def delassus(self) -> Array:
         r"""Return :math:`J M^{-1} J^T` at the contact point, shape `(3, 3)` [1/kg, world frame]."""
@@ -700,7 +668,7 @@ class Posture(ReprMixin):
 
     @cached_property
     def articulated_bodies(self) -> ArticulatedBodies:
-        """The articulated bodies of the leg without supports and loops; they do not need M."""
+        """The articulated bodies of a leg without supports and loops."""
         workspace = self.leg.workspace
         return ArticulatedBodies(workspace.model, workspace.data, self.q)
 
@@ -711,9 +679,6 @@ class Posture(ReprMixin):
 
         Args:
             normal: direction n, shape `(3,)` of any length but zero [world frame].
-
-        Raises:
-            InvalidInput: the normal has length 0.
         """
         row = validation.direction("normal", normal).dot(self.delassus_factor())
         inverse = float(row.dot(row))
@@ -724,9 +689,6 @@ class Posture(ReprMixin):
 
         Args:
             v: joint velocity, shape `(nv,)` [rad/s; m/s for prismatic joints].
-
-        Raises:
-            InvalidInput: v has another shape, or an entry that is not finite.
         """
         return np.asarray(self.jacobian @ validation.vector("v", v, self.leg.nv))
 
@@ -747,8 +709,7 @@ class Posture(ReprMixin):
                 or not so fast.
         """
         wish = validation.vector("point velocity", point_velocity, 3, unit="m/s")
-        with np.errstate(over="ignore", invalid="ignore"):  # reported below
-            v, missed = self._least_energy_velocity(wish)
+        v, missed = self._least_energy_velocity(wish)
         if _is_missed(missed, wish):
             noise = 1e-12 * np.abs(wish).max()
             near = [float(f"{x:.10g}") if abs(x) > noise else 0.0 for x in wish - missed]
@@ -767,17 +728,16 @@ class Posture(ReprMixin):
         """Return what `joint_velocity` returns, or None where it would raise `InvalidInput`."""
         wish = validation.vector("point velocity", wish, 3, unit="m/s")
         v, missed = self._least_energy_velocity(wish)
-        return None if _is_missed(missed, wish) else v
+        return v if np.isfinite(v).all() and not _is_missed(missed, wish) else None
 
     def _least_energy_velocity(self, wish: Array) -> tuple[Array, Array]:
         """Return the joint velocity for the nearest possible velocity, and what it misses [m/s]."""
         before = self.without_stiff_joints.whitened_jacobian
         left, gains, right = np.linalg.svd(before, full_matrices=False)
         usable = gains > 1e-12 * gains[0] if gains[0] > 0 else gains > 0
-        v, missed = np.zeros_like(self._cholesky[0]), wish
-        for _ in range(2):  # the second pass corrects what gains of unlike size have missed
-            share = np.divide(left.T @ missed, gains, out=np.zeros_like(gains), where=usable)
-            v = v + blas.dtrsv(self._cholesky, right.T @ share, lower=1, trans=1)
+        with np.errstate(over="ignore", invalid="ignore"):  # callers report what is not finite
+            share = np.divide(left.T @ wish, gains, out=np.zeros_like(gains), where=usable)
+            v: Array = blas.dtrsv(self._cholesky, right.T @ share, lower=1, trans=1)
             missed = wish - self.jacobian @ v
         return v, missed
 
@@ -811,8 +771,7 @@ class Posture(ReprMixin):
     def admissible(self, v: ArrayLike) -> Array:
         """Return the joint velocity nearest to `v`, by kinetic energy, that constraints allow.
 
-        Args:
-            v: joint velocity, shape `(nv,)` [rad/s; m/s for prismatic joints].
+        Both have shape `(nv,)` [rad/s; m/s for prismatic joints].
         """
         v = validation.vector("v", v, self.leg.nv)
         projector = self.without_stiff_joints.constraint_projector
@@ -824,11 +783,7 @@ class Posture(ReprMixin):
         return np.asarray(blas.dtrsv(self._cholesky, allowed, lower=1, trans=1))
 
     def check_velocity(self, v: Array) -> None:
-        """Raise `InvalidInput` if a joint velocity moves a support or opens a loop.
-
-        Args:
-            v: joint velocity, shape `(nv,)` [rad/s; m/s for prismatic joints].
-        """
+        """Raise `InvalidInput` if a joint velocity, `(nv,)`, moves a support or opens a loop."""
         projector = self.without_stiff_joints.constraint_projector
         violation = None if projector is None else projector.find_violation(v)
         if violation is not None:
@@ -839,29 +794,21 @@ class Posture(ReprMixin):
             )
 
     def _whiten(self, rows: Array) -> Array:
-        """Return L^-1 times the rows' transpose, with M = L L^T, shape `(nv, rows)`."""
         # not dtrtrs: OpenBLAS runs it in threads however small, milliseconds on a busy machine
         whitened: Array = blas.dtrsm(1.0, self._cholesky, rows.T, lower=1)
         return whitened
 
     def __repr__(self) -> str:
-        """Name the leg and its angles."""
         angles = ", ".join(f"{angle:.4g}" for angle in self.q)
         return f"Posture({self.leg.name}, q=[{angles}])"
 
     def _rows(self) -> Iterable[Row]:
-        """Return the lines that are shown."""
         yield "leg", self.leg.name, ""
-        joints = self.leg.display_values(self.q)
-        moved = {
-            name: shown
-            for name, shown in joints.items()
-            if shown[0] or len(joints) <= MAX_SHOWN_JOINTS
-        }
-        for name in list(moved)[:MAX_SHOWN_JOINTS]:
-            yield name, *moved[name]
-        if len(moved) > MAX_SHOWN_JOINTS:
-            yield "and", f"{len(moved) - MAX_SHOWN_JOINTS} joints more", ""
+        joints = self.leg.display_values(self.q).items()
+        shown = [(name, *x) for name, x in joints if x[0] or len(joints) <= MAX_SHOWN_JOINTS]
+        yield from shown[:MAX_SHOWN_JOINTS]
+        if len(shown) > MAX_SHOWN_JOINTS:
+            yield "and", f"{len(shown) - MAX_SHOWN_JOINTS} joints more", ""
         if self.leg.stiff_joints:
             yield "stiff joints", ", ".join(self.leg.stiff_joints), ""
         yield "contact point", self.contact_point, "m"
@@ -869,49 +816,27 @@ class Posture(ReprMixin):
         yield from warned(self.warnings)
 
 
-def _posture(leg: Leg, q: ArrayLike) -> Posture:
-    """Return the posture of a leg at a configuration, see `Leg.posture`."""
-    workspace, q = leg.workspace, leg.check_configuration(q)
-    model, data = workspace.model, workspace.data
-    pin.forwardKinematics(model, data, q)
-    placement = pin.updateFramePlacement(model, data, leg.frame_id)
-    rotation, origin = placement.rotation.copy(), placement.translation.copy()
-    # Local axes: about the world's origin, a leg far from it would lose its digits.
-    inertia: Array = pin.crba(model, data, q, pin.Convention.LOCAL)
-    frame_jacobian: Array = pin.computeFrameJacobian(model, data, q, leg.frame_id, pin.LOCAL)
-    frame_jacobian = frame_jacobian.reshape(6, -1)
-    cholesky, bound = cholesky_with_condition(inertia)
-    if not bound < MAX_CONDITION:
-        exact = condition(inertia, cholesky)
-        if not exact < MAX_CONDITION:
-            fault = singularity_fault(model, inertia, exact)
-            where = f"q = {q.tolist()}" if leg.nq <= MAX_SHOWN_JOINTS else "this posture"
-            raise InvalidInput(f"the joint-space inertia of {leg.name} at {where} {fault}")
-    jacobian: Array = rotation.dot(frame_jacobian[:3])
-    joint_rotation = workspace.placements[leg.contact_joint].rotation.copy()
-    protect(q, inertia, origin, jacobian, joint_rotation)
-    posture = Posture(  # names of the arguments would take half a microsecond
-        leg,
-        q,
-        origin,
-        leg.contact_lever,
-        joint_rotation,
-        jacobian,
-        inertia,
-        None,
-        cholesky,
-        bound,
-        rotation,
-        origin,
-        frame_jacobian,
-    )
-    if leg.constraints is not None:
-        leg.constraints.check_closed(model, data, posture)
-        rows, blocks = leg.constraints.rows(model, data, q)
-        posture.constraint_projector = ConstraintProjector(
-            leg.constraints, rows, blocks, posture._whiten(rows), posture
+def read_leg(
+    path: str | PathLike[str],
+    frame: str,
+    base: str,
+    package_dirs: Sequence[str | PathLike[str]] = (),
+    locked: Mapping[str, float] | None = None,
+) -> Leg:
+    """Return the leg of a URDF or MJCF file, which its root element tells apart.
+
+    Joints are `locked` at their values [deg; m for prismatic joints]. Raises `InvalidInput` as
+    `Leg.from_urdf` and `Leg.from_mjcf` do, and for `package_dirs` of an MJCF.
+    """
+    values = InDegrees(locked or {})
+    if not is_mjcf(path):
+        return Leg.from_urdf(path, frame, base=base, package_dirs=package_dirs, locked=values)
+    if package_dirs:
+        raise InvalidInput(
+            f"package-dir is {str(package_dirs[0])!r}: it is for a URDF file, an MJCF names its "
+            "meshes from its own folder"
         )
-    return posture
+    return Leg.from_mjcf(path, frame, base=base, locked=values)
 
 
 class Workspace(threading.local):

@@ -4,7 +4,6 @@ MuJoCo resolves all that its format allows: classes of defaults, units, inertias
 meshes, copies, scaled masses. It receives the checked document in memory and opens no file.
 """
 
-import os
 import threading
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -16,13 +15,14 @@ from typing import Any
 from xml.etree.ElementTree import Element, tostring
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import pinocchio as pin
 
+from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, MjcfError
 from kickdyn.robot.joint_table import Mimic
 from kickdyn.robot.names import listed, name_fault
-from kickdyn.robot.package_files import MAX_DEPTH, MissingFile, PackageFiles, read_xml
-from kickdyn.robot.urdf_validation import MAX_MOVING_JOINTS
+from kickdyn.robot.package_files import MAX_DEPTH, PackageFiles, read_xml
+from kickdyn.robot.urdf_file import MAX_MOVING_JOINTS
 from kickdyn.robot.visuals import RobotFile, Shape, Visual
 
 MAX_ELEMENTS = 100_000
@@ -30,10 +30,6 @@ MAX_ELEMENTS = 100_000
 
 MESHES = (".stl", ".obj", ".msh")
 """Endings of the mesh files that MuJoCo reads."""
-
-MISSING_MESH = "missing.obj"
-TETRAHEDRON = "v 0 0 0\nv {0} 0 0\nv 0 {0} 0\nv 0 0 {0}\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
-"""Name and content of the file that replaces missing meshes: a tetrahedron of a given edge [m]."""
 
 SECTIONS = ("compiler", "option", "default", "asset", "worldbody", "equality", "tendon", "actuator")
 """Sections that say something about the robot's mechanics or shape; the others are not passed on:
@@ -73,7 +69,6 @@ class MjcfFile(RobotFile):
 
     Attributes:
         meshes: content of the mesh files, by the names that they have in `text`.
-        missing: mesh files that do not exist, relative to `folder`, by the names of the meshes.
         name: of the model.
         left_out: moving bodies that are not part of the robot.
         gears: what the property `mimics` returns.
@@ -82,7 +77,6 @@ class MjcfFile(RobotFile):
     """
 
     meshes: dict[str, bytes] = field(default_factory=dict, repr=False)
-    missing: dict[str, str] = field(default_factory=dict)
     name: str = ""
     left_out: tuple[str, ...] = ()
     gears: tuple[Mimic, ...] = ()
@@ -116,35 +110,16 @@ class MjcfFile(RobotFile):
         """Return the `mujoco.MjModel`.
 
         Raises:
-            MjcfError: MuJoCo refuses the document, or is not installed, or an inertia needs a mesh
-                that is missing.
+            MjcfError: MuJoCo refuses the document, or is not installed.
         """
-        model = self._compiled(0.1)
-        if not self.missing:
-            return model
-        other = self._compiled(0.2)
-        for body in range(model.nbody):
-            for key in ("body_mass", "body_ipos", "body_iquat", "body_inertia"):
-                if np.any(getattr(model, key)[body] != getattr(other, key)[body]):
-                    names = ", ".join(repr(name) for name in self.missing.values())
-                    line = (
-                        f"mesh {names} is missing, from which body {body_name(model, body)!r} gets "
-                        "its inertia: provide the file, or give the body an <inertial>"
-                    )
-                    raise MjcfError(self.source, [line])
-        return model
-
-    def _compiled(self, size: float) -> Any:
-        """Return the `mujoco.MjModel`, tetrahedra of this size [m] in place of missing meshes."""
         try:
             import mujoco  # an optional package
         except ImportError:
             line = 'MJCF needs the package mujoco: install it with pip install "kickdyn[mjcf]"'
             raise MjcfError(self.source, [line]) from None
-        meshes = self.meshes | {MISSING_MESH: TETRAHEDRON.format(size).encode()}
         try:
             with quiet_mujoco():
-                model = mujoco.MjModel.from_xml_string(self.text, meshes)
+                model = mujoco.MjModel.from_xml_string(self.text, self.meshes)
         except Exception as error:  # ValueError; FatalError of a later stage
             lines = [line.strip() for line in str(error).splitlines() if line.strip()]
             reason = " ".join(lines).removeprefix("XML Error: ").removeprefix("Error: ")[:300]
@@ -162,54 +137,45 @@ class MjcfFile(RobotFile):
         compiled = self.compile()
         geoms = [g for g in range(compiled.ngeom) if compiled.geom_bodyid[g]]
         shown = [g for g in geoms if compiled.geom_group[g] < 3] or geoms
-        return list(self._shapes(compiled, shown))
+        return self._shapes(compiled, shown)
 
     def collisions(self) -> list[Visual]:
         """Return the geoms that take part in contacts and that `visuals` leaves out."""
         compiled = self.compile()
         collides = compiled.geom_contype | compiled.geom_conaffinity
         hidden = (compiled.geom_group >= 3) & (compiled.geom_bodyid > 0) & (collides != 0)
-        return list(self._shapes(compiled, np.flatnonzero(hidden).tolist()))
+        return self._shapes(compiled, np.flatnonzero(hidden).tolist())
 
-    def _shapes(self, compiled: Any, geoms: Iterable[int]) -> Iterator[Visual]:
-        """Yield the shapes of geoms that have one."""
+    def _shapes(self, compiled: Any, geoms: Iterable[int]) -> list[Visual]:
+        """Return the shapes of geoms, those that are transparent and planes left out."""
+        shapes = []
         for number in geoms:
-            shape = self._visual(compiled, number)
-            if shape is not None:
-                yield shape
-
-    def _visual(self, compiled: Any, number: int) -> Visual | None:
-        """Return the shape of a geom; None for one that is transparent or a plane."""
-        geom = compiled.geom(number)
-        kind, size = int(geom.type[0]), geom.size.tolist()
-        rgba, material = geom.rgba.tolist(), int(compiled.geom_matid[number])
-        if material >= 0 and rgba == [0.5, 0.5, 0.5, 1.0]:  # the default gives way
-            rgba = compiled.mat_rgba[material].tolist()
-        if kind not in _SHAPES or rgba[3] == 0.0:
-            return None
-        shape, mesh, vertices, faces = _SHAPES[kind], "", None, None
-        sizes = {
-            Shape.SPHERE: size[:1],
-            Shape.CAPSULE: [2 * size[1], size[0]],
-            Shape.CYLINDER: [2 * size[1], size[0]],
-            Shape.BOX: [2 * edge for edge in size],
-            Shape.ELLIPSOID: size,
-            Shape.MESH: [1.0],
-        }[shape]
-        if shape == Shape.MESH:
-            data = compiled.mesh(int(compiled.geom_dataid[number]))
-            mesh = self.missing.get(data.name, "")
-            if not mesh:
+            geom = compiled.geom(number)
+            kind, size = int(geom.type[0]), geom.size.tolist()
+            rgba, material = geom.rgba.tolist(), int(compiled.geom_matid[number])
+            if material >= 0 and rgba == [0.5, 0.5, 0.5, 1.0]:  # the default gives way
+                rgba = compiled.mat_rgba[material].tolist()
+            if kind not in _SHAPES or rgba[3] == 0.0:
+                continue
+            shape, vertices, faces = _SHAPES[kind], None, None
+            if shape in (Shape.CAPSULE, Shape.CYLINDER):
+                size = [2 * size[1], size[0]]
+            elif shape == Shape.SPHERE:
+                size = size[:1]
+            elif shape == Shape.BOX:
+                size = [2 * edge for edge in size]
+            elif shape == Shape.MESH:
+                data, size = compiled.mesh(int(compiled.geom_dataid[number])), [1.0]
                 first, count = int(data.vertadr[0]), int(data.vertnum[0])
                 vertices = compiled.mesh_vert[first : first + count].astype(float)
                 first, count = int(data.faceadr[0]), int(data.facenum[0])
                 faces = compiled.mesh_face[first : first + count].astype(int)
-        pose = np.eye(4)
-        w, x, y, z = geom.quat.tolist()
-        pose[:3, :3] = Rotation.from_quat([x, y, z, w]).as_matrix()
-        pose[:3, 3] = geom.pos
-        body = body_name(compiled, int(geom.bodyid[0]))
-        return Visual(body, pose, shape, tuple(sizes), mesh, tuple(rgba), False, vertices, faces)
+            pose = mujoco_pose(geom.pos, geom.quat).homogeneous
+            body = body_name(compiled, int(geom.bodyid[0]))
+            shapes.append(
+                Visual(body, pose, shape, tuple(size), "", tuple(rgba), False, vertices, faces)
+            )
+        return shapes
 
 
 @contextmanager
@@ -226,9 +192,32 @@ def quiet_mujoco() -> Iterator[None]:
             mujoco.set_mju_user_warning(before)
 
 
+def mujoco_pose(position: Array, quaternion: Array) -> Any:
+    """Return a `pin.SE3` from a position [m] and MuJoCo's quaternion (wxyz)."""
+    w, x, y, z = (float(number) for number in quaternion)
+    turn = pin.Quaternion(w, x, y, z)
+    turn.normalize()
+    return pin.SE3(turn.matrix(), np.array(position, dtype=float))
+
+
 def body_name(compiled: Any, body: int) -> str:
     """Return the name of a body, by its number where it has none."""
     return str(compiled.body(body).name) or f"body{body}"
+
+
+def find_body(compiled: Any, frame: str) -> int:
+    """Return the number of the body of a body, site or geom; -1 where there is none of the name."""
+    import mujoco
+
+    for kind, bodies in (
+        (mujoco.mjtObj.mjOBJ_BODY, range(compiled.nbody)),
+        (mujoco.mjtObj.mjOBJ_SITE, compiled.site_bodyid),
+        (mujoco.mjtObj.mjOBJ_GEOM, compiled.geom_bodyid),
+    ):
+        number = mujoco.mj_name2id(compiled, kind, frame)
+        if number >= 0:
+            return int(bodies[number])
+    return -1
 
 
 def is_mjcf(path: str | PathLike[str]) -> bool:
@@ -286,9 +275,9 @@ class _Reader:
                 "are read"
             )
         name = root.get("model", "") or self.file.stem
-        meshes, missing = self._take_meshes(root)
+        meshes = self._take_meshes(root)
         text = tostring(root, encoding="unicode")
-        return MjcfFile(text, self.folder, self.source, meshes=meshes, missing=missing, name=name)
+        return MjcfFile(text, self.folder, self.source, meshes=meshes, name=name)
 
     def _include(self, element: Element, depth: int) -> None:
         """Replace each `<include file="..."/>` below an element by what the file contains."""
@@ -308,30 +297,24 @@ class _Reader:
             index = list(element).index(child)
             element[index : index + 1] = list(content)
 
-    def _take_meshes(self, root: Element) -> tuple[dict[str, bytes], dict[str, str]]:
-        """Return the meshes that exist and the names of those that do not; rename them."""
+    def _take_meshes(self, root: Element) -> dict[str, bytes]:
+        """Return the meshes by new names, under which the document has them from now on."""
         folder, strip = self.folder, False
         for compiler in root.iter("compiler"):
             for key in ("assetdir", "meshdir"):
                 folder = self.folder / compiler.attrib.pop(key, folder)
             strip = compiler.attrib.pop("strippath", str(strip)).lower() == "true"
         contents: dict[str, bytes] = {}
-        missing: dict[str, str] = {}
         meshes = [mesh for mesh in root.iterfind("asset/mesh") if "file" in mesh.attrib]
         for number, mesh in enumerate(meshes):
             name = mesh.attrib["file"].replace("\\", "/")
             path = PurePosixPath(name)
             if path.suffix.lower() not in MESHES:
                 raise ValueError(f"mesh {name!r} has no known ending: {', '.join(MESHES)} are read")
-            mesh.set("name", mesh.get("name") or path.stem)
             key = f"{number}{path.suffix.lower()}"
-            try:
-                contents[key] = self.files.read_mesh(path.name if strip else name, folder)
-            except MissingFile:
-                key, place = MISSING_MESH, folder / (path.name if strip else name)
-                missing[mesh.attrib["name"]] = os.path.relpath(place, self.folder)
-            mesh.set("file", key)
-        return contents, missing
+            contents[key] = self.files.read_mesh(path.name if strip else name, folder)
+            mesh.attrib.update(name=mesh.get("name") or path.stem, file=key)
+        return contents
 
 
 def _keep_mechanics(root: Element) -> None:
@@ -371,9 +354,8 @@ def _count_elements(element: Element) -> int:
     """Return the number of elements from one on down, copies by `<replicate>` included."""
     count = 1 + sum(map(_count_elements, element))
     copies = element.get("count", "") if element.tag == "replicate" else ""
-    return (
-        count * int(copies) if copies.isascii() and copies.isdigit() and len(copies) < 10 else count
-    )
+    is_number = copies.isascii() and copies.isdigit() and len(copies) < 10
+    return count * int(copies) if is_number else count
 
 
 def _check_names(root: Element) -> None:

@@ -1,4 +1,4 @@
-"""From an MJCF model that MuJoCo compiled to a Pinocchio model, compared with MuJoCo's own.
+"""From an MJCF model that MuJoCo compiled to a Pinocchio model.
 
 Pinocchio has a reader of MJCF of its own, which tests use as a peer. It is not used here because it
 merges the joints of a body into one without names, ignores settings such as `settotalmass`, takes
@@ -6,9 +6,9 @@ ranges of sliding joints for degrees, and reads one tree of bodies only, all wit
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence, Set
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Mapping, Sequence, Set
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -16,20 +16,16 @@ import pinocchio as pin
 from kickdyn.core.validation import Array, check_type
 from kickdyn.errors import InvalidInput, MjcfError
 from kickdyn.robot.joint_table import Mimic
-from kickdyn.robot.mjcf_file import MjcfFile, body_name, quiet_mujoco
+from kickdyn.robot.mjcf_file import MjcfFile, body_name, find_body, mujoco_pose
 from kickdyn.robot.model_validation import MAX_MAGNITUDE
 from kickdyn.robot.names import expand_patterns
 from kickdyn.robot.urdf_file import check_base
-
-COMPARISON_TOLERANCE = 1e-9
-"""Largest relative difference of a joint-space inertia from MuJoCo's, and of places [m]."""
 
 FREE, BALL, SLIDE, HINGE = range(4)
 """Values of MuJoCo's `jnt_type`."""
 
 
-@dataclass(frozen=True)
-class MjcfModel:
+class MjcfModel(NamedTuple):
     """What is read of an MJCF model.
 
     Attributes:
@@ -41,15 +37,6 @@ class MjcfModel:
     file: MjcfFile
     model: Any
     loops: tuple[tuple[str, str], ...]
-    _builder: "_Builder"
-
-    def compare(self) -> None:
-        """Raise `MjcfError` if MuJoCo computes another mass, place or inertia."""
-        try:
-            with quiet_mujoco(), np.errstate(all="ignore"):  # what leaves float64 is not the same
-                self._builder.compare()
-        except InvalidInput as fault:
-            raise MjcfError(self.file.source, [str(fault)]) from None
 
 
 def build_mjcf_model(
@@ -66,20 +53,18 @@ def build_mjcf_model(
         base: `fixed` welds the root body to the world where the file places it, `floating` gives it
             a free joint, `root_joint` if the file has none.
         locked: joints that are to be locked, or patterns: how they are constrained does not matter.
-
-    Raises:
-        MjcfError: a constraint that is not read.
-        InvalidInput: no such base.
     """
     check_base(base)
     check_type(str, frame=frame)  # MuJoCo crashes on None
     compiled = file.compile()
-    bodies, root = range(1, compiled.nbody), _root_of(compiled, frame)
+    bodies, body = range(1, compiled.nbody), find_body(compiled, frame)
+    root = compiled.body_rootid[body] if body >= 0 and compiled.body_weldid[body] else None
     robot_bodies = [body for body in bodies if root in (None, compiled.body_rootid[body])]
     try:
         names = [str(compiled.joint(joint).name) for joint in range(compiled.njnt)]
         fixed = set(expand_patterns(dict.fromkeys(locked or (), 0.0), names))
         builder = _Builder(compiled, file.name, base, robot_bodies, fixed)
+        _check_one_base(builder, dict.fromkeys(locked or (), 0.0))
     except InvalidInput as fault:
         raise MjcfError(file.source, [str(fault)]) from None
     moving = (body for body in bodies if body not in robot_bodies and compiled.body_weldid[body])
@@ -92,7 +77,7 @@ def build_mjcf_model(
         if joint.kind in (SLIDE, HINGE)
     }
     read = replace(file, left_out=left_out, gears=tuple(builder.mimics), starts=starts)
-    return MjcfModel(read, builder.model, tuple(builder.loops), builder)
+    return MjcfModel(read, builder.model, tuple(builder.loops))
 
 
 def _unused(wish: str, taken: Set[str]) -> str:
@@ -104,24 +89,7 @@ def _unused(wish: str, taken: Set[str]) -> str:
     return name
 
 
-def _root_of(compiled: Any, frame: str) -> int | None:
-    """Return the root of the tree that moves a body, site or geom; None if there is no such one."""
-    import mujoco
-
-    for kind, bodies in (
-        (mujoco.mjtObj.mjOBJ_BODY, range(compiled.nbody)),
-        (mujoco.mjtObj.mjOBJ_SITE, compiled.site_bodyid),
-        (mujoco.mjtObj.mjOBJ_GEOM, compiled.geom_bodyid),
-    ):
-        number = mujoco.mj_name2id(compiled, kind, frame)
-        if number >= 0:
-            body = int(bodies[number])
-            return int(compiled.body_rootid[body]) if compiled.body_weldid[body] else None
-    return None
-
-
-@dataclass(frozen=True)
-class _Joint:
+class _Joint(NamedTuple):
     """A joint of the model: its number there, and in MuJoCo; -1 for a base that MuJoCo has not."""
 
     number: int
@@ -168,12 +136,12 @@ class _Builder:
                     f"{MAX_MAGNITUDE:g}"
                 )
         joint, place = self.places.get(parent, (0, pin.SE3.Identity()))
-        place = place * _pose(compiled.body_pos[body], compiled.body_quat[body])
+        place = place * mujoco_pose(compiled.body_pos[body], compiled.body_quat[body])
         joint, place = self._add_joints(body, joint, place)
         self.places[body] = joint, place
         moments = np.diag(compiled.body_inertia[body])
         inertia = pin.Inertia(float(compiled.body_mass[body]), np.zeros(3), moments)
-        centre = _pose(compiled.body_ipos[body], compiled.body_iquat[body])
+        centre = mujoco_pose(compiled.body_ipos[body], compiled.body_iquat[body])
         self.model.appendBodyToJoint(joint, inertia, place * centre)
         if name in self.framed:
             raise InvalidInput(f"two bodies are called {name!r}: name all bodies")
@@ -213,7 +181,7 @@ class _Builder:
         own_name = self.compiled.joint(theirs).name if theirs >= 0 else ""
         name = own_name or _unused(wish, self.taken)
         self.taken.add(name)
-        number = self.model.addJoint(parent, _JOINTS[kind](axis), place, name)
+        number = self.model.addJoint(parent, _joint_model(kind, axis), place, name)
         self.model.addJointFrame(number)
         self.joints.append(_Joint(int(number), theirs, kind))
         return int(number)
@@ -226,7 +194,7 @@ class _Builder:
                 element = getattr(compiled, kind)(number)
                 body = int(element.bodyid[0])
                 if element.name and body in self.frames:
-                    self._add_frame(element.name, body, _pose(element.pos, element.quat))
+                    self._add_frame(element.name, body, mujoco_pose(element.pos, element.quat))
 
     def _add_frame(self, name: str, body: int, pose: Any) -> None:
         """Add a frame fixed to a body, unless its name is taken."""
@@ -266,6 +234,8 @@ class _Builder:
         import mujoco
 
         compiled = self.compiled
+        if compiled.tendon_armature.any():
+            raise InvalidInput("a tendon has an armature, which is not read: remove it")
         for number in range(compiled.neq):
             kind = mujoco.mjtEq(int(compiled.eq_type[number]))
             first, second = int(compiled.eq_obj1id[number]), int(compiled.eq_obj2id[number])
@@ -290,7 +260,7 @@ class _Builder:
                 for k, (end, body) in enumerate(zip((first, second), bodies, strict=True)):
                     pose = pin.SE3(np.eye(3), values[3 * k : 3 * k + 3].copy())
                     if sites:
-                        pose = _pose(compiled.site_pos[end], compiled.site_quat[end])
+                        pose = mujoco_pose(compiled.site_pos[end], compiled.site_quat[end])
                     self._add_frame(f"{name}_{k + 1}", body, pose)
                     pair.append(f"{name}_{k + 1}")
                 self.loops.append((pair[0], pair[1]))
@@ -320,74 +290,24 @@ class _Builder:
         offset += float(start[address[first]]) - multiplier * float(start[address[second]])
         self.mimics.append(Mimic(joint, driver, multiplier, offset))
 
-    def compare(self) -> None:
-        """Raise `InvalidInput` unless mass, places and inertia are those that MuJoCo computes.
 
-        At three configurations of all joints, always the same ones.
-        """
-        import mujoco
-
-        compiled, model = self.compiled, self.model
-        compiled.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)  # they take time
-        data, state = pin.Data(model), mujoco.MjData(compiled)
-        draw = np.random.default_rng(0)
-        masses = [float(compiled.body_mass[body]) for body in self.places]
-        ours = sum(inertia.mass for inertia in model.inertias)
-        same = abs(ours - math.fsum(masses)) <= COMPARISON_TOLERANCE * ours
-        for _ in range(3):
-            q = pin.integrate(model, pin.neutral(model), draw.uniform(-1.0, 1.0, model.nv))
-            columns, dofs, turn = self._pose_theirs(state, q)
-            mujoco.mj_fwdPosition(compiled, state)
-            pin.framesForwardKinematics(model, data, q)
-            for body, frame in self.frames.items():
-                place = state.xpos[body]
-                apart = np.abs(data.oMf[frame].translation - place).max()
-                same = same and bool(apart <= COMPARISON_TOLERANCE * (1.0 + np.abs(place).max()))
-            theirs = np.zeros((compiled.nv, len(dofs)))
-            for column, dof in enumerate(dofs):
-                moved = np.zeros(compiled.nv)
-                mujoco.mj_mulM(compiled, state, moved, np.eye(compiled.nv)[dof])
-                theirs[:, column] = moved
-            expected = turn.T @ theirs[dofs] @ turn
-            inertia = pin.crba(model, data, q, pin.Convention.LOCAL)[np.ix_(columns, columns)]
-            scale = np.sqrt(np.abs(expected.diagonal()))
-            apart = np.abs(inertia - expected)
-            same = same and bool((apart <= COMPARISON_TOLERANCE * np.outer(scale, scale)).all())
-        if not same:
-            raise InvalidInput(
-                "MuJoCo computes another mass, place or joint-space inertia than this reader: the "
-                "model has something that is not read, such as a tendon with armature"
-            )
-
-    def _pose_theirs(self, state: Any, q: Array) -> tuple[list[int], list[int], Array]:
-        """Set MuJoCo's configuration to q; return how velocities correspond.
-
-        These are our indices, theirs, and the matrix R with theirs = R ours: the linear velocity of
-        a free joint is in world axes there. The base of q that MuJoCo has not goes to its place.
-        """
-        compiled, model = self.compiled, self.model
-        state.qpos[:] = compiled.qpos0
-        columns: list[int] = []
-        dofs: list[int] = []
-        turn = np.eye(model.nv)
-        for joint in self.joints:
-            index, v = model.idx_qs[joint.number], model.idx_vs[joint.number]
-            coordinates = q[index : index + model.nqs[joint.number]]
-            if joint.theirs < 0:
-                body = next(iter(self.frames))
-                place = _pose(compiled.body_pos[body], compiled.body_quat[body])
-                q[index : index + 7] = pin.SE3ToXYZQUAT(place)
-                continue
-            if joint.kind == FREE:
-                turn[v : v + 3, v : v + 3] = pin.Quaternion(coordinates[3:]).matrix()
-                coordinates = coordinates[[0, 1, 2, 6, 3, 4, 5]]
-            elif joint.kind == BALL:
-                coordinates = coordinates[[3, 0, 1, 2]]
-            start, dof = compiled.jnt_qposadr[joint.theirs], compiled.jnt_dofadr[joint.theirs]
-            state.qpos[start : start + len(coordinates)] = coordinates
-            columns += range(v, v + model.nvs[joint.number])
-            dofs += range(dof, dof + model.nvs[joint.number])
-        return columns, dofs, turn[np.ix_(columns, columns)]
+def _check_one_base(builder: _Builder, locked: Mapping[str, float]) -> None:
+    """Raise `InvalidInput` for a floating base whose body other joints of the file move already."""
+    compiled = builder.compiled
+    if all(joint.theirs >= 0 for joint in builder.joints):
+        return
+    of_root = [
+        str(builder.model.names[joint.number])
+        for joint in builder.joints
+        if joint.theirs >= 0 and not compiled.body_parentid[compiled.jnt_bodyid[joint.theirs]]
+    ]
+    fixed = expand_patterns(locked, of_root)
+    if moving := [name for name in of_root if name not in fixed]:
+        raise InvalidInput(
+            f"base is 'floating', but joints of the file ({', '.join(moving)}) move its root body "
+            "already, and are its base: read it with base='fixed' (in commands, without "
+            "--support), or lock them (locked=, --lock)"
+        )
 
 
 def effort_limits(compiled: Any) -> Array:
@@ -428,35 +348,13 @@ def effort_limits(compiled: Any) -> Array:
     return np.where(compiled.jnt_actfrclimited, np.minimum(reach, allowed), reach)
 
 
-def _aligned(unaligned: Any, *aligned: Any) -> Callable[[Array], Any]:
-    """Return a function from an axis to a joint, one along x, y or z if the axis is."""
-
-    def joint(axis: Array) -> Any:
-        """Return the joint about or along an axis."""
-        along = np.flatnonzero(axis)
-        if len(along) == 1 and axis[along[0]] == 1.0:
-            return aligned[along[0]]()
-        return unaligned(axis)
-
-    return joint
-
-
-_JOINTS: dict[int, Callable[[Any], Any]] = {
-    FREE: lambda _: pin.JointModelFreeFlyer(),
-    BALL: lambda _: pin.JointModelSpherical(),
-    SLIDE: _aligned(
-        pin.JointModelPrismaticUnaligned, pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ
-    ),
-    HINGE: _aligned(
-        pin.JointModelRevoluteUnaligned, pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ
-    ),
-}
-"""Joints by kind; they are passed the axis, where they have one."""
-
-
-def _pose(position: Array, quaternion: Array) -> Any:
-    """Return a placement from a position [m] and MuJoCo's quaternion (wxyz)."""
-    w, x, y, z = (float(number) for number in quaternion)
-    turn = pin.Quaternion(w, x, y, z)
-    turn.normalize()
-    return pin.SE3(turn.matrix(), np.array(position, dtype=float))
+def _joint_model(kind: int, axis: Array | None) -> Any:
+    """Return Pinocchio's joint of a kind; a slide or hinge along or about an axis."""
+    if kind == FREE:
+        return pin.JointModelFreeFlyer()
+    if kind == BALL:
+        return pin.JointModelSpherical()
+    unaligned = (
+        pin.JointModelPrismaticUnaligned if kind == SLIDE else pin.JointModelRevoluteUnaligned
+    )
+    return unaligned(axis)

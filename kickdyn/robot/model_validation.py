@@ -39,8 +39,11 @@ def frame_id(model: Any, name: str) -> int:
     # not by getFrameId, which returns nframes for an unknown name: using that crashes
     numbers = frames_by_name(model)
     if not isinstance(name, str) or name not in numbers:
-        names = [frame.name for frame in model.frames][1:]
-        raise InvalidInput(unknown("frame", name, model.name, names))
+        frames = list(model.frames)[1:]
+        last = [f for f in frames if len(model.subtrees[f.parentJoint]) == 1]
+        kinds = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
+        ends = [frame.name for frame in last if frame.type in kinds]
+        raise InvalidInput(unknown("frame", name, model.name, [f.name for f in frames], ends))
     return numbers[name]
 
 
@@ -57,14 +60,7 @@ def frames_by_name(model: Any) -> dict[str, int]:
 
 
 def check_model(model: Any) -> None:
-    """Refuse a `pin.Model` that no computation can rest on.
-
-    Raises:
-        InvalidInput: no moving joint, a gravity that is neither the ball's nor zero, mimic joints,
-            joints that are not in the order of their branches, a placement that is no rigid motion,
-            a joint that moves no mass or an impossible inertia, or limits that make no sense; it
-            names the joint at fault.
-    """
+    """Raise `InvalidInput`, which names the joint at fault, for a model with unsound mechanics."""
     if model.nv == 0:
         raise InvalidInput("model has no moving joint")
     gravity = model.gravity.vector.tolist()
@@ -171,9 +167,6 @@ def second_moments(moments: Array) -> Array:
 
     With the principal moments of inertia :math:`I_k` they are :math:`\sum_j I_j / 2 - I_k`, and
     none is negative for a body: this is the triangle inequality.
-
-    Args:
-        moments: of inertia about the centre of mass, shape `(3, 3)` [kg m2].
     """
     return np.asarray(np.trace(moments) / 2 - np.linalg.eigvalsh(moments))
 
@@ -270,10 +263,6 @@ def find_singular_joints(model: Any, inertia: Array) -> list[str]:
     """Return the joints along whose motion the joint-space inertia is singular, or nearly so.
 
     They are those with a share in its null vectors; or, if it has none, in the nearest to one.
-
-    Args:
-        model: of the leg.
-        inertia: shape `(nv, nv)`, not positive definite or nearly so.
     """
     diagonal = inertia.diagonal()
     massless = diagonal <= 1e-14 * diagonal.max()  # they move no inertia

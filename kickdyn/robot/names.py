@@ -1,7 +1,6 @@
 """Names of joints and frames: which are meant, how they are listed, and how joints are locked."""
 
 import math
-import re
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from difflib import get_close_matches
@@ -17,8 +16,11 @@ FOOT_WORDS = ("toe", "sole", "foot", "ankle")
 MAX_NAME = 200
 """Largest number of characters of a name."""
 
+MAX_LISTED = 20
+"""Largest number of names that `unknown` lists."""
+
 MAX_LOCK_ENTRIES = 12
-"""Largest number of names and patterns that `lock_remedy` spells out."""
+"""Largest number of joints that `lock_remedy` names."""
 
 
 def listed(names: Sequence[str], most: int = 40) -> str:
@@ -34,24 +36,28 @@ def name_fault(kind: str, name: str) -> str:
     return f"{kind} 'universe' is Pinocchio's own" if name == "universe" else ""
 
 
-def unknown(kind: str, name: object, owner: str, names: Sequence[str]) -> str:
+def unknown(
+    kind: str, name: object, owner: str, names: Sequence[str], ends: Sequence[str] = ()
+) -> str:
     """Return the message for a name that a model does not have.
 
-    It lists the names of the model; if they are many, the nearest ones and names of feet first.
+    It lists the names of the model; if they are many, the nearest ones and names of feet first. For
+    a name that sounds like a foot, the nearest are among `ends`, the frames that end a limb.
     """
+    text = name.lower()[:200] if isinstance(name, str) else ""
     by_case = {known.lower(): known for known in reversed(names)}
-    near = []
-    if isinstance(name, str):
-        near = [
-            by_case[known_name] for known_name in get_close_matches(name.lower()[:200], by_case, 8)
-        ]
+    near = [by_case[known] for known in get_close_matches(text, by_case, 8)]
+    feet = [end for end in ends if any(word in end.lower() for word in FOOT_WORDS)] or list(ends)
+    if any(word in text for word in FOOT_WORDS) and not get_close_matches(text, by_case, 1, 0.8):
+        sides = [side for side in ("left", "right") if side in text]
+        same_side = [end for end in feet if any(side in end.lower() for side in sides)] or feet
+        by_case = {end.lower(): end for end in same_side}
+        near = [by_case[known] for known in get_close_matches(text, by_case, 8, 0.0)] or near
     hint = f"did you mean {near[0]!r}? " if near else ""
     order = list(names)
-    if len(names) > 40:  # not all of them are listed
-        words = FOOT_WORDS if kind == "frame" else ()
-        feet = [known_name for word in words for known_name in names if word in known_name.lower()]
-        order = list(dict.fromkeys([*near, *feet, *names]))
-    return f"{kind} {name!r} is unknown: {hint}{owner} has {listed(order)}"
+    if len(names) > MAX_LISTED:
+        order = list(dict.fromkeys([*near, *(feet if kind == "frame" else ()), *names]))
+    return f"{kind} {name!r} is unknown: {hint}{owner} has {listed(order, MAX_LISTED)}"
 
 
 def expand_patterns(values: Mapping[str, float], names: Iterable[str]) -> dict[str, float]:
@@ -84,34 +90,25 @@ def expand_patterns(values: Mapping[str, float], names: Iterable[str]) -> dict[s
 def lock_remedy(model: Any, joints: Sequence[str]) -> str:
     """Return how some joints of a `pin.Model` can be locked, as text that can be copied.
 
-    Each of them is locked at 0, or in the middle of its range if 0 is outside. Numbered joints are
-    named by a pattern if it matches no other joint. Empty if none of the joints has one degree of
-    freedom, or no other joint would be left.
+    Each of them is locked at 0, or in the middle of its range if 0 is outside. Empty if none of the
+    joints has one degree of freedom, or no other joint would be left.
     """
-    names = list(model.names)
-    values: dict[str, tuple[float, str]] = {}
+    names, values, options = list(model.names), dict[str, float](), list[str]()
     for joint in joints:
         number = names.index(joint)
         if model.nvs[number] == 1:
-            slides = model.joints[number].shortname().startswith("JointModelP")
             address = model.idx_qs[number]
             low, high = model.lowerPositionLimit[address], model.upperPositionLimit[address]
-            turns = model.nqs[number] == 2  # a continuous joint has no range
-            value = 0.0 if turns or low <= 0.0 <= high else float(f"{(low + high) / 2:.3g}")
-            values[joint] = value, f"{value if slides else math.degrees(value):.4g}"
+            is_continuous = model.nqs[number] == 2  # and has no range
+            value = 0.0 if is_continuous or low <= 0.0 <= high else (low + high) / 2
+            values[joint] = float(f"{value:.3g}")
+            slides = model.joints[number].shortname().startswith("JointModelP")
+            text = f"{values[joint] if slides else math.degrees(values[joint]):.4g}"
+            options.append(f"--lock {shlex.quote(f'{joint}={text}')}")
     if not values or len(values) == len(names) - 1:
         return ""
-    entries: dict[str, tuple[float, str]] = {}
-    for joint, pair in values.items():
-        pattern = re.sub(r"\d+", "*", joint)
-        alike = [name for name in names if fnmatchcase(name, pattern)]
-        same = len(alike) > 1 and joint in alike and all(values.get(n) == pair for n in alike)
-        entries[pattern if same else joint] = pair
-    if len(entries) > MAX_LOCK_ENTRIES:
+    if len(values) > MAX_LOCK_ENTRIES:
         return "lock them by locked={joint: value} in Python, by --lock JOINT=VALUE in commands"
+    python = ", ".join(f"{name!r}: {value:g}" for name, value in values.items())
     pronoun = "it" if len(values) == 1 else "them"
-    python = ", ".join(f"{name!r}: {value:g}" for name, (value, _) in entries.items())
-    options = " ".join(
-        f"--lock {shlex.quote(f'{name}={text}')}" for name, (_, text) in entries.items()
-    )
-    return f"lock {pronoun} by locked={{{python}}} in Python, by {options} in commands"
+    return f"lock {pronoun} by locked={{{python}}} in Python, by {' '.join(options)} in commands"

@@ -7,9 +7,8 @@ user or ROS names.
 """
 
 import os
-from collections.abc import Iterable, Iterator
-from functools import cache, cached_property
-from itertools import chain
+from collections.abc import Iterable
+from functools import cached_property
 from pathlib import Path
 from urllib.parse import unquote
 from xml.etree.ElementTree import Element, ParseError
@@ -29,26 +28,20 @@ MAX_DEPTH = 64
 MANIFEST = "package.xml"
 """The file that makes a folder a ROS package, and has its name (REP 149)."""
 
-MAX_MANIFEST = 1_000_000
-"""Size of the largest manifest that is read [bytes]."""
-
 MAX_MESH = 100_000_000
 """Size of the largest mesh that is read [bytes]: an STL file of two million triangles."""
 
 
 def read_xml(
-    path: str | os.PathLike[str],
-    source: str,
-    error: type[FaultyFile] = FaultyFile,
-    most: int = MAX_BYTES,
+    path: str | os.PathLike[str], source: str, error: type[FaultyFile] = FaultyFile
 ) -> Element:
-    """Return the root of an XML file of at most `most` bytes.
+    """Return the root of an XML file of at most `MAX_BYTES`.
 
     Raises `error`, which calls the file `source`, unless it is a regular file of well-formed XML
     without a document type.
     """
     try:
-        return parse_xml(read_text(path, source, most, error))
+        return parse_xml(read_text(path, source, MAX_BYTES, error))
     except FaultyFile:
         raise
     except ValueError as fault:
@@ -93,10 +86,9 @@ class PackageFiles:
 
     def __init__(self, folder: Path, package_dirs: Iterable[Path] = ()) -> None:
         self._folder = folder.resolve()
-        named = ((_package_name(path), path) for path in (self._folder, *self._folder.parents))
-        self._containing = [(name, path) for name, path in named if name is not None]
+        containing = [self._folder, *self._folder.parents]
+        self._packages = [path for path in containing if _package_name(path) is not None]
         self._dirs = [path.resolve() for path in package_dirs]
-        self._packages_in = cache(_packages_in)  # a file may name thousands of packages
 
     def find(self, name: str, what: str = "mesh", folder: Path | None = None) -> Path:
         """Return the real path of a file.
@@ -118,17 +110,18 @@ class PackageFiles:
         if scheme not in ("package", "model"):
             raise InvalidInput(f"{what} {name!r} is refused: only files are read, no addresses")
         package, _, below = path.lstrip("/").partition("/")
-        if (place := self._find_package(package)) is not None:
-            return self._first(name, what, [place / below.lstrip("/")])
+        for place in self._places(package):
+            if os.path.isdir(place):  # noqa: PTH112 any text may be a name
+                return self._first(name, what, [place / below.lstrip("/")])
         # without a manifest, the folder of the robot's file may be the package, or contain it
         paths = [self._folder / inner.lstrip("/") for inner in (path, below) if inner.strip("/")]
         try:
             return self._first(name, what, paths)
         except MissingFile:
             raise MissingFile(
-                f"{what} {name!r} is missing: package {package!r} is unknown, for "
-                f"{self._searched()}; name the package's folder, or the folder that contains it, "
-                "in package_dirs= or --package-dir, or in the environment variable ROS_PACKAGE_PATH"
+                f"{what} {name!r} is missing: package {package!r} is unknown; name the package's "
+                "folder, or the folder that contains it under that name, in package_dirs= or "
+                "--package-dir, or in the environment variable ROS_PACKAGE_PATH"
             ) from None
 
     def read_mesh(self, name: str, folder: Path | None = None) -> bytes:
@@ -143,8 +136,7 @@ class PackageFiles:
 
     def _first(self, name: str, what: str, paths: list[Path]) -> Path:
         """Return the real path of the first file that exists, if all may be read."""
-        containing = [path for _, path in self._containing] or [self._folder]
-        roots = [*containing, *self._dirs, *self._ros]
+        roots = [*(self._packages or [self._folder]), *self._dirs, *self._ros]
         try:
             real = [path.resolve() for path in paths]
             present = [path for path in real if path.exists()]
@@ -160,24 +152,18 @@ class PackageFiles:
             raise MissingFile(f"{what} {name!r} is missing from {roots[0]}")
         return present[0]
 
-    def _find_package(self, name: str) -> Path | None:
-        """Return the folder of a package; None where there is none of that name."""
-        if name in ("", ".", ".."):
-            return None
-        containing = (path for known, path in self._containing if name in (known, path.name))
-        return next(
-            chain(self._look_in(self._dirs, name), containing, self._look_in(self._ros, name)), None
-        )
+    def _places(self, package: str) -> list[Path]:
+        """Return the folders where a package of a name would be, in the order of the search."""
+        if package in ("", ".", ".."):
+            return []
 
-    def _look_in(self, folders: list[Path], name: str) -> Iterator[Path]:
-        """Yield the packages of a name that folders are or contain."""
-        for folder in folders:
-            if folder.name == name:
-                yield folder
-            elif os.path.isdir(folder / name):  # noqa: PTH112 any text may be a name
-                yield folder / name
-            elif name in (packages := self._packages_in(folder)):
-                yield packages[name]
+        def in_or_below(folders: list[Path]) -> list[Path]:
+            return [path for folder in folders for path in (*named([folder]), folder / package)]
+
+        def named(folders: list[Path]) -> list[Path]:
+            return [path for path in folders if package in (path.name, _package_name(path))]
+
+        return [*in_or_below(self._dirs), *named(self._packages), *in_or_below(self._ros)]
 
     @cached_property
     def _ros(self) -> list[Path]:
@@ -188,46 +174,16 @@ class PackageFiles:
         named += [Path(path) / "share" for path in prefixes if path]
         return [path.resolve() for path in named if path.is_absolute()]
 
-    def _searched(self) -> str:
-        """Return where a package was looked for in vain, as a clause."""
-        known = ", ".join(sorted({name for name, _ in self._containing if name}))
-        above = (
-            f"the folders above the robot's file are other packages ({known})"
-            if known
-            else f"no folder above the robot's file has a {MANIFEST}"
-        )
-        if not self._dirs:
-            return above
-        named = ", ".join(map(str, self._dirs))
-        return (
-            f"{above} and no folder of that name, or with that name in its {MANIFEST}, is in "
-            f"{named}"
-        )
-
 
 class MissingFile(InvalidInput):
     """A robot's file names a file that does not exist."""
-
-
-def _packages_in(folder: Path) -> dict[str, Path]:
-    """Return the packages in a folder by name, itself and up to two levels down."""
-    packages: dict[str, Path] = {}
-    try:
-        for pattern in (MANIFEST, f"*/{MANIFEST}", f"*/*/{MANIFEST}"):
-            for manifest in sorted(folder.glob(pattern)):
-                name = _package_name(manifest.parent)
-                if name is not None:
-                    packages.setdefault(name, manifest.parent)
-    except OSError:  # a folder that cannot be read
-        pass
-    return packages
 
 
 def _package_name(folder: Path) -> str | None:
     """Return the name of the ROS package that a folder is; None where it is none."""
     manifest = folder / MANIFEST
     try:
-        root = read_xml(manifest, str(manifest), most=MAX_MANIFEST)
+        root = read_xml(manifest, str(manifest))
     except ValueError:  # there is none, or it cannot be read
         return None
     return (root.findtext("name") or "").strip() if root.tag == "package" else None

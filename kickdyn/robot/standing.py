@@ -50,7 +50,6 @@ class StandingRobot:
     """
 
     def __init__(self, robot: Leg) -> None:
-        """Take a robot with one support; raise `InvalidInput` where it cannot stand on it."""
         support = _flat_support(robot)
         model, data = robot.workspace.model, robot.workspace.data
         self._frame = frame_id(model, support.frame)
@@ -86,12 +85,7 @@ class StandingRobot:
         self._vs = [_indices([joint[side] for joint in pairs], "v") for side in (0, 1)]
 
     def whole(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return q and v of the robot from those of the leg, the foot where it stands.
-
-        Args:
-            q: of `leg`, shape `(nq,)`.
-            v: of `leg`, shape `(nv,)`.
-        """
+        """Return q and v of the robot from those of the leg, the foot where it stands."""
         robot = self.robot
         configuration, velocity = robot.configuration(), np.zeros(robot.nv)
         configuration[self._qs[1]], velocity[self._vs[1]] = q[self._qs[0]], v[self._vs[0]]
@@ -103,14 +97,7 @@ class StandingRobot:
 
 
 def place_base(robot: Leg, q: Array, frame: int, placement: Any) -> Array:
-    """Return q of a robot with its floating base moved so that a frame has a placement.
-
-    Args:
-        robot: whose first joint is a floating base.
-        q: shape `(nq,)`; its base does not count.
-        frame: number of the frame in the model.
-        placement: `pin.SE3` in the world.
-    """
+    """Return q of a robot with its floating base moved so that a frame has a placement."""
     model, data = robot.workspace.model, robot.workspace.data
     placed = q.copy()
     placed[:7] = pin.neutral(model)[:7]

@@ -1,9 +1,8 @@
 """Changed copies of Pinocchio models: joints locked, turned, rerooted, or with other coordinates.
 
-Every function takes a `pin.Model` and returns a new one, so that several changes can follow each
-other before a `Leg` is made of the result. Pinocchio requires that the joints of each subtree have
-consecutive indices: its algorithms take the columns of a subtree for adjacent ones, and return
-wrong inertias for another order without an error. All functions here keep to that order.
+Pinocchio requires that the joints of each subtree have consecutive indices: its algorithms take the
+columns of a subtree for adjacent ones, and return wrong inertias for another order without an
+error. All functions here keep to that order.
 """
 
 import math
@@ -79,21 +78,9 @@ def turn_body(model: Any, joint: int, rotation: Array) -> Any:
     return turned
 
 
-def replace_rotors(model: Any, armature: Array) -> Any:
-    """Return a model with other rotor inertias, shape `(nv,)` [kg m2; kg for prismatic joints]."""
-    changed = model.copy()
-    changed.armature = armature
-    return changed
-
-
 def has_floating_base(model: Any) -> bool:
     """Return whether the first joint of a model is a floating base."""
     return bool(model.joints[1].shortname() == "JointModelFreeFlyer")
-
-
-def has_continuous_joints(model: Any) -> bool:
-    """Return whether a joint of one degree of freedom has its cosine and sine in q."""
-    return any(_is_continuous(model, joint) for joint in range(1, model.njoints))
 
 
 def angle_model(model: Any) -> Any:
@@ -124,9 +111,6 @@ def reroot_model(model: Any, joint: int, placement: Any) -> Any:
         model: with a floating base.
         joint: number of the joint that carries the new root.
         placement: `pin.SE3` of that joint's frame in the world.
-
-    Raises:
-        InvalidInput: a joint between the base and the new root has not one axis.
     """
     new = _empty_copy(model)
     reversed_joints = [int(number) for number in model.supports[joint]][2:]

@@ -1,17 +1,29 @@
-"""From a URDF file to a Pinocchio model: safe reading, checks, and what Pinocchio reports."""
+"""From a URDF file to a Pinocchio model: reading, faults of the text, and what Pinocchio reports.
+
+Pinocchio's parser overflows its stack on long chains, never returns from loops, and takes double
+names and axes without direction. It stops at the first fault that it reports: links that do not
+exist are therefore found before. What it reports besides, such as a missing attribute or a text
+that is no number, `build_model` passes on; `model_validation` then judges the inertia of what moves
+together.
+"""
 
 import io
+import math
 import os
 import tempfile
 import threading
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from difflib import get_close_matches
 from functools import cached_property
+from graphlib import CycleError, TopologicalSorter
 from os import PathLike
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 import numpy as np
 import pinocchio as pin
@@ -20,9 +32,18 @@ from kickdyn.core.files import shipped
 from kickdyn.core.validation import brief
 from kickdyn.errors import InvalidInput, UrdfError
 from kickdyn.robot.joint_table import Mimic
+from kickdyn.robot.model_validation import ROUNDING, second_moments
+from kickdyn.robot.names import expand_patterns, listed, name_fault
 from kickdyn.robot.package_files import read_xml
-from kickdyn.robot.urdf_validation import find_faults, find_irregularities, read_mimics
 from kickdyn.robot.visuals import RobotFile, Shape, Visual
+
+MAX_LINKS = 3000
+"""Pinocchio's parser overflows the stack at about 3,800 links in a row."""
+
+MAX_MOVING_JOINTS = 250
+"""Pinocchio's workspace takes about 32 n^3 bytes: 0.5 GB here."""
+
+MOVING = ("revolute", "continuous", "prismatic")
 
 
 class UrdfFile(RobotFile):
@@ -33,19 +54,15 @@ class UrdfFile(RobotFile):
         robot = self._robot
         visuals = [(link.name, visual) for link in robot.links for visual in link.visuals]
         materials = [visual.material for _, visual in visuals if visual.material]
-        colours = {m.name: m.color.rgba for m in [*materials, *robot.materials] if m.color}
+        colours = {m.name: m.color for m in [*materials, *robot.materials] if m.color}
         shapes = []
         for link, visual in visuals:
             material = visual.material
-            rgba = colours.get(material.name) if material else None
-            if material and material.color:
-                rgba = material.color.rgba
+            colour = (material.color or colours.get(material.name)) if material else None
             shapes.append(
-                Visual(
-                    link,
-                    np.eye(4) if visual.origin is None else visual.origin,
-                    *_shape(visual.geometry),
-                    rgba=None if rgba is None else tuple(rgba),
+                replace(
+                    _visual(link, visual),
+                    rgba=None if colour is None else tuple(colour.rgba),
                     has_texture=material is not None and material.texture is not None,
                 )
             )
@@ -54,13 +71,7 @@ class UrdfFile(RobotFile):
     def collisions(self) -> list[Visual]:
         """Return the collision shapes of all links; raise `InvalidInput` if unreadable."""
         return [
-            Visual(
-                link.name,
-                np.eye(4) if shape.origin is None else shape.origin,
-                *_shape(shape.geometry),
-            )
-            for link in self._robot.links
-            for shape in link.collisions
+            _visual(link.name, shape) for link in self._robot.links for shape in link.collisions
         ]
 
     @cached_property
@@ -111,14 +122,9 @@ def _folders(package_dirs: Iterable[str | PathLike[str]]) -> Iterator[Path]:
     if isinstance(package_dirs, str | PathLike) or not isinstance(package_dirs, Iterable):
         raise InvalidInput(f"package_dirs is {package_dirs!r}: it must be a list of folders")
     for folder in package_dirs:
-        try:
-            path = Path(folder).resolve()
-            if path.is_dir():
-                yield path
-                continue
-        except (TypeError, ValueError, OSError, RuntimeError):  # no path, a NUL, links in a circle
-            pass
-        raise InvalidInput(f"package_dirs names {brief(str(folder))}: there is no such folder")
+        if not isinstance(folder, str | PathLike) or not os.path.isdir(folder):  # noqa: PTH112
+            raise InvalidInput(f"package_dirs names {brief(str(folder))}: there is no such folder")
+        yield Path(folder).resolve()
 
 
 def read_document(path: str | PathLike[str]) -> UrdfFile:
@@ -166,16 +172,18 @@ def build_model(text: str, source: str, base: str) -> Any:
     return model
 
 
-def _shape(geometry: Any) -> tuple[Shape, tuple[float, ...], str]:
-    """Return the shape of a geometry of yourdfpy, its size and the name of its mesh."""
+def _visual(link: str, visual: Any) -> Visual:
+    """Return a visual or a collision shape of yourdfpy."""
+    pose, geometry = np.eye(4) if visual.origin is None else visual.origin, visual.geometry
     if geometry.box:
-        return Shape.BOX, tuple(geometry.box.size.tolist()), ""
+        return Visual(link, pose, Shape.BOX, tuple(geometry.box.size.tolist()))
     if geometry.sphere:
-        return Shape.SPHERE, (geometry.sphere.radius,), ""
+        return Visual(link, pose, Shape.SPHERE, (geometry.sphere.radius,))
     if geometry.cylinder:
-        return Shape.CYLINDER, (geometry.cylinder.length, geometry.cylinder.radius), ""
+        size = geometry.cylinder.length, geometry.cylinder.radius
+        return Visual(link, pose, Shape.CYLINDER, size)
     scale = 1.0 if geometry.mesh.scale is None else geometry.mesh.scale
-    return Shape.MESH, tuple(np.atleast_1d(scale)), geometry.mesh.filename
+    return Visual(link, pose, Shape.MESH, tuple(np.atleast_1d(scale)), geometry.mesh.filename)
 
 
 def shipped_urdf(name: str) -> Path:
@@ -206,3 +214,233 @@ def _captured_stderr() -> Iterator[list[str]]:
             os.close(saved)
             sink.seek(0)
             lines += sink.read().decode(errors="replace").splitlines()
+
+
+def find_faults(root: Element, locked: Iterable[str] = ()) -> list[str]:
+    """Return one line per fault of the robot under `root`; none if Pinocchio may read it.
+
+    The joints that a locked joint mimics are not checked; `locked` has names or patterns.
+    """
+    if root.tag == "mujoco":
+        return ["is an MJCF, its root is <mujoco>: Leg.from_mjcf reads it"]
+    if root.tag != "robot":
+        return [f"is not a URDF: its root is <{root.tag}>, not <robot>"]
+    faults: list[str] = []
+    _name(root, "robot", faults)
+    links = _named(root, "link", faults)
+    joints = _named(root, "joint", faults)
+    moving = sum(joint.get("type") in MOVING for joint in joints.values())
+    if not links:
+        return [*faults, "has no link"]
+    if len(links) > MAX_LINKS or moving > MAX_MOVING_JOINTS:
+        return [
+            *faults,
+            f"has {len(links)} links and {moving} moving joints: "
+            f"at most {MAX_LINKS} and {MAX_MOVING_JOINTS} are read",
+        ]
+    for name, link in links.items():
+        where = f"link {name!r}"
+        _check_single(where, link, ("inertial",), faults)
+        for inertial in link.findall("inertial"):
+            _check_single(f"{where} inertial", inertial, ("origin", "mass", "inertia"), faults)
+    for name, joint in joints.items():
+        _check_joint(f"joint {name!r}", joint, faults)
+    _check_tree(links, joints, faults)
+    fixed = expand_patterns(dict.fromkeys(locked, 0.0), joints)
+    _check_mimics({n: j for n, j in joints.items() if n not in fixed}, joints, faults)
+    return faults
+
+
+def find_irregularities(root: Element) -> list[str]:
+    """Return one line for each kind of irregularity with which the robot under `root` is read.
+
+    Inertias are judged with what moves together, by `model_validation`: a link alone may have none,
+    or one that no body has.
+    """
+    links, joints = root.findall("link"), root.findall("joint")
+    masses = [(link, link.find("inertial/mass")) for link in links]
+    light = [
+        link for link, mass in masses if mass is not None and float(mass.get("value", "nan")) == 0.0
+    ]
+    impossible = [link for link in links if link not in light and _is_impossible(link)]
+    idle = [
+        joint
+        for joint in joints
+        if joint.get("type") == "fixed" and joint.find("mimic") is not None
+    ]
+    unlimited = [
+        joint
+        for joint in joints
+        if joint.get("type") in ("revolute", "prismatic")
+        and (limit := joint.find("limit")) is not None
+        and not {"lower", "upper"} <= limit.attrib.keys()
+    ]
+    together = "they count together with what is fixed to them or hangs from them"
+    return [
+        f"{kind} ({listed([element.get('name', '') for element in elements], 3)}): {meaning}"
+        for elements, kind, meaning in (
+            (light, "links with mass 0", together),
+            (impossible, "links with moments of inertia that no body has", together),
+            (idle, "fixed joints with a mimic", "they stay fixed"),
+            (unlimited, "joints without lower or upper limit", "the URDF specification says 0"),
+        )
+        if elements
+    ]
+
+
+def _is_impossible(link: Element) -> bool:
+    """Return whether moments of inertia are negative or break the triangle inequality."""
+    inertia = link.find("inertial/inertia")
+    if inertia is None:
+        return False
+    keys = ("ixx", "ixy", "ixz", "ixy", "iyy", "iyz", "ixz", "iyz", "izz")
+    moments = np.array([float(inertia.get(key, "nan")) for key in keys]).reshape(3, 3)
+    principal = second_moments(moments)
+    return bool(principal.min() < -ROUNDING * np.abs(principal).max())
+
+
+def _named(root: Element, tag: str, faults: list[str]) -> dict[str, Element]:
+    """Return the elements of a tag by name; add a fault for each name used twice."""
+    elements = root.findall(tag)
+    names = [_name(element, tag, faults) for element in elements]
+    for name, times in Counter(names).items():
+        if times > 1 and name:
+            faults.append(f"{tag} name {name!r} is used {times} times")
+    return {name: element for name, element in zip(names, elements, strict=True) if name}
+
+
+def _name(element: Element, tag: str, faults: list[str]) -> str:
+    """Return an element's name, or add a fault and return nothing."""
+    name = element.get("name", "")
+    fault = name_fault(f"{tag} name", name) if name.strip() else f"a {tag} has no name"
+    if not fault:
+        return name
+    faults.append(fault)
+    return ""
+
+
+def _check_single(where: str, element: Element, tags: tuple[str, ...], faults: list[str]) -> None:
+    """Add a fault for each of these tags that an element has more than once."""
+    for tag in tags:
+        times = len(element.findall(tag))
+        if times > 1:
+            faults.append(f"{where} has {times} of <{tag}>: it must have one at most")
+
+
+def _check_joint(where: str, joint: Element, faults: list[str]) -> None:
+    """Check type, axis and signs of limits of a joint, and that nothing in it is double."""
+    kind = joint.get("type", "")
+    _check_single(where, joint, ("origin", "parent", "child", "axis", "limit", "mimic"), faults)
+    if kind not in (*MOVING, "fixed"):
+        faults.append(f"{where} type is {kind[:40]!r}: it must be {', '.join(MOVING)} or fixed")
+    for limit in joint.findall("limit"):
+        for key in ("effort", "velocity"):
+            if limit.get(key, "").strip().startswith("-"):
+                faults.append(f"{where} {key} is {limit.get(key)!r}: it must be 0 or more")
+    axis = joint.find("axis")
+    if axis is None or kind == "fixed":
+        return
+    text = axis.get("xyz", "")
+    numbers = [_number(word) for word in text.split()]
+    if len(numbers) != 3 or not 1e-100 < math.hypot(*numbers) < 1e100:  # its square is needed
+        faults.append(f"{where} axis is {text[:60]!r}: it must be 3 finite numbers, not all 0")
+
+
+def _number(text: str) -> float:
+    """Return the number that a text is; NaN where it is none."""
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
+
+
+def _check_mimics(
+    judged: dict[str, Element], joints: dict[str, Element], faults: list[str]
+) -> None:
+    """Check that the judged joints mimic others with a range, and no two of them each other."""
+    drivers = _drivers(joints)
+    for name, driver in drivers.items():
+        if name not in judged:
+            continue
+        remedy = f"lock it: locked={{{name!r}: 0}} of from_urdf, or --lock {name}=0"
+        mimic = joints[name].find("mimic")
+        for key in ("multiplier", "offset"):
+            text = "0" if mimic is None else mimic.get(key, "0")
+            if not math.isfinite(_number(text)):
+                faults.append(f"joint {name!r} mimic {key} is {text!r}: it must be a finite number")
+        kind = joints[driver].get("type") if driver in joints else None
+        if kind is None:
+            near = get_close_matches(driver[:200], list(joints), 1, 0.7)
+            hint = f"did you mean {near[0]!r}? Correct the name" if near else "correct the name"
+            faults.append(
+                f"joint {name!r} mimics {driver[:40]!r}, and there is no such joint: {hint}, or "
+                + remedy
+            )
+        elif "continuous" in (kind, joints[name].get("type")) or kind == "fixed":
+            faults.append(
+                f"joint {name!r} mimics {driver!r}: both must be revolute or prismatic, for a "
+                f"continuous joint's angle is known but for whole turns; {remedy}"
+            )
+    try:
+        TopologicalSorter({joint: [driver] for joint, driver in drivers.items()}).prepare()
+    except CycleError as error:
+        faults.append(f"joints {', '.join(sorted(set(error.args[1])))} mimic each other in a loop")
+
+
+def _drivers(joints: dict[str, Element]) -> dict[str, str]:
+    """Return the joint that each joint mimics; the mimic of a fixed joint has no effect."""
+    return {
+        name: mimic.get("joint", "")
+        for name, joint in joints.items()
+        if joint.get("type") != "fixed" and (mimic := joint.find("mimic")) is not None
+    }
+
+
+def read_mimics(root: Element) -> tuple[Mimic, ...]:
+    """Return the mimic joints of a robot without faults, each with a driver that mimics none.
+
+    What mimics a joint that does not exist, and is to be locked, is left out.
+    """
+    joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
+    drivers, mimics = _drivers(joints), []
+    for name in drivers:
+        driver, multiplier, offset = name, 1.0, 0.0
+        while driver in drivers:  # q = a (c q_driver + d) + b
+            mimic = joints[driver].find("mimic")
+            assert mimic is not None
+            offset += multiplier * float(mimic.get("offset", 0.0))
+            multiplier *= float(mimic.get("multiplier", 1.0))
+            driver = drivers[driver]
+        if driver in joints:
+            mimics.append(Mimic(name, driver, multiplier, offset))
+    return tuple(mimics)
+
+
+def _check_tree(links: dict[str, Element], joints: dict[str, Element], faults: list[str]) -> None:
+    """Check that the joints join all links into one tree."""
+    before = len(faults)
+    parents: dict[str, str] = {}
+    for name, joint in joints.items():
+        ends = {}
+        for role in ("parent", "child"):
+            element = joint.find(role)
+            link = None if element is None else element.get("link")
+            if link is None:
+                faults.append(f"joint {name!r} has no {role}: it must name a link")
+            elif link not in links:
+                faults.append(f"joint {name!r} {role} is {link[:40]!r}: there is no such link")
+            ends[role] = link or ""
+        if len(faults) > before:
+            continue
+        if ends["child"] in parents:
+            faults.append(f"link {ends['child']!r} has two parents: loops cannot be read")
+        parents[ends["child"]] = ends["parent"]
+    if len(faults) > before:
+        return
+    roots = [name for name in links if name not in parents]
+    if len(roots) > 1:
+        faults.append(f"has {len(roots)} roots ({', '.join(roots[:5])}): all links must be joined")
+    try:
+        TopologicalSorter({child: [parent] for child, parent in parents.items()}).prepare()
+    except CycleError as error:
+        faults.append(f"links {', '.join(sorted(set(error.args[1])))} form a loop")

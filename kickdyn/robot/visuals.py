@@ -7,7 +7,8 @@ without access to further files.
 
 import io
 import logging
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
@@ -30,9 +31,6 @@ FORMATS = (".stl", ".obj", ".dae", ".ply")
 
 MAX_VERTICES = 3_000_000
 """Vertices and triangles of a mesh."""
-
-MAX_NODES = 10_000
-"""Largest number of nodes of a COLLADA file, each counted as often as it is instantiated."""
 
 GREY = "0.4 0.4 0.4 1"
 """Colour of what COLLADA colours by a picture, as trimesh's own without the picture."""
@@ -115,35 +113,29 @@ class RobotFile:
         return ()
 
     def visuals(self) -> list[Visual]:
-        """Return the shapes that the file describes; raise `InvalidInput` if they are unreadable.
-
-        A reader of a file format overrides it.
-        """
+        """Return the shapes that the file describes; raise `InvalidInput` if unreadable."""
         return []
 
     def collisions(self) -> list[Visual]:
-        """Return the shapes that the file has for contacts; raise `InvalidInput` as `visuals`.
-
-        A reader of a file format overrides it.
-        """
+        """Return the shapes that the file has for contacts; raise `InvalidInput` as `visuals`."""
         return []
 
     @cached_property
     def visuals_by_frame(self) -> dict[str, list[Visual]]:
-        """The shapes by the frame that they are fixed to; raises what `visuals` raises."""
-        return _by_frame(self.visuals())
+        """The shapes by the frame that they are fixed to; none where they are unreadable."""
+        return _by_frame(self.visuals)
 
     @cached_property
     def collisions_by_frame(self) -> dict[str, list[Visual]]:
-        """The shapes for contacts by frame; raises what `collisions` raises."""
-        return _by_frame(self.collisions())
+        """The shapes for contacts by frame; none where they are unreadable."""
+        return _by_frame(self.collisions)
 
 
-def _by_frame(shapes: list[Visual]) -> dict[str, list[Visual]]:
-    """Return shapes by the frame that they are fixed to."""
+def _by_frame(read: Callable[[], list[Visual]]) -> dict[str, list[Visual]]:
     by_frame: dict[str, list[Visual]] = {}
-    for shape in shapes:
-        by_frame.setdefault(shape.frame, []).append(shape)
+    with suppress(InvalidInput):  # a page of the leg says why
+        for shape in read():
+            by_frame.setdefault(shape.frame, []).append(shape)
     return by_frame
 
 
@@ -175,11 +167,13 @@ def read_mesh(files: PackageFiles, filename: str, scale: ArrayLike = 1.0) -> lis
     content, ending = files.read_mesh(filename), PurePath(filename).suffix.lower()
     if ending not in FORMATS:
         raise InvalidInput(f"mesh {filename!r} has no known ending: {', '.join(FORMATS)} are read")
-    stretch = np.diag(_stretch(filename, scale))
     try:
+        scales = validation.floats("its scale", scale)
+        if scales.size not in (1, 3):
+            raise ValueError(f"its scale is {scales.tolist()}: it must be one number or three")
+        stretch = np.diag(np.broadcast_to(scales, 3))
         if ending == ".dae":
             root = parse_xml(content.decode(errors="replace"))
-            _check_nodes(root)
             _remove_pictures(root)
             content = ElementTree.tostring(root)  # what was checked, not the file's own bytes
             stretch = stretch @ UPRIGHT.get(root.findtext(".//{*}up_axis", "Z_UP"), np.eye(3))
@@ -191,16 +185,6 @@ def read_mesh(files: PackageFiles, filename: str, scale: ArrayLike = 1.0) -> lis
     if not any(len(surface.faces) for surface in surfaces):
         raise InvalidInput(f"mesh {filename!r} has no triangles")
     return surfaces
-
-
-def _stretch(filename: str, scale: ArrayLike) -> Array:
-    """Return the scale along each axis, shape `(3,)`."""
-    stretch = validation.floats(f"scale of mesh {filename!r}", scale)
-    if stretch.shape not in ((), (1,), (3,)):
-        raise InvalidInput(
-            f"mesh {filename!r} has scale {stretch.tolist()}: it must be one number or three"
-        )
-    return np.broadcast_to(stretch, 3)
 
 
 def _surfaces(scene: Any, turn: Array) -> Iterator[Triangles]:
@@ -223,18 +207,6 @@ def _colour(mesh: object) -> Array | None:
         return None
     source = visual.material if visual.kind == "texture" else visual
     return np.asarray(source.main_color, dtype=float) / 255.0
-
-
-def _check_nodes(root: ElementTree.Element) -> None:
-    """Raise `ValueError` for too many nodes, which instances of instances can double many times."""
-    nodes = {f"#{node.get('id')}": node for node in root.iterfind(".//{*}node")}
-    waiting, count = root.findall(".//{*}visual_scene"), 0
-    while waiting:
-        element, count = waiting.pop(), count + 1
-        if count > MAX_NODES:
-            raise ValueError(f"it has more than {MAX_NODES} nodes, instances included")
-        urls = [instance.get("url", "") for instance in element.iterfind("{*}instance_node")]
-        waiting += [*element.iterfind("{*}node"), *(nodes[url] for url in urls if url in nodes)]
 
 
 def _remove_pictures(root: ElementTree.Element) -> None:

@@ -1,29 +1,13 @@
-"""The physical effects of a scene: which it has, the scene without one, and which may be neglected.
-
-A new effect is an `Effect` in `EFFECTS`.
-"""
+"""The physical effects of a scene: which it has, and the scene without one."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from itertools import accumulate
-from typing import NamedTuple
-
-import numpy as np
 
 from kickdyn.aerodynamics.drag import constant
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
-from kickdyn.core.validation import Array
-from kickdyn.errors import KickdynError
-from kickdyn.flight.flight_result import Flight
-from kickdyn.flight.forces import acceleration_function
-from kickdyn.scene.launch_and_end import PathEnd, end_normal, fly_scene
 from kickdyn.scene.scene import Scene
-
-NODES, WEIGHTS = np.polynomial.legendre.leggauss(6)
-"""Gauss's rule, by which accelerations along a flight are integrated."""
 
 
 @dataclass(frozen=True)
@@ -41,23 +25,6 @@ class Effect:
     is_in: Callable[[Scene], bool]
     without: Callable[[Scene, BallState], Scene]
     in_flight: bool = False
-
-
-class EffectVerdict(NamedTuple):
-    """Whether one effect of the scene is modelled.
-
-    Attributes:
-        effect: name of the effect.
-        modelled: whether the effect is modelled; otherwise it is neglected.
-        size: how far neglecting it moves the end, to first order [m]; inf where that is not known,
-            nan where it was not needed.
-        why: reason for the decision.
-    """
-
-    effect: str
-    modelled: bool
-    size: float
-    why: str
 
 
 @dataclass(frozen=True)
@@ -80,122 +47,6 @@ class EffectSize:
 def effects_of(scene: Scene) -> list[Effect]:
     """Return the effects that a scene has."""
     return [effect for effect in EFFECTS if effect.is_in(scene)]
-
-
-class Reduction(NamedTuple):
-    """The path of a scene without the effects of the flight that do not matter.
-
-    Attributes:
-        end: of the path.
-        error: distance of this end from the end with all effects [m].
-        verdicts: on each effect of the scene but the contact time.
-        evaluations: of the acceleration, in all flights.
-    """
-
-    end: PathEnd
-    error: float
-    verdicts: tuple[EffectVerdict, ...]
-    evaluations: int
-
-
-def neglect_effects(scene: Scene, full: PathEnd, allowed: float) -> Reduction:
-    """Neglect the effects of the flight with the smallest sizes, as far as an error is allowed [m].
-
-    Their sizes add up to at most what is allowed. The flight without them is then compared with the
-    flight that has all effects; if the ends are farther apart, the largest of the neglected effects
-    is modelled again.
-    """
-    launch, evaluations = full.path.launch, full.evaluations
-    in_flight = [effect for effect in effects_of(scene) if effect.in_flight]
-    obstacle, sizes = "", dict.fromkeys([effect.name for effect in in_flight], math.inf)
-    if not full.has_end:
-        obstacle = "modelled, as the path has no end"
-    elif not isinstance(full.path, Flight):
-        obstacle = "modelled, as small differences grow after a bounce"
-    elif in_flight:
-        sizes = first_order_sizes(scene, in_flight, full.path)
-        evaluations += len(NODES) * (1 + len(sizes))
-    smallest = sorted(in_flight, key=lambda effect: sizes[effect.name])
-    sums = accumulate(sizes[effect.name] for effect in smallest)
-    neglected = smallest[: sum(total <= allowed for total in sums)]
-    while neglected:
-        reduced = scene
-        for effect in neglected:
-            reduced = effect.without(reduced, launch)
-        with suppress(KickdynError):  # as where it leaves the range of a coefficient
-            end = fly_scene(reduced, launch)
-            evaluations += end.evaluations
-            error = math.dist(end.state.position, full.state.position)
-            if end.path.status == full.path.status and error <= allowed:
-                verdicts = _verdicts(scene, reduced, neglected, sizes, obstacle)
-                return Reduction(end, error, verdicts, evaluations)
-        neglected.pop()
-    return Reduction(full, 0.0, _verdicts(scene, scene, [], sizes, obstacle), evaluations)
-
-
-def first_order_sizes(scene: Scene, effects: Sequence[Effect], flight: Flight) -> dict[str, float]:
-    r"""Return by effect how far neglecting it moves the end of a flight, to first order [m].
-
-    Without the effect the acceleration is :math:`a'` in place of :math:`a`. Along the flight, of
-    duration T, which ends at a surface of normal n with the velocity v,
-
-    .. math:: \delta = \int_0^T (T - t)\, (a' - a)\, dt, \qquad
-        \text{size} = \left| \delta - v\, \frac{n \cdot \delta}{n \cdot v} \right| .
-
-    It is inf where the ball only grazes that surface.
-    """
-    times = 0.5 * flight.duration * (1.0 + NODES)
-    weights = 0.5 * flight.duration * WEIGHTS * (flight.duration - times)
-    states = flight.sample(times)
-    normal, velocity = end_normal(scene, flight), flight.landing.velocity
-    closing = float(normal @ velocity)
-    accelerations, sizes = _accelerations(scene, flight.launch, states), {}
-    for effect in effects:
-        less = effect.without(scene, flight.launch)
-        moved = weights @ (_accelerations(less, flight.launch, states) - accelerations)
-        sizes[effect.name] = math.inf
-        if closing != 0.0:
-            late = float(normal @ moved) / closing
-            sizes[effect.name] = float(np.linalg.norm(moved - velocity * late))
-    return sizes
-
-
-def _accelerations(scene: Scene, launch: BallState, states: BallState) -> Array:
-    """Return the accelerations of n states in the air of a scene, shape `(n, 3)` [m/s2].
-
-    Where the spin does not decay, it is the spin of the launch.
-    """
-    assert scene.air is not None
-    acceleration = acceleration_function(scene.ball, scene.air)
-    decays = scene.air.torque is not None
-    spins = states.spin if decays else np.tile(launch.spin, (len(NODES), 1))
-    rows = np.column_stack([states.position[:, 2], states.velocity, spins])
-    return np.array([acceleration(*row)[:3] for row in rows.tolist()])
-
-
-def _verdicts(
-    scene: Scene,
-    reduced: Scene,
-    neglected: Sequence[Effect],
-    sizes: Mapping[str, float],
-    obstacle: str,
-) -> tuple[EffectVerdict, ...]:
-    """Return the verdict on each effect of a scene; the reduced scene has no neglected ones."""
-    verdicts = []
-    for effect in effects_of(scene):
-        if effect.name == "contact time":
-            continue
-        is_modelled = effect not in neglected and effect.is_in(reduced)
-        why = "its size is small enough"
-        if not effect.in_flight:
-            why = "always modelled, which costs no time"
-        elif is_modelled:
-            why = obstacle or "its size is too large for the tolerance"
-        elif effect not in neglected:
-            why = "it does nothing without the effects that are neglected"
-        size = sizes.get(effect.name, math.nan)
-        verdicts.append(EffectVerdict(effect.name, is_modelled, size, why))
-    return tuple(verdicts)
 
 
 def _without_rotors(scene: Scene, _: BallState) -> Scene:

@@ -24,7 +24,7 @@ MISSES = {
     "bar": "hits the bar",
     "post": "hits the post",
 }
-"""Sentences for the ends of a ball that does not go in."""
+"""What a ball does that does not enter the goal, by `Score.end`."""
 
 
 class Passage(NamedTuple):
@@ -98,14 +98,15 @@ def read_wall(text: str) -> Wall:
     Raises:
         InvalidInput: it is no such text.
     """
-    fields, shown = text.split(":"), validation.brief(text)
-    if len(fields) not in (2, 3):
-        raise InvalidInput(f"wall is {shown}: it must be DISTANCE:HEIGHT or with :WIDTH [m]")
+    values = text.split(":")
     try:
-        values = [float(field) for field in fields]
+        distance, height, width = map(float, [*values, "2.5"] if len(values) == 2 else values)
     except ValueError:
-        raise InvalidInput(f"wall is {shown}: it must be numbers, as 9.15:1.9") from None
-    return Wall(*values)
+        raise InvalidInput(
+            f"wall is {validation.brief(text)}: it must be DISTANCE:HEIGHT or with :WIDTH [m], as "
+            "9.15:1.9"
+        ) from None
+    return Wall(distance, height, width)
 
 
 def check_before(wall: Wall, distance: float) -> None:
@@ -115,18 +116,6 @@ def check_before(wall: Wall, distance: float) -> None:
             f"wall is at {wall.distance:g} m: it must be between the ball and the target, "
             f"which is {distance:g} m away"
         )
-
-
-def passage_at(wall: Wall, left: float, up: float, radius: float) -> Passage:
-    """Return how a ball passes a wall.
-
-    Args:
-        wall: what it passes.
-        left: of its centre, to the left of the line to the target [m].
-        up: of its lower edge, from the ground [m].
-        radius: of the ball [m].
-    """
-    return Passage(up - wall.height, abs(left) - wall.width / 2 - radius, left)
 
 
 def passage_on(
@@ -144,13 +133,14 @@ def passage_on(
     start = path.launch.position
 
     def beyond(time: float) -> float:
-        """Return how far the ball is beyond the wall at a time [m]."""
         return float(ahead @ (path.sample(time).position - start)) - wall.distance
 
     if beyond(path.duration) < 0.0:
         return None
     x, y, z = path.sample(float(brentq(beyond, 0.0, path.duration))).position - start
-    return passage_at(wall, float(ahead[0] * y - ahead[1] * x), float(z) + start_height, radius)
+    left = float(ahead[0] * y - ahead[1] * x)
+    above = float(z) + start_height - wall.height
+    return Passage(above, abs(left) - wall.width / 2 - radius, left)
 
 
 class Score(NamedTuple):

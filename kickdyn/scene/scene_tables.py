@@ -1,15 +1,18 @@
 """The tables of a scene file: what each key takes, what it means, and what it is an argument of.
 
 Keys end in their unit; those without one are dimensionless, or names. The reader, its messages and
-`docs/reference/scene-file.md` follow from `TABLES`.
+`docs/reference/scene-file.md` follow from `TABLES`. A new key is a `Key` and an argument of its
+table's constructor.
 """
 
 import math
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, field, fields, replace
 from functools import partial
+from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from kickdyn.aerodynamics import drag, lift, spin_decay
@@ -18,6 +21,7 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
 from kickdyn.core import validation
+from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.ground import SURFACES, Ground
 from kickdyn.impact.force_model import Dissipation
@@ -25,6 +29,9 @@ from kickdyn.impact.laws import LAWS
 from kickdyn.plane import Plane, ReachedBy
 from kickdyn.restitution import MODELS as RESTITUTIONS
 from kickdyn.robot.catalog import DESCRIPTION, ROBOTS
+from kickdyn.robot.joint_table import InDegrees
+from kickdyn.robot.leg import Leg, Posture, read_leg
+from kickdyn.robot.urdf_file import shipped_urdf
 from kickdyn.scene.pitch import Wall
 from kickdyn.scene.scene import Compliance
 
@@ -106,6 +113,87 @@ def _check_joints(value: object, unit: str, **limits: float) -> None:
         raise InvalidInput(*faults)
 
 
+@dataclass(frozen=True)
+class LegTable:
+    """The keys of `[leg]`."""
+
+    model: str | None = None
+    file: str = ""
+    robot: str | None = None
+    frame: str | None = None
+    base: str = "fixed"
+    package_dirs: tuple[str, ...] = ()
+    legs_only: bool = False
+    locked: Mapping[str, float] = field(default_factory=dict)
+    supports: tuple[str, ...] = ()
+    loops: tuple[tuple[str, str], ...] = ()
+    stiff_joints: tuple[str, ...] = ()
+    armature: Mapping[str, float] = field(default_factory=dict)
+
+    def read(self, folder: Path) -> Leg:
+        """Return the leg without rotors, supports, loops and stiff joints."""
+        if self.robot is not None:
+            locked = InDegrees(self.locked)
+            return Leg.from_robot(
+                self.robot, self.frame, base=self.base, legs_only=self.legs_only, locked=locked
+            )
+        file = folder / self.file
+        if self.model is not None:
+            file = shipped_urdf(f"leg_{self.model}.urdf")
+        packages = [folder / str(package) for package in self.package_dirs]
+        return read_leg(file, self.frame or "toe", self.base, packages, self.locked)
+
+    def change(self, leg: Leg) -> Leg:
+        """Return a leg with the rotors, supports, loops and stiff joints."""
+        leg = leg.with_armature(self.armature).with_supports(*self.supports)
+        return leg.with_loops(*self.loops).with_stiff_joints(*self.stiff_joints)
+
+
+@dataclass(frozen=True)
+class PostureTable:
+    """The keys of `[posture]`."""
+
+    angles_deg: Mapping[str, float] = field(default_factory=dict)
+    positions_m: Mapping[str, float] = field(default_factory=dict)
+    foot_velocity: ArrayLike | None = None
+    joint_velocity: Mapping[str, float] = field(default_factory=dict)
+
+    def configuration(self, leg: Leg) -> Array:
+        """Return q, all loops closed by the joints that are not named."""
+        named = {joint: math.radians(angle) for joint, angle in self.angles_deg.items()}
+        named |= self.positions_m
+        return leg.close_loops(leg.configuration(named), keep=named)
+
+    def velocity(self, posture: Posture) -> Array:
+        """Return v from the velocity of the contact point, or from the velocities of joints."""
+        if self.foot_velocity is not None:
+            return posture.joint_velocity(self.foot_velocity)
+        v = np.zeros(posture.leg.nv)
+        for joint, speed in self.joint_velocity.items():
+            v[posture.leg.velocity_index(joint)] = speed
+        return v
+
+
+def joint_faults(leg: Leg, of_leg: LegTable, of_posture: PostureTable) -> list[str]:
+    """Return a line for each joint that the leg lacks, or that moves in another unit."""
+    faults = []
+    for table, key, values, unit in (
+        ("leg", "armature_kg_m2", of_leg.armature, ""),
+        ("posture", "angles_deg", of_posture.angles_deg, "rad"),
+        ("posture", "positions_m", of_posture.positions_m, "m"),
+        ("posture", "joint_velocity_rad_s", of_posture.joint_velocity, ""),
+    ):
+        for joint in values:
+            try:
+                moves_in = leg.joint_unit(joint)
+            except InvalidInput as error:
+                faults.append(f"{table}: {error}")
+            else:
+                if unit and moves_in != unit:
+                    faults.append(f"{table}: {key} names {joint}, which moves in {moves_in}")
+    return faults
+
+
 def _ball(
     model: str = "size-5", velocity: ArrayLike = ZERO, spin: ArrayLike = ZERO, **values: Any
 ) -> tuple[Ball, BallState]:
@@ -152,13 +240,11 @@ def _air(model: str = "standard", **values: Any) -> Air:
     options = {"drag": None, "lift": None, "torque": None, "buoyancy": False, **values}
     if model == "standard":
         return Air.at(**options)
-    if values.keys() & {"altitude", "temperature_c", "pressure"}:
-        raise InvalidInput(
-            "the air of model 'paper' is fixed: leave out the model, or altitude_m, temperature_c "
-            "and pressure_pa"
-        )
-    paper = Air.paper()
-    return Air(paper.density, paper.viscosity, **options)
+    fixed = values.keys() - {entry.name for entry in fields(Air)}
+    if fixed:
+        names = ", ".join(sorted(fixed))
+        raise InvalidInput(f"the air of model 'paper' is fixed: leave out the model, or {names}")
+    return replace(Air.paper(), **options)
 
 
 def _ground(height: float | None = None, surface: str | None = None) -> tuple[bool, Ground]:
@@ -191,7 +277,7 @@ TABLES = (
     Table("", dict, (
         Key("name", "name", "text", "of the scene; without it, that of the file", _check_text),
     )),
-    Table("leg", dict, (
+    Table("leg", LegTable, (
         Key("model", "model", ("human", "testbed"), "a leg of kickdyn"),
         Key("file", "file", "text", "a URDF or MJCF file, relative to the folder of the scene",
             _check_text),
@@ -219,7 +305,7 @@ TABLES = (
             "inertia of the rotors, seen from the joint",
             partial(_check_joints, unit="kg m2", at_least=0.0)),
     ), is_required=True, required=({"model": "human", "file": "", "robot": ""},)),
-    Table("posture", dict, (
+    Table("posture", PostureTable, (
         Key("angles_deg", "angles_deg", "table, joint = number [deg]",
             "positions of joints that turn; 0 for those left out",
             partial(_check_joints, unit="deg")),

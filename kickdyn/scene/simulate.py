@@ -1,58 +1,342 @@
-"""A scene to a tolerance: neglect what cannot matter, compute the rest as exactly as needed."""
+"""The simulation of a scene to a tolerance, its result, and the sizes of the scene's effects."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import replace
-from functools import partial
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import accumulate
+from typing import Any
 
+from kickdyn.ball import BallState
 from kickdyn.core import validation
 from kickdyn.core.mechanics import GRAVITY
+from kickdyn.core.representation import Printed
 from kickdyn.errors import KickdynError
-from kickdyn.flight.flight_result import FlightStatus
+from kickdyn.flight.flight_result import Flight, FlightStatus
+from kickdyn.flight.follow import Course
 from kickdyn.impact.collide import Collision
 from kickdyn.impact.impact_result import Impact
-from kickdyn.scene.effects import (
-    EffectSize,
-    EffectVerdict,
-    Reduction,
-    effects_of,
-    neglect_effects,
-)
+from kickdyn.impact.uncertainty import Uncertainty
+from kickdyn.restitution import describe_restitution, range_warnings
+from kickdyn.robot.standing import is_floating
+from kickdyn.scene.effects import EffectSize, effects_of
 from kickdyn.scene.launch_and_end import (
     COLLIDE_SAFETY,
     SMALLEST_TOLERANCE,
     STATUSES_WITH_END,
-    PathEnd,
     collide_scene,
     collision_error,
     contact_time_error,
+    end_of,
     end_slopes,
     fly_scene,
+    path_error,
     strike_scene,
 )
+from kickdyn.scene.pitch import Passage, Score, passage_on, score_at
 from kickdyn.scene.scene import Scene
-from kickdyn.scene.simulation import Simulation
 
-MODEL_SHARE, CONTACT_SHARE = 0.5, 0.4
-"""Fractions of the tolerance for neglected effects and for the integrator of the contact; the rest
-is far more than the integrator of the flight needs."""
+CONTACT_TIME_SHARE = NUMERICAL_SHARE = 0.5
+"""Fractions of the tolerance for a neglected contact time and for the integrators."""
 
 LARGEST_TOLERANCE = 1e-3
 """Largest relative tolerance of the integrator of the contact."""
+
+_PHRASES: dict[str, str] = {
+    FlightStatus.LANDED: "landed at",
+    FlightStatus.AT_PLANE: "reached the plane at",
+    FlightStatus.AT_REST: "came to rest at",
+}
+"""By status, how the path of the ball ends."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Simulation(Printed):
+    """The result of a scene. `print` shows its error and the sizes of its effects as a table.
+
+    Attributes:
+        scene: the scene, as it was given.
+        tolerance: tolerance on the position of the end [m]; None where everything is as exact as
+            the integrators can compute it.
+        impact: the impact, of an instant or of a finite contact time.
+        path: the flight or the course of the ball, with all effects of the scene.
+        launch_spread: covariances of the launch that follow from the `uncertainty` of the scene;
+            None where it has none.
+        model_error: estimate of the distance by which a neglected contact time moves the end [m];
+            0 where nothing is neglected, inf where it is not known.
+        note: what is known about a neglected contact time.
+    """
+
+    scene: Scene
+    tolerance: float | None
+    impact: Impact | Collision
+    path: Flight | Course
+    launch_spread: Uncertainty | None
+    model_error: float = 0.0
+    note: str = ""
+
+    @property
+    def launch(self) -> BallState:
+        """The ball as it leaves the foot."""
+        return self.impact.ball_after
+
+    @property
+    def end(self) -> BallState:
+        """The ball at the end of its path, its time counted from the launch.
+
+        That is on the ground, at the height of the launch, at the plane, or at rest on a ground
+        with a surface.
+        """
+        return end_of(self.path)
+
+    @property
+    def status(self) -> str:
+        """How the path ends: `landed`, `at-plane` or `at-rest`.
+
+        Any other status, as of `Flight` and `Course`, says why it has no end; `end` is then the
+        last state.
+        """
+        return self.path.status
+
+    @cached_property
+    def numerical_error(self) -> float:
+        """Estimate of the numerical error of the end [m]; inf where there is no estimate."""
+        scene, path, impact = self.scene, self.path, self.impact
+        if path.status not in STATUSES_WITH_END:
+            return math.inf
+        error = path_error(scene, path)
+        if isinstance(impact, Collision):
+            launch_error = collision_error(scene, self.launch, impact.tol)
+            error += end_slopes(scene, path).distance(launch_error)
+        return error
+
+    @property
+    def error(self) -> float:
+        """Error of the end, the sum of `model_error` and `numerical_error` [m].
+
+        It is at most `tolerance`, unless the integrators cannot reach that; then
+        `within_tolerance` is False.
+        """
+        return self.model_error + self.numerical_error
+
+    @property
+    def within_tolerance(self) -> bool:
+        """Whether the error is within the tolerance; without one, whether the error is finite."""
+        return math.isfinite(self.error) and self.error <= (self.tolerance or math.inf)
+
+    @cached_property
+    def end_deviation(self) -> float:
+        """Standard deviation of the end that follows from the scene's `uncertainty` [m].
+
+        It is of first order, velocity and spin of the launch varying together; nan where the scene
+        has no uncertainty, inf where the path has no end.
+        """
+        if self.launch_spread is None:
+            return math.nan
+        return end_slopes(self.scene, self.path).deviation(self.launch_spread)
+
+    @property
+    def neglected(self) -> tuple[str, ...]:
+        """Names of the effects of the scene that were not modelled: at most the contact time."""
+        is_instant = isinstance(self.impact, Impact)
+        return ("contact time",) if self.scene.is_compliant and is_instant else ()
+
+    @property
+    def modelled(self) -> tuple[str, ...]:
+        """Names of the effects that were modelled."""
+        names = (effect.name for effect in effects_of(self.scene))
+        return tuple(name for name in names if name not in self.neglected)
+
+    @cached_property
+    def effect_sizes(self) -> Mapping[str, float]:
+        """By effect: how far the end moves if only this effect is neglected [m].
+
+        It is computed when it is first read, as exactly as the integrators can: it takes about
+        three simulations with `tolerance=None` for a compliant contact, and milliseconds for an
+        instantaneous one. nan where the path has no end with or without the effect, or cannot be
+        computed.
+        """
+        sizes = {effect.name: math.nan for effect in effects_of(self.scene)}
+        with suppress(KickdynError):
+            is_full = self.tolerance is None and not self.neglected
+            full = self if is_full else simulate(self.scene, None)
+            sizes |= {size.effect: size.end for size in measure_effects(full)}
+        return sizes
+
+    @property
+    def negligible(self) -> tuple[str, ...]:
+        """Names of the effects that do not matter at the tolerance.
+
+        These are the effects with the smallest sizes; their sizes add up to at most half of the
+        tolerance. All but the contact time are modelled all the same, because that takes no time.
+        """
+        known = {name: size for name, size in self.effect_sizes.items() if math.isfinite(size)}
+        names = sorted(known, key=lambda name: known[name])
+        totals = accumulate(known[name] for name in names)
+        return tuple(names[: sum(total <= 0.5 * (self.tolerance or 0.0) for total in totals)])
+
+    @property
+    def method(self) -> str:
+        """How impact and path were computed."""
+        function, path = "collide" if isinstance(self.impact, Collision) else "strike", self.path
+        if isinstance(path, Flight):
+            return f"impact: kd.{function}; path: {path.method}"
+        tol = path.flights[0].tol
+        return (
+            f"impact: kd.{function}; path: flight, bounces and rolling, relative tolerance {tol:g}"
+        )
+
+    @property
+    def evaluations(self) -> int:
+        """Number of evaluations of the accelerations in impact and path."""
+        path, total = self.path, 0
+        if isinstance(self.impact, Collision):
+            total += self.impact.evaluations
+        if isinstance(path, Flight):
+            return total + path.evaluations
+        total += sum(flight.evaluations for flight in path.flights)
+        return total + sum(phase.evaluations for phase in path.ground_phases)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Warnings of the leg, and of coefficients of contact and air outside their ranges."""
+        impact = self.impact
+        return (
+            *self.scene.leg.warnings,
+            *range_warnings(impact.contact.restitution, impact.approach_speed),
+            *self.path.warnings,
+        )
+
+    @property
+    def start_height(self) -> float:
+        """Height of the ball's lower edge over the ground at the launch [m]; 0 without a ground."""
+        ground = self.scene.ground
+        if ground is None:
+            return 0.0
+        return float(self.launch.position[2]) - self.scene.ball.radius - ground.height
+
+    @cached_property
+    def passage(self) -> Passage | None:
+        """How the ball passes the scene's wall.
+
+        None where there is no wall, or where the ball comes down before it.
+        """
+        scene, path = self.scene, self.path
+        if scene.wall is None:
+            return None
+        flight = path.flights[0] if isinstance(path, Course) else path
+        return passage_on(flight, scene.wall, scene.ahead, scene.ball.radius, self.start_height)
+
+    @cached_property
+    def score(self) -> Score | None:
+        """How the ball meets the goal; None where the scene's plane is no goal line."""
+        scene, plane = self.scene, self.scene.plane
+        if plane is None or not plane.is_goal_line:
+            return None
+        x, y, _ = self.end.position - plane.point
+        left = float(plane.normal[1] * x - plane.normal[0] * y)
+        up = float(self.end.position[2] - self.launch.position[2]) + self.start_height
+        arrives = self.status == FlightStatus.AT_PLANE
+        return score_at(left, up, scene.ball.radius, arrives=arrives)
+
+    def pitch_numbers(self) -> dict[str, Any]:
+        """Return `passage` and `score` as dictionaries for JSON, `wall` and `goal_mouth`."""
+        passage, score = self.passage, self.score
+        return {
+            "wall": passage and {"above": passage.above, "beside": passage.beside},
+            "goal_mouth": score and score._asdict(),
+        }
+
+    @property
+    def pitch_text(self) -> str:
+        """Sentences on how the ball passes the wall and meets the goal; empty without both."""
+        sentences = []
+        if self.scene.wall is not None:
+            sentences.append(str(self.passage or "The ball lands before it reaches the wall."))
+            if self.passage is not None and not self.passage.is_clear:
+                sentences.append("The flight goes on as if the wall were not there.")
+        if self.score is not None:
+            sentences.append(str(self.score))
+        return " ".join(sentences)
+
+    @property
+    def end_text(self) -> str:
+        """Status and position of the end, as text."""
+        x, y, z = self.end.position.round(3) + 0.0  # no -0
+        words = _PHRASES.get(self.status, f"NO END ({self.status}), computed as far as")
+        return f"{words} ({x:.3f}, {y:.3f}, {z:.3f}) m"
+
+    @property
+    def summary(self) -> str:
+        """The end, its error, the wall, the goal, notes and warnings, one line each."""
+        scene, impact, ground = self.scene, self.impact, self.scene.ground
+        error = f"error {self.error:.2g} m" if math.isfinite(self.error) else "error unknown"
+        if self.tolerance is not None:
+            met = "within" if self.within_tolerance else "NOT WITHIN"
+            error += f", {met} the tolerance of {self.tolerance:g} m"
+        else:
+            error += "; all effects are modelled"
+            error += f" except contact time ({self.note})" if self.neglected else ""
+        origin = "in the world frame" if is_floating(scene.leg) else "from the base of the leg"
+        level = "" if ground is None else f"; the ground is at z = {ground.height:.3f} m"
+        lines = [
+            f"{self.end_text} after {self.end.time:.3f} s; {error}",
+            describe_restitution(
+                impact.contact.restitution, impact.restitution, impact.approach_speed
+            ),
+            self.pitch_text,
+            f"Positions are of the ball's centre, {origin}: x forward, y left, z up{level}.",
+        ]
+        if not math.isnan(self.end_deviation):
+            lines.append(
+                f"The uncertainties of the scene give the end a standard deviation of "
+                f"{_length_text(self.end_deviation)} m."
+            )
+        lines += [f"note: {note}" for note in scene.notes]
+        lines += [f"warning: {warning}" for warning in self.warnings]
+        return "\n".join(filter(None, lines))
+
+    def __str__(self) -> str:
+        """Return the summary and a table of the effects."""
+        source = "rounding"
+        if self.numerical_error > 1e-12:
+            source = f"{_length_text(self.numerical_error)} m by numerical integration"
+        if self.neglected:
+            source = (
+                f"{_length_text(self.model_error)} m by the neglected contact time and {source}"
+            )
+        lines = [self.summary, f"The error is {source} ({self.method})."]
+        lines.append(f"{'effect':20}{'size [m]':>9}")
+        negligible = dict.fromkeys(self.negligible, "negligible")
+        verdicts = negligible | dict.fromkeys(self.neglected, "neglected")
+        for name, size in self.effect_sizes.items():
+            line = f"{name:20}{_length_text(size):>9}  {verdicts.get(name, '')}"
+            lines.append(line.rstrip())
+        lines.append("size: how far the end moves if only this effect is neglected.")
+        if negligible:
+            lines.append(
+                "negligible: these sizes add up to at most half of the tolerance; the effects are "
+                "modelled all the same."
+            )
+        return "\n".join(lines)
+
+
+def _length_text(metres: float) -> str:
+    """Return a length with two digits, `unknown` where it is not finite."""
+    if not math.isfinite(metres):
+        return "unknown"
+    return f"{metres:.0f}" if metres >= 10.0 else f"{metres:.2g}"
 
 
 @validation.check_arguments
 def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
     r"""Find where the ball of a scene ends, to a tolerance.
 
-    The contact time is neglected if it moves the end by less than half the tolerance, as estimated
-    by strikes of an instantaneous contact where the foot is meanwhile. Of the effects of the
-    flight, such as drag or wind, those with the smallest sizes are neglected as long as all that is
-    neglected stays within that half; the flight without them is compared with the flight that has
-    all effects. The rest is computed as exactly as the other half requires, by the estimates of the
-    integrators.
+    The contact time is what takes long to compute. It is neglected if it moves the end by less than
+    half the tolerance, as estimated by strikes of an instantaneous contact where the foot is
+    meanwhile; otherwise the contact is integrated as exactly as the tolerance requires. All other
+    effects are always modelled, and the flight is integrated to a relative tolerance of 1e-9.
 
     Args:
         scene: the scene of the kick.
@@ -74,11 +358,46 @@ def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
         ([16.5, 8.4, 0.1], True)
     """
     if tolerance is None:
-        return _simulate_everything(scene)
+        if scene.is_compliant:
+            return _with_path(scene, None, collide_scene(scene, SMALLEST_TOLERANCE))
+        return _with_path(scene, None, strike_scene(scene))
     tolerance = validation.number("tolerance", tolerance, above=0, unit="m")
-    launched = _launch(scene, tolerance)
-    allowed = MODEL_SHARE * tolerance - launched.model_error
-    return _result(scene, tolerance, launched, neglect_effects(scene, launched.path, allowed))
+    instant = strike_scene(scene)
+    if not scene.is_compliant:
+        return _with_path(scene, tolerance, instant)
+    launch_error = contact_time_error(scene, instant)
+    if launch_error.velocity < math.inf:
+        with suppress(KickdynError):  # as where only this launch leaves the range of a coefficient
+            answer = _with_path(scene, tolerance, instant)
+            size = end_slopes(scene, answer.path).distance(launch_error)
+            # where the path ends at once, the launch with contact time may well fly
+            if size <= CONTACT_TIME_SHARE * tolerance and answer.path.duration > 0.0:
+                return replace(answer, model_error=size)
+    return _collide_to(scene, tolerance, float(instant.ball_after.speed))
+
+
+def _with_path(scene: Scene, tolerance: float | None, impact: Impact | Collision) -> Simulation:
+    """Return the simulation of a scene with an impact."""
+    path, spread = fly_scene(scene, impact.ball_after), None
+    if scene.uncertainty:
+        spread = strike_scene(scene).uncertainty(**scene.uncertainty)
+    return Simulation(scene, tolerance, impact, path, spread)
+
+
+def _collide_to(scene: Scene, tolerance: float, speed: float) -> Simulation:
+    """Return a simulation by a contact that takes time, as exact as the end requires [m].
+
+    The first relative tolerance of the integrator follows from the longest parabola with the speed
+    of the launch by an instantaneous contact [m/s], the next ones from the derivatives of the end.
+    """
+    accuracy, radius = NUMERICAL_SHARE * tolerance, scene.ball.radius
+    tol = 0.5 * accuracy / (COLLIDE_SAFETY * (2.0 * speed**2 / GRAVITY + radius))
+    while True:
+        tol = min(max(tol, SMALLEST_TOLERANCE), LARGEST_TOLERANCE)
+        answer = _with_path(scene, tolerance, collide_scene(scene, tol))
+        if answer.numerical_error <= accuracy or tol == SMALLEST_TOLERANCE:
+            return answer
+        tol *= 0.5 * accuracy / answer.numerical_error
 
 
 def simulate_as_instant(scene: Scene) -> Simulation:
@@ -87,23 +406,18 @@ def simulate_as_instant(scene: Scene) -> Simulation:
     Only an instantaneous impact has joint impulses. The effect of the contact time is measured: how
     far the end lies from that of the scene with it; inf if that cannot be computed.
     """
-    answer = simulate(scene.as_instant(), None)
+    answer = simulate(scene.as_instant() if scene.is_compliant else scene, None)
     if not scene.is_compliant:
         return answer
-    size, evaluations = math.inf, answer.evaluations
+    size = math.inf
     try:
         compliant = simulate(scene, None)
     except KickdynError as error:
-        why = f"which cannot be computed: {error}"
+        note = f"which cannot be computed: {error}"
     else:
-        why = f"with it: {compliant.end_text}"
+        note = f"with it: {compliant.end_text}"
         size = math.dist(answer.end.position, compliant.end.position) + compliant.numerical_error
-        evaluations += compliant.evaluations
-    unchanged = (verdict._replace(why="modelled, as all others") for verdict in answer.verdicts)
-    verdicts = (EffectVerdict("contact time", False, size, why), *unchanged)
-    return replace(
-        answer, scene=scene, verdicts=verdicts, model_error=size, evaluations=evaluations
-    )
+    return replace(answer, scene=scene, model_error=size, note=note)
 
 
 def measure_effects(
@@ -119,149 +433,19 @@ def measure_effects(
         less, impulse = effect.without(scene, full.launch), 0.0
         try:
             if effect.in_flight:
-                end = fly_scene(less, full.launch)
-                position, status = end.state.position, end.path.status
+                path = fly_scene(less, full.launch)
             else:
                 other = simulate(less, None)
-                position, status = other.end.position, FlightStatus(other.status)
-                impulse = math.dist(other.impact.impulse, full.impact.impulse)
+                path, impulse = other.path, math.dist(other.impact.impulse, full.impact.impulse)
         except KickdynError as error:
             sizes.append(EffectSize(effect.name, math.nan, math.nan, str(error)))
             continue
-        endless = [name for name in (full.status, status) if name not in STATUSES_WITH_END]
+        endless = [
+            status for status in (full.status, path.status) if status not in STATUSES_WITH_END
+        ]
         if endless:
             sizes.append(EffectSize(effect.name, math.nan, impulse, f"no end: {endless[0]}"))
         else:
-            moved = math.dist(position, full.end.position)
+            moved = math.dist(end_of(path).position, full.end.position)
             sizes.append(EffectSize(effect.name, moved, impulse))
     return sizes
-
-
-class _Launched(NamedTuple):
-    """How the ball leaves the foot, and its path from there with all effects of the flight.
-
-    Attributes:
-        impact: the impact.
-        path: from the launch to the end, with all effects.
-        numerical_error: returns how far the integrator of the contact moves the end [m].
-        evaluations: of the accelerations in the contact.
-        verdicts: on the contact time, if the scene has one.
-        model_error: how far neglecting the contact time moves the end [m].
-    """
-
-    impact: Impact | Collision
-    path: PathEnd
-    numerical_error: Callable[[], float] = float
-    evaluations: int = 0
-    verdicts: tuple[EffectVerdict, ...] = ()
-    model_error: float = 0.0
-
-
-def _simulate_everything(scene: Scene) -> Simulation:
-    """Return the simulation with every effect modelled, as exactly as the integrators can."""
-    launched = _collide(scene, SMALLEST_TOLERANCE) if scene.is_compliant else _strike(scene)
-    verdicts = [
-        EffectVerdict(effect.name, True, math.nan, "all is modelled")
-        for effect in effects_of(scene)
-    ]
-    unreduced = Reduction(launched.path, 0.0, tuple(verdicts), launched.path.evaluations)
-    return _result(scene, None, launched, unreduced)
-
-
-def _strike(scene: Scene) -> _Launched:
-    """Return the launch by an instantaneous contact."""
-    impact = strike_scene(scene)
-    return _Launched(impact, fly_scene(scene, impact.ball_after))
-
-
-def _collide(scene: Scene, tol: float) -> _Launched:
-    """Return the launch by a contact that takes time, to a relative tolerance."""
-    impact = collide_scene(scene, tol)
-    path = fly_scene(scene, impact.ball_after)
-
-    def error() -> float:
-        return end_slopes(scene, path).distance(collision_error(scene, impact.ball_after, tol))
-
-    return _Launched(impact, path, error, impact.evaluations)
-
-
-def _launch(scene: Scene, tolerance: float) -> _Launched:
-    """Return the launch, with the contact time only where it matters at the tolerance [m]."""
-    instant = strike_scene(scene)
-    if not scene.is_compliant:
-        return _Launched(instant, fly_scene(scene, instant.ball_after))
-    error, size = contact_time_error(scene, instant), math.inf
-    why = "how much the contact time changes the launch is not known before it is computed"
-    if error.velocity < math.inf:
-        with suppress(KickdynError):  # as where only this launch leaves the range of a coefficient
-            path = fly_scene(scene, instant.ball_after)
-            size = end_slopes(scene, path).distance(error)
-            if size <= MODEL_SHARE * tolerance:
-                verdict = EffectVerdict("contact time", False, size, "its size is small enough")
-                return _Launched(instant, path, verdicts=(verdict,), model_error=size)
-            why = "its size is too large for the tolerance"
-    launched = _collide_to(scene, float(instant.ball_after.speed), CONTACT_SHARE * tolerance)
-    return launched._replace(verdicts=(EffectVerdict("contact time", True, size, why),))
-
-
-def _collide_to(scene: Scene, speed: float, accuracy: float) -> _Launched:
-    """Return the launch by a contact that takes time, as exact as the end requires.
-
-    Args:
-        scene: the scene.
-        speed: speed of the launch by an instantaneous contact [m/s]. The first relative tolerance
-            follows from the longest parabola with it, the next ones from the derivatives of the
-            end.
-        accuracy: error of the end that is allowed [m].
-    """
-    evaluations, radius = 0, scene.ball.radius
-    tol = 0.5 * accuracy / (COLLIDE_SAFETY * (2.0 * speed**2 / GRAVITY + radius))
-    while True:
-        tol = min(max(tol, SMALLEST_TOLERANCE), LARGEST_TOLERANCE)
-        launched = _collide(scene, tol)
-        error = launched.numerical_error()
-        evaluations += launched.evaluations
-        if error <= accuracy or tol == SMALLEST_TOLERANCE:
-            return launched._replace(numerical_error=partial(float, error), evaluations=evaluations)
-        tol *= 0.5 * accuracy / error
-
-
-def _result(
-    scene: Scene, tolerance: float | None, launched: _Launched, reduction: Reduction
-) -> Simulation:
-    """Return the result of a simulation, with the deviation of the end by the uncertainty."""
-    impact, path, end = launched.impact, launched.path, reduction.end
-
-    def numerical_error() -> float:
-        return launched.numerical_error() + path.error() if path.has_end else math.inf
-
-    deviation = math.nan
-    if scene.uncertainty:
-        deviation = end_slopes(scene, path).deviation(
-            strike_scene(scene).uncertainty(**scene.uncertainty)
-        )
-    function = "strike" if isinstance(impact, Impact) else "collide"
-    return Simulation(
-        scene=scene,
-        tolerance=tolerance,
-        impact=impact,
-        launch=impact.ball_after,
-        end=end.state,
-        status=end.path.status,
-        path=end.path,
-        verdicts=(*launched.verdicts, *reduction.verdicts),
-        model_error=launched.model_error + reduction.error,
-        method=f"impact: kd.{function}; path: {end.method}",
-        evaluations=launched.evaluations + reduction.evaluations,
-        end_deviation=deviation,
-        _numerical=numerical_error,
-        _measure=_effect_sizes,
-    )
-
-
-def _effect_sizes(scene: Scene) -> list[EffectSize]:
-    """Return the size of each effect of a scene, none where the scene cannot be computed."""
-    try:
-        return measure_effects(simulate(scene, None))
-    except KickdynError:
-        return []

@@ -1,7 +1,6 @@
 """Reads a scene file: strict TOML, all faults of its tables at once, then those of the robot."""
 
 import difflib
-import math
 import os
 import re
 import tomllib
@@ -12,19 +11,12 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
 from kickdyn.core.files import read_text, shipped
-from kickdyn.core.validation import Array
 from kickdyn.errors import FaultyFile, InvalidInput, SceneError, printable
-from kickdyn.robot.joint_table import InDegrees
-from kickdyn.robot.leg import Leg, Posture
-from kickdyn.robot.leg_file import read_leg
-from kickdyn.robot.urdf_file import shipped_urdf
 from kickdyn.scene.scene import Scene
-from kickdyn.scene.scene_tables import TABLES, Table
+from kickdyn.scene.scene_tables import TABLES, Table, joint_faults
 
 MAX_BYTES = 100_000
 """Size of the largest scene file that is read [bytes]."""
@@ -181,34 +173,25 @@ def _hint(word: object, known: Iterable[str]) -> str:
     return f"did you mean {near[0]}?" if near else f"choose {', '.join(names)}"
 
 
-def _scene(tables: dict[str, Any], folder: Path, stem: str) -> Scene:
+def _scene(sections: dict[str, Any], folder: Path, stem: str) -> Scene:
     """Return the scene of what the tables' constructors return; `stem` is its default name."""
-    of_leg, of_posture = tables["leg"], tables["posture"]
-    contact, law = tables["contact"]
-    ball, incoming = tables.get("ball", (Ball(), BallState()))
+    leg_table, posture_table = sections.pop("leg"), sections.pop("posture")
+    contact, law = sections.pop("contact")
+    ball, incoming = sections.pop("ball", (Ball(), BallState()))
+    has_height, ground = sections.pop("ground", (True, None))
+    name = sections.pop("").get("name", stem)
     with _faults_in("leg"):
-        leg = _leg(of_leg, folder)
-    _check_joints(leg, of_leg, of_posture)
+        leg = leg_table.read(folder)
+    if faults := joint_faults(leg, leg_table, posture_table):
+        raise InvalidInput(*faults)
     with _faults_in("leg"):
-        leg = _changed(leg, of_leg)
+        leg = leg_table.change(leg)
     with _faults_in("posture"):
-        posture = leg.posture(_configuration(leg, of_posture)).with_contact_offset(contact.offset)
-        v = _joint_velocity(posture, of_posture)
-    scene = Scene(
-        posture,
-        v,
-        ball,
-        contact,
-        law,
-        incoming=incoming,
-        name=tables[""].get("name", stem),
-        **{
-            name: tables[name] for name in ("air", "plane", "wall", "uncertainty") if name in tables
-        },
-    )
-    if "ground" not in tables:
+        posture = leg.posture(posture_table.configuration(leg)).with_contact_offset(contact.offset)
+        v = posture_table.velocity(posture)
+    scene = Scene(posture, v, ball, contact, law, incoming=incoming, name=name, **sections)
+    if ground is None:
         return scene
-    has_height, ground = tables["ground"]
     under_ball = float(scene.ball_position[2]) - ball.radius
     if not has_height:
         ground = replace(ground, height=under_ball)
@@ -230,67 +213,3 @@ def _faults_in(table: str) -> Iterator[None]:
         raise InvalidInput(f"{table}: {error}") from None
     except InvalidInput as error:
         raise InvalidInput(*(f"{table}: {line}" for line in error.faults)) from None
-
-
-def _leg(values: dict[str, Any], folder: Path) -> Leg:
-    """Return the leg as it is read, without what is added to it."""
-    base, frame, locked = values.get("base", "fixed"), values.get("frame"), values.get("locked")
-    if "robot" in values:
-        legs_only = values.get("legs_only", False)
-        degrees = InDegrees(locked or {})
-        return Leg.from_robot(
-            values["robot"], frame, base=base, legs_only=legs_only, locked=degrees
-        )
-    if "model" in values:
-        path = shipped_urdf(f"leg_{values['model']}.urdf")
-        return read_leg(path, frame or "toe", base, locked=locked)
-    packages = [folder / str(package) for package in values.get("package_dirs", ())]
-    return read_leg(folder / values["file"], frame or "toe", base, packages, locked)
-
-
-def _changed(leg: Leg, values: dict[str, Any]) -> Leg:
-    """Return the leg with its rotors, supports, loops and stiff joints."""
-    if "armature" in values:
-        leg = leg.with_armature(values["armature"])
-    for name in ("supports", "loops", "stiff_joints"):
-        if name in values:
-            leg = getattr(leg, f"with_{name}")(*values[name])
-    return leg
-
-
-def _check_joints(leg: Leg, of_leg: dict[str, Any], of_posture: dict[str, Any]) -> None:
-    """Raise `InvalidInput` with a line for every joint that cannot take its value."""
-    faults = []
-    for table, values, name, unit in (
-        ("leg", of_leg, "armature", ""),
-        ("posture", of_posture, "angles_deg", "rad"),
-        ("posture", of_posture, "positions_m", "m"),
-        ("posture", of_posture, "joint_velocity", ""),
-    ):
-        for joint in values.get(name, {}):
-            try:
-                moves_in = leg.joint_unit(joint)
-                if unit and moves_in != unit:
-                    faults.append(f"{table}: {name} names {joint}, which moves in {moves_in}")
-            except InvalidInput as error:
-                faults.append(f"{table}: {error}")
-    if faults:
-        raise InvalidInput(*faults)
-
-
-def _configuration(leg: Leg, values: dict[str, Any]) -> Array:
-    """Return q, all loops closed by the joints that are not named."""
-    degrees = values.get("angles_deg", {})
-    named = {joint: math.radians(angle) for joint, angle in degrees.items()}
-    named |= values.get("positions_m", {})
-    return leg.close_loops(leg.configuration(named), keep=named)
-
-
-def _joint_velocity(posture: Posture, values: dict[str, Any]) -> Array:
-    """Return v from the velocity of the contact point, or from the velocities of joints."""
-    if "foot_velocity" in values:
-        return posture.joint_velocity(values["foot_velocity"])
-    v = np.zeros(posture.leg.nv)
-    for joint, speed in values["joint_velocity"].items():
-        v[posture.leg.velocity_index(joint)] = speed
-    return v

@@ -16,6 +16,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.impact.approach import Approach
 from kickdyn.impact.impact_result import Impact
+from kickdyn.robot.mjcf_file import quiet_mujoco
 
 IMPEDANCE = 0.9999
 """MuJoCo's largest impedance, with which a contact is a spring and a damper alone."""
@@ -138,7 +139,8 @@ class MujocoKick:
         self.approach, self.timestep, self.margin = approach, timestep, contact.margin
         text = scene(approach, timestep, contact, integrator, gravity=gravity)
         try:
-            self.model = self.mujoco.MjModel.from_xml_string(text)
+            with quiet_mujoco():
+                self.model = self.mujoco.MjModel.from_xml_string(text)
         except ValueError as error:
             raise InvalidInput(f"MuJoCo refuses {approach.posture.leg.name}: {error}") from None
         self.data = self.mujoco.MjData(self.model)
@@ -159,7 +161,7 @@ class MujocoKick:
         longest: float = TIME_LIMIT,
         afterwards: float = 0.0,
     ) -> SimulatedBall:
-        """Return the ball of one simulated kick.
+        """Return the ball of one simulated kick; MuJoCo writes no warnings.
 
         Args:
             phase: share of a time step by which the simulation begins before the first contact. At
@@ -171,6 +173,12 @@ class MujocoKick:
         Raises:
             KickdynError: the foot pushes the ball for longer, or the simulation diverges.
         """
+        with quiet_mujoco():
+            return self._run(phase, joint_impulses, longest, afterwards)
+
+    def _run(
+        self, phase: float, joint_impulses: bool, longest: float, afterwards: float
+    ) -> SimulatedBall:
         mujoco, model, data, step = self.mujoco, self.model, self.data, self.timestep
         self._start(phase * step)
         forces = np.zeros((model.nbody, 3))

@@ -12,7 +12,7 @@ import pinocchio as pin
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.leg import Leg, Posture
-from kickdyn.robot.mjcf_file import MjcfFile, body_name
+from kickdyn.robot.mjcf_file import MjcfFile, body_name, find_body, mujoco_pose
 from kickdyn.robot.names import unknown
 from kickdyn.simulators.mujoco_kick import load_mujoco, row
 
@@ -34,67 +34,55 @@ def placement_warnings(
 ) -> tuple[str, ...]:
     """Return a line if a ball does not touch the foot of the leg's MJCF file, or overlaps a geom.
 
-    At the nearest point, the foot's outward normal must be the contact's normal.
-
-    Empty for a leg that was not read from such a file. The foot is the body of the contact frame
-    with those fixed to it. Geoms of meshes that are missing are left out, and so
-    are bodies that move apart from the leg, such as a ball that the file has already.
+    At the nearest point, the foot's outward normal must be the contact's normal. The foot is the
+    body of the contact frame with those fixed to it. Bodies that move apart from the leg, such as a
+    ball that the file has already, are left out. Empty for a leg without such a file.
     """
     file = posture.leg.file
     if not isinstance(file, MjcfFile):
         return ()
     mujoco = load_mujoco()
     compiled, data = _placed(file, posture, centre, radius)
-    ball = compiled.geom(BALL).id
-    feet: dict[str, float] = {}
-    tilts: dict[str, float] = {}
-    ends = np.zeros(6)  # the nearest points of two geoms
-    distances: dict[str, float] = {}
-    body = _body_of(compiled, posture.leg.frame)
-    foot = compiled.body_weldid[body] if body >= 0 else -1
+    ball, ends = compiled.geom(BALL).id, np.zeros(6)  # the nearest points of two geoms
+    frame_body = find_body(compiled, posture.leg.frame)
+    foot = compiled.body_weldid[frame_body] if frame_body >= 0 else -1
+    of_foot: list[tuple[float, float, str]] = []  # distance, angle between the normals, name
+    others: list[tuple[float, str]] = []
     for geom in range(compiled.ngeom):
-        mesh = int(compiled.geom_dataid[geom])
-        is_mesh = int(compiled.geom_type[geom]) == int(mujoco.mjtGeom.mjGEOM_MESH)
-        if geom == ball or (is_mesh and compiled.mesh(mesh).name in file.missing):
-            continue
         body = int(compiled.geom_bodyid[geom])
-        if body_name(compiled, body) in file.left_out:
+        if geom == ball or body_name(compiled, body) in file.left_out:
             continue
-        geom_name = str(compiled.geom(geom).name)
-        label = (
-            repr(geom_name) if geom_name else f"geom {geom - (geom > ball)}"
-        )  # its number in the file
+        name = compiled.geom(geom).name
+        label = repr(str(name)) if name else f"geom {geom - (geom > ball)}"  # number in the file
         name = f"{label} of {body_name(compiled, body)!r}"
         apart = float(mujoco.mj_geomDistance(compiled, data, ball, geom, LARGEST_DISTANCE, ends))
         if compiled.body_weldid[body] == foot:
-            feet[name] = apart
             outward = centre - ends[3:]
             sine = float(np.linalg.norm(np.cross(normal, outward)))
-            tilts[name] = math.atan2(sine, float(normal @ outward))
+            of_foot.append((apart, math.atan2(sine, float(normal @ outward)), name))
         else:
-            distances[name] = apart
+            others.append((apart, name))
     lines = []
-    if feet:
-        nearest = min(feet, key=lambda name: feet[name])
-        if abs(feet[nearest]) > GAP_TOLERANCE:
-            where = "outside" if feet[nearest] > 0.0 else "inside"
+    if of_foot:
+        apart, tilt, name = min(of_foot)
+        if abs(apart) > GAP_TOLERANCE:
             lines.append(
-                f"at first contact the ball's surface is {1e3 * abs(feet[nearest]):.0f} mm {where} "
-                f"{nearest}, so that the kick in that file differs from this one: change the "
-                "offset of the contact point or the posture until the ball touches the geom"
+                f"at first contact the ball's surface is {1e3 * abs(apart):.0f} mm "
+                f"{'outside' if apart > 0.0 else 'inside'} {name}, so that the kick in that file "
+                "differs from this one: change the offset of the contact point or the posture "
+                "until the ball touches the geom"
             )
-        elif tilts[nearest] > TILT_TOLERANCE:
+        elif tilt > TILT_TOLERANCE:
             lines.append(
-                f"where the ball touches {nearest}, the geom's normal is "
-                f"{math.degrees(tilts[nearest]):.0f} deg from that of the contact: in the file the "
-                "kick differs from this one; choose another contact point or normal"
+                f"where the ball touches {name}, the geom's normal is {math.degrees(tilt):.0f} deg "
+                "from that of the contact: in the file the kick differs from this one; choose "
+                "another contact point or normal"
             )
-    inside = {name: -apart for name, apart in distances.items() if apart < -GAP_TOLERANCE}
-    if inside:
-        deepest = max(inside, key=lambda name: inside[name])
+    apart, name = min(others, default=(0.0, ""))
+    if apart < -GAP_TOLERANCE:
         lines.append(
-            f"at first contact the ball is {1e3 * inside[deepest]:.0f} mm inside {deepest}, which "
-            "pushes it out where the two collide: choose another posture"
+            f"at first contact the ball is {-1e3 * apart:.0f} mm inside {name}, which pushes it "
+            "out where the two collide: choose another posture"
         )
     return tuple(lines)
 
@@ -120,10 +108,8 @@ def _placed(file: MjcfFile, posture: Posture, centre: Array, radius: float) -> t
         name = body_name(compiled, int(compiled.geom_bodyid[geom]))
         if model.existFrame(name, pin.FrameType.BODY):
             place = state.oMf[model.getFrameId(name, pin.FrameType.BODY)]
-            turn = np.zeros(9)
-            mujoco.mju_quat2Mat(turn, compiled.geom_quat[geom])
-            data.geom_xpos[geom] = place.act(compiled.geom_pos[geom].copy())
-            data.geom_xmat[geom] = (place.rotation @ turn.reshape(3, 3)).ravel()
+            pose = place * mujoco_pose(compiled.geom_pos[geom], compiled.geom_quat[geom])
+            data.geom_xpos[geom], data.geom_xmat[geom] = pose.translation, pose.rotation.ravel()
     return compiled, data
 
 
@@ -147,11 +133,10 @@ def find_foot(leg: Leg) -> tuple[str, ...]:
     if not isinstance(leg.file, MjcfFile):
         return ()
     compiled, frame = leg.file.compile(), leg.frame
-    body = _body_of(compiled, frame, geoms=False)
-    if body < 0:
-        return (frame,)
-    geoms = np.flatnonzero(np.asarray(compiled.geom_bodyid) == body)
+    geoms = np.flatnonzero(compiled.geom_bodyid == find_body(compiled, frame))
     names = [str(compiled.geom(int(geom)).name) for geom in geoms]
+    if frame in names:
+        return (frame,)
     if len(names) == 1 and names[0]:
         return (names[0],)
     known = ", ".join(filter(None, names)) or "none with a name"
@@ -159,19 +144,3 @@ def find_foot(leg: Leg) -> tuple[str, ...]:
         f"which geom of {frame!r} strikes the ball? MuJoCo needs its name for friction: name it "
         f"with --foot (there are {known}), or choose --friction 0"
     )
-
-
-def _body_of(compiled: Any, frame: str, *, geoms: bool = True) -> int:
-    """Return the body of a frame, which is a body, a site or a geom; -1 where it is none."""
-    mujoco = load_mujoco()
-    kinds = [
-        (mujoco.mjtObj.mjOBJ_BODY, np.arange(compiled.nbody)),
-        (mujoco.mjtObj.mjOBJ_SITE, compiled.site_bodyid),
-    ]
-    if geoms:
-        kinds.append((mujoco.mjtObj.mjOBJ_GEOM, compiled.geom_bodyid))
-    for kind, bodies in kinds:
-        number = mujoco.mj_name2id(compiled, kind, frame)
-        if number >= 0:
-            return int(bodies[number])
-    return -1

@@ -167,13 +167,7 @@ class MujocoTuning(ReprMixin):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """A line for each goal that is missed, with the largest time step that meets it.
-
-        And one where no ball is computed at other velocities, because it would be pressed beyond
-        its radius; where the contact time is more than 10 % off; where the foot pushes the ball a
-        second time; where the ball does not touch the foot of the leg's MJCF file; and where it
-        overlaps another geom there.
-        """
+        """Lines about missed goals, the contact time, a second push, and the place of the ball."""
         lines = [self._missed(goal) for goal in self.goals if not goal.met]
         names = [error.change for error in self.errors]
         for factor in SPEEDS:
@@ -260,7 +254,6 @@ friction="{float(self.friction)!r} 0 0"
 
     @property
     def _contact(self) -> MujocoContact:
-        """The parameters in one."""
         return MujocoContact(
             self.solref, self.solimp, self.friction, self.solreffriction, self.margin
         )
@@ -334,37 +327,28 @@ def tune_mujoco(
     same point, so that friction gives the ball the same spin.
 
     The leg is simulated without motors, its foot as a plane, as in `collide`. The parameters are
-    fitted to the ball alone: impulses in the joints can differ much more, by up to 19 % from those
-    of `collide` in the kicks of `docs/how-to/mujoco.md`.
+    fitted to the ball alone: impulses in the joints can differ much more.
 
     Args:
-        posture: posture of a leg without supports, loops, mimic and stiff joints. An MJCF file is
-            read by `Leg.from_mjcf`; the result then has a warning where the ball does not touch the
-            foot of the file, or overlaps another geom. `Leg.configuration` puts joints that are not
-            named at 0, not at their `ref` as MuJoCo does.
+        posture: posture of a leg without supports, loops, mimic and stiff joints. For a leg from
+            an MJCF file, the result has a warning where the ball does not touch the foot of the
+            file, or overlaps another geom.
         v: joint velocity just before, shape `(nv,)` [rad/s; m/s for prismatic joints].
         ball: the ball; its centre is at `contact point + radius * normal`.
         contact: normal, friction of at most 10, and a restitution of at least 0.2 at this speed of
-            approach, which is at least 0.01 m/s. A restitution that depends on the speed is
-            reproduced best at this speed.
+            approach, which is at least 0.01 m/s.
         timestep: time step of the simulation [s], at most 0.02 and half of `contact_time`, at least
             a 500th of it.
         integrator: integrator of MuJoCo: `Euler`, `implicit`, `implicitfast` or `RK4`.
-        contact_time: contact time [s], as for `collide`, 1e-5 to 1; 10 ms by default. The
-            contact time of the simulated kick is fitted with a small weight, and is part of the
-            result.
+        contact_time: contact time [s], as for `collide`, 1e-5 to 1; 10 ms by default.
         dissipation: dissipation of the contact, as for `collide`.
         tolerance: error of the ball's speed that is accepted, relative, 0.001 to 1; twice as much
-            around the tuned kick, at 0.5 to 1.5 times all velocities. For the direction, 1 degree
-            is accepted. For each error that is larger, the largest time step is sought at which it
-            is accepted.
+            at 0.5 to 1.5 times all velocities. For the direction, 1 degree is accepted.
         ball_velocity: velocity of its centre just before, shape `(3,)` [m/s, world frame].
         ball_spin: angular velocity just before, shape `(3,)` [rad/s, world frame].
 
     Raises:
         NoImpact: foot and ball do not approach each other along the normal.
-        InvalidInput: a value outside its range, a leg that is not a tree of joints, or MuJoCo is
-            not installed.
         KickdynError: no simulated kick ends.
     """
     load_mujoco()

@@ -112,56 +112,52 @@ def _measure_vacuum() -> Measurement:
 
 def _methods(ball: Ball, air: Air) -> dict[str, Landings]:
     """Return functions that compute landings, one per integrator, by name."""
-    names = ("RK45", "DOP853", "LSODA", "Radau")
-    methods: dict[str, Landings] = {name: _scipy(name, ball, air) for name in names}
-    methods["kd.fly"] = _fly(ball, air)
-    methods["kd.fly_many"] = _fly_many(ball, air)
+    methods: dict[str, Landings] = {
+        name: partial(_land_by_scipy, name, ball, air)
+        for name in ("RK45", "DOP853", "LSODA", "Radau")
+    }
+    methods["kd.fly"] = partial(_land_by_fly, ball, air)
+    methods["kd.fly_many"] = partial(_land_by_fly_many, ball, air)
     return methods
 
 
-def _scipy(name: str, ball: Ball, air: Air) -> Landings:
-    """Return the landings of `solve_ivp` with a landing event, as a user would write it."""
+def _land_by_scipy(
+    name: str, ball: Ball, air: Air, states: list[BallState], tol: float
+) -> tuple[Array, float, int]:
+    """Land by `solve_ivp` with a landing event, as a user would write it."""
 
-    def land(states: list[BallState], tol: float) -> tuple[Array, float, int]:
-        landings, calls = [], 0
-        for state in states:
-            motion = FlightEquations(state, ball, air)
+    def height(_: float, y: Array) -> float:
+        return float(y[2])
 
-            def height(_: float, y: Array) -> float:
-                return float(y[2])
-
-            height.terminal, height.direction = True, -1  # type: ignore[attr-defined]
-            scale = np.maximum(np.abs(motion.begin), 1.0)
-            answer = solve_ivp(
-                motion.rates, (0, 30), motion.begin, name, events=height, rtol=tol, atol=tol * scale
-            )
-            landings.append(state.position + answer.y_events[0][-1][:3])
-            calls += answer.nfev
-        return np.array(landings), calls / len(states), len(states)
-
-    return land
+    height.terminal, height.direction = True, -1  # type: ignore[attr-defined]
+    landings, calls = [], 0
+    for state in states:
+        motion = FlightEquations(state, ball, air)
+        scale = np.maximum(np.abs(motion.begin), 1.0)
+        answer = solve_ivp(
+            motion.rates, (0, 30), motion.begin, name, events=height, rtol=tol, atol=tol * scale
+        )
+        landings.append(state.position + answer.y_events[0][-1][:3])
+        calls += answer.nfev
+    return np.array(landings), calls / len(states), len(states)
 
 
-def _fly(ball: Ball, air: Air) -> Landings:
-    """Return the landings that `kickdyn.fly` computes, one flight after the other."""
-
-    def land(states: list[BallState], tol: float) -> tuple[Array, float, int]:
-        paths = [fly(state, ball, air, tol=tol) for state in states]
-        landings = np.array([path.landing.position for path in paths])
-        return landings, sum(path.evaluations for path in paths) / len(paths), len(paths)
-
-    return land
+def _land_by_fly(
+    ball: Ball, air: Air, states: list[BallState], tol: float
+) -> tuple[Array, float, int]:
+    """Land by `kickdyn.fly`, one flight after the other."""
+    paths = [fly(state, ball, air, tol=tol) for state in states]
+    landings = np.array([path.landing.position for path in paths])
+    return landings, sum(path.evaluations for path in paths) / len(paths), len(paths)
 
 
-def _fly_many(ball: Ball, air: Air) -> Landings:
-    """Return the landings that `kickdyn.fly_many` computes, of 2000 flights at once."""
-
-    def land(states: list[BallState], tol: float) -> tuple[Array, float, int]:
-        data = fly_many(repeated(states), ball, air, tol=tol)
-        landings = data.landing_position.values[: len(states)]
-        return landings, float(data.evaluations.mean()), len(data.flight)
-
-    return land
+def _land_by_fly_many(
+    ball: Ball, air: Air, states: list[BallState], tol: float
+) -> tuple[Array, float, int]:
+    """Land 2000 flights at once by `kickdyn.fly_many`."""
+    data = fly_many(repeated(states), ball, air, tol=tol)
+    landings = data.landing_position.values[: len(states)]
+    return landings, float(data.evaluations.mean()), len(data.flight)
 
 
 def repeated(states: list[BallState]) -> BallState:

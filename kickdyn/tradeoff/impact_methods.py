@@ -6,6 +6,7 @@ MuJoCo is among them where it is installed.
 import math
 from collections.abc import Callable, Iterator
 from importlib.util import find_spec
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -78,57 +79,29 @@ def _methods(impact: Impact) -> Iterator[Method]:
     """Yield name, setting and function of every method that applies to a kick."""
     leg, q, v = impact.posture.leg, impact.posture.q, impact.v_before
     ball, contact = impact.ball, impact.contact
-    yield "closed form, float64", "", lambda: strike(leg.posture(q), v, ball, contact).impulse
-    yield "closed form, float32", "", lambda: in_float32(leg.posture(q), v, ball, contact)
+
+    def applied(solve: Callable[..., Any], **options: Any) -> Callable[[], Array]:
+        return lambda: solve(leg.posture(q), v, ball, contact, **options)
+
+    def struck(solve: Callable[..., Any], **options: Any) -> Callable[[], Array]:
+        return lambda: np.asarray(solve(leg.posture(q), v, ball, contact, **options).impulse)
+
+    yield "closed form", "", struck(strike)
     if contact.friction == 0.0:
-        yield (
-            "Pinocchio impulseDynamics",
-            "",
-            lambda: strike(leg.posture(q), v, ball, contact, engine="pinocchio").impulse,
-        )
-    yield "dense KKT system", "", lambda: solve_kkt(leg.posture(q), v, ball, contact)
+        yield "Pinocchio impulseDynamics", "", struck(strike, engine="pinocchio")
+    yield "dense KKT system", "", applied(solve_kkt)
     if contact.friction > 0.0:
         for name in ("ADMM", "PGS"):
             for tol in CONE_TOLERANCES:
-
-                def cone(name: str = name, tol: float = tol) -> Array:
-                    return in_cone(leg.posture(q), v, ball, contact, name, tol)
-
-                yield f"Pinocchio {name}", f"tol {tol:g}", cone
+                yield f"Pinocchio {name}", f"tol {tol:g}", applied(in_cone, name=name, tol=tol)
     for seconds in CONTACT_TIMES:
-
-        def compliant(seconds: float = seconds) -> Array:
-            return collide(
-                leg.posture(q), v, ball, contact,
-                contact_time=seconds, dissipation="hunt-crossley",
-            ).impulse  # fmt: skip
-
+        compliant = struck(collide, contact_time=seconds, dissipation="hunt-crossley")
         yield "compliant contact", f"{1e3 * seconds:g} ms", compliant
     if find_spec("mujoco") is None:  # optional
         return
     for stiffness, steps in MUJOCO.items():
         for dt in steps:
             yield "MuJoCo", f"{stiffness:.0e} N/m, dt {dt:g} s", mujoco_kick(impact, stiffness, dt)
-
-
-def _restitution(posture: Posture, v: Array, contact: Contact) -> float:
-    """Return e at the speed at which the foot approaches a ball at rest."""
-    return contact.restitution_at(float(contact.normal @ posture.jacobian @ v))
-
-
-def in_float32(posture: Posture, v: Array, ball: Ball, contact: Contact) -> Array:
-    """Return the impulse with the contact solved in float32; with friction, what sticks."""
-    single = np.float32
-    inertia, jacobian = posture.inertia.astype(single), posture.jacobian.astype(single)
-    n, mass = contact.normal.astype(single), single(ball.mass)
-    u = -(jacobian @ v.astype(single))
-    delassus = jacobian @ np.linalg.solve(inertia, jacobian.T)
-    e = single(_restitution(posture, v, contact))
-    if contact.friction == 0.0:
-        return np.asarray(-(1 + e) * (n @ u) / (n @ delassus @ n + 1 / mass) * n, dtype=float)
-    turn = single(ball.radius**2 / ball.inertia)
-    delassus += (1 / mass + turn) * np.eye(3, dtype=single) - turn * np.outer(n, n)
-    return np.asarray(-np.linalg.solve(delassus, u + e * (n @ u) * n), dtype=float)
 
 
 def solve_kkt(posture: Posture, v: Array, ball: Ball, contact: Contact) -> Array:
@@ -149,7 +122,8 @@ def solve_kkt(posture: Posture, v: Array, ball: Ball, contact: Contact) -> Array
     mass[:nv, :nv] = posture.inertia
     mass[range(nv, size), range(nv, size)] = [ball.mass] * 3 + [ball.inertia] * 3
     before = np.concatenate([v, np.zeros(6)])
-    bounce = _restitution(posture, v, contact) * float(n @ posture.jacobian @ v) * (rows @ n)
+    closing = float(n @ posture.jacobian @ v)
+    bounce = closing * contact.restitution_at(closing) * (rows @ n)
     matrix = np.block([[mass, -jacobian.T], [jacobian, np.zeros((len(rows), len(rows)))]])
     after = np.linalg.solve(matrix, np.concatenate([mass @ before, bounce]))
     return np.asarray(rows.T @ after[size:])

@@ -68,15 +68,15 @@ def shortest_time(run: Callable[[], object]) -> float:
 def front_figure(impacts: Sequence[Measurement], flights: Sequence[Measurement]) -> Figure:
     """Return error against time, a panel for each scene that more than one method measured."""
     panels = []
-    for kind, unit, every in (
+    for kind, unit, rows in (
         ("impact", "relative error of the impulse", impacts),
         ("flight", "landing error [m]", flights),
     ):
-        methods = list(dict.fromkeys(row.method for row in every))
-        for scene in dict.fromkeys(row.scene for row in every):
-            rows = [row for row in every if row.scene == scene]
-            if len(rows) > 1:
-                panels.append((f"{kind}, {scene}", unit, rows, methods))
+        methods = list(dict.fromkeys(row.method for row in rows))
+        for scene in dict.fromkeys(row.scene for row in rows):
+            of_scene = [row for row in rows if row.scene == scene]
+            if len(of_scene) > 1:
+                panels.append((f"{kind}, {scene}", unit, of_scene, methods))
     lines = -(-len(panels) // 2)
     figure = Figure(figsize=(11.5, 3.7 * lines))
     grid = figure.subplots(lines, 2, squeeze=False).ravel()
@@ -119,13 +119,8 @@ def effect_figure(title: str, sizes: Sequence[EffectSize], tolerance: float = TO
         known = size.end > LEAST_EFFECT
         if known:
             axes.barh(place, size.end - low, left=low, color="tab:blue", height=0.65)
-        text = (
-            f"{size.end:.2g}"
-            if known
-            else "no answer"
-            if size.why_not
-            else f"below {LEAST_EFFECT:g}"
-        )
+        text = "no answer" if size.why_not else f"below {LEAST_EFFECT:g}"
+        text = f"{size.end:.2g}" if known else text
         axes.text(1.15 * (size.end if known else low), place, text, va="center", fontsize=8)
     axes.axvline(tolerance, color="tab:red", linestyle="--", label=f"tolerance {tolerance:g} m")
     axes.set(title=title, xlabel="neglecting it moves the end by [m]", xscale="log")

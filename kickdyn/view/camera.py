@@ -1,9 +1,8 @@
-"""The camera: as near as the picture allows, at the right side of the kick if that shows enough."""
+"""The camera, as near as the picture allows, with sky, light and the sizes that follow from it."""
 
 import math
-from dataclasses import dataclass
 from itertools import product
-from typing import Any
+from typing import Any, NamedTuple
 
 import meshcat.transformations as tf
 import numpy as np
@@ -17,19 +16,23 @@ UP = math.tan(math.radians(FIELD_OF_VIEW / 2))
 LEFT, RIGHT = 0.76 * UP, 1.6 * UP
 """Slopes that bound the scene, in a picture of 16 by 9 with a caption at its left."""
 
-UP_AXIS = np.array([0.0, 0.0, 1.0])
-
 TOP, BOTTOM = 0.85 * UP, 0.8 * UP
 
+UP_AXIS = np.array([0.0, 0.0, 1.0])
 
-@dataclass(frozen=True, eq=False)
-class Camera:
-    """A camera.
+SKY_COLOURS = {"top_color": [0.60, 0.78, 0.93], "bottom_color": [0.96, 0.98, 1.0]}
+LIGHT_INTENSITIES = {
+    "AmbientLight": 0.6,
+    "FillLight": 0.7,  # from afar: of the same strength everywhere
+    "PointLightNegativeX": 0.1,
+    "PointLightPositiveX": 0.1,
+}
+SUN_DIRECTION = np.array([-0.3, -0.5, 0.81])
+"""Unit vector from the scene to the light."""
 
-    Attributes:
-        position: shape `(3,)` [m, world frame].
-        target: the point at which it looks and about which it turns, likewise.
-    """
+
+class Camera(NamedTuple):
+    """A camera: its position, and the point at which it looks, `(3,)` [m, world frame]."""
 
     position: Array
     target: Array
@@ -38,16 +41,8 @@ class Camera:
         """Return the distance of points, shape `(n, 3)`, from the camera [m]."""
         return np.asarray(np.linalg.norm(points - self.position, axis=-1))
 
-    def slopes(self, points: Array) -> Array:
-        """Return where points, shape `(n, 3)`, are in the picture: slopes to right and up."""
-        into = self.target - self.position
-        x, y, z = _axes(into / np.linalg.norm(into)) @ (points - self.position).T
-        return np.asarray(np.stack([x, y], axis=-1) / np.maximum(z, 1e-9)[:, None])
 
-
-def camera_for(
-    near: Array, far: Array, forward: Array, *, marks: Array | None = None, behind: bool = False
-) -> Camera:
+def camera_for(near: Array, far: Array, forward: Array, *, behind: bool = False) -> Camera:
     """Return the camera that sees all points and keeps leg and ball recognisable.
 
     A kick of some metres is seen from the right side. The longer the flight, the further the
@@ -55,13 +50,12 @@ def camera_for(
 
     Args:
         near: points of leg and ball, shape `(n, 3)` [m, world frame].
-        far: points of the flight, likewise.
+        far: points of the flight and of all else that is drawn, likewise.
         forward: horizontal unit vector of the flight, shape `(3,)`.
-        marks: points drawn over everything, even where they lie under the ground, likewise.
         behind: whether to look along the flight in any case, at a wall or goal across it.
     """
-    floor = min(near[:, 2].min(), far[:, 2].min())
-    points = np.vstack([near, far] if marks is None else [near, far, marks])
+    floor = near[:, 2].min()
+    points = np.vstack([near, far])
     # From the side to behind the leg; looking down, then up at a high flight.
     turns = np.radians(np.arange(75 if behind else 15, 86, 5))
     candidates = []
@@ -80,12 +74,22 @@ def camera_for(
     return max(candidates, key=lambda candidate: candidate[:2])[2]
 
 
-def set_camera(viewer: Any, camera: Camera) -> None:
-    """Show a meshcat viewer's scene as the camera sees it.
+def set_stage(viewer: Any, camera: Camera, points: Array) -> None:
+    """Set sky, camera, and light that casts the shadows of points, shape `(n, 3)` [m].
 
     The script of the page keeps the camera above the ground. meshcat's camera turns about the
     origin only, so the scene is moved instead of its target.
     """
+    for name in ("/Grid", "/Axes"):
+        viewer[name].set_property("visible", False)
+    for name, colour in SKY_COLOURS.items():
+        viewer["/Background"].set_property(name, colour)
+    for name, brightness in LIGHT_INTENSITIES.items():
+        viewer[f"/Lights/{name}/<object>"].set_property("intensity", brightness)
+    reach = float(np.linalg.norm(points - camera.target, axis=1).max())
+    sun = viewer["/Lights/FillLight/<object>"]
+    sun.set_property("position", (1.8 * reach * SUN_DIRECTION).tolist())
+    sun.set_property("reach", reach)  # the page's script frames the shadows by it
     x, y, z = (camera.position - camera.target).tolist()
     size = math.hypot(x, y, z)
     viewer.set_transform(tf.translation_matrix(-camera.target))
@@ -94,6 +98,19 @@ def set_camera(viewer: Any, camera: Camera) -> None:
     lens.set_property("near", 0.02 * size)
     lens.set_property("far", 1e4 * size)
     lens.set_property("position", [x, z, -y])  # three.js has y up there
+
+
+def stripe_width(extent: float) -> float:
+    """Return 1, 2 or 5 times a power of ten, about a sixth of the extent [m]."""
+    sixth = extent / 6 * (1 + 1e-9)  # so that a round one stays
+    power = 10.0 ** math.floor(math.log10(sixth))
+    return power * max(step for step in (1, 2, 5) if step * power <= sixth)
+
+
+def box_corners(points: Array, radius: float) -> Array:
+    """Return the corners of boxes around points, shape `(8 n, 3)`."""
+    corners = np.array(list(product((-1, 1), repeat=3)))
+    return np.asarray((points[:, None] + radius * corners).reshape(-1, 3))
 
 
 def _axes(into: Array) -> Array:

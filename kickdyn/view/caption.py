@@ -12,7 +12,6 @@ from kickdyn.flight.follow import Course
 from kickdyn.impact.impact_result import Impact
 from kickdyn.view.kick_scene import JOINT_ARROW, LEAST_JOINT_IMPULSE, DrawnKick
 from kickdyn.view.marks import ARROW, CURVE
-from kickdyn.view.playback import Pace
 
 LONG = 300
 """Number of characters from which the sentences below the table are folded."""
@@ -29,10 +28,12 @@ def kick_panel(
     warnings: Sequence[str] = (),
 ) -> str:
     """Return the panel of a kick, with lines of plain text."""
-    rows = [*_impact_rows(impact), *_path_rows(path)]
-    shown = [
-        ("flight", _method(path)),
-        ("shown", _pace(drawn.pace)),
+    flights = path.flights if isinstance(path, Course) else [path]
+    methods = escape("; ".join(dict.fromkeys(flight.method for flight in flights)))
+    strike, flight = _slower(drawn.pace.strike), _slower(drawn.pace.flight)
+    rows = [
+        ("flight", methods),
+        ("shown", strike if strike == flight else f"strike {strike}, flight {flight}"),
         ("ground marks", f"every {drawn.stripe:g} m"),
         (
             "arrows",
@@ -41,8 +42,9 @@ def kick_panel(
         ),
         ("axes", f"x forward, y left, z up; arrows of {drawn.axis:g} m"),
     ]
-    end = f"{_joints(impact)}{_folded('picture and computation', shown)}"
-    return panel_of(impact.posture.leg.name or "leg", rows, text, end, warnings)
+    end = f"{_joints(impact)}{_folded('picture and computation', rows)}"
+    name = impact.posture.leg.name or "leg"
+    return panel_of(name, [*_impact_rows(impact), *_path_rows(path)], text, end, warnings)
 
 
 def panel_of(
@@ -59,8 +61,12 @@ def panel_of(
     more = f"<p>{_prose(further)}</p>\n" if further else ""
     if len(more) > LONG:
         more = f"<details><summary>explanation</summary>\n{more}</details>\n"
-    lines += more
-    return f"{head}{_table(rows)}\n{lines}{end}"
+    return f"{head}{_table(rows)}\n{lines}{more}{end}"
+
+
+def colour_key(colour: int) -> str:
+    """Return a small square of a colour."""
+    return f'<span class="key" style="background:#{colour:06x}"></span>'
 
 
 def _prose(text: str) -> str:
@@ -78,23 +84,6 @@ def _table(rows: Sequence[Row], short: int = 12) -> str:
     return "<table>\n" + "\n".join(lines) + "\n</table>"
 
 
-def _joints(impact: Impact) -> str:
-    """Return the joints that move or transmit an impulse, the largest first; many are folded."""
-    leg = impact.posture.leg
-    values = leg.display_values(impact.posture.q)
-    norms = np.linalg.norm(impact.joint_impulses[:, :3], axis=1).tolist()
-    sizes = dict(zip(leg.joint_names, norms, strict=True))
-    rows = []
-    for name, size in sorted(sizes.items(), key=lambda item: -item[1]):
-        value, unit = values.get(name, (0.0, ""))  # a floating base has no single angle
-        shown = {"m": f"{value:.4g} m, ", "deg": f"{value:.1f}°, "}.get(unit, "")
-        moves = name in values and impact.v_before[leg.velocity_index(name)]
-        if moves or size > LEAST_JOINT_IMPULSE * max(norms):
-            rows.append((_name(name), f"{shown}{size:.3g} N s"))
-    summary = f"{len(rows)} joints: angle and impulse {colour_key(JOINT_ARROW)}"
-    return _folded(summary, rows, is_open=len(rows) <= 4)
-
-
 def _folded(summary: str, rows: Sequence[Row], *, is_open: bool = False) -> str:
     """Return a table under a line of HTML that folds and unfolds it."""
     start = f"<details{' open' * is_open}><summary>{summary}</summary>"
@@ -106,29 +95,45 @@ def _name(name: str) -> str:
     return escape(name).replace("_", "_<wbr>")
 
 
+def _slower(factor: float) -> str:
+    """Return how many times slower than real something is shown, in words."""
+    return f"{factor:.3g} times slower" if factor >= 1 else f"{1 / factor:.3g} times faster"
+
+
+def _joints(impact: Impact) -> str:
+    """Return the joints that move or transmit an impulse, the largest first; many are folded."""
+    leg = impact.posture.leg
+    values = leg.display_values(impact.posture.q)
+    norms = np.linalg.norm(impact.joint_impulses[:, :3], axis=1).tolist()
+    rows = []
+    for size, name in sorted(zip(norms, leg.joint_names, strict=True), key=lambda row: -row[0]):
+        value, unit = values.get(name, (0.0, ""))  # a floating base has no single angle
+        shown = {"m": f"{value:.4g} m, ", "deg": f"{value:.1f}°, "}.get(unit, "")
+        moves = name in values and impact.v_before[leg.velocity_index(name)]
+        if moves or size > LEAST_JOINT_IMPULSE * max(norms):
+            rows.append((_name(name), f"{shown}{size:.3g} N s"))
+    summary = f"{len(rows)} joints: angle and impulse {colour_key(JOINT_ARROW)}"
+    return _folded(summary, rows, is_open=len(rows) <= 4)
+
+
 def _impact_rows(impact: Impact) -> list[Row]:
     """Return the numbers of an impact."""
     name, size = impact.worst_joint
     after = impact.ball_after
-    spin = float(np.linalg.norm(after.spin))
-    if spin < 1e-12 * float(after.speed) / impact.ball.radius:  # rounding
+    speed, spin = float(after.speed), float(np.linalg.norm(after.spin))
+    if spin < 1e-12 * speed / impact.ball.radius:  # rounding
         spin = 0.0
-    ratio = (
-        [("ball / foot speed", f"{impact.speed_ratio:.4g}")] if impact.foot_velocity.any() else []
-    )
-    return [
-        (
-            f"impulse on ball {colour_key(ARROW)}",
-            f"{float(np.linalg.norm(impact.impulse)):.4g} N s",
-        ),
+    rows = [
+        (f"impulse on ball {colour_key(ARROW)}", f"{np.linalg.norm(impact.impulse):.4g} N s"),
         (f"worst joint {colour_key(JOINT_ARROW)}", f"{size:.4g} N s at {_name(name)}"),
         ("effective mass", f"{impact.effective_mass:.4g} kg"),
-        ("foot speed", f"{float(np.linalg.norm(impact.foot_velocity)):.4g} m/s"),
-        ("ball speed", f"{float(after.speed):.4g} m/s"),
-        *ratio,
+        ("foot speed", f"{np.linalg.norm(impact.foot_velocity):.4g} m/s"),
+        ("ball speed", f"{speed:.4g} m/s"),
+        ("ball / foot speed", f"{impact.speed_ratio:.4g}" if impact.foot_velocity.any() else ""),
         ("launch angle", f"{round(math.degrees(float(after.elevation)), 1) + 0.0:.1f}°"),
         ("spin", f"{spin:.4g} rad/s"),
     ]
+    return [row for row in rows if row[1]]
 
 
 def _path_rows(path: Flight | Course) -> list[Row]:
@@ -137,7 +142,7 @@ def _path_rows(path: Flight | Course) -> list[Row]:
         return [
             (f"path {colour_key(CURVE)}", f"{path.distance:.4g} m along the ground"),
             ("time", f"{path.duration:.4g} s"),
-            ("speed there", f"{float(path.rest.speed):.4g} m/s"),
+            ("final speed", f"{float(path.rest.speed):.4g} m/s"),
         ]
     aloft = " (still aloft)" if path.status == "aloft" else ""
     length = "distance" if path.status == "at-plane" else "range"
@@ -145,26 +150,3 @@ def _path_rows(path: Flight | Course) -> list[Row]:
         (f"{length} {colour_key(CURVE)}", f"{path.range:.4g} m{aloft}"),
         ("flight time", f"{path.duration:.4g} s"),
     ]
-
-
-def _method(path: Flight | Course) -> str:
-    """Return how a path is computed, as HTML."""
-    flights = path.flights if isinstance(path, Course) else [path]
-    return escape("; ".join(dict.fromkeys(flight.method for flight in flights)))
-
-
-def colour_key(colour: int) -> str:
-    """Return a small square of a colour."""
-    return f'<span class="key" style="background:#{colour:06x}"></span>'
-
-
-def _pace(pace: Pace) -> str:
-    """Return how much slower or faster than real a kick is shown."""
-    if math.isclose(pace.strike, pace.flight, rel_tol=1e-3):
-        return _times(pace.strike)
-    return f"strike {_times(pace.strike)}, flight {_times(pace.flight)}"
-
-
-def _times(slower: float) -> str:
-    """Return a factor of time in words."""
-    return f"{slower:.3g} times slower" if slower >= 1 else f"{1 / slower:.3g} times faster"

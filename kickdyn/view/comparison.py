@@ -14,19 +14,16 @@ from kickdyn.errors import InvalidInput
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course
 from kickdyn.impact.impact_result import Impact
-from kickdyn.view.camera import camera_for
+from kickdyn.view.camera import UP_AXIS, box_corners, camera_for, set_stage, stripe_width
 from kickdyn.view.caption import colour_key, panel_of
 from kickdyn.view.document import draw_label
 from kickdyn.view.kick_scene import (
     CURVE_POINTS,
     CURVE_RADIUS,
     LEAST_JOINT_IMPULSE,
-    box_corners,
     draw_impulse,
     impulse_arrows,
     largest_impulse,
-    set_stage,
-    stripe_width,
 )
 from kickdyn.view.leg_figure import draw_leg
 from kickdyn.view.marks import (
@@ -77,17 +74,18 @@ def draw_flights(
     length = math.hypot(*forward)
     forward = forward / length if length else X_AXIS
     size = max(float(np.ptp(points, axis=0).max()), radius)
-    space = box_corners(start + np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.3 * size]]), 0.02 * size)
-    camera = camera_for(space, box_corners(points, radius), forward)
+    near = box_corners(np.array([start, start + 0.3 * size * UP_AXIS]), 0.02 * size)
+    camera = camera_for(near, box_corners(points, radius), forward)
     set_stage(viewer, camera, points)
-    sideways = np.cross(forward, (0.0, 0.0, 1.0))
-    for number, curve in enumerate(curves):
+    rows = []
+    for number, (name, path) in enumerate(paths.items()):
+        curve, colour = curves[number], COLOURS[number]
         width = 1.5 * CURVE_RADIUS * camera.distance(curve)
-        draw_curve(viewer[f"curve/{number}"], curve, width, sideways, COLOURS[number])
-    for number, name in enumerate(paths):
+        draw_curve(viewer[f"curve/{number}"], curve, width, np.cross(forward, UP_AXIS), colour)
         if name in measured:
             dots = measured[name][:: max(len(measured[name]) // MOST_DOTS, 1)]
             draw_dots(viewer[f"dots/{number}"], dots, 0.0035 * size, DOT_COLOUR)
+        rows.append((f"{colour_key(colour)} {escape(name)}", _length(path)))
     drawn = max(radius, 0.012 * size)
     draw_ball(viewer["ball"], drawn, start)
     stripe = stripe_width(size)
@@ -95,24 +93,15 @@ def draw_flights(
     draw_ground(viewer["ground"], floor, forward, stripe, 3 * size)
     draw_distances(viewer["distances"], floor, forward, stripe, length, camera)
     draw_axes(viewer["axes"], floor, stripe / 2)
-    rows = [
-        (
-            f"{colour_key(colour)} {escape(name)}",
-            _length(path),
-        )
-        for colour, (name, path) in zip(COLOURS, paths.items(), strict=False)
-    ]
-    begins = "launch"
     if measured:
-        begins = "first sample"
         rows.append((f"{colour_key(DOT_COLOUR)} measured", f"about {MOST_DOTS} positions of each"))
-    marks = [
-        ("distances, heights", f"from the {begins} of each"),
+    rows += [
+        ("distances, heights", f"from the {'first sample' if measured else 'launch'} of each"),
         ("ground marks", f"every {stripe:g} m"),
         ("axes", f"z up; arrows of {stripe / 2:g} m"),
         ("ball", f"at the first start, {drawn / radius:.2g} times its size"),
     ]
-    return panel_of(title, [*rows, *marks])
+    return panel_of(title, rows)
 
 
 def _length(path: Flight | Course) -> str:
@@ -150,7 +139,7 @@ def draw_impacts(viewer: Any, impacts: Mapping[str, Impact], title: str) -> str:
         left = shown[-1][:, 0].max()
         node.set_transform(tf.translation_matrix(shift))
         draw_ball(node["ball"], impact.ball.radius, impact.ball_before.position)
-        draw_label(node["name"], name, "black", head)
+        draw_label(node["name"], name, head, "black")
         for arrow in impulse_arrows(impact, LEAST_JOINT_IMPULSE * most):
             draw_impulse(node[arrow.node], arrow, scale)
     points, floor = np.vstack(shown), min(float(figure[:, 2].min()) for figure in figures)
@@ -158,17 +147,15 @@ def draw_impacts(viewer: Any, impacts: Mapping[str, Impact], title: str) -> str:
     width = float(np.ptp(points[:, 0]))
     centre = np.array([*points.mean(axis=0)[:2], floor])
     draw_ground(viewer["ground"], centre, X_AXIS, stripe_width(width), 8 * width)
-    rows = [(escape(name), _numbers(impact)) for name, impact in impacts.items()]
+    rows = []
+    for name, impact in impacts.items():
+        joint, worst = impact.worst_joint
+        impulse, speed = np.linalg.norm(impact.impulse), float(impact.ball_after.speed)
+        text = (
+            f"{impulse:.4g} N s on the ball, {speed:.4g} m/s<br>{worst:.4g} N s at {escape(joint)}"
+        )
+        rows.append((escape(name), text))
     return panel_of(title, rows, warnings=viewer.window.warnings)
-
-
-def _numbers(impact: Impact) -> str:
-    """Return the impulse on the ball, its speed, and the largest impulse of a joint, as HTML."""
-    joint, worst = impact.worst_joint
-    return (
-        f"{float(np.linalg.norm(impact.impulse)):.4g} N s on the ball, "
-        f"{float(impact.ball_after.speed):.4g} m/s<br>{worst:.4g} N s at {escape(joint)}"
-    )
 
 
 def _check_count(subjects: Mapping[str, object]) -> None:

@@ -15,13 +15,12 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cache
 from html import escape
 from importlib.resources import files
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import meshcat
 import meshcat.transformations as tf
@@ -35,8 +34,8 @@ from kickdyn.view.camera import LEFT, RIGHT, UP
 TEMPLATE = "page.html"
 """The page, beside this file; `html_document` fills in the names between two `@`."""
 
-IDENTIFIERS = ("uuid", "geometry", "material")
-"""Keys of three.js's objects whose values are identifiers."""
+IDENTIFIER = re.compile(rb"[0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}")
+"""The random name that meshcat gives an object, geometry or material."""
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 TIMEOUT = 120.0
@@ -63,32 +62,21 @@ class Recorder:
 
     def send(self, command: Any) -> None:
         """Record a meshcat command, equal to the bytes of another that does the same."""
-        self.commands.append(umsgpack.packb(_renumbered(command.lower(), {})))
+        names: dict[bytes, bytes] = {}  # numbers of the same length, in order
+        self.commands.append(
+            IDENTIFIER.sub(
+                lambda name: names.setdefault(name[0], b"%036d" % len(names)),
+                umsgpack.packb(command.lower()),
+            )
+        )
 
 
-def _renumbered(value: Any, known: dict[str, str]) -> Any:
-    """Return a command with numbers, in order, for the random identifiers of its objects."""
-    if isinstance(value, list):
-        return [_renumbered(item, known) for item in value]
-    if not isinstance(value, dict):
-        return value
-    return {
-        key: known.setdefault(item, f"{len(known)}")
-        if key in IDENTIFIERS and isinstance(item, str)
-        else _renumbered(item, known)
-        for key, item in value.items()
-    }
-
-
-@dataclass(frozen=True, eq=False)
-class Recording:
+class Recording(NamedTuple):
     """A scene as a page shows it.
 
-    Attributes:
-        viewer: the `meshcat.Visualizer` of `recording_viewer` into which the scene is drawn.
-        panel: HTML beside it.
-        times: of the animation, and of the kick that it shows then, shape `(n, 2)` [s]; the kick's
-            time is linear in between. None where nothing moves.
+    `viewer` is the `meshcat.Visualizer` of `recording_viewer` into which it is drawn, `panel` the
+    HTML beside it. `times` are those of the animation and of the kick that it shows then, shape
+    `(n, 2)` [s]; the kick's time is linear in between. They are None where nothing moves.
     """
 
     viewer: Any
@@ -101,23 +89,16 @@ def recording_viewer() -> Any:
     return meshcat.Visualizer(window=Recorder())
 
 
-def draw_label(viewer: Any, text: str, colour: str, point: Array) -> None:
-    """Draw a plain text beside a point, shape `(3,)` [m], in a frame of a colour of CSS.
+def draw_label(viewer: Any, text: str, point: Array, colour: str = "") -> None:
+    """Draw a plain text at a point, shape `(3,)` [m], where no other text is in its place.
 
-    `viewer` is the label's node, whose parent's origin is the start of the arrow to that point.
+    With a colour of CSS, the text stands beside the point in a frame of that colour. `viewer` is
+    the label's node, whose parent's origin is the start of the arrow to that point.
     """
     viewer.set_transform(tf.translation_matrix(point))
+    kind, style = ("label", f' style="border-color: {colour}"') if colour else ("label mark", "")
     viewer.window.labels.append(
-        f'<div class="label" data-node="{viewer.path.lower()}" style="border-color: {colour}">'
-        f"{escape(text)}</div>"
-    )
-
-
-def draw_mark(viewer: Any, text: str, point: Array) -> None:
-    """Draw a plain text at a point, shape `(3,)` [m], where no other text is in its place."""
-    viewer.set_transform(tf.translation_matrix(point))
-    viewer.window.labels.append(
-        f'<div class="label mark" data-node="{viewer.path.lower()}">{escape(text)}</div>'
+        f'<div class="{kind}" data-node="{viewer.path.lower()}"{style}>{escape(text)}</div>'
     )
 
 
@@ -143,7 +124,7 @@ def html_document(title: str, recordings: Mapping[str, Recording]) -> str:
         "labels": "\n".join(labels),
         "buttons": f"<nav>\n{buttons}</nav>\n" if len(recordings) > 1 else "",
         "panels": "\n".join(panels),
-        "engine": _read("meshcat", "viewer/dist/main.min.js"),  # with three.js
+        "engine": _text_of("meshcat", "viewer/dist/main.min.js"),  # with three.js
         "commands": ",\n".join(f'"{base64.b64encode(packed).decode()}"' for packed in numbers),
         "scenes": json.dumps(scenes),
         "left": str(LEFT / UP),
@@ -151,11 +132,11 @@ def html_document(title: str, recordings: Mapping[str, Recording]) -> str:
         "spread": str(1.1 * (LEFT + RIGHT) / (2 * UP)),
         "aside": str((RIGHT - LEFT) / 2),
     }
-    return re.sub("@([a-z]+)@", lambda name: values[name[1]], _read("kickdyn.view", TEMPLATE))
+    return re.sub("@([a-z]+)@", lambda name: values[name[1]], _text_of("kickdyn.view", TEMPLATE))
 
 
 @cache
-def _read(package: str, name: str) -> str:
+def _text_of(package: str, name: str) -> str:
     """Return a text file of a package."""
     return (files(package) / name).read_text(encoding="utf-8")
 
@@ -185,28 +166,21 @@ def save_picture(html: str, path: str | PathLike[str], time: float = 0.0) -> Non
         KickdynError: Chromium failed.
     """
     browser = find_browser(path)
-    # Chromium's sandbox refuses to run as root; the page may load and call nothing anyway.
-    rooted = ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
     with replacing(path) as draft, tempfile.TemporaryDirectory() as folder:
         page = Path(folder) / "page.html"
         page.write_text(html, encoding="utf-8")
-        files = [f"--user-data-dir={folder}/profile", f"--screenshot={draft}"]
         command = [
-            browser,
-            *_FLAGS.split(),
-            *rooted,
-            *files,
-            f"{page.as_uri()}#picture&at={time:.9g}",
+            *(browser, *_FLAGS.split(), f"--user-data-dir={folder}/profile"),
+            *(f"--screenshot={draft}", f"{page.as_uri()}#picture&at={time:.9g}"),
         ]
+        if hasattr(os, "geteuid") and os.geteuid() == 0:  # Chromium's sandbox refuses root
+            command.insert(1, "--no-sandbox")
         try:
             done = subprocess.run(command, capture_output=True, timeout=TIMEOUT, check=False)
         except subprocess.TimeoutExpired:
             raise KickdynError(f"{browser} did not end within {TIMEOUT:g} s") from None
-        if b"No usable sandbox" in done.stderr:
-            raise KickdynError(
-                f"{browser} cannot use its sandbox here: install the Debian package "
-                "chromium-sandbox or, in a container that does not allow it, put a script named "
-                "chromium first on PATH that starts it with --no-sandbox"
-            )
         if done.returncode != 0 or not draft.exists():
-            raise KickdynError(f"{browser} made no picture (it ended with {done.returncode})")
+            reason = f"it ended with {done.returncode}"
+            if b"No usable sandbox" in done.stderr:
+                reason = "it has no sandbox here: install the Debian package chromium-sandbox"
+            raise KickdynError(f"{browser} made no picture: {reason}")

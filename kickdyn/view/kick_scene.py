@@ -2,15 +2,14 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import product
-from typing import Any
+from typing import Any, NamedTuple
 
 import meshcat.transformations as tf
 import numpy as np
 import pinocchio as pin
 from meshcat.animation import Animation
 
+from kickdyn.ball import BallState
 from kickdyn.core.validation import Array
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course
@@ -20,7 +19,8 @@ from kickdyn.planning.swing import Swing
 from kickdyn.robot.ground_clearance import find_depths, shape_of
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.model_validation import frame_id
-from kickdyn.view.camera import BOTTOM, LEFT, RIGHT, TOP, UP, Camera, camera_for, set_camera
+from kickdyn.robot.standing import hold_support
+from kickdyn.view.camera import UP_AXIS, box_corners, camera_for, set_stage, stripe_width
 from kickdyn.view.document import draw_label
 from kickdyn.view.leg_figure import draw_leg, joint_poses
 from kickdyn.view.marks import (
@@ -35,18 +35,7 @@ from kickdyn.view.marks import (
     draw_ground,
     draw_tee,
 )
-from kickdyn.view.playback import RATE, Pace, ball_pose, kick_pace, leg_configuration
 from kickdyn.view.wall_and_goal import Box, draw_box
-
-SKY_COLOURS = {"top_color": [0.60, 0.78, 0.93], "bottom_color": [0.96, 0.98, 1.0]}
-LIGHT_INTENSITIES = {
-    "AmbientLight": 0.6,
-    "FillLight": 0.7,  # from afar: of the same strength everywhere
-    "PointLightNegativeX": 0.1,
-    "PointLightPositiveX": 0.1,
-}
-SUN_DIRECTION = np.array([-0.3, -0.5, 0.81])
-"""Unit vector from the scene to the light."""
 
 LEAST_TEE_HEIGHT = 5e-3
 """Height above the ground from which on a resting ball is drawn on a tee [m]."""
@@ -63,17 +52,18 @@ JOINT_ARROW = 0xF28C00
 LEAST_JOINT_IMPULSE = 0.05
 """Least impulse of a joint that gets an arrow, over the largest impulse of the kick."""
 
+RATE = 60
+"""Pictures per second; what spins faster than half a turn in one cannot be shown anyway."""
 
-@dataclass(frozen=True, eq=False)
-class Arrow:
-    """An impulse that is drawn.
+FOLLOW_TIME, FLIGHT_TIME, REST_TIME = 0.7, 2.1, 0.8
+"""How long an animation shows the follow-through, in the strike's pace; the flight; the end [s]."""
 
-    Attributes:
-        node: where it is drawn in the viewer.
-        start: shape `(3,)` [m, world frame].
-        impulse: not zero, shape `(3,)` [N s, world frame].
-        colour: 0xRRGGBB.
-    """
+SWING_LENGTH = 0.6
+"""How far the fastest joint swings, before and after the impact each [rad; m if prismatic]."""
+
+
+class Arrow(NamedTuple):
+    """An impulse that is drawn: its node in the viewer, `(3,)` [m] and [N s], and 0xRRGGBB."""
 
     node: str
     start: Array
@@ -86,15 +76,40 @@ class Arrow:
         return float(np.linalg.norm(self.impulse))
 
 
-@dataclass(frozen=True, eq=False)
-class DrawnKick:
-    """What a page says of a drawn kick.
+class Pace(NamedTuple):
+    """Which time of the kick each picture shows.
 
     Attributes:
-        pace: of the animation.
-        stripe: width of a stripe of the ground, and distance between two marks on it [m].
-        axis: length of the arrows that are the world's axes [m].
-        text: sentences about ground and tee; empty where there is nothing to say.
+        times: of each picture, 0 at the impact, shape `(n,)` [s].
+        impact: index of the picture of the impact.
+        strike: how many times slower than real the strike is shown; below 1 is faster.
+        flight: likewise the flight.
+        end: index of the last picture; leg and ball rest from the last of `times` until then.
+    """
+
+    times: Array
+    impact: int
+    strike: float
+    flight: float
+    end: int
+
+    @property
+    def knots(self) -> Array:
+        """Times of the animation, and of the kick that it shows then, shape `(4, 2)` [s].
+
+        The kick's time is linear in between.
+        """
+        last = len(self.times) - 1
+        numbers = np.unique([0, self.impact, self.impact + round(FOLLOW_TIME * RATE), last])
+        return np.column_stack([numbers / RATE, self.times[numbers]])
+
+
+class DrawnKick(NamedTuple):
+    """What a page says of a drawn kick.
+
+    `pace` is that of the animation, `stripe` the distance between two marks on the ground [m],
+    `axis` the length of the arrows that are the world's axes [m]; `text` has sentences about ground
+    and tee, and is empty where there is nothing to say.
     """
 
     pace: Pace
@@ -124,51 +139,54 @@ def draw_kick(
     moved = [_configuration(impact, swing, time) for time in pace.times]
     curve = path.sample(np.linspace(0.0, path.duration, CURVE_POINTS)).position
     forward = _forward(impact, curve)
-    bottom = _bottom(impact, path)
+    bottom = float(min(before.position[2], curve[-1, 2])) - ball.radius
     floor = bottom if lies else _ground_height(impact, moved, bottom)
     lift = float(before.position[2]) - ball.radius - floor
+    foot = np.array([*before.position[:2], floor])
 
     joints = np.array([pose[:3, 3] for pose in joint_poses(leg, impact.posture.q)[1:]])
     near = box_corners(np.vstack([joints, impact.ball_after.position]), ball.radius)
-    figure = draw_leg(viewer["leg"], leg, impact.posture.q)
-    far = [box_corners(curve, ball.radius), figure, *(box.corners() for box in scenery)]
-    if swing is not None:
-        far.append(box_corners(_swing_points(impact, swing, pace), ball.radius))
     size = float(np.linalg.norm(np.ptp(near, axis=0)))
     most = largest_impulse(impact)
     scale = max(3.2 * ball.radius, 0.45 * size) / most if most > 0 else 0.0
     arrows = impulse_arrows(impact, LEAST_JOINT_IMPULSE * most)
-    tips = np.array([arrow.start + scale * arrow.impulse for arrow in arrows]).reshape(-1, 3)
-    foot = np.array([*before.position[:2], floor])
+    # The world's axes stand at the right of the flight, behind the ball.
     axis = stripe_width(1.8 * size)
-    far.append(foot[None])
-    camera = camera_for(near, np.vstack(far), forward, marks=tips, behind=bool(scenery))
-    figure = np.vstack([near, figure, tips])
-    level = (curve[-1] - foot) * (1.0, 1.0, 0.0)
-    line = foot + np.linspace(0.0, 1.0, CURVE_POINTS)[:, None] * level
-    origin = _free_place(camera, figure, np.vstack([curve, line]), foot, axis)
-    width = CURVE_RADIUS * camera.distance(curve)
+    origin = foot + axis * (2.8 * np.cross(forward, UP_AXIS) - 1.8 * forward)
+    far = [
+        draw_leg(viewer["leg"], leg, impact.posture.q),
+        *(arrow.start + scale * arrow.impulse[None] for arrow in arrows),
+        origin + axis * np.vstack([np.zeros(3), np.eye(3)]),
+        box_corners(curve, ball.radius),
+        foot[None],
+        *(box.corners() for box in scenery),
+    ]
+    if swing is not None:
+        far.append(box_corners(_points_of(leg, moved[::8]), ball.radius))
+    points = np.vstack(far)
+    camera = camera_for(near, points, forward, behind=bool(scenery))
+    set_stage(viewer, camera, np.vstack([near, points]))
 
-    set_stage(viewer, camera, np.vstack([near, *far]))
     draw_ball(viewer["ball"], ball.radius, before.position)
     stands = lift > LEAST_TEE_HEIGHT and not lies and not before.velocity.any()
     if stands:
-        draw_tee(viewer["tee"], foot + np.array([0.0, 0.0, lift]), lift, ball.radius)
-    draw_curve(viewer["curve"], curve, width, np.cross(forward, (0.0, 0.0, 1.0)))
+        draw_tee(viewer["tee"], foot + lift * UP_AXIS, lift, ball.radius)
+    width = CURVE_RADIUS * camera.distance(curve)
+    draw_curve(viewer["curve"], curve, width, np.cross(forward, UP_AXIS))
     for arrow in arrows:
         draw_impulse(viewer[arrow.node], arrow, scale)
     for number, box in enumerate(scenery):
         draw_box(viewer[f"scenery/{number}"], box)
-    reach = float(np.linalg.norm(curve[-1] - foot)) + 8 * size
     length = float(np.hypot(*(curve[-1] - foot)[:2]))
     stripe = stripe_width(length + size)
+    reach = float(np.linalg.norm(curve[-1] - foot)) + 8 * size
     draw_ground(viewer["ground"], foot, forward, stripe, reach)
     draw_axes(viewer["axes"], origin, axis)
     draw_distances(viewer["distances"], foot, forward, stripe, length, camera)
     draw_disc(viewer["landing"], max(0.4 * ball.radius, 6 * float(width[-1])), CURVE)
     viewer["landing"].set_transform(tf.translation_matrix([*curve[-1, :2], floor]))
     far_end = path.distance if isinstance(path, Course) else path.range
-    draw_label(viewer["end"], f"{far_end:.3g} m", f"#{CURVE:06x}", curve[-1])
+    draw_label(viewer["end"], f"{far_end:.3g} m", curve[-1], f"#{CURVE:06x}")
     animation = _animation(viewer, impact, path, pace, moved, arrows)
     viewer.set_animation(animation, repetitions=math.inf)
     text = describe_buried(leg, moved, pace, floor)
@@ -191,8 +209,8 @@ def joint_impulses_in_world(impact: Impact) -> list[tuple[str, Array, Array]]:
 
 def largest_impulse(impact: Impact) -> float:
     """Return the largest impulse of a kick, on the ball or through a joint [N s]."""
-    impulses = [impact.impulse, *(impulse for _, _, impulse in joint_impulses_in_world(impact))]
-    return max(float(np.linalg.norm(impulse)) for impulse in impulses)
+    impulses = np.vstack([impact.impulse, impact.joint_impulses[:, :3]])
+    return float(np.linalg.norm(impulses, axis=1).max())
 
 
 def impulse_arrows(impact: Impact, least: float) -> list[Arrow]:
@@ -212,29 +230,84 @@ def draw_impulse(viewer: Any, arrow: Arrow, scale: float) -> None:
     """Draw an arrow, `scale` metres long per N s, with its size at its tip."""
     vector = scale * arrow.impulse
     draw_arrow(viewer, arrow.start, vector, arrow.colour)
-    draw_label(viewer["label"], f"{arrow.size:.3g} N s", f"#{arrow.colour:06x}", vector)
+    draw_label(viewer["label"], f"{arrow.size:.3g} N s", vector, f"#{arrow.colour:06x}")
 
 
 def describe_buried(leg: Leg, moved: Sequence[Array], pace: Pace, floor: float) -> str:
-    """Return which bodies the animation of a kick shows under the ground, as a sentence, or none.
+    """Return a sentence about the bodies that a kick's animation shows under the ground, if any.
 
-    The deepest one with its depth and time.
-
-    Args:
-        leg: the leg.
-        moved: its configuration at each of the times of the animation.
-        pace: of the animation.
-        floor: height of the ground [m, world frame].
+    `moved` has the leg's configuration at each time of the pace, `floor` is the ground's height
+    [m]. The sentence has depth and time of the deepest body.
     """
     depths = find_depths(leg, moved, floor)
     if not depths:
         return ""
-    worst, time = depths[0], float(pace.times[depths[0].number])
+    deepest, time = depths[0], float(pace.times[depths[0].number])
     when = f"{abs(1e3 * time):.0f} ms {'before' if time < 0.0 else 'after'} the impact"
     further = f"; also {', '.join(depth.frame for depth in depths[1:])}" if depths[1:] else ""
-    return (
-        f"Under the ground in this picture: {worst.frame} by {worst.depth:.3f} m, {when}{further}."
-    )
+    text = f"Under the ground in this picture: {deepest.frame} by {deepest.depth:.3f} m, {when}"
+    return f"{text}{further}."
+
+
+def kick_pace(impact: Impact, duration: float, backswing: float | None = None) -> Pace:
+    """Return the pace that shows strike and flight, of this duration [s], in about four seconds.
+
+    A hard strike takes a hundredth of the flight's time, so it is shown slower; where the flight
+    is no longer than the strike, both have one pace. A planned swing takes `backswing` [s] from
+    rest to the impact.
+    """
+    before = 1.2 if backswing is None else 3.0  # shown before the impact [s]
+    if backswing is None:
+        fastest = float(max(np.abs(impact.v_before).max(), np.abs(impact.v_after).max()))
+        swing = SWING_LENGTH / fastest if fastest > 0 else math.inf
+        same_pace = duration / (FOLLOW_TIME + FLIGHT_TIME) if duration > 0 else math.inf
+        strike = min(swing / before, same_pace)
+    else:
+        strike = backswing / before
+    if not math.isfinite(strike):
+        strike = 1.0
+    after = max(duration, strike * (FOLLOW_TIME + FLIGHT_TIME))
+    flight = (after - strike * FOLLOW_TIME) / FLIGHT_TIME
+    moments = np.arange(round((before + FOLLOW_TIME + FLIGHT_TIME) * RATE) + 1) / RATE - before
+    times = strike * moments + (flight - strike) * np.maximum(moments - FOLLOW_TIME, 0.0)
+    end = len(times) - 1 + round(REST_TIME * RATE)
+    return Pace(times, round(before * RATE), 1 / strike, 1 / flight, end)
+
+
+def leg_configuration(impact: Impact, time: float) -> Array:
+    """Return q at a time from the impact [s], shape `(nq,)`.
+
+    The joints move with the velocity before the impact, and after it come to rest from the
+    velocity after it, within their ranges; a floating base, so that the first support stays.
+    """
+    leg, q = impact.posture.leg, impact.posture.q
+    model = leg.workspace.model
+    fastest = float(np.abs(impact.v_after).max())
+    if time > 0 and fastest > 0:
+        stop = SWING_LENGTH / fastest
+        moved = pin.integrate(model, q, -stop * math.expm1(-time / stop) * impact.v_after)
+    else:
+        moved = pin.integrate(model, q, min(time, 0.0) * impact.v_before)
+    # Only a joint of one number has a range; and a posture outside it must not jump back.
+    single = np.zeros(model.nq, dtype=bool)
+    for joint in model.joints[1:]:
+        single[joint.idx_q] = joint.nq == 1
+    within = np.clip(moved, np.fmin(leg.lower, q), np.fmax(leg.upper, q))
+    return hold_support(impact.posture, np.where(single, within, moved))
+
+
+def ball_pose(before: BallState, path: Flight | Course, time: float) -> Array:
+    """Return the ball's pose at a time from the impact [s], shape `(4, 4)` [m, world frame]."""
+    if time < 0:
+        position = before.position + before.velocity * time
+        return np.asarray(pin.SE3(pin.exp3(before.spin * time), position).homogeneous)
+    time = min(time, path.duration)
+    if isinstance(path, Course):
+        times = np.linspace(0.0, time, 65)  # as if the ball turned about one axis
+        rotation = pin.exp3(np.trapezoid(path.sample(times).spin, times, axis=0))
+    else:
+        rotation = path.orientation(time).as_matrix()
+    return np.asarray(pin.SE3(rotation, path.sample(time).position).homogeneous)
 
 
 def _ground_height(impact: Impact, moved: Sequence[Array], bottom: float) -> float:
@@ -255,66 +328,6 @@ def _ground_height(impact: Impact, moved: Sequence[Array], bottom: float) -> flo
     return bottom - depths[0].depth if depths else bottom
 
 
-def _free_place(camera: Camera, figure: Array, lines: Array, foot: Array, size: float) -> Array:
-    """Return a point on the ground where arrows of a size along the axes cover nothing.
-
-    That is neither the figure nor points of lines, both of shape `(n, 3)` [m]. Of such points in
-    the picture, it is the nearest one to the point `foot` below the ball, or rather to one in front
-    of it. Without any, the arrows may cover lines, or stand at the right of that point.
-    """
-    into = (camera.target - camera.position) * (1.0, 1.0, 0.0)
-    into *= size / np.linalg.norm(into)
-    covering: list[Array] = [foot + np.cross(into, (0.0, 0.0, 1.0))]
-    steps = size * np.arange(-6.0, 6.5, 0.5)
-    places: list[Array] = [foot + np.array([x, y, 0.0]) for x, y in product(steps, steps)]
-    taken, along = camera.slopes(figure), camera.slopes(lines)
-    label = np.array([0.25 * UP, 0.0])  # at either side of an arrow
-    bottom, top = taken.min(axis=0) - label, taken.max(axis=0) + label
-    for place in sorted(places, key=lambda point: float(np.linalg.norm(point - foot + 2 * into))):
-        ends = camera.slopes(place + 1.3 * size * np.vstack([np.zeros(3), np.eye(3)]))
-        low, high = ends.min(axis=0), ends.max(axis=0)
-        inside = (low > (-LEFT, -BOTTOM)).all() and (high < (RIGHT, TOP)).all()
-        if inside and ((high < bottom).any() or (low > top).any()):
-            if not ((low < along) & (along < high)).all(axis=1).any():
-                return place
-            covering.append(place)
-    return covering[min(1, len(covering) - 1)]
-
-
-def _bottom(impact: Impact, path: Flight | Course) -> float:
-    """Return the height of the ball's lowest point where it starts or ends [m]."""
-    end = path.sample(path.duration).position
-    return float(min(impact.ball_before.position[2], end[2])) - impact.ball.radius
-
-
-def set_stage(viewer: Any, camera: Camera, points: Array) -> None:
-    """Set sky, camera, and light that casts the shadows of points, shape `(n, 3)` [m]."""
-    for name in ("/Grid", "/Axes"):
-        viewer[name].set_property("visible", False)
-    for name, colour in SKY_COLOURS.items():
-        viewer["/Background"].set_property(name, colour)
-    for name, brightness in LIGHT_INTENSITIES.items():
-        viewer[f"/Lights/{name}/<object>"].set_property("intensity", brightness)
-    reach = float(np.linalg.norm(points - camera.target, axis=1).max())
-    sun = viewer["/Lights/FillLight/<object>"]
-    sun.set_property("position", (1.8 * reach * SUN_DIRECTION).tolist())
-    sun.set_property("reach", reach)  # the page's script frames the shadows by it
-    set_camera(viewer, camera)
-
-
-def stripe_width(extent: float) -> float:
-    """Return 1, 2 or 5 times a power of ten, about a sixth of the extent [m]."""
-    sixth = extent / 6 * (1 + 1e-9)  # so that a round one stays
-    power = 10.0 ** math.floor(math.log10(sixth))
-    return power * max(step for step in (1, 2, 5) if step * power <= sixth)
-
-
-def box_corners(points: Array, radius: float) -> Array:
-    """Return the corners of boxes around points, shape `(8 n, 3)`."""
-    corners = np.array(list(product((-1, 1), repeat=3)))
-    return np.asarray((points[:, None] + radius * corners).reshape(-1, 3))
-
-
 def _configuration(impact: Impact, swing: Swing | Backswing | None, time: float) -> Array:
     """Return q of the leg at a time from the impact [s], shape `(nq,)`."""
     if swing is None or (isinstance(swing, Backswing) and time > 0.0):
@@ -322,12 +335,10 @@ def _configuration(impact: Impact, swing: Swing | Backswing | None, time: float)
     return swing.configuration(time)
 
 
-def _swing_points(impact: Impact, swing: Swing | Backswing, pace: Pace) -> Array:
-    """Return positions of joints and contact point during a swing, shape `(n, 3)` [m]."""
-    leg = impact.posture.leg
+def _points_of(leg: Leg, configurations: Sequence[Array]) -> Array:
+    """Return positions of joints and contact point at configurations, shape `(n, 3)` [m]."""
     points = []
-    for time in pace.times[::8]:  # enough to set the camera
-        q = _configuration(impact, swing, time)
+    for q in configurations:
         points += [pose[:3, 3] for pose in joint_poses(leg, q)[1:]]
         points.append(leg.posture(q).contact_point)
     return np.array(points)
@@ -336,10 +347,10 @@ def _swing_points(impact: Impact, swing: Swing | Backswing, pace: Pace) -> Array
 def _forward(impact: Impact, curve: Array) -> Array:
     """Return the horizontal direction of the flight; of the impulse, or x, where it has none."""
     for direction in (curve[-1] - curve[0], impact.impulse):
-        level = np.array([direction[0], direction[1], 0.0])
+        level = direction * (1.0, 1.0, 0.0)
         length = float(np.linalg.norm(level))
         if length > 1e-3 * np.linalg.norm(direction):
-            return level / length
+            return np.asarray(level / length)
     return np.array([1.0, 0.0, 0.0])
 
 
@@ -353,14 +364,15 @@ def _animation(
 ) -> Animation:
     """Return the motion of leg and ball, and of the arrows that appear at the impact."""
     animation = Animation(default_framerate=RATE)
-    leg = impact.posture.leg
-    for picture, time in enumerate(pace.times):
-        # All tracks end together, so that they stay together when they repeat.
-        for number in (picture, pace.end) if picture == len(pace.times) - 1 else (picture,):
-            with animation.at_frame(viewer, number) as frame:
-                frame["ball"].set_transform(ball_pose(impact.ball_before, path, time))
-                for joint, pose in list(enumerate(joint_poses(leg, moved[picture])))[1:]:
-                    frame[f"leg/{joint}"].set_transform(pose)
+    # All tracks end together, so that they stay together when they repeat.
+    numbers = [*range(len(moved)), pace.end]
+    for number, time, q in zip(
+        numbers, [*pace.times, pace.times[-1]], [*moved, moved[-1]], strict=True
+    ):
+        with animation.at_frame(viewer, number) as frame:
+            frame["ball"].set_transform(ball_pose(impact.ball_before, path, time))
+            for joint, pose in list(enumerate(joint_poses(impact.posture.leg, q)))[1:]:
+                frame[f"leg/{joint}"].set_transform(pose)
     hit = pace.impact
     for number, scale in ((0, 1e-3), (hit - 1, 1e-3), (hit, 1.0), (pace.end, 1.0)):
         with animation.at_frame(viewer, number) as frame:

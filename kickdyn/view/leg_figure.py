@@ -1,17 +1,13 @@
 """The figure of a leg: the shapes of its file, and sticks between joints without any."""
 
-import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import cache, partial
-from itertools import product
-from typing import Any
+from typing import Any, NamedTuple
 
 import meshcat.geometry as shapes
 import meshcat.transformations as tf
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
 
 from kickdyn.core import validation
 from kickdyn.core.validation import Array
@@ -20,31 +16,21 @@ from kickdyn.robot.leg import Leg
 from kickdyn.robot.model_validation import frames_by_name
 from kickdyn.robot.package_files import PackageFiles
 from kickdyn.robot.visuals import Shape, Triangles, Visual, read_mesh
+from kickdyn.view.camera import box_corners
 from kickdyn.view.marks import UPRIGHT, cylinder_pose
 
 Rgba = tuple[float, ...]
 MeshReader = Callable[[str, tuple[float, ...]], list[Triangles]]
-
-MOST_VERTICES = 6_000_000
-"""Vertices and triangles of all meshes of a robot: a page of 100 MB."""
-
-CREASE_ANGLE = math.radians(40)
-"""Angle between a triangle and the surface around it from which on there is an edge [rad]."""
 
 BODY_COLOUR: Rgba = (0.62, 0.67, 0.73, 1.0)
 JOINT_COLOUR: Rgba = (0.25, 0.27, 0.31, 1.0)
 """Colours of sticks and of bodies without a colour, and of the spheres at joints."""
 
 
-@dataclass(frozen=True, eq=False)
-class BodyShape:
-    """A shape fixed to a joint.
+class BodyShape(NamedTuple):
+    """A geometry of meshcat fixed to a joint, in a colour of four numbers from 0 to 1.
 
-    Attributes:
-        joint: its index in the model; 0 is the world.
-        pose: of the shape in the joint's frame, shape `(4, 4)` [m].
-        geometry: the geometry of meshcat.
-        rgba: colour, 0 to 1.
+    `joint` is the index in the model, 0 for the world; `pose` is in its frame, `(4, 4)` [m].
     """
 
     joint: int
@@ -77,7 +63,14 @@ def draw_leg(viewer: Any, leg: Leg, q: Array) -> Array:
         viewer.window.warnings.append(warning)
     for number, body_shape in enumerate(body_shapes):
         node = viewer[f"{body_shape.joint}/{number}"]  # numbers, as a name could contain a slash
-        node.set_object(body_shape.geometry, _material(body_shape))
+        red, green, blue = (round(255 * level) for level in body_shape.rgba[:3])
+        look = shapes.MeshLambertMaterial(
+            color=(red << 16) + (green << 8) + blue,
+            opacity=body_shape.rgba[3],
+            # A mesh has no normals; three.js's own for smooth bodies would smear over edges.
+            flatShading=isinstance(body_shape.geometry, shapes.TriangularMeshGeometry),
+        )
+        node.set_object(body_shape.geometry, look)
         node.set_transform(body_shape.pose)
         pose = poses[body_shape.joint] @ body_shape.pose
         corners.append(_corners(body_shape.geometry) @ pose[:3, :3].T + pose[:3, 3])
@@ -99,22 +92,22 @@ def leg_shapes(leg: Leg) -> tuple[list[BodyShape], str]:
     except InvalidInput as error:
         return list(_sticks(leg, set())), f"{error}: sticks are drawn instead"
     model = leg.workspace.model
-    by_name = {name: model.frames[number] for name, number in frames_by_name(model).items()}
-    visuals = [visual for visual in visuals if visual.frame in by_name]  # not of other objects
+    frames = {name: model.frames[number] for name, number in frames_by_name(model).items()}
+    visuals = [visual for visual in visuals if visual.frame in frames]  # not of other objects
     body_shapes: list[BodyShape] = []
     faults: list[str] = []
-    room = MOST_VERTICES
     read = cache(partial(read_mesh, PackageFiles(leg.file.folder, leg.file.package_dirs)))
     for visual in visuals:
+        frame = frames[visual.frame]
+        pose = frame.placement.homogeneous @ visual.pose
         try:
-            new = list(_visual_shapes(visual, by_name[visual.frame], read)) if room >= 0 else []
-            room -= sum(_vertices(body_shape.geometry) for body_shape in new)
-            if room < 0:
-                raise InvalidInput(
-                    f"mesh {visual.mesh!r} is too much: at most {MOST_VERTICES} vertices and "
-                    "triangles are drawn"
-                )
-            body_shapes += new
+            for geometry, turn, colour in list(_shapes(visual, read)):
+                colours = [visual.rgba, colour, BODY_COLOUR]
+                if visual.has_texture and colour is not None:
+                    colours.pop(0)
+                rgba = next(np.clip(c, 0.0, 1.0) for c in colours if c is not None and len(c) == 4)
+                joint = int(frame.parentJoint)
+                body_shapes.append(BodyShape(joint, pose @ turn, geometry, tuple(rgba.tolist())))
         except InvalidInput as error:
             faults.append(str(error))
     body_shapes += _sticks(leg, {body_shape.joint for body_shape in body_shapes})
@@ -124,24 +117,14 @@ def leg_shapes(leg: Leg) -> tuple[list[BodyShape], str]:
     return body_shapes, f"{len(faults)} of {len(visuals)} visuals of {leg.name} {what}: {faults[0]}"
 
 
-def _visual_shapes(visual: Visual, frame: Any, read: MeshReader) -> Iterator[BodyShape]:
-    """Yield the shapes that draw a visual, fixed to a frame of the model."""
-    pose = frame.placement.homogeneous @ visual.pose
-    painted = None if visual.rgba is None else _rgba(visual.rgba)
-    for shape, turn, colour in _shapes(visual, read):
-        rgba = colour if visual.has_texture and colour else painted or colour or BODY_COLOUR
-        yield BodyShape(int(frame.parentJoint), pose @ turn, shape, rgba)
-
-
-def _shapes(visual: Visual, read: MeshReader) -> Iterator[tuple[Any, Array, Rgba | None]]:
+def _shapes(visual: Visual, read: MeshReader) -> Iterator[tuple[Any, Array, Array | None]]:
     """Yield the shapes of a visual: each with its pose and the colour that its mesh gives it."""
     if visual.vertices is not None:
         yield shapes.TriangularMeshGeometry(visual.vertices, visual.faces), np.eye(4), None
         return
     if visual.shape == Shape.MESH:
         for mesh in read(visual.mesh, visual.size):
-            triangles = shapes.TriangularMeshGeometry(mesh.vertices, mesh.faces)
-            yield triangles, np.eye(4), None if mesh.rgba is None else _rgba(mesh.rgba)
+            yield shapes.TriangularMeshGeometry(mesh.vertices, mesh.faces), np.eye(4), mesh.rgba
         return
     sizes = [
         validation.number("size of a visual", x, above=0, at_most=1e6, unit="m")
@@ -159,18 +142,6 @@ def _shapes(visual: Visual, read: MeshReader) -> Iterator[tuple[Any, Array, Rgba
         if visual.shape == Shape.CAPSULE:
             for end in (-length / 2, length / 2):
                 yield shapes.Sphere(radius), tf.translation_matrix([0.0, 0.0, end]), None
-
-
-def _vertices(shape: Any) -> int:
-    """Return the number of vertices and triangles of a mesh; 0 of another shape."""
-    return len(getattr(shape, "vertices", ())) + len(getattr(shape, "faces", ()))
-
-
-def _rgba(values: ArrayLike) -> Rgba:
-    """Return a colour within 0 to 1; the plain one where it is no colour."""
-    if np.shape(values) != (4,) or not np.isfinite(values).all():
-        return BODY_COLOUR
-    return tuple(np.clip(values, 0.0, 1.0).tolist())
 
 
 def _sticks(leg: Leg, drawn: set[int]) -> Iterator[BodyShape]:
@@ -206,43 +177,14 @@ def _corners(shape: Any) -> Array:
     """Return the corners of the box around a shape, along its own axes, `(8, 3)` [m]."""
     if isinstance(shape, shapes.TriangularMeshGeometry):
         low, high = np.min(shape.vertices, axis=0), np.max(shape.vertices, axis=0)
-    else:
-        if isinstance(shape, shapes.Cylinder):
-            wide = max(shape.radiusTop, shape.radiusBottom)
-            high = np.array([wide, shape.height / 2, wide])
-        elif isinstance(shape, shapes.Sphere):
-            high = np.asarray(getattr(shape, "radii", np.full(3, shape.radius)))  # of an ellipsoid
-        else:
-            high = np.asarray(shape.lengths) / 2
+    elif isinstance(shape, shapes.Cylinder):
+        high = np.array([shape.radiusTop, shape.height / 2, shape.radiusTop])
         low = -high
-    return np.array(list(product(*zip(low, high, strict=True))), dtype=float)
-
-
-def _material(body_shape: BodyShape) -> Any:
-    """Return the material of a shape."""
-    red, green, blue = (round(255 * level) for level in body_shape.rgba[:3])
-    return shapes.MeshLambertMaterial(
-        color=(red << 16) + (green << 8) + blue,
-        opacity=body_shape.rgba[3],
-        flatShading=has_edges(body_shape.geometry),
-    )
-
-
-def has_edges(shape: Any) -> bool:
-    """Return whether a mesh has edges, over which three.js would smear the light.
-
-    It has none where each triangle's normal is within `CREASE_ANGLE` of the mean normal at its
-    corners.
-    """
-    if not isinstance(shape, shapes.TriangularMeshGeometry):
-        return False
-    faces = np.asarray(shape.faces)
-    corners = np.asarray(shape.vertices, dtype=float)[faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    at_vertices = np.zeros_like(shape.vertices, dtype=float)
-    for corner in range(3):
-        np.add.at(at_vertices, faces[:, corner], normals)
-    means = at_vertices[faces]
-    sizes = np.linalg.norm(normals, axis=1)[:, None] * np.linalg.norm(means, axis=2)
-    along = np.einsum("fi,fci->fc", normals, means)
-    return bool((along < math.cos(CREASE_ANGLE) * sizes).any())
+    elif isinstance(shape, shapes.Sphere):
+        high = np.asarray(getattr(shape, "radii", np.full(3, shape.radius)))  # of an ellipsoid
+        low = -high
+    else:
+        high = np.asarray(shape.lengths) / 2
+        low = -high
+    corners = box_corners(np.zeros((1, 3)), 0.5) * (high - low)
+    return np.asarray((low + high) / 2 + corners)

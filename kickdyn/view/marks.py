@@ -8,12 +8,13 @@ from typing import Any
 import meshcat.geometry as shapes
 import meshcat.transformations as tf
 import numpy as np
-from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
+import pinocchio as pin
+import trimesh
+from scipy.spatial.transform import Rotation
 
 from kickdyn.core.validation import Array
-from kickdyn.view.camera import Camera
-from kickdyn.view.document import draw_mark
+from kickdyn.view.camera import UP_AXIS, Camera
+from kickdyn.view.document import draw_label
 
 CURVE, ARROW, AXIS, LINE = 0xE63946, 0x2456D6, 0x1D2733, 0xFFFFFF
 TEE = 0xF2C230
@@ -21,7 +22,6 @@ GRASS = (0x86B56B, 0x7DAD63)
 HEXAGON, PENTAGON = 0xF7F7F2, 0x1E2A38
 LINE_WIDTH = 0.004  # of the line on the ground, over its distance from the camera
 SIDES = 8  # of a tube that draws a curve
-CUTS = 12  # parts of an icosahedron's edge on the ball; a multiple of 3
 
 SHAFT, NECK, HEAD = 0.028, 0.72, 0.084
 """Of an arrow, over its length: radius of the shaft, where the head begins, the head's radius."""
@@ -33,18 +33,14 @@ UPRIGHT: Array = tf.rotation_matrix(math.pi / 2, (1, 0, 0))
 def cylinder_pose(start: Array, end: Array) -> Array:
     """Return the pose that lays meshcat's cylinder between two points, shape `(4, 4)`."""
     axis = np.asarray(end) - start
-    y = axis / np.linalg.norm(axis)
-    x = np.cross(y, np.eye(3)[np.argmin(np.abs(y))])
-    x /= np.linalg.norm(x)
-    return pose_of(np.column_stack([x, y, np.cross(x, y)]), (start + end) / 2)
+    turn = Rotation.align_vectors(axis, (0.0, 1.0, 0.0))[0].as_matrix()
+    return np.asarray(pin.SE3(turn, start + axis / 2).homogeneous)
 
 
-def pose_of(rotation: Array, translation: Array) -> Array:
-    """Return the homogeneous matrix of a rotation `(3, 3)` and a translation `(3,)` [m]."""
-    pose = np.eye(4)
-    pose[:3, :3] = rotation
-    pose[:3, 3] = translation
-    return pose
+def _level_pose(origin: Array, forward: Array) -> Array:
+    """Return the pose at a point whose x is a horizontal unit vector and whose z is up."""
+    axes = np.column_stack([forward, np.cross(UP_AXIS, forward), UP_AXIS])
+    return np.asarray(pin.SE3(axes, origin).homogeneous)
 
 
 def draw_ground(viewer: Any, centre: Array, forward: Array, stripe: float, reach: float) -> None:
@@ -72,8 +68,7 @@ def draw_ground(viewer: Any, centre: Array, forward: Array, stripe: float, reach
     )
     viewer.set_object(lawn, shapes.MeshBasicMaterial(vertexColors=True))
     viewer["shadow"].set_object(lawn, _Shadow(color=0, opacity=0.4, **COPLANAR_OFFSET))
-    up = np.array([0.0, 0.0, 1.0])
-    viewer.set_transform(pose_of(np.column_stack([forward, np.cross(up, forward), up]), centre))
+    viewer.set_transform(_level_pose(centre, forward))
 
 
 class _Shadow(shapes.GenericMaterial):  # type: ignore[misc]
@@ -117,9 +112,8 @@ def draw_distances(
     viewer.set_object(lines, shapes.MeshBasicMaterial(color=LINE, **COPLANAR_OFFSET))
     for k in (0, count, *range(1, count)):
         text = f"{round(k * step, 9):g} m"
-        draw_mark(viewer[str(k)], text, np.array([along[k], -2.2 * half[k], 0.0]))
-    up = np.array([0.0, 0.0, 1.0])
-    viewer.set_transform(pose_of(np.column_stack([forward, np.cross(up, forward), up]), start))
+        draw_label(viewer[str(k)], text, np.array([along[k], -2.2 * half[k], 0.0]))
+    viewer.set_transform(_level_pose(start, forward))
 
 
 def draw_axes(viewer: Any, origin: Array, length: float) -> None:
@@ -128,7 +122,7 @@ def draw_axes(viewer: Any, origin: Array, length: float) -> None:
     for name, axis in zip("xyz", np.eye(3), strict=True):
         _draw_arrow(viewer[name], length * axis, look)
         text = f"{name} ({length:g} m)" if name == "x" else name
-        draw_mark(viewer[f"{name}/name"], text, 1.15 * length * axis)
+        draw_label(viewer[f"{name}/name"], text, 1.15 * length * axis)
     viewer.set_transform(tf.translation_matrix(origin))
 
 
@@ -161,12 +155,11 @@ def draw_curve(
 
 
 def draw_dots(viewer: Any, points: Array, radius: float, colour: int) -> None:
-    """Draw octahedra of a radius [m] around points, shape `(n, 3)`, over everything else."""
-    corners = np.vstack([np.eye(3), -np.eye(3)])
-    faces = ConvexHull(corners).simplices
-    vertices = (points[:, None] + radius * corners).reshape(-1, 3)
-    every = (6 * np.arange(len(points))[:, None, None] + faces).reshape(-1, 3)
-    viewer.set_object(shapes.TriangularMeshGeometry(vertices, every), _overlay(colour))
+    """Draw icosahedra of a radius [m] around points, shape `(n, 3)`, over everything else."""
+    solid = trimesh.creation.icosahedron()
+    vertices = (points[:, None] + radius * solid.vertices).reshape(-1, 3)
+    faces = (12 * np.arange(len(points))[:, None, None] + solid.faces).reshape(-1, 3)
+    viewer.set_object(shapes.TriangularMeshGeometry(vertices, faces), _overlay(colour))
 
 
 def draw_disc(viewer: Any, radius: float, colour: int) -> None:
@@ -180,7 +173,7 @@ def draw_tee(viewer: Any, top: Array, height: float, radius: float) -> None:
     """Draw the stand of a ball of this radius, of this height below a point `(3,)` [m]."""
     stand = shapes.Cylinder(height, radiusTop=0.45 * radius, radiusBottom=0.3 * radius)
     viewer.set_object(stand, shapes.MeshLambertMaterial(color=TEE))
-    viewer.set_transform(pose_of(UPRIGHT[:3, :3], top - np.array([0.0, 0.0, height / 2])))
+    viewer.set_transform(tf.translation_matrix(top - height / 2 * UP_AXIS) @ UPRIGHT)
 
 
 def draw_arrow(viewer: Any, start: Array, vector: Array, colour: int = ARROW) -> None:
@@ -218,26 +211,21 @@ def draw_ball(viewer: Any, radius: float, position: Array) -> None:
 
 
 @cache
-def _panels() -> dict[str, tuple[Array, NDArray[np.int64]]]:
+def _panels() -> dict[str, tuple[Array, Array]]:
     """Return vertices and faces of all panels of a kind, on the unit sphere.
 
-    The twenty triangles of an icosahedron are cut into small ones. Those within a third of an edge
-    from its corners are the pentagons of a football, the others its hexagons.
+    The panels of a football are the faces of a truncated icosahedron. Each pentagon is around one
+    corner of the icosahedron.
     """
-    golden = (1 + 5**0.5) / 2
-    corners = np.array([(0, a, b) for a in (-1, 1) for b in (-golden, golden)])
-    icosahedron = np.vstack([np.roll(corners, turn, axis=1) for turn in range(3)])
-    triangles = ConvexHull(icosahedron).simplices
-    weights = np.array([w for w in product(range(CUTS + 1), repeat=3) if sum(w) == CUTS])
-    index = {tuple(weight): number for number, weight in enumerate(weights.tolist())}
-    faces = np.array([
-        [index[tuple(corner)] for corner in np.add(start, steps).tolist()]
-        for steps in (np.eye(3, dtype=int), 1 - np.eye(3, dtype=int))
-        for start in product(range(CUTS), repeat=3) if sum(start) + steps[0].sum() == CUTS
-    ])  # fmt: skip
-    vertices = np.concatenate([weights @ icosahedron[triangle] for triangle in triangles])
-    vertices /= np.linalg.norm(vertices, axis=1, keepdims=True)
-    black = (weights[faces].min(axis=1) >= 2 * CUTS / 3).any(axis=1)
-    starts = len(weights) * np.arange(len(triangles))[:, None, None]
-    kinds = {"pentagons": faces[black], "hexagons": faces[~black]}
-    return {kind: (vertices, (starts + corners).reshape(-1, 3)) for kind, corners in kinds.items()}
+    solid = trimesh.creation.icosahedron()
+    start, end = np.moveaxis(solid.vertices[solid.edges], 1, 0)
+    hull = trimesh.convex.convex_hull((2 * start + end) / 3)
+    corners = np.argmax(hull.vertices @ solid.vertices.T, axis=1)[hull.faces]
+    black = np.ptp(corners, axis=1) == 0
+    panels = {}
+    for kind, faces in (("pentagons", hull.faces[black]), ("hexagons", hull.faces[~black])):
+        vertices = hull.vertices
+        for _ in range(3):  # each triangle becomes 64, so that the ball is round
+            vertices, faces = trimesh.remesh.subdivide(vertices, faces)  # type: ignore[no-untyped-call]
+        panels[kind] = vertices / np.linalg.norm(vertices, axis=1, keepdims=True), faces
+    return panels

@@ -1,15 +1,16 @@
 """`page`: a kick, or several flights or impacts, as a 3-D page that opens in any browser."""
 
 import math
-import sys
 import threading
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import astuple
 from functools import partial
 from html import escape
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from os import PathLike
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,13 +31,11 @@ from kickdyn.planning.launch import Launch
 from kickdyn.planning.passes import Pass
 from kickdyn.planning.swing import Swing
 from kickdyn.scene.scene import Scene
-from kickdyn.scene.simulate import simulate_as_instant
-from kickdyn.scene.simulation import Simulation
+from kickdyn.scene.simulate import Simulation, simulate_as_instant
 from kickdyn.view.caption import kick_panel
 from kickdyn.view.comparison import draw_flights, draw_impacts
 from kickdyn.view.document import Recording, html_document, recording_viewer, save_picture
-from kickdyn.view.kick_scene import draw_kick
-from kickdyn.view.playback import Pace
+from kickdyn.view.kick_scene import Pace, draw_kick
 from kickdyn.view.wall_and_goal import Box, plane_boxes, wall_boxes
 
 ADDRESS = "127.0.0.1"
@@ -60,7 +59,7 @@ class Page:
         warnings: a line for each robot with visuals that are not drawn, because a mesh is missing,
             say; the panel shows them too.
         height: of the frame in a notebook [px].
-        others: further pages by name, which buttons on this one show in its place.
+        pages: this page and others by the names of buttons, which show them; empty for one page.
     """
 
     def __init__(
@@ -69,19 +68,16 @@ class Page:
         self.viewer, self.title, self.panel, self.pace = viewer, title, panel, pace
         self.warnings: tuple[str, ...] = tuple(viewer.window.warnings)
         self.height = validation.number("height", height, above=0, at_most=1e4, unit="px")
-        self.name, self.others = "", dict[str, Page]()
+        self.pages: dict[str, Page] = {}
 
     @property
     def html(self) -> str:
         """The page as one file that needs no network."""
-        pages = {self.name: self, **self.others}
-        return html_document(self.title, {name: page.recording for name, page in pages.items()})
-
-    @property
-    def recording(self) -> Recording:
-        """What this page shows without the others."""
-        times = None if self.pace is None else self.pace.knots
-        return Recording(self.viewer, self.panel, times)
+        recordings = {
+            name: Recording(page.viewer, page.panel, page.pace and page.pace.knots)
+            for name, page in (self.pages or {"": self}).items()
+        }
+        return html_document(self.title, recordings)
 
     def save(self, file: str | PathLike[str], at: float = 0.0) -> None:
         """Write the page, or a picture of it where the name ends in `.png`.
@@ -102,19 +98,25 @@ class Page:
         with replacing(file) as draft:
             draft.write_text(self.html, encoding="utf-8")
 
-    def serve(self, port: int = 0) -> "PageServer":
-        """Serve the page to browsers on this machine.
+    @contextmanager
+    def serve(self, port: int = 0) -> Iterator[str]:
+        """Serve the page to browsers on this machine while a `with` block runs; yield its address.
 
-        Args:
-            port: 0 takes a free one.
-
-        Returns:
-            A server that runs until `stop`, or until the end of its `with` block.
-
-        Raises:
-            InvalidInput: there is no such port, or it is not free.
+        Port 0 takes a free one; an `InvalidInput` says that another one is not free.
         """
-        return PageServer(self.html, port)
+        with TemporaryDirectory() as folder:
+            self.save(Path(folder) / "index.html")
+            handler = partial(SimpleHTTPRequestHandler, directory=folder)
+            try:
+                server = ThreadingHTTPServer((ADDRESS, port), handler)
+            except (OSError, OverflowError) as error:
+                raise InvalidInput(f"port {port} cannot be served ({error})") from None
+            threading.Thread(target=server.serve_forever, daemon=True).start()
+            try:
+                yield f"http://{ADDRESS}:{server.server_port}/"
+            finally:
+                server.shutdown()
+                server.server_close()
 
     def __repr__(self) -> str:
         """Return the title, for where HTML cannot be shown."""
@@ -126,74 +128,6 @@ class Page:
             f'<iframe srcdoc="{escape(self.html)}" sandbox="allow-scripts" '
             f'style="width: 100%; height: {self.height:.0f}px; border: 0"></iframe>'
         )
-
-
-class PageServer(ThreadingHTTPServer):
-    """A server in a thread of this process, for this machine alone.
-
-    Raises:
-        InvalidInput: there is no such port, or it is not free.
-    """
-
-    def __init__(self, html: str, port: int = 0) -> None:
-        if not 0 <= port <= 65535:
-            raise InvalidInput(f"port is {port}: it must be 0 to 65535")
-        try:
-            super().__init__((ADDRESS, port), partial(_Handler, html.encode()))
-        except OSError as error:
-            raise InvalidInput(f"port {port} cannot be served ({error})") from None
-        self._thread = threading.Thread(
-            target=self.serve_forever, name="kickdyn page server", daemon=True
-        )
-        self._thread.start()
-
-    @property
-    def url(self) -> str:
-        """The address of the page."""
-        return f"http://{ADDRESS}:{self.server_port}/"
-
-    def stop(self) -> None:
-        """Stop to serve; a second time does nothing."""
-        if self._thread.is_alive():
-            self.shutdown()
-            self._thread.join()
-            self.server_close()
-
-    def __exit__(self, *error: object) -> None:
-        """Stop to serve at the end of a `with` block."""
-        self.stop()
-
-    def handle_error(self, request: Any, client_address: Any) -> None:
-        """Report an error, unless a browser left before its answer was complete."""
-        if not isinstance(sys.exception(), OSError):
-            super().handle_error(request, client_address)
-
-
-class _Handler(BaseHTTPRequestHandler):
-    """Answers `GET /` with a page, and everything else with 404."""
-
-    timeout = 10.0
-
-    def __init__(self, page: bytes, *args: Any) -> None:
-        self._page = page
-        super().__init__(*args)
-
-    def do_GET(self) -> None:
-        """Answer a request."""
-        host = self.headers.get("Host", "").partition(":")[0]
-        # Under another name of this machine a foreign page could read the scene.
-        if self.path != "/" or host not in (ADDRESS, "localhost"):
-            self.send_error(404)
-            return
-        self.send_response(200)
-        self.send_header("Content-Type", "text/html; charset=utf-8")
-        self.send_header("Content-Length", str(len(self._page)))
-        self.send_header("Cache-Control", "no-store")
-        self.end_headers()
-        self.wfile.write(self._page)
-
-    def log_message(self, format: str, *args: object) -> None:
-        """Stay silent, as a library does."""
 
 
 @validation.check_arguments
@@ -243,13 +177,11 @@ def page(
         return _comparison(subject, caption, height)
     kick = _kick_of(subject, path, caption)
     impact, viewer = kick.impact, recording_viewer()
-    drawn = draw_kick(
-        viewer, impact, kick.path, [*scenery, *kick.scenery], kick.swing, lies=kick.lies
-    )
-    text = kick.caption
-    if text and drawn.text and not text.endswith("."):
-        text += "."
-    text = " ".join(filter(None, [text, drawn.text]))
+    boxes = [*scenery, *kick.scenery]
+    drawn = draw_kick(viewer, impact, kick.path, boxes, kick.swing, lies=kick.lies)
+    text = kick.caption or drawn.text
+    if kick.caption and drawn.text:
+        text = f"{kick.caption.removesuffix('.')}. {drawn.text}"
     warnings = [*viewer.window.warnings, *kick.warnings]
     panel = kick_panel(impact, kick.path, drawn, text, warnings)
     name = impact.posture.leg.name or "leg"
@@ -289,11 +221,38 @@ def _kick_of(subject: _MovingSubject, path: _Path | None, caption: str) -> _Kick
             return _kick_of_simulation(simulate_as_instant(subject), caption)
 
 
+def _kick_of_simulation(simulation: Simulation, caption: str) -> _Kick:
+    """Return the kick of a scene, with its wall or goal if it is in sight."""
+    impact, path, scene = simulation.impact, simulation.path, simulation.scene
+    if not isinstance(impact, Impact):
+        raise InvalidInput("the impact of this Simulation takes time: show its Scene instead")
+    caption = caption or scene.name
+    if simulation.neglected:
+        moved = simulation.model_error
+        distance = f"{moved:.2g} m" if math.isfinite(moved) else "an unknown distance"
+        caption += f", contact shown as instantaneous; this moves the end of the path by {distance}"
+    kick = _Kick(impact, path, ". ".join(filter(None, [caption, simulation.pitch_text])))
+    if scene.plane is None:
+        return kick
+    start, end = impact.ball_after.position, simulation.end.position
+    boxes = plane_boxes(scene.plane, end, min(start[2], end[2]) - scene.ball.radius)
+    if scene.wall is not None:
+        foot = start - np.array([0.0, 0.0, simulation.start_height + scene.ball.radius])
+        boxes += wall_boxes(foot, scene.ahead, *astuple(scene.wall))
+    ahead = (np.mean([box.centre for box in boxes], axis=0) - start)[:2]
+    length = (end - start)[:2]
+    # A plane that the ball does not reach is drawn up to ten times the length of the path ahead.
+    is_near = 0.0 < float(ahead @ length) < 10.0 * float(length @ length)
+    if is_near or simulation.status == "at-plane":
+        return kick._replace(scenery=boxes)
+    return kick._replace(caption=f"{kick.caption}, its plane out of the picture")
+
+
 def page_of_pages(pages: Mapping[str, Page]) -> Page:
     """Return the first of some pages, with buttons for each of them by its name."""
-    (name, first), *further = pages.items()
+    first = next(iter(pages.values()))
     shown = Page(first.viewer, first.title, first.panel, first.pace, first.height)
-    shown.name, shown.others = name, dict(further)
+    shown.pages = dict(pages)
     shown.warnings = tuple(dict.fromkeys(line for page in pages.values() for line in page.warnings))
     return shown
 
@@ -311,57 +270,32 @@ def _comparison(
             raise InvalidInput(f"a page cannot show a {type(subject).__name__}")
         subject = {str(number): item for number, item in enumerate(subject, start=1)}
     measured: dict[str, Array] = {}
-    items: dict[str, object] = {}
+    impacts: dict[str, Impact] = {}
+    paths: dict[str, _Path] = {}
     for name, item in subject.items():
-        if isinstance(item, Identification):
-            fitted = zip(item.flights, item.tracks, strict=True)
-            for number, (flight, track) in enumerate(fitted):
-                key = name if len(item.tracks) == 1 else f"{name} {number}"
-                items[key], measured[key] = flight, track.positions
-        elif isinstance(item, Launch):
-            items[name] = item.flight
-        else:
-            items[name] = item.course if isinstance(item, Pass) else item
-    impacts = {name: item for name, item in items.items() if isinstance(item, Impact)}
-    paths = {name: item for name, item in items.items() if isinstance(item, Flight | Course)}
-    if len(items) != max(len(impacts), len(paths)):
-        kinds = ", ".join(sorted({type(item).__name__ for item in items.values()}))
-        raise InvalidInput(f"a page compares flights, or impacts: these are {kinds}")
+        match item:
+            case Impact():
+                impacts[name] = item
+            case Launch():
+                paths[name] = item.flight
+            case Pass():
+                paths[name] = item.course
+            case Identification():
+                for number, (flight, track) in enumerate(
+                    zip(item.flights, item.tracks, strict=True)
+                ):
+                    key = name if len(item.tracks) == 1 else f"{name} {number}"
+                    paths[key], measured[key] = flight, track.positions
+            case Flight() | Course():
+                paths[name] = item
+            case _:
+                raise InvalidInput(f"a page cannot show a {type(item).__name__}")
+    if impacts and paths:
+        raise InvalidInput("a page compares flights, or impacts: these are some of either")
     viewer = recording_viewer()
     title = title or ("impacts" if impacts else "flights")
-    panel = (
-        draw_impacts(viewer, impacts, title)
-        if impacts
-        else draw_flights(viewer, paths, title, measured)
-    )
+    if impacts:
+        panel = draw_impacts(viewer, impacts, title)
+    else:
+        panel = draw_flights(viewer, paths, title, measured)
     return Page(viewer, title, panel, height=height)
-
-
-def _kick_of_simulation(simulation: Simulation, caption: str) -> _Kick:
-    """Return the kick of a scene, with its wall or goal if it is in sight."""
-    impact, path, scene = simulation.impact, simulation.path, simulation.scene
-    if not isinstance(impact, Impact) or path is None:
-        raise InvalidInput(
-            "the impact of this Simulation takes time, or it has no path: show its Scene instead"
-        )
-    caption = caption or scene.name
-    if simulation.neglected:
-        moved = simulation.model_error
-        distance = f"by {moved:.2g} m" if math.isfinite(moved) else "by an unknown distance"
-        caption += f", its contact shown as instantaneous, which moves the end {distance}"
-    caption = ". ".join(filter(None, [caption, simulation.pitch_text]))
-    kick = _Kick(impact, path, caption)
-    if scene.plane is None:
-        return kick
-    start, end = impact.ball_after.position, simulation.end.position
-    boxes = plane_boxes(scene.plane, end, min(start[2], end[2]) - scene.ball.radius)
-    if scene.wall is not None:
-        foot = start - np.array([0.0, 0.0, simulation.start_height + scene.ball.radius])
-        boxes += wall_boxes(foot, scene.ahead, *astuple(scene.wall))
-    ahead = (np.mean([box.centre for box in boxes], axis=0) - start)[:2]
-    length = (end - start)[:2]
-    # A plane that the ball does not reach is drawn up to ten times the length of the path ahead.
-    is_near = 0.0 < float(ahead @ length) < 10.0 * float(length @ length)
-    if is_near or simulation.status == "at-plane":
-        return kick._replace(scenery=boxes)
-    return kick._replace(caption=f"{caption}, its plane out of the picture")

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass
-from itertools import product
 from typing import Any
 
 import meshcat.geometry as shapes
@@ -12,14 +11,14 @@ import pinocchio as pin
 from kickdyn.core.validation import Array
 from kickdyn.plane import Plane
 from kickdyn.scene.pitch import FRAME, MOUTH
-from kickdyn.view.marks import pose_of
+from kickdyn.view.camera import UP_AXIS, box_corners
 
 WALL, WHITE = 0x34506E, 0xF7F7F7
 
 GOAL = (*MOUTH, FRAME)
 """Width between the posts, height under the bar, thickness [m]: IFAB, Laws of the Game, Law 1."""
 
-THICK, SLAB = 0.2, (4.0, 2.5)
+THICKNESS, SLAB = 0.2, (4.0, 2.5)
 """Of the drawn piece of a plane that is no goal line: thickness; width and height [m]."""
 
 
@@ -46,12 +45,13 @@ class Box:
     @property
     def pose(self) -> Array:
         """Homogeneous matrix, shape `(4, 4)` [m, world frame]."""
-        return pose_of(pin.rpy.rpyToMatrix(0.0, -self.tilt, self.heading), self.centre)
+        turn = pin.rpy.rpyToMatrix(0.0, -self.tilt, self.heading)
+        return np.asarray(pin.SE3(turn, self.centre).homogeneous)
 
     def corners(self) -> Array:
         """Return its corners, shape `(8, 3)` [m, world frame]."""
-        signs = np.array(list(product((-1, 1), repeat=3)))
-        return np.asarray(self.centre + 0.5 * signs * self.size @ self.pose[:3, :3].T)
+        corners = box_corners(np.zeros((1, 3)), 0.5) * self.size
+        return np.asarray(self.centre + corners @ self.pose[:3, :3].T)
 
 
 def wall_boxes(
@@ -67,14 +67,15 @@ def wall_boxes(
         width: of the wall [m].
     """
     count = max(1, round(width / 0.5))
-    left = np.array([-ahead[1], ahead[0], 0.0])
     share, heading = width / count, math.atan2(ahead[1], ahead[0])
-    size = np.array([0.3, 0.9 * share, height])
-    middle = foot + distance * ahead + np.array([0.0, 0.0, height / 2])
+    middle = foot + distance * ahead + height / 2 * UP_AXIS
     return [  # not opaque, as the ball passes and its flight goes on behind
-        Box(middle + side * share * left, size, heading, WALL, opacity=0.4)
+        Box(
+            middle + side * share * np.cross(UP_AXIS, ahead),
+            np.array([0.3, 0.9 * share, height]), heading, WALL, opacity=0.4,
+        )
         for side in np.arange(count) - (count - 1) / 2
-    ]
+    ]  # fmt: skip
 
 
 def goal_boxes(foot: Array, distance: float) -> list[Box]:
@@ -106,13 +107,13 @@ def plane_boxes(plane: Plane, end: Array, floor: float) -> list[Box]:
     heading = math.atan2(normal[1], normal[0])
     if plane.is_goal_line:
         return _goal_at(np.array([*plane.point[:2], floor]), heading)
-    middle = end - float(normal @ (end - plane.point)) * normal - THICK / 2 * normal
+    middle = end - float(normal @ (end - plane.point)) * normal - THICKNESS / 2 * normal
     if abs(float(normal[2])) >= 1e-9:
         tilt = math.asin(float(normal[2]))
-        return [Box(middle, np.array([THICK, *SLAB]), heading, WALL, tilt)]
+        return [Box(middle, np.array([THICKNESS, *SLAB]), heading, WALL, tilt)]
     height = max(SLAB[1], float(end[2]) - floor + 0.5)
     middle = np.array([*middle[:2], floor + height / 2])
-    return [Box(middle, np.array([THICK, SLAB[0], height]), heading, WALL)]
+    return [Box(middle, np.array([THICKNESS, SLAB[0], height]), heading, WALL)]
 
 
 def draw_box(viewer: Any, box: Box) -> None:

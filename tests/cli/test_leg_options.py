@@ -122,9 +122,9 @@ def test_a_name_is_ours_a_robot_or_a_file(tmp_path):
         load_leg("x" * 5000)
 
 
-def test_a_file_without_our_frame_is_told_the_option(tmp_path):
+def test_a_file_without_our_frame_is_refused(tmp_path):
     (tmp_path / "other.urdf").write_text(kd.Leg.testbed().file.text.replace('"toe"', '"instep"'))
-    said = r"^no --frame is named, and frame 'toe' is unknown: leg_testbed has .*instep"
+    said = r"^frame 'toe' is unknown: did you mean 'foot'\? leg_testbed has .*instep"
     with pytest.raises(kd.InvalidInput, match=said):
         load_leg(str(tmp_path / "other.urdf"))
     assert load_leg(str(tmp_path / "other.urdf"), "instep").frame == "instep"

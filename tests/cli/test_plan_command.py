@@ -132,11 +132,6 @@ def test_json_says_what_else_is_known():
     far = ["--distance", "50", "--time", "2", "--beside", "9.15:0.9", "--json", "-"]
     ended = door(*far, "--leg", "g1", "--no-limits")
     assert json.loads(ended.stdout)["goal"]["beside"] == [9.15, 0.9]
-    weak = json.loads(door("--distance", "50", "--time", "2", "--json", "-").stdout)[
-        "within_limits"
-    ]
-    within = ["--distance", f"{weak['distance']:.4f}", "--time", f"{weak['time']:.4f}"]
-    assert json.loads(door(*within, "--json", "-").stdout)["status"] == "met"
     robust = ["--distance", "15", "--time", "1", "--robust", "speed=0.02,angle=0.01", "--json", "-"]
     scatter = json.loads(door(*robust).stdout)["scatter"]
     (xx, _), (_, yy) = scatter["covariance"]
@@ -385,7 +380,7 @@ def test_a_robot_on_a_support_says_how_it_stands(tmp_path):
     ended = CliRunner().invoke(plan, [*G1, "--json", str(file)])
     said = " ".join(ended.output.split())
     assert "The robot stands on left_ankle_roll_link, with its centre of mass" in said
-    assert "this foot stands, which takes a coefficient of friction of at least 0." in said
+    assert "this foot stands if the coefficient of friction is at least 0." in said
     stance = json.loads(file.read_text())["stance"]
     assert stance["footing"] == {"left_ankle_roll_link": "stands"}
     assert 0.0 <= stance["balance"] < 0.1
@@ -418,7 +413,6 @@ def test_feet_under_the_ground_are_announced(tmp_path):
     ended = CliRunner().invoke(plan, arguments)
     (line,) = (x for x in json.loads(file.read_text())["warnings"] if "under the ground" in x)
     assert line.startswith("bodies are under the ground at the impact: ")
-    assert "(--support)" in line
     assert line in " ".join(ended.output.split())
     depths = {frame: float(depth) for frame, depth in re.findall(r"(\w+) by (0\.\d+) m", line)}
     assert 0.07 < depths["left_ankle_roll_link"] < 0.1

@@ -29,7 +29,9 @@ def test_a_page_and_numbers(tmp_path):
     assert numbers["neglected"] == {"contact time": pytest.approx(apart, rel=1e-3)}
     assert apart <= numbers["error"] <= 1.001 * apart
     assert f"error {apart:.2g} m; all effects are modelled except contact time (" in ended.output
-    told = f"volley, its contact shown as instantaneous, which moves the end by {apart:.2g} m"
+    told = (
+        f"volley, contact shown as instantaneous; this moves the end of the path by {apart:.2g} m"
+    )
     assert told in html
     hit = kd.strike(
         scene.posture,

@@ -46,7 +46,6 @@ NOUNS = {
     "Ground": kd.Ground(surface="turf"),
     "Plane": kd.Plane((5, 0, 0), (-1, 0, 0)),
     "Goal": kd.Goal(20, over=(9.15, 2), beside=(9.15, 1)),
-    "JointLoad": kd.joint_loads(HIT, contact_time=0.01)["ankle"],
     "Scene": kd.load_scene(SCENE),
 }
 ANSWERS |= NOUNS
@@ -117,7 +116,6 @@ def test_rounding_is_not_shown():
     carried, along = np.array([2.8, 0, -0.9, 0, 3e-17, 0]), np.array([0, 0, 0, 0, -7e-23, 0])
     load = kd.JointLoad("ankle", carried, along, 460.0, 1e-13)
     assert not re.search(r"e-[12]\d", load._repr_html_() + repr(load))
-    assert "(2.8, 0, -0.9)" in load._repr_html_()
 
 
 @pytest.mark.parametrize("name", ["Posture", "Ball", "Contact", "Air", "Ground", "Plane", "Goal"])

@@ -8,7 +8,7 @@ from scipy.stats import chi2
 
 import kickdyn as kd
 from kickdyn.aerodynamics.drag import constant
-from kickdyn.identification.identify import Free, _fit, _Problem, _result, flight_axes
+from kickdyn.identification.identify import flight_axes
 
 BALL = kd.Ball()
 
@@ -191,76 +191,52 @@ def test_the_noise_of_short_flights_is_that_of_their_coordinates():
     assert np.sqrt(np.mean(noises)) == pytest.approx(0.01, rel=0.15)
 
 
-def test_the_covariance_of_the_spin_is_in_the_axes_of_the_flight(curving):
-    """The fit may use any axes of the spin: result and deviations are the same."""
-    rng = np.random.default_rng(2)
-    points = curving.positions + rng.normal(0.0, 0.005, curving.positions.shape)
-    track = kd.Track(curving.times, points)
-    problem = _Problem((track,), BALL, kd.Air(), (Free.SPIN, Free.DRAG), np.zeros(3))
-    estimate = _fit(problem)
-    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
-    unknowns, jacobian = estimate.unknowns.copy(), estimate.jacobian.copy()
-    unknowns[6:9] = turn.T @ unknowns[6:9]
-    jacobian[:, 6:9] = jacobian[:, 6:9] @ turn
-    axes = [estimate.axes[0] @ turn]
-    turned = estimate._replace(unknowns=unknowns, jacobian=jacobian, axes=axes)
-    plain, other = (_result(problem, one) for one in (estimate, turned))
-    assert other.estimates == pytest.approx(plain.estimates, rel=1e-9)
-    assert other.covariance == pytest.approx(plain.covariance, rel=1e-6, abs=1e-12)
-    # the spin along the flight has no force
-    sizes = dict(zip(plain.names, np.sqrt(np.diag(plain.covariance)), strict=True))
-    assert sizes["gyro_spin"] > 5 * max(sizes["back_spin"], sizes["side_spin"])
+def test_the_deviations_of_the_spin_are_those_of_its_axes():
+    """Those of repeated measurements; the spin along the flight has no force."""
+    true = flown((20, 3, 8), (15, -70, 30), kd.Air(), rate=100.0, longest=1.0)
+    rng, spins = np.random.default_rng(2), []
+    options = {"air": kd.Air(), "free": ("spin",)}
+    for _ in range(24):
+        points = true.positions + rng.normal(0.0, 0.002, true.positions.shape)
+        found = kd.identify(kd.Track(true.times, points), BALL, **options)
+        spins.append(found.estimates[6:9])
+    deviations = np.sqrt(np.diag(found.covariance))[6:9]
+    assert np.std(spins, axis=0) == pytest.approx(deviations, rel=0.4)
+    assert deviations[2] > 5 * max(deviations[:2])
 
 
-def test_a_prediction_is_judged_in_the_second_half_only():
-    track = flown((25, 3, 8), (0, -40, 20), kd.Air(drag="goff-carre"), rate=25.0)
+def crisis(speed, up, aside, spin, rate, longest, noise):
+    """Return a noisy track of a slow ball, whose drag coefficient falls steeply with the speed."""
+    level = speed * np.cos(up)
+    velocity = level * np.cos(aside), level * np.sin(aside), speed * np.sin(up)
+    true = flown(velocity, spin, kd.Air(drag="brazuca"), rate, longest)
     rng = np.random.default_rng(4)
-    noisy = kd.Track(track.times, track.positions + rng.normal(0, 0.01, track.positions.shape))
-    (score,) = kd.identify(noisy, BALL, compare=("brazuca",)).comparison
-    middle = (len(noisy) + 1) // 2
-    air = kd.Air(drag="brazuca")
-    half = kd.identify(noisy[:middle], BALL, air, free=("spin",))
-    path = kd.fly(half.launch, BALL, air, kd.Ground(-99.0))
-    later = noisy[middle:]
-    apart = path.sample(later.times - noisy.times[0]).position - later.positions
-    rms = np.sqrt((apart**2).sum(axis=1).mean())
-    assert score.prediction_rms == pytest.approx(rms, rel=1e-3)
-    assert score.fit_rms == pytest.approx(half.rms, rel=1e-3)
+    return kd.Track(true.times, true.positions + rng.normal(0.0, noise, true.positions.shape))
 
 
-def test_airs_are_compared_by_the_names_of_their_models():
-    track = flown((25, 3, 8), (0, 0, 0), kd.Air(drag=0.3), rate=25.0)
-    airs = (kd.Air(drag=0.1), kd.Air(drag=0.3, lift=None))
-    found = kd.identify(track, BALL, free=("drag",), compare=airs)
-    names = [score.model for score in found.comparison]
-    assert names == ["drag 0.3, lift None", "drag 0.1, lift saturating"]
+@pytest.mark.parametrize(
+    ("track", "curved"),
+    [
+        (crisis(8.4, 0.45, 3.79, (-4.5, -2.6, -4.7), 240.0, 0.73, 0.0012), ()),
+        (crisis(9.5, 0.4, 1.0, (10.0, 8.0, -8.0), 100.0, 0.85, 0.0024), ("drag_scale",)),
+    ],
+)
+def test_a_sum_of_squares_that_is_not_quadratic_gives_no_small_deviation(track, curved):
+    """In a linear fit, the scales are 71 and 13 deviations off: a side minimum, a curved valley."""
+    found = kd.identify(track, BALL, kd.Air(drag="brazuca"), free=("spin", "drag-scale"))
+    deviation = np.sqrt(found.covariance[-1, -1])
+    assert abs(found.estimates[-1] - 1.0) < 3.0 * deviation
+    assert deviation < 0.5
+    assert found.curved == curved
+    assert bool(curved) == any("not quadratic" in line for line in found.warnings)
 
 
 def test_a_flight_that_cannot_be_integrated_is_an_error(curving):
     def broken(reynolds, spin_parameter):
         raise ArithmeticError("no coefficient")
 
-    with pytest.raises(kd.KickdynError, match="from the first guess of the launch"):
+    with pytest.raises(kd.KickdynError, match="the flight cannot be integrated: no coefficient"):
         kd.identify(curving, BALL, kd.Air(lift=broken))
-
-
-def test_models_are_ranked_by_prediction():
-    tracks = [flown((25, 3, 8), (0, -40, 20), kd.Air(drag="goff-carre"), rate=25.0)]
-    found = kd.identify(tracks, BALL, compare=("brazuca", "goff-carre"))
-    assert found.comparison[0].model == "goff-carre"
-    assert found.comparison[0].prediction_rms < 1e-4 < found.comparison[1].prediction_rms
-    rms = [score.prediction_rms for score in found.comparison]
-    assert rms == sorted(rms)
-
-
-def test_time_residuals_tell_a_late_clock(curving):
-    late = kd.Track(curving.times, curving.positions)
-    found = kd.identify(late, BALL, free=("spin", "drag-scale"))
-    assert np.abs(found.time_residuals).max() < 1e-7
-    shifted = curving.positions.copy()
-    shifted[40] = 0.5 * (shifted[40] + shifted[41])  # half an interval late
-    found = kd.identify(kd.Track(curving.times, shifted), BALL, free=("spin", "drag-scale"))
-    assert found.time_residuals[40] == pytest.approx(-0.01, rel=0.01)
 
 
 def test_plot_and_representations(curving):
@@ -288,12 +264,11 @@ def test_plot_and_representations(curving):
         ),
         (lambda t: scaled_by(STRAIGHT, 1 / 0.3048), "as in feet"),
         (lambda t: (t.times, t.positions / 0.0254), "as in inches"),
-        (lambda t: (t.times, t.positions - [0, 0, 1]), "below the ground at 0 m"),
     ],
 )
 def test_what_is_no_flight_in_metres_is_refused(curving, change, message):
     with pytest.raises(kd.InvalidInput, match=message):
-        kd.identify(kd.Track(*change(curving)), BALL, ground=kd.Ground())
+        kd.identify(kd.Track(*change(curving)), BALL)
 
 
 @pytest.mark.parametrize(
@@ -306,17 +281,11 @@ def test_what_is_no_flight_in_metres_is_refused(curving, change, message):
         ({"free": ("wind",), "air": kd.Air(wind=lambda z: (0, 0, 0))}, "function of height"),
         ({"air": 1.2}, "air is 1.2"),
         ({"spin": (1, 2)}, "spin has shape"),
-        ({"compare": ("golf",)}, "drag model 'golf' is unknown"),
     ],
 )
 def test_wrong_arguments_are_refused(curving, options, message):
     with pytest.raises(kd.InvalidInput, match=message):
         kd.identify(curving, BALL, **options)
-
-
-def test_models_that_cannot_be_compared_are_refused(curving):
-    with pytest.raises(kd.InvalidInput, match="compare needs 9"):
-        kd.identify(curving[:8], BALL, compare=("brazuca",))
 
 
 def test_what_is_no_track_is_refused():

@@ -189,7 +189,6 @@ def test_restitution_over_speed_is_given_back():
     assert fit.at(speeds) == pytest.approx(0.9 - 0.02 * SPEEDS, abs=1e-9)
     assert fit.at([0.0, 1e3]) == pytest.approx([0.82, 0.5], abs=1e-9)
     assert fit.scatter < 1e-9
-    assert fit.warnings == ()
     assert fit.table.shape == (2, 2)
     assert kd.fit_restitution(impacts, knots=1).table == pytest.approx(
         np.array([[np.mean(speeds), 0.66]]), abs=1e-9
@@ -228,11 +227,3 @@ def test_what_gives_no_table_is_refused():
     ):
         with pytest.raises(kd.InvalidInput, match=message):
             kd.fit_restitution(impacts, knots)
-
-
-def test_a_table_outside_0_to_1_is_warned_of():
-    impacts = [inferred(struck(0.0, restitution=e, speed=u)) for u, e in ((5, 1), (9, 0.9), (6, 1))]
-    fit = kd.fit_restitution(impacts)
-    assert fit.table[0, 1] > 1.0
-    assert len(fit.warnings) == 1
-    assert "a contact refuses it" in fit.warnings[0]

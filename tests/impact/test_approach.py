@@ -39,16 +39,16 @@ DOORS = (kd.strike, by_pinocchio, kd.collide, kd.unilateral_strike)
         (
             {"ball_velocity": (-1e150, 0, 0)},
             kd.InvalidInput,
-            r"^foot and ball collide at 1e\+150 m/s",
+            r"^foot and ball collide at up to 1e\+150 m/s",
         ),
         ({"ball_spin": (0, math.inf, 0)}, kd.InvalidInput, r"^ball spin is .*finite.*rad/s"),
-        ({"ball_spin": (0, 1e200, 0)}, kd.InvalidInput, r"^the ball moves at .* below 1e\+140 m/s"),
+        ({"ball_spin": (0, 1e200, 0)}, kd.InvalidInput, r"collide at .* below 1e\+140 m/s"),
         ({"v": [0, 0, 0]}, kd.NoImpact, "^foot and ball do not approach"),
-        ({"ball_velocity": (9, 0, 0)}, kd.NoImpact, r"away from the ball .* along it$"),
+        ({"ball_velocity": (9, 0, 0)}, kd.NoImpact, r"away from the ball$"),
         (
             {"posture": LEG.posture([5, 10, -5]), "ball_velocity": (99, 0, 0)},
             kd.NoImpact,
-            r"along it \(angles are in radians: hip at 286\.48 deg is outside its range .*\)$",
+            r"ball \(angles are in radians: hip at 286\.48 deg is outside its range .*\)$",
         ),
     ],
 )

@@ -223,7 +223,7 @@ def test_a_free_leg_and_the_ball_keep_their_momentum(seed, friction):
         about = np.cross(data.com[0], linear) + np.cross(state.position, ours)
         return np.concatenate([linear + ours, angular + about + ball.inertia * state.spin])
 
-    before = momentum(hit.q_before, hit.v_before, hit.ball_before)
+    before = momentum(hit.posture.q, hit.v_before, hit.ball_before)
     after = momentum(hit.q_after, hit.v_after, hit.ball_after)
     assert after == pytest.approx(before, rel=1e-7, abs=1e-7 * np.abs(before).max())
     assert np.linalg.norm(hit.impulse) > 0.1
@@ -242,8 +242,6 @@ def test_energy_is_accounted_for(seed):
     assert hit.energy_residual <= 1e-6
     assert hit.energy_lost > 0
     assert hit.v_after.shape == (leg.nv,)
-    foot = leg.posture(hit.q_after).contact_point - leg.posture(hit.q_before).contact_point
-    assert hit.foot_displacement == pytest.approx(foot)
 
 
 def test_the_energy_residual_is_what_is_missing():
@@ -376,7 +374,7 @@ def test_a_foot_that_turns_turns_the_force():
     hit = human()
     sampled = hit.sample([1e-6, hit.contact_time * (1 - 1e-6)])
     ways = sampled.force / np.linalg.norm(sampled.force, axis=1)[:, None]
-    turn = np.array([-1, 1, 1]) @ (hit.q_after - hit.q_before)  # of the foot about y
+    turn = np.array([-1, 1, 1]) @ (hit.q_after - hit.posture.q)  # of the foot about y
     angles = np.arctan2(ways[:, 2], ways[:, 0])
     assert angles[1] - angles[0] == pytest.approx(-turn, rel=1e-3)
     assert abs(turn) > 0.07
@@ -615,29 +613,22 @@ def test_what_gravity_moves_more_than_the_impact_is_an_error():
         kd.collide(posture, v, kd.Ball(), kd.Contact((1, 0, 0), 0.8), contact_time=0.01, tol=1e-6)
 
 
-def test_a_ball_within_the_rounding_of_the_leg_is_refused():
-    with pytest.raises(
-        kd.InvalidInput, match=r"^ball radius is 1e-145: .* at least 8\.\d+e-13 \[m"
-    ):
-        kd.collide(*KICK, kd.Ball(0.4, 1e-145), TOUCH)
-
-
-def test_what_is_too_stiff_is_given_up_by_its_pace():
+def test_what_is_too_stiff_is_given_up(monkeypatch):
     """A ball that hardly resists turning: 5,000 evaluations take it 0.5 % of the way."""
+    monkeypatch.setattr(compliant_contact, "MAX_EVALUATIONS", 5_000)
     ball = kd.Ball(inertia_factor=1e-6)
-    with pytest.raises(
-        kd.KickdynError, match=r"not ended after [5-7]\d{3} evaluations.*friction 70"
-    ):
+    with pytest.raises(kd.KickdynError, match=r"not ended after 5000 evaluations.*friction 70"):
         kd.collide(*KICK, ball, kd.Contact((1, 0, 0.3), 0.5, 70.0))
 
 
-def test_what_damping_makes_too_stiff_has_a_hint():
+def test_what_damping_makes_too_stiff_has_a_hint(monkeypatch):
     posture = kd.Leg.human().posture(np.radians([40, 30, -20]))
     contact = kd.Contact((2, 0, 1), 0.08, friction=5.0)
     collide = partial(kd.collide, posture, [6.6, -14.5, 6.6], kd.Ball(), contact, contact_time=2e-3)
+    assert 1e3 * collide().contact_time == pytest.approx(2.0, rel=0.01)
+    monkeypatch.setattr(compliant_contact, "MAX_EVALUATIONS", 5_000)
     with pytest.raises(kd.KickdynError, match=r"too stiff .*'walton-braun' has no damping"):
         collide(dissipation="hunt-crossley")
-    assert 1e3 * collide().contact_time == pytest.approx(2.0, rel=0.01)
 
 
 def test_the_callers_array_may_change():

@@ -73,8 +73,6 @@ def test_in_another_thread(name):
 @pytest.mark.parametrize("again", [copy.copy, lambda hit: pickle.loads(pickle.dumps(hit))])
 def test_copies_have_the_same_digits(name, again):
     other = again(strike(name))
-    computed = {"leg_response", "effective_mass"}
-    assert computed < set(vars(other))  # nothing is left to compute
     same(parts(other), parts(strike(name)))
     assert repr(other) == repr(strike(name))
 

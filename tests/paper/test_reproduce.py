@@ -152,13 +152,6 @@ def test_tables_4_5_predict_the_rows_that_are_not_fitted(items):
         assert items[f"Tables 4-5 {bounded}"].ours > 2
         assert items[f"Tables 4-5 {bounded}"].verdict == "not-reachable"
     assert items["Tables 4-5 largest error of a paper's simulation"].ours == pytest.approx(100 / 14)
-    assert items["Tables 4-5 leg's effective mass, ankle free"].ours == pytest.approx(0.18993, 1e-4)
-    assert items["Tables 4-5 leg's effective mass, ankle locked"].ours == pytest.approx(
-        kd.Leg.testbed()
-        .locked({"ankle": 0.0})
-        .posture(np.radians((5, 10)))
-        .effective_mass(direction(30))
-    )
 
 
 def test_the_kick_of_a_fitted_posture_is_eq_10_along_the_normal():
@@ -247,12 +240,9 @@ def test_json_has_the_documented_fields(items, compared):
         ("table 2", ["Table 2"]),
         ("Figure 8", ["Fig. 8"]),
         ("fig. 11", ["Fig. 10/11"]),
-        ("fig 10-11", ["Fig. 10/11"]),
         ("FIG 14", ["Fig. 13-15"]),
-        ("tables 4-5", ["Tables 4-5"]),
         ("fig 7", ["Table 2"]),
         ("table 6", ["Tables 1, 3, 6"]),
-        ("Tables 1, 3", ["Tables 1, 3, 6"]),
         ("Table 5", ["Tables 4-5"]),
     ],
 )

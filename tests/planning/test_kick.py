@@ -198,7 +198,6 @@ def test_the_same_plan_again():
             {"objective": "beauty"},
             "one of joint-speed, joint-impulse, kinetic-energy",
         ),
-        (kd.Goal((20, 2, 0), time=1), {"turn": False}, "its foot moves in a plane only"),
         (kd.Goal(15, time=1, spin=(0, 0, 20)), {}, "cannot give this spin"),
         (kd.Goal(15, time=1), {"ball_position": -2}, "can give a ball at a height of -2 m the"),
         (

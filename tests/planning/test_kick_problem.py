@@ -1,6 +1,7 @@
 """The terms of a kick, their slopes against differences, and where they have no solution."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -10,7 +11,13 @@ import kickdyn as kd
 from kickdyn.planning import kick_problem as module
 from kickdyn.planning.impact_target import impact_target_for
 from kickdyn.planning.kick_problem import explain_infeasible, kick_problem
-from kickdyn.planning.kick_terms import BallPosition, SpeedLimit, StrikeVelocity, TorqueLimit
+from kickdyn.planning.kick_terms import (
+    BallPosition,
+    KickTerm,
+    SpeedLimit,
+    StrikeVelocity,
+    TorqueLimit,
+)
 from kickdyn.planning.objectives import OBJECTIVES, KickObjective, LandingScatter, LargestShare
 from kickdyn.planning.problem import Function, Kind
 from kickdyn.planning.scatter import scatter
@@ -180,9 +187,8 @@ def test_a_leg_that_moves_in_a_vertical_plane_is_turned_towards_the_impulse(side
     assert kick_problem(LEGS["g1"], target).heading == 0.0
     tilted = LEGS["human"].model
     tilted.jointPlacements[1] = pin.SE3(pin.rpy.rpyToMatrix(0.1, 0, 0), np.zeros(3))
-    for leg in (kd.Leg.from_model(tilted, "toe"), LEGS["human"]):
-        with pytest.raises(kd.InvalidInput, match="its foot moves in a plane only"):
-            kick_problem(leg, target, turn=leg is not LEGS["human"])
+    with pytest.raises(kd.InvalidInput, match="its foot moves in a plane only"):
+        kick_problem(kd.Leg.from_model(tilted, "toe"), target)
 
 
 def point_of(plan):
@@ -192,7 +198,7 @@ def point_of(plan):
 
 
 def value(name):
-    return OBJECTIVES[name]().cost(point_of(PLAN))
+    return OBJECTIVES[name]().quantity(point_of(PLAN))
 
 
 def test_each_is_what_its_name_says():
@@ -206,7 +212,7 @@ def test_each_is_what_its_name_says():
 
 def test_scatter_is_that_of_the_strike():
     spread = {"speed": 0.02, "angle": 0.01, "drag": 0.05}
-    radius, point = LandingScatter(PLAN.launch, AIR, spread), point_of(PLAN)
+    radius, point = LandingScatter(PLAN.launch.state, BALL, AIR, spread), point_of(PLAN)
     expected = scatter(PLAN.impact, AIR, **spread).radius
     assert radius.cost(point) == pytest.approx(expected, rel=1e-6)
     x = point.x.copy()
@@ -258,3 +264,43 @@ def test_the_condition_that_a_standing_robot_cannot_meet_is_named(cause, words, 
 
     monkeypatch.setattr(module, "_find_solution", find)
     assert explain_infeasible(problem) == words
+
+
+def test_conditions_that_exclude_each_other_are_not_blamed_on_the_ranges():
+    """Two conditions that no posture keeps, each of which is met without the other one."""
+
+    class Unlike(KickTerm):
+        kind = Kind.INEQUALITY
+
+        def __init__(self, sign):
+            self.sign, self.explanation = sign, f"it has one without {sign}"
+
+        def residual(self, posture, v):
+            return np.array([self.sign * posture.q[1] - 9.0])  # the knee's range ends before
+
+        def derivatives(self, posture, v):
+            return self.sign * np.eye(3)[1:2], None
+
+    problem = kick_problem(LEG, PLAN.impact_target)
+    terms = (*problem.terms, Unlike(1.0), Unlike(-1.0))
+    words = "it has one only without two or more of its conditions"
+    assert explain_infeasible(replace(problem, terms=terms)) == words
+    assert explain_infeasible(replace(problem, terms=terms[:-1])) == "it has one without 1.0"
+
+
+def test_another_solver_finds_the_same_plan(monkeypatch):
+    starts = []
+
+    def recording(problem, start):
+        starts.append(start)
+        return module.slsqp(problem, start)
+
+    monkeypatch.setitem(module.SOLVERS, "recording", recording)
+    plan = kd.plan_kick(LEG, kd.Goal(15, time=1), BALL, AIR, solver="recording")
+    assert len(starts) == module.STARTS
+    assert plan.q.tolist() == PLAN.q.tolist()
+
+
+def test_an_unknown_solver_is_refused():
+    with pytest.raises(kd.InvalidInput, match="solver is 'best': it must be one of slsqp"):
+        kd.plan_kick(LEG, kd.Goal(15, time=1), BALL, AIR, solver="best")

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import kickdyn as kd
-from kickdyn.planning.goal import nominal_velocity
+from kickdyn.planning.goal import REASONS, nominal_velocity
 from kickdyn.planning.launch import OutOfReach
 from kickdyn.planning.launch_solver import LaunchFamily, ShootingProblem, apex, crossing
 
@@ -145,7 +145,8 @@ def test_what_cannot_be_met_says_why_and_gives_the_nearest(goal, limit):
     nearest = kd.plan_launch(goal, BALL, AIR, speed_limit=35)
     assert (nearest.status, nearest.limit, nearest.others) == ("unreachable", limit, ())
     assert nearest.goal is goal
-    assert nearest.summary.startswith(f"out of reach: {nearest.reason}; the ")
+    reason = REASONS[limit].format(speed=35, spin=100)
+    assert nearest.summary.startswith(f"out of reach: {reason}; the ")
     assert "Goal(" not in nearest.summary
     assert limit in repr(nearest)
     assert errors(nearest) < 1e-6
@@ -353,3 +354,11 @@ def test_two_launches_nearer_to_each_other_than_a_walk_steps_are_both_found():
     low, high = family.solutions([], family.curves([]))
     assert [low.speed, high.speed] == pytest.approx([goal.speed] * 2, rel=1e-10)
     assert low.time * (1 + 1e-4) < high.time < low.time * 1.02
+
+
+def test_a_spin_limit_is_named_as_it_was_given():
+    goal = kd.Goal(20, time=1, beside=(10, 4))
+    launch = kd.plan_launch(goal, BALL, kd.Air(), spin_limit=20)
+    assert launch.limit == "spin-limit"
+    assert math.hypot(*launch.spin) == pytest.approx(20)
+    assert "spin faster than 20 rad/s" in launch.summary

@@ -31,12 +31,12 @@ def test_slopes_are_those_of_differences():
     ahead, left = np.array([1.0, 0, 0]), np.array([0, 1.0, 0])
 
     def results(change):
-        shot = field.shoot(VELOCITY + change[:3], 1.1, 30.0 + change[3])
+        shot = field.shoot(np.append(VELOCITY, 30.0) + change, 1.1)
         return np.array([*shot.position(1.1), apex(shot)[0], crossing(shot, ahead, 9, left)[0]])
 
     steps = 1e-3 * np.eye(4)
     expected = np.array([(results(step) - results(-step)) / 2e-3 for step in steps]).T
-    shot = field.shoot(VELOCITY, 1.1, 30.0)
+    shot = field.shoot(np.append(VELOCITY, 30.0), 1.1)
     found = np.vstack([shot.slopes(1.1), apex(shot)[1], crossing(shot, ahead, 9, left)[1]])
     assert found == pytest.approx(expected, abs=2e-5)
 

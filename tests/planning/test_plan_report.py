@@ -188,7 +188,8 @@ def test_a_narrow_wall_off_a_curved_way_is_passed_beside():
     ("text", "words"),
     [
         ("9.15", "it must be DISTANCE:HEIGHT"),
-        ("a:b", "it must be numbers"),
+        ("a:b", "it must be DISTANCE:HEIGHT"),
+        ("1:2:3:4", "it must be DISTANCE:HEIGHT"),
         ("9.15:-1", "height of the wall is -1"),
         ("nan:1", "distance of the wall is nan"),
         ("30:1.9", "between the ball and the target"),
@@ -234,8 +235,8 @@ def test_the_goal():
 
 def test_joints_without_a_limit_have_no_use_of_it():
     assert (
-        _limit_use(torque=0.5, speed=0.25)
-        == "up to 50% of the torque limits and 25% of the speed limits"
+        _limit_use(speed=0.25, torque=0.5)
+        == "up to 25% of the speed limits and 50% of the torque limits"
     )
-    assert _limit_use(torque=0.5, speed=0.0) == "up to 50% of the torque limits"
-    assert _limit_use(torque=0.0, speed=0.0) == "no use of the limits"
+    assert _limit_use(speed=0.0, torque=0.5) == "up to 50% of the torque limits"
+    assert _limit_use(speed=0.0, torque=0.0) == "no use of the limits"

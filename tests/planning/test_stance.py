@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 import kickdyn as kd
-from kickdyn.impact.constraint_impulses import footing
+from kickdyn.impact.leg_response import footing
 from kickdyn.planning.stance import (
     CLEARANCE,
     TILT,

@@ -244,7 +244,9 @@ MJCF = """<mujoco><compiler meshdir="../meshes"/><asset><mesh name="m" file="m.s
 @pytest.fixture
 def described(tmp_path, monkeypatch):
     """Make a module of robot_descriptions, with files in a cache."""
-    (tmp_path / "robot" / "files").mkdir(parents=True)
+    for folder in ("files", "meshes"):
+        (tmp_path / "robot" / folder).mkdir(parents=True)
+    trimesh.creation.box().export(tmp_path / "robot" / "meshes" / "m.stl")
 
     def make(name, text, key):
         file = tmp_path / "robot" / "files" / "robot.xml"
@@ -272,9 +274,7 @@ def test_an_mjcf_has_its_files_anywhere_in_its_package(described):
     leg = kd.Leg.from_robot(name, "foot")
     assert leg.joint_names == ("hip",)
     assert kd.Leg.from_robot(name, "foot", base="floating").nv == 7
-    with pytest.raises(
-        kd.InvalidInput, match=r"no frame is named, and frame 'toe' is unknown: .*b"
-    ):
+    with pytest.raises(kd.InvalidInput, match=r"^frame 'toe' is unknown: .*b"):
         kd.Leg.from_robot(name)
     with pytest.raises(kd.InvalidInput, match="joint 'knee' is unknown"):
         kd.Leg.from_robot(name, "foot", locked={"knee": 0})
@@ -289,7 +289,7 @@ def test_an_mjcf_has_its_files_anywhere_in_its_package(described):
 def test_joints_are_locked_before_the_file_is_judged(described):
     slide = MJCF.replace("<freejoint/>", '<joint name="rail" type="slide"/>')
     name = described("g1_mj_description", slide, "MJCF_PATH")
-    with pytest.raises(kd.MjcfError, match=r"lock it by locked=\{'rail"):
+    with pytest.raises(kd.MjcfError, match=r"joints of the file \(rail\) move its root body"):
         load_leg(name, "foot", "floating")
     leg = load_leg(name, "foot", "floating", locked={"rail": 0.25})
     assert leg.joint_names == ("root_joint", "hip")

@@ -4,7 +4,7 @@ import pickle
 import numpy as np
 import pinocchio as pin
 import pytest
-from chains import by_pinocchio, random_inertia, random_rotation
+from chains import by_pinocchio, constraint_speed, random_inertia, random_rotation
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from stacked import held_rows, inertia_of, rows_of, solved
@@ -44,10 +44,10 @@ def test_supports_are_kept_and_let_go():
 @pytest.mark.parametrize(
     ("supports", "said"),
     [
-        (("left_toe",), "frame 'left_toe' is unknown: g1 has "),
+        (("left_toe",), "frame 'left_toe' is unknown: did you mean 'left_ankle_roll_link'"),
         ((OTHER,), f"support {OTHER} is on the kicking limb, .* right_ankle_roll_joint"),
         ((FOOT, "right_knee_link"), "support right_knee_link is on the kicking limb"),
-        ((7,), "support is 7: it must be a frame's name or Support"),
+        ((7,), "support is 7"),
         ((None,), "support is None"),
     ],
 )
@@ -430,8 +430,7 @@ def test_two_hands_together():
     v = posture.joint_velocity((3, 0, 0))
     hit = kd.strike(posture, v, kd.Ball(), kd.Contact((1, 0, 0.2), 0.8, friction=0.4))
     assert hit.momentum_residual <= 1e-12
-    assert hit.support_residual <= 1e-10
-    assert hit.loop_residual <= 1e-10
+    assert constraint_speed(hit) <= 1e-10
     assert list(hit.support_impulses) == ["left_ankle_roll_link"]
     assert list(hit.loop_impulses) == [hands]
 

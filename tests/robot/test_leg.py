@@ -12,6 +12,7 @@ from chains import random_leg
 from mpmath import mp, mpf
 
 import kickdyn as kd
+from kickdyn.robot.leg import read_leg
 from kickdyn.robot.urdf_file import shipped_urdf
 
 BODY = pin.Inertia(1.0, np.array([0.0, 0.0, -0.25]), np.diag([0.1, 0.1, 0.05]))
@@ -56,7 +57,7 @@ def test_frame_must_exist_and_move(frame, said):
 
 
 def test_long_lists_of_names_are_cut():
-    with pytest.raises(kd.InvalidInput, match=r"arm has toe, j0, .*j38 and 21 more$"):
+    with pytest.raises(kd.InvalidInput, match=r"arm has toe, j0, .*j18 and 41 more$"):
         kd.Leg.from_model(arm(joints=60), "tow")
 
 
@@ -538,6 +539,23 @@ def test_a_velocity_that_is_missed_by_little_is_refused(aside):
     assert posture.try_joint_velocity([10, aside, 1]) is None
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_velocity_beyond_float64_is_refused_without_a_warning():
+    posture = LEGS["human"][0].posture([0.3, 0.4, 0.1])
+    for wish in ([1e308, 0, 0], [1e308, 0, 1e308]):
+        assert posture.try_joint_velocity(wish) is None
+        with pytest.raises(kd.InvalidInput, match="beyond what a float64 holds"):
+            posture.joint_velocity(wish)
+
+
+def test_a_nearly_stretched_leg_reaches_its_velocity():
+    """Its two directions of motion have gains of unlike size."""
+    posture = LEGS["human"][0].posture([0.3, 1e-5, math.pi / 2])
+    v = posture.joint_velocity([1.0, 0.0, 0.3])
+    rounding = np.finfo(float).eps * np.abs(v).max()
+    assert posture.point_velocity(v) == pytest.approx([1.0, 0.0, 0.3], abs=rounding)
+
+
 @pytest.mark.parametrize("scale", [1e-200, 1e-9, 1, 1e9, 1e200])
 def test_reach_does_not_depend_on_speed(scale):
     posture = LEGS["human"][0].posture(STRETCHED)
@@ -663,3 +681,24 @@ def test_a_speed_limit_of_0_is_named(spoil, load):
     leg = load(spoil(('velocity="20"', 'velocity="0"')))
     assert leg.warnings == ("speed limit of knee is 0: a kick that moves it is too fast",)
     assert kd.Leg.human().warnings == ()
+
+
+MJCF = """<mujoco><worldbody><body><joint name="hip" type="hinge" axis="0 1 0"/>
+<geom type="capsule" fromto="0 0 0 0 0 -0.8" size="0.05"/><site name="toe" pos="0 0 -0.8"/>
+</body></worldbody></mujoco>"""
+
+
+def test_the_root_element_tells_the_formats_apart(tmp_path):
+    """The files' names do not: both are XML."""
+    urdf, mjcf = tmp_path / "a.xml", tmp_path / "b.xml"
+    urdf.write_text(kd.Leg.human().file.text)
+    mjcf.write_text(MJCF)
+    assert read_leg(urdf, "toe", "fixed").joint_names == ("hip", "knee", "ankle")
+    assert read_leg(mjcf, "toe", "fixed").joint_names == ("hip",)
+
+
+def test_folders_of_packages_are_for_a_urdf(tmp_path):
+    mjcf = tmp_path / "b.xml"
+    mjcf.write_text(MJCF)
+    with pytest.raises(kd.InvalidInput, match="package-dir is 'meshes': it is for a URDF file"):
+        read_leg(mjcf, "toe", "fixed", ["meshes"])

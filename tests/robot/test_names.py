@@ -4,6 +4,7 @@ import pytest
 
 import kickdyn as kd
 from kickdyn.robot.names import expand_patterns, lock_remedy, unknown
+from kickdyn.robot.urdf_file import shipped_urdf
 
 JOINTS = ("hip", "knee", "finger1", "finger2", "finger[1]", "thumb")
 
@@ -45,15 +46,14 @@ def test_a_name_that_matches_two_values_is_refused():
         expand_patterns({"f*": float("nan")}, JOINTS)
 
 
-def test_the_remedy_locks_the_joints_and_no_other():
-    model = hand()
-    text = lock_remedy(model, ["finger1", "finger2", "palm"])
+def test_the_remedy_can_be_copied():
+    model = hand(names=("hip", "finger 1", "finger2", "palm", "rail"))
+    text = lock_remedy(model, ["finger 1", "palm"])
     assert text == (
-        "lock them by locked={'finger*': 0, 'palm': 0} in Python, "
-        "by --lock 'finger*=0' --lock palm=0 in commands"
+        "lock them by locked={'finger 1': 0, 'palm': 0} in Python, "
+        "by --lock 'finger 1=0' --lock palm=0 in commands"
     )
-    leg = kd.Leg(model, "rail").locked({"finger*": 0, "palm": 0})
-    assert leg.joint_names == ("hip", "rail")
+    model = hand()
     one = lock_remedy(model, ["finger1"])
     assert one == "lock it by locked={'finger1': 0} in Python, by --lock finger1=0 in commands"
 
@@ -75,9 +75,31 @@ def test_without_another_joint_there_is_no_remedy():
 
 def test_of_many_frames_the_nearest_and_those_of_feet_come_first():
     names = [*(f"link{k}" for k in range(60)), "l_ankle", "l_sole", "r_toe"]
-    line = unknown("frame", "link_9", "robot", names)
+    line = unknown("frame", "link_9", "robot", names, ["l_sole", "r_toe", "hand"])
     assert line.startswith("frame 'link_9' is unknown: did you mean 'link9'? robot has link9, ")
-    assert ", r_toe, l_sole, l_ankle, link0, " in line
-    assert line.endswith(" and 23 more")
+    assert ", l_sole, r_toe, link0, " in line
+    assert line.endswith(" and 43 more")
     assert unknown("joint", "x", "robot", names).startswith("joint 'x' is unknown: robot has link0")
     assert unknown("frame", "x", "leg", ["hip", "toe"]) == "frame 'x' is unknown: leg has hip, toe"
+
+
+@pytest.mark.parametrize(
+    ("frame", "nearest"),
+    [
+        ("right_foot", "right_ankle_roll_link"),
+        ("left_sole", "left_ankle_roll_link"),
+        ("toee", "toe"),
+        ("pelvs", "pelvis"),
+    ],
+)
+def test_a_foot_that_no_frame_has_is_sought_at_the_ends_of_limbs(frame, nearest):
+    with pytest.raises(kd.InvalidInput, match=f"^frame '{frame}' is unknown: did you mean") as said:
+        kd.Leg.from_robot("g1", frame)
+    assert f"did you mean '{nearest}'?" in str(said.value)
+    assert "right_ankle_roll_link" in str(said.value)
+    assert len(str(said.value)) < 700
+
+
+def test_a_small_leg_says_where_it_ends():
+    with pytest.raises(kd.InvalidInput, match=r"did you mean 'toe'\? leg_human has base, hip"):
+        kd.Leg.from_urdf(shipped_urdf("leg_human.urdf"), "sole")

@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.scene.effects import EFFECTS, first_order_sizes, neglect_effects
-from kickdyn.scene.launch_and_end import fly_scene
+from kickdyn.scene.effects import EFFECTS
 
 LEG = kd.Leg.human().with_armature({"hip": 0.1})
 BY_NAME = {effect.name: effect for effect in EFFECTS}
-LAUNCH = kd.BallState((0, 0, 0), (4, 0, 3), (0, -40, 5))
 
 
 def scene(**parts):
@@ -65,75 +63,3 @@ def test_constant_drag_is_that_of_the_launch():
     assert expected != pytest.approx(full.air.drag(per_speed * math.hypot(10, 2), 0.0), rel=0.01)
     assert less.air.drag(1.0, 0.0) == less.air.drag(1e6, 0.3)
     assert less.air.drag(1.0, 0.0) == pytest.approx(expected, rel=1e-12)
-
-
-@pytest.mark.parametrize("name", [effect.name for effect in EFFECTS if effect.in_flight])
-@pytest.mark.parametrize("plane", [None, kd.Plane((2, 0, 0), (-1, 0.2, 0))])
-def test_first_order_sizes_are_near_the_measured_ones(name, plane):
-    made, effect = scene(plane=plane), BY_NAME[name]
-    whole = fly_scene(made, LAUNCH)
-    less = fly_scene(effect.without(made, LAUNCH), LAUNCH)
-    moved = math.dist(less.state.position, whole.state.position)
-    assert moved > 1e-8
-    sizes = first_order_sizes(made, [effect], whole.path)
-    assert sizes == {name: pytest.approx(moved, rel=0.2)}
-
-
-def test_a_ball_that_grazes_what_ends_its_flight_has_no_size():
-    grazing = kd.BallState((0, 0, 0), (4, 0, 0))
-    made = scene()
-    path = fly_scene(made, grazing).path
-    assert path.landing.velocity[2] == 0.0
-    assert first_order_sizes(made, [BY_NAME["drag"]], path) == {"drag": math.inf}
-
-
-def test_the_smallest_effects_are_neglected_and_their_error_is_measured():
-    made = scene()
-    whole = fly_scene(made, LAUNCH)
-    everything = neglect_effects(made, whole, math.inf)
-    sizes = {verdict.effect: verdict.size for verdict in everything.verdicts}
-    known = sorted(size for size in sizes.values() if not math.isnan(size))
-    assert len(known) == 6
-    for number in range(1, len(known)):
-        allowed = math.fsum(known[:number]) * (1 + 1e-12)
-        reduction = neglect_effects(made, whole, allowed)
-        neglected = {verdict.effect for verdict in reduction.verdicts if not verdict.modelled}
-        smallest = {name for name, size in sizes.items() if size in known[:number]}
-        assert smallest - {max(smallest, key=lambda name: sizes[name])} <= neglected <= {
-            *smallest, "drag crisis", "wind", "spin decay"
-        }  # fmt: skip
-        assert reduction.error <= allowed
-        moved = math.dist(reduction.end.state.position, whole.state.position)
-        assert reduction.error == pytest.approx(moved, abs=1e-15)
-    strike_effects = {"friction", "ball rotation", "armature"}
-    assert {name for name, size in sizes.items() if math.isnan(size)} == strike_effects
-
-
-def test_effects_that_together_do_more_than_is_allowed_are_modelled(monkeypatch):
-    """Even if their sizes to first order said otherwise."""
-    made = scene()
-    whole = fly_scene(made, LAUNCH)
-    tiny = dict.fromkeys(BY_NAME, 1e-6)
-    monkeypatch.setattr("kickdyn.scene.effects.first_order_sizes", lambda *_: tiny)
-    reduction = neglect_effects(made, whole, 1e-2)
-    assert reduction.error <= 1e-2
-    modelled = {verdict.effect for verdict in reduction.verdicts if verdict.modelled}
-    assert "buoyancy" in modelled
-
-
-def test_an_effect_whose_absence_cannot_be_computed_is_modelled(monkeypatch):
-    """As where a ball without it leaves the range of a coefficient that refuses to extrapolate."""
-    made = scene()
-    whole = fly_scene(made, LAUNCH)
-
-    def refusing(reduced, launch):
-        if not reduced.air.wind.any():
-            raise kd.InvalidInput("the flight leaves a coefficient's range")
-        return fly_scene(reduced, launch)
-
-    monkeypatch.setattr("kickdyn.scene.effects.fly_scene", refusing)
-    reduction = neglect_effects(made, whole, math.inf)
-    sizes = {v.effect: v.size for v in reduction.verdicts if not math.isnan(v.size)}
-    smaller = {name for name, size in sizes.items() if size < sizes["wind"]}
-    assert smaller
-    assert {v.effect for v in reduction.verdicts if not v.modelled} == smaller

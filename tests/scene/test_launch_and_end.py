@@ -14,6 +14,7 @@ from kickdyn.scene.launch_and_end import (
     collide_scene,
     collision_error,
     contact_time_error,
+    end_of,
     end_slopes,
     fly_scene,
     strike_scene,
@@ -119,7 +120,7 @@ def test_slopes_are_those_of_central_differences(parts):
                 state = {"velocity": LAUNCH.velocity.copy(), "spin": LAUNCH.spin.copy()}
                 state[name][axis] += sign * step
                 launch = kd.BallState(LAUNCH.position, **state)
-                ends.append(fly_scene(scene, launch, 1e-12).state.position)
+                ends.append(end_of(fly_scene(scene, launch, 1e-12)).position)
             expected[:, axis] = (ends[0] - ends[1]) / (2 * step)
         np.testing.assert_allclose(getattr(slopes, name), expected, rtol=0.02, atol=2e-4)
 
@@ -129,16 +130,16 @@ def test_a_ball_that_leaves_at_rest_and_one_that_stays_aloft_have_no_slopes():
     scene = scene_of(ground=kd.Ground(0.0))
     assert end_slopes(scene, fly_scene(scene, still)).distance(LaunchError(1, 0, 0)) == math.inf
     deep = scene_of(ground=kd.Ground(-1e7))
-    end = fly_scene(deep, LAUNCH)
-    assert (end.has_end, end.path.status) == (False, "aloft")
-    assert end_slopes(deep, end).distance(LaunchError(1, 0, 0)) == math.inf
+    path = fly_scene(deep, LAUNCH)
+    assert path.status == "aloft"
+    assert end_slopes(deep, path).distance(LaunchError(1, 0, 0)) == math.inf
 
 
 def test_a_path_that_ends_at_once_does_not_depend_on_its_launch():
     scene = scene_of(air=WIND)
-    end = fly_scene(scene, kd.BallState((0, 0, 1), (5, 0, -2)))
-    assert end.path.duration == 0.0
-    assert end_slopes(scene, end).distance(LaunchError(1.0, 10.0, 0.05)) == 0.05
+    path = fly_scene(scene, kd.BallState((0, 0, 1), (5, 0, -2)))
+    assert path.duration == 0.0
+    assert end_slopes(scene, path).distance(LaunchError(1.0, 10.0, 0.05)) == 0.05
 
 
 def test_the_distance_of_an_error_is_that_of_the_formula():

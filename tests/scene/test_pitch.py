@@ -6,24 +6,26 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.scene.pitch import MOUTH, passage_at, read_wall, score_at
+from kickdyn.scene.pitch import MOUTH, Passage, read_wall, score_at
 
 RADIUS = 0.11
 
 
 @pytest.mark.parametrize(
-    ("left", "up", "said"),
+    ("passage", "sentence"),
     [
-        (0.3, 2.0, "The lower edge of the ball clears the wall by 0.1 m."),
-        (1.46, 0.0, "The ball passes 0.1 m to the left of the wall."),
-        (-1.46, 0.0, "The ball passes 0.1 m to the right of the wall."),
-        (1.3, 1.7, "The ball hits the wall, 0.2 m below its top and 0.06 m from its edge."),
+        ((0.1, -1.06, 0.3), "The lower edge of the ball clears the wall by 0.1 m."),
+        ((-1.9, 0.1, 1.46), "The ball passes 0.1 m to the left of the wall."),
+        ((-1.9, 0.1, -1.46), "The ball passes 0.1 m to the right of the wall."),
+        (
+            (-0.2, -0.06, 1.3),
+            "The ball hits the wall, 0.2 m below its top and 0.06 m from its edge.",
+        ),
     ],
 )
-def test_a_ball_passes_a_wall_or_hits_it(left, up, said):
-    passage = passage_at(kd.Wall(9.15, 1.9), left, up, RADIUS)
-    assert str(passage) == said
-    assert passage.is_clear is ("hits" not in said)
+def test_a_ball_passes_a_wall_or_hits_it(passage, sentence):
+    assert str(Passage(*passage)) == sentence
+    assert Passage(*passage).is_clear is ("hits" not in sentence)
 
 
 @pytest.mark.parametrize(

@@ -117,3 +117,12 @@ def test_what_mujoco_has_not_is_refused():
     kick = find_approach(posture, v, kd.Ball(), kd.Contact((1, 0, 0), 0.7), (0, 0, 0), (0, 0, 0))
     with pytest.raises(kd.InvalidInput, match="stiff joints: a kick in MuJoCo is simulated for"):
         MujocoKick(kick, 1e-3, MujocoContact())
+
+
+def test_a_simulation_that_diverges_leaves_no_log(kick, tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    contact = MujocoContact((-1e15, -1.0), (0.9999, 0.9999, 1.0, 0.5, 1.0))
+    with pytest.raises(kd.KickdynError):
+        MujocoKick(kick, 0.02, contact).run()
+    assert list(tmp_path.iterdir()) == []
+    assert capfd.readouterr() == ("", "")

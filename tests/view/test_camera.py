@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import umsgpack
 
-from kickdyn.view.camera import FIELD_OF_VIEW, camera_for, set_camera
+from kickdyn.view.camera import FIELD_OF_VIEW, camera_for, set_stage, stripe_width
 from kickdyn.view.document import recording_viewer
 
 LEG = np.array([(x, y, z) for x in (-0.1, 0.3) for y in (-0.1, 0.1) for z in (-0.9, 0.1)])
@@ -56,11 +56,13 @@ def test_the_size_of_the_world_does_not_matter():
 
 def test_meshcat_sees_the_same():
     camera, viewer = camera_for(LEG, parabola(6, 1), X), recording_viewer()
-    set_camera(viewer, camera)
+    set_stage(viewer, camera, LEG)
     said = [umsgpack.unpackb(packed) for packed in viewer.window.commands]
-    values = {c["property"]: c["value"] for c in said if c["type"] == "set_property"}
+    values = {c["property"]: c["value"] for c in said
+              if c["type"] == "set_property" and c["path"].startswith("/Cameras")}  # fmt: skip
     x, y, z = values["position"]  # y up
-    shift = np.reshape(said[0]["matrix"], (4, 4)).T[:3, 3]
+    (matrix,) = (c["matrix"] for c in said if c["type"] == "set_transform")
+    shift = np.reshape(matrix, (4, 4)).T[:3, 3]
     np.testing.assert_allclose(np.array([x, -z, y]) - shift, camera.position)
     np.testing.assert_allclose(-shift, camera.target)
     assert values["fov"] == FIELD_OF_VIEW
@@ -80,7 +82,7 @@ def test_from_behind_when_asked():
 
 def test_marks_are_in_the_picture_and_do_not_lower_the_camera_under_the_ground():
     curve, marks = parabola(1.0, 0.2), np.array([[0.4, 0.0, -1.6], [0.9, 0.0, 0.4]])
-    camera = camera_for(LEG, curve, X, marks=marks)
+    camera = camera_for(LEG, np.vstack([curve, marks]), X)
     assert (np.abs(seen(camera, np.vstack([LEG, curve, marks]))) <= 1).all()
     assert camera.position[2] > -0.9
 
@@ -90,3 +92,10 @@ def test_whatever_stands_around_there_is_a_camera(away):
     wall = np.array([(away, y, z) for y in (-2.0, 2.0) for z in (-0.9, 1.6)])
     camera = camera_for(LEG, np.vstack([parabola(10.0, 1.0), wall]), X, behind=True)
     assert np.isfinite(camera.position).all()
+
+
+@pytest.mark.parametrize(
+    ("extent", "width"), [(6, 1), (11.9, 1), (12, 2), (30, 5), (59, 5), (0.6, 0.1)]
+)
+def test_stripes_are_round_numbers(extent, width):
+    assert stripe_width(extent) == pytest.approx(width)

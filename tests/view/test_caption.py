@@ -8,8 +8,7 @@ import pytest
 
 import kickdyn as kd
 from kickdyn.view.caption import kick_panel, panel_of
-from kickdyn.view.kick_scene import DrawnKick
-from kickdyn.view.playback import Pace, kick_pace
+from kickdyn.view.kick_scene import DrawnKick, Pace, kick_pace
 
 
 def panel(kick, caption=""):
@@ -92,7 +91,7 @@ def test_a_course_along_the_ground():
     said = rows(kick_panel(numbers(), course, DRAWN, ""))
     assert said["path"] == "8 m along the ground"
     assert said["time"] == "4 s"
-    assert said["speed there"] == "0 m/s"
+    assert said["final speed"] == "0 m/s"
 
 
 @pytest.mark.parametrize(("spin", "shown"), [(0.5, "0.5"), (1e-3, "0.001"), (1e-13, "0")])

@@ -110,7 +110,7 @@ def test_measured_positions_are_shown_along_the_whole_flight(commands_of):
                for c in commands_of(html)
                if c["type"] == "set_object" and c["path"].startswith("/meshcat/dots"))  # fmt: skip
     packed = np.frombuffer(dots.data, np.float32) if hasattr(dots, "data") else np.array(dots)
-    centres = packed.reshape(-1, 6, 3).mean(axis=1)
+    centres = packed.reshape(-1, 12, 3).mean(axis=1)
     assert 10 <= len(centres) <= 14
     ends = track.positions[[0, -1], 0]
     gaps = np.diff([*centres[:, 0], ends[1]])

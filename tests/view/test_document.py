@@ -16,7 +16,6 @@ from kickdyn.view import document
 from kickdyn.view.document import (
     Recording,
     draw_label,
-    draw_mark,
     find_browser,
     html_document,
     recording_viewer,
@@ -46,7 +45,7 @@ def test_title_is_escaped():
 
 def test_a_label_is_escaped_and_names_its_node():
     viewer = recording_viewer()
-    draw_label(viewer["x"]["label"], "<b> & c", "#ff8800", np.array([1.0, 2.0, 3.0]))
+    draw_label(viewer["x"]["label"], "<b> & c", np.array([1.0, 2.0, 3.0]), "#ff8800")
     html = html_of(viewer)
     assert (
         '<div class="label" data-node="/meshcat/x/label" style="border-color: #ff8800">'
@@ -96,7 +95,7 @@ def ball_at(x):
     viewer = recording_viewer()
     viewer["ball"].set_object(shapes.Sphere(0.1))
     viewer["ball"].set_transform(tf.translation_matrix((x, 0, 0)))
-    draw_mark(viewer["m"], f"{x} m", np.zeros(3))
+    draw_label(viewer["m"], f"{x} m", np.zeros(3))
     return Recording(viewer, f"<p>ball at {x}</p>")
 
 

@@ -20,11 +20,11 @@ from kickdyn.view.kick_scene import (
     draw_kick,
     impulse_arrows,
     joint_impulses_in_world,
+    kick_pace,
     largest_impulse,
-    stripe_width,
+    leg_configuration,
 )
 from kickdyn.view.leg_figure import joint_poses
-from kickdyn.view.playback import kick_pace, leg_configuration
 
 
 def film(viewer):
@@ -180,36 +180,33 @@ def test_odd_kicks_are_drawn(make_kick, speed, degrees, attack):
         assert (np.diff(frames) > 0).all()
 
 
-def test_the_axes_stand_beside_leg_ball_and_flight(kick, monkeypatch):
-    """In the picture, no point of leg, ball, flight or line is in the box around their arrows."""
+def test_the_axes_stand_beside_leg_ball_and_flight(kick):
+    """In the picture, no joint, and no point of the flight, is in the box around their arrows."""
     impact, _, path = kick
-    found = {}
-    place = kick_scene._free_place
+    viewer = recording_viewer()
+    length = draw_kick(viewer, impact, path).axis
+    said = [umsgpack.unpackb(packed) for packed in viewer.window.commands]
+    moved = {c["path"]: np.array(c["matrix"][12:15]) for c in said if c["type"] == "set_transform"}
+    (x, y, z) = next(c["value"] for c in said if c.get("property") == "position"
+                     and "Cameras" in c["path"])  # fmt: skip
+    eye = np.array([x, -z, y]) - moved["/meshcat"]
+    into = -np.array([x, -z, y]) / np.linalg.norm((x, y, z))
+    right = np.cross(into, (0, 0, 1)) / np.linalg.norm(np.cross(into, (0, 0, 1)))
 
-    def spy(camera, figure, lines, foot, size):
-        found.update(camera=camera, points=np.vstack([figure, lines]), size=size, foot=foot)
-        found["place"] = place(camera, figure, lines, foot, size)
-        return found["place"]
+    def slopes(points):
+        away = points - eye
+        return np.stack([away @ right, away @ np.cross(right, into)], 1) / (away @ into)[:, None]
 
-    monkeypatch.setattr(kick_scene, "_free_place", spy)
-    draw_kick(recording_viewer(), impact, path)
-    camera, origin = found["camera"], found["place"]
-    assert origin[2] == found["foot"][2]
-    ends = camera.slopes(origin + found["size"] * np.vstack([np.zeros(3), np.eye(3)]))
+    origin = moved["/meshcat/axes"]
+    assert origin[2] == pytest.approx(moved["/meshcat/ground"][2])
+    ends = slopes(origin + length * np.vstack([np.zeros(3), np.eye(3)]))
     low, high = ends.min(axis=0), ends.max(axis=0)
-    points = camera.slopes(found["points"])
+    joints = [pose[:3, 3] for pose in joint_poses(impact.posture.leg, impact.posture.q)[1:]]
+    curve = path.sample(np.linspace(0, path.duration, 50)).position
+    points = slopes(np.vstack([joints, impact.posture.contact_point, curve]))
     assert not ((low < points) & (points < high)).all(axis=1).any()
     assert (low > (-LEFT, -BOTTOM)).all()
     assert (high < (RIGHT, TOP)).all()
-    behind = np.vstack([origin, camera.target + 10 * (camera.target - camera.position)])
-    np.testing.assert_allclose(camera.slopes(behind)[1], 0.0, atol=1e-12)  # straight ahead
-
-
-@pytest.mark.parametrize(
-    ("extent", "width"), [(6, 1), (11.9, 1), (12, 2), (30, 5), (59, 5), (0.6, 0.1)]
-)
-def test_stripes_are_round_numbers(extent, width):
-    assert stripe_width(extent) == pytest.approx(width)
 
 
 def test_bodies_under_the_lawn_are_announced(make_kick):
@@ -339,3 +336,156 @@ def test_no_impulse_no_arrow():
     idle = dataclasses.replace(hit, solution=hit.solution._replace(impulses=np.zeros((1, 3))))
     assert impulse_arrows(idle, 0.0) == []
     assert largest_impulse(idle) == 0.0
+
+
+def hit_with(before, after):
+    return SimpleNamespace(v_before=np.array(before), v_after=np.array(after))
+
+
+@pytest.mark.parametrize("duration", [0.0, 1e-6, 0.1, 2.5, 1000.0])
+@pytest.mark.parametrize("speed", [0.0, 1e-3, 1.0, 40.0])
+def test_the_whole_flight_is_shown_in_about_four_seconds(duration, speed):
+    pace = kick_scene.kick_pace(hit_with([speed, -speed / 2], [0.0, speed / 3]), duration)
+    assert len(pace.times) / kick_scene.RATE == pytest.approx(4.0, abs=0.1)
+    assert 4 < pace.end / kick_scene.RATE < 6
+    assert (np.diff(pace.times) > 0).all()
+    assert pace.times[pace.impact] == pytest.approx(0, abs=1e-12)
+    assert pace.times[-1] >= duration * (1 - 1e-9)
+    if duration:
+        assert pace.times[-1] == pytest.approx(duration)
+
+
+def test_the_stated_factors_are_those_shown():
+    pace = kick_scene.kick_pace(hit_with([30.0], [20.0]), 2.5)
+    steps = np.diff(pace.times) * kick_scene.RATE
+    assert pace.strike == pytest.approx(1 / steps[0])
+    assert pace.flight == pytest.approx(1 / steps[-1])
+    assert pace.strike > 10 * pace.flight
+    assert -pace.times[0] * 30 == pytest.approx(kick_scene.SWING_LENGTH)
+
+
+def test_a_slow_kick_has_one_pace():
+    pace = kick_scene.kick_pace(hit_with([1.0], [0.5]), 0.1)
+    assert pace.strike == pytest.approx(pace.flight)
+    np.testing.assert_allclose(np.diff(pace.times), 1 / kick_scene.RATE / pace.strike)
+
+
+@pytest.fixture
+def struck(make_kick):
+    return make_kick(kd.Leg.human(), 5.0, degrees=(20, 40, 0))
+
+
+def test_the_leg_passes_the_impact_with_its_velocities(struck):
+    hit, step = struck[0], 1e-7
+    np.testing.assert_array_equal(kick_scene.leg_configuration(hit, 0.0), hit.posture.q)
+    before = (hit.posture.q - kick_scene.leg_configuration(hit, -step)) / step
+    after = (kick_scene.leg_configuration(hit, step) - hit.posture.q) / step
+    np.testing.assert_allclose(before, hit.v_before, rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(after, hit.v_after, rtol=1e-5, atol=1e-6)
+
+
+def test_the_leg_stays_in_its_limits_and_comes_to_rest(struck):
+    hit = struck[0]
+    leg = hit.posture.leg
+    far = [kick_scene.leg_configuration(hit, time) for time in (-10.0, 0.1, 10.0, 20.0)]
+    for q in far:
+        assert (leg.lower <= q).all()
+        assert (q <= leg.upper).all()
+    np.testing.assert_allclose(far[2], far[3])
+    assert np.abs(far[3] - hit.posture.q).max() <= kick_scene.SWING_LENGTH * (1 + 1e-9)
+
+
+def test_a_posture_outside_the_limits_does_not_jump(make_kick):
+    hit = make_kick(kd.Leg.human(), 1.0, degrees=(-30, -20, 0))[0]
+    np.testing.assert_array_equal(kick_scene.leg_configuration(hit, 0.0), hit.posture.q)
+
+
+def test_joints_that_are_no_single_number_stay_on_their_manifold():
+    model = pin.buildModelFromXML(kd.Leg.human().file.text, pin.JointModelFreeFlyer())
+    model.inertias[1] = pin.Inertia(10.0, np.zeros(3), 0.2 * np.eye(3))
+    leg = kd.Leg.from_model(model, "toe")
+    posture = leg.posture(leg.configuration({"knee": 0.5}))
+    v = posture.joint_velocity([4, 1, 3])
+    hit = kd.strike(posture, v, kd.Ball(), kd.Contact([4, 1, 3], 0.8, 0.4))
+    for time in (-0.3, 0.3):
+        assert pin.isNormalized(model, kick_scene.leg_configuration(hit, time), 1e-12)
+
+
+def test_the_ball_rests_then_flies_and_spins(struck):
+    hit, _ball, path = struck
+    before = hit.ball_before
+    assert not before.velocity.any()
+    assert not before.spin.any()
+    early = kick_scene.ball_pose(before, path, -0.1)
+    np.testing.assert_array_equal(early[:3, :3], np.eye(3))
+    np.testing.assert_array_equal(early[:3, 3], hit.ball_after.position)
+    late = kick_scene.ball_pose(before, path, 0.1)
+    np.testing.assert_allclose(late[:3, 3], path.sample(0.1).position)
+    # It turns about the spin by the right-hand rule: the axis stays, and the angle is |spin| t.
+    spin = hit.ball_after.spin
+    np.testing.assert_allclose(late[:3, :3] @ spin, spin)
+    angle = math.acos((np.trace(late[:3, :3]) - 1) / 2)
+    assert angle == pytest.approx(np.linalg.norm(spin) * 0.1)
+    step = kick_scene.ball_pose(before, path, 1e-6)[:3, :3] @ (1, 0, 0) - (1, 0, 0)
+    np.testing.assert_allclose(step / 1e-6, np.cross(spin, (1, 0, 0)), rtol=1e-3, atol=1e-3)
+
+
+def test_the_ball_stays_where_it_landed(struck):
+    hit, _ball, path = struck
+    end = kick_scene.ball_pose(hit.ball_before, path, path.duration + 1)
+    np.testing.assert_allclose(end[:3, 3], path.landing.position)
+
+
+def test_a_ball_that_came_is_shown_coming():
+    leg, ball = kd.Leg.human(), kd.Ball()
+    posture = leg.posture(np.radians([5, 10, -5]))
+    velocity, spin = [-5.0, 1.0, 0.0], [0.0, 30.0, 4.0]
+    hit = kd.strike(posture, np.zeros(3), ball, kd.Contact([1, 0, 0.3], 0.8, 0.4),
+                       ball_velocity=velocity, ball_spin=spin)  # fmt: skip
+    before = hit.ball_before
+    np.testing.assert_allclose(before.velocity, velocity, atol=1e-8)
+    np.testing.assert_allclose(before.spin, spin, atol=1e-8)
+    early = kick_scene.ball_pose(before, kd.fly(hit.ball_after, ball), -0.1)[:3, 3]
+    np.testing.assert_allclose(early, hit.ball_after.position - 0.1 * np.array(velocity))
+
+
+def test_a_ball_whose_spin_decays_is_shown_turning_less(struck):
+    hit, ball, _ = struck
+    thick = kd.Air(torque=lambda reynolds, spin_parameter: 1.0)  # a hundred times the default
+    launch = kd.BallState(hit.ball_after.position, hit.ball_after.velocity, (0, -3, 0))
+    path = kd.fly(launch, ball, thick)
+    end = kick_scene.ball_pose(hit.ball_before, path, path.duration + 1)[:3, :3]
+    np.testing.assert_allclose(end, path.orientation(path.duration).as_matrix())
+    turned = path.orientation(path.duration).magnitude()
+    assert 0 < turned < 0.9 * 3 * path.duration < math.pi
+
+
+def test_a_ball_on_the_ground_turns_as_it_rolls():
+    ball = kd.Ball()
+    start = kd.BallState((0, 0, ball.radius), (2.0, 0, 0), (0, 2.0 / ball.radius, 0))
+    course = kd.follow(start, ball, None, kd.Ground(surface="turf"))
+    way = course.sample(0.5).position[0]
+    place = kick_scene.ball_pose(start, course, 0.5)
+    angle = math.remainder(way / ball.radius, 2 * math.pi)
+    assert place[:3, :3] == pytest.approx(pin.rpy.rpyToMatrix(0, angle, 0), abs=1e-3)
+    assert place[0, 3] == pytest.approx(way)
+
+
+def test_a_support_stays_where_it_is():
+    robot = kd.Leg.from_robot("g1", base="floating", legs_only=True)
+    leg, foot = robot.with_supports("left_ankle_roll_link"), "left_ankle_roll_link"
+    posture = leg.posture(leg.configuration({"right_hip_pitch_joint": -0.3}))
+    v = posture.joint_velocity([4, 0, 1])
+    hit = kd.strike(posture, v, kd.Ball(), kd.Contact((4, 0, 1), 0.8))
+    data, places = leg.model.createData(), []
+    for time in (0.0, -0.1, -0.02, 0.05, 3.0):
+        pin.framesForwardKinematics(leg.model, data, kick_scene.leg_configuration(hit, time))
+        places.append(data.oMf[leg.model.getFrameId(foot)].copy())
+    assert all(place.isApprox(places[0], 1e-12) for place in places)
+
+
+@pytest.mark.parametrize("backswing", [None, 0.3])
+def test_the_clock_of_the_page_shows_the_times_of_the_pictures(backswing):
+    pace = kick_scene.kick_pace(hit_with([30.0], [20.0]), 2.5, backswing)
+    shown = np.interp(np.arange(len(pace.times)) / kick_scene.RATE, *pace.knots.T)
+    np.testing.assert_allclose(shown, pace.times, atol=1e-12)

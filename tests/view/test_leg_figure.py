@@ -1,7 +1,6 @@
 import io
 import re
 
-import meshcat.geometry as shapes
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -17,7 +16,6 @@ from kickdyn.view.leg_figure import (
     BODY_COLOUR,
     JOINT_COLOUR,
     draw_leg,
-    has_edges,
     joint_poses,
     leg_shapes,
 )
@@ -334,24 +332,14 @@ def test_every_missing_mesh_is_counted_and_the_first_is_named(leg_looking_like):
     assert [part.geometry.radius for part in parts if part.joint == 1] == [1.0]
 
 
-def test_a_mesh_is_read_once_and_all_together_are_bounded(leg_looking_like, tmp_path, monkeypatch):
-    trimesh.creation.box((1, 1, 1)).export(tmp_path / "box.obj")  # 8 vertices, 12 triangles
+def test_a_mesh_is_read_once(leg_looking_like, tmp_path, monkeypatch):
+    trimesh.creation.box((1, 1, 1)).export(tmp_path / "box.obj")
     mesh = '<visual><geometry><mesh filename="box.obj"/></geometry></visual>'
     leg, read = leg_looking_like(3 * mesh), []
     load = leg_figure.read_mesh
     monkeypatch.setattr(leg_figure, "read_mesh", lambda *names: read.append(names) or load(*names))
     assert len(thigh(leg)) == 3
     assert len(read) == 1
-    monkeypatch.setattr(leg_figure, "MOST_VERTICES", 59)
-    parts, warning = leg_shapes(leg)
-    assert len([part for part in parts if part.joint == 1]) == 2
-    assert "1 of 3 visuals of leg is not drawn: mesh 'box.obj' is too much: at most 59" in warning
-
-
-def test_only_meshes_with_edges_are_drawn_with_facets():
-    for mesh, edges in ((trimesh.creation.box(), True), (trimesh.creation.icosphere(3), False)):
-        assert has_edges(shapes.TriangularMeshGeometry(mesh.vertices, mesh.faces)) is edges
-    assert not has_edges(shapes.Box([1, 1, 1]))  # three.js knows its normals
 
 
 def test_the_boot_ends_at_the_contact_point():

@@ -3,12 +3,11 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from chains import any_kick, by_pinocchio
+from chains import any_kick, by_pinocchio, constraint_speed
 from stacked import held_rows, inertia_of, rows_of, solved, struck
 
 import kickdyn as kd
-from kickdyn.impact.constraint_impulses import footing
-from kickdyn.impact.leg_response import joint_impulses
+from kickdyn.impact.leg_response import footing, joint_impulses
 from kickdyn.robot.catalog import ROBOTS
 
 FREE = {
@@ -49,8 +48,7 @@ def test_every_robot_balances_and_pinocchio_agrees(name, seed):
     assert engine.momentum_residual <= 1e-11
     assert hit.restitution_residual <= 1e-12
     assert hit.momentum_residual <= 1e-12
-    assert hit.support_residual <= 1e-10
-    assert hit.loop_residual == 0.0
+    assert constraint_speed(hit) <= 1e-10
     assert hit.energy_lost >= 0.0
 
 
@@ -60,7 +58,7 @@ def test_with_friction_too(name):
     hit = kd.strike(*kick, **options)
     assert hit.restitution_residual <= 1e-12
     assert hit.momentum_residual <= 1e-12
-    assert hit.support_residual <= 1e-10
+    assert constraint_speed(hit) <= 1e-10
 
 
 @pytest.mark.parametrize("name", STANDING)

@@ -3,7 +3,7 @@ import pinocchio as pin
 import pytest
 
 import kickdyn as kd
-from kickdyn.paper.self_motion import self_motion
+from kickdyn.paper.fig_1 import self_motion
 
 LEG = kd.Leg.human()
 

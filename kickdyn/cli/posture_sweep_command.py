@@ -30,8 +30,9 @@ from kickdyn.errors import InvalidInput
 from kickdyn.flight.fly import fly
 from kickdyn.impact.laws import LAWS, names_of_laws
 from kickdyn.restitution import range_warnings
-from kickdyn.sweeps.dataset import VARIABLES, describe, select_variables
-from kickdyn.sweeps.grid import Grid, read_postures
+from kickdyn.sweeps.chunk_solver import ChunkSolver
+from kickdyn.sweeps.dataset import VARIABLES, select_variables
+from kickdyn.sweeps.grid import GIGABYTES, Grid, read_postures
 from kickdyn.sweeps.queries import blocks
 from kickdyn.sweeps.store import check_netcdf_name, save_netcdf
 from kickdyn.sweeps.summary import NEEDED, Summary
@@ -51,6 +52,10 @@ if TYPE_CHECKING:
 
 KICKING = ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
 """Default grid of our legs: about to meet a ball on the ground before them."""
+
+
+LONG = 120.0
+"""Processor time of a sweep from which on it is announced [s]."""
 
 
 @dataclass(frozen=True)
@@ -170,8 +175,15 @@ def posture_sweep(
     if not joints and leg.leg_name in SHIPPED:
         joints = tuple(axis for axis in KICKING if axis.partition("=")[0] in robot.joint_names)
     grid = Grid.of(robot, read_postures(robot, joints))
-    described = describe(robot, grid, kick, storing.tolerance)
-    summary = Summary(described, where, storing.kept)
+    solver = ChunkSolver(robot, grid, kick, storing.tolerance)
+    summary = Summary(solver.describe(), where, storing.kept)
+    if solver.seconds > LONG:
+        size = GIGABYTES * grid.size * len(storing.kept) / len(VARIABLES)
+        stored = f" and {size:,.2g} GB in {storing.store}" if storing.store else ""
+        click.echo(
+            f"{grid.size:,} postures take about {solver.seconds / 60.0:,.0f} minutes of processor "
+            f"time{stored}", err=True,
+        )  # fmt: skip
     how: dict[str, Any] = {"tolerance": storing.tolerance, "threads": storing.threads}
     data: xr.Dataset | None = None
     with _progress_bar(grid.size) as progress:

@@ -20,7 +20,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from kickdyn.core import simd
-from kickdyn.core.compilation import compiled, is_kept, named
+from kickdyn.core.compilation import compiled, named
 from kickdyn.core.simd import BATCH, aligned_zeros, batches, choose
 from kickdyn.core.validation import Array
 from kickdyn.robot.leg import Leg
@@ -384,11 +384,6 @@ def write_joint_impulses(task, state, answer, c):  # type: ignore[no-untyped-def
 
 
 named(_sweep, "sweep", simd, kernel_dynamics, kernel_impact, sweep_kick)
-
-
-def kernel_is_kept() -> bool | None:
-    """Return whether the kernel is on the disk; None where it cannot be kept."""
-    return is_kept(_sweep)
 
 
 @cache

@@ -215,12 +215,14 @@ def check_store(path: str | PathLike[str], *, resume: bool) -> Path:
     With `resume` the store may exist.
     """
     store = _checked_path(path)
+    if store.is_symlink():
+        raise InvalidInput(f"{path} cannot be written (it is a link: name the folder itself)")
     if store.exists() and not resume:
         raise InvalidInput(
             f"{path} exists and is not replaced: add --resume (resume=True in Python) to compute "
             "what is missing in it, remove it, or name another"
         )
-    if not store.resolve().parent.is_dir():  # Zarr would make all missing folders
+    if not store.parent.is_dir():  # Zarr would make all missing folders
         raise InvalidInput(f"{path} cannot be written (its folder does not exist)")
     return store
 
@@ -353,6 +355,10 @@ def _checked_path(path: str | PathLike[str]) -> Path:
     """Return the path, or raise `InvalidInput` where it cannot be one."""
     if "\0" in str(path):
         raise InvalidInput(f"path is {path!r}: it must be the name of a folder or file")
+    try:
+        Path(path).exists()
+    except OSError as error:  # a name that is too long
+        raise InvalidInput(f"{path} cannot be read or written ({error.strerror})") from None
     return Path(path)
 
 

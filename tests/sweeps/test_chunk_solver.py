@@ -112,7 +112,7 @@ def test_another_impulse_by_pinocchio_is_a_warning(monkeypatch, friction, kernel
 
 
 def test_a_nearly_straight_posture_does_not_cost_the_sweep(monkeypatch):
-    monkeypatch.setattr(chunk_solver, "AGREEMENT", 1e-11)  # the difference is about 1e-9
+    monkeypatch.setattr(chunk_solver, "AGREEMENT", 1e-11)  # differences are up to 2e-9
     monkeypatch.setattr(chunk_solver, "KERNEL_FROM", 2000)
     model, parent = pin.Model(), 0
     turns = pin.JointModelRY(), pin.JointModelRX(), pin.JointModelRY(), pin.JointModelRY()
@@ -124,10 +124,13 @@ def test_a_nearly_straight_posture_does_not_cost_the_sweep(monkeypatch):
     tip = pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.3]))
     model.addFrame(pin.Frame("toe", parent, 0, tip, pin.FrameType.OP_FRAME))
     leg = kd.Leg.from_model(model, "toe")
-    joints = {"j0": [-0.01], "j1": [0], "j2": [1e-9], "j3": [1e-9, 0.5]}
+    small = [1e-9, 2e-9, 5e-9, 1e-8, 3e-8]  # of some, rounding decides whether they can kick
+    joints = {"j0": [-0.01], "j1": [0], "j2": small, "j3": [*small, 0.5]}
     table = kd.sweep(leg, joints, kd.Kick(attack=-np.pi / 2))
-    assert table.impulse.values.ravel() == pytest.approx([0.77395, 0.61154], rel=1e-5)
-    assert "q=[-0.01, 0, 1e-09, 1e-09]): without friction the impulse" in table.attrs["warnings"]
+    assert table.impulse.values[..., -1].ravel() == pytest.approx(5 * [0.61154], rel=1e-5)
+    straight = table.impulse.values[..., :-1]
+    assert straight[np.isfinite(straight)] == pytest.approx(0.77395, rel=1e-5)
+    assert "q=[-0.01, 0, " in table.attrs["warnings"]
 
 
 def test_flown_carries_are_right_to_what_is_promised():

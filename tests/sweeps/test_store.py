@@ -8,7 +8,7 @@ import sys
 import threading
 import time
 import warnings
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -637,3 +637,46 @@ def test_a_store_that_could_run_code_is_refused(tmp_path):
     file.write_text(json.dumps(text))
     with pytest.raises(kd.InvalidInput, match=r"carry has the codec 'numcodecs\.pickle'"):
         kd.open_sweep(tmp_path / "s.zarr")
+
+
+def test_links_are_not_followed(tmp_path):
+    """Someone who may write to the folder has put links there."""
+    elsewhere, folder = tmp_path / "elsewhere", tmp_path / "shared"
+    elsewhere.mkdir()
+    folder.mkdir()
+    for name in (f".s.zarr-draft-{os.getpid()}", ".s.zarr-draft-x", "dangling.zarr"):
+        (folder / name).symlink_to(elsewhere if "draft" in name else elsewhere / "new")
+    (folder / "link.zarr").symlink_to(elsewhere)
+    stored(folder / "s.zarr")
+    assert computed(folder / "s.zarr") == 294
+    for name in ("link.zarr", "dangling.zarr"):
+        for resume in (True, False):
+            with pytest.raises(kd.InvalidInput, match=f"{name} cannot be written \\(it is a link"):
+                stored(folder / name, resume=resume)
+    assert not list(elsewhere.iterdir())
+
+
+class Cancelling(ThreadPoolExecutor):
+    """A cluster whose scheduler is closed after a few chunks."""
+
+    def submit(self, function, k):
+        if k < 3:
+            return super().submit(function, k)
+        future = Future()
+        future.cancel()
+        return future
+
+
+def test_a_scheduler_that_is_closed_leaves_what_can_be_resumed(tmp_path):
+    said = r"^the executor has cancelled the computation: [\d,]+ of 294 .* with --resume"
+    with Cancelling(1) as executor, pytest.raises(Unfinished, match=said):
+        stored(tmp_path / "s.zarr", executor=executor)
+    assert 0 < computed(tmp_path / "s.zarr") < 294
+    stored(tmp_path / "s.zarr", resume=True)
+    assert computed(tmp_path / "s.zarr") == 294
+
+
+def test_a_name_that_is_too_long_is_one_line(tmp_path):
+    for call in (kd.open_sweep, stored):
+        with pytest.raises(kd.InvalidInput, match=r"File name too long"):
+            call(tmp_path / ("x" * 5000 + ".zarr"))

@@ -218,7 +218,10 @@ class BallState(ValueEquality):
         are computed from checked ones.
         """
         state = cls.__new__(cls)
-        validation.protect(position, velocity, spin)
+        try:
+            validation.protect(position, velocity, spin)
+        except AttributeError:
+            raise InvalidInput("position, velocity and spin must be arrays of floats") from None
         state.__dict__.update(position=position, velocity=velocity, spin=spin, time=time)
         return state
 

@@ -45,7 +45,7 @@ GROWTH = 150
 on."""
 
 WEIGHTS = {
-    **{"urdf": 250, "mjcf": 100, "mesh": 200, "scene": 40, "csv": 200, "c3d": 180},
+    **{"urdf": 250, "mjcf": 100, "mesh": 200, "scene": 40, "csv": 200, "c3d": 2},
     **{"netcdf": 10, "zarr": 4, "cli": 10},
 }
 """How often each kind of input is drawn: what takes long is rare."""
@@ -310,14 +310,15 @@ def command(draw: random.Random) -> list[str]:
     return words
 
 
-def run(kind: str, what: str, folder: Path) -> None:
-    """Feed one input; anything but an answer or a refusal is an exception here."""
+def run(kind: str, what: str, folder: Path) -> bool | None:
+    """Feed one input; anything but an answer or a refusal is an exception here.
+
+    Meshes, tracks and sweeps return whether there was an answer.
+    """
     feeds = {"urdf": run_urdf, "mjcf": run_mjcf, "mesh": run_mesh, "scene": run_scene}
     feeds |= {"csv": run_track, "c3d": run_track, "netcdf": run_sweep, "zarr": run_sweep}
-    if kind == "cli":
-        run_cli(what, folder)
-    else:
-        feeds[kind](what, folder)
+    feeds["cli"] = run_cli
+    return feeds[kind](what, folder)
 
 
 def run_urdf(text: str, folder: Path) -> None:
@@ -364,7 +365,7 @@ def kicked(load: Callable[[], Leg]) -> Leg | None:
     return leg
 
 
-def run_mesh(text: str, folder: Path) -> None:
+def run_mesh(text: str, folder: Path) -> bool:
     """Read a mesh, whose first line is its ending."""
     import numpy as np
 
@@ -380,11 +381,12 @@ def run_mesh(text: str, folder: Path) -> None:
     except kd.KickdynError as refusal:
         said = str(refusal)
         assert said.isprintable(), f"a refusal is one line: {said!r}"
-        return
+        return False
     assert all(np.isfinite(part.vertices).all() for part in parts), "an answer is finite"
+    return True
 
 
-def run_track(text: str, folder: Path) -> None:
+def run_track(text: str, folder: Path) -> bool:
     """Read a measured track, a C3D file if it begins as one."""
     import numpy as np
 
@@ -399,15 +401,16 @@ def run_track(text: str, folder: Path) -> None:
     except kd.KickdynError as refusal:
         said = str(refusal)
         assert said.isprintable(), f"a refusal is one line: {said!r}"
-        return
+        return False
     assert np.isfinite(track.positions).all(), "an answer is finite"
     assert (np.diff(track.times) > 0).all(), "times increase"
+    return True
 
 
 _store: list[str] = []  # the files of a good Zarr store
 
 
-def run_sweep(text: str, folder: Path) -> None:
+def run_sweep(text: str, folder: Path) -> bool:
     """Open a sweep, a Zarr store if the text begins with a file's name, and show it."""
     import kickdyn as kd
 
@@ -433,6 +436,8 @@ def run_sweep(text: str, folder: Path) -> None:
     except kd.KickdynError as refusal:
         said = str(refusal)
         assert said.isprintable(), f"a refusal is one line: {said!r}"
+        return False
+    return True
 
 
 def run_scene(text: str, folder: Path) -> None:
@@ -482,6 +487,11 @@ def run_cli(text: str, folder: Path) -> None:
         assert "\x1b" not in said, "nothing that was typed steers the terminal"
 
 
+def limit_memory() -> None:
+    """Let this process have `MEMORY` at most, beyond which it gets a `MemoryError`."""
+    resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
+
+
 def work(pipe: object) -> None:
     """Take inputs from the pipe and answer with what went wrong, and this process's size."""
     import warnings
@@ -493,7 +503,7 @@ def work(pipe: object) -> None:
     warnings.filterwarnings("ignore", module="zarr")
     devnull = os.open(os.devnull, os.O_WRONLY)
     os.dup2(devnull, 2)
-    resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
+    limit_memory()
     process = psutil.Process()
     with tempfile.TemporaryDirectory() as folder:
         while True:
@@ -572,12 +582,11 @@ def main() -> int:
         if fault:
             key = fault.strip().splitlines()[-1][:120]
             if key not in faults:
-                faults[key] = 0
                 CORPUS.mkdir(exist_ok=True)
                 name = CORPUS / f"{kind}-{len(list(CORPUS.iterdir())):03d}.txt"
                 name.write_bytes(what.encode("utf-8", "surrogatepass"))
                 print(f"{name.name}: {fault.strip()[-900:]}\n", flush=True)
-            faults[key] += 1
+            faults[key] = faults.get(key, 0) + 1
         if len(sizes) % 1000 == 0:
             print(f"{len(sizes)} inputs, {len(faults)} kinds of faults", flush=True)
     child.stop()

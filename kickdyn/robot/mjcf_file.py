@@ -140,10 +140,9 @@ class MjcfFile(RobotFile):
         return self._shapes(compiled, shown)
 
     def collisions(self) -> list[Visual]:
-        """Return the geoms that take part in contacts and that `visuals` leaves out."""
+        """Return the geoms of the groups that are not drawn, which are those for contacts."""
         compiled = self.compile()
-        collides = compiled.geom_contype | compiled.geom_conaffinity
-        hidden = (compiled.geom_group >= 3) & (compiled.geom_bodyid > 0) & (collides != 0)
+        hidden = (compiled.geom_group >= 3) & (compiled.geom_bodyid > 0)
         return self._shapes(compiled, np.flatnonzero(hidden).tolist())
 
     def _shapes(self, compiled: Any, geoms: Iterable[int]) -> list[Visual]:
@@ -334,8 +333,6 @@ def _keep_mechanics(root: Element) -> None:
                 element.remove(child)
         if element.tag == "material":
             element.attrib.pop("texture", None)
-        elif element.tag == "mesh" and "builtin" in element.attrib:
-            raise ValueError("has a builtin mesh: only meshes of files and vertices are read")
         elif element.tag == "geom":
             element.attrib.update(contype="0", conaffinity="0")
         if element.tag == "mesh":

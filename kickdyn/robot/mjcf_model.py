@@ -164,6 +164,10 @@ class _Builder:
             anchor = pin.SE3(np.eye(3), compiled.jnt_pos[number].copy())
             before, axis = place * anchor, compiled.jnt_axis[number].copy()
             start = float(compiled.qpos0[compiled.jnt_qposadr[number]])  # `ref`, where it is drawn
+            if not abs(start) < MAX_MAGNITUDE:
+                raise InvalidInput(
+                    f"a joint of body {body_name(compiled, body)!r} has ref {start:g}"
+                )
             if kind == SLIDE:
                 before = before * pin.SE3(np.eye(3), -start * axis)
             elif kind == HINGE:

@@ -20,7 +20,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.approach import AT_REST, find_approach
 from kickdyn.impact.collide import CONTACT_TIME
-from kickdyn.impact.force_model import Dissipation
+from kickdyn.impact.force_model import LONGEST_CONTACT, Dissipation
 from kickdyn.impact.strike import strike
 from kickdyn.robot.leg import Posture
 from kickdyn.simulators.mujoco_fit import (
@@ -340,7 +340,7 @@ def tune_mujoco(
         timestep: time step of the simulation [s], at most 0.02 and half of `contact_time`, at least
             a 500th of it.
         integrator: integrator of MuJoCo: `Euler`, `implicit`, `implicitfast` or `RK4`.
-        contact_time: contact time [s], as for `collide`, 1e-5 to 1; 10 ms by default.
+        contact_time: contact time [s], as for `collide`, 1e-5 to 0.1; 10 ms by default.
         dissipation: dissipation of the contact, as for `collide`.
         tolerance: error of the ball's speed that is accepted, relative, 0.001 to 1; twice as much
             at 0.5 to 1.5 times all velocities. For the direction, 1 degree is accepted.
@@ -357,7 +357,9 @@ def tune_mujoco(
     kind = validation.choice("dissipation", dissipation, Dissipation)
     validation.number("tolerance", tolerance, at_least=1e-3, at_most=1)
     validation.number("friction", contact.friction, at_least=0, at_most=10)
-    duration = validation.number("contact time", contact_time, at_least=1e-5, at_most=1, unit="s")
+    duration = validation.number(
+        "contact time", contact_time, at_least=1e-5, at_most=LONGEST_CONTACT, unit="s"
+    )
     if not duration / MOST_STEPS <= step <= duration / 2:
         raise InvalidInput(
             f"timestep is {step:g} s: a contact of {duration:g} s takes 2 to {MOST_STEPS} steps, "

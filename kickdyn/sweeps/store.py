@@ -246,6 +246,8 @@ def open_sweep(path: str | PathLike[str]) -> xr.Dataset:
     file = _checked_path(path)
     if not file.exists():
         raise InvalidInput(f"{path}: there is no such sweep")
+    if file.is_dir():
+        _zarr()
     try:
         data: xr.Dataset
         if file.is_dir():
@@ -254,11 +256,10 @@ def open_sweep(path: str | PathLike[str]) -> xr.Dataset:
             store.checked = _checked_arrays(file)
             data = xr.open_zarr(store, consolidated=False, chunks=None, zarr_format=3)
         else:
-            with xr.open_dataset(file, engine="h5netcdf") as opened:
-                data = opened.load()  # at once: damaged files end in errors of many kinds
+            data = xr.load_dataset(file, engine="h5netcdf")  # all of it, with any damage
     except InvalidInput:
         raise
-    except Exception as error:
+    except Exception as error:  # h5py and zarr have many kinds for a damaged file
         reason = " ".join(str(error).split())[:100] or type(error).__name__
         raise InvalidInput(f"{path} cannot be read as a sweep ({reason})") from None
     if "status" not in data or "finished" not in data.attrs:

@@ -100,6 +100,14 @@ def set_stage(viewer: Any, camera: Camera, points: Array) -> None:
     lens.set_property("position", [x, z, -y])  # three.js has y up there
 
 
+def level_direction(vector: Array) -> Array:
+    """Return the horizontal unit vector of a direction; x where it is vertical or zero."""
+    level = vector * (1.0, 1.0, 0.0)
+    length = float(np.linalg.norm(level))
+    steep = length <= 1e-3 * np.linalg.norm(vector)
+    return np.array([1.0, 0.0, 0.0]) if steep else np.asarray(level / length)
+
+
 def stripe_width(extent: float) -> float:
     """Return 1, 2 or 5 times a power of ten, about a sixth of the extent [m]."""
     sixth = extent / 6 * (1 + 1e-9)  # so that a round one stays

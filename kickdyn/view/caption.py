@@ -1,7 +1,6 @@
 """The numbers of a kick, as a panel of HTML beside the picture."""
 
 import math
-import re
 from collections.abc import Sequence
 from html import escape
 
@@ -56,9 +55,9 @@ def panel_of(
     texts are plain.
     """
     first, stop, further = text.partition(". ")
-    head = f"<h1>{escape(title)}</h1>\n" + (f"<p>{_prose(first + stop)}</p>\n" if text else "")
-    lines = "".join(f'<p class="warning">{_prose(warning)}</p>\n' for warning in warnings)
-    more = f"<p>{_prose(further)}</p>\n" if further else ""
+    head = f"<h1>{escape(title)}</h1>\n" + (f"<p>{escape(first + stop)}</p>\n" if text else "")
+    lines = "".join(f'<p class="warning">{escape(warning)}</p>\n' for warning in warnings)
+    more = f"<p>{escape(further)}</p>\n" if further else ""
     if len(more) > LONG:
         more = f"<details><summary>explanation</summary>\n{more}</details>\n"
     return f"{head}{_table(rows)}\n{lines}{more}{end}"
@@ -67,11 +66,6 @@ def panel_of(
 def colour_key(colour: int) -> str:
     """Return a small square of a colour."""
     return f'<span class="key" style="background:#{colour:06x}"></span>'
-
-
-def _prose(text: str) -> str:
-    """Return a text as HTML in which no line ends inside the name of an option."""
-    return re.sub(r"--[a-z-]+", r'<span class="option">\g<0></span>', escape(text))
 
 
 def _table(rows: Sequence[Row], short: int = 12) -> str:

@@ -1,6 +1,5 @@
 """Several flights in one picture, or several impacts side by side, to be compared."""
 
-import math
 from collections.abc import Mapping
 from html import escape
 from types import MappingProxyType
@@ -14,7 +13,15 @@ from kickdyn.errors import InvalidInput
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course
 from kickdyn.impact.impact_result import Impact
-from kickdyn.view.camera import UP_AXIS, box_corners, camera_for, set_stage, stripe_width
+from kickdyn.view import marks
+from kickdyn.view.camera import (
+    UP_AXIS,
+    box_corners,
+    camera_for,
+    level_direction,
+    set_stage,
+    stripe_width,
+)
 from kickdyn.view.caption import colour_key, panel_of
 from kickdyn.view.document import draw_label
 from kickdyn.view.kick_scene import (
@@ -26,14 +33,6 @@ from kickdyn.view.kick_scene import (
     largest_impulse,
 )
 from kickdyn.view.leg_figure import draw_leg
-from kickdyn.view.marks import (
-    draw_axes,
-    draw_ball,
-    draw_curve,
-    draw_distances,
-    draw_dots,
-    draw_ground,
-)
 
 COLOURS = (0xE63946, 0x2456D6, 0xF4A300, 0x6A2FB5, 0x0E8F8F, 0x8C5A2B, 0xD81E9B, 0x7FE3F5)
 MOST_SUBJECTS = len(COLOURS)
@@ -69,10 +68,8 @@ def draw_flights(
     first = next(iter(paths.values()))
     start = first.launch.position
     radius = (first.flights[0] if isinstance(first, Course) else first).ball.radius
-    forward = points[np.argmax(np.hypot(*(points - points[0])[:, :2].T))] - points[0]
-    forward[2] = 0.0
-    length = math.hypot(*forward)
-    forward = forward / length if length else X_AXIS
+    distances = np.hypot(*(points - points[0])[:, :2].T)
+    length, forward = distances.max(), level_direction(points[distances.argmax()] - points[0])
     size = max(float(np.ptp(points, axis=0).max()), radius)
     near = box_corners(np.array([start, start + 0.3 * size * UP_AXIS]), 0.02 * size)
     camera = camera_for(near, box_corners(points, radius), forward)
@@ -81,18 +78,20 @@ def draw_flights(
     for number, (name, path) in enumerate(paths.items()):
         curve, colour = curves[number], COLOURS[number]
         width = 1.5 * CURVE_RADIUS * camera.distance(curve)
-        draw_curve(viewer[f"curve/{number}"], curve, width, np.cross(forward, UP_AXIS), colour)
+        marks.draw_curve(
+            viewer[f"curve/{number}"], curve, width, np.cross(forward, UP_AXIS), colour
+        )
         if name in measured:
             dots = measured[name][:: max(len(measured[name]) // MOST_DOTS, 1)]
-            draw_dots(viewer[f"dots/{number}"], dots, 0.0035 * size, DOT_COLOUR)
+            marks.draw_dots(viewer[f"dots/{number}"], dots, 0.0035 * size, DOT_COLOUR)
         rows.append((f"{colour_key(colour)} {escape(name)}", _length(path)))
     drawn = max(radius, 0.012 * size)
-    draw_ball(viewer["ball"], drawn, start)
+    marks.draw_ball(viewer["ball"], drawn, start)
     stripe = stripe_width(size)
     floor = np.array([*start[:2], points[:, 2].min() - radius])
-    draw_ground(viewer["ground"], floor, forward, stripe, 3 * size)
-    draw_distances(viewer["distances"], floor, forward, stripe, length, camera)
-    draw_axes(viewer["axes"], floor, stripe / 2)
+    marks.draw_ground(viewer["ground"], floor, forward, stripe, 3 * size)
+    marks.draw_distances(viewer["distances"], floor, forward, stripe, length, camera)
+    marks.draw_axes(viewer["axes"], floor, stripe / 2)
     if measured:
         rows.append((f"{colour_key(DOT_COLOUR)} measured", f"about {MOST_DOTS} positions of each"))
     rows += [
@@ -138,7 +137,7 @@ def draw_impacts(viewer: Any, impacts: Mapping[str, Impact], title: str) -> str:
         shown.append(points + shift)
         left = shown[-1][:, 0].max()
         node.set_transform(tf.translation_matrix(shift))
-        draw_ball(node["ball"], impact.ball.radius, impact.ball_before.position)
+        marks.draw_ball(node["ball"], impact.ball.radius, impact.ball_before.position)
         draw_label(node["name"], name, head, "black")
         for arrow in impulse_arrows(impact, LEAST_JOINT_IMPULSE * most):
             draw_impulse(node[arrow.node], arrow, scale)
@@ -146,7 +145,7 @@ def draw_impacts(viewer: Any, impacts: Mapping[str, Impact], title: str) -> str:
     set_stage(viewer, camera_for(points, points, X_AXIS), points)
     width = float(np.ptp(points[:, 0]))
     centre = np.array([*points.mean(axis=0)[:2], floor])
-    draw_ground(viewer["ground"], centre, X_AXIS, stripe_width(width), 8 * width)
+    marks.draw_ground(viewer["ground"], centre, X_AXIS, stripe_width(width), 8 * width)
     rows = []
     for name, impact in impacts.items():
         joint, worst = impact.worst_joint

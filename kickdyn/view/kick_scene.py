@@ -4,7 +4,6 @@ import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-import meshcat.transformations as tf
 import numpy as np
 import pinocchio as pin
 from meshcat.animation import Animation
@@ -20,21 +19,17 @@ from kickdyn.robot.ground_clearance import find_depths, shape_of
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.model_validation import frame_id
 from kickdyn.robot.standing import hold_support
-from kickdyn.view.camera import UP_AXIS, box_corners, camera_for, set_stage, stripe_width
+from kickdyn.view import marks
+from kickdyn.view.camera import (
+    UP_AXIS,
+    box_corners,
+    camera_for,
+    level_direction,
+    set_stage,
+    stripe_width,
+)
 from kickdyn.view.document import draw_label
 from kickdyn.view.leg_figure import draw_leg, joint_poses
-from kickdyn.view.marks import (
-    ARROW,
-    CURVE,
-    draw_arrow,
-    draw_axes,
-    draw_ball,
-    draw_curve,
-    draw_disc,
-    draw_distances,
-    draw_ground,
-    draw_tee,
-)
 from kickdyn.view.wall_and_goal import Box, draw_box
 
 LEAST_TEE_HEIGHT = 5e-3
@@ -79,12 +74,9 @@ class Arrow(NamedTuple):
 class Pace(NamedTuple):
     """Which time of the kick each picture shows.
 
-    Attributes:
-        times: of each picture, 0 at the impact, shape `(n,)` [s].
-        impact: index of the picture of the impact.
-        strike: how many times slower than real the strike is shown; below 1 is faster.
-        flight: likewise the flight.
-        end: index of the last picture; leg and ball rest from the last of `times` until then.
+    `times` are those of the pictures, 0 at the impact, shape `(n,)` [s], and `impact` is the index
+    of the picture of the impact. `strike` and `flight` say how many times slower than real they
+    are shown. Leg and ball rest from the last of `times` until the picture `end`.
     """
 
     times: Array
@@ -138,7 +130,7 @@ def draw_kick(
     pace = kick_pace(impact, path.duration, None if backswing is None else backswing.duration)
     moved = [_configuration(impact, swing, time) for time in pace.times]
     curve = path.sample(np.linspace(0.0, path.duration, CURVE_POINTS)).position
-    forward = _forward(impact, curve)
+    forward = level_direction(curve[-1] - curve[0])
     bottom = float(min(before.position[2], curve[-1, 2])) - ball.radius
     floor = bottom if lies else _ground_height(impact, moved, bottom)
     lift = float(before.position[2]) - ball.radius - floor
@@ -167,12 +159,12 @@ def draw_kick(
     camera = camera_for(near, points, forward, behind=bool(scenery))
     set_stage(viewer, camera, np.vstack([near, points]))
 
-    draw_ball(viewer["ball"], ball.radius, before.position)
+    marks.draw_ball(viewer["ball"], ball.radius, before.position)
     stands = lift > LEAST_TEE_HEIGHT and not lies and not before.velocity.any()
     if stands:
-        draw_tee(viewer["tee"], foot + lift * UP_AXIS, lift, ball.radius)
+        marks.draw_tee(viewer["tee"], foot + lift * UP_AXIS, lift, ball.radius)
     width = CURVE_RADIUS * camera.distance(curve)
-    draw_curve(viewer["curve"], curve, width, np.cross(forward, UP_AXIS))
+    marks.draw_curve(viewer["curve"], curve, width, np.cross(forward, UP_AXIS))
     for arrow in arrows:
         draw_impulse(viewer[arrow.node], arrow, scale)
     for number, box in enumerate(scenery):
@@ -180,13 +172,15 @@ def draw_kick(
     length = float(np.hypot(*(curve[-1] - foot)[:2]))
     stripe = stripe_width(length + size)
     reach = float(np.linalg.norm(curve[-1] - foot)) + 8 * size
-    draw_ground(viewer["ground"], foot, forward, stripe, reach)
-    draw_axes(viewer["axes"], origin, axis)
-    draw_distances(viewer["distances"], foot, forward, stripe, length, camera)
-    draw_disc(viewer["landing"], max(0.4 * ball.radius, 6 * float(width[-1])), CURVE)
-    viewer["landing"].set_transform(tf.translation_matrix([*curve[-1, :2], floor]))
+    marks.draw_ground(viewer["ground"], foot, forward, stripe, reach)
+    marks.draw_axes(viewer["axes"], origin, axis)
+    marks.draw_distances(viewer["distances"], foot, forward, stripe, length, camera)
+    landing = np.array([*curve[-1, :2], floor])
+    marks.draw_disc(
+        viewer["landing"], landing, max(0.4 * ball.radius, 6 * float(width[-1])), marks.CURVE
+    )
     far_end = path.distance if isinstance(path, Course) else path.range
-    draw_label(viewer["end"], f"{far_end:.3g} m", curve[-1], f"#{CURVE:06x}")
+    draw_label(viewer["end"], f"{far_end:.3g} m", curve[-1], f"#{marks.CURVE:06x}")
     animation = _animation(viewer, impact, path, pace, moved, arrows)
     viewer.set_animation(animation, repetitions=math.inf)
     text = describe_buried(leg, moved, pace, floor)
@@ -215,7 +209,7 @@ def largest_impulse(impact: Impact) -> float:
 
 def impulse_arrows(impact: Impact, least: float) -> list[Arrow]:
     """Return the ball's arrow, then the arrows of joints above `least` [N s], largest first."""
-    ball = Arrow("arrow", impact.posture.contact_point, impact.impulse, ARROW)
+    ball = Arrow("arrow", impact.posture.contact_point, impact.impulse, marks.ARROW)
     joints = [
         Arrow(f"joint_arrows/{number}", start, impulse, JOINT_ARROW)
         for number, (_, start, impulse) in enumerate(joint_impulses_in_world(impact), start=1)
@@ -229,7 +223,7 @@ def impulse_arrows(impact: Impact, least: float) -> list[Arrow]:
 def draw_impulse(viewer: Any, arrow: Arrow, scale: float) -> None:
     """Draw an arrow, `scale` metres long per N s, with its size at its tip."""
     vector = scale * arrow.impulse
-    draw_arrow(viewer, arrow.start, vector, arrow.colour)
+    marks.draw_arrow(viewer, arrow.start, vector, arrow.colour)
     draw_label(viewer["label"], f"{arrow.size:.3g} N s", vector, f"#{arrow.colour:06x}")
 
 
@@ -342,16 +336,6 @@ def _points_of(leg: Leg, configurations: Sequence[Array]) -> Array:
         points += [pose[:3, 3] for pose in joint_poses(leg, q)[1:]]
         points.append(leg.posture(q).contact_point)
     return np.array(points)
-
-
-def _forward(impact: Impact, curve: Array) -> Array:
-    """Return the horizontal direction of the flight; of the impulse, or x, where it has none."""
-    for direction in (curve[-1] - curve[0], impact.impulse):
-        level = direction * (1.0, 1.0, 0.0)
-        length = float(np.linalg.norm(level))
-        if length > 1e-3 * np.linalg.norm(direction):
-            return np.asarray(level / length)
-    return np.array([1.0, 0.0, 0.0])
 
 
 def _animation(

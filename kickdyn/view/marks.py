@@ -162,11 +162,11 @@ def draw_dots(viewer: Any, points: Array, radius: float, colour: int) -> None:
     viewer.set_object(shapes.TriangularMeshGeometry(vertices, faces), _overlay(colour))
 
 
-def draw_disc(viewer: Any, radius: float, colour: int) -> None:
+def draw_disc(viewer: Any, centre: Array, radius: float, colour: int) -> None:
     """Draw a level disc."""
     material = shapes.MeshBasicMaterial(color=colour)
-    viewer["disc"].set_object(shapes.Cylinder(0.02 * radius, radius), material)
-    viewer["disc"].set_transform(UPRIGHT)
+    viewer.set_object(shapes.Cylinder(0.02 * radius, radius), material)
+    viewer.set_transform(tf.translation_matrix(centre) @ UPRIGHT)
 
 
 def draw_tee(viewer: Any, top: Array, height: float, radius: float) -> None:

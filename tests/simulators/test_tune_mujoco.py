@@ -210,7 +210,7 @@ def test_a_second_push_is_said(tuned):
         ({"tolerance": 1e-300}, "tolerance is 1e-300: it must be a finite number at least 0.001"),
         ({"friction": 1e300}, r"friction is 1e\+300: it must be .* at least 0 and at most 10$"),
         ({"contact_time": 1e-300}, "contact time is 1e-300: it must be .* at least 1e-05"),
-        ({"contact_time": 1e300}, r"contact time is 1e\+300: it must be .* at most 1 \[s\]"),
+        ({"contact_time": 1e300}, r"contact time is 1e\+300: it must be .* at most 0\.1 \[s\]"),
         ({"contact_time": 0}, "contact time is 0.0: it must be"),
         ({"integrator": "euler"}, "integrator is 'euler': it must be one of Euler, implicit"),
         ({"dissipation": "hertz"}, "dissipation is 'hertz': it must be one of "),

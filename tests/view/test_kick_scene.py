@@ -11,7 +11,7 @@ import umsgpack
 import kickdyn as kd
 from kickdyn.planning.backswing import Backswing
 from kickdyn.robot.ground_clearance import find_depths
-from kickdyn.view import kick_scene
+from kickdyn.view import kick_scene, marks
 from kickdyn.view.camera import BOTTOM, LEFT, RIGHT, TOP
 from kickdyn.view.document import recording_viewer
 from kickdyn.view.kick_scene import (
@@ -149,7 +149,7 @@ def test_the_ball_rests_on_the_ground(scene, kick):
 
 def test_the_lawn_ends_beyond_the_landing(kick, monkeypatch):
     lawns = []
-    monkeypatch.setattr(kick_scene, "draw_ground", lambda *drawn: lawns.append(drawn))
+    monkeypatch.setattr(marks, "draw_ground", lambda *drawn: lawns.append(drawn))
     viewer = recording_viewer()
     draw(viewer, kick)
     ((_, foot, _, _, reach),) = lawns

@@ -28,7 +28,7 @@ from kickdyn.aerodynamics.coefficient_model import (
 from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.core import lanes
-from kickdyn.core.compilation import log, uncollected
+from kickdyn.core.compilation import cache_folder, from_cache, log, uncollected
 from kickdyn.core.lanes import HOW, LANES, inlined, mathematics
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.events import NUMBERS, EventFunction
@@ -197,9 +197,11 @@ def _from_disk(function: Callable[..., Any], callees: Callees, what: str) -> Any
         called: dict[str, Any] = {"__builtins__": builtins, "__name__": __name__}
         twin = types.FunctionType(_call.__code__, called, f"equations_{name}")
         twin.__qualname__ = twin.__name__
+        if cache_folder(twin) is None:
+            return _compile_all(function, callees, what)
         try:
             try:
-                return numba.njit(SIGNATURE, cache=True, **HOW)(twin)
+                return from_cache(twin, lambda: numba.njit(SIGNATURE, cache=True, **HOW)(twin))
             except numba.TypingError:
                 log.info("compiling %s", what)
                 called["function"] = _compile_all(function, callees, what)

@@ -110,7 +110,8 @@ def test_a_restitution_over_speed_is_taken_at_the_foots_speed():
         reports.append(json.loads(ended.stdout))
     assert [report["restitution"] for report in reports] == pytest.approx([0.7, 0.7])
     assert [report["restitution_given"] for report in reports] == [0.7, [[1, 0.8], [3, 0.6]]]
-    assert reports[0]["best"] == reports[1]["best"]
+    speeds = [report["best"]["ball_speed"] for report in reports]
+    assert speeds[0] == pytest.approx(speeds[1], rel=1e-14)
     assert reports[0]["warnings"] == []
     ended = door(*SMALL, "--speed", "2", "--restitution", "peacock-ball", "--json", "-")
     assert "9.1 to 21.2 m/s, and the foot approaches at 2 m/s" in ended.stderr

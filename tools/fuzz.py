@@ -217,36 +217,38 @@ def quoted(draw: random.Random, text: str, texts: list[str]) -> str:
     marks = [place for place, letter in enumerate(text) if letter == '"']
     if len(marks) < 2:
         return text
-    at = draw.randrange(len(marks) - 1)
-    return text[: marks[at] + 1] + draw.choice(NAMES + NUMBERS) + text[marks[at + 1] :]
+    start = draw.randrange(len(marks) - 1)
+    return text[: marks[start] + 1] + draw.choice(NAMES + NUMBERS) + text[marks[start + 1] :]
 
 
 def cut(draw: random.Random, text: str, texts: list[str]) -> str:
     """Leave a piece out."""
-    at = draw.randrange(len(text) + 1)
-    return text[:at] + text[at + draw.randint(1, 200) :]
+    start = draw.randrange(len(text) + 1)
+    return text[:start] + text[start + draw.randint(1, 200) :]
 
 
 def doubled(draw: random.Random, text: str, texts: list[str]) -> str:
     """Say a piece again and again."""
-    at, size = draw.randrange(len(text) + 1), draw.randint(1, 300)
-    return text[:at] + text[at : at + size] * draw.choice([2, 3, 50]) + text[at + size :]
+    start, size = draw.randrange(len(text) + 1), draw.randint(1, 300)
+    return (
+        text[:start] + text[start : start + size] * draw.choice([2, 3, 50]) + text[start + size :]
+    )
 
 
 def spliced(draw: random.Random, text: str, texts: list[str]) -> str:
     """Put in a piece of another file."""
     other = draw.choice(texts)
-    at, there = draw.randrange(len(text) + 1), draw.randrange(len(other) + 1)
-    return text[:at] + other[there : there + draw.randint(1, 400)] + text[at:]
+    start, origin = draw.randrange(len(text) + 1), draw.randrange(len(other) + 1)
+    return text[:start] + other[origin : origin + draw.randint(1, 400)] + text[start:]
 
 
 def typed(draw: random.Random, text: str, texts: list[str]) -> str:
     """Change a letter into any other."""
-    at = draw.randrange(len(text) + 1)
+    start = draw.randrange(len(text) + 1)
     return (
-        text[:at]
+        text[:start]
         + chr(draw.choice([draw.randint(0, 127), draw.randint(0, 0xD7FF)]))
-        + text[at + 1 :]
+        + text[start + 1 :]
     )
 
 
@@ -255,28 +257,31 @@ def line(draw: random.Random, text: str, texts: list[str]) -> str:
     lines = text.splitlines(keepends=True)
     if not lines:
         return text
-    at = draw.randrange(len(lines))
-    lines[at : at + 1] = [lines[at]] * draw.choice([0, 2])
+    start = draw.randrange(len(lines))
+    lines[start : start + 1] = [lines[start]] * draw.choice([0, 2])
     return "".join(lines)
 
 
 def nested(draw: random.Random, text: str, texts: list[str]) -> str:
     """Put in a line of deeply dotted keys, of empty elements, or of blanks."""
-    size, at = draw.choice([3, 40, 1000, 40_000]), draw.choice([0, text.find("\n") + 1, len(text)])
+    size, start = (
+        draw.choice([3, 40, 1000, 40_000]),
+        draw.choice([0, text.find("\n") + 1, len(text)]),
+    )
     new = draw.choice(["a." * size + "a = 1\n", "[" + "a." * size + "a]\n", "<a/>" * size,
                        "<a>" * size, " " * size, "a = " + "[" * size + "\n"])  # fmt: skip
-    return text[:at] + new * draw.choice([1, 1, 3]) + text[at:]
+    return text[:start] + new * draw.choice([1, 1, 3]) + text[start:]
 
 
 def swapped(draw: random.Random, text: str, belongs: object, new: str) -> str:
     """Return the text with one run of letters that belong together replaced."""
-    at = draw.randrange(len(text) + 1)
-    while at < len(text) and not belongs(text[at]):  # type: ignore[operator]
-        at += 1
-    end = at
+    start = draw.randrange(len(text) + 1)
+    while start < len(text) and not belongs(text[start]):  # type: ignore[operator]
+        start += 1
+    end = start
     while end < len(text) and belongs(text[end]):  # type: ignore[operator]
         end += 1
-    return text[:at] + new + text[end:]
+    return text[:start] + new + text[end:]
 
 
 OPTIONS = {
@@ -377,12 +382,12 @@ def run_mesh(text: str, folder: Path) -> bool:
     ending = ending.strip() if ending.strip() in ("obj", "ply", "stl") else "dae"
     (folder / f"mesh.{ending}").write_bytes(body.encode("latin-1", "replace"))
     try:
-        parts = read_mesh(PackageFiles(folder), f"mesh.{ending}")
+        surfaces = read_mesh(PackageFiles(folder), f"mesh.{ending}")
     except kd.KickdynError as refusal:
         said = str(refusal)
         assert said.isprintable(), f"a refusal is one line: {said!r}"
         return False
-    assert all(np.isfinite(part.vertices).all() for part in parts), "an answer is finite"
+    assert all(np.isfinite(surface.vertices).all() for surface in surfaces), "an answer is finite"
     return True
 
 
@@ -422,9 +427,9 @@ def run_sweep(text: str, folder: Path) -> bool:
             _store.extend(sweeps("zarr"))
         file = folder / "sweep.zarr"
         shutil.rmtree(file, ignore_errors=True)
-        for part in (*_store, text):
-            name, _, body = part.partition("\n")
-            if part is text and name not in [known.partition("\n")[0] for known in _store]:
+        for stored in (*_store, text):
+            name, _, body = stored.partition("\n")
+            if stored is text and name not in [known.partition("\n")[0] for known in _store]:
                 continue
             (file / name).parent.mkdir(parents=True, exist_ok=True)
             (file / name).write_bytes(body.encode("latin-1", "replace"))

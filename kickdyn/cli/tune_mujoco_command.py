@@ -34,7 +34,7 @@ from kickdyn.sweeps.grid import read_postures
 PLAIN = (
     *("timestep", "integrator", "solref", "solref_time", "solimp", "friction", "solreffriction"),
     *("condim", "margin", "contact_time", "wanted_contact_time", "tolerance", "within_tolerance"),
-    *("largest_timestep", "second_push", "seconds", "warnings"),
+    *("largest_timestep", "second_push", "warnings"),
 )
 """Attributes of `MujocoTuning` that JSON can hold as they are."""
 

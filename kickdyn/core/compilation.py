@@ -4,11 +4,8 @@ import gc
 import grp
 import logging
 import os
-import pickle
 import pwd
 import stat
-import subprocess
-import sys
 import types
 import zlib
 from collections.abc import Callable, Iterator
@@ -22,18 +19,6 @@ log = logging.getLogger(__name__)
 
 T = TypeVar("T")
 
-_CALL = """
-import os, pickle, sys, threading
-sys.path[:], module, name = pickle.load(sys.stdin.buffer)
-arguments = pickle.load(sys.stdin.buffer)
-threading.Thread(target=lambda: (os.read(0, 1), os._exit(1)), daemon=True).start()
-getattr(__import__(module, fromlist=[name]), name)(*arguments)
-"""
-"""Program of a process that calls a function whose machine code it shall leave on the disk.
-
-It ends with its parent, even if that is killed: then its input ends.
-"""
-
 
 @contextmanager
 def uncollected() -> Iterator[None]:
@@ -45,6 +30,10 @@ def uncollected() -> Iterator[None]:
     finally:
         if enabled:
             gc.enable()
+
+
+WITHIN: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+"""Options of numba for what machine code calls, and Python must not: a tenth less to compile."""
 
 
 def named(
@@ -95,12 +84,6 @@ def _is_private(folder: Path) -> bool:
     return False
 
 
-def is_kept(function: Callable[..., Any]) -> bool | None:
-    """Return whether the machine code of a function is on disk; None where it cannot be kept."""
-    folder = cache_folder(function)
-    return None if folder is None else any(folder.glob(f"*.{function.__qualname__}-*.nbi"))
-
-
 def from_cache(function: Callable[..., Any], jit: Callable[[], T]) -> T:
     """Return `jit()`, which reads a function's machine code from disk; remove damaged files."""
     import numba
@@ -115,40 +98,6 @@ def from_cache(function: Callable[..., Any], jit: Callable[[], T]) -> T:
         return jit()
 
 
-@contextmanager
-def calling_beside(what: str, function: Callable[..., Any], *arguments: Any) -> Iterator[None]:
-    """Call a function that compiles `what` in another process, and wait for it at the end.
-
-    The function is one of a module; its result and its errors are lost. It is called for the
-    machine code that it leaves on disk. Where an error or Ctrl-C comes first, the other process is
-    ended. It is not called where this process has one core, or where
-    the arguments cannot be sent.
-    """
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    try:
-        target = pickle.dumps((sys.path, function.__module__, function.__name__))
-        sent = target + pickle.dumps(arguments)
-    except (pickle.PicklingError, AttributeError, TypeError):
-        sent = b""
-    if not sent or not sys.executable or cores == 1:
-        yield
-        return
-    log.info("compiling %s in another process", what)
-    lost = subprocess.DEVNULL
-    with subprocess.Popen(
-        [sys.executable, "-P", "-c", _CALL], stdin=subprocess.PIPE, stdout=lost, stderr=lost
-    ) as process:
-        assert process.stdin is not None
-        with suppress(BrokenPipeError):
-            process.stdin.write(sent)
-            process.stdin.flush()
-        try:
-            yield
-            process.wait()
-        finally:
-            process.terminate()
-
-
 def compiled(
     function: Callable[..., Any], signature: Any, what: str, **options: Any
 ) -> Callable[..., Any]:
@@ -161,12 +110,12 @@ def compiled(
     """
     import numba  # here, because it takes long to import
 
-    kept = is_kept(function)
-    if not kept:
+    folder = cache_folder(function)
+    if folder is None or not any(folder.glob(f"*.{function.__qualname__}-*.nbi")):
         log.info("compiling %s", what)
     options |= {"nogil": True}
     with uncollected():
-        if kept is not None:
+        if folder is not None:
             with suppress(OSError):  # a full disk
                 jit = numba.njit(signature, cache=True, **options)
                 return from_cache(function, lambda: jit(function))  # type: ignore[no-any-return]

@@ -5,7 +5,6 @@ which act once per time step and on a ball that has already entered the foot at 
 """
 
 import math
-import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -35,7 +34,6 @@ from kickdyn.simulators.mujoco_fit import (
     kick_cases,
     limited_errors,
     other_speed,
-    simulate,
 )
 from kickdyn.simulators.mujoco_kick import MujocoContact, load_mujoco, pair, row, scene
 from kickdyn.simulators.mujoco_placement import placement_warnings
@@ -112,7 +110,6 @@ class MujocoTuning(ReprMixin):
         goals: the errors that are accepted, and the largest time steps at which they are.
         second_push: change of the ball's velocity by the foot after the contact, within two contact
             times, relative to the ball's speed.
-        seconds: computing time of one simulated kick on this machine [s].
         scene: MJCF model of leg and ball just before they touch.
         ball: the ball.
         ball_position: position of its centre at first contact, shape `(3,)` [m, world frame].
@@ -134,7 +131,6 @@ class MujocoTuning(ReprMixin):
     tolerance: float
     goals: tuple[MujocoGoal, ...]
     second_push: float
-    seconds: float
     scene: str
     ball: Ball
     ball_position: Array
@@ -281,7 +277,6 @@ friction="{float(self.friction)!r} 0 0"
             reached, limit = goal.texts
             yield f"goal, {name}", f"at most {limit}: {reached},", "met" if goal.met else "MISSED"
         yield "within tolerance", "yes" if self.within_tolerance else "no", ""
-        yield "computing time of a kick", 1e3 * self.seconds, "ms"
         yield from warned(self.warnings)
 
 
@@ -382,9 +377,6 @@ def tune_mujoco(
     ).ball_after
     against_strike = cases[0]._replace(change="against kd.strike", target=instant)
     best = fitted.contact
-    began = time.perf_counter()
-    simulate(fitted.kick, 8)
-    seconds = (time.perf_counter() - began) / 8
     watched = fitted.kick.run(0.5, afterwards=WATCHED_DURATION * duration)
     return MujocoTuning(
         solref=best.solref,
@@ -401,7 +393,6 @@ def tune_mujoco(
         tolerance=tolerance,
         goals=goals,
         second_push=watched.second_push / cases[0].scale,
-        seconds=seconds,
         scene=scene(approach, step, best, chosen.value, gravity=True),
         ball=ball,
         ball_position=approach.ball_before.position,

@@ -77,6 +77,17 @@ def test_rolling_gives_its_deceleration_and_the_surface():
     assert re.search(r"rolling deceleration: .* m/s2 \(of 1 rolling part\)", str(found))
 
 
+def test_a_ball_that_rolls_faster_and_faster_gives_no_surface():
+    path = kd.follow(kd.BallState((0, 0, 0.6), (6, 0, 2)), BALL, kd.Air(), GROUND)
+    times = np.arange(0.0, path.duration - 1.0, 0.02)
+    points = path.sample(times).position.copy()
+    points[:, 0] += 1.5 * np.maximum(times - 2.0, 0.0) ** 2  # downhill
+    found = kd.segments(kd.Track(times, points), BALL)
+    assert found.rolling_deceleration.median < 0.0
+    with pytest.raises(kd.InvalidInput, match="rolling deceleration is -"):
+        _ = found.surface
+
+
 def test_drag_is_no_rolling_deceleration():
     """A light ball that rolls at 4 m/s is slowed more by the air than by the ground."""
     light, air = kd.Ball(0.05), kd.Air(drag=0.4)
@@ -142,6 +153,17 @@ def test_friction_of_a_ball_that_slides_is_measured(seed):
     assert not found.is_lower_bound
     assert found.median == pytest.approx(0.2, abs=0.02)
     assert found.deviation < 0.1
+
+
+def test_a_light_ball_that_drag_slows_between_two_bounces_gripped():
+    """Its second bounce brakes it again, because it rolls faster than it flies."""
+    light, air = kd.Ball(0.06), kd.Air(drag=0.3, lift=None)
+    ground = kd.Ground(surface=kd.Surface("test", 0.9, 0.9, 0.8))
+    path = kd.follow(kd.BallState((0, 0, 1.0), (25, 0, -6)), light, air, ground)
+    times = np.arange(0.0, path.bounces[2].time, 0.01)
+    noise = np.random.default_rng(1).normal(0.0, 0.002, (len(times), 3))
+    found = kd.segments(kd.Track(times, path.sample(times).position + noise), light)
+    assert found.friction.is_lower_bound
 
 
 def test_the_deviation_of_friction_has_the_size_of_its_error():

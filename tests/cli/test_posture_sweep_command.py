@@ -334,6 +334,8 @@ def test_odd_names_are_just_names(tmp_path):
 def test_table_2_stands_only_beside_the_kick_it_is_for():
     assert "in the paper" in door(*SMALL).stdout
     assert "in the paper" not in door(*SMALL, "--speed", "2").stdout
+    assert "in the paper" not in door(*SMALL, "--restitution", "0.7").stdout
+    assert "in the paper" not in door(*SMALL, "--attack", "20").stdout
     assert "in the paper" not in door(*SMALL, "--frame", "foot").stdout
 
 

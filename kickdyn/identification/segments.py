@@ -65,9 +65,6 @@ flight that is left out at most at either end."""
 LEAST_ROLLING_TIME = 0.5
 """Duration of a rolling part from which its deceleration is taken [s]."""
 
-LEAST_DECELERATION = 1e-3
-"""Least rolling deceleration of a measured surface [m/s2]: measurements can give one below 0."""
-
 FRICTION_DEVIATION, ROLLING_DEVIATION = 0.05, 0.3
 """Standard deviations of one bounce's friction and of one part's rolling deceleration [m/s2]: grass
 is not level."""
@@ -232,16 +229,17 @@ class Segments(Printed):
         A lower bound of friction has no deviation: with it, the ball grips in all measured bounces.
 
         Raises:
-            InvalidInput: the track has no bounce, or no rolling segment.
+            InvalidInput: the track has no bounce or no rolling segment, or a median is no
+                coefficient, such as a rolling deceleration below 0.
         """
         if self.restitution is None or self.friction is None or self.rolling_deceleration is None:
             missing = "bounce" if self.restitution is None else "part in which the ball rolls"
             raise InvalidInput(f"the track has no {missing}: it does not determine a surface")
         return Surface(
             "measured",
-            min(max(self.restitution.median, 0.0), 1.0),
-            max(self.friction.median, 0.0),
-            max(self.rolling_deceleration.median, LEAST_DECELERATION),
+            self.restitution.median,
+            self.friction.median,
+            self.rolling_deceleration.median,
             source=f"{self.restitution.samples} bounces of a measured track",
             deviations={
                 name: getattr(self, name).deviation

@@ -242,16 +242,16 @@ def _c3d_content(
 ) -> tuple[list[str], str, float, int, Array]:
     """Return labels, unit, rate [Hz], first frame and positions `(markers, n, 3)` of a C3D file.
 
-    A child process reads it, because ezc3d crashes on some damaged files and takes all memory for
-    others.
+    A child process reads it, because on damaged files ezc3d may crash, take all memory, or never
+    end.
     """
     code = f"from {__name__} import _send_c3d; _send_c3d()"
     paths = os.pathsep.join(filter(None, sys.path))
     try:
         child = subprocess.run(
-            [sys.executable, "-c", code, os.fspath(file)],
+            [sys.executable, "-c", code, os.fspath(file), str(C3D_MEMORY)],
             capture_output=True, timeout=C3D_TIME, check=True,
-            env={**os.environ, "PYTHONPATH": paths},
+            env={**os.environ, "PYTHONPATH": paths, "OPENBLAS_NUM_THREADS": "1"},
         )  # fmt: skip
         with np.load(io.BytesIO(child.stdout)) as content:
             labels, (unit,) = content["labels"].tolist(), content["unit"].tolist()
@@ -263,11 +263,11 @@ def _c3d_content(
 
 
 def _send_c3d() -> None:
-    """Write what `_c3d_content` returns of the file in the first argument to standard output."""
+    """Write what `_c3d_content` returns to standard output; arguments are file and memory."""
     with contextlib.suppress(ImportError, ValueError):  # Windows has no limits
         import resource
 
-        resource.setrlimit(resource.RLIMIT_AS, (C3D_MEMORY, C3D_MEMORY))
+        resource.setrlimit(resource.RLIMIT_AS, (int(sys.argv[2]),) * 2)
     import ezc3d
 
     output = os.dup(1)

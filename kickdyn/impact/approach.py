@@ -62,6 +62,7 @@ class Approach(NamedTuple):
             *self.posture.warnings,
             *self.posture.leg.too_fast(self.v),
             *range_warnings(self.contact.restitution, self.speed),
+            *self.ball.warnings,
         )
 
     def contact_problem(self) -> ContactProblem:

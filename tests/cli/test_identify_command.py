@@ -158,6 +158,17 @@ def test_the_longest_flight_is_plotted(two_flights, tmp_path, monkeypatch):
     assert drawn[0].tracks[0].duration > 0.9
 
 
+def test_the_hint_names_the_first_flight_with_a_warning(two_flights, monkeypatch):
+    late = property(lambda fit: ("late",) if fit.tracks[0].times[0] > 4.0 else ())
+    monkeypatch.setattr(Identification, "warnings", late)
+    text = run(two_flights)
+    last = [line.split()[0] for line in text.splitlines() if re.match(r"\d+-", line)][-1]
+    assert (
+        f"1 of 2 flights have warnings: --json FILE writes them, --start {last.split('-')[0]} "
+        in text
+    )
+
+
 def test_several_flights_have_a_mean(two_flights, tmp_path):
     text = run(two_flights, "--json", tmp_path / "out.json")
     document = json.loads((tmp_path / "out.json").read_text())

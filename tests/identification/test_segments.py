@@ -77,6 +77,17 @@ def test_rolling_gives_its_deceleration_and_the_surface():
     assert re.search(r"rolling deceleration: .* m/s2 \(of 1 rolling part\)", str(found))
 
 
+def test_a_ball_that_rolls_faster_and_faster_gives_no_surface():
+    path = kd.follow(kd.BallState((0, 0, 0.6), (6, 0, 2)), BALL, kd.Air(), GROUND)
+    times = np.arange(0.0, path.duration - 1.0, 0.02)
+    points = path.sample(times).position.copy()
+    points[:, 0] += 1.5 * np.maximum(times - 2.0, 0.0) ** 2  # downhill
+    found = kd.segments(kd.Track(times, points), BALL)
+    assert found.rolling_deceleration.median < 0.0
+    with pytest.raises(kd.InvalidInput, match="rolling deceleration is -"):
+        _ = found.surface
+
+
 def test_drag_is_no_rolling_deceleration():
     """A light ball that rolls at 4 m/s is slowed more by the air than by the ground."""
     light, air = kd.Ball(0.05), kd.Air(drag=0.4)
@@ -144,6 +155,17 @@ def test_friction_of_a_ball_that_slides_is_measured(seed):
     assert found.deviation < 0.1
 
 
+def test_a_light_ball_that_drag_slows_between_two_bounces_gripped():
+    """Its second bounce brakes it again, because it rolls faster than it flies."""
+    light, air = kd.Ball(0.06), kd.Air(drag=0.3, lift=None)
+    ground = kd.Ground(surface=kd.Surface("test", 0.9, 0.9, 0.8))
+    path = kd.follow(kd.BallState((0, 0, 1.0), (25, 0, -6)), light, air, ground)
+    times = np.arange(0.0, path.bounces[2].time, 0.01)
+    noise = np.random.default_rng(1).normal(0.0, 0.002, (len(times), 3))
+    found = kd.segments(kd.Track(times, path.sample(times).position + noise), light)
+    assert found.friction.is_lower_bound
+
+
 def test_the_deviation_of_friction_has_the_size_of_its_error():
     """Beside 0.05 of a bounce on grass, which this ground is not."""
     found = [kd.segments(bouncing(0.2, 4, 0.015, noises), BALL).friction for noises in range(9)]
@@ -168,11 +190,13 @@ def test_friction_of_a_ball_that_grips_is_a_lower_bound(friction):
             assert bound.median == pytest.approx(friction, abs=0.03)
 
 
-def test_a_gap_begins_a_part():
-    track, _ = course(1)
-    kept = np.r_[0 : len(track) // 3, len(track) // 3 + 40 : len(track)]
-    found = kd.segments(kd.Track(track.times[kept], track.positions[kept]), BALL, GROUND)
-    assert CutReason.GAP in {part.begins for part in found.parts}
+@pytest.mark.parametrize(("missing", "cut"), [(0.3, True), (0.2, False)])
+def test_a_gap_begins_a_part(missing, cut):
+    times = np.linspace(0.0, 2.0, 101)
+    points = np.column_stack([10.0 * times, 0.0 * times, 1.0 + 9.81 * times - 4.905 * times**2])
+    kept = (times < 0.5) | (times > 0.5 + missing)
+    found = kd.segments(kd.Track(times[kept], points[kept]), BALL)
+    assert [part.begins for part in found.parts[1:]] == [CutReason.GAP] * cut
 
 
 def test_single_spikes_cut_nothing():

@@ -104,7 +104,7 @@ def c3d(tmp_path):
     return written
 
 
-@pytest.mark.parametrize(("unit", "size"), [("mm", 1000.0), ("m", 1.0)])
+@pytest.mark.parametrize(("unit", "size"), [("mm", 1000.0), ("cm", 100.0), ("m", 1.0)])
 def test_a_marker_of_a_c3d_file_in_metres(c3d, unit, size):
     track = kd.Track.from_c3d(c3d(unit, size=size), marker="ball")
     assert track.times == pytest.approx([0, 0.01, 0.03, 0.04, 0.05])
@@ -131,9 +131,13 @@ def test_a_faulty_c3d_file_is_refused(c3d, options, marker, message):
         kd.Track.from_c3d(c3d(**options), marker)
 
 
-@pytest.mark.parametrize("changes", [{970: 236}, {273: 106, 1089: 135}])
-def test_a_damaged_c3d_file_is_refused(c3d, changes):
-    """Read in this process, they would end it."""
+@pytest.mark.parametrize(
+    "changes", [{970: 236}, {273: 106, 1089: 135}, {1056: 255}, {550: 127}], ids=str
+)
+def test_a_damaged_c3d_file_is_refused(c3d, changes, monkeypatch):
+    """Read in this process, two would end it, the third would take all memory, the last no end."""
+    monkeypatch.setattr("kickdyn.identification.track.C3D_MEMORY", 800_000_000)
+    monkeypatch.setattr("kickdyn.identification.track.C3D_TIME", 5.0 if 1056 in changes else 2.0)
     file = c3d()
     content = bytearray(file.read_bytes())
     for place, byte in changes.items():

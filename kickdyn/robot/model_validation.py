@@ -116,11 +116,10 @@ def _check_inertias(model: Any, names: list[str]) -> None:
         is_empty = body.mass == 0.0 and not body.inertia.any()
         largest = np.abs([body.mass, *body.lever, *body.inertia.flat]).max()
         if not (largest < MAX_MAGNITUDE and (body.mass > 0 or is_empty)):
-            remedy = f"; {remedy}" if (remedy := lock_remedy(model, [name])) else ""
             raise InvalidInput(
                 f"joint {name!r} moves an unsound inertia (mass {body.mass:g} kg): mass must be "
                 f"above 0 (or 0 without moments of inertia), and mass, centre and moments below "
-                f"{MAX_MAGNITUDE:g}{remedy}"
+                f"{MAX_MAGNITUDE:g}; correct it in the file"
             )
     data = pin.Data(model)
     pin.crba(model, data, pin.neutral(model), pin.Convention.LOCAL)

@@ -10,6 +10,7 @@ import pytest
 from random_scenes import random_scene, wide_scene
 
 import kickdyn as kd
+from kickdyn.scene.launch_and_end import collision_error, end_slopes, path_error
 from kickdyn.scene.simulate import (
     CONTACT_TIME_SHARE,
     NUMERICAL_SHARE,
@@ -353,9 +354,10 @@ def test_an_answer_can_be_pickled():
 def test_the_error_covers_what_the_instant_neglects():
     scene = kd.load_scene("volley")
     answer, whole = simulate_as_instant(scene), kd.simulate(scene, None)
-    apart = np.linalg.norm(answer.end.position - whole.end.position)
+    apart = math.dist(answer.end.position, whole.end.position)
     assert apart > 0.1
-    assert apart <= answer.error <= apart * 1.001
+    assert answer.model_error == apart + whole.numerical_error > apart
+    assert answer.error == answer.model_error + answer.numerical_error
     assert answer.neglected == ("contact time",)
     said = str(answer)
     assert f"error {answer.error:.2g} m; all effects are modelled except contact time (" in said
@@ -369,6 +371,7 @@ def test_a_contact_of_an_instant_neglects_nothing():
     answer = simulate_as_instant(scene)
     assert answer.neglected == ()
     assert "m; all effects are modelled\n" in str(answer)
+    assert simulate_as_instant(scene.replace(law="stronge")).impact.law == "stronge"
     assert answer.end.position.tolist() == kd.simulate(scene, None).end.position.tolist()
 
 
@@ -409,6 +412,9 @@ def test_errors_add_up(tolerance):
     assert "contact time" in answer.modelled
     assert 0.0 < answer.numerical_error <= NUMERICAL_SHARE * tolerance
     assert answer.error == answer.model_error + answer.numerical_error <= tolerance
+    launch_error = collision_error(scene, answer.launch, answer.impact.tol)
+    by_contact = end_slopes(scene, answer.path).distance(launch_error)
+    assert answer.numerical_error == path_error(scene, answer.path) + by_contact > by_contact
     exact = kd.simulate(scene, None)
     assert gap(answer, exact) <= answer.error + exact.numerical_error
 
@@ -434,6 +440,18 @@ def test_heights_over_a_wall_are_from_the_ground_to_the_lower_edge_of_the_ball()
     assert answer.passage.above == pytest.approx(lower_edge + rise - 0.3, abs=1e-3)
     on_tee = kd.simulate(scene.replace(ground=None), None)
     assert on_tee.start_height == 0.0
+
+
+@pytest.mark.parametrize("below", [0.0, 0.4])
+def test_heights_at_a_goal_are_from_the_ground_to_the_edges_of_the_ball(below):
+    scene = kick(8, air=None)
+    level = float(scene.ball_position[2]) - scene.ball.radius - below
+    goal = kd.Plane((1.5, 0.3, 0), (-1, 0, 0), "centre")
+    answer = kd.simulate(scene.replace(ground=kd.Ground(level), plane=goal), None)
+    assert (answer.status, answer.start_height) == ("at-plane", pytest.approx(below, abs=1e-12))
+    _, y, z = answer.end.position
+    assert answer.score.bar == pytest.approx(2.44 - (z - level) - scene.ball.radius, abs=1e-9)
+    assert answer.score.post == pytest.approx(3.66 - abs(y - 0.3) - scene.ball.radius, abs=1e-9)
 
 
 @pytest.mark.parametrize("law", ["newton", kd.Compliance(contact_time=1e-3)])

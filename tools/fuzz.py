@@ -539,7 +539,7 @@ class Child:
             theirs.close()
         try:
             self.pipe.send((kind, what))
-            if not self.pipe.poll(TIMEOUT + 60 * (kind == "cli")):
+            if not self.pipe.poll(TIMEOUT + 60 * (kind in ("cli", "c3d"))):
                 self.stop()
                 return f"hangs: more than {TIMEOUT} s", 0.0
             return self.pipe.recv()

@@ -89,7 +89,7 @@ def kicks(n: int, seed: int = 3) -> None:
             spent.append(time.perf_counter() - began)
             inside = (plan.q >= leg.lower).all() and (plan.q <= leg.upper).all()
             kept += bool(inside and max(plan.speed_use, plan.torque_use) <= 1.0)
-            if plan.status == "met":
+            if plan.share == 1.0:
                 met += 1
                 missed.append(plan.landing_error)
         print(

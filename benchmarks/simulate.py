@@ -3,10 +3,10 @@
     python benchmarks/simulate.py [number of scenes of each kind]
 
 Usual scenes are soccer balls; wide ones have balloons and beach balls, every drag and lift model,
-brief contacts, planes in the way of what bounces, and wind. Within its error means that what the
-answer claims, with the reference's own, is not exceeded. Ways without an end (`blown`, `aloft`) say
-so; they have an infinite error and are counted apart. Each scene is timed at every tolerance right
-after everything, in one thread, by the processor's time.
+brief contacts, planes in the way of what bounces, and wind. An answer is within its error if its
+end is no farther from the reference than the errors of both add up to. Paths without an end
+(`blown`, `aloft`) have an infinite error and are counted apart. Each scene is timed at every
+tolerance right after the reference, in one thread, by the processor's time.
 """
 
 from __future__ import annotations

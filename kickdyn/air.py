@@ -166,8 +166,15 @@ class Air(ValueEquality, ReprMixin):
             options: wind, drag, lift, torque and buoyancy, as for `Air`.
 
         Raises:
-            InvalidInput: a value outside its range.
+            InvalidInput: a value outside its range, or another option.
         """
+        valid = ("wind", "drag", "lift", "torque", "buoyancy")
+        for name in options:
+            if name not in valid:
+                raise InvalidInput(
+                    f"Air.at has no option {name!r}: it takes altitude [m], temperature_c [degC], "
+                    f"pressure [Pa], {', '.join(valid)}"
+                )
         height = validation.number("altitude", altitude, at_least=-1000, at_most=11_000, unit="m")
         kelvin, pascal = standard_atmosphere(height)
         if temperature_c is not None:

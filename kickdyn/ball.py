@@ -8,12 +8,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kickdyn.core import validation
-from kickdyn.core.representation import ReprMixin, Row, ValueEquality, format_value
+from kickdyn.core.representation import ReprMixin, Row, ValueEquality, format_value, warned
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 
 SMALLEST = float(np.finfo(float).tiny)
 """Below it a float64 has fewer digits."""
+
+LARGEST_MASS, LARGEST_RADIUS = 100.0, 2.0
+"""Mass [kg] and radius [m] of a ball from which a warning says that the units may be others."""
 
 PRESSURES = 2e3, 1e6
 """Least and largest gauge pressure of a ball [Pa]: a thirtieth of the least, and nine times the
@@ -91,6 +94,17 @@ class Ball(ReprMixin):
         yield "inertia", self.inertia, "kg m2"
         if self.pressure is not None:
             yield "pressure", self.pressure, "Pa"
+        yield from warned(self.warnings)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """A line if mass or radius are those of no ball, but perhaps of one in other units."""
+        if LARGEST_MASS <= self.mass < math.inf or self.radius >= LARGEST_RADIUS:
+            return (
+                f"the ball has {self.mass:g} kg and a radius of {self.radius:g} m: a soccer ball "
+                "has 0.43 kg and 0.11 m",
+            )
+        return ()
 
     @classmethod
     def paper(cls) -> "Ball":
@@ -218,7 +232,10 @@ class BallState(ValueEquality):
         are computed from checked ones.
         """
         state = cls.__new__(cls)
-        validation.protect(position, velocity, spin)
+        try:
+            validation.protect(position, velocity, spin)
+        except AttributeError:
+            raise InvalidInput("position, velocity and spin must be arrays of floats") from None
         state.__dict__.update(position=position, velocity=velocity, spin=spin, time=time)
         return state
 

@@ -144,3 +144,10 @@ def test_a_number_is_a_constant_coefficient(kind, number):
 def test_what_is_no_coefficient_is_not_told_so(nonsense):
     with pytest.raises(kd.InvalidInput, match=r"is unknown: choose|must be a finite number"):
         kd.Air(drag=nonsense)
+
+
+def test_an_unknown_option_of_air_at_is_named():
+    with pytest.raises(kd.InvalidInput, match=r"no option 'temperature': it takes .* \[degC\]"):
+        kd.Air.at(temperature=293.15)
+    with pytest.raises(kd.InvalidInput, match=r"temperature is 293\.15: .* at most 60 \[degC\]"):
+        kd.Air.at(temperature_c=293.15)

@@ -217,3 +217,18 @@ def test_turning_is_what_resists_a_push_across_the_normal():
 def test_ball_refuses_an_inertia_without_digits(ball):
     with pytest.raises(kd.InvalidInput, match="mass, inertia and their inverses must be finite"):
         kd.Ball(*ball)
+
+
+@pytest.mark.parametrize("values", [(430, 0.11), (0.43, 11), (0.43, 110), (430, 22)])
+def test_grams_and_centimetres_are_warned_of(values):
+    ball = kd.Ball(*values)
+    (said,) = ball.warnings
+    assert said.startswith(f"the ball has {values[0]:g} kg and a radius of {values[1]:g} m:")
+    assert said in ball._repr_html_()
+    assert said in kd.fly(kd.BallState(velocity=(5, 0, 5)), ball, kd.Air()).warnings
+    posture = kd.Leg.human().posture([0.5, 0.3, -0.2])
+    assert said in kd.strike(posture, [5, 2, 1], ball).warnings
+
+
+def test_soccer_balls_and_obstacles_are_not_warned_of():
+    assert [kd.Ball(*ball).warnings for ball in ((), (99.0, 1.0), (math.inf, 0.1))] == [()] * 3

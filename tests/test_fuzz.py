@@ -2,6 +2,8 @@
 
 import os
 import random
+import subprocess
+import sys
 from itertools import islice
 from pathlib import Path
 
@@ -51,6 +53,43 @@ def test_the_watch_sees_a_hang(monkeypatch):
         assert child.process is None
     finally:
         child.stop()
+
+
+@pytest.mark.parametrize(
+    ("answers", "code"),
+    [
+        ([("", 100.0)] * 9, 0),
+        ([("", 100.0)] * 8 + [("ValueError: no line", 100.0)], 1),
+        ([("", 100.0)] * 8 + [("", 100.0 + fuzz.GROWTH + 1.0)], 1),
+    ],
+)
+def test_it_fails_for_a_fault_and_for_a_leak(answers, code, monkeypatch, tmp_path, capsys):
+    answers = iter(answers)
+    monkeypatch.setattr(fuzz, "CORPUS", tmp_path / "corpus")
+    monkeypatch.setattr(fuzz.Child, "feed", lambda *_: next(answers))
+    monkeypatch.setattr(sys, "argv", ["fuzz", "--count", "9", "--kinds", "csv"])
+    assert fuzz.main() == code
+    printed = capsys.readouterr().out
+    assert "9 inputs {'csv': 9}" in printed
+    kept = list(tmp_path.glob("corpus/csv-*.txt"))
+    assert len(kept) == ("no line" in printed)
+
+
+def test_a_child_has_two_gigabytes():
+    code = "import fuzz; fuzz.limit_memory(); bytearray(10**9); print('one'); bytearray(2 * 10**9)"
+    path = os.pathsep.join(sys.path)
+    ended = subprocess.run(
+        [sys.executable, "-c", code], env={**os.environ, "PYTHONPATH": path},
+        capture_output=True, text=True,
+    )  # fmt: skip
+    assert ended.stdout == "one\n"
+    assert ended.stderr.endswith("MemoryError\n")
+
+
+@pytest.mark.parametrize("kind", ["csv", "c3d", "netcdf", "zarr", "mesh"])
+def test_good_files_are_read(kind, tmp_path):
+    for text in fuzz.seeds(kind)[:2]:
+        assert fuzz.run(kind, text, tmp_path)
 
 
 def test_broken_texts_are_broken():

@@ -45,7 +45,7 @@ GROWTH = 150
 on."""
 
 WEIGHTS = {
-    **{"urdf": 250, "mjcf": 100, "mesh": 200, "scene": 40, "csv": 200, "c3d": 180},
+    **{"urdf": 250, "mjcf": 100, "mesh": 200, "scene": 40, "csv": 200, "c3d": 2},
     **{"netcdf": 10, "zarr": 4, "cli": 10},
 }
 """How often each kind of input is drawn: what takes long is rare."""
@@ -217,36 +217,38 @@ def quoted(draw: random.Random, text: str, texts: list[str]) -> str:
     marks = [place for place, letter in enumerate(text) if letter == '"']
     if len(marks) < 2:
         return text
-    at = draw.randrange(len(marks) - 1)
-    return text[: marks[at] + 1] + draw.choice(NAMES + NUMBERS) + text[marks[at + 1] :]
+    start = draw.randrange(len(marks) - 1)
+    return text[: marks[start] + 1] + draw.choice(NAMES + NUMBERS) + text[marks[start + 1] :]
 
 
 def cut(draw: random.Random, text: str, texts: list[str]) -> str:
     """Leave a piece out."""
-    at = draw.randrange(len(text) + 1)
-    return text[:at] + text[at + draw.randint(1, 200) :]
+    start = draw.randrange(len(text) + 1)
+    return text[:start] + text[start + draw.randint(1, 200) :]
 
 
 def doubled(draw: random.Random, text: str, texts: list[str]) -> str:
     """Say a piece again and again."""
-    at, size = draw.randrange(len(text) + 1), draw.randint(1, 300)
-    return text[:at] + text[at : at + size] * draw.choice([2, 3, 50]) + text[at + size :]
+    start, size = draw.randrange(len(text) + 1), draw.randint(1, 300)
+    return (
+        text[:start] + text[start : start + size] * draw.choice([2, 3, 50]) + text[start + size :]
+    )
 
 
 def spliced(draw: random.Random, text: str, texts: list[str]) -> str:
     """Put in a piece of another file."""
     other = draw.choice(texts)
-    at, there = draw.randrange(len(text) + 1), draw.randrange(len(other) + 1)
-    return text[:at] + other[there : there + draw.randint(1, 400)] + text[at:]
+    start, origin = draw.randrange(len(text) + 1), draw.randrange(len(other) + 1)
+    return text[:start] + other[origin : origin + draw.randint(1, 400)] + text[start:]
 
 
 def typed(draw: random.Random, text: str, texts: list[str]) -> str:
     """Change a letter into any other."""
-    at = draw.randrange(len(text) + 1)
+    start = draw.randrange(len(text) + 1)
     return (
-        text[:at]
+        text[:start]
         + chr(draw.choice([draw.randint(0, 127), draw.randint(0, 0xD7FF)]))
-        + text[at + 1 :]
+        + text[start + 1 :]
     )
 
 
@@ -255,28 +257,31 @@ def line(draw: random.Random, text: str, texts: list[str]) -> str:
     lines = text.splitlines(keepends=True)
     if not lines:
         return text
-    at = draw.randrange(len(lines))
-    lines[at : at + 1] = [lines[at]] * draw.choice([0, 2])
+    start = draw.randrange(len(lines))
+    lines[start : start + 1] = [lines[start]] * draw.choice([0, 2])
     return "".join(lines)
 
 
 def nested(draw: random.Random, text: str, texts: list[str]) -> str:
     """Put in a line of deeply dotted keys, of empty elements, or of blanks."""
-    size, at = draw.choice([3, 40, 1000, 40_000]), draw.choice([0, text.find("\n") + 1, len(text)])
+    size, start = (
+        draw.choice([3, 40, 1000, 40_000]),
+        draw.choice([0, text.find("\n") + 1, len(text)]),
+    )
     new = draw.choice(["a." * size + "a = 1\n", "[" + "a." * size + "a]\n", "<a/>" * size,
                        "<a>" * size, " " * size, "a = " + "[" * size + "\n"])  # fmt: skip
-    return text[:at] + new * draw.choice([1, 1, 3]) + text[at:]
+    return text[:start] + new * draw.choice([1, 1, 3]) + text[start:]
 
 
 def swapped(draw: random.Random, text: str, belongs: object, new: str) -> str:
     """Return the text with one run of letters that belong together replaced."""
-    at = draw.randrange(len(text) + 1)
-    while at < len(text) and not belongs(text[at]):  # type: ignore[operator]
-        at += 1
-    end = at
+    start = draw.randrange(len(text) + 1)
+    while start < len(text) and not belongs(text[start]):  # type: ignore[operator]
+        start += 1
+    end = start
     while end < len(text) and belongs(text[end]):  # type: ignore[operator]
         end += 1
-    return text[:at] + new + text[end:]
+    return text[:start] + new + text[end:]
 
 
 OPTIONS = {
@@ -310,14 +315,15 @@ def command(draw: random.Random) -> list[str]:
     return words
 
 
-def run(kind: str, what: str, folder: Path) -> None:
-    """Feed one input; anything but an answer or a refusal is an exception here."""
+def run(kind: str, what: str, folder: Path) -> bool | None:
+    """Feed one input; anything but an answer or a refusal is an exception here.
+
+    Meshes, tracks and sweeps return whether there was an answer.
+    """
     feeds = {"urdf": run_urdf, "mjcf": run_mjcf, "mesh": run_mesh, "scene": run_scene}
     feeds |= {"csv": run_track, "c3d": run_track, "netcdf": run_sweep, "zarr": run_sweep}
-    if kind == "cli":
-        run_cli(what, folder)
-    else:
-        feeds[kind](what, folder)
+    feeds["cli"] = run_cli
+    return feeds[kind](what, folder)
 
 
 def run_urdf(text: str, folder: Path) -> None:
@@ -364,7 +370,7 @@ def kicked(load: Callable[[], Leg]) -> Leg | None:
     return leg
 
 
-def run_mesh(text: str, folder: Path) -> None:
+def run_mesh(text: str, folder: Path) -> bool:
     """Read a mesh, whose first line is its ending."""
     import numpy as np
 
@@ -376,15 +382,16 @@ def run_mesh(text: str, folder: Path) -> None:
     ending = ending.strip() if ending.strip() in ("obj", "ply", "stl") else "dae"
     (folder / f"mesh.{ending}").write_bytes(body.encode("latin-1", "replace"))
     try:
-        parts = read_mesh(PackageFiles(folder), f"mesh.{ending}")
+        surfaces = read_mesh(PackageFiles(folder), f"mesh.{ending}")
     except kd.KickdynError as refusal:
         said = str(refusal)
         assert said.isprintable(), f"a refusal is one line: {said!r}"
-        return
-    assert all(np.isfinite(part.vertices).all() for part in parts), "an answer is finite"
+        return False
+    assert all(np.isfinite(surface.vertices).all() for surface in surfaces), "an answer is finite"
+    return True
 
 
-def run_track(text: str, folder: Path) -> None:
+def run_track(text: str, folder: Path) -> bool:
     """Read a measured track, a C3D file if it begins as one."""
     import numpy as np
 
@@ -399,15 +406,16 @@ def run_track(text: str, folder: Path) -> None:
     except kd.KickdynError as refusal:
         said = str(refusal)
         assert said.isprintable(), f"a refusal is one line: {said!r}"
-        return
+        return False
     assert np.isfinite(track.positions).all(), "an answer is finite"
     assert (np.diff(track.times) > 0).all(), "times increase"
+    return True
 
 
 _store: list[str] = []  # the files of a good Zarr store
 
 
-def run_sweep(text: str, folder: Path) -> None:
+def run_sweep(text: str, folder: Path) -> bool:
     """Open a sweep, a Zarr store if the text begins with a file's name, and show it."""
     import kickdyn as kd
 
@@ -419,9 +427,9 @@ def run_sweep(text: str, folder: Path) -> None:
             _store.extend(sweeps("zarr"))
         file = folder / "sweep.zarr"
         shutil.rmtree(file, ignore_errors=True)
-        for part in (*_store, text):
-            name, _, body = part.partition("\n")
-            if part is text and name not in [known.partition("\n")[0] for known in _store]:
+        for stored in (*_store, text):
+            name, _, body = stored.partition("\n")
+            if stored is text and name not in [known.partition("\n")[0] for known in _store]:
                 continue
             (file / name).parent.mkdir(parents=True, exist_ok=True)
             (file / name).write_bytes(body.encode("latin-1", "replace"))
@@ -433,6 +441,8 @@ def run_sweep(text: str, folder: Path) -> None:
     except kd.KickdynError as refusal:
         said = str(refusal)
         assert said.isprintable(), f"a refusal is one line: {said!r}"
+        return False
+    return True
 
 
 def run_scene(text: str, folder: Path) -> None:
@@ -482,6 +492,11 @@ def run_cli(text: str, folder: Path) -> None:
         assert "\x1b" not in said, "nothing that was typed steers the terminal"
 
 
+def limit_memory() -> None:
+    """Let this process have `MEMORY` at most, beyond which it gets a `MemoryError`."""
+    resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
+
+
 def work(pipe: object) -> None:
     """Take inputs from the pipe and answer with what went wrong, and this process's size."""
     import warnings
@@ -493,7 +508,7 @@ def work(pipe: object) -> None:
     warnings.filterwarnings("ignore", module="zarr")
     devnull = os.open(os.devnull, os.O_WRONLY)
     os.dup2(devnull, 2)
-    resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
+    limit_memory()
     process = psutil.Process()
     with tempfile.TemporaryDirectory() as folder:
         while True:
@@ -572,12 +587,11 @@ def main() -> int:
         if fault:
             key = fault.strip().splitlines()[-1][:120]
             if key not in faults:
-                faults[key] = 0
                 CORPUS.mkdir(exist_ok=True)
                 name = CORPUS / f"{kind}-{len(list(CORPUS.iterdir())):03d}.txt"
                 name.write_bytes(what.encode("utf-8", "surrogatepass"))
                 print(f"{name.name}: {fault.strip()[-900:]}\n", flush=True)
-            faults[key] += 1
+            faults[key] = faults.get(key, 0) + 1
         if len(sizes) % 1000 == 0:
             print(f"{len(sizes)} inputs, {len(faults)} kinds of faults", flush=True)
     child.stop()

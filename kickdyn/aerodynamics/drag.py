@@ -177,14 +177,16 @@ def _beyond_crisis(reynolds: float, spin_parameter: float = 0.0) -> float:
 def supercritical(reynolds: float, spin_parameter: float = 0.0) -> float:
     r"""Return 0.2, the C_D of a soccer ball beyond its drag crisis, above Re 7e4 (4.8 m/s).
 
-    Goff & Carre 2009 found it in trajectories without spin, Am. J. Phys. 77:1020. Tunnels see the
-    crisis of new balls that do not spin between 10 and 19 m/s; the ball of `data/match_ball.csv`
-    has none down to 8 m/s (docs/explanation/identification-accuracy.md). Below Re 7e4 it is
-    joined (C3) to the sphere's, which it reaches at Re 2e4.
+    Goff & Carre 2009 found it from the range of trajectories without spin, Am. J. Phys. 77:1020.
+    Its range is that of the flights in `data/match_ball.csv`, which it predicts: 8 to 27 m/s, and
+    spin parameters that are fitted, not measured, half of them below 0.3
+    (docs/explanation/identification-accuracy.md). In wind tunnels, new balls that do not spin have
+    their crisis between 10 and 19 m/s. Below Re 7e4 it is joined (C3) to the sphere's, which it
+    reaches at Re 2e4.
     """
-    weight = smoothstep(reynolds, 2e4, FAST)
-    if weight == 1.0:
+    if reynolds >= FAST:
         return BEYOND_CRISIS
+    weight = smoothstep(reynolds, 2e4, FAST)
     return sphere(reynolds) * (1.0 - weight) + BEYOND_CRISIS * weight
 
 
@@ -218,8 +220,9 @@ MODELS = registry(
     ),
     CoefficientModel(
         "drag", "supercritical", supercritical,
-        reynolds=(0.0, REYNOLDS_PER_SPEED * 35.0), spin=(0.0, SPIN_DRAG_LIMIT),
-        source="Goff & Carre 2009, Am. J. Phys. 77:1020; sphere below Re 2e4",
+        reynolds=(REYNOLDS_PER_SPEED * 8.0, REYNOLDS_PER_SPEED * 27.0), spin=(0.0, 0.3),
+        source="Goff & Carre 2009, Am. J. Phys. 77:1020 (no spin); range of the flights of a match "
+        "that it predicts, data/match_ball.csv; sphere below Re 2e4",
         branch_free=(FAST, _beyond_crisis),
     ),
     CoefficientModel(

@@ -26,7 +26,9 @@ def saturating(reynolds: float, spin_parameter: float) -> float:
     A fit to the formula of Kiratidis & Leinweber 2018 that stays bounded beyond it: within 20 % of
     it for the Brazuca, Tango 12 and Teamgeist from Re 2.2e5 to 5.1e5 and Sp 0.05 to 0.30, and
     within 0.04 for 20-32 m/s. Not for the Jabulani below 22 m/s, whose crisis comes later: by that
-    formula it has half the lift at 19 m/s, and next to none at 17 m/s.
+    formula it has half the lift at 19 m/s, and next to none at 17 m/s. This compares a model with a
+    model: the formula was fitted to the Teamgeist, at Sp 0.06 to 0.31, and its authors give it for
+    the other balls as an estimate, in the absence of data.
 
     Outside it is extrapolated. Slower spin: towards Sp 0, where by symmetry there is no lift.
     Faster spin: it levels off at 0.47. Below Re 2.2e5 it fades with the C_D of a Brazuca without

@@ -92,6 +92,14 @@ def busy(activity: str) -> Iterator[Callable[[str], None]]:
         yield status.update
 
 
+def print_wrapped(text: str) -> None:
+    """Print a text as wide as the screen is; what continues a line is indented."""
+    from kickdyn.core.console import screen_width, wrapped  # rich takes time to import
+
+    width = screen_width()
+    click.echo("\n".join(wrapped(line, width, indent=8) for line in text.splitlines()))
+
+
 def warn(warnings: Iterable[str]) -> None:
     """Write warnings to standard error, a line each."""
     for warning in warnings:
@@ -118,12 +126,10 @@ def run(command: click.Command) -> NoReturn:
         _fail(name, 2, error.format_message())
     except SceneError as error:
         _fail(name, 2, *(f"{shortened(error.source)}: {fault}" for fault in error.faults))
-    except FaultyFile as error:
+    except (FaultyFile, NoImpact) as error:
         _fail(name, 2, str(error))
     except InvalidInput as error:
         _fail(name, 2, *error.faults)
-    except NoImpact as error:
-        _fail(name, 2, str(error))
     except KickdynError as error:
         _fail(name, 1, str(error))
     except (KeyboardInterrupt, click.Abort):
@@ -149,6 +155,5 @@ def _end_output() -> None:
 def _fail(name: str, code: int, *faults: str) -> NoReturn:
     """Exit with a code, after a line on standard error for each fault."""
     for fault in faults:
-        line = without_long_words(" ".join(fault.split()))
-        print(f"{name}: {printable(line)}", file=sys.stderr)
+        print(f"{name}: {printable(without_long_words(' '.join(fault.split())))}", file=sys.stderr)
     sys.exit(code)

@@ -39,14 +39,10 @@ class _Commands(click.Group):
                 click.echo(ctx.get_help())
                 ctx.exit()
         name, command, rest = super().resolve_command(ctx, args)
-        return name, _imported(name) if name in COMMANDS else command, rest
-
-
-def _imported(name: str) -> click.Command:
-    """Return a command of the table."""
-    name = name.replace("-", "_")
-    command: click.Command = getattr(import_module(f"kickdyn.cli.{name}_command"), name)
-    return command
+        if name in COMMANDS:
+            function = name.replace("-", "_")
+            command = getattr(import_module(f"kickdyn.cli.{function}_command"), function)
+        return name, command, rest
 
 
 @click.group("kickdyn", _Commands, context_settings=HELP_OPTIONS)

@@ -1,7 +1,6 @@
 """The command `kickdyn paper`: the paper's tables and figures, item by item."""
 
 import re
-from collections.abc import Callable
 from itertools import chain
 from pathlib import Path
 
@@ -14,7 +13,7 @@ from kickdyn.core.files import check_outputs
 from kickdyn.core.plot_style import save_figure, styled
 from kickdyn.errors import InvalidInput
 from kickdyn.paper.item import Item
-from kickdyn.paper.reproduce import Section, chosen, item_names, show
+from kickdyn.paper.reproduce import chosen, item_names, show
 
 
 @click.command("paper", Command)
@@ -33,7 +32,10 @@ def paper(only: str | None, output: JsonOptions, figures: str | None, sensitivit
     sections = chosen(only)
     drawings = {}
     if figures is not None:
-        drawings = {_file(section, figures): section.draw for section in sections if section.draw}
+        for section in sections:
+            name = re.sub(r"\W+", "_", section.name.lower())
+            if section.draw:
+                drawings[Path(figures) / f"{name}.png"] = section.draw
         if not drawings:
             raise InvalidInput(f"--figures is {figures!r}: {only} has no figure")
         check_outputs(json_file=output.json_file)
@@ -52,22 +54,11 @@ def paper(only: str | None, output: JsonOptions, figures: str | None, sensitivit
                 varied[section.name] = varying
         for file, draw in drawings.items():
             report(f"drawing {file.name}")
-            save_figure(_figure(draw), file)
+            with styled():
+                figure = Figure(figsize=(9, 5))
+                draw(figure)
+            save_figure(figure, file)
     output.write_json([item.as_json() for item in chain(*items.values(), *varied.values())])
     if output.prints:
         show(items, varied)
     output.name_written(*drawings)
-
-
-def _file(section: Section, folder: str) -> Path:
-    """Return the file that a figure is drawn into."""
-    name = re.sub(r"\W+", "_", section.name.lower())
-    return Path(folder) / f"{name}.png"
-
-
-@styled()
-def _figure(draw: Callable[[Figure], None]) -> Figure:
-    """Return a figure, drawn."""
-    figure = Figure(figsize=(9, 5))
-    draw(figure)
-    return figure

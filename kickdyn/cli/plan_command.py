@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import astuple, dataclass, replace
-from typing import Any
+from typing import Any, NoReturn
 
 import click
 import numpy as np
@@ -27,7 +27,7 @@ from kickdyn.ground import SURFACES
 from kickdyn.planning.goal import FARTHEST, Arc, Goal
 from kickdyn.planning.kick import plan_kick
 from kickdyn.planning.kick_plan import KickPlan
-from kickdyn.planning.launch import OutOfReach
+from kickdyn.planning.launch import SPEED_LIMIT, Launch, OutOfReach
 from kickdyn.planning.objectives import KickObjective
 from kickdyn.planning.plan_report import (
     WALL_CLEARANCE,
@@ -39,7 +39,7 @@ from kickdyn.planning.scatter import checked_spread
 from kickdyn.planning.swing import plan_swing
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.standing import is_floating
-from kickdyn.scene.pitch import Wall, check_before, read_wall
+from kickdyn.scene.pitch import Wall, check_before, passage_on, read_wall
 
 CROUCH = 0.1
 """Share of the height of a robot's straight leg by which its hips are lower when it kicks: its
@@ -231,6 +231,7 @@ class WindyAirOptions(AirOptions):
             raise InvalidInput(
                 f"--wind is {list(self.wind)}, but --air is none: there is no wind in a vacuum"
             )
+        validation.number("wind", math.hypot(*self.wind), at_most=SPEED_LIMIT, unit="m/s")
         return replace(air, wind=np.array(self.wind))
 
 
@@ -274,7 +275,7 @@ def plan(
             )  # fmt: skip
         except OutOfReach as error:
             output.write_json(unreachable_json(target, error))
-            raise
+            _refuse(error, target, struck_ball, wall)
         if wall is not None:
             _check_passage(wall, planned)
         if kick.swing and planned.backswing is None:
@@ -290,6 +291,15 @@ def _lying_height(leg: Leg, ball: Ball, offset: tuple[float, ...] | None) -> flo
     foot = float(standing.contact_point[2])
     crouch = 0.0 if leg.contact_normal_cone is None else CROUCH  # a robot's toe must point ahead
     return foot + ball.radius - crouch * foot
+
+
+def _refuse(error: OutOfReach, goal: Goal, ball: Ball, wall: Wall | None) -> NoReturn:
+    """Raise the error, and say if the nearest launch, which it names, would hit the wall."""
+    if wall is not None and isinstance(error.nearest, Launch):
+        passage = passage_on(error.nearest.flight, wall, goal.ahead, ball.radius)
+        if passage is not None and not passage.is_clear:
+            raise InvalidInput(f"{error}, with which the ball {passage.hit}") from None
+    raise error
 
 
 def _check_passage(wall: Wall, plan: KickPlan) -> None:

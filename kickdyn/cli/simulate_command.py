@@ -4,9 +4,8 @@ from typing import Any
 
 import click
 
-from kickdyn.cli.command import Command, busy
+from kickdyn.cli.command import Command, busy, print_wrapped
 from kickdyn.cli.option_groups import JsonOptions, scene_argument, takes
-from kickdyn.core.console import screen_width, wrapped
 from kickdyn.core.files import finite
 from kickdyn.scene.simulate import Simulation
 from kickdyn.scene.simulate import simulate as simulate_scene
@@ -38,39 +37,42 @@ def simulate(scene_file: str, tolerance: float, exact: bool, output: JsonOptions
         document = _document(answer)
     output.write_json(document)
     if output.prints:
-        width = screen_width()
-        click.echo("\n".join(wrapped(line, width, indent=8) for line in str(answer).splitlines()))
+        print_wrapped(str(answer))
     output.name_written()
 
 
-def _document(answer: Simulation) -> dict[str, Any]:
-    """Return the numbers of the answer; a number that is not finite is null."""
+def numbers_of(answer: Simulation) -> dict[str, Any]:
+    """Return the numbers of a simulation for JSON, in SI units; null where one is not finite."""
+    passage, score = answer.passage, answer.score
     return {
         "scene": answer.scene.name,
-        "tolerance": answer.tolerance,
-        "within_tolerance": answer.within_tolerance,
-        "status": answer.status,
-        "end": answer.end.position.tolist(),
-        "time": float(answer.end.time),
-        "ball_velocity": answer.launch.velocity.tolist(),
-        "ball_spin": answer.launch.spin.tolist(),
-        "error": finite(answer.error),
-        "model_error": finite(answer.model_error),
-        "numerical_error": finite(answer.numerical_error),
-        "end_deviation": finite(answer.end_deviation),
-        "method": answer.method,
         "restitution": answer.impact.restitution,
         "restitution_given": answer.scene.contact.restitution,
-        "evaluations": answer.evaluations,
-        "effects": [
-            {
-                "effect": name,
-                "modelled": name in answer.modelled,
-                "negligible": name in answer.negligible,
-                "size": finite(size),
-            }
-            for name, size in answer.effect_sizes.items()
-        ],
-        **answer.pitch_numbers(),
-        "warnings": [*answer.scene.notes, *answer.warnings],
+        "ball_velocity": answer.launch.velocity.tolist(),
+        "ball_spin": answer.launch.spin.tolist(),
+        "end": answer.end.position.tolist(),
+        "time": float(answer.end.time),
+        "error": finite(answer.error),
+        "wall": passage and {"above": passage.above, "beside": passage.beside},
+        "goal_mouth": score and score._asdict(),
+        "warnings": list(answer.warnings),
     }
+
+
+def _document(answer: Simulation) -> dict[str, Any]:
+    """Return the numbers of a simulation with those of its tolerance and its effects."""
+    numbers = numbers_of(answer)
+    for name in ("tolerance", "within_tolerance", "status", "method", "evaluations"):
+        numbers[name] = getattr(answer, name)
+    for name in ("model_error", "numerical_error", "end_deviation"):
+        numbers[name] = finite(getattr(answer, name))
+    numbers["effects"] = [
+        {
+            "effect": name,
+            "modelled": name in answer.modelled,
+            "negligible": name in answer.negligible,
+            "size": finite(size),
+        }
+        for name, size in answer.effect_sizes.items()
+    ]
+    return numbers

@@ -3,12 +3,10 @@
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import click
 import numpy as np
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
 from kickdyn.cli.command import Command, busy, offers
@@ -18,7 +16,7 @@ from kickdyn.core.files import finite
 from kickdyn.core.plot_style import check_name, save_figure
 from kickdyn.errors import InvalidInput
 from kickdyn.scene.effects import EffectSize
-from kickdyn.scene.simulate import Simulation, measure_effects, simulate
+from kickdyn.scene.simulate import measure_effects, simulate
 from kickdyn.scene.toml_reader import load_scene
 from kickdyn.tradeoff.measurement import Measurement, effect_figure, front_figure
 
@@ -65,13 +63,9 @@ def _compare_methods(kinds: Sequence[str], output: JsonOptions, plot: str | None
     from kickdyn.tradeoff.impact_methods import measure_impacts
 
     with busy("measuring") as show:
-
-        def report(name: str) -> None:
-            show(f"measuring {name}")
-
         rows = {
-            "impact": measure_impacts(report) if "impact" in kinds else [],
-            "flight": measure_flights(report=report) if "flight" in kinds else [],
+            "impact": measure_impacts(show) if "impact" in kinds else [],
+            "flight": measure_flights(report=show) if "flight" in kinds else [],
         }
     if plot is not None:
         save_figure(front_figure(rows["impact"], rows["flight"]), plot)
@@ -108,50 +102,47 @@ def _method_table(title: str, rows: Sequence[Measurement]) -> Table:
 def _compare_effects(file: str, output: JsonOptions, plot: str | None) -> None:
     """Measure the effects of a scene, and write and print the results."""
     scene = load_scene(file)
-    exact = simulate(scene, None)
     with busy("measuring") as show:
-        sizes = measure_effects(exact, lambda name: show(f"measuring {name}"))
+        exact = simulate(scene, None)
+        sizes = measure_effects(exact, show)
     sizes.sort(key=lambda size: math.inf if math.isnan(size.end) else -size.end)
     if plot is not None:
         save_figure(effect_figure(scene.name, sizes), plot)
-    output.write_json(_document(exact, sizes))
+    output.write_json(
+        {
+            "scene": scene.name,
+            "status": exact.status,
+            "end": exact.end.position.tolist(),
+            "impulse": exact.impact.impulse.tolist(),
+            "units": {"end": "m", "impulse": "N s"},
+            "effects": [
+                dataclasses.asdict(size)
+                | {"end": finite(size.end), "impulse": finite(size.impulse)}
+                for size in sizes
+            ],
+        }
+    )
     if output.prints:
-        console = Console(highlight=False, width=screen_width())
         impulse = float(np.linalg.norm(exact.impact.impulse))
+        console = Console(highlight=False, width=screen_width(), markup=False)
         console.print(
             f"{scene.name}: impulse {impulse:.4g} N s, {exact.end_text}. If one effect is "
-            "neglected:",
-            markup=False,
+            "neglected:"
         )
         console.print(_effect_table(sizes))
-        for note in scene.notes:
-            console.print(f"note: {note}", markup=False)
+        for warning in exact.warnings:
+            console.print(f"warning: {warning}")
     output.name_written(plot)
-
-
-def _document(simulation: Simulation, sizes: Sequence[EffectSize]) -> dict[str, Any]:
-    """Return what JSON can hold: nan is null."""
-    effects = [dataclasses.asdict(size) for size in sizes]
-    for effect in effects:
-        effect |= {name: finite(effect[name]) for name in ("end", "impulse")}
-    return {
-        "scene": simulation.scene.name,
-        "status": simulation.status,
-        "end": simulation.end.position.tolist(),
-        "impulse": simulation.impact.impulse.tolist(),
-        "units": {"end": "m", "impulse": "N s"},
-        "effects": effects,
-    }
 
 
 def _effect_table(sizes: Sequence[EffectSize]) -> Table:
     """Return a table of effects."""
     table = empty_table("")
     table.add_column("effect")
-    for head in ("end moves by \\[m]", "impulse changes by \\[N s]"):
+    for head in ("end moves by [m]", "impulse changes by [N s]"):
         table.add_column(head, justify="right")
     table.add_column("")
     for size in sizes:
         cells = ("" if math.isnan(value) else f"{value:.3g}" for value in (size.end, size.impulse))
-        table.add_row(size.effect, *cells, escape(size.why_not))
+        table.add_row(size.effect, *cells, size.why_not)
     return table

@@ -7,7 +7,7 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
-from kickdyn.cli.command import Command, busy, offers, warn
+from kickdyn.cli.command import Command, busy, offers, print_wrapped, warn
 from kickdyn.cli.leg_options import LegOptions, joints_at_zero
 from kickdyn.cli.option_groups import (
     BallOptions,
@@ -18,7 +18,6 @@ from kickdyn.cli.option_groups import (
     scene_names,
     takes,
 )
-from kickdyn.core.console import screen_width, wrapped
 from kickdyn.core.files import replacing
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.collide import CONTACT_TIME
@@ -35,7 +34,7 @@ from kickdyn.sweeps.grid import read_postures
 PLAIN = (
     *("timestep", "integrator", "solref", "solref_time", "solimp", "friction", "solreffriction"),
     *("condim", "margin", "contact_time", "wanted_contact_time", "tolerance", "within_tolerance"),
-    *("largest_timestep", "second_push", "seconds", "warnings"),
+    *("largest_timestep", "second_push", "warnings"),
 )
 """Attributes of `MujocoTuning` that JSON can hold as they are."""
 
@@ -163,8 +162,7 @@ def tune_mujoco(
     if output.out == "-":
         click.echo(model, nl=False)
     elif output.prints:
-        width = screen_width()
-        click.echo("\n".join(wrapped(line, width, indent=8) for line in str(tuning).splitlines()))
+        print_wrapped(str(tuning))
         output.name_written(output.out, output.scene_out)
 
 

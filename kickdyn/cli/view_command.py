@@ -5,8 +5,9 @@ from typing import Any
 import click
 import numpy as np
 
-from kickdyn.cli.command import Command, busy, check_page_name, warn
+from kickdyn.cli.command import Command, busy, check_page_name, print_wrapped, warn
 from kickdyn.cli.option_groups import JsonOptions, scene_argument, takes
+from kickdyn.cli.simulate_command import numbers_of
 from kickdyn.core import validation
 from kickdyn.core.files import finite
 from kickdyn.errors import InvalidInput
@@ -39,28 +40,24 @@ def view(
     pages = [file for file in (out, png) if file is not None]
     if not pages and output.json_file is None:
         raise InvalidInput("there is no output: give --out, --png or --json")
-    if moment is not None:
-        validation.number("at", moment, at_least=0, unit="s")
-        if png is None:
-            raise InvalidInput("--at is for a picture: give --png as well")
+    if moment is not None and png is None:
+        raise InvalidInput("--at is for a picture: give --png as well")
     for file in pages:
         check_page_name(file)
-    if png is not None:
-        from kickdyn.view.document import find_browser  # imports meshcat
-
-        find_browser(png)
     output.check(*pages, inputs=[scene_file])
-    # rich and meshcat take a second to import, which --help need not wait for
-    from kickdyn.core.console import screen_width, wrapped
-    from kickdyn.view.page import page
+    from kickdyn.view.page import (
+        page,
+    )  # meshcat takes time to import, which --help need not wait for
 
     scene = load_scene(scene_file)
     with busy("simulating"):
         simulation = simulate_as_instant(scene)
+    if moment is not None:
+        last = float(simulation.end.time)
+        validation.number("at", moment, at_least=0, at_most=last, unit="s")
     output.write_json(_document(simulation))
     if output.prints:
-        lines, width = simulation.summary.splitlines(), screen_width()
-        click.echo("\n".join(wrapped(line, width, indent=8) for line in lines))
+        print_wrapped(simulation.summary)
     if pages:
         with busy("drawing"):
             made_page = page(simulation)
@@ -74,34 +71,22 @@ def _document(simulation: Simulation) -> dict[str, Any]:
     """Return the numbers of a scene: SI units, joint angles in degrees as given."""
     from kickdyn.view.kick_scene import joint_impulses_in_world
 
-    impact, end = simulation.impact, simulation.end
+    impact = simulation.impact
     assert isinstance(impact, Impact)
-    leg, q, after = impact.posture.leg, impact.posture.q, impact.ball_after
+    leg, q = impact.posture.leg, impact.posture.q
+    postures = {"angles_deg": leg.angles_deg(q), "positions_m": leg.positions_m(q)}
     impulses = joint_impulses_in_world(impact)
-    return {
-        "scene": simulation.scene.name,
+    return numbers_of(simulation) | {
         "leg": leg.name,
         "frame": leg.frame,
         **{
             key: {name: round(value, 9) + 0.0 for name, value in values.items()}
-            for key, values in (
-                ("angles_deg", leg.angles_deg(q)),
-                ("positions_m", leg.positions_m(q)),
-            )
+            for key, values in postures.items()
             if values
         },
-        "restitution": impact.restitution,
-        "restitution_given": impact.contact.restitution,
         "impulse": impact.impulse.tolist(),
         "joint_impulses": {name: impulse.tolist() for name, _, impulse in impulses},
         "foot_speed": float(np.linalg.norm(impact.foot_velocity)),
-        "ball_velocity": after.velocity.tolist(),
-        "ball_spin": after.spin.tolist(),
-        "launch_angle": float(after.elevation),
-        "end": end.position.tolist(),
-        "time": float(end.time),
-        "error": finite(simulation.error),
-        **simulation.pitch_numbers(),
-        "warnings": list(simulation.warnings),
+        "launch_angle": float(simulation.launch.elevation),
         "neglected": dict.fromkeys(simulation.neglected, finite(simulation.model_error)),
     }

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from contextlib import suppress
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,13 +14,11 @@ from kickdyn.aerodynamics.coefficient_model import CoefficientModel
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
-from kickdyn.core.compilation import calling_beside
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.compiling import compiled_ends, compiled_rates
 from kickdyn.flight.equations import FINEST, MAX_SPEED, tolerances
 from kickdyn.flight.events import (
-    NUMBERS,
     Event,
     checked_ends,
     distance_to_plane,
@@ -35,16 +32,14 @@ from kickdyn.flight.flight_result import (
     outside_ranges,
     refinement,
 )
-from kickdyn.flight.forces import VACUUM, ballistic, brakes, downward, is_ballistic, time_to_fall
+from kickdyn.flight.forces import VACUUM, brakes, downward, fall_to_planes, is_ballistic
 from kickdyn.flight.march import (
     ALOFT,
     FAILED,
     FURTHER,
     LANDED,
     Flights,
-    compiled_march,
     march,
-    march_is_kept,
 )
 from kickdyn.ground import Ground
 from kickdyn.plane import Plane
@@ -67,7 +62,7 @@ def fly_many(
 
     The results are those of `fly`, computed hundreds of times as fast, without orientation and
     samples in between. The first call in a process takes about a second to load, the very first
-    some five to compile, and each new air, ball or event another one.
+    some ten to compile, and each new air, ball or event another one.
 
     Args:
         states: the launches, such as `BallState(velocity=velocities)` with velocities of shape
@@ -89,8 +84,9 @@ def fly_many(
 
     Returns:
         A dataset along `flight` in the order of the launches. Where `status` is `failed`, the
-        acceleration was not finite, the integrator gave up, the launch was faster than light, or
-        the flight left the range of a coefficient that refuses that, and the numbers are nan;
+        acceleration was not finite, the integrator gave up, the launch was faster than light, the
+        function of an event was not a number, or the flight left the range of a coefficient that
+        refuses that, and the numbers are nan;
         where it is `aloft`, the landing is merely the last state. `outside` is about launch, apex
         and landing only, while a ball is slowest between apex and landing.
 
@@ -133,16 +129,6 @@ def fly_many(
         "tol": tol,
     }
     return xr.Dataset(data, {"axis": ["x", "y", "z"]}, attributes)
-
-
-@lru_cache(maxsize=16)
-def compile_flights(ball: Ball, air: Air) -> None:
-    """Compile what `fly_many` calls, in two processes at once, or read it from disk."""
-    if march_is_kept() is False:
-        with calling_beside("the equations of motion of a ball", compiled_rates, ball, air):
-            compiled_march()
-    compiled_march()
-    compiled_rates(ball, air)
 
 
 class _Task(NamedTuple):
@@ -218,22 +204,14 @@ def _have_closed_form(states: BallState, ball: Ball, air: Air | None) -> NDArray
 
 def _closed_forms(task: _Task, rows: NDArray[np.bool_]) -> _Flown:
     """Return the flights of some rows, on which only weight acts, to the first of some planes."""
-    velocity, g = task.states.velocity[rows], downward(task.ball, task.air)
-    numbers = _numbers(task)[rows]
-    times = []
-    for k in range(0, numbers.shape[1], NUMBERS):
-        gap, normal = numbers[:, k], numbers[:, k + 1 : k + NUMBERS]
-        rise = np.einsum("ij,ij->i", normal, velocity)
-        times.append(time_to_fall(rise, gap, g * normal[:, 2]))
-    times.append(np.full(len(velocity), task.time_limit))
-    reached, end = np.argmin(times, axis=0), np.min(times, axis=0)
-    with np.errstate(over="ignore", invalid="ignore"):
-        top = np.clip(velocity[:, 2] / g, 0.0, end)
-        states = [ballistic(velocity, g, t) for t in (end, top)]
-    nodes = np.column_stack([end, states[0], top, states[1]])
+    nodes, reached = fall_to_planes(
+        task.states.velocity[rows],
+        _numbers(task)[rows],
+        downward(task.ball, task.air),
+        task.time_limit,
+    )
     status = np.where(reached == 0, LANDED, FURTHER - 1 + reached)
-    status[reached == len(times) - 1] = ALOFT
-    nodes[status == LANDED, 3] = -numbers[status == LANDED, 0]
+    status[reached == len(task.ends)] = ALOFT
     lost = ~np.isfinite(nodes).all(axis=1)
     nodes[lost], status[lost] = np.nan, FAILED
     return _Flown(nodes, status.astype(np.int8), np.zeros(len(nodes), np.int64))
@@ -252,7 +230,6 @@ def _integrate(
     """Return the flights of some rows through the air."""
     ball, ends = task.ball, task.ends
     air = VACUUM if task.air is None else task.air
-    compile_flights(ball, air)
     rates = compiled_rates(ball, air)
     values = compiled_ends(tuple(end.function for end in ends), tuple(end.name for end in ends))
     flights = _flights(task, air, rows, tol, longest)

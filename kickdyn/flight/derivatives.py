@@ -27,6 +27,7 @@ from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
 from kickdyn.flight.forces import (
+    VACUUM,
     acceleration_function,
     ballistic,
     downward,
@@ -47,9 +48,6 @@ TIME_LIMIT = 1000.0
 
 FIRST_STEP = 1.0 / 16.0
 """First step of the integration, as a fraction of the flight, or of its duration in a vacuum."""
-
-VACUUM = Air(density=0.0)
-"""The air of a flight in the vacuum."""
 
 LaunchFunction = Callable[[Array], tuple[BallState, Air | None]]
 """From parameters, shape `(p,)`, to the launch and the air of a flight; None is the vacuum."""

@@ -34,7 +34,8 @@ class Event:
     """What happens where a function of the ball's state falls through zero.
 
     A function that is zero at the launch, as the height over the ground of a ball that lies on it,
-    ends the flight at once unless it rises; one that is negative must first become positive.
+    ends the flight at once unless it rises; one that is negative must first become positive. Where
+    the function is nan or raises, `fly` raises `InvalidInput`, and `fly_many` says `failed`.
 
     Attributes:
         name: the status of a flight that the event ends.
@@ -67,24 +68,64 @@ class Event:
 
     def launched(self, launch: BallState) -> "Event":
         """Return the event with the numbers of a launch, or with those of n launches."""
-        numbers = self.numbers(launch) if callable(self.numbers) else self.numbers
         try:
-            fixed = [number if np.ndim(number) else float(number) for number in numbers]
+            numbers = self.numbers(launch) if callable(self.numbers) else self.numbers
+        except InvalidInput:
+            raise
+        except Exception as fault:
+            raise InvalidInput(
+                f"the numbers of the event {self.name!r} are a function that raised "
+                f"{type(fault).__name__}: {fault}"
+            ) from fault
+        shape = launch.position.shape[:-1]
+        try:
+            fixed = [
+                np.asarray(number, dtype=float) if np.ndim(number) else float(number)
+                for number in numbers
+            ]
+            valid = len(fixed) <= NUMBERS
+            valid = valid and all(np.shape(number) in ((), shape) for number in fixed)
         except (TypeError, ValueError):
+            valid = False
+        if not valid:
             raise InvalidInput(
                 f"the numbers of the event {self.name!r} are {validation.brief(numbers)}: they "
                 f"must be a sequence of at most {NUMBERS} numbers"
-            ) from None
-        if len(fixed) > NUMBERS:
+                + (f", or arrays of shape {shape}" if shape else "")
+            )
+        if not all(np.isfinite(number).all() for number in fixed):
             raise InvalidInput(
-                f"the event {self.name!r} has {len(fixed)} numbers: it may have {NUMBERS}"
+                f"the numbers of the event {self.name!r} are {validation.brief(numbers)}: they "
+                "must be finite"
             )
         fixed += (NUMBERS - len(fixed)) * [0.0]
         return replace(self, numbers=tuple(fixed))
 
     def value(self, state: Any) -> float:
-        """Return the value of the function at a state of a flight whose launch is known."""
-        return float(self.function(state, self.numbers))
+        """Return the value of the function at a state of a flight whose launch is known.
+
+        Raises:
+            InvalidInput: the function raised, or its value is not a number.
+        """
+        try:
+            value = float(self.function(state, self.numbers))
+            fault = "gave nan"
+        except Exception as error:
+            value, fault = math.nan, f"raised {type(error).__name__}: {error}"
+        if math.isnan(value):
+            x, y, z = state[:3]
+            raise InvalidInput(
+                f"the function of the event {self.name!r} {fault}, with the ball displaced by "
+                f"({x:g}, {y:g}, {z:g}) m from its launch"
+            )
+        return value
+
+    def value_or_nan(self, state: Any) -> float:
+        """Return the value of the function; nan where there is none, perhaps only beside a path."""
+        try:
+            return float(self.function(state, self.numbers))
+        except Exception:
+            return math.nan
 
 
 def distance_to_plane(state: Any, numbers: Any) -> Any:

@@ -21,6 +21,9 @@ from kickdyn.errors import KickdynError
 from kickdyn.ground import Ground
 from kickdyn.plane import Plane
 
+COMPRESSIBLE = 100.0
+"""Speed from which the compressibility of air matters [m/s]: 0.3 of that of sound."""
+
 ROUNDING = 4 * float(np.finfo(float).eps)
 """Of a position, relative to its size."""
 
@@ -139,10 +142,17 @@ class Flight(ReprMixin):
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
-        """A line for each coefficient that was used outside the range it is meant for."""
-        return tuple(
+        """A line for the ball, for each coefficient outside its range, and above Mach 0.3."""
+        lines = [*self.ball.warnings]
+        lines += [
             warning_of(model, share, limits) for model, share, limits in self.outside() if share > 0
-        )
+        ]
+        if self.evaluations and self.air is not None and self.launch.speed > COMPRESSIBLE:
+            lines.append(
+                f"the launch speed of {self.launch.speed:.3g} m/s is above {COMPRESSIBLE:g} m/s, "
+                "Mach 0.3: there the air is compressed, and no coefficient is valid"
+            )
+        return tuple(lines)
 
     def outside(self) -> list[tuple[CoefficientModel, float, list[str]]]:
         """Return each coefficient model, the share of the flight outside its range, and where."""

@@ -32,8 +32,8 @@ from kickdyn.flight.forces import (
     ballistic,
     brakes,
     downward,
+    fall_to_planes,
     is_ballistic,
-    time_to_fall,
 )
 from kickdyn.flight.integrate import Tolerance, integrate, trajectory
 from kickdyn.ground import Ground
@@ -77,10 +77,10 @@ def fly(
         ends: further events that end the flight, each with a status of its own, its name.
 
     Raises:
-        InvalidInput: an array of states, an end that is no terminal event, a ball that starts
-            inside the ground, beyond the plane or faster than light, a position beyond the range of
-            float64, a bad tolerance, or a coefficient outside its range whose model refuses that;
-            others give one of `Flight.warnings`.
+        InvalidInput: an array of states, an end that is no terminal event or whose function is not
+            a number on the way, a ball that starts inside the ground, beyond the plane or faster
+            than light, a position beyond the range of float64, a bad tolerance, or a coefficient
+            outside its range whose model refuses that; others give one of `Flight.warnings`.
         KickdynError: the integrator gave up.
 
     Example:
@@ -168,38 +168,23 @@ def _closed_form(
     time_limit: float,
 ) -> Flight:
     """Return the flight of a ball that only its weight acts on, to the first of some planes."""
-    times = [time_limit]
-    for end in ends:
-        gap, *normal = end.numbers
-        times.append(time_to_fall(float(normal @ state.velocity), gap, g * normal[2]))
-    duration = min(times)
-    reached = next(
-        (end for end, time in zip(ends, times[1:], strict=True) if time == duration), None
-    )
-    top = min(max(float(state.velocity[2]) / g, 0.0), duration)
-    with np.errstate(over="ignore", invalid="ignore"):
-        start, apex, last = ballistic(state.velocity, g, np.array([0.0, top, duration]))
-    if not np.isfinite(last).all():
+    numbers = np.array([[number for end in ends for number in end.numbers]])
+    nodes, which = fall_to_planes(state.velocity[None], numbers, g, time_limit)
+    node, reached = nodes[0], (*ends, None)[which[0]]
+    if not np.isfinite(node).all():
         raise InvalidInput(
-            f"the ball flies for {duration:g} s: after that its position is beyond the range of "
+            f"the ball flies for {node[0]:g} s: after that its position is beyond the range of "
             "float64"
         )
     return flown(
-        _ball_at(state, 0.0, start),
-        lambda: _ball_at(state, top, apex),
-        _ball_at(state, duration, _landed(last, reached, ends[0])),
+        _ball_at(state, 0.0, ballistic(state.velocity, g, np.zeros(1))[0]),
+        lambda: _ball_at(state, float(node[8]), node[9:]),
+        _ball_at(state, float(node[0]), node[1:8]),
         FlightStatus.ALOFT if reached is None else reached.name,
         "closed form",
         0,
         partial(ballistic, state.velocity, g),
     )
-
-
-def _landed(state: Array, reached: Event | None, ground: Event) -> Array:
-    """Return a last state that is on the ground exactly, and not but for rounding, if it landed."""
-    if reached is ground:
-        state[2] = -ground.numbers[0]
-    return state
 
 
 def _integrated(flown: Callable[..., Flight], task: _Task, ends: tuple[Event, ...]) -> Flight:
@@ -231,7 +216,9 @@ def _integrated(flown: Callable[..., Flight], task: _Task, ends: tuple[Event, ..
         if not cause:
             raise
         raise KickdynError(f"{error}; {cause}") from equations.fault
-    last = arc.end, _landed(arc.state.copy(), arc.reached, ends[0])
+    last = arc.end, arc.state.copy()
+    if arc.reached is ends[0]:
+        last[1][2] = -drop  # by definition; else but for rounding
 
     def find_apex() -> BallState:
         """Return the ball at the highest of launch, crests and landing."""

@@ -99,11 +99,12 @@ class Course(ReprMixin):
                 of_kind[kind] = model
                 shares[kind] = shares.get(kind, 0.0) + share * path.duration / aloft
                 limits.setdefault(kind, {}).update(dict.fromkeys(exceeded))
-        return tuple(
+        lines = [
             warning_of(of_kind[kind], share, limits[kind])
             for kind, share in shares.items()
             if share > 0.0
-        )
+        ]
+        return (*self.flights[0].ball.warnings, *lines)
 
     def sample(self, t: ArrayLike) -> BallState:
         """Return the ball at one time or many.

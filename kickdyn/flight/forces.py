@@ -16,6 +16,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kickdyn.aerodynamics.drag import constant
 from kickdyn.air import Air
@@ -147,3 +148,35 @@ def ballistic(velocity: Array, g: float, t: Array) -> Array:
     down, t = np.array([0.0, 0.0, -g]), t[:, None]
     moved = velocity * t + 0.5 * down * (t * t)
     return np.hstack([moved, velocity + down * t, np.ones_like(t)])
+
+
+def fall_to_planes(
+    velocity: Array, numbers: Array, g: float, time_limit: float
+) -> tuple[Array, NDArray[np.intp]]:
+    """Return the ends of n flights on which only weight acts, and which of k planes ends each.
+
+    Args:
+        velocity: velocities at the launch, shape `(n, 3)` [m/s].
+        numbers: distance [m] and normal of each plane, the ground first, shape `(n, 4 k)`.
+        g: downward acceleration [m/s2].
+        time_limit: time after which a flight ends that has reached no plane [s].
+
+    Returns:
+        Time and states of `ballistic` at the end, then at the apex, shape `(n, 16)`; and the
+        number of the plane that ends the flight, k where none does, shape `(n,)`.
+    """
+    times = []
+    for k in range(0, numbers.shape[1], 4):
+        gap, normal = numbers[:, k], numbers[:, k + 1 : k + 4]
+        rise = np.einsum("ij,ij->i", normal, velocity)
+        times.append(time_to_fall(rise, gap, g * normal[:, 2]))
+    times.append(np.full(len(velocity), time_limit))
+    reached, end = np.argmin(times, axis=0), np.min(times, axis=0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        top = np.clip(velocity[:, 2] / g, 0.0, end)
+        nodes = np.column_stack(
+            [end, ballistic(velocity, g, end), top, ballistic(velocity, g, top)]
+        )
+    landed = reached == 0
+    nodes[landed, 3] = -numbers[landed, 0]  # by definition; else but for rounding
+    return nodes, reached

@@ -153,20 +153,18 @@ def roll(
     """
     rolling = _Rolling(state, ball, air, surface)
     arcs, reached = rolling.roll(tol, ends, time_limit)
-    stop = _Stop(0.0, rolling.begin, 0.0)
-    if arcs:
-        stop = _Stop(arcs[-1].end, arcs[-1].state, 0.0)
-    if reached is rolling.slow:
-        stop = rolling.stop(stop.time, stop.state)
+    slow_time, slow = (arcs[-1].end, arcs[-1].state) if arcs else (0.0, rolling.begin)
+    rests = reached is rolling.slow
+    duration = slow_time + (rolling.time_to_rest(slow) if rests else 0.0)
     rolled = trajectory(arcs, rolling.begin)
 
     def states(t: Array) -> BallState:
         """Return the rolling ball at times `(n,)` [s]."""
-        moved = rolled(np.minimum(t, stop.time))
-        late = t > stop.time
-        if late.any():
-            moved[:, late] = stop.states(t[late])
-        x, y, _, u, v, _, _ = moved
+        moved = rolled(np.minimum(t, slow_time))
+        late = np.maximum(t - slow_time, 0.0)
+        left = 1.0 - late / max(duration - slow_time, 1e-300)  # of the speed
+        x, y = moved[:2] + 0.5 * (1.0 + left) * late * slow[3:5, None]
+        u, v = moved[3:5] * left
         still = np.zeros_like(u)
         return BallState(
             state.position + np.column_stack([x, y, still]),
@@ -175,12 +173,8 @@ def roll(
             t,
         )
 
-    rests = reached is rolling.slow
-    end = _first(states(np.array([stop.time + stop.duration])))
-    if rests:
-        still = np.zeros(3)
-        end = BallState(end.position, still, still, end.time)
     start = BallState(state.position, state.velocity, state.spin)
+    end = _first(states(np.array([duration])))
     name = None if rests or reached is None else reached.name
     evaluations = sum(arc.evaluations for arc in arcs)
     return GroundPhase(start, end, "roll", states, name, reached is None, evaluations)
@@ -248,38 +242,13 @@ class _Rolling:
             time, state, reached = arcs[-1].end, arcs[-1].state, arcs[-1].reached
         return arcs, reached
 
-    def stop(self, time: float, state: Array) -> "_Stop":
-        """Return the last moments before rest, of a ball that has become slow."""
+    def time_to_rest(self, state: Array) -> float:
+        """Return how long a ball rolls on that has become slow [s]: all forces are constant."""
         speed = math.hypot(*state[3:5])
         if speed == 0.0:
-            return _Stop(time, state, 0.0)
-        along = state[3:5] / speed
-        return _Stop(time, state, self._resistance - float(along @ self._push(0.0, 0.0)))
-
-
-@dataclass(frozen=True)
-class _Stop:
-    """A straight way to rest from a time [s] and a state on, at a constant deceleration [m/s2]."""
-
-    time: float
-    state: Array
-    deceleration: float
-
-    @property
-    def duration(self) -> float:
-        """Time to rest [s]."""
-        if self.deceleration == 0.0:
             return 0.0
-        return math.hypot(*self.state[3:5]) / self.deceleration
-
-    def states(self, times: Array) -> Array:
-        """Return the seven states at times, shape `(7, n)`."""
-        late = np.clip(times - self.time, 0.0, self.duration)
-        left = 1.0 - late / self.duration
-        moved = np.tile(self.state[:, None], (1, len(times)))
-        moved[:3] += 0.5 * (1.0 + left) * late * self.state[3:6, None]
-        moved[3:6] *= left
-        return moved
+        along = state[3:5] / speed
+        return speed / (self._resistance - float(along @ self._push(0.0, 0.0)))
 
 
 def _first(states: BallState) -> BallState:

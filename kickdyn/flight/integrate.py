@@ -125,6 +125,7 @@ def integrate(
     event whose function is zero at the start counts at once unless the function rises first.
 
     Raises:
+        InvalidInput: the function of an event raised, or is not a number, where the ball is.
         KickdynError: the integrator gave up.
     """
     with np.errstate(over="ignore", invalid="ignore"):  # the solver then tries a shorter step
@@ -174,7 +175,10 @@ class _Change(NamedTuple):
             return 1.0
         if start == 0.0:
             return max(0.5 * ahead / (ahead - end), 0.0) or 0.5
-        fraction = _fall_of_cubic(start, end, ahead - start, end - behind)
+        if math.isfinite(ahead + behind):
+            fraction = _fall_of_cubic(start, end, ahead - start, end - behind)
+        else:
+            fraction = start / (start - end)
         return 1.0 if fraction >= 1.0 - EVENT_MARGIN else (1.0 + 0.5 * EVENT_MARGIN) * fraction
 
     def hides(self, step: "Step") -> bool:
@@ -196,7 +200,7 @@ class _Change(NamedTuple):
         if not event.terminal and (ahead - start) * (end - behind) >= 0.0:
             return False
         states = step(step.t_old + step.length * INNER_FRACTIONS).T
-        return any(start * event.value(state) < 0.0 for state in states)
+        return any(start * event.value_or_nan(state) < 0.0 for state in states)
 
 
 def _changes(events: Sequence[Event], before: _Node, after: _Node) -> list[_Change]:
@@ -204,7 +208,7 @@ def _changes(events: Sequence[Event], before: _Node, after: _Node) -> list[_Chan
     h = after.time - before.time
     ahead, behind = before.state + h * before.rates, after.state - h * after.rates
     states = [state.tolist() for state in (before.state, after.state, ahead, behind)]
-    return [_Change(event, *map(event.value, states)) for event in events]
+    return [_Change(event, *map(event.value_or_nan, states)) for event in events]
 
 
 class Step(DenseOutput):  # type: ignore[misc]
@@ -306,6 +310,9 @@ class _Integration:
                 if time <= step.t_old:  # the step before ended there but for rounding
                     steps.pop()
                 return Arc(time, state, event, passed, self._evaluations, steps)
+            for change in changes:
+                if math.isnan(change.end):
+                    change.event.value(step.after.state.tolist())  # raises
             node = step.after
         return Arc(node.time, node.state, None, passed, self._evaluations, steps)
 
@@ -358,7 +365,7 @@ class _Integration:
         moved = [y + length * rate for y, rate in zip(node.state.tolist(), rates, strict=True)]
         for axis in range(3):
             moved[axis] += 0.5 * length * length * rates[3 + axis]
-        if all(event.value(moved) > 0.0 for event in self._terminal):
+        if all(event.value_or_nan(moved) > 0.0 for event in self._terminal):
             return None
         time = node.time + length
         end = self._predictor(time)

@@ -23,12 +23,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import DOP853
 
-from kickdyn.core import lanes
-from kickdyn.core.compilation import compiled, is_kept, named
-from kickdyn.core.lanes import HOW, LANES, WITHIN
+from kickdyn.core.compilation import WITHIN, compiled, named
 from kickdyn.core.validation import Array
 from kickdyn.flight import compiling, events
-from kickdyn.flight.compiling import LEFT, SIGNATURE, SIZE, U, V, W, X, Z
+from kickdyn.flight.compiling import HOW, LANES, LEFT, SIGNATURE, SIZE, U, V, W, X, Z
 from kickdyn.flight.events import AT_REST, NUMBERS
 from kickdyn.flight.integrate import MAX_EVALUATIONS
 
@@ -171,25 +169,15 @@ def compiled_march() -> Any:
     vector, matrix, integers = numba.float64[::1], numba.float64[:, ::1], numba.int64[::1]
     flights = _named_tuple([*(matrix,) * 6, numba.int8[::1], integers], Flights)
     kinds = [*(vector,) * 5, *(matrix,) * 4, *(vector,) * 7, integers, integers]
-    function = numba.types.FunctionType(SIGNATURE)
+    equations = numba.types.FunctionType(SIGNATURE)
     signature = numba.void(
-        function, function, flights, _named_tuple(kinds, Lanes),
+        equations, equations, flights, _named_tuple(kinds, Lanes),
         numba.float64, numba.float64,
     )  # fmt: skip
-    return compiled(_named_march(), signature, "the integration of flights", **_OPTIONS)
-
-
-def march_is_kept() -> bool | None:
-    """Return whether `_march` is on disk as machine code; None where it cannot be kept."""
-    return is_kept(_named_march())
-
-
-@cache
-def _named_march() -> Any:
-    """Return `_march` under the name that it is kept by."""
     # numba looks for changes in this file only; the others are part of the name
-    sources = b"".join(Path(str(file.__file__)).read_bytes() for file in (lanes, compiling, events))
-    return named(_march, f"march_{zlib.crc32(sources, MAX_EVALUATIONS):08x}")
+    sources = b"".join(Path(str(file.__file__)).read_bytes() for file in (compiling, events))
+    function = named(_march, f"march_{zlib.crc32(sources, MAX_EVALUATIONS):08x}")
+    return compiled(function, signature, "the integration of flights", **_OPTIONS)
 
 
 def _march(rates_of, values_of, flights, lane, rtol, time_limit):
@@ -280,6 +268,8 @@ def _start(rates_of, values_of, flights, lane, rtol, time_limit):
                 for derivative in range(3):
                     column = 8 + 3 * (k // LANES) + derivative
                     flights.begin[row, column] = lane.begin[derivative, k]
+                if math.isnan(lane.begin[VALUE, k]):
+                    flights.status[row] = FAILED
                 value = lane.end[VALUE, k]
                 rests = value == 0.0 and abs(lane.state[U + i]) < AT_REST
                 rests = rests and abs(lane.state[V + i]) < AT_REST > abs(lane.state[W + i])
@@ -434,6 +424,7 @@ def _take_steps_without_events(lane, time_limit):
             start, end = lane.begin[VALUE, k], lane.end[VALUE, k]
             rise, last_rise = h * lane.begin[SLOPE, k], h * lane.end[SLOPE, k]
             perhaps = _happens(start, rise, end, last_rise) | _dips(start, rise, end, last_rise)
+            perhaps |= end != end
             lane.taken[i] = 0.0 if perhaps else lane.taken[i]
     for i in range(LANES):
         h, t, taken = lane.step[i], lane.time[i] + lane.step[i], lane.taken[i] != 0.0
@@ -583,7 +574,7 @@ def _end_step(i, flights, lane, time_limit):
         lane.rejected[i] = 1.0
         return _set_step(i, h * max(0.2, growth) if error < math.inf else 0.2 * h, lane, time_limit)
     resolvable = h > max(100.0 * _EPS * lane.time[i], 1e-300)
-    first, before_end = _FLYING - 1, -1.0
+    first, before_end, unknown = _FLYING - 1, -1.0, False
     for event in range(_CREST, lane.begin.shape[1] // LANES):
         if event == _CREST:
             start, end = lane.state[W + i], lane.new[W + i]
@@ -592,6 +583,7 @@ def _end_step(i, flights, lane, time_limit):
             k = event * LANES + i
             start, end = lane.begin[VALUE, k], lane.end[VALUE, k]
             rise, last_rise = h * lane.begin[SLOPE, k], h * lane.end[SLOPE, k]
+        unknown |= end != end
         if event != _CREST and _dips(start, rise, end, last_rise):
             s, lowest = _find_lowest(i, event, h, lane)
             if lowest <= 0.0 and 0.0 < s < 1.0 - 1e-6 and resolvable:
@@ -616,6 +608,8 @@ def _end_step(i, flights, lane, time_limit):
             for c in range(8):
                 flights.nodes[row, 8 + c] = flights.nodes[row, c]
         return _status_of(first)
+    if unknown:  # the function of an event is not a number
+        return FAILED
     if first == _CREST and lane.new[Z + i] > flights.nodes[row, 11]:
         _write_event(i, before_end, h, lane, flights.nodes, row, 8)
     lane.taken[i] = 1.0

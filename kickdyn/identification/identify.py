@@ -39,6 +39,9 @@ from kickdyn.identification.track import Track, refuse_intervals, refuse_units
 LEAST_SAMPLES = 5
 """Fewer positions do not determine a launch together with its standard deviations."""
 
+LONGEST_FLIGHT = 100.0
+"""Duration of a track [s] that is no flight of a ball."""
+
 SPIN_SPREAD = 100.0
 """Order of magnitude of a spin [rad/s]: five professionals' curling free kicks have 106 rad/s on
 average (Passmore et al. 2012)."""
@@ -65,7 +68,6 @@ FAILED_RESIDUAL = 1e6
 
 FIRST_DRAG = 0.2
 """First guess of a constant C_D: its value above the drag crisis (Goff & Carre 2009)."""
-
 
 PROFILED, LARGEST_BEND = 2.0, 2.0
 """Distance from the estimate at which a profile is taken, in standard deviations; and the factor
@@ -243,7 +245,9 @@ class _Problem(NamedTuple):
         is_coefficient = [name in COEFFICIENTS for name in self.shared_names]
         largest = np.abs(parameters[first_shared:][is_coefficient]).max(initial=0.0)
         if np.abs(parameters[:3]).max() > LARGEST_FACTOR * fastest or largest > LARGEST_FACTOR:
-            raise KickdynError("the speed or a coefficient is far beyond those of a ball")
+            raise KickdynError(
+                "the fit leads to a speed or a coefficient far beyond those of a ball"
+            )
 
         def launch(changed: Array) -> tuple[BallState, Air]:
             spin = changed[3:6] if Free.SPIN in self.sought else self.known_spin
@@ -334,6 +338,11 @@ def _check_flight(track: Track) -> None:
         raise InvalidInput(
             f"the ball stays at {track.positions[0].tolist()} m: it does not move, so this is not "
             "a flight"
+        )
+    if track.duration > LONGEST_FLIGHT:
+        raise InvalidInput(
+            f"the samples are of {track.duration:.4g} s, and no flight takes more than "
+            f"{LONGEST_FLIGHT:g} s: leave out samples with wrong times"
         )
     refuse_units(track, -float(_bend(track)[2]))
 

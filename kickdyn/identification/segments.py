@@ -35,7 +35,8 @@ LONGEST_CUBIC = 1.0
 """Longest time that one cubic is fitted to [s]; longer flights are joined afterwards."""
 
 LEAST_NOISE = 0.012
-"""Least noise of a coordinate that cuts are judged by [m]: cubics are no exact flights."""
+"""Least noise of a coordinate that cuts and deviations are judged by [m]: cubics are no exact
+flights, and trackers smooth."""
 
 SHORT_PIECE = 15
 """Samples of a piece that may be an artefact of two cuts for one touch."""
@@ -64,9 +65,6 @@ flight that is left out at most at either end."""
 LEAST_ROLLING_TIME = 0.5
 """Duration of a rolling part from which its deceleration is taken [s]."""
 
-LEAST_DECELERATION = 1e-3
-"""Least rolling deceleration of a measured surface [m/s2]: measurements can give one below 0."""
-
 FRICTION_DEVIATION, ROLLING_DEVIATION = 0.05, 0.3
 """Standard deviations of one bounce's friction and of one part's rolling deceleration [m/s2]: grass
 is not level."""
@@ -85,6 +83,9 @@ LEAST_FALL, MOST_FALL = 4.0, 22.0
 
 MOST_LEVEL_FALL = 2.0
 """Vertical acceleration above which a ball does not roll [m/s2]."""
+
+GRAVITY_MARGIN = 3.0
+"""Difference from gravity up to which an acceleration across the path is a fall [m/s2]."""
 
 REST_SPEED = 0.3
 """Speed below which a ball on the ground counts as at rest [m/s]."""
@@ -107,6 +108,10 @@ class CutReason(StrEnum):
     TOUCH = "touch"
     LANDING = "landing"
     GAP = "gap"
+
+
+ON_GROUND = (SegmentKind.ROLLING, SegmentKind.REST)
+"""What a ball does that stays on the ground."""
 
 
 @dataclass(frozen=True)
@@ -174,6 +179,7 @@ class Segments(Printed):
         rolling_deceleration: deceleration in the second halves of the parts in which the ball rolls
             [m/s2], without the drag of the air. A kicked ball slides in the first half. None
             without such a segment.
+        warnings: lines about what to know before using the numbers; empty if there is nothing.
     """
 
     track: Track
@@ -181,6 +187,7 @@ class Segments(Printed):
     restitution: Measured | None
     friction: Measured | None
     rolling_deceleration: Measured | None
+    warnings: tuple[str, ...]
 
     def __str__(self) -> str:
         """Return a line for each part, and what the bounces and the rolling say."""
@@ -197,13 +204,6 @@ class Segments(Printed):
             if value is not None:
                 lines.append(f"{name.replace('_', ' ')}: {value}")
         return "\n".join([*lines, *(f"warning: {line}" for line in self.warnings)])
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """Lines about what to know before using the numbers; empty if there is nothing."""
-        if self.friction is None or not self.friction.is_lower_bound:
-            return ()
-        return ("no bounce shows that the ball slid to its end: friction may be higher",)
 
     @property
     def flights(self) -> tuple[Track, ...]:
@@ -229,16 +229,17 @@ class Segments(Printed):
         A lower bound of friction has no deviation: with it, the ball grips in all measured bounces.
 
         Raises:
-            InvalidInput: the track has no bounce, or no rolling segment.
+            InvalidInput: the track has no bounce or no rolling segment, or a median is no
+                coefficient, such as a rolling deceleration below 0.
         """
         if self.restitution is None or self.friction is None or self.rolling_deceleration is None:
             missing = "bounce" if self.restitution is None else "part in which the ball rolls"
             raise InvalidInput(f"the track has no {missing}: it does not determine a surface")
         return Surface(
             "measured",
-            min(max(self.restitution.median, 0.0), 1.0),
-            max(self.friction.median, 0.0),
-            max(self.rolling_deceleration.median, LEAST_DECELERATION),
+            self.restitution.median,
+            self.friction.median,
+            self.rolling_deceleration.median,
             source=f"{self.restitution.samples} bounces of a measured track",
             deviations={
                 name: getattr(self, name).deviation
@@ -257,9 +258,14 @@ class _Samples(NamedTuple):
     noise: float
 
     @property
-    def coefficient_price(self) -> float:
-        """Price of one coefficient by the Bayesian information criterion."""
-        return math.log(self.positions.size)
+    def speed_deviation(self) -> float:
+        r"""Standard deviation of a velocity just before or after a cut [m/s].
+
+        It is that of the slope of a parabola at the end of T = `VELOCITY_WINDOW` with n samples,
+        :math:`\sigma \sqrt{192 / n} / T`.
+        """
+        count = max(VELOCITY_WINDOW / float(np.median(np.diff(self.times))), 1.0)
+        return self.noise * math.sqrt(192.0 / count) / VELOCITY_WINDOW
 
 
 class _Piece(NamedTuple):
@@ -326,13 +332,31 @@ def segments(
     gaps = [int(k) for k in np.flatnonzero(np.diff(samples.times) > GAP_TIME) + 1]
     for first, last in zip([0, *gaps], [*gaps, len(kept)], strict=True):
         pieces += _joined(samples, _partition(samples, first, last))
-    falls = [piece.fall for piece in pieces if piece.last - piece.first >= 8]
-    falling = [fall for fall in falls if fall > LEAST_FALL]
+    long = [piece for piece in pieces if piece.last - piece.first >= 8]
+    falling = [piece.fall for piece in long if piece.fall > LEAST_FALL]
     refuse_units(track, float(np.median(falling)) if falling else 0.0)
+    warnings = [] if falling else _other_axis_up(long)
     segments = _described(samples, pieces, level + ball.radius, gaps)
     restitution, friction = _at_bounces(segments, samples, ball)
     rolling_deceleration = _rolling_deceleration(samples, segments, ball, air)
-    return Segments(track, segments, restitution, friction, rolling_deceleration)
+    if friction is not None and friction.is_lower_bound:
+        warnings.append("no bounce shows that the ball slid to its end: friction may be higher")
+    return Segments(track, segments, restitution, friction, rolling_deceleration, tuple(warnings))
+
+
+def _other_axis_up(pieces: Sequence[_Piece]) -> list[str]:
+    """Return a warning if the ball falls along x or y: across its path, as drag does not act."""
+    across = [np.zeros(3)]
+    for piece in pieces:
+        velocity, acceleration = (piece.derivative(piece.middle, order) for order in (1, 2))
+        along = velocity / max(float(np.linalg.norm(velocity)), 1e-300)
+        across.append(acceleration - acceleration @ along * along)
+    return [
+        f"the ball falls along {axis}, with {fall:.3g} m/s2, and not along z: the track looks "
+        f"{axis}-up; where y points up, the columns t,z,x,y make it z-up (--columns)"
+        for axis, fall in zip("xy", -np.median(across[1:] or across, axis=0)[:2], strict=True)
+        if abs(fall - GRAVITY) < GRAVITY_MARGIN
+    ]
 
 
 def _noise(track: Track) -> float:
@@ -377,7 +401,7 @@ def _fitted(samples: _Samples, first: int, last: int, degree: int) -> _Piece:
 
 def _partition(samples: _Samples, start: int, stop: int) -> list[tuple[int, int]]:
     """Return the best partition of samples start to stop - 1 into cubics."""
-    count, price = stop - start, 12 * samples.coefficient_price
+    count, price = stop - start, 12 * math.log(samples.positions.size)
     best = np.full(count + 1, math.inf)  # cost of the samples before
     best[0] = 0.0
     previous_cut = np.zeros(count + 1, dtype=int)
@@ -418,7 +442,7 @@ def _joined(samples: _Samples, cuts: list[tuple[int, int]]) -> list[_Piece]:
     a touch that the tracker smooths over is cut twice.
     """
     pieces = [_fitted(samples, first, last, 3) for first, last in cuts]
-    price = 6 * samples.coefficient_price
+    price = 6 * math.log(samples.positions.size)
     i = 0
     while i + 1 < len(pieces):
         left, right = pieces[i], pieces[i + 1]
@@ -459,25 +483,34 @@ def _described(
         after = _velocity(samples, piece, start, kind)
         if before is not None:
             height = float(piece.derivative(start, 0)[2]) - rest_height
-            begins = _cut_reason(height, before, after, kinds[i - 1], kind)
+            deviation = samples.speed_deviation
+            begins = _cut_reason(height, before, after, deviation, kinds[i - 1], kind)
         first, last = int(samples.indices[piece.first]), int(samples.indices[piece.last - 1]) + 1
         segments.append(Segment(kind, first, last, begins, start, before, after))
     return tuple(segments)
 
 
 def _cut_reason(
-    height: float, before: Array, after: Array, kind_before: SegmentKind, kind_after: SegmentKind
+    height: float,
+    before: Array,
+    after: Array,
+    deviation: float,
+    kind_before: SegmentKind,
+    kind_after: SegmentKind,
 ) -> CutReason:
-    """Return why the motion changes, from the height above rest [m] and the velocities [m/s]."""
+    """Return why the motion changes, from the height above rest [m] and the velocities [m/s].
+
+    The deviation is that of a velocity. A part of another kind than flight may have a low bounce in
+    it that was not cut.
+    """
     down, up = -float(before[2]), float(after[2])
-    if kind_before is not SegmentKind.FLIGHT or height >= CONTACT_HEIGHT or down <= 0.0:
+    if kind_before in ON_GROUND or height >= CONTACT_HEIGHT or down <= 0.0:
         return CutReason.TOUCH
-    if kind_after in (SegmentKind.ROLLING, SegmentKind.REST):
+    if kind_after in ON_GROUND:
         return CutReason.LANDING
     along = math.hypot(*(after - before)[:2])
-    is_passive = 0.0 < up <= down and along < MOST_FRICTION * (up + down)
-    is_bounce = kind_after is SegmentKind.FLIGHT and is_passive
-    return CutReason.BOUNCE if is_bounce else CutReason.TOUCH
+    is_passive = 0.0 < up <= down + 2.0 * deviation and along < MOST_FRICTION * (up + down)
+    return CutReason.BOUNCE if is_passive else CutReason.TOUCH
 
 
 def _velocity(samples: _Samples, piece: _Piece, time: float, kind: SegmentKind) -> Array:
@@ -487,7 +520,7 @@ def _velocity(samples: _Samples, piece: _Piece, time: float, kind: SegmentKind) 
     acceleration and its change (`ACCELERATION_DEVIATION`, `JERK_DEVIATION`) weighs as much as
     measurements of that accuracy would: a few noisy samples after a bounce do not determine them.
     """
-    known = np.array([0.0, 0.0, -GRAVITY if kind is SegmentKind.FLIGHT else 0.0])
+    known = np.array([0.0, 0.0, 0.0 if kind in ON_GROUND else -GRAVITY])
     times = samples.times[piece.first : piece.last] - time
     sixth_nearest = float(np.sort(np.abs(times))[min(5, len(times) - 1)])
     near = np.abs(times) <= max(VELOCITY_WINDOW, sixth_nearest)
@@ -524,17 +557,13 @@ def _meeting_time(samples: _Samples, left: _Piece, right: _Piece) -> float:
 def _at_bounces(
     segments: Sequence[Segment], samples: _Samples, ball: Ball
 ) -> tuple[Measured | None, Measured | None]:
-    r"""Return restitution and friction at bounces, None without any.
-
-    A speed is taken as the slope of a parabola at the end of T = `VELOCITY_WINDOW` with n samples,
-    of which the deviation is :math:`\sigma \sqrt{192 / n} / T`.
+    """Return restitution and friction at bounces, None without any.
 
     A ball slides to the end of a bounce if slip is left that the next bounce takes away. A change
     of velocity by friction changes the slip by 1 + m r^2 / I times as much, and in flight the slip
     changes as the velocity.
     """
-    count = max(VELOCITY_WINDOW / float(np.median(np.diff(samples.times))), 1.0)
-    speed_deviation = samples.noise * math.sqrt(192.0 / count) / VELOCITY_WINDOW
+    speed_deviation = samples.speed_deviation
     slip_per_change = 1.0 + ball.turning * ball.mass
     restitutions, ratios, sliding_ratios = [], [], []
     for segment, following in zip(segments, [*segments[1:], None], strict=True):
@@ -597,7 +626,7 @@ def _median(measurements: Sequence[tuple[float, float]]) -> Measured | None:
     """Return the median of values, each with its deviation; None without any values.
 
     The values are taken as normally distributed. Their spread is estimated from the values, but is
-    not below the median deviation of a single value.
+    not below the median deviation of a single value. Up to two values, the median is the mean.
     """
     if not measurements:
         return None
@@ -605,4 +634,5 @@ def _median(measurements: Sequence[tuple[float, float]]) -> Measured | None:
     median = float(np.median(values))
     spread = 1.4826 * float(np.median(np.abs(values - median)))
     largest = max(spread, float(np.median(deviations)))
-    return Measured(median, 1.2533 * largest / math.sqrt(len(values)), len(values))
+    efficiency = 1.2533 if len(values) > 2 else 1.0
+    return Measured(median, efficiency * largest / math.sqrt(len(values)), len(values))

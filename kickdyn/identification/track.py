@@ -1,10 +1,17 @@
 """`Track`: measured positions of a ball over time, and how they are read from a file."""
 
+import contextlib
 import csv
+import io
 import math
+import os
+import subprocess
+import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from importlib.util import find_spec
 from os import PathLike
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,6 +35,12 @@ OTHER_UNITS = (
 """Units that positions may be in by mistake: name, number per metre, and by how much a ball with
 drag and lift may fall slower or faster than in free fall. For feet the range is narrow, because
 lift alone can make a ball fall as fast as a number in feet seems to."""
+
+C3D_MEMORY, C3D_TIME = 2**32, 60.0
+"""Memory [bytes] and time [s] in which a C3D file is read."""
+
+LARGEST = 1e12
+"""Largest number of a track [s, m]: larger ones are faults of a clock or of a file."""
 
 SOUND = 340.0
 """Speed of sound [m/s], which no ball of a game reaches."""
@@ -160,8 +173,11 @@ class Track(ValueEquality, ReprMixin):
                     f"row {number} has {len(row)} cells and the first row {len(header)}: they must "
                     "be as many, and decimals have a point"
                 )
-            elif not all(map(math.isfinite, numbers)):
-                fault = f"row {number} has {validation.brief(cells)}: all must be finite numbers"
+            elif not all(abs(value) <= LARGEST for value in numbers):
+                fault = (
+                    f"row {number} has {validation.brief(cells)}: all must be finite numbers up to "
+                    f"{LARGEST:g}"
+                )
             elif values and numbers[0] <= values[-1][0]:
                 fault = (
                     f"row {number} has the time {numbers[0]:.10g} s after {values[-1][0]:.10g} s: "
@@ -193,29 +209,12 @@ class Track(ValueEquality, ReprMixin):
             InvalidInput: the package ezc3d is not installed.
         """
         source = str(file)
-        try:
-            import ezc3d
-        except ImportError:
+        if find_spec("ezc3d") is None:
             raise InvalidInput(
                 'C3D files need the package ezc3d: install it with pip install "kickdyn[c3d]"'
-            ) from None
+            )
         check_file(file, source, LARGEST_FILE, FaultyFile)
-        try:
-            content = ezc3d.c3d(str(file))
-            points = content["parameters"]["POINT"]
-            labels = [str(label).strip() for label in points["LABELS"]["value"]]
-            rate, unit = float(points["RATE"]["value"][0]), str(points["UNITS"]["value"][0]).strip()
-            data = np.asarray(content["data"]["points"], dtype=float)
-            first = int(content["header"]["points"]["first_frame"])
-        except (
-            ArithmeticError,
-            LookupError,
-            OSError,
-            RuntimeError,
-            TypeError,
-            ValueError,
-        ) as fault:
-            raise FaultyFile(source, [f"is no C3D file that ezc3d can read ({fault})"]) from None
+        labels, unit, rate, first, data = _c3d_content(file, source)
         if marker is None and len(labels) == 1:
             marker = labels[0]
         if marker not in labels:
@@ -231,11 +230,61 @@ class Track(ValueEquality, ReprMixin):
                     f"{', '.join(METRES)}, the rate above 0"
                 ],
             )
-        path = METRES[unit.lower()] * data[:3, labels.index(marker)].T
+        path = METRES[unit.lower()] * data[labels.index(marker)]
         seen = np.isfinite(path).all(axis=1)
         if not seen.any():
             raise FaultyFile(source, [f"the marker {marker!r} is seen in no frame"])
         return cls((first + np.flatnonzero(seen)) / rate, path[seen])
+
+
+def _c3d_content(
+    file: str | PathLike[str], source: str
+) -> tuple[list[str], str, float, int, Array]:
+    """Return labels, unit, rate [Hz], first frame and positions `(markers, n, 3)` of a C3D file.
+
+    A child process reads it, because on damaged files ezc3d may crash, take all memory, or never
+    end.
+    """
+    code = f"from {__name__} import _send_c3d; _send_c3d()"
+    paths = os.pathsep.join(filter(None, sys.path))
+    try:
+        child = subprocess.run(
+            [sys.executable, "-c", code, os.fspath(file), str(C3D_MEMORY)],
+            capture_output=True, timeout=C3D_TIME, check=True,
+            env={**os.environ, "PYTHONPATH": paths, "OPENBLAS_NUM_THREADS": "1"},
+        )  # fmt: skip
+        with np.load(io.BytesIO(child.stdout)) as content:
+            labels, (unit,) = content["labels"].tolist(), content["unit"].tolist()
+            rate, first = float(content["rate"]), int(content["first"])
+            np.take(content["data"], len(labels) - 1, axis=0)  # raises: fewer points than labels
+            return labels, unit, rate, first, np.asarray(content["data"])
+    except (subprocess.SubprocessError, OSError, ValueError, LookupError, BadZipFile):
+        raise FaultyFile(source, ["is no C3D file that ezc3d can read"]) from None
+
+
+def _send_c3d() -> None:
+    """Write what `_c3d_content` returns to standard output; arguments are file and memory."""
+    with contextlib.suppress(ImportError, ValueError):  # Windows has no limits
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_AS, (int(sys.argv[2]),) * 2)
+    import ezc3d
+
+    output = os.dup(1)
+    os.dup2(2, 1)  # ezc3d may print
+    content = ezc3d.c3d(sys.argv[1])
+    points = content["parameters"]["POINT"]
+    file = io.BytesIO()
+    np.savez(
+        file,
+        labels=np.array([str(label).strip() for label in points["LABELS"]["value"]]),
+        unit=np.array([str(points["UNITS"]["value"][0]).strip()]),
+        rate=float(points["RATE"]["value"][0]),
+        first=int(content["header"]["points"]["first_frame"]),
+        data=np.asarray(content["data"]["points"][:3], dtype=float).transpose(1, 2, 0),
+    )
+    with os.fdopen(output, "wb") as stream:
+        stream.write(file.getvalue())
 
 
 def _finite_rows(name: str, value: ArrayLike) -> Array:
@@ -244,12 +293,12 @@ def _finite_rows(name: str, value: ArrayLike) -> Array:
         array = np.asarray(value, dtype=float)
     except (OverflowError, TypeError, ValueError):
         return validation.floats(name, value)  # which says what is wrong
-    infinite = np.argwhere(~np.isfinite(array))
-    if array.ndim and infinite.size:
-        i = int(infinite[0, 0])
+    outside = np.argwhere(~(np.abs(array) <= LARGEST))  # NaN, too
+    if array.ndim and outside.size:
+        i = int(outside[0, 0])
         raise InvalidInput(
-            f"{name}[{i}] is {array[i].tolist()}: every entry must be finite; leave out the "
-            "samples at which there is no measurement"
+            f"{name}[{i}] is {array[i].tolist()}: every entry must be finite, up to {LARGEST:g}; "
+            "leave out the samples at which there is no measurement"
         )
     return validation.floats(name, value)
 

@@ -62,6 +62,7 @@ class Approach(NamedTuple):
             *self.posture.warnings,
             *self.posture.leg.too_fast(self.v),
             *range_warnings(self.contact.restitution, self.speed),
+            *self.ball.warnings,
         )
 
     def contact_problem(self) -> ContactProblem:
@@ -98,12 +99,6 @@ class Approach(NamedTuple):
     def energy(self) -> float:
         """Return the kinetic energy of the approach along the normal [J]."""
         return 0.5 * self.reduced_mass() * self.speed**2
-
-    def speed_rounding(self) -> float:
-        """Return how much of `speed` can be rounding, of the terms of its sum [m/s]."""
-        terms = abs(self.posture.jacobian).dot(abs(self.v)) + abs(self.foot_velocity)
-        terms += abs(self.ball_before.velocity)
-        return EPS * float(abs(self.contact.normal).dot(terms))
 
 
 class AfterApproach(ReprMixin):
@@ -201,15 +196,15 @@ def find_approach(
     validation.protect(v, foot_velocity)
     centre_velocity, speed = _closing_speed(posture, foot_velocity, before, contact)
     e = restitution_at(contact.restitution, speed)
-    approach = Approach(posture, v, ball, contact, before, foot_velocity, centre_velocity, speed, e)
     if speed < 1e-14 * fastest:  # the rounding itself takes longer to compute
-        rounding = approach.speed_rounding()
+        terms = abs(posture.jacobian).dot(abs(v)) + abs(foot_velocity) + abs(velocity)
+        rounding = EPS * float(abs(contact.normal).dot(terms))
         if speed <= 4.0 * rounding:
             raise NoImpact(
                 f"foot and ball approach along the normal at {speed:.3g} m/s in {posture!r}: that "
                 f"is rounding, of {rounding:.1g} m/s in what cancels there"
             )
-    return approach
+    return Approach(posture, v, ball, contact, before, foot_velocity, centre_velocity, speed, e)
 
 
 def _closing_speed(

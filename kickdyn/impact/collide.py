@@ -31,6 +31,7 @@ from kickdyn.impact.force_model import (
     Dissipation,
     ForceModel,
     contact_stiffness,
+    contact_time_of,
     make_force_model,
 )
 from kickdyn.impact.leg_response import leg_response
@@ -232,8 +233,12 @@ class Collision(AfterApproach):
             InvalidInput: a time outside the contact, or more than one dimension.
         """
         times = validation.times(t, self.contact_time, "the contact")
-        sample = np.vectorize(self._motion.sample, signature="()->(3),(3),()")
-        return ContactSample(*sample(times))
+        samples = [self._motion.sample(float(moment)) for moment in times.flat]
+        force, impulse, deflection = (np.array([sample[i] for sample in samples]) for i in range(3))
+        shape = (*times.shape, 3)
+        return ContactSample(
+            force.reshape(shape), impulse.reshape(shape), deflection.reshape(times.shape)
+        )
 
 
 @validation.check_arguments
@@ -332,7 +337,7 @@ def duration(
 
 def _expected_time(approach: Approach, model: ForceModel) -> float:
     """Return the contact time of the two masses alone, which must not be too short [s]."""
-    expected = model.contact_time(approach.reduced_mass(), approach.speed)
+    expected = contact_time_of(model, approach.reduced_mass(), approach.speed)
     return validation.number("contact time", expected, at_least=SHORTEST_CONTACT, unit="s")
 
 
@@ -375,10 +380,10 @@ def checked_stiffness(
         raise InvalidInput(
             f"contact_time is {contact_time!r} and stiffness {stiffness!r}: give only one of them"
         )
-    if stiffness is None or stiffness == "pressure":
-        return stiffness
-    if isinstance(stiffness, str):
+    if isinstance(stiffness, str) and stiffness != "pressure":
         raise InvalidInput(
             f"stiffness is {stiffness!r}: it must be a number [N/m^1.5] or 'pressure'"
         )
+    if stiffness is None or isinstance(stiffness, str):
+        return stiffness
     return validation.number("stiffness", stiffness, above=0, unit="N/m^1.5")

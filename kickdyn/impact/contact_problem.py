@@ -98,8 +98,8 @@ class ContactProblem(NamedTuple):
 
     def delassus(self, axes: Array) -> Array:
         """Return G in contact axes, shape `(3 k, 3 k)` [1/kg]; `axes` is `(k, 3, 3)`."""
-        first, *others = (body.delassus(axes) for body in self.bodies)
-        return np.asarray(sum(others, first))
+        first, *further = (body.delassus(axes) for body in self.bodies)
+        return np.asarray(sum(further, first))
 
 
 class Solution(NamedTuple):

@@ -17,6 +17,9 @@ from kickdyn.core.validation import Array
 SHORTEST_CONTACT = 1e-9
 """Contact time below which the deflection has too few digits beside the leg's size [s]."""
 
+LONGEST_CONTACT = 0.1
+"""Longest contact time [s]: a larger number is usually in milliseconds."""
+
 HERTZ, LINEAR = 1.5, 1.0
 """Exponents n of the deflection: of elastic bodies, and of an inflated ball (`Ball.stiffness`)."""
 
@@ -93,19 +96,6 @@ class ForceModel:
         """Return the deflection at which the force vanishes [m] after a largest one [m]."""
         return (1.0 - self.restitution**2) * largest
 
-    def contact_time(self, mass: float, approach_speed: float) -> float:
-        r"""Return for how long two bodies of a reduced mass m [kg] touch [s].
-
-        .. math:: T = \tau(e, c\, u) \left(\frac{m}{k}\right)^{1/(n+1)} u^{-(n-1)/(n+1)},
-
-        with the approach speed u [m/s]; the arguments are not checked.
-        """
-        power = 1.0 / (self.exponent + 1.0)
-        scale = (mass / self.stiffness) ** power
-        scale *= approach_speed ** (-(self.exponent - 1.0) * power)
-        damping = self.damping * approach_speed
-        return float(scale * _unit_contact_time(self.restitution, damping, self.exponent))
-
     def _spring(self, deflection: float, largest: float) -> tuple[float, float]:
         """Return the spring's force [N] and how far it can recover [m], both 0 or more."""
         share = self.restitution**2
@@ -157,7 +147,7 @@ def contact_stiffness(
     `walton-braun` :math:`\tau(e) = (1 + e)/2\; \tau(1)`.
 
     Args:
-        contact_time: duration T of the contact [s], above 0.
+        contact_time: duration T of the contact [s], above 0 and at most 0.1.
         mass: reduced mass m = 1 / (1/m1 + 1/m2) of the two bodies [kg], above 0.
         approach_speed: u [m/s], above 0. The contact time of Hertz falls with its fifth root.
         restitution: coefficient e, 0.01 to 1.
@@ -166,11 +156,13 @@ def contact_stiffness(
     Raises:
         InvalidInput: a value outside its range, or an unknown dissipation.
     """
-    time = validation.number("contact time", contact_time, above=0, unit="s")
+    time = validation.number(
+        "contact time", contact_time, above=0, at_most=LONGEST_CONTACT, unit="s"
+    )
     m = validation.number("mass", mass, above=0, unit="kg")
     speed = validation.number("approach speed", approach_speed, above=0, unit="m/s")
     kind = validation.choice("dissipation", dissipation, Dissipation)
-    unit = make_force_model(1.0, HERTZ, 1.0, restitution, kind).contact_time(1.0, 1.0)
+    unit = contact_time_of(make_force_model(1.0, HERTZ, 1.0, restitution, kind), 1.0, 1.0)
     with np.errstate(over="ignore"):
         stiffness = m / math.sqrt(speed) * float(np.float64(unit / time) ** 2.5)
     return validation.number("stiffness for that contact time", stiffness, above=0, unit="N/m^1.5")
@@ -187,6 +179,20 @@ def make_force_model(
     if dissipation is Dissipation.WALTON_BRAUN:
         return ForceModel(stiffness, 0.0, restitution, exponent)
     return ForceModel(stiffness, matched_damping(restitution) / approach_speed, 1.0, exponent)
+
+
+def contact_time_of(model: ForceModel, mass: float, approach_speed: float) -> float:
+    r"""Return for how long two bodies of a reduced mass m [kg] touch [s].
+
+    .. math:: T = \tau(e, c\, u) \left(\frac{m}{k}\right)^{1/(n+1)} u^{-(n-1)/(n+1)},
+
+    with the approach speed u [m/s].
+    """
+    power = 1.0 / (model.exponent + 1.0)
+    scale = (mass / model.stiffness) ** power
+    scale *= approach_speed ** (-(model.exponent - 1.0) * power)
+    damping = model.damping * approach_speed
+    return float(scale * _unit_contact_time(model.restitution, damping, model.exponent))
 
 
 @lru_cache(maxsize=256)

@@ -56,8 +56,20 @@ class Impact(AfterApproach):
 
     @property
     def energy_lost(self) -> float:
-        """Kinetic energy that leg and ball lose [J]; negative where the law creates energy."""
+        """Energy lost to restitution and friction [J]; negative where the law creates energy.
+
+        It is the kinetic energy that leg and ball lose, plus `motor_work`.
+        """
         return self.solution.energy_lost
+
+    @property
+    def motor_work(self) -> float:
+        """Work of the motors that keep the velocities of stiff joints [J]; 0 without any."""
+        projector = self.posture.constraint_projector
+        if projector is None:
+            return 0.0
+        rows, joints = projector.constraints.stiff_rows, projector.constraints.stiff_joints
+        return float(self.constraint_impulses[rows] @ self.v_before[joints])
 
     @property
     def sticking(self) -> bool:
@@ -287,6 +299,8 @@ class Impact(AfterApproach):
         yield "ball over foot speed", self.speed_ratio, ""
         yield f"worst joint, {joint}", most, "N s"
         yield "energy lost", self.energy_lost, "J"
+        if self.posture.leg.stiff_joints:
+            yield "work of the motors", self.motor_work, "J"
         residuals = np.array([self.restitution_residual, self.momentum_residual])
         rounding = bool((residuals < RESIDUAL_ROUNDING).all())
         yield "residuals", f"below {RESIDUAL_ROUNDING:g}" if rounding else residuals, ""

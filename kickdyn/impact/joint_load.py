@@ -9,7 +9,7 @@ import pinocchio as pin
 from kickdyn.core import validation
 from kickdyn.core.representation import ROUNDING, Printed, format_value
 from kickdyn.core.validation import Array
-from kickdyn.impact.force_model import SHORTEST_CONTACT
+from kickdyn.impact.force_model import LONGEST_CONTACT, SHORTEST_CONTACT
 from kickdyn.impact.impact_result import Impact
 
 
@@ -48,13 +48,13 @@ def joint_loads(impact: Impact, contact_time: float | None = None) -> dict[str, 
 
     Args:
         impact: an impact by any law.
-        contact_time: T [s], 1e-9 or more. With it, the peak of a half-sine pulse is estimated for
+        contact_time: T [s], 1e-9 to 0.1. With it, the peak of a half-sine pulse is estimated for
             each joint, :math:`\frac{\pi}{2} p / T`. This assumes that all joints feel the pulse at
             once, as rigid bodies do, and that the contact force rises and falls like that of a
             spring. None estimates no peaks.
 
     Raises:
-        InvalidInput: no impact, or a contact time below 1e-9 s.
+        InvalidInput: no impact, or a contact time outside 1e-9 to 0.1 s.
 
     Example:
         >>> import kickdyn as kd
@@ -67,7 +67,10 @@ def joint_loads(impact: Impact, contact_time: float | None = None) -> dict[str, 
     """
     per_time = None
     if contact_time is not None:
-        time = validation.number("contact time", contact_time, at_least=SHORTEST_CONTACT, unit="s")
+        time = validation.number(
+            "contact time", contact_time,
+            at_least=SHORTEST_CONTACT, at_most=LONGEST_CONTACT, unit="s",
+        )  # fmt: skip
         per_time = math.pi / 2 / time
     leg, loads = impact.posture.leg, {}
     space = leg.workspace

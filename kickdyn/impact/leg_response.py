@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from scipy.optimize import nnls
 
 from kickdyn.core.mechanics import cross3, largest
 from kickdyn.core.validation import Array, protect
@@ -20,6 +21,10 @@ NEGLIGIBLE_IMPULSE = 1e-12
 
 LEVEL_SLOPE = 0.01
 """Height difference of a sole's corners over their distance up to which the sole is level."""
+
+
+CONE_EDGES = 64
+"""Edges of the pyramid that stands for a friction cone: its error is 0.1 %."""
 
 
 class LegResponse(NamedTuple):
@@ -154,24 +159,27 @@ def foot_wrench(posture: Posture, impulse: Array) -> tuple[float, ...]:
 class Footing(StrEnum):
     """Motion of a support in an impact, on ground that can push but not pull.
 
-    It lifts off if the ground would have to pull, slips if the impulse lies outside the friction
-    cone, tips if it acts outside the sole, and is tilted (not judged) if its sole is not level.
+    It lifts off if the ground would have to pull, slips if the impulse is outside the friction
+    cone, tips if it acts outside the sole, turns if friction cannot supply its moment about the
+    vertical, and is tilted (not judged) if its sole is not level.
     """
 
     STANDS = "stands"
     LIFTS_OFF = "lifts-off"
     SLIPS = "slips"
     TIPS = "tips"
+    TURNS = "turns"
     TILTED = "tilted"
 
 
 def footing(support: Support, impulse: Array, rotation: Array, scale: float) -> Footing:
     """Return how a support moves that the impact takes for fixed.
 
-    The impulse alone presses the foot down: an impact is too short for weight. Friction's moment
-    about the normal is not judged. The impulse on the robot is at the support's frame, `(3,)` or
-    `(6,)` [N s, N m s, world axes], z the ground's normal; the rotation is from the frame's axes to
-    the world's, and the scale is the size of the impulse on the ball [N s].
+    The impulse alone presses the foot down: an impact is too short for weight. The foot stands if
+    the impulse is a sum of impulses in the friction cones of the corners of its sole. The impulse
+    on the robot is at the support's frame, `(3,)` or `(6,)` [N s, N m s, world axes], z the
+    ground's normal; the rotation is from the frame's axes to the world's, and the scale is the size
+    of the impulse on the ball [N s].
     """
     negligible = NEGLIGIBLE_IMPULSE * scale
     normal = float(impulse[2])
@@ -185,28 +193,24 @@ def footing(support: Support, impulse: Array, rotation: Array, scale: float) -> 
     corners = support.sole @ rotation.T
     if not is_level(corners):
         return Footing.TILTED
-    height = corners[:, 2].mean()
-    # The centre of pressure is where the impulse has no moment about x and y.
-    moment = impulse[3:] - np.cross([0.0, 0.0, height], impulse[:3])
-    if normal <= negligible:
-        stands = np.abs(moment[:2]).max() <= negligible * np.abs(corners).max()
-    else:
-        stands = _is_inside(corners[:, :2], np.array([-moment[1], moment[0]]) / normal)
-    return Footing.STANDS if stands else Footing.TIPS
+    height, size = corners[:, 2].mean(), float(np.abs(corners[:, :2]).max())
+    moment = (impulse[3:] - np.cross([0.0, 0.0, height], impulse[:3])) / size
+    wrench = np.concatenate([impulse[:3], moment])
+    tolerance = max(negligible, 1e-9 * normal)
+    x, y = corners[:, :2].T / size
+    pressing = np.array([np.ones_like(x), y, -x])
+    if nnls(pressing, wrench[2:5])[1] > tolerance:
+        return Footing.TIPS
+    if support.friction is None:
+        return Footing.STANDS
+    angles = np.linspace(0.0, 2.0 * np.pi, CONE_EDGES, endpoint=False)[:, None]
+    across = support.friction / np.cos(np.pi / CONE_EDGES)  # the pyramid is around the cone
+    fx, fy = across * np.cos(angles) + 0.0 * x, across * np.sin(angles) + 0.0 * x
+    normals = np.broadcast_to(pressing[:, None], (3, *fx.shape))
+    cones = np.stack([fx, fy, *normals, x * fy - y * fx]).reshape(6, -1)
+    return Footing.STANDS if nnls(cones, wrench)[1] <= tolerance else Footing.TURNS
 
 
 def is_level(corners: Array) -> bool:
     """Return whether the corners of a sole, shape `(k, 3)` [m, world axes], are level."""
     return bool(np.ptp(corners[:, 2]) <= LEVEL_SLOPE * np.ptp(corners[:, :2], axis=0).max())
-
-
-def _is_inside(corners: Array, point: Array) -> bool:
-    """Return whether a point is inside the convex hull of corners, both shape `(..., 2)` [m].
-
-    It is unless all corners are on one side of it, in a direction across some edge.
-    """
-    offsets = corners - point
-    edges = (corners[:, None] - corners[None]).reshape(-1, 2)
-    normals = np.column_stack([-edges[:, 1], edges[:, 0]])
-    size = np.abs(edges).max()
-    return bool(((normals @ offsets.T).min(axis=1) <= 1e-9 * size * size).all())

@@ -1,14 +1,18 @@
 """The frictionless impact by Pinocchio's own solver, with leg and free ball as one model."""
 
+from functools import lru_cache
+
 import numpy as np
 import pinocchio as pin
 
 from kickdyn.ball import BallState
+from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.approach import Approach
 from kickdyn.impact.contact_problem import ImpactLaw, Solution
 from kickdyn.impact.laws import names_of_laws
 from kickdyn.impact.leg_response import NO_CONSTRAINTS, LegResponse, response_to_jump
+from kickdyn.robot.leg import Leg, Workspace
 
 
 def solve_by_pinocchio(
@@ -35,31 +39,19 @@ def solve_by_pinocchio(
         )
     ball.check_movable("Pinocchio's impulseDynamics")
     n, e = contact.normal, approach.restitution
-    model = leg.workspace.model.copy()
-    joint = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "kickdyn_ball")
     inertia = min(ball.inertia, ball.mass * ball.radius**2)  # nothing turns it, not even a particle
-    rigid = pin.Inertia(ball.mass, np.zeros(3), inertia * np.eye(3))
-    model.appendBodyToJoint(joint, rigid, pin.SE3.Identity())
-    data = pin.Data(model)
-
-    q = np.concatenate([posture.q, before.position, [0.0, 0.0, 0.0, 1.0]])
-    velocity = np.concatenate([approach.v, before.velocity, before.spin])
-    pin.computeJointJacobians(model, data, q)
-    on_ball = pin.SE3(np.eye(3), -ball.radius * n)
-    on_foot = pin.SE3(np.eye(3), posture.contact_lever.copy())
-    ball_jacobian, foot_jacobian = (
-        pin.getFrameJacobian(model, data, parent, placement, pin.LOCAL_WORLD_ALIGNED)[:3]
-        for parent, placement in ((joint, on_ball), (leg.contact_joint, on_foot))
-    )
-    rows = n[None] @ (ball_jacobian - foot_jacobian)
+    space, joint = with_ball(leg, ball.mass, inertia)
+    q, velocity = joined_state(approach)
+    rows = contact_row(approach, space, joint, q)
     projector = posture.constraint_projector
     if projector is not None:  # as many rows as their rank; they are at rest before
         independent = projector.rows[projector.independent]
         rows = np.vstack([rows, np.hstack([independent, np.zeros((len(independent), 6))])])
     # stiff joints keep their velocity: seen from a velocity that has it, they are at rest
     shared = np.linalg.lstsq(rows, np.append(0.0, rows[1:] @ velocity), rcond=None)[0]
-    after = pin.impulseDynamics(model, data, q, velocity - shared, rows, e, 0.0) + shared
-    p, *constraint_impulses = data.impulse_c.tolist()
+    after = pin.impulseDynamics(space.model, space.data, q, velocity - shared, rows, e, 0.0)
+    after = after + shared
+    p, *constraint_impulses = space.data.impulse_c.tolist()
     reaction = NO_CONSTRAINTS
     if projector is not None:
         reaction = np.zeros(len(projector.rows))
@@ -71,3 +63,37 @@ def solve_by_pinocchio(
     response = response_to_jump(posture, approach.v, jump, p * n, reaction)
     ball_after = BallState.computed(before.position, turned[:3].copy(), turned[3:].copy())
     return solution, ball_after, response
+
+
+@lru_cache(maxsize=4)
+def with_ball(leg: Leg, mass: float, inertia: float) -> tuple[Workspace, int]:
+    """Return the model of a leg and a free ball, without gravity, and the ball's joint."""
+    model = leg.model
+    joint = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "kickdyn_ball")
+    rigid = pin.Inertia(mass, np.zeros(3), inertia * np.eye(3))
+    model.appendBodyToJoint(joint, rigid, pin.SE3.Identity())
+    return Workspace(model), joint
+
+
+def joined_state(approach: Approach) -> tuple[Array, Array]:
+    """Return configuration and velocity of leg and ball as one model."""
+    before = approach.ball_before
+    q = np.concatenate([approach.posture.q, before.position, [0.0, 0.0, 0.0, 1.0]])
+    return q, np.concatenate([approach.v, before.velocity, before.spin])
+
+
+def contact_row(approach: Approach, space: Workspace, ball_joint: int, q: Array) -> Array:
+    """Return the row of the contact in the model of leg and ball, shape `(1, nv + 6)`."""
+    posture, n = approach.posture, approach.contact.normal
+    pin.computeJointJacobians(space.model, space.data, q)
+    points = (
+        (ball_joint, -approach.ball.radius * n),
+        (posture.leg.contact_joint, posture.contact_lever.copy()),
+    )
+    ball, foot = (
+        pin.getFrameJacobian(
+            space.model, space.data, joint, pin.SE3(np.eye(3), lever), pin.LOCAL_WORLD_ALIGNED
+        )[:3]
+        for joint, lever in points
+    )
+    return np.asarray(n[None] @ (ball - foot))

@@ -16,6 +16,9 @@ from kickdyn.impact.sensitivity import UNITS, Branch, Sensitivity
 MAX_SPREAD = 1e100
 """Above it, variances would leave double precision."""
 
+MAX_ANGLE_SPREAD = 1.0
+"""Largest standard deviation of an angle [rad]: covariances are those of small changes."""
+
 UNIT_OF = {
     "impulse_size": "N s",
     "speed": "m/s",
@@ -175,10 +178,17 @@ def _covariance(name: str, value: ArrayLike, size: int) -> Array:
                 f"smallest eigenvalue of {lowest:.3g}: it must be symmetric and positive "
                 "semidefinite"
             )
-        return array
-    if array.shape not in ((), (size,)):
+    elif array.shape not in ((), (size,)):
         shapes = "a number" if size == 1 else f"a number, ({size},) or ({size}, {size})"
         raise InvalidInput(f"spread of {name} has shape {array.shape}: it must be {shapes}")
-    if (array < 0).any():
+    elif (array < 0).any():
         raise InvalidInput(f"spread of {name} is {array.tolist()}: it must be 0 or more")
-    return np.asarray(np.eye(size) * array**2)
+    else:
+        array = np.eye(size) * array**2
+    deviation = math.sqrt(max(array.diagonal().max(), 0.0))
+    if UNITS[name] == "rad" and deviation > MAX_ANGLE_SPREAD:
+        raise InvalidInput(
+            f"spread of {name} is {deviation:g} rad: it must be at most {MAX_ANGLE_SPREAD:g}, for "
+            "covariances are those of small changes"
+        )
+    return array

@@ -180,8 +180,8 @@ class Backswing(ReprMixin):
     def warnings(self) -> tuple[str, ...]:
         """A line for torques above their limits, and one for a support that does not stand.
 
-        `footing` judges the wrench of the ground, gravity included; friction's moment about the
-        vertical is not judged.
+        `footing` judges the wrench of the ground, gravity included. A foot that turns about the
+        vertical counts as standing.
         """
         motion, lines = self.phase.fine, list[str]()
         over = [f"{name} {share:.0%}" for name, share in self.too_strong.items()]
@@ -189,7 +189,7 @@ class Backswing(ReprMixin):
             lines.append(f"the backswing takes more than the torque limits: {', '.join(over)}")
         counts = Counter(self._footing(motion))
         total = counts.total()
-        del counts[Footing.STANDS]
+        del counts[Footing.STANDS], counts[Footing.TURNS]
         if counts:
             off = [f"{state} for {counts[state] / total:.0%}" for state in counts]
             lines.append(

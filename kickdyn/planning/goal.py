@@ -24,14 +24,21 @@ FARTHEST = 1e4
 
 
 class PlanStatus(StrEnum):
-    """Whether a plan meets its goal."""
+    """Whether a plan meets its goal and can be carried out, as far as kickdyn knows.
+
+    The members are in order: a plan with several faults has the status of the last one.
+    """
 
     MET = "met"
-    UNREACHABLE = "unreachable"
-    """No launch meets it: the plan is the nearest there is."""
+    COLLIDES = "collides"
+    """A body is inside the ball or under the ground."""
+    SUPPORT_MOVES = "support-moves"
+    """The foot that a robot stands on slips, tips or lifts off."""
     BEYOND_LIMITS = "beyond-limits"
     """The leg is not fast or strong enough: the plan is the kick of the largest share of it,
     or one whose backswing takes more than the torque limits."""
+    UNREACHABLE = "unreachable"
+    """No launch meets it: the plan is the nearest there is."""
 
 
 class LaunchLimit(StrEnum):

@@ -20,7 +20,7 @@ from kickdyn.ground import Ground, Surface
 from kickdyn.impact.strike import strike
 from kickdyn.plane import Plane
 from kickdyn.planning.backswing import solve_with_backswing
-from kickdyn.planning.goal import Goal, PlanStatus
+from kickdyn.planning.goal import Goal
 from kickdyn.planning.impact_target import impact_target_for
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.kick_problem import kick_problem, solve_kick
@@ -103,9 +103,9 @@ def plan_kick(
     With `swing=True`, such a robot also has a `backswing`: from a posture in which it stands at
     rest, with its centre of mass above the sole, to the impact, within the joints' ranges and
     speeds, the trunk at most 45 degrees from upright and the kicking foot above the ground. Torques
-    and the force of the ground keep their limits where there is such a motion; `warnings` names
-    those that do not, and torques above their limits make the status `beyond-limits`. The motion
-    after the impact is not planned.
+    and the force of the ground keep their limits where there is such a motion; `status` says
+    whether they do, and `warnings` names those that do not. The motion after the impact is not
+    planned.
 
     Raises:
         OutOfReach: a goal that no launch meets, with the nearest there is.
@@ -170,7 +170,6 @@ def plan_kick(
             path = follow(start, ball, air, ground, plane=plane)
     balance = problem.find(Balance)
     return KickPlan(
-        status=PlanStatus.BEYOND_LIMITS if solution.binding or not met else PlanStatus.MET,
         goal=goal,
         launch=launch,
         objective=objective,
@@ -182,6 +181,7 @@ def plan_kick(
         speed_use=float(SpeedLimit(problem.variables).use(point).max()),
         torque_use=float(TorqueLimit(problem.variables).use(point).max()),
         binding=(*solution.binding, *(x for term in problem.terms for x in term.binding(point))),
+        ball_is_placed=position is not None,
         heading=problem.heading,
         phases=phases,
         backswing=backswing,

@@ -56,9 +56,6 @@ class KickPlan(ReprMixin):
     """A planned kick, verified by `strike` and `fly`.
 
     Attributes:
-        status: `met`; or `beyond-limits`: the leg is not fast or strong enough, and this is the
-            kick in the planned direction that gives the ball the most speed; or, with a `share` of
-            1, the kick meets the goal but its `backswing` takes more than the torque limits.
         goal: the goal that was asked for.
         launch: the launch that meets the goal; of a pass, a `Pass`.
         objective: name of the quantity that was minimized or maximized.
@@ -74,6 +71,8 @@ class KickPlan(ReprMixin):
         binding: limits that are reached, such as `torque of knee`; `swing` where a harder kick has
             no motion from rest and to rest; `torque of knee in the backswing` where that takes more
             than the limit.
+        ball_is_placed: whether the height of the ball was given. If not, the level of the ground
+            under a leg on a fixed base is not known.
         heading: angle by which `leg` is turned to the left about the vertical [rad]; 0 but for a
             leg whose foot moves in a plane, and a goal aside of it.
         phases: backswing and follow-through that `swing=True` found with the kick; `plan_swing`
@@ -84,7 +83,6 @@ class KickPlan(ReprMixin):
             `swing=True`; else None.
     """
 
-    status: PlanStatus
     goal: Goal
     launch: Launch | Pass
     objective: KickObjective
@@ -96,6 +94,7 @@ class KickPlan(ReprMixin):
     speed_use: float
     torque_use: float
     binding: tuple[str, ...]
+    ball_is_placed: bool
     heading: float
     phases: tuple[SwingPhase, SwingPhase] | None = None
     balance: float | None = None
@@ -145,6 +144,21 @@ class KickPlan(ReprMixin):
         return self.path.duration - self.launch.time
 
     @cached_property
+    def status(self) -> PlanStatus:
+        """Whether the plan meets the goal and can be carried out, else its worst fault.
+
+        `beyond-limits`: the leg is not fast or strong enough, and this is the kick in the planned
+        direction that gives the ball the most speed; or, with a `share` of 1, the `backswing` takes
+        more than the torque limits. `support-moves`: the foot that the robot stands on does not
+        stay at rest. `collides`: a body is inside the ball or under the ground.
+        """
+        too_strong = self.backswing is not None and self.backswing.too_strong
+        if self.share < 1.0 or too_strong:
+            return PlanStatus.BEYOND_LIMITS
+        faults = [CHECKS[check] for check, lines in self._lines.items() if lines]
+        return max([PlanStatus.MET, *faults], key=list(PlanStatus).index)
+
+    @property
     def warnings(self) -> tuple[str, ...]:
         """The lines of `CHECKS`; what can be done about a line follows in it after a semicolon.
 
@@ -152,7 +166,11 @@ class KickPlan(ReprMixin):
         target, whichever is lower). They are the shapes in the leg's file; without any, its frames,
         which are compared with the ground only.
         """
-        return tuple(line for check in CHECKS for line in check(self))
+        return tuple(line for lines in self._lines.values() for line in lines)
+
+    @cached_property
+    def _lines(self) -> "dict[Check, Sequence[str]]":
+        return {check: check(self) for check in CHECKS}
 
     @property
     def too_fast_after(self) -> dict[str, float]:
@@ -220,34 +238,34 @@ def check_actuators(plan: KickPlan) -> Sequence[str]:
 
 
 def check_support(plan: KickPlan) -> Sequence[str]:
-    """Return a line for each support that does not stand.
-
-    Where all have a friction, `unilateral_strike` judges them: `impact.footing` leaves out
-    friction's moment about the vertical.
-    """
-    impact = plan.impact
-    lines = [
+    """Return a line for each support that lifts off, slips or tips."""
+    return [
         f"{name} {state.replace('-', ' ')}; the plan assumes that it stays at rest, which takes an "
         "impulse that the ground cannot supply (kd.unilateral_strike computes the impact with "
         "ground that can only push)"
-        for name, state in impact.footing.items()
-        if state != Footing.STANDS
+        for name, state in plan.impact.footing.items()
+        if state not in (Footing.STANDS, Footing.TURNS)
     ]
-    constraints = plan.leg.constraints
-    supports = () if plan.balance is None or constraints is None else constraints.supports
-    if lines or not supports or any(support.friction is None for support in supports):
-        return lines
+
+
+def check_twist(plan: KickPlan) -> Sequence[str]:
+    """Return a line for each support whose friction cannot supply the moment about the vertical.
+
+    G1's foot then twists a little, which changes the ball's velocity by about 1e-3 m/s.
+    """
+    impact = plan.impact
+    turning = [name for name, state in impact.footing.items() if state == Footing.TURNS]
+    if not turning:
+        return ()
     try:
         free = unilateral_strike(impact.posture, impact.v_before, impact.ball, impact.contact)
     except KickdynError as error:
         return [f"it is unknown whether the foot stands ({error})"]
     change = float(np.linalg.norm(free.ball_after.velocity - impact.ball_after.velocity))
     return [
-        f"{name} {state.replace('-', ' ')} if the moment of friction about the vertical is limited "
-        f"too: this changes the ball's velocity by {change:.2g} m/s; kd.unilateral_strike computes "
-        "this impact"
-        for name, state in free.footing.items()
-        if state != Footing.STANDS
+        f"{listed(turning)} turns about the vertical, because friction cannot supply the moment: "
+        f"this changes the ball's velocity by {change:.2g} m/s; kd.unilateral_strike computes this "
+        "impact"
     ]
 
 
@@ -277,6 +295,15 @@ def check_ball_overlap(plan: KickPlan) -> Sequence[str]:
 
 def check_ground_at_impact(plan: KickPlan) -> Sequence[str]:
     """Return a line for the bodies that are under the ground at the impact."""
+    return _describe_depths(plan) if plan.ball_is_placed else ()
+
+
+def check_ground_of_free_ball(plan: KickPlan) -> Sequence[str]:
+    """Return the same line where the ground is assumed under a ball whose height is free."""
+    return () if plan.ball_is_placed else _describe_depths(plan)
+
+
+def _describe_depths(plan: KickPlan) -> list[str]:
     names = [f"{depth.frame} by {depth.depth:.3f} m" for depth in _depths_at_impact(plan)]
     if not names:
         return []
@@ -289,49 +316,64 @@ def check_ground_at_impact(plan: KickPlan) -> Sequence[str]:
     return [f"bodies are under the ground at the impact: {listed(names)}; {remedy}"]
 
 
-def check_ground_before_impact(plan: KickPlan) -> Sequence[str]:
-    """Return a line for the bodies of a standing robot that come from under the ground.
+def check_ground_in_backswing(plan: KickPlan) -> Sequence[str]:
+    """Return a line for the bodies that are under the ground in the backswing."""
+    backswing = plan.backswing
+    if backswing is None:
+        return ()
+    times = -backswing.duration * np.linspace(0.0, 1.0, BACKSWING_TIMES) ** 2
+    motion = [backswing.configuration(time) for time in times]
+    names = _describe_depths_before(plan, times, motion)
+    remedy = "another goal, offset or objective takes another motion"
+    return [f"bodies are under the ground in the backswing: {names}; {remedy}"] if names else []
 
-    Without a backswing, the foot approaches the ball by the ball's radius with the joint velocity
-    of the impact. Bodies under the ground at the impact are left out.
+
+def check_ground_in_approach(plan: KickPlan) -> Sequence[str]:
+    """Return a line for the bodies of a standing robot without a backswing that come from below.
+
+    The foot approaches the ball by the ball's radius with the joint velocity of the impact.
     """
-    if plan.balance is None:
-        return []
-    impact, leg = plan.impact, plan.leg
-    if plan.backswing is not None:
-        times = -plan.backswing.duration * np.linspace(0.0, 1.0, BACKSWING_TIMES) ** 2
-        motion = [plan.backswing.configuration(time) for time in times]
-        when = "bodies are under the ground in the backswing"
-        remedy = "another goal, offset or objective takes another motion"
-    else:
-        duration = impact.ball.radius / math.hypot(*impact.foot_velocity)
-        times = np.linspace(0.0, -duration, APPROACH_TIMES)
-        q, v, model = impact.posture.q, impact.v_before, leg.workspace.model
-        motion = [hold_support(impact.posture, pin.integrate(model, q, t * v)) for t in times]
-        when = "bodies come from under the ground if the joints keep the velocity of the impact"
-        remedy = "swing=True (--swing) plans the motion, with the foot above the ground"
+    if plan.balance is None or plan.backswing is not None:
+        return ()
+    impact, model = plan.impact, plan.leg.workspace.model
+    duration = impact.ball.radius / math.hypot(*impact.foot_velocity)
+    times = np.linspace(0.0, -duration, APPROACH_TIMES)
+    q, v = plan.q, plan.v
+    motion = [hold_support(impact.posture, pin.integrate(model, q, t * v)) for t in times]
+    names = _describe_depths_before(plan, times, motion)
+    when = "bodies come from under the ground if the joints keep the velocity of the impact"
+    remedy = "swing=True (--swing) plans the motion, with the foot above the ground"
+    return [f"{when}: {names}; {remedy}"] if names else []
+
+
+def _describe_depths_before(plan: KickPlan, times: Array, motion: Sequence[Array]) -> str:
+    """Return the bodies that are under the ground in a motion, but not at the impact."""
     at_impact = {depth.frame for depth in _depths_at_impact(plan)}
-    names = [
+    return listed([
         f"{depth.frame} by {depth.depth:.3f} m ({-1e3 * times[depth.number]:.0f} ms before)"
-        for depth in find_depths(leg, motion, _ground_height(plan))
+        for depth in find_depths(plan.leg, motion, _ground_height(plan))
         if depth.frame not in at_impact
-    ]
-    return [f"{when}: {listed(names)}; {remedy}"] if names else []
+    ])  # fmt: skip
 
 
-CHECKS: tuple[Callable[[KickPlan], Sequence[str]], ...] = (
-    check_path,
-    check_restitution_range,
-    check_idle_joints,
-    check_actuators,
-    check_support,
-    check_backswing,
-    check_shapes,
-    check_ball_overlap,
-    check_ground_at_impact,
-    check_ground_before_impact,
-)
-"""The checks of a plan, in the order of their lines."""
+Check = Callable[[KickPlan], Sequence[str]]
+
+CHECKS: dict[Check, PlanStatus] = {
+    check_path: PlanStatus.MET,
+    check_restitution_range: PlanStatus.MET,
+    check_idle_joints: PlanStatus.MET,
+    check_actuators: PlanStatus.MET,
+    check_support: PlanStatus.SUPPORT_MOVES,
+    check_twist: PlanStatus.MET,
+    check_backswing: PlanStatus.SUPPORT_MOVES,
+    check_shapes: PlanStatus.MET,
+    check_ball_overlap: PlanStatus.COLLIDES,
+    check_ground_at_impact: PlanStatus.COLLIDES,
+    check_ground_of_free_ball: PlanStatus.MET,
+    check_ground_in_backswing: PlanStatus.COLLIDES,
+    check_ground_in_approach: PlanStatus.MET,
+}
+"""The checks of a plan, in the order of their lines, and the status of a plan with such a line."""
 
 
 def find_overlaps(impact: Impact) -> dict[str, float]:

@@ -284,13 +284,12 @@ class Facing(KickTerm):
 
     def __init__(self, variables: KickVariables, cone: Array) -> None:
         self.cone, self._normal = cone, variables.target.contact.normal
+        posture = variables.posture(np.zeros(variables.n))
+        levers = [posture.with_contact_offset(row).contact_lever for row in cone]
+        self._axes = np.array(levers) - posture.contact_lever  # in the joint's frame
 
     def residual(self, posture: Posture, v: Array) -> Array:
-        axes = [
-            posture.with_contact_offset(row).contact_point - posture.contact_point
-            for row in self.cone
-        ]
-        return np.asarray(np.array(axes) @ self._normal)
+        return np.asarray(self._axes @ (self._normal @ posture.rotation_world_joint))
 
     def derivatives(self, posture: Posture, v: Array) -> tuple[Array, None]:
         jacobian = posture.jacobian

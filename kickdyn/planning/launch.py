@@ -127,7 +127,7 @@ class Launch(PlannedLaunch):
         return tuple(
             _launch(family, self.goal, None, solution)
             for solution in family.solutions(direct, family.curves(direct))
-            if solution.is_above_ground(self.goal)
+            if solution.is_above_ground
             and math.dist((*solution.velocity, solution.time), unknowns) > 1e-6 * self.speed
         )
 
@@ -205,13 +205,13 @@ def plan_launch(
 
     direct = _solutions_from_vacuum(problem, goal)
     solutions = [solution for solution in direct if family.is_inside(solution)]
-    clear = [solution for solution in solutions if solution.is_above_ground(goal)]
+    clear = [solution for solution in solutions if solution.is_above_ground]
     if goal.arc == Arc.LOW and clear and len(solutions) == (2 if goal.kind == "speed" else 1):
         return _launch(family, goal, None, clear[0])
 
     curves = family.curves(direct)
     solutions = family.solutions(direct, curves)
-    clear = [solution for solution in solutions if solution.is_above_ground(goal)]
+    clear = [solution for solution in solutions if solution.is_above_ground]
     if clear:
         return _launch(family, goal, None, clear[0 if goal.arc == Arc.LOW else -1])
     if goal.beside is not None and not solutions:
@@ -343,7 +343,7 @@ def _nearest(
 
     inside = [member for curve in curves for member in curve if family.is_inside(member)]
     nearest = min(inside, key=distance)
-    if ground_blocks or not nearest.is_above_ground(goal):
+    if ground_blocks or not nearest.is_above_ground:
         clear = family.above_ground(curves)
         if not clear:
             raise OutOfReach(

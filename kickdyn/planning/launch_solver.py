@@ -201,13 +201,9 @@ class LaunchSolution:
         """Return the error of the condition beside the target, and its slopes by the unknowns."""
         return goal_condition(goal, self.unknowns, self.trajectory)
 
-    def is_above_ground(self, goal: Goal) -> bool:
-        """Return whether the flight stays above the ground, level with its lower end.
-
-        A ball that lies on the ground does not start downwards.
-        """
-        if goal.lowest == 0.0 and self.velocity[2] < 0.0:
-            return False
+    @property
+    def is_above_ground(self) -> bool:
+        """Return whether the flight stays above the ground, level with its lower end."""
         end = float(self.trajectory.position(self.time)[2])
         return lowest(self.trajectory) >= min(0.0, end)
 
@@ -385,7 +381,7 @@ class LaunchFamily:
         members = []
         for pair in _pairs(curves):
             inside = [member for member in pair if self.is_inside(member)]
-            clear = [member for member in inside if member.is_above_ground(self.goal)]
+            clear = [member for member in inside if member.is_above_ground]
             buried = [member for member in inside if member not in clear]
             members += clear
             if clear and buried:
@@ -523,7 +519,7 @@ class LaunchFamily:
             if middle is None:
                 break
             member = self.refine(middle)
-            if member.is_above_ground(self.goal):
+            if member.is_above_ground:
                 clear = member
             else:
                 buried = member

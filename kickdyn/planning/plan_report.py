@@ -26,6 +26,15 @@ WALL_CLEARANCE = 0.1
 """Clearance of the ball's lower edge over a wall where nothing else is asked for [m]."""
 
 
+FAULTS = {
+    PlanStatus.MET: "",
+    PlanStatus.COLLIDES: " But a body is inside the ball or under the ground.",
+    PlanStatus.SUPPORT_MOVES: " But the ground cannot keep the supporting foot at rest.",
+    PlanStatus.BEYOND_LIMITS: " But the backswing takes more than the torque limits of the robot.",
+}
+"""What a kick that meets its goal is worth, by the status of its plan."""
+
+
 def passage_of(wall: Wall, plan: KickPlan) -> Passage | None:
     """Return how the ball of a plan passes a wall; None where it comes down before."""
     return passage_on(plan.path, wall, plan.goal.ahead, plan.impact.ball.radius)
@@ -198,9 +207,7 @@ def verdict(plan: KickPlan) -> str:
             f"The ball reaches {target} {after}; the computed impact and flight miss it by "
             f"{plan.landing_error:.2g} m."
         )
-        if plan.status != PlanStatus.MET:
-            line += " The backswing takes more than the torque limits of the robot."
-        return line
+        return line + FAULTS[plan.status]
     if path.status == "at-plane":
         late = "late" if plan.time_error > 0 else "early"
         end = f"passes the target {after}, {abs(plan.time_error):.3g} s too {late}"
@@ -268,12 +275,13 @@ def _describe_stance(frame: str, plan: KickPlan) -> str:
     friction, state = _least_friction(frame, plan), plan.impact.footing[frame]
     needs = ""
     if state == "stands" and friction:
-        needs = f" if the coefficient of friction is at least {friction:.2g}"
+        needs = f", which needs a coefficient of friction of {friction:.2g} or more"
+    elif state == "turns":
+        needs = " about the vertical: friction cannot supply the moment that keeps it at rest"
     return (
         f"The robot stands on {frame}, with its centre of mass {1e3 * (plan.balance or 0.0):.1f} "
         f"mm inside the edge of the sole, seen from above. In the impact this foot "
-        f"{state.replace('-', ' ')}{needs}. The moment of friction about the "
-        "vertical is not included."
+        f"{state.replace('-', ' ')}{needs}."
     )
 
 

@@ -21,7 +21,16 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.planning.impact_target import ImpactTarget
 from kickdyn.planning.kick_problem import KickProblem, KickSolution, solve_kick
-from kickdyn.planning.kick_terms import BallPosition, Facing, KickPoint, Objective, StrikeVelocity
+from kickdyn.planning.kick_terms import (
+    BallPosition,
+    Facing,
+    JointRange,
+    KickPoint,
+    Objective,
+    SpeedLimit,
+    StrikeVelocity,
+    TorqueLimit,
+)
 from kickdyn.planning.objectives import KineticEnergy
 from kickdyn.planning.problem import TOLERANCE
 from kickdyn.planning.stop_problem import (
@@ -48,6 +57,9 @@ shows to be too small are left out."""
 BUDGET = 54_000
 """Iterations of Ipopt for one joint, after which no further solution is sought; for n joints, n^3
 times fewer. An iteration takes 0.018 s of a processor with six joints."""
+
+KNOWN_TERMS = (JointRange, StrikeVelocity, BallPosition, SpeedLimit, TorqueLimit, Facing)
+"""Terms of a kick that the problem of a kick with its swing contains."""
 
 Phases = tuple[SwingPhase, SwingPhase]
 
@@ -93,6 +105,9 @@ class _SwingKickProblem:
     """The problem of a kick and both stops, scaled by the kick `start`; it counts iterations."""
 
     def __init__(self, problem: KickProblem, start: KickPoint, objective: Objective) -> None:
+        unknown = [type(term).__name__ for term in problem.terms if type(term) not in KNOWN_TERMS]
+        if unknown:
+            raise InvalidInput(f"swing is True: a swing cannot keep the terms {', '.join(unknown)}")
         strike = problem.find(StrikeVelocity)
         assert strike is not None
         self._strike_velocity, self._ball = strike, problem.find(BallPosition)

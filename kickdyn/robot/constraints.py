@@ -264,26 +264,18 @@ class Constraints:
                 )
 
     def close_loops(self, model: Any, data: Any, q: Array, kept: Sequence[int]) -> Array:
-        """Return the configuration of `Leg.close_loops`.
-
-        Args:
-            model: of the leg.
-            data: of the model.
-            q: to start from, shape `(nq,)`.
-            kept: indices in v of the joints that must not move.
-
-        Raises:
-            InvalidInput: the loops stay open; the widest, its gap and the rank of all together.
-        """
-        between = self._between(model)
-        free = between.copy()
-        free[kept] = 0.0
+        """Return the configuration of `Leg.close_loops`; `kept` are indices in v."""
+        between = np.zeros(model.nv)  # 1 for joints between the ends of a loop
+        for ends in self._looped:
+            first_path, second_path = (set(model.supports[end.joint]) for end in ends)
+            for joint in first_path ^ second_path:
+                between[model.idx_vs[joint] : model.idx_vs[joint] + model.nvs[joint]] = 1.0
         if self.gears is not None:  # a mimic joint moves as its driver does
             coupled = self.gears.rows != 0.0
             between[coupled[(coupled & (between > 0.0)).any(axis=1)].any(axis=0)] = 1.0
-            free = between.copy()
             kept = [*kept, *np.flatnonzero(coupled[coupled[:, kept].any(axis=1)].any(axis=0))]
-            free[kept] = 0.0
+        free = between.copy()
+        free[kept] = 0.0
         near, gaps, rank = self._newton(model, data, q, free)
         if not _is_open(gaps):
             return near
@@ -307,15 +299,6 @@ class Constraints:
     def _follow(self, q: Array) -> Array:
         """Return q with the mimic joints where their drivers put them, shape `(nq,)`."""
         return q if self.gears is None else self.gears.follow(q)
-
-    def _between(self, model: Any) -> Array:
-        """Return 1 for the velocities of joints between the ends of a loop, 0 for others."""
-        between = np.zeros(model.nv)
-        for ends in self._looped:
-            first_path, second_path = (set(model.supports[end.joint]) for end in ends)
-            for joint in first_path ^ second_path:
-                between[model.idx_vs[joint] : model.idx_vs[joint] + model.nvs[joint]] = 1.0
-        return between
 
     def _newton(self, model: Any, data: Any, q: Array, free: Array) -> tuple[Array, Array, int]:
         """Return the best configuration that was met, its gaps and the rank of the last step.

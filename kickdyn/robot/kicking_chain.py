@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.leg import Leg
-from kickdyn.robot.surgery import angle_model, reduce_model
+from kickdyn.robot.surgery import angle_model, coordinate_indices, reduce_model
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,10 +97,7 @@ def kicking_chain(robot: Leg, *, branches: bool = False) -> KickingChain:
     leg = robot
     if locked:
         leg = robot.with_model(reduce_model(model, locked, rest_configuration(robot)))
-    qs, vs = (
-        np.concatenate([np.arange(first[j], first[j] + size[j]) for j in kept])
-        for first, size in ((model.idx_qs, model.nqs), (model.idx_vs, model.nvs))
-    )
+    qs, vs = coordinate_indices(model, kept)
     return KickingChain(
         leg=leg,
         model=leg.model,

@@ -184,8 +184,7 @@ class Leg(JointTable, ReprMixin):
         """
         urdf = read_urdf(path, package_dirs, validation.mapping("locked", locked))
         leg = cls(build_model(urdf.text, urdf.source, base), frame, urdf).locked(locked or {})
-        fault = _find_fault(leg)
-        if fault is not None:
+        if fault := _find_fault(leg):
             raise UrdfError(urdf.source, [fault])
         return leg
 
@@ -228,8 +227,7 @@ class Leg(JointTable, ReprMixin):
     ) -> "Leg":
         read, model, loops = build_mjcf_model(file, frame, base, locked)
         leg = cls(model, frame, read).locked(locked or {})
-        fault = _find_fault(leg)
-        if fault is not None:
+        if fault := _find_fault(leg):
             raise MjcfError(file.source, [fault])
         return leg.with_loops(*loops)
 
@@ -281,8 +279,7 @@ class Leg(JointTable, ReprMixin):
         outside = [joint for joint in leg.joint_names if not joint.startswith(kept)]
         if legs_only and outside:
             leg = leg.with_model(reduce_model(leg.model, outside, leg.configuration()))
-        fault = _find_fault(leg)
-        if fault is not None:
+        if fault := _find_fault(leg):
             hint = "" if legs_only else " (legs_only=True keeps the legs' joints)"
             raise InvalidInput(f"{fault}{hint}")
         return leg
@@ -864,24 +861,21 @@ class Workspace(threading.local):
         self.zero_velocity: Array = np.zeros(model.nv)
 
 
-def _find_fault(leg: Leg) -> str | None:
-    """Return what is wrong with the model of a leg that was read; None if it has a posture.
+def _find_fault(leg: Leg) -> str:
+    """Return what is wrong with the model of a leg that was read; empty if it has a posture.
 
     Some legs are singular where they are straight, so a bent posture is tried too.
     """
-    fault, straight = None, leg.configuration()
-    try:
-        check_model(leg.model)
-    except InvalidInput as error:
-        return str(error)
+    faults = []
     for step in (np.zeros(leg.nv), 0.3 + 0.1 * np.cos(range(leg.nv))):
         try:
-            leg.posture(pin.integrate(leg.workspace.model, straight, step))
+            check_model(leg.model)
+            leg.posture(pin.integrate(leg.workspace.model, leg.configuration(), step))
         except InvalidInput as error:
-            fault = fault or str(error)
+            faults.append(str(error))
         else:
-            return None
-    return fault
+            return ""
+    return faults[0]
 
 
 def _stacked(forces: Any) -> Array:

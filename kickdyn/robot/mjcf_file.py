@@ -56,6 +56,9 @@ _SHAPES = {
 }
 """By MuJoCo's `geom_type`; planes and terrain are not drawn."""
 
+ACTUATED_JOINTS = (0, 1)
+"""MuJoCo's `mjTRN_JOINT` and `mjTRN_JOINTINPARENT`, of actuators that act on a joint."""
+
 _UNUSED = ("camera", "light", "texture", "hfield", "skin", "layer", "model")
 """Elements that only a picture, the terrain or another model needs."""
 
@@ -71,7 +74,7 @@ class MjcfFile(RobotFile):
         meshes: content of the mesh files, by the names that they have in `text`.
         name: of the model.
         left_out: moving bodies that are not part of the robot.
-        gears: what the property `mimics` returns.
+        mimics: joints that equality constraints let move with another.
         starts: values of sliding and hinge joints, by name, at which MuJoCo begins and at which the
             file draws the robot: their `ref` [rad; m].
     """
@@ -79,13 +82,8 @@ class MjcfFile(RobotFile):
     meshes: dict[str, bytes] = field(default_factory=dict, repr=False)
     name: str = ""
     left_out: tuple[str, ...] = ()
-    gears: tuple[Mimic, ...] = ()
+    mimics: tuple[Mimic, ...] = ()
     starts: dict[str, float] = field(default_factory=dict)
-
-    @property
-    def mimics(self) -> tuple[Mimic, ...]:
-        """The joints that equality constraints let move with another."""
-        return self.gears
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -97,11 +95,8 @@ class MjcfFile(RobotFile):
     @cached_property
     def passive_joints(self) -> tuple[str, ...]:
         """The joints without an actuator; none where there are no actuators, or other kinds."""
-        import mujoco
-
         compiled = self.compile()
-        of_joints = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
-        if not compiled.nu or not np.isin(compiled.actuator_trntype, of_joints).all():
+        if not compiled.nu or not np.isin(compiled.actuator_trntype, ACTUATED_JOINTS).all():
             return ()
         every = set(range(compiled.njnt)).difference(compiled.actuator_trnid[:, 0].tolist())
         return tuple(compiled.joint(joint).name for joint in sorted(every))
@@ -140,10 +135,9 @@ class MjcfFile(RobotFile):
         return self._shapes(compiled, shown)
 
     def collisions(self) -> list[Visual]:
-        """Return the geoms that take part in contacts and that `visuals` leaves out."""
+        """Return the geoms of the groups that are not drawn, which are those for contacts."""
         compiled = self.compile()
-        collides = compiled.geom_contype | compiled.geom_conaffinity
-        hidden = (compiled.geom_group >= 3) & (compiled.geom_bodyid > 0) & (collides != 0)
+        hidden = (compiled.geom_group >= 3) & (compiled.geom_bodyid > 0)
         return self._shapes(compiled, np.flatnonzero(hidden).tolist())
 
     def _shapes(self, compiled: Any, geoms: Iterable[int]) -> list[Visual]:
@@ -334,8 +328,6 @@ def _keep_mechanics(root: Element) -> None:
                 element.remove(child)
         if element.tag == "material":
             element.attrib.pop("texture", None)
-        elif element.tag == "mesh" and "builtin" in element.attrib:
-            raise ValueError("has a builtin mesh: only meshes of files and vertices are read")
         elif element.tag == "geom":
             element.attrib.update(contype="0", conaffinity="0")
         if element.tag == "mesh":

@@ -16,7 +16,7 @@ import pinocchio as pin
 from kickdyn.core.validation import Array, check_type
 from kickdyn.errors import InvalidInput, MjcfError
 from kickdyn.robot.joint_table import Mimic
-from kickdyn.robot.mjcf_file import MjcfFile, body_name, find_body, mujoco_pose
+from kickdyn.robot.mjcf_file import ACTUATED_JOINTS, MjcfFile, body_name, find_body, mujoco_pose
 from kickdyn.robot.model_validation import MAX_MAGNITUDE
 from kickdyn.robot.names import expand_patterns
 from kickdyn.robot.urdf_file import check_base
@@ -76,7 +76,7 @@ def build_mjcf_model(
         for joint in builder.joints
         if joint.kind in (SLIDE, HINGE)
     }
-    read = replace(file, left_out=left_out, gears=tuple(builder.mimics), starts=starts)
+    read = replace(file, left_out=left_out, mimics=tuple(builder.mimics), starts=starts)
     return MjcfModel(read, builder.model, tuple(builder.loops))
 
 
@@ -164,6 +164,10 @@ class _Builder:
             anchor = pin.SE3(np.eye(3), compiled.jnt_pos[number].copy())
             before, axis = place * anchor, compiled.jnt_axis[number].copy()
             start = float(compiled.qpos0[compiled.jnt_qposadr[number]])  # `ref`, where it is drawn
+            if not abs(start) < MAX_MAGNITUDE:
+                raise InvalidInput(
+                    f"a joint of body {body_name(compiled, body)!r} has ref {start:g}"
+                )
             if kind == SLIDE:
                 before = before * pin.SE3(np.eye(3), -start * axis)
             elif kind == HINGE:
@@ -317,28 +321,16 @@ def effort_limits(compiled: Any) -> Array:
     can exert: gear times `forcerange`, or for motors without one, gear times gain times
     `ctrlrange`. A range with unequal ends counts with the smaller one; inf is no limit.
     """
-    import mujoco
-
-    reach = np.zeros(compiled.njnt)
-    driven = np.zeros(compiled.njnt, dtype=bool)
-    joints = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
-    direct = (
-        int(mujoco.mjtGain.mjGAIN_FIXED),
-        int(mujoco.mjtBias.mjBIAS_NONE),
-        int(mujoco.mjtDyn.mjDYN_NONE),
-    )
+    reach, driven = np.zeros(compiled.njnt), np.zeros(compiled.njnt, dtype=bool)
     for number in range(compiled.nu):
-        if compiled.actuator_trntype[number] not in joints:
+        if compiled.actuator_trntype[number] not in ACTUATED_JOINTS:
             continue
-        joint = int(compiled.actuator_trnid[number, 0])
-        force = math.inf
+        joint, force = int(compiled.actuator_trnid[number, 0]), math.inf
         if compiled.actuator_forcelimited[number]:
             force = float(np.abs(compiled.actuator_forcerange[number]).min())
         kinds = (compiled.actuator_gaintype, compiled.actuator_biastype, compiled.actuator_dyntype)
-        if (
-            tuple(int(kind[number]) for kind in kinds) == direct
-            and compiled.actuator_ctrllimited[number]
-        ):
+        is_motor = not any(kind[number] for kind in kinds)  # mjGAIN_FIXED, mjBIAS_NONE, mjDYN_NONE
+        if is_motor and compiled.actuator_ctrllimited[number]:
             control = float(np.abs(compiled.actuator_ctrlrange[number]).min())
             force = min(force, abs(float(compiled.actuator_gainprm[number, 0])) * control)
         driven[joint] = True

@@ -113,18 +113,14 @@ def _check_inertias(model: Any, names: list[str]) -> None:
     """Raise `InvalidInput` for a joint that moves no mass, or a body that cannot exist."""
     bodies = list(model.inertias)[1:]
     for name, body in zip(names, bodies, strict=True):
-        mass, moments = body.mass, body.inertia
-        empty = mass == 0.0 and not moments.any()
-        largest = np.abs([mass, *body.lever, *moments.flat]).max()
-        if mass == 0.0 and not empty and largest < MAX_MAGNITUDE:
+        is_empty = body.mass == 0.0 and not body.inertia.any()
+        largest = np.abs([body.mass, *body.lever, *body.inertia.flat]).max()
+        if not (largest < MAX_MAGNITUDE and (body.mass > 0 or is_empty)):
+            remedy = f"; {remedy}" if (remedy := lock_remedy(model, [name])) else ""
             raise InvalidInput(
-                f"joint {name!r} moves an unsound inertia (mass 0 kg, but moments): a body without "
-                f"mass has no moments of inertia; {_either('correct it', model, [name])}"
-            )
-        if not (largest < MAX_MAGNITUDE and (mass > 0 or empty)):
-            raise InvalidInput(
-                f"joint {name!r} moves an unsound inertia (mass {mass:g} kg): mass must be above "
-                f"0, and mass, centre and moments below {MAX_MAGNITUDE:g}"
+                f"joint {name!r} moves an unsound inertia (mass {body.mass:g} kg): mass must be "
+                f"above 0 (or 0 without moments of inertia), and mass, centre and moments below "
+                f"{MAX_MAGNITUDE:g}{remedy}"
             )
     data = pin.Data(model)
     pin.crba(model, data, pin.neutral(model), pin.Convention.LOCAL)
@@ -134,10 +130,11 @@ def _check_inertias(model: Any, names: list[str]) -> None:
         if not low <= moved.mass <= high:
             idle = [n for n, m in zip(names, composites, strict=True) if not low <= m.mass <= high]
             also = f", as do {listed(idle[1:])}" if idle[1:] else ""
+            remedy = f", or {remedy}" if (remedy := lock_remedy(model, idle)) else ""
             raise InvalidInput(
                 f"joint {name!r} moves an unsound inertia (mass {moved.mass:g} kg){also}: what "
-                f"moves with a joint must have {low:g} to {high:g} kg; "
-                + _either("give a link there mass and inertia", model, idle)
+                f"moves with a joint must have {low:g} to {high:g} kg; give a link there mass and "
+                f"inertia{remedy}"
             )
     unsound: list[str] = []
     for name, body, moved in zip(names, bodies, composites, strict=True):
@@ -155,11 +152,6 @@ def _check_inertias(model: Any, names: list[str]) -> None:
             f"{also}: none may be negative or exceed the sum of the others (triangle "
             "inequality); correct the inertias in the file"
         )
-
-
-def _either(remedy: str, model: Any, joints: list[str]) -> str:
-    """Return a remedy for the inertia of some joints, or to lock these joints if that is one."""
-    return ", or ".join(filter(None, [remedy, lock_remedy(model, joints)]))
 
 
 def second_moments(moments: Array) -> Array:

@@ -19,7 +19,7 @@ MAX_NAME = 200
 MAX_LISTED = 20
 """Largest number of names that `unknown` lists."""
 
-MAX_LOCK_ENTRIES = 12
+MAX_LOCK_ENTRIES = 30
 """Largest number of joints that `lock_remedy` names."""
 
 

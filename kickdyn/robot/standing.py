@@ -24,7 +24,7 @@ from kickdyn.robot.ground_clearance import (
 )
 from kickdyn.robot.leg import Leg, Posture
 from kickdyn.robot.model_validation import frame_id
-from kickdyn.robot.surgery import has_floating_base, reroot_model
+from kickdyn.robot.surgery import coordinate_indices, has_floating_base, reroot_model
 
 SOLE_THICKNESS = 2e-3
 """Height above the lowest point of a foot up to which its shapes count as its sole [m]."""
@@ -77,18 +77,18 @@ class StandingRobot:
         pin.forwardKinematics(turned, data, self.leg.configuration())
         number = turned.getJointId(self.trunk_joint) if above else 0
         self.trunk_axis = data.oMi[number].rotation[2].copy()
-        pairs = [
-            [source.joints[source.getJointId(name)] for source in (self.leg.workspace.model, model)]
-            for name in robot.joint_names[1:]
-        ]
-        self._qs = [_indices([joint[side] for joint in pairs], "q") for side in (0, 1)]
-        self._vs = [_indices([joint[side] for joint in pairs], "v") for side in (0, 1)]
+        names = robot.joint_names[1:]
+        self._of_leg, self._of_robot = (
+            coordinate_indices(part, [part.getJointId(name) for name in names])
+            for part in (turned, model)
+        )
 
     def whole(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Return q and v of the robot from those of the leg, the foot where it stands."""
         robot = self.robot
         configuration, velocity = robot.configuration(), np.zeros(robot.nv)
-        configuration[self._qs[1]], velocity[self._vs[1]] = q[self._qs[0]], v[self._vs[0]]
+        (leg_qs, leg_vs), (robot_qs, robot_vs) = self._of_leg, self._of_robot
+        configuration[robot_qs], velocity[robot_vs] = q[leg_qs], v[leg_vs]
         configuration = place_base(robot, configuration, self._frame, self.placement)
         model, data = robot.workspace.model, robot.workspace.data
         rows = pin.computeFrameJacobian(model, data, configuration, self._frame, pin.LOCAL)
@@ -233,11 +233,3 @@ def missing_shapes(robot: Leg, support: Support) -> list[str]:
                 "be lower than the plan says"
             )
     return lines
-
-
-def _indices(joints: list[Any], which: str) -> Array:
-    """Return where joints have their coordinates, for `q` or `v`."""
-    spans = [
-        getattr(joint, f"idx_{which}") + np.arange(getattr(joint, f"n{which}")) for joint in joints
-    ]
-    return np.concatenate(spans)

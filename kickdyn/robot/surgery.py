@@ -6,11 +6,12 @@ error. All functions here keep to that order.
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
@@ -76,6 +77,18 @@ def turn_body(model: Any, joint: int, rotation: Array) -> Any:
         if number and frame.parentJoint == joint and frame.type != pin.FrameType.JOINT:
             frame.placement = turn * frame.placement
     return turned
+
+
+def coordinate_indices(
+    model: Any, joints: Sequence[int]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the indices in q and in v of the coordinates of joints, in their order."""
+    spans = ((model.idx_qs, model.nqs), (model.idx_vs, model.nvs))
+    of_q, of_v = (
+        np.concatenate([np.arange(first[j], first[j] + size[j]) for j in joints])
+        for first, size in spans
+    )
+    return of_q, of_v
 
 
 def has_floating_base(model: Any) -> bool:

@@ -257,46 +257,46 @@ def find_irregularities(root: Element) -> list[str]:
     Inertias are judged with what moves together, by `model_validation`: a link alone may have none,
     or one that no body has.
     """
-    links, joints = root.findall("link"), root.findall("joint")
-    masses = [(link, link.find("inertial/mass")) for link in links]
-    light = [
-        link for link, mass in masses if mass is not None and float(mass.get("value", "nan")) == 0.0
-    ]
-    impossible = [link for link in links if link not in light and _is_impossible(link)]
-    idle = [
-        joint
-        for joint in joints
-        if joint.get("type") == "fixed" and joint.find("mimic") is not None
-    ]
-    unlimited = [
-        joint
-        for joint in joints
-        if joint.get("type") in ("revolute", "prismatic")
-        and (limit := joint.find("limit")) is not None
-        and not {"lower", "upper"} <= limit.attrib.keys()
-    ]
     together = "they count together with what is fixed to them or hangs from them"
-    return [
-        f"{kind} ({listed([element.get('name', '') for element in elements], 3)}): {meaning}"
-        for elements, kind, meaning in (
-            (light, "links with mass 0", together),
-            (impossible, "links with moments of inertia that no body has", together),
-            (idle, "fixed joints with a mimic", "they stay fixed"),
-            (unlimited, "joints without lower or upper limit", "the URDF specification says 0"),
-        )
-        if elements
-    ]
+    unlimited = "the URDF specification says 0"
+    lines = []
+    for tag, is_irregular, kind, meaning in (
+        ("link", _is_light, "links with mass 0", together),
+        ("link", _is_impossible, "links with moments of inertia that no body has", together),
+        ("joint", _is_idle, "fixed joints with a mimic", "they stay fixed"),
+        ("joint", _is_unlimited, "joints without lower or upper limit", unlimited),
+    ):
+        names = [element.get("name", "") for element in root.findall(tag) if is_irregular(element)]
+        if names:
+            lines.append(f"{kind} ({listed(names, 3)}): {meaning}")
+    return lines
+
+
+def _is_light(link: Element) -> bool:
+    mass = link.find("inertial/mass")
+    return mass is not None and _number(mass.get("value", "")) == 0.0
 
 
 def _is_impossible(link: Element) -> bool:
     """Return whether moments of inertia are negative or break the triangle inequality."""
     inertia = link.find("inertial/inertia")
-    if inertia is None:
+    if inertia is None or _is_light(link):
         return False
     keys = ("ixx", "ixy", "ixz", "ixy", "iyy", "iyz", "ixz", "iyz", "izz")
-    moments = np.array([float(inertia.get(key, "nan")) for key in keys]).reshape(3, 3)
+    moments = np.array([_number(inertia.get(key, "")) for key in keys]).reshape(3, 3)
     principal = second_moments(moments)
     return bool(principal.min() < -ROUNDING * np.abs(principal).max())
+
+
+def _is_idle(joint: Element) -> bool:
+    return joint.get("type") == "fixed" and joint.find("mimic") is not None
+
+
+def _is_unlimited(joint: Element) -> bool:
+    limit = joint.find("limit")
+    if limit is None or joint.get("type") not in ("revolute", "prismatic"):
+        return False
+    return not {"lower", "upper"} <= limit.attrib.keys()
 
 
 def _named(root: Element, tag: str, faults: list[str]) -> dict[str, Element]:

@@ -17,7 +17,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.ground import Ground
 from kickdyn.impact.collide import CONTACT_TIME, checked_stiffness
-from kickdyn.impact.force_model import Dissipation
+from kickdyn.impact.force_model import LONGEST_CONTACT, Dissipation
 from kickdyn.impact.laws import find_law
 from kickdyn.impact.sensitivity import UNITS
 from kickdyn.plane import Plane
@@ -50,7 +50,9 @@ class Compliance:
     def __post_init__(self) -> None:
         """Check the values."""
         if self.contact_time is not None:
-            time = validation.number("contact time", self.contact_time, above=0, unit="s")
+            time = validation.number(
+                "contact time", self.contact_time, above=0, at_most=LONGEST_CONTACT, unit="s"
+            )
             object.__setattr__(self, "contact_time", time)
         kind = validation.choice("dissipation", self.dissipation, Dissipation)
         object.__setattr__(self, "dissipation", kind)
@@ -204,11 +206,6 @@ class Scene(ReprMixin):
             InvalidInput: the scene has no plane, or its point is above or below the ball.
         """
         return validation.direction("direction to the plane", (*self._to_target(), 0.0))
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """A line for each joint outside its range: the kick is computed all the same."""
-        return tuple(self.leg.outside_range(self.q))
 
     def _rows(self) -> Iterable[Row]:
         """Return the lines that are shown."""

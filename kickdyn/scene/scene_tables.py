@@ -38,9 +38,6 @@ from kickdyn.scene.scene import Compliance
 MOST_NAMES = 100
 """Most entries of a list of names: each one adds rows to the constraints of the leg."""
 
-LONGEST_CONTACT = 0.1
-"""Longest contact time in a scene file [s]: a larger number is usually in milliseconds."""
-
 ZERO = (0.0, 0.0, 0.0)
 
 
@@ -227,10 +224,6 @@ def _contact(
         raise InvalidInput(
             f"law is {law!r}: a contact that takes time has no impact law; leave out law, or the "
             "contact time and the stiffness"
-        )
-    if "contact_time" in timed:
-        validation.number(
-            "contact time", timed["contact_time"], above=0, at_most=LONGEST_CONTACT, unit="s"
         )
     return contact, Compliance(**timed)
 

@@ -6,7 +6,6 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import accumulate
-from typing import Any
 
 from kickdyn.ball import BallState
 from kickdyn.core import validation
@@ -18,7 +17,7 @@ from kickdyn.flight.follow import Course
 from kickdyn.impact.collide import Collision
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.uncertainty import Uncertainty
-from kickdyn.restitution import describe_restitution, range_warnings
+from kickdyn.restitution import describe_restitution
 from kickdyn.robot.standing import is_floating
 from kickdyn.scene.effects import EffectSize, effects_of
 from kickdyn.scene.launch_and_end import (
@@ -200,13 +199,13 @@ class Simulation(Printed):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Warnings of the leg, and of coefficients of contact and air outside their ranges."""
-        impact = self.impact
-        return (
-            *self.scene.leg.warnings,
-            *range_warnings(impact.contact.restitution, impact.approach_speed),
-            *self.path.warnings,
-        )
+        """Warnings of leg, impact and path.
+
+        These are faults of the robot's file, joints outside their ranges or too fast, and
+        coefficients of contact and air outside the ranges of their data.
+        """
+        lines = (*self.scene.leg.warnings, *self.impact.warnings, *self.path.warnings)
+        return tuple(dict.fromkeys(lines))
 
     @property
     def start_height(self) -> float:
@@ -240,14 +239,6 @@ class Simulation(Printed):
         arrives = self.status == FlightStatus.AT_PLANE
         return score_at(left, up, scene.ball.radius, arrives=arrives)
 
-    def pitch_numbers(self) -> dict[str, Any]:
-        """Return `passage` and `score` as dictionaries for JSON, `wall` and `goal_mouth`."""
-        passage, score = self.passage, self.score
-        return {
-            "wall": passage and {"above": passage.above, "beside": passage.beside},
-            "goal_mouth": score and score._asdict(),
-        }
-
     @property
     def pitch_text(self) -> str:
         """Sentences on how the ball passes the wall and meets the goal; empty without both."""
@@ -269,7 +260,7 @@ class Simulation(Printed):
 
     @property
     def summary(self) -> str:
-        """The end, its error, the wall, the goal, notes and warnings, one line each."""
+        """The end, its error, the wall, the goal and warnings, one line each."""
         scene, impact, ground = self.scene, self.impact, self.scene.ground
         error = f"error {self.error:.2g} m" if math.isfinite(self.error) else "error unknown"
         if self.tolerance is not None:
@@ -293,7 +284,6 @@ class Simulation(Printed):
                 f"The uncertainties of the scene give the end a standard deviation of "
                 f"{_length_text(self.end_deviation)} m."
             )
-        lines += [f"note: {note}" for note in scene.notes]
         lines += [f"warning: {warning}" for warning in self.warnings]
         return "\n".join(filter(None, lines))
 

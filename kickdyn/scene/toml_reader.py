@@ -179,7 +179,7 @@ def _scene(sections: dict[str, Any], folder: Path, stem: str) -> Scene:
     contact, law = sections.pop("contact")
     ball, incoming = sections.pop("ball", (Ball(), BallState()))
     has_height, ground = sections.pop("ground", (True, None))
-    name = sections.pop("").get("name", stem)
+    top = {"name": stem, **sections.pop("")}
     with _faults_in("leg"):
         leg = leg_table.read(folder)
     if faults := joint_faults(leg, leg_table, posture_table):
@@ -189,7 +189,7 @@ def _scene(sections: dict[str, Any], folder: Path, stem: str) -> Scene:
     with _faults_in("posture"):
         posture = leg.posture(posture_table.configuration(leg)).with_contact_offset(contact.offset)
         v = posture_table.velocity(posture)
-    scene = Scene(posture, v, ball, contact, law, incoming=incoming, name=name, **sections)
+    scene = Scene(posture, v, ball, contact, law, incoming=incoming, **top, **sections)
     if ground is None:
         return scene
     under_ball = float(scene.ball_position[2]) - ball.radius

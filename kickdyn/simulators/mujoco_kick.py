@@ -154,6 +154,7 @@ class MujocoKick:
         self.model.pair_solreffriction[0] = contact.solreffriction
         self.model.pair_friction[0, :2] = contact.friction
 
+    @quiet_mujoco()
     def run(
         self,
         phase: float = 0.0,
@@ -173,12 +174,6 @@ class MujocoKick:
         Raises:
             KickdynError: the foot pushes the ball for longer, or the simulation diverges.
         """
-        with quiet_mujoco():
-            return self._run(phase, joint_impulses, longest, afterwards)
-
-    def _run(
-        self, phase: float, joint_impulses: bool, longest: float, afterwards: float
-    ) -> SimulatedBall:
         mujoco, model, data, step = self.mujoco, self.model, self.data, self.timestep
         self._start(phase * step)
         forces = np.zeros((model.nbody, 3))

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from kickdyn.contact import Contact
 from kickdyn.core import validation
-from kickdyn.core.compilation import calling_beside
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.impact.laws import find_law
@@ -78,25 +77,20 @@ class ChunkSolver:
         return describe(self.leg, self.grid, self.kick, self.carry_tolerance)
 
     def compile(self) -> None:
-        """Compile what is not on disk yet, in two processes at the same time.
-
-        The second process compiles the integrator of flights and this process everything else,
-        which takes about the same time.
-        """
+        """Compile what is not on disk yet."""
         if self._model is None:
             return
         from kickdyn.flight.compiling import compiled_rates  # numba is needed by large grids only
         from kickdyn.flight.march import compiled_march
         from kickdyn.sweeps.carry_table import compiled_evaluate
-        from kickdyn.sweeps.kernel import compiled_kernel, kernel_is_kept
+        from kickdyn.sweeps.kernel import compiled_kernel
 
-        ball, air = self.kick.ball, self.kick.air
-        if air is not None and kernel_is_kept() is False:
-            with calling_beside("the integrator of flights", compiled_march):
-                compiled_kernel()
-                compiled_rates(ball, air)
-                if self.carry_tolerance > 0.0:
-                    compiled_evaluate()
+        compiled_kernel()
+        if self.kick.air is not None:
+            compiled_march()
+            compiled_rates(self.kick.ball, self.kick.air)
+            if self.carry_tolerance > 0.0:
+                compiled_evaluate()
 
     def prepare(self) -> None:
         """Compile the kernel and fly the balls of the carry table; to be called before threads."""

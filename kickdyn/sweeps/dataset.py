@@ -30,7 +30,7 @@ VARIABLES = {
     "launch_angle": ("rad", "launch above the horizontal"),
     "back_spin": ("rad/s", "spin of the ball after the impact about -y; negative is top spin"),
     "worst_joint_impulse": ("N s", "largest linear impulse inside a joint"),
-    "energy_lost": ("J", "kinetic energy lost in the impact"),
+    "energy_lost": ("J", "energy lost to restitution and friction"),
     "speed_use": ("1", "least possible value of the largest joint speed over its limit"),
     "carry": ("m", "horizontal distance to where the ball is back at its launch height"),
     "restitution_residual": ("1", "relative error of Newton's restitution"),

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kickdyn.core import simd
-from kickdyn.core.compilation import compiled, is_kept, named
+from kickdyn.core.compilation import compiled, named
 from kickdyn.core.simd import BATCH, aligned_zeros, batches, choose
 from kickdyn.core.validation import Array
 from kickdyn.robot.leg import Leg
@@ -237,11 +237,6 @@ def write_joint_impulses(task, state, answer, c):  # type: ignore[no-untyped-def
 
 
 named(_sweep, "sweep", simd, kernel_model, kernel_dynamics, kernel_impact, sweep_kick)
-
-
-def kernel_is_kept() -> bool | None:
-    """Return whether the kernel is on the disk; None where it cannot be kept."""
-    return is_kept(_sweep)
 
 
 @cache

@@ -16,7 +16,7 @@ from typing import Any
 import numba
 import numpy as np
 
-from kickdyn.core.lanes import WITHIN
+from kickdyn.core.compilation import WITHIN
 from kickdyn.core.simd import BATCH, spread
 
 OPTIONS: dict[str, Any] = {"error_model": "numpy", "_nrt": False}

@@ -209,8 +209,9 @@ def open_sweep(path: str | PathLike[str]) -> xr.Dataset:
         path: the folder or file.
 
     Returns:
-        The dataset that `kickdyn.sweep` describes, read when its values are asked for. With dask
-        installed, `.chunk()` makes xarray compute on a store larger than memory.
+        The dataset that `kickdyn.sweep` describes; that of a store is read when its values are
+        asked for. With dask installed, `.chunk()` makes xarray compute on a store larger than
+        memory.
 
     Raises:
         InvalidInput: there is no such file, or it is not a sweep.
@@ -218,13 +219,14 @@ def open_sweep(path: str | PathLike[str]) -> xr.Dataset:
     file = _checked_path(path)
     if not file.exists():
         raise InvalidInput(f"{path}: there is no such sweep")
+    if file.is_dir():
+        _zarr()
     try:
         data: xr.Dataset
         if file.is_dir():
-            _zarr()
             data = xr.open_zarr(file, consolidated=False, chunks=None)
         else:
-            data = xr.open_dataset(file, engine="h5netcdf")
+            data = xr.load_dataset(file, engine="h5netcdf")  # all of it, with any damage
     except Exception as error:  # h5py and zarr have many kinds for a broken file
         reason = " ".join(str(error).split())[:100]
         raise InvalidInput(f"{path} cannot be read as a sweep ({reason})") from None

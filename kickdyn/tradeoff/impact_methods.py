@@ -18,6 +18,7 @@ from kickdyn.errors import KickdynError
 from kickdyn.impact.approach import AT_REST, find_approach
 from kickdyn.impact.collide import collide
 from kickdyn.impact.impact_result import Impact
+from kickdyn.impact.pinocchio_engine import contact_row, joined_state, with_ball
 from kickdyn.impact.strike import strike
 from kickdyn.robot.leg import Leg, Posture
 from kickdyn.simulators.mujoco_kick import mujoco_kick
@@ -88,7 +89,8 @@ def _methods(impact: Impact) -> Iterator[Method]:
 
     yield "closed form", "", struck(strike)
     if contact.friction == 0.0:
-        yield "Pinocchio impulseDynamics", "", struck(strike, engine="pinocchio")
+        yield "Pinocchio impulseDynamics", "", impulse_dynamics(impact)
+        yield "kd.strike, engine pinocchio", "", struck(strike, engine="pinocchio")
     yield "dense KKT system", "", applied(solve_kkt)
     if contact.friction > 0.0:
         for name in ("ADMM", "PGS"):
@@ -102,6 +104,19 @@ def _methods(impact: Impact) -> Iterator[Method]:
     for stiffness, steps in MUJOCO.items():
         for dt in steps:
             yield "MuJoCo", f"{stiffness:.0e} N/m, dt {dt:g} s", mujoco_kick(impact, stiffness, dt)
+
+
+def impulse_dynamics(impact: Impact) -> Callable[[], Array]:
+    """Return the calls of Pinocchio alone, with the model of leg and ball made before."""
+    space, joint = with_ball(impact.leg, impact.ball.mass, impact.ball.inertia)
+    q, v = joined_state(impact.approach)
+
+    def solve() -> Array:
+        row = contact_row(impact.approach, space, joint, q)
+        pin.impulseDynamics(space.model, space.data, q, v, row, impact.restitution, 0.0)
+        return np.asarray(space.data.impulse_c[0] * impact.contact.normal)
+
+    return solve
 
 
 def solve_kkt(posture: Posture, v: Array, ball: Ball, contact: Contact) -> Array:

@@ -3,10 +3,11 @@
 import math
 import threading
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import astuple
 from functools import partial
 from html import escape
+from http import HTTPStatus
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from os import PathLike
 from pathlib import Path
@@ -106,7 +107,7 @@ class Page:
         """
         with TemporaryDirectory() as folder:
             self.save(Path(folder) / "index.html")
-            handler = partial(SimpleHTTPRequestHandler, directory=folder)
+            handler = partial(_Handler, directory=folder)
             try:
                 server = ThreadingHTTPServer((ADDRESS, port), handler)
             except (OSError, OverflowError) as error:
@@ -187,6 +188,28 @@ def page(
     name = impact.posture.leg.name or "leg"
     title = f"{name}: ball at {float(impact.ball_after.speed):.4g} m/s"
     return Page(viewer, title, panel, drawn.pace, height)
+
+
+class _Handler(SimpleHTTPRequestHandler):
+    """Answers requests that name this machine, so that no other site can read the page."""
+
+    def parse_request(self) -> bool:
+        """Read a request; refuse it unless its only `Host` is this server."""
+        if not super().parse_request():
+            return False
+        port = self.request.getsockname()[1]
+        if self.headers.get_all("Host") in ([f"{ADDRESS}:{port}"], [f"localhost:{port}"]):
+            return True
+        self.send_error(HTTPStatus.MISDIRECTED_REQUEST)
+        return False
+
+    def copyfile(self, *files: Any) -> None:
+        """Send the page, unless the browser leaves meanwhile."""
+        with suppress(ConnectionError):
+            super().copyfile(*files)
+
+    def log_message(self, *_: object) -> None:
+        """Say nothing about requests."""
 
 
 class _Kick(NamedTuple):

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 import kickdyn as kd
 from kickdyn.cli.identify_command import identify
 from kickdyn.errors import InvalidInput
-from kickdyn.identification.identification_result import Identification
+from kickdyn.identification.identification_result import Identification, mean_over_flights
 
 ROWS = (Path(__file__).resolve().parents[2] / "data" / "match_ball.csv").read_text().splitlines()
 
@@ -72,25 +72,80 @@ def two_flights(tmp_path):
 
 def test_the_table_and_the_json_have_the_numbers_of_the_fits(two_flights):
     track = kd.Track.from_csv(two_flights)
+    ball = kd.Ball(radius=0.1098)  # as the help shows it
+    split = kd.segments(track, ball)
     text = run(two_flights)
     document = json.loads(run(two_flights, "--json", "-"))
-    heads, *lines = [line.split() for line in text.splitlines() if re.match(r"\d+-|samples ", line)]
-    assert heads[:6] == ["samples", "speed", "[m/s]", "left", "out", "rms"]
-    assert len(lines) == len(document["flights"]) == 2
-    outliers = []
-    for cells, flight in zip(lines, document["flights"], strict=True):
+    lines = [line for line in text.splitlines() if re.match(r"\d+-|samples ", line)]
+    heads, *rows = [re.split(r"  +", line) for line in lines]
+    assert heads[:4] == ["samples", "speed [m/s]", "left out", "rms [cm]"]
+    assert len(rows) == len(document["flights"]) == len(split.flights) == 2
+    outliers, fits = [], []
+    for cells, flight, part in zip(rows, document["flights"], split.flights, strict=True):
         first, last = map(int, cells[0].split("-"))
         assert (flight["first"], flight["last"]) == (first, last)
-        fit = kd.identify(track[first:last], kd.Ball(), kd.Air(), free=["spin", "drag"])
-        left_out = len(track[first:last]) - int(fit.used.sum())
-        outliers.append(left_out)
-        assert flight["outliers"] == int(cells[2]) == left_out
-        assert float(cells[1]) == pytest.approx(
-            float(np.linalg.norm(fit.launch.velocity)), abs=5e-3
-        )
+        assert track[first:last] == part
+        fit = kd.identify(part, ball, kd.Air(), free=["spin", "drag"])
+        fits.append(fit)
+        outliers.append(fit.outliers)
+        assert flight["outliers"] == int(cells[2]) == len(part) - fit.used.sum()
+        speed = np.linalg.norm(fit.launch.velocity)
+        assert float(cells[1]) == pytest.approx(speed, abs=5e-3)
         assert float(cells[3]) == pytest.approx(100 * fit.rms, abs=5e-3)
-        assert flight["rms"] == pytest.approx(fit.rms, rel=1e-4)
+        assert flight["rms"] == pytest.approx(fit.rms)
+        assert flight["warnings"] == [*fit.warnings]
+        for head, cell in zip(heads[4:], cells[4:], strict=True):
+            name = head.split(" ")[0]
+            if name in fit.undetermined:
+                assert (cell, flight["values"][name]) == ("not determined", None)
+                continue
+            value, deviation = map(float, cell.split(" +- "))
+            assert deviation == pytest.approx(fit.deviations[name], rel=0.05)
+            assert value == pytest.approx(fit.values[name], abs=0.06 * deviation)
+        for key, numbers in (("values", fit.values), ("deviations", fit.deviations)):
+            given = {name: value for name, value in flight[key].items() if value is not None}
+            assert given == pytest.approx(numbers)
     assert outliers == [2, 1]
+    mean = mean_over_flights(fits, "drag")
+    assert document["drag"] == pytest.approx(mean._asdict())
+    assert f"over the whole track: {mean}" in text
+    samples = sum(len(part) for part in split.parts if part.kind == "flight")
+    at_ends = samples - sum(map(len, split.flights))
+    assert document["samples_at_ends"] == at_ends > 0
+    assert f"{at_ends} samples within 0.1 s" in text
+    warned = next(i for i, fit in enumerate(fits) if fit.warnings)
+    assert f"--start {rows[warned][0].replace('-', ' --end ')} prints" in text
+
+
+def test_the_segments_have_the_numbers_of_the_track(tmp_path):
+    path = kd.follow(
+        kd.BallState((0, 0, 0.6), (9, 1, 4)), kd.Ball(), kd.Air(), kd.Ground(surface="carpet")
+    )
+    times, file = 2.0 + np.arange(0.0, path.duration, 0.02), tmp_path / "roll.csv"
+    rows = np.column_stack([times, path.sample(times - 2.0).position])
+    np.savetxt(file, rows, delimiter=",", header="t,x,y,z", comments="")
+    split = kd.segments(kd.Track.from_csv(file), kd.Ball(radius=0.1098))
+    text = run(file, "--json", tmp_path / "roll.json")
+    document = json.loads((tmp_path / "roll.json").read_text())
+    kinds = "flight|rolling|rest|other"
+    lines = [line.split() for line in text.splitlines() if re.match(rf"({kinds}) +\d", line)]
+    assert len(lines) == len(split.parts) == len(document["segments"])
+    for words, part, entry in zip(lines, split.parts, document["segments"], strict=True):
+        kind, samples, seconds, begins, speed = words
+        assert (kind, begins) == (part.kind, part.begins) == (entry["kind"], entry["begins"])
+        assert samples == f"{part.first}-{part.last}"
+        assert (part.first, part.last) == (entry["first"], entry["last"])
+        first, last = map(float, seconds.split("-"))
+        span = split.track.times[[part.first, part.last - 1]]
+        assert (first, last) == pytest.approx(span, abs=6e-3)
+        assert float(speed) == pytest.approx(np.linalg.norm(part.velocity_after), abs=6e-3)
+    for name in ("restitution", "friction", "rolling_deceleration"):
+        measured = getattr(split, name)
+        assert document[name] == measured._asdict()
+        assert f"{name.replace('_', ' ')}: {measured}" in text
+    low = split.friction.median - 2.0 * split.friction.deviation
+    assert f"friction: at least {low:.2g} (of" in text
+    assert document["warnings"] == [*split.warnings]
 
 
 def test_the_longest_flight_is_plotted(two_flights, tmp_path, monkeypatch):
@@ -101,6 +156,17 @@ def test_the_longest_flight_is_plotted(two_flights, tmp_path, monkeypatch):
     run(two_flights, "--plot", tmp_path / "flight.png")
     assert len(drawn) == 1
     assert drawn[0].tracks[0].duration > 0.9
+
+
+def test_the_hint_names_the_first_flight_with_a_warning(two_flights, monkeypatch):
+    late = property(lambda fit: ("late",) if fit.tracks[0].times[0] > 4.0 else ())
+    monkeypatch.setattr(Identification, "warnings", late)
+    text = run(two_flights)
+    last = [line.split()[0] for line in text.splitlines() if re.match(r"\d+-", line)][-1]
+    assert (
+        f"1 of 2 flights have warnings: --json FILE writes them, --start {last.split('-')[0]} "
+        in text
+    )
 
 
 def test_several_flights_have_a_mean(two_flights, tmp_path):

@@ -380,9 +380,9 @@ def test_a_robot_on_a_support_says_how_it_stands(tmp_path):
     ended = CliRunner().invoke(plan, [*G1, "--json", str(file)])
     said = " ".join(ended.output.split())
     assert "The robot stands on left_ankle_roll_link, with its centre of mass" in said
-    assert "this foot stands if the coefficient of friction is at least 0." in said
+    assert "this foot turns about the vertical: friction cannot supply" in said
     stance = json.loads(file.read_text())["stance"]
-    assert stance["footing"] == {"left_ankle_roll_link": "stands"}
+    assert stance["footing"] == {"left_ankle_roll_link": "turns"}
     assert 0.0 <= stance["balance"] < 0.1
     x, y, z, *_ = stance["impulse"]["left_ankle_roll_link"]
     assert math.hypot(x, y) / z == pytest.approx(stance["friction"]["left_ankle_roll_link"])
@@ -435,3 +435,22 @@ def test_a_robot_that_cannot_stand_so_is_refused_in_one_line(more, message):
     assert isinstance(ended.exception, kd.InvalidInput)
     assert message in str(ended.exception)
     assert "\n" not in str(ended.exception)
+
+
+def test_a_wind_faster_than_sound_is_refused_at_once():
+    ended = door("--distance", "20", "--time", "1", "--wind", "1e300,0,0")
+    assert ended.returncode == 2
+    assert "wind is 1e+300: it must be a finite number at most 343 [m/s]" in " ".join(
+        ended.stderr.split()
+    )
+
+
+@pytest.mark.parametrize("width", ["0.4", "2.5"])
+def test_the_nearest_launch_beside_a_wall_says_if_it_hits_the_wall(width):
+    """The largest curve passes 0.85 m beside the middle of the wall."""
+    curve = ["--distance", "20", "--height", "1", "--time", "1", "--beside", "9.15:3"]
+    ended = door(*curve, "--wall", f"9.15:5:{width}", "--leg", "g1", "--no-limits")
+    said = " ".join(ended.stderr.split())
+    assert ended.returncode == 2
+    assert "spin faster than 100 rad/s; the nearest is beside (9.15, " in said
+    assert ("with which the ball hits the wall" in said) == (width == "2.5")

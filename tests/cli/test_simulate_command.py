@@ -7,6 +7,8 @@ from click.testing import CliRunner
 
 import kickdyn as kd
 from kickdyn.cli.simulate_command import simulate
+from kickdyn.core.files import finite
+from kickdyn.scene.launch_and_end import end_of
 
 
 def test_it_prints_the_error_budget():
@@ -32,6 +34,50 @@ def test_the_numbers_are_those_of_simulate(tmp_path):
     assert {effect["effect"]: effect["size"] for effect in document["effects"]} == (
         answer.effect_sizes
     )
+
+
+NUMBERS = {
+    "scene": lambda answer: answer.scene.name,
+    "tolerance": lambda _: 0.05,
+    "within_tolerance": lambda _: True,
+    "status": lambda answer: str(answer.path.status),
+    "restitution": lambda answer: answer.impact.restitution,
+    "restitution_given": lambda answer: answer.scene.contact.restitution,
+    "ball_velocity": lambda answer: answer.impact.ball_after.velocity.tolist(),
+    "ball_spin": lambda answer: answer.impact.ball_after.spin.tolist(),
+    "end": lambda answer: end_of(answer.path).position.tolist(),
+    "time": lambda answer: answer.path.duration,
+    "error": lambda answer: answer.model_error + answer.numerical_error,
+    "model_error": lambda answer: answer.model_error,
+    "numerical_error": lambda answer: answer.numerical_error,
+    "end_deviation": lambda answer: finite(answer.end_deviation),
+    "method": lambda answer: answer.method,
+    "evaluations": lambda answer: answer.evaluations,
+    "wall": lambda answer: (
+        answer.passage and {"above": answer.passage.above, "beside": answer.passage.beside}
+    ),
+    "goal_mouth": lambda answer: (
+        answer.score
+        and {"end": answer.score.end, "post": answer.score.post, "bar": answer.score.bar}
+    ),
+    "warnings": lambda answer: list(answer.warnings),
+    "effects": lambda answer: [
+        {
+            "effect": name,
+            "modelled": name not in answer.neglected,
+            "negligible": name in answer.negligible,
+            "size": size,
+        }
+        for name, size in answer.effect_sizes.items()
+    ],
+}
+
+
+@pytest.mark.parametrize("name", ["free_kick", "volley", "wet_grass_pass"])
+def test_every_number_of_the_document_is_that_of_the_simulation(name):
+    ended = CliRunner().invoke(simulate, [name, "--json", "-"])
+    document, answer = json.loads(ended.stdout), kd.simulate(kd.load_scene(name))
+    assert document == {key: number(answer) for key, number in NUMBERS.items()}
 
 
 def test_only_json_goes_to_a_pipe():

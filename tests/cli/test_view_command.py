@@ -1,15 +1,27 @@
 import json
+import math
+import re
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from click.testing import CliRunner
 
 import kickdyn as kd
 from kickdyn.cli.view_command import view
 from kickdyn.core import console
+from kickdyn.scene.simulate import simulate_as_instant
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
+SLOW = "foot_velocity_m_s = [1.0392, 0, 0.6]"
+
+
+def fast_kick():
+    """Return the text of the scene of the paper, with a foot that is faster."""
+    text = (SCENES / "paper_kick.toml").read_text("utf-8")
+    assert SLOW in text
+    return text.replace(SLOW, "foot_velocity_m_s = [10, 0, 5]")
 
 
 def run(*arguments):
@@ -62,8 +74,7 @@ def test_a_scene_without_time_for_its_contact_has_all_modelled(tmp_path):
 
 def test_a_bound_that_is_not_known_is_null(tmp_path):
     """The contact's deflection in a tenth of a second is beyond the ball's radius."""
-    text = (SCENES / "paper_kick.toml").read_text("utf-8")
-    slow = text.replace("restitution = 0.8", "restitution = 0.8\ncontact_time_s = 0.1", 1)
+    slow = fast_kick().replace("restitution = 0.8", "restitution = 0.8\ncontact_time_s = 0.1", 1)
     (tmp_path / "slow.toml").write_text(slow)
     assert run(tmp_path / "slow.toml", "--json", tmp_path / "slow.json").exit_code == 0
     numbers = json.loads((tmp_path / "slow.json").read_text())
@@ -86,11 +97,81 @@ def test_nothing_to_write():
     assert "give --out, --png or --json" in str(ended.exception)
 
 
-@pytest.mark.parametrize("at", ["-1", "nan"])
-def test_a_bad_moment(at, tmp_path):
-    ended = run(SCENES / "paper_kick.toml", "--png", tmp_path / "a.png", "--at", at)
+@pytest.mark.parametrize("at", ["-1", "nan", "0.1169", "99"])
+def test_a_moment_outside_the_motion_is_refused(at, tmp_path, monkeypatch):
+    monkeypatch.setattr("kickdyn.view.document.find_browser", lambda _: "browser")
+    files = "--png", tmp_path / "a.png", "--json", tmp_path / "a.json"
+    ended = run(SCENES / "paper_kick.toml", *files, "--at", at)
     assert isinstance(ended.exception, kd.InvalidInput)
+    assert re.search(r"^at is .*at least 0 and at most 0\.11\d+ \[s\]$", str(ended.exception))
     assert list(tmp_path.iterdir()) == []
+
+
+NUMBERS = {
+    "scene": lambda shown: shown.scene.name,
+    "leg": lambda shown: shown.scene.leg.name,
+    "frame": lambda shown: shown.scene.leg.frame,
+    "angles_deg": lambda shown: {
+        name: pytest.approx(angle)
+        for name, angle in shown.scene.leg.angles_deg(shown.scene.q).items()
+    },
+    "restitution": lambda shown: shown.impact.restitution,
+    "restitution_given": lambda shown: shown.scene.contact.restitution,
+    "impulse": lambda shown: shown.impact.impulse.tolist(),
+    "joint_impulses": lambda shown: {
+        name: pytest.approx(placement.rotation @ impulse[:3])
+        for name, placement, impulse in zip(
+            shown.scene.leg.joint_names,
+            placements(shown.scene),
+            shown.impact.joint_impulses,
+            strict=True,
+        )
+    },
+    "foot_speed": lambda shown: np.linalg.norm(shown.scene.posture.point_velocity(shown.scene.v)),
+    "ball_velocity": lambda shown: shown.impact.ball_after.velocity.tolist(),
+    "ball_spin": lambda shown: shown.impact.ball_after.spin.tolist(),
+    "launch_angle": lambda shown: math.atan2(
+        shown.launch.velocity[2], math.hypot(*shown.launch.velocity[:2])
+    ),
+    "end": lambda shown: shown.path.landing.position.tolist(),
+    "time": lambda shown: shown.path.duration,
+    "error": lambda shown: shown.model_error + shown.numerical_error,
+    "neglected": lambda shown: dict.fromkeys(shown.neglected, shown.model_error),
+    "wall": lambda shown: (
+        shown.passage and {"above": shown.passage.above, "beside": shown.passage.beside}
+    ),
+    "goal_mouth": lambda shown: (
+        shown.score and {"end": shown.score.end, "post": shown.score.post, "bar": shown.score.bar}
+    ),
+    "warnings": lambda shown: list(shown.warnings),
+}
+
+
+def placements(scene):
+    """Return the placements of the joints in the world, as Pinocchio computes them."""
+    model = scene.leg.model
+    data = model.createData()
+    pin.forwardKinematics(model, data, scene.q)
+    return list(data.oMi)[1:]
+
+
+@pytest.mark.parametrize("name", ["free_kick", "volley"])
+def test_every_number_of_the_document_is_that_of_the_simulation(name):
+    ended = run(name, "--json", "-")
+    shown = simulate_as_instant(kd.load_scene(name))
+    document = json.loads(ended.stdout)
+    assert document.keys() == NUMBERS.keys()
+    for key, number in NUMBERS.items():
+        assert (
+            document[key] == pytest.approx(number(shown))
+            if key == "foot_speed"
+            else (document[key] == number(shown))
+        ), key
+
+
+def test_the_summary_is_that_of_the_simulation(tmp_path):
+    ended = run("free_kick", "--json", tmp_path / "x.json")
+    assert simulate_as_instant(kd.load_scene("free_kick")).summary in ended.stdout
 
 
 def test_a_name_is_escaped(tmp_path):
@@ -107,9 +188,10 @@ def test_a_name_is_escaped(tmp_path):
                      (1e6, False)]
 )  # fmt: skip
 def test_a_wall_is_shown_where_the_ball_could_come_to_it(x, shown, tmp_path, commands_of):
-    text = (SCENES / "paper_kick.toml").read_text("utf-8")
     file = tmp_path / "wall.toml"
-    file.write_text(f"{text}\n[plane]\npoint_m = [{x}, 0, 0]\nnormal = [{-np.sign(x)}, 0, 0]\n")
+    file.write_text(
+        f"{fast_kick()}\n[plane]\npoint_m = [{x}, 0, 0]\nnormal = [{-np.sign(x)}, 0, 0]\n"
+    )
     html = kd.page(kd.simulate(kd.load_scene(file), None)).html
     drawn = any(c["path"].startswith("/meshcat/scenery") for c in commands_of(html))
     assert drawn is shown

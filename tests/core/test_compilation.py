@@ -1,16 +1,6 @@
-import logging
 import os
-import pickle
-import signal
 import subprocess
 import sys
-import time
-
-import pytest
-
-from kickdyn.core import compilation
-from kickdyn.core.compilation import calling_beside, is_kept, named
-from kickdyn.sweeps import kernel
 
 MODULE = """
 import math, sys
@@ -51,48 +41,3 @@ def test_functions_of_one_factory_are_not_taken_for_each_other(tmp_path):
     assert float(alone[1]) == 2 * float(alone[0])
     assert len(list((tmp_path / "kept").rglob("*.nbc"))) == 2
     assert said("1", "2") == alone
-
-
-def test_a_kernel_that_was_compiled_is_kept():
-    kernel.compiled_kernel()
-    assert kernel.kernel_is_kept() is True
-    assert is_kept(named(lambda x: x, "never_compiled")) is False
-
-
-def test_a_function_is_called_in_another_process(tmp_path, caplog):
-    with (
-        caplog.at_level(logging.INFO),
-        calling_beside("a folder", os.mkdir, str(tmp_path / "made")),
-    ):
-        pass
-    assert (tmp_path / "made").is_dir() or len(os.sched_getaffinity(0)) == 1
-    with calling_beside("nothing", os.mkdir, lambda: "cannot be pickled"):
-        pass
-    assert "a folder" in caplog.text
-    assert "nothing" not in caplog.text
-
-
-def test_the_other_process_ends_with_an_error_or_with_its_parent(monkeypatch):
-    started = []
-    popen = subprocess.Popen
-    with monkeypatch.context() as patch:
-        patch.setattr(
-            subprocess, "Popen", lambda *a, **k: started.append(popen(*a, **k)) or started[0]
-        )
-        with pytest.raises(KeyboardInterrupt), calling_beside("a minute", time.sleep, 60):
-            raise KeyboardInterrupt
-    assert [each.returncode for each in started] in ([-signal.SIGTERM], [])
-    sent = pickle.dumps((sys.path, "time", "sleep")) + pickle.dumps((60,))
-    with popen([sys.executable, "-c", compilation._CALL], stdin=subprocess.PIPE) as orphan:
-        orphan.stdin.write(sent)  # and its input ends, as when the parent is killed
-    assert orphan.returncode == 1
-
-
-def test_files_of_the_working_directory_are_not_imported_by_the_other_process(
-    tmp_path, monkeypatch
-):
-    (tmp_path / "pickle.py").write_text("raise SystemExit('planted')")
-    monkeypatch.chdir(tmp_path)
-    with calling_beside("a folder", os.mkdir, str(tmp_path / "made")):
-        pass
-    assert (tmp_path / "made").is_dir() or len(os.sched_getaffinity(0)) == 1

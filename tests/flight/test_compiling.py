@@ -4,13 +4,14 @@ import subprocess
 import sys
 import types
 
+import mpmath
 import numba
 import numpy as np
 import pytest
 
 from kickdyn.aerodynamics import drag
 from kickdyn.flight import compiling
-from kickdyn.flight.compiling import fingerprint
+from kickdyn.flight.compiling import fingerprint, mathematics
 
 FLIGHTS = """
 import sys
@@ -147,3 +148,18 @@ def test_all_a_function_uses_counts():
 )
 def test_what_may_be_another_tomorrow_has_no_name(value):
     assert fingerprint(made(value)) is None
+
+
+@numba.njit
+def exp(x):
+    return compiling.exp(x)
+
+
+def test_exp_is_right_to_the_last_digits():
+    for x in np.concatenate([np.linspace(-708, 709, 2001), np.linspace(-1, 1, 500), [0.0, -0.0]]):
+        exact = mpmath.exp(mpmath.mpf(float(x)))
+        assert abs(mpmath.mpf(exp(float(x))) / exact - 1) < 4e-16
+    assert exp(0.0) == 1.0
+    assert (exp(-709.0), exp(-math.inf), exp(709.5), exp(math.inf)) == (0, 0, math.inf, math.inf)
+    assert math.isnan(exp(math.nan))
+    assert mathematics.sin is math.sin

@@ -72,7 +72,10 @@ def test_what_ends_no_flight_is_refused():
         ([CREST], "the end 'crest' must be terminal"),
         (["wall"], "ends has 'wall': it must have kickdyn.Event"),
         ([kd.Event("landed", lambda state, _: state[2])], "its name none of landed"),
-        ([kd.Event("many", lambda state, _: state[2], np.ones(5))], "has 5 numbers: it may have 4"),
+        (
+            [kd.Event("many", lambda state, _: state[2], np.ones(5))],
+            "they must be a sequence of at most 4 numbers",
+        ),
     ):
         with pytest.raises(kd.InvalidInput, match=said):
             kd.fly(KICK, BALL, AIR, ends=ends)
@@ -147,3 +150,61 @@ def test_an_event_that_numba_cannot_compile_is_named():
     odd = kd.Event("odd", lambda state, _: float(str(state[0])))
     with pytest.raises(kd.InvalidInput, match=r"the end 'odd' .* cannot be compiled"):
         kd.fly_many(launches(3), BALL, AIR, ends=[odd])
+
+
+def root_of_distance(state, numbers):
+    """Defined up to a distance ahead, and positive there."""
+    return math.sqrt(numbers[0] - state[0]) + 1.0
+
+
+def root_of_height(state, numbers):
+    """Defined over the ground only, and positive there."""
+    return math.sqrt(numbers[0] + state[2]) + 1.0
+
+
+def nothing(state, numbers):
+    return math.nan
+
+
+@pytest.mark.parametrize(
+    ("function", "said"),
+    [(root_of_distance, "raised ValueError: math domain error"), (nothing, "gave nan")],
+)
+def test_an_event_that_is_not_a_number_is_said(function, said):
+    ends = [kd.Event("odd", function, (5.0,))]
+    states = kd.BallState((0, 0, 1), [(20, 0, 5), (20, 0, 5)], (0, -10, 0))
+    for call in (kd.fly, kd.follow):
+        with pytest.raises(kd.InvalidInput, match=rf"the function of the event 'odd' {said}, with"):
+            call(KICK, BALL, AIR, ends=ends)
+    many = kd.fly_many(states, BALL, AIR, kd.Ground(), ends=ends)
+    assert many.status.values.tolist() == [2, 2]
+    assert many.status.attrs["flag_meanings"].split()[2] == "failed"
+    assert np.isnan(many.range.values).all()
+
+
+def test_an_event_may_be_undefined_where_the_ball_is_not():
+    ends = [kd.Event("odd", root_of_height, (1 - BALL.radius,))]
+    states = kd.BallState((0, 0, 1), [(20, 0, 5), (20, 0, -5)], (0, -10, 0))
+    many = kd.fly_many(states, BALL, AIR, kd.Ground(), ends=ends)
+    assert many.status.values.tolist() == [0, 0]
+    for velocity, length in zip(states.velocity, many.range.values, strict=True):
+        start = kd.BallState((0, 0, 1), velocity, (0, -10, 0))
+        path = kd.fly(start, BALL, AIR, kd.Ground(), ends=ends)
+        assert (path.status, path.range) == ("landed", pytest.approx(length, rel=1e-7))
+
+
+@pytest.mark.parametrize(
+    ("numbers", "said"),
+    [
+        ((math.nan,), "must be finite"),
+        ((1.0, math.inf), "must be finite"),
+        ((np.zeros(5),), "a sequence of at most 4 numbers"),
+        (lambda launch: 1 / 0, "raised ZeroDivisionError: division by zero"),
+    ],
+)
+def test_bad_numbers_of_an_event_are_named(numbers, said):
+    end = kd.Event("odd", root_of_height, numbers)
+    with pytest.raises(kd.InvalidInput, match=f"the numbers of the event 'odd' are .*{said}"):
+        kd.fly(KICK, BALL, AIR, ends=[end])
+    with pytest.raises(kd.InvalidInput, match=f"the numbers of the event 'odd' are .*{said}"):
+        kd.fly_many(launches(3), BALL, AIR, ends=[end])

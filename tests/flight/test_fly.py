@@ -497,11 +497,28 @@ def test_error_of_the_closed_form_is_rounding():
 
 
 def test_what_leaves_the_data_is_said():
-    assert kd.fly(launch((25, 0, 10)), BALL, kd.Air()).warnings == ()
+    assert kd.fly(launch((24, 0, 10)), BALL, kd.Air()).warnings == ()
     fast = kd.fly(launch((60, 0, 10)), BALL, kd.Air())
     (said,) = fast.warnings
     assert re.match(r"drag supercritical: \d+ % of the flight is outside its data", said)
-    assert said.endswith(" (airspeed above 34.9 m/s)")
+    assert said.endswith(" (airspeed above 26.9 m/s)")
+
+
+def test_the_default_drag_is_meant_for_the_speeds_and_spins_of_a_match():
+    for velocity, spin, limit in (
+        ((29, 0, 3), 10, "airspeed above 26.9 m/s"),
+        ((6, 0, 2), 5, "airspeed below 7.97 m/s"),
+        ((20, 0, 3), 80, "spin parameter above 0.3"),
+    ):
+        said = kd.fly(launch(velocity, (0, -spin, 0)), BALL, kd.Air(lift=None)).warnings
+        assert re.fullmatch(rf"drag supercritical: .* outside its data \({limit}\)", said[0])
+
+
+@pytest.mark.parametrize("air", [kd.Air(drag=0.2, lift=None), kd.Air(drag=0.2, lift=0.1)])
+def test_a_ball_near_the_speed_of_sound_is_warned_of(air):
+    assert kd.fly(launch((99, 0, 5)), BALL, air).warnings == ()
+    (said,) = kd.fly(launch((859, 0, 5)), BALL, air).warnings
+    assert said.startswith("the launch speed of 859 m/s is above 100 m/s, Mach 0.3:")
 
 
 @pytest.mark.parametrize(

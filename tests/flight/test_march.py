@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.core.lanes import LANES
 from kickdyn.flight.batch import fly_many
+from kickdyn.flight.compiling import LANES
 from kickdyn.flight.flight_result import outside_ranges
 
 BALL, AIR = kd.Ball(), kd.Air()

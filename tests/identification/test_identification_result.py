@@ -52,7 +52,7 @@ def test_only_flights_that_determine_the_value_count():
         times = np.arange(0.0, longest, 0.02)
         rng = np.random.default_rng(1)
         points = path.sample(times).position + rng.normal(0.0, 0.005, (len(times), 3))
-        fits.append(kd.identify(kd.Track(times, points), BALL, free=("drag",)))
+        fits.append(kd.identify(kd.Track(7.0 + times, points), BALL, free=("drag",)))
     assert "drag" in fits[2].undetermined
     found = mean_over_flights(fits, "drag")
     assert found.flights == 2

@@ -176,6 +176,10 @@ def test_residuals_that_go_together_widen_the_deviations(curving):
     assert any("neighbouring residuals" in line for line in found.warnings)
     plain = kd.identify(kd.Track(curving.times, curving.positions + white), BALL, free=free)
     assert plain.widening == 1.0
+    smooth[[20, 50]] += 0.3  # outliers have no neighbours that go with them
+    other = kd.identify(kd.Track(curving.times, curving.positions + smooth), BALL, free=free)
+    assert other.outliers == 2
+    assert other.widening == pytest.approx(found.widening, rel=0.1)
 
 
 def test_the_noise_of_short_flights_is_that_of_their_coordinates():
@@ -191,18 +195,26 @@ def test_the_noise_of_short_flights_is_that_of_their_coordinates():
     assert np.sqrt(np.mean(noises)) == pytest.approx(0.01, rel=0.15)
 
 
-def test_the_deviations_of_the_spin_are_those_of_its_axes():
-    """Those of repeated measurements; the spin along the flight has no force."""
-    true = flown((20, 3, 8), (15, -70, 30), kd.Air(), rate=100.0, longest=1.0)
-    rng, spins = np.random.default_rng(2), []
-    options = {"air": kd.Air(), "free": ("spin",)}
-    for _ in range(24):
+def test_the_covariance_is_that_of_repeated_measurements():
+    """Mahalanobis' distance of the truth is that of chi-squared; a gyro spin has no force."""
+    air = kd.Air(drag=0.25)
+    true = flown((20, 3, 8), (15, -70, 30), air, rate=100.0, longest=1.0)
+    axes = flight_axes(np.array([20.0, 3.0, 8.0]))
+    truth = np.array([*true.positions[0], 20, 3, 8, *axes.T @ [15, -70, 30], 0.25])
+    rng, estimates, distances = np.random.default_rng(2), [], []
+    for _ in range(14):
         points = true.positions + rng.normal(0.0, 0.002, true.positions.shape)
-        found = kd.identify(kd.Track(true.times, points), BALL, **options)
-        spins.append(found.estimates[6:9])
-    deviations = np.sqrt(np.diag(found.covariance))[6:9]
-    assert np.std(spins, axis=0) == pytest.approx(deviations, rel=0.4)
-    assert deviations[2] > 5 * max(deviations[:2])
+        found = kd.identify(kd.Track(true.times, points), BALL)
+        estimates.append(found.estimates)
+        error = found.estimates - truth
+        distances.append(error @ np.linalg.solve(found.covariance, error))
+    deviations = np.sqrt(np.diag(found.covariance))
+    assert np.std(estimates, axis=0) == pytest.approx(deviations, rel=0.5)
+    assert np.mean(distances) == pytest.approx(10.0, abs=3 * (20 / 14) ** 0.5)
+    assert deviations[8] > 5 * max(deviations[6:8])
+    assert found.deviations["drag"] == deviations[9]
+    sizes = np.outer(deviations, deviations)
+    assert found.correlations == pytest.approx(found.covariance / sizes)
 
 
 def crisis(speed, up, aside, spin, rate, longest, noise):
@@ -231,6 +243,19 @@ def test_a_sum_of_squares_that_is_not_quadratic_gives_no_small_deviation(track, 
     assert bool(curved) == any("not quadratic" in line for line in found.warnings)
 
 
+def test_a_profile_does_not_depend_on_the_axes():
+    """Deviations of back and side spin are those of the flight, wherever it goes."""
+    track = crisis(13.0, 0.5, 2.5, (30.0, 20.0, 10.0), 100.0, 0.5, 0.002)
+    turned = kd.Track(track.times, track.positions[:, [1, 0, 2]] * [-1, 1, 1])
+    plain, other = (
+        kd.identify(flight, BALL, kd.Air(drag="brazuca"), free=("spin", "drag-scale"))
+        for flight in (track, turned)
+    )
+    assert plain.curved == other.curved == ("back_spin",)
+    sizes = [np.sqrt(np.diag(found.covariance))[6:] for found in (plain, other)]
+    assert sizes[0] == pytest.approx(sizes[1], rel=1e-3)
+
+
 def test_a_flight_that_cannot_be_integrated_is_an_error(curving):
     def broken(reynolds, spin_parameter):
         raise ArithmeticError("no coefficient")
@@ -257,6 +282,7 @@ def test_plot_and_representations(curving):
         (lambda t: (t.times[:4], t.positions[:4]), "4 positions: at least 5"),
         (lambda t: (t.times, 1000 * t.positions), "as in millimetres"),
         (lambda t: (1000 * t.times, t.positions), "as in milliseconds"),
+        (lambda t: ([*t.times[:-1], 1e9], t.positions), r"are of 1e\+09 s, and no flight takes"),
         (lambda t: (t.times, 0 * t.positions + 1), "the ball stays at"),
         (
             lambda t: (t.times, 100 * t.positions),

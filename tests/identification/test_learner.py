@@ -112,6 +112,10 @@ def test_without_scatter_the_model_becomes_the_world():
     assert np.hypot(*missed(learner, world)) < 1e-3
     assert learner.is_done
     assert all(learner.deviations[name] < PRIOR[name] for name in PRIOR)
+    scale, e = learner.estimates["drag_scale"], learner.estimates["restitution"]
+    assert abs(scale - 1.0) > 0.05
+    sizes = np.sqrt(np.diag(learner._covariance)) * [scale, 1, 1, e * (1 - e), 1, 1]
+    assert [*learner.deviations.values()] == pytest.approx(sizes)
     for name, value in learner.estimates.items():
         assert abs(value - world.truth[name]) < 4.0 * learner.deviations[name]
     assert "done" in str(learner)

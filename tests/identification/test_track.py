@@ -29,6 +29,7 @@ def test_a_slice_is_a_track(track):
         ([0, 1, 1], np.zeros((3, 3)), r"times\[2\] is 1 s after times\[1\] of 1 s"),
         ([0, 1], [[0, 0, 0], [0, np.nan, 0]], r"positions\[1\] is \[0.0, nan, 0.0\]"),
         ([0, np.inf], np.zeros((2, 3)), r"times\[1\] is inf"),
+        ([0, 1e20], np.zeros((2, 3)), r"times\[1\] is 1e\+20: every entry must be finite, up to"),
         ("a", np.zeros((2, 3)), "real numbers"),
         (None, None, "times"),
     ],
@@ -128,6 +129,22 @@ def test_times_of_a_c3d_file_count_from_its_first_frame(c3d):
 def test_a_faulty_c3d_file_is_refused(c3d, options, marker, message):
     with pytest.raises(kd.InvalidInput, match=message):
         kd.Track.from_c3d(c3d(**options), marker)
+
+
+@pytest.mark.parametrize(
+    "changes", [{970: 236}, {273: 106, 1089: 135}, {1056: 255}, {550: 127}], ids=str
+)
+def test_a_damaged_c3d_file_is_refused(c3d, changes, monkeypatch):
+    """Read in this process, two would end it, the third would take all memory, the last no end."""
+    monkeypatch.setattr("kickdyn.identification.track.C3D_MEMORY", 800_000_000)
+    monkeypatch.setattr("kickdyn.identification.track.C3D_TIME", 5.0 if 1056 in changes else 2.0)
+    file = c3d()
+    content = bytearray(file.read_bytes())
+    for place, byte in changes.items():
+        content[place] = byte
+    file.write_bytes(content)
+    with pytest.raises(kd.InvalidInput, match="no C3D file that ezc3d can read"):
+        kd.Track.from_c3d(file, "ball")
 
 
 def test_what_is_no_c3d_file_is_refused(tmp_path):

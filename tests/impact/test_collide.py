@@ -118,7 +118,7 @@ def test_energy_never_grows(e, friction, kind, stiffness, seed):
         posture, v, ball, contact, contact_time=time, stiffness=stiffness,
         dissipation=kind, tol=1e-7, **options,
     )  # fmt: skip
-    assert hit.energy_lost >= -1e-6 * hit.energy_lost
+    assert hit.energy_lost >= -1e-6 * hit.approach.energy()
     assert hit.energy_residual < 1e-3
 
 
@@ -178,7 +178,7 @@ def test_gravity_and_torque_act_meanwhile():
 
 
 @pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize("units", [(2.0**-8, 2.0**12, 1.0), (2.0**6, 2.0**-9, 2.0**5)])
+@pytest.mark.parametrize("units", [(2.0**-8, 2.0**12, 1.0), (2.0**6, 2.0**-9, 2.0**3)])
 def test_units_change_no_more_than_the_integrator(seed, units):
     """Powers of numbers, as in Hertz's law, are rounded, so the last digits may differ."""
     rng = np.random.default_rng(seed)
@@ -265,9 +265,9 @@ def test_rotors_carry_energy_too():
     assert np.linalg.norm(hit.impulse) > np.linalg.norm(human().impulse)
 
 
-@pytest.mark.parametrize("scale", [1e-2, 1e2])
+@pytest.mark.parametrize("scale", [0.1, 1e2])
 def test_without_gravity_speed_is_time(scale):
-    """A hundred times as fast through a contact a hundred times as short: the same path."""
+    """Faster through a contact that is shorter in proportion: the same path."""
     model = LEG.model
     model.gravity = pin.Motion.Zero()
     leg, contact = kd.Leg.from_model(model, "toe"), kd.Contact((1, 0, 0.3), 0.5, 0.4)
@@ -406,6 +406,7 @@ def test_a_ball_flattened_beyond_the_range_of_its_pressure_is_named():
     ("options", "words"),
     [
         ({"contact_time": 0.0}, "contact time is 0"),
+        ({"contact_time": 10}, r"^contact time is 10(\.0)?: .* at most 0\.1 \[s\]"),
         ({"contact_time": 0.01, "stiffness": 1e5}, "give only one of them"),
         ({"stiffness": -1.0}, "stiffness is -1"),
         ({"stiffness": 1e3}, r"stiffness is 1000 N/m\^1\.5: too low, .* beyond its radius"),
@@ -608,8 +609,8 @@ def test_torques_beyond_reason_are_refused_at_once(torque, monkeypatch):
 def test_what_gravity_moves_more_than_the_impact_is_an_error():
     leg = kd.Leg.human()
     posture = leg.posture(leg.configuration({"knee": 0.5}))
-    v = posture.joint_velocity((1e-6, 0, 0))
-    with pytest.raises(kd.KickdynError, match="speed of 1e-06 m/s gravity or a torque"):
+    v = posture.joint_velocity((1.1e-6, 0, 0))
+    with pytest.raises(kd.KickdynError, match=r"speed of 1\.1e-06 m/s gravity or a torque"):
         kd.collide(posture, v, kd.Ball(), kd.Contact((1, 0, 0), 0.8), contact_time=0.01, tol=1e-6)
 
 

@@ -171,7 +171,30 @@ def wrench(force, at):
 @pytest.mark.parametrize("order", [[0, 1, 2, 3], [2, 0, 3, 1]])
 def test_what_the_ground_allows(force, at, does, order):
     support = kd.Support("foot", friction=0.5, sole=SOLE[order])
-    assert footing(support, wrench(force, at), np.eye(3), 1.0) == does
+    for size, scale in ((1.0, 1.0), (7.0, 3.0), (0.02, 5.0)):
+        impulse = size * wrench(force, at)
+        assert footing(support, impulse, np.eye(3), scale) == does
+
+
+def test_what_is_negligible_is_so_beside_the_impulse_on_the_ball():
+    """A pull of 1e-13 of the kick is rounding; the same pull in a feeble kick is not."""
+    pull = wrench((0, 0, -1e-12), (0, 0, -0.04))
+    assert footing(FOOT, pull, np.eye(3), 10.0) == "stands"
+    assert footing(FOOT, pull, np.eye(3), 0.1) == "lifts-off"
+
+
+@pytest.mark.parametrize("turn", [-1, 1])
+def test_friction_has_a_largest_moment_about_the_vertical(turn):
+    """In the middle of the sole: all four corners slide about it, at the same distance."""
+    middle = np.array([0.05, 0.0, -0.04])
+    twist = turn * 0.5 * 3.0 * np.hypot(0.1, 0.05) * np.eye(6)[5]
+    for share, does in ((0.0, "stands"), (0.99, "stands"), (1.01, "turns")):
+        impulse = wrench((0, 0, 3.0), middle) + twist * share
+        assert footing(FOOT, impulse, np.eye(3), 1.0) == does
+        assert footing(kd.Support("foot", sole=SOLE), impulse, np.eye(3), 1.0) == "stands"
+    # sliding takes a part of the friction
+    both = wrench((1.2, 0, 3.0), middle) + twist * 0.7
+    assert footing(FOOT, both, np.eye(3), 1.0) == "turns"
 
 
 def test_the_sole_turns_with_the_foot():

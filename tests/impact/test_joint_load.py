@@ -79,6 +79,7 @@ def test_peak_is_that_of_half_a_sine():
     [
         ((0,), "contact time is 0.0: .*at least 1e-09"),
         ((math.nan,), "contact time is nan"),
+        ((10,), r"contact time is 10(\.0)?: .* at most 0\.1 \[s\]"),
     ],
 )
 def test_bad_input_is_refused(args, said):

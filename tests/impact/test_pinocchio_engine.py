@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import kickdyn as kd
+from kickdyn.impact.pinocchio_engine import with_ball
 
 seeds = st.integers(0, 2**32 - 1)
 LEGS = {"human": kd.Leg.human(), "testbed": kd.Leg.testbed()}
@@ -148,3 +149,16 @@ def test_the_constraint_solver_agrees(seed):
     impulse, v_after = by_constraint(*kick, **options)
     assert impulse == pytest.approx(engine.impulse, abs=1e-9 * np.abs(engine.impulse).max())
     assert v_after == pytest.approx(engine.v_after, abs=1e-9 * np.abs(engine.v_after).max())
+
+
+def test_the_model_of_leg_and_ball_is_made_once():
+    leg, ball = kd.Leg.human(), kd.Ball()
+    posture, contact = leg.posture([0.1, 0.2, 0.3]), kd.Contact((3, 0, 1), 0.8)
+    v = posture.joint_velocity((3, 0, 1))
+    before = with_ball.cache_info().misses
+    hits = [kd.strike(posture, v, ball, contact, engine="pinocchio") for _ in range(3)]
+    assert with_ball.cache_info().misses == before + 1
+    assert len({tuple(hit.impulse) for hit in hits}) == 1
+    light = kd.Ball(mass=0.2)  # another ball, another model
+    exact = kd.strike(posture, v, light, contact).impulse
+    assert kd.strike(posture, v, light, contact, engine="pinocchio").impulse == pytest.approx(exact)

@@ -45,6 +45,42 @@ def test_monte_carlo(friction):
     assert ours.impulse_size == pytest.approx(sizes, rel=0.04)
 
 
+def test_a_moving_ball_has_an_impulse_of_another_direction():
+    """Sizes of impulse and velocity change along their own directions."""
+    contact = kd.Contact((2, 0.3, 1), 0.7, 0.1)
+
+    def struck(ball_velocity, e=0.7):
+        options = {"ball_velocity": ball_velocity, "ball_spin": (3.0, -20.0, 5.0)}
+        rough = kd.Contact(contact.normal, e, 0.1)
+        return kd.strike(LEG.posture(Q), V, kd.Ball(), rough, **options)
+
+    before = np.array([-4.0, 3.0, 1.0])
+    hit = struck(before)
+    cosine = hit.impulse @ hit.ball_after.velocity / hit.ball_after.speed
+    assert abs(cosine) < 0.9 * np.linalg.norm(hit.impulse)
+    ours, step = hit.uncertainty(ball_velocity=0.1, restitution=0.02), 1e-5
+    for name, size in (
+        ("impulse_size", lambda hit: np.linalg.norm(hit.impulse)),
+        ("speed", lambda hit: float(hit.ball_after.speed)),
+    ):
+        slopes = [
+            (size(struck(before + step * axis)) - size(struck(before - step * axis))) / (2 * step)
+            for axis in np.eye(3)
+        ]
+        by_e = (size(struck(before, 0.7 + step)) - size(struck(before, 0.7 - step))) / (2 * step)
+        expected = np.hypot(0.1 * np.linalg.norm(slopes), 0.02 * by_e)
+        assert getattr(ours, name) == pytest.approx(expected, rel=1e-6)
+
+
+def test_the_distance_to_the_other_branch_counts_every_source():
+    hit = kick(friction=0.1)
+    spread = {"v": 0.1, "friction": 0.02}
+    alone = [hit.uncertainty(**{name: size}).branch_sigmas for name, size in spread.items()]
+    together = hit.uncertainty(**spread).branch_sigmas
+    assert together == pytest.approx(1 / np.hypot(1 / alone[0], 1 / alone[1]), rel=1e-12)
+    assert together < 0.99 * min(alone)
+
+
 def test_one_source_is_its_jacobian():
     hit = kick(friction=0.1)
     ours = hit.uncertainty(restitution=0.02)
@@ -179,6 +215,8 @@ def test_a_strike_near_the_boundary_says_so():
         ({"restitution": [[0.1]]}, r"has shape \(1, 1\): it must be a number$"),
         ({"q": 1e200}, r"spread of q is 1e\+200: at most 1e\+100"),
         ({"friction": np.nan}, "spread of friction is nan: every entry must be finite"),
+        ({"q": 5}, r"^spread of q is 5 rad: it must be at most 1, for covariances are those of"),
+        ({"normal": 4 * np.eye(3)}, r"^spread of normal is 2 rad: it must be at most 1"),
     ],
 )
 def test_bad_input(spread, words):

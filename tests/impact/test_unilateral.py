@@ -23,7 +23,12 @@ def stance(friction=0.6, scale=1.0, **options):
 def kick(leg, wish=(4.0, 0.5, 1.0), normal=None, friction=0.3, e=0.7, offset=None):
     posture = leg.posture(leg.configuration(Q))
     v = posture.joint_velocity(wish)
-    return posture, v, kd.Ball(), kd.Contact(normal or wish, e, friction, offset)
+    return (
+        posture,
+        v,
+        kd.Ball(),
+        kd.Contact(wish if normal is None else normal, e, friction, offset),
+    )
 
 
 KICKS = {
@@ -139,9 +144,25 @@ def test_digits_are_no_more_than_the_solver_leaves():
 
 
 def test_a_foot_that_only_turns_on_the_spot_slips():
+    """Its friction could supply the force alone, but not the moment about the vertical with it."""
     held, loose = both("down")
-    assert held.footing == {FOOT: "stands"}  # friction's moment is not judged there
-    assert loose.footing == {FOOT: "slips"}
+    x, y, z = held.support_impulses[FOOT][:3]
+    assert np.hypot(x, y) < 0.6 * z
+    assert (held.footing, loose.footing) == ({FOOT: "turns"}, {FOOT: "slips"})
+
+
+def test_a_foot_that_slips_on_the_ground_cannot_be_held_by_it():
+    """Near the limit the corners may share their impulses so that it stands or so that it slips."""
+    rng, verdicts = np.random.default_rng(2), []
+    for _ in range(24):
+        leg = stance(rng.uniform(0.3, 0.7), rng.uniform(1.0, 2.0))
+        case = kick(leg, np.array([1.0, 0.0, -4.0]) + 0.4 * rng.normal(size=3))
+        held, loose = kd.strike(*case), kd.unilateral_strike(*case)
+        verdicts.append((held.footing[FOOT], loose.footing[FOOT]))
+    assert verdicts.count(("turns", "stands")) == 0
+    assert verdicts.count(("stands", "stands")) >= 4
+    assert verdicts.count(("turns", "slips")) >= 6
+    assert verdicts.count(("stands", "slips")) <= 2
 
 
 def both(name):
@@ -168,6 +189,30 @@ def test_two_feet():
     assert hit.cone_residual <= 1e-10
     assert hit.momentum_residual <= 1e-12
     assert hit.restitution_residual <= 1e-10
+
+
+def test_each_foot_has_its_own_friction():
+    """Named in either order; the impulses at every corner are inside the cone of that foot."""
+    hands = kd.Leg.from_robot("g1", "right_rubber_hand", base="floating")
+    q = hands.configuration({**Q, "right_ankle_pitch_joint": -0.2})
+    frictions, answers = {FOOT: 0.9, OTHER: 0.05}, []
+    for names in ((FOOT, OTHER), (OTHER, FOOT)):
+        feet = [kd.Support(name, friction=frictions[name], sole=SOLE) for name in names]
+        leg = hands.with_supports(*feet)
+        v = leg.posture(q).joint_velocity((3, 1, 1))
+        hit = kd.unilateral_strike(leg.posture(q), v, kd.Ball(), kd.Contact((3, 1, 1), 0.7, 0.3))
+        corners = hit.solution.impulses[1:].reshape(2, 4, 3)
+        for name, impulses in zip(names, corners, strict=True):
+            ratio = np.hypot(impulses[:, 0], impulses[:, 1]) - frictions[name] * impulses[:, 2]
+            assert ratio.max() < 1e-9
+            total = hit.support_impulses[name][:3]
+            assert total == pytest.approx(impulses.sum(axis=0), abs=1e-12)
+        slippery = hit.support_impulses[OTHER]
+        assert np.hypot(*slippery[:2]) == pytest.approx(0.05 * slippery[2], rel=0.5)
+        answers.append((hit.impulse, hit.support_impulses[FOOT]))
+    assert answers[0][0] == pytest.approx(answers[1][0], rel=1e-6)
+    firm = answers[0][1]
+    assert np.hypot(*firm[:2]) > 0.06 * firm[2]
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ import pytest
 
 import kickdyn as kd
 from kickdyn.planning.kick_plan import find_overlaps
+from kickdyn.planning.plan_report import verdict
 
 MODELS = Path(gymnasium.__file__).parent / "envs/mujoco/assets"
 BALL, AIR = kd.Ball(), kd.Air()
@@ -20,13 +21,16 @@ def lines(plan, words):
 
 def test_a_shank_inside_the_ball_is_announced_and_a_flatter_launch_avoids_it():
     humanoid = kd.Leg.from_mjcf(MODELS / "humanoid.xml", "right_foot", base="floating")
-    humanoid = humanoid.with_supports(kd.Support("left_foot", friction=0.8))
+    humanoid = humanoid.with_supports("left_foot")
     front = kd.Contact(friction=0.4, offset=(0.075, 0, 0.1))
     plan = kd.plan_kick(humanoid, kd.Goal(1.5, time=0.5), BALL, AIR, contact=front)
     (line,) = lines(plan, "inside the ball")
     depths = dict(re.findall(r"(right_\w+) by (0\.\d+) m", line))
     assert depths.keys() == {"right_foot", "right_shin"}
     assert all(0.02 < float(depth) < 0.06 for depth in depths.values())
+    assert plan.share == 1.0
+    assert plan.status == "collides"
+    assert verdict(plan).endswith(" But a body is inside the ball or under the ground.")
     flat = kd.plan_kick(
         humanoid,
         kd.Goal(1.5, time=0.4),
@@ -35,6 +39,7 @@ def test_a_shank_inside_the_ball_is_announced_and_a_flatter_launch_avoids_it():
         contact=kd.Contact(friction=0.4, offset=(0.1, 0, 0.1)),
     )
     assert not lines(flat, "inside the ball")
+    assert flat.status == "met"
 
 
 @pytest.mark.parametrize("name", ["human", "testbed", "g1"])
@@ -56,13 +61,23 @@ def test_joints_without_an_actuator_are_named_until_they_are_locked():
 @pytest.mark.parametrize(("height", "under"), [(-0.704, True), (-0.654, False)])
 def test_bodies_under_the_ground_are_one_line_with_a_remedy(height, under):
     goal = kd.Goal((30, 0, 2), time=1.5)
-    found = lines(
-        kd.plan_kick(kd.Leg.human(), goal, BALL, AIR, ball_position=height), "under the ground"
-    )
+    plan = kd.plan_kick(kd.Leg.human(), goal, BALL, AIR, ball_position=height)
+    assert plan.status == ("collides" if under else "met")
+    found = lines(plan, "under the ground")
     assert [re.sub(r"0\.0\d\d m", "D", line) for line in found] == under * [
         "bodies are under the ground at the impact: foot by D; the ground is level with the ball's "
         "lowest point: try another height of the ball (ball_position, --ball-height)"
     ]
+
+
+def test_the_ground_is_not_known_where_the_height_of_the_ball_is_free():
+    plan = kd.plan_kick(kd.Leg.human(), kd.Goal(15, time=1.5), BALL, AIR)
+    assert len(lines(plan, "under the ground")) == 1
+    assert plan.status == "met"
+    height = plan.impact.ball_before.position[2]
+    placed = kd.plan_kick(plan.leg, plan.goal, BALL, AIR, ball_position=height)
+    assert placed.warnings == plan.warnings
+    assert placed.status == "collides"
 
 
 def test_a_single_leg_is_not_told_to_stand_on_the_other_one():

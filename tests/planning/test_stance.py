@@ -65,9 +65,9 @@ def test_values_agree_with_the_verdict_on_a_support():
         p = term.wrench(posture)
         about = p[3:] - np.cross(STANDING.placement.translation, p[:3])
         verdict = footing(support, [*p[:3], *about], STANDING.placement.rotation, 1.0)
-        assert (verdict == "stands") == (term.residual(posture) >= 0.0).all()
+        assert (verdict in ("stands", "turns")) == (term.residual(posture) >= 0.0).all()
         seen.add(verdict)
-    assert seen == {"stands", "slips", "tips", "lifts-off"}
+    assert seen == {"stands", "turns", "slips", "tips", "lifts-off"}
 
 
 def test_the_kicking_foot_is_as_high_as_its_lowest_corner():
@@ -128,16 +128,17 @@ def test_a_trunk_that_is_the_foot_is_upright():
 
 
 def test_a_foot_that_rises_is_higher():
-    """By the rule for each sphere, whose height changes by the slope times the velocity."""
+    """By the rule for each sphere, whose speed is the change of its height."""
     plain, lift, draw = Clearance(STANDING), 20.0, np.random.default_rng(7)
     rising = Clearance(STANDING, lift)
     _, beyond = extreme_spheres(joint_spheres(STANDING.robot, STANDING.robot.contact_joint))
     seen = []
     for posture in postures():
         v = draw.normal(size=LEG.nv)
-        speed = plain.derivatives(posture, v)[0] @ v
+        later, before = (plain.residual(LEG.posture(posture.q + x * v), v) for x in (1e-6, -1e-6))
+        speed = (later - before) / 2e-6
         higher = plain.residual(posture, v) - rising.residual(posture, v)
         needed = np.maximum(beyond, speed.clip(min=0.0) ** 2 / (2 * lift))
-        assert higher == pytest.approx(needed - beyond, abs=1e-9)
+        assert higher == pytest.approx(needed - beyond, abs=1e-8)
         seen.append(higher.max())
     assert max(seen) > 1e-3

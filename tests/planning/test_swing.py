@@ -75,9 +75,12 @@ def check_limits_between_the_nodes(swing):
             assert (way.q <= chain.upper).all()
             assert (np.abs(way.v) <= chain.velocity_limit).all()
             assert (np.abs(way.torque) <= chain.effort_limit * (1 + 1e-6)).all()
-    assert swing.torque_use <= 1
-    assert swing.speed_use <= 1
-    assert swing.range_left >= 0
+    fine = [part.fine for part in parts(swing)]
+    torques, speeds = (np.vstack([getattr(m, name) for m in fine]) for name in ("torque", "v"))
+    assert swing.torque_use == np.abs(torques / chain.effort_limit).max() <= 1
+    assert swing.speed_use == np.abs(speeds / chain.velocity_limit).max() <= 1
+    gaps = [np.minimum(m.q - chain.lower, chain.upper - m.q).min() for m in fine]
+    assert swing.range_left == min(gaps) >= 0
     assert swing.defect < 1e-12
 
 
@@ -172,6 +175,9 @@ def test_too_weak_a_leg_gets_the_most_of_it_and_the_joint_at_fault(plan):
     assert after == pytest.approx(swing.share * plan.impact.v_after, abs=1e-9)
     hit = kd.strike(HUMAN.posture(plan.q), swing.share * plan.v, BALL, plan.impact_target.contact)
     assert hit.v_after == pytest.approx(after, abs=1e-9)  # a strike scales
+    assert swing.impact_error < 1e-9
+    most = np.abs([plan.v, plan.impact.v_after]).max()
+    assert replace(swing, share=swing.share - 0.1).impact_error == pytest.approx(0.1 * most)
     for stronger in (weaker(66.0), weaker(60.0, knee=231.0)):
         other = kd.plan_swing(stronger, plan, longest=0.2, nodes=12)
         assert (other.share > 1.02 * swing.share) == (stronger.effort_limit[0] == 66.0)

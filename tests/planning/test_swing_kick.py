@@ -1,3 +1,4 @@
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -7,6 +8,11 @@ import kickdyn as kd
 
 pytest.importorskip("casadi")
 from kickdyn.planning import swing_kick
+from kickdyn.planning.impact_target import impact_target_for
+from kickdyn.planning.kick_problem import kick_problem
+from kickdyn.planning.kick_terms import KickTerm
+from kickdyn.planning.objectives import JointSpeed
+from kickdyn.planning.problem import Kind
 
 JOINTS = 6
 
@@ -76,3 +82,21 @@ def test_a_kick_that_swings_knows_the_restitution_over_speed():
     assert plan.impact.ball_after.velocity == pytest.approx(plan.launch.velocity, abs=1e-10)
     after = plan.phases[1].sample(0.0).v[0]
     assert after == pytest.approx(plan.impact.v_after, abs=1e-8)
+
+
+def test_a_term_that_a_swing_cannot_keep_is_refused():
+    class KneeBelow(KickTerm):
+        kind = Kind.INEQUALITY
+
+        def residual(self, posture, v):
+            return 0.5 - posture.q[1:2]
+
+        def derivatives(self, posture, v):
+            return -np.eye(3)[1:2], None
+
+    velocity = np.array([6.0, 0.0, 3.0])
+    target = impact_target_for(velocity, np.zeros(3), kd.Ball(), kd.Contact(friction=0.4))
+    problem = kick_problem(kd.Leg.human(), target)
+    limited = replace(problem, terms=(*problem.terms, KneeBelow()))
+    with pytest.raises(kd.InvalidInput, match="a swing cannot keep the terms KneeBelow"):
+        swing_kick.solve_with_swing(limited, JointSpeed())

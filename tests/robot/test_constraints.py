@@ -550,3 +550,19 @@ def test_random_loops_keep_momentum_and_energy(seed, law):
     )
     assert energy - gained == pytest.approx(hit.energy_lost, abs=1e-9 * energy)
     assert hit.momentum_residual < 1e-9
+
+
+@pytest.mark.parametrize(("width", "is_closed"), [(0.8e-9, True), (1.2e-9, False)])
+def test_the_tolerance_of_a_loop_is_a_nanometre(width, is_closed):
+    leg = TREE.with_loops(("shank_pin", "rocker_b_tip"))
+    q = leg.close_loops(leg.configuration())
+    model, data = leg.model, leg.model.createData()
+    step = np.eye(leg.nv)[leg.velocity_index("rocker_b")]
+    pin.forwardKinematics(model, data, q + 1e-4 * step)
+    gap = float(np.linalg.norm(leg.constraints.gaps(model, data)))
+    opened = q + 1e-4 * width / gap * step
+    if is_closed:
+        leg.posture(opened)
+        return
+    with pytest.raises(kd.InvalidInput, match=r"is open by 1\.2e-09 m"):
+        leg.posture(opened)

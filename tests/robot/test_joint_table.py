@@ -177,6 +177,15 @@ def test_what_is_outside_its_range_is_named():
     assert degrees == ["hip at 1145.9 deg is outside its range -30 to 125 deg"]
 
 
+@pytest.mark.parametrize(("excess", "is_named"), [(0.8e-6, False), (1.2e-6, True)])
+def test_the_tolerance_of_limits_is_a_millionth(excess, is_named):
+    model = mixed().model
+    model.velocityLimit = np.full(model.nv, 7.0)
+    leg = kd.Leg.from_model(model, "toe")
+    assert bool(leg.outside_range(leg.configuration({"turn": 2.0 + excess}))) == is_named
+    assert bool(leg.too_fast(7.0 * (1.0 + excess) * np.array([1.0, 0.0, 0.0]))) == is_named
+
+
 def test_what_is_faster_than_its_limit_is_named():
     model = mixed().model
     model.velocityLimit = np.array([2.0, np.inf, 0.0])
@@ -333,6 +342,14 @@ def test_gears_are_the_reduced_coordinates(tmp_path_factory, seed, floats):
         reduced, jacobian.T @ (np.linalg.pinv(delassus, rcond=1e-9) @ wish)
     )
     assert np.abs(posture.joint_velocity(wish) - least).max() <= 1e-8 * np.abs(least).max()
+
+
+def test_the_tolerance_of_mimic_joints_is_a_billionth(geared):
+    q = geared.configuration({"hip": 0.4})
+    knee = geared.joint_names.index("knee")
+    assert geared.posture(q + 0.8e-9 * np.eye(len(q))[knee]).q.tolist() == q.tolist()
+    with pytest.raises(kd.InvalidInput, match="mimics hip"):
+        geared.posture(q + 1.2e-9 * np.eye(len(q))[knee])
 
 
 def test_pinocchio_confirms_it(geared):

@@ -529,7 +529,7 @@ def test_stretched_leg_cannot_move_along_itself(wish):
     posture.joint_velocity(near)
 
 
-@pytest.mark.parametrize("aside", [1e-2, 1e-6])
+@pytest.mark.parametrize("aside", [1e-2, 1e-6, 1.2e-8])
 def test_a_velocity_that_is_missed_by_little_is_refused(aside):
     """A planar leg cannot move its toe aside."""
     posture = LEGS["human"][0].posture(Q)
@@ -537,6 +537,7 @@ def test_a_velocity_that_is_missed_by_little_is_refused(aside):
     with pytest.raises(kd.InvalidInput, match=r"the nearest velocity is \[10.0, 0.0, 1.0\] m/s"):
         posture.joint_velocity([10, aside, 1])
     assert posture.try_joint_velocity([10, aside, 1]) is None
+    assert posture.try_joint_velocity([10, 0.8e-8, 1]) is not None  # a billionth is rounding
 
 
 @pytest.mark.filterwarnings("error")

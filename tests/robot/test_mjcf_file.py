@@ -49,10 +49,6 @@ def box(folder, name="box.stl", size=(0.2, 0.4, 0.6)):
         (MODEL.replace("</w", "<flexcomp/></w"), "has <flexcomp>: flexible bodies are not read"),
         (MODEL.replace("</w", '<attach model="a"/></w'), "has <attach>: models attached"),
         (MODEL.replace("<w", "<extension/><w"), "has <extension>: plugins are not read"),
-        (
-            MODEL.replace("<w", '<asset><mesh name="m" builtin="sphere"/></asset><w'),
-            "has a builtin mesh",
-        ),
         (MODEL.replace('"arm"', '"universe"'), "body name 'universe' is Pinocchio's own"),
         (MODEL.replace('"arm"', '"a&#10;b"'), r"body name 'a\\nb' is not a printable name"),
         (MODEL.replace('"arm"', f'"{201 * "a"}"'), "is not a printable name of at most 200"),
@@ -279,6 +275,7 @@ def test_geoms_are_drawn(tmp_path):
         *(Shape.SPHERE, Shape.CAPSULE, Shape.CYLINDER, Shape.BOX, Shape.ELLIPSOID, Shape.MESH)
     ]
     assert found[1].size == pytest.approx((1.0, 0.1))
+    assert [shape.size for shape in leg.file.collisions()] == [(5.0,)]
     assert abs(found[1].pose[:3, 2]) == pytest.approx([0, 1, 0])
     assert found[1].pose[:3, 3] == pytest.approx([0, 0.5, 0])
     assert found[2].size == (0.6, 0.1)

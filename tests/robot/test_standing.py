@@ -90,6 +90,28 @@ def test_the_sole_is_what_the_shapes_have_at_the_ground():
     assert not v.any()
 
 
+def test_the_sole_of_round_feet_is_cut_out_of_their_spheres(tmp_path):
+    """Two spheres stand on the ground; the third one, 1 mm higher, reaches less far into it."""
+    spheres = "".join(
+        f'<visual><origin xyz="{x} {y} {z}"/><geometry><sphere radius="0.05"/></geometry></visual>'
+        for x, y, z in ((0.0, 0.0, 0.0), (0.2, 0.0, 0.0), (0.1, 0.1, 0.001))
+    )
+    body = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+    parts = f'<link name="trunk">{body}</inertial></link>' + "".join(
+        f'<link name="{side}">{body}</inertial>{spheres}</link><joint name="{side}_hip" '
+        f'type="revolute"><parent link="trunk"/><child link="{side}"/><origin xyz="0 {y} -1"/>'
+        '<axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
+        for side, y in (("left", 0.3), ("right", -0.3))
+    )
+    (tmp_path / "biped.urdf").write_text(f'<robot name="biped">{parts}</robot>')
+    biped = kd.Leg.from_urdf(tmp_path / "biped.urdf", "right", base="floating")
+    sole = StandingRobot(biped.with_supports("left")).sole
+    low, high = (np.sqrt(2 * 0.05 * depth - depth**2) for depth in (2e-3, 1e-3))
+    assert sole[:, 0].min() == pytest.approx(-low, rel=1e-9)
+    assert sole[:, 0].max() == pytest.approx(0.2 + low, rel=1e-9)
+    assert sole[:, 1].max() == pytest.approx(0.3 + 0.1 + high, rel=1e-9)
+
+
 def without_meshes(folder, *, collisions):
     """Return G1 from a copy of its file that is far from its meshes."""
     text = (robots_folder() / "g1_description/urdf/g1_29dof_rev_1_0.urdf").read_text()

@@ -74,8 +74,9 @@ def test_velocities_are_kept_and_momentum_and_energy_close(seed, law, spins):
         0.5 * (ball.mass * b.velocity @ b.velocity + ball.inertia * b.spin @ b.spin)
         for b in (hit.ball_before, hit.ball_after)
     ]
-    lost = kinetic[0] + ends[0] + work - kinetic[1] - ends[1]
-    assert lost == pytest.approx(hit.energy_lost, abs=1e-9 * (kinetic[0] + ends[0]))
+    lost, scale = kinetic[0] + ends[0] - kinetic[1] - ends[1], kinetic[0] + ends[0]
+    assert hit.motor_work == pytest.approx(work, abs=1e-9 * scale)
+    assert hit.energy_lost == pytest.approx(lost + hit.motor_work, abs=1e-9 * scale)
     loads = kd.joint_loads(hit)
     for name, impulse in zip(stiff.stiff_joints, hit.constraint_impulses, strict=True):
         assert np.linalg.norm(loads[name].axis) == pytest.approx(abs(impulse), rel=1e-8)
@@ -133,6 +134,10 @@ def test_both_effective_masses_are_shown():
     plain = kd.strike(HUMAN.posture(Q), v, kd.Ball(), contact)
     assert plain.free_effective_mass == plain.effective_mass
     assert "free" not in str(plain)
+    assert abs(hit.motor_work) > 0.1
+    assert f"work of the motors    {hit.motor_work:.4g} J" in str(hit)
+    assert plain.motor_work == 0.0
+    assert "motors" not in str(plain)
 
 
 def test_with_supports_loops_and_a_floating_base():

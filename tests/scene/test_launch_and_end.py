@@ -17,6 +17,7 @@ from kickdyn.scene.launch_and_end import (
     end_of,
     end_slopes,
     fly_scene,
+    path_error,
     strike_scene,
 )
 
@@ -140,6 +141,15 @@ def test_a_path_that_ends_at_once_does_not_depend_on_its_launch():
     path = fly_scene(scene, kd.BallState((0, 0, 1), (5, 0, -2)))
     assert path.duration == 0.0
     assert end_slopes(scene, path).distance(LaunchError(1.0, 10.0, 0.05)) == 0.05
+
+
+@pytest.mark.parametrize("surface", [None, "turf"])
+@pytest.mark.parametrize("tol", [1e-4, 1e-6])
+def test_the_error_of_a_path_is_about_its_distance_from_an_exact_one(surface, tol):
+    scene = scene_of(air=WIND, ground=kd.Ground(-0.5, surface))
+    path, exact = fly_scene(scene, LAUNCH, tol), fly_scene(scene, LAUNCH, 1e-12)
+    moved = math.dist(end_of(path).position, end_of(exact).position)
+    assert 0.0 < moved <= path_error(scene, path) <= 20.0 * moved
 
 
 def test_the_distance_of_an_error_is_that_of_the_formula():

@@ -67,7 +67,7 @@ def test_the_free_kick_scores_around_the_wall_because_of_its_spin():
     assert still.score.end == "short"
     # the leg is within the limits of its file
     assert (np.abs(scene.v) <= scene.leg.workspace.model.velocityLimit).all()
-    assert scene.notes == ()
+    assert answer.impact.warnings == ()
 
 
 def test_passage_and_score_are_of_the_path():

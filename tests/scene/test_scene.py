@@ -1,6 +1,7 @@
 """A scene made in Python is checked as its nouns are."""
 
 import pickle
+import re
 
 import numpy as np
 import pytest
@@ -82,6 +83,49 @@ def test_a_bad_compliance_is_refused(values, said):
 )
 def test_print_names_the_law_or_the_compliance_with_its_unit(law, line):
     assert f"  {line}\n" in f"{scene(law=law)!r}\n"
+
+
+def shown(made):
+    """Return the rows of a printed scene by their names."""
+    lines = repr(made).splitlines()[1:]
+    return dict(re.split(r"  +", line.strip(), maxsplit=1) for line in lines)
+
+
+ROWS = {
+    "contact point": lambda made: made.posture.contact_point,
+    "foot speed": lambda made: [np.linalg.norm(made.posture.point_velocity(made.v))],
+    "ball": lambda made: [made.ball.mass, made.ball.radius],
+    "ball's velocity": lambda made: made.incoming.velocity,
+    "ball's spin": lambda made: made.incoming.spin,
+    "contact": lambda made: [
+        *made.contact.normal, made.contact.restitution, made.contact.friction, *made.contact.offset
+    ],
+    "contact time": lambda made: [1e3 * made.law.contact_time],
+    "air": lambda made: [made.air.density],
+    "ground": lambda made: [made.ground.height],
+    "plane": lambda made: [*made.plane.point, *made.plane.normal],
+    "wall": lambda made: [made.wall.distance, made.wall.height, made.wall.width],
+}  # fmt: skip
+
+
+def test_every_printed_number_is_that_of_the_scene():
+    made = scene(
+        name="all",
+        law=kd.Compliance(contact_time=0.012),
+        incoming=kd.BallState(velocity=(-3, 0.5, 0), spin=(0, 12, 1)),
+        air=kd.Air(),
+        ground=kd.Ground(-0.9, "turf"),
+        plane=kd.Plane((9, 1, 0), (-1, 0.2, 0), "back"),
+        wall=kd.Wall(4, 1.9),
+    )
+    rows = shown(made)
+    assert rows.pop("name") == made.name
+    assert rows.pop("leg") == made.leg.name
+    assert rows.keys() == ROWS.keys()
+    assert rows["contact time"] == "12 ms"
+    for name, text in rows.items():
+        numbers = [float(n) for n in re.findall(r"(?<![\w^.])-?\d+\.?\d*(?:e-?\d+)?", text)]
+        assert numbers == pytest.approx(ROWS[name](made), rel=2e-4, abs=1e-9), name
 
 
 def test_the_motion_before_the_contact_is_printed_where_there_is_any():

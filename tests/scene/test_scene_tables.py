@@ -75,6 +75,13 @@ def test_names_that_a_key_takes_are_valid():
                     construct(table, key, name)
 
 
+def test_the_air_of_the_paper_refuses_what_it_cannot_take():
+    for argument in ("altitude", "humidity"):
+        with pytest.raises(kd.InvalidInput, match=f"leave out the model, or {argument}$"):
+            BY_NAME["air"].constructor(model="paper", **{argument: 0.5})
+    assert BY_NAME["air"].constructor(model="paper", wind=(1, 0, 0)).density == 1.22
+
+
 def test_uncertainty_is_in_the_units_of_its_sources():
     table = BY_NAME["uncertainty"]
     assert {key.argument for key in table.keys} <= set(UNITS)

@@ -2,6 +2,7 @@
 
 import math
 import pickle
+import re
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from random_scenes import random_scene, wide_scene
 
 import kickdyn as kd
+from kickdyn.scene.launch_and_end import collision_error, end_slopes, path_error
 from kickdyn.scene.simulate import (
     CONTACT_TIME_SHARE,
     NUMERICAL_SHARE,
@@ -189,23 +191,22 @@ def test_spread_of_a_light_ball():
 
 
 def test_coefficients_beyond_their_data_are_warned_of():
-    slow = kd.simulate(kick(ground=None), None)
+    slow = kd.simulate(kick(5.0, ground=None), None)
     assert slow.warnings == slow.path.warnings
     assert [line.split(":")[0] for line in slow.warnings] == ["lift saturating"]
     assert f"\nwarning: {slow.warnings[0]}" in str(slow)
-    still = kd.simulate(kick(ground=None, contact=kd.Contact((2, 0, 1), 0.8)), None)
+    still = kd.simulate(kick(5.0, ground=None, contact=kd.Contact((2, 0, 1), 0.8)), None)
     assert still.warnings == ()
     assert "warning" not in str(still)
 
 
-def test_a_joint_outside_its_range_is_noted():
+def test_a_joint_outside_its_range_is_warned_of():
     posture = LEG.posture(np.radians([5, 150, -5]))
     v = posture.joint_velocity([3, 0, 1])
     scene = kd.Scene(posture, v, kd.Ball(), kd.Contact((1, 0, 0.2), 0.8))
-    (note,) = scene.notes
-    assert note == "knee at 150 deg is outside its range 0 to 140 deg"
-    assert f"note: {note}" in str(kd.simulate(scene, 0.1))
-    assert kick().notes == ()
+    answer = kd.simulate(scene, 0.1)
+    assert "knee at 150 deg is outside its range 0 to 140 deg" in answer.warnings
+    assert str(answer).count("\nwarning: knee at 150 deg is outside its range") == 1
 
 
 @pytest.mark.parametrize(
@@ -353,9 +354,10 @@ def test_an_answer_can_be_pickled():
 def test_the_error_covers_what_the_instant_neglects():
     scene = kd.load_scene("volley")
     answer, whole = simulate_as_instant(scene), kd.simulate(scene, None)
-    apart = np.linalg.norm(answer.end.position - whole.end.position)
+    apart = math.dist(answer.end.position, whole.end.position)
     assert apart > 0.1
-    assert apart <= answer.error <= apart * 1.001
+    assert answer.model_error == apart + whole.numerical_error > apart
+    assert answer.error == answer.model_error + answer.numerical_error
     assert answer.neglected == ("contact time",)
     said = str(answer)
     assert f"error {answer.error:.2g} m; all effects are modelled except contact time (" in said
@@ -369,6 +371,7 @@ def test_a_contact_of_an_instant_neglects_nothing():
     answer = simulate_as_instant(scene)
     assert answer.neglected == ()
     assert "m; all effects are modelled\n" in str(answer)
+    assert simulate_as_instant(scene.replace(law="stronge")).impact.law == "stronge"
     assert answer.end.position.tolist() == kd.simulate(scene, None).end.position.tolist()
 
 
@@ -376,7 +379,7 @@ def test_where_the_contact_cannot_be_computed_the_error_is_not_known():
     posture = kd.Leg.human().posture(np.radians([5, 10, -5]))
     v, contact = posture.joint_velocity([10, 0, 5]), kd.Contact((2, 0, 1), restitution=0.8)
     ball, ground = kd.Ball(), kd.Ground(-2)
-    scene = kd.Scene(posture, v, ball, contact, ground=ground, law=kd.Compliance(contact_time=0.5))
+    scene = kd.Scene(posture, v, ball, contact, ground=ground, law=kd.Compliance(contact_time=0.1))
     with pytest.raises(kd.InvalidInput, match="beyond its radius"):
         kd.simulate(scene, None)
     answer = simulate_as_instant(scene)
@@ -409,6 +412,9 @@ def test_errors_add_up(tolerance):
     assert "contact time" in answer.modelled
     assert 0.0 < answer.numerical_error <= NUMERICAL_SHARE * tolerance
     assert answer.error == answer.model_error + answer.numerical_error <= tolerance
+    launch_error = collision_error(scene, answer.launch, answer.impact.tol)
+    by_contact = end_slopes(scene, answer.path).distance(launch_error)
+    assert answer.numerical_error == path_error(scene, answer.path) + by_contact > by_contact
     exact = kd.simulate(scene, None)
     assert gap(answer, exact) <= answer.error + exact.numerical_error
 
@@ -434,6 +440,73 @@ def test_heights_over_a_wall_are_from_the_ground_to_the_lower_edge_of_the_ball()
     assert answer.passage.above == pytest.approx(lower_edge + rise - 0.3, abs=1e-3)
     on_tee = kd.simulate(scene.replace(ground=None), None)
     assert on_tee.start_height == 0.0
+
+
+@pytest.mark.parametrize("below", [0.0, 0.4])
+def test_heights_at_a_goal_are_from_the_ground_to_the_edges_of_the_ball(below):
+    scene = kick(8, air=None)
+    level = float(scene.ball_position[2]) - scene.ball.radius - below
+    goal = kd.Plane((1.5, 0.3, 0), (-1, 0, 0), "centre")
+    answer = kd.simulate(scene.replace(ground=kd.Ground(level), plane=goal), None)
+    assert (answer.status, answer.start_height) == ("at-plane", pytest.approx(below, abs=1e-12))
+    _, y, z = answer.end.position
+    assert answer.score.bar == pytest.approx(2.44 - (z - level) - scene.ball.radius, abs=1e-9)
+    assert answer.score.post == pytest.approx(3.66 - abs(y - 0.3) - scene.ball.radius, abs=1e-9)
+
+
+@pytest.mark.parametrize("law", ["newton", kd.Compliance(contact_time=1e-3)])
+@pytest.mark.parametrize("tolerance", [1e-6, 0.05, 5.0])
+def test_a_tolerance_loses_no_warning(law, tolerance):
+    scene = kick(law=law, contact=kd.Contact((2, 0, 1), ((1.0, 0.8), (3.0, 0.6)), 0.4))
+    exact, answer = kd.simulate(scene, None), kd.simulate(scene, tolerance)
+    assert answer.neglected == (("contact time",) if tolerance == 5.0 and law != "newton" else ())
+    kinds = ["knee at ", "restitution", "lift saturating"]
+    for simulation in (exact, answer):
+        assert [
+            line[: len(kind)] for line, kind in zip(simulation.warnings, kinds, strict=True)
+        ] == kinds
+        assert set(simulation.warnings) == {*simulation.impact.warnings, *simulation.path.warnings}
+    if not answer.neglected:
+        assert set(answer.warnings) >= set(exact.impact.warnings)
+
+
+@pytest.mark.parametrize("path", sorted(SCENES.glob("*.toml")), ids=lambda path: path.stem)
+def test_the_scenes_of_kickdyn_are_within_the_limits_of_their_legs(path):
+    assert kd.simulate(kd.load_scene(path)).impact.warnings == ()
+
+
+def test_the_scene_of_the_paper_is_the_kick_that_it_prints():
+    scene = kd.load_scene("paper_kick")
+    attack = np.array([math.cos(math.radians(30)), 0, math.sin(math.radians(30))])
+    np.testing.assert_allclose(scene.posture.point_velocity(scene.v), 1.2 * attack, atol=1e-4)
+    np.testing.assert_allclose(scene.contact.normal, attack, atol=1e-12)
+    assert (scene.contact.friction, scene.ball, scene.air.density) == (0.4, kd.Ball.paper(), 1.22)
+
+
+def numbers_in(text):
+    """Return the numbers of a text, without those in units such as m/s2."""
+    return [float(number) for number in re.findall(r"(?<![\w^.])-?\d+\.?\d*(?:e-?\d+)?", text)]
+
+
+def test_every_printed_number_is_that_of_the_simulation():
+    answer = kd.simulate(kd.load_scene("free_kick"), 0.05)
+    expected = {
+        "reached the plane at": [*answer.end.position, answer.end.time, answer.error, 0.05],
+        "The ball passes": [answer.passage.beside, answer.score.post, answer.score.bar],
+        "Positions are of": [answer.scene.ground.height],
+        "The uncertainties": [answer.end_deviation],
+        "The error is": [answer.numerical_error, 1e-9],
+        **{f"{name:20}": [size] for name, size in answer.effect_sizes.items()},
+    }
+    lines = [line for line in str(answer).splitlines() if numbers_in(line.replace("half", ""))]
+    printed = {}
+    for line in lines:
+        if not line.startswith("warning: "):
+            (start,) = [start for start in expected if line.startswith(start)]
+            printed[start] = numbers_in(line.replace("DOP853", ""))
+    assert printed.keys() == expected.keys()
+    for start, numbers in expected.items():
+        assert printed[start] == pytest.approx(numbers, rel=0.051, abs=5e-10), start
 
 
 def sizes(scene):

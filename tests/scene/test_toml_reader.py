@@ -444,7 +444,7 @@ def test_loops_are_closed_by_the_joints_that_are_not_named(tmp_path):
         loops = [["shank_pin", "rocker_b_tip"]]
         [posture]
         angles_deg = {rocker_b = 40, hip = 10}
-        foot_velocity_m_s = [4, 0, 1]
+        foot_velocity_m_s = [2, 0, 0.5]
         [contact]
         normal = [1, 0, 0.3]
         restitution = 0.8

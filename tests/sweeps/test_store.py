@@ -388,6 +388,18 @@ def test_variables_that_there_are_not(tmp_path, names, words):
     assert not list(tmp_path.iterdir())
 
 
+def test_a_damaged_netcdf_file_is_refused_in_a_line(tmp_path):
+    """Where only values are damaged, a file that is read later ends later."""
+    file = tmp_path / "sweep.nc"
+    save_netcdf(kd.sweep(LEG, POSTURES, KICK), file)
+    content = bytearray(file.read_bytes())
+    place = content.rindex(b"x\x01") + 4  # of compressed values
+    content[place : place + 8] = bytes(8)
+    file.write_bytes(content)
+    with pytest.raises(kd.InvalidInput, match="cannot be read as a sweep"):
+        kd.open_sweep(file)
+
+
 def test_without_kickdyn_xarray_opens_every_file(tmp_path):
     """In the order of the documentation, by two functions, and with the attributes of CF."""
     stored(tmp_path / "whole.zarr")

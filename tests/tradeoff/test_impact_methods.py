@@ -25,8 +25,9 @@ def of(rows, kick, method):
 def test_what_solves_the_same_equations_agrees(rows, kick):
     assert of(rows, kick, "closed form")[0] < 1e-15
     assert of(rows, kick, "dense KKT system")[0] < 1e-14
-    assert len(of(rows, kick, "Pinocchio impulseDynamics")) == (kick == "frictionless")
-    assert all(error < 1e-14 for error in of(rows, kick, "Pinocchio impulseDynamics"))
+    for method in ("Pinocchio impulseDynamics", "kd.strike, engine pinocchio"):
+        assert len(of(rows, kick, method)) == (kick == "frictionless")
+        assert all(error < 1e-14 for error in of(rows, kick, method))
 
 
 @pytest.mark.parametrize("solver", ["ADMM", "PGS"])

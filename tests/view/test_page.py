@@ -1,6 +1,7 @@
 import html
 import json
 import re
+from http.client import HTTPConnection
 from urllib.error import URLError
 from urllib.parse import urlsplit
 from urllib.request import urlopen
@@ -385,6 +386,30 @@ def test_a_served_page_is_seen_on_this_machine_only_and_while_the_block_runs(kic
         assert "Animations" in chromium(url, "--dump-dom")  # meshcat's controls for the animation
     with pytest.raises(URLError):
         urlopen(url, timeout=10)
+
+
+@pytest.mark.parametrize(
+    "hosts",
+    [[], ["127.0.0.1:80@evil.com"], ["evil.com"], ["127.0.0.1.evil.com"], ["127.0.0.1:1"],
+     ["SELF", "SELF"], ["SELF", "evil.com"]],
+)  # fmt: skip
+def test_a_served_page_is_shown_only_to_requests_that_name_this_machine(kick, hosts, capfd):
+    with kd.page(kick[0]).serve() as url:
+        port = urlsplit(url).port
+
+        def status(names):
+            connection = HTTPConnection("127.0.0.1", port, timeout=10)
+            connection.putrequest("GET", "/", skip_host=True)
+            for name in names:
+                connection.putheader("Host", name.replace("SELF", f"127.0.0.1:{port}"))
+            connection.endheaders()
+            answer = connection.getresponse()
+            answer.read()
+            return answer.status
+
+        assert status(hosts) == 421
+        assert status(["SELF"]) == status([f"localhost:{port}"]) == 200
+    assert capfd.readouterr().err == ""
 
 
 def test_there_is_no_port_70000(kick):

@@ -28,13 +28,13 @@ from kickdyn.aerodynamics.drag import constant
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
-from kickdyn.core.last_value import keep_last
 from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.flight.derivatives import INCREMENT, DifferentiableFlight, fly_with_slopes
 from kickdyn.identification.identification_result import Identification, covariance
 from kickdyn.identification.track import Track, refuse_intervals, refuse_units
+from kickdyn.planning.problem import keep_last
 
 LEAST_SAMPLES = 5
 """Fewer positions do not determine a launch together with its standard deviations."""

@@ -250,13 +250,20 @@ def explain_infeasible(problem: KickProblem) -> str:
     for explanation in dict.fromkeys(term.explanation for term in reversed(problem.terms)):
         if explanation:
             omitted = [term for term in problem.terms if term.explanation == explanation]
-            solution = _find_solution(problem.without(omitted), LeastViolation(omitted))
-            if solution is not None:
-                return omitted[0].explain(solution.point)
-    omitted = [term for term in problem.terms if term.explanation]
-    if _find_solution(problem.without(omitted), LeastViolation(omitted)) is not None:
+            if points := _solve_without(problem, omitted):
+                violation = LeastViolation(omitted)
+                return omitted[0].explain(min(points, key=lambda x: float(violation.value(x)[0])))
+    if _solve_without(problem, [term for term in problem.terms if term.explanation]):
         return "it has one only without two or more of its conditions"
     return "the ranges of its joints allow none"
+
+
+def _solve_without(problem: KickProblem, omitted: list[Term[KickPoint]]) -> list[KickPoint]:
+    """Return solutions without some terms, and those of least violation; none if it has none."""
+    relaxed = problem.without(omitted)
+    starts = relaxed.starts()
+    strongest = relaxed.solve(LargestShare(), starts)
+    return strongest and strongest + relaxed.solve(LeastViolation(omitted), starts)
 
 
 def _find_solution(problem: KickProblem, objective: Function[KickPoint]) -> KickSolution | None:

@@ -209,8 +209,7 @@ def verdict(plan: KickPlan) -> str:
         )
         return line + FAULTS[plan.status]
     if path.status == "at-plane":
-        late = "late" if plan.time_error > 0 else "early"
-        end = f"passes the target {after}, {abs(plan.time_error):.3g} s too {late}"
+        end = f"passes the target {after}, {plan.time_error:.3g} s too late"
     elif isinstance(path, Course):
         end = f"stops {path.distance:.4g} m away {after}"
     else:

@@ -256,13 +256,13 @@ def test_the_condition_that_a_standing_robot_cannot_meet_is_named(cause, words, 
     target = impact_target_for(np.array([3.0, 0.0, 2.0]), np.zeros(3), BALL, ROUGH)
     problem = kick_problem(STANDING, target)
 
-    def find(problem, _):
+    def solve(problem, _, starts):
         assert problem.find(StrikeVelocity)
         assert problem.find(SupportImpulse) is None
         solved = cause is not None and problem.find(cause) is None
-        return module.KickSolution(problem, None) if solved else None
+        return [problem.variables.point(starts[0])] if solved else []
 
-    monkeypatch.setattr(module, "_find_solution", find)
+    monkeypatch.setattr(module.KickProblem, "solve", solve)
     assert explain_infeasible(problem) == words
 
 

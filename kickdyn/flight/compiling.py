@@ -29,7 +29,7 @@ from kickdyn.aerodynamics.coefficient_model import (
 )
 from kickdyn.air import Air
 from kickdyn.ball import Ball
-from kickdyn.core.compilation import WITHIN, log, uncollected
+from kickdyn.core.compilation import WITHIN, cache_folder, from_cache, log, uncollected
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.events import NUMBERS, EventFunction
 from kickdyn.flight.forces import Acceleration, Reynolds, acceleration_function, reynolds_number
@@ -256,9 +256,11 @@ def _from_disk(function: Callable[..., Any], callees: Callees, what: str) -> Any
         called: dict[str, Any] = {"__builtins__": builtins, "__name__": __name__}
         twin = types.FunctionType(_call.__code__, called, f"equations_{name}")
         twin.__qualname__ = twin.__name__
+        if cache_folder(twin) is None:
+            return _compile_all(function, callees, what)
         try:
             try:
-                return numba.njit(SIGNATURE, cache=True, **HOW)(twin)
+                return from_cache(twin, lambda: numba.njit(SIGNATURE, cache=True, **HOW)(twin))
             except numba.TypingError:
                 log.info("compiling %s", what)
                 called["function"] = _compile_all(function, callees, what)

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from textwrap import fill
 
 from matplotlib.figure import Figure
 from rich.console import Console
@@ -138,12 +139,12 @@ def sensitivity(name: str, items: Sequence[Item]) -> Table:
         column = columns.setdefault(escape(item.item.removeprefix(f"{name} ") + unit), {})
         column[item.variant] = f"[{COLOURS[item.verdict]}]{item.ours:.4g}[/]"
     result = empty_table(f"{name} with other coefficients than {DEFAULT.name}")
-    result.add_column("coefficients")
+    result.add_column("coefficients", no_wrap=True)
     shown: list[dict[str, str]] = []
     for head, column in columns.items():
         if len(set(column.values())) > 1 and column not in shown:
             shown.append(column)
             result.add_column(head, justify="right")
     for variant in dict.fromkeys(item.variant for item in items):
-        result.add_row(variant, *(column[variant] for column in shown))
+        result.add_row(fill(variant, width=14), *(column[variant] for column in shown))
     return result

@@ -33,8 +33,7 @@ from kickdyn.core.validation import Array
 from kickdyn.sweeps.carry_table import launches
 from kickdyn.sweeps.chunk_solver import ChunkSolver
 from kickdyn.sweeps.grid import Grid
-from kickdyn.sweeps.kernel import DOUBT, MOBILITY, WORST, Kernel
-from kickdyn.sweeps.kernel_model import KernelModel
+from kickdyn.sweeps.kernel import DOUBT, MOBILITY, WORST, Kernel, KernelModel
 from kickdyn.sweeps.sweep import CARRY_TOLERANCE
 from kickdyn.sweeps.sweep_kick import Kick
 

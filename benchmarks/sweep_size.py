@@ -27,8 +27,7 @@ import numpy as np
 
 import kickdyn as kd
 from kickdyn.sweeps.grid import Grid
-from kickdyn.sweeps.kernel import Kernel
-from kickdyn.sweeps.kernel_model import KernelModel
+from kickdyn.sweeps.kernel import Kernel, KernelModel
 from kickdyn.sweeps.sweep import sweep_chunks
 from kickdyn.sweeps.sweep_kick import Kick
 

@@ -225,9 +225,9 @@ def test_grams_and_centimetres_are_warned_of(values):
     (said,) = ball.warnings
     assert said.startswith(f"the ball has {values[0]:g} kg and a radius of {values[1]:g} m:")
     assert said in ball._repr_html_()
-    assert said in kd.fly(kd.BallState(velocity=(5, 0, 5)), ball, kd.Air()).warnings
+    assert said in kd.fly(kd.BallState(velocity=(5, 0, 5)), ball).warnings
     posture = kd.Leg.human().posture([0.5, 0.3, -0.2])
-    assert said in kd.strike(posture, [5, 2, 1], ball).warnings
+    assert said in kd.strike(posture, [5, 2, 1], ball, kd.Contact((1, 0, 0.3), 0.8)).warnings
 
 
 def test_soccer_balls_and_obstacles_are_not_warned_of():

@@ -74,6 +74,20 @@ def test_a_speed_is_checked(speed):
         contact(TABLE).restitution_at(speed)
 
 
+@pytest.mark.parametrize(
+    ("speed", "warned"),
+    [(4.99, 1), (5.0, 0), (5.0 * (1 - 1e-12), 0), (20.0, 0), (20.0 * (1 + 1e-12), 0), (20.01, 1)],
+)
+def test_the_range_of_a_table_ends_with_its_rows(speed, warned):
+    table = contact(TABLE).restitution
+    lines = range_warnings(table, speed)
+    assert len(lines) == warned
+    for line in lines:
+        e = restitution_at(table, speed)
+        assert f"from 5 to 20 m/s, and the foot approaches at {speed:.4g} m/s: {e:.4g} is" in line
+    assert range_warnings(0.7, speed) == range_warnings(((10.0, 0.7),), speed) == ()
+
+
 def test_contacts_of_equal_tables_are_equal():
     table = contact(np.array(TABLE))
     assert table == contact(TABLE)

@@ -4,11 +4,11 @@ import logging
 import math
 import sys
 import threading
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
@@ -26,18 +26,17 @@ from kickdyn.cli.option_groups import (
     takes,
 )
 from kickdyn.core import compilation
-from kickdyn.core.validation import Array
-from kickdyn.errors import InvalidInput, Unfinished
+from kickdyn.errors import InvalidInput
 from kickdyn.flight.fly import fly
 from kickdyn.impact.laws import LAWS, names_of_laws
 from kickdyn.restitution import range_warnings
-from kickdyn.robot.leg import Leg
-from kickdyn.sweeps.dataset import VARIABLES, describe, select_variables
-from kickdyn.sweeps.grid import Grid, read_postures
+from kickdyn.sweeps.chunk_solver import ChunkSolver
+from kickdyn.sweeps.dataset import VARIABLES, select_variables
+from kickdyn.sweeps.grid import GIGABYTES, Grid, read_postures
 from kickdyn.sweeps.queries import blocks
-from kickdyn.sweeps.store import check_netcdf_name, check_store, save_netcdf
+from kickdyn.sweeps.store import check_netcdf_name, save_netcdf
 from kickdyn.sweeps.summary import NEEDED, Summary
-from kickdyn.sweeps.sweep import CARRY_TOLERANCE, TO_RESUME, Progress, sweep, sweep_chunks
+from kickdyn.sweeps.sweep import CARRY_TOLERANCE, Progress, sweep, sweep_chunks
 from kickdyn.sweeps.sweep_kick import Kick
 from kickdyn.sweeps.sweep_report import (
     ReportLine,
@@ -53,6 +52,10 @@ if TYPE_CHECKING:
 
 KICKING = ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
 """Default grid of our legs: about to meet a ball on the ground before them."""
+
+
+LONG = 120.0
+"""Processor time of a sweep from which on it is announced [s]."""
 
 
 @dataclass(frozen=True)
@@ -106,17 +109,13 @@ class StoreOptions:
         return select_variables([*(name.strip() for name in self.variables.split(",")), *NEEDED])
 
     def check(self) -> None:
-        """Raise `InvalidInput` for options that exclude or need each other, or a wrong name."""
+        """Raise `InvalidInput` for options that need --out, or a wrong name."""
         if self.file is not None:
             check_netcdf_name(self.file)
-        if self.store is not None:
-            check_store(self.store, resume=self.resume)
-        elif self.resume or self.workers is not None:
+        if self.store is None and (self.resume or self.workers is not None):
             raise InvalidInput(
                 "--resume and --workers are for a Zarr store: name it, --out DIR.zarr"
             )
-        if self.threads is not None and self.workers is not None:
-            raise InvalidInput("--threads and --workers are both given: give one of them")
         if self.out is None and self.variables is not None:
             raise InvalidInput(
                 "--variables is for what --out keeps: name it, --out FILE.nc or DIR.zarr"
@@ -173,11 +172,32 @@ def posture_sweep(
     )  # fmt: skip
     warn(range_warnings(kick.contact.restitution, kick.speed))
     robot = leg.load()
-    ranges = joints or _default_ranges(leg.leg_name, robot)
-    postures = read_postures(robot, ranges)
-    grid = Grid.of(robot, postures)
-    summary = Summary(describe(robot, grid, kick, storing.tolerance), where, storing.kept)
-    data = _sweep(robot, postures, kick, storing, summary, grid.size)
+    if not joints and leg.leg_name in SHIPPED:
+        joints = tuple(axis for axis in KICKING if axis.partition("=")[0] in robot.joint_names)
+    grid = Grid.of(robot, read_postures(robot, joints))
+    solver = ChunkSolver(robot, grid, kick, storing.tolerance)
+    summary = Summary(solver.describe(), where, storing.kept)
+    if solver.seconds > LONG:
+        size = GIGABYTES * grid.size * len(storing.kept) / len(VARIABLES)
+        stored = f" and {size:,.2g} GB in {storing.store}" if storing.store else ""
+        click.echo(
+            f"{grid.size:,} postures take about {solver.seconds / 60.0:,.0f} minutes of processor "
+            f"time{stored}", err=True,
+        )  # fmt: skip
+    how: dict[str, Any] = {"tolerance": storing.tolerance, "threads": storing.threads}
+    data: xr.Dataset | None = None
+    with _progress_bar(grid.size) as progress:
+        if storing.out is None:
+            computed = sweep_chunks(robot, grid.axes, kick, progress=progress, **how)
+        else:
+            data = sweep(
+                robot, grid.axes, kick, store=storing.store, variables=storing.kept,
+                resume=storing.resume, workers=storing.workers, progress=progress, **how,
+            )  # fmt: skip
+            computed = (block for _, block in blocks(data))
+        for block in computed:
+            summary.add(block)
+    warn(filter(None, [summary.disagreement]))
 
     lines = extreme_lines(robot, grid, kick, summary)
     if leg.leg_name == "human" and not leg.locked:
@@ -198,64 +218,16 @@ def posture_sweep(
         if made_page is None:
             reason = "" if where is None else f" where {where}"
             click.echo(f"no posture is ok{reason}: there is nothing to view", err=True)
-    if made_page is not None:
-        if output.view is not None:
-            made_page.save(output.view)
-        warn(made_page.warnings)
+        else:
+            if output.view is not None:
+                made_page.save(output.view)
+            warn(made_page.warnings)
     output.name_written(storing.out, output.plot, output.view if made_page is not None else None)
     if live and made_page is not None:
         with made_page.serve() as url:
             click.echo(f"showing the kick at {url} (this machine only) until Ctrl-C", err=True)
             with suppress(KeyboardInterrupt):
                 threading.Event().wait()
-
-
-def _default_ranges(name: str, leg: Leg) -> list[str]:
-    """Return the default ranges of the joints that a leg has; none for other legs than ours."""
-    if name not in SHIPPED:
-        return []
-    return [axis for axis in KICKING if axis.partition("=")[0] in leg.joint_names]
-
-
-def _sweep(
-    leg: Leg,
-    postures: Mapping[str, Array],
-    kick: Kick,
-    storing: StoreOptions,
-    summary: Summary,
-    size: int,
-) -> xr.Dataset | None:
-    """Compute all postures and add them to the summary; return the dataset if it is written."""
-    data: xr.Dataset | None = None
-    computed: Iterator[xr.Dataset]
-    with _resumable(storing.store), _progress_bar(size) as progress:
-        if storing.out is not None:
-            data = sweep(
-                leg, postures, kick, store=storing.store, variables=storing.kept,
-                resume=storing.resume, tolerance=storing.tolerance, threads=storing.threads,
-                workers=storing.workers, progress=progress,
-            )  # fmt: skip
-            computed = (block for _, block in blocks(data))
-        else:
-            computed = sweep_chunks(
-                leg, postures, kick, tolerance=storing.tolerance, threads=storing.threads,
-                progress=progress,
-            )  # fmt: skip
-        for block in computed:
-            summary.add(block)
-    return data
-
-
-@contextmanager
-def _resumable(store: str | None) -> Iterator[None]:
-    """Say how to continue where a sweep that fills a store is stopped."""
-    try:
-        yield
-    except (KeyboardInterrupt, Unfinished) as error:
-        if store is None or not Path(store).is_dir():
-            raise
-        reason = str(error).removesuffix(TO_RESUME) or "interrupted"
-        raise Unfinished(f"{reason}. To continue, run the command again with --resume") from None
 
 
 @contextmanager

@@ -1,16 +1,23 @@
 """Compiling with numba, and keeping the machine code on disk, for compiling takes seconds."""
 
 import gc
+import grp
 import logging
+import os
+import pwd
+import stat
 import types
 import zlib
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 log = logging.getLogger(__name__)
 """Says at level INFO what is compiled."""
+
+T = TypeVar("T")
 
 
 @contextmanager
@@ -43,6 +50,54 @@ def named(
     return function
 
 
+def cache_folder(function: Callable[..., Any]) -> Path | None:
+    """Return the folder in which numba keeps a function's machine code; None without a safe one.
+
+    numba reads it by pickle, which runs any code: nobody else may be able to write there.
+    """
+    import numba  # here, because it takes long to import
+
+    try:
+        folder = Path(str(numba.njit(cache=True)(function).stats.cache_path))
+        return folder if _is_private(folder) else None
+    except (RuntimeError, OSError):  # no folder that can be written to
+        return None
+
+
+@cache
+def _is_private(folder: Path) -> bool:
+    """Return whether only this user and root can write to a folder; warn once if others can."""
+    status, user = folder.stat(), os.geteuid()
+    shared = bool(status.st_mode & stat.S_IWOTH)
+    if status.st_mode & stat.S_IWGRP:
+        try:
+            name, group = pwd.getpwuid(user).pw_name, grp.getgrgid(status.st_gid)
+            shared = shared or group.gr_name != name or bool({*group.gr_mem} - {name})
+        except KeyError:
+            shared = True
+    if not shared and status.st_uid in (0, user):
+        return True
+    log.warning(
+        "each process compiles anew: others can write to %s; NUMBA_CACHE_DIR names another folder",
+        folder,
+    )
+    return False
+
+
+def from_cache(function: Callable[..., Any], jit: Callable[[], T]) -> T:
+    """Return `jit()`, which reads a function's machine code from disk; remove damaged files."""
+    import numba
+
+    try:
+        return jit()
+    except numba.TypingError:
+        raise
+    except Exception:  # a truncated pickle ends in errors of many kinds
+        for file in (cache_folder(function) or Path()).glob(f"*.{function.__qualname__}-*.nb?"):
+            file.unlink(missing_ok=True)
+        return jit()
+
+
 def compiled(
     function: Callable[..., Any], signature: Any, what: str, **options: Any
 ) -> Callable[..., Any]:
@@ -55,12 +110,13 @@ def compiled(
     """
     import numba  # here, because it takes long to import
 
-    try:
-        folder = Path(str(numba.njit(cache=True)(function).stats.cache_path))
-    except (RuntimeError, OSError):  # no folder that can be written to
-        folder = None
+    folder = cache_folder(function)
     if folder is None or not any(folder.glob(f"*.{function.__qualname__}-*.nbi")):
         log.info("compiling %s", what)
+    options |= {"nogil": True}
     with uncollected():
-        jit = numba.njit(signature, cache=folder is not None, nogil=True, **options)
-        return jit(function)  # type: ignore[no-any-return]
+        if folder is not None:
+            with suppress(OSError):  # a full disk
+                jit = numba.njit(signature, cache=True, **options)
+                return from_cache(function, lambda: jit(function))  # type: ignore[no-any-return]
+        return numba.njit(signature, **options)(function)  # type: ignore[no-any-return]

@@ -55,49 +55,57 @@ def read_text(path: str | os.PathLike[str], source: str, most: int, error: type[
 
 
 def check_writable(path: str | os.PathLike[str]) -> None:
-    """Raise `InvalidInput` unless a file can be written at `path`; call it before long work."""
+    """Raise `InvalidInput` unless a file can be written at `path`; call it before long work.
+
+    A symbolic link is refused: where others may write to the folder, it could lead anywhere.
+    """
+    name = shortened(str(path))
+    if not os.fspath(path):
+        raise InvalidInput("the name of a file is empty")
     try:
-        file = Path(path).resolve()
-        if file.is_symlink():  # resolved, and still a link: they lead in a circle
-            raise InvalidInput(
-                f"{shortened(str(path))} cannot be written (its links lead in a circle)"
-            )
-        if not os.fspath(path):
-            raise InvalidInput("the name of a file is empty")
-        try:
-            mode = file.stat().st_mode  # Path.exists says of a name too long that it does not exist
-        except FileNotFoundError:
-            mode = stat.S_IFREG
+        mode = _mode(path)
+        if stat.S_ISLNK(mode):
+            raise InvalidInput(f"{name} cannot be written (it is a link: name the file itself)")
         if stat.S_ISDIR(mode):
-            raise InvalidInput(f"{shortened(str(path))} is a folder: name a file in it")
+            raise InvalidInput(f"{name} is a folder: name a file in it")
         if not stat.S_ISREG(mode):  # replacing a device would remove it
-            raise InvalidInput(
-                f"{shortened(str(path))} is not a regular file: name one, or one yet to be"
-            )
-        with tempfile.TemporaryFile(dir=file.parent):
+            raise InvalidInput(f"{name} is not a regular file: name one, or one yet to be")
+        with tempfile.TemporaryFile(dir=Path(path).parent):
             pass
     except InvalidInput:
         raise
-    except (OSError, RuntimeError, ValueError) as error:  # links in a circle, a NUL in the name
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
         raise _refused(path, error) from None
+
+
+def _mode(path: str | os.PathLike[str]) -> int:
+    """Return type and permissions of a file, or of a new one in its place."""
+    try:
+        status = os.lstat(path)
+    except FileNotFoundError:
+        return stat.S_IFREG
+    if status.st_uid != os.geteuid():  # whose permissions may not be what the user wants
+        return stat.S_IFMT(status.st_mode)
+    return status.st_mode
 
 
 @contextmanager
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a temporary file to write, which replaces `path` at the end; after an error, delete it.
 
-    The temporary name keeps the suffix, by which many writers choose the format. A file that was
-    there before keeps its permissions. Raises `InvalidInput` where the file cannot be written.
+    The temporary name keeps the suffix, by which many writers choose the format. A file of the user
+    that exists keeps its permissions. Raises `InvalidInput` where the file cannot be written.
     """
     check_writable(path)
-    file = Path(path).resolve()  # a link stays a link
+    file = Path(path)
     with tempfile.TemporaryDirectory(dir=file.parent, prefix=f".{file.stem}-") as folder:
         draft = Path(folder) / file.name
         try:
             yield draft
-            if file.exists():
-                draft.chmod(stat.S_IMODE(file.stat().st_mode))
-            draft.replace(file)
+            mode = _mode(file)
+            if stat.S_ISREG(mode) and stat.S_IMODE(mode):
+                draft.chmod(stat.S_IMODE(mode))
+            draft.replace(file)  # the name itself, if a link has come there meanwhile
         except OSError as error:
             raise _refused(path, error) from None
 

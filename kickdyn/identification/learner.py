@@ -32,7 +32,6 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
 from kickdyn.core import validation
-from kickdyn.core.last_value import keep_last
 from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array
@@ -46,6 +45,7 @@ from kickdyn.planning.goal import Goal
 from kickdyn.planning.kick import plan_kick
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.launch import Launch, fly_to_target, plan_launch
+from kickdyn.planning.problem import keep_last
 from kickdyn.restitution import (
     Restitution,
     checked_restitution,

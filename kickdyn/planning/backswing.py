@@ -30,13 +30,13 @@ from scipy.linalg import null_space
 from scipy.optimize import least_squares
 
 from kickdyn.core import validation
-from kickdyn.core.last_value import keep_last
 from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.leg_response import Footing, footing
 from kickdyn.planning.kick_problem import KickProblem, KickSolution
 from kickdyn.planning.kick_terms import JointRange, KickPoint, Objective
+from kickdyn.planning.problem import keep_last
 from kickdyn.planning.stance import (
     LENGTH,
     TILT,

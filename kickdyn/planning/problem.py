@@ -15,19 +15,28 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, Generic, TypeVar
 
 import numpy as np
 from scipy.optimize import minimize
 
-from kickdyn.core.last_value import keep_last
 from kickdyn.core.validation import Array
 
 TOLERANCE = 1e-4
 """Largest violation of a term at a solution, over the term's scale."""
 
 Point = TypeVar("Point")
+
+
+def keep_last(function: Callable[[Array], Point]) -> Callable[[Array], Point]:
+    """Return the function with a memory of its last result.
+
+    Solvers of scipy ask for values and derivatives in two calls at the same place; a function that
+    computes them together then does so once.
+    """
+    kept = lru_cache(maxsize=1)(lambda place: function(np.frombuffer(place).copy()))
+    return lambda place: kept(place.tobytes())
 
 
 class Kind(StrEnum):

@@ -305,7 +305,6 @@ class Constraints:
 
         Each step is the smallest that closes the loops to first order, half a radian at most.
         """
-        first = sum(support.size for support in self.supports)
         gears = np.zeros(0 if self.gears is None else len(self.gears.mimics))
         best, narrowest, rank = q, np.full((len(self.loops), 3), np.inf), 0
         for _ in range(50):
@@ -315,9 +314,9 @@ class Constraints:
                 best, narrowest = q, gaps
             elif not _is_open(narrowest):  # as narrow as rounding allows
                 break
-            rows = self.rows(model, data, q)[0][first : self.stiff_rows.start] * free
+            rows = self.rows(model, data, q)[0][self.loop_rows.start : self.stiff_rows.start]
             wanted = np.concatenate([-gaps.ravel(), gears])
-            step, _, step_rank, _ = np.linalg.lstsq(rows, wanted, rcond=1e-9)
+            step, _, step_rank, _ = np.linalg.lstsq(rows * free, wanted, rcond=1e-9)
             step, rank = step * free, int(step_rank)
             longest = float(np.abs(step).max())
             step *= 0.5 / longest if longest > 0.5 else 1.0

@@ -1,8 +1,7 @@
 """One kick from every posture of a grid, as an xarray dataset in memory or in a Zarr store.
 
 Start with `sweep.py`, whose function `sweep` is the method. `chunk_solver.py` computes a range of
-postures, by the compiled `kernel.py` or one by one by `sweep_kick.py`. The kernel reads the
-constants of `kernel_model.py`, and goes from the posture to the joint-space inertia
-(`kernel_dynamics.py`) and from there to the impulse (`kernel_impact.py`). `queries.py` has what
-xarray has not.
+postures, by the compiled `kernel.py` or one by one by `sweep_kick.py`. The kernel goes
+from the posture to the joint-space inertia (`kernel_dynamics.py`) and from there to the impulse
+(`kernel_impact.py`). `queries.py` has what xarray does not have.
 """

@@ -20,7 +20,7 @@ from kickdyn.ball import BallState
 from kickdyn.core.compilation import compiled
 from kickdyn.core.validation import Array
 from kickdyn.flight.batch import fly_many
-from kickdyn.sweeps.kernel_model import KernelModel
+from kickdyn.sweeps.kernel import KernelModel
 from kickdyn.sweeps.sweep_kick import FLIGHT_TOLERANCE
 
 NODES, CHECKS = 8, 9

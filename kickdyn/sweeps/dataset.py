@@ -1,6 +1,5 @@
 """The dataset of a sweep: its variables with units, the status flags, and its provenance."""
 
-import difflib
 import hashlib
 import math
 from collections.abc import Iterable
@@ -18,6 +17,7 @@ from kickdyn.errors import InvalidInput
 from kickdyn.impact.laws import normal_impulse
 from kickdyn.restitution import format_restitution, range_warnings
 from kickdyn.robot.leg import Leg
+from kickdyn.robot.names import unknown
 from kickdyn.sweeps.grid import DECIMALS, Grid
 from kickdyn.sweeps.sweep_kick import Kick, PostureOutcome, PostureStatus
 
@@ -39,7 +39,7 @@ VARIABLES = {
 """Name of every variable of a dataset but `status`, with its unit and meaning.
 
 A new one comes last. `variables_of` computes it for one posture, and `fill_variables` in
-`kernel.py` for large grids; a sweep without it there ends in a `KeyError`.
+`kernel.py` for large grids.
 """
 
 STATUS_ATTRIBUTES: dict[str, Any] = {
@@ -66,10 +66,15 @@ def describe(leg: Leg, grid: Grid, kick: Kick, carry_tolerance: float) -> xr.Dat
     largest error of carries that are interpolated [m], 0 where every ball is flown. Raises
     `InvalidInput` where a joint and a variable have the same name.
     """
-    _check_names(grid)
     attributes = {"Conventions": "CF-1.11", **provenance(leg, kick)}
     data = xr.Dataset(attrs={**attributes, "carry_tolerance_m": carry_tolerance, "finished": 0})
     for name, values in grid.axes.items():
+        shadows = name.endswith("_deg") and name.removesuffix("_deg") in grid.axes
+        if shadows or name in [*VARIABLES, "status"] or "/" in name or name.strip(".") == "":
+            raise InvalidInput(
+                f"joint {name!r} cannot be swept: in the dataset a variable has this name, "
+                "or cannot be a name: rename it"
+            )
         unit = leg.joint_unit(name)
         data.coords[name] = (name, values, {"units": unit, "long_name": f"{name} joint"})
         if unit == "rad" and " " not in name:  # netCDF takes no coordinate with a space
@@ -86,16 +91,12 @@ def select_variables(names: Iterable[str] | None) -> tuple[str, ...]:
     """
     if names is None:
         return tuple(VARIABLES)
-    if isinstance(names, str):
-        raise InvalidInput(f"variables is {names!r}: it must be a list of names")
-    wanted, known = list(names), [*VARIABLES, "status"]
-    for name in wanted:
-        if not isinstance(name, str) or name not in known:
-            near = difflib.get_close_matches(str(name)[:100], known, 1)
-            hint = f"did you mean {near[0]!r}?" if near else f"choose {', '.join(known)}"
-            raise InvalidInput(f"variable {str(name)[:100]!r} is unknown: {hint}")
+    wanted, known = [] if isinstance(names, str) else list(names), [*VARIABLES, "status"]
     if not wanted:
-        raise InvalidInput(f"variables is empty: choose {', '.join(known)}")
+        raise InvalidInput(f"variables is {names!r}: it must be a list of {', '.join(known)}")
+    for name in wanted:
+        if name not in known:
+            raise InvalidInput(unknown("variable", name, "a sweep", known))
     return tuple(name for name in VARIABLES if name in wanted)
 
 
@@ -116,6 +117,12 @@ def with_variables(
     variables = {name: (dims, by_name[name].reshape(shape), attributes_of(name)) for name in kept}
     flags = (dims, status.reshape(shape), dict(STATUS_ATTRIBUTES))
     return described.assign({**variables, "status": flags})  # at once: one by one takes longer
+
+
+def add_warning(data: xr.Dataset, warning: str) -> xr.Dataset:
+    """Return a dataset whose attribute `warnings` has one more line, if that is not empty."""
+    lines = [line for line in (data.attrs["warnings"], warning) if line]
+    return data.assign_attrs(warnings="; ".join(lines))
 
 
 def attributes_of(name: str) -> dict[str, str]:
@@ -150,7 +157,7 @@ def variables_of(outcome: PostureOutcome, kick: Kick) -> dict[str, float]:
 
 def provenance(leg: Leg, kick: Kick) -> dict[str, str | float]:
     """Return what a sweep was made of, enough to compute it again, as plain values."""
-    air = kick.air
+    air, given = kick.air, kick.contact.restitution
     text = "" if leg.file is None else leg.file.text
     versions = ", ".join(f"{name} {metadata.version(name)}" for name in ("pin", "numpy", "scipy"))
     return {
@@ -165,7 +172,7 @@ def provenance(leg: Leg, kick: Kick) -> dict[str, str | float]:
         "attack_deg": round(float(np.degrees(kick.attack)), 10),
         "attack_rad": kick.attack,
         "restitution": kick.restitution_used,
-        **_given_restitution(kick),
+        "restitution_given": given if isinstance(given, float | str) else format_restitution(given),
         "friction": kick.friction,
         "impact_law": kick.law,
         "ball_mass_kg": kick.ball.mass,
@@ -181,14 +188,6 @@ def sweep_warnings(leg: Leg, kick: Kick) -> tuple[str, ...]:
     return (*leg.warnings, *range_warnings(kick.contact.restitution, kick.speed))
 
 
-def _given_restitution(kick: Kick) -> dict[str, str]:
-    """Return the table or model of the restitution, from which a sweep uses one value, if any."""
-    given = kick.contact.restitution
-    if isinstance(given, float):
-        return {}
-    return {"restitution_given": given if isinstance(given, str) else format_restitution(given)}
-
-
 def difference(
     stored: xr.Dataset, wanted: xr.Dataset, kept: Iterable[str] = tuple(VARIABLES)
 ) -> str | None:
@@ -198,13 +197,14 @@ def difference(
     Every attribute but `finished` and `warnings` and every value of the grid is compared, to the
     last digit.
     """
-    dims = [", ".join(map(str, dims)) for dims in (stored["status"].dims, wanted.dims)]
-    if dims[0] != dims[1]:
-        return f"its joints are {dims[0]}, this one's {dims[1]}"
+    joints = [", ".join(map(str, dims)) for dims in (stored["status"].dims, wanted.dims)]
+    if joints[0] != joints[1]:
+        return f"its joints are {joints[0]}, this one's {joints[1]}"
     for name in wanted.dims:
-        axes = stored[name].values, wanted[name].values
-        if not np.array_equal(*axes):
-            spans = [_span(values, wanted[name].attrs["units"]) for values in axes]
+        values, others = stored[name].values, wanted[name].values
+        if not np.array_equal(values, others):
+            unit = wanted[name].attrs["units"]
+            spans = _span(values, unit), _span(others, unit)
             return f"its {name} has {spans[0]}, this one's {spans[1]}, not all the same"
     for attribute, value in wanted.attrs.items():
         other = stored.attrs.get(attribute)
@@ -218,24 +218,11 @@ def difference(
 
 
 def _span(values: Array, unit: str) -> str:
-    """Return how many values of a joint there are and their ends, in its unit, and in degrees."""
-    low, high = float(values[0]), float(values[-1])
-    text = f"{len(values)} value{'s' * (len(values) != 1)} from {low:.6g} to {high:.6g} {unit}"
-    if unit != "rad":
-        return text
-    return f"{text} ({math.degrees(low):.6g} to {math.degrees(high):.6g} deg)"
-
-
-def _check_names(grid: Grid) -> None:
-    """Raise `InvalidInput` where a joint's name would hide a variable of the dataset."""
-    for name in grid.axes:
-        taken = name in VARIABLES or name == "status"
-        shadowed = name.endswith("_deg") and name.removesuffix("_deg") in grid.axes
-        if taken or shadowed or "/" in name or name.strip(".") == "":
-            raise InvalidInput(
-                f"joint {name!r} cannot be swept: in the dataset a variable has this name, "
-                "or cannot be a name: rename it"
-            )
+    """Return how many values of a joint there are and their ends, of angles in degrees."""
+    if unit == "rad":
+        values, unit = np.degrees(values), "deg"
+    count = f"{len(values)} value{'s' * (len(values) != 1)}"
+    return f"{count} from {values[0]:.6g} to {values[-1]:.6g} {unit}"
 
 
 def _model_text(leg: Leg) -> str:

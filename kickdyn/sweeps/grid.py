@@ -17,7 +17,10 @@ IN_MEMORY = 1_000_000
 """Largest number of postures whose results are returned in memory (105 MB)."""
 
 LARGEST = 10**10
-"""Largest number of postures of a grid: about 300 GB on the disk."""
+"""Largest number of postures of a grid: about 320 GB in a store."""
+
+GIGABYTES = 32e-9
+"""Size of a posture with all variables in a store [GB]."""
 
 DECIMALS = 9
 """Decimals of an angle in degrees, so that it is 30, not 29.999999999999996."""
@@ -40,10 +43,8 @@ class Grid:
     def of(cls, leg: Leg, postures: Mapping[str, ArrayLike]) -> "Grid":
         """Return the grid over joints of a leg, from a value or ascending values [rad; m] of each.
 
-        Raises:
-            InvalidInput: with all faults in one line: an unknown joint, one that mimics another,
-                values that are not ascending or outside the joint's range; or more than `LARGEST`
-                postures.
+        Raises `InvalidInput` with all faults in one line: an unknown joint, one that mimics
+        another, values that are not ascending or outside the joint's range, too many postures.
         """
         if not isinstance(postures, Mapping) or not postures:
             raise InvalidInput(
@@ -57,13 +58,11 @@ class Grid:
         still = np.zeros(1)
         drivers = {mimic.joint: mimic for mimic in leg.mimics}
         for name in leg.single_joints:
-            if name in drivers:
-                mimic = drivers[name]
-                moved = mimic.multiplier * axes.get(mimic.driver, still) + mimic.offset
-                with _collected(faults):
+            with _collected(faults):
+                if mimic := drivers.get(name):
+                    moved = mimic.multiplier * axes.get(mimic.driver, still) + mimic.offset
                     _check_range(leg, name, moved, f"moved by {mimic.driver}, which it mimics, to")
-            elif name not in postures:
-                with _collected(faults):
+                elif name not in postures:
                     _check_range(leg, name, still, "not named, so at")
         if faults:
             raise InvalidInput(*faults)
@@ -86,8 +85,7 @@ class Grid:
 
         The grid's joints keep their values; other joints of a loop move.
 
-        Raises:
-            InvalidInput: the loops cannot be closed, or only by joints outside their ranges.
+        Raises `InvalidInput` where the loops cannot be closed with all joints in their ranges.
         """
         index = np.unravel_index(number, self.shape)
         axes = zip(self.axes.items(), index, strict=True)
@@ -133,12 +131,15 @@ class Chunks:
     def __len__(self) -> int:
         return math.prod(self.counts)
 
+    def index(self, k: int) -> tuple[int, ...]:
+        """Return the place of chunk number `k` along each axis."""
+        return tuple(map(int, np.unravel_index(k, self.counts)))
+
     def region(self, k: int) -> tuple[slice, ...]:
         """Return the slices of the grid that chunk number `k` covers."""
-        index = np.unravel_index(k, self.counts)
         return tuple(
-            slice(int(i) * c, min((int(i) + 1) * c, n))
-            for i, c, n in zip(index, self.shape, self.grid_shape, strict=True)
+            slice(i * c, min((i + 1) * c, n))
+            for i, c, n in zip(self.index(k), self.shape, self.grid_shape, strict=True)
         )
 
     def span(self, k: int) -> tuple[int, int]:
@@ -152,24 +153,20 @@ def check_size(shape: tuple[int, ...], largest: int) -> None:
     """Raise `InvalidInput` where a grid has more postures than `largest`."""
     size = math.prod(shape)
     if size > largest:
-        limit, gigabytes = "can be swept", 30e-9 * size
+        limit = "can be swept"
         if largest < LARGEST:
             limit = "are kept in memory: name a store, --out DIR.zarr (store= in Python)"
-            gigabytes = 105e-9 * size
         raise InvalidInput(
-            f"the grid has {size:,} postures ({' x '.join(map(str, shape))}, {gigabytes:,.1f} "
-            f"GB): at most {largest:,} {limit}, or take larger steps"
+            f"the grid has {size:,} postures ({' x '.join(map(str, shape))}, in a store "
+            f"{GIGABYTES * size:,.1f} GB): at most {largest:,} {limit}, or take larger steps"
         )
 
 
 def read_postures(leg: Leg, joints: Iterable[str]) -> dict[str, Array]:
     """Return the postures that a command line asks for, as `Grid.of` takes them [rad; m].
 
-    Texts are `NAME=LOW:HIGH:STEP` or `NAME=VALUE` [deg; m for prismatic joints].
-
-    Raises:
-        InvalidInput: no text; or with all faults in one line: a text that cannot be read, an
-            unknown joint, a joint named twice, too many values.
+    Texts are `NAME=LOW:HIGH:STEP` or `NAME=VALUE` [deg; m for prismatic joints]. Raises
+    `InvalidInput` without any, or with all faults in one line.
     """
     axes: dict[str, Array] = {}
     faults: list[str] = []

@@ -32,7 +32,7 @@ BODY = np.dtype(
         ("rotation", float, (3, 3, BATCH)),  # of the body
         ("origin", float, (3, BATCH)),  # from the parent's origin [m]
         ("carried_moment", float, (3, BATCH)),  # moments of mass of all bodies that the joint
-        ("carried_inertia", float, (6, BATCH)),  # carries, in the order of `kernel_model.JOINT`
+        ("carried_inertia", float, (6, BATCH)),  # carries, in the order of `kernel.JOINT`
         ("moment", float, (3, BATCH)),  # moments of the joint's body alone
         ("inertia", float, (6, BATCH)),
         ("jacobian", float, (3, BATCH)),  # velocity of the contact point per velocity of the joint

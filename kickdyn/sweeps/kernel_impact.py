@@ -6,7 +6,7 @@ posture is a batch, see `kickdyn.core.simd`. What cannot be computed to 1e-12 is
 
 The functions have these arguments in common; joints count from 1, as Pinocchio's do:
 
-    tree, task: constants of the joints and of the kick, see `kernel_model`.
+    tree, task: constants of the joints and of the kick, see `kernel.JOINT` and `kernel.TASK`.
     bodies: what is computed of each joint, see `kernel_dynamics`.
     inertia: M, shape `(n + 1, n + 1)`, lower triangle.
     state: what is computed of each posture, see `STATE`.

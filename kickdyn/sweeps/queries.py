@@ -1,7 +1,7 @@
 """Questions to the dataset of a sweep that xarray does not answer by itself.
 
-All else is xarray's: `data.ball_speed.where(possible(data)).max(("hip", "ankle"))` is the best ball
-speed for each angle of the knee. A dataset may be larger than memory: `blocks` cuts it.
+Everything else is left to xarray: `data.ball_speed.where(possible(data)).max(("hip", "ankle"))` is
+the best ball speed for each angle of the knee. `blocks` reads a dataset larger than memory.
 """
 
 import ast
@@ -34,9 +34,6 @@ _OPERATORS: dict[type[ast.AST], Callable[..., Any]] = {
 }  # fmt: skip
 _LANGUAGE = "comparisons (< <= > >= == !=) of names and numbers (+ - * /), and, or, not, ( )"
 
-_UNREADABLE = (SyntaxError, ValueError, TypeError, LookupError, ArithmeticError, RecursionError,
-               MemoryError)  # fmt: skip
-
 
 def possible(data: xr.Dataset) -> xr.DataArray:
     """Return where the leg can kick so: a boolean array, true where the status is `ok`."""
@@ -50,10 +47,6 @@ def condition(data: xr.Dataset, text: str) -> xr.DataArray:
     comparisons, `and`, `or`, `not` and brackets. A name that Python would not take stands in
     quotes. Angles are in degrees, lengths in metres. nan fulfils no comparison but `!=`.
 
-    Args:
-        data: the dataset.
-        text: the condition.
-
     Returns:
         A boolean array over dimensions of the dataset.
 
@@ -62,14 +55,18 @@ def condition(data: xr.Dataset, text: str) -> xr.DataArray:
     """
     if not isinstance(text, str) or len(text) > 1000:
         raise InvalidInput(f"a condition is text of up to 1000 characters, not {str(text)[:40]!r}")
-    refused = f"condition {text[:100]!r} cannot be read: it consists of {_LANGUAGE}"
     try:
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             result = xr.DataArray(_evaluate(ast.parse(text.strip(), mode="eval").body, data))
     except InvalidInput as error:
         raise InvalidInput(f"condition {text[:100]!r} {error}") from None
-    except _UNREADABLE:
-        raise InvalidInput(refused) from None
+    except (
+        SyntaxError, ValueError, TypeError, LookupError, ArithmeticError, RecursionError,
+        MemoryError,
+    ):  # fmt: skip
+        raise InvalidInput(
+            f"condition {text[:100]!r} cannot be read: it consists of {_LANGUAGE}"
+        ) from None
     if result.dtype != bool:
         raise InvalidInput(
             f"condition {text[:100]!r} is a number: compare it, as in ball_speed > 1"
@@ -200,88 +197,3 @@ def outcome_at(leg: Leg, kick: Kick, posture: xr.Dataset) -> PostureOutcome:
     joints = [name for name in leg.joint_names if name in posture.coords]
     alone = Grid({name: np.array([float(posture[name])]) for name in joints})
     return kick_from(leg.posture(alone.configuration(leg, 0)), kick)
-
-
-def slopes_at(data: xr.Dataset, posture: xr.Dataset, of: str = "ball_speed") -> xr.Dataset:
-    r"""Return slopes and curvatures of a variable on the grid around one of its postures.
-
-    The slopes are differences of second order between neighbours, central ones
-    :math:`(f_{+1} - f_{-1}) / 2h` inside the grid and one-sided ones at its ends and beside
-    postures whose status is not `ok` (`numpy.gradient`). The error is a third of the difference to
-    the slope from every other neighbour: Richardson's estimate, exact for cubics where both are
-    central. To it is added what rounding of the values can do, :math:`\epsilon |f| / h`, since
-    files have 7 digits.
-
-    Args:
-        data: the dataset, of any size.
-        posture: one posture of it, such as `data.isel(data.ball_speed.argmax(...))`.
-        of: the variable.
-
-    Returns:
-        Along `joint`, `slope` and `slope_error`, and along `joint` and `other_joint`, `curvature`,
-        in the variable's unit per `joint_unit`, rad or m. They are nan where a joint has too few
-        values, or neighbours whose status is not `ok`.
-
-    Raises:
-        InvalidInput: an unknown variable, or a posture that the dataset does not have.
-    """
-    _column(data, of)
-    joints = [str(name) for name in data["status"].dims]
-    try:
-        centre = {name: data.indexes[name].get_loc(float(posture[name])) for name in joints}
-    except (KeyError, TypeError, ValueError):
-        raise InvalidInput("posture is not one posture of the dataset: select it by isel") from None
-
-    def neighbourhood(*along: str, count: int) -> tuple[xr.DataArray, list[int]]:
-        """Return the variable around the posture along joints, and the posture's index in it."""
-        region, index = dict[str, Any](centre), []
-        for name in along:
-            begin = max(0, min(centre[name] - count // 2, data.sizes[name] - count))
-            region[name] = slice(begin, begin + count)
-            index.append(centre[name] - begin)
-        block = data[[of, "status"]].isel(region).transpose(*along)
-        return block[of].astype(float).where(possible(block)), index
-
-    n, digits = len(joints), float(np.finfo(data[of].dtype).eps)
-    slopes, curvature = np.full((n, 2), np.nan), np.full((n, n), np.nan)
-    for i, name in enumerate(joints):
-        line, (middle,) = neighbourhood(name, count=9)
-        slopes[i] = _slope(line[name].values, line.values, middle, digits)
-        for j, other in enumerate(joints):
-            patch, index = neighbourhood(*dict.fromkeys((name, other)), count=3)
-            if min(patch.shape) == 3:
-                bent = patch.differentiate(name, edge_order=2).differentiate(other, edge_order=2)
-                curvature[i, j] = bent.values[tuple(index)]
-    return xr.Dataset(
-        {
-            "slope": ("joint", slopes[:, 0]),
-            "slope_error": ("joint", slopes[:, 1]),
-            "curvature": (("joint", "other_joint"), curvature),
-        },
-        {
-            "joint": joints,
-            "other_joint": joints,
-            "joint_unit": ("joint", [str(data[name].attrs.get("units", "")) for name in joints]),
-        },
-        {"variable": of, "units": str(data[of].attrs.get("units", ""))},
-    )
-
-
-def _slope(x: Array, f: Array, place: int, digits: float) -> tuple[float, float]:
-    """Return slope and error at a place of a line whose values are nan where they do not count.
-
-    `digits` is the relative rounding of the values.
-    """
-    missing = np.flatnonzero(np.isnan(f))
-    low = int(missing[missing < place].max(initial=-1)) + 1
-    high = int(missing[missing > place].min(initial=len(f)))
-    slopes = []
-    for step in (1, 2):
-        begin = low + (place - low) % step
-        points = slice(begin, high, step)
-        slope = np.full(len(f), np.nan)
-        if len(x[points]) >= 3:
-            slope[points] = np.gradient(f[points], x[points], edge_order=2)
-        slopes.append(float(slope[place]))
-    rounding = digits * abs(f[place]) / np.diff(x).min(initial=np.inf)
-    return slopes[0], float(abs(slopes[1] - slopes[0]) / 3 + rounding)

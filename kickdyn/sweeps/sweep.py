@@ -7,13 +7,13 @@ or in a Zarr store. Threads, processes or an executor of the caller compute chun
 import math
 import os
 import pickle
-import shutil
 import signal
 import threading
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import (
     BrokenExecutor,
+    CancelledError,
     Executor,
     Future,
     ProcessPoolExecutor,
@@ -24,18 +24,18 @@ from functools import lru_cache, partial
 from itertools import islice
 from multiprocessing import get_context, parent_process
 from os import PathLike
+from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from kickdyn.core import validation
-from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, Unfinished
 from kickdyn.robot.leg import Leg
-from kickdyn.sweeps.chunk_solver import ChunkSolver
-from kickdyn.sweeps.dataset import VARIABLES, select_variables, with_variables
+from kickdyn.sweeps.chunk_solver import ChunkSolver, SolvedChunk
+from kickdyn.sweeps.dataset import VARIABLES, add_warning, select_variables, with_variables
 from kickdyn.sweeps.grid import IN_MEMORY, Chunks, Grid, check_size
 from kickdyn.sweeps.store import SweepStore, check_store, open_sweep
 from kickdyn.sweeps.sweep_kick import Kick, PostureStatus
@@ -45,9 +45,6 @@ CARRY_TOLERANCE = 1e-6
 
 AHEAD = 1000
 """Chunks of a store that are given to an executor before the first of them is computed."""
-
-TO_RESUME = "; resume=True computes the others"
-"""End of the message of `Unfinished` where a store is kept."""
 
 Progress = Callable[[int, float], None]
 """Is called with the number of postures computed since the last call, and the highest ball speed
@@ -105,7 +102,9 @@ def sweep(
 
     Returns:
         A dataset with one dimension per joint, the variables of `dataset.VARIABLES` and `status`, a
-        `PostureStatus` by its flag. Units, provenance and `leg.warnings` are in the attributes.
+        `PostureStatus` by its flag. Units and provenance are in the attributes; `warnings` has
+        those of the leg, and a line for each chunk of which one posture, computed in another way,
+        differs by more than expected.
         Variables are nan where the posture is out of reach or the loops cannot be closed. With
         `store`, the dataset is the opened store, whose variables have 7 digits (float32).
 
@@ -114,7 +113,6 @@ def sweep(
             unknown variable, a store that exists while `resume` is False, is of another sweep or is
             being filled by another process.
         Unfinished: interrupted by Ctrl-C, a full disk or lost workers; the store can be resumed.
-        KickdynError: the compiled kernel and `kickdyn.strike` disagree.
 
     Example:
         >>> import kickdyn as kd
@@ -131,16 +129,21 @@ def sweep(
         check_store(store, resume=resume)
     kept = select_variables(variables)
     solver = ChunkSolver(leg, Grid.of(leg, postures), kick, tolerance)
+    described = solver.describe()
     if store is None:
         check_size(solver.grid.shape, IN_MEMORY)
-        rows, status = zip(*_solved(solver, threads, progress), strict=True)
-        finished = solver.describe().assign_attrs(finished=1)
-        return with_variables(finished, np.hstack(rows), np.hstack(status), kept)
-    filled = SweepStore(store, solver.describe(), kept, solver.chunk, resume=resume)
-    computing = nullcontext(executor) if executor else _pool(threads, workers)
+        chunks = list(_solved(solver, threads, progress))
+        for chunk in chunks:
+            described = add_warning(described, chunk.warning)
+        rows, status = (np.hstack(arrays) for arrays in list(zip(*chunks, strict=True))[:2])
+        return with_variables(described.assign_attrs(finished=1), rows, status, kept)
     in_process = executor is None and workers is None
-    with filled.locked(), _resumable(filled, store, executor), computing as pool:
-        _fill(filled, solver, pool, in_process, progress)
+    sent = b"" if in_process else _pickled(Path(store).absolute(), kept, solver)
+    filled = SweepStore(store, described, kept, solver.chunk, resume=resume)
+    write = _chunk_writer(filled, solver) if in_process else partial(_write_chunk, sent)
+    computing = nullcontext(executor) if executor else _pool(threads, workers)
+    with filled.locked(), _resumable(filled), computing as pool:
+        _fill(filled, solver, pool, write, progress)
     return open_sweep(store)
 
 
@@ -159,76 +162,73 @@ def sweep_chunks(
     """
     solver = ChunkSolver(leg, Grid.of(leg, postures), kick, tolerance)
     described, chunks = solver.describe(), Chunks.of(solver.grid.shape, solver.chunk)
-    for k, (rows, status) in enumerate(_solved(solver, threads, progress)):
+    for k, chunk in enumerate(_solved(solver, threads, progress)):
         region = dict(zip(solver.grid.axes, chunks.region(k), strict=True))
-        yield with_variables(described.isel(region), rows, status)
+        described = add_warning(described, chunk.warning)
+        yield with_variables(described.isel(region), chunk.rows, chunk.status)
 
 
 def _solved(
     solver: ChunkSolver, threads: int | None, progress: Progress | None
-) -> Iterator[tuple[Array, NDArray[np.int8]]]:
-    """Yield variables and status of each chunk of a grid, in order."""
+) -> Iterator[SolvedChunk]:
+    """Yield the results of each chunk of a grid, in order."""
     solver.prepare()
     chunks = Chunks.of(solver.grid.shape, solver.chunk)
     with _pool(threads) as pool:
         ahead = 1 + int(threads or _cores())
-        solved = _in_order(pool, lambda k: solver(*chunks.span(k)), range(len(chunks)), ahead)
-        for rows, status in solved:
+        for chunk in _in_order(pool, lambda k: solver(*chunks.span(k)), range(len(chunks)), ahead):
             if progress is not None:
-                progress(len(status), _highest_speed(rows, status))
-            yield rows, status
+                progress(len(chunk.status), _highest_speed(chunk))
+            yield chunk
 
 
-ChunkWriter = Callable[[int], tuple[int, float]]
-"""Computes and writes a chunk; returns its number of postures and the highest ball speed [m/s]."""
+ChunkWriter = Callable[[int], tuple[int, float, str]]
+"""Computes and writes a chunk; returns its number of postures, the highest ball speed [m/s] and the
+warning of a check."""
 
 
 def _fill(
     store: SweepStore,
     solver: ChunkSolver,
     pool: Executor,
-    in_process: bool,
+    write: ChunkWriter,
     progress: Progress | None,
 ) -> None:
     """Compute and write what a store lacks, in this process or in the processes of the pool."""
-    missing, span = store.missing(), store.chunks.span
+    missing = store.missing()
     if progress is not None:
-        left = sum(span(k)[1] for k in missing)
-        progress(math.prod(store.chunks.grid_shape) - left, math.nan)
+        progress(store.size - store.count(missing), math.nan)
     if missing:
-        if isinstance(pool, ProcessPoolExecutor):  # once, and not in each of them
-            solver.compile()
-        write = _chunk_writer(store, solver) if in_process else _sent_writer(store, solver)
-        for count, speed in _in_order(pool, write, missing, AHEAD):
-            if progress is not None:
-                progress(count, speed)
-    if not store.finished:
+        solver.prepare()  # for other processes too: what is compiled once, they read from the disk
+    for count, speed, warning in _in_order(pool, write, missing, AHEAD):
+        store.add_warning(warning)
+        if progress is not None:
+            progress(count, speed)
+    if missing or not store.finished:
         store.finish()
 
 
 def _chunk_writer(store: SweepStore, solver: ChunkSolver) -> ChunkWriter:
-    """Return the writer of a store's chunks in this process."""
-    solver.prepare()
+    """Return the writer of a store's chunks in this process, for a solver that is prepared."""
 
-    def write(k: int) -> tuple[int, float]:
-        first, count = store.chunks.span(k)
-        rows, status = solver(first, count)
-        store.write(k, rows, status)
-        return count, _highest_speed(rows, status)
+    def write(k: int) -> tuple[int, float, str]:
+        chunk = solver(*store.chunks.span(k))
+        store.write(k, chunk.rows, chunk.status)
+        return len(chunk.status), _highest_speed(chunk), chunk.warning
 
     return write
 
 
-def _sent_writer(store: SweepStore, solver: ChunkSolver) -> ChunkWriter:
-    """Return a writer of a store's chunks that can be sent to other processes."""
+def _pickled(path: Path, variables: Sequence[str], solver: ChunkSolver) -> bytes:
+    """Return what `_received_writer` needs in another process."""
+    arguments = solver.leg, solver.grid, solver.kick, solver.tolerance
     try:
-        sent = pickle.dumps((store.path.absolute(), store.variables, solver))
+        return pickle.dumps((path, variables, arguments))
     except (pickle.PicklingError, AttributeError, TypeError) as error:
         raise InvalidInput(f"the sweep cannot be sent to other processes ({error})") from None
-    return partial(_write_chunk, sent)
 
 
-def _write_chunk(sent: bytes, k: int) -> tuple[int, float]:
+def _write_chunk(sent: bytes, k: int) -> tuple[int, float, str]:
     """Compute and write a chunk in another process."""
     return _received_writer(sent)(k)
 
@@ -236,10 +236,12 @@ def _write_chunk(sent: bytes, k: int) -> tuple[int, float]:
 @lru_cache(maxsize=1)
 def _received_writer(sent: bytes) -> ChunkWriter:
     """Return the writer of a store's chunks in a process that it was sent to."""
-    path, variables, solver = pickle.loads(sent)
+    path, variables, arguments = pickle.loads(sent)
     if not path.is_dir():
         raise InvalidInput(f"a worker does not see {path}")
+    solver = ChunkSolver(*arguments)
     store = SweepStore(path, solver.describe(), variables, solver.chunk, resume=True)
+    solver.prepare()
     return _chunk_writer(store, solver)
 
 
@@ -289,30 +291,19 @@ def _end_with_parent() -> None:
 
 
 @contextmanager
-def _resumable(
-    store: SweepStore, path: str | PathLike[str], executor: Executor | None
-) -> Iterator[None]:
-    """Raise `Unfinished` where a sweep is stopped; remove a new store that holds no chunk.
-
-    After Ctrl-C, an executor of the caller may still write to the store, which then stays.
-    """
+def _resumable(store: SweepStore) -> Iterator[None]:
+    """Raise `Unfinished` where a sweep is stopped."""
     try:
         yield
-    except (InvalidInput, KeyboardInterrupt, OSError, BrokenExecutor) as error:
-        left = sum(store.chunks.span(k)[1] for k in store.missing())
-        size = math.prod(store.chunks.grid_shape)
-        done = size - left
-        stopped, refused = isinstance(error, KeyboardInterrupt), isinstance(error, InvalidInput)
-        if store.created and done == 0 and (refused or (stopped and executor is None)):
-            shutil.rmtree(path)
-            if stopped:
-                raise Unfinished("interrupted before the first chunk: nothing is stored") from None
-        if refused:
-            raise
+    except (KeyboardInterrupt, OSError, BrokenExecutor, CancelledError) as error:
         reason = getattr(error, "strerror", None) or " ".join(str(error).split())
-        reason = "interrupted" if stopped else reason
+        if isinstance(error, KeyboardInterrupt):
+            reason = "interrupted"
+        elif isinstance(error, CancelledError):
+            reason = "the executor has cancelled the computation"
         raise Unfinished(
-            f"{reason}: {done:,} of {size:,} postures are stored in {path}{TO_RESUME}"
+            f"{reason}: {store.computed:,} of {store.size:,} postures are stored in {store.path}; "
+            "to continue, run it again with --resume (resume=True in Python)"
         ) from None
 
 
@@ -321,7 +312,7 @@ def _cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _highest_speed(rows: Array, status: NDArray[np.int8]) -> float:
+def _highest_speed(chunk: SolvedChunk) -> float:
     """Return the highest ball speed among possible postures [m/s], nan without any."""
-    possible = rows[list(VARIABLES).index("ball_speed"), status == PostureStatus.OK.flag]
-    return float(possible.max()) if possible.size else math.nan
+    speed = chunk.rows[list(VARIABLES).index("ball_speed"), chunk.status == PostureStatus.OK.flag]
+    return float(speed.max(initial=-math.inf)) if speed.size else math.nan

@@ -12,7 +12,7 @@ from rich.table import Table
 from kickdyn.core.console import PROSE, WIDE, empty_table, screen_width, wrapped
 from kickdyn.core.files import finite
 from kickdyn.core.validation import Array
-from kickdyn.robot.leg import Leg, Posture
+from kickdyn.robot.leg import Leg
 from kickdyn.sweeps.dataset import provenance, sweep_warnings, variables_of
 from kickdyn.sweeps.grid import DECIMALS, Grid
 from kickdyn.sweeps.summary import Summary, joint_values_by_unit
@@ -98,37 +98,32 @@ def page_lines(
     if best is None:
         return []
     least = grid.configuration(leg, int(summary.front[-1, 2]))
-    named = [
-        replace(best, label=f"best, foot {kick.speed:.3g} m/s"),
-        _line(leg, kick, "least joint impulse", least),
-        *(line for line in lines if line is not best),
+    shown = [
+        (replace(best, label=f"best, foot {kick.speed:.3g} m/s"), kick),
+        (_line(leg, kick, "least joint impulse", least), kick),
+        *((line, kick) for line in lines if line is not best),
     ]
-    shown = [replace(line, explanation=_story(line, kick)) for line in named]
     use = best.outcome.speed_use
     if 0.0 < kick.speed / FASTEST < use:
         fast = replace(kick, speed=kick.speed / use * (1 - 1e-9))  # rounding exceeds no limit
-        line = _line(leg, fast, f"best, foot {fast.speed:.3g} m/s", best.outcome.posture.q)
-        story = _story(line, fast, ", the fastest that its joints' speed limits allow here")
-        usual = f"With the foot at {kick.speed:.3g} m/s it flies {best.values['carry']:.3g} m."
-        shown.insert(0, replace(line, explanation=f"{story} {usual}"))
-    return shown
+        label = f"best, fastest foot {fast.speed:.3g} m/s"
+        shown.insert(0, (_line(leg, fast, label, best.outcome.posture.q), fast))
+    return [replace(line, explanation=_caption(line, kick)) for line, kick in shown]
 
 
 FASTEST = 1e6
 """Speed of a foot from which on its joints have no speed limit, in effect [m/s]."""
 
 
-def _story(line: ReportLine, kick: Kick, reason: str = "") -> str:
-    """Return what happens in a posture, as sentences; the reason is of the foot's speed."""
-    impact, values = line.outcome.impact, line.values
-    if impact is None:
+def _caption(line: ReportLine, kick: Kick) -> str:
+    """Return what happens in a posture, as sentences."""
+    if line.outcome.impact is None:
         return "The foot cannot move in this direction."
+    values = line.values
     return (
-        f"The foot meets the ball at {kick.speed:.3g} m/s{reason}. The leg acts on the ball like a "
-        f"body of {values['effective_mass']:.3g} kg (its effective mass), "
-        f"{values['effective_mass'] / kick.ball.mass:.3g} times the ball's mass. The ball leaves "
-        f"at {values['ball_speed']:.3g} m/s, {values['speed_ratio']:.3g} times the foot's speed, "
-        f"and flies {values['carry']:.3g} m until it is back at its first height."
+        f"The foot meets the ball at {kick.speed:.3g} m/s. The ball leaves at "
+        f"{values['ball_speed']:.3g} m/s and flies {values['carry']:.3g} m until it is back at its "
+        f"first height: {_explanation(line, kick)}."
     )
 
 
@@ -143,29 +138,20 @@ def _line(leg: Leg, kick: Kick, label: str, q: Array, paper: float | None = None
 def _explanation(line: ReportLine, kick: Kick) -> str:
     """Return why the ball leaves as fast as it does, and whether the foot can meet it so."""
     values, posture = line.values, line.outcome.posture
-    heavier = values["effective_mass"] / kick.ball.mass
+    cone, contact = posture.leg.contact_normal_cone, posture.contact_point
+    edges = () if cone is None else (posture.with_contact_offset(row).contact_point for row in cone)
     overlap = ""
-    if not _can_meet(posture, kick.contact.normal):
+    if any(kick.contact.normal @ (edge - contact) <= -1e-9 for edge in edges):
         overlap = (
             f"; with this normal, a ball at {posture.leg.frame} can overlap with the foot "
             "(Leg.contact_normal_cone)"
         )
     return (
-        f"the effective mass of the leg is {values['effective_mass']:.3g} kg, {heavier:.3g} times "
-        f"that of the ball, which leaves at {values['speed_ratio']:.3g} times the foot's speed "
+        f"the effective mass of the leg is {values['effective_mass']:.3g} kg, "
+        f"{values['effective_mass'] / kick.ball.mass:.3g} times that of the ball, which leaves at "
+        f"{values['speed_ratio']:.3g} times the foot's speed "
         f"({1 + kick.restitution_used:.3g} if the leg were infinitely heavy); "
         f"its joints need {values['speed_use']:.0%} of their speed limits{overlap}"
-    )
-
-
-def _can_meet(posture: Posture, normal: Array) -> bool:
-    """Return whether a foot can meet a ball along a contact normal; True where that is unknown."""
-    cone = posture.leg.contact_normal_cone
-    if cone is None:
-        return True
-    contact = posture.contact_point
-    return all(
-        normal @ (posture.with_contact_offset(row).contact_point - contact) > -1e-9 for row in cone
     )
 
 
@@ -193,7 +179,7 @@ def _shown_joints(leg: Leg, lines: Sequence[ReportLine]) -> list[str]:
 
 
 def table(leg: Leg, lines: Sequence[ReportLine]) -> Table:
-    """Return the table with a column for each posture and a row for each of `_shown_joints`."""
+    """Return the table with a column for each posture."""
     rows: dict[str, list[str]] = {
         f"{name}, {_unit(leg, name)}": [f"{line.angles[name]:.4g}" for line in lines]
         for name in _shown_joints(leg, lines)
@@ -208,10 +194,7 @@ def table(leg: Leg, lines: Sequence[ReportLine]) -> Table:
         "launch angle, deg": _cells(lines, "launch_angle", ".2f", 180 / math.pi),
         "back spin, rad/s": _cells(lines, "back_spin", ".3f"),
         "carry distance, m": _cells(lines, "carry", ".4g"),
-        "joint of largest impulse": [
-            "" if line.outcome.impact is None else line.outcome.impact.worst_joint[0]
-            for line in lines
-        ],
+        "joint of largest impulse": [str(line.as_json()["worst_joint"] or "") for line in lines],
         "impulse in that joint, N s": _cells(lines, "worst_joint_impulse", ".4f"),
         "impulse on a fixed body, N s": _cells(lines, "immovable_impulse", ".4g"),
     }
@@ -289,7 +272,7 @@ def as_json(
     counts = {name: n for name, n in summary.counts.items() if name != PostureStatus.NOT_COMPUTED}
     return {
         **provenance(leg, kick),
-        "warnings": list(sweep_warnings(leg, kick)),
+        "warnings": [*sweep_warnings(leg, kick), *filter(None, [summary.disagreement])],
         "restitution_given": kick.contact.restitution,
         "postures": summary.postures,
         "status": counts,

@@ -1,6 +1,9 @@
 import os
+import pickle
 import subprocess
 import sys
+
+import pytest
 
 MODULE = """
 import math, sys
@@ -41,3 +44,65 @@ def test_functions_of_one_factory_are_not_taken_for_each_other(tmp_path):
     assert float(alone[1]) == 2 * float(alone[0])
     assert len(list((tmp_path / "kept").rglob("*.nbc"))) == 2
     assert said("1", "2") == alone
+
+
+PLUS = """
+import numba
+from kickdyn.core.compilation import compiled, named
+
+def plus(x):
+    return x + 1.0
+
+print(compiled(named(plus, "plus"), numba.float64(numba.float64), "a sum")(1.0))
+"""
+
+
+@pytest.fixture
+def plus(tmp_path):
+    """A process that compiles a function, and the folder in which it keeps that."""
+    (tmp_path / "made.py").write_text(PLUS)
+    where = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "kept")}
+
+    def run():
+        command = [sys.executable, "made.py"]
+        return subprocess.run(command, cwd=tmp_path, env=where, capture_output=True, text=True)
+
+    run()
+    return run, sorted((tmp_path / "kept").rglob("*.nb?"))
+
+
+def test_damaged_machine_code_is_compiled_again(plus):
+    run, files = plus
+    contents = [file.read_bytes() for file in files]
+    for kind in ("empty", "garbage", "truncated"):
+        for file, content in zip(files, contents, strict=True):
+            damaged = {"empty": b"", "garbage": b"garbage"}
+            file.write_bytes(damaged.get(kind, content[: len(content) // 2]))
+        ended = run()
+        assert (ended.stdout, ended.stderr) == ("2.0\n", ""), kind
+        assert [len(file.read_bytes()) for file in files] == [*map(len, contents)]
+
+
+def test_machine_code_that_others_could_have_written_is_not_read(plus, tmp_path):
+    run, files = plus
+    code = f"open({str(tmp_path / 'planted')!r}, 'w')"
+    for file in files:
+        file.write_bytes(pickle.dumps(Planted(code)))
+    files[0].parent.chmod(0o777)
+    ended = run()
+    assert ended.stdout == "2.0\n"
+    assert ended.stderr.count("\n") == ended.stderr.count("others can write to") == 1
+    assert not (tmp_path / "planted").exists()
+    files[0].parent.chmod(0o755)
+    run()
+    assert (tmp_path / "planted").exists()  # what is planted would run
+
+
+class Planted:
+    """What runs a program when it is unpickled."""
+
+    def __init__(self, code):
+        self.code = code
+
+    def __reduce__(self):
+        return exec, (self.code,)

@@ -50,12 +50,40 @@ def test_a_file_that_is_replaced_keeps_its_permissions(tmp_path, mode):
     assert (file.read_text(), stat.S_IMODE(file.stat().st_mode)) == ("new", mode)
 
 
-def test_a_link_stays_a_link(tmp_path):
-    (tmp_path / "link.txt").symlink_to(tmp_path / "a.txt")
-    with replacing(tmp_path / "link.txt") as draft:
+@pytest.mark.parametrize("there", [True, False])
+def test_a_link_is_refused_and_its_file_is_left_alone(tmp_path, there):
+    """In a folder that others may write, it may lead to a file of the user."""
+    precious, link = tmp_path / "precious.txt", tmp_path / "out.json"
+    if there:
+        precious.write_text("precious")
+    link.symlink_to(precious)
+    with pytest.raises(InvalidInput, match=r"out\.json cannot be written \(it is a link"):
+        write_json(str(link), {"x": 1})
+    assert precious.exists() == there
+    assert not there or precious.read_text() == "precious"
+
+
+def test_a_link_that_comes_meanwhile_is_replaced(tmp_path):
+    precious, out = tmp_path / "precious.txt", tmp_path / "out.txt"
+    precious.write_text("precious")
+    precious.chmod(0o604)
+    with replacing(out) as draft:
         draft.write_text("new")
-    assert (tmp_path / "link.txt").is_symlink()
-    assert (tmp_path / "a.txt").read_text() == "new"
+        out.symlink_to(precious)
+    assert not out.is_symlink()
+    assert not out.stat().st_mode & stat.S_IWOTH
+    assert (precious.read_text(), out.read_text()) == ("precious", "new")
+
+
+def test_permissions_of_someone_elses_file_are_not_taken(tmp_path, monkeypatch):
+    file = tmp_path / "a.txt"
+    file.write_text("old")
+    file.chmod(0o666)
+    monkeypatch.setattr("os.geteuid", lambda: file.stat().st_uid + 1)
+    with replacing(file) as draft:
+        draft.write_text("new")
+        usual = stat.S_IMODE(draft.stat().st_mode)
+    assert stat.S_IMODE(file.stat().st_mode) == usual != 0o666
 
 
 def test_devices_are_left_alone():
@@ -90,22 +118,17 @@ def test_json_goes_to_a_file_or_to_stdout(tmp_path, capsys):
 
 def test_outputs_are_writable_and_each_its_own(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "link").symlink_to(tmp_path / "a.json")
     check_outputs(None, "b.png", tmp_path / "c.html", json_file="a.json")
     (tmp_path / "-").mkdir()  # no file can be made there, nor need be
     check_outputs(json_file="-")
     check_outputs()
-    for outputs, json_file in (
-        (("a.json", None), "./a.json"),
-        (("b", "b"), "-"),
-        (("link",), "a.json"),
-    ):
+    for outputs, json_file in ((("a.json", None), "./a.json"), (("b", "b"), "-")):
         with pytest.raises(InvalidInput, match="named for two outputs"):
             check_outputs(*outputs, json_file=json_file)
     for outputs, json_file in ((("no/b",), None), ((None,), "no/a.json")):
         with pytest.raises(InvalidInput, match=r"^.*no/.* cannot be written"):
             check_outputs(*outputs, json_file=json_file)
-    assert {file.name for file in tmp_path.iterdir()} == {"link", "-"}
+    assert {file.name for file in tmp_path.iterdir()} == {"-"}
 
 
 def test_outputs_that_exist_are_named_and_inputs_are_kept(tmp_path, monkeypatch):

@@ -143,6 +143,11 @@ def test_what_does_not_go_together_is_warned_of():
     assert any("from the contact point of the posture" in line for line in found.warnings)
     fast = changed(hit.ball_after, velocity=3 * hit.ball_after.velocity)
     assert any("outside 0 to 1" in line for line in inferred(hit, fast).warnings)
+    above = changed(struck(0.3, restitution=1.0).ball_after, velocity=0.1 * hit.contact.normal)
+    for deviation, count in ((0.0, 1), (0.1, 0)):
+        found = inferred(struck(0.3, restitution=1.0), above, velocity_deviation=deviation)
+        assert 1.0 < found.restitution < 1.03
+        assert sum("outside 0 to 1" in line for line in found.warnings) == count
 
 
 def test_what_is_no_impact_is_refused():

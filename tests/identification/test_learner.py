@@ -199,6 +199,17 @@ def test_a_leg_learns_a_restitution_over_speed():
     assert one.v.tobytes() == other.v.tobytes()
 
 
+def test_an_exact_time_tells_more_than_a_rough_one():
+    world, sizes = World(6, 0.01), []
+    path = world.kick(learner_for().command)
+    for time_deviation in (0.002, 0.02, 0.5):
+        learner = learner_for(scatter=0.01, time_deviation=time_deviation)
+        observe(learner, path)
+        sizes.append(learner.deviations["elevation"])
+    assert sizes[0] < 0.95 * sizes[1]
+    assert sizes[1] < 0.95 * sizes[2]
+
+
 def test_a_landing_alone_is_enough():
     world, learner = World(4, 0.03), learner_for()
     learner.observe(world.kick(learner.command).landing.position[:2])

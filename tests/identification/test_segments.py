@@ -190,11 +190,13 @@ def test_friction_of_a_ball_that_grips_is_a_lower_bound(friction):
             assert bound.median == pytest.approx(friction, abs=0.03)
 
 
-def test_a_gap_begins_a_part():
-    track, _ = course(1)
-    kept = np.r_[0 : len(track) // 3, len(track) // 3 + 40 : len(track)]
-    found = kd.segments(kd.Track(track.times[kept], track.positions[kept]), BALL, GROUND)
-    assert CutReason.GAP in {part.begins for part in found.parts}
+@pytest.mark.parametrize(("missing", "cut"), [(0.3, True), (0.2, False)])
+def test_a_gap_begins_a_part(missing, cut):
+    times = np.linspace(0.0, 2.0, 101)
+    points = np.column_stack([10.0 * times, 0.0 * times, 1.0 + 9.81 * times - 4.905 * times**2])
+    kept = (times < 0.5) | (times > 0.5 + missing)
+    found = kd.segments(kd.Track(times[kept], points[kept]), BALL)
+    assert [part.begins for part in found.parts[1:]] == [CutReason.GAP] * cut
 
 
 def test_single_spikes_cut_nothing():

@@ -104,7 +104,7 @@ def c3d(tmp_path):
     return written
 
 
-@pytest.mark.parametrize(("unit", "size"), [("mm", 1000.0), ("m", 1.0)])
+@pytest.mark.parametrize(("unit", "size"), [("mm", 1000.0), ("cm", 100.0), ("m", 1.0)])
 def test_a_marker_of_a_c3d_file_in_metres(c3d, unit, size):
     track = kd.Track.from_c3d(c3d(unit, size=size), marker="ball")
     assert track.times == pytest.approx([0, 0.01, 0.03, 0.04, 0.05])

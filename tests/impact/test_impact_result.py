@@ -3,6 +3,7 @@
 import copy
 import dataclasses
 import pickle
+import re
 import threading
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from chains import any_kick
 
 import kickdyn as kd
+from kickdyn.core.representation import format_value
 
 ARM = kd.Leg.from_robot("g1", base="floating")
 LEGS = {"human": kd.Leg.human(), "g1": ARM, "g1 held": ARM.with_supports("left_ankle_roll_link")}
@@ -118,3 +120,47 @@ def test_digits_of_an_ordinary_kick_are_these():
     assert hit.digits == pytest.approx(14.3472, abs=1e-4)
     # estimated from rounding itself, which depends on the BLAS of the processor
     assert hit.joint_digits == pytest.approx([12.589, 12.878, 13.272], abs=0.01)
+
+
+def printed(result):
+    """Texts of value and unit by name, as `print` shows them."""
+    lines = [line.strip() for line in repr(result).splitlines()[1:]]
+    return dict(re.split(r"  +", line, maxsplit=1) for line in lines)
+
+
+def test_what_is_printed_are_the_attributes_in_these_units():
+    kick, options = any_kick(np.random.default_rng(3), LEGS["human"], friction=0.4)
+    hit = kd.strike(*kick, **options)
+    text = printed(hit)
+    joint, most = hit.worst_joint
+    sizes = np.linalg.norm(hit.joint_impulses[:, :3], axis=1)
+    assert joint == hit.leg.joint_names[int(np.argmax(sizes))]
+    assert most == sizes.max()
+    for name, value, unit in (
+        ("impulse on the ball", hit.impulse, "N s"),
+        ("effective mass", hit.effective_mass, "kg"),
+        ("foot before", hit.posture.jacobian @ kick[1], "m/s"),
+        ("ball after", hit.ball_after.velocity, "m/s"),
+        ("spin after", hit.ball_after.spin, "rad/s"),
+        ("ball over foot speed", hit.ball_after.speed / np.linalg.norm(hit.foot_velocity), ""),
+        (f"worst joint, {joint}", most, "N s"),
+        ("energy lost", hit.energy_lost, "J"),
+        ("condition", hit.condition, ""),
+    ):
+        assert text[name] == f"{format_value(value)} {unit}".rstrip(), name
+
+
+def test_what_is_printed_of_a_contact_that_takes_time():
+    hit = kd.collide(*any_kick(np.random.default_rng(3), LEGS["human"], restitution=0.7)[0])
+    text = printed(hit)
+    for name, value, unit in (
+        ("contact time", 1e3 * hit.contact_time, "ms"),
+        ("visible contact time", 1e3 * hit.visible_contact_time, "ms"),
+        ("peak force", hit.peak_force, "N"),
+        ("deflection", 1e3 * hit.deflection, "mm"),
+        ("impulse on the ball", hit.impulse, "N s"),
+        ("ball after", hit.ball_after.velocity, "m/s"),
+        ("spin after", hit.ball_after.spin, "rad/s"),
+        ("energy lost", hit.energy_lost, "J"),
+    ):
+        assert text[name] == f"{format_value(value)} {unit}", name

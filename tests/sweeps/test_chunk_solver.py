@@ -1,6 +1,7 @@
-from contextlib import nullcontext
+import re
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from chains import random_leg
 from extremes.extreme_impacts import chain
@@ -34,7 +35,8 @@ def test_sweeps_of_short_light_feet_are_kick_from_and_do_not_stop(planar, last):
     rods = chain((0.4, 0.4, 0.3 * last), (2.0, 2.0, last))
     leg = rods if planar else random_leg(np.random.default_rng(3), 5, last=last)
     grid = Grid({name: np.linspace(-1.5, 1.4, 3) for name in leg.joint_names})
-    rows, status = solver(leg, grid)(0, grid.size)
+    rows, status, warning = solver(leg, grid)(0, grid.size)
+    assert not warning
     for i in range(0, grid.size, 9):
         outcome = kick_from(leg.posture(grid.configuration(leg, i)), KICK)
         assert status[i] == outcome.status.flag
@@ -46,17 +48,16 @@ def test_a_disagreement_is_said_in_plain_numbers(monkeypatch):
     monkeypatch.setattr(chunk_solver, "AGREEMENT", -1.0)
     leg = kd.Leg.human()
     grid = Grid({"hip": np.array([0.1, 0.2])})
-    said = r"^posture 0: the sweep has effective_mass \d+\.\d+, a single kick \d+\.\d+$"
-    with pytest.raises(kd.KickdynError, match=said):
-        solver(leg, grid)(0, 2)
+    said = r"posture 0: the sweep has effective_mass \d+\.\d+, a single kick \d+\.\d+"
+    assert re.fullmatch(said, solver(leg, grid)(0, 2).warning)
 
 
 CHECKED = ["effective_mass", "impulse", "ball_speed", "worst_joint_impulse", "speed_use", "carry"]
 
 
 @pytest.mark.parametrize("name", CHECKED)
-@pytest.mark.parametrize(("share", "stops"), [(0.4, False), (2.0, True)])
-def test_a_kernel_may_differ_by_what_is_promised(monkeypatch, name, share, stops):
+@pytest.mark.parametrize(("share", "warns"), [(0.4, False), (2.0, True)])
+def test_a_kernel_may_differ_by_what_is_promised(monkeypatch, name, share, warns):
     compute, row = ChunkSolver._compute, list(VARIABLES).index(name)
 
     def off(self, model, first, rows, status):
@@ -67,9 +68,8 @@ def test_a_kernel_may_differ_by_what_is_promised(monkeypatch, name, share, stops
 
     monkeypatch.setattr(ChunkSolver, "_compute", off)
     found = solver(kd.Leg.human(), Grid({"hip": np.array([0.1, 0.2])}))
-    refused = pytest.raises(kd.KickdynError, match=f"posture 0: the sweep has {name}")
-    with refused if stops else nullcontext():
-        found(0, 2)
+    warning = found(0, 2).warning
+    assert warning.startswith(f"posture 0: the sweep has {name}") if warns else not warning
 
 
 def test_a_ball_that_the_batch_does_not_land_is_flown_alone(monkeypatch):
@@ -80,14 +80,14 @@ def test_a_ball_that_the_batch_does_not_land_is_flown_alone(monkeypatch):
 
     monkeypatch.setattr(batch, "fly_many", one_is_lost)
     leg, grid = kd.Leg.human(), Grid({"hip": np.array([0.1, 0.2])})
-    rows, _ = solver(leg, grid)(0, 2)
+    rows = solver(leg, grid)(0, 2).rows
     carries = [kick_from(leg.posture([hip, 0.0, 0.0]), KICK).carry for hip in (0.1, 0.2)]
     assert rows[list(VARIABLES).index("carry")] == pytest.approx(carries, rel=1e-9)
 
 
 @pytest.mark.parametrize("kernel_from", [1, 10**9])
 @pytest.mark.parametrize("friction", [0.0, 0.4])
-def test_a_sweep_stops_where_pinocchio_finds_another_impulse(monkeypatch, friction, kernel_from):
+def test_another_impulse_by_pinocchio_is_a_warning(monkeypatch, friction, kernel_from):
     monkeypatch.setattr(chunk_solver, "KERNEL_FROM", kernel_from)
     found = chunk_solver.strike
 
@@ -105,8 +105,32 @@ def test_a_sweep_stops_where_pinocchio_finds_another_impulse(monkeypatch, fricti
     kick = kd.Kick(attack=0.0, friction=friction)  # first along the stretched leg
     assert kd.sweep(legs, angles, kick).status.values.ravel().tolist() == [2, 1]
     monkeypatch.setattr(chunk_solver, "strike", wrong)
-    with pytest.raises(kd.KickdynError, match=r"N s by pin\.impulseDynamics"):
-        kd.sweep(legs, angles, kick)
+    table = kd.sweep(legs, angles, kick)
+    said = r"N s by pin\.impulseDynamics; the relative difference is \d\.\de-08, more than the "
+    assert re.search(said, table.attrs["warnings"])
+    assert table.status.values.ravel().tolist() == [2, 1]
+
+
+def test_a_nearly_straight_posture_does_not_cost_the_sweep(monkeypatch):
+    monkeypatch.setattr(chunk_solver, "AGREEMENT", 1e-11)  # differences are up to 2e-9
+    monkeypatch.setattr(chunk_solver, "KERNEL_FROM", 2000)
+    model, parent = pin.Model(), 0
+    turns = pin.JointModelRY(), pin.JointModelRX(), pin.JointModelRY(), pin.JointModelRY()
+    for k, turn in enumerate(turns):
+        place = pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.3 if k else 0.0]))
+        parent = model.addJoint(parent, turn, place, f"j{k}")
+        body = pin.Inertia(2.0, np.array([0.0, 0.0, -0.15]), 0.01 * np.eye(3))
+        model.appendBodyToJoint(parent, body, pin.SE3.Identity())
+    tip = pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.3]))
+    model.addFrame(pin.Frame("toe", parent, 0, tip, pin.FrameType.OP_FRAME))
+    leg = kd.Leg.from_model(model, "toe")
+    small = [1e-9, 2e-9, 5e-9, 1e-8, 3e-8]  # of some, rounding decides whether they can kick
+    joints = {"j0": [-0.01], "j1": [0], "j2": small, "j3": [*small, 0.5]}
+    table = kd.sweep(leg, joints, kd.Kick(attack=-np.pi / 2))
+    assert table.impulse.values[..., -1].ravel() == pytest.approx(5 * [0.61154], rel=1e-5)
+    straight = table.impulse.values[..., :-1]
+    assert straight[np.isfinite(straight)] == pytest.approx(0.77395, rel=1e-5)
+    assert "q=[-0.01, 0, " in table.attrs["warnings"]
 
 
 def test_flown_carries_are_right_to_what_is_promised():
@@ -115,7 +139,7 @@ def test_flown_carries_are_right_to_what_is_promised():
     grid = Grid({"hip": np.linspace(-0.4, 0.9, 12), "knee": np.linspace(-1.4, -0.1, 12)})
     found = ChunkSolver(leg, grid, kick, 0.0)
     found.prepare()
-    rows, _ = found(0, grid.size)
+    rows = found(0, grid.size).rows
     carries = rows[list(VARIABLES).index("carry")]
     outcomes = [kick_from(leg.posture(grid.configuration(leg, i)), kick) for i in range(grid.size)]
     struck = [i for i, outcome in enumerate(outcomes) if outcome.impact is not None]

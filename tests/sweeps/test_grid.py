@@ -94,9 +94,9 @@ def test_prismatic_joints_are_in_metres_and_continuous_ones_turn_freely():
 @pytest.mark.parametrize(
     ("largest", "step", "words"),
     [
-        (IN_MEMORY, 0.1, r"2,004,002 postures \(1001 x 1001 x 2, 0.2 GB\): at most 1,000,000 are "
-         r"kept in memory: name a store, --out DIR\.zarr"),
-        (LARGEST, 0.001, r"x 2, 600.0 GB\): at most 10,000,000,000 can be swept, or take larger"),
+        (IN_MEMORY, 0.1, r"2,004,002 postures \(1001 x 1001 x 2, in a store 0.1 GB\): at most "
+         r"1,000,000 are kept in memory: name a store, --out DIR\.zarr"),
+        (LARGEST, 0.001, r"in a store 640.0 GB\): at most 10,000,000,000 can be swept, or take"),
     ],
 )  # fmt: skip
 def test_too_many_postures_say_what_they_would_need(largest, step, words):

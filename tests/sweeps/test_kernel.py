@@ -25,9 +25,9 @@ from kickdyn.sweeps.kernel import (
     USE,
     WORST,
     Kernel,
+    KernelModel,
     fill_variables,
 )
-from kickdyn.sweeps.kernel_model import KernelModel
 from kickdyn.sweeps.sweep_kick import Kick, kick_from
 
 LEG = kd.Leg.human()

@@ -13,10 +13,8 @@ from kickdyn.sweeps.queries import (
     outcome_at,
     pareto_front,
     possible,
-    slopes_at,
 )
 from kickdyn.sweeps.store import save_netcdf
-from kickdyn.sweeps.sweep_kick import kick_from
 
 LEG, KICK = kd.Leg.human(), kd.Kick(speed=6.0, attack=0.0, air=None)
 POSTURES = read_postures(LEG, ["hip=0:90:15", "knee=0:30:5", "ankle=0:50:10"])
@@ -187,114 +185,10 @@ def test_what_is_refused_in_one_line(made_up, text, words):
     assert "\n" not in str(refused.value)
 
 
-def bowl(hip, slide):
-    return 5 - 0.5 * (hip - 7) ** 2 + 3 * (hip - 7) * (slide - 0.3) - 8 * (slide - 0.3) ** 2
-
-
-@pytest.fixture
-def bowls():
-    """A height over two joints and a third that has one value; a variable tells where to look."""
-    hip, slide = np.arange(0.0, 20.0, 2.0), np.arange(0.0, 1.0, 0.25)
-    heights = bowl(hip[:, None, None], slide[None, :, None])
-    dims = ("hip", "slide", "held")
-    data = xr.Dataset(dict.fromkeys(VARIABLES, (dims, heights)))
-    data["status"] = (dims, np.zeros(heights.shape, np.int8))
-    units = {"hip": "m", "slide": "m", "held": "m"}
-    return data.assign_coords(
-        {name: (name, values, {"units": units[name]})
-         for name, values in {"hip": hip, "slide": slide, "held": [0.0]}.items()}
-    )  # fmt: skip
-
-
-def test_a_bowl_has_its_own_derivatives(bowls):
-    found = slopes_at(bowls, bowls.isel(hip=4, slide=1, held=0))
-    assert found.slope.values[:2] == pytest.approx([-1 + 3 * -0.05, 3 + 0.8])
-    assert found.slope_error.values[0] == pytest.approx(0, abs=1e-12)
-    assert found.curvature.values[:2, :2] == pytest.approx(np.array([[-1, 3], [3, -16]]))
-    assert np.isnan(found.curvature.sel(joint="held").values).all()
-    assert np.isnan(found.slope.sel(joint="held"))
-
-
-@pytest.mark.parametrize(("hip", "slide"), [(0.0, 0.0), (18.0, 0.75)])
-def test_at_an_end_the_slope_is_one_sided_and_of_second_order(bowls, hip, slide):
-    found = slopes_at(bowls, bowls.sel(hip=hip, slide=slide, held=0))
-    assert found.slope.values[:2] == pytest.approx(
-        [7 - hip + 3 * (slide - 0.3), 3 * (hip - 7) - 16 * (slide - 0.3)]
-    )
-    assert found.curvature.values[:2, :2] == pytest.approx(np.array([[-1, 3], [3, -16]]))
-
-
-def line(x, f, lost=()):
-    """A sweep of one joint at x whose ball speed is f; postures in `lost` are too fast."""
-    data = xr.Dataset(dict.fromkeys(VARIABLES, ("hip", f)), {"hip": ("hip", x, {"units": "m"})})
-    return data.assign(status=("hip", np.isin(np.arange(len(x)), lost).astype(np.int8)))
-
-
-def test_the_error_of_the_slope_of_a_cubic_is_exact():
-    x = 0.5 * np.arange(9.0)
-    data = line(x, x**3 - 90.0 * x)
-    found = slopes_at(data, data.sel(hip=2.0))
-    assert found.slope.values == pytest.approx([3 * 2.0**2 - 90 + 0.25])  # h^2 f_xxx / 6
-    assert found.slope_error.values == pytest.approx([0.25])
-    assert found.curvature.values == pytest.approx(6 * 2.0)
-
-
-def test_joints_may_have_uneven_values():
-    x = np.array([0.0, 0.5, 0.7, 1.5, 1.6])
-    data = line(x, x**2)
-    found = slopes_at(data, data.isel(hip=2))
-    assert found.slope.values == pytest.approx([1.4])
-    assert found.curvature.values == pytest.approx(2.0)
-
-
-@pytest.mark.parametrize(("lost", "slope", "error"), [
-    ((5,), 3 * 4.0 - 0.5, 0.5), ((3,), 3 * 4.0 - 0.5, 0.5), ((3, 5), np.nan, np.nan),
-    ((2, 6), 12.25, np.nan), ((0, 8), 12.25, 0.25),
-])  # fmt: skip
-def test_postures_that_are_not_ok_are_no_neighbours(lost, slope, error):
-    x = 0.5 * np.arange(9.0)
-    data = line(x, x**3, lost)
-    found = slopes_at(data, data.sel(hip=2.0))
-    assert found.slope.values == pytest.approx([slope], nan_ok=True)
-    assert found.slope_error.values == pytest.approx([error], nan_ok=True)
-    assert np.isnan(found.curvature.values).all() == bool({3, 5} & set(lost))
-
-
-def test_slopes_of_a_kick_are_within_their_errors():
-    kick = kd.Kick(speed=3.0, air=None)
-    data = kd.sweep(LEG, read_postures(LEG, ["hip=20:28:2", "knee=5:13:2", "ankle=-14:-6:2"]), kick)
-    found = slopes_at(data, data.isel(hip=2, knee=2, ankle=2))
-
-    def speed(change):
-        q = np.radians([24.0, 9.0, -10.0]) + change
-        return kick_from(LEG.posture(q), kick).impact.ball_after.speed
-
-    for i, h in enumerate(1e-4 * np.eye(3)):
-        exact = (speed(h) - speed(-h)) / 2e-4
-        error = float(found.slope_error[i])
-        assert abs(float(found.slope[i]) - exact) < 2 * error < 0.04 * abs(exact)
-
-
-def test_no_posture_for_slopes_or_a_front(data):
-    for wrong in (data, data.isel(hip=0), data.isel(hip=0, knee=0, ankle=0).assign_coords(hip=9.0)):
-        with pytest.raises(kd.InvalidInput, match="posture is not one posture of the dataset"):
-            slopes_at(data, wrong)
-    with pytest.raises(kd.InvalidInput, match="names 'speed', which is unknown"):
-        slopes_at(data, data.isel(hip=0, knee=0, ankle=0), of="speed")
+def test_a_front_of_no_posture_or_of_an_unknown_variable(data):
     assert pareto_front(data, where="hip < 0").sizes["posture"] == 0
     with pytest.raises(kd.InvalidInput, match="names 'speed', which is unknown"):
         pareto_front(data, more="speed")
-
-
-def test_the_error_of_a_slope_counts_the_digits_and_its_unit_has_a_name():
-    x = 0.5 * np.arange(9.0)
-    data = line(x, (x**3 - 90.0 * x).astype("f4"))  # exact in seven digits, which is not known
-    data.ball_speed.attrs["units"] = "m/s"
-    found = slopes_at(data, data.sel(hip=2.0))
-    rounding = 2.0**-23 * 172.0 / 0.5
-    assert found.slope_error.values == pytest.approx([0.25 + rounding], rel=1e-9)
-    assert found.joint_unit.values.tolist() == ["m"]
-    assert found.attrs == {"variable": "ball_speed", "units": "m/s"}
 
 
 def test_what_xarray_selects_can_be_queried(data):

@@ -195,7 +195,7 @@ def test_a_page_starts_with_the_best_posture_and_the_fastest_foot_of_its_joints(
     data, (best, worst), shown = of_the_page("hip=0:40:20", "knee=10:30:20", "ankle=-20:20:20")
     fast, usual, least, last = shown
     assert [line.label for line in shown] == [
-        f"best, foot {1 / best.values['speed_use']:.3g} m/s",
+        f"best, fastest foot {1 / best.values['speed_use']:.3g} m/s",
         "best, foot 1 m/s",
         "least joint impulse",
         "worst",
@@ -211,8 +211,8 @@ def test_a_page_starts_with_the_best_posture_and_the_fastest_foot_of_its_joints(
     assert least.values["worst_joint_impulse"] == pytest.approx(loads.min())
     assert f"ball leaves at {fast.values['ball_speed']:.3g} m/s" in fast.explanation
     assert f"{fast.values['carry']:.3g} m until" in fast.explanation
-    assert f"1 m/s it flies {best.values['carry']:.3g} m." in fast.explanation
-    assert "fastest" not in usual.explanation
+    assert f"flies {best.values['carry']:.3g} m" in usual.explanation
+    assert best.explanation in usual.explanation
 
 
 def test_a_page_of_joints_without_speed_limits_has_no_fastest_foot():

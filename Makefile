@@ -19,7 +19,7 @@ sweep: $(VENV)/.run
 help:
 	@sed -n 's/^## /make /p' Makefile
 
-## extremes: kickdyn against 50 digits where numbers get difficult
+## extremes: kickdyn against 50 digits for ill-conditioned input
 extremes: $(VENV)/.dev
 	@echo "This takes about a minute."
 	$(BIN)/python tests/extremes
@@ -29,7 +29,7 @@ fuzz: $(VENV)/.dev
 	@echo "This takes ten minutes."
 	$(BIN)/python tools/fuzz.py --seconds 600
 
-## mutants: changes the code on purpose, a hundred times, and counts how often a test notices
+## mutants: mutation testing: a hundred deliberate code changes, and how many of them a test notices
 mutants: $(VENV)/.dev
 	@echo "This takes more than an hour on 2 cores."
 	mkdir -p build
@@ -97,6 +97,6 @@ $(VENV)/.dev: pyproject.toml constraints.txt | $(VENV)/bin/python
 	$(PIP) --editable ".[dev]"
 	touch $@ $(VENV)/.run
 
-## clean: removes all that these targets made
+## clean: removes everything that these targets created
 clean:
 	rm -rf $(VENV) .venv-* build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache

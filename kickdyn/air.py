@@ -125,7 +125,6 @@ class Air(ValueEquality, ReprMixin):
         }
 
     def _rows(self) -> Iterable[Row]:
-        """Return the lines that are shown."""
         names = self._names()
         yield "density", self.density, "kg/m3"
         yield "viscosity", self.viscosity, "Pa s"

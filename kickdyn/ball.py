@@ -88,7 +88,6 @@ class Ball(ReprMixin):
             )
 
     def _rows(self) -> Iterable[Row]:
-        """Return mass, radius and moment of inertia for `print`."""
         yield "mass", self.mass, "kg"
         yield "radius", self.radius, "m"
         yield "inertia", self.inertia, "kg m2"

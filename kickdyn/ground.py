@@ -132,7 +132,6 @@ class Ground(ReprMixin):
         return f"Ground(height={self.height:g}, surface={name!r})"
 
     def _rows(self) -> Iterable[Row]:
-        """Return the lines that are shown."""
         yield "height", self.height, "m"
         if isinstance(self.surface, Surface):
             yield "surface", self.surface.name, ""

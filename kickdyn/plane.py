@@ -70,7 +70,6 @@ class Plane(ValueEquality, ReprMixin):
         return f"Plane({place}, reached_by={self.reached_by.value!r})"
 
     def _rows(self) -> Iterable[Row]:
-        """Return the lines that are shown."""
         yield "point", self.point, "m"
         yield "normal", self.normal, ""
         yield "reached by", f"the ball's {self.reached_by}", ""

@@ -91,7 +91,6 @@ class ConstantCoefficient:
         value = self.value
 
         def model(reynolds: float, spin_parameter: float = 0.0) -> float:
-            """Return the value."""
             return value
 
         return model

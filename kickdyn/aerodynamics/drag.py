@@ -95,7 +95,6 @@ def without_spin(ball: SoccerBall) -> Callable[[float], float]:
     speed, steep = 1.0 / REYNOLDS_PER_SPEED, 1.0 / v_s  # divisions take longest
 
     def coefficient(reynolds: float) -> float:
-        """Return C_D without spin."""
         v = speed * reynolds
         over = min(max(v - v_max, 0.0), 20.0)
         near = over * (1.0 + over * (1 / 2 + over * (1 / 3 + over * (1 / 4))))
@@ -117,7 +116,6 @@ def spinning(ball: SoccerBall) -> Coefficient:
     level = without_spin(ball)
 
     def coefficient(reynolds: float, spin_parameter: float = 0.0) -> float:
-        """Return C_D with spin."""
         ratio = min(_PER_LIMIT * spin_parameter, _ENDLESS)
         square = ratio * ratio
         eighth = math.sqrt(math.sqrt(math.sqrt(1.0 + square * square * square * square)))
@@ -131,7 +129,6 @@ def soccer(ball: SoccerBall) -> Coefficient:
     fast = spinning(ball)
 
     def coefficient(reynolds: float, spin_parameter: float = 0.0) -> float:
-        """Return C_D at any Reynolds number."""
         if reynolds >= FAST:
             return fast(reynolds, spin_parameter)
         weight = smoothstep(reynolds, 2e4, FAST)

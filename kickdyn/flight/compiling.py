@@ -92,7 +92,6 @@ def _reread(kind: Any) -> Callable[..., Any]:
     """Return the generator of code that takes the bits of its argument for another kind."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        """Return the bits of the argument as another type."""
         return builder.bitcast(arguments[0], kind)
 
     return generate
@@ -184,7 +183,6 @@ def _with_values(
     row, first = k * LANES, k * NUMBERS * LANES
 
     def values(numbers: Any, state: Any, value: Any) -> None:
-        """Fill in the values in all lanes."""
         previous(numbers, state, value)
         for i in range(LANES):
             moved = state[X + i], state[Y + i], state[Z + i]
@@ -206,7 +204,6 @@ def side_by_side(
     """
 
     def rates(scene: Any, state: Any, rate: Any) -> None:
-        """Fill in the rates of all lanes."""
         for i in range(LANES):
             left = state[LEFT + i]
             ax, ay, az, k = straight(
@@ -299,7 +296,6 @@ def _refusing(model: CoefficientModel) -> Coefficient:
     function, (low, high), (least, most) = model.function, model.reynolds, model.spin
 
     def within(reynolds: float, spin_parameter: float) -> float:
-        """Return the coefficient; nan outside the range."""
         if low <= reynolds <= high and least <= spin_parameter <= most:
             return function(reynolds, spin_parameter)
         return math.nan

@@ -170,7 +170,6 @@ def fly_with_launch_slopes(
     spin = max(math.hypot(*launch.spin), 0.1 * speed / ball.radius)
 
     def changed(change: Array) -> tuple[BallState, Air | None]:
-        """Return the launch and the air after a change of the parameters."""
         velocity, turning = launch.velocity + change[:3], launch.spin + change[3:6]
         state = BallState.computed(np.array(launch.position), velocity, turning)
         if air is None or air.drag is None or change[6] == 0.0:
@@ -250,7 +249,6 @@ def _integrate(
     evaluations = 0
 
     def rates(_: float, flat: Array) -> list[float]:
-        """Return the rates of change of the states of all flights."""
         nonlocal evaluations
         evaluations += 1
         if evaluations > MAX_EVALUATIONS:

@@ -83,14 +83,12 @@ class FlightEquations:
         faults: list[str] = []
 
         def watched(name: str) -> Coefficient | None:
-            """Return a coefficient that notes what is wrong with its value."""
             model = getattr(self._air, name)
             if model is None or (name == "torque" and not self._brakes):
                 return None
             function = getattr(model, "function", model)
 
             def noted(reynolds: float, spin_parameter: float) -> float:
-                """Return the coefficient, 0 where something is wrong with it."""
                 at = f"at Reynolds number {reynolds:.3g} and spin parameter {spin_parameter:.3g}"
                 try:
                     value = float(function(reynolds, spin_parameter))
@@ -172,7 +170,6 @@ def drag_length(ball: Ball, air: Air) -> Callable[[Array], Array]:
     known = is_known(drag)
 
     def length(speed: Array) -> Array:
-        """Return the drag lengths at speeds [m]."""
         with np.errstate(divide="ignore", over="ignore"):
             decade = np.fmin(np.log10(per_speed * np.asarray(speed)), _FARTHEST)  # of nan too
             step = np.ceil(_PER_DECADE * np.maximum(decade, -_FARTHEST)).astype(int)
@@ -191,7 +188,6 @@ def _least_drag(drag: Coefficient, first: int, last: int) -> Array:
     """
 
     def coefficient(reynolds: float) -> float:
-        """Return C_D without spin, 0 where it is not known."""
         try:
             value = float(drag(reynolds, 0.0))
         except Exception:  # a model of one's own, where nobody may ever fly

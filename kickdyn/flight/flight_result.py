@@ -72,7 +72,6 @@ class Flight(ReprMixin):
     _trajectory: Callable[[Array], Array] = field(repr=False)
 
     def _rows(self) -> Iterable[Row]:
-        """Return the lines that are shown."""
         yield "status", self.status, ""
         yield "launch", self.launch.velocity, "m/s"
         yield "spin", self.launch.spin, "rad/s"
@@ -85,7 +84,6 @@ class Flight(ReprMixin):
         yield from warned(self.warnings)
 
     def _picture(self) -> str:
-        """Return a drawing of the path as an SVG."""
         return profile(self.sample(np.linspace(0, self.duration, 65)), (self.apex, self.landing))
 
     @cached_property
@@ -315,7 +313,6 @@ def profile(states: BallState, marked: tuple[BallState, ...]) -> str:
     ahead = ahead / math.hypot(*ahead)
 
     def seen(position: Array) -> Array:
-        """Return positions in the picture: distance ahead and height [m]."""
         return np.stack([(position - start)[..., :2] @ ahead, position[..., 2]], axis=-1)
 
     dots = np.array([seen(state.position) for state in marked])

@@ -221,7 +221,6 @@ def _integrated(flown: Callable[..., Flight], task: _Task, ends: tuple[Event, ..
         last[1][2] = -drop  # by definition; else but for rounding
 
     def find_apex() -> BallState:
-        """Return the ball at the highest of launch, crests and landing."""
         crests = [locate() for _, locate in arc.passed]
         nodes = (0.0, equations.begin), last, *(crest for crest in crests if crest[0] <= arc.end)
         return _ball_at(state, *max(nodes, key=lambda node: float(node[1][2])))

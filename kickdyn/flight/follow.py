@@ -48,7 +48,6 @@ class Course(ReprMixin):
     _follow_again: "Callable[[], Course]" = field(repr=False)
 
     def _rows(self) -> Iterable[Row]:
-        """Return the lines that are shown."""
         yield "status", self.status, ""
         yield "launch", self.flights[0].launch.velocity, "m/s"
         yield "bounces", len(self.bounces), ""
@@ -58,7 +57,6 @@ class Course(ReprMixin):
         yield from warned(self.warnings)
 
     def _picture(self) -> str:
-        """Return a drawing of the path as an SVG."""
         return profile(self.sample(np.linspace(0, self.duration, 257)), (*self.bounces, self.rest))
 
     def __reduce__(self) -> "tuple[Callable[[], Course], tuple[()]]":

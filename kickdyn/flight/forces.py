@@ -84,7 +84,6 @@ def acceleration_function(ball: Ball, air: Air) -> Acceleration:
     def acceleration(
         z: float, vx: float, vy: float, vz: float, wx: float, wy: float, wz: float
     ) -> tuple[float, float, float, float]:
-        """Return the acceleration [m/s2] and the rate of spin decay [1/s]."""
         blowing = wind(z)
         ux, uy, uz = vx - blowing[0], vy - blowing[1], vz - blowing[2]
         speed = math.sqrt(ux * ux + uy * uy + uz * uz)
@@ -109,7 +108,6 @@ def reynolds_number(ball: Ball, air: Air) -> Reynolds:
     wind, per_speed = air.wind_at, 2.0 * ball.radius * air.density / air.viscosity
 
     def reynolds(z: float, vx: float, vy: float, vz: float) -> float:
-        """Return the Reynolds number at a height and a velocity."""
         blowing = wind(z)
         ux, uy, uz = vx - blowing[0], vy - blowing[1], vz - blowing[2]
         return per_speed * math.sqrt(ux * ux + uy * uy + uz * uz)

@@ -111,7 +111,6 @@ def slide(
     spin_change = shell / ball.radius * deceleration * across
 
     def states(t: Array) -> BallState:
-        """Return the sliding ball at times `(n,)` [s]."""
         t = t[:, None]
         moved = level * t - 0.5 * velocity_change * t * t
         return BallState(
@@ -159,7 +158,6 @@ def roll(
     rolled = trajectory(arcs, rolling.begin)
 
     def states(t: Array) -> BallState:
-        """Return the rolling ball at times `(n,)` [s]."""
         moved = rolled(np.minimum(t, slow_time))
         late = np.maximum(t - slow_time, 0.0)
         left = 1.0 - late / max(duration - slow_time, 1e-300)  # of the speed

@@ -95,7 +95,6 @@ def trajectory(arcs: Sequence[Arc], begin: Array) -> Callable[[Array], Array]:
     starts = np.array([step.t_old for step in steps])
 
     def states(times: Array) -> Array:
-        """Return the states, of all steps at once: scipy's `OdeSolution` calls them in turn."""
         if not steps or not times.size:
             return np.tile(begin[:, None], (1, times.size))
         which = np.maximum(np.searchsorted(starts, times, side="right") - 1, 0)

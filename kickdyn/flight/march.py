@@ -196,10 +196,10 @@ def _march(rates_of, values_of, flights, lane, rtol, time_limit):
         _step(rates_of, lane)
         _estimate_error(lane, rtol)
         _measure(values_of, lane, lane.new, lane.rates[STAGES], lane.end)
-        _take_steps_without_events(lane, time_limit)
         for i in range(LANES):
-            if lane.taken[i] == 0.0 and lane.row[i] >= 0:
-                row = lane.row[i]
+            row, lane.taken[i] = lane.row[i], 0.0
+            if row >= 0:
+                lane.calls[i] += STAGES
                 status = _end_step(i, flights, lane, time_limit)
                 if status != _FLYING:
                     flights.status[row], flights.evaluations[row] = status, lane.calls[i]
@@ -407,37 +407,6 @@ def _happens(start, rise, end, last_rise):
 def _dips(start, rise, end, last_rise):
     """Return whether a function is above zero at both ends of a step, and lower in between."""
     return (start > 0.0) & (end > 0.0) & (rise < 0.0) & (last_rise > 0.0)
-
-
-@inlined
-def _take_steps_without_events(lane, time_limit):
-    """Take the steps that are not rejected, meet no event and end before the limit of time."""
-    state, new, first, last = lane.state, lane.new, lane.rates[0], lane.rates[STAGES]
-    for i in range(LANES):
-        h = lane.step[i]
-        good = (lane.error[i] < 1.0) & (h < time_limit - lane.time[i]) & (lane.row[i] >= 0)
-        crest = _happens(state[W + i], h * first[W + i], new[W + i], h * last[W + i])
-        lane.taken[i] = 1.0 if good & (lane.calls[i] < MAX_EVALUATIONS) & (not crest) else 0.0
-    for c in range(0, lane.begin.shape[1], LANES):
-        for i in range(LANES):
-            k, h = c + i, lane.step[i]
-            start, end = lane.begin[VALUE, k], lane.end[VALUE, k]
-            rise, last_rise = h * lane.begin[SLOPE, k], h * lane.end[SLOPE, k]
-            perhaps = _happens(start, rise, end, last_rise) | _dips(start, rise, end, last_rise)
-            perhaps |= end != end
-            lane.taken[i] = 0.0 if perhaps else lane.taken[i]
-    for i in range(LANES):
-        h, t, taken = lane.step[i], lane.time[i] + lane.step[i], lane.taken[i] != 0.0
-        most = 10.0 - 9.0 * lane.rejected[i]
-        longer = lane.growth[i] if lane.growth[i] < most else most
-        further = h * longer if h * longer < lane.longest[i] else lane.longest[i]
-        smallest = 10.0 * _EPS * t + 1e-300
-        further = further if further > smallest else smallest
-        further = further if further < time_limit - t else time_limit - t
-        lane.time[i] = t if taken else lane.time[i]
-        lane.step[i] = further if taken else h
-        lane.calls[i] += STAGES
-        lane.rejected[i] = 0.0 if taken else lane.rejected[i]
 
 
 @inlined

@@ -155,11 +155,10 @@ def identify(
     for _ in range(MOST_MINIMA):
         estimate = _fit(problem, unknowns)
         result = _result(problem, estimate)
-        deviations, lower_minimum = _profiled(problem, estimate, result)
+        factors, lower_minimum = _profiled(problem, estimate, result)
         if lower_minimum is None:
             break
         unknowns = lower_minimum
-    factors = deviations / np.sqrt(np.diag(result.covariance))
     curved = tuple(name for name, factor in zip(result.names, factors, strict=True) if factor > 1.2)
     return replace(result, covariance=result.covariance * np.outer(factors, factors), curved=curved)
 
@@ -503,7 +502,7 @@ def _result(problem: _Problem, estimate: _Estimate) -> Identification:
 def _profiled(
     problem: _Problem, estimate: _Estimate, result: Identification
 ) -> tuple[Array, Array | None]:
-    r"""Return the standard deviations, and a lower minimum of the sum of squares if there is one.
+    r"""Return by what the deviations grow, 1 or more, and a lower minimum if there is one.
 
     The sum of squares over :math:`\sigma^2` exceeds its minimum by :math:`k^2` at k deviations of
     an unknown, with all others at their best, if it is quadratic. Where it is not, the deviation is
@@ -513,7 +512,7 @@ def _profiled(
     deviations = np.sqrt(np.diag(result.covariance))
     length = max(float(np.ptp(track.positions, axis=0).max()) for track in problem.tracks)
     if spread < 10.0 * estimate.tol * length:  # the integration is less exact
-        return deviations, None
+        return np.ones(deviations.size), None
     turn, prior = problem.turn(estimate.unknowns), problem.spin_rows(spread)
 
     def excess(unknowns: Array) -> float:
@@ -550,14 +549,14 @@ def _profiled(
                     break
                 above = excess(unknowns)
                 if above < -0.1:
-                    return deviations, unknowns
+                    return np.ones(deviations.size), unknowns
                 shift = np.abs(turn @ (unknowns - estimate.unknowns))
                 widened = np.maximum(widened, shift / math.sqrt(max(above, PROFILED**2)))
                 if above > PROFILED**2:
                     break
                 distance *= 2.0
                 unknowns = 2.0 * unknowns - estimate.unknowns
-    return widened, None
+    return widened / deviations, None
 
 
 def _widening(problem: _Problem, estimate: _Estimate) -> float:

@@ -52,8 +52,12 @@ class Coefficients:
 
 
 DEFAULT = Coefficients("drag brazuca, lift saturating")
+"""Models of `Air.paper()` and of all items; the defaults of `Air()` are the first alternative."""
+
 LIFT_WITHOUT_CRISIS = Coefficients("lift wang", lift="wang")
 ALTERNATIVES = (
+    Coefficients("drag supercritical", "supercritical"),
+    Coefficients("drag supercritical, lift wang", "supercritical", "wang"),
     *(Coefficients(f"drag {name}", name) for name in ("tango12", "teamgeist", "jabulani")),
     Coefficients("drag sphere", "sphere"),
     LIFT_WITHOUT_CRISIS,

@@ -19,7 +19,7 @@ from kickdyn.planning.launch import SPEED_LIMIT, Launch, plan_launch
 
 NAME = "Fig. 13-15"
 GOALS = ((30.0, 1.5, 3), (50.0, 2.0, 8), (100.0, 3.0, 25))
-"""Distance [m], time [s], and the round at which the paper's curves settle, read off its axes."""
+"""Distance [m], time [s], and the paper's number of rounds, which is the end of the plot's axis."""
 
 DISTANCE_ACCURACY, TIME_ACCURACY = 0.05, 0.005
 """Errors [m], [s] at which the learning loop ends: about a line's width in Fig. 15."""
@@ -112,7 +112,7 @@ def items() -> list[Item]:
 
 def varying(choice: Coefficients) -> list[Item]:
     """Return the learning loop's rounds with a choice of coefficients; lift takes no part."""
-    if choice.drag == DEFAULT.drag and choice != DEFAULT:
+    if choice.lift != DEFAULT.lift:
         return []
     air = choice.air(lift=False)
     histories = [learn_launch(distance, time, BALL, air) for distance, time, _ in GOALS]
@@ -127,8 +127,8 @@ def varying(choice: Coefficients) -> list[Item]:
         why = (
             f"the goal is {'met' if last.is_met else 'not met'} to within {DISTANCE_ACCURACY:g} m "
             f"and {TIME_ACCURACY:g} s, farther goals need {'more' if harder else 'not more'} "
-            "rounds; the paper's number of rounds is read off its figure; the errors of the first "
-            f"flight are {first.distance_error:.2f} m and {first.time_error:.3f} s"
+            "rounds; the paper's number of rounds is the end of an axis of its figure; the errors "
+            f"of the first flight are {first.distance_error:.2f} m and {first.time_error:.3f} s"
         )
         name = f"{NAME} {distance:g} m, {time:g} s learning loop rounds"
         verdict = shape(last.is_met and harder)

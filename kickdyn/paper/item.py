@@ -55,7 +55,7 @@ class Item:
         verdict: see `MEANINGS`.
         why: in one line.
         source: equation or assumption used.
-        variant: other coefficients than the default ones, where they are used.
+        variant: other coefficients than those of `DEFAULT`, where they are used.
         notes: warnings of the flights, and what other coefficients give.
     """
 
@@ -101,11 +101,11 @@ def shape(holds: bool) -> Verdict:
     return Verdict.SHAPE_REPRODUCED if holds else Verdict.NOT_REACHABLE
 
 
-def judged(item: Item, variants: Sequence[Item]) -> Item:
+def judged(item: Item, variants: Sequence[Item], coefficients: str) -> Item:
     """Return an item with `DEPENDS` as its verdict where other coefficients give another answer.
 
-    A note then has both numbers: the other one is the farthest away, of those with another verdict
-    if there are any.
+    A note then has both numbers, the item's own with the name of its `coefficients`: the other one
+    is the farthest away, of those with another verdict if there are any.
     """
 
     def distance(other: Item) -> float:
@@ -118,7 +118,7 @@ def judged(item: Item, variants: Sequence[Item]) -> Item:
         return item
     unit = "" if item.unit == "1" else f" {item.unit}"
     note = (
-        f"{item.ours:.3g}{unit} with the default coefficients, {farthest.ours:.3g}{unit} with "
+        f"{item.ours:.3g}{unit} with {coefficients}; {farthest.ours:.3g}{unit} with "
         f"{farthest.variant}"
     )
     if changed:

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from textwrap import fill
 
 from matplotlib.figure import Figure
 from rich.console import Console
@@ -12,7 +13,7 @@ from rich.table import Table
 from kickdyn.core.console import empty_table, notes, screen_width
 from kickdyn.errors import InvalidInput
 from kickdyn.paper import assumptions, fig_1, fig_8, fig_9, fig_10, fig_15, table_2, tables_4_5
-from kickdyn.paper.assumptions import ALTERNATIVES, Coefficients
+from kickdyn.paper.assumptions import ALTERNATIVES, DEFAULT, Coefficients
 from kickdyn.paper.item import MEANINGS, Item, Verdict, judged
 
 COLOURS = dict.fromkeys(Verdict, "blue") | {
@@ -49,7 +50,7 @@ class Section:
             for item in (self.varying(choice) if self.varying else ())
         ]
         judgements = [
-            judged(item, [other for other in varied if other.item == item.item])
+            judged(item, [other for other in varied if other.item == item.item], DEFAULT.name)
             for item in self.items()
         ]
         return judgements, varied
@@ -137,7 +138,7 @@ def sensitivity(name: str, items: Sequence[Item]) -> Table:
         unit = "" if item.unit == "1" else f" [{item.unit}]"
         column = columns.setdefault(escape(item.item.removeprefix(f"{name} ") + unit), {})
         column[item.variant] = f"[{COLOURS[item.verdict]}]{item.ours:.4g}[/]"
-    result = empty_table(f"{name} with other coefficients of drag (C_D) and lift")
+    result = empty_table(f"{name} with other coefficients than {DEFAULT.name}")
     result.add_column("coefficients", no_wrap=True)
     shown: list[dict[str, str]] = []
     for head, column in columns.items():
@@ -145,5 +146,5 @@ def sensitivity(name: str, items: Sequence[Item]) -> Table:
             shown.append(column)
             result.add_column(head, justify="right")
     for variant in dict.fromkeys(item.variant for item in items):
-        result.add_row(variant, *(column[variant] for column in shown))
+        result.add_row(fill(variant, width=14), *(column[variant] for column in shown))
     return result

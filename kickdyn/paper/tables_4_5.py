@@ -98,6 +98,11 @@ def kick(row: TestBedKick, fitted: Fit, choice: Coefficients) -> Flight:
     return flight(float(impulse @ normal), normal, choice)
 
 
+def in_vacuum(row: TestBedKick) -> float:
+    """Return the printed distance of the fitted kick `HIGH`, scaled by speed squared [m]."""
+    return HIGH.experiment * (row.foot_speed / HIGH.foot_speed) ** 2
+
+
 def flight(normal_impulse: float, normal: Array, choice: Coefficients) -> Flight:
     """Return the flight from the part of the force along the normal [N s]."""
     force = normal_impulse / float(ATTACK @ normal) * ATTACK
@@ -224,7 +229,6 @@ def varying(choice: Coefficients) -> list[Item]:
     fitted, result = fit(choice), list[Item]()
     angles = testbed().angles_deg(fitted.posture.q)
     posture = ", ".join(f"{name} {angle:.0f}" for name, angle in angles.items())
-    proportional = "predicted, whatever the posture: the launch is in proportion to the foot speed"
     reasons = {
         LOW: f"the posture is fitted to the rows of 30 and 50 deg: {posture} deg; of all that fit, "
         f"it needs the smallest (1 + e) s, {fitted.gain:.2g} (the largest is "
@@ -232,11 +236,18 @@ def varying(choice: Coefficients) -> list[Item]:
         HIGH: "(1 + e) s is fitted; Table 5 prints this kick again",
         MIDDLE: "predicted; all postures that fit the rows of 30 and 50 deg give "
         f"{fitted.middle[0]:.1f} to {fitted.middle[1]:.1f} m, and those that need less than twice "
-        f"the smallest (1 + e) s give {fitted.likely[0]:.1f} to {fitted.likely[1]:.1f} m",
+        f"the smallest (1 + e) s give {fitted.likely[0]:.1f} to {fitted.likely[1]:.1f} m; the "
+        "posture with the smallest gives the largest distance",
+        **{
+            row: "predicted from the row of 50 deg and 2.2 m/s, whatever the posture: the launch "
+            "speed is in proportion to the foot speed; distance in proportion to its square, as "
+            f"in vacuum, is {in_vacuum(row):.2f} m"
+            for row in (SLOWER, SLOWEST)
+        },
     }
     source = f"Eqs. (10), (15)-(21), Table 6, {choice.name}"
     for row in ROWS:
-        path, why = kick(row, fitted, choice), reasons.get(row, proportional)
+        path, why = kick(row, fitted, choice), reasons[row]
         verdict = Verdict.REPRODUCED if row in PREDICTED else Verdict.FITTED
         for what, paper in (("", row.experiment), (" simulation", row.simulation)):
             name, close = f"{row.name} distance{what}", near(path.range, paper, MEASURED, verdict)

@@ -130,8 +130,8 @@ def plan_kick(
     elif swing:
         check_solver()
 
-    # with several threads, results differ in the last digits, and matrices of 100 rows take 5 times
-    # as long
+    # several threads sum in another order, which moves postures by up to 2e-5 rad, and take 5 times
+    # as long for matrices of 100 rows
     with threadpool_limits(1, "blas"):
         launch: Launch | Pass
         if surface is None:

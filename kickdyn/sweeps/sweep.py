@@ -301,10 +301,9 @@ def _resumable(store: SweepStore) -> Iterator[None]:
             reason = "interrupted"
         elif isinstance(error, CancelledError):
             reason = "the executor has cancelled the computation"
-        done = store.size - store.count(store.missing())
         raise Unfinished(
-            f"{reason}: {done:,} of {store.size:,} postures are stored in {store.path}; to "
-            "continue, run it again with --resume (resume=True in Python)"
+            f"{reason}: {store.computed:,} of {store.size:,} postures are stored in {store.path}; "
+            "to continue, run it again with --resume (resume=True in Python)"
         ) from None
 
 

@@ -7,7 +7,7 @@ from click.testing import CliRunner
 
 import kickdyn as kd
 from kickdyn.cli.simulate_command import simulate
-from kickdyn.core.files import finite
+from kickdyn.core.files import finite, shipped
 from kickdyn.scene.launch_and_end import end_of
 
 
@@ -78,6 +78,18 @@ def test_every_number_of_the_document_is_that_of_the_simulation(name):
     ended = CliRunner().invoke(simulate, [name, "--json", "-"])
     document, answer = json.loads(ended.stdout), kd.simulate(kd.load_scene(name))
     assert document == {key: number(answer) for key, number in NUMBERS.items()}
+
+
+def test_the_restitution_is_that_of_the_impact_and_the_given_one_that_of_the_file(tmp_path):
+    text = (shipped("scenes") / "paper_kick.toml").read_text("utf-8")
+    rows = [[0.5, 0.8], [5.0, 0.6]]
+    file = tmp_path / "kick.toml"
+    file.write_text(text.replace("restitution = 0.8", f"restitution = {rows}"))
+    document = json.loads(CliRunner().invoke(simulate, [str(file), "--json", "-"]).stdout)
+    answer = kd.simulate(kd.load_scene(file))
+    assert document["restitution_given"] == rows
+    assert 0.6 < document["restitution"] == answer.impact.restitution < 0.8
+    assert f"restitution {answer.impact.restitution:.4g}, " in answer.summary
 
 
 def test_only_json_goes_to_a_pipe():

@@ -525,6 +525,7 @@ def test_a_ball_near_the_speed_of_sound_is_warned_of(air):
     ("speed", "spin", "share", "limits"),
     [
         (12, 10, "100 %", "airspeed below 15.1 m/s"),
+        (12, 0.5, "100 %", "airspeed below 15.1 m/s"),
         (15, 10, r"[1-9]\d %", "airspeed below 15.1 m/s"),
         (25, 120, "100 %", "spin parameter above 0.3"),
         (12, 80, "100 %", "airspeed below 15.1 m/s, spin parameter above 0.3"),
@@ -644,3 +645,15 @@ def test_a_ball_dropped_from_rest_without_spin_is_slowed_by_drag():
     )
     assert path.evaluations > 0
     assert path.landing.speed < 0.95 * free.landing.speed
+
+
+@pytest.mark.parametrize("air", [None, kd.Air(drag=0.2)])
+def test_the_apex_is_not_after_the_end(air):
+    start, wall = launch((20, 0, 15), height=1.0), kd.Plane((5, 0, 0), (-1, 0, 0))
+    for limits in ({"plane": wall}, {"time_limit": 0.25}):
+        path = kd.fly(start, BALL, air, **limits)
+        many = kd.fly_many(kd.BallState(start.position, [start.velocity]), BALL, air, **limits)
+        assert path.apex.time == path.duration
+        assert path.height == path.landing.position[2] - start.position[2] > 1.0
+        assert many.apex_time.values[0] == many.duration.values[0]
+        assert many.height.values[0] == pytest.approx(path.height, rel=1e-8)

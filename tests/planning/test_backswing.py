@@ -1,6 +1,7 @@
 """The backswing of a standing robot: against its plan, its support, the ground and momentum."""
 
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,7 +21,8 @@ from kickdyn.planning.backswing import (
     find_backswing,
 )
 from kickdyn.planning.plan_report import verdict
-from kickdyn.robot.standing import StandingRobot, joint_spheres
+from kickdyn.robot.ground_clearance import find_depths
+from kickdyn.robot.standing import StandingRobot, hold_support, joint_spheres
 
 BALL, AIR, FOOT = kd.Ball(), kd.Air(), "left_ankle_roll_link"
 ROBOT = kd.Leg.from_robot("g1", base="floating", legs_only=True).with_supports(
@@ -226,6 +228,15 @@ def test_a_plan_without_a_backswing_says_how_to_ask_for_it():
     start = "bodies come from under the ground if the joints keep the velocity of the impact: right"
     (line,) = [one for one in plan.warnings if one.startswith(start)]
     assert line.endswith("swing=True (--swing) plans the motion, with the foot above the ground")
+    frame, depth, moment = re.search(r"(right\w+) by (\S+) m \((\d+) ms before\)", line).groups()
+    model, posture, expected = plan.leg.workspace.model, plan.impact.posture, {}
+    for time in np.linspace(0.0, BALL.radius / np.linalg.norm(plan.impact.foot_velocity), 10):
+        q = hold_support(posture, pin.integrate(model, plan.q, -time * plan.v))
+        depths = {under.frame: under.depth for under in find_depths(plan.leg, [q], 0.0)}
+        expected[time] = depths.get(frame, 0.0)
+    deepest = max(expected, key=expected.get)
+    assert float(depth) == pytest.approx(expected[deepest], abs=6e-4)
+    assert float(moment) == pytest.approx(1e3 * deepest, abs=0.51)
 
 
 def test_a_humanoid_of_an_mjcf_file_has_a_backswing():

@@ -362,3 +362,9 @@ def test_a_spin_limit_is_named_as_it_was_given():
     assert launch.limit == "spin-limit"
     assert math.hypot(*launch.spin) == pytest.approx(20)
     assert "spin faster than 20 rad/s" in launch.summary
+
+
+def test_the_farthest_that_is_named_is_where_the_ball_comes_down():
+    launch = kd.plan_launch(kd.Goal(200, time=5), BALL, AIR, speed_limit=35)
+    path = kd.fly(launch.state, BALL, AIR, kd.Ground(-BALL.radius))
+    assert f"the farthest is {path.range:.4g} m, at 35 m/s" in launch.summary

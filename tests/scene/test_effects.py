@@ -20,6 +20,15 @@ def scene(**parts):
     return kd.Scene(posture, v, kd.Ball(), contact, **options)
 
 
+def test_constant_drag_is_that_of_the_wind_at_the_height_of_the_launch():
+    launch = kd.BallState((0, 0, 2), (10, 0, 0))
+    full = scene(air=kd.Air(drag="brazuca", wind=lambda height: (height, 0.0, 0.0)))
+    less = BY_NAME["drag crisis"].without(full, launch)
+    per_speed = 2 * full.ball.radius * full.air.density / full.air.viscosity
+    assert less.air.drag(1.0, 0.0) == pytest.approx(full.air.drag(per_speed * 8.0, 0.0), rel=1e-12)
+    assert less.air.drag(1.0, 0.0) != pytest.approx(full.air.drag(per_speed * 10, 0.0), rel=0.01)
+
+
 @pytest.mark.parametrize("effect", EFFECTS, ids=lambda effect: effect.name)
 def test_without(effect):
     full = scene(law=kd.Compliance(contact_time=0.01))

@@ -89,6 +89,15 @@ def test_the_estimate_of_a_kick():
     assert drift.position == pytest.approx(0.2205274235, rel=1e-8)
 
 
+def test_the_estimate_counts_the_middle_of_the_contact():
+    """Where the contact sticks half way through it only; at its end the spin changes by a third."""
+    rng = np.random.default_rng(1)
+    for _ in range(349):
+        scene = random_scene(rng, contact_time=rng.uniform(0.004, 0.015))
+    error = contact_time_error(scene, strike_scene(scene))
+    assert error.spin == pytest.approx(108.0371619, rel=1e-6)
+
+
 def scene_of(ball=None, **parts):
     """Return a scene for the sake of its ball, air, ground and plane."""
     posture = kd.Leg.human().posture([0.1, 0.2, 0.0])

@@ -3,6 +3,7 @@
 import math
 import pickle
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -475,6 +476,15 @@ def test_the_scenes_of_kickdyn_are_within_the_limits_of_their_legs(path):
     assert kd.simulate(kd.load_scene(path)).impact.warnings == ()
 
 
+@pytest.mark.parametrize(
+    ("name", "frame"),
+    [("paper_kick", "from the base of the leg"), ("robocup_carpet", "in the world frame")],
+)
+def test_the_frame_of_the_positions_is_named(name, frame):
+    line = f"Positions are of the ball's centre, {frame}: x forward"
+    assert line in kd.simulate(kd.load_scene(name)).summary
+
+
 def test_the_scene_of_the_paper_is_the_kick_that_it_prints():
     scene = kd.load_scene("paper_kick")
     attack = np.array([math.cos(math.radians(30)), 0, math.sin(math.radians(30))])
@@ -539,6 +549,16 @@ def test_drag_and_friction(paper_kick):
     )
     difference = float(np.linalg.norm(smooth.impulse - hit.impulse))
     assert rows["friction"].impulse == pytest.approx(difference, rel=1e-12)
+
+
+def test_sizes_are_distances_in_space():
+    scene = kd.load_scene("free_kick")
+    full = kd.simulate(scene, None)
+    still = replace(scene.air, wind=(0, 0, 0))
+    end = kd.fly(full.launch, scene.ball, still, scene.ground, plane=scene.plane).landing.position
+    size = next(row.end for row in measure_effects(full) if row.effect == "wind")
+    assert size == pytest.approx(math.dist(end, full.end.position), rel=1e-9)
+    assert size > 1.001 * math.dist(end[:2], full.end.position[:2])
 
 
 def test_a_contact_that_takes_time_and_a_stance():

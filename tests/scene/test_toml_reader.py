@@ -142,6 +142,20 @@ def test_a_file_may_be_an_mjcf(read, tmp_path):
     assert read(text).leg.joint_names == ("hip", "knee")
 
 
+def test_positions_of_prismatic_joints_are_in_metres(read, tmp_path):
+    (tmp_path / "my.xml").write_text(
+        '<mujoco><worldbody><body name="thigh"><joint name="hip" axis="0 -1 0"/><geom size="0.1"/>'
+        '<body pos="0 0 -1"><joint name="knee" type="slide" axis="0 0 -1"/><geom size="0.1"/>'
+        '<site name="toe" pos="0.2 0 0"/></body></body></worldbody></mujoco>'
+    )
+    text = SMALL.replace('model = "human"', 'file = "my.xml"')
+    posture = "angles_deg = { hip = 90 }\npositions_m = { knee = 0.3 }"
+    text = text.replace("angles_deg = { hip = 5, knee = 10, ankle = -5 }", posture)
+    scene = read(text.replace("[2, 0, 1]", "[0, 0, 1]"))
+    np.testing.assert_allclose(scene.q, [np.pi / 2, 0.3])
+    np.testing.assert_allclose(scene.posture.contact_point, [1.3, 0, 0.2], atol=1e-12)
+
+
 def test_package_dirs_are_looked_for_from_the_scenes_folder(read, faults, tmp_path, good_urdf):
     (tmp_path / "my.urdf").write_text(good_urdf)
     (tmp_path / "share").mkdir()

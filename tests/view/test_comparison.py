@@ -91,6 +91,30 @@ def test_the_legend_says_how_far_how_high_and_how_long():
     assert "from the launch of each" in html
 
 
+def test_the_legend_says_how_far_and_how_long_a_ball_rolls():
+    """From 4 m/s at a deceleration of 1 m/s2."""
+    felt = kd.Surface("felt", 0.5, 0.5, rolling_deceleration=1.0)
+    launch = kd.BallState(velocity=(4, 0, 0), spin=(0, 4 / BALL.radius, 0))
+    course = kd.follow(launch, BALL, ground=kd.Ground(-BALL.radius, felt))
+    assert "<td>8 m along the ground, 4 s</td>" in kd.page(course).html
+
+
+def test_the_legend_says_the_sizes_that_are_drawn(commands_of):
+    """Marks are a sixth of 20 m apart, or less; axes are half as long; a ball of 0.24 m is seen."""
+    html = kd.page(kd.fly(kd.BallState(velocity=(10, 0, GRAVITY)), BALL, None)).html
+    rows = dict(re.findall(r"<th>([^<]*)</th><td>([^<]*)</td>", html))
+    assert rows["ground marks"] == "every 2 m"
+    assert rows["axes"] == "z up; arrows of 1 m"
+    assert rows["ball"] == "at the first start, 2.2 times its size"
+    shapes = {c["path"]: c["object"]["geometries"][0] for c in commands_of(html)
+              if c["type"] == "set_object"}  # fmt: skip
+    arrow = [shapes[f"/meshcat/axes/x/{part}"]["height"] for part in ("shaft", "head")]
+    assert sum(arrow) == pytest.approx(1.0)
+    data = shapes["/meshcat/ball/hexagons"]["data"]["attributes"]["position"]["array"].data
+    vertices = np.frombuffer(data, np.float32).reshape(-1, 3)
+    assert np.linalg.norm(vertices, axis=1) == pytest.approx(0.24, rel=1e-3)
+
+
 def test_the_ground_has_a_mark_where_the_legend_says(commands_of):
     html = kd.page(kd.fly(kd.BallState(velocity=(10, 0, GRAVITY)), BALL, None)).html
     marks = re.findall(r'data-node="(/meshcat/distances/\d+)">([\d.]+) m<', html)

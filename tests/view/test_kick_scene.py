@@ -10,7 +10,7 @@ import umsgpack
 
 import kickdyn as kd
 from kickdyn.planning.backswing import Backswing
-from kickdyn.robot.ground_clearance import find_depths
+from kickdyn.robot.ground_clearance import Depth, find_depths
 from kickdyn.view import kick_scene, marks
 from kickdyn.view.camera import BOTTOM, LEFT, RIGHT, TOP
 from kickdyn.view.document import recording_viewer
@@ -218,6 +218,20 @@ def test_bodies_under_the_lawn_are_announced(make_kick):
     said = describe_buried(hit.posture.leg, moved, pace, floor)
     assert said == draw_kick(recording_viewer(), hit, path).text
     assert re.fullmatch(r"Under the ground in this picture: .* m, \d+ ms (before|after) .*\.", said)
+
+
+@pytest.mark.parametrize(
+    ("time", "others", "said"),
+    [
+        (-0.03, (), "toe by 0.012 m, 30 ms before the impact."),
+        (0.05, ("heel", "sole"), "toe by 0.012 m, 50 ms after the impact; also heel, sole."),
+    ],
+)
+def test_the_deepest_body_is_named_with_depth_and_time(time, others, said, monkeypatch):
+    depths = [Depth("toe", 0.012, 1), *(Depth(name, 0.005, 0) for name in others)]
+    monkeypatch.setattr(kick_scene, "find_depths", lambda leg, moved, floor: depths)
+    pace = kick_scene.Pace(np.array([-1.0, time, 1.0]), 1, 1.0, 1.0, 3)
+    assert describe_buried(None, [], pace, 0.0) == f"Under the ground in this picture: {said}"
 
 
 def height_of_the_ground(viewer):

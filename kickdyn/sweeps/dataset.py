@@ -95,7 +95,7 @@ def select_variables(names: Iterable[str] | None) -> tuple[str, ...]:
     if not wanted:
         raise InvalidInput(f"variables is {names!r}: it must be a list of {', '.join(known)}")
     for name in wanted:
-        if name not in known:
+        if not isinstance(name, str) or name not in known:
             raise InvalidInput(unknown("variable", name, "a sweep", known))
     return tuple(name for name in VARIABLES if name in wanted)
 

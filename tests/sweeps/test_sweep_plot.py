@@ -45,12 +45,11 @@ def test_the_price_marks_best_and_worst():
     dots, names = right.collections[0], ("worst_joint_impulse", "speed_ratio", "speed_use")
     shown = np.column_stack([np.asarray(dots.get_offsets()), np.asarray(dots.get_array()) / 100])
     swept = np.column_stack([data[name].values.ravel() for name in names])
-    assert shown[shown[:, 1].argsort()] == pytest.approx(swept[swept[:, 1].argsort()])
+    ordered = [rows[np.lexsort(rows.round(9).T)] for rows in (shown, swept)]
+    assert ordered[0] == pytest.approx(ordered[1])
     front, *marks = right.lines
-    assert (front.get_xdata()[-1], front.get_ydata()[-1]) == (
-        lines[0].values["worst_joint_impulse"],
-        lines[0].values["speed_ratio"],
-    )
+    best = [lines[0].values[name] for name in names[:2]]
+    assert (front.get_xdata()[-1], front.get_ydata()[-1]) == pytest.approx(best, rel=1e-14)
     for line, mark in zip(lines, marks, strict=True):
         assert mark.get_ydata() == pytest.approx([line.values["speed_ratio"]])
         assert mark.get_xdata() == pytest.approx([line.values["worst_joint_impulse"]])

@@ -243,13 +243,13 @@ def _c3d_content(
     """Return labels, unit, rate [Hz], first frame and positions `(markers, n, 3)` of a C3D file.
 
     A child process reads it, because on damaged files ezc3d may crash, take all memory, or never
-    end.
+    end. With `-P` it imports nothing from the working directory, which may come from anyone.
     """
     code = f"from {__name__} import _send_c3d; _send_c3d()"
     paths = os.pathsep.join(filter(None, sys.path))
     try:
         child = subprocess.run(
-            [sys.executable, "-c", code, os.fspath(file), str(C3D_MEMORY)],
+            [sys.executable, "-P", "-c", code, os.fspath(file), str(C3D_MEMORY)],
             capture_output=True, timeout=C3D_TIME, check=True,
             env={**os.environ, "PYTHONPATH": paths, "OPENBLAS_NUM_THREADS": "1"},
         )  # fmt: skip

@@ -104,6 +104,12 @@ def c3d(tmp_path):
     return written
 
 
+def test_a_c3d_file_is_read_without_modules_of_the_working_directory(c3d, tmp_path, monkeypatch):
+    (tmp_path / "numpy.py").write_text('raise SystemExit("planted")')
+    monkeypatch.chdir(tmp_path)
+    assert len(kd.Track.from_c3d(c3d("m", ("ball",)))) == 5
+
+
 @pytest.mark.parametrize(("unit", "size"), [("mm", 1000.0), ("cm", 100.0), ("m", 1.0)])
 def test_a_marker_of_a_c3d_file_in_metres(c3d, unit, size):
     track = kd.Track.from_c3d(c3d(unit, size=size), marker="ball")

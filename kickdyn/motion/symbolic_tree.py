@@ -4,7 +4,7 @@ The wheel of Pinocchio has no `pinocchio.casadi`. `adam-robotics` reads files on
 model with locked or turned joints and rotors, and takes twice the operations.
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import casadi as ca
 import numpy as np

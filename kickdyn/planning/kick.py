@@ -18,10 +18,10 @@ from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course, follow
 from kickdyn.ground import Ground, Surface
 from kickdyn.impact.strike import strike
+from kickdyn.motion.impact_target import impact_target_for
 from kickdyn.plane import Plane
 from kickdyn.planning.backswing import solve_with_backswing
 from kickdyn.planning.goal import Goal
-from kickdyn.planning.impact_target import impact_target_for
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.kick_problem import kick_problem, solve_kick
 from kickdyn.planning.kick_terms import Objective, SpeedLimit, TorqueLimit

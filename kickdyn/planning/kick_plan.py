@@ -20,9 +20,9 @@ from kickdyn.flight.follow import Course
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.leg_response import Footing
 from kickdyn.impact.unilateral import unilateral_strike
+from kickdyn.motion.impact_target import ImpactTarget
 from kickdyn.planning.backswing import Backswing
 from kickdyn.planning.goal import Goal, PlanStatus
-from kickdyn.planning.impact_target import ImpactTarget
 from kickdyn.planning.launch import Launch
 from kickdyn.planning.objectives import OBJECTIVES, KickObjective
 from kickdyn.planning.passes import Pass

@@ -18,7 +18,7 @@ import pinocchio as pin
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.planning.impact_target import ImpactTarget
+from kickdyn.motion.impact_target import ImpactTarget
 from kickdyn.planning.kick_terms import (
     BallPosition,
     Facing,

@@ -18,15 +18,13 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
 
 from kickdyn.core.validation import Array
 from kickdyn.planning.kick_terms import KickPoint, KickTerm, slope_by_differences
 from kickdyn.planning.problem import TOLERANCE, Function, Kind
-from kickdyn.robot.ground_clearance import Spheres
+from kickdyn.robot.ground_clearance import extreme_spheres
 from kickdyn.robot.leg import Posture
-from kickdyn.robot.standing import StandingRobot, joint_spheres
+from kickdyn.robot.standing import StandingRobot, joint_spheres, sole_edges
 
 LENGTH = 0.1
 """Scale of distances from the ground and from the edge of the sole [m]."""
@@ -40,10 +38,6 @@ player who leans over the ball.
 
 CLEARANCE = 1e-3
 """Least height of the kicking foot [m]: the solver keeps its conditions within a tolerance."""
-
-CORNERS, DIRECTIONS = 24, 400
-"""Number of spheres that stand for the kicking foot at most, and of directions, evenly over the
-unit sphere, in which the foot is at most a known distance larger than these."""
 
 STEP = 1e-6
 """Step of the differences that stand for the derivatives of the support's impulse [rad, m]."""
@@ -231,12 +225,6 @@ class SupportImpulse(Function[KickPoint]):
         return np.concatenate(rows)
 
 
-def sole_edges(standing: StandingRobot) -> tuple[Array, Array]:
-    """Return normals, outwards, and offsets of the sole's edges, `(k, 2)` and `(k,)` [m]."""
-    edges = ConvexHull(standing.sole).equations
-    return edges[:, :2], -edges[:, 2]
-
-
 def centre_of_mass(posture: Posture) -> Array:
     """Return the centre of mass of the robot, its supporting foot included, `(3,)` [m, world]."""
     model, data = posture.leg.workspace.model, posture.leg.workspace.data
@@ -264,22 +252,3 @@ def height_slopes(jacobian: Array, arms: Array) -> Array:
     # the vertical component of v + w x arm
     turning = np.outer(arms[:, 1], jacobian[3]) - np.outer(arms[:, 0], jacobian[4])
     return np.asarray(jacobian[2] + turning)
-
-
-def extreme_spheres(body: Spheres) -> tuple[NDArray[np.int64], float]:
-    """Return indices of at most `CORNERS` spheres, and how far the body reaches beyond them [m].
-
-    Each next one is farthest outside of the hull of those before, in one of `DIRECTIONS`.
-    """
-    count = np.arange(DIRECTIONS) + 0.5
-    height, turn = 1.0 - 2.0 * count / DIRECTIONS, math.pi * (1.0 + math.sqrt(5.0)) * count
-    ring = np.sqrt(1.0 - height**2)
-    directions = np.column_stack([ring * np.cos(turn), ring * np.sin(turn), height])
-    reach = body.centres @ directions.T + body.radii[:, None]
-    largest, chosen = reach.max(axis=0), [int(np.argmax(reach[:, 0]))]
-    while True:
-        beyond = largest - reach[chosen].max(axis=0)
-        worst = int(np.argmax(beyond))
-        if beyond[worst] < 1e-9 or len(chosen) == CORNERS:
-            return np.array(chosen), float(beyond[worst])
-        chosen.append(int(np.argmax(reach[:, worst])))

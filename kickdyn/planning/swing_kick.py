@@ -19,7 +19,7 @@ import numpy as np
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.planning.impact_target import ImpactTarget
+from kickdyn.motion.impact_target import ImpactTarget
 from kickdyn.planning.kick_problem import KickProblem, KickSolution, solve_kick
 from kickdyn.planning.kick_terms import (
     BallPosition,

@@ -8,8 +8,8 @@ import pinocchio as pin
 import pytest
 
 import kickdyn as kd
+from kickdyn.motion.impact_target import impact_target_for
 from kickdyn.planning import kick_problem as module
-from kickdyn.planning.impact_target import impact_target_for
 from kickdyn.planning.kick_problem import explain_infeasible, kick_problem
 from kickdyn.planning.kick_terms import (
     BallPosition,

@@ -7,8 +7,8 @@ import pytest
 import kickdyn as kd
 
 pytest.importorskip("casadi")
+from kickdyn.motion.impact_target import impact_target_for
 from kickdyn.planning import swing_kick
-from kickdyn.planning.impact_target import impact_target_for
 from kickdyn.planning.kick_problem import kick_problem
 from kickdyn.planning.kick_terms import KickTerm
 from kickdyn.planning.objectives import JointSpeed

@@ -18,13 +18,13 @@ from collections.abc import Iterable, Sequence
 from importlib import metadata
 from pathlib import Path
 
+from flight_methods import TOLERANCES, measure_flights
 from heyoka_flight import heyoka_methods
+from impact_methods import measure_impacts
+from measurement import Measurement, front_figure
 
 from kickdyn.air import Air
 from kickdyn.ball import Ball
-from kickdyn.tradeoff.flight_methods import TOLERANCES, measure_flights
-from kickdyn.tradeoff.impact_methods import measure_impacts
-from kickdyn.tradeoff.measurement import Measurement, front_figure
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 from extremes.extreme_case import NOT_FINITE, ExtremeCase

@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from flight_methods import Landings, repeated
 
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core.validation import Array
-from kickdyn.tradeoff.flight_methods import Landings, repeated
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 from references.exact_flight import acceleration

@@ -4,9 +4,8 @@ import re
 from pathlib import Path
 
 import pytest
+from impact_methods import kick
 from references.exact_impact import exact_impact, given
-
-from kickdyn.tradeoff.impact_methods import kick
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "explanation" / "accuracy.md"
 

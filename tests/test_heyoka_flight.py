@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from flight_methods import kicks
 from references.exact_flight import landing
 
 import kickdyn as kd
 from kickdyn.flight.forces import acceleration_function
-from kickdyn.tradeoff.flight_methods import kicks
 
 SCRIPT = Path(__file__).resolve().parents[1] / "benchmarks" / "heyoka_flight.py"
 if not SCRIPT.exists():

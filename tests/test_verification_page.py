@@ -6,10 +6,9 @@ from pathlib import Path
 
 import pytest
 from extremes.gains import gains
+from flight_methods import measure_flights
+from impact_methods import kick
 from references.exact_impact import exact_impact, given
-
-from kickdyn.tradeoff.flight_methods import measure_flights
-from kickdyn.tradeoff.impact_methods import kick
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "explanation" / "verification.md"
 

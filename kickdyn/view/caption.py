@@ -9,7 +9,7 @@ import numpy as np
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course
 from kickdyn.impact.impact_result import Impact
-from kickdyn.view.kick_scene import JOINT_ARROW, LEAST_JOINT_IMPULSE, DrawnKick
+from kickdyn.view.kick_scene import JOINT_ARROW, LEAST_JOINT_IMPULSE
 from kickdyn.view.marks import ARROW, CURVE
 
 LONG = 300
@@ -20,29 +20,17 @@ Row = tuple[str, str]
 
 
 def kick_panel(
-    impact: Impact,
-    path: Flight | Course,
-    drawn: DrawnKick,
-    text: str,
-    warnings: Sequence[str] = (),
+    impact: Impact, path: Flight | Course, text: str, warnings: Sequence[str] = ()
 ) -> str:
     """Return the panel of a kick, with lines of plain text."""
     flights = path.flights if isinstance(path, Course) else [path]
     methods = escape("; ".join(dict.fromkeys(flight.method for flight in flights)))
-    strike, flight = _slower(drawn.pace.strike), _slower(drawn.pace.flight)
-    rows = [
-        ("flight", methods),
-        ("shown", strike if strike == flight else f"strike {strike}, flight {flight}"),
-        ("ground marks", f"every {drawn.stripe:g} m"),
-        (
-            "arrows",
-            f"impulses: on the ball {colour_key(ARROW)}, and by each joint on what hangs on it "
-            f"{colour_key(JOINT_ARROW)}",
-        ),
-        ("axes", f"x forward, y left, z up; arrows of {drawn.axis:g} m"),
-    ]
-    end = f"{_joints(impact)}{_folded('picture and computation', rows)}"
-    name = impact.posture.leg.name or "leg"
+    arrows = (
+        f"impulses: on the ball {colour_key(ARROW)}, and by each joint on what hangs on it "
+        f"{colour_key(JOINT_ARROW)}"
+    )
+    folded = _folded("picture and computation", [("flight", methods), ("arrows", arrows)])
+    name, end = impact.posture.leg.name or "leg", f"{_joints(impact)}{folded}"
     return panel_of(name, [*_impact_rows(impact), *_path_rows(path)], text, end, warnings)
 
 
@@ -87,11 +75,6 @@ def _folded(summary: str, rows: Sequence[Row], *, is_open: bool = False) -> str:
 def _name(name: str) -> str:
     """Return a joint's name as HTML, which may be broken after an underscore."""
     return escape(name).replace("_", "_<wbr>")
-
-
-def _slower(factor: float) -> str:
-    """Return how many times slower than real something is shown, in words."""
-    return f"{factor:.3g} times slower" if factor >= 1 else f"{1 / factor:.3g} times faster"
 
 
 def _joints(impact: Impact) -> str:

@@ -6,6 +6,7 @@ from fractions import Fraction
 from functools import partial
 
 import numpy as np
+from measurement import Measurement, mark_front, shortest_time
 from scipy.integrate import solve_ivp
 
 from kickdyn.air import Air
@@ -15,7 +16,6 @@ from kickdyn.flight.batch import fly_many
 from kickdyn.flight.equations import FlightEquations
 from kickdyn.flight.fly import fly
 from kickdyn.flight.forces import downward
-from kickdyn.tradeoff.measurement import Measurement, mark_front, shortest_time
 
 TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13)
 

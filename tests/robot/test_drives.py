@@ -104,7 +104,7 @@ def test_bad_drives_are_refused():
     leg = kd.Leg.human()
     with pytest.raises(kd.InvalidInput, match="there is no such file"):
         leg.with_drives("no.toml")
-    with pytest.raises(kd.InvalidInput, match="drive of knee is 0.1"):
+    with pytest.raises(kd.InvalidInput, match=r"drive of knee is 0[.]1"):
         leg.with_drives({"knee": 0.1})
     with pytest.raises(kd.InvalidInput, match="drives is 3: it must map names to values"):
         leg.with_drives(3)

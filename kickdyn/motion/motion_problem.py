@@ -33,7 +33,7 @@ import scipy.sparse as sp
 from kickdyn.core.validation import Array
 from kickdyn.motion.impact_target import ImpactTarget
 from kickdyn.motion.limits import Impulse, Limit, Sample
-from kickdyn.motion.splines import MotionSplines, per_joint
+from kickdyn.motion.splines import MotionSplines, integration_weights, per_joint
 from kickdyn.motion.symbolic_tree import SymbolicTree
 from kickdyn.restitution import rows_of
 from kickdyn.robot.leg import Leg
@@ -49,6 +49,9 @@ during the contact, a foot that turns faster sends the ball aside."""
 
 TURN_SCALE = 10.0
 """Scale of that angular velocity [rad/s]."""
+
+TOLERANCE = 1e-7
+"""Largest violation of a row of a solution; rows have a scale of about 1."""
 
 OPTIONS = {
     "print_level": 0,
@@ -134,7 +137,7 @@ class Solution:
         share: of the launch.
         times: of the points, before and after the impact [s].
         multipliers: of the rows of the points, shape `(points, k)`, and of all others.
-        solved: whether Ipopt converged.
+        feasible: whether the rows are in their bounds, within `TOLERANCE`.
         iterations: number of its iterations.
     """
 
@@ -142,7 +145,7 @@ class Solution:
     share: float
     times: list[Array]
     multipliers: tuple[Array, Array, Array]
-    solved: bool
+    feasible: bool
     iterations: int
 
 
@@ -191,9 +194,7 @@ class MotionProblem:
         q, v, jump = tree.q, tree.v, tree.a
         share, relaxation = ca.SX.sym("share"), ca.SX.sym("relaxation")
         still = ca.SX.zeros(n, 1)
-        needed, reaction = ca.substitute(
-            list(tree.inverse_dynamics(gravity=False)), [v], [still]
-        )
+        needed, reaction = ca.substitute(list(tree.inverse_dynamics(gravity=False)), [v], [still])
         lever = leg.posture(leg.configuration()).with_contact_offset(target.contact.offset)
         point = tree.point(leg.contact_joint, lever.contact_lever)
         jacobian = ca.jacobian(point, q)
@@ -289,25 +290,30 @@ class MotionProblem:
         else:
             points = np.zeros((count, len(self.path.lower)))
             others = np.zeros(len(self.impact.lower) + len(low))
+        lower = np.concatenate([np.tile(self.path.lower, count), self.impact.lower, low])
+        upper = np.concatenate([np.tile(self.path.upper, count), self.impact.upper, high])
         end = solver(
             x0=np.append(start.coefficients.ravel(), np.clip(start.share, *shares)),
             p=relaxation,
             lbx=np.append(np.tile(self.lower + room, splines.size), shares[0]),
             ubx=np.append(np.tile(self.upper - room, splines.size), shares[1]),
-            lbg=np.concatenate([np.tile(self.path.lower, count), self.impact.lower, low]),
-            ubg=np.concatenate([np.tile(self.path.upper, count), self.impact.upper, high]),
+            lbg=lower,
+            ubg=upper,
             lam_g0=np.concatenate([points.ravel(), others]),
             lam_x0=bounds if len(bounds) else np.zeros(splines.size * n + 1),
         )
-        x, multipliers = np.asarray(end["x"]).ravel(), np.asarray(end["lam_g"]).ravel()
+        x, rows, multipliers, bounds = (
+            np.asarray(end[name]).ravel() for name in ("x", "g", "lam_g", "lam_x")
+        )
         size = count * len(self.path.lower)
-        stats = solver.stats()
         return Solution(
-            x[:-1].reshape(splines.size, n), float(x[-1]), times,
-            (multipliers[:size].reshape(count, -1), multipliers[size:],
-             np.asarray(end["lam_x"]).ravel()),
-            bool(stats["success"]), int(stats["iter_count"]),
-        )  # fmt: skip
+            x[:-1].reshape(splines.size, n),
+            float(x[-1]),
+            times,
+            (multipliers[:size].reshape(count, -1), multipliers[size:], bounds),
+            bool(np.abs(rows - np.clip(rows, lower, upper)).max() <= TOLERANCE),
+            int(solver.stats()["iter_count"]),
+        )
 
     def _solver(self, rest: Array, times: list[Array], options: dict[str, Any]) -> tuple[Any, int]:
         """Return Ipopt's solver for points, and their number."""
@@ -315,17 +321,13 @@ class MotionProblem:
         point_maps = np.stack([splines.values(times, order) for order in range(3)], axis=1)
         count, size = len(point_maps), splines.size * n + 1
         to_points = _matrix(per_joint(point_maps.reshape(3 * count, -1), n, 1))
-        to_impact = _matrix(
-            sp.vstack([
-                per_joint(splines.at_impact(), n, 1),
-                sp.csr_matrix(([1.0], ([0], [size - 1])), shape=(1, size)),
-            ])  # fmt: skip
-        )
+        to_share = sp.csr_matrix(([1.0], ([0], [size - 1])), shape=(1, size))
+        to_impact = _matrix(sp.vstack([per_joint(splines.at_impact(), n, 1), to_share]))
         to_speeds = _matrix(
             sp.diags(np.tile(1.0 / self._model.velocityLimit, len(splines.speed_rows())))
             @ per_joint(splines.speed_rows(), n, 1)
         )
-        weights = ca.DM(np.concatenate([_trapezoid(t) for t in times])).T
+        weights = ca.DM(np.concatenate([integration_weights(t) for t in times])).T
         quadratic = ca.DM(_matrix(self._quadratic()))
         centre = ca.DM(np.append(np.tile(rest, splines.size), 0.0))
         share = ca.DM(size, 1)
@@ -340,9 +342,7 @@ class MotionProblem:
             + 0.5 * ca.dot(x - centre, quadratic @ (x - centre))
             + SHARE * (1.0 - x[-1])
         )
-        constraints = ca.vertcat(
-            ca.vec(rows), self.impact.values(impact, p)[0], to_speeds @ x
-        )
+        constraints = ca.vertcat(ca.vec(rows), self.impact.values(impact, p)[0], to_speeds @ x)
         slopes = path.slope.map(count)(points, []) * ca.repmat(weights, 3 * n, 1)
         gradient = to_points.T @ ca.vec(slopes) + quadratic @ (x - centre) + share
         jacobians = ca.horzsplit(path.jacobian.map(count)(points, []), 3 * n)
@@ -397,18 +397,13 @@ class MotionProblem:
         ends = np.zeros(splines.size)
         ends[[0, -1]] = ENDS
         matrix = JERK / self.n * jerk.T @ (lengths[:, None] * jerk) + np.diag(ends)
-        return sp.block_diag([sp.kron(sp.csr_matrix(matrix), sp.eye(self.n)), sp.csr_matrix((1, 1))])
+        every = sp.kron(sp.csr_matrix(matrix), sp.eye(self.n))
+        return sp.block_diag([every, sp.csr_matrix((1, 1))])
 
 
 def _matrix(matrix: Any) -> Any:
     """Return a sparse matrix of scipy as one of CasADi."""
     return ca.DM(sp.csc_matrix(matrix))
-
-
-def _trapezoid(times: Array) -> Array:
-    """Return weights of values at times that integrate them, linear in between [s]."""
-    half = np.diff(times) / 2
-    return np.append(half, 0.0) + np.insert(half, 0, 0.0)
 
 
 def _restitution(target: ImpactTarget, approach: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Planning the motion of a kick: several starts, points added where limits are broken, a verdict."""
+"""Planning the motion of a kick: starts, points added where limits are broken, a verdict."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -26,7 +26,7 @@ from kickdyn.motion.limits import (
 )
 from kickdyn.motion.motion import Motion
 from kickdyn.motion.motion_problem import KickTask, MotionProblem, Solution
-from kickdyn.motion.splines import MotionSplines
+from kickdyn.motion.splines import MotionSplines, integration_weights
 from kickdyn.robot.ground_clearance import Spheres, extreme_spheres
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.standing import StandingRobot, joint_spheres
@@ -61,13 +61,31 @@ FULL, LESS, LEAST_SHARE = 0.99, 0.98, 0.05
 """Share of the launch from which on the whole launch is sought; factor of a lower one for which the
 limits are kept between points; and share below which there is no kick."""
 
-FIRST = {"mu_init": 1e-3, "max_iter": 150, "constr_viol_tol": 1e-7}
+EARLY = {
+    "acceptable_tol": 1e10,
+    "acceptable_dual_inf_tol": 1e10,
+    "acceptable_compl_inf_tol": 1e-2,
+    "acceptable_obj_change_tol": 1e-3,
+    "acceptable_iter": 6,
+}
+"""Options of Ipopt with which it ends where the objective changes little: the last percent of
+squared torque takes as many iterations as all before."""
+
+FIRST = {
+    **EARLY,
+    "mu_init": 1e-3,
+    "max_iter": 150,
+    "constr_viol_tol": 1e-7,
+    "acceptable_constr_viol_tol": 1e-4,
+}
 """Options of Ipopt for the first solution of a start."""
 
 AGAIN = {
+    **EARLY,
     "mu_init": 1e-5,
     "max_iter": 60,
     "constr_viol_tol": 1e-10,
+    "acceptable_constr_viol_tol": 1e-9,
     "warm_start_init_point": "yes",
     "warm_start_bound_push": 1e-7,
     "warm_start_bound_frac": 1e-7,
@@ -96,7 +114,11 @@ class Margins:
 
     def margins(self, q: Array, v: Array, a: Array) -> dict[str, float]:
         """Return the least distance of each label."""
-        labels = [label for limit in self.limits for label in limit.labels]
+        labels = [
+            f"{label} [{limit.unit}]" if limit.unit else label
+            for limit in self.limits
+            for label in limit.labels
+        ]
         least: dict[str, float] = {}
         for label, value in zip(labels, self.rows(q[None], v[None], a[None])[0], strict=True):
             least[label] = min(float(value), least.get(label, math.inf))
@@ -110,13 +132,16 @@ class PlannedMotion:
     Attributes:
         motion: with a line of warning for each limit that it does not keep.
         share: share of the launch; 1 where all of it is reached.
-        torque_squared: mean of the squared torques over their limits, over time [s].
+        torque_squared: integral of the mean of the squared torques over their limits [s].
+        torque_use, speed_use: largest torque and speed over their limits.
         binding: names of the limits that are reached.
     """
 
     motion: Motion
     share: float
     torque_squared: float
+    torque_use: float
+    speed_use: float
     binding: tuple[str, ...]
 
 
@@ -158,7 +183,7 @@ def _solve(problem: MotionProblem, rest: Array, hit: Array) -> Solution:
     )
     share = 1.0 if solution.share > FULL else LESS * solution.share
     for _ in range(ROUNDS):
-        if not solution.solved or solution.share < LEAST_SHARE:
+        if solution.share < LEAST_SHARE:
             break
         times = _Verdict(problem, solution).add_points(solution.times)
         solution = problem.solve(
@@ -173,7 +198,8 @@ class _Verdict:
     """What a solution keeps on a grid finer than its points.
 
     Attributes:
-        broken: largest violation of a limit, in its unit, or of Ipopt's equations; 0 where none is.
+        broken: largest violation of a limit, in its unit; 0 where there is none.
+        torque_squared: see `PlannedMotion`.
     """
 
     def __init__(self, problem: MotionProblem, solution: Solution) -> None:
@@ -187,13 +213,16 @@ class _Verdict:
         )
         self.margins = Margins(problem.margins, problem.limits)
         self.rows = self.margins.rows(q, v, a)
+        costs = problem.path.values.map(len(q))(np.hstack([q, v, a]).T, [])[1]
+        weights = np.concatenate([integration_weights(times) for times in self.times])
+        self.torque_squared = float(weights @ np.asarray(costs).ravel())
         before, after = pair
         jump = after(0.0, 1) - before(0.0, 1)
         self.impulse = np.asarray(
             problem.impulse_margins(before(0.0), jump, solution.share)
         ).ravel()
         least = np.concatenate([[0.0], self.rows.min(axis=0), self.impulse + 1e-6])
-        self.broken = max(-float(least.min()), 0.0 if solution.solved else 1e-3)
+        self.broken = max(-float(least.min()), 0.0 if solution.feasible else 1e-3)
 
     def add_points(self, points: list[Array]) -> list[Array]:
         """Return times with those added at which a row is nearest to its limit."""
@@ -220,20 +249,33 @@ class _Verdict:
             worst = int(np.argmin(self.rows[:, row]))
             if self.rows[worst, row] < 0.0:
                 lines.append(limit.describe(label, float(self.rows[worst, row]), times[worst]))
-        for limit, label, row in self._labels(problem.impulse_limits):
+        for _, label, row in self._labels(problem.impulse_limits):
             if self.impulse[row] < -1e-6:
                 lines.append(f"{label} is beyond its limit by {-self.impulse[row]:.2g}")
-        if not solution.solved:
-            lines.append("the solver did not converge: the motion may not be a minimum")
+        if not solution.feasible:
+            lines.append("the solver finds no motion that keeps the equations of the impact")
         near = self.rows.min(axis=0)
         reached = [label for limit, label, row in labels if near[row] < 1.05 * limit.reserve]
         placement = None if task.standing is None else task.standing.placement
+        before, after = problem.splines.motion(solution.coefficients)
         motion = Motion(
-            task.robot, task.leg.joint_names, *problem.splines.motion(solution.coefficients),
-            placement, self.margins, tuple(dict.fromkeys(lines)),
-        )  # fmt: skip
-        share = solution.share
-        return PlannedMotion(motion, share, 0.0, tuple(dict.fromkeys(reached)))
+            task.robot,
+            task.leg.joint_names,
+            before,
+            after,
+            placement,
+            self.margins,
+            tuple(dict.fromkeys(lines)),
+        )
+        use = 1.0 - self.rows[:, : 2 * problem.n].min(axis=0)  # torques, then speeds
+        return PlannedMotion(
+            motion,
+            solution.share,
+            self.torque_squared,
+            float(use[: problem.n].max()),
+            float(use[problem.n :].max()),
+            tuple(dict.fromkeys(reached)),
+        )
 
     def _labels(self, limits: Sequence[Limit]) -> list[tuple[Limit, str, int]]:
         every = [(limit, label) for limit in limits for label in limit.labels]
@@ -296,9 +338,7 @@ def _limits_of(task: KickTask) -> tuple[list[Limit], list[Impulse]]:
     return limits, [Impulse(limit) for limit in on_ground]
 
 
-def _foot_spheres(
-    standing: StandingRobot, towards: Array, count: int, cosine: float
-) -> Spheres:
+def _foot_spheres(standing: StandingRobot, towards: Array, count: int, cosine: float) -> Spheres:
     """Return spheres that span the kicking foot in a direction, in its joint's axes."""
     body = joint_spheres(standing.robot, standing.robot.contact_joint)
     extremes, beyond = extreme_spheres(body, count, towards, cosine)

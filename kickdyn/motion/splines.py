@@ -1,5 +1,6 @@
 """Cubic splines before and after the impact, as linear maps of one row of coefficients."""
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -53,7 +54,7 @@ class MotionSplines:
     def values(self, times: list[Array], order: int) -> Array:
         """Return the map from coefficients to a derivative at times before and after, stacked."""
         pairs = zip(self.splines, times, strict=True)
-        return np.vstack([spline(t, order) for spline, t in pairs])
+        return np.asarray(np.vstack([spline(t, order) for spline, t in pairs]))
 
     def at_impact(self) -> Array:
         """Return the map to position, velocity before, and its jump at the impact, `(3, size)`."""
@@ -64,7 +65,7 @@ class MotionSplines:
     def speed_rows(self) -> Array:
         """Return the map to the coefficients of the velocities, which bound them."""
         rows = np.vstack([spline.derivative().c for spline in self.splines])
-        return rows[np.abs(rows).max(axis=1) > 0.0]
+        return np.asarray(rows[np.abs(rows).max(axis=1) > 0.0])
 
     def motion(self, coefficients: Array) -> list[BSpline]:
         """Return both splines for coefficients of shape `(size, n)`."""
@@ -73,8 +74,8 @@ class MotionSplines:
 
 def _between(grid: Array, far: int, near: int) -> Array:
     parts = [
-        np.linspace(*pair, near if min(abs(pair)) < NEAR else far, endpoint=False)
-        for pair in np.column_stack([grid[:-1], grid[1:]])
+        np.linspace(begin, end, near if min(abs(begin), abs(end)) < NEAR else far, endpoint=False)
+        for begin, end in pairwise(grid.tolist())
     ]
     return np.concatenate([*parts, grid[-1:]])
 
@@ -83,3 +84,9 @@ def per_joint(rows: Array, n: int, extra: int) -> Any:
     """Return a map of one joint for all n, as a sparse matrix with `extra` columns of 0."""
     blocks = sp.kron(sp.csr_matrix(rows), sp.eye(n))
     return sp.hstack([blocks, sp.csr_matrix((blocks.shape[0], extra))]).tocsr()
+
+
+def integration_weights(times: Array) -> Array:
+    """Return weights of values at times that integrate them, linear in between [s]."""
+    half = np.diff(times) / 2
+    return np.append(half, 0.0) + np.insert(half, 0, 0.0)

@@ -3,8 +3,8 @@ r"""The problem of a kick: its terms, postures to start from, and its solution.
 .. math::
     \min_{q, v, s} f(q, v) \quad\text{subject to the terms of the foot, the joints and the stance.}
 
-A limit that every kick must keep is a term in the list of `kick_problem`. A problem is solved from those postures that need the least joint speed, of many that
-are drawn with a fixed seed.
+A limit that every kick must keep is a term in the list of `kick_problem`. A problem is solved from
+those postures that need the least joint speed, of many that are drawn with a fixed seed.
 """
 
 import math
@@ -207,9 +207,7 @@ def kick_problem(
     lower = np.minimum(np.maximum(variables.lower, -farthest), variables.upper)
     upper = np.maximum(np.minimum(variables.upper, farthest), variables.lower)
     drawn = np.array([draw.uniform(lower, upper) for _ in range(DRAWN)])
-    return KickProblem(
-        robot, limb, variables, directions, tuple(terms), drawn, heading, standing
-    )
+    return KickProblem(robot, limb, variables, directions, tuple(terms), drawn, heading, standing)
 
 
 def solve_kick(problem: KickProblem, objective: Objective) -> KickSolution:

@@ -75,7 +75,7 @@ class Balance(StanceTerm):
 
 
 class Clearance(StanceTerm):
-    """The kicking foot is above the ground: heights of its extreme spheres above `CLEARANCE` [m]."""
+    """The kicking foot is above the ground: heights of its spheres above `CLEARANCE` [m]."""
 
     scale = LENGTH
     explanation = "it has one if its kicking foot may be under the ground"

@@ -98,7 +98,7 @@ class Limit(ABC):
 class TorqueLimit(Limit):
     """The torques of the joints, as shares of their limits."""
 
-    reserve = 0.04
+    reserve = 0.02
 
     def __init__(self, names: Sequence[str], limit: Array) -> None:
         self.labels, self._limit = [f"torque of {name}" for name in names], limit
@@ -113,7 +113,7 @@ class TorqueLimit(Limit):
 class SpeedLimit(Limit):
     """The speeds of the joints, as shares of their limits."""
 
-    reserve, by_splines = 0.005, True
+    reserve, by_splines = 0.001, True
 
     def __init__(self, names: Sequence[str], limit: Array) -> None:
         self.labels, self.limit = [f"speed of {name}" for name in names], limit
@@ -125,7 +125,7 @@ class SpeedLimit(Limit):
 class RangeLimit(Limit):
     """The ranges of the joints [rad; m for prismatic joints]; the reserve is a share of a range."""
 
-    reserve, by_splines, unit = 0.01, True, "rad"
+    reserve, by_splines, unit = 0.002, True, "rad"
 
     def __init__(self, names: Sequence[str], lower: Array, upper: Array) -> None:
         self.labels = [f"range of {name}" for name in names]

@@ -32,7 +32,7 @@ import scipy.sparse as sp
 
 from kickdyn.core.validation import Array
 from kickdyn.motion.impact_target import ImpactTarget
-from kickdyn.motion.limits import Impulse, Limit, Sample
+from kickdyn.motion.limits import Impulse, Limit, RangeLimit, Sample, SpeedLimit
 from kickdyn.motion.splines import MotionSplines, integration_weights, per_joint
 from kickdyn.motion.symbolic_tree import SymbolicTree
 from kickdyn.restitution import rows_of
@@ -279,8 +279,11 @@ class MotionProblem:
         """
         n, splines = self.n, self.splines
         solver, count = self._solver(rest, times, options)
-        low, high = (np.full(splines.speed_rows().shape[0] * n, s) for s in (-0.995, 0.995))
-        room = 0.01 * (self.upper - self.lower)
+        low, high = (
+            np.full(splines.speed_rows().shape[0] * n, s)
+            for s in (SpeedLimit.reserve - 1.0, 1.0 - SpeedLimit.reserve)
+        )
+        room = RangeLimit.reserve * (self.upper - self.lower)
         points, others, bounds = start.multipliers
         if len(points):
             old, new = np.concatenate(start.times), np.concatenate(times)

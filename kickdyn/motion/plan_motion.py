@@ -31,7 +31,7 @@ from kickdyn.robot.ground_clearance import Spheres, extreme_spheres
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.standing import StandingRobot, joint_spheres
 
-DURATIONS = {False: (0.35, 0.35), True: (0.8, 0.8)}
+DURATIONS = {False: (0.5, 0.5), True: (0.8, 0.8)}
 """Durations before and after the impact, by whether the robot stands on a foot [s]."""
 
 INTERVALS = {False: (8, 7), True: (14, 12)}
@@ -51,13 +51,16 @@ STARTS, SPREAD = 3, 0.2
 CENTRAL = 0.15
 """Share of a joint's range that the first posture leaves at either end, where it can."""
 
+REACHED = 2e-3
+"""Margin beyond its reserve at which a limit counts as reached."""
+
 FIRST_SHARE = 0.3
 """Share of the launch at the start."""
 
 ROUNDS = 4
 """Solutions with points added where limits are broken, at most."""
 
-FULL, LESS, LEAST_SHARE = 0.99, 0.98, 0.05
+FULL, LESS, LEAST_SHARE = 0.99, 0.998, 0.05
 """Share of the launch from which on the whole launch is sought; factor of a lower one for which the
 limits are kept between points; and share below which there is no kick."""
 
@@ -255,7 +258,7 @@ class _Verdict:
         if not solution.feasible:
             lines.append("the solver finds no motion that keeps the equations of the impact")
         near = self.rows.min(axis=0)
-        reached = [label for limit, label, row in labels if near[row] < 1.05 * limit.reserve]
+        reached = [label for limit, label, row in labels if near[row] < limit.reserve + REACHED]
         placement = None if task.standing is None else task.standing.placement
         before, after = problem.splines.motion(solution.coefficients)
         motion = Motion(
@@ -330,7 +333,8 @@ def _limits_of(task: KickTask) -> tuple[list[Limit], list[Impulse]]:
     side = 1.0 if posture.contact_point[1] > standing.sole[:, 1].mean() else -1.0
     edge = float(side * (side * standing.sole[:, 1]).max())
     down, aside = np.array([[0.0, 0.0, -1.0], [0.0, -side, 0.0]]) @ posture.rotation_world_joint
-    limits.append(Clearance("the kicking foot", foot, _foot_spheres(standing, down, *UNDER)))
+    under = _foot_spheres(standing, down, *UNDER)
+    limits.append(Clearance("the kicking foot", foot, under))
     beside = _foot_spheres(standing, aside, *BESIDE)
     limits.append(Apart("the kicking foot", foot, beside, edge, side))
     if standing.trunk_joint:

@@ -44,6 +44,7 @@ from .impact.strike import strike as strike
 from .impact.uncertainty import Uncertainty as Uncertainty
 from .impact.unilateral import UnilateralImpact as UnilateralImpact
 from .impact.unilateral import unilateral_strike as unilateral_strike
+from .motion.motion import Motion as Motion
 from .plane import Plane as Plane
 from .planning.goal import Goal as Goal
 from .planning.kick import plan_kick as plan_kick
@@ -55,6 +56,7 @@ from .planning.passes import plan_pass as plan_pass
 from .planning.swing import Swing as Swing
 from .planning.swing import plan_swing as plan_swing
 from .robot.constraints import Support as Support
+from .robot.drives import Drive as Drive
 from .robot.leg import Leg as Leg
 from .robot.leg import Posture as Posture
 from .scene.pitch import Wall as Wall

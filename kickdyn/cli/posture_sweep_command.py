@@ -3,9 +3,8 @@
 import logging
 import math
 import sys
-import threading
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -81,10 +80,6 @@ class StoreOptions:
         "--threads", type=click.IntRange(1, 1024), metavar="N",
         help="Number of threads, 1 to 1024.  [default: one per core]",
     )  # fmt: skip
-    workers: int | None = option(
-        "--workers", type=click.IntRange(1, 1024), metavar="N",
-        help="Number of processes that write DIR.zarr, 1 to 1024, in place of threads.",
-    )  # fmt: skip
     tolerance: float = option(
         "--tolerance", default=CARRY_TOLERANCE, show_default=True,
         help="Largest error of a carry distance [m]. Carries of planar legs are interpolated "
@@ -112,10 +107,8 @@ class StoreOptions:
         """Raise `InvalidInput` for options that need --out, or a wrong name."""
         if self.file is not None:
             check_netcdf_name(self.file)
-        if self.store is None and (self.resume or self.workers is not None):
-            raise InvalidInput(
-                "--resume and --workers are for a Zarr store: name it, --out DIR.zarr"
-            )
+        if self.store is None and self.resume:
+            raise InvalidInput("--resume is for a Zarr store: name it, --out DIR.zarr")
         if self.out is None and self.variables is not None:
             raise InvalidInput(
                 "--variables is for what --out keeps: name it, --out FILE.nc or DIR.zarr"
@@ -145,7 +138,6 @@ class StoreOptions:
                          "table, or a picture of the page."},
     },
 )  # fmt: skip
-@click.option("--live", is_flag=True, help="Serve the 3-D page on this computer until Ctrl-C.")
 def posture_sweep(
     leg: LegOptions,
     joints: tuple[str, ...],
@@ -157,7 +149,6 @@ def posture_sweep(
     where: str | None,
     storing: StoreOptions,
     output: OutputOptions,
-    live: bool,
 ) -> None:
     """Kick from every posture of a grid, and explain the best and the worst.
 
@@ -192,7 +183,7 @@ def posture_sweep(
         else:
             data = sweep(
                 robot, grid.axes, kick, store=storing.store, variables=storing.kept,
-                resume=storing.resume, workers=storing.workers, progress=progress, **how,
+                resume=storing.resume, progress=progress, **how,
             )  # fmt: skip
             computed = (block for _, block in blocks(data))
         for block in computed:
@@ -213,21 +204,15 @@ def posture_sweep(
 
         save_figure(sweep_figure(summary, lines), output.plot)
     made_page = None
-    if live or output.view is not None:
+    if output.view is not None:
         made_page = _page(page_lines(robot, grid, kick, summary, lines), kick)
         if made_page is None:
             reason = "" if where is None else f" where {where}"
             click.echo(f"no posture is ok{reason}: there is nothing to view", err=True)
         else:
-            if output.view is not None:
-                made_page.save(output.view)
+            made_page.save(output.view)
             warn(made_page.warnings)
     output.name_written(storing.out, output.plot, output.view if made_page is not None else None)
-    if live and made_page is not None:
-        with made_page.serve() as url:
-            click.echo(f"showing the kick at {url} (this machine only) until Ctrl-C", err=True)
-            with suppress(KeyboardInterrupt):
-                threading.Event().wait()
 
 
 @contextmanager

@@ -162,10 +162,6 @@ def draw_kick(
     marks.draw_ground(viewer["ground"], foot, forward, stripe, reach)
     marks.draw_axes(viewer["axes"], origin, axis)
     marks.draw_distances(viewer["distances"], foot, forward, stripe, length)
-    landing = np.array([*curve[-1, :2], floor])
-    marks.draw_disc(
-        viewer["landing"], landing, max(0.4 * ball.radius, 6 * float(width[-1])), marks.CURVE
-    )
     far_end = path.distance if isinstance(path, Course) else path.range
     draw_label(viewer["end"], f"{far_end:.3g} m", curve[-1], f"#{marks.CURVE:06x}")
     animation = _animation(viewer, impact, path, pace, moved, arrows)

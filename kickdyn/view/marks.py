@@ -147,13 +147,6 @@ def draw_dots(viewer: Any, points: Array, radius: float, colour: int) -> None:
     viewer.set_object(shapes.TriangularMeshGeometry(vertices, faces), _overlay(colour))
 
 
-def draw_disc(viewer: Any, centre: Array, radius: float, colour: int) -> None:
-    """Draw a level disc."""
-    material = shapes.MeshBasicMaterial(color=colour)
-    viewer.set_object(shapes.Cylinder(0.02 * radius, radius), material)
-    viewer.set_transform(tf.translation_matrix(centre) @ UPRIGHT)
-
-
 def draw_tee(viewer: Any, top: Array, height: float, radius: float) -> None:
     """Draw the stand of a ball of this radius, of this height below a point `(3,)` [m]."""
     stand = shapes.Cylinder(height, radiusTop=0.45 * radius, radiusBottom=0.3 * radius)

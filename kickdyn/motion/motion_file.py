@@ -8,7 +8,7 @@ import json
 import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -110,7 +110,7 @@ def _write_csv(samples: MotionSamples, file: Path) -> None:
 
 def _write_npz(samples: MotionSamples, file: Path) -> None:
     columns, root = samples.joint_columns, samples.root
-    arrays = {
+    arrays: dict[str, Any] = {
         "fps": samples.rate,
         "time": samples.t,
         "joint_names": np.array(samples.joints),

@@ -119,7 +119,7 @@ def test_keyframes_put_mujocos_bodies_where_pinocchio_has_them(walking, tmp_path
             body = compiled.body(model.names[number]).id
             np.testing.assert_allclose(state.xpos[body], data.oMi[number].translation, atol=1e-9)
             moved = np.zeros(6)
-            mujoco.mj_objectVelocity(compiled, state, 1, body, moved, 0)
+            mujoco.mj_objectVelocity(compiled, state, 2, body, moved, 0)  # mjOBJ_XBODY
             rotation, velocity = data.oMi[number].rotation, data.v[number]
             np.testing.assert_allclose(moved[:3], rotation @ velocity.angular, rtol=0, atol=1e-8)
             np.testing.assert_allclose(moved[3:], rotation @ velocity.linear, rtol=0, atol=1e-8)

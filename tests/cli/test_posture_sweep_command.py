@@ -84,7 +84,7 @@ def test_a_zarr_store_says_what_a_file_says(tmp_path):
     assert again.stderr == ""
     for arguments, words in (
         (("--out", "s.zarr"), "s.zarr exists and is not replaced: add --resume"),
-        (("--out", "t.nc", "--resume"), "--resume and --workers are for a Zarr store"),
+        (("--out", "t.nc", "--resume"), "--resume is for a Zarr store"),
     ):
         ended = door(*SMALL, *speed, *arguments, cwd=tmp_path)
         assert ended.returncode == 2
@@ -175,11 +175,10 @@ def test_of_more_than_a_million_without_a_store_the_answers_are_kept(tmp_path):
     assert "name a store, --out DIR.zarr" in ended.stderr
 
 
-@pytest.mark.parametrize("by", [(), ("--workers", "2")], ids=["threads", "workers"])
-def test_ctrl_c_says_how_to_go_on(tmp_path, by):
+def test_ctrl_c_says_how_to_go_on(tmp_path):
     """A terminal sends it to all processes of the command."""
     large = ["--joint", "hip=0:40:0.1", "--joint", "knee=10:60:0.05", "--joint", "ankle=0:20:0.05"]
-    command = [sys.executable, "-m", "kickdyn.posture_sweep", *large, *by, "--out", "my s.zarr"]
+    command = [sys.executable, "-m", "kickdyn.posture_sweep", *large, "--out", "my s.zarr"]
     colours = {**os.environ, "FORCE_COLOR": "1"}
     with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, env=colours,
                           stdout=subprocess.PIPE, preexec_fn=interruptible,
@@ -264,9 +263,8 @@ def test_any_urdf(tmp_path):
         (["--view", "no/where.html"], "no/where.html cannot be written"),
         (["--json", "."], "is a folder"),
         (["--nose"], "No such option '--nose'"),
-        (["--workers", "2"], "--resume and --workers are for a Zarr store"),
+        (["--resume"], "--resume is for a Zarr store"),
         (["--tolerance", "-1"], "tolerance is -1"),
-        (["--threads", "2", "--workers", "2", "--out", "x.zarr"], "exclude each other"),
         (["--threads", "0"], "0 is not in the range 1<=x<=1024"),
         (["--view", "page.txt"], "page.txt has no known ending: a page is written as .html"),
         (["--leg", "page.html", "--json", "page.html"], "page.html is an input"),

@@ -19,8 +19,8 @@ from kickdyn.planning.scatter import Scatter, scatter
 from kickdyn.restitution import describe_restitution
 from kickdyn.scene.pitch import Passage, Score, Wall, check_before, passage_on, score_at
 
-SAMPLE_RATE = 100
-"""Times per second at which a file has a motion."""
+SAMPLE_RATE = 100.0
+"""Rate of a motion's samples [Hz]."""
 
 WALL_CLEARANCE = 0.1
 """Clearance of the ball's lower edge over a wall where nothing else is asked for [m]."""
@@ -287,12 +287,9 @@ def _limit_use(speed: float, torque: float) -> str:
 
 
 def _motion_json(motion: Motion) -> dict[str, Any]:
-    """Return a motion at times of equal distance, both ends included."""
-    count = round((motion.end - motion.begin) * SAMPLE_RATE) + 1
-    times = np.linspace(motion.begin, motion.end, count).tolist()
-    names = ("q", "v", "torque", "ground_wrench")
-    samples = {name: [getattr(motion, name)(t).tolist() for t in times] for name in names}
-    return {"joints": list(motion.joints), "time": times, **samples}
+    samples = motion.samples(SAMPLE_RATE)
+    values = _attributes(samples, "q v torque ground_wrench")
+    return {"joints": samples.joints, "time": samples.t.tolist(), **values}
 
 
 def _attributes(source: object, names: str) -> dict[str, Any]:

@@ -232,7 +232,7 @@ def test_scatter_is_that_of_the_strike():
 def test_robust_scatters_no_more_than_any_other_objective(leg, goal, spread):
     robust = kd.plan_kick(leg, goal, BALL, AIR, objective="scatter", uncertainty=spread)
     own = scatter(robust.impact, AIR, **spread).radius
-    for name in set(KickObjective) - {"scatter"}:
+    for name in set(KickObjective) - {"scatter", "torque-squared"}:
         other = kd.plan_kick(leg, goal, BALL, AIR, objective=name)
         assert other.status == "met"
         assert own <= scatter(other.impact, AIR, **spread).radius * (1 + 1e-6), name

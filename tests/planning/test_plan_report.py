@@ -341,7 +341,7 @@ def test_every_number_of_the_table_is_that_of_the_plan(plan):
 @pytest.mark.parametrize("plan", KICKS)
 def test_every_number_of_the_json_is_that_of_the_plan(plan):
     wall, spread = Wall(3.0, 0.2), {"speed": 0.02}
-    report = PlanReport(plan, None, wall, True, spread).to_json()
+    report = PlanReport(plan, wall, True, spread).to_json()
     impact, leg, (up, left) = plan.impact, plan.leg, contact_point(plan)
     after, velocity = impact.ball_after, impact.ball_after.velocity
     ahead = plan.goal.target / plan.goal.distance

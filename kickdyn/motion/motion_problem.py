@@ -56,9 +56,9 @@ TOLERANCE = 1e-7
 OPTIONS = {
     "print_level": 0,
     "sb": "yes",
-    "tol": 1e-4,
-    "dual_inf_tol": 1e-2,
-    "compl_inf_tol": 1e-4,
+    "tol": 1e-3,
+    "dual_inf_tol": 0.1,
+    "compl_inf_tol": 1e-3,
     "linear_solver": "mumps",
 }
 """Options of Ipopt that all solutions have."""

@@ -60,35 +60,24 @@ FIRST_SHARE = 0.3
 ROUNDS = 4
 """Solutions with points added where limits are broken, at most."""
 
+FULL, LEAST_SHARE = 0.99, 0.05
+"""Share of the launch from which on the whole launch is sought, and share below which there is no
+kick."""
+
+ROUNDS = 4
+"""Solutions with points added where limits are broken, at most."""
+
 FULL, LESS, LEAST_SHARE = 0.99, 0.998, 0.05
 """Share of the launch from which on the whole launch is sought; factor of a lower one for which the
 limits are kept between points; and share below which there is no kick."""
 
-EARLY = {
-    "acceptable_tol": 1e10,
-    "acceptable_dual_inf_tol": 1e10,
-    "acceptable_compl_inf_tol": 1e-2,
-    "acceptable_obj_change_tol": 1e-3,
-    "acceptable_iter": 6,
-}
-"""Options of Ipopt with which it ends where the objective changes little: the last percent of
-squared torque takes as many iterations as all before."""
-
-FIRST = {
-    **EARLY,
-    "mu_init": 1e-3,
-    "max_iter": 150,
-    "constr_viol_tol": 1e-7,
-    "acceptable_constr_viol_tol": 1e-4,
-}
+FIRST = {"mu_init": 1e-3, "max_iter": 150, "constr_viol_tol": 1e-7}
 """Options of Ipopt for the first solution of a start."""
 
 AGAIN = {
-    **EARLY,
-    "mu_init": 1e-5,
+    "mu_init": 1e-4,
     "max_iter": 60,
     "constr_viol_tol": 1e-10,
-    "acceptable_constr_viol_tol": 1e-9,
     "warm_start_init_point": "yes",
     "warm_start_bound_push": 1e-7,
     "warm_start_bound_frac": 1e-7,
@@ -184,16 +173,23 @@ def _solve(problem: MotionProblem, rest: Array, hit: Array) -> Solution:
     solution = problem.solve(
         solution, rest, times, relaxation=Impulse.relaxation, shares=(0.0, 1.0), options=FIRST
     )
-    share = 1.0 if solution.share > FULL else LESS * solution.share
+    full = solution.share > FULL
+    options = AGAIN if full or not problem.impulse_limits else FIRST
     for _ in range(ROUNDS):
         if solution.share < LEAST_SHARE:
             break
         times = _Verdict(problem, solution).add_points(solution.times)
         solution = problem.solve(
-            solution, rest, times, relaxation=0.0, shares=(share, share), options=AGAIN
+            solution,
+            rest,
+            times,
+            relaxation=0.0,
+            shares=(1.0, 1.0) if full else (0.0, 1.0),
+            options=options,
         )
         if _Verdict(problem, solution).broken == 0.0:
             break
+        options = AGAIN
     return solution
 
 

@@ -330,7 +330,7 @@ def fit_restitution(impacts: Sequence[InferredImpact], knots: int = 2) -> Restit
     """
     for i, impact in enumerate(impacts):
         validation.check_type(InferredImpact, **{f"impact {i}": impact})
-    if knots not in range(1, len(impacts)):
+    if type(knots) is not int or knots not in range(1, len(impacts)):
         raise InvalidInput(
             f"knots is {validation.brief(knots)} and there are {len(impacts)} kicks: a table needs "
             "one row or more, and more kicks than it has rows"

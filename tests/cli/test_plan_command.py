@@ -407,7 +407,7 @@ def test_feet_under_the_ground_are_announced(tmp_path):
     [
         (
             ["--motion", "--objective", "foot-speed"],
-            "objective is foot-speed: a motion (motion=True",
+            "objective is foot-speed: a motion",
         ),
         (["--ball-height", "0.5"], "lies on its ground, at 0.109817 m"),
         (["--support", "right_knee_link"], "support right_knee_link is on the kicking limb"),

@@ -138,7 +138,7 @@ def test_a_motion_knows_the_restitution_over_speed():
 def test_a_ball_at_a_place_is_struck_there():
     goal = kd.Goal(10, time=1)
     free = kd.plan_kick(HUMAN, goal, BALL, AIR, motion=True).impact.ball_before.position
-    place = free + (0.02, 0.0, 0.03)
+    place = np.add(free, (0.02, 0.0, 0.03))
     plan = kd.plan_kick(HUMAN, goal, BALL, AIR, ball_position=place, motion=True)
     np.testing.assert_allclose(plan.impact.ball_before.position, place, atol=1e-6)
     check_impact(plan)

@@ -102,7 +102,7 @@ def test_what_happens_just_after_the_impact():
 
 def test_a_motion_has_a_sentence_and_samples_in_json():
     plan = kd.plan_kick(LEG, kd.Goal(15, time=1), BALL, AIR, motion=True)
-    first, line = PlanReport(plan).sentences()
+    first, line, *_ = PlanReport(plan).sentences()
     assert first == verdict(plan)
     assert line == (
         f"The motion takes {-plan.motion.begin:.3g} s from rest to the impact and "

@@ -1,7 +1,6 @@
 """Planning a kick: from a goal back to the posture and the joint velocity that meet it."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 from importlib.util import find_spec
 from typing import NamedTuple
@@ -28,7 +27,7 @@ from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.kick_problem import KickProblem, kick_problem, solve_kick
 from kickdyn.planning.kick_terms import BallPosition, Facing, Objective, SpeedLimit, TorqueLimit
 from kickdyn.planning.launch import Launch, OutOfReach, fly_to_target, plan_launch
-from kickdyn.planning.objectives import OBJECTIVES, KickObjective, LandingScatter
+from kickdyn.planning.objectives import OBJECTIVES, KickObjective
 from kickdyn.planning.passes import Pass, plan_pass
 from kickdyn.planning.stance import Balance
 from kickdyn.robot.kicking_chain import check_free_joints, with_angles
@@ -51,7 +50,6 @@ def plan_kick(
     ball_position: ArrayLike | None = None,
     limits: bool = True,
     surface: str | Surface | None = None,
-    uncertainty: Mapping[str, float] | None = None,
     motion: bool = False,
 ) -> KickPlan:
     r"""Find posture and joint velocity that strike a ball at rest so that it meets a goal.
@@ -71,8 +69,7 @@ def plan_kick(
         ball: the ball; its mass and radius count.
         air: the air; None is the vacuum.
         objective: a `KickObjective`; None is `joint-speed`, or `torque-squared` with a motion, for
-            which there is no other. `scatter` needs an `uncertainty`; it is searched from the
-            plans of all other objectives, so that it scatters no more than theirs.
+            which there is no other.
         contact: restitution, friction and offset of the contact, without a normal. With None, the
             restitution is 0.8 as in the paper's Table 2 and the friction 0.4. Where the restitution
             depends on the speed of approach u, u (1 + e) must increase with u; without friction,
@@ -86,7 +83,6 @@ def plan_kick(
             of 0 is refused, or none with `limits=False`.
         surface: surface of the ground, for a ball that is played along the ground as by
             `plan_pass`; the goal is then a time and a target at the height of the ball.
-        uncertainty: standard deviations by source, as for `kickdyn.planning.scatter.scatter`.
         motion: whether to plan the whole motion: from rest to the impact, and to rest again. It
             chooses posture and joint velocity at the impact, too, and needs limits of speed and
             torque of all joints that move, and `pip install "kickdyn[motion]"`. See below.
@@ -123,7 +119,7 @@ def plan_kick(
     """
     leg = with_angles(leg)
     check_free_joints(leg, "kicks are planned")
-    objective = _checked_objective(objective, uncertainty, limits=limits, motion=motion)
+    objective = _checked_objective(objective, limits=limits, motion=motion)
     contact, position = _checked_contact(contact), _checked_ball_position(ball_position)
     if is_floating(leg):
         position = _lying_on_ground(position, ball)
@@ -140,11 +136,8 @@ def plan_kick(
         problem = kick_problem(leg, target, position, limits=limits)
         if motion:
             chosen = _plan_motion(problem)
-        elif uncertainty is None:
-            chosen = _plan_posture(problem, OBJECTIVES[objective]())
         else:
-            scatter = LandingScatter(launch.state, ball, air, uncertainty)
-            chosen = _plan_posture(problem, scatter)
+            chosen = _plan_posture(problem, OBJECTIVES[objective]())
         impact = strike(chosen.robot.posture(chosen.q), chosen.v, ball, target.contact)
         path: Flight | Course
         if surface is None:
@@ -257,17 +250,10 @@ def _lying_on_ground(position: float | Array | None, ball: Ball) -> float | Arra
     return ball.radius if position is None else position
 
 
-def _checked_objective(
-    name: str | None, uncertainty: Mapping[str, float] | None, *, limits: bool, motion: bool
-) -> KickObjective:
+def _checked_objective(name: str | None, *, limits: bool, motion: bool) -> KickObjective:
     """Return the objective, or raise `InvalidInput` where it does not go with the rest."""
     default = KickObjective.TORQUE_SQUARED if motion else KickObjective.JOINT_SPEED
     objective = default if name is None else validation.choice("objective", name, KickObjective)
-    if (uncertainty is None) != (objective != KickObjective.SCATTER):
-        raise InvalidInput(
-            f"objective is {objective} and uncertainty is {uncertainty!r}: scatter needs an "
-            "uncertainty, and no other objective takes one"
-        )
     if motion != (objective == KickObjective.TORQUE_SQUARED):
         raise InvalidInput(
             f"objective is {objective}: a motion (motion=True, --motion) has the objective "

@@ -45,7 +45,7 @@ UNDER, BESIDE = (10, 0.4), (6, 0.6)
 """Numbers of spheres that span the kicking foot downwards and towards the other foot, each of which
 has rows at every point, and the cosine of the largest angle to that direction."""
 
-STARTS, SPREAD = 3, 0.2
+STARTS, SPREAD = 2, 0.2
 """Postures to start from, and the standard deviation of the angles of all but the first [rad]."""
 
 CENTRAL = 0.15
@@ -57,14 +57,14 @@ REACHED = 2e-3
 FIRST_SHARE = 0.3
 """Share of the launch at the start."""
 
-ROUNDS = 4
+ROUNDS = 3
 """Solutions with points added where limits are broken, at most."""
 
 FULL, LEAST_SHARE = 0.99, 0.05
 """Share of the launch from which on the whole launch is sought, and share below which there is no
 kick."""
 
-ROUNDS = 4
+ROUNDS = 3
 """Solutions with points added where limits are broken, at most."""
 
 FULL, LESS, LEAST_SHARE = 0.99, 0.998, 0.05
@@ -73,6 +73,9 @@ limits are kept between points; and share below which there is no kick."""
 
 FIRST = {"mu_init": 1e-3, "max_iter": 150, "constr_viol_tol": 1e-7}
 """Options of Ipopt for the first solution of a start."""
+
+NEARBY = {**FIRST, "mu_init": 1e-4, "bound_push": 1e-4, "bound_frac": 1e-4}
+"""Options of Ipopt for the first solution near a motion."""
 
 AGAIN = {
     "mu_init": 1e-4,
@@ -137,8 +140,12 @@ class PlannedMotion:
     binding: tuple[str, ...]
 
 
-def plan_motion(task: KickTask) -> PlannedMotion:
+def plan_motion(task: KickTask, near: Motion | None = None) -> PlannedMotion:
     """Return the motion of a kick, from rest to rest; the best one where none keeps all limits.
+
+    Args:
+        task: the kick.
+        near: motion of the same robot for nearly the same kick, as the only one to start from.
 
     Raises:
         InvalidInput: a joint without limits, or a robot that cannot stand at rest or touch the ball
@@ -150,8 +157,8 @@ def plan_motion(task: KickTask) -> PlannedMotion:
     limits, of_impulse = _limits_of(task)
     problem = MotionProblem(task, splines, limits, of_impulse)
     best, least = None, (math.inf, math.inf)
-    for rest, hit in _starts(problem):
-        solution = _solve(problem, rest, hit)
+    for rest, start, options in _starts(problem, near):
+        solution = _solve(problem, rest, start, options)
         verdict = _Verdict(problem, solution)
         rating = (-float(verdict.broken == 0.0), verdict.broken - solution.share)
         if rating < least:
@@ -162,16 +169,14 @@ def plan_motion(task: KickTask) -> PlannedMotion:
     return best.planned()
 
 
-def _solve(problem: MotionProblem, rest: Array, hit: Array) -> Solution:
-    """Return the solution from a posture at rest and one that touches the ball."""
-    splines = problem.splines
-    times = splines.times(*POINTS)
-    nothing = np.zeros(0)
-    solution = Solution(
-        np.tile(hit, (splines.size, 1)), FIRST_SHARE, times, (nothing, nothing, nothing), True, 0
-    )
+def _solve(
+    problem: MotionProblem, rest: Array, start: Solution, options: dict[str, Any]
+) -> Solution:
+    """Return the solution from unknowns to start from, with both ends near a posture at rest."""
+    times = start.times
+    relaxation = Impulse.relaxation
     solution = problem.solve(
-        solution, rest, times, relaxation=Impulse.relaxation, shares=(0.0, 1.0), options=FIRST
+        start, rest, times, relaxation=relaxation, shares=(0.0, 1.0), options=options
     )
     full = solution.share > FULL
     options = AGAIN if full or not problem.impulse_limits else FIRST
@@ -179,13 +184,9 @@ def _solve(problem: MotionProblem, rest: Array, hit: Array) -> Solution:
         if solution.share < LEAST_SHARE:
             break
         times = _Verdict(problem, solution).add_points(solution.times)
+        shares = (1.0, 1.0) if full else (0.0, 1.0)
         solution = problem.solve(
-            solution,
-            rest,
-            times,
-            relaxation=0.0,
-            shares=(1.0, 1.0) if full else (0.0, 1.0),
-            options=options,
+            solution, rest, times, relaxation=0.0, shares=shares, options=options
         )
         if _Verdict(problem, solution).broken == 0.0:
             break
@@ -281,24 +282,36 @@ class _Verdict:
         return [(limit, label, row) for row, (limit, label) in enumerate(every)]
 
 
-def _starts(problem: MotionProblem) -> Iterator[tuple[Array, Array]]:
-    """Yield postures at rest, and near them ones that touch the ball, shape `(n,)` each.
+def _starts(
+    problem: MotionProblem, near: Motion | None
+) -> Iterator[tuple[Array, Solution, dict[str, Any]]]:
+    """Yield postures at rest, unknowns to start from, and options of Ipopt.
+
+    Without a motion to start from, the robot stays in a posture that touches the ball.
 
     Raises:
         InvalidInput: there are none.
     """
+    splines, nothing = problem.splines, (np.zeros(0), np.zeros(0), np.zeros(0))
+    times = splines.times(*POINTS)
+    if near is not None:
+        coefficients = splines.coefficients(near.before, near.after)
+        start = Solution(coefficients, 1.0, times, nothing, True, 0)
+        yield near.before(near.begin), start, NEARBY
+        return
     draw, robot = np.random.default_rng(0), problem.task.robot
     room = CENTRAL * (problem.upper - problem.lower)
     central = np.clip(0.0, problem.lower + room, problem.upper - room)
     found = False
     for number in range(STARTS):
-        near = central + draw.normal(0.0, SPREAD if number else 0.0, problem.n)
-        near = np.clip(near, problem.lower + 0.2 * room, problem.upper - 0.2 * room)
-        rest = problem.stand(near, at_ball=False)
+        posture = central + draw.normal(0.0, SPREAD if number else 0.0, problem.n)
+        posture = np.clip(posture, problem.lower + 0.2 * room, problem.upper - 0.2 * room)
+        rest = problem.stand(posture, at_ball=False)
         hit = None if rest is None else problem.stand(rest, at_ball=True)
         if rest is not None and hit is not None:
             found = True
-            yield rest, hit
+            still = np.tile(hit, (splines.size, 1))
+            yield rest, Solution(still, FIRST_SHARE, times, nothing, True, 0), FIRST
     if not found:
         does = "stand at rest" if rest is None else "touch the ball at rest"
         raise InvalidInput(

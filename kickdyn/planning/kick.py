@@ -198,7 +198,48 @@ def _plan_posture(problem: KickProblem, objective: Objective) -> _Chosen:
     )
 
 
-def _plan_motion(problem: KickProblem) -> _Chosen:
+def replan_motion(plan: KickPlan, velocity: ArrayLike) -> KickPlan:
+    """Return a plan with a motion near that of another one, whose `strike` gives another launch.
+
+    It serves to correct a launch by what a contact that takes time, or a simulator, makes of it.
+
+    Args:
+        plan: with a motion.
+        velocity: of the ball after `strike`, shape `(3,)` [m/s, world frame].
+
+    Raises:
+        InvalidInput: a plan without a motion.
+    """
+    if plan.motion is None:
+        raise InvalidInput("the plan has no motion: plan it with motion=True")
+    wished = validation.vector("velocity", velocity, 3, unit="m/s")
+    ball, contact = plan.impact.ball, plan.impact_target.contact
+    leg, after = plan.leg, plan.impact.ball_after
+    position = None
+    if plan.ball_is_placed:
+        position = ball.radius if is_floating(leg) else plan.impact.ball_before.position
+    with threadpool_limits(1, "blas"):
+        target = impact_target_for(wished, after.spin, ball, contact)
+        problem = kick_problem(leg, target, position)
+        chosen = _plan_motion(problem, plan.motion)
+        impact = strike(chosen.robot.posture(chosen.q), chosen.v, ball, target.contact)
+        path = fly_to_target(impact.ball_after, plan.goal, ball, plan.launch.air, None)
+    return replace(
+        plan,
+        value=chosen.value,
+        share=chosen.share,
+        impact_target=target,
+        impact=impact,
+        path=path,
+        speed_use=chosen.speed_use,
+        torque_use=chosen.torque_use,
+        binding=chosen.binding,
+        balance=chosen.balance,
+        motion=chosen.motion,
+    )
+
+
+def _plan_motion(problem: KickProblem, near: Motion | None = None) -> _Chosen:
     """Return the state at the impact that a motion from rest to rest contains."""
     if find_spec("casadi") is None:
         raise InvalidInput(
@@ -210,18 +251,17 @@ def _plan_motion(problem: KickProblem) -> _Chosen:
     standing, none = problem.standing, np.zeros((0, 3))
     ball, facing = problem.find(BallPosition), problem.find(Facing)
     leg = problem.limb.leg if standing is None else standing.leg
-    planned = plan_motion(
-        KickTask(
-            problem.robot,
-            leg,
-            problem.variables.target,
-            problem.foot_directions,
-            none if ball is None else ball.rows,
-            np.zeros(3) if ball is None else ball.centre,
-            none if facing is None else facing.axes,
-            standing,
-        )
+    task = KickTask(
+        problem.robot,
+        leg,
+        problem.variables.target,
+        problem.foot_directions,
+        none if ball is None else ball.rows,
+        np.zeros(3) if ball is None else ball.centre,
+        none if facing is None else facing.axes,
+        standing,
     )
+    planned = plan_motion(task, near)
     motion, balance = planned.motion, None
     if standing is not None:
         balance = Balance(standing).distance(leg.posture(motion.before(0.0)))

@@ -3,7 +3,7 @@
 import math
 from dataclasses import replace
 from importlib.util import find_spec
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -31,7 +31,7 @@ from kickdyn.planning.objectives import OBJECTIVES, KickObjective
 from kickdyn.planning.passes import Pass, plan_pass
 from kickdyn.planning.stance import Balance
 from kickdyn.robot.kicking_chain import check_free_joints, with_angles
-from kickdyn.robot.leg import Leg
+from kickdyn.robot.leg import Leg, Posture
 from kickdyn.robot.standing import is_floating
 
 FARTHEST_BALL = 1e9
@@ -138,10 +138,10 @@ def plan_kick(
             chosen = _plan_motion(problem)
         else:
             chosen = _plan_posture(problem, OBJECTIVES[objective]())
-        impact = strike(chosen.robot.posture(chosen.q), chosen.v, ball, target.contact)
+        impact = strike(chosen.posture, chosen.v, ball, target.contact)
         path: Flight | Course
         if surface is None:
-            time = launch.time if chosen.share == 1.0 else None
+            time = launch.time if chosen.outcome["share"] == 1.0 else None
             path = fly_to_target(impact.ball_after, goal, ball, air, time)
         else:
             start = impact.ball_after
@@ -152,50 +152,37 @@ def plan_kick(
         goal=goal,
         launch=launch,
         objective=objective,
-        value=chosen.value,
-        share=chosen.share,
         impact_target=target,
         impact=impact,
         path=path,
-        speed_use=chosen.speed_use,
-        torque_use=chosen.torque_use,
-        binding=chosen.binding,
         ball_is_placed=position is not None,
         heading=problem.heading,
-        balance=chosen.balance,
-        motion=chosen.motion,
+        **chosen.outcome,
     )
 
 
 class _Chosen(NamedTuple):
-    """The robot's state at the impact, and what it takes: see the attributes of `KickPlan`."""
+    """The robot's state at the impact, and further attributes of `KickPlan`."""
 
-    robot: Leg
-    q: Array
+    posture: Posture
     v: Array
-    share: float
-    value: float
-    speed_use: float
-    torque_use: float
-    binding: tuple[str, ...]
-    balance: float | None
-    motion: Motion | None = None
+    outcome: dict[str, Any]
 
 
 def _plan_posture(problem: KickProblem, objective: Objective) -> _Chosen:
     """Return the state at the impact that is best by an objective."""
     problem, point = solve_kick(problem, objective)
+    q, v = problem.on_robot(point)
     balance = problem.find(Balance)
-    return _Chosen(
-        problem.robot,
-        *problem.on_robot(point),
-        point.share,
-        objective.quantity(point),
-        float(SpeedLimit(problem.variables).use(point).max()),
-        float(TorqueLimit(problem.variables).use(point).max()),
-        tuple(name for term in problem.terms for name in term.binding(point)),
-        None if balance is None else balance.distance(point.posture),
-    )
+    outcome = {
+        "share": point.share,
+        "value": objective.quantity(point),
+        "speed_use": float(SpeedLimit(problem.variables).use(point).max()),
+        "torque_use": float(TorqueLimit(problem.variables).use(point).max()),
+        "binding": tuple(name for term in problem.terms for name in term.binding(point)),
+        "balance": None if balance is None else balance.distance(point.posture),
+    }
+    return _Chosen(problem.robot.posture(q), v, outcome)
 
 
 def replan_motion(plan: KickPlan, velocity: ArrayLike) -> KickPlan:
@@ -222,21 +209,9 @@ def replan_motion(plan: KickPlan, velocity: ArrayLike) -> KickPlan:
         target = impact_target_for(wished, after.spin, ball, contact)
         problem = kick_problem(leg, target, position)
         chosen = _plan_motion(problem, plan.motion)
-        impact = strike(chosen.robot.posture(chosen.q), chosen.v, ball, target.contact)
+        impact = strike(chosen.posture, chosen.v, ball, target.contact)
         path = fly_to_target(impact.ball_after, plan.goal, ball, plan.launch.air, None)
-    return replace(
-        plan,
-        value=chosen.value,
-        share=chosen.share,
-        impact_target=target,
-        impact=impact,
-        path=path,
-        speed_use=chosen.speed_use,
-        torque_use=chosen.torque_use,
-        binding=chosen.binding,
-        balance=chosen.balance,
-        motion=chosen.motion,
-    )
+    return replace(plan, impact_target=target, impact=impact, path=path, **chosen.outcome)
 
 
 def _plan_motion(problem: KickProblem, near: Motion | None = None) -> _Chosen:
@@ -265,18 +240,16 @@ def _plan_motion(problem: KickProblem, near: Motion | None = None) -> _Chosen:
     motion, balance = planned.motion, None
     if standing is not None:
         balance = Balance(standing).distance(leg.posture(motion.before(0.0)))
-    return _Chosen(
-        problem.robot,
-        motion.q(0.0),
-        motion.v(0.0),
-        planned.share,
-        planned.torque_squared,
-        planned.speed_use,
-        planned.torque_use,
-        planned.binding,
-        balance,
-        motion,
-    )
+    outcome = {
+        "share": planned.share,
+        "value": planned.torque_squared,
+        "speed_use": planned.speed_use,
+        "torque_use": planned.torque_use,
+        "binding": planned.binding,
+        "balance": balance,
+        "motion": motion,
+    }
+    return _Chosen(problem.robot.posture(motion.q(0.0)), motion.v(0.0), outcome)
 
 
 def _lying_on_ground(position: float | Array | None, ball: Ball) -> float | Array:

@@ -239,7 +239,7 @@ def _plan_motion(problem: KickProblem, near: Motion | None = None) -> _Chosen:
     planned = plan_motion(task, near)
     motion, balance = planned.motion, None
     if standing is not None:
-        balance = Balance(standing).distance(leg.posture(motion.before(0.0)))
+        balance = Balance(standing).distance(problem.robot.posture(motion.q(0.0)))
     outcome = {
         "share": planned.share,
         "value": planned.torque_squared,

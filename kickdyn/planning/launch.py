@@ -114,9 +114,9 @@ class Launch(PlannedLaunch):
     def others(self) -> "tuple[Launch, ...]":
         """The other launches that meet the goal, by time of flight; computed when first read.
 
-        The launches to the target form curves, and these are all on the curves that Newton's method
-        finds from the vacuum's answers: for the goal, and for three times of flight that are then
-        free. Only a launch on a curve apart from those can be missing.
+        There is a branch of launches to the target, one for each time of flight, and these are all
+        on the branches to which Newton's method comes from the vacuum's answers: for the goal, and
+        for some times of flight. A launch on another branch can be missing.
         """
         if self.limit is not None:
             return ()
@@ -126,7 +126,7 @@ class Launch(PlannedLaunch):
         unknowns = *self.velocity, self.time
         return tuple(
             _launch(family, self.goal, None, solution)
-            for solution in family.solutions(direct, family.curves(direct))
+            for solution in family.solutions(direct, family.branches(direct))
             if solution.is_above_ground
             and math.dist((*solution.velocity, solution.time), unknowns) > 1e-6 * self.speed
         )
@@ -209,16 +209,16 @@ def plan_launch(
     if goal.arc == Arc.LOW and clear and len(solutions) == (2 if goal.kind == "speed" else 1):
         return _launch(family, goal, None, clear[0])
 
-    curves = family.curves(direct)
-    solutions = family.solutions(direct, curves)
+    branches = family.branches(direct)
+    solutions = family.solutions(direct, branches)
     clear = [solution for solution in solutions if solution.is_above_ground]
     if clear:
         return _launch(family, goal, None, clear[0 if goal.arc == Arc.LOW else -1])
     if goal.beside is not None and not solutions:
         return _nearest_curve(family, direct)
-    if not any(family.is_inside(member) for curve in curves for member in curve):
+    if not any(family.is_inside(member) for branch in branches for member in branch):
         return _farthest(family)
-    return _nearest(family, curves, ground_blocks=bool(solutions))
+    return _nearest(family, branches, ground_blocks=bool(solutions))
 
 
 def _shooting_problem(goal: Goal, ball: Ball, air: Air | None, spin: Array) -> ShootingProblem:
@@ -330,7 +330,7 @@ def _nearest_curve(family: LaunchFamily, solutions: list[LaunchSolution]) -> Lau
 
 
 def _nearest(
-    family: LaunchFamily, curves: list[list[LaunchSolution]], *, ground_blocks: bool
+    family: LaunchFamily, branches: list[list[LaunchSolution]], *, ground_blocks: bool
 ) -> Launch:
     """Return the member nearest to what the goal names that is clear of the ground.
 
@@ -341,10 +341,10 @@ def _nearest(
     def distance(member: LaunchSolution) -> float:
         return abs(member.condition(goal)[0])
 
-    inside = [member for curve in curves for member in curve if family.is_inside(member)]
+    inside = [member for branch in branches for member in branch if family.is_inside(member)]
     nearest = min(inside, key=distance)
     if ground_blocks or not nearest.is_above_ground:
-        clear = family.above_ground(curves)
+        clear = family.above_ground(branches)
         if not clear:
             raise OutOfReach(
                 "the goal is out of reach: the ground is in the way of every launch",

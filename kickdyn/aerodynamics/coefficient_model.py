@@ -35,8 +35,6 @@ class CoefficientModel:
         reynolds: range it is meant for.
         spin: range of the spin parameter it is meant for.
         source: where the numbers come from.
-        refuses: whether it is wrong, not just unproven, outside its range: a flight that leaves
-            the range then ends in an error.
         branch_free: a Reynolds number, and a function without branches that is the same from there
             on: `fly_many` computes it for several flights with one instruction.
     """
@@ -47,7 +45,6 @@ class CoefficientModel:
     reynolds: tuple[float, float]
     spin: tuple[float, float]
     source: str
-    refuses: bool = False
     branch_free: tuple[float, Coefficient] | None = None
 
     def __reduce__(self) -> "tuple[Callable[..., CoefficientModel], tuple[Any, ...]]":

@@ -7,7 +7,7 @@ r"""Lift (Magnus) coefficients :math:`C_L(Re, Sp)` of soccer balls.
 import math
 
 from kickdyn.aerodynamics.coefficient_model import CoefficientModel, registry
-from kickdyn.aerodynamics.drag import BALLS, SPIN_DRAG, without_spin
+from kickdyn.aerodynamics.drag import BALLS, without_spin
 
 _BALL = BALLS["brazuca"]
 _PLATEAU = _BALL.a
@@ -17,7 +17,6 @@ LEAST_DRAG = 0.1748588996
 _PER_DROP = 1.0 / (_PLATEAU - LEAST_DRAG)
 
 _without_spin = without_spin(_BALL)
-_teamgeist = without_spin(BALLS["teamgeist"])
 
 
 def saturating(reynolds: float, spin_parameter: float) -> float:
@@ -46,20 +45,6 @@ def wang(reynolds: float, spin_parameter: float) -> float:
     return 0.5 * math.pow(spin_parameter, 0.4)
 
 
-def kiratidis_leinweber(reynolds: float, spin_parameter: float) -> float:
-    r"""Return Eqs. 8-9 of Kiratidis & Leinweber 2018 for the Teamgeist.
-
-    :math:`1.15\, Sp^{0.83} (a - C_D)/(a - C_{D,ref})`, :math:`C_D` with spin, the reference at Re
-    333,793 and Sp 0.19.
-    Beyond the data, Sp 0.31, it falls to 0 while drag grows: a flight that goes there is refused.
-    """
-    a = 0.4927
-    reference = 0.144 + 0.514 * 0.19
-    now = _teamgeist(reynolds) + SPIN_DRAG * spin_parameter
-    drop = (a - min(now, a)) / (a - reference)
-    return 1.15 * math.pow(spin_parameter, 0.83) * drop
-
-
 def nathan(reynolds: float, spin_parameter: float) -> float:
     r"""Return :math:`1.12\, Sp/(0.583 + 2.333\, Sp)`, Nathan's calculator for baseballs."""
     return 1.12 * spin_parameter / (0.583 + 2.333 * spin_parameter)
@@ -74,11 +59,6 @@ MODELS = registry(
     CoefficientModel(
         "lift", "wang", wang, reynolds=(2e5, 5e5), spin=(0.1, 0.4),
         source="Wang 2015, on Goff & Carre 2009, AJP 77:1020",
-    ),
-    CoefficientModel(
-        "lift", "kiratidis-leinweber", kiratidis_leinweber, reynolds=(2e5, 5.1e5), spin=(0.0, 0.31),
-        source="Kiratidis & Leinweber 2018, Eur. J. Phys. 39:034001, Eqs. 8-9, Teamgeist",
-        refuses=True,
     ),
     CoefficientModel(
         "lift", "nathan", nathan, reynolds=(1e5, 3e5), spin=(0.0, 1.0),

@@ -84,11 +84,10 @@ def fly_many(
 
     Returns:
         A dataset along `flight` in the order of the launches. Where `status` is `failed`, the
-        acceleration was not finite, the integrator gave up, the launch was faster than light, the
-        function of an event was not a number, or the flight left the range of a coefficient that
-        refuses that, and the numbers are nan;
-        where it is `aloft`, the landing is merely the last state. `outside` is about launch, apex
-        and landing only, while a ball is slowest between apex and landing.
+        acceleration was not finite, the integrator gave up, the launch was faster than light, or
+        the function of an event was not a number, and the numbers are nan; where it is `aloft`, the
+        landing is merely the last state. `outside` is about launch, apex and landing only, while a
+        ball is slowest between apex and landing.
 
     Raises:
         InvalidInput: a single state, a ball that starts inside the ground, a bad tolerance, a

@@ -23,7 +23,6 @@ from numba.core.dispatcher import Dispatcher
 from numba.extending import intrinsic
 
 from kickdyn.aerodynamics.coefficient_model import (
-    Coefficient,
     CoefficientModel,
     ConstantCoefficient,
 )
@@ -128,19 +127,14 @@ def compiled_rates(ball: Ball, air: Air) -> Any:
 
     A wind or a coefficient that numba cannot compile raises `InvalidInput`.
     """
-    branched, straight, bound = copy.copy(air), copy.copy(air), 0.0
+    straight, bound = copy.copy(air), 0.0
     for name in ("drag", "lift", "torque"):
         model = getattr(air, name)
-        if not isinstance(model, CoefficientModel):
-            continue
-        if model.refuses:
-            object.__setattr__(branched, name, _refusing(model))
-            object.__setattr__(straight, name, _refusing(model))
-        elif model.branch_free is not None:
+        if isinstance(model, CoefficientModel) and model.branch_free is not None:
             object.__setattr__(straight, name, model.branch_free[1])
             bound = max(bound, model.branch_free[0])
     rates = side_by_side(
-        acceleration_function(ball, branched),
+        acceleration_function(ball, air),
         acceleration_function(ball, straight),
         reynolds_number(ball, air),
         bound,
@@ -289,18 +283,6 @@ def _forget(folder: Path) -> None:
         files = sorted(folder.glob("*.equations_*"), key=lambda file: file.stat().st_mtime)
         for file in files[:-_ON_DISK]:
             file.unlink()
-
-
-def _refusing(model: CoefficientModel) -> Coefficient:
-    """Return a model that is not a number where `fly` would refuse it."""
-    function, (low, high), (least, most) = model.function, model.reynolds, model.spin
-
-    def within(reynolds: float, spin_parameter: float) -> float:
-        if low <= reynolds <= high and least <= spin_parameter <= most:
-            return function(reynolds, spin_parameter)
-        return math.nan
-
-    return within
 
 
 def _compile(function: Callable[..., Any], signature: Any, name: str) -> Any:

@@ -79,27 +79,21 @@ class Event:
             ) from fault
         shape = launch.position.shape[:-1]
         try:
-            fixed = [
-                np.asarray(number, dtype=float) if np.ndim(number) else float(number)
-                for number in numbers
-            ]
-            valid = len(fixed) <= NUMBERS
-            valid = valid and all(np.shape(number) in ((), shape) for number in fixed)
+            fixed = [np.asarray(number, dtype=float) for number in numbers]
+            valid = len(fixed) <= NUMBERS and all(
+                number.shape in ((), shape) and np.isfinite(number).all() for number in fixed
+            )
         except (TypeError, ValueError):
             valid = False
         if not valid:
             raise InvalidInput(
                 f"the numbers of the event {self.name!r} are {validation.brief(numbers)}: they "
-                f"must be a sequence of at most {NUMBERS} numbers"
+                f"must be a sequence of at most {NUMBERS} finite numbers"
                 + (f", or arrays of shape {shape}" if shape else "")
             )
-        if not all(np.isfinite(number).all() for number in fixed):
-            raise InvalidInput(
-                f"the numbers of the event {self.name!r} are {validation.brief(numbers)}: they "
-                "must be finite"
-            )
-        fixed += (NUMBERS - len(fixed)) * [0.0]
-        return replace(self, numbers=tuple(fixed))
+        fixed += (NUMBERS - len(fixed)) * [np.zeros(())]
+        single = (number if number.ndim else float(number) for number in fixed)
+        return replace(self, numbers=tuple(single))
 
     def value(self, state: Any) -> float:
         """Return the value of the function at a state of a flight whose launch is known.

@@ -25,7 +25,7 @@ from kickdyn.flight.events import (
     ground_event,
     plane_events,
 )
-from kickdyn.flight.flight_result import Flight, FlightStatus, warning_of
+from kickdyn.flight.flight_result import Flight, FlightStatus
 from kickdyn.flight.forces import (
     STILL,
     VACUUM,
@@ -79,8 +79,8 @@ def fly(
     Raises:
         InvalidInput: an array of states, an end that is no terminal event or whose function is not
             a number on the way, a ball that starts inside the ground, beyond the plane or faster
-            than light, a position beyond the range of float64, a bad tolerance, or a coefficient
-            outside its range whose model refuses that; others give one of `Flight.warnings`.
+            than light, a position beyond the range of float64, or a bad tolerance. A coefficient
+            outside its range gives one of `Flight.warnings`.
         KickdynError: the integrator gave up.
 
     Example:
@@ -127,11 +127,8 @@ def _fly(task: _Task, **changes: Any) -> Flight:
     # for `Flight.error`, `Flight.arrival` and unpickling, which fly once more
     flown = partial(Flight, ball, air, ground, plane, tol, partial(_fly, task))
     if _has_closed_form(state, ball, air, ends):
-        path = _closed_form(flown, state, downward(ball, air), ends, task.time_limit)
-    else:
-        path = _integrated(flown, task, ends)
-    _refuse_outside(path)
-    return path
+        return _closed_form(flown, state, downward(ball, air), ends, task.time_limit)
+    return _integrated(flown, task, ends)
 
 
 def check_single(state: BallState) -> None:
@@ -212,10 +209,11 @@ def _integrated(flown: Callable[..., Flight], task: _Task, ends: tuple[Event, ..
         start = 0.0, equations.begin
         arc = integrate(equations.rates, start, [*ends, crest], task.time_limit, tolerance)
     except KickdynError as error:
-        cause = equations.describe_fault()
-        if not cause:
+        fault = equations.fault
+        if fault is None:
             raise
-        raise KickdynError(f"{error}; {cause}") from equations.fault
+        cause = f"the air's wind or a coefficient raised {type(fault).__name__}: {fault}"
+        raise KickdynError(f"{error}; {cause}") from fault
     last = arc.end, arc.state.copy()
     if arc.reached is ends[0]:
         last[1][2] = -drop  # by definition; else but for rounding
@@ -229,7 +227,7 @@ def _integrated(flown: Callable[..., Flight], task: _Task, ends: tuple[Event, ..
     acting = {"drag": air.drag, "lift": spins and air.lift, "spin decay": spins and air.torque}
     effects = ", ".join(name for name, model in acting.items() if model and air.density > 0.0)
     effects = effects or "weight less buoyancy only"
-    states = trajectory([arc], equations.begin)
+    states = trajectory(arc, equations.begin)
     return flown(
         _ball_at(state, 0.0, equations.begin),
         find_apex,
@@ -258,13 +256,3 @@ def _ball_at(launch: BallState, time: float, moved: Array) -> BallState:
     if math.hypot(*itertools.chain(*(vector.tolist() for vector in vectors))) < math.inf:
         return BallState.computed(*vectors, time)
     return BallState(*vectors, time)
-
-
-def _refuse_outside(path: Flight) -> None:
-    """Raise `InvalidInput` where a flight leaves the range of a model that refuses that."""
-    models = () if path.air is None else (path.air.drag, path.air.lift)
-    if any(getattr(model, "refuses", False) for model in models):
-        for model, share, limits in path.outside():
-            if share > 0 and model.refuses:
-                warning = warning_of(model, share, limits)
-                raise InvalidInput(f"the flight leaves a coefficient's range: {warning}")

@@ -7,14 +7,13 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kickdyn.aerodynamics.coefficient_model import CoefficientModel
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.events import Event, checked_ends, plane_events
-from kickdyn.flight.flight_result import Flight, FlightStatus, profile, warning_of
+from kickdyn.flight.flight_result import Flight, FlightStatus, profile
 from kickdyn.flight.fly import check_single, fly
 from kickdyn.flight.ground_motion import GroundPhase, bounce, roll, slide
 from kickdyn.ground import Ground, Surface
@@ -34,7 +33,7 @@ class Course(ReprMixin):
     Attributes:
         status: `at-rest`; `at-plane`, where the ball reached the plane; `aloft`, where it did not
             come down before the time limit; `bouncing`, where it still bounces after
-            `MOST_BOUNCES`; `blown`, where the wind kept it rolling until the time limit; or the
+            `MOST_BOUNCES`; `blown`, where the wind does not let it rest; or the
             name of one of `ends`.
         flights: the flights, one before each bounce.
         bounces: the ball just after each bounce.
@@ -87,22 +86,8 @@ class Course(ReprMixin):
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
-        """A line for each coefficient outside its range, with its share of the time in flight."""
-        aloft = sum(path.duration for path in self.flights)
-        shares, limits = dict[str, float](), dict[str, dict[str, None]]()
-        of_kind = dict[str, CoefficientModel]()
-        for path in self.flights:
-            for model, share, exceeded in path.outside():
-                kind = model.kind
-                of_kind[kind] = model
-                shares[kind] = shares.get(kind, 0.0) + share * path.duration / aloft
-                limits.setdefault(kind, {}).update(dict.fromkeys(exceeded))
-        lines = [
-            warning_of(of_kind[kind], share, limits[kind])
-            for kind, share in shares.items()
-            if share > 0.0
-        ]
-        return (*self.flights[0].ball.warnings, *lines)
+        """The warnings of the longest flight."""
+        return max(self.flights, key=lambda path: path.duration).warnings
 
     def sample(self, t: ArrayLike) -> BallState:
         """Return the ball at one time or many.

@@ -24,17 +24,14 @@ def saturating(reynolds: float, spin_parameter: float) -> float:
 
     A fit to the formula of Kiratidis & Leinweber 2018 that stays bounded beyond it: within 20 % of
     it for the Brazuca, Tango 12 and Teamgeist from Re 2.2e5 to 5.1e5 and Sp 0.05 to 0.30, and
-    within 0.04 for 20-32 m/s. Not for the Jabulani below 22 m/s, whose crisis comes later: by that
-    formula it has half the lift at 19 m/s, and next to none at 17 m/s. This compares a model with a
-    model: the formula was fitted to the Teamgeist, at Sp 0.06 to 0.31, and its authors give it for
-    the other balls as an estimate, in the absence of data.
+    within 0.04 for 20-32 m/s. Not for the Jabulani below 22 m/s, whose crisis comes later. The
+    formula was fitted to the Teamgeist, at Sp 0.06 to 0.31; for the other balls its authors give it
+    as an estimate.
 
-    Outside it is extrapolated. Slower spin: towards Sp 0, where by symmetry there is no lift.
-    Faster spin: it levels off at 0.47. Below Re 2.2e5 it fades with the C_D of a Brazuca without
-    spin, on purpose: in their formula lift follows the fall of drag, and trajectories show lift and
-    drag in crisis together (Goff et al. 2017, Eur. J. Phys. 38). No coefficients measured there
-    are behind it, and the models here differ by a factor: at Re 1.46e5 and Sp 0.3 it has 0.018,
-    `nathan` (baseballs) 0.26.
+    Outside it is extrapolated: with faster spin it levels off at 0.47; below Re 2.2e5 it fades with
+    the C_D of a Brazuca without spin, because trajectories show lift and drag in crisis together
+    (Goff et al. 2017, Eur. J. Phys. 38). No coefficients measured there are behind it, and the
+    models here differ by a factor: at Re 1.46e5 and Sp 0.3 it has 0.018, `nathan` (baseballs) 0.26.
     """
     drop = (_PLATEAU - _without_spin(reynolds)) * _PER_DROP
     return drop * 0.47 * spin_parameter / (0.135 + spin_parameter)

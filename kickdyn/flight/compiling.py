@@ -77,13 +77,11 @@ _LN2_HIGH, _LN2_LOW = 0.693147180369123816490, 1.90821492927058770002e-10
 
 @_intrinsic  # type: ignore[untyped-decorator]
 def _bits(typing_context: Any, x: Any) -> Any:
-    """Return the bits of a float as an integer."""
     return numba.int64(numba.float64), _reread(ir.IntType(64))
 
 
 @_intrinsic  # type: ignore[untyped-decorator]
 def _number(typing_context: Any, x: Any) -> Any:
-    """Return the float of some bits."""
     return numba.float64(numba.int64), _reread(ir.DoubleType())
 
 
@@ -266,7 +264,6 @@ def _from_disk(function: Callable[..., Any], callees: Callees, what: str) -> Any
 
 
 def _compile_all(function: Callable[..., Any], callees: Callees, what: str) -> Any:
-    """Return a function of three vectors, compiled after those that it calls."""
     for callee, arguments, name in callees:
         _compile(callee, arguments, name)
     return _compile(function, SIGNATURE, what)
@@ -352,10 +349,9 @@ def _known(value: Any) -> Any:
 def fingerprint(value: Any, *more: bytes) -> str | None:
     """Return a name that two functions share only if they, and all that they call, do the same.
 
-    Of a function, the code, the defaults and the values of the names it uses count; a plain value
-    and a tuple of those count as they are, and so does what comes after. The name has 32
-    hexadecimal digits. It is None where the function uses what has no plain value: an array, a
-    module of someone's own, a function that is compiled already.
+    Code, defaults and the values of the names that a function uses count. It is None where the
+    function uses what has no plain value: an array, a module of someone's own, a function that is
+    compiled already.
     """
     digest = hashlib.sha256()
     try:
@@ -401,7 +397,6 @@ def _parts(value: Any, met: set[int]) -> Iterator[bytes]:
 
 
 def _used(function: types.FunctionType) -> dict[str, Any]:
-    """Return the global names a function uses, with their values."""
     return {
         name: function.__globals__[name]
         for name in sorted(_names(function.__code__))

@@ -102,8 +102,7 @@ def drag_length(ball: Ball, air: Air) -> Callable[[Array], Array]:
     r"""Return a function of speeds: the length in which drag takes most of them [m].
 
     It is :math:`2 m / (\rho A C_D)`, of the least C_D without spin that the ball meets within three
-    decades as it slows down; in creeping flow that is Stokes' :math:`v m / (6 \pi \mu r)`. Without
-    drag it is infinite.
+    decades as it slows down. Without drag it is infinite.
     """
     drag = air.drag
     if drag is None or air.density == 0.0:

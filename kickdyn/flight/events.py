@@ -96,11 +96,7 @@ class Event:
         return replace(self, numbers=tuple(single))
 
     def value(self, state: Any) -> float:
-        """Return the value of the function at a state of a flight whose launch is known.
-
-        Raises:
-            InvalidInput: the function raised, or its value is not a number.
-        """
+        """Return the value of the function at a state; `InvalidInput` where it is no number."""
         try:
             value = float(self.function(state, self.numbers))
             fault = "gave nan"
@@ -152,11 +148,7 @@ def plane_events(ball: Ball, plane: Plane | None) -> tuple[Event, ...]:
 
 
 def drops(position: Array, ball: Ball, ground: Ground | None) -> Array:
-    """Return how far below its launch each flight ends [m], shape `()` or `(n,)`.
-
-    Positions of the ball's centre at the launch have shape `(3,)` or `(n, 3)` [m, world frame]; one
-    inside the ground raises `InvalidInput`.
-    """
+    """Return how far below its launch each flight ends [m], shape `()` or `(n,)`."""
     if ground is None:
         return np.zeros(position.shape[:-1])
     gap = position[..., 2] - ball.radius - ground.height
@@ -204,9 +196,8 @@ def checked_ends(ends: Any) -> tuple[Event, ...]:
 def end_at_launch(events: Sequence[Event], state: Array, rates: Array) -> Event | None:
     """Return the first event that ends a motion where it begins; None if the motion goes on.
 
-    Such an event has a function that is zero at the beginning, and negative so shortly after that
-    only the first change of the state counts. At a speed of less than `AT_REST` that change may be
-    too small for float64, and zero suffices.
+    Its function is zero at the beginning, and negative shortly after. At a speed of less than
+    `AT_REST` that change may be too small for float64, and zero suffices.
     """
     for event in events:
         if event.terminal and event.value(state) == 0.0:

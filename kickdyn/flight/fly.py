@@ -50,7 +50,6 @@ def fly(
     *,
     plane: Plane | None = None,
     time_limit: float = 1000.0,
-    max_step: float | None = None,
     ends: Sequence[Event] = (),
 ) -> Flight:
     r"""Return the flight of a ball from its launch to the first event that ends it.
@@ -71,9 +70,6 @@ def fly(
             that starts on it flies only if it moves away from it.
         time_limit: time after which the flight ends with the status `aloft` if the ball has not
             come down [s].
-        max_step: longest step of the integration [s]; None sets no limit. A step does not see what
-            a function of your own does between its 12 evaluations, such as a narrow peak of C_D;
-            `Flight.error` does.
         ends: further events that end the flight, each with a status of its own, its name.
 
     Raises:
@@ -93,10 +89,8 @@ def fly(
     check_single(state)
     tol = validation.number("tol", tol, at_least=1e-13, at_most=1e-2)
     time_limit = validation.number("time limit", time_limit, above=0, unit="s")
-    if max_step is not None:
-        max_step = validation.number("max_step", max_step, above=0, unit="s")
     further = checked_ends(ends)
-    return _fly(_Task(state, ball, air, ground, tol, plane, time_limit, max_step, further))
+    return _fly(_Task(state, ball, air, ground, tol, plane, time_limit, further))
 
 
 class _Task(NamedTuple):
@@ -109,11 +103,10 @@ class _Task(NamedTuple):
     tol: float
     plane: Plane | None
     time_limit: float
-    max_step: float | None
     ends: tuple[Event, ...]
+    max_step: float | None = None
 
     def all_ends(self) -> tuple[Event, ...]:
-        """Return all events that end the flight, the ground first."""
         planes = plane_events(self.ball, self.plane)
         ends = ground_event(self.ball, self.ground), *planes, *self.ends
         return tuple(end.launched(self.state) for end in ends)
@@ -164,7 +157,6 @@ def _closed_form(
     ends: tuple[Event, ...],
     time_limit: float,
 ) -> Flight:
-    """Return the flight of a ball that only its weight acts on, to the first of some planes."""
     numbers = np.array([[number for end in ends for number in end.numbers]])
     nodes, which = fall_to_planes(state.velocity[None], numbers, g, time_limit)
     node, reached = nodes[0], (*ends, None)[which[0]]
@@ -185,7 +177,6 @@ def _closed_form(
 
 
 def _integrated(flown: Callable[..., Flight], task: _Task, ends: tuple[Event, ...]) -> Flight:
-    """Return the flight of a ball through the air, integrated to its end."""
     state, ball, tol = task.state, task.ball, task.tol
     air = task.air or VACUUM
     speed = math.hypot(*state.velocity)
@@ -251,7 +242,6 @@ def _wind_speed(air: Air, height: float) -> float:
 
 
 def _ball_at(launch: BallState, time: float, moved: Array) -> BallState:
-    """Return the ball at a time, from what changed since the launch."""
     vectors = launch.position + moved[:3], moved[3:6].copy(), moved[6] * launch.spin
     if math.hypot(*itertools.chain(*(vector.tolist() for vector in vectors))) < math.inf:
         return BallState.computed(*vectors, time)

@@ -90,14 +90,7 @@ class Course(ReprMixin):
         return max(self.flights, key=lambda path: path.duration).warnings
 
     def sample(self, t: ArrayLike) -> BallState:
-        """Return the ball at one time or many.
-
-        Args:
-            t: time since the launch, from 0 to `duration`, a number or shape `(n,)` [s].
-
-        Raises:
-            InvalidInput: a time outside the course.
-        """
+        """Return the ball at times since the launch, 0 to `duration`, a number or `(n,)` [s]."""
         asked = validation.times(t, self.duration, "the course")
         times = np.atleast_1d(asked)
         position, velocity, spin = (np.zeros((len(times), 3)) for _ in range(3))
@@ -126,7 +119,6 @@ def follow(
     *,
     plane: Plane | None = None,
     time_limit: float = 1000.0,
-    max_step: float | None = None,
     ends: Sequence[Event] = (),
 ) -> Course:
     """Let a ball fly, bounce and roll until it rests.
@@ -140,7 +132,6 @@ def follow(
         tol: relative tolerance of every flight.
         plane: a wall or a goal line that ends the motion, be it flying, sliding or rolling.
         time_limit: longest duration of every flight, and of rolling [s].
-        max_step: longest step of the integration of every flight, as for `fly` [s].
         ends: further events that end the motion, be it flying, sliding or rolling.
 
     Raises:
@@ -162,7 +153,7 @@ def follow(
         raise InvalidInput("the ground has no surface: name one, such as Ground(surface='turf')")
     further = checked_ends(ends)
     one_flight = partial(fly, ball=ball, air=air, ground=ground, tol=tol, plane=plane,
-                         time_limit=time_limit, max_step=max_step, ends=further)  # fmt: skip
+                         time_limit=time_limit, ends=further)  # fmt: skip
     flights, bounces, status = _bouncing(state, ball, surface, one_flight)
     phases: list[GroundPhase] = []
     if status is None:
@@ -172,14 +163,13 @@ def follow(
         status = phases[-1].reached or FlightStatus.AT_REST
         status = FlightStatus.BLOWN if phases[-1].blown else status
     again = partial(follow, start, ball, air, ground, tol, plane=plane, time_limit=time_limit,
-                    max_step=max_step, ends=further)  # fmt: skip
+                    ends=further)  # fmt: skip
     return Course(status, tuple(flights), tuple(bounces), tuple(phases), again)
 
 
 def _bouncing(
     state: BallState, ball: Ball, surface: Surface, one_flight: Callable[[BallState], Flight]
 ) -> tuple[list[Flight], list[BallState], str | None]:
-    """Return flights, states after bounces, and the status, None where the ball stays down."""
     flights: list[Flight] = []
     bounces: list[BallState] = []
     clock = 0.0

@@ -44,11 +44,7 @@ class GroundPhase:
         return float(self.end.time)
 
     def sample(self, t: ArrayLike) -> BallState:
-        """Return the ball at times since the start of the phase, a number or shape `(n,)` [s].
-
-        Raises:
-            InvalidInput: a time outside the phase.
-        """
+        """Return the ball at times since the start of the phase, a number or shape `(n,)` [s]."""
         moments = validation.times(t, self.duration, f"the {self.kind}")
         states = self._states(np.atleast_1d(moments))
         return states if moments.ndim else _first(states)
@@ -199,14 +195,12 @@ class _Rolling:
         self.slow = Event("slow", lambda y, _: math.hypot(y[3], y[4]) - self._slowest)
 
     def _push(self, u: float, v: float) -> tuple[float, float]:
-        """Return the acceleration by the air at a velocity [m/s2]."""
         if self._air is None:
             return 0.0, 0.0
         ax, ay, _, _ = self._air(self._height, u, v, 0.0, 0.0, 0.0, 0.0)
         return self._share * ax, self._share * ay
 
     def rates(self, _: float, states: Array) -> list[float]:
-        """Return the rates of change of the states."""
         u, v = float(states[3]), float(states[4])
         ax, ay = self._push(u, v)
         braking = self._resistance / math.hypot(u, v)
@@ -239,6 +233,5 @@ class _Rolling:
 
 
 def _first(states: BallState) -> BallState:
-    """Return the first of many states."""
     time = float(np.asarray(states.time)[0])
     return BallState(states.position[0], states.velocity[0], states.spin[0], time)

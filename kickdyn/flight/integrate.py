@@ -219,7 +219,6 @@ class _Integration:
         self._tolerance, self._evaluations = tolerance, 0
 
     def run(self, begin: float, state: Array) -> Arc:
-        """Return the solution from a time [s] and a state on."""
         rates = np.array(self._rates(begin, state))
         if not np.isfinite(rates).all():
             raise KickdynError(f"the acceleration of the ball is not finite at {begin:g} s")
@@ -273,14 +272,12 @@ class _Integration:
                 solver = step.solver
 
     def _interpolant(self, begin: float, state: Array, length: float) -> Callable[[Array], Array]:
-        """Take a step anew; return its interpolant."""
         with np.errstate(over="ignore", invalid="ignore"):
             solver = self._solver(begin, state, length)
             solver.step()
             return solver.dense_output()  # type: ignore[no-any-return]
 
     def _solver(self, begin: float, state: Array, length: float) -> DOP853:
-        """Return scipy's solver, with the length of its first step [s]."""
         relative, absolute, longest = self._tolerance
         longest, limit = min(longest, self._time_limit - begin), self._time_limit
         length = min(max(length, 10.0 * math.ulp(begin)), longest)
@@ -288,7 +285,6 @@ class _Integration:
                       first_step=length)  # fmt: skip
 
     def _take_step(self, solver: DOP853) -> _Step:
-        """Let a solver take its next step."""
         time, state, rates, evaluations = float(solver.t), solver.y, solver.f, solver.nfev
         solver.step()
         self._evaluations += solver.nfev - evaluations
@@ -317,5 +313,4 @@ def _first_length(state: Array, rates: Array, tolerance: Tolerance) -> float:
 
 
 def _given_up(time: float, reason: str) -> KickdynError:
-    """Return the error of an integration that ends too soon."""
     return KickdynError(f"the flight could not be integrated beyond {time:g} s: {reason}")

@@ -75,8 +75,8 @@ class Launch(PlannedLaunch):
         errors: errors of the target (3 components), of the condition beside it and of `beside`
             [m, s, m/s], shape `(4,)`, or `(5,)` with `beside`.
         history: launch velocities of Newton's method, shape `(iterations + 1, 3)` [m/s]. The first
-            is the vacuum's answer, Eqs. (24)-(25), or a member of the family of all launches to the
-            target where Newton's method fails from there; the last is `velocity`.
+            is the vacuum's answer, Eqs. (24)-(25), or, where Newton's method fails from there,
+            another launch to the target; the last is `velocity`.
         limits: largest launch speed [m/s] and size of the spin that `beside` seeks [rad/s].
     """
 
@@ -114,9 +114,8 @@ class Launch(PlannedLaunch):
     def others(self) -> "tuple[Launch, ...]":
         """The other launches that meet the goal, by time of flight; computed when first read.
 
-        There is a branch of launches to the target, one for each time of flight, and these are all
-        on the branches to which Newton's method comes from the vacuum's answers: for the goal, and
-        for some times of flight. A launch on another branch can be missing.
+        Launches to the target form branches, with one for each time of flight. These are all on the
+        branches to which Newton's method comes from the vacuum's answers; others can be missing.
         """
         if self.limit is not None:
             return ()
@@ -170,10 +169,9 @@ def plan_launch(
 
     .. math:: v = x_{target} / t + \tfrac12 g t\, e_z,
 
-    with derivatives that are integrated along the flight. Where it does not converge, the family of
-    all launches to the target is followed; it contains the solution, or the nearest launch. A
-    launch whose flight to the target intersects the ground, as with strong back spin, does not
-    count.
+    with derivatives that are integrated along the flight. Where it does not converge, the launches
+    to the target are followed in the time of flight; among them is the solution, or the nearest
+    launch. A launch whose flight intersects the ground, as with strong back spin, does not count.
 
     Args:
         goal: the goal, seen from the position of the ball.
@@ -234,7 +232,6 @@ def _shooting_problem(goal: Goal, ball: Ball, air: Air | None, spin: Array) -> S
 
 
 def _solutions_from_vacuum(problem: ShootingProblem, goal: Goal) -> list[LaunchSolution]:
-    """Return the solutions that Newton's method finds from the vacuum's answers."""
     solutions, spin = list[LaunchSolution](), [] if goal.beside is None else [0.0]
     for time in goal.nominal_times():
         start = np.array([*nominal_velocity(goal.target, time), *spin, time])
@@ -300,7 +297,6 @@ def _farthest(family: LaunchFamily) -> Launch:
 
 
 def _nearest_curve(family: LaunchFamily, solutions: list[LaunchSolution]) -> Launch:
-    """Return the launch with the largest spin towards the side that `beside` asks for."""
     problem, goal = family.problem, family.goal
     assert goal.beside is not None
     distance, sideways = goal.beside
@@ -334,7 +330,7 @@ def _nearest(
 ) -> Launch:
     """Return the member nearest to what the goal names that is clear of the ground.
 
-    `ground_blocks` says that solutions exist, and all of them lead through the ground.
+    With `ground_blocks` solutions exist, and all of them lead through the ground.
     """
     goal = family.goal
 
@@ -359,7 +355,6 @@ def _nearest(
 
 
 def _reached(goal: Goal, error: float, time: float) -> Goal:
-    """Return the goal that a launch meets, from the error of the condition and the time [s]."""
     condition: dict[str, Any] = {goal.kind: getattr(goal, goal.kind)}
     if goal.over is not None:
         condition["over"] = goal.over[0], goal.over[1] + error

@@ -81,10 +81,7 @@ class ShootingProblem:
         return self.spin * size if self.seeks_spin else self.spin
 
     def shoot(self, launch: Array, time: float) -> DifferentiableFlight | None:
-        """Fly for a time [s]; None where that fails.
-
-        The launch is the unknowns without the time; the derivatives are by these.
-        """
+        """Fly the unknowns without the time for a time [s]; None where that fails."""
         increments = INCREMENT * self.sizes(np.append(launch, time))[:-1]
 
         def start(values: Array) -> tuple[BallState, Air | None]:
@@ -125,10 +122,7 @@ def crossing(
 def crossing_time(
     flight: DifferentiableFlight, direction: Array, distance: float, begin: float = 0.0
 ) -> float | None:
-    """Return when the displacement along a direction rises through a distance [s].
-
-    It is sought from `begin` [s] on; None where it does not so between there and the end.
-    """
+    """Return when, from `begin` on, a displacement rises through a distance [s]; None if never."""
 
     def beyond(time: float) -> float:
         return float(direction @ flight.position(time)) - distance
@@ -212,8 +206,8 @@ def solve_launch(
     r"""Solve for a launch by Newton's method from a first guess; None where it fails.
 
     The launch :math:`(v, s)` and the time :math:`t` solve :math:`x(t; v, s) = x_{target}` together
-    with the goal's condition. Each step integrates one flight with its derivatives, and is halved
-    while it does not reduce the errors. `accuracy` is the largest relative error.
+    with the goal's condition, to a relative error of `accuracy`. Each step integrates one flight
+    with its derivatives, and is halved while it does not reduce the errors.
     """
     length = float(np.linalg.norm(goal.target))
     size = {"time": goal.time, "speed": goal.speed}.get(goal.kind) or length
@@ -466,12 +460,10 @@ class LaunchFamily:
         return self._root(rate, a, b) if falls < 0.0 < rises else None
 
     def _solution(self, goal: Goal, a: LaunchSolution, b: LaunchSolution) -> LaunchSolution | None:
-        """Return the solution for a goal between two members whose errors differ in sign."""
         start = self._root(lambda member: member.condition(goal)[0], a, b)
         return start and solve_launch(self.problem, goal, start.unknowns, steps=12)
 
     def _last_clear(self, clear: LaunchSolution, buried: LaunchSolution) -> LaunchSolution:
-        """Return the last member that is clear of the ground, by bisection."""
         for _ in range(24):
             middle = self._between(clear, buried, 0.5)
             if middle is None:
@@ -489,7 +481,6 @@ def _pairs(branches: list[list[LaunchSolution]]) -> list[tuple[LaunchSolution, L
 
 
 def _is_between(pair: tuple[LaunchSolution, LaunchSolution], member: LaunchSolution) -> bool:
-    """Return whether a member lies on the branch between two neighbours."""
     first, second = (neighbour.unknowns for neighbour in pair)
     chord = second - first
     fraction = (member.time - first[-1]) / chord[-1]

@@ -50,6 +50,7 @@ def fly(
     *,
     plane: Plane | None = None,
     time_limit: float = 1000.0,
+    max_step: float | None = None,
     ends: Sequence[Event] = (),
 ) -> Flight:
     r"""Return the flight of a ball from its launch to the first event that ends it.
@@ -70,6 +71,8 @@ def fly(
             that starts on it flies only if it moves away from it.
         time_limit: time after which the flight ends with the status `aloft` if the ball has not
             come down [s].
+        max_step: longest step of the integration [s]; None sets no limit. A step may miss what a
+            function of your own does between its 12 evaluations, such as a narrow peak of C_D.
         ends: further events that end the flight, each with a status of its own, its name.
 
     Raises:
@@ -89,8 +92,10 @@ def fly(
     check_single(state)
     tol = validation.number("tol", tol, at_least=1e-13, at_most=1e-2)
     time_limit = validation.number("time limit", time_limit, above=0, unit="s")
+    if max_step is not None:
+        max_step = validation.number("max_step", max_step, above=0, unit="s")
     further = checked_ends(ends)
-    return _fly(_Task(state, ball, air, ground, tol, plane, time_limit, further))
+    return _fly(_Task(state, ball, air, ground, tol, plane, time_limit, max_step, further))
 
 
 class _Task(NamedTuple):
@@ -103,8 +108,8 @@ class _Task(NamedTuple):
     tol: float
     plane: Plane | None
     time_limit: float
+    max_step: float | None
     ends: tuple[Event, ...]
-    max_step: float | None = None
 
     def all_ends(self) -> tuple[Event, ...]:
         planes = plane_events(self.ball, self.plane)

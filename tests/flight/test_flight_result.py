@@ -1,6 +1,7 @@
 """What a flight answers once flown: arrival at x, orientation."""
 
 import math
+import pickle
 
 import numpy as np
 import pytest
@@ -224,7 +225,7 @@ def test_the_error_counts_narrow_features_of_a_coefficient_of_ones_own(drag):
     air, worst = kd.Air(drag=drag), 0.0
     for start in (launch((18, 0, 6)), launch((20, 0, 6))):
         path = kd.fly(start, BALL, air, tol=1e-6)
-        exact = path._fly_again(tol=1e-10, max_step=path.duration / 1000)
+        exact = kd.fly(start, BALL, air, tol=1e-10, max_step=path.duration / 1000)
         true = np.linalg.norm(path.landing.position - exact.landing.position)
         assert true <= path.error < 10 * true + 1e-5
         worst = max(true, worst)
@@ -239,7 +240,7 @@ def test_the_error_counts_narrow_features_of_a_torque_of_ones_own():
 
     air, start = kd.Air(drag=0.2, lift="wang", torque=braking), launch((20, 0, 6), (0, -30, 10))
     path, finer = (kd.fly(start, BALL, air, tol=tol) for tol in (1e-6, 1e-10))
-    exact = path._fly_again(tol=1e-10, max_step=path.duration / 1000)
+    exact = kd.fly(start, BALL, air, tol=1e-10, max_step=path.duration / 1000)
     moved = (exact.landing.position - each.landing.position for each in (path, finer))
     true, of_finer = map(np.linalg.norm, moved)
     assert of_finer > 0.1
@@ -253,3 +254,13 @@ def test_the_error_is_infinite_where_no_finer_flight_can_be_computed(monkeypatch
     assert path.status == "landed"
     monkeypatch.setattr(integrate, "MAX_EVALUATIONS", 10_000)
     assert path.error == math.inf
+
+
+def test_max_step_limits_the_steps_and_is_checked():
+    start = launch((20, 0, 6))
+    path = kd.fly(start, BALL, kd.Air(), max_step=0.01)
+    assert path.evaluations > 12 * path.duration / 0.01
+    assert pickle.loads(pickle.dumps(path)).evaluations == path.evaluations
+    for bad in (0, -1, math.nan, "1"):
+        with pytest.raises(kd.InvalidInput, match=r"max_step is .*above 0"):
+            kd.fly(start, BALL, kd.Air(), max_step=bad)

@@ -119,12 +119,6 @@ def with_variables(
     return described.assign({**variables, "status": flags})  # at once: one by one takes longer
 
 
-def add_warning(data: xr.Dataset, warning: str) -> xr.Dataset:
-    """Return a dataset whose attribute `warnings` has one more line, if that is not empty."""
-    lines = [line for line in (data.attrs["warnings"], warning) if line]
-    return data.assign_attrs(warnings="; ".join(lines))
-
-
 def attributes_of(name: str) -> dict[str, str]:
     """Return the attributes of one of `VARIABLES`, as the CF conventions have them."""
     unit, meaning = VARIABLES[name]

@@ -179,12 +179,6 @@ class SweepStore:
             draft.write_bytes(content + checksum(content).to_bytes(4, "little"))
             draft.replace(file)
 
-    def add_warning(self, warning: str) -> None:
-        """Add a line to the attribute `warnings`, if it is not empty."""
-        if warning:
-            lines = self._group.attrs["warnings"]
-            self._group.attrs["warnings"] = f"{lines}; {warning}" if lines else warning
-
     def finish(self) -> None:
         """Record that every chunk is computed; remove what killed processes left."""
         for file in self.path.rglob("*.partial"):

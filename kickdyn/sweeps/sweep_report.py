@@ -272,7 +272,7 @@ def as_json(
     counts = {name: n for name, n in summary.counts.items() if name != PostureStatus.NOT_COMPUTED}
     return {
         **provenance(leg, kick),
-        "warnings": [*sweep_warnings(leg, kick), *filter(None, [summary.disagreement])],
+        "warnings": list(sweep_warnings(leg, kick)),
         "restitution_given": kick.contact.restitution,
         "postures": summary.postures,
         "status": counts,

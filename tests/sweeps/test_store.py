@@ -208,26 +208,6 @@ def test_another_tolerance_is_another_sweep(tmp_path):
         stored(tmp_path / "s.zarr", postures, kick, tolerance=0, resume=True)
 
 
-def test_a_disagreement_is_a_warning_of_the_store_at_once(tmp_path, monkeypatch):
-    monkeypatch.setattr(chunk_solver, "AGREEMENT", -1.0)
-    monkeypatch.setattr(chunk_solver, "KERNEL_FROM", 1)
-    monkeypatch.setattr(chunk_solver, "CHUNK", 50)
-    path = tmp_path / "s.zarr"
-
-    def stop(count, speed):
-        if math.isfinite(speed):
-            raise KeyboardInterrupt
-
-    with pytest.raises(Unfinished):
-        stored(path, threads=1, progress=stop)
-    assert kd.open_sweep(path).attrs["warnings"].count("the sweep has effective_mass") == 1
-    monkeypatch.setattr(chunk_solver, "AGREEMENT", 1e-9)
-    data = stored(path, resume=True)
-    assert data.attrs["warnings"].count("the sweep has effective_mass") == 1
-    assert data.attrs["finished"] == 1
-    assert as_stored(kd.sweep(LEG, POSTURES, KICK)).equals(data.load())
-
-
 def test_a_file_that_may_not_grow_ends_in_one_line_and_is_resumed(tmp_path):
     stored(tmp_path / "whole.zarr")
     script = SCRIPT + (

@@ -108,7 +108,7 @@ def _methods(impact: Impact) -> Iterator[Method]:
 
 def impulse_dynamics(impact: Impact) -> Callable[[], Array]:
     """Return the calls of Pinocchio alone, with the model of leg and ball made before."""
-    space, joint = with_ball(impact.leg, impact.ball.mass, impact.ball.inertia)
+    space, joint = with_ball(impact.posture.leg, impact.ball.mass, impact.ball.inertia)
     q, v = joined_state(impact.approach)
 
     def solve() -> Array:

@@ -47,12 +47,12 @@ Nunome, Ball impact dynamics in the punt kick, ISBS 2013)."""
 
 
 class ContactSample(NamedTuple):
-    """The contact at one time or many.
+    """The contact at one time, or at n times with arrays of shape `(n, 3)` and `(n,)`.
 
     Attributes:
-        force: force on the ball, shape `(3,)` or `(n, 3)` [N, world frame].
-        impulse: impulse on the ball so far, same shape [N s, world frame].
-        deflection: deflection of ball and foot together, a number or shape `(n,)` [m].
+        force: force on the ball, shape `(3,)` [N, world frame].
+        impulse: impulse on the ball so far, shape `(3,)` [N s, world frame].
+        deflection: deflection of ball and foot together [m].
     """
 
     force: Array
@@ -108,16 +108,13 @@ class Collision(AfterApproach):
 
     @cached_property
     def visible_contact_time(self) -> float:
-        r"""Time for which foot and ball seem to touch [s].
+        r"""Time for which foot and ball seem to touch, :math:`T + d_0 / w` [s].
 
         The hysteretic spring of `walton-braun` ends with the ball still flattened by :math:`d_0`. A
         ball that regains its shape as fast as it leaves the foot, at the speed w of separation,
-        touches it without a force for :math:`d_0 / w` longer:
-
-        .. math:: T_v = T + d_0 / w .
-
-        In high-speed video the ball is accelerated for about three fourths of the contact only
-        (Nunome, Shinkai & Ikegami, ISBS 2012). It is the longest contact that the model allows.
+        touches it without a force for :math:`d_0 / w` longer. In high-speed video the ball is
+        accelerated for about three fourths of the contact only (Nunome, Shinkai & Ikegami, ISBS
+        2012). It is the longest contact that the model allows.
         """
         separation = self._motion.equations.kinematics(self._end)
         left = separation.deflection if self.force_model.restitution < 1.0 else 0.0
@@ -171,11 +168,7 @@ class Collision(AfterApproach):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """A line for each joint outside its range, or faster before the impact than its limit.
-
-        Further lines name a restitution used outside its table, and a ball that is flattened beyond
-        the range of `Ball.stiffness`.
-        """
+        """Lines as of `Impact.warnings`, and of a ball flattened beyond `Ball.stiffness`."""
         lines, fraction = self.approach.warnings(), self.deflection / self.ball.radius
         if self.force_model.exponent != LINEAR or fraction <= PRESSURE_RANGE:
             return lines
@@ -191,10 +184,9 @@ class Collision(AfterApproach):
 
     @cached_property
     def error(self) -> float:
-        """Estimate of the numerical error of the impulse [N s].
+        """Estimate of the numerical error of the impulse [N s], `tol` times the impulse or more.
 
-        It is twice the change of the impulse when the tolerance is 100 times tighter, computed when
-        it is first read, and never less than `tol` times the impulse.
+        It is twice the change of the impulse when the tolerance is 100 times tighter.
         """
         tighter = self._again(tol=max(self.tol * 1e-2, 1e-13))
         size = math.hypot(*self.impulse)
@@ -208,7 +200,7 @@ class Collision(AfterApproach):
         the joint's frame, which turns meanwhile; it tends to `Impact.joint_impulses` for short
         contacts. Weight, torques and the motion of the leg need further forces.
         """
-        motion, leg = self._motion, self.leg
+        motion, leg = self._motion, self.posture.leg
         frame = leg.model.frames[leg.frame_id].placement
         nodes, weights = np.polynomial.legendre.leggauss(3)  # in each step
         total = np.zeros((leg.model.njoints - 1, 6))

@@ -134,7 +134,7 @@ def test_what_is_printed_are_the_attributes_in_these_units():
     text = printed(hit)
     joint, most = hit.worst_joint
     sizes = np.linalg.norm(hit.joint_impulses[:, :3], axis=1)
-    assert joint == hit.leg.joint_names[int(np.argmax(sizes))]
+    assert joint == hit.posture.leg.joint_names[int(np.argmax(sizes))]
     assert most == sizes.max()
     for name, value, unit in (
         ("impulse on the ball", hit.impulse, "N s"),

@@ -151,11 +151,9 @@ def find_approach(
     ball_spin: ArrayLike,
 ) -> Approach:
     """Check the arguments of `strike` and return the motion just before the impact."""
-    is_posture, is_ball = isinstance(posture, Posture), isinstance(ball, Ball)
-    if not (is_posture and is_ball and isinstance(contact, Contact)):  # cheaper than three calls
-        validation.check_type(Posture, posture=posture)
-        validation.check_type(Ball, ball=ball)
-        validation.check_type(Contact, contact=contact)
+    validation.check_type(Posture, posture=posture)
+    validation.check_type(Ball, ball=ball)
+    validation.check_type(Contact, contact=contact)
     contact.check_normal()
     v = validation.vector("v", v, posture.leg.nv)
     if posture.constraint_projector is not None:
@@ -180,7 +178,18 @@ def find_approach(
         )
     foot_velocity = posture.jacobian.dot(v)
     validation.protect(v, foot_velocity)
-    centre_velocity, speed = _closing_speed(posture, foot_velocity, before, contact)
+    fx, fy, fz = foot_velocity.tolist()
+    bx, by, bz = before.velocity.tolist()
+    nx, ny, nz = contact.normal.tolist()
+    ux, uy, uz = centre_velocity = bx - fx, by - fy, bz - fz
+    speed = -(nx * ux + ny * uy + nz * uz)
+    if speed <= 0.0:
+        outside = posture.leg.outside_range(posture.q)
+        hint = f" (angles are in radians: {outside[0]})" if outside else ""
+        raise NoImpact(
+            f"foot and ball do not approach in {posture!r}: along the contact normal, which points "
+            f"from foot to ball, the foot moves at {-speed:.6g} m/s away from the ball{hint}"
+        )
     e = restitution_at(contact.restitution, speed)
     if speed < 1e-14 * fastest:  # the rounding itself takes longer to compute
         terms = abs(posture.jacobian).dot(abs(v)) + abs(foot_velocity) + abs(velocity)
@@ -191,22 +200,3 @@ def find_approach(
                 f"is rounding, of {rounding:.1g} m/s in what cancels there"
             )
     return Approach(posture, v, ball, contact, before, foot_velocity, centre_velocity, speed, e)
-
-
-def _closing_speed(
-    posture: Posture, foot_velocity: Array, before: BallState, contact: Contact
-) -> tuple[Triple, float]:
-    """Return the velocity of ball minus foot, and the speed of approach along the normal [m/s]."""
-    fx, fy, fz = foot_velocity.tolist()
-    bx, by, bz = before.velocity.tolist()
-    nx, ny, nz = contact.normal.tolist()
-    ux, uy, uz = bx - fx, by - fy, bz - fz
-    speed = -(nx * ux + ny * uy + nz * uz)
-    if speed <= 0.0:
-        outside = posture.leg.outside_range(posture.q)
-        hint = f" (angles are in radians: {outside[0]})" if outside else ""
-        raise NoImpact(
-            f"foot and ball do not approach in {posture!r}: along the contact normal, which points "
-            f"from foot to ball, the foot moves at {-speed:.6g} m/s away from the ball{hint}"
-        )
-    return (ux, uy, uz), speed

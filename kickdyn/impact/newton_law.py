@@ -181,4 +181,3 @@ NEWTON = ImpactLaw(
     differentiate=sensitivity,
     has_kernel=True,
 )
-"""Kinematic restitution and the exact Coulomb cone."""

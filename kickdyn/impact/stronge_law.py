@@ -271,4 +271,3 @@ def _solve(m11: float, m12: float, m22: float, c1: float, c2: float) -> tuple[fl
 
 
 STRONGE = ImpactLaw("stronge", solve_stronge)
-"""Energetic restitution, with the sliding followed through the contact."""

@@ -58,11 +58,8 @@ class ChunkSolver:
     (a floating base, supports, loops, wind that changes with height, a law without a kernel),
     and where the kernel marks a posture as doubtful, it is `kick_from`, a thousand times slower.
 
-    `tolerance` is the largest error of a carry [m], where balls of the air are interpolated between
-    flights (`CarryTable`); 0 flies every ball, to 1e-8 of the carry.
-
     Attributes:
-        leg, grid, kick, tolerance: the arguments.
+        leg, grid, kick, tolerance: as for `kickdyn.sweep`.
         chunk: number of postures to compute at a time.
         carry_tolerance: `tolerance` where carries are interpolated, else 0.
     """
@@ -85,8 +82,8 @@ class ChunkSolver:
     @property
     def seconds(self) -> float:
         """Processor time that the whole grid takes, roughly [s]."""
-        each = 2e-3 if self._model is None else 0.3e-6 if self.carry_tolerance > 0.0 else 4e-6
-        return each * self.grid.size
+        seconds = 2e-3 if self._model is None else 0.3e-6 if self.carry_tolerance > 0.0 else 4e-6
+        return seconds * self.grid.size
 
     def describe(self) -> xr.Dataset:
         """Return coordinates and provenance of the sweep, see `dataset.describe`."""

@@ -127,9 +127,9 @@ def sweep(
         chunks = zip(*_solved(solver, threads, progress), strict=True)
         rows, status = (np.hstack(arrays) for arrays in chunks)
         return with_variables(described.assign_attrs(finished=1), rows, status, kept)
-    sent = b"" if executor is None else _pickled(Path(store).absolute(), kept, solver)
+    sent = None if executor is None else _pickled(Path(store).absolute(), kept, solver)
     filled = SweepStore(store, described, kept, solver.chunk, resume=resume)
-    write = _chunk_writer(filled, solver) if executor is None else partial(_write_chunk, sent)
+    write = partial(_write_chunk, filled, solver) if sent is None else partial(_write_sent, sent)
     computing = _pool(threads) if executor is None else nullcontext(executor)
     with filled.locked(), _resumable(filled), computing as pool:
         _fill(filled, solver, pool, write, progress)
@@ -194,19 +194,15 @@ def _fill(
         store.finish()
 
 
-def _chunk_writer(store: SweepStore, solver: ChunkSolver) -> ChunkWriter:
-    """Return the writer of a store's chunks in this process, for a solver that is prepared."""
-
-    def write(k: int) -> tuple[int, float]:
-        chunk = solver(*store.chunks.span(k))
-        store.write(k, chunk.rows, chunk.status)
-        return len(chunk.status), _highest_speed(chunk)
-
-    return write
+def _write_chunk(store: SweepStore, solver: ChunkSolver, k: int) -> tuple[int, float]:
+    """Compute and write a chunk of a store by a solver that is prepared."""
+    chunk = solver(*store.chunks.span(k))
+    store.write(k, chunk.rows, chunk.status)
+    return len(chunk.status), _highest_speed(chunk)
 
 
 def _pickled(path: Path, variables: Sequence[str], solver: ChunkSolver) -> bytes:
-    """Return what `_received_writer` needs in another process."""
+    """Return what `_received` needs in another process."""
     arguments = solver.leg, solver.grid, solver.kick, solver.tolerance
     try:
         return pickle.dumps((path, variables, arguments))
@@ -214,21 +210,21 @@ def _pickled(path: Path, variables: Sequence[str], solver: ChunkSolver) -> bytes
         raise InvalidInput(f"the sweep cannot be sent to other processes ({error})") from None
 
 
-def _write_chunk(sent: bytes, k: int) -> tuple[int, float]:
+def _write_sent(sent: bytes, k: int) -> tuple[int, float]:
     """Compute and write a chunk in another process."""
-    return _received_writer(sent)(k)
+    return _write_chunk(*_received(sent), k)
 
 
 @lru_cache(maxsize=1)
-def _received_writer(sent: bytes) -> ChunkWriter:
-    """Return the writer of a store's chunks in a process that it was sent to."""
+def _received(sent: bytes) -> tuple[SweepStore, ChunkSolver]:
+    """Return store and solver in a process that they were sent to."""
     path, variables, arguments = pickle.loads(sent)
     if not path.is_dir():
         raise InvalidInput(f"a worker does not see {path}")
     solver = ChunkSolver(*arguments)
     store = SweepStore(path, solver.describe(), variables, solver.chunk, resume=True)
     solver.prepare()
-    return _chunk_writer(store, solver)
+    return store, solver
 
 
 def _in_order(
@@ -277,7 +273,6 @@ def _resumable(store: SweepStore) -> Iterator[None]:
 
 
 def _cores() -> int:
-    """Return how many cores this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 

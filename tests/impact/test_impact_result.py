@@ -18,7 +18,7 @@ LEGS = {"human": kd.Leg.human(), "g1": ARM, "g1 held": ARM.with_supports("left_a
 NUMBERS = (
     *("impulse", "effective_mass", "foot_velocity", "approach_speed", "ball_before", "ball_after"),
     *("v_before", "v_after", "joint_impulses", "constraint_impulses", "energy_lost", "sticking"),
-    *("restitution_residual", "momentum_residual", "condition"),
+    *("restitution_residual", "momentum_residual"),
 )
 
 

@@ -33,8 +33,8 @@ def by_pinocchio(
     Of supports and loops, the independent rows are added; with rows of lower rank its answer would
     be wrong without a warning.
     """
-    assert contact.friction == 0.0
     approach = find_approach(posture, v, ball, contact, ball_velocity, ball_spin)
+    assert contact.friction == 0.0
     posture, before, leg = approach.posture, approach.ball_before, approach.posture.leg
     n, e = contact.normal, approach.restitution
     inertia = min(ball.inertia, ball.mass * ball.radius**2)  # nothing turns it, not even a particle

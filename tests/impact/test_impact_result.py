@@ -145,7 +145,7 @@ def test_what_is_printed_are_the_attributes_in_these_units():
         ("ball over foot speed", hit.ball_after.speed / np.linalg.norm(hit.foot_velocity), ""),
         (f"worst joint, {joint}", most, "N s"),
         ("energy lost", hit.energy_lost, "J"),
-        ("condition", hit.condition, ""),
+        ("condition", hit.posture.condition, ""),
     ):
         assert text[name] == f"{format_value(value)} {unit}".rstrip(), name
 

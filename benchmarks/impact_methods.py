@@ -94,14 +94,17 @@ def _methods(impact: Impact) -> Iterator[Method]:
     yield "closed form", "", struck(strike)
     if contact.friction == 0.0:
         yield "Pinocchio impulseDynamics", "", impulse_dynamics(impact)
+        for seconds in CONTACT_TIMES:  # with friction it tends to another law
+            yield (
+                "compliant contact",
+                f"{1e3 * seconds:g} ms",
+                struck(collide, contact_time=seconds),
+            )
     yield "dense KKT system", "", applied(solve_kkt)
     if contact.friction > 0.0:
         for name in ("ADMM", "PGS"):
             for tol in CONE_TOLERANCES:
                 yield f"Pinocchio {name}", f"tol {tol:g}", applied(in_cone, name=name, tol=tol)
-    for seconds in CONTACT_TIMES:
-        compliant = struck(collide, contact_time=seconds, dissipation="hunt-crossley")
-        yield "compliant contact", f"{1e3 * seconds:g} ms", compliant
     if find_spec("mujoco") is None:  # optional
         return
     for stiffness, steps in MUJOCO.items():

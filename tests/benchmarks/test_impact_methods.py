@@ -37,9 +37,8 @@ def test_cone_solvers_get_as_exact_as_they_are_asked(rows, solver):
     assert of(rows, "frictionless", f"Pinocchio {solver}") == []
 
 
-@pytest.mark.parametrize("kick", ["frictionless", "friction 0.4"])
-def test_compliant_contacts_approach_the_instant(rows, kick):
-    slow, fast = of(rows, kick, "compliant contact")
+def test_compliant_contacts_approach_the_instant(rows):
+    slow, fast = of(rows, "frictionless", "compliant contact")
     assert 1e-2 < slow < 0.2
     assert fast < slow / 30
 

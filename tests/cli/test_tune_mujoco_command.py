@@ -145,21 +145,6 @@ def test_joints_of_an_mjcf_begin_at_their_ref(tmp_path):
     assert mujoco.MjModel.from_xml_string(text).body("ball").pos[2] == pytest.approx(0.45)
 
 
-def test_the_dissipation_is_that_of_the_scene(scene, tmp_path, monkeypatch):
-    asked = []
-
-    def tune(*_, dissipation, **__):
-        asked.append(dissipation)
-        raise kd.NoImpact("enough")
-
-    monkeypatch.setattr("kickdyn.cli.tune_mujoco_command.tune_contact", tune)
-    run(scene)
-    damped = tmp_path / "damped.toml"
-    damped.write_text(KICK + 'dissipation = "hunt-crossley"\n')
-    run(damped)
-    assert asked == ["walton-braun", "hunt-crossley"]
-
-
 def test_a_scene_has_the_whole_kick(scene):
     ended = run(scene, "--speed", 3, "--leg", "human")
     assert str(ended.exception).startswith("--leg and --speed cannot be named beside the scene ")

@@ -223,7 +223,7 @@ def test_effective_mass_and_ratio_are_those_of_eq_10():
     assert m == pytest.approx(posture.effective_mass(ATTACK), rel=1e-15)
     assert hit.approach_speed == pytest.approx(3, rel=1e-14)
     assert hit.speed_ratio == pytest.approx(1.8 * m / (m + ball.mass), rel=1e-13)
-    assert hit.condition == posture.condition
+    assert hit.posture.condition == posture.condition
 
 
 ECCENTRIC = {

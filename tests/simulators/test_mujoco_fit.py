@@ -1,6 +1,7 @@
 """Fits of a MuJoCo contact: the closed form, what several depths buy, how fits are compared."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -112,18 +113,23 @@ def test_a_fit_that_meets_all_goals_is_preferred(monkeypatch):
 def test_a_margin_lets_friction_act_at_the_surface_of_the_foot():
     """Ratio of the ball's spin to what friction adds to its velocity, by which the lever shows."""
     falling = (0.0, 0.0, -3.0)
-    approach = two_masses(0.3, 10.0, 0.7, friction=0.1, ball_velocity=falling)
-    (kick, *_) = kick_cases(approach, 0.010)
-    k, b = closed_form_contact(0.7, 0.010, 1e-4)
+    approach = two_masses(0.3, 10.0, 1.0, friction=0.1, ball_velocity=falling)
+    ball, mass = approach.ball, 1.0 / (1.0 / 0.3 + 1.0 / approach.ball.mass)
+    pressure = math.pi * mass / (2.0 * ball.radius * 0.010**2)  # half a period of 10 ms
+    hit = kd.collide(
+        approach.posture, approach.v, replace(ball, pressure=pressure), approach.contact,
+        stiffness="pressure", ball_velocity=falling,
+    )  # fmt: skip
+    k, b = closed_form_contact(1.0, 0.010, 1e-4)
 
     def lever(velocity, spin):
         """Moment arm of friction about the ball's centre [m]."""
         added = velocity[2] - falling[2]
         return abs(spin[1]) * approach.ball.inertia / (approach.ball.mass * added)
 
-    own = lever(kick.target.velocity, kick.target.spin)
+    own = lever(hit.ball_after.velocity, hit.ball_after.spin)
     found = []
-    for margin in (kick.deflection, 0.0):
+    for margin in (math.pi / 4 * hit.deflection, 0.0):  # the mean over the impulse, and none
         contact = MujocoContact(
             (-k, -b), (0.9999, 0.9999, 1.0, 0.5, 1.0), 0.1, (-1.0, -1e3), margin
         )

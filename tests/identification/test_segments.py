@@ -269,17 +269,6 @@ def test_a_track_in_other_units_or_under_the_ground_is_refused(change, message):
         kd.segments(kd.Track(times, change(path.sample(times).position)))
 
 
-@pytest.mark.parametrize(("columns", "axis"), [([0, 2, 1], "y"), ([2, 0, 1], "x")])
-def test_a_track_with_another_axis_up_is_warned_of(columns, axis):
-    path = kd.follow(kd.BallState((0, 0, 1), (15, 2, 6)), BALL, kd.Air(), GROUND)
-    times = np.arange(0, path.duration, 0.02)
-    found = kd.segments(kd.Track(times, path.sample(times).position[:, columns]))
-    assert f"looks {axis}-up" in found.warnings[0]
-    assert found.warnings[0] in str(found)
-    plain = kd.segments(kd.Track(times, path.sample(times).position))
-    assert not any("looks" in line for line in plain.warnings)
-
-
 def test_a_track_with_times_in_minutes_is_refused():
     path = kd.fly(kd.BallState((0, 0, 1), (15, 2, 6)), BALL)
     times = np.arange(0, path.duration, 0.02)

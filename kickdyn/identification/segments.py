@@ -84,9 +84,6 @@ LEAST_FALL, MOST_FALL = 4.0, 22.0
 MOST_LEVEL_FALL = 2.0
 """Vertical acceleration above which a ball does not roll [m/s2]."""
 
-GRAVITY_MARGIN = 3.0
-"""Difference from gravity up to which an acceleration across the path is a fall [m/s2]."""
-
 REST_SPEED = 0.3
 """Speed below which a ball on the ground counts as at rest [m/s]."""
 
@@ -232,14 +229,20 @@ class Segments(Printed):
             InvalidInput: the track has no bounce or no rolling segment, or a median is no
                 coefficient, such as a rolling deceleration below 0.
         """
-        if self.restitution is None or self.friction is None or self.rolling_deceleration is None:
+        rolling = self.rolling_deceleration
+        if rolling is not None and rolling.median < 0.0:
+            raise InvalidInput(
+                f"the rolling ball gains {-rolling.median:.3g} m/s2: the ground must be level, and "
+                "the z axis of the track must point up"
+            )
+        if self.restitution is None or self.friction is None or rolling is None:
             missing = "bounce" if self.restitution is None else "part in which the ball rolls"
             raise InvalidInput(f"the track has no {missing}: it does not determine a surface")
         return Surface(
             "measured",
             self.restitution.median,
             self.friction.median,
-            self.rolling_deceleration.median,
+            rolling.median,
             source=f"{self.restitution.samples} bounces of a measured track",
             deviations={
                 name: getattr(self, name).deviation
@@ -353,9 +356,11 @@ def _other_axis_up(pieces: Sequence[_Piece]) -> list[str]:
         across.append(acceleration - acceleration @ along * along)
     return [
         f"the ball falls along {axis}, with {fall:.3g} m/s2, and not along z: the track looks "
-        f"{axis}-up; where y points up, the columns t,z,x,y make it z-up (--columns)"
-        for axis, fall in zip("xy", -np.median(across[1:] or across, axis=0)[:2], strict=True)
-        if abs(fall - GRAVITY) < GRAVITY_MARGIN
+        f"{axis}-up; the columns {columns} make it z-up (--columns)"
+        for axis, columns, fall in zip(
+            "xy", ("t,y,z,x", "t,z,x,y"), -np.min(across, axis=0)[:2], strict=True
+        )
+        if LEAST_FALL < fall < MOST_FALL
     ]
 
 

@@ -5,7 +5,7 @@ spin, with `--wind` also a wind), and its second half is predicted. The table ha
 between prediction and measurement in the second halves: the median over the flights, the quartiles,
 the root mean square, and on how many flights each model is the best. A drag coefficient `of the
 others` is the median of those that were fitted to the other flights. These are the tables of
-docs/explanation/identification-accuracy.md.
+docs/explanation/verification.md.
 """
 
 import sys

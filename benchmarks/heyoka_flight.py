@@ -1,7 +1,7 @@
 """Landing points by heyoka's Taylor integrators, and the equations of motion they take."""
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +10,6 @@ import numpy as np
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core.validation import Array
-from kickdyn.tradeoff.flight_methods import Landings, repeated
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 from references.exact_flight import acceleration
@@ -131,30 +130,3 @@ def heyoka_batch_landings(
         return states.position + moved, steps
 
     return fly
-
-
-def heyoka_methods(ball: Ball, air: Air, tolerances: Sequence[float]) -> dict[str, Landings]:
-    """Return what `measure_flights` measures as `others`; nothing without heyoka.
-
-    Each integrator is compiled once for each tolerance. The equations divide by the spin.
-    """
-    singles = {tol: heyoka_landings(ball, air, tol) for tol in tolerances}
-    batches = {tol: heyoka_batch_landings(ball, air, tol, "event") for tol in tolerances}
-
-    def single(states: list[BallState], tol: float) -> tuple[Array, float, int]:
-        fly = singles[tol]
-        assert fly is not None
-        landings, steps = fly(repeated(states))
-        return landings[: len(states)], steps / len(landings), len(landings)
-
-    def batch(states: list[BallState], tol: float) -> tuple[Array, float, int]:
-        many, fly = repeated(states), batches[tol]
-        assert fly is not None
-        n = len(many.position) // 8 * 8
-        many = BallState(many.position[:n], many.velocity[:n], many.spin[:n], np.zeros(n))
-        landings, steps = fly(many, np.zeros(n))
-        return landings[: len(states)], steps / n, n
-
-    if None in singles.values():
-        return {}
-    return {"heyoka": single, "heyoka, batch of 8": batch}

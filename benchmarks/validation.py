@@ -493,7 +493,7 @@ def tracked() -> Iterator[Row]:
         f"{within(0.125, 0.183, drag.BEYOND_CRISIS)} (default), "
         f"{range_within(0.125, 0.183, min(drags), max(drags))} (fitted)",
         "ball and wind are unknown, and flights differ more than the models do "
-        "([Identification](identification-accuracy.md#which-drag-model)): "
+        "([verification](verification.md#which-drag-model-predicts-flights)): "
         "no default can be inside all of them",
         "drag coefficient in flights of a match",
     )  # fmt: skip

@@ -44,6 +44,7 @@ from .impact.strike import strike as strike
 from .impact.uncertainty import Uncertainty as Uncertainty
 from .impact.unilateral import UnilateralImpact as UnilateralImpact
 from .impact.unilateral import unilateral_strike as unilateral_strike
+from .motion.motion import Motion as Motion
 from .plane import Plane as Plane
 from .planning.goal import Goal as Goal
 from .planning.kick import plan_kick as plan_kick

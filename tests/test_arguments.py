@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.interpolate import PPoly
+from scipy.interpolate import BSpline, PPoly
 
 import kickdyn as kd
 from kickdyn.core import validation
@@ -73,6 +73,14 @@ INSTANCES = {
     "Event": kd.Event("low", lambda state, numbers: state[2]),
     "Flight": kd.fly(IMPACT.ball_after, BALL),
     "Course": kd.follow(IMPACT.ball_after, BALL, None, kd.Ground(-5.0, "turf")),
+    "Motion": kd.Motion(
+        LEG,
+        LEG.joint_names,
+        *(
+            BSpline(np.repeat([begin, begin + 0.5], 4), np.zeros((4, 3)), 3)
+            for begin in (-0.5, 0.0)
+        ),
+    ),
     "Swing": kd.Swing("met", *STILL),
     "Uncertainty": IMPACT.uncertainty(q=0.1),
     "Learner": kd.Learner(GOAL, BALL, AIR),
@@ -86,6 +94,7 @@ RESULTS = {
     *(
         "KickPlan",
         "Launch",
+        "Motion",
         "MujocoTuning",
         "Pass",
         "Posture",

@@ -6,17 +6,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from flight_methods import kicks
 from references.exact_flight import landing
 
 import kickdyn as kd
 from kickdyn.flight.forces import acceleration_function
-from kickdyn.tradeoff.flight_methods import kicks
 
 SCRIPT = Path(__file__).resolve().parents[1] / "benchmarks" / "heyoka_flight.py"
 if not SCRIPT.exists():
     pytest.skip("benchmarks come with the checkout only", allow_module_level=True)
 script = runpy.run_path(str(SCRIPT))
-equations, heyoka_methods = script["equations"], script["heyoka_methods"]
+equations = script["equations"]
 heyoka_landings, heyoka_batch_landings = (
     script[name] for name in ("heyoka_landings", "heyoka_batch_landings")
 )
@@ -84,4 +84,3 @@ def test_without_heyoka_there_is_nothing(monkeypatch):
     monkeypatch.setattr(builtins, "__import__", lacking)
     assert heyoka_landings(BALL, AIR, 1e-9) is None
     assert heyoka_batch_landings(BALL, AIR, 1e-9, "event") is None
-    assert heyoka_methods(BALL, AIR, (1e-3, 1e-9)) == {}

@@ -8,6 +8,7 @@ import pytest
 from chains import random_kick, random_leg
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from impact_methods import solve_kkt
 
 import kickdyn as kd
 from kickdyn.restitution import (
@@ -20,7 +21,6 @@ from kickdyn.restitution import (
     restitution_at,
     restitution_slope,
 )
-from kickdyn.tradeoff.impact_methods import solve_kkt
 
 TABLE = [[5.0, 0.8], [10.0, 0.7], [20.0, 0.65]]
 LEG = kd.Leg.human()

@@ -299,7 +299,7 @@ WORDS = ["human", "testbed", "hip=0:10:5", "knee=20", "hip=10:0:5", "knee=0:1:0"
 
 
 def command(draw: random.Random) -> list[str]:
-    """Return a command line; the long-running `tradeoff` always with a scene that is none."""
+    """Return a command line; `tradeoff`, which takes long, always with a scene that is none."""
     name = draw.choice(list(OPTIONS))
     words = [name]
     if name == "tradeoff":

@@ -177,7 +177,7 @@ def supercritical(reynolds: float, spin_parameter: float = 0.0) -> float:
     Goff & Carre 2009 found it from the range of trajectories without spin, Am. J. Phys. 77:1020.
     Its range is that of the flights in `data/match_ball.csv`, which it predicts: 8 to 27 m/s, and
     spin parameters that are fitted, not measured, half of them below 0.3
-    (docs/explanation/identification-accuracy.md). In wind tunnels, new balls that do not spin have
+    (docs/explanation/verification.md). In wind tunnels, new balls that do not spin have
     their crisis between 10 and 19 m/s. Below Re 7e4 it is joined (C3) to the sphere's, which it
     reaches at Re 2e4.
     """

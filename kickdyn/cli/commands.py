@@ -13,7 +13,7 @@ COMMANDS = {
     "posture-sweep": "Kick from a grid of postures.",
     "plan": "Plan a kick for a given target.",
     "paper": "Reproduce the ICRA 2005 paper, item by item.",
-    "tradeoff": "Measure error against cost.",
+    "tradeoff": "Measure what each effect of a scene changes.",
     "simulate": "Simulate a scene file to a tolerance.",
     "tune-mujoco": "Find contact parameters for a ball in MuJoCo.",
     "identify": "Fit launch, spin and drag to a measured ball track.",

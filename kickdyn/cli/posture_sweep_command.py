@@ -3,9 +3,8 @@
 import logging
 import math
 import sys
-import threading
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -145,7 +144,6 @@ class StoreOptions:
                          "table, or a picture of the page."},
     },
 )  # fmt: skip
-@click.option("--live", is_flag=True, help="Serve the 3-D page on this computer until Ctrl-C.")
 def posture_sweep(
     leg: LegOptions,
     joints: tuple[str, ...],
@@ -157,7 +155,6 @@ def posture_sweep(
     where: str | None,
     storing: StoreOptions,
     output: OutputOptions,
-    live: bool,
 ) -> None:
     """Kick from every posture of a grid, and explain the best and the worst.
 
@@ -213,21 +210,15 @@ def posture_sweep(
 
         save_figure(sweep_figure(summary, lines), output.plot)
     made_page = None
-    if live or output.view is not None:
+    if output.view is not None:
         made_page = _page(page_lines(robot, grid, kick, summary, lines), kick)
         if made_page is None:
             reason = "" if where is None else f" where {where}"
             click.echo(f"no posture is ok{reason}: there is nothing to view", err=True)
         else:
-            if output.view is not None:
-                made_page.save(output.view)
+            made_page.save(output.view)
             warn(made_page.warnings)
     output.name_written(storing.out, output.plot, output.view if made_page is not None else None)
-    if live and made_page is not None:
-        with made_page.serve() as url:
-            click.echo(f"showing the kick at {url} (this machine only) until Ctrl-C", err=True)
-            with suppress(KeyboardInterrupt):
-                threading.Event().wait()
 
 
 @contextmanager

@@ -1,11 +1,13 @@
-"""The command `kickdyn tradeoff`: error against cost of methods, or what each effect changes."""
+"""The command `kickdyn tradeoff`: what each effect of a scene changes."""
 
 import dataclasses
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import click
 import numpy as np
+from matplotlib.figure import Figure
 from rich.console import Console
 from rich.table import Table
 
@@ -13,104 +15,43 @@ from kickdyn.cli.command import Command, busy, offers
 from kickdyn.cli.option_groups import JsonOptions, scene_names, takes
 from kickdyn.core.console import empty_table, screen_width
 from kickdyn.core.files import finite
-from kickdyn.core.plot_style import check_name, save_figure
-from kickdyn.errors import InvalidInput
+from kickdyn.core.plot_style import check_name, save_figure, styled
 from kickdyn.scene.effects import EffectSize
 from kickdyn.scene.simulate import measure_effects, simulate
 from kickdyn.scene.toml_reader import load_scene
-from kickdyn.tradeoff.measurement import Measurement, effect_figure, front_figure
 
-TITLES = {
-    "impact": "Impulse in posture a of Table 2 at 10 m/s; reference of 50 digits; *: Pareto front",
-    "flight": "Landing points of 6 kicks, error in m; reference of 20 digits; *: Pareto front",
-}
+TOLERANCE = 0.05
+"""The default tolerance of `simulate`, a line in the picture [m]."""
+
+LEAST_EFFECT = 1e-9
+"""Shorter distances are due to the integrators [m]."""
 
 
 @click.command("tradeoff", Command)
-@click.option("--impact", is_flag=True, help="Measure only methods for the impact.")
-@click.option("--flight", is_flag=True, help="Measure only integrators of the flight.")
-@click.option("--scene", metavar="SCENE", shell_complete=offers(scene_names, files=True),
-              help="Measure what each effect of a scene changes: a TOML file, or the name of a "
-              "scene, as for `kickdyn view`.")  # fmt: skip
+@click.option("--scene", metavar="SCENE", required=True,
+              shell_complete=offers(scene_names, files=True),
+              help="The scene: a TOML file, or a name as for `kickdyn view`.")  # fmt: skip
 @takes(output=JsonOptions)
 @click.option("--plot", metavar="FILE", type=click.Path(),
-              help="Plot error against time, or the effects: .png, .svg or .pdf.")  # fmt: skip
-def tradeoff(
-    impact: bool, flight: bool, scene: str | None, output: JsonOptions, plot: str | None
-) -> None:
-    """Measure the error and the computing time of kickdyn and of other methods.
+              help="Plot the effects: .png, .svg or .pdf.")  # fmt: skip
+def tradeoff(scene: str, output: JsonOptions, plot: str | None) -> None:
+    """Measure what each effect of a scene changes at the impulse and at the end.
 
-    Example: kickdyn tradeoff --plot tradeoff.png
+    Example: kickdyn tradeoff --scene free_kick --plot effects.png
     """
-    if scene is not None and (impact or flight):
-        raise InvalidInput(
-            "--scene measures effects of a scene, --impact and --flight measure methods: give "
-            "one or the other"
-        )
     if plot is not None:
         check_name(plot)
     output.check(plot, inputs=[scene])
-    if scene is not None:
-        _compare_effects(scene, output, plot)
-    else:
-        kinds = [kind for kind, chosen in (("impact", impact), ("flight", flight)) if chosen]
-        _compare_methods(kinds or ["impact", "flight"], output, plot)
-
-
-def _compare_methods(kinds: Sequence[str], output: JsonOptions, plot: str | None) -> None:
-    """Measure methods for `impact`, `flight` or both, and write and print the results."""
-    from kickdyn.tradeoff.flight_methods import measure_flights
-    from kickdyn.tradeoff.impact_methods import measure_impacts
-
+    loaded = load_scene(scene)
     with busy("measuring") as show:
-        rows = {
-            "impact": measure_impacts(show) if "impact" in kinds else [],
-            "flight": measure_flights(report=show) if "flight" in kinds else [],
-        }
-    if plot is not None:
-        save_figure(front_figure(rows["impact"], rows["flight"]), plot)
-    output.write_json({k: [dataclasses.asdict(row) for row in v] for k, v in rows.items()})
-    if output.prints:
-        console = Console(highlight=False, width=screen_width())
-        for kind in kinds:
-            console.print(_method_table(TITLES[kind], rows[kind]))
-    output.name_written(plot)
-
-
-def _method_table(title: str, rows: Sequence[Measurement]) -> Table:
-    """Return a table of measurements, by scene."""
-    table = empty_table(title)
-    for head in ("method", "setting", "error", "calls", "time\n\\[us]", "times the\nfastest", ""):
-        table.add_column(head, justify="left" if head in ("method", "setting") else "right")
-    for row in rows:
-        same = [other for other in rows if other.scene == row.scene]
-        if row is same[0]:
-            table.add_row(f"[bold]{row.scene}[/]")
-        table.add_row(
-            row.method,
-            row.setting,
-            f"{row.error:.1e}",
-            "" if row.calls is None else f"{row.calls:.0f}",
-            f"{1e6 * row.seconds:.4g}",
-            f"{row.seconds / min(other.seconds for other in same):.3g}",
-            "*" if row.pareto else "",
-            end_section=row is same[-1],
-        )
-    return table
-
-
-def _compare_effects(file: str, output: JsonOptions, plot: str | None) -> None:
-    """Measure the effects of a scene, and write and print the results."""
-    scene = load_scene(file)
-    with busy("measuring") as show:
-        exact = simulate(scene, None)
+        exact = simulate(loaded, None)
         sizes = measure_effects(exact, show)
     sizes.sort(key=lambda size: math.inf if math.isnan(size.end) else -size.end)
     if plot is not None:
-        save_figure(effect_figure(scene.name, sizes), plot)
+        save_figure(effect_figure(loaded.name, sizes), plot)
     output.write_json(
         {
-            "scene": scene.name,
+            "scene": loaded.name,
             "status": exact.status,
             "end": exact.end.position.tolist(),
             "impulse": exact.impact.impulse.tolist(),
@@ -126,7 +67,7 @@ def _compare_effects(file: str, output: JsonOptions, plot: str | None) -> None:
         impulse = float(np.linalg.norm(exact.impact.impulse))
         console = Console(highlight=False, width=screen_width(), markup=False)
         console.print(
-            f"{scene.name}: impulse {impulse:.4g} N s, {exact.end_text}. If one effect is "
+            f"{loaded.name}: impulse {impulse:.4g} N s, {exact.end_text}. If one effect is "
             "neglected:"
         )
         console.print(_effect_table(sizes))
@@ -146,3 +87,30 @@ def _effect_table(sizes: Sequence[EffectSize]) -> Table:
         cells = ("" if math.isnan(value) else f"{value:.3g}" for value in (size.end, size.impulse))
         table.add_row(size.effect, *cells, size.why_not)
     return table
+
+
+@styled()
+def effect_figure(title: str, sizes: Sequence[EffectSize], tolerance: float = TOLERANCE) -> Figure:
+    """Return how far neglecting each effect moves the end, as bars on a logarithmic scale.
+
+    A line is drawn at the tolerance [m]: half of it is there for all neglected effects.
+    """
+    figure = Figure(figsize=(8.0, 1.6 + 0.32 * len(sizes)))
+    axes: Any = figure.subplots()
+    seen = [size.end for size in sizes if size.end > LEAST_EFFECT]
+    low, high = min([*seen, tolerance]) / 3.0, max([*seen, tolerance]) * 8.0
+    for place, size in enumerate(sizes):
+        known = size.end > LEAST_EFFECT
+        if known:
+            axes.barh(place, size.end - low, left=low, color="tab:blue", height=0.65)
+        text = "no answer" if size.why_not else f"below {LEAST_EFFECT:g}"
+        text = f"{size.end:.2g}" if known else text
+        axes.text(1.15 * (size.end if known else low), place, text, va="center", fontsize=8)
+    axes.axvline(tolerance, color="tab:red", linestyle="--", label=f"tolerance {tolerance:g} m")
+    axes.set(title=title, xlabel="neglecting it moves the end by [m]", xscale="log")
+    axes.set_xlim(low, high)
+    axes.set_yticks(range(len(sizes)), [size.effect for size in sizes])
+    axes.set_ylim(len(sizes) - 0.5, -0.5)
+    axes.grid(visible=False, axis="y")
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1)
+    return figure

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import click
+import numpy as np
 from click.core import ParameterSource
 
 from kickdyn.cli.command import Command, busy, offers, print_wrapped, warn
@@ -22,19 +23,18 @@ from kickdyn.core.files import replacing
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.collide import CONTACT_TIME
 from kickdyn.robot.leg import Leg
-from kickdyn.robot.mjcf_file import MjcfFile
+from kickdyn.robot.mjcf_file import MjcfFile, find_body
 from kickdyn.scene.scene import Compliance, Scene
 from kickdyn.scene.toml_reader import load_scene
 from kickdyn.simulators.mujoco_fit import MujocoIntegrator
-from kickdyn.simulators.mujoco_placement import check_feet, find_foot
 from kickdyn.simulators.tune_mujoco import MujocoTuning
 from kickdyn.simulators.tune_mujoco import tune_mujoco as tune_contact
 from kickdyn.sweeps.grid import read_postures
 
 PLAIN = (
-    *("timestep", "integrator", "solref", "solref_time", "solimp", "friction", "solreffriction"),
+    *("timestep", "integrator", "solref", "solimp", "friction", "solreffriction"),
     *("condim", "margin", "contact_time", "wanted_contact_time", "tolerance", "within_tolerance"),
-    *("largest_timestep", "second_push", "warnings"),
+    "warnings",
 )
 """Attributes of `MujocoTuning` that JSON can hold as they are."""
 
@@ -144,7 +144,6 @@ def tune_mujoco(
             f"stiffness is {compliance.stiffness!r}: a contact of MuJoCo is tuned for a contact "
             "time, contact_time_s"
         )
-    check_feet(scene.leg, mujoco.feet)
     feet = mujoco.feet or (find_foot(scene.leg) if scene.contact.friction else ())
     with busy("tuning"):
         tuning = tune_contact(
@@ -204,6 +203,28 @@ def _angles(leg: Leg, joints: Sequence[str]) -> dict[str, float]:
         if name in leg.joint_names and name not in mimicking
     }
     return free | {name: float(several[0]) for name, several in values.items()}
+
+
+def find_foot(leg: Leg) -> tuple[str, ...]:
+    """Return the geom of a leg's contact frame in its MJCF; none where the leg has no such file.
+
+    Raises `InvalidInput` if the frame is a body or a site of a body that has several geoms, or one
+    without a name.
+    """
+    if not isinstance(leg.file, MjcfFile):
+        return ()
+    compiled, frame = leg.file.compile(), leg.frame
+    geoms = np.flatnonzero(compiled.geom_bodyid == find_body(compiled, frame))
+    names = [str(compiled.geom(int(geom)).name) for geom in geoms]
+    if frame in names:
+        return (frame,)
+    if len(names) == 1 and names[0]:
+        return (names[0],)
+    known = ", ".join(filter(None, names)) or "none with a name"
+    raise InvalidInput(
+        f"which geom of {frame!r} strikes the ball? MuJoCo needs its name for friction: name it "
+        f"with --foot (there are {known}), or choose --friction 0"
+    )
 
 
 def _document(name: str, tuning: MujocoTuning, model: str) -> dict[str, Any]:

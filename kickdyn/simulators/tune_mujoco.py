@@ -5,7 +5,7 @@ which act once per time step and on a ball that has already entered the foot at 
 """
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -25,7 +25,6 @@ from kickdyn.robot.leg import Posture
 from kickdyn.simulators.mujoco_fit import (
     CONTACT_TIME_TOLERANCE,
     SPEEDS,
-    FittedContact,
     KickError,
     MujocoIntegrator,
     accepted,
@@ -36,7 +35,6 @@ from kickdyn.simulators.mujoco_fit import (
     other_speed,
 )
 from kickdyn.simulators.mujoco_kick import MujocoContact, load_mujoco, pair, row, scene
-from kickdyn.simulators.mujoco_placement import placement_warnings
 
 LEAST_RESTITUTION = 0.2
 """Below about 0.14 a damped spring is overdamped, and has no contact time of its own."""
@@ -50,12 +48,6 @@ MOST_STEPS = 500
 LEAST_SPEED = 0.01
 """Least speed of approach [m/s]: below it gravity, not the impact, decides the motion."""
 
-TIMESTEPS = (5e-3, 4e-3, 3e-3, 2e-3, 1.5e-3, 1e-3, 7.5e-4, 5e-4, 3e-4, 2e-4, 1e-4)
-"""Time steps among which the largest one is sought that meets a goal [s]."""
-
-WATCHED_DURATION = 2.0
-"""Time after the contact in which a second push is looked for, in contact times."""
-
 
 class MujocoGoal(NamedTuple):
     """An error that a tuned contact should not exceed.
@@ -64,15 +56,12 @@ class MujocoGoal(NamedTuple):
         name: `speed` and `direction` of the ball in the tuned kick, `speed around` at the other
             speeds.
         error: of the tuned contact, relative; of the direction [rad].
-        limit: that is accepted.
-        largest_timestep: of those tried, at which this error of the contact tuned there is
-            accepted [s]; None if there is none. The contact is chosen by all goals together.
+        limit: that is accepted. The contact is chosen by all goals together.
     """
 
     name: str
     error: float
     limit: float
-    largest_timestep: float | None
 
     @property
     def met(self) -> bool:
@@ -98,8 +87,8 @@ class MujocoTuning(ReprMixin):
         solreffriction: the same two numbers across the normal, where MuJoCo reads only the damping;
             (0, 0) without friction. MuJoCo takes it for a `<pair>` of geoms only.
         condim: 1 without friction, else 3.
-        margin: `margin` of the ball's geom, which is smaller than the ball by as much [m]; 0
-            without friction, where it has no effect.
+        margin: `margin` of the ball's geom, which is smaller than the ball by as much [m], so that
+            friction acts at the surface of the foot; 0 without friction.
         timestep: time step of the simulation [s].
         integrator: integrator of MuJoCo.
         contact_time: mean contact time of the simulated kicks [s].
@@ -107,14 +96,10 @@ class MujocoTuning(ReprMixin):
         errors: errors of the tuned kick; at other speeds; earlier and later in the swing; and of
             the tuned kick against the ball of `strike`, an impact without duration.
         tolerance: the largest error of the ball's speed that was asked for, relative.
-        goals: the errors that are accepted, and the largest time steps at which they are.
-        second_push: change of the ball's velocity by the foot after the contact, within two contact
-            times, relative to the ball's speed.
+        goals: the errors that are judged, and what is accepted of them.
         scene: MJCF model of leg and ball just before they touch.
         ball: the ball.
         ball_position: position of its centre at first contact, shape `(3,)` [m, world frame].
-        placement: lines about the place of the ball among the geoms of the leg's MJCF file, which
-            `warnings` contains; empty for other legs.
     """
 
     solref: tuple[float, float]
@@ -130,11 +115,9 @@ class MujocoTuning(ReprMixin):
     errors: tuple[KickError, ...]
     tolerance: float
     goals: tuple[MujocoGoal, ...]
-    second_push: float
     scene: str
     ball: Ball
     ball_position: Array
-    placement: tuple[str, ...] = ()
 
     @property
     def within_tolerance(self) -> bool:
@@ -142,28 +125,8 @@ class MujocoTuning(ReprMixin):
         return all(goal.met for goal in self.goals)
 
     @property
-    def largest_timestep(self) -> float | None:
-        """The largest time step, of those tried, at which no goal is missed [s]; None if none."""
-        steps = [goal.largest_timestep for goal in self.goals]
-        return None if None in steps else min(step for step in steps if step is not None)
-
-    @property
-    def solref_time(self) -> tuple[float, float] | None:
-        r"""The same as `solref` in MuJoCo's other form: time constant [s] and damping ratio.
-
-        .. math:: t = 2 / b, \qquad \zeta = 1 / (t \sqrt{k}) .
-
-        None where it cannot be written so: without damping, or where MuJoCo would raise the time
-        constant to two time steps.
-        """
-        k, b = -self.solref[0], -self.solref[1]
-        if b * self.timestep > 1.0 or b == 0.0:
-            return None
-        return 2.0 / b, 0.5 * b / math.sqrt(k)
-
-    @property
     def warnings(self) -> tuple[str, ...]:
-        """Lines about missed goals, the contact time, a second push, and the place of the ball."""
+        """Lines about missed goals and the contact time."""
         lines = [self._missed(goal) for goal in self.goals if not goal.met]
         names = [error.change for error in self.errors]
         for factor in SPEEDS:
@@ -177,12 +140,7 @@ class MujocoTuning(ReprMixin):
                 f"the contact lasts {1e3 * self.contact_time:.3g} ms, "
                 f"{1e3 * self.wanted_contact_time:.3g} ms was asked for"
             )
-        if self.second_push > self.tolerance:
-            lines.append(
-                f"after the contact the foot pushes the ball again, by {self.second_push:.1%} of "
-                "its speed: the simulated leg has neither motors nor joint limits that stop it"
-            )
-        return (*lines, *self.placement)
+        return tuple(lines)
 
     def _missed(self, goal: MujocoGoal) -> str:
         """Return the sentence about a goal that is missed."""
@@ -191,12 +149,9 @@ class MujocoTuning(ReprMixin):
         where = ""
         if goal.name == "speed around":
             where = f" at {min(SPEEDS):g} to {max(SPEEDS):g} times all velocities"
-        best = "no time step that was tried meets it"
-        if goal.largest_timestep is not None:
-            best = f"the largest time step that meets it is {1e3 * goal.largest_timestep:g} ms"
         return (
             f"at {1e3 * self.timestep:g} ms the ball's {what} is up to {error} off{where}, "
-            f"{limit} is accepted: {best}"
+            f"{limit} is accepted: choose a smaller time step"
         )
 
     def mjcf(self, *feet: str) -> str:
@@ -257,8 +212,6 @@ friction="{float(self.friction)!r} 0 0"
     def _rows(self) -> Iterable[Row]:
         yield "time step", 1e3 * self.timestep, f"ms, {self.integrator}"
         yield "solref", digits(self.solref), ""
-        if self.solref_time is not None:
-            yield "or solref", digits(self.solref_time), "(time constant, damping ratio)"
         yield "solimp", digits(self.solimp), ""
         yield "condim", self.condim, ""
         if self.friction:
@@ -311,23 +264,14 @@ def tune_mujoco(
     damping :math:`b = (1 - e^{-2 \zeta \omega h}) / h` and the stiffness
     :math:`k = (2 - b h - 2 e^{-\zeta \omega h} \cos(s\, \omega h)) / h^2`. From there k and b, and
     with friction its coefficient and damping, are fitted by least squares to simulated kicks that
-    reach the ball at several moments within a time step. An impedance that grows with the depth
-    makes this moment matter less: several growths are tried. Among the fits whose errors are all
-    accepted, the one with the smallest errors is taken; if there is none, the one whose largest
-    error is the smallest, compared with what is accepted.
-
-    MuJoCo applies the force of a contact halfway between the two surfaces, `collide` at the foot's.
-    With friction, the ball's geom is therefore smaller than the ball by the `margin`, the mean
-    deflection of `collide`, and its contact begins at this distance: on average both act at the
-    same point, so that friction gives the ball the same spin.
+    reach the ball at several moments within a time step; of several growths of the impedance, the
+    one with the smallest errors is taken.
 
     The leg is simulated without motors, its foot as a plane, as in `collide`. The parameters are
     fitted to the ball alone: impulses in the joints can differ much more.
 
     Args:
-        posture: posture of a leg without supports, loops, mimic and stiff joints. For a leg from
-            an MJCF file, the result has a warning where the ball does not touch the foot of the
-            file, or overlaps another geom.
+        posture: posture of a leg without supports, loops, mimic and stiff joints.
         v: joint velocity just before, shape `(nv,)` [rad/s; m/s for prismatic joints].
         ball: the ball; its centre is at `contact point + radius * normal`.
         contact: normal, friction of at most 10, and a restitution of at least 0.2 at this speed of
@@ -366,18 +310,13 @@ def tune_mujoco(
     scene(approach, step, MujocoContact())  # refuses a leg before the work
     cases = kick_cases(approach, duration, kind)
     fitted = find_best(cases, step, chosen, duration, tolerance)
-    goals = find_goals(
-        fitted,
-        step,
-        tolerance,
-        lambda shorter: find_best(cases, shorter, chosen, duration, tolerance),
-    )
+    limited = limited_errors(fitted.errors)
+    goals = [MujocoGoal(name, limited[name], most) for name, most in accepted(tolerance).items()]
     instant = strike(
         posture, v, ball, contact, ball_velocity=ball_velocity, ball_spin=ball_spin
     ).ball_after
     against_strike = cases[0]._replace(change="against kd.strike", target=instant)
     best = fitted.contact
-    watched = fitted.kick.run(0.5, afterwards=WATCHED_DURATION * duration)
     return MujocoTuning(
         solref=best.solref,
         solimp=best.solimp,
@@ -391,35 +330,10 @@ def tune_mujoco(
         wanted_contact_time=duration,
         errors=(*fitted.errors, find_error(against_strike, fitted.kick, best)),
         tolerance=tolerance,
-        goals=goals,
-        second_push=watched.second_push / cases[0].scale,
+        goals=tuple(goals),
         scene=scene(approach, step, best, chosen.value, gravity=True),
         ball=ball,
         ball_position=approach.ball_before.position,
-        placement=placement_warnings(
-            posture, approach.contact.normal, approach.ball_before.position, ball.radius
-        ),
-    )
-
-
-def find_goals(
-    fitted: FittedContact, timestep: float, tolerance: float, fit: Callable[[float], FittedContact]
-) -> tuple[MujocoGoal, ...]:
-    """Return the goals of a contact at a time step [s]; `fit` returns the contact at another one.
-
-    For goals that are missed, `TIMESTEPS` that are smaller are tried, the largest ones first.
-    """
-    limits, first = accepted(tolerance), limited_errors(fitted.errors)
-    steps = {name: timestep for name, limit in limits.items() if first[name] <= limit}
-    for smaller in (shorter for shorter in TIMESTEPS if shorter < timestep):
-        if len(steps) == len(limits):
-            break
-        left = limited_errors(fit(smaller).errors)
-        for name, limit in limits.items():
-            if name not in steps and left[name] <= limit:
-                steps[name] = smaller
-    return tuple(
-        MujocoGoal(name, first[name], limit, steps.get(name)) for name, limit in limits.items()
     )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course
 from kickdyn.impact.impact_result import Impact
-from kickdyn.view.kick_scene import JOINT_ARROW, LEAST_JOINT_IMPULSE, DrawnKick
+from kickdyn.view.kick_scene import JOINT_ARROW, LEAST_JOINT_IMPULSE
 from kickdyn.view.marks import ARROW, CURVE
 
 LONG = 300
@@ -20,30 +20,11 @@ Row = tuple[str, str]
 
 
 def kick_panel(
-    impact: Impact,
-    path: Flight | Course,
-    drawn: DrawnKick,
-    text: str,
-    warnings: Sequence[str] = (),
+    impact: Impact, path: Flight | Course, text: str, warnings: Sequence[str] = ()
 ) -> str:
     """Return the panel of a kick, with lines of plain text."""
-    flights = path.flights if isinstance(path, Course) else [path]
-    methods = escape("; ".join(dict.fromkeys(flight.method for flight in flights)))
-    strike, flight = _slower(drawn.pace.strike), _slower(drawn.pace.flight)
-    rows = [
-        ("flight", methods),
-        ("shown", strike if strike == flight else f"strike {strike}, flight {flight}"),
-        ("ground marks", f"every {drawn.stripe:g} m"),
-        (
-            "arrows",
-            f"impulses: on the ball {colour_key(ARROW)}, and by each joint on what hangs on it "
-            f"{colour_key(JOINT_ARROW)}",
-        ),
-        ("axes", f"x forward, y left, z up; arrows of {drawn.axis:g} m"),
-    ]
-    end = f"{_joints(impact)}{_folded('picture and computation', rows)}"
-    name = impact.posture.leg.name or "leg"
-    return panel_of(name, [*_impact_rows(impact), *_path_rows(path)], text, end, warnings)
+    rows = [*_impact_rows(impact), *_path_rows(path)]
+    return panel_of(impact.posture.leg.name or "leg", rows, text, _joints(impact), warnings)
 
 
 def panel_of(
@@ -78,20 +59,9 @@ def _table(rows: Sequence[Row], short: int = 12) -> str:
     return "<table>\n" + "\n".join(lines) + "\n</table>"
 
 
-def _folded(summary: str, rows: Sequence[Row], *, is_open: bool = False) -> str:
-    """Return a table under a line of HTML that folds and unfolds it."""
-    start = f"<details{' open' * is_open}><summary>{summary}</summary>"
-    return f"{start}\n{_table(rows, short=16)}\n</details>\n"
-
-
 def _name(name: str) -> str:
     """Return a joint's name as HTML, which may be broken after an underscore."""
     return escape(name).replace("_", "_<wbr>")
-
-
-def _slower(factor: float) -> str:
-    """Return how many times slower than real something is shown, in words."""
-    return f"{factor:.3g} times slower" if factor >= 1 else f"{1 / factor:.3g} times faster"
 
 
 def _joints(impact: Impact) -> str:
@@ -106,8 +76,10 @@ def _joints(impact: Impact) -> str:
         moves = name in values and impact.v_before[leg.velocity_index(name)]
         if moves or size > LEAST_JOINT_IMPULSE * max(norms):
             rows.append((_name(name), f"{shown}{size:.3g} N s"))
-    summary = f"{len(rows)} joints: angle and impulse {colour_key(JOINT_ARROW)}"
-    return _folded(summary, rows, is_open=len(rows) <= 4)
+    key = colour_key(JOINT_ARROW)
+    summary = f"{len(rows)} joints: angle, and impulse on the body that hangs on it {key}"
+    start = f"<details{' open' * (len(rows) <= 4)}><summary>{summary}</summary>"
+    return f"{start}\n{_table(rows, short=16)}\n</details>\n"
 
 
 def _impact_rows(impact: Impact) -> list[Row]:
@@ -131,16 +103,19 @@ def _impact_rows(impact: Impact) -> list[Row]:
 
 
 def _path_rows(path: Flight | Course) -> list[Row]:
-    """Return the numbers of a flight, or of a course along the ground."""
+    """Return the numbers of a flight, or of a course along the ground, and how it is computed."""
     if isinstance(path, Course):
+        methods = "; ".join(dict.fromkeys(flight.method for flight in path.flights))
         return [
             (f"path {colour_key(CURVE)}", f"{path.distance:.4g} m along the ground"),
             ("time", f"{path.duration:.4g} s"),
             ("final speed", f"{float(path.rest.speed):.4g} m/s"),
+            ("flight", escape(methods)),
         ]
     aloft = " (still aloft)" if path.status == "aloft" else ""
     length = "distance" if path.status == "at-plane" else "range"
     return [
         (f"{length} {colour_key(CURVE)}", f"{path.range:.4g} m{aloft}"),
         ("flight time", f"{path.duration:.4g} s"),
+        ("flight", escape(path.method)),
     ]

@@ -85,21 +85,16 @@ def draw_flights(
             dots = measured[name][:: max(len(measured[name]) // MOST_DOTS, 1)]
             marks.draw_dots(viewer[f"dots/{number}"], dots, 0.0035 * size, DOT_COLOUR)
         rows.append((f"{colour_key(colour)} {escape(name)}", _length(path)))
-    drawn = max(radius, 0.012 * size)
-    marks.draw_ball(viewer["ball"], drawn, start)
+    marks.draw_ball(viewer["ball"], radius, start)
     stripe = stripe_width(size)
     floor = np.array([*start[:2], points[:, 2].min() - radius])
     marks.draw_ground(viewer["ground"], floor, forward, stripe, 3 * size)
-    marks.draw_distances(viewer["distances"], floor, forward, stripe, length, camera)
+    marks.draw_distances(viewer["distances"], floor, forward, stripe, length)
     marks.draw_axes(viewer["axes"], floor, stripe / 2)
     if measured:
         rows.append((f"{colour_key(DOT_COLOUR)} measured", f"about {MOST_DOTS} positions of each"))
-    rows += [
-        ("distances, heights", f"from the {'first sample' if measured else 'launch'} of each"),
-        ("ground marks", f"every {stripe:g} m"),
-        ("axes", f"z up; arrows of {stripe / 2:g} m"),
-        ("ball", f"at the first start, {drawn / radius:.2g} times its size"),
-    ]
+    origin = "first sample" if measured else "launch"
+    rows.append(("distances, heights", f"from the {origin} of each"))
     return panel_of(title, rows)
 
 

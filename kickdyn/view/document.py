@@ -14,13 +14,13 @@ import re
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Sequence
 from functools import cache
 from html import escape
 from importlib.resources import files
 from os import PathLike
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import meshcat
 import meshcat.transformations as tf
@@ -71,19 +71,6 @@ class Recorder:
         )
 
 
-class Recording(NamedTuple):
-    """A scene as a page shows it.
-
-    `viewer` is the `meshcat.Visualizer` of `recording_viewer` into which it is drawn, `panel` the
-    HTML beside it. `times` are those of the animation and of the kick that it shows then, shape
-    `(n, 2)` [s]; the kick's time is linear in between. They are None where nothing moves.
-    """
-
-    viewer: Any
-    panel: str
-    times: Array | None = None
-
-
 def recording_viewer() -> Any:
     """Return a `meshcat.Visualizer` that draws into memory: its `window` is a `Recorder`."""
     return meshcat.Visualizer(window=Recorder())
@@ -102,31 +89,37 @@ def draw_label(viewer: Any, text: str, point: Array, colour: str = "") -> None:
     )
 
 
-def html_document(title: str, recordings: Mapping[str, Recording]) -> str:
-    """Return a page with a title in plain text that shows the first of some scenes.
+def html_document(
+    title: str, scenes: Sequence[tuple[Recorder, str, Array | None]], names: Sequence[str] = ()
+) -> str:
+    """Return a page that shows the first of some scenes.
 
-    Of several, there is a button for each, with its name in plain text.
+    Args:
+        title: plain text.
+        scenes: for each, the window into which it is drawn, the HTML beside it, and the times of
+            the animation and of the kick that it shows then, shape `(n, 2)` [s]. The kick's time is
+            linear in between; without an animation there are None.
+        names: plain text of the buttons that choose a scene, one for each of several.
     """
     numbers: dict[bytes, int] = {}  # of commands; each command is on the page once
-    scenes, labels, panels = [], [], []
-    for index, recording in enumerate(recordings.values()):
-        window, times = recording.viewer.window, recording.times
-        scenes.append({
+    recordings, labels, panels = [], [], []
+    for index, (window, panel, times) in enumerate(scenes):
+        recordings.append({
             "commands": [numbers.setdefault(c, len(numbers)) for c in window.commands],
             "times": None if times is None else times.tolist(),
         })  # fmt: skip
         texts = "\n".join(window.labels)
         labels.append(f'<div class="labels scene" data-scene="{index}">\n{texts}\n</div>')
-        panels.append(f'<section class="scene" data-scene="{index}">\n{recording.panel}</section>')
-    buttons = "".join(f"<button>{escape(name)}</button>\n" for name in recordings)
+        panels.append(f'<section class="scene" data-scene="{index}">\n{panel}</section>')
+    buttons = "".join(f"<button>{escape(name)}</button>\n" for name in names)
     values = {
         "title": escape(title),
         "labels": "\n".join(labels),
-        "buttons": f"<nav>\n{buttons}</nav>\n" if len(recordings) > 1 else "",
+        "buttons": f"<nav>\n{buttons}</nav>\n" if len(scenes) > 1 else "",
         "panels": "\n".join(panels),
         "engine": _text_of("meshcat", "viewer/dist/main.min.js"),  # with three.js
         "commands": ",\n".join(f'"{base64.b64encode(packed).decode()}"' for packed in numbers),
-        "scenes": json.dumps(scenes),
+        "scenes": json.dumps(recordings),
         "left": str(LEFT / UP),
         "right": str(RIGHT / UP),
         "spread": str(1.1 * (LEFT + RIGHT) / (2 * UP)),

@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+import meshcat.transformations as tf
 import numpy as np
 import pinocchio as pin
 from meshcat.animation import Animation
@@ -75,14 +76,11 @@ class Pace(NamedTuple):
     """Which time of the kick each picture shows.
 
     `times` are those of the pictures, 0 at the impact, shape `(n,)` [s], and `impact` is the index
-    of the picture of the impact. `strike` and `flight` say how many times slower than real they
-    are shown. Leg and ball rest from the last of `times` until the picture `end`.
+    of the picture of the impact. Leg and ball rest from the last of `times` to the picture `end`.
     """
 
     times: Array
     impact: int
-    strike: float
-    flight: float
     end: int
 
     @property
@@ -96,20 +94,6 @@ class Pace(NamedTuple):
         return np.column_stack([numbers / RATE, self.times[numbers]])
 
 
-class DrawnKick(NamedTuple):
-    """What a page says of a drawn kick.
-
-    `pace` is that of the animation, `stripe` the distance between two marks on the ground [m],
-    `axis` the length of the arrows that are the world's axes [m]; `text` has sentences about ground
-    and tee, and is empty where there is nothing to say.
-    """
-
-    pace: Pace
-    stripe: float
-    axis: float
-    text: str
-
-
 def draw_kick(
     viewer: Any,
     impact: Impact,
@@ -118,12 +102,15 @@ def draw_kick(
     swing: Swing | Backswing | None = None,
     *,
     lies: bool = True,
-) -> DrawnKick:
+) -> tuple[Pace, str]:
     """Draw a kick, from the swing to the landing, over and over, with walls and goals as scenery.
 
     Without a swing from rest to rest through this impact the joints move as `leg_configuration`
     says; after a backswing alone, too. Where the ball need not lie on the ground (`lies`), the
     ground is where a robot stands, or as low as ball and leg come.
+
+    Returns:
+        The pace of the animation, and a sentence about the ground, empty if the ball lies on it.
     """
     leg, ball, before = impact.posture.leg, impact.ball, impact.ball_before
     backswing = swing.backswing if isinstance(swing, Swing) else swing
@@ -174,21 +161,17 @@ def draw_kick(
     reach = float(np.linalg.norm(curve[-1] - foot)) + 8 * size
     marks.draw_ground(viewer["ground"], foot, forward, stripe, reach)
     marks.draw_axes(viewer["axes"], origin, axis)
-    marks.draw_distances(viewer["distances"], foot, forward, stripe, length, camera)
-    landing = np.array([*curve[-1, :2], floor])
-    marks.draw_disc(
-        viewer["landing"], landing, max(0.4 * ball.radius, 6 * float(width[-1])), marks.CURVE
-    )
+    marks.draw_distances(viewer["distances"], foot, forward, stripe, length)
     far_end = path.distance if isinstance(path, Course) else path.range
     draw_label(viewer["end"], f"{far_end:.3g} m", curve[-1], f"#{marks.CURVE:06x}")
     animation = _animation(viewer, impact, path, pace, moved, arrows)
     viewer.set_animation(animation, repetitions=math.inf)
-    text = describe_buried(leg, moved, pace, floor)
+    text = ""
     if stands:
-        text += f" The ball is on a tee, {lift:.2g} m above the ground."
+        text = f"The ball is on a tee, {lift:.2g} m above the ground."
     elif lift < -LEAST_TEE_HEIGHT:
-        text += f" The ball is {-lift:.2g} m in the ground on which the robot stands."
-    return DrawnKick(pace, stripe, axis, text.strip())
+        text = f"The ball is {-lift:.2g} m in the ground on which the robot stands."
+    return pace, text
 
 
 def joint_impulses_in_world(impact: Impact) -> list[tuple[str, Array, Array]]:
@@ -223,24 +206,9 @@ def impulse_arrows(impact: Impact, least: float) -> list[Arrow]:
 def draw_impulse(viewer: Any, arrow: Arrow, scale: float) -> None:
     """Draw an arrow, `scale` metres long per N s, with its size at its tip."""
     vector = scale * arrow.impulse
-    marks.draw_arrow(viewer, arrow.start, vector, arrow.colour)
+    marks.draw_arrow(viewer, vector, arrow.colour)
+    viewer.set_transform(tf.translation_matrix(arrow.start))
     draw_label(viewer["label"], f"{arrow.size:.3g} N s", vector, f"#{arrow.colour:06x}")
-
-
-def describe_buried(leg: Leg, moved: Sequence[Array], pace: Pace, floor: float) -> str:
-    """Return a sentence about the bodies that a kick's animation shows under the ground, if any.
-
-    `moved` has the leg's configuration at each time of the pace, `floor` is the ground's height
-    [m]. The sentence has depth and time of the deepest body.
-    """
-    depths = find_depths(leg, moved, floor)
-    if not depths:
-        return ""
-    deepest, time = depths[0], float(pace.times[depths[0].number])
-    when = f"{abs(1e3 * time):.0f} ms {'before' if time < 0.0 else 'after'} the impact"
-    further = f"; also {', '.join(depth.frame for depth in depths[1:])}" if depths[1:] else ""
-    text = f"Under the ground in this picture: {deepest.frame} by {deepest.depth:.3f} m, {when}"
-    return f"{text}{further}."
 
 
 def kick_pace(impact: Impact, duration: float, backswing: float | None = None) -> Pace:
@@ -265,7 +233,7 @@ def kick_pace(impact: Impact, duration: float, backswing: float | None = None) -
     moments = np.arange(round((before + FOLLOW_TIME + FLIGHT_TIME) * RATE) + 1) / RATE - before
     times = strike * moments + (flight - strike) * np.maximum(moments - FOLLOW_TIME, 0.0)
     end = len(times) - 1 + round(REST_TIME * RATE)
-    return Pace(times, round(before * RATE), 1 / strike, 1 / flight, end)
+    return Pace(times, round(before * RATE), end)
 
 
 def leg_configuration(impact: Impact, time: float) -> Array:

@@ -13,18 +13,20 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from kickdyn.core.validation import Array
-from kickdyn.view.camera import UP_AXIS, Camera
+from kickdyn.view.camera import UP_AXIS
 from kickdyn.view.document import draw_label
 
-CURVE, ARROW, AXIS, LINE = 0xE63946, 0x2456D6, 0x1D2733, 0xFFFFFF
+CURVE, ARROW, AXIS = 0xE63946, 0x2456D6, 0x1D2733
 TEE = 0xF2C230
 GRASS = (0x86B56B, 0x7DAD63)
 HEXAGON, PENTAGON = 0xF7F7F2, 0x1E2A38
-LINE_WIDTH = 0.004  # of the line on the ground, over its distance from the camera
 SIDES = 8  # of a tube that draws a curve
 
 SHAFT, NECK, HEAD = 0.028, 0.72, 0.084
 """Of an arrow, over its length: radius of the shaft, where the head begins, the head's radius."""
+
+PANEL_ANGLE = 0.36
+"""Angle between the middle and the edge of a dark panel of the ball, at the ball's centre [rad]."""
 
 UPRIGHT: Array = tf.rotation_matrix(math.pi / 2, (1, 0, 0))
 """Turns the axis of meshcat's cylinder, y, to z, which is the axis of a URDF's cylinder."""
@@ -81,46 +83,29 @@ COPLANAR_OFFSET = {"polygonOffset": True, "polygonOffsetFactor": -1.0, "polygonO
 """Of the material of what lies in the plane of the ground, so that it is seen."""
 
 
-def draw_distances(
-    viewer: Any, start: Array, forward: Array, step: float, length: float, camera: Camera
-) -> None:
-    """Draw a white line along the ground, with a mark and its distance every `step` metres.
+def draw_distances(viewer: Any, start: Array, forward: Array, step: float, length: float) -> None:
+    """Write the distance at every stripe of the lawn, from a point on the ground `(3,)` [m].
 
     The page writes the first and the last distance first, the others where there is space.
 
     Args:
         viewer: the node to draw into.
-        start: on the ground, shape `(3,)` [m].
-        forward: horizontal unit vector of the line, shape `(3,)`.
-        step: between marks [m].
-        length: at which the line ends [m], at the nearest mark beyond or just before it.
-        camera: for which line and marks are equally wide everywhere.
+        start: where the distance is 0, shape `(3,)` [m].
+        forward: horizontal unit vector across the stripes, shape `(3,)`.
+        step: width of a stripe [m].
+        length: where the distances end [m], at the nearest edge beyond or just before it.
     """
     count = max(1, math.ceil(length / step - 0.05))
-    along = step * np.arange(count + 1)
-    wide = LINE_WIDTH / 2 * camera.distance(start + along[:, None] * forward)
-    half = 10 * wide
-    pieces = [  # between two marks, and across the line at each: ends along it, half widths there
-        *zip(along[:-1], along[1:], wide[:-1], wide[1:], strict=True),
-        *zip(along - wide, along + wide, half, half, strict=True),
-    ]
-    x0, x1, y0, y1 = np.array(pieces).T
-    corners = np.stack([np.stack(c, -1) for c in ((x0, -y0), (x1, -y1), (x1, y1), (x0, y0))], 1)
-    vertices = np.concatenate([corners, np.zeros((*corners.shape[:2], 1))], 2).reshape(-1, 3)
-    faces = 4 * np.arange(len(corners))[:, None, None] + np.array([(0, 1, 2), (0, 2, 3)])
-    lines = shapes.TriangularMeshGeometry(vertices, faces.reshape(-1, 3))
-    viewer.set_object(lines, shapes.MeshBasicMaterial(color=LINE, **COPLANAR_OFFSET))
     for k in (0, count, *range(1, count)):
         text = f"{round(k * step, 9):g} m"
-        draw_label(viewer[str(k)], text, np.array([along[k], -2.2 * half[k], 0.0]))
+        draw_label(viewer[str(k)], text, np.array([k * step, 0.0, 0.0]))
     viewer.set_transform(_level_pose(start, forward))
 
 
 def draw_axes(viewer: Any, origin: Array, length: float) -> None:
     """Draw the directions of the world's axes at a point, shape `(3,)` [m], as arrows this long."""
-    look = shapes.MeshBasicMaterial(color=AXIS)
     for name, axis in zip("xyz", np.eye(3), strict=True):
-        _draw_arrow(viewer[name], length * axis, look)
+        draw_arrow(viewer[name], length * axis, AXIS)
         text = f"{name} ({length:g} m)" if name == "x" else name
         draw_label(viewer[f"{name}/name"], text, 1.15 * length * axis)
     viewer.set_transform(tf.translation_matrix(origin))
@@ -162,13 +147,6 @@ def draw_dots(viewer: Any, points: Array, radius: float, colour: int) -> None:
     viewer.set_object(shapes.TriangularMeshGeometry(vertices, faces), _overlay(colour))
 
 
-def draw_disc(viewer: Any, centre: Array, radius: float, colour: int) -> None:
-    """Draw a level disc."""
-    material = shapes.MeshBasicMaterial(color=colour)
-    viewer.set_object(shapes.Cylinder(0.02 * radius, radius), material)
-    viewer.set_transform(tf.translation_matrix(centre) @ UPRIGHT)
-
-
 def draw_tee(viewer: Any, top: Array, height: float, radius: float) -> None:
     """Draw the stand of a ball of this radius, of this height below a point `(3,)` [m]."""
     stand = shapes.Cylinder(height, radiusTop=0.45 * radius, radiusBottom=0.3 * radius)
@@ -176,22 +154,13 @@ def draw_tee(viewer: Any, top: Array, height: float, radius: float) -> None:
     viewer.set_transform(tf.translation_matrix(top - height / 2 * UP_AXIS) @ UPRIGHT)
 
 
-def draw_arrow(viewer: Any, start: Array, vector: Array, colour: int = ARROW) -> None:
-    """Draw an arrow from `start` along `vector`, not zero [m], over everything else.
-
-    The start is the origin of `viewer`, about which the arrow can be scaled.
-    """
-    _draw_arrow(viewer, vector, _overlay(colour))
-    viewer.set_transform(tf.translation_matrix(start))
-
-
-def _draw_arrow(viewer: Any, vector: Array, look: Any) -> None:
-    """Draw an arrow along `vector` [m] from the origin of `viewer`, of a material."""
+def draw_arrow(viewer: Any, vector: Array, colour: int) -> None:
+    """Draw an arrow from the origin of `viewer` along a vector, not zero [m], over all else."""
     length = float(np.linalg.norm(vector))
     shaft = shapes.Cylinder(NECK * length, SHAFT * length)
     head = shapes.Cylinder((1 - NECK) * length, radiusTop=0.0, radiusBottom=HEAD * length)
     for name, shape, begin, end in (("shaft", shaft, 0.0, NECK), ("head", head, NECK, 1.0)):
-        viewer[name].set_object(shape, look)
+        viewer[name].set_object(shape, _overlay(colour))
         viewer[name].set_transform(cylinder_pose(begin * vector, end * vector))
 
 
@@ -212,20 +181,14 @@ def draw_ball(viewer: Any, radius: float, position: Array) -> None:
 
 @cache
 def _panels() -> dict[str, tuple[Array, Array]]:
-    """Return vertices and faces of all panels of a kind, on the unit sphere.
+    """Return vertices and faces of the dark panels and of the others, on the unit sphere.
 
-    The panels of a football are the faces of a truncated icosahedron. Each pentagon is around one
-    corner of the icosahedron.
+    The dark ones are round the twelve corners of an icosahedron, as on a football.
     """
-    solid = trimesh.creation.icosahedron()
-    start, end = np.moveaxis(solid.vertices[solid.edges], 1, 0)
-    hull = trimesh.convex.convex_hull((2 * start + end) / 3)
-    corners = np.argmax(hull.vertices @ solid.vertices.T, axis=1)[hull.faces]
-    black = np.ptp(corners, axis=1) == 0
-    panels = {}
-    for kind, faces in (("pentagons", hull.faces[black]), ("hexagons", hull.faces[~black])):
-        vertices = hull.vertices
-        for _ in range(3):  # each triangle becomes 64, so that the ball is round
-            vertices, faces = trimesh.remesh.subdivide(vertices, faces)  # type: ignore[no-untyped-call]
-        panels[kind] = vertices / np.linalg.norm(vertices, axis=1, keepdims=True), faces
-    return panels
+    sphere = trimesh.creation.icosphere(subdivisions=4)
+    corners = trimesh.creation.icosahedron().vertices
+    dark = (sphere.triangles_center @ corners.T).max(axis=1) > math.cos(PANEL_ANGLE)
+    return {
+        "pentagons": (sphere.vertices, sphere.faces[dark]),
+        "hexagons": (sphere.vertices, sphere.faces[~dark]),
+    }

@@ -1,17 +1,11 @@
 """`page`: a kick, or several flights or impacts, as a 3-D page that opens in any browser."""
 
 import math
-import threading
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import astuple
-from functools import partial
 from html import escape
-from http import HTTPStatus
-from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from os import PathLike
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -35,12 +29,12 @@ from kickdyn.scene.scene import Scene
 from kickdyn.scene.simulate import Simulation, simulate_as_instant
 from kickdyn.view.caption import kick_panel
 from kickdyn.view.comparison import draw_flights, draw_impacts
-from kickdyn.view.document import Recording, html_document, recording_viewer, save_picture
+from kickdyn.view.document import html_document, recording_viewer, save_picture
 from kickdyn.view.kick_scene import Pace, draw_kick
 from kickdyn.view.wall_and_goal import Box, plane_boxes, wall_boxes
 
-ADDRESS = "127.0.0.1"
-"""Where `Page.serve` listens: on this machine alone."""
+FRAME_HEIGHT = 600
+"""Height of a page in a notebook [px]."""
 
 _Path = Flight | Course
 _Comparable = Impact | Flight | Course | Launch | Pass | Identification
@@ -59,26 +53,22 @@ class Page:
         pace: of the animation; None where nothing moves.
         warnings: a line for each robot with visuals that are not drawn, because a mesh is missing,
             say; the panel shows them too.
-        height: of the frame in a notebook [px].
         pages: this page and others by the names of buttons, which show them; empty for one page.
     """
 
-    def __init__(
-        self, viewer: Any, title: str, panel: str, pace: Pace | None = None, height: float = 600.0
-    ) -> None:
+    def __init__(self, viewer: Any, title: str, panel: str, pace: Pace | None = None) -> None:
         self.viewer, self.title, self.panel, self.pace = viewer, title, panel, pace
         self.warnings: tuple[str, ...] = tuple(viewer.window.warnings)
-        self.height = validation.number("height", height, above=0, at_most=1e4, unit="px")
         self.pages: dict[str, Page] = {}
 
     @property
     def html(self) -> str:
         """The page as one file that needs no network."""
-        recordings = {
-            name: Recording(page.viewer, page.panel, page.pace and page.pace.knots)
-            for name, page in (self.pages or {"": self}).items()
-        }
-        return html_document(self.title, recordings)
+        scenes = [
+            (page.viewer.window, page.panel, page.pace and page.pace.knots)
+            for page in self.pages.values() or [self]
+        ]
+        return html_document(self.title, scenes, list(self.pages))
 
     def save(self, file: str | PathLike[str], at: float = 0.0) -> None:
         """Write the page, or a picture of it where the name ends in `.png`.
@@ -99,26 +89,6 @@ class Page:
         with replacing(file) as draft:
             draft.write_text(self.html, encoding="utf-8")
 
-    @contextmanager
-    def serve(self, port: int = 0) -> Iterator[str]:
-        """Serve the page to browsers on this machine while a `with` block runs; yield its address.
-
-        Port 0 takes a free one; an `InvalidInput` says that another one is not free.
-        """
-        with TemporaryDirectory() as folder:
-            self.save(Path(folder) / "index.html")
-            handler = partial(_Handler, directory=folder)
-            try:
-                server = ThreadingHTTPServer((ADDRESS, port), handler)
-            except (OSError, OverflowError) as error:
-                raise InvalidInput(f"port {port} cannot be served ({error})") from None
-            threading.Thread(target=server.serve_forever, daemon=True).start()
-            try:
-                yield f"http://{ADDRESS}:{server.server_port}/"
-            finally:
-                server.shutdown()
-                server.server_close()
-
     def __repr__(self) -> str:
         """Return the title, for where HTML cannot be shown."""
         return f"<Page {self.title!r}: save it as .html, or as .png>"
@@ -127,7 +97,7 @@ class Page:
         """Return a frame that contains the page."""
         return (
             f'<iframe srcdoc="{escape(self.html)}" sandbox="allow-scripts" '
-            f'style="width: 100%; height: {self.height:.0f}px; border: 0"></iframe>'
+            f'style="width: 100%; height: {FRAME_HEIGHT}px; border: 0"></iframe>'
         )
 
 
@@ -138,7 +108,6 @@ def page(
     *,
     caption: str = "",
     scenery: Sequence[Box] = (),
-    height: float = 600.0,
 ) -> Page:
     """Return a 3-D page of a kick, or of several flights or impacts to compare.
 
@@ -162,7 +131,6 @@ def page(
         path: path of the ball after an `Impact`; with None the ball flies through `Air()`.
         caption: line of plain text above the numbers.
         scenery: boxes that are shown beside a kick, as `wall_boxes` and `goal_boxes` return them.
-        height: height of the page in a notebook [px].
 
     Raises:
         InvalidInput: there is nothing of that to show, or too much; or a swing does not reach its
@@ -175,41 +143,18 @@ def page(
             f"path is named with a {type(subject).__name__}: it belongs to an Impact"
         )
     if not isinstance(subject, _MovingSubject):
-        return _comparison(subject, caption, height)
+        return _comparison(subject, caption)
     kick = _kick_of(subject, path, caption)
     impact, viewer = kick.impact, recording_viewer()
     boxes = [*scenery, *kick.scenery]
-    drawn = draw_kick(viewer, impact, kick.path, boxes, kick.swing, lies=kick.lies)
-    text = kick.caption or drawn.text
-    if kick.caption and drawn.text:
-        text = f"{kick.caption.removesuffix('.')}. {drawn.text}"
+    pace, ground = draw_kick(viewer, impact, kick.path, boxes, kick.swing, lies=kick.lies)
+    text = f"{kick.caption.removesuffix('.')}. {ground}" if kick.caption and ground else ""
+    text = text or kick.caption or ground
     warnings = [*viewer.window.warnings, *kick.warnings]
-    panel = kick_panel(impact, kick.path, drawn, text, warnings)
+    panel = kick_panel(impact, kick.path, text, warnings)
     name = impact.posture.leg.name or "leg"
     title = f"{name}: ball at {float(impact.ball_after.speed):.4g} m/s"
-    return Page(viewer, title, panel, drawn.pace, height)
-
-
-class _Handler(SimpleHTTPRequestHandler):
-    """Answers requests that name this machine, so that no other site can read the page."""
-
-    def parse_request(self) -> bool:
-        """Read a request; refuse it unless its only `Host` is this server."""
-        if not super().parse_request():
-            return False
-        port = self.request.getsockname()[1]
-        if self.headers.get_all("Host") in ([f"{ADDRESS}:{port}"], [f"localhost:{port}"]):
-            return True
-        self.send_error(HTTPStatus.MISDIRECTED_REQUEST)
-        return False
-
-    def copyfile(self, *files: Any) -> None:
-        """Send the page, unless the browser leaves meanwhile."""
-        with suppress(ConnectionError):
-            super().copyfile(*files)
-
-    def log_message(self, *_: object) -> None:
-        """Say nothing about requests."""
+    return Page(viewer, title, panel, pace)
 
 
 class _Kick(NamedTuple):
@@ -274,7 +219,7 @@ def _kick_of_simulation(simulation: Simulation, caption: str) -> _Kick:
 def page_of_pages(pages: Mapping[str, Page]) -> Page:
     """Return the first of some pages, with buttons for each of them by its name."""
     first = next(iter(pages.values()))
-    shown = Page(first.viewer, first.title, first.panel, first.pace, first.height)
+    shown = Page(first.viewer, first.title, first.panel, first.pace)
     shown.pages = dict(pages)
     shown.warnings = tuple(dict.fromkeys(line for page in pages.values() for line in page.warnings))
     return shown
@@ -283,7 +228,6 @@ def page_of_pages(pages: Mapping[str, Page]) -> Page:
 def _comparison(
     subject: _Comparable | Iterable[_Comparable] | Mapping[str, _Comparable],
     title: str,
-    height: float,
 ) -> Page:
     """Return the page of several flights, or of several impacts."""
     if isinstance(subject, Flight | Course | Launch | Pass | Identification):
@@ -321,4 +265,4 @@ def _comparison(
         panel = draw_impacts(viewer, impacts, title)
     else:
         panel = draw_flights(viewer, paths, title, measured)
-    return Page(viewer, title, panel, height=height)
+    return Page(viewer, title, panel)

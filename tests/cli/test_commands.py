@@ -206,8 +206,6 @@ def test_the_page_names_every_key(section, arguments, tmp_path, monkeypatch):
     ended = CliRunner().invoke(kickdyn_command, [section, *arguments, "--json", "-"])
     assert ended.exit_code == 0
     text = KEYS.split(f"## {section}\n")[1].split("\n## ")[0]
-    if "--scene" in arguments:
-        text = text.split("with `--scene`")[1]
     rows = re.findall(r"^\| (`.*?) \|", text, re.MULTILINE)
     named = {name for row in rows for name in re.findall(r"`([^`]+)`", row)}
     assert keys(json.loads(ended.stdout)) == named - {"drag_scale.VALUE"}  # in place of drag

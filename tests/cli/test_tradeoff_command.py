@@ -1,6 +1,8 @@
 """The door of the trade: what it measures, and what it refuses first."""
 
+import inspect
 import json
+import math
 import subprocess
 import sys
 from pathlib import Path
@@ -10,59 +12,20 @@ import pytest
 from click.testing import CliRunner
 
 import kickdyn as kd
-from kickdyn.cli.tradeoff_command import tradeoff
+from kickdyn.cli.tradeoff_command import TOLERANCE, effect_figure, tradeoff
+from kickdyn.scene.effects import EffectSize
 from kickdyn.scene.simulate import measure_effects
-from kickdyn.tradeoff import flight_methods as flight
-from kickdyn.tradeoff import impact_methods as impact
-from kickdyn.tradeoff.measurement import Measurement
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
-IMPACTS = [
-    Measurement("frictionless", "Pinocchio impulseDynamics", "", 1e-16, 2e-4),
-    Measurement("frictionless", "MuJoCo", "dt 0.001 s", 1e-2, 1e-4, pareto=True),
-]
-FLIGHTS = [
-    Measurement("full", "RK45", "tol 0.001", 1e-2, 1e-3, 20),
-    Measurement("full", "heyoka", "tol 0.001", 1e-4, 1e-5, 6, True),
-]
-
-
-@pytest.fixture(autouse=True)
-def measured(monkeypatch):
-    monkeypatch.setattr(impact, "measure_impacts", lambda report: IMPACTS)
-    monkeypatch.setattr(flight, "measure_flights", lambda report: FLIGHTS)
-
-
-def test_it_measures_both_unless_one_is_named():
-    assert list(tried("--json", "-")) == ["impact", "flight"]
-    assert [len(rows) for rows in tried("--json", "-").values()] == [2, 2]
-    assert [len(rows) for rows in tried("--impact", "--json", "-").values()] == [2, 0]
-    assert [len(rows) for rows in tried("--flight", "--json", "-").values()] == [0, 2]
 
 
 def tried(*arguments):
     return json.loads(CliRunner().invoke(tradeoff, arguments).stdout)
 
 
-def test_the_tables_mark_the_front_and_compare_with_the_fastest():
-    lines = CliRunner().invoke(tradeoff).stdout.splitlines()
-    pinocchio = next(line for line in lines if "Pinocchio" in line)
-    assert pinocchio.split() == ["Pinocchio", "impulseDynamics", "1.0e-16", "200", "2"]
-    assert [line.split() for line in lines].index(["frictionless"]) < lines.index(pinocchio)
-    assert next(line for line in lines if "heyoka" in line).split()[-1] == "*"
-
-
-def test_files_are_written(tmp_path):
-    plot, rows = tmp_path / "x.png", tmp_path / "x.json"
-    ended = CliRunner().invoke(tradeoff, ["--plot", str(plot), "--json", str(rows)])
-    assert ended.exit_code == 0
-    assert plot.read_bytes().startswith(b"\x89PNG")
-    assert json.loads(rows.read_text())["impact"][1]["method"] == "MuJoCo"
-
-
 @pytest.mark.parametrize("bad", [("--json", "no/x.json"), ("--plot", "x.bmp")])
 def test_what_cannot_be_written_is_refused_first(bad):
-    door = [sys.executable, "-m", "kickdyn", "tradeoff", *bad]
+    door = [sys.executable, "-m", "kickdyn", "tradeoff", "--scene", "paper_kick", *bad]
     ended = subprocess.run(door, capture_output=True, text=True)
     assert (ended.returncode, ended.stdout) == (2, "")
     assert len(ended.stderr.splitlines()) == 1
@@ -143,8 +106,6 @@ def test_the_command_draws_and_writes(tmp_path):
 @pytest.mark.parametrize(
     ("more", "said"),
     [
-        (("--impact",), "--scene measures effects"),
-        (("--flight",), "--scene measures effects"),
         (("--plot", "x.bmp"), "no known ending"),
         (("--plot", "x.png", "--json", "x.png"), "named for two outputs"),
     ],
@@ -154,3 +115,25 @@ def test_what_makes_no_sense_beside_a_scene_is_refused(tmp_path, monkeypatch, mo
     ended = CliRunner().invoke(tradeoff, ["--scene", str(SCENES / "paper_kick.toml"), *more])
     assert said in str(ended.exception)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_line_in_the_picture_is_the_default_tolerance():
+    assert inspect.signature(kd.simulate).parameters["tolerance"].default == TOLERANCE
+
+
+def test_bars_of_effect_sizes_beside_the_tolerance():
+    rows = [
+        EffectSize("buoyancy", math.nan, math.nan, "flies off"),
+        EffectSize("drag", 12.3, 0.0),
+        EffectSize("lift", 2e-3, 0.0),
+        EffectSize("wind", 0.0, 0.0),
+    ]
+    (axes,) = effect_figure("a kick", rows, 0.05).axes
+    assert axes.get_xscale() == "log"
+    assert [bar.get_x() + bar.get_width() for bar in axes.patches] == pytest.approx([12.3, 2e-3])
+    low, high = axes.get_xlim()
+    assert low < 2e-3 < 12.3 < high
+    assert [tick.get_text() for tick in axes.get_yticklabels()] == [row.effect for row in rows]
+    assert [text.get_text() for text in axes.texts] == ["no answer", "12", "0.002", "below 1e-09"]
+    (line,) = axes.lines
+    assert line.get_xdata() == [0.05, 0.05]

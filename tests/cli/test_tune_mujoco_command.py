@@ -130,14 +130,6 @@ def test_of_several_geoms_the_command_asks_which(tmp_path, shoes, known):
     )
 
 
-def test_the_geoms_of_foot_are_those_of_the_file(tmp_path):
-    file = tmp_path / "robot.xml"
-    file.write_text(ROBOT)
-    ended = run("--leg", file, "--frame", "toe", "--foot", "sho")
-    assert isinstance(ended.exception, kd.InvalidInput)
-    assert str(ended.exception).startswith("geom 'sho' is unknown: did you mean 'shoe'? ")
-
-
 def test_joints_of_an_mjcf_begin_at_their_ref(tmp_path):
     """As gymnasium's walker2d: `ref` is the height at which the file draws the trunk."""
     rail = '<joint name="rail" type="slide" axis="0 0 1" ref="1.25"/><joint name="hip"'

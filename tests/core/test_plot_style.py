@@ -3,9 +3,9 @@ from pathlib import Path
 import matplotlib as mpl
 import matplotlib.pyplot as plt
 
+from kickdyn.cli.tradeoff_command import effect_figure
 from kickdyn.core.plot_style import STYLE, save_figure
 from kickdyn.scene.effects import EffectSize
-from kickdyn.tradeoff.measurement import effect_figure
 
 ROOT = Path(__file__).parents[2]
 

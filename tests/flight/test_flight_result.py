@@ -5,12 +5,12 @@ import pickle
 
 import numpy as np
 import pytest
+from flight_methods import LANDINGS, kicks
 
 import kickdyn as kd
 from kickdyn.aerodynamics import drag as drag_models
 from kickdyn.aerodynamics.drag import constant
 from kickdyn.flight import integrate
-from kickdyn.tradeoff.flight_methods import LANDINGS, kicks
 
 BALL = kd.Ball()
 

@@ -1,9 +1,9 @@
 """Landing points to 20 digits: a closed form, kd.fly at its finest, and a finer step."""
 
 import pytest
+from flight_methods import kicks
 
 import kickdyn as kd
-from kickdyn.tradeoff.flight_methods import kicks
 from references import exact_flight
 from references.exact_flight import extrapolated, landing, mp
 

@@ -140,10 +140,8 @@ def test_a_kick_ends_when_the_force_does():
     k, b = closed_form_contact(0.2, 0.010, 0.002)
     contact = MujocoContact((-k, -b), (0.9999, 0.9999, 1.0, 0.5, 1.0))
     run = MujocoKick(kick.approach, 0.002, contact, "Euler", gravity=True)
-    ball = run.run(0.5, afterwards=0.044)
+    ball = run.run(0.5)
     assert np.linalg.norm(ball.velocity) == pytest.approx(kick.target.speed, rel=0.04)
-    assert ball.second_push > 1.0
-    assert run.run(0.5, afterwards=0.002).second_push < 0.01
 
 
 def test_a_kick_that_lasts_too_long_is_an_error():

@@ -14,7 +14,6 @@ import umsgpack
 import kickdyn as kd
 from kickdyn.view import document
 from kickdyn.view.document import (
-    Recording,
     draw_label,
     find_browser,
     html_document,
@@ -24,7 +23,7 @@ from kickdyn.view.document import (
 
 
 def html_of(viewer, title="t"):
-    return html_document(title, {"": Recording(viewer, "")})
+    return html_document(title, [(viewer.window, "", None)])
 
 
 def test_needs_nothing_from_elsewhere():
@@ -96,11 +95,11 @@ def ball_at(x):
     viewer["ball"].set_object(shapes.Sphere(0.1))
     viewer["ball"].set_transform(tf.translation_matrix((x, 0, 0)))
     draw_label(viewer["m"], f"{x} m", np.zeros(3))
-    return Recording(viewer, f"<p>ball at {x}</p>")
+    return viewer.window, f"<p>ball at {x}</p>", None
 
 
 def test_what_two_scenes_share_is_on_the_page_once(commands_of):
-    html = html_document("t", {"<near>": ball_at(1), "far": ball_at(2)})
+    html = html_document("t", [ball_at(1), ball_at(2)], ["<near>", "far"])
     assert [command["type"] for command in commands_of(html)] == [
         "set_object",
         "set_transform",
@@ -110,7 +109,7 @@ def test_what_two_scenes_share_is_on_the_page_once(commands_of):
     scenes = json.loads(re.search("const scenes = (.*?);  //", html)[1])
     assert [scene["commands"] for scene in scenes] == [[0, 1, 2], [0, 3, 2]]
     assert re.findall("<button>(.*?)</button>", html) == ["pause", "&lt;near&gt;", "far"]
-    assert html == html_document("t", {"<near>": ball_at(1), "far": ball_at(2)})  # no random names
+    assert html == html_document("t", [ball_at(1), ball_at(2)], ["<near>", "far"])  # no random
 
 
 SWITCH = """<script>setTimeout(() => {
@@ -129,7 +128,7 @@ SWITCH = """<script>setTimeout(() => {
 
 
 def test_buttons_choose_the_scene(chromium, tmp_path):
-    html = html_document("t", {"near": ball_at(1), "far": ball_at(2)})
+    html = html_document("t", [ball_at(1), ball_at(2)], ["near", "far"])
     file = tmp_path / "page.html"
     file.write_text(html.replace("</body>", SWITCH))
     near, far = [[True, False], [True, False], 1], [[False, True], [False, True], 2]

@@ -1,12 +1,12 @@
 """Flight: error of the landing point against time, for each integrator and tolerance."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from fractions import Fraction
 from functools import partial
-from types import MappingProxyType
 
 import numpy as np
+from measurement import Measurement, mark_front, shortest_time
 from scipy.integrate import solve_ivp
 
 from kickdyn.air import Air
@@ -16,7 +16,6 @@ from kickdyn.flight.batch import fly_many
 from kickdyn.flight.equations import FlightEquations
 from kickdyn.flight.fly import fly
 from kickdyn.flight.forces import downward
-from kickdyn.tradeoff.measurement import Measurement, mark_front, shortest_time
 
 TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13)
 
@@ -62,14 +61,12 @@ def kicks(number: int = 6) -> list[BallState]:
 def measure_flights(
     tolerances: Sequence[float] = TOLERANCES,
     report: Callable[[str], None] = lambda _: None,
-    further_integrators: Mapping[str, Landings] = MappingProxyType({}),
 ) -> list[Measurement]:
     """Measure every integrator on the same kicks, in one run, against 20 digits.
 
     The scenes are `vacuum`; `drag only`, without spin; and `full`: drag, lift and decay of spin.
     The measurements on a scene's Pareto front are marked; `report` is called with each method's
-    name. Those in `further_integrators` are measured in the scene `full`, which is a `Ball()` in
-    `Air(drag="brazuca")`.
+    name.
     """
     ball, rows = Ball(), [_measure_vacuum()]
     without_spin = [BallState(state.position, state.velocity) for state in kicks()]
@@ -78,8 +75,7 @@ def measure_flights(
         ("full", Air(drag="brazuca"), kicks()),
     ):
         exact, measured = np.array(LANDINGS[scene][: len(states)]), []
-        methods = _methods(ball, air) | (dict(further_integrators) if scene == "full" else {})
-        for name, land in methods.items():
+        for name, land in _methods(ball, air).items():
             report(f"{scene}: {name}")
             land(states, max(tolerances))  # compiles, loads
             for tol in tolerances:

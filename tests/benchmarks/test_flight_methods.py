@@ -1,9 +1,9 @@
+import flight_methods as flight
 import pytest
+from flight_methods import kicks, measure_flights
 from references.exact_flight import landing
 
 import kickdyn as kd
-from kickdyn.tradeoff import flight_methods as flight
-from kickdyn.tradeoff.flight_methods import kicks, measure_flights
 
 
 @pytest.fixture(scope="module")

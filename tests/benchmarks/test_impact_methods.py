@@ -1,11 +1,10 @@
 """Ways to compute a kick: those that should agree do, those that approximate approach."""
 
+import impact_methods as impact
+import measurement
 import numpy as np
 import pytest
 from references.exact_impact import exact_impact, given
-
-from kickdyn.tradeoff import impact_methods as impact
-from kickdyn.tradeoff import measurement
 
 
 @pytest.fixture(scope="module")

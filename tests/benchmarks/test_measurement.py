@@ -1,18 +1,11 @@
-"""Measurements: what is timed, and plots of errors and effects."""
+"""Measurements: what is timed, and the plot of errors."""
 
-import inspect
-import math
 from types import SimpleNamespace
 
+import measurement
 import pytest
-
-import kickdyn as kd
-from kickdyn.scene.effects import EffectSize
-from kickdyn.tradeoff import measurement
-from kickdyn.tradeoff.measurement import (
-    TOLERANCE,
+from measurement import (
     Measurement,
-    effect_figure,
     front_figure,
     mark_front,
     shortest_time,
@@ -64,25 +57,3 @@ def test_the_shortest_of_several_timings_counts(monkeypatch):
     ticks = iter([0.0, 5.0, 5.0, 6.0, 6.0, 9.0])
     monkeypatch.setattr(measurement, "time", SimpleNamespace(process_time=lambda: next(ticks)))
     assert shortest_time(lambda: None) == 1.0
-
-
-def test_the_line_in_the_picture_is_the_default_tolerance():
-    assert inspect.signature(kd.simulate).parameters["tolerance"].default == TOLERANCE
-
-
-def test_bars_of_effect_sizes_beside_the_tolerance():
-    rows = [
-        EffectSize("buoyancy", math.nan, math.nan, "flies off"),
-        EffectSize("drag", 12.3, 0.0),
-        EffectSize("lift", 2e-3, 0.0),
-        EffectSize("wind", 0.0, 0.0),
-    ]
-    (axes,) = effect_figure("a kick", rows, 0.05).axes
-    assert axes.get_xscale() == "log"
-    assert [bar.get_x() + bar.get_width() for bar in axes.patches] == pytest.approx([12.3, 2e-3])
-    low, high = axes.get_xlim()
-    assert low < 2e-3 < 12.3 < high
-    assert [tick.get_text() for tick in axes.get_yticklabels()] == [row.effect for row in rows]
-    assert [text.get_text() for text in axes.texts] == ["no answer", "12", "0.002", "below 1e-09"]
-    (line,) = axes.lines
-    assert line.get_xdata() == [0.05, 0.05]

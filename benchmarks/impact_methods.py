@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from measurement import Measurement, mark_front, shortest_time
 
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
@@ -22,7 +23,6 @@ from kickdyn.impact.pinocchio_engine import contact_row, joined_state, with_ball
 from kickdyn.impact.strike import strike
 from kickdyn.robot.leg import Leg, Posture
 from kickdyn.simulators.mujoco_kick import mujoco_kick
-from kickdyn.tradeoff.measurement import Measurement, mark_front, shortest_time
 
 FOOT_SPEED = 10.0  # m/s
 CONTACT_TIMES = (1e-2, 1e-3, 1e-4, 1e-5)  # s

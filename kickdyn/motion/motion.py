@@ -1,0 +1,184 @@
+"""The motion of a kick: joints, torques and the ground's wrench from rest to rest, over time."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+from scipy.interpolate import BSpline
+
+from kickdyn.core import validation
+from kickdyn.core.representation import ReprMixin, Row, warned
+from kickdyn.core.validation import Array
+from kickdyn.robot.kicking_chain import rest_configuration
+from kickdyn.robot.leg import Leg
+from kickdyn.robot.model_validation import frame_id
+from kickdyn.robot.standing import is_floating, place_base
+from kickdyn.robot.surgery import coordinate_indices
+
+
+class Phase(NamedTuple):
+    """A part of a motion: its name and when it begins and ends [s, impact at 0]."""
+
+    name: str
+    begin: float
+    end: float
+
+
+class Limits(Protocol):
+    """What a motion must keep."""
+
+    def margins(self, q: Array, v: Array, a: Array) -> Mapping[str, float]:
+        """Return the distance from each limit by its name, at q, v and a of the joints."""
+        ...
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Motion(ReprMixin):
+    r"""The motion of a robot from rest through the impact to rest.
+
+    Joints follow a spline before the impact and one after it; at the impact positions are equal and
+    velocities jump. Joints that have no spline stay at `rest_configuration`. A robot on a floating
+    base stands on its first support, which does not move. Before `begin` and after `end` the robot
+    is at rest.
+
+    Attributes:
+        robot: that moves, in its own coordinates.
+        joints: names of the joints that move, each of one degree of freedom, `(n,)`.
+        before: their positions from `begin` to 0, of shape `(n,)` at a time [rad; m for prismatic
+            joints].
+        after: likewise from 0 to `end`.
+        placement: `pin.SE3` of the supporting frame in the world; None on a fixed base.
+        limits: what the motion keeps, for `margins`; None where there is nothing to keep.
+        warnings: a line for each limit that the motion does not keep.
+    """
+
+    robot: Leg
+    joints: tuple[str, ...]
+    before: BSpline
+    after: BSpline
+    placement: Any = None
+    limits: Limits | None = None
+    warnings: tuple[str, ...] = ()
+
+    def _rows(self) -> Iterable[Row]:
+        yield "joints", ", ".join(self.joints), ""
+        yield "begin", self.begin, "s"
+        yield "end", self.end, "s"
+        yield from warned(self.warnings)
+
+    @property
+    def begin(self) -> float:
+        """When the robot begins to move [s]; the impact is at 0."""
+        return float(self.before.t[0])
+
+    @property
+    def end(self) -> float:
+        """When the robot is at rest again [s]."""
+        return float(self.after.t[-1])
+
+    @property
+    def phases(self) -> tuple[Phase, ...]:
+        """The backswing and the recovery."""
+        return Phase("backswing", self.begin, 0.0), Phase("recovery", 0.0, self.end)
+
+    def q(self, t: float) -> Array:
+        """Return the configuration of the robot at a time [s], shape `(nq,)`."""
+        return self._state(t)[0]
+
+    def v(self, t: float) -> Array:
+        """Return its velocity at a time [s], shape `(nv,)`; at 0, just before the impact."""
+        return self._state(t)[1]
+
+    @property
+    def v_after(self) -> Array:
+        """The velocity of the robot just after the impact, shape `(nv,)`."""
+        joint_state = (self.after(0.0), self.after(0.0, 1), np.zeros(len(self.joints)))
+        return self._on_robot(*joint_state)[1]
+
+    def torque(self, t: float) -> Array:
+        r"""Return the torques of the joints at a time [s], shape `(nv,)` [N m; N].
+
+        They are :math:`M(q) \dot v + c(q, v) + g(q)`, rotors included; 0 for a floating base. At 0
+        they are those just before the impact.
+        """
+        return self._dynamics(t)[0]
+
+    def ground_wrench(self, t: float) -> Array:
+        """Return the wrench of the ground on the robot at a time, `(6,)` [N, N m, world frame].
+
+        It is the force, then its moment about the world's origin; of a leg on a fixed base, 0.
+        """
+        return self._dynamics(t)[1]
+
+    def joint_state(self, t: float) -> tuple[Array, Array, Array]:
+        """Return position, velocity and acceleration of `joints` at a time [s], `(n,)` each."""
+        time = validation.number("t", t, unit="s")
+        spline = self.before if time <= 0.0 else self.after
+        q = spline(min(max(time, self.begin), self.end))
+        if not self.begin <= time <= self.end:
+            return q, np.zeros_like(q), np.zeros_like(q)
+        return q, spline(time, 1), spline(time, 2)
+
+    def margins(self, t: float) -> Mapping[str, float]:
+        """Return the distance from each limit by its name at a time [s]; below 0 it is broken.
+
+        Distances are in metres where a name ends so, else shares of the limit.
+        """
+        return {} if self.limits is None else self.limits.margins(*self.joint_state(t))
+
+    def _state(self, t: float) -> tuple[Array, Array, Array]:
+        return self._on_robot(*self.joint_state(t))
+
+    def _dynamics(self, t: float) -> tuple[Array, Array]:
+        """Return the joints' torques, shape `(nv,)`, and the ground's wrench, `(6,)`."""
+        q, v, a = self._state(t)
+        model, data = self._model
+        torque = pin.rnea(model, data, q, v, a).copy()
+        if not self._floats:
+            return torque, np.zeros(6)
+        wrench = data.liMi[1].act(pin.Force(torque[:6])).vector
+        torque[:6] = 0.0
+        return torque, np.asarray(wrench)
+
+    def _on_robot(self, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
+        """Return q, v and the acceleration of the robot from those of the joints that move."""
+        robot, (qs, vs) = self.robot, self._indices
+        model, data = robot.workspace.model, robot.workspace.data
+        configuration = rest_configuration(robot)
+        velocity, acceleration = np.zeros(robot.nv), np.zeros(robot.nv)
+        configuration[qs], velocity[vs], acceleration[vs] = q, v, a
+        if not self._floats:
+            return configuration, velocity, acceleration
+        frame = self._support_frame
+        configuration = place_base(robot, configuration, frame, self.placement)
+        rows = pin.computeFrameJacobian(model, data, configuration, frame, pin.LOCAL)
+        base, joints = rows[:, :6], rows[:, 6:]
+        velocity[:6] = np.linalg.solve(base, -joints @ velocity[6:])
+        pin.forwardKinematics(model, data, configuration, velocity, acceleration)
+        drift = pin.getFrameAcceleration(model, data, frame, pin.LOCAL).vector
+        acceleration[:6] = np.linalg.solve(base, -drift)
+        return configuration, velocity, acceleration
+
+    @cached_property
+    def _indices(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Indices of the joints that move in q and in v of the robot."""
+        model = self.robot.workspace.model
+        return coordinate_indices(model, [int(model.getJointId(name)) for name in self.joints])
+
+    @cached_property
+    def _model(self) -> tuple[Any, Any]:
+        """The model with gravity, which the workspace of a leg is without, and its data."""
+        model = self.robot.model
+        return model, model.createData()
+
+    @cached_property
+    def _floats(self) -> bool:
+        return is_floating(self.robot)
+
+    @cached_property
+    def _support_frame(self) -> int:
+        return frame_id(self.robot.workspace.model, self.robot.supports[0].frame)

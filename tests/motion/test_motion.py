@@ -1,0 +1,109 @@
+"""A motion of splines, by Pinocchio alone."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.interpolate import BSpline
+
+import kickdyn as kd
+from kickdyn.motion.motion import Motion
+from kickdyn.robot.standing import StandingRobot
+
+
+def spline(draw, begin, end, first, last):
+    """Return a clamped cubic spline between two rows, and rows drawn around them."""
+    knots = np.r_[[begin] * 3, np.linspace(begin, end, 5), [end] * 3]
+    rows = np.linspace(first, last, 7) + draw.normal(0.0, 0.1, (7, len(first)))
+    rows[0], rows[-1] = first, last
+    return BSpline(knots, rows, 3)
+
+
+def make_motion(robot, joints, placement=None):
+    draw = np.random.default_rng(0)
+    start, hit, end = draw.uniform(-0.2, 0.2, (3, len(joints)))
+    before, after = spline(draw, -0.5, 0.0, start, hit), spline(draw, 0.0, 0.6, hit, end)
+    return Motion(robot, joints, before, after, placement)
+
+
+@pytest.fixture(scope="module")
+def walking():
+    robot = kd.Leg.from_robot("g1", base="floating", locked={"*wrist*": 0})
+    standing = StandingRobot(robot.with_supports("left_ankle_roll_link"))
+    return make_motion(standing.robot, standing.leg.joint_names, standing.placement)
+
+
+@pytest.fixture(scope="module")
+def swinging():
+    leg = kd.Leg.human()
+    return make_motion(leg, leg.joint_names)
+
+
+def test_a_motion_of_a_fixed_leg_is_its_splines_and_its_inverse_dynamics(swinging):
+    leg, t = swinging.robot, -0.2
+    q, v, a = (swinging.before(t, order) for order in range(3))
+    np.testing.assert_allclose(swinging.q(t), q)
+    np.testing.assert_allclose(swinging.v(t), v)
+    torque = pin.rnea(leg.model, leg.model.createData(), q, v, a)
+    np.testing.assert_allclose(swinging.torque(t), torque, atol=1e-12)
+    assert not swinging.ground_wrench(t).any()
+    assert (swinging.begin, swinging.end) == (-0.5, 0.6)
+    assert [phase.name for phase in swinging.phases] == ["backswing", "recovery"]
+
+
+def test_the_impact_is_a_jump_of_the_velocity_alone(swinging):
+    np.testing.assert_allclose(swinging.q(0.0), swinging.q(1e-12), atol=1e-9)
+    np.testing.assert_allclose(swinging.v(0.0), swinging.before(0.0, 1))
+    np.testing.assert_allclose(swinging.v_after, swinging.after(0.0, 1))
+    assert np.abs(swinging.v_after - swinging.v(0.0)).max() > 0.1
+
+
+def test_a_robot_is_at_rest_before_and_after(walking):
+    for t, end in ((-2.0, walking.begin), (2.0, walking.end)):
+        np.testing.assert_allclose(walking.q(t), walking.q(end))
+        assert not walking.v(t).any()
+        weight = walking.ground_wrench(t)[2]
+        mass = pin.computeTotalMass(walking.robot.model)
+        assert weight == pytest.approx(9.81 * mass, rel=1e-12)
+
+
+@pytest.mark.parametrize("t", [-0.31, -0.07, 0.0, 0.26])
+def test_the_supporting_foot_does_not_move(walking, t):
+    model = walking.robot.model
+    data, frame = model.createData(), model.getFrameId("left_ankle_roll_link")
+    pin.forwardKinematics(model, data, walking.q(t), walking.v(t))
+    pose = pin.updateFramePlacement(model, data, frame)
+    np.testing.assert_allclose(pose.homogeneous, walking.placement.homogeneous, atol=1e-12)
+    assert np.abs(pin.getFrameVelocity(model, data, frame).vector).max() < 1e-12
+
+
+@pytest.mark.parametrize("t", [-0.31, -0.07, 0.26])
+def test_gravity_and_the_ground_change_the_momentum(walking, t):
+    """The rate of the centroidal momentum by central differences."""
+    model, h = walking.robot.model, 1e-5
+    data = model.createData()
+
+    def momentum(time):
+        pin.computeCentroidalMomentum(model, data, walking.q(time), walking.v(time))
+        centre = data.com[0].copy()
+        force, moment = data.hg.linear.copy(), data.hg.angular.copy()
+        return np.concatenate([force, moment + np.cross(centre, force)]), centre
+
+    rate = (momentum(t + h)[0] - momentum(t - h)[0]) / (2 * h)
+    weight = pin.computeTotalMass(model) * model.gravity.linear
+    wrench = walking.ground_wrench(t)
+    wrench += np.concatenate([weight, np.cross(momentum(t)[1], weight)])
+    np.testing.assert_allclose(rate, wrench, rtol=1e-6, atol=1e-4)
+
+
+def test_torques_drive_the_robot_as_its_accelerations_say(walking):
+    """Forward dynamics with torques and wrench gives the velocity's rate."""
+    model, t, h = walking.robot.model, -0.2, 1e-6
+    data = model.createData()
+    q, v = walking.q(t), walking.v(t)
+    pin.forwardKinematics(model, data, q)
+    force = walking.torque(t)
+    assert not force[:6].any()
+    force[:6] = data.oMi[1].actInv(pin.Force(walking.ground_wrench(t))).vector
+    acceleration = pin.aba(model, data, q, v, force)
+    rate = (walking.v(t + h) - walking.v(t - h)) / (2 * h)
+    np.testing.assert_allclose(acceleration, rate, rtol=1e-5, atol=1e-4)

@@ -115,7 +115,7 @@ def stores() -> None:
     """Print rates of sweeps into stores in memory and on the disk."""
     kd.sweep(LEG, grid(1e6).axes, KICK)  # compiles, or reads what is compiled
     memory = MEMORY if MEMORY.is_dir() else None
-    cases: tuple[dict[str, int], ...] = ({"threads": 1}, {"threads": 2}, {"workers": 2}, {})
+    cases: tuple[dict[str, int], ...] = ({"threads": 1}, {"threads": 2}, {})
     for how in cases:
         took, used, postures, size = stored(memory, **how)
         name = " ".join(f"{count} {what}" for what, count in how.items()) or "default"

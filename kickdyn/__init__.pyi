@@ -56,6 +56,7 @@ from .planning.passes import plan_pass as plan_pass
 from .planning.swing import Swing as Swing
 from .planning.swing import plan_swing as plan_swing
 from .robot.constraints import Support as Support
+from .robot.drives import Drive as Drive
 from .robot.leg import Leg as Leg
 from .robot.leg import Posture as Posture
 from .scene.pitch import Wall as Wall

@@ -148,7 +148,7 @@ def identify(
     output.write_json(_document(split, fits, failures))
     if output.prints:
         _print(split, fits, failures)
-    longest_first = sorted(fits, key=lambda fit: -fit.result.tracks[0].duration)
+    longest_first = sorted(fits, key=lambda fit: -fit.result.track.duration)
     if output.plot is not None and fits:
         save_figure(longest_first[0].result.plot(), output.plot)
     if output.view is not None and fits:

@@ -32,28 +32,32 @@ def load_leg(
     base: str = "fixed",
     package_dirs: Sequence[str] = (),
     locked: Mapping[str, float] | None = None,
+    drives: str | bool = True,
 ) -> Leg:
     """Return a leg by one of the names `LEGS` or of robot_descriptions, or of a URDF or MJCF file.
 
     On a `fixed` base, a robot is its kicking leg; on a `floating` one, both legs and the base. The
     contact frame is by default a robot's toe, or the frame `toe` of a file; a file's meshes may be
     in the folders `package_dirs`; `locked` has values of joints that do not move [deg; m for
-    prismatic joints]. Raises `InvalidInput`, or `FaultyFile` if the file is refused.
+    prismatic joints]; `drives` are as for `Leg.from_robot`. Raises `InvalidInput`, or `FaultyFile`
+    if the file is refused.
     """
     described = name.endswith(DESCRIPTION)
     if package_dirs and (name in LEGS or described):
         raise InvalidInput(f"package-dir is {package_dirs[0]!r}: it is for a URDF file, not {name}")
     if name in SHIPPED:
-        return read_leg(shipped_urdf(SHIPPED[name]), frame or "toe", base, locked=locked)
+        return read_leg(shipped_urdf(SHIPPED[name]), frame or "toe", base, (), locked, drives)
     degrees = InDegrees(locked or {})
     if name in ROBOTS:
-        robot = Leg.from_robot(name, frame, base=base, legs_only=True, locked=degrees)
+        robot = Leg.from_robot(
+            name, frame, base=base, legs_only=True, locked=degrees, drives=drives
+        )
         return robot if base == "floating" else kicking_chain(robot).leg
     if described and not os.path.exists(name):  # noqa: PTH110
-        return Leg.from_robot(name, frame, base=base, locked=degrees)
+        return Leg.from_robot(name, frame, base=base, locked=degrees, drives=drives)
     if not os.path.exists(name) and not Path(name).suffix:  # noqa: PTH110 any text may be a name
         raise InvalidInput(f"leg {name!r} is neither {', '.join(LEGS)} nor a file")
-    return read_leg(name, frame or "toe", base, package_dirs, locked)
+    return read_leg(name, frame or "toe", base, package_dirs, locked, drives)
 
 
 def _completed_leg(context: click.Context) -> Leg | None:
@@ -100,6 +104,7 @@ class LegOptions:
         loops: pairs of frames, as `A:B`.
         supports: what the robot stands on, as `FRAME` or `FRAME:FRICTION`.
         stiff_joints: joints' names.
+        drives: a file of drives, or `none`; None is the default of `load_leg`.
         package_dirs: folders for the meshes of a URDF file.
     """
 
@@ -134,6 +139,11 @@ class LegOptions:
         help="Joint whose velocity the impact does not change, as with a high gear ratio; "
         "repeatable.",
     )  # fmt: skip
+    drives: str | None = option(
+        "--drives", metavar="FILE|none", shell_complete=offers(lambda _: ["none"], files=True),
+        help="TOML file with the rotor inertias and limits of joints' drives; none for no rotors.  "
+        "[default: those of the robot]",
+    )  # fmt: skip
     package_dirs: tuple[str, ...] = option(
         "--package-dir", multiple=True, metavar="DIR",
         type=click.Path(exists=True, file_okay=False),
@@ -147,8 +157,9 @@ class LegOptions:
         """
         locked, loops, supports = self._read_locked(), self._read_loops(), self._read_supports()
         base = "floating" if supports else "fixed"
+        drives = self.drives != "none" and (self.drives or True)
         try:
-            leg = load_leg(self.leg_name, self.frame, base, self.package_dirs, locked)
+            leg = load_leg(self.leg_name, self.frame, base, self.package_dirs, locked, drives)
         except InvalidInput:
             if supports:  # a support that the leg has not explains more than a floating base
                 fixed = load_leg(self.leg_name, self.frame, "fixed", self.package_dirs, locked)

@@ -80,10 +80,6 @@ class StoreOptions:
         "--threads", type=click.IntRange(1, 1024), metavar="N",
         help="Number of threads, 1 to 1024.  [default: one per core]",
     )  # fmt: skip
-    workers: int | None = option(
-        "--workers", type=click.IntRange(1, 1024), metavar="N",
-        help="Number of processes that write DIR.zarr, 1 to 1024, in place of threads.",
-    )  # fmt: skip
     tolerance: float = option(
         "--tolerance", default=CARRY_TOLERANCE, show_default=True,
         help="Largest error of a carry distance [m]. Carries of planar legs are interpolated "
@@ -111,10 +107,8 @@ class StoreOptions:
         """Raise `InvalidInput` for options that need --out, or a wrong name."""
         if self.file is not None:
             check_netcdf_name(self.file)
-        if self.store is None and (self.resume or self.workers is not None):
-            raise InvalidInput(
-                "--resume and --workers are for a Zarr store: name it, --out DIR.zarr"
-            )
+        if self.store is None and self.resume:
+            raise InvalidInput("--resume is for a Zarr store: name it, --out DIR.zarr")
         if self.out is None and self.variables is not None:
             raise InvalidInput(
                 "--variables is for what --out keeps: name it, --out FILE.nc or DIR.zarr"
@@ -189,7 +183,7 @@ def posture_sweep(
         else:
             data = sweep(
                 robot, grid.axes, kick, store=storing.store, variables=storing.kept,
-                resume=storing.resume, workers=storing.workers, progress=progress, **how,
+                resume=storing.resume, progress=progress, **how,
             )  # fmt: skip
             computed = (block for _, block in blocks(data))
         for block in computed:

@@ -14,7 +14,7 @@ from kickdyn.errors import FaultyFile, InvalidInput, shortened
 
 
 def shipped(folder: str) -> Path:
-    """Return the path of a folder that comes with kickdyn, `urdf` or `scenes`.
+    """Return the path of a folder that comes with kickdyn, `urdf`, `drives` or `scenes`.
 
     It is inside the package in the wheel, beside it in a checkout.
     """

@@ -121,7 +121,8 @@ class Flight(ReprMixin):
         least 500 steps: what lasts a 2000th of the flight, such as the time in which the ball
         crosses a peak of C_D, counts.
         """
-        length = float(np.abs(self._trajectory(np.linspace(0, self.duration, 33))[:, :3]).max())
+        ends = self.apex.position, self.landing.position
+        length = float(np.abs(np.subtract(ends, self.launch.position)).max())
         speed, grazing = math.hypot(*self.landing.velocity), 1.0
         if self.status is FlightStatus.AT_PLANE and self.plane is not None:
             across = abs(float(self.plane.normal @ self.landing.velocity))

@@ -328,15 +328,22 @@ class JointTable:
                 )
         return tuple(present)
 
+    def expand_joint_names(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Return values by joint from those by joint or pattern; raise `InvalidInput` for neither.
+
+        Joints of one degree of freedom have names; patterns are as of a shell.
+        """
+        for name in values:
+            if not expand_patterns({name: 0.0}, self.single_joints):
+                self.velocity_index(name)  # raises
+        return expand_patterns(values, self.single_joints)
+
     def _values_to_lock(self, wanted: Mapping[str, float]) -> dict[str, float]:
         """Return the values of the joints that `wanted` names or matches [rad; m if prismatic].
 
         Mimic joints are left out: they are locked with their drivers.
         """
-        for name in wanted:
-            if not expand_patterns({name: 0.0}, self.single_joints):
-                self.velocity_index(name)  # raises
-        values = expand_patterns(wanted, self.single_joints)
+        values = self.expand_joint_names(wanted)
         for mimic in self.mimics:
             if mimic.joint in values and mimic.driver not in values:
                 raise InvalidInput(

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import blas, lapack
 
 from kickdyn.core import validation
+from kickdyn.core.files import shipped
 from kickdyn.core.mechanics import cross3
 from kickdyn.core.representation import ReprMixin, Row, format_value, warned
 from kickdyn.core.validation import Array, protect, read_only
@@ -34,6 +36,7 @@ from kickdyn.robot.constraints import (
     Support,
     find_open_loops,
 )
+from kickdyn.robot.drives import Drive, catalogued_drives, load_drives
 from kickdyn.robot.joint_table import InDegrees, JointTable, Mimic
 from kickdyn.robot.mjcf_file import MjcfFile, is_mjcf, read_mjcf
 from kickdyn.robot.mjcf_model import build_mjcf_model
@@ -50,6 +53,15 @@ from kickdyn.robot.model_validation import (
 from kickdyn.robot.surgery import reduce_model
 from kickdyn.robot.urdf_file import build_model, check_base, read_urdf, shipped_urdf
 from kickdyn.robot.visuals import RobotFile
+
+Drives = str | PathLike[str] | Mapping[str, Drive]
+"""Drives by joint, or a file of them."""
+
+NO_DRIVES = (
+    "the file has no drives: with rotors behind gears, the foot's effective mass is larger; give "
+    "them by Leg.with_drives (--drives FILE), or drives=False (--drives none) for a leg without"
+)
+"""Warning of a robot whose joints have no rotors."""
 
 MAX_OFFSET = 1e3
 """Largest distance of a contact point along an axis of the contact frame [m]."""
@@ -75,8 +87,8 @@ class _CopiedModel:
 class Leg(JointTable, ReprMixin):
     r"""A leg, or a whole robot, with the frame that touches the ball.
 
-    A leg does not change: `locked`, `with_armature`, `with_supports`, `with_loops` and
-    `with_stiff_joints` return another one. It can be pickled and shared between threads.
+    A leg does not change: `locked`, `with_drives`, `with_supports` and the like return another
+    one. It can be pickled and shared between threads.
 
     Attributes:
         model: the `pin.Model`, a copy each time: what is changed there does not change this leg.
@@ -162,6 +174,7 @@ class Leg(JointTable, ReprMixin):
         base: str = "fixed",
         locked: Mapping[str, float] | None = None,
         package_dirs: Iterable[str | PathLike[str]] = (),
+        drives: Drives | bool = True,
     ) -> "Leg":
         """Load a URDF file.
 
@@ -177,13 +190,16 @@ class Leg(JointTable, ReprMixin):
             package_dirs: ROS packages, or folders that contain them, with meshes named
                 `package://NAME/...`, searched before the folders that contain the file and those
                 of the variables `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH`.
+            drives: rotors, which a URDF leaves out, and limits, as for `with_drives`; True and
+                False leave them out.
 
         Raises:
             UrdfError: the file is refused, with all its faults in one message.
             InvalidInput: there is no such frame, base, joint to lock or folder.
         """
         urdf = read_urdf(path, package_dirs, validation.mapping("locked", locked))
-        leg = cls(build_model(urdf.text, urdf.source, base), frame, urdf).locked(locked or {})
+        leg = cls(build_model(urdf.text, urdf.source, base), frame, urdf)
+        leg = leg._with_drives_of(drives).locked(locked or {})
         if fault := _find_fault(leg):
             raise UrdfError(urdf.source, [fault])
         return leg
@@ -196,6 +212,7 @@ class Leg(JointTable, ReprMixin):
         *,
         base: str = "fixed",
         locked: Mapping[str, float] | None = None,
+        drives: Drives | bool = True,
     ) -> "Leg":
         """Load an MJCF file, the XML of MuJoCo, which compiles it: `pip install "kickdyn[mjcf]"`.
 
@@ -214,19 +231,26 @@ class Leg(JointTable, ReprMixin):
                 none, as for `from_urdf`. Of other joints, q is MuJoCo's `qpos`, with quaternions
                 in the order xyzw.
             locked: joints to lock at their values, as for `from_urdf`.
+            drives: rotors and limits in place of those of the file, as for `with_drives`; False
+                for no rotors.
 
         Raises:
             MjcfError: the file is refused, or MuJoCo is not installed.
             InvalidInput: there is no such frame, base or joint to lock.
         """
-        return cls._from_mjcf(read_mjcf(path), frame, base, locked)
+        return cls._from_mjcf(read_mjcf(path), frame, base, locked, drives)
 
     @classmethod
     def _from_mjcf(
-        cls, file: MjcfFile, frame: str, base: str, locked: Mapping[str, float] | None
+        cls,
+        file: MjcfFile,
+        frame: str,
+        base: str,
+        locked: Mapping[str, float] | None,
+        drives: Drives | bool,
     ) -> "Leg":
         read, model, loops = build_mjcf_model(file, frame, base, locked)
-        leg = cls(model, frame, read).locked(locked or {})
+        leg = cls(model, frame, read)._with_drives_of(drives).locked(locked or {})
         if fault := _find_fault(leg):
             raise MjcfError(file.source, [fault])
         return leg.with_loops(*loops)
@@ -241,6 +265,7 @@ class Leg(JointTable, ReprMixin):
         base: str = "fixed",
         legs_only: bool = False,
         locked: Mapping[str, float] | None = None,
+        drives: Drives | bool = True,
     ) -> "Leg":
         """Load a robot by name.
 
@@ -263,6 +288,8 @@ class Leg(JointTable, ReprMixin):
             legs_only: lock all joints but the legs' at 0, or where `locked` has them; of
                 example-robot-data only.
             locked: joints to lock at their values, as for `from_urdf`.
+            drives: True for the drives of kickdyn's catalogue (g1, talos, the legs of icub, bolt)
+                or of an MJCF, False for no rotors, or other ones, as for `with_drives`.
 
         Raises:
             InvalidInput: no such robot, frame or base, the package is not installed, a download
@@ -271,10 +298,10 @@ class Leg(JointTable, ReprMixin):
         if name not in ROBOTS:
             if legs_only:
                 raise InvalidInput(f"legs_only is for {', '.join(ROBOTS)}: for {name}, use locked=")
-            return cls._from_description(name, frame or TOE, base, locked)
+            return cls._from_description(name, frame or TOE, base, locked, drives)
         file, (frame, cone) = robot_file(name), robot(name).contact(frame)
         leg = cls(robot_model(name, base), frame, file, contact_normal_cone=cone)
-        leg = leg.locked(locked or {})
+        leg = leg._with_drives_of(drives, catalogued_drives(name)).locked(locked or {})
         kept = (*robot(name).legs, "root_joint")
         outside = [joint for joint in leg.joint_names if not joint.startswith(kept)]
         if legs_only and outside:
@@ -286,14 +313,21 @@ class Leg(JointTable, ReprMixin):
 
     @classmethod
     def _from_description(
-        cls, name: str, frame: str, base: str, locked: Mapping[str, float] | None
+        cls,
+        name: str,
+        frame: str,
+        base: str,
+        locked: Mapping[str, float] | None,
+        drives: Drives | bool,
     ) -> "Leg":
         """Load a robot of the package robot_descriptions."""
         check_base(base)
         file, folders = find_description(name)
         if is_mjcf(file):
-            return cls._from_mjcf(read_mjcf(file, folders), frame, base, locked)
-        return cls.from_urdf(file, frame, base=base, locked=locked, package_dirs=folders)
+            return cls._from_mjcf(read_mjcf(file, folders), frame, base, locked, drives)
+        return cls.from_urdf(
+            file, frame, base=base, locked=locked, package_dirs=folders, drives=drives
+        )
 
     @classmethod
     def from_model(cls, model: Any, frame: str) -> "Leg":
@@ -347,6 +381,52 @@ class Leg(JointTable, ReprMixin):
         model = self.model
         model.armature = armature
         return self.with_model(model)
+
+    def with_drives(self, drives: Drives) -> "Leg":
+        """Return the leg with drives: rotors behind gears, and limits of torque and speed.
+
+        Args:
+            drives: `Drive` by the name of a joint or a pattern, as for `from_urdf`, or a TOML file:
+
+                .. code-block:: toml
+
+                    [joints]
+                    "*_knee" = { rotor_inertia_kg_m2 = 1e-5, gear = 100, torque_limit_n_m = 90 }
+
+                They replace what the joints had. Other joints keep what they have.
+
+        Raises:
+            InvalidInput: no such joint, or a file with an unknown key or a value out of range.
+        """
+        listed = load_drives(drives)
+        if not listed:
+            return self
+        model, entries = self.model, list(listed.values())
+        numbers = self.expand_joint_names({name: k for k, name in enumerate(listed)})
+        for attribute, limit in (
+            ("armature", "reflected_inertia"),
+            ("effortLimit", "torque_limit"),
+            ("velocityLimit", "speed_limit"),
+        ):
+            values = getattr(model, attribute).copy()
+            for joint, number in numbers.items():
+                value = getattr(entries[int(number)], limit)
+                if value is not None:
+                    values[self.velocity_index(joint)] = value
+            setattr(model, attribute, values)
+        return self.with_model(model)
+
+    def _with_drives_of(self, drives: Drives | bool, usual: Path | None = None) -> "Leg":
+        """Return the leg with drives: for True the usual ones, for False none."""
+        if drives is False:
+            return self.with_armature(dict.fromkeys(self.single_joints, 0.0))
+        if drives is not True:
+            return self.with_drives(drives)
+        if usual is not None:
+            return self.with_drives(usual)
+        if self.file is None or self.file.folder == shipped("urdf"):
+            return self
+        return replace(self, file=replace(self.file, lacks_drives=True))
 
     def with_supports(self, *supports: str | Support) -> "Leg":
         """Return the leg with frames that stand on the ground and stay at rest in the impact.
@@ -467,8 +547,10 @@ class Leg(JointTable, ReprMixin):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Lines about irregularities of the file, open loops, and speed limits of 0."""
+        """Lines about the file and its missing drives, open loops, and speed limits of 0."""
         file = () if self.file is None else self.file.warnings
+        if self.file is not None and self.file.lacks_drives and not self._model.armature.any():
+            file = (*file, NO_DRIVES)
         stuck = [
             name
             for name in self.single_joints
@@ -819,6 +901,7 @@ def read_leg(
     base: str,
     package_dirs: Sequence[str | PathLike[str]] = (),
     locked: Mapping[str, float] | None = None,
+    drives: Drives | bool = True,
 ) -> Leg:
     """Return the leg of a URDF or MJCF file, which its root element tells apart.
 
@@ -827,13 +910,15 @@ def read_leg(
     """
     values = InDegrees(locked or {})
     if not is_mjcf(path):
-        return Leg.from_urdf(path, frame, base=base, package_dirs=package_dirs, locked=values)
+        return Leg.from_urdf(
+            path, frame, base=base, package_dirs=package_dirs, locked=values, drives=drives
+        )
     if package_dirs:
         raise InvalidInput(
             f"package-dir is {str(package_dirs[0])!r}: it is for a URDF file, an MJCF names its "
             "meshes from its own folder"
         )
-    return Leg.from_mjcf(path, frame, base=base, locked=values)
+    return Leg.from_mjcf(path, frame, base=base, locked=values, drives=drives)
 
 
 class Workspace(threading.local):

@@ -126,19 +126,26 @@ class LegTable:
     loops: tuple[tuple[str, str], ...] = ()
     stiff_joints: tuple[str, ...] = ()
     armature: Mapping[str, float] = field(default_factory=dict)
+    drives: str | None = None
 
     def read(self, folder: Path) -> Leg:
-        """Return the leg without rotors, supports, loops and stiff joints."""
+        """Return the leg without `armature`, supports, loops and stiff joints."""
+        drives = True if self.drives is None else self.drives != "none" and folder / self.drives
         if self.robot is not None:
             locked = InDegrees(self.locked)
             return Leg.from_robot(
-                self.robot, self.frame, base=self.base, legs_only=self.legs_only, locked=locked
+                self.robot,
+                self.frame,
+                base=self.base,
+                legs_only=self.legs_only,
+                locked=locked,
+                drives=drives,
             )
         file = folder / self.file
         if self.model is not None:
             file = shipped_urdf(f"leg_{self.model}.urdf")
         packages = [folder / str(package) for package in self.package_dirs]
-        return read_leg(file, self.frame or "toe", self.base, packages, self.locked)
+        return read_leg(file, self.frame or "toe", self.base, packages, self.locked, drives)
 
     def change(self, leg: Leg) -> Leg:
         """Return a leg with the rotors, supports, loops and stiff joints."""
@@ -297,6 +304,8 @@ TABLES = (
         Key("armature_kg_m2", "armature", "table, joint = number, at least 0 [kg m2]",
             "inertia of the rotors, seen from the joint",
             partial(_check_joints, unit="kg m2", at_least=0.0)),
+        Key("drives", "drives", 'text, or `"none"`', "a file of drives, relative to the folder of "
+            "the scene, or no rotors; without it those of the robot", _check_text),
     ), is_required=True, required=({"model": "human", "file": "", "robot": ""},)),
     Table("posture", PostureTable, (
         Key("angles_deg", "angles_deg", "table, joint = number [deg]",

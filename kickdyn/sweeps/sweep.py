@@ -1,14 +1,12 @@
 """The sweep: one kick from every posture of a grid.
 
 A grid is cut into chunks, a `ChunkSolver` computes each, and the chunks make a dataset, in memory
-or in a Zarr store. Threads, processes or an executor of the caller compute chunks side by side.
+or in a Zarr store. Threads or an executor of the caller compute chunks side by side.
 """
 
 import math
 import os
 import pickle
-import signal
-import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import (
@@ -16,13 +14,11 @@ from concurrent.futures import (
     CancelledError,
     Executor,
     Future,
-    ProcessPoolExecutor,
     ThreadPoolExecutor,
 )
 from contextlib import contextmanager, nullcontext
 from functools import lru_cache, partial
 from itertools import islice
-from multiprocessing import get_context, parent_process
 from os import PathLike
 from pathlib import Path
 from typing import TypeVar
@@ -64,7 +60,6 @@ def sweep(
     resume: bool = False,
     tolerance: float = CARRY_TOLERANCE,
     threads: int | None = None,
-    workers: int | None = None,
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> xr.Dataset:
@@ -91,11 +86,10 @@ def sweep(
             whose carries are interpolated between flights; 0 flies every ball, to 1e-8 of its
             carry.
         threads: number of threads of this process; None takes one per core.
-        workers: number of processes of this machine, in place of threads. They are children of this
-            process and open no socket.
-        executor: an executor with the interface of `concurrent.futures`, such as one of a cluster,
-            instead of threads. Its workers must see `store` and have the same versions; it is not
-            shut down, and its own errors are not changed.
+        executor: an executor with the interface of `concurrent.futures`, such as a
+            `ProcessPoolExecutor` or one of a cluster, instead of threads. Its workers must see
+            `store` and have the same versions; it is not shut down, and its own errors are not
+            changed.
         progress: function that is called as postures are computed, with their number since the last
             call and the highest ball speed among those from which the leg can kick
             [m/s; nan without any].
@@ -121,10 +115,10 @@ def sweep(
         >>> table.ball_speed.sel(hip=0.5).values.round(2).tolist()
         [7.15, 6.66, 6.01]
     """
-    if sum(choice is not None for choice in (threads, workers, executor)) > 1:
-        raise InvalidInput("threads, workers and executor exclude each other: give one of them")
-    if store is None and (resume or workers is not None or executor is not None):
-        raise InvalidInput("resume, workers and executor need a store: name it with store=")
+    if threads is not None and executor is not None:
+        raise InvalidInput("threads and executor exclude each other: give one of them")
+    if store is None and (resume or executor is not None):
+        raise InvalidInput("resume and executor need a store: name it with store=")
     if store is not None:
         check_store(store, resume=resume)
     kept = select_variables(variables)
@@ -137,11 +131,10 @@ def sweep(
             described = add_warning(described, chunk.warning)
         rows, status = (np.hstack(arrays) for arrays in list(zip(*chunks, strict=True))[:2])
         return with_variables(described.assign_attrs(finished=1), rows, status, kept)
-    in_process = executor is None and workers is None
-    sent = b"" if in_process else _pickled(Path(store).absolute(), kept, solver)
+    sent = b"" if executor is None else _pickled(Path(store).absolute(), kept, solver)
     filled = SweepStore(store, described, kept, solver.chunk, resume=resume)
-    write = _chunk_writer(filled, solver) if in_process else partial(_write_chunk, sent)
-    computing = nullcontext(executor) if executor else _pool(threads, workers)
+    write = _chunk_writer(filled, solver) if executor is None else partial(_write_chunk, sent)
+    computing = _pool(threads) if executor is None else nullcontext(executor)
     with filled.locked(), _resumable(filled), computing as pool:
         _fill(filled, solver, pool, write, progress)
     return open_sweep(store)
@@ -263,31 +256,14 @@ def _in_order(
 
 
 @contextmanager
-def _pool(threads: int | None, workers: int | None = None) -> Iterator[Executor]:
-    """Give threads or processes; on leaving, chunks under way are completed and others dropped."""
-    name, size = ("threads", threads) if workers is None else ("workers", workers)
-    size = int(validation.number(name, _cores() if size is None else size, at_least=1))
-    executor: Executor = ThreadPoolExecutor(size)
-    if workers is not None:
-        executor = ProcessPoolExecutor(size, get_context("spawn"), _prepare_worker)
+def _pool(threads: int | None) -> Iterator[Executor]:
+    """Give threads; on leaving, chunks under way are completed and others dropped."""
+    size = _cores() if threads is None else validation.number("threads", threads, at_least=1)
+    executor = ThreadPoolExecutor(int(size))
     try:
         yield executor
     finally:
         executor.shutdown(cancel_futures=True)
-
-
-def _prepare_worker() -> None:
-    """Let a worker process ignore Ctrl-C, which ends the main process, and end with that."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
-    """End this process once its parent has ended, even if that was killed."""
-    parent = parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
 
 
 @contextmanager

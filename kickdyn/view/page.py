@@ -248,11 +248,7 @@ def _comparison(
             case Pass():
                 paths[name] = item.course
             case Identification():
-                for number, (flight, track) in enumerate(
-                    zip(item.flights, item.tracks, strict=True)
-                ):
-                    key = name if len(item.tracks) == 1 else f"{name} {number}"
-                    paths[key], measured[key] = flight, track.positions
+                paths[name], measured[name] = item.flight, item.track.positions
             case Flight() | Course():
                 paths[name] = item
             case _:

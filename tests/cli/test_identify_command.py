@@ -155,11 +155,11 @@ def test_the_longest_flight_is_plotted(two_flights, tmp_path, monkeypatch):
     )
     run(two_flights, "--plot", tmp_path / "flight.png")
     assert len(drawn) == 1
-    assert drawn[0].tracks[0].duration > 0.9
+    assert drawn[0].track.duration > 0.9
 
 
 def test_the_hint_names_the_first_flight_with_a_warning(two_flights, monkeypatch):
-    late = property(lambda fit: ("late",) if fit.tracks[0].times[0] > 4.0 else ())
+    late = property(lambda fit: ("late",) if fit.track.times[0] > 4.0 else ())
     monkeypatch.setattr(Identification, "warnings", late)
     text = run(two_flights)
     last = [line.split()[0] for line in text.splitlines() if re.match(r"\d+-", line)][-1]

@@ -24,6 +24,7 @@ from kickdyn.cli.command import run
 from kickdyn.cli.leg_options import load_leg
 from kickdyn.cli.posture_sweep_command import posture_sweep
 from kickdyn.core import compilation
+from kickdyn.robot.leg import NO_DRIVES
 from kickdyn.robot.urdf_file import shipped_urdf
 from kickdyn.sweeps import chunk_solver
 from kickdyn.sweeps.sweep_kick import kick_from
@@ -83,7 +84,7 @@ def test_a_zarr_store_says_what_a_file_says(tmp_path):
     assert again.stderr == ""
     for arguments, words in (
         (("--out", "s.zarr"), "s.zarr exists and is not replaced: add --resume"),
-        (("--out", "t.nc", "--resume"), "--resume and --workers are for a Zarr store"),
+        (("--out", "t.nc", "--resume"), "--resume is for a Zarr store"),
     ):
         ended = door(*SMALL, *speed, *arguments, cwd=tmp_path)
         assert ended.returncode == 2
@@ -174,11 +175,10 @@ def test_of_more_than_a_million_without_a_store_the_answers_are_kept(tmp_path):
     assert "name a store, --out DIR.zarr" in ended.stderr
 
 
-@pytest.mark.parametrize("by", [(), ("--workers", "2")], ids=["threads", "workers"])
-def test_ctrl_c_says_how_to_go_on(tmp_path, by):
+def test_ctrl_c_says_how_to_go_on(tmp_path):
     """A terminal sends it to all processes of the command."""
     large = ["--joint", "hip=0:40:0.1", "--joint", "knee=10:60:0.05", "--joint", "ankle=0:20:0.05"]
-    command = [sys.executable, "-m", "kickdyn.posture_sweep", *large, *by, "--out", "my s.zarr"]
+    command = [sys.executable, "-m", "kickdyn.posture_sweep", *large, "--out", "my s.zarr"]
     colours = {**os.environ, "FORCE_COLOR": "1"}
     with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, env=colours,
                           stdout=subprocess.PIPE, preexec_fn=interruptible,
@@ -263,9 +263,8 @@ def test_any_urdf(tmp_path):
         (["--view", "no/where.html"], "no/where.html cannot be written"),
         (["--json", "."], "is a folder"),
         (["--nose"], "No such option '--nose'"),
-        (["--workers", "2"], "--resume and --workers are for a Zarr store"),
+        (["--resume"], "--resume is for a Zarr store"),
         (["--tolerance", "-1"], "tolerance is -1"),
-        (["--threads", "2", "--workers", "2", "--out", "x.zarr"], "exclude each other"),
         (["--threads", "0"], "0 is not in the range 1<=x<=1024"),
         (["--view", "page.txt"], "page.txt has no known ending: a page is written as .html"),
         (["--leg", "page.html", "--json", "page.html"], "page.html is an input"),
@@ -324,7 +323,7 @@ def test_odd_names_are_just_names(tmp_path):
     odd = r"$\frac$ [red]"
     leg = urdf_of(tmp_path, hip=odd)
     shutil.copytree(shipped_urdf("meshes"), tmp_path / "meshes")
-    files = ["--out", "x.nc", "--plot", "x.png", "--view", "x.html"]
+    files = ["--drives", "none", "--out", "x.nc", "--plot", "x.png", "--view", "x.html"]
     ended = door("--leg", leg, "--joint", f"{odd}=0:10:5", *files, cwd=tmp_path)
     assert (ended.returncode, ended.stderr) == (0, "")
     assert odd in ended.stdout
@@ -355,7 +354,8 @@ def test_a_missing_mesh_costs_no_result(tmp_path):
     files = ["--out", "x.nc", "--json", "x.json", "--view", "x.html"]
     ended = door("--leg", "mine.urdf", *SMALL, *files, cwd=tmp_path)
     assert ended.returncode == 0
-    (warning,) = ended.stderr.splitlines()
+    no_drives, warning = ended.stderr.splitlines()
+    assert no_drives == f"warning: {NO_DRIVES}"
     assert warning.startswith(
         "warning: 1 of 7 visuals of leg_testbed is not drawn: mesh 'no.stl' is"
     )
@@ -381,7 +381,7 @@ def test_a_ros_package_is_drawn_from_the_folder_that_is_named(tmp_path):
     (robot / "package.xml").write_text("<package><name>my_robot</name></package>")
     for file in (robot / "meshes/thigh.stl", robot / "meshes/shank.stl", foot / "foot.stl"):
         trimesh.creation.box((0.1, 0.1, 0.3)).export(file)
-    command = ["--leg", "src/robot/urdf/my.urdf", *SMALL, "--view", "x.html"]
+    command = ["--leg", "src/robot/urdf/my.urdf", *SMALL, "--drives", "none", "--view", "x.html"]
     ended = door(*command, "--package-dir", "src", "--package-dir", "other", cwd=tmp_path)
     assert (ended.returncode, ended.stderr) == (0, "")
     ended = door(*command, cwd=tmp_path)

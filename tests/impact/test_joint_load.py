@@ -53,7 +53,7 @@ def test_axes_are_those_of_the_impacts_posture():
 
 
 def test_a_floating_base_is_all_freedom():
-    leg = kd.Leg.from_robot("bolt", base="floating").with_supports(
+    leg = kd.Leg.from_robot("bolt", base="floating", drives=False).with_supports(
         kd.Support("FL_FOOT", point=True)
     )
     struck = hit(leg, maker=any_kick)

@@ -10,7 +10,7 @@ import kickdyn as kd
 
 FOOT, OTHER = "left_ankle_roll_link", "right_ankle_roll_link"
 SOLE = [(x, y, -0.035) for x in (-0.05, 0.12) for y in (-0.03, 0.03)]
-ROBOT = kd.Leg.from_robot("g1", OTHER, base="floating")
+ROBOT = kd.Leg.from_robot("g1", OTHER, base="floating", drives=False)
 Q = {"right_hip_pitch_joint": -0.4, "right_knee_joint": 0.6, "left_knee_joint": 0.3}
 Q["left_ankle_pitch_joint"] = -0.3  # the sole is level
 

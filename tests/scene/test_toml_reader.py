@@ -455,6 +455,7 @@ def test_loops_are_closed_by_the_joints_that_are_not_named(tmp_path):
     text = """
         [leg]
         file = "leg_fourbar.urdf"
+        drives = "none"
         loops = [["shank_pin", "rocker_b_tip"]]
         [posture]
         angles_deg = {rocker_b = 40, hip = 10}
@@ -546,3 +547,23 @@ def test_locked_joints(tmp_path, faults):
 )  # fmt: skip
 def test_mistakes_of_beginners(faults, old, new, said):
     assert any(said in line for line in faults(SMALL.replace(old, new)))
+
+
+@pytest.mark.parametrize(
+    ("drives", "armature"), [("", 0.1), ('drives = "none"', 0.0), ('drives = "d.toml"', 0.02)]
+)
+def test_a_scene_can_name_the_drives_of_its_robot(tmp_path, drives, armature):
+    (tmp_path / "d.toml").write_text('[joints]\n"*" = { rotor_inertia_kg_m2 = 0.02 }')
+    (tmp_path / "scene.toml").write_text(f"""
+        [leg]
+        robot = "talos"
+        legs_only = true
+        {drives}
+        [posture]
+        foot_velocity_m_s = [2, 0, 0.5]
+        [contact]
+        normal = [1, 0, 0.3]
+        restitution = 0.8
+    """)
+    leg = kd.load_scene(tmp_path / "scene.toml").leg
+    assert leg.model.armature == pytest.approx(np.full(leg.nv, armature))

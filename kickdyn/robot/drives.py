@@ -1,0 +1,130 @@
+"""Drives of joints, rotors behind gears with their limits, and the files that list them."""
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+
+from kickdyn.core import validation
+from kickdyn.core.files import read_text, shipped
+from kickdyn.errors import FaultyFile, InvalidInput
+
+MAX_BYTES = 100_000
+"""Size of the largest file of drives that is read [bytes]."""
+
+MAX_REFLECTED_INERTIA = 10.0
+"""Largest inertia of a rotor as seen from its joint [kg m2; kg for prismatic joints]."""
+
+
+@dataclass(frozen=True)
+class Drive:
+    r"""The motor of a joint, behind a gear.
+
+    The rotor turns :math:`n` times as fast as the joint. Its kinetic energy
+    :math:`\frac12 J n^2 \dot q^2` adds the reflected inertia :math:`J n^2` to the joint's entry of
+    M; its small angular momentum along other axes is neglected.
+
+    Attributes:
+        rotor_inertia: J, of the rotor about its own axis [kg m2].
+        gear: n, turns of the rotor per turn of the joint; 1 if the inertia is that at the joint [1;
+            rad/m for prismatic joints].
+        torque_limit: largest torque at the joint [N m; N for prismatic joints]; None keeps that of
+            the robot's file.
+        speed_limit: largest speed of the joint [rad/s; m/s for prismatic joints]; None keeps that
+            of the robot's file.
+
+    Raises:
+        InvalidInput: a value that is not finite, negative, a gear of 0, or a reflected inertia
+            above 10 kg m2.
+    """
+
+    rotor_inertia: float
+    gear: float = 1.0
+    torque_limit: float | None = None
+    speed_limit: float | None = None
+
+    def __post_init__(self) -> None:
+        inertia = validation.number("rotor inertia", self.rotor_inertia, at_least=0, unit="kg m2")
+        if not validation.number("gear", self.gear):
+            raise InvalidInput("gear is 0: it must be the turns of the rotor per turn of the joint")
+        if inertia * self.gear**2 > MAX_REFLECTED_INERTIA:
+            raise InvalidInput(
+                f"rotor inertia times gear squared is {inertia * self.gear**2:g} kg m2: it must be "
+                f"at most {MAX_REFLECTED_INERTIA:g} kg m2; is the gear already in the inertia?"
+            )
+        for name in ("torque_limit", "speed_limit"):
+            if getattr(self, name) is not None:
+                validation.number(name.replace("_", " "), getattr(self, name), at_least=0)
+
+    @property
+    def reflected_inertia(self) -> float:
+        r"""Inertia of the rotor as seen from the joint, :math:`J n^2` [kg m2; kg if prismatic]."""
+        return self.rotor_inertia * self.gear**2
+
+
+KEYS = {
+    "rotor_inertia_kg_m2": "rotor_inertia",
+    "gear": "gear",
+    "torque_limit_n_m": "torque_limit",
+    "speed_limit_rad_s": "speed_limit",
+}
+"""Keys of a joint in a file of drives, and the attributes of `Drive` that they set."""
+
+
+def read_drives(path: str | PathLike[str]) -> dict[str, Drive]:
+    """Read a TOML file of drives, by names of joints or patterns as of a shell.
+
+    The file has a table `[joints]` with a table for each joint or pattern, whose keys are `KEYS`
+    (`rotor_inertia_kg_m2` is required), and may have a text `source`.
+
+    Raises:
+        FaultyFile: with a line for each fault.
+    """
+    source = str(path)
+    try:
+        document = tomllib.loads(read_text(path, source, MAX_BYTES, FaultyFile))
+    except (ValueError, RecursionError) as error:
+        if isinstance(error, FaultyFile):
+            raise
+        raise FaultyFile(source, [f"is not TOML: {error}"]) from None
+    faults = [
+        f"{key} is unknown: the file of drives has source and [joints]"
+        for key in document
+        if key not in ("source", "joints")
+    ]
+    joints = document.get("joints")
+    if not isinstance(joints, dict):
+        line = 'has no [joints]: it needs lines such as "knee" = { rotor_inertia_kg_m2 = 1e-5 }'
+        raise FaultyFile(source, [*faults, line])
+    drives = {}
+    for joint, values in joints.items():
+        unknown = values.keys() - KEYS.keys() if isinstance(values, dict) else {repr(values)}
+        if unknown:
+            faults.append(f"{joint} has {', '.join(sorted(unknown))}: choose {', '.join(KEYS)}")
+        elif "rotor_inertia_kg_m2" not in values:
+            faults.append(f"{joint} has no rotor_inertia_kg_m2: 0 is valid")
+        else:
+            try:
+                drives[joint] = Drive(**{KEYS[key]: value for key, value in values.items()})
+            except InvalidInput as error:
+                faults += [f"{joint}: {line}" for line in error.faults]
+    if faults:
+        raise FaultyFile(source, faults)
+    return drives
+
+
+def load_drives(drives: Mapping[str, Drive] | str | PathLike[str]) -> dict[str, Drive]:
+    """Return drives by joint or pattern, those of a file where one is named."""
+    if isinstance(drives, str | PathLike):
+        return read_drives(drives)
+    checked = validation.mapping("drives", drives)
+    for joint, drive in checked.items():
+        validation.check_type(Drive, **{f"drive of {joint}": drive})
+    return checked
+
+
+def catalogued_drives(robot: str) -> Path | None:
+    """Return the file of a robot's drives that comes with kickdyn; None where there is none."""
+    path = shipped("drives") / f"{robot.removesuffix('_reduced')}.toml"
+    return path if path.exists() else None

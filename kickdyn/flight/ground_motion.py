@@ -108,7 +108,8 @@ def slide(
     along = np.array([ux, uy, 0.0]) / sliding
     across = np.array([-along[1], along[0], 0.0])  # turned towards rolling
     velocity_change = deceleration * along
-    spin_change = shell / ball.radius * deceleration * across
+    with np.errstate(invalid="ignore"):  # refused by BallState
+        spin_change = shell / ball.radius * deceleration * across
 
     def states(t: Array) -> BallState:
         t = t[:, None]
@@ -125,7 +126,9 @@ def slide(
         speed = math.hypot(*level) + sliding
         sizes = np.array([*3 * [speed * duration], *3 * [speed], 1.0])
         begin = 0.0, np.array([0.0, 0.0, 0.0, *level, 1.0])
-        arc = integrate(rates, begin, ends, duration, Tolerance(FINEST, np.maximum(FINEST * sizes, 1e-300)))
+        arc = integrate(
+            rates, begin, ends, duration, Tolerance(FINEST, np.maximum(FINEST * sizes, 1e-300))
+        )
         duration, reached = arc.end, arc.reached
     end = _first(states(np.array([duration])))
     start = BallState(state.position, state.velocity, state.spin)

@@ -155,3 +155,10 @@ def test_a_course_can_be_pickled():
     assert copy.rest == course.rest
     half = 0.5 * course.duration
     assert copy.sample(half) == course.sample(half)
+
+
+def test_flights_without_a_duration_have_warnings():
+    ground = kd.Ground(surface=kd.Surface("smooth", 1.0, 1e-300, 0.8))
+    launch = kd.BallState((0, 0, kd.Ball().radius), (3408.0, 0, -1e-99), (0, 1, 0))
+    course = kd.follow(launch, kd.Ball(), kd.Air(), ground)
+    assert isinstance(course.warnings, tuple)

@@ -1,3 +1,4 @@
+import contextlib
 import math
 
 import numpy as np
@@ -165,3 +166,15 @@ def test_a_side_wind_turns_the_way_and_the_ball_rests():
     assert moved[:2] == pytest.approx(found.y[:2, -1], abs=1e-7)
     assert moved[1] > 0.1
     assert path.end.velocity.tolist() == [0, 0, 0]
+
+
+@pytest.mark.parametrize(
+    ("radius", "velocity", "friction"), [(1e-100, 4e3, 1e300), (1e-100, 1e-299, 1e-300)]
+)
+def test_an_absurd_ball_slides_or_is_refused_in_a_line(radius, velocity, friction):
+    ball = kd.Ball(1e-100, radius)
+    ground = kd.Ground(surface=Surface("absurd", 0.0, friction, 1e-10))
+    launch = kd.BallState((0, 0, radius), (velocity, 1e-301, 0), (0, -1e3, 0))
+    with contextlib.suppress(kd.KickdynError):
+        rest = kd.follow(launch, ball, None, ground, plane=kd.Plane((1, 0, 0), (-1, 0, 0))).rest
+        assert np.isfinite(rest.position).all()

@@ -1,12 +1,13 @@
 """Tracks of known courses, cut into flights, rolling and touches."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.identification.segments import CutReason, SegmentKind, _median
+from kickdyn.identification.segments import CutReason, Measured, SegmentKind, _median
 
 BALL = kd.Ball()
 GROUND = kd.Ground(surface=kd.Surface("test", 0.6, 0.5, 0.8))
@@ -269,13 +270,17 @@ def test_a_track_in_other_units_or_under_the_ground_is_refused(change, message):
         kd.segments(kd.Track(times, change(path.sample(times).position)))
 
 
-@pytest.mark.parametrize(("columns", "axis"), [([0, 2, 1], "y"), ([2, 0, 1], "x")])
-def test_a_track_with_another_axis_up_is_warned_of(columns, axis):
-    path = kd.follow(kd.BallState((0, 0, 1), (15, 2, 6)), BALL, kd.Air(), GROUND)
+@pytest.mark.parametrize("spin", [(0, 0, 0), (0, -30, 10)])
+@pytest.mark.parametrize(("columns", "axis"), [([1, 2, 0], "y"), ([2, 0, 1], "x")])
+def test_a_track_with_another_axis_up_is_warned_of(columns, axis, spin):
+    path = kd.follow(kd.BallState((0, 0, 1), (15, 2, 6), spin), BALL, kd.Air(), GROUND)
     times = np.arange(0, path.duration, 0.02)
     found = kd.segments(kd.Track(times, path.sample(times).position[:, columns]))
     assert f"looks {axis}-up" in found.warnings[0]
     assert found.warnings[0] in str(found)
+    named = re.search("columns t,(.),(.),(.) make", found.warnings[0]).groups()
+    turned = found.track.positions[:, ["xyz".index(name) for name in named]]
+    assert turned == pytest.approx(path.sample(times).position)
     plain = kd.segments(kd.Track(times, path.sample(times).position))
     assert not any("looks" in line for line in plain.warnings)
 
@@ -285,3 +290,14 @@ def test_a_track_with_times_in_minutes_is_refused():
     times = np.arange(0, path.duration, 0.02)
     with pytest.raises(kd.InvalidInput, match=r"faster than sound: .* times in seconds"):
         kd.segments(kd.Track(times / 60.0, path.sample(times).position))
+
+
+def test_a_ball_that_gains_speed_as_it_rolls_determines_no_surface():
+    path = kd.follow(kd.BallState((0, 0, BALL.radius), (6, 0, 0)), BALL, None, GROUND)
+    times = np.arange(0.0, path.duration, 0.02)
+    found = kd.segments(kd.Track(times, path.sample(times).position))
+    gaining = replace(found, rolling_deceleration=Measured(-0.25, 0.1, 1))
+    with pytest.raises(
+        kd.InvalidInput, match=r"gains 0.25 m/s2: .* z axis of the track must point"
+    ):
+        gaining.surface  # noqa: B018

@@ -1,13 +1,12 @@
 """Tracks of known courses, cut into flights, rolling and touches."""
 
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.identification.segments import CutReason, Measured, SegmentKind, _median
+from kickdyn.identification.segments import CutReason, SegmentKind, _median
 
 BALL = kd.Ball()
 GROUND = kd.Ground(surface=kd.Surface("test", 0.6, 0.5, 0.8))
@@ -85,7 +84,7 @@ def test_a_ball_that_rolls_faster_and_faster_gives_no_surface():
     points[:, 0] += 1.5 * np.maximum(times - 2.0, 0.0) ** 2  # downhill
     found = kd.segments(kd.Track(times, points), BALL)
     assert found.rolling_deceleration.median < 0.0
-    with pytest.raises(kd.InvalidInput, match="rolling deceleration is -"):
+    with pytest.raises(kd.InvalidInput, match=r"gains 2.* m/s2: .* z axis of the track must"):
         _ = found.surface
 
 
@@ -290,14 +289,3 @@ def test_a_track_with_times_in_minutes_is_refused():
     times = np.arange(0, path.duration, 0.02)
     with pytest.raises(kd.InvalidInput, match=r"faster than sound: .* times in seconds"):
         kd.segments(kd.Track(times / 60.0, path.sample(times).position))
-
-
-def test_a_ball_that_gains_speed_as_it_rolls_determines_no_surface():
-    path = kd.follow(kd.BallState((0, 0, BALL.radius), (6, 0, 0)), BALL, None, GROUND)
-    times = np.arange(0.0, path.duration, 0.02)
-    found = kd.segments(kd.Track(times, path.sample(times).position))
-    gaining = replace(found, rolling_deceleration=Measured(-0.25, 0.1, 1))
-    with pytest.raises(
-        kd.InvalidInput, match=r"gains 0.25 m/s2: .* z axis of the track must point"
-    ):
-        gaining.surface  # noqa: B018

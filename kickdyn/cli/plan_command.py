@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import astuple, dataclass, replace
-from typing import Any, NoReturn
+from typing import Any
 
 import click
 import numpy as np
@@ -22,12 +22,10 @@ from kickdyn.cli.option_groups import (
 )
 from kickdyn.core import validation
 from kickdyn.errors import InvalidInput
-from kickdyn.flight.follow import Course
 from kickdyn.ground import SURFACES
 from kickdyn.planning.goal import FARTHEST, Arc, Goal
 from kickdyn.planning.kick import plan_kick
-from kickdyn.planning.kick_plan import KickPlan
-from kickdyn.planning.launch import SPEED_LIMIT, Launch, OutOfReach
+from kickdyn.planning.launch import SPEED_LIMIT, OutOfReach
 from kickdyn.planning.objectives import KickObjective
 from kickdyn.planning.plan_report import (
     WALL_CLEARANCE,
@@ -39,7 +37,7 @@ from kickdyn.planning.scatter import checked_spread
 from kickdyn.planning.swing import plan_swing
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.standing import is_floating
-from kickdyn.scene.pitch import Wall, check_before, passage_on, read_wall
+from kickdyn.scene.pitch import Wall, check_before, read_wall
 
 CROUCH = 0.1
 """Share of the height of a robot's straight leg by which its hips are lower when it kicks: its
@@ -109,22 +107,12 @@ class GoalOptions:
         return wall
 
     def load(self) -> Goal:
-        """Return the goal; raise `InvalidInput` unless exactly one option describes the flight."""
+        """Return the goal; above a wall the ball passes, unless an option describes the flight."""
         validation.number("distance", self.distance, above=0, at_most=FARTHEST, unit="m")
-        validation.number("height", self.height, at_most=FARTHEST, unit="m")
-        validation.number("left", self.left, at_most=FARTHEST, unit="m")
         wall, over = self.read_wall(), self.over
-        flight = {"--time": self.time, "--apex": self.apex, "--launch-speed": self.launch_speed}
-        given = [name for name, value in (flight | {"--over": over}).items() if value is not None]
-        if wall is not None and not given and self.surface is None:
+        flight = (self.time, self.apex, self.launch_speed, over, self.surface)
+        if wall is not None and all(value is None for value in flight):
             over = (wall.distance, wall.height + WALL_CLEARANCE)
-        elif len(given) != 1:
-            raise InvalidInput(
-                f"{' and '.join(given) or 'nothing'} {'are' if given else 'is'} given besides the "
-                f"target: give exactly one of {', '.join([*flight, '--over'])}"
-            )
-        if self.launch_speed is not None:
-            validation.number("launch-speed", self.launch_speed, above=0, at_most=1e6, unit="m/s")
         return Goal(
             (self.distance, self.left, self.height), time=self.time, apex=self.apex,
             speed=self.launch_speed, over=over, beside=self.beside, arc=self.arc,
@@ -171,18 +159,12 @@ class KickOptions:
 
     def check(self) -> None:
         """Raise `InvalidInput` for options that exclude each other."""
-        for first, second, excluded, reason in (
-            ("--ball-height", "--ball-at",
-             self.ball_height is not None and self.ball_at is not None, "give one of the two"),
-            ("--swing", "--no-limits", self.swing and self.no_limits,
-             "a swing is planned within limits"),
-            ("--robust", "--objective", self.uncertainty and self.objective,
-             "--robust minimizes scatter"),
-            ("--robust", "--swing", self.uncertainty and self.swing,
-             "a kick with a swing is planned for the objective joint-speed or kinetic-energy"),
-        ):  # fmt: skip
-            if excluded:
-                raise InvalidInput(f"{first} and {second} are both given: {reason}")
+        if self.ball_height is not None and self.ball_at is not None:
+            raise InvalidInput("--ball-height and --ball-at are both given: give one of the two")
+        if self.uncertainty and self.objective:
+            raise InvalidInput(
+                "--robust and --objective are both given: --robust minimizes scatter"
+            )
 
     def spread(self) -> dict[str, float] | None:
         """Return the standard deviations of `--robust` by their source."""
@@ -270,14 +252,14 @@ def plan(
     with busy("planning the kick") as show:
         try:
             planned = plan_kick(
-                robot, target, struck_ball, windy_air, contact=contact.contact(None),
+                robot, target, struck_ball, windy_air, contact=contact.contact(),
                 surface=goal.surface, **kick.arguments(robot, struck_ball, contact.offset),
             )  # fmt: skip
         except OutOfReach as error:
             output.write_json(unreachable_json(target, error))
-            _refuse(error, target, struck_ball, wall)
+            raise
         if wall is not None:
-            _check_passage(wall, planned)
+            describe_passage(wall, planned)  # raises if the ball hits it
         if kick.swing and planned.backswing is None:
             show("planning the swing")
             swing = plan_swing(robot, planned)
@@ -291,27 +273,6 @@ def _lying_height(leg: Leg, ball: Ball, offset: tuple[float, ...] | None) -> flo
     foot = float(standing.contact_point[2])
     crouch = 0.0 if leg.contact_normal_cone is None else CROUCH  # a robot's toe must point ahead
     return foot + ball.radius - crouch * foot
-
-
-def _refuse(error: OutOfReach, goal: Goal, ball: Ball, wall: Wall | None) -> NoReturn:
-    """Raise the error, and say if the nearest launch, which it names, would hit the wall."""
-    if wall is not None and isinstance(error.nearest, Launch):
-        passage = passage_on(error.nearest.flight, wall, goal.ahead, ball.radius)
-        if passage is not None and not passage.is_clear:
-            raise InvalidInput(f"{error}, with which the ball {passage.hit}") from None
-    raise error
-
-
-def _check_passage(wall: Wall, plan: KickPlan) -> None:
-    """Raise `InvalidInput` if the ball hits the wall, with an option that leads it above."""
-    try:
-        describe_passage(wall, plan)
-    except InvalidInput as error:
-        if isinstance(plan.path, Course):  # a ball that rolls
-            raise
-        kind = {"speed": "launch-speed"}.get(plan.goal.kind, plan.goal.kind)
-        above = f"{wall.distance:g}:{wall.height + WALL_CLEARANCE:g}"
-        raise InvalidInput(f"{error}: use --over {above} in place of --{kind}") from None
 
 
 def _write(report: PlanReport, output: OutputOptions) -> None:

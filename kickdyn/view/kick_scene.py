@@ -126,7 +126,7 @@ def draw_kick(
     joints = np.array([pose[:3, 3] for pose in joint_poses(leg, impact.posture.q)[1:]])
     near = box_corners(np.vstack([joints, impact.ball_after.position]), ball.radius)
     size = float(np.linalg.norm(np.ptp(near, axis=0)))
-    most = largest_impulse(impact)
+    most = max(float(np.linalg.norm(impact.impulse)), impact.worst_joint[1])
     scale = max(3.2 * ball.radius, 0.45 * size) / most if most > 0 else 0.0
     arrows = impulse_arrows(impact, LEAST_JOINT_IMPULSE * most)
     # The world's axes stand at the right of the flight, behind the ball.
@@ -153,7 +153,10 @@ def draw_kick(
     width = CURVE_RADIUS * camera.distance(curve)
     marks.draw_curve(viewer["curve"], curve, width, np.cross(forward, UP_AXIS))
     for arrow in arrows:
-        draw_impulse(viewer[arrow.node], arrow, scale)
+        node, tip = viewer[arrow.node], scale * arrow.impulse
+        marks.draw_arrow(node, tip, arrow.colour)
+        node.set_transform(tf.translation_matrix(arrow.start))
+        draw_label(node["label"], f"{arrow.size:.3g} N s", tip, f"#{arrow.colour:06x}")
     for number, box in enumerate(scenery):
         draw_box(viewer[f"scenery/{number}"], box)
     length = float(np.hypot(*(curve[-1] - foot)[:2]))
@@ -184,12 +187,6 @@ def joint_impulses_in_world(impact: Impact) -> list[tuple[str, Array, Array]]:
     ]
 
 
-def largest_impulse(impact: Impact) -> float:
-    """Return the largest impulse of a kick, on the ball or through a joint [N s]."""
-    impulses = np.vstack([impact.impulse, impact.joint_impulses[:, :3]])
-    return float(np.linalg.norm(impulses, axis=1).max())
-
-
 def impulse_arrows(impact: Impact, least: float) -> list[Arrow]:
     """Return the ball's arrow, then the arrows of joints above `least` [N s], largest first."""
     ball = Arrow("arrow", impact.posture.contact_point, impact.impulse, marks.ARROW)
@@ -201,14 +198,6 @@ def impulse_arrows(impact: Impact, least: float) -> list[Arrow]:
         (arrow for arrow in joints if arrow.size > least), key=lambda arrow: -arrow.size
     )
     return [ball, *joints] if ball.size > 0.0 else joints
-
-
-def draw_impulse(viewer: Any, arrow: Arrow, scale: float) -> None:
-    """Draw an arrow, `scale` metres long per N s, with its size at its tip."""
-    vector = scale * arrow.impulse
-    marks.draw_arrow(viewer, vector, arrow.colour)
-    viewer.set_transform(tf.translation_matrix(arrow.start))
-    draw_label(viewer["label"], f"{arrow.size:.3g} N s", vector, f"#{arrow.colour:06x}")
 
 
 def kick_pace(impact: Impact, duration: float, backswing: float | None = None) -> Pace:

@@ -1,4 +1,4 @@
-"""`page`: a kick, or several flights or impacts, as a 3-D page that opens in any browser."""
+"""`page`: a kick, several kicks or flights, as a 3-D page that opens in any browser."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -28,7 +28,7 @@ from kickdyn.planning.swing import Swing
 from kickdyn.scene.scene import Scene
 from kickdyn.scene.simulate import Simulation, simulate_as_instant
 from kickdyn.view.caption import kick_panel
-from kickdyn.view.comparison import draw_flights, draw_impacts
+from kickdyn.view.comparison import draw_flights
 from kickdyn.view.document import html_document, recording_viewer, save_picture
 from kickdyn.view.kick_scene import Pace, draw_kick
 from kickdyn.view.wall_and_goal import Box, plane_boxes, wall_boxes
@@ -112,14 +112,14 @@ def page(
     caption: str = "",
     scenery: Sequence[Box] = (),
 ) -> Page:
-    """Return a 3-D page of a kick, or of several flights or impacts to compare.
+    """Return a 3-D page of a kick, or of several impacts or flights to compare.
 
     A kick moves: an `Impact` with the ball's path, a `KickPlan` (with its `backswing` if it has
     one), a `Swing`, a `Scene` or the `Simulation` of one. A scene is shown with its wall or goal,
     and its contact as instantaneous.
     A `Flight`, `Course`, `Launch` or `Pass`, and up to 8 of them, are curves over one lawn; the
-    flights of an `Identification` are curves with the measured positions as dots. Up to 8 impacts
-    stand side by side, their impulses to one scale.
+    flight of an `Identification` is a curve with the measured positions as dots. Of several
+    impacts, buttons choose the one that is shown.
 
     A robot is drawn with the visuals of its file, bodies without any as sticks from joint to joint.
     A visual that cannot be drawn, as one whose mesh is missing or lies outside the robot's package,
@@ -230,7 +230,7 @@ def page_of_pages(pages: Mapping[str, Page]) -> Page:
 
 def _comparison(
     subject: _Comparable | Iterable[_Comparable] | Mapping[str, _Comparable],
-    title: str,
+    caption: str,
 ) -> Page:
     """Return the page of several flights, or of several impacts."""
     if isinstance(subject, Flight | Course | Launch | Pass | Identification):
@@ -258,10 +258,9 @@ def _comparison(
                 raise InvalidInput(f"a page cannot show a {type(item).__name__}")
     if impacts and paths:
         raise InvalidInput("a page compares flights, or impacts: these are some of either")
-    viewer = recording_viewer()
-    title = title or ("impacts" if impacts else "flights")
     if impacts:
-        panel = draw_impacts(viewer, impacts, title)
-    else:
-        panel = draw_flights(viewer, paths, title, measured)
-    return Page(viewer, title, panel)
+        return page_of_pages(
+            {name: page(impact, caption=caption) for name, impact in impacts.items()}
+        )
+    viewer, title = recording_viewer(), caption or "flights"
+    return Page(viewer, title, draw_flights(viewer, paths, title, measured))

@@ -487,7 +487,7 @@ def test_a_contact_that_takes_time_keeps_the_gear(geared):
 def test_where_mimic_joints_are_not_supported(geared):
     with pytest.raises(kd.InvalidInput, match="joint 'knee' mimics 'hip': kicks are planned"):
         kicking_chain(geared)
-    with pytest.raises(kd.InvalidInput, match="supports, loops or mimic joints"):
+    with pytest.raises(kd.InvalidInput, match="supports, loops and mimic joints"):
         self_motion(geared, [0.6])
 
 

@@ -114,6 +114,15 @@ def test_one_page_of_several(make_kick, tmp_path):
     assert len(made.html) < sum(len(one.html) for one in pages.values()) - 1_000_000
 
 
+def test_several_impacts_have_a_button_and_a_panel_each(make_kick):
+    hits = {name: make_kick(kd.Leg.human(), speed)[0] for name, speed in (("slow", 1), ("<b>", 2))}
+    made = kd.page(hits, caption="two")
+    assert re.findall("<button>(.*?)</button>", made.html)[1:] == ["slow", "&lt;b&gt;"]
+    for hit in hits.values():
+        assert kd.page(hit, caption="two").panel in made.html
+    assert list(kd.page([*hits.values()]).pages) == ["1", "2"]
+
+
 def test_a_bare_impact_is_drawn_above_the_lowest_point_of_the_leg(make_kick):
     """An impact does not say where the ground is, but a plan, a scene and a course do."""
     hit, ball, _ = make_kick(kd.Leg.human(), 2.0, degrees=(40, 30, -20))

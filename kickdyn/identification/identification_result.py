@@ -15,7 +15,6 @@ from kickdyn.ball import Ball, BallState
 from kickdyn.core.plot_style import styled
 from kickdyn.core.representation import ReprMixin, Row, side_view
 from kickdyn.core.validation import Array
-from kickdyn.errors import InvalidInput
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.fly import fly
 from kickdyn.ground import Ground
@@ -40,23 +39,22 @@ TIGHT = 0.05
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Identification(ReprMixin):
-    r"""Launch, spin, drag, lift and wind of measured flights, with their uncertainty.
+    r"""Launch, spin, drag, lift and wind of a measured flight, with their uncertainty.
 
     Names of the unknowns: `x`, `y`, `z` [m] and `vx`, `vy`, `vz` [m/s] at the first sample;
     `back_spin`, `side_spin` (positive bends the flight to the left) and `gyro_spin` (about the
-    velocity) [rad/s]; `drag`, `drag_scale`, `lift_scale`; `wind_x`, `wind_y` [m/s]. Where several
-    flights were fitted together, names of flight i end in `_i`.
+    velocity) [rad/s]; `drag`, `drag_scale`, `lift_scale`; `wind_x`, `wind_y` [m/s].
 
     Attributes:
-        tracks: the measured tracks.
+        track: the measured track.
         ball: the ball.
         air: the air, with the fitted coefficients and wind.
-        launches: the state of the ball at the first sample of each flight. A spin has all three
-            components; those that the measurement does not determine are the most probable ones.
+        launch: the state of the ball at the first sample. The spin has all three components; those
+            that the measurement does not determine are the most probable ones.
         names: names of the unknowns.
         estimates: estimates of the unknowns, shape `(p,)`.
         covariance: covariance of the estimates, shape `(p, p)`.
-        residuals: fitted less measured positions, of all flights in a row, shape `(n, 3)` [m].
+        residuals: fitted less measured positions, shape `(n, 3)` [m].
         used: which samples count, shape `(n,)`; the others are outliers.
         noise: standard deviation of one measured coordinate [m].
         widening: factor by which the deviations are larger than for independent samples,
@@ -65,10 +63,10 @@ class Identification(ReprMixin):
             squares is not quadratic around the estimate.
     """
 
-    tracks: tuple[Track, ...]
+    track: Track
     ball: Ball
     air: Air
-    launches: tuple[BallState, ...]
+    launch: BallState
     names: tuple[str, ...]
     estimates: Array
     covariance: Array
@@ -83,16 +81,16 @@ class Identification(ReprMixin):
         yield "rms distance", self.rms, "m"
         for name, value in self.values.items():
             number = f"{value:.4g} +- {self.deviations[name]:.2g}"
-            yield name, number, _unit(name)
+            yield name, number, UNITS.get(name, "")
         for name, reason in self.undetermined.items():
             yield name, f"not determined: {reason}", ""
         for line in self.warnings:
             yield "warning", line, ""
 
     def _picture(self) -> str:
-        track, launch = self.tracks[0], self.launches[0]
-        ahead = launch.velocity[:2] / max(float(np.hypot(*launch.velocity[:2])), 1e-300)
-        points = np.column_stack([track.positions[:, :2] @ ahead, track.positions[:, 2]])
+        velocity, positions = self.launch.velocity[:2], self.track.positions
+        ahead = velocity / max(float(np.hypot(*velocity)), 1e-300)
+        points = np.column_stack([positions[:, :2] @ ahead, positions[:, 2]])
         return side_view(points, dots=points[:: max(len(points) // 20, 1)])
 
     @cached_property
@@ -105,10 +103,10 @@ class Identification(ReprMixin):
         reasons = {}
         deviations = np.sqrt(np.diag(self.covariance)).tolist()
         for name, value, deviation in zip(self.names, self.estimates, deviations, strict=True):
-            loosest = LOOSEST.get(_plain(name), math.inf)
+            loosest = LOOSEST.get(name, math.inf)
             if deviation > min(max(0.5 * abs(value), TIGHT * loosest), loosest):
                 size = f"{deviation:.2g}" if deviation < 99.5 else f"{deviation:.0f}"
-                reason = f"its standard deviation is {size} {_unit(name)}".rstrip()
+                reason = f"its standard deviation is {size} {UNITS.get(name, '')}".rstrip()
                 reasons[name] = reason if deviation > loosest else f"{reason}, over half the value"
         return reasons
 
@@ -132,28 +130,11 @@ class Identification(ReprMixin):
         size = np.maximum(np.sqrt(np.diag(self.covariance)), 1e-300)
         return np.asarray(self.covariance / np.outer(size, size))
 
-    @property
-    def launch(self) -> BallState:
-        """The state at the first sample of the only flight; of several, see `launches`."""
-        if len(self.launches) > 1:
-            raise InvalidInput(
-                f"there are {len(self.launches)} flights: `launches` has one of each"
-            )
-        return self.launches[0]
-
     @cached_property
-    def flights(self) -> tuple[Flight, ...]:
-        """The fitted flights, each flown on until it is as low as its lowest measured position."""
-        flights = []
-        for track, launch in zip(self.tracks, self.launches, strict=True):
-            lowest = min(float(track.positions[:, 2].min()), float(launch.position[2]))
-            flights.append(fly(launch, self.ball, self.air, Ground(lowest - self.ball.radius)))
-        return tuple(flights)
-
-    @property
     def flight(self) -> Flight:
-        """The fitted flight of `launch`."""
-        return self.flights[self.launches.index(self.launch)]
+        """The fitted flight, flown on until it is as low as its lowest measured position."""
+        lowest = min(float(self.track.positions[:, 2].min()), float(self.launch.position[2]))
+        return fly(self.launch, self.ball, self.air, Ground(lowest - self.ball.radius))
 
     @property
     def outliers(self) -> int:
@@ -173,7 +154,7 @@ class Identification(ReprMixin):
         if self.rms > self.ball.radius:
             lines.append(
                 f"the fit misses the positions by {self.rms:.2g} m, more than the ball's radius: "
-                "they may not be one flight without a bounce, or not in metres and seconds"
+                "they may not be one flight, without a bounce, in metres and seconds with z up"
             )
         drag = self.values.get("drag", self.values.get("drag_scale", 0.0))
         if drag < 0.0:
@@ -197,10 +178,7 @@ class Identification(ReprMixin):
             lines.append(
                 f"{self.outliers} of {self.used.size} samples are outliers and were left out"
             )
-        for number, flight in enumerate(self.flights):
-            which = f"flight {number}: " if len(self.flights) > 1 else ""
-            lines += [f"{which}{line}" for line in flight.warnings]
-        return tuple(lines)
+        return (*lines, *self.flight.warnings)
 
     @styled()
     def plot(self) -> Any:
@@ -209,19 +187,15 @@ class Identification(ReprMixin):
 
         figure = Figure(figsize=(9.0, 6.0))
         side, top, rest = figure.subplots(3, 1, height_ratios=(2, 2, 1))
-        first = 0
-        for track in self.tracks:
-            rows = slice(first, first + len(track))
-            fitted = track.positions + self.residuals[rows]
-            used = self.used[rows]
-            for axes, across in ((side, 2), (top, 1)):
-                axes.plot(fitted[:, 0], fitted[:, across], color="C0")
-                axes.plot(*track.positions[used][:, [0, across]].T, ".", color="C1", markersize=3)
-                axes.plot(*track.positions[~used][:, [0, across]].T, "x", color="C3")
-            rest.plot(track.times, 100.0 * self.residuals[rows], linewidth=0.8)
-            first += len(track)
-        side.legend(side.lines[:3], ("fitted", "measured", "outlier, not used"))
-        rest.legend(rest.lines[:3], ("x", "y", "z"), loc="upper left", ncols=3)
+        measured, used = self.track.positions, self.used
+        fitted = measured + self.residuals
+        for axes, across in ((side, 2), (top, 1)):
+            axes.plot(fitted[:, 0], fitted[:, across], color="C0")
+            axes.plot(*measured[used][:, [0, across]].T, ".", color="C1", markersize=3)
+            axes.plot(*measured[~used][:, [0, across]].T, "x", color="C3")
+        rest.plot(self.track.times, 100.0 * self.residuals, linewidth=0.8)
+        side.legend(side.lines, ("fitted", "measured", "outlier, not used"))
+        rest.legend(rest.lines, ("x", "y", "z"), loc="upper left", ncols=3)
         side.set(xlabel="x [m]", ylabel="z [m]", title="measured positions and fitted flight")
         top.set(xlabel="x [m]", ylabel="y [m]")
         rest.set(xlabel="time [s]", ylabel="residual [cm]")
@@ -266,8 +240,8 @@ def mean_over_flights(fits: Sequence[Identification], name: str) -> FlightMean |
     deviations = np.array([fit.deviations[name] for fit in known])
     speeds = []
     for fit in known:
-        steps = np.diff(fit.tracks[0].positions + fit.residuals, axis=0)
-        speeds.append(float(np.linalg.norm(steps, axis=1).sum()) / fit.tracks[0].duration)
+        steps = np.diff(fit.track.positions + fit.residuals, axis=0)
+        speeds.append(float(np.linalg.norm(steps, axis=1).sum()) / fit.track.duration)
     return FlightMean(*weighted_mean(values, deviations), len(known), min(speeds), max(speeds))
 
 
@@ -316,14 +290,3 @@ def with_deviation(value: float, deviation: float) -> str:
     """Return a value and its deviation, both to the second digit of the deviation."""
     digits = max(1 - math.floor(math.log10(deviation)), 0) if deviation > 0.0 else 3
     return f"{value:.{digits}f} +- {deviation:.{digits}f}"
-
-
-def _plain(name: str) -> str:
-    """Return a name without the number of the flight."""
-    head, _, tail = name.rpartition("_")
-    return head if tail.isdigit() else name
-
-
-def _unit(name: str) -> str:
-    """Return the unit of an unknown, nothing for a coefficient."""
-    return UNITS.get(_plain(name), "")

@@ -13,7 +13,7 @@ increased where neighbouring residuals are correlated.
 """
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from enum import StrEnum
 from functools import partial
@@ -31,7 +31,7 @@ from kickdyn.core import validation
 from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
-from kickdyn.flight.derivatives import INCREMENT, DifferentiableFlight, fly_with_slopes
+from kickdyn.flight.derivatives import INCREMENT, fly_with_slopes
 from kickdyn.identification.identification_result import Identification, covariance
 from kickdyn.identification.track import Track, refuse_intervals, refuse_units
 from kickdyn.planning.problem import keep_last
@@ -91,19 +91,19 @@ class Free(StrEnum):
     WIND = "wind"
 
 
-SHARED_NAMES = {
+AIR_NAMES = {
     Free.DRAG: ("drag",),
     Free.DRAG_SCALE: ("drag_scale",),
     Free.LIFT_SCALE: ("lift_scale",),
     Free.WIND: ("wind_x", "wind_y"),
 }
-"""Names of the unknowns that all flights share."""
+"""Names of the unknowns of the air."""
 
 COEFFICIENTS = ("drag", "drag_scale", "lift_scale")
 """Unknowns without a unit."""
 
 LAUNCH, SPIN = ("x", "y", "z", "vx", "vy", "vz"), ("back_spin", "side_spin", "gyro_spin")
-"""Names of the unknowns of each flight: the first six, and those of the spin."""
+"""Names of the unknowns of the launch: position and velocity, and spin."""
 
 Evaluation = tuple[Array, Array]
 """Residuals, shape `(3 n,)` [m], and their derivatives by the unknowns, shape `(3 n, p)`."""
@@ -111,7 +111,7 @@ Evaluation = tuple[Array, Array]
 
 @validation.check_arguments
 def identify(
-    track: Track | Sequence[Track],
+    track: Track,
     ball: Ball,
     air: Air | None = None,
     *,
@@ -125,8 +125,7 @@ def identify(
     The derivatives come from `fly_with_slopes`.
 
     Args:
-        track: positions in one flight, from after its start to before its end, without a bounce; or
-            several such tracks, whose flights then share drag, lift and wind.
+        track: positions in one flight, from after its start to before its end, without a bounce.
         ball: the ball; its mass and radius count.
         air: the air of the fit: density, coefficients and wind; None is `Air()`.
         free: unknowns besides the position and velocity at the first sample: `spin`; `drag`,
@@ -140,17 +139,10 @@ def identify(
             flight in metres, or a wrong argument.
         KickdynError: no flight could be fitted.
     """
-    tracks = (track,) if isinstance(track, Track) else track
-    if not isinstance(tracks, Sequence) or not tracks:
-        raise InvalidInput(
-            f"track is {validation.brief(track)}: it must be a kickdyn.Track or a list of them"
-        )
-    for i, flight in enumerate(tracks):
-        validation.check_type(Track, **{f"track {i}": flight})
-        _check_flight(flight)
+    _check_flight(track)
     air = Air() if air is None else air
     known_spin = validation.vector("spin", spin, 3, unit="rad/s")
-    problem = _Problem(tuple(tracks), ball, air, _sought(free, air), known_spin)
+    problem = _Problem(track, ball, air, _sought(free, air), known_spin)
     unknowns = _first_guess(problem)
     for _ in range(MOST_MINIMA):
         estimate = _fit(problem, unknowns)
@@ -164,64 +156,62 @@ def identify(
 
 
 class _Problem(NamedTuple):
-    """Measured tracks and what is sought of them.
+    """A measured track and what is sought of it.
 
-    The unknowns are those of each flight, in turn (position, velocity and, if sought, spin, in
-    world axes), then those that all flights share.
+    The unknowns are position, velocity and, if sought, spin at the first sample, in world axes,
+    then coefficients and wind.
     """
 
-    tracks: tuple[Track, ...]
+    track: Track
     ball: Ball
     air: Air
     sought: tuple[Free, ...]
     known_spin: Array
 
     @property
-    def flight_names(self) -> tuple[str, ...]:
-        """Names of the unknowns of one flight."""
-        return (*LAUNCH, *SPIN) if Free.SPIN in self.sought else LAUNCH
+    def length(self) -> float:
+        """Largest extent of the positions along an axis [m]."""
+        return float(np.ptp(self.track.positions, axis=0).max())
 
     @property
-    def shared_names(self) -> list[str]:
-        return [name for free in self.sought for name in SHARED_NAMES.get(free, ())]
+    def air_names(self) -> list[str]:
+        """Names of the unknowns of the air."""
+        return [name for free in self.sought for name in AIR_NAMES.get(free, ())]
 
     @property
     def names(self) -> list[str]:
-        """Names of all unknowns; with several flights they end in the number of the flight."""
-        count = len(self.tracks)
-        endings = [f"_{i}" for i in range(count)] if count > 1 else [""]
-        return [name + end for end in endings for name in self.flight_names] + self.shared_names
+        """Names of all unknowns."""
+        return [*LAUNCH, *(SPIN if Free.SPIN in self.sought else ()), *self.air_names]
 
-    def flight_columns(self, i: int) -> slice:
-        """Return the places of the unknowns of flight i among all unknowns."""
-        size = len(self.flight_names)
-        return slice(i * size, (i + 1) * size)
-
-    def spin_columns(self, i: int) -> slice:
-        """Return the places of the spin of flight i; none where it is known."""
-        columns = self.flight_columns(i)
-        return slice(columns.start + len(LAUNCH), columns.stop)
+    @property
+    def spin_columns(self) -> slice:
+        """Places of the spin among the unknowns; none where it is known."""
+        return slice(len(LAUNCH), len(self.names) - len(self.air_names))
 
     def spin_rows(self, spread: float) -> Array:
-        """Return the rows that weigh the spins against their usual size, none without spins.
+        """Return the rows that weigh the spin against its usual size, none where it is known.
 
         The spread is the standard deviation of a residual [m].
         """
-        identity = np.eye(len(self.names)) * spread / SPIN_SPREAD
-        return np.vstack([identity[self.spin_columns(i)] for i in range(len(self.tracks))])
+        return np.asarray(np.eye(len(self.names))[self.spin_columns] * spread / SPIN_SPREAD)
 
     def turn(self, unknowns: Array) -> Array:
-        """Return the rotation of spins to the axes of back, side and gyro spin, shape `(p, p)`."""
+        """Return the rotation of the spin to back, side and gyro spin, shape `(p, p)`."""
         rotation = np.eye(unknowns.size)
-        for i in range(len(self.tracks) if Free.SPIN in self.sought else 0):
-            columns = self.spin_columns(i)
-            velocity = unknowns[self.flight_columns(i)][3:6]
-            rotation[columns, columns] = flight_axes(velocity).T
+        if Free.SPIN in self.sought:
+            columns = self.spin_columns
+            rotation[columns, columns] = flight_axes(unknowns[3:6]).T
         return rotation
 
-    def air_of(self, shared: Array) -> Air:
-        """Return the air with the coefficients and the wind that all flights share."""
-        values = dict(zip(self.shared_names, shared.tolist(), strict=True))
+    def launch(self, unknowns: Array) -> tuple[BallState, Air]:
+        """Return the state of the ball at the first sample, without its time, and the air."""
+        spin = unknowns[self.spin_columns] if Free.SPIN in self.sought else self.known_spin
+        state = BallState.computed(*(np.array(row) for row in (unknowns[:3], unknowns[3:6], spin)))
+        return state, self.air_of(unknowns[self.spin_columns.stop :])
+
+    def air_of(self, unknowns: Array) -> Air:
+        """Return the air with its unknowns, coefficients and wind."""
+        values = dict(zip(self.air_names, unknowns.tolist(), strict=True))
         changes: dict[str, Any] = {}
         if "drag" in values:
             changes["drag"] = constant(values["drag"])
@@ -232,56 +222,35 @@ class _Problem(NamedTuple):
             changes["wind"] = (values["wind_x"], values["wind_y"], 0.0)
         return replace(self.air, **changes)
 
-    def fly(self, track: Track, values: Array, tol: float) -> DifferentiableFlight:
-        """Return the flight over the times of a track, or raise `KickdynError`.
+    def evaluate(self, tol: float, unknowns: Array) -> Evaluation:
+        """Return residuals and their derivatives, or raise `KickdynError` where a flight fails.
 
-        The values are the unknowns of this flight, then those that all share. The derivatives are
-        by all but the position, which moves the flight without a change.
+        The flight is differentiated by all unknowns but the position, which only shifts it.
         """
-        position, parameters = values[:3], values[3:]
-        first_shared = len(self.flight_names) - 3
+        track, position, parameters = self.track, unknowns[:3], unknowns[3:]
         fastest = float(np.linalg.norm(np.ptp(track.positions, axis=0))) / track.duration + 10.0
-        is_coefficient = [name in COEFFICIENTS for name in self.shared_names]
-        largest = np.abs(parameters[first_shared:][is_coefficient]).max(initial=0.0)
+        of_air = unknowns[self.spin_columns.stop :]
+        is_coefficient = [name in COEFFICIENTS for name in self.air_names]
+        largest = np.abs(of_air[is_coefficient]).max(initial=0.0)
         if np.abs(parameters[:3]).max() > LARGEST_FACTOR * fastest or largest > LARGEST_FACTOR:
             raise KickdynError(
                 "the fit leads to a speed or a coefficient far beyond those of a ball"
             )
-
-        def launch(changed: Array) -> tuple[BallState, Air]:
-            spin = changed[3:6] if Free.SPIN in self.sought else self.known_spin
-            state = BallState.computed(np.array(position), np.array(changed[:3]), np.array(spin))
-            return state, self.air_of(changed[first_shared:])
-
         sizes = np.concatenate(
             [
                 np.full(3, max(float(np.linalg.norm(parameters[:3])), 1e-3)),
-                np.full(first_shared - 3, SPIN_SPREAD),
-                np.maximum(np.abs(parameters[first_shared:]), 0.1),
+                np.full(len(parameters) - 3 - len(of_air), SPIN_SPREAD),
+                np.maximum(np.abs(of_air), 0.1),
             ]
         )
-        return fly_with_slopes(
-            launch, parameters, INCREMENT * sizes, self.ball, track.duration, tol
-        )
-
-    def evaluate(self, tol: float, unknowns: Array) -> Evaluation:
-        """Return residuals and their derivatives, or raise `KickdynError` where a flight fails."""
-        shared = slice(unknowns.size - len(self.shared_names), None)
-        residuals, blocks = [], []
-        for i, track in enumerate(self.tracks):
-            columns = self.flight_columns(i)
-            values = unknowns[columns]
-            flight = self.fly(track, np.concatenate([values, unknowns[shared]]), tol)
-            times = track.times - track.times[0]
-            moved = flight.states(times)[:, :3]
-            residuals.append((values[:3] + moved - track.positions).ravel())
-            slopes = flight.slopes(times).reshape(residuals[-1].size, -1)
-            block = np.zeros((len(slopes), unknowns.size))
-            block[:, columns][:, :3] = np.tile(np.eye(3), (len(track), 1))
-            block[:, columns][:, 3:] = slopes[:, : values.size - 3]
-            block[:, shared] = slopes[:, values.size - 3 :]
-            blocks.append(block)
-        return np.concatenate(residuals), np.vstack(blocks)
+        flight = fly_with_slopes(
+            lambda changed: self.launch(np.concatenate([position, changed])),
+            parameters, INCREMENT * sizes, self.ball, track.duration, tol,
+        )  # fmt: skip
+        times = track.times - track.times[0]
+        residuals = (position + flight.states(times)[:, :3] - track.positions).ravel()
+        slopes = flight.slopes(times).reshape(residuals.size, -1)
+        return residuals, np.hstack([np.tile(np.eye(3), (len(track), 1)), slopes])
 
 
 class _Estimate(NamedTuple):
@@ -353,11 +322,9 @@ def _bend(track: Track) -> Array:
 
 def _first_guess(problem: _Problem) -> Array:
     """Return the unknowns of the best robust fit of several starts."""
-    polynomials = [_polynomial(track) for track in problem.tracks]
-    noise = float(np.median([noise for _, noise in polynomials]))
+    launch, noise = _polynomial(problem.track)
     sizes = FIRST_SPINS if Free.SPIN in problem.sought else (0.0,)
-    launches = [launch for launch, _ in polynomials]
-    starts = [_start(problem, launches, size) for size in sizes]
+    starts = [_start(problem, launch, size) for size in sizes]
     evaluate = partial(problem.evaluate, COARSEST_TOL)
     prior = problem.spin_rows(0.0)
     loss: dict[str, Any] = {"loss": "soft_l1", "f_scale": 3.0 * noise, "ftol": ROBUST_COST_TOL}
@@ -369,7 +336,7 @@ def _fit(problem: _Problem, unknowns: Array) -> _Estimate:
     """Return the estimate by least squares, without outliers, from a first guess."""
     residuals, jacobian = problem.evaluate(COARSEST_TOL, unknowns)
     used, tol = np.zeros(residuals.size, dtype=bool), COARSEST_TOL
-    length = max(float(np.ptp(track.positions, axis=0).max()) for track in problem.tracks)
+    length = problem.length
     for _ in range(4):  # the spread of the residuals and the outliers depend on each other
         spread = max(1.4826 * float(np.median(np.abs(residuals))), 100.0 * FINEST_TOL * length)
         used_before, used = used, np.repeat(~_outliers(residuals, spread), 3)
@@ -410,18 +377,19 @@ def _polynomial(track: Track) -> tuple[Array, float]:
     return np.concatenate([fit[0], fit[1] / track.duration]), noise
 
 
-def _start(problem: _Problem, launches: list[Array], size: float) -> Array:
-    """Return a first guess of all unknowns; spins have a size, and the axis that bends the path."""
-    guesses: list[Array] = []
-    for track, launch in zip(problem.tracks, launches, strict=True):
-        guesses.append(launch)
-        if Free.SPIN in problem.sought:
-            axis = np.cross(launch[3:6], _bend(track) + np.array([0.0, 0.0, GRAVITY]))
-            guesses.append(size * axis / max(float(np.linalg.norm(axis)), 1e-300))
+def _start(problem: _Problem, launch: Array, size: float) -> Array:
+    """Return a first guess of all unknowns; the spin has a size, and an axis that bends the path.
+
+    The launch is position and velocity, shape `(6,)`.
+    """
+    spin = np.zeros(0)
+    if Free.SPIN in problem.sought:
+        axis = np.cross(launch[3:6], _bend(problem.track) + np.array([0.0, 0.0, GRAVITY]))
+        spin = size * axis / max(float(np.linalg.norm(axis)), 1e-300)
     first = {"drag": FIRST_DRAG, "drag_scale": 1.0, "lift_scale": 1.0}
     if Free.WIND in problem.sought:
         first["wind_x"], first["wind_y"], _ = np.asarray(problem.air.wind).tolist()
-    return np.concatenate([*guesses, [first[name] for name in problem.shared_names]])
+    return np.concatenate([launch, spin, [first[name] for name in problem.air_names]])
 
 
 def _minimise(
@@ -478,17 +446,12 @@ def _result(problem: _Problem, estimate: _Estimate) -> Identification:
     rows = np.vstack([estimate.jacobian[estimate.used], problem.spin_rows(spread)])
     unknowns = estimate.unknowns
     turn = problem.turn(unknowns)
-    launches: list[BallState] = []
-    for i, track in enumerate(problem.tracks):
-        position, velocity = unknowns[problem.flight_columns(i)][:6].reshape(2, 3)
-        sought = Free.SPIN in problem.sought
-        spin = unknowns[problem.spin_columns(i)] if sought else problem.known_spin
-        launches.append(BallState(position, velocity, spin, float(track.times[0])))
+    launch, air = problem.launch(unknowns)
     return Identification(
-        tracks=problem.tracks,
+        track=problem.track,
         ball=problem.ball,
-        air=problem.air_of(unknowns[unknowns.size - len(problem.shared_names) :]),
-        launches=tuple(launches),
+        air=air,
+        launch=replace(launch, time=float(problem.track.times[0])),
         names=tuple(problem.names),
         estimates=turn @ unknowns,
         covariance=spread**2 * turn @ covariance(rows) @ turn.T,
@@ -510,8 +473,7 @@ def _profiled(
     """
     spread = result.noise * result.widening
     deviations = np.sqrt(np.diag(result.covariance))
-    length = max(float(np.ptp(track.positions, axis=0).max()) for track in problem.tracks)
-    if spread < 10.0 * estimate.tol * length:  # the integration is less exact
+    if spread < 10.0 * estimate.tol * problem.length:  # the integration is less exact
         return np.ones(deviations.size), None
     turn, prior = problem.turn(estimate.unknowns), problem.spin_rows(spread)
 
@@ -527,7 +489,7 @@ def _profiled(
     least = excess(estimate.unknowns)
     widened = deviations.copy()
     for j, name in enumerate(result.names):
-        if name.partition("_")[0] in LAUNCH or name in result.undetermined:
+        if name in LAUNCH or name in result.undetermined:
             continue
         direction = turn.T @ result.covariance[:, j] / deviations[j]  # others at their best
         for sign in (-1.0, 1.0):
@@ -566,8 +528,7 @@ def _widening(problem: _Problem, estimate: _Estimate) -> float:
     :math:`n (1 - \rho) / (1 + \rho)` independent ones (Bayley & Hammersley 1946).
     """
     rows = np.where(estimate.used, estimate.residuals, 0.0).reshape(-1, 3)
-    flights = np.split(rows, np.cumsum([len(track) for track in problem.tracks])[:-1])
-    products = sum(float((flight[1:] * flight[:-1]).sum()) for flight in flights)
+    products = float((rows[1:] * rows[:-1]).sum())
     correlation = min(products / max(float((rows * rows).sum()), 1e-300), 0.98)
     if correlation < 2.0 / math.sqrt(estimate.used.sum()):  # which chance explains
         return 1.0

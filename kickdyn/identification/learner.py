@@ -46,13 +46,6 @@ from kickdyn.planning.kick import plan_kick
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.launch import Launch, fly_to_target, plan_launch
 from kickdyn.planning.problem import keep_last
-from kickdyn.restitution import (
-    Restitution,
-    checked_restitution,
-    format_restitution,
-    restitution_at,
-    rows_of,
-)
 from kickdyn.robot.leg import Leg
 
 PRIOR = {
@@ -120,10 +113,7 @@ class Learner(ReprMixin):
         ball: the ball; its mass and radius count.
         air: the air to begin with, with a drag model and a constant wind.
         leg: the leg that kicks. With it, commands are kicks by `plan_kick`; with None, launches.
-        restitution: :math:`e_0`, the best guess before the first kick, 0.01 to 0.99. With a leg it
-            may be a table or the name of a model over the speed of approach, as for `Contact`;
-            :math:`e_0` and `estimates` are then of the middle between the first and the last speed,
-            and the logits :math:`\ln (e / (1 - e))` of all e change by the same.
+        restitution: :math:`e_0`, the best guess before the first kick, 0.01 to 0.99.
         friction: friction of the contact of the leg.
         ball_height: height of the ball's centre before the kick of a leg [m, world frame]; None
             leaves it free, as in `plan_kick`.
@@ -159,7 +149,7 @@ class Learner(ReprMixin):
         air: Air,
         leg: Leg | None = None,
         *,
-        restitution: float | str | ArrayLike = 0.8,
+        restitution: float = 0.8,
         friction: float = 0.4,
         ball_height: float | None = None,
         scatter: float = SCATTER,
@@ -179,13 +169,9 @@ class Learner(ReprMixin):
                 "landings at the height of the launch"
             )
         self.goal, self.ball, self.leg, self._model = goal, ball, leg, air
-        self._given = checked_restitution(restitution)
-        self._first_restitution = _middle(self._given)
-        if leg is None and not isinstance(self._given, float):
-            raise InvalidInput(
-                f"restitution is {format_restitution(self._given)}: without a leg no speed of "
-                "approach is known, so it must be a number"
-            )
+        self._first_restitution = validation.number(
+            "restitution", restitution, at_least=0.01, at_most=0.99
+        )
         self._friction = validation.number("friction", friction, at_least=0)
         self._ball_height = ball_height
         self._scatter = validation.number("scatter", scatter, above=0, at_most=1)
@@ -331,7 +317,7 @@ class Learner(ReprMixin):
         time = 2.0 * float(velocity[2]) / GRAVITY
         target = velocity[0] * time, velocity[1] * time, 0.0
         goal = Goal(target, time=time, spin=self.launch.spin)
-        contact = Contact(restitution=self._restitution(self._theta[3]), friction=self._friction)
+        contact = Contact(restitution=float(expit(self._theta[3])), friction=self._friction)
         plan = plan_kick(
             self.leg, goal, self.ball, None, contact=contact, ball_position=self._ball_height
         )
@@ -341,13 +327,6 @@ class Learner(ReprMixin):
         when = self.launch.time if plan.share == 1.0 else None
         path = fly_to_target(expected, self.launch.reached, self.ball, air, when)
         return replace(plan, goal=self.goal, launch=self.launch, path=path)
-
-    def _restitution(self, logit_e: float) -> Restitution:
-        """Return the restitution of the leg's contact."""
-        if isinstance(self._given, float):
-            return float(expit(logit_e))
-        change = logit_e - float(logit(self._first_restitution))
-        return tuple((speed, float(expit(logit(e) + change))) for speed, e in rows_of(self._given))
 
     def _gain(self, logit_e: float) -> float:
         """Return the logarithm of the launch speed over the commanded speed, without a leg."""
@@ -360,8 +339,7 @@ class Learner(ReprMixin):
         speed, and the sums of the errors of aim and of the kick's own angles [rad].
         """
         if isinstance(command, KickPlan):
-            restitution = self._restitution(float(values[3]))
-            contact = replace(command.impact.contact, restitution=restitution)
+            contact = replace(command.impact.contact, restitution=float(expit(values[3])))
             impact = strike(command.impact.posture, command.v, self.ball, contact)
             state, gain = impact.ball_after, 0.0
         else:
@@ -473,16 +451,6 @@ def _checked_prior(prior: Mapping[str, float] | None, restitution: float) -> Arr
     }
     sizes["restitution"] /= restitution * (1.0 - restitution)  # of the logit
     return np.array(list(sizes.values()))
-
-
-def _middle(restitution: Restitution) -> float:
-    """Return e, of a table in the middle of its speeds, or raise `InvalidInput`."""
-    e, name = restitution, "restitution"
-    if not isinstance(e, float):
-        rows = rows_of(e)
-        speed = 0.5 * (rows[0][0] + rows[-1][0])
-        e, name = restitution_at(e, speed), f"restitution at {speed:g} m/s"
-    return validation.number(name, e, at_least=0.01, at_most=0.99)
 
 
 def _aimed(velocity: Array, errors: ArrayLike) -> Array:

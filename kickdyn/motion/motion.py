@@ -1,5 +1,7 @@
 """The motion of a kick: joints, torques and the ground's wrench from rest to rest, over time."""
 
+import math
+import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,6 +15,7 @@ from scipy.interpolate import BSpline
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array
+from kickdyn.motion.motion_file import MotionSamples, write_motion
 from kickdyn.robot.kicking_chain import rest_configuration
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.model_validation import frame_id
@@ -102,8 +105,9 @@ class Motion(ReprMixin):
     def torque(self, t: float) -> Array:
         r"""Return the torques of the joints at a time [s], shape `(nv,)` [N m; N].
 
-        They are :math:`M(q) \dot v + c(q, v) + g(q)`, rotors included; 0 for a floating base. At 0
-        they are those just before the impact.
+        They are :math:`M(q) \dot v + c(q, v) + g(q) - J^T w`, rotors included, with the wrench w of
+        the ground on the supporting foot; 0 for a floating base. At 0 they are those just before
+        the impact.
         """
         return self._dynamics(t)[0]
 
@@ -126,9 +130,40 @@ class Motion(ReprMixin):
     def margins(self, t: float) -> Mapping[str, float]:
         """Return the distance from each limit by its name at a time [s]; below 0 it is broken.
 
-        Distances are in metres where a name ends so, else shares of the limit.
+        Names that end in `[m]` or `[rad]` have that unit; others are shares of the limit.
         """
         return {} if self.limits is None else self.limits.margins(*self.joint_state(t))
+
+    def plot(self) -> Any:
+        """Return a figure of matplotlib: torques and speeds against their limits, and margins."""
+        from kickdyn.motion.motion_plot import motion_figure  # it imports matplotlib
+
+        return motion_figure(self)
+
+    def samples(self, rate: float = 100.0) -> MotionSamples:
+        """Return the motion at a constant rate, 50 to 500 Hz, from rest to rest."""
+        rate = validation.number("rate", rate, at_least=50, at_most=500, unit="Hz")
+        t = np.arange(math.floor(rate * self.begin), math.ceil(rate * self.end) + 1) / rate
+        q, v = (np.array([state(time) for time in t]) for state in (self.q, self.v))
+        torque, wrench = zip(*(self._dynamics(time) for time in t), strict=True)
+        return MotionSamples(self.robot, rate, t, q, v, np.array(torque), np.array(wrench))
+
+    def save(self, file: str | os.PathLike[str], rate: float = 100.0) -> None:
+        """Write the motion for other programs, in the format of the file's ending.
+
+        Rows of `.csv` (without a header) are the position of a floating base [m, world frame], its
+        quaternion xyzw and the joints in the order of the model; `.npz` has named arrays, `.yaml`
+        a `trajectory_msgs/JointTrajectory` of ROS 2 and `.xml` keyframes of MuJoCo, for an
+        `<include>` in the robot's file.
+
+        Args:
+            file: its name.
+            rate: of the samples, 50 to 500 [Hz].
+
+        Raises:
+            InvalidInput: another ending, or a file that cannot be written.
+        """
+        write_motion(self.samples(rate), file)
 
     def _state(self, t: float) -> tuple[Array, Array, Array]:
         return self._on_robot(*self.joint_state(t))
@@ -141,6 +176,9 @@ class Motion(ReprMixin):
         if not self._floats:
             return torque, np.zeros(6)
         wrench = data.liMi[1].act(pin.Force(torque[:6])).vector
+        # the ground acts on the supporting foot, and so on the joints between it and the base
+        rows = pin.computeFrameJacobian(model, data, q, self._support_frame, pin.LOCAL)
+        torque -= rows.T @ np.linalg.solve(rows[:, :6].T, torque[:6])
         torque[:6] = 0.0
         return torque, np.asarray(wrench)
 

@@ -69,14 +69,7 @@ def build_mjcf_model(
         raise MjcfError(file.source, [str(fault)]) from None
     moving = (body for body in bodies if body not in robot_bodies and compiled.body_weldid[body])
     left_out = tuple(body_name(compiled, body) for body in moving)
-    starts = {
-        str(builder.model.names[joint.number]): float(
-            compiled.qpos0[compiled.jnt_qposadr[joint.theirs]]
-        )
-        for joint in builder.joints
-        if joint.kind in (SLIDE, HINGE)
-    }
-    read = replace(file, left_out=left_out, mimics=tuple(builder.mimics), starts=starts)
+    read = replace(file, left_out=left_out, mimics=tuple(builder.mimics))
     return MjcfModel(read, builder.model, tuple(builder.loops))
 
 
@@ -350,3 +343,45 @@ def _joint_model(kind: int, axis: Array | None) -> Any:
         pin.JointModelPrismaticUnaligned if kind == SLIDE else pin.JointModelRevoluteUnaligned
     )
     return unaligned(axis)
+
+
+def mujoco_state(model: Any, q: Array, v: Array, compiled: Any = None) -> tuple[Array, Array]:
+    """Return `qpos` and `qvel` of MuJoCo for q and v of a `pin.Model`.
+
+    Quaternions are wxyz there, a floating base moves in the world's axes, and joints without limits
+    have one angle.
+
+    Args:
+        model: the model.
+        q: configuration, shape `(nq,)`.
+        v: velocity, shape `(nv,)`.
+        compiled: a `mujoco.MjModel` with joints of the same names; its other joints are where it
+            begins with them. Without it, joints follow each other depth first, as MuJoCo numbers
+            them where a file has the model's bodies.
+    """
+    states: dict[int, tuple[Array, Array]] = {}
+    left = list(reversed(model.children[0]))
+    while left:
+        joint = left.pop()
+        left.extend(reversed(model.children[joint]))
+        positions = q[model.idx_qs[joint] : model.idx_qs[joint] + model.nqs[joint]]
+        velocities = v[model.idx_vs[joint] : model.idx_vs[joint] + model.nvs[joint]]
+        if model.nqs[joint] == 7:
+            place = model.jointPlacements[joint] * pin.XYZQUATToSE3(positions)
+            positions = pin.SE3ToXYZQUAT(place)[[0, 1, 2, 6, 3, 4, 5]]
+            velocities = np.concatenate([place.rotation @ velocities[:3], velocities[3:]])
+        elif model.nqs[joint] == 4:
+            positions = positions[[3, 0, 1, 2]]
+        elif model.nqs[joint] == 2:  # cosine and sine of a continuous joint
+            positions = np.array([math.atan2(positions[1], positions[0])])
+        states[joint] = positions, velocities
+    if compiled is None:
+        qpos, qvel = (np.concatenate(parts) for parts in zip(*states.values(), strict=True))
+        return qpos, qvel
+    qpos, qvel = compiled.qpos0.copy(), np.zeros(compiled.nv)
+    for joint, (positions, velocities) in states.items():
+        number = compiled.joint(model.names[joint]).id
+        first, start = compiled.jnt_qposadr[number], compiled.jnt_dofadr[number]
+        qpos[first : first + len(positions)] = positions
+        qvel[start : start + len(velocities)] = velocities
+    return qpos, qvel

@@ -4,7 +4,7 @@
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 from xml.sax.saxutils import quoteattr
 
@@ -17,12 +17,16 @@ from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.impact.approach import Approach
 from kickdyn.impact.impact_result import Impact
 from kickdyn.robot.mjcf_file import quiet_mujoco
+from kickdyn.robot.mjcf_model import mujoco_state
 
 IMPEDANCE = 0.9999
 """MuJoCo's largest impedance, with which a contact is a spring and a damper alone."""
 
 DISABLE_CONTACT = 16
 """MuJoCo's `mjDSBL_CONTACT`."""
+
+COMPILER = '<compiler angle="radian" boundmass="1e-9" boundinertia="1e-12"/>'
+"""MJCF element that comes before bodies of `write_bodies`, some of which may have no mass."""
 
 TIME_LIMIT = 1.0
 """Time after which leg and ball count as not separating [s]."""
@@ -243,9 +247,6 @@ def scene(
         )
     ball.check_movable("a kick in MuJoCo")
     model = posture.leg.model
-    children: list[list[int]] = [[] for _ in range(model.njoints)]
-    for joint in range(1, model.njoints):
-        children[model.parents[joint]].append(joint)
     normal = posture.rotation_world_joint.T @ approach.contact.normal
     face = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), normal).matrix()
     foot = (
@@ -253,29 +254,16 @@ def scene(
         f'pos="{row(posture.contact_lever - 0.1 * normal)}" contype="0" conaffinity="0" '
         'rgba="0.5 0.5 0.5 0.3"/>'
     )
-
-    order: list[int] = []
-
-    def body(joint: int) -> str:
-        order.append(joint)
-        inside = "".join(body(child) for child in children[joint])
-        ends = [model.jointPlacements[child].translation for child in children[joint]]
-        face = ""
-        if joint == posture.leg.contact_joint:
-            face = foot
-            ends.append(posture.contact_lever)
-        links = "".join(_link(end) for end in ends)
-        return f"{_body(model, joint)}{face}{links}{inside}</body>\n    "
-
-    bodies = "".join(body(joint) for joint in children[0])
+    foot += _link(posture.contact_lever)
+    bodies = write_bodies(model, {posture.leg.contact_joint: foot})
     weight = row(model.gravity.linear) if gravity else "0 0 0"
     centre = posture.contact_point + ball.radius * approach.contact.normal
     before = approach.ball_before
-    q, v = _mujoco_state(model, order, posture.q, approach.v)
+    q, v = mujoco_state(model, posture.q, approach.v)
     qpos = row([*q, *centre, 1.0, 0.0, 0.0, 0.0])
     qvel = row([*v, *before.velocity, *before.spin])
     return f"""<mujoco>
-  <compiler boundmass="1e-9" boundinertia="1e-12"/>
+  {COMPILER}
   <option gravity="{weight}" timestep="{timestep!r}" integrator="{integrator}" cone="elliptic" \
 impratio="100" tolerance="1e-14"/>
   <worldbody>
@@ -305,31 +293,62 @@ def pair(contact: MujocoContact, foot: str) -> str:
     )
 
 
-def _body(model: Any, joint: int) -> str:
+def write_bodies(model: Any, geoms: Mapping[int, str], *, limits: bool = False) -> str:
+    """Return the MJCF elements of a model's bodies, which follow each other as in `mujoco_state`.
+
+    Bodies and joints have the names of the model's joints. Links between joints are drawn and
+    collide with nothing.
+
+    Args:
+        model: a `pin.Model`.
+        geoms: further elements in the body of a joint, by its number.
+        limits: whether joints stop at the ends of their range.
+
+    Raises:
+        InvalidInput: a joint of a kind that MuJoCo does not have.
+    """
+    children = model.children
+
+    def body(joint: int) -> str:
+        links = "".join(
+            _link(model.jointPlacements[child].translation) for child in children[joint]
+        )
+        inside = "".join(body(child) for child in children[joint])
+        opening = _body(model, joint, limits=limits)
+        return f"{opening}{geoms.get(joint, '')}{links}{inside}</body>\n    "
+
+    return "".join(body(joint) for joint in children[0])
+
+
+def _body(model: Any, joint: int, *, limits: bool) -> str:
     """Return the opening of a body: its place, inertia and joint."""
     placement, inertia = model.jointPlacements[joint], model.inertias[joint]
     moments = inertia.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
     moments[:3] += 1e-12 * (inertia.mass == 0.0)  # a joint of several, without a body of its own
     kind, first, size = model.joints[joint].shortname(), model.idx_vs[joint], model.nvs[joint]
-    armature = float(model.armature[first])
+    armature, name = float(model.armature[first]), quoteattr(model.names[joint])
     if kind == "JointModelFreeFlyer":
-        element = "<freejoint/>"
+        element = f"<freejoint name={name}/>"
     elif kind == "JointModelSpherical":
-        element = f'<joint type="ball" armature="{armature!r}"/>'
+        element = f'<joint name={name} type="ball" armature="{armature!r}"/>'
     elif size == 1:
         data = model.createData()
         columns = pin.computeJointJacobian(model, data, pin.neutral(model), joint)
         axis = columns.reshape(6, model.nv)[:, first]  # a vector where nv is 1
         slides = bool(axis[:3].any())
         along = row(axis[:3] if slides else axis[3:])
-        name = "slide" if slides else "hinge"
-        element = f'<joint type="{name}" axis="{along}" armature="{armature!r}"/>'
+        motion = "slide" if slides else "hinge"
+        element = f'<joint name={name} type="{motion}" axis="{along}" armature="{armature!r}"'
+        number = model.idx_qs[joint]
+        ends = model.lowerPositionLimit[number], model.upperPositionLimit[number]
+        stops = limits and model.nqs[joint] == 1 and np.isfinite(ends).all()
+        element += f' range="{row(ends)}"/>' if stops else "/>"
     else:
         raise InvalidInput(
             f"joint {model.names[joint]!r} is a {kind}: MuJoCo has no joint of this kind"
         )
     return (
-        f'<body name={quoteattr(model.names[joint])} pos="{row(placement.translation)}" '
+        f'<body name={name} pos="{row(placement.translation)}" '
         f'quat="{quaternion(placement.rotation)}">'
         f'<inertial pos="{row(inertia.lever)}" mass="{inertia.mass!r}" '
         f'fullinertia="{row(moments)}"/>{element}'
@@ -346,29 +365,6 @@ def _link(end: Array) -> str:
     return (
         f'<geom type="capsule" fromto="0 0 0 {row(end)}" size="0.02" contype="0" conaffinity="0"/>'
     )
-
-
-def _mujoco_state(
-    model: Any, joints: Sequence[int], q: Array, v: Array
-) -> tuple[list[float], list[float]]:
-    """Return q and v of joints in MuJoCo's convention: quaternions wxyz, the base in the world."""
-    positions: list[float] = []
-    velocities: list[float] = []
-    for joint in joints:
-        angles = q[model.idx_qs[joint] : model.idx_qs[joint] + model.nqs[joint]]
-        speed = v[model.idx_vs[joint] : model.idx_vs[joint] + model.nvs[joint]]
-        if model.nqs[joint] == 7:
-            place = model.jointPlacements[joint] * pin.XYZQUATToSE3(angles)
-            x, y, z, a, b, c, w = pin.SE3ToXYZQUAT(place)
-            angles = np.array([x, y, z, w, a, b, c])
-            speed = np.concatenate([place.rotation @ speed[:3], speed[3:]])
-        elif model.nqs[joint] == 4:
-            angles = angles[[3, 0, 1, 2]]
-        elif model.nqs[joint] == 2:  # cosine and sine of a continuous joint
-            angles = np.array([math.atan2(angles[1], angles[0])])
-        positions += angles.tolist()
-        velocities += speed.tolist()
-    return positions, velocities
 
 
 def row(values: Any) -> str:

@@ -56,25 +56,14 @@ def test_times_may_count_from_1970():
     assert found.launch.time == 1.7e9 + 3.0
 
 
-def test_wind_and_lift_of_flights_fitted_together():
+def test_wind_and_lift_of_a_flight():
     air = kd.Air(wind=(2.0, -1.0, 0.0), drag=constant(0.25))
-    tracks = [flown((20, 3, 8), (0, -60, 20), air), flown((-15, 9, 10), (30, 30, 40), air)]
-    found = kd.identify(tracks, BALL, kd.Air(), free=("spin", "drag", "lift-scale", "wind"))
-    shared = {"drag": 0.25, "lift_scale": 1.0, "wind_x": 2.0, "wind_y": -1.0}
-    for name, value in shared.items():
+    track = flown((20, 3, 8), (0, -60, 20), air)
+    free = ("drag", "lift-scale", "wind")
+    found = kd.identify(track, BALL, kd.Air(), free=free, spin=(0, -60, 20))
+    for name, value in {"drag": 0.25, "lift_scale": 1.0, "wind_x": 2.0, "wind_y": -1.0}.items():
         assert found.values[name] == pytest.approx(value, rel=1e-5)
-    assert [launch.velocity[0] for launch in found.launches] == pytest.approx([20, -15])
-    assert len(found.flights) == 2
-    with pytest.raises(kd.InvalidInput, match="2 flights"):
-        _ = found.launch
-
-
-def test_warnings_of_flights_fitted_together_name_the_flight():
-    spin = (0, -30, 0)
-    tracks = [flown((speed, 0, 4), spin, kd.Air()) for speed in (8, 9)]
-    found = kd.identify(tracks, BALL, free=("drag",), spin=spin)
-    ranges = [line for line in found.warnings if "outside its data" in line]
-    assert [line.split(": ")[0] for line in ranges] == ["flight 0", "flight 1"]
+    assert found.launch.velocity[0] == pytest.approx(20)
 
 
 def test_a_known_spin_is_used(curving):
@@ -315,6 +304,6 @@ def test_wrong_arguments_are_refused(curving, options, message):
 
 
 def test_what_is_no_track_is_refused():
-    for track in (None, [], [1], "track.csv"):
+    for track in (None, [], [STRAIGHT], "track.csv"):
         with pytest.raises(kd.InvalidInput, match=r"kickdyn\.Track"):
             kd.identify(track, BALL)

@@ -96,14 +96,14 @@ def test_gravity_and_the_ground_change_the_momentum(walking, t):
 
 
 def test_torques_drive_the_robot_as_its_accelerations_say(walking):
-    """Forward dynamics with torques and wrench gives the velocity's rate."""
+    """Forward dynamics with torques, and the wrench on the foot, gives the velocity's rate."""
     model, t, h = walking.robot.model, -0.2, 1e-6
-    data = model.createData()
+    data, frame = model.createData(), model.getFrameId("left_ankle_roll_link")
     q, v = walking.q(t), walking.v(t)
-    pin.forwardKinematics(model, data, q)
     force = walking.torque(t)
     assert not force[:6].any()
-    force[:6] = data.oMi[1].actInv(pin.Force(walking.ground_wrench(t))).vector
+    on_foot = walking.placement.actInv(pin.Force(walking.ground_wrench(t))).vector
+    force += pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL).T @ on_foot
     acceleration = pin.aba(model, data, q, v, force)
     rate = (walking.v(t + h) - walking.v(t - h)) / (2 * h)
     np.testing.assert_allclose(acceleration, rate, rtol=1e-5, atol=1e-4)

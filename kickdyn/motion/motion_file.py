@@ -1,0 +1,180 @@
+"""Files of a motion, sampled at a constant rate, in the formats that other programs read.
+
+CSV as of motions retargeted to G1 (LAFAN1), NumPy's NPZ, `trajectory_msgs/JointTrajectory` of
+ROS 2 in YAML, and keyframes of MuJoCo.
+"""
+
+import json
+import os
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any, NamedTuple
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+import pinocchio as pin
+
+from kickdyn.core.files import replacing
+from kickdyn.core.validation import Array
+from kickdyn.errors import InvalidInput, shortened
+from kickdyn.robot.leg import Leg
+from kickdyn.robot.mjcf_file import MjcfFile
+from kickdyn.robot.mjcf_model import mujoco_state
+from kickdyn.robot.standing import is_floating
+
+
+class MotionSamples(NamedTuple):
+    """A motion at times of a constant rate.
+
+    Attributes:
+        leg: that moves, in its own coordinates.
+        rate: of the samples [Hz].
+        t: times, shape `(k,)` [s, impact at 0]. One of them is 0, just before the impact.
+        q: configurations, shape `(k, nq)`.
+        v: velocities, shape `(k, nv)`.
+        torque: of the joints, shape `(k, nv)` [N m; N].
+        ground_wrench: of the ground on the robot, shape `(k, 6)` [N, N m about the world's origin].
+    """
+
+    leg: Leg
+    rate: float
+    t: Array
+    q: Array
+    v: Array
+    torque: Array
+    ground_wrench: Array
+
+    @property
+    def joints(self) -> list[str]:
+        """Names of the joints, without a floating base, in the order of the model.
+
+        Raises:
+            InvalidInput: a joint of several degrees of freedom, which the formats do not have.
+        """
+        names = list(self.leg.joint_names[is_floating(self.leg) :])
+        several = [name for name in names if name not in self.leg.single_joints]
+        if several:
+            raise InvalidInput(
+                f"joint {several[0]!r} has several degrees of freedom: files of motions have "
+                "joints of one"
+            )
+        return names
+
+    @property
+    def joint_columns(self) -> list[int]:
+        """Indices of `joints` in v."""
+        return [self.leg.velocity_index(name) for name in self.joints]
+
+    @property
+    def joint_positions(self) -> Array:
+        """Positions of `joints`, shape `(k, n)` [rad; m for prismatic joints]."""
+        names = self.joints
+        values = [self.leg.joint_values(q) for q in self.q]
+        return np.array([[value[name] for name in names] for value in values])
+
+    @property
+    def root(self) -> Array:
+        """Position [m] and quaternion xyzw of the floating base in the world, shape `(k, 7)`.
+
+        Neighbouring quaternions have the same sign. Of a leg on a fixed base the shape is `(k, 0)`.
+        """
+        if not is_floating(self.leg):
+            return np.zeros((len(self.t), 0))
+        base = self.leg.model.jointPlacements[1]
+        poses = np.array([pin.SE3ToXYZQUAT(base * pin.XYZQUATToSE3(q[:7])) for q in self.q])
+        turned = np.sum(poses[1:, 3:] * poses[:-1, 3:], axis=1) < 0.0
+        poses[1:, 3:] *= np.where(np.cumsum(turned) % 2, -1.0, 1.0)[:, None]
+        return poses
+
+
+def write_motion(samples: MotionSamples, file: str | os.PathLike[str]) -> None:
+    """Write a motion in the format of the file's ending, one of `WRITERS`.
+
+    Raises:
+        InvalidInput: an ending of another format, or a file that cannot be written.
+    """
+    ending = Path(file).suffix.lower()
+    if ending not in WRITERS:
+        raise InvalidInput(
+            f"{shortened(str(file))} has the ending {ending!r}: a motion is written as "
+            f"{', '.join(WRITERS)}"
+        )
+    with replacing(file) as draft:
+        WRITERS[ending](samples, draft)
+
+
+def _write_csv(samples: MotionSamples, file: Path) -> None:
+    table = np.hstack([samples.root, samples.joint_positions])
+    np.savetxt(file, table, delimiter=",", fmt="%.17g")
+
+
+def _write_npz(samples: MotionSamples, file: Path) -> None:
+    columns, root = samples.joint_columns, samples.root
+    arrays: dict[str, Any] = {
+        "fps": samples.rate,
+        "time": samples.t,
+        "joint_names": np.array(samples.joints),
+        "joint_pos": samples.joint_positions,
+        "joint_vel": samples.v[:, columns],
+        "joint_torque": samples.torque[:, columns],
+        "root_pos": root[:, :3],
+        "root_quat_xyzw": root[:, 3:],
+        "ground_wrench": samples.ground_wrench,
+    }
+    with file.open("wb") as out:
+        np.savez(out, **arrays)
+
+
+def _write_yaml(samples: MotionSamples, file: Path) -> None:
+    columns = samples.joint_columns
+    rows = zip(
+        samples.joint_positions, samples.v[:, columns], samples.torque[:, columns], strict=True
+    )
+    lines = [
+        "header: {stamp: {sec: 0, nanosec: 0}, frame_id: ''}",
+        f"joint_names: {json.dumps(samples.joints)}",  # JSON is YAML
+        "points:",
+    ]
+    for time, (positions, velocities, efforts) in zip(samples.t - samples.t[0], rows, strict=True):
+        seconds, nanoseconds = divmod(round(1e9 * time), 10**9)
+        lines += [
+            f"- positions: {_yaml_list(positions)}",
+            f"  velocities: {_yaml_list(velocities)}",
+            "  accelerations: []",
+            f"  effort: {_yaml_list(efforts)}",
+            f"  time_from_start: {{sec: {seconds}, nanosec: {nanoseconds}}}",
+        ]
+    file.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _yaml_list(values: Iterable[float]) -> str:
+    """Return numbers as a list in YAML 1.1, which takes 1e-05 without a point for text."""
+    texts = (repr(float(value)) for value in values)
+    return f"[{', '.join(text if '.' in text else text.replace('e', '.0e') for text in texts)}]"
+
+
+def _write_keyframes(samples: MotionSamples, file: Path) -> None:
+    lines = ["<mujoco>", "  <keyframe>"]
+    model, robot_file = samples.leg.model, samples.leg.file
+    compiled = robot_file.compile() if isinstance(robot_file, MjcfFile) else None
+    for number, (time, q, v) in enumerate(zip(samples.t, samples.q, samples.v, strict=True)):
+        qpos, qvel = mujoco_state(model, q, v, compiled)
+        name = quoteattr(f"kick {number}")
+        lines.append(
+            f'    <key name={name} time="{float(time)!r}" qpos="{_row(qpos)}" qvel="{_row(qvel)}"/>'
+        )
+    lines += ["  </keyframe>", "</mujoco>"]
+    file.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _row(values: Iterable[float]) -> str:
+    return " ".join(repr(float(value)) for value in values)
+
+
+WRITERS: dict[str, Callable[[MotionSamples, Path], None]] = {
+    ".csv": _write_csv,
+    ".npz": _write_npz,
+    ".yaml": _write_yaml,
+    ".xml": _write_keyframes,
+}
+"""Writers of the formats, by the ending of the file."""

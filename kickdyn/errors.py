@@ -77,10 +77,6 @@ class NoImpact(KickdynError):
     """The foot does not move towards the ball along the contact normal, so there is no impact."""
 
 
-class EnergyCreated(KickdynError):
-    """An impact law gives leg and ball more kinetic energy than before; `strict=True` raises it."""
-
-
 def printable(text: str) -> str:
     """Return a text with its control characters as escapes, which a terminal would obey."""
     if text.isprintable():

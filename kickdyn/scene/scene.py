@@ -17,7 +17,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.ground import Ground
 from kickdyn.impact.collide import CONTACT_TIME, checked_stiffness
-from kickdyn.impact.force_model import LONGEST_CONTACT, Dissipation
+from kickdyn.impact.force_model import LONGEST_CONTACT
 from kickdyn.impact.laws import find_law
 from kickdyn.impact.sensitivity import UNITS
 from kickdyn.plane import Plane
@@ -37,7 +37,6 @@ class Compliance:
         contact_time: duration of the contact for which the stiffness is chosen, above 0 [s]; None
             is the default of `collide`.
         stiffness: stiffness in place of `contact_time`: a number [N/m^1.5], or `"pressure"`.
-        dissipation: how the contact loses energy: `walton-braun` or `hunt-crossley`.
 
     Raises:
         InvalidInput: a value outside its range, or both contact time and stiffness.
@@ -45,7 +44,6 @@ class Compliance:
 
     contact_time: float | None = None
     stiffness: float | str | None = None
-    dissipation: str = Dissipation.WALTON_BRAUN
 
     def __post_init__(self) -> None:
         """Check the values."""
@@ -54,8 +52,6 @@ class Compliance:
                 "contact time", self.contact_time, above=0, at_most=LONGEST_CONTACT, unit="s"
             )
             object.__setattr__(self, "contact_time", time)
-        kind = validation.choice("dissipation", self.dissipation, Dissipation)
-        object.__setattr__(self, "dissipation", kind)
         stiffness = checked_stiffness(self.contact_time, self.stiffness)
         object.__setattr__(self, "stiffness", stiffness)
 

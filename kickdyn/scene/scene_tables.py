@@ -24,7 +24,6 @@ from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.ground import SURFACES, Ground
-from kickdyn.impact.force_model import Dissipation
 from kickdyn.impact.laws import LAWS
 from kickdyn.plane import Plane, ReachedBy
 from kickdyn.restitution import MODELS as RESTITUTIONS
@@ -214,11 +213,7 @@ def _contact(
     **values: Any,
 ) -> tuple[Contact, str | Compliance]:
     """Return the contact, and its law or, where it takes time, its compliance."""
-    timed = {
-        name: values.pop(name)
-        for name in ("contact_time", "stiffness", "dissipation")
-        if name in values
-    }
+    timed = {name: values.pop(name) for name in ("contact_time", "stiffness") if name in values}
     if normal is None:
         attack = validation.number("attack", attack_deg, at_least=-90, at_most=90, unit="deg")
         side = validation.number("side", side_deg, at_least=-180, at_most=180, unit="deg")
@@ -351,8 +346,6 @@ TABLES = (
             "a contact that takes time; without it and `stiffness` the contact is instantaneous"),
         Key("stiffness", "stiffness", ("pressure",), "stiffness of a contact that takes time, from "
             "the pressure of the ball, instead of `contact_time_s`"),
-        Key("dissipation", "dissipation", tuple(Dissipation), "how a contact that takes time loses "
-            "energy; without it `walton-braun`", needs=("contact_time_s", "stiffness")),
     ), is_required=True, required=({"attack_deg": 0.0, "normal": (1, 0, 0)}, {"restitution": 1.0})),
     Table("air", _air, (
         Key("model", "model", ("standard", "paper"),

@@ -74,15 +74,18 @@ class Page:
 
         Args:
             file: it is replaced as a whole, or not at all.
-            at: time since the impact that a picture shows [s]; the page of a kick only.
+            at: time since the impact that a picture of a kick shows [s]; otherwise 0.
 
         Raises:
-            InvalidInput: the file cannot be written, or there is no Chromium for a picture.
+            InvalidInput: the file cannot be written, there is no Chromium for a picture, or a time
+                that is not shown.
             KickdynError: Chromium failed.
         """
         validation.check_type(str, PathLike, file=file)
-        at = validation.number("at", at, at_least=0, unit="s")
-        if Path(file).suffix.lower() == ".png":
+        is_picture = Path(file).suffix.lower() == ".png"
+        last = float(self.pace.times[-1]) if is_picture and self.pace else 0.0
+        at = validation.number("at", at, at_least=0, at_most=last, unit="s")
+        if is_picture:
             save_picture(self.html, file, at)
             return
         with replacing(file) as draft:

@@ -284,7 +284,7 @@ class MotionProblem:
             for s in (SpeedLimit.reserve - 1.0, 1.0 - SpeedLimit.reserve)
         )
         room = RangeLimit.reserve * (self.upper - self.lower)
-        points, others, bounds = start.multipliers
+        points, remaining, bounds = start.multipliers
         if len(points):
             old, new = np.concatenate(start.times), np.concatenate(times)
             order = np.abs(old[None] - new[:, None])
@@ -292,7 +292,7 @@ class MotionProblem:
             points = np.where(known[:, None], points[order.argmin(axis=1)], 0.0)
         else:
             points = np.zeros((count, len(self.path.lower)))
-            others = np.zeros(len(self.impact.lower) + len(low))
+            remaining = np.zeros(len(self.impact.lower) + len(low))
         lower = np.concatenate([np.tile(self.path.lower, count), self.impact.lower, low])
         upper = np.concatenate([np.tile(self.path.upper, count), self.impact.upper, high])
         end = solver(
@@ -302,7 +302,7 @@ class MotionProblem:
             ubx=np.append(np.tile(self.upper - room, splines.size), shares[1]),
             lbg=lower,
             ubg=upper,
-            lam_g0=np.concatenate([points.ravel(), others]),
+            lam_g0=np.concatenate([points.ravel(), remaining]),
             lam_x0=bounds if len(bounds) else np.zeros(splines.size * n + 1),
         )
         x, rows, multipliers, bounds = (

@@ -420,5 +420,6 @@ def _check_limits(leg: Leg) -> None:
         for name, limit in zip(leg.joint_names, limits.tolist(), strict=True):
             if not 0.0 < limit < 1e6:
                 raise InvalidInput(
-                    f"{what} limit of {name} is {limit:g}: a motion needs one, above 0"
+                    f"{what} limit of {name} is {limit:g}: a motion needs one, above 0 "
+                    "(Leg.with_drives, --drives FILE)"
                 )

@@ -244,12 +244,6 @@ class Learner(ReprMixin):
                 "the goal is beyond the limits of the leg: the kick has "
                 f"{self.command.share:.0%} of the launch speed"
             )
-        e = self.estimates["restitution"]
-        if not 0.02 < e < 0.98:
-            lines.append(
-                f"restitution is {e:.3g}, near the end of its range: something else may change the "
-                "launch speed"
-            )
         return (*lines, *self.launch.flight.warnings)
 
     def observe(self, seen: ArrayLike | Track, time: float | None = None) -> None:
@@ -434,9 +428,6 @@ class Learner(ReprMixin):
             yield f"landing {name}", size, "m"
         yield "done", self.is_done, ""
         yield from warned(self.warnings)
-
-    def _picture(self) -> str:
-        return self.launch._picture()
 
 
 def _checked_prior(prior: Mapping[str, float] | None, restitution: float) -> Array:

@@ -34,7 +34,6 @@ from kickdyn.planning.plan_report import (
     unreachable_json,
 )
 from kickdyn.planning.scatter import checked_spread
-from kickdyn.planning.swing import plan_swing
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.standing import is_floating
 from kickdyn.scene.pitch import Wall, check_before, read_wall
@@ -118,7 +117,7 @@ class GoalOptions:
 
 @dataclass(frozen=True)
 class KickOptions:
-    """Where the ball lies, what is minimized, and whether the swing is planned."""
+    """Where the ball lies, what is minimized, and whether the motion is planned."""
 
     ball_height: float | None = option(
         "--ball-height", type=float,
@@ -134,7 +133,9 @@ class KickOptions:
     )  # fmt: skip
     objective: str | None = option(
         "--objective",
-        type=click.Choice([name.value for name in KickObjective if name != "scatter"]),
+        type=click.Choice([
+            name.value for name in KickObjective if name not in ("scatter", "torque-squared")
+        ]),
         help="Quantity that is minimized, or maximized where the name begins with most.  "
         "[default: joint-speed]",
     )  # fmt: skip
@@ -146,11 +147,10 @@ class KickOptions:
     no_limits: bool = option(
         "--no-limits", is_flag=True, help="Ignore the speed and torque limits of the joints."
     )
-    swing: bool = option(
-        "--swing", is_flag=True,
-        help="Plan the motion from rest to the impact and to rest again, within all limits, and "
-        "show it in the page; for a robot on a support, the motion from rest to the impact, with "
-        "its foot above the ground.",
+    motion: bool = option(
+        "--motion", is_flag=True,
+        help="Plan the motion of all joints from rest to the impact and to rest again, within all "
+        "limits, and show it in the page.",
     )  # fmt: skip
 
     def check(self) -> None:
@@ -178,10 +178,10 @@ class KickOptions:
         if height is None and self.ball_at is None and not is_floating(leg):
             height = _lying_height(leg, ball, offset)
         arguments: dict[str, Any] = {
-            "objective": self.objective or KickObjective.JOINT_SPEED,
+            "objective": self.objective,
             "ball_position": height if self.ball_at is None else self.ball_at,
             "limits": not self.no_limits,
-            "swing": self.swing,
+            "motion": self.motion,
         }
         if spread is not None:
             arguments |= {"objective": KickObjective.SCATTER, "uncertainty": spread}
@@ -225,22 +225,17 @@ def plan(
 ) -> None:
     """Find the posture and the joint velocity that send a ball to a target.
 
-    The plot shows speed, torque and power of the swing.
+    The plot shows speeds, torques and margins of the motion.
 
     Example: kickdyn plan --distance 30 --time 1.5 --leg human --view kick.html --json -
     """
     kick.check()
     target, wall, spread = goal.load(), goal.read_wall(), kick.spread()
-    if output.plot is not None and not kick.swing:
-        raise InvalidInput(f"--plot is {output.plot!r}: it shows the swing, so add --swing")
+    if output.plot is not None and not kick.motion:
+        raise InvalidInput(f"--plot is {output.plot!r}: it shows the motion, so add --motion")
     output.check(inputs=[leg.leg_name])
     struck_ball, windy_air, robot = ball.load(), air.load(), leg.load()
-    if output.plot is not None and is_floating(robot):
-        raise InvalidInput(
-            f"--plot is {output.plot!r}: swings are drawn only for robots on a fixed base"
-        )
-    swing = None
-    with busy("planning the kick") as show:
+    with busy("planning the kick"):
         try:
             planned = plan_kick(
                 robot, target, struck_ball, windy_air, contact=contact.contact(),
@@ -251,10 +246,7 @@ def plan(
             raise
         if wall is not None:
             describe_passage(wall, planned)  # raises if the ball hits it
-        if kick.swing and planned.backswing is None:
-            show("planning the swing")
-            swing = plan_swing(robot, planned)
-    report = PlanReport(planned, swing, wall, goal.goal_mouth, spread, not kick.no_limits)
+    report = PlanReport(planned, wall, goal.goal_mouth, spread, not kick.no_limits)
     _write(report, output)
 
 
@@ -276,11 +268,10 @@ def _write(report: PlanReport, output: OutputOptions) -> None:
         width = screen_width()
         click.echo("\n".join(wrapped(line, width) for line in sentences))
         click.echo("\n".join(wrapped(line, width, indent=8) for line in report.table()))
-    if output.plot is not None and report.swing is not None:
+    if output.plot is not None and report.plan.motion is not None:
         from kickdyn.core.plot_style import save_figure
-        from kickdyn.view.swing_plot import swing_figure
 
-        save_figure(swing_figure(report.swing), output.plot)
+        save_figure(report.plan.motion.plot(), output.plot)
     if output.view is not None:  # the page has the warnings itself
         caption = " ".join(line for line in sentences if not line.startswith("Warning: "))
         _write_page(report, output.view, caption)
@@ -292,11 +283,10 @@ def _write_page(report: PlanReport, file: str, caption: str) -> None:
     from kickdyn.view.page import page
     from kickdyn.view.wall_and_goal import goal_boxes, wall_boxes
 
-    plan, swing = report.plan, report.swing
+    plan = report.plan
     foot = plan.path.launch.position - np.array([0.0, 0.0, plan.impact.ball.radius])
     boxes = [] if report.wall is None else wall_boxes(foot, plan.goal.ahead, *astuple(report.wall))
     boxes += goal_boxes(foot, float(plan.goal.target[0])) if report.goal_mouth else []
-    shown = swing if swing is not None and swing.status == "met" else plan
-    made_page = page(shown, caption=caption, scenery=boxes)
+    made_page = page(plan, caption=caption, scenery=boxes)
     made_page.save(file)
     warn(made_page.warnings)

@@ -95,7 +95,7 @@ class Course(ReprMixin):
             for model, share, exceeded in path.outside():
                 kind = model.kind
                 of_kind[kind] = model
-                shares[kind] = shares.get(kind, 0.0) + share * path.duration / aloft
+                shares[kind] = shares.get(kind, 0.0) + share * path.duration / max(aloft, 1e-300)
                 limits.setdefault(kind, {}).update(dict.fromkeys(exceeded))
         lines = [
             warning_of(of_kind[kind], share, limits[kind])

@@ -108,17 +108,15 @@ def slide(
     along = np.array([ux, uy, 0.0]) / sliding
     across = np.array([-along[1], along[0], 0.0])  # turned towards rolling
     velocity_change = deceleration * along
-    spin_change = shell / ball.radius * deceleration * across
+    with np.errstate(invalid="ignore"):  # refused by BallState
+        spin_change = shell / ball.radius * deceleration * across
 
     def states(t: Array) -> BallState:
         t = t[:, None]
-        moved = level * t - 0.5 * velocity_change * t * t
-        return BallState(
-            state.position + moved,
-            level - velocity_change * t,
-            state.spin + spin_change * t,
-            t[:, 0],
-        )
+        with np.errstate(over="ignore", invalid="ignore"):  # refused by BallState
+            moved = level * t - 0.5 * velocity_change * t * t
+            spin = state.spin + spin_change * t
+        return BallState(state.position + moved, level - velocity_change * t, spin, t[:, 0])
 
     def rates(_: float, moving: Array) -> list[float]:
         return [*moving[3:6].tolist(), *(-velocity_change).tolist(), 0.0]
@@ -128,7 +126,9 @@ def slide(
         speed = math.hypot(*level) + sliding
         sizes = np.array([*3 * [speed * duration], *3 * [speed], 1.0])
         begin = 0.0, np.array([0.0, 0.0, 0.0, *level, 1.0])
-        arc = integrate(rates, begin, ends, duration, Tolerance(FINEST, FINEST * sizes))
+        arc = integrate(
+            rates, begin, ends, duration, Tolerance(FINEST, np.maximum(FINEST * sizes, 1e-300))
+        )
         duration, reached = arc.end, arc.reached
     end = _first(states(np.array([duration])))
     start = BallState(state.position, state.velocity, state.spin)
@@ -221,10 +221,11 @@ class _Rolling:
         """
         speed, wind = math.hypot(*self.begin[3:5]), math.hypot(*self._wind)
         fast = max(speed, self._slowest)
-        length = fast**2 / (2.0 * self._resistance)
+        length = fast * (fast / (2.0 * self._resistance))
         # Friction turns with the ball, ever faster as it slows: looser steps miss where it rests.
         tol = min(tol, 1e-9)
-        tolerance = Tolerance(tol, tol * np.array([*3 * [length], *3 * [fast], 1.0]))
+        sizes = np.array([*3 * [length], *3 * [fast], 1.0])
+        tolerance = Tolerance(tol, np.maximum(tol * sizes, 1e-300))
         arcs: list[Arc] = []
         time, state = 0.0, self.begin
         reached = self.slow if speed <= self._slowest else None

@@ -18,7 +18,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
 from kickdyn.flight.events import Event, end_at_launch
 
-MAX_EVALUATIONS = 250_000
+MAX_EVALUATIONS = 100_000
 """Most evaluations of the rates. An explicit method would not come to an end where drag stops the
 ball at once, as in syrup."""
 

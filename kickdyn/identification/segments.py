@@ -229,14 +229,20 @@ class Segments(Printed):
             InvalidInput: the track has no bounce or no rolling segment, or a median is no
                 coefficient, such as a rolling deceleration below 0.
         """
-        if self.restitution is None or self.friction is None or self.rolling_deceleration is None:
+        rolling = self.rolling_deceleration
+        if rolling is not None and rolling.median < 0.0:
+            raise InvalidInput(
+                f"the rolling ball gains {-rolling.median:.3g} m/s2: the ground must be level, and "
+                "the z axis of the track must point up"
+            )
+        if self.restitution is None or self.friction is None or rolling is None:
             missing = "bounce" if self.restitution is None else "part in which the ball rolls"
             raise InvalidInput(f"the track has no {missing}: it does not determine a surface")
         return Surface(
             "measured",
             self.restitution.median,
             self.friction.median,
-            self.rolling_deceleration.median,
+            rolling.median,
             source=f"{self.restitution.samples} bounces of a measured track",
             deviations={
                 name: getattr(self, name).deviation
@@ -336,6 +342,11 @@ def segments(
     restitution, friction = _at_bounces(segments, samples, ball)
     rolling_deceleration = _rolling_deceleration(samples, segments, ball, air)
     warnings = []
+    if not falling and any(part.kind is SegmentKind.OTHER for part in segments):
+        warnings.append(
+            "the ball falls nowhere along z, which must point up: the columns t,z,x,y turn a track "
+            "in which y does, t,y,z,x one in which x does (--columns)"
+        )
     if friction is not None and friction.is_lower_bound:
         warnings.append("no bounce shows that the ball slid to its end: friction may be higher")
     return Segments(track, segments, restitution, friction, rolling_deceleration, tuple(warnings))

@@ -36,7 +36,7 @@ class PlanStatus(StrEnum):
     """The foot that a robot stands on slips, tips or lifts off."""
     BEYOND_LIMITS = "beyond-limits"
     """The leg is not fast or strong enough: the plan is the kick of the largest share of it,
-    or one whose backswing takes more than the torque limits."""
+    or one whose motion does not keep a limit."""
     UNREACHABLE = "unreachable"
     """No launch meets it: the plan is the nearest there is."""
 

@@ -36,12 +36,17 @@ class KickObjective(StrEnum):
     MOST_JOINT_IMPULSE = "most-joint-impulse"
     SCATTER = "scatter"
     """Root mean square error of the landing [m], for errors of a given `uncertainty`."""
+    TORQUE_SQUARED = "torque-squared"
+    r""":math:`\int \frac1n \sum_i (\tau_i / \tau_{max,i})^2 dt` [s], of a motion."""
+
+    @property
+    def unit(self) -> str:
+        """Unit of the quantity, or words where it has none."""
+        return UNITS[self]
 
 
 class JointSpeed(Objective):
     """Mean square of the joints' speeds over their limits."""
-
-    remark = "(mean square of the joint speeds over their limits)"
 
     def quantity(self, point: KickPoint) -> float:
         variables = point.variables
@@ -51,8 +56,6 @@ class JointSpeed(Objective):
 class KineticEnergy(Objective):
     """Kinetic energy of the leg."""
 
-    unit = "J"
-
     def quantity(self, point: KickPoint) -> float:
         return 0.5 * float(point.v @ point.posture.inertia @ point.v)
 
@@ -60,16 +63,12 @@ class KineticEnergy(Objective):
 class FootSpeed(Objective):
     """Speed of the contact point."""
 
-    unit = "m/s"
-
     def quantity(self, point: KickPoint) -> float:
         return math.hypot(*(point.posture.jacobian @ point.v))
 
 
 class JointImpulse(Objective):
     """Largest linear impulse that a joint transmits, smoothed."""
-
-    unit = "N s"
 
     def quantity(self, point: KickPoint) -> float:
         posture, impulse = point.posture, point.variables.target.impulse
@@ -96,8 +95,6 @@ class LandingScatter(Objective):
         air: of the flight.
         uncertainty: standard deviations by source, see `scatter`.
     """
-
-    unit = "m"
 
     def __init__(
         self, launch: BallState, ball: Ball, air: Air | None, uncertainty: Mapping[str, float]
@@ -139,3 +136,14 @@ OBJECTIVES: dict[KickObjective, type[Objective]] = {
     KickObjective.SCATTER: LandingScatter,
 }
 """The objective of each name."""
+
+UNITS = {
+    KickObjective.JOINT_SPEED: "(mean square of the joint speeds over their limits)",
+    KickObjective.JOINT_IMPULSE: "N s",
+    KickObjective.KINETIC_ENERGY: "J",
+    KickObjective.FOOT_SPEED: "m/s",
+    KickObjective.MOST_JOINT_IMPULSE: "N s",
+    KickObjective.SCATTER: "m",
+    KickObjective.TORQUE_SQUARED: "s",
+}
+"""The unit of each objective."""

@@ -20,11 +20,10 @@ from kickdyn.flight.fly import fly
 from kickdyn.flight.follow import Course
 from kickdyn.identification.identification_result import Identification
 from kickdyn.impact.impact_result import Impact
-from kickdyn.planning.backswing import Backswing
+from kickdyn.motion.motion import Motion
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.launch import Launch
 from kickdyn.planning.passes import Pass
-from kickdyn.planning.swing import Swing
 from kickdyn.scene.scene import Scene
 from kickdyn.scene.simulate import Simulation, simulate_as_instant
 from kickdyn.view.caption import kick_panel
@@ -38,7 +37,7 @@ FRAME_HEIGHT = 600
 
 _Path = Flight | Course
 _Comparable = Impact | Flight | Course | Launch | Pass | Identification
-_MovingSubject = Impact | KickPlan | Swing | Scene | Simulation
+_MovingSubject = Impact | KickPlan | Scene | Simulation
 
 
 class Page:
@@ -75,15 +74,18 @@ class Page:
 
         Args:
             file: it is replaced as a whole, or not at all.
-            at: time since the impact that a picture shows [s]; the page of a kick only.
+            at: time since the impact that a picture of a kick shows [s]; otherwise 0.
 
         Raises:
-            InvalidInput: the file cannot be written, or there is no Chromium for a picture.
+            InvalidInput: the file cannot be written, there is no Chromium for a picture, or a time
+                that is not shown.
             KickdynError: Chromium failed.
         """
         validation.check_type(str, PathLike, file=file)
-        at = validation.number("at", at, at_least=0, unit="s")
-        if Path(file).suffix.lower() == ".png":
+        is_picture = Path(file).suffix.lower() == ".png"
+        last = float(self.pace.times[-1]) if is_picture and self.pace else 0.0
+        at = validation.number("at", at, at_least=0, at_most=last, unit="s")
+        if is_picture:
             save_picture(self.html, file, at)
             return
         with replacing(file) as draft:
@@ -111,8 +113,8 @@ def page(
 ) -> Page:
     """Return a 3-D page of a kick, or of several impacts or flights to compare.
 
-    A kick moves: an `Impact` with the ball's path, a `KickPlan` (with its `backswing` if it has
-    one), a `Swing`, a `Scene` or the `Simulation` of one. A scene is shown with its wall or goal,
+    A kick moves: an `Impact` with the ball's path, a `KickPlan` (with its `motion` if it has
+    one), a `Scene` or the `Simulation` of one. A scene is shown with its wall or goal,
     and its contact as instantaneous.
     A `Flight`, `Course`, `Launch` or `Pass`, and up to 8 of them, are curves over one lawn; the
     flight of an `Identification` is a curve with the measured positions as dots. Of several
@@ -133,8 +135,7 @@ def page(
         scenery: boxes that are shown beside a kick, as `wall_boxes` and `goal_boxes` return them.
 
     Raises:
-        InvalidInput: there is nothing of that to show, or too much; or a swing does not reach its
-            impact.
+        InvalidInput: there is nothing of that to show, or too much.
     """
     for box in scenery:
         validation.check_type(Box, scenery=box)
@@ -147,7 +148,7 @@ def page(
     kick = _kick_of(subject, path, caption)
     impact, viewer = kick.impact, recording_viewer()
     boxes = [*scenery, *kick.scenery]
-    pace, ground = draw_kick(viewer, impact, kick.path, boxes, kick.swing, lies=kick.lies)
+    pace, ground = draw_kick(viewer, impact, kick.path, boxes, kick.motion, lies=kick.lies)
     text = f"{kick.caption.removesuffix('.')}. {ground}" if kick.caption and ground else ""
     text = text or kick.caption or ground
     warnings = [*viewer.window.warnings, *kick.warnings]
@@ -163,7 +164,7 @@ class _Kick(NamedTuple):
     impact: Impact
     path: _Path
     caption: str
-    swing: Swing | Backswing | None = None
+    motion: Motion | None = None
     scenery: Sequence[Box] = ()
     warnings: Sequence[str] = ()
     lies: bool = True
@@ -177,12 +178,8 @@ def _kick_of(subject: _MovingSubject, path: _Path | None, caption: str) -> _Kick
             return _Kick(subject, flown, caption, lies=isinstance(path, Course))
         case KickPlan():
             warnings = [line.partition("; ")[0] for line in subject.warnings]
-            swing = subject.backswing
-            return _Kick(subject.impact, subject.path, caption, swing, warnings=warnings)
-        case Swing():
-            if subject.status != "met":
-                raise InvalidInput(f"the swing does not reach this impact: {subject.limit}")
-            return _kick_of(subject.plan, None, caption)._replace(swing=subject)
+            motion = subject.motion
+            return _Kick(subject.impact, subject.path, caption, motion, warnings=warnings)
         case Simulation():
             return _kick_of_simulation(subject, caption)
         case Scene():

@@ -1,6 +1,7 @@
 import math
 import pickle
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -155,3 +156,11 @@ def test_a_course_can_be_pickled():
     assert copy.rest == course.rest
     half = 0.5 * course.duration
     assert copy.sample(half) == course.sample(half)
+
+
+def test_flights_without_a_duration_have_warnings():
+    course = kd.follow(
+        kd.BallState((0, 0, 1), (9, 0, 3)), kd.Ball(), kd.Air(), kd.Ground(surface=SURFACES["turf"])
+    )
+    still = [replace(flight, landing=flight.launch) for flight in course.flights]
+    assert isinstance(replace(course, flights=tuple(still)).warnings, tuple)

@@ -8,8 +8,8 @@ import pinocchio as pin
 import pytest
 
 import kickdyn as kd
+from kickdyn.motion.impact_target import impact_target_for
 from kickdyn.planning import kick_problem as module
-from kickdyn.planning.impact_target import impact_target_for
 from kickdyn.planning.kick_problem import explain_infeasible, kick_problem
 from kickdyn.planning.kick_terms import (
     BallPosition,
@@ -80,8 +80,6 @@ def test_slopes_of_a_stance_are_those_of_the_values(offset):
     for kind in (Balance, Clearance, Upright):
         assert slope_errors(problem.find(kind), variables, x).max() < 1e-7
     assert slope_errors(problem.find(SupportImpulse), variables, x).max() < 1e-5
-    rising = Clearance(problem.standing, lift=20.0)
-    assert slope_errors(rising, variables, x).max() < 1e-6
 
 
 def test_the_strike_is_made_exact():
@@ -234,7 +232,7 @@ def test_scatter_is_that_of_the_strike():
 def test_robust_scatters_no_more_than_any_other_objective(leg, goal, spread):
     robust = kd.plan_kick(leg, goal, BALL, AIR, objective="scatter", uncertainty=spread)
     own = scatter(robust.impact, AIR, **spread).radius
-    for name in set(KickObjective) - {"scatter"}:
+    for name in set(KickObjective) - {"scatter", "torque-squared"}:
         other = kd.plan_kick(leg, goal, BALL, AIR, objective=name)
         assert other.status == "met"
         assert own <= scatter(other.impact, AIR, **spread).radius * (1 + 1e-6), name
@@ -286,21 +284,3 @@ def test_conditions_that_exclude_each_other_are_not_blamed_on_the_ranges():
     words = "it has one only without two or more of its conditions"
     assert explain_infeasible(replace(problem, terms=terms)) == words
     assert explain_infeasible(replace(problem, terms=terms[:-1])) == "it has one without 1.0"
-
-
-def test_another_solver_finds_the_same_plan(monkeypatch):
-    starts = []
-
-    def recording(problem, start):
-        starts.append(start)
-        return module.slsqp(problem, start)
-
-    monkeypatch.setitem(module.SOLVERS, "recording", recording)
-    plan = kd.plan_kick(LEG, kd.Goal(15, time=1), BALL, AIR, solver="recording")
-    assert len(starts) == module.STARTS
-    assert plan.q.tolist() == PLAN.q.tolist()
-
-
-def test_an_unknown_solver_is_refused():
-    with pytest.raises(kd.InvalidInput, match="solver is 'best': it must be one of slsqp"):
-        kd.plan_kick(LEG, kd.Goal(15, time=1), BALL, AIR, solver="best")

@@ -91,15 +91,31 @@ def test_what_happens_just_after_the_impact():
     said = f"{stop}, hip has {fast['hip']:.0%} of its speed limit, ankle has "
     keeps = "A plan keeps the limits up to the impact, not after it"
     assert line == (
-        f"Just after the impact, {said}{fast['ankle']:.0%} of its speed limit. {keeps}; --swing "
-        "plans a kick after which the leg stops within its limits."
+        f"Just after the impact, {said}{fast['ankle']:.0%} of its speed limit. {keeps}; --motion "
+        "plans a kick after which the robot comes to rest within its limits."
     )
     short = f"Just after the impact, {stop}. {keeps}."
     assert PlanReport(plan, limits=False).sentences()[1:] == [short]
     leg = PlanReport(plan).to_json()["leg"]
     assert (leg["too_fast_after"], leg["into_stop"]) == (plan.too_fast_after, ["knee"])
-    swung = kd.plan_kick(LEG, kd.Goal(15, time=1), BALL, AIR, swing=True)
-    assert PlanReport(swung).sentences() == [verdict(swung)]
+
+
+def test_a_motion_has_a_sentence_and_samples_in_json():
+    plan = kd.plan_kick(LEG, kd.Goal(15, time=1), BALL, AIR, motion=True)
+    first, line, *_ = PlanReport(plan).sentences()
+    assert first == verdict(plan)
+    assert line == (
+        f"The motion takes {-plan.motion.begin:.3g} s from rest to the impact and "
+        f"{plan.motion.end:.3g} s from there to rest, with "
+        f"{_limit_use(plan.speed_use, plan.torque_use)}."
+    )
+    motion = json.loads(json.dumps(PlanReport(plan).to_json(), allow_nan=False))["motion"]
+    assert motion["joints"] == list(LEG.joint_names)
+    assert motion["time"][0] == pytest.approx(plan.motion.begin, abs=0.01)
+    assert motion["time"][-1] == pytest.approx(plan.motion.end, abs=0.01)
+    for time, q, torque in zip(motion["time"], motion["q"], motion["torque"], strict=True):
+        assert q == plan.motion.q(time).tolist()
+        assert torque == plan.motion.torque(time).tolist()
 
 
 def test_what_the_flight_warns_of_is_said_of_the_plan():
@@ -325,7 +341,7 @@ def test_every_number_of_the_table_is_that_of_the_plan(plan):
 @pytest.mark.parametrize("plan", KICKS)
 def test_every_number_of_the_json_is_that_of_the_plan(plan):
     wall, spread = Wall(3.0, 0.2), {"speed": 0.02}
-    report = PlanReport(plan, None, wall, True, spread).to_json()
+    report = PlanReport(plan, wall, True, spread).to_json()
     impact, leg, (up, left) = plan.impact, plan.leg, contact_point(plan)
     after, velocity = impact.ball_after, impact.ball_after.velocity
     ahead = plan.goal.target / plan.goal.distance

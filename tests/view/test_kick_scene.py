@@ -9,7 +9,6 @@ import pytest
 import umsgpack
 
 import kickdyn as kd
-from kickdyn.planning.backswing import Backswing
 from kickdyn.robot.ground_clearance import find_depths
 from kickdyn.view import kick_scene, marks
 from kickdyn.view.camera import BOTTOM, LEFT, RIGHT, TOP
@@ -106,11 +105,11 @@ def test_a_robot_is_in_the_picture_from_head_to_foot(make_kick, load):
     assert np.linalg.norm(shown[1]) > 1.2 * np.linalg.norm(shown[0])
 
 
-def test_a_whole_swing_is_beside_the_caption():
+def test_a_whole_motion_is_beside_the_caption():
     leg, ball = kd.Leg.human(), kd.Ball()
-    plan = kd.plan_kick(leg, kd.Goal(15, time=1), ball, kd.Air(), swing=True)
-    swing, viewer = kd.plan_swing(leg, plan), recording_viewer()
-    draw_kick(viewer, plan.impact, plan.path, swing=swing)
+    plan = kd.plan_kick(leg, kd.Goal(15, time=1), ball, kd.Air(), motion=True)
+    motion, viewer = plan.motion, recording_viewer()
+    draw_kick(viewer, plan.impact, plan.path, motion=motion)
     said = [umsgpack.unpackb(packed) for packed in viewer.window.commands]
     (shift,) = (c["matrix"] for c in said if c.get("path") == "/meshcat" and "matrix" in c)
     target = -np.reshape(shift, (4, 4)).T[:3, 3]
@@ -119,21 +118,11 @@ def test_a_whole_swing_is_beside_the_caption():
     eye = np.add(target, (x, -z, y))
     into = (target - eye) / np.linalg.norm(target - eye)
     right = np.cross(into, (0, 0, 1)) / np.linalg.norm(np.cross(into, (0, 0, 1)))
-    for time in np.linspace(-swing.backswing.duration, swing.follow_through.duration, 30):
-        away = leg.posture(swing.configuration(time)).contact_point - eye
+    for time in np.linspace(motion.begin, motion.end, 30):
+        away = leg.posture(motion.q(time)).contact_point - eye
         across, up = (away @ axis / (away @ into) for axis in (right, np.cross(right, into)))
         assert -LEFT < across < RIGHT
         assert -BOTTOM < up < TOP
-
-
-def test_a_backswing_is_followed_by_joints_that_come_to_rest(kick, monkeypatch):
-    hit, moved = kick[0], np.array([0.1, 0.2, 0.3])
-    monkeypatch.setattr(Backswing, "configuration", lambda _, time: moved * time)
-    backswing = Backswing(None, None)
-    for time in (-0.4, -0.1, 0.0):
-        assert np.array_equal(kick_scene._configuration(hit, backswing, time), moved * time)
-    after = leg_configuration(hit, 0.1)
-    assert np.array_equal(kick_scene._configuration(hit, backswing, 0.1), after)
 
 
 def test_the_ball_rests_on_the_ground(scene, kick):

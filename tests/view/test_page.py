@@ -91,6 +91,19 @@ def test_swapped_arguments_of_save_are_refused_in_a_short_line(tmp_path, kick, m
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_time_that_a_page_or_picture_does_not_show_is_refused(tmp_path, kick, monkeypatch):
+    pictures = []
+    monkeypatch.setattr("kickdyn.view.page.save_picture", lambda _, *how: pictures.append(how))
+    hit, _, flight = kick
+    made, end = kd.page(hit, flight), flight.duration
+    for name, time in (("kick.html", 99), ("kick.png", 99), ("kick.png", 1.01 * end)):
+        with pytest.raises(kd.InvalidInput, match=f"at is {float(time):g}.*at most"):
+            made.save(tmp_path / name, time)
+    made.save(tmp_path / "kick.png", 0.9 * end)
+    assert pictures == [(tmp_path / "kick.png", 0.9 * end)]
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_one_page_of_several(make_kick, tmp_path):
     pages = {f"{speed} m/s": kd.page(make_kick(kd.Leg.human(), speed)[0]) for speed in (1, 2)}
     made = page_of_pages(pages)

@@ -79,7 +79,7 @@ def test_a_drag_coefficient_is_a_number_or_a_name(tmp_path):
             ["--ball-height", "0", "--ball-at", "0,0,0"],
             "--ball-height and --ball-at are both given",
         ),
-        (["--motion", "--robust", "speed=0.1"], "objective is scatter: a motion (motion=True"),
+        (["--motion", "--robust", "speed=0.1"], "objective is scatter: a motion"),
         (["--time", "1"], "time and apex are given"),
         (["--motion", "--no-limits"], "limits is False: a motion is planned within limits"),
     ],
@@ -304,7 +304,7 @@ def test_a_robot_and_a_goal_beyond_its_limits():
         ),
         (
             ["--distance", "10", "--time", "1", "--robust", "angle=0.01", "--motion"],
-            "objective is scatter: a motion (motion=True",
+            "objective is scatter: a motion",
         ),
     ],
 )

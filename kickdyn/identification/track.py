@@ -146,9 +146,8 @@ class Track(ValueEquality, ReprMixin):
             columns: names of the columns with the time [s] and the three coordinates [m].
 
         Raises:
-            FaultyFile: the file cannot be read, a column is missing, or a value is not a number;
-                the message names the first such row.
-            InvalidInput: times do not increase.
+            FaultyFile: the file cannot be read, a column is missing, a value is not a number, or
+                times do not increase; the message names the first such row.
         """
         source = str(file)
         names = list(columns)
@@ -188,6 +187,11 @@ class Track(ValueEquality, ReprMixin):
                 fault = (
                     f"row {number} has {validation.brief(cells)}: all must be finite numbers up to "
                     f"{LARGEST:g}"
+                )
+            elif values and numbers[0] <= values[-1][0]:
+                fault = (
+                    f"row {number} has the time {numbers[0]:.10g} s after {values[-1][0]:.10g} s: "
+                    "times must increase"
                 )
             if fault:
                 raise FaultyFile(source, [fault])

@@ -244,6 +244,12 @@ class Learner(ReprMixin):
                 "the goal is beyond the limits of the leg: the kick has "
                 f"{self.command.share:.0%} of the launch speed"
             )
+        e = self.estimates["restitution"]
+        if not 0.02 < e < 0.98:
+            lines.append(
+                f"restitution is {e:.3g}, near the end of its range: something else may change the "
+                "launch speed"
+            )
         return (*lines, *self.launch.flight.warnings)
 
     def observe(self, seen: ArrayLike | Track, time: float | None = None) -> None:

@@ -29,7 +29,7 @@ def door(*arguments, cwd=None):
         "plan",
         *arguments,
     ]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120, cwd=cwd)
+    return subprocess.run(command, capture_output=True, text=True, timeout=3600, cwd=cwd)
 
 
 def test_text_and_files(tmp_path):

@@ -5,8 +5,6 @@ import re
 import signal
 import subprocess
 import sys
-import threading
-import time
 import warnings
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import suppress
@@ -267,20 +265,17 @@ def test_processes_fill_the_same_store(tmp_path):
 def test_a_worker_that_is_killed_leaves_what_can_be_resumed(tmp_path):
     calls = []
 
-    def kill_one():
-        while len(calls) < 2:
-            time.sleep(0.01)
-        family = psutil.Process().children(recursive=True)
-        workers = [one for one in family if "spawn_main" in " ".join(one.cmdline())]
-        os.kill(workers[0].pid, signal.SIGKILL)
+    def kill_one_at_the_second(count, _):
+        calls.append(count)
+        if len(calls) == 2:
+            family = psutil.Process().children(recursive=True)
+            workers = [one for one in family if "spawn_main" in " ".join(one.cmdline())]
+            os.kill(workers[0].pid, signal.SIGKILL)
 
-    killer = threading.Thread(target=kill_one, daemon=True)
-    killer.start()
     stops = pytest.raises(kd.KickdynError, match=r"of [\d,]+ postures are stored in .*resume=True")
     with processes(2) as executor, stops:
         stored(tmp_path / "s.zarr", LARGE, replace(KICK, air=kd.Air()), tolerance=0,
-               executor=executor, progress=lambda count, _: calls.append(count))  # fmt: skip
-    killer.join(5)
+               executor=executor, progress=kill_one_at_the_second)  # fmt: skip
     done = computed(tmp_path / "s.zarr")
     assert done > 0
     calls.clear()

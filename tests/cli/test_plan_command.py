@@ -429,3 +429,27 @@ def test_a_wind_faster_than_sound_is_refused_at_once():
     assert "wind is 1e+300: it must be a finite number at most 343 [m/s]" in " ".join(
         ended.stderr.split()
     )
+
+
+def test_the_page_shows_the_goal_at_the_target_and_its_warnings_are_printed(tmp_path, monkeypatch):
+    shown, real = [], kd.page
+
+    def page(made, **options):
+        shown.append((made, options))
+        saved = real(made, **options)
+        saved.warnings = ("a mesh is missing",)
+        return saved
+
+    monkeypatch.setattr("kickdyn.view.page.page", page)
+    where = ["--distance", "11", "--left", "2", "--height", "1", "--time", "0.6", "--goal"]
+    ended = CliRunner().invoke(plan, [*where, "--view", str(tmp_path / "kick.html")])
+    assert ended.exception is None, ended.exception
+    assert "warning: a mesh is missing" in ended.stderr.splitlines()
+    ((made, options),) = shown
+    ball = made.path.launch.position
+    foot = [ball[0], ball[1], ball[2] - kd.Ball().radius]
+    corners = np.vstack([box.corners() for box in options["scenery"]]) - foot
+    assert len(options["scenery"]) == 3
+    assert corners[:, 0] == pytest.approx(np.full(len(corners), 11.0), abs=0.1)
+    assert corners[:, 1].min() == pytest.approx(-corners[:, 1].max())
+    assert corners[:, 2].min() == pytest.approx(0.0)

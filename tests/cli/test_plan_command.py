@@ -73,13 +73,10 @@ def test_a_drag_coefficient_is_a_number_or_a_name(tmp_path):
     ("words", "said"),
     [
         (["--distance", "20000"], "distance is 20000.0: .* at most 10000"),
-        (["--robust", "speed=-1"], "--robust is 'speed=-1': spread of speed is -1.0"),
-        (["--robust", "sped=1"], "--robust is 'sped=1': source 'sped' is unknown"),
         (
             ["--ball-height", "0", "--ball-at", "0,0,0"],
             "--ball-height and --ball-at are both given",
         ),
-        (["--motion", "--robust", "speed=0.1"], "objective is scatter: a motion (motion=True"),
         (["--time", "1"], "time and apex are given"),
         (["--motion", "--no-limits"], "limits is False: a motion is planned within limits"),
     ],
@@ -132,11 +129,6 @@ def test_json_says_what_else_is_known():
     far = ["--distance", "50", "--time", "2", "--beside", "9.15:0.9", "--json", "-"]
     ended = door(*far, "--leg", "g1", "--no-limits")
     assert json.loads(ended.stdout)["goal"]["beside"] == [9.15, 0.9]
-    robust = ["--distance", "15", "--time", "1", "--robust", "speed=0.02,angle=0.01", "--json", "-"]
-    scatter = json.loads(door(*robust).stdout)["scatter"]
-    (xx, _), (_, yy) = scatter["covariance"]
-    assert scatter["radius"] == pytest.approx((xx + yy) ** 0.5)
-    assert set(scatter["by_source"]) == {"speed", "angle"}
 
 
 def test_python_plans_the_same_kick_where_it_is_told_where_the_ball_lies():
@@ -289,23 +281,6 @@ def test_a_robot_and_a_goal_beyond_its_limits():
             "Invalid value for '--ball-at': '1,2' is not X,Y,Z",
         ),
         (["--distance", "9", "--time", "1", "--motion", "--plot", "a.x"], "no known ending"),
-        (
-            [
-                "--distance",
-                "10",
-                "--time",
-                "1",
-                "--robust",
-                "angle=0.01",
-                "--objective",
-                "kinetic-energy",
-            ],
-            "--robust and --objective are both given",
-        ),
-        (
-            ["--distance", "10", "--time", "1", "--robust", "angle=0.01", "--motion"],
-            "objective is scatter: a motion (motion=True",
-        ),
     ],
 )
 def test_bad_input_is_one_line(arguments, words):

@@ -6,7 +6,6 @@ from .air import Air as Air
 from .ball import Ball as Ball
 from .ball import BallState as BallState
 from .contact import Contact as Contact
-from .errors import EnergyCreated as EnergyCreated
 from .errors import InvalidInput as InvalidInput
 from .errors import KickdynError as KickdynError
 from .errors import MjcfError as MjcfError

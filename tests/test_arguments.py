@@ -57,7 +57,7 @@ INSTANCES = {
     "Leg": LEG,
     "Posture": POSTURE,
     "Goal": GOAL,
-    "ForceModel": kd.ForceModel(1e5, 1.0),
+    "ForceModel": kd.ForceModel(1e5, 0.5),
     "Impact": IMPACT,
     "UnilateralImpact": IMPACT,  # whose methods it has
     "Plane": kd.Plane((1, 0, 0), (-1, 0, 0)),
@@ -203,7 +203,7 @@ def test_what_is_converted_is_left_alone():
 @pytest.mark.parametrize("value", [math.nan, math.inf])
 def test_no_nan_comes_out_of_a_posture_or_a_contact(value):
     for attempt in (
-        lambda: kd.ForceModel(value, 1.0),
+        lambda: kd.ForceModel(value),
         lambda: kd.ForceModel(1.0, value),
         lambda: POSTURE.effective_mass((1.0, value, 0.0)),
         lambda: POSTURE.respond((1.0, value, 0.0)),

@@ -180,7 +180,6 @@ def posture_sweep(
             computed = (block for _, block in blocks(data))
         for block in computed:
             summary.add(block)
-    warn(filter(None, [summary.disagreement]))
 
     lines = extreme_lines(robot, grid, kick, summary)
     if leg.leg_name == "human" and not leg.locked:

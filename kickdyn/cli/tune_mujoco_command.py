@@ -102,8 +102,8 @@ def tune_mujoco(scene_file: str, mujoco: MujocoOptions, output: MjcfOptions) -> 
         tuning = tune_contact(
             scene.posture, scene.v, scene.ball, scene.contact, timestep=mujoco.timestep,
             integrator=mujoco.integrator, contact_time=compliance.contact_time or CONTACT_TIME,
-            dissipation=compliance.dissipation, tolerance=mujoco.tolerance,
-            ball_velocity=scene.incoming.velocity, ball_spin=scene.incoming.spin,
+            tolerance=mujoco.tolerance, ball_velocity=scene.incoming.velocity,
+            ball_spin=scene.incoming.spin,
         )  # fmt: skip
     model = tuning.mjcf(*feet)
     for file, text in ((output.out, model), (output.scene_out, tuning.scene)):

@@ -145,21 +145,6 @@ def test_of_several_geoms_the_command_asks_which(tmp_path, shoes, known):
     )
 
 
-def test_the_dissipation_is_that_of_the_scene(scene, tmp_path, monkeypatch):
-    asked = []
-
-    def tune(*_, dissipation, **__):
-        asked.append(dissipation)
-        raise kd.NoImpact("enough")
-
-    monkeypatch.setattr("kickdyn.cli.tune_mujoco_command.tune_contact", tune)
-    run(scene)
-    damped = tmp_path / "damped.toml"
-    damped.write_text(KICK + 'dissipation = "hunt-crossley"\n')
-    run(damped)
-    assert asked == ["walton-braun", "hunt-crossley"]
-
-
 @pytest.mark.parametrize(
     ("arguments", "fault"),
     [

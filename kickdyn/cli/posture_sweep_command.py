@@ -1,7 +1,6 @@
 """Analyse the kicking postures of a leg: `python -m kickdyn.posture_sweep`."""
 
 import logging
-import math
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -10,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-import numpy as np
 import xarray as xr
 
 from kickdyn.cli.command import Command, warn
@@ -215,31 +213,19 @@ def posture_sweep(
 
 @contextmanager
 def _progress_bar(size: int) -> Iterator[Progress | None]:
-    """Show a bar with time left, the best ball speed and compilations, on a terminal only."""
+    """Show a bar with time left, and compilations, on a terminal only."""
     if not sys.stderr.isatty():
         yield None
         return
-    best = math.nan
     notice = logging.StreamHandler(sys.stderr)
     notice.setFormatter(logging.Formatter("\r%(message)s; later runs read it from disk"))
     level = compilation.log.level
     compilation.log.addHandler(notice)
     compilation.log.setLevel(logging.INFO)
 
-    def text(speed: float | None) -> str | None:
-        return f"best {speed:.4g} m/s" if speed else None
-
-    with click.progressbar(
-        length=size, label="postures", file=sys.stderr, item_show_func=text
-    ) as bar:
-
-        def progress(count: int, speed: float) -> None:
-            nonlocal best
-            best = float(np.fmax(best, speed))
-            bar.update(count, None if math.isnan(best) else best)
-
+    with click.progressbar(length=size, label="postures", file=sys.stderr) as bar:
         try:
-            yield progress
+            yield bar.update
         finally:
             compilation.log.removeHandler(notice)
             compilation.log.setLevel(level)

@@ -63,7 +63,6 @@ class SceneError(FaultyFile):
     """A scene file that is refused; of several faults, each has a line of its own."""
 
     def __str__(self) -> str:
-        """Return the file's name and its fault in one line, or a line per fault."""
         if len(self.faults) == 1:
             return f"{shortened(self.source)}: {self.faults[0]}"
         return "\n".join([f"{shortened(self.source)}:", *self.faults])

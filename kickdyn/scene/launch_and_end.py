@@ -100,7 +100,6 @@ def collide_scene(scene: Scene, tol: float) -> Collision:
 
 
 def _arguments(scene: Scene) -> dict[str, Any]:
-    """Return the arguments that `strike` and `collide` share."""
     arguments = {name: getattr(scene, name) for name in ("posture", "v", "ball", "contact")}
     motion = {"ball_velocity": scene.incoming.velocity, "ball_spin": scene.incoming.spin}
     return arguments | motion
@@ -149,7 +148,6 @@ def end_slopes(scene: Scene, path: Flight | Course) -> EndSlopes:
 
 
 def _differences(scene: Scene, path: Course) -> EndSlopes:
-    """Return the slopes of the end by differences of whole paths."""
     launch, slopes = path.launch, np.zeros((2, 3, 3))
     speed = float(launch.speed)
     for kind, size in enumerate((speed, speed / scene.ball.radius)):

@@ -86,7 +86,6 @@ def _check_text(value: object) -> None:
 
 
 def _check_list(value: object) -> None:
-    """Raise `InvalidInput` unless a value is a list of at most `MOST_NAMES` entries."""
     if not (isinstance(value, list) and len(value) <= MOST_NAMES):
         raise InvalidInput(
             f"{validation.brief(value)}: it must be a list, with at most {MOST_NAMES} entries"
@@ -200,7 +199,6 @@ def joint_faults(leg: Leg, of_leg: LegTable, of_posture: PostureTable) -> list[s
 def _ball(
     model: str = "size-5", velocity: ArrayLike = ZERO, spin: ArrayLike = ZERO, **values: Any
 ) -> tuple[Ball, BallState]:
-    """Return the ball, and its motion before the contact."""
     usual = Ball.paper() if model == "paper" else Ball()
     return replace(usual, **values), BallState(velocity=velocity, spin=spin)
 
@@ -231,7 +229,6 @@ def _contact(
 
 
 def _air(model: str = "standard", **values: Any) -> Air:
-    """Return the air, without the effects that are not named."""
     options = {"drag": None, "lift": None, "torque": None, "buoyancy": False, **values}
     if model == "standard":
         return Air.at(**options)
@@ -258,7 +255,6 @@ def _uncertainty(**deviations: Any) -> dict[str, float]:
 
 
 def _number_or(kind: str, models: Collection[str]) -> str:
-    """Return what the coefficient of a force takes."""
     low, high = constant_limits(kind).values()
     return f"number, at least {low:g} and at most {high:g}, or {quoted(models)}"
 

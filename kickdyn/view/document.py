@@ -38,7 +38,7 @@ IDENTIFIER = re.compile(rb"[0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}")
 """The random name that meshcat gives an object, geometry or material."""
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-TIMEOUT = 120.0
+TIMEOUT = 600.0
 """Longest run of Chromium for one picture [s]."""
 
 # The picture is drawn without a graphics processor, so that it is the same everywhere.

@@ -45,7 +45,7 @@ def nearly_one(reynolds, spin_parameter):
     "again", [copy.copy, copy.deepcopy, lambda value: pickle.loads(pickle.dumps(value))]
 )
 def test_a_model_keeps_its_own_function_in_copies_and_pickles(name, again):
-    mine = CoefficientModel("drag", name, nearly_one, (0, 1e6), (0, 1), "here", refuses=True)
+    mine = CoefficientModel("drag", name, nearly_one, (0, 1e6), (0, 1), "here")
     air = again(kd.Air(drag=mine))
     assert air.drag == mine
     assert air.drag(1e5) == 0.99

@@ -28,7 +28,7 @@ SCRIPT = [
 def script(*arguments, **variables):
     environment = os.environ | variables
     return subprocess.run(
-        [*SCRIPT, *arguments], env=environment, capture_output=True, text=True, timeout=120
+        [*SCRIPT, *arguments], env=environment, capture_output=True, text=True, timeout=3600
     )
 
 

@@ -8,7 +8,7 @@ import pytest
 def door(*arguments, cwd=None):
     noise = "ignore:zmq.eventloop.ioloop is deprecated"  # meshcat's
     command = [sys.executable, "-W", "error", "-W", noise, "-m", "kickdyn", "paper", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120, cwd=cwd)
+    return subprocess.run(command, capture_output=True, text=True, timeout=3600, cwd=cwd)
 
 
 def test_everything(tmp_path):

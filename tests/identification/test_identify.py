@@ -165,6 +165,9 @@ def test_residuals_that_go_together_widen_the_deviations(curving):
     assert any("neighbouring residuals" in line for line in found.warnings)
     plain = kd.identify(kd.Track(curving.times, curving.positions + white), BALL, free=free)
     assert plain.widening == 1.0
+    ratio = found.noise * found.widening / plain.noise
+    for name, deviation in plain.deviations.items():
+        assert found.deviations[name] == pytest.approx(ratio * deviation, rel=0.15), name
     smooth[[20, 50]] += 0.3  # outliers have no neighbours that go with them
     other = kd.identify(kd.Track(curving.times, curving.positions + smooth), BALL, free=free)
     assert other.outliers == 2

@@ -544,6 +544,17 @@ def test_a_damaged_chunk_is_named_and_computed_again(tmp_path, fault):
     assert files(tmp_path / "s.zarr") == files(tmp_path / "whole.zarr")
 
 
+def test_a_damaged_coordinate_is_not_advised_to_be_resumed(tmp_path):
+    """Resuming computes chunks of variables: it refuses such a store, too."""
+    stored(tmp_path / "s.zarr")
+    (file,) = (tmp_path / "s.zarr" / "hip" / "c").iterdir()
+    file.write_bytes(bytes([file.read_bytes()[0] ^ 4]) + file.read_bytes()[1:])
+    words = r"s\.zarr: chunk hip/c/0 is damaged: only the whole sweep, computed anew, replaces it$"
+    for open_it in (kd.open_sweep, lambda path: stored(path, resume=True)):
+        with pytest.raises(kd.InvalidInput, match=words):
+            open_it(tmp_path / "s.zarr").load()
+
+
 def test_every_flipped_bit_of_a_chunk_is_noticed(tmp_path):
     path, draw = tmp_path / "s.zarr", np.random.default_rng(0)
     stored(path)

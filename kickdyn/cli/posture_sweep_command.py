@@ -220,7 +220,7 @@ def _progress_bar(size: int) -> Iterator[Progress | None]:
 
     with click.progressbar(length=size, label="postures", file=sys.stderr) as bar:
         try:
-            yield lambda count, _speed: bar.update(count)
+            yield bar.update
         finally:
             compilation.log.removeHandler(notice)
             compilation.log.setLevel(level)

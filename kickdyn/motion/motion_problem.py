@@ -43,6 +43,9 @@ JERK, ENDS, SHARE = 1e-8, 0.1, 3.0
 """Weights of the objective: of the jerk over n [s5/rad2], of the posture at both ends [1/rad2] and
 of the share of the launch that is not reached, against about 0.1 s of squared torque."""
 
+UNLIMITED = 100.0
+"""Speed limit of a joint that has none [rad/s]: faster than any joint that kicks."""
+
 LARGEST_TURN = 1.5
 """Largest angular velocity of a standing robot's foot across the normal, before the impact [rad/s]:
 during the contact, a foot that turns faster sends the ball aside."""
@@ -88,6 +91,12 @@ class KickTask:
     ball_centre: Array
     facing: Array
     standing: StandingRobot | None
+
+    @property
+    def speed_limit(self) -> Array:
+        """Limits of the joints' speeds, `UNLIMITED` where there is none, shape `(n,)` [rad/s]."""
+        limit = self.leg.velocity_limit
+        return np.where(np.isfinite(limit), limit, UNLIMITED)
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,7 +208,7 @@ class MotionProblem:
         point = tree.point(leg.contact_joint, lever.contact_lever)
         jacobian = ca.jacobian(point, q)
         inertia = np.diag(pin.crba(self._model, self._model.createData(), pin.neutral(self._model)))
-        momentum = 0.3 * np.maximum(inertia, 0.02) * self._model.velocityLimit
+        momentum = 0.3 * np.maximum(inertia, 0.02) * task.speed_limit
         across = impulse - (normal @ impulse) * normal
         ball_point = impulse / ball.mass + ball.turning * across
         speed = float(np.linalg.norm(ball_point))
@@ -327,7 +336,7 @@ class MotionProblem:
         to_share = sp.csr_matrix(([1.0], ([0], [size - 1])), shape=(1, size))
         to_impact = _matrix(sp.vstack([per_joint(splines.at_impact(), n, 1), to_share]))
         to_speeds = _matrix(
-            sp.diags(np.tile(1.0 / self._model.velocityLimit, len(splines.speed_rows())))
+            sp.diags(np.tile(1.0 / self.task.speed_limit, len(splines.speed_rows())))
             @ per_joint(splines.speed_rows(), n, 1)
         )
         weights = ca.DM(np.concatenate([integration_weights(t) for t in times])).T

@@ -383,7 +383,7 @@ def _limits_of(task: KickTask) -> tuple[list[Limit], list[Impulse]]:
     lower, upper = model.lowerPositionLimit, model.upperPositionLimit
     limits: list[Limit] = [
         TorqueLimit(names, model.effortLimit),
-        SpeedLimit(names, model.velocityLimit),
+        SpeedLimit(names, task.speed_limit),
         RangeLimit(names, lower, upper),
     ]
     standing = task.standing
@@ -415,10 +415,13 @@ def _foot_spheres(standing: StandingRobot, towards: Array, count: int, cosine: f
 
 
 def _check_limits(leg: Leg) -> None:
-    """Raise `InvalidInput` for a joint without a limit of speed or torque."""
-    for what, limits in (("speed", leg.velocity_limit), ("torque", leg.effort_limit)):
+    """Raise `InvalidInput` for a joint without a limit of torque, or with one of 0."""
+    for what, limits, most in (
+        ("speed", leg.velocity_limit, math.inf),
+        ("torque", leg.effort_limit, 1e6),
+    ):
         for name, limit in zip(leg.joint_names, limits.tolist(), strict=True):
-            if not 0.0 < limit < 1e6:
+            if not 0.0 < limit <= most:
                 raise InvalidInput(
                     f"{what} limit of {name} is {limit:g}: a motion needs one, above 0 "
                     "(Leg.with_drives, --drives FILE)"

@@ -59,7 +59,7 @@ def check_page_name(page: str) -> None:
     if ending == ".png":
         from kickdyn.view.document import find_browser
 
-        find_browser(page)
+        find_browser()
     elif ending not in (".html", ".htm"):
         raise InvalidInput(
             f"{page} has no known ending: a page is written as .html, a picture of it as .png"

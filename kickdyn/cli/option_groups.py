@@ -5,10 +5,9 @@ filled groups; their methods make the library's objects of what was typed.
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, fields, replace
 from functools import wraps
-from types import MappingProxyType
 from typing import Any, TypeVar
 
 import click
@@ -35,13 +34,10 @@ def option(*names: str, **settings: Any) -> Any:
     return field(metadata={"names": names, "settings": settings})
 
 
-def takes(
-    settings: Mapping[str, Mapping[str, Any]] = MappingProxyType({}), **groups: type[Any]
-) -> Callable[[Command], Command]:
+def takes(**groups: type[Any]) -> Callable[[Command], Command]:
     """Return a decorator that adds the options of groups to a command.
 
-    The command receives each group as the argument of its name. `settings` replaces settings of
-    `click.option`, such as a default or a help text, by the name of the option's field.
+    The command receives each group as the argument of its name.
     """
 
     def add(command: Command) -> Command:
@@ -55,8 +51,8 @@ def takes(
 
         for group in reversed(groups.values()):
             for entry in reversed(fields(group)):
-                changed = {**entry.metadata["settings"], **settings.get(entry.name, {})}
-                click.option(*entry.metadata["names"], entry.name, **changed)(with_groups)
+                names, settings = entry.metadata["names"], entry.metadata["settings"]
+                click.option(*names, entry.name, **settings)(with_groups)
         return with_groups  # type: ignore[return-value]
 
     return add
@@ -239,7 +235,7 @@ class OutputOptions(JsonOptions):
         "--plot", metavar="FILE", help="Plot the results: .png, .svg or .pdf."
     )
     view: str | None = option(
-        "--view", metavar="FILE.html|.png", help="Write a 3-D page of the kick, or a picture of it."
+        "--view", metavar="FILE.html|.png", help="Write a 3-D page, or a picture of it."
     )
 
     def check(self, *files: str | None, inputs: Iterable[str | None] = ()) -> None:

@@ -37,7 +37,7 @@ drag and lift may fall slower or faster than in free fall. For feet the range is
 lift alone can make a ball fall as fast as a number in feet seems to."""
 
 C3D_MEMORY, C3D_TIME = 2**31, 60.0
-"""Memory [bytes] and time [s] in which a C3D file is read."""
+"""Memory [bytes] and processor time [s] in which a C3D file is read."""
 
 LARGEST = 1e12
 """Largest number of a track [s, m]: larger ones are faults of a clock or of a file."""
@@ -259,8 +259,9 @@ def _c3d_content(
     paths = os.pathsep.join(filter(None, sys.path))
     try:
         child = subprocess.run(
-            [sys.executable, "-P", "-c", code, os.fspath(file), str(C3D_MEMORY)],
-            capture_output=True, timeout=C3D_TIME, check=True,
+            [sys.executable, "-P", "-c", code, os.fspath(file), str(C3D_MEMORY),
+             str(math.ceil(C3D_TIME))],
+            capture_output=True, timeout=10.0 * C3D_TIME, check=True,
             env={**os.environ, "PYTHONPATH": paths, "OPENBLAS_NUM_THREADS": "1"},
         )  # fmt: skip
         with np.load(io.BytesIO(child.stdout)) as content:
@@ -273,11 +274,12 @@ def _c3d_content(
 
 
 def _send_c3d() -> None:
-    """Write what `_c3d_content` returns to standard output; arguments are file and memory."""
+    """Write what `_c3d_content` returns to standard output; arguments: file, memory, time."""
     with contextlib.suppress(ImportError, ValueError):  # Windows has no limits
         import resource
 
         resource.setrlimit(resource.RLIMIT_AS, (int(sys.argv[2]),) * 2)
+        resource.setrlimit(resource.RLIMIT_CPU, (int(sys.argv[3]),) * 2)
     import ezc3d
 
     output = os.dup(1)

@@ -10,7 +10,6 @@ from typing import Any, NoReturn
 
 import click
 
-from kickdyn.core.files import check_outputs
 from kickdyn.errors import (
     FaultyFile,
     InvalidInput,
@@ -41,16 +40,6 @@ class Command(click.Command):
                 name = param.opts[0] if isinstance(param, click.Option) else param.metavar
                 raise InvalidInput(f"{name} is empty: it needs a value")
         return rest
-
-
-def check_files(
-    *files: str | Path | None, json_file: str | None = None, inputs: Iterable[str | None] = ()
-) -> None:
-    """Refuse outputs that cannot be written or are inputs; say which files will be replaced."""
-    replaced = check_outputs(*files, json_file=json_file, inputs=inputs)
-    if replaced:
-        will = "exists and will be" if len(replaced) == 1 else "exist and will be"
-        click.echo(f"{printable(', '.join(replaced))} {will} replaced", err=True)
 
 
 def check_page_name(page: str) -> None:

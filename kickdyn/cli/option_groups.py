@@ -16,13 +16,13 @@ from kickdyn.aerodynamics.coefficient_model import constant_limits, find_model
 from kickdyn.aerodynamics.drag import MODELS as DRAG_MODELS
 from kickdyn.air import AIRS, Air
 from kickdyn.ball import Ball
-from kickdyn.cli.command import check_files, check_page_name
+from kickdyn.cli.command import check_page_name
 from kickdyn.contact import Contact
 from kickdyn.core import validation
-from kickdyn.core.files import write_json
-from kickdyn.errors import InvalidInput
+from kickdyn.core.files import check_outputs, write_json
+from kickdyn.errors import InvalidInput, printable
 from kickdyn.restitution import MODELS as RESTITUTION_MODELS
-from kickdyn.restitution import Restitution, read_restitution
+from kickdyn.restitution import read_restitution
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -139,10 +139,6 @@ class ContactOptions:
         "--friction", default=0.4, show_default=True, help="Coulomb's coefficient."
     )
 
-    def read_restitution(self) -> Restitution:
-        """Return the coefficient, its table over the speed of approach, or the name of a model."""
-        return read_restitution(self.restitution)
-
 
 @dataclass(frozen=True)
 class PointOptions(ContactOptions):
@@ -155,7 +151,7 @@ class PointOptions(ContactOptions):
 
     def contact(self) -> Contact:
         """Return the contact, without a normal."""
-        return Contact(None, self.read_restitution(), self.friction, offset=self.offset)
+        return Contact(None, read_restitution(self.restitution), self.friction, offset=self.offset)
 
 
 @dataclass(frozen=True)
@@ -212,8 +208,11 @@ class JsonOptions:
         return self.json_file != "-"
 
     def check(self, *files: str | None, inputs: Iterable[str | None] = ()) -> None:
-        """Raise `InvalidInput` unless the files named by options, and `files`, can be written."""
-        check_files(*files, json_file=self.json_file, inputs=inputs)
+        """Refuse outputs that cannot be written or are inputs; name those that are replaced."""
+        replaced = check_outputs(*files, json_file=self.json_file, inputs=inputs)
+        if replaced:
+            will = "exists and will be" if len(replaced) == 1 else "exist and will be"
+            click.echo(f"{printable(', '.join(replaced))} {will} replaced", err=True)
 
     def write_json(self, document: object) -> None:
         """Write the document if a file is named."""

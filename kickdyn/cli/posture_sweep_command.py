@@ -26,7 +26,7 @@ from kickdyn.core import compilation
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.fly import fly
 from kickdyn.impact.laws import LAWS, names_of_laws
-from kickdyn.restitution import range_warnings
+from kickdyn.restitution import range_warnings, read_restitution
 from kickdyn.sweeps.chunk_solver import ChunkSolver
 from kickdyn.sweeps.dataset import VARIABLES, select_variables
 from kickdyn.sweeps.grid import GIGABYTES, Grid, read_postures
@@ -150,7 +150,7 @@ def posture_sweep(
     storing.check()
     output.check(storing.file, inputs=[leg.leg_name])
     kick = Kick(
-        speed=foot.speed, attack=foot.angle, restitution=contact.read_restitution(),
+        speed=foot.speed, attack=foot.angle, restitution=read_restitution(contact.restitution),
         friction=contact.friction, law=law, ball=ball.load(), air=air.load(),
     )  # fmt: skip
     warn(range_warnings(kick.contact.restitution, kick.speed))

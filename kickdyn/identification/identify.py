@@ -33,11 +33,8 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.flight.derivatives import INCREMENT, fly_with_slopes
 from kickdyn.identification.identification_result import Identification, covariance
-from kickdyn.identification.track import Track, refuse_intervals, refuse_units
+from kickdyn.identification.track import Track, check_samples, refuse_units
 from kickdyn.planning.problem import keep_last
-
-LEAST_SAMPLES = 5
-"""Fewer positions do not determine a launch together with its standard deviations."""
 
 LONGEST_FLIGHT = 100.0
 """Duration of a track [s] that is no flight of a ball."""
@@ -293,11 +290,7 @@ def _sought(free: Iterable[str], air: Air) -> tuple[Free, ...]:
 
 def _check_flight(track: Track) -> None:
     """Raise `InvalidInput` unless a track may be a flight, in metres."""
-    if len(track) < LEAST_SAMPLES:
-        raise InvalidInput(
-            f"a flight has {len(track)} positions: at least {LEAST_SAMPLES} are needed"
-        )
-    refuse_intervals(track)
+    check_samples(track)
     if not np.ptp(track.positions, axis=0).any():
         raise InvalidInput(
             f"the ball stays at {track.positions[0].tolist()} m: it does not move, so this is not "

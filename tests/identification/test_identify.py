@@ -270,7 +270,7 @@ def test_plot_and_representations(curving):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda t: (t.times[:4], t.positions[:4]), "4 positions: at least 5"),
+        (lambda t: (t.times[:4], t.positions[:4]), "4 samples: at least 5"),
         (lambda t: (t.times, 1000 * t.positions), "as in millimetres"),
         (lambda t: (1000 * t.times, t.positions), "as in milliseconds"),
         (lambda t: ([*t.times[:-1], 1e9], t.positions), r"are of 1e\+09 s, and no flight takes"),

@@ -57,7 +57,7 @@ class KickVariables:
         self.n = len(chain.names)
         self.size = 2 * self.n + 1
         self.lower, self.upper = chain.lower, chain.upper
-        limit = chain.velocity_limit
+        limit = chain.leg.velocity_limit
         self.velocity_scale = np.where(np.isfinite(limit) & (limit > 0.0), limit, UNLIMITED)
         self._rest = rest_configuration(leg)
 

@@ -7,6 +7,7 @@ from itertools import islice
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
@@ -402,9 +403,20 @@ def _limits_of(task: KickTask) -> tuple[list[Limit], list[Impulse]]:
     limits.append(Clearance("the kicking foot", foot, under))
     beside = _foot_spheres(standing, aside, *BESIDE)
     limits.append(Apart("the kicking foot", foot, beside, edge, side))
-    if standing.trunk_joint:
-        limits.append(Tilt(int(model.getJointId(standing.trunk_joint)), standing.trunk_axis))
+    if carriers := _trunk_carriers(standing, leg):
+        pin.forwardKinematics(leg.workspace.model, leg.workspace.data, leg.configuration())
+        upright = leg.workspace.data.oMi[carriers[-1]].rotation[2].copy()
+        limits.append(Tilt(carriers[-1], upright))
     return limits, [Impulse(limit) for limit in on_ground]
+
+
+def _trunk_carriers(standing: StandingRobot, leg: Leg) -> list[int]:
+    """Return the joints of a leg that carry the trunk, the last one next to it."""
+    if not standing.trunk_joint:
+        return []
+    whole, model = standing.leg.workspace.model, leg.workspace.model
+    names = [whole.names[joint] for joint in whole.supports[whole.getJointId(standing.trunk_joint)]]
+    return [int(model.getJointId(name)) for name in names[1:] if model.existJointName(name)]
 
 
 def _foot_spheres(standing: StandingRobot, towards: Array, count: int, cosine: float) -> Spheres:

@@ -44,7 +44,7 @@ POINTS, FINER = (2, 4), 10
 """Points of the solver in each interval far from the impact and near it, and how much finer limits
 are checked."""
 
-UNDER, BESIDE = (10, 0.4), (6, 0.6)
+UNDER, BESIDE = (14, 0.4), (6, 0.6)
 """Numbers of spheres that span the kicking foot downwards and towards the other foot, each of which
 has rows at every point, and the cosine of the largest angle to that direction."""
 

@@ -124,12 +124,7 @@ def integrate(
 
 
 class _Fall(NamedTuple):
-    """Where the function of an event falls through zero within a step, as fractions of the step.
-
-    Attributes:
-        low, high: between which it falls.
-        about: where it does, to some digits.
-    """
+    """Fractions of a step between which an event's function falls through zero, and about where."""
 
     low: float
     high: float
@@ -191,7 +186,8 @@ class _Step:
         low, high = times[0], float(self.solver.t) if fall.high == 1.0 else times[1]
         near = high - 2.0 * EVENT_MARGIN * self.length
         low = near if near > low and value(near) > 0.0 else low
-        if not value(low) > 0.0 >= value(high):  # but for rounding
+        above, below = value(low), value(high)
+        if not above > 0.0 >= below:  # but for rounding
             return high, states[high]
         precision = max(1e-14 * self.length, 1e-300)
         time = float(brentq(value, low, high, xtol=precision, rtol=4.0 * EPSILON, disp=False))

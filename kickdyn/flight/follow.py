@@ -31,10 +31,9 @@ class Course(ReprMixin):
     """The motion of a ball until it rests or reaches a plane; times count from the launch.
 
     Attributes:
-        status: `at-rest`; `at-plane`, where the ball reached the plane; `aloft`, where it did not
-            come down before the time limit; `bouncing`, where it still bounces after
-            `MOST_BOUNCES`; `blown`, where the wind does not let it rest; or the
-            name of one of `ends`.
+        status: `at-rest`; `at-plane`; `aloft`, where the ball did not come down before the time
+            limit; `bouncing`, where it still bounces after `MOST_BOUNCES`; `blown`, where the wind
+            does not let it rest; or the name of one of `ends`.
         flights: the flights, one before each bounce.
         bounces: the ball just after each bounce.
         ground_phases: the phases of sliding and rolling; empty if there are none.

@@ -186,9 +186,9 @@ class Flight(ReprMixin):
     def sample(self, t: ArrayLike) -> BallState:
         """Return the ball at one time or many.
 
-        The states are interpolated within the steps of the integration, which are taken anew on
-        first use. The error of a position is a few times `tol` times the length of the flight in
-        the median, and can be some 60 times that.
+        The states are interpolated within the steps of the integration. The error of a position is
+        a few times `tol` times the length of the flight in the median, and can be some 60 times
+        that.
 
         Args:
             t: time since the launch, from 0 to `duration`, a number or shape `(n,)` [s].

@@ -6,6 +6,7 @@ of a step is far more accurate near its end than within it.
 
 import math
 from collections.abc import Callable, Sequence
+from copy import copy
 from functools import cache, partial
 from itertools import pairwise
 from typing import NamedTuple
@@ -55,8 +56,7 @@ class Arc(NamedTuple):
         passed: the events on the way that did not end it, with functions that return time and
             state; some may be after the end.
         evaluations: number of evaluations of the rates.
-        steps: functions that take the steps anew, each returning its interpolant, with the times at
-            which the steps begin.
+        steps: the times at which the steps begin, and functions that return their interpolants.
     """
 
     end: float
@@ -96,7 +96,8 @@ def trajectory(arc: Arc, begin: Array) -> Callable[[Array], Array]:
             return np.tile(begin[:, None], (1, times.size))
         if solution is None:
             starts = [start for start, _ in steps]
-            interpolants = [interpolant() for _, interpolant in steps]
+            with np.errstate(over="ignore", invalid="ignore"):
+                interpolants = [interpolant() for _, interpolant in steps]
             solution = OdeSolution([*starts, math.inf], interpolants)
         return np.asarray(solution(times))
 
@@ -228,7 +229,7 @@ class _Integration:
         while solver.status == "running":
             step, falls = self._step_to(ending, solver)
             node, solver = (step.begin, step.before, step.length), step.solver
-            steps.append((step.begin, partial(self._interpolant, *node)))
+            steps.append((step.begin, _keep_stages(solver).dense_output))
             passed += [(event, partial(self._locate, event, *node))
                        for event in falls if not event.terminal]  # fmt: skip
             crossings = [(*step.locate(event, fall), event)
@@ -267,12 +268,6 @@ class _Integration:
                     return step.locate(event, falls[event])
                 solver = step.solver
 
-    def _interpolant(self, begin: float, state: Array, length: float) -> Callable[[Array], Array]:
-        with np.errstate(over="ignore", invalid="ignore"):
-            solver = self._solver(begin, state, length)
-            solver.step()
-            return solver.dense_output()  # type: ignore[no-any-return]
-
     def _solver(self, begin: float, state: Array, length: float) -> DOP853:
         relative, absolute, longest = self._tolerance
         longest, limit = min(longest, self._time_limit - begin), self._time_limit
@@ -293,6 +288,17 @@ class _Integration:
             raise _given_up(float(solver.t), "the numbers overflow")
         solver.h_abs *= NEXT_LENGTH
         return _Step(solver, state, rates)
+
+
+def _keep_stages(solver: DOP853) -> DOP853:
+    """Return a solver with the stages of the last step, for an interpolant that is read later.
+
+    It takes a quarter more evaluations, and the next step overwrites the stages.
+    """
+    kept = copy(solver)
+    kept.K_extended = solver.K_extended.copy()
+    kept.K = kept.K_extended[: DOP853.n_stages + 1]
+    return kept
 
 
 def _first_length(state: Array, rates: Array, tolerance: Tolerance) -> float:

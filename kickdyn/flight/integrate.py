@@ -7,7 +7,7 @@ of a step is far more accurate near its end than within it.
 import math
 from collections.abc import Callable, Sequence
 from copy import copy
-from functools import cache, partial
+from functools import cached_property, partial
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -144,7 +144,11 @@ class _Step:
         self.length = float(solver.t) - self.begin
         ahead, behind = before + self.length * rates, solver.y - self.length * solver.f
         self._states = [state.tolist() for state in (before, solver.y, ahead, behind)]
-        self.interpolant = cache(solver.dense_output)
+
+    @cached_property
+    def interpolant(self) -> Callable[[float | Array], Array]:
+        """The states at times of the step; to be read before the solver takes the next one."""
+        return self.solver.dense_output()  # type: ignore[no-any-return]
 
     def find_fall(self, event: Event) -> _Fall | None:
         """Return where the function of an event first falls through zero; None where it does not.
@@ -166,7 +170,7 @@ class _Step:
         if turns and last_turns:
             return POSSIBLE_FALL
         fractions = EARLY_FRACTIONS if starts_at_zero else INNER_FRACTIONS
-        states = self.interpolant()(self.begin + self.length * fractions).T
+        states = self.interpolant(self.begin + self.length * fractions).T
         values = [start, *map(event.value_or_nan, states.tolist()), end]
         for k, (low, high) in enumerate(pairwise([0.0, *fractions.tolist(), 1.0])):
             above, below = values[k : k + 2]
@@ -181,7 +185,7 @@ class _Step:
 
         def value(time: float) -> float:
             if time not in states:
-                states[time] = self.interpolant()(time)
+                states[time] = self.interpolant(time)
             return event.value(states[time].tolist())
 
         low, high = times[0], float(self.solver.t) if fall.high == 1.0 else times[1]
@@ -192,7 +196,7 @@ class _Step:
             return high, states[high]
         precision = max(1e-14 * self.length, 1e-300)
         time = float(brentq(value, low, high, xtol=precision, rtol=4.0 * EPSILON, disp=False))
-        return time, states[time] if time in states else self.interpolant()(time)
+        return time, states[time] if time in states else self.interpolant(time)
 
 
 def _fall_of_cubic(start: float, end: float, rise: float, last_rise: float) -> float:

@@ -23,6 +23,9 @@ from kickdyn.core.representation import ReprMixin, Row, ValueEquality
 from kickdyn.core.validation import Array
 from kickdyn.errors import FaultyFile, InvalidInput
 
+LEAST_SAMPLES = 5
+"""Fewer positions do not determine a launch together with its standard deviations."""
+
 LARGEST_FILE = 64_000_000
 """Bytes of a track file that is read: ten hours at 25 Hz."""
 
@@ -341,9 +344,11 @@ def refuse_units(track: Track, falling: float) -> None:
         )
 
 
-def refuse_intervals(track: Track) -> None:
-    """Raise `InvalidInput` for samples a second or more apart: no times of a flight in seconds."""
-    interval = float(np.median(np.diff(track.times))) if len(track) > 1 else 0.0
+def check_samples(track: Track) -> None:
+    """Raise `InvalidInput` for few samples, or a second or more apart: no times in seconds."""
+    if len(track) < LEAST_SAMPLES:
+        raise InvalidInput(f"track has {len(track)} samples: at least {LEAST_SAMPLES} are needed")
+    interval = float(np.median(np.diff(track.times)))
     if interval > 1.0 - 1e-9:
         raise InvalidInput(
             f"the samples are {interval:.4g} s apart, as in milliseconds or numbers of frames: "

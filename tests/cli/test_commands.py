@@ -102,14 +102,6 @@ def test_an_unknown_command_is_refused_with_a_suggestion(word, hint):
     assert ended.stderr.endswith(f"{hint}\n")
 
 
-@pytest.mark.parametrize(("words", "same"), [([], []), (["simulate"], ["simulate"])])
-def test_help_is_a_command_too(words, same):
-    ended, wanted = (
-        CliRunner().invoke(kickdyn_command, each) for each in (["help", *words], [*same, "--help"])
-    )
-    assert (ended.exit_code, ended.output) == (0, wanted.output)
-
-
 def test_no_colour_in_a_pipe():
     ended = script("paper", "--only", "table 2", FORCE_COLOR="", NO_COLOR="1")
     assert ended.returncode == 0

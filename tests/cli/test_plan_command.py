@@ -333,12 +333,12 @@ def test_the_ball_of_a_plan():
     assert "ball mass is inf: it must be a finite number" in str(refused.exception)
 
 
-def test_arc_wind_and_offset_are_those_of_the_plan(tmp_path):
+def test_wind_and_offset_are_those_of_the_plan(tmp_path):
     file = tmp_path / "kick.json"
-    options = ["--arc", "high", "--wind", "2,-1,0", "--offset", "0.02,0,0.01"]
+    options = ["--wind", "2,-1,0", "--offset", "0.02,0,0.01"]
     where = ["--distance", "10", "--launch-speed", "14", "--ball-height", "-0.7"]
     assert CliRunner().invoke(plan, [*where, *options, "--json", str(file)]).exit_code == 0
-    report, goal = json.loads(file.read_text()), kd.Goal(10, speed=14, arc="high")
+    report, goal = json.loads(file.read_text()), kd.Goal(10, speed=14)
     launch = kd.plan_launch(goal, kd.Ball(), kd.Air(wind=(2, -1, 0)))
     assert report["launch"]["velocity"] == pytest.approx(launch.velocity.tolist(), abs=1e-6)
     angles = {name: math.radians(value) for name, value in report["leg"]["q_deg"].items()}

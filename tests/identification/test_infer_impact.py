@@ -226,7 +226,7 @@ def test_what_gives_no_table_is_refused():
         (one, 2, "must be a Sequence"),
         ([], 2, "there are 0 kicks"),
         ([one, 1], 2, "impact 1 is 1"),
-        ([one, one], 2, "there are 2 kicks: a table needs more kicks"),
+        ([one, one], 2, "there are 2 kicks: a table needs one row or more"),
         ([one] * 4, 2, "take fewer knots"),
         ([one] * 4, 0, "knots is 0"),
         ([one] * 4, 1.5, "knots is 1.5"),

@@ -23,7 +23,7 @@ from kickdyn.cli.option_groups import (
 from kickdyn.core import validation
 from kickdyn.errors import InvalidInput
 from kickdyn.ground import SURFACES
-from kickdyn.planning.goal import FARTHEST, Arc, Goal
+from kickdyn.planning.goal import FARTHEST, Goal
 from kickdyn.planning.kick import plan_kick
 from kickdyn.planning.launch import SPEED_LIMIT, OutOfReach
 from kickdyn.planning.objectives import KickObjective
@@ -33,7 +33,6 @@ from kickdyn.planning.plan_report import (
     describe_passage,
     unreachable_json,
 )
-from kickdyn.planning.scatter import checked_spread
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.standing import is_floating
 from kickdyn.scene.pitch import Wall, check_before, read_wall
@@ -89,10 +88,6 @@ class GoalOptions:
         "--pass", metavar="SURFACE", type=click.Choice(list(SURFACES)),
         help="Play the ball along the ground in --time, on a surface such as turf or carpet.",
     )  # fmt: skip
-    arc: str = option(
-        "--arc", default="low", show_default=True, type=click.Choice([*map(str, Arc)]),
-        help="Arc of the flight, where two launches meet the goal.",
-    )  # fmt: skip
     spin: tuple[float, float, float] | None = option(
         "--spin", type=Numbers("X,Y,Z"), help="Spin of the ball [rad/s]; back spin has Y < 0."
     )
@@ -114,7 +109,7 @@ class GoalOptions:
             over = (wall.distance, wall.height + WALL_CLEARANCE)
         return Goal(
             (self.distance, self.left, self.height), time=self.time, apex=self.apex,
-            speed=self.launch_speed, over=over, beside=self.beside, arc=self.arc,
+            speed=self.launch_speed, over=over, beside=self.beside,
             spin=self.spin or (0.0, 0.0, 0.0),
         )  # fmt: skip
 
@@ -137,16 +132,9 @@ class KickOptions:
     )  # fmt: skip
     objective: str | None = option(
         "--objective",
-        type=click.Choice([
-            name.value for name in KickObjective if name not in ("scatter", "torque-squared")
-        ]),
+        type=click.Choice([name.value for name in KickObjective if name != "torque-squared"]),
         help="Quantity that is minimized, or maximized where the name begins with most.  "
         "[default: joint-speed]",
-    )  # fmt: skip
-    uncertainty: str | None = option(
-        "--robust", metavar="ERRORS",
-        help="Minimize the scatter of the landing point, for standard deviations such as "
-        "speed=0.02,angle=0.01,contact=0.002,drag=0.05 [1, rad, m, 1].",
     )  # fmt: skip
     no_limits: bool = option(
         "--no-limits", is_flag=True, help="Ignore the speed and torque limits of the joints."
@@ -161,39 +149,18 @@ class KickOptions:
         """Raise `InvalidInput` for options that exclude each other."""
         if self.ball_height is not None and self.ball_at is not None:
             raise InvalidInput("--ball-height and --ball-at are both given: give one of the two")
-        if self.uncertainty and self.objective:
-            raise InvalidInput(
-                "--robust and --objective are both given: --robust minimizes scatter"
-            )
-
-    def spread(self) -> dict[str, float] | None:
-        """Return the standard deviations of `--robust` by their source."""
-        if self.uncertainty is None:
-            return None
-        pairs = [pair.partition("=") for pair in self.uncertainty.split(",")]
-        try:
-            return checked_spread({name.strip(): float(value) for name, _, value in pairs})
-        except InvalidInput as error:
-            raise InvalidInput(f"--robust is {self.uncertainty!r}: {error}") from None
-        except ValueError:
-            raise InvalidInput(
-                f"--robust is {self.uncertainty!r}: it must be like speed=0.02,angle=0.01"
-            ) from None
 
     def arguments(self, leg: Leg, ball: Ball, offset: tuple[float, ...] | None) -> dict[str, Any]:
         """Return these options as arguments of `plan_kick`."""
-        height, spread = self.ball_height, self.spread()
+        height = self.ball_height
         if height is None and self.ball_at is None and not is_floating(leg):
             height = _lying_height(leg, ball, offset)
-        arguments: dict[str, Any] = {
+        return {
             "objective": self.objective,
             "ball_position": height if self.ball_at is None else self.ball_at,
             "limits": not self.no_limits,
             "motion": self.motion,
         }
-        if spread is not None:
-            arguments |= {"objective": KickObjective.SCATTER, "uncertainty": spread}
-        return arguments
 
 
 @dataclass(frozen=True)
@@ -221,9 +188,6 @@ class WindyAirOptions(AirOptions):
 @takes(
     goal=GoalOptions, leg=LegOptions, contact=PointOptions, kick=KickOptions, air=WindyAirOptions,
     ball=BallOptions, output=OutputOptions,
-    settings={
-        "plot": {"help": "Plot speeds, torques and margins of the motion: .png, .svg or .pdf."}
-    },
 )  # fmt: skip
 def plan(
     goal: GoalOptions,
@@ -236,10 +200,12 @@ def plan(
 ) -> None:
     """Find the posture and the joint velocity that send a ball to a target.
 
+    The plot shows speeds, torques and margins of the motion.
+
     Example: kickdyn plan --distance 30 --time 1.5 --leg human --view kick.html --json -
     """
     kick.check()
-    target, wall, spread = goal.load(), goal.read_wall(), kick.spread()
+    target, wall = goal.load(), goal.read_wall()
     if output.plot is not None and not kick.motion:
         raise InvalidInput(f"--plot is {output.plot!r}: it shows the motion, so add --motion")
     output.check(inputs=[leg.leg_name])
@@ -255,7 +221,7 @@ def plan(
             raise
         if wall is not None:
             describe_passage(wall, planned)  # raises if the ball hits it
-    report = PlanReport(planned, wall, goal.goal_mouth, spread, not kick.no_limits)
+    report = PlanReport(planned, wall, goal.goal_mouth)
     _write(report, output)
 
 

@@ -2,7 +2,8 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,7 @@ from kickdyn.motion.motion import Motion
 from kickdyn.motion.motion_problem import KickTask, MotionProblem, Solution
 from kickdyn.motion.splines import MotionSplines, integration_weights
 from kickdyn.robot.ground_clearance import Spheres, extreme_spheres
+from kickdyn.robot.kicking_chain import kicking_chain, rest_configuration
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.standing import StandingRobot, joint_spheres
 
@@ -45,11 +47,14 @@ UNDER, BESIDE = (10, 0.4), (6, 0.6)
 """Numbers of spheres that span the kicking foot downwards and towards the other foot, each of which
 has rows at every point, and the cosine of the largest angle to that direction."""
 
-STARTS, SPREAD = 3, 0.2
+STARTS, SPREAD = 2, 0.2
 """Postures to start from, and the standard deviation of the angles of all but the first [rad]."""
 
 CENTRAL = 0.15
 """Share of a joint's range that the first posture leaves at either end, where it can."""
+
+HELD_TIMES = 200
+"""Number of times at which the torques of joints that stay at rest are checked."""
 
 REACHED = 2e-3
 """Margin beyond its reserve at which a limit counts as reached."""
@@ -57,14 +62,14 @@ REACHED = 2e-3
 FIRST_SHARE = 0.3
 """Share of the launch at the start."""
 
-ROUNDS = 4
+ROUNDS = 3
 """Solutions with points added where limits are broken, at most."""
 
 FULL, LEAST_SHARE = 0.99, 0.05
 """Share of the launch from which on the whole launch is sought, and share below which there is no
 kick."""
 
-ROUNDS = 4
+ROUNDS = 3
 """Solutions with points added where limits are broken, at most."""
 
 FULL, LESS, LEAST_SHARE = 0.99, 0.998, 0.05
@@ -73,6 +78,9 @@ limits are kept between points; and share below which there is no kick."""
 
 FIRST = {"mu_init": 1e-3, "max_iter": 150, "constr_viol_tol": 1e-7}
 """Options of Ipopt for the first solution of a start."""
+
+NEARBY = {**FIRST, "mu_init": 1e-4, "bound_push": 1e-4, "bound_frac": 1e-4}
+"""Options of Ipopt for the first solution near a motion."""
 
 AGAIN = {
     "mu_init": 1e-4,
@@ -127,6 +135,7 @@ class PlannedMotion:
         torque_squared: integral of the mean of the squared torques over their limits [s].
         torque_use, speed_use: largest torque and speed over their limits.
         binding: names of the limits that are reached.
+        keeps_limits: whether it reaches the whole launch and keeps all limits.
     """
 
     motion: Motion
@@ -135,43 +144,73 @@ class PlannedMotion:
     torque_use: float
     speed_use: float
     binding: tuple[str, ...]
+    keeps_limits: bool
 
 
-def plan_motion(task: KickTask) -> PlannedMotion:
+def plan_motion(task: KickTask, near: Motion | None = None) -> PlannedMotion:
     """Return the motion of a kick, from rest to rest; the best one where none keeps all limits.
+
+    The joints between the feet of a standing robot are tried first, which takes a fraction of the
+    time; all others join in where those do not reach the whole launch.
+
+    Args:
+        task: the kick.
+        near: motion of the same robot for nearly the same kick, as the only one to start from.
 
     Raises:
         InvalidInput: a joint without limits, or a robot that cannot stand at rest or touch the ball
             within its limits.
     """
     _check_limits(task.leg)
+    if task.standing is None:
+        return _plan(task, near, STARTS)
+    between, share = kicking_chain(task.leg), 1.0
+    if between.names == task.leg.joint_names:
+        return _plan(task, near, STARTS)
+    if near is None or near.joints == between.names:
+        planned = _plan(replace(task, leg=between.leg), near, 1)
+        if planned.keeps_limits and not _overloads(planned.motion):
+            return planned
+        near, share = planned.motion, planned.share
+    return _plan(task, near, 1, share)
+
+
+def _plan(task: KickTask, near: Motion | None, starts: int, share: float = 1.0) -> PlannedMotion:
+    """Return the best motion of all joints of a task, from a number of starts at most.
+
+    `near` is a motion to start from, with the share of the launch that it reaches.
+    """
     stands = task.standing is not None
     splines = MotionSplines(*DURATIONS[stands], INTERVALS[stands])
     limits, of_impulse = _limits_of(task)
     problem = MotionProblem(task, splines, limits, of_impulse)
-    best, least = None, (math.inf, math.inf)
-    for rest, hit in _starts(problem):
-        solution = _solve(problem, rest, hit)
-        verdict = _Verdict(problem, solution)
-        rating = (-float(verdict.broken == 0.0), verdict.broken - solution.share)
-        if rating < least:
-            best, least = verdict, rating
-        if solution.share == 1.0 and verdict.broken == 0.0:
+    verdicts = []
+    for rest, start, options in islice(_starts(problem, near, share), starts):
+        solution = _solve(problem, rest, start, options)
+        verdicts.append(_Verdict(problem, solution))
+        if verdicts[-1].keeps_limits:
             break
-    assert best is not None
+    kept = [verdict for verdict in verdicts if verdict.broken == 0.0]
+    best = max(kept or verdicts, key=lambda verdict: verdict.solution.share - verdict.broken)
     return best.planned()
 
 
-def _solve(problem: MotionProblem, rest: Array, hit: Array) -> Solution:
-    """Return the solution from a posture at rest and one that touches the ball."""
-    splines = problem.splines
-    times = splines.times(*POINTS)
-    nothing = np.zeros(0)
-    solution = Solution(
-        np.tile(hit, (splines.size, 1)), FIRST_SHARE, times, (nothing, nothing, nothing), True, 0
-    )
+def _overloads(motion: Motion) -> bool:
+    """Return whether joints that stay at rest take more than their torque limits."""
+    limit = motion.robot.effort_limit
+    times = np.linspace(motion.begin, motion.end, HELD_TIMES)
+    largest = np.max([np.abs(motion.torque(t)) for t in times], axis=0)
+    return bool((largest > np.where(limit > 0.0, limit, np.inf)).any())
+
+
+def _solve(
+    problem: MotionProblem, rest: Array, start: Solution, options: dict[str, Any]
+) -> Solution:
+    """Return the solution from unknowns to start from, with both ends near a posture at rest."""
+    times = start.times
+    relaxation = Impulse.relaxation
     solution = problem.solve(
-        solution, rest, times, relaxation=Impulse.relaxation, shares=(0.0, 1.0), options=FIRST
+        start, rest, times, relaxation=relaxation, shares=(0.0, 1.0), options=options
     )
     full = solution.share > FULL
     options = AGAIN if full or not problem.impulse_limits else FIRST
@@ -179,13 +218,9 @@ def _solve(problem: MotionProblem, rest: Array, hit: Array) -> Solution:
         if solution.share < LEAST_SHARE:
             break
         times = _Verdict(problem, solution).add_points(solution.times)
+        shares = (1.0, 1.0) if full else (0.0, 1.0)
         solution = problem.solve(
-            solution,
-            rest,
-            times,
-            relaxation=0.0,
-            shares=(1.0, 1.0) if full else (0.0, 1.0),
-            options=options,
+            solution, rest, times, relaxation=0.0, shares=shares, options=options
         )
         if _Verdict(problem, solution).broken == 0.0:
             break
@@ -274,31 +309,52 @@ class _Verdict:
             float(use[: problem.n].max()),
             float(use[problem.n :].max()),
             tuple(dict.fromkeys(reached)),
+            self.keeps_limits,
         )
+
+    @property
+    def keeps_limits(self) -> bool:
+        """Whether the whole launch is reached and all limits are kept."""
+        return self.solution.share == 1.0 and self.broken == 0.0
 
     def _labels(self, limits: Sequence[Limit]) -> list[tuple[Limit, str, int]]:
         every = [(limit, label) for limit in limits for label in limit.labels]
         return [(limit, label, row) for row, (limit, label) in enumerate(every)]
 
 
-def _starts(problem: MotionProblem) -> Iterator[tuple[Array, Array]]:
-    """Yield postures at rest, and near them ones that touch the ball, shape `(n,)` each.
+def _starts(
+    problem: MotionProblem, near: Motion | None, share: float
+) -> Iterator[tuple[Array, Solution, dict[str, Any]]]:
+    """Yield postures at rest, unknowns to start from, and options of Ipopt.
+
+    Without a motion to start from, the robot stays in a posture that touches the ball.
 
     Raises:
         InvalidInput: there are none.
     """
+    splines, nothing = problem.splines, (np.zeros(0), np.zeros(0), np.zeros(0))
+    times = splines.times(*POINTS)
+    if near is not None:
+        leg = problem.task.leg
+        moved = [leg.joint_names.index(name) for name in near.joints]
+        coefficients = np.tile(rest_configuration(leg), (splines.size, 1))
+        coefficients[:, moved] = splines.coefficients(near.before, near.after)
+        start = Solution(coefficients, share, times, nothing, True, 0)
+        yield coefficients[0], start, NEARBY
+        return
     draw, robot = np.random.default_rng(0), problem.task.robot
     room = CENTRAL * (problem.upper - problem.lower)
     central = np.clip(0.0, problem.lower + room, problem.upper - room)
     found = False
     for number in range(STARTS):
-        near = central + draw.normal(0.0, SPREAD if number else 0.0, problem.n)
-        near = np.clip(near, problem.lower + 0.2 * room, problem.upper - 0.2 * room)
-        rest = problem.stand(near, at_ball=False)
+        posture = central + draw.normal(0.0, SPREAD if number else 0.0, problem.n)
+        posture = np.clip(posture, problem.lower + 0.2 * room, problem.upper - 0.2 * room)
+        rest = problem.stand(posture, at_ball=False)
         hit = None if rest is None else problem.stand(rest, at_ball=True)
         if rest is not None and hit is not None:
             found = True
-            yield rest, hit
+            still = np.tile(hit, (splines.size, 1))
+            yield rest, Solution(still, FIRST_SHARE, times, nothing, True, 0), FIRST
     if not found:
         does = "stand at rest" if rest is None else "touch the ball at rest"
         raise InvalidInput(

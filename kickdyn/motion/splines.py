@@ -38,6 +38,7 @@ class MotionSplines:
             np.minimum(np.arange(sizes[1]) + sizes[0] - 3, sizes[0] + sizes[1] - 6),
         ])  # fmt: skip
         self.size = int(number[-1]) + 1
+        self._first = np.unique(number, return_index=True)[1]
         rows = np.eye(self.size)[number]
         self.splines = [
             BSpline(np.concatenate([[grid[0]] * 3, grid, [grid[-1]] * 3]), matrix, 3)
@@ -66,6 +67,10 @@ class MotionSplines:
         """Return the map to the coefficients of the velocities, which bound them."""
         rows = np.vstack([spline.derivative().c for spline in self.splines])
         return np.asarray(rows[np.abs(rows).max(axis=1) > 0.0])
+
+    def coefficients(self, before: BSpline, after: BSpline) -> Array:
+        """Return the coefficients of a motion with these knots, shape `(size, n)`."""
+        return np.asarray(np.vstack([before.c, after.c])[self._first])
 
     def motion(self, coefficients: Array) -> list[BSpline]:
         """Return both splines for coefficients of shape `(size, n)`."""

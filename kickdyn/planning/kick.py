@@ -1,10 +1,9 @@
 """Planning a kick: from a goal back to the posture and the joint velocity that meet it."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 from importlib.util import find_spec
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,11 +27,11 @@ from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.kick_problem import KickProblem, kick_problem, solve_kick
 from kickdyn.planning.kick_terms import BallPosition, Facing, Objective, SpeedLimit, TorqueLimit
 from kickdyn.planning.launch import Launch, OutOfReach, fly_to_target, plan_launch
-from kickdyn.planning.objectives import OBJECTIVES, KickObjective, LandingScatter
+from kickdyn.planning.objectives import OBJECTIVES, KickObjective
 from kickdyn.planning.passes import Pass, plan_pass
 from kickdyn.planning.stance import Balance
 from kickdyn.robot.kicking_chain import check_free_joints, with_angles
-from kickdyn.robot.leg import Leg
+from kickdyn.robot.leg import Leg, Posture
 from kickdyn.robot.standing import is_floating
 
 FARTHEST_BALL = 1e9
@@ -51,7 +50,6 @@ def plan_kick(
     ball_position: ArrayLike | None = None,
     limits: bool = True,
     surface: str | Surface | None = None,
-    uncertainty: Mapping[str, float] | None = None,
     motion: bool = False,
 ) -> KickPlan:
     r"""Find posture and joint velocity that strike a ball at rest so that it meets a goal.
@@ -71,8 +69,7 @@ def plan_kick(
         ball: the ball; its mass and radius count.
         air: the air; None is the vacuum.
         objective: a `KickObjective`; None is `joint-speed`, or `torque-squared` with a motion, for
-            which there is no other. `scatter` needs an `uncertainty`; it is searched from the
-            plans of all other objectives, so that it scatters no more than theirs.
+            which there is no other.
         contact: restitution, friction and offset of the contact, without a normal. With None, the
             restitution is 0.8 as in the paper's Table 2 and the friction 0.4. Where the restitution
             depends on the speed of approach u, u (1 + e) must increase with u; without friction,
@@ -86,7 +83,6 @@ def plan_kick(
             of 0 is refused, or none with `limits=False`.
         surface: surface of the ground, for a ball that is played along the ground as by
             `plan_pass`; the goal is then a time and a target at the height of the ball.
-        uncertainty: standard deviations by source, as for `kickdyn.planning.scatter.scatter`.
         motion: whether to plan the whole motion: from rest to the impact, and to rest again. It
             chooses posture and joint velocity at the impact, too, and needs limits of speed and
             torque of all joints that move, and `pip install "kickdyn[motion]"`. See below.
@@ -123,7 +119,7 @@ def plan_kick(
     """
     leg = with_angles(leg)
     check_free_joints(leg, "kicks are planned")
-    objective = _checked_objective(objective, uncertainty, limits=limits, motion=motion)
+    objective = _checked_objective(objective, limits=limits, motion=motion)
     contact, position = _checked_contact(contact), _checked_ball_position(ball_position)
     if is_floating(leg):
         position = _lying_on_ground(position, ball)
@@ -140,15 +136,12 @@ def plan_kick(
         problem = kick_problem(leg, target, position, limits=limits)
         if motion:
             chosen = _plan_motion(problem)
-        elif uncertainty is None:
-            chosen = _plan_posture(problem, OBJECTIVES[objective]())
         else:
-            scatter = LandingScatter(launch.state, ball, air, uncertainty)
-            chosen = _plan_posture(problem, scatter)
-        impact = strike(chosen.robot.posture(chosen.q), chosen.v, ball, target.contact)
+            chosen = _plan_posture(problem, OBJECTIVES[objective]())
+        impact = strike(chosen.posture, chosen.v, ball, target.contact)
         path: Flight | Course
         if surface is None:
-            time = launch.time if chosen.share == 1.0 else None
+            time = launch.time if chosen.outcome["share"] == 1.0 else None
             path = fly_to_target(impact.ball_after, goal, ball, air, time)
         else:
             start = impact.ball_after
@@ -159,53 +152,69 @@ def plan_kick(
         goal=goal,
         launch=launch,
         objective=objective,
-        value=chosen.value,
-        share=chosen.share,
         impact_target=target,
         impact=impact,
         path=path,
-        speed_use=chosen.speed_use,
-        torque_use=chosen.torque_use,
-        binding=chosen.binding,
         ball_is_placed=position is not None,
         heading=problem.heading,
-        balance=chosen.balance,
-        motion=chosen.motion,
+        **chosen.outcome,
     )
 
 
 class _Chosen(NamedTuple):
-    """The robot's state at the impact, and what it takes: see the attributes of `KickPlan`."""
+    """The robot's state at the impact, and further attributes of `KickPlan`."""
 
-    robot: Leg
-    q: Array
+    posture: Posture
     v: Array
-    share: float
-    value: float
-    speed_use: float
-    torque_use: float
-    binding: tuple[str, ...]
-    balance: float | None
-    motion: Motion | None = None
+    outcome: dict[str, Any]
 
 
 def _plan_posture(problem: KickProblem, objective: Objective) -> _Chosen:
     """Return the state at the impact that is best by an objective."""
     problem, point = solve_kick(problem, objective)
+    q, v = problem.on_robot(point)
     balance = problem.find(Balance)
-    return _Chosen(
-        problem.robot,
-        *problem.on_robot(point),
-        point.share,
-        objective.quantity(point),
-        float(SpeedLimit(problem.variables).use(point).max()),
-        float(TorqueLimit(problem.variables).use(point).max()),
-        tuple(name for term in problem.terms for name in term.binding(point)),
-        None if balance is None else balance.distance(point.posture),
-    )
+    outcome = {
+        "share": point.share,
+        "value": objective.quantity(point),
+        "speed_use": float(SpeedLimit(problem.variables).use(point).max()),
+        "torque_use": float(TorqueLimit(problem.variables).use(point).max()),
+        "binding": tuple(name for term in problem.terms for name in term.binding(point)),
+        "balance": None if balance is None else balance.distance(point.posture),
+    }
+    return _Chosen(problem.robot.posture(q), v, outcome)
 
 
-def _plan_motion(problem: KickProblem) -> _Chosen:
+def replan_motion(plan: KickPlan, velocity: ArrayLike) -> KickPlan:
+    """Return a plan with a motion near that of another one, whose `strike` gives another launch.
+
+    It serves to correct a launch by what a contact that takes time, or a simulator, makes of it.
+
+    Args:
+        plan: with a motion.
+        velocity: of the ball after `strike`, shape `(3,)` [m/s, world frame].
+
+    Raises:
+        InvalidInput: a plan without a motion.
+    """
+    if plan.motion is None:
+        raise InvalidInput("the plan has no motion: plan it with motion=True")
+    wished = validation.vector("velocity", velocity, 3, unit="m/s")
+    ball, contact = plan.impact.ball, plan.impact_target.contact
+    leg, after = plan.leg, plan.impact.ball_after
+    position = None
+    if plan.ball_is_placed:
+        position = ball.radius if is_floating(leg) else plan.impact.ball_before.position
+    with threadpool_limits(1, "blas"):
+        target = impact_target_for(wished, after.spin, ball, contact)
+        problem = kick_problem(leg, target, position)
+        chosen = _plan_motion(problem, plan.motion)
+        impact = strike(chosen.posture, chosen.v, ball, target.contact)
+        path = fly_to_target(impact.ball_after, plan.goal, ball, plan.launch.air, None)
+    return replace(plan, impact_target=target, impact=impact, path=path, **chosen.outcome)
+
+
+def _plan_motion(problem: KickProblem, near: Motion | None = None) -> _Chosen:
     """Return the state at the impact that a motion from rest to rest contains."""
     if find_spec("casadi") is None:
         raise InvalidInput(
@@ -217,33 +226,30 @@ def _plan_motion(problem: KickProblem) -> _Chosen:
     standing, none = problem.standing, np.zeros((0, 3))
     ball, facing = problem.find(BallPosition), problem.find(Facing)
     leg = problem.limb.leg if standing is None else standing.leg
-    planned = plan_motion(
-        KickTask(
-            problem.robot,
-            leg,
-            problem.variables.target,
-            problem.foot_directions,
-            none if ball is None else ball.rows,
-            np.zeros(3) if ball is None else ball.centre,
-            none if facing is None else facing.axes,
-            standing,
-        )
+    task = KickTask(
+        problem.robot,
+        leg,
+        problem.variables.target,
+        problem.foot_directions,
+        none if ball is None else ball.rows,
+        np.zeros(3) if ball is None else ball.centre,
+        none if facing is None else facing.axes,
+        standing,
     )
+    planned = plan_motion(task, near)
     motion, balance = planned.motion, None
     if standing is not None:
-        balance = Balance(standing).distance(leg.posture(motion.before(0.0)))
-    return _Chosen(
-        problem.robot,
-        motion.q(0.0),
-        motion.v(0.0),
-        planned.share,
-        planned.torque_squared,
-        planned.speed_use,
-        planned.torque_use,
-        planned.binding,
-        balance,
-        motion,
-    )
+        balance = Balance(standing).distance(problem.robot.posture(motion.q(0.0)))
+    outcome = {
+        "share": planned.share,
+        "value": planned.torque_squared,
+        "speed_use": planned.speed_use,
+        "torque_use": planned.torque_use,
+        "binding": planned.binding,
+        "balance": balance,
+        "motion": motion,
+    }
+    return _Chosen(problem.robot.posture(motion.q(0.0)), motion.v(0.0), outcome)
 
 
 def _lying_on_ground(position: float | Array | None, ball: Ball) -> float | Array:
@@ -257,17 +263,10 @@ def _lying_on_ground(position: float | Array | None, ball: Ball) -> float | Arra
     return ball.radius if position is None else position
 
 
-def _checked_objective(
-    name: str | None, uncertainty: Mapping[str, float] | None, *, limits: bool, motion: bool
-) -> KickObjective:
+def _checked_objective(name: str | None, *, limits: bool, motion: bool) -> KickObjective:
     """Return the objective, or raise `InvalidInput` where it does not go with the rest."""
     default = KickObjective.TORQUE_SQUARED if motion else KickObjective.JOINT_SPEED
     objective = default if name is None else validation.choice("objective", name, KickObjective)
-    if (uncertainty is None) != (objective != KickObjective.SCATTER):
-        raise InvalidInput(
-            f"objective is {objective} and uncertainty is {uncertainty!r}: scatter needs an "
-            "uncertainty, and no other objective takes one"
-        )
     if motion != (objective == KickObjective.TORQUE_SQUARED):
         raise InvalidInput(
             f"objective is {objective}: a motion (motion=True, --motion) has the objective "

@@ -32,18 +32,13 @@ from kickdyn.planning.kick_terms import (
     check_limits,
 )
 from kickdyn.planning.objectives import (
-    OBJECTIVES,
-    JointSpeed,
-    LandingScatter,
     LargestShare,
 )
 from kickdyn.planning.problem import (
     TOLERANCE,
     Function,
-    LeastViolation,
     Problem,
     Term,
-    slsqp,
 )
 from kickdyn.planning.stance import Balance, Clearance, SupportImpulse, Upright
 from kickdyn.robot.kicking_chain import KickingChain, check_unconstrained, kicking_chain
@@ -117,7 +112,7 @@ class KickProblem:
         if not isinstance(objective, LargestShare):
             terms += (FullShare(variables),)
         problem = Problem(variables.size, variables.point, (objective, *terms))
-        solutions = [problem.solve(start, slsqp) for start in starts]
+        solutions = [problem.solve(start) for start in starts]
         return [strike.make_exact(variables.point(x)) for x in solutions if x is not None]
 
     def starts(self) -> list[Array]:
@@ -216,8 +211,6 @@ def solve_kick(problem: KickProblem, objective: Objective) -> KickSolution:
     Raises:
         InvalidInput: no posture keeps the terms, with the reason.
     """
-    if isinstance(objective, LandingScatter):
-        return _solve_for_scatter(problem, objective)
     solution = _find_solution(problem, objective)
     if solution is not None:
         return solution
@@ -233,22 +226,18 @@ def explain_infeasible(problem: KickProblem) -> str:
     """Return why a problem has no solution: the last terms without which it has one."""
     *_, problem = problem.variants()
     for explanation in dict.fromkeys(term.explanation for term in reversed(problem.terms)):
-        if explanation:
-            omitted = [term for term in problem.terms if term.explanation == explanation]
-            if points := _solve_without(problem, omitted):
-                violation = LeastViolation(omitted)
-                return omitted[0].explain(min(points, key=lambda x: float(violation.value(x)[0])))
-    if _solve_without(problem, [term for term in problem.terms if term.explanation]):
+        if explanation and _is_feasible_without(
+            problem, [term for term in problem.terms if term.explanation == explanation]
+        ):
+            return explanation
+    if _is_feasible_without(problem, [term for term in problem.terms if term.explanation]):
         return "it has one only without two or more of its conditions"
     return "the ranges of its joints allow none"
 
 
-def _solve_without(problem: KickProblem, omitted: list[Term[KickPoint]]) -> list[KickPoint]:
-    """Return solutions without some terms, and those of least violation; none if it has none."""
+def _is_feasible_without(problem: KickProblem, omitted: list[Term[KickPoint]]) -> bool:
     relaxed = problem.without(omitted)
-    starts = relaxed.starts()
-    strongest = relaxed.solve(LargestShare(), starts)
-    return strongest and strongest + relaxed.solve(LeastViolation(omitted), starts)
+    return bool(relaxed.solve(LargestShare(), relaxed.starts()))
 
 
 def _find_solution(problem: KickProblem, objective: Function[KickPoint]) -> KickSolution | None:
@@ -266,21 +255,6 @@ def _find_solution(problem: KickProblem, objective: Function[KickPoint]) -> Kick
         full = variant.variables.point(np.append(strongest.x[:-1], 1.0))
         strongest = next(iter(variant.solve(objective, [strongest.x])), full)
     return KickSolution(variant, strongest)
-
-
-def _solve_for_scatter(problem: KickProblem, scatter: LandingScatter) -> KickSolution:
-    """Return the solution of least scatter near the solutions for all other objectives."""
-    problem, point = solve_kick(problem, JointSpeed())
-    if point.share < 1.0:
-        return KickSolution(problem, point)
-    points, starts = [point], problem.starts()
-    for kind in OBJECTIVES.values():
-        if kind not in (JointSpeed, LandingScatter):
-            objective = kind()
-            solutions = problem.solve(objective, starts)
-            points += [min(solutions, key=objective.cost)] if solutions else []
-    points += problem.solve(scatter, [point.x for point in points])
-    return KickSolution(problem, min(points, key=scatter.cost))
 
 
 def _foot_directions(variables: KickVariables, draw: np.random.Generator) -> Array:

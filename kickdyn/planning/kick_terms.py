@@ -268,10 +268,6 @@ class BallPosition(KickTerm):
             return f"at a height of {self.centre[2]:g} m"
         return f"at ({', '.join(f'{x:g}' for x in self.centre)}) m"
 
-    def explain(self, point: KickPoint) -> str:
-        nearest = ", ".join(f"{x:.4g}" for x in np.round(point.ball_centre, 6) + 0.0)
-        return f"the nearest position of the ball for which it has one is ({nearest}) m"
-
 
 class Facing(KickTerm):
     """The contact normal is in the cone of normals with which the foot can meet a ball.

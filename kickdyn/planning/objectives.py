@@ -1,21 +1,14 @@
 """Objectives of a kick: what its posture and joint velocity make least, or most."""
 
 import math
-from collections.abc import Mapping
-from dataclasses import replace
 from enum import StrEnum
 
 import numpy as np
 
-from kickdyn.air import Air
-from kickdyn.ball import Ball, BallState
 from kickdyn.core.validation import Array
-from kickdyn.errors import NoImpact
 from kickdyn.impact.leg_response import joint_impulses
-from kickdyn.impact.strike import strike
 from kickdyn.planning.kick_terms import KickPoint, Objective
 from kickdyn.planning.problem import Function, Kind
-from kickdyn.planning.scatter import checked_spread, landing_covariances, landing_slopes
 
 
 class KickObjective(StrEnum):
@@ -34,8 +27,6 @@ class KickObjective(StrEnum):
     FOOT_SPEED = "foot-speed"
     r""":math:`|J v|` [m/s]: the posture that makes the most impulse of it."""
     MOST_JOINT_IMPULSE = "most-joint-impulse"
-    SCATTER = "scatter"
-    """Root mean square error of the landing [m], for errors of a given `uncertainty`."""
     TORQUE_SQUARED = "torque-squared"
     r""":math:`\int \frac1n \sum_i (\tau_i / \tau_{max,i})^2 dt` [s], of a motion."""
 
@@ -86,33 +77,6 @@ class MostJointImpulse(JointImpulse):
     maximized = True
 
 
-class LandingScatter(Objective):
-    """Root mean square error of the landing.
-
-    Args:
-        launch: of the kick.
-        ball: that is kicked.
-        air: of the flight.
-        uncertainty: standard deviations by source, see `scatter`.
-    """
-
-    def __init__(
-        self, launch: BallState, ball: Ball, air: Air | None, uncertainty: Mapping[str, float]
-    ) -> None:
-        self._sizes = checked_spread(uncertainty)
-        _, self._slopes = landing_slopes(launch, ball, air)  # the launch stays
-
-    def quantity(self, point: KickPoint) -> float:
-        target = point.variables.target
-        contact = replace(target.contact, offset=None)  # the posture has it
-        try:
-            impact = strike(point.posture, point.v, target.ball, contact)
-        except NoImpact:  # far from feasible
-            return 1e6
-        covariances = landing_covariances(impact, self._slopes, self._sizes)
-        return math.sqrt(sum(float(np.trace(covariance)) for covariance in covariances.values()))
-
-
 class LargestShare(Function[KickPoint]):
     """The share of the foot velocity that is reached, as large as possible."""
 
@@ -133,7 +97,6 @@ OBJECTIVES: dict[KickObjective, type[Objective]] = {
     KickObjective.KINETIC_ENERGY: KineticEnergy,
     KickObjective.FOOT_SPEED: FootSpeed,
     KickObjective.MOST_JOINT_IMPULSE: MostJointImpulse,
-    KickObjective.SCATTER: LandingScatter,
 }
 """The objective of each name."""
 
@@ -143,7 +106,6 @@ UNITS = {
     KickObjective.KINETIC_ENERGY: "J",
     KickObjective.FOOT_SPEED: "m/s",
     KickObjective.MOST_JOINT_IMPULSE: "N s",
-    KickObjective.SCATTER: "m",
     KickObjective.TORQUE_SQUARED: "s",
 }
 """The unit of each objective."""

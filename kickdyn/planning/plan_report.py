@@ -1,9 +1,7 @@
 """A planned kick in words and in JSON, with the wall and the goal that it meets on a pitch."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -15,7 +13,6 @@ from kickdyn.planning.goal import Goal, PlanStatus
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.launch import Launch, OutOfReach
 from kickdyn.planning.passes import Pass
-from kickdyn.planning.scatter import Scatter, scatter
 from kickdyn.restitution import describe_restitution
 from kickdyn.scene.pitch import Passage, Score, Wall, check_before, passage_on, score_at
 
@@ -67,32 +64,21 @@ def score(plan: KickPlan) -> Score:
 
 @dataclass(frozen=True)
 class PlanReport:
-    """A planned kick with the wall, the goal and the errors that were asked about."""
+    """A planned kick with the wall and the goal that were asked about."""
 
     plan: KickPlan
     wall: Wall | None = None
     goal_mouth: bool = False
-    uncertainty: Mapping[str, float] | None = None
-    limits: bool = True
-
-    @cached_property
-    def landing(self) -> Scatter | None:
-        """The scatter of the landing point; None without an uncertainty."""
-        if self.uncertainty is None:
-            return None
-        return scatter(self.plan.impact, self.plan.launch.air, **self.uncertainty)
 
     def sentences(self) -> list[str]:
         """Return the answer in sentences; raise `InvalidInput` where the ball hits the wall."""
         plan = self.plan
         sentences = [
             verdict(plan),
-            self.landing and _describe_scatter(self.landing),
             self.wall and describe_passage(self.wall, plan),
             self.goal_mouth and str(score(plan)),
             plan.motion and _describe_motion(plan, plan.motion),
             *(_describe_stance(name, plan) for name in plan.impact.footing),
-            _describe_joints_after(plan, limits=self.limits),
             *(f"Warning: {line}." for line in plan.warnings),
         ]
         return [sentence for sentence in sentences if sentence]
@@ -154,7 +140,6 @@ class PlanReport:
                 "q_deg": leg.angles_deg(plan.q),
                 "q_m": leg.positions_m(plan.q),
                 **_attributes(plan, "v objective value binding speed_use torque_use"),
-                **_attributes(plan, "too_fast_after into_stop"),
                 "worst_joint": impact.worst_joint[0],
                 "worst_joint_impulse": impact.worst_joint[1],
             },
@@ -166,12 +151,6 @@ class PlanReport:
             report["wall"] = {"above": above, "beside": beside}
         if self.goal_mouth:
             report["goal_mouth"] = score(plan)._asdict()
-        if self.landing is not None:
-            by_source = self.landing.by_source
-            report["scatter"] = {
-                **_attributes(self.landing, "mean covariance radius"),
-                "by_source": {name: covariance.tolist() for name, covariance in by_source.items()},
-            }
         if plan.balance is not None:
             report["stance"] = {
                 "footing": {name: str(state) for name, state in impact.footing.items()},
@@ -224,32 +203,6 @@ def unreachable_json(goal: Goal, error: OutOfReach) -> dict[str, Any]:
         "limit": error.limit,
         "nearest": nearest,
     }
-
-
-def _describe_joints_after(plan: KickPlan, *, limits: bool) -> str:
-    """Return a line with the joints beyond a limit just after the impact; empty without such."""
-    if plan.motion is not None:
-        return ""
-    fast = plan.too_fast_after if limits else {}
-    violations = {name: ["moves into the stop at the end of its range"] for name in plan.into_stop}
-    for name, use in fast.items():
-        violations.setdefault(name, []).append(f"has {use:.0%} of its speed limit")
-    if not violations:
-        return ""
-    joints = ", ".join(f"{name} {' and '.join(lines)}" for name, lines in violations.items())
-    remedy = "; --motion plans a kick after which the robot comes to rest within its limits"
-    return (
-        f"Just after the impact, {joints}. A plan keeps the limits up to the "
-        f"impact, not after it{remedy if limits else ''}."
-    )
-
-
-def _describe_scatter(landing: Scatter) -> str:
-    errors = ", ".join(
-        f"{math.sqrt(float(covariance.trace())):.3g} m from {source}"
-        for source, covariance in landing.by_source.items()
-    )
-    return f"The landing point has a root mean square error of {landing.radius:.3g} m: {errors}."
 
 
 def _least_friction(frame: str, plan: KickPlan) -> float | None:

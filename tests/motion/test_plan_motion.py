@@ -195,6 +195,19 @@ def test_the_impact_of_a_standing_robot_conserves_momentum():
     np.testing.assert_allclose(changes[1] - changes[0], supplied - ball, atol=1e-6)
 
 
+def test_a_motion_is_planned_again_for_a_launch_nearby():
+    plan = planned("human")
+    wished = 1.005 * plan.impact.ball_after.velocity + (0.0, 0.0, 0.05)
+    again = kick.replan_motion(plan, wished)
+    assert again.share == 1.0
+    np.testing.assert_allclose(again.impact.ball_after.velocity, wished, atol=1e-9)
+    np.testing.assert_allclose(again.motion.v_after, again.impact.v_after, atol=1e-6)
+    assert np.abs(again.q - plan.q).max() < 0.2
+    check_limits(again)
+    with pytest.raises(kd.InvalidInput, match="the plan has no motion: plan it with motion=True"):
+        kick.replan_motion(kd.plan_kick(HUMAN, kd.Goal(15, time=1), BALL, AIR), wished)
+
+
 @pytest.mark.parametrize("what", ["velocityLimit", "effortLimit"])
 def test_a_joint_without_limits_is_refused(what):
     model = HUMAN.model

@@ -50,8 +50,7 @@ def test_the_symbols_are_pinocchio_to_rounding(leg):
     in_symbols = ca.Function(
         "all",
         [tree.q, tree.v, tree.a],
-        [torque, wrench, point, tree.velocity(point), tree.rotation(joint),
-         tree.angular_velocity(joint), tree.centre_of_mass()],
+        [torque, wrench, point, tree.rotation(joint), tree.angular_velocity(joint)],
     )  # fmt: skip
     floating = model_on_a_floating_base(model)
     for _ in range(5):
@@ -68,12 +67,9 @@ def test_the_symbols_are_pinocchio_to_rounding(leg):
         pin.forwardKinematics(model, data, q, v)
         posture = leg.posture(q)
         np.testing.assert_allclose(values[2], posture.contact_point, atol=1e-12)
-        np.testing.assert_allclose(values[3], posture.jacobian @ v, atol=1e-10)
-        np.testing.assert_allclose(values[4], data.oMi[joint].rotation, atol=1e-12)
+        np.testing.assert_allclose(values[3], data.oMi[joint].rotation, atol=1e-12)
         turning = pin.getVelocity(model, data, joint, pin.LOCAL_WORLD_ALIGNED).angular
-        np.testing.assert_allclose(values[5], turning, atol=1e-12)
-        centre = pin.centerOfMass(floating, floating.createData(), np.append([*still, 1.0], q))
-        np.testing.assert_allclose(values[6], centre, atol=1e-12)
+        np.testing.assert_allclose(values[4], turning, atol=1e-12)
 
 
 def model_on_a_floating_base(fixed):

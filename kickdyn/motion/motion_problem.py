@@ -36,15 +36,13 @@ from kickdyn.motion.limits import Impulse, Limit, RangeLimit, Sample, SpeedLimit
 from kickdyn.motion.splines import MotionSplines, integration_weights, per_joint
 from kickdyn.motion.symbolic_tree import SymbolicTree
 from kickdyn.restitution import rows_of
+from kickdyn.robot.kicking_chain import UNLIMITED
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.standing import StandingRobot
 
 JERK, ENDS, SHARE = 1e-8, 0.1, 3.0
 """Weights of the objective: of the jerk over n [s5/rad2], of the posture at both ends [1/rad2] and
 of the share of the launch that is not reached, against about 0.1 s of squared torque."""
-
-UNLIMITED = 100.0
-"""Speed limit of a joint that has none [rad/s]: faster than any joint that kicks."""
 
 LARGEST_TURN = 1.5
 """Largest angular velocity of a standing robot's foot across the normal, before the impact [rad/s]:

@@ -12,6 +12,10 @@ from kickdyn.robot.leg import Leg
 from kickdyn.robot.surgery import angle_model, coordinate_indices, reduce_model
 
 
+UNLIMITED = 100.0
+"""Speed that counts as the limit of a joint without one [rad/s]: faster than any that kicks."""
+
+
 @dataclass(frozen=True, eq=False)
 class KickingChain:
     """The joints between a fixed base and the contact frame, and where the whole robot has them.

@@ -11,7 +11,6 @@ from kickdyn.errors import InvalidInput
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.surgery import angle_model, coordinate_indices, reduce_model
 
-
 UNLIMITED = 100.0
 """Speed that counts as the limit of a joint without one [rad/s]: faster than any that kicks."""
 

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import click
-from click.shell_completion import CompletionItem
 
 from kickdyn.core.files import check_outputs
 from kickdyn.errors import (
@@ -42,19 +41,6 @@ class Command(click.Command):
                 name = param.opts[0] if isinstance(param, click.Option) else param.metavar
                 raise InvalidInput(f"{name} is empty: it needs a value")
         return rest
-
-
-def offers(
-    names: Callable[[click.Context], Iterable[str]], *, files: bool = False
-) -> Callable[[click.Context, click.Parameter, str], list[CompletionItem]]:
-    """Return what completes the value of an option: names, and files of the shell."""
-
-    def complete(ctx: click.Context, _: click.Parameter, incomplete: str) -> list[CompletionItem]:
-        items = [CompletionItem(name) for name in names(ctx) if name.startswith(incomplete)]
-        # first, because bash forgets what comes before a file
-        return [CompletionItem(incomplete, type="file"), *items] if files else items
-
-    return complete
 
 
 def check_files(

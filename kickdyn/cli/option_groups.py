@@ -12,17 +12,15 @@ from types import MappingProxyType
 from typing import Any, TypeVar
 
 import click
-import numpy as np
 
 from kickdyn.aerodynamics.coefficient_model import constant_limits, find_model
 from kickdyn.aerodynamics.drag import MODELS as DRAG_MODELS
 from kickdyn.air import AIRS, Air
 from kickdyn.ball import Ball
-from kickdyn.cli.command import check_files, check_page_name, offers
+from kickdyn.cli.command import check_files, check_page_name
 from kickdyn.contact import Contact
 from kickdyn.core import validation
-from kickdyn.core.files import shipped, write_json
-from kickdyn.core.validation import Array
+from kickdyn.core.files import write_json
 from kickdyn.errors import InvalidInput
 from kickdyn.restitution import MODELS as RESTITUTION_MODELS
 from kickdyn.restitution import Restitution, read_restitution
@@ -105,17 +103,6 @@ class FootOptions:
             validation.number("attack", self.attack, at_least=-90, at_most=90, unit="deg")
         )
 
-    @property
-    def direction(self) -> Array:
-        """Unit vector of the direction, shape `(3,)`, in the world frame."""
-        return np.array([math.cos(self.angle), 0.0, math.sin(self.angle)])
-
-    @property
-    def velocity(self) -> Array:
-        """Velocity of the foot, shape `(3,)` [m/s, world frame]."""
-        speed = validation.number("speed", self.speed, above=0, at_most=1e6, unit="m/s")
-        return np.asarray(speed * self.direction)
-
 
 @dataclass(frozen=True)
 class BallOptions:
@@ -123,7 +110,7 @@ class BallOptions:
 
     ball: str = option(
         "--ball", default="size-5", metavar="MASS:RADIUS|size-5|paper", show_default=True,
-        help="Mass [kg] and radius [m], or a name.", shell_complete=offers(lambda _: NAMED_BALLS),
+        help="Mass [kg] and radius [m], or a name.",
     )  # fmt: skip
 
     def load(self) -> Ball:
@@ -137,15 +124,10 @@ class BallOptions:
                 f"--ball is {self.ball!r}: it must be size-5, paper, or MASS:RADIUS such as "
                 "0.45:0.11 [kg:m]"
             ) from None
-        return checked_ball(mass, radius, "ball mass", "ball radius")
-
-
-def checked_ball(mass: float, radius: float, mass_name: str, radius_name: str) -> Ball:
-    """Return a ball of 1 g to 1000 kg and 1 mm to 1 m of radius, or raise `InvalidInput`."""
-    return Ball(
-        validation.number(mass_name, mass, at_least=1e-3, at_most=1e3, unit="kg"),
-        validation.number(radius_name, radius, at_least=1e-3, at_most=1, unit="m"),
-    )
+        return Ball(
+            validation.number("ball mass", mass, at_least=1e-3, at_most=1e3, unit="kg"),
+            validation.number("ball radius", radius, at_least=1e-3, at_most=1, unit="m"),
+        )
 
 
 @dataclass(frozen=True)
@@ -154,7 +136,6 @@ class ContactOptions:
 
     restitution: str = option(
         "--restitution", default="0.8", show_default=True, metavar="E|NAME|SPEED:E,...",
-        shell_complete=offers(lambda _: RESTITUTION_MODELS),
         help="Coefficient of restitution e, from 0 to 1; a table of e over the approach speed, "
         f"such as 5:0.8,20:0.65 [m/s:e]; or a model ({', '.join(RESTITUTION_MODELS)}).",
     )  # fmt: skip
@@ -176,9 +157,9 @@ class PointOptions(ContactOptions):
         help="Contact point relative to --frame, in its axes [m].",
     )  # fmt: skip
 
-    def contact(self, direction: Array | None) -> Contact:
-        """Return the contact whose normal has a direction, shape `(3,)`, or none."""
-        return Contact(direction, self.read_restitution(), self.friction, offset=self.offset)
+    def contact(self) -> Contact:
+        """Return the contact, without a normal."""
+        return Contact(None, self.read_restitution(), self.friction, offset=self.offset)
 
 
 @dataclass(frozen=True)
@@ -191,7 +172,7 @@ class AirOptions:
         "none. The coefficients of drag and lift are kickdyn's.",
     )  # fmt: skip
     drag: str | None = option(
-        "--drag", metavar="MODEL|NUMBER", shell_complete=offers(lambda _: DRAG_MODELS),
+        "--drag", metavar="MODEL|NUMBER",
         help="Drag coefficient of the ball: a number such as 0.25, or the name of a model of it "
         f"({', '.join(DRAG_MODELS)}).  [default: supercritical; with --air paper, brazuca]",
     )  # fmt: skip
@@ -272,12 +253,7 @@ class OutputOptions(JsonOptions):
         super().check(*files, self.plot, self.view, inputs=inputs)
 
 
-def scene_names(_: click.Context) -> list[str]:
-    """Return the names of the scenes that come with kickdyn."""
-    return sorted(scene.stem for scene in shipped("scenes").glob("*.toml"))
-
-
 scene_argument: Callable[[Command], Command] = click.argument(
-    "scene_file", metavar="SCENE", shell_complete=offers(scene_names, files=True)
+    "scene_file", metavar="SCENE", type=click.Path()
 )
 """Gives a command the argument `scene_file`."""

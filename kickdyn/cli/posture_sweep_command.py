@@ -13,8 +13,8 @@ import click
 import numpy as np
 import xarray as xr
 
-from kickdyn.cli.command import Command, offers, warn
-from kickdyn.cli.leg_options import SHIPPED, LegOptions, joints_at_zero
+from kickdyn.cli.command import Command, warn
+from kickdyn.cli.leg_options import SHIPPED, LegOptions
 from kickdyn.cli.option_groups import (
     AirOptions,
     BallOptions,
@@ -68,7 +68,7 @@ class StoreOptions:
         "--json.",
     )  # fmt: skip
     variables: str | None = option(
-        "--variables", metavar="NAME,...", shell_complete=offers(lambda _: VARIABLES),
+        "--variables", metavar="NAME,...",
         help="Variables to write to --out, besides status and the variables of the table "
         f"({', '.join(NEEDED)}).  [default: all, {', '.join(VARIABLES)}]",
     )  # fmt: skip
@@ -118,7 +118,6 @@ class StoreOptions:
 @click.command("posture-sweep", Command)
 @takes(leg=LegOptions)
 @click.option("--joint", "joints", multiple=True, metavar="NAME=LOW:HIGH:STEP",
-              shell_complete=offers(joints_at_zero),
               help="Range of a joint [deg; m for prismatic joints], or NAME=VALUE for a constant "
               "value; repeatable. By default, human and testbed have a range of hip, knee and "
               "ankle, in steps of 5 deg.")  # fmt: skip
@@ -188,7 +187,6 @@ def posture_sweep(
             computed = (block for _, block in blocks(data))
         for block in computed:
             summary.add(block)
-    warn(filter(None, [summary.disagreement]))
 
     lines = extreme_lines(robot, grid, kick, summary)
     if leg.leg_name == "human" and not leg.locked:

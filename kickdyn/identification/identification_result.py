@@ -154,7 +154,7 @@ class Identification(ReprMixin):
         if self.rms > self.ball.radius:
             lines.append(
                 f"the fit misses the positions by {self.rms:.2g} m, more than the ball's radius: "
-                "they may not be one flight without a bounce, or not in metres and seconds"
+                "they may not be one flight, without a bounce, in metres and seconds with z up"
             )
         drag = self.values.get("drag", self.values.get("drag_scale", 0.0))
         if drag < 0.0:

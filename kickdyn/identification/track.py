@@ -7,7 +7,7 @@ import math
 import os
 import subprocess
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from os import PathLike
@@ -36,7 +36,7 @@ OTHER_UNITS = (
 drag and lift may fall slower or faster than in free fall. For feet the range is narrow, because
 lift alone can make a ball fall as fast as a number in feet seems to."""
 
-C3D_MEMORY, C3D_TIME = 2**32, 60.0
+C3D_MEMORY, C3D_TIME = 2**31, 60.0
 """Memory [bytes] and time [s] in which a C3D file is read."""
 
 LARGEST = 1e12
@@ -47,6 +47,16 @@ SOUND = 340.0
 
 METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 """Units of C3D files [m]."""
+
+
+@contextlib.contextmanager
+def _long_fields() -> Iterator[None]:
+    """Let the module csv read fields of any length; its default is 131,072 characters."""
+    default = csv.field_size_limit(LARGEST_FILE)
+    try:
+        yield
+    finally:
+        csv.field_size_limit(default)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -123,6 +133,7 @@ class Track(ValueEquality, ReprMixin):
 
     @classmethod
     @validation.check_arguments
+    @_long_fields()
     def from_csv(
         cls, file: str | PathLike[str], columns: Sequence[str] = ("t", "x", "y", "z")
     ) -> "Track":
@@ -145,7 +156,6 @@ class Track(ValueEquality, ReprMixin):
                 f"columns is {validation.brief(columns)}: it must name four columns, for "
                 "time, x, y and z"
             )
-        csv.field_size_limit(LARGEST_FILE)  # the default is 131,072 characters
         rows = csv.reader(read_text(file, source, LARGEST_FILE, FaultyFile).splitlines())
         header = [name.strip() for name in next(rows, [])]
         if any(header.count(name) != 1 for name in names):

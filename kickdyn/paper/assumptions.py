@@ -1,13 +1,9 @@
 """What the paper prints (Tables 1, 3, 6), and what it leaves open: coefficients, launch."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from kickdyn.aerodynamics.coefficient_model import Coefficient
 from kickdyn.aerodynamics.drag import constant
@@ -85,20 +81,6 @@ def launch_from_force(force: Array, normal: Array) -> tuple[BallState, bool]:
 def warnings_of(*paths: Flight) -> tuple[str, ...]:
     """Return every warning of the flights once."""
     return tuple(dict.fromkeys(line for path in paths for line in path.warnings))
-
-
-def draw_flights(axes: Axes, paths: Mapping[str, Flight], **labels: Any) -> None:
-    """Draw height over distance of flights with their legend, and set labels and limits."""
-    for (name, path), style in zip(paths.items(), ("-", "--", "-.", ":"), strict=False):
-        x, _, height = path.sample(np.linspace(0, path.duration, 200)).position.T
-        axes.plot(x, height, style, label=name)
-    axes.set(ylabel="Y [m]", **labels)
-    axes.legend()
-
-
-def show_warnings(figure: Figure, *paths: Flight) -> None:
-    """Write the warnings of a figure's flights below it."""
-    figure.supxlabel("\n".join(warnings_of(*paths)), fontsize=6)
 
 
 def items() -> list[Item]:

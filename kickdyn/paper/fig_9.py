@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.fly import fly
@@ -11,12 +10,9 @@ from kickdyn.impact.laws import normal_impulse
 from kickdyn.paper.assumptions import (
     BALL,
     DEFAULT,
-    LIFT_WITHOUT_CRISIS,
     Coefficients,
     direction,
-    draw_flights,
     launch_from_force,
-    show_warnings,
     warnings_of,
 )
 from kickdyn.paper.item import FITTED, Item, Verdict, near, shape
@@ -89,14 +85,3 @@ def varying(choice: Coefficients) -> list[Item]:
         for number, path in enumerate(paths, 1)
         for what, ours in (("distance", path.range), ("apex", path.height))
     ]  # fmt: skip
-
-
-def draw(figure: Figure) -> None:
-    """Draw the three flights, with the lift `saturating` and with one that has no crisis."""
-    panels, drawn = figure.subplots(2, 1, sharex=True), list[Flight]()
-    for axes, choice in zip(panels, (DEFAULT, LIFT_WITHOUT_CRISIS), strict=True):
-        paths = {f"case {number}": path for number, path in enumerate(flights(choice), 1)}
-        draw_flights(axes, paths, ylim=(0, 2.5), xlim=(0, 14), title=choice.name)
-        drawn += paths.values()
-    axes.set_xlabel("X [m]")
-    show_warnings(figure, *drawn)

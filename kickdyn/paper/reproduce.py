@@ -5,7 +5,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from textwrap import fill
 
-from matplotlib.figure import Figure
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -33,14 +32,12 @@ class Section:
         keys: the tables and figures that it answers to, such as `fig10`.
         items: with the coefficients of `DEFAULT`.
         varying: those that may change with a choice of coefficients; None where none matters.
-        draw: onto an empty figure; None where there is nothing to draw.
     """
 
     name: str
     keys: tuple[str, ...]
     items: Callable[[], list[Item]]
     varying: Callable[[Coefficients], list[Item]] | None = None
-    draw: Callable[[Figure], None] | None = None
 
     def compare(self) -> tuple[list[Item], list[Item]]:
         """Return the items, judged, and those that vary with every other choice of coefficients."""
@@ -57,12 +54,12 @@ class Section:
 
 
 SECTIONS = (
-    Section("Fig. 1", ("fig1",), fig_1.items, draw=fig_1.draw),
-    Section("Table 2", ("fig7", "table2"), table_2.items, draw=table_2.draw),
-    Section("Fig. 8", ("fig8",), fig_8.items, fig_8.varying, fig_8.draw),
-    Section("Fig. 9", ("fig9",), fig_9.items, fig_9.varying, fig_9.draw),
-    Section("Fig. 10/11", ("fig10", "fig11"), fig_10.items, fig_10.varying, fig_10.draw),
-    Section("Fig. 13-15", ("fig13", "fig14", "fig15"), fig_15.items, fig_15.varying, fig_15.draw),
+    Section("Fig. 1", ("fig1",), fig_1.items),
+    Section("Table 2", ("fig7", "table2"), table_2.items),
+    Section("Fig. 8", ("fig8",), fig_8.items, fig_8.varying),
+    Section("Fig. 9", ("fig9",), fig_9.items, fig_9.varying),
+    Section("Fig. 10/11", ("fig10", "fig11"), fig_10.items, fig_10.varying),
+    Section("Fig. 13-15", ("fig13", "fig14", "fig15"), fig_15.items, fig_15.varying),
     Section("Tables 4-5", ("table4", "table5"), tables_4_5.items, tables_4_5.varying),
     Section("Tables 1, 3, 6", ("table1", "table3", "table6"), assumptions.items),
 )
@@ -75,14 +72,10 @@ def chosen(only: str | None) -> Sequence[Section]:
     key = re.sub(r"[\s.]", "", only.lower()).replace("figure", "fig")
     sections = [section for section in SECTIONS if key in section.keys]
     if not sections:
-        raise InvalidInput(f"only is {only!r}: it must be one of {', '.join(item_names())}")
+        keys = [key for section in SECTIONS for key in section.keys]
+        names = sorted(keys, key=lambda key: (key[0], len(key), key))
+        raise InvalidInput(f"only is {only!r}: it must be one of {', '.join(names)}")
     return sections
-
-
-def item_names() -> list[str]:
-    """Return the names of all tables and figures for `chosen`, such as `table2`."""
-    keys = [key for section in SECTIONS for key in section.keys]
-    return sorted(keys, key=lambda key: (key[0], len(key), key))
 
 
 def show(items: Mapping[str, Sequence[Item]], varied: Mapping[str, Sequence[Item]]) -> None:

@@ -94,7 +94,7 @@ def read_drives(path: str | PathLike[str]) -> dict[str, Drive]:
         if key not in ("source", "joints")
     ]
     joints = document.get("joints")
-    if not isinstance(joints, dict) or not joints:
+    if not isinstance(joints, dict):
         line = 'has no [joints]: it needs lines such as "knee" = { rotor_inertia_kg_m2 = 1e-5 }'
         raise FaultyFile(source, [*faults, line])
     drives = {}

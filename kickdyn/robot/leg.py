@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import blas, lapack
 
 from kickdyn.core import validation
+from kickdyn.core.files import shipped
 from kickdyn.core.mechanics import cross3
 from kickdyn.core.representation import ReprMixin, Row, format_value, warned
 from kickdyn.core.validation import Array, protect, read_only
@@ -55,6 +56,12 @@ from kickdyn.robot.visuals import RobotFile
 
 Drives = str | PathLike[str] | Mapping[str, Drive]
 """Drives by joint, or a file of them."""
+
+NO_DRIVES = (
+    "the file has no drives: with rotors behind gears, the foot's effective mass is larger; give "
+    "them by Leg.with_drives (--drives FILE), or drives=False (--drives none) for a leg without"
+)
+"""Warning of a robot whose joints have no rotors."""
 
 MAX_OFFSET = 1e3
 """Largest distance of a contact point along an axis of the contact frame [m]."""
@@ -413,8 +420,13 @@ class Leg(JointTable, ReprMixin):
         """Return the leg with drives: for True the usual ones, for False none."""
         if drives is False:
             return self.with_armature(dict.fromkeys(self.single_joints, 0.0))
-        listed = usual if drives is True else drives
-        return self if listed is None else self.with_drives(listed)
+        if drives is not True:
+            return self.with_drives(drives)
+        if usual is not None:
+            return self.with_drives(usual)
+        if self.file is None or self.file.folder == shipped("urdf"):
+            return self
+        return replace(self, file=replace(self.file, lacks_drives=True))
 
     def with_supports(self, *supports: str | Support) -> "Leg":
         """Return the leg with frames that stand on the ground and stay at rest in the impact.
@@ -535,8 +547,10 @@ class Leg(JointTable, ReprMixin):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Lines about irregularities of the file, open loops, and speed limits of 0."""
+        """Lines about the file and its missing drives, open loops, and speed limits of 0."""
         file = () if self.file is None else self.file.warnings
+        if self.file is not None and self.file.lacks_drives and not self._model.armature.any():
+            file = (*file, NO_DRIVES)
         stuck = [
             name
             for name in self.single_joints

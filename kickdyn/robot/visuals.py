@@ -90,12 +90,14 @@ class RobotFile:
         folder: the folder of the file, for its meshes.
         source: the file as the caller named it.
         package_dirs: ROS packages, or folders that contain them, for meshes named `package://`.
+        lacks_drives: whether drives that the file should have were not given either.
     """
 
     text: str
     folder: Path
     source: str
     package_dirs: tuple[Path, ...] = ()
+    lacks_drives: bool = False
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:

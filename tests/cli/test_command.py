@@ -5,13 +5,13 @@ import click
 import pytest
 
 import kickdyn as kd
-from kickdyn.cli.command import Command, check_files, offers, run
+from kickdyn.cli.command import Command, check_files, run
 
 INTERRUPTED = """
 import os
 import signal
 import click
-from kickdyn.cli.command import Command, check_files, offers, run
+from kickdyn.cli.command import Command, check_files, run
 
 @click.command("kick")
 def kick():
@@ -64,7 +64,7 @@ def test_how_a_command_ends(error, code, line, monkeypatch, capsys):
 @click.option("--speed", default=1.0)
 @click.option("--count", type=click.IntRange(1, 9))
 @click.option("--first", type=int)
-@click.option("--leg", multiple=True, shell_complete=offers(lambda _: ["left leg", "right leg"]))
+@click.option("--leg", multiple=True)
 def kick(**_):
     """Do nothing."""
 

@@ -229,3 +229,15 @@ def test_a_leg_is_loaded_with_locked_joints(tmp_path):
         load_leg(str(path), locked={"hop": 1.0})
     g1 = load_leg("g1", locked={"right_knee_joint": 30.0})
     assert "right_knee_joint" not in g1.joint_names
+
+
+def test_drives_of_a_command_are_a_file_or_none(tmp_path):
+    file = tmp_path / "drives.toml"
+    file.write_text('[joints]\n"*knee*" = { rotor_inertia_kg_m2 = 0.02 }')
+    for arguments, knee in (
+        ((), 0.025101925),
+        (("--drives", "none"), 0),
+        (("--drives", str(file)), 0.02),
+    ):
+        leg, _ = loaded("--leg", "g1", *arguments)
+        assert leg.model.armature[leg.velocity_index("right_knee_joint")] == knee

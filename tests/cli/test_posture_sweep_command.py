@@ -24,8 +24,8 @@ from kickdyn.cli.command import run
 from kickdyn.cli.leg_options import load_leg
 from kickdyn.cli.posture_sweep_command import posture_sweep
 from kickdyn.core import compilation
+from kickdyn.robot.leg import NO_DRIVES
 from kickdyn.robot.urdf_file import shipped_urdf
-from kickdyn.sweeps import chunk_solver
 from kickdyn.sweeps.sweep_kick import kick_from
 
 SMALL = ["--joint", "hip=0:40:20", "--joint", "knee=10", "--joint", "ankle=0"]
@@ -322,7 +322,7 @@ def test_odd_names_are_just_names(tmp_path):
     odd = r"$\frac$ [red]"
     leg = urdf_of(tmp_path, hip=odd)
     shutil.copytree(shipped_urdf("meshes"), tmp_path / "meshes")
-    files = ["--out", "x.nc", "--plot", "x.png", "--view", "x.html"]
+    files = ["--drives", "none", "--out", "x.nc", "--plot", "x.png", "--view", "x.html"]
     ended = door("--leg", leg, "--joint", f"{odd}=0:10:5", *files, cwd=tmp_path)
     assert (ended.returncode, ended.stderr) == (0, "")
     assert odd in ended.stdout
@@ -353,7 +353,8 @@ def test_a_missing_mesh_costs_no_result(tmp_path):
     files = ["--out", "x.nc", "--json", "x.json", "--view", "x.html"]
     ended = door("--leg", "mine.urdf", *SMALL, *files, cwd=tmp_path)
     assert ended.returncode == 0
-    (warning,) = ended.stderr.splitlines()
+    no_drives, warning = ended.stderr.splitlines()
+    assert no_drives == f"warning: {NO_DRIVES}"
     assert warning.startswith(
         "warning: 1 of 7 visuals of leg_testbed is not drawn: mesh 'no.stl' is"
     )
@@ -379,7 +380,7 @@ def test_a_ros_package_is_drawn_from_the_folder_that_is_named(tmp_path):
     (robot / "package.xml").write_text("<package><name>my_robot</name></package>")
     for file in (robot / "meshes/thigh.stl", robot / "meshes/shank.stl", foot / "foot.stl"):
         trimesh.creation.box((0.1, 0.1, 0.3)).export(file)
-    command = ["--leg", "src/robot/urdf/my.urdf", *SMALL, "--view", "x.html"]
+    command = ["--leg", "src/robot/urdf/my.urdf", *SMALL, "--drives", "none", "--view", "x.html"]
     ended = door(*command, "--package-dir", "src", "--package-dir", "other", cwd=tmp_path)
     assert (ended.returncode, ended.stderr) == (0, "")
     ended = door(*command, cwd=tmp_path)
@@ -552,16 +553,3 @@ def test_a_name_of_5000_letters_is_one_line(tmp_path, option):
     assert ended.stderr.count("\n") == 1
     assert len(ended.stderr) < 600
     assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.parametrize("out", [(), ("--out", "s.nc"), ("--out", "s.zarr")])
-def test_a_disagreement_of_a_check_is_a_warning_beside_the_results(tmp_path, monkeypatch, out):
-    monkeypatch.setattr(chunk_solver, "KERNEL_FROM", 1)
-    monkeypatch.setattr(chunk_solver, "AGREEMENT", -1.0)
-    ended = door(*SMALL, *out, "--json", "j.json", cwd=tmp_path)
-    assert ended.returncode == 0
-    said = r"warning: posture 0: the sweep has effective_mass [\d.]+, a single kick [\d.]+\n"
-    assert re.fullmatch(said, ended.stderr)
-    assert "3 postures: 3 ok." in ended.stdout
-    (warning,) = json.loads((tmp_path / "j.json").read_text())["warnings"]
-    assert warning.startswith("posture 0: the sweep has effective_mass")

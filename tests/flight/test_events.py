@@ -74,7 +74,7 @@ def test_what_ends_no_flight_is_refused():
         ([kd.Event("landed", lambda state, _: state[2])], "its name none of landed"),
         (
             [kd.Event("many", lambda state, _: state[2], np.ones(5))],
-            "they must be a sequence of at most 4 numbers",
+            "they must be a sequence of at most 4 finite numbers",
         ),
     ):
         with pytest.raises(kd.InvalidInput, match=said):
@@ -88,8 +88,8 @@ def test_what_ends_no_flight_is_refused():
         ([kd.Event("", lambda state, _: state[2])], "a word without spaces"),
         ([kd.Event(3, lambda state, _: state[2])], "a word without spaces"),
         ([kd.Event("low", "z")], "cannot be called"),
-        ([kd.Event("low", lambda state, _: state[2], 5.0)], "a sequence of at most 4 numbers"),
-        ([kd.Event("low", lambda state, _: state[2], ("a",))], "a sequence of at most 4 numbers"),
+        ([kd.Event("low", lambda state, _: state[2], 5.0)], "a sequence of at most 4"),
+        ([kd.Event("low", lambda state, _: state[2], ("a",))], "a sequence of at most 4"),
         ([kd.Event("low", lambda state, _: state[2], lambda _: None)], "a sequence of at most 4"),
     ],
 )
@@ -196,9 +196,9 @@ def test_an_event_may_be_undefined_where_the_ball_is_not():
 @pytest.mark.parametrize(
     ("numbers", "said"),
     [
-        ((math.nan,), "must be finite"),
-        ((1.0, math.inf), "must be finite"),
-        ((np.zeros(5),), "a sequence of at most 4 numbers"),
+        ((math.nan,), "finite numbers"),
+        ((1.0, math.inf), "finite numbers"),
+        ((np.zeros(5),), "a sequence of at most 4 finite numbers"),
         (lambda launch: 1 / 0, "raised ZeroDivisionError: division by zero"),
     ],
 )

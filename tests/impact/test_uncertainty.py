@@ -247,3 +247,8 @@ def test_a_lopsided_covariance_is_said_to_be_one():
     lopsided = np.eye(3) + np.eye(3, k=1)
     with pytest.raises(kd.InvalidInput, match="covariance of q differs from its transpose by 1"):
         hit.uncertainty(q=lopsided)
+
+
+def test_sigmas_with_a_friction_whose_square_overflows():
+    strong, stronger = (kick(friction=mu).uncertainty(v=0.1) for mu in (1e100, 1e300))
+    assert stronger.branch_sigmas == pytest.approx(strong.branch_sigmas)

@@ -2,16 +2,16 @@
 
 import math
 from collections import defaultdict
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 from rich.console import Console
 
 import kickdyn as kd
 from kickdyn.paper import fig_1, fig_8, fig_9, fig_10, fig_15, reproduce, tables_4_5
 from kickdyn.paper.assumptions import ALTERNATIVES, DEFAULT, LIFT_WITHOUT_CRISIS, direction
-from kickdyn.paper.item import MEANINGS, MEASURED, Item, judged, near
+from kickdyn.paper.item import MEANINGS, MEASURED, Item, Verdict, judged, near
 from kickdyn.paper.reproduce import COLOURS, SECTIONS, chosen, sensitivity, show
 
 
@@ -143,9 +143,6 @@ def test_the_warnings_of_the_flights_are_notes(items):
     far = items["Fig. 13-15 100 m, 3 s learning loop rounds"]
     assert any("31 % of the flight is outside" in note for note in far.notes)
     assert any("of the flight" in note for note in items["Table 5 1.8 m/s distance"].notes)
-    figure = Figure()
-    fig_10.draw(figure)
-    assert "lift wang: 100 % of the flight is outside" in figure.get_supxlabel()
 
 
 def test_fig_15_goals_are_met_by_both(items):
@@ -219,9 +216,7 @@ def test_no_posture_that_fits_has_a_smaller_scale_or_another_distance():
         gains += list(found.gain * best[2] / masses[1:][fits][:, 2])
         middles += list(masses[1:][fits][:, 1] / masses[1:][fits][:, 2] / (best[1] / best[2]))
     assert len(gains) > 50
-    assert found.likely == pytest.approx((5.96, found.middle[1]), abs=0.02)
     assert found.middle == pytest.approx((4.89, 6.52), abs=0.02)
-    assert found.locked == pytest.approx(4.953, abs=0.001)
     assert min(gains) > 0.97 * found.gain
     assert max(gains) < 1.05 * found.largest_gain
     least = (found.middle[0] / tables_4_5.kick(tables_4_5.MIDDLE, found, DEFAULT).range) ** 0.5
@@ -230,12 +225,11 @@ def test_no_posture_that_fits_has_a_smaller_scale_or_another_distance():
 
 
 def test_the_ball_does_not_lie_inside_the_foot():
-    q, free, locked = tables_4_5.grid()
-    assert (np.isnan(free) == np.isnan(locked)).all()
+    q, masses = tables_4_5.grid()
     for degrees, inside in (((0, 0, 0), False), ((-30, 60, 50), True), ((60, 0, -20), False)):
         place = np.linalg.norm(q - np.radians(degrees), axis=-1) < 1e-9
         assert place.sum() == 1
-        assert np.isnan(free[place]).all() == inside
+        assert np.isnan(masses[place]).all() == inside
 
 
 def test_fig_1_extremes_are_extremes(items):
@@ -423,3 +417,19 @@ def test_other_coefficients_have_a_line_each_and_no_number_twice():
     with (console := Console(width=60, highlight=False)).capture() as said:
         console.print(table)
     assert "drag 8" in said.get()
+
+
+def test_fig_9_says_which_case_flies_farthest_and_which_highest(monkeypatch):
+    """Ranges and heights in different orders: the sentence names both."""
+    paths = [
+        SimpleNamespace(range=float(r), height=float(h), warnings=())
+        for r, h in ((9, 3), (10, 1), (11, 2))
+    ]
+    monkeypatch.setattr(fig_9, "flights", lambda choice: paths)
+    items = fig_9.varying(DEFAULT)
+    assert items[0].why.startswith("case 3 flies farthest and case 1 highest")
+    assert {item.verdict for item in items} == {Verdict.NOT_REACHABLE}
+    ours = [(item.item.split()[-1], item.ours) for item in items]
+    assert ours == [
+        ("distance", 9), ("apex", 3), ("distance", 10), ("apex", 1), ("distance", 11), ("apex", 2),
+    ]  # fmt: skip

@@ -7,6 +7,7 @@ import pytest
 import kickdyn as kd
 from kickdyn.robot.catalog import ROBOTS
 from kickdyn.robot.drives import catalogued_drives, read_drives
+from kickdyn.robot.leg import NO_DRIVES
 
 DRIVEN = ("g1", "talos", "icub", "icub_reduced", "bolt")
 
@@ -57,7 +58,7 @@ def test_robots_of_the_catalogue_have_drives(name, base):
 def test_drives_have_sources_and_bolt_has_the_torque_of_its_motors():
     for name in DRIVEN:
         assert 'source = "' in catalogued_drives(name).read_text()
-    assert [name for name in ROBOTS if catalogued_drives(name)] == [*DRIVEN]
+    assert {name for name in ROBOTS if catalogued_drives(name)} == {*DRIVEN, "human"}
     assert kd.Leg.from_robot("bolt").effort_limit == pytest.approx(2.7)
     assert read_drives(catalogued_drives("talos"))["leg_*_joint"].reflected_inertia == 0.1
 
@@ -98,6 +99,19 @@ def test_bad_files_are_refused_in_one_line(tmp_path, text, said):
     with pytest.raises(kd.InvalidInput, match=said) as refused:
         kd.Leg.human().with_drives(write(tmp_path, text))
     assert "\n" not in str(refused.value)
+
+
+def test_a_file_without_drives_is_warned_of(tmp_path):
+    file = tmp_path / "leg.urdf"
+    file.write_text(kd.Leg.human().file.text)
+    leg = kd.Leg.from_urdf(file)
+    assert leg.warnings == (NO_DRIVES,)
+    assert leg.locked({"ankle": 0}).warnings == (NO_DRIVES,)
+    assert leg.with_armature({"knee": 0.02}).warnings == ()
+    assert kd.Leg.from_urdf(file, drives=False).warnings == ()
+    assert kd.Leg.human().warnings == kd.Leg.testbed().warnings == ()
+    assert NO_DRIVES in kd.Leg.from_robot("romeo", legs_only=True).warnings
+    assert NO_DRIVES not in kd.Leg.from_robot("human", legs_only=True).warnings
 
 
 def test_bad_drives_are_refused():

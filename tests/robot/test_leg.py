@@ -12,7 +12,7 @@ from chains import random_leg
 from mpmath import mp, mpf
 
 import kickdyn as kd
-from kickdyn.robot.leg import read_leg
+from kickdyn.robot.leg import NO_DRIVES, read_leg
 from kickdyn.robot.urdf_file import shipped_urdf
 
 BODY = pin.Inertia(1.0, np.array([0.0, 0.0, -0.25]), np.diag([0.1, 0.1, 0.05]))
@@ -680,7 +680,10 @@ def test_a_foot_faster_than_floats_is_refused():
 
 def test_a_speed_limit_of_0_is_named(spoil, load):
     leg = load(spoil(('velocity="20"', 'velocity="0"')))
-    assert leg.warnings == ("speed limit of knee is 0: a kick that moves it is too fast",)
+    assert leg.warnings == (
+        NO_DRIVES,
+        "speed limit of knee is 0: a kick that moves it is too fast",
+    )
     assert kd.Leg.human().warnings == ()
 
 

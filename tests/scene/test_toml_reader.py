@@ -291,13 +291,12 @@ def test_a_contact_time_in_milliseconds_is_refused(faults):
 
 def test_a_compliant_contact_has_the_stiffness_of_the_balls_pressure(read):
     changed = SMALL.replace("restitution = 0.8", "restitution = 0.7\nstiffness = 'pressure'")
-    changed += "dissipation = 'hunt-crossley'\n[ball]\npressure_pa = 80e3\n"
+    changed += "[ball]\npressure_pa = 80e3\n"
     scene = read(changed)
     answer = kd.simulate(scene, None)
     ball = kd.Ball(pressure=80e3)
     same = kd.collide(
-        scene.posture, scene.v, ball, scene.contact, stiffness="pressure",
-        dissipation="hunt-crossley", tol=answer.impact.tol,
+        scene.posture, scene.v, ball, scene.contact, stiffness="pressure", tol=answer.impact.tol,
     )  # fmt: skip
     assert answer.impact.impulse.tolist() == same.impulse.tolist()
     assert answer.impact.force_model == same.force_model
@@ -309,16 +308,10 @@ def test_a_compliant_contact_has_the_stiffness_of_the_balls_pressure(read):
 @pytest.mark.parametrize(
     ("contact", "ball", "line"),
     [
-        (
-            "dissipation = 'hunt-crossley'",
-            "",
-            "contact.dissipation is given without contact_time_s",
-        ),
         ("stiffness = 'pressure'\ncontact_time_s = 0.01", "pressure_pa = 8e4", "give only one"),
         ("stiffness = 'pressure'", "", "ball pressure is None: its stiffness needs it"),
         ("stiffness = 'air'", "", "contact.stiffness: 'air' is unknown: choose pressure"),
         ("stiffness = 'pressure'\nlaw = 'paper'", "pressure_pa = 8e4", "has no impact law"),
-        ("dissipation = 'none'\ncontact_time_s = 0.01", "", "choose walton-braun, hunt-crossley"),
         (
             "",
             "pressure_pa = 0.8",
@@ -455,6 +448,7 @@ def test_loops_are_closed_by_the_joints_that_are_not_named(tmp_path):
     text = """
         [leg]
         file = "leg_fourbar.urdf"
+        drives = "none"
         loops = [["shank_pin", "rocker_b_tip"]]
         [posture]
         angles_deg = {rocker_b = 40, hip = 10}
@@ -546,3 +540,23 @@ def test_locked_joints(tmp_path, faults):
 )  # fmt: skip
 def test_mistakes_of_beginners(faults, old, new, said):
     assert any(said in line for line in faults(SMALL.replace(old, new)))
+
+
+@pytest.mark.parametrize(
+    ("drives", "armature"), [("", 0.1), ('drives = "none"', 0.0), ('drives = "d.toml"', 0.02)]
+)
+def test_a_scene_can_name_the_drives_of_its_robot(tmp_path, drives, armature):
+    (tmp_path / "d.toml").write_text('[joints]\n"*" = { rotor_inertia_kg_m2 = 0.02 }')
+    (tmp_path / "scene.toml").write_text(f"""
+        [leg]
+        robot = "talos"
+        legs_only = true
+        {drives}
+        [posture]
+        foot_velocity_m_s = [2, 0, 0.5]
+        [contact]
+        normal = [1, 0, 0.3]
+        restitution = 0.8
+    """)
+    leg = kd.load_scene(tmp_path / "scene.toml").leg
+    assert leg.model.armature == pytest.approx(np.full(leg.nv, armature))

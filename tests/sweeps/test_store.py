@@ -175,12 +175,8 @@ def test_what_is_there_is_not_overwritten(tmp_path):
             "postures": dict(reversed(POSTURES.items()))
         },
         "its joints are hip, knee, ankle, this one's hip": {"postures": {"hip": [0.0, 0.1]}},
-        "its hip has 7 values from 0 to 90 deg, this one's 1 value from 0": {
-            "postures": POSTURES | {"hip": 0.0}
-        },
-        "its knee has 7 values from 0 to 30 deg, this one's .* not all the same": {
-            "postures": POSTURES | {"knee": inside}
-        },
+        "its values of hip are not all the same": {"postures": POSTURES | {"hip": 0.0}},
+        "its values of knee are not all the same": {"postures": POSTURES | {"knee": inside}},
         "its ball_inertia_factor is": {"kick": replace(KICK, ball=kd.Ball(inertia_factor=0.4))},
         "its leg's model is not": {"leg": LEG.with_armature({"hip": 0.5})},
         "its attack_rad is": {"kick": replace(KICK, attack=KICK.attack + 1e-13)},
@@ -206,26 +202,6 @@ def test_another_tolerance_is_another_sweep(tmp_path):
     stored(tmp_path / "s.zarr", postures, kick)
     with pytest.raises(kd.InvalidInput, match=r"its carry_tolerance_m is 1e-06, this one's 0\.0"):
         stored(tmp_path / "s.zarr", postures, kick, tolerance=0, resume=True)
-
-
-def test_a_disagreement_is_a_warning_of_the_store_at_once(tmp_path, monkeypatch):
-    monkeypatch.setattr(chunk_solver, "AGREEMENT", -1.0)
-    monkeypatch.setattr(chunk_solver, "KERNEL_FROM", 1)
-    monkeypatch.setattr(chunk_solver, "CHUNK", 50)
-    path = tmp_path / "s.zarr"
-
-    def stop(count, speed):
-        if math.isfinite(speed):
-            raise KeyboardInterrupt
-
-    with pytest.raises(Unfinished):
-        stored(path, threads=1, progress=stop)
-    assert kd.open_sweep(path).attrs["warnings"].count("the sweep has effective_mass") == 1
-    monkeypatch.setattr(chunk_solver, "AGREEMENT", 1e-9)
-    data = stored(path, resume=True)
-    assert data.attrs["warnings"].count("the sweep has effective_mass") == 1
-    assert data.attrs["finished"] == 1
-    assert as_stored(kd.sweep(LEG, POSTURES, KICK)).equals(data.load())
 
 
 def test_a_file_that_may_not_grow_ends_in_one_line_and_is_resumed(tmp_path):
@@ -268,7 +244,7 @@ def test_a_worker_that_is_killed_leaves_what_can_be_resumed(tmp_path):
     calls = []
 
     def kill_one():
-        while len(calls) < 2:
+        while not list(tmp_path.glob("s.zarr/status/c/*")):
             time.sleep(0.01)
         family = psutil.Process().children(recursive=True)
         workers = [one for one in family if "spawn_main" in " ".join(one.cmdline())]

@@ -23,12 +23,12 @@ from kickdyn.impact.impact_result import Impact
 from kickdyn.motion.motion import Motion
 from kickdyn.plane import Plane
 from kickdyn.planning.kick_plan import KickPlan
-from kickdyn.planning.stance import extreme_spheres, sole_edges
+from kickdyn.robot.ground_clearance import Spheres, extreme_spheres
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.mjcf_file import quiet_mujoco
 from kickdyn.robot.mjcf_model import mujoco_state
 from kickdyn.robot.model_validation import frame_id
-from kickdyn.robot.standing import StandingRobot, is_floating, joint_spheres
+from kickdyn.robot.standing import StandingRobot, is_floating, joint_spheres, sole_edges
 from kickdyn.simulators.mujoco_kick import (
     COMPILER,
     load_mujoco,
@@ -66,6 +66,9 @@ LEAST_LOAD = 0.05
 
 CORNER_RADIUS = 5e-3
 """Radius of the spheres at the corners of the sole [m]."""
+
+LEAST_RADIUS = 1e-4
+"""Radius of the spheres that stand for corners of the kicking foot [m]."""
 
 FLOOR = 'solref="0.005 1" solimp="0.99 0.999 0.001 0.5 2"'
 """Contact of floor and feet: stiff and without rebound, as MuJoCo's attributes."""
@@ -116,21 +119,16 @@ class MujocoRun(ReprMixin):
         freeze_arrays(vars(self))
 
     @property
-    def wish(self) -> Array:
-        """Velocity of the ball that the plan is for, shape `(3,)` [m/s]: a share of its launch."""
-        return np.asarray(self.plan.share * self.plan.launch.velocity)
-
-    @property
     def speed_error(self) -> float:
-        """Speed of the ball over the planned one, less 1."""
-        return float(self.ball_after.speed / np.linalg.norm(self.wish)) - 1.0
+        """Speed of the ball over that of the launch which meets the goal, less 1."""
+        return float(self.ball_after.speed / np.linalg.norm(self.plan.launch.velocity)) - 1.0
 
     @property
     def direction_error(self) -> float:
-        """Angle between the ball's velocity and the planned one [rad]; NaN for a missed ball."""
+        """Angle between the ball's velocity and that launch [rad]; NaN for a missed ball."""
         if self.path is None:
             return math.nan
-        velocity, wish = self.ball_after.velocity, self.wish
+        velocity, wish = self.ball_after.velocity, self.plan.launch.velocity
         sine = float(np.linalg.norm(np.cross(velocity, wish)))
         return math.atan2(sine, float(velocity @ wish))
 
@@ -150,6 +148,21 @@ class MujocoRun(ReprMixin):
         if not self.upright:
             lines.append(f"the robot does not stand {RECOVERY:g} s after the kick")
         return (*lines, *self.tuning.warnings)
+
+    def to_json(self) -> dict[str, object]:
+        """Return the numbers, for JSON."""
+        hit = self.path is not None
+        return {
+            "ball_velocity": self.ball_after.velocity.tolist() if hit else None,
+            "ball_spin": self.ball_after.spin.tolist() if hit else None,
+            "speed_error": self.speed_error if hit else None,
+            "direction_error": self.direction_error if hit else None,
+            "miss": self.miss if hit else None,
+            "delay": self.delay if hit else None,
+            "upright": self.upright,
+            "margins": dict(self.margins),
+            "warnings": list(self.warnings),
+        }
 
     def _rows(self) -> Iterable[Row]:
         if self.path is not None:
@@ -255,7 +268,7 @@ class _Field:
         self.plate, self.sole = self.model.geom("plate").id, range(0)
         if standing is not None:
             first = self.model.geom("sole 0").id
-            self.sole = range(first, first + len(standing.sole))
+            self.sole = range(first, first + len(self.corners))
 
     def set_gains(self, rooted: Leg, q: Array) -> None:
         """Set stiffness and damping of the drives by the inertias of joints in a posture.
@@ -282,20 +295,26 @@ class _Field:
         pairs, floor = pair(contact, "plate"), ""
         if self.standing is not None:
             floor = '<geom name="floor" type="plane" size="9 9 1"/>'
-            support = self.standing.support
+            support, level = self.standing.support, self.standing.placement.rotation[2]
             frame = model.frames[frame_id(model, support.frame)]
-            up = self.standing.placement.rotation[2]
-            corners = [frame.placement.act(c + CORNER_RADIUS * up) for c in support.sole]
-            feet = {int(frame.parentJoint): ("sole", corners, [CORNER_RADIUS] * len(corners))}
+            corners = [frame.placement.act(c + CORNER_RADIUS * level) for c in self.corners]
+            radii = np.full(len(corners), CORNER_RADIUS)
             foot = joint_spheres(robot, robot.contact_joint)
             extremes, _ = extreme_spheres(foot)
-            feet[robot.contact_joint] = "foot", foot.centres[extremes], foot.radii[extremes]
             mu = self.friction
-            for joint, (name, centres, radii) in feet.items():
-                for number, (centre, radius) in enumerate(zip(centres, radii, strict=True)):
+            for name, joint, body in (
+                ("sole", int(frame.parentJoint), Spheres(np.array(corners), radii)),
+                (
+                    "foot",
+                    robot.contact_joint,
+                    Spheres(foot.centres[extremes], foot.radii[extremes]),
+                ),
+            ):
+                for number, centre in enumerate(body.centres):
+                    radius = max(float(body.radii[number]), LEAST_RADIUS)
                     geoms[joint] = geoms.get(joint, "") + (
-                        f'<geom name="{name} {number}" type="sphere" '
-                        f'size="{max(float(radius), 1e-4)!r}" pos="{row(centre)}"/>'
+                        f'<geom name="{name} {number}" type="sphere" size="{radius!r}" '
+                        f'pos="{row(centre)}"/>'
                     )
                     pairs += (
                         f'<pair geom1="floor" geom2="{name} {number}" condim="3" {FLOOR} '
@@ -322,6 +341,12 @@ integrator="{tuning.integrator}" cone="elliptic" impratio="100" tolerance="1e-10
 </mujoco>"""
 
     @property
+    def corners(self) -> Array:
+        """Corners of the sole, shape `(k, 3)` [m, support frame]; none on a fixed base."""
+        sole = None if self.standing is None else self.standing.support.sole
+        return np.zeros((0, 3)) if sole is None else sole
+
+    @property
     def friction(self) -> float:
         """Coefficient of friction of floor and sole; 1 where the support has none."""
         friction = None if self.standing is None else self.standing.support.friction
@@ -333,7 +358,9 @@ integrator="{tuning.integrator}" cone="elliptic" impratio="100" tolerance="1e-10
         values = robot.joint_values(motion.q(t))
         position = np.array([values[name] for name in self.joints])
         control = self.stiffness * position + self.damping * motion.v(t)[self.columns]
-        return control + motion.torque(t)[self.columns] if feed_forward else control
+        if feed_forward:
+            control += motion.torque(t)[self.columns]
+        return np.asarray(control)
 
     def place(self) -> None:
         """Set the state in which the motion begins, and the ball where it lies."""
@@ -426,7 +453,7 @@ def _result(plan: KickPlan, tuning: MujocoTuning, field: _Field, samples: _Sampl
     motion, robot, step = field.motion, field.motion.robot, field.timestep
     qpos, qvel, forces = (np.array(rows) for rows in zip(*samples.rows, strict=True))
     first = math.floor(motion.begin / step)
-    t = step * (first + np.arange(len(qpos)))
+    t = np.asarray(step * (first + np.arange(len(qpos))))
     torque = np.zeros((len(t), robot.nv))
     torque[:, field.columns] = forces
     q = np.array([_configuration(field, row) for row in qpos])
@@ -440,7 +467,7 @@ def _result(plan: KickPlan, tuning: MujocoTuning, field: _Field, samples: _Sampl
     return MujocoRun(
         plan=plan, tuning=tuning, t=t, q=q, torque=torque, ball_position=qpos[:, -7:-4],
         ball_after=field.impact.ball_before if ball is None else ball,
-        delay=math.nan if touched is None else step * (first + touched),
+        delay=math.nan if touched is None else step * touched,
         path=None if ball is None else _fly(plan, ball),
         upright=field.is_upright(motion.q(motion.end)),
         margins=margins,

@@ -49,9 +49,6 @@ controller pushes the foot on while the ball brakes it, and the ball gets up to 
 LATEST = 0.1
 """Time after the planned impact at which the foot counts as having missed the ball [s]."""
 
-LONGEST_WAIT = 0.03
-"""Time after the planned impact for which the reference goes on while the foot has not hit [s]."""
-
 RECOVERY = 1.0
 """Time after the ball has left at which the simulation ends [s]."""
 
@@ -192,9 +189,8 @@ def run_in_mujoco(
     .. math:: \tau = \tau_r + k\,(q_r - q) + d\,(\dot q_r - \dot q) , \qquad |\tau| \le \tau_{max} ,
 
     of the motion's torque, position and velocity at its time, with :math:`k = 8\, \tau_{max}` per
-    rad or m and a damping ratio of 0.3. The motion's time stops at the impact: while the ball has
-    not left the foot, position and velocity go on as they are just before the impact; then the
-    motion goes on after it. A switch at the planned time would brake the foot before it hits.
+    rad or m and a damping ratio of 0.3. The motion's time stops just before the impact until the
+    ball has left the foot. A switch at the planned time would brake the foot before it hits.
 
     The foot strikes with a plate at the contact point, whose contact `tune_mujoco` computes. The
     robot stands on the corners of its sole, its kicking foot may step on the floor, and nothing
@@ -421,7 +417,6 @@ def _simulate(field: _Field, *, feed_forward: bool) -> _Samples:
     ball: BallState | None = None
     first = math.floor(motion.begin / step)
     at_impact = field.reference(0.0, feed_forward=feed_forward)
-    onward = field.stiffness * motion.v(0.0)[field.columns]
     field.place()
     number, last = first, math.ceil(LATEST / step)
     while number < last:
@@ -431,7 +426,7 @@ def _simulate(field: _Field, *, feed_forward: bool) -> _Samples:
         elif t < 0.0:
             control = field.reference(t, feed_forward=feed_forward)
         else:
-            control = at_impact + onward * min(t, LONGEST_WAIT)
+            control = at_impact
         if touched is None:
             field.set_ball(t)
         data.ctrl[:] = control
@@ -449,7 +444,7 @@ def _simulate(field: _Field, *, feed_forward: bool) -> _Samples:
 
 
 def _result(plan: KickPlan, tuning: MujocoTuning, field: _Field, samples: _Samples) -> MujocoRun:
-    """Return what a simulation shows."""
+    """Return the run that a simulation shows."""
     motion, robot, step = field.motion, field.motion.robot, field.timestep
     qpos, qvel, forces = (np.array(rows) for rows in zip(*samples.rows, strict=True))
     first = math.floor(motion.begin / step)

@@ -51,9 +51,9 @@ def check_before(run, tolerance):
 
 def test_a_leg_on_a_fixed_base_kicks_as_planned():
     run = carried_out(swinging)
-    check_before(run, 0.02)
-    assert abs(run.speed_error) < 0.1
-    assert run.direction_error < math.radians(5)
+    check_before(run, 0.003)
+    assert abs(run.speed_error) < 0.05
+    assert run.direction_error < math.radians(10)  # ankle and knee give way under the ball
     assert abs(run.delay) < 0.006
     assert run.upright
     assert (np.abs(run.torque) <= swinging().leg.effort_limit).all()
@@ -78,10 +78,10 @@ def test_the_ball_lies_still_until_it_is_hit_and_then_flies():
 
 def test_a_robot_kicks_from_one_foot_and_stays_upright():
     run = carried_out(standing)
-    check_before(run, 0.03)
+    check_before(run, 0.02)
     assert run.upright
-    assert abs(run.speed_error) < 0.15
-    assert run.direction_error < math.radians(12)
+    assert abs(run.speed_error) < 0.1
+    assert run.direction_error < math.radians(9)
     assert abs(run.delay) < 0.01
     assert set(run.margins) == {"torque", "speed", "friction", "centre of pressure"}
     drives = standing().leg.effort_limit[6:]

@@ -10,7 +10,6 @@ from typing import Any, NoReturn
 
 import click
 
-from kickdyn.core.files import check_outputs
 from kickdyn.errors import (
     FaultyFile,
     InvalidInput,
@@ -43,23 +42,13 @@ class Command(click.Command):
         return rest
 
 
-def check_files(
-    *files: str | Path | None, json_file: str | None = None, inputs: Iterable[str | None] = ()
-) -> None:
-    """Refuse outputs that cannot be written or are inputs; say which files will be replaced."""
-    replaced = check_outputs(*files, json_file=json_file, inputs=inputs)
-    if replaced:
-        will = "exists and will be" if len(replaced) == 1 else "exist and will be"
-        click.echo(f"{printable(', '.join(replaced))} {will} replaced", err=True)
-
-
 def check_page_name(page: str) -> None:
     """Raise `InvalidInput` unless a page, or a picture of one, can be written under a name."""
     ending = Path(page).suffix.lower()
     if ending == ".png":
         from kickdyn.view.document import find_browser
 
-        find_browser(page)
+        find_browser()
     elif ending not in (".html", ".htm"):
         raise InvalidInput(
             f"{page} has no known ending: a page is written as .html, a picture of it as .png"

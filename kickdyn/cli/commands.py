@@ -31,12 +31,7 @@ class _Commands(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Return the command that is named first; `help` is the option `--help` of what follows."""
-        if args[0] == "help":
-            args = [*args[1:2], "--help"]
-            if len(args) == 1:
-                click.echo(ctx.get_help())
-                ctx.exit()
+        """Return the command that is named first."""
         name, command, rest = super().resolve_command(ctx, args)
         if name in COMMANDS:
             function = name.replace("-", "_")

@@ -74,13 +74,7 @@ class Fit(NamedTuple):
               help="What is fitted: a constant drag coefficient; a factor of a drag model, by its "
               f"name ({', '.join(MODELS)}); or nothing, with the coefficient kept at a "
               "number.")  # fmt: skip
-@takes(
-    measurement=MeasurementOptions, ball=BallOptions, output=OutputOptions,
-    settings={
-        "plot": {"help": "Plot the longest flight: .png, .svg or .pdf."},
-        "view": {"help": "Write a 3-D page of the 8 longest flights, or a picture of it."},
-    },
-)  # fmt: skip
+@takes(measurement=MeasurementOptions, ball=BallOptions, output=OutputOptions)
 def identify(
     track_file: str,
     start: int | None,
@@ -93,7 +87,7 @@ def identify(
     """Find the flights in a measured ball track, and fit launch, spin and drag to each.
 
     The mean of the drag coefficient over all flights follows, with the scatter from flight to
-    flight.
+    flight. The plot shows the longest flight, the 3-D page the 8 longest.
 
     TRACK is a file of comma-separated values, whose first row names the columns, in seconds and
     metres, with z upwards; or a file that ends in .c3d. With --start or --end, the samples between

@@ -61,18 +61,7 @@ def load_leg(
 
 @dataclass(frozen=True)
 class LegOptions:
-    """A leg, and how it is supported.
-
-    Attributes:
-        leg_name: a name of `LEGS`, or a file.
-        frame: the contact frame; None is the default of `load_leg`.
-        locked: joints that do not move, as `JOINT=VALUE` [deg; m for prismatic joints].
-        loops: pairs of frames, as `A:B`.
-        supports: what the robot stands on, as `FRAME` or `FRAME:FRICTION`.
-        stiff_joints: joints' names.
-        drives: a file of drives, or `none`; None is the default of `load_leg`.
-        package_dirs: folders for the meshes of a URDF file.
-    """
+    """A leg, and how it is supported."""
 
     leg_name: str = option(
         "--leg", default="human", metavar="human|testbed|FILE|ROBOT", show_default=True,

@@ -5,10 +5,9 @@ filled groups; their methods make the library's objects of what was typed.
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, fields, replace
 from functools import wraps
-from types import MappingProxyType
 from typing import Any, TypeVar
 
 import click
@@ -17,13 +16,13 @@ from kickdyn.aerodynamics.coefficient_model import constant_limits, find_model
 from kickdyn.aerodynamics.drag import MODELS as DRAG_MODELS
 from kickdyn.air import AIRS, Air
 from kickdyn.ball import Ball
-from kickdyn.cli.command import check_files, check_page_name
+from kickdyn.cli.command import check_page_name
 from kickdyn.contact import Contact
 from kickdyn.core import validation
-from kickdyn.core.files import write_json
-from kickdyn.errors import InvalidInput
+from kickdyn.core.files import check_outputs, write_json
+from kickdyn.errors import InvalidInput, printable
 from kickdyn.restitution import MODELS as RESTITUTION_MODELS
-from kickdyn.restitution import Restitution, read_restitution
+from kickdyn.restitution import read_restitution
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -35,13 +34,10 @@ def option(*names: str, **settings: Any) -> Any:
     return field(metadata={"names": names, "settings": settings})
 
 
-def takes(
-    settings: Mapping[str, Mapping[str, Any]] = MappingProxyType({}), **groups: type[Any]
-) -> Callable[[Command], Command]:
+def takes(**groups: type[Any]) -> Callable[[Command], Command]:
     """Return a decorator that adds the options of groups to a command.
 
-    The command receives each group as the argument of its name. `settings` replaces settings of
-    `click.option`, such as a default or a help text, by the name of the option's field.
+    The command receives each group as the argument of its name.
     """
 
     def add(command: Command) -> Command:
@@ -55,8 +51,8 @@ def takes(
 
         for group in reversed(groups.values()):
             for entry in reversed(fields(group)):
-                changed = {**entry.metadata["settings"], **settings.get(entry.name, {})}
-                click.option(*entry.metadata["names"], entry.name, **changed)(with_groups)
+                names, settings = entry.metadata["names"], entry.metadata["settings"]
+                click.option(*names, entry.name, **settings)(with_groups)
         return with_groups  # type: ignore[return-value]
 
     return add
@@ -143,10 +139,6 @@ class ContactOptions:
         "--friction", default=0.4, show_default=True, help="Coulomb's coefficient."
     )
 
-    def read_restitution(self) -> Restitution:
-        """Return the coefficient, its table over the speed of approach, or the name of a model."""
-        return read_restitution(self.restitution)
-
 
 @dataclass(frozen=True)
 class PointOptions(ContactOptions):
@@ -159,7 +151,7 @@ class PointOptions(ContactOptions):
 
     def contact(self) -> Contact:
         """Return the contact, without a normal."""
-        return Contact(None, self.read_restitution(), self.friction, offset=self.offset)
+        return Contact(None, read_restitution(self.restitution), self.friction, offset=self.offset)
 
 
 @dataclass(frozen=True)
@@ -216,8 +208,11 @@ class JsonOptions:
         return self.json_file != "-"
 
     def check(self, *files: str | None, inputs: Iterable[str | None] = ()) -> None:
-        """Raise `InvalidInput` unless the files named by options, and `files`, can be written."""
-        check_files(*files, json_file=self.json_file, inputs=inputs)
+        """Refuse outputs that cannot be written or are inputs; name those that are replaced."""
+        replaced = check_outputs(*files, json_file=self.json_file, inputs=inputs)
+        if replaced:
+            will = "exists and will be" if len(replaced) == 1 else "exist and will be"
+            click.echo(f"{printable(', '.join(replaced))} {will} replaced", err=True)
 
     def write_json(self, document: object) -> None:
         """Write the document if a file is named."""
@@ -239,7 +234,7 @@ class OutputOptions(JsonOptions):
         "--plot", metavar="FILE", help="Plot the results: .png, .svg or .pdf."
     )
     view: str | None = option(
-        "--view", metavar="FILE.html|.png", help="Write a 3-D page of the kick, or a picture of it."
+        "--view", metavar="FILE.html|.png", help="Write a 3-D page, or a picture of it."
     )
 
     def check(self, *files: str | None, inputs: Iterable[str | None] = ()) -> None:

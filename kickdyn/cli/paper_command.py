@@ -14,24 +14,23 @@ from kickdyn.paper.reproduce import chosen, show
 @click.option("--only", metavar="ITEM",
               help="Show one table or figure only, such as table2 or fig10.")  # fmt: skip
 @takes(output=JsonOptions)
-@click.option("--sensitivity/--no-sensitivity", default=True, show_default=True,
-              help="Repeat the items with other drag and lift coefficients.")  # fmt: skip
-def paper(only: str | None, output: JsonOptions, sensitivity: bool) -> None:
+def paper(only: str | None, output: JsonOptions) -> None:
     """Reproduce the ICRA 2005 paper's tables and figures, item by item.
+
+    The file of --json also has the items with other drag and lift coefficients.
 
     Example: kickdyn paper --only fig8 --json fig8.json
     """
     sections = chosen(only)
     output.check()
     items: dict[str, list[Item]] = {}
-    varied: dict[str, list[Item]] = {}  # with other coefficients
+    varied: list[Item] = []  # with other coefficients
     with busy("reproducing") as report:
         for section in sections:
             report(f"reproducing {section.name}")
             items[section.name], varying = section.compare()
-            if sensitivity and varying:
-                varied[section.name] = varying
-    output.write_json([item.as_json() for item in chain(*items.values(), *varied.values())])
+            varied += varying
+    output.write_json([item.as_json() for item in chain(*items.values(), varied)])
     if output.prints:
-        show(items, varied)
+        show(items)
     output.name_written()

@@ -24,7 +24,7 @@ from kickdyn.core import validation
 from kickdyn.errors import InvalidInput
 from kickdyn.ground import SURFACES
 from kickdyn.motion.motion_file import check_motion_name
-from kickdyn.planning.goal import FARTHEST, Arc, Goal
+from kickdyn.planning.goal import FARTHEST, Goal
 from kickdyn.planning.kick import plan_kick
 from kickdyn.planning.launch import SPEED_LIMIT, OutOfReach
 from kickdyn.planning.objectives import KickObjective
@@ -89,10 +89,6 @@ class GoalOptions:
         "--pass", metavar="SURFACE", type=click.Choice(list(SURFACES)),
         help="Play the ball along the ground in --time, on a surface such as turf or carpet.",
     )  # fmt: skip
-    arc: str = option(
-        "--arc", default="low", show_default=True, type=click.Choice([*map(str, Arc)]),
-        help="Arc of the flight, where two launches meet the goal.",
-    )  # fmt: skip
     spin: tuple[float, float, float] | None = option(
         "--spin", type=Numbers("X,Y,Z"), help="Spin of the ball [rad/s]; back spin has Y < 0."
     )
@@ -114,7 +110,7 @@ class GoalOptions:
             over = (wall.distance, wall.height + WALL_CLEARANCE)
         return Goal(
             (self.distance, self.left, self.height), time=self.time, apex=self.apex,
-            speed=self.launch_speed, over=over, beside=self.beside, arc=self.arc,
+            speed=self.launch_speed, over=over, beside=self.beside,
             spin=self.spin or (0.0, 0.0, 0.0),
         )  # fmt: skip
 
@@ -215,9 +211,6 @@ class WindyAirOptions(AirOptions):
 @takes(
     goal=GoalOptions, leg=LegOptions, contact=PointOptions, kick=KickOptions, air=WindyAirOptions,
     ball=BallOptions, output=PlanOutputOptions,
-    settings={
-        "plot": {"help": "Plot speeds, torques and margins of the motion: .png, .svg or .pdf."}
-    },
 )  # fmt: skip
 def plan(
     goal: GoalOptions,
@@ -229,6 +222,8 @@ def plan(
     output: PlanOutputOptions,
 ) -> None:
     """Find the posture and the joint velocity that send a ball to a target.
+
+    The plot shows speeds, torques and margins of the motion.
 
     Example: kickdyn plan --distance 30 --time 1.5 --leg human --view kick.html --json -
     """

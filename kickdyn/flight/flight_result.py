@@ -15,7 +15,7 @@ from kickdyn.aerodynamics.coefficient_model import CoefficientModel, is_known
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
-from kickdyn.core.representation import ReprMixin, Row, side_view, warned
+from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
 from kickdyn.ground import Ground
@@ -82,9 +82,6 @@ class Flight(ReprMixin):
         yield "landing speed", self.landing.speed, "m/s"
         yield "method", f"{self.method}, {self.evaluations} evaluations", ""
         yield from warned(self.warnings)
-
-    def _picture(self) -> str:
-        return profile(self.sample(np.linspace(0, self.duration, 65)), (self.apex, self.landing))
 
     @cached_property
     def apex(self) -> BallState:
@@ -189,9 +186,9 @@ class Flight(ReprMixin):
     def sample(self, t: ArrayLike) -> BallState:
         """Return the ball at one time or many.
 
-        The states are interpolated within the steps of the integration, which are taken anew on
-        first use. The error of a position is a few times `tol` times the length of the flight in
-        the median, and can be some 60 times that.
+        The states are interpolated within the steps of the integration. The error of a position is
+        a few times `tol` times the length of the flight in the median, and can be some 60 times
+        that.
 
         Args:
             t: time since the launch, from 0 to `duration`, a number or shape `(n,)` [s].
@@ -286,16 +283,3 @@ def warning_of(model: CoefficientModel, share: float, limits: Iterable[str]) -> 
         f"{model.kind} {model.name}: {100 * share:.0f} % of the flight is outside its data "
         f"({', '.join(limits)})"
     )
-
-
-def profile(states: BallState, marked: tuple[BallState, ...]) -> str:
-    """Return an SVG of height over distance ahead from the first state, dots on those marked."""
-    start = states.position[0]
-    ahead = next((v[:2] for v in states.velocity if np.any(v[:2])), np.array([1.0, 0.0]))
-    ahead = ahead / math.hypot(*ahead)
-
-    def seen(position: Array) -> Array:
-        return np.stack([(position - start)[..., :2] @ ahead, position[..., 2]], axis=-1)
-
-    dots = np.array([seen(state.position) for state in marked])
-    return side_view(seen(states.position), dots=dots)

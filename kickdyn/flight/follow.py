@@ -13,7 +13,7 @@ from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.events import Event, checked_ends, plane_events
-from kickdyn.flight.flight_result import Flight, FlightStatus, profile
+from kickdyn.flight.flight_result import Flight, FlightStatus
 from kickdyn.flight.fly import check_single, fly
 from kickdyn.flight.ground_motion import GroundPhase, bounce, roll, slide
 from kickdyn.ground import Ground, Surface
@@ -31,10 +31,9 @@ class Course(ReprMixin):
     """The motion of a ball until it rests or reaches a plane; times count from the launch.
 
     Attributes:
-        status: `at-rest`; `at-plane`, where the ball reached the plane; `aloft`, where it did not
-            come down before the time limit; `bouncing`, where it still bounces after
-            `MOST_BOUNCES`; `blown`, where the wind does not let it rest; or the
-            name of one of `ends`.
+        status: `at-rest`; `at-plane`; `aloft`, where the ball did not come down before the time
+            limit; `bouncing`, where it still bounces after `MOST_BOUNCES`; `blown`, where the wind
+            does not let it rest; or the name of one of `ends`.
         flights: the flights, one before each bounce.
         bounces: the ball just after each bounce.
         ground_phases: the phases of sliding and rolling; empty if there are none.
@@ -54,9 +53,6 @@ class Course(ReprMixin):
         yield "duration", self.duration, "s"
         yield "end", self.rest.position, "m"
         yield from warned(self.warnings)
-
-    def _picture(self) -> str:
-        return profile(self.sample(np.linspace(0, self.duration, 257)), (*self.bounces, self.rest))
 
     def __reduce__(self) -> "tuple[Callable[[], Course], tuple[()]]":
         """Pickle what was followed; unpickling follows it again, to the same last bit."""

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core.plot_style import styled
-from kickdyn.core.representation import ReprMixin, Row, side_view
+from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.fly import fly
@@ -86,12 +86,6 @@ class Identification(ReprMixin):
             yield name, f"not determined: {reason}", ""
         for line in self.warnings:
             yield "warning", line, ""
-
-    def _picture(self) -> str:
-        velocity, positions = self.launch.velocity[:2], self.track.positions
-        ahead = velocity / max(float(np.hypot(*velocity)), 1e-300)
-        points = np.column_stack([positions[:, :2] @ ahead, positions[:, 2]])
-        return side_view(points, dots=points[:: max(len(points) // 20, 1)])
 
     @cached_property
     def undetermined(self) -> dict[str, str]:

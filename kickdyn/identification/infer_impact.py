@@ -291,20 +291,17 @@ class RestitutionFit(ReprMixin):
     """Restitution over approach speed, from several kicks.
 
     Attributes:
-        kicks: number of kicks.
         table: rows (approach speed [m/s], restitution), speeds increasing, shape `(k, 2)`. Between
             its rows the restitution is linear, outside it is constant.
         deviations: standard deviation of each restitution of the table, shape `(k,)`.
         scatter: standard deviation of the restitution of a kick around the table.
     """
 
-    kicks: int
     table: Array
     deviations: Array
     scatter: float
 
     def _rows(self) -> Iterable[Row]:
-        yield "kicks", self.kicks, ""
         for (speed, e), deviation in zip(self.table.tolist(), self.deviations, strict=True):
             yield f"at {speed:.4g} m/s", f"{e:.4g} +- {deviation:.2g}", ""
         yield "scatter of a kick", self.scatter, ""
@@ -350,4 +347,4 @@ def fit_restitution(impacts: Sequence[InferredImpact], knots: int = 2) -> Restit
     scatter = math.sqrt(float(residuals @ residuals) / (len(impacts) - knots))
     table = validation.read_only(np.column_stack([rows, fitted]))
     deviations = validation.read_only(scatter * np.linalg.norm(inverse, axis=1))
-    return RestitutionFit(len(impacts), table, deviations, scatter)
+    return RestitutionFit(table, deviations, scatter)

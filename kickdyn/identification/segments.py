@@ -29,7 +29,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.forces import acceleration_function
 from kickdyn.ground import Ground, Surface
-from kickdyn.identification.track import Track, refuse_intervals, refuse_units
+from kickdyn.identification.track import Track, check_samples, refuse_units
 
 LONGEST_CUBIC = 1.0
 """Longest time that one cubic is fitted to [s]; longer flights are joined afterwards."""
@@ -317,9 +317,7 @@ def segments(
     """
     ball, air = Ball() if ball is None else ball, Air() if air is None else air
     level = ground.height if ground is not None else 0.0
-    if len(track) < 5:
-        raise InvalidInput(f"track has {len(track)} samples: at least 5 are needed")
-    refuse_intervals(track)
+    check_samples(track)
     heights = track.positions[:, 2]  # trackers are off by up to CONTACT_HEIGHT
     if np.mean(heights < level - CONTACT_HEIGHT) > UNDERGROUND_FRACTION:
         lowest = int(np.argmin(heights))

@@ -50,12 +50,7 @@ def items() -> list[Item]:
     for name, path in flights().items():
         _, y, z = path.launch.spin
         tilt, side = math.degrees(math.atan2(z, -y)) + 0.0, CONTACTS[name]
-        why = (
-            "angle to the axis of pure back spin; the axis is higher on the side to which the ball "
-            "curves"
-        )
-        if side == 0:
-            why = "pure back spin, about a level axis"
+        why = "angle to the level axis of pure back spin; higher where the ball curves to"
         verdict = shape(abs(tilt) < 1e-9 if side == 0 else tilt * side > 0)
         axis = f" {AXES[name]}" if name in AXES else ""
         title = f"{NAME} {name} tilt of spin axis{axis}"
@@ -73,9 +68,7 @@ def varying(choice: Coefficients) -> list[Item]:
         course = "flies straight" if side == 0 else f"curves {'left' if side > 0 else 'right'}"
         why = (
             f"the ball {course if correct else f'does not fly as the paper says ({course})'}; "
-            f"launch at {float(path.launch.speed):.4g} m/s, range {path.range:.3g} m; contact "
-            f"{OFFSET_DEG:g} deg below "
-            f"{'' if side == 0 else f'and {OFFSET_DEG:g} deg beside '}the middle of the ball"
+            f"launch at {float(path.launch.speed):.4g} m/s, range {path.range:.3g} m"
         )
         title, notes = f"{NAME} {name} curve to the left", warnings_of(path)
         result.append(Item(title, None, left, "m", shape(correct), why, source, notes=notes))

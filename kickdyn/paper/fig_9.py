@@ -37,10 +37,7 @@ def items() -> list[Item]:
     """Return spins and launch angles, the speeds' bound, and the flights."""
     result, attack = [], float(np.mean([launch for _, _, launch, _ in CASES]))
     bound = normal_impulse(FOOT_SPEED, 1.0, np.inf, BALL.mass) / BALL.mass
-    attack_reason = (
-        "one attack direction for all cases, which have the same foot motion: the mean of the "
-        "printed launch angles; a ball whose contact sticks leaves along it"
-    )
+    attack_reason = "one attack direction for all cases: the mean of the printed launch angles"
     slow = (
         f"a foot at {FOOT_SPEED} m/s gives the ball at most (1 + e) v = {bound:.3g} m/s, with a "
         "restitution e of 1"
@@ -50,9 +47,8 @@ def items() -> list[Item]:
         state, sticking = launch_from_force(momentum * direction(angle), normal)
         common, _ = launch_from_force(momentum * direction(attack), normal)
         fitted = (
-            f"the contact height of {contact:g} deg is fitted (the round number that gives nearly "
-            "the printed spin), as the paper prints none; the contact "
-            f"{'sticks' if sticking else 'slips'}"
+            f"the contact height of {contact:g} deg is fitted, as the paper prints none; the "
+            f"contact {'sticks' if sticking else 'slips'}"
         )
         up, rate = math.degrees(common.elevation), math.hypot(*state.spin)
         for what, paper, ours, unit, why, source in (

@@ -5,9 +5,8 @@ With the contact normal n at the printed height and the attack direction a, Eq. 
 .. math:: p = (1 + e)\, s v\, (a \cdot n)\, m(n), \qquad
           \tfrac{1}{m(n)} = n^T J M^{-1} J^T n + \tfrac{1}{m_B} .
 
-The force of Eqs. (15)-(20) is along a with this part p along n. The paper prints neither posture
-nor e, and no passive impact gives its distances: s is a scale of the printed foot speed v. Only
-the product (1 + e) s matters; it is fitted to the row of 50 deg and 2.2 m/s, and the posture,
+The force of Eqs. (15)-(20) is along a with this part p along n, and s is a scale of the printed
+foot speed v. The product (1 + e) s is fitted to the row of 50 deg and 2.2 m/s, and the posture,
 through m(n), to the row of 30 deg. The other rows are predicted.
 """
 
@@ -76,13 +75,11 @@ class Fit(NamedTuple):
     Attributes:
         posture: of all that fit, the one with the smallest gain.
         gain: its (1 + e) s, at most `PASSIVE_LIMIT` in a passive impact.
-        largest_gain: of all postures that fit.
         middle: least and largest distance at 40 deg of all postures that fit [m].
     """
 
     posture: Posture
     gain: float
-    largest_gain: float
     middle: tuple[float, float]
 
 
@@ -175,7 +172,7 @@ def fit(choice: Coefficients) -> Fit:
     ).x
     mass = masses_at(best)
     gain, middle = float(high / mass[2]), np.append(middle, high * mass[1] / mass[2])
-    return Fit(leg.posture(best), gain, gains.max(), span(middle))
+    return Fit(leg.posture(best), gain, span(middle))
 
 
 def items() -> list[Item]:
@@ -215,8 +212,7 @@ def varying(choice: Coefficients) -> list[Item]:
     posture = ", ".join(f"{name} {angle:.0f}" for name, angle in angles.items())
     reasons = {
         LOW: f"the posture is fitted to the rows of 30 and 50 deg: {posture} deg; of all that fit, "
-        f"it needs the smallest (1 + e) s, {fitted.gain:.2g} (the largest is "
-        f"{fitted.largest_gain:.2g})",
+        f"it needs the smallest (1 + e) s, {fitted.gain:.2g}",
         HIGH: "(1 + e) s is fitted; Table 5 prints this kick again",
         MIDDLE: "predicted; all postures that fit the rows of 30 and 50 deg give "
         f"{fitted.middle[0]:.1f} to {fitted.middle[1]:.1f} m; the posture with the smallest "

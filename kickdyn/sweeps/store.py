@@ -299,10 +299,10 @@ def _checked_store() -> Any:
                 if damage == MISSING and not (self.root / "status" / "c" / index).exists():
                     damage = ""  # not computed yet
                 if damage:
-                    raise InvalidInput(
-                        f"{self.root}: chunk {key} {damage}: compute it again with --resume "
-                        "(resume=True in Python)"
-                    )
+                    repair = "compute it again with --resume (resume=True in Python)"
+                    if name not in (*VARIABLES, "status"):  # a coordinate
+                        repair = "only the whole sweep, computed anew, replaces it"
+                    raise InvalidInput(f"{self.root}: chunk {key} {damage}: {repair}")
             return await super().get(key, *args, **how)
 
     return CheckedStore

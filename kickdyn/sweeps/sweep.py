@@ -4,7 +4,6 @@ A grid is cut into chunks, a `ChunkSolver` computes each, and the chunks make a 
 or in a Zarr store. Threads or an executor of the caller compute chunks side by side.
 """
 
-import math
 import os
 import pickle
 from collections import deque
@@ -31,10 +30,10 @@ from kickdyn.core import validation
 from kickdyn.errors import InvalidInput, Unfinished
 from kickdyn.robot.leg import Leg
 from kickdyn.sweeps.chunk_solver import ChunkSolver, SolvedChunk
-from kickdyn.sweeps.dataset import VARIABLES, select_variables, with_variables
+from kickdyn.sweeps.dataset import select_variables, with_variables
 from kickdyn.sweeps.grid import IN_MEMORY, Chunks, Grid, check_size
 from kickdyn.sweeps.store import SweepStore, check_store, open_sweep
-from kickdyn.sweeps.sweep_kick import Kick, PostureStatus
+from kickdyn.sweeps.sweep_kick import Kick
 
 CARRY_TOLERANCE = 1e-6
 """Largest error of an interpolated carry unless another is asked for [m]."""
@@ -42,9 +41,8 @@ CARRY_TOLERANCE = 1e-6
 AHEAD = 1000
 """Chunks of a store that are given to an executor before the first of them is computed."""
 
-Progress = Callable[[int, float], None]
-"""Is called with the number of postures computed since the last call, and the highest ball speed
-among those that the leg can kick from [m/s], nan without any."""
+Progress = Callable[[int], None]
+"""Is called with the number of postures computed since the last call."""
 
 T = TypeVar("T")
 
@@ -91,8 +89,7 @@ def sweep(
             `store` and have the same versions; it is not shut down, and its own errors are not
             changed.
         progress: function that is called as postures are computed, with their number since the last
-            call and the highest ball speed among those from which the leg can kick
-            [m/s; nan without any].
+            call.
 
     Returns:
         A dataset with one dimension per joint, the variables of `dataset.VARIABLES` and `status`, a
@@ -166,39 +163,35 @@ def _solved(
         ahead = 1 + int(threads or _cores())
         for chunk in _in_order(pool, lambda k: solver(*chunks.span(k)), range(len(chunks)), ahead):
             if progress is not None:
-                progress(len(chunk.status), _highest_speed(chunk))
+                progress(len(chunk.status))
             yield chunk
-
-
-ChunkWriter = Callable[[int], tuple[int, float]]
-"""Computes and writes a chunk; returns its number of postures and the highest ball speed [m/s]."""
 
 
 def _fill(
     store: SweepStore,
     solver: ChunkSolver,
     pool: Executor,
-    write: ChunkWriter,
+    write: Callable[[int], int],
     progress: Progress | None,
 ) -> None:
     """Compute and write what a store lacks, in this process or in the processes of the pool."""
     missing = store.missing()
     if progress is not None:
-        progress(store.size - store.count(missing), math.nan)
+        progress(store.size - store.count(missing))
     if missing:
         solver.prepare()  # for other processes too: what is compiled once, they read from the disk
-    for count, speed in _in_order(pool, write, missing, AHEAD):
+    for count in _in_order(pool, write, missing, AHEAD):
         if progress is not None:
-            progress(count, speed)
+            progress(count)
     if missing or not store.finished:
         store.finish()
 
 
-def _write_chunk(store: SweepStore, solver: ChunkSolver, k: int) -> tuple[int, float]:
-    """Compute and write a chunk of a store by a solver that is prepared."""
+def _write_chunk(store: SweepStore, solver: ChunkSolver, k: int) -> int:
+    """Compute and write a chunk by a solver that is prepared; return its number of postures."""
     chunk = solver(*store.chunks.span(k))
     store.write(k, chunk.rows, chunk.status)
-    return len(chunk.status), _highest_speed(chunk)
+    return len(chunk.status)
 
 
 def _pickled(path: Path, variables: Sequence[str], solver: ChunkSolver) -> bytes:
@@ -210,7 +203,7 @@ def _pickled(path: Path, variables: Sequence[str], solver: ChunkSolver) -> bytes
         raise InvalidInput(f"the sweep cannot be sent to other processes ({error})") from None
 
 
-def _write_sent(sent: bytes, k: int) -> tuple[int, float]:
+def _write_sent(sent: bytes, k: int) -> int:
     """Compute and write a chunk in another process."""
     return _write_chunk(*_received(sent), k)
 
@@ -274,9 +267,3 @@ def _resumable(store: SweepStore) -> Iterator[None]:
 
 def _cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def _highest_speed(chunk: SolvedChunk) -> float:
-    """Return the highest ball speed among possible postures [m/s], nan without any."""
-    speed = chunk.rows[list(VARIABLES).index("ball_speed"), chunk.status == PostureStatus.OK.flag]
-    return float(speed.max(initial=-math.inf)) if speed.size else math.nan

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from html import escape
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -37,7 +36,7 @@ def draw_flights(
     viewer: Any,
     paths: Mapping[str, Flight | Course],
     title: str,
-    measured: Mapping[str, Array] = MappingProxyType({}),
+    measured: Mapping[str, Array],
 ) -> str:
     """Draw the curves of up to 8 flights over one lawn, and return their legend as HTML.
 

@@ -28,7 +28,7 @@ SCRIPT = [
 def script(*arguments, **variables):
     environment = os.environ | variables
     return subprocess.run(
-        [*SCRIPT, *arguments], env=environment, capture_output=True, text=True, timeout=120
+        [*SCRIPT, *arguments], env=environment, capture_output=True, text=True, timeout=3600
     )
 
 
@@ -100,14 +100,6 @@ def test_an_unknown_command_is_refused_with_a_suggestion(word, hint):
     assert (ended.returncode, ended.stdout) == (2, "")
     assert ended.stderr.startswith(f"kickdyn: No such command {word!r}. ".rstrip())
     assert ended.stderr.endswith(f"{hint}\n")
-
-
-@pytest.mark.parametrize(("words", "same"), [([], []), (["simulate"], ["simulate"])])
-def test_help_is_a_command_too(words, same):
-    ended, wanted = (
-        CliRunner().invoke(kickdyn_command, each) for each in (["help", *words], [*same, "--help"])
-    )
-    assert (ended.exit_code, ended.output) == (0, wanted.output)
 
 
 def test_no_colour_in_a_pipe():

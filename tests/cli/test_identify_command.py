@@ -206,7 +206,7 @@ def test_a_drag_coefficient_can_be_kept(track):
     ("options", "message"),
     [
         (("--start", "50", "--end", "20"), "--start 50 --end 20: they must be from 0 to 116"),
-        (("--start", "0", "--end", "4"), "4 positions: at least 5"),
+        (("--start", "0", "--end", "4"), "4 samples: at least 5"),
         (("--columns", "time,x,y,z"), "it must name 'time', 'x', 'y', 'z' once each"),
         (("--columns", "t,x"), "four columns"),
         (("--marker", "ball"), "--marker is 'ball': it is for a C3D file"),

@@ -21,12 +21,12 @@ from kickdyn.cli.option_groups import (
 )
 
 
-def received(group, *arguments, **settings):
+def received(group, *arguments):
     """The group that a command receives for arguments."""
     groups = []
 
     @click.command("kick", Command)
-    @takes(group=group, settings=settings)
+    @takes(group=group)
     def kick(group):
         groups.append(group)
 
@@ -49,12 +49,6 @@ def test_a_command_receives_groups_beside_its_own_options():
     text = CliRunner().invoke(kick, ["--help"]).output
     names = re.findall(r"^  (?:-h, )?(--\w+)", text, re.MULTILINE)
     assert names == ["--speed", "--attack", "--law", "--ball", "--air", "--drag", "--help"]
-
-
-def test_settings_replace_those_of_an_option():
-    foot = received(FootOptions, speed={"default": 5.0})
-    assert (foot.speed, foot.attack) == (5.0, 30.0)
-    assert received(FootOptions).speed == 1.0
 
 
 def test_a_foot_that_cannot_be_is_refused():

@@ -8,7 +8,7 @@ import pytest
 def door(*arguments, cwd=None):
     noise = "ignore:zmq.eventloop.ioloop is deprecated"  # meshcat's
     command = [sys.executable, "-W", "error", "-W", noise, "-m", "kickdyn", "paper", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120, cwd=cwd)
+    return subprocess.run(command, capture_output=True, text=True, timeout=3600, cwd=cwd)
 
 
 def test_everything(tmp_path):
@@ -17,18 +17,18 @@ def test_everything(tmp_path):
     for words in (
         "case 1 spin",
         "not-reachable",
-        "with other coefficients than drag brazuca",
         "wrote paper.json",
     ):
         assert words in ended.stdout
     items = json.loads((tmp_path / "paper.json").read_text())
     names = [item["item"] for item in items]
-    assert len(names) == len(set(names)) > 200
+    assert len(names) == len(set(names)) > 180
     assert "Fig. 9 case 1 spin" in names
+    assert "Fig. 8 drag range [lift wang]" in names
 
 
 def test_json_on_stdout_stands_alone():
-    ended = door("--only", "table 2", "--json", "-", "--no-sensitivity")
+    ended = door("--only", "table 2", "--json", "-")
     assert len(json.loads(ended.stdout)) == 18
 
 

@@ -48,7 +48,7 @@ def started(*arguments, cwd):
     noise = "ignore:zmq.eventloop.ioloop is deprecated"  # meshcat's
     strict = [sys.executable, "-W", "error", "-W", noise]
     command = [*strict, "-m", "kickdyn.posture_sweep", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=600, cwd=cwd)
+    return subprocess.run(command, capture_output=True, text=True, timeout=3600, cwd=cwd)
 
 
 def interruptible():

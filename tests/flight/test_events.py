@@ -144,6 +144,9 @@ def test_many_that_start_on_a_plane_fly_only_away_from_it():
     assert many.duration.values[0] == 0.0 < many.duration.values[1]
     with pytest.raises(kd.InvalidInput, match=r"centre of flight 1 starts 1 m beyond the plane"):
         kd.fly_many(kd.BallState([(-1, 0, 1), (1, 0, 1)], (1, 0, 0)), BALL, AIR, plane=plane)
+    starts = [(-1, 0, 1), (-1, 0, 1), (-1, 0, 1), (2, 0, 1), (1, 0, 1)]
+    with pytest.raises(kd.InvalidInput, match=r"centre of flight 3 starts 2 m beyond the plane"):
+        kd.fly_many(kd.BallState(starts, (1, 0, 0)), BALL, AIR, plane=plane)
 
 
 def test_an_event_that_numba_cannot_compile_is_named():

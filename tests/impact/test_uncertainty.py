@@ -1,5 +1,7 @@
 """Uncertainty budgets: against Monte Carlo, and as sums that must come out."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -154,6 +156,17 @@ def test_the_table():
     assert lines[-1].endswith("standard deviations away")
     assert max(map(len, lines)) <= 80
     assert "away" not in str(kick().uncertainty(q=0.01))
+
+
+def test_the_rows_of_the_table_are_the_deviations_by_each_source():
+    ours = kick(friction=0.1).uncertainty(q=0.01, restitution=0.02, ball_mass=0.01)
+    results = ("impulse_size", "speed", "velocity", "spin")
+    for line in str(ours).splitlines()[2:5]:
+        source, *cells = line.split()
+        deviations = [math.sqrt(np.trace(ours.by_source[source][result])) for result in results]
+        assert cells[::2] == [f"{deviation:.3g}" for deviation in deviations]
+        assert cells[1::2] == [f"{ours.share(result)[source]:.1%}" for result in results]
+    assert f"is {ours.branch_sigmas:.2g} standard deviations" in str(ours).splitlines()[-1]
 
 
 def test_what_only_turns_a_vector_is_not_of_its_size():

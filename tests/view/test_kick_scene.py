@@ -218,6 +218,10 @@ def test_a_ball_that_need_not_lie_on_the_ground_is_on_a_tee_above_the_lowest_poi
     (stand,) = (c["object"]["geometries"][0] for c in said
                 if c["path"] == "/meshcat/tee" and c["type"] == "set_object")  # fmt: skip
     assert stand["height"] == pytest.approx(bottom - floor)
+    (place,) = (c["matrix"] for c in said
+                if c["path"] == "/meshcat/tee" and c["type"] == "set_transform")  # fmt: skip
+    below = hit.ball_before.position[:2]
+    assert place[12:15] == pytest.approx([*below, (bottom + floor) / 2])
 
 
 def test_a_robot_stands_on_the_ground_also_where_the_ball_is_lower():

@@ -102,7 +102,8 @@ class LegOptions:
         frame: the contact frame; None is the default of `load_leg`.
         locked: joints that do not move, as `JOINT=VALUE` [deg; m for prismatic joints].
         loops: pairs of frames, as `A:B`.
-        supports: what the robot stands on, as `FRAME` or `FRAME:FRICTION`.
+        supports: what the robot stands on, as `FRAME`, `FRAME:FRICTION` or
+            `FRAME:FRICTION:CORNERS`.
         stiff_joints: joints' names.
         drives: a file of drives, or `none`; None is the default of `load_leg`.
         package_dirs: folders for the meshes of a URDF file.
@@ -130,9 +131,11 @@ class LegOptions:
         "origins of two frames; repeatable.",
     )  # fmt: skip
     supports: tuple[str, ...] = option(
-        "--support", multiple=True, metavar="FRAME[:FRICTION]", shell_complete=offers(frame_names),
-        help="Foot that stands on the ground, and its coefficient of friction there. The base then "
-        "floats, and a robot has both legs; repeatable.",
+        "--support", multiple=True, metavar="FRAME[:FRICTION[:CORNERS]]",
+        shell_complete=offers(frame_names),
+        help="Foot that stands on the ground, its coefficient of friction there, and the corners "
+        "of its sole, X,Y,Z/X,Y,Z/... [m, its axes]. The base then floats, and a robot has both "
+        "legs; repeatable.",
     )  # fmt: skip
     stiff_joints: tuple[str, ...] = option(
         "--stiff", multiple=True, metavar="JOINT", shell_complete=offers(joint_names),
@@ -203,12 +206,20 @@ class LegOptions:
         """Return the supports."""
         supports = []
         for text in self.supports:
-            frame, colon, friction = text.partition(":")
+            frame, *values = text.split(":")
             try:
-                supports.append(Support(frame, friction=float(friction) if colon else None))
-            except ValueError:
+                friction = float(values[0]) if values and values[0] else None
+                sole = (
+                    [[float(x) for x in corner.split(",")] for corner in values[1].split("/")]
+                    if len(values) > 1
+                    else None
+                )
+                supports.append(Support(frame, friction=friction, sole=sole))
+            except ValueError as error:
+                detail = f" ({error})" if isinstance(error, InvalidInput) else ""
                 raise InvalidInput(
-                    f"--support is {text!r}: it must be a frame, or FRAME:FRICTION such as "
-                    "foot:0.6, with a finite friction of at least 0"
+                    f"--support is {text!r}: it must be a frame, FRAME:FRICTION such as foot:0.6, "
+                    "or with corners foot:0.6:0.1,0.05,0/0.1,-0.05,0/-0.1,0,0, with a finite "
+                    f"friction of at least 0{detail}"
                 ) from None
         return supports

@@ -18,6 +18,7 @@ import pinocchio as pin
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
+from kickdyn.planning.ball_clearance import BallClearance
 from kickdyn.planning.impact_target import ImpactTarget
 from kickdyn.planning.kick_terms import (
     BallPosition,
@@ -215,6 +216,8 @@ def kick_problem(
     if standing is not None:
         terms += [Balance(standing), Clearance(standing), Upright(standing)]
         terms.append(SupportImpulse(standing, target.impulse))
+    if (ball_clearance := BallClearance(robot, variables)).bodies:
+        terms.append(ball_clearance)
 
     farthest = FARTHEST_START if standing is None else FARTHEST_STANDING_START
     lower = np.minimum(np.maximum(variables.lower, -farthest), variables.upper)

@@ -5,6 +5,7 @@ ends the process with a segmentation fault for flat hulls (at a thickness of 1e-
 yet at 1e-4), which are therefore made `THICKNESS` thick.
 """
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
@@ -100,20 +101,21 @@ class Placed:
 
     Args:
         leg: with the shapes.
-        model, data: of the leg, or of a part of it that has its frames by name.
+        frames: numbers of its frames in the posture's model, by name.
+        model, data: of the leg, or of a part of it.
         q: configuration of the model, shape `(nq,)`.
 
     Attributes:
         poses: of the frames with shapes, by name [world frame].
     """
 
-    def __init__(self, leg: Leg, model: Any, data: Any, q: Array) -> None:
+    def __init__(self, leg: Leg, frames: Mapping[str, int], model: Any, data: Any, q: Array):
         import coal
 
         self._coal, self._leg = coal, leg
         pin.forwardKinematics(model, data, q)
         pin.updateFramePlacements(model, data)
-        self.poses = {name: data.oMf[model.getFrameId(name)].copy() for name in body_frames(leg)}
+        self.poses = {name: data.oMf[number].copy() for name, number in frames.items()}
 
     def bodies_near(self, point: Array, radius: float) -> list[Body]:
         """Return the bodies that may be inside a sphere; no mesh that is farther away is read."""
@@ -142,8 +144,8 @@ class Placed:
 
 def find_ball_overlaps(posture: Posture, centre: Array, radius: float) -> dict[str, float]:
     """Return how deep bodies are inside a ball [m], by frame, the deepest first."""
-    space = posture.leg.workspace
-    placed, depths = Placed(posture.leg, space.model, space.data, posture.q), dict[str, float]()
+    leg, depths = posture.leg, dict[str, float]()
+    placed = Placed(leg, body_frames(leg), leg.workspace.model, leg.workspace.data, posture.q)
     for body in placed.bodies_near(centre, radius):
         depth = placed.contact(body, centre, radius).depth
         if depth > max(TOUCHING, depths.get(body.frame, 0.0)):
@@ -170,9 +172,9 @@ def find_self_collisions(leg: Leg, q: Array) -> dict[tuple[str, str], float]:
 
 
 def _overlapping(leg: Leg, q: Array) -> dict[tuple[str, str], float]:
-    model, data = leg.workspace.model, leg.workspace.data
-    placed, depths = Placed(leg, model, data, q), dict[tuple[str, str], float]()
-    joints = {name: int(model.frames[k].parentJoint) for name, k in body_frames(leg).items()}
+    model, frames, depths = leg.workspace.model, body_frames(leg), dict[tuple[str, str], float]()
+    placed = Placed(leg, frames, model, leg.workspace.data, q)
+    joints = {name: int(model.frames[number].parentJoint) for name, number in frames.items()}
     for frame in joints:
         for body in bodies_at(leg, frame):
             centre = placed.poses[frame].act(body.pose.translation)

@@ -281,9 +281,9 @@ class Leg(JointTable, ReprMixin):
                 robot_descriptions, such as `g1_mj_description`.
             frame: frame that touches the ball. The default is `toe`, on the front of the right foot
                 (for `simple_humanoid`, whose file shows no foot, at the ankle). Others are `instep`
-                (g1, human, romeo), `sole_edge`, the front edge of the sole (these and icub), and
-                every frame of the file. A robot of robot_descriptions has no default, unless its
-                file has a frame `toe`.
+                (g1, human, romeo), `sole_edge`, the front edge of the sole (these and icub),
+                `inside`, `outside` and `heel` (these and talos), and every frame of the file. A
+                robot of robot_descriptions has no default, unless its file has a frame `toe`.
             base: `fixed` or `floating`, as for `from_urdf`.
             legs_only: lock all joints but the legs' at 0, or where `locked` has them; of
                 example-robot-data only.

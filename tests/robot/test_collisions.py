@@ -5,6 +5,7 @@ import pytest
 
 import kickdyn as kd
 from kickdyn.robot.collisions import Placed, bodies_at, find_ball_overlaps, find_self_collisions
+from kickdyn.robot.ground_clearance import body_frames
 
 LEGS = """<mujoco><worldbody><body name="trunk" pos="0 0 1"><geom type="sphere" size="0.05"/>
 <body name="left" pos="0 0.1 0"><joint name="l" type="hinge" axis="1 0 0"/>
@@ -78,7 +79,7 @@ def test_a_flat_hull_is_a_body(tmp_path):
 def test_the_nearest_point_of_a_body_and_its_normal(tmp_path):
     leg = legs(tmp_path, "box", "0.1 0.04 0.3")
     space, q = leg.workspace, leg.configuration()
-    placed = Placed(leg, space.model, space.data, q)
+    placed = Placed(leg, body_frames(leg), space.model, space.data, q)
     (body,) = bodies_at(leg, "right")
     for ahead in (0.15, 0.35):
         contact = placed.contact(body, np.array([ahead, -0.1, 0.6]), 0.1)

@@ -750,6 +750,32 @@ class Posture(ReprMixin):
         inverse = float(row.dot(row))
         return 1.0 / inverse if inverse else math.inf
 
+    def effective_mass_limits(self, normal: ArrayLike) -> dict[str, float]:
+        r"""Return the effective mass [kg] in the limits between which real drives are, by name.
+
+        `without rotors`: all joints are free, and nothing is behind them. `with rotors`: the rotors
+        turn with them, as in a contact so short that :math:`t\sqrt{k / (J n^2)}` is far below 1,
+        where k is the stiffness of a drive's position control. `stiff`: all joints hold, as far
+        above 1 or with gears that cannot be driven back; inf where the base or a foot is fixed.
+
+        Args:
+            normal: direction n, shape `(3,)` of any length but zero [world frame].
+        """
+        leg, n = self.leg, validation.direction("normal", normal)
+        bare = leg.with_armature(dict.fromkeys(leg.single_joints, 0.0)).with_stiff_joints()
+        joints = [leg.velocity_index(name) for name in leg.single_joints]
+        base = np.setdiff1d(np.arange(leg.nv), joints)
+        stiff = math.inf
+        if base.size and not leg.supports:
+            row = n @ self.jacobian[:, base]
+            stiff = 1.0 / float(row @ np.linalg.solve(self.inertia[np.ix_(base, base)], row))
+        without = bare.posture(self.q).with_contact_offset(self.contact_offset)
+        return {
+            "without rotors": without.effective_mass(n),
+            "with rotors": self.without_stiff_joints.effective_mass(n),
+            "stiff": stiff,
+        }
+
     def point_velocity(self, v: ArrayLike) -> Array:
         """Return the velocity of the contact point, :math:`J v`, shape `(3,)` [m/s, world frame].
 

@@ -6,7 +6,7 @@ import pinocchio as pin
 from kickdyn.core.validation import Array
 from kickdyn.planning.kick_terms import KickTerm, KickVariables
 from kickdyn.planning.problem import TOLERANCE, Kind
-from kickdyn.robot.collisions import TOUCHING, Contact, Placed, bodies_at
+from kickdyn.robot.collisions import TOUCHING, Contact, Placed
 from kickdyn.robot.ground_clearance import LARGEST_MESH, body_frames
 from kickdyn.robot.kicking_chain import rest_configuration
 from kickdyn.robot.leg import Leg, Posture
@@ -39,15 +39,9 @@ class BallClearance(KickTerm):
         self._robot, self.scale = robot, ball.radius
         self._radius, self._from_contact = ball.radius, ball.radius * contact.normal
         rest = robot.posture(rest_configuration(robot))
-        frames = body_frames(robot)
         space = robot.workspace
-        placed = Placed(robot, frames, space.model, space.data, rest.q)
-        near = [
-            frame
-            for frame, pose in placed.poses.items()
-            if np.linalg.norm(pose.translation - rest.contact_point) < LARGEST_MESH
-        ]
-        self.bodies = [body for frame in near for body in bodies_at(robot, frame)]
+        placed = Placed(robot, body_frames(robot), space.model, space.data, rest.q)
+        self.bodies = placed.bodies_near(rest.contact_point, LARGEST_MESH)
         numbers = frames_by_name(variables.leg.workspace.model)
         self._frames = {body.frame: numbers[body.frame] for body in self.bodies}
 

@@ -110,10 +110,11 @@ class KickProblem:
         return replace(self, terms=tuple(term for term in self.terms if term not in omitted))
 
     def variants(self) -> "Iterator[KickProblem]":
-        """Yield the problem and, if some of its terms are not required, the one without these."""
+        """Yield the problem, then those without the last terms that are not required."""
         yield self
-        if optional := [term for term in self.terms if not term.required]:
-            yield self.without(optional)
+        optional = [term for term in self.terms if not term.required]
+        for first in reversed(range(len(optional))):
+            yield self.without(optional[first:])
 
     def solve(self, objective: Function[KickPoint], starts: Sequence[Array]) -> list[KickPoint]:
         """Return the solutions from each start, with exact foot velocities.

@@ -19,6 +19,7 @@ import numpy as np
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
+from kickdyn.planning.ball_clearance import BallClearance
 from kickdyn.planning.impact_target import ImpactTarget
 from kickdyn.planning.kick_problem import KickProblem, KickSolution, solve_kick
 from kickdyn.planning.kick_terms import (
@@ -77,6 +78,8 @@ def solve_with_swing(problem: KickProblem, objective: Objective) -> tuple[KickSo
         InvalidInput: the solver finds none at all, or a joint has no limit.
     """
     problem, start, _ = solve_kick(problem, objective)
+    # the plan's check reports what is inside the ball
+    problem = problem.without(term for term in problem.terms if isinstance(term, BallClearance))
     variables = problem.variables
     swing, best, needed = _SwingKickProblem(problem, start, objective), [], 0.0
     draw = np.random.default_rng(0)

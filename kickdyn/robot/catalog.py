@@ -56,8 +56,8 @@ class Robot:
         instep: like `toe`, the middle of the slope from the ankle to the toe, on the foot's centre
             line; None where a motor fills that place.
         sole_edge: like `toe`, the lower edge of the front end; None where it is bevelled or round.
-        inside, outside, heel: like `toe`, the middles of the outermost 3 mm of the foot's hull to
-            the left, to the right and behind.
+        inside, outside, heel: like `toe`, points of the foot's left, right and rear faces where a
+            ball overlaps least with the foot.
     """
 
     file: str
@@ -115,27 +115,27 @@ ROBOTS = {
         toe=(0.1423, 0.0, -0.0206),
         instep=(0.0924, 0.0, -0.0041),
         sole_edge=(0.1419, 0.0, -0.0354),
-        inside=(0.0774, 0.0363, -0.028),
-        outside=(0.0773, -0.0364, -0.0282),
-        heel=(-0.0644, -0.0002, -0.0255),
+        inside=(0.065, 0.0376, -0.0338),
+        outside=(0.0657, -0.0371, -0.0282),
+        heel=(-0.0656, -0.0001, -0.029),
     ),
     "talos": Robot(
         "talos_data/robots/talos_reduced.urdf",
         *("right_sole_link", "left_sole_link", ("leg_",)),
         toe=(0.1045, 0.0, 0.018),
         steepest=40.0,
-        inside=(-0.0032, 0.0658, 0.0144),
-        outside=(-0.0034, -0.0658, 0.0144),
-        heel=(-0.1148, 0.0017, 0.0712),
+        inside=(-0.0032, 0.0672, 0.0144),
+        outside=(-0.0034, -0.0672, 0.0144),
+        heel=(-0.1163, 0.0017, 0.0712),
     ),
     **{
         name: Robot(
             f"icub_description/robots/{name}.urdf",
             *("r_sole", "l_sole", _ICUB, (0.1275, 0.0, 0.0145), 60.0, (0.0, 0.0, np.pi)),
             sole_edge=(0.1278, 0.0, 0.0),
-            inside=(0.0548, 0.0286, 0.0078),
-            outside=(0.0498, -0.0288, 0.0076),
-            heel=(-0.0259, -0.0001, 0.0241),
+            inside=(0.0601, 0.0269, 0.0414),
+            outside=(0.0402, -0.03, 0.0152),
+            heel=(-0.0268, -0.0003, 0.0319),
         )
         for name in ("icub", "icub_reduced")  # they look along -x
     },
@@ -145,9 +145,9 @@ ROBOTS = {
         toe=(0.199, 0.0164, 0.0299),
         instep=(0.1393, 0.0164, 0.0639),
         sole_edge=(0.1988, 0.0164, 0.0022),
-        inside=(0.1121, 0.0555, 0.0155),
-        outside=(0.1121, -0.0701, 0.0157),
-        heel=(-0.088, -0.0024, 0.0441),
+        inside=(0.1136, 0.0559, 0.0201),
+        outside=(0.1103, -0.0706, 0.0258),
+        heel=(-0.0886, 0.0056, 0.0523),
     ),
     "human": Robot(
         "human_description/robots/human.urdf",
@@ -155,9 +155,9 @@ ROBOTS = {
         toe=(0.2055, -0.0007, -0.073),
         instep=(0.1373, -0.0007, -0.019),
         sole_edge=(0.2068, -0.0007, -0.0765),
-        inside=(0.1047, 0.0582, -0.0678),
-        outside=(0.1047, -0.0596, -0.0678),
-        heel=(-0.0639, -0.0007, -0.0514),
+        inside=(0.1025, 0.0593, -0.0706),
+        outside=(0.1025, -0.0607, -0.0706),
+        heel=(-0.0639, -0.0007, -0.0263),
         steepest=45.0,
         turn=(np.pi / 2, 0.0, 0.0),  # its y axis points up
     ),

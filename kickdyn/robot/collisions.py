@@ -59,16 +59,16 @@ class Contact(NamedTuple):
     normal: Array
 
 
-_known: WeakKeyDictionary[Leg, dict[str, list[Body]]] = WeakKeyDictionary()
-"""Bodies by frame: reading a mesh takes a tenth of a second."""
+_known: WeakKeyDictionary[Leg, dict[tuple[str, bool], list[Body]]] = WeakKeyDictionary()
+"""Bodies by frame, with meshes or without: reading a mesh takes a tenth of a second."""
 
 
-def bodies_at(leg: Leg, frame: str) -> list[Body]:
-    """Return the convex shapes that a leg's file has at a frame."""
-    known = _known.setdefault(leg, {})
-    if frame not in known:
-        known[frame] = [_body(frame, spheres) for spheres in shapes_of(leg, frame)]
-    return known[frame]
+def bodies_at(leg: Leg, frame: str, *, meshes: bool = True) -> list[Body]:
+    """Return the convex shapes that a leg's file has at a frame, or those that are no meshes."""
+    known, key = _known.setdefault(leg, {}), (frame, meshes)
+    if key not in known:
+        known[key] = [_body(frame, spheres) for spheres in shapes_of(leg, frame, meshes=meshes)]
+    return known[key]
 
 
 def _body(frame: str, spheres: Spheres) -> Body:
@@ -119,13 +119,15 @@ class Placed:
 
     def bodies_near(self, point: Array, radius: float) -> list[Body]:
         """Return the bodies that may be inside a sphere; no mesh that is farther away is read."""
-        return [
-            body
-            for frame, pose in self.poses.items()
-            if np.linalg.norm(pose.translation - point) < LARGEST_MESH + radius
-            for body in bodies_at(self._leg, frame)
-            if np.linalg.norm(pose.act(body.pose.translation) - point) < body.reach + radius
-        ]
+        near = []
+        for frame, pose in self.poses.items():
+            meshes = bool(np.linalg.norm(pose.translation - point) < LARGEST_MESH + radius)
+            near += [
+                body
+                for body in bodies_at(self._leg, frame, meshes=meshes)
+                if np.linalg.norm(pose.act(body.pose.translation) - point) < body.reach + radius
+            ]
+        return near
 
     def distance(self, body: Body, other: Any, pose: Any) -> Any:
         """Return coal's `DistanceResult` of a body and another shape at a pose."""

@@ -22,6 +22,7 @@ from kickdyn.robot.ground_clearance import (
     shape_of,
     shapes_of,
 )
+from kickdyn.robot.kicking_chain import rest_configuration
 from kickdyn.robot.leg import Leg, Posture
 from kickdyn.robot.model_validation import frame_id
 from kickdyn.robot.surgery import coordinate_indices, has_floating_base, reroot_model
@@ -50,6 +51,7 @@ class StandingRobot:
     """
 
     def __init__(self, robot: Leg) -> None:
+        robot = lock_idle_mimics(robot)
         support = _flat_support(robot)
         model, data = robot.workspace.model, robot.workspace.data
         self._frame = frame_id(model, support.frame)
@@ -125,6 +127,19 @@ def hold_support(posture: Posture, q: Array) -> Array:
 def is_floating(robot: Leg) -> bool:
     """Return whether the first joint of a robot is a floating base."""
     return has_floating_base(robot.workspace.model)
+
+
+def lock_idle_mimics(robot: Leg) -> Leg:
+    """Return a robot with the mimic joints of neither leg, as of hands, locked at rest."""
+    limbs = {*robot.workspace.model.supports[robot.contact_joint]}
+    for support in robot.supports:
+        number = frame_id(robot.workspace.model, support.frame)
+        limbs |= {*robot.workspace.model.supports[robot.workspace.model.frames[number].parentJoint]}
+    moving = {robot.joint_names[joint - 1] for joint in limbs if joint}
+    busy = {mimic.driver for mimic in robot.mimics if moving & {mimic.joint, mimic.driver}}
+    idle = {mimic.driver for mimic in robot.mimics} - busy
+    rest = robot.joint_values(rest_configuration(robot)) if idle else {}
+    return robot.locked({joint: rest[joint] for joint in idle})
 
 
 def _flat_support(robot: Leg) -> Support:

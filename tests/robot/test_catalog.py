@@ -95,14 +95,21 @@ def test_a_turned_base_is_the_same_robot(name):
 
 
 OVERLAPS = {
-    "g1": {"toe": 1.2, "instep": 3.0, "sole_edge": 1.6, "inside": 3, "outside": 3, "heel": 3},
-    "talos": {"toe": 6, "inside": 3, "outside": 3, "heel": 3},
-    "icub": {"toe": 2, "sole_edge": 1.6, "inside": 3, "outside": 3, "heel": 3},
+    "g1": {"toe": 1.2, "instep": 3.0, "sole_edge": 1.6, "inside": 4.6, "outside": 4.6, "heel": 4.6},
+    "talos": {"toe": 6, "inside": 4.6, "outside": 4.6, "heel": 4.6},
+    "icub": {"toe": 2, "sole_edge": 1.6, "inside": 4.6, "outside": 4.6, "heel": 4.6},
     "romeo": {
         **{"toe": 4, "instep": 4.1, "sole_edge": 2.8},
-        **{"inside": 3, "outside": 3, "heel": 3},
+        **{"inside": 4.6, "outside": 4.6, "heel": 4.6},
     },
-    "human": {"toe": 4, "instep": 3.0, "sole_edge": 1.6, "inside": 3, "outside": 3, "heel": 3},
+    "human": {
+        "toe": 4,
+        "instep": 3.0,
+        "sole_edge": 1.6,
+        "inside": 4.6,
+        "outside": 4.6,
+        "heel": 4.6,
+    },
     "bolt": {"toe": 4},
 }
 RISES = {"toe": (0, None), "instep": (60, 80), "sole_edge": (-90, 0)}

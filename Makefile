@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constraint constraints.txt
 
-.PHONY: sweep help extremes fuzz mutants notebooks test test-all docs package lint browser clean
+.PHONY: sweep help extremes fuzz mutants notebooks test test-lowest test-all docs package lint browser clean
 
 # what `make test-all` tests with: python3.11 and so on must be there, as pyenv or deadsnakes bring them;
 # add 3.14, which kickdyn takes too, where you have it
@@ -19,10 +19,10 @@ sweep: $(VENV)/.run
 help:
 	@sed -n 's/^## /make /p' Makefile
 
-## extremes: kickdyn against 50 digits for ill-conditioned input
+## extremes: kickdyn against 50 digits for ill-conditioned input; tests compare what it stores with the docs
 extremes: $(VENV)/.dev
 	@echo "This takes about a minute."
-	$(BIN)/python tests/extremes
+	$(BIN)/python tests/extremes --verdicts tests/extremes/verdicts.json
 
 ## fuzz: feeds broken files and command lines for ten minutes; fails if one is neither answered nor refused
 fuzz: $(VENV)/.dev
@@ -44,6 +44,13 @@ notebooks: $(VENV)/.dev browser
 test: $(VENV)/.dev browser
 	@echo "The whole suite takes about 6 minutes on 2 cores, and longer on the first run, which compiles."
 	$(BIN)/python -m pytest -n auto
+
+## test-lowest: the tests with the lowest versions of all packages that pyproject.toml allows, in .venv-lowest
+test-lowest:
+	@echo "This takes about 15 minutes on 2 cores, two of them to install."
+	$(PYTHON) -m venv .venv-lowest
+	.venv-lowest/bin/python -m pip --disable-pip-version-check install --quiet --constraint constraints-lowest.txt --editable ".[test]"
+	.venv-lowest/bin/python -m pytest -n auto
 
 ## test-all: the whole suite with each Python of PYTHONS, and what users install
 test-all: package

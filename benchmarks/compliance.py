@@ -40,7 +40,7 @@ def through_time(milliseconds: float, **options: object) -> kd.Collision:
 
 def foot_displacement(hit: kd.Collision) -> Array:
     """Return how far the contact point of the foot moves in the contact time [m, world frame]."""
-    end = hit.leg.posture(hit.q_after).with_contact_offset(hit.contact.offset)
+    end = hit.posture.leg.posture(hit.q_after).with_contact_offset(hit.contact.offset)
     return end.contact_point - hit.posture.contact_point
 
 

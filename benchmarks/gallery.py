@@ -1,9 +1,9 @@
 """The pictures of docs/gallery.md, by the commands and snippets that stand there.
 
     python benchmarks/gallery.py               # all
-    python benchmarks/gallery.py goal swing    # those
+    python benchmarks/gallery.py goal motion   # those
 
-Needs Chromium, and the extras `robots` and `swing`.
+Needs Chromium, and the extras `robots` and `motion`.
 """
 
 import re

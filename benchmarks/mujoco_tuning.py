@@ -41,7 +41,6 @@ POSTURE = kd.Leg.human().posture(np.radians([40, 30, -20]))
 V = np.array([8.25, -18.15, 2.48])  # rad/s
 NORMALS = {0.0: (0.866, 0.0, 0.5), 0.4: (1.0, 0.0, 0.0)}
 CONTACT_TIME = 0.010  # s
-DISSIPATION = "walton-braun"  # the default of `collide` and of `tune_mujoco`
 TOLERANCE = 0.03  # the default of `tune_mujoco`
 RESTITUTIONS = (0.3, 0.5, 0.7, 0.9)
 STEPS = (1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3)  # s
@@ -84,7 +83,7 @@ def measure(friction: float, restitution: float, integrator: str, step: float) -
     contact = kd.Contact(NORMALS[friction], restitution, friction)
     impact = kd.strike(POSTURE, V, kd.Ball(), contact)
     hit = kd.collide(POSTURE, V, kd.Ball(), contact, contact_time=CONTACT_TIME)
-    cases = kick_cases(impact.approach, CONTACT_TIME, DISSIPATION)[: 1 + len(SPEEDS)]
+    cases = kick_cases(impact.approach, CONTACT_TIME)[: 1 + len(SPEEDS)]
     tuned = find_best(cases, step, integrator, CONTACT_TIME, TOLERANCE).contact
     rows = []
     for name, one in ((TUNED, tuned), (DEFAULTS, MujocoContact(friction=friction))):
@@ -140,7 +139,7 @@ def direction_errors(e: float, margin: bool, options: dict[str, int], step: floa
     friction = 0.4
     contact = kd.Contact(NORMALS[friction], e, friction)
     approach = kd.strike(POSTURE, V, kd.Ball(), contact).approach
-    cases = kick_cases(approach, CONTACT_TIME, DISSIPATION)
+    cases = kick_cases(approach, CONTACT_TIME)
     plain = MujocoContact(friction=friction, margin=cases[0].deflection if margin else 0.0)
     kicks = [MujocoKick(case.approach, step, plain, INTEGRATORS[0], gravity=True) for case in cases]
     for kick in kicks:

@@ -82,7 +82,7 @@ def mechanical_limb() -> Iterator[Row]:
         "M1", "contact time, foot at 9.1 and 21.2 m/s", "14.75 falling to 11.75 ms, -20 %",
         f"{times[0]:.1f} falling to {times[1]:.1f} ms, {percent(times[1] / times[0] - 1.0, 0)}",
         close((times[0], 14.75), (times[1], 11.75)),
-        "The time is that of the visible contact. The stiffness is the one of a force of 10 ms at "
+        "The time is the visible contact time. The stiffness makes the force last 10 ms at "
         "15 m/s. With the spring from pressure, the time does not depend on the speed.",
         "contact time of a mechanical limb, foot at 9.1 and 21.2 m/s",
     )  # fmt: skip
@@ -159,7 +159,7 @@ def punts() -> Iterator[Row]:
             f"With {'the ' if stiffness == 'pressure' else ''}{name}, the force agrees up to a "
             f"ball of about {last:.0f} m/s."
             + (
-                " The ball speeds are those of M10, because the abstracts of M4 have none."
+                " The ball speeds come from M10, because the abstracts of M4 have none."
                 if stiffness == HERTZ
                 else " Its range ends before, at a foot speed of 13 to 17 m/s ([stiffness from "
                 "pressure](compliance.md#stiffness-from-pressure))."
@@ -312,7 +312,7 @@ def plans() -> Iterator[Row]:
         "M10", "the same, hip moving forward at 3 and 5 m/s", measured,
         f"up to {slow:.1f} and {fast:.1f} m/s, foot at {slow_foot:.1f} and {fast_foot:.1f} m/s",
         range_within(28.60, 34.48, 0.0, fast),
-        "The speeds of the hip are assumed, of the size of a run-up's. The slower of the measured "
+        "The hip speeds are assumed; run-ups are about as fast. The slower of the measured "
         "kicks are reached, the fastest are not. To compute the impact of a leg with a moving hip, "
         "use the reference frame of the hip: `kd.strike(..., ball_velocity=-hip_velocity)`, and "
         "add the velocity of the hip to that of the ball.",

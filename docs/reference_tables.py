@@ -99,7 +99,27 @@ def scenes() -> str:
     return table(("scene", "content"), rows)
 
 
+def references() -> str:
+    """Return the references of `docs/references.bib`, by author."""
+    text = (FOLDER.parent / "references.bib").read_text(encoding="utf-8")
+    lines = []
+    for entry in re.findall(r"^@\w+\{\w+,\n(.*?)\n\}", text, re.DOTALL | re.MULTILINE):
+        has = dict(re.findall(r"^  (\w+) = \{(.*)\},$", entry, re.MULTILINE))
+        names = ", ".join(name.split(",")[0] for name in has["author"].split(" and "))
+        kinds = ("journal", "booktitle", "publisher", "howpublished", "volume")
+        place = " ".join(has[kind] for kind in kinds if kind in has)
+        pages = has.get("pages", "").replace("-", "\N{EN DASH}")
+        link = f"https://doi.org/{has['doi']}" if "doi" in has else has.get("url")
+        lines.append(
+            f"- {names} ({has['year']}): *{has['title']}*."
+            + (f" {', '.join(filter(None, [place, pages]))}." if place else "")
+            + (f" <{link}>" if link else "")
+        )
+    return "\n".join(sorted(lines))
+
+
 PAGES = {
+    "bibliography.md": {"references": references},
     "scene-file.md": {"scenes": scenes, "keys": scene_keys, "surfaces": surfaces},
     "dataset.md": {"variables": variables},
 }

@@ -6,7 +6,6 @@ from .air import Air as Air
 from .ball import Ball as Ball
 from .ball import BallState as BallState
 from .contact import Contact as Contact
-from .errors import EnergyCreated as EnergyCreated
 from .errors import InvalidInput as InvalidInput
 from .errors import KickdynError as KickdynError
 from .errors import MjcfError as MjcfError
@@ -53,8 +52,6 @@ from .planning.launch import Launch as Launch
 from .planning.launch import plan_launch as plan_launch
 from .planning.passes import Pass as Pass
 from .planning.passes import plan_pass as plan_pass
-from .planning.swing import Swing as Swing
-from .planning.swing import plan_swing as plan_swing
 from .robot.constraints import Support as Support
 from .robot.drives import Drive as Drive
 from .robot.leg import Leg as Leg

@@ -60,9 +60,7 @@ class Air(ValueEquality, ReprMixin):
             coefficient that is the same everywhere; or a function of `(reynolds, spin_parameter)`.
             None means no drag.
         lift: name of a model in `kickdyn.aerodynamics.lift.MODELS`, a number from -1000 to 1000, or
-            a function as for `drag`. None means no lift. Below 15 m/s the default falls with the
-            drag crisis of a Brazuca, which the default drag does not have; "Flight" in
-            `docs/explanation/theory.md` says why.
+            a function as for `drag`. None means no lift.
         torque: coefficient of the torque that brakes the spin: name of a model in
             `kickdyn.aerodynamics.spin_decay.MODELS`, a number or a function as for `drag`. None
             means that the spin does not decay.
@@ -105,7 +103,6 @@ class Air(ValueEquality, ReprMixin):
             object.__setattr__(self, name, value)
 
     def __repr__(self) -> str:
-        """Return the class with all its values, models by their names, in a line."""
         names = self._names()
         return (
             f"Air(density={self.density:.6g}, viscosity={self.viscosity:.6g}, "
@@ -115,7 +112,6 @@ class Air(ValueEquality, ReprMixin):
         )
 
     def _names(self) -> dict[str, object]:
-        """Return the models and the wind by their names, constant coefficients by their values."""
         models = {"drag": self.drag, "lift": self.lift, "torque": self.torque, "wind": self.wind}
         return {
             key: model.value
@@ -197,7 +193,6 @@ class Air(ValueEquality, ReprMixin):
 
 
 def _checked_wind(wind: ArrayLike | Wind) -> Array | Wind:
-    """Return a wind as a read-only array of shape `(3,)`, or the function that it is."""
     if not callable(wind):
         return validation.read_only(validation.vector("wind", wind, 3, unit="m/s"))
     try:

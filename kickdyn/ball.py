@@ -32,16 +32,13 @@ class Ball(ReprMixin):
 
     Args:
         mass: mass [kg], above 0. With an infinite mass the ball is an obstacle that cannot move,
-            for impacts only: its impulse and joint impulses are those of the limit of ever heavier
-            balls.
+            for impacts only.
         radius: radius [m], above 0.
         inertia_factor: moment of inertia over mass times radius squared, above 0. It is 2/3 of a
             thin shell, which is the most a ball can have, and 2/5 of a solid ball. An infinite one
             makes a particle: it has a size in the air and at the contact, but nothing turns it.
         pressure: gauge pressure, of the air inside above that outside [Pa], 2e3 to 1e6; None, the
             default, if it is unknown. Law 2 allows 0.6 to 1.1 atmospheres, about 60e3 to 110e3 Pa.
-            The limits are far beyond those of balls, and exclude the range of Law 2 in bar, kPa,
-            psi and g/cm2: 0.8, 80, 12 and 800 are refused.
 
     Raises:
         InvalidInput: a value outside its range.
@@ -53,7 +50,6 @@ class Ball(ReprMixin):
     pressure: float | None = None
 
     def __post_init__(self) -> None:
-        """Check the values and store them as floats."""
         immovable = isinstance(self.mass, float) and self.mass == math.inf
         if not immovable:
             mass = validation.number("ball mass", self.mass, above=0, unit="kg")
@@ -131,21 +127,11 @@ class Ball(ReprMixin):
 
         .. math:: F = p\, \pi a^2 = p\, \pi (2 R d - d^2) \approx 2 \pi R p\, d.
 
-        The neglected terms oppose each other. The circle is smaller by :math:`d / 2R`, while the
-        air is compressed by the missing cap of the volume :math:`\Delta V = \pi d^2 (R - d/3)`:
-        adiabatically its absolute pressure :math:`p + p_0` grows by
-        :math:`(1 - \Delta V / V)^{-1.4}`. At 80 kPa they change F by less than 3 % up
-        to a deflection of 0.3 R, and increase it by 10 % at 0.4 R and by 21 % at 0.5 R; measured
-        forces are smaller, not larger. Neglected too are bending and stretching of the shell, its
-        inertia, and its bulging beside the circle (`docs/explanation/compliance.md` compares with
-        measurements).
-
-        The derivation is our own. That the change of the pressure is not important for the bounce
-        is stated by Wesson (The Science of Soccer, chapter 1, doi 10.1201/9780429320095-1, of which
-        we could read the abstract). A soccer ball that falls onto a hard surface is compressed in
-        proportion to the speed of impact, by 2.80 mm for each m/s (Dowell & Krebs, British Journal
-        of Sports Medicine 25, 1991, 34-37); this k gives :math:`\sqrt{m/k}`, 2.79 mm for each m/s
-        at 80 kPa.
+        At 80 kPa the neglected terms, among them the compression of the air, change F by less than
+        3 % up to a deflection of 0.3 R; `docs/explanation/compliance.md` compares with
+        measurements. The derivation is our own. A soccer ball that falls onto a hard surface is
+        compressed by 2.80 mm for each m/s (Dowell & Krebs, British Journal of Sports Medicine 25,
+        1991, 34-37); this k gives :math:`\sqrt{m/k}`, 2.79 mm for each m/s at 80 kPa.
 
         Raises:
             InvalidInput: the ball's pressure is unknown.
@@ -227,8 +213,7 @@ class BallState(ValueEquality):
     ) -> "BallState":
         """Return one state or n of finite arrays of full shape, which it owns from then on.
 
-        The arrays are not checked, which would take as long as an impact. Use it for values that
-        are computed from checked ones.
+        The arrays are not checked, which would take as long as an impact.
         """
         state = cls.__new__(cls)
         try:
@@ -239,7 +224,6 @@ class BallState(ValueEquality):
         return state
 
     def __repr__(self) -> str:
-        """Return the values of one state in a line, or the number of states."""
         if np.ndim(self.time):
             times = np.asarray(self.time)
             span = (

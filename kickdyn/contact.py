@@ -23,15 +23,14 @@ class Contact(ValueEquality, ReprMixin):
 
     Args:
         normal: direction from the foot into the ball, any length but zero, stored as a unit
-            vector, shape `(3,)` [world frame]. The ball's centre is at `contact point + r normal`.
-            None leaves it open, for `plan_kick`, which computes it; impacts need one.
+            vector, shape `(3,)` [world frame]. None leaves it open, for `plan_kick`, which computes
+            it; impacts need one.
         restitution: coefficient e of Eq. (1), 0 to 1. A rigid mechanical limb on a (leather, oval)
             ball measured 0.66 to 0.79 (Peacock & Ball 2016); the default 0.8 is what the paper's
             Table 2 needs. It may also depend on the speed of approach along the normal: as a table
-            of rows (speed [m/s], e), shape `(n, 2)`, speeds increasing, such as
-            `RestitutionFit.table`; or as the name of a model, `peacock-ball`
-            (`kickdyn.restitution.MODELS`, with source). Between rows e is linear; outside them it
-            is that of the nearest row, and results have a warning.
+            of rows (speed [m/s], e), shape `(n, 2)`, speeds increasing; or as the name of a model,
+            `peacock-ball` (`kickdyn.restitution.MODELS`). Outside the rows e is that of the nearest
+            row, and results have a warning.
         friction: Coulomb's coefficient mu, 0 or more. The default 0 is the frictionless contact of
             Eqs. (8)-(10); the paper uses 0.4, and 0.37 to 0.63 was measured on nine match balls
             against leather (Proceedings 2020, 49(1):92).
@@ -75,14 +74,7 @@ class Contact(ValueEquality, ReprMixin):
             )
 
     def restitution_at(self, speed: float) -> float:
-        """Return the coefficient e at a speed of approach along the normal.
-
-        Args:
-            speed: speed u of the foot towards the ball, 0 or more [m/s].
-
-        Raises:
-            InvalidInput: a speed that is below 0 or no finite number.
-        """
+        """Return the coefficient e at a speed of approach along the normal, 0 or more [m/s]."""
         speed = validation.number("speed", speed, at_least=0, unit="m/s")
         return restitution_at(self.restitution, speed)
 

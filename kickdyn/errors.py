@@ -63,7 +63,6 @@ class SceneError(FaultyFile):
     """A scene file that is refused; of several faults, each has a line of its own."""
 
     def __str__(self) -> str:
-        """Return the file's name and its fault in one line, or a line per fault."""
         if len(self.faults) == 1:
             return f"{shortened(self.source)}: {self.faults[0]}"
         return "\n".join([f"{shortened(self.source)}:", *self.faults])
@@ -75,10 +74,6 @@ class Unfinished(KickdynError):
 
 class NoImpact(KickdynError):
     """The foot does not move towards the ball along the contact normal, so there is no impact."""
-
-
-class EnergyCreated(KickdynError):
-    """An impact law gives leg and ball more kinetic energy than before; `strict=True` raises it."""
 
 
 def printable(text: str) -> str:

@@ -22,8 +22,7 @@ class Surface:
         rolling_deceleration: deceleration of a rolling ball without the drag of the air [m/s2],
             above 0.
         tangential_restitution: coefficient :math:`e_t`, -1 to 1: a bounce in which the ball grips
-            turns the slip u of its lowest point into :math:`-e_t u`. With 0 the ball rolls after
-            the bounce.
+            turns the slip u of its lowest point into :math:`-e_t u`.
         source: source of the numbers.
         deviations: standard deviations of the coefficients by their names, as in
             `Segments.surface`, where they were measured. They do not change any motion.
@@ -103,8 +102,7 @@ class Ground(ReprMixin):
     Args:
         height: height of the ground [m, world frame z].
         surface: name of one of `kickdyn.ground.SURFACES`, or a `Surface`, on which `follow` lets
-            the ball bounce and roll. `fly` needs none: it ends where the lowest point of the ball
-            touches the ground.
+            the ball bounce and roll. `fly` needs none.
 
     Raises:
         InvalidInput: a height that is not finite, or an unknown surface.
@@ -127,7 +125,6 @@ class Ground(ReprMixin):
             raise InvalidInput(f"surface is {self.surface!r}: it must be a name or a Surface")
 
     def __repr__(self) -> str:
-        """Return the class with its height and the name of its surface, in a line."""
         name = self.surface.name if isinstance(self.surface, Surface) else None
         return f"Ground(height={self.height:g}, surface={name!r})"
 

@@ -58,14 +58,10 @@ class Plane(ValueEquality, ReprMixin):
 
     @property
     def is_goal_line(self) -> bool:
-        """Whether the plane is upright and reached by the centre or the back of the ball.
-
-        Scenes and pages then take it for the line of a goal, whose middle is at `point`.
-        """
+        """Whether it is upright and reached by the centre or back: a goal's."""
         return abs(float(self.normal[2])) < 1e-9 and self.reached_by != ReachedBy.FRONT
 
     def __repr__(self) -> str:
-        """Return the class with all its values, in a line."""
         place = f"point={format_value(self.point)} m, normal={format_value(self.normal)}"
         return f"Plane({place}, reached_by={self.reached_by.value!r})"
 
@@ -78,11 +74,8 @@ class Plane(ValueEquality, ReprMixin):
     def gap(self, ball: Ball, position: ArrayLike) -> float:
         r"""Return the distance along the normal that a ball still has to move to the plane [m].
 
-        :math:`n \cdot (x - p) + k r`, where k is -1, 0 or 1 for `front`, `centre` and `back`.
-
-        Args:
-            ball: the ball.
-            position: position of its centre, shape `(3,)` [m, world frame].
+        :math:`n \cdot (x - p) + k r`, where k is -1, 0 or 1 for `front`, `centre` and `back`, and x
+        the position of the ball's centre, shape `(3,)` [m, world frame].
 
         Raises:
             InvalidInput: the ball is beyond it already.

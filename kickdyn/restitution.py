@@ -185,9 +185,8 @@ def check_invertible(restitution: Restitution) -> None:
 def approach_speed(restitution: Restitution, change: float) -> float:
     r"""Return the speed u of approach for which the normal velocity changes by u (1 + e(u)) [m/s].
 
-    In a segment in which :math:`e = e_0 + k\,(u - u_0)` this is a quadratic equation, whose root
-    is :math:`u = 2 w / (b + \sqrt{b^2 + 4 k w})` with the change w and :math:`b = 1 + e_0 - k u_0`.
-    The restitution has passed `check_invertible`.
+    In a segment in which :math:`e = e_0 + k\,(u - u_0)`, with the change w and :math:`b = 1 + e_0 -
+    k u_0`, it is :math:`u = 2 w / (b + \sqrt{b^2 + 4 k w})`.
     """
     if isinstance(restitution, float):
         return change / (1.0 + restitution)

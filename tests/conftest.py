@@ -150,7 +150,7 @@ def chromium(tmp_path):
             [browser, *flags.split(), profile, *options, url],
             capture_output=True,
             text=True,
-            timeout=120,
+            timeout=3600,
             check=True,
         )
         complaints = [line for line in done.stderr.splitlines() if "CONSOLE" in line]

@@ -4,15 +4,13 @@ import inspect
 import math
 import re
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.interpolate import BSpline, PPoly
+from scipy.interpolate import BSpline
 
 import kickdyn as kd
 from kickdyn.core import validation
-from kickdyn.planning.swing_phase import SwingPhase, kicking_chain
 
 BAD = {
     "None": None,
@@ -53,17 +51,13 @@ GOOD = {
 }  # fmt: skip
 """A valid argument for every required parameter, by its name."""
 
-STILL = SimpleNamespace(q=Q), 1.0, "", "", 0.0, *(
-    SwingPhase(kicking_chain(LEG), sign, 0.3, *[PPoly(np.zeros((1, 1, 3)), [0.0, 0.3])] * 3)
-    for sign in (-1, 1)
-)  # fmt: skip
 INSTANCES = {
     "Ball": BALL,
     "Contact": CONTACT,
     "Leg": LEG,
     "Posture": POSTURE,
     "Goal": GOAL,
-    "ForceModel": kd.ForceModel(1e5, 1.0),
+    "ForceModel": kd.ForceModel(1e5, 0.5),
     "Impact": IMPACT,
     "UnilateralImpact": IMPACT,  # whose methods it has
     "Plane": kd.Plane((1, 0, 0), (-1, 0, 0)),
@@ -81,7 +75,6 @@ INSTANCES = {
             for begin in (-0.5, 0.0)
         ),
     ),
-    "Swing": kd.Swing("met", *STILL),
     "Uncertainty": IMPACT.uncertainty(q=0.1),
     "Learner": kd.Learner(GOAL, BALL, AIR),
     "MujocoTuning": kd.tune_mujoco(POSTURE, V, BALL, CONTACT, contact_time=0.01, timestep=0.004),
@@ -102,7 +95,6 @@ RESULTS = {
         "Segments",
         "Sensitivity",
         "Simulation",
-        "Swing",
         "Uncertainty",
         "UnilateralImpact",
     ),
@@ -174,7 +166,6 @@ def test_the_calls_are_those_of_the_stub():
         "Air.at",
         "Leg.from_urdf",
         "Posture.respond",
-        "plan_swing",
         "page",
     } <= CALLS.keys()
 
@@ -212,7 +203,7 @@ def test_what_is_converted_is_left_alone():
 @pytest.mark.parametrize("value", [math.nan, math.inf])
 def test_no_nan_comes_out_of_a_posture_or_a_contact(value):
     for attempt in (
-        lambda: kd.ForceModel(value, 1.0),
+        lambda: kd.ForceModel(value),
         lambda: kd.ForceModel(1.0, value),
         lambda: POSTURE.effective_mass((1.0, value, 0.0)),
         lambda: POSTURE.respond((1.0, value, 0.0)),

@@ -67,9 +67,6 @@ NOT_FOR_OBSTACLES = {
     "a sweep": [lambda ball: kd.Kick(speed=3.0, ball=ball)],
     "a scene": [lambda ball: kd.Scene(*KICK, ball, CONTACT)],
     "a contact that takes time": [lambda ball: kd.collide(*KICK, ball, CONTACT)],
-    "Pinocchio's impulseDynamics": [
-        lambda ball: kd.strike(*KICK, ball, CONTACT, engine="pinocchio")
-    ],
 }
 
 

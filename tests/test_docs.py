@@ -81,7 +81,7 @@ def test_snippets_print_the_outputs_shown(page, tmp_path):
     assert not (printed or "").strip(), f"no output block shows: {printed}"
 
 
-@pytest.mark.parametrize("page", ["scene-file.md", "dataset.md"])
+@pytest.mark.parametrize("page", ["scene-file.md", "dataset.md", "bibliography.md"])
 def test_tables_made_from_the_code_are_current(page):
     """`python docs/reference_tables.py` writes them."""
     made = runpy.run_path(str(DOCS / "reference_tables.py"))["current"](page)

@@ -30,7 +30,7 @@ def test_an_example_runs(file, tmp_path):
         cwd=tmp_path,
         capture_output=True,
         text=True,
-        timeout=240,
+        timeout=3600,
     )
     assert (ended.returncode, ended.stderr) == (0, "")
     assert ended.stdout

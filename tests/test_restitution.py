@@ -9,6 +9,7 @@ from chains import random_kick, random_leg
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from impact_methods import solve_kkt
+from references.pinocchio_impulse import by_pinocchio
 
 import kickdyn as kd
 from kickdyn.restitution import (
@@ -205,7 +206,7 @@ def test_a_strike_uses_the_value_at_its_speed(speed):
     slow = kd.collide(POSTURE, v, BALL, contact(TABLE), tol=1e-6)
     assert slow.restitution == impact.restitution
     assert slow.impulse.tolist() == kd.collide(POSTURE, v, BALL, number, tol=1e-6).impulse.tolist()
-    engine = kd.strike(POSTURE, v, BALL, contact(TABLE, 0.0), engine="pinocchio")
+    engine = by_pinocchio(POSTURE, v, BALL, contact(TABLE, 0.0))
     closed = kd.strike(POSTURE, v, BALL, contact(TABLE, 0.0))
     assert engine.impulse == pytest.approx(closed.impulse, abs=1e-12)
     outside = speed == 3.0
@@ -289,10 +290,3 @@ def test_other_ways_to_compute_it_use_the_same_value(friction):
     v, table = POSTURE.joint_velocity(10 * ATTACK), contact(TABLE, friction)
     impact = kd.strike(POSTURE, v, BALL, table)
     assert solve_kkt(POSTURE, v, BALL, table) == pytest.approx(impact.impulse, rel=1e-12, abs=1e-12)
-
-
-def test_created_energy_is_reported_with_the_value_that_was_used():
-    eccentric = kd.Contact((0.9397, 0, -0.342), [[0, 0.9], [9, 0.9]], 0.6)
-    posture = LEG.posture(np.radians([85, 105, 45]))
-    with pytest.raises(kd.EnergyCreated, match=r"restitution 0\.9, friction 0\.6"):
-        kd.strike(posture, [5, -2, 3], kd.Ball(mass=3.0), eccentric, strict=True)

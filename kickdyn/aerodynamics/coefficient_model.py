@@ -35,8 +35,6 @@ class CoefficientModel:
         reynolds: range it is meant for.
         spin: range of the spin parameter it is meant for.
         source: where the numbers come from.
-        refuses: whether it is wrong, not just unproven, outside its range: a flight that leaves
-            the range then ends in an error.
         branch_free: a Reynolds number, and a function without branches that is the same from there
             on: `fly_many` computes it for several flights with one instruction.
     """
@@ -47,7 +45,6 @@ class CoefficientModel:
     reynolds: tuple[float, float]
     spin: tuple[float, float]
     source: str
-    refuses: bool = False
     branch_free: tuple[float, Coefficient] | None = None
 
     def __reduce__(self) -> "tuple[Callable[..., CoefficientModel], tuple[Any, ...]]":
@@ -65,12 +62,7 @@ class CoefficientModel:
         return np.array([side for x, (low, high) in pairs for side in (x < low, x > high)])
 
     def __call__(self, reynolds: float, spin_parameter: float = 0.0) -> float:
-        """Return the coefficient (dimensionless).
-
-        Raises:
-            InvalidInput: a Reynolds number that is not above 0 and finite, or a spin parameter
-                below 0 or not finite.
-        """
+        """Return the coefficient (dimensionless)."""
         if not (0.0 < reynolds < math.inf and 0.0 <= spin_parameter < math.inf):
             raise InvalidInput(
                 f"{self.kind} {self.name} at Re {reynolds!r}, spin parameter {spin_parameter!r}: "
@@ -145,11 +137,7 @@ def constant_limits(kind: str) -> dict[str, Any]:
 def find_model(
     kind: str, models: Mapping[str, CoefficientModel], choice: str | float | Coefficient | None
 ) -> Coefficient | None:
-    """Return the model that a name or a number stands for, a function as it is, None for None.
-
-    Raises:
-        InvalidInput: an unknown name; a number above 1000, or below 0 (for lift, below -1000).
-    """
+    """Return the model that a name or a number stands for, a function as it is, None for None."""
     if choice is None or callable(choice):
         return choice
     if isinstance(choice, Real) and not isinstance(choice, bool):

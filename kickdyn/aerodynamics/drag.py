@@ -2,10 +2,9 @@ r"""Drag coefficients :math:`C_D(Re, Sp)` of spheres and soccer balls.
 
 :math:`F_D = \frac{1}{2} \rho A C_D v^2`, against the velocity relative to the air (Eq. 12).
 
-To add a model, write a function `(reynolds, spin_parameter) -> float` with floats and `math` only,
-and give it an entry in `MODELS` at the end of this file, with its range and its source.
-Tests require its row in `docs/explanation/theory.md` and its formula in
-`tests/extremes/exact_coefficients.py`.
+A new model is a function `(reynolds, spin_parameter) -> float` with floats and `math` only, and an
+entry in `MODELS` at the end of this file. Tests require its row in `docs/explanation/theory.md` and
+its formula in `tests/extremes/exact_coefficients.py`.
 """
 
 import math
@@ -167,7 +166,6 @@ BEYOND_CRISIS = 0.2
 
 
 def _beyond_crisis(reynolds: float, spin_parameter: float = 0.0) -> float:
-    """Return `BEYOND_CRISIS`."""
     return BEYOND_CRISIS
 
 

@@ -7,7 +7,7 @@ r"""Lift (Magnus) coefficients :math:`C_L(Re, Sp)` of soccer balls.
 import math
 
 from kickdyn.aerodynamics.coefficient_model import CoefficientModel, registry
-from kickdyn.aerodynamics.drag import BALLS, SPIN_DRAG, without_spin
+from kickdyn.aerodynamics.drag import BALLS, without_spin
 
 _BALL = BALLS["brazuca"]
 _PLATEAU = _BALL.a
@@ -17,7 +17,6 @@ LEAST_DRAG = 0.1748588996
 _PER_DROP = 1.0 / (_PLATEAU - LEAST_DRAG)
 
 _without_spin = without_spin(_BALL)
-_teamgeist = without_spin(BALLS["teamgeist"])
 
 
 def saturating(reynolds: float, spin_parameter: float) -> float:
@@ -25,17 +24,14 @@ def saturating(reynolds: float, spin_parameter: float) -> float:
 
     A fit to the formula of Kiratidis & Leinweber 2018 that stays bounded beyond it: within 20 % of
     it for the Brazuca, Tango 12 and Teamgeist from Re 2.2e5 to 5.1e5 and Sp 0.05 to 0.30, and
-    within 0.04 for 20-32 m/s. Not for the Jabulani below 22 m/s, whose crisis comes later: by that
-    formula it has half the lift at 19 m/s, and next to none at 17 m/s. This compares a model with a
-    model: the formula was fitted to the Teamgeist, at Sp 0.06 to 0.31, and its authors give it for
-    the other balls as an estimate, in the absence of data.
+    within 0.04 for 20-32 m/s. Not for the Jabulani below 22 m/s, whose crisis comes later. The
+    formula was fitted to the Teamgeist, at Sp 0.06 to 0.31; for the other balls its authors give it
+    as an estimate.
 
-    Outside it is extrapolated. Slower spin: towards Sp 0, where by symmetry there is no lift.
-    Faster spin: it levels off at 0.47. Below Re 2.2e5 it fades with the C_D of a Brazuca without
-    spin, on purpose: in their formula lift follows the fall of drag, and trajectories show lift and
-    drag in crisis together (Goff et al. 2017, Eur. J. Phys. 38). No coefficients measured there
-    are behind it, and the models here differ by a factor: at Re 1.46e5 and Sp 0.3 it has 0.018,
-    `nathan` (baseballs) 0.26.
+    Outside it is extrapolated: with faster spin it levels off at 0.47; below Re 2.2e5 it fades with
+    the C_D of a Brazuca without spin, because trajectories show lift and drag in crisis together
+    (Goff et al. 2017, Eur. J. Phys. 38). No coefficients measured there are behind it, and the
+    models here differ by a factor: at Re 1.46e5 and Sp 0.3 it has 0.018, `nathan` (baseballs) 0.26.
     """
     drop = (_PLATEAU - _without_spin(reynolds)) * _PER_DROP
     return drop * 0.47 * spin_parameter / (0.135 + spin_parameter)
@@ -44,20 +40,6 @@ def saturating(reynolds: float, spin_parameter: float) -> float:
 def wang(reynolds: float, spin_parameter: float) -> float:
     r"""Return :math:`Sp^{0.4}/2` (Wang 2015, on data of Goff & Carre 2009), Sp 0.1 to 0.4."""
     return 0.5 * math.pow(spin_parameter, 0.4)
-
-
-def kiratidis_leinweber(reynolds: float, spin_parameter: float) -> float:
-    r"""Return Eqs. 8-9 of Kiratidis & Leinweber 2018 for the Teamgeist.
-
-    :math:`1.15\, Sp^{0.83} (a - C_D)/(a - C_{D,ref})`, :math:`C_D` with spin, the reference at Re
-    333,793 and Sp 0.19.
-    Beyond the data, Sp 0.31, it falls to 0 while drag grows: a flight that goes there is refused.
-    """
-    a = 0.4927
-    reference = 0.144 + 0.514 * 0.19
-    now = _teamgeist(reynolds) + SPIN_DRAG * spin_parameter
-    drop = (a - min(now, a)) / (a - reference)
-    return 1.15 * math.pow(spin_parameter, 0.83) * drop
 
 
 def nathan(reynolds: float, spin_parameter: float) -> float:
@@ -74,11 +56,6 @@ MODELS = registry(
     CoefficientModel(
         "lift", "wang", wang, reynolds=(2e5, 5e5), spin=(0.1, 0.4),
         source="Wang 2015, on Goff & Carre 2009, AJP 77:1020",
-    ),
-    CoefficientModel(
-        "lift", "kiratidis-leinweber", kiratidis_leinweber, reynolds=(2e5, 5.1e5), spin=(0.0, 0.31),
-        source="Kiratidis & Leinweber 2018, Eur. J. Phys. 39:034001, Eqs. 8-9, Teamgeist",
-        refuses=True,
     ),
     CoefficientModel(
         "lift", "nathan", nathan, reynolds=(1e5, 3e5), spin=(0.0, 1.0),

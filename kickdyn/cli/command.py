@@ -9,9 +9,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import click
-from click.shell_completion import CompletionItem
 
-from kickdyn.core.files import check_outputs
 from kickdyn.errors import (
     FaultyFile,
     InvalidInput,
@@ -44,36 +42,13 @@ class Command(click.Command):
         return rest
 
 
-def offers(
-    names: Callable[[click.Context], Iterable[str]], *, files: bool = False
-) -> Callable[[click.Context, click.Parameter, str], list[CompletionItem]]:
-    """Return what completes the value of an option: names, and files of the shell."""
-
-    def complete(ctx: click.Context, _: click.Parameter, incomplete: str) -> list[CompletionItem]:
-        items = [CompletionItem(name) for name in names(ctx) if name.startswith(incomplete)]
-        # first, because bash forgets what comes before a file
-        return [CompletionItem(incomplete, type="file"), *items] if files else items
-
-    return complete
-
-
-def check_files(
-    *files: str | Path | None, json_file: str | None = None, inputs: Iterable[str | None] = ()
-) -> None:
-    """Refuse outputs that cannot be written or are inputs; say which files will be replaced."""
-    replaced = check_outputs(*files, json_file=json_file, inputs=inputs)
-    if replaced:
-        will = "exists and will be" if len(replaced) == 1 else "exist and will be"
-        click.echo(f"{printable(', '.join(replaced))} {will} replaced", err=True)
-
-
 def check_page_name(page: str) -> None:
     """Raise `InvalidInput` unless a page, or a picture of one, can be written under a name."""
     ending = Path(page).suffix.lower()
     if ending == ".png":
         from kickdyn.view.document import find_browser
 
-        find_browser(page)
+        find_browser()
     elif ending not in (".html", ".htm"):
         raise InvalidInput(
             f"{page} has no known ending: a page is written as .html, a picture of it as .png"

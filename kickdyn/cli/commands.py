@@ -4,10 +4,9 @@ from importlib import import_module
 from typing import NoReturn
 
 import click
-from click.shell_completion import get_completion_class
 
 from kickdyn._version import __version__
-from kickdyn.cli.command import HELP_OPTIONS, Command, run
+from kickdyn.cli.command import HELP_OPTIONS, run
 
 COMMANDS = {
     "posture-sweep": "Kick from a grid of postures.",
@@ -32,12 +31,7 @@ class _Commands(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Return the command that is named first; `help` is the option `--help` of what follows."""
-        if args[0] == "help":
-            args = [*args[1:2], "--help"]
-            if len(args) == 1:
-                click.echo(ctx.get_help())
-                ctx.exit()
+        """Return the command that is named first."""
         name, command, rest = super().resolve_command(ctx, args)
         if name in COMMANDS:
             function = name.replace("-", "_")
@@ -53,20 +47,6 @@ def kickdyn_command() -> None:
 
 for _name, _summary in COMMANDS.items():
     kickdyn_command.add_command(click.Command(_name, short_help=_summary))
-
-
-@kickdyn_command.command(
-    "completion", Command, short_help="Make bash, zsh or fish complete commands."
-)
-@click.argument("shell", metavar="SHELL", type=click.Choice(["bash", "zsh", "fish"]))
-def completion(shell: str) -> None:
-    """Print the script by which a shell completes commands and options.
-
-    Example: source <(kickdyn completion bash)
-    """
-    kind = get_completion_class(shell)
-    assert kind is not None, "click has every shell of the choice"
-    click.echo(kind(kickdyn_command, {}, "kickdyn", "_KICKDYN_COMPLETE").source())
 
 
 def main() -> NoReturn:

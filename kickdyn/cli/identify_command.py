@@ -8,9 +8,8 @@ import numpy as np
 
 from kickdyn.aerodynamics.drag import MODELS
 from kickdyn.air import Air
-from kickdyn.ball import Ball
-from kickdyn.cli.command import Command, busy, offers
-from kickdyn.cli.option_groups import OutputOptions, checked_ball, option, read_drag, takes
+from kickdyn.cli.command import Command, busy
+from kickdyn.cli.option_groups import BallOptions, OutputOptions, option, read_drag, takes
 from kickdyn.core.plot_style import save_figure
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.ground import Ground
@@ -34,7 +33,7 @@ AVERAGED = {"drag": "drag coefficient", "drag_scale": "factor of the drag model"
 
 @dataclass(frozen=True)
 class MeasurementOptions:
-    """How a track is read: its columns or its marker, the ball, and the height of the ground."""
+    """How a track is read: its columns or its marker, and the height of the ground."""
 
     columns: str = option(
         "--columns", default="t,x,y,z", show_default=True,
@@ -43,13 +42,6 @@ class MeasurementOptions:
     marker: str | None = option(
         "--marker", metavar="NAME", help="Marker of a C3D file; needs kickdyn[c3d]."
     )
-    ball_mass: float = option(
-        "--ball-mass", default=Ball().mass, show_default=True, help="Mass of the ball [kg]."
-    )
-    ball_radius: float = option(
-        "--ball-radius", default=round(Ball().radius, 4), show_default=True,
-        help="Radius of the ball [m].",
-    )  # fmt: skip
     ground_height: float = option(
         "--ground-height", default=0.0, show_default=True, help="Height of the ground [m]."
     )
@@ -65,10 +57,6 @@ class MeasurementOptions:
             )
         return Track.from_csv(file, [name.strip() for name in self.columns.split(",")])
 
-    def ball(self) -> Ball:
-        """Return the ball."""
-        return checked_ball(self.ball_mass, self.ball_radius, "--ball-mass", "--ball-radius")
-
 
 class Fit(NamedTuple):
     """A flight that was fitted: its samples `first` to `last`, and the result."""
@@ -83,29 +71,23 @@ class Fit(NamedTuple):
 @click.option("--start", type=int, metavar="I", help="First sample of one flight to fit.")
 @click.option("--end", type=int, metavar="J", help="First sample after this flight.")
 @click.option("--drag", default="constant", show_default=True, metavar="constant|MODEL|NUMBER",
-              shell_complete=offers(lambda _: ("constant", *MODELS)),
               help="What is fitted: a constant drag coefficient; a factor of a drag model, by its "
               f"name ({', '.join(MODELS)}); or nothing, with the coefficient kept at a "
               "number.")  # fmt: skip
-@takes(
-    measurement=MeasurementOptions, output=OutputOptions,
-    settings={
-        "plot": {"help": "Plot the longest flight: .png, .svg or .pdf."},
-        "view": {"help": "Write a 3-D page of the 8 longest flights, or a picture of it."},
-    },
-)  # fmt: skip
+@takes(measurement=MeasurementOptions, ball=BallOptions, output=OutputOptions)
 def identify(
     track_file: str,
     start: int | None,
     end: int | None,
     drag: str,
     measurement: MeasurementOptions,
+    ball: BallOptions,
     output: OutputOptions,
 ) -> None:
     """Find the flights in a measured ball track, and fit launch, spin and drag to each.
 
     The mean of the drag coefficient over all flights follows, with the scatter from flight to
-    flight.
+    flight. The plot shows the longest flight, the 3-D page the 8 longest.
 
     TRACK is a file of comma-separated values, whose first row names the columns, in seconds and
     metres, with z upwards; or a file that ends in .c3d. With --start or --end, the samples between
@@ -115,12 +97,12 @@ def identify(
     """
     model = read_drag(drag, "constant")
     output.check(inputs=[track_file])
-    track, ball = measurement.load(track_file), measurement.ball()
+    track, struck_ball = measurement.load(track_file), ball.load()
     air = Air() if model == "constant" else Air(drag=model)
     fitted = ["drag" if model == "constant" else "drag-scale"] if isinstance(model, str) else []
     split: Segments | None = None
     if start is None and end is None:
-        split = segments(track, ball, Ground(measurement.ground_height))
+        split = segments(track, struck_ball, Ground(measurement.ground_height))
         ranges = [
             (first := int(np.searchsorted(track.times, flight.times[0])), first + len(flight))
             for flight in split.flights
@@ -139,7 +121,9 @@ def identify(
         for number, (first, last) in enumerate(ranges, start=1):
             show(f"fitting flight {number} of {len(ranges)}")
             try:
-                result = identify_flight(track[first:last], ball, air, free=["spin", *fitted])
+                result = identify_flight(
+                    track[first:last], struck_ball, air, free=["spin", *fitted]
+                )
                 fits.append(Fit(first, last, result))
             except KickdynError as error:
                 if split is None:
@@ -152,10 +136,10 @@ def identify(
     if output.plot is not None and fits:
         save_figure(longest_first[0].result.plot(), output.plot)
     if output.view is not None and fits:
-        from kickdyn.view.comparison import MOST_SUBJECTS  # imports meshcat
+        from kickdyn.view.comparison import MOST_FLIGHTS  # imports meshcat
         from kickdyn.view.page import page
 
-        shown = sorted(longest_first[:MOST_SUBJECTS])
+        shown = sorted(longest_first[:MOST_FLIGHTS])
         page({f"samples {first}-{last}": result for first, last, result in shown}).save(output.view)
     output.name_written(*((output.plot, output.view) if fits else ()))
 

@@ -1,14 +1,14 @@
 """The options of command lines that describe the leg: its name or file, locked joints, supports."""
 
 import os
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import click
+import numpy as np
 
-from kickdyn.cli.command import offers, warn
+from kickdyn.cli.command import warn
 from kickdyn.cli.option_groups import option
 from kickdyn.core import validation
 from kickdyn.errors import InvalidInput
@@ -60,90 +60,44 @@ def load_leg(
     return read_leg(name, frame or "toe", base, package_dirs, locked, drives)
 
 
-def _completed_leg(context: click.Context) -> Leg | None:
-    """Return the leg that a command line names so far; None where it cannot be read."""
-    name = context.params.get("leg_name") or "human"
-    frames = [context.params.get("frame")]
-    if Path(name).is_file():  # whose frames need not have the default's name
-        text = Path(name).read_text("utf-8", errors="replace")
-        frames += re.findall(r'<(?:link|body)\s[^>]*?name="([^"]+)"', text)[-1:]
-    for frame in frames:
-        try:
-            return load_leg(name, frame)
-        except (InvalidInput, OSError):
-            pass
-    return None
-
-
-def joint_names(context: click.Context) -> list[str]:
-    """Return the names of the joints of the leg that a command line names."""
-    leg = _completed_leg(context)
-    return [] if leg is None else [*leg.joint_names]
-
-
-def joints_at_zero(context: click.Context) -> list[str]:
-    """Return a value for each of these joints, as `knee=0`."""
-    return [f"{name}=0" for name in joint_names(context)]
-
-
-def frame_names(context: click.Context) -> list[str]:
-    """Return the names of the frames of the leg that a command line names."""
-    leg = _completed_leg(context)
-    frames = [] if leg is None else [frame.name for frame in leg.model.frames][1:]
-    return [*dict.fromkeys(frames)]
-
-
 @dataclass(frozen=True)
 class LegOptions:
-    """A leg, and how it is supported.
-
-    Attributes:
-        leg_name: a name of `LEGS`, or a file.
-        frame: the contact frame; None is the default of `load_leg`.
-        locked: joints that do not move, as `JOINT=VALUE` [deg; m for prismatic joints].
-        loops: pairs of frames, as `A:B`.
-        supports: what the robot stands on, as `FRAME`, `FRAME:FRICTION` or
-            `FRAME:FRICTION:CORNERS`.
-        stiff_joints: joints' names.
-        drives: a file of drives, or `none`; None is the default of `load_leg`.
-        package_dirs: folders for the meshes of a URDF file.
-    """
+    """A leg, and how it is supported."""
 
     leg_name: str = option(
         "--leg", default="human", metavar="human|testbed|FILE|ROBOT", show_default=True,
-        shell_complete=offers(lambda _: LEGS, files=True),
+        type=click.Path(),
         help="A leg of kickdyn, a URDF or MJCF file, or the leg of a robot of the extra "
         "kickdyn[robots] on a fixed base (g1, talos, ...).",
     )  # fmt: skip
     frame: str | None = option(
-        "--frame", metavar="NAME", shell_complete=offers(frame_names),
+        "--frame", metavar="NAME",
         help="Link or joint whose origin strikes the ball.  [default: toe; for a robot, its right "
         "foot]",
     )  # fmt: skip
     locked: tuple[str, ...] = option(
-        "--lock", multiple=True, metavar="JOINT=VALUE", shell_complete=offers(joints_at_zero),
+        "--lock", multiple=True, metavar="JOINT=VALUE",
         help="Lock a joint at a value [deg; m for prismatic joints], or all joints that a pattern "
         "matches, as 'LFinger*=0'; repeatable.",
     )  # fmt: skip
     loops: tuple[str, ...] = option(
-        "--loop", multiple=True, metavar="A:B", shell_complete=offers(frame_names),
+        "--loop", multiple=True, metavar="A:B",
         help="Close a kinematic loop, which a URDF file cannot have, by a ball joint between the "
         "origins of two frames; repeatable.",
     )  # fmt: skip
     supports: tuple[str, ...] = option(
         "--support", multiple=True, metavar="FRAME[:FRICTION[:CORNERS]]",
-        shell_complete=offers(frame_names),
         help="Foot that stands on the ground, its coefficient of friction there, and the corners "
         "of its sole, X,Y,Z/X,Y,Z/... [m, its axes]. The base then floats, and a robot has both "
         "legs; repeatable.",
     )  # fmt: skip
     stiff_joints: tuple[str, ...] = option(
-        "--stiff", multiple=True, metavar="JOINT", shell_complete=offers(joint_names),
+        "--stiff", multiple=True, metavar="JOINT",
         help="Joint whose velocity the impact does not change, as with a high gear ratio; "
         "repeatable.",
     )  # fmt: skip
     drives: str | None = option(
-        "--drives", metavar="FILE|none", shell_complete=offers(lambda _: ["none"], files=True),
+        "--drives", metavar="FILE|none", type=click.Path(),
         help="TOML file with the rotor inertias and limits of joints' drives; none for no rotors.  "
         "[default: those of the robot]",
     )  # fmt: skip
@@ -209,11 +163,10 @@ class LegOptions:
             frame, *values = text.split(":")
             try:
                 friction = float(values[0]) if values and values[0] else None
-                sole = (
-                    [[float(x) for x in corner.split(",")] for corner in values[1].split("/")]
-                    if len(values) > 1
-                    else None
-                )
+                sole = None
+                if len(values) > 1:
+                    corners = [corner.split(",") for corner in values[1].split("/")]
+                    sole = np.array(corners, dtype=float)
                 supports.append(Support(frame, friction=friction, sole=sole))
             except ValueError as error:
                 detail = f" ({error})" if isinstance(error, InvalidInput) else ""

@@ -5,27 +5,24 @@ filled groups; their methods make the library's objects of what was typed.
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, fields, replace
 from functools import wraps
-from types import MappingProxyType
 from typing import Any, TypeVar
 
 import click
-import numpy as np
 
 from kickdyn.aerodynamics.coefficient_model import constant_limits, find_model
 from kickdyn.aerodynamics.drag import MODELS as DRAG_MODELS
 from kickdyn.air import AIRS, Air
 from kickdyn.ball import Ball
-from kickdyn.cli.command import check_files, check_page_name, offers
+from kickdyn.cli.command import check_page_name
 from kickdyn.contact import Contact
 from kickdyn.core import validation
-from kickdyn.core.files import shipped, write_json
-from kickdyn.core.validation import Array
-from kickdyn.errors import InvalidInput
+from kickdyn.core.files import check_outputs, write_json
+from kickdyn.errors import InvalidInput, printable
 from kickdyn.restitution import MODELS as RESTITUTION_MODELS
-from kickdyn.restitution import Restitution, read_restitution
+from kickdyn.restitution import read_restitution
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -37,13 +34,10 @@ def option(*names: str, **settings: Any) -> Any:
     return field(metadata={"names": names, "settings": settings})
 
 
-def takes(
-    settings: Mapping[str, Mapping[str, Any]] = MappingProxyType({}), **groups: type[Any]
-) -> Callable[[Command], Command]:
+def takes(**groups: type[Any]) -> Callable[[Command], Command]:
     """Return a decorator that adds the options of groups to a command.
 
-    The command receives each group as the argument of its name. `settings` replaces settings of
-    `click.option`, such as a default or a help text, by the name of the option's field.
+    The command receives each group as the argument of its name.
     """
 
     def add(command: Command) -> Command:
@@ -57,8 +51,8 @@ def takes(
 
         for group in reversed(groups.values()):
             for entry in reversed(fields(group)):
-                changed = {**entry.metadata["settings"], **settings.get(entry.name, {})}
-                click.option(*entry.metadata["names"], entry.name, **changed)(with_groups)
+                names, settings = entry.metadata["names"], entry.metadata["settings"]
+                click.option(*names, entry.name, **settings)(with_groups)
         return with_groups  # type: ignore[return-value]
 
     return add
@@ -105,17 +99,6 @@ class FootOptions:
             validation.number("attack", self.attack, at_least=-90, at_most=90, unit="deg")
         )
 
-    @property
-    def direction(self) -> Array:
-        """Unit vector of the direction, shape `(3,)`, in the world frame."""
-        return np.array([math.cos(self.angle), 0.0, math.sin(self.angle)])
-
-    @property
-    def velocity(self) -> Array:
-        """Velocity of the foot, shape `(3,)` [m/s, world frame]."""
-        speed = validation.number("speed", self.speed, above=0, at_most=1e6, unit="m/s")
-        return np.asarray(speed * self.direction)
-
 
 @dataclass(frozen=True)
 class BallOptions:
@@ -123,7 +106,7 @@ class BallOptions:
 
     ball: str = option(
         "--ball", default="size-5", metavar="MASS:RADIUS|size-5|paper", show_default=True,
-        help="Mass [kg] and radius [m], or a name.", shell_complete=offers(lambda _: NAMED_BALLS),
+        help="Mass [kg] and radius [m], or a name.",
     )  # fmt: skip
 
     def load(self) -> Ball:
@@ -137,15 +120,10 @@ class BallOptions:
                 f"--ball is {self.ball!r}: it must be size-5, paper, or MASS:RADIUS such as "
                 "0.45:0.11 [kg:m]"
             ) from None
-        return checked_ball(mass, radius, "ball mass", "ball radius")
-
-
-def checked_ball(mass: float, radius: float, mass_name: str, radius_name: str) -> Ball:
-    """Return a ball of 1 g to 1000 kg and 1 mm to 1 m of radius, or raise `InvalidInput`."""
-    return Ball(
-        validation.number(mass_name, mass, at_least=1e-3, at_most=1e3, unit="kg"),
-        validation.number(radius_name, radius, at_least=1e-3, at_most=1, unit="m"),
-    )
+        return Ball(
+            validation.number("ball mass", mass, at_least=1e-3, at_most=1e3, unit="kg"),
+            validation.number("ball radius", radius, at_least=1e-3, at_most=1, unit="m"),
+        )
 
 
 @dataclass(frozen=True)
@@ -154,17 +132,12 @@ class ContactOptions:
 
     restitution: str = option(
         "--restitution", default="0.8", show_default=True, metavar="E|NAME|SPEED:E,...",
-        shell_complete=offers(lambda _: RESTITUTION_MODELS),
         help="Coefficient of restitution e, from 0 to 1; a table of e over the approach speed, "
         f"such as 5:0.8,20:0.65 [m/s:e]; or a model ({', '.join(RESTITUTION_MODELS)}).",
     )  # fmt: skip
     friction: float = option(
         "--friction", default=0.4, show_default=True, help="Coulomb's coefficient."
     )
-
-    def read_restitution(self) -> Restitution:
-        """Return the coefficient, its table over the speed of approach, or the name of a model."""
-        return read_restitution(self.restitution)
 
 
 @dataclass(frozen=True)
@@ -176,9 +149,9 @@ class PointOptions(ContactOptions):
         help="Contact point relative to --frame, in its axes [m].",
     )  # fmt: skip
 
-    def contact(self, direction: Array | None) -> Contact:
-        """Return the contact whose normal has a direction, shape `(3,)`, or none."""
-        return Contact(direction, self.read_restitution(), self.friction, offset=self.offset)
+    def contact(self) -> Contact:
+        """Return the contact, without a normal."""
+        return Contact(None, read_restitution(self.restitution), self.friction, offset=self.offset)
 
 
 @dataclass(frozen=True)
@@ -191,7 +164,7 @@ class AirOptions:
         "none. The coefficients of drag and lift are kickdyn's.",
     )  # fmt: skip
     drag: str | None = option(
-        "--drag", metavar="MODEL|NUMBER", shell_complete=offers(lambda _: DRAG_MODELS),
+        "--drag", metavar="MODEL|NUMBER",
         help="Drag coefficient of the ball: a number such as 0.25, or the name of a model of it "
         f"({', '.join(DRAG_MODELS)}).  [default: supercritical; with --air paper, brazuca]",
     )  # fmt: skip
@@ -235,8 +208,11 @@ class JsonOptions:
         return self.json_file != "-"
 
     def check(self, *files: str | None, inputs: Iterable[str | None] = ()) -> None:
-        """Raise `InvalidInput` unless the files named by options, and `files`, can be written."""
-        check_files(*files, json_file=self.json_file, inputs=inputs)
+        """Refuse outputs that cannot be written or are inputs; name those that are replaced."""
+        replaced = check_outputs(*files, json_file=self.json_file, inputs=inputs)
+        if replaced:
+            will = "exists and will be" if len(replaced) == 1 else "exist and will be"
+            click.echo(f"{printable(', '.join(replaced))} {will} replaced", err=True)
 
     def write_json(self, document: object) -> None:
         """Write the document if a file is named."""
@@ -258,7 +234,7 @@ class OutputOptions(JsonOptions):
         "--plot", metavar="FILE", help="Plot the results: .png, .svg or .pdf."
     )
     view: str | None = option(
-        "--view", metavar="FILE.html|.png", help="Write a 3-D page of the kick, or a picture of it."
+        "--view", metavar="FILE.html|.png", help="Write a 3-D page, or a picture of it."
     )
 
     def check(self, *files: str | None, inputs: Iterable[str | None] = ()) -> None:
@@ -272,12 +248,7 @@ class OutputOptions(JsonOptions):
         super().check(*files, self.plot, self.view, inputs=inputs)
 
 
-def scene_names(_: click.Context) -> list[str]:
-    """Return the names of the scenes that come with kickdyn."""
-    return sorted(scene.stem for scene in shipped("scenes").glob("*.toml"))
-
-
 scene_argument: Callable[[Command], Command] = click.argument(
-    "scene_file", metavar="SCENE", shell_complete=offers(scene_names, files=True)
+    "scene_file", metavar="SCENE", type=click.Path()
 )
 """Gives a command the argument `scene_file`."""

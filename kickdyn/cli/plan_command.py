@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import astuple, dataclass, replace
-from typing import Any, NoReturn
+from typing import Any
 
 import click
 import numpy as np
@@ -22,12 +22,10 @@ from kickdyn.cli.option_groups import (
 )
 from kickdyn.core import validation
 from kickdyn.errors import InvalidInput
-from kickdyn.flight.follow import Course
 from kickdyn.ground import SURFACES
-from kickdyn.planning.goal import FARTHEST, Arc, Goal
+from kickdyn.planning.goal import FARTHEST, Goal
 from kickdyn.planning.kick import plan_kick
-from kickdyn.planning.kick_plan import KickPlan
-from kickdyn.planning.launch import SPEED_LIMIT, Launch, OutOfReach
+from kickdyn.planning.launch import SPEED_LIMIT, OutOfReach
 from kickdyn.planning.objectives import KickObjective
 from kickdyn.planning.plan_report import (
     WALL_CLEARANCE,
@@ -35,11 +33,9 @@ from kickdyn.planning.plan_report import (
     describe_passage,
     unreachable_json,
 )
-from kickdyn.planning.scatter import checked_spread
-from kickdyn.planning.swing import plan_swing
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.standing import is_floating
-from kickdyn.scene.pitch import Wall, check_before, passage_on, read_wall
+from kickdyn.scene.pitch import Wall, check_before, read_wall
 
 CROUCH = 0.1
 """Share of the height of a robot's straight leg by which its hips are lower when it kicks: its
@@ -92,10 +88,6 @@ class GoalOptions:
         "--pass", metavar="SURFACE", type=click.Choice(list(SURFACES)),
         help="Play the ball along the ground in --time, on a surface such as turf or carpet.",
     )  # fmt: skip
-    arc: str = option(
-        "--arc", default="low", show_default=True, type=click.Choice([*map(str, Arc)]),
-        help="Arc of the flight, where two launches meet the goal.",
-    )  # fmt: skip
     spin: tuple[float, float, float] | None = option(
         "--spin", type=Numbers("X,Y,Z"), help="Spin of the ball [rad/s]; back spin has Y < 0."
     )
@@ -109,32 +101,22 @@ class GoalOptions:
         return wall
 
     def load(self) -> Goal:
-        """Return the goal; raise `InvalidInput` unless exactly one option describes the flight."""
+        """Return the goal; above a wall the ball passes, unless an option describes the flight."""
         validation.number("distance", self.distance, above=0, at_most=FARTHEST, unit="m")
-        validation.number("height", self.height, at_most=FARTHEST, unit="m")
-        validation.number("left", self.left, at_most=FARTHEST, unit="m")
         wall, over = self.read_wall(), self.over
-        flight = {"--time": self.time, "--apex": self.apex, "--launch-speed": self.launch_speed}
-        given = [name for name, value in (flight | {"--over": over}).items() if value is not None]
-        if wall is not None and not given and self.surface is None:
+        flight = (self.time, self.apex, self.launch_speed, over, self.surface)
+        if wall is not None and all(value is None for value in flight):
             over = (wall.distance, wall.height + WALL_CLEARANCE)
-        elif len(given) != 1:
-            raise InvalidInput(
-                f"{' and '.join(given) or 'nothing'} {'are' if given else 'is'} given besides the "
-                f"target: give exactly one of {', '.join([*flight, '--over'])}"
-            )
-        if self.launch_speed is not None:
-            validation.number("launch-speed", self.launch_speed, above=0, at_most=1e6, unit="m/s")
         return Goal(
             (self.distance, self.left, self.height), time=self.time, apex=self.apex,
-            speed=self.launch_speed, over=over, beside=self.beside, arc=self.arc,
+            speed=self.launch_speed, over=over, beside=self.beside,
             spin=self.spin or (0.0, 0.0, 0.0),
         )  # fmt: skip
 
 
 @dataclass(frozen=True)
 class KickOptions:
-    """Where the ball lies, what is minimized, and whether the swing is planned."""
+    """Where the ball lies, what is minimized, and whether the motion is planned."""
 
     ball_height: float | None = option(
         "--ball-height", type=float,
@@ -150,68 +132,35 @@ class KickOptions:
     )  # fmt: skip
     objective: str | None = option(
         "--objective",
-        type=click.Choice([name.value for name in KickObjective if name != "scatter"]),
+        type=click.Choice([name.value for name in KickObjective if name != "torque-squared"]),
         help="Quantity that is minimized, or maximized where the name begins with most.  "
         "[default: joint-speed]",
-    )  # fmt: skip
-    uncertainty: str | None = option(
-        "--robust", metavar="ERRORS",
-        help="Minimize the scatter of the landing point, for standard deviations such as "
-        "speed=0.02,angle=0.01,contact=0.002,drag=0.05 [1, rad, m, 1].",
     )  # fmt: skip
     no_limits: bool = option(
         "--no-limits", is_flag=True, help="Ignore the speed and torque limits of the joints."
     )
-    swing: bool = option(
-        "--swing", is_flag=True,
-        help="Plan the motion from rest to the impact and to rest again, within all limits, and "
-        "show it in the page; for a robot on a support, the motion from rest to the impact, with "
-        "its foot above the ground.",
+    motion: bool = option(
+        "--motion", is_flag=True,
+        help="Plan the motion of all joints from rest to the impact and to rest again, within all "
+        "limits, and show it in the page.",
     )  # fmt: skip
 
     def check(self) -> None:
         """Raise `InvalidInput` for options that exclude each other."""
-        for first, second, excluded, reason in (
-            ("--ball-height", "--ball-at",
-             self.ball_height is not None and self.ball_at is not None, "give one of the two"),
-            ("--swing", "--no-limits", self.swing and self.no_limits,
-             "a swing is planned within limits"),
-            ("--robust", "--objective", self.uncertainty and self.objective,
-             "--robust minimizes scatter"),
-            ("--robust", "--swing", self.uncertainty and self.swing,
-             "a kick with a swing is planned for the objective joint-speed or kinetic-energy"),
-        ):  # fmt: skip
-            if excluded:
-                raise InvalidInput(f"{first} and {second} are both given: {reason}")
-
-    def spread(self) -> dict[str, float] | None:
-        """Return the standard deviations of `--robust` by their source."""
-        if self.uncertainty is None:
-            return None
-        pairs = [pair.partition("=") for pair in self.uncertainty.split(",")]
-        try:
-            return checked_spread({name.strip(): float(value) for name, _, value in pairs})
-        except InvalidInput as error:
-            raise InvalidInput(f"--robust is {self.uncertainty!r}: {error}") from None
-        except ValueError:
-            raise InvalidInput(
-                f"--robust is {self.uncertainty!r}: it must be like speed=0.02,angle=0.01"
-            ) from None
+        if self.ball_height is not None and self.ball_at is not None:
+            raise InvalidInput("--ball-height and --ball-at are both given: give one of the two")
 
     def arguments(self, leg: Leg, ball: Ball, offset: tuple[float, ...] | None) -> dict[str, Any]:
         """Return these options as arguments of `plan_kick`."""
-        height, spread = self.ball_height, self.spread()
+        height = self.ball_height
         if height is None and self.ball_at is None and not is_floating(leg):
             height = _lying_height(leg, ball, offset)
-        arguments: dict[str, Any] = {
-            "objective": self.objective or KickObjective.JOINT_SPEED,
+        return {
+            "objective": self.objective,
             "ball_position": height if self.ball_at is None else self.ball_at,
             "limits": not self.no_limits,
-            "swing": self.swing,
+            "motion": self.motion,
         }
-        if spread is not None:
-            arguments |= {"objective": KickObjective.SCATTER, "uncertainty": spread}
-        return arguments
 
 
 @dataclass(frozen=True)
@@ -239,9 +188,6 @@ class WindyAirOptions(AirOptions):
 @takes(
     goal=GoalOptions, leg=LegOptions, contact=PointOptions, kick=KickOptions, air=WindyAirOptions,
     ball=BallOptions, output=OutputOptions,
-    settings={
-        "plot": {"help": "Plot speed, torque and power of the swing: .png, .svg or .pdf."}
-    },
 )  # fmt: skip
 def plan(
     goal: GoalOptions,
@@ -254,34 +200,28 @@ def plan(
 ) -> None:
     """Find the posture and the joint velocity that send a ball to a target.
 
+    The plot shows speeds, torques and margins of the motion.
+
     Example: kickdyn plan --distance 30 --time 1.5 --leg human --view kick.html --json -
     """
     kick.check()
-    target, wall, spread = goal.load(), goal.read_wall(), kick.spread()
-    if output.plot is not None and not kick.swing:
-        raise InvalidInput(f"--plot is {output.plot!r}: it shows the swing, so add --swing")
+    target, wall = goal.load(), goal.read_wall()
+    if output.plot is not None and not kick.motion:
+        raise InvalidInput(f"--plot is {output.plot!r}: it shows the motion, so add --motion")
     output.check(inputs=[leg.leg_name])
     struck_ball, windy_air, robot = ball.load(), air.load(), leg.load()
-    if output.plot is not None and is_floating(robot):
-        raise InvalidInput(
-            f"--plot is {output.plot!r}: swings are drawn only for robots on a fixed base"
-        )
-    swing = None
-    with busy("planning the kick") as show:
+    with busy("planning the kick"):
         try:
             planned = plan_kick(
-                robot, target, struck_ball, windy_air, contact=contact.contact(None),
+                robot, target, struck_ball, windy_air, contact=contact.contact(),
                 surface=goal.surface, **kick.arguments(robot, struck_ball, contact.offset),
             )  # fmt: skip
         except OutOfReach as error:
             output.write_json(unreachable_json(target, error))
-            _refuse(error, target, struck_ball, wall)
+            raise
         if wall is not None:
-            _check_passage(wall, planned)
-        if kick.swing and planned.backswing is None:
-            show("planning the swing")
-            swing = plan_swing(robot, planned)
-    report = PlanReport(planned, swing, wall, goal.goal_mouth, spread, not kick.no_limits)
+            describe_passage(wall, planned)  # raises if the ball hits it
+    report = PlanReport(planned, wall, goal.goal_mouth)
     _write(report, output)
 
 
@@ -291,27 +231,6 @@ def _lying_height(leg: Leg, ball: Ball, offset: tuple[float, ...] | None) -> flo
     foot = float(standing.contact_point[2])
     crouch = 0.0 if leg.contact_normal_cone is None else CROUCH  # a robot's toe must point ahead
     return foot + ball.radius - crouch * foot
-
-
-def _refuse(error: OutOfReach, goal: Goal, ball: Ball, wall: Wall | None) -> NoReturn:
-    """Raise the error, and say if the nearest launch, which it names, would hit the wall."""
-    if wall is not None and isinstance(error.nearest, Launch):
-        passage = passage_on(error.nearest.flight, wall, goal.ahead, ball.radius)
-        if passage is not None and not passage.is_clear:
-            raise InvalidInput(f"{error}, with which the ball {passage.hit}") from None
-    raise error
-
-
-def _check_passage(wall: Wall, plan: KickPlan) -> None:
-    """Raise `InvalidInput` if the ball hits the wall, with an option that leads it above."""
-    try:
-        describe_passage(wall, plan)
-    except InvalidInput as error:
-        if isinstance(plan.path, Course):  # a ball that rolls
-            raise
-        kind = {"speed": "launch-speed"}.get(plan.goal.kind, plan.goal.kind)
-        above = f"{wall.distance:g}:{wall.height + WALL_CLEARANCE:g}"
-        raise InvalidInput(f"{error}: use --over {above} in place of --{kind}") from None
 
 
 def _write(report: PlanReport, output: OutputOptions) -> None:
@@ -324,11 +243,10 @@ def _write(report: PlanReport, output: OutputOptions) -> None:
         width = screen_width()
         click.echo("\n".join(wrapped(line, width) for line in sentences))
         click.echo("\n".join(wrapped(line, width, indent=8) for line in report.table()))
-    if output.plot is not None and report.swing is not None:
+    if output.plot is not None and report.plan.motion is not None:
         from kickdyn.core.plot_style import save_figure
-        from kickdyn.view.swing_plot import swing_figure
 
-        save_figure(swing_figure(report.swing), output.plot)
+        save_figure(report.plan.motion.plot(), output.plot)
     if output.view is not None:  # the page has the warnings itself
         caption = " ".join(line for line in sentences if not line.startswith("Warning: "))
         _write_page(report, output.view, caption)
@@ -340,11 +258,10 @@ def _write_page(report: PlanReport, file: str, caption: str) -> None:
     from kickdyn.view.page import page
     from kickdyn.view.wall_and_goal import goal_boxes, wall_boxes
 
-    plan, swing = report.plan, report.swing
+    plan = report.plan
     foot = plan.path.launch.position - np.array([0.0, 0.0, plan.impact.ball.radius])
     boxes = [] if report.wall is None else wall_boxes(foot, plan.goal.ahead, *astuple(report.wall))
     boxes += goal_boxes(foot, float(plan.goal.target[0])) if report.goal_mouth else []
-    shown = swing if swing is not None and swing.status == "met" else plan
-    made_page = page(shown, caption=caption, scenery=boxes)
+    made_page = page(plan, caption=caption, scenery=boxes)
     made_page.save(file)
     warn(made_page.warnings)

@@ -1,7 +1,6 @@
 """Analyse the kicking postures of a leg: `python -m kickdyn.posture_sweep`."""
 
 import logging
-import math
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -10,11 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-import numpy as np
 import xarray as xr
 
-from kickdyn.cli.command import Command, offers, warn
-from kickdyn.cli.leg_options import SHIPPED, LegOptions, joints_at_zero
+from kickdyn.cli.command import Command, warn
+from kickdyn.cli.leg_options import SHIPPED, LegOptions
 from kickdyn.cli.option_groups import (
     AirOptions,
     BallOptions,
@@ -28,7 +26,7 @@ from kickdyn.core import compilation
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.fly import fly
 from kickdyn.impact.laws import LAWS, names_of_laws
-from kickdyn.restitution import range_warnings
+from kickdyn.restitution import range_warnings, read_restitution
 from kickdyn.sweeps.chunk_solver import ChunkSolver
 from kickdyn.sweeps.dataset import VARIABLES, select_variables
 from kickdyn.sweeps.grid import GIGABYTES, Grid, read_postures
@@ -68,7 +66,7 @@ class StoreOptions:
         "--json.",
     )  # fmt: skip
     variables: str | None = option(
-        "--variables", metavar="NAME,...", shell_complete=offers(lambda _: VARIABLES),
+        "--variables", metavar="NAME,...",
         help="Variables to write to --out, besides status and the variables of the table "
         f"({', '.join(NEEDED)}).  [default: all, {', '.join(VARIABLES)}]",
     )  # fmt: skip
@@ -118,7 +116,6 @@ class StoreOptions:
 @click.command("posture-sweep", Command)
 @takes(leg=LegOptions)
 @click.option("--joint", "joints", multiple=True, metavar="NAME=LOW:HIGH:STEP",
-              shell_complete=offers(joints_at_zero),
               help="Range of a joint [deg; m for prismatic joints], or NAME=VALUE for a constant "
               "value; repeatable. By default, human and testbed have a range of hip, knee and "
               "ankle, in steps of 5 deg.")  # fmt: skip
@@ -130,14 +127,7 @@ class StoreOptions:
 @click.option("--where", metavar="CONDITION",
               help="Condition on the postures of table, plot and page, with joints [deg] and "
               "variables, such as 'knee < 30 and worst_joint_impulse <= 2'.")  # fmt: skip
-@takes(
-    storing=StoreOptions, output=OutputOptions,
-    settings={
-        "plot": {"help": "Plot the sweep: .png, .svg or .pdf."},
-        "view": {"help": "Write a 3-D page of the best kick, with buttons for the others in the "
-                         "table, or a picture of the page."},
-    },
-)  # fmt: skip
+@takes(storing=StoreOptions, output=OutputOptions)
 def posture_sweep(
     leg: LegOptions,
     joints: tuple[str, ...],
@@ -152,13 +142,15 @@ def posture_sweep(
 ) -> None:
     """Kick from every posture of a grid, and explain the best and the worst.
 
+    The 3-D page shows the best kick, and has buttons for the others in the table.
+
     Example: kickdyn posture-sweep --joint hip=-10:60:5 --joint knee=0:90:5
     --joint ankle=0 --speed 2 --out sweep.nc --view kick.html
     """
     storing.check()
     output.check(storing.file, inputs=[leg.leg_name])
     kick = Kick(
-        speed=foot.speed, attack=foot.angle, restitution=contact.read_restitution(),
+        speed=foot.speed, attack=foot.angle, restitution=read_restitution(contact.restitution),
         friction=contact.friction, law=law, ball=ball.load(), air=air.load(),
     )  # fmt: skip
     warn(range_warnings(kick.contact.restitution, kick.speed))
@@ -188,7 +180,6 @@ def posture_sweep(
             computed = (block for _, block in blocks(data))
         for block in computed:
             summary.add(block)
-    warn(filter(None, [summary.disagreement]))
 
     lines = extreme_lines(robot, grid, kick, summary)
     if leg.leg_name == "human" and not leg.locked:
@@ -217,31 +208,19 @@ def posture_sweep(
 
 @contextmanager
 def _progress_bar(size: int) -> Iterator[Progress | None]:
-    """Show a bar with time left, the best ball speed and compilations, on a terminal only."""
+    """Show a bar with time left, and compilations, on a terminal only."""
     if not sys.stderr.isatty():
         yield None
         return
-    best = math.nan
     notice = logging.StreamHandler(sys.stderr)
     notice.setFormatter(logging.Formatter("\r%(message)s; later runs read it from disk"))
     level = compilation.log.level
     compilation.log.addHandler(notice)
     compilation.log.setLevel(logging.INFO)
 
-    def text(speed: float | None) -> str | None:
-        return f"best {speed:.4g} m/s" if speed else None
-
-    with click.progressbar(
-        length=size, label="postures", file=sys.stderr, item_show_func=text
-    ) as bar:
-
-        def progress(count: int, speed: float) -> None:
-            nonlocal best
-            best = float(np.fmax(best, speed))
-            bar.update(count, None if math.isnan(best) else best)
-
+    with click.progressbar(length=size, label="postures", file=sys.stderr) as bar:
         try:
-            yield progress
+            yield bar.update
         finally:
             compilation.log.removeHandler(notice)
             compilation.log.setLevel(level)

@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from rich.console import Console
 from rich.table import Table
 
-from kickdyn.cli.command import Command, busy, offers
-from kickdyn.cli.option_groups import JsonOptions, scene_names, takes
+from kickdyn.cli.command import Command, busy
+from kickdyn.cli.option_groups import JsonOptions, takes
 from kickdyn.core.console import empty_table, screen_width
 from kickdyn.core.files import finite
 from kickdyn.core.plot_style import check_name, save_figure, styled
@@ -29,7 +29,6 @@ LEAST_EFFECT = 1e-9
 
 @click.command("tradeoff", Command)
 @click.option("--scene", metavar="SCENE", required=True,
-              shell_complete=offers(scene_names, files=True),
               help="The scene: a TOML file, or a name as for `kickdyn view`.")  # fmt: skip
 @takes(output=JsonOptions)
 @click.option("--plot", metavar="FILE", type=click.Path(),

@@ -1,35 +1,24 @@
 """The command `kickdyn tune-mujoco`: a ball for MuJoCo that bounces as kickdyn's."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
 import click
 import numpy as np
-from click.core import ParameterSource
 
-from kickdyn.cli.command import Command, busy, offers, print_wrapped, warn
-from kickdyn.cli.leg_options import LegOptions, joints_at_zero
-from kickdyn.cli.option_groups import (
-    BallOptions,
-    FootOptions,
-    JsonOptions,
-    PointOptions,
-    option,
-    scene_names,
-    takes,
-)
+from kickdyn.cli.command import Command, busy, print_wrapped
+from kickdyn.cli.option_groups import JsonOptions, option, scene_argument, takes
 from kickdyn.core.files import replacing
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.collide import CONTACT_TIME
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.mjcf_file import MjcfFile, find_body
-from kickdyn.scene.scene import Compliance, Scene
+from kickdyn.scene.scene import Compliance
 from kickdyn.scene.toml_reader import load_scene
 from kickdyn.simulators.mujoco_fit import MujocoIntegrator
 from kickdyn.simulators.tune_mujoco import MujocoTuning
 from kickdyn.simulators.tune_mujoco import tune_mujoco as tune_contact
-from kickdyn.sweeps.grid import read_postures
 
 PLAIN = (
     *("timestep", "integrator", "solref", "solimp", "friction", "solreffriction"),
@@ -43,10 +32,6 @@ PLAIN = (
 class MujocoOptions:
     """How MuJoCo simulates the kick, and how exact the tuned contact must be."""
 
-    contact_time: float = option(
-        "--contact-time", default=CONTACT_TIME, show_default=True,
-        help="Time for which the contact force acts [s].",
-    )  # fmt: skip
     timestep: float = option(
         "--timestep", default=0.002, show_default=True, help="Time step of MuJoCo [s]."
     )
@@ -61,7 +46,7 @@ class MujocoOptions:
     feet: tuple[str, ...] = option(
         "--foot", multiple=True, metavar="NAME",
         help="Geom of your robot that strikes the ball, for the contact pair with friction; "
-        "repeatable.  [default: the one of --frame in an MJCF file, else foot]",
+        "repeatable.  [default: the one of the leg's frame in an MJCF file, else foot]",
     )  # fmt: skip
 
 
@@ -87,50 +72,18 @@ class MjcfOptions(JsonOptions):
 
 
 @click.command("tune-mujoco", Command)
-@click.argument("scene_file", metavar="[SCENE]", required=False,
-                shell_complete=offers(scene_names, files=True))  # fmt: skip
-@takes(leg=LegOptions)
-@click.option("--joint", "joints", multiple=True, metavar="NAME=VALUE",
-              shell_complete=offers(joints_at_zero),
-              help="Value of a joint [deg; m for prismatic joints]; repeatable.  "
-              "[default: 0, or its ref in an MJCF file]")  # fmt: skip
-@takes(
-    foot=FootOptions, contact=PointOptions, ball=BallOptions, mujoco=MujocoOptions,
-    output=MjcfOptions, settings={"speed": {"default": 5.0}, "attack": {"default": 0.0}},
-)  # fmt: skip
-def tune_mujoco(
-    scene_file: str | None,
-    leg: LegOptions,
-    joints: tuple[str, ...],
-    foot: FootOptions,
-    contact: PointOptions,
-    ball: BallOptions,
-    mujoco: MujocoOptions,
-    output: MjcfOptions,
-) -> None:
+@scene_argument
+@takes(mujoco=MujocoOptions, output=MjcfOptions)
+def tune_mujoco(scene_file: str, mujoco: MujocoOptions, output: MjcfOptions) -> None:
     """Find contact parameters with which MuJoCo launches the ball as kickdyn does.
 
-    The kick is described by the options of a leg, or by SCENE: a TOML file, or the name of a scene
-    that comes with kickdyn.
-    The leg may be an MJCF file. Its joints move with the least kinetic energy that gives the foot
-    its velocity. For a scene with an instantaneous impact, the contact time is 10 ms.
+    The kick is described by SCENE: a TOML file, whose leg may be an MJCF file, or the name of a
+    scene that comes with kickdyn. For an instantaneous impact, the contact time is 10 ms.
 
-    Example: kickdyn tune-mujoco --leg human --joint knee=30 --timestep 0.002 --out ball.xml
+    Example: kickdyn tune-mujoco volley --timestep 0.002 --out ball.xml
     """
-    output.check(inputs=[scene_file, leg.leg_name])
-    _check_source(scene_file)
-    if scene_file is not None:
-        scene = load_scene(scene_file)
-    else:
-        robot = leg.load()
-        posture = robot.posture(robot.configuration(_angles(robot, joints)))
-        posture = posture.with_contact_offset(contact.offset)
-        warn(posture.warnings)
-        v = posture.joint_velocity(foot.velocity)
-        scene = Scene(
-            posture, v, ball.load(), contact.contact(foot.direction),
-            Compliance(contact_time=mujoco.contact_time), name=robot.name,
-        )  # fmt: skip
+    output.check(inputs=[scene_file])
+    scene = load_scene(scene_file)
     compliance = Compliance()
     if isinstance(scene.law, Compliance):
         compliance = scene.law
@@ -149,8 +102,8 @@ def tune_mujoco(
         tuning = tune_contact(
             scene.posture, scene.v, scene.ball, scene.contact, timestep=mujoco.timestep,
             integrator=mujoco.integrator, contact_time=compliance.contact_time or CONTACT_TIME,
-            dissipation=compliance.dissipation, tolerance=mujoco.tolerance,
-            ball_velocity=scene.incoming.velocity, ball_spin=scene.incoming.spin,
+            tolerance=mujoco.tolerance, ball_velocity=scene.incoming.velocity,
+            ball_spin=scene.incoming.spin,
         )  # fmt: skip
     model = tuning.mjcf(*feet)
     for file, text in ((output.out, model), (output.scene_out, tuning.scene)):
@@ -163,46 +116,6 @@ def tune_mujoco(
     elif output.prints:
         print_wrapped(str(tuning))
         output.name_written(output.out, output.scene_out)
-
-
-def _check_source(scene_file: str | None) -> None:
-    """Raise `InvalidInput` unless either a scene or a leg is named on the command line."""
-    context = click.get_current_context()
-    given = {
-        option.opts[0]
-        for option in context.command.params
-        if context.get_parameter_source(option.name or "") is ParameterSource.COMMANDLINE
-    }
-    if scene_file is None:
-        if "--leg" not in given:
-            raise InvalidInput("there is no kick: give a SCENE, or a leg with --leg")
-        return
-    ours = {"--timestep", "--integrator", "--tolerance", "--foot", "--out", "--scene-out", "--json"}
-    of_kick = sorted(given - ours - {"scene_file"})
-    if of_kick:
-        raise InvalidInput(
-            f"{' and '.join(of_kick)} cannot be named beside the scene {scene_file}, which has "
-            "the whole kick"
-        )
-
-
-def _angles(leg: Leg, joints: Sequence[str]) -> dict[str, float]:
-    """Return the values of joints that `--joint` names, and of others [rad; m].
-
-    Joints of an MJCF file that are not named are where MuJoCo begins with them.
-    """
-    values = read_postures(leg, joints) if joints else {}
-    for name, several in values.items():
-        if len(several) != 1:
-            raise InvalidInput(f"joint {name!r} has {len(several)} values: a kick has one posture")
-    mimicking = {mimic.joint for mimic in leg.mimics}
-    starts = leg.file.starts if isinstance(leg.file, MjcfFile) else {}
-    free = {
-        name: start
-        for name, start in starts.items()
-        if name in leg.joint_names and name not in mimicking
-    }
-    return free | {name: float(several[0]) for name, several in values.items()}
 
 
 def find_foot(leg: Leg) -> tuple[str, ...]:
@@ -223,7 +136,7 @@ def find_foot(leg: Leg) -> tuple[str, ...]:
     known = ", ".join(filter(None, names)) or "none with a name"
     raise InvalidInput(
         f"which geom of {frame!r} strikes the ball? MuJoCo needs its name for friction: name it "
-        f"with --foot (there are {known}), or choose --friction 0"
+        f"with --foot (there are {known}), or choose a contact without friction"
     )
 
 

@@ -45,9 +45,7 @@ def view(
     for file in pages:
         check_page_name(file)
     output.check(*pages, inputs=[scene_file])
-    from kickdyn.view.page import (
-        page,
-    )  # meshcat takes time to import, which --help need not wait for
+    from kickdyn.view.page import page  # imports meshcat, for which --help need not wait
 
     scene = load_scene(scene_file)
     with busy("simulating"):

@@ -79,7 +79,6 @@ def check_writable(path: str | os.PathLike[str]) -> None:
 
 
 def _mode(path: str | os.PathLike[str]) -> int:
-    """Return type and permissions of a file, or of a new one in its place."""
     try:
         status = os.lstat(path)
     except FileNotFoundError:
@@ -134,12 +133,10 @@ def check_outputs(
 
 
 def _refused(path: str | os.PathLike[str], error: Exception) -> InvalidInput:
-    """Return the error for a file that the system does not let be written."""
     return InvalidInput(f"{shortened(str(path))} cannot be written ({_reason(error)})")
 
 
 def _reason(error: Exception) -> str:
-    """Return the operating system's description of an error, in one line."""
     number = getattr(error, "errno", None)  # of h5py, strerror has several lines
     return os.strerror(number) if number else " ".join(str(error).split())
 

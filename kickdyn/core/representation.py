@@ -37,7 +37,6 @@ class ReadOnlyArrays:
     """Keeps the arrays of a pickled or copied object read-only, which numpy forgets."""
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Restore the attributes."""
         freeze_arrays(state)
         self.__dict__.update(state)
 
@@ -54,7 +53,6 @@ class ReprMixin(ReadOnlyArrays):
         return ""
 
     def __repr__(self) -> str:
-        """Return the class's name and, below it, a line for each row."""
         rows = [
             (name, f"{format_value(value)} {unit}".rstrip()) for name, value, unit in self._rows()
         ]
@@ -62,7 +60,6 @@ class ReprMixin(ReadOnlyArrays):
         return "\n".join([type(self).__name__, *(f"  {n:{width}}  {v}" for n, v in rows)])
 
     def _repr_html_(self) -> str:
-        """Return the rows as a table, and the drawing."""
         rows = "".join(
             f'<tr><th style="text-align:left">{escape(name)}</th>'
             f'<td style="text-align:left">{escape(format_value(value))}</td>'
@@ -89,11 +86,9 @@ class Printed(ReadOnlyArrays):
     """Represents an object by its `str`, which is a table already."""
 
     def __repr__(self) -> str:
-        """Return the table as text."""
         return str(self)
 
     def _repr_html_(self) -> str:
-        """Return the table as HTML, in a font of fixed width."""
         return f"<pre>{escape(str(self))}</pre>"
 
 
@@ -142,7 +137,6 @@ def side_view(line: NDArray[np.float64], *, dots: NDArray[np.float64]) -> str:
     origin = MARGIN, HEIGHT - MARGIN
 
     def placed(points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return points of the picture [px] for points of the path [m]."""
         return np.asarray(origin + (points - low) * (scale, -scale))
 
     path = " ".join(f"{x:.1f},{y:.1f}" for x, y in placed(line))

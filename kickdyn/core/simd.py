@@ -49,7 +49,6 @@ class _Batch(types.Type):
     bitwidth = 64 * BATCH
 
     def can_convert_from(self, typing_context: Any, other: Any) -> Any:
-        """Return that a float becomes a batch of equal numbers where one is needed."""
         return Conversion.safe if isinstance(other, types.Float) else None
 
 
@@ -62,7 +61,6 @@ class _Batches(types.Record):
 
     @property
     def dtype(self) -> Any:
-        """NumPy's type of the same memory."""
         return np.dtype((np.void, self.size))
 
 
@@ -102,8 +100,6 @@ def _define(function: Any, operand: Any, result: Any, generate: Any, count: int 
 
 
 def _called(name: str) -> Callable[..., Any]:
-    """Return the generator of an instruction that LLVM has as a function."""
-
     def generate(builder: Any, *given: Any) -> Any:
         kind = ir.FunctionType(_FLOATS, [_FLOATS] * len(given))
         function = cgutils.get_or_insert_function(builder.module, kind, f"{name}.v{BATCH}f64")
@@ -113,7 +109,6 @@ def _called(name: str) -> Callable[..., Any]:
 
 
 def _compared(sign: str) -> Callable[..., Any]:
-    """Return the generator of a comparison."""
     return lambda builder, a, b: builder.fcmp_ordered(sign, a, b)
 
 
@@ -146,7 +141,6 @@ _define(operator.or_, _mask, _mask, ir.IRBuilder.or_)
 
 @lower_cast(types.Float, _Batch)  # type: ignore[untyped-decorator]
 def _cast(context: Any, builder: Any, old: Any, new: Any, value: Any) -> Any:
-    """Return a batch of equal numbers."""
     return _spread(builder, value)
 
 

@@ -127,7 +127,6 @@ def check_arguments(function: Callable[P, Result]) -> Callable[P, Result]:
 
     @functools.wraps(function)
     def checked(*args: P.args, **kwargs: P.kwargs) -> Result:
-        """Return the function's result, its arguments checked."""
         if not expected:  # at the first call: annotations may name what is defined further down
             hints = get_type_hints(function)
             expected.update((name, _classes(hints.get(name))) for name in names)
@@ -153,7 +152,6 @@ def _classes(hint: object) -> tuple[type, ...]:
 
 
 def _refuse_type(name: str, value: object, kinds: tuple[type, ...]) -> NoReturn:
-    """Raise `InvalidInput` that names the types that a value may have."""
     names = {type(None): "None", bool: "True", np.bool_: "False"}
     *former, last = (
         names.get(kind)

@@ -60,9 +60,9 @@ def fly_many(
 ) -> xr.Dataset:
     """Return the flights of a ball from many launches.
 
-    The results are those of `fly`, computed hundreds of times as fast, without orientation and
-    samples in between. The first call in a process takes about a second to load, the very first
-    some ten to compile, and each new air, ball or event another one.
+    The results are those of `fly`, computed hundreds of times as fast. The first call in a process
+    takes about a second to load, the very first some ten to compile, and each new air, ball or
+    event another one.
 
     Args:
         states: the launches, such as `BallState(velocity=velocities)` with velocities of shape
@@ -76,19 +76,17 @@ def fly_many(
         plane: a wall or a goal line, which ends each flight that reaches it before the ground.
         time_limit: time after which a flight ends with the status `aloft` if the ball has not come
             down [s].
-        error: whether to estimate the error of each landing point from a second flight, as
-            `Flight.error` does. This takes three times as long, and longer with functions of your
-            own.
+        error: whether to estimate the error of each landing point as `Flight.error` does, which
+            takes three times as long, and longer with functions of your own.
         ends: further events that end flights, as for `fly`; numba must be able to compile their
             functions.
 
     Returns:
         A dataset along `flight` in the order of the launches. Where `status` is `failed`, the
-        acceleration was not finite, the integrator gave up, the launch was faster than light, the
-        function of an event was not a number, or the flight left the range of a coefficient that
-        refuses that, and the numbers are nan;
-        where it is `aloft`, the landing is merely the last state. `outside` is about launch, apex
-        and landing only, while a ball is slowest between apex and landing.
+        acceleration was not finite, the integrator gave up, the launch was faster than light, or
+        the function of an event was not a number, and the numbers are nan; where it is `aloft`, the
+        landing is merely the last state. `outside` is about launch, apex and landing only, while a
+        ball is slowest between apex and landing.
 
     Raises:
         InvalidInput: a single state, a ball that starts inside the ground, a bad tolerance, a
@@ -153,7 +151,6 @@ class _Flown(NamedTuple):
     evaluations: NDArray[np.int64]
 
     def put(self, rows: NDArray[Any], flown: "_Flown") -> None:
-        """Fill in the results of some flights."""
         self.nodes[rows], self.status[rows] = flown.nodes, flown.status
         self.evaluations[rows] = flown.evaluations
 
@@ -177,7 +174,6 @@ def _flown(task: _Task, tol: float, longest: Array | None = None) -> _Flown:
 
 
 def _errors(states: BallState, flown: _Flown, finer: Array, tol: float) -> Array:
-    """Return the estimate of `Flight.error` for each flight [m], nan where it failed."""
     nodes = flown.nodes
     length = np.abs(nodes[:, [1, 2, 3, 9, 10, 11]]).max(axis=1, initial=0.0)
     late = validation.length(nodes[:, 4:7]) * np.abs(finer[:, 0] - nodes[:, 0])
@@ -203,7 +199,6 @@ def _have_closed_form(states: BallState, ball: Ball, air: Air | None) -> NDArray
 
 
 def _closed_forms(task: _Task, rows: NDArray[np.bool_]) -> _Flown:
-    """Return the flights of some rows, on which only weight acts, to the first of some planes."""
     nodes, reached = fall_to_planes(
         task.states.velocity[rows],
         _numbers(task)[rows],
@@ -227,7 +222,6 @@ def _numbers(task: _Task) -> Array:
 def _integrate(
     task: _Task, rows: slice | NDArray[np.intp], tol: float, longest: Array | None
 ) -> _Flown:
-    """Return the flights of some rows through the air."""
     ball, ends = task.ball, task.ends
     air = VACUUM if task.air is None else task.air
     rates = compiled_rates(ball, air)
@@ -252,7 +246,6 @@ def _integrate(
 def _flights(
     task: _Task, air: Air, rows: slice | NDArray[np.intp], tol: float, longest: Array | None
 ) -> Flights:
-    """Return what `march` needs of the flights of some rows, with the tolerances of `fly`."""
     states, drop = task.states, task.drop()
     decays = _spins(states) & brakes(air, np.ones(3))
     height = states.position[:, 2]
@@ -286,7 +279,6 @@ def _flights(
 def _outside(
     states: BallState, nodes: Array, rows: NDArray[np.intp], ball: Ball, air: Air | None
 ) -> NDArray[np.bool_]:
-    """Return which flights have a node outside the range of a coefficient."""
     outside = np.zeros(len(nodes), bool)
     models = () if air is None else (air.drag, air.lift)
     if air is None or not any(isinstance(model, CoefficientModel) for model in models):
@@ -316,7 +308,6 @@ def _speed(air: Air, height: float) -> float:
 def _variables(
     states: BallState, flown: _Flown, outside: NDArray[np.bool_]
 ) -> dict[str, tuple[str | tuple[str, ...], NDArray[Any], dict[str, Any]]]:
-    """Return the results with names, units and meanings."""
     nodes, evaluations = flown.nodes, flown.evaluations
     ended, moved, velocity = nodes[:, 0], nodes[:, 1:4], nodes[:, 4:7]
     data: dict[str, tuple[str | tuple[str, ...], NDArray[Any], dict[str, Any]]] = {}
@@ -340,7 +331,6 @@ def _variables(
 def _status_variable(
     status: NDArray[np.int8], ends: tuple[Event, ...]
 ) -> tuple[str, NDArray[np.int8], dict[str, Any]]:
-    """Return the status of each flight with the names of its values."""
     names: list[str] = [FlightStatus.LANDED, FlightStatus.ALOFT, FlightStatus.FAILED]
     names += [end.name for end in ends[1:]]
     flags = {

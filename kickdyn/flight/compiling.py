@@ -23,7 +23,6 @@ from numba.core.dispatcher import Dispatcher
 from numba.extending import intrinsic
 
 from kickdyn.aerodynamics.coefficient_model import (
-    Coefficient,
     CoefficientModel,
     ConstantCoefficient,
 )
@@ -78,13 +77,11 @@ _LN2_HIGH, _LN2_LOW = 0.693147180369123816490, 1.90821492927058770002e-10
 
 @_intrinsic  # type: ignore[untyped-decorator]
 def _bits(typing_context: Any, x: Any) -> Any:
-    """Return the bits of a float as an integer."""
     return numba.int64(numba.float64), _reread(ir.IntType(64))
 
 
 @_intrinsic  # type: ignore[untyped-decorator]
 def _number(typing_context: Any, x: Any) -> Any:
-    """Return the float of some bits."""
     return numba.float64(numba.int64), _reread(ir.DoubleType())
 
 
@@ -128,19 +125,14 @@ def compiled_rates(ball: Ball, air: Air) -> Any:
 
     A wind or a coefficient that numba cannot compile raises `InvalidInput`.
     """
-    branched, straight, bound = copy.copy(air), copy.copy(air), 0.0
+    straight, bound = copy.copy(air), 0.0
     for name in ("drag", "lift", "torque"):
         model = getattr(air, name)
-        if not isinstance(model, CoefficientModel):
-            continue
-        if model.refuses:
-            object.__setattr__(branched, name, _refusing(model))
-            object.__setattr__(straight, name, _refusing(model))
-        elif model.branch_free is not None:
+        if isinstance(model, CoefficientModel) and model.branch_free is not None:
             object.__setattr__(straight, name, model.branch_free[1])
             bound = max(bound, model.branch_free[0])
     rates = side_by_side(
-        acceleration_function(ball, branched),
+        acceleration_function(ball, air),
         acceleration_function(ball, straight),
         reynolds_number(ball, air),
         bound,
@@ -272,7 +264,6 @@ def _from_disk(function: Callable[..., Any], callees: Callees, what: str) -> Any
 
 
 def _compile_all(function: Callable[..., Any], callees: Callees, what: str) -> Any:
-    """Return a function of three vectors, compiled after those that it calls."""
     for callee, arguments, name in callees:
         _compile(callee, arguments, name)
     return _compile(function, SIGNATURE, what)
@@ -289,18 +280,6 @@ def _forget(folder: Path) -> None:
         files = sorted(folder.glob("*.equations_*"), key=lambda file: file.stat().st_mtime)
         for file in files[:-_ON_DISK]:
             file.unlink()
-
-
-def _refusing(model: CoefficientModel) -> Coefficient:
-    """Return a model that is not a number where `fly` would refuse it."""
-    function, (low, high), (least, most) = model.function, model.reynolds, model.spin
-
-    def within(reynolds: float, spin_parameter: float) -> float:
-        if low <= reynolds <= high and least <= spin_parameter <= most:
-            return function(reynolds, spin_parameter)
-        return math.nan
-
-    return within
 
 
 def _compile(function: Callable[..., Any], signature: Any, name: str) -> Any:
@@ -370,10 +349,9 @@ def _known(value: Any) -> Any:
 def fingerprint(value: Any, *more: bytes) -> str | None:
     """Return a name that two functions share only if they, and all that they call, do the same.
 
-    Of a function, the code, the defaults and the values of the names it uses count; a plain value
-    and a tuple of those count as they are, and so does what comes after. The name has 32
-    hexadecimal digits. It is None where the function uses what has no plain value: an array, a
-    module of someone's own, a function that is compiled already.
+    Code, defaults and the values of the names that a function uses count. It is None where the
+    function uses what has no plain value: an array, a module of someone's own, a function that is
+    compiled already.
     """
     digest = hashlib.sha256()
     try:
@@ -419,7 +397,6 @@ def _parts(value: Any, met: set[int]) -> Iterator[bytes]:
 
 
 def _used(function: types.FunctionType) -> dict[str, Any]:
-    """Return the global names a function uses, with their values."""
     return {
         name: function.__globals__[name]
         for name in sorted(_names(function.__code__))

@@ -105,12 +105,7 @@ class DifferentiableFlight:
         .. math:: \frac{\partial t}{\partial p} = -\frac{n^T S}{n \cdot v}, \qquad
             \frac{\partial x}{\partial p} = S + v\, \frac{\partial t}{\partial p} .
 
-        Args:
-            normal: normal of the plane, shape `(3,)`, of any length.
-            time: when the ball passes the plane [s].
-
-        Returns:
-            The derivatives of the position, shape `(3, p)`, and of the time, shape `(p,)`.
+        The normal has any length; the results have the shapes `(3, p)` and `(p,)`.
         """
         slopes, velocity = self.slopes(time), self.velocity(time)
         delay = -(normal @ slopes) / (normal @ velocity)
@@ -136,8 +131,7 @@ def fly_with_slopes(
         launch: function of the parameters that returns the launch and the air.
         parameters: values of the parameters, shape `(p,)`: components of the velocity, the size of
             the spin, a factor of a coefficient, the wind, or anything else.
-        increments: finite changes of the parameters, shape `(p,)`: `INCREMENT` times the size of
-            each.
+        increments: changes of the parameters, shape `(p,)`: `INCREMENT` times the size of each.
         ball: the ball; its mass and radius count.
         end: time of the end since the launch [s]; or a plane, such as the ground or a wall, which
             the ball must reach within `TIME_LIMIT`.
@@ -163,8 +157,7 @@ def fly_with_launch_slopes(
 ) -> DifferentiableFlight:
     """Fly with the derivatives by velocity (3), spin (3) and the relative drag coefficient (1).
 
-    They are central differences. The arguments are as of `fly_with_slopes`. Without drag the last
-    derivative is zero.
+    They are central differences. Without drag the last derivative is zero.
     """
     speed = max(math.hypot(*launch.velocity), 1e-300)
     spin = max(math.hypot(*launch.spin), 0.1 * speed / ball.radius)
@@ -181,7 +174,6 @@ def fly_with_launch_slopes(
 
 
 def _starts(flights: Flights) -> Array:
-    """Return the states at the launches; positions are from the first, shape `(p + 1, 7)`."""
     origin = flights[0][0].position
     return np.array([[*(state.position - origin), *state.velocity, 1.0] for state, _ in flights])
 
@@ -205,7 +197,6 @@ def _expected_duration(flights: Flights, ball: Ball, end: float | Plane) -> floa
 
 
 def _fall(flights: Flights, ball: Ball, end: float | Plane) -> tuple[float, StatesFunction]:
-    """Return the end of flights that only weight acts on, and their states."""
     starts = _starts(flights)
     weights = [downward(ball, air) for _, air in flights]
     duration = _time_to_fall(flights, ball, end) if isinstance(end, Plane) else end
@@ -224,8 +215,6 @@ def _fall(flights: Flights, ball: Ball, end: float | Plane) -> tuple[float, Stat
 
 
 def _distance_event(normal: Array, gap: float) -> Callable[[float, Array], float]:
-    """Return the event of `solve_ivp` that the first ball reaches a plane."""
-
     def distance(_: float, flat: Array) -> float:
         return gap + float(normal @ flat[:3])
 

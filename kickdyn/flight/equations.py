@@ -16,12 +16,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kickdyn.aerodynamics.coefficient_model import Coefficient, is_known, least_value
+from kickdyn.aerodynamics.coefficient_model import Coefficient, is_known
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
-from kickdyn.core import validation
 from kickdyn.core.validation import Array
-from kickdyn.errors import InvalidInput
 from kickdyn.flight.forces import acceleration_function, brakes, downward
 
 MAX_SPEED = 299_792_458.0
@@ -47,7 +45,6 @@ class FlightEquations:
     def __init__(self, launch: BallState, ball: Ball, air: Air) -> None:
         self.begin: Array = np.concatenate([np.zeros(3), launch.velocity, [1.0]])
         self.fault: Exception | None = None
-        self._last, self._ball, self._air = self.begin, ball, air
         self._acting = acceleration_function(ball, air)
         self._height = float(launch.position[2])
         self._spin = tuple(launch.spin.tolist())
@@ -55,7 +52,6 @@ class FlightEquations:
 
     def rates(self, _: float, states: Array) -> list[float]:
         """Return the time derivative of the states, nan where a coefficient or the wind raises."""
-        self._last = states
         _, _, z, vx, vy, vz, left = states.tolist()
         wx, wy, wz = self._spin
         try:
@@ -68,64 +64,11 @@ class FlightEquations:
             self.fault = fault
             return [vx, vy, vz, math.nan, math.nan, math.nan, math.nan if self._brakes else 0.0]
 
-    def _motion(self, states: Array) -> tuple[float, ...]:
-        """Return height [m], velocity [m/s] and spin [rad/s] of a state."""
-        _, _, z, vx, vy, vz, left = states.tolist()
-        wx, wy, wz = self._spin
-        return self._height + z, vx, vy, vz, left * wx, left * wy, left * wz
-
-    def describe_fault(self) -> str:
-        """Return what is wrong with a coefficient or the wind at the last state that was tried.
-
-        That is what it raised, or a value that is not finite, or negative but for lift; an empty
-        text where nothing is.
-        """
-        faults: list[str] = []
-
-        def watched(name: str) -> Coefficient | None:
-            model = getattr(self._air, name)
-            if model is None or (name == "torque" and not self._brakes):
-                return None
-            function = getattr(model, "function", model)
-
-            def noted(reynolds: float, spin_parameter: float) -> float:
-                at = f"at Reynolds number {reynolds:.3g} and spin parameter {spin_parameter:.3g}"
-                try:
-                    value = float(function(reynolds, spin_parameter))
-                    validation.number(
-                        f"the {name} coefficient {at}", value, at_least=least_value(name)
-                    )
-                    return value
-                except InvalidInput as error:
-                    faults.append(str(error))
-                except Exception as error:
-                    faults.append(f"the {name} coefficient {at} raised {_raised(error)}")
-                return 0.0
-
-            return noted
-
-        air, last = self._air, self._last
-        last = last if np.isfinite(last).all() else self.begin
-        models = {name: watched(name) for name in ("drag", "lift", "torque")}
-        probe = Air(air.density, air.viscosity, air.wind, **models, buoyancy=air.buoyancy)
-        try:
-            acceleration_function(self._ball, probe)(*self._motion(last))
-        except Exception as error:
-            faults.append(f"the wind raised {_raised(error)}")
-        if not faults and self.fault is not None:  # not at the last state
-            faults.append(f"the air's wind or a coefficient raised {_raised(self.fault)}")
-        return "; ".join(faults)
-
     def count_changing(self) -> int:
         """Return how many of the seven states change from the launch on, at least 1."""
         rates = np.array(self.rates(0.0, self.begin))
         axes = (self.begin[3:6] != 0.0) | (rates[3:6] != 0.0)
         return max(2 * int(axes.sum()) + bool(self._brakes), 1)
-
-
-def _raised(error: Exception) -> str:
-    """Return an exception's type and message."""
-    return f"{type(error).__name__}: {error}"
 
 
 def tolerances(
@@ -159,8 +102,7 @@ def drag_length(ball: Ball, air: Air) -> Callable[[Array], Array]:
     r"""Return a function of speeds: the length in which drag takes most of them [m].
 
     It is :math:`2 m / (\rho A C_D)`, of the least C_D without spin that the ball meets within three
-    decades as it slows down; in creeping flow that is Stokes' :math:`v m / (6 \pi \mu r)`. Without
-    drag it is infinite.
+    decades as it slows down. Without drag it is infinite.
     """
     drag = air.drag
     if drag is None or air.density == 0.0:

@@ -79,34 +79,24 @@ class Event:
             ) from fault
         shape = launch.position.shape[:-1]
         try:
-            fixed = [
-                np.asarray(number, dtype=float) if np.ndim(number) else float(number)
-                for number in numbers
-            ]
-            valid = len(fixed) <= NUMBERS
-            valid = valid and all(np.shape(number) in ((), shape) for number in fixed)
+            fixed = [np.asarray(number, dtype=float) for number in numbers]
+            valid = len(fixed) <= NUMBERS and all(
+                number.shape in ((), shape) and np.isfinite(number).all() for number in fixed
+            )
         except (TypeError, ValueError):
             valid = False
         if not valid:
             raise InvalidInput(
                 f"the numbers of the event {self.name!r} are {validation.brief(numbers)}: they "
-                f"must be a sequence of at most {NUMBERS} numbers"
+                f"must be a sequence of at most {NUMBERS} finite numbers"
                 + (f", or arrays of shape {shape}" if shape else "")
             )
-        if not all(np.isfinite(number).all() for number in fixed):
-            raise InvalidInput(
-                f"the numbers of the event {self.name!r} are {validation.brief(numbers)}: they "
-                "must be finite"
-            )
-        fixed += (NUMBERS - len(fixed)) * [0.0]
-        return replace(self, numbers=tuple(fixed))
+        fixed += (NUMBERS - len(fixed)) * [np.zeros(())]
+        single = (number if number.ndim else float(number) for number in fixed)
+        return replace(self, numbers=tuple(single))
 
     def value(self, state: Any) -> float:
-        """Return the value of the function at a state of a flight whose launch is known.
-
-        Raises:
-            InvalidInput: the function raised, or its value is not a number.
-        """
+        """Return the value of the function at a state; `InvalidInput` where it is no number."""
         try:
             value = float(self.function(state, self.numbers))
             fault = "gave nan"
@@ -158,11 +148,7 @@ def plane_events(ball: Ball, plane: Plane | None) -> tuple[Event, ...]:
 
 
 def drops(position: Array, ball: Ball, ground: Ground | None) -> Array:
-    """Return how far below its launch each flight ends [m], shape `()` or `(n,)`.
-
-    Positions of the ball's centre at the launch have shape `(3,)` or `(n, 3)` [m, world frame]; one
-    inside the ground raises `InvalidInput`.
-    """
+    """Return how far below its launch each flight ends [m], shape `()` or `(n,)`."""
     if ground is None:
         return np.zeros(position.shape[:-1])
     gap = position[..., 2] - ball.radius - ground.height
@@ -210,9 +196,8 @@ def checked_ends(ends: Any) -> tuple[Event, ...]:
 def end_at_launch(events: Sequence[Event], state: Array, rates: Array) -> Event | None:
     """Return the first event that ends a motion where it begins; None if the motion goes on.
 
-    Such an event has a function that is zero at the beginning, and negative so shortly after that
-    only the first change of the state counts. At a speed of less than `AT_REST` that change may be
-    too small for float64, and zero suffices.
+    Its function is zero at the beginning, and negative shortly after. At a speed of less than
+    `AT_REST` that change may be too small for float64, and zero suffices.
     """
     for event in events:
         if event.terminal and event.value(state) == 0.0:

@@ -111,15 +111,11 @@ class Flight(ReprMixin):
         """Estimate of the error of the landing point [m], from a second flight; not a bound.
 
         It is twice what the landing moves, in space or along the path in its time, when the
-        tolerance is 10,000 times tighter (at tightest 5e-15). It is never less than a thousandth of
-        the tolerance's share of the flight's length or 3e-14 of it, and the rounding of the
-        position is added. In the median it is 2 to 10 times the error
-        (`benchmarks/batch_flight.py`). For a closed form the rounding is all. The second flight is
-        computed on first use; where the integrator gives it up, the error is infinite.
-
-        Where the wind or a coefficient is a function of your own, the finer flight also takes at
-        least 500 steps: what lasts a 2000th of the flight, such as the time in which the ball
-        crosses a peak of C_D, counts.
+        tolerance is 10,000 times tighter (at tightest 5e-15), and at least 1e-3 of the tolerance or
+        3e-14 times the flight's length, plus the rounding of the position. In the median it is 2 to
+        10 times the error (`benchmarks/batch_flight.py`). Where the integrator gives the second
+        flight up, it is infinite. Where the wind or a coefficient is a function of your own, that
+        flight takes at least 500 steps, so that a narrow peak of C_D counts.
         """
         ends = self.apex.position, self.landing.position
         length = float(np.abs(np.subtract(ends, self.launch.position)).max())
@@ -170,13 +166,8 @@ class Flight(ReprMixin):
     def arrival(self, x: float) -> BallState | None:
         """Return the ball where its centre first is at `x`, or None if it never is.
 
-        The state is as exact as a landing: it is the end of a second flight, at a plane.
-
-        Args:
-            x: coordinate of the ball's centre [m, world frame].
-
-        Raises:
-            InvalidInput: x is not a finite number.
+        The state is as exact as a landing: it is the end of a second flight, at a plane. The
+        coordinate is of the ball's centre [m, world frame].
         """
         coordinate = validation.number("x", x, unit="m")
         before = float(self.launch.position[0]) - coordinate
@@ -198,15 +189,12 @@ class Flight(ReprMixin):
     def sample(self, t: ArrayLike) -> BallState:
         """Return the ball at one time or many.
 
-        The states are interpolated within the steps of the integration. The error of a position is
-        a few times `tol` times the length of the flight in the median, and can be some 60 times
-        that. `error` is about the landing point only.
+        The states are interpolated within the steps of the integration, which are taken anew on
+        first use. The error of a position is a few times `tol` times the length of the flight in
+        the median, and can be some 60 times that.
 
         Args:
             t: time since the launch, from 0 to `duration`, a number or shape `(n,)` [s].
-
-        Raises:
-            InvalidInput: a time outside the flight.
         """
         times = validation.times(t, self.duration, "the flight")
         moved = self._trajectory(np.atleast_1d(times)).reshape(*times.shape, 7)
@@ -226,12 +214,6 @@ class Flight(ReprMixin):
 
         Args:
             t: time since the launch, as for `sample` [s].
-
-        Returns:
-            A scipy `Rotation`: one, or a stack of n.
-
-        Raises:
-            InvalidInput: a time outside the flight.
         """
         times = validation.times(t, self.duration, "the flight")
         nodes, weights = np.polynomial.legendre.leggauss(32)  # spin is far smoother than the path
@@ -243,9 +225,8 @@ class Flight(ReprMixin):
 def refinement(tol: float, duration: Any, air: Air | None) -> tuple[float, Any]:
     """Return tolerance and longest step [s] of the flight that shows the error of one at `tol`.
 
-    The duration is that of one flight, or of n, shape `(n,)` [s]. A wind or coefficient of the
-    user's own may have features that are too narrow for the steps of an integration to see: an
-    estimate that compares two flights is then honest only if the steps of one are limited.
+    The duration is that of one flight, or of n, shape `(n,)` [s]. The steps are limited where a
+    wind or coefficient of the user's own may have features that are too narrow for them.
     """
     models = () if air is None else (air.drag, air.lift, air.torque)
     known = all(model is None or is_known(model) for model in models)
@@ -263,8 +244,8 @@ def outside_ranges(
 ) -> list[tuple[CoefficientModel, NDArray[np.bool_]]]:
     """Return each model of drag and lift, and where n states are `beyond` its range, `(4, n)`.
 
-    Models of the torque are left out: nobody measured it for soccer balls at any speed. Heights of
-    the centres have shape `(n,)` [m], velocities and spins `(n, 3)` [m/s, rad/s, world frame].
+    Models of the torque are left out: nobody measured it for soccer balls. Heights of the centres
+    have shape `(n,)` [m], velocities and spins `(n, 3)` [m/s, rad/s, world frame].
     """
     wind = air.wind
     through = velocity - (np.array([wind(z) for z in height.tolist()]) if callable(wind) else wind)

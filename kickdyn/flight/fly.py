@@ -25,7 +25,7 @@ from kickdyn.flight.events import (
     ground_event,
     plane_events,
 )
-from kickdyn.flight.flight_result import Flight, FlightStatus, warning_of
+from kickdyn.flight.flight_result import Flight, FlightStatus
 from kickdyn.flight.forces import (
     STILL,
     VACUUM,
@@ -71,16 +71,15 @@ def fly(
             that starts on it flies only if it moves away from it.
         time_limit: time after which the flight ends with the status `aloft` if the ball has not
             come down [s].
-        max_step: longest step of the integration [s]; None sets no limit. A step does not see what
-            a function of your own does between its 12 evaluations, such as a narrow peak of C_D;
-            `Flight.error` does.
+        max_step: longest step of the integration [s]; None sets no limit. A step may miss what a
+            function of your own does between its 12 evaluations, such as a narrow peak of C_D.
         ends: further events that end the flight, each with a status of its own, its name.
 
     Raises:
         InvalidInput: an array of states, an end that is no terminal event or whose function is not
             a number on the way, a ball that starts inside the ground, beyond the plane or faster
-            than light, a position beyond the range of float64, a bad tolerance, or a coefficient
-            outside its range whose model refuses that; others give one of `Flight.warnings`.
+            than light, a position beyond the range of float64, or a bad tolerance. A coefficient
+            outside its range gives one of `Flight.warnings`.
         KickdynError: the integrator gave up.
 
     Example:
@@ -113,7 +112,6 @@ class _Task(NamedTuple):
     ends: tuple[Event, ...]
 
     def all_ends(self) -> tuple[Event, ...]:
-        """Return all events that end the flight, the ground first."""
         planes = plane_events(self.ball, self.plane)
         ends = ground_event(self.ball, self.ground), *planes, *self.ends
         return tuple(end.launched(self.state) for end in ends)
@@ -127,11 +125,8 @@ def _fly(task: _Task, **changes: Any) -> Flight:
     # for `Flight.error`, `Flight.arrival` and unpickling, which fly once more
     flown = partial(Flight, ball, air, ground, plane, tol, partial(_fly, task))
     if _has_closed_form(state, ball, air, ends):
-        path = _closed_form(flown, state, downward(ball, air), ends, task.time_limit)
-    else:
-        path = _integrated(flown, task, ends)
-    _refuse_outside(path)
-    return path
+        return _closed_form(flown, state, downward(ball, air), ends, task.time_limit)
+    return _integrated(flown, task, ends)
 
 
 def check_single(state: BallState) -> None:
@@ -167,7 +162,6 @@ def _closed_form(
     ends: tuple[Event, ...],
     time_limit: float,
 ) -> Flight:
-    """Return the flight of a ball that only its weight acts on, to the first of some planes."""
     numbers = np.array([[number for end in ends for number in end.numbers]])
     nodes, which = fall_to_planes(state.velocity[None], numbers, g, time_limit)
     node, reached = nodes[0], (*ends, None)[which[0]]
@@ -188,7 +182,6 @@ def _closed_form(
 
 
 def _integrated(flown: Callable[..., Flight], task: _Task, ends: tuple[Event, ...]) -> Flight:
-    """Return the flight of a ball through the air, integrated to its end."""
     state, ball, tol = task.state, task.ball, task.tol
     air = task.air or VACUUM
     speed = math.hypot(*state.velocity)
@@ -212,10 +205,11 @@ def _integrated(flown: Callable[..., Flight], task: _Task, ends: tuple[Event, ..
         start = 0.0, equations.begin
         arc = integrate(equations.rates, start, [*ends, crest], task.time_limit, tolerance)
     except KickdynError as error:
-        cause = equations.describe_fault()
-        if not cause:
+        fault = equations.fault
+        if fault is None:
             raise
-        raise KickdynError(f"{error}; {cause}") from equations.fault
+        cause = f"the air's wind or a coefficient raised {type(fault).__name__}: {fault}"
+        raise KickdynError(f"{error}; {cause}") from fault
     last = arc.end, arc.state.copy()
     if arc.reached is ends[0]:
         last[1][2] = -drop  # by definition; else but for rounding
@@ -229,7 +223,7 @@ def _integrated(flown: Callable[..., Flight], task: _Task, ends: tuple[Event, ..
     acting = {"drag": air.drag, "lift": spins and air.lift, "spin decay": spins and air.torque}
     effects = ", ".join(name for name, model in acting.items() if model and air.density > 0.0)
     effects = effects or "weight less buoyancy only"
-    states = trajectory([arc], equations.begin)
+    states = trajectory(arc, equations.begin)
     return flown(
         _ball_at(state, 0.0, equations.begin),
         find_apex,
@@ -253,18 +247,7 @@ def _wind_speed(air: Air, height: float) -> float:
 
 
 def _ball_at(launch: BallState, time: float, moved: Array) -> BallState:
-    """Return the ball at a time, from what changed since the launch."""
     vectors = launch.position + moved[:3], moved[3:6].copy(), moved[6] * launch.spin
     if math.hypot(*itertools.chain(*(vector.tolist() for vector in vectors))) < math.inf:
         return BallState.computed(*vectors, time)
     return BallState(*vectors, time)
-
-
-def _refuse_outside(path: Flight) -> None:
-    """Raise `InvalidInput` where a flight leaves the range of a model that refuses that."""
-    models = () if path.air is None else (path.air.drag, path.air.lift)
-    if any(getattr(model, "refuses", False) for model in models):
-        for model, share, limits in path.outside():
-            if share > 0 and model.refuses:
-                warning = warning_of(model, share, limits)
-                raise InvalidInput(f"the flight leaves a coefficient's range: {warning}")

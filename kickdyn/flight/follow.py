@@ -7,14 +7,13 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kickdyn.aerodynamics.coefficient_model import CoefficientModel
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.events import Event, checked_ends, plane_events
-from kickdyn.flight.flight_result import Flight, FlightStatus, profile, warning_of
+from kickdyn.flight.flight_result import Flight, FlightStatus, profile
 from kickdyn.flight.fly import check_single, fly
 from kickdyn.flight.ground_motion import GroundPhase, bounce, roll, slide
 from kickdyn.ground import Ground, Surface
@@ -34,7 +33,7 @@ class Course(ReprMixin):
     Attributes:
         status: `at-rest`; `at-plane`, where the ball reached the plane; `aloft`, where it did not
             come down before the time limit; `bouncing`, where it still bounces after
-            `MOST_BOUNCES`; `blown`, where the wind kept it rolling until the time limit; or the
+            `MOST_BOUNCES`; `blown`, where the wind does not let it rest; or the
             name of one of `ends`.
         flights: the flights, one before each bounce.
         bounces: the ball just after each bounce.
@@ -87,32 +86,11 @@ class Course(ReprMixin):
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
-        """A line for each coefficient outside its range, with its share of the time in flight."""
-        aloft = sum(path.duration for path in self.flights)
-        shares, limits = dict[str, float](), dict[str, dict[str, None]]()
-        of_kind = dict[str, CoefficientModel]()
-        for path in self.flights:
-            for model, share, exceeded in path.outside():
-                kind = model.kind
-                of_kind[kind] = model
-                shares[kind] = shares.get(kind, 0.0) + share * path.duration / aloft
-                limits.setdefault(kind, {}).update(dict.fromkeys(exceeded))
-        lines = [
-            warning_of(of_kind[kind], share, limits[kind])
-            for kind, share in shares.items()
-            if share > 0.0
-        ]
-        return (*self.flights[0].ball.warnings, *lines)
+        """The warnings of the longest flight."""
+        return max(self.flights, key=lambda path: path.duration).warnings
 
     def sample(self, t: ArrayLike) -> BallState:
-        """Return the ball at one time or many.
-
-        Args:
-            t: time since the launch, from 0 to `duration`, a number or shape `(n,)` [s].
-
-        Raises:
-            InvalidInput: a time outside the course.
-        """
+        """Return the ball at times since the launch, 0 to `duration`, a number or `(n,)` [s]."""
         asked = validation.times(t, self.duration, "the course")
         times = np.atleast_1d(asked)
         position, velocity, spin = (np.zeros((len(times), 3)) for _ in range(3))
@@ -141,7 +119,6 @@ def follow(
     *,
     plane: Plane | None = None,
     time_limit: float = 1000.0,
-    max_step: float | None = None,
     ends: Sequence[Event] = (),
 ) -> Course:
     """Let a ball fly, bounce and roll until it rests.
@@ -155,7 +132,6 @@ def follow(
         tol: relative tolerance of every flight.
         plane: a wall or a goal line that ends the motion, be it flying, sliding or rolling.
         time_limit: longest duration of every flight, and of rolling [s].
-        max_step: longest step of the integration of every flight, as for `fly` [s].
         ends: further events that end the motion, be it flying, sliding or rolling.
 
     Raises:
@@ -177,7 +153,7 @@ def follow(
         raise InvalidInput("the ground has no surface: name one, such as Ground(surface='turf')")
     further = checked_ends(ends)
     one_flight = partial(fly, ball=ball, air=air, ground=ground, tol=tol, plane=plane,
-                         time_limit=time_limit, max_step=max_step, ends=further)  # fmt: skip
+                         time_limit=time_limit, ends=further)  # fmt: skip
     flights, bounces, status = _bouncing(state, ball, surface, one_flight)
     phases: list[GroundPhase] = []
     if status is None:
@@ -187,14 +163,13 @@ def follow(
         status = phases[-1].reached or FlightStatus.AT_REST
         status = FlightStatus.BLOWN if phases[-1].blown else status
     again = partial(follow, start, ball, air, ground, tol, plane=plane, time_limit=time_limit,
-                    max_step=max_step, ends=further)  # fmt: skip
+                    ends=further)  # fmt: skip
     return Course(status, tuple(flights), tuple(bounces), tuple(phases), again)
 
 
 def _bouncing(
     state: BallState, ball: Ball, surface: Surface, one_flight: Callable[[BallState], Flight]
 ) -> tuple[list[Flight], list[BallState], str | None]:
-    """Return flights, states after bounces, and the status, None where the ball stays down."""
     flights: list[Flight] = []
     bounces: list[BallState] = []
     clock = 0.0

@@ -118,9 +118,8 @@ def reynolds_number(ball: Ball, air: Air) -> Reynolds:
 def time_to_fall(rise_speed: Any, drop: Any, g: Any) -> Any:
     r"""Return when a body first is `drop` below its start while moving down [s]; inf if never.
 
-    :math:`(v + \sqrt{v^2 + 2 g d}) / g` (Eq. 24). Down is any direction: towards a plane the
-    `drop`, 0 or more [m], is the gap, and `rise_speed` [m/s] and the downward acceleration `g`
-    [m/s2] are the components along its normal. The arguments are numbers or have shape `(n,)`.
+    :math:`(v + \sqrt{v^2 + 2 g d}) / g` (Eq. 24), with numbers or shape `(n,)`. Towards a plane
+    the `drop` [m] is the gap, and `rise_speed` [m/s] and `g` [m/s2] are along its normal.
     """
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         fallen = 2.0 * g * np.asarray(drop)
@@ -153,15 +152,9 @@ def fall_to_planes(
 ) -> tuple[Array, NDArray[np.intp]]:
     """Return the ends of n flights on which only weight acts, and which of k planes ends each.
 
-    Args:
-        velocity: velocities at the launch, shape `(n, 3)` [m/s].
-        numbers: distance [m] and normal of each plane, the ground first, shape `(n, 4 k)`.
-        g: downward acceleration [m/s2].
-        time_limit: time after which a flight ends that has reached no plane [s].
-
-    Returns:
-        Time and states of `ballistic` at the end, then at the apex, shape `(n, 16)`; and the
-        number of the plane that ends the flight, k where none does, shape `(n,)`.
+    The velocities have shape `(n, 3)` [m/s], and `numbers` `(n, 4 k)`: distance [m] and normal of
+    each plane, the ground first. Returned are time and states of `ballistic` at the end, then at
+    the apex, shape `(n, 16)`; and the number of the plane, k where none ends the flight, `(n,)`.
     """
     times = []
     for k in range(0, numbers.shape[1], 4):

@@ -26,7 +26,7 @@ class GroundPhase:
         start, end: the ball at the start and at the end of the phase.
         kind: `slide` or `roll`.
         reached: name of the event that ended the phase, such as `at-plane`; None where none did.
-        blown: whether the wind kept it rolling to the time limit.
+        blown: whether the wind does not let it rest.
         evaluations: number of evaluations of the acceleration.
     """
 
@@ -44,11 +44,7 @@ class GroundPhase:
         return float(self.end.time)
 
     def sample(self, t: ArrayLike) -> BallState:
-        """Return the ball at times since the start of the phase, a number or shape `(n,)` [s].
-
-        Raises:
-            InvalidInput: a time outside the phase.
-        """
+        """Return the ball at times since the start of the phase, a number or shape `(n,)` [s]."""
         moments = validation.times(t, self.duration, f"the {self.kind}")
         states = self._states(np.atleast_1d(moments))
         return states if moments.ndim else _first(states)
@@ -108,17 +104,15 @@ def slide(
     along = np.array([ux, uy, 0.0]) / sliding
     across = np.array([-along[1], along[0], 0.0])  # turned towards rolling
     velocity_change = deceleration * along
-    spin_change = shell / ball.radius * deceleration * across
+    with np.errstate(invalid="ignore"):  # refused by BallState
+        spin_change = shell / ball.radius * deceleration * across
 
     def states(t: Array) -> BallState:
         t = t[:, None]
-        moved = level * t - 0.5 * velocity_change * t * t
-        return BallState(
-            state.position + moved,
-            level - velocity_change * t,
-            state.spin + spin_change * t,
-            t[:, 0],
-        )
+        with np.errstate(over="ignore", invalid="ignore"):  # refused by BallState
+            moved = level * t - 0.5 * velocity_change * t * t
+            spin = state.spin + spin_change * t
+        return BallState(state.position + moved, level - velocity_change * t, spin, t[:, 0])
 
     def rates(_: float, moving: Array) -> list[float]:
         return [*moving[3:6].tolist(), *(-velocity_change).tolist(), 0.0]
@@ -128,7 +122,9 @@ def slide(
         speed = math.hypot(*level) + sliding
         sizes = np.array([*3 * [speed * duration], *3 * [speed], 1.0])
         begin = 0.0, np.array([0.0, 0.0, 0.0, *level, 1.0])
-        arc = integrate(rates, begin, ends, duration, Tolerance(FINEST, FINEST * sizes))
+        arc = integrate(
+            rates, begin, ends, duration, Tolerance(FINEST, np.maximum(FINEST * sizes, 1e-300))
+        )
         duration, reached = arc.end, arc.reached
     end = _first(states(np.array([duration])))
     start = BallState(state.position, state.velocity, state.spin)
@@ -147,15 +143,17 @@ def roll(
     r"""Return the phase from rolling to rest, slowed by the surface and, with air, by drag.
 
     Rolling, a force of the air accelerates the ball by its :math:`1 / (1 + I / (m r^2))`, since it
-    also turns the ball. A wind that is stronger than the surface's resistance keeps the ball
-    rolling to `time_limit`. One of the events in `ends` may end the phase before.
+    also turns the ball. A wind that is stronger than the surface's resistance does not let the ball
+    rest: the phase ends where the ball turns, or at `time_limit`. One of the events in `ends` may
+    end the phase before.
     """
     rolling = _Rolling(state, ball, air, surface)
-    arcs, reached = rolling.roll(tol, ends, time_limit)
-    slow_time, slow = (arcs[-1].end, arcs[-1].state) if arcs else (0.0, rolling.begin)
-    rests = reached is rolling.slow
-    duration = slow_time + (rolling.time_to_rest(slow) if rests else 0.0)
-    rolled = trajectory(arcs, rolling.begin)
+    arc = rolling.roll(tol, ends, time_limit)
+    slow_time, slow = arc.end, arc.state
+    rest_time = rolling.time_to_rest(slow) if arc.reached is rolling.slow else 0.0
+    blown = arc.reached is None or rest_time == math.inf
+    duration = slow_time + (0.0 if blown else rest_time)
+    rolled = trajectory(arc, rolling.begin)
 
     def states(t: Array) -> BallState:
         moved = rolled(np.minimum(t, slow_time))
@@ -173,9 +171,8 @@ def roll(
 
     start = BallState(state.position, state.velocity, state.spin)
     end = _first(states(np.array([duration])))
-    name = None if rests or reached is None else reached.name
-    evaluations = sum(arc.evaluations for arc in arcs)
-    return GroundPhase(start, end, "roll", states, name, reached is None, evaluations)
+    name = None if arc.reached in (None, rolling.slow) else arc.reached.name
+    return GroundPhase(start, end, "roll", states, name, blown, arc.evaluations)
 
 
 class _Rolling:
@@ -198,50 +195,37 @@ class _Rolling:
         self.slow = Event("slow", lambda y, _: math.hypot(y[3], y[4]) - self._slowest)
 
     def _push(self, u: float, v: float) -> tuple[float, float]:
-        """Return the acceleration by the air at a velocity [m/s2]."""
         if self._air is None:
             return 0.0, 0.0
         ax, ay, _, _ = self._air(self._height, u, v, 0.0, 0.0, 0.0, 0.0)
         return self._share * ax, self._share * ay
 
     def rates(self, _: float, states: Array) -> list[float]:
-        """Return the rates of change of the states."""
         u, v = float(states[3]), float(states[4])
         ax, ay = self._push(u, v)
         braking = self._resistance / math.hypot(u, v)
         return [u, v, 0.0, ax - braking * u, ay - braking * v, 0.0, 0.0]
 
-    def roll(
-        self, tol: float, ends: Sequence[Event], time_limit: float
-    ) -> tuple[list[Arc], Event | None]:
-        """Return the solutions until the ball rests or an event ends them, and that event.
-
-        The event is None where a wind keeps the ball rolling to the time limit. A wind that turns
-        the ball around lets it roll anew from where it is slow.
-        """
-        speed, wind = math.hypot(*self.begin[3:5]), math.hypot(*self._wind)
-        fast = max(speed, self._slowest)
-        length = fast**2 / (2.0 * self._resistance)
+    def roll(self, tol: float, ends: Sequence[Event], time_limit: float) -> Arc:
+        """Return the solution until the ball is slow or an event ends it."""
+        speed = math.hypot(*self.begin[3:5])
+        if speed <= self._slowest:
+            return Arc(0.0, self.begin, self.slow, [], 0, [])
+        length = speed * (speed / (2.0 * self._resistance))
         # Friction turns with the ball, ever faster as it slows: looser steps miss where it rests.
         tol = min(tol, 1e-9)
-        tolerance = Tolerance(tol, tol * np.array([*3 * [length], *3 * [fast], 1.0]))
-        arcs: list[Arc] = []
-        time, state = 0.0, self.begin
-        reached = self.slow if speed <= self._slowest else None
-        while not arcs or reached is self.slow:
-            if reached is self.slow:
-                if wind <= self._resistance:
-                    break
-                u, v = (1.001 * self._slowest * push / wind for push in self._wind)
-                state = np.array([*state[:3], u, v, 0.0, 1.0])
-            arcs.append(
-                integrate(self.rates, (time, state), [self.slow, *ends], time_limit, tolerance)
-            )
-            time, state, reached = arcs[-1].end, arcs[-1].state, arcs[-1].reached
-        return arcs, reached
+        sizes = np.array([*3 * [length], *3 * [speed], 1.0])
+        tolerance = Tolerance(tol, np.maximum(tol * sizes, 1e-300))
+        start = 0.0, self.begin
+        return integrate(self.rates, start, [self.slow, *ends], time_limit, tolerance)
 
     def time_to_rest(self, state: Array) -> float:
-        """Return how long a ball rolls on that has become slow [s]: all forces are constant."""
+        """Return how long a ball rolls on that has become slow [s]: all forces are constant.
+
+        It is infinite where the wind is stronger than the resistance of the surface.
+        """
+        if math.hypot(*self._wind) > self._resistance:
+            return math.inf
         speed = math.hypot(*state[3:5])
         if speed == 0.0:
             return 0.0
@@ -250,6 +234,5 @@ class _Rolling:
 
 
 def _first(states: BallState) -> BallState:
-    """Return the first of many states."""
     time = float(np.asarray(states.time)[0])
     return BallState(states.position[0], states.velocity[0], states.spin[0], time)

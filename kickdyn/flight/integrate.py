@@ -18,7 +18,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
 from kickdyn.flight.events import Event, end_at_launch
 
-MAX_EVALUATIONS = 250_000
+MAX_EVALUATIONS = 100_000
 """Most evaluations of the rates. An explicit method would not come to an end where drag stops the
 ball at once, as in syrup."""
 
@@ -81,13 +81,13 @@ class Tolerance(NamedTuple):
     longest: float = math.inf
 
 
-def trajectory(arcs: Sequence[Arc], begin: Array) -> Callable[[Array], Array]:
-    """Return the states `(m, n)` at n times as a function of the times, from consecutive arcs.
+def trajectory(arc: Arc, begin: Array) -> Callable[[Array], Array]:
+    """Return the states `(m, n)` of an arc at n times as a function of the times.
 
-    Without any arc they are the states at the beginning. The interpolants are computed when they
+    Without any step they are the states at the beginning. The interpolants are computed when they
     are first read.
     """
-    steps = [step for arc in arcs for step in arc.steps]
+    steps = arc.steps
     solution: OdeSolution | None = None
 
     def states(times: Array) -> Array:
@@ -136,6 +136,10 @@ class _Fall(NamedTuple):
     about: float
 
 
+POSSIBLE_FALL = _Fall(0.0, 0.0, 0.5)
+"""Where a function may fall, but for a step of half the length to tell."""
+
+
 class _Step:
     """The last step of a solver, from a state and rates `before` it."""
 
@@ -160,8 +164,11 @@ class _Step:
                 about = _fall_of_cubic(start, end, ahead - start, end - behind)
             return _Fall(0.0, 1.0, about)
         starts_at_zero = start == 0.0 > end
-        if not (starts_at_zero or start * end > 0.0 > min(start * ahead, end * behind)):
+        turns, last_turns = start * ahead < 0.0, end * behind < 0.0
+        if not starts_at_zero and (start * end <= 0.0 or not (turns or last_turns)):
             return None
+        if turns and last_turns:
+            return POSSIBLE_FALL
         fractions = EARLY_FRACTIONS if starts_at_zero else INNER_FRACTIONS
         states = self.interpolant()(self.begin + self.length * fractions).T
         values = [start, *map(event.value_or_nan, states.tolist()), end]
@@ -212,7 +219,6 @@ class _Integration:
         self._tolerance, self._evaluations = tolerance, 0
 
     def run(self, begin: float, state: Array) -> Arc:
-        """Return the solution from a time [s] and a state on."""
         rates = np.array(self._rates(begin, state))
         if not np.isfinite(rates).all():
             raise KickdynError(f"the acceleration of the ball is not finite at {begin:g} s")
@@ -246,10 +252,12 @@ class _Integration:
         while True:
             step = self._take_step(solver)
             falls = {event: fall for event in self._events if (fall := step.find_fall(event))}
-            first = min((falls[event].about for event in events if event in falls), default=1.0)
+            possible = [event for event, fall in falls.items() if fall is POSSIBLE_FALL]
+            first = min((fall.about for event, fall in falls.items()
+                         if event in events or event in possible), default=1.0)  # fmt: skip
             shortest = max(100.0 * math.ulp(step.begin), 1e-300)
             if first >= 1.0 - EVENT_MARGIN or step.length <= shortest:
-                return step, falls
+                return step, {event: falls[event] for event in falls if event not in possible}
             length = (1.0 + 0.5 * EVENT_MARGIN) * first * step.length
             solver = self._solver(step.begin, step.before, max(length, shortest))
 
@@ -264,14 +272,12 @@ class _Integration:
                 solver = step.solver
 
     def _interpolant(self, begin: float, state: Array, length: float) -> Callable[[Array], Array]:
-        """Take a step anew; return its interpolant."""
         with np.errstate(over="ignore", invalid="ignore"):
             solver = self._solver(begin, state, length)
             solver.step()
             return solver.dense_output()  # type: ignore[no-any-return]
 
     def _solver(self, begin: float, state: Array, length: float) -> DOP853:
-        """Return scipy's solver, with the length of its first step [s]."""
         relative, absolute, longest = self._tolerance
         longest, limit = min(longest, self._time_limit - begin), self._time_limit
         length = min(max(length, 10.0 * math.ulp(begin)), longest)
@@ -279,7 +285,6 @@ class _Integration:
                       first_step=length)  # fmt: skip
 
     def _take_step(self, solver: DOP853) -> _Step:
-        """Let a solver take its next step."""
         time, state, rates, evaluations = float(solver.t), solver.y, solver.f, solver.nfev
         solver.step()
         self._evaluations += solver.nfev - evaluations
@@ -308,5 +313,4 @@ def _first_length(state: Array, rates: Array, tolerance: Tolerance) -> float:
 
 
 def _given_up(time: float, reason: str) -> KickdynError:
-    """Return the error of an integration that ends too soon."""
     return KickdynError(f"the flight could not be integrated beyond {time:g} s: {reason}")

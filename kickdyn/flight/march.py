@@ -5,9 +5,8 @@ Coefficients and error estimate are scipy's. The next step is 0.7 of what the es
 its own time and step; whichever ends makes room for the next.
 
 A step that an event falls into is taken anew so that it ends shortly after the event, as in
-`integrate`. Where the event is, a polynomial of fifth degree says that has the values, slopes and
-curvatures of the event's function at both ends of the step. Events are those that end a flight, and
-its crests, of which the highest is kept.
+`integrate`. Where the event is follows from the polynomial of fifth degree that has the values,
+slopes and curvatures of the event's function at both ends. Of the crests the highest is kept.
 """
 
 # mypy: disable-error-code="no-untyped-def"
@@ -70,7 +69,7 @@ inlined: Any = numba.njit(**_OPTIONS, **WITHIN, forceinline=True)
 
 
 class Flights(NamedTuple):
-    """What n flights begin with, and what becomes of them.
+    """What n flights begin with, and, from `nodes` on, what becomes of them.
 
     Attributes:
         scene: height of the launch [m], spin (3) [rad/s], 1 where it decays or else 0; `(n, 5)`.
@@ -81,10 +80,10 @@ class Flights(NamedTuple):
             an event must lie; `(n, 5)`.
         begin: memory for the rates at the launch, the first step [s], and value, slope and
             curvature of the events' functions, `(n, 8 + 3 k)`.
-        nodes: time and 7 states at the end, then at the apex, `(n, 16)`; filled in.
+        nodes: time and 7 states at the end, then at the apex, `(n, 16)`.
         status: `LANDED`, `ALOFT`, `FAILED`, or `FURTHER` plus the number of an event after the
-            ground; `(n,)`; filled in.
-        evaluations: number of evaluations, `(n,)`; filled in.
+            ground; `(n,)`.
+        evaluations: number of evaluations, `(n,)`.
     """
 
     scene: Array
@@ -143,12 +142,7 @@ class Lanes(NamedTuple):
 def march(rates_of: Any, values_of: Any, flights: Flights, rtol: float, time_limit: float) -> None:
     """Fill in nodes, status and evaluations of n flights.
 
-    Args:
-        rates_of: the equations of motion, as `compiled_rates` returns them.
-        values_of: the functions of the events, as `compiled_ends` returns them.
-        flights: what they begin with.
-        rtol: relative tolerance.
-        time_limit: longest duration of a flight [s].
+    `rates_of` is what `compiled_rates` returns, `values_of` what `compiled_ends` does.
     """
     size = flights.numbers.shape[1] * LANES
     scale, state, new = np.zeros((3, SIZE))
@@ -214,7 +208,6 @@ def _march(rates_of, values_of, flights, lane, rtol, time_limit):
 
 @njit
 def _load_start(i, row, flights, lane):
-    """Put the launch of a flight into a lane."""
     for c in range(5):
         lane.scene[c * LANES + i] = flights.scene[row, c]
     for c in range(flights.numbers.shape[1]):
@@ -230,7 +223,6 @@ def _load_start(i, row, flights, lane):
 
 @njit
 def _load(i, row, flights, lane, time_limit):
-    """Put a flight into a lane, with its first rates and its first step."""
     _load_start(i, row, flights, lane)
     for c in range(STATES):
         lane.rates[0, c * LANES + i] = flights.begin[row, c]
@@ -285,7 +277,6 @@ def _start(rates_of, values_of, flights, lane, rtol, time_limit):
 
 @inlined
 def _first_step(i, lane, rtol, time_limit):
-    """Return the first step of a flight [s]."""
     d0, d1 = 0.0, 0.0
     for c in range(i, SIZE, LANES):
         per = 1.0 / (lane.scale[c] + rtol * abs(lane.state[c]))
@@ -393,11 +384,7 @@ def _measure(values_of, lane, state, rate, result):
 
 @inlined
 def _happens(start, rise, end, last_rise):
-    """Return whether a function may fall through zero in a step, from its changes by both slopes.
-
-    It does from above zero to below; it may where both tangents reach the other sign, and where it
-    begins at zero.
-    """
+    """Return whether a function falls through zero in a step, or may: both tangents do."""
     falls = (start >= 0.0) & (end <= 0.0) & (start > end)
     hides = (start * (start + rise) < 0.0) & (end * (end - last_rise) < 0.0) & (start * end > 0.0)
     return falls | hides
@@ -411,7 +398,6 @@ def _dips(start, rise, end, last_rise):
 
 @inlined
 def _advance(lane):
-    """Go to the end of the step in the lanes where it is taken."""
     _choose(lane.taken, lane.new, lane.state)
     _choose(lane.taken, lane.rates[STAGES], lane.rates[0])
     for derivative in range(3):
@@ -463,7 +449,6 @@ def _event_function(i, event, h, lane):
 
 @inlined
 def _find_event(i, event, h, start, end, lane):
-    """Return how long before the end of a step its function falls through zero, as a fraction."""
     if end == 0.0:
         return 0.0
     p0, p1, p2, p3, p4, p5 = _event_function(i, event, h, lane)

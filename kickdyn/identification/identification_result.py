@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core.plot_style import styled
-from kickdyn.core.representation import ReprMixin, Row, side_view
+from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.fly import fly
@@ -87,12 +87,6 @@ class Identification(ReprMixin):
         for line in self.warnings:
             yield "warning", line, ""
 
-    def _picture(self) -> str:
-        velocity, positions = self.launch.velocity[:2], self.track.positions
-        ahead = velocity / max(float(np.hypot(*velocity)), 1e-300)
-        points = np.column_stack([positions[:, :2] @ ahead, positions[:, 2]])
-        return side_view(points, dots=points[:: max(len(points) // 20, 1)])
-
     @cached_property
     def undetermined(self) -> dict[str, str]:
         """The unknowns that the measurement does not determine, each with the reason.
@@ -154,7 +148,7 @@ class Identification(ReprMixin):
         if self.rms > self.ball.radius:
             lines.append(
                 f"the fit misses the positions by {self.rms:.2g} m, more than the ball's radius: "
-                "they may not be one flight without a bounce, or not in metres and seconds"
+                "they may not be one flight, without a bounce, in metres and seconds with z up"
             )
         drag = self.values.get("drag", self.values.get("drag_scale", 0.0))
         if drag < 0.0:

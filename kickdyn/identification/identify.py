@@ -20,7 +20,7 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from kickdyn.aerodynamics.coefficient_model import scaled
@@ -33,11 +33,8 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.flight.derivatives import INCREMENT, fly_with_slopes
 from kickdyn.identification.identification_result import Identification, covariance
-from kickdyn.identification.track import Track, refuse_intervals, refuse_units
+from kickdyn.identification.track import Track, check_samples, refuse_units
 from kickdyn.planning.problem import keep_last
-
-LEAST_SAMPLES = 5
-"""Fewer positions do not determine a launch together with its standard deviations."""
 
 LONGEST_FLIGHT = 100.0
 """Duration of a track [s] that is no flight of a ball."""
@@ -116,7 +113,6 @@ def identify(
     air: Air | None = None,
     *,
     free: Iterable[str] = ("spin", "drag"),
-    spin: ArrayLike = (0.0, 0.0, 0.0),
 ) -> Identification:
     r"""Return the flight that best fits measured positions, with standard deviations.
 
@@ -128,11 +124,10 @@ def identify(
         track: positions in one flight, from after its start to before its end, without a bounce.
         ball: the ball; its mass and radius count.
         air: the air of the fit: density, coefficients and wind; None is `Air()`.
-        free: unknowns besides the position and velocity at the first sample: `spin`; `drag`,
+        free: unknowns besides the position and velocity at the first sample: `spin`, 0 without it;
+            `drag`,
             one drag coefficient for the whole flight instead of the air's model; `drag-scale` and
             `lift-scale`, factors of the air's models; `wind`, its horizontal components.
-        spin: known spin, shape `(3,)` [rad/s, world frame]; it is used unless `free` contains
-            `spin`.
 
     Raises:
         InvalidInput: fewer than 5 positions, samples a second or more apart, positions that are no
@@ -141,8 +136,7 @@ def identify(
     """
     _check_flight(track)
     air = Air() if air is None else air
-    known_spin = validation.vector("spin", spin, 3, unit="rad/s")
-    problem = _Problem(track, ball, air, _sought(free, air), known_spin)
+    problem = _Problem(track, ball, air, _sought(free, air))
     unknowns = _first_guess(problem)
     for _ in range(MOST_MINIMA):
         estimate = _fit(problem, unknowns)
@@ -166,7 +160,6 @@ class _Problem(NamedTuple):
     ball: Ball
     air: Air
     sought: tuple[Free, ...]
-    known_spin: Array
 
     @property
     def length(self) -> float:
@@ -185,11 +178,11 @@ class _Problem(NamedTuple):
 
     @property
     def spin_columns(self) -> slice:
-        """Places of the spin among the unknowns; none where it is known."""
+        """Places of the spin among the unknowns; none where it is 0."""
         return slice(len(LAUNCH), len(self.names) - len(self.air_names))
 
     def spin_rows(self, spread: float) -> Array:
-        """Return the rows that weigh the spin against its usual size, none where it is known.
+        """Return the rows that weigh the spin against its usual size, none where it is 0.
 
         The spread is the standard deviation of a residual [m].
         """
@@ -205,7 +198,7 @@ class _Problem(NamedTuple):
 
     def launch(self, unknowns: Array) -> tuple[BallState, Air]:
         """Return the state of the ball at the first sample, without its time, and the air."""
-        spin = unknowns[self.spin_columns] if Free.SPIN in self.sought else self.known_spin
+        spin = unknowns[self.spin_columns] if Free.SPIN in self.sought else np.zeros(3)
         state = BallState.computed(*(np.array(row) for row in (unknowns[:3], unknowns[3:6], spin)))
         return state, self.air_of(unknowns[self.spin_columns.stop :])
 
@@ -297,11 +290,7 @@ def _sought(free: Iterable[str], air: Air) -> tuple[Free, ...]:
 
 def _check_flight(track: Track) -> None:
     """Raise `InvalidInput` unless a track may be a flight, in metres."""
-    if len(track) < LEAST_SAMPLES:
-        raise InvalidInput(
-            f"a flight has {len(track)} positions: at least {LEAST_SAMPLES} are needed"
-        )
-    refuse_intervals(track)
+    check_samples(track)
     if not np.ptp(track.positions, axis=0).any():
         raise InvalidInput(
             f"the ball stays at {track.positions[0].tolist()} m: it does not move, so this is not "

@@ -70,29 +70,23 @@ class InferredImpact(ReprMixin):
     deviations: dict[str, float]
 
     @cached_property
-    def leg_response(self) -> LegResponse:
-        """The response of the leg to the impulse at the contact point of its posture."""
+    def _leg_response(self) -> LegResponse:
         return leg_response(self.posture, self.v_before, self.impulse)
 
     @property
     def joint_impulses(self) -> Array:
         """Impulses in the joints, shape `(njoints, 6)` [N s, N m s], as `Impact.joint_impulses`."""
-        return self.leg_response.joint_impulses
+        return self._leg_response.joint_impulses
 
     @property
     def v_after(self) -> Array:
         """Joint velocity just after, shape `(nv,)` [rad/s; m/s for prismatic joints]."""
-        return self.leg_response.v_after
+        return self._leg_response.v_after
 
     @property
     def contact_point(self) -> Array:
         """Point :math:`c - r n` of the ball on which the impulse acted, shape `(3,)` [m, world]."""
         return np.asarray(self.ball_before.position - self.ball.radius * self.normal)
-
-    @property
-    def contact_distance(self) -> float:
-        """Distance of `contact_point` from the contact point of the posture [m]."""
-        return float(np.linalg.norm(self.contact_point - self.posture.contact_point))
 
     @property
     def approach_speed(self) -> float:
@@ -134,10 +128,11 @@ class InferredImpact(ReprMixin):
                 f"restitution is {self.restitution:.3g}, outside 0 to 1: posture, joint velocity "
                 "and ball do not go together, or the sliding changed during the contact"
             )
-        if self.contact_distance > LARGEST_DISTANCE * self.ball.radius:
+        distance = float(np.linalg.norm(self.contact_point - self.posture.contact_point))
+        if distance > LARGEST_DISTANCE * self.ball.radius:
             lines.append(
-                f"the contact point on the ball is {self.contact_distance:.2g} m from the contact "
-                "point of the posture, where the leg takes the impulse"
+                f"the contact point on the ball is {distance:.2g} m from the contact point of the "
+                "posture, where the leg takes the impulse"
             )
         return (*lines, *self.posture.warnings)
 
@@ -296,30 +291,23 @@ class RestitutionFit(ReprMixin):
     """Restitution over approach speed, from several kicks.
 
     Attributes:
-        kicks: number of kicks.
         table: rows (approach speed [m/s], restitution), speeds increasing, shape `(k, 2)`. Between
             its rows the restitution is linear, outside it is constant.
         deviations: standard deviation of each restitution of the table, shape `(k,)`.
         scatter: standard deviation of the restitution of a kick around the table.
     """
 
-    kicks: int
     table: Array
     deviations: Array
     scatter: float
 
-    def at(self, speed: ArrayLike) -> Array:
-        """Return the restitution of the table at approach speeds [m/s], in the shape of `speed`."""
-        wanted = validation.floats("speed", speed, unit="m/s")
-        return np.asarray(np.interp(wanted, *self.table.T))
-
     def _rows(self) -> Iterable[Row]:
-        yield "kicks", self.kicks, ""
         for (speed, e), deviation in zip(self.table.tolist(), self.deviations, strict=True):
             yield f"at {speed:.4g} m/s", f"{e:.4g} +- {deviation:.2g}", ""
         yield "scatter of a kick", self.scatter, ""
 
 
+@validation.check_arguments
 def fit_restitution(impacts: Sequence[InferredImpact], knots: int = 2) -> RestitutionFit:
     r"""Return restitution over approach speed as a table, fitted to several kicks.
 
@@ -337,18 +325,12 @@ def fit_restitution(impacts: Sequence[InferredImpact], knots: int = 2) -> Restit
         InvalidInput: a wrong argument, fewer than `knots + 1` kicks, or speeds that are too much
             alike for so many knots.
     """
-    if not isinstance(impacts, Sequence) or not impacts:
-        raise InvalidInput(
-            f"impacts is {validation.brief(impacts)}: it must be a list of kickdyn.InferredImpact"
-        )
     for i, impact in enumerate(impacts):
         validation.check_type(InferredImpact, **{f"impact {i}": impact})
-    if isinstance(knots, bool) or not isinstance(knots, int) or knots < 1:
-        raise InvalidInput(f"knots is {validation.brief(knots)}: it must be an integer, 1 or more")
-    if len(impacts) <= knots:
+    if type(knots) is not int or knots not in range(1, len(impacts)):
         raise InvalidInput(
             f"knots is {validation.brief(knots)} and there are {len(impacts)} kicks: a table needs "
-            "more kicks than it has rows"
+            "one row or more, and more kicks than it has rows"
         )
     speeds = np.array([impact.approach_speed for impact in impacts])
     restitutions = np.array([impact.restitution for impact in impacts])
@@ -365,4 +347,4 @@ def fit_restitution(impacts: Sequence[InferredImpact], knots: int = 2) -> Restit
     scatter = math.sqrt(float(residuals @ residuals) / (len(impacts) - knots))
     table = validation.read_only(np.column_stack([rows, fitted]))
     deviations = validation.read_only(scatter * np.linalg.norm(inverse, axis=1))
-    return RestitutionFit(len(impacts), table, deviations, scatter)
+    return RestitutionFit(table, deviations, scatter)

@@ -435,9 +435,6 @@ class Learner(ReprMixin):
         yield "done", self.is_done, ""
         yield from warned(self.warnings)
 
-    def _picture(self) -> str:
-        return self.launch._picture()
-
 
 def _checked_prior(prior: Mapping[str, float] | None, restitution: float) -> Array:
     """Return the standard deviations of the unknowns before the first kick, shape `(6,)`."""

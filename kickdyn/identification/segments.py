@@ -29,7 +29,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.forces import acceleration_function
 from kickdyn.ground import Ground, Surface
-from kickdyn.identification.track import Track, refuse_intervals, refuse_units
+from kickdyn.identification.track import Track, check_samples, refuse_units
 
 LONGEST_CUBIC = 1.0
 """Longest time that one cubic is fitted to [s]; longer flights are joined afterwards."""
@@ -83,9 +83,6 @@ LEAST_FALL, MOST_FALL = 4.0, 22.0
 
 MOST_LEVEL_FALL = 2.0
 """Vertical acceleration above which a ball does not roll [m/s2]."""
-
-GRAVITY_MARGIN = 3.0
-"""Difference from gravity up to which an acceleration across the path is a fall [m/s2]."""
 
 REST_SPEED = 0.3
 """Speed below which a ball on the ground counts as at rest [m/s]."""
@@ -232,14 +229,20 @@ class Segments(Printed):
             InvalidInput: the track has no bounce or no rolling segment, or a median is no
                 coefficient, such as a rolling deceleration below 0.
         """
-        if self.restitution is None or self.friction is None or self.rolling_deceleration is None:
+        rolling = self.rolling_deceleration
+        if rolling is not None and rolling.median < 0.0:
+            raise InvalidInput(
+                f"the rolling ball gains {-rolling.median:.3g} m/s2: the ground must be level, and "
+                "the z axis of the track must point up"
+            )
+        if self.restitution is None or self.friction is None or rolling is None:
             missing = "bounce" if self.restitution is None else "part in which the ball rolls"
             raise InvalidInput(f"the track has no {missing}: it does not determine a surface")
         return Surface(
             "measured",
             self.restitution.median,
             self.friction.median,
-            self.rolling_deceleration.median,
+            rolling.median,
             source=f"{self.restitution.samples} bounces of a measured track",
             deviations={
                 name: getattr(self, name).deviation
@@ -314,9 +317,7 @@ def segments(
     """
     ball, air = Ball() if ball is None else ball, Air() if air is None else air
     level = ground.height if ground is not None else 0.0
-    if len(track) < 5:
-        raise InvalidInput(f"track has {len(track)} samples: at least 5 are needed")
-    refuse_intervals(track)
+    check_samples(track)
     heights = track.positions[:, 2]  # trackers are off by up to CONTACT_HEIGHT
     if np.mean(heights < level - CONTACT_HEIGHT) > UNDERGROUND_FRACTION:
         lowest = int(np.argmin(heights))
@@ -332,31 +333,21 @@ def segments(
     gaps = [int(k) for k in np.flatnonzero(np.diff(samples.times) > GAP_TIME) + 1]
     for first, last in zip([0, *gaps], [*gaps, len(kept)], strict=True):
         pieces += _joined(samples, _partition(samples, first, last))
-    long = [piece for piece in pieces if piece.last - piece.first >= 8]
-    falling = [piece.fall for piece in long if piece.fall > LEAST_FALL]
+    falls = [piece.fall for piece in pieces if piece.last - piece.first >= 8]
+    falling = [fall for fall in falls if fall > LEAST_FALL]
     refuse_units(track, float(np.median(falling)) if falling else 0.0)
-    warnings = [] if falling else _other_axis_up(long)
     segments = _described(samples, pieces, level + ball.radius, gaps)
     restitution, friction = _at_bounces(segments, samples, ball)
     rolling_deceleration = _rolling_deceleration(samples, segments, ball, air)
+    warnings = []
+    if not falling and any(part.kind is SegmentKind.OTHER for part in segments):
+        warnings.append(
+            "the ball falls nowhere along z, which must point up: the columns t,z,x,y turn a track "
+            "in which y does, t,y,z,x one in which x does (--columns)"
+        )
     if friction is not None and friction.is_lower_bound:
         warnings.append("no bounce shows that the ball slid to its end: friction may be higher")
     return Segments(track, segments, restitution, friction, rolling_deceleration, tuple(warnings))
-
-
-def _other_axis_up(pieces: Sequence[_Piece]) -> list[str]:
-    """Return a warning if the ball falls along x or y: across its path, as drag does not act."""
-    across = [np.zeros(3)]
-    for piece in pieces:
-        velocity, acceleration = (piece.derivative(piece.middle, order) for order in (1, 2))
-        along = velocity / max(float(np.linalg.norm(velocity)), 1e-300)
-        across.append(acceleration - acceleration @ along * along)
-    return [
-        f"the ball falls along {axis}, with {fall:.3g} m/s2, and not along z: the track looks "
-        f"{axis}-up; where y points up, the columns t,z,x,y make it z-up (--columns)"
-        for axis, fall in zip("xy", -np.median(across[1:] or across, axis=0)[:2], strict=True)
-        if abs(fall - GRAVITY) < GRAVITY_MARGIN
-    ]
 
 
 def _noise(track: Track) -> float:

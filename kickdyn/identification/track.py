@@ -7,7 +7,7 @@ import math
 import os
 import subprocess
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from os import PathLike
@@ -23,6 +23,9 @@ from kickdyn.core.representation import ReprMixin, Row, ValueEquality
 from kickdyn.core.validation import Array
 from kickdyn.errors import FaultyFile, InvalidInput
 
+LEAST_SAMPLES = 5
+"""Fewer positions do not determine a launch together with its standard deviations."""
+
 LARGEST_FILE = 64_000_000
 """Bytes of a track file that is read: ten hours at 25 Hz."""
 
@@ -36,8 +39,8 @@ OTHER_UNITS = (
 drag and lift may fall slower or faster than in free fall. For feet the range is narrow, because
 lift alone can make a ball fall as fast as a number in feet seems to."""
 
-C3D_MEMORY, C3D_TIME = 2**32, 60.0
-"""Memory [bytes] and time [s] in which a C3D file is read."""
+C3D_MEMORY, C3D_TIME = 2**31, 60.0
+"""Memory [bytes] and processor time [s] in which a C3D file is read."""
 
 LARGEST = 1e12
 """Largest number of a track [s, m]: larger ones are faults of a clock or of a file."""
@@ -47,6 +50,16 @@ SOUND = 340.0
 
 METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 """Units of C3D files [m]."""
+
+
+@contextlib.contextmanager
+def _long_fields() -> Iterator[None]:
+    """Let the module csv read fields of any length; its default is 131,072 characters."""
+    default = csv.field_size_limit(LARGEST_FILE)
+    try:
+        yield
+    finally:
+        csv.field_size_limit(default)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -123,6 +136,7 @@ class Track(ValueEquality, ReprMixin):
 
     @classmethod
     @validation.check_arguments
+    @_long_fields()
     def from_csv(
         cls, file: str | PathLike[str], columns: Sequence[str] = ("t", "x", "y", "z")
     ) -> "Track":
@@ -145,7 +159,6 @@ class Track(ValueEquality, ReprMixin):
                 f"columns is {validation.brief(columns)}: it must name four columns, for "
                 "time, x, y and z"
             )
-        csv.field_size_limit(LARGEST_FILE)  # the default is 131,072 characters
         rows = csv.reader(read_text(file, source, LARGEST_FILE, FaultyFile).splitlines())
         header = [name.strip() for name in next(rows, [])]
         if any(header.count(name) != 1 for name in names):
@@ -249,8 +262,9 @@ def _c3d_content(
     paths = os.pathsep.join(filter(None, sys.path))
     try:
         child = subprocess.run(
-            [sys.executable, "-P", "-c", code, os.fspath(file), str(C3D_MEMORY)],
-            capture_output=True, timeout=C3D_TIME, check=True,
+            [sys.executable, "-P", "-c", code, os.fspath(file), str(C3D_MEMORY),
+             str(math.ceil(C3D_TIME))],
+            capture_output=True, timeout=10.0 * C3D_TIME, check=True,
             env={**os.environ, "PYTHONPATH": paths, "OPENBLAS_NUM_THREADS": "1"},
         )  # fmt: skip
         with np.load(io.BytesIO(child.stdout)) as content:
@@ -263,11 +277,12 @@ def _c3d_content(
 
 
 def _send_c3d() -> None:
-    """Write what `_c3d_content` returns to standard output; arguments are file and memory."""
+    """Write what `_c3d_content` returns to standard output; arguments: file, memory, time."""
     with contextlib.suppress(ImportError, ValueError):  # Windows has no limits
         import resource
 
         resource.setrlimit(resource.RLIMIT_AS, (int(sys.argv[2]),) * 2)
+        resource.setrlimit(resource.RLIMIT_CPU, (int(sys.argv[3]),) * 2)
     import ezc3d
 
     output = os.dup(1)
@@ -329,9 +344,11 @@ def refuse_units(track: Track, falling: float) -> None:
         )
 
 
-def refuse_intervals(track: Track) -> None:
-    """Raise `InvalidInput` for samples a second or more apart: no times of a flight in seconds."""
-    interval = float(np.median(np.diff(track.times))) if len(track) > 1 else 0.0
+def check_samples(track: Track) -> None:
+    """Raise `InvalidInput` for few samples, or a second or more apart: no times in seconds."""
+    if len(track) < LEAST_SAMPLES:
+        raise InvalidInput(f"track has {len(track)} samples: at least {LEAST_SAMPLES} are needed")
+    interval = float(np.median(np.diff(track.times)))
     if interval > 1.0 - 1e-9:
         raise InvalidInput(
             f"the samples are {interval:.4g} s apart, as in milliseconds or numbers of frames: "

@@ -16,7 +16,7 @@ from kickdyn.errors import InvalidInput, NoImpact
 from kickdyn.impact.body import BallBody, LegBody
 from kickdyn.impact.contact_problem import NO_VELOCITY, ContactPoint, ContactProblem
 from kickdyn.restitution import range_warnings, restitution_at
-from kickdyn.robot.leg import Leg, Posture
+from kickdyn.robot.leg import Posture
 
 EPS = float(np.finfo(float).eps)
 
@@ -35,15 +35,10 @@ class Approach(NamedTuple):
     """Leg and ball just before the impact.
 
     Attributes:
-        posture: posture of the leg; its contact point is the point of the contact.
+        posture: as in `AfterApproach`, as are all but the following.
         v: joint velocity, shape `(nv,)` [rad/s; m/s for prismatic joints].
-        ball: the ball.
-        contact: normal, restitution and friction, as they were given.
-        ball_before: motion of the ball; its centre is at `contact point + radius * normal`.
-        foot_velocity: of the contact point, shape `(3,)` [m/s, world frame].
         centre_velocity: velocity of the ball's centre minus `foot_velocity` [m/s, world frame].
         speed: of the foot towards the ball along the normal, above 0 [m/s].
-        restitution: coefficient e of the contact at this speed.
     """
 
     posture: Posture
@@ -112,11 +107,6 @@ class AfterApproach(ReprMixin):
         return self.approach.posture
 
     @property
-    def leg(self) -> Leg:
-        """The leg."""
-        return self.approach.posture.leg
-
-    @property
     def ball(self) -> Ball:
         """The ball that is struck."""
         return self.approach.ball
@@ -160,16 +150,10 @@ def find_approach(
     ball_velocity: ArrayLike,
     ball_spin: ArrayLike,
 ) -> Approach:
-    r"""Check the arguments of `strike` and return the motion just before the impact.
-
-    The speed of approach is :math:`n \cdot (J v - v_\mathrm{ball})`. `NoImpact` is raised where it
-    is not above 4 times the rounding of the terms of which it is the sum.
-    """
-    is_posture, is_ball = isinstance(posture, Posture), isinstance(ball, Ball)
-    if not (is_posture and is_ball and isinstance(contact, Contact)):  # cheaper than three calls
-        validation.check_type(Posture, posture=posture)
-        validation.check_type(Ball, ball=ball)
-        validation.check_type(Contact, contact=contact)
+    """Check the arguments of `strike` and return the motion just before the impact."""
+    validation.check_type(Posture, posture=posture)
+    validation.check_type(Ball, ball=ball)
+    validation.check_type(Contact, contact=contact)
     contact.check_normal()
     v = validation.vector("v", v, posture.leg.nv)
     if posture.constraint_projector is not None:
@@ -194,7 +178,18 @@ def find_approach(
         )
     foot_velocity = posture.jacobian.dot(v)
     validation.protect(v, foot_velocity)
-    centre_velocity, speed = _closing_speed(posture, foot_velocity, before, contact)
+    fx, fy, fz = foot_velocity.tolist()
+    bx, by, bz = before.velocity.tolist()
+    nx, ny, nz = contact.normal.tolist()
+    ux, uy, uz = centre_velocity = bx - fx, by - fy, bz - fz
+    speed = -(nx * ux + ny * uy + nz * uz)
+    if speed <= 0.0:
+        outside = posture.leg.outside_range(posture.q)
+        hint = f" (angles are in radians: {outside[0]})" if outside else ""
+        raise NoImpact(
+            f"foot and ball do not approach in {posture!r}: along the contact normal, which points "
+            f"from foot to ball, the foot moves at {-speed:.6g} m/s away from the ball{hint}"
+        )
     e = restitution_at(contact.restitution, speed)
     if speed < 1e-14 * fastest:  # the rounding itself takes longer to compute
         terms = abs(posture.jacobian).dot(abs(v)) + abs(foot_velocity) + abs(velocity)
@@ -205,22 +200,3 @@ def find_approach(
                 f"is rounding, of {rounding:.1g} m/s in what cancels there"
             )
     return Approach(posture, v, ball, contact, before, foot_velocity, centre_velocity, speed, e)
-
-
-def _closing_speed(
-    posture: Posture, foot_velocity: Array, before: BallState, contact: Contact
-) -> tuple[Triple, float]:
-    """Return the velocity of ball minus foot, and the speed of approach along the normal [m/s]."""
-    fx, fy, fz = foot_velocity.tolist()
-    bx, by, bz = before.velocity.tolist()
-    nx, ny, nz = contact.normal.tolist()
-    ux, uy, uz = bx - fx, by - fy, bz - fz
-    speed = -(nx * ux + ny * uy + nz * uz)
-    if speed <= 0.0:
-        outside = posture.leg.outside_range(posture.q)
-        hint = f" (angles are in radians: {outside[0]})" if outside else ""
-        raise NoImpact(
-            f"foot and ball do not approach in {posture!r}: along the contact normal, which points "
-            f"from foot to ball, the foot moves at {-speed:.6g} m/s away from the ball{hint}"
-        )
-    return (ux, uy, uz), speed

@@ -145,11 +145,8 @@ class LegBody(Body):
     sides: tuple[float, ...] = (-1.0,)
 
     def delassus(self, axes: Array) -> Array:
-        """Return the share of the Delassus matrix in contact axes, shape `(3 k, 3 k)` [1/kg].
-
-        The rows of the factor are rotated, not their products: a foot that is much more mobile
-        across the normal takes no digits from the normal.
-        """
+        # The rows of the factor are rotated, not their products: a foot that is much more mobile
+        # across the normal takes no digits from the normal.
         if len(axes) == 1:  # several take 3 us more
             rows = axes[0].T.dot(self.factor)
         else:

@@ -28,11 +28,9 @@ from kickdyn.impact.force_model import (
     HERTZ,
     LINEAR,
     SHORTEST_CONTACT,
-    Dissipation,
     ForceModel,
     contact_stiffness,
     contact_time_of,
-    make_force_model,
 )
 from kickdyn.impact.leg_response import leg_response
 from kickdyn.robot.leg import Posture
@@ -47,12 +45,12 @@ Nunome, Ball impact dynamics in the punt kick, ISBS 2013)."""
 
 
 class ContactSample(NamedTuple):
-    """The contact at one time or many.
+    """The contact at one time, or at n times with arrays of shape `(n, 3)` and `(n,)`.
 
     Attributes:
-        force: force on the ball, shape `(3,)` or `(n, 3)` [N, world frame].
-        impulse: impulse on the ball so far, same shape [N s, world frame].
-        deflection: deflection of ball and foot together, a number or shape `(n,)` [m].
+        force: force on the ball, shape `(3,)` [N, world frame].
+        impulse: impulse on the ball so far, shape `(3,)` [N s, world frame].
+        deflection: deflection of ball and foot together [m].
     """
 
     force: Array
@@ -83,7 +81,7 @@ class Collision(AfterApproach):
 
     @property
     def force_model(self) -> ForceModel:
-        """Stiffness and dissipation of the contact."""
+        """Stiffness, restitution and exponent of the contact."""
         return self._motion.equations.force_model
 
     @cached_property
@@ -108,16 +106,13 @@ class Collision(AfterApproach):
 
     @cached_property
     def visible_contact_time(self) -> float:
-        r"""Time for which foot and ball seem to touch [s].
+        r"""Time for which foot and ball seem to touch, :math:`T + d_0 / w` [s].
 
-        The hysteretic spring of `walton-braun` ends with the ball still flattened by :math:`d_0`. A
+        The hysteretic spring ends with the ball still flattened by :math:`d_0`. A
         ball that regains its shape as fast as it leaves the foot, at the speed w of separation,
-        touches it without a force for :math:`d_0 / w` longer:
-
-        .. math:: T_v = T + d_0 / w .
-
-        In high-speed video the ball is accelerated for about three fourths of the contact only
-        (Nunome, Shinkai & Ikegami, ISBS 2012). It is the longest contact that the model allows.
+        touches it without a force for :math:`d_0 / w` longer. In high-speed video the ball is
+        accelerated for about three fourths of the contact only (Nunome, Shinkai & Ikegami, ISBS
+        2012). It is the longest contact that the model allows.
         """
         separation = self._motion.equations.kinematics(self._end)
         left = separation.deflection if self.force_model.restitution < 1.0 else 0.0
@@ -125,7 +120,7 @@ class Collision(AfterApproach):
 
     @property
     def energy_lost(self) -> float:
-        """Energy lost to damping and friction [J]."""
+        """Energy lost to hysteresis and friction [J]."""
         return self._end.lost
 
     @cached_property
@@ -171,11 +166,7 @@ class Collision(AfterApproach):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """A line for each joint outside its range, or faster before the impact than its limit.
-
-        Further lines name a restitution used outside its table, and a ball that is flattened beyond
-        the range of `Ball.stiffness`.
-        """
+        """Lines as of `Impact.warnings`, and of a ball flattened beyond `Ball.stiffness`."""
         lines, fraction = self.approach.warnings(), self.deflection / self.ball.radius
         if self.force_model.exponent != LINEAR or fraction <= PRESSURE_RANGE:
             return lines
@@ -191,10 +182,9 @@ class Collision(AfterApproach):
 
     @cached_property
     def error(self) -> float:
-        """Estimate of the numerical error of the impulse [N s].
+        """Estimate of the numerical error of the impulse [N s], `tol` times the impulse or more.
 
-        It is twice the change of the impulse when the tolerance is 100 times tighter, computed when
-        it is first read, and never less than `tol` times the impulse.
+        It is twice the change of the impulse when the tolerance is 100 times tighter.
         """
         tighter = self._again(tol=max(self.tol * 1e-2, 1e-13))
         size = math.hypot(*self.impulse)
@@ -208,7 +198,7 @@ class Collision(AfterApproach):
         the joint's frame, which turns meanwhile; it tends to `Impact.joint_impulses` for short
         contacts. Weight, torques and the motion of the leg need further forces.
         """
-        motion, leg = self._motion, self.leg
+        motion, leg = self._motion, self.posture.leg
         frame = leg.model.frames[leg.frame_id].placement
         nodes, weights = np.polynomial.legendre.leggauss(3)  # in each step
         total = np.zeros((leg.model.njoints - 1, 6))
@@ -250,7 +240,6 @@ def collide(
     *,
     contact_time: float | None = None,
     stiffness: float | Literal["pressure"] | None = None,
-    dissipation: str = Dissipation.WALTON_BRAUN,
     torque: ArrayLike | Torque | None = None,
     ball_velocity: ArrayLike = AT_REST,
     ball_spin: ArrayLike = AT_REST,
@@ -262,8 +251,7 @@ def collide(
     stay at rest and loops stay closed. The foot is a plane through its contact point that rotates
     with it, and the ball is a rigid body behind a spring: the force of `ForceModel` along the
     normal of the plane, and Coulomb's friction across it. For growing stiffness the result tends
-    with the dissipation `walton-braun` to the result of `strike` with the law `stronge`, and with
-    `hunt-crossley` to the law `newton` if the contact slips in one direction throughout.
+    to the result of `strike` with the law `stronge`.
 
     Args:
         posture: posture of the leg at first contact, whose contact frame touches the ball.
@@ -276,7 +264,6 @@ def collide(
             masses on which no other force acts [s]; 10 ms where `stiffness` is None, too.
         stiffness: stiffness of a Hertz contact [N/m^1.5], in place of `contact_time`; or
             `"pressure"`, the linear spring of an inflated ball, `Ball.stiffness`.
-        dissipation: `walton-braun` or `hunt-crossley`, see `ForceModel`.
         torque: torques at the joints, shape `(nv,)` [N m; N for prismatic joints]: constant, or a
             function of the time since first contact, q and v. None is 0.
         ball_velocity: velocity of its centre at first contact, shape `(3,)` [m/s, world frame].
@@ -304,12 +291,11 @@ def collide(
     ball.check_movable("a contact that takes time")
     # Below a micrometre per second gravity, not the impact, decides the motion.
     validation.number("approach speed", approach.speed, at_least=1e-6, unit="m/s")
-    kind = validation.choice("dissipation", dissipation, Dissipation)
-    model = _force_model(approach, contact_time, stiffness, kind)
+    model = _force_model(approach, contact_time, stiffness)
     is_linear = model.exponent == LINEAR
     equations = CompliantContact(approach, model, torque, _expected_time(approach, model))
     again = partial(
-        collide, posture, approach.v, ball, contact, torque=torque, dissipation=kind,
+        collide, posture, approach.v, ball, contact, torque=torque,
         stiffness="pressure" if is_linear else model.stiffness,
         ball_velocity=approach.ball_before.velocity, ball_spin=approach.ball_before.spin,
     )  # fmt: skip
@@ -326,13 +312,10 @@ def collide(
 
 
 def duration(
-    approach: Approach,
-    contact_time: float | None,
-    stiffness: float | str | None,
-    dissipation: Dissipation,
+    approach: Approach, contact_time: float | None, stiffness: float | str | None
 ) -> float:
     """Return for how long the force of `collide` acts between the two masses alone [s]."""
-    return _expected_time(approach, _force_model(approach, contact_time, stiffness, dissipation))
+    return _expected_time(approach, _force_model(approach, contact_time, stiffness))
 
 
 def _expected_time(approach: Approach, model: ForceModel) -> float:
@@ -356,20 +339,17 @@ def _checked_torque(torque: ArrayLike | Torque | None, nv: int) -> Array | Torqu
 
 
 def _force_model(
-    approach: Approach,
-    contact_time: float | None,
-    stiffness: float | str | None,
-    dissipation: Dissipation,
+    approach: Approach, contact_time: float | None, stiffness: float | str | None
 ) -> ForceModel:
     """Return the force model with the restitution of an approach."""
     k, exponent = checked_stiffness(contact_time, stiffness), HERTZ
-    speed, e = approach.speed, approach.restitution
+    e = approach.restitution
     if isinstance(k, str):
         k, exponent = approach.ball.stiffness, LINEAR
     elif k is None:
         time = CONTACT_TIME if contact_time is None else contact_time
-        k = contact_stiffness(time, approach.reduced_mass(), speed, e, dissipation)
-    return make_force_model(k, exponent, speed, e, dissipation)
+        k = contact_stiffness(time, approach.reduced_mass(), approach.speed, e)
+    return ForceModel(k, e, exponent)
 
 
 def checked_stiffness(

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
-from scipy.integrate import OdeSolution
+from scipy.integrate import OdeSolution, solve_ivp
 from scipy.linalg import blas
 from scipy.optimize import minimize_scalar
 
@@ -18,7 +18,7 @@ from kickdyn.core.mechanics import cross
 from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
 from kickdyn.impact.approach import Approach
-from kickdyn.impact.force_model import ForceModel, integrate_until
+from kickdyn.impact.force_model import ForceModel
 from kickdyn.robot.constraints import ConstraintProjector
 from kickdyn.robot.leg import Workspace
 from kickdyn.robot.model_validation import cholesky_with_condition
@@ -51,7 +51,7 @@ class State(NamedTuple):
     moved: Array  # displacement of the ball's centre since first contact [m]
     velocity: Array  # of the ball
     spin: Array
-    lost: float  # energy, to damping and friction [J]
+    lost: float  # energy, to hysteresis and friction [J]
     work: float  # of joint torques, and of what maintains a particle's spin against friction [J]
 
 
@@ -137,7 +137,7 @@ class CompliantContact:
 
     def forces(self, contact: ContactKinematics, largest: float) -> tuple[float, Array]:
         """Return the normal force and the friction on the ball [N]: Coulomb's law, made smooth."""
-        normal_force = self.force_model.force(contact.deflection, contact.rate, largest)
+        normal_force = self.force_model.force(contact.deflection, largest)
         if self.friction == 0.0:
             return normal_force, np.zeros(3)
         fast = math.hypot(*contact.sliding, self.creep)
@@ -151,12 +151,10 @@ class CompliantContact:
                 "the integrator left double precision: torques, speeds or lengths are too large"
             )
         if self.evaluations > MAX_EVALUATIONS:
-            damped = self.force_model.damping > 0.0
-            hint = "; the dissipation 'walton-braun' has no damping" if damped else ""
             raise KickdynError(
                 f"the contact has not ended after {MAX_EVALUATIONS} evaluations, at {t:g} of "
                 f"about {self.expected:g} s: the equations of motion are too stiff (friction "
-                f"{self.friction:g}, a light foot or a ball of small inertia){hint}"
+                f"{self.friction:g}, a light foot or a ball of small inertia)"
             )
         state, ball = self.state(y), self.ball
         contact = self.kinematics(state)
@@ -296,7 +294,7 @@ def integrate_contact(equations: CompliantContact, tol: float) -> ContactMotion:
             event = partial(equations.restitution_ends, largest=largest)
         rates = partial(equations.rates, largest=largest)
         with np.errstate(over="ignore", invalid="ignore"):  # reported below
-            phase = integrate_until(event, rates, y, limit, tol, atol, expected / 20.0, t)
+            phase = _integrate_until(event, rates, y, limit, tol, atol, expected / 20.0, t)
         if not phase.success or not np.isfinite(phase.y[:, -1]).all():
             raise KickdynError(f"the integrator failed at {phase.t[-1]:g} s: {phase.message}")
         if phase.status != 1:
@@ -322,3 +320,39 @@ def integrate_contact(equations: CompliantContact, tol: float) -> ContactMotion:
         )
     column = OdeSolution(times, [step for phase in phases for step in phase.sol.interpolants])
     return ContactMotion(equations, column, times, y, begins, largest_before)
+
+
+def _integrate_until(
+    event: Any,
+    rates: Any,
+    start: ArrayLike,
+    limit: float,
+    rtol: float,
+    atol: Any,
+    step: float,
+    begin: float = 0.0,
+) -> Any:
+    """Run scipy's DOP853 until an event of (t, y) falls to 0; return what `solve_ivp` returns.
+
+    States at an event are an interpolant's, which is far less exact than the step. So the last step
+    is taken anew, to just beyond the event.
+    """
+
+    def falling(t: float, y: Array) -> float:
+        return float(event(t, y))
+
+    falling.terminal, falling.direction = True, -1  # type: ignore[attr-defined]
+    run = partial(solve_ivp, rates, method="DOP853", rtol=rtol, atol=atol, max_step=step,
+                  events=falling, dense_output=True)  # fmt: skip
+    solution = run((begin, limit), np.asarray(start, np.float64))
+    if solution.status != 1:
+        return solution
+    began, ended = solution.t[-2:]
+    if ended <= began:
+        return solution
+    beyond = ended + 0.01 * (ended - began)
+    last = run((began, beyond), solution.y[:, -2], first_step=beyond - began)
+    times = np.concatenate([solution.t[:-1], last.t[1:]])
+    solution.sol = OdeSolution(times, [*solution.sol.interpolants[:-1], *last.sol.interpolants])
+    solution.t, solution.y = times, np.hstack([solution.y[:, :-1], last.y[:, 1:]])
+    return solution

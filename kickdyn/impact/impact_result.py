@@ -22,8 +22,6 @@ from kickdyn.impact.sensitivity import Sensitivity
 from kickdyn.impact.uncertainty import Uncertainty, uncertainty
 from kickdyn.robot.constraints import ConstraintBlock, Support
 
-_LoopBlock = tuple[tuple[str, str], ConstraintBlock]
-
 RESIDUAL_ROUNDING = 1e-14
 """Residuals below it are rounding, whose digits differ from processor to processor."""
 
@@ -90,11 +88,6 @@ class Impact(AfterApproach):
         """Effective mass of the leg if its stiff joints were free [kg], or inf."""
         return self.posture.without_stiff_joints.effective_mass(self.contact.normal)
 
-    @property
-    def condition(self) -> float:
-        """Condition number of the joint-space inertia in the 1-norm, see `Posture.condition`."""
-        return self.posture.condition
-
     @cached_property
     def leg_response(self) -> LegResponse:
         """The response of the leg to the impulse; its parts are attributes of the impact, too."""
@@ -134,7 +127,7 @@ class Impact(AfterApproach):
         shape `(6,)`; that of a point foot is linear, shape `(3,)` [N s, N m s, world axes].
         """
         impulses = self.constraint_impulses
-        return {support.frame: impulses[block.rows] for support, block in self._blocks()[0]}
+        return {support.frame: impulses[block.rows] for support, block in self._supports()}
 
     @property
     def loop_impulses(self) -> dict[tuple[str, str], Array]:
@@ -142,8 +135,14 @@ class Impact(AfterApproach):
 
         The impulse on the first frame is the opposite.
         """
-        impulses = self.constraint_impulses
-        return {loop: impulses[block.rows] for loop, block in self._blocks()[1]}
+        projector, impulses = self.posture.constraint_projector, self.constraint_impulses
+        if projector is None:
+            return {}
+        blocks = projector.blocks[len(projector.constraints.supports) :]
+        return {
+            loop: impulses[block.rows]
+            for loop, block in zip(projector.constraints.loops, blocks, strict=True)
+        }
 
     @property
     def footing(self) -> dict[str, Footing]:
@@ -154,7 +153,7 @@ class Impact(AfterApproach):
         impulses, size = self.constraint_impulses, math.hypot(*self.impulse)
         return {
             support.frame: footing(support, impulses[block.rows], block.rotation_world_frame, size)
-            for support, block in self._blocks()[0]
+            for support, block in self._supports()
         }
 
     @property
@@ -275,14 +274,12 @@ class Impact(AfterApproach):
         """
         return uncertainty(self.sensitivity(), self.impulse, self.ball_after.velocity, spread)
 
-    def _blocks(self) -> tuple[list[tuple[Support, ConstraintBlock]], list[_LoopBlock]]:
-        """Return the leg's supports and its loops, each with its rows of the constraints."""
+    def _supports(self) -> list[tuple[Support, ConstraintBlock]]:
+        """Return the leg's supports, each with its rows of the constraints."""
         projector = self.posture.constraint_projector
         if projector is None:
-            return [], []
-        supports, blocks = projector.constraints.supports, projector.blocks
-        loops = zip(projector.constraints.loops, blocks[len(supports) :], strict=True)
-        return list(zip(supports, blocks, strict=False)), list(loops)
+            return []
+        return list(zip(projector.constraints.supports, projector.blocks, strict=False))
 
     def _rows(self) -> Iterable[Row]:
         joint, most = self.worst_joint
@@ -307,6 +304,6 @@ class Impact(AfterApproach):
         residuals = np.array([self.restitution_residual, self.momentum_residual])
         rounding = bool((residuals < RESIDUAL_ROUNDING).all())
         yield "residuals", f"below {RESIDUAL_ROUNDING:g}" if rounding else residuals, ""
-        yield "condition", self.condition, ""
+        yield "condition", self.posture.condition, ""
         yield "digits at least", math.floor(self.digits), ""
         yield from warned(self.warnings)

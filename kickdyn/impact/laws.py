@@ -58,7 +58,6 @@ def limit_friction(force: Array, normal: Array, friction: float) -> tuple[Array,
 
 
 PAPER = ImpactLaw("paper", solve_paper)
-"""The law of the ICRA 2005 paper."""
 
 LAWS: dict[str, ImpactLaw] = {law.name: law for law in (NEWTON, STRONGE, PAPER)}
 """Impact laws by name.

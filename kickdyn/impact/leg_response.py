@@ -41,30 +41,40 @@ def leg_response(posture: Posture, v: Array, impulse: Array) -> LegResponse:
 
     The velocity jump is :math:`-M^{-1} J^T p`, less what supports and loops block.
     """
-    if posture.constraint_projector is None:
-        jump, transmitted, unbalanced = _free_response(posture, -impulse)
-        return _as_response(posture, impulse, v + jump, transmitted, NO_CONSTRAINTS, unbalanced)
-    jump, constraint_impulses = posture.respond(-impulse.dot(posture.jacobian))
-    return response_to_jump(posture, v, jump, impulse, constraint_impulses)
+    if posture.constraint_projector is not None:
+        jump, constraint_impulses = posture.respond(-impulse.dot(posture.jacobian))
+        return response_to_jump(posture, v, jump, impulse, constraint_impulses)
+    leg, wrench = posture.leg, foot_wrench(posture, -impulse)
+    if posture.is_ill_conditioned:  # a Cholesky factor of M would lose five digits at 500 joints
+        answer = posture.articulated_bodies.respond(leg.contact_joint, np.array(wrench))
+        return _as_response(posture, v, impulse, NO_CONSTRAINTS, *answer)
+    space, zero = leg.workspace, leg.workspace.zero_velocity
+    space.external_wrenches.fill(0.0)  # of the impact before
+    space.external_wrenches[leg.contact_joint] = wrench
+    jump = pin.aba(space.model, space.data, posture.q, zero, zero, space.external).copy()
+    unbalanced = pin.rnea(space.model, space.data, posture.q, zero, jump, space.external)
+    return _as_response(posture, v, impulse, NO_CONSTRAINTS, jump, space.forces.copy(), unbalanced)
 
 
 def response_to_jump(
     posture: Posture, v: Array, jump: Array, impulse: Array, constraint_impulses: Array
 ) -> LegResponse:
     """Return the response of a leg whose velocity jump and constraint impulses are known."""
-    transmitted, unbalanced = joint_impulses(posture, jump, -impulse, constraint_impulses)
-    return _as_response(posture, impulse, v + jump, transmitted, constraint_impulses, unbalanced)
+    answer = joint_impulses(posture, jump, -impulse, constraint_impulses)
+    return _as_response(posture, v, impulse, constraint_impulses, jump, *answer)
 
 
 def _as_response(
     posture: Posture,
+    v: Array,
     impulse: Array,
-    v_after: Array,
-    transmitted: Array,
     constraint_impulses: Array,
+    jump: Array,
+    transmitted: Array,
     unbalanced: Array,
 ) -> LegResponse:
     """Return a response of read-only arrays; `unbalanced` is the momentum left over."""
+    v_after = v + jump
     protect(v_after, transmitted, constraint_impulses)
     scale = posture.jacobian_norm * math.hypot(*impulse.tolist())
     residual = largest(unbalanced) / scale if scale else 0.0
@@ -131,23 +141,6 @@ def joint_impulses(
     start = projector.blocks[-1].rows.stop if projector.blocks else 0
     unbalanced = unbalanced - constraint_impulses[start:] @ projector.rows[start:]
     return space.forces.copy(), np.asarray(unbalanced)
-
-
-def _free_response(posture: Posture, impulse: Array) -> tuple[Array, Array, Array]:
-    """Return the velocity jump of a leg without constraints, and what `joint_impulses` returns.
-
-    A Cholesky factor of M would lose digits with M's condition, five of them at 500 joints.
-    """
-    leg, space = posture.leg, posture.leg.workspace
-    wrench = foot_wrench(posture, impulse)
-    if posture.is_ill_conditioned:
-        return posture.articulated_bodies.respond(leg.contact_joint, np.array(wrench))
-    model, data, zero = space.model, space.data, space.zero_velocity
-    space.external_wrenches.fill(0.0)  # of the impact before
-    space.external_wrenches[leg.contact_joint] = wrench
-    jump = pin.aba(model, data, posture.q, zero, zero, space.external).copy()
-    unbalanced = pin.rnea(model, data, posture.q, zero, jump, space.external)
-    return jump, space.forces.copy(), unbalanced.copy()
 
 
 def foot_wrench(posture: Posture, impulse: Array) -> tuple[float, ...]:

@@ -130,7 +130,7 @@ def uncertainty(
     if unknown:
         raise InvalidInput(f"source {unknown[0]!r} is unknown: choose among {', '.join(UNITS)}")
     by_source: dict[str, Mapping[str, Array]] = {}
-    margin_variance = 0.0
+    margin_deviation = 0.0
     for name, value in spread.items():
         margin_slope = slopes.margin_slope[name]
         covariance = _covariance(name, value, margin_slope.shape[1])
@@ -144,12 +144,15 @@ def uncertainty(
         by_source[name] = {
             result: read_only(rows @ covariance @ rows.T) for result, rows in jacobians.items()
         }
-        margin_variance += float((margin_slope @ covariance @ margin_slope.T)[0, 0])
+        size = float(np.abs(margin_slope).max()) or 1.0  # its square may overflow
+        unit = margin_slope / size
+        variance = max(float((unit @ covariance @ unit.T)[0, 0]), 0.0)
+        margin_deviation = math.hypot(margin_deviation, size * math.sqrt(variance))
     totals = {
         result: read_only(np.sum([results[result] for results in by_source.values()], axis=0))
         for result in UNIT_OF
     }
-    sigmas = math.inf if margin_variance <= 0.0 else slopes.margin / math.sqrt(margin_variance)
+    sigmas = slopes.margin / margin_deviation if margin_deviation > 0.0 else math.inf
     size, speed = (float(np.sqrt(np.trace(totals.pop(name)))) for name in ("impulse_size", "speed"))
     return Uncertainty(
         **totals, impulse_size=size, speed=speed, by_source=by_source, branch=slopes.branch,

@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
-from kickdyn.core import validation
 from kickdyn.core.validation import Array, read_only
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.approach import AT_REST, Approach, find_approach
@@ -21,7 +20,6 @@ from kickdyn.impact.laws import find_law, solve_contacts
 from kickdyn.impact.leg_response import Footing, is_level, response_to_jump
 from kickdyn.impact.newton_law import AT_REST_SPEED
 from kickdyn.impact.rounding import Rounding
-from kickdyn.impact.strike import check_energy
 from kickdyn.robot.leg import Posture
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -83,7 +81,6 @@ def unilateral_strike(
     *,
     ball_velocity: ArrayLike = AT_REST,
     ball_spin: ArrayLike = AT_REST,
-    strict: bool = False,
 ) -> UnilateralImpact:
     """Strike a ball with a robot whose feet stand on the ground, but can slip, tip and lift off.
 
@@ -103,17 +100,14 @@ def unilateral_strike(
             which is unknown.
         ball_velocity: as for `strike`.
         ball_spin: as for `strike`.
-        strict: as for `strike`.
 
     Raises:
         NoImpact: as for `strike`.
-        EnergyCreated: `strict` is true and Newton's law creates energy.
         InvalidInput: as for `strike`; another law, a leg without supports, a support without
             friction, a flat one without sole, or a sole that is not level.
         KickdynError: no solution was found; the message has the residual of the best.
     """
     impact_law = find_law(law)
-    validation.flag("strict", strict)
     approach = find_approach(posture, v, ball, contact, ball_velocity, ball_spin)
     feet = _find_feet(approach.posture)
     contacts = [approach.contact_point()]
@@ -127,7 +121,7 @@ def unilateral_strike(
     ends = np.cumsum([len(foot.jacobian) for foot in feet])[:-1]
     by_foot = np.split(solution.impulses[1:].ravel(), ends)
     reactions = [foot.transfer.T @ impulses for foot, impulses in zip(feet, by_foot, strict=True)]
-    impact = UnilateralImpact(
+    return UnilateralImpact(
         approach,
         impact_law.name,
         solution,
@@ -141,8 +135,6 @@ def unilateral_strike(
             np.concatenate([*reactions, loop_impulses]),
         ),
     )
-    check_energy(impact, strict)
-    return impact
 
 
 class _Foot(NamedTuple):

@@ -130,9 +130,15 @@ class Motion(ReprMixin):
     def margins(self, t: float) -> Mapping[str, float]:
         """Return the distance from each limit by its name at a time [s]; below 0 it is broken.
 
-        Distances are in metres where a name ends so, else shares of the limit.
+        Names that end in `[m]` or `[rad]` have that unit; others are shares of the limit.
         """
         return {} if self.limits is None else self.limits.margins(*self.joint_state(t))
+
+    def plot(self) -> Any:
+        """Return a figure of matplotlib: torques and speeds against their limits, and margins."""
+        from kickdyn.motion.motion_plot import motion_figure  # it imports matplotlib
+
+        return motion_figure(self)
 
     def samples(self, rate: float = 100.0) -> MotionSamples:
         """Return the motion at a constant rate, 50 to 500 Hz, from rest to rest."""

@@ -48,10 +48,6 @@ class SymbolicTree:
         rotation, origin = self._poses[joint]
         return rotation @ ca.DM(local) + origin
 
-    def velocity(self, point: Any) -> Any:
-        """Return the velocity of an expression in q, of its shape."""
-        return ca.jtimes(point, self.q, self.v)
-
     def angular_velocity(self, joint: int) -> Any:
         """Return the angular velocity of the body of a joint, shape `(3,)` [rad/s, world frame]."""
         total = ca.SX(3, 1)
@@ -59,12 +55,6 @@ class SymbolicTree:
             turn = self._axes[number - 1][1]
             total += self._poses[number][0] @ ca.DM(turn) * self.v[int(number) - 1]
         return total
-
-    def centre_of_mass(self) -> Any:
-        """Return the centre of mass, the root's body included, shape `(3,)` [m, world frame]."""
-        bodies = [(body, *self._poses[i]) for i, body in enumerate(self.model.inertias)]
-        moment = sum((b.mass * (r @ ca.DM(b.lever) + p) for b, r, p in bodies), ca.SX(3, 1))
-        return moment / sum(b.mass for b, _, _ in bodies)
 
     def inverse_dynamics(self, gravity: bool = True) -> tuple[Any, Any]:
         r"""Return torques and the wrench of the ground on the root.

@@ -1,24 +1,17 @@
-"""What the paper prints (Tables 1, 3, 6), and what it leaves open: coefficients, launch."""
+"""What the paper leaves open: coefficients of drag and lift, restitution, launch."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from kickdyn.aerodynamics.coefficient_model import Coefficient
 from kickdyn.aerodynamics.drag import constant
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
-from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.validation import Array
 from kickdyn.flight.flight_result import Flight
 from kickdyn.impact.laws import limit_friction
-from kickdyn.paper.item import Item, Verdict, near
-from kickdyn.robot.leg import Leg
 
 BALL = Ball.paper()
 FRICTION = 0.4
@@ -26,16 +19,6 @@ FRICTION = 0.4
 
 RESTITUTION = 0.8
 """Not printed; what Table 2 needs."""
-
-
-COLUMNS = {"length": "m", "mass": "kg", "inertia": "kg m2", "mass centre": "m"}
-TABLE_1 = ((0.371, 7, 0.08), (0.443, 3, 0.049), (0.145, 1, 0.0018))
-TABLE_6 = (
-    (0.4, 1.712, 0.02305, 0.2),
-    (0.396, 1.074, 0.01413, 0.198),
-    (0.22, 0.57, 0.00055, 0.073),
-)
-"""Thigh, shank and foot, as printed."""
 
 
 @dataclass(frozen=True)
@@ -85,50 +68,3 @@ def launch_from_force(force: Array, normal: Array) -> tuple[BallState, bool]:
 def warnings_of(*paths: Flight) -> tuple[str, ...]:
     """Return every warning of the flights once."""
     return tuple(dict.fromkeys(line for path in paths for line in path.warnings))
-
-
-def draw_flights(axes: Axes, paths: Mapping[str, Flight], **labels: Any) -> None:
-    """Draw height over distance of flights with their legend, and set labels and limits."""
-    for (name, path), style in zip(paths.items(), ("-", "--", "-.", ":"), strict=False):
-        x, _, height = path.sample(np.linspace(0, path.duration, 200)).position.T
-        axes.plot(x, height, style, label=name)
-    axes.set(ylabel="Y [m]", **labels)
-    axes.legend()
-
-
-def show_warnings(figure: Figure, *paths: Flight) -> None:
-    """Write the warnings of a figure's flights below it."""
-    figure.supxlabel("\n".join(warnings_of(*paths)), fontsize=6)
-
-
-def items() -> list[Item]:
-    """Return every printed number beside kickdyn's."""
-    air = Air.paper()
-    rows = [
-        ("air density", 1.22, air.density, "kg/m3"),
-        ("ball radius", 0.1, BALL.radius, "m"),
-        ("ball mass", 0.45, BALL.mass, "kg"),
-        ("viscosity", 1.8e-5, air.viscosity, "Pa s"),
-        ("gravity", 9.81, GRAVITY, "m/s2"),
-    ]
-    why = "values of kd.Ball.paper() and kd.Air.paper(), which has no wind"
-    result = [_input("Table 3", *row, why) for row in rows]
-    for table, leg, printed in (
-        ("Table 1", Leg.human(), TABLE_1),
-        ("Table 6", Leg.testbed(), TABLE_6),
-    ):
-        model, why = leg.model, "values of the leg's URDF file in kickdyn"
-        ends = [*list(model.jointPlacements)[2:], model.frames[leg.frame_id].placement]
-        for name, link, end, papers in zip(
-            ("thigh", "shank", "foot"), list(model.inertias)[1:], ends, printed, strict=True
-        ):
-            length, centre = np.linalg.norm(end.translation), np.linalg.norm(link.lever)
-            ours = (length, link.mass, link.inertia[1, 1], centre)
-            for (column, unit), paper, value in zip(COLUMNS.items(), papers, ours, strict=False):
-                result.append(_input(table, f"{name} {column}", paper, float(value), unit, why))
-    return sorted(result, key=lambda item: item.source)
-
-
-def _input(table: str, name: str, paper: float, ours: float, unit: str, why: str) -> Item:
-    verdict = near(ours, paper, 1e-12, Verdict.INPUT)
-    return Item(f"{table} {name}", paper, ours, unit, verdict, why, table)

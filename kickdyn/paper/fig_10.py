@@ -2,20 +2,14 @@
 
 import math
 
-import numpy as np
-from matplotlib.figure import Figure
-
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.fly import fly
 from kickdyn.paper.assumptions import (
     BALL,
     DEFAULT,
-    LIFT_WITHOUT_CRISIS,
     Coefficients,
     direction,
-    draw_flights,
     launch_from_force,
-    show_warnings,
     warnings_of,
 )
 from kickdyn.paper.item import Item, shape
@@ -56,12 +50,7 @@ def items() -> list[Item]:
     for name, path in flights().items():
         _, y, z = path.launch.spin
         tilt, side = math.degrees(math.atan2(z, -y)) + 0.0, CONTACTS[name]
-        why = (
-            "angle to the axis of pure back spin; the axis is higher on the side to which the ball "
-            "curves"
-        )
-        if side == 0:
-            why = "pure back spin, about a level axis"
+        why = "angle to the level axis of pure back spin; higher where the ball curves to"
         verdict = shape(abs(tilt) < 1e-9 if side == 0 else tilt * side > 0)
         axis = f" {AXES[name]}" if name in AXES else ""
         title = f"{NAME} {name} tilt of spin axis{axis}"
@@ -79,31 +68,8 @@ def varying(choice: Coefficients) -> list[Item]:
         course = "flies straight" if side == 0 else f"curves {'left' if side > 0 else 'right'}"
         why = (
             f"the ball {course if correct else f'does not fly as the paper says ({course})'}; "
-            f"launch at {float(path.launch.speed):.4g} m/s, range {path.range:.3g} m; contact "
-            f"{OFFSET_DEG:g} deg below "
-            f"{'' if side == 0 else f'and {OFFSET_DEG:g} deg beside '}the middle of the ball"
+            f"launch at {float(path.launch.speed):.4g} m/s, range {path.range:.3g} m"
         )
         title, notes = f"{NAME} {name} curve to the left", warnings_of(path)
         result.append(Item(title, None, left, "m", shape(correct), why, source, notes=notes))
     return result
-
-
-def draw(figure: Figure) -> None:
-    """Draw the flights from the side and from above, with a lift in its crisis and one without."""
-    columns, drawn = figure.subplots(2, 2, sharex="col", sharey="row").T, list[Flight]()
-    for (side, above), choice in zip(columns, (DEFAULT, LIFT_WITHOUT_CRISIS), strict=True):
-        paths = flights(choice)
-        draw_flights(side, paths, title=choice.name)
-        drawn += paths.values()
-        for (name, path), line in zip(paths.items(), side.lines, strict=True):
-            x, y, _ = path.sample(np.linspace(0, path.duration, 200)).position.T
-            above.plot(x, y, line.get_linestyle(), color=line.get_color())
-            if name in AXES:
-                spin = path.launch.spin / np.linalg.norm(path.launch.spin)
-                tip = (x[100] + 2 * spin[0], y[100] + spin[1])
-                pointer = {"arrowstyle": "<-", "color": line.get_color()}
-                above.annotate(AXES[name], (x[100], y[100]), tip, arrowprops=pointer)
-        above.set(xlabel="X [m]", ylabel="to the left [m]", ylim=(-1.6, 1.6))
-    for axes in figure.axes:
-        axes.label_outer()
-    show_warnings(figure, *drawn)

@@ -5,14 +5,13 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core.validation import Array
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.fly import fly
-from kickdyn.paper.assumptions import BALL, DEFAULT, Coefficients, show_warnings, warnings_of
+from kickdyn.paper.assumptions import BALL, DEFAULT, Coefficients, warnings_of
 from kickdyn.paper.item import Item, Verdict, shape
 from kickdyn.planning.goal import Goal, nominal_velocity
 from kickdyn.planning.launch import SPEED_LIMIT, Launch, plan_launch
@@ -50,14 +49,11 @@ def learn_launch(
 ) -> tuple[Round, ...]:
     """Return the flights of a learning loop like the paper's (Figs. 13-14).
 
-    The paper speaks of reinforcement learning with "compensation through reward" and prints no
-    update rule. The simplest reading is taken: the errors of distance [m] and time [s] are added to
-    the command, and Eqs. (24)-(25) turn the command into the next launch, until both errors vanish.
-    What the paper's "minimum bound", the trajectory under drag, bounds is not printed either; none
-    is applied, and the commands for the paper's goals never fall below the goals themselves.
-
-    The loop also ends at a flight that does not land, a command of no time or of a launch faster
-    than sound, or after a number of rounds; `Round.is_met` of the last round is then False.
+    The paper prints no update rule. In the simplest reading, the errors of distance [m] and time
+    [s] are added to the command, and Eqs. (24)-(25) turn the command into the next launch, until
+    both errors vanish. The loop also ends at a flight that does not land, a command of no time or
+    of a launch faster than sound, or after a number of rounds; `Round.is_met` of the last round is
+    then False.
     `kick` returns the flight of a launch velocity; None flies it through the air.
     """
 
@@ -135,26 +131,3 @@ def varying(choice: Coefficients) -> list[Item]:
         count, notes = len(rounds) - 1, warnings_of(last.flight)
         result.append(Item(name, printed, count, "1", verdict, why, source, notes=notes))
     return result
-
-
-def draw(figure: Figure) -> None:
-    """Draw the histories of the errors of distance and time, learning loop and planner."""
-    drawn = []
-    rows = figure.subplots(2, len(GOALS), sharex="col")
-    air = DEFAULT.air(lift=False)
-    for column, (distance, time, _) in enumerate(GOALS):
-        histories = {
-            ("learned", "o-"): learn_launch(distance, time, BALL, air),
-            ("newton", "s--"): newton_rounds(plan_launch(Goal(distance, time=time), BALL, air)),
-        }
-        for (label, style), history in histories.items():
-            drawn.append(history[-1].flight)
-            errors = np.array([[r.distance_error, r.time_error] for r in history])
-            for row in range(2):
-                rows[row, column].plot(errors[:, row], style, markersize=3, label=label)
-        rows[0, column].set_title(f"{distance:g} m, {time:g} s")
-        rows[1, column].set_xlabel("round")
-    rows[0, 0].set_ylabel("error of distance [m]")
-    rows[1, 0].set_ylabel("error of time [s]")
-    rows[0, 0].legend()
-    show_warnings(figure, *drawn)

@@ -1,7 +1,5 @@
 """Fig. 8: 30 m/s at 30 deg in the vacuum, with drag, with back spin, with top spin."""
 
-from matplotlib.figure import Figure
-
 from kickdyn.ball import BallState
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.fly import fly
@@ -10,8 +8,6 @@ from kickdyn.paper.assumptions import (
     DEFAULT,
     Coefficients,
     direction,
-    draw_flights,
-    show_warnings,
     warnings_of,
 )
 from kickdyn.paper.item import Item, shape
@@ -66,10 +62,3 @@ def varying(choice: Coefficients) -> list[Item]:
         if name != "vacuum"
         for what, ours in (("range", path.range), ("apex", path.height))
     ]  # fmt: skip
-
-
-def draw(figure: Figure) -> None:
-    """Draw the four curves."""
-    paths = flights()
-    draw_flights(figure.subplots(), paths, xlabel="X [m]", xlim=(0, 80), ylim=(0, None))
-    show_warnings(figure, *paths.values())

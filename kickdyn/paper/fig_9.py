@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.fly import fly
@@ -11,12 +10,9 @@ from kickdyn.impact.laws import normal_impulse
 from kickdyn.paper.assumptions import (
     BALL,
     DEFAULT,
-    LIFT_WITHOUT_CRISIS,
     Coefficients,
     direction,
-    draw_flights,
     launch_from_force,
-    show_warnings,
     warnings_of,
 )
 from kickdyn.paper.item import FITTED, Item, Verdict, near, shape
@@ -41,10 +37,7 @@ def items() -> list[Item]:
     """Return spins and launch angles, the speeds' bound, and the flights."""
     result, attack = [], float(np.mean([launch for _, _, launch, _ in CASES]))
     bound = normal_impulse(FOOT_SPEED, 1.0, np.inf, BALL.mass) / BALL.mass
-    attack_reason = (
-        "one attack direction for all cases, which have the same foot motion: the mean of the "
-        "printed launch angles; a ball whose contact sticks leaves along it"
-    )
+    attack_reason = "one attack direction for all cases: the mean of the printed launch angles"
     slow = (
         f"a foot at {FOOT_SPEED} m/s gives the ball at most (1 + e) v = {bound:.3g} m/s, with a "
         "restitution e of 1"
@@ -54,9 +47,8 @@ def items() -> list[Item]:
         state, sticking = launch_from_force(momentum * direction(angle), normal)
         common, _ = launch_from_force(momentum * direction(attack), normal)
         fitted = (
-            f"the contact height of {contact:g} deg is fitted (the round number that gives nearly "
-            "the printed spin), as the paper prints none; the contact "
-            f"{'sticks' if sticking else 'slips'}"
+            f"the contact height of {contact:g} deg is fitted, as the paper prints none; the "
+            f"contact {'sticks' if sticking else 'slips'}"
         )
         up, rate = math.degrees(common.elevation), math.hypot(*state.spin)
         for what, paper, ours, unit, why, source in (
@@ -89,14 +81,3 @@ def varying(choice: Coefficients) -> list[Item]:
         for number, path in enumerate(paths, 1)
         for what, ours in (("distance", path.range), ("apex", path.height))
     ]  # fmt: skip
-
-
-def draw(figure: Figure) -> None:
-    """Draw the three flights, with the lift `saturating` and with one that has no crisis."""
-    panels, drawn = figure.subplots(2, 1, sharex=True), list[Flight]()
-    for axes, choice in zip(panels, (DEFAULT, LIFT_WITHOUT_CRISIS), strict=True):
-        paths = {f"case {number}": path for number, path in enumerate(flights(choice), 1)}
-        draw_flights(axes, paths, ylim=(0, 2.5), xlim=(0, 14), title=choice.name)
-        drawn += paths.values()
-    axes.set_xlabel("X [m]")
-    show_warnings(figure, *drawn)

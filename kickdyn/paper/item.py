@@ -23,21 +23,17 @@ class Verdict(StrEnum):
     SHAPE_REPRODUCED = "shape-reproduced"
     DEPENDS = "depends-on-coefficient"
     FITTED = "fitted"
-    INPUT = "input"
     OURS = "ours"
     NOT_REACHABLE = "not-reachable"
 
 
 MEANINGS = {
     Verdict.REPRODUCED: f"predicted, and within {100 * MEASURED:g} % of the value of the test bed",
-    Verdict.SHAPE_REPRODUCED: "the paper gives a curve, an order or a statement, and "
-    "kickdyn agrees with it",
-    Verdict.DEPENDS: "the paper prints no drag or lift coefficient, and with another one the "
-    f"verdict changes, or the value by more than a factor of {WIDE:g}",
+    Verdict.SHAPE_REPRODUCED: "agrees with a curve, an order or a statement of the paper",
+    Verdict.DEPENDS: "another drag or lift coefficient, of which the paper prints none, changes "
+    f"the verdict, or the value by more than a factor of {WIDE:g}",
     Verdict.FITTED: "a quantity that the paper does not give is chosen so that the paper's value "
-    f"(of a simulation: that of its experiment) results within {100 * FITTED:g} %; the "
-    "agreement confirms nothing",
-    Verdict.INPUT: "the value is taken from the paper",
+    f"results within {100 * FITTED:g} %; the agreement confirms nothing",
     Verdict.OURS: "the paper has no value to compare with, or only the goal",
     Verdict.NOT_REACHABLE: "computed to be impossible under the assumptions in the note",
 }

@@ -1,18 +1,16 @@
-"""All items of the paper, in its order with its inputs last, and the tables that compare them."""
+"""All items of the paper, in its order, and the tables that compare them."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from textwrap import fill
 
-from matplotlib.figure import Figure
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
 from kickdyn.core.console import empty_table, notes, screen_width
 from kickdyn.errors import InvalidInput
-from kickdyn.paper import assumptions, fig_1, fig_8, fig_9, fig_10, fig_15, table_2, tables_4_5
+from kickdyn.paper import fig_1, fig_8, fig_9, fig_10, fig_15, table_2, tables_4_5
 from kickdyn.paper.assumptions import ALTERNATIVES, DEFAULT, Coefficients
 from kickdyn.paper.item import MEANINGS, Item, Verdict, judged
 
@@ -33,14 +31,12 @@ class Section:
         keys: the tables and figures that it answers to, such as `fig10`.
         items: with the coefficients of `DEFAULT`.
         varying: those that may change with a choice of coefficients; None where none matters.
-        draw: onto an empty figure; None where there is nothing to draw.
     """
 
     name: str
     keys: tuple[str, ...]
     items: Callable[[], list[Item]]
     varying: Callable[[Coefficients], list[Item]] | None = None
-    draw: Callable[[Figure], None] | None = None
 
     def compare(self) -> tuple[list[Item], list[Item]]:
         """Return the items, judged, and those that vary with every other choice of coefficients."""
@@ -57,14 +53,13 @@ class Section:
 
 
 SECTIONS = (
-    Section("Fig. 1", ("fig1",), fig_1.items, draw=fig_1.draw),
-    Section("Table 2", ("fig7", "table2"), table_2.items, draw=table_2.draw),
-    Section("Fig. 8", ("fig8",), fig_8.items, fig_8.varying, fig_8.draw),
-    Section("Fig. 9", ("fig9",), fig_9.items, fig_9.varying, fig_9.draw),
-    Section("Fig. 10/11", ("fig10", "fig11"), fig_10.items, fig_10.varying, fig_10.draw),
-    Section("Fig. 13-15", ("fig13", "fig14", "fig15"), fig_15.items, fig_15.varying, fig_15.draw),
+    Section("Fig. 1", ("fig1",), fig_1.items),
+    Section("Table 2", ("fig7", "table2"), table_2.items),
+    Section("Fig. 8", ("fig8",), fig_8.items, fig_8.varying),
+    Section("Fig. 9", ("fig9",), fig_9.items, fig_9.varying),
+    Section("Fig. 10/11", ("fig10", "fig11"), fig_10.items, fig_10.varying),
+    Section("Fig. 13-15", ("fig13", "fig14", "fig15"), fig_15.items, fig_15.varying),
     Section("Tables 4-5", ("table4", "table5"), tables_4_5.items, tables_4_5.varying),
-    Section("Tables 1, 3, 6", ("table1", "table3", "table6"), assumptions.items),
 )
 
 
@@ -75,30 +70,24 @@ def chosen(only: str | None) -> Sequence[Section]:
     key = re.sub(r"[\s.]", "", only.lower()).replace("figure", "fig")
     sections = [section for section in SECTIONS if key in section.keys]
     if not sections:
-        raise InvalidInput(f"only is {only!r}: it must be one of {', '.join(item_names())}")
+        keys = [key for section in SECTIONS for key in section.keys]
+        names = sorted(keys, key=lambda key: (key[0], len(key), key))
+        raise InvalidInput(f"only is {only!r}: it must be one of {', '.join(names)}")
     return sections
 
 
-def item_names() -> list[str]:
-    """Return the names of all tables and figures for `chosen`, such as `table2`."""
-    keys = [key for section in SECTIONS for key in section.keys]
-    return sorted(keys, key=lambda key: (key[0], len(key), key))
-
-
-def show(items: Mapping[str, Sequence[Item]], varied: Mapping[str, Sequence[Item]]) -> None:
-    """Print all items by section, and those with other coefficients, as wide as the screen is."""
+def show(items: Mapping[str, Sequence[Item]]) -> None:
+    """Print all items by section, as wide as the screen is."""
     width = screen_width()
     console = Console(width=width, highlight=False)
     every = [item for section in items.values() for item in section]
     why = list(dict.fromkeys(text for item in every for text in (item.why, *item.notes)))
     console.print(table(items, why))
     print(notes(why, width) + "\n")
-    for name, section in varied.items():
-        console.print(sensitivity(name, section))
-    every += [item for section in varied.values() for item in section]
-    for verdict in (kind for kind in COLOURS if any(item.verdict == kind for item in every)):
-        count = sum(item.verdict == verdict for section in items.values() for item in section)
-        console.print(f"[{COLOURS[verdict]}]{verdict}[/] ({count}): {MEANINGS[verdict]}")
+    for verdict in COLOURS:
+        count = sum(item.verdict == verdict for item in every)
+        if count:
+            console.print(f"[{COLOURS[verdict]}]{verdict}[/] ({count}): {MEANINGS[verdict]}")
     console.print(
         "C_D: drag coefficient; e: coefficient of restitution; Re: Reynolds number; spin "
         "parameter: surface speed of the spin over speed; X forward and Y up, as in the paper"
@@ -125,26 +114,4 @@ def table(items: Mapping[str, Sequence[Item]], why: Sequence[str]) -> Table:
                 " ".join(f"{1 + why.index(text)}" for text in (item.why, *item.notes)),
             )
         result.add_section()
-    return result
-
-
-def sensitivity(name: str, items: Sequence[Item]) -> Table:
-    """Return the table of a line per choice of coefficients; the colour is the verdict.
-
-    Numbers that are the same for all choices, or were shown before, have no column.
-    """
-    columns: dict[str, dict[str, str]] = {}
-    for item in items:
-        unit = "" if item.unit == "1" else f" [{item.unit}]"
-        column = columns.setdefault(escape(item.item.removeprefix(f"{name} ") + unit), {})
-        column[item.variant] = f"[{COLOURS[item.verdict]}]{item.ours:.4g}[/]"
-    result = empty_table(f"{name} with other coefficients than {DEFAULT.name}")
-    result.add_column("coefficients", no_wrap=True)
-    shown: list[dict[str, str]] = []
-    for head, column in columns.items():
-        if len(set(column.values())) > 1 and column not in shown:
-            shown.append(column)
-            result.add_column(head, justify="right")
-    for variant in dict.fromkeys(item.variant for item in items):
-        result.add_row(fill(variant, width=14), *(column[variant] for column in shown))
     return result

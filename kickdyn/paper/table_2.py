@@ -3,7 +3,6 @@
 from functools import cache
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from kickdyn.contact import Contact
 from kickdyn.core.validation import Array
@@ -11,7 +10,7 @@ from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.laws import normal_impulse
 from kickdyn.impact.strike import strike
 from kickdyn.paper.assumptions import BALL, RESTITUTION, direction
-from kickdyn.paper.fig_1 import OBSTACLE, joints
+from kickdyn.paper.fig_1 import OBSTACLE
 from kickdyn.paper.item import FITTED, Item, Verdict, near, shape
 from kickdyn.robot.leg import Leg, Posture
 
@@ -109,21 +108,17 @@ def _words(totals: list[float]) -> list[Item]:
     first, *_, last = (90 + down + HIP_DEG - KNEE_DEG for down, *_ in ROWS.values())
     straight = (
         'the paper says "the posture of straight ankle transmits large external impulse"; this '
-        f"holds if the straight ankle is that of (a), the nearest to a right angle ({first:g} deg "
-        "between shank and foot), and not if it is that of (c), whose foot is the nearest to the "
-        f"line of the shank ({last:g} deg)"
+        f"holds if the straight ankle is that of (a), {first:g} deg between shank and foot"
     )
     small = (
-        'the paper says that the impulse "becomes smaller for the small angle of the ankle"; this '
-        "does not hold here: from (a) to (c) the impulse falls while the angle between foot and "
-        f"ground grows, and so does that between shank and foot, from {first:g} to {last:g} deg; "
-        "with the foot turned up the latter would shrink, but then no posture of a search gives "
-        "the totals; that the foot points down is an inference of kickdyn"
+        'the paper says that the impulse "becomes smaller for the small angle of the ankle"; here '
+        f"it falls while the angle between shank and foot grows from {first:g} to {last:g} deg; "
+        "with the foot turned up, no posture of a search gives the totals"
     )
     why = (
-        "of the three totals for the postures of a search, with any factor 1 + e, even one above "
-        f"2; without the ball's term it is {obstacle:.2f} %: that Table 2 is an impact on an "
-        "immovable obstacle is an inference from this"
+        "of the three totals for the postures of a search, with any factor 1 + e; without the "
+        f"ball's term it is {obstacle:.2f} %: that Table 2 is an impact on an immovable obstacle "
+        "is an inference from this"
     )
     falls, missed = shape(totals == sorted(totals, reverse=True)), Verdict.NOT_REACHABLE
     return [
@@ -133,17 +128,3 @@ def _words(totals: list[float]) -> list[Item]:
         ),
         Item(f"{NAME} least error, with the ball", None, ball, "%", missed, why, "Eq. (10)"),
     ]
-
-
-def draw(figure: Figure) -> None:
-    """Draw the three postures of Fig. 7 with their impulses on an immovable obstacle."""
-    panels = figure.subplots(1, 3, sharex=True, sharey=True)
-    for axes, (name, posture) in zip(panels, postures().items(), strict=True):
-        toe = posture.contact_point
-        axes.plot(*joints(posture).T, "o-", color="tab:blue")
-        impulse = impact_of(posture).impulse
-        total, head = np.linalg.norm(impulse), toe + 0.2 * impulse
-        axes.annotate("", head[[0, 2]], toe[[0, 2]], arrowprops={"arrowstyle": "->", "lw": 2})
-        axes.set(title=f"({name}) foot {ROWS[name][0]:g} deg down: {total:.3f} N s", xlabel="X [m]")
-        axes.set_aspect("equal")
-    panels[0].set(ylabel="Y [m]", xlim=(-0.3, 0.6))

@@ -5,9 +5,8 @@ With the contact normal n at the printed height and the attack direction a, Eq. 
 .. math:: p = (1 + e)\, s v\, (a \cdot n)\, m(n), \qquad
           \tfrac{1}{m(n)} = n^T J M^{-1} J^T n + \tfrac{1}{m_B} .
 
-The force of Eqs. (15)-(20) is along a with this part p along n. The paper prints neither posture
-nor e, and no passive impact gives its distances: s is a scale of the printed foot speed v. Only
-the product (1 + e) s matters; it is fitted to the row of 50 deg and 2.2 m/s, and the posture,
+The force of Eqs. (15)-(20) is along a with this part p along n, and s is a scale of the printed
+foot speed v. The product (1 + e) s is fitted to the row of 50 deg and 2.2 m/s, and the posture,
 through m(n), to the row of 30 deg. The other rows are predicted.
 """
 
@@ -76,18 +75,12 @@ class Fit(NamedTuple):
     Attributes:
         posture: of all that fit, the one with the smallest gain.
         gain: its (1 + e) s, at most `PASSIVE_LIMIT` in a passive impact.
-        largest_gain: of all postures that fit.
         middle: least and largest distance at 40 deg of all postures that fit [m].
-        likely: the same of postures with a gain of less than twice the smallest [m].
-        locked: least distance of any posture at 30 deg with a locked ankle [m].
     """
 
     posture: Posture
     gain: float
-    largest_gain: float
     middle: tuple[float, float]
-    likely: tuple[float, float]
-    locked: float
 
 
 def kick(row: TestBedKick, fitted: Fit, choice: Coefficients) -> Flight:
@@ -113,22 +106,19 @@ testbed = cache(Leg.testbed)
 """The leg of Table 6."""
 
 
-def masses(postures: Sequence[Posture], free: int = 3) -> Array:
-    """Return m(n) along the normals of Table 4 [kg], shape `(k, 3)` for k postures.
-
-    All joints are free, or the first 2, where the ankle is locked.
-    """
-    inertia = np.array([posture.inertia[:free, :free] for posture in postures])
-    along = np.array([(NORMALS @ posture.jacobian[:, :free]).T for posture in postures])
+def masses(postures: Sequence[Posture]) -> Array:
+    """Return m(n) along the normals of Table 4 [kg], shape `(k, 3)` for k postures."""
+    inertia = np.array([posture.inertia for posture in postures])
+    along = np.array([(NORMALS @ posture.jacobian).T for posture in postures])
     mobility = (along * np.linalg.solve(inertia, along)).sum(axis=1)
     return np.asarray(1 / (mobility + 1 / BALL.mass))
 
 
 @cache
-def grid() -> tuple[Array, Array, Array]:
-    """Return a grid of configurations [rad], m(n) there, and m(n) with the ankle locked [kg].
+def grid() -> tuple[Array, Array]:
+    """Return a grid of configurations [rad], and m(n) there [kg].
 
-    Each has shape `(i, j, k, 3)`. Where the foot points away from a normal, the ball would lie
+    Both have shape `(i, j, k, 3)`. Where the foot points away from a normal, the ball would lie
     inside it: the masses are NaN.
     """
     leg = testbed()
@@ -138,10 +128,9 @@ def grid() -> tuple[Array, Array, Array]:
     pitch = q @ (1.0, -1.0, -1.0)
     foot = np.stack([np.cos(pitch), 0.0 * pitch, np.sin(pitch)], axis=-1)
     ahead = (foot @ NORMALS.T > 0).all(axis=-1)
-    postures = [leg.posture(row) for row in q[ahead]]
-    free, locked = np.full((2, *q.shape), np.nan)
-    free[ahead], locked[ahead] = masses(postures), masses(postures, 2)
-    return q, free, locked
+    mass = np.full(q.shape, np.nan)
+    mass[ahead] = masses([leg.posture(row) for row in q[ahead]])
+    return q, mass
 
 
 @cache
@@ -166,8 +155,8 @@ def fit(choice: Coefficients) -> Fit:
     def masses_at(q: Array) -> Array:
         return np.asarray(masses([leg.posture(q)])[0])
 
-    q, free, locked = grid()
-    error, values = misfit(free), np.concatenate([q, free], axis=-1)
+    q, mass_there = grid()
+    error, values = misfit(mass_there), np.concatenate([q, mass_there], axis=-1)
     crossed = error[..., :-1] * error[..., 1:] < 0  # from one ankle angle to the next
     before, after = error[..., :-1][crossed], error[..., 1:][crossed]
     fraction = (before / (before - after))[:, None]
@@ -183,9 +172,7 @@ def fit(choice: Coefficients) -> Fit:
     ).x
     mass = masses_at(best)
     gain, middle = float(high / mass[2]), np.append(middle, high * mass[1] / mass[2])
-    likely = middle[np.append(gains, gain) < 2 * gain]
-    least = distance(0, high * np.nanmin(locked[..., 0] / locked[..., 2]))
-    return Fit(leg.posture(best), gain, gains.max(), span(middle), span(likely), least)
+    return Fit(leg.posture(best), gain, span(middle))
 
 
 def items() -> list[Item]:
@@ -215,13 +202,7 @@ def items() -> list[Item]:
         worst = max(abs(ours / experiment - 1) for ours, experiment in pairs)
         name, verdict = f"{NAME} largest error of a {name}", shape(worst <= MEASURED)
         result.append(Item(name, None, 100 * worst, "%", verdict, why, source))
-    why = (
-        f"the least distance of a grid of postures every {GRID_DEG:g} deg, with (1 + e) s fitted "
-        "to the row of 50 deg"
-    )
-    name, ours = f"{LOW.name} distance, ankle locked", fitted.locked
-    verdict = Verdict.FITTED if ours <= LOW.experiment else Verdict.NOT_REACHABLE
-    return [*result, Item(name, LOW.experiment, ours, "m", verdict, why, source)]
+    return result
 
 
 def varying(choice: Coefficients) -> list[Item]:
@@ -231,13 +212,11 @@ def varying(choice: Coefficients) -> list[Item]:
     posture = ", ".join(f"{name} {angle:.0f}" for name, angle in angles.items())
     reasons = {
         LOW: f"the posture is fitted to the rows of 30 and 50 deg: {posture} deg; of all that fit, "
-        f"it needs the smallest (1 + e) s, {fitted.gain:.2g} (the largest is "
-        f"{fitted.largest_gain:.2g})",
+        f"it needs the smallest (1 + e) s, {fitted.gain:.2g}",
         HIGH: "(1 + e) s is fitted; Table 5 prints this kick again",
         MIDDLE: "predicted; all postures that fit the rows of 30 and 50 deg give "
-        f"{fitted.middle[0]:.1f} to {fitted.middle[1]:.1f} m, and those that need less than twice "
-        f"the smallest (1 + e) s give {fitted.likely[0]:.1f} to {fitted.likely[1]:.1f} m; the "
-        "posture with the smallest gives the largest distance",
+        f"{fitted.middle[0]:.1f} to {fitted.middle[1]:.1f} m; the posture with the smallest "
+        "(1 + e) s gives the largest distance",
         **{
             row: "predicted from the row of 50 deg and 2.2 m/s, whatever the posture: the launch "
             "speed is in proportion to the foot speed; distance in proportion to its square, as "

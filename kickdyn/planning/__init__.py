@@ -1,4 +1,4 @@
-"""From a goal back to the launch, the kick and the swing that meet it.
+"""From a goal back to the launch, and the kick that meet it.
 
 Open `kick.py` first: `plan_kick` goes through the whole method.
 """

@@ -24,10 +24,7 @@ FARTHEST = 1e4
 
 
 class PlanStatus(StrEnum):
-    """Whether a plan meets its goal and can be carried out, as far as kickdyn knows.
-
-    The members are in order: a plan with several faults has the status of the last one.
-    """
+    """Whether a plan can be carried out; one with several faults has the last one's status."""
 
     MET = "met"
     COLLIDES = "collides"
@@ -36,7 +33,7 @@ class PlanStatus(StrEnum):
     """The foot that a robot stands on slips, tips or lifts off."""
     BEYOND_LIMITS = "beyond-limits"
     """The leg is not fast or strong enough: the plan is the kick of the largest share of it,
-    or one whose backswing takes more than the torque limits."""
+    or one whose motion does not keep a limit."""
     UNREACHABLE = "unreachable"
     """No launch meets it: the plan is the nearest there is."""
 
@@ -82,9 +79,8 @@ class Arc(StrEnum):
 class Goal(ReprMixin):
     """A target, and one condition on the flight to it.
 
-    There is a family of launches to the target, one for each time of flight; the condition
-    selects members of it. The ground is level, under the ball at its start, or
-    under the target where that is lower.
+    There is a launch to the target for each time of flight; the condition selects among them. The
+    ground is level, under the ball at its start, or under the target where that is lower.
 
     Args:
         target: position of the ball's centre at the target, from where it starts: a distance along
@@ -211,11 +207,7 @@ class Goal(ReprMixin):
         return next(name for name in CONDITIONS if getattr(self, name) is not None)
 
     def nominal_times(self) -> list[float]:
-        """Return the times of flight [s] that meet the goal in the vacuum, from Eqs. (24)-(25).
-
-        The list is empty where no such flight exists, and has two times where both a low and a high
-        arc meet the goal.
-        """
+        """Return the times of flight [s] that meet the goal in the vacuum, from Eqs. (24)-(25)."""
         rise, g = float(self.target[2]), GRAVITY
         if self.time is not None:
             return [self.time]
@@ -284,19 +276,11 @@ class PlannedLaunch(ReprMixin):
 
 
 def nominal_velocity(target: Array, time: float) -> Array:
-    r"""Return the launch velocity to a target in a time in the vacuum, Eqs. (24)-(25).
-
-    .. math:: v = x / t + \tfrac12 g t\, e_z
-
-    Args:
-        target: shape `(3,)` [m].
-        time: [s].
-    """
+    r"""Return the launch velocity in the vacuum, :math:`v = x / t + \tfrac12 g t\, e_z` [m/s]."""
     return np.asarray(target / time + np.array([0.0, 0.0, GRAVITY * time / 2]))
 
 
 def _checked_point(name: str, value: object, level: float) -> tuple[float, float] | None:
-    """Return a point of the flight before a target at a horizontal distance [m]."""
     if value is None:
         return None
     pair = validation.vector(name, value, 2, unit="m")  # type: ignore[arg-type]

@@ -1,8 +1,9 @@
 """Planning a kick: from a goal back to the posture and the joint velocity that meet it."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
+from importlib.util import find_spec
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,20 +19,19 @@ from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course, follow
 from kickdyn.ground import Ground, Surface
 from kickdyn.impact.strike import strike
+from kickdyn.motion.impact_target import impact_target_for
+from kickdyn.motion.motion import Motion
 from kickdyn.plane import Plane
-from kickdyn.planning.backswing import solve_with_backswing
 from kickdyn.planning.goal import Goal
-from kickdyn.planning.impact_target import impact_target_for
 from kickdyn.planning.kick_plan import KickPlan
-from kickdyn.planning.kick_problem import kick_problem, solve_kick
-from kickdyn.planning.kick_terms import Objective, SpeedLimit, TorqueLimit
+from kickdyn.planning.kick_problem import KickProblem, kick_problem, solve_kick
+from kickdyn.planning.kick_terms import BallPosition, Facing, Objective, SpeedLimit, TorqueLimit
 from kickdyn.planning.launch import Launch, OutOfReach, fly_to_target, plan_launch
-from kickdyn.planning.objectives import OBJECTIVES, KickObjective, LandingScatter
+from kickdyn.planning.objectives import OBJECTIVES, KickObjective
 from kickdyn.planning.passes import Pass, plan_pass
 from kickdyn.planning.stance import Balance
-from kickdyn.planning.swing_phase import check_solver
 from kickdyn.robot.kicking_chain import check_free_joints, with_angles
-from kickdyn.robot.leg import Leg
+from kickdyn.robot.leg import Leg, Posture
 from kickdyn.robot.standing import is_floating
 
 FARTHEST_BALL = 1e9
@@ -45,14 +45,12 @@ def plan_kick(
     ball: Ball,
     air: Air | None = None,
     *,
-    objective: str = KickObjective.JOINT_SPEED,
+    objective: str | None = None,
     contact: Contact | None = None,
     ball_position: ArrayLike | None = None,
     limits: bool = True,
     surface: str | Surface | None = None,
-    uncertainty: Mapping[str, float] | None = None,
-    swing: bool = False,
-    solver: str = "slsqp",
+    motion: bool = False,
 ) -> KickPlan:
     r"""Find posture and joint velocity that strike a ball at rest so that it meets a goal.
 
@@ -70,8 +68,8 @@ def plan_kick(
             left out, because a ball at rest takes spin across it only.
         ball: the ball; its mass and radius count.
         air: the air; None is the vacuum.
-        objective: a `KickObjective`. `scatter` needs an `uncertainty`; it is searched from the
-            plans of all other objectives, so that it scatters no more than theirs.
+        objective: a `KickObjective`; None is `joint-speed`, or `torque-squared` with a motion, for
+            which there is no other.
         contact: restitution, friction and offset of the contact, without a normal. With None, the
             restitution is 0.8 as in the paper's Table 2 and the friction 0.4. Where the restitution
             depends on the speed of approach u, u (1 + e) must increase with u; without friction,
@@ -85,13 +83,9 @@ def plan_kick(
             of 0 is refused, or none with `limits=False`.
         surface: surface of the ground, for a ball that is played along the ground as by
             `plan_pass`; the goal is then a time and a target at the height of the ball.
-        uncertainty: standard deviations by source, as for `kickdyn.planning.scatter.scatter`.
-        swing: whether the leg must be able to come there from rest, and to rest afterwards, within
-            its limits and a second each: `plan_swing` then finds the motion. For objectives
-            `joint-speed` and `kinetic-energy`, with limits; needs `pip install "kickdyn[swing]"`.
-            A robot that stands on one foot needs nothing more: its plan has a `backswing`, from
-            rest to the impact, see below.
-        solver: name of the solver of the nonlinear program, `slsqp`.
+        motion: whether to plan the whole motion: from rest to the impact, and to rest again. It
+            chooses posture and joint velocity at the impact, too, and needs limits of speed and
+            torque of all joints that move, and `pip install "kickdyn[motion]"`. See below.
 
     A robot that stands on one foot kicks a ball that lies on the same ground, the plane z = 0. The
     foot lies on it as it does while all joints are at 0 and the base is upright; without a `sole`
@@ -100,20 +94,22 @@ def plan_kick(
     (the body of the floating base) at most 30 degrees from upright, and, where there is such a
     posture, the ground can supply the support's impulse: `impact.footing` says whether.
 
-    With `swing=True`, such a robot also has a `backswing`: from a posture in which it stands at
-    rest, with its centre of mass above the sole, to the impact, within the joints' ranges and
-    speeds, the trunk at most 45 degrees from upright and the kicking foot above the ground. Torques
-    and the force of the ground keep their limits where there is such a motion; `status` says
-    whether they do, and `warnings` names those that do not. The motion after the impact is not
-    planned.
+    With `motion=True`, `plan.motion` is the motion of the whole robot: splines that minimize the
+    squared torque, at the same time as the impact that they contain. It keeps ranges, speeds and
+    torques of the joints; on one foot also the trunk's tilt, the kicking foot above the ground and
+    beside the other foot, and, for the force of the ground and for its impulse in the impact, the
+    centre of pressure in the sole, friction (0.7 where the `Support` names none) and the moment
+    about the vertical. All limits are checked between the solver's points, at ten times as many
+    times. `status` is `met` only if all hold; `warnings` names those that do not, with when and by
+    how much. Where the whole launch cannot be reached, `share` is what can.
 
     Raises:
         OutOfReach: a goal that no launch meets, with the nearest there is.
         InvalidInput: a leg that cannot kick in that direction or whose postures cannot reach the
             ball; a spin for which friction is too low; an unknown objective; a leg with loops,
-            which tie joints together that a plan chooses one by one; a standing robot for which no
-            backswing is found with `swing=True`; a leg with stiff joints, whose effective mass the
-            plan does not know (`strike`, `collide` and sweeps know both).
+            which tie joints together that a plan chooses one by one; a robot that cannot stand at
+            rest within its limits with `motion=True`; a leg with stiff joints, whose effective mass
+            the plan does not know (`strike`, `collide` and sweeps know both).
 
     Example:
         >>> import kickdyn as kd
@@ -123,12 +119,10 @@ def plan_kick(
     """
     leg = with_angles(leg)
     check_free_joints(leg, "kicks are planned")
-    objective = _checked_objective(objective, uncertainty, limits=limits, swing=swing)
+    objective = _checked_objective(objective, limits=limits, motion=motion)
     contact, position = _checked_contact(contact), _checked_ball_position(ball_position)
     if is_floating(leg):
         position = _lying_on_ground(position, ball)
-    elif swing:
-        check_solver()
 
     # several threads sum in another order, which moves postures by up to 2e-5 rad, and take 5 times
     # as long for matrices of 100 rows
@@ -139,54 +133,123 @@ def plan_kick(
         else:
             launch = _plan_pass_launch(goal, ball, air, surface)
         target = impact_target_for(launch.velocity, launch.spin, ball, contact)
-        problem = kick_problem(leg, target, position, limits=limits, solver=solver)
-        cost: Objective = (
-            OBJECTIVES[objective]()
-            if uncertainty is None
-            else LandingScatter(launch.state, ball, air, uncertainty)
-        )
-        phases = backswing = None
-        if not swing:
-            solution = solve_kick(problem, cost)
-        elif problem.standing is not None:
-            solution, backswing = solve_with_backswing(problem, cost)
+        problem = kick_problem(leg, target, position, limits=limits)
+        if motion:
+            chosen = _plan_motion(problem)
         else:
-            from kickdyn.planning.swing_kick import solve_with_swing  # it needs CasADi
-
-            solution, phases = solve_with_swing(problem, cost)
-
-        problem, point = solution.problem, solution.point
-        q, v = problem.on_robot(point)
-        impact = strike(problem.robot.posture(q), v, ball, target.contact)
-        met = point.share == 1.0
+            chosen = _plan_posture(problem, OBJECTIVES[objective]())
+        impact = strike(chosen.posture, chosen.v, ball, target.contact)
         path: Flight | Course
         if surface is None:
-            time = launch.time if met else None
+            time = launch.time if chosen.outcome["share"] == 1.0 else None
             path = fly_to_target(impact.ball_after, goal, ball, air, time)
         else:
             start = impact.ball_after
             ground = Ground(float(start.position[2]) - ball.radius, surface)
             plane = Plane(start.position + goal.target, -goal.ahead, "centre")
             path = follow(start, ball, air, ground, plane=plane)
-    balance = problem.find(Balance)
     return KickPlan(
         goal=goal,
         launch=launch,
         objective=objective,
-        value=cost.quantity(point),
-        share=point.share,
         impact_target=target,
         impact=impact,
         path=path,
-        speed_use=float(SpeedLimit(problem.variables).use(point).max()),
-        torque_use=float(TorqueLimit(problem.variables).use(point).max()),
-        binding=(*solution.binding, *(x for term in problem.terms for x in term.binding(point))),
         ball_is_placed=position is not None,
         heading=problem.heading,
-        phases=phases,
-        backswing=backswing,
-        balance=None if balance is None else balance.distance(point.posture),
+        **chosen.outcome,
     )
+
+
+class _Chosen(NamedTuple):
+    """The robot's state at the impact, and further attributes of `KickPlan`."""
+
+    posture: Posture
+    v: Array
+    outcome: dict[str, Any]
+
+
+def _plan_posture(problem: KickProblem, objective: Objective) -> _Chosen:
+    """Return the state at the impact that is best by an objective."""
+    problem, point = solve_kick(problem, objective)
+    q, v = problem.on_robot(point)
+    balance = problem.find(Balance)
+    outcome = {
+        "share": point.share,
+        "value": objective.quantity(point),
+        "speed_use": float(SpeedLimit(problem.variables).use(point).max()),
+        "torque_use": float(TorqueLimit(problem.variables).use(point).max()),
+        "binding": tuple(name for term in problem.terms for name in term.binding(point)),
+        "balance": None if balance is None else balance.distance(point.posture),
+    }
+    return _Chosen(problem.robot.posture(q), v, outcome)
+
+
+def replan_motion(plan: KickPlan, velocity: ArrayLike) -> KickPlan:
+    """Return a plan with a motion near that of another one, whose `strike` gives another launch.
+
+    It serves to correct a launch by what a contact that takes time, or a simulator, makes of it.
+
+    Args:
+        plan: with a motion.
+        velocity: of the ball after `strike`, shape `(3,)` [m/s, world frame].
+
+    Raises:
+        InvalidInput: a plan without a motion.
+    """
+    if plan.motion is None:
+        raise InvalidInput("the plan has no motion: plan it with motion=True")
+    wished = validation.vector("velocity", velocity, 3, unit="m/s")
+    ball, contact = plan.impact.ball, plan.impact_target.contact
+    leg, after = plan.leg, plan.impact.ball_after
+    position = None
+    if plan.ball_is_placed:
+        position = ball.radius if is_floating(leg) else plan.impact.ball_before.position
+    with threadpool_limits(1, "blas"):
+        target = impact_target_for(wished, after.spin, ball, contact)
+        problem = kick_problem(leg, target, position)
+        chosen = _plan_motion(problem, plan.motion)
+        impact = strike(chosen.posture, chosen.v, ball, target.contact)
+        path = fly_to_target(impact.ball_after, plan.goal, ball, plan.launch.air, None)
+    return replace(plan, impact_target=target, impact=impact, path=path, **chosen.outcome)
+
+
+def _plan_motion(problem: KickProblem, near: Motion | None = None) -> _Chosen:
+    """Return the state at the impact that a motion from rest to rest contains."""
+    if find_spec("casadi") is None:
+        raise InvalidInput(
+            'motions need the package casadi: install it with pip install "kickdyn[motion]"'
+        )
+    from kickdyn.motion.motion_problem import KickTask  # it imports CasADi
+    from kickdyn.motion.plan_motion import plan_motion
+
+    standing, none = problem.standing, np.zeros((0, 3))
+    ball, facing = problem.find(BallPosition), problem.find(Facing)
+    leg = problem.limb.leg if standing is None else standing.leg
+    task = KickTask(
+        problem.robot,
+        leg,
+        problem.variables.target,
+        problem.foot_directions,
+        none if ball is None else ball.rows,
+        np.zeros(3) if ball is None else ball.centre,
+        none if facing is None else facing.axes,
+        standing,
+    )
+    planned = plan_motion(task, near)
+    motion, balance = planned.motion, None
+    if standing is not None:
+        balance = Balance(standing).distance(problem.robot.posture(motion.q(0.0)))
+    outcome = {
+        "share": planned.share,
+        "value": planned.torque_squared,
+        "speed_use": planned.speed_use,
+        "torque_use": planned.torque_use,
+        "binding": planned.binding,
+        "balance": balance,
+        "motion": motion,
+    }
+    return _Chosen(problem.robot.posture(motion.q(0.0)), motion.v(0.0), outcome)
 
 
 def _lying_on_ground(position: float | Array | None, ball: Ball) -> float | Array:
@@ -200,24 +263,17 @@ def _lying_on_ground(position: float | Array | None, ball: Ball) -> float | Arra
     return ball.radius if position is None else position
 
 
-def _checked_objective(
-    name: str, uncertainty: Mapping[str, float] | None, *, limits: bool, swing: bool
-) -> KickObjective:
+def _checked_objective(name: str | None, *, limits: bool, motion: bool) -> KickObjective:
     """Return the objective, or raise `InvalidInput` where it does not go with the rest."""
-    objective = validation.choice("objective", name, KickObjective)
-    if (uncertainty is None) != (objective != KickObjective.SCATTER):
+    default = KickObjective.TORQUE_SQUARED if motion else KickObjective.JOINT_SPEED
+    objective = default if name is None else validation.choice("objective", name, KickObjective)
+    if motion != (objective == KickObjective.TORQUE_SQUARED):
         raise InvalidInput(
-            f"objective is {objective} and uncertainty is {uncertainty!r}: scatter needs an "
-            "uncertainty, and no other objective takes one"
+            f"objective is {objective}: a motion (motion=True, --motion) has the objective "
+            f"{KickObjective.TORQUE_SQUARED}, and nothing else has"
         )
-    if swing:
-        if objective not in (KickObjective.JOINT_SPEED, KickObjective.KINETIC_ENERGY):
-            raise InvalidInput(
-                f"objective is {objective}: with swing=True (--swing) it must be joint-speed or "
-                "kinetic-energy"
-            )
-        if not limits:
-            raise InvalidInput("limits is False: a swing is planned within limits")
+    if motion and not limits:
+        raise InvalidInput("limits is False: a motion is planned within limits")
     return objective
 
 

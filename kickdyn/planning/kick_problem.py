@@ -3,9 +3,8 @@ r"""The problem of a kick: its terms, postures to start from, and its solution.
 .. math::
     \min_{q, v, s} f(q, v) \quad\text{subject to the terms of the foot, the joints and the stance.}
 
-A limit that every kick must keep is a term in the list of `kick_problem`, and a solver is an entry
-of `SOLVERS`. A problem is solved from those postures that need the least joint speed, of many that
-are drawn with a fixed seed.
+A limit that every kick must keep is a term in the list of `kick_problem`. A problem is solved from
+those postures that need the least joint speed, of many that are drawn with a fixed seed.
 """
 
 import math
@@ -18,8 +17,8 @@ import pinocchio as pin
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
+from kickdyn.motion.impact_target import ImpactTarget
 from kickdyn.planning.ball_clearance import BallClearance
-from kickdyn.planning.impact_target import ImpactTarget
 from kickdyn.planning.kick_terms import (
     BallPosition,
     Facing,
@@ -34,19 +33,13 @@ from kickdyn.planning.kick_terms import (
     check_limits,
 )
 from kickdyn.planning.objectives import (
-    OBJECTIVES,
-    JointSpeed,
-    LandingScatter,
     LargestShare,
 )
 from kickdyn.planning.problem import (
     TOLERANCE,
     Function,
-    LeastViolation,
     Problem,
-    Solver,
     Term,
-    slsqp,
 )
 from kickdyn.planning.stance import Balance, Clearance, SupportImpulse, Upright
 from kickdyn.robot.kicking_chain import KickingChain, check_unconstrained, kicking_chain
@@ -60,9 +53,6 @@ DRAWN, STARTS = 80, 4
 FARTHEST_START, FARTHEST_STANDING_START = 1.0, 0.5
 """Largest angle of a joint in a drawn posture, on a fixed base and on one foot [rad]: farther, a
 leg is bent more than in any kick, and the trunk of a standing robot lies down."""
-
-SOLVERS: dict[str, Solver] = {"slsqp": slsqp}
-"""Solvers of the problem of a kick, by name."""
 
 AnyTerm = TypeVar("AnyTerm", bound=Term[KickPoint])
 
@@ -78,7 +68,6 @@ class KickProblem:
         foot_directions: in which the foot can move at all, orthonormal rows, shape `(k, 3)`.
         terms: the conditions and bounds, without an objective.
         drawn: postures that are drawn, shape `(m, n)` [rad; m for prismatic joints].
-        solver: that solves it.
         heading: see `robot`.
         standing: the robot on its foot; None for a leg on a fixed base.
     """
@@ -89,7 +78,6 @@ class KickProblem:
     foot_directions: Array
     terms: tuple[Term[KickPoint], ...]
     drawn: Array
-    solver: Solver
     heading: float = 0.0
     standing: StandingRobot | None = None
 
@@ -126,7 +114,7 @@ class KickProblem:
         if not isinstance(objective, LargestShare):
             terms += (FullShare(variables),)
         problem = Problem(variables.size, variables.point, (objective, *terms))
-        solutions = [problem.solve(start, self.solver) for start in starts]
+        solutions = [problem.solve(start) for start in starts]
         return [strike.make_exact(variables.point(x)) for x in solutions if x is not None]
 
     def starts(self) -> list[Array]:
@@ -152,12 +140,10 @@ class KickSolution(NamedTuple):
     Attributes:
         problem: the problem; where no point keeps an optional term, the problem without it.
         point: with an exact foot velocity.
-        binding: limits of the motion before and after the impact that the point does not leave.
     """
 
     problem: KickProblem
     point: KickPoint
-    binding: tuple[str, ...] = ()
 
 
 def kick_problem(
@@ -166,7 +152,6 @@ def kick_problem(
     ball_position: float | Array | None = None,
     *,
     limits: bool = True,
-    solver: str = "slsqp",
 ) -> KickProblem:
     """Return the problem of a kick.
 
@@ -176,14 +161,11 @@ def kick_problem(
         ball_position: height or position of the ball's centre, shape `(3,)` [m, world frame]; None
             leaves it free.
         limits: whether limits of speed and torque hold.
-        solver: name of the solver, see `SOLVERS`.
 
     Raises:
-        InvalidInput: an unknown solver, a leg that cannot kick in this direction, or a ball beside
+        InvalidInput: a leg that cannot kick in this direction, or a ball beside
             its plane.
     """
-    if solver not in SOLVERS:
-        raise InvalidInput(f"solver is {solver!r}: it must be one of {', '.join(SOLVERS)}")
     draw, heading = np.random.default_rng(0), 0.0
     standing = StandingRobot(robot) if is_floating(robot) else None
     if standing is not None:
@@ -224,9 +206,7 @@ def kick_problem(
     lower = np.minimum(np.maximum(variables.lower, -farthest), variables.upper)
     upper = np.maximum(np.minimum(variables.upper, farthest), variables.lower)
     drawn = np.array([draw.uniform(lower, upper) for _ in range(DRAWN)])
-    return KickProblem(
-        robot, limb, variables, directions, tuple(terms), drawn, SOLVERS[solver], heading, standing
-    )
+    return KickProblem(robot, limb, variables, directions, tuple(terms), drawn, heading, standing)
 
 
 def solve_kick(problem: KickProblem, objective: Objective) -> KickSolution:
@@ -235,8 +215,6 @@ def solve_kick(problem: KickProblem, objective: Objective) -> KickSolution:
     Raises:
         InvalidInput: no posture keeps the terms, with the reason.
     """
-    if isinstance(objective, LandingScatter):
-        return _solve_for_scatter(problem, objective)
     solution = _find_solution(problem, objective)
     if solution is not None:
         return solution
@@ -252,22 +230,18 @@ def explain_infeasible(problem: KickProblem) -> str:
     """Return why a problem has no solution: the last terms without which it has one."""
     *_, problem = problem.variants()
     for explanation in dict.fromkeys(term.explanation for term in reversed(problem.terms)):
-        if explanation:
-            omitted = [term for term in problem.terms if term.explanation == explanation]
-            if points := _solve_without(problem, omitted):
-                violation = LeastViolation(omitted)
-                return omitted[0].explain(min(points, key=lambda x: float(violation.value(x)[0])))
-    if _solve_without(problem, [term for term in problem.terms if term.explanation]):
+        if explanation and _is_feasible_without(
+            problem, [term for term in problem.terms if term.explanation == explanation]
+        ):
+            return explanation
+    if _is_feasible_without(problem, [term for term in problem.terms if term.explanation]):
         return "it has one only without two or more of its conditions"
     return "the ranges of its joints allow none"
 
 
-def _solve_without(problem: KickProblem, omitted: list[Term[KickPoint]]) -> list[KickPoint]:
-    """Return solutions without some terms, and those of least violation; none if it has none."""
+def _is_feasible_without(problem: KickProblem, omitted: list[Term[KickPoint]]) -> bool:
     relaxed = problem.without(omitted)
-    starts = relaxed.starts()
-    strongest = relaxed.solve(LargestShare(), starts)
-    return strongest and strongest + relaxed.solve(LeastViolation(omitted), starts)
+    return bool(relaxed.solve(LargestShare(), relaxed.starts()))
 
 
 def _find_solution(problem: KickProblem, objective: Function[KickPoint]) -> KickSolution | None:
@@ -285,21 +259,6 @@ def _find_solution(problem: KickProblem, objective: Function[KickPoint]) -> Kick
         full = variant.variables.point(np.append(strongest.x[:-1], 1.0))
         strongest = next(iter(variant.solve(objective, [strongest.x])), full)
     return KickSolution(variant, strongest)
-
-
-def _solve_for_scatter(problem: KickProblem, scatter: LandingScatter) -> KickSolution:
-    """Return the solution of least scatter near the solutions for all other objectives."""
-    problem, point, _ = solve_kick(problem, JointSpeed())
-    if point.share < 1.0:
-        return KickSolution(problem, point)
-    points, starts = [point], problem.starts()
-    for kind in OBJECTIVES.values():
-        if kind not in (JointSpeed, LandingScatter):
-            objective = kind()
-            solutions = problem.solve(objective, starts)
-            points += [min(solutions, key=objective.cost)] if solutions else []
-    points += problem.solve(scatter, [point.x for point in points])
-    return KickSolution(problem, min(points, key=scatter.cost))
 
 
 def _foot_directions(variables: KickVariables, draw: np.random.Generator) -> Array:

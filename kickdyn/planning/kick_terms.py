@@ -22,7 +22,7 @@ import pinocchio as pin
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.leg_derivatives import leg_derivatives
-from kickdyn.planning.impact_target import ImpactTarget
+from kickdyn.motion.impact_target import ImpactTarget
 from kickdyn.planning.problem import TOLERANCE, Bounds, Function, Kind
 from kickdyn.robot.kicking_chain import kicking_chain, rest_configuration
 from kickdyn.robot.leg import Leg, Posture
@@ -156,13 +156,10 @@ class Objective(Function[KickPoint]):
     """A quantity that a kick makes least, or most; its derivatives are differences.
 
     Attributes:
-        unit: of the quantity.
-        remark: what the quantity is, in words, where it has no unit.
         maximized: whether the quantity is made most.
     """
 
     kind = Kind.OBJECTIVE
-    unit, remark = "", ""
     maximized = False
 
     @abstractmethod
@@ -271,13 +268,13 @@ class BallPosition(KickTerm):
             return f"at a height of {self.centre[2]:g} m"
         return f"at ({', '.join(f'{x:g}' for x in self.centre)}) m"
 
-    def explain(self, point: KickPoint) -> str:
-        nearest = ", ".join(f"{x:.4g}" for x in np.round(point.ball_centre, 6) + 0.0)
-        return f"the nearest position of the ball for which it has one is ({nearest}) m"
-
 
 class Facing(KickTerm):
-    """The contact normal is in the cone of normals with which the foot can meet a ball."""
+    """The contact normal is in the cone of normals with which the foot can meet a ball.
+
+    Attributes:
+        axes: rows of the cone, shape `(k, 3)` [frame of the contact joint].
+    """
 
     kind = Kind.INEQUALITY
     explanation = "it has one if another side of the foot may meet the ball"
@@ -286,10 +283,10 @@ class Facing(KickTerm):
         self.cone, self._normal = cone, variables.target.contact.normal
         posture = variables.posture(np.zeros(variables.n))
         levers = [posture.with_contact_offset(row).contact_lever for row in cone]
-        self._axes = np.array(levers) - posture.contact_lever  # in the joint's frame
+        self.axes = np.array(levers) - posture.contact_lever  # in the joint's frame
 
     def residual(self, posture: Posture, v: Array) -> Array:
-        return np.asarray(self._axes @ (self._normal @ posture.rotation_world_joint))
+        return np.asarray(self.axes @ (self._normal @ posture.rotation_world_joint))
 
     def derivatives(self, posture: Posture, v: Array) -> tuple[Array, None]:
         jacobian = posture.jacobian
@@ -358,17 +355,12 @@ class SpeedLimit(Bounds[KickPoint]):
 
 
 class JointRange(Bounds[KickPoint]):
-    """The range of each joint, and of the share of the foot velocity.
+    """The range of each joint, and of the share of the foot velocity."""
 
-    Args:
-        reserve: share of a joint's range that is left at either end.
-    """
-
-    def __init__(self, variables: KickVariables, reserve: float = 0.0) -> None:
-        gap = reserve * (variables.upper - variables.lower)
+    def __init__(self, variables: KickVariables) -> None:
         free = np.full(variables.n, np.inf)
-        self.lower = np.array([*(variables.lower + gap), *-free, 0.0])
-        self.upper = np.array([*(variables.upper - gap), *free, 1.0])
+        self.lower = np.array([*variables.lower, *-free, 0.0])
+        self.upper = np.array([*variables.upper, *free, 1.0])
 
 
 class FullShare(Bounds[KickPoint]):

@@ -75,8 +75,8 @@ class Launch(PlannedLaunch):
         errors: errors of the target (3 components), of the condition beside it and of `beside`
             [m, s, m/s], shape `(4,)`, or `(5,)` with `beside`.
         history: launch velocities of Newton's method, shape `(iterations + 1, 3)` [m/s]. The first
-            is the vacuum's answer, Eqs. (24)-(25), or a member of the family of all launches to the
-            target where Newton's method fails from there; the last is `velocity`.
+            is the vacuum's answer, Eqs. (24)-(25), or, where Newton's method fails from there,
+            another launch to the target; the last is `velocity`.
         limits: largest launch speed [m/s] and size of the spin that `beside` seeks [rad/s].
     """
 
@@ -114,9 +114,8 @@ class Launch(PlannedLaunch):
     def others(self) -> "tuple[Launch, ...]":
         """The other launches that meet the goal, by time of flight; computed when first read.
 
-        The launches to the target form curves, and these are all on the curves that Newton's method
-        finds from the vacuum's answers: for the goal, and for three times of flight that are then
-        free. Only a launch on a curve apart from those can be missing.
+        Launches to the target form branches, with one for each time of flight. These are all on the
+        branches to which Newton's method comes from the vacuum's answers; others can be missing.
         """
         if self.limit is not None:
             return ()
@@ -126,7 +125,7 @@ class Launch(PlannedLaunch):
         unknowns = *self.velocity, self.time
         return tuple(
             _launch(family, self.goal, None, solution)
-            for solution in family.solutions(direct, family.curves(direct))
+            for solution in family.solutions(direct, family.branches(direct))
             if solution.is_above_ground
             and math.dist((*solution.velocity, solution.time), unknowns) > 1e-6 * self.speed
         )
@@ -170,10 +169,9 @@ def plan_launch(
 
     .. math:: v = x_{target} / t + \tfrac12 g t\, e_z,
 
-    with derivatives that are integrated along the flight. Where it does not converge, the family of
-    all launches to the target is followed; it contains the solution, or the nearest launch. A
-    launch whose flight to the target intersects the ground, as with strong back spin, does not
-    count.
+    with derivatives that are integrated along the flight. Where it does not converge, the launches
+    to the target are followed in the time of flight; among them is the solution, or the nearest
+    launch. A launch whose flight intersects the ground, as with strong back spin, does not count.
 
     Args:
         goal: the goal, seen from the position of the ball.
@@ -209,16 +207,16 @@ def plan_launch(
     if goal.arc == Arc.LOW and clear and len(solutions) == (2 if goal.kind == "speed" else 1):
         return _launch(family, goal, None, clear[0])
 
-    curves = family.curves(direct)
-    solutions = family.solutions(direct, curves)
+    branches = family.branches(direct)
+    solutions = family.solutions(direct, branches)
     clear = [solution for solution in solutions if solution.is_above_ground]
     if clear:
         return _launch(family, goal, None, clear[0 if goal.arc == Arc.LOW else -1])
     if goal.beside is not None and not solutions:
         return _nearest_curve(family, direct)
-    if not any(family.is_inside(member) for curve in curves for member in curve):
+    if not any(family.is_inside(member) for branch in branches for member in branch):
         return _farthest(family)
-    return _nearest(family, curves, ground_blocks=bool(solutions))
+    return _nearest(family, branches, ground_blocks=bool(solutions))
 
 
 def _shooting_problem(goal: Goal, ball: Ball, air: Air | None, spin: Array) -> ShootingProblem:
@@ -234,7 +232,6 @@ def _shooting_problem(goal: Goal, ball: Ball, air: Air | None, spin: Array) -> S
 
 
 def _solutions_from_vacuum(problem: ShootingProblem, goal: Goal) -> list[LaunchSolution]:
-    """Return the solutions that Newton's method finds from the vacuum's answers."""
     solutions, spin = list[LaunchSolution](), [] if goal.beside is None else [0.0]
     for time in goal.nominal_times():
         start = np.array([*nominal_velocity(goal.target, time), *spin, time])
@@ -300,7 +297,6 @@ def _farthest(family: LaunchFamily) -> Launch:
 
 
 def _nearest_curve(family: LaunchFamily, solutions: list[LaunchSolution]) -> Launch:
-    """Return the launch with the largest spin towards the side that `beside` asks for."""
     problem, goal = family.problem, family.goal
     assert goal.beside is not None
     distance, sideways = goal.beside
@@ -330,21 +326,21 @@ def _nearest_curve(family: LaunchFamily, solutions: list[LaunchSolution]) -> Lau
 
 
 def _nearest(
-    family: LaunchFamily, curves: list[list[LaunchSolution]], *, ground_blocks: bool
+    family: LaunchFamily, branches: list[list[LaunchSolution]], *, ground_blocks: bool
 ) -> Launch:
     """Return the member nearest to what the goal names that is clear of the ground.
 
-    `ground_blocks` says that solutions exist, and all of them lead through the ground.
+    With `ground_blocks` solutions exist, and all of them lead through the ground.
     """
     goal = family.goal
 
     def distance(member: LaunchSolution) -> float:
         return abs(member.condition(goal)[0])
 
-    inside = [member for curve in curves for member in curve if family.is_inside(member)]
+    inside = [member for branch in branches for member in branch if family.is_inside(member)]
     nearest = min(inside, key=distance)
     if ground_blocks or not nearest.is_above_ground:
-        clear = family.above_ground(curves)
+        clear = family.above_ground(branches)
         if not clear:
             raise OutOfReach(
                 "the goal is out of reach: the ground is in the way of every launch",
@@ -359,7 +355,6 @@ def _nearest(
 
 
 def _reached(goal: Goal, error: float, time: float) -> Goal:
-    """Return the goal that a launch meets, from the error of the condition and the time [s]."""
     condition: dict[str, Any] = {goal.kind: getattr(goal, goal.kind)}
     if goal.over is not None:
         condition["over"] = goal.over[0], goal.over[1] + error

@@ -1,7 +1,7 @@
-r"""Solving for a launch by shooting: Newton's method, and the curves of all launches to a target.
+r"""Solving for a launch by shooting: Newton's method, and the branches of all launches to a target.
 
 A launch velocity and a time of flight are four unknowns, and a target has three coordinates. The
-launches to it form curves, and what a goal names beside the target picks members out of them.
+launches to it form curves, and what a goal names beside the target selects members of them.
 """
 
 import math
@@ -32,27 +32,20 @@ ACCURACY = 1e-11
 """Largest error of a solution, relative to the target's distance, the time or the speed."""
 
 COARSE_TOL = 1e-8
-"""Relative tolerance of the flights on the walk along a curve."""
+"""Relative tolerance of the flights on the walk along a branch."""
 
-FIRST_TIMES = (1.0, 0.3, 3.0)
-"""Times of flight from which the walks start, over the time of the slowest launch in the vacuum."""
+FIRST_TIMES = (1.0, 0.8, 1.25, 0.5, 2.0, 0.3, 3.0)
+"""Times of flight at which branches are sought, over that of the slowest launch in the vacuum."""
+
+SHORTEST_TIME, LONGEST_TIME = 1e-6, 1e3
+"""Times of flight that a `Goal` may have [s]."""
 
 LONGEST_NEWTON_STEP = 0.7
 """Longest step of Newton's method, as a fraction of the launch speed and of the time: a longer one
 may end at a launch of thousands of metres per second."""
 
-LONGEST_STEP, SHORTEST_STEP = 0.5, 1e-4
-"""Largest and smallest step of a walk, as fractions of the launch speed and of the time."""
-
-LEAST_COSINE, SMALL_TURN_COSINE = 0.9, 0.97
-"""Cosine of the angle between the tangents at both ends of a step: below the first the step is
-halved, above the second the next one is longer."""
-
-MOST_MEMBERS = 150
-"""Length of a walk in either direction."""
-
-Condition = Callable[[Array, DifferentiableFlight], tuple[float, Array]]
-"""From unknowns and flight to the error of a condition, and its derivatives by the unknowns."""
+LONGEST_STEP, SHORTEST_STEP = 0.4, 1e-3
+"""Largest and smallest step along a branch, in the logarithm of the time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,10 +81,7 @@ class ShootingProblem:
         return self.spin * size if self.seeks_spin else self.spin
 
     def shoot(self, launch: Array, time: float) -> DifferentiableFlight | None:
-        """Fly for a time [s]; None where that fails.
-
-        The launch is the unknowns without the time; the derivatives are by these.
-        """
+        """Fly the unknowns without the time for a time [s]; None where that fails."""
         increments = INCREMENT * self.sizes(np.append(launch, time))[:-1]
 
         def start(values: Array) -> tuple[BallState, Air | None]:
@@ -132,10 +122,7 @@ def crossing(
 def crossing_time(
     flight: DifferentiableFlight, direction: Array, distance: float, begin: float = 0.0
 ) -> float | None:
-    """Return when the displacement along a direction rises through a distance [s].
-
-    It is sought from `begin` [s] on; None where it does not so between there and the end.
-    """
+    """Return when, from `begin` on, a displacement rises through a distance [s]; None if never."""
 
     def beyond(time: float) -> float:
         return float(direction @ flight.position(time)) - distance
@@ -213,22 +200,20 @@ def solve_launch(
     goal: Goal,
     start: Array,
     *,
-    condition: Condition | None = None,
     accuracy: float = ACCURACY,
     steps: int = 40,
 ) -> LaunchSolution | None:
     r"""Solve for a launch by Newton's method from a first guess; None where it fails.
 
     The launch :math:`(v, s)` and the time :math:`t` solve :math:`x(t; v, s) = x_{target}` together
-    with a condition. Each step integrates one flight with its derivatives, and is halved while it
-    does not reduce the errors. Without a `condition`, it is the goal's; `accuracy` is the largest
-    relative error.
+    with the goal's condition, to a relative error of `accuracy`. Each step integrates one flight
+    with its derivatives, and is halved while it does not reduce the errors.
     """
     length = float(np.linalg.norm(goal.target))
     size = {"time": goal.time, "speed": goal.speed}.get(goal.kind) or length
     x = np.array(start, dtype=float)
-    scale = np.array([length] * 3 + [1.0 if condition else size] + [length] * (len(x) - 4))
-    residual = partial(_residual, problem, goal, condition or partial(goal_condition, goal))
+    scale = np.array([length] * 3 + [size] + [length] * (len(x) - 4))
+    residual = partial(_residual, problem, goal)
     errors, slopes, flight = residual(x)
     history = [x[:3]]
     while not np.abs(errors / scale).max() <= accuracy and len(history) <= steps:
@@ -312,7 +297,7 @@ def target_equations(goal: Goal, x: Array, flight: DifferentiableFlight) -> tupl
 
 
 def _residual(
-    problem: ShootingProblem, goal: Goal, condition: Condition, x: Array
+    problem: ShootingProblem, goal: Goal, x: Array
 ) -> tuple[Array, Array, DifferentiableFlight | None]:
     """Return errors, their derivatives by the unknowns, and the flight; nan where there is none."""
     n = len(x)
@@ -320,19 +305,17 @@ def _residual(
     if flight is None:
         return np.full(n, math.nan), np.full((n, n), math.nan), None
     errors, slopes = target_equations(goal, x, flight)
-    error, row = condition(x, flight)
+    error, row = goal_condition(goal, x, flight)
     return np.insert(errors, 3, error), np.insert(slopes, 3, row, axis=0), flight
 
 
 class LaunchFamily:
-    r"""The launches to a goal's target, and `beside`, within limits of speed and spin [m/s, rad/s].
+    """The launches to a goal's target, and `beside`, within limits of speed and spin [m/s, rad/s].
 
-    They are curves in the space of the unknowns :math:`y`. A walk along one of them steps in the
-    direction :math:`\tau` of its tangent, and Newton's method returns to it across that direction,
-    :math:`\tau \cdot (y - y_0) = 0` (pseudo-arclength continuation: Keller 1977), so that a curve
-    may turn back in time, speed or spin. Walks start from the launches that Newton's method finds
-    from a few answers of the vacuum, the time of flight being free: a curve to which none of these
-    leads is not found.
+    There is a launch for each time of flight, which Newton's method finds from that of a neighbour
+    in time: a branch. It ends beyond a limit, or where no longer or shorter flight comes to the
+    target. Branches start from the launches that Newton's method finds from answers of the vacuum:
+    one to which none of these leads is not found.
     """
 
     def __init__(
@@ -342,32 +325,28 @@ class LaunchFamily:
         self.speed_limit, self.spin_limit = speed_limit, spin_limit
         self._coarse = replace(problem, tol=COARSE_TOL)
 
-    def curves(self, known: list[LaunchSolution]) -> list[list[LaunchSolution]]:
-        """Return members in order along each curve, and those where the condition turns."""
-        curves = list[list[LaunchSolution]]()
-        for start in sorted([*known, *self._first_members()], key=lambda member: member.speed):
-            is_beyond = bool(curves) and not self.is_inside(start)
-            if is_beyond or any(self._is_between(pair, start) for pair in _pairs(curves)):
-                continue
-            ahead = self._walk(start, 1.0)
-            is_closed = bool(ahead) and ahead[-1] is start
-            back = [] if is_closed else self._walk(start, -1.0)
-            curve = [*reversed(back), start, *ahead]
-            limit = self._with_condition(speed=self.speed_limit)
-            for between in (
-                partial(self._turning_point, limit),
-                partial(self._solution, limit),
-                partial(self._turning_point, self.goal),
-            ):
-                curve = _with_members_between(curve, between)
-            curves.append(curve)
-        return curves
+    def branches(self, known: list[LaunchSolution]) -> list[list[LaunchSolution]]:
+        """Return members by time on each branch, and those where the condition turns."""
+        branches = list[list[LaunchSolution]]()
+        for start in known:
+            if not any(_is_between(pair, start) for pair in _pairs(branches)):
+                branches.append(self._branch(start))
+        target = self.goal.target
+        slowest = math.sqrt(2 * float(np.linalg.norm(target)) / GRAVITY)
+        spin = [] if self.goal.beside is None else [0.0]
+        for time in (slowest * fraction for fraction in FIRST_TIMES):
+            if not any(branch[0].time <= time <= branch[-1].time for branch in branches):
+                guess = np.array([*nominal_velocity(target, time), *spin, time])
+                member = self._member(guess, steps=20)
+                if member is not None and (self.is_inside(member) or not branches):
+                    branches.append(self._branch(member))
+        return branches
 
     def solutions(
-        self, known: list[LaunchSolution], curves: list[list[LaunchSolution]]
+        self, known: list[LaunchSolution], branches: list[list[LaunchSolution]]
     ) -> list[LaunchSolution]:
-        """Return the goal's solutions within the limits by time: those known, and on curves."""
-        solutions = [*known, *(self._solution(self.goal, *pair) for pair in _pairs(curves))]
+        """Return the goal's solutions within the limits by time: those known, and on branches."""
+        solutions = [*known, *(self._solution(self.goal, *pair) for pair in _pairs(branches))]
         inside = [member for member in solutions if member is not None and self.is_inside(member)]
         return distinct(inside, self.problem)
 
@@ -376,10 +355,10 @@ class LaunchFamily:
         is_slow = member.speed <= self.speed_limit * (1 + 1e-9)
         return is_slow and abs(member.spin_size) <= self.spin_limit
 
-    def above_ground(self, curves: list[list[LaunchSolution]]) -> list[LaunchSolution]:
+    def above_ground(self, branches: list[list[LaunchSolution]]) -> list[LaunchSolution]:
         """Return members within the limits that are clear of the ground, and the last such."""
         members = []
-        for pair in _pairs(curves):
+        for pair in _pairs(branches):
             inside = [member for member in pair if self.is_inside(member)]
             clear = [member for member in inside if member.is_above_ground]
             buried = [member for member in inside if member not in clear]
@@ -396,42 +375,59 @@ class LaunchFamily:
     def _with_condition(self, **condition: Any) -> Goal:
         return Goal(self.goal.target, **condition, beside=self.goal.beside)
 
-    def _first_members(self) -> list[LaunchSolution]:
-        target = self.goal.target
-        slowest = math.sqrt(2 * float(np.linalg.norm(target)) / GRAVITY)
-        spin = [] if self.goal.beside is None else [0.0]
-        members = []
-        for time in (slowest * fraction for fraction in FIRST_TIMES):
-            start = np.array([*nominal_velocity(target, time), *spin, time])
-            members.append(self._member_near(start, np.zeros_like(start), steps=20))
-        return [member for member in members if member is not None]
-
-    def _tangent(self, member: LaunchSolution) -> Array:
-        """Return the direction of the curve, in `sizes` of the unknowns, as a unit vector."""
-        _, slopes = target_equations(self.goal, member.unknowns, member.trajectory)
-        return np.asarray(np.linalg.svd(slopes * self._coarse.sizes(member.unknowns))[2][-1])
-
-    def _member_near(self, x: Array, normal: Array, steps: int = 6) -> LaunchSolution | None:
-        """Return the member where the curve crosses a plane through unknowns; None without one.
-
-        With a normal of zeros, each step of Newton's method is the least to the curve.
-        """
-        if x[-1] <= 0.0:
+    def _member(self, guess: Array, steps: int = 12) -> LaunchSolution | None:
+        """Return the member with the time of a guess; None without one."""
+        time = float(guess[-1])
+        if not SHORTEST_TIME <= time <= LONGEST_TIME:
             return None
-        return solve_launch(
-            self._coarse,
-            self.goal,
-            x,
-            condition=lambda y, _: (float(normal @ (y - x)), normal),
-            accuracy=100 * COARSE_TOL,
-            steps=steps,
-        )
+        goal = self._with_condition(time=time)
+        return solve_launch(self._coarse, goal, guess, accuracy=100 * COARSE_TOL, steps=steps)
+
+    def _branch(self, start: LaunchSolution) -> list[LaunchSolution]:
+        """Return the members of the branch of a launch, and those where a condition turns."""
+        branch = [*reversed(self._walk(start, -1.0)), start, *self._walk(start, 1.0)]
+        limit = self._with_condition(speed=self.speed_limit)
+        for find in (
+            partial(self._turning_point, limit),
+            partial(self._solution, limit),
+            partial(self._turning_point, self.goal),
+        ):
+            between = [
+                member
+                for a, b in pairwise(branch)
+                if (member := find(a, b)) and a.time < member.time < b.time
+            ]
+            branch = sorted([*branch, *between], key=lambda member: member.time)
+        return branch
+
+    def _walk(self, start: LaunchSolution, sign: float) -> list[LaunchSolution]:
+        """Return members from one towards longer or shorter times, to beyond a limit."""
+        members, member, step = list[LaunchSolution](), start, LONGEST_STEP
+        while step > SHORTEST_STEP:
+            change = member.time * math.expm1(sign * step)
+            following = self._member(member.unknowns + change * self._rates(member))
+            if following is None:
+                step *= 0.5
+                continue
+            members.append(following)
+            is_too_fast = following.speed > max(self.speed_limit, member.speed)
+            most_spin = max(self.spin_limit, abs(member.spin_size))
+            if is_too_fast or abs(following.spin_size) > most_spin:
+                break
+            member, step = following, min(1.5 * step, LONGEST_STEP)
+        return members
+
+    def _rates(self, member: LaunchSolution) -> Array:
+        """Return the derivatives of the unknowns by the time of flight along the branch."""
+        _, slopes = target_equations(self.goal, member.unknowns, member.trajectory)
+        sizes = self._coarse.sizes(member.unknowns)[:-1]
+        rates = np.linalg.lstsq(slopes[:, :-1] * sizes, -slopes[:, -1], rcond=1e-14)[0]
+        return np.append(sizes * rates, 1.0)
 
     def _between(
         self, a: LaunchSolution, b: LaunchSolution, fraction: float
     ) -> LaunchSolution | None:
-        x, chord = a.unknowns, b.unknowns - a.unknowns
-        return self._member_near(x + fraction * chord, chord / self._coarse.sizes(x) ** 2)
+        return self._member(a.unknowns + fraction * (b.unknowns - a.unknowns))
 
     def _root(
         self, value: Callable[[LaunchSolution], float], a: LaunchSolution, b: LaunchSolution
@@ -449,71 +445,25 @@ class LaunchFamily:
 
         try:
             return member(float(brentq(value_at, 0.0, 1.0, xtol=1e-6)))
-        except ValueError:  # of nan: the curve leaves its chord
+        except ValueError:  # of nan: there is no member
             return None
-
-    def _is_between(
-        self, pair: tuple[LaunchSolution, LaunchSolution], member: LaunchSolution
-    ) -> bool:
-        """Return whether a member lies on the curve between two neighbours."""
-        origin = pair[0].unknowns
-        sizes = self._coarse.sizes(origin)
-        chord, offset = (pair[1].unknowns - origin) / sizes, (member.unknowns - origin) / sizes
-        length = float(np.linalg.norm(chord))
-        along = float(offset @ chord) / max(length, 1e-300)
-        aside = math.sqrt(max(float(offset @ offset) - along * along, 0.0))
-        return -1e-6 * length <= along <= (1 + 1e-6) * length and aside <= 0.3 * length
-
-    def _walk(self, start: LaunchSolution, sign: float) -> list[LaunchSolution]:
-        """Return members from one in a direction along its curve, to beyond a limit or round."""
-        members, member, step = list[LaunchSolution](), start, 0.5 * LONGEST_STEP
-        tangent = sign * self._tangent(start)
-        while len(members) < MOST_MEMBERS and step > SHORTEST_STEP:
-            sizes = self._coarse.sizes(member.unknowns)
-            predicted = member.unknowns + step * sizes * tangent
-            following = self._member_near(predicted, tangent / sizes)
-            if following is None:
-                step *= 0.5
-                continue
-            next_tangent = self._tangent(following)
-            cosine = float(next_tangent @ tangent)
-            next_tangent *= math.copysign(1.0, cosine)
-            if abs(cosine) < LEAST_COSINE:
-                step *= 0.5
-                continue
-            if len(members) > 2 and self._is_between((member, following), start):
-                return [*members, start]
-            members.append(following)
-            is_too_fast = following.speed > max(self.speed_limit, member.speed)
-            most_spin = max(self.spin_limit, abs(member.spin_size))
-            if is_too_fast or abs(following.spin_size) > most_spin:
-                break
-            member, tangent = following, next_tangent
-            step = min(1.5 * step, LONGEST_STEP) if abs(cosine) > SMALL_TURN_COSINE else step
-        return members
 
     def _turning_point(
         self, goal: Goal, a: LaunchSolution, b: LaunchSolution
     ) -> LaunchSolution | None:
         """Return the member between two to which a condition's error falls, and then rises."""
-        chord = b.unknowns - a.unknowns
 
         def rate(member: LaunchSolution) -> float:
-            sizes, (_, slopes) = self._coarse.sizes(member.unknowns), member.condition(goal)
-            tangent = self._tangent(member)
-            sign = math.copysign(1.0, float(tangent @ (chord / sizes)))
-            return float(slopes @ (sizes * tangent)) * sign
+            return float(member.condition(goal)[1] @ self._rates(member))
 
         falls, rises = (member.condition(goal)[0] * rate(member) for member in (a, b))
         return self._root(rate, a, b) if falls < 0.0 < rises else None
 
     def _solution(self, goal: Goal, a: LaunchSolution, b: LaunchSolution) -> LaunchSolution | None:
-        """Return the solution for a goal between two members whose errors differ in sign."""
         start = self._root(lambda member: member.condition(goal)[0], a, b)
         return start and solve_launch(self.problem, goal, start.unknowns, steps=12)
 
     def _last_clear(self, clear: LaunchSolution, buried: LaunchSolution) -> LaunchSolution:
-        """Return the last member that is clear of the ground, by bisection."""
         for _ in range(24):
             middle = self._between(clear, buried, 0.5)
             if middle is None:
@@ -526,17 +476,13 @@ class LaunchFamily:
         return clear
 
 
-def _pairs(curves: list[list[LaunchSolution]]) -> list[tuple[LaunchSolution, LaunchSolution]]:
-    return [pair for curve in curves for pair in pairwise(curve)]
+def _pairs(branches: list[list[LaunchSolution]]) -> list[tuple[LaunchSolution, LaunchSolution]]:
+    return [pair for branch in branches for pair in pairwise(branch)]
 
 
-def _with_members_between(
-    curve: list[LaunchSolution],
-    between: Callable[[LaunchSolution, LaunchSolution], LaunchSolution | None],
-) -> list[LaunchSolution]:
-    """Return a curve with the members that a function finds between neighbours."""
-    extended = curve[:1]
-    for a, b in pairwise(curve):
-        member = between(a, b)
-        extended += [b] if member is None else [member, b]
-    return extended
+def _is_between(pair: tuple[LaunchSolution, LaunchSolution], member: LaunchSolution) -> bool:
+    first, second = (neighbour.unknowns for neighbour in pair)
+    chord = second - first
+    fraction = (member.time - first[-1]) / chord[-1]
+    aside = np.abs(member.unknowns - first - fraction * chord)
+    return -1e-6 <= fraction <= 1 + 1e-6 and bool((aside <= 0.3 * np.abs(chord).max()).all())

@@ -1,21 +1,14 @@
 """Objectives of a kick: what its posture and joint velocity make least, or most."""
 
 import math
-from collections.abc import Mapping
-from dataclasses import replace
 from enum import StrEnum
 
 import numpy as np
 
-from kickdyn.air import Air
-from kickdyn.ball import Ball, BallState
 from kickdyn.core.validation import Array
-from kickdyn.errors import NoImpact
 from kickdyn.impact.leg_response import joint_impulses
-from kickdyn.impact.strike import strike
 from kickdyn.planning.kick_terms import KickPoint, Objective
 from kickdyn.planning.problem import Function, Kind
-from kickdyn.planning.scatter import checked_spread, landing_covariances, landing_slopes
 
 
 class KickObjective(StrEnum):
@@ -34,14 +27,17 @@ class KickObjective(StrEnum):
     FOOT_SPEED = "foot-speed"
     r""":math:`|J v|` [m/s]: the posture that makes the most impulse of it."""
     MOST_JOINT_IMPULSE = "most-joint-impulse"
-    SCATTER = "scatter"
-    """Root mean square error of the landing [m], for errors of a given `uncertainty`."""
+    TORQUE_SQUARED = "torque-squared"
+    r""":math:`\int \frac1n \sum_i (\tau_i / \tau_{max,i})^2 dt` [s], of a motion."""
+
+    @property
+    def unit(self) -> str:
+        """Unit of the quantity, or words where it has none."""
+        return UNITS[self]
 
 
 class JointSpeed(Objective):
     """Mean square of the joints' speeds over their limits."""
-
-    remark = "(mean square of the joint speeds over their limits)"
 
     def quantity(self, point: KickPoint) -> float:
         variables = point.variables
@@ -51,8 +47,6 @@ class JointSpeed(Objective):
 class KineticEnergy(Objective):
     """Kinetic energy of the leg."""
 
-    unit = "J"
-
     def quantity(self, point: KickPoint) -> float:
         return 0.5 * float(point.v @ point.posture.inertia @ point.v)
 
@@ -60,16 +54,12 @@ class KineticEnergy(Objective):
 class FootSpeed(Objective):
     """Speed of the contact point."""
 
-    unit = "m/s"
-
     def quantity(self, point: KickPoint) -> float:
         return math.hypot(*(point.posture.jacobian @ point.v))
 
 
 class JointImpulse(Objective):
     """Largest linear impulse that a joint transmits, smoothed."""
-
-    unit = "N s"
 
     def quantity(self, point: KickPoint) -> float:
         posture, impulse = point.posture, point.variables.target.impulse
@@ -85,35 +75,6 @@ class MostJointImpulse(JointImpulse):
     """The same, as large as possible."""
 
     maximized = True
-
-
-class LandingScatter(Objective):
-    """Root mean square error of the landing.
-
-    Args:
-        launch: of the kick.
-        ball: that is kicked.
-        air: of the flight.
-        uncertainty: standard deviations by source, see `scatter`.
-    """
-
-    unit = "m"
-
-    def __init__(
-        self, launch: BallState, ball: Ball, air: Air | None, uncertainty: Mapping[str, float]
-    ) -> None:
-        self._sizes = checked_spread(uncertainty)
-        _, self._slopes = landing_slopes(launch, ball, air)  # the launch stays
-
-    def quantity(self, point: KickPoint) -> float:
-        target = point.variables.target
-        contact = replace(target.contact, offset=None)  # the posture has it
-        try:
-            impact = strike(point.posture, point.v, target.ball, contact)
-        except NoImpact:  # far from feasible
-            return 1e6
-        covariances = landing_covariances(impact, self._slopes, self._sizes)
-        return math.sqrt(sum(float(np.trace(covariance)) for covariance in covariances.values()))
 
 
 class LargestShare(Function[KickPoint]):
@@ -136,6 +97,15 @@ OBJECTIVES: dict[KickObjective, type[Objective]] = {
     KickObjective.KINETIC_ENERGY: KineticEnergy,
     KickObjective.FOOT_SPEED: FootSpeed,
     KickObjective.MOST_JOINT_IMPULSE: MostJointImpulse,
-    KickObjective.SCATTER: LandingScatter,
 }
 """The objective of each name."""
+
+UNITS = {
+    KickObjective.JOINT_SPEED: "(mean square of the joint speeds over their limits)",
+    KickObjective.JOINT_IMPULSE: "N s",
+    KickObjective.KINETIC_ENERGY: "J",
+    KickObjective.FOOT_SPEED: "m/s",
+    KickObjective.MOST_JOINT_IMPULSE: "N s",
+    KickObjective.TORQUE_SQUARED: "s",
+}
+"""The unit of each objective."""

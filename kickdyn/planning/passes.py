@@ -52,7 +52,7 @@ class Pass(PlannedLaunch):
 
     @property
     def iterations(self) -> int:
-        """Number of steps of Newton's method: 0, because Brent's method finds the launch."""
+        """0, because Brent's method finds the launch."""
         return 0
 
     @property
@@ -145,7 +145,6 @@ def plan_pass(
 
 
 def _solve_speed(delay: Callable[[float], float], limit: float) -> tuple[float, LaunchLimit | None]:
-    """Return the speed that is in time, or the nearest one and the reason."""
     if delay(limit) > 0.0:
         return limit, LaunchLimit.SPEED
     slow = 1e-3 * limit

@@ -1,26 +1,23 @@
 """A planned kick in words and in JSON, with the wall and the goal that it meets on a pitch."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.follow import Course
-from kickdyn.planning.backswing import Backswing
+from kickdyn.motion.motion import Motion
 from kickdyn.planning.goal import Goal, PlanStatus
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.launch import Launch, OutOfReach
-from kickdyn.planning.objectives import OBJECTIVES
 from kickdyn.planning.passes import Pass
-from kickdyn.planning.scatter import Scatter, scatter
-from kickdyn.planning.swing import Swing
-from kickdyn.planning.swing_phase import SwingPhase
 from kickdyn.restitution import describe_restitution
 from kickdyn.scene.pitch import Passage, Score, Wall, check_before, passage_on, score_at
+
+SAMPLE_RATE = 100.0
+"""Rate of a motion's samples [Hz]."""
 
 WALL_CLEARANCE = 0.1
 """Clearance of the ball's lower edge over a wall where nothing else is asked for [m]."""
@@ -30,7 +27,7 @@ FAULTS = {
     PlanStatus.MET: "",
     PlanStatus.COLLIDES: " But a body is inside the ball or under the ground.",
     PlanStatus.SUPPORT_MOVES: " But the ground cannot keep the supporting foot at rest.",
-    PlanStatus.BEYOND_LIMITS: " But the backswing takes more than the torque limits of the robot.",
+    PlanStatus.BEYOND_LIMITS: " But the motion does not keep all limits.",
 }
 """What a kick that meets its goal is worth, by the status of its plan."""
 
@@ -67,34 +64,21 @@ def score(plan: KickPlan) -> Score:
 
 @dataclass(frozen=True)
 class PlanReport:
-    """A planned kick with the swing, the wall, the goal and the errors that were asked about."""
+    """A planned kick with the wall and the goal that were asked about."""
 
     plan: KickPlan
-    swing: Swing | None = None
     wall: Wall | None = None
     goal_mouth: bool = False
-    uncertainty: Mapping[str, float] | None = None
-    limits: bool = True
-
-    @cached_property
-    def landing(self) -> Scatter | None:
-        """The scatter of the landing point; None without an uncertainty."""
-        if self.uncertainty is None:
-            return None
-        return scatter(self.plan.impact, self.plan.launch.air, **self.uncertainty)
 
     def sentences(self) -> list[str]:
         """Return the answer in sentences; raise `InvalidInput` where the ball hits the wall."""
         plan = self.plan
         sentences = [
             verdict(plan),
-            self.landing and _describe_scatter(self.landing),
             self.wall and describe_passage(self.wall, plan),
             self.goal_mouth and str(score(plan)),
-            self.swing and _describe_swing(self.swing),
-            plan.backswing and _describe_backswing(plan.backswing),
+            plan.motion and _describe_motion(plan, plan.motion),
             *(_describe_stance(name, plan) for name in plan.impact.footing),
-            _describe_joints_after(plan, limits=self.limits),
             *(f"Warning: {line}." for line in plan.warnings),
         ]
         return [sentence for sentence in sentences if sentence]
@@ -103,7 +87,6 @@ class PlanReport:
         """Return the plan's numbers as lines of text."""
         plan, launch, impact, leg = self.plan, self.plan.launch, self.plan.impact, self.plan.leg
         up, left = plan.impact_target.contact_offset
-        objective = OBJECTIVES[plan.objective]
         restitution = describe_restitution(
             impact.contact.restitution, impact.restitution, impact.approach_speed
         )
@@ -119,7 +102,7 @@ class PlanReport:
             f"leg     {_limit_use(plan.speed_use, plan.torque_use)} of the joints; "
             f"largest joint impulse {impact.worst_joint[1]:.3g} N s, at "
             f"{impact.worst_joint[0]}; objective {plan.objective} = {plan.value:.4g} "
-            f"{objective.unit or objective.remark}",
+            f"{plan.objective.unit}",
         ]
         if abs(math.degrees(plan.heading)) >= 0.005:
             lines.append(f"base    turned by {_aside(math.degrees(plan.heading), 2, 'deg')}")
@@ -157,7 +140,6 @@ class PlanReport:
                 "q_deg": leg.angles_deg(plan.q),
                 "q_m": leg.positions_m(plan.q),
                 **_attributes(plan, "v objective value binding speed_use torque_use"),
-                **_attributes(plan, "too_fast_after into_stop"),
                 "worst_joint": impact.worst_joint[0],
                 "worst_joint_impulse": impact.worst_joint[1],
             },
@@ -169,12 +151,6 @@ class PlanReport:
             report["wall"] = {"above": above, "beside": beside}
         if self.goal_mouth:
             report["goal_mouth"] = score(plan)._asdict()
-        if self.landing is not None:
-            by_source = self.landing.by_source
-            report["scatter"] = {
-                **_attributes(self.landing, "mean covariance radius"),
-                "by_source": {name: covariance.tolist() for name, covariance in by_source.items()},
-            }
         if plan.balance is not None:
             report["stance"] = {
                 "footing": {name: str(state) for name, state in impact.footing.items()},
@@ -182,19 +158,8 @@ class PlanReport:
                 "impulse": {name: p.tolist() for name, p in impact.support_impulses.items()},
                 "friction": {name: _least_friction(name, plan) for name in impact.footing},
             }
-        if plan.backswing is not None:
-            report["backswing"] = {
-                **_attributes(plan.backswing, "joints clearance"),
-                **_attributes(plan.backswing.phase, "duration torque_use speed_use range_left"),
-                **_motion_json(plan.backswing.phase),
-            }
-        if self.swing is not None:
-            report["swing"] = {
-                **_attributes(self.swing, "status share limit objective value torque_use"),
-                **_attributes(self.swing, "speed_use range_left defect impact_error joints"),
-                "backswing": _motion_json(self.swing.backswing),
-                "follow_through": _motion_json(self.swing.follow_through),
-            }
+        if plan.motion is not None:
+            report["motion"] = _motion_json(plan.motion)
         return report
 
 
@@ -240,30 +205,6 @@ def unreachable_json(goal: Goal, error: OutOfReach) -> dict[str, Any]:
     }
 
 
-def _describe_joints_after(plan: KickPlan, *, limits: bool) -> str:
-    """Return a line with the joints beyond a limit just after the impact; empty without such."""
-    fast = plan.too_fast_after if limits else {}
-    violations = {name: ["moves into the stop at the end of its range"] for name in plan.into_stop}
-    for name, use in fast.items():
-        violations.setdefault(name, []).append(f"has {use:.0%} of its speed limit")
-    if not violations:
-        return ""
-    joints = ", ".join(f"{name} {' and '.join(lines)}" for name, lines in violations.items())
-    swing = "; --swing plans a kick after which the leg stops within its limits"
-    return (
-        f"Just after the impact, {joints}. A plan keeps the limits up to the "
-        f"impact, not after it{swing if plan.balance is None and limits else ''}."
-    )
-
-
-def _describe_scatter(landing: Scatter) -> str:
-    errors = ", ".join(
-        f"{math.sqrt(float(covariance.trace())):.3g} m from {source}"
-        for source, covariance in landing.by_source.items()
-    )
-    return f"The landing point has a root mean square error of {landing.radius:.3g} m: {errors}."
-
-
 def _least_friction(frame: str, plan: KickPlan) -> float | None:
     """Return the least coefficient of friction under a support; None where it is not pressed."""
     x, y, z = plan.impact.support_impulses[frame][:3].tolist()
@@ -284,22 +225,10 @@ def _describe_stance(frame: str, plan: KickPlan) -> str:
     )
 
 
-def _describe_swing(swing: Swing) -> str:
-    if swing.status != PlanStatus.MET:
-        return f"The leg cannot swing to this kick within its limits: {swing.limit}."
+def _describe_motion(plan: KickPlan, motion: Motion) -> str:
     return (
-        f"The swing takes {swing.backswing.duration:.3g} s from rest to the impact and "
-        f"{swing.follow_through.duration:.3g} s from there to rest, with "
-        f"{_limit_use(swing.speed_use, swing.torque_use)}."
-    )
-
-
-def _describe_backswing(backswing: Backswing) -> str:
-    phase = backswing.phase
-    return (
-        f"The backswing takes {phase.duration:.3g} s from rest to the impact, with "
-        f"{_limit_use(phase.speed_use, phase.torque_use)}. The kicking foot stays at "
-        f"least {1e3 * backswing.clearance:.1f} mm above the ground."
+        f"The motion takes {-motion.begin:.3g} s from rest to the impact and {motion.end:.3g} s "
+        f"from there to rest, with {_limit_use(plan.speed_use, plan.torque_use)}."
     )
 
 
@@ -310,9 +239,10 @@ def _limit_use(speed: float, torque: float) -> str:
     return f"up to {' and '.join(named)}" if named else "no use of the limits"
 
 
-def _motion_json(phase: SwingPhase) -> dict[str, Any]:
-    motion = phase.sample(phase.nodes)
-    return _attributes(motion, " ".join(motion._fields))
+def _motion_json(motion: Motion) -> dict[str, Any]:
+    samples = motion.samples(SAMPLE_RATE)
+    values = _attributes(samples, "q v torque ground_wrench")
+    return {"joints": samples.joints, "time": samples.t.tolist(), **values}
 
 
 def _attributes(source: object, names: str) -> dict[str, Any]:

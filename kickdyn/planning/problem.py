@@ -12,7 +12,7 @@ say whether it succeeded, because `Problem.solve` judges the terms at what it re
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property, lru_cache
@@ -68,10 +68,6 @@ class Term(ABC, Generic[Point]):
     required: bool = True
     explanation: str = ""
 
-    def explain(self, point: Point) -> str:
-        """Return the explanation, where `point` is the solution that violates the term least."""
-        return self.explanation
-
     def binding(self, point: Point) -> list[str]:
         """Return the names of the limits that are reached at a point."""
         return []
@@ -121,23 +117,6 @@ class Bounds(Term[Point]):
     upper: Array
 
 
-class LeastViolation(Function[Point]):
-    """The sum of the squared violations of terms that a problem leaves out, as an objective."""
-
-    kind = Kind.OBJECTIVE
-
-    def __init__(self, terms: Sequence[Term[Point]]) -> None:
-        self._functions = [term for term in terms if isinstance(term, Function)]
-
-    def value(self, point: Point) -> Array:
-        return np.array([sum(float(np.sum(f.violation(point) ** 2)) for f in self._functions)])
-
-    def slope(self, point: Point) -> Array:
-        return np.asarray(
-            sum(2 * f.violation(point) @ f.slope(point) / f.scale for f in self._functions)
-        )[None]
-
-
 @dataclass(frozen=True, eq=False)
 class Problem(Generic[Point]):
     """Unknowns and the terms on them.
@@ -177,9 +156,9 @@ class Problem(Generic[Point]):
         point = self._point(x)
         return np.concatenate([f.slope(point) / f.scale for f in self.functions(kind)])
 
-    def solve(self, start: Array, solver: "Solver") -> Array | None:
+    def solve(self, start: Array) -> Array | None:
         """Return unknowns that solve the problem, near some to start from; None without any."""
-        x = np.clip(solver(self, start), *self.bounds)
+        x = np.clip(slsqp(self, start), *self.bounds)
         return x if self._is_solved(x) else None
 
     def _is_solved(self, x: Array) -> bool:
@@ -191,10 +170,6 @@ class Problem(Generic[Point]):
     @cached_property
     def _point(self) -> Callable[[Array], Point]:
         return keep_last(self.point)
-
-
-Solver = Callable[[Problem[Any], Array], Array]
-"""From a problem and unknowns to start from to unknowns that may solve it, shape `(n,)`."""
 
 
 def slsqp(problem: Problem[Any], start: Array) -> Array:

@@ -77,10 +77,9 @@ def scatter(impact: Impact, air: Air | None = None, **spread: float) -> Scatter:
 
 
 def landing_slopes(state: BallState, ball: Ball, air: Air | None) -> tuple[Array, Array]:
-    """Return where a ball comes back to its height, `(2,)`, and the derivatives.
+    """Return where a ball comes back to its height, `(2,)` [m], and the derivatives, `(2, 7)`.
 
-    They are by velocity, spin and relative drag coefficient: shape `(2, 7)` [m per m/s, m per
-    rad/s, m].
+    They are by velocity [s], spin [m s] and relative drag coefficient [m].
     """
     level = Plane(state.position, (0.0, 0.0, 1.0), "centre")
     try:

@@ -1,10 +1,7 @@
 r"""What a robot that stands on one foot must keep in a kick, as terms.
 
 - Static balance: the centre of mass is above the sole.
-- The kicking foot is above the ground. Where the kick must have a backswing, it is so high that it
-  can come there from above the ground: a point of height :math:`z` that rises with
-  :math:`\dot z > 0` and has the upward acceleration :math:`a` was not below
-  :math:`z - \dot z^2 / (2 a)` before.
+- The kicking foot is above the ground.
 - The trunk, which is the body of the floating base, is at most `TILT` from upright.
 - The support's impulse :math:`\lambda` in the strike, which follows from the posture and from the
   impulse on the ball alone, is one that the ground can supply:
@@ -18,15 +15,13 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
 
 from kickdyn.core.validation import Array
 from kickdyn.planning.kick_terms import KickPoint, KickTerm, slope_by_differences
 from kickdyn.planning.problem import TOLERANCE, Function, Kind
-from kickdyn.robot.ground_clearance import Spheres
+from kickdyn.robot.ground_clearance import extreme_spheres
 from kickdyn.robot.leg import Posture
-from kickdyn.robot.standing import StandingRobot, joint_spheres
+from kickdyn.robot.standing import StandingRobot, joint_spheres, sole_edges
 
 LENGTH = 0.1
 """Scale of distances from the ground and from the edge of the sole [m]."""
@@ -40,10 +35,6 @@ player who leans over the ball.
 
 CLEARANCE = 1e-3
 """Least height of the kicking foot [m]: the solver keeps its conditions within a tolerance."""
-
-CORNERS, DIRECTIONS = 24, 400
-"""Number of spheres that stand for the kicking foot at most, and of directions, evenly over the
-unit sphere, in which the foot is at most a known distance larger than these."""
 
 STEP = 1e-6
 """Step of the differences that stand for the derivatives of the support's impulse [rad, m]."""
@@ -84,65 +75,35 @@ class Balance(StanceTerm):
 
 
 class Clearance(StanceTerm):
-    """The kicking foot is above the ground: heights of its extreme spheres above `CLEARANCE` [m].
-
-    Args:
-        standing: the robot.
-        lift: largest upward acceleration of the kicking foot before the impact [m/s2]; None does
-            not ask how the foot comes to its place.
-    """
+    """The kicking foot is above the ground: heights of its spheres above `CLEARANCE` [m]."""
 
     scale = LENGTH
     explanation = "it has one if its kicking foot may be under the ground"
 
-    def __init__(self, standing: StandingRobot, lift: float | None = None) -> None:
-        robot, leg, self._lift = standing.robot, standing.leg, lift
+    def __init__(self, standing: StandingRobot) -> None:
+        robot, leg = standing.robot, standing.leg
         foot = joint_spheres(robot, robot.contact_joint)
-        extremes, self._beyond = extreme_spheres(foot)
+        extremes, beyond = extreme_spheres(foot)
         # the pose of the kicking foot's joint in its contact frame is the same in both models
         frame = robot.workspace.model.frames[robot.frame_id].placement
         moved = leg.workspace.model.frames[leg.frame_id].placement * frame.inverse()
         self._centres = np.array([moved.act(centre) for centre in foot.centres[extremes]])
-        self._radii = foot.radii[extremes]
+        self._radii = foot.radii[extremes] + beyond
 
     def residual(self, posture: Posture, v: Array) -> Array:
-        rise = self._rise(posture, v)[0]
         rotation = posture.rotation_world_joint
         origin = posture.contact_point - rotation @ posture.contact_lever
         lowest = self._centres @ rotation[2] + origin[2] - self._radii
-        return np.asarray(lowest - CLEARANCE - np.maximum(self._beyond, rise))
+        return np.asarray(lowest - CLEARANCE)
 
-    def derivatives(self, posture: Posture, v: Array) -> tuple[Array, Array | None]:
+    def derivatives(self, posture: Posture, v: Array) -> tuple[Array, None]:
         model, data = posture.leg.workspace.model, posture.leg.workspace.data
-        _, rise_q, rise_v = self._rise(posture, v)
         pin.computeJointJacobians(model, data, posture.q)
         jacobian = joint_jacobian(posture, posture.leg.contact_joint)
         arms = self._centres @ posture.rotation_world_joint.T
-        return height_slopes(jacobian, arms) - rise_q, -rise_v
-
-    def _rise(self, posture: Posture, v: Array) -> tuple[Array, Array, Array]:
-        r"""Return how high each sphere must be to rise as it does, `(k,)` [m].
-
-        That is :math:`\dot z^2 / (2 a)` where it rises, which counts where it is more than the
-        foot reaches beyond its extreme spheres; with its derivatives by q and v, shape `(k, nv)`.
-        """
-        leg, k = posture.leg, len(self._centres)
-        if self._lift is None:
-            return np.zeros(k), np.zeros((k, leg.nv)), np.zeros((k, leg.nv))
-        model, data, world = leg.workspace.model, leg.workspace.data, pin.LOCAL_WORLD_ALIGNED
-        pin.computeForwardKinematicsDerivatives(model, data, posture.q, v, np.zeros(leg.nv))
-        slopes = [
-            pin.getPointVelocityDerivatives(
-                model, data, leg.contact_joint, pin.SE3(np.eye(3), centre), world
-            )
-            for centre in self._centres
-        ]
-        by_q = np.array([point_q[2] for point_q, _ in slopes])
-        by_v = np.array([point_v[2] for _, point_v in slopes])
-        speed = (by_v @ v).clip(min=0.0)
-        rise = speed**2 / (2 * self._lift)
-        gain = (speed / self._lift * (rise > self._beyond))[:, None]
-        return rise, gain * by_q, gain * by_v
+        # the vertical component of v + w x arm
+        turning = np.outer(arms[:, 1], jacobian[3]) - np.outer(arms[:, 0], jacobian[4])
+        return jacobian[2] + turning, None
 
 
 class Upright(StanceTerm):
@@ -231,12 +192,6 @@ class SupportImpulse(Function[KickPoint]):
         return np.concatenate(rows)
 
 
-def sole_edges(standing: StandingRobot) -> tuple[Array, Array]:
-    """Return normals, outwards, and offsets of the sole's edges, `(k, 2)` and `(k,)` [m]."""
-    edges = ConvexHull(standing.sole).equations
-    return edges[:, :2], -edges[:, 2]
-
-
 def centre_of_mass(posture: Posture) -> Array:
     """Return the centre of mass of the robot, its supporting foot included, `(3,)` [m, world]."""
     model, data = posture.leg.workspace.model, posture.leg.workspace.data
@@ -253,33 +208,3 @@ def joint_jacobian(posture: Posture, joint: int) -> Array:
     space = posture.leg.workspace
     jacobian: Any = pin.getJointJacobian(space.model, space.data, joint, pin.LOCAL_WORLD_ALIGNED)
     return np.asarray(jacobian)
-
-
-def height_slopes(jacobian: Array, arms: Array) -> Array:
-    """Return the derivatives by q of the heights of points that a joint carries, `(k, nv)`.
-
-    The Jacobian is of the joint's frame, `(6, nv)`; the arms are from its origin to the points,
-    `(k, 3)` [m, world axes].
-    """
-    # the vertical component of v + w x arm
-    turning = np.outer(arms[:, 1], jacobian[3]) - np.outer(arms[:, 0], jacobian[4])
-    return np.asarray(jacobian[2] + turning)
-
-
-def extreme_spheres(body: Spheres) -> tuple[NDArray[np.int64], float]:
-    """Return indices of at most `CORNERS` spheres, and how far the body reaches beyond them [m].
-
-    Each next one is farthest outside of the hull of those before, in one of `DIRECTIONS`.
-    """
-    count = np.arange(DIRECTIONS) + 0.5
-    height, turn = 1.0 - 2.0 * count / DIRECTIONS, math.pi * (1.0 + math.sqrt(5.0)) * count
-    ring = np.sqrt(1.0 - height**2)
-    directions = np.column_stack([ring * np.cos(turn), ring * np.sin(turn), height])
-    reach = body.centres @ directions.T + body.radii[:, None]
-    largest, chosen = reach.max(axis=0), [int(np.argmax(reach[:, 0]))]
-    while True:
-        beyond = largest - reach[chosen].max(axis=0)
-        worst = int(np.argmax(beyond))
-        if beyond[worst] < 1e-9 or len(chosen) == CORNERS:
-            return np.array(chosen), float(beyond[worst])
-        chosen.append(int(np.argmax(reach[:, worst])))

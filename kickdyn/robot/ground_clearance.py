@@ -4,12 +4,14 @@ A shape is the convex hull of spheres, so that its depth under a plane is a mini
 has simple derivatives.
 """
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from kickdyn.core import validation
@@ -28,6 +30,11 @@ LARGEST_MESH = 0.5
 
 CIRCLE_POINTS = 16
 """Number of points that stand for a circle or an ellipse."""
+
+
+CORNERS, DIRECTIONS = 24, 400
+"""Number of spheres that stand for the kicking foot at most, and of directions, evenly over the
+unit sphere, in which the foot is at most a known distance larger than these."""
 
 
 class Spheres(NamedTuple):
@@ -52,6 +59,29 @@ class Depth(NamedTuple):
     frame: str
     depth: float
     number: int
+
+
+def extreme_spheres(
+    body: Spheres, count: int = CORNERS, towards: ArrayLike = (0.0, 0.0, 0.0), cosine: float = 0.0
+) -> tuple[NDArray[np.int64], float]:
+    """Return indices of at most `count` spheres, and how far the body reaches beyond them [m].
+
+    Each next one is farthest outside of the hull of those before, in one of `DIRECTIONS`. Only
+    directions count whose product with the unit vector `towards` is `cosine` or more.
+    """
+    number = np.arange(DIRECTIONS) + 0.5
+    height, turn = 1.0 - 2.0 * number / DIRECTIONS, math.pi * (1.0 + math.sqrt(5.0)) * number
+    ring = np.sqrt(1.0 - height**2)
+    directions = np.column_stack([ring * np.cos(turn), ring * np.sin(turn), height])
+    directions = directions[directions @ np.asarray(towards) >= cosine]
+    reach = body.centres @ directions.T + body.radii[:, None]
+    largest, chosen = reach.max(axis=0), [int(np.argmax(reach[:, 0]))]
+    while True:
+        beyond = largest - reach[chosen].max(axis=0)
+        worst = int(np.argmax(beyond))
+        if beyond[worst] < 1e-9 or len(chosen) == count:
+            return np.array(chosen), float(beyond[worst])
+        chosen.append(int(np.argmax(reach[:, worst])))
 
 
 def find_depths(leg: Leg, configurations: Sequence[Array], floor: float) -> list[Depth]:

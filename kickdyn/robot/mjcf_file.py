@@ -75,15 +75,12 @@ class MjcfFile(RobotFile):
         name: of the model.
         left_out: moving bodies that are not part of the robot.
         mimics: joints that equality constraints let move with another.
-        starts: values of sliding and hinge joints, by name, at which MuJoCo begins and at which the
-            file draws the robot: their `ref` [rad; m].
     """
 
     meshes: dict[str, bytes] = field(default_factory=dict, repr=False)
     name: str = ""
     left_out: tuple[str, ...] = ()
     mimics: tuple[Mimic, ...] = ()
-    starts: dict[str, float] = field(default_factory=dict)
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -69,14 +69,7 @@ def build_mjcf_model(
         raise MjcfError(file.source, [str(fault)]) from None
     moving = (body for body in bodies if body not in robot_bodies and compiled.body_weldid[body])
     left_out = tuple(body_name(compiled, body) for body in moving)
-    starts = {
-        str(builder.model.names[joint.number]): float(
-            compiled.qpos0[compiled.jnt_qposadr[joint.theirs]]
-        )
-        for joint in builder.joints
-        if joint.kind in (SLIDE, HINGE)
-    }
-    read = replace(file, left_out=left_out, mimics=tuple(builder.mimics), starts=starts)
+    read = replace(file, left_out=left_out, mimics=tuple(builder.mimics))
     return MjcfModel(read, builder.model, tuple(builder.loops))
 
 

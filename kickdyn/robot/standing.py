@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from scipy.spatial import ConvexHull
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
@@ -96,6 +97,12 @@ class StandingRobot:
         rows = pin.computeFrameJacobian(model, data, configuration, self._frame, pin.LOCAL)
         velocity[:6] = np.linalg.solve(rows[:, :6], -rows[:, 6:] @ velocity[6:])
         return configuration, velocity
+
+
+def sole_edges(standing: StandingRobot) -> tuple[Array, Array]:
+    """Return normals, outwards, and offsets of the sole's edges, `(k, 2)` and `(k,)` [m]."""
+    edges = ConvexHull(standing.sole).equations
+    return edges[:, :2], -edges[:, 2]
 
 
 def place_base(robot: Leg, q: Array, frame: int, placement: Any) -> Array:

@@ -14,11 +14,8 @@ from kickdyn.scene.scene import Scene
 class Effect:
     """One physical effect that a scene can have.
 
-    Attributes:
-        name: of the effect.
-        is_in: whether a scene has it.
-        without: returns the scene without it, given the launch.
-        in_flight: whether it changes the flight only, not the launch.
+    `without` returns the scene without it, given the launch; with `in_flight` it changes the flight
+    only, not the launch.
     """
 
     name: str
@@ -50,7 +47,6 @@ def effects_of(scene: Scene) -> list[Effect]:
 
 
 def _without_rotors(scene: Scene, _: BallState) -> Scene:
-    """Return a scene whose joints of one degree of freedom have no armature."""
     leg = scene.leg
     sizes = list(leg.workspace.model.nvs)[1:]
     single = [name for name, size in zip(leg.joint_names, sizes, strict=True) if size == 1]
@@ -70,8 +66,6 @@ def _constant_drag(air: Air, ball: Ball, launch: BallState) -> Air:
 def _of_air(
     name: str, acts: Callable[[Air], bool], change: Callable[[Air, Ball, BallState], Air]
 ) -> Effect:
-    """Return an effect of the air; `change` returns air without it."""
-
     def without(scene: Scene, launch: BallState) -> Scene:
         assert scene.air is not None
         return scene.replace(air=change(scene.air, scene.ball, launch))

@@ -16,7 +16,6 @@ from kickdyn.flight.flight_result import Flight, FlightStatus
 from kickdyn.flight.fly import fly
 from kickdyn.flight.follow import Course, follow
 from kickdyn.impact.collide import Collision, collide, duration
-from kickdyn.impact.force_model import Dissipation
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike
 from kickdyn.impact.uncertainty import Uncertainty
@@ -101,7 +100,6 @@ def collide_scene(scene: Scene, tol: float) -> Collision:
 
 
 def _arguments(scene: Scene) -> dict[str, Any]:
-    """Return the arguments that `strike` and `collide` share."""
     arguments = {name: getattr(scene, name) for name in ("posture", "v", "ball", "contact")}
     motion = {"ball_velocity": scene.incoming.velocity, "ball_spin": scene.incoming.spin}
     return arguments | motion
@@ -150,7 +148,6 @@ def end_slopes(scene: Scene, path: Flight | Course) -> EndSlopes:
 
 
 def _differences(scene: Scene, path: Course) -> EndSlopes:
-    """Return the slopes of the end by differences of whole paths."""
     launch, slopes = path.launch, np.zeros((2, 3, 3))
     speed = float(launch.speed)
     for kind, size in enumerate((speed, speed / scene.ball.radius)):
@@ -183,15 +180,13 @@ def contact_time_error(scene: Scene, impact: Impact) -> LaunchError:
     the difference of these laws is added.
 
     The error is inf, as it is not known, where one of these strikes has no impact; with supports,
-    loops and mimic joints, which a straight motion leaves; with the dissipation `hunt-crossley` and
-    friction, which tends to no law; and where the foot may press the ball into the ground or a
-    plane.
+    loops and mimic joints, which a straight motion leaves; and where the foot may press the ball
+    into the ground or a plane.
     """
     unknown = LaunchError(math.inf, math.inf, math.inf)
     law, leg, contact = scene.law, scene.leg, scene.contact
     assert isinstance(law, Compliance)
-    tends_to_no_law = law.dissipation == Dissipation.HUNT_CROSSLEY and contact.friction > 0.0
-    if leg.constraints is not None or tends_to_no_law:
+    if leg.constraints is not None:
         return unknown
     # it lasts up to half longer than of two masses, while the leg's inertia changes
     time = 1.5 * duration(impact.approach, **law.options)

@@ -31,11 +31,9 @@ class Passage(NamedTuple):
     """How a ball passes a wall [m].
 
     Attributes:
-        above: distance from the top of the wall up to the lower edge of the ball; below 0 the edge
-            is lower.
-        beside: distance from the edge of the wall outwards to the side of the ball; below 0 the
-            side is inside.
-        left: distance from the middle of the wall to the centre of the ball, positive to the left.
+        above: from the top of the wall up to the lower edge of the ball.
+        beside: from the edge of the wall outwards to the side of the ball.
+        left: from the middle of the wall to the centre of the ball, positive to the left.
     """
 
     above: float
@@ -48,7 +46,6 @@ class Passage(NamedTuple):
         return self.above > 0.0 or self.beside > 0.0
 
     def __str__(self) -> str:
-        """Return how the ball passes the wall, as a sentence."""
         if self.above > 0.0:
             return f"The lower edge of the ball clears the wall by {self.above:.3g} m."
         if self.beside > 0.0:
@@ -69,17 +66,12 @@ class Passage(NamedTuple):
 class Wall:
     """A wall of players across the line from the ball to its target, its middle on that line.
 
-    It does not stop the ball: the flight goes on behind it, and results say whether the ball hits
-    the wall.
+    It does not stop the ball: results say whether the ball hits it.
 
     Args:
-        distance: distance of the wall from the centre of the ball at its start, along the ground
-            [m], above 0.
-        height: height of the wall above the ground [m], above 0.
-        width: width of the wall [m], above 0; the default is that of five players.
-
-    Raises:
-        InvalidInput: a value that is not above 0 or not finite.
+        distance: from the centre of the ball at its start, along the ground [m], above 0.
+        height: above the ground [m], above 0.
+        width: [m], above 0; the default is that of five players.
     """
 
     distance: float
@@ -93,11 +85,7 @@ class Wall:
 
 
 def read_wall(text: str) -> Wall:
-    """Return the wall that the text DISTANCE:HEIGHT or DISTANCE:HEIGHT:WIDTH stands for [m].
-
-    Raises:
-        InvalidInput: it is no such text.
-    """
+    """Return the wall that the text DISTANCE:HEIGHT or DISTANCE:HEIGHT:WIDTH stands for [m]."""
     values = text.split(":")
     try:
         distance, height, width = map(float, [*values, "2.5"] if len(values) == 2 else values)
@@ -123,12 +111,8 @@ def passage_on(
 ) -> Passage | None:
     """Return how a ball passes a wall on its path; None where the path ends before the wall.
 
-    Args:
-        path: path of the ball.
-        wall: what it passes.
-        ahead: horizontal unit vector from the start to the target, shape `(3,)`.
-        radius: radius of the ball [m].
-        start_height: height of its lower edge above the ground at the start [m].
+    `ahead` is the horizontal unit vector from the start to the target, shape `(3,)`, `start_height`
+    the height of the ball's lower edge above the ground at the start [m].
     """
     start = path.launch.position
 
@@ -148,10 +132,8 @@ class Score(NamedTuple):
 
     Attributes:
         end: `in` or `short`; `over` the bar, `beside` the post; or `bar` or `post`, which it hits.
-        post: distance from the side of the ball to the nearer post [m]; below 0 where the ball is
-            beyond it.
-        bar: distance from the upper edge of the ball up to the bar [m]; below 0 where the ball is
-            above it.
+        post: distance from the side of the ball to the nearer post [m]; below 0 beyond it.
+        bar: distance from the upper edge of the ball up to the bar [m]; below 0 above it.
     """
 
     end: str
@@ -159,7 +141,6 @@ class Score(NamedTuple):
     bar: float
 
     def __str__(self) -> str:
-        """Say in a sentence whether the ball goes in."""
         if self.end == "in":
             return (
                 f"The ball enters the goal, {self.post:.3g} m from the post and {self.bar:.3g} m "
@@ -169,14 +150,7 @@ class Score(NamedTuple):
 
 
 def score_at(left: float, up: float, radius: float, *, arrives: bool) -> Score:
-    """Return how a ball meets a goal.
-
-    Args:
-        left: of its centre, from the middle of the goal [m].
-        up: of its lower edge, from the ground [m].
-        radius: of the ball [m].
-        arrives: whether it comes to the goal line.
-    """
+    """Return how a ball meets a goal, `left` of its middle and its lower edge `up` [m]."""
     post = MOUTH[0] / 2 - abs(left) - radius
     bar = MOUTH[1] - up - 2 * radius
     if not arrives:

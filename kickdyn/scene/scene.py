@@ -17,7 +17,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.ground import Ground
 from kickdyn.impact.collide import CONTACT_TIME, checked_stiffness
-from kickdyn.impact.force_model import LONGEST_CONTACT, Dissipation
+from kickdyn.impact.force_model import LONGEST_CONTACT
 from kickdyn.impact.laws import find_law
 from kickdyn.impact.sensitivity import UNITS
 from kickdyn.plane import Plane
@@ -37,25 +37,17 @@ class Compliance:
         contact_time: duration of the contact for which the stiffness is chosen, above 0 [s]; None
             is the default of `collide`.
         stiffness: stiffness in place of `contact_time`: a number [N/m^1.5], or `"pressure"`.
-        dissipation: how the contact loses energy: `walton-braun` or `hunt-crossley`.
-
-    Raises:
-        InvalidInput: a value outside its range, or both contact time and stiffness.
     """
 
     contact_time: float | None = None
     stiffness: float | str | None = None
-    dissipation: str = Dissipation.WALTON_BRAUN
 
     def __post_init__(self) -> None:
-        """Check the values."""
         if self.contact_time is not None:
             time = validation.number(
                 "contact time", self.contact_time, above=0, at_most=LONGEST_CONTACT, unit="s"
             )
             object.__setattr__(self, "contact_time", time)
-        kind = validation.choice("dissipation", self.dissipation, Dissipation)
-        object.__setattr__(self, "dissipation", kind)
         stiffness = checked_stiffness(self.contact_time, self.stiffness)
         object.__setattr__(self, "stiffness", stiffness)
 
@@ -152,11 +144,7 @@ class Scene(ReprMixin):
             check_before(wall, math.hypot(*self._to_target()))
 
     def replace(self, **changes: Any) -> "Scene":
-        """Return the scene with some of its arguments changed.
-
-        Raises:
-            InvalidInput: as for `Scene`.
-        """
+        """Return the scene with some of its arguments changed."""
         return Scene(**{**self.__dict__, **changes})
 
     @validation.check_arguments
@@ -200,15 +188,10 @@ class Scene(ReprMixin):
 
     @property
     def ahead(self) -> Array:
-        """Horizontal unit vector from the ball to the point of the plane, shape `(3,)`.
-
-        Raises:
-            InvalidInput: the scene has no plane, or its point is above or below the ball.
-        """
+        """Horizontal unit vector from the ball to the point of the plane, shape `(3,)`."""
         return validation.direction("direction to the plane", (*self._to_target(), 0.0))
 
     def _rows(self) -> Iterable[Row]:
-        """Return the lines that are shown."""
         yield "name", self.name, ""
         yield "leg", self.leg.name, ""
         yield "contact point", self.posture.contact_point, "m"
@@ -238,7 +221,6 @@ class Scene(ReprMixin):
 
 
 def _checked_uncertainty(value: Mapping[str, float] | None) -> dict[str, float]:
-    """Return finite values by the names of `Impact.uncertainty`, or raise `InvalidInput`."""
     checked = validation.mapping("uncertainty", value)
     for name, deviation in checked.items():
         if name not in UNITS:
@@ -251,7 +233,6 @@ def _checked_uncertainty(value: Mapping[str, float] | None) -> dict[str, float]:
 
 
 def _check_compliant(law: Compliance, ball: Ball, contact: Contact) -> None:
-    """Raise `InvalidInput` for a contact that cannot take time."""
     if law.stiffness == "pressure":
         _ = ball.stiffness  # raises where the pressure is unknown
     least = least_restitution(contact.restitution)

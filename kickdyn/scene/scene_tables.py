@@ -24,7 +24,6 @@ from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.ground import SURFACES, Ground
-from kickdyn.impact.force_model import Dissipation
 from kickdyn.impact.laws import LAWS
 from kickdyn.plane import Plane, ReachedBy
 from kickdyn.restitution import MODELS as RESTITUTIONS
@@ -87,7 +86,6 @@ def _check_text(value: object) -> None:
 
 
 def _check_list(value: object) -> None:
-    """Raise `InvalidInput` unless a value is a list of at most `MOST_NAMES` entries."""
     if not (isinstance(value, list) and len(value) <= MOST_NAMES):
         raise InvalidInput(
             f"{validation.brief(value)}: it must be a list, with at most {MOST_NAMES} entries"
@@ -201,7 +199,6 @@ def joint_faults(leg: Leg, of_leg: LegTable, of_posture: PostureTable) -> list[s
 def _ball(
     model: str = "size-5", velocity: ArrayLike = ZERO, spin: ArrayLike = ZERO, **values: Any
 ) -> tuple[Ball, BallState]:
-    """Return the ball, and its motion before the contact."""
     usual = Ball.paper() if model == "paper" else Ball()
     return replace(usual, **values), BallState(velocity=velocity, spin=spin)
 
@@ -214,11 +211,7 @@ def _contact(
     **values: Any,
 ) -> tuple[Contact, str | Compliance]:
     """Return the contact, and its law or, where it takes time, its compliance."""
-    timed = {
-        name: values.pop(name)
-        for name in ("contact_time", "stiffness", "dissipation")
-        if name in values
-    }
+    timed = {name: values.pop(name) for name in ("contact_time", "stiffness") if name in values}
     if normal is None:
         attack = validation.number("attack", attack_deg, at_least=-90, at_most=90, unit="deg")
         side = validation.number("side", side_deg, at_least=-180, at_most=180, unit="deg")
@@ -236,7 +229,6 @@ def _contact(
 
 
 def _air(model: str = "standard", **values: Any) -> Air:
-    """Return the air, without the effects that are not named."""
     options = {"drag": None, "lift": None, "torque": None, "buoyancy": False, **values}
     if model == "standard":
         return Air.at(**options)
@@ -263,7 +255,6 @@ def _uncertainty(**deviations: Any) -> dict[str, float]:
 
 
 def _number_or(kind: str, models: Collection[str]) -> str:
-    """Return what the coefficient of a force takes."""
     low, high = constant_limits(kind).values()
     return f"number, at least {low:g} and at most {high:g}, or {quoted(models)}"
 
@@ -351,8 +342,6 @@ TABLES = (
             "a contact that takes time; without it and `stiffness` the contact is instantaneous"),
         Key("stiffness", "stiffness", ("pressure",), "stiffness of a contact that takes time, from "
             "the pressure of the ball, instead of `contact_time_s`"),
-        Key("dissipation", "dissipation", tuple(Dissipation), "how a contact that takes time loses "
-            "energy; without it `walton-braun`", needs=("contact_time_s", "stiffness")),
     ), is_required=True, required=({"attack_deg": 0.0, "normal": (1, 0, 0)}, {"restitution": 1.0})),
     Table("air", _air, (
         Key("model", "model", ("standard", "paper"),

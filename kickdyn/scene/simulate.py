@@ -82,20 +82,12 @@ class Simulation(Printed):
 
     @property
     def end(self) -> BallState:
-        """The ball at the end of its path, its time counted from the launch.
-
-        That is on the ground, at the height of the launch, at the plane, or at rest on a ground
-        with a surface.
-        """
+        """The ball at the end of its path, its time counted from the launch."""
         return end_of(self.path)
 
     @property
     def status(self) -> str:
-        """How the path ends: `landed`, `at-plane` or `at-rest`.
-
-        Any other status, as of `Flight` and `Course`, says why it has no end; `end` is then the
-        last state.
-        """
+        """How the path ends: `landed`, `at-plane` or `at-rest`, or why it has no end."""
         return self.path.status
 
     @cached_property
@@ -112,11 +104,7 @@ class Simulation(Printed):
 
     @property
     def error(self) -> float:
-        """Error of the end, the sum of `model_error` and `numerical_error` [m].
-
-        It is at most `tolerance`, unless the integrators cannot reach that; then
-        `within_tolerance` is False.
-        """
+        """Error of the end, the sum of `model_error` and `numerical_error` [m]."""
         return self.model_error + self.numerical_error
 
     @property
@@ -137,13 +125,13 @@ class Simulation(Printed):
 
     @property
     def neglected(self) -> tuple[str, ...]:
-        """Names of the effects of the scene that were not modelled: at most the contact time."""
+        """Effects of the scene that were not modelled: at most the contact time."""
         is_instant = isinstance(self.impact, Impact)
         return ("contact time",) if self.scene.is_compliant and is_instant else ()
 
     @property
     def modelled(self) -> tuple[str, ...]:
-        """Names of the effects that were modelled."""
+        """Effects of the scene that were modelled."""
         names = (effect.name for effect in effects_of(self.scene))
         return tuple(name for name in names if name not in self.neglected)
 
@@ -151,10 +139,9 @@ class Simulation(Printed):
     def effect_sizes(self) -> Mapping[str, float]:
         """By effect: how far the end moves if only this effect is neglected [m].
 
-        It is computed when it is first read, as exactly as the integrators can: it takes about
-        three simulations with `tolerance=None` for a compliant contact, and milliseconds for an
-        instantaneous one. nan where the path has no end with or without the effect, or cannot be
-        computed.
+        It is computed when it is first read: it takes about three simulations with
+        `tolerance=None` for a compliant contact, and milliseconds for an instantaneous one. nan
+        where the path has no end with or without the effect, or cannot be computed.
         """
         sizes = {effect.name: math.nan for effect in effects_of(self.scene)}
         with suppress(KickdynError):
@@ -182,9 +169,7 @@ class Simulation(Printed):
         if isinstance(path, Flight):
             return f"impact: kd.{function}; path: {path.method}"
         tol = path.flights[0].tol
-        return (
-            f"impact: kd.{function}; path: flight, bounces and rolling, relative tolerance {tol:g}"
-        )
+        return f"impact: kd.{function}; path: flights and rolling, relative tolerance {tol:g}"
 
     @property
     def evaluations(self) -> int:
@@ -199,11 +184,7 @@ class Simulation(Printed):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Warnings of leg, impact and path.
-
-        These are faults of the robot's file, joints outside their ranges or too fast, and
-        coefficients of contact and air outside the ranges of their data.
-        """
+        """Warnings of leg, impact and path."""
         lines = (*self.scene.leg.warnings, *self.impact.warnings, *self.path.warnings)
         return tuple(dict.fromkeys(lines))
 
@@ -217,10 +198,7 @@ class Simulation(Printed):
 
     @cached_property
     def passage(self) -> Passage | None:
-        """How the ball passes the scene's wall.
-
-        None where there is no wall, or where the ball comes down before it.
-        """
+        """How the ball passes the scene's wall; None without one, or if it lands before it."""
         scene, path = self.scene, self.path
         if scene.wall is None:
             return None
@@ -288,7 +266,6 @@ class Simulation(Printed):
         return "\n".join(filter(None, lines))
 
     def __str__(self) -> str:
-        """Return the summary and a table of the effects."""
         source = "rounding"
         if self.numerical_error > 1e-12:
             source = f"{_length_text(self.numerical_error)} m by numerical integration"
@@ -323,16 +300,15 @@ def _length_text(metres: float) -> str:
 def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
     r"""Find where the ball of a scene ends, to a tolerance.
 
-    The contact time is what takes long to compute. It is neglected if it moves the end by less than
-    half the tolerance, as estimated by strikes of an instantaneous contact where the foot is
-    meanwhile; otherwise the contact is integrated as exactly as the tolerance requires. All other
-    effects are always modelled, and the flight is integrated to a relative tolerance of 1e-9.
+    The contact time is neglected if it moves the end by less than half the tolerance, as estimated
+    by strikes of an instantaneous contact where the foot is meanwhile; otherwise the contact is
+    integrated as exactly as the tolerance requires. All other effects are always modelled, and the
+    flight is integrated to a relative tolerance of 1e-9.
 
     Args:
         scene: the scene of the kick.
-        tolerance: largest error of the position where the path of the ball ends, above 0 [m]. It
-            counts everything that the scene names, but not how well the scene describes the world:
-            coefficients are as good as their sources. None models everything, with a relative
+        tolerance: largest error of the position where the path of the ball ends, above 0 [m],
+            beside that of the scene's own numbers. None models everything, with a relative
             tolerance of 1e-9 of the integrators. A tolerance that they cannot reach is computed in
             the same manner, and `within_tolerance` of the result is False.
 
@@ -367,7 +343,6 @@ def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
 
 
 def _with_path(scene: Scene, tolerance: float | None, impact: Impact | Collision) -> Simulation:
-    """Return the simulation of a scene with an impact."""
     path, spread = fly_scene(scene, impact.ball_after), None
     if scene.uncertainty:
         spread = strike_scene(scene).uncertainty(**scene.uncertainty)
@@ -393,8 +368,8 @@ def _collide_to(scene: Scene, tolerance: float, speed: float) -> Simulation:
 def simulate_as_instant(scene: Scene) -> Simulation:
     """Model everything a scene names, except for the time that its contact takes.
 
-    Only an instantaneous impact has joint impulses. The effect of the contact time is measured: how
-    far the end lies from that of the scene with it; inf if that cannot be computed.
+    Only an instantaneous impact has joint impulses. `model_error` is then the measured distance to
+    the end with the contact time; inf if that cannot be computed.
     """
     answer = simulate(scene.as_instant() if scene.is_compliant else scene, None)
     if not scene.is_compliant:

@@ -79,7 +79,6 @@ def _line_of(text: str, error: Exception) -> str:
 
 
 def _named(file: Path, source: str) -> Path:
-    """Return the file of a shipped scene where one is named, else the file."""
     if file.name != source or file.suffix or os.path.lexists(file):
         return file
     known = {scene.stem: scene for scene in sorted(shipped("scenes").glob("*.toml"))}
@@ -156,12 +155,10 @@ def _faults_of(table: Table, content: dict[str, Any]) -> list[str]:
 
 
 def _arguments(table: Table, content: dict[str, Any]) -> dict[str, Any]:
-    """Return the arguments of a table's constructor."""
     return {key.argument: content[key.name] for key in table.keys if key.name in content}
 
 
 def _unknown(shown: str, word: str, known: Iterable[str]) -> str:
-    """Return the line for a word that is not known, with the nearest that is."""
     shown = shown if len(shown) <= 100 else shown[:100] + "..."
     return f"{shown} is unknown: {_hint(word, known)}"
 

@@ -165,7 +165,7 @@ def limited_errors(errors: Sequence[KickError]) -> dict[str, float]:
     return {"speed": tuned.speed, "direction": tuned.direction, "speed around": around}
 
 
-def kick_cases(approach: Approach, contact_time: float, dissipation: str) -> list[KickCase]:
+def kick_cases(approach: Approach, contact_time: float) -> list[KickCase]:
     """Return the kick, and those around it that can be computed.
 
     The stiffness is that with which the first one has a contact time [s].
@@ -174,16 +174,16 @@ def kick_cases(approach: Approach, contact_time: float, dissipation: str) -> lis
         approach.posture, approach.ball, approach.contact, approach.ball_before,
     )  # fmt: skip
     first = collide(
-        posture, approach.v, ball, contact, contact_time=contact_time, dissipation=dissipation,
-        tol=1e-6, ball_velocity=before.velocity, ball_spin=before.spin,
+        posture, approach.v, ball, contact, contact_time=contact_time, tol=1e-6,
+        ball_velocity=before.velocity, ball_spin=before.spin,
     )  # fmt: skip
 
     def case(change: str, nearby: Posture, factor: float) -> KickCase:
         motion = factor * before.velocity, factor * before.spin
         near = find_approach(nearby, factor * approach.v, ball, contact, *motion)
         hit = collide(
-            nearby, near.v, ball, contact, stiffness=first.force_model.stiffness,
-            dissipation=dissipation, tol=1e-6, ball_velocity=motion[0], ball_spin=motion[1],
+            nearby, near.v, ball, contact, stiffness=first.force_model.stiffness, tol=1e-6,
+            ball_velocity=motion[0], ball_spin=motion[1],
         )  # fmt: skip
         return _case(change, near, hit)
 

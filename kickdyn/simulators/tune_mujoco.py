@@ -19,7 +19,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.approach import AT_REST, find_approach
 from kickdyn.impact.collide import CONTACT_TIME
-from kickdyn.impact.force_model import LONGEST_CONTACT, Dissipation
+from kickdyn.impact.force_model import LONGEST_CONTACT
 from kickdyn.impact.strike import strike
 from kickdyn.robot.leg import Posture
 from kickdyn.simulators.mujoco_fit import (
@@ -243,7 +243,6 @@ def tune_mujoco(
     timestep: float = 0.002,
     integrator: str = "implicitfast",
     contact_time: float = CONTACT_TIME,
-    dissipation: str = Dissipation.WALTON_BRAUN,
     tolerance: float = 0.03,
     ball_velocity: ArrayLike = AT_REST,
     ball_spin: ArrayLike = AT_REST,
@@ -280,7 +279,6 @@ def tune_mujoco(
             a 500th of it.
         integrator: integrator of MuJoCo: `Euler`, `implicit`, `implicitfast` or `RK4`.
         contact_time: contact time [s], as for `collide`, 1e-5 to 0.1; 10 ms by default.
-        dissipation: dissipation of the contact, as for `collide`.
         tolerance: error of the ball's speed that is accepted, relative, 0.001 to 1; twice as much
             at 0.5 to 1.5 times all velocities. For the direction, 1 degree is accepted.
         ball_velocity: velocity of its centre just before, shape `(3,)` [m/s, world frame].
@@ -293,7 +291,6 @@ def tune_mujoco(
     load_mujoco()
     step = validation.number("timestep", timestep, above=0, at_most=LONGEST_STEP, unit="s")
     chosen = validation.choice("integrator", integrator, MujocoIntegrator)
-    kind = validation.choice("dissipation", dissipation, Dissipation)
     validation.number("tolerance", tolerance, at_least=1e-3, at_most=1)
     validation.number("friction", contact.friction, at_least=0, at_most=10)
     duration = validation.number(
@@ -308,7 +305,7 @@ def tune_mujoco(
     validation.number("approach speed", approach.speed, at_least=LEAST_SPEED, unit="m/s")
     validation.number("restitution", approach.restitution, at_least=LEAST_RESTITUTION)
     scene(approach, step, MujocoContact())  # refuses a leg before the work
-    cases = kick_cases(approach, duration, kind)
+    cases = kick_cases(approach, duration)
     fitted = find_best(cases, step, chosen, duration, tolerance)
     limited = limited_errors(fitted.errors)
     goals = [MujocoGoal(name, limited[name], most) for name, most in accepted(tolerance).items()]

@@ -97,15 +97,12 @@ class CarryTable:
         middle = (corners[:, None] + 0.5 * (1.0 + places)) / 2**depth - [0.0, 1.0]
         share, slope = np.maximum(middle[..., 0], 1e-6), middle[..., 1] * self._largest_slope
         flown = self._fly(share.ravel(), slope.ravel()).reshape(share.shape)
-        inverse = np.linalg.inv(np.vander(nodes, increasing=True))
-        values = (flown / share**2)[:, : len(fitted)].reshape(-1, NODES, NODES)
-        coefficients = np.einsum("ai,nij,bj->nab", inverse, values, inverse)
-        powers = [np.vander(column, NODES, increasing=True) for column in checked.T]
-        again = np.einsum("ka,nab,kb->nk", powers[0], coefficients, powers[1])
-        again *= share[:, len(fitted) :] ** 2
-        errors = np.abs(again - flown[:, len(fitted) :]).max(axis=1)
-        errors = np.where(np.isfinite(errors), errors, np.inf)
-        return coefficients.reshape(len(coefficients), -1), errors
+        degrees, number = (NODES - 1, NODES - 1), len(fitted)
+        powers = np.polynomial.polynomial.polyvander2d(places[:, 0], places[:, 1], degrees)
+        coefficients = (flown / share**2)[:, :number] @ np.linalg.inv(powers[:number]).T
+        again = coefficients @ powers[number:].T * share[:, number:] ** 2
+        errors = np.abs(again - flown[:, number:]).max(axis=1)
+        return coefficients, np.where(np.isfinite(errors), errors, np.inf)
 
     def _fly(self, share: Array, slope: Array) -> Array:
         """Return carries [m] of normal impulses over the largest and tangential over normal ones.

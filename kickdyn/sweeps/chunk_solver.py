@@ -1,4 +1,4 @@
-"""All variables of a range of postures: a compiled kernel, flights, and a check of both."""
+"""All variables of a range of postures, by a compiled kernel and flights."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
@@ -17,7 +17,6 @@ from kickdyn.sweeps.grid import Grid
 from kickdyn.sweeps.sweep_kick import (
     FLIGHT_TOLERANCE,
     Kick,
-    PostureOutcome,
     PostureStatus,
     kick_from,
 )
@@ -37,11 +36,7 @@ BLOCK = 16_384
 SLOW_CHUNK = 512
 """Postures per chunk where each of them is one `kick_from`: about a second."""
 
-AGREEMENT = 1e-9
-"""Relative difference between kernel and `kick_from` above which there is a warning."""
-
 _CARRY = list(VARIABLES).index("carry")
-_CHECKED = ("effective_mass", "impulse", "ball_speed", "worst_joint_impulse", "speed_use", "carry")
 
 
 class SolvedChunk(NamedTuple):
@@ -50,12 +45,10 @@ class SolvedChunk(NamedTuple):
     Attributes:
         rows: values in the order of `VARIABLES`, shape `(len(VARIABLES), n)`.
         status: flags of `PostureStatus`, shape `(n,)`.
-        warning: the disagreement that a check found, or nothing.
     """
 
     rows: Array
     status: NDArray[np.int8]
-    warning: str
 
 
 class ChunkSolver:
@@ -65,11 +58,8 @@ class ChunkSolver:
     (a floating base, supports, loops, wind that changes with height, a law without a kernel),
     and where the kernel marks a posture as doubtful, it is `kick_from`, a thousand times slower.
 
-    `tolerance` is the largest error of a carry [m], where balls of the air are interpolated between
-    flights (`CarryTable`); 0 flies every ball, to 1e-8 of the carry.
-
     Attributes:
-        leg, grid, kick, tolerance: the arguments.
+        leg, grid, kick, tolerance: as for `kickdyn.sweep`.
         chunk: number of postures to compute at a time.
         carry_tolerance: `tolerance` where carries are interpolated, else 0.
     """
@@ -92,8 +82,8 @@ class ChunkSolver:
     @property
     def seconds(self) -> float:
         """Processor time that the whole grid takes, roughly [s]."""
-        each = 2e-3 if self._model is None else 0.3e-6 if self.carry_tolerance > 0.0 else 4e-6
-        return each * self.grid.size
+        seconds = 2e-3 if self._model is None else 0.3e-6 if self.carry_tolerance > 0.0 else 4e-6
+        return seconds * self.grid.size
 
     def describe(self) -> xr.Dataset:
         """Return coordinates and provenance of the sweep, see `dataset.describe`."""
@@ -111,29 +101,23 @@ class ChunkSolver:
             self._table = CarryTable(self._model, self.carry_tolerance)
 
     def __call__(self, first: int, count: int) -> SolvedChunk:
-        """Return the results of `count` postures from number `first` on.
-
-        The first posture that the kernel computes is checked against `kick_from`.
-        """
+        """Return the results of `count` postures from number `first` on."""
         rows = np.full((len(VARIABLES), count), np.nan)
         status, doubtful = np.zeros(count, np.int8), np.ones(count, bool)
         if self._model is not None:
             for begin in range(0, count, BLOCK):
                 k = slice(begin, begin + BLOCK)
                 doubtful[k] = self._compute(self._model, first + begin, rows[:, k], status[k])
-        warning = ""
-        sure = np.flatnonzero(~doubtful)
-        if sure.size:
-            i = int(sure[0])
-            warning = self._difference(first + i, rows[:, i])
         for i in np.flatnonzero(doubtful).tolist():
-            outcome = self._outcome(first + i)
-            if outcome is None:
+            try:
+                q = self.grid.configuration(self.leg, first + i)
+            except InvalidInput:
                 status[i] = PostureStatus.NOT_CLOSED.flag
                 continue
+            outcome = kick_from(self.leg.posture(q), self.kick)
             rows[:, i] = list(variables_of(outcome, self.kick).values())
             status[i] = outcome.status.flag
-        return SolvedChunk(rows, status, warning)
+        return SolvedChunk(rows, status)
 
     def _compute(
         self, model: "KernelModel", first: int, rows: Array, status: NDArray[np.int8]
@@ -156,29 +140,3 @@ class ChunkSolver:
             rows[_CARRY, flown] = flights.range.values
             doubtful[flown[flights.status.values != 0]] = True
         return doubtful
-
-    def _outcome(self, number: int) -> PostureOutcome | None:
-        """Return the kick from one posture of the grid; None where its loops cannot be closed."""
-        try:
-            q = self.grid.configuration(self.leg, number)
-        except InvalidInput:
-            return None
-        return kick_from(self.leg.posture(q), self.kick)
-
-    def _difference(self, number: int, values: Array) -> str:
-        """Return how values of the kernel differ from those of one kick, or nothing."""
-        outcome = self._outcome(number)
-        assert outcome is not None  # no kernel serves loops
-        for name, value, expected in zip(
-            VARIABLES, values, variables_of(outcome, self.kick).values(), strict=True
-        ):
-            tolerance = AGREEMENT * abs(expected)
-            if name == "carry":  # both flights are wrong by up to 1e-8 of the carry; a launch that
-                # is level but for rounding comes down at once
-                tolerance = 1e-7 * abs(expected) + (self.carry_tolerance or 1e-9)
-            if name in _CHECKED and not abs(value - expected) <= tolerance:
-                return (
-                    f"posture {number}: the sweep has {name} {float(value)!r}, a single kick "
-                    f"{float(expected)!r}"
-                )
-        return ""

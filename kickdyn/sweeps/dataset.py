@@ -119,12 +119,6 @@ def with_variables(
     return described.assign({**variables, "status": flags})  # at once: one by one takes longer
 
 
-def add_warning(data: xr.Dataset, warning: str) -> xr.Dataset:
-    """Return a dataset whose attribute `warnings` has one more line, if that is not empty."""
-    lines = [line for line in (data.attrs["warnings"], warning) if line]
-    return data.assign_attrs(warnings="; ".join(lines))
-
-
 def attributes_of(name: str) -> dict[str, str]:
     """Return the attributes of one of `VARIABLES`, as the CF conventions have them."""
     unit, meaning = VARIABLES[name]
@@ -201,11 +195,8 @@ def difference(
     if joints[0] != joints[1]:
         return f"its joints are {joints[0]}, this one's {joints[1]}"
     for name in wanted.dims:
-        values, others = stored[name].values, wanted[name].values
-        if not np.array_equal(values, others):
-            unit = wanted[name].attrs["units"]
-            spans = _span(values, unit), _span(others, unit)
-            return f"its {name} has {spans[0]}, this one's {spans[1]}, not all the same"
+        if not np.array_equal(stored[name].values, wanted[name].values):
+            return f"its values of {name} are not all the same"
     for attribute, value in wanted.attrs.items():
         other = stored.attrs.get(attribute)
         if attribute not in ("finished", "warnings") and other != value:
@@ -215,14 +206,6 @@ def difference(
     if names[0] != names[1]:
         return f"its variables are {names[0]}, this one's {names[1]}"
     return None
-
-
-def _span(values: Array, unit: str) -> str:
-    """Return how many values of a joint there are and their ends, of angles in degrees."""
-    if unit == "rad":
-        values, unit = np.degrees(values), "deg"
-    count = f"{len(values)} value{'s' * (len(values) != 1)}"
-    return f"{count} from {values[0]:.6g} to {values[-1]:.6g} {unit}"
 
 
 def _model_text(leg: Leg) -> str:

@@ -2,10 +2,8 @@
 
 `BATCH` postures go side by side through kinematics, inertia, impact and joint impulses. What the
 kernel cannot compute to 1e-12 (a foot that can hardly move along the normal or across it, one much
-lighter than the ball, an inertia that has lost its digits) it marks as doubtful.
-
-One kernel serves every leg: what differs between legs are arrays. Compiling it takes seconds, so
-its machine code is kept on the disk.
+lighter than the ball, an inertia that has lost its digits) it marks as doubtful. What differs
+between legs are arrays, so that one kernel serves every leg.
 """
 
 import math

@@ -5,9 +5,8 @@ joint's own origin, so that a light foot far from the hip loses no digits. Every
 or slides along, the z axis of its own frame. The algorithms are from Featherstone, Rigid Body
 Dynamics Algorithms, 2008, written for batches, see `kickdyn.core.simd`.
 
-Kernels must give the same bits whether they were compiled now or are read from the disk, or a
-resumed sweep would differ from one that ran at once. So `njit` allows no fused multiply-adds: which
-of them the compiler finds depends on what it inlines.
+`njit` allows no fused multiply-adds: which of them the compiler finds depends on what it inlines,
+and a resumed sweep must have the same bits as one that ran at once.
 """
 
 import math
@@ -48,43 +47,36 @@ BODY = np.dtype(
 
 @inlined
 def _vector(rows):  # type: ignore[no-untyped-def]
-    """Return the three rows of an array."""
     return rows[0], rows[1], rows[2]
 
 
 @inlined
 def _put(rows, v):  # type: ignore[no-untyped-def]
-    """Fill in the three rows of an array."""
     rows[0], rows[1], rows[2] = v
 
 
 @inlined
 def _add(a, b):  # type: ignore[no-untyped-def]
-    """Return the sum of two vectors."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 @inlined
 def _scale(s, v):  # type: ignore[no-untyped-def]
-    """Return a number times a vector."""
     return s * v[0], s * v[1], s * v[2]
 
 
 @inlined
 def _dot(a, b):  # type: ignore[no-untyped-def]
-    """Return the scalar product of two vectors."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @inlined
 def _cross(a, b):  # type: ignore[no-untyped-def]
-    """Return the vector product of two vectors."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @inlined
 def _times(matrix, v):  # type: ignore[no-untyped-def]
-    """Return a matrix times a vector."""
     return _dot(matrix[0], v), _dot(matrix[1], v), _dot(matrix[2], v)
 
 
@@ -97,7 +89,6 @@ def _symmetric(rows):  # type: ignore[no-untyped-def]
 
 @inlined
 def _axis(body):  # type: ignore[no-untyped-def]
-    """Return the axis of a joint, the z axis of its body."""
     return body.rotation[0, 2], body.rotation[1, 2], body.rotation[2, 2]
 
 
@@ -196,7 +187,6 @@ def joint_space_inertia(tree, bodies, inertia):  # type: ignore[no-untyped-def]
 
 @njit
 def _carry(body, parent, mass):  # type: ignore[no-untyped-def]
-    """Add the moments that a joint carries to its parent's, about the parent's origin."""
     dx, dy, dz = d = _vector(body.origin)
     hx, hy, hz = h = _vector(body.carried_moment)
     ex, ey, ez = e = _add(h, _scale(mass, d))

@@ -1,8 +1,6 @@
 """From the joint-space inertia and the Jacobian to the impulse, many postures at once.
 
-`BATCH` postures are computed side by side, with vector instructions: whatever depends on the
-posture is a batch, see `kickdyn.core.simd`. What cannot be computed to 1e-12 is marked in
-`state.doubt`, and is left to `kick_from`.
+Whatever depends on the posture is a batch of `BATCH` postures, see `kickdyn.core.simd`.
 
 The functions have these arguments in common; joints count from 1, as Pinocchio's do:
 
@@ -129,9 +127,8 @@ def solve_impact(task, state):  # type: ignore[no-untyped-def]
     the relative velocity. Sticking asks for no tangential velocity and Newton's restitution along
     the normal, :math:`G p = (0, 0, (1 + e) v)`: the tangential parts over the normal one,
     :math:`s = p_1 / p_3` and :math:`t = p_2 / p_3`, solve the first two rows. In a plane
-    (:math:`t = 0`), slipping cuts :math:`s` to :math:`\pm\mu`; out of it, `solve_slip` follows. See
-    `kickdyn.impact.newton_law` for one posture. Doubtful is where terms cancel: a foot much lighter
-    than the ball, which moves easily along one direction.
+    (:math:`t = 0`), slipping cuts :math:`s` to :math:`\pm\mu`; out of it, `solve_slip` follows.
+    Postures in which terms cancel are doubtful: a foot much lighter than the ball.
     """
     delassus, mu, e = state.delassus, task.friction, task.restitution
     g11, g12 = delassus[D11] + task.tangent_mobility, delassus[D12]
@@ -264,7 +261,7 @@ def least_speed_use(tree, bodies, task, state):  # type: ignore[no-untyped-def]
     with :math:`a_i` the columns of :math:`J`. The maximum lies at a :math:`y` that is orthogonal to
     as many columns as fix it, two in space and one in a plane, so that all candidates can be tried
     (Boyd and Vandenberghe, Convex Optimization, 2004, chapter 5). A call of `linprog` takes a
-    millisecond, which would be an hour for a sweep of three million postures.
+    millisecond.
     """
     movers, limited, least = 0, 0, math.inf
     for k in range(1, len(tree)):

@@ -5,9 +5,8 @@ because it is written after all other variables of the chunk. The attribute `fin
 chunks are. A store that was stopped at any moment is thus a valid dataset, and can be resumed.
 
 In files, variables have 7 digits (float32); joints have all (float64). Blosc compresses a million
-postures of 13 variables in 31 ms from 52 to about 31 MB, with lz4 after the bytes are sorted by
-their place in a number; zstd leaves 3 % less in 80 ms. Every chunk ends with a checksum (CRC-32C),
-so that damage is noticed when it is read.
+postures of 13 variables in 31 ms from 52 to about 31 MB; zstd leaves 3 % less in 80 ms. Every chunk
+ends with a checksum (CRC-32C), so that damage is noticed when it is read.
 """
 
 import fcntl
@@ -56,13 +55,12 @@ _BLOSC: dict[str, Any] = {"cname": "lz4", "clevel": 5}
 class SweepStore:
     """A Zarr store that chunks of a sweep are written to.
 
-    `described` has coordinates and attributes of the sweep, see `dataset.describe`; `variables` are
-    those to keep, beside `status`; `chunk` is the number of postures per chunk, roughly. With
-    `resume`, the store may exist if it is one of the same sweep.
+    `described` has coordinates and attributes of the sweep, see `dataset.describe`; `chunk` is the
+    number of postures per chunk, roughly. With `resume`, a store of the same sweep may exist.
 
     Attributes:
         path: the folder.
-        variables: names of the variables beside `status`.
+        variables: names of the variables that are kept beside `status`.
         created: whether the store is new.
         finished: whether the store was finished when it was opened.
         chunks: the division of the grid.
@@ -80,7 +78,7 @@ class SweepStore:
     ) -> None:
         zarr = _zarr()
         self.path, self.variables = check_store(path, resume=resume), tuple(variables)
-        self.created = not self.path.exists()
+        self._draft_prefix, self.created = f".{self.path.name}-draft-", not self.path.exists()
         try:
             if self.created:
                 shape = tuple(described.sizes[name] for name in described.dims)
@@ -103,7 +101,7 @@ class SweepStore:
     def _create(self, described: xr.Dataset, chunks: Chunks) -> None:
         """Make the empty store under another name first, so that a store is complete or absent."""
         zarr = _zarr()
-        folder = tempfile.mkdtemp(dir=self.path.parent, prefix=_draft_prefix(self.path))
+        folder = tempfile.mkdtemp(dir=self.path.parent, prefix=self._draft_prefix)
         draft = Path(folder) / "store"
         try:
             compressors = [
@@ -179,17 +177,11 @@ class SweepStore:
             draft.write_bytes(content + checksum(content).to_bytes(4, "little"))
             draft.replace(file)
 
-    def add_warning(self, warning: str) -> None:
-        """Add a line to the attribute `warnings`, if it is not empty."""
-        if warning:
-            lines = self._group.attrs["warnings"]
-            self._group.attrs["warnings"] = f"{lines}; {warning}" if lines else warning
-
     def finish(self) -> None:
         """Record that every chunk is computed; remove what killed processes left."""
         for file in self.path.rglob("*.partial"):
             file.unlink()
-        for draft in self.path.parent.glob(f"{glob.escape(_draft_prefix(self.path))}*"):
+        for draft in self.path.parent.glob(f"{glob.escape(self._draft_prefix)}*"):
             shutil.rmtree(draft, ignore_errors=True)
         self._group.attrs["finished"] = 1
 
@@ -252,8 +244,6 @@ def open_sweep(path: str | PathLike[str]) -> xr.Dataset:
     file = _checked_path(path)
     if not file.exists():
         raise InvalidInput(f"{path}: there is no such sweep")
-    if file.is_dir():
-        _zarr()
     try:
         data: xr.Dataset
         if file.is_dir():
@@ -309,10 +299,10 @@ def _checked_store() -> Any:
                 if damage == MISSING and not (self.root / "status" / "c" / index).exists():
                     damage = ""  # not computed yet
                 if damage:
-                    raise InvalidInput(
-                        f"{self.root}: chunk {key} {damage}: compute it again with --resume "
-                        "(resume=True in Python)"
-                    )
+                    repair = "compute it again with --resume (resume=True in Python)"
+                    if name not in (*VARIABLES, "status"):  # a coordinate
+                        repair = "only the whole sweep, computed anew, replaces it"
+                    raise InvalidInput(f"{self.root}: chunk {key} {damage}: {repair}")
             return await super().get(key, *args, **how)
 
     return CheckedStore
@@ -351,11 +341,6 @@ def save_netcdf(data: xr.Dataset, path: str | PathLike[str]) -> None:
         data.to_netcdf(file, engine="h5netcdf", encoding=encoding)
         # Not getbuffer(): a view that an error keeps crashes Python 3.12.1 when it is collected.
         draft.write_bytes(file.getvalue())
-
-
-def _draft_prefix(path: Path) -> str:
-    """Return how the names of the folders begin in which a store is made."""
-    return f".{path.name}-draft-"
 
 
 def _checked_path(path: str | PathLike[str]) -> Path:

@@ -46,7 +46,6 @@ class Summary:
         units: unit of each joint.
         counts: number of postures by status.
         residual: largest residual of restitution and momentum; nan without any impact.
-        disagreement: warnings that the description of the sweep did not have.
         chosen: number of postures that count.
         best: the `BEST` postures of highest ball speed, the fastest first, shape `(n, 3)`.
         worst: number of the posture of lowest ball speed, -1 without any.
@@ -72,7 +71,7 @@ class Summary:
         joints = [str(name) for name in ordered]
         self.axes = {name: shown(described, name).values for name in joints}
         self.units = {name: shown_unit(described, name) for name in joints}
-        self.attributes, self.where, self.disagreement = dict(described.attrs), where, ""
+        self.attributes, self.where = dict(described.attrs), where
         self.counts = {status.value: 0 for status in PostureStatus}
         self.residual, self.chosen, self.worst = math.nan, 0, -1
         self.best, self.front, self.sample = (np.empty((0, 3)) for _ in range(3))
@@ -96,8 +95,6 @@ class Summary:
     def add(self, block: xr.Dataset) -> None:
         """Add the next postures, in the order of the grid."""
         first = sum(self.counts.values())
-        warned = block.attrs.get("warnings", "")
-        self.disagreement = warned.removeprefix(self.attributes.get("warnings", "")).strip("; ")
         numbers = np.bincount(block["status"].values.ravel() + 1, minlength=len(PostureStatus))
         for status in PostureStatus:
             self.counts[status.value] += int(numbers[status.flag + 1])

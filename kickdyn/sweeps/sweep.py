@@ -4,7 +4,6 @@ A grid is cut into chunks, a `ChunkSolver` computes each, and the chunks make a 
 or in a Zarr store. Threads or an executor of the caller compute chunks side by side.
 """
 
-import math
 import os
 import pickle
 from collections import deque
@@ -31,10 +30,10 @@ from kickdyn.core import validation
 from kickdyn.errors import InvalidInput, Unfinished
 from kickdyn.robot.leg import Leg
 from kickdyn.sweeps.chunk_solver import ChunkSolver, SolvedChunk
-from kickdyn.sweeps.dataset import VARIABLES, add_warning, select_variables, with_variables
+from kickdyn.sweeps.dataset import select_variables, with_variables
 from kickdyn.sweeps.grid import IN_MEMORY, Chunks, Grid, check_size
 from kickdyn.sweeps.store import SweepStore, check_store, open_sweep
-from kickdyn.sweeps.sweep_kick import Kick, PostureStatus
+from kickdyn.sweeps.sweep_kick import Kick
 
 CARRY_TOLERANCE = 1e-6
 """Largest error of an interpolated carry unless another is asked for [m]."""
@@ -42,9 +41,8 @@ CARRY_TOLERANCE = 1e-6
 AHEAD = 1000
 """Chunks of a store that are given to an executor before the first of them is computed."""
 
-Progress = Callable[[int, float], None]
-"""Is called with the number of postures computed since the last call, and the highest ball speed
-among those that the leg can kick from [m/s], nan without any."""
+Progress = Callable[[int], None]
+"""Is called with the number of postures computed since the last call."""
 
 T = TypeVar("T")
 
@@ -91,15 +89,12 @@ def sweep(
             `store` and have the same versions; it is not shut down, and its own errors are not
             changed.
         progress: function that is called as postures are computed, with their number since the last
-            call and the highest ball speed among those from which the leg can kick
-            [m/s; nan without any].
+            call.
 
     Returns:
         A dataset with one dimension per joint, the variables of `dataset.VARIABLES` and `status`, a
-        `PostureStatus` by its flag. Units and provenance are in the attributes; `warnings` has
-        those of the leg, and a line for each chunk of which one posture, computed in another way,
-        differs by more than expected.
-        Variables are nan where the posture is out of reach or the loops cannot be closed. With
+        `PostureStatus` by its flag. Units, provenance and warnings are in the attributes. Variables
+        are nan where the posture is out of reach or the loops cannot be closed. With
         `store`, the dataset is the opened store, whose variables have 7 digits (float32).
 
     Raises:
@@ -126,14 +121,12 @@ def sweep(
     described = solver.describe()
     if store is None:
         check_size(solver.grid.shape, IN_MEMORY)
-        chunks = list(_solved(solver, threads, progress))
-        for chunk in chunks:
-            described = add_warning(described, chunk.warning)
-        rows, status = (np.hstack(arrays) for arrays in list(zip(*chunks, strict=True))[:2])
+        chunks = zip(*_solved(solver, threads, progress), strict=True)
+        rows, status = (np.hstack(arrays) for arrays in chunks)
         return with_variables(described.assign_attrs(finished=1), rows, status, kept)
-    sent = b"" if executor is None else _pickled(Path(store).absolute(), kept, solver)
+    sent = None if executor is None else _pickled(Path(store).absolute(), kept, solver)
     filled = SweepStore(store, described, kept, solver.chunk, resume=resume)
-    write = _chunk_writer(filled, solver) if executor is None else partial(_write_chunk, sent)
+    write = partial(_write_chunk, filled, solver) if sent is None else partial(_write_sent, sent)
     computing = _pool(threads) if executor is None else nullcontext(executor)
     with filled.locked(), _resumable(filled), computing as pool:
         _fill(filled, solver, pool, write, progress)
@@ -157,7 +150,6 @@ def sweep_chunks(
     described, chunks = solver.describe(), Chunks.of(solver.grid.shape, solver.chunk)
     for k, chunk in enumerate(_solved(solver, threads, progress)):
         region = dict(zip(solver.grid.axes, chunks.region(k), strict=True))
-        described = add_warning(described, chunk.warning)
         yield with_variables(described.isel(region), chunk.rows, chunk.status)
 
 
@@ -171,49 +163,39 @@ def _solved(
         ahead = 1 + int(threads or _cores())
         for chunk in _in_order(pool, lambda k: solver(*chunks.span(k)), range(len(chunks)), ahead):
             if progress is not None:
-                progress(len(chunk.status), _highest_speed(chunk))
+                progress(len(chunk.status))
             yield chunk
-
-
-ChunkWriter = Callable[[int], tuple[int, float, str]]
-"""Computes and writes a chunk; returns its number of postures, the highest ball speed [m/s] and the
-warning of a check."""
 
 
 def _fill(
     store: SweepStore,
     solver: ChunkSolver,
     pool: Executor,
-    write: ChunkWriter,
+    write: Callable[[int], int],
     progress: Progress | None,
 ) -> None:
     """Compute and write what a store lacks, in this process or in the processes of the pool."""
     missing = store.missing()
     if progress is not None:
-        progress(store.size - store.count(missing), math.nan)
+        progress(store.size - store.count(missing))
     if missing:
         solver.prepare()  # for other processes too: what is compiled once, they read from the disk
-    for count, speed, warning in _in_order(pool, write, missing, AHEAD):
-        store.add_warning(warning)
+    for count in _in_order(pool, write, missing, AHEAD):
         if progress is not None:
-            progress(count, speed)
+            progress(count)
     if missing or not store.finished:
         store.finish()
 
 
-def _chunk_writer(store: SweepStore, solver: ChunkSolver) -> ChunkWriter:
-    """Return the writer of a store's chunks in this process, for a solver that is prepared."""
-
-    def write(k: int) -> tuple[int, float, str]:
-        chunk = solver(*store.chunks.span(k))
-        store.write(k, chunk.rows, chunk.status)
-        return len(chunk.status), _highest_speed(chunk), chunk.warning
-
-    return write
+def _write_chunk(store: SweepStore, solver: ChunkSolver, k: int) -> int:
+    """Compute and write a chunk by a solver that is prepared; return its number of postures."""
+    chunk = solver(*store.chunks.span(k))
+    store.write(k, chunk.rows, chunk.status)
+    return len(chunk.status)
 
 
 def _pickled(path: Path, variables: Sequence[str], solver: ChunkSolver) -> bytes:
-    """Return what `_received_writer` needs in another process."""
+    """Return what `_received` needs in another process."""
     arguments = solver.leg, solver.grid, solver.kick, solver.tolerance
     try:
         return pickle.dumps((path, variables, arguments))
@@ -221,21 +203,21 @@ def _pickled(path: Path, variables: Sequence[str], solver: ChunkSolver) -> bytes
         raise InvalidInput(f"the sweep cannot be sent to other processes ({error})") from None
 
 
-def _write_chunk(sent: bytes, k: int) -> tuple[int, float, str]:
+def _write_sent(sent: bytes, k: int) -> int:
     """Compute and write a chunk in another process."""
-    return _received_writer(sent)(k)
+    return _write_chunk(*_received(sent), k)
 
 
 @lru_cache(maxsize=1)
-def _received_writer(sent: bytes) -> ChunkWriter:
-    """Return the writer of a store's chunks in a process that it was sent to."""
+def _received(sent: bytes) -> tuple[SweepStore, ChunkSolver]:
+    """Return store and solver in a process that they were sent to."""
     path, variables, arguments = pickle.loads(sent)
     if not path.is_dir():
         raise InvalidInput(f"a worker does not see {path}")
     solver = ChunkSolver(*arguments)
     store = SweepStore(path, solver.describe(), variables, solver.chunk, resume=True)
     solver.prepare()
-    return _chunk_writer(store, solver)
+    return store, solver
 
 
 def _in_order(
@@ -284,11 +266,4 @@ def _resumable(store: SweepStore) -> Iterator[None]:
 
 
 def _cores() -> int:
-    """Return how many cores this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def _highest_speed(chunk: SolvedChunk) -> float:
-    """Return the highest ball speed among possible postures [m/s], nan without any."""
-    speed = chunk.rows[list(VARIABLES).index("ball_speed"), chunk.status == PostureStatus.OK.flag]
-    return float(speed.max(initial=-math.inf)) if speed.size else math.nan

@@ -128,7 +128,6 @@ def _caption(line: ReportLine, kick: Kick) -> str:
 
 
 def _line(leg: Leg, kick: Kick, label: str, q: Array, paper: float | None = None) -> ReportLine:
-    """Return the line of one configuration."""
     outcome = kick_from(leg.posture(q), kick)
     joints = leg.display_values(q)
     angles = {name: round(value, DECIMALS) + 0.0 for name, (value, _) in joints.items()}
@@ -260,7 +259,6 @@ def text(summary: Summary, lines: Sequence[ReportLine], width: int = PROSE) -> s
 
 
 def _unit(leg: Leg, joint: str) -> str:
-    """Return the unit in which a joint's value is shown."""
     return "m" if leg.joint_unit(joint) == "m" else "deg"
 
 
@@ -272,7 +270,7 @@ def as_json(
     counts = {name: n for name, n in summary.counts.items() if name != PostureStatus.NOT_COMPUTED}
     return {
         **provenance(leg, kick),
-        "warnings": [*sweep_warnings(leg, kick), *filter(None, [summary.disagreement])],
+        "warnings": list(sweep_warnings(leg, kick)),
         "restitution_given": kick.contact.restitution,
         "postures": summary.postures,
         "status": counts,

@@ -1,10 +1,8 @@
 """meshcat scenes in memory, the HTML that shows them without a network, and pictures of it.
 
-`page.html` has the page's style and script; meshcat's own `static_html` needs its server.
-A page shows one scene at a time; buttons choose among several. At the end of the page's address,
-`#scene=2&at=1.5` shows the third scene and stops its animation at 1.5 s, `#picture` hides the
-slider of the animation, and `#controls` shows meshcat's own controls. A picture is a screenshot by
-Chromium without a window.
+`page.html` has the page's style and script; meshcat's own `static_html` needs its server. A page
+shows one scene at a time; buttons choose among several. A picture is a screenshot by Chromium, for
+which `#picture` at the end of the address hides the slider of the animation.
 """
 
 import base64
@@ -38,7 +36,7 @@ IDENTIFIER = re.compile(rb"[0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}")
 """The random name that meshcat gives an object, geometry or material."""
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-TIMEOUT = 120.0
+TIMEOUT = 600.0
 """Longest run of Chromium for one picture [s]."""
 
 # The picture is drawn without a graphics processor, so that it is the same everywhere.
@@ -134,14 +132,8 @@ def _text_of(package: str, name: str) -> str:
     return (files(package) / name).read_text(encoding="utf-8")
 
 
-def find_browser(path: str | PathLike[str]) -> str:
-    """Return the browser that draws a picture at `path`.
-
-    Raises:
-        InvalidInput: there is none, or the name does not end in `.png`.
-    """
-    if Path(path).suffix.lower() != ".png":
-        raise InvalidInput(f"{path} has no known ending: pictures of a page are written as .png")
+def find_browser() -> str:
+    """Return the browser that draws pictures, or raise `InvalidInput` if there is none."""
     browser = next(filter(None, map(shutil.which, BROWSERS)), None)
     if browser is None:
         raise InvalidInput(
@@ -158,7 +150,7 @@ def save_picture(html: str, path: str | PathLike[str], time: float = 0.0) -> Non
         InvalidInput: there is no Chromium, or the file cannot be written.
         KickdynError: Chromium failed.
     """
-    browser = find_browser(path)
+    browser = find_browser()
     with replacing(path) as draft, tempfile.TemporaryDirectory() as folder:
         page = Path(folder) / "page.html"
         page.write_text(html, encoding="utf-8")

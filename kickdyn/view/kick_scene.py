@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import meshcat.transformations as tf
@@ -14,8 +15,7 @@ from kickdyn.core.validation import Array
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course
 from kickdyn.impact.impact_result import Impact
-from kickdyn.planning.backswing import Backswing
-from kickdyn.planning.swing import Swing
+from kickdyn.motion.motion import Motion
 from kickdyn.robot.ground_clearance import find_depths, shape_of
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.model_validation import frame_id
@@ -99,23 +99,23 @@ def draw_kick(
     impact: Impact,
     path: Flight | Course,
     scenery: Sequence[Box] = (),
-    swing: Swing | Backswing | None = None,
+    motion: Motion | None = None,
     *,
     lies: bool = True,
 ) -> tuple[Pace, str]:
     """Draw a kick, from the swing to the landing, over and over, with walls and goals as scenery.
 
-    Without a swing from rest to rest through this impact the joints move as `leg_configuration`
-    says; after a backswing alone, too. Where the ball need not lie on the ground (`lies`), the
+    Without a motion from rest to rest through this impact, the joints move as `leg_configuration`
+    says. Where the ball need not lie on the ground (`lies`), the
     ground is where a robot stands, or as low as ball and leg come.
 
     Returns:
         The pace of the animation, and a sentence about the ground, empty if the ball lies on it.
     """
     leg, ball, before = impact.posture.leg, impact.ball, impact.ball_before
-    backswing = swing.backswing if isinstance(swing, Swing) else swing
-    pace = kick_pace(impact, path.duration, None if backswing is None else backswing.duration)
-    moved = [_configuration(impact, swing, time) for time in pace.times]
+    pace = kick_pace(impact, path.duration, None if motion is None else -motion.begin)
+    configuration = partial(leg_configuration, impact) if motion is None else motion.q
+    moved = [configuration(time) for time in pace.times]
     curve = path.sample(np.linspace(0.0, path.duration, CURVE_POINTS)).position
     forward = level_direction(curve[-1] - curve[0])
     bottom = float(min(before.position[2], curve[-1, 2])) - ball.radius
@@ -126,7 +126,7 @@ def draw_kick(
     joints = np.array([pose[:3, 3] for pose in joint_poses(leg, impact.posture.q)[1:]])
     near = box_corners(np.vstack([joints, impact.ball_after.position]), ball.radius)
     size = float(np.linalg.norm(np.ptp(near, axis=0)))
-    most = largest_impulse(impact)
+    most = max(float(np.linalg.norm(impact.impulse)), impact.worst_joint[1])
     scale = max(3.2 * ball.radius, 0.45 * size) / most if most > 0 else 0.0
     arrows = impulse_arrows(impact, LEAST_JOINT_IMPULSE * most)
     # The world's axes stand at the right of the flight, behind the ball.
@@ -140,7 +140,7 @@ def draw_kick(
         foot[None],
         *(box.corners() for box in scenery),
     ]
-    if swing is not None:
+    if motion is not None:
         far.append(box_corners(_points_of(leg, moved[::8]), ball.radius))
     points = np.vstack(far)
     camera = camera_for(near, points, forward, behind=bool(scenery))
@@ -153,7 +153,10 @@ def draw_kick(
     width = CURVE_RADIUS * camera.distance(curve)
     marks.draw_curve(viewer["curve"], curve, width, np.cross(forward, UP_AXIS))
     for arrow in arrows:
-        draw_impulse(viewer[arrow.node], arrow, scale)
+        node, tip = viewer[arrow.node], scale * arrow.impulse
+        marks.draw_arrow(node, tip, arrow.colour)
+        node.set_transform(tf.translation_matrix(arrow.start))
+        draw_label(node["label"], f"{arrow.size:.3g} N s", tip, f"#{arrow.colour:06x}")
     for number, box in enumerate(scenery):
         draw_box(viewer[f"scenery/{number}"], box)
     length = float(np.hypot(*(curve[-1] - foot)[:2]))
@@ -184,12 +187,6 @@ def joint_impulses_in_world(impact: Impact) -> list[tuple[str, Array, Array]]:
     ]
 
 
-def largest_impulse(impact: Impact) -> float:
-    """Return the largest impulse of a kick, on the ball or through a joint [N s]."""
-    impulses = np.vstack([impact.impulse, impact.joint_impulses[:, :3]])
-    return float(np.linalg.norm(impulses, axis=1).max())
-
-
 def impulse_arrows(impact: Impact, least: float) -> list[Arrow]:
     """Return the ball's arrow, then the arrows of joints above `least` [N s], largest first."""
     ball = Arrow("arrow", impact.posture.contact_point, impact.impulse, marks.ARROW)
@@ -203,19 +200,11 @@ def impulse_arrows(impact: Impact, least: float) -> list[Arrow]:
     return [ball, *joints] if ball.size > 0.0 else joints
 
 
-def draw_impulse(viewer: Any, arrow: Arrow, scale: float) -> None:
-    """Draw an arrow, `scale` metres long per N s, with its size at its tip."""
-    vector = scale * arrow.impulse
-    marks.draw_arrow(viewer, vector, arrow.colour)
-    viewer.set_transform(tf.translation_matrix(arrow.start))
-    draw_label(viewer["label"], f"{arrow.size:.3g} N s", vector, f"#{arrow.colour:06x}")
-
-
 def kick_pace(impact: Impact, duration: float, backswing: float | None = None) -> Pace:
     """Return the pace that shows strike and flight, of this duration [s], in about four seconds.
 
     A hard strike takes a hundredth of the flight's time, so it is shown slower; where the flight
-    is no longer than the strike, both have one pace. A planned swing takes `backswing` [s] from
+    is no longer than the strike, both have one pace. A planned motion takes `backswing` [s] from
     rest to the impact.
     """
     before = 1.2 if backswing is None else 3.0  # shown before the impact [s]
@@ -288,13 +277,6 @@ def _ground_height(impact: Impact, moved: Sequence[Array], bottom: float) -> flo
         return float(shape_of(leg, name).moved(placement.homogeneous).lowest)
     depths = find_depths(leg, moved, bottom)
     return bottom - depths[0].depth if depths else bottom
-
-
-def _configuration(impact: Impact, swing: Swing | Backswing | None, time: float) -> Array:
-    """Return q of the leg at a time from the impact [s], shape `(nq,)`."""
-    if swing is None or (isinstance(swing, Backswing) and time > 0.0):
-        return leg_configuration(impact, time)
-    return swing.configuration(time)
 
 
 def _points_of(leg: Leg, configurations: Sequence[Array]) -> Array:

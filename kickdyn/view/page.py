@@ -1,4 +1,4 @@
-"""`page`: a kick, or several flights or impacts, as a 3-D page that opens in any browser."""
+"""`page`: a kick, several kicks or flights, as a 3-D page that opens in any browser."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -20,15 +20,14 @@ from kickdyn.flight.fly import fly
 from kickdyn.flight.follow import Course
 from kickdyn.identification.identification_result import Identification
 from kickdyn.impact.impact_result import Impact
-from kickdyn.planning.backswing import Backswing
+from kickdyn.motion.motion import Motion
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.launch import Launch
 from kickdyn.planning.passes import Pass
-from kickdyn.planning.swing import Swing
 from kickdyn.scene.scene import Scene
 from kickdyn.scene.simulate import Simulation, simulate_as_instant
 from kickdyn.view.caption import kick_panel
-from kickdyn.view.comparison import draw_flights, draw_impacts
+from kickdyn.view.comparison import draw_flights
 from kickdyn.view.document import html_document, recording_viewer, save_picture
 from kickdyn.view.kick_scene import Pace, draw_kick
 from kickdyn.view.wall_and_goal import Box, plane_boxes, wall_boxes
@@ -38,7 +37,7 @@ FRAME_HEIGHT = 600
 
 _Path = Flight | Course
 _Comparable = Impact | Flight | Course | Launch | Pass | Identification
-_MovingSubject = Impact | KickPlan | Swing | Scene | Simulation
+_MovingSubject = Impact | KickPlan | Scene | Simulation
 
 
 class Page:
@@ -75,15 +74,18 @@ class Page:
 
         Args:
             file: it is replaced as a whole, or not at all.
-            at: time since the impact that a picture shows [s]; the page of a kick only.
+            at: time since the impact that a picture of a kick shows [s]; otherwise 0.
 
         Raises:
-            InvalidInput: the file cannot be written, or there is no Chromium for a picture.
+            InvalidInput: the file cannot be written, there is no Chromium for a picture, or a time
+                that is not shown.
             KickdynError: Chromium failed.
         """
         validation.check_type(str, PathLike, file=file)
-        at = validation.number("at", at, at_least=0, unit="s")
-        if Path(file).suffix.lower() == ".png":
+        is_picture = Path(file).suffix.lower() == ".png"
+        last = float(self.pace.times[-1]) if is_picture and self.pace else 0.0
+        at = validation.number("at", at, at_least=0, at_most=last, unit="s")
+        if is_picture:
             save_picture(self.html, file, at)
             return
         with replacing(file) as draft:
@@ -109,14 +111,14 @@ def page(
     caption: str = "",
     scenery: Sequence[Box] = (),
 ) -> Page:
-    """Return a 3-D page of a kick, or of several flights or impacts to compare.
+    """Return a 3-D page of a kick, or of several impacts or flights to compare.
 
-    A kick moves: an `Impact` with the ball's path, a `KickPlan` (with its `backswing` if it has
-    one), a `Swing`, a `Scene` or the `Simulation` of one. A scene is shown with its wall or goal,
+    A kick moves: an `Impact` with the ball's path, a `KickPlan` (with its `motion` if it has
+    one), a `Scene` or the `Simulation` of one. A scene is shown with its wall or goal,
     and its contact as instantaneous.
     A `Flight`, `Course`, `Launch` or `Pass`, and up to 8 of them, are curves over one lawn; the
-    flights of an `Identification` are curves with the measured positions as dots. Up to 8 impacts
-    stand side by side, their impulses to one scale.
+    flight of an `Identification` is a curve with the measured positions as dots. Of several
+    impacts, buttons choose the one that is shown.
 
     A robot is drawn with the visuals of its file, bodies without any as sticks from joint to joint.
     A visual that cannot be drawn, as one whose mesh is missing or lies outside the robot's package,
@@ -133,8 +135,7 @@ def page(
         scenery: boxes that are shown beside a kick, as `wall_boxes` and `goal_boxes` return them.
 
     Raises:
-        InvalidInput: there is nothing of that to show, or too much; or a swing does not reach its
-            impact.
+        InvalidInput: there is nothing of that to show, or too much.
     """
     for box in scenery:
         validation.check_type(Box, scenery=box)
@@ -147,7 +148,7 @@ def page(
     kick = _kick_of(subject, path, caption)
     impact, viewer = kick.impact, recording_viewer()
     boxes = [*scenery, *kick.scenery]
-    pace, ground = draw_kick(viewer, impact, kick.path, boxes, kick.swing, lies=kick.lies)
+    pace, ground = draw_kick(viewer, impact, kick.path, boxes, kick.motion, lies=kick.lies)
     text = f"{kick.caption.removesuffix('.')}. {ground}" if kick.caption and ground else ""
     text = text or kick.caption or ground
     warnings = [*viewer.window.warnings, *kick.warnings]
@@ -163,7 +164,7 @@ class _Kick(NamedTuple):
     impact: Impact
     path: _Path
     caption: str
-    swing: Swing | Backswing | None = None
+    motion: Motion | None = None
     scenery: Sequence[Box] = ()
     warnings: Sequence[str] = ()
     lies: bool = True
@@ -177,12 +178,8 @@ def _kick_of(subject: _MovingSubject, path: _Path | None, caption: str) -> _Kick
             return _Kick(subject, flown, caption, lies=isinstance(path, Course))
         case KickPlan():
             warnings = [line.partition("; ")[0] for line in subject.warnings]
-            swing = subject.backswing
-            return _Kick(subject.impact, subject.path, caption, swing, warnings=warnings)
-        case Swing():
-            if subject.status != "met":
-                raise InvalidInput(f"the swing does not reach this impact: {subject.limit}")
-            return _kick_of(subject.plan, None, caption)._replace(swing=subject)
+            motion = subject.motion
+            return _Kick(subject.impact, subject.path, caption, motion, warnings=warnings)
         case Simulation():
             return _kick_of_simulation(subject, caption)
         case Scene():
@@ -227,7 +224,7 @@ def page_of_pages(pages: Mapping[str, Page]) -> Page:
 
 def _comparison(
     subject: _Comparable | Iterable[_Comparable] | Mapping[str, _Comparable],
-    title: str,
+    caption: str,
 ) -> Page:
     """Return the page of several flights, or of several impacts."""
     if isinstance(subject, Flight | Course | Launch | Pass | Identification):
@@ -255,10 +252,9 @@ def _comparison(
                 raise InvalidInput(f"a page cannot show a {type(item).__name__}")
     if impacts and paths:
         raise InvalidInput("a page compares flights, or impacts: these are some of either")
-    viewer = recording_viewer()
-    title = title or ("impacts" if impacts else "flights")
     if impacts:
-        panel = draw_impacts(viewer, impacts, title)
-    else:
-        panel = draw_flights(viewer, paths, title, measured)
-    return Page(viewer, title, panel)
+        return page_of_pages(
+            {name: page(impact, caption=caption) for name, impact in impacts.items()}
+        )
+    viewer, title = recording_viewer(), caption or "flights"
+    return Page(viewer, title, draw_flights(viewer, paths, title, measured))

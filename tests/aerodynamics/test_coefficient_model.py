@@ -45,7 +45,7 @@ def nearly_one(reynolds, spin_parameter):
     "again", [copy.copy, copy.deepcopy, lambda value: pickle.loads(pickle.dumps(value))]
 )
 def test_a_model_keeps_its_own_function_in_copies_and_pickles(name, again):
-    mine = CoefficientModel("drag", name, nearly_one, (0, 1e6), (0, 1), "here", refuses=True)
+    mine = CoefficientModel("drag", name, nearly_one, (0, 1e6), (0, 1), "here")
     air = again(kd.Air(drag=mine))
     assert air.drag == mine
     assert air.drag(1e5) == 0.99
@@ -111,4 +111,4 @@ def test_the_page_has_every_model_with_its_range_and_source():
     for model in models:
         ends, source = said[model.kind, model.name]
         assert ends == pytest.approx((*model.reynolds, *model.spin), rel=0.01)
-        assert source == model.source
+        assert re.match(rf"{re.escape(source)}($|[,; ])", model.source)

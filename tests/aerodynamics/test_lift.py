@@ -87,15 +87,6 @@ def test_wang(spin, cl):
     assert wang(3e5, spin) == pytest.approx(cl, abs=6e-4)
 
 
-def test_the_shipped_kiratidis_and_leinweber_is_the_oracles():
-    for spin in (0.06, 0.19, 0.3):
-        ours = MODELS["kiratidis-leinweber"](333_793, spin)
-        assert ours == pytest.approx(
-            kiratidis_leinweber(BALLS["teamgeist"], 333_793, spin), abs=1e-3
-        )
-    assert MODELS["kiratidis-leinweber"].refuses
-
-
 @pytest.mark.parametrize(("spin", "cl"), [(0.05, 0.080), (0.1, 0.137), (0.2, 0.213), (0.4, 0.295)])
 def test_nathan(spin, cl):
     assert MODELS["nathan"](2e5, spin) == pytest.approx(cl, abs=6e-4)

@@ -24,9 +24,9 @@ def of(rows, kick, method):
 def test_what_solves_the_same_equations_agrees(rows, kick):
     assert of(rows, kick, "closed form")[0] < 1e-15
     assert of(rows, kick, "dense KKT system")[0] < 1e-14
-    for method in ("Pinocchio impulseDynamics", "kd.strike, engine pinocchio"):
-        assert len(of(rows, kick, method)) == (kick == "frictionless")
-        assert all(error < 1e-14 for error in of(rows, kick, method))
+    bare = of(rows, kick, "Pinocchio impulseDynamics")
+    assert len(bare) == (kick == "frictionless")
+    assert all(error < 1e-14 for error in bare)
 
 
 @pytest.mark.parametrize("solver", ["ADMM", "PGS"])
@@ -37,9 +37,8 @@ def test_cone_solvers_get_as_exact_as_they_are_asked(rows, solver):
     assert of(rows, "frictionless", f"Pinocchio {solver}") == []
 
 
-@pytest.mark.parametrize("kick", ["frictionless", "friction 0.4"])
-def test_compliant_contacts_approach_the_instant(rows, kick):
-    slow, fast = of(rows, kick, "compliant contact")
+def test_compliant_contacts_approach_the_instant(rows):
+    slow, fast = of(rows, "frictionless", "compliant contact")
     assert 1e-2 < slow < 0.2
     assert fast < slow / 30
 

@@ -5,13 +5,14 @@ import click
 import pytest
 
 import kickdyn as kd
-from kickdyn.cli.command import Command, check_files, offers, run
+from kickdyn.cli.command import Command, run
+from kickdyn.cli.option_groups import JsonOptions
 
 INTERRUPTED = """
 import os
 import signal
 import click
-from kickdyn.cli.command import Command, check_files, offers, run
+from kickdyn.cli.command import Command, run
 
 @click.command("kick")
 def kick():
@@ -25,7 +26,7 @@ run(kick)
 
 def test_ctrl_c_ends_a_command_in_one_line():
     ended = subprocess.run(
-        [sys.executable, "-c", INTERRUPTED], capture_output=True, text=True, timeout=60
+        [sys.executable, "-c", INTERRUPTED], capture_output=True, text=True, timeout=3600
     )
     assert (ended.returncode, ended.stdout) == (1, "")
     assert ended.stderr.strip() == "kick: interrupted"
@@ -64,7 +65,7 @@ def test_how_a_command_ends(error, code, line, monkeypatch, capsys):
 @click.option("--speed", default=1.0)
 @click.option("--count", type=click.IntRange(1, 9))
 @click.option("--first", type=int)
-@click.option("--leg", multiple=True, shell_complete=offers(lambda _: ["left leg", "right leg"]))
+@click.option("--leg", multiple=True)
 def kick(**_):
     """Do nothing."""
 
@@ -95,12 +96,12 @@ def test_what_cannot_be_read_is_refused_in_plain_words(arguments, line, monkeypa
 
 def test_files_that_will_be_replaced_are_named(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    check_files("a.png", json_file="b.json")
+    JsonOptions("b.json").check("a.png")
     assert capsys.readouterr().err == ""
     for name in ("a.png", "b.json"):
         (tmp_path / name).touch()
-    check_files("a.png", json_file="-")
-    check_files("a.png", json_file="b.json")
+    JsonOptions("-").check("a.png")
+    JsonOptions("b.json").check("a.png")
     first, second = capsys.readouterr().err.splitlines()
     assert first == "a.png exists and will be replaced"
     assert second == "b.json, a.png exist and will be replaced"

@@ -72,7 +72,7 @@ def two_flights(tmp_path):
 
 def test_the_table_and_the_json_have_the_numbers_of_the_fits(two_flights):
     track = kd.Track.from_csv(two_flights)
-    ball = kd.Ball(radius=0.1098)  # as the help shows it
+    ball = kd.Ball()
     split = kd.segments(track, ball)
     text = run(two_flights)
     document = json.loads(run(two_flights, "--json", "-"))
@@ -124,7 +124,7 @@ def test_the_segments_have_the_numbers_of_the_track(tmp_path):
     times, file = 2.0 + np.arange(0.0, path.duration, 0.02), tmp_path / "roll.csv"
     rows = np.column_stack([times, path.sample(times - 2.0).position])
     np.savetxt(file, rows, delimiter=",", header="t,x,y,z", comments="")
-    split = kd.segments(kd.Track.from_csv(file), kd.Ball(radius=0.1098))
+    split = kd.segments(kd.Track.from_csv(file), kd.Ball())
     text = run(file, "--json", tmp_path / "roll.json")
     document = json.loads((tmp_path / "roll.json").read_text())
     kinds = "flight|rolling|rest|other"
@@ -206,7 +206,7 @@ def test_a_drag_coefficient_can_be_kept(track):
     ("options", "message"),
     [
         (("--start", "50", "--end", "20"), "--start 50 --end 20: they must be from 0 to 116"),
-        (("--start", "0", "--end", "4"), "4 positions: at least 5"),
+        (("--start", "0", "--end", "4"), "4 samples: at least 5"),
         (("--columns", "time,x,y,z"), "it must name 'time', 'x', 'y', 'z' once each"),
         (("--columns", "t,x"), "four columns"),
         (("--marker", "ball"), "--marker is 'ball': it is for a C3D file"),
@@ -216,8 +216,8 @@ def test_a_drag_coefficient_can_be_kept(track):
             ("--drag", "1e300"),
             "--drag is 1e+300: it must be a finite number at least 0 and at most",
         ),
-        (("--ball-mass", "1e300"), "--ball-mass is 1e+300: it must be a finite number at least"),
-        (("--ball-radius", "0"), "--ball-radius is 0.0: it must be a finite number at least 0.001"),
+        (("--ball", "1e300:0.1"), "ball mass is 1e+300: it must be a finite number at least"),
+        (("--ball", "0.4:0"), "ball radius is 0.0: it must be a finite number at least 0.001"),
         (("--plot", "flight.txt"), "flight.txt has no known ending"),
         (("--ground-height", "9"), "under the ground at 9 m"),
     ],

@@ -4,7 +4,6 @@ import re
 from dataclasses import dataclass
 
 import click
-import numpy as np
 import pytest
 from click.testing import CliRunner
 
@@ -22,12 +21,12 @@ from kickdyn.cli.option_groups import (
 )
 
 
-def received(group, *arguments, **settings):
+def received(group, *arguments):
     """The group that a command receives for arguments."""
     groups = []
 
     @click.command("kick", Command)
-    @takes(group=group, settings=settings)
+    @takes(group=group)
     def kick(group):
         groups.append(group)
 
@@ -52,30 +51,9 @@ def test_a_command_receives_groups_beside_its_own_options():
     assert names == ["--speed", "--attack", "--law", "--ball", "--air", "--drag", "--help"]
 
 
-def test_settings_replace_those_of_an_option():
-    foot = received(FootOptions, speed={"default": 5.0})
-    assert (foot.speed, foot.attack) == (5.0, 30.0)
-    assert received(FootOptions).speed == 1.0
-
-
-def test_the_velocity_of_the_foot():
-    foot = received(FootOptions, "--speed", "2", "--attack", "90")
-    assert foot.velocity == pytest.approx([0, 0, 2])
-    assert received(FootOptions, "--speed", "2", "--attack", "-30").velocity == pytest.approx(
-        [np.sqrt(3), 0, -1]
-    )
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("--speed", "0"), r"speed is 0.0: it must be a finite number above 0 .* \[m/s\]"),
-        (("--attack", "91"), r"attack is 91.0: .* at most 90 \[deg\]"),
-    ],
-)
-def test_a_foot_that_cannot_be_is_refused(words, message):
-    with pytest.raises(kd.InvalidInput, match=message):
-        _ = received(FootOptions, *words).velocity
+def test_a_foot_that_cannot_be_is_refused():
+    with pytest.raises(kd.InvalidInput, match=r"attack is 91.0: .* at most 90 \[deg\]"):
+        _ = received(FootOptions, "--attack", "91").angle
 
 
 def test_a_ball_is_a_name_or_two_numbers():
@@ -97,11 +75,9 @@ def test_the_drag_is_that_of_the_option_or_of_the_air():
 
 def test_a_contact_has_all_its_options():
     words = ("--restitution", "5:0.8,20:0.65", "--friction", "0.1", "--offset", "0.1,0,-0.02")
-    contact = received(PointOptions, *words).contact(np.array([0.0, 0.0, 2.0]))
-    wanted = kd.Contact(
-        (0, 0, 1), restitution=[(5, 0.8), (20, 0.65)], friction=0.1, offset=(0.1, 0, -0.02)
-    )
-    assert contact == wanted
+    contact = received(PointOptions, *words).contact()
+    table = [(5, 0.8), (20, 0.65)]
+    assert contact == kd.Contact(None, restitution=table, friction=0.1, offset=(0.1, 0, -0.02))
 
 
 @dataclass(frozen=True)

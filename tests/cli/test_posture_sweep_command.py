@@ -26,7 +26,6 @@ from kickdyn.cli.posture_sweep_command import posture_sweep
 from kickdyn.core import compilation
 from kickdyn.robot.leg import NO_DRIVES
 from kickdyn.robot.urdf_file import shipped_urdf
-from kickdyn.sweeps import chunk_solver
 from kickdyn.sweeps.sweep_kick import kick_from
 
 SMALL = ["--joint", "hip=0:40:20", "--joint", "knee=10", "--joint", "ankle=0"]
@@ -49,7 +48,7 @@ def started(*arguments, cwd):
     noise = "ignore:zmq.eventloop.ioloop is deprecated"  # meshcat's
     strict = [sys.executable, "-W", "error", "-W", noise]
     command = [*strict, "-m", "kickdyn.posture_sweep", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=600, cwd=cwd)
+    return subprocess.run(command, capture_output=True, text=True, timeout=3600, cwd=cwd)
 
 
 def interruptible():
@@ -554,16 +553,3 @@ def test_a_name_of_5000_letters_is_one_line(tmp_path, option):
     assert ended.stderr.count("\n") == 1
     assert len(ended.stderr) < 600
     assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.parametrize("out", [(), ("--out", "s.nc"), ("--out", "s.zarr")])
-def test_a_disagreement_of_a_check_is_a_warning_beside_the_results(tmp_path, monkeypatch, out):
-    monkeypatch.setattr(chunk_solver, "KERNEL_FROM", 1)
-    monkeypatch.setattr(chunk_solver, "AGREEMENT", -1.0)
-    ended = door(*SMALL, *out, "--json", "j.json", cwd=tmp_path)
-    assert ended.returncode == 0
-    said = r"warning: posture 0: the sweep has effective_mass [\d.]+, a single kick [\d.]+\n"
-    assert re.fullmatch(said, ended.stderr)
-    assert "3 postures: 3 ok." in ended.stdout
-    (warning,) = json.loads((tmp_path / "j.json").read_text())["warnings"]
-    assert warning.startswith("posture 0: the sweep has effective_mass")

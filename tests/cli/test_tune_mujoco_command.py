@@ -98,10 +98,7 @@ def kicked_in_bare_mujoco(folder, robot, v):
 def test_from_the_mjcf_of_a_robot_to_a_ball_that_bounces_as_asked(tmp_path, friction):
     file = tmp_path / "robot.xml"
     file.write_text(ROBOT)
-    ended = run(
-        "--leg", file, "--frame", "toe", "--speed", 5, "--restitution", 0.75,
-        "--friction", friction, "--out", tmp_path / "ball.xml",
-    )  # fmt: skip
+    ended = run(scene_of(file, friction), "--out", tmp_path / "ball.xml")
     assert (ended.exit_code, ended.stderr) == (0, "")
     posture = kd.Leg.from_mjcf(file, "toe").posture([0, 0])
     v, contact = posture.joint_velocity((5, 0, 0)), kd.Contact((1, 0, 0), 0.75, friction)
@@ -111,6 +108,24 @@ def test_from_the_mjcf_of_a_robot_to_a_ball_that_bounces_as_asked(tmp_path, fric
     assert model.body("ball").mass[0] == pytest.approx(kd.Ball().mass)
     assert model.body("ball").inertia == pytest.approx([kd.Ball().inertia] * 3)
     assert model.npair == (friction > 0)
+
+
+def scene_of(file, friction=0.4):
+    """Return a scene file beside an MJCF file: its toe at 5 m/s ahead."""
+    scene = file.with_suffix(".toml")
+    scene.write_text(
+        f"""[leg]
+file = "{file.name}"
+frame = "toe"
+[posture]
+foot_velocity_m_s = [5, 0, 0]
+[contact]
+attack_deg = 0
+restitution = 0.75
+friction = {friction}
+"""
+    )
+    return scene
 
 
 SHOE = '<geom name="shoe" type="box" size="0.05 0.05 0.12"/>'
@@ -123,50 +138,11 @@ SHOE = '<geom name="shoe" type="box" size="0.05 0.05 0.12"/>'
 def test_of_several_geoms_the_command_asks_which(tmp_path, shoes, known):
     file = tmp_path / "robot.xml"
     file.write_text(ROBOT.replace(SHOE, shoes.replace("<geom/>", '<geom type="sphere"/>')))
-    ended = run("--leg", file, "--frame", "toe")
+    ended = run(scene_of(file))
     assert str(ended.exception) == (
         "which geom of 'toe' strikes the ball? MuJoCo needs its name for friction: name it with "
-        f"--foot (there are {known}), or choose --friction 0"
+        f"--foot (there are {known}), or choose a contact without friction"
     )
-
-
-def test_joints_of_an_mjcf_begin_at_their_ref(tmp_path):
-    """As gymnasium's walker2d: `ref` is the height at which the file draws the trunk."""
-    rail = '<joint name="rail" type="slide" axis="0 0 1" ref="1.25"/><joint name="hip"'
-    file, ball = tmp_path / "robot.xml", tmp_path / "ball.xml"
-    file.write_text(ROBOT.replace('<joint name="hip"', rail))
-    kick = ("--leg", file, "--frame", "toe", "--friction", 0, "--out", ball)
-    ended = run(*kick)
-    assert ended.exit_code == 0, ended.output
-    text = ball.read_text().replace("</mujoco>", f"{FOOT}</mujoco>")
-    assert mujoco.MjModel.from_xml_string(text).body("ball").pos[2] == pytest.approx(0.2)
-    assert run(*kick, "--joint", "rail=1.5").exit_code == 0
-    text = ball.read_text().replace("</mujoco>", f"{FOOT}</mujoco>")
-    assert mujoco.MjModel.from_xml_string(text).body("ball").pos[2] == pytest.approx(0.45)
-
-
-def test_the_dissipation_is_that_of_the_scene(scene, tmp_path, monkeypatch):
-    asked = []
-
-    def tune(*_, dissipation, **__):
-        asked.append(dissipation)
-        raise kd.NoImpact("enough")
-
-    monkeypatch.setattr("kickdyn.cli.tune_mujoco_command.tune_contact", tune)
-    run(scene)
-    damped = tmp_path / "damped.toml"
-    damped.write_text(KICK + 'dissipation = "hunt-crossley"\n')
-    run(damped)
-    assert asked == ["walton-braun", "hunt-crossley"]
-
-
-def test_a_scene_has_the_whole_kick(scene):
-    ended = run(scene, "--speed", 3, "--leg", "human")
-    assert str(ended.exception).startswith("--leg and --speed cannot be named beside the scene ")
-    ended = run("--speed", 3)
-    assert str(ended.exception) == "there is no kick: give a SCENE, or a leg with --leg"
-    ended = run("--leg", "human", "--joint", "knee=0:10:5")
-    assert str(ended.exception) == "joint 'knee' has 3 values: a kick has one posture"
 
 
 @pytest.mark.parametrize(

@@ -99,7 +99,7 @@ def test_nothing_to_write():
 
 @pytest.mark.parametrize("at", ["-1", "nan", "0.1169", "99"])
 def test_a_moment_outside_the_motion_is_refused(at, tmp_path, monkeypatch):
-    monkeypatch.setattr("kickdyn.view.document.find_browser", lambda _: "browser")
+    monkeypatch.setattr("kickdyn.view.document.find_browser", lambda: "browser")
     files = "--png", tmp_path / "a.png", "--json", tmp_path / "a.json"
     ended = run(SCENES / "paper_kick.toml", *files, "--at", at)
     assert isinstance(ended.exception, kd.InvalidInput)

@@ -49,9 +49,7 @@ NOUNS = {
     "Scene": kd.load_scene(SCENE),
 }
 ANSWERS |= NOUNS
-SWUNG = kd.plan_kick(POSTURE.leg, kd.Goal(15, time=1), kd.Ball(), swing=True)
-ANSWERS["Swing"] = kd.plan_swing(POSTURE.leg, SWUNG, nodes=12)
-ANSWERS["SwingPhase"] = ANSWERS["Swing"].backswing
+ANSWERS["Motion"] = kd.plan_kick(POSTURE.leg, kd.Goal(15, time=1), kd.Ball(), motion=True).motion
 
 
 @pytest.mark.parametrize("name", ANSWERS)

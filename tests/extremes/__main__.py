@@ -1,6 +1,6 @@
 """Compare kickdyn at the extremes with 50 digits; exit 1 if an answer is wrong.
 
-python tests/extremes [--json FILE] [--plot FILE]
+python tests/extremes [--json FILE] [--verdicts FILE] [--plot FILE]
 """
 
 import sys

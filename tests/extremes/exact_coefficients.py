@@ -132,14 +132,6 @@ def _wang(c: Constants, _: float, spin: float) -> Any:
     return c(spin) ** c(0.4) / 2
 
 
-def _kiratidis_leinweber(c: Constants, reynolds: float, spin: float) -> Any:
-    """Return the lift by Kiratidis and Leinweber."""
-    a, sp = c(0.4927), c(spin)
-    now = _level(c, drag.BALLS["teamgeist"], reynolds) + c(0.514) * sp
-    drop = (a - min(now, a)) / (a - c(0.144) - c(0.514) * c(0.19))
-    return c(1.15) * sp ** c(0.83) * drop
-
-
 def _nathan(c: Constants, _: float, spin: float) -> Any:
     """Return the lift by Nathan."""
     sp = c(spin)
@@ -155,7 +147,6 @@ FORMULAS: dict[tuple[str, str], Formula] = {
     ("drag", "goff-carre"): _goff_carre,
     ("lift", "saturating"): _saturating,
     ("lift", "wang"): _wang,
-    ("lift", "kiratidis-leinweber"): _kiratidis_leinweber,
     ("lift", "nathan"): _nathan,
     ("torque", "smits-smith"): lambda c, _, __: c(0.010),
     ("torque", "tavares"): lambda c, _, __: c(0.012),

@@ -22,15 +22,18 @@ from kickdyn.core.plot_style import check_name, save_figure, styled
 
 @click.command("extremes", context_settings={"help_option_names": ["-h", "--help"]})
 @click.option("--json", "json_file", metavar="FILE", help="Write the cases; - is stdout.")
+@click.option(
+    "--verdicts", metavar="FILE", help="Write the verdict of each case, which tests read."
+)
 @click.option("--plot", metavar="FILE", help="Draw error against condition: .png, .svg or .pdf.")
-def extremes(json_file: str | None, plot: str | None) -> None:
+def extremes(json_file: str | None, verdicts: str | None, plot: str | None) -> None:
     """Compare kickdyn at the extremes with 50 digits; exit 1 if an answer is wrong.
 
     Example: python tests/extremes --json extremes.json
     """
     if plot is not None:
         check_name(plot)
-    check_outputs(plot, json_file=json_file)
+    check_outputs(plot, verdicts, json_file=json_file)
     found = []
     with busy("measuring") as report:
         for case in extreme_cases():
@@ -38,6 +41,8 @@ def extremes(json_file: str | None, plot: str | None) -> None:
             found.append(case)
     if plot is not None:
         save_figure(condition_figure(found), plot)
+    if verdicts is not None:
+        write_json(verdicts, [[case.family, case.case, case.verdict] for case in found])
     if json_file is not None:
         write_json(json_file, [case.as_json() for case in found])
     if json_file != "-":

@@ -1,7 +1,9 @@
 """Every extreme but the long chains: right, as claimed, or refused; and a wrong answer is seen."""
 
 import io
+import json
 import math
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -14,6 +16,8 @@ from extremes import extreme_flights, extreme_impacts, extremes_report
 from extremes.extreme_case import NOT_FINITE, ExtremeCase
 from extremes.gains import gains
 
+VERDICTS = Path(__file__).parent / "verdicts.json"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "explanation" / "verification.md"
 EXACT = ("posture", "mass", "coefficient", "approach", "central", "rank", "short link", "turning")
 EXACT += ("slow",)
 """Families of which every row has the digits that its condition allows."""
@@ -33,6 +37,20 @@ def test_as_many_cases_are_right_as_the_page_says(rows):
     finite = [row.verdict for row in rows if row.family != NOT_FINITE]
     assert 160 < len(finite) < 175
     assert finite.count("right") > 130
+
+
+def test_the_page_counts_what_make_extremes_stored(rows):
+    """The stored verdicts are those of all cases; the ones computed here are among them."""
+    stored = {(family, case): verdict for family, case, verdict in json.loads(VERDICTS.read_text())}
+    assert {(row.family, row.case): row.verdict for row in rows}.items() <= stored.items()
+    finite = [verdict for (family, _), verdict in stored.items() if family != NOT_FINITE]
+    page = " ".join(PAGE.read_text("utf-8").split())
+    (about,) = re.findall(r"references of 50 digits in about (\d+) such cases", page)
+    (least,) = re.findall(r"In more than (\d+) cases the result has all these digits", page)
+    assert int(about) == round(len(finite), -1)
+    assert 0 < finite.count("right") - int(least) <= 10
+    assert "wrong" not in stored.values()
+    assert {verdict for key, verdict in stored.items() if key[0] == NOT_FINITE} == {"refused"}
 
 
 def test_what_numbers_can_hold_is_right_to_ten_digits(rows):

@@ -96,19 +96,7 @@ def test_smooth_coefficients_at_the_default_tolerance():
 def test_every_model_by_name(kind):
     states = kd.BallState([(0, 0, 0)] * 2, [(26, 2, 8), (18, -1, 4)], [(10, -60, 30)] * 2, [0, 0])
     for name in {"drag": drag, "lift": lift, "torque": torque}[kind].MODELS:
-        if name == "kiratidis-leinweber":
-            continue
         agree(states, BALL, kd.Air(**{kind: name}), tol=1e-12)
-
-
-def test_a_model_that_refuses_fails_its_flight_only():
-    air = kd.Air(lift="kiratidis-leinweber")
-    velocity = [(28, 0, 2), (10, 0, 8), (30, 1, 1)]
-    states = kd.BallState([(0, 0, 0)] * 3, velocity, [(0, -15, 0)] * 3, [0] * 3)
-    many = agree(states, BALL, air, tol=1e-12, rows=[0, 2])
-    assert many.status.values.tolist() == [0, 2, 0]
-    with pytest.raises(kd.InvalidInput, match="range"):
-        kd.fly(of(states, 1), BALL, air)
 
 
 def bent(reynolds, spin_parameter):

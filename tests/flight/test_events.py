@@ -74,7 +74,7 @@ def test_what_ends_no_flight_is_refused():
         ([kd.Event("landed", lambda state, _: state[2])], "its name none of landed"),
         (
             [kd.Event("many", lambda state, _: state[2], np.ones(5))],
-            "they must be a sequence of at most 4 numbers",
+            "they must be a sequence of at most 4 finite numbers",
         ),
     ):
         with pytest.raises(kd.InvalidInput, match=said):
@@ -88,8 +88,8 @@ def test_what_ends_no_flight_is_refused():
         ([kd.Event("", lambda state, _: state[2])], "a word without spaces"),
         ([kd.Event(3, lambda state, _: state[2])], "a word without spaces"),
         ([kd.Event("low", "z")], "cannot be called"),
-        ([kd.Event("low", lambda state, _: state[2], 5.0)], "a sequence of at most 4 numbers"),
-        ([kd.Event("low", lambda state, _: state[2], ("a",))], "a sequence of at most 4 numbers"),
+        ([kd.Event("low", lambda state, _: state[2], 5.0)], "a sequence of at most 4"),
+        ([kd.Event("low", lambda state, _: state[2], ("a",))], "a sequence of at most 4"),
         ([kd.Event("low", lambda state, _: state[2], lambda _: None)], "a sequence of at most 4"),
     ],
 )
@@ -144,6 +144,9 @@ def test_many_that_start_on_a_plane_fly_only_away_from_it():
     assert many.duration.values[0] == 0.0 < many.duration.values[1]
     with pytest.raises(kd.InvalidInput, match=r"centre of flight 1 starts 1 m beyond the plane"):
         kd.fly_many(kd.BallState([(-1, 0, 1), (1, 0, 1)], (1, 0, 0)), BALL, AIR, plane=plane)
+    starts = [(-1, 0, 1), (-1, 0, 1), (-1, 0, 1), (2, 0, 1), (1, 0, 1)]
+    with pytest.raises(kd.InvalidInput, match=r"centre of flight 3 starts 2 m beyond the plane"):
+        kd.fly_many(kd.BallState(starts, (1, 0, 0)), BALL, AIR, plane=plane)
 
 
 def test_an_event_that_numba_cannot_compile_is_named():
@@ -196,9 +199,9 @@ def test_an_event_may_be_undefined_where_the_ball_is_not():
 @pytest.mark.parametrize(
     ("numbers", "said"),
     [
-        ((math.nan,), "must be finite"),
-        ((1.0, math.inf), "must be finite"),
-        ((np.zeros(5),), "a sequence of at most 4 numbers"),
+        ((math.nan,), "finite numbers"),
+        ((1.0, math.inf), "finite numbers"),
+        ((np.zeros(5),), "a sequence of at most 4 finite numbers"),
         (lambda launch: 1 / 0, "raised ZeroDivisionError: division by zero"),
     ],
 )

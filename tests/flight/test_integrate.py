@@ -422,7 +422,7 @@ def test_until_the_event():
     assert arc.end == pytest.approx(3.0, rel=1e-14)
     assert arc.state == pytest.approx([1, 0, 5, 1, 0, 0], abs=1e-12)
     t = np.array([2.0, 2.5, 3.0])
-    assert trajectory([arc], start)(t)[2] == pytest.approx([0, 3.75, 5], abs=1e-12)
+    assert trajectory(arc, start)(t)[2] == pytest.approx([0, 3.75, 5], abs=1e-12)
 
 
 def test_until_the_time_limit():

@@ -76,3 +76,28 @@ def test_only_flights_that_determine_the_value_count():
 )
 def test_a_value_has_the_digits_that_its_deviation_allows(value, deviation, text):
     assert with_deviation(value, deviation) == text
+
+
+def test_what_is_printed_is_what_was_found():
+    """The wind along the path is hardly determined; two samples are outliers."""
+    path = kd.fly(kd.BallState((0, 0, 0.3), (20, 3, 8), (5, -30, 10)), BALL, kd.Air())
+    times = np.arange(0.0, 1.0, 0.02)
+    points = path.sample(times).position
+    points = points + np.random.default_rng(1).normal(0.0, 0.005, points.shape)
+    points[[10, 30]] += 0.5
+    found = kd.identify(kd.Track(times, points), BALL, free=("spin", "drag", "wind"))
+    rows = {
+        line[:24].split("  ")[1]: line for line in str(found).splitlines()[1:] if line[2] != " "
+    }
+    assert "48 of 50 used" in str(found)
+    assert found.outliers == 2 == 50 - found.used.sum()
+    assert f"{found.rms:.4g} m" in str(found)
+    values = found.values
+    assert 0 < len(values) < len(found.names)
+    for name, value in values.items():
+        assert f"{value:.4g} +- {found.deviations[name]:.2g}" in rows[name]
+    variances = dict(zip(found.names, np.diag(found.covariance), strict=True))
+    for name, reason in found.undetermined.items():
+        assert f"not determined: {reason}" in rows[name]
+        assert name not in values
+        assert variances[name] > 0.0

@@ -56,20 +56,20 @@ def test_times_may_count_from_1970():
     assert found.launch.time == 1.7e9 + 3.0
 
 
-def test_wind_and_lift_of_a_flight():
+def test_drag_wind_and_lift_of_a_flight():
     air = kd.Air(wind=(2.0, -1.0, 0.0), drag=constant(0.25))
     track = flown((20, 3, 8), (0, -60, 20), air)
-    free = ("drag", "lift-scale", "wind")
-    found = kd.identify(track, BALL, kd.Air(), free=free, spin=(0, -60, 20))
+    found = kd.identify(track, BALL, kd.Air(), free=("spin", "drag", "lift-scale", "wind"))
     for name, value in {"drag": 0.25, "lift_scale": 1.0, "wind_x": 2.0, "wind_y": -1.0}.items():
         assert found.values[name] == pytest.approx(value, rel=1e-5)
     assert found.launch.velocity[0] == pytest.approx(20)
 
 
-def test_a_known_spin_is_used(curving):
-    found = kd.identify(curving, BALL, kd.Air(), free=("drag-scale",), spin=(5, -50, 20))
+def test_without_spin_the_ball_does_not_turn():
+    found = kd.identify(STRAIGHT, BALL, kd.Air(), free=("drag-scale",))
     assert found.values["drag_scale"] == pytest.approx(1.0, rel=1e-6)
     assert "back_spin" not in found.names
+    assert not found.launch.spin.any()
 
 
 def test_outliers_are_left_out_and_named(curving):
@@ -165,6 +165,9 @@ def test_residuals_that_go_together_widen_the_deviations(curving):
     assert any("neighbouring residuals" in line for line in found.warnings)
     plain = kd.identify(kd.Track(curving.times, curving.positions + white), BALL, free=free)
     assert plain.widening == 1.0
+    ratio = found.noise * found.widening / plain.noise
+    for name, deviation in plain.deviations.items():
+        assert found.deviations[name] == pytest.approx(ratio * deviation, rel=0.15), name
     smooth[[20, 50]] += 0.3  # outliers have no neighbours that go with them
     other = kd.identify(kd.Track(curving.times, curving.positions + smooth), BALL, free=free)
     assert other.outliers == 2
@@ -259,7 +262,6 @@ def test_plot_and_representations(curving):
     html = kd.page(found).html
     assert "positions of each" in html
     assert "from the first sample of each" in html
-    assert "<svg" in found._repr_html_()
     assert found.flight.launch.velocity == pytest.approx(found.launch.velocity)
     assert found.correlations.shape == (10, 10)
     assert np.diag(found.correlations) == pytest.approx(np.ones(10))
@@ -268,7 +270,7 @@ def test_plot_and_representations(curving):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda t: (t.times[:4], t.positions[:4]), "4 positions: at least 5"),
+        (lambda t: (t.times[:4], t.positions[:4]), "4 samples: at least 5"),
         (lambda t: (t.times, 1000 * t.positions), "as in millimetres"),
         (lambda t: (1000 * t.times, t.positions), "as in milliseconds"),
         (lambda t: ([*t.times[:-1], 1e9], t.positions), r"are of 1e\+09 s, and no flight takes"),
@@ -295,7 +297,6 @@ def test_what_is_no_flight_in_metres_is_refused(curving, change, message):
         ({"free": ("lift-scale",), "air": kd.Air(lift=None)}, "no lift model"),
         ({"free": ("wind",), "air": kd.Air(wind=lambda z: (0, 0, 0))}, "function of height"),
         ({"air": 1.2}, "air is 1.2"),
-        ({"spin": (1, 2)}, "spin has shape"),
     ],
 )
 def test_wrong_arguments_are_refused(curving, options, message):

@@ -1,5 +1,7 @@
 """Tracks: checks, slices, files."""
 
+import csv
+
 import numpy as np
 import pytest
 
@@ -159,3 +161,14 @@ def test_what_is_no_c3d_file_is_refused(tmp_path):
     for name, message in (("text.c3d", "is no C3D file"), ("none.c3d", "no such file")):
         with pytest.raises(kd.InvalidInput, match=message):
             kd.Track.from_c3d(tmp_path / name)
+
+
+def test_a_cell_may_be_long_and_other_readers_keep_their_limit(tmp_path):
+    limit, file = csv.field_size_limit(), tmp_path / "track.csv"
+    file.write_text(f"t,x,y,z\n0,1,2,{3.5:.200000f}\n")
+    assert kd.Track.from_csv(file).positions.tolist() == [[1, 2, 3.5]]
+    assert csv.field_size_limit() == limit
+    file.write_text("t,x\n")
+    with pytest.raises(kd.InvalidInput, match="its first row"):
+        kd.Track.from_csv(file)
+    assert csv.field_size_limit() == limit

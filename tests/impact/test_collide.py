@@ -5,7 +5,6 @@ import math
 import operator
 import pickle
 import threading
-from functools import partial
 
 import numpy as np
 import pinocchio as pin
@@ -16,7 +15,6 @@ from hypothesis import strategies as st
 
 import kickdyn as kd
 from kickdyn.impact import compliant_contact
-from kickdyn.impact.force_model import Dissipation, matched_damping
 from kickdyn.robot.urdf_file import shipped_urdf
 
 LEG = kd.Leg.human()
@@ -42,14 +40,13 @@ def slider(mass=2.0, gravity=False):
     return kd.Leg.from_model(model, "toe")
 
 
-@pytest.mark.parametrize("kind", Dissipation)
 @pytest.mark.parametrize("e", [1.0, 0.8, 0.4, 0.1])
-def test_two_masses(e, kind):
+def test_two_masses(e):
     """Restitution, contact time and impulse come out exactly; so does Hertz's crush."""
     ball, contact, speed = kd.Ball(), kd.Contact((1, 0, 0), e), 9.0
     hit = kd.collide(
         slider().posture([0.0]), [speed], ball, contact,
-        contact_time=0.009, dissipation=kind, tol=1e-12,
+        contact_time=0.009, tol=1e-12,
     )  # fmt: skip
     assert hit.contact_time == pytest.approx(0.009, rel=1e-9)
     expected = kd.normal_impulse(speed, e, 2.0, ball.mass)
@@ -60,21 +57,16 @@ def test_two_masses(e, kind):
     assert hit.energy_lost == pytest.approx(lost, rel=1e-8, abs=1e-12)
     k = hit.force_model.stiffness
     crush = (5 * mass * speed**2 / (4 * k)) ** 0.4
-    if kind is Dissipation.HUNT_CROSSLEY:
-        assert hit.force_model.damping == pytest.approx(matched_damping(e) / speed, rel=1e-14)
     if e == 1.0:
         unit = 0.8 * math.sqrt(math.pi) * math.gamma(0.4) / math.gamma(0.9)  # 2.94328
         closed = unit * crush / speed  # Johnson 1985, Eqs. 11.23, 11.24
         assert hit.contact_time == pytest.approx(closed, rel=1e-9)
-    if e == 1.0 or kind is Dissipation.WALTON_BRAUN:
-        assert hit.deflection == pytest.approx(crush, rel=1e-9)
-        assert hit.peak_force == pytest.approx(k * crush**1.5, rel=1e-9)
-        left = hit.sample(hit.contact_time).deflection
-        assert left == pytest.approx((1 - e * e) * crush, rel=1e-8, abs=1e-10)
-        seen = hit.contact_time + (1 - e * e) * crush / (e * speed)
-        assert hit.visible_contact_time == pytest.approx(seen, rel=1e-8)
-    else:
-        assert hit.visible_contact_time == hit.contact_time
+    assert hit.deflection == pytest.approx(crush, rel=1e-9)
+    assert hit.peak_force == pytest.approx(k * crush**1.5, rel=1e-9)
+    left = hit.sample(hit.contact_time).deflection
+    assert left == pytest.approx((1 - e * e) * crush, rel=1e-8, abs=1e-10)
+    seen = hit.contact_time + (1 - e * e) * crush / (e * speed)
+    assert hit.visible_contact_time == pytest.approx(seen, rel=1e-8)
 
 
 @pytest.mark.parametrize("e", [1.0, 0.7, 0.3])
@@ -103,30 +95,25 @@ def test_an_inflated_ball_is_a_linear_spring(e):
 @given(
     e=st.floats(0.05, 1.0),
     friction=st.floats(0.0, 1.0),
-    kind=st.sampled_from(Dissipation),
     stiffness=st.sampled_from([None, "pressure"]),
     seed=st.integers(0, 1000),
 )
 @settings(max_examples=15)
-def test_energy_never_grows(e, friction, kind, stiffness, seed):
+def test_energy_never_grows(e, friction, stiffness, seed):
     rng = np.random.default_rng(seed)
     (posture, v, ball, contact), options = random_kick(rng, random_leg(rng))
     ball = kd.Ball(ball.mass, ball.radius, ball.inertia_factor, pressure=1e6)
     contact = kd.Contact(contact.normal, e, friction)
     time = 1e-4 if stiffness is None else None
     hit = kd.collide(
-        posture, v, ball, contact, contact_time=time, stiffness=stiffness,
-        dissipation=kind, tol=1e-7, **options,
+        posture, v, ball, contact, contact_time=time, stiffness=stiffness, tol=1e-7, **options,
     )  # fmt: skip
     assert hit.energy_lost >= -1e-6 * hit.approach.energy()
     assert hit.energy_residual < 1e-3
 
 
-@pytest.mark.parametrize("kind", Dissipation)
-def test_the_run_that_tells_the_error_has_the_same_force(kind):
-    hit = kd.collide(
-        *KICK, kd.Ball(pressure=80e3), TOUCH, stiffness="pressure", dissipation=kind, tol=1e-7
-    )
+def test_the_run_that_tells_the_error_has_the_same_force():
+    hit = kd.collide(*KICK, kd.Ball(pressure=80e3), TOUCH, stiffness="pressure", tol=1e-7)
     assert hit.error < 1e-5 * np.linalg.norm(hit.impulse)
     again = pickle.loads(pickle.dumps(hit))
     assert again.force_model == hit.force_model
@@ -416,7 +403,6 @@ def test_a_ball_flattened_beyond_the_range_of_its_pressure_is_named():
         ),
         ({"stiffness": "pressure"}, "ball pressure is None: its stiffness needs it"),
         ({"stiffness": "pressure", "contact_time": 0.01}, "give only one of them"),
-        ({"dissipation": "none"}, "dissipation is 'none': it must be one of walton-braun, hunt"),
         ({"contact_time": 1e-12}, "contact time is .*at least 1e-09"),
         ({"tol": 0.1}, r"tol is 0\.1"),
         ({"torque": [1.0]}, r"torque has shape \(1,\): it must be \(3,\)"),
@@ -528,15 +514,6 @@ def test_no_approach():
         human(ball_velocity=(99, 0, 0))
 
 
-def test_a_leg_that_does_not_let_go():
-    """With damping; from hysteresis a constant push parts."""
-    with pytest.raises(kd.KickdynError, match=r"still in contact after 0\.5 s, 50 times"):
-        kd.collide(
-            slider().posture([0.0]), [1.0], kd.Ball(), kd.Contact((1, 0, 0), 0.1), torque=[400.0],
-            dissipation="hunt-crossley",
-        )  # fmt: skip
-
-
 def test_a_sample_outside_the_contact():
     hit = human()
     with pytest.raises(kd.InvalidInput, match=r"t is 1 s: the contact lasts from 0 to 0\.01"):
@@ -620,16 +597,6 @@ def test_what_is_too_stiff_is_given_up(monkeypatch):
     ball = kd.Ball(inertia_factor=1e-6)
     with pytest.raises(kd.KickdynError, match=r"not ended after 5000 evaluations.*friction 70"):
         kd.collide(*KICK, ball, kd.Contact((1, 0, 0.3), 0.5, 70.0))
-
-
-def test_what_damping_makes_too_stiff_has_a_hint(monkeypatch):
-    posture = kd.Leg.human().posture(np.radians([40, 30, -20]))
-    contact = kd.Contact((2, 0, 1), 0.08, friction=5.0)
-    collide = partial(kd.collide, posture, [6.6, -14.5, 6.6], kd.Ball(), contact, contact_time=2e-3)
-    assert 1e3 * collide().contact_time == pytest.approx(2.0, rel=0.01)
-    monkeypatch.setattr(compliant_contact, "MAX_EVALUATIONS", 5_000)
-    with pytest.raises(kd.KickdynError, match=r"too stiff .*'walton-braun' has no damping"):
-        collide(dissipation="hunt-crossley")
 
 
 def test_the_callers_array_may_change():

@@ -18,7 +18,7 @@ LEGS = {"human": kd.Leg.human(), "g1": ARM, "g1 held": ARM.with_supports("left_a
 NUMBERS = (
     *("impulse", "effective_mass", "foot_velocity", "approach_speed", "ball_before", "ball_after"),
     *("v_before", "v_after", "joint_impulses", "constraint_impulses", "energy_lost", "sticking"),
-    *("restitution_residual", "momentum_residual", "condition"),
+    *("restitution_residual", "momentum_residual"),
 )
 
 
@@ -134,7 +134,7 @@ def test_what_is_printed_are_the_attributes_in_these_units():
     text = printed(hit)
     joint, most = hit.worst_joint
     sizes = np.linalg.norm(hit.joint_impulses[:, :3], axis=1)
-    assert joint == hit.leg.joint_names[int(np.argmax(sizes))]
+    assert joint == hit.posture.leg.joint_names[int(np.argmax(sizes))]
     assert most == sizes.max()
     for name, value, unit in (
         ("impulse on the ball", hit.impulse, "N s"),
@@ -145,7 +145,7 @@ def test_what_is_printed_are_the_attributes_in_these_units():
         ("ball over foot speed", hit.ball_after.speed / np.linalg.norm(hit.foot_velocity), ""),
         (f"worst joint, {joint}", most, "N s"),
         ("energy lost", hit.energy_lost, "J"),
-        ("condition", hit.condition, ""),
+        ("condition", hit.posture.condition, ""),
     ):
         assert text[name] == f"{format_value(value)} {unit}".rstrip(), name
 

@@ -105,7 +105,6 @@ def test_whoever_cannot_serve_a_new_law_refuses_it(monkeypatch):
     for use in (
         hit.sensitivity,
         lambda: hit.uncertainty(v=0.1),
-        lambda: kd.strike(*kick, "doubled", engine="pinocchio"),
         lambda: solve_contacts(two_contacts(hit), doubled),
     ):
         with pytest.raises(kd.InvalidInput, match=r"law.* 'doubled'"):

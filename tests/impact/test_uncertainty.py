@@ -1,5 +1,7 @@
 """Uncertainty budgets: against Monte Carlo, and as sums that must come out."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -156,6 +158,17 @@ def test_the_table():
     assert "away" not in str(kick().uncertainty(q=0.01))
 
 
+def test_the_rows_of_the_table_are_the_deviations_by_each_source():
+    ours = kick(friction=0.1).uncertainty(q=0.01, restitution=0.02, ball_mass=0.01)
+    results = ("impulse_size", "speed", "velocity", "spin")
+    for line in str(ours).splitlines()[2:5]:
+        source, *cells = line.split()
+        deviations = [math.sqrt(np.trace(ours.by_source[source][result])) for result in results]
+        assert cells[::2] == [f"{deviation:.3g}" for deviation in deviations]
+        assert cells[1::2] == [f"{ours.share(result)[source]:.1%}" for result in results]
+    assert f"is {ours.branch_sigmas:.2g} standard deviations" in str(ours).splitlines()[-1]
+
+
 def test_what_only_turns_a_vector_is_not_of_its_size():
     """A frictionless ball goes along the normal: tilted to the foot's way, it loses nothing."""
     posture = LEG.posture(Q)
@@ -247,3 +260,8 @@ def test_a_lopsided_covariance_is_said_to_be_one():
     lopsided = np.eye(3) + np.eye(3, k=1)
     with pytest.raises(kd.InvalidInput, match="covariance of q differs from its transpose by 1"):
         hit.uncertainty(q=lopsided)
+
+
+def test_sigmas_with_a_friction_whose_square_overflows():
+    strong, stronger = (kick(friction=mu).uncertainty(v=0.1) for mu in (1e100, 1e300))
+    assert stronger.branch_sigmas == pytest.approx(strong.branch_sigmas)

@@ -287,18 +287,6 @@ def test_slow_kicks_do_what_fast_ones_do(name):
     assert slow.v_after == pytest.approx(1e-6 * hit.v_after, abs=1e-15)
 
 
-def test_energy_that_is_created_can_be_refused(monkeypatch):
-    hit = kd.unilateral_strike(*KICKS["forward"], strict=True)
-    assert hit.energy_lost > 0
-    monkeypatch.setattr(type(hit), "creates_energy", True)
-    with pytest.raises(kd.EnergyCreated, match="law 'newton' creates"):
-        kd.unilateral_strike(*KICKS["forward"], strict=True)
-    kd.unilateral_strike(*KICKS["forward"])
-    for strike in (kd.strike, kd.unilateral_strike):
-        with pytest.raises(kd.InvalidInput, match="strict is 'no': it must be True or False"):
-            strike(*KICKS["forward"], strict="no")
-
-
 def test_a_fast_spin_costs_the_normal_no_digits():
     posture, v, ball, contact = KICKS["forward"]
     normals = [

@@ -1,18 +1,17 @@
 """Every item of the paper, what is claimed of it, and the tables on the screen."""
 
 import math
-from collections import defaultdict
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
-from rich.console import Console
 
 import kickdyn as kd
+from kickdyn.core.mechanics import GRAVITY
 from kickdyn.paper import fig_1, fig_8, fig_9, fig_10, fig_15, reproduce, tables_4_5
-from kickdyn.paper.assumptions import ALTERNATIVES, DEFAULT, LIFT_WITHOUT_CRISIS, direction
-from kickdyn.paper.item import MEANINGS, MEASURED, Item, judged, near
-from kickdyn.paper.reproduce import COLOURS, SECTIONS, chosen, sensitivity, show
+from kickdyn.paper.assumptions import ALTERNATIVES, BALL, DEFAULT, LIFT_WITHOUT_CRISIS, direction
+from kickdyn.paper.item import MEANINGS, MEASURED, Item, Verdict, judged, near
+from kickdyn.paper.reproduce import COLOURS, SECTIONS, chosen, show
 
 
 @pytest.fixture(scope="module")
@@ -143,9 +142,6 @@ def test_the_warnings_of_the_flights_are_notes(items):
     far = items["Fig. 13-15 100 m, 3 s learning loop rounds"]
     assert any("31 % of the flight is outside" in note for note in far.notes)
     assert any("of the flight" in note for note in items["Table 5 1.8 m/s distance"].notes)
-    figure = Figure()
-    fig_10.draw(figure)
-    assert "lift wang: 100 % of the flight is outside" in figure.get_supxlabel()
 
 
 def test_fig_15_goals_are_met_by_both(items):
@@ -219,23 +215,19 @@ def test_no_posture_that_fits_has_a_smaller_scale_or_another_distance():
         gains += list(found.gain * best[2] / masses[1:][fits][:, 2])
         middles += list(masses[1:][fits][:, 1] / masses[1:][fits][:, 2] / (best[1] / best[2]))
     assert len(gains) > 50
-    assert found.likely == pytest.approx((5.96, found.middle[1]), abs=0.02)
     assert found.middle == pytest.approx((4.89, 6.52), abs=0.02)
-    assert found.locked == pytest.approx(4.953, abs=0.001)
     assert min(gains) > 0.97 * found.gain
-    assert max(gains) < 1.05 * found.largest_gain
     least = (found.middle[0] / tables_4_5.kick(tables_4_5.MIDDLE, found, DEFAULT).range) ** 0.5
     assert min(middles) > 0.97 * least
     assert max(middles) < 1.03
 
 
 def test_the_ball_does_not_lie_inside_the_foot():
-    q, free, locked = tables_4_5.grid()
-    assert (np.isnan(free) == np.isnan(locked)).all()
+    q, masses = tables_4_5.grid()
     for degrees, inside in (((0, 0, 0), False), ((-30, 60, 50), True), ((60, 0, -20), False)):
         place = np.linalg.norm(q - np.radians(degrees), axis=-1) < 1e-9
         assert place.sum() == 1
-        assert np.isnan(free[place]).all() == inside
+        assert np.isnan(masses[place]).all() == inside
 
 
 def test_fig_1_extremes_are_extremes(items):
@@ -274,7 +266,6 @@ def test_json_has_the_documented_fields(items, compared):
         ("fig. 11", ["Fig. 10/11"]),
         ("FIG 14", ["Fig. 13-15"]),
         ("fig 7", ["Table 2"]),
-        ("table 6", ["Tables 1, 3, 6"]),
         ("Table 5", ["Tables 4-5"]),
     ],
 )
@@ -330,10 +321,10 @@ def test_a_number_that_changes_with_the_coefficient_depends_on_it():
     assert other.notes == ("1 m with base; 1.1 m with y, for which the verdict is not-reachable",)
 
 
-def test_inputs_are_the_printed_numbers(items):
-    found = [item for item in items.values() if item.verdict == "input"]
-    assert len(found) == 9 + 5 + 12
-    assert all(item.relative_error == pytest.approx(0, abs=1e-12) for item in found)
+def test_ball_and_air_are_those_of_table_3():
+    air = kd.Air.paper()
+    values = (air.density, BALL.radius, BALL.mass, air.viscosity, GRAVITY)
+    assert values == (1.22, 0.1, 0.45, 1.8e-5, 9.81)
 
 
 def test_fig_8_says_which_curve_is_highest_and_lowest():
@@ -348,17 +339,10 @@ def items_by_section(compared):
     return {name: items for name, (items, _) in compared.items()}
 
 
-@pytest.fixture(scope="module")
-def varied_by_section(compared):
-    return {name: varied for name, (_, varied) in compared.items() if varied}
-
-
 @pytest.mark.parametrize("width", [80, 200])
-def test_it_fits_and_no_number_is_cut(
-    items_by_section, varied_by_section, width, monkeypatch, capsys
-):
+def test_it_fits_and_no_number_is_cut(items_by_section, width, monkeypatch, capsys):
     monkeypatch.setattr(reproduce, "screen_width", lambda: width)
-    show(items_by_section, varied_by_section)
+    show(items_by_section)
     said = capsys.readouterr().out
     assert max(map(len, said.splitlines())) <= width
     assert "\u2026" not in said
@@ -366,16 +350,11 @@ def test_it_fits_and_no_number_is_cut(
     for item in (each for section in items_by_section.values() for each in section):
         assert f"{item.ours:.5g}" in words
         assert item.difference in said
-    numbers = defaultdict(set)
-    for item in (each for section in varied_by_section.values() for each in section):
-        numbers[item.item].add(f"{item.ours:.4g}")
-    for shown in (each for each in numbers.values() if len(each) > 1):
-        assert shown <= set(words)
 
 
 def test_a_reason_is_said_once_and_found_by_its_number(items_by_section, monkeypatch, capsys):
     monkeypatch.setattr(reproduce, "screen_width", lambda: 120)
-    show({"Fig. 9": items_by_section["Fig. 9"]}, {})
+    show({"Fig. 9": items_by_section["Fig. 9"]})
     lines = capsys.readouterr().out.splitlines()
     reasons = {text for item in items_by_section["Fig. 9"] for text in (item.why, *item.notes)}
     assert len(reasons) > 12
@@ -391,7 +370,7 @@ def test_a_reason_is_said_once_and_found_by_its_number(items_by_section, monkeyp
 
 def test_the_foot_says_what_the_verdicts_are(items_by_section, monkeypatch, capsys):
     monkeypatch.setattr(reproduce, "screen_width", lambda: 200)
-    show(items_by_section, {})
+    show(items_by_section)
     said = capsys.readouterr().out
     assert set(MEANINGS) == set(COLOURS)
     for verdict, meaning in MEANINGS.items():
@@ -400,26 +379,21 @@ def test_the_foot_says_what_the_verdicts_are(items_by_section, monkeypatch, caps
         )
         assert f"\n{verdict} ({count}): {meaning}\n" in said
     assert "within 10 % of the value of the test bed" in said
-    show({"Table 2": items_by_section["Table 2"]}, {})
+    show({"Table 2": items_by_section["Table 2"]})
     assert "\nreproduced (" not in capsys.readouterr().out
 
 
-def test_other_coefficients_have_a_line_each_and_no_number_twice():
-    found = [
-        Item(f"Fig. 8 {what}", None, ours, "m", "shape-reproduced", "", "", f"drag {number}")
-        for number in range(9)
-        for what, ours in (("range", 1.25 + number), ("apex", 2.0 * number), ("same", 3.0))
-    ] + [
-        Item("Fig. 8 again", None, 1.25 + number, "m", "shape-reproduced", "", "", f"drag {number}")
-        for number in range(9)
+def test_fig_9_says_which_case_flies_farthest_and_which_highest(monkeypatch):
+    """Ranges and heights in different orders: the sentence names both."""
+    paths = [
+        SimpleNamespace(range=float(r), height=float(h), warnings=())
+        for r, h in ((9, 3), (10, 1), (11, 2))
     ]
-    table = sensitivity("Fig. 8", found)
-    assert [column.header for column in table.columns] == [
-        "coefficients",
-        "range \\[m]",
-        "apex \\[m]",
-    ]
-    assert table.row_count == 9
-    with (console := Console(width=60, highlight=False)).capture() as said:
-        console.print(table)
-    assert "drag 8" in said.get()
+    monkeypatch.setattr(fig_9, "flights", lambda choice: paths)
+    items = fig_9.varying(DEFAULT)
+    assert items[0].why.startswith("case 3 flies farthest and case 1 highest")
+    assert {item.verdict for item in items} == {Verdict.NOT_REACHABLE}
+    ours = [(item.item.split()[-1], item.ours) for item in items]
+    assert ours == [
+        ("distance", 9), ("apex", 3), ("distance", 10), ("apex", 1), ("distance", 11), ("apex", 2),
+    ]  # fmt: skip

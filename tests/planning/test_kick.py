@@ -1,5 +1,4 @@
 import math
-from dataclasses import replace
 from pathlib import Path as FilePath
 
 import gymnasium
@@ -18,7 +17,7 @@ from kickdyn.robot.standing import hold_support
 HUMAN = kd.Leg.human()
 G1 = kd.Leg.from_robot("g1", base="fixed", legs_only=True)
 BALL, AIR = kd.Ball(), kd.Air(drag="brazuca")
-OBJECTIVES = [name for name in KickObjective if name != "scatter"]
+OBJECTIVES = [name for name in KickObjective if name != "torque-squared"]
 
 
 def check(leg, plan, ball_height=None):
@@ -281,21 +280,6 @@ def test_the_high_arc_is_kicked():
         assert plan.landing_error < 1e-3
 
 
-@pytest.mark.parametrize("end", ["lower", "upper"])
-def test_a_joint_at_either_end_of_its_range_is_in_its_stop(end):
-    plan = kd.plan_kick(HUMAN, kd.Goal(15, time=1), BALL, AIR)
-    moves_up = plan.impact.v_after > 0
-    joint = int(np.argmax(moves_up if end == "upper" else ~moves_up))
-    model = HUMAN.model
-    ends = {"lower": model.lowerPositionLimit, "upper": model.upperPositionLimit}
-    ends["lower"][:], ends["upper"][:] = -3.0, 3.0
-    ends[end][joint] = plan.q[joint]
-    model.lowerPositionLimit, model.upperPositionLimit = ends["lower"], ends["upper"]
-    leg = kd.Leg.from_model(model, "toe")
-    hit = kd.strike(leg.posture(plan.q), plan.v, BALL, plan.impact_target.contact)
-    assert replace(plan, impact=hit).into_stop == (HUMAN.joint_names[joint],)
-
-
 FOOT = "left_ankle_roll_link"
 STANDING = kd.Leg.from_robot("g1", base="floating", legs_only=True).with_supports(
     kd.Support(FOOT, friction=0.7)
@@ -443,14 +427,12 @@ def test_a_foot_that_cannot_stand_is_held_and_named():
     )
 
 
-def test_a_foot_that_turns_about_the_vertical_is_named():
+def test_a_foot_that_turns_about_the_vertical_does_not_count():
     goal = kd.Goal((4, 1, 0), time=0.8)
     plan = kd.plan_kick(STANDING, goal, BALL, AIR)
     free = kd.unilateral_strike(plan.leg.posture(plan.q), plan.v, BALL, plan.impact_target.contact)
-    named = [line for line in plan.warnings if line.startswith(f"{FOOT} turns about the vertical")]
     assert plan.impact.footing == {FOOT: "turns"}
     assert free.footing == {FOOT: "slips"}
-    assert len(named) == 1
     assert plan.status != "support-moves"  # this twist hardly changes the kick
 
 
@@ -491,13 +473,6 @@ def test_joints_that_do_not_move_stay_in_their_range(tmp_path, base):
     )
     assert not plan.leg.outside_range(plan.q)
     assert plan.leg.angles_deg(plan.q)["right_elbow"] == pytest.approx(20.0, abs=1e-12)
-    said = [line for line in plan.warnings if line.startswith("joints that the kick does not move")]
-    assert len(said) == 1
-    assert said[0].endswith(
-        "right_elbow at 20 deg"
-        if base == "floating"
-        else "left_knee at -2 deg, right_elbow at 20 deg"
-    )
 
 
 def test_a_continuous_joint_is_planned_by_its_angle(tmp_path):
@@ -560,7 +535,7 @@ def test_a_plan_of_a_constant_table_has_the_bits_of_the_number():
     for friction, options in (
         (0.4, {}),
         (0.0, {"objective": "kinetic-energy"}),
-        (0.4, {"swing": True}),
+        (0.4, {"motion": True}),
     ):
         one, other = (
             kd.plan_kick(HUMAN, goal, BALL, AIR, contact=kd.Contact(None, e, friction), **options)
@@ -586,9 +561,7 @@ def test_a_plan_does_not_depend_on_the_number_of_threads_of_blas():
     plans = []
     for count in (1, 2):
         with threadpool_limits(count, "blas"):
-            plans.append(kd.plan_kick(STANDING, kd.Goal(3, time=0.4), BALL, AIR, swing=True))
+            plans.append(kd.plan_kick(STANDING, kd.Goal(3, time=0.4), BALL, AIR))
     first, second = plans
     assert (first.q == second.q).all()
     assert (first.v == second.v).all()
-    states = [plan.backswing.configuration(-0.1) for plan in plans]
-    assert (states[0] == states[1]).all()

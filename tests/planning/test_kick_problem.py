@@ -8,8 +8,8 @@ import pinocchio as pin
 import pytest
 
 import kickdyn as kd
+from kickdyn.motion.impact_target import impact_target_for
 from kickdyn.planning import kick_problem as module
-from kickdyn.planning.impact_target import impact_target_for
 from kickdyn.planning.kick_problem import explain_infeasible, kick_problem
 from kickdyn.planning.kick_terms import (
     BallPosition,
@@ -18,16 +18,15 @@ from kickdyn.planning.kick_terms import (
     StrikeVelocity,
     TorqueLimit,
 )
-from kickdyn.planning.objectives import OBJECTIVES, KickObjective, LandingScatter, LargestShare
+from kickdyn.planning.objectives import OBJECTIVES, LargestShare
 from kickdyn.planning.problem import Function, Kind
-from kickdyn.planning.scatter import scatter
 from kickdyn.planning.stance import Balance, Clearance, SupportImpulse, Upright
 
 BALL, AIR = kd.Ball(), kd.Air(drag="brazuca")
 ROUGH = kd.Contact(restitution=0.8, friction=0.4)
 LEG = kd.Leg.human()
 PLAN = kd.plan_kick(LEG, kd.Goal(15, time=1), BALL, AIR)
-PLAIN = [kind() for name, kind in OBJECTIVES.items() if name != "scatter"]
+PLAIN = [kind() for kind in OBJECTIVES.values()]
 LEGS = {"human": kd.Leg.human(), "g1": kd.Leg.from_robot("g1", legs_only=True)}
 STANDING = kd.Leg.from_robot("g1", base="floating", legs_only=True).with_supports(
     kd.Support("left_ankle_roll_link", friction=0.6)
@@ -80,8 +79,6 @@ def test_slopes_of_a_stance_are_those_of_the_values(offset):
     for kind in (Balance, Clearance, Upright):
         assert slope_errors(problem.find(kind), variables, x).max() < 1e-7
     assert slope_errors(problem.find(SupportImpulse), variables, x).max() < 1e-5
-    rising = Clearance(problem.standing, lift=20.0)
-    assert slope_errors(rising, variables, x).max() < 1e-6
 
 
 def test_the_strike_is_made_exact():
@@ -146,18 +143,8 @@ def refusal(leg=LEGS["human"], **how):
 
 
 @pytest.mark.parametrize("how", [{"ball_position": -2.0}, {"ball_position": (3.0, 0.0, -0.6)}])
-def test_the_nearest_ball_within_reach_is_named(how):
-    said = refusal(**how)
-    assert "the nearest position of the ball for which it has one is (" in said
-    near = [float(part) for part in said.rpartition("(")[2].partition(")")[0].split(",")]
-    plan = kd.plan_kick(
-        LEGS["human"], kd.Goal(15, time=1), BALL, kd.Air(drag="brazuca"), ball_position=near[2]
-    )
-    assert plan.impact.ball_after.position[2] == pytest.approx(near[2], abs=1e-3)
-    wished = how["ball_position"]
-    is_height = wished == -2.0
-    far = near[2] - wished if is_height else np.linalg.norm(np.subtract(near, wished))
-    assert abs(far) < (1.3 if is_height else 2.3)  # what the leg's length leaves
+def test_a_ball_out_of_reach_is_named(how):
+    assert refusal(**how).endswith("it has one for another position of the ball")
 
 
 def test_limits_that_leave_no_posture_are_named():
@@ -210,36 +197,6 @@ def test_each_is_what_its_name_says():
     assert worst <= value("joint-impulse") <= 3 ** (1 / 12) * worst
 
 
-def test_scatter_is_that_of_the_strike():
-    spread = {"speed": 0.02, "angle": 0.01, "drag": 0.05}
-    radius, point = LandingScatter(PLAN.launch.state, BALL, AIR, spread), point_of(PLAN)
-    expected = scatter(PLAN.impact, AIR, **spread).radius
-    assert radius.cost(point) == pytest.approx(expected, rel=1e-6)
-    x = point.x.copy()
-    x[3:6] *= -1.0
-    assert radius.cost(point.variables.point(x)) > 1e3  # the foot moves away
-
-
-@pytest.mark.parametrize(
-    ("leg", "goal", "spread"),
-    [
-        (
-            kd.Leg.from_robot("g1", legs_only=True),
-            kd.Goal((5, 1, 0), time=0.9),
-            {"speed": 0.02, "angle": 0.01, "contact": 0.002},
-        ),
-        (kd.Leg.testbed(), kd.Goal(2, time=0.6), {"angle": 0.02}),
-    ],
-)
-def test_robust_scatters_no_more_than_any_other_objective(leg, goal, spread):
-    robust = kd.plan_kick(leg, goal, BALL, AIR, objective="scatter", uncertainty=spread)
-    own = scatter(robust.impact, AIR, **spread).radius
-    for name in set(KickObjective) - {"scatter"}:
-        other = kd.plan_kick(leg, goal, BALL, AIR, objective=name)
-        assert other.status == "met"
-        assert own <= scatter(other.impact, AIR, **spread).radius * (1 + 1e-6), name
-
-
 @pytest.mark.parametrize(
     ("cause", "words"),
     [
@@ -286,21 +243,3 @@ def test_conditions_that_exclude_each_other_are_not_blamed_on_the_ranges():
     words = "it has one only without two or more of its conditions"
     assert explain_infeasible(replace(problem, terms=terms)) == words
     assert explain_infeasible(replace(problem, terms=terms[:-1])) == "it has one without 1.0"
-
-
-def test_another_solver_finds_the_same_plan(monkeypatch):
-    starts = []
-
-    def recording(problem, start):
-        starts.append(start)
-        return module.slsqp(problem, start)
-
-    monkeypatch.setitem(module.SOLVERS, "recording", recording)
-    plan = kd.plan_kick(LEG, kd.Goal(15, time=1), BALL, AIR, solver="recording")
-    assert len(starts) == module.STARTS
-    assert plan.q.tolist() == PLAN.q.tolist()
-
-
-def test_an_unknown_solver_is_refused():
-    with pytest.raises(kd.InvalidInput, match="solver is 'best': it must be one of slsqp"):
-        kd.plan_kick(LEG, kd.Goal(15, time=1), BALL, AIR, solver="best")

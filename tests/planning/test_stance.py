@@ -16,7 +16,6 @@ from kickdyn.planning.stance import (
     SupportImpulse,
     Upright,
     centre_of_mass,
-    extreme_spheres,
 )
 from kickdyn.robot.standing import StandingRobot, joint_spheres
 
@@ -125,20 +124,3 @@ def test_a_trunk_that_is_the_foot_is_upright():
     posture, still = standing.leg.posture(np.full(standing.leg.nq, 0.1)), np.zeros(standing.leg.nv)
     assert upright.residual(posture, still) == pytest.approx([upright.scale])
     assert not upright.derivatives(posture, still)[0].any()
-
-
-def test_a_foot_that_rises_is_higher():
-    """By the rule for each sphere, whose speed is the change of its height."""
-    plain, lift, draw = Clearance(STANDING), 20.0, np.random.default_rng(7)
-    rising = Clearance(STANDING, lift)
-    _, beyond = extreme_spheres(joint_spheres(STANDING.robot, STANDING.robot.contact_joint))
-    seen = []
-    for posture in postures():
-        v = draw.normal(size=LEG.nv)
-        later, before = (plain.residual(LEG.posture(posture.q + x * v), v) for x in (1e-6, -1e-6))
-        speed = (later - before) / 2e-6
-        higher = plain.residual(posture, v) - rising.residual(posture, v)
-        needed = np.maximum(beyond, speed.clip(min=0.0) ** 2 / (2 * lift))
-        assert higher == pytest.approx(needed - beyond, abs=1e-8)
-        seen.append(higher.max())
-    assert max(seen) > 1e-3

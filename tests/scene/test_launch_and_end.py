@@ -49,9 +49,8 @@ def test_it_bounds_the_contact_that_takes_time():
 
 def test_it_bounds_the_contact_of_an_inflated_ball():
     rng, done, known = np.random.default_rng(5), 0, 0
-    while done < 8:
-        kind = "walton-braun" if done % 2 else "hunt-crossley"
-        options = {"ball": kd.Ball(pressure=80e3), "law": kd.Compliance(None, "pressure", kind)}
+    while done < 4:
+        options = {"ball": kd.Ball(pressure=80e3), "law": kd.Compliance(None, "pressure")}
         scene = random_scene(rng, contact_time=None, **options)
         try:
             hit = strike_scene(scene)
@@ -59,9 +58,6 @@ def test_it_bounds_the_contact_of_an_inflated_ball():
             continue
         done += 1
         jump = contact_time_error(scene, hit)
-        if kind == "hunt-crossley" and scene.contact.friction > 0.0:  # it tends to no law
-            assert jump.velocity == math.inf
-            continue
         moved = size(collide_scene(scene, 1e-6).ball_after.velocity - hit.ball_after.velocity)
         assert 0.0 < moved <= jump.velocity
         known += jump.velocity < math.inf

@@ -64,7 +64,6 @@ def test_a_scene_stays_as_it_is():
         ({"contact_time": 0.01, "stiffness": 1e5}, "give only one"),
         ({"stiffness": "soft"}, "stiffness is 'soft'"),
         ({"stiffness": -1.0}, "stiffness is -1"),
-        ({"dissipation": "none"}, "dissipation is 'none'"),
     ],
 )
 def test_a_bad_compliance_is_refused(values, said):

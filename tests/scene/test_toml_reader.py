@@ -291,13 +291,12 @@ def test_a_contact_time_in_milliseconds_is_refused(faults):
 
 def test_a_compliant_contact_has_the_stiffness_of_the_balls_pressure(read):
     changed = SMALL.replace("restitution = 0.8", "restitution = 0.7\nstiffness = 'pressure'")
-    changed += "dissipation = 'hunt-crossley'\n[ball]\npressure_pa = 80e3\n"
+    changed += "[ball]\npressure_pa = 80e3\n"
     scene = read(changed)
     answer = kd.simulate(scene, None)
     ball = kd.Ball(pressure=80e3)
     same = kd.collide(
-        scene.posture, scene.v, ball, scene.contact, stiffness="pressure",
-        dissipation="hunt-crossley", tol=answer.impact.tol,
+        scene.posture, scene.v, ball, scene.contact, stiffness="pressure", tol=answer.impact.tol,
     )  # fmt: skip
     assert answer.impact.impulse.tolist() == same.impulse.tolist()
     assert answer.impact.force_model == same.force_model
@@ -309,16 +308,10 @@ def test_a_compliant_contact_has_the_stiffness_of_the_balls_pressure(read):
 @pytest.mark.parametrize(
     ("contact", "ball", "line"),
     [
-        (
-            "dissipation = 'hunt-crossley'",
-            "",
-            "contact.dissipation is given without contact_time_s",
-        ),
         ("stiffness = 'pressure'\ncontact_time_s = 0.01", "pressure_pa = 8e4", "give only one"),
         ("stiffness = 'pressure'", "", "ball pressure is None: its stiffness needs it"),
         ("stiffness = 'air'", "", "contact.stiffness: 'air' is unknown: choose pressure"),
         ("stiffness = 'pressure'\nlaw = 'paper'", "pressure_pa = 8e4", "has no impact law"),
-        ("dissipation = 'none'\ncontact_time_s = 0.01", "", "choose walton-braun, hunt-crossley"),
         (
             "",
             "pressure_pa = 0.8",

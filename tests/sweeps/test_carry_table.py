@@ -82,15 +82,3 @@ def test_only_planar_flights_through_air_are_interpolated(monkeypatch):
     assert tolerance(random_leg(np.random.default_rng(0), joints=3), Kick()) == 0.0
     assert tolerance(LEG, Kick(air=None)) == 0.0
     assert tolerance(LEG, Kick()) == 1e-6
-
-
-def test_a_carry_that_disagrees_is_a_warning(monkeypatch):
-    monkeypatch.setattr(chunk_solver, "KERNEL_FROM", 1)
-    monkeypatch.setattr(CarryTable, "__call__", _wrong)
-    warning = solver(LEG, grid(LEG, ["hip=0:10:5"]), Kick(), 1e-6)(0, 3).warning
-    assert warning.startswith("posture 0: the sweep has carry ")
-
-
-def _wrong(self, normal, tangent, carry):
-    carry[:] = 0.1
-    return np.zeros(len(carry), bool)

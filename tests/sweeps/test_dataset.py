@@ -87,14 +87,8 @@ HERE = ("hip=-30:90:0.5", "knee=0:140:10")
         (HERE, None),
         (HERE[:1], "its joints are hip, this one's hip, knee"),
         (HERE[::-1], "its joints are knee, hip, this one's hip, knee"),
-        (
-            (HERE[0], "knee=0:140:20"),
-            "its knee has 8 values from 0 to 140 deg, this one's 15 values from 0 to 140 deg, not",
-        ),
-        (
-            (HERE[0], "knee=20"),
-            "its knee has 1 value from 20 to 20 deg, this one's 15",
-        ),
+        ((HERE[0], "knee=0:140:20"), "its values of knee are not all the same"),
+        ((HERE[0], "knee=20"), "its values of knee are not all the same"),
     ],
 )
 def test_another_grid_is_told_by_its_joints(there, words):
@@ -108,7 +102,7 @@ def test_every_value_of_an_axis_counts():
     moved[2] = np.nextafter(moved[2], 1.0)
     one = one.assign_coords(knee=("knee", moved, one.knee.attrs))
     found = difference(one, other)
-    assert found.endswith("15 values from 0 to 140 deg, not all the same")
+    assert found == "its values of knee are not all the same"
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,4 @@
 import json
-import math
 import os
 import re
 import signal
@@ -80,8 +79,8 @@ def test_a_store_is_the_dataset_in_memory(tmp_path):
 def test_plain_xarray_opens_a_store_without_a_warning(tmp_path, chunks):
     path, whole = tmp_path / "s.zarr", kd.sweep(LEG, POSTURES, KICK)
 
-    def stop(count, speed):
-        if math.isfinite(speed):
+    def stop(count):
+        if count:
             raise KeyboardInterrupt
 
     with pytest.raises(Unfinished):
@@ -132,7 +131,7 @@ def test_killed_and_resumed_it_is_the_same_bit_by_bit(tmp_path):
         assert np.isnan(half.carry.values[half.status.values == -1]).all()
     assert done == 2 * 42
     calls = []
-    stored(tmp_path / "s.zarr", resume=True, progress=lambda count, _: calls.append(count))
+    stored(tmp_path / "s.zarr", resume=True, progress=calls.append)
     assert calls == [done, *5 * [42]]
     assert files(tmp_path / "s.zarr") == files(tmp_path / "whole.zarr")
     again = stored(tmp_path / "s.zarr", resume=True)
@@ -175,12 +174,8 @@ def test_what_is_there_is_not_overwritten(tmp_path):
             "postures": dict(reversed(POSTURES.items()))
         },
         "its joints are hip, knee, ankle, this one's hip": {"postures": {"hip": [0.0, 0.1]}},
-        "its hip has 7 values from 0 to 90 deg, this one's 1 value from 0": {
-            "postures": POSTURES | {"hip": 0.0}
-        },
-        "its knee has 7 values from 0 to 30 deg, this one's .* not all the same": {
-            "postures": POSTURES | {"knee": inside}
-        },
+        "its values of hip are not all the same": {"postures": POSTURES | {"hip": 0.0}},
+        "its values of knee are not all the same": {"postures": POSTURES | {"knee": inside}},
         "its ball_inertia_factor is": {"kick": replace(KICK, ball=kd.Ball(inertia_factor=0.4))},
         "its leg's model is not": {"leg": LEG.with_armature({"hip": 0.5})},
         "its attack_rad is": {"kick": replace(KICK, attack=KICK.attack + 1e-13)},
@@ -206,26 +201,6 @@ def test_another_tolerance_is_another_sweep(tmp_path):
     stored(tmp_path / "s.zarr", postures, kick)
     with pytest.raises(kd.InvalidInput, match=r"its carry_tolerance_m is 1e-06, this one's 0\.0"):
         stored(tmp_path / "s.zarr", postures, kick, tolerance=0, resume=True)
-
-
-def test_a_disagreement_is_a_warning_of_the_store_at_once(tmp_path, monkeypatch):
-    monkeypatch.setattr(chunk_solver, "AGREEMENT", -1.0)
-    monkeypatch.setattr(chunk_solver, "KERNEL_FROM", 1)
-    monkeypatch.setattr(chunk_solver, "CHUNK", 50)
-    path = tmp_path / "s.zarr"
-
-    def stop(count, speed):
-        if math.isfinite(speed):
-            raise KeyboardInterrupt
-
-    with pytest.raises(Unfinished):
-        stored(path, threads=1, progress=stop)
-    assert kd.open_sweep(path).attrs["warnings"].count("the sweep has effective_mass") == 1
-    monkeypatch.setattr(chunk_solver, "AGREEMENT", 1e-9)
-    data = stored(path, resume=True)
-    assert data.attrs["warnings"].count("the sweep has effective_mass") == 1
-    assert data.attrs["finished"] == 1
-    assert as_stored(kd.sweep(LEG, POSTURES, KICK)).equals(data.load())
 
 
 def test_a_file_that_may_not_grow_ends_in_one_line_and_is_resumed(tmp_path):
@@ -268,7 +243,7 @@ def test_a_worker_that_is_killed_leaves_what_can_be_resumed(tmp_path):
     calls = []
 
     def kill_one():
-        while len(calls) < 2:
+        while not list(tmp_path.glob("s.zarr/status/c/*")):
             time.sleep(0.01)
         family = psutil.Process().children(recursive=True)
         workers = [one for one in family if "spawn_main" in " ".join(one.cmdline())]
@@ -279,13 +254,13 @@ def test_a_worker_that_is_killed_leaves_what_can_be_resumed(tmp_path):
     stops = pytest.raises(kd.KickdynError, match=r"of [\d,]+ postures are stored in .*resume=True")
     with processes(2) as executor, stops:
         stored(tmp_path / "s.zarr", LARGE, replace(KICK, air=kd.Air()), tolerance=0,
-               executor=executor, progress=lambda count, _: calls.append(count))  # fmt: skip
+               executor=executor, progress=calls.append)  # fmt: skip
     killer.join(5)
     done = computed(tmp_path / "s.zarr")
     assert done > 0
     calls.clear()
     stored(tmp_path / "s.zarr", LARGE, replace(KICK, air=kd.Air()), tolerance=0, resume=True,
-           progress=lambda count, _: calls.append(count))  # fmt: skip
+           progress=calls.append)  # fmt: skip
     assert calls[0] >= done
     assert sum(calls) == computed(tmp_path / "s.zarr") == 3 * 521 * 281
 
@@ -326,8 +301,8 @@ def test_workers_must_see_the_store(tmp_path):
 
 
 def test_what_is_stopped_leaves_nothing_to_an_executor_of_the_caller(tmp_path):
-    def stop(count, speed):
-        if math.isfinite(speed):
+    def stop(count):
+        if count:
             raise KeyboardInterrupt
 
     with ThreadPoolExecutor(1) as executor:
@@ -564,9 +539,20 @@ def test_a_damaged_chunk_is_named_and_computed_again(tmp_path, fault):
     with pytest.raises(kd.InvalidInput, match=rf"s\.zarr: chunk carry/c/3/0/0 {words}: compute it"):
         data.carry.load()
     calls = []
-    stored(tmp_path / "s.zarr", resume=True, progress=lambda count, _: calls.append(count))
+    stored(tmp_path / "s.zarr", resume=True, progress=calls.append)
     assert calls == [294 - 42, 42]
     assert files(tmp_path / "s.zarr") == files(tmp_path / "whole.zarr")
+
+
+def test_a_damaged_coordinate_is_not_advised_to_be_resumed(tmp_path):
+    """Resuming computes chunks of variables: it refuses such a store, too."""
+    stored(tmp_path / "s.zarr")
+    (file,) = (tmp_path / "s.zarr" / "hip" / "c").iterdir()
+    file.write_bytes(bytes([file.read_bytes()[0] ^ 4]) + file.read_bytes()[1:])
+    words = r"s\.zarr: chunk hip/c/0 is damaged: only the whole sweep, computed anew, replaces it$"
+    for open_it in (kd.open_sweep, lambda path: stored(path, resume=True)):
+        with pytest.raises(kd.InvalidInput, match=words):
+            open_it(tmp_path / "s.zarr").load()
 
 
 def test_every_flipped_bit_of_a_chunk_is_noticed(tmp_path):

@@ -87,13 +87,10 @@ def test_residuals_stay_at_rounding(small):
     assert float(small.momentum_residual.max()) < 1e-12
 
 
-def test_progress_counts_postures_and_has_the_best(small):
+def test_progress_counts_postures(small):
     calls = []
-    swept("hip=0:90:45", "knee=0:30:15", "ankle=0:50:50", progress=lambda *one: calls.append(one))
-    assert sum(count for count, _ in calls) == small.status.size
-    assert max(speed for _, speed in calls) == float(small.ball_speed.max())
-    swept("knee=10", kick=kd.Kick(speed=500.0), progress=lambda *one: calls.append(one))
-    assert math.isnan(calls[-1][1])
+    swept("hip=0:90:45", "knee=0:30:15", "ankle=0:50:50", progress=calls.append)
+    assert sum(calls) == small.status.size
 
 
 def test_attack_down_does_not_carry():

@@ -7,66 +7,6 @@ import kickdyn as kd
 from kickdyn.core.mechanics import GRAVITY
 from kickdyn.view.comparison import COLOURS, DOT_COLOUR
 
-
-@pytest.fixture(scope="module")
-def hits(make_kick):
-    return {
-        name: make_kick(kd.Leg.human(), 1.0, (5, 10, ankle))[0]
-        for name, ankle in (("a", -5), ("<b>", 15), ("c", 40))
-    }
-
-
-def test_legs_stand_side_by_side_with_arrows_to_one_scale(hits, commands_of):
-    said = commands_of(kd.page(hits, caption="three").html)
-    moved = {c["path"]: np.reshape(c["matrix"], (4, 4)).T
-             for c in said if c["type"] == "set_transform"}  # fmt: skip
-    places = [moved[f"/meshcat/{number}"][:3, 3] for number in range(3)]
-    assert (np.diff(places, axis=0)[:, 0] > 0.3).all()
-    assert not np.diff(places, axis=0)[:, 1:].any()
-    heights = {c["path"]: c["object"]["geometries"][0]["height"] for c in said
-               if c["type"] == "set_object" and c["path"].endswith(("shaft", "head"))}  # fmt: skip
-    scales = []
-    for number, hit in enumerate(hits.values()):
-        path = f"/meshcat/{number}/arrow/"
-        length = heights[path + "shaft"] + heights[path + "head"]
-        scales.append(length / np.linalg.norm(hit.impulse))
-    assert scales == pytest.approx([scales[0]] * 3)
-
-
-def test_the_ground_is_under_the_lowest_foot(hits, commands_of):
-    def ground(shown):
-        said = commands_of(kd.page(shown).html)
-        moved = {c["path"]: c["matrix"] for c in said if c["type"] == "set_transform"}
-        return moved["/meshcat/ground"][14]
-
-    alone = [ground({name: hit}) for name, hit in hits.items()]
-    assert max(alone) - min(alone) > 0.01
-    assert ground(hits) == min(alone)
-
-
-def test_the_panel_says_both_impulses_and_escapes(hits):
-    html = kd.page(hits, caption="<i>three").html
-    assert "<b></th>" not in html
-    assert "&lt;b&gt;" in html
-    assert "<h1>&lt;i&gt;three</h1>" in html
-
-
-def test_the_panel_says_the_numbers_of_an_impact(hits):
-    html = kd.page(hits).html
-    for hit in hits.values():
-        impulse, speed = np.linalg.norm(hit.impulse), np.linalg.norm(hit.ball_after.velocity)
-        sizes = np.linalg.norm(hit.joint_impulses[:, :3], axis=1)
-        joint = ("hip", "knee", "ankle")[int(sizes.argmax())]
-        ball = f"{impulse:.4g} N s on the ball, {speed:.4g} m/s"
-        assert f"<td>{ball}<br>{sizes.max():.4g} N s at {joint}</td>" in html
-
-
-@pytest.mark.parametrize("count", [0, 9])
-def test_too_few_or_too_many(hits, count):
-    with pytest.raises(kd.InvalidInput, match="1 to 8"):
-        kd.page([hits["a"]] * count)
-
-
 BALL = kd.Ball()
 
 

@@ -91,6 +91,19 @@ def test_swapped_arguments_of_save_are_refused_in_a_short_line(tmp_path, kick, m
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_time_that_a_page_or_picture_does_not_show_is_refused(tmp_path, kick, monkeypatch):
+    pictures = []
+    monkeypatch.setattr("kickdyn.view.page.save_picture", lambda _, *how: pictures.append(how))
+    hit, _, flight = kick
+    made, end = kd.page(hit, flight), flight.duration
+    for name, time in (("kick.html", 99), ("kick.png", 99), ("kick.png", 1.01 * end)):
+        with pytest.raises(kd.InvalidInput, match=f"at is {float(time):g}.*at most"):
+            made.save(tmp_path / name, time)
+    made.save(tmp_path / "kick.png", 0.9 * end)
+    assert pictures == [(tmp_path / "kick.png", 0.9 * end)]
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_one_page_of_several(make_kick, tmp_path):
     pages = {f"{speed} m/s": kd.page(make_kick(kd.Leg.human(), speed)[0]) for speed in (1, 2)}
     made = page_of_pages(pages)
@@ -99,6 +112,15 @@ def test_one_page_of_several(make_kick, tmp_path):
     for one in pages.values():
         assert one.panel in made.html
     assert len(made.html) < sum(len(one.html) for one in pages.values()) - 1_000_000
+
+
+def test_several_impacts_have_a_button_and_a_panel_each(make_kick):
+    hits = {name: make_kick(kd.Leg.human(), speed)[0] for name, speed in (("slow", 1), ("<b>", 2))}
+    made = kd.page(hits, caption="two")
+    assert re.findall("<button>(.*?)</button>", made.html)[1:] == ["slow", "&lt;b&gt;"]
+    for hit in hits.values():
+        assert kd.page(hit, caption="two").panel in made.html
+    assert list(kd.page([*hits.values()]).pages) == ["1", "2"]
 
 
 def test_a_bare_impact_is_drawn_above_the_lowest_point_of_the_leg(make_kick):

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.planning.impact_target import impact_target_for
+from kickdyn.motion.impact_target import impact_target_for
 
 LEG, BALL = kd.Leg.from_robot("g1", legs_only=True), kd.Ball()
 BENT = {"right_hip_pitch_joint": -0.3, "right_knee_joint": 0.6}

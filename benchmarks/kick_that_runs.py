@@ -1,0 +1,78 @@
+"""Motions of kicks: whether all limits hold between the points, and what they cost.
+
+    python benchmarks/kick_that_runs.py [human testbed g1-legs g1 talos]
+
+A line for each goal: status, share of the launch, processor time, largest torque and speed over
+their limits, least distances of the centre of pressure from the edge of the sole and of the kicking
+foot from the ground, and by how much `strike` and `fly` miss the target.
+"""
+
+import sys
+import time
+
+import numpy as np
+
+import kickdyn as kd
+
+BALL, AIR = kd.Ball(), kd.Air()
+GOALS = {
+    "7.9 m/s": kd.Goal(3, time=0.4),
+    "9.4 m/s": kd.Goal(3.5, time=0.4),
+    "11.4 m/s": kd.Goal(9, time=0.9),
+}
+ARMS = {"*wrist*": 0.0}
+
+
+def standing(name: str, foot: str, **options: object) -> kd.Leg:
+    """Return a robot of the catalogue on one foot."""
+    robot = kd.Leg.from_robot(name, base="floating", **options)
+    return robot.with_supports(kd.Support(foot, friction=0.7))
+
+
+CASES = {
+    "human": (kd.Leg.human, {"15 m": kd.Goal(15, time=1), "20 m": kd.Goal(20, time=1.2)}),
+    "testbed": (kd.Leg.testbed, {"1.5 m": kd.Goal(1.5, time=0.6)}),
+    "g1-legs": (lambda: standing("g1", "left_ankle_roll_link", legs_only=True), GOALS),
+    "g1": (lambda: standing("g1", "left_ankle_roll_link", locked=ARMS), GOALS),
+    "talos": (
+        lambda: standing("talos", "left_sole_link", legs_only=True),
+        {"7.9 m/s": GOALS["7.9 m/s"]},
+    ),
+}
+
+
+def main() -> None:
+    """Print a line for each goal of each leg."""
+    for name in sys.argv[1:] or CASES:
+        make, goals = CASES[name]
+        leg = make()
+        for words, goal in goals.items():
+            start = time.process_time()
+            plan = kd.plan_kick(leg, goal, BALL, AIR, motion=True)
+            spent = time.process_time() - start
+            margins = least_margins(plan.motion)
+            print(
+                f"{name} {words} ({plan.launch.speed:.1f}): {plan.status}, share {plan.share:.3f}, "
+                f"{spent:.1f} s, torque {plan.torque_use:.2f}, speed {plan.speed_use:.2f}, "
+                f"squared torque {plan.value:.3f} s, {margins}misses by {plan.landing_error:.1g} m",
+                flush=True,
+            )
+            for line in plan.warnings:
+                print(f"    {line}")
+
+
+def least_margins(motion: kd.Motion) -> str:
+    """Return the least margins of a standing robot in millimetres, as text."""
+    times = np.linspace(motion.begin, motion.end, 2000)
+    every = [motion.margins(t) for t in times]
+    shown = {"centre of pressure": "pressure", "kicking foot above": "foot"}
+    parts = []
+    for label in every[0]:
+        for words, short in shown.items():
+            if words in label:
+                parts.append(f"{short} {1e3 * min(margins[label] for margins in every):.1f} mm")
+    return "".join(f"{part}, " for part in parts)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,97 @@
+"""Cubic splines before and after the impact, as linear maps of one row of coefficients."""
+
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.interpolate import BSpline
+
+from kickdyn.core.validation import Array
+
+GRADING = 1.3
+"""Exponent by which intervals are shorter near the impact, where the motion is fastest."""
+
+
+NEAR = 0.1
+"""Time from the impact within which there are more points in an interval [s]."""
+
+
+class MotionSplines:
+    """Positions of joints from rest to the impact and from there to rest.
+
+    Velocity and acceleration are 0 at the beginning and at the end; at the impact positions are
+    equal. Coefficients that remain have the shape `(size, n)` for n joints.
+
+    Args:
+        before, after: durations [s].
+        intervals: numbers of intervals between knots before and after the impact.
+    """
+
+    def __init__(self, before: float, after: float, intervals: tuple[int, int]) -> None:
+        first, second = (np.linspace(0.0, 1.0, count + 1) ** GRADING for count in intervals)
+        self.grids = -before * first[::-1], after * second
+        # coefficients of both splines are rows of these matrices times the unknown ones
+        sizes = len(self.grids[0]) + 2, len(self.grids[1]) + 2
+        number = np.concatenate([
+            np.maximum(np.arange(sizes[0]) - 2, 0),
+            np.minimum(np.arange(sizes[1]) + sizes[0] - 3, sizes[0] + sizes[1] - 6),
+        ])  # fmt: skip
+        self.size = int(number[-1]) + 1
+        self._first = np.unique(number, return_index=True)[1]
+        rows = np.eye(self.size)[number]
+        self.splines = [
+            BSpline(np.concatenate([[grid[0]] * 3, grid, [grid[-1]] * 3]), matrix, 3)
+            for grid, matrix in zip(self.grids, np.split(rows, [sizes[0]]), strict=True)
+        ]
+
+    def times(self, far: int, near: int) -> list[Array]:
+        """Return times in each interval, and both ends, before and after the impact.
+
+        There are `near` times in each interval that begins within `NEAR` of the impact, else `far`.
+        """
+        return [_between(grid, far, near) for grid in self.grids]
+
+    def values(self, times: list[Array], order: int) -> Array:
+        """Return the map from coefficients to a derivative at times before and after, stacked."""
+        pairs = zip(self.splines, times, strict=True)
+        return np.asarray(np.vstack([spline(t, order) for spline, t in pairs]))
+
+    def at_impact(self) -> Array:
+        """Return the map to position, velocity before, and its jump at the impact, `(3, size)`."""
+        before, after = self.splines
+        v = before(0.0, 1)
+        return np.array([before(0.0), v, after(0.0, 1) - v])
+
+    def speed_rows(self) -> Array:
+        """Return the map to the coefficients of the velocities, which bound them."""
+        rows = np.vstack([spline.derivative().c for spline in self.splines])
+        return np.asarray(rows[np.abs(rows).max(axis=1) > 0.0])
+
+    def coefficients(self, before: BSpline, after: BSpline) -> Array:
+        """Return the coefficients of a motion with these knots, shape `(size, n)`."""
+        return np.asarray(np.vstack([before.c, after.c])[self._first])
+
+    def motion(self, coefficients: Array) -> list[BSpline]:
+        """Return both splines for coefficients of shape `(size, n)`."""
+        return [BSpline(spline.t, spline.c @ coefficients, 3) for spline in self.splines]
+
+
+def _between(grid: Array, far: int, near: int) -> Array:
+    parts = [
+        np.linspace(begin, end, near if min(abs(begin), abs(end)) < NEAR else far, endpoint=False)
+        for begin, end in pairwise(grid.tolist())
+    ]
+    return np.concatenate([*parts, grid[-1:]])
+
+
+def per_joint(rows: Array, n: int, extra: int) -> Any:
+    """Return a map of one joint for all n, as a sparse matrix with `extra` columns of 0."""
+    blocks = sp.kron(sp.csr_matrix(rows), sp.eye(n))
+    return sp.hstack([blocks, sp.csr_matrix((blocks.shape[0], extra))]).tocsr()
+
+
+def integration_weights(times: Array) -> Array:
+    """Return weights of values at times that integrate them, linear in between [s]."""
+    half = np.diff(times) / 2
+    return np.append(half, 0.0) + np.insert(half, 0, 0.0)

@@ -1,0 +1,256 @@
+"""Planned motions, against Pinocchio and an integrator that know nothing of splines or limits."""
+
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.integrate import solve_ivp
+
+import kickdyn as kd
+from kickdyn.core.validation import Array
+from kickdyn.planning import kick
+
+BALL, AIR = kd.Ball(), kd.Air(drag="brazuca")
+HUMAN, TESTBED = kd.Leg.human(), kd.Leg.testbed()
+GOALS = {
+    "human": (HUMAN, kd.Goal(20, time=1.2)),
+    "human high": (HUMAN, kd.Goal(25.125, time=2.208)),
+    "testbed": (TESTBED, kd.Goal(1.5, time=0.6)),
+    "testbed fast": (TESTBED, kd.Goal(1.7027424644632017, time=0.3004798734347314)),
+    "g1 leg": (kd.Leg.from_robot("g1"), kd.Goal((3, 0.5, 0), time=0.7)),
+}
+SOLE = "left_ankle_roll_link"
+
+
+@cache
+def planned(name):
+    leg, goal = GOALS[name]
+    return kd.plan_kick(leg, goal, BALL, AIR, motion=True)
+
+
+@cache
+def standing():
+    robot = kd.Leg.from_robot("g1", base="floating", legs_only=True)
+    robot = robot.with_supports(kd.Support(SOLE, friction=0.7))
+    return kd.plan_kick(robot, kd.Goal(2, time=0.4), BALL, AIR, motion=True)
+
+
+def times_of(motion, count=400):
+    """Return times beside those of the solver and of its check."""
+    draw = np.random.default_rng(1)
+    return np.sort(draw.uniform(motion.begin, motion.end, count))
+
+
+def limited_joints(plan):
+    leg = plan.leg
+    return [leg.velocity_index(name) for name in plan.motion.joints]
+
+
+def check_limits(plan):
+    motion, leg, columns = plan.motion, plan.leg, limited_joints(plan)
+    for t in times_of(motion):
+        assert (np.abs(motion.torque(t)) <= leg.effort_limit)[columns].all()
+        assert (np.abs(motion.v(t)) <= leg.velocity_limit)[columns].all()
+        q = motion.joint_state(t)[0]
+        ranges = np.array([leg.joint_range(name) for name in motion.joints])
+        assert (q >= ranges[:, 0]).all()
+        assert (q <= ranges[:, 1]).all()
+
+
+def check_impact(plan):
+    motion, impact = plan.motion, plan.impact
+    assert plan.share == 1.0
+    assert plan.landing_error < 1e-6
+    np.testing.assert_allclose(motion.q(0.0), plan.q, atol=1e-12)
+    np.testing.assert_allclose(motion.v(0.0), plan.v, atol=1e-12)
+    np.testing.assert_allclose(motion.v_after, impact.v_after, atol=1e-6)
+    for t in (motion.begin, motion.end):
+        assert np.abs(motion.v(t)).max() < 1e-9
+
+
+@pytest.mark.parametrize("name", GOALS)
+def test_a_motion_meets_its_goal_within_its_limits(name):
+    plan = planned(name)
+    assert plan.status == "met"
+    assert plan.motion.warnings == ()
+    check_impact(plan)
+    check_limits(plan)
+    assert 0.0 < plan.torque_use <= 1.0
+    assert 0.0 < plan.speed_use <= 1.0
+    assert min(plan.motion.margins(-0.01).values()) >= 0.0
+
+
+@pytest.mark.parametrize("name", ["human", "testbed"])
+def test_its_torques_move_the_leg_so(name):
+    """Forward dynamics under the torques, from each knot to the next."""
+    motion = planned(name).motion
+    model, n = motion.robot.model, motion.robot.nv
+    data = model.createData()
+
+    def slope(t, x):
+        return np.concatenate([x[n:], pin.aba(model, data, x[:n], x[n:], motion.torque(t))])
+
+    state = np.concatenate([motion.q(motion.begin), motion.v(motion.begin)])
+    for first, last in pairwise(np.unique(motion.before.t)):  # smooth in between
+        inside = (first, last - 1e-12)
+        state = solve_ivp(slope, inside, state, rtol=1e-10, atol=1e-11).y[:, -1]
+    np.testing.assert_allclose(state[:n], motion.q(0.0), atol=1e-6)
+    np.testing.assert_allclose(state[n:], motion.v(0.0), atol=1e-5)
+
+
+def test_the_value_is_the_integral_of_the_squared_torque():
+    plan = planned("human")
+    total = 0.0
+    for begin, end in ((plan.motion.begin, 0.0), (1e-9, plan.motion.end)):
+        times = np.linspace(begin, end, 2000)
+        use = np.array([plan.motion.torque(t) for t in times]) / plan.leg.effort_limit
+        total += np.trapezoid((use**2).mean(axis=1), times)
+    assert plan.value == pytest.approx(total, rel=1e-2)
+    assert plan.objective == "torque-squared"
+
+
+def test_the_same_call_gives_the_same_motion():
+    leg, goal = GOALS["human"]
+    again = kd.plan_kick(leg, goal, BALL, AIR, motion=True)
+    assert again.motion.before.c.tobytes() == planned("human").motion.before.c.tobytes()
+
+
+def test_a_goal_beyond_the_leg_gives_a_share_of_its_launch():
+    plan = kd.plan_kick(HUMAN, kd.Goal(30, time=1.5), BALL, AIR, motion=True)
+    assert plan.status == "beyond-limits"
+    assert 0.93 < plan.share < 1.0
+    np.testing.assert_allclose(
+        plan.impact.ball_after.velocity, plan.share * plan.launch.velocity, atol=1e-6
+    )
+    assert any(name.startswith("speed of ") for name in plan.binding)
+    check_limits(plan)
+
+
+def test_a_motion_knows_the_restitution_over_speed():
+    contact = kd.Contact(None, [[5, 0.85], [25, 0.6]], 0.4)
+    plan = kd.plan_kick(HUMAN, kd.Goal(15, time=1), BALL, AIR, contact=contact, motion=True)
+    assert plan.status == "met"
+    check_impact(plan)
+
+
+def test_a_ball_at_a_place_is_struck_there():
+    goal = kd.Goal(10, time=1)
+    free = kd.plan_kick(HUMAN, goal, BALL, AIR, motion=True).impact.ball_before.position
+    place = np.add(free, (0.02, 0.0, 0.03))
+    plan = kd.plan_kick(HUMAN, goal, BALL, AIR, ball_position=place, motion=True)
+    np.testing.assert_allclose(plan.impact.ball_before.position, place, atol=1e-6)
+    check_impact(plan)
+
+
+def test_a_robot_on_one_foot_keeps_what_the_ground_can_supply():
+    plan = standing()
+    assert plan.status == "met"
+    check_impact(plan)
+    check_limits(plan)
+    motion = plan.motion
+    corners = place_of(motion, 0.0).act(sole_of(plan)[0])
+    edge = [place_of(motion, 0.0).act(corner)[:2] for corner in sole_of(plan)]
+    assert abs(corners[2]) < 1e-9
+    low, high = np.min(edge, axis=0), np.max(edge, axis=0)
+    for t in times_of(motion, 200):
+        force, moment = np.split(motion.ground_wrench(t), 2)
+        assert force[2] > 0.0
+        assert np.hypot(*force[:2]) <= 0.7 * force[2]
+        centre = np.array([-moment[1], moment[0]]) / force[2]
+        assert (centre >= low).all()
+        assert (centre <= high).all()
+        moved = place_of(motion, t).homogeneous - motion.placement.homogeneous
+        assert np.abs(moved).max() < 1e-9
+    assert plan.impact.footing[SOLE] in ("stands", "turns")
+
+
+def sole_of(plan) -> Array:
+    return plan.leg.supports[0].sole
+
+
+def place_of(motion, t):
+    model = motion.robot.model
+    data = model.createData()
+    pin.forwardKinematics(model, data, motion.q(t))
+    return pin.updateFramePlacement(model, data, model.getFrameId(SOLE)).copy()
+
+
+def test_the_impact_of_a_standing_robot_conserves_momentum():
+    """The ground's impulse and the ball's change the momentum about the world's origin."""
+    plan = standing()
+    model, impact = plan.leg.model, plan.impact
+    data = model.createData()
+    changes = []
+    for v in (plan.motion.v(0.0), plan.motion.v_after):
+        pin.computeCentroidalMomentum(model, data, plan.q, v)
+        momentum, centre = data.hg.vector.copy(), data.com[0].copy()
+        momentum[3:] += np.cross(centre, momentum[:3])
+        changes.append(momentum)
+    ground = impact.support_impulses[SOLE]
+    frame = plan.motion.placement.translation
+    ball = np.concatenate([impact.impulse, np.cross(impact.posture.contact_point, impact.impulse)])
+    supplied = np.concatenate([ground[:3], ground[3:] + np.cross(frame, ground[:3])])
+    np.testing.assert_allclose(changes[1] - changes[0], supplied - ball, atol=1e-6)
+
+
+def test_a_motion_is_planned_again_for_a_launch_nearby():
+    plan = planned("human")
+    wished = 1.005 * plan.impact.ball_after.velocity + (0.0, 0.0, 0.05)
+    again = kick.replan_motion(plan, wished)
+    assert again.share == 1.0
+    np.testing.assert_allclose(again.impact.ball_after.velocity, wished, atol=1e-9)
+    np.testing.assert_allclose(again.motion.v_after, again.impact.v_after, atol=1e-6)
+    assert np.abs(again.q - plan.q).max() < 0.2
+    check_limits(again)
+    with pytest.raises(kd.InvalidInput, match="the plan has no motion: plan it with motion=True"):
+        kick.replan_motion(kd.plan_kick(HUMAN, kd.Goal(15, time=1), BALL, AIR), wished)
+
+
+@pytest.mark.parametrize("what", ["velocityLimit", "effortLimit"])
+def test_a_joint_without_limits_is_refused(what):
+    model = HUMAN.model
+    setattr(model, what, np.array([10.0, np.inf, 10.0]))
+    leg = kd.Leg.from_model(model, "toe")
+    with pytest.raises(kd.InvalidInput, match="limit of knee is inf: a motion needs one, above 0"):
+        kd.plan_kick(leg, kd.Goal(5, time=1), BALL, AIR, motion=True)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"objective": "joint-speed"}, r"a motion \(motion=True, --motion\) has the objective"),
+        ({"limits": False}, "a motion is planned within limits"),
+    ],
+)
+def test_options_that_have_no_motion_are_refused(options, words):
+    with pytest.raises(kd.InvalidInput, match=words):
+        kd.plan_kick(HUMAN, kd.Goal(15, time=1), BALL, AIR, motion=True, **options)
+
+
+def test_torque_squared_needs_a_motion():
+    with pytest.raises(kd.InvalidInput, match="has the objective torque-squared, and"):
+        kd.plan_kick(HUMAN, kd.Goal(15, time=1), BALL, AIR, objective="torque-squared")
+
+
+def test_without_casadi_it_says_how_to_install_it(monkeypatch):
+    monkeypatch.setattr(kick, "find_spec", lambda name: None)
+    with pytest.raises(kd.InvalidInput, match=r'pip install "kickdyn\[motion\]"'):
+        kd.plan_kick(HUMAN, kd.Goal(15, time=1), BALL, AIR, motion=True)
+
+
+def test_a_ball_that_the_foot_cannot_touch_is_refused():
+    far = (2.0, 0.0, -0.7)
+    with pytest.raises(kd.InvalidInput, match="no posture in which it can touch the ball"):
+        kd.plan_kick(HUMAN, kd.Goal(15, time=1), BALL, AIR, ball_position=far, motion=True)
+
+
+def test_curves_of_the_plot_are_shares_of_limits():
+    plan = planned("human")
+    figure = plan.motion.plot()
+    torque, speed = figure.axes
+    largest = max(np.abs(line.get_ydata()).max() for line in torque.lines[:6])
+    assert largest == pytest.approx(100 * plan.torque_use, abs=1.0)
+    largest = max(np.abs(line.get_ydata()).max() for line in speed.lines[:6])
+    assert largest == pytest.approx(100 * plan.speed_use, abs=1.0)

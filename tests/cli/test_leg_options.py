@@ -228,6 +228,17 @@ def test_a_leg_is_loaded_with_locked_joints(tmp_path):
     assert "right_knee_joint" not in g1.joint_names
 
 
+def test_corners_of_a_sole_are_part_of_a_support():
+    corners = "0.1,0.05,-0.03/0.1,-0.05,-0.03/-0.1,0,-0.03"
+    leg, _ = loaded("--leg", "g1", "--support", f"left_ankle_roll_link:0.7:{corners}")
+    (support,) = leg.supports
+    assert support.friction == 0.7
+    assert support.sole.tolist() == [[0.1, 0.05, -0.03], [0.1, -0.05, -0.03], [-0.1, 0, -0.03]]
+    for wrong in ("0.1,0.05/0,0/1,1", "0,0,0/1,0,0/2,0,0", "a,b,c"):
+        with pytest.raises(kd.InvalidInput, match=r"--support is .*or with corners"):
+            loaded("--leg", "g1", "--support", f"left_ankle_roll_link:0.7:{wrong}")
+
+
 def test_drives_of_a_command_are_a_file_or_none(tmp_path):
     file = tmp_path / "drives.toml"
     file.write_text('[joints]\n"*knee*" = { rotor_inertia_kg_m2 = 0.02 }')

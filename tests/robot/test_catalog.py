@@ -96,7 +96,7 @@ def test_a_turned_base_is_the_same_robot(name):
 
 OVERLAPS = {
     "g1": {"toe": 1.2, "instep": 3.0, "sole_edge": 1.6, "inside": 4.6, "outside": 4.6, "heel": 4.6},
-    "talos": {"toe": 6, "inside": 4.6, "outside": 4.6, "heel": 4.6},
+    "talos": {"toe": 6, "inside": 5, "outside": 5, "heel": 5},
     "icub": {"toe": 2, "sole_edge": 1.6, "inside": 4.6, "outside": 4.6, "heel": 4.6},
     "romeo": {
         **{"toe": 4, "instep": 4.1, "sole_edge": 2.8},

@@ -196,15 +196,15 @@ def test_a_package_that_is_a_link_to_elsewhere_is_none(tmp_path, robot):
     "manifest", ["", "<package>", "<robot><name>robot</name></robot>", "\0", "<package/>"]
 )
 def test_a_file_that_is_no_manifest_makes_no_package(tmp_path, manifest):
-    """Without one, meshes are in the folder of the robot's file."""
+    """Its folder is a package by its own name only, and no path leaves the file's folder."""
     (tmp_path / "robot/urdf").mkdir(parents=True)
     (tmp_path / "robot/package.xml").write_text(manifest)
     (tmp_path / "robot/a.stl").touch()
     finder = PackageFiles(tmp_path / "robot/urdf")
-    if manifest == "<package/>":  # a package without a name is known by its folder's
-        assert finder.find("package://robot/a.stl") == tmp_path / "robot/a.stl"
+    assert finder.find("package://robot/a.stl") == tmp_path / "robot/a.stl"
+    if manifest == "<package/>":
         return
-    for name in ("package://robot/a.stl", "../a.stl"):
+    for name in ("package://urdf2/a.stl", "../a.stl"):
         with pytest.raises(kd.InvalidInput, match=r"is unknown|lies outside"):
             finder.find(name)
 

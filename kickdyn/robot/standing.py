@@ -26,6 +26,7 @@ from kickdyn.robot.ground_clearance import (
 from kickdyn.robot.kicking_chain import rest_configuration
 from kickdyn.robot.leg import Leg, Posture
 from kickdyn.robot.model_validation import frame_id
+from kickdyn.robot.names import listed
 from kickdyn.robot.surgery import coordinate_indices, has_floating_base, reroot_model
 
 SOLE_THICKNESS = 2e-3
@@ -233,25 +234,27 @@ def kicking_limb(robot: Leg, support: Support) -> list[int]:
 
 
 def missing_shapes(robot: Leg, support: Support) -> list[str]:
-    """Return a line for each body of the kicking limb whose shape is not known as it is drawn."""
+    """Return a line for what is not known of the kicking limb's shapes, as they are drawn."""
+    limb = [name for joint in kicking_limb(robot, support) for name in joint_bodies(robot, joint)]
+    reasons = {name: why for name in limb if (why := find_unread(robot, name))}
     lines = []
-    for joint in kicking_limb(robot, support):
-        bodies = joint_bodies(robot, joint)
-        for name in bodies:
-            if why := find_unread(robot, name):
-                instead = (
-                    "its other shapes are used instead"
-                    if shapes_of(robot, name)
-                    else "it counts as a point, and may be lower than the plan says"
-                )
-                lines.append(
-                    f"the shape of {name} is not known ({why}; --package-dir names the folder of "
-                    f"meshes): {instead}"
-                )
-        known = [name for name in bodies if shapes_of(robot, name) or find_unread(robot, name)]
-        if joint == robot.contact_joint and not known:
+    for names, instead in (
+        ([name for name in reasons if shapes_of(robot, name)], "its other shapes are used instead"),
+        (
+            [name for name in reasons if not shapes_of(robot, name)],
+            "it counts as a point, and may be lower than the plan says",
+        ),
+    ):
+        if names:
+            more = f", as are those of {listed(names[1:], 5)}" if names[1:] else ""
             lines.append(
-                f"the kicking foot has no shape: {robot.frame} counts as a point, and the foot may "
-                "be lower than the plan says"
+                f"the shape of {names[0]} is not known ({reasons[names[0]]}; --package-dir names "
+                f"the folder of meshes){more}: {instead}"
             )
+    foot = joint_bodies(robot, robot.contact_joint)
+    if not any(shapes_of(robot, name) or name in reasons for name in foot):
+        lines.append(
+            f"the kicking foot has no shape: {robot.frame} counts as a point, and the foot may "
+            "be lower than the plan says"
+        )
     return lines

@@ -8,7 +8,6 @@ import math
 from bisect import bisect_right
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import NamedTuple
 
 from numpy.typing import ArrayLike
 
@@ -22,31 +21,14 @@ Restitution = float | str | Table
 """What `Contact.restitution` holds: a number, the name of one of `MODELS`, or a table."""
 
 
-class RestitutionModel(NamedTuple):
-    """A table with a name.
+MODELS: dict[str, Table] = {"peacock-ball": ((9.1, 0.729), (21.2, 0.696))}
+"""The table of every model by name; `Contact(restitution=name)` takes one.
 
-    Attributes:
-        table: its rows; it is for speeds from the first to the last.
-        source: of the numbers.
-    """
-
-    table: Table
-    source: str
-
-
-MODELS = {
-    "peacock-ball": RestitutionModel(
-        ((9.1, 0.729), (21.2, 0.696)),
-        "A line of our own through the ends of the measurements of Peacock & Ball (ISBS 2016, "
-        "article 7117): a rigid mechanical limb kicked an Australian football at 9.1 to 21.2 m/s, "
-        "and the ball left at 13.0 to 29.7 m/s. With the effective mass M of the limb, "
-        "ball over foot speed is (1 + e) M / (M + m); m / M = 0.21 follows from the middles of the "
-        "published ranges, 1.37 to 1.48 of that ratio and 0.66 to 0.79 of e.",
-    ),
-}
-"""Every model by name; `Contact(restitution=name)` takes one.
-
-`docs/explanation/impact.md` derives them.
+`peacock-ball` is a line of our own through the ends of the measurements of Peacock & Ball (ISBS
+2016, article 7117): a rigid mechanical limb kicked an Australian football at 9.1 to 21.2 m/s, and
+the ball left at 13.0 to 29.7 m/s. With the effective mass M of the limb, ball over foot speed is
+(1 + e) M / (M + m); m / M = 0.21 follows from the middles of the published ranges, 1.37 to 1.48 of
+that ratio and 0.66 to 0.79 of e. `docs/explanation/impact.md` derives it.
 """
 
 
@@ -104,7 +86,7 @@ def read_restitution(text: str) -> Restitution:
 
 def rows_of(restitution: str | Table) -> Table:
     """Return the rows of a table or of a named model."""
-    return MODELS[restitution].table if isinstance(restitution, str) else restitution
+    return MODELS[restitution] if isinstance(restitution, str) else restitution
 
 
 def restitution_at(restitution: Restitution, speed: float) -> float:

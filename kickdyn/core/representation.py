@@ -6,13 +6,9 @@ from html import escape
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 Row = tuple[str, object, str]
 """A line of a representation: name, value, unit."""
-
-WIDTH, HEIGHT, MARGIN = 360.0, 140.0, 12.0
-"""Size and margin of a drawing [px]."""
 
 WARNED = 3
 """Number of warnings that are shown; the others are counted."""
@@ -48,10 +44,6 @@ class ReprMixin(ReadOnlyArrays):
         """Return what is shown, a line each; a subclass defines it."""
         raise NotImplementedError
 
-    def _picture(self) -> str:
-        """Return an SVG that is shown below the table in Jupyter, or nothing."""
-        return ""
-
     def __repr__(self) -> str:
         rows = [
             (name, f"{format_value(value)} {unit}".rstrip()) for name, value, unit in self._rows()
@@ -67,7 +59,7 @@ class ReprMixin(ReadOnlyArrays):
             for name, value, unit in self._rows()
         )
         title = f"<caption><b>{escape(type(self).__name__)}</b></caption>"
-        return f"<table>{title}{rows}</table>{self._picture()}"
+        return f"<table>{title}{rows}</table>"
 
 
 def warned(lines: Sequence[str]) -> Iterable[Row]:
@@ -123,28 +115,3 @@ def format_value(value: object) -> str:
         entries = (0.0 if abs(entry) < least else entry for entry in value.tolist())
         return f"({', '.join(format_value(entry) for entry in entries)})"
     return str(value)
-
-
-def side_view(line: NDArray[np.float64], *, dots: NDArray[np.float64]) -> str:
-    """Return a path in a vertical plane as an SVG, both axes to one scale, some points marked.
-
-    Path and points have the columns forward and up [m].
-    """
-    low, high = line.min(axis=0), line.max(axis=0)
-    span = np.maximum(high - low, 1e-9 * np.abs(line).max() + 1e-300)
-    scale = min((WIDTH - 2 * MARGIN) / span[0], (HEIGHT - 2 * MARGIN) / span[1])
-
-    origin = MARGIN, HEIGHT - MARGIN
-
-    def placed(points: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.asarray(origin + (points - low) * (scale, -scale))
-
-    path = " ".join(f"{x:.1f},{y:.1f}" for x, y in placed(line))
-    marks = "".join(
-        f'<circle cx="{x:.1f}" cy="{y:.1f}" r="3" fill="#c0392b"/>' for x, y in placed(dots)
-    )
-    return (
-        f'<svg width="{WIDTH:.0f}" height="{HEIGHT:.0f}" xmlns="http://www.w3.org/2000/svg">'
-        f'<polyline points="{path}" fill="none" stroke="#2c5f8a" '
-        f'stroke-width="2"/>{marks}</svg>'
-    )

@@ -2,14 +2,11 @@
 """Batches: `BATCH` numbers that compiled code computes with one instruction of the processor.
 
 A compiler makes vector instructions of a loop only where it can prove that its arrays do not
-overlap. A batch needs no proof: ``+ - * /``, comparisons, ``math.sqrt``, ``math.fabs``, ``min`` and
-``max`` act on each of its numbers as they do on a float, and a float beside a batch stands for
-`BATCH` equal ones. Products and sums are rounded separately, so that the results are the same on
-every processor. `batches` reads arrays in this way; `choose` takes the place of ``if``.
-
-Explicit loops over the batch in plain numba take 4.7 times as long for the kinematics of
-`kickdyn.sweeps` (0.033 against 0.007 us per posture with AVX-512). The types are registered through
-`numba.extending`; only `batches` uses an inner function of numba.
+overlap; plain loops in numba take 4.7 times as long for the kinematics of `kickdyn.sweeps`.
+A batch needs no proof: ``+ - * /``, comparisons, ``math.sqrt``, ``math.fabs``, ``min`` and ``max``
+act on each of its numbers as on a float, and a float beside a batch stands for `BATCH` equal ones.
+Products and sums are rounded separately, so that the results are the same on every processor.
+`batches` reads arrays in this way; `choose` takes the place of ``if``.
 """
 
 import math

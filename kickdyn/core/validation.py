@@ -175,16 +175,10 @@ def flag(name: str, value: object) -> bool:
 def choice(name: str, value: object, kind: type[Choice]) -> Choice:
     """Return the member of a `StrEnum` that `value` is or names, or raise `InvalidInput`."""
     try:
-        return _member(kind, value)  # type: ignore[return-value]
+        return kind(value)  # type: ignore[arg-type]
     except (TypeError, ValueError):  # TypeError: not hashable
         valid = ", ".join(kind)
         raise InvalidInput(f"{name} is {brief(value)}: it must be one of {valid}") from None
-
-
-@functools.lru_cache
-def _member(kind: type[StrEnum], value: object) -> StrEnum:
-    """Return the member of a value: kept, because the enum takes longer to find it."""
-    return kind(value)  # type: ignore[arg-type]
 
 
 def times(t: ArrayLike, duration: float, what: str) -> Array:

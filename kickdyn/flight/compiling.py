@@ -355,14 +355,14 @@ def fingerprint(value: Any, *more: bytes) -> str | None:
     """
     digest = hashlib.sha256()
     try:
-        for part in (*more, *_parts(value, set())):
-            digest.update(b"%d:" % len(part) + part)
+        for item in (*more, *_contents(value, set())):
+            digest.update(b"%d:" % len(item) + item)
     except TypeError:
         return None
     return digest.hexdigest()[:32]
 
 
-def _parts(value: Any, met: set[int]) -> Iterator[bytes]:
+def _contents(value: Any, met: set[int]) -> Iterator[bytes]:
     """Yield the bytes that a value is made of; raise `TypeError` where there are none."""
     if isinstance(value, WRAPPED):
         value = value.function
@@ -371,23 +371,23 @@ def _parts(value: Any, met: set[int]) -> Iterator[bytes]:
             yield value.__qualname__.encode()
             return
         met.add(id(value))
-        for part in (
+        for item in (
             value.__code__,
             value.__defaults__,
             tuple((value.__kwdefaults__ or {}).items()),
             tuple(cell.cell_contents for cell in value.__closure__ or ()),
             tuple(_used(value).items()),
         ):
-            yield from _parts(part, met)
+            yield from _contents(item, met)
     elif isinstance(value, types.CodeType):
         yield value.co_code
         names = value.co_names, value.co_varnames, value.co_freevars, value.co_cellvars
-        yield from _parts((*names, value.co_argcount, value.co_flags, value.co_consts), met)
+        yield from _contents((*names, value.co_argcount, value.co_flags, value.co_consts), met)
     elif isinstance(value, tuple | frozenset):
         ordered = value if isinstance(value, tuple) else sorted(value, key=repr)
         yield b"%d" % len(ordered)
-        for part in ordered:
-            yield from _parts(part, met)
+        for item in ordered:
+            yield from _contents(item, met)
     elif isinstance(value, types.FunctionType | np.ufunc) or value is math or value is np:
         yield f"{getattr(value, '__module__', '')} {value.__name__}".encode()
     elif isinstance(value, _PLAIN):

@@ -13,7 +13,7 @@ from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.events import Event, checked_ends, plane_events
-from kickdyn.flight.flight_result import Flight, FlightStatus, profile
+from kickdyn.flight.flight_result import Flight, FlightStatus
 from kickdyn.flight.fly import check_single, fly
 from kickdyn.flight.ground_motion import GroundPhase, bounce, roll, slide
 from kickdyn.ground import Ground, Surface
@@ -31,10 +31,9 @@ class Course(ReprMixin):
     """The motion of a ball until it rests or reaches a plane; times count from the launch.
 
     Attributes:
-        status: `at-rest`; `at-plane`, where the ball reached the plane; `aloft`, where it did not
-            come down before the time limit; `bouncing`, where it still bounces after
-            `MOST_BOUNCES`; `blown`, where the wind does not let it rest; or the
-            name of one of `ends`.
+        status: `at-rest`; `at-plane`; `aloft`, where the ball did not come down before the time
+            limit; `bouncing`, where it still bounces after `MOST_BOUNCES`; `blown`, where the wind
+            does not let it rest; or the name of one of `ends`.
         flights: the flights, one before each bounce.
         bounces: the ball just after each bounce.
         ground_phases: the phases of sliding and rolling; empty if there are none.
@@ -54,9 +53,6 @@ class Course(ReprMixin):
         yield "duration", self.duration, "s"
         yield "end", self.rest.position, "m"
         yield from warned(self.warnings)
-
-    def _picture(self) -> str:
-        return profile(self.sample(np.linspace(0, self.duration, 257)), (*self.bounces, self.rest))
 
     def __reduce__(self) -> "tuple[Callable[[], Course], tuple[()]]":
         """Pickle what was followed; unpickling follows it again, to the same last bit."""
@@ -156,10 +152,20 @@ def follow(
                          time_limit=time_limit, ends=further)  # fmt: skip
     flights, bounces, status = _bouncing(state, ball, surface, one_flight)
     phases: list[GroundPhase] = []
-    if status is None:
+    if status is None:  # it stays down, slides and rolls
+        if surface.friction == 0.0:
+            raise InvalidInput(
+                f"friction of {surface.name} is 0: it must be above 0 to end sliding"
+            )
         state = bounce(flights[-1].landing, ball, surface)
         all_ends = *plane_events(ball, plane), *further
-        phases = _grounded(state, ball, air, surface, tol, all_ends, time_limit)
+        sliding = slide(state, ball, air, surface, [end.launched(state) for end in all_ends])
+        if sliding is not None:
+            phases.append(sliding)
+            state = sliding.end
+        if sliding is None or sliding.reached is None:
+            launched = [end.launched(state) for end in all_ends]
+            phases.append(roll(state, ball, air, surface, tol, launched, time_limit))
         status = phases[-1].reached or FlightStatus.AT_REST
         status = FlightStatus.BLOWN if phases[-1].blown else status
     again = partial(follow, start, ball, air, ground, tol, plane=plane, time_limit=time_limit,
@@ -184,26 +190,3 @@ def _bouncing(
         if len(bounces) == MOST_BOUNCES:
             return flights, bounces, FlightStatus.BOUNCING
         bounces.append(BallState(state.position, state.velocity, state.spin, clock))
-
-
-def _grounded(
-    state: BallState,
-    ball: Ball,
-    air: Air | None,
-    surface: Surface,
-    tol: float,
-    ends: Sequence[Event],
-    time_limit: float,
-) -> list[GroundPhase]:
-    """Return the phases of a ball that stays down: sliding, if it does, then rolling."""
-    if surface.friction == 0.0:
-        raise InvalidInput(f"friction of {surface.name} is 0: it must be above 0 to end sliding")
-    phases: list[GroundPhase] = []
-    sliding = slide(state, ball, air, surface, [end.launched(state) for end in ends])
-    if sliding is not None:
-        phases.append(sliding)
-        state = sliding.end
-        if sliding.reached is not None:
-            return phases
-    launched = [end.launched(state) for end in ends]
-    return [*phases, roll(state, ball, air, surface, tol, launched, time_limit)]

@@ -6,7 +6,8 @@ of a step is far more accurate near its end than within it.
 
 import math
 from collections.abc import Callable, Sequence
-from functools import cache, partial
+from copy import copy
+from functools import cached_property, partial
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -55,8 +56,7 @@ class Arc(NamedTuple):
         passed: the events on the way that did not end it, with functions that return time and
             state; some may be after the end.
         evaluations: number of evaluations of the rates.
-        steps: functions that take the steps anew, each returning its interpolant, with the times at
-            which the steps begin.
+        steps: the times at which the steps begin, and functions that return their interpolants.
     """
 
     end: float
@@ -96,7 +96,8 @@ def trajectory(arc: Arc, begin: Array) -> Callable[[Array], Array]:
             return np.tile(begin[:, None], (1, times.size))
         if solution is None:
             starts = [start for start, _ in steps]
-            interpolants = [interpolant() for _, interpolant in steps]
+            with np.errstate(over="ignore", invalid="ignore"):
+                interpolants = [interpolant() for _, interpolant in steps]
             solution = OdeSolution([*starts, math.inf], interpolants)
         return np.asarray(solution(times))
 
@@ -124,12 +125,7 @@ def integrate(
 
 
 class _Fall(NamedTuple):
-    """Where the function of an event falls through zero within a step, as fractions of the step.
-
-    Attributes:
-        low, high: between which it falls.
-        about: where it does, to some digits.
-    """
+    """Fractions of a step between which an event's function falls through zero, and about where."""
 
     low: float
     high: float
@@ -148,7 +144,11 @@ class _Step:
         self.length = float(solver.t) - self.begin
         ahead, behind = before + self.length * rates, solver.y - self.length * solver.f
         self._states = [state.tolist() for state in (before, solver.y, ahead, behind)]
-        self.interpolant = cache(solver.dense_output)
+
+    @cached_property
+    def interpolant(self) -> Callable[[float | Array], Array]:
+        """The states at times of the step; to be read before the solver takes the next one."""
+        return self.solver.dense_output()  # type: ignore[no-any-return]
 
     def find_fall(self, event: Event) -> _Fall | None:
         """Return where the function of an event first falls through zero; None where it does not.
@@ -170,7 +170,7 @@ class _Step:
         if turns and last_turns:
             return POSSIBLE_FALL
         fractions = EARLY_FRACTIONS if starts_at_zero else INNER_FRACTIONS
-        states = self.interpolant()(self.begin + self.length * fractions).T
+        states = self.interpolant(self.begin + self.length * fractions).T
         values = [start, *map(event.value_or_nan, states.tolist()), end]
         for k, (low, high) in enumerate(pairwise([0.0, *fractions.tolist(), 1.0])):
             above, below = values[k : k + 2]
@@ -185,17 +185,18 @@ class _Step:
 
         def value(time: float) -> float:
             if time not in states:
-                states[time] = self.interpolant()(time)
+                states[time] = self.interpolant(time)
             return event.value(states[time].tolist())
 
         low, high = times[0], float(self.solver.t) if fall.high == 1.0 else times[1]
         near = high - 2.0 * EVENT_MARGIN * self.length
         low = near if near > low and value(near) > 0.0 else low
-        if not value(low) > 0.0 >= value(high):  # but for rounding
+        above, below = value(low), value(high)
+        if not above > 0.0 >= below:  # but for rounding
             return high, states[high]
         precision = max(1e-14 * self.length, 1e-300)
         time = float(brentq(value, low, high, xtol=precision, rtol=4.0 * EPSILON, disp=False))
-        return time, states[time] if time in states else self.interpolant()(time)
+        return time, states[time] if time in states else self.interpolant(time)
 
 
 def _fall_of_cubic(start: float, end: float, rise: float, last_rise: float) -> float:
@@ -232,7 +233,7 @@ class _Integration:
         while solver.status == "running":
             step, falls = self._step_to(ending, solver)
             node, solver = (step.begin, step.before, step.length), step.solver
-            steps.append((step.begin, partial(self._interpolant, *node)))
+            steps.append((step.begin, _keep_stages(solver).dense_output))
             passed += [(event, partial(self._locate, event, *node))
                        for event in falls if not event.terminal]  # fmt: skip
             crossings = [(*step.locate(event, fall), event)
@@ -271,12 +272,6 @@ class _Integration:
                     return step.locate(event, falls[event])
                 solver = step.solver
 
-    def _interpolant(self, begin: float, state: Array, length: float) -> Callable[[Array], Array]:
-        with np.errstate(over="ignore", invalid="ignore"):
-            solver = self._solver(begin, state, length)
-            solver.step()
-            return solver.dense_output()  # type: ignore[no-any-return]
-
     def _solver(self, begin: float, state: Array, length: float) -> DOP853:
         relative, absolute, longest = self._tolerance
         longest, limit = min(longest, self._time_limit - begin), self._time_limit
@@ -297,6 +292,17 @@ class _Integration:
             raise _given_up(float(solver.t), "the numbers overflow")
         solver.h_abs *= NEXT_LENGTH
         return _Step(solver, state, rates)
+
+
+def _keep_stages(solver: DOP853) -> DOP853:
+    """Return a solver with the stages of the last step, for an interpolant that is read later.
+
+    It takes a quarter more evaluations, and the next step overwrites the stages.
+    """
+    kept = copy(solver)
+    kept.K_extended = solver.K_extended.copy()
+    kept.K = kept.K_extended[: DOP853.n_stages + 1]
+    return kept
 
 
 def _first_length(state: Array, rates: Array, tolerance: Tolerance) -> float:

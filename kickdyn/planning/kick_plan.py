@@ -92,9 +92,6 @@ class KickPlan(ReprMixin):
         yield "share of the torque limit", self.torque_use, ""
         yield from warned([line.partition("; ")[0] for line in self.warnings])
 
-    def _picture(self) -> str:
-        return self.path._picture()
-
     @property
     def leg(self) -> Leg:
         """The leg that kicks: as it was given, or turned by `heading`."""

@@ -102,9 +102,6 @@ class Launch(PlannedLaunch):
         for line in self.flight.warnings:
             yield "warning", line, ""
 
-    def _picture(self) -> str:
-        return self.flight._picture()
-
     @property
     def iterations(self) -> int:
         """Number of steps of Newton's method."""

@@ -47,9 +47,6 @@ class Pass(PlannedLaunch):
         yield "aside", self.aside, "m"
         yield "bounces", len(self.course.bounces), ""
 
-    def _picture(self) -> str:
-        return self.course._picture()
-
     @property
     def iterations(self) -> int:
         """0, because Brent's method finds the launch."""

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.core.representation import ReprMixin, format_value, side_view
+from kickdyn.core.representation import ReprMixin, format_value
 
 
 class Named(ReprMixin):
@@ -175,24 +175,6 @@ def test_states_of_a_ball():
     )
     many = ANSWERS["Flight"].sample([0.0, 0.25])
     assert repr(many) == "BallState(2 times, 0 to 0.25 s)"
-
-
-def test_the_side_view_is_drawn_to_scale_and_stays_inside():
-    line = np.array([[0.0, 0.0], [10.0, 5.0], [20.0, 0.0]])
-    picture = ElementTree.fromstring(side_view(line, dots=line[1:2]))
-    space = "{http://www.w3.org/2000/svg}"
-    points = picture.find(f"{space}polyline").get("points").split()
-    xy = np.array([point.split(",") for point in points], dtype=float)
-    rise, run = xy[0, 1] - xy[1, 1], xy[1, 0] - xy[0, 0]
-    assert rise / run == pytest.approx(0.5, abs=0.01)
-    assert xy.min() >= 0
-    assert (xy.max(axis=0) <= (360, 140)).all()
-    dot = picture.find(f"{space}circle")
-    assert (float(dot.get("cx")), float(dot.get("cy"))) == tuple(xy[1])
-
-
-def test_a_still_ball_has_a_picture_too():
-    assert "nan" not in side_view(np.zeros((5, 2)), dots=np.zeros((1, 2)))
 
 
 def test_contacts_of_the_same_values_are_equal():

@@ -7,6 +7,7 @@ from scipy.stats import chi2
 import kickdyn as kd
 from kickdyn.aerodynamics.drag import constant
 from kickdyn.identification.identification_result import (
+    Identification,
     mean_over_flights,
     weighted_mean,
     with_deviation,
@@ -101,3 +102,29 @@ def test_what_is_printed_is_what_was_found():
         assert f"not determined: {reason}" in rows[name]
         assert name not in values
         assert variances[name] > 0.0
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "least"),
+    [
+        ("back_spin", 100.0, 20.0),  # a value of about twice the least deviation that is too large
+        ("drag", 0.25, 0.1),
+        ("drag_scale", 1.2, 0.5),
+        ("lift_scale", 1.2, 0.5),
+        ("wind_x", 8.0, 3.0),
+        ("wind_y", -8.0, 3.0),
+        ("drag", 0.1, 0.05),  # over half the value
+        ("wind_x", 0.1, 0.15),  # a value near zero is given with a twentieth of the largest
+    ],
+)
+def test_a_value_is_given_up_to_a_deviation(name, value, least):
+    track = kd.Track([0, 0.1, 0.2, 0.3], [(0, 0, 1), (2, 0, 1.5), (4, 0, 2), (6, 0, 2.3)])
+    for share, is_given in ((0.99, True), (1.01, False)):
+        found = Identification(
+            track=track, ball=BALL, air=kd.Air(), launch=kd.BallState((0, 0, 1), (20, 0, 6)),
+            names=(name,), estimates=np.array([value]), noise=0.01, widening=1.0,
+            covariance=np.array([[(share * least) ** 2]]), residuals=np.zeros((4, 3)),
+            used=np.ones(4, dtype=bool),
+        )  # fmt: skip
+        assert (found.values == {name: value}) == is_given
+        assert (name in found.undetermined) != is_given

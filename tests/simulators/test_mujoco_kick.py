@@ -126,3 +126,14 @@ def test_a_simulation_that_diverges_leaves_no_log(kick, tmp_path, monkeypatch, c
         MujocoKick(kick, 0.02, contact).run()
     assert list(tmp_path.iterdir()) == []
     assert capfd.readouterr() == ("", "")
+
+
+def test_a_contact_by_default_is_that_of_mujoco():
+    model = mujoco.MjModel.from_xml_string(
+        "<mujoco><worldbody><geom size='1'/><body><freejoint/><geom name='ball' size='1'/></body>"
+        "</worldbody></mujoco>"
+    )
+    default = MujocoContact()
+    assert default.solref == tuple(model.geom("ball").solref)
+    assert default.solimp == tuple(model.geom("ball").solimp)
+    assert default.margin == model.geom("ball").margin[0]

@@ -118,6 +118,14 @@ def test_it_prints_whether_the_goals_are_met(tuned):
     goals = [line.rsplit(" ", 1)[1] for line in str(tuned).splitlines() if "  goal, " in line]
     assert goals == ["met", "met", "met"]
     assert "  within tolerance" in str(tuned)
+    rows = {name: (value, unit) for name, value, unit in tuned._rows()}
+    assert any("x 0.5 to 1.5" in name for name in rows), [*rows][6:]
+    for error in tuned.errors:
+        text, _ = rows[f"error, {error.change or 'this kick'}"]
+        assert text.startswith(f"speed {100 * error.speed:.2f}%, direction ")
+        assert f"direction {math.degrees(error.direction):.2f} deg" in text
+    assert rows["contact time"][0] == pytest.approx(1e3 * tuned.contact_time)
+    assert rows["time step"][0] == pytest.approx(2.0)
     missed = replace(tuned, goals=(tuned.goals[0]._replace(limit=1e-9), *tuned.goals[1:]))
     (line,) = (line for line in str(missed).splitlines() if line.endswith("MISSED"))
     assert line.split(maxsplit=2)[:2] == ["goal,", "speed"]

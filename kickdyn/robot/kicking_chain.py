@@ -5,8 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
@@ -120,15 +119,6 @@ def with_angles(robot: Leg) -> Leg:
     if (2, 1) not in list(sizes):
         return robot
     return robot.with_model(angle_model(robot.model))
-
-
-def configuration_with_angles(robot: Leg, q: ArrayLike) -> Array:
-    """Return q of `with_angles(robot)` from one of a robot on a fixed base, or a short one."""
-    checked = robot.check_configuration(q)
-    if robot.nq == robot.nv:
-        return checked
-    model = robot.workspace.model
-    return np.asarray(pin.difference(model, pin.neutral(model), checked))
 
 
 def check_unconstrained(leg: Leg, what: str) -> None:

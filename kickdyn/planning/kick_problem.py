@@ -18,6 +18,7 @@ import pinocchio as pin
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.motion.impact_target import ImpactTarget
+from kickdyn.planning.ball_clearance import BallClearance
 from kickdyn.planning.kick_terms import (
     BallPosition,
     Facing,
@@ -90,10 +91,11 @@ class KickProblem:
         return replace(self, terms=tuple(term for term in self.terms if term not in omitted))
 
     def variants(self) -> "Iterator[KickProblem]":
-        """Yield the problem and, if some of its terms are not required, the one without these."""
+        """Yield the problem, then those without the last terms that are not required."""
         yield self
-        if optional := [term for term in self.terms if not term.required]:
-            yield self.without(optional)
+        optional = [term for term in self.terms if not term.required]
+        for first in reversed(range(len(optional))):
+            yield self.without(optional[first:])
 
     def solve(self, objective: Function[KickPoint], starts: Sequence[Array]) -> list[KickPoint]:
         """Return the solutions from each start, with exact foot velocities.
@@ -190,6 +192,8 @@ def kick_problem(
     if standing is not None:
         terms += [Balance(standing), Clearance(standing), Upright(standing)]
         terms.append(SupportImpulse(standing, target.impulse))
+    if (ball_clearance := BallClearance(robot, variables)).bodies:
+        terms.append(ball_clearance)
 
     farthest = FARTHEST_START if standing is None else FARTHEST_STANDING_START
     lower = np.minimum(np.maximum(variables.lower, -farthest), variables.upper)

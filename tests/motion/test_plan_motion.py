@@ -2,7 +2,9 @@
 
 from functools import cache
 from itertools import pairwise
+from pathlib import Path
 
+import gymnasium
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -175,6 +177,20 @@ def place_of(motion, t):
     data = model.createData()
     pin.forwardKinematics(model, data, motion.q(t))
     return pin.updateFramePlacement(model, data, model.getFrameId(SOLE)).copy()
+
+
+def test_trunk_and_arms_join_in_where_legs_do_not_suffice():
+    """Of the humanoid of gymnasium, whose knees have no speed limit."""
+    file = Path(gymnasium.__file__).parent / "envs/mujoco/assets/humanoid.xml"
+    humanoid = kd.Leg.from_mjcf(file, "right_foot", base="floating").with_supports("left_foot")
+    front = kd.Contact(friction=0.4, offset=(0.1, 0.0, 0.1))
+    goal = kd.Goal(1.5, time=0.4)
+    plan = kd.plan_kick(humanoid, goal, BALL, kd.Air(), contact=front, motion=True)
+    assert plan.status == "met"
+    assert {"abdomen_y", "left_elbow"} <= set(plan.motion.joints)
+    check_impact(plan)
+    least = min(min(plan.motion.margins(t).values()) for t in times_of(plan.motion, 200))
+    assert least >= 0.0
 
 
 def test_the_impact_of_a_standing_robot_conserves_momentum():

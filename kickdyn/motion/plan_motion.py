@@ -63,9 +63,6 @@ REACHED = 2e-3
 FIRST_SHARE = 0.3
 """Share of the launch at the start."""
 
-NEARLY = 0.9
-"""Share of the launch from which on all joints of a robot start from a motion of some of them."""
-
 ROUNDS = 3
 """Solutions with points added where limits are broken, at most."""
 
@@ -175,9 +172,12 @@ def plan_motion(task: KickTask, near: Motion | None = None) -> PlannedMotion:
         planned = _plan(replace(task, leg=between.leg), near, share, 0)
         if planned.keeps_limits and not _overloads(planned.motion):
             return planned
-        if planned.share > NEARLY:
-            near, share = planned.motion, planned.share
-    return _plan(task, near, share, 1)
+        near, share = planned.motion, planned.share
+    planned = _plan(task, near, share, 0)
+    if planned.keeps_limits:
+        return planned
+    other = _plan(task, None, 1.0, 1)
+    return max(other, planned, key=lambda motion: (motion.keeps_limits, motion.share))
 
 
 def _plan(task: KickTask, near: Motion | None, share: float, starts: int) -> PlannedMotion:

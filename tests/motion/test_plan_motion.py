@@ -186,7 +186,7 @@ def test_trunk_and_arms_join_in_where_legs_do_not_suffice():
     front = kd.Contact(friction=0.4, offset=(0.1, 0.0, 0.1))
     goal = kd.Goal(1.5, time=0.4)
     plan = kd.plan_kick(humanoid, goal, BALL, kd.Air(), contact=front, motion=True)
-    assert plan.status == "met"
+    assert plan.motion.warnings == ()
     assert {"abdomen_y", "left_elbow"} <= set(plan.motion.joints)
     check_impact(plan)
     least = min(min(plan.motion.margins(t).values()) for t in times_of(plan.motion, 200))

@@ -5,11 +5,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from chains import random_kick, random_leg
+from chains import by_pinocchio, random_kick, random_leg
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from impact_methods import solve_kkt
-from references.pinocchio_impulse import by_pinocchio
 
 import kickdyn as kd
 from kickdyn.restitution import (

@@ -121,17 +121,12 @@ def scaled(model: Coefficient, factor: float) -> Coefficient:
     return lambda reynolds, spin_parameter: factor * function(reynolds, spin_parameter)
 
 
-def least_value(kind: str) -> float:
-    """Return the least coefficient that makes sense: lift may act downwards, the others brake."""
-    return -math.inf if kind == "lift" else 0.0
-
-
 def constant_limits(kind: str) -> dict[str, Any]:
     """Return the limits of a coefficient that is the same everywhere, for `validation.number`.
 
-    That of drag is as large as the upper one only at Reynolds numbers below 0.03.
+    Lift may act downwards, the others brake.
     """
-    return {"at_least": max(least_value(kind), -1000.0), "at_most": 1000.0}
+    return {"at_least": -1000.0 if kind == "lift" else 0.0, "at_most": 1000.0}
 
 
 def find_model(

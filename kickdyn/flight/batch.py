@@ -138,10 +138,6 @@ class _Task(NamedTuple):
     ends: tuple[Event, ...]
     time_limit: float
 
-    def drop(self) -> Array:
-        """Return how far below the launch each flight ends on the ground [m], shape `(n,)`."""
-        return np.asarray(self.ends[0].numbers[0])
-
 
 class _Flown(NamedTuple):
     """Nodes `(n, 16)`, status and evaluations `(n,)` of n flights, as in `march.Flights`."""
@@ -246,7 +242,7 @@ def _integrate(
 def _flights(
     task: _Task, air: Air, rows: slice | NDArray[np.intp], tol: float, longest: Array | None
 ) -> Flights:
-    states, drop = task.states, task.drop()
+    states, drop = task.states, np.asarray(task.ends[0].numbers[0])
     decays = _spins(states) & brakes(air, np.ones(3))
     height = states.position[:, 2]
     if callable(air.wind):

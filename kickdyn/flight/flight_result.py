@@ -135,10 +135,7 @@ class Flight(ReprMixin):
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """A line for the ball, for each coefficient outside its range, and above Mach 0.3."""
-        lines = [*self.ball.warnings]
-        lines += [
-            warning_of(model, share, limits) for model, share, limits in self.outside() if share > 0
-        ]
+        lines = [*self.ball.warnings, *self._range_warnings()]
         if self.evaluations and self.air is not None and self.launch.speed > COMPRESSIBLE:
             lines.append(
                 f"the launch speed of {self.launch.speed:.3g} m/s is above {COMPRESSIBLE:g} m/s, "
@@ -146,19 +143,27 @@ class Flight(ReprMixin):
             )
         return tuple(lines)
 
-    def outside(self) -> list[tuple[CoefficientModel, float, list[str]]]:
-        """Return each coefficient model, the share of the flight outside its range, and where."""
+    def _range_warnings(self) -> Iterable[str]:
+        """Yield a line for each coefficient whose range the flight leaves, with the share of it."""
         if self.air is None or self.evaluations == 0:
-            return []
+            return
         states = self.sample(np.linspace(0.0, self.duration, 101))
-        beyond_by_model = outside_ranges(
-            states.position[:, 2], states.velocity, states.spin, self.ball, self.air
-        )
         per_speed = 2 * self.ball.radius * self.air.density / self.air.viscosity
-        return [
-            (model, float(out.any(axis=0).mean()), _limits(model, out, per_speed))
-            for model, out in beyond_by_model
-        ]
+        for model, beyond in outside_ranges(
+            states.position[:, 2], states.velocity, states.spin, self.ball, self.air
+        ):
+            names = (
+                f"airspeed below {model.reynolds[0] / per_speed:.3g} m/s",
+                f"airspeed above {model.reynolds[1] / per_speed:.3g} m/s",
+                f"spin parameter below {model.spin[0]:g}",
+                f"spin parameter above {model.spin[1]:g}",
+            )
+            limits = [name for name, rows in zip(names, beyond, strict=True) if rows.any()]
+            if limits:
+                yield (
+                    f"{model.kind} {model.name}: {100 * beyond.any(axis=0).mean():.0f} % of the "
+                    f"flight is outside its data ({', '.join(limits)})"
+                )
 
     def arrival(self, x: float) -> BallState | None:
         """Return the ball where its centre first is at `x`, or None if it never is.
@@ -259,27 +264,3 @@ def outside_ranges(
         for model in (air.drag, air.lift)
         if isinstance(model, CoefficientModel)
     ]
-
-
-def _limits(model: CoefficientModel, beyond: NDArray[np.bool_], per_speed: float) -> list[str]:
-    """Return the limits of a model that are exceeded, with the Reynolds number of 1 m/s.
-
-    Rows of `beyond` are those of `CoefficientModel.beyond`, shape `(4, n)`.
-    """
-    low, high = (f"{reynolds / per_speed:.3g} m/s" for reynolds in model.reynolds)
-    least, most = (f"{limit:g}" for limit in model.spin)
-    names = (
-        f"airspeed below {low}",
-        f"airspeed above {high}",
-        f"spin parameter below {least}",
-        f"spin parameter above {most}",
-    )
-    return [name for name, is_beyond in zip(names, beyond, strict=True) if is_beyond.any()]
-
-
-def warning_of(model: CoefficientModel, share: float, limits: Iterable[str]) -> str:
-    """Return a line that says which share of a flight is outside a model's range, and where."""
-    return (
-        f"{model.kind} {model.name}: {100 * share:.0f} % of the flight is outside its data "
-        f"({', '.join(limits)})"
-    )

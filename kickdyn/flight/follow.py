@@ -152,10 +152,20 @@ def follow(
                          time_limit=time_limit, ends=further)  # fmt: skip
     flights, bounces, status = _bouncing(state, ball, surface, one_flight)
     phases: list[GroundPhase] = []
-    if status is None:
+    if status is None:  # it stays down, slides and rolls
+        if surface.friction == 0.0:
+            raise InvalidInput(
+                f"friction of {surface.name} is 0: it must be above 0 to end sliding"
+            )
         state = bounce(flights[-1].landing, ball, surface)
         all_ends = *plane_events(ball, plane), *further
-        phases = _grounded(state, ball, air, surface, tol, all_ends, time_limit)
+        sliding = slide(state, ball, air, surface, [end.launched(state) for end in all_ends])
+        if sliding is not None:
+            phases.append(sliding)
+            state = sliding.end
+        if sliding is None or sliding.reached is None:
+            launched = [end.launched(state) for end in all_ends]
+            phases.append(roll(state, ball, air, surface, tol, launched, time_limit))
         status = phases[-1].reached or FlightStatus.AT_REST
         status = FlightStatus.BLOWN if phases[-1].blown else status
     again = partial(follow, start, ball, air, ground, tol, plane=plane, time_limit=time_limit,
@@ -180,26 +190,3 @@ def _bouncing(
         if len(bounces) == MOST_BOUNCES:
             return flights, bounces, FlightStatus.BOUNCING
         bounces.append(BallState(state.position, state.velocity, state.spin, clock))
-
-
-def _grounded(
-    state: BallState,
-    ball: Ball,
-    air: Air | None,
-    surface: Surface,
-    tol: float,
-    ends: Sequence[Event],
-    time_limit: float,
-) -> list[GroundPhase]:
-    """Return the phases of a ball that stays down: sliding, if it does, then rolling."""
-    if surface.friction == 0.0:
-        raise InvalidInput(f"friction of {surface.name} is 0: it must be above 0 to end sliding")
-    phases: list[GroundPhase] = []
-    sliding = slide(state, ball, air, surface, [end.launched(state) for end in ends])
-    if sliding is not None:
-        phases.append(sliding)
-        state = sliding.end
-        if sliding.reached is not None:
-            return phases
-    launched = [end.launched(state) for end in ends]
-    return [*phases, roll(state, ball, air, surface, tol, launched, time_limit)]

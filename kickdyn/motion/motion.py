@@ -163,6 +163,7 @@ class Motion(ReprMixin):
         Raises:
             InvalidInput: another ending, or a file that cannot be written.
         """
+        validation.check_type(str, os.PathLike, file=file)
         write_motion(self.samples(rate), file)
 
     def _state(self, t: float) -> tuple[Array, Array, Array]:

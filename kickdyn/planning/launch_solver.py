@@ -44,8 +44,9 @@ LONGEST_NEWTON_STEP = 0.7
 """Longest step of Newton's method, as a fraction of the launch speed and of the time: a longer one
 may end at a launch of thousands of metres per second."""
 
-LONGEST_STEP, SHORTEST_STEP = 0.4, 1e-3
-"""Largest and smallest step along a branch, in the logarithm of the time."""
+LONGEST_STEP, FIRST_STEP, SHORTEST_STEP = 0.4, 0.05, 1e-3
+"""Largest, first and smallest step along a branch, in the logarithm of the time. A second solution
+may be near the one from which a branch starts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -402,7 +403,7 @@ class LaunchFamily:
 
     def _walk(self, start: LaunchSolution, sign: float) -> list[LaunchSolution]:
         """Return members from one towards longer or shorter times, to beyond a limit."""
-        members, member, step = list[LaunchSolution](), start, LONGEST_STEP
+        members, member, step = list[LaunchSolution](), start, FIRST_STEP
         while step > SHORTEST_STEP:
             change = member.time * math.expm1(sign * step)
             following = self._member(member.unknowns + change * self._rates(member))
@@ -414,7 +415,7 @@ class LaunchFamily:
             most_spin = max(self.spin_limit, abs(member.spin_size))
             if is_too_fast or abs(following.spin_size) > most_spin:
                 break
-            member, step = following, min(1.5 * step, LONGEST_STEP)
+            member, step = following, min(2.0 * step, LONGEST_STEP)
         return members
 
     def _rates(self, member: LaunchSolution) -> Array:

@@ -121,6 +121,22 @@ def test_a_plane_that_is_not_reached_is_an_error(air):
         fly_with_launch_slopes(launch, BALL, air, kd.Plane((1, 0, 0), (1, 0, 0)))
 
 
+def test_without_drag_a_change_of_the_spin_alone_can_bend_the_path():
+    """The flight itself, without spin, and those with another velocity have a closed form."""
+    air = kd.Air(drag=None, lift=0.2)
+    still = kd.BallState(LAUNCH.position, LAUNCH.velocity)
+    slopes = fly_with_launch_slopes(still, BALL, air, 0.9).slopes(0.9)
+
+    def position(spin):
+        state = kd.BallState(LAUNCH.position, LAUNCH.velocity, spin)
+        return kd.fly(state, BALL, air, tol=1e-12).sample(0.9).position
+
+    step = INCREMENT * 0.1 * np.linalg.norm(LAUNCH.velocity) / BALL.radius
+    expected = (position((0, step, 0)) - position((0, -step, 0))) / (2 * step)
+    assert np.linalg.norm(expected) > 0.0
+    assert slopes[:, 4] == pytest.approx(expected, abs=1e-6 * np.linalg.norm(expected))
+
+
 def test_a_flight_that_cannot_be_integrated_is_an_error():
     def broken(reynolds, spin_parameter):
         raise ArithmeticError("no coefficient")

@@ -412,6 +412,9 @@ def test_a_ball_that_came_is_shown_coming():
     np.testing.assert_allclose(before.spin, spin, atol=1e-8)
     early = kick_scene.ball_pose(before, kd.fly(hit.ball_after, ball), -0.1)[:3, 3]
     np.testing.assert_allclose(early, hit.ball_after.position - 0.1 * np.array(velocity))
+    turned = kick_scene.ball_pose(before, kd.fly(hit.ball_after, ball), -1e-6)[:3, :3]
+    np.testing.assert_allclose((np.eye(3) - turned) @ (1, 0, 0) / 1e-6, np.cross(spin, (1, 0, 0)),
+                               rtol=1e-3, atol=1e-3)  # fmt: skip
 
 
 def test_a_ball_whose_spin_decays_is_shown_turning_less(struck):

@@ -104,6 +104,10 @@ def test_a_time_that_a_page_or_picture_does_not_show_is_refused(tmp_path, kick, 
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_page_alone_has_no_buttons(kick):
+    assert "<nav>" not in kd.page(kick[0]).html
+
+
 def test_one_page_of_several(make_kick, tmp_path):
     pages = {f"{speed} m/s": kd.page(make_kick(kd.Leg.human(), speed)[0]) for speed in (1, 2)}
     made = page_of_pages(pages)

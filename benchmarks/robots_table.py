@@ -3,20 +3,17 @@
 The tables of docs/explanation/robots.md.
 
     python benchmarks/robots_table.py [--pages FOLDER]
-    python benchmarks/robots_table.py --rotors ROBOT FRAME
 
 Posture of the paper's Table 2 (hip 5, knee 10, ankle -5 degrees, all other joints at 0), foot at
 1 m/s along 30 degrees upward, which is also the contact normal, e 0.8, frictionless, a size 5 ball
 at rest. Robots strike on a fixed base, on a floating base, and on a floating base with the left
-foot fixed. The second form prints the line on rotors of a robot by name, such as
-`booster_t1_mj_description right_foot_link`, which robot_descriptions downloads.
+foot fixed, with the drives of the catalogue and, in two columns, without.
 """
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -36,15 +33,6 @@ BENDS = {
     "human": ("right_hip_Z", "right_knee_Z", "right_ankle_Z"),
     "simple_humanoid": ("RLEG_HIP_P", "RLEG_KNEE", "RLEG_ANKLE_P"),
 }
-ROTORS = {
-    "humanoid.xml": ("right_foot", "floating"),
-    "walker2d_v5.xml": ("foot", "fixed"),
-    "hopper.xml": ("foot", "fixed"),
-}
-"""MJCF models of gymnasium that give rotor inertias: contact frame and base.
-
-Walker and hopper have slides and a hinge of their own at the root.
-"""
 RISES = {"toe": 30, "instep": 70, "sole_edge": -30}
 SINGULAR = ("icub", "romeo")
 POINT_FEET = ("bolt",)
@@ -62,16 +50,16 @@ def posture(leg: kd.Leg, joints: tuple[str, ...]) -> kd.Posture:
     return leg.posture(leg.configuration(angles))
 
 
-def kicks() -> Iterator[tuple[str, str, kd.Impact]]:
-    """Yield name, base and impact of every line."""
+def kicks(drives: bool = True) -> Iterator[tuple[str, str, kd.Impact]]:
+    """Yield name, base and impact of every line, of robots with or without their drives."""
     for name, leg in (("human leg", kd.Leg.human()), ("test bed", kd.Leg.testbed())):
         yield name, "fixed", struck(posture(leg, leg.joint_names))
     for name, joints in BENDS.items():
         legs = name in SINGULAR
         shown = f"{name}, legs only" if legs else name
-        floating = kd.Leg.from_robot(name, base="floating", legs_only=legs)
+        floating = kd.Leg.from_robot(name, base="floating", legs_only=legs, drives=drives)
         foot = kd.Support(ROBOTS[name].stance, point=name in POINT_FEET)
-        fixed = kd.Leg.from_robot(name, legs_only=legs)
+        fixed = kd.Leg.from_robot(name, legs_only=legs, drives=drives)
         yield shown, "fixed", struck(posture(fixed, joints))
         yield shown, "floating", struck(posture(floating, joints))
         yield shown, "left foot fixed", struck(posture(floating.with_supports(foot), joints))
@@ -85,16 +73,17 @@ def struck(bent: kd.Posture) -> kd.Impact:
 def table() -> str:
     """Return the table, in Markdown."""
     lines = [
-        "| robot | base | impulse on the ball [N s] | effective mass [kg] | ball / foot speed "
-        "| worst joint [N s] | where | residual |",
-        "|---|---|---:|---:|---:|---:|---|---:|",
+        "| robot | base | impulse [N s] | effective mass [kg] | ball / foot speed "
+        "| without drives [kg] | ball / foot speed | worst joint [N s] | where | residual |",
+        "|---|---|---:|---:|---:|---:|---:|---:|---|---:|",
     ]
-    for name, base, hit in kicks():
+    for (name, base, hit), (_, _, bare) in zip(kicks(), kicks(drives=False), strict=True):
         joint, size = hit.worst_joint
         residual = max(hit.momentum_residual, hit.restitution_residual)
         lines.append(
             f"| {name} | {base} | {np.linalg.norm(hit.impulse):.4f} | {hit.effective_mass:.4f} "
-            f"| {hit.speed_ratio:.4f} | {size:.4f} | {joint} "
+            f"| {hit.speed_ratio:.4f} | {bare.effective_mass:.4f} | {bare.speed_ratio:.4f} "
+            f"| {size:.4f} | {joint} "
             f"| {'below 1e-12' if residual <= 1e-12 else f'{residual:.0e}'} |"
         )
     return "\n".join(lines)
@@ -103,9 +92,9 @@ def table() -> str:
 def contact_table() -> str:
     """Return the table of contact points with free and with stiff joints, in Markdown."""
     lines = [
-        "| robot | contact point | normal above the foot's x axis [deg] | all joints free [kg] "
-        "| stiff ankle [kg] | stiff ankle and knee [kg] |",
-        "|---|---|---:|---:|---:|---:|",
+        "| robot | contact point | normal above the foot's x axis [deg] | without drives [kg] "
+        "| with drives [kg] | stiff ankle [kg] | stiff ankle and knee [kg] |",
+        "|---|---|---:|---:|---:|---:|---:|",
     ]
     for name, joints in BENDS.items():
         for frame, degrees in RISES.items():
@@ -114,7 +103,9 @@ def contact_table() -> str:
             leg = kd.Leg.from_robot(name, frame, legs_only=True)
             normal = (np.cos(np.radians(degrees)), 0.0, np.sin(np.radians(degrees)))
             ankle = [joint for joint in leg.joint_names if "nkle" in joint]
-            masses = [
+            bare = kd.Leg.from_robot(name, frame, legs_only=True, drives=False)
+            masses = [posture(bare, joints).effective_mass(normal)]
+            masses += [
                 posture(leg.with_stiff_joints(*stiff), joints).effective_mass(normal)
                 for stiff in ((), ankle, (*ankle, joints[1]))
             ]
@@ -123,32 +114,27 @@ def contact_table() -> str:
     return "\n".join(lines)
 
 
-def rotor_table() -> str:
-    """Return the table of robots whose file gives rotor inertias, in Markdown."""
+def plan_table() -> str:
+    """Return the table of plans for G1 without drives that G1 with its drives carries out."""
     lines = [
-        "| model | contact frame | rotors | impulse on the ball [N s] | effective mass [kg] "
-        "| ball / foot speed | worst joint [N s] | where |",
-        "|---|---|---|---:|---:|---:|---:|---|",
+        "| goal | planned ball speed [m/s] | ball speed with the drives [m/s] | difference |",
+        "|---|---:|---:|---:|",
     ]
-    package = find_spec("gymnasium")
-    assert package is not None
-    assert package.origin is not None
-    folder = Path(package.origin).parent / "envs" / "mujoco" / "assets"
-    for name, (frame, base) in ROTORS.items():
-        lines += rotor_lines(kd.Leg.from_mjcf(folder / name, frame, base=base))
-    return "\n".join(lines)
-
-
-def rotor_lines(leg: kd.Leg) -> Iterator[str]:
-    """Yield the lines of a leg as it is, straight, and without its rotors."""
-    bare = leg.with_armature(dict.fromkeys(leg.single_joints, 0.0))
-    for rotors, one in (("as in the file", leg), ("none", bare)):
-        hit = struck(one.posture(one.configuration()))
-        joint, size = hit.worst_joint
-        yield (
-            f"| {leg.name} | {leg.frame} | {rotors} | {np.linalg.norm(hit.impulse):.4f} "
-            f"| {hit.effective_mass:.4f} | {hit.speed_ratio:.4f} | {size:.4f} | {joint} |"
+    bare, robot = (
+        kd.Leg.from_robot("g1", base="floating", legs_only=True, drives=drives)
+        for drives in (False, True)
+    )
+    standing = bare.with_supports(kd.Support("left_ankle_roll_link", friction=0.7))
+    for distance, time in ((2.0, 0.5), (3.0, 0.4)):
+        impact = kd.plan_kick(standing, kd.Goal(distance, time=time), kd.Ball(), kd.Air()).impact
+        driven = robot.with_supports(*impact.posture.leg.supports).posture(impact.posture.q)
+        real = kd.strike(driven, impact.v_before, kd.Ball(), impact.contact)
+        planned, speed = impact.ball_after.speed, real.ball_after.speed
+        lines.append(
+            f"| {distance:g} m in {time:g} s | {planned:.3f} | {speed:.3f} "
+            f"| {100 * (speed / planned - 1):+.0f} % |"
         )
+    return "\n".join(lines)
 
 
 def pages(folder: Path) -> None:
@@ -161,13 +147,10 @@ def pages(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    if sys.argv[1:2] == ["--rotors"]:
-        print("\n".join(rotor_lines(kd.Leg.from_robot(*sys.argv[2:4], base="floating"))))
-        sys.exit()
     print(table())
     print()
     print(contact_table())
     print()
-    print(rotor_table())
+    print(plan_table())
     if sys.argv[1:2] == ["--pages"]:
         pages(Path(sys.argv[2]))

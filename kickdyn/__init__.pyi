@@ -62,6 +62,9 @@ from .scene.scene import Scene as Scene
 from .scene.simulate import Simulation as Simulation
 from .scene.simulate import simulate as simulate
 from .scene.toml_reader import load_scene as load_scene
+from .simulators.refine_kick import refine_kick as refine_kick
+from .simulators.run_in_mujoco import MujocoRun as MujocoRun
+from .simulators.run_in_mujoco import run_in_mujoco as run_in_mujoco
 from .simulators.tune_mujoco import MujocoTuning as MujocoTuning
 from .simulators.tune_mujoco import tune_mujoco as tune_mujoco
 from .sweeps.store import open_sweep as open_sweep

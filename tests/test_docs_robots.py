@@ -17,7 +17,7 @@ TEXT = (ROOT / "docs" / "explanation" / "robots.md").read_text(encoding="utf-8")
 def test_table_is_the_output_of_the_script():
     script = runpy.run_path(str(ROOT / "benchmarks" / "robots_table.py"))
     assert script["table"]() in TEXT
-    assert script["rotor_table"]() in TEXT
+    assert script["contact_table"]() in TEXT
 
 
 @pytest.fixture(scope="module")

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import click
+import numpy as np
 
 from kickdyn.cli.command import warn
 from kickdyn.cli.option_groups import option
@@ -85,9 +86,10 @@ class LegOptions:
         "origins of two frames; repeatable.",
     )  # fmt: skip
     supports: tuple[str, ...] = option(
-        "--support", multiple=True, metavar="FRAME[:FRICTION]",
-        help="Foot that stands on the ground, and its coefficient of friction there. The base then "
-        "floats, and a robot has both legs; repeatable.",
+        "--support", multiple=True, metavar="FRAME[:FRICTION[:CORNERS]]",
+        help="Foot that stands on the ground, its coefficient of friction there, and the corners "
+        "of its sole, X,Y,Z/X,Y,Z/... [m, its axes]. The base then floats, and a robot has both "
+        "legs; repeatable.",
     )  # fmt: skip
     stiff_joints: tuple[str, ...] = option(
         "--stiff", multiple=True, metavar="JOINT",
@@ -158,12 +160,19 @@ class LegOptions:
         """Return the supports."""
         supports = []
         for text in self.supports:
-            frame, colon, friction = text.partition(":")
+            frame, *values = text.split(":")
             try:
-                supports.append(Support(frame, friction=float(friction) if colon else None))
-            except ValueError:
+                friction = float(values[0]) if values and values[0] else None
+                sole = None
+                if len(values) > 1:
+                    corners = [corner.split(",") for corner in values[1].split("/")]
+                    sole = np.array(corners, dtype=float)
+                supports.append(Support(frame, friction=friction, sole=sole))
+            except ValueError as error:
+                detail = f" ({error})" if isinstance(error, InvalidInput) else ""
                 raise InvalidInput(
-                    f"--support is {text!r}: it must be a frame, or FRAME:FRICTION such as "
-                    "foot:0.6, with a finite friction of at least 0"
+                    f"--support is {text!r}: it must be a frame, FRAME:FRICTION such as foot:0.6, "
+                    "or with corners foot:0.6:0.1,0.05,0/0.1,-0.05,0/-0.1,0,0, with a finite "
+                    f"friction of at least 0{detail}"
                 ) from None
         return supports

@@ -23,6 +23,7 @@ from kickdyn.cli.option_groups import (
 from kickdyn.core import validation
 from kickdyn.errors import InvalidInput
 from kickdyn.ground import SURFACES
+from kickdyn.motion.motion_file import check_motion_name
 from kickdyn.planning.goal import FARTHEST, Goal
 from kickdyn.planning.kick import plan_kick
 from kickdyn.planning.launch import SPEED_LIMIT, OutOfReach
@@ -164,6 +165,28 @@ class KickOptions:
 
 
 @dataclass(frozen=True)
+class PlanOutputOptions(OutputOptions):
+    """Where the plan and its motion are written, and whether the motion is carried out."""
+
+    out: str | None = option(
+        "--out", metavar="FILE",
+        help="Write the motion, 100 times a second: .csv, .npz, .yaml (ROS 2) or .xml (MuJoCo).",
+    )  # fmt: skip
+    run: str | None = option(
+        "--run", type=click.Choice(["mujoco"]),
+        help="Carry the motion out in a simulator, and report the ball and the robot.",
+    )  # fmt: skip
+
+    def check_motion(self, planned: bool) -> None:
+        """Raise `InvalidInput` for options that need a motion where none is planned."""
+        for name, value in (("plot", self.plot), ("out", self.out), ("run", self.run)):
+            if value is not None and not planned:
+                raise InvalidInput(f"--{name} is {value!r}: it needs the motion, so add --motion")
+        if self.out is not None:
+            check_motion_name(self.out)
+
+
+@dataclass(frozen=True)
 class WindyAirOptions(AirOptions):
     """The air, and the velocity of the wind [m/s]."""
 
@@ -187,7 +210,7 @@ class WindyAirOptions(AirOptions):
 @click.command("plan", Command)
 @takes(
     goal=GoalOptions, leg=LegOptions, contact=PointOptions, kick=KickOptions, air=WindyAirOptions,
-    ball=BallOptions, output=OutputOptions,
+    ball=BallOptions, output=PlanOutputOptions,
 )  # fmt: skip
 def plan(
     goal: GoalOptions,
@@ -196,7 +219,7 @@ def plan(
     kick: KickOptions,
     air: WindyAirOptions,
     ball: BallOptions,
-    output: OutputOptions,
+    output: PlanOutputOptions,
 ) -> None:
     """Find the posture and the joint velocity that send a ball to a target.
 
@@ -206,9 +229,8 @@ def plan(
     """
     kick.check()
     target, wall = goal.load(), goal.read_wall()
-    if output.plot is not None and not kick.motion:
-        raise InvalidInput(f"--plot is {output.plot!r}: it shows the motion, so add --motion")
-    output.check(inputs=[leg.leg_name])
+    output.check_motion(kick.motion)
+    output.check(output.out, inputs=[leg.leg_name])
     struck_ball, windy_air, robot = ball.load(), air.load(), leg.load()
     with busy("planning the kick"):
         try:
@@ -233,24 +255,36 @@ def _lying_height(leg: Leg, ball: Ball, offset: tuple[float, ...] | None) -> flo
     return foot + ball.radius - crouch * foot
 
 
-def _write(report: PlanReport, output: OutputOptions) -> None:
+def _write(report: PlanReport, output: PlanOutputOptions) -> None:
     """Write a report to the files that are named, and to the screen."""
-    sentences = report.sentences()
-    output.write_json(report.to_json())
+    sentences, motion = report.sentences(), report.plan.motion
+    if output.out is not None and motion is not None:
+        motion.save(output.out)
+    document = report.to_json()
+    run = None
+    if output.run is not None:
+        from kickdyn.simulators.run_in_mujoco import run_in_mujoco
+
+        with busy("carrying the motion out in MuJoCo"):
+            run = run_in_mujoco(report.plan)
+        document["run"] = run.to_json()
+    output.write_json(document)
     if output.prints:
         from kickdyn.core.console import screen_width, wrapped  # a tenth of a second
 
         width = screen_width()
         click.echo("\n".join(wrapped(line, width) for line in sentences))
         click.echo("\n".join(wrapped(line, width, indent=8) for line in report.table()))
-    if output.plot is not None and report.plan.motion is not None:
+        if run is not None:
+            click.echo(f"\n{run}")
+    if output.plot is not None and motion is not None:
         from kickdyn.core.plot_style import save_figure
 
-        save_figure(report.plan.motion.plot(), output.plot)
+        save_figure(motion.plot(), output.plot)
     if output.view is not None:  # the page has the warnings itself
         caption = " ".join(line for line in sentences if not line.startswith("Warning: "))
         _write_page(report, output.view, caption)
-    output.name_written(output.plot, output.view)
+    output.name_written(output.plot, output.view, output.out)
 
 
 def _write_page(report: PlanReport, file: str, caption: str) -> None:

@@ -34,7 +34,8 @@ def number(
     """Return `value` as a float, finite and inside the bounds, or raise `InvalidInput`."""
     shown = None
     try:
-        if not isinstance(value, _NO_NUMBERS):  # float() would take them
+        # float() would take them, and older versions of NumPy an array of one number
+        if not isinstance(value, _NO_NUMBERS) and getattr(value, "ndim", 0) == 0:
             result = float(value)  # type: ignore[arg-type]
             if math.isfinite(result) and result > above and at_least <= result <= at_most:
                 return result

@@ -52,7 +52,7 @@ class Approach(NamedTuple):
     restitution: float
 
     def warnings(self) -> tuple[str, ...]:
-        """Return a line for each open loop, joint out of its range or too fast, and restitution."""
+        """Return a line for each joint out of its range or too fast, and for the restitution."""
         return (
             *self.posture.warnings,
             *self.posture.leg.too_fast(self.v),

@@ -290,6 +290,9 @@ class Impact(AfterApproach):
         yield "effective mass", self.effective_mass, "kg"
         if self.posture.leg.stiff_joints:
             yield "with all joints free", self.free_effective_mass, "kg"
+        if self.posture.leg.workspace.model.armature.any():
+            for limit, mass in self.posture.effective_mass_limits(self.contact.normal).items():
+                yield f"limit {limit}", mass, "kg"
         yield "foot before", self.foot_velocity, "m/s"
         yield "ball after", self.ball_after.velocity, "m/s"
         yield "spin after", self.ball_after.spin, "rad/s"

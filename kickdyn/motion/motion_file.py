@@ -93,14 +93,20 @@ def write_motion(samples: MotionSamples, file: str | os.PathLike[str]) -> None:
     Raises:
         InvalidInput: an ending of another format, or a file that cannot be written.
     """
+    writer = check_motion_name(file)
+    with replacing(file) as draft:
+        writer(samples, draft)
+
+
+def check_motion_name(file: str | os.PathLike[str]) -> Callable[[MotionSamples, Path], None]:
+    """Return the writer for the ending of a file; raise `InvalidInput` if there is none."""
     ending = Path(file).suffix.lower()
     if ending not in WRITERS:
         raise InvalidInput(
             f"{shortened(str(file))} has the ending {ending!r}: a motion is written as "
             f"{', '.join(WRITERS)}"
         )
-    with replacing(file) as draft:
-        WRITERS[ending](samples, draft)
+    return WRITERS[ending]
 
 
 def _write_csv(samples: MotionSamples, file: Path) -> None:

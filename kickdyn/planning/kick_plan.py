@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import pinocchio as pin
 
 from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array
@@ -24,22 +23,14 @@ from kickdyn.planning.launch import Launch
 from kickdyn.planning.objectives import KickObjective
 from kickdyn.planning.passes import Pass
 from kickdyn.restitution import range_warnings
+from kickdyn.robot.collisions import find_ball_overlaps, find_self_collisions
 from kickdyn.robot.ground_clearance import (
-    LARGEST_MESH,
     Depth,
-    body_frames,
     find_depths,
-    shapes_of,
 )
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.names import listed, lock_remedy
 from kickdyn.robot.standing import missing_shapes
-
-TOUCHING = 5e-3
-"""Depth up to which a body counts as touching the ball [m].
-
-It is a choice: shapes are simpler than real feet, and a ball is pressed in by more than this.
-"""
 
 MOTION_TIMES = 80
 """Number of configurations of a planned motion whose bodies are compared with the ground."""
@@ -135,7 +126,7 @@ class KickPlan(ReprMixin):
         `beyond-limits`: the leg is not fast or strong enough, and this is the kick in the planned
         direction that gives the ball the most speed; or the `motion` does not keep a limit.
         `support-moves`: the foot that the robot stands on does not stay at rest. `collides`: a body
-        is inside the ball or under the ground.
+        is inside the ball or another body, or under the ground.
         """
         if self.share < 1.0:
             return PlanStatus.BEYOND_LIMITS
@@ -207,12 +198,26 @@ def check_shapes(plan: KickPlan) -> Sequence[str]:
 
 def check_ball_overlap(plan: KickPlan) -> Sequence[str]:
     """Return a line for the bodies that are inside the ball at the impact, if any."""
-    overlaps = [f"{name} by {depth:.3f} m" for name, depth in find_overlaps(plan.impact).items()]
-    if not overlaps:
+    impact = plan.impact
+    depths = find_ball_overlaps(impact.posture, impact.ball_before.position, impact.ball.radius)
+    if not depths:
         return []
+    overlaps = [f"{name} by {depth:.3f} m" for name, depth in depths.items()]
     return [
         f"bodies are inside the ball at the impact: {listed(overlaps)}; another contact point "
         "(offset, --offset) or a flatter launch can avoid this"
+    ]
+
+
+def check_self_collision(plan: KickPlan) -> Sequence[str]:
+    """Return a line for the bodies that are inside each other at the impact, if any."""
+    pairs = find_self_collisions(plan.leg, plan.q)
+    if not pairs:
+        return []
+    depths = [f"{first} and {other} by {depth:.3f} m" for (first, other), depth in pairs.items()]
+    return [
+        f"bodies are inside each other at the impact: {listed(depths)}; another goal, offset or "
+        "objective takes another posture"
     ]
 
 
@@ -267,37 +272,12 @@ CHECKS: dict[Check, PlanStatus] = {
     check_motion: PlanStatus.BEYOND_LIMITS,
     check_shapes: PlanStatus.MET,
     check_ball_overlap: PlanStatus.COLLIDES,
+    check_self_collision: PlanStatus.COLLIDES,
     check_ground_at_impact: PlanStatus.COLLIDES,
     check_ground_of_free_ball: PlanStatus.MET,
     check_ground_in_motion: PlanStatus.COLLIDES,
 }
 """The checks of a plan, in the order of their lines, and the status of a plan with such a line."""
-
-
-def find_overlaps(impact: Impact) -> dict[str, float]:
-    """Return how deep bodies are inside the ball at an impact [m], by frame, the deepest first.
-
-    Bodies of the contact joint count where they are deeper in it than the contact point is in them.
-    """
-    posture, leg, radius = impact.posture, impact.posture.leg, impact.ball.radius
-    model, data, centre = leg.workspace.model, leg.workspace.data, impact.ball_before.position
-    pin.forwardKinematics(model, data, posture.q)
-    overlaps, feet, allowed = dict[str, float](), set[str](), TOUCHING
-    for name, frame in body_frames(leg).items():
-        pose = pin.updateFramePlacement(model, data, frame)
-        distance = float(np.linalg.norm(pose.translation - centre))
-        shapes = shapes_of(leg, name, meshes=distance < LARGEST_MESH + radius)
-        bodies = [shape.moved(pose.homogeneous) for shape in shapes]
-        depth = max((radius + body.depth_of(centre) for body in bodies), default=0.0)
-        if depth <= TOUCHING:
-            continue
-        overlaps[name] = depth
-        if model.frames[frame].parentJoint == leg.contact_joint:
-            feet.add(name)
-            point_depth = max(body.depth_of(posture.contact_point) for body in bodies)
-            allowed = max(allowed, TOUCHING + point_depth)
-    overlaps = {name: x for name, x in overlaps.items() if name not in feet or x > allowed}
-    return dict(sorted(overlaps.items(), key=lambda item: -item[1]))
 
 
 def _ground_height(plan: KickPlan) -> float:

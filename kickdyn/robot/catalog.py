@@ -25,8 +25,18 @@ DESCRIPTION = "_description"
 
 INSTALL = 'pip install "kickdyn[descriptions]"'
 
-TOE, INSTEP, SOLE_EDGE = "toe", "instep", "sole_edge"
-"""Names of the frames with which a robot's right foot can kick: x forward, z up."""
+TOE = "toe"
+
+SURFACES = {
+    TOE: (0.0, 0.0, 60.0),
+    "instep": (0.0, 60.0, 80.0),
+    "sole_edge": (0.0, -90.0, 0.0),
+    "inside": (90.0, 0.0, 15.0),
+    "outside": (-90.0, 0.0, 15.0),
+    "heel": (180.0, 0.0, 15.0),
+}
+"""Surfaces of the right foot, frames whose x is forward and z up, and the normals with which each
+can meet a ball: their direction to the left of x, and the range of their rise [deg]."""
 
 
 @dataclass(frozen=True)
@@ -41,11 +51,13 @@ class Robot:
             contact point [m, world axes, straight leg]; None if the file shows no foot. Read off
             the visual mesh: there a ball of size 5 overlaps least with the foot, struck along any
             normal of the `contact_normal_cone`; with that of G1 by 1.2 mm at most.
-        steepest: of these normals [deg], above which the ball would reach into instep or shank.
+        steepest: of the toe's normals [deg], above which the ball would reach into instep or shank.
         turn: roll, pitch and yaw [rad] that bring its base's axes to x forward, z up.
         instep: like `toe`, the middle of the slope from the ankle to the toe, on the foot's centre
             line; None where a motor fills that place.
         sole_edge: like `toe`, the lower edge of the front end; None where it is bevelled or round.
+        inside, outside, heel: like `toe`, points of the foot's left, right and rear faces where a
+            ball overlaps least with the foot.
     """
 
     file: str
@@ -57,33 +69,37 @@ class Robot:
     turn: tuple[float, float, float] = (0.0, 0.0, 0.0)
     instep: tuple[float, float, float] | None = None
     sole_edge: tuple[float, float, float] | None = None
+    inside: tuple[float, float, float] | None = None
+    outside: tuple[float, float, float] | None = None
+    heel: tuple[float, float, float] | None = None
 
     @property
     def contact_points(self) -> dict[str, tuple[float, float, float]]:
-        """The places of the frames that the robot has of `TOE`, `INSTEP` and `SOLE_EDGE`."""
-        every = {TOE: self.toe, INSTEP: self.instep, SOLE_EDGE: self.sole_edge}
+        """The places of the `SURFACES` that the robot's foot has."""
+        every = {name: getattr(self, name) for name in SURFACES}
         return {name: place for name, place in every.items() if place is not None}
 
     def contact(self, frame: str | None) -> tuple[str, Array | None]:
         """Return the contact frame, the toe if None is named, and its `contact_normal_cone`.
 
-        The normals are up to 15 degrees to either side. In the foot's axes they rise, of the toe,
-        from level to the steepest; of the instep, from 60 to 80 degrees: the foot points down; of
-        the sole's edge, from straight down to level: the foot points up. Measured on the visual
-        meshes as the toe, a ball of size 5 overlaps with the foot by 3.0 mm at most at the instep
-        (Romeo 4.1 mm) and by 1.6 mm at the sole's edge (Romeo 2.8 mm).
+        The normals are up to 15 degrees to either side of the direction in `SURFACES`, in the
+        foot's axes. Measured on the visual meshes as the toe, a ball of size 5 overlaps with the
+        foot by 3.0 mm at most at the instep (Romeo 4.1 mm) and by 1.6 mm at the sole's edge (Romeo
+        2.8 mm).
         """
         frame = TOE if frame is None and self.toe is not None else frame
         if frame not in self.contact_points:
             return self.foot if frame is None else frame, None
-        rises = {TOE: (0.0, self.steepest), INSTEP: (60.0, 80.0), SOLE_EDGE: (-90.0, 0.0)}
-        side, (low, high) = np.radians(15.0), np.radians(rises[frame])
-        return frame, np.array([
+        direction, low, high = SURFACES[frame]
+        high = self.steepest if frame == TOE else high
+        side, low, high = np.radians(15.0), np.radians(low), np.radians(high)
+        rows = np.array([
             (np.sin(side), np.cos(side), 0.0),
             (np.sin(side), -np.cos(side), 0.0),
             (-np.sin(low), 0.0, np.cos(low)),
             (np.sin(high), 0.0, -np.cos(high)),
         ])  # fmt: skip
+        return frame, rows @ pin.rpy.rpyToMatrix(0.0, 0.0, np.radians(direction)).T
 
 
 _FULL_NAMES = tuple(
@@ -99,18 +115,27 @@ ROBOTS = {
         toe=(0.1423, 0.0, -0.0206),
         instep=(0.0924, 0.0, -0.0041),
         sole_edge=(0.1419, 0.0, -0.0354),
+        inside=(0.065, 0.0376, -0.0338),
+        outside=(0.0657, -0.0371, -0.0282),
+        heel=(-0.0656, -0.0001, -0.029),
     ),
     "talos": Robot(
         "talos_data/robots/talos_reduced.urdf",
         *("right_sole_link", "left_sole_link", ("leg_",)),
         toe=(0.1045, 0.0, 0.018),
         steepest=40.0,
+        inside=(-0.0032, 0.0672, 0.0144),
+        outside=(-0.0034, -0.0672, 0.0144),
+        heel=(-0.1163, 0.0017, 0.0712),
     ),
     **{
         name: Robot(
             f"icub_description/robots/{name}.urdf",
             *("r_sole", "l_sole", _ICUB, (0.1275, 0.0, 0.0145), 60.0, (0.0, 0.0, np.pi)),
             sole_edge=(0.1278, 0.0, 0.0),
+            inside=(0.0601, 0.0269, 0.0414),
+            outside=(0.0402, -0.03, 0.0152),
+            heel=(-0.0268, -0.0003, 0.0319),
         )
         for name in ("icub", "icub_reduced")  # they look along -x
     },
@@ -120,6 +145,9 @@ ROBOTS = {
         toe=(0.199, 0.0164, 0.0299),
         instep=(0.1393, 0.0164, 0.0639),
         sole_edge=(0.1988, 0.0164, 0.0022),
+        inside=(0.1136, 0.0559, 0.0201),
+        outside=(0.1103, -0.0706, 0.0258),
+        heel=(-0.0886, 0.0056, 0.0523),
     ),
     "human": Robot(
         "human_description/robots/human.urdf",
@@ -127,6 +155,9 @@ ROBOTS = {
         toe=(0.2055, -0.0007, -0.073),
         instep=(0.1373, -0.0007, -0.019),
         sole_edge=(0.2068, -0.0007, -0.0765),
+        inside=(0.1025, 0.0593, -0.0706),
+        outside=(0.1025, -0.0607, -0.0706),
+        heel=(-0.0639, -0.0007, -0.0263),
         steepest=45.0,
         turn=(np.pi / 2, 0.0, 0.0),  # its y axis points up
     ),

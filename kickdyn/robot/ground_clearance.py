@@ -1,22 +1,17 @@
 """The bodies of a robot as convex shapes, by the shapes of its file, and how deep they are.
 
 A shape is the convex hull of spheres, so that its depth under a plane is a minimum over centres and
-has simple derivatives. coal, the collision library of Pinocchio, gives the same depth of a point
-(equal to 2e-16 on 200 points). It is not used, because `ConvexBase.convexHull` of coal 3.0.3 ends
-the process with a segmentation fault for flat meshes: at a thickness of 1e-7 of the size, not yet
-at 1e-4.
+has simple derivatives.
 """
 
 import math
 from collections.abc import Sequence
-from contextlib import suppress
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import nnls
 from scipy.spatial import ConvexHull, QhullError
 
 from kickdyn.core import validation
@@ -56,23 +51,6 @@ class Spheres(NamedTuple):
     def lowest(self) -> float:
         """Height of the body's lowest point [m]."""
         return float((self.centres[:, 2] - self.radii).min())
-
-    def depth_of(self, point: Array) -> float:
-        r"""Return how deep a point is in a body whose spheres are equal [m]; below 0 is outside.
-
-        With the centres :math:`c_i` as seen from the point, those :math:`\lambda \ge 0` that
-        minimize :math:`|\sum \lambda_i c_i|^2 + (1 - \sum \lambda_i)^2` are proportional to the
-        weights of the nearest point of their convex hull.
-        """
-        corners = self.centres - point
-        rows = np.vstack([corners.T, np.ones(len(corners))])
-        weights, _ = nnls(rows, np.array([0.0, 0.0, 0.0, 1.0]))
-        outside = float(np.linalg.norm(weights @ corners) / weights.sum())
-        inside = 0.0
-        if outside < 1e-9:
-            with suppress(QhullError, ValueError):  # flat
-                inside = -float(ConvexHull(corners).equations[:, -1].max())
-        return float(self.radii[0]) + inside - outside
 
 
 class Depth(NamedTuple):

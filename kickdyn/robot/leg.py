@@ -34,7 +34,6 @@ from kickdyn.robot.constraints import (
     ConstraintProjector,
     Constraints,
     Support,
-    find_open_loops,
 )
 from kickdyn.robot.drives import Drive, catalogued_drives, load_drives
 from kickdyn.robot.joint_table import InDegrees, JointTable, Mimic
@@ -281,9 +280,9 @@ class Leg(JointTable, ReprMixin):
                 robot_descriptions, such as `g1_mj_description`.
             frame: frame that touches the ball. The default is `toe`, on the front of the right foot
                 (for `simple_humanoid`, whose file shows no foot, at the ankle). Others are `instep`
-                (g1, human, romeo), `sole_edge`, the front edge of the sole (these and icub), and
-                every frame of the file. A robot of robot_descriptions has no default, unless its
-                file has a frame `toe`.
+                (g1, human, romeo), `sole_edge`, the front edge of the sole (these and icub),
+                `inside`, `outside` and `heel` (these and talos), and every frame of the file. A
+                robot of robot_descriptions has no default, unless its file has a frame `toe`.
             base: `fixed` or `floating`, as for `from_urdf`.
             legs_only: lock all joints but the legs' at 0, or where `locked` has them; of
                 example-robot-data only.
@@ -547,7 +546,7 @@ class Leg(JointTable, ReprMixin):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Lines about the file and its missing drives, open loops, and speed limits of 0."""
+        """Lines about the file and its missing drives, and speed limits of 0."""
         file = () if self.file is None else self.file.warnings
         if self.file is not None and self.file.lacks_drives and not self._model.armature.any():
             file = (*file, NO_DRIVES)
@@ -558,19 +557,7 @@ class Leg(JointTable, ReprMixin):
             and 1 + self.joint_names.index(name) in list(self._model.supports[self.contact_joint])
         ]
         limit = [f"speed limit of {name} is 0: a kick that moves it is too fast" for name in stuck]
-        return (*file, *self.open_loops, *limit)
-
-    @cached_property
-    def open_loops(self) -> tuple[str, ...]:
-        """A line for each pair of frames that look like the ends of a loop which is not closed."""
-        closed = [] if self.constraints is None else self.constraints.loops
-        known = {frozenset(loop) for loop in closed}
-        return tuple(
-            f"{a} and {b} are at one place at q = 0, each at the end of a branch: if they are the "
-            f"ends of a loop, close it by with_loops(({a!r}, {b!r})) (--loop {a}:{b})"
-            for a, b in find_open_loops(self.workspace.model, self.workspace.data)
-            if frozenset((a, b)) not in known
-        )
+        return (*file, *limit)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle what the leg was made of; all else is made anew."""
@@ -678,8 +665,8 @@ class Posture(ReprMixin):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """A line for each open loop of the leg and for each joint outside its range."""
-        return (*self.leg.open_loops, *self.leg.outside_range(self.q))
+        """A line for each joint outside its range."""
+        return tuple(self.leg.outside_range(self.q))
 
     @property
     def jacobian_norm(self) -> float:
@@ -762,6 +749,32 @@ class Posture(ReprMixin):
         row = validation.direction("normal", normal).dot(self.delassus_factor())
         inverse = float(row.dot(row))
         return 1.0 / inverse if inverse else math.inf
+
+    def effective_mass_limits(self, normal: ArrayLike) -> dict[str, float]:
+        r"""Return the effective mass [kg] in the limits between which real drives are, by name.
+
+        `without rotors`: all joints are free, and nothing is behind them. `with rotors`: the rotors
+        turn with them, as in a contact so short that :math:`t\sqrt{k / (J n^2)}` is far below 1,
+        where k is the stiffness of a drive's position control. `stiff`: all joints hold, as far
+        above 1 or with gears that cannot be driven back; inf where the base or a foot is fixed.
+
+        Args:
+            normal: direction n, shape `(3,)` of any length but zero [world frame].
+        """
+        leg, n = self.leg, validation.direction("normal", normal)
+        bare = leg.with_armature(dict.fromkeys(leg.single_joints, 0.0)).with_stiff_joints()
+        joints = [leg.velocity_index(name) for name in leg.single_joints]
+        base = np.setdiff1d(np.arange(leg.nv), joints)
+        stiff = math.inf
+        if base.size and not leg.supports:
+            row = n @ self.jacobian[:, base]
+            stiff = 1.0 / float(row @ np.linalg.solve(self.inertia[np.ix_(base, base)], row))
+        without = bare.posture(self.q).with_contact_offset(self.contact_offset)
+        return {
+            "without rotors": without.effective_mass(n),
+            "with rotors": self.without_stiff_joints.effective_mass(n),
+            "stiff": stiff,
+        }
 
     def point_velocity(self, v: ArrayLike) -> Array:
         """Return the velocity of the contact point, :math:`J v`, shape `(3,)` [m/s, world frame].

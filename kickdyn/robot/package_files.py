@@ -28,6 +28,9 @@ MAX_DEPTH = 64
 MANIFEST = "package.xml"
 """The file that makes a folder a ROS package, and has its name (REP 149)."""
 
+MAX_LEVELS = 4
+"""Folders above a robot's file, its own included, that can be a package without a manifest."""
+
 MAX_MESH = 100_000_000
 """Size of the largest mesh that is read [bytes]: an STL file of two million triangles."""
 
@@ -88,6 +91,7 @@ class PackageFiles:
         self._folder = folder.resolve()
         containing = [self._folder, *self._folder.parents]
         self._packages = [path for path in containing if _package_name(path) is not None]
+        self._near = containing[:MAX_LEVELS]
         self._dirs = [path.resolve() for path in package_dirs]
 
     def find(self, name: str, what: str = "mesh", folder: Path | None = None) -> Path:
@@ -113,6 +117,9 @@ class PackageFiles:
         for place in self._places(package):
             if os.path.isdir(place):  # noqa: PTH112 any text may be a name
                 return self._first(name, what, [place / below.lstrip("/")])
+        for place in self._near:  # packages from pip have no manifest
+            if place.name == package and (place / below).exists():
+                return self._first(name, what, [place / below.lstrip("/")], place)
         # without a manifest, the folder of the robot's file may be the package, or contain it
         paths = [self._folder / inner.lstrip("/") for inner in (path, below) if inner.strip("/")]
         try:
@@ -134,9 +141,9 @@ class PackageFiles:
         check_file(path, f"mesh {name!r}", MAX_MESH, FaultyFile)
         return path.read_bytes()
 
-    def _first(self, name: str, what: str, paths: list[Path]) -> Path:
+    def _first(self, name: str, what: str, paths: list[Path], package: Path | None = None) -> Path:
         """Return the real path of the first file that exists, if all may be read."""
-        roots = [*(self._packages or [self._folder]), *self._dirs, *self._ros]
+        roots = [*(self._packages or [package or self._folder]), *self._dirs, *self._ros]
         try:
             real = [path.resolve() for path in paths]
             present = [path for path in real if path.exists()]

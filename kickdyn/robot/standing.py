@@ -23,8 +23,10 @@ from kickdyn.robot.ground_clearance import (
     shape_of,
     shapes_of,
 )
+from kickdyn.robot.kicking_chain import rest_configuration
 from kickdyn.robot.leg import Leg, Posture
 from kickdyn.robot.model_validation import frame_id
+from kickdyn.robot.names import listed
 from kickdyn.robot.surgery import coordinate_indices, has_floating_base, reroot_model
 
 SOLE_THICKNESS = 2e-3
@@ -51,6 +53,7 @@ class StandingRobot:
     """
 
     def __init__(self, robot: Leg) -> None:
+        robot = lock_idle_mimics(robot)
         support = _flat_support(robot)
         model, data = robot.workspace.model, robot.workspace.data
         self._frame = frame_id(model, support.frame)
@@ -132,6 +135,19 @@ def hold_support(posture: Posture, q: Array) -> Array:
 def is_floating(robot: Leg) -> bool:
     """Return whether the first joint of a robot is a floating base."""
     return has_floating_base(robot.workspace.model)
+
+
+def lock_idle_mimics(robot: Leg) -> Leg:
+    """Return a robot with the mimic joints of neither leg, as of hands, locked at rest."""
+    limbs = {*robot.workspace.model.supports[robot.contact_joint]}
+    for support in robot.supports:
+        number = frame_id(robot.workspace.model, support.frame)
+        limbs |= {*robot.workspace.model.supports[robot.workspace.model.frames[number].parentJoint]}
+    moving = {robot.joint_names[joint - 1] for joint in limbs if joint}
+    busy = {mimic.driver for mimic in robot.mimics if moving & {mimic.joint, mimic.driver}}
+    idle = {mimic.driver for mimic in robot.mimics} - busy
+    rest = robot.joint_values(rest_configuration(robot)) if idle else {}
+    return robot.locked({joint: rest[joint] for joint in idle})
 
 
 def _flat_support(robot: Leg) -> Support:
@@ -218,25 +234,27 @@ def kicking_limb(robot: Leg, support: Support) -> list[int]:
 
 
 def missing_shapes(robot: Leg, support: Support) -> list[str]:
-    """Return a line for each body of the kicking limb whose shape is not known as it is drawn."""
+    """Return a line for what is not known of the kicking limb's shapes, as they are drawn."""
+    limb = [name for joint in kicking_limb(robot, support) for name in joint_bodies(robot, joint)]
+    reasons = {name: why for name in limb if (why := find_unread(robot, name))}
     lines = []
-    for joint in kicking_limb(robot, support):
-        bodies = joint_bodies(robot, joint)
-        for name in bodies:
-            if why := find_unread(robot, name):
-                instead = (
-                    "its other shapes are used instead"
-                    if shapes_of(robot, name)
-                    else "it counts as a point, and may be lower than the plan says"
-                )
-                lines.append(
-                    f"the shape of {name} is not known ({why}; --package-dir names the folder of "
-                    f"meshes): {instead}"
-                )
-        known = [name for name in bodies if shapes_of(robot, name) or find_unread(robot, name)]
-        if joint == robot.contact_joint and not known:
+    for names, instead in (
+        ([name for name in reasons if shapes_of(robot, name)], "its other shapes are used instead"),
+        (
+            [name for name in reasons if not shapes_of(robot, name)],
+            "it counts as a point, and may be lower than the plan says",
+        ),
+    ):
+        if names:
+            more = f", as are those of {listed(names[1:], 5)}" if names[1:] else ""
             lines.append(
-                f"the kicking foot has no shape: {robot.frame} counts as a point, and the foot may "
-                "be lower than the plan says"
+                f"the shape of {names[0]} is not known ({reasons[names[0]]}; --package-dir names "
+                f"the folder of meshes){more}: {instead}"
             )
+    foot = joint_bodies(robot, robot.contact_joint)
+    if not any(shapes_of(robot, name) or name in reasons for name in foot):
+        lines.append(
+            f"the kicking foot has no shape: {robot.frame} counts as a point, and the foot may "
+            "be lower than the plan says"
+        )
     return lines

@@ -172,7 +172,7 @@ class MujocoTuning(ReprMixin):
             validation.check_type(str, foot=foot)
             if not foot.isprintable() or set(foot) & set("<>&\"'") or not foot:
                 raise InvalidInput(f"foot is {foot[:40]!r}: it must be the name of a geom")
-        contact, ball, margin = self._contact, self.ball, self.margin
+        contact, ball, margin = self.contact, self.ball, self.margin
         inertia = row([ball.inertia] * 3)
         # for robots whose <compiler> takes inertias from geoms; kickdyn's balls are shells
         mass = f'mass="{ball.mass!r}" shellinertia="true"'
@@ -204,7 +204,8 @@ friction="{float(self.friction)!r} 0 0"
 """
 
     @property
-    def _contact(self) -> MujocoContact:
+    def contact(self) -> MujocoContact:
+        """The parameters together, as a kick in MuJoCo takes them."""
         return MujocoContact(
             self.solref, self.solimp, self.friction, self.solreffriction, self.margin
         )

@@ -38,9 +38,6 @@ def test_the_human_leg_is_the_default():
 def test_loops_close_what_a_file_cuts_open():
     leg, said = loaded("--leg", FOURBAR, "--loop", LOOP)
     assert (leg.constraints.loops, said) == ((("shank_pin", "rocker_b_tip"),), "")
-    _, said = loaded("--leg", FOURBAR)
-    assert said.startswith("warning: shank_pin and rocker_b_tip are at one place at q = 0")
-    assert said.endswith(f"(--loop {LOOP})\n")
 
 
 def test_a_robot_on_a_support_has_both_legs_and_a_floating_base():
@@ -229,6 +226,17 @@ def test_a_leg_is_loaded_with_locked_joints(tmp_path):
         load_leg(str(path), locked={"hop": 1.0})
     g1 = load_leg("g1", locked={"right_knee_joint": 30.0})
     assert "right_knee_joint" not in g1.joint_names
+
+
+def test_corners_of_a_sole_are_part_of_a_support():
+    corners = "0.1,0.05,-0.03/0.1,-0.05,-0.03/-0.1,0,-0.03"
+    leg, _ = loaded("--leg", "g1", "--support", f"left_ankle_roll_link:0.7:{corners}")
+    (support,) = leg.supports
+    assert support.friction == 0.7
+    assert support.sole.tolist() == [[0.1, 0.05, -0.03], [0.1, -0.05, -0.03], [-0.1, 0, -0.03]]
+    for wrong in ("0.1,0.05/0,0/1,1", "0,0,0/1,0,0/2,0,0", "a,b,c"):
+        with pytest.raises(kd.InvalidInput, match=r"--support is .*or with corners"):
+            loaded("--leg", "g1", "--support", f"left_ankle_roll_link:0.7:{wrong}")
 
 
 def test_drives_of_a_command_are_a_file_or_none(tmp_path):

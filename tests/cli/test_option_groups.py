@@ -119,3 +119,19 @@ def test_outputs_are_checked_written_and_named(tmp_path, monkeypatch, capsys):
         (tmp_path / "leg.html").touch()
         with pytest.raises(kd.InvalidInput, match=message):
             received(OutputOptions, *words).check("a.txt", inputs=["leg.html"])
+
+
+@pytest.mark.parametrize(
+    ("ball", "message"),
+    [
+        ("0.43:1.01", "ball radius is 1.01: .* at least 0.001 and at most 1 "),
+        ("0.43:0.0009", "ball radius is 0.0009"),
+        ("1001:0.1", "ball mass is 1001.0: .* at least 0.001 and at most 1000 "),
+        ("0.0009:0.1", "ball mass is 0.0009"),
+    ],
+)
+def test_a_ball_from_a_gram_and_a_millimetre_to_a_tonne_and_a_metre_is_taken(ball, message):
+    with pytest.raises(kd.InvalidInput, match=message):
+        received(BallOptions, "--ball", ball).load()
+    for ends in ("0.001:0.001", "1000:1"):
+        received(BallOptions, "--ball", ends).load()

@@ -52,5 +52,5 @@ def test_every_figure_of_the_library_is_made_in_it():
     texts = [file.read_text("utf-8") for file in (ROOT / "kickdyn").rglob("*.py")]
     styles = ("@styled()\n", "with styled():\n")
     made = [(text.count(" = Figure("), sum(map(text.count, styles))) for text in texts]
-    assert sum(figures for figures, _ in made) >= 5
+    assert sum(figures for figures, _ in made) >= 4
     assert all(figures == dressed for figures, dressed in made)

@@ -8,8 +8,8 @@ import gymnasium
 import pytest
 
 import kickdyn as kd
-from kickdyn.planning.kick_plan import find_overlaps
 from kickdyn.planning.plan_report import verdict
+from kickdyn.robot.collisions import find_ball_overlaps
 
 MODELS = Path(gymnasium.__file__).parent / "envs/mujoco/assets"
 BALL, AIR = kd.Ball(), kd.Air()
@@ -108,10 +108,15 @@ def kick(tmp_path, size, ahead, offset):
     return kd.strike(leg.posture([0.0]), [1.0], BALL, contact)
 
 
-def test_a_foot_counts_as_far_as_its_contact_point_does_not_explain_it(tmp_path):
-    """The contact point at the front touches; behind the front, the ball is in the foot anyway."""
+def find_overlaps(hit):
+    return find_ball_overlaps(hit.posture, hit.ball_before.position, hit.ball.radius)
+
+
+def test_a_foot_counts_where_it_is_inside_the_ball(tmp_path):
+    """The contact point at the front touches; behind the front, the ball is in the foot."""
     assert find_overlaps(kick(tmp_path, 0.05, 0.1, (0.15, 0, 0))) == {}
-    assert find_overlaps(kick(tmp_path, 0.05, 0.1, (0.12, 0, 0))) == {}
+    inside = find_overlaps(kick(tmp_path, 0.05, 0.1, (0.12, 0, 0)))
+    assert inside == pytest.approx({"foot": 0.03}, abs=1e-9)
     top = find_overlaps(kick(tmp_path, 0.05, 0.1, (0.1, 0, 0.05)))
     radius = BALL.radius
     assert top == pytest.approx({"foot": radius + 0.05 - math.hypot(radius, 0.05)})

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 import kickdyn as kd
 from kickdyn.cli.leg_options import load_leg
 from kickdyn.robot import catalog
-from kickdyn.robot.catalog import ROBOTS, robot_model, robots_folder
+from kickdyn.robot.catalog import ROBOTS, SURFACES, robot_model, robots_folder
 from kickdyn.view.leg_figure import joint_poses, leg_shapes
 
 MASS = {"g1": 33.34, "talos": 90.27, "icub": 28.35, "romeo": 40.53, "human": 74.71, "bolt": 1.25}
@@ -95,14 +95,25 @@ def test_a_turned_base_is_the_same_robot(name):
 
 
 OVERLAPS = {
-    "g1": {"toe": 1.2, "instep": 3.0, "sole_edge": 1.6},
-    "talos": {"toe": 6},
-    "icub": {"toe": 2, "sole_edge": 1.6},
-    "romeo": {"toe": 4, "instep": 4.1, "sole_edge": 2.8},
-    "human": {"toe": 4, "instep": 3.0, "sole_edge": 1.6},
+    "g1": {"toe": 1.2, "instep": 3.0, "sole_edge": 1.6, "inside": 4.6, "outside": 4.6, "heel": 4.6},
+    "talos": {"toe": 6, "inside": 5, "outside": 5, "heel": 5},
+    "icub": {"toe": 2, "sole_edge": 1.6, "inside": 4.6, "outside": 4.6, "heel": 4.6},
+    "romeo": {
+        **{"toe": 4, "instep": 4.1, "sole_edge": 2.8},
+        **{"inside": 4.6, "outside": 4.6, "heel": 4.6},
+    },
+    "human": {
+        "toe": 4,
+        "instep": 3.0,
+        "sole_edge": 1.6,
+        "inside": 4.6,
+        "outside": 4.6,
+        "heel": 4.6,
+    },
     "bolt": {"toe": 4},
 }
 RISES = {"toe": (0, None), "instep": (60, 80), "sole_edge": (-90, 0)}
+RISES |= dict.fromkeys(("inside", "outside", "heel"), (0, 15))
 
 
 @pytest.mark.parametrize("name", OVERLAPS)
@@ -122,11 +133,13 @@ def test_a_ball_at_a_contact_point_overlaps_with_the_foot_no_more_than_it_says(n
     foot = cKDTree(np.vstack([surface, triangles.reshape(-1, 3)]))
     side, up = np.meshgrid(np.radians(np.arange(-20, 21, 5)), np.radians(np.arange(-90, 91, 5)))
     every = np.stack([np.cos(up) * np.cos(side), np.cos(up) * np.sin(side), np.sin(up)], -1)
-    every = every.reshape(-1, 3)
+    ahead = every.reshape(-1, 3)
     for point, most in OVERLAPS[name].items():
         leg = kd.Leg.from_robot(name, point, legs_only=True)
         posture = leg.posture(leg.configuration())
         assert foot.query(posture.contact_point)[0] < 2e-3
+        turn = pin.rpy.rpyToMatrix(0.0, 0.0, np.radians(SURFACES[point][0]))
+        every = ahead @ turn.T
         normals = every[(every @ leg.contact_normal_cone.T > -1e-9).all(axis=1)]
         assert len(normals) > 10
         low, high = RISES[point]

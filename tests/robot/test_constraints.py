@@ -11,7 +11,6 @@ from references.pinocchio_impulse import by_pinocchio
 from stacked import held_rows, inertia_of, rows_of, solved
 
 import kickdyn as kd
-from kickdyn.robot.leg import NO_DRIVES
 from kickdyn.robot.urdf_file import shipped_urdf
 
 G1 = kd.Leg.from_robot("g1", base="floating")
@@ -461,43 +460,6 @@ def test_joints_to_keep_are_a_list():
     for keep in (None, 3, "hip"):
         with pytest.raises(kd.InvalidInput, match=r"keep is .*must be a list of joints' names"):
             leg.close_loops(leg.configuration(), keep=keep)
-
-
-def test_the_ends_of_an_open_loop_are_found():
-    (line,) = TREE.warnings
-    assert line.startswith("shank_pin and rocker_b_tip are at one place at q = 0")
-    assert "with_loops(('shank_pin', 'rocker_b_tip'))" in line
-    assert TREE.posture(np.full(5, 0.1)).warnings == (line,)
-    assert "ends of a loop" in TREE._repr_html_()
-    assert TREE.with_loops(LOOP[::-1]).warnings == ()
-    assert TREE.locked({"rocker_a": 0, "rocker_b": 0, "shank_pin_a": 0}).warnings == ()
-    assert kd.Leg.human().warnings == G1.warnings == ()
-
-
-def test_frames_apart_or_of_one_branch_are_no_open_loop(tmp_path):
-    text = shipped_urdf("leg_fourbar.urdf").read_text()
-    for old, new in (
-        ('<origin xyz="0.035 0 -0.035"/>', '<origin xyz="0.035 0 -0.03501"/>'),  # 10 um off
-        ('<parent link="rocker_b"/>', '<parent link="thigh"/>'),  # which carries the other
-        ('<link name="shank_pin"/>', '<link name="shank_pin">' + MASS + "</link>"),
-    ):
-        assert old in text
-        file = tmp_path / "leg.urdf"
-        file.write_text(text.replace(old, new))
-        leg = kd.Leg.from_urdf(file) if "thigh" not in new else _moved(file)
-        assert leg.warnings == (NO_DRIVES,)
-
-
-MASS = """<inertial><mass value="0.1"/>
-<inertia ixx="1e-4" ixy="0" ixz="0" iyy="1e-4" iyz="0" izz="1e-4"/></inertial>"""
-
-
-def _moved(file):
-    """The tip at its place, on the thigh."""
-    file.write_text(
-        file.read_text().replace('<origin xyz="0.035 0 -0.035"/>', '<origin xyz="0.015 0 -0.386"/>')
-    )
-    return kd.Leg.from_urdf(file)
 
 
 def random_loop(rng):

@@ -101,6 +101,23 @@ def test_bad_files_are_refused_in_one_line(tmp_path, text, said):
     assert "\n" not in str(refused.value)
 
 
+def test_the_limits_of_the_effective_mass():
+    """Stiff is the limit of heavy rotors, on a floating base the whole body as one."""
+    robot = kd.Leg.from_robot("bolt", base="floating")
+    posture = robot.posture(robot.configuration({"FR_KFE": 0.4}))
+    masses = posture.effective_mass_limits((1, 0, 0.5))
+    heavy = robot.with_armature(dict.fromkeys(robot.single_joints, 1e7)).posture(posture.q)
+    assert masses["with rotors"] == posture.effective_mass((1, 0, 0.5))
+    bare = kd.Leg.from_robot("bolt", base="floating", drives=False).posture(posture.q)
+    assert masses["without rotors"] == pytest.approx(bare.effective_mass((1, 0, 0.5)), rel=1e-12)
+    assert masses["stiff"] == pytest.approx(heavy.effective_mass((1, 0, 0.5)), rel=1e-5)
+    fixed = kd.Leg.from_robot("bolt").posture(np.zeros(6))
+    assert fixed.effective_mass_limits((1, 0, 0))["stiff"] == np.inf
+    contact = kd.Contact((1, 0, 0.5), 0.8)
+    struck = kd.strike(posture, posture.joint_velocity((1, 0, 0.5)), kd.Ball(), contact)
+    assert "limit without rotors" in str(struck)
+
+
 def test_a_file_without_drives_is_warned_of(tmp_path):
     file = tmp_path / "leg.urdf"
     file.write_text(kd.Leg.human().file.text)

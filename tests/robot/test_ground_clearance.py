@@ -1,15 +1,10 @@
 """Depths under the ground and of points in bodies, against shapes whose depths are known."""
 
-import math
-
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from scipy.spatial import ConvexHull
 
 import kickdyn as kd
-from kickdyn.robot.ground_clearance import TOLERANCE, Spheres, find_depths
+from kickdyn.robot.ground_clearance import TOLERANCE, find_depths
 
 G1 = kd.Leg.from_robot("g1", base="fixed", legs_only=True)
 
@@ -69,42 +64,3 @@ def test_a_leg_without_shapes_is_its_frames():
         one for one in find_depths(leg, [leg.configuration()], toe[2] + 0.01) if one.frame == "toe"
     ]
     assert found.depth == pytest.approx(0.01)
-
-
-corner = st.tuples(*[st.floats(-1, 1)] * 3)
-
-
-@given(st.lists(corner, min_size=1, max_size=30), corner, st.floats(0, 1))
-def test_no_direction_separates_a_point_from_a_body_by_more(corners, point, radius):
-    """The distance is the largest by which a plane separates both; samples find no larger one."""
-    centres = np.array(corners)
-    depth = Spheres(centres, np.full(len(centres), radius)).depth_of(np.array(point))
-    normals = np.random.default_rng(0).normal(size=(200, 3))
-    normals /= np.linalg.norm(normals, axis=1)[:, None]
-    apart = (normals @ point - (normals @ centres.T).max(axis=1)).max() - radius
-    assert -depth >= apart - 1e-7
-    assert -depth <= np.linalg.norm(centres - point, axis=1).min() - radius + 1e-7
-
-
-@pytest.mark.parametrize("at", [(0.1, 0.2, 0.3), (0.4, 0.0, 0.0), (0.5, 0.5, 0.5)])
-def test_the_depth_in_a_box_is_the_way_to_its_nearest_face(at):
-    box = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, -1).T
-    hull = box[ConvexHull(box).vertices]
-    depth = Spheres(hull, np.zeros(8)).depth_of(np.array(at))
-    assert depth == pytest.approx(0.5 - max(at), abs=1e-12)
-    out = Spheres(hull, np.zeros(8)).depth_of(np.array(at) + 1.0)
-    assert out == pytest.approx(-math.dist(np.array(at) + 1.0, (0.5, 0.5, 0.5)), abs=1e-9)
-
-
-def test_coal_gives_the_same_depth_of_a_point():
-    coal, draw = pytest.importorskip("coal"), np.random.default_rng(0)
-    centres, still = draw.uniform(-1.0, 1.0, (30, 3)), coal.Transform3s()
-    corners = coal.StdVec_Vec3s()
-    corners.extend(list(centres))
-    hull, body = coal.ConvexBase.convexHull(corners, True, "Qt"), Spheres(centres, np.full(30, 0.1))
-    request, result = coal.DistanceRequest(), coal.DistanceResult()
-    for point in draw.uniform(-2.0, 2.0, (50, 3)):
-        result.clear()
-        pose = coal.Transform3s(np.eye(3), point)
-        distance = coal.distance(hull, still, coal.Sphere(0.1), pose, request, result)
-        assert body.depth_of(point) == pytest.approx(-distance, abs=1e-9)

@@ -132,6 +132,21 @@ def test_a_folder_of_the_name_needs_no_manifest_in_package_dirs(tmp_path, robot)
         assert found == tmp_path / "share/hand/meshes/hand.stl"
 
 
+def test_a_package_from_pip_has_the_name_of_its_folder(tmp_path):
+    """It has no manifest; no more than the four folders from the file's own on are tried."""
+    share = tmp_path / "share"
+    for name in ("iCub/robots/v2/model.urdf", "iCub/meshes/hip.stl", "secret.stl"):
+        (share / name).parent.mkdir(parents=True, exist_ok=True)
+        (share / name).touch()
+    files = PackageFiles(share / "iCub" / "robots" / "v2")
+    assert files.find("package://iCub/meshes/hip.stl") == share / "iCub/meshes/hip.stl"
+    with pytest.raises(kd.InvalidInput, match="is refused: it lies outside"):
+        files.find("package://iCub/../secret.stl")
+    deep = PackageFiles(share / "iCub/robots/v2/a/b")
+    with pytest.raises(kd.InvalidInput, match="package 'iCub' is unknown"):
+        deep.find("package://iCub/meshes/hip.stl")
+
+
 def test_packages_of_the_environment(tmp_path, robot, monkeypatch):
     one = package(tmp_path / "ros1/stack/one", "one", "one.stl")
     two = package(tmp_path / "ros2/share/two", "two", "two.stl")
@@ -181,15 +196,15 @@ def test_a_package_that_is_a_link_to_elsewhere_is_none(tmp_path, robot):
     "manifest", ["", "<package>", "<robot><name>robot</name></robot>", "\0", "<package/>"]
 )
 def test_a_file_that_is_no_manifest_makes_no_package(tmp_path, manifest):
-    """Without one, meshes are in the folder of the robot's file."""
+    """Its folder is a package by its own name only, and no path leaves the file's folder."""
     (tmp_path / "robot/urdf").mkdir(parents=True)
     (tmp_path / "robot/package.xml").write_text(manifest)
     (tmp_path / "robot/a.stl").touch()
     finder = PackageFiles(tmp_path / "robot/urdf")
-    if manifest == "<package/>":  # a package without a name is known by its folder's
-        assert finder.find("package://robot/a.stl") == tmp_path / "robot/a.stl"
+    assert finder.find("package://robot/a.stl") == tmp_path / "robot/a.stl"
+    if manifest == "<package/>":
         return
-    for name in ("package://robot/a.stl", "../a.stl"):
+    for name in ("package://urdf2/a.stl", "../a.stl"):
         with pytest.raises(kd.InvalidInput, match=r"is unknown|lies outside"):
             finder.find(name)
 

@@ -11,11 +11,36 @@ from hypothesis import strategies as st
 
 import kickdyn as kd
 from kickdyn.robot.catalog import robots_folder
-from kickdyn.robot.standing import StandingRobot, hold_support, joint_spheres, missing_shapes
+from kickdyn.robot.standing import (
+    StandingRobot,
+    hold_support,
+    joint_spheres,
+    lock_idle_mimics,
+    missing_shapes,
+)
 
 FOOT = "left_ankle_roll_link"
 G1 = kd.Leg.from_robot("g1", base="floating", legs_only=True)
 CORNERS = [(-0.1, -0.05, 0.0), (-0.1, 0.05, 0.0), (0.1, 0.05, 0.0), (0.1, -0.05, 0.0)]
+
+
+def test_mimic_joints_of_neither_leg_are_locked_at_rest(tmp_path):
+    arm = "".join(
+        f'<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{name}_link"/>'
+        f'<axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="9" velocity="9"/>{gear}</joint>'
+        f'<link name="{name}_link"><inertial><origin xyz="0 0 0.2"/><mass value="2"/><inertia '
+        'ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        for name, parent, gear in (
+            ("shoulder", "base", ""),
+            ("elbow", "shoulder_link", '<mimic joint="shoulder" offset="0.3"/>'),
+        )
+    )
+    path = tmp_path / "leg.urdf"
+    path.write_text(kd.Leg.human().file.text.replace("</robot>", arm + "</robot>"))
+    leg = lock_idle_mimics(kd.Leg.from_urdf(path))
+    assert (leg.joint_names, leg.mimics) == (("hip", "knee", "ankle"), ())
+    busy = kd.Leg.from_urdf(path, "elbow_link")
+    assert lock_idle_mimics(busy).mimics == busy.mimics
 
 
 def random_robot(rng):
@@ -128,10 +153,9 @@ def test_collision_shapes_are_used_where_a_mesh_is_missing(tmp_path):
     assert np.ptp(standing.sole, axis=0) == pytest.approx(np.ptp(drawn.sole, axis=0), abs=0.04)
     foot = joint_spheres(leg, leg.contact_joint)
     assert float((foot.centres[:, 2] - foot.radii).min()) == pytest.approx(-0.035)
-    lines = [x for x in missing_shapes(leg, kd.Support(FOOT)) if "right_ankle_roll_link" in x]
-    (line,) = lines
+    line, points = missing_shapes(leg, kd.Support(FOOT))  # one for all bodies without any shape
     assert line.startswith("the shape of right_ankle_roll_link is not known (mesh ")
-    assert "--package-dir" in line
+    assert "--package-dir names the folder of meshes), as are those of right_" in points
     assert line.endswith("its other shapes are used instead")
 
 

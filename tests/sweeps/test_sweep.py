@@ -185,4 +185,3 @@ def test_a_sweep_of_loops_and_supports_is_single_strikes():
             assert outcome_at(each, kick, one).impact.ball_after.speed == pytest.approx(
                 impact.ball_after.speed, rel=1e-12
             )
-    assert "close it by with_loops" in kd.sweep(fourbar, {"hip": 0.1}, kick).attrs["warnings"]

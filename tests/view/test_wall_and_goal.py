@@ -24,6 +24,8 @@ def test_a_goal_is_open_where_it_should_be():
     left, right, bar = goal_boxes(np.zeros(3), 20.0)
     assert right.corners()[:, 1].min() - left.corners()[:, 1].max() == pytest.approx(GOAL[0])
     assert bar.corners()[:, 2].min() == pytest.approx(GOAL[1])
+    for side, post in ((1, left.corners()), (-1, right.corners())):  # the bar covers both posts
+        assert (side * bar.corners()[:, 1]).max() == pytest.approx(np.abs(post[:, 1]).max())
 
 
 def test_a_box_is_drawn_where_its_corners_are():

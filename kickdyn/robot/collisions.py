@@ -1,0 +1,211 @@
+"""Bodies of a robot inside each other or inside a ball, by coal, Pinocchio's collision library.
+
+A body is one convex shape of the robot's file at a frame. `ConvexBase.convexHull` of coal 3.0.3
+ends the process with a segmentation fault for flat hulls (at a thickness of 1e-7 of the size, not
+yet at 1e-4), which are therefore made `THICKNESS` thick.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
+
+import numpy as np
+import pinocchio as pin
+
+from kickdyn.core.validation import Array
+from kickdyn.robot.ground_clearance import LARGEST_MESH, Spheres, body_frames, shapes_of
+from kickdyn.robot.kicking_chain import rest_configuration
+from kickdyn.robot.leg import Leg, Posture
+from kickdyn.robot.package_files import read_xml
+
+TOUCHING = 5e-3
+"""Depth up to which a body counts as touching the ball or another body [m].
+
+It is a choice: shapes are simpler than real bodies, and a ball is pressed in by more than this.
+"""
+
+THICKNESS = 1e-3
+"""Least thickness of a hull, as a share of its length."""
+
+
+class Body(NamedTuple):
+    """A convex shape at a frame.
+
+    Attributes:
+        frame: name of the frame.
+        shape: of coal.
+        pose: `pin.SE3` of the shape in the frame; its origin is in the middle of the shape.
+        reach: largest distance of the shape from that origin [m].
+    """
+
+    frame: str
+    shape: Any
+    pose: Any
+    reach: float
+
+
+class Contact(NamedTuple):
+    """How a body and a ball are placed.
+
+    Attributes:
+        depth: of the body in the ball [m]; below 0 is the distance.
+        point: of the body, nearest to the ball's centre or deepest in it, `(3,)` [m, world frame].
+        normal: from there into the ball, shape `(3,)` [world frame].
+    """
+
+    depth: float
+    point: Array
+    normal: Array
+
+
+_known: WeakKeyDictionary[Leg, dict[tuple[str, bool], list[Body]]] = WeakKeyDictionary()
+"""Bodies by frame, with meshes or without: reading a mesh takes a tenth of a second."""
+
+
+def bodies_at(leg: Leg, frame: str, *, meshes: bool = True) -> list[Body]:
+    """Return the convex shapes that a leg's file has at a frame, or those that are no meshes."""
+    known, key = _known.setdefault(leg, {}), (frame, meshes)
+    if key not in known:
+        known[key] = [_body(frame, spheres) for spheres in shapes_of(leg, frame, meshes=meshes)]
+    return known[key]
+
+
+def _body(frame: str, spheres: Spheres) -> Body:
+    """Return the body that spheres of one radius span."""
+    import coal  # takes a tenth of a second
+
+    points, radius = spheres.centres, float(spheres.radii[0])
+    centre = points.mean(axis=0)
+    reach = float(np.linalg.norm(points - centre, axis=1).max()) + radius
+    if len(points) == 1:
+        return Body(frame, coal.Sphere(radius), pin.SE3(np.eye(3), centre), reach)
+    if len(points) == 2:
+        axis = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), points[1] - points[0])
+        length = float(np.linalg.norm(points[1] - points[0]))
+        return Body(frame, coal.Capsule(radius, length), pin.SE3(axis.matrix(), centre), reach)
+    points = points - centre
+    _, sizes, axes = np.linalg.svd(points)
+    for axis in axes[sizes <= THICKNESS * sizes[0]]:
+        step = 0.5 * THICKNESS * reach * axis
+        points = np.vstack([points - step, points + step])
+    corners = coal.StdVec_Vec3s()
+    corners.extend(list(points))
+    shape = coal.ConvexBase.convexHull(corners, True, "Qt")
+    shape.setSweptSphereRadius(radius)
+    return Body(frame, shape, pin.SE3(np.eye(3), centre), reach)
+
+
+class Placed:
+    """The bodies of a leg at a configuration.
+
+    Args:
+        leg: with the shapes.
+        frames: numbers of its frames in the posture's model, by name.
+        model, data: of the leg, or of a part of it.
+        q: configuration of the model, shape `(nq,)`.
+
+    Attributes:
+        poses: of the frames with shapes, by name [world frame].
+    """
+
+    def __init__(self, leg: Leg, frames: Mapping[str, int], model: Any, data: Any, q: Array):
+        import coal
+
+        self._coal, self._leg = coal, leg
+        pin.forwardKinematics(model, data, q)
+        pin.updateFramePlacements(model, data)
+        self.poses = {name: data.oMf[number].copy() for name, number in frames.items()}
+
+    def bodies_near(self, point: Array, radius: float) -> list[Body]:
+        """Return the bodies that may be inside a sphere; no mesh that is farther away is read."""
+        near = []
+        for frame, pose in self.poses.items():
+            meshes = bool(np.linalg.norm(pose.translation - point) < LARGEST_MESH + radius)
+            near += [
+                body
+                for body in bodies_at(self._leg, frame, meshes=meshes)
+                if np.linalg.norm(pose.act(body.pose.translation) - point) < body.reach + radius
+            ]
+        return near
+
+    def distance(self, body: Body, other: Any, pose: Any) -> Any:
+        """Return coal's `DistanceResult` of a body and another shape at a pose."""
+        request, result = self._coal.DistanceRequest(), self._coal.DistanceResult()
+        place = self.poses[body.frame] * body.pose
+        start = self._coal.Transform3s(place.rotation, place.translation)
+        end = self._coal.Transform3s(pose.rotation, pose.translation)
+        self._coal.distance(body.shape, start, other, end, request, result)
+        return result
+
+    def contact(self, body: Body, centre: Array, radius: float) -> Contact:
+        """Return how a body is placed beside a ball [m, world frame]."""
+        result = self.distance(body, self._coal.Sphere(radius), pin.SE3(np.eye(3), centre))
+        return Contact(-result.min_distance, result.getNearestPoint1(), result.normal)
+
+
+def find_ball_overlaps(posture: Posture, centre: Array, radius: float) -> dict[str, float]:
+    """Return how deep bodies are inside a ball [m], by frame, the deepest first."""
+    leg, depths = posture.leg, dict[str, float]()
+    placed = Placed(leg, body_frames(leg), leg.workspace.model, leg.workspace.data, posture.q)
+    for body in placed.bodies_near(centre, radius):
+        depth = placed.contact(body, centre, radius).depth
+        if depth > max(TOUCHING, depths.get(body.frame, 0.0)):
+            depths[body.frame] = depth
+    return dict(sorted(depths.items(), key=lambda item: -item[1]))
+
+
+def find_self_collisions(leg: Leg, q: Array) -> dict[tuple[str, str], float]:
+    """Return how deep bodies are inside each other [m], by pairs of frames, the deepest first.
+
+    Bodies of one joint or of a joint and its parent do not count, nor do pairs that the SRDF beside
+    the URDF disables (`disable_collisions`) or that touch where all joints are at rest.
+
+    Args:
+        leg: with the shapes.
+        q: configuration, shape `(nq,)`.
+    """
+    pairs = _overlapping(leg, q)
+    if not pairs:
+        return {}
+    touching = _disabled_pairs(leg) | {*map(frozenset, _overlapping(leg, rest_configuration(leg)))}
+    kept = {pair: depth for pair, depth in pairs.items() if frozenset(pair) not in touching}
+    return dict(sorted(kept.items(), key=lambda item: -item[1]))
+
+
+def _overlapping(leg: Leg, q: Array) -> dict[tuple[str, str], float]:
+    model, frames, depths = leg.workspace.model, body_frames(leg), dict[tuple[str, str], float]()
+    placed = Placed(leg, frames, model, leg.workspace.data, q)
+    joints = {name: int(model.frames[number].parentJoint) for name, number in frames.items()}
+    for frame in joints:
+        for body in bodies_at(leg, frame):
+            centre = placed.poses[frame].act(body.pose.translation)
+            for other in placed.bodies_near(centre, body.reach):
+                first, second = joints[frame], joints[other.frame]
+                if first >= second or first == model.parents[second]:
+                    continue
+                result = placed.distance(body, other.shape, placed.poses[other.frame] * other.pose)
+                pair, depth = (frame, other.frame), -result.min_distance
+                if depth > max(TOUCHING, depths.get(pair, 0.0)):
+                    depths[pair] = depth
+    return depths
+
+
+def _disabled_pairs(leg: Leg) -> set[frozenset[str]]:
+    """Return the pairs of links that the SRDF of a leg's file disables; none without one.
+
+    It lies beside the file or in the folder `srdf` beside its folder, under the name of the file or
+    of the robot.
+    """
+    if leg.file is None:
+        return set()
+    names = {Path(leg.file.source).stem.lower(), leg.name.lower()}
+    for folder in (leg.file.folder, leg.file.folder.parent / "srdf"):
+        for path in sorted(folder.glob("*.srdf")):
+            if path.stem.lower() in names:
+                root = read_xml(path, str(path))
+                return {
+                    frozenset((pair.get("link1", ""), pair.get("link2", "")))
+                    for pair in root.iter("disable_collisions")
+                }
+    return set()

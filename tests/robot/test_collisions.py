@@ -1,0 +1,88 @@
+"""Bodies inside each other and inside a ball."""
+
+import numpy as np
+import pytest
+
+import kickdyn as kd
+from kickdyn.robot.collisions import Placed, bodies_at, find_ball_overlaps, find_self_collisions
+from kickdyn.robot.ground_clearance import body_frames
+
+LEGS = """<mujoco><worldbody><body name="trunk" pos="0 0 1"><geom type="sphere" size="0.05"/>
+<body name="left" pos="0 0.1 0"><joint name="l" type="hinge" axis="1 0 0"/>
+<geom type="{}" {}="{}" pos="0 0 -0.4"/></body>
+<body name="right" pos="0 -0.1 0"><joint name="r" type="hinge" axis="1 0 0"/>
+<geom type="{}" {}="{}" pos="0 0 -0.4"/></body></body></worldbody></mujoco>"""
+
+
+def legs(folder, kind, size):
+    path = folder / "legs.xml"
+    path.write_text(LEGS.format(kind, "size", size, kind, "size", size))
+    return kd.Leg.from_mjcf(path, "right")
+
+
+@pytest.mark.parametrize(
+    ("kind", "size", "width"),
+    [("capsule", "0.04 0.3", 0.04), ("sphere", "0.04", 0.04), ("box", "0.1 0.04 0.3", 0.04)],
+)
+def test_crossed_legs_are_inside_each_other_and_straight_ones_are_not(tmp_path, kind, size, width):
+    leg = legs(tmp_path, kind, size)
+    assert find_self_collisions(leg, leg.configuration()) == {}
+    crossed = leg.configuration({"l": -0.3, "r": 0.3})
+    (((first, other), depth),) = find_self_collisions(leg, crossed).items()
+    assert {first, other} == {"left", "right"}
+    if kind == "sphere":  # centres at 0.1 cos 0 -+ 0.4 sin 0.3
+        between = 2 * abs(0.1 - 0.4 * np.sin(0.3))
+        assert depth == pytest.approx(2 * width - between, abs=1e-9)
+
+
+def test_bodies_that_touch_at_rest_do_not_count(tmp_path):
+    wide = legs(tmp_path, "capsule", "0.11 0.3")
+    assert find_self_collisions(wide, wide.configuration({"l": -0.3, "r": 0.3})) == {}
+
+
+@pytest.mark.parametrize("name", ["g1", "talos"])
+def test_robots_do_not_touch_themselves_at_rest(name):
+    robot = kd.Leg.from_robot(name, base="floating", legs_only=True)
+    assert find_self_collisions(robot, robot.configuration()) == {}
+
+
+def test_pairs_that_the_srdf_disables_do_not_count(tmp_path):
+    """A hip's box reaches the shank where the knee is bent by 150 degrees."""
+    link = '<link name="{}"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" '
+    link += 'iyz="0" izz="1"/></inertial><visual><origin xyz="0 0 {}"/><geometry>'
+    link += '<box size="0.1 0.1 0.3"/></geometry></visual></link>'
+    joint = '<joint name="{0}" type="revolute"><parent link="{1}"/><child link="{2}"/><origin '
+    joint += 'xyz="0 0 {3}"/><axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="1" '
+    joint += 'velocity="1"/></joint>'
+    text = '<robot name="three">' + link.format("trunk", 0) + link.format("thigh", -0.2)
+    text += link.format("shank", -0.2) + joint.format("hip", "trunk", "thigh", -0.2)
+    text += joint.format("knee", "thigh", "shank", -0.2) + "</robot>"
+    (tmp_path / "three.urdf").write_text(text)
+    leg = kd.Leg.from_urdf(tmp_path / "three.urdf", "shank")
+    bent = leg.configuration({"knee": 2.9})
+    assert [*find_self_collisions(leg, bent)] == [("trunk", "shank")]
+    srdf = '<robot name="three"><disable_collisions link1="shank" link2="trunk"/></robot>'
+    (tmp_path / "three.srdf").write_text(srdf)
+    assert find_self_collisions(leg, bent) == {}
+
+
+def test_a_flat_hull_is_a_body(tmp_path):
+    """coal ends the process for hulls without thickness."""
+    leg = legs(tmp_path, "box", "0.1 0.04 1e-9")
+    posture = leg.posture(leg.configuration())
+    assert len(bodies_at(leg, "right")) == 1
+    centre = np.array([0.0, -0.1, 0.6 + 0.08])
+    depths = find_ball_overlaps(posture, centre, 0.1)
+    assert depths == pytest.approx({"right": 0.02}, abs=1e-4)
+
+
+def test_the_nearest_point_of_a_body_and_its_normal(tmp_path):
+    leg = legs(tmp_path, "box", "0.1 0.04 0.3")
+    space, q = leg.workspace, leg.configuration()
+    placed = Placed(leg, body_frames(leg), space.model, space.data, q)
+    (body,) = bodies_at(leg, "right")
+    for ahead in (0.15, 0.35):
+        contact = placed.contact(body, np.array([ahead, -0.1, 0.6]), 0.1)
+        assert contact.depth == pytest.approx(0.2 - ahead, abs=1e-6)
+        assert contact.normal == pytest.approx([1, 0, 0], abs=1e-6)
+        assert contact.point[0] == pytest.approx(0.1, abs=1e-6)

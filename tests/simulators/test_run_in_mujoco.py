@@ -1,0 +1,158 @@
+"""Planned motions in MuJoCo: a leg on a fixed base, and a robot on one foot."""
+
+import json
+import math
+import sys
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import kickdyn as kd
+from kickdyn.cli.plan_command import plan as plan_command
+from kickdyn.simulators import run_in_mujoco as module
+
+pytest.importorskip("mujoco")
+pytest.importorskip("casadi")
+
+BALL, AIR = kd.Ball(), kd.Air()
+
+
+@cache
+def swinging():
+    return kd.plan_kick(kd.Leg.human(), kd.Goal(20, time=1.2), BALL, AIR, motion=True)
+
+
+@cache
+def standing():
+    robot = kd.Leg.from_robot("g1", base="floating", legs_only=True)
+    robot = robot.with_supports(kd.Support("left_ankle_roll_link", friction=0.7))
+    return kd.plan_kick(robot, kd.Goal(2, time=0.4), BALL, AIR, motion=True)
+
+
+@cache
+def carried_out(plan):
+    return kd.run_in_mujoco(plan())
+
+
+def check_before(run, tolerance):
+    """Check that the drives follow the motion to the impact, by the torques of the plan."""
+    motion = run.plan.motion
+    robot = motion.robot
+    numbers = np.flatnonzero(run.t < -0.01)[::20]
+    for number in numbers:
+        planned = robot.joint_values(motion.q(run.t[number]))
+        simulated = robot.joint_values(run.q[number])
+        for name in motion.joints:
+            assert simulated[name] == pytest.approx(planned[name], abs=tolerance)
+
+
+def test_a_leg_on_a_fixed_base_kicks_as_planned():
+    run = carried_out(swinging)
+    check_before(run, 0.003)
+    assert abs(run.speed_error) < 0.05
+    assert run.direction_error < math.radians(10)  # ankle and knee give way under the ball
+    assert abs(run.delay) < 0.006
+    assert run.upright
+    assert (np.abs(run.torque) <= swinging().leg.effort_limit).all()
+    assert str(run).startswith("MujocoRun\n  launch")
+
+
+def test_the_ball_lies_still_until_it_is_hit_and_then_flies():
+    run = carried_out(swinging)
+    still = run.ball_position[run.t <= run.delay]
+    assert np.ptp(still, axis=0) == pytest.approx(0, abs=1e-12)
+    launch = swinging().launch.velocity
+    ratio = run.ball_after.speed / np.linalg.norm(launch)
+    assert run.speed_error == pytest.approx(ratio - 1)
+    end = run.path.landing.position - still[0]
+    assert run.miss == pytest.approx(np.linalg.norm(end - swinging().goal.target))
+    assert end[0] == pytest.approx(20, abs=1e-6) or end[2] < 0.0  # the plane or the ground
+    # between the contact and the end MuJoCo's ball has gravity alone
+    free = run.t > run.ball_after.time
+    fallen = np.diff(run.ball_position[free, 2], 2) / 0.002**2
+    assert fallen == pytest.approx(-9.81, rel=1e-3)
+
+
+def test_a_robot_kicks_from_one_foot_and_stays_upright():
+    run = carried_out(standing)
+    check_before(run, 0.02)
+    assert run.upright
+    assert 0.1 < run.speed_error < 0.4  # drives push on during a contact of 14 ms
+    assert run.direction_error < math.radians(9)
+    assert abs(run.delay) < 0.01
+    assert set(run.margins) == {"torque", "speed", "friction", "centre of pressure"}
+    drives = standing().leg.effort_limit[6:]
+    assert (np.abs(run.torque[:, 6:]) <= drives * (1 + 1e-9)).all()
+    assert not run.torque[:, :6].any()
+
+
+def test_a_robot_without_torques_of_the_motion_does_not_follow_it():
+    run = kd.run_in_mujoco(swinging(), controller="pd")
+    motion = swinging().motion
+    number = np.searchsorted(run.t, -0.1)
+    late = np.abs(run.q[number] - motion.q(run.t[number])).max()
+    exact = carried_out(swinging).q[number] - motion.q(run.t[number])
+    assert late > 5 * np.abs(exact).max()
+
+
+def test_a_ball_that_is_not_reached(monkeypatch):
+    monkeypatch.setattr(module, "LATEST", -0.3)
+    run = kd.run_in_mujoco(swinging())
+    assert run.path is None
+    assert run.miss == math.inf
+    assert math.isnan(run.direction_error)
+    assert run.speed_error == -1.0
+    assert "the foot does not reach the ball" in run.warnings
+    assert json.dumps(run.to_json(), allow_nan=False)
+
+
+def test_bad_input(monkeypatch):
+    with pytest.raises(kd.InvalidInput, match="controller is 'mpc': it must be one of torque"):
+        kd.run_in_mujoco(swinging(), controller="mpc")
+    with pytest.raises(kd.InvalidInput, match=r"timestep is 1\.0: it must be"):
+        kd.run_in_mujoco(swinging(), timestep=1)
+    with pytest.raises(kd.InvalidInput, match="the plan has no motion: plan it with plan_kick"):
+        kd.run_in_mujoco(replace(swinging(), motion=None))
+    with pytest.raises(kd.InvalidInput, match="the plan has no motion"):
+        kd.refine_kick(replace(swinging(), motion=None))
+    with pytest.raises(kd.InvalidInput, match="by is 'eye': it must be one of collide, mujoco"):
+        kd.refine_kick(swinging(), by="eye")
+    with pytest.raises(kd.InvalidInput, match="rounds is 0"):
+        kd.refine_kick(swinging(), rounds=0)
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    with pytest.raises(kd.InvalidInput, match=r'install it with pip install "kickdyn\[mjcf\]"$'):
+        kd.run_in_mujoco(swinging())
+
+
+def off_by_collide(plan):
+    """Return how far the ball of `collide` is from the launch of the goal [m/s]."""
+    impact = plan.impact
+    hit = kd.collide(impact.posture, impact.v_before, impact.ball, impact.contact)
+    return np.linalg.norm(hit.ball_after.velocity - plan.launch.velocity)
+
+
+def test_a_corrected_kick_meets_the_launch_with_a_contact_that_takes_time():
+    plan = swinging()
+    corrected = kd.refine_kick(plan, rounds=1)
+    assert off_by_collide(corrected) < 0.3 * off_by_collide(plan)
+    assert corrected.launch is plan.launch
+
+
+def test_the_command_writes_the_motion_and_carries_it_out(tmp_path):
+    kick = ["--distance", "20", "--time", "1.2", "--leg", "human"]
+    out, numbers = tmp_path / "kick.csv", tmp_path / "kick.json"
+    ended = CliRunner().invoke(
+        plan_command,
+        [*kick, "--motion", "--run", "mujoco", "--out", str(out), "--json", str(numbers)],
+    )
+    assert ended.exit_code == 0, ended.output
+    assert "MujocoRun" in ended.output
+    assert np.loadtxt(out, delimiter=",").shape[1] == 3
+    assert json.loads(numbers.read_text())["run"]["upright"]
+    ended = CliRunner().invoke(plan_command, [*kick, "--out", str(out)])
+    assert str(ended.exception).endswith("it needs the motion, so add --motion")
+    ended = CliRunner().invoke(plan_command, [*kick, "--motion", "--out", "kick.txt"])
+    assert str(ended.exception).startswith("kick.txt has the ending '.txt'")

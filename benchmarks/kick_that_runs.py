@@ -18,7 +18,7 @@ BALL, AIR = kd.Ball(), kd.Air()
 GOALS = {
     "7.9 m/s": kd.Goal(3, time=0.4),
     "9.4 m/s": kd.Goal(3.5, time=0.4),
-    "11.4 m/s": kd.Goal(9, time=0.9),
+    "11.4 m/s": kd.Goal(5, time=0.46),
 }
 ARMS = {"*wrist*": 0.0}
 

@@ -98,7 +98,7 @@ class Limit(ABC):
 class TorqueLimit(Limit):
     """The torques of the joints, as shares of their limits."""
 
-    reserve = 0.02
+    reserve = 0.01
 
     def __init__(self, names: Sequence[str], limit: Array) -> None:
         self.labels, self._limit = [f"torque of {name}" for name in names], limit
@@ -180,7 +180,7 @@ class Friction(GroundLimit):
 class PressureCentre(GroundLimit):
     """The centre of pressure is inside the sole: its distances from the edges [m]."""
 
-    unit, reserve = "m", 0.006
+    unit, reserve = "m", 0.005
 
     def __init__(self, standing: StandingRobot) -> None:
         self._normals, self._offsets = sole_edges(standing)
@@ -237,7 +237,7 @@ class Impulse(Limit):
 class Clearance(Limit):
     """A body of the kicking limb is above the ground: heights of its spheres [m]."""
 
-    unit, reserve = "m", 0.006
+    unit, reserve = "m", 0.004
 
     def __init__(self, name: str, joint: int, spheres: Spheres) -> None:
         self.labels = [f"the height of {name} above the ground"] * len(spheres.radii)

@@ -36,6 +36,7 @@ from kickdyn.motion.limits import Impulse, Limit, RangeLimit, Sample, SpeedLimit
 from kickdyn.motion.splines import MotionSplines, integration_weights, per_joint
 from kickdyn.motion.symbolic_tree import SymbolicTree
 from kickdyn.restitution import rows_of
+from kickdyn.robot.kicking_chain import UNLIMITED
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.standing import StandingRobot
 
@@ -88,6 +89,12 @@ class KickTask:
     ball_centre: Array
     facing: Array
     standing: StandingRobot | None
+
+    @property
+    def speed_limit(self) -> Array:
+        """Limits of the joints' speeds, `UNLIMITED` where there is none, shape `(n,)` [rad/s]."""
+        limit = self.leg.velocity_limit
+        return np.where(np.isfinite(limit), limit, UNLIMITED)
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,7 +206,7 @@ class MotionProblem:
         point = tree.point(leg.contact_joint, lever.contact_lever)
         jacobian = ca.jacobian(point, q)
         inertia = np.diag(pin.crba(self._model, self._model.createData(), pin.neutral(self._model)))
-        momentum = 0.3 * np.maximum(inertia, 0.02) * self._model.velocityLimit
+        momentum = 0.3 * np.maximum(inertia, 0.02) * task.speed_limit
         across = impulse - (normal @ impulse) * normal
         ball_point = impulse / ball.mass + ball.turning * across
         speed = float(np.linalg.norm(ball_point))
@@ -284,7 +291,7 @@ class MotionProblem:
             for s in (SpeedLimit.reserve - 1.0, 1.0 - SpeedLimit.reserve)
         )
         room = RangeLimit.reserve * (self.upper - self.lower)
-        points, others, bounds = start.multipliers
+        points, remaining, bounds = start.multipliers
         if len(points):
             old, new = np.concatenate(start.times), np.concatenate(times)
             order = np.abs(old[None] - new[:, None])
@@ -292,7 +299,7 @@ class MotionProblem:
             points = np.where(known[:, None], points[order.argmin(axis=1)], 0.0)
         else:
             points = np.zeros((count, len(self.path.lower)))
-            others = np.zeros(len(self.impact.lower) + len(low))
+            remaining = np.zeros(len(self.impact.lower) + len(low))
         lower = np.concatenate([np.tile(self.path.lower, count), self.impact.lower, low])
         upper = np.concatenate([np.tile(self.path.upper, count), self.impact.upper, high])
         end = solver(
@@ -302,7 +309,7 @@ class MotionProblem:
             ubx=np.append(np.tile(self.upper - room, splines.size), shares[1]),
             lbg=lower,
             ubg=upper,
-            lam_g0=np.concatenate([points.ravel(), others]),
+            lam_g0=np.concatenate([points.ravel(), remaining]),
             lam_x0=bounds if len(bounds) else np.zeros(splines.size * n + 1),
         )
         x, rows, multipliers, bounds = (
@@ -327,7 +334,7 @@ class MotionProblem:
         to_share = sp.csr_matrix(([1.0], ([0], [size - 1])), shape=(1, size))
         to_impact = _matrix(sp.vstack([per_joint(splines.at_impact(), n, 1), to_share]))
         to_speeds = _matrix(
-            sp.diags(np.tile(1.0 / self._model.velocityLimit, len(splines.speed_rows())))
+            sp.diags(np.tile(1.0 / self.task.speed_limit, len(splines.speed_rows())))
             @ per_joint(splines.speed_rows(), n, 1)
         )
         weights = ca.DM(np.concatenate([integration_weights(t) for t in times])).T

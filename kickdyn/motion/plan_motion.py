@@ -7,6 +7,7 @@ from itertools import islice
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
@@ -43,7 +44,7 @@ POINTS, FINER = (2, 4), 10
 """Points of the solver in each interval far from the impact and near it, and how much finer limits
 are checked."""
 
-UNDER, BESIDE = (10, 0.4), (6, 0.6)
+UNDER, BESIDE = (14, 0.4), (6, 0.6)
 """Numbers of spheres that span the kicking foot downwards and towards the other foot, each of which
 has rows at every point, and the cosine of the largest angle to that direction."""
 
@@ -163,30 +164,35 @@ def plan_motion(task: KickTask, near: Motion | None = None) -> PlannedMotion:
     """
     _check_limits(task.leg)
     if task.standing is None:
-        return _plan(task, near, STARTS)
+        return _plan(task, near, 1.0, STARTS)
     between, share = kicking_chain(task.leg), 1.0
     if between.names == task.leg.joint_names:
-        return _plan(task, near, STARTS)
+        return _plan(task, near, share, STARTS)
     if near is None or near.joints == between.names:
-        planned = _plan(replace(task, leg=between.leg), near, 1)
+        planned = _plan(replace(task, leg=between.leg), near, share, 0)
         if planned.keeps_limits and not _overloads(planned.motion):
             return planned
         near, share = planned.motion, planned.share
-    return _plan(task, near, 1, share)
+    return _plan(task, near, share, 1)
 
 
-def _plan(task: KickTask, near: Motion | None, starts: int, share: float = 1.0) -> PlannedMotion:
-    """Return the best motion of all joints of a task, from a number of starts at most.
+def _plan(task: KickTask, near: Motion | None, share: float, starts: int) -> PlannedMotion:
+    """Return the best motion of all joints of a task.
 
-    `near` is a motion to start from, with the share of the launch that it reaches.
+    Args:
+        task: the kick.
+        near: motion to start from, if any.
+        share: of the launch, that it reaches.
+        starts: number of starts at most; with 0, there is one, and limits between points are not
+            sought where it does not reach the whole launch.
     """
     stands = task.standing is not None
     splines = MotionSplines(*DURATIONS[stands], INTERVALS[stands])
     limits, of_impulse = _limits_of(task)
     problem = MotionProblem(task, splines, limits, of_impulse)
     verdicts = []
-    for rest, start, options in islice(_starts(problem, near, share), starts):
-        solution = _solve(problem, rest, start, options)
+    for rest, start, options in islice(_starts(problem, near, share), max(starts, 1)):
+        solution = _solve(problem, rest, start, options, partly=starts > 0)
         verdicts.append(_Verdict(problem, solution))
         if verdicts[-1].keeps_limits:
             break
@@ -204,9 +210,17 @@ def _overloads(motion: Motion) -> bool:
 
 
 def _solve(
-    problem: MotionProblem, rest: Array, start: Solution, options: dict[str, Any]
+    problem: MotionProblem,
+    rest: Array,
+    start: Solution,
+    options: dict[str, Any],
+    *,
+    partly: bool,
 ) -> Solution:
-    """Return the solution from unknowns to start from, with both ends near a posture at rest."""
+    """Return the solution from unknowns to start from, with both ends near a posture at rest.
+
+    `partly` says whether a share of the launch is of use.
+    """
     times = start.times
     relaxation = Impulse.relaxation
     solution = problem.solve(
@@ -215,7 +229,7 @@ def _solve(
     full = solution.share > FULL
     options = AGAIN if full or not problem.impulse_limits else FIRST
     for _ in range(ROUNDS):
-        if solution.share < LEAST_SHARE:
+        if solution.share < LEAST_SHARE or not (full or partly):
             break
         times = _Verdict(problem, solution).add_points(solution.times)
         shares = (1.0, 1.0) if full else (0.0, 1.0)
@@ -265,9 +279,9 @@ class _Verdict:
         ])  # fmt: skip
         needed[[limit.by_splines for limit in self.problem.limits for _ in limit.labels]] = -np.inf
         shortfall = np.max(needed - self.rows, axis=1)
-        parts = np.split(shortfall, [len(self.times[0])])
+        pair = np.split(shortfall, [len(self.times[0])])
         added = []
-        for times, known, lack in zip(self.times, points, parts, strict=True):
+        for times, known, lack in zip(self.times, points, pair, strict=True):
             padded = np.pad(lack, 1, constant_values=-np.inf)
             peak = (lack > 0.0) & (lack >= padded[:-2]) & (lack >= padded[2:])
             added.append(np.unique(np.concatenate([known, times[peak]])))
@@ -345,17 +359,17 @@ def _starts(
     draw, robot = np.random.default_rng(0), problem.task.robot
     room = CENTRAL * (problem.upper - problem.lower)
     central = np.clip(0.0, problem.lower + room, problem.upper - room)
-    found = False
+    reachable = False
     for number in range(STARTS):
         posture = central + draw.normal(0.0, SPREAD if number else 0.0, problem.n)
         posture = np.clip(posture, problem.lower + 0.2 * room, problem.upper - 0.2 * room)
         rest = problem.stand(posture, at_ball=False)
         hit = None if rest is None else problem.stand(rest, at_ball=True)
         if rest is not None and hit is not None:
-            found = True
+            reachable = True
             still = np.tile(hit, (splines.size, 1))
             yield rest, Solution(still, FIRST_SHARE, times, nothing, True, 0), FIRST
-    if not found:
+    if not reachable:
         does = "stand at rest" if rest is None else "touch the ball at rest"
         raise InvalidInput(
             f"{robot.name} finds no posture in which it can {does} within its limits of torque, "
@@ -370,7 +384,7 @@ def _limits_of(task: KickTask) -> tuple[list[Limit], list[Impulse]]:
     lower, upper = model.lowerPositionLimit, model.upperPositionLimit
     limits: list[Limit] = [
         TorqueLimit(names, model.effortLimit),
-        SpeedLimit(names, model.velocityLimit),
+        SpeedLimit(names, task.speed_limit),
         RangeLimit(names, lower, upper),
     ]
     standing = task.standing
@@ -389,9 +403,20 @@ def _limits_of(task: KickTask) -> tuple[list[Limit], list[Impulse]]:
     limits.append(Clearance("the kicking foot", foot, under))
     beside = _foot_spheres(standing, aside, *BESIDE)
     limits.append(Apart("the kicking foot", foot, beside, edge, side))
-    if standing.trunk_joint:
-        limits.append(Tilt(int(model.getJointId(standing.trunk_joint)), standing.trunk_axis))
+    if carriers := _trunk_carriers(standing, leg):
+        pin.forwardKinematics(leg.workspace.model, leg.workspace.data, leg.configuration())
+        upright = leg.workspace.data.oMi[carriers[-1]].rotation[2].copy()
+        limits.append(Tilt(carriers[-1], upright))
     return limits, [Impulse(limit) for limit in on_ground]
+
+
+def _trunk_carriers(standing: StandingRobot, leg: Leg) -> list[int]:
+    """Return the joints of a leg that carry the trunk, the last one next to it."""
+    if not standing.trunk_joint:
+        return []
+    whole, model = standing.leg.workspace.model, leg.workspace.model
+    names = [whole.names[joint] for joint in whole.supports[whole.getJointId(standing.trunk_joint)]]
+    return [int(model.getJointId(name)) for name in names[1:] if model.existJointName(name)]
 
 
 def _foot_spheres(standing: StandingRobot, towards: Array, count: int, cosine: float) -> Spheres:
@@ -402,10 +427,14 @@ def _foot_spheres(standing: StandingRobot, towards: Array, count: int, cosine: f
 
 
 def _check_limits(leg: Leg) -> None:
-    """Raise `InvalidInput` for a joint without a limit of speed or torque."""
-    for what, limits in (("speed", leg.velocity_limit), ("torque", leg.effort_limit)):
+    """Raise `InvalidInput` for a joint without a limit of torque, or with one of 0."""
+    for what, limits, most in (
+        ("speed", leg.velocity_limit, math.inf),
+        ("torque", leg.effort_limit, 1e6),
+    ):
         for name, limit in zip(leg.joint_names, limits.tolist(), strict=True):
-            if not 0.0 < limit < 1e6:
+            if not 0.0 < limit <= most:
                 raise InvalidInput(
-                    f"{what} limit of {name} is {limit:g}: a motion needs one, above 0"
+                    f"{what} limit of {name} is {limit:g}: a motion needs one, above 0 "
+                    "(Leg.with_drives, --drives FILE)"
                 )

@@ -78,11 +78,11 @@ class MotionSplines:
 
 
 def _between(grid: Array, far: int, near: int) -> Array:
-    parts = [
+    times = [
         np.linspace(begin, end, near if min(abs(begin), abs(end)) < NEAR else far, endpoint=False)
         for begin, end in pairwise(grid.tolist())
     ]
-    return np.concatenate([*parts, grid[-1:]])
+    return np.concatenate([*times, grid[-1:]])
 
 
 def per_joint(rows: Array, n: int, extra: int) -> Any:

@@ -84,8 +84,8 @@ def plan_kick(
         surface: surface of the ground, for a ball that is played along the ground as by
             `plan_pass`; the goal is then a time and a target at the height of the ball.
         motion: whether to plan the whole motion: from rest to the impact, and to rest again. It
-            chooses posture and joint velocity at the impact, too, and needs limits of speed and
-            torque of all joints that move, and `pip install "kickdyn[motion]"`. See below.
+            chooses posture and joint velocity at the impact, too, and needs torque limits of all
+            joints that move, and `pip install "kickdyn[motion]"`. See below.
 
     A robot that stands on one foot kicks a ball that lies on the same ground, the plane z = 0. The
     foot lies on it as it does while all joints are at 0 and the base is upright; without a `sole`

@@ -32,15 +32,8 @@ from kickdyn.planning.kick_terms import (
     TorqueLimit,
     check_limits,
 )
-from kickdyn.planning.objectives import (
-    LargestShare,
-)
-from kickdyn.planning.problem import (
-    TOLERANCE,
-    Function,
-    Problem,
-    Term,
-)
+from kickdyn.planning.objectives import LargestShare
+from kickdyn.planning.problem import TOLERANCE, Function, Problem, Term
 from kickdyn.planning.stance import Balance, Clearance, SupportImpulse, Upright
 from kickdyn.robot.kicking_chain import KickingChain, check_unconstrained, kicking_chain
 from kickdyn.robot.leg import Leg
@@ -215,9 +208,17 @@ def solve_kick(problem: KickProblem, objective: Objective) -> KickSolution:
     Raises:
         InvalidInput: no posture keeps the terms, with the reason.
     """
-    solution = _find_solution(problem, objective)
-    if solution is not None:
-        return solution
+    for variant in problem.variants():
+        starts = variant.starts()
+        if points := variant.solve(objective, starts):
+            best = min(points, key=lambda point: float(objective.value(point)[0]))
+            return KickSolution(variant, best)
+    if points := variant.solve(LargestShare(), starts):
+        strongest = max(points, key=lambda point: point.share)
+        if strongest.share >= 1.0 - 1e-6:
+            full = variant.variables.point(np.append(strongest.x[:-1], 1.0))
+            strongest = next(iter(variant.solve(objective, [strongest.x])), full)
+        return KickSolution(variant, strongest)
     ball = problem.find(BallPosition)
     place = "" if ball is None else f" {ball.place}"
     raise InvalidInput(
@@ -242,23 +243,6 @@ def explain_infeasible(problem: KickProblem) -> str:
 def _is_feasible_without(problem: KickProblem, omitted: list[Term[KickPoint]]) -> bool:
     relaxed = problem.without(omitted)
     return bool(relaxed.solve(LargestShare(), relaxed.starts()))
-
-
-def _find_solution(problem: KickProblem, objective: Function[KickPoint]) -> KickSolution | None:
-    """Return the best solution that reaches the whole foot velocity, else the strongest kick."""
-    for variant in problem.variants():
-        starts = variant.starts()
-        if points := variant.solve(objective, starts):
-            best = min(points, key=lambda point: float(objective.value(point)[0]))
-            return KickSolution(variant, best)
-    points = variant.solve(LargestShare(), starts)
-    if not points:
-        return None
-    strongest = max(points, key=lambda point: point.share)
-    if strongest.share >= 1.0 - 1e-6:
-        full = variant.variables.point(np.append(strongest.x[:-1], 1.0))
-        strongest = next(iter(variant.solve(objective, [strongest.x])), full)
-    return KickSolution(variant, strongest)
 
 
 def _foot_directions(variables: KickVariables, draw: np.random.Generator) -> Array:

@@ -24,11 +24,8 @@ from kickdyn.errors import InvalidInput
 from kickdyn.impact.leg_derivatives import leg_derivatives
 from kickdyn.motion.impact_target import ImpactTarget
 from kickdyn.planning.problem import TOLERANCE, Bounds, Function, Kind
-from kickdyn.robot.kicking_chain import kicking_chain, rest_configuration
+from kickdyn.robot.kicking_chain import UNLIMITED, kicking_chain, rest_configuration
 from kickdyn.robot.leg import Leg, Posture
-
-UNLIMITED = 100.0
-"""Scale of the speed of a joint without a limit [rad/s]."""
 
 STEP = 1e-7
 """Step of the unknowns in the differences that stand for derivatives."""
@@ -57,7 +54,7 @@ class KickVariables:
         self.n = len(chain.names)
         self.size = 2 * self.n + 1
         self.lower, self.upper = chain.lower, chain.upper
-        limit = chain.velocity_limit
+        limit = chain.leg.velocity_limit
         self.velocity_scale = np.where(np.isfinite(limit) & (limit > 0.0), limit, UNLIMITED)
         self._rest = rest_configuration(leg)
 
@@ -66,10 +63,6 @@ class KickVariables:
         configuration = self._rest.copy()
         configuration[self.qs] = q
         return self.leg.posture(configuration).with_contact_offset(self.target.contact.offset)
-
-    def unknowns(self, q: Array, v: Array, share: float) -> Array:
-        """Return the unknowns for q and v of the joints that move the foot, and the share."""
-        return np.array([*q, *(v / self.velocity_scale), share])
 
     def point(self, x: Array) -> "KickPoint":
         """Return what the terms of a kick evaluate."""

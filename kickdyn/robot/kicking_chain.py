@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +10,9 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.surgery import angle_model, coordinate_indices, reduce_model
+
+UNLIMITED = 100.0
+"""Speed that counts as the limit of a joint without one [rad/s]: faster than any that kicks."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,24 +24,18 @@ class KickingChain:
 
     Attributes:
         leg: the chain alone, all other joints locked; the whole robot, if there are none.
-        model: `pin.Model` of the chain, gravity included.
         names: of its joints, in order.
         qs, vs: indices of its joints in the robot's q and v.
         lower, upper: joint range, a half turn from 0 at most, shape `(nq,)` [rad; m for prismatic
             joints].
-        velocity_limit, effort_limit: of speed and torque, shape `(nv,)` [rad/s, N m; m/s, N for
-            prismatic joints].
     """
 
     leg: Leg
-    model: Any
     names: tuple[str, ...]
     qs: NDArray[np.int64]
     vs: NDArray[np.int64]
     lower: Array
     upper: Array
-    velocity_limit: Array
-    effort_limit: Array
 
     def whole(self, robot: Leg, q: Array, v: Array) -> tuple[Array, Array]:
         """Return q and v of the robot from those of the chain, all other joints at rest."""
@@ -99,14 +95,11 @@ def kicking_chain(robot: Leg, *, branches: bool = False) -> KickingChain:
     qs, vs = coordinate_indices(model, kept)
     return KickingChain(
         leg=leg,
-        model=leg.model,
         names=leg.joint_names,
         qs=qs,
         vs=vs,
         lower=np.maximum(leg.lower, -math.pi),
         upper=np.minimum(leg.upper, math.pi),
-        velocity_limit=leg.velocity_limit,
-        effort_limit=leg.effort_limit,
     )
 
 

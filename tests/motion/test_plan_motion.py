@@ -208,13 +208,25 @@ def test_a_motion_is_planned_again_for_a_launch_nearby():
         kick.replan_motion(kd.plan_kick(HUMAN, kd.Goal(15, time=1), BALL, AIR), wished)
 
 
-@pytest.mark.parametrize("what", ["velocityLimit", "effortLimit"])
-def test_a_joint_without_limits_is_refused(what):
+def limited(what, limit):
     model = HUMAN.model
-    setattr(model, what, np.array([10.0, np.inf, 10.0]))
-    leg = kd.Leg.from_model(model, "toe")
+    limits = getattr(model, what).copy()
+    limits[1] = limit
+    setattr(model, what, limits)
+    return kd.Leg.from_model(model, "toe")
+
+
+def test_a_joint_without_a_torque_limit_is_refused():
+    leg = limited("effortLimit", np.inf)
     with pytest.raises(kd.InvalidInput, match="limit of knee is inf: a motion needs one, above 0"):
         kd.plan_kick(leg, kd.Goal(5, time=1), BALL, AIR, motion=True)
+
+
+def test_a_joint_may_have_no_speed_limit():
+    leg = limited("velocityLimit", np.inf)
+    plan = kd.plan_kick(leg, kd.Goal(5, time=1), BALL, AIR, motion=True)
+    assert plan.status == "met"
+    check_impact(plan)
 
 
 @pytest.mark.parametrize(

@@ -186,7 +186,8 @@ def test_a_leg_that_moves_in_a_vertical_plane_is_turned_towards_the_impulse(side
 def point_of(plan):
     """A plan as a point of its problem."""
     variables = kick_problem(plan.leg, plan.impact_target).variables
-    return variables.point(variables.unknowns(plan.q, plan.v, plan.share))
+    v = plan.v / variables.velocity_scale
+    return variables.point(np.array([*plan.q, *v, plan.share]))
 
 
 def value(name):

@@ -7,7 +7,6 @@ from chains import floating_leg
 
 import kickdyn as kd
 from kickdyn.robot.kicking_chain import (
-    configuration_with_angles,
     kicking_chain,
     rest_configuration,
     with_angles,
@@ -21,7 +20,7 @@ def test_the_chain_of_a_robot_is_its_leg():
     assert chain.names == tuple(G1.joint_names[i] for i in chain.vs)
     assert [name.startswith("right_") for name in chain.names] == [True] * 6
     assert G1.lower[chain.qs].tolist() == chain.lower.tolist()
-    assert G1.velocity_limit[chain.vs].tolist() == chain.velocity_limit.tolist()
+    assert G1.velocity_limit[chain.vs].tolist() == chain.leg.velocity_limit.tolist()
     draw = np.random.default_rng(0)
     q, v = draw.normal(0, 0.3, 6), draw.normal(0, 1, 6)
     whole_q, whole_v = chain.whole(G1, q, v)
@@ -35,7 +34,7 @@ def test_torques_of_the_chain_are_those_of_the_robot():
     chain, model = kicking_chain(G1), G1.model
     draw = np.random.default_rng(1)
     q, v, a = draw.normal(0, 0.3, (3, 6))
-    own = pin.rnea(chain.model, chain.model.createData(), q, v, a)
+    own = pin.rnea(chain.leg.model, chain.leg.model.createData(), q, v, a)
     whole_q, whole_v = chain.whole(G1, q, v)
     whole_a = chain.whole(G1, q, a)[1]
     whole = pin.rnea(model, model.createData(), whole_q, whole_v, whole_a)
@@ -98,21 +97,13 @@ def test_continuous_joints_by_angles_are_the_same_robot():
     assert with_angles(G1) is G1
 
 
-def test_configurations_with_angles(spoil, load):
-    knee = 'name="knee" type="revolute"'
-    leg = load(spoil((knee, knee.replace("revolute", "continuous"))))
-    for q in ([0.1, 0.5], [0.1, math.cos(0.5), math.sin(0.5)]):
-        assert configuration_with_angles(leg, q) == pytest.approx([0.1, 0.5], abs=1e-15)
-    assert kicking_chain(with_angles(leg)).upper.tolist() == [2.0, math.pi]
-
-
 def test_a_continuous_joint_may_move_beside_the_kicking_limb():
     model = kd.Leg.human().model
     add_body(model, 0, pin.JointModelRUBZ(), "turret")
     robot = kd.Leg.from_model(model, "toe")
     chain, alone = kicking_chain(with_angles(robot)), kicking_chain(kd.Leg.human())
     assert chain.names == alone.names
-    assert chain.velocity_limit.tolist() == alone.velocity_limit.tolist()
+    assert chain.leg.velocity_limit.tolist() == alone.leg.velocity_limit.tolist()
     plan = kd.plan_kick(robot, kd.Goal(3, time=0.5), kd.Ball(), kd.Air())
     assert plan.status == "met"
     assert plan.q[:3] == pytest.approx(

@@ -26,7 +26,7 @@ from kickdyn.robot.leg import Leg, Posture
 from kickdyn.simulators.mujoco_kick import mujoco_kick
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
-from references.pinocchio_impulse import contact_row, joined_state, with_ball
+from kickdyn.impact.pinocchio_engine import contact_row, joined_state, with_ball
 
 FOOT_SPEED = 10.0  # m/s
 CONTACT_TIMES = (1e-2, 1e-3, 1e-4, 1e-5)  # s

@@ -97,9 +97,9 @@ def contact_table() -> str:
         "|---|---|---:|---:|---:|---:|---:|",
     ]
     for name, joints in BENDS.items():
-        for frame, degrees in RISES.items():
-            if frame not in ROBOTS[name].contact_points or len(ROBOTS[name].contact_points) == 1:
-                continue
+        points = [frame for frame in RISES if frame in ROBOTS[name].contact_points]
+        for frame in points if len(points) > 1 else ():
+            degrees = RISES[frame]
             leg = kd.Leg.from_robot(name, frame, legs_only=True)
             normal = (np.cos(np.radians(degrees)), 0.0, np.sin(np.radians(degrees)))
             ankle = [joint for joint in leg.joint_names if "nkle" in joint]

@@ -96,7 +96,6 @@ class ValueEquality(ReadOnlyArrays):
         return hash(self._values())
 
     def _values(self) -> tuple[Any, ...]:
-        """Return the fields, arrays as tuples of shape and entries."""
         values = (getattr(self, field.name) for field in fields(self))  # type: ignore[arg-type]
         return tuple(
             (value.shape, *value.ravel().tolist()) if isinstance(value, np.ndarray) else value

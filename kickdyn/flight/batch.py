@@ -209,7 +209,6 @@ def _closed_forms(task: _Task, rows: NDArray[np.bool_]) -> _Flown:
 
 
 def _numbers(task: _Task) -> Array:
-    """Return the numbers of all events of each flight, shape `(n, 4 k)`."""
     n = len(task.states.position)
     columns = [np.broadcast_to(number, n) for end in task.ends for number in end.numbers]
     return np.column_stack(columns)
@@ -294,7 +293,6 @@ def _outside(
 
 
 def _speed(air: Air, height: float) -> float:
-    """Return the speed of the wind [m/s], nan where its function, a user's own, fails."""
     try:
         return math.hypot(*air.wind_at(height))
     except Exception:

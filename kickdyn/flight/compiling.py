@@ -275,7 +275,6 @@ def _call(scene: Any, state: Any, rate: Any) -> None:
 
 
 def _forget(folder: Path) -> None:
-    """Remove the oldest equations that are kept on the disk, all but `_ON_DISK` files."""
     with suppress(FileNotFoundError):  # another process was faster
         files = sorted(folder.glob("*.equations_*"), key=lambda file: file.stat().st_mtime)
         for file in files[:-_ON_DISK]:
@@ -405,6 +404,5 @@ def _used(function: types.FunctionType) -> dict[str, Any]:
 
 
 def _names(code: types.CodeType) -> set[str]:
-    """Return the names that a function and those defined in it look up."""
     inner = (constant for constant in code.co_consts if isinstance(constant, types.CodeType))
     return set(code.co_names).union(*(_names(function) for function in inner))

@@ -236,7 +236,6 @@ def _integrated(flown: Callable[..., Flight], task: _Task, ends: tuple[Event, ..
 
 
 def _wind_speed(air: Air, height: float) -> float:
-    """Return the speed of the wind at a height [m/s], or raise `InvalidInput` where it has none."""
     try:
         speed = math.hypot(*air.wind_at(height))
     except Exception as fault:

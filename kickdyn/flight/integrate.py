@@ -263,7 +263,6 @@ class _Integration:
             solver = self._solver(step.begin, step.before, max(length, shortest))
 
     def _locate(self, event: Event, begin: float, state: Array, length: float) -> Crossing:
-        """Return time and states of an event that a step of a length from a node crosses."""
         solver = self._solver(begin, state, length)
         with np.errstate(over="ignore", invalid="ignore"):
             while True:

@@ -288,7 +288,6 @@ def _first_step(i, lane, rtol, time_limit):
 
 @inlined
 def _status_of(event):
-    """Return the status of a flight that an event ends, the number of which is given."""
     return LANDED if event == 0 else FURTHER + event - 1
 
 

@@ -1,13 +1,24 @@
 """The strike: everything about the instant when the foot hits the ball."""
 
+from enum import StrEnum
+
 from numpy.typing import ArrayLike
 
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
+from kickdyn.core import validation
 from kickdyn.impact.approach import AT_REST, find_approach
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.laws import find_law, solve_contacts
+from kickdyn.impact.pinocchio_engine import solve_by_pinocchio
 from kickdyn.robot.leg import Posture
+
+
+class ImpactEngine(StrEnum):
+    """What solves the equations of an impact: formulas, or `pin.impulseDynamics`."""
+
+    CLOSED_FORM = "closed-form"
+    PINOCCHIO = "pinocchio"
 
 
 def strike(
@@ -17,10 +28,11 @@ def strike(
     contact: Contact,
     law: str = "newton",
     *,
+    engine: str = "closed-form",
     ball_velocity: ArrayLike = AT_REST,
     ball_spin: ArrayLike = AT_REST,
 ) -> Impact:
-    r"""Strike a ball (Eqs. 1-11 and 15-21).
+    r"""Strike a ball, in closed form (Eqs. 1-11 and 15-21) or by Pinocchio's solver.
 
     The relative velocity of the contact points before the impact and the Delassus matrix of leg and
     ball make a `ContactProblem`; an impact law solves it for the impulse p on the ball. Then
@@ -35,13 +47,17 @@ def strike(
         contact: normal, restitution, friction and offset of the contact.
         law: `newton` (kinematic restitution, exact Coulomb cone), `stronge` (energetic restitution;
             the sliding is followed through the contact) or `paper` (the ICRA 2005 paper's law).
+        engine: `closed-form`, or `pinocchio`, which gives leg and ball as one model to
+            `pin.impulseDynamics`, without friction. This is an independent computation of the same
+            impact; the joint impulses follow from its velocity jump.
         ball_velocity: velocity of its centre just before, shape `(3,)` [m/s, world frame].
         ball_spin: angular velocity just before, shape `(3,)` [rad/s, world frame].
 
     Raises:
         NoImpact: foot and ball do not approach each other along the normal, or by no more than 4
             times the rounding of terms that cancel.
-        InvalidInput: a wrong shape, an entry that is not finite, or an unknown law.
+        InvalidInput: a wrong shape, an entry that is not finite, an unknown law or engine, or
+            friction with the engine `pinocchio`.
 
     Example:
         >>> import kickdyn as kd
@@ -54,6 +70,10 @@ def strike(
     """
     impact_law = find_law(law)
     approach = find_approach(posture, v, ball, contact, ball_velocity, ball_spin)
-    solution = solve_contacts(approach.contact_problem(), impact_law)
-    ball_after = approach.ball_body().after(solution.impulses, solution.tangential_impulses)
-    return Impact(approach, impact_law.name, solution, ball_after)
+    if validation.choice("engine", engine, ImpactEngine) is ImpactEngine.CLOSED_FORM:
+        problem = approach.contact_problem()
+        solution = solve_contacts(problem, impact_law)
+        ball_after = approach.ball_body().after(solution.impulses, solution.tangential_impulses)
+        return Impact(approach, impact_law.name, solution, ball_after)
+    solution, ball_after, response = solve_by_pinocchio(approach, impact_law)
+    return Impact(approach, impact_law.name, solution, ball_after, response=response)

@@ -42,6 +42,8 @@ class BallClearance(KickTerm):
         space = robot.workspace
         placed = Placed(robot, body_frames(robot), space.model, space.data, rest.q)
         self.bodies = placed.bodies_near(rest.contact_point, LARGEST_MESH)
+        self._posture: Posture | None = None
+        self._known: list[Contact] = []
         numbers = frames_by_name(variables.leg.workspace.model)
         self._frames = {body.frame: numbers[body.frame] for body in self.bodies}
 
@@ -63,6 +65,9 @@ class BallClearance(KickTerm):
         return np.array(slopes).reshape(len(contacts), posture.leg.nv), None
 
     def _contacts(self, posture: Posture) -> list[Contact]:
-        space, centre = posture.leg.workspace, posture.contact_point + self._from_contact
-        placed = Placed(self._robot, self._frames, space.model, space.data, posture.q)
-        return [placed.contact(body, centre, self._radius) for body in self.bodies]
+        if posture is not self._posture:  # value and slope are of one posture
+            space, centre = posture.leg.workspace, posture.contact_point + self._from_contact
+            placed = Placed(self._robot, self._frames, space.model, space.data, posture.q)
+            self._posture = posture
+            self._known = [placed.contact(body, centre, self._radius) for body in self.bodies]
+        return self._known

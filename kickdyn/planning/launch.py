@@ -363,7 +363,6 @@ def _reached(goal: Goal, error: float, time: float) -> Goal:
 
 
 def _limit_of(family: LaunchFamily, nearest: LaunchSolution, error: float) -> LaunchLimit:
-    """Return why no launch meets a goal, from the nearest one and the error of its condition."""
     goal = family.goal
     if goal.over is not None or goal.apex is not None:
         return LaunchLimit.LOWEST_PATH if error > 0 else LaunchLimit.HIGHEST_PATH

@@ -44,7 +44,7 @@ LONGEST_NEWTON_STEP = 0.7
 """Longest step of Newton's method, as a fraction of the launch speed and of the time: a longer one
 may end at a launch of thousands of metres per second."""
 
-LONGEST_STEP, FIRST_STEP, SHORTEST_STEP = 0.4, 0.05, 1e-3
+LONGEST_STEP, FIRST_STEP, SHORTEST_STEP = 0.4, 0.05, 5e-3
 """Largest, first and smallest step along a branch, in the logarithm of the time. A second solution
 may be near the one from which a branch starts."""
 
@@ -406,7 +406,7 @@ class LaunchFamily:
         members, member, step = list[LaunchSolution](), start, FIRST_STEP
         while step > SHORTEST_STEP:
             change = member.time * math.expm1(sign * step)
-            following = self._member(member.unknowns + change * self._rates(member))
+            following = self._member(member.unknowns + change * self._rates(member), steps=6)
             if following is None:
                 step *= 0.5
                 continue

@@ -126,7 +126,6 @@ def _launch_slopes(impact: Impact) -> dict[str, Array]:
 
 
 def _across(direction: Array) -> Array:
-    """Return unit vectors across a direction as columns: upwards, and to the left."""
     along = direction / math.hypot(*direction)
     left = np.array([-along[1], along[0], 0.0])
     if np.linalg.norm(left) < 1e-9:  # the direction is vertical

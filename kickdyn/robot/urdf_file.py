@@ -252,19 +252,21 @@ def find_faults(root: Element, locked: Iterable[str] = ()) -> list[str]:
 
 
 def find_irregularities(root: Element) -> list[str]:
-    """Return one line for each kind of irregularity with which the robot under `root` is read.
+    """Return a line for impossible inertias and one for limits that are left out.
 
-    Inertias are judged with what moves together, by `model_validation`: a link alone may have none,
-    or one that no body has.
+    Inertias are judged with what moves together, by `model_validation`: a link alone may have one
+    that no body has.
     """
-    together = "they count together with what is fixed to them or hangs from them"
-    unlimited = "the URDF specification says 0"
     lines = []
     for tag, is_irregular, kind, meaning in (
-        ("link", _is_light, "links with mass 0", together),
-        ("link", _is_impossible, "links with moments of inertia that no body has", together),
-        ("joint", _is_idle, "fixed joints with a mimic", "they stay fixed"),
-        ("joint", _is_unlimited, "joints without lower or upper limit", unlimited),
+        (
+            *("link", _is_impossible, "links with moments of inertia that no body has"),
+            "they count together with what is fixed to them or hangs from them",
+        ),
+        (
+            *("joint", _is_unlimited, "joints without lower or upper limit"),
+            "the URDF specification says 0",
+        ),
     ):
         names = [element.get("name", "") for element in root.findall(tag) if is_irregular(element)]
         if names:
@@ -272,24 +274,15 @@ def find_irregularities(root: Element) -> list[str]:
     return lines
 
 
-def _is_light(link: Element) -> bool:
-    mass = link.find("inertial/mass")
-    return mass is not None and _number(mass.get("value", "")) == 0.0
-
-
 def _is_impossible(link: Element) -> bool:
     """Return whether moments of inertia are negative or break the triangle inequality."""
-    inertia = link.find("inertial/inertia")
-    if inertia is None or _is_light(link):
+    inertia, mass = link.find("inertial/inertia"), link.find("inertial/mass")
+    if inertia is None or (mass is not None and _number(mass.get("value", "")) == 0.0):
         return False
     keys = ("ixx", "ixy", "ixz", "ixy", "iyy", "iyz", "ixz", "iyz", "izz")
     moments = np.array([_number(inertia.get(key, "")) for key in keys]).reshape(3, 3)
     principal = second_moments(moments)
     return bool(principal.min() < -ROUNDING * np.abs(principal).max())
-
-
-def _is_idle(joint: Element) -> bool:
-    return joint.get("type") == "fixed" and joint.find("mimic") is not None
 
 
 def _is_unlimited(joint: Element) -> bool:

@@ -54,7 +54,6 @@ def _without_rotors(scene: Scene, _: BallState) -> Scene:
 
 
 def _constant_drag(air: Air, ball: Ball, launch: BallState) -> Air:
-    """Return air with the drag coefficient of the launch, whatever the speed and the spin."""
     if air.drag is None:
         return air
     speed = max(math.dist(launch.velocity, air.wind_at(float(launch.position[2]))), 1e-9)

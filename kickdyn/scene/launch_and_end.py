@@ -225,7 +225,6 @@ def contact_time_error(scene: Scene, impact: Impact) -> LaunchError:
 
 
 def _stays_clear(scene: Scene, impact: Impact, error: LaunchError) -> bool:
-    """Return whether the foot certainly does not press the ball into the ground or a plane."""
     before, after = impact.ball_before, impact.ball_after
     if scene.ground is not None:
         clearance = float(after.position[2]) - scene.ball.radius - scene.ground.height

@@ -80,7 +80,6 @@ class Table(NamedTuple):
 
 
 def _check_text(value: object) -> None:
-    """Raise `InvalidInput` unless a value is a text that a terminal shows as it is."""
     if not (isinstance(value, str) and value and value.isprintable()):
         raise InvalidInput(f"{validation.brief(value)}: it must be printable text")
 
@@ -93,7 +92,6 @@ def _check_list(value: object) -> None:
 
 
 def _check_joints(value: object, unit: str, **limits: float) -> None:
-    """Raise `InvalidInput`, with a line for each fault, unless a value has a number by joint."""
     if not isinstance(value, dict):
         raise InvalidInput(
             f"{validation.brief(value)}: it must be a table, joint = number [{unit}]"
@@ -210,7 +208,6 @@ def _contact(
     law: str | None = None,
     **values: Any,
 ) -> tuple[Contact, str | Compliance]:
-    """Return the contact, and its law or, where it takes time, its compliance."""
     timed = {name: values.pop(name) for name in ("contact_time", "stiffness") if name in values}
     if normal is None:
         attack = validation.number("attack", attack_deg, at_least=-90, at_most=90, unit="deg")

@@ -290,7 +290,6 @@ class Simulation(Printed):
 
 
 def _length_text(metres: float) -> str:
-    """Return a length with two digits, `unknown` where it is not finite."""
     if not math.isfinite(metres):
         return "unknown"
     return f"{metres:.0f}" if metres >= 10.0 else f"{metres:.2g}"

@@ -67,7 +67,6 @@ def load_scene(path: str | PathLike[str]) -> Scene:
 
 
 def _line_of(text: str, error: Exception) -> str:
-    """Return the line of a TOML text that an error names, and what is often wrong; or nothing."""
     place = re.search(r"at line (\d+)", str(error))
     if place is None:
         return ""
@@ -121,7 +120,6 @@ def _read_tables(document: dict[str, Any]) -> tuple[list[str], dict[str, Any]]:
 
 
 def _faults_of(table: Table, content: dict[str, Any]) -> list[str]:
-    """Return a line for each fault of the keys of a table, each key by itself."""
     prefix = f"{table.name}." if table.name else ""
     keys, faults = {key.name: key for key in table.keys}, []
     for name, value in content.items():

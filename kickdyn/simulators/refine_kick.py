@@ -46,6 +46,7 @@ def refine_kick(plan: KickPlan, rounds: int = 2, by: str = Observer.COLLIDE) -> 
         KickdynError: a foot that misses the ball.
     """
     chosen = validation.choice("by", by, Observer)
+    validation.check_type(int, rounds=rounds)
     validation.number("rounds", rounds, at_least=1, at_most=10)
     if plan.motion is None:
         raise InvalidInput("the plan has no motion: plan it with plan_kick(..., motion=True)")

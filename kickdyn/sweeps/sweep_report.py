@@ -9,9 +9,11 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from kickdyn.contact import Contact
 from kickdyn.core.console import PROSE, WIDE, empty_table, screen_width, wrapped
 from kickdyn.core.files import finite
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, length
+from kickdyn.impact.strike import strike
 from kickdyn.robot.leg import Leg
 from kickdyn.sweeps.dataset import provenance, sweep_warnings, variables_of
 from kickdyn.sweeps.grid import DECIMALS, Grid
@@ -255,7 +257,28 @@ def text(summary: Summary, lines: Sequence[ReportLine], width: int = PROSE) -> s
         sentences.append(
             f"The relative residuals of restitution and momentum are below 1e{power:+03d}."
         )
+    if (difference := pinocchio_difference(lines)) is not None:
+        power = math.ceil(math.log10(max(difference, 1e-17))) + 1
+        sentences.append(
+            "Without friction, the impulses of these postures agree with pin.impulseDynamics: the "
+            f"relative difference is below 1e{power:+03d}."
+        )
     return "\n".join(wrapped(sentence, width) for sentence in sentences)
+
+
+def pinocchio_difference(lines: Sequence[ReportLine]) -> float | None:
+    """Return the largest relative difference of the impulses from `pin.impulseDynamics`.
+
+    Both are without friction, which Pinocchio's solver lacks; None where no posture has an impact.
+    """
+    differences = []
+    for hit in (line.outcome.impact for line in lines):
+        if hit is not None:
+            contact = Contact(hit.contact.normal, hit.contact.restitution)
+            closed = strike(hit.posture, hit.v_before, hit.ball, contact)
+            other = strike(hit.posture, hit.v_before, hit.ball, contact, engine="pinocchio")
+            differences.append(length(other.impulse - closed.impulse) / length(closed.impulse))
+    return float(max(differences)) if differences else None
 
 
 def _unit(leg: Leg, joint: str) -> str:
@@ -276,5 +299,6 @@ def as_json(
         "status": counts,
         **where,
         "lines": [line.as_json() for line in lines],
+        "pinocchio_difference": pinocchio_difference(lines),
         **summary.as_json(),
     }

@@ -4,11 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from chains import in_units
+from chains import by_pinocchio, in_units
 from extremes import extreme_impacts
 from extremes.extreme_impacts import BENT, SPEEDS, USUAL, chain
 from references.exact_impact import exact_impact, given
-from references.pinocchio_impulse import by_pinocchio
 
 import kickdyn as kd
 

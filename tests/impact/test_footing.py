@@ -3,8 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from chains import any_kick, constraint_speed
-from references.pinocchio_impulse import by_pinocchio
+from chains import any_kick, by_pinocchio, constraint_speed
 from stacked import held_rows, inertia_of, rows_of, solved, struck
 
 import kickdyn as kd

@@ -4,10 +4,9 @@ import pickle
 import numpy as np
 import pinocchio as pin
 import pytest
-from chains import constraint_speed, random_inertia, random_rotation
+from chains import by_pinocchio, constraint_speed, random_inertia, random_rotation
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from references.pinocchio_impulse import by_pinocchio
 from stacked import held_rows, inertia_of, rows_of, solved
 
 import kickdyn as kd

@@ -5,10 +5,9 @@ import pickle
 import numpy as np
 import pinocchio as pin
 import pytest
-from chains import floating_leg
+from chains import by_pinocchio, floating_leg
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from references.pinocchio_impulse import by_pinocchio
 from urdf_bodies import Bodies, random_urdf
 
 import kickdyn as kd

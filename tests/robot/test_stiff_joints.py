@@ -4,10 +4,9 @@ import pickle
 
 import numpy as np
 import pytest
-from chains import any_kick, constraint_speed, random_kick, random_leg
+from chains import any_kick, by_pinocchio, constraint_speed, random_kick, random_leg
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from references.pinocchio_impulse import by_pinocchio
 
 import kickdyn as kd
 from kickdyn.planning.kick import plan_kick

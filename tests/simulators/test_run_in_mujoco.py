@@ -122,6 +122,8 @@ def test_bad_input(monkeypatch):
         kd.refine_kick(swinging(), by="eye")
     with pytest.raises(kd.InvalidInput, match="rounds is 0"):
         kd.refine_kick(swinging(), rounds=0)
+    with pytest.raises(kd.InvalidInput, match=r"rounds is 1\.5"):
+        kd.refine_kick(swinging(), rounds=1.5)
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(kd.InvalidInput, match=r'install it with pip install "kickdyn\[mjcf\]"$'):
         kd.run_in_mujoco(swinging())

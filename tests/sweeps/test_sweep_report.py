@@ -1,8 +1,11 @@
+import sys
+
 import numpy as np
 import pytest
 from rich.console import Console
 
 import kickdyn as kd
+from kickdyn.impact import pinocchio_engine
 from kickdyn.sweeps.grid import Grid, read_postures
 from kickdyn.sweeps.summary import summarize
 from kickdyn.sweeps.sweep_kick import kick_from
@@ -11,11 +14,13 @@ from kickdyn.sweeps.sweep_report import (
     extreme_lines,
     page_lines,
     paper_lines,
+    pinocchio_difference,
     show,
     table,
     text,
 )
 
+strike_module = sys.modules["kickdyn.impact.strike"]
 LEG, KICK = kd.Leg.human(), kd.Kick()
 
 
@@ -77,9 +82,23 @@ def test_prose_fits_a_screen(lines):
 def test_residuals_are_rounded_up_with_a_digit_to_spare(lines, residual, power):
     summary = swept("hip=0:10:10")[1]
     summary.residual = residual
-    assert text(summary, lines).endswith(
-        f"\nThe relative residuals of restitution and momentum are below 1e{power}."
-    )
+    said = text(summary, lines)
+    assert f"\nThe relative residuals of restitution and momentum are below 1e{power}.\n" in said
+
+
+def test_the_report_compares_with_pinocchio(lines, monkeypatch):
+    assert 0.0 <= pinocchio_difference(lines) < 1e-14
+    exact = pinocchio_engine.solve_by_pinocchio
+
+    def wrong(approach, law):
+        solution, ball, response = exact(approach, law)
+        return solution._replace(impulses=solution.impulses * (1 + 3e-7)), ball, response
+
+    monkeypatch.setattr(strike_module, "solve_by_pinocchio", wrong)
+    assert pinocchio_difference(lines) == pytest.approx(3e-7)
+    said = text(swept("hip=0:10:10")[1], lines, 200)
+    assert said.endswith("pin.impulseDynamics: the relative difference is below 1e-05.")
+    assert pinocchio_difference([]) is None
 
 
 def test_a_pipe_has_80_columns(lines, capsys, monkeypatch):

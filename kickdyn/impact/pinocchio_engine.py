@@ -1,29 +1,24 @@
 """The frictionless impact by Pinocchio's own solver, with leg and free ball as one model."""
 
+from functools import lru_cache
+
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
 
-from kickdyn.ball import Ball, BallState
-from kickdyn.contact import Contact
+from kickdyn.ball import BallState
 from kickdyn.core.validation import Array
-from kickdyn.impact.approach import AT_REST, Approach, find_approach
-from kickdyn.impact.contact_problem import Solution
-from kickdyn.impact.impact_result import Impact
-from kickdyn.impact.leg_response import NO_CONSTRAINTS, response_to_jump
-from kickdyn.robot.leg import Leg, Posture, Workspace
+from kickdyn.errors import InvalidInput
+from kickdyn.impact.approach import Approach
+from kickdyn.impact.contact_problem import ImpactLaw, Solution
+from kickdyn.impact.laws import names_of_laws
+from kickdyn.impact.leg_response import NO_CONSTRAINTS, LegResponse, response_to_jump
+from kickdyn.robot.leg import Leg, Workspace
 
 
-def by_pinocchio(
-    posture: Posture,
-    v: ArrayLike,
-    ball: Ball,
-    contact: Contact,
-    *,
-    ball_velocity: ArrayLike = AT_REST,
-    ball_spin: ArrayLike = AT_REST,
-) -> Impact:
-    r"""Return the impact of `kickdyn.strike` without friction by `pin.impulseDynamics`.
+def solve_by_pinocchio(
+    approach: Approach, law: ImpactLaw
+) -> tuple[Solution, BallState, LegResponse]:
+    r"""Return impulse, ball and leg after the impact by `pin.impulseDynamics`.
 
     The solver has a row A of constraints for leg and ball together, :math:`n^T (J_\mathrm{ball} -
     J_\mathrm{foot})`, and solves
@@ -31,11 +26,18 @@ def by_pinocchio(
     .. math:: A v^+ = -e A v, \qquad M (v^+ - v) = A^T \lambda .
 
     Of supports and loops, the independent rows are added; with rows of lower rank its answer would
-    be wrong without a warning.
+    be wrong without a warning. Friction, a law that differs from Eq. (10) without it and an
+    obstacle raise `InvalidInput`.
     """
-    approach = find_approach(posture, v, ball, contact, ball_velocity, ball_spin)
-    assert contact.friction == 0.0
-    posture, before, leg = approach.posture, approach.ball_before, approach.posture.leg
+    posture, before, ball = approach.posture, approach.ball_before, approach.ball
+    contact, leg = approach.contact, posture.leg
+    if contact.friction != 0.0 or not law.eq_10_without_friction:
+        raise InvalidInput(
+            f"friction is {contact.friction:g} and law {law.name!r}: engine 'pinocchio' is for "
+            f"friction 0 and law {names_of_laws('eq_10_without_friction')}, which agree "
+            "without friction"
+        )
+    ball.check_movable("Pinocchio's impulseDynamics")
     n, e = contact.normal, approach.restitution
     inertia = min(ball.inertia, ball.mass * ball.radius**2)  # nothing turns it, not even a particle
     space, joint = with_ball(leg, ball.mass, inertia)
@@ -60,9 +62,10 @@ def by_pinocchio(
     jump, turned = after[: leg.nv] - approach.v, after[leg.nv :]
     response = response_to_jump(posture, approach.v, jump, p * n, reaction)
     ball_after = BallState.computed(before.position, turned[:3].copy(), turned[3:].copy())
-    return Impact(approach, "newton", solution, ball_after, response=response)
+    return solution, ball_after, response
 
 
+@lru_cache(maxsize=4)
 def with_ball(leg: Leg, mass: float, inertia: float) -> tuple[Workspace, int]:
     """Return the model of a leg and a free ball, without gravity, and the ball's joint."""
     model = leg.model

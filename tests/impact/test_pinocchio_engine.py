@@ -3,12 +3,12 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from chains import random_kick, random_leg
+from chains import by_pinocchio, random_kick, random_leg
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from references.pinocchio_impulse import by_pinocchio
 
 import kickdyn as kd
+from kickdyn.impact.pinocchio_engine import with_ball
 
 seeds = st.integers(0, 2**32 - 1)
 LEGS = {"human": kd.Leg.human(), "testbed": kd.Leg.testbed()}
@@ -76,6 +76,24 @@ def test_armature_is_honoured():
     assert np.linalg.norm(kd.strike(*kick, **options).impulse) > np.linalg.norm(bare.impulse)
 
 
+def test_friction_is_refused():
+    kick, options = random_kick(np.random.default_rng(1), LEGS["human"], friction=0.4)
+    with pytest.raises(kd.InvalidInput, match=r"friction is 0\.4 .*for friction 0"):
+        by_pinocchio(*kick, **options)
+    kick, options = random_kick(np.random.default_rng(1), LEGS["human"])
+    with pytest.raises(kd.InvalidInput, match=r"law 'paper': .*'newton' or 'stronge'"):
+        by_pinocchio(*kick, law="paper", **options)
+    with pytest.raises(kd.InvalidInput, match="engine is 'bullet'"):
+        kd.strike(*kick, engine="bullet", **options)
+
+
+def test_separating_bodies_are_not_pulled():
+    (posture, v, ball, contact), options = random_kick(np.random.default_rng(1), LEGS["human"])
+    away = kd.Contact(-contact.normal, contact.restitution)
+    with pytest.raises(kd.NoImpact, match="away from the ball"):
+        kd.strike(posture, v, ball, away, engine="pinocchio", **options)
+
+
 def by_constraint(posture, v, ball, contact, ball_velocity, ball_spin):
     """The same impact by a point contact without friction and Pinocchio's PGS solver.
 
@@ -131,3 +149,16 @@ def test_the_constraint_solver_agrees(seed):
     impulse, v_after = by_constraint(*kick, **options)
     assert impulse == pytest.approx(engine.impulse, abs=1e-9 * np.abs(engine.impulse).max())
     assert v_after == pytest.approx(engine.v_after, abs=1e-9 * np.abs(engine.v_after).max())
+
+
+def test_the_model_of_leg_and_ball_is_made_once():
+    leg, ball = kd.Leg.human(), kd.Ball()
+    posture, contact = leg.posture([0.1, 0.2, 0.3]), kd.Contact((3, 0, 1), 0.8)
+    v = posture.joint_velocity((3, 0, 1))
+    before = with_ball.cache_info().misses
+    hits = [kd.strike(posture, v, ball, contact, engine="pinocchio") for _ in range(3)]
+    assert with_ball.cache_info().misses == before + 1
+    assert len({tuple(hit.impulse) for hit in hits}) == 1
+    light = kd.Ball(mass=0.2)  # another ball, another model
+    exact = kd.strike(posture, v, light, contact).impulse
+    assert kd.strike(posture, v, light, contact, engine="pinocchio").impulse == pytest.approx(exact)

@@ -51,6 +51,7 @@ def plan_kick(
     limits: bool = True,
     surface: str | Surface | None = None,
     motion: bool = False,
+    solver: str = "slsqp",
 ) -> KickPlan:
     r"""Find posture and joint velocity that strike a ball at rest so that it meets a goal.
 
@@ -86,6 +87,7 @@ def plan_kick(
         motion: whether to plan the whole motion: from rest to the impact, and to rest again. It
             chooses posture and joint velocity at the impact, too, and needs torque limits of all
             joints that move, and `pip install "kickdyn[motion]"`. See below.
+        solver: name of the solver of the nonlinear program, `slsqp`; a motion has its own, Ipopt.
 
     A robot that stands on one foot kicks a ball that lies on the same ground, the plane z = 0. The
     foot lies on it as it does while all joints are at 0 and the base is upright; without a `sole`
@@ -133,7 +135,7 @@ def plan_kick(
         else:
             launch = _plan_pass_launch(goal, ball, air, surface)
         target = impact_target_for(launch.velocity, launch.spin, ball, contact)
-        problem = kick_problem(leg, target, position, limits=limits)
+        problem = kick_problem(leg, target, position, limits=limits, solver=solver)
         if motion:
             chosen = _plan_motion(problem)
         else:

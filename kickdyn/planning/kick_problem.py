@@ -3,8 +3,9 @@ r"""The problem of a kick: its terms, postures to start from, and its solution.
 .. math::
     \min_{q, v, s} f(q, v) \quad\text{subject to the terms of the foot, the joints and the stance.}
 
-A limit that every kick must keep is a term in the list of `kick_problem`. A problem is solved from
-those postures that need the least joint speed, of many that are drawn with a fixed seed.
+A limit that every kick must keep is a term in the list of `kick_problem`, and a solver is an entry
+of `SOLVERS`. A problem is solved from those postures that need the least joint speed, of many that
+are drawn with a fixed seed.
 """
 
 import math
@@ -33,7 +34,7 @@ from kickdyn.planning.kick_terms import (
     check_limits,
 )
 from kickdyn.planning.objectives import LargestShare
-from kickdyn.planning.problem import TOLERANCE, Function, Problem, Term
+from kickdyn.planning.problem import TOLERANCE, Function, Problem, Solver, Term, slsqp
 from kickdyn.planning.stance import Balance, Clearance, SupportImpulse, Upright
 from kickdyn.robot.kicking_chain import KickingChain, check_unconstrained, kicking_chain
 from kickdyn.robot.leg import Leg
@@ -46,6 +47,9 @@ DRAWN, STARTS = 80, 4
 FARTHEST_START, FARTHEST_STANDING_START = 1.0, 0.5
 """Largest angle of a joint in a drawn posture, on a fixed base and on one foot [rad]: farther, a
 leg is bent more than in any kick, and the trunk of a standing robot lies down."""
+
+SOLVERS: dict[str, Solver] = {"slsqp": slsqp}
+"""Solvers of the problem of a kick, by name."""
 
 AnyTerm = TypeVar("AnyTerm", bound=Term[KickPoint])
 
@@ -61,6 +65,7 @@ class KickProblem:
         foot_directions: in which the foot can move at all, orthonormal rows, shape `(k, 3)`.
         terms: the conditions and bounds, without an objective.
         drawn: postures that are drawn, shape `(m, n)` [rad; m for prismatic joints].
+        solver: that solves it.
         heading: see `robot`.
         standing: the robot on its foot; None for a leg on a fixed base.
     """
@@ -71,6 +76,7 @@ class KickProblem:
     foot_directions: Array
     terms: tuple[Term[KickPoint], ...]
     drawn: Array
+    solver: Solver
     heading: float = 0.0
     standing: StandingRobot | None = None
 
@@ -107,7 +113,7 @@ class KickProblem:
         if not isinstance(objective, LargestShare):
             terms += (FullShare(variables),)
         problem = Problem(variables.size, variables.point, (objective, *terms))
-        solutions = [problem.solve(start) for start in starts]
+        solutions = [problem.solve(start, self.solver) for start in starts]
         return [strike.make_exact(variables.point(x)) for x in solutions if x is not None]
 
     def starts(self) -> list[Array]:
@@ -145,6 +151,7 @@ def kick_problem(
     ball_position: float | Array | None = None,
     *,
     limits: bool = True,
+    solver: str = "slsqp",
 ) -> KickProblem:
     """Return the problem of a kick.
 
@@ -154,11 +161,14 @@ def kick_problem(
         ball_position: height or position of the ball's centre, shape `(3,)` [m, world frame]; None
             leaves it free.
         limits: whether limits of speed and torque hold.
+        solver: name of the solver, see `SOLVERS`.
 
     Raises:
-        InvalidInput: a leg that cannot kick in this direction, or a ball beside
+        InvalidInput: an unknown solver, a leg that cannot kick in this direction, or a ball beside
             its plane.
     """
+    if solver not in SOLVERS:
+        raise InvalidInput(f"solver is {solver!r}: it must be one of {', '.join(SOLVERS)}")
     draw, heading = np.random.default_rng(0), 0.0
     standing = StandingRobot(robot) if is_floating(robot) else None
     if standing is not None:
@@ -199,7 +209,9 @@ def kick_problem(
     lower = np.minimum(np.maximum(variables.lower, -farthest), variables.upper)
     upper = np.maximum(np.minimum(variables.upper, farthest), variables.lower)
     drawn = np.array([draw.uniform(lower, upper) for _ in range(DRAWN)])
-    return KickProblem(robot, limb, variables, directions, tuple(terms), drawn, heading, standing)
+    return KickProblem(
+        robot, limb, variables, directions, tuple(terms), drawn, SOLVERS[solver], heading, standing
+    )
 
 
 def solve_kick(problem: KickProblem, objective: Objective) -> KickSolution:

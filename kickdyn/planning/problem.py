@@ -156,9 +156,9 @@ class Problem(Generic[Point]):
         point = self._point(x)
         return np.concatenate([f.slope(point) / f.scale for f in self.functions(kind)])
 
-    def solve(self, start: Array) -> Array | None:
+    def solve(self, start: Array, solver: "Solver") -> Array | None:
         """Return unknowns that solve the problem, near some to start from; None without any."""
-        x = np.clip(slsqp(self, start), *self.bounds)
+        x = np.clip(solver(self, start), *self.bounds)
         return x if self._is_solved(x) else None
 
     def _is_solved(self, x: Array) -> bool:
@@ -170,6 +170,10 @@ class Problem(Generic[Point]):
     @cached_property
     def _point(self) -> Callable[[Array], Point]:
         return keep_last(self.point)
+
+
+Solver = Callable[[Problem[Any], Array], Array]
+"""From a problem and unknowns to start from to unknowns that may solve it, shape `(n,)`."""
 
 
 def slsqp(problem: Problem[Any], start: Array) -> Array:

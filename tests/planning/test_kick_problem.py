@@ -249,3 +249,21 @@ def test_conditions_that_exclude_each_other_are_not_blamed_on_the_ranges():
     words = "it has one only without two or more of its conditions"
     assert explain_infeasible(replace(problem, terms=terms)) == words
     assert explain_infeasible(replace(problem, terms=terms[:-1])) == "it has one without 1.0"
+
+
+def test_another_solver_finds_the_same_plan(monkeypatch):
+    starts = []
+
+    def recording(problem, start):
+        starts.append(start)
+        return module.slsqp(problem, start)
+
+    monkeypatch.setitem(module.SOLVERS, "recording", recording)
+    plan = kd.plan_kick(LEG, kd.Goal(15, time=1), BALL, AIR, solver="recording")
+    assert len(starts) == module.STARTS
+    assert plan.q.tolist() == kd.plan_kick(LEG, kd.Goal(15, time=1), BALL, AIR).q.tolist()
+
+
+def test_an_unknown_solver_is_refused():
+    with pytest.raises(kd.InvalidInput, match="solver is 'best': it must be one of slsqp"):
+        kd.plan_kick(LEG, kd.Goal(15, time=1), BALL, AIR, solver="best")

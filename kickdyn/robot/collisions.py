@@ -158,8 +158,9 @@ def find_ball_overlaps(posture: Posture, centre: Array, radius: float) -> dict[s
 def find_self_collisions(leg: Leg, q: Array) -> dict[tuple[str, str], float]:
     """Return how deep bodies are inside each other [m], by pairs of frames, the deepest first.
 
-    Bodies of one joint or of a joint and the body that carries it do not count, nor do pairs that the SRDF beside
-    the URDF disables (`disable_collisions`) or that touch where all joints are at rest.
+    Bodies of one joint or of a joint and the body that carries it do not count, nor do pairs that
+    the SRDF beside the URDF disables (`disable_collisions`) or that touch where all joints are at
+    rest.
 
     Args:
         leg: with the shapes.

@@ -16,7 +16,7 @@ from kickdyn.errors import InvalidInput
 from kickdyn.robot.model_validation import frame_id
 from kickdyn.robot.names import listed
 from kickdyn.robot.surgery import reduce_model, turn_body
-from kickdyn.robot.urdf_file import UrdfFile, build_model, check_base, read_document
+from kickdyn.robot.urdf_file import UrdfFile, build_model, check_base, read_urdf
 
 PACKAGE = "example-robot-data"
 
@@ -175,25 +175,18 @@ ROBOTS = {
 """Every robot of the package that `Leg.from_robot` reads."""
 
 
-def robot(name: str) -> Robot:
-    """Return a robot by name; raise `InvalidInput` with those there are."""
-    if not isinstance(name, str) or name not in ROBOTS:
-        raise InvalidInput(f"robot {name!r} is unknown: choose {', '.join(ROBOTS)}")
-    return ROBOTS[name]
-
-
-def robot_model(name: str, base: str) -> Any:
-    """Return the `pin.Model` of a robot, its base turned to x forward, z up."""
+def read_robot(name: str, base: str) -> tuple[UrdfFile, Any]:
+    """Return the URDF of a robot and its `pin.Model`, its base turned to x forward, z up."""
     check_base(base)
-    known, file = robot(name), robot_file(name)
+    known = ROBOTS[name]
+    file = read_urdf(robots_folder() / known.file)
     model = build_model(file.text, file.source, "floating")
     model.name = name
     model = turn_body(model, 1, pin.rpy.rpyToMatrix(*known.turn))
     if base == "fixed":
         model = reduce_model(model, [model.names[1]], pin.neutral(model))
-    if known.contact_points:
-        _add_contact_points(model, known)
-    return model
+    _add_contact_points(model, known)
+    return file, model
 
 
 def _add_contact_points(model: Any, known: Robot) -> None:
@@ -207,11 +200,6 @@ def _add_contact_points(model: Any, known: Robot) -> None:
     for name, point in known.contact_points.items():
         place = pose * pin.SE3(back, back @ np.array(point))
         model.addFrame(pin.Frame(name, joint, number, place, pin.FrameType.OP_FRAME), False)
-
-
-def robot_file(name: str) -> UrdfFile:
-    """Return a robot's URDF; raise `InvalidInput` unless it is known and installed."""
-    return read_document(robots_folder() / robot(name).file)
 
 
 def robots_folder() -> Path:

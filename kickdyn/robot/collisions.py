@@ -101,12 +101,9 @@ class Placed:
 
     Args:
         leg: with the shapes.
-        frames: numbers of its frames in the posture's model, by name.
+        frames: numbers of its frames in `model`, by name.
         model, data: of the leg, or of a part of it.
         q: configuration of the model, shape `(nq,)`.
-
-    Attributes:
-        poses: of the frames with shapes, by name [world frame].
     """
 
     def __init__(self, leg: Leg, frames: Mapping[str, int], model: Any, data: Any, q: Array):
@@ -161,9 +158,6 @@ def find_self_collisions(leg: Leg, q: Array) -> dict[tuple[str, str], float]:
     Bodies of one joint or of a joint and its parent do not count, nor do pairs that the SRDF beside
     the URDF disables (`disable_collisions`) or that touch where all joints are at rest.
 
-    Args:
-        leg: with the shapes.
-        q: configuration, shape `(nq,)`.
     """
     pairs = _overlapping(leg, q)
     if not pairs:

@@ -31,7 +31,6 @@ LARGEST_MESH = 0.5
 CIRCLE_POINTS = 16
 """Number of points that stand for a circle or an ellipse."""
 
-
 CORNERS, DIRECTIONS = 24, 400
 """Number of spheres that stand for the kicking foot at most, and of directions, evenly over the
 unit sphere, in which the foot is at most a known distance larger than these."""

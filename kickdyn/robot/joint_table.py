@@ -20,7 +20,6 @@ MIMIC_TOLERANCE = 1e-9
 LIMIT_TOLERANCE = 1e-6
 """By how much a range may be passed without a warning [rad; m]; a speed limit, as a share of it."""
 
-
 DEGREES_FACTOR = 10.0
 """Angle, as a multiple of the farther end of the joint's range, that looks like degrees."""
 
@@ -155,16 +154,11 @@ class JointTable:
         return [name for name, nv in zip(self.joint_names, sizes, strict=True) if nv == 1]
 
     def configuration(self, angles: Mapping[str, float] | None = None) -> Array:
-        """Return q with the named joints at their values and all others at 0.
+        """Return q, shape `(nq,)`, with joints at their values by name and all others at 0.
 
-        Mimic joints are where their drivers put them.
-
-        Args:
-            angles: joint name to value [rad; m for prismatic joints].
-
-        Returns:
-            Shape `(nq,)`; a joint without limits has cosine and sine there, a floating base
-            position and quaternion.
+        Values are in radians, or metres for prismatic joints. In q, a joint without limits has
+        cosine and sine, a floating base position and quaternion; mimic joints are where their
+        drivers put them.
         """
         step, named = np.zeros(self.nv), validation.mapping("angles", angles)
         for name, value in named.items():

@@ -1,8 +1,7 @@
 """A robot on a floating base that stands on one foot, as a robot on a fixed base: that foot.
 
-A flat foot at rest takes all six degrees of freedom from the floating base. Where the robot is a
-tree, no equation remains: with the foot as its root, it is a tree on a fixed base, and what is made
-for those (`kicking_chain`, `plan_kick`) applies to it.
+With the foot as its root, the robot is a tree on a fixed base, and what is made for those
+(`kicking_chain`, `plan_kick`) applies to it.
 """
 
 from dataclasses import replace
@@ -238,13 +237,11 @@ def missing_shapes(robot: Leg, support: Support) -> list[str]:
     limb = [name for joint in kicking_limb(robot, support) for name in joint_bodies(robot, joint)]
     reasons = {name: why for name in limb if (why := find_unread(robot, name))}
     lines = []
-    for names, instead in (
-        ([name for name in reasons if shapes_of(robot, name)], "its other shapes are used instead"),
-        (
-            [name for name in reasons if not shapes_of(robot, name)],
-            "it counts as a point, and may be lower than the plan says",
-        ),
+    for has_others, instead in (
+        (True, "its other shapes are used instead"),
+        (False, "it counts as a point, and may be lower than the plan says"),
     ):
+        names = [name for name in reasons if bool(shapes_of(robot, name)) == has_others]
         if names:
             more = f", as are those of {listed(names[1:], 5)}" if names[1:] else ""
             lines.append(

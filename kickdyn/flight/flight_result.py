@@ -1,7 +1,7 @@
 """The result of `fly`: path, apex, landing, error and warnings."""
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
@@ -20,6 +20,9 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
 from kickdyn.ground import Ground
 from kickdyn.plane import Plane
+
+SAMPLES = 101
+"""Number of states of a flight, or of all flights of a course, that are compared with ranges."""
 
 COMPRESSIBLE = 100.0
 """Speed from which the compressibility of air matters [m/s]: 0.3 of that of sound."""
@@ -135,35 +138,7 @@ class Flight(ReprMixin):
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """A line for the ball, for each coefficient outside its range, and above Mach 0.3."""
-        lines = [*self.ball.warnings, *self._range_warnings()]
-        if self.evaluations and self.air is not None and self.launch.speed > COMPRESSIBLE:
-            lines.append(
-                f"the launch speed of {self.launch.speed:.3g} m/s is above {COMPRESSIBLE:g} m/s, "
-                "Mach 0.3: there the air is compressed, and no coefficient is valid"
-            )
-        return tuple(lines)
-
-    def _range_warnings(self) -> Iterable[str]:
-        """Yield a line for each coefficient whose range the flight leaves, with the share of it."""
-        if self.air is None or self.evaluations == 0:
-            return
-        states = self.sample(np.linspace(0.0, self.duration, 101))
-        per_speed = 2 * self.ball.radius * self.air.density / self.air.viscosity
-        for model, beyond in outside_ranges(
-            states.position[:, 2], states.velocity, states.spin, self.ball, self.air
-        ):
-            names = (
-                f"airspeed below {model.reynolds[0] / per_speed:.3g} m/s",
-                f"airspeed above {model.reynolds[1] / per_speed:.3g} m/s",
-                f"spin parameter below {model.spin[0]:g}",
-                f"spin parameter above {model.spin[1]:g}",
-            )
-            limits = [name for name, rows in zip(names, beyond, strict=True) if rows.any()]
-            if limits:
-                yield (
-                    f"{model.kind} {model.name}: {100 * beyond.any(axis=0).mean():.0f} % of the "
-                    f"flight is outside its data ({', '.join(limits)})"
-                )
+        return flight_warnings([self])
 
     def arrival(self, x: float) -> BallState | None:
         """Return the ball where its centre first is at `x`, or None if it never is.
@@ -239,6 +214,43 @@ def refinement(tol: float, duration: Any, air: Air | None) -> tuple[float, Any]:
 def least_error(tol: float) -> float:
     """Return the least estimate of an error that is believed, relative to the flight's length."""
     return max(1e-3 * tol, 3e-14)
+
+
+def flight_warnings(flights: Sequence[Flight]) -> tuple[str, ...]:
+    """Return the warnings of consecutive flights of a ball; shares are of their common duration."""
+    ball, air = flights[0].ball, flights[0].air
+    lines = list(ball.warnings)
+    if air is None or not any(flight.evaluations for flight in flights):
+        return tuple(lines)
+    aloft = sum(flight.duration for flight in flights)
+    samples = []
+    for flight in flights:
+        count = max(2, round(SAMPLES * flight.duration / aloft)) if aloft else 2
+        samples.append(flight.sample(np.linspace(0.0, flight.duration, count)))
+    position, velocity, spin = (
+        np.concatenate([getattr(states, name) for states in samples])
+        for name in ("position", "velocity", "spin")
+    )
+    per_speed = 2 * ball.radius * air.density / air.viscosity
+    for model, beyond in outside_ranges(position[:, 2], velocity, spin, ball, air):
+        names = (
+            f"airspeed below {model.reynolds[0] / per_speed:.3g} m/s",
+            f"airspeed above {model.reynolds[1] / per_speed:.3g} m/s",
+            f"spin parameter below {model.spin[0]:g}",
+            f"spin parameter above {model.spin[1]:g}",
+        )
+        limits = [name for name, rows in zip(names, beyond, strict=True) if rows.any()]
+        if limits:
+            lines.append(
+                f"{model.kind} {model.name}: {100 * beyond.any(axis=0).mean():.0f} % of the "
+                f"flight is outside its data ({', '.join(limits)})"
+            )
+    if (speed := flights[0].launch.speed) > COMPRESSIBLE:
+        lines.append(
+            f"the launch speed of {speed:.3g} m/s is above {COMPRESSIBLE:g} m/s, "
+            "Mach 0.3: there the air is compressed, and no coefficient is valid"
+        )
+    return tuple(lines)
 
 
 def outside_ranges(

@@ -13,7 +13,7 @@ from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.events import Event, checked_ends, plane_events
-from kickdyn.flight.flight_result import Flight, FlightStatus
+from kickdyn.flight.flight_result import Flight, FlightStatus, flight_warnings
 from kickdyn.flight.fly import check_single, fly
 from kickdyn.flight.ground_motion import GroundPhase, bounce, roll, slide
 from kickdyn.ground import Ground, Surface
@@ -82,8 +82,8 @@ class Course(ReprMixin):
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
-        """The warnings of the longest flight."""
-        return max(self.flights, key=lambda path: path.duration).warnings
+        """Those of the flights; shares are of their common duration."""
+        return flight_warnings(self.flights)
 
     def sample(self, t: ArrayLike) -> BallState:
         """Return the ball at times since the launch, 0 to `duration`, a number or `(n,)` [s]."""

@@ -28,7 +28,7 @@ class PlanStatus(StrEnum):
 
     MET = "met"
     COLLIDES = "collides"
-    """A body is inside the ball or under the ground."""
+    """A body is inside the ball or another body, or under the ground."""
     SUPPORT_MOVES = "support-moves"
     """The foot that a robot stands on slips, tips or lifts off."""
     BEYOND_LIMITS = "beyond-limits"

@@ -33,7 +33,11 @@ from kickdyn.robot.names import listed, lock_remedy
 from kickdyn.robot.standing import missing_shapes
 
 MOTION_TIMES = 80
-"""Number of configurations of a planned motion whose bodies are compared with the ground."""
+"""Number of configurations of a planned motion in which bodies are compared with the ground and
+with each other."""
+
+MOST_PAIRS = 3
+"""Number of pairs of bodies that a line names."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -211,13 +215,42 @@ def check_ball_overlap(plan: KickPlan) -> Sequence[str]:
 
 def check_self_collision(plan: KickPlan) -> Sequence[str]:
     """Return a line for the bodies that are inside each other at the impact, if any."""
-    pairs = find_self_collisions(plan.leg, plan.q)
-    if not pairs:
-        return []
-    depths = [f"{first} and {other} by {depth:.3f} m" for (first, other), depth in pairs.items()]
+    pairs = [
+        f"{first} and {other} by {depth:.3f} m"
+        for (first, other), depth in find_self_collisions(plan.leg, plan.q).items()
+    ]
+    remedy = "another goal, offset or objective takes another posture"
+    return (
+        [f"bodies are inside each other at the impact: {listed(pairs)}; {remedy}"] if pairs else ()
+    )
+
+
+def check_self_collision_in_motion(plan: KickPlan) -> Sequence[str]:
+    """Return a line for the pairs of bodies that are inside each other in the motion, but not at 0.
+
+    It names the deepest pairs.
+    """
+    motion, leg = plan.motion, plan.leg
+    if motion is None:
+        return ()
+    at_impact = find_self_collisions(leg, plan.q)
+    deepest: dict[tuple[str, str], tuple[float, float]] = {}
+    for t in np.linspace(motion.begin, motion.end, MOTION_TIMES).tolist():
+        for pair, depth in find_self_collisions(leg, motion.q(t)).items():
+            if pair not in at_impact:
+                deepest[pair] = max((depth, t), deepest.get(pair, (0.0, 0.0)))
+    if not deepest:
+        return ()
+    ordered = sorted(deepest.items(), key=lambda item: -item[1][0])
+    names = [
+        f"{first} and {other} by {depth:.3f} m at {t:.2f} s"
+        for (first, other), (depth, t) in ordered[:MOST_PAIRS]
+    ]
+    if len(ordered) > MOST_PAIRS:
+        names.append(f"{len(ordered) - MOST_PAIRS} other pairs")
     return [
-        f"bodies are inside each other at the impact: {listed(depths)}; another goal, offset or "
-        "objective takes another posture"
+        f"bodies are inside each other in the motion: {listed(names)}; another goal, or another "
+        "posture of locked joints (--lock), can avoid this"
     ]
 
 
@@ -275,6 +308,7 @@ CHECKS: dict[Check, PlanStatus] = {
     check_self_collision: PlanStatus.COLLIDES,
     check_ground_at_impact: PlanStatus.COLLIDES,
     check_ground_of_free_ball: PlanStatus.MET,
+    check_self_collision_in_motion: PlanStatus.COLLIDES,
     check_ground_in_motion: PlanStatus.COLLIDES,
 }
 """The checks of a plan, in the order of their lines, and the status of a plan with such a line."""

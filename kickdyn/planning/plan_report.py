@@ -25,7 +25,7 @@ WALL_CLEARANCE = 0.1
 
 FAULTS = {
     PlanStatus.MET: "",
-    PlanStatus.COLLIDES: " But a body is inside the ball or under the ground.",
+    PlanStatus.COLLIDES: " But a body is inside the ball or another body, or under the ground.",
     PlanStatus.SUPPORT_MOVES: " But the ground cannot keep the supporting foot at rest.",
     PlanStatus.BEYOND_LIMITS: " But the motion does not keep all limits.",
 }

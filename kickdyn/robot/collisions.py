@@ -155,8 +155,9 @@ def find_ball_overlaps(posture: Posture, centre: Array, radius: float) -> dict[s
 def find_self_collisions(leg: Leg, q: Array) -> dict[tuple[str, str], float]:
     """Return how deep bodies are inside each other [m], by pairs of frames, the deepest first.
 
-    Bodies of one joint or of a joint and its parent do not count, nor do pairs that the SRDF beside
-    the URDF disables (`disable_collisions`) or that touch where all joints are at rest.
+    Bodies of one joint or of a joint and the body that carries it do not count, nor do pairs that
+    the SRDF beside the URDF disables (`disable_collisions`) or that touch where all joints are at
+    rest.
 
     """
     pairs = _overlapping(leg, q)
@@ -171,18 +172,27 @@ def _overlapping(leg: Leg, q: Array) -> dict[tuple[str, str], float]:
     model, frames, depths = leg.workspace.model, body_frames(leg), dict[tuple[str, str], float]()
     placed = Placed(leg, frames, model, leg.workspace.data, q)
     joints = {name: int(model.frames[number].parentJoint) for name, number in frames.items()}
+    carriers = [_carrier(model, joint) for joint in range(model.njoints)]
     for frame in joints:
         for body in bodies_at(leg, frame):
             centre = placed.poses[frame].act(body.pose.translation)
             for other in placed.bodies_near(centre, body.reach):
                 first, second = joints[frame], joints[other.frame]
-                if first >= second or first == model.parents[second]:
+                if first >= second or first == carriers[second]:
                     continue
                 result = placed.distance(body, other.shape, placed.poses[other.frame] * other.pose)
                 pair, depth = (frame, other.frame), -result.min_distance
                 if depth > max(TOUCHING, depths.get(pair, 0.0)):
                     depths[pair] = depth
     return depths
+
+
+def _carrier(model: Any, joint: int) -> int:
+    """Return the joint of the body that carries a joint; others of a joint of several have none."""
+    carrier = int(model.parents[joint])
+    while carrier and model.inertias[carrier].mass == 0.0:
+        carrier = int(model.parents[carrier])
+    return carrier
 
 
 def _disabled_pairs(leg: Leg) -> set[frozenset[str]]:

@@ -327,6 +327,7 @@ class JointTable:
 
         Joints of one degree of freedom have names; patterns are as of a shell.
         """
+        values = validation.mapping("values", values)
         for name in values:
             if not expand_patterns({name: 0.0}, self.single_joints):
                 self.velocity_index(name)  # raises

@@ -9,6 +9,7 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 import pinocchio as pin
+from numpy.lib.stride_tricks import sliding_window_view
 
 from kickdyn.ball import BallState
 from kickdyn.core import validation
@@ -61,6 +62,10 @@ PLATE = 0.05
 LEAST_LOAD = 0.05
 """Share of the robot's weight on the sole from which on its margins count."""
 
+AVERAGED = 0.02
+"""Time over which forces on the sole are averaged for its margins [s]: with steps of 2 ms, stiff
+contacts of sole and floor rattle between none and several times the weight."""
+
 CORNER_RADIUS = 5e-3
 """Radius of the spheres at the corners of the sole [m]."""
 
@@ -96,7 +101,8 @@ class MujocoRun(ReprMixin):
         upright: whether the robot still stands 1 s after the ball has left; true for a leg on a
             fixed base.
         margins: least distance from each limit over the run: `torque`, `speed` and `friction` as
-            a share of the limit, `centre of pressure` from the edge of the sole [m].
+            a share of the limit, `centre of pressure` from the edge of the sole, where the sole is
+            in the simulation [m]. The last two are of forces averaged over 20 ms.
     """
 
     plan: KickPlan
@@ -233,7 +239,7 @@ class _Samples(NamedTuple):
     """What a simulation leaves: a row for each step, and the ball when it has left the foot."""
 
     rows: Sequence[tuple[Array, Array, Array]]  # qpos, qvel, torque of the drives, before each step
-    ground: Sequence[tuple[Array, Array]]  # positions and forces of the sole's contacts
+    ground: Sequence[Array]  # what `_Field.sole_load` returns, in each step
     touched: int | None  # step of the first contact
     ball: BallState | None
 
@@ -384,15 +390,25 @@ integrator="{tuning.integrator}" cone="elliptic" impratio="100" tolerance="1e-10
         first = contacts.efc_address[np.any(contacts.geom == self.plate, axis=1)]
         return bool((first >= 0).any() and (self.data.efc_force[first] > 0.0).any())
 
-    def sole_forces(self) -> tuple[Array, Array]:
-        """Return positions of the sole's contacts [m] and their forces, normal first [N]."""
-        geoms, force = self.data.contact.geom, np.zeros(6)
-        numbers = np.flatnonzero(np.isin(geoms, self.sole).any(axis=1))
-        forces = np.zeros((len(numbers), 3))
-        for k, number in enumerate(numbers):
+    def sole_load(self) -> Array:
+        """Return the force of the floor on the sole, and the moment of its normal force, `(5,)`.
+
+        The force is along the normal, then across it [N]. The moment is the normal force times x
+        and y [N m] of its points, seen from the sole and with the sole at its planned place.
+        """
+        model, load, force = self.motion.robot.model, np.zeros(5), np.zeros(6)
+        if self.standing is None:
+            return load
+        frame = model.frames[frame_id(model, self.standing.support.frame)]
+        body = self.data.body(str(model.names[frame.parentJoint]))
+        place = pin.SE3(body.xmat.reshape(3, 3), body.xpos) * frame.placement
+        to_planned = self.standing.placement * place.inverse()
+        contacts = self.data.contact
+        for number in np.flatnonzero(np.isin(contacts.geom, self.sole).any(axis=1)):
             self.mujoco.mj_contactForce(self.model, self.data, int(number), force)
-            forces[k] = force[:3]
-        return self.data.contact.pos[numbers].copy(), forces
+            load[:3] += force[:3]
+            load[3:] += force[0] * to_planned.act(contacts.pos[number])[:2]
+        return load
 
     def is_upright(self, planned: Array) -> bool:
         """Return whether the base is as high and upright as that of a planned configuration."""
@@ -412,7 +428,7 @@ def _simulate(field: _Field, *, feed_forward: bool) -> _Samples:
     """Carry out the motion; MuJoCo writes no warnings."""
     motion, data, step = field.motion, field.data, field.timestep
     rows: list[tuple[Array, Array, Array]] = []
-    ground: list[tuple[Array, Array]] = []
+    ground: list[Array] = []
     touched: int | None = None
     ball: BallState | None = None
     first = math.floor(motion.begin / step)
@@ -433,7 +449,7 @@ def _simulate(field: _Field, *, feed_forward: bool) -> _Samples:
         before = data.qpos.copy(), data.qvel.copy()
         field.mujoco.mj_step(field.model, data)
         rows.append((*before, data.actuator_force.copy()))
-        ground.append(field.sole_forces())
+        ground.append(field.sole_load())
         number += 1
         if field.pushes():
             touched = number - 1 if touched is None else touched
@@ -480,21 +496,21 @@ def _configuration(field: _Field, qpos: Array) -> Array:
 
 
 def _ground_margins(field: _Field, samples: _Samples) -> dict[str, float]:
-    """Return the margins of the sole, from the steps in which the ground carries some weight."""
+    """Return the margins of the sole, from the times at which the ground carries some weight."""
     if field.standing is None:
         return {}
     normals, offsets = sole_edges(field.standing)
     weight = 9.81 * pin.computeTotalMass(field.motion.robot.model)
-    friction, pressure = math.inf, math.inf
-    for positions, forces in samples.ground:
-        load = float(forces[:, 0].sum())
-        if load < LEAST_LOAD * weight:
-            continue
-        across = float(np.linalg.norm(forces[:, 1:].sum(axis=0)))
-        friction = min(friction, 1.0 - across / (field.friction * load))
-        centre = forces[:, 0] @ positions[:, :2] / load
-        pressure = min(pressure, float((offsets - normals @ centre).min()))
-    return {"friction": friction, "centre of pressure": pressure}
+    steps = max(round(AVERAGED / field.timestep), 1)
+    loads = sliding_window_view(np.array(samples.ground), steps, axis=0).mean(axis=-1)
+    loads = loads[loads[:, 0] >= LEAST_LOAD * weight]
+    normal = loads[:, 0]
+    across = np.linalg.norm(loads[:, 1:3], axis=1)
+    centres = loads[:, 3:] / normal[:, None]
+    return {
+        "friction": float((1.0 - across / (field.friction * normal)).min()),
+        "centre of pressure": float((offsets - centres @ normals.T).min()),
+    }
 
 
 def _fly(plan: KickPlan, ball: BallState) -> Flight | Course:

@@ -1,5 +1,6 @@
 """Planned motions, against Pinocchio and an integrator that know nothing of splines or limits."""
 
+import re
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -13,6 +14,7 @@ from scipy.integrate import solve_ivp
 import kickdyn as kd
 from kickdyn.core.validation import Array
 from kickdyn.planning import kick
+from kickdyn.robot.collisions import find_self_collisions
 
 BALL, AIR = kd.Ball(), kd.Air(drag="brazuca")
 HUMAN, TESTBED = kd.Leg.human(), kd.Leg.testbed()
@@ -148,7 +150,7 @@ def test_a_ball_at_a_place_is_struck_there():
 
 def test_a_robot_on_one_foot_keeps_what_the_ground_can_supply():
     plan = standing()
-    assert plan.status == "met"
+    assert plan.motion.warnings == ()
     check_impact(plan)
     check_limits(plan)
     motion = plan.motion
@@ -166,6 +168,18 @@ def test_a_robot_on_one_foot_keeps_what_the_ground_can_supply():
         moved = place_of(motion, t).homogeneous - motion.placement.homogeneous
         assert np.abs(moved).max() < 1e-9
     assert plan.impact.footing[SOLE] in ("stands", "turns")
+
+
+def test_bodies_that_are_inside_each_other_in_the_motion_are_a_line():
+    """The kicking leg of G1 swings into an arm, which does not move, after the impact."""
+    plan = standing()
+    assert plan.status == "collides"
+    (line,) = [line for line in plan.warnings if "inside each other" in line]
+    pair = r"right_\w+ and right_(?:knee|hip_yaw)_link by 0\.0\d\d m at (\S+) s"
+    assert line.startswith("bodies are inside each other in the motion: right_")
+    assert 0.0 < float(re.search(pair, line)[1]) < plan.motion.end
+    assert re.search(r", \d+ other pairs; another goal, or another posture", line)
+    assert find_self_collisions(plan.leg, plan.q) == {}
 
 
 def sole_of(plan) -> Array:

@@ -30,7 +30,9 @@ def test_a_shank_inside_the_ball_is_announced_and_a_flatter_launch_avoids_it():
     assert all(0.02 < float(depth) < 0.06 for depth in depths.values())
     assert plan.share == 1.0
     assert plan.status == "collides"
-    assert verdict(plan).endswith(" But a body is inside the ball or under the ground.")
+    assert verdict(plan).endswith(
+        " But a body is inside the ball or another body, or under the ground."
+    )
     flat = kd.plan_kick(
         humanoid,
         kd.Goal(1.5, time=0.4),

@@ -81,17 +81,6 @@ def test_a_ball_that_does_not_come_down_has_no_landing(air, spin):
         landing_slopes(kd.BallState(velocity=(1, 0, 1)), light, rising)
 
 
-def test_a_robust_plan_scatters_least():
-    leg, goal, spread = kd.Leg.human(), kd.Goal(15, time=1), {"angle": 0.02, "contact": 0.002}
-    robust = kd.plan_kick(leg, goal, BALL, AIR, objective="scatter", uncertainty=spread)
-    usual = kd.plan_kick(leg, goal, BALL, AIR)
-    assert robust.landing_error < 1e-3
-    assert robust.speed_use <= 1
-    radius = scatter(robust.impact, AIR, **spread).radius
-    assert robust.value == pytest.approx(radius, rel=1e-3)
-    assert radius < scatter(usual.impact, AIR, **spread).radius * (1 - 1e-3)
-
-
 @pytest.mark.parametrize(
     ("spread", "words"),
     [
@@ -104,10 +93,3 @@ def test_a_robust_plan_scatters_least():
 def test_bad_input(spread, words):
     with pytest.raises(kd.InvalidInput, match=words):
         scatter(HIT, AIR, **spread)
-
-
-def test_scatter_needs_an_uncertainty():
-    with pytest.raises(
-        kd.InvalidInput, match="scatter needs an uncertainty, and no other objective takes one"
-    ):
-        kd.plan_kick(LEG, kd.Goal(6, time=1), BALL, objective="scatter")

@@ -1,5 +1,8 @@
 """Bodies inside each other and inside a ball."""
 
+from pathlib import Path
+
+import gymnasium
 import numpy as np
 import pytest
 
@@ -44,6 +47,14 @@ def test_bodies_that_touch_at_rest_do_not_count(tmp_path):
 def test_robots_do_not_touch_themselves_at_rest(name):
     robot = kd.Leg.from_robot(name, base="floating", legs_only=True)
     assert find_self_collisions(robot, robot.configuration()) == {}
+
+
+def test_a_body_and_the_one_that_carries_its_joints_do_not_count():
+    """An upper arm of gymnasium's humanoid has two hinges, and thus a joint without a body."""
+    file = Path(gymnasium.__file__).parent / "envs/mujoco/assets/humanoid.xml"
+    humanoid = kd.Leg.from_mjcf(file, "right_foot", base="floating")
+    raised = humanoid.configuration({"right_shoulder1": 1.0, "right_shoulder2": 0.39})
+    assert find_self_collisions(humanoid, raised) == {}
 
 
 def test_pairs_that_the_srdf_disables_do_not_count(tmp_path):

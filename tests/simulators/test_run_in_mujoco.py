@@ -84,6 +84,8 @@ def test_a_robot_kicks_from_one_foot_and_stays_upright():
     assert run.direction_error < math.radians(9)
     assert abs(run.delay) < 0.01
     assert set(run.margins) == {"torque", "speed", "friction", "centre of pressure"}
+    assert 0.0 < run.margins["friction"] < 1.0
+    assert -1e-3 < run.margins["centre of pressure"] < 0.04
     drives = standing().leg.effort_limit[6:]
     assert (np.abs(run.torque[:, 6:]) <= drives * (1 + 1e-9)).all()
     assert not run.torque[:, :6].any()
@@ -141,6 +143,19 @@ def test_a_corrected_kick_meets_the_launch_with_a_contact_that_takes_time():
     corrected = kd.refine_kick(plan, rounds=1)
     assert off_by_collide(corrected) < 0.3 * off_by_collide(plan)
     assert corrected.launch is plan.launch
+
+
+def test_a_corrected_kick_meets_the_launch_in_mujoco():
+    plan = swinging()
+    corrected = kd.refine_kick(plan, rounds=1, by="mujoco")
+    launch, run = plan.launch.velocity, carried_out(swinging)
+    again = kd.run_in_mujoco(corrected)
+    assert corrected.launch is plan.launch
+    wished = plan.impact.ball_after.velocity + launch - run.ball_after.velocity
+    np.testing.assert_allclose(corrected.impact.ball_after.velocity, wished, atol=1e-9)
+    first = np.linalg.norm(run.ball_after.velocity - launch)
+    assert np.linalg.norm(again.ball_after.velocity - launch) < 0.5 * first
+    assert again.direction_error < run.direction_error
 
 
 def test_the_command_writes_the_motion_and_carries_it_out(tmp_path):

@@ -83,9 +83,8 @@ class Robot:
         """Return the contact frame, the toe if None is named, and its `contact_normal_cone`.
 
         The normals are up to 15 degrees to either side of the direction in `SURFACES`, in the
-        foot's axes. Measured on the visual meshes as the toe, a ball of size 5 overlaps with the
-        foot by 3.0 mm at most at the instep (Romeo 4.1 mm) and by 1.6 mm at the sole's edge (Romeo
-        2.8 mm).
+        foot's axes. A ball of size 5 overlaps with the visual meshes by 3.0 mm at most at the
+        instep (Romeo 4.1 mm) and by 1.6 mm at the sole's edge (Romeo 2.8 mm).
         """
         frame = TOE if frame is None and self.toe is not None else frame
         if frame not in self.contact_points:

@@ -73,10 +73,8 @@ def read_drives(path: str | PathLike[str]) -> dict[str, Drive]:
     """Read a TOML file of drives, by names of joints or patterns as of a shell.
 
     The file has a table `[joints]` with a table for each joint or pattern, whose keys are `KEYS`
-    (`rotor_inertia_kg_m2` is required), and may have a text `source`.
-
-    Raises:
-        FaultyFile: with a line for each fault.
+    (`rotor_inertia_kg_m2` is required), and may have a text `source`. Raises `FaultyFile`, with a
+    line for each fault.
     """
     source = str(path)
     try:

@@ -42,9 +42,8 @@ class Mimic(NamedTuple):
 class Gears:
     r"""The mimic joints of a model, which move as a gear or a belt between two joints makes them.
 
-    A gear acts on each of its two joints along the joint's axis, between parent and child; forces
-    on other bodies, as of the bearings of a belt, are left out. It is one more row of the
-    constraints :math:`A v = 0`, and its work is 0.
+    A gear is one more row of the constraints :math:`A v = 0`. It acts on its two joints along their
+    axes; forces on other bodies, as of the bearings of a belt, are left out.
 
     Attributes:
         mimics: as given; no driver is a mimic joint itself.
@@ -295,8 +294,7 @@ class JointTable:
     def _short_form(self) -> tuple[NDArray[np.int64], NDArray[np.bool_]] | None:
         """Where each number of a short q is in q, and whether it is a continuous joint's angle.
 
-        A short q has one angle in place of the cosine and sine of a continuous joint, and no mimic
-        joints. None if that is q itself.
+        None if a short q is q itself.
         """
         model, places, angles = self._model, list[int](), list[bool]()
         mimicking = {mimic.joint for mimic in self.mimics}
@@ -325,7 +323,7 @@ class JointTable:
     def expand_joint_names(self, values: Mapping[str, float]) -> dict[str, float]:
         """Return values by joint from those by joint or pattern; raise `InvalidInput` for neither.
 
-        Joints of one degree of freedom have names; patterns are as of a shell.
+        Joints of one degree of freedom have names.
         """
         values = validation.mapping("values", values)
         for name in values:

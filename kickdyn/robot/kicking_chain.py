@@ -63,8 +63,7 @@ def kicking_chain(robot: Leg, *, branches: bool = False) -> KickingChain:
             has; or one of the joints mimics another or is mimicked.
     """
     model = robot.model
-    path = [int(joint) for joint in model.supports[robot.contact_joint]][1:]
-    kept = path
+    kept = path = [int(joint) for joint in model.supports[robot.contact_joint]][1:]
     if branches:
         kept = [j for j in range(1, model.njoints) if path[0] in list(model.supports[j])]
     elif any(model.nqs[joint] != 1 for joint in path):
@@ -81,9 +80,8 @@ def kicking_chain(robot: Leg, *, branches: bool = False) -> KickingChain:
                 f"joints in the kicking limb; lock {mimic.driver!r}, which locks both (Leg.locked, "
                 f"--lock {mimic.driver}=VALUE)"
             )
-    locked = [str(model.names[j]) for j in range(1, model.njoints) if j not in kept]
     leg = robot
-    if locked:
+    if locked := [name for name in robot.joint_names if name not in names]:
         leg = robot.with_model(reduce_model(model, locked, rest_configuration(robot)))
     return KickingChain(leg, *coordinate_indices(model, kept))
 

@@ -203,11 +203,11 @@ class Leg(JointTable, ReprMixin):
     ) -> "Leg":
         """Load an MJCF file, the XML of MuJoCo, which compiles it: `pip install "kickdyn[mjcf]"`.
 
-        Of the file come masses, joints, ranges (`range`; without one, a joint is unlimited), rotor
-        inertias (`armature`), loops (two bodies that `<connect>` joins) and limits of torque: the
-        smaller one of the joint's `actuatorfrcrange` and what its actuators can exert, gear times
-        `forcerange` (motors without one: gear times `ctrlrange`). MJCF has no limits of speed.
-        Springs, damping, tendons and contacts are not part of the leg.
+        Of the file come masses, joints, ranges, rotor inertias (`armature`), loops (two bodies that
+        `<connect>` joins) and limits of torque: the smaller one of the joint's `actuatorfrcrange`
+        and what its actuators can exert, gear times `forcerange` (motors without one: gear times
+        `ctrlrange`). MJCF has no limits of speed. Springs, damping, tendons and contacts are left
+        out.
 
         Args:
             path: the file. Included files and meshes lie in its folder or below.
@@ -256,12 +256,10 @@ class Leg(JointTable, ReprMixin):
     ) -> "Leg":
         """Load a robot by name.
 
-        The robots of the package example-robot-data (`pip install "kickdyn[robots]"`) have a toe.
-        Their base is turned so that it faces x with z up (`human` is drawn with y up, `icub` facing
-        -x). All else is the file's own, zero configuration and joint directions included.
-
-        Those of the package robot_descriptions (`pip install "kickdyn[descriptions]"`) are URDF and
-        MJCF files, which it downloads the first time. They are read as they are.
+        The robots of the package example-robot-data (`pip install "kickdyn[robots]"`) have a toe,
+        and their base is turned so that it faces x with z up. Those of robot_descriptions (`pip
+        install "kickdyn[descriptions]"`) are URDF and MJCF files, which it downloads the first
+        time. All else is the file's own, zero configuration and joint directions included.
 
         Args:
             name: bolt, g1, human, icub, icub_reduced, romeo, simple_humanoid, talos; or a name of
@@ -315,10 +313,9 @@ class Leg(JointTable, ReprMixin):
         """Return the leg of a copy of a `pin.Model`, with its `armature`.
 
         Args:
-            model: a model with valid inertias, and mass that moves with every joint, on a fixed
-                base or with a `JointModelFreeFlyer` as its first joint. Its gravity is (0, 0,
-                -9.81) m/s2, as for the flight of the ball, or zero, which leaves weight out of
-                joint torques and of the motion in `collide`.
+            model: with mass that moves with every joint, on a fixed base or with a
+                `JointModelFreeFlyer` as its first joint. Its gravity is (0, 0, -9.81) m/s2, or
+                zero, which leaves weight out of joint torques and of the motion in `collide`.
             frame: name of one of its frames.
 
         Raises:
@@ -458,8 +455,7 @@ class Leg(JointTable, ReprMixin):
         """Return the posture at a configuration, in the range of the joints or not.
 
         Args:
-            q: configuration, shape `(nq,)`, or a short one, as for `check_configuration` [rad; m
-                for prismatic joints].
+            q: shape `(nq,)`, or short, as for `check_configuration` [rad; m if prismatic].
         """
         workspace, q = self.workspace, self.check_configuration(q)
         model, data = workspace.model, workspace.data
@@ -506,11 +502,11 @@ class Leg(JointTable, ReprMixin):
     def close_loops(self, q: ArrayLike, keep: Iterable[str] = ()) -> Array:
         """Return a configuration near `q` with all loops closed, by Newton's method.
 
-        Only joints between a loop's ends move, in their ranges or not. If that fails, Newton's
-        method starts with these at 0, and leads the kept ones to their values in small steps.
+        Only joints between a loop's ends move, in their ranges or not. If that fails, they start
+        at 0, and the kept ones are led to their values in small steps.
 
         Args:
-            q: configuration to start from, shape `(nq,)` [rad; m for prismatic joints].
+            q: configuration to start from, shape `(nq,)`.
             keep: joints that stay as they are.
 
         Raises:
@@ -672,8 +668,8 @@ class Posture(ReprMixin):
     def delassus_factor(self) -> Array:
         r"""Return F with :math:`F F^T = J M^{-1} J^T`, shape `(3, n)` [kg^-1/2, world frame].
 
-        It is the whitened Jacobian. For an ill-conditioned leg without supports and loops it is a
-        factor from the articulated-body algorithm.
+        It is the whitened Jacobian, or, for an ill-conditioned leg without constraints, a factor
+        from the articulated-body algorithm.
         """
         if self.constraint_projector is None and self.is_ill_conditioned:
             lever = self.contact_lever.tolist()
@@ -719,9 +715,9 @@ class Posture(ReprMixin):
         r"""Return the effective mass [kg] in the limits between which real drives are, by name.
 
         `without rotors`: all joints are free, and nothing is behind them. `with rotors`: the rotors
-        turn with them, as in a contact so short that :math:`t\sqrt{k / (J n^2)}` is far below 1,
-        where k is the stiffness of a drive's position control. `stiff`: all joints hold, as far
-        above 1 or with gears that cannot be driven back; inf where the base or a foot is fixed.
+        turn with them, as in a contact that is short, :math:`t\sqrt{k / (J n^2)} \ll 1` with the
+        stiffness k of position control. `stiff`: all joints hold, as in a long one or with gears
+        that cannot be driven back; inf where the base or a foot is fixed.
 
         Args:
             normal: direction n, shape `(3,)` of any length but zero [world frame].
@@ -797,8 +793,7 @@ class Posture(ReprMixin):
     def solve(self, joint_impulse: ArrayLike) -> Array:
         r"""Return the velocity jump :math:`M^{-1} f` after a joint-space impulse f, shape `(nv,)`.
 
-        For a leg with supports and loops, the jump includes the effect of their impulses. Without
-        them, f may have n columns, shape `(nv, n)`, and so has the result.
+        Supports and loops take part. Without them, f may have n columns, and so has the result.
         """
         return self.respond(joint_impulse)[0]
 

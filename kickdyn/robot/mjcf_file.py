@@ -57,7 +57,6 @@ _SHAPES = {
 _UNUSED = ("camera", "light", "texture", "hfield", "skin", "layer", "model")
 """Elements that only a picture, the terrain or another model needs."""
 
-
 _lock = threading.Lock()  # MuJoCo's handler of warnings belongs to the whole process
 
 

@@ -122,10 +122,10 @@ def hold_support(posture: Posture, q: Array) -> Array:
     A leg without supports, or on a fixed base, keeps q, shape `(nq,)`.
     """
     leg = posture.leg
-    if leg.constraints is None or not leg.constraints.supports or not is_floating(leg):
+    if not leg.supports or not is_floating(leg):
         return q
     model, data = leg.workspace.model, leg.workspace.data
-    frame = frame_id(model, leg.constraints.supports[0].frame)
+    frame = frame_id(model, leg.supports[0].frame)
     pin.forwardKinematics(model, data, posture.q)
     placement = pin.updateFramePlacement(model, data, frame).copy()
     return place_base(leg, q, frame, placement)
@@ -151,8 +151,8 @@ def lock_idle_mimics(robot: Leg) -> Leg:
 
 def _flat_support(robot: Leg) -> Support:
     """Return the one flat support of a robot on a floating base, or raise `InvalidInput`."""
-    constraints = robot.constraints
-    if constraints is None or constraints.loops or not is_floating(robot):
+    supports = robot.supports
+    if robot.constraints is None or robot.loops or not is_floating(robot):
         raise InvalidInput(
             f"{robot.name} does not stand: kicks are planned for robots on a fixed base, or on a "
             "floating one with one support (Leg.with_supports) and no loops"
@@ -164,7 +164,6 @@ def _flat_support(robot: Leg) -> Support:
             f"without mimic joints; lock {drivers[0]!r}, which locks what mimics it (Leg.locked, "
             f"--lock {drivers[0]}=VALUE)"
         )
-    supports = constraints.supports
     if len(supports) != 1 or supports[0].point:
         named = ", ".join(f"{s.frame}{' (a point)' if s.point else ''}" for s in supports)
         raise InvalidInput(f"{robot.name} stands on {named}: kicks are planned from one flat foot")

@@ -1,10 +1,8 @@
 """From a URDF file to a Pinocchio model: reading, faults of the text, and what Pinocchio reports.
 
-Pinocchio's parser overflows its stack on long chains, never returns from loops, and takes double
-names and axes without direction. It stops at the first fault that it reports: links that do not
-exist are therefore found before. What it reports besides, such as a missing attribute or a text
-that is no number, `build_model` passes on; `model_validation` then judges the inertia of what moves
-together.
+Pinocchio's parser overflows its stack on long chains, never returns from loops, takes double names
+and axes without direction, and stops at the first fault that it reports. `build_model` passes on
+what it reports; `model_validation` then judges the inertia of what moves together.
 """
 
 import io

@@ -165,11 +165,11 @@ def plan_motion(task: KickTask, near: Motion | None = None) -> PlannedMotion:
     _check_limits(task.leg)
     if task.standing is None:
         return _plan(task, near, 1.0, STARTS)
-    between, share = kicking_chain(task.leg), 1.0
-    if between.names == task.leg.joint_names:
+    between, share = kicking_chain(task.leg).leg, 1.0
+    if between.joint_names == task.leg.joint_names:
         return _plan(task, near, share, STARTS)
-    if near is None or near.joints == between.names:
-        planned = _plan(replace(task, leg=between.leg), near, share, 0)
+    if near is None or near.joints == between.joint_names:
+        planned = _plan(replace(task, leg=between), near, share, 0)
         if planned.keeps_limits and not _overloads(planned.motion):
             return planned
         near, share = planned.motion, planned.share

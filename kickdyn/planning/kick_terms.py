@@ -43,17 +43,19 @@ class KickVariables:
         names: of the joints that move the foot.
         n, size: numbers of these joints and of the unknowns, 2 n + 1.
         qs, vs: indices of these joints in q and v of the leg, shape `(n,)`.
-        lower, upper: range of these joints, shape `(n,)` [rad; m for prismatic joints].
+        lower, upper: range of these joints, a half turn from 0 at most, shape `(n,)` [rad; m for
+            prismatic joints].
         velocity_scale: speed limits, or `UNLIMITED`, shape `(n,)` [rad/s].
     """
 
     def __init__(self, leg: Leg, target: ImpactTarget) -> None:
         chain = kicking_chain(leg)
         self.leg, self.target = leg, target
-        self.names, self.qs, self.vs = chain.names, chain.qs, chain.vs
-        self.n = len(chain.names)
+        self.names, self.qs, self.vs = chain.leg.joint_names, chain.qs, chain.vs
+        self.n = len(self.names)
         self.size = 2 * self.n + 1
-        self.lower, self.upper = chain.lower, chain.upper
+        self.lower = np.maximum(chain.leg.lower, -math.pi)
+        self.upper = np.minimum(chain.leg.upper, math.pi)
         limit = chain.leg.velocity_limit
         self.velocity_scale = np.where(np.isfinite(limit) & (limit > 0.0), limit, UNLIMITED)
         self._rest = rest_configuration(leg)

@@ -16,7 +16,7 @@ from kickdyn.errors import InvalidInput
 from kickdyn.robot.model_validation import frame_id
 from kickdyn.robot.names import listed
 from kickdyn.robot.surgery import reduce_model, turn_body
-from kickdyn.robot.urdf_file import UrdfFile, build_model, check_base, read_document
+from kickdyn.robot.urdf_file import UrdfFile, build_model, check_base, read_urdf
 
 PACKAGE = "example-robot-data"
 
@@ -83,9 +83,8 @@ class Robot:
         """Return the contact frame, the toe if None is named, and its `contact_normal_cone`.
 
         The normals are up to 15 degrees to either side of the direction in `SURFACES`, in the
-        foot's axes. Measured on the visual meshes as the toe, a ball of size 5 overlaps with the
-        foot by 3.0 mm at most at the instep (Romeo 4.1 mm) and by 1.6 mm at the sole's edge (Romeo
-        2.8 mm).
+        foot's axes. A ball of size 5 overlaps with the visual meshes by 3.0 mm at most at the
+        instep (Romeo 4.1 mm) and by 1.6 mm at the sole's edge (Romeo 2.8 mm).
         """
         frame = TOE if frame is None and self.toe is not None else frame
         if frame not in self.contact_points:
@@ -175,25 +174,18 @@ ROBOTS = {
 """Every robot of the package that `Leg.from_robot` reads."""
 
 
-def robot(name: str) -> Robot:
-    """Return a robot by name; raise `InvalidInput` with those there are."""
-    if not isinstance(name, str) or name not in ROBOTS:
-        raise InvalidInput(f"robot {name!r} is unknown: choose {', '.join(ROBOTS)}")
-    return ROBOTS[name]
-
-
-def robot_model(name: str, base: str) -> Any:
-    """Return the `pin.Model` of a robot, its base turned to x forward, z up."""
+def read_robot(name: str, base: str) -> tuple[UrdfFile, Any]:
+    """Return the URDF of a robot and its `pin.Model`, its base turned to x forward, z up."""
     check_base(base)
-    known, file = robot(name), robot_file(name)
+    known = ROBOTS[name]
+    file = read_urdf(robots_folder() / known.file)
     model = build_model(file.text, file.source, "floating")
     model.name = name
     model = turn_body(model, 1, pin.rpy.rpyToMatrix(*known.turn))
     if base == "fixed":
         model = reduce_model(model, [model.names[1]], pin.neutral(model))
-    if known.contact_points:
-        _add_contact_points(model, known)
-    return model
+    _add_contact_points(model, known)
+    return file, model
 
 
 def _add_contact_points(model: Any, known: Robot) -> None:
@@ -207,11 +199,6 @@ def _add_contact_points(model: Any, known: Robot) -> None:
     for name, point in known.contact_points.items():
         place = pose * pin.SE3(back, back @ np.array(point))
         model.addFrame(pin.Frame(name, joint, number, place, pin.FrameType.OP_FRAME), False)
-
-
-def robot_file(name: str) -> UrdfFile:
-    """Return a robot's URDF; raise `InvalidInput` unless it is known and installed."""
-    return read_document(robots_folder() / robot(name).file)
 
 
 def robots_folder() -> Path:

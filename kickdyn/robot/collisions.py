@@ -1,6 +1,6 @@
 """Bodies of a robot inside each other or inside a ball, by coal, Pinocchio's collision library.
 
-A body is one convex shape of the robot's file at a frame. `ConvexBase.convexHull` of coal 3.0.3
+`ConvexBase.convexHull` of coal 3.0.3
 ends the process with a segmentation fault for flat hulls (at a thickness of 1e-7 of the size, not
 yet at 1e-4), which are therefore made `THICKNESS` thick.
 """
@@ -101,12 +101,9 @@ class Placed:
 
     Args:
         leg: with the shapes.
-        frames: numbers of its frames in the posture's model, by name.
+        frames: numbers of its frames in `model`, by name.
         model, data: of the leg, or of a part of it.
         q: configuration of the model, shape `(nq,)`.
-
-    Attributes:
-        poses: of the frames with shapes, by name [world frame].
     """
 
     def __init__(self, leg: Leg, frames: Mapping[str, int], model: Any, data: Any, q: Array):
@@ -161,10 +158,6 @@ def find_self_collisions(leg: Leg, q: Array) -> dict[tuple[str, str], float]:
     Bodies of one joint or of a joint and the body that carries it do not count, nor do pairs that
     the SRDF beside the URDF disables (`disable_collisions`) or that touch where all joints are at
     rest.
-
-    Args:
-        leg: with the shapes.
-        q: configuration, shape `(nq,)`.
     """
     pairs = _overlapping(leg, q)
     if not pairs:
@@ -210,12 +203,8 @@ def _disabled_pairs(leg: Leg) -> set[frozenset[str]]:
     if leg.file is None:
         return set()
     names = {Path(leg.file.source).stem.lower(), leg.name.lower()}
-    for folder in (leg.file.folder, leg.file.folder.parent / "srdf"):
-        for path in sorted(folder.glob("*.srdf")):
-            if path.stem.lower() in names:
-                root = read_xml(path, str(path))
-                return {
-                    frozenset((pair.get("link1", ""), pair.get("link2", "")))
-                    for pair in root.iter("disable_collisions")
-                }
-    return set()
+    folders = leg.file.folder, leg.file.folder.parent / "srdf"
+    paths = [path for folder in folders for path in sorted(folder.glob("*.srdf"))]
+    srdf = next((path for path in paths if path.stem.lower() in names), None)
+    pairs = () if srdf is None else read_xml(srdf, str(srdf)).iter("disable_collisions")
+    return {frozenset((pair.get("link1", ""), pair.get("link2", ""))) for pair in pairs}

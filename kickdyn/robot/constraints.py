@@ -2,9 +2,6 @@
 
 Supports, loops and mimic joints are rows A v = 0. Stiff joints are rows of the same matrix that an
 impact does not change, A (v+ - v) = 0: they may move.
-
-`Constraints` looks supports and loops up in the leg's model, gives the rows A and closes loops;
-`ConstraintProjector` projects velocities and impulses at one configuration.
 """
 
 import math
@@ -45,10 +42,9 @@ class Support(ValueEquality):
         frame: name of a frame of the robot.
         point: whether only the origin of the frame is at rest (a point foot), or the whole frame (a
             flat foot, the default).
-        friction: Coulomb's coefficient between sole and ground, 0 or more. With None, slipping is
-            not checked.
-        sole: corners of the sole, three or more, shape `(k, 3)` [m, support frame]. With None,
-            tipping is not checked. The ground is level, with z as its normal.
+        friction: Coulomb's coefficient between sole and ground; with None, slipping is not checked.
+        sole: corners of the sole, three or more, shape `(k, 3)` [m, support frame]; with None,
+            tipping is not checked. The ground is level.
 
     Raises:
         InvalidInput: a coefficient below 0, corners of the wrong shape, or for a point foot.
@@ -154,8 +150,8 @@ class Constraints:
             if first.joint == second.joint:
                 raise InvalidInput(f"loop {a} - {b} joins a body to itself: name two bodies")
         mimics = () if gears is None else gears.mimics
-        self.sizes = [support.size for support in supports] + [3] * len(loops) + [1] * len(mimics)
-        self.sizes += [1] * len(stiff)
+        self.sizes = [support.size for support in supports] + [3] * len(loops)
+        self.sizes += [1] * (len(mimics) + len(stiff))
         self.starts = [0, *accumulate(self.sizes)]
         self.size = self.starts[-1]
         self.names = [s.frame for s in supports] + [f"{a} - {b}" for a, b in loops]
@@ -166,23 +162,18 @@ class Constraints:
         """Return A with A v = 0, shape `(size, nv)` [world axes], and where its impulses act.
 
         Kinematics must have run at `q`. Rows of a support are the velocity of its frame, linear
-        then angular; of a loop, that of its second frame's origin relative to the first's. They are
-        the blocks. Rows of mimic joints and then of stiff joints come last, without a block: their
-        impulses are couples, or forces, along the axes of the joints.
+        then angular; of a loop, that of its second frame's origin relative to the first's. Rows of
+        mimic joints and of stiff joints have no block: their impulses are along joint axes.
         """
         matrix, blocks, start = np.empty((self.size, model.nv)), [], 0
         for support, place in zip(self.supports, self._supported, strict=True):
-            end = start + support.size
             local, rotation, _ = _motion(model, data, q, place)
             for row in range(0, support.size, 3):  # linear, then angular
                 matrix[start + row : start + row + 3] = rotation.dot(local[row : row + 3])
-            turn, lever = place.rotation_joint_frame.dot(rotation.T), place.lever
-            blocks.append(
-                ConstraintBlock(
-                    slice(start, end), place.joint, 0, (turn, turn), rotation, (lever, lever)
-                )
-            )
-            start = end
+            span = slice(start, start + support.size)
+            turns, levers = (place.rotation_joint_frame.dot(rotation.T),) * 2, (place.lever,) * 2
+            blocks.append(ConstraintBlock(span, place.joint, 0, turns, rotation, levers))
+            start += support.size
         for start_frame, end_frame in self._looped:
             first, rotation_1, start_origin = _motion(model, data, q, start_frame)
             second, rotation_2, end_origin = _motion(model, data, q, end_frame)
@@ -196,10 +187,8 @@ class Constraints:
                 start_frame.rotation_joint_frame @ rotation_1.T,
             )
             levers = (end_frame.lever, start_frame.lever)
-            joints = end_frame.joint, start_frame.joint
-            blocks.append(
-                ConstraintBlock(slice(start, start + 3), *joints, turns, rotation_1, levers)
-            )
+            span, joints = slice(start, start + 3), (end_frame.joint, start_frame.joint)
+            blocks.append(ConstraintBlock(span, *joints, turns, rotation_1, levers))
             start += 3
         if self.gears is not None:
             matrix[start : self.stiff_rows.start] = self.gears.rows
@@ -220,11 +209,7 @@ class Constraints:
         return slice(self.size - len(self.stiff_joints), self.size)
 
     def bias(self, model: Any, data: Any, q: Array, v: Array) -> Array:
-        r"""Return :math:`\dot A v`, shape `(size,)` [m/s2, rad/s2]; it runs the kinematics.
-
-        It is what the rows of A accelerate by while no joint accelerates: Pinocchio's classical
-        acceleration of each frame.
-        """
+        r"""Return :math:`\dot A v`, shape `(size,)` [m/s2, rad/s2]; it runs the kinematics."""
         pin.forwardKinematics(model, data, q, v, np.zeros(model.nv))
 
         def acceleration(place: _Place) -> Array:
@@ -345,11 +330,8 @@ class ConstraintProjector(ReadOnlyArrays):
     ) -> None:
         self.constraints, self.rows, self.blocks = constraints, rows, blocks
         self._whitened = whitened
-        lengths = [
-            math.sqrt(square) for square in np.einsum("ij,ij->j", whitened, whitened).tolist()
-        ]
-        least = RANK_TOLERANCE * max(lengths)
-        self._length = np.array([length if length > least else math.inf for length in lengths])
+        lengths = np.sqrt(np.einsum("ij,ij->j", whitened, whitened))
+        self._length = np.where(lengths > RANK_TOLERANCE * lengths.max(), lengths, math.inf)
         packed, pivots, tau, _, _ = lapack.dgeqp3(whitened / self._length)
         steps = min(whitened.shape)
         self.rank = sum(abs(entry) > RANK_TOLERANCE for entry in packed.diagonal().tolist())
@@ -391,8 +373,7 @@ class ConstraintProjector(ReadOnlyArrays):
     def find_violation(self, v: Array) -> tuple[str, float, str] | None:
         """Return the constraint that a velocity breaks fastest, its speed and the unit.
 
-        None if that is rounding: relative to the fastest joint, for joints whose whole chain is
-        constrained still have the rounding of their own speeds.
+        None if that is the rounding of the fastest joint.
         """
         speeds, fastest = abs(self.rows.dot(v)).tolist(), max(map(abs, v.tolist()))
         reaches, starts = abs(self.rows).sum(axis=1).tolist(), self.constraints.starts
@@ -424,12 +405,9 @@ class _Place(NamedTuple):
 
 def _place(model: Any, name: str) -> _Place:
     """Return where a frame is; raise `InvalidInput` if there is none of that name."""
-    frame = frame_id(model, name)
-    described = model.frames[frame]
-    place = described.placement
-    return _Place(
-        frame, int(described.parentJoint), place.rotation.copy(), place.translation.copy()
-    )
+    number = frame_id(model, name)
+    joint, pose = int(model.frames[number].parentJoint), model.frames[number].placement
+    return _Place(number, joint, pose.rotation.copy(), pose.translation.copy())
 
 
 def _motion(model: Any, data: Any, q: Array, place: _Place) -> tuple[Array, Array, Array]:

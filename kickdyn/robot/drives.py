@@ -21,18 +21,15 @@ MAX_REFLECTED_INERTIA = 10.0
 class Drive:
     r"""The motor of a joint, behind a gear.
 
-    The rotor turns :math:`n` times as fast as the joint. Its kinetic energy
-    :math:`\frac12 J n^2 \dot q^2` adds the reflected inertia :math:`J n^2` to the joint's entry of
-    M; its small angular momentum along other axes is neglected.
+    The rotor turns n times as fast as the joint, and adds the reflected inertia :math:`J n^2` to
+    the joint's entry of M. Its small angular momentum along other axes is neglected.
 
     Attributes:
         rotor_inertia: J, of the rotor about its own axis [kg m2].
         gear: n, turns of the rotor per turn of the joint; 1 if the inertia is that at the joint [1;
             rad/m for prismatic joints].
-        torque_limit: largest torque at the joint [N m; N for prismatic joints]; None keeps that of
-            the robot's file.
-        speed_limit: largest speed of the joint [rad/s; m/s for prismatic joints]; None keeps that
-            of the robot's file.
+        torque_limit: largest torque at the joint [N m; N if prismatic]; None keeps the file's.
+        speed_limit: largest speed of the joint [rad/s; m/s if prismatic]; None keeps the file's.
 
     Raises:
         InvalidInput: a value that is not finite, negative, a gear of 0, or a reflected inertia
@@ -76,10 +73,8 @@ def read_drives(path: str | PathLike[str]) -> dict[str, Drive]:
     """Read a TOML file of drives, by names of joints or patterns as of a shell.
 
     The file has a table `[joints]` with a table for each joint or pattern, whose keys are `KEYS`
-    (`rotor_inertia_kg_m2` is required), and may have a text `source`.
-
-    Raises:
-        FaultyFile: with a line for each fault.
+    (`rotor_inertia_kg_m2` is required), and may have a text `source`. Raises `FaultyFile`, with a
+    line for each fault.
     """
     source = str(path)
     try:

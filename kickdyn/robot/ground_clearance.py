@@ -31,7 +31,6 @@ LARGEST_MESH = 0.5
 CIRCLE_POINTS = 16
 """Number of points that stand for a circle or an ellipse."""
 
-
 CORNERS, DIRECTIONS = 24, 400
 """Number of spheres that stand for the kicking foot at most, and of directions, evenly over the
 unit sphere, in which the foot is at most a known distance larger than these."""
@@ -87,13 +86,8 @@ def extreme_spheres(
 def find_depths(leg: Leg, configurations: Sequence[Array], floor: float) -> list[Depth]:
     """Return the bodies that are under the ground at some configuration, the deepest first.
 
-    A body is what the file of the leg draws at a frame, or has there for contacts where a mesh is
-    missing (`shape_of`); of a leg without such shapes, frames are points.
-
-    Args:
-        leg: the leg.
-        configurations: each of shape `(nq,)`.
-        floor: height of the ground [m, world frame].
+    A body is `shape_of` a frame. Configurations have shape `(nq,)` each; `floor` is the height of
+    the ground [m, world frame].
     """
     model, data = leg.workspace.model, leg.workspace.data
     frames = body_frames(leg)

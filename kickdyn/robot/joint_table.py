@@ -20,7 +20,6 @@ MIMIC_TOLERANCE = 1e-9
 LIMIT_TOLERANCE = 1e-6
 """By how much a range may be passed without a warning [rad; m]; a speed limit, as a share of it."""
 
-
 DEGREES_FACTOR = 10.0
 """Angle, as a multiple of the farther end of the joint's range, that looks like degrees."""
 
@@ -43,9 +42,8 @@ class Mimic(NamedTuple):
 class Gears:
     r"""The mimic joints of a model, which move as a gear or a belt between two joints makes them.
 
-    A gear acts on each of its two joints along the joint's axis, between parent and child; forces
-    on other bodies, as of the bearings of a belt, are left out. It is one more row of the
-    constraints :math:`A v = 0`, and its work is 0.
+    A gear is one more row of the constraints :math:`A v = 0`. It acts on its two joints along their
+    axes; forces on other bodies, as of the bearings of a belt, are left out.
 
     Attributes:
         mimics: as given; no driver is a mimic joint itself.
@@ -155,16 +153,11 @@ class JointTable:
         return [name for name, nv in zip(self.joint_names, sizes, strict=True) if nv == 1]
 
     def configuration(self, angles: Mapping[str, float] | None = None) -> Array:
-        """Return q with the named joints at their values and all others at 0.
+        """Return q, shape `(nq,)`, with joints at their values by name and all others at 0.
 
-        Mimic joints are where their drivers put them.
-
-        Args:
-            angles: joint name to value [rad; m for prismatic joints].
-
-        Returns:
-            Shape `(nq,)`; a joint without limits has cosine and sine there, a floating base
-            position and quaternion.
+        Values are in radians, or metres for prismatic joints. In q, a joint without limits has
+        cosine and sine, a floating base position and quaternion; mimic joints are where their
+        drivers put them.
         """
         step, named = np.zeros(self.nv), validation.mapping("angles", angles)
         for name, value in named.items():
@@ -301,8 +294,7 @@ class JointTable:
     def _short_form(self) -> tuple[NDArray[np.int64], NDArray[np.bool_]] | None:
         """Where each number of a short q is in q, and whether it is a continuous joint's angle.
 
-        A short q has one angle in place of the cosine and sine of a continuous joint, and no mimic
-        joints. None if that is q itself.
+        None if a short q is q itself.
         """
         model, places, angles = self._model, list[int](), list[bool]()
         mimicking = {mimic.joint for mimic in self.mimics}
@@ -331,7 +323,7 @@ class JointTable:
     def expand_joint_names(self, values: Mapping[str, float]) -> dict[str, float]:
         """Return values by joint from those by joint or pattern; raise `InvalidInput` for neither.
 
-        Joints of one degree of freedom have names; patterns are as of a shell.
+        Joints of one degree of freedom have names.
         """
         values = validation.mapping("values", values)
         for name in values:

@@ -1,6 +1,5 @@
 """The joints that a kick moves, taken out of a leg or a whole robot."""
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,18 +23,12 @@ class KickingChain:
 
     Attributes:
         leg: the chain alone, all other joints locked; the whole robot, if there are none.
-        names: of its joints, in order.
         qs, vs: indices of its joints in the robot's q and v.
-        lower, upper: joint range, a half turn from 0 at most, shape `(nq,)` [rad; m for prismatic
-            joints].
     """
 
     leg: Leg
-    names: tuple[str, ...]
     qs: NDArray[np.int64]
     vs: NDArray[np.int64]
-    lower: Array
-    upper: Array
 
     def whole(self, robot: Leg, q: Array, v: Array) -> tuple[Array, Array]:
         """Return q and v of the robot from those of the chain, all other joints at rest."""
@@ -70,8 +63,7 @@ def kicking_chain(robot: Leg, *, branches: bool = False) -> KickingChain:
             has; or one of the joints mimics another or is mimicked.
     """
     model = robot.model
-    path = [int(joint) for joint in model.supports[robot.contact_joint]][1:]
-    kept = path
+    kept = path = [int(joint) for joint in model.supports[robot.contact_joint]][1:]
     if branches:
         kept = [j for j in range(1, model.njoints) if path[0] in list(model.supports[j])]
     elif any(model.nqs[joint] != 1 for joint in path):
@@ -88,19 +80,10 @@ def kicking_chain(robot: Leg, *, branches: bool = False) -> KickingChain:
                 f"joints in the kicking limb; lock {mimic.driver!r}, which locks both (Leg.locked, "
                 f"--lock {mimic.driver}=VALUE)"
             )
-    locked = [str(model.names[j]) for j in range(1, model.njoints) if j not in kept]
     leg = robot
-    if locked:
+    if locked := [name for name in robot.joint_names if name not in names]:
         leg = robot.with_model(reduce_model(model, locked, rest_configuration(robot)))
-    qs, vs = coordinate_indices(model, kept)
-    return KickingChain(
-        leg=leg,
-        names=leg.joint_names,
-        qs=qs,
-        vs=vs,
-        lower=np.maximum(leg.lower, -math.pi),
-        upper=np.minimum(leg.upper, math.pi),
-    )
+    return KickingChain(leg, *coordinate_indices(model, kept))
 
 
 def with_angles(robot: Leg) -> Leg:
@@ -108,16 +91,14 @@ def with_angles(robot: Leg) -> Leg:
 
     Its q is the short one that the robot itself takes too. Without such joints, it is the robot.
     """
-    sizes = zip(robot.workspace.model.nqs, robot.workspace.model.nvs, strict=True)
-    if (2, 1) not in list(sizes):
-        return robot
-    return robot.with_model(angle_model(robot.model))
+    model = robot.workspace.model
+    has_continuous = (2, 1) in zip(model.nqs, model.nvs, strict=True)
+    return robot.with_model(angle_model(robot.model)) if has_continuous else robot
 
 
 def check_unconstrained(leg: Leg, what: str) -> None:
     """Raise `InvalidInput` for supports, loops or stiff joints; `what` is for the message."""
-    constraints = leg.constraints
-    if constraints is not None and (constraints.supports or constraints.loops):
+    if leg.supports or leg.loops:
         raise InvalidInput(
             f"{leg.name} has supports or loops: {what} for legs without supports and loops only, "
             "because a plan chooses each joint by itself, and these tie joints together"

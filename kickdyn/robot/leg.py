@@ -22,19 +22,8 @@ from kickdyn.core.representation import ReprMixin, Row, format_value, warned
 from kickdyn.core.validation import Array, protect, read_only
 from kickdyn.errors import InvalidInput, MjcfError, UrdfError
 from kickdyn.robot.articulated_body import ArticulatedBodies
-from kickdyn.robot.catalog import (
-    ROBOTS,
-    TOE,
-    find_description,
-    robot,
-    robot_file,
-    robot_model,
-)
-from kickdyn.robot.constraints import (
-    ConstraintProjector,
-    Constraints,
-    Support,
-)
+from kickdyn.robot.catalog import ROBOTS, TOE, find_description, read_robot
+from kickdyn.robot.constraints import ConstraintProjector, Constraints, Support
 from kickdyn.robot.drives import Drive, catalogued_drives, load_drives
 from kickdyn.robot.joint_table import InDegrees, JointTable, Mimic
 from kickdyn.robot.mjcf_file import MjcfFile, is_mjcf, read_mjcf
@@ -178,17 +167,16 @@ class Leg(JointTable, ReprMixin):
         """Load a URDF file.
 
         Args:
-            path: the file; it is read once and checked before Pinocchio sees it.
+            path: the file.
             frame: link or joint of the file whose origin touches the ball.
-            base: `fixed`, the root link welded to the world, or `floating`: then the first joint,
-                `root_joint`, has position and quaternion (xyzw) in q, and linear and angular
-                velocity, in the root link's axes, in v.
+            base: `fixed`, the root link welded to the world, or `floating`: the first joint,
+                `root_joint`, then has position and quaternion (xyzw) in q, and linear and angular
+                velocity in v [axes of the root link].
             locked: joints to lock at their values [rad; m for prismatic joints], before inertias
                 are judged. A name may be a pattern as of a shell, such as `"LFinger*"`; the value
                 of a joint that is named itself takes precedence.
             package_dirs: ROS packages, or folders that contain them, with meshes named
-                `package://NAME/...`, searched before the folders that contain the file and those
-                of the variables `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH`.
+                `package://NAME/...`, searched before those around the file and those of ROS.
             drives: rotors, which a URDF leaves out, and limits, as for `with_drives`; True and
                 False leave them out.
 
@@ -215,11 +203,11 @@ class Leg(JointTable, ReprMixin):
     ) -> "Leg":
         """Load an MJCF file, the XML of MuJoCo, which compiles it: `pip install "kickdyn[mjcf]"`.
 
-        Of the file come masses, joints, ranges (`range`; without one, a joint is unlimited), rotor
-        inertias (`armature`), loops (two bodies that `<connect>` joins) and limits of torque: the
-        smaller one of the joint's `actuatorfrcrange` and what its actuators can exert, gear times
-        `forcerange` (motors without one: gear times `ctrlrange`). MJCF has no limits of speed.
-        Springs, damping, tendons and contacts are not part of the leg.
+        Of the file come masses, joints, ranges, rotor inertias (`armature`), loops (two bodies that
+        `<connect>` joins) and limits of torque: the smaller one of the joint's `actuatorfrcrange`
+        and what its actuators can exert, gear times `forcerange` (motors without one: gear times
+        `ctrlrange`). MJCF has no limits of speed. Springs, damping, tendons and contacts are left
+        out.
 
         Args:
             path: the file. Included files and meshes lie in its folder or below.
@@ -268,12 +256,10 @@ class Leg(JointTable, ReprMixin):
     ) -> "Leg":
         """Load a robot by name.
 
-        The robots of the package example-robot-data (`pip install "kickdyn[robots]"`) have a toe.
-        Their base is turned so that it faces x with z up (`human` is drawn with y up, `icub` facing
-        -x). All else is the file's own, zero configuration and joint directions included.
-
-        Those of the package robot_descriptions (`pip install "kickdyn[descriptions]"`) are URDF and
-        MJCF files, which it downloads the first time. They are read as they are.
+        The robots of the package example-robot-data (`pip install "kickdyn[robots]"`) have a toe,
+        and their base is turned so that it faces x with z up. Those of robot_descriptions (`pip
+        install "kickdyn[descriptions]"`) are URDF and MJCF files, which it downloads the first
+        time. All else is the file's own, zero configuration and joint directions included.
 
         Args:
             name: bolt, g1, human, icub, icub_reduced, romeo, simple_humanoid, talos; or a name of
@@ -297,11 +283,23 @@ class Leg(JointTable, ReprMixin):
         if name not in ROBOTS:
             if legs_only:
                 raise InvalidInput(f"legs_only is for {', '.join(ROBOTS)}: for {name}, use locked=")
-            return cls._from_description(name, frame or TOE, base, locked, drives)
-        file, (frame, cone) = robot_file(name), robot(name).contact(frame)
-        leg = cls(robot_model(name, base), frame, file, contact_normal_cone=cone)
+            check_base(base)
+            described, folders = find_description(name)
+            if is_mjcf(described):
+                read = read_mjcf(described, folders)
+                return cls._from_mjcf(read, frame or TOE, base, locked, drives)
+            return cls.from_urdf(
+                described,
+                frame or TOE,
+                base=base,
+                locked=locked,
+                package_dirs=folders,
+                drives=drives,
+            )
+        (file, model), (frame, cone) = read_robot(name, base), ROBOTS[name].contact(frame)
+        leg = cls(model, frame, file, contact_normal_cone=cone)
         leg = leg._with_drives_of(drives, catalogued_drives(name)).locked(locked or {})
-        kept = (*robot(name).legs, "root_joint")
+        kept = (*ROBOTS[name].legs, "root_joint")
         outside = [joint for joint in leg.joint_names if not joint.startswith(kept)]
         if legs_only and outside:
             leg = leg.with_model(reduce_model(leg.model, outside, leg.configuration()))
@@ -311,32 +309,13 @@ class Leg(JointTable, ReprMixin):
         return leg
 
     @classmethod
-    def _from_description(
-        cls,
-        name: str,
-        frame: str,
-        base: str,
-        locked: Mapping[str, float] | None,
-        drives: Drives | bool,
-    ) -> "Leg":
-        """Load a robot of the package robot_descriptions."""
-        check_base(base)
-        file, folders = find_description(name)
-        if is_mjcf(file):
-            return cls._from_mjcf(read_mjcf(file, folders), frame, base, locked, drives)
-        return cls.from_urdf(
-            file, frame, base=base, locked=locked, package_dirs=folders, drives=drives
-        )
-
-    @classmethod
     def from_model(cls, model: Any, frame: str) -> "Leg":
         """Return the leg of a copy of a `pin.Model`, with its `armature`.
 
         Args:
-            model: a model with valid inertias, and mass that moves with every joint, on a fixed
-                base or with a `JointModelFreeFlyer` as its first joint. Its gravity is (0, 0,
-                -9.81) m/s2, as for the flight of the ball, or zero, which leaves weight out of
-                joint torques and of the motion in `collide`.
+            model: with mass that moves with every joint, on a fixed base or with a
+                `JointModelFreeFlyer` as its first joint. Its gravity is (0, 0, -9.81) m/s2, or
+                zero, which leaves weight out of joint torques and of the motion in `collide`.
             frame: name of one of its frames.
 
         Raises:
@@ -366,11 +345,10 @@ class Leg(JointTable, ReprMixin):
         return self.with_model(reduce_model(self._model, fixed, q))
 
     def with_armature(self, rotors: Mapping[str, float]) -> "Leg":
-        """Return the leg with rotors behind its joints.
+        """Return the leg with rotors behind its joints, in place of those that it had.
 
         Args:
-            rotors: joint name to rotor inertia times gear ratio squared, 0 or more [kg m2; kg for
-                prismatic joints]; it replaces what the joint had.
+            rotors: joint name to rotor inertia times gear ratio squared [kg m2; kg if prismatic].
         """
         armature = self._model.armature.copy()
         for name, value in validation.mapping("rotors", rotors).items():
@@ -431,8 +409,8 @@ class Leg(JointTable, ReprMixin):
         """Return the leg with frames that stand on the ground and stay at rest in the impact.
 
         Args:
-            supports: names of frames, for flat feet, or `Support` objects. They replace any
-                supports from before. None may be on the kicking limb or on the fixed base.
+            supports: names of frames, for flat feet, or `Support` objects, in place of those from
+                before. None may be on the kicking limb or on the fixed base.
         """
         stances = tuple(Support(s) if isinstance(s, str) else s for s in supports)
         for support in stances:
@@ -452,14 +430,13 @@ class Leg(JointTable, ReprMixin):
     def with_stiff_joints(self, *joints: str) -> "Leg":
         r"""Return the leg with joints that hold in an impact, as motors with high gears do.
 
-        Such a joint may move, but the impact does not change its velocity, :math:`v_j^+ = v_j^-`:
-        the impulse of its motor along its axis is whatever that takes. It is part of
-        `Impact.joint_impulses`, and the part along the axis of `joint_loads`. A real joint is
-        between this and a free one with the rotor of `with_armature`.
+        Such a joint may move, but the impact does not change its velocity, :math:`v_j^+ = v_j^-`.
+        The impulse of its motor is part of `Impact.joint_impulses` and of `joint_loads`. A real
+        joint is between this and a free one with the rotor of `with_armature`.
 
         Args:
-            joints: names of joints of one degree of freedom. They replace any stiff joints from
-                before; without any name, all joints are free.
+            joints: names of joints of one degree of freedom, in place of those from before;
+                without any name, all joints are free.
         """
         for joint in joints:
             self.velocity_index(joint)
@@ -478,9 +455,7 @@ class Leg(JointTable, ReprMixin):
         """Return the posture at a configuration, in the range of the joints or not.
 
         Args:
-            q: configuration, shape `(nq,)` [rad; m for prismatic joints]; or a short one, with one
-                angle for each continuous joint in place of its cosine and sine, and without mimic
-                joints.
+            q: shape `(nq,)`, or short, as for `check_configuration` [rad; m if prismatic].
         """
         workspace, q = self.workspace, self.check_configuration(q)
         model, data = workspace.model, workspace.data
@@ -527,11 +502,11 @@ class Leg(JointTable, ReprMixin):
     def close_loops(self, q: ArrayLike, keep: Iterable[str] = ()) -> Array:
         """Return a configuration near `q` with all loops closed, by Newton's method.
 
-        Only joints between a loop's ends move, in their ranges or not. If that fails, Newton's
-        method starts with these at 0, and leads the kept ones to their values in small steps.
+        Only joints between a loop's ends move, in their ranges or not. If that fails, they start
+        at 0, and the kept ones are led to their values in small steps.
 
         Args:
-            q: configuration to start from, shape `(nq,)` [rad; m for prismatic joints].
+            q: configuration to start from, shape `(nq,)`.
             keep: joints that stay as they are.
 
         Raises:
@@ -614,7 +589,6 @@ class Posture(ReprMixin):
     _frame_jacobian: Array
     contact_offset: Array | None = None
     _whitened: Array | None = field(default=None, init=False)
-    _jacobian_norm: float | None = field(default=None, init=False)
 
     def with_contact_offset(self, offset: ArrayLike | None) -> "Posture":
         """Return this posture with its contact point elsewhere on the foot.
@@ -643,10 +617,7 @@ class Posture(ReprMixin):
 
     @property
     def without_stiff_joints(self) -> "Posture":
-        """This posture of the leg with its stiff joints free; itself where there are none.
-
-        Its joint velocities are those that are possible before an impact.
-        """
+        """This posture with stiff joints free, as before an impact; itself where there are none."""
         # itself is not kept: a posture that refers to itself waits for the garbage collector
         return self._with_stiff_joints_free if self.leg.stiff_joints else self
 
@@ -657,10 +628,7 @@ class Posture(ReprMixin):
 
     @cached_property
     def condition(self) -> float:
-        """Condition number of M in the 1-norm, scaled to unit diagonal (LAPACK's estimate).
-
-        A result that is computed from M can lose as many digits as its decimal logarithm.
-        """
+        """Condition number of M in the 1-norm, scaled to unit diagonal (LAPACK's estimate)."""
         return condition(self.inertia, self._cholesky)
 
     @property
@@ -671,9 +639,7 @@ class Posture(ReprMixin):
     @property
     def jacobian_norm(self) -> float:
         """Frobenius norm of the Jacobian J, in its own units."""
-        if self._jacobian_norm is None:
-            self._jacobian_norm = math.sqrt(np.vdot(self.jacobian, self.jacobian))
-        return self._jacobian_norm
+        return math.sqrt(np.vdot(self.jacobian, self.jacobian))
 
     @property
     def whitened_jacobian(self) -> Array:
@@ -682,32 +648,28 @@ class Posture(ReprMixin):
         With constraints, it is projected on the velocity jumps that they allow in an impact.
         """
         if self._whitened is None:  # not a cached_property: its lock would take 2 us
-            columns = self._allowed(self._whiten(self.jacobian))
+            columns = self._whiten(self.jacobian)
+            if self.constraint_projector is not None:
+                columns = self.constraint_projector.project(columns)
             protect(columns)
             self._whitened = columns.T
         return self._whitened
 
     def whiten(self, jacobian: ArrayLike) -> Array:
-        r"""Return :math:`L^{-1} J^T` of any Jacobian, shape `(rows, nv)`, as columns.
-
-        With constraints, it is projected on the velocity jumps that they allow in an impact.
-        """
+        r"""Return :math:`L^{-1} J^T` of any Jacobian, `(rows, nv)`, as for `whitened_jacobian`."""
         rows = validation.floats("jacobian", jacobian)
         if rows.ndim != 2 or rows.shape[1] != self.leg.nv:
             raise InvalidInput(
                 f"jacobian has shape {rows.shape}: it must have rows of length {self.leg.nv}"
             )
-        return self._allowed(self._whiten(rows))
-
-    def _allowed(self, columns: Array) -> Array:
-        projector = self.constraint_projector
+        columns, projector = self._whiten(rows), self.constraint_projector
         return columns if projector is None else projector.project(columns)
 
     def delassus_factor(self) -> Array:
         r"""Return F with :math:`F F^T = J M^{-1} J^T`, shape `(3, n)` [kg^-1/2, world frame].
 
-        It is the whitened Jacobian. For an ill-conditioned leg without supports and loops it is a
-        factor from the articulated-body algorithm.
+        It is the whitened Jacobian, or, for an ill-conditioned leg without constraints, a factor
+        from the articulated-body algorithm.
         """
         if self.constraint_projector is None and self.is_ill_conditioned:
             lever = self.contact_lever.tolist()
@@ -719,8 +681,7 @@ class Posture(ReprMixin):
     def delassus(self) -> Array:
         r"""Return :math:`J M^{-1} J^T` at the contact point, shape `(3, 3)` [1/kg, world frame]."""
         factor = self.delassus_factor()
-        product: Array = factor.dot(factor.T)
-        return product
+        return np.asarray(factor.dot(factor.T))
 
     @cached_property
     def rounding_gain(self) -> float:
@@ -754,9 +715,9 @@ class Posture(ReprMixin):
         r"""Return the effective mass [kg] in the limits between which real drives are, by name.
 
         `without rotors`: all joints are free, and nothing is behind them. `with rotors`: the rotors
-        turn with them, as in a contact so short that :math:`t\sqrt{k / (J n^2)}` is far below 1,
-        where k is the stiffness of a drive's position control. `stiff`: all joints hold, as far
-        above 1 or with gears that cannot be driven back; inf where the base or a foot is fixed.
+        turn with them, as in a contact that is short, :math:`t\sqrt{k / (J n^2)} \ll 1` with the
+        stiffness k of position control. `stiff`: all joints hold, as in a long one or with gears
+        that cannot be driven back; inf where the base or a foot is fixed.
 
         Args:
             normal: direction n, shape `(3,)` of any length but zero [world frame].
@@ -777,32 +738,24 @@ class Posture(ReprMixin):
         }
 
     def point_velocity(self, v: ArrayLike) -> Array:
-        """Return the velocity of the contact point, :math:`J v`, shape `(3,)` [m/s, world frame].
-
-        Args:
-            v: joint velocity, shape `(nv,)` [rad/s; m/s for prismatic joints].
-        """
+        """Return the velocity :math:`J v` of the contact point, shape `(3,)` [m/s, world frame]."""
         return np.asarray(self.jacobian @ validation.vector("v", v, self.leg.nv))
 
     def joint_velocity(self, point_velocity: ArrayLike) -> Array:
         r"""Return the joint velocity of least kinetic energy for a velocity of the contact point.
 
         It minimizes :math:`\frac12 v^T M v` under :math:`J v = w`, and is
-        :math:`M^{-1} J^T (J M^{-1} J^T)^+ w`.
+        :math:`M^{-1} J^T (J M^{-1} J^T)^+ w`, shape `(nv,)` [rad/s; m/s for prismatic joints].
 
         Args:
             point_velocity: velocity w of the contact point, shape `(3,)` [m/s, world frame].
 
-        Returns:
-            v, shape `(nv,)` [rad/s; m/s for prismatic joints].
-
         Raises:
-            InvalidInput: the leg cannot move its contact point in that direction in this posture,
-                or not so fast.
+            InvalidInput: the contact point cannot move in that direction, or not so fast.
         """
         wish = validation.vector("point velocity", point_velocity, 3, unit="m/s")
-        v, missed = self._least_energy_velocity(wish)
-        if _is_missed(missed, wish):
+        v, missed, is_possible = self._least_energy_velocity(wish)
+        if not is_possible:
             noise = 1e-12 * np.abs(wish).max()
             near = [float(f"{x:.10g}") if abs(x) > noise else 0.0 for x in wish - missed]
             raise InvalidInput(
@@ -819,11 +772,14 @@ class Posture(ReprMixin):
     def try_joint_velocity(self, wish: ArrayLike) -> Array | None:
         """Return what `joint_velocity` returns, or None where it would raise `InvalidInput`."""
         wish = validation.vector("point velocity", wish, 3, unit="m/s")
-        v, missed = self._least_energy_velocity(wish)
-        return v if np.isfinite(v).all() and not _is_missed(missed, wish) else None
+        v, _, is_possible = self._least_energy_velocity(wish)
+        return v if is_possible and np.isfinite(v).all() else None
 
-    def _least_energy_velocity(self, wish: Array) -> tuple[Array, Array]:
-        """Return the joint velocity for the nearest possible velocity, and what it misses [m/s]."""
+    def _least_energy_velocity(self, wish: Array) -> tuple[Array, Array, bool]:
+        """Return v for the nearest possible velocity, what that misses [m/s], and if it is 0.
+
+        What is missed is NaN, and counts as 0, where v is too fast for a float64.
+        """
         before = self.without_stiff_joints.whitened_jacobian
         left, gains, right = np.linalg.svd(before, full_matrices=False)
         usable = gains > 1e-12 * gains[0] if gains[0] > 0 else gains > 0
@@ -831,13 +787,13 @@ class Posture(ReprMixin):
             share = np.divide(left.T @ wish, gains, out=np.zeros_like(gains), where=usable)
             v: Array = blas.dtrsv(self._cholesky, right.T @ share, lower=1, trans=1)
             missed = wish - self.jacobian @ v
-        return v, missed
+            is_possible = not np.abs(missed).max() > 1e-9 * np.abs(wish).max()
+        return v, missed, bool(is_possible)
 
     def solve(self, joint_impulse: ArrayLike) -> Array:
         r"""Return the velocity jump :math:`M^{-1} f` after a joint-space impulse f, shape `(nv,)`.
 
-        For a leg with supports and loops, the jump includes the effect of their impulses. Without
-        them, f may have n columns, shape `(nv, n)`, and so has the result.
+        Supports and loops take part. Without them, f may have n columns, and so has the result.
         """
         return self.respond(joint_impulse)[0]
 
@@ -861,10 +817,7 @@ class Posture(ReprMixin):
         return np.asarray(jump), self.constraint_projector.impulses(whitened)
 
     def admissible(self, v: ArrayLike) -> Array:
-        """Return the joint velocity nearest to `v`, by kinetic energy, that constraints allow.
-
-        Both have shape `(nv,)` [rad/s; m/s for prismatic joints].
-        """
+        """Return the velocity, `(nv,)`, that constraints allow, nearest to v by kinetic energy."""
         v = validation.vector("v", v, self.leg.nv)
         projector = self.without_stiff_joints.constraint_projector
         if projector is None:
@@ -916,10 +869,10 @@ def read_leg(
     locked: Mapping[str, float] | None = None,
     drives: Drives | bool = True,
 ) -> Leg:
-    """Return the leg of a URDF or MJCF file, which its root element tells apart.
+    """Return the leg of a URDF or MJCF file, with joints `locked` at values in degrees or metres.
 
-    Joints are `locked` at their values [deg; m for prismatic joints]. Raises `InvalidInput` as
-    `Leg.from_urdf` and `Leg.from_mjcf` do, and for `package_dirs` of an MJCF.
+    Raises `InvalidInput` as `Leg.from_urdf` and `Leg.from_mjcf` do, and for `package_dirs` of an
+    MJCF.
     """
     values = InDegrees(locked or {})
     if not is_mjcf(path):
@@ -985,8 +938,3 @@ def _stacked(forces: Any) -> Array:
         if row.__array_interface__["data"][0] != first + k * step:
             raise RuntimeError("Pinocchio no longer keeps forces side by side")
     return as_strided(rows[0], shape=(len(rows), 6), strides=(step, rows[0].itemsize))
-
-
-def _is_missed(missed: Array, wish: Array) -> bool:
-    """Return whether a velocity is missed; NaN, of one too fast for float64, is not."""
-    return bool(np.abs(missed).max() > 1e-9 * np.abs(wish).max())

@@ -8,7 +8,6 @@ import threading
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import cached_property
 from os import PathLike
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -19,8 +18,7 @@ import pinocchio as pin
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, MjcfError
-from kickdyn.robot.joint_table import Mimic
-from kickdyn.robot.names import listed, name_fault
+from kickdyn.robot.names import name_fault
 from kickdyn.robot.package_files import MAX_DEPTH, PackageFiles, read_xml
 from kickdyn.robot.urdf_file import MAX_MOVING_JOINTS
 from kickdyn.robot.visuals import RobotFile, Shape, Visual
@@ -56,12 +54,8 @@ _SHAPES = {
 }
 """By MuJoCo's `geom_type`; planes and terrain are not drawn."""
 
-ACTUATED_JOINTS = (0, 1)
-"""MuJoCo's `mjTRN_JOINT` and `mjTRN_JOINTINPARENT`, of actuators that act on a joint."""
-
 _UNUSED = ("camera", "light", "texture", "hfield", "skin", "layer", "model")
 """Elements that only a picture, the terrain or another model needs."""
-
 
 _lock = threading.Lock()  # MuJoCo's handler of warnings belongs to the whole process
 
@@ -73,30 +67,10 @@ class MjcfFile(RobotFile):
     Attributes:
         meshes: content of the mesh files, by the names that they have in `text`.
         name: of the model.
-        left_out: moving bodies that are not part of the robot.
-        mimics: joints that equality constraints let move with another.
     """
 
     meshes: dict[str, bytes] = field(default_factory=dict, repr=False)
     name: str = ""
-    left_out: tuple[str, ...] = ()
-    mimics: tuple[Mimic, ...] = ()
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """A line if the file has other moving bodies than those of the robot."""
-        if not self.left_out:
-            return ()
-        return (f"bodies that hang on another root are left out: {listed(self.left_out, 5)}",)
-
-    @cached_property
-    def passive_joints(self) -> tuple[str, ...]:
-        """The joints without an actuator; none where there are no actuators, or other kinds."""
-        compiled = self.compile()
-        if not compiled.nu or not np.isin(compiled.actuator_trntype, ACTUATED_JOINTS).all():
-            return ()
-        every = set(range(compiled.njnt)).difference(compiled.actuator_trnid[:, 0].tolist())
-        return tuple(compiled.joint(joint).name for joint in sorted(every))
 
     def compile(self) -> Any:
         """Return the `mujoco.MjModel`.

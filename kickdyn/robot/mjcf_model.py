@@ -8,6 +8,7 @@ ranges of sliding joints for degrees, and reads one tree of bodies only, all wit
 import math
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import replace
+from itertools import chain, count
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,42 +17,39 @@ import pinocchio as pin
 from kickdyn.core.validation import Array, check_type
 from kickdyn.errors import InvalidInput, MjcfError
 from kickdyn.robot.joint_table import Mimic
-from kickdyn.robot.mjcf_file import ACTUATED_JOINTS, MjcfFile, body_name, find_body, mujoco_pose
+from kickdyn.robot.mjcf_file import MjcfFile, body_name, find_body, mujoco_pose
 from kickdyn.robot.model_validation import MAX_MAGNITUDE
-from kickdyn.robot.names import expand_patterns
+from kickdyn.robot.names import expand_patterns, listed
 from kickdyn.robot.urdf_file import check_base
 
 FREE, BALL, SLIDE, HINGE = range(4)
 """Values of MuJoCo's `jnt_type`."""
 
+JOINTS = (
+    pin.JointModelFreeFlyer,
+    pin.JointModelSpherical,
+    pin.JointModelPrismaticUnaligned,
+    pin.JointModelRevoluteUnaligned,
+)
+"""Pinocchio's joints by `jnt_type`."""
 
-class MjcfModel(NamedTuple):
-    """What is read of an MJCF model.
 
-    Attributes:
-        file: the document, with the bodies that were left out and the mimic joints.
-        model: the `pin.Model`.
-        loops: pairs of frames whose origins stay together.
-    """
-
-    file: MjcfFile
-    model: Any
-    loops: tuple[tuple[str, str], ...]
+ACTUATED_JOINTS = (0, 1)
+"""MuJoCo's `mjTRN_JOINT` and `mjTRN_JOINTINPARENT`, of actuators that act on a joint."""
 
 
 def build_mjcf_model(
     file: MjcfFile, frame: str, base: str, locked: Mapping[str, float] | None
-) -> MjcfModel:
-    """Return the model of the tree of bodies that moves a frame.
+) -> tuple[MjcfFile, Any, list[tuple[str, str]]]:
+    """Return the `pin.Model` of the tree of bodies that moves a frame.
 
-    Its q is MuJoCo's `qpos` of these joints with quaternions in the order xyzw. The linear velocity
-    of a free joint is in the base's axes (in MuJoCo the world's).
+    Before it comes the file, with what was read of it; after it, the pairs of frames whose origins
+    stay together.
 
     Args:
         file: the checked document.
         frame: a body, site or geom; without one of this name that moves, all bodies are read.
-        base: `fixed` welds the root body to the world where the file places it, `floating` gives it
-            a free joint, `root_joint` if the file has none.
+        base: `fixed` or `floating`, as for `Leg.from_mjcf`.
         locked: joints that are to be locked, or patterns: how they are constrained does not matter.
     """
     check_base(base)
@@ -68,18 +66,23 @@ def build_mjcf_model(
     except InvalidInput as fault:
         raise MjcfError(file.source, [str(fault)]) from None
     moving = (body for body in bodies if body not in robot_bodies and compiled.body_weldid[body])
-    left_out = tuple(body_name(compiled, body) for body in moving)
-    read = replace(file, left_out=left_out, mimics=tuple(builder.mimics))
-    return MjcfModel(read, builder.model, tuple(builder.loops))
+    left_out = listed([body_name(compiled, body) for body in moving], 5)
+    warning = f"bodies that hang on another root are left out: {left_out}"
+    read = replace(
+        file,
+        mimics=tuple(builder.mimics),
+        warnings=(warning,) if left_out else (),
+        passive_joints=_find_passive_joints(compiled),
+    )
+    return read, builder.model, builder.loops
 
 
-def _unused(wish: str, taken: Set[str]) -> str:
-    """Return a name that is not taken: the wish, with a number if need be."""
-    name, count = wish, 1
-    while name in taken:
-        count += 1
-        name = f"{wish}{count}"
-    return name
+def _find_passive_joints(compiled: Any) -> tuple[str, ...]:
+    """Return the joints without an actuator; none where there are no actuators, or other kinds."""
+    if not compiled.nu or not np.isin(compiled.actuator_trntype, ACTUATED_JOINTS).all():
+        return ()
+    passive = set(range(compiled.njnt)).difference(compiled.actuator_trnid[:, 0].tolist())
+    return tuple(compiled.joint(joint).name for joint in sorted(passive))
 
 
 class _Joint(NamedTuple):
@@ -176,9 +179,11 @@ class _Builder:
     ) -> int:
         """Add a joint under its own name, or the wish if it has none; return its number."""
         own_name = self.compiled.joint(theirs).name if theirs >= 0 else ""
-        name = own_name or _unused(wish, self.taken)
+        numbered = (f"{wish}{k}" for k in count(2))
+        name = own_name or next(name for name in chain((wish,), numbered) if name not in self.taken)
         self.taken.add(name)
-        number = self.model.addJoint(parent, _joint_model(kind, axis), place, name)
+        described = JOINTS[kind]() if kind in (FREE, BALL) else JOINTS[kind](axis)
+        number = self.model.addJoint(parent, described, place, name)
         self.model.addJointFrame(number)
         self.joints.append(_Joint(int(number), theirs, kind))
         return int(number)
@@ -186,8 +191,8 @@ class _Builder:
     def _add_frames(self) -> None:
         """Add a frame for each site and geom that has a name of its own."""
         compiled = self.compiled
-        for kind, count in (("site", compiled.nsite), ("geom", compiled.ngeom)):
-            for number in range(count):
+        for kind, size in (("site", compiled.nsite), ("geom", compiled.ngeom)):
+            for number in range(size):
                 element = getattr(compiled, kind)(number)
                 body = int(element.bodyid[0])
                 if element.name and body in self.frames:
@@ -246,9 +251,7 @@ class _Builder:
                 idle = False
                 bodies = [int(compiled.site_bodyid[e]) if sites else e for e in (first, second)]
             kinds = (mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)
-            robot_bodies = (
-                [body for body in bodies if body in self.places] if kind in kinds else [0]
-            )
+            robot_bodies = [body for body in bodies if body in self.places or kind not in kinds]
             if idle or not robot_bodies or not compiled.eq_active0[number]:
                 continue
             values = compiled.eq_data[number]
@@ -331,18 +334,6 @@ def effort_limits(compiled: Any) -> Array:
     reach[~driven] = math.inf
     allowed = np.abs(compiled.jnt_actfrcrange).min(axis=1)
     return np.where(compiled.jnt_actfrclimited, np.minimum(reach, allowed), reach)
-
-
-def _joint_model(kind: int, axis: Array | None) -> Any:
-    """Return Pinocchio's joint of a kind; a slide or hinge along or about an axis."""
-    if kind == FREE:
-        return pin.JointModelFreeFlyer()
-    if kind == BALL:
-        return pin.JointModelSpherical()
-    unaligned = (
-        pin.JointModelPrismaticUnaligned if kind == SLIDE else pin.JointModelRevoluteUnaligned
-    )
-    return unaligned(axis)
 
 
 def mujoco_state(model: Any, q: Array, v: Array, compiled: Any = None) -> tuple[Array, Array]:

@@ -48,10 +48,9 @@ def frame_id(model: Any, name: str) -> int:
 
 
 def frames_by_name(model: Any) -> dict[str, int]:
-    """Return the numbers of all frames but the universe; a body's name comes before a joint's.
+    """Return the numbers of all frames but the universe.
 
-    Of several frames with the same name, it is that of a body, else any but a joint's, and of
-    these the first.
+    Of several frames with one name, it is a body's, else any but a joint's, and the first of these.
     """
     ranks = {pin.FrameType.BODY: 2, pin.FrameType.JOINT: 0}
     numbered = list(enumerate(model.frames))[:0:-1]  # the first frame of a name replaces the others
@@ -201,8 +200,7 @@ def cholesky_with_condition(inertia: Array) -> tuple[Array, float]:
 def condition(inertia: Array, factor: Array) -> float:
     """Return the condition of M scaled to unit diagonal; inf if it is not positive definite.
 
-    Scaled, so that a light toe on a heavy leg, or metres beside radians, do not count as
-    ill-conditioned; they cost the Cholesky factor no digits.
+    Neither a light toe on a heavy leg nor metres beside radians cost the Cholesky factor digits.
     """
     if not all(root > 0.0 for root in factor.diagonal().tolist()):
         return math.inf

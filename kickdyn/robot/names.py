@@ -39,10 +39,9 @@ def name_fault(kind: str, name: str) -> str:
 def unknown(
     kind: str, name: object, owner: str, names: Sequence[str], ends: Sequence[str] = ()
 ) -> str:
-    """Return the message for a name that a model does not have.
+    """Return the message for a name that a model does not have, with names that it has.
 
-    It lists the names of the model; if they are many, the nearest ones and names of feet first. For
-    a name that sounds like a foot, the nearest are among `ends`, the frames that end a limb.
+    For a name that sounds like a foot, the nearest are among `ends`, the frames that end a limb.
     """
     text = name.lower()[:200] if isinstance(name, str) else ""
     by_case = {known.lower(): known for known in reversed(names)}
@@ -63,8 +62,8 @@ def unknown(
 def expand_patterns(values: Mapping[str, float], names: Iterable[str]) -> dict[str, float]:
     """Return the values of those among some names that `values` names.
 
-    A key of `values` that is none of the names is a pattern as of a shell, with `*`, `?` and
-    `[...]`. A name that is a key itself has the value of that key.
+    A key of `values` that is none of the names is a pattern as of a shell. A name that is a key
+    itself has the value of that key.
 
     Raises:
         InvalidInput: a value that is not finite, or a name that matches two patterns with different
@@ -88,10 +87,9 @@ def expand_patterns(values: Mapping[str, float], names: Iterable[str]) -> dict[s
 
 
 def lock_remedy(model: Any, joints: Sequence[str]) -> str:
-    """Return how some joints of a `pin.Model` can be locked, as text that can be copied.
+    """Return how joints can be locked, at 0 or in the middle of the range, as text to be copied.
 
-    Each of them is locked at 0, or in the middle of its range if 0 is outside. Empty if none of the
-    joints has one degree of freedom, or no other joint would be left.
+    Empty if none of them has one degree of freedom, or no other joint would be left.
     """
     names, values, options = list(model.names), dict[str, float](), list[str]()
     for joint in joints:

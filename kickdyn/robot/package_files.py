@@ -132,11 +132,7 @@ class PackageFiles:
             ) from None
 
     def read_mesh(self, name: str, folder: Path | None = None) -> bytes:
-        """Return the content of a mesh.
-
-        Raises:
-            InvalidInput: as `find` does, or the mesh is too large or not a regular file.
-        """
+        """Return the content of a mesh; raise `InvalidInput` as `find`, or if it is too large."""
         path = self.find(name, folder=folder)
         check_file(path, f"mesh {name!r}", MAX_MESH, FaultyFile)
         return path.read_bytes()

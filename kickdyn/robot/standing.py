@@ -1,8 +1,7 @@
 """A robot on a floating base that stands on one foot, as a robot on a fixed base: that foot.
 
-A flat foot at rest takes all six degrees of freedom from the floating base. Where the robot is a
-tree, no equation remains: with the foot as its root, it is a tree on a fixed base, and what is made
-for those (`kicking_chain`, `plan_kick`) applies to it.
+With the foot as its root, the robot is a tree on a fixed base, and what is made for those
+(`kicking_chain`, `plan_kick`) applies to it.
 """
 
 from dataclasses import replace
@@ -123,10 +122,10 @@ def hold_support(posture: Posture, q: Array) -> Array:
     A leg without supports, or on a fixed base, keeps q, shape `(nq,)`.
     """
     leg = posture.leg
-    if leg.constraints is None or not leg.constraints.supports or not is_floating(leg):
+    if not leg.supports or not is_floating(leg):
         return q
     model, data = leg.workspace.model, leg.workspace.data
-    frame = frame_id(model, leg.constraints.supports[0].frame)
+    frame = frame_id(model, leg.supports[0].frame)
     pin.forwardKinematics(model, data, posture.q)
     placement = pin.updateFramePlacement(model, data, frame).copy()
     return place_base(leg, q, frame, placement)
@@ -152,8 +151,8 @@ def lock_idle_mimics(robot: Leg) -> Leg:
 
 def _flat_support(robot: Leg) -> Support:
     """Return the one flat support of a robot on a floating base, or raise `InvalidInput`."""
-    constraints = robot.constraints
-    if constraints is None or constraints.loops or not is_floating(robot):
+    supports = robot.supports
+    if robot.constraints is None or robot.loops or not is_floating(robot):
         raise InvalidInput(
             f"{robot.name} does not stand: kicks are planned for robots on a fixed base, or on a "
             "floating one with one support (Leg.with_supports) and no loops"
@@ -165,7 +164,6 @@ def _flat_support(robot: Leg) -> Support:
             f"without mimic joints; lock {drivers[0]!r}, which locks what mimics it (Leg.locked, "
             f"--lock {drivers[0]}=VALUE)"
         )
-    supports = constraints.supports
     if len(supports) != 1 or supports[0].point:
         named = ", ".join(f"{s.frame}{' (a point)' if s.point else ''}" for s in supports)
         raise InvalidInput(f"{robot.name} stands on {named}: kicks are planned from one flat foot")
@@ -238,13 +236,11 @@ def missing_shapes(robot: Leg, support: Support) -> list[str]:
     limb = [name for joint in kicking_limb(robot, support) for name in joint_bodies(robot, joint)]
     reasons = {name: why for name in limb if (why := find_unread(robot, name))}
     lines = []
-    for names, instead in (
-        ([name for name in reasons if shapes_of(robot, name)], "its other shapes are used instead"),
-        (
-            [name for name in reasons if not shapes_of(robot, name)],
-            "it counts as a point, and may be lower than the plan says",
-        ),
+    for has_others, instead in (
+        (True, "its other shapes are used instead"),
+        (False, "it counts as a point, and may be lower than the plan says"),
     ):
+        names = [name for name in reasons if bool(shapes_of(robot, name)) == has_others]
         if names:
             more = f", as are those of {listed(names[1:], 5)}" if names[1:] else ""
             lines.append(

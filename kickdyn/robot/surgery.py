@@ -1,8 +1,7 @@
 """Changed copies of Pinocchio models: joints locked, turned, rerooted, or with other coordinates.
 
-Pinocchio requires that the joints of each subtree have consecutive indices: its algorithms take the
-columns of a subtree for adjacent ones, and return wrong inertias for another order without an
-error. All functions here keep to that order.
+The joints of each subtree keep consecutive indices: for another order, Pinocchio returns wrong
+inertias without an error.
 """
 
 import math
@@ -98,10 +97,11 @@ def has_floating_base(model: Any) -> bool:
 
 def angle_model(model: Any) -> Any:
     """Return a model whose continuous joints have one angle in q, from -pi to pi."""
-    new = _empty_copy(model)
+    new = pin.Model()
+    new.name, new.gravity = model.name, model.gravity.copy()
     for joint in range(1, model.njoints):
         kind, limits = model.joints[joint], None
-        if _is_continuous(model, joint):
+        if (kind.nq, kind.nv) == (2, 1):
             kind = pin.JointModelRevoluteUnaligned(_axis(kind))
             limits = np.array([-math.pi]), np.array([math.pi])
         parent, placement = int(model.parents[joint]), model.jointPlacements[joint]
@@ -116,16 +116,17 @@ def angle_model(model: Any) -> Any:
 def reroot_model(model: Any, joint: int, placement: Any) -> Any:
     r"""Return a model whose root is the body of a joint, at rest at a placement in the world.
 
-    The first joint of the model, a floating base, is left out. Joints between it and the new root
-    keep their names, values and limits: joint `i`, which moves its child by :math:`\exp(S_i q_i)`
-    as seen from its parent, moves its parent by :math:`\exp(-S_i q_i)` as seen from its child.
+    The first joint, a floating base, is left out. Joints between it and the new root keep their
+    names, values and limits: joint `i`, which moves its child by :math:`\exp(S_i q_i)`, moves its
+    parent by :math:`\exp(-S_i q_i)` as seen from its child.
 
     Args:
         model: with a floating base.
         joint: number of the joint that carries the new root.
         placement: `pin.SE3` of that joint's frame in the world.
     """
-    new = _empty_copy(model)
+    new = pin.Model()
+    new.name, new.gravity = model.name, model.gravity.copy()
     reversed_joints = [int(number) for number in model.supports[joint]][2:]
     # of each body, the world first: its joint in the new model, and its pose there
     carrier, offset = {0: 0, joint: 0}, {0: pin.SE3.Identity(), joint: placement}
@@ -176,30 +177,15 @@ def _reverse_joint(model: Any, joint: int) -> tuple[Any, Any]:
             "it must turn about or slide along one axis"
         )
     turn = pin.Quaternion.FromTwoVectors(np.array([1.0, 0.0, 0.0]), -_axis(kind)).matrix()
-    opposite: Any = pin.JointModelRX
-    if name.startswith(PRISMATIC):
-        opposite = pin.JointModelPX
-    elif kind.nq == 2:
-        opposite = pin.JointModelRUBX
+    revolute = pin.JointModelRUBX if kind.nq == 2 else pin.JointModelRX
+    opposite = pin.JointModelPX if name.startswith(PRISMATIC) else revolute
     return opposite(), pin.SE3(turn, np.zeros(3))
-
-
-def _is_continuous(model: Any, joint: int) -> bool:
-    """Return whether a joint of one degree of freedom has its cosine and sine in q."""
-    return (model.nqs[joint], model.nvs[joint]) == (2, 1)
 
 
 def _axis(kind: Any) -> Array:
     """Return the axis of a joint of one degree of freedom, shape `(3,)` [joint frame]."""
     motion = np.asarray(kind.createData().S, dtype=float).ravel()
     return motion[:3] if kind.shortname().startswith(PRISMATIC) else motion[3:]
-
-
-def _empty_copy(model: Any) -> Any:
-    """Return a model without joints that has the name and the gravity of another."""
-    new = pin.Model()
-    new.name, new.gravity = model.name, model.gravity.copy()
-    return new
 
 
 def _copy_joint(
@@ -218,16 +204,8 @@ def _copy_joint(
     q = slice(model.idx_qs[joint], model.idx_qs[joint] + model.nqs[joint])
     v = slice(model.idx_vs[joint], model.idx_vs[joint] + model.nvs[joint])
     lower, upper = limits or (model.lowerPositionLimit[q], model.upperPositionLimit[q])
-    rotors = new.armature.copy()
-    number = new.addJoint(
-        parent,
-        kind,
-        placement,
-        model.names[joint],
-        model.effortLimit[v],
-        model.velocityLimit[v],
-        lower,
-        upper,
-    )
+    rotors, speed = new.armature.copy(), model.velocityLimit[v]
+    described = kind, placement, model.names[joint]
+    number = new.addJoint(parent, *described, model.effortLimit[v], speed, lower, upper)
     new.armature = np.append(rotors, model.armature[v])
     return int(number)

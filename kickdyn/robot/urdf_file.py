@@ -1,10 +1,8 @@
 """From a URDF file to a Pinocchio model: reading, faults of the text, and what Pinocchio reports.
 
-Pinocchio's parser overflows its stack on long chains, never returns from loops, and takes double
-names and axes without direction. It stops at the first fault that it reports: links that do not
-exist are therefore found before. What it reports besides, such as a missing attribute or a text
-that is no number, `build_model` passes on; `model_validation` then judges the inertia of what moves
-together.
+Pinocchio's parser overflows its stack on long chains, never returns from loops, takes double names
+and axes without direction, and stops at the first fault that it reports. `build_model` passes on
+what it reports; `model_validation` then judges the inertia of what moves together.
 """
 
 import io
@@ -86,16 +84,6 @@ class UrdfFile(RobotFile):
         except Exception as error:  # yourdfpy has no error of its own for a bad file
             raise InvalidInput(f"{self.source}: its visuals cannot be read ({error})") from None
 
-    @cached_property
-    def mimics(self) -> tuple[Mimic, ...]:
-        """The joints that the file lets move with another, each with a driver that does not."""
-        return read_mimics(ElementTree.fromstring(self.text))
-
-    @cached_property
-    def warnings(self) -> tuple[str, ...]:
-        """A line for each kind of irregularity with which the file was read; none was repaired."""
-        return tuple(find_irregularities(ElementTree.fromstring(self.text)))
-
 
 def read_urdf(
     path: str | PathLike[str],
@@ -110,11 +98,24 @@ def read_urdf(
         UrdfError: with all faults that `find_faults` finds, in one message.
         InvalidInput: `path` is no path at all, or there is no such folder.
     """
-    urdf = replace(read_document(path), package_dirs=tuple(_folders(package_dirs)))
-    faults = find_faults(ElementTree.fromstring(urdf.text), locked)
-    if faults:
-        raise UrdfError(urdf.source, faults)
-    return urdf
+    try:
+        file, source = Path(path), str(path)
+    except TypeError:
+        raise InvalidInput(f"URDF path is {path!r}: it must be a str or a Path") from None
+    root, folders = read_xml(file, source, UrdfError), tuple(_folders(package_dirs))
+    if faults := find_faults(root, locked):
+        raise UrdfError(source, faults)
+    # Written anew, so that Pinocchio's parser reads exactly what was checked: by itself it keeps
+    # line ends inside a name, for one.
+    text = ElementTree.tostring(root, encoding="unicode")
+    return UrdfFile(
+        text,
+        file.resolve().parent,
+        source,
+        package_dirs=folders,
+        mimics=read_mimics(root),
+        warnings=tuple(find_irregularities(root)),
+    )
 
 
 def _folders(package_dirs: Iterable[str | PathLike[str]]) -> Iterator[Path]:
@@ -127,28 +128,13 @@ def _folders(package_dirs: Iterable[str | PathLike[str]]) -> Iterator[Path]:
         yield Path(folder).resolve()
 
 
-def read_document(path: str | PathLike[str]) -> UrdfFile:
-    """Read a URDF file as `read_urdf` does, without checking the robot that it describes."""
-    try:
-        file, source = Path(path), str(path)
-    except TypeError:
-        raise InvalidInput(f"URDF path is {path!r}: it must be a str or a Path") from None
-    root = read_xml(file, source, UrdfError)
-    # Written anew, so that Pinocchio's parser reads exactly what was checked: by itself it keeps
-    # line ends inside a name, for one.
-    text = ElementTree.tostring(root, encoding="unicode")
-    return UrdfFile(text, file.resolve().parent, source)
-
-
 def build_model(text: str, source: str, base: str) -> Any:
     """Return the `pin.Model` of a URDF.
 
     Args:
         text: the document.
         source: its name, for errors.
-        base: `fixed` welds the root link to the world; `floating` lets it move, as the first
-            joint, `root_joint`, of seven coordinates (position, quaternion xyzw) and six
-            velocities (linear, angular, in the base's own axes).
+        base: `fixed` or `floating`, as for `Leg.from_urdf`.
 
     Raises:
         UrdfError: Pinocchio refuses it, or complains, or no joint moves.
@@ -257,21 +243,23 @@ def find_irregularities(root: Element) -> list[str]:
     Inertias are judged with what moves together, by `model_validation`: a link alone may have one
     that no body has.
     """
+    impossible = _names_of(filter(_is_impossible, root.findall("link")))
+    unlimited = _names_of(filter(_is_unlimited, root.findall("joint")))
     lines = []
-    for tag, is_irregular, kind, meaning in (
-        (
-            *("link", _is_impossible, "links with moments of inertia that no body has"),
-            "they count together with what is fixed to them or hangs from them",
-        ),
-        (
-            *("joint", _is_unlimited, "joints without lower or upper limit"),
-            "the URDF specification says 0",
-        ),
-    ):
-        names = [element.get("name", "") for element in root.findall(tag) if is_irregular(element)]
-        if names:
-            lines.append(f"{kind} ({listed(names, 3)}): {meaning}")
+    if impossible:
+        lines.append(
+            f"links with moments of inertia that no body has ({impossible}): they count together "
+            "with what is fixed to them or hangs from them"
+        )
+    if unlimited:
+        lines.append(
+            f"joints without lower or upper limit ({unlimited}): the URDF specification says 0"
+        )
     return lines
+
+
+def _names_of(elements: Iterable[Element]) -> str:
+    return listed([element.get("name", "") for element in elements], 3)
 
 
 def _is_impossible(link: Element) -> bool:
@@ -281,6 +269,8 @@ def _is_impossible(link: Element) -> bool:
         return False
     keys = ("ixx", "ixy", "ixz", "ixy", "iyy", "iyz", "ixz", "iyz", "izz")
     moments = np.array([_number(inertia.get(key, "")) for key in keys]).reshape(3, 3)
+    if not np.isfinite(moments).all():  # Pinocchio or `model_validation` refuses it
+        return False
     principal = second_moments(moments)
     return bool(principal.min() < -ROUNDING * np.abs(principal).max())
 

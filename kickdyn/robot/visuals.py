@@ -1,8 +1,7 @@
 """The file that a robot was read from, the shapes that it describes, and their meshes.
 
-Of a mesh, only triangles and colours are read. It may name further files (textures, materials) and
-could bring any file of this machine into a page that is passed on. So it is read once, from memory,
-without access to further files.
+Of a mesh, only triangles and colours are read, from memory, without access to further files: it
+could bring any file of this machine into a page that is passed on.
 """
 
 import io
@@ -90,6 +89,10 @@ class RobotFile:
         folder: the folder of the file, for its meshes.
         source: the file as the caller named it.
         package_dirs: ROS packages, or folders that contain them, for meshes named `package://`.
+        mimics: joints that the file lets move with another, each with a driver that does not.
+        warnings: a line for each kind of irregularity with which the file was read.
+        passive_joints: joints that a file with actuators does not drive; none where that is not
+            known.
         lacks_drives: whether drives that the file should have were not given either.
     """
 
@@ -97,22 +100,10 @@ class RobotFile:
     folder: Path
     source: str
     package_dirs: tuple[Path, ...] = ()
+    mimics: tuple[Mimic, ...] = ()
+    warnings: tuple[str, ...] = ()
+    passive_joints: tuple[str, ...] = ()
     lacks_drives: bool = False
-
-    @cached_property
-    def warnings(self) -> tuple[str, ...]:
-        """A line for each kind of irregularity with which the file was read; none was repaired."""
-        return ()
-
-    @cached_property
-    def mimics(self) -> tuple[Mimic, ...]:
-        """The joints that the file lets move with another."""
-        return ()
-
-    @cached_property
-    def passive_joints(self) -> tuple[str, ...]:
-        """The joints that a file with actuators does not drive; none where that is not known."""
-        return ()
 
     def visuals(self) -> list[Visual]:
         """Return the shapes that the file describes; raise `InvalidInput` if unreadable."""

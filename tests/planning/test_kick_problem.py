@@ -15,6 +15,7 @@ from kickdyn.planning.kick_problem import explain_infeasible, kick_problem
 from kickdyn.planning.kick_terms import (
     BallPosition,
     KickTerm,
+    KickVariables,
     SpeedLimit,
     StrikeVelocity,
     TorqueLimit,
@@ -93,6 +94,14 @@ def test_the_strike_is_made_exact():
     assert np.abs(strike.value(exact)).max() < 1e-14
     assert exact.x[:n].tolist() == point.x[:n].tolist()
     assert exact.share == 0.7
+
+
+def test_a_joint_without_limits_has_a_full_turn():
+    model = kd.Leg.human().model
+    model.lowerPositionLimit[:], model.upperPositionLimit[:] = -50, 50
+    variables = KickVariables(kd.Leg.from_model(model, "toe"), None)
+    assert variables.lower.tolist() == [-math.pi] * 3
+    assert variables.upper.tolist() == [math.pi] * 3
 
 
 def test_terms_have_one_kind_each():

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 import kickdyn as kd
 from kickdyn.cli.leg_options import load_leg
 from kickdyn.robot import catalog
-from kickdyn.robot.catalog import ROBOTS, SURFACES, robot_model, robots_folder
+from kickdyn.robot.catalog import ROBOTS, SURFACES, read_robot, robots_folder
 from kickdyn.view.leg_figure import joint_poses, leg_shapes
 
 MASS = {"g1": 33.34, "talos": 90.27, "icub": 28.35, "romeo": 40.53, "human": 74.71, "bolt": 1.25}
@@ -75,7 +75,7 @@ def test_a_turned_base_is_the_same_robot(name):
     """Masses and distances are those of the file, read by Pinocchio alone."""
     file = robots_folder() / ROBOTS[name].file
     raw = pin.buildModelFromUrdf(str(file), pin.JointModelFreeFlyer())
-    ours = robot_model(name, "floating")
+    ours = read_robot(name, "floating")[1]
     move = np.random.default_rng(0).uniform(-0.5, 0.5, size=raw.nv - 6)
     turn = pin.SE3(pin.rpy.rpyToMatrix(*ROBOTS[name].turn), np.zeros(3))
     places, energies = [], []

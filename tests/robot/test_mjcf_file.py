@@ -305,11 +305,11 @@ def test_a_model_can_be_pickled(tmp_path):
     ],
 )
 def test_joints_that_no_actuator_drives(tmp_path, actuators, passive):
-    body = '<body><joint name="{}" type="slide"/><geom size="0.1" pos="0 0 {}"/>'
+    body = '<body name="{0}"><joint name="{0}" type="slide"/><geom size="0.1" pos="0 0 {1}"/>'
     tendon = '<tendon><fixed name="t"><joint joint="a" coef="1"/></fixed></tendon>'
     file = tmp_path / "robot.xml"
     file.write_text(
         f"<mujoco><worldbody>{body.format('a', 0)}{body.format('b', 1)}</body></body></worldbody>"
         f"{tendon}<actuator>{actuators}</actuator></mujoco>"
     )
-    assert read_mjcf(file).passive_joints == passive
+    assert kd.Leg.from_mjcf(file, "b").file.passive_joints == passive

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 from measurement import Measurement, mark_front, shortest_time
+from mujoco_comparison import mujoco_kick
 
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
@@ -23,7 +24,6 @@ from kickdyn.impact.collide import collide
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike
 from kickdyn.robot.leg import Leg, Posture
-from kickdyn.simulators.mujoco_kick import mujoco_kick
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 from kickdyn.impact.pinocchio_engine import contact_row, joined_state, with_ball

@@ -16,17 +16,41 @@ law, and what MuJoCo approaches.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from scipy.integrate import solve_ivp
 
 import kickdyn as kd
-from kickdyn.simulators.mujoco_kick import damping_ratio, mujoco_kick
+from kickdyn.core.validation import Array
+from kickdyn.impact.impact_result import Impact
+from kickdyn.simulators.mujoco_kick import IMPEDANCE, MujocoContact, MujocoKick, damping_ratio
 
 LEG, BALL = kd.Leg.human(), kd.Ball()
 STIFFNESSES = (1e5, 1e6, 1e7)  # N/m
 STEP = 1e-6  # s
+
+
+def mujoco_kick(impact: Impact, stiffness: float, dt: float) -> Callable[[], Array]:
+    """Return a function that runs a kick in MuJoCo and gives the impulse on the ball [N s].
+
+    The stiffness of the contact along the normal is in N/m, the time step in s.
+    """
+    n, e = impact.contact.normal, impact.restitution
+    inverse_mass = float(n @ impact.posture.delassus() @ n) + 1.0 / impact.ball.mass
+    rate = stiffness * inverse_mass  # MuJoCo's stiffness is per unit of mass
+    damping = 2.0 * damping_ratio(e) * math.sqrt(rate)
+    solimp = (IMPEDANCE, IMPEDANCE, 1.0, 0.5, 1.0)
+    contact = MujocoContact((-rate, -damping), solimp, impact.contact.friction)
+    kick = MujocoKick(impact.approach, dt, contact)
+
+    def run() -> Array:
+        gained = kick.run().velocity - impact.ball_before.velocity
+        return np.asarray(impact.ball.mass * gained)
+
+    return run
 
 
 class Kick(NamedTuple):

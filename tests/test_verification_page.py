@@ -21,7 +21,7 @@ def rows(heading):
 
 def test_the_errors_of_the_kick():
     pytest.importorskip("mujoco")
-    from kickdyn.simulators.mujoco_kick import mujoco_kick
+    from mujoco_comparison import mujoco_kick
 
     impact = kick(0.0)
     exact = exact_impact(*given(impact))["impulse"]

@@ -4,7 +4,7 @@
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 from xml.sax.saxutils import quoteattr
 
@@ -15,7 +15,6 @@ from scipy.optimize import brentq
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.impact.approach import Approach
-from kickdyn.impact.impact_result import Impact
 from kickdyn.robot.mjcf_file import quiet_mujoco
 from kickdyn.robot.mjcf_model import mujoco_state
 
@@ -64,26 +63,6 @@ def load_mujoco() -> Any:
             'a kick in MuJoCo needs the package mujoco: install it with pip install "kickdyn[mjcf]"'
         ) from None
     return mujoco
-
-
-def mujoco_kick(impact: Impact, stiffness: float, dt: float) -> Callable[[], Array]:
-    """Return a function that runs a kick in MuJoCo and gives the impulse on the ball [N s].
-
-    The stiffness of the contact along the normal is in N/m, the time step in s.
-    """
-    n, e = impact.contact.normal, impact.restitution
-    inverse_mass = float(n @ impact.posture.delassus() @ n) + 1.0 / impact.ball.mass
-    rate = stiffness * inverse_mass  # MuJoCo's stiffness is per unit of mass
-    damping = 2.0 * damping_ratio(e) * math.sqrt(rate)
-    solimp = (IMPEDANCE, IMPEDANCE, 1.0, 0.5, 1.0)
-    contact = MujocoContact((-rate, -damping), solimp, impact.contact.friction)
-    kick = MujocoKick(impact.approach, dt, contact)
-
-    def run() -> Array:
-        gained = kick.run().velocity - impact.ball_before.velocity
-        return np.asarray(impact.ball.mass * gained)
-
-    return run
 
 
 def damping_ratio(restitution: float) -> float:

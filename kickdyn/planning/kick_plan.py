@@ -204,32 +204,25 @@ def check_ball_overlap(plan: KickPlan) -> Sequence[str]:
     """Return a line for the bodies that are inside the ball at the impact, if any."""
     impact = plan.impact
     depths = find_ball_overlaps(impact.posture, impact.ball_before.position, impact.ball.radius)
-    if not depths:
-        return []
-    overlaps = [f"{name} by {depth:.3f} m" for name, depth in depths.items()]
-    return [
-        f"bodies are inside the ball at the impact: {listed(overlaps)}; another contact point "
-        "(offset, --offset) or a flatter launch can avoid this"
-    ]
+    return _line_about(
+        "bodies are inside the ball at the impact",
+        [f"{name} by {depth:.3f} m" for name, depth in depths.items()],
+        "another contact point (offset, --offset) or a flatter launch can avoid this",
+    )
 
 
 def check_self_collision(plan: KickPlan) -> Sequence[str]:
     """Return a line for the bodies that are inside each other at the impact, if any."""
-    pairs = [
-        f"{first} and {other} by {depth:.3f} m"
-        for (first, other), depth in find_self_collisions(plan.leg, plan.q).items()
-    ]
-    remedy = "another goal, offset or objective takes another posture"
-    return (
-        [f"bodies are inside each other at the impact: {listed(pairs)}; {remedy}"] if pairs else ()
+    depths = find_self_collisions(plan.leg, plan.q)
+    return _line_about(
+        "bodies are inside each other at the impact",
+        [f"{first} and {other} by {depth:.3f} m" for (first, other), depth in depths.items()],
+        "another goal, offset or objective takes another posture",
     )
 
 
 def check_self_collision_in_motion(plan: KickPlan) -> Sequence[str]:
-    """Return a line for the pairs of bodies that are inside each other in the motion, but not at 0.
-
-    It names the deepest pairs.
-    """
+    """Return a line for the bodies that are inside each other in the motion, but not at 0."""
     motion, leg = plan.motion, plan.leg
     if motion is None:
         return ()
@@ -239,42 +232,40 @@ def check_self_collision_in_motion(plan: KickPlan) -> Sequence[str]:
         for pair, depth in find_self_collisions(leg, motion.q(t)).items():
             if pair not in at_impact:
                 deepest[pair] = max((depth, t), deepest.get(pair, (0.0, 0.0)))
-    if not deepest:
-        return ()
     ordered = sorted(deepest.items(), key=lambda item: -item[1][0])
-    names = [
-        f"{first} and {other} by {depth:.3f} m at {t:.2f} s"
-        for (first, other), (depth, t) in ordered[:MOST_PAIRS]
-    ]
-    if len(ordered) > MOST_PAIRS:
-        names.append(f"{len(ordered) - MOST_PAIRS} other pairs")
-    return [
-        f"bodies are inside each other in the motion: {listed(names)}; another goal, or another "
-        "posture of locked joints (--lock), can avoid this"
-    ]
+    return _line_about(
+        "bodies are inside each other in the motion",
+        [
+            f"{first} and {other} by {depth:.3f} m at {t:.2f} s"
+            for (first, other), (depth, t) in ordered
+        ],
+        "another goal, or another posture of locked joints (--lock), can avoid this",
+        MOST_PAIRS,
+    )
 
 
 def check_ground_at_impact(plan: KickPlan) -> Sequence[str]:
     """Return a line for the bodies that are under the ground at the impact."""
-    return _describe_depths(plan) if plan.ball_is_placed else ()
+    return _line_about_ground(plan) if plan.ball_is_placed else ()
 
 
 def check_ground_of_free_ball(plan: KickPlan) -> Sequence[str]:
     """Return the same line where the ground is assumed under a ball whose height is free."""
-    return () if plan.ball_is_placed else _describe_depths(plan)
+    return () if plan.ball_is_placed else _line_about_ground(plan)
 
 
-def _describe_depths(plan: KickPlan) -> list[str]:
-    names = [f"{depth.frame} by {depth.depth:.3f} m" for depth in _depths_at_impact(plan)]
-    if not names:
-        return []
+def _line_about_ground(plan: KickPlan) -> Sequence[str]:
     remedy = "another goal, offset or objective takes another posture"
     if plan.balance is None:
         remedy = (
             "the ground is level with the ball's lowest point: try another height of the ball "
             "(ball_position, --ball-height)"
         )
-    return [f"bodies are under the ground at the impact: {listed(names)}; {remedy}"]
+    return _line_about(
+        "bodies are under the ground at the impact",
+        [f"{depth.frame} by {depth.depth:.3f} m" for depth in _depths(plan, [plan.q])],
+        remedy,
+    )
 
 
 def check_ground_in_motion(plan: KickPlan) -> Sequence[str]:
@@ -283,16 +274,21 @@ def check_ground_in_motion(plan: KickPlan) -> Sequence[str]:
     if motion is None or not plan.ball_is_placed:
         return ()
     times = np.linspace(motion.begin, motion.end, MOTION_TIMES)
-    at_impact = {depth.frame for depth in _depths_at_impact(plan)}
-    names = [
-        f"{depth.frame} by {depth.depth:.3f} m at {times[depth.number]:.2f} s"
-        for depth in find_depths(plan.leg, [motion.q(t) for t in times], _ground_height(plan))
-        if depth.frame not in at_impact
-    ]
-    remedy = "another goal, offset or objective takes another motion"
-    return (
-        [f"bodies are under the ground in the motion: {listed(names)}; {remedy}"] if names else []
+    at_impact = {depth.frame for depth in _depths(plan, [plan.q])}
+    return _line_about(
+        "bodies are under the ground in the motion",
+        [
+            f"{depth.frame} by {depth.depth:.3f} m at {times[depth.number]:.2f} s"
+            for depth in _depths(plan, [motion.q(t) for t in times])
+            if depth.frame not in at_impact
+        ],
+        "another goal, offset or objective takes another motion",
     )
+
+
+def _line_about(fault: str, bodies: Sequence[str], remedy: str, most: int = 40) -> Sequence[str]:
+    """Return a line with a fault, the bodies that have it and a remedy; none without bodies."""
+    return [f"{fault}: {listed(bodies, most)}; {remedy}"] if bodies else ()
 
 
 Check = Callable[[KickPlan], Sequence[str]]
@@ -314,11 +310,8 @@ CHECKS: dict[Check, PlanStatus] = {
 """The checks of a plan, in the order of their lines, and the status of a plan with such a line."""
 
 
-def _ground_height(plan: KickPlan) -> float:
-    """Return the height of the ground, under the ball or under a lower target [m, world frame]."""
+def _depths(plan: KickPlan, configurations: Sequence[Array]) -> list[Depth]:
+    """Return the bodies under the ground, which is under the ball or under a lower target."""
     below = min(0.0, float(plan.goal.target[2])) - plan.impact.ball.radius
-    return float(plan.impact.ball_before.position[2]) + below
-
-
-def _depths_at_impact(plan: KickPlan) -> list[Depth]:
-    return find_depths(plan.leg, [plan.q], _ground_height(plan))
+    height = float(plan.impact.ball_before.position[2]) + below
+    return find_depths(plan.leg, configurations, height)

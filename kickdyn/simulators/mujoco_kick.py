@@ -22,9 +22,6 @@ from kickdyn.robot.mjcf_model import mujoco_state
 IMPEDANCE = 0.9999
 """MuJoCo's largest impedance, with which a contact is a spring and a damper alone."""
 
-DISABLE_CONTACT = 16
-"""MuJoCo's `mjDSBL_CONTACT`."""
-
 COMPILER = '<compiler angle="radian" boundmass="1e-9" boundinertia="1e-12"/>'
 """MJCF element that comes before bodies of `write_bodies`, some of which may have no mass."""
 
@@ -114,15 +111,11 @@ class SimulatedBall(NamedTuple):
         velocity: of the ball when the foot stops pushing it, shape `(3,)` [m/s, world frame].
         spin: then, shape `(3,)` [rad/s, world frame].
         contact_time: time steps in which foot and ball push each other [s].
-        joint_impulses: until then, shape `(njoints, 3)` [N s, in the frame of each joint], of the
-            force on the body that the joint moves, less what the force would be without the ball;
-            empty unless asked for.
     """
 
     velocity: Array
     spin: Array
     contact_time: float
-    joint_impulses: Array
 
 
 class MujocoKick:
@@ -147,8 +140,6 @@ class MujocoKick:
         except ValueError as error:
             raise InvalidInput(f"MuJoCo refuses {approach.posture.leg.name}: {error}") from None
         self.data = self.mujoco.MjData(self.model)
-        names = list(approach.posture.leg.model.names)[1:]
-        self.bodies = [self.model.body(name).id for name in names]
 
     def set_contact(self, contact: MujocoContact) -> None:
         """Replace the contact's parameters; its margin, and a lack of friction, stay."""
@@ -158,32 +149,22 @@ class MujocoKick:
         self.model.pair_friction[0, :2] = contact.friction
 
     @quiet_mujoco()
-    def run(
-        self,
-        phase: float = 0.0,
-        joint_impulses: bool = False,
-        longest: float = TIME_LIMIT,
-    ) -> SimulatedBall:
+    def run(self, phase: float = 0.0, longest: float = TIME_LIMIT) -> SimulatedBall:
         """Return the ball of one simulated kick; MuJoCo writes no warnings.
 
         Args:
             phase: share of a time step by which the simulation begins before the first contact. At
                 0 leg and ball begin where they touch.
-            joint_impulses: whether to compute them.
             longest: time after which the two count as not separating [s].
 
         Raises:
             KickdynError: the foot pushes the ball for longer, or the simulation diverges.
         """
-        mujoco, model, data, step = self.mujoco, self.model, self.data, self.timestep
-        self._start(phase * step)
-        forces = np.zeros((model.nbody, 3))
-        pushed = 0
+        data, step, pushed = self.data, self.timestep, 0
+        self.start(phase * step)
         for _ in range(math.ceil(longest / step) + 4):
-            if joint_impulses:
-                forces += step * (self._joint_forces(0) - self._joint_forces(DISABLE_CONTACT))
-            mujoco.mj_step(model, data)
-            if self._pushes():
+            self.mujoco.mj_step(self.model, data)
+            if self.pushes():
                 pushed += 1
             elif pushed:
                 break
@@ -192,29 +173,15 @@ class MujocoKick:
         velocity = data.qvel[-6:-3].copy()
         if not np.isfinite(velocity).all():
             raise KickdynError("the simulation of leg and ball diverged")
-        turn = np.zeros(9)  # of the ball, in whose axes MuJoCo gives its spin
-        mujoco.mju_quat2Mat(turn, data.qpos[-4:])
-        spin = turn.reshape(3, 3) @ data.qvel[-3:]
-        impulses = forces[self.bodies] if joint_impulses else np.zeros((0, 3))
-        return SimulatedBall(velocity, spin, pushed * step, impulses)
+        return SimulatedBall(velocity, ball_spin(data), pushed * step)
 
-    def _pushes(self) -> bool:
+    def pushes(self) -> bool:
         """Return whether foot and ball pushed each other in the last step."""
         data = self.data
         first = int(data.contact.efc_address[0]) if data.ncon else -1
         return first >= 0 and bool(data.efc_force[first] > 0.0)
 
-    def _joint_forces(self, disabled: int) -> Array:
-        """Return the force on each body at its joint [N, its axes], some effects disabled."""
-        mujoco, model, data = self.mujoco, self.model, self.data
-        model.opt.disableflags = disabled
-        mujoco.mj_forward(model, data)
-        mujoco.mj_rnePostConstraint(model, data)
-        model.opt.disableflags = 0
-        axes = data.xmat.reshape(-1, 3, 3)  # of each body, in the world's
-        return np.asarray(np.einsum("bij,bi->bj", axes, data.cfrc_int[:, 3:]))
-
-    def _start(self, before: float) -> None:
+    def start(self, before: float) -> None:
         """Set the state at a time [s] before the first contact."""
         mujoco, model, data = self.mujoco, self.model, self.data
         mujoco.mj_resetDataKeyframe(model, data, 0)
@@ -223,6 +190,12 @@ class MujocoKick:
         mujoco.mj_forward(model, data)
         if before:
             data.qvel -= before * data.qacc
+
+
+def ball_spin(data: Any) -> Array:
+    """Return the spin of the ball, which is MuJoCo's last body [rad/s, world frame]."""
+    w, x, y, z = data.qpos[-4:]
+    return np.asarray(pin.Quaternion(w, x, y, z).matrix() @ data.qvel[-3:])  # in the ball's axes
 
 
 def scene(

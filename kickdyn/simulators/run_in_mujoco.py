@@ -32,6 +32,7 @@ from kickdyn.robot.model_validation import frame_id
 from kickdyn.robot.standing import StandingRobot, is_floating, joint_spheres, sole_edges
 from kickdyn.simulators.mujoco_kick import (
     COMPILER,
+    ball_spin,
     load_mujoco,
     pair,
     quaternion,
@@ -379,10 +380,8 @@ integrator="{tuning.integrator}" cone="elliptic" impratio="100" tolerance="1e-10
 
     def ball(self, t: float) -> BallState:
         """Return the ball at a time [s]."""
-        data, turn = self.data, np.zeros(9)
-        self.mujoco.mju_quat2Mat(turn, data.qpos[-4:])  # MuJoCo's spins are in the ball's axes
-        spin = turn.reshape(3, 3) @ data.qvel[-3:]
-        return BallState(data.qpos[-7:-4].copy(), data.qvel[-6:-3].copy(), spin, t)
+        data = self.data
+        return BallState(data.qpos[-7:-4].copy(), data.qvel[-6:-3].copy(), ball_spin(data), t)
 
     def pushes(self) -> bool:
         """Return whether the plate pushed the ball in the last step."""

@@ -6,7 +6,7 @@ import pytest
 
 import kickdyn as kd
 from kickdyn.impact.approach import find_approach
-from kickdyn.simulators.mujoco_kick import MujocoContact, MujocoKick, damping_ratio, mujoco_kick
+from kickdyn.simulators.mujoco_kick import MujocoContact, MujocoKick, mujoco_kick
 
 mujoco = pytest.importorskip("mujoco")
 
@@ -95,19 +95,6 @@ def test_a_short_contact_tends_to_the_instant(kick):
     )  # fmt: skip
     found = mujoco_kick(impact, 1e8, 2e-6)()
     assert found == pytest.approx(impact.impulse, abs=0.01 * np.linalg.norm(impact.impulse))
-
-
-def test_joint_impulses_tend_to_those_of_the_instant(kick):
-    impact = kd.strike(
-        kick.posture, kick.v, kick.ball, kick.contact,
-        ball_velocity=kick.ball_before.velocity, ball_spin=kick.ball_before.spin,
-    )  # fmt: skip
-    rate = 1e8 / impact.effective_mass + 1e8 / kick.ball.mass
-    damping = 2.0 * damping_ratio(0.7) * rate**0.5
-    contact = MujocoContact((-rate, -damping), (0.9999, 0.9999, 1.0, 0.5, 1.0))
-    found = MujocoKick(kick, 2e-6, contact).run(joint_impulses=True).joint_impulses
-    own = impact.joint_impulses[:, :3]
-    assert found == pytest.approx(own, abs=0.02 * np.abs(own).max())
 
 
 def test_what_mujoco_has_not_is_refused():

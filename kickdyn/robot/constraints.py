@@ -95,8 +95,7 @@ class ConstraintBlock(NamedTuple):
         rows: of the block in A.
         joint, other: joints of the model; `other` is 0 for the ground.
         rotations_joint_world: from world axes to those of `joint` and of `other`, `(3, 3)` each.
-        rotation_world_frame: from the axes of the support, or of the first frame of the loop, to
-            the world's, shape `(3, 3)`.
+        rotation_world_frame: to world axes from those of the support or the loop's first frame.
         levers: from the joint's origin to the point, for each joint [m, axes of the joint].
     """
 
@@ -116,8 +115,7 @@ class Constraints:
         loops: pairs of frames whose origins coincide.
         gears: the mimic joints; None without any.
         stiff_joints: indices in v of the stiff joints.
-        sizes: number of rows of each, 6 for a flat foot, 3 for a point foot or a loop, 1 for a
-            mimic joint or a stiff joint, in this order.
+        sizes: number of rows of each, in this order; 1 for a mimic joint or a stiff joint.
         starts: first row of each, and the number of all rows, `size`, at the end.
         names: what each of them is called in messages.
 

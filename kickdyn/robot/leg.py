@@ -87,8 +87,7 @@ class Leg(JointTable, ReprMixin):
         contact_normal_cone: rows a of the cone of contact normals n with which the foot can meet a
             ball, :math:`a \cdot n \ge 0`, shape `(k, 3)` [contact frame]; None if unknown.
         stiff_joints: joints whose velocity an impact does not change.
-        constraints: constraints by supports, loops, mimic joints and stiff joints; None without
-            any.
+        constraints: by supports, loops, mimic joints and stiff joints; None without any.
         workspace: this thread's scratch space for Pinocchio's calls; every call overwrites it.
     """
 
@@ -562,12 +561,11 @@ class Posture(ReprMixin):
     Attributes:
         leg: the leg.
         q: configuration, shape `(nq,)` [rad; m for prismatic joints].
-        contact_point: position of the origin of the leg's contact frame, or of the point at an
-            offset from it, shape `(3,)` [m, world frame].
-        contact_lever: vector from the origin of the contact joint to that point, shape `(3,)`
-            [m, axes of the contact joint].
-        rotation_world_joint: rotation from the axes of the contact joint to those of the world,
-            shape `(3, 3)`.
+        contact_point: the contact frame's origin, or `contact_offset` from it, shape `(3,)` [m,
+            world frame].
+        contact_lever: vector from the contact joint's origin to that point, shape `(3,)` [m, axes
+            of the contact joint].
+        rotation_world_joint: from axes of the contact joint to world axes, shape `(3, 3)`.
         jacobian: J, of the contact point's velocity :math:`J v`, shape `(3, nv)` [world frame].
         inertia: joint-space inertia M, armature included, shape `(nv, nv)` [kg m2].
         constraint_projector: the leg's constraints at this configuration; None without any.
@@ -594,8 +592,7 @@ class Posture(ReprMixin):
         """Return this posture with its contact point elsewhere on the foot.
 
         Args:
-            offset: position of the point in the contact frame, shape `(3,)` [m]; None leaves the
-                point where it is.
+            offset: position in the contact frame, shape `(3,)` [m]; None changes nothing.
 
         Raises:
             InvalidInput: an entry that is not finite or larger than 1 km.

@@ -102,8 +102,7 @@ class MjcfFile(RobotFile):
         """
         compiled = self.compile()
         geoms = [g for g in range(compiled.ngeom) if compiled.geom_bodyid[g]]
-        shown = [g for g in geoms if compiled.geom_group[g] < 3] or geoms
-        return self._shapes(compiled, shown)
+        return self._shapes(compiled, [g for g in geoms if compiled.geom_group[g] < 3] or geoms)
 
     def collisions(self) -> list[Visual]:
         """Return the geoms of the groups that are not drawn, which are those for contacts."""

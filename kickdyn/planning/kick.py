@@ -18,6 +18,7 @@ from kickdyn.errors import InvalidInput
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course, follow
 from kickdyn.ground import Ground, Surface
+from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike
 from kickdyn.motion.impact_target import impact_target_for
 from kickdyn.motion.motion import Motion
@@ -146,10 +147,7 @@ def plan_kick(
             time = launch.time if chosen.outcome["share"] == 1.0 else None
             path = fly_to_target(impact.ball_after, goal, ball, air, time)
         else:
-            start = impact.ball_after
-            ground = Ground(float(start.position[2]) - ball.radius, surface)
-            plane = Plane(start.position + goal.target, -goal.ahead, "centre")
-            path = follow(start, ball, air, ground, plane=plane)
+            path = _follow_to_target(impact, goal, air, surface)
     return KickPlan(
         goal=goal,
         launch=launch,
@@ -212,8 +210,24 @@ def replan_motion(plan: KickPlan, velocity: ArrayLike) -> KickPlan:
         problem = kick_problem(leg, target, position)
         chosen = _plan_motion(problem, plan.motion)
         impact = strike(chosen.posture, chosen.v, ball, target.contact)
-        path = fly_to_target(impact.ball_after, plan.goal, ball, plan.launch.air, None)
+        path: Flight | Course
+        if isinstance(plan.path, Flight):
+            path = fly_to_target(impact.ball_after, plan.goal, ball, plan.path.air, None)
+        else:
+            first = plan.path.flights[0]
+            assert first.ground is not None  # the one that the course was followed on
+            path = _follow_to_target(impact, plan.goal, first.air, first.ground.surface)
     return replace(plan, impact_target=target, impact=impact, path=path, **chosen.outcome)
+
+
+def _follow_to_target(
+    impact: Impact, goal: Goal, air: Air | None, surface: str | Surface | None
+) -> Course:
+    """Return the course of a ball along the ground, to the plane of the target."""
+    start, radius = impact.ball_after, impact.ball.radius
+    ground = Ground(float(start.position[2]) - radius, surface)
+    plane = Plane(start.position + goal.target, -goal.ahead, "centre")
+    return follow(start, impact.ball, air, ground, plane=plane)
 
 
 def _plan_motion(problem: KickProblem, near: Motion | None = None) -> _Chosen:

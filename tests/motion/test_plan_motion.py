@@ -238,6 +238,13 @@ def test_a_motion_is_planned_again_for_a_launch_nearby():
         kick.replan_motion(kd.plan_kick(HUMAN, kd.Goal(15, time=1), BALL, AIR), wished)
 
 
+def test_a_pass_that_is_planned_again_stays_on_the_ground():
+    plan = kd.plan_kick(HUMAN, kd.Goal(10, time=2), BALL, AIR, motion=True, surface="turf")
+    again = kick.replan_motion(plan, plan.impact.ball_after.velocity)
+    assert isinstance(again.path, kd.Course)
+    assert again.landing_error == pytest.approx(plan.landing_error, abs=1e-6)
+
+
 def limited(what, limit):
     model = HUMAN.model
     limits = getattr(model, what).copy()

@@ -2,7 +2,8 @@
 
     python benchmarks/kick_animation.py [FILE]
 
-Needs Chromium and the extra `robots`. Chromium draws each picture anew, which takes some minutes.
+Needs Chromium and the extras `robots` and `motion`. Chromium draws each picture anew, which takes
+some minutes.
 """
 
 import sys
@@ -29,10 +30,22 @@ LAST = 1.5
 
 
 def page() -> Page:
-    """Return the page of a kick over 3 m by a humanoid robot that stands on its left foot."""
-    robot = kd.Leg.from_robot("g1", base="floating", legs_only=True)
-    standing = robot.with_supports(kd.Support("left_ankle_roll_link", friction=0.7))
-    return kd.page(kd.plan_kick(standing, kd.Goal(3, time=0.4), kd.Ball(), kd.Air()))
+    """Return the page of a kick with its motion by a humanoid robot that stands on its left foot.
+
+    Its arms are locked aside, out of the way of the thigh.
+    """
+    robot = kd.Leg.from_robot("g1", base="floating")
+    arms_and_waist = ("shoulder", "elbow", "wrist", "waist")
+    angles = dict.fromkeys(
+        (n for n in robot.joint_names if any(part in n for part in arms_and_waist)), 0.0
+    )
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        angles[f"{side}_shoulder_pitch_joint"] = -0.5
+        angles[f"{side}_shoulder_roll_joint"] = sign * 1.4
+        angles[f"{side}_elbow_joint"] = 1.0
+    foot = kd.Support("left_ankle_roll_link", friction=0.7)
+    standing = robot.locked(angles).with_supports(foot)
+    return kd.page(kd.plan_kick(standing, kd.Goal(2, time=0.4), kd.Ball(), kd.Air(), motion=True))
 
 
 def main(file: Path) -> None:

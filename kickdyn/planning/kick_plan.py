@@ -244,6 +244,25 @@ def check_self_collision_in_motion(plan: KickPlan) -> Sequence[str]:
     )
 
 
+def check_ball_overlap_in_motion(plan: KickPlan) -> Sequence[str]:
+    """Return a line for the bodies that are inside the ball before the impact, if any."""
+    motion, before, radius = plan.motion, plan.impact.ball_before, plan.impact.ball.radius
+    if motion is None:
+        return ()
+    at_impact = find_ball_overlaps(plan.impact.posture, before.position, radius)
+    deepest: dict[str, tuple[float, float]] = {}
+    for t in np.linspace(motion.begin, 0.0, MOTION_TIMES, endpoint=False).tolist():
+        posture = plan.leg.posture(motion.q(t))
+        for name, depth in find_ball_overlaps(posture, before.position, radius).items():
+            if name not in at_impact:
+                deepest[name] = max((depth, t), deepest.get(name, (0.0, 0.0)))
+    return _line_about(
+        "bodies are inside the ball before the impact",
+        [f"{name} by {depth:.3f} m at {t:.2f} s" for name, (depth, t) in deepest.items()],
+        "another goal takes another motion",
+    )
+
+
 def check_ground_at_impact(plan: KickPlan) -> Sequence[str]:
     """Return a line for the bodies that are under the ground at the impact."""
     return _line_about_ground(plan) if plan.ball_is_placed else ()
@@ -305,6 +324,7 @@ CHECKS: dict[Check, PlanStatus] = {
     check_ground_at_impact: PlanStatus.COLLIDES,
     check_ground_of_free_ball: PlanStatus.MET,
     check_self_collision_in_motion: PlanStatus.COLLIDES,
+    check_ball_overlap_in_motion: PlanStatus.COLLIDES,
     check_ground_in_motion: PlanStatus.COLLIDES,
 }
 """The checks of a plan, in the order of their lines, and the status of a plan with such a line."""

@@ -1,6 +1,7 @@
 """Planned motions, against Pinocchio and an integrator that know nothing of splines or limits."""
 
 import re
+from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -10,11 +11,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.interpolate import BSpline
 
 import kickdyn as kd
 from kickdyn.core.validation import Array
 from kickdyn.planning import kick
-from kickdyn.robot.collisions import find_self_collisions
+from kickdyn.robot.collisions import find_ball_overlaps, find_self_collisions
 
 BALL, AIR = kd.Ball(), kd.Air(drag="brazuca")
 HUMAN, TESTBED = kd.Leg.human(), kd.Leg.testbed()
@@ -191,6 +193,23 @@ def place_of(motion, t):
     data = model.createData()
     pin.forwardKinematics(model, data, motion.q(t))
     return pin.updateFramePlacement(model, data, model.getFrameId(SOLE)).copy()
+
+
+def test_bodies_inside_the_ball_before_the_impact_are_a_line():
+    plan = planned("human")
+    words = "bodies are inside the ball before the impact: "
+    assert not any(line.startswith(words) for line in plan.warnings)
+    before = plan.motion.before
+    forward = plan.motion.joint_state(0.0)[0] + [0.15, 0.0, 0.0]  # hip
+    still = BSpline(before.t, np.tile(forward, (len(before.c), 1)), before.k)
+    moved = replace(plan, motion=replace(plan.motion, before=still))
+    (line,) = (line for line in moved.warnings if line.startswith(words))
+    name, depth = re.match(r"(\w+) by ([0-9.]+) m at ", line.removeprefix(words)).groups()
+    posture = plan.leg.posture(moved.motion.q(-0.05))
+    inside = find_ball_overlaps(posture, plan.impact.ball_before.position, BALL.radius)
+    assert float(depth) == pytest.approx(inside[name], abs=1e-3)
+    assert inside[name] > 0.02
+    assert moved.status == "collides"
 
 
 def test_trunk_and_arms_join_in_where_legs_do_not_suffice():

@@ -8,7 +8,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
-from itertools import accumulate, pairwise
+from itertools import accumulate, combinations, pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,6 +26,9 @@ from kickdyn.robot.surgery import has_floating_base
 
 LOOP_TOLERANCE = 1e-9
 """Largest gap of a loop that counts as closed [m]."""
+
+COINCIDENCE_TOLERANCE = 1e-6
+"""Largest distance of frames that coincide [m]: a URDF has about as many digits."""
 
 LEAST_SOLE_WIDTH = 1e-6
 """Least width of a sole, as a fraction of its length."""
@@ -390,6 +393,34 @@ class ConstraintProjector(ReadOnlyArrays):
     def _least_impulses(self) -> Array:
         """From Q^T w to the smallest impulses that give it: W's pseudo-inverse on its range."""
         return np.asarray(np.linalg.pinv(self._basis.T @ self._whitened, rcond=RANK_TOLERANCE))
+
+
+def find_open_loops(model: Any, data: Any) -> list[tuple[str, str]]:
+    """Return the pairs of frames that look like the two ends of a loop which was cut open.
+
+    URDF knows trees only, so that a closed linkage is cut at a pin, whose two halves are marked by
+    links without mass. Such a link is fixed to its body, nothing hangs on it, and it is in the same
+    place as another one when all joints are at 0; neither body carries the other.
+    """
+    frames = list(model.frames)
+    carrying = {int(frame.parentFrame) for frame in frames}
+    ends = [
+        number
+        for number, frame in enumerate(frames)
+        if frame.type == pin.FrameType.BODY
+        and number not in carrying
+        and frames[frame.parentFrame].type == pin.FrameType.FIXED_JOINT
+        and frame.inertia.mass == frames[frame.parentFrame].inertia.mass == 0.0
+    ]
+    pin.forwardKinematics(model, data, pin.neutral(model))
+    origins = [pin.updateFramePlacement(model, data, end).translation.copy() for end in ends]
+    pairs = []
+    for (i, first), (j, second) in combinations(zip(ends, origins, strict=True), 2):
+        if np.linalg.norm(first - second) <= COINCIDENCE_TOLERANCE:
+            joints = [int(frames[end].parentJoint) for end in (i, j)]
+            if not any(a in list(model.supports[b]) for a, b in (joints, joints[::-1])):
+                pairs.append((str(frames[i].name), str(frames[j].name)))
+    return pairs
 
 
 class _Place(NamedTuple):

@@ -23,7 +23,12 @@ from kickdyn.core.validation import Array, protect, read_only
 from kickdyn.errors import InvalidInput, MjcfError, UrdfError
 from kickdyn.robot.articulated_body import ArticulatedBodies
 from kickdyn.robot.catalog import ROBOTS, TOE, find_description, read_robot
-from kickdyn.robot.constraints import ConstraintProjector, Constraints, Support
+from kickdyn.robot.constraints import (
+    ConstraintProjector,
+    Constraints,
+    Support,
+    find_open_loops,
+)
 from kickdyn.robot.drives import Drive, catalogued_drives, load_drives
 from kickdyn.robot.joint_table import InDegrees, JointTable, Mimic
 from kickdyn.robot.mjcf_file import MjcfFile, is_mjcf, read_mjcf
@@ -520,7 +525,7 @@ class Leg(JointTable, ReprMixin):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Lines about the file and its missing drives, and speed limits of 0."""
+        """Lines about the file and its missing drives, open loops, and speed limits of 0."""
         file = () if self.file is None else self.file.warnings
         if self.file is not None and self.file.lacks_drives and not self._model.armature.any():
             file = (*file, NO_DRIVES)
@@ -531,7 +536,19 @@ class Leg(JointTable, ReprMixin):
             and 1 + self.joint_names.index(name) in list(self._model.supports[self.contact_joint])
         ]
         limit = [f"speed limit of {name} is 0: a kick that moves it is too fast" for name in stuck]
-        return (*file, *limit)
+        return (*file, *self.open_loops, *limit)
+
+    @cached_property
+    def open_loops(self) -> tuple[str, ...]:
+        """A line for each pair of frames that look like the ends of a loop which is not closed."""
+        closed = [] if self.constraints is None else self.constraints.loops
+        known = {frozenset(loop) for loop in closed}
+        return tuple(
+            f"{a} and {b} are at one place at q = 0, each at the end of a branch: if they are the "
+            f"ends of a loop, close it by with_loops(({a!r}, {b!r})) (--loop {a}:{b})"
+            for a, b in find_open_loops(self.workspace.model, self.workspace.data)
+            if frozenset((a, b)) not in known
+        )
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle what the leg was made of; all else is made anew."""
@@ -630,8 +647,8 @@ class Posture(ReprMixin):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """A line for each joint outside its range."""
-        return tuple(self.leg.outside_range(self.q))
+        """A line for each open loop of the leg and for each joint outside its range."""
+        return (*self.leg.open_loops, *self.leg.outside_range(self.q))
 
     @property
     def jacobian_norm(self) -> float:

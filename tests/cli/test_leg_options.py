@@ -38,6 +38,9 @@ def test_the_human_leg_is_the_default():
 def test_loops_close_what_a_file_cuts_open():
     leg, said = loaded("--leg", FOURBAR, "--loop", LOOP)
     assert (leg.constraints.loops, said) == ((("shank_pin", "rocker_b_tip"),), "")
+    _, said = loaded("--leg", FOURBAR)
+    assert said.startswith("warning: shank_pin and rocker_b_tip are at one place at q = 0")
+    assert said.endswith(f"(--loop {LOOP})\n")
 
 
 def test_a_robot_on_a_support_has_both_legs_and_a_floating_base():

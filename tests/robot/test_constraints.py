@@ -529,3 +529,40 @@ def test_the_tolerance_of_a_loop_is_a_nanometre(width, is_closed):
         return
     with pytest.raises(kd.InvalidInput, match=r"is open by 1\.2e-09 m"):
         leg.posture(opened)
+
+
+def test_the_ends_of_an_open_loop_are_found():
+    (line,) = TREE.warnings
+    assert line.startswith("shank_pin and rocker_b_tip are at one place at q = 0")
+    assert "with_loops(('shank_pin', 'rocker_b_tip'))" in line
+    assert TREE.posture(np.full(5, 0.1)).warnings == (line,)
+    assert "ends of a loop" in TREE._repr_html_()
+    assert TREE.with_loops(LOOP[::-1]).warnings == ()
+    assert TREE.locked({"rocker_a": 0, "rocker_b": 0, "shank_pin_a": 0}).warnings == ()
+    assert kd.Leg.human().warnings == G1.warnings == ()
+
+
+def _moved(file):
+    """The tip at its place, on the thigh."""
+    file.write_text(
+        file.read_text().replace('<origin xyz="0.035 0 -0.035"/>', '<origin xyz="0.015 0 -0.386"/>')
+    )
+    return kd.Leg.from_urdf(file)
+
+
+MASS = """<inertial><mass value="0.1"/>
+<inertia ixx="1e-4" ixy="0" ixz="0" iyy="1e-4" iyz="0" izz="1e-4"/></inertial>"""
+
+
+def test_frames_apart_or_of_one_branch_are_no_open_loop(tmp_path):
+    text = shipped_urdf("leg_fourbar.urdf").read_text()
+    for old, new in (
+        ('<origin xyz="0.035 0 -0.035"/>', '<origin xyz="0.035 0 -0.03501"/>'),  # 10 um off
+        ('<parent link="rocker_b"/>', '<parent link="thigh"/>'),  # which carries the other
+        ('<link name="shank_pin"/>', '<link name="shank_pin">' + MASS + "</link>"),
+    ):
+        assert old in text
+        file = tmp_path / "leg.urdf"
+        file.write_text(text.replace(old, new))
+        leg = kd.Leg.from_urdf(file) if "thigh" not in new else _moved(file)
+        assert leg.open_loops == ()

@@ -1,8 +1,10 @@
 """Compiling with numba, and keeping the machine code on disk, for compiling takes seconds."""
 
 import gc
+import grp
 import logging
 import os
+import pwd
 import stat
 import types
 import zlib
@@ -64,9 +66,16 @@ def cache_folder(function: Callable[..., Any]) -> Path | None:
 
 @cache
 def _is_private(folder: Path) -> bool:
-    """Return whether a folder is of this user or root and not open to all; warn once if not."""
-    status = folder.stat()
-    if status.st_uid in (0, os.geteuid()) and not status.st_mode & stat.S_IWOTH:
+    """Return whether only this user and root can write to a folder; warn once if others can."""
+    status, user = folder.stat(), os.geteuid()
+    shared = bool(status.st_mode & stat.S_IWOTH)
+    if status.st_mode & stat.S_IWGRP:
+        try:
+            name, group = pwd.getpwuid(user).pw_name, grp.getgrgid(status.st_gid)
+            shared = shared or group.gr_name != name or bool({*group.gr_mem} - {name})
+        except KeyError:
+            shared = True
+    if not shared and status.st_uid in (0, user):
         return True
     log.warning(
         "each process compiles anew: others can write to %s; NUMBA_CACHE_DIR names another folder",

@@ -1,9 +1,15 @@
+import grp
 import os
 import pickle
+import pwd
 import subprocess
 import sys
+from types import SimpleNamespace
 
+import numba
 import pytest
+
+from kickdyn.core import compilation
 
 MODULE = """
 import math, sys
@@ -106,3 +112,19 @@ class Planted:
 
     def __reduce__(self):
         return exec, (self.code,)
+
+
+@pytest.mark.parametrize(
+    ("name", "members", "private"),
+    [("me", ("me",), True), ("me", ("me", "you"), False), ("staff", (), False)],
+)
+def test_a_folder_of_a_group_is_private_if_the_group_is_that_of_the_user_alone(
+    name, members, private, tmp_path, monkeypatch
+):
+    tmp_path.chmod(0o775)
+    monkeypatch.setattr(pwd, "getpwuid", lambda _: SimpleNamespace(pw_name="me"))
+    group = SimpleNamespace(gr_name=name, gr_mem=list(members))
+    monkeypatch.setattr(grp, "getgrgid", lambda _: group)
+    function = SimpleNamespace(stats=SimpleNamespace(cache_path=str(tmp_path)))
+    monkeypatch.setattr(numba, "njit", lambda **_: lambda _: function)
+    assert (compilation.cache_folder(len) is not None) == private

@@ -40,9 +40,9 @@ notebooks: $(VENV)/.dev browser
 	@echo "This takes about a minute, and longer on the first run, which compiles."
 	$(BIN)/python tools/notebook_outputs.py
 
-## test: the whole suite, about 6 minutes on 2 cores once everything is installed
+## test: the whole suite, about 8 minutes on 2 cores once everything is installed
 test: $(VENV)/.dev browser
-	@echo "The whole suite takes about 6 minutes on 2 cores, and longer on the first run, which compiles."
+	@echo "The whole suite takes about 8 minutes on 2 cores, and longer on the first run, which compiles."
 	$(BIN)/python -m pytest -n auto
 
 ## test-lowest: the tests but those of docs and notebooks with the lowest versions of all packages that pyproject.toml allows, in .venv-lowest

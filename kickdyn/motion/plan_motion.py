@@ -70,13 +70,6 @@ FULL, LEAST_SHARE = 0.99, 0.05
 """Share of the launch from which on the whole launch is sought, and share below which there is no
 kick."""
 
-ROUNDS = 3
-"""Solutions with points added where limits are broken, at most."""
-
-FULL, LESS, LEAST_SHARE = 0.99, 0.998, 0.05
-"""Share of the launch from which on the whole launch is sought; factor of a lower one for which the
-limits are kept between points; and share below which there is no kick."""
-
 FIRST = {"mu_init": 1e-3, "max_iter": 150, "constr_viol_tol": 1e-7}
 """Options of Ipopt for the first solution of a start."""
 

@@ -6,7 +6,7 @@ import pinocchio as pin
 from kickdyn.core.validation import Array
 from kickdyn.planning.kick_terms import KickTerm, KickVariables
 from kickdyn.planning.problem import TOLERANCE, Kind
-from kickdyn.robot.collisions import TOUCHING, Contact, Placed
+from kickdyn.robot.collisions import TOUCHING, Placed, Proximity
 from kickdyn.robot.ground_clearance import LARGEST_MESH, body_frames
 from kickdyn.robot.kicking_chain import rest_configuration
 from kickdyn.robot.leg import Leg, Posture
@@ -43,7 +43,7 @@ class BallClearance(KickTerm):
         placed = Placed(robot, body_frames(robot), space.model, space.data, rest.q)
         self.bodies = placed.bodies_near(rest.contact_point, LARGEST_MESH)
         self._posture: Posture | None = None
-        self._known: list[Contact] = []
+        self._known: list[Proximity] = []
         numbers = frames_by_name(variables.leg.workspace.model)
         self._frames = {body.frame: numbers[body.frame] for body in self.bodies}
 
@@ -64,10 +64,10 @@ class BallClearance(KickTerm):
             slopes.append(contact.normal @ (posture.jacobian - point))
         return np.array(slopes).reshape(len(contacts), posture.leg.nv), None
 
-    def _contacts(self, posture: Posture) -> list[Contact]:
+    def _contacts(self, posture: Posture) -> list[Proximity]:
         if posture is not self._posture:  # value and slope are of one posture
             space, centre = posture.leg.workspace, posture.contact_point + self._from_contact
             placed = Placed(self._robot, self._frames, space.model, space.data, posture.q)
             self._posture = posture
-            self._known = [placed.contact(body, centre, self._radius) for body in self.bodies]
+            self._known = [placed.proximity(body, centre, self._radius) for body in self.bodies]
         return self._known

@@ -31,6 +31,7 @@ from kickdyn.planning.launch import Launch, OutOfReach, fly_to_target, plan_laun
 from kickdyn.planning.objectives import OBJECTIVES, KickObjective
 from kickdyn.planning.passes import Pass, plan_pass
 from kickdyn.planning.stance import Balance
+from kickdyn.robot.collisions import disabled_pairs
 from kickdyn.robot.kicking_chain import check_free_joints, with_angles
 from kickdyn.robot.leg import Leg, Posture
 from kickdyn.robot.standing import is_floating
@@ -126,6 +127,7 @@ def plan_kick(
     contact, position = _checked_contact(contact), _checked_ball_position(ball_position)
     if is_floating(leg):
         position = _lying_on_ground(position, ball)
+    disabled_pairs(leg)  # a faulty SRDF is refused now, not by the checks of the finished plan
 
     # several threads sum in another order, which moves postures by up to 2e-5 rad, and take 5 times
     # as long for matrices of 100 rows

@@ -4,9 +4,10 @@ A check is a function of a plan that returns lines. A line says what is the matt
 about it follows after a semicolon.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 
@@ -24,20 +25,20 @@ from kickdyn.planning.objectives import KickObjective
 from kickdyn.planning.passes import Pass
 from kickdyn.restitution import range_warnings
 from kickdyn.robot.collisions import find_ball_overlaps, find_self_collisions
-from kickdyn.robot.ground_clearance import (
-    Depth,
-    find_depths,
-)
+from kickdyn.robot.ground_clearance import Depth, find_depths
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.names import listed, lock_remedy
 from kickdyn.robot.standing import missing_shapes
 
 MOTION_TIMES = 80
-"""Number of configurations of a planned motion in which bodies are compared with the ground and
-with each other."""
+"""Number of configurations of a planned motion in which bodies are compared with the ground, the
+ball and each other."""
 
 MOST_PAIRS = 3
 """Number of pairs of bodies that a line names."""
+
+Overlap = TypeVar("Overlap")
+"""What names an overlap: a frame, for one with the ball, or a pair of frames."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -223,21 +224,14 @@ def check_self_collision(plan: KickPlan) -> Sequence[str]:
 
 def check_self_collision_in_motion(plan: KickPlan) -> Sequence[str]:
     """Return a line for the bodies that are inside each other in the motion, but not at 0."""
-    motion, leg = plan.motion, plan.leg
-    if motion is None:
+    if plan.motion is None:
         return ()
-    at_impact = find_self_collisions(leg, plan.q)
-    deepest: dict[tuple[str, str], tuple[float, float]] = {}
-    for t in np.linspace(motion.begin, motion.end, MOTION_TIMES).tolist():
-        for pair, depth in find_self_collisions(leg, motion.q(t)).items():
-            if pair not in at_impact:
-                deepest[pair] = max((depth, t), deepest.get(pair, (0.0, 0.0)))
-    ordered = sorted(deepest.items(), key=lambda item: -item[1][0])
+    deepest = _deepest_in_motion(lambda q: find_self_collisions(plan.leg, q), plan, plan.motion.end)
     return _line_about(
         "bodies are inside each other in the motion",
         [
             f"{first} and {other} by {depth:.3f} m at {t:.2f} s"
-            for (first, other), (depth, t) in ordered
+            for (first, other), (depth, t) in deepest
         ],
         "another goal, or another posture of locked joints (--lock), can avoid this",
         MOST_PAIRS,
@@ -245,22 +239,37 @@ def check_self_collision_in_motion(plan: KickPlan) -> Sequence[str]:
 
 
 def check_ball_overlap_in_motion(plan: KickPlan) -> Sequence[str]:
-    """Return a line for the bodies that are inside the ball before the impact, if any."""
-    motion, before, radius = plan.motion, plan.impact.ball_before, plan.impact.ball.radius
-    if motion is None:
+    """Return a line for the bodies that are inside the ball before the impact, but not at 0."""
+    if plan.motion is None:
         return ()
-    at_impact = find_ball_overlaps(plan.impact.posture, before.position, radius)
-    deepest: dict[str, tuple[float, float]] = {}
-    for t in np.linspace(motion.begin, 0.0, MOTION_TIMES, endpoint=False).tolist():
-        posture = plan.leg.posture(motion.q(t))
-        for name, depth in find_ball_overlaps(posture, before.position, radius).items():
-            if name not in at_impact:
-                deepest[name] = max((depth, t), deepest.get(name, (0.0, 0.0)))
+    before, radius = plan.impact.ball_before, plan.impact.ball.radius
+    deepest = _deepest_in_motion(
+        lambda q: find_ball_overlaps(plan.leg.posture(q), before.position, radius), plan, 0.0
+    )
     return _line_about(
         "bodies are inside the ball before the impact",
-        [f"{name} by {depth:.3f} m at {t:.2f} s" for name, (depth, t) in deepest.items()],
+        [f"{name} by {depth:.3f} m at {t:.2f} s" for name, (depth, t) in deepest],
         "another goal takes another motion",
     )
+
+
+def _deepest_in_motion(
+    find: Callable[[Array], Mapping[Overlap, float]], plan: KickPlan, end: float
+) -> list[tuple[Overlap, tuple[float, float]]]:
+    """Return how deep bodies overlap [m] and when [s], the deepest first, without those at 0.
+
+    Overlaps are sought by q at `MOTION_TIMES` times from the beginning of the motion to `end`.
+    """
+    motion = plan.motion
+    if motion is None:
+        return []
+    at_impact = find(plan.q)
+    deepest: dict[Overlap, tuple[float, float]] = {}
+    for t in np.linspace(motion.begin, end, MOTION_TIMES).tolist():
+        for overlap, depth in find(motion.q(t)).items():
+            if overlap not in at_impact:
+                deepest[overlap] = max((depth, t), deepest.get(overlap, (0.0, 0.0)))
+    return sorted(deepest.items(), key=lambda item: -item[1][0])
 
 
 def check_ground_at_impact(plan: KickPlan) -> Sequence[str]:

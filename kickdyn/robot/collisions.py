@@ -45,7 +45,7 @@ class Body(NamedTuple):
     reach: float
 
 
-class Contact(NamedTuple):
+class Proximity(NamedTuple):
     """How a body and a ball are placed.
 
     Attributes:
@@ -61,6 +61,9 @@ class Contact(NamedTuple):
 
 _known: WeakKeyDictionary[Leg, dict[tuple[str, bool], list[Body]]] = WeakKeyDictionary()
 """Bodies by frame, with meshes or without: reading a mesh takes a tenth of a second."""
+
+_allowed: WeakKeyDictionary[Leg, set[frozenset[str]]] = WeakKeyDictionary()
+"""Pairs of frames whose bodies may be inside each other: a motion asks for them at many times."""
 
 
 def bodies_at(leg: Leg, frame: str, *, meshes: bool = True) -> list[Body]:
@@ -135,10 +138,10 @@ class Placed:
         self._coal.distance(body.shape, start, other, end, request, result)
         return result
 
-    def contact(self, body: Body, centre: Array, radius: float) -> Contact:
+    def proximity(self, body: Body, centre: Array, radius: float) -> Proximity:
         """Return how a body is placed beside a ball [m, world frame]."""
         result = self.distance(body, self._coal.Sphere(radius), pin.SE3(np.eye(3), centre))
-        return Contact(-result.min_distance, result.getNearestPoint1(), result.normal)
+        return Proximity(-result.min_distance, result.getNearestPoint1(), result.normal)
 
 
 def find_ball_overlaps(posture: Posture, centre: Array, radius: float) -> dict[str, float]:
@@ -146,7 +149,7 @@ def find_ball_overlaps(posture: Posture, centre: Array, radius: float) -> dict[s
     leg, depths = posture.leg, dict[str, float]()
     placed = Placed(leg, body_frames(leg), leg.workspace.model, leg.workspace.data, posture.q)
     for body in placed.bodies_near(centre, radius):
-        depth = placed.contact(body, centre, radius).depth
+        depth = placed.proximity(body, centre, radius).depth
         if depth > max(TOUCHING, depths.get(body.frame, 0.0)):
             depths[body.frame] = depth
     return dict(sorted(depths.items(), key=lambda item: -item[1]))
@@ -162,8 +165,10 @@ def find_self_collisions(leg: Leg, q: Array) -> dict[tuple[str, str], float]:
     pairs = _overlapping(leg, q)
     if not pairs:
         return {}
-    touching = _disabled_pairs(leg) | {*map(frozenset, _overlapping(leg, rest_configuration(leg)))}
-    kept = {pair: depth for pair, depth in pairs.items() if frozenset(pair) not in touching}
+    if leg not in _allowed:
+        at_rest = _overlapping(leg, rest_configuration(leg))
+        _allowed[leg] = disabled_pairs(leg) | {*map(frozenset, at_rest)}
+    kept = {pair: depth for pair, depth in pairs.items() if frozenset(pair) not in _allowed[leg]}
     return dict(sorted(kept.items(), key=lambda item: -item[1]))
 
 
@@ -194,11 +199,14 @@ def _carrier(model: Any, joint: int) -> int:
     return carrier
 
 
-def _disabled_pairs(leg: Leg) -> set[frozenset[str]]:
+def disabled_pairs(leg: Leg) -> set[frozenset[str]]:
     """Return the pairs of links that the SRDF of a leg's file disables; none without one.
 
     It lies beside the file or in the folder `srdf` beside its folder, under the name of the file or
     of the robot.
+
+    Raises:
+        FaultyFile: it is not XML.
     """
     if leg.file is None:
         return set()

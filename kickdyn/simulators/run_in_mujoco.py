@@ -503,6 +503,8 @@ def _ground_margins(field: _Field, samples: _Samples) -> dict[str, float]:
     steps = max(round(AVERAGED / field.timestep), 1)
     loads = sliding_window_view(np.array(samples.ground), steps, axis=0).mean(axis=-1)
     loads = loads[loads[:, 0] >= LEAST_LOAD * weight]
+    if not len(loads):  # the sole never carried weight
+        return {"friction": -math.inf, "centre of pressure": -math.inf}
     normal = loads[:, 0]
     across = np.linalg.norm(loads[:, 1:3], axis=1)
     centres = loads[:, 3:] / normal[:, None]

@@ -269,11 +269,12 @@ def text(summary: Summary, lines: Sequence[ReportLine], width: int = PROSE) -> s
 def pinocchio_difference(lines: Sequence[ReportLine]) -> float | None:
     """Return the largest relative difference of the impulses from `pin.impulseDynamics`.
 
-    Both are without friction, which Pinocchio's solver lacks; None where no posture has an impact.
+    Both are without friction, which Pinocchio's solver lacks; None where no posture has an impact
+    with a ball of finite mass.
     """
     differences = []
     for hit in (line.outcome.impact for line in lines):
-        if hit is not None:
+        if hit is not None and math.isfinite(hit.ball.mass):  # Pinocchio's solver takes no other
             contact = Contact(hit.contact.normal, hit.contact.restitution)
             closed = strike(hit.posture, hit.v_before, hit.ball, contact)
             other = strike(hit.posture, hit.v_before, hit.ball, contact, engine="pinocchio")

@@ -9,6 +9,7 @@ import pytest
 import kickdyn as kd
 from kickdyn.robot.collisions import Placed, bodies_at, find_ball_overlaps, find_self_collisions
 from kickdyn.robot.ground_clearance import body_frames
+from kickdyn.robot.urdf_file import shipped_urdf
 
 LEGS = """<mujoco><worldbody><body name="trunk" pos="0 0 1"><geom type="sphere" size="0.05"/>
 <body name="left" pos="0 0.1 0"><joint name="l" type="hinge" axis="1 0 0"/>
@@ -74,7 +75,17 @@ def test_pairs_that_the_srdf_disables_do_not_count(tmp_path):
     assert [*find_self_collisions(leg, bent)] == [("trunk", "shank")]
     srdf = '<robot name="three"><disable_collisions link1="shank" link2="trunk"/></robot>'
     (tmp_path / "three.srdf").write_text(srdf)
-    assert find_self_collisions(leg, bent) == {}
+    again = kd.Leg.from_urdf(tmp_path / "three.urdf", "shank")
+    assert find_self_collisions(again, bent) == {}
+
+
+def test_a_faulty_srdf_is_refused_before_a_kick_is_planned(tmp_path, monkeypatch):
+    (tmp_path / "leg_human.urdf").write_text(shipped_urdf("leg_human.urdf").read_text())
+    leg = kd.Leg.from_urdf(tmp_path / "leg_human.urdf", "toe")
+    (tmp_path / "leg_human.srdf").write_text("<robot")
+    monkeypatch.setattr("kickdyn.planning.kick.kick_problem", None)  # nothing is computed
+    with pytest.raises(kd.InvalidInput, match=r"leg_human\.srdf"):
+        kd.plan_kick(leg, kd.Goal(15, time=1), kd.Ball())
 
 
 def test_a_flat_hull_is_a_body(tmp_path):
@@ -93,7 +104,7 @@ def test_the_nearest_point_of_a_body_and_its_normal(tmp_path):
     placed = Placed(leg, body_frames(leg), space.model, space.data, q)
     (body,) = bodies_at(leg, "right")
     for ahead in (0.15, 0.35):
-        contact = placed.contact(body, np.array([ahead, -0.1, 0.6]), 0.1)
+        contact = placed.proximity(body, np.array([ahead, -0.1, 0.6]), 0.1)
         assert contact.depth == pytest.approx(0.2 - ahead, abs=1e-6)
         assert contact.normal == pytest.approx([1, 0, 0], abs=1e-6)
         assert contact.point[0] == pytest.approx(0.1, abs=1e-6)

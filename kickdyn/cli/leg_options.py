@@ -147,7 +147,6 @@ class LegOptions:
         return locked
 
     def _read_loops(self) -> list[tuple[str, str]]:
-        """Return the frames of each loop."""
         loops = []
         for text in self.loops:
             first, _colon, second = text.partition(":")
@@ -157,7 +156,6 @@ class LegOptions:
         return loops
 
     def _read_supports(self) -> list[Support]:
-        """Return the supports."""
         supports = []
         for text in self.supports:
             frame, *values = text.split(":")

@@ -252,7 +252,6 @@ def plan(
 
 
 def _write(report: PlanReport, output: PlanOutputOptions) -> None:
-    """Write a report to the files that are named, and to the screen."""
     sentences, motion = report.sentences(), report.plan.motion
     if output.out is not None and motion is not None:
         motion.save(output.out)
@@ -281,7 +280,6 @@ def _write(report: PlanReport, output: PlanOutputOptions) -> None:
 
 
 def _write_page(report: PlanReport, file: str, caption: str) -> None:
-    """Write a 3-D page of the kick, with wall and goal."""
     from kickdyn.view.page import page
     from kickdyn.view.wall_and_goal import goal_boxes, wall_boxes
 

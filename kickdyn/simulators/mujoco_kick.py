@@ -29,17 +29,11 @@ TIME_LIMIT = 1.0
 
 
 class MujocoContact(NamedTuple):
-    """Parameters of a contact, as MuJoCo's `<pair>` has them.
+    """Parameters of a contact, as MuJoCo's `<pair>` has them and `MujocoTuning` describes them.
 
-    Attributes:
-        solref: -stiffness [1/s2] and -damping [1/s], per unit of mass, or time constant [s] and
-            damping ratio.
-        solimp: impedance at first contact and from a depth on, this depth [m], and the shape.
-        friction: coefficient of sliding; 0 is a contact without friction, of condim 1.
-        solreffriction: the same as `solref` across the normal; (0, 0) means `solref`.
-        margin: depth of the contact below the ball's surface, a geom smaller than the ball by as
-            much [m]. MuJoCo applies a force halfway between the two surfaces, `collide` at the
-            foot's; with the mean deflection as margin both act at the same point on average.
+    `solref` may also be time constant [s] and damping ratio, and a `solreffriction` of (0, 0) means
+    `solref`. MuJoCo applies a force halfway between the two surfaces, `collide` at the foot's; with
+    the mean deflection as margin both act at the same point on average.
     """
 
     solref: tuple[float, float] = (0.02, 1.0)

@@ -580,14 +580,12 @@ def _rolling_deceleration(
     drag = acceleration_function(ball, air)
     heavier = 1.0 + ball.inertia / (ball.mass * ball.radius**2)
     for segment in segments:
-        inside = np.flatnonzero(
-            (samples.indices >= segment.first) & (samples.indices < segment.last)
-        )
-        late = inside[len(inside) // 2 :]
-        if segment.kind is not SegmentKind.ROLLING or len(late) < 6:
+        first, last = np.searchsorted(samples.indices, (segment.first, segment.last)).tolist()
+        middle = (first + last) // 2
+        if segment.kind is not SegmentKind.ROLLING or last - middle < 6:
             continue
-        times, points = samples.times[late], samples.positions[late, :2]
-        if times[-1] - samples.times[inside[0]] < LEAST_ROLLING_TIME:
+        times, points = samples.times[middle:last], samples.positions[middle:last, :2]
+        if times[-1] - samples.times[first] < LEAST_ROLLING_TIME:
             continue
         curvature, velocity, _ = np.polyfit(times - times.mean(), points, 2)
         ax, ay, *_ = drag(0.0, float(velocity[0]), float(velocity[1]), 0.0, 0.0, 0.0, 0.0)

@@ -321,9 +321,7 @@ def _finite_rows(name: str, value: ArrayLike) -> Array:
 def refuse_units(track: Track, falling: float) -> None:
     """Raise `InvalidInput` for a ball that moves as in other units than metres and seconds.
 
-    Args:
-        track: its positions.
-        falling: its acceleration downwards, by the positions [their unit per s2].
+    `falling` is its acceleration downwards, by the positions [their unit per s2].
     """
     units = [
         f"{unit} ({size:g} per metre)"

@@ -52,14 +52,6 @@ class Spheres(NamedTuple):
         return float((self.centres[:, 2] - self.radii).min())
 
 
-class Depth(NamedTuple):
-    """How deep a frame's body is under the ground [m], and at which of several configurations."""
-
-    frame: str
-    depth: float
-    number: int
-
-
 def extreme_spheres(
     body: Spheres, count: int = CORNERS, towards: ArrayLike = (0.0, 0.0, 0.0), cosine: float = 0.0
 ) -> tuple[NDArray[np.int64], float]:
@@ -83,25 +75,19 @@ def extreme_spheres(
         chosen.append(int(np.argmax(reach[:, worst])))
 
 
-def find_depths(leg: Leg, configurations: Sequence[Array], floor: float) -> list[Depth]:
-    """Return the bodies that are under the ground at some configuration, the deepest first.
+def find_depths(leg: Leg, q: Array, floor: float) -> dict[str, float]:
+    """Return how deep bodies are under the ground [m], by frame, the deepest first.
 
-    A body is `shape_of` a frame. Configurations have shape `(nq,)` each; `floor` is the height of
-    the ground [m, world frame].
+    A body is `shape_of` a frame; `floor` is the height of the ground [m, world frame].
     """
-    model, data = leg.workspace.model, leg.workspace.data
-    frames = body_frames(leg)
-    deepest = {name: Depth(name, TOLERANCE, -1) for name in frames}
-    for number, q in enumerate(configurations):
-        pin.forwardKinematics(model, data, q)
-        for name, frame in frames.items():
-            pose = pin.updateFramePlacement(model, data, frame)
-            shape = shape_of(leg, name, meshes=pose.translation[2] - floor < LARGEST_MESH)
-            depth = floor - shape.moved(pose.homogeneous).lowest
-            if depth > deepest[name].depth:
-                deepest[name] = Depth(name, depth, number)
-    under = [depth for depth in deepest.values() if depth.number >= 0]
-    return sorted(under, key=lambda depth: -depth.depth)
+    model, data, depths = leg.workspace.model, leg.workspace.data, dict[str, float]()
+    pin.forwardKinematics(model, data, q)
+    for name, frame in body_frames(leg).items():
+        pose = pin.updateFramePlacement(model, data, frame)
+        shape = shape_of(leg, name, meshes=pose.translation[2] - floor < LARGEST_MESH)
+        depths[name] = floor - shape.moved(pose.homogeneous).lowest
+    under = {name: depth for name, depth in depths.items() if depth > TOLERANCE}
+    return dict(sorted(under.items(), key=lambda item: -item[1]))
 
 
 def body_frames(leg: Leg) -> dict[str, int]:

@@ -290,7 +290,7 @@ class _Builder:
 
 
 def _pose(position: Array, rotation: Array) -> Any:
-    return pin.SE3(rotation.reshape(3, 3).copy(), position.copy())
+    return pin.SE3(rotation.reshape(3, 3), position)
 
 
 def effort_limits(compiled: Any) -> Array:

@@ -123,12 +123,8 @@ class LegOptions:
                 for support in supports:
                     frame_id(fixed.model, support.frame)
             raise
-        if supports:
-            leg = leg.with_supports(*supports)
-        if loops:
-            leg = leg.with_loops(*loops)
-        if self.stiff_joints:
-            leg = leg.with_stiff_joints(*self.stiff_joints)
+        leg = leg.with_supports(*supports).with_loops(*leg.loops, *loops)
+        leg = leg.with_stiff_joints(*self.stiff_joints)
         warn(leg.warnings)
         return leg
 

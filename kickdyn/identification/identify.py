@@ -224,13 +224,9 @@ class _Problem(NamedTuple):
             raise KickdynError(
                 "the fit leads to a speed or a coefficient far beyond those of a ball"
             )
-        sizes = np.concatenate(
-            [
-                np.full(3, max(float(np.linalg.norm(parameters[:3])), 1e-3)),
-                np.full(len(parameters) - 3 - len(of_air), SPIN_SPREAD),
-                np.maximum(np.abs(of_air), 0.1),
-            ]
-        )
+        sizes = np.full(len(parameters), SPIN_SPREAD)
+        sizes[:3] = max(float(np.linalg.norm(parameters[:3])), 1e-3)
+        sizes[len(parameters) - len(of_air) :] = np.maximum(np.abs(of_air), 0.1)
         flight = fly_with_slopes(
             lambda changed: self.launch(np.concatenate([position, changed])),
             parameters, INCREMENT * sizes, self.ball, track.duration, tol,

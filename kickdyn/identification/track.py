@@ -236,13 +236,11 @@ class Track(ValueEquality, ReprMixin):
                 source, [f"it has {asked}: its markers are {validation.brief(labels)}"]
             )
         if unit.lower() not in METRES or not rate > 0.0:
-            raise FaultyFile(
-                source,
-                [
-                    f"its unit is {unit!r} and its rate {rate:g} Hz: the unit must be one of "
-                    f"{', '.join(METRES)}, the rate above 0"
-                ],
+            fault = (
+                f"its unit is {unit!r} and its rate {rate:g} Hz: the unit must be one of "
+                f"{', '.join(METRES)}, the rate above 0"
             )
+            raise FaultyFile(source, [fault])
         path = METRES[unit.lower()] * data[labels.index(marker)]
         seen = np.isfinite(path).all(axis=1)
         if not seen.any():

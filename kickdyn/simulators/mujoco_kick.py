@@ -236,15 +236,11 @@ def pair(contact: MujocoContact, foot: str) -> str:
 
 
 def write_bodies(model: Any, geoms: Mapping[int, str], *, limits: bool = False) -> str:
-    """Return the MJCF elements of a model's bodies, which follow each other as in `mujoco_state`.
+    """Return the MJCF elements of a `pin.Model`'s bodies, in the order of `mujoco_state`.
 
     Bodies and joints have the names of the model's joints. Links between joints are drawn and
-    collide with nothing.
-
-    Args:
-        model: a `pin.Model`.
-        geoms: further elements in the body of a joint, by its number.
-        limits: whether joints stop at the ends of their range.
+    collide with nothing. `geoms` has further elements in the body of a joint, by its number; with
+    `limits`, joints stop at the ends of their range.
 
     Raises:
         InvalidInput: a joint of a kind that MuJoCo does not have.

@@ -166,12 +166,10 @@ class _Problem(NamedTuple):
 
     @property
     def air_names(self) -> list[str]:
-        """Names of the unknowns of the air."""
         return [name for free in self.sought for name in AIR_NAMES.get(free, ())]
 
     @property
     def names(self) -> list[str]:
-        """Names of all unknowns."""
         return [*LAUNCH, *(SPIN if Free.SPIN in self.sought else ()), *self.air_names]
 
     @property

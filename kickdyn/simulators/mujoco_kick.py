@@ -125,10 +125,8 @@ class MujocoKick:
     def run(self, phase: float = 0.0, longest: float = TIME_LIMIT) -> SimulatedBall:
         """Return the ball of one simulated kick; MuJoCo writes no warnings.
 
-        Args:
-            phase: share of a time step by which the simulation begins before the first contact. At
-                0 leg and ball begin where they touch.
-            longest: time after which the two count as not separating [s].
+        The simulation begins a share `phase` of a time step before the first contact, and ends as
+        an error where leg and ball have not parted after the time `longest` [s].
 
         Raises:
             KickdynError: the foot pushes the ball for longer, or the simulation diverges.

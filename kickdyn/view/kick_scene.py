@@ -275,8 +275,8 @@ def _ground_height(impact: Impact, moved: Sequence[Array], bottom: float) -> flo
         pin.forwardKinematics(model, data, posture.q)
         placement = pin.updateFramePlacement(model, data, frame_id(model, name))
         return float(shape_of(leg, name).moved(placement.homogeneous).lowest)
-    depths = find_depths(leg, moved, bottom)
-    return bottom - depths[0].depth if depths else bottom
+    depths = [depth for q in moved for depth in find_depths(leg, q, bottom).values()]
+    return bottom - max(depths, default=0.0)
 
 
 def _points_of(leg: Leg, configurations: Sequence[Array]) -> Array:

@@ -81,7 +81,7 @@ def test_the_ground_is_under_the_ball_or_under_a_lower_target(low):
     plan = kd.plan_kick(kd.Leg.human(), goal, BALL, AIR, ball_position=-0.704)
     plan = replace(plan, goal=kd.Goal((30, 0, low), time=1.5))
     floor = plan.impact.ball_before.position[2] - BALL.radius + low
-    depths = find_depths(plan.leg, [plan.q], floor)
+    depths = find_depths(plan.leg, plan.q, floor)
     assert bool(depths) == (low == 0.0)
     assert len(lines(plan, "under the ground")) == len(depths)
 

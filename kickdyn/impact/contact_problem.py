@@ -40,8 +40,6 @@ class ContactPoint(NamedTuple):
 
         :math:`u = u_c - r\, \omega \times n` with the `centre_velocity` :math:`u_c`.
         """
-        if self.surface_spin is NO_VELOCITY:
-            return self.centre_velocity
         u, v, w = self.centre_velocity
         x, y, z = cross3(self.surface_spin, self.normal.tolist())
         return u - x, v - y, w - z
@@ -123,14 +121,17 @@ class Solution(NamedTuple):
     residual: float = 0.0
 
 
-def single_solution(axes: Array, impulse: Array, sticking: bool, energy_lost: float) -> Solution:
-    """Return the solution of an impulse in the contact axes of a single contact, `(1, 3, 3)`."""
-    rotation = axes[0]
-    across = impulse.copy()
-    across[2] = 0.0
-    return Solution(
-        rotation.dot(impulse)[None], (sticking,), energy_lost, rotation.dot(across)[None]
-    )
+def solution_in_world(
+    axes: Array,
+    impulses: Array,
+    sticking: tuple[bool, ...],
+    energy_lost: float,
+    residual: float = 0.0,
+) -> Solution:
+    """Return the solution of impulses in contact axes, shape `(3 k,)`; `axes` is `(k, 3, 3)`."""
+    columns = impulses.reshape(-1, 3, 1)
+    tangential = (axes[:, :, :2] @ columns[:, :2])[..., 0]
+    return Solution((axes @ columns)[..., 0], sticking, energy_lost, tangential, residual)
 
 
 @dataclass(frozen=True)

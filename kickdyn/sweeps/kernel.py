@@ -25,28 +25,8 @@ from kickdyn.robot.leg import Leg
 from kickdyn.sweeps import kernel_dynamics, kernel_impact, sweep_kick
 from kickdyn.sweeps.dataset import VARIABLES
 from kickdyn.sweeps.grid import Grid
-from kickdyn.sweeps.kernel_dynamics import (
-    BODY,
-    OPTIONS,
-    contact_jacobian,
-    joint_impulses,
-    joint_space_inertia,
-    keep_moments,
-    njit,
-    place_bodies,
-)
-from kickdyn.sweeps.kernel_impact import (
-    D33,
-    STATE,
-    delassus_matrix,
-    doubt_singular,
-    factorize,
-    least_speed_use,
-    solve_impact,
-    solve_slip,
-    solve_velocity,
-    whiten,
-)
+from kickdyn.sweeps.kernel_dynamics import BODY, OPTIONS, njit
+from kickdyn.sweeps.kernel_impact import D33, STATE
 from kickdyn.sweeps.sweep_kick import Kick
 
 TANGENT, ACROSS, NORMAL, MOBILITY, DOUBT, LOST, USE, WORST, RESTITUTION, MOMENTUM = range(10)
@@ -321,23 +301,21 @@ def _sweep(axes, table, tree, task, bodies, inertia, state, answer):  # type: ig
         for a in range(len(axes)):
             move_joint(axes[a], table, bodies[axes[a].joint], state.number)
         state.doubt = 0.0
-        place_bodies(tree, bodies)
-        if task.joint_impulses:
-            keep_moments(bodies)
-        joint_space_inertia(tree, bodies, inertia)
-        contact_jacobian(tree, bodies, task, state)
+        kernel_dynamics.place_bodies(tree, bodies)
+        kernel_dynamics.joint_space_inertia(tree, bodies, inertia)
+        kernel_dynamics.contact_jacobian(tree, bodies, task, state)
         if task.joint_impulses:  # before the Jacobian is whitened
-            least_speed_use(tree, bodies, task, state)
-        factorize(tree, inertia, state)
-        whiten(tree, bodies, inertia, task)
-        delassus_matrix(tree, bodies, inertia, state)
-        solve_impact(task, state)
+            kernel_impact.least_speed_use(tree, bodies, task, state)
+        kernel_impact.factorize(tree, inertia, state)
+        kernel_impact.whiten(tree, bodies, inertia, task)
+        kernel_impact.delassus_matrix(tree, bodies, inertia, state)
+        kernel_impact.solve_impact(task, state)
         if not task.planar:
-            solve_slip(task, floats)
+            kernel_impact.solve_slip(task, floats)
         if task.joint_impulses:
-            doubt_singular(task, state)
-            solve_velocity(tree, bodies, inertia, state)
-            joint_impulses(tree, bodies, task, state)
+            kernel_impact.doubt_singular(task, state)
+            kernel_impact.solve_velocity(tree, bodies, inertia, state)
+            kernel_dynamics.joint_impulses(tree, bodies, task, state)
             write_joint_impulses(task, state, answer, c)
         answer[TANGENT, c], answer[ACROSS, c] = state.impulse[0], state.impulse[1]
         answer[NORMAL, c], answer[MOBILITY, c] = state.impulse[2], state.delassus[D33]

@@ -114,9 +114,10 @@ def constrained_inverse_inertia(posture: Posture) -> Array:
 def _jacobian(posture: Posture, load: Load) -> Array:
     """Return the Jacobian of a load's point, linear then angular, `(6, nv)` [world axes]."""
     model, data = posture.leg.workspace.model, posture.leg.workspace.data
-    local = pin.computeJointJacobian(model, data, posture.q, load.joint).reshape(6, model.nv)
-    moving = local[LINEAR] - pin.skew(load.lever) @ local[ANGULAR]
-    return np.vstack([load.rotation @ moving, load.rotation @ local[ANGULAR]])
+    pin.computeJointJacobians(model, data, posture.q)
+    point = pin.SE3(np.eye(3), load.lever)
+    rows = pin.getFrameJacobian(model, data, load.joint, point, pin.LOCAL_WORLD_ALIGNED)
+    return np.reshape(rows, (6, model.nv))
 
 
 def _velocity_by_q(posture: Posture, load: Load, jacobian: Array, velocity: Array) -> Array:

@@ -178,6 +178,5 @@ def _find_feet(posture: Posture) -> list[_Foot]:
 
 
 def _without_supports(approach: Approach) -> Posture:
-    """Return the posture of the same leg without supports."""
     leg, q = approach.posture.leg.with_supports(), approach.posture.q
     return leg.posture(q).with_contact_offset(approach.contact.offset)

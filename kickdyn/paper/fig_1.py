@@ -111,7 +111,6 @@ def _null(posture: Posture) -> Array:
 
 
 def _follow(start: Posture, direction: Array) -> list[Posture]:
-    """Return the postures in one direction."""
     leg, postures, current = start.leg, list[Posture](), start
     for _ in range(10_000):
         along = _null(current)

@@ -21,6 +21,7 @@ from kickdyn.core import simd
 from kickdyn.core.compilation import compiled, named
 from kickdyn.core.simd import BATCH, aligned_zeros, batches, choose
 from kickdyn.core.validation import Array
+from kickdyn.impact.contact_problem import tangents
 from kickdyn.robot.leg import Leg
 from kickdyn.sweeps import kernel_dynamics, kernel_impact, sweep_kick
 from kickdyn.sweeps.dataset import VARIABLES
@@ -133,7 +134,9 @@ class KernelModel:
         axes = [column[:3] + column[3:] for column in columns]
         world_axes = [data.oMi[k].rotation @ axis for k, axis in enumerate(axes, 1)]
         across = _plane_normal(world_axes, slides, kick.direction)
-        contact_axes = _contact_axes(kick.direction, across)
+        sliding = np.zeros(3) if across is None else np.cross(across, kick.direction)
+        first, second = tangents(kick.direction.tolist(), sliding.tolist())
+        contact_axes = np.column_stack([first, second, kick.direction])
         senses = np.array([1.0, *(np.sign(axis[np.argmax(np.abs(axis))]) for axis in axes)])
         frames = [contact_axes, *map(_frame, senses[1:, None] * axes)]
         tree, task = _tree(model, frames), np.zeros(1, TASK)
@@ -163,18 +166,7 @@ def _plane_normal(axes: list[Array], slides: NDArray[np.bool_], normal: Array) -
     directions = [normal, *(axis for axis, slide in zip(axes, slides, strict=True) if slide)]
     if not in_plane or any(abs(axis @ across) >= PARALLEL for axis in directions):
         return None
-    across = across - normal * (across @ normal)
-    return np.asarray(across / np.linalg.norm(across))
-
-
-def _contact_axes(normal: Array, across: Array | None) -> Array:
-    """Return tangents and normal as columns; the second tangent is `across`, where it is given."""
-    if across is None:
-        across = np.zeros(3)
-        across[int(np.argmin(np.abs(normal)))] = 1.0
-        across -= normal * (across @ normal)
-        across /= np.linalg.norm(across)
-    return np.column_stack([np.cross(across, normal), across, normal])
+    return across
 
 
 def _frame(axis: Array) -> Array:
@@ -196,8 +188,7 @@ def _tree(model: pin.Model, frames: list[Array]) -> NDArray[Any]:
         joint["origin"] = parent.T @ (placement.translation - (0 if model.parents[k] else first))
         joint["mass"] = inertia.mass
         joint["moment"] = frame.T @ (inertia.mass * inertia.lever)
-        skew = pin.skew(inertia.lever)
-        second = inertia.inertia - inertia.mass * skew @ skew
+        second = inertia.matrix()[3:, 3:]
         joint["inertia"] = (frame.T @ second @ frame)[np.triu_indices(3)]
     return tree
 
@@ -244,8 +235,7 @@ class Kernel:
         """Return the memory that a call of the kernel works in, joints at 0."""
         n = len(self._model.tree)
         bodies, state = aligned_zeros((n,), BODY), aligned_zeros((1,), STATE)
-        for k in range(1, n):
-            bodies["cosine"][k], bodies["sine"][k] = self._motion(k, np.zeros(1))[0]
+        bodies["cosine"] = ~self._model.tree["slides"][:, None]
         state["number"] = np.arange(BATCH)
         return bodies, aligned_zeros((n, n, BATCH)), state
 

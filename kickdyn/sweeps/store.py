@@ -136,7 +136,6 @@ class SweepStore:
         ]  # fmt: skip
 
     def _file(self, name: str, k: int) -> Path:
-        """Return the file of an array's chunk `k`."""
         return self.path / name / "c" / "/".join(map(str, self.chunks.index(k)))
 
     def count(self, chunks: Iterable[int]) -> int:
@@ -337,7 +336,6 @@ def save_netcdf(data: xr.Dataset, path: str | PathLike[str]) -> None:
 
 
 def _checked_path(path: str | PathLike[str]) -> Path:
-    """Return the path, or raise `InvalidInput` where it cannot be one."""
     if "\0" in str(path):
         raise InvalidInput(f"path is {path!r}: it must be the name of a folder or file")
     try:
@@ -348,7 +346,6 @@ def _checked_path(path: str | PathLike[str]) -> Path:
 
 
 def _zarr() -> Any:
-    """Return the module zarr, or raise `InvalidInput` where it is not installed."""
     try:
         import zarr
     except ImportError:

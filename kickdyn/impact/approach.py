@@ -14,7 +14,7 @@ from kickdyn.core.representation import ReprMixin
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, NoImpact
 from kickdyn.impact.body import BallBody, LegBody
-from kickdyn.impact.contact_problem import ContactPoint, ContactProblem
+from kickdyn.impact.contact_problem import NO_VELOCITY, ContactPoint, ContactProblem
 from kickdyn.restitution import range_warnings, restitution_at
 from kickdyn.robot.leg import Posture
 
@@ -26,8 +26,9 @@ MAX_SPEED = 1e140
 IMMOBILE = 1e-12
 """Velocity of the foot along the normal, relative to its fastest direction, that is rounding."""
 
-AT_REST: Array = np.frombuffer(bytes(24))
-"""Velocity and spin of a ball at rest, a read-only array: a tuple takes 5 us to check."""
+AT_REST = (0.0, 0.0, 0.0)
+_AT_REST: Array = np.frombuffer(bytes(24))
+"""The same as a read-only array, which needs no check."""
 
 
 class Approach(NamedTuple):
@@ -78,8 +79,10 @@ class Approach(NamedTuple):
 
     def contact_point(self) -> ContactPoint:
         """Return the contact of foot and ball."""
-        contact, radius, (x, y, z) = self.contact, self.ball.radius, self.ball_before.spin.tolist()
-        surface_spin = radius * x, radius * y, radius * z
+        contact, surface_spin = self.contact, NO_VELOCITY
+        if self.ball_before.spin is not _AT_REST:
+            radius, (x, y, z) = self.ball.radius, self.ball_before.spin.tolist()
+            surface_spin = radius * x, radius * y, radius * z
         return ContactPoint(
             contact.normal, self.restitution, contact.friction, self.centre_velocity, surface_spin
         )
@@ -156,13 +159,18 @@ def find_approach(
     if posture.constraint_projector is not None:
         posture.check_velocity(v)
     posture = posture.with_contact_offset(contact.offset)
-    velocity = validation.vector("ball velocity", ball_velocity, 3, unit="m/s")
-    spin = validation.vector("ball spin", ball_spin, 3, unit="rad/s")
+    velocity, spin, ball_speed = _AT_REST, _AT_REST, 0.0
+    if ball_velocity is not AT_REST:
+        velocity = validation.vector("ball velocity", ball_velocity, 3, unit="m/s")
+        ball_speed = largest(velocity)
+    if ball_spin is not AT_REST:
+        spin = validation.vector("ball spin", ball_spin, 3, unit="rad/s")
+        ball_speed += largest(spin) * ball.radius
     position = posture.contact_point + ball.radius * contact.normal
     before = BallState.computed(position, velocity, spin)
     # `dot` because `@` takes twice as long on three numbers.
     joint_speed = math.hypot(*v.tolist())
-    fastest = posture.jacobian_norm * joint_speed + largest(velocity) + largest(spin) * ball.radius
+    fastest = posture.jacobian_norm * joint_speed + ball_speed
     if not fastest < MAX_SPEED:
         raise InvalidInput(
             f"foot and ball collide at up to {fastest:g} m/s in {posture!r}: it must be below "

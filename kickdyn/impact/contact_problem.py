@@ -40,6 +40,8 @@ class ContactPoint(NamedTuple):
 
         :math:`u = u_c - r\, \omega \times n` with the `centre_velocity` :math:`u_c`.
         """
+        if self.surface_spin is NO_VELOCITY:
+            return self.centre_velocity
         u, v, w = self.centre_velocity
         x, y, z = cross3(self.surface_spin, self.normal.tolist())
         return u - x, v - y, w - z
@@ -129,9 +131,9 @@ def solution_in_world(
     residual: float = 0.0,
 ) -> Solution:
     """Return the solution of impulses in contact axes, shape `(3 k,)`; `axes` is `(k, 3, 3)`."""
-    columns = impulses.reshape(-1, 3, 1)
-    tangential = (axes[:, :, :2] @ columns[:, :2])[..., 0]
-    return Solution((axes @ columns)[..., 0], sticking, energy_lost, tangential, residual)
+    along_axes = axes * impulses.reshape(-1, 1, 3)  # `@` takes twice as long on so few numbers
+    tangential = along_axes[..., 0] + along_axes[..., 1]
+    return Solution(tangential + along_axes[..., 2], sticking, energy_lost, tangential, residual)
 
 
 @dataclass(frozen=True)

@@ -144,12 +144,8 @@ def plan_kick(
         else:
             chosen = _plan_posture(problem, OBJECTIVES[objective]())
         impact = strike(chosen.posture, chosen.v, ball, target.contact)
-        path: Flight | Course
-        if surface is None:
-            time = launch.time if chosen.outcome["share"] == 1.0 else None
-            path = fly_to_target(impact.ball_after, goal, ball, air, time)
-        else:
-            path = _follow_to_target(impact, goal, air, surface)
+        time = launch.time if chosen.outcome["share"] == 1.0 else None
+        path = _path_to_target(impact, goal, air, surface, time)
     return KickPlan(
         goal=goal,
         launch=launch,
@@ -212,20 +208,25 @@ def replan_motion(plan: KickPlan, velocity: ArrayLike) -> KickPlan:
         problem = kick_problem(leg, target, position)
         chosen = _plan_motion(problem, plan.motion)
         impact = strike(chosen.posture, chosen.v, ball, target.contact)
-        path: Flight | Course
-        if isinstance(plan.path, Flight):
-            path = fly_to_target(impact.ball_after, plan.goal, ball, plan.path.air, None)
-        else:
-            first = plan.path.flights[0]
-            assert first.ground is not None  # the one that the course was followed on
-            path = _follow_to_target(impact, plan.goal, first.air, first.ground.surface)
+        flight, surface = plan.path, None
+        if isinstance(flight, Course):
+            flight = flight.flights[0]
+            assert flight.ground is not None  # the one that the course was followed on
+            surface = flight.ground.surface
+        path = _path_to_target(impact, plan.goal, flight.air, surface)
     return replace(plan, impact_target=target, impact=impact, path=path, **chosen.outcome)
 
 
-def _follow_to_target(
-    impact: Impact, goal: Goal, air: Air | None, surface: str | Surface | None
-) -> Course:
-    """Return the course of a ball along the ground, to the plane of the target."""
+def _path_to_target(
+    impact: Impact,
+    goal: Goal,
+    air: Air | None,
+    surface: str | Surface | None,
+    time: float | None = None,
+) -> Flight | Course:
+    """Return the flight of a ball, or with a surface its course, to the plane of the target."""
+    if surface is None:
+        return fly_to_target(impact.ball_after, goal, impact.ball, air, time)
     start, radius = impact.ball_after, impact.ball.radius
     ground = Ground(float(start.position[2]) - radius, surface)
     plane = Plane(start.position + goal.target, -goal.ahead, "centre")
@@ -255,23 +256,20 @@ def _plan_motion(problem: KickProblem, near: Motion | None = None) -> _Chosen:
         standing,
     )
     planned = plan_motion(task, near)
-    motion, balance = planned.motion, None
-    if standing is not None:
-        balance = Balance(standing).distance(problem.robot.posture(motion.q(0.0)))
+    posture = problem.robot.posture(planned.motion.q(0.0))
     outcome = {
         "share": planned.share,
         "value": planned.torque_squared,
         "speed_use": planned.speed_use,
         "torque_use": planned.torque_use,
         "binding": planned.binding,
-        "balance": balance,
-        "motion": motion,
+        "balance": None if standing is None else Balance(standing).distance(posture),
+        "motion": planned.motion,
     }
-    return _Chosen(problem.robot.posture(motion.q(0.0)), motion.v(0.0), outcome)
+    return _Chosen(posture, planned.motion.v(0.0), outcome)
 
 
 def _lying_on_ground(position: float | Array | None, ball: Ball) -> float | Array:
-    """Return the position of a ball that lies on the ground z = 0, or raise `InvalidInput`."""
     height = ball.radius if position is None else np.atleast_1d(position)[-1]
     if abs(height - ball.radius) > 1e-9:
         raise InvalidInput(
@@ -282,7 +280,6 @@ def _lying_on_ground(position: float | Array | None, ball: Ball) -> float | Arra
 
 
 def _checked_objective(name: str | None, *, limits: bool, motion: bool) -> KickObjective:
-    """Return the objective, or raise `InvalidInput` where it does not go with the rest."""
     default = KickObjective.TORQUE_SQUARED if motion else KickObjective.JOINT_SPEED
     objective = default if name is None else validation.choice("objective", name, KickObjective)
     if motion != (objective == KickObjective.TORQUE_SQUARED):
@@ -296,7 +293,6 @@ def _checked_objective(name: str | None, *, limits: bool, motion: bool) -> KickO
 
 
 def _checked_ball_position(position: ArrayLike | None) -> float | Array | None:
-    """Return the height or the position of the ball's centre; None where it is free."""
     if position is None:
         return None
     place = validation.floats("ball_position", position, unit="m")

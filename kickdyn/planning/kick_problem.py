@@ -271,7 +271,6 @@ def _leaves(directions: Array, vector: Array) -> bool:
 
 
 def _check_directions(variables: KickVariables, directions: Array) -> None:
-    """Refuse a launch or a spin that takes the foot out of the plane that it moves in."""
     target, name = variables.target, variables.leg.name
     if _leaves(directions, target.impulse):
         launch = (target.impulse / target.ball.mass).round(4).tolist()
@@ -292,7 +291,6 @@ def _place_ball(
     position: float | Array,
     draw: np.random.Generator,
 ) -> BallPosition:
-    """Return the term of a ball at a height or a position, or raise `InvalidInput`."""
     if isinstance(position, float | int):
         centre = np.array([0.0, 0.0, position])
         return BallPosition(variables, centre, np.array([[0.0, 0.0, 1.0]]))

@@ -300,9 +300,8 @@ def _nearest_curve(family: LaunchFamily, solutions: list[LaunchSolution]) -> Lau
     pushed = float(np.cross(problem.spin, goal.ahead) @ goal.left)  # it starts to the other side
     bend = solutions[0].spin_size if solutions else -pushed * sideways or 1.0
     spin = problem.spin_of(math.copysign(family.spin_limit, bend))
-    condition = {goal.kind: getattr(goal, goal.kind)}
     spun = plan_launch(
-        Goal(goal.target, **condition, spin=spin),
+        replace(goal, beside=None, spin=spin),
         problem.ball,
         problem.air,
         speed_limit=family.speed_limit,
@@ -317,7 +316,7 @@ def _nearest_curve(family: LaunchFamily, solutions: list[LaunchSolution]) -> Lau
         spun,
         status=PlanStatus.UNREACHABLE,
         goal=goal,
-        reached=Goal(goal.target, **condition, beside=(distance, passed), spin=goal.spin),
+        reached=replace(goal, beside=(distance, passed)),
         limit=LaunchLimit.SPIN,
     )
 
@@ -352,14 +351,11 @@ def _nearest(
 
 
 def _reached(goal: Goal, error: float, time: float) -> Goal:
-    condition: dict[str, Any] = {goal.kind: getattr(goal, goal.kind)}
     if goal.over is not None:
-        condition["over"] = goal.over[0], goal.over[1] + error
-    elif goal.time is not None or goal.apex == -error:  # many launches have their apex at the start
-        condition = {"time": time}
-    else:
-        condition[goal.kind] += error
-    return Goal(goal.target, **condition, beside=goal.beside, spin=goal.spin, arc=goal.arc)
+        return replace(goal, over=(goal.over[0], goal.over[1] + error))
+    if goal.time is not None or goal.apex == -error:  # many launches have their apex at the start
+        return replace(goal, apex=None, time=time)
+    return replace(goal, **{goal.kind: getattr(goal, goal.kind) + error})
 
 
 def _limit_of(family: LaunchFamily, nearest: LaunchSolution, error: float) -> LaunchLimit:

@@ -70,7 +70,6 @@ class Support(ValueEquality):
             object.__setattr__(self, "sole", self._checked_sole(self.sole))
 
     def _checked_sole(self, sole: Array) -> Array:
-        """Return a read-only copy of the corners; raise `InvalidInput`."""
         corners = validation.floats(f"sole of {self.frame}", sole, unit="m")
         if self.point or corners.ndim != 2 or corners.shape[1] != 3 or len(corners) < 3:
             raise InvalidInput(
@@ -116,7 +115,7 @@ class Constraints:
     Attributes:
         supports: as given.
         loops: pairs of frames whose origins coincide.
-        gears: the mimic joints; None without any.
+        gears: the mimic joints.
         stiff_joints: indices in v of the stiff joints.
         sizes: number of rows of each, in this order; 1 for a mimic joint or a stiff joint.
         starts: first row of each, and the number of all rows, `size`, at the end.
@@ -133,12 +132,11 @@ class Constraints:
         contact_joint: int,
         supports: tuple[Support, ...],
         loops: tuple[tuple[str, str], ...],
-        gears: Gears | None = None,
-        stiff_joints: Mapping[str, int] | None = None,
+        gears: Gears,
+        stiff_joints: Mapping[str, int],
     ) -> None:
         self.supports, self.loops, self.gears = supports, loops, gears
-        stiff = dict(stiff_joints or {})
-        self.stiff_joints = list(stiff.values())
+        self.stiff_joints = list(stiff_joints.values())
         named = [frozenset((s.frame,)) for s in supports] + [frozenset(loop) for loop in loops]
         for ends in named:
             if named.count(ends) > 1:
@@ -150,14 +148,13 @@ class Constraints:
         for (a, b), (first, second) in zip(loops, self._looped, strict=True):
             if first.joint == second.joint:
                 raise InvalidInput(f"loop {a} - {b} joins a body to itself: name two bodies")
-        mimics = () if gears is None else gears.mimics
         self.sizes = [support.size for support in supports] + [3] * len(loops)
-        self.sizes += [1] * (len(mimics) + len(stiff))
+        self.sizes += [1] * (len(gears.mimics) + len(stiff_joints))
         self.starts = [0, *accumulate(self.sizes)]
         self.size = self.starts[-1]
         self.names = [s.frame for s in supports] + [f"{a} - {b}" for a, b in loops]
-        self.names += [f"{mimic.joint}, which mimics {mimic.driver}" for mimic in mimics]
-        self.names += [f"{joint}, which is stiff" for joint in stiff]
+        self.names += [f"{mimic.joint}, which mimics {mimic.driver}" for mimic in gears.mimics]
+        self.names += [f"{joint}, which is stiff" for joint in stiff_joints]
 
     def rows(self, model: Any, data: Any, q: Array) -> tuple[Array, list[ConstraintBlock]]:
         """Return A with A v = 0, shape `(size, nv)` [world axes], and where its impulses act.
@@ -191,8 +188,7 @@ class Constraints:
             span, joints = slice(start, start + 3), (end_frame.joint, start_frame.joint)
             blocks.append(ConstraintBlock(span, *joints, turns, rotation_1, levers))
             start += 3
-        if self.gears is not None:
-            matrix[start : self.stiff_rows.start] = self.gears.rows
+        matrix[start : self.stiff_rows.start] = self.gears.rows
         if self.stiff_joints:
             matrix[self.stiff_rows] = 0.0
             matrix[range(self.stiff_rows.start, self.size), self.stiff_joints] = 1.0
@@ -253,20 +249,19 @@ class Constraints:
             first_path, second_path = (set(model.supports[end.joint]) for end in ends)
             for joint in first_path ^ second_path:
                 between[model.idx_vs[joint] : model.idx_vs[joint] + model.nvs[joint]] = 1.0
-        if self.gears is not None:  # a mimic joint moves as its driver does
-            coupled = self.gears.rows != 0.0
-            between[coupled[(coupled & (between > 0.0)).any(axis=1)].any(axis=0)] = 1.0
-            kept = [*kept, *np.flatnonzero(coupled[coupled[:, kept].any(axis=1)].any(axis=0))]
+        coupled = self.gears.rows != 0.0  # a mimic joint moves as its driver does
+        between[coupled[(coupled & (between > 0.0)).any(axis=1)].any(axis=0)] = 1.0
         free = between.copy()
         free[kept] = 0.0
+        free[coupled[coupled[:, kept].any(axis=1)].any(axis=0)] = 0.0
         near, gaps, rank = self._newton(model, data, q, free)
         if not _is_open(gaps):
             return near
         away = pin.difference(model, pin.neutral(model), q) * between
-        followed, lead = self._follow(pin.integrate(model, q, -away)), away * (1.0 - free)
+        followed, lead = self.gears.follow(pin.integrate(model, q, -away)), away * (1.0 - free)
         stages = max(1, math.ceil(float(np.abs(lead).max()) / 0.1))  # of 0.1 rad or m at most
         for _ in range(stages):
-            followed = self._follow(pin.integrate(model, followed, lead / stages))
+            followed = self.gears.follow(pin.integrate(model, followed, lead / stages))
             followed, led, _ = self._newton(model, data, followed, free)
             if _is_open(led):
                 break
@@ -279,16 +274,11 @@ class Constraints:
             f"closed (rank {rank} of {gaps.size} rows)"
         )
 
-    def _follow(self, q: Array) -> Array:
-        """Return q with the mimic joints where their drivers put them, shape `(nq,)`."""
-        return q if self.gears is None else self.gears.follow(q)
-
     def _newton(self, model: Any, data: Any, q: Array, free: Array) -> tuple[Array, Array, int]:
         """Return the best configuration that was met, its gaps and the rank of the last step.
 
         Each step is the smallest that closes the loops to first order, half a radian at most.
         """
-        gears = np.zeros(0 if self.gears is None else len(self.gears.mimics))
         best, narrowest, rank = q, np.full((len(self.loops), 3), np.inf), 0
         for _ in range(50):
             pin.forwardKinematics(model, data, q)
@@ -298,12 +288,12 @@ class Constraints:
             elif not _is_open(narrowest):  # as narrow as rounding allows
                 break
             rows = self.rows(model, data, q)[0][self.loop_rows.start : self.stiff_rows.start]
-            wanted = np.concatenate([-gaps.ravel(), gears])
+            wanted = np.concatenate([-gaps.ravel(), np.zeros(len(self.gears.mimics))])
             step, _, step_rank, _ = np.linalg.lstsq(rows * free, wanted, rcond=1e-9)
             step, rank = step * free, int(step_rank)
             longest = float(np.abs(step).max())
             step *= 0.5 / longest if longest > 0.5 else 1.0
-            q = self._follow(pin.integrate(model, q, step))
+            q = self.gears.follow(pin.integrate(model, q, step))
         return np.asarray(best), narrowest, rank
 
 
@@ -433,7 +423,6 @@ class _Place(NamedTuple):
 
 
 def _place(model: Any, name: str) -> _Place:
-    """Return where a frame is; raise `InvalidInput` if there is none of that name."""
     number = frame_id(model, name)
     joint, pose = int(model.frames[number].parentJoint), model.frames[number].placement
     return _Place(number, joint, pose.rotation.copy(), pose.translation.copy())

@@ -159,9 +159,7 @@ def quiet_mujoco() -> Iterator[None]:
 def mujoco_pose(position: Array, quaternion: Array) -> Any:
     """Return a `pin.SE3` from a position [m] and MuJoCo's quaternion (wxyz)."""
     w, x, y, z = (float(number) for number in quaternion)
-    turn = pin.Quaternion(w, x, y, z)
-    turn.normalize()
-    return pin.SE3(turn.matrix(), np.array(position, dtype=float))
+    return pin.SE3(pin.Quaternion(w, x, y, z).normalized(), np.array(position, dtype=float))
 
 
 def body_name(compiled: Any, body: int) -> str:
@@ -231,7 +229,10 @@ class _Reader:
         self.files = PackageFiles(self.folder, self.folders)
         self._include(root, 0)
         _keep_mechanics(root)
-        _check_names(root)
+        for element in root.iter():
+            for key in ("name", "model"):
+                if fault := name_fault(f"{element.tag[:40]} {key}", element.get(key, "")):
+                    raise ValueError(fault)
         elements = _count_elements(root)
         if elements > MAX_ELEMENTS:
             raise ValueError(
@@ -287,9 +288,8 @@ def _keep_mechanics(root: Element) -> None:
     Geoms collide with nothing, which spares MuJoCo their convex hulls.
     """
     for section in list(root):
-        if section.tag in REFUSED or section.tag in SECTIONS:
-            continue
-        root.remove(section)
+        if section.tag not in (*REFUSED, *SECTIONS):
+            root.remove(section)
     for element in root.iter():
         if element.tag in REFUSED:
             raise ValueError(f"has <{element.tag}>: {REFUSED[element.tag]} are not read")
@@ -313,17 +313,7 @@ def _keep_mechanics(root: Element) -> None:
 
 
 def _count_elements(element: Element) -> int:
-    """Return the number of elements from one on down, copies by `<replicate>` included."""
     count = 1 + sum(map(_count_elements, element))
     copies = element.get("count", "") if element.tag == "replicate" else ""
     is_number = copies.isascii() and copies.isdigit() and len(copies) < 10
     return count * int(copies) if is_number else count
-
-
-def _check_names(root: Element) -> None:
-    """Raise `ValueError` for a name that is not valid."""
-    for element in root.iter():
-        for key in ("name", "model"):
-            fault = name_fault(f"{element.tag[:40]} {key}", element.get(key, ""))
-            if fault:
-                raise ValueError(fault)

@@ -107,7 +107,6 @@ def _check_order(model: Any) -> None:
 
 
 def _check_inertias(model: Any, names: list[str]) -> None:
-    """Raise `InvalidInput` for a joint that moves no mass, or a body that cannot exist."""
     bodies = list(model.inertias)[1:]
     for name, body in zip(names, bodies, strict=True):
         is_empty = body.mass == 0.0 and not body.inertia.any()
@@ -160,7 +159,6 @@ def second_moments(moments: Array) -> Array:
 
 
 def _check_limits(model: Any) -> None:
-    """Raise `InvalidInput` for joint ranges, speed limits or armatures that make no sense."""
     lower, upper = model.lowerPositionLimit, model.upperPositionLimit
     speed, rotors = model.velocityLimit, model.armature
     span = f"{lower.tolist()} to {upper.tolist()}"

@@ -150,7 +150,6 @@ def lock_idle_mimics(robot: Leg) -> Leg:
 
 
 def _flat_support(robot: Leg) -> Support:
-    """Return the one flat support of a robot on a floating base, or raise `InvalidInput`."""
     supports = robot.supports
     if robot.constraints is None or robot.loops or not is_floating(robot):
         raise InvalidInput(

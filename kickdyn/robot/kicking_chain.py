@@ -94,22 +94,3 @@ def with_angles(robot: Leg) -> Leg:
     model = robot.workspace.model
     has_continuous = (2, 1) in zip(model.nqs, model.nvs, strict=True)
     return robot.with_model(angle_model(robot.model)) if has_continuous else robot
-
-
-def check_unconstrained(leg: Leg, what: str) -> None:
-    """Raise `InvalidInput` for supports, loops or stiff joints; `what` is for the message."""
-    if leg.supports or leg.loops:
-        raise InvalidInput(
-            f"{leg.name} has supports or loops: {what} for legs without supports and loops only, "
-            "because a plan chooses each joint by itself, and these tie joints together"
-        )
-    check_free_joints(leg, what)
-
-
-def check_free_joints(leg: Leg, what: str) -> None:
-    """Raise `InvalidInput` for stiff joints; `what` is for the message."""
-    if leg.stiff_joints:
-        raise InvalidInput(
-            f"{leg.name} has stiff joints ({', '.join(leg.stiff_joints)}): {what} for legs whose "
-            "joints are free (Leg.with_stiff_joints() without names frees them)"
-        )

@@ -65,7 +65,7 @@ def kicking_chain(robot: Leg, *, branches: bool = False) -> KickingChain:
     model = robot.model
     kept = path = [int(joint) for joint in model.supports[robot.contact_joint]][1:]
     if branches:
-        kept = [j for j in range(1, model.njoints) if path[0] in list(model.supports[j])]
+        kept = [int(joint) for joint in model.subtrees[path[0]]]
     elif any(model.nqs[joint] != 1 for joint in path):
         wide = next(str(model.names[joint]) for joint in path if model.nqs[joint] != 1)
         raise InvalidInput(

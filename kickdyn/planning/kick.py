@@ -3,7 +3,7 @@
 import math
 from dataclasses import replace
 from importlib.util import find_spec
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -32,7 +32,7 @@ from kickdyn.planning.objectives import OBJECTIVES, KickObjective
 from kickdyn.planning.passes import Pass, plan_pass
 from kickdyn.planning.stance import Balance
 from kickdyn.robot.collisions import disabled_pairs
-from kickdyn.robot.kicking_chain import check_free_joints, with_angles
+from kickdyn.robot.kicking_chain import with_angles
 from kickdyn.robot.leg import Leg, Posture
 from kickdyn.robot.standing import is_floating
 
@@ -122,7 +122,11 @@ def plan_kick(
         ('met', 19.6)
     """
     leg = with_angles(leg)
-    check_free_joints(leg, "kicks are planned")
+    if leg.stiff_joints:
+        raise InvalidInput(
+            f"{leg.name} has stiff joints ({', '.join(leg.stiff_joints)}): kicks are planned for "
+            "legs whose joints are free (Leg.with_stiff_joints() without names frees them)"
+        )
     objective = _checked_objective(objective, limits=limits, motion=motion)
     contact, position = _checked_contact(contact), _checked_ball_position(ball_position)
     if is_floating(leg):
@@ -140,11 +144,11 @@ def plan_kick(
         target = impact_target_for(launch.velocity, launch.spin, ball, contact)
         problem = kick_problem(leg, target, position, limits=limits, solver=solver)
         if motion:
-            chosen = _plan_motion(problem)
+            posture, v, outcome = _plan_motion(problem)
         else:
-            chosen = _plan_posture(problem, OBJECTIVES[objective]())
-        impact = strike(chosen.posture, chosen.v, ball, target.contact)
-        time = launch.time if chosen.outcome["share"] == 1.0 else None
+            posture, v, outcome = _plan_posture(problem, OBJECTIVES[objective]())
+        impact = strike(posture, v, ball, target.contact)
+        time = launch.time if outcome["share"] == 1.0 else None
         path = _path_to_target(impact, goal, air, surface, time)
     return KickPlan(
         goal=goal,
@@ -155,16 +159,12 @@ def plan_kick(
         path=path,
         ball_is_placed=position is not None,
         heading=problem.heading,
-        **chosen.outcome,
+        **outcome,
     )
 
 
-class _Chosen(NamedTuple):
-    """The robot's state at the impact, and further attributes of `KickPlan`."""
-
-    posture: Posture
-    v: Array
-    outcome: dict[str, Any]
+_Chosen = tuple[Posture, Array, dict[str, Any]]
+"""The robot's posture and joint velocity at the impact, and further attributes of `KickPlan`."""
 
 
 def _plan_posture(problem: KickProblem, objective: Objective) -> _Chosen:
@@ -180,7 +180,7 @@ def _plan_posture(problem: KickProblem, objective: Objective) -> _Chosen:
         "binding": tuple(name for term in problem.terms for name in term.binding(point)),
         "balance": None if balance is None else balance.distance(point.posture),
     }
-    return _Chosen(problem.robot.posture(q), v, outcome)
+    return problem.robot.posture(q), v, outcome
 
 
 def replan_motion(plan: KickPlan, velocity: ArrayLike) -> KickPlan:
@@ -206,15 +206,15 @@ def replan_motion(plan: KickPlan, velocity: ArrayLike) -> KickPlan:
     with threadpool_limits(1, "blas"):
         target = impact_target_for(wished, after.spin, ball, contact)
         problem = kick_problem(leg, target, position)
-        chosen = _plan_motion(problem, plan.motion)
-        impact = strike(chosen.posture, chosen.v, ball, target.contact)
+        posture, v, outcome = _plan_motion(problem, plan.motion)
+        impact = strike(posture, v, ball, target.contact)
         flight, surface = plan.path, None
         if isinstance(flight, Course):
             flight = flight.flights[0]
             assert flight.ground is not None  # the one that the course was followed on
             surface = flight.ground.surface
         path = _path_to_target(impact, plan.goal, flight.air, surface)
-    return replace(plan, impact_target=target, impact=impact, path=path, **chosen.outcome)
+    return replace(plan, impact_target=target, impact=impact, path=path, **outcome)
 
 
 def _path_to_target(
@@ -266,7 +266,7 @@ def _plan_motion(problem: KickProblem, near: Motion | None = None) -> _Chosen:
         "balance": None if standing is None else Balance(standing).distance(posture),
         "motion": planned.motion,
     }
-    return _Chosen(posture, planned.motion.v(0.0), outcome)
+    return posture, planned.motion.v(0.0), outcome
 
 
 def _lying_on_ground(position: float | Array | None, ball: Ball) -> float | Array:

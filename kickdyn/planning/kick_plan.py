@@ -199,10 +199,7 @@ def check_motion(plan: KickPlan) -> Sequence[str]:
 
 def check_shapes(plan: KickPlan) -> Sequence[str]:
     """Return a line for each body of a standing robot's kicking limb of unknown shape."""
-    leg = plan.leg
-    if plan.balance is None or leg.constraints is None:
-        return []
-    return missing_shapes(leg, leg.constraints.supports[0])
+    return () if plan.balance is None else missing_shapes(plan.leg, plan.leg.supports[0])
 
 
 def check_ball_overlap(plan: KickPlan) -> Sequence[str]:

@@ -141,9 +141,11 @@ class Constraints:
         for ends in named:
             if named.count(ends) > 1:
                 raise InvalidInput(f"{' - '.join(sorted(ends))} is constrained twice: name it once")
-        self._supported = [_place(model, support.frame) for support in supports]
+        supported = [_place(model, support.frame) for support in supports]
         self._looped = [(_place(model, a), _place(model, b)) for a, b in loops]
-        for support, place in zip(supports, self._supported, strict=True):
+        # of each block the frame where it starts, None for the ground, and the one where it ends
+        self._ends = [*((None, place) for place in supported), *self._looped]
+        for support, place in zip(supports, supported, strict=True):
             _check_stance(model, support.frame, place.joint, contact_joint)
         for (a, b), (first, second) in zip(loops, self._looped, strict=True):
             if first.joint == second.joint:
@@ -163,32 +165,23 @@ class Constraints:
         then angular; of a loop, that of its second frame's origin relative to the first's. Rows of
         mimic joints and of stiff joints have no block: their impulses are along joint axes.
         """
-        matrix, blocks, start = np.empty((self.size, model.nv)), [], 0
-        for support, place in zip(self.supports, self._supported, strict=True):
-            local, rotation, _ = _motion(model, data, q, place)
-            for row in range(0, support.size, 3):  # linear, then angular
-                matrix[start + row : start + row + 3] = rotation.dot(local[row : row + 3])
-            span = slice(start, start + support.size)
-            turns, levers = (place.rotation_joint_frame.dot(rotation.T),) * 2, (place.lever,) * 2
-            blocks.append(ConstraintBlock(span, place.joint, 0, turns, rotation, levers))
-            start += support.size
-        for start_frame, end_frame in self._looped:
-            first, rotation_1, start_origin = _motion(model, data, q, start_frame)
-            second, rotation_2, end_origin = _motion(model, data, q, end_frame)
-            # across a gap, both move as their bodies do at the second origin
-            carried = rotation_1 @ first[:3] - pin.skew(end_origin - start_origin) @ (
-                rotation_1 @ first[3:]
-            )
-            matrix[start : start + 3] = rotation_2 @ second[:3] - carried
-            turns = (
-                end_frame.rotation_joint_frame @ rotation_2.T,
-                start_frame.rotation_joint_frame @ rotation_1.T,
-            )
-            levers = (end_frame.lever, start_frame.lever)
-            span, joints = slice(start, start + 3), (end_frame.joint, start_frame.joint)
-            blocks.append(ConstraintBlock(span, *joints, turns, rotation_1, levers))
-            start += 3
-        matrix[start : self.stiff_rows.start] = self.gears.rows
+        matrix, blocks, span = np.empty((self.size, model.nv)), [], slice(0, 0)
+        for (start, end), size in zip(self._ends, self.sizes, strict=False):
+            span = slice(span.stop, span.stop + size)
+            local, rotation, origin = _motion(model, data, q, end)
+            for row in range(0, size, 3):  # linear, then angular
+                matrix[span][row : row + 3] = rotation.dot(local[row : row + 3])
+            turn, axes = end.rotation_joint_frame.dot(rotation.T), rotation
+            joints, turns, levers = (end.joint, 0), (turn, turn), (end.lever, end.lever)
+            if start is not None:
+                other, axes, start_origin = _motion(model, data, q, start)
+                # across a gap, both move as their bodies do at the second origin
+                carried = axes @ other[:3] - pin.skew(origin - start_origin) @ (axes @ other[3:])
+                matrix[span] -= carried
+                joints, levers = (end.joint, start.joint), (end.lever, start.lever)
+                turns = turn, start.rotation_joint_frame @ axes.T
+            blocks.append(ConstraintBlock(span, *joints, turns, axes, levers))
+        matrix[span.stop : self.stiff_rows.start] = self.gears.rows
         if self.stiff_joints:
             matrix[self.stiff_rows] = 0.0
             matrix[range(self.stiff_rows.start, self.size), self.stiff_joints] = 1.0
@@ -216,13 +209,11 @@ class Constraints:
             )
             return np.asarray(rates.vector)
 
-        result, start = np.zeros(self.size), 0
-        for support, place in zip(self.supports, self._supported, strict=True):
-            result[start : start + support.size] = acceleration(place)[: support.size]
-            start += support.size
-        for start_frame, end_frame in self._looped:
-            result[start : start + 3] = (acceleration(end_frame) - acceleration(start_frame))[:3]
-            start += 3
+        result = np.zeros(self.size)
+        for (start, end), row, size in zip(self._ends, self.starts, self.sizes, strict=False):
+            result[row : row + size] = acceleration(end)[:size]
+            if start is not None:
+                result[row : row + size] -= acceleration(start)[:size]
         return result
 
     def gaps(self, model: Any, data: Any) -> Array:

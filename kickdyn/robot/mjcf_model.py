@@ -330,14 +330,11 @@ def mujoco_state(model: Any, q: Array, v: Array, compiled: Any = None) -> tuple[
         q: configuration, shape `(nq,)`.
         v: velocity, shape `(nv,)`.
         compiled: a `mujoco.MjModel` with joints of the same names; its other joints are where it
-            begins with them. Without it, joints follow each other depth first, as MuJoCo numbers
-            them where a file has the model's bodies.
+            begins with them. Without it, joints follow each other as in the model, depth first, as
+            MuJoCo numbers them where a file has the model's bodies.
     """
     states: dict[int, tuple[Array, Array]] = {}
-    left = list(reversed(model.children[0]))
-    while left:
-        joint = left.pop()
-        left.extend(reversed(model.children[joint]))
+    for joint in range(1, model.njoints):
         positions = q[model.idx_qs[joint] : model.idx_qs[joint] + model.nqs[joint]]
         velocities = v[model.idx_vs[joint] : model.idx_vs[joint] + model.nvs[joint]]
         if model.nqs[joint] == 7:

@@ -93,17 +93,16 @@ def check_model(model: Any) -> None:
 
 def _check_order(model: Any) -> None:
     """Raise `InvalidInput` unless each branch is in one piece: else crba is wrong, silently."""
-    branch = [0]
-    for joint in range(1, model.njoints):
-        parent = int(model.parents[joint])
-        while branch[-1] != parent:
-            branch.pop()
-            if not branch:
+    for first in range(1, model.njoints):
+        for joint, expected in zip(
+            model.subtrees[first], range(first, model.njoints), strict=False
+        ):
+            if joint != expected:
                 raise InvalidInput(
                     f"joint {model.names[joint]!r} comes after joints of another branch than its "
-                    f"parent's, {model.names[parent]!r}: add the joints branch by branch"
+                    f"parent's, {model.names[model.parents[joint]]!r}: add the joints branch by "
+                    "branch"
                 )
-        branch.append(joint)
 
 
 def _check_inertias(model: Any, names: list[str]) -> None:

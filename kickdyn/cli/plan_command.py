@@ -9,7 +9,7 @@ import numpy as np
 
 from kickdyn.air import Air
 from kickdyn.ball import Ball
-from kickdyn.cli.command import Command, busy, warn
+from kickdyn.cli.command import Command, busy, print_wrapped, warn
 from kickdyn.cli.leg_options import LegOptions
 from kickdyn.cli.option_groups import (
     AirOptions,
@@ -152,10 +152,14 @@ class KickOptions:
             raise InvalidInput("--ball-height and --ball-at are both given: give one of the two")
 
     def arguments(self, leg: Leg, ball: Ball, offset: tuple[float, ...] | None) -> dict[str, Any]:
-        """Return these options as arguments of `plan_kick`."""
+        """Return these options as arguments of `plan_kick`; the ball lies where the leg stands."""
         height = self.ball_height
         if height is None and self.ball_at is None and not is_floating(leg):
-            height = _lying_height(leg, ball, offset)
+            standing = leg.posture(leg.configuration()).with_contact_offset(offset)
+            foot = float(standing.contact_point[2])
+            # a robot's toe must point ahead
+            crouch = 0.0 if leg.contact_normal_cone is None else CROUCH
+            height = foot + ball.radius - crouch * foot
         return {
             "objective": self.objective,
             "ball_position": height if self.ball_at is None else self.ball_at,
@@ -247,14 +251,6 @@ def plan(
     _write(report, output)
 
 
-def _lying_height(leg: Leg, ball: Ball, offset: tuple[float, ...] | None) -> float:
-    """Return the height of the centre of a ball that lies where the leg stands [m]."""
-    standing = leg.posture(leg.configuration()).with_contact_offset(offset)
-    foot = float(standing.contact_point[2])
-    crouch = 0.0 if leg.contact_normal_cone is None else CROUCH  # a robot's toe must point ahead
-    return foot + ball.radius - crouch * foot
-
-
 def _write(report: PlanReport, output: PlanOutputOptions) -> None:
     """Write a report to the files that are named, and to the screen."""
     sentences, motion = report.sentences(), report.plan.motion
@@ -270,11 +266,8 @@ def _write(report: PlanReport, output: PlanOutputOptions) -> None:
         document["run"] = run.to_json()
     output.write_json(document)
     if output.prints:
-        from kickdyn.core.console import screen_width, wrapped  # a tenth of a second
-
-        width = screen_width()
-        click.echo("\n".join(wrapped(line, width) for line in sentences))
-        click.echo("\n".join(wrapped(line, width, indent=8) for line in report.table()))
+        print_wrapped("\n".join(sentences), indent=0)
+        print_wrapped("\n".join(report.table()))
         if run is not None:
             click.echo(f"\n{run}")
     if output.plot is not None and motion is not None:

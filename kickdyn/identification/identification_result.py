@@ -24,8 +24,9 @@ UNITS = {
     **dict.fromkeys(("x", "y", "z"), "m"),
     **dict.fromkeys(("vx", "vy", "vz", "wind_x", "wind_y"), "m/s"),
     **dict.fromkeys(("back_spin", "side_spin", "gyro_spin"), "rad/s"),
+    **dict.fromkeys(("elevation", "azimuth"), "rad"),
 }
-"""Units of what is sought; coefficients and factors have none."""
+"""Units of what is sought, and of a learner's errors of aim; coefficients and factors have none."""
 
 LOOSEST = {
     **dict.fromkeys(("back_spin", "side_spin", "gyro_spin"), 20.0),

@@ -20,6 +20,7 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
@@ -32,7 +33,7 @@ from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.flight.derivatives import INCREMENT, fly_with_slopes
-from kickdyn.identification.identification_result import Identification, covariance
+from kickdyn.identification.identification_result import UNITS, Identification, covariance
 from kickdyn.identification.track import Track, check_samples, refuse_units
 from kickdyn.planning.problem import keep_last
 
@@ -96,9 +97,6 @@ AIR_NAMES = {
 }
 """Names of the unknowns of the air."""
 
-COEFFICIENTS = ("drag", "drag_scale", "lift_scale")
-"""Unknowns without a unit."""
-
 LAUNCH, SPIN = ("x", "y", "z", "vx", "vy", "vz"), ("back_spin", "side_spin", "gyro_spin")
 """Names of the unknowns of the launch: position and velocity, and spin."""
 
@@ -125,9 +123,9 @@ def identify(
         ball: the ball; its mass and radius count.
         air: the air of the fit: density, coefficients and wind; None is `Air()`.
         free: unknowns besides the position and velocity at the first sample: `spin`, 0 without it;
-            `drag`,
-            one drag coefficient for the whole flight instead of the air's model; `drag-scale` and
-            `lift-scale`, factors of the air's models; `wind`, its horizontal components.
+            `drag`, one drag coefficient for the whole flight instead of the air's model;
+            `drag-scale` and `lift-scale`, factors of the air's models; `wind`, its horizontal
+            components.
 
     Raises:
         InvalidInput: fewer than 5 positions, samples a second or more apart, positions that are no
@@ -223,7 +221,7 @@ class _Problem(NamedTuple):
         track, position, parameters = self.track, unknowns[:3], unknowns[3:]
         fastest = float(np.linalg.norm(np.ptp(track.positions, axis=0))) / track.duration + 10.0
         of_air = unknowns[self.spin_columns.stop :]
-        is_coefficient = [name in COEFFICIENTS for name in self.air_names]
+        is_coefficient = [name not in UNITS for name in self.air_names]
         largest = np.abs(of_air[is_coefficient]).max(initial=0.0)
         if np.abs(parameters[:3]).max() > LARGEST_FACTOR * fastest or largest > LARGEST_FACTOR:
             raise KickdynError(
@@ -310,13 +308,19 @@ def _bend(track: Track) -> Array:
 
 
 def _first_guess(problem: _Problem) -> Array:
-    """Return the unknowns of the best robust fit of several starts."""
+    """Return the unknowns of the best robust fit of several starts, whose spins bend the path."""
     launch, noise = _polynomial(problem.track)
-    sizes = FIRST_SPINS if Free.SPIN in problem.sought else (0.0,)
-    starts = [_start(problem, launch, size) for size in sizes]
-    evaluate = partial(problem.evaluate, COARSEST_TOL)
-    prior = problem.spin_rows(0.0)
+    spins = [np.zeros(0)]
+    if Free.SPIN in problem.sought:
+        axis = np.cross(launch[3:6], _bend(problem.track) + np.array([0.0, 0.0, GRAVITY]))
+        spins = [size * axis / max(float(np.linalg.norm(axis)), 1e-300) for size in FIRST_SPINS]
+    first = {"drag": FIRST_DRAG, "drag_scale": 1.0, "lift_scale": 1.0}
+    if Free.WIND in problem.sought:
+        first["wind_x"], first["wind_y"], _ = np.asarray(problem.air.wind).tolist()
+    of_air = [first[name] for name in problem.air_names]
+    evaluate, prior = partial(problem.evaluate, COARSEST_TOL), problem.spin_rows(0.0)
     loss: dict[str, Any] = {"loss": "soft_l1", "f_scale": 3.0 * noise, "ftol": ROBUST_COST_TOL}
+    starts = [np.concatenate([launch, spin, of_air]) for spin in spins]
     robust = [_minimise(evaluate, start, prior, **loss) for start in starts]
     return min(robust, key=lambda fit: fit[0])[1]
 
@@ -357,28 +361,13 @@ def _polynomial(track: Track) -> tuple[Array, float]:
     degree = 2 if len(track) < 9 else 3 if len(track) < 30 else 5
     kept = np.ones(len(track), dtype=bool)
     for _ in range(4):
-        fit = np.polynomial.polynomial.polyfit(times[kept], track.positions[kept], degree)
-        residuals = track.positions - np.polynomial.polynomial.polyval(times, fit).T
+        fit = polynomial.polyfit(times[kept], track.positions[kept], degree)
+        residuals = track.positions - polynomial.polyval(times, fit).T
         noise = max(1.4826 * float(np.median(np.abs(residuals[kept]))), 1e-12)
         kept = np.abs(residuals).max(axis=1) < 6.0 * noise
         if kept.sum() <= degree + 1:
             break
     return np.concatenate([fit[0], fit[1] / track.duration]), noise
-
-
-def _start(problem: _Problem, launch: Array, size: float) -> Array:
-    """Return a first guess of all unknowns; the spin has a size, and an axis that bends the path.
-
-    The launch is position and velocity, shape `(6,)`.
-    """
-    spin = np.zeros(0)
-    if Free.SPIN in problem.sought:
-        axis = np.cross(launch[3:6], _bend(problem.track) + np.array([0.0, 0.0, GRAVITY]))
-        spin = size * axis / max(float(np.linalg.norm(axis)), 1e-300)
-    first = {"drag": FIRST_DRAG, "drag_scale": 1.0, "lift_scale": 1.0}
-    if Free.WIND in problem.sought:
-        first["wind_x"], first["wind_y"], _ = np.asarray(problem.air.wind).tolist()
-    return np.concatenate([launch, spin, [first[name] for name in problem.air_names]])
 
 
 def _minimise(
@@ -392,15 +381,9 @@ def _minimise(
 ) -> tuple[float, Array]:
     """Return the least cost and the unknowns.
 
-    Args:
-        evaluate: returns residuals and derivatives; it raises `KickdynError` where there is no
-            flight, which ends the fit at its start, and is avoided later.
-        start: the first guess of the unknowns.
-        prior: rows whose products with the unknowns, less `targets`, are residuals, too.
-        used: which residuals count.
-        targets: wanted products of the prior rows.
-        ftol: relative change of the cost at which the fit ends.
-        options: of `scipy.optimize.least_squares`.
+    The residuals are those of `evaluate` that are `used`, and the products of the prior rows with
+    the unknowns, less `targets`. Where there is no flight `evaluate` raises `KickdynError`, which
+    ends the fit at its start, and is avoided later.
     """
     residuals, slopes = evaluate(start)
     failed = np.full(residuals.size, FAILED_RESIDUAL), slopes
@@ -411,10 +394,8 @@ def _minimise(
             residuals, slopes = evaluate(unknowns)
         except KickdynError:
             residuals, slopes = failed
-        return (
-            np.concatenate([residuals[used], prior @ unknowns - targets]),
-            np.vstack([slopes[used], prior]),
-        )
+        residuals = np.concatenate([residuals[used], prior @ unknowns - targets])
+        return residuals, np.vstack([slopes[used], prior])
 
     result = least_squares(
         lambda unknowns: residuals_and_slopes(unknowns)[0],
@@ -465,10 +446,11 @@ def _profiled(
     if spread < 10.0 * estimate.tol * problem.length:  # the integration is less exact
         return np.ones(deviations.size), None
     turn, prior = problem.turn(estimate.unknowns), problem.spin_rows(spread)
+    evaluate = partial(problem.evaluate, estimate.tol)
 
     def excess(unknowns: Array) -> float:
         try:
-            residuals, _ = problem.evaluate(estimate.tol, unknowns)
+            residuals, _ = evaluate(unknowns)
         except KickdynError:
             return math.inf
         rows = np.concatenate([residuals[estimate.used], prior @ unknowns])
@@ -491,7 +473,6 @@ def _profiled(
             for _ in range(MOST_DOUBLINGS):
                 value = result.estimates[j] + distance * deviations[j]
                 targets = np.append(np.zeros(len(prior)), weight * value)
-                evaluate = partial(problem.evaluate, estimate.tol)
                 try:
                     _, unknowns = _minimise(
                         evaluate, unknowns, rows, estimate.used, targets, ftol=PROFILE_COST_TOL

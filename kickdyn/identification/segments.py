@@ -18,6 +18,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
 from kickdyn.air import Air
@@ -291,8 +292,8 @@ class _Piece(NamedTuple):
 
     def derivative(self, times: float | Array, order: int) -> Array:
         """Return position, velocity or acceleration, for order 0, 1 or 2: `(3,)` or `(3, n)`."""
-        powers = np.polynomial.polynomial.polyder(self.coefficients, order)
-        return np.asarray(np.polynomial.polynomial.polyval(times - self.middle, powers))
+        coefficients = polynomial.polyder(self.coefficients, order)
+        return np.asarray(polynomial.polyval(times - self.middle, coefficients))
 
 
 @validation.check_arguments
@@ -381,13 +382,11 @@ def _fitted(samples: _Samples, first: int, last: int, degree: int) -> _Piece:
     """Return polynomials of a degree, or what the samples allow, fitted to samples."""
     times, points = samples.times[first:last], samples.positions[first:last]
     middle = 0.5 * float(times[0] + times[-1])
-    span = max(float(times[-1] - times[0]), 1e-9)
-    degree = min(degree, max(last - first - 1, 0))
-    powers = np.vander((times - middle) / span, degree + 1, increasing=True)
-    fit, *_ = np.linalg.lstsq(powers, points, rcond=None)
-    residuals = (powers @ fit - points) / samples.noise
-    coefficients = fit / span ** np.arange(degree + 1)[:, None]
-    return _Piece(first, last, middle, coefficients, float((residuals**2).sum()))
+    fit = np.asarray(
+        polynomial.polyfit(times - middle, points, min(degree, last - first - 1)), dtype=float
+    )
+    residuals = (polynomial.polyval(times - middle, fit).T - points) / samples.noise
+    return _Piece(first, last, middle, fit, float((residuals**2).sum()))
 
 
 def _partition(samples: _Samples, start: int, stop: int) -> list[tuple[int, int]]:

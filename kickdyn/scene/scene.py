@@ -44,12 +44,10 @@ class Compliance:
 
     def __post_init__(self) -> None:
         if self.contact_time is not None:
-            time = validation.number(
+            self.__dict__["contact_time"] = validation.number(
                 "contact time", self.contact_time, above=0, at_most=LONGEST_CONTACT, unit="s"
             )
-            object.__setattr__(self, "contact_time", time)
-        stiffness = checked_stiffness(self.contact_time, self.stiffness)
-        object.__setattr__(self, "stiffness", stiffness)
+        self.__dict__["stiffness"] = checked_stiffness(self.contact_time, self.stiffness)
 
     @property
     def options(self) -> dict[str, Any]:

@@ -69,18 +69,18 @@ def damping_ratio(restitution: float) -> float:
     """Return the damping ratio, 0 to 0.9, of a linear contact that does not pull, by e."""
     if restitution == 1.0:
         return 0.0
-    return float(brentq(lambda ratio: _returned(ratio) - restitution, 1e-9, 0.9))
+
+    def excess(ratio: float) -> float:
+        returned = math.exp(-ratio / math.sqrt(1.0 - ratio * ratio) * release_phase(ratio))
+        return returned - restitution
+
+    return float(brentq(excess, 1e-9, 0.9))
 
 
 def release_phase(ratio: float) -> float:
     """Return the phase at which a damped spring of a damping ratio stops to push [rad]."""
     swing = math.sqrt(1.0 - ratio * ratio)
     return math.atan2(2.0 * ratio * swing, 2.0 * ratio * ratio - 1.0)
-
-
-def _returned(ratio: float) -> float:
-    """Return the restitution of a damped spring of a damping ratio."""
-    return math.exp(-ratio / math.sqrt(1.0 - ratio * ratio) * release_phase(ratio))
 
 
 class SimulatedBall(NamedTuple):
@@ -164,11 +164,9 @@ class MujocoKick:
         """Set the state at a time [s] before the first contact."""
         mujoco, model, data = self.mujoco, self.model, self.data
         mujoco.mj_resetDataKeyframe(model, data, 0)
-        if before:
-            mujoco.mj_integratePos(model, data.qpos, data.qvel, -before)
+        mujoco.mj_integratePos(model, data.qpos, data.qvel, -before)
         mujoco.mj_forward(model, data)
-        if before:
-            data.qvel -= before * data.qacc
+        data.qvel -= before * data.qacc
 
 
 def ball_spin(data: Any) -> Array:
@@ -234,14 +232,12 @@ contype="0" conaffinity="0"/>
 
 def pair(contact: MujocoContact, foot: str) -> str:
     """Return the MJCF element of the contact between the ball and a geom of the foot."""
-    across = ""
-    if any(contact.solreffriction):
-        across = f' solreffriction="{row(contact.solreffriction)}"'
     mu = float(contact.friction)
     return (
         f'<pair geom1="{foot}" geom2="ball" condim="{contact.condim}" '
         f'solref="{row(contact.solref)}" solimp="{row(contact.solimp)}" '
-        f'friction="{mu!r} {mu!r} 0 0 0" margin="{contact.margin!r}"{across}/>'
+        f'friction="{mu!r} {mu!r} 0 0 0" margin="{contact.margin!r}" '
+        f'solreffriction="{row(contact.solreffriction)}"/>'
     )
 
 

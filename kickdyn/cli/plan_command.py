@@ -248,12 +248,7 @@ def plan(
         if wall is not None:
             describe_passage(wall, planned)  # raises if the ball hits it
     report = PlanReport(planned, wall, goal.goal_mouth)
-    _write(report, output)
-
-
-def _write(report: PlanReport, output: PlanOutputOptions) -> None:
-    """Write a report to the files that are named, and to the screen."""
-    sentences, motion = report.sentences(), report.plan.motion
+    sentences, motion = report.sentences(), planned.motion
     if output.out is not None and motion is not None:
         motion.save(output.out)
     document = report.to_json()
@@ -262,7 +257,7 @@ def _write(report: PlanReport, output: PlanOutputOptions) -> None:
         from kickdyn.simulators.run_in_mujoco import run_in_mujoco
 
         with busy("carrying the motion out in MuJoCo"):
-            run = run_in_mujoco(report.plan)
+            run = run_in_mujoco(planned)
         document["run"] = run.to_json()
     output.write_json(document)
     if output.prints:
@@ -281,7 +276,6 @@ def _write(report: PlanReport, output: PlanOutputOptions) -> None:
 
 
 def _write_page(report: PlanReport, file: str, caption: str) -> None:
-    """Write a 3-D page of the kick, with wall and goal."""
     from kickdyn.view.page import page
     from kickdyn.view.wall_and_goal import goal_boxes, wall_boxes
 

@@ -166,12 +166,10 @@ class _Problem(NamedTuple):
 
     @property
     def air_names(self) -> list[str]:
-        """Names of the unknowns of the air."""
         return [name for free in self.sought for name in AIR_NAMES.get(free, ())]
 
     @property
     def names(self) -> list[str]:
-        """Names of all unknowns."""
         return [*LAUNCH, *(SPIN if Free.SPIN in self.sought else ()), *self.air_names]
 
     @property
@@ -198,11 +196,8 @@ class _Problem(NamedTuple):
         """Return the state of the ball at the first sample, without its time, and the air."""
         spin = unknowns[self.spin_columns] if Free.SPIN in self.sought else np.zeros(3)
         state = BallState.computed(*(np.array(row) for row in (unknowns[:3], unknowns[3:6], spin)))
-        return state, self.air_of(unknowns[self.spin_columns.stop :])
-
-    def air_of(self, unknowns: Array) -> Air:
-        """Return the air with its unknowns, coefficients and wind."""
-        values = dict(zip(self.air_names, unknowns.tolist(), strict=True))
+        of_air = unknowns[self.spin_columns.stop :].tolist()
+        values = dict(zip(self.air_names, of_air, strict=True))
         changes: dict[str, Any] = {}
         if "drag" in values:
             changes["drag"] = constant(values["drag"])
@@ -210,8 +205,8 @@ class _Problem(NamedTuple):
             if f"{kind}_scale" in values:
                 changes[kind] = scaled(getattr(self.air, kind), values[f"{kind}_scale"])
         if "wind_x" in values:
-            changes["wind"] = (values["wind_x"], values["wind_y"], 0.0)
-        return replace(self.air, **changes)
+            changes["wind"] = (values["wind_x"], values["wind_y"], np.asarray(self.air.wind)[2])
+        return state, replace(self.air, **changes)
 
     def evaluate(self, tol: float, unknowns: Array) -> Evaluation:
         """Return residuals and their derivatives, or raise `KickdynError` where a flight fails.
@@ -227,13 +222,9 @@ class _Problem(NamedTuple):
             raise KickdynError(
                 "the fit leads to a speed or a coefficient far beyond those of a ball"
             )
-        sizes = np.concatenate(
-            [
-                np.full(3, max(float(np.linalg.norm(parameters[:3])), 1e-3)),
-                np.full(len(parameters) - 3 - len(of_air), SPIN_SPREAD),
-                np.maximum(np.abs(of_air), 0.1),
-            ]
-        )
+        sizes = np.full(len(parameters), SPIN_SPREAD)
+        sizes[:3] = max(float(np.linalg.norm(parameters[:3])), 1e-3)
+        sizes[len(parameters) - len(of_air) :] = np.maximum(np.abs(of_air), 0.1)
         flight = fly_with_slopes(
             lambda changed: self.launch(np.concatenate([position, changed])),
             parameters, INCREMENT * sizes, self.ball, track.duration, tol,
@@ -332,7 +323,10 @@ def _fit(problem: _Problem, unknowns: Array) -> _Estimate:
     length = problem.length
     for _ in range(4):  # the spread of the residuals and the outliers depend on each other
         spread = max(1.4826 * float(np.median(np.abs(residuals))), 100.0 * FINEST_TOL * length)
-        used_before, used = used, np.repeat(~_outliers(residuals, spread), 3)
+        farthest = np.abs(residuals).reshape(-1, 3).max(axis=1)
+        # where more samples are far off, the model does not describe the flight
+        limit = max(OUTLIER * spread, float(np.quantile(farthest, LEAST_USED_FRACTION)))
+        used_before, used = used, np.repeat(farthest <= limit, 3)
         tol_before, tol = tol, min(max(1e-3 * spread / length, FINEST_TOL), COARSEST_TOL)
         if np.array_equal(used_before, used) and tol == tol_before:
             break
@@ -340,16 +334,6 @@ def _fit(problem: _Problem, unknowns: Array) -> _Estimate:
         _, unknowns = _minimise(evaluate, unknowns, problem.spin_rows(spread), used)
         residuals, jacobian = evaluate(unknowns)
     return _Estimate(unknowns, residuals, jacobian, used, tol)
-
-
-def _outliers(residuals: Array, spread: float) -> NDArray[np.bool_]:
-    """Return which samples are too far off, shape `(n,)`: a tenth of them at most.
-
-    Where more samples are far off, they are no outliers: the model does not describe the flight.
-    """
-    farthest = np.abs(residuals).reshape(-1, 3).max(axis=1)
-    limit = max(OUTLIER * spread, float(np.quantile(farthest, LEAST_USED_FRACTION)))
-    return np.asarray(farthest > limit)
 
 
 def _polynomial(track: Track) -> tuple[Array, float]:
@@ -407,7 +391,6 @@ def _minimise(
 
 
 def _result(problem: _Problem, estimate: _Estimate) -> Identification:
-    """Return the result: estimates, their covariance and the residuals."""
     kept = estimate.residuals[estimate.used]
     freedom = max(kept.size - estimate.unknowns.size, 1)
     noise = math.sqrt(float(kept @ kept) / freedom)

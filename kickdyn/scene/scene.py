@@ -118,7 +118,14 @@ class Scene(ReprMixin):
         if contact.offset is None and posture.contact_offset is not None:
             contact = replace(contact, offset=posture.contact_offset)
         if isinstance(law, Compliance):
-            _check_compliant(law, ball, contact)
+            if law.stiffness == "pressure":
+                _ = ball.stiffness  # raises where the pressure is unknown
+            least = least_restitution(contact.restitution)
+            if least < LEAST_RESTITUTION:
+                raise InvalidInput(
+                    f"restitution is {least:g}: in a contact that takes time it must be at least "
+                    f"{LEAST_RESTITUTION:g}"
+                )
         else:
             law = find_law(law, "law").name
         self.__dict__.update(
@@ -228,14 +235,3 @@ def _checked_uncertainty(value: Mapping[str, float] | None) -> dict[str, float]:
             )
         validation.floats(f"uncertainty of {name}", deviation)
     return checked
-
-
-def _check_compliant(law: Compliance, ball: Ball, contact: Contact) -> None:
-    if law.stiffness == "pressure":
-        _ = ball.stiffness  # raises where the pressure is unknown
-    least = least_restitution(contact.restitution)
-    if least < LEAST_RESTITUTION:
-        raise InvalidInput(
-            f"restitution is {least:g}: in a contact that takes time it must be at least "
-            f"{LEAST_RESTITUTION:g}"
-        )

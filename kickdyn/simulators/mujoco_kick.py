@@ -29,17 +29,11 @@ TIME_LIMIT = 1.0
 
 
 class MujocoContact(NamedTuple):
-    """Parameters of a contact, as MuJoCo's `<pair>` has them.
+    """Parameters of a contact, as MuJoCo's `<pair>` has them and `MujocoTuning` describes them.
 
-    Attributes:
-        solref: -stiffness [1/s2] and -damping [1/s], per unit of mass, or time constant [s] and
-            damping ratio.
-        solimp: impedance at first contact and from a depth on, this depth [m], and the shape.
-        friction: coefficient of sliding; 0 is a contact without friction, of condim 1.
-        solreffriction: the same as `solref` across the normal; (0, 0) means `solref`.
-        margin: depth of the contact below the ball's surface, a geom smaller than the ball by as
-            much [m]. MuJoCo applies a force halfway between the two surfaces, `collide` at the
-            foot's; with the mean deflection as margin both act at the same point on average.
+    `solref` may also be time constant [s] and damping ratio, and a `solreffriction` of (0, 0) means
+    `solref`. MuJoCo applies a force halfway between the two surfaces, `collide` at the foot's; with
+    the mean deflection as margin both act at the same point on average.
     """
 
     solref: tuple[float, float] = (0.02, 1.0)
@@ -131,10 +125,8 @@ class MujocoKick:
     def run(self, phase: float = 0.0, longest: float = TIME_LIMIT) -> SimulatedBall:
         """Return the ball of one simulated kick; MuJoCo writes no warnings.
 
-        Args:
-            phase: share of a time step by which the simulation begins before the first contact. At
-                0 leg and ball begin where they touch.
-            longest: time after which the two count as not separating [s].
+        The simulation begins a share `phase` of a time step before the first contact, and ends as
+        an error where leg and ball have not parted after the time `longest` [s].
 
         Raises:
             KickdynError: the foot pushes the ball for longer, or the simulation diverges.
@@ -242,15 +234,11 @@ def pair(contact: MujocoContact, foot: str) -> str:
 
 
 def write_bodies(model: Any, geoms: Mapping[int, str], *, limits: bool = False) -> str:
-    """Return the MJCF elements of a model's bodies, which follow each other as in `mujoco_state`.
+    """Return the MJCF elements of a `pin.Model`'s bodies, in the order of `mujoco_state`.
 
     Bodies and joints have the names of the model's joints. Links between joints are drawn and
-    collide with nothing.
-
-    Args:
-        model: a `pin.Model`.
-        geoms: further elements in the body of a joint, by its number.
-        limits: whether joints stop at the ends of their range.
+    collide with nothing. `geoms` has further elements in the body of a joint, by its number; with
+    `limits`, joints stop at the ends of their range.
 
     Raises:
         InvalidInput: a joint of a kind that MuJoCo does not have.

@@ -145,11 +145,11 @@ def march(rates_of: Any, values_of: Any, flights: Flights, rtol: float, time_lim
     `rates_of` is what `compiled_rates` returns, `values_of` what `compiled_ends` does.
     """
     size = flights.numbers.shape[1] * LANES
-    memory = Lanes(
+    memory = Lanes._make([
         np.zeros((STAGES + 1, SIZE)), np.zeros((4, SIZE)), *np.zeros((2, 2, size // NUMBERS)),
         np.zeros(5 * LANES), np.zeros(size), *np.zeros((4, SIZE)), np.zeros(size // NUMBERS),
         *np.zeros((7, LANES)), np.full(LANES, -1), np.zeros(LANES, np.int64),
-    )  # fmt: skip
+    ])  # fmt: skip
     compiled_march()(rates_of, values_of, flights, memory, float(rtol), float(time_limit))
 
 

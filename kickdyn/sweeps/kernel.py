@@ -9,7 +9,7 @@ between legs are arrays, so that one kernel serves every leg.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
 from typing import Any
 
 import numba
@@ -138,8 +138,7 @@ class KernelModel:
         first, second = tangents(kick.direction.tolist(), sliding.tolist())
         contact_axes = np.column_stack([first, second, kick.direction])
         senses = np.array([1.0, *(np.sign(axis[np.argmax(np.abs(axis))]) for axis in axes)])
-        along_z = partial(pin.Quaternion.FromTwoVectors, np.array([0.0, 0.0, 1.0]))
-        frames = [contact_axes, *(along_z(axis).matrix() for axis in senses[1:, None] * axes)]
+        frames = [contact_axes, *map(_frame, senses[1:, None] * axes)]
         tree, task = _tree(model, frames), np.zeros(1, TASK)
         pin.computeSubtreeMasses(model, data)
         v = [model.idx_vs[k] for k in range(1, model.njoints)]
@@ -168,6 +167,11 @@ def _plane_normal(axes: list[Array], slides: NDArray[np.bool_], normal: Array) -
     if not in_plane or any(abs(axis @ across) >= PARALLEL for axis in directions):
         return None
     return across
+
+
+def _frame(axis: Array) -> Array:
+    """Return a frame as columns, whose z is along the axis."""
+    return np.asarray(pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), axis).matrix())
 
 
 def _tree(model: pin.Model, frames: list[Array]) -> NDArray[Any]:

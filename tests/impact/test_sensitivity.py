@@ -211,3 +211,10 @@ def test_restitution_over_speed_against_differences(friction):
 
     run()
     assert seen >= {"frictionless" if friction == 0.0 else "slip"}
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.15, 1.0])
+def test_derivatives_by_q_with_a_base_that_turns(friction):
+    rng = np.random.default_rng(5)
+    leg = random_leg(rng, 4).with_base_velocity((2.0, -1.0, 0.5), (1.0, -3.0, 2.0))
+    check(*random_kick(rng, leg, friction=friction), rng)

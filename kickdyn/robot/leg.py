@@ -803,8 +803,8 @@ class Posture(ReprMixin):
         r"""Return the joint velocity of least kinetic energy for a velocity of the contact point.
 
         It minimizes :math:`\frac12 v^T M v` under :math:`J v = w`, and is
-        :math:`M^{-1} J^T (J M^{-1} J^T)^+ w`, shape `(nv,)` [rad/s; m/s for prismatic joints]. Where
-        the base moves, w is less by the `transport_velocity` in these formulas.
+        :math:`M^{-1} J^T (J M^{-1} J^T)^+ w`, shape `(nv,)` [rad/s; m/s for prismatic joints].
+        Where the base moves, w is less by the `transport_velocity` in these formulas.
 
         Args:
             point_velocity: velocity w of the contact point, shape `(3,)` [m/s, world frame].

@@ -39,7 +39,8 @@ class ChunkSolver:
 
     A grid of at least `KERNEL_FROM` postures is computed by a compiled kernel. Where there is none
     (a base that floats or moves, supports, loops, wind that changes with height, a law without a
-    kernel), and where the kernel marks a posture as doubtful, it is `kick_from`, a thousand times slower.
+    kernel), and where the kernel marks a posture as doubtful, it is `kick_from`, a thousand times
+    slower.
 
     Attributes:
         leg, grid, kick, tolerance: as for `kickdyn.sweep`.

@@ -11,9 +11,11 @@ import numpy as np
 from kickdyn.cli.command import warn
 from kickdyn.cli.option_groups import option
 from kickdyn.core import validation
+from kickdyn.core.files import read_toml
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.catalog import DESCRIPTION, ROBOTS
-from kickdyn.robot.constraints import Support
+from kickdyn.robot.constraints import Support, read_support
+from kickdyn.robot.foot_surfaces import load_with_surface
 from kickdyn.robot.joint_table import InDegrees
 from kickdyn.robot.kicking_chain import kicking_chain
 from kickdyn.robot.leg import Leg, read_leg
@@ -71,9 +73,10 @@ class LegOptions:
         "kickdyn[robots] on a fixed base (g1, talos, ...).",
     )  # fmt: skip
     frame: str | None = option(
-        "--frame", metavar="NAME",
-        help="Link or joint whose origin strikes the ball.  [default: toe; for a robot, its right "
-        "foot]",
+        "--frame", metavar="NAME[:SURFACE]",
+        help="Link or joint whose origin strikes the ball, or with a surface of this foot: toe, "
+        "instep, inside, outside, heel, sole_edge, or X,Y,Z:NX,NY,NZ [m], its point and normal.  "
+        "[default: toe; for a robot, its right foot]",
     )  # fmt: skip
     locked: tuple[str, ...] = option(
         "--lock", multiple=True, metavar="JOINT=VALUE",
@@ -88,8 +91,8 @@ class LegOptions:
     supports: tuple[str, ...] = option(
         "--support", multiple=True, metavar="FRAME[:FRICTION[:CORNERS]]",
         help="Foot that stands on the ground, its coefficient of friction there, and the corners "
-        "of its sole, X,Y,Z/X,Y,Z/... [m, its axes]. The base then floats, and a robot has both "
-        "legs; repeatable.",
+        "of its sole, X,Y,Z/X,Y,Z/... [m, its axes], or a .toml file with all three. "
+        "The base then floats, and a robot has both legs; repeatable.",
     )  # fmt: skip
     stiff_joints: tuple[str, ...] = option(
         "--stiff", multiple=True, metavar="JOINT",
@@ -116,10 +119,16 @@ class LegOptions:
         base = "floating" if supports else "fixed"
         drives = self.drives != "none" and (self.drives or True)
         try:
-            leg = load_leg(self.leg_name, self.frame, base, self.package_dirs, locked, drives)
+            leg = load_with_surface(
+                self.frame,
+                lambda frame: load_leg(
+                    self.leg_name, frame, base, self.package_dirs, locked, drives
+                ),
+            )
         except InvalidInput:
             if supports:  # a support that the leg has not explains more than a floating base
-                fixed = load_leg(self.leg_name, self.frame, "fixed", self.package_dirs, locked)
+                frame = (self.frame or "").partition(":")[0] or None
+                fixed = load_leg(self.leg_name, frame, "fixed", self.package_dirs, locked)
                 for support in supports:
                     frame_id(fixed.model, support.frame)
             raise
@@ -160,6 +169,9 @@ class LegOptions:
         """Return the supports."""
         supports = []
         for text in self.supports:
+            if text.endswith(".toml"):
+                supports.append(read_support(read_toml(text)))
+                continue
             frame, *values = text.split(":")
             try:
                 friction = float(values[0]) if values and values[0] else None

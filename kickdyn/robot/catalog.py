@@ -1,6 +1,7 @@
 """Robots by name: those of example-robot-data, with their feet, and those of robot_descriptions."""
 
 import sys
+from collections.abc import Mapping
 from contextlib import redirect_stdout
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -10,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
@@ -37,6 +39,9 @@ SURFACES = {
 }
 """Surfaces of the right foot, frames whose x is forward and z up, and the normals with which each
 can meet a ball: their direction to the left of x, and the range of their rise [deg]."""
+
+SIDE = np.radians(15.0)
+"""How far normals are to either side of the direction of a surface [rad]."""
 
 
 @dataclass(frozen=True)
@@ -91,14 +96,22 @@ class Robot:
             return self.foot if frame is None else frame, None
         direction, low, high = SURFACES[frame]
         high = self.steepest if frame == TOE else high
-        side, low, high = np.radians(15.0), np.radians(low), np.radians(high)
-        rows = np.array([
-            (np.sin(side), np.cos(side), 0.0),
-            (np.sin(side), -np.cos(side), 0.0),
-            (-np.sin(low), 0.0, np.cos(low)),
-            (np.sin(high), 0.0, -np.cos(high)),
-        ])  # fmt: skip
-        return frame, rows @ pin.rpy.rpyToMatrix(0.0, 0.0, np.radians(direction)).T
+        return frame, normal_cone(*np.radians([direction, low, high]))
+
+
+def normal_cone(direction: float, low: float, high: float) -> Array:
+    """Return rows a of the cone of normals n, a n >= 0, that meet a ball, shape `(4, 3)`.
+
+    They are up to `SIDE` to either side of a direction, which is to the left of x, and rise by an
+    angle from `low` to `high` [rad].
+    """
+    rows = np.array([
+        (np.sin(SIDE), np.cos(SIDE), 0.0),
+        (np.sin(SIDE), -np.cos(SIDE), 0.0),
+        (-np.sin(low), 0.0, np.cos(low)),
+        (np.sin(high), 0.0, -np.cos(high)),
+    ])  # fmt: skip
+    return np.asarray(rows @ pin.rpy.rpyToMatrix(0.0, 0.0, direction).T)
 
 
 _FULL_NAMES = tuple(
@@ -184,19 +197,19 @@ def read_robot(name: str, base: str) -> tuple[UrdfFile, Any]:
     model = turn_body(model, 1, pin.rpy.rpyToMatrix(*known.turn))
     if base == "fixed":
         model = reduce_model(model, [model.names[1]], pin.neutral(model))
-    _add_contact_points(model, known)
+    add_contact_points(model, known.foot, known.contact_points)
     return file, model
 
 
-def _add_contact_points(model: Any, known: Robot) -> None:
-    """Add the frames of a robot's contact points, their axes the world's for a straight leg."""
-    number = frame_id(model, known.foot)
+def add_contact_points(model: Any, frame: str, points: Mapping[str, ArrayLike]) -> None:
+    """Add frames at points of a foot [m], from a frame, in axes of the world for a straight leg."""
+    number = frame_id(model, frame)
     foot = model.frames[number]
     joint, pose = foot.parentJoint, foot.placement.copy()  # a reference dies with the next frame
     data = model.createData()
     pin.forwardKinematics(model, data, pin.neutral(model))
     back = pin.updateFramePlacement(model, data, number).rotation.T
-    for name, point in known.contact_points.items():
+    for name, point in points.items():
         place = pose * pin.SE3(back, back @ np.array(point))
         model.addFrame(pin.Frame(name, joint, number, place, pin.FrameType.OP_FRAME), False)
 

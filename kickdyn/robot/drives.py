@@ -1,17 +1,13 @@
 """Drives of joints, rotors behind gears with their limits, and the files that list them."""
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 
 from kickdyn.core import validation
-from kickdyn.core.files import read_text, shipped
+from kickdyn.core.files import read_toml, shipped
 from kickdyn.errors import FaultyFile, InvalidInput
-
-MAX_BYTES = 100_000
-"""Size of the largest file of drives that is read [bytes]."""
 
 MAX_REFLECTED_INERTIA = 10.0
 """Largest inertia of a rotor as seen from its joint [kg m2; kg for prismatic joints]."""
@@ -76,13 +72,7 @@ def read_drives(path: str | PathLike[str]) -> dict[str, Drive]:
     (`rotor_inertia_kg_m2` is required), and may have a text `source`. Raises `FaultyFile`, with a
     line for each fault.
     """
-    source = str(path)
-    try:
-        document = tomllib.loads(read_text(path, source, MAX_BYTES, FaultyFile))
-    except (ValueError, RecursionError) as error:
-        if isinstance(error, FaultyFile):
-            raise
-        raise FaultyFile(source, [f"is not TOML: {error}"]) from None
+    source, document = str(path), read_toml(path)
     faults = [
         f"{key} is unknown: the file of drives has source and [joints]"
         for key in document

@@ -26,6 +26,10 @@ class Drive:
             rad/m for prismatic joints].
         torque_limit: largest torque at the joint [N m; N if prismatic]; None keeps the file's.
         speed_limit: largest speed of the joint [rad/s; m/s if prismatic]; None keeps the file's.
+        friction: of the gear, a torque against the joint's motion, which holds a joint at rest up
+            to this size [N m; N if prismatic]; it acts in a contact that takes time, `collide`.
+        stiffness: of position control, whose reference moves on with the velocity before the impact
+            [N m/rad; N/m if prismatic]; likewise.
 
     Raises:
         InvalidInput: a value that is not finite, negative, a gear of 0, or a reflected inertia
@@ -36,6 +40,8 @@ class Drive:
     gear: float = 1.0
     torque_limit: float | None = None
     speed_limit: float | None = None
+    friction: float = 0.0
+    stiffness: float = 0.0
 
     def __post_init__(self) -> None:
         inertia = validation.number("rotor inertia", self.rotor_inertia, at_least=0, unit="kg m2")
@@ -49,6 +55,8 @@ class Drive:
         for name in ("torque_limit", "speed_limit"):
             if getattr(self, name) is not None:
                 validation.number(name.replace("_", " "), getattr(self, name), at_least=0)
+        validation.number("friction", self.friction, at_least=0, unit="N m")
+        validation.number("stiffness", self.stiffness, at_least=0, unit="N m/rad")
 
     @property
     def reflected_inertia(self) -> float:
@@ -61,6 +69,8 @@ KEYS = {
     "gear": "gear",
     "torque_limit_n_m": "torque_limit",
     "speed_limit_rad_s": "speed_limit",
+    "friction_n_m": "friction",
+    "stiffness_n_m_rad": "stiffness",
 }
 """Keys of a joint in a file of drives, and the attributes of `Drive` that they set."""
 

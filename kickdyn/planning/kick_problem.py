@@ -19,7 +19,7 @@ import pinocchio as pin
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.motion.impact_target import ImpactTarget
-from kickdyn.planning.ball_clearance import BallClearance
+from kickdyn.planning.ball_clearance import BallClearance, SelfClearance
 from kickdyn.planning.kick_terms import (
     BallPosition,
     Facing,
@@ -36,6 +36,7 @@ from kickdyn.planning.kick_terms import (
 from kickdyn.planning.objectives import LargestShare
 from kickdyn.planning.problem import TOLERANCE, Function, Problem, Solver, Term, slsqp
 from kickdyn.planning.stance import Balance, Clearance, SupportImpulse, Upright
+from kickdyn.robot.collisions import find_self_collisions
 from kickdyn.robot.kicking_chain import KickingChain, check_unconstrained, kicking_chain
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.standing import StandingRobot, is_floating
@@ -50,6 +51,9 @@ leg is bent more than in any kick, and the trunk of a standing robot lies down."
 
 SOLVERS: dict[str, Solver] = {"slsqp": slsqp}
 """Solvers of the problem of a kick, by name."""
+
+MOST_PAIRS = 8
+"""Number of pairs of bodies from which on no more are kept apart."""
 
 AnyTerm = TypeVar("AnyTerm", bound=Term[KickPoint])
 
@@ -217,9 +221,24 @@ def kick_problem(
 def solve_kick(problem: KickProblem, objective: Objective) -> KickSolution:
     """Return the best solution of a problem; where none meets the goal, the strongest kick.
 
+    Where bodies are inside each other, it is solved again with a term that keeps these apart.
+
     Raises:
         InvalidInput: no posture keeps the terms, with the reason.
     """
+    solution, pairs = _solve(problem, objective), set[tuple[str, str]]()
+    while True:
+        q, _ = problem.on_robot(solution.point)
+        collisions = find_self_collisions(problem.robot, q).keys() - pairs
+        if not collisions or len(pairs) > MOST_PAIRS:
+            return solution
+        pairs |= collisions
+        apart = SelfClearance(problem.robot, problem.variables, sorted(pairs))
+        solution = _solve(replace(problem, terms=(*problem.terms, apart)), objective)
+
+
+def _solve(problem: KickProblem, objective: Objective) -> KickSolution:
+    """Return the best solution of a problem as it is."""
     for variant in problem.variants():
         starts = variant.starts()
         if points := variant.solve(objective, starts):

@@ -46,12 +46,12 @@ class Body(NamedTuple):
 
 
 class Proximity(NamedTuple):
-    """How a body and a ball are placed.
+    """How a body is placed beside a ball or another body.
 
     Attributes:
-        depth: of the body in the ball [m]; below 0 is the distance.
-        point: of the body, nearest to the ball's centre or deepest in it, `(3,)` [m, world frame].
-        normal: from there into the ball, shape `(3,)` [world frame].
+        depth: of the body in the other [m]; below 0 is the distance.
+        point: of the body, nearest to the other or deepest in it, `(3,)` [m, world frame].
+        normal: from there into the other, shape `(3,)` [world frame].
     """
 
     depth: float
@@ -129,18 +129,20 @@ class Placed:
             ]
         return near
 
-    def distance(self, body: Body, other: Any, pose: Any) -> Any:
-        """Return coal's `DistanceResult` of a body and another shape at a pose."""
+    def proximity(self, body: Body, other: Body) -> Proximity:
+        """Return how a body is placed beside another [m, world frame]."""
+        return self._proximity(body, other.shape, self.poses[other.frame] * other.pose)
+
+    def ball_proximity(self, body: Body, centre: Array, radius: float) -> Proximity:
+        """Return how a body is placed beside a ball [m, world frame]."""
+        return self._proximity(body, self._coal.Sphere(radius), pin.SE3(np.eye(3), centre))
+
+    def _proximity(self, body: Body, shape: Any, pose: Any) -> Proximity:
         request, result = self._coal.DistanceRequest(), self._coal.DistanceResult()
         place = self.poses[body.frame] * body.pose
         start = self._coal.Transform3s(place.rotation, place.translation)
         end = self._coal.Transform3s(pose.rotation, pose.translation)
-        self._coal.distance(body.shape, start, other, end, request, result)
-        return result
-
-    def proximity(self, body: Body, centre: Array, radius: float) -> Proximity:
-        """Return how a body is placed beside a ball [m, world frame]."""
-        result = self.distance(body, self._coal.Sphere(radius), pin.SE3(np.eye(3), centre))
+        self._coal.distance(body.shape, start, shape, end, request, result)
         return Proximity(-result.min_distance, result.getNearestPoint1(), result.normal)
 
 
@@ -149,7 +151,7 @@ def find_ball_overlaps(posture: Posture, centre: Array, radius: float) -> dict[s
     leg, depths = posture.leg, dict[str, float]()
     placed = Placed(leg, body_frames(leg), leg.workspace.model, leg.workspace.data, posture.q)
     for body in placed.bodies_near(centre, radius):
-        depth = placed.proximity(body, centre, radius).depth
+        depth = placed.ball_proximity(body, centre, radius).depth
         if depth > max(TOUCHING, depths.get(body.frame, 0.0)):
             depths[body.frame] = depth
     return dict(sorted(depths.items(), key=lambda item: -item[1]))
@@ -184,8 +186,7 @@ def _overlapping(leg: Leg, q: Array) -> dict[tuple[str, str], float]:
                 first, second = joints[frame], joints[other.frame]
                 if first >= second or first == carriers[second]:
                     continue
-                result = placed.distance(body, other.shape, placed.poses[other.frame] * other.pose)
-                pair, depth = (frame, other.frame), -result.min_distance
+                pair, depth = (frame, other.frame), placed.proximity(body, other).depth
                 if depth > max(TOUCHING, depths.get(pair, 0.0)):
                     depths[pair] = depth
     return depths

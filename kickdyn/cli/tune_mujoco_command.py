@@ -141,7 +141,6 @@ def find_foot(leg: Leg) -> tuple[str, ...]:
 
 
 def _document(name: str, tuning: MujocoTuning, model: str) -> dict[str, Any]:
-    """Return the numbers, and the MJCF of the ball."""
     return {
         "scene": name,
         **{key: getattr(tuning, key) for key in PLAIN},

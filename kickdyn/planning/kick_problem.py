@@ -11,7 +11,7 @@ are drawn with a fixed seed.
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -37,7 +37,7 @@ from kickdyn.planning.objectives import LargestShare
 from kickdyn.planning.problem import TOLERANCE, Function, Problem, Solver, Term, slsqp
 from kickdyn.planning.stance import Balance, Clearance, SupportImpulse, Upright
 from kickdyn.robot.collisions import find_self_collisions
-from kickdyn.robot.kicking_chain import KickingChain, check_unconstrained, kicking_chain
+from kickdyn.robot.kicking_chain import KickingChain, kicking_chain
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.standing import StandingRobot, is_floating
 from kickdyn.robot.surgery import turn_body
@@ -137,18 +137,6 @@ class KickProblem:
         return [x for _, _, x in sorted(rated)[:STARTS]]
 
 
-class KickSolution(NamedTuple):
-    """A point that solves a problem.
-
-    Attributes:
-        problem: the problem; where no point keeps an optional term, the problem without it.
-        point: with an exact foot velocity.
-    """
-
-    problem: KickProblem
-    point: KickPoint
-
-
 def kick_problem(
     robot: Leg,
     target: ImpactTarget,
@@ -179,7 +167,12 @@ def kick_problem(
         robot = standing.robot
         limb = kicking_chain(standing.leg, branches=True)
     else:
-        check_unconstrained(robot, "kicks from a fixed base are planned")
+        if robot.supports or robot.loops:
+            raise InvalidInput(
+                f"{robot.name} has supports or loops: kicks from a fixed base are planned for legs "
+                "without supports and loops only, because a plan chooses each joint by itself, and "
+                "these tie joints together"
+            )
         limb = kicking_chain(robot, branches=True)
     variables = KickVariables(limb.leg, target)
     directions = _foot_directions(variables, draw)
@@ -218,38 +211,39 @@ def kick_problem(
     )
 
 
-def solve_kick(problem: KickProblem, objective: Objective) -> KickSolution:
+def solve_kick(problem: KickProblem, objective: Objective) -> tuple[KickProblem, KickPoint]:
     """Return the best solution of a problem; where none meets the goal, the strongest kick.
 
+    Before it comes the problem; where no point keeps an optional term, the problem without it.
     Where bodies are inside each other, it is solved again with a term that keeps these apart.
 
     Raises:
         InvalidInput: no posture keeps the terms, with the reason.
     """
-    solution, pairs = _solve(problem, objective), set[tuple[str, str]]()
+    solved, pairs = problem, set[tuple[str, str]]()
     while True:
-        q, _ = problem.on_robot(solution.point)
-        collisions = find_self_collisions(problem.robot, q).keys() - pairs
+        solved, point = _solve(solved, objective)
+        collisions = find_self_collisions(problem.robot, problem.on_robot(point)[0]).keys() - pairs
         if not collisions or len(pairs) > MOST_PAIRS:
-            return solution
+            return solved, point
         pairs |= collisions
         apart = SelfClearance(problem.robot, problem.variables, sorted(pairs))
-        solution = _solve(replace(problem, terms=(*problem.terms, apart)), objective)
+        solved = replace(problem, terms=(*problem.terms, apart))
 
 
-def _solve(problem: KickProblem, objective: Objective) -> KickSolution:
+def _solve(problem: KickProblem, objective: Objective) -> tuple[KickProblem, KickPoint]:
     """Return the best solution of a problem as it is."""
     for variant in problem.variants():
         starts = variant.starts()
         if points := variant.solve(objective, starts):
             best = min(points, key=lambda point: float(objective.value(point)[0]))
-            return KickSolution(variant, best)
+            return variant, best
     if points := variant.solve(LargestShare(), starts):
         strongest = max(points, key=lambda point: point.share)
         if strongest.share >= 1.0 - 1e-6:
             full = variant.variables.point(np.append(strongest.x[:-1], 1.0))
             strongest = next(iter(variant.solve(objective, [strongest.x])), full)
-        return KickSolution(variant, strongest)
+        return variant, strongest
     ball = problem.find(BallPosition)
     place = "" if ball is None else f" {ball.place}"
     raise InvalidInput(
@@ -290,7 +284,6 @@ def _leaves(directions: Array, vector: Array) -> bool:
 
 
 def _check_directions(variables: KickVariables, directions: Array) -> None:
-    """Refuse a launch or a spin that takes the foot out of the plane that it moves in."""
     target, name = variables.target, variables.leg.name
     if _leaves(directions, target.impulse):
         launch = (target.impulse / target.ball.mass).round(4).tolist()
@@ -311,7 +304,6 @@ def _place_ball(
     position: float | Array,
     draw: np.random.Generator,
 ) -> BallPosition:
-    """Return the term of a ball at a height or a position, or raise `InvalidInput`."""
     if isinstance(position, float | int):
         centre = np.array([0.0, 0.0, position])
         return BallPosition(variables, centre, np.array([[0.0, 0.0, 1.0]]))

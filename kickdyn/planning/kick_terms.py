@@ -161,12 +161,9 @@ class Objective(Function[KickPoint]):
     def quantity(self, point: KickPoint) -> float:
         """Return the quantity."""
 
-    def cost(self, point: KickPoint) -> float:
-        """Return what is to be least: the quantity, or minus the quantity."""
-        return -self.quantity(point) if self.maximized else self.quantity(point)
-
     def value(self, point: KickPoint) -> Array:
-        return np.array([self.cost(point)])
+        quantity = self.quantity(point)
+        return np.array([-quantity if self.maximized else quantity])
 
     def slope(self, point: KickPoint) -> Array:
         return slope_by_differences(self, point, len(point.x) - 1, STEP)  # the share does not count

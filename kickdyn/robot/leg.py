@@ -30,7 +30,7 @@ from kickdyn.robot.constraints import (
     find_open_loops,
 )
 from kickdyn.robot.drives import Drive, catalogued_drives, load_drives
-from kickdyn.robot.joint_table import InDegrees, JointTable, Mimic
+from kickdyn.robot.joint_table import InDegrees, JointTable
 from kickdyn.robot.mjcf_file import MjcfFile, is_mjcf, read_mjcf
 from kickdyn.robot.mjcf_model import build_mjcf_model
 from kickdyn.robot.model_validation import (
@@ -119,7 +119,7 @@ class Leg(JointTable, ReprMixin):
         if self.contact_joint == 0:
             raise InvalidInput(f"frame {self.frame!r} is fixed to the base: a kick must move it")
         constraints = None
-        if self.supports or self.loops or self.stiff_joints or self.gears:
+        if self.supports or self.loops or self.stiff_joints or self.mimics:
             stiff = {joint: self.velocity_index(joint) for joint in self.stiff_joints}
             constraints = Constraints(
                 self._model, self.contact_joint, self.supports, self.loops, self.gears, stiff
@@ -127,11 +127,6 @@ class Leg(JointTable, ReprMixin):
         vars(self).update(constraints=constraints, workspace=Workspace(self._model))
 
     @cached_property
-    def mimics(self) -> tuple[Mimic, ...]:
-        """Joints that move with another one, as the file says."""
-        return () if self.file is None else self._present(self.file.mimics)
-
-    @property
     def compliant_drives(self) -> dict[str, Drive]:
         """The drives with friction or stiffness, which act in a contact that takes time."""
         return {joint: x for joint, x in self.drives.items() if x.friction or x.stiffness}

@@ -2,6 +2,7 @@
 
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import gymnasium
@@ -10,6 +11,7 @@ import pytest
 import kickdyn as kd
 from kickdyn.planning.plan_report import verdict
 from kickdyn.robot.collisions import find_ball_overlaps
+from kickdyn.robot.ground_clearance import find_depths
 
 MODELS = Path(gymnasium.__file__).parent / "envs/mujoco/assets"
 BALL, AIR = kd.Ball(), kd.Air()
@@ -70,6 +72,18 @@ def test_bodies_under_the_ground_are_one_line_with_a_remedy(height, under):
         "bodies are under the ground at the impact: foot by D; the ground is level with the ball's "
         "lowest point: try another height of the ball (ball_position, --ball-height)"
     ]
+
+
+@pytest.mark.parametrize("low", [0.0, -0.3])
+def test_the_ground_is_under_the_ball_or_under_a_lower_target(low):
+    """The foot reaches 0.04 m below the ball's lowest point: under the one, above the other."""
+    goal = kd.Goal((30, 0, 2), time=1.5)
+    plan = kd.plan_kick(kd.Leg.human(), goal, BALL, AIR, ball_position=-0.704)
+    plan = replace(plan, goal=kd.Goal((30, 0, low), time=1.5))
+    floor = plan.impact.ball_before.position[2] - BALL.radius + low
+    depths = find_depths(plan.leg, plan.q, floor)
+    assert bool(depths) == (low == 0.0)
+    assert len(lines(plan, "under the ground")) == len(depths)
 
 
 def test_the_ground_is_not_known_where_the_height_of_the_ball_is_free():

@@ -566,3 +566,27 @@ def test_frames_apart_or_of_one_branch_are_no_open_loop(tmp_path):
         file.write_text(text.replace(old, new))
         leg = kd.Leg.from_urdf(file) if "thigh" not in new else _moved(file)
         assert leg.open_loops == ()
+
+
+def test_the_bias_is_the_acceleration_of_every_support_and_loop():
+    """Central differences of the frames' velocities while the joints' velocity is constant."""
+    loops = ("left_wrist_yaw_link", "right_wrist_yaw_link"), ("left_elbow_link", "torso_link")
+    leg = G1.with_supports(FOOT).with_loops(*loops)
+    draw, h = np.random.default_rng(4), 1e-5
+    model, data = leg.model, leg.model.createData()
+    q = pin.integrate(model, leg.configuration(), draw.uniform(-0.5, 0.5, leg.nv))
+    v = draw.normal(size=leg.nv)
+
+    def velocities(step):
+        pin.forwardKinematics(model, data, pin.integrate(model, q, step * v), v)
+        moved = [
+            pin.getFrameVelocity(model, data, model.getFrameId(name), pin.LOCAL_WORLD_ALIGNED)
+            for name in (FOOT, *loops[0], *loops[1])
+        ]
+        foot, *ends = (motion.vector for motion in moved)
+        return np.concatenate([foot, (ends[1] - ends[0])[:3], (ends[3] - ends[2])[:3]])
+
+    rate = (velocities(h) - velocities(-h)) / (2 * h)
+    bias = leg.constraints.bias(model, data, q, v)
+    assert bias == pytest.approx(rate, abs=1e-6)
+    assert (np.abs(bias) > 1e-3).all()

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import click
@@ -48,7 +49,7 @@ def load_leg(
     if package_dirs and (name in LEGS or described):
         raise InvalidInput(f"package-dir is {package_dirs[0]!r}: it is for a URDF file, not {name}")
     if name in SHIPPED:
-        return read_leg(shipped_urdf(SHIPPED[name]), frame or "toe", base, (), locked, drives)
+        return read_leg(shipped_urdf(SHIPPED[name]), frame, base, (), locked, drives)
     degrees = InDegrees(locked or {})
     if name in ROBOTS:
         robot = Leg.from_robot(
@@ -59,7 +60,7 @@ def load_leg(
         return Leg.from_robot(name, frame, base=base, locked=degrees, drives=drives)
     if not os.path.exists(name) and not Path(name).suffix:  # noqa: PTH110 any text may be a name
         raise InvalidInput(f"leg {name!r} is neither {', '.join(LEGS)} nor a file")
-    return read_leg(name, frame or "toe", base, package_dirs, locked, drives)
+    return read_leg(name, frame, base, package_dirs, locked, drives)
 
 
 @dataclass(frozen=True)
@@ -121,10 +122,11 @@ class LegOptions:
         try:
             leg = load_with_surface(
                 self.frame,
-                lambda frame: load_leg(
-                    self.leg_name, frame, base, self.package_dirs, locked, drives
+                partial(
+                    load_leg, self.leg_name, base=base, package_dirs=self.package_dirs,
+                    locked=locked, drives=drives,
                 ),
-            )
+            )  # fmt: skip
         except InvalidInput:
             if supports:  # a support that the leg has not explains more than a floating base
                 frame = (self.frame or "").partition(":")[0] or None

@@ -1,6 +1,6 @@
 """What keeps the bodies of a robot out of the ball and out of each other, as terms of a kick."""
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 
 import numpy as np
 import pinocchio as pin
@@ -8,7 +8,7 @@ import pinocchio as pin
 from kickdyn.core.validation import Array
 from kickdyn.planning.kick_terms import KickTerm, KickVariables
 from kickdyn.planning.problem import TOLERANCE, Kind
-from kickdyn.robot.collisions import TOUCHING, Body, Placed, Proximity, bodies_at
+from kickdyn.robot.collisions import TOUCHING, Body, Placed, Proximity
 from kickdyn.robot.ground_clearance import LARGEST_MESH, body_frames
 from kickdyn.robot.kicking_chain import rest_configuration
 from kickdyn.robot.leg import Leg, Posture
@@ -35,10 +35,10 @@ class BodyClearance(KickTerm):
     rates_starts = False
 
     def __init__(
-        self, robot: Leg, variables: KickVariables, pairs: Iterable[tuple[Body, Body | None]]
+        self, robot: Leg, variables: KickVariables, pairs: Sequence[tuple[Body, Body | None]]
     ) -> None:
         contact, ball = variables.target.contact, variables.target.ball
-        self._robot, self.scale, self._pairs = robot, ball.radius, list(pairs)
+        self._robot, self.scale, self._pairs = robot, ball.radius, pairs
         self._radius, self._from_contact = ball.radius, ball.radius * contact.normal
         self._posture: Posture | None = None
         self._known: list[Proximity] = []
@@ -83,31 +83,8 @@ class BodyClearance(KickTerm):
         return self._known
 
 
-class BallClearance(BodyClearance):
-    """The bodies near the contact point are outside the ball.
-
-    Attributes:
-        bodies: that can come near the ball; none where the file has no shapes.
-    """
-
-    def __init__(self, robot: Leg, variables: KickVariables) -> None:
-        rest = robot.posture(rest_configuration(robot))
-        space = robot.workspace
-        placed = Placed(robot, body_frames(robot), space.model, space.data, rest.q)
-        self.bodies = placed.bodies_near(rest.contact_point, LARGEST_MESH)
-        super().__init__(robot, variables, [(body, None) for body in self.bodies])
-
-
-class SelfClearance(BodyClearance):
-    """The bodies of pairs of frames are outside each other."""
-
-    def __init__(
-        self, robot: Leg, variables: KickVariables, frames: Iterable[tuple[str, str]]
-    ) -> None:
-        pairs = [
-            (body, other)
-            for first, second in frames
-            for body in bodies_at(robot, first)
-            for other in bodies_at(robot, second)
-        ]
-        super().__init__(robot, variables, pairs)
+def bodies_near_ball(robot: Leg) -> list[tuple[Body, None]]:
+    """Return the bodies that can come near the ball, each with it; none without shapes."""
+    rest, space = robot.posture(rest_configuration(robot)), robot.workspace
+    placed = Placed(robot, body_frames(robot), space.model, space.data, rest.q)
+    return [(body, None) for body in placed.bodies_near(rest.contact_point, LARGEST_MESH)]

@@ -19,7 +19,7 @@ import pinocchio as pin
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.motion.impact_target import ImpactTarget
-from kickdyn.planning.ball_clearance import BallClearance, SelfClearance
+from kickdyn.planning.ball_clearance import BodyClearance, bodies_near_ball
 from kickdyn.planning.kick_terms import (
     BallPosition,
     Facing,
@@ -36,7 +36,7 @@ from kickdyn.planning.kick_terms import (
 from kickdyn.planning.objectives import LargestShare
 from kickdyn.planning.problem import TOLERANCE, Function, Problem, Solver, Term, slsqp
 from kickdyn.planning.stance import Balance, Clearance, SupportImpulse, Upright
-from kickdyn.robot.collisions import find_self_collisions
+from kickdyn.robot.collisions import bodies_at, find_self_collisions
 from kickdyn.robot.kicking_chain import KickingChain, kicking_chain
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.standing import StandingRobot, is_floating
@@ -199,8 +199,8 @@ def kick_problem(
     if standing is not None:
         terms += [Balance(standing), Clearance(standing), Upright(standing)]
         terms.append(SupportImpulse(standing, target.impulse))
-    if (ball_clearance := BallClearance(robot, variables)).bodies:
-        terms.append(ball_clearance)
+    if pairs := bodies_near_ball(robot):
+        terms.append(BodyClearance(robot, variables, pairs))
 
     farthest = FARTHEST_START if standing is None else FARTHEST_STANDING_START
     lower = np.minimum(np.maximum(variables.lower, -farthest), variables.upper)
@@ -227,7 +227,13 @@ def solve_kick(problem: KickProblem, objective: Objective) -> tuple[KickProblem,
         if not collisions or len(pairs) > MOST_PAIRS:
             return solved, point
         pairs |= collisions
-        apart = SelfClearance(problem.robot, problem.variables, sorted(pairs))
+        bodies = [
+            (body, other)
+            for first, second in sorted(pairs)
+            for body in bodies_at(problem.robot, first)
+            for other in bodies_at(problem.robot, second)
+        ]
+        apart = BodyClearance(problem.robot, problem.variables, bodies)
         solved = replace(problem, terms=(*problem.terms, apart))
 
 

@@ -34,39 +34,28 @@ class FootSurface:
         name: of the contact frame of a leg that kicks with it.
         point: from the origin of the leg's contact frame to the contact point, shape `(3,)` [m].
         normal: out of the foot, shape `(3,)`, of any length but zero.
-        size: how far the surface reaches, level and upwards, across the normal, shape `(2,)` [m];
-            None if unknown.
-        rise: range of the angle above the horizontal of normals with which it meets a ball, shape
-            `(2,)` [rad]; None is up to 15 degrees to either side of `normal`, as to its left and
-            right.
+        size: how far it reaches, level and upwards, across the normal, shape `(2,)` [m], if known.
+        rise: range of the rise of normals that meet a ball, shape `(2,)` [rad]; None is up to 15
+            degrees to either side of `normal`, as to its left and right.
     """
 
     name: str
     point: ArrayLike
     normal: ArrayLike
-    size: ArrayLike | None = None
-    rise: ArrayLike | None = None
+    size: Array | None = None
+    rise: Array | None = None
 
     def __post_init__(self) -> None:
         what = f"surface {self.name}"
+        point = validation.vector(f"point of {what}", self.point, 3, unit="m")
         normal = validation.direction(f"normal of {what}", self.normal)
-        middle = float(np.arcsin(normal[2]))
-        rise = (middle - SIDE, middle + SIDE) if self.rise is None else self.rise
-        vars(self).update(
-            point=validation.vector(f"point of {what}", self.point, 3, unit="m"),
-            normal=normal,
-            rise=validation.vector(f"rise of {what}", rise, 2, unit="rad"),
-        )
-        if self.size is not None:
-            vars(self).update(size=validation.vector(f"size of {what}", self.size, 2, unit="m"))
+        rise = np.arcsin(normal[2]) + SIDE * np.array([-1, 1]) if self.rise is None else self.rise
+        vars(self).update(point=point, normal=normal, rise=rise)
 
 
 @validation.check_arguments
 def kick_with(leg: Leg, surface: str | FootSurface) -> Leg:
-    """Return a leg that kicks with a surface of its foot.
-
-    Its contact frame is at the surface's contact point, and plans turn the surface to the ball
-    (`Leg.contact_normal_cone`).
+    """Return a leg that kicks with a surface of its foot, which its plans turn to the ball.
 
     Args:
         leg: whose contact frame is on the foot.
@@ -116,28 +105,23 @@ def foot_surfaces(leg: Leg) -> dict[str, FootSurface]:
             f"the foot at {leg.frame} of {leg.name} has no shapes that span a volume: give the "
             "surface, FootSurface(name, point, normal) (--frame FRAME:X,Y,Z:NX,NY,NZ)"
         ) from None
-    known = {
+    on_foot = {
         name: data.oMf[number].translation - origin
         for name, number in frames_by_name(model).items()
-        if name in SURFACES and int(model.frames[number].parentJoint) == joint
+        if int(model.frames[number].parentJoint) == joint
     }
-    mirror = -1.0 if hull.min_bound[1] + hull.max_bound[1] + 2.0 * origin[1] > 0.0 else 1.0
-    surfaces = {}
+    is_left, surfaces = hull.min_bound[1] + hull.max_bound[1] + 2.0 * origin[1] > 0.0, {}
     for name, degrees in SURFACES.items():
-        direction, low, high = np.radians(degrees) * (mirror, 1.0, 1.0)
-        sides, middle = direction + SIDE * np.array([-1.0, 1.0]), 0.5 * (low + high)
-        point = known.get(name)
+        direction, low, high = np.radians(degrees) * (-1.0 if is_left else 1.0, 1.0, 1.0)
+        left, up = np.meshgrid(direction + SIDE * np.arange(-1, 2), np.linspace(low, high, 3))
+        level = np.cos(up)
+        normals = np.stack([level * np.cos(left), level * np.sin(left), np.sin(up)], axis=-1)
+        point = on_foot.get(name)
         if point is None:
-            point = _contact_point(hull, _normals(sides, np.array([low, middle, high])))
-        normal = _normals(np.array([direction]), np.array([middle]))[0]
-        surfaces[name] = FootSurface(name, point, normal, _size(hull, normal), (low, high))
+            point = _contact_point(hull, normals.reshape(-1, 3))
+        size = _size(hull, normals[1, 1])
+        surfaces[name] = FootSurface(name, point, normals[1, 1], size, np.array([low, high]))
     return surfaces
-
-
-def _normals(directions: Array, rises: Array) -> Array:
-    """Return the unit vectors with directions to the left of x and rises [rad], `(n, 3)`."""
-    left, up = (angles.ravel() for angles in np.meshgrid(directions, rises))
-    return np.column_stack([np.cos(up) * np.cos(left), np.cos(up) * np.sin(left), np.sin(up)])
 
 
 def _contact_point(hull: ConvexHull, normals: Array) -> Array:
@@ -164,10 +148,7 @@ def _size(hull: ConvexHull, normal: Array) -> Array:
 
 
 def load_with_surface(frame: str | None, load: Callable[[str | None], Leg]) -> Leg:
-    """Return the leg that `load` returns for a frame, with the surface that follows a colon.
-
-    The surface is one of the names of `SURFACES` or X,Y,Z:NX,NY,NZ, its point and normal.
-    """
+    """Return the leg that `load` returns for FRAME, FRAME:SURFACE or FRAME:X,Y,Z:NX,NY,NZ."""
     name, _, text = (frame or "").partition(":")
     leg = load(name or frame)
     if not text:

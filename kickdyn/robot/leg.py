@@ -897,7 +897,7 @@ class Posture(ReprMixin):
 
 def read_leg(
     path: str | PathLike[str],
-    frame: str,
+    frame: str | None,
     base: str,
     package_dirs: Sequence[str | PathLike[str]] = (),
     locked: Mapping[str, float] | None = None,
@@ -905,10 +905,12 @@ def read_leg(
 ) -> Leg:
     """Return the leg of a URDF or MJCF file, with joints `locked` at values in degrees or metres.
 
+    Its contact frame is `toe` where none is named.
+
     Raises `InvalidInput` as `Leg.from_urdf` and `Leg.from_mjcf` do, and for `package_dirs` of an
     MJCF.
     """
-    values = InDegrees(locked or {})
+    values, frame = InDegrees(locked or {}), frame or TOE
     if not is_mjcf(path):
         return Leg.from_urdf(
             path, frame, base=base, package_dirs=package_dirs, locked=values, drives=drives

@@ -129,25 +129,16 @@ class LegTable:
     def read(self, folder: Path) -> Leg:
         """Return the leg without `armature`, supports, loops and stiff joints."""
         drives = True if self.drives is None else self.drives != "none" and folder / self.drives
+        options: dict[str, Any] = {"base": self.base, "drives": drives}
         if self.robot is not None:
-            locked = InDegrees(self.locked)
-            load = partial(
-                Leg.from_robot,
-                self.robot,
-                base=self.base,
-                legs_only=self.legs_only,
-                locked=locked,
-                drives=drives,
-            )
-            return load_with_surface(self.frame, load)
+            options |= {"legs_only": self.legs_only, "locked": InDegrees(self.locked)}
+            return load_with_surface(self.frame, partial(Leg.from_robot, self.robot, **options))
         file = folder / self.file
         if self.model is not None:
             file = shipped_urdf(f"leg_{self.model}.urdf")
         packages = [folder / str(package) for package in self.package_dirs]
-        return load_with_surface(
-            self.frame,
-            lambda frame: read_leg(file, frame or "toe", self.base, packages, self.locked, drives),
-        )
+        options |= {"package_dirs": packages, "locked": self.locked}
+        return load_with_surface(self.frame, partial(read_leg, file, **options))
 
     def change(self, leg: Leg) -> Leg:
         """Return a leg with the rotors, supports, loops and stiff joints."""

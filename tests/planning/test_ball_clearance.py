@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.planning.ball_clearance import BallClearance, SelfClearance
+from kickdyn.planning.ball_clearance import BodyClearance, bodies_near_ball
 from kickdyn.planning.kick_terms import KickVariables
-from kickdyn.robot.collisions import find_self_collisions
+from kickdyn.robot.collisions import bodies_at, find_self_collisions
 
 G1 = kd.Leg.from_robot("g1", legs_only=True)
 PLAN = kd.plan_kick(G1, kd.Goal((4, 1, 0), time=0.8), kd.Ball(), kd.Air())
@@ -14,7 +14,7 @@ PLAN = kd.plan_kick(G1, kd.Goal((4, 1, 0), time=0.8), kd.Ball(), kd.Air())
 
 @pytest.fixture(scope="module")
 def term():
-    return BallClearance(G1, KickVariables(G1, PLAN.impact_target))
+    return BodyClearance(G1, KickVariables(G1, PLAN.impact_target), bodies_near_ball(G1))
 
 
 def test_slopes_are_those_of_the_distances(term):
@@ -33,7 +33,9 @@ def test_slopes_between_bodies_are_those_of_their_distances():
     """Of legs beside and inside each other, and of a foot and a thigh that move with one chain."""
     variables, draw = KickVariables(G1, PLAN.impact_target), np.random.default_rng(1)
     pairs = [("left_knee_link", "right_knee_link"), ("right_ankle_roll_link", "left_hip_yaw_link")]
-    term = SelfClearance(G1, variables, [*pairs, ("right_hip_yaw_link", "right_ankle_roll_link")])
+    pairs.append(("right_hip_yaw_link", "right_ankle_roll_link"))
+    bodies = [tuple(bodies_at(G1, frame)[0] for frame in pair) for pair in pairs]
+    term = BodyClearance(G1, variables, bodies)
     q = np.zeros(variables.n)
     depths = []
     for roll in (-0.2, 0.2, 0.45):
@@ -76,4 +78,4 @@ def test_a_contact_point_inside_the_foot_is_never_met():
 
 def test_a_leg_without_shapes_has_no_bodies():
     leg = kd.Leg.from_model(G1.model, "toe")
-    assert BallClearance(leg, KickVariables(leg, PLAN.impact_target)).bodies == []
+    assert bodies_near_ball(leg) == []

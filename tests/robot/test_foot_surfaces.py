@@ -92,7 +92,9 @@ def test_a_ball_is_outside_the_foot_for_all_normals_of_a_surface(name, monkeypat
 def test_a_robot_by_name_has_the_points_of_its_frames():
     leg = kd.Leg.from_robot("g1", "right_ankle_roll_link", legs_only=True)
     surfaces = kd.foot_surfaces(leg)
-    assert surfaces["inside"].point == pytest.approx(ROBOTS["g1"].inside, abs=1e-12)
+    assert surfaces["inside"].point == pytest.approx(
+        ROBOTS["g1"].contact_points["inside"], abs=1e-12
+    )
     named, made = kd.Leg.from_robot("g1", "inside", legs_only=True), kd.kick_with(leg, "inside")
     assert made.frame == named.frame
     assert made.contact_normal_cone == pytest.approx(named.contact_normal_cone, abs=1e-12)

@@ -70,11 +70,6 @@ class ContactProblem(NamedTuple):
     contacts: tuple[ContactPoint, ...]
     bodies: tuple[Body, ...]
 
-    @property
-    def is_blocked(self) -> bool:
-        """Whether contacts may be immovable in some direction, so that G may be singular."""
-        return not any(body.is_free for body in self.bodies)
-
     def inverse_mass(self, direction: Array) -> float:
         """Return the inverse effective mass of a single contact along a unit vector [1/kg]."""
         return sum(body.inverse_mass(direction) for body in self.bodies)

@@ -50,7 +50,8 @@ def solve_newton(problem: ContactProblem) -> Solution:
     free = before.copy()
     free[2] *= 1.0 + e  # to be stopped by the impulse
     _, stick, singular = lapack.dposv(g_matrix, -free)
-    if problem.is_blocked:  # the limit of heavier balls: the least impulse, if any
+    if not any(body.is_free for body in problem.bodies):
+        # G may be singular. The limit of heavier balls is the least impulse, if there is any.
         stick = -np.linalg.pinv(g_matrix, rcond=SINGULAR, hermitian=True).dot(free)
         left = length(g_matrix.dot(stick) + free) > SINGULAR * length(free)
         stick = np.array([math.inf, 0.0, 0.0]) if left else stick

@@ -23,7 +23,6 @@ from kickdyn.planning.ball_clearance import BodyClearance, bodies_near_ball
 from kickdyn.planning.kick_terms import (
     BallPosition,
     Facing,
-    FullShare,
     JointRange,
     KickPoint,
     KickVariables,
@@ -115,7 +114,7 @@ class KickProblem:
         variables, strike, terms = self.variables, self.find(StrikeVelocity), self.terms
         assert strike is not None
         if not isinstance(objective, LargestShare):
-            terms += (FullShare(variables),)
+            terms += (JointRange(variables, least_share=1.0),)
         problem = Problem(variables.size, variables.point, (objective, *terms))
         solutions = [problem.solve(start, self.solver) for start in starts]
         return [strike.make_exact(variables.point(x)) for x in solutions if x is not None]

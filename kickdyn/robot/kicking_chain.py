@@ -66,11 +66,10 @@ def kicking_chain(robot: Leg, *, branches: bool = False) -> KickingChain:
     kept = path = [int(joint) for joint in model.supports[robot.contact_joint]][1:]
     if branches:
         kept = [int(joint) for joint in model.subtrees[path[0]]]
-    elif any(model.nqs[joint] != 1 for joint in path):
-        wide = next(str(model.names[joint]) for joint in path if model.nqs[joint] != 1)
+    elif wide := [str(model.names[joint]) for joint in path if model.nqs[joint] != 1]:
         raise InvalidInput(
-            f"joint {wide!r} moves the contact frame of {robot.name} by more than one coordinate: "
-            "every joint of the kicking chain must have one, and the base must be fixed"
+            f"joint {wide[0]!r} moves the contact frame of {robot.name} by more than one "
+            "coordinate: every joint of the kicking chain must have one, and the base must be fixed"
         )
     names = {str(model.names[joint]) for joint in kept}
     for mimic in robot.mimics:

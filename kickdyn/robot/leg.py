@@ -404,10 +404,9 @@ class Leg(JointTable, ReprMixin):
         """Return the leg with drives: for True the usual ones, for False none."""
         if drives is False:
             return self.with_armature(dict.fromkeys(self.single_joints, 0.0))
-        if drives is not True:
-            return self.with_drives(drives)
-        if usual is not None:
-            return self.with_drives(usual)
+        listed = usual if drives is True else drives
+        if listed is not None:
+            return self.with_drives(listed)
         if self.file is None or self.file.folder == shipped("urdf"):
             return self
         return replace(self, file=replace(self.file, lacks_drives=True))
@@ -535,13 +534,12 @@ class Leg(JointTable, ReprMixin):
         file = () if self.file is None else self.file.warnings
         if self.file is not None and self.file.lacks_drives and not self._model.armature.any():
             file = (*file, NO_DRIVES)
-        stuck = [
-            name
+        limit = [
+            f"speed limit of {name} is 0: a kick that moves it is too fast"
             for name in self.single_joints
             if self.velocity_limit[self.velocity_index(name)] == 0.0
             and 1 + self.joint_names.index(name) in list(self._model.supports[self.contact_joint])
         ]
-        limit = [f"speed limit of {name} is 0: a kick that moves it is too fast" for name in stuck]
         return (*file, *self.open_loops, *limit)
 
     @cached_property

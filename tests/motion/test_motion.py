@@ -77,8 +77,8 @@ def test_torques_drive_the_robot_as_its_accelerations_say(walking):
 
 
 @pytest.mark.parametrize("name", ["swinging", "walking"])
-def test_the_plot_has_all_torques_speeds_and_margins(name, request):
-    """In per cent of the limits and in millimetres, before and after the impact."""
+def test_the_plot_has_all_torques_and_speeds(name, request):
+    """In per cent of the limits, before and after the impact."""
     motion = request.getfixturevalue(name)
     robot, panels = motion.robot, motion.plot().axes
     at = [robot.velocity_index(joint) for joint in motion.joints]
@@ -94,11 +94,6 @@ def test_the_plot_has_all_torques_speeds_and_margins(name, request):
             assert curve.get_ydata()[[0, 7, -1]] == pytest.approx(shown, rel=1e-9, abs=1e-9)
             assert (times[0] < 0) == (k < len(at))
     assert [line.get_label() for line in panels[0].lines[: len(at)]] == list(motion.joints)
-    words = ["torque, % of its limit", "speed, % of its limit", "margin [mm]"]
-    lengths = [label for label in motion.margins(0.0) if label.endswith(" [m]")]
-    assert [axes.get_ylabel() for axes in panels] == words[: 2 + bool(lengths)]
+    words = ["torque, % of its limit", "speed, % of its limit"]
+    assert [axes.get_ylabel() for axes in panels] == words
     assert panels[-1].get_xlabel() == "time from the impact [s]"
-    for curve, label in zip(panels[2].lines if lengths else (), lengths, strict=False):
-        t = curve.get_xdata()[5]
-        assert curve.get_ydata()[5] == pytest.approx(1e3 * motion.margins(t)[label])
-        assert curve.get_label() == label.removesuffix(" [m]")

@@ -334,3 +334,15 @@ def test_the_restitution_of_a_problem_is_that_of_its_table(table):
     given = [_restitution(SimpleNamespace(contact=contact), ca.DM(speed)) for speed in speeds]
     wanted = np.interp(speeds, *np.transpose(table)) if np.ndim(table) else 0.6
     assert np.array([float(e) for e in given]) == pytest.approx(wanted, rel=1e-12)
+
+
+def test_margins_of_the_plot_are_those_of_the_motion_in_millimetres():
+    motion = standing().motion
+    axes = motion.plot().axes[2]
+    lengths = [label for label in motion.margins(0.0) if label.endswith(" [m]")]
+    assert [f"{curve.get_label()} [m]" for curve in axes.lines[: len(lengths)]] == lengths != []
+    for curve, label in zip(axes.lines, lengths, strict=False):
+        for k in (0, 9, -1):
+            margin = motion.margins(curve.get_xdata()[k])[label]
+            assert curve.get_ydata()[k] == pytest.approx(1e3 * margin)
+    assert axes.get_ylabel() == "margin [mm]"

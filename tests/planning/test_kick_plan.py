@@ -4,11 +4,13 @@ import math
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import gymnasium
 import pytest
 
 import kickdyn as kd
+from kickdyn.planning.kick_plan import _in_motion
 from kickdyn.planning.plan_report import verdict
 from kickdyn.robot.collisions import find_ball_overlaps
 from kickdyn.robot.ground_clearance import find_depths
@@ -153,3 +155,23 @@ def test_a_leg_without_shapes_has_nothing_to_compare():
     leg = kd.Leg.from_model(kd.Leg.human().model, "toe")
     hit = kd.strike(leg.posture([0.0, 0.0, 0.0]), [1, 0, 0], BALL, kd.Contact((1, 0, 0), 0.8))
     assert find_overlaps(hit) == {}
+
+
+@pytest.mark.parametrize("end", [math.inf, 0.0])
+def test_a_line_about_the_motion_has_each_body_with_its_depth_and_time(end):
+    """The deepest first, each where it is deepest, without what overlaps at the impact."""
+    motion = SimpleNamespace(begin=-0.79, end=0.79, q=lambda t: t)
+    plan = SimpleNamespace(q=0.0, motion=motion)
+
+    def find(_, t):
+        depths = {"hand": 0.2 - abs(t + 0.39), "foot": 0.1 - abs(t - 0.47), "toe": 0.3 - abs(t)}
+        return {name: depth for name, depth in depths.items() if depth > 0.0}
+
+    (line,) = _in_motion(plan, find, "inside a wall", "move it", end)
+    (deepest,) = re.findall(r"hand by 0\.(\d+) m at -0\.39 s", line)
+    assert 190 <= int(deepest) <= 200
+    assert ("foot by 0." in line) == (end > 0.0)
+    assert "toe" not in line
+    assert line.startswith("bodies are inside a wall: hand")
+    assert line.endswith("; move it")
+    assert not end or re.search(r"foot by 0\.(09\d|100) m at 0\.4[678] s", line)

@@ -590,3 +590,23 @@ def test_the_bias_is_the_acceleration_of_every_support_and_loop():
     bias = leg.constraints.bias(model, data, q, v)
     assert bias == pytest.approx(rate, abs=1e-6)
     assert (np.abs(bias) > 1e-3).all()
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_the_widest_gap_is_named_with_its_width(order):
+    """A pendulum of 1 m below its pins: one is 3 m away, one 0.5 m from the middle of the rod."""
+    model = pin.Model()
+    for name in ("hip", "knee"):
+        parent = model.njoints - 1
+        joint = model.addJoint(parent, pin.JointModelRY(), pin.SE3.Identity(), name)
+        model.appendBodyToJoint(joint, pin.Inertia.FromSphere(1.0, 0.1), pin.SE3.Identity())
+    for name, joint, z in (
+        *(("tip", 1, -1.0), ("middle", 1, -0.5), ("far", 0, -3.0), ("near", 0, -1.0)),
+        ("toe", 2, -2.0),
+    ):
+        place = pin.SE3(np.eye(3), np.array([0.0, 0.0, z]))
+        model.addFrame(pin.Frame(name, joint, place, pin.FrameType.OP_FRAME))
+    loops = [("tip", "far"), ("middle", "near")][::order]
+    leg = kd.Leg.from_model(model, "toe").with_loops(*loops)
+    with pytest.raises(kd.InvalidInput, match="loop tip - far stays open by 2 m"):
+        leg.close_loops(np.zeros(2))

@@ -39,7 +39,7 @@ class BodyClearance(KickTerm):
     ) -> None:
         contact, ball = variables.target.contact, variables.target.ball
         self._robot, self.scale, self._pairs = robot, ball.radius, pairs
-        self._radius, self._from_contact = ball.radius, ball.radius * contact.normal
+        self._from_contact = ball.radius * contact.normal
         self._posture: Posture | None = None
         self._known: list[Proximity] = []
         numbers = frames_by_name(variables.leg.workspace.model)
@@ -73,13 +73,9 @@ class BodyClearance(KickTerm):
         if posture is not self._posture:  # value and slope are of one posture
             space, centre = posture.leg.workspace, posture.contact_point + self._from_contact
             placed = Placed(self._robot, self._frames, space.model, space.data, posture.q)
+            ball = placed.place_ball(centre, self.scale)
             self._posture = posture
-            self._known = [
-                placed.ball_proximity(body, centre, self._radius)
-                if other is None
-                else placed.proximity(body, other)
-                for body, other in self._pairs
-            ]
+            self._known = [placed.proximity(body, other or ball) for body, other in self._pairs]
         return self._known
 
 

@@ -123,12 +123,8 @@ class LegOptions:
                 for support in supports:
                     frame_id(fixed.model, support.frame)
             raise
-        if supports:
-            leg = leg.with_supports(*supports)
-        if loops:
-            leg = leg.with_loops(*loops)
-        if self.stiff_joints:
-            leg = leg.with_stiff_joints(*self.stiff_joints)
+        leg = leg.with_supports(*supports).with_loops(*leg.loops, *loops)
+        leg = leg.with_stiff_joints(*self.stiff_joints)
         warn(leg.warnings)
         return leg
 
@@ -147,7 +143,6 @@ class LegOptions:
         return locked
 
     def _read_loops(self) -> list[tuple[str, str]]:
-        """Return the frames of each loop."""
         loops = []
         for text in self.loops:
             first, _colon, second = text.partition(":")
@@ -157,7 +152,6 @@ class LegOptions:
         return loops
 
     def _read_supports(self) -> list[Support]:
-        """Return the supports."""
         supports = []
         for text in self.supports:
             frame, *values = text.split(":")

@@ -138,11 +138,8 @@ class Impact(AfterApproach):
         projector, impulses = self.posture.constraint_projector, self.constraint_impulses
         if projector is None:
             return {}
-        blocks = projector.blocks[len(projector.constraints.supports) :]
-        return {
-            loop: impulses[block.rows]
-            for loop, block in zip(projector.constraints.loops, blocks, strict=True)
-        }
+        rows = impulses[projector.constraints.loop_rows].reshape(-1, 3)
+        return dict(zip(projector.constraints.loops, rows, strict=True))
 
     @property
     def footing(self) -> dict[str, Footing]:

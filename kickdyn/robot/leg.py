@@ -30,7 +30,7 @@ from kickdyn.robot.constraints import (
     find_open_loops,
 )
 from kickdyn.robot.drives import Drive, catalogued_drives, load_drives
-from kickdyn.robot.joint_table import InDegrees, JointTable, Mimic
+from kickdyn.robot.joint_table import InDegrees, JointTable
 from kickdyn.robot.mjcf_file import MjcfFile, is_mjcf, read_mjcf
 from kickdyn.robot.mjcf_model import build_mjcf_model
 from kickdyn.robot.model_validation import (
@@ -117,17 +117,12 @@ class Leg(JointTable, ReprMixin):
         if self.contact_joint == 0:
             raise InvalidInput(f"frame {self.frame!r} is fixed to the base: a kick must move it")
         constraints = None
-        if self.supports or self.loops or self.stiff_joints or self.gears:
+        if self.supports or self.loops or self.stiff_joints or self.mimics:
             stiff = {joint: self.velocity_index(joint) for joint in self.stiff_joints}
             constraints = Constraints(
                 self._model, self.contact_joint, self.supports, self.loops, self.gears, stiff
             )
         vars(self).update(constraints=constraints, workspace=Workspace(self._model))
-
-    @cached_property
-    def mimics(self) -> tuple[Mimic, ...]:
-        """Joints that move with another one, as the file says."""
-        return () if self.file is None else self._present(self.file.mimics)
 
     @cached_property
     def frame_id(self) -> int:
@@ -401,10 +396,9 @@ class Leg(JointTable, ReprMixin):
         """Return the leg with drives: for True the usual ones, for False none."""
         if drives is False:
             return self.with_armature(dict.fromkeys(self.single_joints, 0.0))
-        if drives is not True:
-            return self.with_drives(drives)
-        if usual is not None:
-            return self.with_drives(usual)
+        listed = usual if drives is True else drives
+        if listed is not None:
+            return self.with_drives(listed)
         if self.file is None or self.file.folder == shipped("urdf"):
             return self
         return replace(self, file=replace(self.file, lacks_drives=True))
@@ -529,13 +523,12 @@ class Leg(JointTable, ReprMixin):
         file = () if self.file is None else self.file.warnings
         if self.file is not None and self.file.lacks_drives and not self._model.armature.any():
             file = (*file, NO_DRIVES)
-        stuck = [
-            name
+        limit = [
+            f"speed limit of {name} is 0: a kick that moves it is too fast"
             for name in self.single_joints
             if self.velocity_limit[self.velocity_index(name)] == 0.0
             and 1 + self.joint_names.index(name) in list(self._model.supports[self.contact_joint])
         ]
-        limit = [f"speed limit of {name} is 0: a kick that moves it is too fast" for name in stuck]
         return (*file, *self.open_loops, *limit)
 
     @cached_property

@@ -1,13 +1,13 @@
 """The launch of a scene's ball and the end of its path, and how far errors move that end."""
 
 import math
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from kickdyn.ball import BallState
-from kickdyn.contact import Contact
 from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
@@ -200,9 +200,7 @@ def contact_time_error(scene: Scene, impact: Impact) -> LaunchError:
             q = pin.integrate(space.model, scene.q, fraction * time * mean_velocity)
             moved = leg.posture(q)
             turn = moved.rotation_world_joint @ posture.rotation_world_joint.T
-            turned = Contact(
-                turn @ contact.normal, contact.restitution, contact.friction, contact.offset
-            )
+            turned = replace(contact, normal=turn @ contact.normal)
             v = scene.v + fraction * time * acceleration
             launches.append(strike_scene(scene, posture=moved, v=v, contact=turned).ball_after)
         by_law = strike_scene(scene, law="stronge").ball_after

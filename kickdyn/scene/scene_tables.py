@@ -146,7 +146,8 @@ class LegTable:
     def change(self, leg: Leg) -> Leg:
         """Return a leg with the rotors, supports, loops and stiff joints."""
         leg = leg.with_armature(self.armature).with_supports(*self.supports)
-        return leg.with_loops(*self.loops).with_stiff_joints(*self.stiff_joints)
+        leg = leg.with_loops(*leg.loops, *self.loops)  # an MJCF file has loops, too
+        return leg.with_stiff_joints(*self.stiff_joints)
 
 
 @dataclass(frozen=True)

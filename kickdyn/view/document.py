@@ -55,7 +55,6 @@ class Recorder:
     web_url = "in memory"  # the address that a `meshcat.Visualizer` reads; there is none
 
     def __init__(self) -> None:
-        """Start without commands, labels and warnings."""
         self.commands: list[bytes] = []  # packed, in order
         self.labels: list[str] = []  # HTML
         self.warnings: list[str] = []  # of what could not be drawn, plain text
@@ -183,7 +182,6 @@ def html_document(
 
 @cache
 def _text_of(package: str, name: str) -> str:
-    """Return a text file of a package."""
     return (files(package) / name).read_text(encoding="utf-8")
 
 

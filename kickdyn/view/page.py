@@ -103,7 +103,6 @@ class Page:
         return f"<Page {self.title!r}: save it as .html, or as .png>"
 
     def _repr_html_(self) -> str:
-        """Return a frame that contains the page."""
         return (
             f'<iframe srcdoc="{escape(self.html)}" sandbox="allow-scripts" '
             f'style="width: 100%; height: {FRAME_HEIGHT}px; border: 0"></iframe>'
@@ -247,7 +246,6 @@ def _comparison(
     subject: _Comparable | Iterable[_Comparable] | Mapping[str, _Comparable],
     caption: str,
 ) -> Page:
-    """Return the page of several flights, or of several impacts."""
     if isinstance(subject, Flight | Course | Launch | Pass | Identification):
         subject = {type(subject).__name__.lower(): subject}
     elif not isinstance(subject, Mapping):

@@ -5,7 +5,9 @@ from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 
+import casadi as ca
 import gymnasium
 import numpy as np
 import pinocchio as pin
@@ -15,6 +17,7 @@ from scipy.interpolate import BSpline
 
 import kickdyn as kd
 from kickdyn.core.validation import Array
+from kickdyn.motion.motion_problem import _restitution
 from kickdyn.planning import kick
 from kickdyn.robot.collisions import find_ball_overlaps, find_self_collisions
 
@@ -322,3 +325,24 @@ def test_curves_of_the_plot_are_shares_of_limits():
     assert largest == pytest.approx(100 * plan.torque_use, abs=1.0)
     largest = max(np.abs(line.get_ydata()).max() for line in speed.lines[:6])
     assert largest == pytest.approx(100 * plan.speed_use, abs=1.0)
+
+
+@pytest.mark.parametrize("table", [((3.0, 0.85), (9.0, 0.7), (20.0, 0.5)), 0.6])
+def test_the_restitution_of_a_problem_is_that_of_its_table(table):
+    """Linear between the rows and constant below the first one and above the last one."""
+    contact, speeds = kd.Contact((1, 0, 0), table), np.array([0.0, 1.0, 3.0, 7.0, 9.0, 15.0, 40.0])
+    given = [_restitution(SimpleNamespace(contact=contact), ca.DM(speed)) for speed in speeds]
+    wanted = np.interp(speeds, *np.transpose(table)) if np.ndim(table) else 0.6
+    assert np.array([float(e) for e in given]) == pytest.approx(wanted, rel=1e-12)
+
+
+def test_margins_of_the_plot_are_those_of_the_motion_in_millimetres():
+    motion = standing().motion
+    axes = motion.plot().axes[2]
+    lengths = [label for label in motion.margins(0.0) if label.endswith(" [m]")]
+    assert [f"{curve.get_label()} [m]" for curve in axes.lines[: len(lengths)]] == lengths != []
+    for curve, label in zip(axes.lines, lengths, strict=False):
+        for k in (0, 9, -1):
+            margin = motion.margins(curve.get_xdata()[k])[label]
+            assert curve.get_ydata()[k] == pytest.approx(1e3 * margin)
+    assert axes.get_ylabel() == "margin [mm]"

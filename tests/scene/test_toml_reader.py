@@ -142,6 +142,25 @@ def test_a_file_may_be_an_mjcf(read, tmp_path):
     assert read(text).leg.joint_names == ("hip", "knee")
 
 
+def test_the_loops_of_an_mjcf_stay_closed(read, tmp_path):
+    (tmp_path / "my.xml").write_text(
+        '<mujoco><worldbody><body name="base"><geom size="0.1"/>'
+        '<body name="a"><joint name="ja" axis="0 1 0"/><geom size="0.1" pos="0 0 -1"/></body>'
+        '<body name="b" pos="1 0 0"><joint name="jb" axis="0 1 0"/><geom size="0.1" pos="0 0 -1"/>'
+        '<body name="c" pos="0 0 -1"><joint name="jc" axis="0 1 0"/>'
+        '<geom size="0.1" pos="-0.5 0 0"/></body></body></body></worldbody><equality>'
+        '<connect name="bar" body1="a" body2="c" anchor="0 0 -1"/></equality></mujoco>'
+    )
+    text = SMALL.replace('model = "human"', 'file = "my.xml"\nframe = "c"')
+    text = text.replace(
+        "angles_deg = { hip = 5, knee = 10, ankle = -5 }", "angles_deg = { ja = 5 }"
+    )
+    rates = "joint_velocity_rad_s = { ja = -1, jb = -1, jc = 1 }"
+    scene = read(re.sub("foot_velocity_m_s = .*", rates, text))
+    assert scene.leg.loops == (("bar_1", "bar_2"),)
+    assert constraint_speed(kd.simulate(scene, None).impact) < 1e-12
+
+
 def test_positions_of_prismatic_joints_are_in_metres(read, tmp_path):
     (tmp_path / "my.xml").write_text(
         '<mujoco><worldbody><body name="thigh"><joint name="hip" axis="0 -1 0"/><geom size="0.1"/>'

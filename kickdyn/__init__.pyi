@@ -74,3 +74,4 @@ from .sweeps.store import open_sweep as open_sweep
 from .sweeps.sweep import sweep as sweep
 from .sweeps.sweep_kick import Kick as Kick
 from .view.page import page as page
+from .view.show import show as show

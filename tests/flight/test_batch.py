@@ -11,6 +11,7 @@ import pytest
 import kickdyn as kd
 from kickdyn.aerodynamics import drag, lift
 from kickdyn.aerodynamics import spin_decay as torque
+from kickdyn.flight import batch
 from kickdyn.flight.batch import _outside, fly_many
 
 BALL = kd.Ball()
@@ -438,3 +439,15 @@ def test_outside_are_flights_that_leave_the_data_at_launch_apex_or_landing(speed
     nodes[:, 0], nodes[:, 4:7], nodes[:, 12:15] = 1.0, at_landing, at_apex
     nodes[:, 15], nodes[:, 7] = left
     assert _outside(states, nodes, np.array([0]), BALL, air).tolist() == [outside]
+
+
+def test_the_spin_that_is_left_at_apex_and_landing_is_that_of_fly(monkeypatch):
+    nodes = []
+    monkeypatch.setattr(batch, "_outside", lambda _, at, *more: nodes.append(at) or at[:, 0] > 0)
+    states = launches(20, 5)
+    fly_many(states, BALL, AIR, tol=1e-10)
+    for i, row in enumerate(nodes[0]):
+        flight = kd.fly(of(states, i), BALL, AIR, tol=1e-10)
+        for left, at in ((row[7], flight.landing), (row[15], flight.apex)):
+            spin = np.linalg.norm(flight.launch.spin)
+            assert left * spin == pytest.approx(np.linalg.norm(at.spin), rel=1e-6)

@@ -94,4 +94,4 @@ def test_the_trunk_may_be_tilted_by_40_degrees(degrees, kept):
                       [-math.sin(turn), 0, math.cos(turn)]])  # fmt: skip
     tree = SimpleNamespace(rotation=lambda joint: rotation)
     (margin,) = margins(Tilt(1, np.array([0.0, 0.0, 1.0])), SimpleNamespace(tree=tree))
-    assert (margin >= 0.0) is kept
+    assert bool(margin >= 0.0) is kept

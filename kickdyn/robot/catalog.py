@@ -38,6 +38,9 @@ SURFACES = {
 """Surfaces of the right foot, frames whose x is forward and z up, and the normals with which each
 can meet a ball: their direction to the left of x, and the range of their rise [deg]."""
 
+SIDE = np.radians(15.0)
+"""How far normals are to either side of the direction of a surface [rad]."""
+
 
 @dataclass(frozen=True)
 class Robot:
@@ -91,14 +94,22 @@ class Robot:
             return self.foot if frame is None else frame, None
         direction, low, high = SURFACES[frame]
         high = self.steepest if frame == TOE else high
-        side, low, high = np.radians(15.0), np.radians(low), np.radians(high)
-        rows = np.array([
-            (np.sin(side), np.cos(side), 0.0),
-            (np.sin(side), -np.cos(side), 0.0),
-            (-np.sin(low), 0.0, np.cos(low)),
-            (np.sin(high), 0.0, -np.cos(high)),
-        ])  # fmt: skip
-        return frame, rows @ pin.rpy.rpyToMatrix(0.0, 0.0, np.radians(direction)).T
+        return frame, normal_cone(*np.radians([direction, low, high]))
+
+
+def normal_cone(direction: float, low: float, high: float) -> Array:
+    """Return rows a of the cone of normals n, a n >= 0, that meet a ball, shape `(4, 3)`.
+
+    They are up to `SIDE` to either side of a direction, which is to the left of x, and rise by an
+    angle from `low` to `high` [rad].
+    """
+    rows = np.array([
+        (np.sin(SIDE), np.cos(SIDE), 0.0),
+        (np.sin(SIDE), -np.cos(SIDE), 0.0),
+        (-np.sin(low), 0.0, np.cos(low)),
+        (np.sin(high), 0.0, -np.cos(high)),
+    ])  # fmt: skip
+    return np.asarray(rows @ pin.rpy.rpyToMatrix(0.0, 0.0, direction).T)
 
 
 _FULL_NAMES = tuple(

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +13,11 @@ import numpy as np
 from kickdyn.cli.command import warn
 from kickdyn.cli.option_groups import option
 from kickdyn.core import validation
+from kickdyn.core.files import read_toml
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.catalog import DESCRIPTION, ROBOTS
-from kickdyn.robot.constraints import Support
+from kickdyn.robot.constraints import Support, read_support
+from kickdyn.robot.foot_surfaces import load_with_surface
 from kickdyn.robot.joint_table import InDegrees
 from kickdyn.robot.kicking_chain import kicking_chain
 from kickdyn.robot.leg import Leg, read_leg
@@ -51,7 +54,7 @@ def load_leg(
     if package_dirs and (name in LEGS or described):
         raise InvalidInput(f"package-dir is {package_dirs[0]!r}: it is for a URDF file, not {name}")
     if name in SHIPPED:
-        return read_leg(shipped_urdf(SHIPPED[name]), frame or "toe", base, (), locked, drives)
+        return read_leg(shipped_urdf(SHIPPED[name]), frame, base, (), locked, drives)
     degrees = InDegrees(locked or {})
     if name in ROBOTS:
         robot = Leg.from_robot(
@@ -62,7 +65,7 @@ def load_leg(
         return Leg.from_robot(name, frame, base=base, locked=degrees, drives=drives)
     if not os.path.exists(name) and not Path(name).suffix:  # noqa: PTH110 any text may be a name
         raise InvalidInput(f"leg {name!r} is neither {', '.join(LEGS)} nor a file")
-    return read_leg(name, frame or "toe", base, package_dirs, locked, drives)
+    return read_leg(name, frame, base, package_dirs, locked, drives)
 
 
 def _read_size(name: str) -> dict[str, Any]:
@@ -94,9 +97,10 @@ class LegOptions:
         "side=left,model=3d is the leg of a person of this size.",
     )  # fmt: skip
     frame: str | None = option(
-        "--frame", metavar="NAME",
-        help="Link or joint whose origin strikes the ball.  [default: toe; for a robot, its right "
-        "foot]",
+        "--frame", metavar="NAME[:SURFACE]",
+        help="Link or joint whose origin strikes the ball, or with a surface of this foot: toe, "
+        "instep, inside, outside, heel, sole_edge, or X,Y,Z:NX,NY,NZ [m], its point and normal.  "
+        "[default: toe; for a robot, its right foot]",
     )  # fmt: skip
     locked: tuple[str, ...] = option(
         "--lock", multiple=True, metavar="JOINT=VALUE",
@@ -111,8 +115,8 @@ class LegOptions:
     supports: tuple[str, ...] = option(
         "--support", multiple=True, metavar="FRAME[:FRICTION[:CORNERS]]",
         help="Foot that stands on the ground, its coefficient of friction there, and the corners "
-        "of its sole, X,Y,Z/X,Y,Z/... [m, its axes]. The base then floats, and a robot has both "
-        "legs; repeatable.",
+        "of its sole, X,Y,Z/X,Y,Z/... [m, its axes], or a .toml file with all three. "
+        "The base then floats, and a robot has both legs; repeatable.",
     )  # fmt: skip
     stiff_joints: tuple[str, ...] = option(
         "--stiff", multiple=True, metavar="JOINT",
@@ -139,10 +143,17 @@ class LegOptions:
         base = "floating" if supports else "fixed"
         drives = self.drives != "none" and (self.drives or True)
         try:
-            leg = load_leg(self.leg_name, self.frame, base, self.package_dirs, locked, drives)
+            leg = load_with_surface(
+                self.frame,
+                partial(
+                    load_leg, self.leg_name, base=base, package_dirs=self.package_dirs,
+                    locked=locked, drives=drives,
+                ),
+            )  # fmt: skip
         except InvalidInput:
             if supports:  # a support that the leg has not explains more than a floating base
-                fixed = load_leg(self.leg_name, self.frame, "fixed", self.package_dirs, locked)
+                frame = (self.frame or "").partition(":")[0] or None
+                fixed = load_leg(self.leg_name, frame, "fixed", self.package_dirs, locked)
                 for support in supports:
                     frame_id(fixed.model, support.frame)
             raise
@@ -177,6 +188,9 @@ class LegOptions:
     def _read_supports(self) -> list[Support]:
         supports = []
         for text in self.supports:
+            if text.endswith(".toml"):
+                supports.append(read_support(read_toml(text)))
+                continue
             frame, *values = text.split(":")
             try:
                 friction = float(values[0]) if values and values[0] else None

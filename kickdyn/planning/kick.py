@@ -59,7 +59,8 @@ def plan_kick(
 
     The launch :math:`(v_b, \omega_b)`, the impulse :math:`p = m v_b`, the normal and the foot
     velocity follow from each other in closed form. A nonlinear program then chooses posture and
-    joint velocity by the objective, and `strike` and `fly` verify the plan.
+    joint velocity by the objective, bodies of the robot out of the ball and out of each other, and
+    `strike` and `fly` verify the plan.
 
     Args:
         leg: a leg on a fixed base, without supports or loops, and without mimic joints in the

@@ -93,6 +93,7 @@ class Leg(JointTable, ReprMixin):
         contact_normal_cone: rows a of the cone of contact normals n with which the foot can meet a
             ball, :math:`a \cdot n \ge 0`, shape `(k, 3)` [contact frame]; None if unknown.
         stiff_joints: joints whose velocity an impact does not change.
+        drives: by joint, as given; their rotors and limits are in the model.
         constraints: by supports, loops, mimic joints and stiff joints; None without any.
         workspace: this thread's scratch space for Pinocchio's calls; every call overwrites it.
     """
@@ -104,6 +105,7 @@ class Leg(JointTable, ReprMixin):
     loops: tuple[tuple[str, str], ...] = ()
     contact_normal_cone: Array | None = None
     stiff_joints: tuple[str, ...] = ()
+    drives: Mapping[str, Drive] = field(default_factory=dict)
     constraints: Constraints | None = field(init=False)
     workspace: "Workspace" = field(init=False)
 
@@ -124,6 +126,11 @@ class Leg(JointTable, ReprMixin):
                 self._model, self.contact_joint, self.supports, self.loops, self.gears, stiff
             )
         vars(self).update(constraints=constraints, workspace=Workspace(self._model))
+
+    @cached_property
+    def compliant_drives(self) -> dict[str, Drive]:
+        """The drives with friction or stiffness, which act in a contact that takes time."""
+        return {joint: x for joint, x in self.drives.items() if x.friction or x.stiffness}
 
     @cached_property
     def frame_id(self) -> int:
@@ -432,7 +439,8 @@ class Leg(JointTable, ReprMixin):
                 if value is not None:
                     values[self.velocity_index(joint)] = value
             setattr(model, attribute, values)
-        return self.with_model(model)
+        given = {joint: entries[int(number)] for joint, number in numbers.items()}
+        return replace(self.with_model(model), drives={**self.drives, **given})
 
     def _with_drives_of(self, drives: Drives | bool, usual: Path | None = None) -> "Leg":
         """Return the leg with drives: for True the usual ones, for False none."""
@@ -488,8 +496,11 @@ class Leg(JointTable, ReprMixin):
 
     def with_model(self, model: Any) -> "Leg":
         """Return the leg with another `pin.Model`, a changed copy of its own."""
-        stiff = tuple(joint for joint in self.stiff_joints if joint in list(model.names))
-        return replace(self, model=model, stiff_joints=stiff)
+        check_is_model(model)
+        names = list(model.names)
+        stiff = tuple(joint for joint in self.stiff_joints if joint in names)
+        drives = {joint: drive for joint, drive in self.drives.items() if joint in names}
+        return replace(self, model=model, stiff_joints=stiff, drives=drives)
 
     def posture(self, q: ArrayLike) -> "Posture":
         """Return the posture at a configuration, in the range of the joints or not.
@@ -764,9 +775,9 @@ class Posture(ReprMixin):
         r"""Return the effective mass [kg] in the limits between which real drives are, by name.
 
         `without rotors`: all joints are free, and nothing is behind them. `with rotors`: the rotors
-        turn with them, as in a contact that is short, :math:`t\sqrt{k / (J n^2)} \ll 1` with the
-        stiffness k of position control. `stiff`: all joints hold, as in a long one or with gears
-        that cannot be driven back; inf where the base or a foot is fixed.
+        turn with them, as in a short contact, of a small `drive_number`. `stiff`: all joints hold,
+        as in a long one or with gears that cannot be driven back; inf where the base or a foot is
+        fixed.
 
         Args:
             normal: direction n, shape `(3,)` of any length but zero [world frame].
@@ -785,6 +796,20 @@ class Posture(ReprMixin):
             "with rotors": self.without_stiff_joints.effective_mass(n),
             "stiff": stiff,
         }
+
+    def drive_number(self, contact_time: float) -> dict[str, float]:
+        r"""Return where drives are between free and stiff in a contact of time T, by joint.
+
+        The number is :math:`T \sqrt{k / M_{jj}}`, the contact time times the natural frequency of
+        the joint, whose `Drive` has the stiffness k, with all others at rest. Far below 1, the
+        drive is a free one with its rotor; far above, a stiff one.
+        """
+        time = validation.number("contact time", contact_time, at_least=0, unit="s")
+        numbers = {}
+        for joint, drive in self.leg.compliant_drives.items():
+            inertia = self.inertia.diagonal()[self.leg.velocity_index(joint)]
+            numbers[joint] = time * math.sqrt(drive.stiffness / inertia)
+        return numbers
 
     def point_velocity(self, v: ArrayLike) -> Array:
         """Return the velocity :math:`J v` of the contact point, shape `(3,)` [m/s, world frame]."""
@@ -912,7 +937,7 @@ class Posture(ReprMixin):
 
 def read_leg(
     path: str | PathLike[str],
-    frame: str,
+    frame: str | None,
     base: str,
     package_dirs: Sequence[str | PathLike[str]] = (),
     locked: Mapping[str, float] | None = None,
@@ -920,10 +945,12 @@ def read_leg(
 ) -> Leg:
     """Return the leg of a URDF or MJCF file, with joints `locked` at values in degrees or metres.
 
+    Its contact frame is `toe` where none is named.
+
     Raises `InvalidInput` as `Leg.from_urdf` and `Leg.from_mjcf` do, and for `package_dirs` of an
     MJCF.
     """
-    values = InDegrees(locked or {})
+    values, frame = InDegrees(locked or {}), frame or TOE
     if not is_mjcf(path):
         return Leg.from_urdf(
             path, frame, base=base, package_dirs=package_dirs, locked=values, drives=drives

@@ -6,12 +6,11 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from kickdyn.ball import BallState
 from kickdyn.core import validation
 from kickdyn.core.representation import Row, warned
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.approach import AfterApproach, Approach
 from kickdyn.impact.contact_problem import Solution
@@ -87,6 +86,17 @@ class Impact(AfterApproach):
     def free_effective_mass(self) -> float:
         """Effective mass of the leg if its stiff joints were free [kg], or inf."""
         return self.posture.without_stiff_joints.effective_mass(self.contact.normal)
+
+    @property
+    def drive_limit(self) -> str:
+        """Limit in which the impact has the drives of joints, as in `effective_mass_limits`.
+
+        It is `with rotors` or `without rotors` of the free joints, with the names of stiff ones. A
+        drive between free and stiff takes a contact that takes time, `collide`.
+        """
+        leg = self.posture.leg
+        free = "with rotors" if leg.workspace.model.armature.any() else "without rotors"
+        return f"{free}{', stiff ' if leg.stiff_joints else ''}{', '.join(leg.stiff_joints)}"
 
     @cached_property
     def leg_response(self) -> LegResponse:
@@ -287,6 +297,8 @@ class Impact(AfterApproach):
         yield "effective mass", self.effective_mass, "kg"
         if self.posture.leg.stiff_joints:
             yield "with all joints free", self.free_effective_mass, "kg"
+        if self.drive_limit != "without rotors":
+            yield "drives", self.drive_limit, ""
         if self.posture.leg.workspace.model.armature.any():
             for limit, mass in self.posture.effective_mass_limits(self.contact.normal).items():
                 yield f"limit {limit}", mass, "kg"

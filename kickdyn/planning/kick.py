@@ -6,14 +6,13 @@ from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
 from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.core import validation
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course, follow
@@ -59,7 +58,8 @@ def plan_kick(
 
     The launch :math:`(v_b, \omega_b)`, the impulse :math:`p = m v_b`, the normal and the foot
     velocity follow from each other in closed form. A nonlinear program then chooses posture and
-    joint velocity by the objective, and `strike` and `fly` verify the plan.
+    joint velocity by the objective, bodies of the robot out of the ball and out of each other, and
+    `strike` and `fly` verify the plan.
 
     Args:
         leg: a leg on a fixed base, without supports or loops, and without mimic joints in the

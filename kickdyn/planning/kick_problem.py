@@ -19,7 +19,7 @@ import pinocchio as pin
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.motion.impact_target import ImpactTarget
-from kickdyn.planning.ball_clearance import BallClearance
+from kickdyn.planning.ball_clearance import BodyClearance, bodies_near_ball
 from kickdyn.planning.kick_terms import (
     BallPosition,
     Facing,
@@ -35,6 +35,7 @@ from kickdyn.planning.kick_terms import (
 from kickdyn.planning.objectives import LargestShare
 from kickdyn.planning.problem import TOLERANCE, Function, Problem, Solver, Term, slsqp
 from kickdyn.planning.stance import Balance, Clearance, SupportImpulse, Upright
+from kickdyn.robot.collisions import bodies_at, find_self_collisions
 from kickdyn.robot.kicking_chain import KickingChain, kicking_chain
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.standing import StandingRobot, is_floating
@@ -49,6 +50,9 @@ leg is bent more than in any kick, and the trunk of a standing robot lies down."
 
 SOLVERS: dict[str, Solver] = {"slsqp": slsqp}
 """Solvers of the problem of a kick, by name."""
+
+MOST_PAIRS = 8
+"""Number of pairs of bodies from which on no more are kept apart."""
 
 AnyTerm = TypeVar("AnyTerm", bound=Term[KickPoint])
 
@@ -196,8 +200,8 @@ def kick_problem(
     if standing is not None:
         terms += [Balance(standing), Clearance(standing), Upright(standing)]
         terms.append(SupportImpulse(standing, target.impulse))
-    if (ball_clearance := BallClearance(robot, variables)).bodies:
-        terms.append(ball_clearance)
+    if pairs := bodies_near_ball(robot):
+        terms.append(BodyClearance(robot, variables, pairs))
 
     farthest = FARTHEST_START if standing is None else FARTHEST_STANDING_START
     lower = np.minimum(np.maximum(variables.lower, -farthest), variables.upper)
@@ -212,10 +216,30 @@ def solve_kick(problem: KickProblem, objective: Objective) -> tuple[KickProblem,
     """Return the best solution of a problem; where none meets the goal, the strongest kick.
 
     Before it comes the problem; where no point keeps an optional term, the problem without it.
+    Where bodies are inside each other, it is solved again with a term that keeps these apart.
 
     Raises:
         InvalidInput: no posture keeps the terms, with the reason.
     """
+    solved, pairs = problem, set[tuple[str, str]]()
+    while True:
+        solved, point = _solve(solved, objective)
+        collisions = find_self_collisions(problem.robot, problem.on_robot(point)[0]).keys() - pairs
+        if not collisions or len(pairs) > MOST_PAIRS:
+            return solved, point
+        pairs |= collisions
+        bodies = [
+            (body, other)
+            for first, second in sorted(pairs)
+            for body in bodies_at(problem.robot, first)
+            for other in bodies_at(problem.robot, second)
+        ]
+        apart = BodyClearance(problem.robot, problem.variables, bodies)
+        solved = replace(problem, terms=(*problem.terms, apart))
+
+
+def _solve(problem: KickProblem, objective: Objective) -> tuple[KickProblem, KickPoint]:
+    """Return the best solution of a problem as it is."""
     for variant in problem.variants():
         starts = variant.starts()
         if points := variant.solve(objective, starts):

@@ -8,6 +8,7 @@ from functools import cache
 from types import SimpleNamespace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from click.testing import CliRunner
 
@@ -196,3 +197,20 @@ def test_margins_of_the_sole_are_the_least_of_averaged_loads(monkeypatch):
     assert steady["centre of pressure"] == pytest.approx(0.1 - 0.05)
     lifted = module._ground_margins(field, SimpleNamespace(ground=loads[15:]))
     assert set(lifted.values()) == {-math.inf}
+
+
+@pytest.mark.parametrize(
+    ("tilt", "height", "upright"),
+    [(0.0, 1.0, True), (50, 0.9, False), (40, 0.9, True), (0.0, 0.5, False), (0.0, -1.0, False)],
+)
+def test_a_robot_is_upright_by_its_base(tilt, height, upright):
+    """Turned from the planned pose about an axis that is level, at a share of its height."""
+    robot = kd.Leg.from_robot("g1", base="floating", legs_only=True)
+    planned = robot.configuration()
+    planned[2] = 0.8
+    pose = pin.AngleAxis(math.radians(tilt), np.array([0.6, 0.8, 0])).matrix()
+    body = SimpleNamespace(xpos=np.array([3.0, 1.0, 0.8 * height]), xmat=pose.ravel())
+    field = object.__new__(module._Field)
+    field.standing, field.motion = "stands", SimpleNamespace(robot=robot)
+    field.data = SimpleNamespace(body=lambda name: body)
+    assert module._Field.is_upright(field, planned) is upright

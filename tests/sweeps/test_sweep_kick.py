@@ -222,8 +222,8 @@ def test_a_table_is_taken_at_the_foots_speed(kernel_from, monkeypatch):
     assert slow.attrs["restitution_given"] == "peacock-ball"
 
 
-def test_the_velocity_of_the_base_spares_the_joints():
-    """The foot is as fast in the world, and faster than the hip by less."""
+def test_the_joints_move_the_foot_relative_to_a_base_that_moves():
+    """The foot is as fast in the world, the joints move it by what it is faster than the hip."""
     kick, hip, posture = Kick(speed=12.0), np.array([3.0, 0.0, 0.5]), [0.5, 0.4, 0.1]
     moving = LEG.with_base_velocity(hip).posture(posture)
     outcome = kick_from(moving, kick)
@@ -233,7 +233,6 @@ def test_the_velocity_of_the_base_spares_the_joints():
     assert outcome.speed_use == pytest.approx(speed_use(LEG.posture(posture), slowest), rel=1e-9)
     resting = kick_from(LEG.posture(posture), kick)
     assert outcome.impact.impulse == pytest.approx(resting.impact.impulse, rel=1e-12)
-    assert outcome.speed_use < resting.speed_use
 
 
 def test_a_large_sweep_with_a_base_that_moves_is_that_of_its_postures(monkeypatch):

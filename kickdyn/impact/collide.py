@@ -9,13 +9,12 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
 
 from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.representation import Row, warned
-from kickdyn.core.validation import Array, read_only
+from kickdyn.core.validation import Array, ArrayLike, read_only
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.approach import AT_REST, AfterApproach, Approach, find_approach
 from kickdyn.impact.compliant_contact import (

@@ -6,12 +6,11 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from kickdyn.ball import BallState
 from kickdyn.core import validation
 from kickdyn.core.representation import Row, warned
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.approach import AfterApproach, Approach
 from kickdyn.impact.contact_problem import Solution

@@ -6,14 +6,13 @@ from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
 from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.core import validation
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course, follow

@@ -12,14 +12,13 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 from numpy.lib.stride_tricks import as_strided
-from numpy.typing import ArrayLike
 from scipy.linalg import blas, lapack
 
 from kickdyn.core import validation
 from kickdyn.core.files import shipped
 from kickdyn.core.mechanics import cross3
 from kickdyn.core.representation import ReprMixin, Row, format_value, warned
-from kickdyn.core.validation import Array, protect, read_only
+from kickdyn.core.validation import Array, ArrayLike, protect, read_only
 from kickdyn.errors import InvalidInput, MjcfError, UrdfError
 from kickdyn.robot.articulated_body import ArticulatedBodies
 from kickdyn.robot.catalog import ROBOTS, TOE, find_description, read_robot
@@ -30,6 +29,7 @@ from kickdyn.robot.constraints import (
     find_open_loops,
 )
 from kickdyn.robot.drives import Drive, catalogued_drives, load_drives
+from kickdyn.robot.human_body import human_leg
 from kickdyn.robot.joint_table import InDegrees, JointTable
 from kickdyn.robot.mjcf_file import MjcfFile, is_mjcf, read_mjcf
 from kickdyn.robot.mjcf_model import build_mjcf_model
@@ -147,9 +147,50 @@ class Leg(JointTable, ReprMixin):
         return read_only(self._model.frames[self.frame_id].placement.translation)
 
     @classmethod
-    def human(cls) -> "Leg":
-        """Return the human leg of the paper's Table 1: hip, knee, ankle; contact at the toe."""
-        return cls.from_urdf(shipped_urdf("leg_human.urdf"))
+    @validation.check_arguments
+    def human(
+        cls,
+        *,
+        height: float | None = None,
+        mass: float | None = None,
+        sex: str = "male",
+        side: str = "right",
+        model: str = "paper",
+        frame: str = "toe",
+        base: str = "fixed",
+    ) -> "Leg":
+        """Return a human leg; without arguments, that of the paper's Table 1.
+
+        Segments of a person of a given size are those of de Leva 1996 (J Biomech 29:1223), torques
+        those of Anderson et al. 2007 (J Biomech 40:3105); `kickdyn.robot.human_body` has the
+        numbers. The last three joints of the model `3d` below have no limits of torque and speed.
+
+        Args:
+            height: of the person, 1.2 to 2.3 [m].
+            mass: of the person, 30 to 200 [kg].
+            sex: `female` or `male`.
+            side: `left` or `right`. The left leg is the mirror image of the right one, and flexion,
+                adduction, internal rotation and inversion are positive for both.
+            model: `paper`, hip, knee and ankle in one plane, or `3d`, `hip`, `hip_adduction`,
+                `hip_rotation`, `knee`, `ankle` and `subtalar`.
+            frame: `toe`, `instep` or `inside`, the surface of the foot that touches the ball, or
+                another frame of the leg, then without a cone of contact normals.
+            base: `fixed`, the hip fixed at the origin, or `floating`: the hip moves with the pelvis
+                (the lower trunk alone), as for `from_urdf`.
+
+        Raises:
+            InvalidInput: a value that is out of range or unknown, or a height without a mass.
+        """
+        if height is None and mass is None:
+            given = (sex, side, model, frame, base)
+            if given != ("male", "right", "paper", "toe", "fixed"):
+                raise InvalidInput(
+                    "height and mass are None: sex, side, model, frame and base are for a leg of a "
+                    "given height and mass"
+                )
+            return cls.from_urdf(shipped_urdf("leg_human.urdf"))
+        file, sized, cone = human_leg(height, mass, sex, side, model, frame, base)
+        return cls(sized, frame, file, contact_normal_cone=cone)
 
     @classmethod
     def testbed(cls) -> "Leg":

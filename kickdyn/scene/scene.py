@@ -6,14 +6,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 from kickdyn.ground import Ground
 from kickdyn.impact.collide import CONTACT_TIME, checked_stiffness

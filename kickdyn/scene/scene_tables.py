@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from kickdyn.aerodynamics import drag, lift, spin_decay
 from kickdyn.aerodynamics.coefficient_model import constant_limits
@@ -21,7 +20,7 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
 from kickdyn.core import validation
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 from kickdyn.ground import SURFACES, Ground
 from kickdyn.impact.laws import LAWS

@@ -35,7 +35,7 @@ def test_digits_are_those_of_float64():
     assert digits_left(np.array([0.0, 1e-3, 2.0])) == pytest.approx([16.0, 3.0, 0.0])
 
 
-def test_a_spin_takes_as_many_digits_as_a_velocity_that_moves_the_surface_alike():
+def test_a_spin_takes_at_least_the_digits_of_a_velocity_that_moves_the_surface_alike():
     """Either follows the foot across the normal at 1e4 times the speed of approach."""
     model = pin.Model()
     for kind, name in ((pin.JointModelPX(), "ahead"), (pin.JointModelPZ(), "up")):
@@ -47,5 +47,5 @@ def test_a_spin_takes_as_many_digits_as_a_velocity_that_moves_the_surface_alike(
     by_velocity = kd.strike(posture, v, ball, contact, ball_velocity=(0, 0, 1e4))
     by_spin = kd.strike(posture, v, ball, contact, ball_spin=(0, 1e4 / ball.radius, 0))
     assert by_spin.impulse == pytest.approx(by_velocity.impulse, abs=1e-10)
-    assert by_spin.digits == pytest.approx(by_velocity.digits, abs=0.01)
+    assert by_velocity.digits - 0.1 < by_spin.digits <= by_velocity.digits  # in two directions
     assert by_spin.digits < 12.0

@@ -127,8 +127,9 @@ class Collision(AfterApproach):
     @cached_property
     def ball_after(self) -> BallState:
         """The ball at separation."""
-        end, position = self._end, self.ball_before.position
-        return BallState(position + end.moved, end.velocity, end.spin, self.contact_time)
+        end, base = self._end, self._motion.equations.base_velocity
+        position = self.ball_before.position + base * self.contact_time + end.moved
+        return BallState(position, end.velocity + base, end.spin, self.contact_time)
 
     @property
     def q_after(self) -> Array:
@@ -291,6 +292,9 @@ def collide(
     """
     validation.number("tol", tol, at_least=1e-13, at_most=1e-3)
     torque = _checked_torque(torque, posture.leg.nv)
+    twist = posture.leg.base_velocity
+    if twist is not None and twist[3:].any():
+        posture.leg.check_base_at_rest("a contact that takes time, unless the base does not turn,")
     approach = find_approach(posture, v, ball, contact, ball_velocity, ball_spin)
     ball.check_movable("a contact that takes time")
     # Below a micrometre per second gravity, not the impact, decides the motion.

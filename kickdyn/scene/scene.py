@@ -199,7 +199,7 @@ class Scene(ReprMixin):
         yield "name", self.name, ""
         yield "leg", self.leg.name, ""
         yield "contact point", self.posture.contact_point, "m"
-        yield "foot speed", float(np.linalg.norm(self.posture.jacobian @ self.v)), "m/s"
+        yield "foot speed", float(np.linalg.norm(self.posture.point_velocity(self.v))), "m/s"
         yield "ball", f"{self.ball.mass:.4g} kg, radius {self.ball.radius:.4g} m", ""
         if self.incoming.velocity.any():
             yield "ball's velocity", self.incoming.velocity, "m/s"

@@ -198,7 +198,7 @@ class Goal(ReprMixin):
     def at(self, time: float) -> "Goal":
         """Return the goal of meeting the receiver at a time [s], a target at rest."""
         target = self.target + time * self.receiver_velocity
-        return replace(self, target=target, receiver_velocity=(0.0, 0.0, 0.0))
+        return replace(self, target=target, receiver_velocity=np.zeros(3))
 
     @property
     def distance(self) -> float:

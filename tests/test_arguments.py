@@ -49,7 +49,8 @@ GOOD = {
     "function": lambda state, numbers: state[2], "air": AIR, "impacts": INFERRED, "speed": 5.0,
     "rotor_inertia": 1e-5, "drives": {"knee": kd.Drive(1e-5, 50.0)}, "values": {"knee": 0.1},
     "surface": "heel", "states": kd.BallState(velocity=[IMPACT.ball_after.velocity] * 2),
-    "linear": (1.0, 0.0, 0.0),
+    "linear": (1.0, 0.0, 0.0), "incoming": kd.BallState((1.5, 0, -0.7), (-2, 0, 0)),
+    "time": 1.0, "moved": (0.1, 0.0, 0.0), "delay": 0.1,
 }  # fmt: skip
 """A valid argument for every required parameter, by its name."""
 
@@ -89,6 +90,8 @@ RESULTS = {
     *(
         "KickPlan",
         "Launch",
+        "LandingSlopes",
+        "Meeting",
         "Motion",
         "MujocoRun",
         "MujocoTuning",

@@ -13,10 +13,10 @@ from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from kickdyn.ball import Ball
 from kickdyn.core import validation
+from kickdyn.core.validation import ArrayLike
 from kickdyn.errors import InvalidInput
 
 Table = tuple[tuple[float, float], ...]

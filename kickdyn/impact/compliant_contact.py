@@ -8,14 +8,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
 from scipy.integrate import OdeSolution, solve_ivp
 from scipy.linalg import blas
 from scipy.optimize import minimize_scalar
 
 from kickdyn.core import validation
 from kickdyn.core.mechanics import cross
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import KickdynError
 from kickdyn.impact.approach import Approach
 from kickdyn.impact.force_model import ForceModel
@@ -68,6 +67,8 @@ class ContactKinematics(NamedTuple):
 class CompliantContact:
     """Leg and ball from first contact to separation, as a first-order system.
 
+    Displacements and velocities of the ball are relative to the leg's base, which does not turn.
+
     A column y has the leg's displacement since first contact, in the tangent space, and what
     `State` lists. `largest` is the largest deflection so far, 0 while it grows.
     """
@@ -78,6 +79,7 @@ class CompliantContact:
         posture, contact = approach.posture, approach.contact
         self.approach, self.force_model, self.torque = approach, force_model, torque
         self.leg, self.q, self.ball = posture.leg, posture.q, approach.ball
+        self.base_velocity = posture.transport_velocity
         self.model = self.leg.model  # with gravity, which the leg's workspace leaves out
         self._space = Workspace(self.model)
         self.gravity = np.array(self.model.gravity.linear)
@@ -97,8 +99,9 @@ class CompliantContact:
     def start(self) -> Array:
         """Return the first column."""
         before, v = self.approach.ball_before, self.approach.v
+        velocity = before.velocity - self.base_velocity
         return np.concatenate(
-            [np.zeros(self.leg.nv), v, np.zeros(3), before.velocity, before.spin, [0.0, 0.0]]
+            [np.zeros(self.leg.nv), v, np.zeros(3), velocity, before.spin, [0.0, 0.0]]
         )
 
     def scales(self) -> Array:
@@ -229,7 +232,8 @@ class CompliantContact:
 
     def impulse(self, t: float, y: Array) -> Array:
         """Return the contact's impulse on the ball until t: its momentum, less gravity's share."""
-        gained = self.state(y).velocity - self.approach.ball_before.velocity
+        before = self.approach.ball_before.velocity - self.base_velocity
+        gained = self.state(y).velocity - before
         return np.asarray(self.ball.mass * (gained - self.gravity * t))
 
     def energy(self, y: Array, largest: float) -> float:

@@ -6,12 +6,11 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from kickdyn.ball import BallState
 from kickdyn.core import validation
 from kickdyn.core.representation import Row, warned
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.approach import AfterApproach, Approach
 from kickdyn.impact.contact_problem import Solution
@@ -88,6 +87,17 @@ class Impact(AfterApproach):
         """Effective mass of the leg if its stiff joints were free [kg], or inf."""
         return self.posture.without_stiff_joints.effective_mass(self.contact.normal)
 
+    @property
+    def drive_limit(self) -> str:
+        """Limit in which the impact has the drives of joints, as in `effective_mass_limits`.
+
+        It is `with rotors` or `without rotors` of the free joints, with the names of stiff ones. A
+        drive between free and stiff takes a contact that takes time, `collide`.
+        """
+        leg = self.posture.leg
+        free = "with rotors" if leg.workspace.model.armature.any() else "without rotors"
+        return f"{free}{', stiff ' if leg.stiff_joints else ''}{', '.join(leg.stiff_joints)}"
+
     @cached_property
     def leg_response(self) -> LegResponse:
         """The response of the leg to the impulse; its parts are attributes of the impact, too."""
@@ -161,7 +171,7 @@ class Impact(AfterApproach):
         `stronge`, whose restitution is one of work, where these differ from Newton's.
         """
         approach = self.approach
-        foot_velocity_after = approach.posture.jacobian.dot(self.leg_response.v_after)
+        foot_velocity_after = approach.posture.point_velocity(self.leg_response.v_after)
         relative = self.ball_after.velocity - foot_velocity_after
         separation = float(approach.contact.normal.dot(relative))
         return abs(separation - approach.restitution * approach.speed) / approach.speed
@@ -287,6 +297,8 @@ class Impact(AfterApproach):
         yield "effective mass", self.effective_mass, "kg"
         if self.posture.leg.stiff_joints:
             yield "with all joints free", self.free_effective_mass, "kg"
+        if self.drive_limit != "without rotors":
+            yield "drives", self.drive_limit, ""
         if self.posture.leg.workspace.model.armature.any():
             for limit, mass in self.posture.effective_mass_limits(self.contact.normal).items():
                 yield f"limit {limit}", mass, "kg"

@@ -19,7 +19,7 @@ import pinocchio as pin
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.motion.impact_target import ImpactTarget
-from kickdyn.planning.ball_clearance import BallClearance
+from kickdyn.planning.ball_clearance import BodyClearance, bodies_near_ball
 from kickdyn.planning.kick_terms import (
     BallPosition,
     Facing,
@@ -35,6 +35,7 @@ from kickdyn.planning.kick_terms import (
 from kickdyn.planning.objectives import LargestShare
 from kickdyn.planning.problem import TOLERANCE, Function, Problem, Solver, Term, slsqp
 from kickdyn.planning.stance import Balance, Clearance, SupportImpulse, Upright
+from kickdyn.robot.collisions import bodies_at, find_self_collisions
 from kickdyn.robot.kicking_chain import KickingChain, kicking_chain
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.standing import StandingRobot, is_floating
@@ -49,6 +50,9 @@ leg is bent more than in any kick, and the trunk of a standing robot lies down."
 
 SOLVERS: dict[str, Solver] = {"slsqp": slsqp}
 """Solvers of the problem of a kick, by name."""
+
+MOST_PAIRS = 8
+"""Number of pairs of bodies from which on no more are kept apart."""
 
 AnyTerm = TypeVar("AnyTerm", bound=Term[KickPoint])
 
@@ -125,7 +129,8 @@ class KickProblem:
         for number, q in enumerate(self.drawn):
             posture = variables.posture(q)
             rows = posture.jacobian[:, variables.vs] * scale
-            v = np.linalg.pinv(rows, rcond=1e-2) @ variables.target.foot_velocity(posture)
+            needed = variables.target.foot_velocity(posture) - posture.transport_velocity
+            v = np.linalg.pinv(rows, rcond=1e-2) @ needed
             point = variables.point(np.array([*q, *v, 1.0]))
             violation = sum(term.total_violation(point) for term in rating)
             rated.append((float(np.abs(v).max()) + violation, number, point.x))
@@ -180,6 +185,7 @@ def kick_problem(
         variables = KickVariables(limb.leg, target)
         directions = _foot_directions(variables, draw)
     _check_directions(variables, directions)
+    _check_sliding(variables, directions)
 
     # the later, the less a kick needs it: an explanation omits the last terms first
     terms: list[Term[KickPoint]] = [JointRange(variables), StrikeVelocity(variables, directions)]
@@ -194,8 +200,8 @@ def kick_problem(
     if standing is not None:
         terms += [Balance(standing), Clearance(standing), Upright(standing)]
         terms.append(SupportImpulse(standing, target.impulse))
-    if (ball_clearance := BallClearance(robot, variables)).bodies:
-        terms.append(ball_clearance)
+    if pairs := bodies_near_ball(robot):
+        terms.append(BodyClearance(robot, variables, pairs))
 
     farthest = FARTHEST_START if standing is None else FARTHEST_STANDING_START
     lower = np.minimum(np.maximum(variables.lower, -farthest), variables.upper)
@@ -210,10 +216,30 @@ def solve_kick(problem: KickProblem, objective: Objective) -> tuple[KickProblem,
     """Return the best solution of a problem; where none meets the goal, the strongest kick.
 
     Before it comes the problem; where no point keeps an optional term, the problem without it.
+    Where bodies are inside each other, it is solved again with a term that keeps these apart.
 
     Raises:
         InvalidInput: no posture keeps the terms, with the reason.
     """
+    solved, pairs = problem, set[tuple[str, str]]()
+    while True:
+        solved, point = _solve(solved, objective)
+        collisions = find_self_collisions(problem.robot, problem.on_robot(point)[0]).keys() - pairs
+        if not collisions or len(pairs) > MOST_PAIRS:
+            return solved, point
+        pairs |= collisions
+        bodies = [
+            (body, other)
+            for first, second in sorted(pairs)
+            for body in bodies_at(problem.robot, first)
+            for other in bodies_at(problem.robot, second)
+        ]
+        apart = BodyClearance(problem.robot, problem.variables, bodies)
+        solved = replace(problem, terms=(*problem.terms, apart))
+
+
+def _solve(problem: KickProblem, objective: Objective) -> tuple[KickProblem, KickPoint]:
+    """Return the best solution of a problem as it is."""
     for variant in problem.variants():
         starts = variant.starts()
         if points := variant.solve(objective, starts):
@@ -276,6 +302,21 @@ def _check_directions(variables: KickVariables, directions: Array) -> None:
         raise InvalidInput(
             f"{name} cannot give this spin: its foot moves in a plane only, and side spin takes a "
             "foot that moves aside (a robot's leg, such as g1, does)"
+        )
+
+
+def _check_sliding(variables: KickVariables, directions: Array) -> None:
+    """Refuse a contact that would slide across the plane in which the foot moves."""
+    target, drawn = variables.target, np.linspace(variables.lower, variables.upper, 3)
+    if target.contact.friction > 0.0 and any(
+        _leaves(directions, velocity)
+        for velocity in (variables.posture(q).transport_velocity for q in drawn)
+        if np.linalg.norm(velocity) > 0.0
+    ):
+        raise InvalidInput(
+            f"the velocity of the base leaves the plane in which the foot of {variables.leg.name} "
+            "moves: the foot would slide over the ball; a contact without friction (friction=0, "
+            "--friction 0) or a foot that moves aside (a robot's leg, such as g1, does) can kick so"
         )
 
 

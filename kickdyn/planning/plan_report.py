@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from kickdyn.core.files import finite
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.follow import Course
 from kickdyn.planning.goal import Goal, PlanStatus
@@ -106,6 +107,10 @@ class PlanReport:
             f"{impact.worst_joint[0]}; objective {plan.objective} = {plan.value:.4g} "
             f"{plan.objective.unit}",
         ]
+        if leg.workspace.model.armature.any():
+            masses = impact.posture.effective_mass_limits(impact.contact.normal).items()
+            shown = ", ".join(f"{mass:.3g} kg {limit}" for limit, mass in masses)
+            lines.append(f"drives  effective mass {shown}; planned {impact.drive_limit}")
         if abs(math.degrees(plan.heading)) >= 0.005:
             lines.append(f"base    turned by {_aside(math.degrees(plan.heading), 2, 'deg')}")
         for name, (value, unit) in leg.display_values(plan.q).items():
@@ -121,6 +126,7 @@ class PlanReport:
         """Return the report as what JSON can hold: SI units, degrees where a name says so."""
         plan, launch, impact, leg = self.plan, self.plan.launch, self.plan.impact, self.plan.leg
         up, left = plan.impact_target.contact_offset
+        masses = impact.posture.effective_mass_limits(impact.contact.normal)
         report = {
             "status": plan.status,
             "goal": _goal_json(plan.goal),
@@ -133,6 +139,7 @@ class PlanReport:
                 **_attributes(impact, "impulse foot_velocity restitution"),
                 "restitution_given": impact.contact.restitution,
                 "normal": impact.contact.normal.tolist(),
+                "effective_mass": {limit: finite(mass) for limit, mass in masses.items()},
                 "up_m": up,
                 "left_m": left,
             },

@@ -6,7 +6,7 @@ impact does not change, A (v+ - v) = 0: they may move.
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, fields
 from functools import cached_property
 from itertools import accumulate, combinations, pairwise
 from typing import Any, NamedTuple
@@ -88,6 +88,19 @@ class Support(ValueEquality):
     def size(self) -> int:
         """Number of velocity components that are 0: 3 of a point foot, 6 of a flat foot."""
         return 3 if self.point else 6
+
+
+def read_support(entry: str | Mapping[str, Any]) -> Support:
+    """Return the support of a frame, or of a table with the attributes of a `Support`."""
+    if not isinstance(entry, Mapping):
+        return Support(entry)
+    keys = [attribute.name for attribute in fields(Support)]
+    if "frame" not in entry or not entry.keys() <= set(keys):
+        raise InvalidInput(
+            f"support has {', '.join(entry) or 'no keys'}: it needs frame, and may have "
+            f"{', '.join(keys[1:])}"
+        )
+    return Support(**entry)
 
 
 class ConstraintBlock(NamedTuple):

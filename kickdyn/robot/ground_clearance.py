@@ -12,11 +12,11 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from kickdyn.core import validation
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.model_validation import frames_by_name
@@ -53,6 +53,14 @@ class Spheres(NamedTuple):
         return float((self.centres[:, 2] - self.radii).min())
 
 
+def sphere_directions() -> Array:
+    """Return `DIRECTIONS`, shape `(400, 3)`."""
+    number = np.arange(DIRECTIONS) + 0.5
+    height, turn = 1.0 - 2.0 * number / DIRECTIONS, math.pi * (1.0 + math.sqrt(5.0)) * number
+    ring = np.sqrt(1.0 - height**2)
+    return np.column_stack([ring * np.cos(turn), ring * np.sin(turn), height])
+
+
 def extreme_spheres(
     body: Spheres, count: int = CORNERS, towards: ArrayLike = (0.0, 0.0, 0.0), cosine: float = 0.0
 ) -> tuple[NDArray[np.int64], float]:
@@ -61,10 +69,7 @@ def extreme_spheres(
     Each next one is farthest outside of the hull of those before, in one of `DIRECTIONS`. Only
     directions count whose product with the unit vector `towards` is `cosine` or more.
     """
-    number = np.arange(DIRECTIONS) + 0.5
-    height, turn = 1.0 - 2.0 * number / DIRECTIONS, math.pi * (1.0 + math.sqrt(5.0)) * number
-    ring = np.sqrt(1.0 - height**2)
-    directions = np.column_stack([ring * np.cos(turn), ring * np.sin(turn), height])
+    directions = sphere_directions()
     directions = directions[directions @ np.asarray(towards) >= cosine]
     reach = body.centres @ directions.T + body.radii[:, None]
     largest, chosen = reach.max(axis=0), [int(np.argmax(reach[:, 0]))]

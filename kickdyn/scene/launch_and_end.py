@@ -180,13 +180,13 @@ def contact_time_error(scene: Scene, impact: Impact) -> LaunchError:
     the difference of these laws is added.
 
     The error is inf, as it is not known, where one of these strikes has no impact; with supports,
-    loops and mimic joints, which a straight motion leaves; and where the foot may press the ball
-    into the ground or a plane.
+    loops and mimic joints, which a straight motion leaves; with drives of some stiffness or
+    friction; and where the foot may press the ball into the ground or a plane.
     """
     unknown = LaunchError(math.inf, math.inf, math.inf)
     law, leg, contact = scene.law, scene.leg, scene.contact
     assert isinstance(law, Compliance)
-    if leg.constraints is not None:
+    if leg.constraints is not None or leg.compliant_drives:
         return unknown
     # it lasts up to half longer than of two masses, while the leg's inertia changes
     time = 1.5 * duration(impact.approach, **law.options)

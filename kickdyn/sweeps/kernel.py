@@ -120,10 +120,12 @@ class KernelModel:
     def of(cls, leg: Leg, kick: Kick) -> "KernelModel | None":
         """Return the model of a leg and a kick, or None where the kernel does not serve them.
 
-        It serves no floating base, no supports, no loops and no helical joints.
+        It serves no base that floats or moves, no supports, no loops and no helical joints.
         """
         model = leg.workspace.model
         if leg.constraints is not None or any(nv != 1 for nv in list(model.nvs)[1:]):
+            return None
+        if leg.base_velocity is not None:
             return None
         data = model.createData()
         pin.computeJointJacobians(model, data, pin.neutral(model))

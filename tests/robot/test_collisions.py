@@ -115,7 +115,8 @@ def test_the_nearest_point_of_a_body_and_its_normal(tmp_path):
     placed = Placed(leg, body_frames(leg), space.model, space.data, q)
     (body,) = bodies_at(leg, "right")
     for ahead in (0.15, 0.35):
-        contact = placed.proximity(body, np.array([ahead, -0.1, 0.6]), 0.1)
+        ball = placed.place_ball(np.array([ahead, -0.1, 0.6]), 0.1)
+        contact = placed.proximity(body, ball)
         assert contact.depth == pytest.approx(0.2 - ahead, abs=1e-6)
         assert contact.normal == pytest.approx([1, 0, 0], abs=1e-6)
         assert contact.point[0] == pytest.approx(0.1, abs=1e-6)

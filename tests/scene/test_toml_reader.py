@@ -464,6 +464,27 @@ def test_supports_are_few(faults):
     assert "at most 100" in line
 
 
+def test_a_support_is_a_name_or_a_table(tmp_path, faults):
+    text = """
+        [leg]
+        robot = "bolt"
+        frame = "FR_FOOT:heel"
+        base = "floating"
+        supports = [{ frame = "FL_FOOT", friction = 0.6, point = true }]
+        [posture]
+        foot_velocity_m_s = [-2, 0, 0.5]
+        [contact]
+        normal = [-1, 0, 0.1]
+        restitution = 0.8
+    """
+    (tmp_path / "scene.toml").write_text(text)
+    leg = kd.load_scene(tmp_path / "scene.toml").leg
+    assert leg.supports == (kd.Support("FL_FOOT", friction=0.6, point=True),)
+    assert leg.frame == "heel"
+    (line,) = faults(SMALL.replace('"human"', '"human"\nsupports = [{ sole = [] }]'))
+    assert line.startswith("leg: support has sole: it needs frame")
+
+
 def test_loops_are_closed_by_the_joints_that_are_not_named(tmp_path):
     (tmp_path / "leg_fourbar.urdf").write_text(shipped_urdf("leg_fourbar.urdf").read_text())
     text = """

@@ -76,8 +76,7 @@ class Collision(AfterApproach):
     def _end(self) -> State:
         """Leg and ball at separation."""
         end = self._motion.equations.state(self._motion.last)
-        validation.protect(end.q, end.v)
-        return end
+        return end._replace(q=read_only(end.q), v=read_only(end.v))
 
     @property
     def force_model(self) -> ForceModel:
@@ -92,12 +91,17 @@ class Collision(AfterApproach):
     @cached_property
     def peak_force(self) -> float:
         """Largest contact force, friction included [N]."""
-        return self._motion.peak(lambda t: math.hypot(*self._motion.sample(t)[0]))
+        return self._motion.peak_force()
 
-    @cached_property
+    @property
     def deflection(self) -> float:
         """Largest deflection, of ball and foot together [m]."""
-        return self._motion.peak(lambda t: self._motion.sample(t)[2])
+        return max(*(phase.largest for phase in self._motion.phases), self._left)
+
+    @property
+    def _left(self) -> float:
+        """Deflection at separation [m]."""
+        return self.ball.radius - self._motion.equations.kinematics(self._end).height
 
     @property
     def contact_time(self) -> float:
@@ -114,9 +118,9 @@ class Collision(AfterApproach):
         accelerated for about three fourths of the contact only (Nunome, Shinkai & Ikegami, ISBS
         2012). It is the longest contact that the model allows.
         """
-        separation = self._motion.equations.kinematics(self._end)
-        left = separation.deflection if self.force_model.restitution < 1.0 else 0.0
-        return self.contact_time + max(left, 0.0) / -separation.rate
+        contact = self._motion.equations.kinematics(self._end)
+        left = self._left if self.force_model.restitution < 1.0 else 0.0
+        return self.contact_time + max(left, 0.0) / contact.relative[2]
 
     @property
     def energy_lost(self) -> float:
@@ -127,7 +131,7 @@ class Collision(AfterApproach):
     def ball_after(self) -> BallState:
         """The ball at separation."""
         end, position = self._end, self.ball_before.position
-        return BallState(position + end.moved, end.velocity, end.spin, self.contact_time)
+        return BallState(position + end.moved, *end.motion, self.contact_time)
 
     @property
     def q_after(self) -> Array:
@@ -144,7 +148,7 @@ class Collision(AfterApproach):
         """Energy not accounted for, relative to the kinetic energy of the approach."""
         motion, end = self._motion, self._end
         before = motion.equations.energy(motion.equations.start(), 0.0) + end.work
-        after = motion.equations.energy(motion.last, motion.largest[-1]) + end.lost
+        after = motion.equations.energy(motion.last, motion.phases[-1].largest) + end.lost
         return abs(before - after) / self.approach.energy()
 
     @property
@@ -207,8 +211,7 @@ class Collision(AfterApproach):
                 t = begin + 0.5 * step * (1.0 + node)
                 state = motion.equations.state(motion.column(t))
                 posture = leg.posture(state.q)
-                lever = posture.rotation_world_joint.T @ motion.equations.kinematics(state).point
-                touched = posture.with_contact_offset(frame.actInv(lever))
+                touched = posture.with_contact_offset(frame.actInv(motion.equations.point(state)))
                 impulse = 0.5 * step * weight * motion.sample(t)[0]
                 total += leg_response(touched, state.v, impulse).joint_impulses
         return read_only(total)
@@ -258,8 +261,7 @@ def collide(
         v: joint velocity at first contact, shape `(nv,)` [rad/s; m/s for prismatic joints].
         ball: the ball; its centre is at `contact point + radius * normal` at first contact.
         contact: normal at first contact, restitution of 0.01 or more at the speed of approach,
-            friction and offset. Points that stick creep, at about a thousandth of the approach
-            speed.
+            friction and offset.
         contact_time: duration of the contact for which the stiffness is chosen, exact for two
             masses on which no other force acts [s]; 10 ms where `stiffness` is None, too.
         stiffness: stiffness of a Hertz contact [N/m^1.5], in place of `contact_time`; or
@@ -293,7 +295,7 @@ def collide(
     validation.number("approach speed", approach.speed, at_least=1e-6, unit="m/s")
     model = _force_model(approach, contact_time, stiffness)
     is_linear = model.exponent == LINEAR
-    equations = CompliantContact(approach, model, torque, _expected_time(approach, model))
+    equations = CompliantContact(approach, model, torque, _expected_time(approach, model), tol)
     again = partial(
         collide, posture, approach.v, ball, contact, torque=torque,
         stiffness="pressure" if is_linear else model.stiffness,

@@ -40,6 +40,10 @@ from .impact.joint_load import joint_loads as joint_loads
 from .impact.laws import normal_impulse as normal_impulse
 from .impact.sensitivity import Sensitivity as Sensitivity
 from .impact.strike import strike as strike
+from .impact.strike_many import Impacts as Impacts
+from .impact.strike_many import LaunchSlopes as LaunchSlopes
+from .impact.strike_many import StrikeStatus as StrikeStatus
+from .impact.strike_many import strike_many as strike_many
 from .impact.uncertainty import Uncertainty as Uncertainty
 from .impact.unilateral import UnilateralImpact as UnilateralImpact
 from .impact.unilateral import unilateral_strike as unilateral_strike

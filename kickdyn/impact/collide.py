@@ -131,7 +131,8 @@ class Collision(AfterApproach):
     def ball_after(self) -> BallState:
         """The ball at separation."""
         end, position = self._end, self.ball_before.position
-        return BallState(position + end.moved, *end.motion, self.contact_time)
+        velocity, spin = end.motion
+        return BallState(position + end.moved, velocity, spin, self.contact_time)
 
     @property
     def q_after(self) -> Array:

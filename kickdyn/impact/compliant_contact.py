@@ -18,7 +18,6 @@ from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
 from kickdyn.impact.approach import Approach
-from kickdyn.impact.force_model import ForceModel
 from kickdyn.impact.contact_motion import (
     Vector,
     contact_axes,
@@ -26,6 +25,7 @@ from kickdyn.impact.contact_motion import (
     free_sliding,
     slip_direction,
 )
+from kickdyn.impact.force_model import ForceModel
 from kickdyn.robot.constraints import ConstraintProjector
 from kickdyn.robot.leg import Workspace
 from kickdyn.robot.model_validation import cholesky_with_condition
@@ -448,7 +448,9 @@ class _Contact:
     def run(self) -> ContactMotion:
         """Integrate until foot and ball separate."""
         equations, t, y = self._equations, 0.0, self._equations.start()
-        phase, begins, phases = equations.first_phase(), [], []
+        phase = equations.first_phase()
+        begins: list[float] = []
+        phases: list[Phase] = []
         length = None
         while len(phases) < MAX_PHASES:
             begins.append(t)
@@ -460,7 +462,9 @@ class _Contact:
             deflection = equations.ball.radius - equations.kinematics(equations.state(y)).height
             separation = equations.force_model.separation(phase.largest)
             apart = deflection - separation < phase.largest - deflection
-            if phase.largest > 0.0 and apart or deflection >= equations.ball.radius * (1.0 - 1e-9):
+            if (phase.largest > 0.0 and apart) or deflection >= equations.ball.radius * (
+                1.0 - 1e-9
+            ):
                 begins_of_steps = [begin for begin, _ in self._steps]
                 times = np.array([*begins_of_steps, t])
                 interpolants = [solver.dense_output() for _, solver in self._steps]

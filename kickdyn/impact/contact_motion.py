@@ -1,4 +1,4 @@
-r"""Relative motion of ball and foot at their contact, with floats alone, so that it can be compiled.
+r"""Relative motion of ball and foot at their contact, with floats alone: it can be compiled.
 
 All vectors are tuples in the contact's axes, which are fixed to the foot: two tangents of its plane
 and the normal :math:`n = e_3` into the ball. The foot turns with :math:`\omega` about the origin of
@@ -37,8 +37,10 @@ def contact_motion(
     Args:
         reach: :math:`\rho`, from the contact point of the foot to the ball's centre [m].
         arm: a, from the joint's origin to the contact point of the foot [m].
-        ball, ball_spin: :math:`v_b` [m/s] and :math:`\omega_b` [rad/s].
-        foot, spin: :math:`v_J` [m/s] and :math:`\omega` [rad/s].
+        ball: :math:`v_b` [m/s].
+        ball_spin: :math:`\omega_b` [rad/s].
+        foot: :math:`v_J` [m/s].
+        spin: :math:`\omega` [rad/s].
     """
     x, y, z = reach[0] + arm[0], reach[1] + arm[1], arm[2]
     relative = (
@@ -62,10 +64,15 @@ def free_sliding(
         \dot p = v_b - \dot h n - h\, \omega \times n - v_J, \qquad \dot h = w_3 .
 
     Args:
-        height, point, relative: h, p and w of `contact_motion`.
-        ball, ball_spin, spin: as for `contact_motion`.
-        bias, turn_bias: spatial acceleration of the foot with joints that do not accelerate,
-            a [m/s2] at the joint's origin and :math:`\alpha` [rad/s2].
+        height: h [m].
+        point: p [m].
+        relative: w [m/s].
+        ball: :math:`v_b` [m/s].
+        ball_spin: :math:`\omega_b` [rad/s].
+        spin: :math:`\omega` [rad/s].
+        bias: linear part a of the foot's spatial acceleration at the joint's origin with joints
+            that do not accelerate [m/s2].
+        turn_bias: its angular part :math:`\alpha` [rad/s2].
         gravity: g [m/s2].
     """
     x, y, z = point

@@ -147,7 +147,7 @@ def roll(
     rest: the phase ends where the ball turns, or at `time_limit`. One of the events in `ends` may
     end the phase before.
     """
-    rolling = _Rolling(state, ball, air, surface)
+    rolling = Rolling(state, ball, air, surface)
     arc = rolling.roll(tol, ends, time_limit)
     slow_time, slow = arc.end, arc.state
     rest_time = rolling.time_to_rest(slow) if arc.reached is rolling.slow else 0.0
@@ -175,11 +175,12 @@ def roll(
     return GroundPhase(start, end, "roll", states, name, blown, arc.evaluations)
 
 
-class _Rolling:
+class Rolling:
     """A ball that rolls on level ground, with the seven states of `FlightEquations`.
 
     Attributes:
         begin: the states at the beginning.
+        wind: acceleration by the wind of a ball that hardly rolls, along x and y [m/s2].
         slow: the event that the ball is so slow that all forces are constant until it rests.
     """
 
@@ -190,8 +191,8 @@ class _Rolling:
         self._height = float(state.position[2])
         u, v, _ = state.velocity.tolist()
         self.begin = np.array([0.0, 0.0, 0.0, u, v, 0.0, 1.0])
-        self._wind = self._push(0.0, 0.0)
-        self._slowest = 1e-7 * max(math.hypot(u, v), math.hypot(*self._wind))
+        self.wind = self._push(0.0, 0.0)
+        self._slowest = 1e-7 * max(math.hypot(u, v), math.hypot(*self.wind))
         self.slow = Event("slow", lambda y, _: math.hypot(y[3], y[4]) - self._slowest)
 
     def _push(self, u: float, v: float) -> tuple[float, float]:
@@ -201,6 +202,7 @@ class _Rolling:
         return self._share * ax, self._share * ay
 
     def rates(self, _: float, states: Array) -> list[float]:
+        """Return the rates of change of the states."""
         u, v = float(states[3]), float(states[4])
         ax, ay = self._push(u, v)
         braking = self._resistance / math.hypot(u, v)
@@ -224,7 +226,7 @@ class _Rolling:
 
         It is infinite where the wind is stronger than the resistance of the surface.
         """
-        if math.hypot(*self._wind) > self._resistance:
+        if math.hypot(*self.wind) > self._resistance:
             return math.inf
         speed = math.hypot(*state[3:5])
         if speed == 0.0:

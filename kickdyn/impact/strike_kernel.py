@@ -57,9 +57,9 @@ LANE = np.dtype(
 """What is given of each strike, and the relative velocity that is computed."""
 
 IMPULSE, POINT, SPEED, DOUBT, STICKS, LOST, FIRST = 0, 3, 6, 7, 8, 9, 10
-"""Rows of an answer: impulse on the ball [N s], contact point from the first joint [m], speed of approach [m/s], 1 where the
-strike is doubtful, 1 where the points stick, energy lost [J]; jump of each joint's velocity, and
-the linear and angular impulse in each joint, in its frame."""
+"""Rows of an answer: impulse on the ball [N s], contact point from the first joint [m], speed
+of approach [m/s], 1 where the strike is doubtful, 1 where the points stick, energy lost [J]; jump
+of each joint's velocity, and the linear and angular impulse in each joint, in its frame."""
 
 LEAST_SHARE = 1e-6
 """Share that a pivot or a resistance must keep of its terms, or the strike is doubtful."""

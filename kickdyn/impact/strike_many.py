@@ -25,7 +25,7 @@ DIFFERENCE = 1e-3
 
 
 class StrikeStatus(StrEnum):
-    """How a strike ended: the points stick or slip, there is no impact, or it cannot be computed."""
+    """How a strike ended: points stick or slip, there is no impact, or it cannot be computed."""
 
     STICKS = "sticks"
     SLIPS = "slips"
@@ -68,7 +68,8 @@ class Impacts:
         joint_impulses: as `Impact.joint_impulses`, shape `(n, njoints, 6)` [N s, N m s].
         approach_speed: of foot and ball along the normal, shape `(n,)` [m/s].
         energy_lost: shape `(n,)` [J].
-        status: a `StrikeStatus` by its flag, shape `(n,)`: 0 sticks, 1 slips, 2 no impact, 3 failed.
+        status: a `StrikeStatus` by its flag, shape `(n,)`: 0 sticks, 1 slips, 2 no impact,
+            3 failed.
         slopes: derivatives of the launches; None unless they were asked for.
     """
 
@@ -89,23 +90,7 @@ class Impacts:
         return BallState(self.ball_position, self.ball_velocity, self.ball_spin)
 
 
-@dataclass(frozen=True, eq=False)
-class _Strikes:
-    """What is given of n strikes, each array with n rows or 1."""
-
-    q: Array
-    v: Array
-    normal: Array
-    restitution: Array
-    friction: Array
-    offset: Array
-    mass: Array
-    radius: Array
-    inertia: Array
-    ball_velocity: Array
-    ball_spin: Array
-
-
+@validation.check_arguments
 def strike_many(
     leg: Leg,
     q: ArrayLike,
@@ -145,7 +130,8 @@ def strike_many(
     Example:
         >>> import numpy as np
         >>> import kickdyn as kd
-        >>> q, v = np.array([[0.7, 0.5, -0.3]] * 2), np.array([[6.6, -14.5, 6.6], [5.0, -12.0, 5.0]])
+        >>> q = np.array([[0.7, 0.5, -0.3]] * 2)
+        >>> v = np.array([[6.6, -14.5, 6.6], [5.0, -12.0, 5.0]])
         >>> contact = kd.Contact(normal=(2, 0, 1), restitution=0.8, friction=0.4)
         >>> impacts = kd.strike_many(kd.Leg.human(), q, v, kd.Ball(), contact)
         >>> np.linalg.norm(impacts.ball_velocity, axis=1).round(2).tolist()
@@ -246,10 +232,12 @@ class _Given:
 
 
 def _empty(n: int, leg: Leg) -> Impacts:
-    vectors = (np.full((n, 3), np.nan) for _ in range(4))
-    joints = np.full((n, leg.nv), np.nan), np.full((n, len(leg.joint_names), 6), np.nan)
-    numbers = np.full(n, np.nan), np.full(n, np.nan)
-    return Impacts(*vectors, *joints, *numbers, np.full(n, StrikeStatus.FAILED.flag, np.int8))
+    impulse, velocity, spin, position = (np.full((n, 3), np.nan) for _ in range(4))
+    inside, speed = np.full((n, len(leg.joint_names), 6), np.nan), np.full(n, np.nan)
+    return Impacts(
+        impulse, velocity, spin, position, np.full((n, leg.nv), np.nan), inside, speed,
+        speed.copy(), np.full(n, StrikeStatus.FAILED.flag, np.int8),
+    )  # fmt: skip
 
 
 def _put(impacts: Impacts, i: int, status: StrikeStatus, *values: Any) -> None:
@@ -362,10 +350,16 @@ class _Kernel:
 
     def _impacts(self, answer: Array, v: Array) -> tuple[Impacts, NDArray[np.bool_]]:
         from kickdyn.impact.strike_kernel import (
-            DOUBT, FIRST, IMPULSE, LOST, POINT, SPEED, STICKS,
+            DOUBT,
+            FIRST,
+            IMPULSE,
+            LOST,
+            POINT,
+            SPEED,
+            STICKS,
         )  # fmt: skip
 
-        given, n, nv = self._given, len(v), given_nv(v)
+        given, (n, nv) = self._given, v.shape
         impulse = answer[IMPULSE : IMPULSE + 3].T
         normal, radius = given.normal, given.radius[:, None]
         inverse = self._table[18][:, None]
@@ -383,11 +377,6 @@ class _Kernel:
         )  # fmt: skip
         doubtful = (answer[DOUBT] != 0.0) | ~np.isfinite(answer[LOST]) | ~(speed > 1e-12)
         return impacts, doubtful
-
-
-def given_nv(v: Array) -> int:
-    """Return the number of joint velocities."""
-    return int(v.shape[1])
 
 
 def _slopes(given: _Given, q: Array, v: Array) -> LaunchSlopes:

@@ -90,17 +90,15 @@ class Air(ValueEquality, ReprMixin):
         *,
         buoyancy: bool = True,
     ) -> None:
-        values = {
-            "density": validation.number("air density", density, at_least=0, unit="kg/m3"),
-            "viscosity": validation.number("air viscosity", viscosity, above=0, unit="Pa s"),
-            "wind": _checked_wind(wind),
-            "drag": find_model("drag", drag_models.MODELS, drag),
-            "lift": find_model("lift", lift_models.MODELS, lift),
-            "torque": find_model("torque", torque_models.MODELS, torque),
-            "buoyancy": validation.flag("buoyancy", buoyancy),
-        }
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
+        self.__dict__.update(
+            density=validation.number("air density", density, at_least=0, unit="kg/m3"),
+            viscosity=validation.number("air viscosity", viscosity, above=0, unit="Pa s"),
+            wind=_checked_wind(wind),
+            drag=find_model("drag", drag_models.MODELS, drag),
+            lift=find_model("lift", lift_models.MODELS, lift),
+            torque=find_model("torque", torque_models.MODELS, torque),
+            buoyancy=validation.flag("buoyancy", buoyancy),
+        )
 
     def __repr__(self) -> str:
         names = self._names()

@@ -142,3 +142,4 @@ def test_continuous_integration_runs_every_python_that_is_allowed():
     minors = re.findall(r'"3\.(\d+)"', workflow.split("matrix:")[1])
     least, first_beyond = re.fullmatch(r">=3\.(\d+),<3\.(\d+)", PROJECT["requires-python"]).groups()
     assert [*map(int, minors)] == [*range(int(least), int(first_beyond))]
+    assert {"make lint", "make test", "make test-lowest"} <= set(re.findall("run: (.*)", workflow))

@@ -168,8 +168,7 @@ def _refuse_type(name: str, value: object, kinds: tuple[type, ...]) -> NoReturn:
 
 def flag(name: str, value: object) -> bool:
     """Return `value` if it is True or False, or raise `InvalidInput`."""
-    if not isinstance(value, bool):
-        check_type(bool, np.bool_, **{name: value})
+    check_type(bool, np.bool_, **{name: value})
     return bool(value)
 
 

@@ -19,8 +19,8 @@ from kickdyn.flight.compiling import compiled_ends, compiled_rolling
 from kickdyn.flight.events import Event, checked_ends, plane_events
 from kickdyn.flight.flight_result import FlightStatus
 from kickdyn.flight.follow import LEAST_REBOUND, MOST_BOUNCES
-from kickdyn.flight.forces import VACUUM, downward
-from kickdyn.flight.ground_motion import Rolling, slide
+from kickdyn.flight.forces import VACUUM, acceleration_function, downward
+from kickdyn.flight.ground_motion import slide
 from kickdyn.flight.march import ALOFT, FAILED, FURTHER, LANDED, Flights, march
 from kickdyn.ground import Ground, Surface
 from kickdyn.plane import Plane
@@ -201,12 +201,13 @@ class _Balls:
         if not rows.size:
             return
         begin = BallState(self.position[rows], self.velocity[rows], self.spin[rows])
-        constants = Rolling(
-            BallState(begin.position[0], begin.velocity[0], begin.spin[0]),
-            self.ball, self.air, self.surface,
-        )  # fmt: skip
+        air = VACUUM if self.air is None or self.air.density == 0 else self.air
+        height = float(begin.position[0, 2])
+        share = 1.0 / (1.0 + self.ball.inertia / (self.ball.mass * self.ball.radius**2))
+        pushed = acceleration_function(self.ball, air)(height, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        wind = share * np.array(pushed[:2])
         speed = validation.length(begin.velocity)
-        slowest = 1e-7 * np.maximum(speed, math.hypot(*constants.wind))
+        slowest = 1e-7 * np.maximum(speed, math.hypot(*wind))
         ends = Event("slow", _slow, lambda _: (slowest,)), *self.ends
         launched = [end.launched(begin) for end in ends]
         n = len(rows)
@@ -223,23 +224,22 @@ class _Balls:
             np.empty((n, 8 + 3 * len(ends))), np.empty((n, 16)), np.empty(n, np.int8),
             np.zeros(n, np.int64),
         )  # fmt: skip
-        air = VACUUM if self.air is None or self.air.density == 0 else self.air
         rates = compiled_rolling(self.ball, air, self.surface.rolling_deceleration)
         values = compiled_ends(tuple(end.function for end in ends), tuple(end.name for end in ends))
         march(rates, values, rolled, tol, time_limit)
-        self._stop(rows, rolled, constants)
+        self._stop(rows, rolled, wind)
 
-    def _stop(self, rows: NDArray[np.intp], rolled: Flights, constants: Rolling) -> None:
+    def _stop(self, rows: NDArray[np.intp], rolled: Flights, wind: Array) -> None:
         """Put in where balls that have become slow rest, and where others end."""
         nodes, status = rolled.nodes, rolled.status
         velocity, slow = nodes[:, 4:7] * [1.0, 1.0, 0.0], status == LANDED
         rest = np.zeros(len(rows))
-        if math.hypot(*constants.wind) > self.surface.rolling_deceleration:
+        if math.hypot(*wind) > self.surface.rolling_deceleration:
             rest[slow] = math.inf
         else:
             speed = validation.length(velocity)
             along = velocity / np.where(speed > 0.0, speed, 1.0)[:, None]
-            braking = self.surface.rolling_deceleration - along[:, :2] @ constants.wind
+            braking = self.surface.rolling_deceleration - along[:, :2] @ wind
             rest[slow] = (speed / braking)[slow]
         blown = (slow & (rest == math.inf)) | (status == ALOFT)
         flags = np.where(

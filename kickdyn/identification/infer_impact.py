@@ -1,11 +1,9 @@
 r"""`infer_impact`: the impulse of a kick from how the ball moved before and after it.
 
-The ball alone gives the impulse, without a coefficient of restitution or friction:
-
-.. math:: p = m (v_b^+ - v_b), \qquad L = I_b (\omega_b^+ - \omega_b).
-
-If it acted at one point of the ball's surface, with the normal n from that point to the centre,
-then :math:`L = -r\, n \times p`. The foot can only push, :math:`n \cdot p > 0`, so that
+The ball alone gives the impulse p and its moment L about the centre, without a coefficient of
+restitution or friction. If p acted at one point of the ball's surface, with the normal n from that
+point to the centre, then :math:`L = -r\, n \times p`. The foot can only push,
+:math:`n \cdot p > 0`, so that
 
 .. math::
 

@@ -11,18 +11,17 @@ import math
 import numpy as np
 
 from kickdyn.core.validation import Array
+from kickdyn.impact.contact_problem import tangents
 
 Vector = tuple[float, float, float]
 
 
-def contact_axes(normal: Array, across: Array | None = None) -> Array:
-    """Return tangents and normal as columns; the second tangent is `across`, where it is given."""
-    if across is None:
-        across = np.zeros(3)
-        across[int(np.argmin(np.abs(normal)))] = 1.0
-        across -= normal * (across @ normal)
-        across /= np.linalg.norm(across)
-    return np.column_stack([np.cross(across, normal), across, normal])
+def contact_axes(normal: Array, sliding: Array | None = None) -> Array:
+    """Return tangents and normal as columns; the first tangent is along `sliding`, if not 0."""
+    x, y, z = (0.0, 0.0, 0.0) if sliding is None else sliding.tolist()
+    a, b, c = normal.tolist()
+    first, second = tangents((a, b, c), (x, y, z))
+    return np.column_stack([first, second, normal])
 
 
 def contact_motion(

@@ -32,7 +32,6 @@ from kickdyn.robot.tree_kernel import (
     factorize,
     joint_impulses,
     joint_space_inertia,
-    keep_moments,
     njit,
     place_bodies,
     solve_velocity,
@@ -185,7 +184,6 @@ def _strike(tree, frames, task, given, motion, lanes, bodies, inertia, state, an
         lanes.tangent_mobility, lanes.normal_mobility = given[17, c], given[18, c]
         state.doubt = 0.0
         place_bodies(tree, bodies)
-        keep_moments(bodies)
         joint_space_inertia(tree, bodies, inertia)
         contact_jacobian(tree, bodies, task, lanes.lever, state)
         a, ball = lanes.axes, lanes.ball

@@ -1,11 +1,10 @@
 """Bodies of a robot inside each other or inside a ball, by coal, Pinocchio's collision library.
 
-`ConvexBase.convexHull` of coal 3.0.3
-ends the process with a segmentation fault for flat hulls (at a thickness of 1e-7 of the size, not
-yet at 1e-4), which are therefore made `THICKNESS` thick.
+`ConvexBase.convexHull` of coal 3.0.3 ends the process with a segmentation fault for flat hulls (at
+a thickness of 1e-7 of the size, not yet at 1e-4), which are therefore made `THICKNESS` thick.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
@@ -24,6 +23,9 @@ TOUCHING = 5e-3
 
 It is a choice: shapes are simpler than real bodies, and a ball is pressed in by more than this.
 """
+
+BALL = ""
+"""Frame of a ball, a name that no frame of a robot has."""
 
 THICKNESS = 1e-3
 """Least thickness of a hull, as a share of its length."""
@@ -46,12 +48,12 @@ class Body(NamedTuple):
 
 
 class Proximity(NamedTuple):
-    """How a body and a ball are placed.
+    """How a body is placed beside a ball or another body.
 
     Attributes:
-        depth: of the body in the ball [m]; below 0 is the distance.
-        point: of the body, nearest to the ball's centre or deepest in it, `(3,)` [m, world frame].
-        normal: from there into the ball, shape `(3,)` [world frame].
+        depth: of the body in the other [m]; below 0 is the distance.
+        point: of the body, nearest to the other or deepest in it, `(3,)` [m, world frame].
+        normal: from there into the other, shape `(3,)` [world frame].
     """
 
     depth: float
@@ -129,30 +131,37 @@ class Placed:
             ]
         return near
 
-    def distance(self, body: Body, other: Any, pose: Any) -> Any:
-        """Return coal's `DistanceResult` of a body and another shape at a pose."""
-        request, result = self._coal.DistanceRequest(), self._coal.DistanceResult()
-        place = self.poses[body.frame] * body.pose
-        start = self._coal.Transform3s(place.rotation, place.translation)
-        end = self._coal.Transform3s(pose.rotation, pose.translation)
-        self._coal.distance(body.shape, start, other, end, request, result)
-        return result
+    def place_ball(self, centre: Array, radius: float) -> Body:
+        """Return a ball as a body of the frame `BALL`, which moves there [m, world frame]."""
+        self.poses[BALL] = pin.SE3(np.eye(3), centre)
+        return Body(BALL, self._coal.Sphere(radius), pin.SE3.Identity(), radius)
 
-    def proximity(self, body: Body, centre: Array, radius: float) -> Proximity:
-        """Return how a body is placed beside a ball [m, world frame]."""
-        result = self.distance(body, self._coal.Sphere(radius), pin.SE3(np.eye(3), centre))
+    def proximity(self, body: Body, other: Body) -> Proximity:
+        """Return how a body is placed beside another [m, world frame]."""
+        places = (self.poses[x.frame] * x.pose for x in (body, other))
+        start, end = (self._coal.Transform3s(x.rotation, x.translation) for x in places)
+        request, result = self._coal.DistanceRequest(), self._coal.DistanceResult()
+        self._coal.distance(body.shape, start, other.shape, end, request, result)
         return Proximity(-result.min_distance, result.getNearestPoint1(), result.normal)
+
+    def find_overlaps(self, pairs: Iterable[tuple[Body, Body]]) -> dict[tuple[str, str], float]:
+        """Return how deep bodies are inside each other [m], by frames, the deepest first."""
+        depths: dict[tuple[str, str], float] = {}
+        for body, other in pairs:
+            frames, depth = (body.frame, other.frame), self.proximity(body, other).depth
+            if depth > max(TOUCHING, depths.get(frames, 0.0)):
+                depths[frames] = depth
+        return dict(sorted(depths.items(), key=lambda item: -item[1]))
 
 
 def find_ball_overlaps(posture: Posture, centre: Array, radius: float) -> dict[str, float]:
     """Return how deep bodies are inside a ball [m], by frame, the deepest first."""
-    leg, depths = posture.leg, dict[str, float]()
+    leg = posture.leg
     placed = Placed(leg, body_frames(leg), leg.workspace.model, leg.workspace.data, posture.q)
-    for body in placed.bodies_near(centre, radius):
-        depth = placed.proximity(body, centre, radius).depth
-        if depth > max(TOUCHING, depths.get(body.frame, 0.0)):
-            depths[body.frame] = depth
-    return dict(sorted(depths.items(), key=lambda item: -item[1]))
+    near = placed.bodies_near(centre, radius)
+    ball = placed.place_ball(centre, radius)
+    overlaps = placed.find_overlaps((body, ball) for body in near)
+    return {frame: depth for (frame, _), depth in overlaps.items()}
 
 
 def find_self_collisions(leg: Leg, q: Array) -> dict[tuple[str, str], float]:
@@ -168,27 +177,23 @@ def find_self_collisions(leg: Leg, q: Array) -> dict[tuple[str, str], float]:
     if leg not in _allowed:
         at_rest = _overlapping(leg, rest_configuration(leg))
         _allowed[leg] = disabled_pairs(leg) | {*map(frozenset, at_rest)}
-    kept = {pair: depth for pair, depth in pairs.items() if frozenset(pair) not in _allowed[leg]}
-    return dict(sorted(kept.items(), key=lambda item: -item[1]))
+    return {pair: depth for pair, depth in pairs.items() if frozenset(pair) not in _allowed[leg]}
 
 
 def _overlapping(leg: Leg, q: Array) -> dict[tuple[str, str], float]:
-    model, frames, depths = leg.workspace.model, body_frames(leg), dict[tuple[str, str], float]()
+    model, frames = leg.workspace.model, body_frames(leg)
     placed = Placed(leg, frames, model, leg.workspace.data, q)
     joints = {name: int(model.frames[number].parentJoint) for name, number in frames.items()}
     carriers = [_carrier(model, joint) for joint in range(model.njoints)]
-    for frame in joints:
-        for body in bodies_at(leg, frame):
-            centre = placed.poses[frame].act(body.pose.translation)
-            for other in placed.bodies_near(centre, body.reach):
-                first, second = joints[frame], joints[other.frame]
-                if first >= second or first == carriers[second]:
-                    continue
-                result = placed.distance(body, other.shape, placed.poses[other.frame] * other.pose)
-                pair, depth = (frame, other.frame), -result.min_distance
-                if depth > max(TOUCHING, depths.get(pair, 0.0)):
-                    depths[pair] = depth
-    return depths
+    bodies = (body for frame in joints for body in bodies_at(leg, frame))
+    centres = ((body, placed.poses[body.frame].act(body.pose.translation)) for body in bodies)
+    return placed.find_overlaps(
+        (body, other)
+        for body, centre in centres
+        for other in placed.bodies_near(centre, body.reach)
+        if joints[body.frame] < joints[other.frame]
+        and joints[body.frame] != carriers[joints[other.frame]]
+    )
 
 
 def _carrier(model: Any, joint: int) -> int:

@@ -194,7 +194,6 @@ def _surfaces(scene: Any, turn: Array) -> Iterator[Triangles]:
 
 
 def _colour(mesh: object) -> Array | None:
-    """Return the colour of a surface; None where the file gives none."""
     visual = getattr(mesh, "visual", None)
     if visual is None or not visual.defined:
         return None

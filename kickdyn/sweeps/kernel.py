@@ -30,23 +30,13 @@ from kickdyn.robot.tree_kernel import (
     JOINT,
     OPTIONS,
     STATE,
-    contact_jacobian,
-    delassus_matrix,
-    factorize,
     hinges_and_slides,
-    joint_impulses,
-    joint_space_inertia,
     joint_tree,
-    keep_moments,
     njit,
-    place_bodies,
-    solve_velocity,
-    whiten,
 )
 from kickdyn.sweeps import kernel_impact, sweep_kick
 from kickdyn.sweeps.dataset import VARIABLES
 from kickdyn.sweeps.grid import Grid
-from kickdyn.sweeps.kernel_impact import doubt_singular, least_speed_use, solve_impact, solve_slip
 from kickdyn.sweeps.sweep_kick import Kick
 
 TANGENT, ACROSS, NORMAL, MOBILITY, DOUBT, LOST, USE, WORST, RESTITUTION, MOMENTUM = range(10)
@@ -120,7 +110,8 @@ class KernelModel:
         if joints is None:
             return None
         across = _plane_normal(joints.world_axes, joints.slides, kick.direction)
-        axes, task, ball = contact_axes(kick.direction, across), np.zeros(1, TASK), kick.ball
+        sliding = np.zeros(3) if across is None else np.cross(across, kick.direction)
+        axes, task, ball = contact_axes(kick.direction, sliding), np.zeros(1, TASK), kick.ball
         tree, frames, senses = joint_tree(leg, joints, axes)
         task["foot"], task["planar"] = leg.contact_joint, across is not None
         task["lever"] = frames[leg.contact_joint].T @ leg.contact_lever
@@ -141,8 +132,7 @@ def _plane_normal(axes: list[Array], slides: NDArray[np.bool_], normal: Array) -
     directions = [normal, *(axis for axis, slide in zip(axes, slides, strict=True) if slide)]
     if not in_plane or any(abs(axis @ across) >= PARALLEL for axis in directions):
         return None
-    across = across - normal * (across @ normal)
-    return np.asarray(across / np.linalg.norm(across))
+    return across
 
 
 class Kernel:
@@ -187,8 +177,7 @@ class Kernel:
         """Return the memory that a call of the kernel works in, joints at 0."""
         n = len(self._model.tree)
         bodies, state = aligned_zeros((n,), BODY), aligned_zeros((1,), STATE)
-        for k in range(1, n):
-            bodies["cosine"][k], bodies["sine"][k] = self._motion(k, np.zeros(1))[0]
+        bodies["cosine"] = ~self._model.tree["slides"][:, None]
         state["number"] = np.arange(BATCH)
         return bodies, aligned_zeros((n, n, BATCH)), state
 
@@ -244,23 +233,21 @@ def _sweep(axes, table, tree, task, bodies, inertia, state, answer):  # type: ig
         for a in range(len(axes)):
             move_joint(axes[a], table, bodies[axes[a].joint], state.number)
         state.doubt = 0.0
-        place_bodies(tree, bodies)
-        if task.joint_impulses:
-            keep_moments(bodies)
-        joint_space_inertia(tree, bodies, inertia)
-        contact_jacobian(tree, bodies, task, task.lever, state)
+        tree_kernel.place_bodies(tree, bodies)
+        tree_kernel.joint_space_inertia(tree, bodies, inertia)
+        tree_kernel.contact_jacobian(tree, bodies, task, task.lever, state)
         if task.joint_impulses:  # before the Jacobian is whitened
-            least_speed_use(tree, bodies, task, state)
-        factorize(tree, inertia, state)
-        whiten(tree, bodies, inertia, task)
-        delassus_matrix(tree, bodies, inertia, state)
-        solve_impact(task, state)
+            kernel_impact.least_speed_use(tree, bodies, task, state)
+        tree_kernel.factorize(tree, inertia, state)
+        tree_kernel.whiten(tree, bodies, inertia, task)
+        tree_kernel.delassus_matrix(tree, bodies, inertia, state)
+        kernel_impact.solve_impact(task, state)
         if not task.planar:
-            solve_slip(task, floats)
+            kernel_impact.solve_slip(task, floats)
         if task.joint_impulses:
-            doubt_singular(task, state)
-            solve_velocity(tree, bodies, inertia, state)
-            joint_impulses(tree, bodies, task, state)
+            kernel_impact.doubt_singular(task, state)
+            tree_kernel.solve_velocity(tree, bodies, inertia, state)
+            tree_kernel.joint_impulses(tree, bodies, task, state)
             write_joint_impulses(task, state, answer, c)
         answer[TANGENT, c], answer[ACROSS, c] = state.impulse[0], state.impulse[1]
         answer[NORMAL, c], answer[MOBILITY, c] = state.impulse[2], state.delassus[D33]

@@ -4,8 +4,8 @@ Whatever depends on the posture is a batch of `BATCH` postures, see `kickdyn.cor
 
 The functions have these arguments in common; joints count from 1, as Pinocchio's do:
 
-    tree, task: constants of the joints and of the kick, see `kernel.JOINT` and `kernel.TASK`.
-    bodies: what is computed of each joint, see `kernel_dynamics`.
+    tree, task: constants of the joints and of the kick, see `JOINT` and `kernel.TASK`.
+    bodies: what is computed of each joint, see `tree_kernel`.
     inertia: M, shape `(n + 1, n + 1)`, lower triangle.
     state: what is computed of each posture, see `STATE`.
 """
@@ -14,7 +14,7 @@ import math
 
 from kickdyn.core.simd import BATCH, choose, spread
 from kickdyn.impact import contact_motion
-from kickdyn.robot.tree_kernel import D11, D12, D13, D22, D23, D33, inlined, njit
+from kickdyn.robot.tree_kernel import D11, D12, D13, D22, D23, D33, cross, dot, inlined, njit
 from kickdyn.sweeps.sweep_kick import ROUNDING, UNLIMITED
 
 LEAST_DIFFERENCE = 1e-3
@@ -73,10 +73,8 @@ def solve_slip(task, state):  # type: ignore[no-untyped-def]
         sticks = s * s + t * t <= largest * largest
         if sticks or (g12 == 0.0 and g23 == 0.0) or state.doubt[i] > 0.0:
             continue
-        g11, g22 = (
-            delassus[D11, i] + task.tangent_mobility,
-            delassus[D22, i] + task.tangent_mobility,
-        )
+        g11 = delassus[D11, i] + task.tangent_mobility
+        g22 = delassus[D22, i] + task.tangent_mobility
         x, y, _ = slip_direction(mu * g11, mu * g12, mu * g22, g13, g23)
         s, t = mu * x, mu * y
         resistance = g13 * s + g23 * t + (delassus[D33, i] + task.normal_mobility)
@@ -151,10 +149,8 @@ def least_speed_use(tree, bodies, task, state):  # type: ignore[no-untyped-def]
 @inlined
 def _orthogonal(a, b, state):  # type: ignore[no-untyped-def]
     """Return the vector product of two columns, 0 where they are parallel."""
-    x, y, z = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-    size_a = a[0] * a[0] + a[1] * a[1] + a[2] * a[2]
-    size_b = b[0] * b[0] + b[1] * b[1] + b[2] * b[2]
-    sine_square = (x * x + y * y + z * z) / (size_a * size_b)
+    x, y, z = across = cross(a, b)
+    sine_square = dot(across, across) / (dot(a, a) * dot(b, b))
     doubtful = (sine_square > PARALLEL) & (sine_square < ASKEW)
     state.doubt = choose(doubtful, 1.0, state.doubt)
     askew = choose(sine_square >= ASKEW, 1.0, 0.0)
@@ -173,12 +169,10 @@ def _raise_speed_use(tree, bodies, task, state, least, y):  # type: ignore[no-un
         limit, a = tree[k].speed_limit, bodies[k].jacobian
         if not tree[k].carries_foot or limit == 0.0:
             continue
-        along = math.fabs(a[0] * y[0] + a[1] * y[1] + a[2] * y[2])
+        along = math.fabs(dot(a, y))
         if limit > 1e3 * least:  # its product with a rounding error may count beside other joints
-            size_a = a[0] * a[0] + a[1] * a[1] + a[2] * a[2]
-            size_y = y[0] * y[0] + y[1] * y[1] + y[2] * y[2]
             limit = limit if limit <= UNLIMITED else math.inf
-            moves = along > ROUNDING * math.sqrt(size_a * size_y)
+            moves = along > ROUNDING * math.sqrt(dot(a, a) * dot(y, y))
             capacity += choose(moves, limit * along, 0.0)
         else:
             capacity += limit * along

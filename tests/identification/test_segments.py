@@ -289,3 +289,22 @@ def test_a_track_with_times_in_minutes_is_refused():
     times = np.arange(0, path.duration, 0.02)
     with pytest.raises(kd.InvalidInput, match=r"faster than sound: .* times in seconds"):
         kd.segments(kd.Track(times / 60.0, path.sample(times).position))
+
+
+def test_the_lines_have_the_numbers_of_the_parts():
+    track, _ = course(3)
+    found = kd.segments(track, BALL, GROUND)
+    lines = str(found).splitlines()
+    number = r"([-\d.]+)"
+    for line, part in zip(lines[1:], found.parts, strict=False):
+        words = rf"{part.kind} +{number}-{number} +{number}-{number} +{part.begins} +{number}$"
+        shown = [float(text.rstrip("-")) for text in re.match(words, line).groups()]
+        ends = track.times[part.first], track.times[part.last - 1]
+        speed = np.linalg.norm(part.velocity_after)
+        assert shown[:2] == [part.first, part.last]
+        assert shown[2:] == pytest.approx([*ends, speed], abs=0.0051)
+    values = {
+        name: getattr(found, name) for name in ("restitution", "friction", "rolling_deceleration")
+    }
+    shown = [f"{name.replace('_', ' ')}: {value}" for name, value in values.items() if value]
+    assert lines[1 + len(found.parts) :] == shown + [f"warning: {line}" for line in found.warnings]

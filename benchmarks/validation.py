@@ -289,10 +289,11 @@ def hardest(hip_speed: float = 0.0, step: float = 10.0) -> tuple[float, float]:
     assert fastest is not None
     v = np.sign(along @ fastest.jacobian) * leg.velocity_limit
     contact = kd.Contact(along, compliance.RESTITUTION)
-    impact = kd.strike(fastest, v, compliance.BALL, contact, ball_velocity=-hip)
-    struck = along @ (impact.ball_after.velocity + hip)
+    running = leg.with_base_velocity(hip).posture(fastest.q)
+    impact = kd.strike(running, v, compliance.BALL, contact)
+    struck = along @ impact.ball_after.velocity
     assert abs(struck - ball) < 1e-9 * ball
-    return ball, float(along @ (impact.foot_velocity + hip))
+    return ball, float(along @ impact.foot_velocity)
 
 
 def plans() -> Iterator[Row]:
@@ -313,9 +314,8 @@ def plans() -> Iterator[Row]:
         f"up to {slow:.1f} and {fast:.1f} m/s, foot at {slow_foot:.1f} and {fast_foot:.1f} m/s",
         range_within(28.60, 34.48, 0.0, fast),
         "The hip speeds are assumed; run-ups are about as fast. The slower of the measured "
-        "kicks are reached, the fastest are not. To compute the impact of a leg with a moving hip, "
-        "use the reference frame of the hip: `kd.strike(..., ball_velocity=-hip_velocity)`, and "
-        "add the velocity of the hip to that of the ball.",
+        "kicks are reached, the fastest are not. The leg is "
+        "`leg.with_base_velocity(hip_velocity)`.",
         "ball speed of maximal instep kicks, hip at 3 and 5 m/s",
     )  # fmt: skip
 

@@ -10,9 +10,9 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from kickdyn.core import validation
+from kickdyn.core.validation import ArrayLike
 from kickdyn.errors import InvalidInput
 
 Table = tuple[tuple[float, float], ...]

@@ -5,12 +5,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import click
 import numpy as np
 
 from kickdyn.cli.command import warn
-from kickdyn.cli.option_groups import option
+from kickdyn.cli.option_groups import Numbers, option
 from kickdyn.core import validation
 from kickdyn.core.files import read_toml
 from kickdyn.errors import InvalidInput
@@ -45,6 +46,10 @@ def load_leg(
     prismatic joints]; `drives` are as for `Leg.from_robot`. Raises `InvalidInput`, or `FaultyFile`
     if the file is refused.
     """
+    if name.startswith("human:"):
+        size = _read_size(name)
+        leg = Leg.human(**size, frame=frame or "toe", base=base).locked(InDegrees(locked or {}))
+        return leg if isinstance(drives, bool) else leg.with_drives(drives)
     described = name.endswith(DESCRIPTION)
     if package_dirs and (name in LEGS or described):
         raise InvalidInput(f"package-dir is {package_dirs[0]!r}: it is for a URDF file, not {name}")
@@ -63,6 +68,23 @@ def load_leg(
     return read_leg(name, frame, base, package_dirs, locked, drives)
 
 
+def _read_size(name: str) -> dict[str, Any]:
+    """Return the arguments of `Leg.human` in a text such as human:height=1.65,mass=58,side=left."""
+    size: dict[str, Any] = {}
+    for part in name.removeprefix("human:").split(","):
+        key, _equals, value = part.partition("=")
+        try:
+            if key not in ("height", "mass", "sex", "side", "model") or key in size:
+                raise ValueError
+            size[key] = float(value) if key in ("height", "mass") else value
+        except ValueError:
+            raise InvalidInput(
+                f"--leg is {name!r}: {part!r} must be height=METRES, mass=KG, sex=female|male, "
+                "side=left|right or model=paper|3d, once each"
+            ) from None
+    return size
+
+
 @dataclass(frozen=True)
 class LegOptions:
     """A leg, and how it is supported."""
@@ -71,7 +93,8 @@ class LegOptions:
         "--leg", default="human", metavar="human|testbed|FILE|ROBOT", show_default=True,
         type=click.Path(),
         help="A leg of kickdyn, a URDF or MJCF file, or the leg of a robot of the extra "
-        "kickdyn[robots] on a fixed base (g1, talos, ...).",
+        "kickdyn[robots] on a fixed base (g1, talos, ...). human:height=1.65,mass=58,sex=female,"
+        "side=left,model=3d is the leg of a person of this size.",
     )  # fmt: skip
     frame: str | None = option(
         "--frame", metavar="NAME[:SURFACE]",
@@ -105,6 +128,14 @@ class LegOptions:
         help="TOML file with the rotor inertias and limits of joints' drives; none for no rotors.  "
         "[default: those of the robot]",
     )  # fmt: skip
+    base_velocity: tuple[float, float, float] | None = option(
+        "--base-velocity", type=Numbers("X,Y,Z"),
+        help="Velocity of the fixed base, as of the hip in a run-up, at the world's origin [m/s].",
+    )  # fmt: skip
+    base_angular_velocity: tuple[float, float, float] | None = option(
+        "--base-angular-velocity", type=Numbers("X,Y,Z"),
+        help="Angular velocity of the fixed base [rad/s].",
+    )  # fmt: skip
     package_dirs: tuple[str, ...] = option(
         "--package-dir", multiple=True, metavar="DIR",
         type=click.Path(exists=True, file_okay=False),
@@ -136,6 +167,8 @@ class LegOptions:
             raise
         leg = leg.with_supports(*supports).with_loops(*leg.loops, *loops)
         leg = leg.with_stiff_joints(*self.stiff_joints)
+        rest = (0.0, 0.0, 0.0)
+        leg = leg.with_base_velocity(self.base_velocity or rest, self.base_angular_velocity or rest)
         warn(leg.warnings)
         return leg
 

@@ -17,14 +17,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.integrate import solve_ivp
 
 from kickdyn.aerodynamics.coefficient_model import scaled
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core.mechanics import GRAVITY
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import KickdynError
 from kickdyn.flight.forces import (
     VACUUM,

@@ -23,7 +23,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 from scipy.special import expit, logit
 
@@ -34,7 +33,7 @@ from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.representation import ReprMixin, Row, warned
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.flight.derivatives import DifferentiableFlight, fly_with_slopes
 from kickdyn.identification.identification_result import UNITS, covariance

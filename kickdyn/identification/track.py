@@ -14,13 +14,12 @@ from os import PathLike
 from zipfile import BadZipFile
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from kickdyn.core import validation
 from kickdyn.core.files import check_file, read_text
 from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.representation import ReprMixin, Row, ValueEquality
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import FaultyFile, InvalidInput
 
 LEAST_SAMPLES = 5

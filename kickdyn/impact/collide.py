@@ -9,13 +9,12 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
 
 from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.representation import Row, warned
-from kickdyn.core.validation import Array, read_only
+from kickdyn.core.validation import Array, ArrayLike, read_only
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.approach import AT_REST, AfterApproach, Approach, find_approach
 from kickdyn.impact.compliant_contact import (
@@ -136,9 +135,10 @@ class Collision(AfterApproach):
     @cached_property
     def ball_after(self) -> BallState:
         """The ball at separation."""
-        end, position = self._end, self.ball_before.position
+        end, base = self._end, self._motion.equations.base_velocity
+        position = self.ball_before.position + base * self.contact_time + end.moved
         velocity, spin = end.motion
-        return BallState(position + end.moved, velocity, spin, self.contact_time)
+        return BallState(position, velocity + base, spin, self.contact_time)
 
     @property
     def q_after(self) -> Array:
@@ -299,6 +299,9 @@ def collide(
     """
     validation.number("tol", tol, at_least=1e-13, at_most=1e-3)
     torque = _checked_torque(torque, posture.leg.nv)
+    twist = posture.leg.base_velocity
+    if twist is not None and twist[3:].any():
+        posture.leg.check_base_at_rest("a contact that takes time, unless the base does not turn,")
     approach = find_approach(posture, v, ball, contact, ball_velocity, ball_spin)
     ball.check_movable("a contact that takes time")
     # Below a micrometre per second gravity, not the impact, decides the motion.

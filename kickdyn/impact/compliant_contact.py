@@ -9,13 +9,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
 from scipy.integrate import DOP853, OdeSolution
 from scipy.linalg import blas, lapack
 from scipy.optimize import brentq, minimize_scalar
 
 from kickdyn.core import validation
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import KickdynError
 from kickdyn.impact.approach import Approach
 from kickdyn.impact.contact_motion import (
@@ -125,6 +124,8 @@ class Evaluation(NamedTuple):
 class CompliantContact:
     """Leg and ball from first contact to separation, as a first-order system.
 
+    Displacements and velocities of the ball are relative to the leg's base, which does not turn.
+
     A column y has the leg's displacement since first contact, in the tangent space, and what
     `State` lists.
     """
@@ -140,6 +141,7 @@ class CompliantContact:
         posture, contact = approach.posture, approach.contact
         self.approach, self.force_model, self.torque = approach, force_model, torque
         self.leg, self.q, self.ball = posture.leg, posture.q, approach.ball
+        self.base_velocity = posture.transport_velocity
         self.model = self.leg.model  # with gravity, which the leg's workspace leaves out
         self._space = Workspace(self.model)
         self.gravity = np.array(self.model.gravity.linear)
@@ -161,8 +163,9 @@ class CompliantContact:
     def start(self) -> Array:
         """Return the first column."""
         before, v = self.approach.ball_before, self.approach.v
+        velocity = before.velocity - self.base_velocity
         return np.concatenate(
-            [np.zeros(self.leg.nv), v, np.zeros(3), before.velocity, before.spin, [0.0, 0.0]]
+            [np.zeros(self.leg.nv), v, np.zeros(3), velocity, before.spin, [0.0, 0.0]]
         )
 
     def scales(self) -> Array:
@@ -374,7 +377,8 @@ class CompliantContact:
 
     def impulse(self, t: float, y: Array) -> Array:
         """Return the contact's impulse on the ball until t: its momentum, less gravity's share."""
-        gained = self.state(y).motion[0] - self.approach.ball_before.velocity
+        before = self.approach.ball_before.velocity - self.base_velocity
+        gained = self.state(y).motion[0] - before
         return np.asarray(self.ball.mass * (gained - self.gravity * t))
 
     def energy(self, y: Array, largest: float) -> float:

@@ -6,12 +6,11 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from kickdyn.ball import BallState
 from kickdyn.core import validation
 from kickdyn.core.representation import Row, warned
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.approach import AfterApproach, Approach
 from kickdyn.impact.contact_problem import Solution
@@ -172,7 +171,7 @@ class Impact(AfterApproach):
         `stronge`, whose restitution is one of work, where these differ from Newton's.
         """
         approach = self.approach
-        foot_velocity_after = approach.posture.jacobian.dot(self.leg_response.v_after)
+        foot_velocity_after = approach.posture.point_velocity(self.leg_response.v_after)
         relative = self.ball_after.velocity - foot_velocity_after
         separation = float(approach.contact.normal.dot(relative))
         return abs(separation - approach.restitution * approach.speed) / approach.speed

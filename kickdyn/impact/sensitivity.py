@@ -260,8 +260,9 @@ def _at_fixed_impulse(
     after[:, by_radius] = before[:, by_radius]  # what the impulse adds has no r
     after[:, columns["normal"]] -= r * pin.skew(ball_after.spin) @ projector
 
-    u_before = ball_before.velocity - jacobian @ v_before + r * cross_n @ ball_before.spin
-    u_after = ball_after.velocity - jacobian @ response.v_after + r * cross_n @ ball_after.spin
+    u_before = ball_before.velocity - approach.foot_velocity + r * cross_n @ ball_before.spin
+    foot_after = posture.point_velocity(response.v_after)
+    u_after = ball_after.velocity - foot_after + r * cross_n @ ball_after.spin
     return _FixedImpulse(velocity, spin, v_after, before, after, normal, u_before, u_after)
 
 

@@ -4,11 +4,10 @@ import math
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
 
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike

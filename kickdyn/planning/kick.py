@@ -6,14 +6,13 @@ from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
 from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.core import validation
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course, follow
@@ -132,6 +131,8 @@ def plan_kick(
     contact, position = _checked_contact(contact), _checked_ball_position(ball_position)
     if is_floating(leg):
         position = _lying_on_ground(position, ball)
+    if motion:
+        leg.check_base_at_rest("a motion from rest to rest")
     disabled_pairs(leg)  # a faulty SRDF is refused now, not by the checks of the finished plan
 
     # several threads sum in another order, which moves postures by up to 2e-5 rad, and take 5 times

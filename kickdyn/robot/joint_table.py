@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from kickdyn.core import validation
-from kickdyn.core.validation import Array, read_only
+from kickdyn.core.validation import Array, ArrayLike, read_only
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.names import expand_patterns, unknown
 

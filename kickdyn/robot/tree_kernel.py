@@ -116,9 +116,11 @@ class TreeJoints(NamedTuple):
 
 
 def hinges_and_slides(leg: Leg) -> TreeJoints | None:
-    """Return the joints of a leg; None if it has a floating base, constraints or other joints."""
+    """Return the joints of a leg; None with a base that floats or moves, constraints, or others."""
     model = leg.workspace.model
-    if leg.constraints is not None or any(nv != 1 for nv in list(model.nvs)[1:]):
+    if leg.constraints is not None or leg.base_velocity is not None:
+        return None
+    if any(nv != 1 for nv in list(model.nvs)[1:]):
         return None
     data = model.createData()
     pin.computeJointJacobians(model, data, pin.neutral(model))

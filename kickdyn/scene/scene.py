@@ -6,14 +6,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 from kickdyn.ground import Ground
 from kickdyn.impact.collide import CONTACT_TIME, checked_stiffness
@@ -200,7 +199,7 @@ class Scene(ReprMixin):
         yield "name", self.name, ""
         yield "leg", self.leg.name, ""
         yield "contact point", self.posture.contact_point, "m"
-        yield "foot speed", float(np.linalg.norm(self.posture.jacobian @ self.v)), "m/s"
+        yield "foot speed", float(np.linalg.norm(self.posture.point_velocity(self.v))), "m/s"
         yield "ball", f"{self.ball.mass:.4g} kg, radius {self.ball.radius:.4g} m", ""
         if self.incoming.velocity.any():
             yield "ball's velocity", self.incoming.velocity, "m/s"

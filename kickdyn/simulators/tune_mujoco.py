@@ -8,13 +8,11 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from numpy.typing import ArrayLike
-
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, warned
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.approach import AT_REST, find_approach
 from kickdyn.impact.collide import CONTACT_TIME

@@ -214,7 +214,8 @@ def _model_text(leg: Leg) -> str:
     supports, loops = ([], []) if constraints is None else (constraints.supports, constraints.loops)
     stands, gears = [(s.frame, s.point) for s in supports], [tuple(m) for m in leg.mimics]
     stiff = list(leg.stiff_joints)
-    return f"{leg.model.saveToString()} {stands} {list(loops)} {gears} {stiff}"
+    text = f"{leg.model.saveToString()} {stands} {list(loops)} {gears} {stiff}"
+    return text if leg.base_velocity is None else f"{text} {leg.base_velocity.tolist()}"
 
 
 def _air_hash(air: Air) -> str:

@@ -104,7 +104,7 @@ class KernelModel:
     def of(cls, leg: Leg, kick: Kick) -> "KernelModel | None":
         """Return the model of a leg and a kick, or None where the kernel does not serve them.
 
-        It serves no floating base, no supports, no loops and no helical joints.
+        It serves no base that floats or moves, no supports, no loops and no helical joints.
         """
         joints = hinges_and_slides(leg)
         if joints is None:

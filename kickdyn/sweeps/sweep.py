@@ -18,10 +18,10 @@ from typing import TypeVar
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from kickdyn.core import validation
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput, Unfinished
 from kickdyn.robot.leg import Leg
 from kickdyn.sweeps.chunk_solver import ChunkSolver

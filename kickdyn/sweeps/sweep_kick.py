@@ -5,13 +5,12 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.core import validation
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import KickdynError
 from kickdyn.flight.fly import fly
 from kickdyn.impact.impact_result import Impact
@@ -208,5 +207,5 @@ def slowest_joint_velocity(posture: Posture, foot_velocity: Array) -> Array:
     v = np.zeros(least_energy.size)
     v[moves] = speed / size * unit * solution.x[:-1]  # to the solver's tolerance
     v[moves] += np.linalg.lstsq(rows, all_rows @ (least_energy - v), rcond=ROUNDING)[0]
-    gap = np.abs(posture.jacobian @ v - foot_velocity).max()
+    gap = np.abs(posture.point_velocity(v) - foot_velocity).max()
     return v if gap <= 1e-9 * np.abs(foot_velocity).max() else least_energy

@@ -305,3 +305,20 @@ def test_drives_of_a_command_are_a_file_or_none(tmp_path):
     ):
         leg, _ = loaded("--leg", "g1", *arguments)
         assert leg.model.armature[leg.velocity_index("right_knee_joint")] == knee
+
+
+def test_a_human_leg_of_a_size():
+    leg, _ = loaded(
+        "--leg", "human:height=1.65,mass=58,sex=female,side=left,model=3d",
+        "--frame", "inside", "--lock", "subtalar=10",
+    )  # fmt: skip
+    size = {"height": 1.65, "mass": 58, "sex": "female", "side": "left", "model": "3d"}
+    assert (
+        leg.model
+        == kd.Leg.human(**size, frame="inside").locked({"subtalar": math.radians(10)}).model
+    )
+    for wrong in ("human:", "human:height=1.65,height=2", "human:mass=x", "human:age=3"):
+        with pytest.raises(
+            kd.InvalidInput, match=f"--leg is '{wrong}': '.*' must be height=METRES"
+        ):
+            loaded("--leg", wrong)

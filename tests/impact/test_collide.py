@@ -654,3 +654,19 @@ def test_the_state_at_separation_is_as_exact_as_the_steps():
     for tol in (1e-9, 1e-10):
         hit = kd.collide(posture, [8.25, -18.15, 2.48], kd.Ball(), kd.Contact(along, 0.7), tol=tol)
         assert hit.energy_residual < 30 * tol
+
+
+def test_a_base_that_moves_is_another_frame_of_reference():
+    leg, hip, ball_velocity = kd.Leg.human(), np.array([4.0, 0.5, -0.3]), np.array([1.0, 0.3, 0.2])
+    kick = [8.25, -18.15, 2.48], kd.Ball(), kd.Contact((2, 0.3, 1), 0.7, 0.4)
+    q = np.radians([40, 30, -20])
+    seen = kd.collide(leg.posture(q), *kick, ball_velocity=ball_velocity - hip)
+    moving = leg.with_base_velocity(hip).posture(q)
+    hit = kd.collide(moving, *kick, ball_velocity=ball_velocity)
+    moved = seen.ball_after.position + hip * seen.contact_time
+    assert hit.ball_after.velocity == pytest.approx(seen.ball_after.velocity + hip, abs=1e-10)
+    assert hit.ball_after.position == pytest.approx(moved, abs=1e-12)
+    assert hit.impulse == pytest.approx(seen.impulse, abs=1e-10)
+    turning = leg.with_base_velocity(hip, (0, 1, 0)).posture(q)
+    with pytest.raises(kd.InvalidInput, match="unless the base does not turn, needs a base at"):
+        kd.collide(turning, *kick)

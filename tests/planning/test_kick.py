@@ -565,3 +565,29 @@ def test_a_plan_does_not_depend_on_the_number_of_threads_of_blas():
     first, second = plans
     assert (first.q == second.q).all()
     assert (first.v == second.v).all()
+
+
+@pytest.mark.parametrize("leg", [HUMAN, G1], ids=["human", "g1"])
+def test_a_plan_with_a_base_that_moves(leg):
+    """It is met in the world, and by a slower leg than from a base at rest."""
+    goal = kd.Goal(4, time=0.6) if leg is G1 else kd.Goal(25, time=1.4)
+    height = -0.58 if leg is G1 else -0.704
+    hip = (0.6, 0.0, 0.1), (0.0, -0.5, 0.0)
+    still, running = (
+        kd.plan_kick(each, goal, BALL, AIR, ball_position=height)
+        for each in (leg, leg.with_base_velocity(*hip))
+    )
+    check(running.leg, running, height)
+    assert running.leg.base_velocity.tolist() == [*hip[0], *hip[1]]
+    assert running.speed_use < still.speed_use
+
+
+def test_what_a_base_that_moves_cannot_do():
+    aside = HUMAN.with_base_velocity((3, 1, 0))
+    with pytest.raises(kd.InvalidInput, match="velocity of the base leaves the plane"):
+        kd.plan_kick(aside, kd.Goal(20, time=1.2), BALL, AIR)
+    frictionless = kd.Contact(restitution=0.8, friction=0.0)
+    met = kd.plan_kick(aside, kd.Goal(20, time=1.2), BALL, AIR, contact=frictionless)
+    assert met.impact.ball_after.velocity == pytest.approx(met.launch.velocity, abs=1e-9)
+    with pytest.raises(kd.InvalidInput, match="a motion from rest to rest needs a base at rest"):
+        kd.plan_kick(aside, kd.Goal(20, time=1.2), BALL, AIR, motion=True)

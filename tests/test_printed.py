@@ -172,6 +172,7 @@ def of_stiff_impact(impact):
     free = posture.leg.with_stiff_joints().posture(posture.q)
     limits = posture.effective_mass_limits(normal)
     return of_impact(impact) | {
+        "drives": ("with rotors, stiff ankle", ""),
         "with all joints free": (free.effective_mass(normal), "kg"),
         "work of the motors": (impact.motor_work, "J"),
         **{f"limit {name}": (mass, "kg") for name, mass in limits.items()},

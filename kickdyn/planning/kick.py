@@ -143,6 +143,7 @@ def plan_kick(
             launch = _plan_flight_launch(goal, ball, air)
         else:
             launch = _plan_pass_launch(goal, ball, air, surface)
+        goal = goal.at(launch.time)
         target = impact_target_for(launch.velocity, launch.spin, ball, contact)
         problem = kick_problem(leg, target, position, limits=limits, solver=solver)
         if motion:

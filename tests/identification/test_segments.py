@@ -308,3 +308,14 @@ def test_the_lines_have_the_numbers_of_the_parts():
     }
     shown = [f"{name.replace('_', ' ')}: {value}" for name, value in values.items() if value]
     assert lines[1 + len(found.parts) :] == shown + [f"warning: {line}" for line in found.warnings]
+
+
+@pytest.mark.parametrize(("duration", "known"), [(0.45, False), (0.8, True)])
+def test_rolling_for_less_than_half_a_second_gives_no_deceleration(duration, known):
+    rolling = kd.BallState((0, 0, BALL.radius), (4, 0, 0), (0, 4 / BALL.radius, 0))
+    path = kd.follow(rolling, BALL, kd.Air(), GROUND)
+    times = np.arange(0.0, duration, 0.01)
+    noise = np.random.default_rng(1).normal(0, 1e-4, (len(times), 3))
+    found = kd.segments(kd.Track(times, path.sample(times).position + noise), BALL, GROUND)
+    assert {part.kind for part in found.parts} == {SegmentKind.ROLLING}
+    assert (found.rolling_deceleration is not None) is known

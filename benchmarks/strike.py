@@ -114,7 +114,7 @@ def many() -> None:
             loop, _ = cpp_loop(program, leg, q)
             here, _, inside = shortest(run, loop)
             print(
-                f"{name}: strike_many {here:.2f} us, C++ {inside:.2f} us ({inside / here:.1f} times)"
+                f"{name}: strike_many {here:.2f} us, C++ {inside:.2f} us, {inside / here:.1f} times"
             )
 
 

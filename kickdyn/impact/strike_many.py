@@ -135,7 +135,7 @@ def strike_many(
         >>> contact = kd.Contact(normal=(2, 0, 1), restitution=0.8, friction=0.4)
         >>> impacts = kd.strike_many(kd.Leg.human(), q, v, kd.Ball(), contact)
         >>> np.linalg.norm(impacts.ball_velocity, axis=1).round(2).tolist()
-        [16.94, 13.71]
+        [16.94, 13.48]
     """
     validation.check_type(Leg, leg=leg)
     if not find_law(law).has_kernel:

@@ -154,6 +154,7 @@ def find_approach(
     validation.check_type(Ball, ball=ball)
     validation.check_type(Contact, contact=contact)
     contact.check_normal()
+    contact = contact.for_ball(ball)
     v = validation.vector("v", v, posture.leg.nv)
     if posture.constraint_projector is not None:
         posture.check_velocity(v)

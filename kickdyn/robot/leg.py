@@ -1023,7 +1023,8 @@ class Workspace(threading.local):
         data: `pin.Data` of that model.
         external: one `pin.Force` per joint, for `pin.rnea`; a caller sets all of them.
         external_wrenches: view of `external`, shape `(njoints, 6)`, the universe included.
-        placements: views of `data.oMi`, the universe included.
+        placements, velocities, accelerations: views of `data.oMi`, `data.v` and `data.a`, the
+            universe included.
         forces: view of `data.f`, linear then angular, shape `(njoints, 6)`, without the universe.
         zero_velocity: of all joints, shape `(nv,)`.
     """
@@ -1036,6 +1037,7 @@ class Workspace(threading.local):
         self.external.extend([pin.Force.Zero() for _ in range(model.njoints)])
         self.external_wrenches = _stacked(self.external)
         self.placements = list(self.data.oMi)  # each access to oMi would copy its entry
+        self.velocities, self.accelerations = list(self.data.v), list(self.data.a)
         self.forces = _stacked(self.data.f)[1:]
         self.zero_velocity: Array = np.zeros(model.nv)
 

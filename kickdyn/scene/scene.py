@@ -114,6 +114,7 @@ class Scene(ReprMixin):
     ) -> None:
         ball.check_movable("a scene")
         contact.check_normal()
+        contact = contact.for_ball(ball)
         if contact.offset is None and posture.contact_offset is not None:
             contact = replace(contact, offset=posture.contact_offset)
         if isinstance(law, Compliance):

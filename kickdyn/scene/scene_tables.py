@@ -325,7 +325,7 @@ TABLES = (
         Key("inertia_factor", "inertia_factor", "number, above 0 and at most 2/3",
             "moment of inertia over m r^2; 2/3 of a shell without it"),
         Key("pressure_pa", "pressure", "number, at least 2000 and at most 1e6 [Pa]",
-            "gauge pressure, from which `stiffness` of the contact follows"),
+            "gauge pressure, for the `stiffness` and the restitution `inflated` of the contact"),
         Key("velocity_m_s", "velocity", "vector [m/s]", "before the contact; 0 without it"),
         Key("spin_rad_s", "spin", "vector [rad/s]", "before the contact; 0 without it"),
     )),

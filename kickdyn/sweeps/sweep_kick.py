@@ -81,7 +81,7 @@ class Kick:
     @property
     def contact(self) -> Contact:
         """The contact, with its normal along the velocity of the foot."""
-        return Contact(self.direction, self.restitution, self.friction)
+        return Contact(self.direction, self.restitution, self.friction).for_ball(self.ball)
 
     @property
     def restitution_used(self) -> float:

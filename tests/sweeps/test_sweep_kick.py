@@ -220,6 +220,14 @@ def test_a_table_is_taken_at_the_foots_speed(kernel_from, monkeypatch):
     slow = kd.sweep(LEG, postures, Kick(speed=1.0, restitution="peacock-ball"))
     assert "9.1 to 21.2 m/s" in slow.attrs["warnings"]
     assert slow.attrs["restitution_given"] == "peacock-ball"
+    ball = kd.Ball(pressure=70e3)
+    kick = Kick(speed=12.0, restitution="inflated", ball=ball)
+    inflated = kd.sweep(LEG, postures, kick)
+    assert type(inflated.attrs["restitution_given"]) is str  # else netCDF refuses it
+    for hip, impulse in zip(postures["hip"], inflated.impulse.values.ravel(), strict=True):
+        posture = LEG.posture([hip, 0.5, 0.17])
+        hit = kd.strike(posture, posture.joint_velocity(12 * kick.direction), ball, kick.contact)
+        assert impulse == pytest.approx(math.hypot(*hit.impulse), rel=1e-12)
 
 
 def test_the_joints_move_the_foot_relative_to_a_base_that_moves():

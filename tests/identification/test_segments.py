@@ -308,3 +308,29 @@ def test_the_lines_have_the_numbers_of_the_parts():
     }
     shown = [f"{name.replace('_', ' ')}: {value}" for name, value in values.items() if value]
     assert lines[1 + len(found.parts) :] == shown + [f"warning: {line}" for line in found.warnings]
+
+
+@pytest.mark.parametrize(("duration", "known"), [(0.45, False), (0.8, True)])
+def test_rolling_for_less_than_half_a_second_gives_no_deceleration(duration, known):
+    rolling = kd.BallState((0, 0, BALL.radius), (4, 0, 0), (0, 4 / BALL.radius, 0))
+    path = kd.follow(rolling, BALL, kd.Air(), GROUND)
+    times = np.arange(0.0, duration, 0.01)
+    noise = np.random.default_rng(1).normal(0, 1e-4, (len(times), 3))
+    found = kd.segments(kd.Track(times, path.sample(times).position + noise), BALL, GROUND)
+    assert {part.kind for part in found.parts} == {SegmentKind.ROLLING}
+    assert (found.rolling_deceleration is not None) is known
+
+
+@pytest.mark.parametrize(("speed", "kind"), [(0.1, SegmentKind.REST), (1.5, SegmentKind.ROLLING)])
+@pytest.mark.parametrize("below", [0.0, 0.1, 0.4])
+def test_a_ball_on_the_ground_rests_or_rolls(speed, kind, below):
+    """A tracker may be off by less than 0.25 m, or the ball is under the ground."""
+    times = np.arange(0.0, 1.5, 0.01)
+    height = np.full(times.size, BALL.radius - below - 0.11)
+    places = np.column_stack([speed * times, 0.0 * times, height])
+    track = kd.Track(times, places + np.random.default_rng(1).normal(0, 1e-4, places.shape))
+    if below > 0.25:
+        with pytest.raises(kd.InvalidInput, match="under the ground"):
+            kd.segments(track, BALL, GROUND)
+    else:
+        assert {part.kind for part in kd.segments(track, BALL, GROUND).parts} == {kind}

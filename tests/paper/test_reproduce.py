@@ -428,3 +428,9 @@ def test_self_motion_changes_the_impulse_by_the_ratio_of_its_items():
         for item in (largest, smallest):
             assert f"changes by a factor of {ratio:.2f}" in item.why
             assert (item.verdict == "shape-reproduced") == (ratio > 1.05)
+
+
+@pytest.mark.parametrize("choice", [DEFAULT, *ALTERNATIVES], ids=lambda choice: choice.name)
+@pytest.mark.parametrize("figure", [fig_8, fig_9], ids=["fig. 8", "fig. 9"])
+def test_items_name_the_coefficients_they_are_computed_with(figure, choice):
+    assert all(f", {choice.name}" in item.source for item in figure.varying(choice))

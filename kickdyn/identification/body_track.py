@@ -7,12 +7,11 @@ from enum import StrEnum
 from os import PathLike
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from kickdyn.core import validation
 from kickdyn.core.files import read_text
 from kickdyn.core.representation import ReprMixin, Row
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import FaultyFile, InvalidInput
 from kickdyn.identification.track import LARGEST_FILE, METRES, c3d_content
 

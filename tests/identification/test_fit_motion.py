@@ -158,7 +158,7 @@ def hide_contact(positions):
 )  # fmt: skip
 def test_refused(change, markers, message):
     with pytest.raises(kd.InvalidInput, match=message):
-        kd.fit_motion(changed(change, rate=60), LEG, markers)
+        kd.fit_motion(changed(change, rate=50), LEG, markers)
 
 
 def test_times_without_frames_are_refused():

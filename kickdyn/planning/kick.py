@@ -231,8 +231,6 @@ def _path_to_target(
     if surface is None:
         return fly_to_target(impact.ball_after, goal, impact.ball, air, time)
     start, radius = impact.ball_after, impact.ball.radius
-    if abs(start.velocity[2]) < 1e-12 * start.speed:  # rounding; `fly` would miss so short a hop
-        start = replace(start, velocity=start.velocity * (1.0, 1.0, 0.0))
     ground = Ground(float(start.position[2]) - radius, surface)
     plane = Plane(start.position + goal.target, -goal.ahead, "centre")
     return follow(start, impact.ball, air, ground, plane=plane)

@@ -133,7 +133,7 @@ def test_a_pass_is_struck_and_rolls_to_its_target():
 
 
 def test_a_pass_rolls_where_rounding_lifts_the_ball():
-    """Its upward speed is a few 1e-18 m/s at some of these heights: too short a hop for `fly`."""
+    """Its upward speed is a few 1e-18 m/s at some of these heights."""
     bolt, ball = kd.Leg.from_robot("bolt", legs_only=True), kd.Ball(0.05, 0.04)
     rises = []
     for height in (-0.34, -0.32, -0.3):
@@ -160,7 +160,7 @@ def test_a_way_through_the_ground_is_refused():
 @pytest.mark.parametrize(
     ("goal", "words"),
     [
-        (kd.Goal(4, speed=5), "must have a time"),
+        (kd.Goal(4, apex=1), "must have a time or a speed"),
         (kd.Goal((4, 0, 1), time=1), "a target as high as the ball"),
         (
             kd.Goal(4, time=60),

@@ -184,6 +184,7 @@ def test_friction_of_a_ball_that_grips_is_a_lower_bound(friction):
         bound = found.friction
         if bound.is_lower_bound:
             assert 0.2 < bound.median < friction + 0.03
+            assert bound.samples == found.restitution.samples > 1
             assert f"friction: at least {bound.median - 2 * bound.deviation:.2g} (of" in str(found)
             assert "friction may be higher" in found.warnings[0]
         else:

@@ -160,7 +160,7 @@ def test_a_way_through_the_ground_is_refused():
 @pytest.mark.parametrize(
     ("goal", "words"),
     [
-        (kd.Goal(4, speed=5), "must have a time"),
+        (kd.Goal(4, apex=1), "must have a time or a speed"),
         (kd.Goal((4, 0, 1), time=1), "a target as high as the ball"),
         (
             kd.Goal(4, time=60),

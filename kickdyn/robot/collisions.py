@@ -12,6 +12,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from kickdyn.core.validation import Array
 from kickdyn.robot.ground_clearance import LARGEST_MESH, Spheres, body_frames, shapes_of
@@ -62,8 +63,44 @@ class Proximity(NamedTuple):
 _known: WeakKeyDictionary[Leg, dict[tuple[str, bool], list[Body]]] = WeakKeyDictionary()
 """Bodies by frame, with meshes or without: reading a mesh takes a tenth of a second."""
 
-_allowed: WeakKeyDictionary[Leg, set[frozenset[str]]] = WeakKeyDictionary()
-"""Pairs of frames whose bodies may be inside each other: a motion asks for them at many times."""
+
+class Gap(NamedTuple):
+    """How two bodies are placed.
+
+    Attributes:
+        frames: names of the bodies' frames.
+        depth: of the bodies in each other [m]; below 0 is the distance.
+        points: of the bodies, nearest to each other or deepest, `(2, 3)` [m, world frame].
+        normal: from the first body into the second one, shape `(3,)` [world frame].
+    """
+
+    frames: tuple[str, str]
+    depth: float
+    points: Array
+    normal: Array
+
+
+class BodyPairs(NamedTuple):
+    """Pairs of bodies.
+
+    Attributes:
+        bodies: of the pairs.
+        first, second: indices of each pair's bodies, shape `(k,)`.
+        reach: of each pair's bodies together, shape `(k,)` [m].
+    """
+
+    bodies: list[Body]
+    first: NDArray[np.int64]
+    second: NDArray[np.int64]
+    reach: Array
+
+    def of(self, chosen: NDArray[np.bool_]) -> "BodyPairs":
+        """Return some of the pairs."""
+        return BodyPairs(self.bodies, self.first[chosen], self.second[chosen], self.reach[chosen])
+
+
+_pairs: WeakKeyDictionary[Leg, BodyPairs] = WeakKeyDictionary()
+"""Pairs of bodies that must stay apart: a motion asks for them at many times."""
 
 
 def bodies_at(leg: Leg, frame: str, *, meshes: bool = True) -> list[Body]:
@@ -129,6 +166,21 @@ class Placed:
             ]
         return near
 
+    def gaps(self, pairs: BodyPairs, within: float) -> list[Gap]:
+        """Return how the pairs are placed whose distance is less than `within` [m]."""
+        poses = [self.poses[body.frame] * body.pose for body in pairs.bodies]
+        centres = np.array([pose.translation for pose in poses]).reshape(-1, 3)
+        apart = np.linalg.norm(centres[pairs.first] - centres[pairs.second], axis=1)
+        near, gaps = np.flatnonzero(apart < pairs.reach + within), []
+        for first, second in zip(pairs.first[near], pairs.second[near], strict=True):
+            body, other = pairs.bodies[first], pairs.bodies[second]
+            result = self.distance(body, other.shape, poses[second])
+            if result.min_distance < within:
+                points = np.array([result.getNearestPoint1(), result.getNearestPoint2()])
+                frames = body.frame, other.frame
+                gaps.append(Gap(frames, -result.min_distance, points, result.normal))
+        return gaps
+
     def distance(self, body: Body, other: Any, pose: Any) -> Any:
         """Return coal's `DistanceResult` of a body and another shape at a pose."""
         request, result = self._coal.DistanceRequest(), self._coal.DistanceResult()
@@ -156,39 +208,40 @@ def find_ball_overlaps(posture: Posture, centre: Array, radius: float) -> dict[s
 
 
 def find_self_collisions(leg: Leg, q: Array) -> dict[tuple[str, str], float]:
-    """Return how deep bodies are inside each other [m], by pairs of frames, the deepest first.
+    """Return how deep `body_pairs` are inside each other [m], by frames, the deepest first."""
+    space, depths = leg.workspace, dict[tuple[str, str], float]()
+    placed = Placed(leg, body_frames(leg), space.model, space.data, q)
+    for gap in placed.gaps(body_pairs(leg), -TOUCHING):
+        depths[gap.frames] = max(gap.depth, depths.get(gap.frames, 0.0))
+    return dict(sorted(depths.items(), key=lambda item: -item[1]))
+
+
+def body_pairs(leg: Leg) -> BodyPairs:
+    """Return the pairs of a leg's bodies that must not be inside each other.
 
     Bodies of one joint or of a joint and the body that carries it do not count, nor do pairs that
     the SRDF beside the URDF disables (`disable_collisions`) or that touch where all joints are at
     rest.
     """
-    pairs = _overlapping(leg, q)
-    if not pairs:
-        return {}
-    if leg not in _allowed:
-        at_rest = _overlapping(leg, rest_configuration(leg))
-        _allowed[leg] = disabled_pairs(leg) | {*map(frozenset, at_rest)}
-    kept = {pair: depth for pair, depth in pairs.items() if frozenset(pair) not in _allowed[leg]}
-    return dict(sorted(kept.items(), key=lambda item: -item[1]))
-
-
-def _overlapping(leg: Leg, q: Array) -> dict[tuple[str, str], float]:
-    model, frames, depths = leg.workspace.model, body_frames(leg), dict[tuple[str, str], float]()
-    placed = Placed(leg, frames, model, leg.workspace.data, q)
-    joints = {name: int(model.frames[number].parentJoint) for name, number in frames.items()}
-    carriers = [_carrier(model, joint) for joint in range(model.njoints)]
-    for frame in joints:
-        for body in bodies_at(leg, frame):
-            centre = placed.poses[frame].act(body.pose.translation)
-            for other in placed.bodies_near(centre, body.reach):
-                first, second = joints[frame], joints[other.frame]
-                if first >= second or first == carriers[second]:
-                    continue
-                result = placed.distance(body, other.shape, placed.poses[other.frame] * other.pose)
-                pair, depth = (frame, other.frame), -result.min_distance
-                if depth > max(TOUCHING, depths.get(pair, 0.0)):
-                    depths[pair] = depth
-    return depths
+    if leg not in _pairs:
+        space, frames = leg.workspace, body_frames(leg)
+        model = space.model
+        bodies = [body for frame in frames for body in bodies_at(leg, frame)]
+        joints = np.array([model.frames[frames[body.frame]].parentJoint for body in bodies], int)
+        carriers = np.array([_carrier(model, joint) for joint in range(model.njoints)])[joints]
+        counts = (joints[:, None] < joints) & (joints[:, None] != carriers)
+        first, second = np.nonzero(counts)
+        reach = np.array([body.reach for body in bodies])
+        pairs = BodyPairs(bodies, first, second, reach[first] + reach[second])
+        placed = Placed(leg, frames, model, space.data, rest_configuration(leg))
+        touching = {frozenset(gap.frames) for gap in placed.gaps(pairs, -TOUCHING)}
+        allowed = touching | disabled_pairs(leg)
+        named = [
+            frozenset((bodies[i].frame, bodies[j].frame))
+            for i, j in zip(first, second, strict=True)
+        ]
+        _pairs[leg] = pairs.of(np.array([names not in allowed for names in named], bool))
+    return _pairs[leg]
 
 
 def _carrier(model: Any, joint: int) -> int:

@@ -84,13 +84,6 @@ class Motion(ReprMixin):
         return float(self.after.t[-1])
 
     @property
-    def resting_joints(self) -> dict[str, float]:
-        """Values of those of `joints` that have a spline but do not move, by name."""
-        values = np.vstack([self.before.c, self.after.c])
-        rests = np.ptp(values, axis=0) == 0.0
-        return {name: float(values[0, n]) for n, name in enumerate(self.joints) if rests[n]}
-
-    @property
     def phases(self) -> tuple[Phase, ...]:
         """The backswing and the recovery."""
         return Phase("backswing", self.begin, 0.0), Phase("recovery", 0.0, self.end)

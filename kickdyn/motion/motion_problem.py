@@ -20,8 +20,8 @@ in. The Hessian of the Lagrangian is assembled from those at single points, whic
 the time of automatic differentiation through the maps.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -81,7 +81,6 @@ class KickTask:
         facing: rows a of the cone of normals with which the foot can meet a ball, shape `(k, 3)`
             [frame of the contact joint].
         standing: the robot on its foot; None on a fixed base.
-        still: values of other joints that stay away from `rest_configuration`, by name.
     """
 
     robot: Leg
@@ -92,7 +91,6 @@ class KickTask:
     ball_centre: Array
     facing: Array
     standing: StandingRobot | None
-    still: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def speed_limit(self) -> Array:

@@ -1,7 +1,7 @@
 """Planning the motion of a kick: starts, points added where limits are broken, a verdict."""
 
 import math
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Any
@@ -55,9 +55,6 @@ STARTS, SPREAD = 2, 0.2
 
 CENTRAL = 0.15
 """Share of a joint's range that the first posture leaves at either end, where it can."""
-
-HELD_TIMES = 200
-"""Number of times at which the torques of joints that stay at rest are checked."""
 
 REACHED = 2e-3
 """Margin beyond its reserve at which a limit counts as reached."""
@@ -118,8 +115,7 @@ class Margins:
     limits: Sequence[Limit]
 
     def rows(self, q: Array, v: Array, a: Array) -> Array:
-        """Return the distances at several moments, `(moments, k)`; joints that stay come last."""
-        q, v, a = (values[:, : self.function.size1_in(0)] for values in (q, v, a))
+        """Return the distances at several moments, shape `(moments, k)`."""
         return np.asarray(self.function.map(len(q))(q.T, v.T, a.T)).T
 
     def margins(self, q: Array, v: Array, a: Array) -> dict[str, float]:
@@ -160,8 +156,8 @@ class PlannedMotion:
 def plan_motion(task: KickTask, near: Motion | None = None) -> PlannedMotion:
     """Return the motion of a kick, from rest to rest; the best one where none keeps all limits.
 
-    The joints between the feet of a standing robot are tried first, which takes a fraction of the
-    time; all others join in where those do not reach the whole launch.
+    That of the joints between the feet of a standing robot takes a fraction of the time, and is the
+    start for all joints; limbs in its way are put aside first.
 
     Args:
         task: the kick.
@@ -175,37 +171,15 @@ def plan_motion(task: KickTask, near: Motion | None = None) -> PlannedMotion:
     if task.standing is None:
         return _plan(task, near, 1.0, STARTS)
     legs = kicking_chain(task.leg).leg
-    if legs.joint_names == task.leg.joint_names:
-        return _plan(task, near, 1.0, STARTS)
-    still = {} if near is None else near.resting_joints
-    if near is None or len(near.joints) - len(still) < len(task.leg.joint_names):
-        planned = _plan_legs(task, still, near, 1.0)
-        if not planned.keeps_limits and near is None:
-            still = _limbs_aside(task, planned.motion, _idle_limbs(task.leg, legs))
-            if still:
-                planned = _plan_legs(task, still, planned.motion, planned.share, FIRST)
-        if planned.keeps_limits and not _overloads(planned.motion):
-            return planned
-        planned = _plan(task, planned.motion, planned.share, 0, FIRST)
-    else:
-        planned = _plan(task, near, 1.0, 0)
-    if planned.keeps_limits or near is not None:
+    if near is not None or legs.joint_names == task.leg.joint_names:
+        return _plan(task, near, {}, 1.0, STARTS if near is None else 0)
+    first = _plan(replace(task, leg=legs), None, {}, 1.0, 0, rounds=0)
+    aside = _limbs_aside(task, first.motion, _idle_limbs(task.leg, legs))
+    planned = _plan(task, first.motion, aside, first.share, 0, FIRST)
+    if planned.keeps_limits:
         return planned
-    other = _plan(task, None, 1.0, 1)
+    other = _plan(task, None, {}, 1.0, 1)
     return max(other, planned, key=lambda motion: (motion.keeps_limits, motion.share))
-
-
-def _plan_legs(
-    task: KickTask,
-    still: dict[str, float],
-    near: Motion | None,
-    share: float,
-    options: dict[str, Any] | None = None,
-) -> PlannedMotion:
-    """Return the motion of the joints between the feet; `still` has values of other joints."""
-    values = task.leg.joint_values(rest_configuration(task.leg)) | still
-    legs = kicking_chain(task.leg, at=task.leg.configuration(values)).leg
-    return _plan(replace(task, leg=legs, still=still), near, share, 0, options)
 
 
 def _idle_limbs(robot: Leg, legs: Leg) -> list[list[int]]:
@@ -274,27 +248,31 @@ def _touches(near: Surroundings, q: Array, at_rest: Collection[tuple[str, str]])
 def _plan(
     task: KickTask,
     near: Motion | None,
+    others: Mapping[str, float],
     share: float,
     starts: int,
     options: dict[str, Any] | None = None,
+    rounds: int = ROUNDS,
 ) -> PlannedMotion:
     """Return the best motion of all joints of a task.
 
     Args:
         task: the kick.
         near: motion to start from, if any.
+        others: values of joints that have no spline there, other than at rest.
         share: of the launch, that it reaches.
         starts: number of starts at most; with 0, there is one, and limits between points are not
             sought where it does not reach the whole launch.
         options: of Ipopt, for the first solution; None are those that suit the start.
+        rounds: see `ROUNDS`.
     """
     stands = task.standing is not None
     splines = MotionSplines(*DURATIONS[stands], INTERVALS[stands])
     limits, of_impulse = _limits_of(task)
     problem = MotionProblem(task, splines, limits, of_impulse)
     verdicts = []
-    for rest, start, suited in islice(_starts(problem, near, share), max(starts, 1)):
-        verdicts.append(_solve(problem, rest, start, options or suited, partly=starts > 0))
+    for rest, start, suited in islice(_starts(problem, near, others, share), max(starts, 1)):
+        verdicts.append(_solve(problem, rest, start, options or suited, starts > 0, rounds))
         if verdicts[-1].keeps_limits:
             break
     kept = [verdict for verdict in verdicts if verdict.broken == 0.0]
@@ -302,21 +280,13 @@ def _plan(
     return best.planned()
 
 
-def _overloads(motion: Motion) -> bool:
-    """Return whether joints that stay at rest take more than their torque limits."""
-    limit = motion.robot.effort_limit
-    times = np.linspace(motion.begin, motion.end, HELD_TIMES)
-    largest = np.max([np.abs(motion.torque(t)) for t in times], axis=0)
-    return bool((largest > np.where(limit > 0.0, limit, np.inf)).any())
-
-
 def _solve(
     problem: MotionProblem,
     rest: Array,
     start: Solution,
     options: dict[str, Any],
-    *,
     partly: bool,
+    rounds: int,
 ) -> "_Verdict":
     """Return the verdict on the solution from unknowns to start from.
 
@@ -333,7 +303,7 @@ def _solve(
         apart=apart,
     )
     verdict, full = _Verdict(problem, solution), solution.share > FULL
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         if solution.share < LEAST_SHARE or not (full or partly):
             break
         far, times = verdict.broken > FAR, verdict.add_points(solution.times)
@@ -444,12 +414,10 @@ class _Verdict:
         near = self.rows.min(axis=0)
         reached = [label for limit, label, row in labels if near[row] < limit.reserve + REACHED]
         placement = None if task.standing is None else task.standing.placement
-        still = np.tile([*task.still.values()], (problem.splines.size, 1))
-        coefficients = np.hstack([solution.coefficients, still])
-        before, after = problem.splines.motion(coefficients)
+        before, after = problem.splines.motion(solution.coefficients)
         motion = Motion(
             task.robot,
-            (*task.leg.joint_names, *task.still),
+            task.leg.joint_names,
             before,
             after,
             placement,
@@ -478,7 +446,7 @@ class _Verdict:
 
 
 def _starts(
-    problem: MotionProblem, near: Motion | None, share: float
+    problem: MotionProblem, near: Motion | None, others: Mapping[str, float], share: float
 ) -> Iterator[tuple[Array, Solution, dict[str, Any]]]:
     """Yield postures at rest, unknowns to start from, and options of Ipopt.
 
@@ -491,12 +459,10 @@ def _starts(
     times = splines.times(*POINTS)
     if near is not None:
         leg = problem.task.leg
-        known = dict(zip(near.joints, splines.coefficients(near.before, near.after).T, strict=True))
-        still = rest_configuration(leg)
-        coefficients = np.column_stack([
-            known.get(name, np.full(splines.size, still[n]))
-            for n, name in enumerate(leg.joint_names)
-        ])  # fmt: skip
+        rest = leg.joint_values(rest_configuration(leg)) | others
+        coefficients = np.tile([rest[name] for name in leg.joint_names], (splines.size, 1))
+        moved = [leg.joint_names.index(name) for name in near.joints]
+        coefficients[:, moved] = splines.coefficients(near.before, near.after)
         start = Solution(coefficients, share, times, nothing, True, 0)
         yield coefficients[0], start, NEARBY
         return

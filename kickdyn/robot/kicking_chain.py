@@ -50,15 +50,13 @@ def rest_configuration(robot: Leg) -> Array:
     })  # fmt: skip
 
 
-def kicking_chain(robot: Leg, *, branches: bool = False, at: Array | None = None) -> KickingChain:
+def kicking_chain(robot: Leg, *, branches: bool = False) -> KickingChain:
     """Return the joints that move a robot's contact frame.
 
     Args:
         robot: a leg or a whole robot, on a fixed base.
         branches: whether to keep the joints that branch off the chain too. They do not move the
             contact frame, but an impact there moves them.
-        at: configuration in which all other joints stay, shape `(nq,)`; None is
-            `rest_configuration`, which alone `KickingChain.whole` knows.
 
     Raises:
         InvalidInput: without `branches`, a joint has more than one coordinate, as a floating base
@@ -84,8 +82,7 @@ def kicking_chain(robot: Leg, *, branches: bool = False, at: Array | None = None
             )
     leg = robot
     if locked := [name for name in robot.joint_names if name not in names]:
-        still = rest_configuration(robot) if at is None else at
-        leg = robot.with_model(reduce_model(model, locked, still))
+        leg = robot.with_model(reduce_model(model, locked, rest_configuration(robot)))
     return KickingChain(leg, *coordinate_indices(model, kept))
 
 

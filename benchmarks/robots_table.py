@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -117,22 +118,25 @@ def contact_table() -> str:
 def plan_table() -> str:
     """Return the table of plans for G1 without drives that G1 with its drives carries out."""
     lines = [
-        "| goal | planned ball speed [m/s] | ball speed with the drives [m/s] | difference |",
-        "|---|---:|---:|---:|",
+        "| goal | joints | effective mass without and with drives [kg] | planned ball speed [m/s] "
+        "| ball speed with the drives [m/s] | difference |",
+        "|---|---|---:|---:|---:|---:|",
     ]
-    bare, robot = (
-        kd.Leg.from_robot("g1", base="floating", legs_only=True, drives=drives)
-        for drives in (False, True)
-    )
-    standing = bare.with_supports(kd.Support("left_ankle_roll_link", friction=0.7))
-    for distance, time in ((2.0, 0.5), (3.0, 0.4)):
+    for (distance, time), legs_only in product(((2.0, 0.5), (3.0, 0.4)), (True, False)):
+        bare, robot = (
+            kd.Leg.from_robot("g1", base="floating", legs_only=legs_only, drives=drives)
+            for drives in (False, True)
+        )
+        standing = bare.with_supports(kd.Support("left_ankle_roll_link", friction=0.7))
         impact = kd.plan_kick(standing, kd.Goal(distance, time=time), kd.Ball(), kd.Air()).impact
         driven = robot.with_supports(*impact.posture.leg.supports).posture(impact.posture.q)
         real = kd.strike(driven, impact.v_before, kd.Ball(), impact.contact)
         planned, speed = impact.ball_after.speed, real.ball_after.speed
+        joints = "of the legs" if legs_only else "all"
         lines.append(
-            f"| {distance:g} m in {time:g} s | {planned:.3f} | {speed:.3f} "
-            f"| {100 * (speed / planned - 1):+.0f} % |"
+            f"| {distance:g} m in {time:g} s | {joints} "
+            f"| {impact.effective_mass:.2f}, {real.effective_mass:.2f} | {planned:.3f} "
+            f"| {speed:.3f} | {100 * (speed / planned - 1):+.0f} % |"
         )
     return "\n".join(lines)
 

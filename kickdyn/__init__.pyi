@@ -54,6 +54,9 @@ from .planning.passes import Pass as Pass
 from .planning.passes import plan_pass as plan_pass
 from .robot.constraints import Support as Support
 from .robot.drives import Drive as Drive
+from .robot.foot_surfaces import FootSurface as FootSurface
+from .robot.foot_surfaces import foot_surfaces as foot_surfaces
+from .robot.foot_surfaces import kick_with as kick_with
 from .robot.leg import Leg as Leg
 from .robot.leg import Posture as Posture
 from .scene.pitch import Wall as Wall
@@ -71,3 +74,4 @@ from .sweeps.store import open_sweep as open_sweep
 from .sweeps.sweep import sweep as sweep
 from .sweeps.sweep_kick import Kick as Kick
 from .view.page import page as page
+from .view.show import show as show

@@ -5,15 +5,13 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from numpy.typing import ArrayLike
-
 from kickdyn.aerodynamics import drag as drag_models
 from kickdyn.aerodynamics import lift as lift_models
 from kickdyn.aerodynamics import spin_decay as torque_models
 from kickdyn.aerodynamics.coefficient_model import Coefficient, ConstantCoefficient, find_model
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, ValueEquality, format_value
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 
 GAS_CONSTANT = 287.05287
@@ -90,17 +88,15 @@ class Air(ValueEquality, ReprMixin):
         *,
         buoyancy: bool = True,
     ) -> None:
-        values = {
-            "density": validation.number("air density", density, at_least=0, unit="kg/m3"),
-            "viscosity": validation.number("air viscosity", viscosity, above=0, unit="Pa s"),
-            "wind": _checked_wind(wind),
-            "drag": find_model("drag", drag_models.MODELS, drag),
-            "lift": find_model("lift", lift_models.MODELS, lift),
-            "torque": find_model("torque", torque_models.MODELS, torque),
-            "buoyancy": validation.flag("buoyancy", buoyancy),
-        }
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
+        self.__dict__.update(
+            density=validation.number("air density", density, at_least=0, unit="kg/m3"),
+            viscosity=validation.number("air viscosity", viscosity, above=0, unit="Pa s"),
+            wind=_checked_wind(wind),
+            drag=find_model("drag", drag_models.MODELS, drag),
+            lift=find_model("lift", lift_models.MODELS, lift),
+            torque=find_model("torque", torque_models.MODELS, torque),
+            buoyancy=validation.flag("buoyancy", buoyancy),
+        )
 
     def __repr__(self) -> str:
         names = self._names()

@@ -5,11 +5,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, ValueEquality, format_value, warned
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 
 SMALLEST = float(np.finfo(float).tiny)
@@ -50,25 +49,23 @@ class Ball(ReprMixin):
     pressure: float | None = None
 
     def __post_init__(self) -> None:
+        checked = self.__dict__
         immovable = isinstance(self.mass, float) and self.mass == math.inf
         if not immovable:
-            mass = validation.number("ball mass", self.mass, above=0, unit="kg")
-            object.__setattr__(self, "mass", mass)
-        radius = validation.number("ball radius", self.radius, above=0, unit="m")
-        object.__setattr__(self, "radius", radius)
+            checked["mass"] = validation.number("ball mass", self.mass, above=0, unit="kg")
+        checked["radius"] = validation.number("ball radius", self.radius, above=0, unit="m")
         if self.pressure is not None:
             low, high = PRESSURES
-            pressure = validation.number(
+            checked["pressure"] = validation.number(
                 "ball pressure", self.pressure, at_least=low, at_most=high,
                 unit="Pa above the air outside; 0.8 bar, or 80 kPa, is 80e3 Pa",
             )  # fmt: skip
-            object.__setattr__(self, "pressure", pressure)
         if isinstance(self.inertia_factor, float) and self.inertia_factor == math.inf:
             return
         factor = validation.number(
             "inertia factor", self.inertia_factor, above=0, at_most=2.0 / 3.0
         )
-        object.__setattr__(self, "inertia_factor", factor)
+        checked["inertia_factor"] = factor
         finite = immovable or SMALLEST <= self.inertia < math.inf
         if not (finite and factor * self.mass >= SMALLEST):
             raise InvalidInput(
@@ -205,7 +202,7 @@ class BallState(ValueEquality):
             shape = rows if name == "time" else (*rows, 3)
             value = array if array.shape == shape else np.array(np.broadcast_to(array, shape))
             value.setflags(write=False)
-            object.__setattr__(self, name, value if value.ndim else float(value))
+            self.__dict__[name] = value if value.ndim else float(value)
 
     @classmethod
     def computed(

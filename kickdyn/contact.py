@@ -3,11 +3,9 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from numpy.typing import ArrayLike
-
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, ValueEquality, format_value
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 from kickdyn.restitution import (
     Restitution,

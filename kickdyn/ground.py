@@ -112,15 +112,14 @@ class Ground(ReprMixin):
     surface: str | Surface | None = None
 
     def __post_init__(self) -> None:
-        height = validation.number("ground height", self.height, unit="m")
-        object.__setattr__(self, "height", height)
+        self.__dict__["height"] = validation.number("ground height", self.height, unit="m")
         if isinstance(self.surface, str):
             if self.surface not in SURFACES:
                 raise InvalidInput(
                     f"surface {self.surface!r} is unknown: choose {', '.join(SURFACES)}, "
                     "or pass a Surface"
                 )
-            object.__setattr__(self, "surface", SURFACES[self.surface])
+            self.__dict__["surface"] = SURFACES[self.surface]
         elif not (self.surface is None or isinstance(self.surface, Surface)):
             raise InvalidInput(f"surface is {self.surface!r}: it must be a name or a Surface")
 

@@ -5,12 +5,11 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from kickdyn.ball import Ball
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, ValueEquality, format_value
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 
 
@@ -49,12 +48,11 @@ class Plane(ValueEquality, ReprMixin):
     reached_by: ReachedBy
 
     def __init__(self, point: ArrayLike, normal: ArrayLike, reached_by: str = "front") -> None:
-        place = validation.vector("point of the plane", point, 3, unit="m")
-        towards = validation.direction("normal of the plane", normal)
-        surface_point = validation.choice("reached_by", reached_by, ReachedBy)
-        object.__setattr__(self, "point", validation.read_only(place))
-        object.__setattr__(self, "normal", validation.read_only(towards))
-        object.__setattr__(self, "reached_by", surface_point)
+        self.__dict__.update(
+            point=validation.read_only(validation.vector("point of the plane", point, 3, unit="m")),
+            normal=validation.read_only(validation.direction("normal of the plane", normal)),
+            reached_by=validation.choice("reached_by", reached_by, ReachedBy),
+        )
 
     @property
     def is_goal_line(self) -> bool:

@@ -9,9 +9,10 @@ from bisect import bisect_right
 from collections.abc import Sequence
 from itertools import pairwise
 
-from numpy.typing import ArrayLike
+import numpy as np
 
 from kickdyn.core import validation
+from kickdyn.core.validation import ArrayLike
 from kickdyn.errors import InvalidInput
 
 Table = tuple[tuple[float, float], ...]
@@ -55,16 +56,14 @@ def checked_restitution(value: float | str | ArrayLike) -> Restitution:
             f"restitution has shape {table.shape}: it must be a number at least 0 and at most 1, "
             f"a table of rows (speed [m/s], e), shape (n, 2), or a model's name: {known}"
         )
-    before = -math.inf
     for speed, e in table.tolist():
         validation.number("restitution's speed", speed, at_least=0, unit="m/s")
         validation.number(f"restitution at {speed:g} m/s", e, at_least=0, at_most=1)
-        if speed <= before:
-            raise InvalidInput(
-                f"restitution's speeds are {table[:, 0].tolist()} m/s: each must be above the one "
-                "before"
-            )
-        before = speed
+    if (np.diff(table[:, 0]) <= 0.0).any():
+        raise InvalidInput(
+            f"restitution's speeds are {table[:, 0].tolist()} m/s: each must be above the one "
+            "before"
+        )
     return tuple((speed, e) for speed, e in table.tolist())
 
 
@@ -84,8 +83,10 @@ def read_restitution(text: str) -> Restitution:
     return checked_restitution(rows[0][0] if len(rows[0]) == 1 else rows)
 
 
-def rows_of(restitution: str | Table) -> Table:
-    """Return the rows of a table or of a named model."""
+def rows_of(restitution: Restitution) -> Table:
+    """Return the rows of a table or of a named model; of a number one, at any speed."""
+    if isinstance(restitution, float):
+        return ((0.0, restitution),)
     return MODELS[restitution] if isinstance(restitution, str) else restitution
 
 
@@ -102,22 +103,16 @@ def restitution_slope(restitution: Restitution, speed: float) -> float:
 
     It is 0 for a number and outside the table.
     """
-    if isinstance(restitution, float):
-        return 0.0
     return _segment(rows_of(restitution), speed)[2]
 
 
 def least_restitution(restitution: Restitution) -> float:
     """Return the least e that a restitution can take."""
-    if isinstance(restitution, float):
-        return restitution
     return min(e for _, e in rows_of(restitution))
 
 
 def range_warnings(restitution: Restitution, speed: float) -> tuple[str, ...]:
     """Return a line if the speed of approach [m/s] is outside the table; one row has no range."""
-    if isinstance(restitution, float):
-        return ()
     rows = rows_of(restitution)
     low, high = rows[0][0], rows[-1][0]
     if len(rows) == 1 or low * (1.0 - 1e-9) <= speed <= high * (1.0 + 1e-9):
@@ -152,10 +147,7 @@ def check_invertible(restitution: Restitution) -> None:
     Only then is there one foot speed for each speed of the ball. In an interval the derivative,
     :math:`1 + e + u\,de/du`, is linear in u, so that it is enough to look at both ends.
     """
-    if isinstance(restitution, float):
-        return
-    rows = rows_of(restitution)
-    for (low, e), (high, other) in pairwise(rows):
+    for (low, e), (high, other) in pairwise(rows_of(restitution)):
         slope = (other - e) / (high - low)
         if not min(1.0 + e + low * slope, 1.0 + other + high * slope) > 0.0:
             raise InvalidInput(
@@ -170,8 +162,6 @@ def approach_speed(restitution: Restitution, change: float) -> float:
     In a segment in which :math:`e = e_0 + k\,(u - u_0)`, with the change w and :math:`b = 1 + e_0 -
     k u_0`, it is :math:`u = 2 w / (b + \sqrt{b^2 + 4 k w})`.
     """
-    if isinstance(restitution, float):
-        return change / (1.0 + restitution)
     changes = [(speed * (1.0 + e), e) for speed, e in rows_of(restitution)]
     low, e, slope = _segment(rows_of(restitution), change, changes)
     if slope == 0.0:

@@ -119,6 +119,14 @@ def commands_of():
     return commands
 
 
+@pytest.fixture(autouse=True)
+def opened(monkeypatch):
+    """Open no tab of a browser; return the addresses of those that would be."""
+    addresses = []
+    monkeypatch.setattr("webbrowser.open", addresses.append)
+    return addresses
+
+
 @pytest.fixture
 def leg_looking_like(load, spoil):
     """Load the good leg, its thigh looking like the given visual."""

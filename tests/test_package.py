@@ -1,6 +1,8 @@
 """What users install holds all that kickdyn needs, and runs from any folder."""
 
+import contextlib
 import importlib.util
+import inspect
 import re
 import subprocess
 import sys
@@ -142,3 +144,15 @@ def test_continuous_integration_runs_every_python_that_is_allowed():
     minors = re.findall(r'"3\.(\d+)"', workflow.split("matrix:")[1])
     least, first_beyond = re.fullmatch(r">=3\.(\d+),<3\.(\d+)", PROJECT["requires-python"]).groups()
     assert [*map(int, minors)] == [*range(int(least), int(first_beyond))]
+    assert {"make lint", "make test", "make test-lowest"} <= set(re.findall("run: (.*)", workflow))
+
+
+def test_signatures_are_short_enough_to_read():
+    """An array is `ArrayLike`, and not the dozen types that it stands for."""
+    for name in kd.__all__:
+        public = getattr(kd, name)
+        if callable(public):
+            with contextlib.suppress(ValueError):  # exceptions have none
+                signature = str(inspect.signature(public))
+                assert "numpy._typing" not in signature
+                assert len(signature) < 1200, name

@@ -67,12 +67,12 @@ def busy(activity: str) -> Iterator[Callable[[str], None]]:
         yield status.update
 
 
-def print_wrapped(text: str) -> None:
+def print_wrapped(text: str, indent: int = 8) -> None:
     """Print a text as wide as the screen is; what continues a line is indented."""
     from kickdyn.core.console import screen_width, wrapped  # rich takes time to import
 
     width = screen_width()
-    click.echo("\n".join(wrapped(line, width, indent=8) for line in text.splitlines()))
+    click.echo("\n".join(wrapped(line, width, indent) for line in text.splitlines()))
 
 
 def warn(warnings: Iterable[str]) -> None:

@@ -31,7 +31,6 @@ class _Commands(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Return the command that is named first."""
         name, command, rest = super().resolve_command(ctx, args)
         if name in COMMANDS:
             function = name.replace("-", "_")

@@ -3,7 +3,9 @@
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import click
 import numpy as np
@@ -11,9 +13,11 @@ import numpy as np
 from kickdyn.cli.command import warn
 from kickdyn.cli.option_groups import option
 from kickdyn.core import validation
+from kickdyn.core.files import read_toml
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.catalog import DESCRIPTION, ROBOTS
-from kickdyn.robot.constraints import Support
+from kickdyn.robot.constraints import Support, read_support
+from kickdyn.robot.foot_surfaces import load_with_surface
 from kickdyn.robot.joint_table import InDegrees
 from kickdyn.robot.kicking_chain import kicking_chain
 from kickdyn.robot.leg import Leg, read_leg
@@ -42,11 +46,15 @@ def load_leg(
     prismatic joints]; `drives` are as for `Leg.from_robot`. Raises `InvalidInput`, or `FaultyFile`
     if the file is refused.
     """
+    if name.startswith("human:"):
+        size = _read_size(name)
+        leg = Leg.human(**size, frame=frame or "toe", base=base).locked(InDegrees(locked or {}))
+        return leg if isinstance(drives, bool) else leg.with_drives(drives)
     described = name.endswith(DESCRIPTION)
     if package_dirs and (name in LEGS or described):
         raise InvalidInput(f"package-dir is {package_dirs[0]!r}: it is for a URDF file, not {name}")
     if name in SHIPPED:
-        return read_leg(shipped_urdf(SHIPPED[name]), frame or "toe", base, (), locked, drives)
+        return read_leg(shipped_urdf(SHIPPED[name]), frame, base, (), locked, drives)
     degrees = InDegrees(locked or {})
     if name in ROBOTS:
         robot = Leg.from_robot(
@@ -57,7 +65,24 @@ def load_leg(
         return Leg.from_robot(name, frame, base=base, locked=degrees, drives=drives)
     if not os.path.exists(name) and not Path(name).suffix:  # noqa: PTH110 any text may be a name
         raise InvalidInput(f"leg {name!r} is neither {', '.join(LEGS)} nor a file")
-    return read_leg(name, frame or "toe", base, package_dirs, locked, drives)
+    return read_leg(name, frame, base, package_dirs, locked, drives)
+
+
+def _read_size(name: str) -> dict[str, Any]:
+    """Return the arguments of `Leg.human` in a text such as human:height=1.65,mass=58,side=left."""
+    size: dict[str, Any] = {}
+    for part in name.removeprefix("human:").split(","):
+        key, _equals, value = part.partition("=")
+        try:
+            if key not in ("height", "mass", "sex", "side", "model") or key in size:
+                raise ValueError
+            size[key] = float(value) if key in ("height", "mass") else value
+        except ValueError:
+            raise InvalidInput(
+                f"--leg is {name!r}: {part!r} must be height=METRES, mass=KG, sex=female|male, "
+                "side=left|right or model=paper|3d, once each"
+            ) from None
+    return size
 
 
 @dataclass(frozen=True)
@@ -68,12 +93,14 @@ class LegOptions:
         "--leg", default="human", metavar="human|testbed|FILE|ROBOT", show_default=True,
         type=click.Path(),
         help="A leg of kickdyn, a URDF or MJCF file, or the leg of a robot of the extra "
-        "kickdyn[robots] on a fixed base (g1, talos, ...).",
+        "kickdyn[robots] on a fixed base (g1, talos, ...). human:height=1.65,mass=58,sex=female,"
+        "side=left,model=3d is the leg of a person of this size.",
     )  # fmt: skip
     frame: str | None = option(
-        "--frame", metavar="NAME",
-        help="Link or joint whose origin strikes the ball.  [default: toe; for a robot, its right "
-        "foot]",
+        "--frame", metavar="NAME[:SURFACE]",
+        help="Link or joint whose origin strikes the ball, or with a surface of this foot: toe, "
+        "instep, inside, outside, heel, sole_edge, or X,Y,Z:NX,NY,NZ [m], its point and normal.  "
+        "[default: toe; for a robot, its right foot]",
     )  # fmt: skip
     locked: tuple[str, ...] = option(
         "--lock", multiple=True, metavar="JOINT=VALUE",
@@ -88,8 +115,8 @@ class LegOptions:
     supports: tuple[str, ...] = option(
         "--support", multiple=True, metavar="FRAME[:FRICTION[:CORNERS]]",
         help="Foot that stands on the ground, its coefficient of friction there, and the corners "
-        "of its sole, X,Y,Z/X,Y,Z/... [m, its axes]. The base then floats, and a robot has both "
-        "legs; repeatable.",
+        "of its sole, X,Y,Z/X,Y,Z/... [m, its axes], or a .toml file with all three. "
+        "The base then floats, and a robot has both legs; repeatable.",
     )  # fmt: skip
     stiff_joints: tuple[str, ...] = option(
         "--stiff", multiple=True, metavar="JOINT",
@@ -116,19 +143,22 @@ class LegOptions:
         base = "floating" if supports else "fixed"
         drives = self.drives != "none" and (self.drives or True)
         try:
-            leg = load_leg(self.leg_name, self.frame, base, self.package_dirs, locked, drives)
+            leg = load_with_surface(
+                self.frame,
+                partial(
+                    load_leg, self.leg_name, base=base, package_dirs=self.package_dirs,
+                    locked=locked, drives=drives,
+                ),
+            )  # fmt: skip
         except InvalidInput:
             if supports:  # a support that the leg has not explains more than a floating base
-                fixed = load_leg(self.leg_name, self.frame, "fixed", self.package_dirs, locked)
+                frame = (self.frame or "").partition(":")[0] or None
+                fixed = load_leg(self.leg_name, frame, "fixed", self.package_dirs, locked)
                 for support in supports:
                     frame_id(fixed.model, support.frame)
             raise
-        if supports:
-            leg = leg.with_supports(*supports)
-        if loops:
-            leg = leg.with_loops(*loops)
-        if self.stiff_joints:
-            leg = leg.with_stiff_joints(*self.stiff_joints)
+        leg = leg.with_supports(*supports).with_loops(*leg.loops, *loops)
+        leg = leg.with_stiff_joints(*self.stiff_joints)
         warn(leg.warnings)
         return leg
 
@@ -147,7 +177,6 @@ class LegOptions:
         return locked
 
     def _read_loops(self) -> list[tuple[str, str]]:
-        """Return the frames of each loop."""
         loops = []
         for text in self.loops:
             first, _colon, second = text.partition(":")
@@ -157,9 +186,11 @@ class LegOptions:
         return loops
 
     def _read_supports(self) -> list[Support]:
-        """Return the supports."""
         supports = []
         for text in self.supports:
+            if text.endswith(".toml"):
+                supports.append(read_support(read_toml(text)))
+                continue
             frame, *values = text.split(":")
             try:
                 friction = float(values[0]) if values and values[0] else None

@@ -9,7 +9,7 @@ import numpy as np
 
 from kickdyn.air import Air
 from kickdyn.ball import Ball
-from kickdyn.cli.command import Command, busy, warn
+from kickdyn.cli.command import Command, busy, print_wrapped, warn
 from kickdyn.cli.leg_options import LegOptions
 from kickdyn.cli.option_groups import (
     AirOptions,
@@ -152,10 +152,14 @@ class KickOptions:
             raise InvalidInput("--ball-height and --ball-at are both given: give one of the two")
 
     def arguments(self, leg: Leg, ball: Ball, offset: tuple[float, ...] | None) -> dict[str, Any]:
-        """Return these options as arguments of `plan_kick`."""
+        """Return these options as arguments of `plan_kick`; the ball lies where the leg stands."""
         height = self.ball_height
         if height is None and self.ball_at is None and not is_floating(leg):
-            height = _lying_height(leg, ball, offset)
+            standing = leg.posture(leg.configuration()).with_contact_offset(offset)
+            foot = float(standing.contact_point[2])
+            # a robot's toe must point ahead
+            crouch = 0.0 if leg.contact_normal_cone is None else CROUCH
+            height = foot + ball.radius - crouch * foot
         return {
             "objective": self.objective,
             "ball_position": height if self.ball_at is None else self.ball_at,
@@ -244,20 +248,7 @@ def plan(
         if wall is not None:
             describe_passage(wall, planned)  # raises if the ball hits it
     report = PlanReport(planned, wall, goal.goal_mouth)
-    _write(report, output)
-
-
-def _lying_height(leg: Leg, ball: Ball, offset: tuple[float, ...] | None) -> float:
-    """Return the height of the centre of a ball that lies where the leg stands [m]."""
-    standing = leg.posture(leg.configuration()).with_contact_offset(offset)
-    foot = float(standing.contact_point[2])
-    crouch = 0.0 if leg.contact_normal_cone is None else CROUCH  # a robot's toe must point ahead
-    return foot + ball.radius - crouch * foot
-
-
-def _write(report: PlanReport, output: PlanOutputOptions) -> None:
-    """Write a report to the files that are named, and to the screen."""
-    sentences, motion = report.sentences(), report.plan.motion
+    sentences, motion = report.sentences(), planned.motion
     if output.out is not None and motion is not None:
         motion.save(output.out)
     document = report.to_json()
@@ -266,15 +257,12 @@ def _write(report: PlanReport, output: PlanOutputOptions) -> None:
         from kickdyn.simulators.run_in_mujoco import run_in_mujoco
 
         with busy("carrying the motion out in MuJoCo"):
-            run = run_in_mujoco(report.plan)
+            run = run_in_mujoco(planned)
         document["run"] = run.to_json()
     output.write_json(document)
     if output.prints:
-        from kickdyn.core.console import screen_width, wrapped  # a tenth of a second
-
-        width = screen_width()
-        click.echo("\n".join(wrapped(line, width) for line in sentences))
-        click.echo("\n".join(wrapped(line, width, indent=8) for line in report.table()))
+        print_wrapped("\n".join(sentences), indent=0)
+        print_wrapped("\n".join(report.table()))
         if run is not None:
             click.echo(f"\n{run}")
     if output.plot is not None and motion is not None:
@@ -288,7 +276,6 @@ def _write(report: PlanReport, output: PlanOutputOptions) -> None:
 
 
 def _write_page(report: PlanReport, file: str, caption: str) -> None:
-    """Write a 3-D page of the kick, with wall and goal."""
     from kickdyn.view.page import page
     from kickdyn.view.wall_and_goal import goal_boxes, wall_boxes
 

@@ -2,11 +2,11 @@
 
 import logging
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 import xarray as xr
@@ -36,16 +36,12 @@ from kickdyn.sweeps.summary import NEEDED, Summary
 from kickdyn.sweeps.sweep import CARRY_TOLERANCE, Progress, sweep, sweep_chunks
 from kickdyn.sweeps.sweep_kick import Kick
 from kickdyn.sweeps.sweep_report import (
-    ReportLine,
     as_json,
     extreme_lines,
     page_lines,
     paper_lines,
     show,
 )
-
-if TYPE_CHECKING:
-    from kickdyn.view.page import Page
 
 KICKING = ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
 """Default grid of our legs: about to meet a ball on the ground before them."""
@@ -194,16 +190,25 @@ def posture_sweep(
         from kickdyn.sweeps.sweep_plot import sweep_figure
 
         save_figure(sweep_figure(summary, lines), output.plot)
-    made_page = None
+    pages: dict[str, Any] = {}
     if output.view is not None:
-        made_page = _page(page_lines(robot, grid, kick, summary, lines), kick)
-        if made_page is None:
-            reason = "" if where is None else f" where {where}"
-            click.echo(f"no posture is ok{reason}: there is nothing to view", err=True)
-        else:
+        from kickdyn.view.page import page, page_of_pages
+
+        pages = {
+            line.label: page(
+                impact, fly(impact.ball_after, kick.ball, kick.air), caption=line.explanation
+            )
+            for line in page_lines(robot, grid, kick, summary, lines)
+            if (impact := line.outcome.impact) is not None
+        }
+        if pages:
+            made_page = page_of_pages(pages)
             made_page.save(output.view)
             warn(made_page.warnings)
-    output.name_written(storing.out, output.plot, output.view if made_page is not None else None)
+        else:
+            reason = "" if where is None else f" where {where}"
+            click.echo(f"no posture is ok{reason}: there is nothing to view", err=True)
+    output.name_written(storing.out, output.plot, output.view if pages else None)
 
 
 @contextmanager
@@ -224,17 +229,3 @@ def _progress_bar(size: int) -> Iterator[Progress | None]:
         finally:
             compilation.log.removeHandler(notice)
             compilation.log.setLevel(level)
-
-
-def _page(lines: Sequence[ReportLine], kick: Kick) -> "Page | None":
-    """Return a page that shows the kick of each line, the first of them first; None without any."""
-    from kickdyn.view.page import page, page_of_pages
-
-    pages = {
-        line.label: page(
-            impact, fly(impact.ball_after, kick.ball, kick.air), caption=line.explanation
-        )
-        for line in lines
-        if (impact := line.outcome.impact) is not None
-    }
-    return page_of_pages(pages) if pages else None

@@ -8,12 +8,9 @@ from typing import Any
 import click
 import numpy as np
 from matplotlib.figure import Figure
-from rich.console import Console
-from rich.table import Table
 
-from kickdyn.cli.command import Command, busy
+from kickdyn.cli.command import Command, busy, print_wrapped
 from kickdyn.cli.option_groups import JsonOptions, takes
-from kickdyn.core.console import empty_table, screen_width
 from kickdyn.core.files import finite
 from kickdyn.core.plot_style import check_name, save_figure, styled
 from kickdyn.scene.effects import EffectSize
@@ -64,28 +61,18 @@ def tradeoff(scene: str, output: JsonOptions, plot: str | None) -> None:
     )
     if output.prints:
         impulse = float(np.linalg.norm(exact.impact.impulse))
-        console = Console(highlight=False, width=screen_width(), markup=False)
-        console.print(
+        lines = [
             f"{loaded.name}: impulse {impulse:.4g} N s, {exact.end_text}. If one effect is "
-            "neglected:"
-        )
-        console.print(_effect_table(sizes))
-        for warning in exact.warnings:
-            console.print(f"warning: {warning}")
+            "neglected:",
+            f"\n{'effect':14}{'end moves by [m]':>18}{'impulse changes by [N s]':>26}",
+        ]
+        for size in sizes:
+            moved, changed = (
+                "" if math.isnan(value) else f"{value:.3g}" for value in (size.end, size.impulse)
+            )
+            lines.append(f"{size.effect:14}{moved:>18}{changed:>26}  {size.why_not}".rstrip())
+        print_wrapped("\n".join([*lines, "", *(f"warning: {line}" for line in exact.warnings)]))
     output.name_written(plot)
-
-
-def _effect_table(sizes: Sequence[EffectSize]) -> Table:
-    """Return a table of effects."""
-    table = empty_table("")
-    table.add_column("effect")
-    for head in ("end moves by [m]", "impulse changes by [N s]"):
-        table.add_column(head, justify="right")
-    table.add_column("")
-    for size in sizes:
-        cells = ("" if math.isnan(value) else f"{value:.3g}" for value in (size.end, size.impulse))
-        table.add_row(size.effect, *cells, size.why_not)
-    return table
 
 
 @styled()

@@ -84,10 +84,8 @@ def tune_mujoco(scene_file: str, mujoco: MujocoOptions, output: MjcfOptions) -> 
     """
     output.check(inputs=[scene_file])
     scene = load_scene(scene_file)
-    compliance = Compliance()
-    if isinstance(scene.law, Compliance):
-        compliance = scene.law
-    elif scene.law != "newton":
+    compliance = scene.law if isinstance(scene.law, Compliance) else Compliance()
+    if scene.law not in ("newton", compliance):
         raise InvalidInput(
             f"law is {scene.law!r}: a contact of MuJoCo is tuned for 'newton', or for a "
             "contact time"
@@ -141,7 +139,6 @@ def find_foot(leg: Leg) -> tuple[str, ...]:
 
 
 def _document(name: str, tuning: MujocoTuning, model: str) -> dict[str, Any]:
-    """Return the numbers, and the MJCF of the ball."""
     return {
         "scene": name,
         **{key: getattr(tuning, key) for key in PLAIN},

@@ -103,10 +103,9 @@ def compiled(
 ) -> Callable[..., Any]:
     """Return a function compiled for a signature; its machine code is kept on disk if possible.
 
-    The log calls the function `what`, where it is compiled.
-
-    numba looks for changes in the function's own file only: what is made of other files must have
-    their contents among the variables of its closure, which are part of its key on disk.
+    The log calls the function `what`, where it is compiled. The contents of other files that it
+    calls are in its name (`named`) or among the variables of its closure, which are part of its key
+    on disk.
     """
     import numba  # here, because it takes long to import
 

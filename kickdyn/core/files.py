@@ -6,11 +6,16 @@ import os
 import stat
 import sys
 import tempfile
+import tomllib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from kickdyn.errors import FaultyFile, InvalidInput, shortened
+
+MAX_TOML_BYTES = 100_000
+"""Size of the largest file that `read_toml` reads [bytes]."""
 
 
 def shipped(folder: str) -> Path:
@@ -52,6 +57,16 @@ def read_text(path: str | os.PathLike[str], source: str, most: int, error: type[
         raise error(source, [line]) from None
     except OSError as fault:
         raise error(source, [f"cannot be read ({_reason(fault)})"]) from None
+
+
+def read_toml(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Return the tables of a small TOML file; raise `FaultyFile`."""
+    source = str(path)
+    text = read_text(path, source, MAX_TOML_BYTES, FaultyFile)
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # ValueError: an endless integer, too
+        raise FaultyFile(source, [f"is not TOML: {error}"]) from None
 
 
 def check_writable(path: str | os.PathLike[str]) -> None:

@@ -67,11 +67,8 @@ def warned(lines: Sequence[str]) -> Iterable[Row]:
     for line in lines[:WARNED]:
         yield "warning", line, ""
     if len(lines) > WARNED:
-        yield (
-            "warning",
-            f"and {len(lines) - WARNED} more: see `warnings` (of a command: --json)",
-            "",
-        )
+        more = f"and {len(lines) - WARNED} more: see `warnings` (of a command: --json)"
+        yield "warning", more, ""
 
 
 class Printed(ReadOnlyArrays):

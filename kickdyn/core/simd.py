@@ -190,7 +190,6 @@ def batches(typing_context: Any, array: Any) -> Any:
 
 
 def _record_of_batches(record: Any) -> Any:
-    """Return the type of a record whose fields are batches or arrays of them."""
     fields: Any = []
     for name, field in record.fields.items():
         *shape, _ = field.type.shape

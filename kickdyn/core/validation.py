@@ -6,14 +6,30 @@ import math
 from collections.abc import Callable, Mapping
 from enum import StrEnum
 from types import UnionType
-from typing import Any, NoReturn, ParamSpec, TypeVar, get_args, get_origin, get_type_hints
+from typing import (
+    TYPE_CHECKING,
+    Any,
+    NoReturn,
+    ParamSpec,
+    TypeVar,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from kickdyn.errors import LONGEST, InvalidInput
 
-Array = NDArray[np.float64]
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike as ArrayLike
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+else:  # signatures print short names, and not what numpy's aliases stand for
+    Array = np.ndarray
+    ArrayLike = type("ArrayLike", (), {"__module__": "numpy.typing"})
+
 Choice = TypeVar("Choice", bound=StrEnum)
 P = ParamSpec("P")
 Result = TypeVar("Result")
@@ -146,7 +162,7 @@ def _classes(hint: object) -> tuple[type, ...]:
     """Return the classes of a type annotation, `object` where values are converted to it."""
     hints = get_args(hint) if isinstance(hint, UnionType) else (hint,)
     kinds = [get_origin(member) or member for member in hints]
-    converted = (int, float, Any)
+    converted = (int, float, Any, ArrayLike)
     if any(kind in converted or not isinstance(kind, type) for kind in kinds):
         return (object,)
     return (*kinds, np.bool_) if bool in kinds else tuple(kinds)
@@ -168,8 +184,7 @@ def _refuse_type(name: str, value: object, kinds: tuple[type, ...]) -> NoReturn:
 
 def flag(name: str, value: object) -> bool:
     """Return `value` if it is True or False, or raise `InvalidInput`."""
-    if not isinstance(value, bool):
-        check_type(bool, np.bool_, **{name: value})
+    check_type(bool, np.bool_, **{name: value})
     return bool(value)
 
 

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -33,14 +32,7 @@ from kickdyn.flight.flight_result import (
     refinement,
 )
 from kickdyn.flight.forces import VACUUM, brakes, downward, fall_to_planes, is_ballistic
-from kickdyn.flight.march import (
-    ALOFT,
-    FAILED,
-    FURTHER,
-    LANDED,
-    Flights,
-    march,
-)
+from kickdyn.flight.march import ALOFT, FAILED, FURTHER, LANDED, Flights, march
 from kickdyn.ground import Ground
 from kickdyn.plane import Plane
 
@@ -111,7 +103,14 @@ def fly_many(
     flown = _flown(task, tol)
     outside = _outside(states, flown.nodes, np.flatnonzero(flown.evaluations), ball, air)
     data = _variables(states, flown, outside)
-    data["status"] = _status_variable(flown.status, launched)
+    names: list[str] = [FlightStatus.LANDED, FlightStatus.ALOFT, FlightStatus.FAILED]
+    names += [event.name for event in events[1:]]
+    flags: dict[str, Any] = {
+        "long_name": "how the flight ends",
+        "flag_values": np.arange(len(names), dtype=np.int8),
+        "flag_meanings": " ".join(names),
+    }
+    data["status"] = ("flight", flown.status, flags)
     if validation.flag("error", error):
         finer_tol, longest = refinement(tol, flown.nodes[:, 0], air)
         finer = _flown(task, finer_tol, longest).nodes
@@ -227,12 +226,11 @@ def _integrate(
         march(rates, values, flights, *limits)
     except Exception:  # a coefficient's own: only its rows shall fail
         for i in range(len(flights.status)):
-            row = flights.row(i)
-            with suppress(Exception):
-                row.status[:] = FAILED
+            row = Flights._make(array[i : i + 1] for array in flights)
+            try:
                 march(rates, values, row, *limits)
-                continue
-            row.nodes[:], row.status[:], row.evaluations[:] = np.nan, FAILED, 0
+            except Exception:
+                row.nodes[:], row.status[:], row.evaluations[:] = np.nan, FAILED, 0
     landed = flights.status == LANDED
     flights.nodes[landed, 3] = -flights.numbers[landed, 0]  # by definition; else but for rounding
     return _Flown(flights.nodes, flights.status, flights.evaluations)
@@ -264,7 +262,7 @@ def _flights(
         np.array(states.velocity[rows], dtype=float, order="C"),
         np.ascontiguousarray(_numbers(task)[rows], dtype=float),
         np.ascontiguousarray(tolerance, dtype=float),
-        np.empty((m, 8 + 3 * len(task.ends))),
+        np.empty((m, 8 + 2 * len(task.ends))),
         np.empty((m, 16)),
         np.empty(m, np.int8),
         np.zeros(m, np.int64),
@@ -304,8 +302,7 @@ def _variables(
 ) -> dict[str, tuple[str | tuple[str, ...], NDArray[Any], dict[str, Any]]]:
     nodes, evaluations = flown.nodes, flown.evaluations
     ended, moved, velocity = nodes[:, 0], nodes[:, 1:4], nodes[:, 4:7]
-    data: dict[str, tuple[str | tuple[str, ...], NDArray[Any], dict[str, Any]]] = {}
-    for name, values, unit, meaning in (
+    rows: list[tuple[str, NDArray[Any], str, str]] = [
         ("range", np.hypot(moved[:, 0], moved[:, 1]), "m", "horizontal distance to the landing"),
         ("duration", ended, "s", "time from launch to landing"),
         ("height", nodes[:, 11], "m", "height of the apex above the launch"),
@@ -316,20 +313,8 @@ def _variables(
         ("landing_spin", nodes[:, 7:8] * states.spin, "rad/s", "spin at the landing"),
         ("evaluations", evaluations, "1", "evaluations of the acceleration"),
         ("outside", outside, "1", "launch, apex or landing is out of a coefficient's range"),
-    ):
-        dims = ("flight", "axis")[: values.ndim]
-        data[name] = (dims, values, {"units": unit, "long_name": meaning})
-    return data
-
-
-def _status_variable(
-    status: NDArray[np.int8], ends: tuple[Event, ...]
-) -> tuple[str, NDArray[np.int8], dict[str, Any]]:
-    names: list[str] = [FlightStatus.LANDED, FlightStatus.ALOFT, FlightStatus.FAILED]
-    names += [end.name for end in ends[1:]]
-    flags = {
-        "long_name": "how the flight ends",
-        "flag_values": np.arange(len(names), dtype=np.int8),
-        "flag_meanings": " ".join(names),
+    ]
+    return {
+        name: (("flight", "axis")[: values.ndim], values, {"units": unit, "long_name": meaning})
+        for name, values, unit, meaning in rows
     }
-    return "flight", status, flags

@@ -22,10 +22,7 @@ from llvmlite import ir
 from numba.core.dispatcher import Dispatcher
 from numba.extending import intrinsic
 
-from kickdyn.aerodynamics.coefficient_model import (
-    CoefficientModel,
-    ConstantCoefficient,
-)
+from kickdyn.aerodynamics.coefficient_model import CoefficientModel, ConstantCoefficient
 from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.core.compilation import WITHIN, cache_folder, from_cache, log, uncollected
@@ -199,14 +196,9 @@ def side_by_side(
         for i in range(LANES):
             left = state[LEFT + i]
             ax, ay, az, k = straight(
-                scene[HEIGHT + i] + state[Z + i],
-                state[U + i],
-                state[V + i],
-                state[W + i],
-                left * scene[SPIN_X + i],
-                left * scene[SPIN_Y + i],
-                left * scene[SPIN_Z + i],
-            )
+                scene[HEIGHT + i] + state[Z + i], state[U + i], state[V + i], state[W + i],
+                left * scene[SPIN_X + i], left * scene[SPIN_Y + i], left * scene[SPIN_Z + i],
+            )  # fmt: skip
             rate[X + i], rate[Y + i] = state[U + i], state[V + i]
             rate[Z + i], rate[U + i] = state[W + i], ax
             rate[V + i], rate[W + i] = ay, az
@@ -240,33 +232,25 @@ def _from_disk(function: Callable[..., Any], callees: Callees, what: str) -> Any
     """
     # besides their own functions they are made of `exp`, and of how they are compiled
     name = fingerprint(function, numba.__version__.encode(), Path(__file__).read_bytes())
+    # numba keeps a function by its name and what it closes over: the name says all, and what is
+    # called is left out, so that nothing is compiled where the disk has it
+    called: dict[str, Any] = {"__builtins__": builtins, "__name__": __name__}
+    twin = types.FunctionType(_call.__code__, called, f"equations_{name}")
+    twin.__qualname__ = twin.__name__
+    kept = name is not None and cache_folder(twin) is not None
     with uncollected():
-        if name is None:
-            return _compile_all(function, callees, what)
-        # numba keeps a function by its name and what it closes over: the name says all, and what
-        # is called is left out, so that nothing is compiled where the disk has it
-        called: dict[str, Any] = {"__builtins__": builtins, "__name__": __name__}
-        twin = types.FunctionType(_call.__code__, called, f"equations_{name}")
-        twin.__qualname__ = twin.__name__
-        if cache_folder(twin) is None:
-            return _compile_all(function, callees, what)
-        try:
-            try:
+        if kept:
+            with suppress(numba.TypingError, RuntimeError, OSError):  # it is not on the disk
                 return from_cache(twin, lambda: numba.njit(SIGNATURE, cache=True, **HOW)(twin))
-            except numba.TypingError:
-                log.info("compiling %s", what)
-                called["function"] = _compile_all(function, callees, what)
+            log.info("compiling %s", what)
+        for callee, arguments, callee_name in callees:
+            _compile(callee, arguments, callee_name)
+        called["function"] = dispatcher = _compile(function, SIGNATURE, what)
+        if kept:
+            with suppress(RuntimeError, OSError):  # nowhere to keep it
                 dispatcher = numba.njit(SIGNATURE, cache=True, **HOW)(twin)
                 _forget(Path(dispatcher.stats.cache_path))
-                return dispatcher
-        except (RuntimeError, OSError):  # nowhere to keep it
-            return _compile_all(function, callees, what)
-
-
-def _compile_all(function: Callable[..., Any], callees: Callees, what: str) -> Any:
-    for callee, arguments, name in callees:
-        _compile(callee, arguments, name)
-    return _compile(function, SIGNATURE, what)
+        return dispatcher
 
 
 def _call(scene: Any, state: Any, rate: Any) -> None:

@@ -17,14 +17,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.integrate import solve_ivp
 
 from kickdyn.aerodynamics.coefficient_model import scaled
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core.mechanics import GRAVITY
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import KickdynError
 from kickdyn.flight.forces import (
     VACUUM,
@@ -214,14 +213,6 @@ def _fall(flights: Flights, ball: Ball, end: float | Plane) -> tuple[float, Stat
     return duration, states
 
 
-def _distance_event(normal: Array, gap: float) -> Callable[[float, Array], float]:
-    def distance(_: float, flat: Array) -> float:
-        return gap + float(normal @ flat[:3])
-
-    distance.terminal, distance.direction = True, -1.0  # type: ignore[attr-defined]
-    return distance
-
-
 def _integrate(
     flights: Flights, ball: Ball, end: float | Plane, tol: float
 ) -> tuple[float, StatesFunction]:
@@ -254,8 +245,13 @@ def _integrate(
 
     event, limit = None, end
     if isinstance(end, Plane):
-        limit = TIME_LIMIT
-        event = _distance_event(end.normal, end.gap(ball, launch.position))
+        normal, gap, limit = end.normal, end.gap(ball, launch.position), TIME_LIMIT
+
+        def distance(_: float, flat: Array) -> float:
+            return gap + float(normal @ flat[:3])
+
+        distance.terminal, distance.direction = True, -1.0  # type: ignore[attr-defined]
+        event = distance
     duration = _expected_duration(flights, ball, end)
     speed = max(math.hypot(*launch.velocity), 0.1 * GRAVITY * duration)
     scale = np.array([*3 * [speed * duration], *3 * [speed], 1.0])

@@ -14,12 +14,11 @@ from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from kickdyn.aerodynamics.coefficient_model import Coefficient, is_known
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.flight.forces import acceleration_function, brakes, downward
 
 MAX_SPEED = 299_792_458.0

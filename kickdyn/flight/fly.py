@@ -111,17 +111,13 @@ class _Task(NamedTuple):
     max_step: float | None
     ends: tuple[Event, ...]
 
-    def all_ends(self) -> tuple[Event, ...]:
-        planes = plane_events(self.ball, self.plane)
-        ends = ground_event(self.ball, self.ground), *planes, *self.ends
-        return tuple(end.launched(self.state) for end in ends)
-
 
 def _fly(task: _Task, **changes: Any) -> Flight:
     """Return what `fly` does; `Flight.error` changes the tolerance to one that `fly` refuses."""
     task = task._replace(**changes) if changes else task
     state, ball, air, ground, tol, plane, *_ = task
-    ends = task.all_ends()
+    events = ground_event(ball, ground), *plane_events(ball, plane), *task.ends
+    ends = tuple(event.launched(state) for event in events)
     # for `Flight.error`, `Flight.arrival` and unpickling, which fly once more
     flown = partial(Flight, ball, air, ground, plane, tol, partial(_fly, task))
     if _has_closed_form(state, ball, air, ends):

@@ -5,12 +5,12 @@ from dataclasses import dataclass, field
 from functools import cached_property, partial
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, warned
+from kickdyn.core.validation import ArrayLike
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.events import Event, checked_ends, plane_events
 from kickdyn.flight.flight_result import Flight, FlightStatus, flight_warnings

@@ -5,12 +5,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.flight.equations import FINEST
 from kickdyn.flight.events import Event
 from kickdyn.flight.forces import acceleration_function, downward
@@ -147,13 +146,42 @@ def roll(
     rest: the phase ends where the ball turns, or at `time_limit`. One of the events in `ends` may
     end the phase before.
     """
-    rolling = _Rolling(state, ball, air, surface)
-    arc = rolling.roll(tol, ends, time_limit)
+    resistance = surface.rolling_deceleration
+    share = 1.0 / (1.0 + ball.inertia / (ball.mass * ball.radius**2))
+    height = float(state.position[2])
+    acting = None if air is None or air.density == 0 else acceleration_function(ball, air)
+
+    def push(u: float, v: float) -> tuple[float, float]:
+        if acting is None:
+            return 0.0, 0.0
+        ax, ay, _, _ = acting(height, u, v, 0.0, 0.0, 0.0, 0.0)
+        return share * ax, share * ay
+
+    def rates(_: float, rolling: Array) -> list[float]:
+        u, v = float(rolling[3]), float(rolling[4])
+        ax, ay = push(u, v)
+        braking = resistance / math.hypot(u, v)
+        return [u, v, 0.0, ax - braking * u, ay - braking * v, 0.0, 0.0]
+
+    u, v, _ = state.velocity.tolist()
+    begin, speed = np.array([0.0, 0.0, 0.0, u, v, 0.0, 1.0]), math.hypot(u, v)
+    wind = push(0.0, 0.0)
+    slowest = 1e-7 * max(speed, math.hypot(*wind))
+    is_slow = Event("slow", lambda y, _: math.hypot(y[3], y[4]) - slowest)  # forces are constant
+    arc = Arc(0.0, begin, is_slow, [], 0, [])
+    if speed > slowest:
+        # Friction turns with the ball, ever faster as it slows: looser steps miss where it rests.
+        tol = min(tol, 1e-9)
+        sizes = np.array([*3 * [speed * (speed / (2.0 * resistance))], *3 * [speed], 1.0])
+        tolerance = Tolerance(tol, np.maximum(tol * sizes, 1e-300))
+        arc = integrate(rates, (0.0, begin), [is_slow, *ends], time_limit, tolerance)
     slow_time, slow = arc.end, arc.state
-    rest_time = rolling.time_to_rest(slow) if arc.reached is rolling.slow else 0.0
-    blown = arc.reached is None or rest_time == math.inf
-    duration = slow_time + (0.0 if blown else rest_time)
-    rolled = trajectory(arc, rolling.begin)
+    duration = slow_time
+    blown = arc.reached is None or (arc.reached is is_slow and math.hypot(*wind) > resistance)
+    if arc.reached is is_slow and not blown and (slow_speed := math.hypot(*slow[3:5])):
+        against = resistance - float(slow[3:5] @ wind) / slow_speed
+        duration += slow_speed / against
+    rolled = trajectory(arc, begin)
 
     def states(t: Array) -> BallState:
         moved = rolled(np.minimum(t, slow_time))
@@ -171,66 +199,8 @@ def roll(
 
     start = BallState(state.position, state.velocity, state.spin)
     end = _first(states(np.array([duration])))
-    name = None if arc.reached in (None, rolling.slow) else arc.reached.name
+    name = None if arc.reached in (None, is_slow) else arc.reached.name
     return GroundPhase(start, end, "roll", states, name, blown, arc.evaluations)
-
-
-class _Rolling:
-    """A ball that rolls on level ground, with the seven states of `FlightEquations`.
-
-    Attributes:
-        begin: the states at the beginning.
-        slow: the event that the ball is so slow that all forces are constant until it rests.
-    """
-
-    def __init__(self, state: BallState, ball: Ball, air: Air | None, surface: Surface) -> None:
-        self._resistance = surface.rolling_deceleration
-        self._share = 1.0 / (1.0 + ball.inertia / (ball.mass * ball.radius**2))
-        self._air = None if air is None or air.density == 0 else acceleration_function(ball, air)
-        self._height = float(state.position[2])
-        u, v, _ = state.velocity.tolist()
-        self.begin = np.array([0.0, 0.0, 0.0, u, v, 0.0, 1.0])
-        self._wind = self._push(0.0, 0.0)
-        self._slowest = 1e-7 * max(math.hypot(u, v), math.hypot(*self._wind))
-        self.slow = Event("slow", lambda y, _: math.hypot(y[3], y[4]) - self._slowest)
-
-    def _push(self, u: float, v: float) -> tuple[float, float]:
-        if self._air is None:
-            return 0.0, 0.0
-        ax, ay, _, _ = self._air(self._height, u, v, 0.0, 0.0, 0.0, 0.0)
-        return self._share * ax, self._share * ay
-
-    def rates(self, _: float, states: Array) -> list[float]:
-        u, v = float(states[3]), float(states[4])
-        ax, ay = self._push(u, v)
-        braking = self._resistance / math.hypot(u, v)
-        return [u, v, 0.0, ax - braking * u, ay - braking * v, 0.0, 0.0]
-
-    def roll(self, tol: float, ends: Sequence[Event], time_limit: float) -> Arc:
-        """Return the solution until the ball is slow or an event ends it."""
-        speed = math.hypot(*self.begin[3:5])
-        if speed <= self._slowest:
-            return Arc(0.0, self.begin, self.slow, [], 0, [])
-        length = speed * (speed / (2.0 * self._resistance))
-        # Friction turns with the ball, ever faster as it slows: looser steps miss where it rests.
-        tol = min(tol, 1e-9)
-        sizes = np.array([*3 * [length], *3 * [speed], 1.0])
-        tolerance = Tolerance(tol, np.maximum(tol * sizes, 1e-300))
-        start = 0.0, self.begin
-        return integrate(self.rates, start, [self.slow, *ends], time_limit, tolerance)
-
-    def time_to_rest(self, state: Array) -> float:
-        """Return how long a ball rolls on that has become slow [s]: all forces are constant.
-
-        It is infinite where the wind is stronger than the resistance of the surface.
-        """
-        if math.hypot(*self._wind) > self._resistance:
-            return math.inf
-        speed = math.hypot(*state[3:5])
-        if speed == 0.0:
-            return 0.0
-        along = state[3:5] / speed
-        return speed / (self._resistance - float(along @ self._push(0.0, 0.0)))
 
 
 def _first(states: BallState) -> BallState:

@@ -5,16 +5,16 @@ Coefficients and error estimate are scipy's. The next step is 0.7 of what the es
 its own time and step; whichever ends makes room for the next.
 
 A step that an event falls into is taken anew so that it ends shortly after the event, as in
-`integrate`. Where the event is follows from the polynomial of fifth degree that has the values,
-slopes and curvatures of the event's function at both ends. Of the crests the highest is kept.
+`integrate`. Where the event is follows from the cubic with the values and slopes of the event's
+function at both ends, and from the function itself on the ball's path. Of the crests the highest is
+kept. Most steps have no event: all lanes are checked for that at once, and only the others go
+through `_end_step`.
 """
 
 # mypy: disable-error-code="no-untyped-def"
 
 import math
-import zlib
 from functools import cache
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numba
@@ -48,16 +48,16 @@ for _k, _row in enumerate(_TABLE):
     _WHICH[_k, : len(_used)] = _used
     _WEIGHT[_k, : len(_used)] = _row[_used]
 
-VALUE, SLOPE, CURVATURE = range(3)
-"""Rows of the function of an event: its value, and its derivatives by time."""
+VALUE, SLOPE = range(2)
+"""Rows of the function of an event: its value, and its derivative by time."""
 
-DIFFERENCE = 1e-4
+DIFFERENCE = 1e-6
 """Time over which the function of an event is differentiated, as a fraction of the step."""
 
 _named_tuple: Any = numba.types.NamedTuple
 
 _FLYING = -1
-_CREST = -1
+_CREST, _NO_EVENT = -1, -2
 
 _EPS = float(np.finfo(float).eps)
 
@@ -78,8 +78,8 @@ class Flights(NamedTuple):
         tolerance: absolute tolerances of displacement [m], velocity [m/s] and of the spin over that
             of the launch, the longest step [s], and the fraction of a step, at its end, in which
             an event must lie; `(n, 5)`.
-        begin: memory for the rates at the launch, the first step [s], and value, slope and
-            curvature of the events' functions, `(n, 8 + 3 k)`.
+        begin: memory for the rates at the launch, the first step [s], and value and slope
+            of the events' functions, `(n, 8 + 2 k)`.
         nodes: time and 7 states at the end, then at the apex, `(n, 16)`.
         status: `LANDED`, `ALOFT`, `FAILED`, or `FURTHER` plus the number of an event after the
             ground; `(n,)`.
@@ -95,21 +95,19 @@ class Flights(NamedTuple):
     status: NDArray[np.int8]
     evaluations: NDArray[np.int64]
 
-    def row(self, i: int) -> "Flights":
-        """Return one flight, in the same memory."""
-        return Flights(*(array[i : i + 1] for array in self))  # type: ignore[arg-type]
-
 
 class Lanes(NamedTuple):
     """The flights that are stepped side by side.
 
     Attributes:
-        scene, numbers: rows of `Flights`, of all lanes, one entry after the other.
-        scale: absolute tolerance of each state.
-        state, new: states at the beginning and at the end of the step.
         rates: of each stage of the step; in row 0 at its beginning, in the last at its end.
         sums: four rows to work in.
-        begin, end: value, slope and curvature of the events' functions at both ends of the step.
+        begin, end: value and slope of the events' functions at both ends of the step.
+        scene, numbers: rows of `Flights`, of all lanes, one entry after the other.
+        state, new: states at the beginning and at the end of the step.
+        scale: absolute tolerance of each state.
+        point, value: states at an event or shortly after the launch, and the values of the events'
+            functions there.
         time, step, longest: at the beginning of the step, its length, its greatest length [s].
         error: estimated error of the step over what is tolerated.
         growth: factor of the next step that the error allows.
@@ -119,15 +117,17 @@ class Lanes(NamedTuple):
         calls: evaluations so far.
     """
 
-    scene: Array
-    numbers: Array
-    scale: Array
-    state: Array
-    new: Array
     rates: Array
     sums: Array
     begin: Array
     end: Array
+    scene: Array
+    numbers: Array
+    state: Array
+    new: Array
+    scale: Array
+    point: Array
+    value: Array
     time: Array
     step: Array
     longest: Array
@@ -145,15 +145,11 @@ def march(rates_of: Any, values_of: Any, flights: Flights, rtol: float, time_lim
     `rates_of` is what `compiled_rates` returns, `values_of` what `compiled_ends` does.
     """
     size = flights.numbers.shape[1] * LANES
-    scale, state, new = np.zeros((3, SIZE))
-    begin, end = np.zeros((2, 3, size // NUMBERS))
-    time, step, longest, error, growth, taken, rejected = np.zeros((7, LANES))
-    memory = Lanes(
-        np.zeros(5 * LANES), np.zeros(size), scale, state, new,
-        np.zeros((STAGES + 1, SIZE)), np.zeros((4, SIZE)), begin, end,
-        time, step, longest, error, growth, taken, rejected,
-        np.full(LANES, -1), np.zeros(LANES, np.int64),
-    )  # fmt: skip
+    memory = Lanes._make([
+        np.zeros((STAGES + 1, SIZE)), np.zeros((4, SIZE)), *np.zeros((2, 2, size // NUMBERS)),
+        np.zeros(5 * LANES), np.zeros(size), *np.zeros((4, SIZE)), np.zeros(size // NUMBERS),
+        *np.zeros((7, LANES)), np.full(LANES, -1), np.zeros(LANES, np.int64),
+    ])  # fmt: skip
     compiled_march()(rates_of, values_of, flights, memory, float(rtol), float(time_limit))
 
 
@@ -162,15 +158,10 @@ def compiled_march() -> Any:
     """Return `_march` as machine code, from the disk if it can be kept there: it takes seconds."""
     vector, matrix, integers = numba.float64[::1], numba.float64[:, ::1], numba.int64[::1]
     flights = _named_tuple([*(matrix,) * 6, numba.int8[::1], integers], Flights)
-    kinds = [*(vector,) * 5, *(matrix,) * 4, *(vector,) * 7, integers, integers]
-    equations = numba.types.FunctionType(SIGNATURE)
-    signature = numba.void(
-        equations, equations, flights, _named_tuple(kinds, Lanes),
-        numba.float64, numba.float64,
-    )  # fmt: skip
-    # numba looks for changes in this file only; the others are part of the name
-    sources = b"".join(Path(str(file.__file__)).read_bytes() for file in (compiling, events))
-    function = named(_march, f"march_{zlib.crc32(sources, MAX_EVALUATIONS):08x}")
+    lanes = _named_tuple([*(matrix,) * 4, *(vector,) * 14, integers, integers], Lanes)
+    equations, number = numba.types.FunctionType(SIGNATURE), numba.float64
+    signature = numba.void(equations, equations, flights, lanes, number, number)
+    function = named(_march, f"march_{MAX_EVALUATIONS}", compiling, events)
     return compiled(function, signature, "the integration of flights", **_OPTIONS)
 
 
@@ -190,16 +181,16 @@ def _march(rates_of, values_of, flights, lane, rtol, time_limit):
         _step(rates_of, lane)
         _estimate_error(lane, rtol)
         _measure(values_of, lane, lane.new, lane.rates[STAGES], lane.end)
+        _take_plain_steps(lane, time_limit)
         for i in range(LANES):
-            row, lane.taken[i] = lane.row[i], 0.0
-            if row >= 0:
-                lane.calls[i] += STAGES
-                status = _end_step(i, flights, lane, time_limit)
+            row = lane.row[i]
+            if row >= 0 and lane.taken[i] == 0.0:
+                status = _end_step(values_of, i, flights, lane, time_limit)
                 if status != _FLYING:
                     flights.status[row], flights.evaluations[row] = status, lane.calls[i]
                     lane.row[i], lane.step[i] = -1, 0.0
                     flying -= 1
-        _advance(lane)
+        _advance(lane, time_limit)
     for row in range(len(flights.status)):
         if flights.status[row] == FAILED:
             for c in range(16):
@@ -227,11 +218,11 @@ def _load(i, row, flights, lane, time_limit):
     for c in range(STATES):
         lane.rates[0, c * LANES + i] = flights.begin[row, c]
     for event in range(lane.begin.shape[1] // LANES):
-        for derivative in range(3):
-            value = flights.begin[row, 8 + 3 * event + derivative]
+        for derivative in range(2):
+            value = flights.begin[row, 8 + 2 * event + derivative]
             lane.begin[derivative, event * LANES + i] = value
     lane.time[i], lane.rejected[i], lane.row[i], lane.calls[i] = 0.0, 0.0, row, 1
-    _set_step(i, flights.begin[row, 7], lane, time_limit)
+    lane.step[i] = _allowed(i, flights.begin[row, 7], lane, time_limit)
 
 
 @inlined
@@ -250,19 +241,19 @@ def _start(rates_of, values_of, flights, lane, rtol, time_limit):
             lane.step[i] = _first_step(i, lane, rtol, time_limit)
         _measure(values_of, lane, lane.state, lane.rates[0], lane.begin)
         _move_shortly(lane)
-        values_of(lane.numbers, lane.new, lane.end[VALUE])
+        values_of(lane.numbers, lane.point, lane.value)
         for i in range(min(LANES, n - first)):
             row = first + i
             flights.evaluations[row], flights.status[row] = 1, _FLYING
             for k in range(0, 16, 8):
                 _write_node(i, 0.0, lane.state, flights.nodes, row, k)
             for k in range(lane.begin.shape[1] - LANES + i, -1, -LANES):  # the first one counts
-                for derivative in range(3):
-                    column = 8 + 3 * (k // LANES) + derivative
+                for derivative in range(2):
+                    column = 8 + 2 * (k // LANES) + derivative
                     flights.begin[row, column] = lane.begin[derivative, k]
                 if math.isnan(lane.begin[VALUE, k]):
                     flights.status[row] = FAILED
-                value = lane.end[VALUE, k]
+                value = lane.value[k]
                 rests = value == 0.0 and abs(lane.state[U + i]) < AT_REST
                 rests = rests and abs(lane.state[V + i]) < AT_REST > abs(lane.state[W + i])
                 if lane.begin[VALUE, k] == 0.0 and (value < 0.0 or rests):
@@ -293,7 +284,7 @@ def _status_of(event):
 
 @inlined
 def _move_shortly(lane):
-    """Put into `new` the states so shortly after the launch that only the first change counts."""
+    """Put into `point` the states so shortly after the launch that only the first change counts."""
     for i in range(LANES):
         speed, acceleration = 0.0, 0.0
         for c in range(0, 3 * LANES, LANES):
@@ -303,9 +294,9 @@ def _move_shortly(lane):
         if speed > 0.0 and acceleration > 0.0:
             time *= math.sqrt(speed) / math.sqrt(acceleration)
         for c in range(i, SIZE, LANES):
-            lane.new[c] = lane.state[c] + time * lane.rates[0, c]
+            lane.point[c] = lane.state[c] + time * lane.rates[0, c]
         for c in range(i, U, LANES):
-            lane.new[c] += 0.5 * time * time * lane.rates[0, U + c]
+            lane.point[c] += 0.5 * time * time * lane.rates[0, U + c]
 
 
 @inlined
@@ -339,127 +330,115 @@ def _estimate_error(lane, rtol):
 
     :math:`h e_5^2 / \sqrt{(e_5^2 + 0.01 e_3^2) n}`, with both estimates scaled by the tolerances.
     """
-    new, last, five, three = lane.new, lane.rates[STAGES], lane.sums[1], lane.sums[2]
-    for m in range(SIZE):
-        per = 1.0 / (lane.scale[m] + rtol * max(abs(lane.state[m]), abs(new[m])))
-        five[m] = (five[m] * per) ** 2
-        three[m] = (three[m] * per) ** 2 + 0.0 * (new[m] + last[m])  # nan if not finite
-    for c in range(LANES, SIZE, LANES):
-        for i in range(LANES):
-            five[i] += five[c + i]
-            three[i] += three[c + i]
+    new, last = lane.new, lane.rates[STAGES]
     for i in range(LANES):
-        size = (five[i] + 0.01 * three[i]) * STATES
-        error = lane.step[i] * five[i] / math.sqrt(size)
-        lane.error[i] = error if size != 0.0 else 0.0
-        lane.growth[i] = 0.7 / math.sqrt(math.sqrt(math.sqrt(lane.error[i])))
+        five, three = 0.0, 0.0
+        for c in range(0, SIZE, LANES):
+            m = c + i
+            per = 1.0 / (lane.scale[m] + rtol * max(abs(lane.state[m]), abs(new[m])))
+            five += (lane.sums[1, m] * per) ** 2
+            three += (lane.sums[2, m] * per) ** 2 + 0.0 * (new[m] + last[m])  # nan if not finite
+        size = (five + 0.01 * three) * STATES
+        error = lane.step[i] * five / math.sqrt(size) if size != 0.0 else 0.0
+        lane.error[i], lane.growth[i] = error, 0.7 / math.sqrt(math.sqrt(math.sqrt(error)))
 
 
 @inlined
 def _measure(values_of, lane, state, rate, result):
-    """Put value, slope and curvature of the events' functions at some states into `result`."""
+    """Put value and slope of the events' functions at some states into `result`."""
     moved = lane.sums[0]
-    values_of(lane.numbers, state, result[VALUE])
-    for sign in (1.0, -1.0):
-        for c in range(0, U, LANES):
-            for i in range(LANES):
-                m, n, h = c + i, U + c + i, sign * DIFFERENCE * lane.step[i]
-                moved[m] = state[m] + h * (state[n] + 0.5 * h * rate[n])
-                moved[n] = state[n] + h * rate[n]
+    for c in range(0, SIZE, LANES):
         for i in range(LANES):
-            m = LEFT + i
-            moved[m] = state[m] + sign * DIFFERENCE * lane.step[i] * rate[m]
-        values_of(lane.numbers, moved, result[SLOPE if sign > 0.0 else CURVATURE])
+            moved[c + i] = state[c + i] + DIFFERENCE * lane.step[i] * rate[c + i]
+    values_of(lane.numbers, state, result[VALUE])
+    values_of(lane.numbers, moved, result[SLOPE])
     for c in range(0, result.shape[1], LANES):
         for i in range(LANES):
-            k, per = c + i, 1.0 / (DIFFERENCE * lane.step[i])
-            more, less = (
-                result[SLOPE, k] - result[VALUE, k],
-                result[VALUE, k] - result[CURVATURE, k],
-            )
-            result[SLOPE, k] = 0.5 * (more + less) * per
-            result[CURVATURE, k] = (more - less) * per * per
+            change = result[SLOPE, c + i] - result[VALUE, c + i]
+            result[SLOPE, c + i] = change / (DIFFERENCE * lane.step[i])
 
 
 @inlined
-def _happens(start, rise, end, last_rise):
-    """Return whether a function falls through zero in a step, or may: both tangents do."""
+def _is_plain(start, slope, end, last_slope):
+    """Return whether a function neither falls to zero in a step nor turns, nor is not a number."""
     falls = (start >= 0.0) & (end <= 0.0) & (start > end)
-    hides = (start * (start + rise) < 0.0) & (end * (end - last_rise) < 0.0) & (start * end > 0.0)
-    return falls | hides
+    turns = ((slope < 0.0) & (last_slope > 0.0)) | ((slope > 0.0) & (last_slope < 0.0))
+    return (end == end) & (not falls) & (not turns)
 
 
 @inlined
-def _dips(start, rise, end, last_rise):
-    """Return whether a function is above zero at both ends of a step, and lower in between."""
-    return (start > 0.0) & (end > 0.0) & (rise < 0.0) & (last_rise > 0.0)
-
-
-@inlined
-def _advance(lane):
-    _choose(lane.taken, lane.new, lane.state)
-    _choose(lane.taken, lane.rates[STAGES], lane.rates[0])
-    for derivative in range(3):
-        _choose(lane.taken, lane.end[derivative], lane.begin[derivative])
-
-
-@inlined
-def _choose(taken, new, old):
-    """Put the new numbers into the old ones in the lanes where the step is taken."""
-    for c in range(0, len(old), LANES):
+def _take_plain_steps(lane, time_limit):
+    """Take the steps that are exact enough, and in which no event can be."""
+    last = lane.rates[STAGES]
+    for i in range(LANES):
+        lane.calls[i] += STAGES
+        plain = (lane.row[i] >= 0) & (lane.error[i] < 1.0) & (lane.calls[i] <= MAX_EVALUATIONS)
+        plain &= lane.step[i] < time_limit - lane.time[i]
+        plain &= _is_plain(lane.state[W + i], lane.rates[0, W + i], lane.new[W + i], last[W + i])
+        lane.taken[i] = 1.0 if plain else 0.0
+    for c in range(0, lane.end.shape[1], LANES):
         for i in range(LANES):
-            old[c + i] = new[c + i] if taken[i] != 0.0 else old[c + i]
+            k = c + i
+            plain = _is_plain(
+                lane.begin[VALUE, k], lane.begin[SLOPE, k], lane.end[VALUE, k], lane.end[SLOPE, k]
+            )
+            lane.taken[i] = lane.taken[i] if plain else 0.0
 
 
 @inlined
-def _quintic(h, begin, slope, curvature, end, last_slope, last_curvature):
-    """Return the six coefficients of a quintic, from values and derivatives at both ends.
-
-    They are of the powers of the fraction of a step of h [s].
-    """
-    c1, c2 = h * slope, 0.5 * h * h * curvature
-    d = end - begin - c1 - c2
-    e = h * last_slope - c1 - 2.0 * c2
-    f = h * h * last_curvature - 2.0 * c2
-    return (
-        begin, c1, c2,
-        10.0 * d - 4.0 * e + 0.5 * f, -15.0 * d + 7.0 * e - f, 6.0 * d - 3.0 * e + 0.5 * f,
-    )  # fmt: skip
-
-
-@inlined
-def _backward_path(c, h, lane):
-    """Return the quintic of a displacement from the end of the step back to its beginning."""
-    y, new, rate, last = lane.state, lane.new, lane.rates[0], lane.rates[STAGES]
-    return _quintic(-h, new[c], new[U + c], last[U + c], y[c], y[U + c], rate[U + c])
-
-
-@inlined
-def _event_function(i, event, h, lane):
-    """Return the quintic of an event's function from the end of the step back to its beginning."""
-    if event == _CREST:  # the upward speed, times the step
-        _, p1, p2, p3, p4, p5 = _backward_path(Z + i, h, lane)
-        return -p1, -2.0 * p2, -3.0 * p3, -4.0 * p4, -5.0 * p5, 0.0
-    k, a, b = event * LANES + i, lane.begin, lane.end
-    return _quintic(
-        -h, b[VALUE, k], b[SLOPE, k], b[CURVATURE, k], a[VALUE, k], a[SLOPE, k], a[CURVATURE, k]
-    )
+def _advance(lane, time_limit):
+    """Go to the end of the step in the lanes where it is taken, and choose the next step there."""
+    for i in range(LANES):
+        taken, h, growth = lane.taken[i] != 0.0, lane.step[i], lane.growth[i]
+        most = 1.0 if lane.rejected[i] != 0.0 else 10.0
+        lane.time[i] = lane.time[i] + h if taken else lane.time[i]
+        longer = _allowed(i, h * growth if growth < most else h * most, lane, time_limit)
+        lane.step[i] = longer if taken else h
+        lane.rejected[i] = 0.0 if taken else lane.rejected[i]
+    for c in range(0, SIZE, LANES):
+        for i in range(LANES):
+            m, taken = c + i, lane.taken[i] != 0.0
+            state, new = lane.state[m], lane.new[m]
+            rate, last = lane.rates[0, m], lane.rates[STAGES, m]
+            lane.state[m], lane.rates[0, m] = new if taken else state, last if taken else rate
+    for c in range(0, lane.end.shape[1], LANES):
+        for i in range(LANES):
+            k, taken = c + i, lane.taken[i] != 0.0
+            for row in range(2):
+                lane.begin[row, k] = lane.end[row, k] if taken else lane.begin[row, k]
 
 
 @inlined
-def _find_event(i, event, h, start, end, lane):
-    if end == 0.0:
-        return 0.0
-    p0, p1, p2, p3, p4, p5 = _event_function(i, event, h, lane)
-    low, high, s = 0.0, 1.0, end / (end - start)
+def _ends(i, event, h, lane):
+    """Return the value of an event's function and its slope times h at both ends of a step."""
+    if event == _CREST:  # the upward speed
+        start, slope = lane.state[W + i], lane.rates[0, W + i]
+        return start, h * slope, lane.new[W + i], h * lane.rates[STAGES, W + i]
+    k = event * LANES + i
+    start, slope = lane.begin[VALUE, k], lane.begin[SLOPE, k]
+    return start, h * slope, lane.end[VALUE, k], h * lane.end[SLOPE, k]
+
+
+@inlined
+def _backward_cubic(ends):
+    """Return the coefficients of a cubic from the end of a step back to its beginning."""
+    start, rise, end, last_rise = ends
+    fall = start - end
+    return end, -last_rise, 2.0 * last_rise + rise + 3.0 * fall, -last_rise - rise - 2.0 * fall
+
+
+@inlined
+def _find_fall(ends):
+    """Return the fraction of a step from a function's fall through zero to the end of the step."""
+    p0, p1, p2, p3 = _backward_cubic(ends)
+    low, high, s = 0.0, 1.0, p0 / (p0 - ends[0])
     for _ in range(60):
-        value = p0 + s * (p1 + s * (p2 + s * (p3 + s * (p4 + s * p5))))
-        slope = p1 + s * (2.0 * p2 + s * (3.0 * p3 + s * (4.0 * p4 + s * 5.0 * p5)))
+        value = p0 + s * (p1 + s * (p2 + s * p3))
         if value > 0.0:
             high = s
         else:
             low = s
-        further = s - value / slope
+        further = s - value / (p1 + s * (2.0 * p2 + s * 3.0 * p3))
         if not low <= further <= high:
             further = 0.5 * (low + high)
         moved, s = abs(further - s), further
@@ -469,24 +448,24 @@ def _find_event(i, event, h, start, end, lane):
 
 
 @inlined
-def _find_lowest(i, event, h, lane):
-    """Return how long before the end of a step an event's function is least, and that value."""
-    p0, p1, p2, p3, p4, p5 = _event_function(i, event, h, lane)
-    best, lowest = 0.0, p0
-    for k in range(1, 33):
-        s = k / 32.0
-        value = p0 + s * (p1 + s * (p2 + s * (p3 + s * (p4 + s * p5))))
-        if value < lowest:
-            best, lowest = s, value
-    for _ in range(4):
-        slope = p1 + best * (2.0 * p2 + best * (3.0 * p3 + best * (4.0 * p4 + best * 5.0 * p5)))
-        bend = 2.0 * p2 + best * (6.0 * p3 + best * (12.0 * p4 + best * 20.0 * p5))
-        s = best - slope / bend if bend > 0.0 else best
-        value = p0 + s * (p1 + s * (p2 + s * (p3 + s * (p4 + s * p5))))
-        if not value < lowest:
-            break
-        best, lowest = s, value
-    return best, lowest
+def _correct_fall(values_of, i, event, s, h, lane):
+    """Return the fraction of `_find_fall`, corrected by the function's value there."""
+    _interpolate(i, s, h, lane)
+    value = lane.point[W + i]
+    if event != _CREST:
+        values_of(lane.numbers, lane.point, lane.value)
+        value = lane.value[event * LANES + i]
+    _, p1, p2, p3 = _backward_cubic(_ends(i, event, h, lane))
+    corrected = s - value / (p1 + s * (2.0 * p2 + s * 3.0 * p3))
+    return corrected if 0.0 < corrected < 1.0 else s
+
+
+@inlined
+def _find_lowest(ends):
+    """Return the fraction of a step after a function's least value, and that value."""
+    p0, p1, p2, p3 = _backward_cubic(ends)
+    s = -p1 / (p2 + math.sqrt(max(p2 * p2 - 3.0 * p1 * p3, 0.0)))
+    return s, p0 + s * (p1 + s * (p2 + s * p3))
 
 
 @njit
@@ -498,80 +477,87 @@ def _write_node(i, t, y, nodes, row, k):
 
 
 @inlined
-def _write_event(i, s, h, lane, nodes, row, k):
-    """Put time and states at a fraction before the end of a step into a row, from k on."""
-    nodes[row, k] = lane.time[i] + (1.0 - s) * h
-    for c in range(3):
-        p0, p1, p2, p3, p4, p5 = _backward_path(c * LANES + i, h, lane)
+def _interpolate(i, s, h, lane):
+    """Put into `point` the states at a fraction before the end of a step.
+
+    A displacement is the quintic with the velocities and accelerations at both ends.
+    """
+    last = lane.rates[STAGES]
+    for c in range(i, U, LANES):
+        p0, p1, p2 = lane.new[c], -h * lane.new[U + c], 0.5 * h * h * last[U + c]
+        d = lane.state[c] - p0 - p1 - p2
+        e = -h * lane.state[U + c] - p1 - 2.0 * p2
+        f = h * h * lane.rates[0, U + c] - 2.0 * p2
+        p3, p4 = 10.0 * d - 4.0 * e + 0.5 * f, 7.0 * e - 15.0 * d - f
+        p5 = 6.0 * d - 3.0 * e + 0.5 * f
         slope = p1 + s * (2.0 * p2 + s * (3.0 * p3 + s * (4.0 * p4 + s * 5.0 * p5)))
-        nodes[row, k + 1 + c] = p0 + s * (p1 + s * (p2 + s * (p3 + s * (p4 + s * p5))))
-        nodes[row, k + 4 + c] = -slope / h
-    nodes[row, k + 7] = lane.new[LEFT + i] - s * h * lane.rates[STAGES, LEFT + i]
+        lane.point[c] = p0 + s * (p1 + s * (p2 + s * (p3 + s * (p4 + s * p5))))
+        lane.point[U + c] = -slope / h
+    lane.point[LEFT + i] = lane.new[LEFT + i] - s * h * last[LEFT + i]
 
 
 @inlined
-def _set_step(i, h, lane, time_limit):
-    """Set the length of a lane's next step; return `_FLYING`, or `FAILED` where no step helps."""
-    t = lane.time[i]
-    smallest = max(10.0 * _EPS * t, 1e-300)
-    lane.step[i] = min(max(min(h, lane.longest[i]), smallest), time_limit - t)
-    vain = lane.calls[i] > MAX_EVALUATIONS or (lane.rejected[i] == 1.0 and h < smallest)
-    return FAILED if vain else _FLYING
+def _allowed(i, h, lane, time_limit):
+    """Return the length of a lane's next step that is nearest to h."""
+    t, longest = lane.time[i], lane.longest[i]
+    smallest = 10.0 * _EPS * t + 1e-300
+    h = h if h < longest else longest
+    h = h if h > smallest else smallest
+    return h if h < time_limit - t else time_limit - t
 
 
 @inlined
-def _end_step(i, flights, lane, time_limit):
+def _end_step(values_of, i, flights, lane, time_limit):
     """Reject a step, take it anew with another length, or take it; return the flight's status."""
-    h, error, growth, row = lane.step[i], lane.error[i], lane.growth[i], lane.row[i]
+    t, h, error, row = lane.time[i], lane.step[i], lane.error[i], lane.row[i]
+    if lane.calls[i] > MAX_EVALUATIONS:
+        return FAILED
     if not error < 1.0:  # or not a number
-        lane.rejected[i] = 1.0
-        return _set_step(i, h * max(0.2, growth) if error < math.inf else 0.2 * h, lane, time_limit)
-    resolvable = h > max(100.0 * _EPS * lane.time[i], 1e-300)
-    first, before_end, unknown = _FLYING - 1, -1.0, False
+        shorter = h * max(0.2, lane.growth[i]) if error < math.inf else 0.2 * h
+        lane.step[i], lane.rejected[i] = _allowed(i, shorter, lane, time_limit), 1.0
+        return FAILED if shorter < lane.step[i] else _FLYING
+    first, before_end, again, unknown = _NO_EVENT, -1.0, 1.0, False
     for event in range(_CREST, lane.begin.shape[1] // LANES):
-        if event == _CREST:
-            start, end = lane.state[W + i], lane.new[W + i]
-            rise, last_rise = h * lane.rates[0, W + i], h * lane.rates[STAGES, W + i]
-        else:
-            k = event * LANES + i
-            start, end = lane.begin[VALUE, k], lane.end[VALUE, k]
-            rise, last_rise = h * lane.begin[SLOPE, k], h * lane.end[SLOPE, k]
+        ends = _ends(i, event, h, lane)
+        start, rise, end, last_rise = ends
         unknown |= end != end
-        if event != _CREST and _dips(start, rise, end, last_rise):
-            s, lowest = _find_lowest(i, event, h, lane)
-            if lowest <= 0.0 and 0.0 < s < 1.0 - 1e-6 and resolvable:
-                return _set_step(i, (1.0 - s) * h, lane, time_limit)  # its end will decide
-            continue
-        if not _happens(start, rise, end, last_rise):
-            continue
         if start > 0.0 >= end:
-            s = _find_event(i, event, h, start, end, lane)
+            s = _find_fall(ends)
             if s > before_end:
                 first, before_end = event, s
-        elif resolvable and (start != 0.0 or rise > 0.0 or (event != _CREST and rise == 0.0)):
-            # it may come and go within the step, or rises before it falls
-            shorter = 0.5 * rise / (rise - end) if start == 0.0 and rise > 0.0 else 0.5
-            return _set_step(i, shorter * h, lane, time_limit)
-    margin = flights.tolerance[row, 4]
-    if before_end > margin and resolvable:
-        return _set_step(i, (1.0 - before_end) * (1.0 + 0.5 * margin) * h, lane, time_limit)
-    if first >= 0:
-        _write_event(i, before_end, h, lane, flights.nodes, row, 0)
-        if flights.nodes[row, 3] > flights.nodes[row, 11]:
-            for c in range(8):
-                flights.nodes[row, 8 + c] = flights.nodes[row, c]
-        return _status_of(first)
-    if unknown:  # the function of an event is not a number
+        elif start == 0.0 > end:
+            if rise > 0.0:  # before it falls
+                again = min(again, 0.5 * rise / (rise - end))
+            elif rise == 0.0 and event != _CREST:
+                again = min(again, 0.5)
+        elif event != _CREST and start > 0.0 and end > 0.0:
+            if rise < 0.0 < last_rise:
+                s, lowest = _find_lowest(ends)
+                doubt = 0.05 * (s * (1.0 - s)) ** 2 * (last_rise - rise)
+                if lowest <= doubt and s < 1.0 - 1e-6:  # the end of a step there will decide
+                    again = min(again, 1.0 - s)
+        elif start * end > 0.0 and start * (start + rise) < 0.0 > end * (end - last_rise):
+            again = min(again, 0.5)  # it may come and go within the step
+    margin, resolvable = flights.tolerance[row, 4], h > max(100.0 * _EPS * t, 1e-300)
+    if again == 1.0 and before_end > margin and resolvable:
+        before_end = _correct_fall(values_of, i, first, before_end, h, lane)
+        again = (1.0 - before_end) * (1.0 + 0.5 * margin)
+    if again < 1.0 and resolvable:
+        lane.step[i] = _allowed(i, again * h, lane, time_limit)
+        return _FLYING
+    if unknown and first < 0:  # the function of an event is not a number
         return FAILED
-    if first == _CREST and lane.new[Z + i] > flights.nodes[row, 11]:
-        _write_event(i, before_end, h, lane, flights.nodes, row, 8)
-    lane.taken[i] = 1.0
-    last = h == time_limit - lane.time[i]
-    lane.time[i] = time_limit if last else lane.time[i] + h
-    further = h * min(growth, 1.0 if lane.rejected[i] == 1.0 else 10.0)
-    lane.rejected[i] = 0.0
-    if not last:
-        return _set_step(i, further, lane, time_limit)
+    if first != _NO_EVENT:
+        _interpolate(i, before_end, h, lane)
+        event_time = t + (1.0 - before_end) * h
+        if lane.point[Z + i] > flights.nodes[row, 11]:
+            _write_node(i, event_time, lane.point, flights.nodes, row, 8)
+        if first != _CREST:
+            _write_node(i, event_time, lane.point, flights.nodes, row, 0)
+            return _status_of(first)
+    if h < time_limit - t:
+        lane.taken[i] = 1.0
+        return _FLYING
     if lane.new[Z + i] > flights.nodes[row, 11]:
         _write_node(i, time_limit, lane.new, flights.nodes, row, 8)
     _write_node(i, time_limit, lane.new, flights.nodes, row, 0)

@@ -24,8 +24,9 @@ UNITS = {
     **dict.fromkeys(("x", "y", "z"), "m"),
     **dict.fromkeys(("vx", "vy", "vz", "wind_x", "wind_y"), "m/s"),
     **dict.fromkeys(("back_spin", "side_spin", "gyro_spin"), "rad/s"),
+    **dict.fromkeys(("elevation", "azimuth"), "rad"),
 }
-"""Units of what is sought; coefficients and factors have none."""
+"""Units of what is sought, and of a learner's errors of aim; coefficients and factors have none."""
 
 LOOSEST = {
     **dict.fromkeys(("back_spin", "side_spin", "gyro_spin"), 20.0),
@@ -242,10 +243,8 @@ def mean_over_flights(fits: Sequence[Identification], name: str) -> FlightMean |
 def covariance(slopes: Array) -> Array:
     r"""Return the covariance :math:`(J^T J)^{-1}` of a least-squares estimate, shape `(p, p)`.
 
-    A direction that the residuals do not determine, to rounding, has a huge variance.
-
-    Args:
-        slopes: derivatives J of all residuals, in standard deviations, shape `(n, p)`.
+    The slopes J are the derivatives of all residuals, in standard deviations, shape `(n, p)`. A
+    direction that the residuals do not determine, to rounding, has a huge variance.
     """
     size = np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
     _, singular, right = np.linalg.svd(slopes / size, full_matrices=False)
@@ -256,15 +255,11 @@ def covariance(slopes: Array) -> Array:
 def weighted_mean(values: Array, deviations: Array) -> tuple[float, float, float]:
     r"""Return the mean of values, its standard error, and their scatter.
 
-    With the values :math:`y_i` and their standard deviations :math:`\sigma_i`, the mean has the
-    weights :math:`w_i = 1 / (\sigma_i^2 + \tau^2)`, and its standard error is
+    With two or more values :math:`y_i` of standard deviations :math:`\sigma_i > 0`, the mean has
+    the weights :math:`w_i = 1 / (\sigma_i^2 + \tau^2)`, and its standard error is
     :math:`(\sum w_i)^{-1/2}`. The scatter :math:`\tau` solves :math:`\sum w_i (y_i - \bar y)^2 =
     n - 1`; it is 0 where the :math:`\sigma_i` alone explain the differences (Paule & Mandel 1982,
     J. Res. Natl. Bur. Stand. 87:377).
-
-    Args:
-        values: shape `(n,)`, two or more.
-        deviations: their standard deviations, shape `(n,)`, above 0.
     """
 
     def excess(scatter2: float) -> float:

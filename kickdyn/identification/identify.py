@@ -20,6 +20,7 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
@@ -32,7 +33,7 @@ from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.flight.derivatives import INCREMENT, fly_with_slopes
-from kickdyn.identification.identification_result import Identification, covariance
+from kickdyn.identification.identification_result import UNITS, Identification, covariance
 from kickdyn.identification.track import Track, check_samples, refuse_units
 from kickdyn.planning.problem import keep_last
 
@@ -96,9 +97,6 @@ AIR_NAMES = {
 }
 """Names of the unknowns of the air."""
 
-COEFFICIENTS = ("drag", "drag_scale", "lift_scale")
-"""Unknowns without a unit."""
-
 LAUNCH, SPIN = ("x", "y", "z", "vx", "vy", "vz"), ("back_spin", "side_spin", "gyro_spin")
 """Names of the unknowns of the launch: position and velocity, and spin."""
 
@@ -125,9 +123,9 @@ def identify(
         ball: the ball; its mass and radius count.
         air: the air of the fit: density, coefficients and wind; None is `Air()`.
         free: unknowns besides the position and velocity at the first sample: `spin`, 0 without it;
-            `drag`,
-            one drag coefficient for the whole flight instead of the air's model; `drag-scale` and
-            `lift-scale`, factors of the air's models; `wind`, its horizontal components.
+            `drag`, one drag coefficient for the whole flight instead of the air's model;
+            `drag-scale` and `lift-scale`, factors of the air's models; `wind`, its horizontal
+            components.
 
     Raises:
         InvalidInput: fewer than 5 positions, samples a second or more apart, positions that are no
@@ -168,12 +166,10 @@ class _Problem(NamedTuple):
 
     @property
     def air_names(self) -> list[str]:
-        """Names of the unknowns of the air."""
         return [name for free in self.sought for name in AIR_NAMES.get(free, ())]
 
     @property
     def names(self) -> list[str]:
-        """Names of all unknowns."""
         return [*LAUNCH, *(SPIN if Free.SPIN in self.sought else ()), *self.air_names]
 
     @property
@@ -200,11 +196,8 @@ class _Problem(NamedTuple):
         """Return the state of the ball at the first sample, without its time, and the air."""
         spin = unknowns[self.spin_columns] if Free.SPIN in self.sought else np.zeros(3)
         state = BallState.computed(*(np.array(row) for row in (unknowns[:3], unknowns[3:6], spin)))
-        return state, self.air_of(unknowns[self.spin_columns.stop :])
-
-    def air_of(self, unknowns: Array) -> Air:
-        """Return the air with its unknowns, coefficients and wind."""
-        values = dict(zip(self.air_names, unknowns.tolist(), strict=True))
+        of_air = unknowns[self.spin_columns.stop :].tolist()
+        values = dict(zip(self.air_names, of_air, strict=True))
         changes: dict[str, Any] = {}
         if "drag" in values:
             changes["drag"] = constant(values["drag"])
@@ -212,8 +205,8 @@ class _Problem(NamedTuple):
             if f"{kind}_scale" in values:
                 changes[kind] = scaled(getattr(self.air, kind), values[f"{kind}_scale"])
         if "wind_x" in values:
-            changes["wind"] = (values["wind_x"], values["wind_y"], 0.0)
-        return replace(self.air, **changes)
+            changes["wind"] = (values["wind_x"], values["wind_y"], np.asarray(self.air.wind)[2])
+        return state, replace(self.air, **changes)
 
     def evaluate(self, tol: float, unknowns: Array) -> Evaluation:
         """Return residuals and their derivatives, or raise `KickdynError` where a flight fails.
@@ -223,19 +216,15 @@ class _Problem(NamedTuple):
         track, position, parameters = self.track, unknowns[:3], unknowns[3:]
         fastest = float(np.linalg.norm(np.ptp(track.positions, axis=0))) / track.duration + 10.0
         of_air = unknowns[self.spin_columns.stop :]
-        is_coefficient = [name in COEFFICIENTS for name in self.air_names]
+        is_coefficient = [name not in UNITS for name in self.air_names]
         largest = np.abs(of_air[is_coefficient]).max(initial=0.0)
         if np.abs(parameters[:3]).max() > LARGEST_FACTOR * fastest or largest > LARGEST_FACTOR:
             raise KickdynError(
                 "the fit leads to a speed or a coefficient far beyond those of a ball"
             )
-        sizes = np.concatenate(
-            [
-                np.full(3, max(float(np.linalg.norm(parameters[:3])), 1e-3)),
-                np.full(len(parameters) - 3 - len(of_air), SPIN_SPREAD),
-                np.maximum(np.abs(of_air), 0.1),
-            ]
-        )
+        sizes = np.full(len(parameters), SPIN_SPREAD)
+        sizes[:3] = max(float(np.linalg.norm(parameters[:3])), 1e-3)
+        sizes[len(parameters) - len(of_air) :] = np.maximum(np.abs(of_air), 0.1)
         flight = fly_with_slopes(
             lambda changed: self.launch(np.concatenate([position, changed])),
             parameters, INCREMENT * sizes, self.ball, track.duration, tol,
@@ -310,13 +299,19 @@ def _bend(track: Track) -> Array:
 
 
 def _first_guess(problem: _Problem) -> Array:
-    """Return the unknowns of the best robust fit of several starts."""
+    """Return the unknowns of the best robust fit of several starts, whose spins bend the path."""
     launch, noise = _polynomial(problem.track)
-    sizes = FIRST_SPINS if Free.SPIN in problem.sought else (0.0,)
-    starts = [_start(problem, launch, size) for size in sizes]
-    evaluate = partial(problem.evaluate, COARSEST_TOL)
-    prior = problem.spin_rows(0.0)
+    spins = [np.zeros(0)]
+    if Free.SPIN in problem.sought:
+        axis = np.cross(launch[3:6], _bend(problem.track) + np.array([0.0, 0.0, GRAVITY]))
+        spins = [size * axis / max(float(np.linalg.norm(axis)), 1e-300) for size in FIRST_SPINS]
+    first = {"drag": FIRST_DRAG, "drag_scale": 1.0, "lift_scale": 1.0}
+    if Free.WIND in problem.sought:
+        first["wind_x"], first["wind_y"], _ = np.asarray(problem.air.wind).tolist()
+    of_air = [first[name] for name in problem.air_names]
+    evaluate, prior = partial(problem.evaluate, COARSEST_TOL), problem.spin_rows(0.0)
     loss: dict[str, Any] = {"loss": "soft_l1", "f_scale": 3.0 * noise, "ftol": ROBUST_COST_TOL}
+    starts = [np.concatenate([launch, spin, of_air]) for spin in spins]
     robust = [_minimise(evaluate, start, prior, **loss) for start in starts]
     return min(robust, key=lambda fit: fit[0])[1]
 
@@ -328,7 +323,10 @@ def _fit(problem: _Problem, unknowns: Array) -> _Estimate:
     length = problem.length
     for _ in range(4):  # the spread of the residuals and the outliers depend on each other
         spread = max(1.4826 * float(np.median(np.abs(residuals))), 100.0 * FINEST_TOL * length)
-        used_before, used = used, np.repeat(~_outliers(residuals, spread), 3)
+        farthest = np.abs(residuals).reshape(-1, 3).max(axis=1)
+        # where more samples are far off, the model does not describe the flight
+        limit = max(OUTLIER * spread, float(np.quantile(farthest, LEAST_USED_FRACTION)))
+        used_before, used = used, np.repeat(farthest <= limit, 3)
         tol_before, tol = tol, min(max(1e-3 * spread / length, FINEST_TOL), COARSEST_TOL)
         if np.array_equal(used_before, used) and tol == tol_before:
             break
@@ -336,16 +334,6 @@ def _fit(problem: _Problem, unknowns: Array) -> _Estimate:
         _, unknowns = _minimise(evaluate, unknowns, problem.spin_rows(spread), used)
         residuals, jacobian = evaluate(unknowns)
     return _Estimate(unknowns, residuals, jacobian, used, tol)
-
-
-def _outliers(residuals: Array, spread: float) -> NDArray[np.bool_]:
-    """Return which samples are too far off, shape `(n,)`: a tenth of them at most.
-
-    Where more samples are far off, they are no outliers: the model does not describe the flight.
-    """
-    farthest = np.abs(residuals).reshape(-1, 3).max(axis=1)
-    limit = max(OUTLIER * spread, float(np.quantile(farthest, LEAST_USED_FRACTION)))
-    return np.asarray(farthest > limit)
 
 
 def _polynomial(track: Track) -> tuple[Array, float]:
@@ -357,28 +345,13 @@ def _polynomial(track: Track) -> tuple[Array, float]:
     degree = 2 if len(track) < 9 else 3 if len(track) < 30 else 5
     kept = np.ones(len(track), dtype=bool)
     for _ in range(4):
-        fit = np.polynomial.polynomial.polyfit(times[kept], track.positions[kept], degree)
-        residuals = track.positions - np.polynomial.polynomial.polyval(times, fit).T
+        fit = polynomial.polyfit(times[kept], track.positions[kept], degree)
+        residuals = track.positions - polynomial.polyval(times, fit).T
         noise = max(1.4826 * float(np.median(np.abs(residuals[kept]))), 1e-12)
         kept = np.abs(residuals).max(axis=1) < 6.0 * noise
         if kept.sum() <= degree + 1:
             break
     return np.concatenate([fit[0], fit[1] / track.duration]), noise
-
-
-def _start(problem: _Problem, launch: Array, size: float) -> Array:
-    """Return a first guess of all unknowns; the spin has a size, and an axis that bends the path.
-
-    The launch is position and velocity, shape `(6,)`.
-    """
-    spin = np.zeros(0)
-    if Free.SPIN in problem.sought:
-        axis = np.cross(launch[3:6], _bend(problem.track) + np.array([0.0, 0.0, GRAVITY]))
-        spin = size * axis / max(float(np.linalg.norm(axis)), 1e-300)
-    first = {"drag": FIRST_DRAG, "drag_scale": 1.0, "lift_scale": 1.0}
-    if Free.WIND in problem.sought:
-        first["wind_x"], first["wind_y"], _ = np.asarray(problem.air.wind).tolist()
-    return np.concatenate([launch, spin, [first[name] for name in problem.air_names]])
 
 
 def _minimise(
@@ -392,15 +365,9 @@ def _minimise(
 ) -> tuple[float, Array]:
     """Return the least cost and the unknowns.
 
-    Args:
-        evaluate: returns residuals and derivatives; it raises `KickdynError` where there is no
-            flight, which ends the fit at its start, and is avoided later.
-        start: the first guess of the unknowns.
-        prior: rows whose products with the unknowns, less `targets`, are residuals, too.
-        used: which residuals count.
-        targets: wanted products of the prior rows.
-        ftol: relative change of the cost at which the fit ends.
-        options: of `scipy.optimize.least_squares`.
+    The residuals are those of `evaluate` that are `used`, and the products of the prior rows with
+    the unknowns, less `targets`. Where there is no flight `evaluate` raises `KickdynError`, which
+    ends the fit at its start, and is avoided later.
     """
     residuals, slopes = evaluate(start)
     failed = np.full(residuals.size, FAILED_RESIDUAL), slopes
@@ -411,10 +378,8 @@ def _minimise(
             residuals, slopes = evaluate(unknowns)
         except KickdynError:
             residuals, slopes = failed
-        return (
-            np.concatenate([residuals[used], prior @ unknowns - targets]),
-            np.vstack([slopes[used], prior]),
-        )
+        residuals = np.concatenate([residuals[used], prior @ unknowns - targets])
+        return residuals, np.vstack([slopes[used], prior])
 
     result = least_squares(
         lambda unknowns: residuals_and_slopes(unknowns)[0],
@@ -426,7 +391,6 @@ def _minimise(
 
 
 def _result(problem: _Problem, estimate: _Estimate) -> Identification:
-    """Return the result: estimates, their covariance and the residuals."""
     kept = estimate.residuals[estimate.used]
     freedom = max(kept.size - estimate.unknowns.size, 1)
     noise = math.sqrt(float(kept @ kept) / freedom)
@@ -465,10 +429,11 @@ def _profiled(
     if spread < 10.0 * estimate.tol * problem.length:  # the integration is less exact
         return np.ones(deviations.size), None
     turn, prior = problem.turn(estimate.unknowns), problem.spin_rows(spread)
+    evaluate = partial(problem.evaluate, estimate.tol)
 
     def excess(unknowns: Array) -> float:
         try:
-            residuals, _ = problem.evaluate(estimate.tol, unknowns)
+            residuals, _ = evaluate(unknowns)
         except KickdynError:
             return math.inf
         rows = np.concatenate([residuals[estimate.used], prior @ unknowns])
@@ -491,7 +456,6 @@ def _profiled(
             for _ in range(MOST_DOUBLINGS):
                 value = result.estimates[j] + distance * deviations[j]
                 targets = np.append(np.zeros(len(prior)), weight * value)
-                evaluate = partial(problem.evaluate, estimate.tol)
                 try:
                     _, unknowns = _minimise(
                         evaluate, unknowns, rows, estimate.used, targets, ftol=PROFILE_COST_TOL

@@ -1,11 +1,9 @@
 r"""`infer_impact`: the impulse of a kick from how the ball moved before and after it.
 
-The ball alone gives the impulse, without a coefficient of restitution or friction:
-
-.. math:: p = m (v_b^+ - v_b), \qquad L = I_b (\omega_b^+ - \omega_b).
-
-If it acted at one point of the ball's surface, with the normal n from that point to the centre,
-then :math:`L = -r\, n \times p`. The foot can only push, :math:`n \cdot p > 0`, so that
+The ball alone gives the impulse p and its moment L about the centre, without a coefficient of
+restitution or friction. If p acted at one point of the ball's surface, with the normal n from that
+point to the centre, then :math:`L = -r\, n \times p`. The foot can only push,
+:math:`n \cdot p > 0`, so that
 
 .. math::
 
@@ -21,12 +19,11 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, warned
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput, NoImpact
 from kickdyn.impact.leg_response import LegResponse, leg_response
 from kickdyn.robot.leg import Posture

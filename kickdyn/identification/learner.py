@@ -23,7 +23,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 from scipy.special import expit, logit
 
@@ -34,10 +33,10 @@ from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.representation import ReprMixin, Row, warned
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.flight.derivatives import DifferentiableFlight, fly_with_slopes
-from kickdyn.identification.identification_result import covariance
+from kickdyn.identification.identification_result import UNITS, covariance
 from kickdyn.identification.track import Track
 from kickdyn.impact.strike import strike
 from kickdyn.plane import Plane
@@ -57,9 +56,6 @@ PRIOR = {
     "azimuth": 0.05,
 }
 """Standard deviations before the first kick: relative, m/s, m/s, 1, rad, rad."""
-
-UNITS = {"wind_x": "m/s", "wind_y": "m/s", "elevation": "rad", "azimuth": "rad"}
-"""Units of the unknowns; the scale and the restitution have none."""
 
 SCATTER = 0.03
 """Relative scatter of launch speed, and scatter of direction [rad], from kick to kick."""
@@ -394,7 +390,7 @@ class Learner(ReprMixin):
             lambda values: residuals_and_slopes(values)[0],
             np.concatenate([self._theta, *self._errors, np.zeros(3)]),
             jac=lambda values: residuals_and_slopes(values)[1],
-            method="lm", x_scale=spread, xtol=1e-6, ftol=1e-6, max_nfev=50,
+            method="lm", x_scale=spread, xtol=1e-12, ftol=1e-8, max_nfev=50,
         )  # fmt: skip
         self._theta, self._errors = fit.x[:6], fit.x[6:].reshape(-1, 3)
         self._covariance = covariance(residuals_and_slopes(fit.x)[1])[:6, :6]

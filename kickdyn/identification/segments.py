@@ -18,6 +18,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
 from kickdyn.air import Air
@@ -291,8 +292,8 @@ class _Piece(NamedTuple):
 
     def derivative(self, times: float | Array, order: int) -> Array:
         """Return position, velocity or acceleration, for order 0, 1 or 2: `(3,)` or `(3, n)`."""
-        powers = np.polynomial.polynomial.polyder(self.coefficients, order)
-        return np.asarray(np.polynomial.polynomial.polyval(times - self.middle, powers))
+        coefficients = polynomial.polyder(self.coefficients, order)
+        return np.asarray(polynomial.polyval(times - self.middle, coefficients))
 
 
 @validation.check_arguments
@@ -381,13 +382,11 @@ def _fitted(samples: _Samples, first: int, last: int, degree: int) -> _Piece:
     """Return polynomials of a degree, or what the samples allow, fitted to samples."""
     times, points = samples.times[first:last], samples.positions[first:last]
     middle = 0.5 * float(times[0] + times[-1])
-    span = max(float(times[-1] - times[0]), 1e-9)
-    degree = min(degree, max(last - first - 1, 0))
-    powers = np.vander((times - middle) / span, degree + 1, increasing=True)
-    fit, *_ = np.linalg.lstsq(powers, points, rcond=None)
-    residuals = (powers @ fit - points) / samples.noise
-    coefficients = fit / span ** np.arange(degree + 1)[:, None]
-    return _Piece(first, last, middle, coefficients, float((residuals**2).sum()))
+    fit = np.asarray(
+        polynomial.polyfit(times - middle, points, min(degree, last - first - 1)), dtype=float
+    )
+    residuals = (polynomial.polyval(times - middle, fit).T - points) / samples.noise
+    return _Piece(first, last, middle, fit, float((residuals**2).sum()))
 
 
 def _partition(samples: _Samples, start: int, stop: int) -> list[tuple[int, int]]:
@@ -462,7 +461,10 @@ def _joined(samples: _Samples, cuts: list[tuple[int, int]]) -> list[_Piece]:
 def _described(
     samples: _Samples, pieces: list[_Piece], rest_height: float, gaps: list[int]
 ) -> tuple[Segment, ...]:
-    """Return the motion of each piece, and why it begins."""
+    """Return the motion of each piece, and why it begins.
+
+    A piece that is neither flight nor on the ground may have a low bounce in it that was not cut.
+    """
     segments: list[Segment] = []
     kinds = [_kind(samples, piece, rest_height) for piece in pieces]
     for i, (piece, kind) in enumerate(zip(pieces, kinds, strict=True)):
@@ -473,35 +475,19 @@ def _described(
             before = _velocity(samples, pieces[i - 1], start, kinds[i - 1])
         after = _velocity(samples, piece, start, kind)
         if before is not None:
+            begins = CutReason.TOUCH
             height = float(piece.derivative(start, 0)[2]) - rest_height
-            deviation = samples.speed_deviation
-            begins = _cut_reason(height, before, after, deviation, kinds[i - 1], kind)
+            down, up = -float(before[2]), float(after[2])
+            if kinds[i - 1] not in ON_GROUND and height < CONTACT_HEIGHT and down > 0.0:
+                along = math.hypot(*(after - before)[:2])
+                faster = up - down > 2.0 * samples.speed_deviation
+                if kind in ON_GROUND:
+                    begins = CutReason.LANDING
+                elif up > 0.0 and not faster and along < MOST_FRICTION * (up + down):
+                    begins = CutReason.BOUNCE
         first, last = int(samples.indices[piece.first]), int(samples.indices[piece.last - 1]) + 1
         segments.append(Segment(kind, first, last, begins, start, before, after))
     return tuple(segments)
-
-
-def _cut_reason(
-    height: float,
-    before: Array,
-    after: Array,
-    deviation: float,
-    kind_before: SegmentKind,
-    kind_after: SegmentKind,
-) -> CutReason:
-    """Return why the motion changes, from the height above rest [m] and the velocities [m/s].
-
-    The deviation is that of a velocity. A part of another kind than flight may have a low bounce in
-    it that was not cut.
-    """
-    down, up = -float(before[2]), float(after[2])
-    if kind_before in ON_GROUND or height >= CONTACT_HEIGHT or down <= 0.0:
-        return CutReason.TOUCH
-    if kind_after in ON_GROUND:
-        return CutReason.LANDING
-    along = math.hypot(*(after - before)[:2])
-    is_passive = 0.0 < up <= down + 2.0 * deviation and along < MOST_FRICTION * (up + down)
-    return CutReason.BOUNCE if is_passive else CutReason.TOUCH
 
 
 def _velocity(samples: _Samples, piece: _Piece, time: float, kind: SegmentKind) -> Array:
@@ -525,7 +511,6 @@ def _velocity(samples: _Samples, piece: _Piece, time: float, kind: SegmentKind) 
 
 
 def _kind(samples: _Samples, piece: _Piece, rest_height: float) -> SegmentKind:
-    """Return what the ball does in a piece."""
     heights = samples.positions[piece.first : piece.last, 2]
     if len(heights) < 4:
         return SegmentKind.OTHER
@@ -595,14 +580,12 @@ def _rolling_deceleration(
     drag = acceleration_function(ball, air)
     heavier = 1.0 + ball.inertia / (ball.mass * ball.radius**2)
     for segment in segments:
-        inside = np.flatnonzero(
-            (samples.indices >= segment.first) & (samples.indices < segment.last)
-        )
-        late = inside[len(inside) // 2 :]
-        if segment.kind is not SegmentKind.ROLLING or len(late) < 6:
+        first, last = np.searchsorted(samples.indices, (segment.first, segment.last)).tolist()
+        middle = (first + last) // 2
+        if segment.kind is not SegmentKind.ROLLING or last - middle < 6:
             continue
-        times, points = samples.times[late], samples.positions[late, :2]
-        if times[-1] - samples.times[inside[0]] < LEAST_ROLLING_TIME:
+        times, points = samples.times[middle:last], samples.positions[middle:last, :2]
+        if times[-1] - samples.times[first] < LEAST_ROLLING_TIME:
             continue
         curvature, velocity, _ = np.polyfit(times - times.mean(), points, 2)
         ax, ay, *_ = drag(0.0, float(velocity[0]), float(velocity[1]), 0.0, 0.0, 0.0, 0.0)

@@ -14,13 +14,12 @@ from os import PathLike
 from zipfile import BadZipFile
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from kickdyn.core import validation
 from kickdyn.core.files import check_file, read_text
 from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.representation import ReprMixin, Row, ValueEquality
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import FaultyFile, InvalidInput
 
 LEAST_SAMPLES = 5
@@ -236,13 +235,11 @@ class Track(ValueEquality, ReprMixin):
                 source, [f"it has {asked}: its markers are {validation.brief(labels)}"]
             )
         if unit.lower() not in METRES or not rate > 0.0:
-            raise FaultyFile(
-                source,
-                [
-                    f"its unit is {unit!r} and its rate {rate:g} Hz: the unit must be one of "
-                    f"{', '.join(METRES)}, the rate above 0"
-                ],
+            fault = (
+                f"its unit is {unit!r} and its rate {rate:g} Hz: the unit must be one of "
+                f"{', '.join(METRES)}, the rate above 0"
             )
+            raise FaultyFile(source, [fault])
         path = METRES[unit.lower()] * data[labels.index(marker)]
         seen = np.isfinite(path).all(axis=1)
         if not seen.any():
@@ -321,9 +318,7 @@ def _finite_rows(name: str, value: ArrayLike) -> Array:
 def refuse_units(track: Track, falling: float) -> None:
     """Raise `InvalidInput` for a ball that moves as in other units than metres and seconds.
 
-    Args:
-        track: its positions.
-        falling: its acceleration downwards, by the positions [their unit per s2].
+    `falling` is its acceleration downwards, by the positions [their unit per s2].
     """
     units = [
         f"{unit} ({size:g} per metre)"

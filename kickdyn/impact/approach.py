@@ -4,14 +4,13 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.mechanics import Triple, largest
 from kickdyn.core.representation import ReprMixin
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput, NoImpact
 from kickdyn.impact.body import BallBody, LegBody
 from kickdyn.impact.contact_problem import NO_VELOCITY, ContactPoint, ContactProblem

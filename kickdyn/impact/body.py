@@ -42,11 +42,6 @@ class Body:
         """
         return 0.0
 
-    @property
-    def turning(self) -> float:
-        """What a ball's rotation adds to the inverse mass across the normal [1/kg]; else 0."""
-        return 0.0
-
 
 @dataclass(eq=False)
 class BallBody(Body):
@@ -93,10 +88,6 @@ class BallBody(Body):
 
     def inverse_mass(self, direction: Array) -> float:
         return 1.0 / self.ball.mass
-
-    @property
-    def turning(self) -> float:
-        return self.ball.turning
 
     def after(self, impulses: Array, tangential_impulses: Array) -> BallState:
         r"""Return the ball just after impulses at the contacts, shape `(k, 3)` [N s].

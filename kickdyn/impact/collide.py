@@ -8,16 +8,17 @@ from inspect import signature
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+import pinocchio as pin
 
 from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.representation import Row, warned
-from kickdyn.core.validation import Array, read_only
+from kickdyn.core.validation import Array, ArrayLike, read_only
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.approach import AT_REST, AfterApproach, Approach, find_approach
 from kickdyn.impact.compliant_contact import (
+    CREEP,
     CompliantContact,
     ContactMotion,
     State,
@@ -161,6 +162,8 @@ class Collision(AfterApproach):
         yield "ball after", self.ball_after.velocity, "m/s"
         yield "spin after", self.ball_after.spin, "rad/s"
         yield "energy lost", self.energy_lost, "J"
+        for joint, number in self.posture.drive_number(self.contact_time).items():
+            yield f"drive number, {joint}", number, ""
         yield "energy residual", self.energy_residual, ""
         yield from warned(self.warnings)
 
@@ -248,7 +251,8 @@ def collide(
     """Strike a ball through a contact of finite stiffness, to the first separation.
 
     The leg moves meanwhile, under gravity, joint torques, centrifugal and Coriolis forces; supports
-    stay at rest and loops stay closed. The foot is a plane through its contact point that rotates
+    stay at rest and loops stay closed. Joints have friction and position control where their
+    `Drive` has. The foot is a plane through its contact point that rotates
     with it, and the ball is a rigid body behind a spring: the force of `ForceModel` along the
     normal of the plane, and Coulomb's friction across it. For growing stiffness the result tends
     to the result of `strike` with the law `stronge`.
@@ -293,7 +297,8 @@ def collide(
     validation.number("approach speed", approach.speed, at_least=1e-6, unit="m/s")
     model = _force_model(approach, contact_time, stiffness)
     is_linear = model.exponent == LINEAR
-    equations = CompliantContact(approach, model, torque, _expected_time(approach, model))
+    driven = with_drives(approach, torque)
+    equations = CompliantContact(approach, model, driven, _expected_time(approach, model))
     again = partial(
         collide, posture, approach.v, ball, contact, torque=torque,
         stiffness="pressure" if is_linear else model.stiffness,
@@ -309,6 +314,33 @@ def collide(
             "stiffer"
         )
     return collision
+
+
+def with_drives(approach: Approach, torque: Array | Torque) -> Array | Torque:
+    r"""Return joint torques with those of the drives, of stiffness k and friction f.
+
+    A drive adds :math:`k (q_0 + v_0 t - q) - f v / \sqrt{v^2 + c^2}`: position control whose
+    reference moves on with the velocity before the impact, and Coulomb's friction, made smooth over
+    a speed c as in the contact, so that a joint at rest creeps. What the motor needs against
+    friction before the impact is part of the torque.
+    """
+    posture, v_before = approach.posture, approach.v
+    leg, model = posture.leg, posture.leg.workspace.model
+    if not leg.compliant_drives:
+        return torque
+    stiffness, friction = np.zeros(leg.nv), np.zeros(leg.nv)
+    for joint, drive in leg.compliant_drives.items():
+        index = leg.velocity_index(joint)
+        stiffness[index], friction[index] = drive.stiffness, drive.friction
+    creep = CREEP * np.sqrt(2.0 * approach.energy() / posture.inertia.diagonal())
+
+    def driven(t: float, q: Array, v: Array) -> Array:
+        given = torque(t, q, v) if callable(torque) else torque
+        behind = v_before * t - pin.difference(model, posture.q, q)
+        given = validation.vector("torque", given, leg.nv, unit="N m")
+        return np.asarray(given + stiffness * behind - friction * v / np.hypot(v, creep))
+
+    return driven
 
 
 def duration(

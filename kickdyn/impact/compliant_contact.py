@@ -8,14 +8,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
 from scipy.integrate import OdeSolution, solve_ivp
 from scipy.linalg import blas
 from scipy.optimize import minimize_scalar
 
 from kickdyn.core import validation
 from kickdyn.core.mechanics import cross
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import KickdynError
 from kickdyn.impact.approach import Approach
 from kickdyn.impact.force_model import ForceModel

@@ -63,24 +63,12 @@ def cone_residual(delassus: Array, free: Array, frictions: Array, impulses: Arra
     with the projection :math:`\Pi_{\mu a}` on the disc of radius :math:`\mu a`. Differences count
     as shares of the largest impulse, and, times the contact's mobility, of the largest velocity.
     """
-    velocities = (delassus @ impulses + free).reshape(-1, 3)
     largest, fastest = float(np.abs(impulses).max()) or 1.0, float(np.abs(free).max()) or 1.0
-    residual = 0.0
-    for p, u, mu, (across, along) in zip(
-        impulses.reshape(-1, 3), velocities, frictions, _mobilities(delassus), strict=True
-    ):
-        normal = max(0.0, p[2] - u[2] / along)
-        target = p[:2] - u[:2] / across
-        size = math.hypot(*target)
-        tangential = target if size <= mu * normal else mu * normal / size * target
-        for difference, mobility in (
-            (abs(p[2] - normal), along),
-            (float(np.abs(p[:2] - tangential).max()), across),
-        ):
-            if not math.isfinite(difference):
-                return math.inf
-            residual = max(residual, difference / largest, difference * mobility / fastest)
-    return residual
+    mobilities = _mobilities(delassus)
+    differences, _ = _equations(delassus, free, frictions, impulses, 1.0 / mobilities)
+    by_entry = mobilities[:, [0, 0, 1]].ravel()
+    residual = float((np.abs(differences) * np.maximum(1.0 / largest, by_entry / fastest)).max())
+    return residual if math.isfinite(residual) else math.inf
 
 
 def _mobilities(delassus: Array) -> Array:

@@ -6,12 +6,11 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from kickdyn.ball import BallState
 from kickdyn.core import validation
 from kickdyn.core.representation import Row, warned
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.approach import AfterApproach, Approach
 from kickdyn.impact.contact_problem import Solution
@@ -88,6 +87,17 @@ class Impact(AfterApproach):
         """Effective mass of the leg if its stiff joints were free [kg], or inf."""
         return self.posture.without_stiff_joints.effective_mass(self.contact.normal)
 
+    @property
+    def drive_limit(self) -> str:
+        """Limit in which the impact has the drives of joints, as in `effective_mass_limits`.
+
+        It is `with rotors` or `without rotors` of the free joints, with the names of stiff ones. A
+        drive between free and stiff takes a contact that takes time, `collide`.
+        """
+        leg = self.posture.leg
+        free = "with rotors" if leg.workspace.model.armature.any() else "without rotors"
+        return f"{free}{', stiff ' if leg.stiff_joints else ''}{', '.join(leg.stiff_joints)}"
+
     @cached_property
     def leg_response(self) -> LegResponse:
         """The response of the leg to the impulse; its parts are attributes of the impact, too."""
@@ -138,11 +148,8 @@ class Impact(AfterApproach):
         projector, impulses = self.posture.constraint_projector, self.constraint_impulses
         if projector is None:
             return {}
-        blocks = projector.blocks[len(projector.constraints.supports) :]
-        return {
-            loop: impulses[block.rows]
-            for loop, block in zip(projector.constraints.loops, blocks, strict=True)
-        }
+        rows = impulses[projector.constraints.loop_rows].reshape(-1, 3)
+        return dict(zip(projector.constraints.loops, rows, strict=True))
 
     @property
     def footing(self) -> dict[str, Footing]:
@@ -290,6 +297,8 @@ class Impact(AfterApproach):
         yield "effective mass", self.effective_mass, "kg"
         if self.posture.leg.stiff_joints:
             yield "with all joints free", self.free_effective_mass, "kg"
+        if self.drive_limit != "without rotors":
+            yield "drives", self.drive_limit, ""
         if self.posture.leg.workspace.model.armature.any():
             for limit, mass in self.posture.effective_mass_limits(self.contact.normal).items():
                 yield f"limit {limit}", mass, "kg"

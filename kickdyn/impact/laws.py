@@ -34,10 +34,9 @@ def solve_paper(problem: ContactProblem) -> Solution:
     full = (1.0 + contact.restitution) * speed / problem.inverse_mass(attack) * attack
     impulse, tangential, sticking = limit_friction(full, normal, contact.friction)
     before = float(tangential.dot(contact.velocity) - impulse.dot(normal) * contact.approach_speed)
-    size = math.hypot(*impulse.tolist())
-    gained = size * size * problem.inverse_mass(impulse / size)
-    gained += float(tangential.dot(tangential)) * sum(body.turning for body in problem.bodies)
-    lost = -before - 0.5 * gained
+    axes, _ = problem.in_contact_axes()
+    in_axes = axes[0].T.dot(impulse)
+    lost = -before - 0.5 * float(in_axes.dot(problem.delassus(axes)).dot(in_axes))
     return Solution(impulse[None], (sticking,), lost, tangential[None])
 
 

@@ -107,18 +107,17 @@ def check_fixed_axes(leg: Leg) -> None:
 
 def constrained_inverse_inertia(posture: Posture) -> Array:
     """Return M^-1, less what supports and loops block of it, shape `(nv, nv)`."""
-    units = np.eye(posture.leg.nv)
-    if posture.constraint_projector is None:
-        return posture.solve(units)
-    return np.column_stack([posture.solve(unit) for unit in units])
+    columns = posture.whiten(np.eye(posture.leg.nv))
+    return columns.T @ columns
 
 
 def _jacobian(posture: Posture, load: Load) -> Array:
     """Return the Jacobian of a load's point, linear then angular, `(6, nv)` [world axes]."""
     model, data = posture.leg.workspace.model, posture.leg.workspace.data
-    local = pin.computeJointJacobian(model, data, posture.q, load.joint).reshape(6, model.nv)
-    moving = local[LINEAR] - pin.skew(load.lever) @ local[ANGULAR]
-    return np.vstack([load.rotation @ moving, load.rotation @ local[ANGULAR]])
+    pin.computeJointJacobians(model, data, posture.q)
+    point = pin.SE3(np.eye(3), load.lever)
+    rows = pin.getFrameJacobian(model, data, load.joint, point, pin.LOCAL_WORLD_ALIGNED)
+    return np.reshape(rows, (6, model.nv))
 
 
 def _velocity_by_q(posture: Posture, load: Load, jacobian: Array, velocity: Array) -> Array:
@@ -156,10 +155,8 @@ def _constraint_change(posture: Posture, velocity: Array, admissible: Array) -> 
 
 def _closed(posture: Posture) -> Array:
     """Return the projector on the changes of q that leave the loops closed, `(nv, nv)`."""
-    projector, nv = posture.constraint_projector, posture.leg.nv
+    projector, identity = posture.constraint_projector, np.eye(posture.leg.nv)
     if projector is None:
-        return np.eye(nv)
-    rows = projector.rows[sum(support.size for support in projector.constraints.supports) :]
-    if not len(rows):
-        return np.eye(nv)
-    return np.asarray(np.eye(nv) - np.linalg.pinv(rows, rcond=RANK_TOLERANCE) @ rows)
+        return identity
+    rows = projector.rows[projector.constraints.loop_rows.start :]
+    return np.asarray(identity - np.linalg.pinv(rows, rcond=RANK_TOLERANCE) @ rows)

@@ -22,7 +22,6 @@ NEGLIGIBLE_IMPULSE = 1e-12
 LEVEL_SLOPE = 0.01
 """Height difference of a sole's corners over their distance up to which the sole is level."""
 
-
 CONE_EDGES = 64
 """Edges of the pyramid that stands for a friction cone: its error is 0.1 %."""
 
@@ -113,7 +112,7 @@ def constraint_loads(posture: Posture, impulses: Array) -> list[tuple[slice, Loa
 
 
 def joint_impulses(
-    posture: Posture, jump: Array, impulse: Array, constraint_impulses: Array = NO_CONSTRAINTS
+    posture: Posture, jump: Array, impulse: Array, constraint_impulses: Array
 ) -> tuple[Array, Array]:
     """Return what each joint transmits when an impulse acts on the foot, by Newton-Euler.
 
@@ -126,14 +125,14 @@ def joint_impulses(
     wrenches = space.external_wrenches
     wrenches.fill(0.0)  # of the impact before
     wrenches[leg.contact_joint] = foot_wrench(posture, impulse)
-    projector = posture.constraint_projector if len(constraint_impulses) else None
-    for _, load in constraint_loads(posture, constraint_impulses) if projector else ():
+    for _, load in constraint_loads(posture, constraint_impulses):
         linear = load.wrench[:3].dot(load.rotation).tolist()
         moment = load.wrench[3:].dot(load.rotation) + cross3(load.lever.tolist(), linear)
         wrenches[load.joint] += (*linear, *moment)
     unbalanced = pin.rnea(
         space.model, space.data, posture.q, space.zero_velocity, jump, space.external
     )
+    projector = posture.constraint_projector
     if projector is None:
         return space.forces.copy(), unbalanced.copy()
     # Impulses of mimic and stiff joints, the last rows, act between parent and child of a joint,
@@ -198,9 +197,9 @@ def footing(support: Support, impulse: Array, rotation: Array, scale: float) -> 
         return Footing.STANDS
     angles = np.linspace(0.0, 2.0 * np.pi, CONE_EDGES, endpoint=False)[:, None]
     across = support.friction / np.cos(np.pi / CONE_EDGES)  # the pyramid is around the cone
-    fx, fy = across * np.cos(angles) + 0.0 * x, across * np.sin(angles) + 0.0 * x
-    normals = np.broadcast_to(pressing[:, None], (3, *fx.shape))
-    cones = np.stack([fx, fy, *normals, x * fy - y * fx]).reshape(6, -1)
+    fx, fy = across * np.cos(angles), across * np.sin(angles)
+    edges = np.broadcast_arrays(fx, fy, *pressing, x * fy - y * fx)
+    cones = np.reshape(edges, (6, -1))
     return Footing.STANDS if nnls(cones, wrench)[1] <= tolerance else Footing.TURNS
 
 

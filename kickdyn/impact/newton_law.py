@@ -13,7 +13,7 @@ from kickdyn.impact.contact_problem import (
     ImpactLaw,
     Solution,
     frictionless,
-    single_solution,
+    solution_in_world,
 )
 from kickdyn.impact.sensitivity import sensitivity
 
@@ -50,7 +50,8 @@ def solve_newton(problem: ContactProblem) -> Solution:
     free = before.copy()
     free[2] *= 1.0 + e  # to be stopped by the impulse
     _, stick, singular = lapack.dposv(g_matrix, -free)
-    if problem.is_blocked:  # the limit of heavier balls: the least impulse, if any
+    if not any(body.is_free for body in problem.bodies):
+        # G may be singular. The limit of heavier balls is the least impulse, if there is any.
         stick = -np.linalg.pinv(g_matrix, rcond=SINGULAR, hermitian=True).dot(free)
         left = length(g_matrix.dot(stick) + free) > SINGULAR * length(free)
         stick = np.array([math.inf, 0.0, 0.0]) if left else stick
@@ -59,9 +60,9 @@ def solve_newton(problem: ContactProblem) -> Solution:
     p1, p2, p3 = stick.tolist()
     if math.hypot(p1, p2) <= mu * p3:
         lost = _energy_lost(stick, before, (0.0, 0.0), e)
-        return single_solution(axes, stick, True, lost)
+        return solution_in_world(axes, stick, (True,), lost)
 
-    slip, most = None, -math.inf
+    slip, most = np.zeros(3), -math.inf  # what `solve_contacts` refuses, unless there is a slip
     for angle in slip_angles(g_matrix, free, mu):
         direction = np.array([mu * math.cos(angle), mu * math.sin(angle), 1.0])
         resistance = float(g_matrix[2].dot(direction))
@@ -72,14 +73,9 @@ def solve_newton(problem: ContactProblem) -> Solution:
         if x * direction[0] + y * direction[1] > 0.0:  # friction would drive the sliding
             continue
         lost = _energy_lost(impulse, before, (x, y), e)
-        if slip is None or lost > most:
+        if lost > most:
             slip, most = impulse, lost
-    if slip is None:
-        raise KickdynError(
-            f"no impulse found on the friction cone (mu = {mu:g}, e = {e:g}, "
-            f"relative velocity {list(contact.velocity)} m/s)"
-        )
-    return single_solution(axes, slip, False, most)
+    return solution_in_world(axes, slip, (False,), most)
 
 
 def solve_newton_at_several(problem: ContactProblem) -> Solution:
@@ -108,14 +104,9 @@ def solve_newton_at_several(problem: ContactProblem) -> Solution:
     after = before + delassus @ impulses
     sliding = np.hypot(after[0::3], after[1::3])
     at_rest = AT_REST_SPEED * float(np.abs(before[2::3]).max())
-    in_axes = impulses.reshape(-1, 3, 1)
-    return Solution(
-        (axes @ in_axes)[..., 0],
-        tuple(bool(rests) for rests in (sliding <= at_rest) & (frictions > 0.0)),
-        -0.5 * float(impulses @ (before + after)),
-        (axes[:, :, :2] @ in_axes[:, :2])[..., 0],
-        residual,
-    )
+    sticking = tuple(((sliding <= at_rest) & (frictions > 0.0)).tolist())
+    lost = -0.5 * float(impulses @ (before + after))
+    return solution_in_world(axes, impulses, sticking, lost, residual)
 
 
 def _energy_lost(

@@ -222,7 +222,6 @@ def _at_fixed_impulse(
     response: LegResponse,
     columns: Mapping[str, slice],
 ) -> _FixedImpulse:
-    """Return the derivatives of the results while the impulse on the ball is fixed."""
     posture, ball, ball_before = approach.posture, approach.ball, approach.ball_before
     n, p = approach.contact.normal, solution.impulses[0]
     jacobian, v_before = posture.jacobian, approach.v

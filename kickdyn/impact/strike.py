@@ -2,11 +2,10 @@
 
 from enum import StrEnum
 
-from numpy.typing import ArrayLike
-
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.core import validation
+from kickdyn.core.validation import ArrayLike
 from kickdyn.impact.approach import AT_REST, find_approach
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.laws import find_law, solve_contacts

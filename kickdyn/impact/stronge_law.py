@@ -15,7 +15,7 @@ from kickdyn.impact.contact_problem import (
     ImpactLaw,
     Solution,
     frictionless,
-    single_solution,
+    solution_in_world,
 )
 
 ORDER = 24
@@ -61,9 +61,7 @@ def solve_stronge(problem: ContactProblem) -> Solution:
     sticking = course.run()
     scale = speed / mobility
     lost = (1.0 - e**2) * course.compression_work + course.friction_work
-    if not math.isfinite(lost):
-        raise KickdynError(f"the sliding cannot be followed (mu = {friction:g})")
-    return single_solution(axes, scale * course.impulse, sticking, scale * speed * lost)
+    return solution_in_world(axes, scale * course.impulse, (sticking,), scale * speed * lost)
 
 
 class _Course:
@@ -238,9 +236,7 @@ class _Course:
 
 def _square(series: list[float]) -> float:
     """Return the last coefficient of the square of a series."""
-    half = len(series) // 2
-    total = 2.0 * sum(map(mul, series[:half], reversed(series)), 0.0)
-    return total + series[half] * series[half] if len(series) % 2 else total
+    return sum(map(mul, series, reversed(series)), 0.0)
 
 
 def _integral(series: Sequence[float], factor: float, start: float = 0.0) -> list[float]:

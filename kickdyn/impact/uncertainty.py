@@ -5,11 +5,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from kickdyn.core import validation
 from kickdyn.core.representation import ROUNDING, Printed
-from kickdyn.core.validation import Array, read_only
+from kickdyn.core.validation import Array, ArrayLike, read_only
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.sensitivity import UNITS, Branch, Sensitivity
 

@@ -169,7 +169,7 @@ def plan_motion(task: KickTask, near: Motion | None = None) -> PlannedMotion:
     """
     _check_limits(task.leg)
     if task.standing is None:
-        return _plan(task, near, 1.0, STARTS)
+        return _plan(task, near, {}, 1.0, STARTS)
     legs = kicking_chain(task.leg).leg
     if near is not None or legs.joint_names == task.leg.joint_names:
         return _plan(task, near, {}, 1.0, STARTS if near is None else 0)
@@ -242,7 +242,7 @@ def _limbs_aside(
 def _touches(near: Surroundings, q: Array, at_rest: Collection[tuple[str, str]]) -> bool:
     """Return whether bodies are nearer than `ASIDE`, or inside each other if they are at rest."""
     gaps = near.gaps(q, None, ASIDE)
-    return any(gap.depth > 0.0 or gap.frames not in at_rest for gap in gaps)
+    return any(gap.place.depth > 0.0 or gap.frames not in at_rest for gap in gaps)
 
 
 def _plan(
@@ -375,7 +375,7 @@ class _Verdict:
             problem.impulse_margins(before(0.0), jump, solution.share)
         ).ravel()
         self.nearness = _Nearness(problem, solution, self.times)
-        deepest = max((gap.depth for gaps in self.nearness.gaps for gap in gaps), default=0.0)
+        deepest = max((gap.place.depth for gaps in self.nearness.gaps for gap in gaps), default=0.0)
         least = np.concatenate([[0.0], self.rows.min(axis=0), self.impulse + 1e-6])
         self.broken = max(
             -float(least.min()), deepest - ALLOWED, 0.0 if solution.feasible else 1e-3
@@ -459,7 +459,7 @@ def _starts(
     times = splines.times(*POINTS)
     if near is not None:
         leg = problem.task.leg
-        rest = leg.joint_values(rest_configuration(leg)) | others
+        rest = {**leg.joint_values(rest_configuration(leg)), **others}
         coefficients = np.tile([rest[name] for name in leg.joint_names], (splines.size, 1))
         moved = [leg.joint_names.index(name) for name in near.joints]
         coefficients[:, moved] = splines.coefficients(near.before, near.after)

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kickdyn.core.validation import Array
-from kickdyn.robot.collisions import TOUCHING, Gap, Placed, body_pairs
+from kickdyn.robot.collisions import TOUCHING, Placed, Proximity, body_pairs
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.model_validation import frames_by_name
 
@@ -33,8 +33,12 @@ RESERVE, BALL_RESERVE = 2e-3, -2.5e-3
 ALLOWED = TOUCHING - 5e-4
 """Depth up to which bodies count as touching on the grid of times on which they are checked [m]."""
 
-BALL = "the ball"
-"""Name of the ball among the frames of a gap."""
+
+class Gap(NamedTuple):
+    """Two bodies near each other: names of their frames, and how the first one is placed."""
+
+    frames: tuple[str, str]
+    place: Proximity
 
 
 class Conditions(NamedTuple):
@@ -75,15 +79,14 @@ class Surroundings:
     def gaps(self, q: Array, ball: Array | None, within: float = WITHIN) -> list[Gap]:
         """Return the gaps below a distance at q; those with a ball, if its centre is given [m]."""
         placed = Placed(self._robot, self._frames, self._space.model, self._space.data, q)
-        gaps = placed.gaps(self._pairs, within)
-        if ball is None:
-            return gaps
-        for body in placed.bodies_near(ball, self._radius + within):
-            depth, point, normal = placed.proximity(body, ball, self._radius)
-            if depth > -within:
-                points = np.array([point, point - depth * normal])
-                gaps.append(Gap((body.frame, BALL), depth, points, normal))
-        return gaps
+        pairs = placed.near(self._pairs, within)
+        if ball is not None:
+            near = placed.bodies_near(ball, self._radius + within)
+            pairs += [(body, placed.place_ball(ball, self._radius)) for body in near]
+        gaps = [
+            Gap((body.frame, other.frame), placed.proximity(body, other)) for body, other in pairs
+        ]
+        return [gap for gap in gaps if gap.place.depth > -within]
 
     def only(self, frames: Collection[str]) -> "Surroundings":
         """Return the pairs of bodies of which one or both are at some frames."""
@@ -107,7 +110,7 @@ class Surroundings:
         for number, near in enumerate(gaps):
             for gap in near:
                 row = depths.setdefault(gap.frames, np.full(len(times), -np.inf))
-                row[number] = max(row[number], gap.depth)
+                row[number] = max(row[number], gap.place.depth)
         wanted = {}
         for frames, row in depths.items():
             padded = np.pad(row, 1, constant_values=-np.inf)
@@ -122,9 +125,10 @@ class Surroundings:
                     continue
                 first, second = self._joints[gap.frames[0]], self._joints.get(gap.frames[1], -1)
                 pose, other = data.oMi[first], data.oMi[max(second, 0)]
+                depth, point, normal = gap.place
                 column = np.concatenate([
-                    pose.actInv(gap.points[0]), pose.rotation.T @ gap.normal,
-                    other.actInv(gap.points[1]),
+                    pose.actInv(point), pose.rotation.T @ normal,
+                    other.actInv(point - depth * normal),
                 ])  # fmt: skip
                 columns.setdefault((first, second), []).append((float(times[number]), column))
         return [

@@ -11,6 +11,7 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core.validation import Array
 from kickdyn.flight.flight_result import Flight
+from kickdyn.impact.body import BallBody
 from kickdyn.impact.laws import limit_friction
 
 BALL = Ball.paper()
@@ -61,8 +62,8 @@ def launch_from_force(force: Array, normal: Array) -> tuple[BallState, bool]:
     The force F is that before its part across the normal is limited, shape `(3,)` [N s].
     """
     impulse, tangential, sticking = limit_friction(force, normal, FRICTION)
-    spin = -BALL.radius / BALL.inertia * np.cross(normal, tangential)
-    return BallState(velocity=impulse / BALL.mass, spin=spin), sticking
+    ball = BallBody(BALL, BallState(), (normal,))
+    return ball.after(impulse[None], tangential[None]), sticking
 
 
 def warnings_of(*paths: Flight) -> tuple[str, ...]:

@@ -4,11 +4,10 @@ import math
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
 
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike
@@ -99,7 +98,7 @@ def self_motion(leg: Leg, q: ArrayLike) -> list[Posture]:
             f"{start!r} has {freedom} degrees of self-motion: one is followed, of a leg without "
             "supports, loops and mimic joints"
         )
-    if not _within(leg, start.q):
+    if leg.outside_range(start.q):
         raise InvalidInput(f"{start!r} is outside the joints' range")
     ahead, back = (_follow(start, sign * _null(start)) for sign in (1.0, -1.0))
     return [*reversed(back), start, *ahead]
@@ -111,14 +110,13 @@ def _null(posture: Posture) -> Array:
 
 
 def _follow(start: Posture, direction: Array) -> list[Posture]:
-    """Return the postures in one direction."""
     leg, postures, current = start.leg, list[Posture](), start
     for _ in range(10_000):
         along = _null(current)
         direction = along if along @ direction > 0 else -along  # a null vector has no sign
         q = pin.integrate(leg.workspace.model, current.q, STEP * direction)
         following = _corrected(leg, q, start.contact_point)
-        if following is None or not _within(leg, following.q):
+        if following is None or leg.outside_range(following.q):
             break
         postures.append(following)
         current = following
@@ -136,7 +134,3 @@ def _corrected(leg: Leg, q: Array, point: Array) -> Posture | None:
             leg.workspace.model, q, np.linalg.lstsq(posture.jacobian, astray, rcond=1e-9)[0]
         )
     return None
-
-
-def _within(leg: Leg, q: Array) -> bool:
-    return bool((q >= leg.lower - 1e-9).all() and (q <= leg.upper + 1e-9).all())

@@ -83,7 +83,6 @@ def newton_rounds(launch: Launch) -> tuple[Round, ...]:
 
 
 def _round(path: Flight, distance: float, time: float) -> Round:
-    """Return a flight with its errors."""
     return Round(distance - float(path.landing.position[0]), time - path.duration, path)
 
 

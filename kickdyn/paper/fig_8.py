@@ -3,13 +3,7 @@
 from kickdyn.ball import BallState
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.fly import fly
-from kickdyn.paper.assumptions import (
-    BALL,
-    DEFAULT,
-    Coefficients,
-    direction,
-    warnings_of,
-)
+from kickdyn.paper.assumptions import BALL, DEFAULT, Coefficients, direction, warnings_of
 from kickdyn.paper.item import Item, shape
 
 NAME = "Fig. 8"

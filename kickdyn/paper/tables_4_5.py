@@ -91,11 +91,6 @@ def kick(row: TestBedKick, fitted: Fit, choice: Coefficients) -> Flight:
     return flight(float(impulse @ normal), normal, choice)
 
 
-def in_vacuum(row: TestBedKick) -> float:
-    """Return the printed distance of the fitted kick `HIGH`, scaled by speed squared [m]."""
-    return HIGH.experiment * (row.foot_speed / HIGH.foot_speed) ** 2
-
-
 def flight(normal_impulse: float, normal: Array, choice: Coefficients) -> Flight:
     """Return the flight from the part of the force along the normal [N s]."""
     force = normal_impulse / float(ATTACK @ normal) * ATTACK
@@ -108,10 +103,8 @@ testbed = cache(Leg.testbed)
 
 def masses(postures: Sequence[Posture]) -> Array:
     """Return m(n) along the normals of Table 4 [kg], shape `(k, 3)` for k postures."""
-    inertia = np.array([posture.inertia for posture in postures])
-    along = np.array([(NORMALS @ posture.jacobian).T for posture in postures])
-    mobility = (along * np.linalg.solve(inertia, along)).sum(axis=1)
-    return np.asarray(1 / (mobility + 1 / BALL.mass))
+    of_leg = np.array([[posture.effective_mass(n) for n in NORMALS] for posture in postures])
+    return np.asarray(1 / (1 / of_leg + 1 / BALL.mass))
 
 
 @cache
@@ -141,9 +134,6 @@ def fit(choice: Coefficients) -> Fit:
     def distance(row: int, driven: float) -> float:
         return flight(driven * speeds[row], NORMALS[row], choice).range
 
-    def span(driven: Array) -> tuple[float, float]:
-        return distance(1, driven.min()), distance(1, driven.max())
-
     low, high = (
         brentq(lambda driven, row=row: distance(row, driven) - ROWS[row].experiment, 0.5, 5)
         for row in (0, 2)
@@ -172,7 +162,7 @@ def fit(choice: Coefficients) -> Fit:
     ).x
     mass = masses_at(best)
     gain, middle = float(high / mass[2]), np.append(middle, high * mass[1] / mass[2])
-    return Fit(leg.posture(best), gain, span(middle))
+    return Fit(leg.posture(best), gain, (distance(1, middle.min()), distance(1, middle.max())))
 
 
 def items() -> list[Item]:
@@ -220,7 +210,7 @@ def varying(choice: Coefficients) -> list[Item]:
         **{
             row: "predicted from the row of 50 deg and 2.2 m/s, whatever the posture: the launch "
             "speed is in proportion to the foot speed; distance in proportion to its square, as "
-            f"in vacuum, is {in_vacuum(row):.2f} m"
+            f"in vacuum, is {HIGH.experiment * (row.foot_speed / HIGH.foot_speed) ** 2:.2f} m"
             for row in (SLOWER, SLOWEST)
         },
     }

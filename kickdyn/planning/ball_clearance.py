@@ -1,4 +1,6 @@
-"""What keeps the bodies of a robot out of the ball, as a term of a kick."""
+"""What keeps the bodies of a robot out of the ball and out of each other, as terms of a kick."""
+
+from collections.abc import Sequence
 
 import numpy as np
 import pinocchio as pin
@@ -6,7 +8,7 @@ import pinocchio as pin
 from kickdyn.core.validation import Array
 from kickdyn.planning.kick_terms import KickTerm, KickVariables
 from kickdyn.planning.problem import TOLERANCE, Kind
-from kickdyn.robot.collisions import TOUCHING, Placed, Proximity
+from kickdyn.robot.collisions import TOUCHING, Body, Placed, Proximity
 from kickdyn.robot.ground_clearance import LARGEST_MESH, body_frames
 from kickdyn.robot.kicking_chain import rest_configuration
 from kickdyn.robot.leg import Leg, Posture
@@ -16,36 +18,33 @@ RESERVE = 1e-3
 """What is left of `TOUCHING` [m]: the solver keeps its conditions within a tolerance."""
 
 
-class BallClearance(KickTerm):
-    r"""The bodies near the contact point are outside the ball: their distances from it [m].
+class BodyClearance(KickTerm):
+    r"""Bodies are outside the ball or outside each other: their distances [m].
 
-    A body whose point p is nearest to the ball has the distance d with
-    :math:`\dot d = n_p \cdot (\dot x - \dot p)`, where x is the contact point, which carries the
-    ball, and :math:`n_p` points from p into the ball.
+    A body with the point p nearest to another body, or to the ball, has the distance d with
+    :math:`\dot d = n_p \cdot (\dot x - \dot p)`, where :math:`n_p` points from p to the other's
+    nearest point x; for the ball, x is the contact point, which carries it.
 
     Args:
         robot: with the shapes of its file.
         variables: of the kick; their leg has the robot's frames by name.
-
-    Attributes:
-        bodies: that can come near the ball; none where the file has no shapes.
+        pairs: of bodies; None is the ball.
     """
 
     kind, margin, required = Kind.INEQUALITY, 2 * TOLERANCE, False
     rates_starts = False
 
-    def __init__(self, robot: Leg, variables: KickVariables) -> None:
+    def __init__(
+        self, robot: Leg, variables: KickVariables, pairs: Sequence[tuple[Body, Body | None]]
+    ) -> None:
         contact, ball = variables.target.contact, variables.target.ball
-        self._robot, self.scale = robot, ball.radius
-        self._radius, self._from_contact = ball.radius, ball.radius * contact.normal
-        rest = robot.posture(rest_configuration(robot))
-        space = robot.workspace
-        placed = Placed(robot, body_frames(robot), space.model, space.data, rest.q)
-        self.bodies = placed.bodies_near(rest.contact_point, LARGEST_MESH)
+        self._robot, self.scale, self._pairs = robot, ball.radius, pairs
+        self._from_contact = ball.radius * contact.normal
         self._posture: Posture | None = None
         self._known: list[Proximity] = []
         numbers = frames_by_name(variables.leg.workspace.model)
-        self._frames = {body.frame: numbers[body.frame] for body in self.bodies}
+        bodies = (body for pair in self._pairs for body in pair if body is not None)
+        self._frames = {body.frame: numbers[body.frame] for body in bodies}
 
     def residual(self, posture: Posture, v: Array) -> Array:
         return TOUCHING - RESERVE - np.array([x.depth for x in self._contacts(posture)])
@@ -55,19 +54,33 @@ class BallClearance(KickTerm):
         model, data = posture.leg.workspace.model, posture.leg.workspace.data
         pin.computeJointJacobians(model, data, posture.q)
         pin.updateFramePlacements(model, data)
-        slopes = []
-        for body, contact in zip(self.bodies, contacts, strict=True):
+
+        def moved(body: Body | None, point: Array) -> Array:
+            if body is None:
+                return posture.jacobian
             number = self._frames[body.frame]
             jacobian = pin.getFrameJacobian(model, data, number, pin.LOCAL_WORLD_ALIGNED)
-            arm = contact.point - data.oMf[number].translation
-            point = jacobian[:3] - pin.skew(arm) @ jacobian[3:]
-            slopes.append(contact.normal @ (posture.jacobian - point))
+            arm = point - data.oMf[number].translation
+            return np.asarray(jacobian[:3] - pin.skew(arm) @ jacobian[3:])
+
+        slopes = [
+            contact.normal @ (moved(other, contact.point) - moved(body, contact.point))
+            for (body, other), contact in zip(self._pairs, contacts, strict=True)
+        ]
         return np.array(slopes).reshape(len(contacts), posture.leg.nv), None
 
     def _contacts(self, posture: Posture) -> list[Proximity]:
         if posture is not self._posture:  # value and slope are of one posture
             space, centre = posture.leg.workspace, posture.contact_point + self._from_contact
             placed = Placed(self._robot, self._frames, space.model, space.data, posture.q)
+            ball = placed.place_ball(centre, self.scale)
             self._posture = posture
-            self._known = [placed.proximity(body, centre, self._radius) for body in self.bodies]
+            self._known = [placed.proximity(body, other or ball) for body, other in self._pairs]
         return self._known
+
+
+def bodies_near_ball(robot: Leg) -> list[tuple[Body, None]]:
+    """Return the bodies that can come near the ball, each with it; none without shapes."""
+    rest, space = robot.posture(rest_configuration(robot)), robot.workspace
+    placed = Placed(robot, body_frames(robot), space.model, space.data, rest.q)
+    return [(body, None) for body in placed.bodies_near(rest.contact_point, LARGEST_MESH)]

@@ -6,14 +6,13 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
 from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.representation import ReprMixin, Row, format_value, freeze_arrays
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 
 CONDITIONS = {"time": "s", "apex": "m", "speed": "m/s", "over": "m"}

@@ -3,17 +3,16 @@
 import math
 from dataclasses import replace
 from importlib.util import find_spec
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
 from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.core import validation
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course, follow
@@ -32,7 +31,7 @@ from kickdyn.planning.objectives import OBJECTIVES, KickObjective
 from kickdyn.planning.passes import Pass, plan_pass
 from kickdyn.planning.stance import Balance
 from kickdyn.robot.collisions import disabled_pairs
-from kickdyn.robot.kicking_chain import check_free_joints, with_angles
+from kickdyn.robot.kicking_chain import with_angles
 from kickdyn.robot.leg import Leg, Posture
 from kickdyn.robot.standing import is_floating
 
@@ -59,7 +58,8 @@ def plan_kick(
 
     The launch :math:`(v_b, \omega_b)`, the impulse :math:`p = m v_b`, the normal and the foot
     velocity follow from each other in closed form. A nonlinear program then chooses posture and
-    joint velocity by the objective, and `strike` and `fly` verify the plan.
+    joint velocity by the objective, bodies of the robot out of the ball and out of each other, and
+    `strike` and `fly` verify the plan.
 
     Args:
         leg: a leg on a fixed base, without supports or loops, and without mimic joints in the
@@ -124,7 +124,11 @@ def plan_kick(
         ('met', 19.6)
     """
     leg = with_angles(leg)
-    check_free_joints(leg, "kicks are planned")
+    if leg.stiff_joints:
+        raise InvalidInput(
+            f"{leg.name} has stiff joints ({', '.join(leg.stiff_joints)}): kicks are planned for "
+            "legs whose joints are free (Leg.with_stiff_joints() without names frees them)"
+        )
     objective = _checked_objective(objective, limits=limits, motion=motion)
     contact, position = _checked_contact(contact), _checked_ball_position(ball_position)
     if is_floating(leg):
@@ -142,16 +146,12 @@ def plan_kick(
         target = impact_target_for(launch.velocity, launch.spin, ball, contact)
         problem = kick_problem(leg, target, position, limits=limits, solver=solver)
         if motion:
-            chosen = _plan_motion(problem)
+            posture, v, outcome = _plan_motion(problem)
         else:
-            chosen = _plan_posture(problem, OBJECTIVES[objective]())
-        impact = strike(chosen.posture, chosen.v, ball, target.contact)
-        path: Flight | Course
-        if surface is None:
-            time = launch.time if chosen.outcome["share"] == 1.0 else None
-            path = fly_to_target(impact.ball_after, goal, ball, air, time)
-        else:
-            path = _follow_to_target(impact, goal, air, surface)
+            posture, v, outcome = _plan_posture(problem, OBJECTIVES[objective]())
+        impact = strike(posture, v, ball, target.contact)
+        time = launch.time if outcome["share"] == 1.0 else None
+        path = _path_to_target(impact, goal, air, surface, time)
     return KickPlan(
         goal=goal,
         launch=launch,
@@ -161,16 +161,12 @@ def plan_kick(
         path=path,
         ball_is_placed=position is not None,
         heading=problem.heading,
-        **chosen.outcome,
+        **outcome,
     )
 
 
-class _Chosen(NamedTuple):
-    """The robot's state at the impact, and further attributes of `KickPlan`."""
-
-    posture: Posture
-    v: Array
-    outcome: dict[str, Any]
+_Chosen = tuple[Posture, Array, dict[str, Any]]
+"""The robot's posture and joint velocity at the impact, and further attributes of `KickPlan`."""
 
 
 def _plan_posture(problem: KickProblem, objective: Objective) -> _Chosen:
@@ -186,7 +182,7 @@ def _plan_posture(problem: KickProblem, objective: Objective) -> _Chosen:
         "binding": tuple(name for term in problem.terms for name in term.binding(point)),
         "balance": None if balance is None else balance.distance(point.posture),
     }
-    return _Chosen(problem.robot.posture(q), v, outcome)
+    return problem.robot.posture(q), v, outcome
 
 
 def replan_motion(plan: KickPlan, velocity: ArrayLike) -> KickPlan:
@@ -212,22 +208,27 @@ def replan_motion(plan: KickPlan, velocity: ArrayLike) -> KickPlan:
     with threadpool_limits(1, "blas"):
         target = impact_target_for(wished, after.spin, ball, contact)
         problem = kick_problem(leg, target, position)
-        chosen = _plan_motion(problem, plan.motion)
-        impact = strike(chosen.posture, chosen.v, ball, target.contact)
-        path: Flight | Course
-        if isinstance(plan.path, Flight):
-            path = fly_to_target(impact.ball_after, plan.goal, ball, plan.path.air, None)
-        else:
-            first = plan.path.flights[0]
-            assert first.ground is not None  # the one that the course was followed on
-            path = _follow_to_target(impact, plan.goal, first.air, first.ground.surface)
-    return replace(plan, impact_target=target, impact=impact, path=path, **chosen.outcome)
+        posture, v, outcome = _plan_motion(problem, plan.motion)
+        impact = strike(posture, v, ball, target.contact)
+        flight, surface = plan.path, None
+        if isinstance(flight, Course):
+            flight = flight.flights[0]
+            assert flight.ground is not None  # the one that the course was followed on
+            surface = flight.ground.surface
+        path = _path_to_target(impact, plan.goal, flight.air, surface)
+    return replace(plan, impact_target=target, impact=impact, path=path, **outcome)
 
 
-def _follow_to_target(
-    impact: Impact, goal: Goal, air: Air | None, surface: str | Surface | None
-) -> Course:
-    """Return the course of a ball along the ground, to the plane of the target."""
+def _path_to_target(
+    impact: Impact,
+    goal: Goal,
+    air: Air | None,
+    surface: str | Surface | None,
+    time: float | None = None,
+) -> Flight | Course:
+    """Return the flight of a ball, or with a surface its course, to the plane of the target."""
+    if surface is None:
+        return fly_to_target(impact.ball_after, goal, impact.ball, air, time)
     start, radius = impact.ball_after, impact.ball.radius
     ground = Ground(float(start.position[2]) - radius, surface)
     plane = Plane(start.position + goal.target, -goal.ahead, "centre")
@@ -257,23 +258,20 @@ def _plan_motion(problem: KickProblem, near: Motion | None = None) -> _Chosen:
         standing,
     )
     planned = plan_motion(task, near)
-    motion, balance = planned.motion, None
-    if standing is not None:
-        balance = Balance(standing).distance(problem.robot.posture(motion.q(0.0)))
+    posture = problem.robot.posture(planned.motion.q(0.0))
     outcome = {
         "share": planned.share,
         "value": planned.torque_squared,
         "speed_use": planned.speed_use,
         "torque_use": planned.torque_use,
         "binding": planned.binding,
-        "balance": balance,
-        "motion": motion,
+        "balance": None if standing is None else Balance(standing).distance(posture),
+        "motion": planned.motion,
     }
-    return _Chosen(problem.robot.posture(motion.q(0.0)), motion.v(0.0), outcome)
+    return posture, planned.motion.v(0.0), outcome
 
 
 def _lying_on_ground(position: float | Array | None, ball: Ball) -> float | Array:
-    """Return the position of a ball that lies on the ground z = 0, or raise `InvalidInput`."""
     height = ball.radius if position is None else np.atleast_1d(position)[-1]
     if abs(height - ball.radius) > 1e-9:
         raise InvalidInput(
@@ -284,7 +282,6 @@ def _lying_on_ground(position: float | Array | None, ball: Ball) -> float | Arra
 
 
 def _checked_objective(name: str | None, *, limits: bool, motion: bool) -> KickObjective:
-    """Return the objective, or raise `InvalidInput` where it does not go with the rest."""
     default = KickObjective.TORQUE_SQUARED if motion else KickObjective.JOINT_SPEED
     objective = default if name is None else validation.choice("objective", name, KickObjective)
     if motion != (objective == KickObjective.TORQUE_SQUARED):
@@ -298,7 +295,6 @@ def _checked_objective(name: str | None, *, limits: bool, motion: bool) -> KickO
 
 
 def _checked_ball_position(position: ArrayLike | None) -> float | Array | None:
-    """Return the height or the position of the ball's centre; None where it is free."""
     if position is None:
         return None
     place = validation.floats("ball_position", position, unit="m")

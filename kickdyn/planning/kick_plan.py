@@ -4,10 +4,10 @@ A check is a function of a plan that returns lines. A line says what is the matt
 about it follows after a semicolon.
 """
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TypeVar
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from kickdyn.planning.objectives import KickObjective
 from kickdyn.planning.passes import Pass
 from kickdyn.restitution import range_warnings
 from kickdyn.robot.collisions import find_ball_overlaps, find_self_collisions
-from kickdyn.robot.ground_clearance import Depth, find_depths
+from kickdyn.robot.ground_clearance import find_depths
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.names import listed, lock_remedy
 from kickdyn.robot.standing import missing_shapes
@@ -34,11 +34,15 @@ MOTION_TIMES = 80
 """Number of configurations of a planned motion in which bodies are compared with the ground, the
 ball and each other."""
 
-MOST_PAIRS = 3
-"""Number of pairs of bodies that a line names."""
+MOST_NAMED = 3
+"""Number of overlaps in a motion that a line names."""
 
-Overlap = TypeVar("Overlap")
-"""What names an overlap: a frame, for one with the ball, or a pair of frames."""
+OTHER_POSTURE = "another goal, offset or objective takes another posture"
+OTHER_HEIGHT = (
+    "the ground is level with the ball's lowest point: try another height of the ball "
+    "(ball_position, --ball-height)"
+)
+"""Remedies for bodies that overlap at the impact."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -195,128 +199,94 @@ def check_motion(plan: KickPlan) -> Sequence[str]:
 
 def check_shapes(plan: KickPlan) -> Sequence[str]:
     """Return a line for each body of a standing robot's kicking limb of unknown shape."""
-    leg = plan.leg
-    if plan.balance is None or leg.constraints is None:
-        return []
-    return missing_shapes(leg, leg.constraints.supports[0])
+    return () if plan.balance is None else missing_shapes(plan.leg, plan.leg.supports[0])
 
 
 def check_ball_overlap(plan: KickPlan) -> Sequence[str]:
     """Return a line for the bodies that are inside the ball at the impact, if any."""
-    impact = plan.impact
-    depths = find_ball_overlaps(impact.posture, impact.ball_before.position, impact.ball.radius)
-    return _line_about(
-        "bodies are inside the ball at the impact",
-        [f"{name} by {depth:.3f} m" for name, depth in depths.items()],
-        "another contact point (offset, --offset) or a flatter launch can avoid this",
-    )
+    remedy = "another contact point (offset, --offset) or a flatter launch can avoid this"
+    return _at_impact(plan, _in_ball, "inside the ball", remedy)
 
 
 def check_self_collision(plan: KickPlan) -> Sequence[str]:
     """Return a line for the bodies that are inside each other at the impact, if any."""
-    depths = find_self_collisions(plan.leg, plan.q)
-    return _line_about(
-        "bodies are inside each other at the impact",
-        [f"{first} and {other} by {depth:.3f} m" for (first, other), depth in depths.items()],
-        "another goal, offset or objective takes another posture",
-    )
-
-
-def check_self_collision_in_motion(plan: KickPlan) -> Sequence[str]:
-    """Return a line for the bodies that are inside each other in the motion, but not at 0."""
-    if plan.motion is None:
-        return ()
-    deepest = _deepest_in_motion(lambda q: find_self_collisions(plan.leg, q), plan, plan.motion.end)
-    return _line_about(
-        "bodies are inside each other in the motion",
-        [
-            f"{first} and {other} by {depth:.3f} m at {t:.2f} s"
-            for (first, other), (depth, t) in deepest
-        ],
-        "another goal, or another posture of locked joints (--lock), can avoid this",
-        MOST_PAIRS,
-    )
-
-
-def check_ball_overlap_in_motion(plan: KickPlan) -> Sequence[str]:
-    """Return a line for the bodies that are inside the ball before the impact, but not at 0."""
-    if plan.motion is None:
-        return ()
-    before, radius = plan.impact.ball_before, plan.impact.ball.radius
-    deepest = _deepest_in_motion(
-        lambda q: find_ball_overlaps(plan.leg.posture(q), before.position, radius), plan, 0.0
-    )
-    return _line_about(
-        "bodies are inside the ball before the impact",
-        [f"{name} by {depth:.3f} m at {t:.2f} s" for name, (depth, t) in deepest],
-        "another goal takes another motion",
-    )
-
-
-def _deepest_in_motion(
-    find: Callable[[Array], Mapping[Overlap, float]], plan: KickPlan, end: float
-) -> list[tuple[Overlap, tuple[float, float]]]:
-    """Return how deep bodies overlap [m] and when [s], the deepest first, without those at 0.
-
-    Overlaps are sought by q at `MOTION_TIMES` times from the beginning of the motion to `end`.
-    """
-    motion = plan.motion
-    if motion is None:
-        return []
-    at_impact = find(plan.q)
-    deepest: dict[Overlap, tuple[float, float]] = {}
-    for t in np.linspace(motion.begin, end, MOTION_TIMES).tolist():
-        for overlap, depth in find(motion.q(t)).items():
-            if overlap not in at_impact:
-                deepest[overlap] = max((depth, t), deepest.get(overlap, (0.0, 0.0)))
-    return sorted(deepest.items(), key=lambda item: -item[1][0])
+    return _at_impact(plan, _in_each_other, "inside each other", OTHER_POSTURE)
 
 
 def check_ground_at_impact(plan: KickPlan) -> Sequence[str]:
     """Return a line for the bodies that are under the ground at the impact."""
-    return _line_about_ground(plan) if plan.ball_is_placed else ()
+    remedy = OTHER_POSTURE if plan.balance is not None else OTHER_HEIGHT
+    return (
+        _at_impact(plan, _under_ground, "under the ground", remedy) if plan.ball_is_placed else ()
+    )
 
 
 def check_ground_of_free_ball(plan: KickPlan) -> Sequence[str]:
     """Return the same line where the ground is assumed under a ball whose height is free."""
-    return () if plan.ball_is_placed else _line_about_ground(plan)
+    placed = replace(plan, ball_is_placed=True)
+    return () if plan.ball_is_placed else check_ground_at_impact(placed)
 
 
-def _line_about_ground(plan: KickPlan) -> Sequence[str]:
-    remedy = "another goal, offset or objective takes another posture"
-    if plan.balance is None:
-        remedy = (
-            "the ground is level with the ball's lowest point: try another height of the ball "
-            "(ball_position, --ball-height)"
-        )
-    return _line_about(
-        "bodies are under the ground at the impact",
-        [f"{depth.frame} by {depth.depth:.3f} m" for depth in _depths(plan, [plan.q])],
-        remedy,
-    )
+def check_ball_overlap_in_motion(plan: KickPlan) -> Sequence[str]:
+    """Return a line for the bodies that are inside the ball before the impact, but not at 0."""
+    remedy = "another goal takes another motion"
+    return _in_motion(plan, _in_ball, "inside the ball before the impact", remedy, end=0.0)
+
+
+def check_self_collision_in_motion(plan: KickPlan) -> Sequence[str]:
+    """Return a line for the bodies that are inside each other in the motion, but not at 0."""
+    remedy = "another goal, or another posture of locked joints (--lock), can avoid this"
+    return _in_motion(plan, _in_each_other, "inside each other in the motion", remedy)
 
 
 def check_ground_in_motion(plan: KickPlan) -> Sequence[str]:
     """Return a line for the bodies that are under the ground in the motion, but not at 0."""
-    motion = plan.motion
-    if motion is None or not plan.ball_is_placed:
+    if not plan.ball_is_placed:
         return ()
-    times = np.linspace(motion.begin, motion.end, MOTION_TIMES)
-    at_impact = {depth.frame for depth in _depths(plan, [plan.q])}
-    return _line_about(
-        "bodies are under the ground in the motion",
-        [
-            f"{depth.frame} by {depth.depth:.3f} m at {times[depth.number]:.2f} s"
-            for depth in _depths(plan, [motion.q(t) for t in times])
-            if depth.frame not in at_impact
-        ],
-        "another goal, offset or objective takes another motion",
-    )
+    remedy = "another goal, offset or objective takes another motion"
+    return _in_motion(plan, _under_ground, "under the ground in the motion", remedy)
 
 
-def _line_about(fault: str, bodies: Sequence[str], remedy: str, most: int = 40) -> Sequence[str]:
-    """Return a line with a fault, the bodies that have it and a remedy; none without bodies."""
-    return [f"{fault}: {listed(bodies, most)}; {remedy}"] if bodies else ()
+Overlaps = Callable[[KickPlan, Array], Mapping[str, float]]
+"""From a plan and q to how deep bodies overlap with something [m] by name, the deepest first."""
+
+
+def _in_ball(plan: KickPlan, q: Array) -> Mapping[str, float]:
+    centre, radius = plan.impact.ball_before.position, plan.impact.ball.radius
+    return find_ball_overlaps(plan.leg.posture(q), centre, radius)
+
+
+def _in_each_other(plan: KickPlan, q: Array) -> Mapping[str, float]:
+    pairs = find_self_collisions(plan.leg, q)
+    return {f"{first} and {other}": depth for (first, other), depth in pairs.items()}
+
+
+def _under_ground(plan: KickPlan, q: Array) -> Mapping[str, float]:
+    """Return depths under the ground, which is under the ball or under a lower target."""
+    below = min(0.0, float(plan.goal.target[2])) - plan.impact.ball.radius
+    return find_depths(plan.leg, q, float(plan.impact.ball_before.position[2]) + below)
+
+
+def _at_impact(plan: KickPlan, find: Overlaps, where: str, remedy: str) -> Sequence[str]:
+    bodies = [f"{name} by {depth:.3f} m" for name, depth in find(plan, plan.q).items()]
+    return [f"bodies are {where} at the impact: {listed(bodies)}; {remedy}"] if bodies else ()
+
+
+def _in_motion(
+    plan: KickPlan, find: Overlaps, where: str, remedy: str, end: float = math.inf
+) -> Sequence[str]:
+    """Return a line for overlaps at `MOTION_TIMES` times up to `end` [s], without those at 0."""
+    motion = plan.motion
+    if motion is None:
+        return ()
+    at_impact, deepest = find(plan, plan.q), dict[str, tuple[float, float]]()
+    for t in np.linspace(motion.begin, min(end, motion.end), MOTION_TIMES).tolist():
+        for name, depth in find(plan, motion.q(t)).items():
+            if name not in at_impact:
+                deepest[name] = max((depth, t), deepest.get(name, (0.0, 0.0)))
+    ranked = sorted(deepest.items(), key=lambda item: -item[1][0])
+    bodies = [f"{name} by {depth:.3f} m at {t:.2f} s" for name, (depth, t) in ranked]
+    return [f"bodies are {where}: {listed(bodies, MOST_NAMED)}; {remedy}"] if bodies else ()
 
 
 Check = Callable[[KickPlan], Sequence[str]]
@@ -337,10 +307,3 @@ CHECKS: dict[Check, PlanStatus] = {
     check_ground_in_motion: PlanStatus.COLLIDES,
 }
 """The checks of a plan, in the order of their lines, and the status of a plan with such a line."""
-
-
-def _depths(plan: KickPlan, configurations: Sequence[Array]) -> list[Depth]:
-    """Return the bodies under the ground, which is under the ball or under a lower target."""
-    below = min(0.0, float(plan.goal.target[2])) - plan.impact.ball.radius
-    height = float(plan.impact.ball_before.position[2]) + below
-    return find_depths(plan.leg, configurations, height)

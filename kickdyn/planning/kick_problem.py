@@ -11,7 +11,7 @@ are drawn with a fixed seed.
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -19,11 +19,10 @@ import pinocchio as pin
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.motion.impact_target import ImpactTarget
-from kickdyn.planning.ball_clearance import BallClearance
+from kickdyn.planning.ball_clearance import BodyClearance, bodies_near_ball
 from kickdyn.planning.kick_terms import (
     BallPosition,
     Facing,
-    FullShare,
     JointRange,
     KickPoint,
     KickVariables,
@@ -36,7 +35,8 @@ from kickdyn.planning.kick_terms import (
 from kickdyn.planning.objectives import LargestShare
 from kickdyn.planning.problem import TOLERANCE, Function, Problem, Solver, Term, slsqp
 from kickdyn.planning.stance import Balance, Clearance, SupportImpulse, Upright
-from kickdyn.robot.kicking_chain import KickingChain, check_unconstrained, kicking_chain
+from kickdyn.robot.collisions import bodies_at, find_self_collisions
+from kickdyn.robot.kicking_chain import KickingChain, kicking_chain
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.standing import StandingRobot, is_floating
 from kickdyn.robot.surgery import turn_body
@@ -50,6 +50,9 @@ leg is bent more than in any kick, and the trunk of a standing robot lies down."
 
 SOLVERS: dict[str, Solver] = {"slsqp": slsqp}
 """Solvers of the problem of a kick, by name."""
+
+MOST_PAIRS = 8
+"""Number of pairs of bodies from which on no more are kept apart."""
 
 AnyTerm = TypeVar("AnyTerm", bound=Term[KickPoint])
 
@@ -111,7 +114,7 @@ class KickProblem:
         variables, strike, terms = self.variables, self.find(StrikeVelocity), self.terms
         assert strike is not None
         if not isinstance(objective, LargestShare):
-            terms += (FullShare(variables),)
+            terms += (JointRange(variables, least_share=1.0),)
         problem = Problem(variables.size, variables.point, (objective, *terms))
         solutions = [problem.solve(start, self.solver) for start in starts]
         return [strike.make_exact(variables.point(x)) for x in solutions if x is not None]
@@ -131,18 +134,6 @@ class KickProblem:
             violation = sum(term.total_violation(point) for term in rating)
             rated.append((float(np.abs(v).max()) + violation, number, point.x))
         return [x for _, _, x in sorted(rated)[:STARTS]]
-
-
-class KickSolution(NamedTuple):
-    """A point that solves a problem.
-
-    Attributes:
-        problem: the problem; where no point keeps an optional term, the problem without it.
-        point: with an exact foot velocity.
-    """
-
-    problem: KickProblem
-    point: KickPoint
 
 
 def kick_problem(
@@ -175,7 +166,12 @@ def kick_problem(
         robot = standing.robot
         limb = kicking_chain(standing.leg, branches=True)
     else:
-        check_unconstrained(robot, "kicks from a fixed base are planned")
+        if robot.supports or robot.loops:
+            raise InvalidInput(
+                f"{robot.name} has supports or loops: kicks from a fixed base are planned for legs "
+                "without supports and loops only, because a plan chooses each joint by itself, and "
+                "these tie joints together"
+            )
         limb = kicking_chain(robot, branches=True)
     variables = KickVariables(limb.leg, target)
     directions = _foot_directions(variables, draw)
@@ -202,8 +198,8 @@ def kick_problem(
     if standing is not None:
         terms += [Balance(standing), Clearance(standing), Upright(standing)]
         terms.append(SupportImpulse(standing, target.impulse))
-    if (ball_clearance := BallClearance(robot, variables)).bodies:
-        terms.append(ball_clearance)
+    if pairs := bodies_near_ball(robot):
+        terms.append(BodyClearance(robot, variables, pairs))
 
     farthest = FARTHEST_START if standing is None else FARTHEST_STANDING_START
     lower = np.minimum(np.maximum(variables.lower, -farthest), variables.upper)
@@ -214,23 +210,45 @@ def kick_problem(
     )
 
 
-def solve_kick(problem: KickProblem, objective: Objective) -> KickSolution:
+def solve_kick(problem: KickProblem, objective: Objective) -> tuple[KickProblem, KickPoint]:
     """Return the best solution of a problem; where none meets the goal, the strongest kick.
+
+    Before it comes the problem; where no point keeps an optional term, the problem without it.
+    Where bodies are inside each other, it is solved again with a term that keeps these apart.
 
     Raises:
         InvalidInput: no posture keeps the terms, with the reason.
     """
+    solved, pairs = problem, set[tuple[str, str]]()
+    while True:
+        solved, point = _solve(solved, objective)
+        collisions = find_self_collisions(problem.robot, problem.on_robot(point)[0]).keys() - pairs
+        if not collisions or len(pairs) > MOST_PAIRS:
+            return solved, point
+        pairs |= collisions
+        bodies = [
+            (body, other)
+            for first, second in sorted(pairs)
+            for body in bodies_at(problem.robot, first)
+            for other in bodies_at(problem.robot, second)
+        ]
+        apart = BodyClearance(problem.robot, problem.variables, bodies)
+        solved = replace(problem, terms=(*problem.terms, apart))
+
+
+def _solve(problem: KickProblem, objective: Objective) -> tuple[KickProblem, KickPoint]:
+    """Return the best solution of a problem as it is."""
     for variant in problem.variants():
         starts = variant.starts()
         if points := variant.solve(objective, starts):
             best = min(points, key=lambda point: float(objective.value(point)[0]))
-            return KickSolution(variant, best)
+            return variant, best
     if points := variant.solve(LargestShare(), starts):
         strongest = max(points, key=lambda point: point.share)
         if strongest.share >= 1.0 - 1e-6:
             full = variant.variables.point(np.append(strongest.x[:-1], 1.0))
             strongest = next(iter(variant.solve(objective, [strongest.x])), full)
-        return KickSolution(variant, strongest)
+        return variant, strongest
     ball = problem.find(BallPosition)
     place = "" if ball is None else f" {ball.place}"
     raise InvalidInput(
@@ -271,7 +289,6 @@ def _leaves(directions: Array, vector: Array) -> bool:
 
 
 def _check_directions(variables: KickVariables, directions: Array) -> None:
-    """Refuse a launch or a spin that takes the foot out of the plane that it moves in."""
     target, name = variables.target, variables.leg.name
     if _leaves(directions, target.impulse):
         launch = (target.impulse / target.ball.mass).round(4).tolist()
@@ -292,7 +309,6 @@ def _place_ball(
     position: float | Array,
     draw: np.random.Generator,
 ) -> BallPosition:
-    """Return the term of a ball at a height or a position, or raise `InvalidInput`."""
     if isinstance(position, float | int):
         centre = np.array([0.0, 0.0, position])
         return BallPosition(variables, centre, np.array([[0.0, 0.0, 1.0]]))

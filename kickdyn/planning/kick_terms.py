@@ -161,12 +161,9 @@ class Objective(Function[KickPoint]):
     def quantity(self, point: KickPoint) -> float:
         """Return the quantity."""
 
-    def cost(self, point: KickPoint) -> float:
-        """Return what is to be least: the quantity, or minus the quantity."""
-        return -self.quantity(point) if self.maximized else self.quantity(point)
-
     def value(self, point: KickPoint) -> Array:
-        return np.array([self.cost(point)])
+        quantity = self.quantity(point)
+        return np.array([-quantity if self.maximized else quantity])
 
     def slope(self, point: KickPoint) -> Array:
         return slope_by_differences(self, point, len(point.x) - 1, STEP)  # the share does not count
@@ -350,20 +347,12 @@ class SpeedLimit(Bounds[KickPoint]):
 
 
 class JointRange(Bounds[KickPoint]):
-    """The range of each joint, and of the share of the foot velocity."""
+    """The range of each joint, and of the share of the foot velocity from the least one on."""
 
-    def __init__(self, variables: KickVariables) -> None:
+    def __init__(self, variables: KickVariables, least_share: float = 0.0) -> None:
         free = np.full(variables.n, np.inf)
-        self.lower = np.array([*variables.lower, *-free, 0.0])
+        self.lower = np.array([*variables.lower, *-free, least_share])
         self.upper = np.array([*variables.upper, *free, 1.0])
-
-
-class FullShare(Bounds[KickPoint]):
-    """The whole foot velocity is reached."""
-
-    def __init__(self, variables: KickVariables) -> None:
-        free = np.full(variables.size - 1, np.inf)
-        self.lower, self.upper = np.array([*-free, 1.0]), np.array([*free, 1.0])
 
 
 def check_limits(variables: KickVariables) -> None:

@@ -28,7 +28,6 @@ from kickdyn.planning.goal import (
     LaunchLimit,
     PlannedLaunch,
     PlanStatus,
-    nominal_velocity,
 )
 from kickdyn.planning.launch_solver import (
     UP,
@@ -37,8 +36,6 @@ from kickdyn.planning.launch_solver import (
     ShootingProblem,
     crossing,
     crossing_time,
-    distinct,
-    solve_launch,
 )
 
 SPEED_LIMIT = 343.0
@@ -117,12 +114,11 @@ class Launch(PlannedLaunch):
         if self.limit is not None:
             return ()
         problem = _shooting_problem(self.goal, self.ball, self.air, self.spin)
-        direct = _solutions_from_vacuum(problem, self.goal)
         family = LaunchFamily(problem, self.goal, *self.limits)
         unknowns = *self.velocity, self.time
         return tuple(
             _launch(family, self.goal, None, solution)
-            for solution in family.solutions(direct, family.branches(direct))
+            for solution in family.solutions
             if solution.is_above_ground
             and math.dist((*solution.velocity, solution.time), unknowns) > 1e-6 * self.speed
         )
@@ -198,22 +194,18 @@ def plan_launch(
     problem = _shooting_problem(goal, ball, air, goal.spin)
     family = LaunchFamily(problem, goal, limit, most_spin)
 
-    direct = _solutions_from_vacuum(problem, goal)
-    solutions = [solution for solution in direct if family.is_inside(solution)]
+    solutions = [solution for solution in family.direct if family.is_inside(solution)]
     clear = [solution for solution in solutions if solution.is_above_ground]
     if goal.arc == Arc.LOW and clear and len(solutions) == (2 if goal.kind == "speed" else 1):
         return _launch(family, goal, None, clear[0])
 
-    branches = family.branches(direct)
-    solutions = family.solutions(direct, branches)
-    clear = [solution for solution in solutions if solution.is_above_ground]
+    clear = [solution for solution in family.solutions if solution.is_above_ground]
     if clear:
         return _launch(family, goal, None, clear[0 if goal.arc == Arc.LOW else -1])
-    if goal.beside is not None and not solutions:
-        return _nearest_curve(family, direct)
-    if not any(family.is_inside(member) for branch in branches for member in branch):
-        return _farthest(family)
-    return _nearest(family, branches, ground_blocks=bool(solutions))
+    if goal.beside is not None and not family.solutions:
+        return _nearest_curve(family)
+    inside = [m for branch in family.branches for m in branch if family.is_inside(m)]
+    return _nearest(family, inside) if inside else _farthest(family)
 
 
 def _shooting_problem(goal: Goal, ball: Ball, air: Air | None, spin: Array) -> ShootingProblem:
@@ -226,19 +218,6 @@ def _shooting_problem(goal: Goal, ball: Ball, air: Air | None, spin: Array) -> S
             )
         spin = validation.direction("spin", spin if spin.any() else (0.0, 0.0, 1.0))
     return ShootingProblem(ball, air, spin, goal.beside is not None)
-
-
-def _solutions_from_vacuum(problem: ShootingProblem, goal: Goal) -> list[LaunchSolution]:
-    solutions, spin = list[LaunchSolution](), [] if goal.beside is None else [0.0]
-    for time in goal.nominal_times():
-        start = np.array([*nominal_velocity(goal.target, time), *spin, time])
-        solution = solve_launch(problem, goal, start)
-        if solution is None:
-            continue
-        falls = solution.trajectory.velocity(solution.time)[2] <= 1e-9 * solution.speed
-        if goal.apex is None or falls:
-            solutions.append(solution)
-    return distinct(solutions, problem)
 
 
 def _launch(
@@ -293,16 +272,15 @@ def _farthest(family: LaunchFamily) -> Launch:
     return _launch(family, reached, LaunchLimit.SPEED, solution)
 
 
-def _nearest_curve(family: LaunchFamily, solutions: list[LaunchSolution]) -> Launch:
+def _nearest_curve(family: LaunchFamily) -> Launch:
     problem, goal = family.problem, family.goal
     assert goal.beside is not None
     distance, sideways = goal.beside
     pushed = float(np.cross(problem.spin, goal.ahead) @ goal.left)  # it starts to the other side
-    bend = solutions[0].spin_size if solutions else -pushed * sideways or 1.0
+    bend = family.direct[0].spin_size if family.direct else -pushed * sideways or 1.0
     spin = problem.spin_of(math.copysign(family.spin_limit, bend))
-    condition = {goal.kind: getattr(goal, goal.kind)}
     spun = plan_launch(
-        Goal(goal.target, **condition, spin=spin),
+        replace(goal, beside=None, spin=spin),
         problem.ball,
         problem.air,
         speed_limit=family.speed_limit,
@@ -317,27 +295,24 @@ def _nearest_curve(family: LaunchFamily, solutions: list[LaunchSolution]) -> Lau
         spun,
         status=PlanStatus.UNREACHABLE,
         goal=goal,
-        reached=Goal(goal.target, **condition, beside=(distance, passed), spin=goal.spin),
+        reached=replace(goal, beside=(distance, passed)),
         limit=LaunchLimit.SPIN,
     )
 
 
-def _nearest(
-    family: LaunchFamily, branches: list[list[LaunchSolution]], *, ground_blocks: bool
-) -> Launch:
+def _nearest(family: LaunchFamily, inside: list[LaunchSolution]) -> Launch:
     """Return the member nearest to what the goal names that is clear of the ground.
 
-    With `ground_blocks` solutions exist, and all of them lead through the ground.
+    Where solutions exist, all of them lead through the ground. `inside` are members within limits.
     """
-    goal = family.goal
+    goal, ground_blocks = family.goal, bool(family.solutions)
 
     def distance(member: LaunchSolution) -> float:
         return abs(member.condition(goal)[0])
 
-    inside = [member for branch in branches for member in branch if family.is_inside(member)]
     nearest = min(inside, key=distance)
     if ground_blocks or not nearest.is_above_ground:
-        clear = family.above_ground(branches)
+        clear = family.above_ground()
         if not clear:
             raise OutOfReach(
                 "the goal is out of reach: the ground is in the way of every launch",
@@ -352,14 +327,11 @@ def _nearest(
 
 
 def _reached(goal: Goal, error: float, time: float) -> Goal:
-    condition: dict[str, Any] = {goal.kind: getattr(goal, goal.kind)}
     if goal.over is not None:
-        condition["over"] = goal.over[0], goal.over[1] + error
-    elif goal.time is not None or goal.apex == -error:  # many launches have their apex at the start
-        condition = {"time": time}
-    else:
-        condition[goal.kind] += error
-    return Goal(goal.target, **condition, beside=goal.beside, spin=goal.spin, arc=goal.arc)
+        return replace(goal, over=(goal.over[0], goal.over[1] + error))
+    if goal.time is not None or goal.apex == -error:  # many launches have their apex at the start
+        return replace(goal, apex=None, time=time)
+    return replace(goal, **{goal.kind: getattr(goal, goal.kind) + error})
 
 
 def _limit_of(family: LaunchFamily, nearest: LaunchSolution, error: float) -> LaunchLimit:

@@ -7,7 +7,7 @@ launches to it form curves, and what a goal names beside the target selects memb
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from itertools import pairwise
 from typing import Any
 
@@ -326,28 +326,42 @@ class LaunchFamily:
         self.speed_limit, self.spin_limit = speed_limit, spin_limit
         self._coarse = replace(problem, tol=COARSE_TOL)
 
-    def branches(self, known: list[LaunchSolution]) -> list[list[LaunchSolution]]:
-        """Return members by time on each branch, and those where the condition turns."""
+    @cached_property
+    def direct(self) -> list[LaunchSolution]:
+        """The goal's solutions to which Newton's method comes from the vacuum's answers, by time.
+
+        They may be beyond the limits.
+        """
+        solutions, goal = list[LaunchSolution](), self.goal
+        for time in goal.nominal_times():
+            solution = solve_launch(self.problem, goal, self._nominal(time))
+            if solution is None:
+                continue
+            falls = solution.trajectory.velocity(solution.time)[2] <= 1e-9 * solution.speed
+            if goal.apex is None or falls:
+                solutions.append(solution)
+        return distinct(solutions, self.problem)
+
+    @cached_property
+    def branches(self) -> list[list[LaunchSolution]]:
+        """Members by time on each branch, and those where the condition turns."""
         branches = list[list[LaunchSolution]]()
-        for start in known:
+        for start in self.direct:
             if not any(_is_between(pair, start) for pair in _pairs(branches)):
                 branches.append(self._branch(start))
-        target = self.goal.target
-        slowest = math.sqrt(2 * float(np.linalg.norm(target)) / GRAVITY)
-        spin = [] if self.goal.beside is None else [0.0]
+        slowest = math.sqrt(2 * float(np.linalg.norm(self.goal.target)) / GRAVITY)
         for time in (slowest * fraction for fraction in FIRST_TIMES):
             if not any(branch[0].time <= time <= branch[-1].time for branch in branches):
-                guess = np.array([*nominal_velocity(target, time), *spin, time])
-                member = self._member(guess, steps=20)
+                member = self._member(self._nominal(time), steps=20)
                 if member is not None and (self.is_inside(member) or not branches):
                     branches.append(self._branch(member))
         return branches
 
-    def solutions(
-        self, known: list[LaunchSolution], branches: list[list[LaunchSolution]]
-    ) -> list[LaunchSolution]:
-        """Return the goal's solutions within the limits by time: those known, and on branches."""
-        solutions = [*known, *(self._solution(self.goal, *pair) for pair in _pairs(branches))]
+    @cached_property
+    def solutions(self) -> list[LaunchSolution]:
+        """The goal's solutions within the limits, by time: direct ones, and those on branches."""
+        between = (self._solution(self.goal, *pair) for pair in _pairs(self.branches))
+        solutions = [*self.direct, *between]
         inside = [member for member in solutions if member is not None and self.is_inside(member)]
         return distinct(inside, self.problem)
 
@@ -356,10 +370,10 @@ class LaunchFamily:
         is_slow = member.speed <= self.speed_limit * (1 + 1e-9)
         return is_slow and abs(member.spin_size) <= self.spin_limit
 
-    def above_ground(self, branches: list[list[LaunchSolution]]) -> list[LaunchSolution]:
+    def above_ground(self) -> list[LaunchSolution]:
         """Return members within the limits that are clear of the ground, and the last such."""
         members = []
-        for pair in _pairs(branches):
+        for pair in _pairs(self.branches):
             inside = [member for member in pair if self.is_inside(member)]
             clear = [member for member in inside if member.is_above_ground]
             buried = [member for member in inside if member not in clear]
@@ -372,6 +386,11 @@ class LaunchFamily:
         """Return a member as exactly as `solve_launch` computes it."""
         goal = self._with_condition(time=member.time)
         return solve_launch(self.problem, goal, member.unknowns) or member
+
+    def _nominal(self, time: float) -> Array:
+        """Return the unknowns of the vacuum's launch to the target, without spin."""
+        spin = [] if self.goal.beside is None else [0.0]
+        return np.array([*nominal_velocity(self.goal.target, time), *spin, time])
 
     def _with_condition(self, **condition: Any) -> Goal:
         return Goal(self.goal.target, **condition, beside=self.goal.beside)

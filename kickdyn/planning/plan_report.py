@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from kickdyn.core.files import finite
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.follow import Course
-from kickdyn.motion.motion import Motion
 from kickdyn.planning.goal import Goal, PlanStatus
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.launch import Launch, OutOfReach
@@ -77,7 +77,10 @@ class PlanReport:
             verdict(plan),
             self.wall and describe_passage(self.wall, plan),
             self.goal_mouth and str(score(plan)),
-            plan.motion and _describe_motion(plan, plan.motion),
+            plan.motion
+            and f"The motion takes {-plan.motion.begin:.3g} s from rest to the impact and "
+            f"{plan.motion.end:.3g} s from there to rest, with "
+            f"{_limit_use(plan.speed_use, plan.torque_use)}.",
             *(_describe_stance(name, plan) for name in plan.impact.footing),
             *(f"Warning: {line}." for line in plan.warnings),
         ]
@@ -104,6 +107,10 @@ class PlanReport:
             f"{impact.worst_joint[0]}; objective {plan.objective} = {plan.value:.4g} "
             f"{plan.objective.unit}",
         ]
+        if leg.workspace.model.armature.any():
+            masses = impact.posture.effective_mass_limits(impact.contact.normal).items()
+            shown = ", ".join(f"{mass:.3g} kg {limit}" for limit, mass in masses)
+            lines.append(f"drives  effective mass {shown}; planned {impact.drive_limit}")
         if abs(math.degrees(plan.heading)) >= 0.005:
             lines.append(f"base    turned by {_aside(math.degrees(plan.heading), 2, 'deg')}")
         for name, (value, unit) in leg.display_values(plan.q).items():
@@ -119,6 +126,7 @@ class PlanReport:
         """Return the report as what JSON can hold: SI units, degrees where a name says so."""
         plan, launch, impact, leg = self.plan, self.plan.launch, self.plan.impact, self.plan.leg
         up, left = plan.impact_target.contact_offset
+        masses = impact.posture.effective_mass_limits(impact.contact.normal)
         report = {
             "status": plan.status,
             "goal": _goal_json(plan.goal),
@@ -131,6 +139,7 @@ class PlanReport:
                 **_attributes(impact, "impulse foot_velocity restitution"),
                 "restitution_given": impact.contact.restitution,
                 "normal": impact.contact.normal.tolist(),
+                "effective_mass": {limit: finite(mass) for limit, mass in masses.items()},
                 "up_m": up,
                 "left_m": left,
             },
@@ -159,7 +168,12 @@ class PlanReport:
                 "friction": {name: _least_friction(name, plan) for name in impact.footing},
             }
         if plan.motion is not None:
-            report["motion"] = _motion_json(plan.motion)
+            samples = plan.motion.samples(SAMPLE_RATE)
+            report["motion"] = {
+                "joints": samples.joints,
+                "time": samples.t.tolist(),
+                **_attributes(samples, "q v torque ground_wrench"),
+            }
         return report
 
 
@@ -225,24 +239,11 @@ def _describe_stance(frame: str, plan: KickPlan) -> str:
     )
 
 
-def _describe_motion(plan: KickPlan, motion: Motion) -> str:
-    return (
-        f"The motion takes {-motion.begin:.3g} s from rest to the impact and {motion.end:.3g} s "
-        f"from there to rest, with {_limit_use(plan.speed_use, plan.torque_use)}."
-    )
-
-
 def _limit_use(speed: float, torque: float) -> str:
     """Return the largest use of limits in words; 0 is of joints without a limit."""
     uses = {"speed": speed, "torque": torque}
     named = [f"{use:.0%} of the {name} limits" for name, use in uses.items() if use > 0.0]
     return f"up to {' and '.join(named)}" if named else "no use of the limits"
-
-
-def _motion_json(motion: Motion) -> dict[str, Any]:
-    samples = motion.samples(SAMPLE_RATE)
-    values = _attributes(samples, "q v torque ground_wrench")
-    return {"joints": samples.joints, "time": samples.t.tolist(), **values}
 
 
 def _attributes(source: object, names: str) -> dict[str, Any]:

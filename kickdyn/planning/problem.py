@@ -94,15 +94,15 @@ class Function(Term[Point]):
     def slope(self, point: Point) -> Array:
         """Return the derivatives of the value by the unknowns, shape `(k, n)`."""
 
-    def violation(self, point: Point) -> Array:
-        """Return how far the value is from where it must be, over the scale, shape `(k,)`."""
-        value = self.value(point) / self.scale
-        return value if self.kind == Kind.EQUALITY else np.minimum(value, 0.0)
-
     def total_violation(self, point: Point) -> float:
-        """Return the length of the violation of equalities, or the sum over inequalities."""
-        order = 2 if self.kind == Kind.EQUALITY else 1
-        return float(np.linalg.norm(self.violation(point), order))
+        """Return how far the value is from where it must be, over the scale.
+
+        It is the length of the violation of equalities, or the sum over inequalities.
+        """
+        value = self.value(point) / self.scale
+        if self.kind == Kind.EQUALITY:
+            return float(np.linalg.norm(value))
+        return float(-np.minimum(value, 0.0).sum())
 
 
 class Bounds(Term[Point]):

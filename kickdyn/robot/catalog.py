@@ -1,8 +1,9 @@
 """Robots by name: those of example-robot-data, with their feet, and those of robot_descriptions."""
 
 import sys
+from collections.abc import Mapping
 from contextlib import redirect_stdout
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from difflib import get_close_matches
 from importlib import import_module, metadata
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.model_validation import frame_id
 from kickdyn.robot.names import listed
@@ -38,6 +39,9 @@ SURFACES = {
 """Surfaces of the right foot, frames whose x is forward and z up, and the normals with which each
 can meet a ball: their direction to the left of x, and the range of their rise [deg]."""
 
+SIDE = np.radians(15.0)
+"""How far normals are to either side of the direction of a surface [rad]."""
+
 
 @dataclass(frozen=True)
 class Robot:
@@ -47,58 +51,46 @@ class Robot:
         file: its URDF, below the package's folder of robots.
         foot, stance: frames of the right and of the left foot.
         legs: how the names of the legs' joints begin.
-        toe: from the origin of `foot` to the upper edge of the right foot's front end, the default
-            contact point [m, world axes, straight leg]; None if the file shows no foot. Read off
-            the visual mesh: there a ball of size 5 overlaps least with the foot, struck along any
-            normal of the `contact_normal_cone`; with that of G1 by 1.2 mm at most.
+        contact_points: of the `SURFACES` that the right foot has, from the origin of `foot` [m,
+            world axes, straight leg]. Read off the visual mesh: there a ball of size 5 overlaps
+            least with the foot, struck along any normal of the surface. No instep where a motor
+            fills that place, no edge of the sole where it is bevelled or round.
         steepest: of the toe's normals [deg], above which the ball would reach into instep or shank.
         turn: roll, pitch and yaw [rad] that bring its base's axes to x forward, z up.
-        instep: like `toe`, the middle of the slope from the ankle to the toe, on the foot's centre
-            line; None where a motor fills that place.
-        sole_edge: like `toe`, the lower edge of the front end; None where it is bevelled or round.
-        inside, outside, heel: like `toe`, points of the foot's left, right and rear faces where a
-            ball overlaps least with the foot.
     """
 
     file: str
     foot: str
     stance: str
     legs: tuple[str, ...]
-    toe: tuple[float, float, float] | None = None
-    steepest: float = 60.0
+    contact_points: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    steepest: float = SURFACES[TOE][2]
     turn: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    instep: tuple[float, float, float] | None = None
-    sole_edge: tuple[float, float, float] | None = None
-    inside: tuple[float, float, float] | None = None
-    outside: tuple[float, float, float] | None = None
-    heel: tuple[float, float, float] | None = None
-
-    @property
-    def contact_points(self) -> dict[str, tuple[float, float, float]]:
-        """The places of the `SURFACES` that the robot's foot has."""
-        every = {name: getattr(self, name) for name in SURFACES}
-        return {name: place for name, place in every.items() if place is not None}
 
     def contact(self, frame: str | None) -> tuple[str, Array | None]:
-        """Return the contact frame, the toe if None is named, and its `contact_normal_cone`.
-
-        The normals are up to 15 degrees to either side of the direction in `SURFACES`, in the
-        foot's axes. A ball of size 5 overlaps with the visual meshes by 3.0 mm at most at the
-        instep (Romeo 4.1 mm) and by 1.6 mm at the sole's edge (Romeo 2.8 mm).
-        """
-        frame = TOE if frame is None and self.toe is not None else frame
+        """Return the contact frame, the toe if None is named, and its `contact_normal_cone`."""
+        if frame is None:
+            frame = TOE if TOE in self.contact_points else self.foot
         if frame not in self.contact_points:
-            return self.foot if frame is None else frame, None
+            return frame, None
         direction, low, high = SURFACES[frame]
         high = self.steepest if frame == TOE else high
-        side, low, high = np.radians(15.0), np.radians(low), np.radians(high)
-        rows = np.array([
-            (np.sin(side), np.cos(side), 0.0),
-            (np.sin(side), -np.cos(side), 0.0),
-            (-np.sin(low), 0.0, np.cos(low)),
-            (np.sin(high), 0.0, -np.cos(high)),
-        ])  # fmt: skip
-        return frame, rows @ pin.rpy.rpyToMatrix(0.0, 0.0, np.radians(direction)).T
+        return frame, normal_cone(*np.radians([direction, low, high]))
+
+
+def normal_cone(direction: float, low: float, high: float) -> Array:
+    """Return rows a of the cone of normals n, a n >= 0, that meet a ball, shape `(4, 3)`.
+
+    They are up to `SIDE` to either side of a direction, which is to the left of x, and rise by an
+    angle from `low` to `high` [rad].
+    """
+    rows = np.array([
+        (np.sin(SIDE), np.cos(SIDE), 0.0),
+        (np.sin(SIDE), -np.cos(SIDE), 0.0),
+        (-np.sin(low), 0.0, np.cos(low)),
+        (np.sin(high), 0.0, -np.cos(high)),
+    ])  # fmt: skip
+    return np.asarray(rows @ pin.rpy.rpyToMatrix(0.0, 0.0, direction).T)
 
 
 _FULL_NAMES = tuple(
@@ -111,52 +103,64 @@ ROBOTS = {
     "g1": Robot(
         "g1_description/urdf/g1_29dof_rev_1_0.urdf",
         *("right_ankle_roll_link", "left_ankle_roll_link", _FULL_NAMES),
-        toe=(0.1423, 0.0, -0.0206),
-        instep=(0.0924, 0.0, -0.0041),
-        sole_edge=(0.1419, 0.0, -0.0354),
-        inside=(0.065, 0.0376, -0.0338),
-        outside=(0.0657, -0.0371, -0.0282),
-        heel=(-0.0656, -0.0001, -0.029),
+        contact_points={
+            "toe": (0.1423, 0.0, -0.0206),
+            "instep": (0.0924, 0.0, -0.0041),
+            "sole_edge": (0.1419, 0.0, -0.0354),
+            "inside": (0.065, 0.0376, -0.0338),
+            "outside": (0.0657, -0.0371, -0.0282),
+            "heel": (-0.0656, -0.0001, -0.029),
+        },
     ),
     "talos": Robot(
         "talos_data/robots/talos_reduced.urdf",
         *("right_sole_link", "left_sole_link", ("leg_",)),
-        toe=(0.1045, 0.0, 0.018),
+        contact_points={
+            "toe": (0.1045, 0.0, 0.018),
+            "inside": (-0.0032, 0.0672, 0.0144),
+            "outside": (-0.0034, -0.0672, 0.0144),
+            "heel": (-0.1163, 0.0017, 0.0712),
+        },
         steepest=40.0,
-        inside=(-0.0032, 0.0672, 0.0144),
-        outside=(-0.0034, -0.0672, 0.0144),
-        heel=(-0.1163, 0.0017, 0.0712),
     ),
     **{
         name: Robot(
             f"icub_description/robots/{name}.urdf",
-            *("r_sole", "l_sole", _ICUB, (0.1275, 0.0, 0.0145), 60.0, (0.0, 0.0, np.pi)),
-            sole_edge=(0.1278, 0.0, 0.0),
-            inside=(0.0601, 0.0269, 0.0414),
-            outside=(0.0402, -0.03, 0.0152),
-            heel=(-0.0268, -0.0003, 0.0319),
+            *("r_sole", "l_sole", _ICUB),
+            contact_points={
+                "toe": (0.1275, 0.0, 0.0145),
+                "sole_edge": (0.1278, 0.0, 0.0),
+                "inside": (0.0601, 0.0269, 0.0414),
+                "outside": (0.0402, -0.03, 0.0152),
+                "heel": (-0.0268, -0.0003, 0.0319),
+            },
+            turn=(0.0, 0.0, np.pi),
         )
         for name in ("icub", "icub_reduced")  # they look along -x
     },
     "romeo": Robot(
         "romeo_description/urdf/romeo.urdf",
         *("r_sole", "l_sole", _ROMEO),
-        toe=(0.199, 0.0164, 0.0299),
-        instep=(0.1393, 0.0164, 0.0639),
-        sole_edge=(0.1988, 0.0164, 0.0022),
-        inside=(0.1136, 0.0559, 0.0201),
-        outside=(0.1103, -0.0706, 0.0258),
-        heel=(-0.0886, 0.0056, 0.0523),
+        contact_points={
+            "toe": (0.199, 0.0164, 0.0299),
+            "instep": (0.1393, 0.0164, 0.0639),
+            "sole_edge": (0.1988, 0.0164, 0.0022),
+            "inside": (0.1136, 0.0559, 0.0201),
+            "outside": (0.1103, -0.0706, 0.0258),
+            "heel": (-0.0886, 0.0056, 0.0523),
+        },
     ),
     "human": Robot(
         "human_description/robots/human.urdf",
         *("right_foot", "left_foot", _FULL_NAMES),
-        toe=(0.2055, -0.0007, -0.073),
-        instep=(0.1373, -0.0007, -0.019),
-        sole_edge=(0.2068, -0.0007, -0.0765),
-        inside=(0.1025, 0.0593, -0.0706),
-        outside=(0.1025, -0.0607, -0.0706),
-        heel=(-0.0639, -0.0007, -0.0263),
+        contact_points={
+            "toe": (0.2055, -0.0007, -0.073),
+            "instep": (0.1373, -0.0007, -0.019),
+            "sole_edge": (0.2068, -0.0007, -0.0765),
+            "inside": (0.1025, 0.0593, -0.0706),
+            "outside": (0.1025, -0.0607, -0.0706),
+            "heel": (-0.0639, -0.0007, -0.0263),
+        },
         steepest=45.0,
         turn=(np.pi / 2, 0.0, 0.0),  # its y axis points up
     ),
@@ -167,7 +171,9 @@ ROBOTS = {
     "bolt": Robot(
         "bolt_description/robots/bolt.urdf",
         *("FR_FOOT", "FL_FOOT", ("FL_", "FR_")),
-        toe=(0.016, 0.0, 0.0),
+        contact_points={
+            "toe": (0.016, 0.0, 0.0),
+        },
         steepest=15.0,
     ),
 }
@@ -184,19 +190,19 @@ def read_robot(name: str, base: str) -> tuple[UrdfFile, Any]:
     model = turn_body(model, 1, pin.rpy.rpyToMatrix(*known.turn))
     if base == "fixed":
         model = reduce_model(model, [model.names[1]], pin.neutral(model))
-    _add_contact_points(model, known)
+    add_contact_points(model, known.foot, known.contact_points)
     return file, model
 
 
-def _add_contact_points(model: Any, known: Robot) -> None:
-    """Add the frames of a robot's contact points, their axes the world's for a straight leg."""
-    number = frame_id(model, known.foot)
+def add_contact_points(model: Any, frame: str, points: Mapping[str, ArrayLike]) -> None:
+    """Add frames at points of a foot [m], from a frame, in axes of the world for a straight leg."""
+    number = frame_id(model, frame)
     foot = model.frames[number]
     joint, pose = foot.parentJoint, foot.placement.copy()  # a reference dies with the next frame
     data = model.createData()
     pin.forwardKinematics(model, data, pin.neutral(model))
     back = pin.updateFramePlacement(model, data, number).rotation.T
-    for name, point in known.contact_points.items():
+    for name, point in points.items():
         place = pose * pin.SE3(back, back @ np.array(point))
         model.addFrame(pin.Frame(name, joint, number, place, pin.FrameType.OP_FRAME), False)
 

@@ -1,11 +1,10 @@
 """Bodies of a robot inside each other or inside a ball, by coal, Pinocchio's collision library.
 
-`ConvexBase.convexHull` of coal 3.0.3
-ends the process with a segmentation fault for flat hulls (at a thickness of 1e-7 of the size, not
-yet at 1e-4), which are therefore made `THICKNESS` thick.
+`ConvexBase.convexHull` of coal 3.0.3 ends the process with a segmentation fault for flat hulls (at
+a thickness of 1e-7 of the size, not yet at 1e-4), which are therefore made `THICKNESS` thick.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
@@ -25,6 +24,9 @@ TOUCHING = 5e-3
 
 It is a choice: shapes are simpler than real bodies, and a ball is pressed in by more than this.
 """
+
+BALL = ""
+"""Frame of a ball, a name that no frame of a robot has."""
 
 THICKNESS = 1e-3
 """Least thickness of a hull, as a share of its length."""
@@ -47,12 +49,12 @@ class Body(NamedTuple):
 
 
 class Proximity(NamedTuple):
-    """How a body and a ball are placed.
+    """How a body is placed beside a ball or another body.
 
     Attributes:
-        depth: of the body in the ball [m]; below 0 is the distance.
-        point: of the body, nearest to the ball's centre or deepest in it, `(3,)` [m, world frame].
-        normal: from there into the ball, shape `(3,)` [world frame].
+        depth: of the body in the other [m]; below 0 is the distance.
+        point: of the body, nearest to the other or deepest in it, `(3,)` [m, world frame].
+        normal: from there into the other, shape `(3,)` [world frame].
     """
 
     depth: float
@@ -62,22 +64,6 @@ class Proximity(NamedTuple):
 
 _known: WeakKeyDictionary[Leg, dict[tuple[str, bool], list[Body]]] = WeakKeyDictionary()
 """Bodies by frame, with meshes or without: reading a mesh takes a tenth of a second."""
-
-
-class Gap(NamedTuple):
-    """How two bodies are placed.
-
-    Attributes:
-        frames: names of the bodies' frames.
-        depth: of the bodies in each other [m]; below 0 is the distance.
-        points: of the bodies, nearest to each other or deepest, `(2, 3)` [m, world frame].
-        normal: from the first body into the second one, shape `(3,)` [world frame].
-    """
-
-    frames: tuple[str, str]
-    depth: float
-    points: Array
-    normal: Array
 
 
 class BodyPairs(NamedTuple):
@@ -166,54 +152,52 @@ class Placed:
             ]
         return near
 
-    def gaps(self, pairs: BodyPairs, within: float) -> list[Gap]:
-        """Return how the pairs are placed whose distance is less than `within` [m]."""
-        poses = [self.poses[body.frame] * body.pose for body in pairs.bodies]
-        centres = np.array([pose.translation for pose in poses]).reshape(-1, 3)
+    def near(self, pairs: BodyPairs, within: float = 0.0) -> list[tuple[Body, Body]]:
+        """Return the pairs whose distance may be less than `within` [m]."""
+        places = [self.poses[body.frame].act(body.pose.translation) for body in pairs.bodies]
+        centres = np.array(places).reshape(-1, 3)
         apart = np.linalg.norm(centres[pairs.first] - centres[pairs.second], axis=1)
-        near, gaps = np.flatnonzero(apart < pairs.reach + within), []
-        for first, second in zip(pairs.first[near], pairs.second[near], strict=True):
-            body, other = pairs.bodies[first], pairs.bodies[second]
-            result = self.distance(body, other.shape, poses[second])
-            if result.min_distance < within:
-                points = np.array([result.getNearestPoint1(), result.getNearestPoint2()])
-                frames = body.frame, other.frame
-                gaps.append(Gap(frames, -result.min_distance, points, result.normal))
-        return gaps
+        chosen = np.flatnonzero(apart < pairs.reach + within)
+        return [(pairs.bodies[pairs.first[k]], pairs.bodies[pairs.second[k]]) for k in chosen]
 
-    def distance(self, body: Body, other: Any, pose: Any) -> Any:
-        """Return coal's `DistanceResult` of a body and another shape at a pose."""
+    def place_ball(self, centre: Array, radius: float) -> Body:
+        """Return a ball as a body of the frame `BALL`, which moves there [m, world frame]."""
+        self.poses[BALL] = pin.SE3(np.eye(3), centre)
+        return Body(BALL, self._coal.Sphere(radius), pin.SE3.Identity(), radius)
+
+    def proximity(self, body: Body, other: Body) -> Proximity:
+        """Return how a body is placed beside another [m, world frame]."""
+        places = (self.poses[x.frame] * x.pose for x in (body, other))
+        start, end = (self._coal.Transform3s(x.rotation, x.translation) for x in places)
         request, result = self._coal.DistanceRequest(), self._coal.DistanceResult()
-        place = self.poses[body.frame] * body.pose
-        start = self._coal.Transform3s(place.rotation, place.translation)
-        end = self._coal.Transform3s(pose.rotation, pose.translation)
-        self._coal.distance(body.shape, start, other, end, request, result)
-        return result
-
-    def proximity(self, body: Body, centre: Array, radius: float) -> Proximity:
-        """Return how a body is placed beside a ball [m, world frame]."""
-        result = self.distance(body, self._coal.Sphere(radius), pin.SE3(np.eye(3), centre))
+        self._coal.distance(body.shape, start, other.shape, end, request, result)
         return Proximity(-result.min_distance, result.getNearestPoint1(), result.normal)
+
+    def find_overlaps(self, pairs: Iterable[tuple[Body, Body]]) -> dict[tuple[str, str], float]:
+        """Return how deep bodies are inside each other [m], by frames, the deepest first."""
+        depths: dict[tuple[str, str], float] = {}
+        for body, other in pairs:
+            frames, depth = (body.frame, other.frame), self.proximity(body, other).depth
+            if depth > max(TOUCHING, depths.get(frames, 0.0)):
+                depths[frames] = depth
+        return dict(sorted(depths.items(), key=lambda item: -item[1]))
 
 
 def find_ball_overlaps(posture: Posture, centre: Array, radius: float) -> dict[str, float]:
     """Return how deep bodies are inside a ball [m], by frame, the deepest first."""
-    leg, depths = posture.leg, dict[str, float]()
+    leg = posture.leg
     placed = Placed(leg, body_frames(leg), leg.workspace.model, leg.workspace.data, posture.q)
-    for body in placed.bodies_near(centre, radius):
-        depth = placed.proximity(body, centre, radius).depth
-        if depth > max(TOUCHING, depths.get(body.frame, 0.0)):
-            depths[body.frame] = depth
-    return dict(sorted(depths.items(), key=lambda item: -item[1]))
+    near = placed.bodies_near(centre, radius)
+    ball = placed.place_ball(centre, radius)
+    overlaps = placed.find_overlaps((body, ball) for body in near)
+    return {frame: depth for (frame, _), depth in overlaps.items()}
 
 
 def find_self_collisions(leg: Leg, q: Array) -> dict[tuple[str, str], float]:
     """Return how deep `body_pairs` are inside each other [m], by frames, the deepest first."""
-    space, depths = leg.workspace, dict[tuple[str, str], float]()
+    space = leg.workspace
     placed = Placed(leg, body_frames(leg), space.model, space.data, q)
-    for gap in placed.gaps(body_pairs(leg), -TOUCHING):
-        depths[gap.frames] = max(gap.depth, depths.get(gap.frames, 0.0))
-    return dict(sorted(depths.items(), key=lambda item: -item[1]))
+    return placed.find_overlaps(placed.near(body_pairs(leg)))
 
 
 def body_pairs(leg: Leg) -> BodyPairs:
@@ -234,8 +218,8 @@ def body_pairs(leg: Leg) -> BodyPairs:
         reach = np.array([body.reach for body in bodies])
         pairs = BodyPairs(bodies, first, second, reach[first] + reach[second])
         placed = Placed(leg, frames, model, space.data, rest_configuration(leg))
-        touching = {frozenset(gap.frames) for gap in placed.gaps(pairs, -TOUCHING)}
-        allowed = touching | disabled_pairs(leg)
+        touching = placed.find_overlaps(placed.near(pairs))
+        allowed = disabled_pairs(leg) | {*map(frozenset, touching)}
         named = [
             frozenset((bodies[i].frame, bodies[j].frame))
             for i, j in zip(first, second, strict=True)

@@ -6,7 +6,7 @@ impact does not change, A (v+ - v) = 0: they may move.
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, fields
 from functools import cached_property
 from itertools import accumulate, combinations, pairwise
 from typing import Any, NamedTuple
@@ -70,7 +70,6 @@ class Support(ValueEquality):
             object.__setattr__(self, "sole", self._checked_sole(self.sole))
 
     def _checked_sole(self, sole: Array) -> Array:
-        """Return a read-only copy of the corners; raise `InvalidInput`."""
         corners = validation.floats(f"sole of {self.frame}", sole, unit="m")
         if self.point or corners.ndim != 2 or corners.shape[1] != 3 or len(corners) < 3:
             raise InvalidInput(
@@ -89,6 +88,19 @@ class Support(ValueEquality):
     def size(self) -> int:
         """Number of velocity components that are 0: 3 of a point foot, 6 of a flat foot."""
         return 3 if self.point else 6
+
+
+def read_support(entry: str | Mapping[str, Any]) -> Support:
+    """Return the support of a frame, or of a table with the attributes of a `Support`."""
+    if not isinstance(entry, Mapping):
+        return Support(entry)
+    keys = [attribute.name for attribute in fields(Support)]
+    if "frame" not in entry or not entry.keys() <= set(keys):
+        raise InvalidInput(
+            f"support has {', '.join(entry) or 'no keys'}: it needs frame, and may have "
+            f"{', '.join(keys[1:])}"
+        )
+    return Support(**entry)
 
 
 class ConstraintBlock(NamedTuple):
@@ -116,7 +128,7 @@ class Constraints:
     Attributes:
         supports: as given.
         loops: pairs of frames whose origins coincide.
-        gears: the mimic joints; None without any.
+        gears: the mimic joints.
         stiff_joints: indices in v of the stiff joints.
         sizes: number of rows of each, in this order; 1 for a mimic joint or a stiff joint.
         starts: first row of each, and the number of all rows, `size`, at the end.
@@ -133,31 +145,31 @@ class Constraints:
         contact_joint: int,
         supports: tuple[Support, ...],
         loops: tuple[tuple[str, str], ...],
-        gears: Gears | None = None,
-        stiff_joints: Mapping[str, int] | None = None,
+        gears: Gears,
+        stiff_joints: Mapping[str, int],
     ) -> None:
         self.supports, self.loops, self.gears = supports, loops, gears
-        stiff = dict(stiff_joints or {})
-        self.stiff_joints = list(stiff.values())
+        self.stiff_joints = list(stiff_joints.values())
         named = [frozenset((s.frame,)) for s in supports] + [frozenset(loop) for loop in loops]
         for ends in named:
             if named.count(ends) > 1:
                 raise InvalidInput(f"{' - '.join(sorted(ends))} is constrained twice: name it once")
-        self._supported = [_place(model, support.frame) for support in supports]
+        supported = [_place(model, support.frame) for support in supports]
         self._looped = [(_place(model, a), _place(model, b)) for a, b in loops]
-        for support, place in zip(supports, self._supported, strict=True):
+        # of each block the frame where it starts, None for the ground, and the one where it ends
+        self._ends = [*((None, place) for place in supported), *self._looped]
+        for support, place in zip(supports, supported, strict=True):
             _check_stance(model, support.frame, place.joint, contact_joint)
         for (a, b), (first, second) in zip(loops, self._looped, strict=True):
             if first.joint == second.joint:
                 raise InvalidInput(f"loop {a} - {b} joins a body to itself: name two bodies")
-        mimics = () if gears is None else gears.mimics
         self.sizes = [support.size for support in supports] + [3] * len(loops)
-        self.sizes += [1] * (len(mimics) + len(stiff))
+        self.sizes += [1] * (len(gears.mimics) + len(stiff_joints))
         self.starts = [0, *accumulate(self.sizes)]
         self.size = self.starts[-1]
         self.names = [s.frame for s in supports] + [f"{a} - {b}" for a, b in loops]
-        self.names += [f"{mimic.joint}, which mimics {mimic.driver}" for mimic in mimics]
-        self.names += [f"{joint}, which is stiff" for joint in stiff]
+        self.names += [f"{mimic.joint}, which mimics {mimic.driver}" for mimic in gears.mimics]
+        self.names += [f"{joint}, which is stiff" for joint in stiff_joints]
 
     def rows(self, model: Any, data: Any, q: Array) -> tuple[Array, list[ConstraintBlock]]:
         """Return A with A v = 0, shape `(size, nv)` [world axes], and where its impulses act.
@@ -166,33 +178,23 @@ class Constraints:
         then angular; of a loop, that of its second frame's origin relative to the first's. Rows of
         mimic joints and of stiff joints have no block: their impulses are along joint axes.
         """
-        matrix, blocks, start = np.empty((self.size, model.nv)), [], 0
-        for support, place in zip(self.supports, self._supported, strict=True):
-            local, rotation, _ = _motion(model, data, q, place)
-            for row in range(0, support.size, 3):  # linear, then angular
-                matrix[start + row : start + row + 3] = rotation.dot(local[row : row + 3])
-            span = slice(start, start + support.size)
-            turns, levers = (place.rotation_joint_frame.dot(rotation.T),) * 2, (place.lever,) * 2
-            blocks.append(ConstraintBlock(span, place.joint, 0, turns, rotation, levers))
-            start += support.size
-        for start_frame, end_frame in self._looped:
-            first, rotation_1, start_origin = _motion(model, data, q, start_frame)
-            second, rotation_2, end_origin = _motion(model, data, q, end_frame)
-            # across a gap, both move as their bodies do at the second origin
-            carried = rotation_1 @ first[:3] - pin.skew(end_origin - start_origin) @ (
-                rotation_1 @ first[3:]
-            )
-            matrix[start : start + 3] = rotation_2 @ second[:3] - carried
-            turns = (
-                end_frame.rotation_joint_frame @ rotation_2.T,
-                start_frame.rotation_joint_frame @ rotation_1.T,
-            )
-            levers = (end_frame.lever, start_frame.lever)
-            span, joints = slice(start, start + 3), (end_frame.joint, start_frame.joint)
-            blocks.append(ConstraintBlock(span, *joints, turns, rotation_1, levers))
-            start += 3
-        if self.gears is not None:
-            matrix[start : self.stiff_rows.start] = self.gears.rows
+        matrix, blocks, span = np.empty((self.size, model.nv)), [], slice(0, 0)
+        for (start, end), size in zip(self._ends, self.sizes, strict=False):
+            span = slice(span.stop, span.stop + size)
+            local, rotation, origin = _motion(model, data, q, end)
+            for row in range(0, size, 3):  # linear, then angular
+                matrix[span][row : row + 3] = rotation.dot(local[row : row + 3])
+            turn, axes = end.rotation_joint_frame.dot(rotation.T), rotation
+            joints, turns, levers = (end.joint, 0), (turn, turn), (end.lever, end.lever)
+            if start is not None:
+                other, axes, start_origin = _motion(model, data, q, start)
+                # across a gap, both move as their bodies do at the second origin
+                carried = axes @ other[:3] - pin.skew(origin - start_origin) @ (axes @ other[3:])
+                matrix[span] -= carried
+                joints, levers = (end.joint, start.joint), (end.lever, start.lever)
+                turns = turn, start.rotation_joint_frame @ axes.T
+            blocks.append(ConstraintBlock(span, *joints, turns, axes, levers))
+        matrix[span.stop : self.stiff_rows.start] = self.gears.rows
         if self.stiff_joints:
             matrix[self.stiff_rows] = 0.0
             matrix[range(self.stiff_rows.start, self.size), self.stiff_joints] = 1.0
@@ -220,13 +222,11 @@ class Constraints:
             )
             return np.asarray(rates.vector)
 
-        result, start = np.zeros(self.size), 0
-        for support, place in zip(self.supports, self._supported, strict=True):
-            result[start : start + support.size] = acceleration(place)[: support.size]
-            start += support.size
-        for start_frame, end_frame in self._looped:
-            result[start : start + 3] = (acceleration(end_frame) - acceleration(start_frame))[:3]
-            start += 3
+        result = np.zeros(self.size)
+        for (start, end), row, size in zip(self._ends, self.starts, self.sizes, strict=False):
+            result[row : row + size] = acceleration(end)[:size]
+            if start is not None:
+                result[row : row + size] -= acceleration(start)[:size]
         return result
 
     def gaps(self, model: Any, data: Any) -> Array:
@@ -253,20 +253,19 @@ class Constraints:
             first_path, second_path = (set(model.supports[end.joint]) for end in ends)
             for joint in first_path ^ second_path:
                 between[model.idx_vs[joint] : model.idx_vs[joint] + model.nvs[joint]] = 1.0
-        if self.gears is not None:  # a mimic joint moves as its driver does
-            coupled = self.gears.rows != 0.0
-            between[coupled[(coupled & (between > 0.0)).any(axis=1)].any(axis=0)] = 1.0
-            kept = [*kept, *np.flatnonzero(coupled[coupled[:, kept].any(axis=1)].any(axis=0))]
+        coupled = self.gears.rows != 0.0  # a mimic joint moves as its driver does
+        between[coupled[(coupled & (between > 0.0)).any(axis=1)].any(axis=0)] = 1.0
         free = between.copy()
         free[kept] = 0.0
+        free[coupled[coupled[:, kept].any(axis=1)].any(axis=0)] = 0.0
         near, gaps, rank = self._newton(model, data, q, free)
         if not _is_open(gaps):
             return near
         away = pin.difference(model, pin.neutral(model), q) * between
-        followed, lead = self._follow(pin.integrate(model, q, -away)), away * (1.0 - free)
+        followed, lead = self.gears.follow(pin.integrate(model, q, -away)), away * (1.0 - free)
         stages = max(1, math.ceil(float(np.abs(lead).max()) / 0.1))  # of 0.1 rad or m at most
         for _ in range(stages):
-            followed = self._follow(pin.integrate(model, followed, lead / stages))
+            followed = self.gears.follow(pin.integrate(model, followed, lead / stages))
             followed, led, _ = self._newton(model, data, followed, free)
             if _is_open(led):
                 break
@@ -279,16 +278,11 @@ class Constraints:
             f"closed (rank {rank} of {gaps.size} rows)"
         )
 
-    def _follow(self, q: Array) -> Array:
-        """Return q with the mimic joints where their drivers put them, shape `(nq,)`."""
-        return q if self.gears is None else self.gears.follow(q)
-
     def _newton(self, model: Any, data: Any, q: Array, free: Array) -> tuple[Array, Array, int]:
         """Return the best configuration that was met, its gaps and the rank of the last step.
 
         Each step is the smallest that closes the loops to first order, half a radian at most.
         """
-        gears = np.zeros(0 if self.gears is None else len(self.gears.mimics))
         best, narrowest, rank = q, np.full((len(self.loops), 3), np.inf), 0
         for _ in range(50):
             pin.forwardKinematics(model, data, q)
@@ -298,12 +292,12 @@ class Constraints:
             elif not _is_open(narrowest):  # as narrow as rounding allows
                 break
             rows = self.rows(model, data, q)[0][self.loop_rows.start : self.stiff_rows.start]
-            wanted = np.concatenate([-gaps.ravel(), gears])
+            wanted = np.concatenate([-gaps.ravel(), np.zeros(len(self.gears.mimics))])
             step, _, step_rank, _ = np.linalg.lstsq(rows * free, wanted, rcond=1e-9)
             step, rank = step * free, int(step_rank)
             longest = float(np.abs(step).max())
             step *= 0.5 / longest if longest > 0.5 else 1.0
-            q = self._follow(pin.integrate(model, q, step))
+            q = self.gears.follow(pin.integrate(model, q, step))
         return np.asarray(best), narrowest, rank
 
 
@@ -433,7 +427,6 @@ class _Place(NamedTuple):
 
 
 def _place(model: Any, name: str) -> _Place:
-    """Return where a frame is; raise `InvalidInput` if there is none of that name."""
     number = frame_id(model, name)
     joint, pose = int(model.frames[number].parentJoint), model.frames[number].placement
     return _Place(number, joint, pose.rotation.copy(), pose.translation.copy())

@@ -1,17 +1,13 @@
 """Drives of joints, rotors behind gears with their limits, and the files that list them."""
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 
 from kickdyn.core import validation
-from kickdyn.core.files import read_text, shipped
+from kickdyn.core.files import read_toml, shipped
 from kickdyn.errors import FaultyFile, InvalidInput
-
-MAX_BYTES = 100_000
-"""Size of the largest file of drives that is read [bytes]."""
 
 MAX_REFLECTED_INERTIA = 10.0
 """Largest inertia of a rotor as seen from its joint [kg m2; kg for prismatic joints]."""
@@ -30,6 +26,10 @@ class Drive:
             rad/m for prismatic joints].
         torque_limit: largest torque at the joint [N m; N if prismatic]; None keeps the file's.
         speed_limit: largest speed of the joint [rad/s; m/s if prismatic]; None keeps the file's.
+        friction: of the gear, a torque against the joint's motion, which holds a joint at rest up
+            to this size [N m; N if prismatic]; it acts in a contact that takes time, `collide`.
+        stiffness: of position control, whose reference moves on with the velocity before the impact
+            [N m/rad; N/m if prismatic]; likewise.
 
     Raises:
         InvalidInput: a value that is not finite, negative, a gear of 0, or a reflected inertia
@@ -40,6 +40,8 @@ class Drive:
     gear: float = 1.0
     torque_limit: float | None = None
     speed_limit: float | None = None
+    friction: float = 0.0
+    stiffness: float = 0.0
 
     def __post_init__(self) -> None:
         inertia = validation.number("rotor inertia", self.rotor_inertia, at_least=0, unit="kg m2")
@@ -53,6 +55,8 @@ class Drive:
         for name in ("torque_limit", "speed_limit"):
             if getattr(self, name) is not None:
                 validation.number(name.replace("_", " "), getattr(self, name), at_least=0)
+        validation.number("friction", self.friction, at_least=0, unit="N m")
+        validation.number("stiffness", self.stiffness, at_least=0, unit="N m/rad")
 
     @property
     def reflected_inertia(self) -> float:
@@ -65,6 +69,8 @@ KEYS = {
     "gear": "gear",
     "torque_limit_n_m": "torque_limit",
     "speed_limit_rad_s": "speed_limit",
+    "friction_n_m": "friction",
+    "stiffness_n_m_rad": "stiffness",
 }
 """Keys of a joint in a file of drives, and the attributes of `Drive` that they set."""
 
@@ -76,13 +82,7 @@ def read_drives(path: str | PathLike[str]) -> dict[str, Drive]:
     (`rotor_inertia_kg_m2` is required), and may have a text `source`. Raises `FaultyFile`, with a
     line for each fault.
     """
-    source = str(path)
-    try:
-        document = tomllib.loads(read_text(path, source, MAX_BYTES, FaultyFile))
-    except (ValueError, RecursionError) as error:
-        if isinstance(error, FaultyFile):
-            raise
-        raise FaultyFile(source, [f"is not TOML: {error}"]) from None
+    source, document = str(path), read_toml(path)
     faults = [
         f"{key} is unknown: the file of drives has source and [joints]"
         for key in document

@@ -6,16 +6,17 @@ has simple derivatives.
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from kickdyn.core import validation
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.model_validation import frames_by_name
@@ -52,12 +53,12 @@ class Spheres(NamedTuple):
         return float((self.centres[:, 2] - self.radii).min())
 
 
-class Depth(NamedTuple):
-    """How deep a frame's body is under the ground [m], and at which of several configurations."""
-
-    frame: str
-    depth: float
-    number: int
+def sphere_directions() -> Array:
+    """Return `DIRECTIONS`, shape `(400, 3)`."""
+    number = np.arange(DIRECTIONS) + 0.5
+    height, turn = 1.0 - 2.0 * number / DIRECTIONS, math.pi * (1.0 + math.sqrt(5.0)) * number
+    ring = np.sqrt(1.0 - height**2)
+    return np.column_stack([ring * np.cos(turn), ring * np.sin(turn), height])
 
 
 def extreme_spheres(
@@ -68,10 +69,7 @@ def extreme_spheres(
     Each next one is farthest outside of the hull of those before, in one of `DIRECTIONS`. Only
     directions count whose product with the unit vector `towards` is `cosine` or more.
     """
-    number = np.arange(DIRECTIONS) + 0.5
-    height, turn = 1.0 - 2.0 * number / DIRECTIONS, math.pi * (1.0 + math.sqrt(5.0)) * number
-    ring = np.sqrt(1.0 - height**2)
-    directions = np.column_stack([ring * np.cos(turn), ring * np.sin(turn), height])
+    directions = sphere_directions()
     directions = directions[directions @ np.asarray(towards) >= cosine]
     reach = body.centres @ directions.T + body.radii[:, None]
     largest, chosen = reach.max(axis=0), [int(np.argmax(reach[:, 0]))]
@@ -83,25 +81,19 @@ def extreme_spheres(
         chosen.append(int(np.argmax(reach[:, worst])))
 
 
-def find_depths(leg: Leg, configurations: Sequence[Array], floor: float) -> list[Depth]:
-    """Return the bodies that are under the ground at some configuration, the deepest first.
+def find_depths(leg: Leg, q: Array, floor: float) -> dict[str, float]:
+    """Return how deep bodies are under the ground [m], by frame, the deepest first.
 
-    A body is `shape_of` a frame. Configurations have shape `(nq,)` each; `floor` is the height of
-    the ground [m, world frame].
+    A body is `shape_of` a frame; `floor` is the height of the ground [m, world frame].
     """
-    model, data = leg.workspace.model, leg.workspace.data
-    frames = body_frames(leg)
-    deepest = {name: Depth(name, TOLERANCE, -1) for name in frames}
-    for number, q in enumerate(configurations):
-        pin.forwardKinematics(model, data, q)
-        for name, frame in frames.items():
-            pose = pin.updateFramePlacement(model, data, frame)
-            shape = shape_of(leg, name, meshes=pose.translation[2] - floor < LARGEST_MESH)
-            depth = floor - shape.moved(pose.homogeneous).lowest
-            if depth > deepest[name].depth:
-                deepest[name] = Depth(name, depth, number)
-    under = [depth for depth in deepest.values() if depth.number >= 0]
-    return sorted(under, key=lambda depth: -depth.depth)
+    model, data, depths = leg.workspace.model, leg.workspace.data, dict[str, float]()
+    pin.forwardKinematics(model, data, q)
+    for name, frame in body_frames(leg).items():
+        pose = pin.updateFramePlacement(model, data, frame)
+        shape = shape_of(leg, name, meshes=pose.translation[2] - floor < LARGEST_MESH)
+        depths[name] = floor - shape.moved(pose.homogeneous).lowest
+    under = {name: depth for name, depth in depths.items() if depth > TOLERANCE}
+    return dict(sorted(under.items(), key=lambda item: -item[1]))
 
 
 def body_frames(leg: Leg) -> dict[str, int]:
@@ -129,26 +121,28 @@ def shapes_of(leg: Leg, frame: str, *, meshes: bool = True) -> list[Spheres]:
     They are what the file draws; where a mesh of that cannot be read, or nothing is drawn, also
     what the file has for contacts. Without `meshes`, those that are meshes are left out.
     """
-    if leg.file is None:
-        return []
-    drawn, shapes = leg.file.visuals_by_frame.get(frame, []), []
-    wanted = list(drawn)
-    if not drawn or find_unread(leg, frame, meshes=meshes):
-        wanted += leg.file.collisions_by_frame.get(frame, [])
-    for visual in wanted:
-        if meshes or visual.shape != Shape.MESH:
-            shape = _spheres(leg.file, visual)
-            shapes += [] if isinstance(shape, str) else [shape]
-    return shapes
+    return _read(leg, frame, meshes)[0]
 
 
 def find_unread(leg: Leg, frame: str, *, meshes: bool = True) -> str:
     """Return why a shape that the file of a leg draws at a frame cannot be read, or nothing."""
-    if leg.file is None:
-        return ""
-    drawn = leg.file.visuals_by_frame.get(frame, [])
-    shapes = [_spheres(leg.file, item) for item in drawn if meshes or item.shape != Shape.MESH]
-    return next((reason for reason in shapes if isinstance(reason, str)), "")
+    return _read(leg, frame, meshes)[1]
+
+
+def _read(leg: Leg, frame: str, meshes: bool) -> tuple[list[Spheres], str]:
+    file = leg.file
+    if file is None:
+        return [], ""
+
+    def spanned(visuals: list[Visual]) -> list[Spheres | str]:
+        return [_spheres(file, item) for item in visuals if meshes or item.shape != Shape.MESH]
+
+    drawn = file.visuals_by_frame.get(frame, [])
+    shapes = spanned(drawn)
+    unread = next((reason for reason in shapes if isinstance(reason, str)), "")
+    if unread or not drawn:
+        shapes += spanned(file.collisions_by_frame.get(frame, []))
+    return [shape for shape in shapes if not isinstance(shape, str)], unread
 
 
 _known: WeakKeyDictionary[Visual, Spheres | str] = WeakKeyDictionary()
@@ -167,13 +161,15 @@ def _spheres(file: RobotFile, visual: Visual) -> Spheres | str:
 
 def _spanned(file: RobotFile, visual: Visual) -> Spheres:
     """Return spheres that span a shape, in its own axes; raise `InvalidInput`."""
-    if visual.vertices is not None:
-        return Spheres(corners := _hull(visual.vertices), np.zeros(len(corners)))
     if visual.shape == Shape.MESH:
-        files = PackageFiles(file.folder, file.package_dirs)
-        surfaces = read_mesh(files, visual.mesh, visual.size)
-        points = np.vstack([surface.vertices for surface in surfaces])
-        return Spheres(corners := _hull(points), np.zeros(len(corners)))
+        points = visual.vertices
+        if points is None:
+            files = PackageFiles(file.folder, file.package_dirs)
+            surfaces = read_mesh(files, visual.mesh, visual.size)
+            points = np.vstack([surface.vertices for surface in surfaces])
+        with suppress(QhullError, ValueError):  # flat
+            points = points[ConvexHull(points).vertices]
+        return Spheres(points, np.zeros(len(points)))
     size = [validation.number("size of a visual", x, above=0, unit="m") for x in visual.size]
     if visual.shape == Shape.SPHERE:
         return Spheres(np.zeros((1, 3)), np.array(size))
@@ -183,23 +179,13 @@ def _spanned(file: RobotFile, visual: Visual) -> Spheres:
     if visual.shape == Shape.BOX:
         signs = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, -1).T
         return Spheres(signs * size, np.zeros(8))
-    turns = np.linspace(0.0, 2 * np.pi, CIRCLE_POINTS, endpoint=False)
-    ring = np.column_stack([np.cos(turns), np.sin(turns)])
     if visual.shape == Shape.CYLINDER:
         length, radius = size
-        rings = [
-            np.column_stack([radius * ring, np.full(CIRCLE_POINTS, z)])
-            for z in (-length / 2, length / 2)
-        ]
-        return Spheres(np.vstack(rings), np.zeros(2 * CIRCLE_POINTS))
-    levels = np.linspace(-np.pi / 2, np.pi / 2, CIRCLE_POINTS // 2 + 1)
-    ball = [np.column_stack([np.cos(a) * ring, np.full(CIRCLE_POINTS, np.sin(a))]) for a in levels]
-    return Spheres(np.vstack(ball) * size, np.zeros(CIRCLE_POINTS * len(levels)))
-
-
-def _hull(points: Array) -> Array:
-    """Return the corners of the convex hull of points, shape `(k, 3)`."""
-    try:
-        return np.asarray(points[ConvexHull(points).vertices])
-    except (QhullError, ValueError):  # flat
-        return points
+        circles, scale = [(1.0, -0.5), (1.0, 0.5)], [radius, radius, length]
+    else:
+        levels = np.linspace(-np.pi / 2, np.pi / 2, CIRCLE_POINTS // 2 + 1)
+        circles, scale = list(zip(np.cos(levels), np.sin(levels), strict=True)), size
+    turns = np.linspace(0.0, 2 * np.pi, CIRCLE_POINTS, endpoint=False)
+    ring = np.column_stack([np.cos(turns), np.sin(turns)])
+    points = np.vstack([np.insert(radius * ring, 2, z, axis=1) for radius, z in circles])
+    return Spheres(points * scale, np.zeros(len(points)))

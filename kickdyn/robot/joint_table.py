@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from kickdyn.core import validation
-from kickdyn.core.validation import Array, read_only
+from kickdyn.core.validation import Array, ArrayLike, read_only
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.names import expand_patterns, unknown
 
@@ -92,14 +92,24 @@ class InDegrees(dict[str, float]):
 
 
 class JointTable:
-    """The joints of a model by name; a subclass has its `_model`, a `pin.Model`, and `mimics`."""
+    """The joints of a model by name; a subclass has its `_model`, a `pin.Model`, and `file`."""
 
     _model: Any
+    file: Any
 
-    @property
+    @cached_property
     def mimics(self) -> tuple[Mimic, ...]:
-        """Joints that move with another one."""
-        raise NotImplementedError
+        """Joints that move with another one, as the file says; the model has both or none."""
+        names, present = set(self.joint_names), list[Mimic]()
+        for mimic in () if self.file is None else self.file.mimics:
+            if mimic.joint in names and mimic.driver in names:
+                present.append(mimic)
+            elif mimic.joint in names or mimic.driver in names:
+                raise InvalidInput(
+                    f"joint {mimic.joint!r} mimics {mimic.driver!r}: the model must have both or "
+                    "none"
+                )
+        return tuple(present)
 
     @cached_property
     def name(self) -> str:
@@ -142,9 +152,9 @@ class JointTable:
         return _limits(self._model.effortLimit)
 
     @cached_property
-    def gears(self) -> Gears | None:
-        """The mimic joints of the model; None without any."""
-        return Gears(self._model, self.mimics) if self.mimics else None
+    def gears(self) -> Gears:
+        """The mimic joints of the model."""
+        return Gears(self._model, self.mimics)
 
     @property
     def single_joints(self) -> list[str]:
@@ -163,7 +173,7 @@ class JointTable:
         for name, value in named.items():
             step[self.velocity_index(name)] = validation.number(f"joint {name}", value)
         q = np.asarray(pin.integrate(self._model, pin.neutral(self._model), step))
-        return q if self.gears is None else self.gears.check(q, named)
+        return self.gears.check(q, named)
 
     def check_configuration(self, q: ArrayLike) -> Array:
         """Return q, shape `(nq,)`, as a copy; raise `InvalidInput` if it is no configuration.
@@ -242,7 +252,6 @@ class JointTable:
         return lines
 
     def _look_like_degrees(self, q: ArrayLike) -> bool:
-        """Return whether all angles that are not 0 are far outside the ranges of their joints."""
         turned = {name: abs(x) for name, x in self.joint_values(q).items() if x}
         reach = {name: max(map(abs, self.joint_range(name))) for name in turned}
         angles = [name for name in turned if self.joint_unit(name) == "rad"]
@@ -281,9 +290,9 @@ class JointTable:
             full = np.zeros(self.nq)
             full[places] = np.where(angles, np.cos(given), given)
             full[places[angles] + 1] = np.sin(given[angles])
-            return full if self.gears is None else self.gears.follow(full)
+            return self.gears.follow(full)
         if given.shape == (self.nq,):
-            return given if self.gears is None else self.gears.check(given)
+            return self.gears.check(given)
         raise InvalidInput(
             f"q has shape {given.shape}: it must be {places.shape}, with one angle for each "
             f"continuous joint and no mimic joints, or ({self.nq},), with all that "
@@ -306,19 +315,6 @@ class JointTable:
                 places += range(first, first + size)
                 angles += [turns] * size
         return None if len(places) == model.nq else (np.array(places), np.array(angles))
-
-    def _present(self, mimics: Sequence[Mimic]) -> tuple[Mimic, ...]:
-        """Return the mimics of joints that the model has; raise `InvalidInput` for half a pair."""
-        names, present = set(self.joint_names), []
-        for mimic in mimics:
-            if mimic.joint in names and mimic.driver in names:
-                present.append(mimic)
-            elif mimic.joint in names or mimic.driver in names:
-                raise InvalidInput(
-                    f"joint {mimic.joint!r} mimics {mimic.driver!r}: the model must have both or "
-                    "none"
-                )
-        return tuple(present)
 
     def expand_joint_names(self, values: Mapping[str, float]) -> dict[str, float]:
         """Return values by joint from those by joint or pattern; raise `InvalidInput` for neither.

@@ -65,12 +65,11 @@ def kicking_chain(robot: Leg, *, branches: bool = False) -> KickingChain:
     model = robot.model
     kept = path = [int(joint) for joint in model.supports[robot.contact_joint]][1:]
     if branches:
-        kept = [j for j in range(1, model.njoints) if path[0] in list(model.supports[j])]
-    elif any(model.nqs[joint] != 1 for joint in path):
-        wide = next(str(model.names[joint]) for joint in path if model.nqs[joint] != 1)
+        kept = [int(joint) for joint in model.subtrees[path[0]]]
+    elif wide := [str(model.names[joint]) for joint in path if model.nqs[joint] != 1]:
         raise InvalidInput(
-            f"joint {wide!r} moves the contact frame of {robot.name} by more than one coordinate: "
-            "every joint of the kicking chain must have one, and the base must be fixed"
+            f"joint {wide[0]!r} moves the contact frame of {robot.name} by more than one "
+            "coordinate: every joint of the kicking chain must have one, and the base must be fixed"
         )
     names = {str(model.names[joint]) for joint in kept}
     for mimic in robot.mimics:
@@ -94,22 +93,3 @@ def with_angles(robot: Leg) -> Leg:
     model = robot.workspace.model
     has_continuous = (2, 1) in zip(model.nqs, model.nvs, strict=True)
     return robot.with_model(angle_model(robot.model)) if has_continuous else robot
-
-
-def check_unconstrained(leg: Leg, what: str) -> None:
-    """Raise `InvalidInput` for supports, loops or stiff joints; `what` is for the message."""
-    if leg.supports or leg.loops:
-        raise InvalidInput(
-            f"{leg.name} has supports or loops: {what} for legs without supports and loops only, "
-            "because a plan chooses each joint by itself, and these tie joints together"
-        )
-    check_free_joints(leg, what)
-
-
-def check_free_joints(leg: Leg, what: str) -> None:
-    """Raise `InvalidInput` for stiff joints; `what` is for the message."""
-    if leg.stiff_joints:
-        raise InvalidInput(
-            f"{leg.name} has stiff joints ({', '.join(leg.stiff_joints)}): {what} for legs whose "
-            "joints are free (Leg.with_stiff_joints() without names frees them)"
-        )

@@ -12,14 +12,13 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 from numpy.lib.stride_tricks import as_strided
-from numpy.typing import ArrayLike
 from scipy.linalg import blas, lapack
 
 from kickdyn.core import validation
 from kickdyn.core.files import shipped
 from kickdyn.core.mechanics import cross3
 from kickdyn.core.representation import ReprMixin, Row, format_value, warned
-from kickdyn.core.validation import Array, protect, read_only
+from kickdyn.core.validation import Array, ArrayLike, protect, read_only
 from kickdyn.errors import InvalidInput, MjcfError, UrdfError
 from kickdyn.robot.articulated_body import ArticulatedBodies
 from kickdyn.robot.catalog import ROBOTS, TOE, find_description, read_robot
@@ -30,7 +29,8 @@ from kickdyn.robot.constraints import (
     find_open_loops,
 )
 from kickdyn.robot.drives import Drive, catalogued_drives, load_drives
-from kickdyn.robot.joint_table import InDegrees, JointTable, Mimic
+from kickdyn.robot.human_body import human_leg
+from kickdyn.robot.joint_table import InDegrees, JointTable
 from kickdyn.robot.mjcf_file import MjcfFile, is_mjcf, read_mjcf
 from kickdyn.robot.mjcf_model import build_mjcf_model
 from kickdyn.robot.model_validation import (
@@ -92,6 +92,7 @@ class Leg(JointTable, ReprMixin):
         contact_normal_cone: rows a of the cone of contact normals n with which the foot can meet a
             ball, :math:`a \cdot n \ge 0`, shape `(k, 3)` [contact frame]; None if unknown.
         stiff_joints: joints whose velocity an impact does not change.
+        drives: by joint, as given; their rotors and limits are in the model.
         constraints: by supports, loops, mimic joints and stiff joints; None without any.
         workspace: this thread's scratch space for Pinocchio's calls; every call overwrites it.
     """
@@ -103,6 +104,7 @@ class Leg(JointTable, ReprMixin):
     loops: tuple[tuple[str, str], ...] = ()
     contact_normal_cone: Array | None = None
     stiff_joints: tuple[str, ...] = ()
+    drives: Mapping[str, Drive] = field(default_factory=dict)
     constraints: Constraints | None = field(init=False)
     workspace: "Workspace" = field(init=False)
 
@@ -117,7 +119,7 @@ class Leg(JointTable, ReprMixin):
         if self.contact_joint == 0:
             raise InvalidInput(f"frame {self.frame!r} is fixed to the base: a kick must move it")
         constraints = None
-        if self.supports or self.loops or self.stiff_joints or self.gears:
+        if self.supports or self.loops or self.stiff_joints or self.mimics:
             stiff = {joint: self.velocity_index(joint) for joint in self.stiff_joints}
             constraints = Constraints(
                 self._model, self.contact_joint, self.supports, self.loops, self.gears, stiff
@@ -125,9 +127,9 @@ class Leg(JointTable, ReprMixin):
         vars(self).update(constraints=constraints, workspace=Workspace(self._model))
 
     @cached_property
-    def mimics(self) -> tuple[Mimic, ...]:
-        """Joints that move with another one, as the file says."""
-        return () if self.file is None else self._present(self.file.mimics)
+    def compliant_drives(self) -> dict[str, Drive]:
+        """The drives with friction or stiffness, which act in a contact that takes time."""
+        return {joint: x for joint, x in self.drives.items() if x.friction or x.stiffness}
 
     @cached_property
     def frame_id(self) -> int:
@@ -145,9 +147,50 @@ class Leg(JointTable, ReprMixin):
         return read_only(self._model.frames[self.frame_id].placement.translation)
 
     @classmethod
-    def human(cls) -> "Leg":
-        """Return the human leg of the paper's Table 1: hip, knee, ankle; contact at the toe."""
-        return cls.from_urdf(shipped_urdf("leg_human.urdf"))
+    @validation.check_arguments
+    def human(
+        cls,
+        *,
+        height: float | None = None,
+        mass: float | None = None,
+        sex: str = "male",
+        side: str = "right",
+        model: str = "paper",
+        frame: str = "toe",
+        base: str = "fixed",
+    ) -> "Leg":
+        """Return a human leg; without arguments, that of the paper's Table 1.
+
+        Segments of a person of a given size are those of de Leva 1996 (J Biomech 29:1223), torques
+        those of Anderson et al. 2007 (J Biomech 40:3105); `kickdyn.robot.human_body` has the
+        numbers. The last three joints of the model `3d` below have no limits of torque and speed.
+
+        Args:
+            height: of the person, 1.2 to 2.3 [m].
+            mass: of the person, 30 to 200 [kg].
+            sex: `female` or `male`.
+            side: `left` or `right`. The left leg is the mirror image of the right one, and flexion,
+                adduction, internal rotation and inversion are positive for both.
+            model: `paper`, hip, knee and ankle in one plane, or `3d`, `hip`, `hip_adduction`,
+                `hip_rotation`, `knee`, `ankle` and `subtalar`.
+            frame: `toe`, `instep` or `inside`, the surface of the foot that touches the ball, or
+                another frame of the leg, then without a cone of contact normals.
+            base: `fixed`, the hip fixed at the origin, or `floating`: the hip moves with the pelvis
+                (the lower trunk alone), as for `from_urdf`.
+
+        Raises:
+            InvalidInput: a value that is out of range or unknown, or a height without a mass.
+        """
+        if height is None and mass is None:
+            given = (sex, side, model, frame, base)
+            if given != ("male", "right", "paper", "toe", "fixed"):
+                raise InvalidInput(
+                    "height and mass are None: sex, side, model, frame and base are for a leg of a "
+                    "given height and mass"
+                )
+            return cls.from_urdf(shipped_urdf("leg_human.urdf"))
+        file, sized, cone = human_leg(height, mass, sex, side, model, frame, base)
+        return cls(sized, frame, file, contact_normal_cone=cone)
 
     @classmethod
     def testbed(cls) -> "Leg":
@@ -395,16 +438,16 @@ class Leg(JointTable, ReprMixin):
                 if value is not None:
                     values[self.velocity_index(joint)] = value
             setattr(model, attribute, values)
-        return self.with_model(model)
+        given = {joint: entries[int(number)] for joint, number in numbers.items()}
+        return replace(self.with_model(model), drives={**self.drives, **given})
 
     def _with_drives_of(self, drives: Drives | bool, usual: Path | None = None) -> "Leg":
         """Return the leg with drives: for True the usual ones, for False none."""
         if drives is False:
             return self.with_armature(dict.fromkeys(self.single_joints, 0.0))
-        if drives is not True:
-            return self.with_drives(drives)
-        if usual is not None:
-            return self.with_drives(usual)
+        listed = usual if drives is True else drives
+        if listed is not None:
+            return self.with_drives(listed)
         if self.file is None or self.file.folder == shipped("urdf"):
             return self
         return replace(self, file=replace(self.file, lacks_drives=True))
@@ -452,8 +495,11 @@ class Leg(JointTable, ReprMixin):
 
     def with_model(self, model: Any) -> "Leg":
         """Return the leg with another `pin.Model`, a changed copy of its own."""
-        stiff = tuple(joint for joint in self.stiff_joints if joint in list(model.names))
-        return replace(self, model=model, stiff_joints=stiff)
+        check_is_model(model)
+        names = list(model.names)
+        stiff = tuple(joint for joint in self.stiff_joints if joint in names)
+        drives = {joint: drive for joint, drive in self.drives.items() if joint in names}
+        return replace(self, model=model, stiff_joints=stiff, drives=drives)
 
     def posture(self, q: ArrayLike) -> "Posture":
         """Return the posture at a configuration, in the range of the joints or not.
@@ -529,13 +575,12 @@ class Leg(JointTable, ReprMixin):
         file = () if self.file is None else self.file.warnings
         if self.file is not None and self.file.lacks_drives and not self._model.armature.any():
             file = (*file, NO_DRIVES)
-        stuck = [
-            name
+        limit = [
+            f"speed limit of {name} is 0: a kick that moves it is too fast"
             for name in self.single_joints
             if self.velocity_limit[self.velocity_index(name)] == 0.0
             and 1 + self.joint_names.index(name) in list(self._model.supports[self.contact_joint])
         ]
-        limit = [f"speed limit of {name} is 0: a kick that moves it is too fast" for name in stuck]
         return (*file, *self.open_loops, *limit)
 
     @cached_property
@@ -729,9 +774,9 @@ class Posture(ReprMixin):
         r"""Return the effective mass [kg] in the limits between which real drives are, by name.
 
         `without rotors`: all joints are free, and nothing is behind them. `with rotors`: the rotors
-        turn with them, as in a contact that is short, :math:`t\sqrt{k / (J n^2)} \ll 1` with the
-        stiffness k of position control. `stiff`: all joints hold, as in a long one or with gears
-        that cannot be driven back; inf where the base or a foot is fixed.
+        turn with them, as in a short contact, of a small `drive_number`. `stiff`: all joints hold,
+        as in a long one or with gears that cannot be driven back; inf where the base or a foot is
+        fixed.
 
         Args:
             normal: direction n, shape `(3,)` of any length but zero [world frame].
@@ -750,6 +795,20 @@ class Posture(ReprMixin):
             "with rotors": self.without_stiff_joints.effective_mass(n),
             "stiff": stiff,
         }
+
+    def drive_number(self, contact_time: float) -> dict[str, float]:
+        r"""Return where drives are between free and stiff in a contact of time T, by joint.
+
+        The number is :math:`T \sqrt{k / M_{jj}}`, the contact time times the natural frequency of
+        the joint, whose `Drive` has the stiffness k, with all others at rest. Far below 1, the
+        drive is a free one with its rotor; far above, a stiff one.
+        """
+        time = validation.number("contact time", contact_time, at_least=0, unit="s")
+        numbers = {}
+        for joint, drive in self.leg.compliant_drives.items():
+            inertia = self.inertia.diagonal()[self.leg.velocity_index(joint)]
+            numbers[joint] = time * math.sqrt(drive.stiffness / inertia)
+        return numbers
 
     def point_velocity(self, v: ArrayLike) -> Array:
         """Return the velocity :math:`J v` of the contact point, shape `(3,)` [m/s, world frame]."""
@@ -877,7 +936,7 @@ class Posture(ReprMixin):
 
 def read_leg(
     path: str | PathLike[str],
-    frame: str,
+    frame: str | None,
     base: str,
     package_dirs: Sequence[str | PathLike[str]] = (),
     locked: Mapping[str, float] | None = None,
@@ -885,10 +944,12 @@ def read_leg(
 ) -> Leg:
     """Return the leg of a URDF or MJCF file, with joints `locked` at values in degrees or metres.
 
+    Its contact frame is `toe` where none is named.
+
     Raises `InvalidInput` as `Leg.from_urdf` and `Leg.from_mjcf` do, and for `package_dirs` of an
     MJCF.
     """
-    values = InDegrees(locked or {})
+    values, frame = InDegrees(locked or {}), frame or TOE
     if not is_mjcf(path):
         return Leg.from_urdf(
             path, frame, base=base, package_dirs=package_dirs, locked=values, drives=drives

@@ -159,9 +159,7 @@ def quiet_mujoco() -> Iterator[None]:
 def mujoco_pose(position: Array, quaternion: Array) -> Any:
     """Return a `pin.SE3` from a position [m] and MuJoCo's quaternion (wxyz)."""
     w, x, y, z = (float(number) for number in quaternion)
-    turn = pin.Quaternion(w, x, y, z)
-    turn.normalize()
-    return pin.SE3(turn.matrix(), np.array(position, dtype=float))
+    return pin.SE3(pin.Quaternion(w, x, y, z).normalized(), np.array(position, dtype=float))
 
 
 def body_name(compiled: Any, body: int) -> str:
@@ -207,78 +205,77 @@ def read_mjcf(path: str | PathLike[str], folders: Iterable[Path] = ()) -> MjcfFi
     except TypeError:
         raise InvalidInput(f"MJCF path is {path!r}: it must be a str or a Path") from None
     try:
-        return _Reader(file, source, folders).read()
+        return _checked_file(file, source, folders)
     except MjcfError:
         raise
     except ValueError as fault:
         raise MjcfError(source, [str(fault)]) from None
 
 
-class _Reader:
-    """Reads one model; faults are raised as `ValueError`."""
+def _checked_file(file: Path, source: str, folders: Iterable[Path]) -> MjcfFile:
+    """Return the checked document; faults are raised as `ValueError`."""
+    root, folder = read_xml(file, source, MjcfError), file.resolve().parent
+    if root.tag == "robot":
+        raise ValueError("is a URDF, its root is <robot>: Leg.from_urdf reads it")
+    if root.tag != "mujoco":
+        raise ValueError(f"is not an MJCF: its root is <{root.tag[:40]}>, not <mujoco>")
+    files = PackageFiles(folder, folders)
+    _include(root, files, source, {file.resolve()}, 0)
+    _keep_mechanics(root)
+    for element in root.iter():
+        for key in ("name", "model"):
+            if fault := name_fault(f"{element.tag[:40]} {key}", element.get(key, "")):
+                raise ValueError(fault)
+    elements = _count_elements(root)
+    if elements > MAX_ELEMENTS:
+        raise ValueError(
+            f"has {elements} elements, copies of <replicate> included: at most {MAX_ELEMENTS} "
+            "are read"
+        )
+    meshes = _take_meshes(root, files, folder)  # the document names them anew
+    text, name = tostring(root, encoding="unicode"), root.get("model", "") or file.stem
+    return MjcfFile(text, folder, source, meshes=meshes, name=name)
 
-    def __init__(self, file: Path, source: str, folders: Iterable[Path]) -> None:
-        self.file, self.source, self.folders = file, source, folders
 
-    def read(self) -> MjcfFile:
-        """Return the checked document."""
-        root = read_xml(self.file, self.source, MjcfError)
-        if root.tag == "robot":
-            raise ValueError("is a URDF, its root is <robot>: Leg.from_urdf reads it")
-        if root.tag != "mujoco":
-            raise ValueError(f"is not an MJCF: its root is <{root.tag[:40]}>, not <mujoco>")
-        self.folder, self.included = self.file.resolve().parent, {self.file.resolve()}
-        self.files = PackageFiles(self.folder, self.folders)
-        self._include(root, 0)
-        _keep_mechanics(root)
-        _check_names(root)
-        elements = _count_elements(root)
-        if elements > MAX_ELEMENTS:
-            raise ValueError(
-                f"has {elements} elements, copies of <replicate> included: at most {MAX_ELEMENTS} "
-                "are read"
-            )
-        name = root.get("model", "") or self.file.stem
-        meshes = self._take_meshes(root)
-        text = tostring(root, encoding="unicode")
-        return MjcfFile(text, self.folder, self.source, meshes=meshes, name=name)
+def _include(
+    element: Element, files: PackageFiles, source: str, included: set[Path], depth: int
+) -> None:
+    """Replace each `<include file="..."/>` below an element by what the file contains."""
+    if depth > MAX_DEPTH:
+        raise ValueError(f"nests tags deeper than {MAX_DEPTH}, included files among them")
+    for child in list(element):
+        if child.tag != "include":
+            _include(child, files, source, included, depth + 1)
+            continue
+        name = child.get("file", "")
+        file = files.find(name, "included file")
+        if file in included:
+            raise ValueError(f"includes {name!r} twice: a file can be included once")
+        included.add(file)
+        content = read_xml(file, f"{source} includes {name!r}, which", MjcfError)
+        _include(content, files, source, included, depth + 1)
+        index = list(element).index(child)
+        element[index : index + 1] = list(content)
 
-    def _include(self, element: Element, depth: int) -> None:
-        """Replace each `<include file="..."/>` below an element by what the file contains."""
-        if depth > MAX_DEPTH:
-            raise ValueError(f"nests tags deeper than {MAX_DEPTH}, included files among them")
-        for child in list(element):
-            if child.tag != "include":
-                self._include(child, depth + 1)
-                continue
-            name = child.get("file", "")
-            file = self.files.find(name, "included file")
-            if file in self.included:
-                raise ValueError(f"includes {name!r} twice: a file can be included once")
-            self.included.add(file)
-            content = read_xml(file, f"{self.source} includes {name!r}, which", MjcfError)
-            self._include(content, depth + 1)
-            index = list(element).index(child)
-            element[index : index + 1] = list(content)
 
-    def _take_meshes(self, root: Element) -> dict[str, bytes]:
-        """Return the meshes by new names, under which the document has them from now on."""
-        folder, strip = self.folder, False
-        for compiler in root.iter("compiler"):
-            for key in ("assetdir", "meshdir"):
-                folder = self.folder / compiler.attrib.pop(key, folder)
-            strip = compiler.attrib.pop("strippath", str(strip)).lower() == "true"
-        contents: dict[str, bytes] = {}
-        meshes = [mesh for mesh in root.iterfind("asset/mesh") if "file" in mesh.attrib]
-        for number, mesh in enumerate(meshes):
-            name = mesh.attrib["file"].replace("\\", "/")
-            path = PurePosixPath(name)
-            if path.suffix.lower() not in MESHES:
-                raise ValueError(f"mesh {name!r} has no known ending: {', '.join(MESHES)} are read")
-            key = f"{number}{path.suffix.lower()}"
-            contents[key] = self.files.read_mesh(path.name if strip else name, folder)
-            mesh.attrib.update(name=mesh.get("name") or path.stem, file=key)
-        return contents
+def _take_meshes(root: Element, files: PackageFiles, home: Path) -> dict[str, bytes]:
+    """Return the meshes by new names, under which the document has them from now on."""
+    folder, strip = home, False
+    for compiler in root.iter("compiler"):
+        for key in ("assetdir", "meshdir"):
+            folder = home / compiler.attrib.pop(key, folder)
+        strip = compiler.attrib.pop("strippath", str(strip)).lower() == "true"
+    contents: dict[str, bytes] = {}
+    meshes = [mesh for mesh in root.iterfind("asset/mesh") if "file" in mesh.attrib]
+    for number, mesh in enumerate(meshes):
+        name = mesh.attrib["file"].replace("\\", "/")
+        path = PurePosixPath(name)
+        if path.suffix.lower() not in MESHES:
+            raise ValueError(f"mesh {name!r} has no known ending: {', '.join(MESHES)} are read")
+        key = f"{number}{path.suffix.lower()}"
+        contents[key] = files.read_mesh(path.name if strip else name, folder)
+        mesh.attrib.update(name=mesh.get("name") or path.stem, file=key)
+    return contents
 
 
 def _keep_mechanics(root: Element) -> None:
@@ -287,9 +284,8 @@ def _keep_mechanics(root: Element) -> None:
     Geoms collide with nothing, which spares MuJoCo their convex hulls.
     """
     for section in list(root):
-        if section.tag in REFUSED or section.tag in SECTIONS:
-            continue
-        root.remove(section)
+        if section.tag not in (*REFUSED, *SECTIONS):
+            root.remove(section)
     for element in root.iter():
         if element.tag in REFUSED:
             raise ValueError(f"has <{element.tag}>: {REFUSED[element.tag]} are not read")
@@ -313,17 +309,7 @@ def _keep_mechanics(root: Element) -> None:
 
 
 def _count_elements(element: Element) -> int:
-    """Return the number of elements from one on down, copies by `<replicate>` included."""
     count = 1 + sum(map(_count_elements, element))
     copies = element.get("count", "") if element.tag == "replicate" else ""
     is_number = copies.isascii() and copies.isdigit() and len(copies) < 10
     return count * int(copies) if is_number else count
-
-
-def _check_names(root: Element) -> None:
-    """Raise `ValueError` for a name that is not valid."""
-    for element in root.iter():
-        for key in ("name", "model"):
-            fault = name_fault(f"{element.tag[:40]} {key}", element.get(key, ""))
-            if fault:
-                raise ValueError(fault)

@@ -6,10 +6,10 @@ ranges of sliding joints for degrees, and reads one tree of bodies only, all wit
 """
 
 import math
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain, count
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -25,14 +25,8 @@ from kickdyn.robot.urdf_file import check_base
 FREE, BALL, SLIDE, HINGE = range(4)
 """Values of MuJoCo's `jnt_type`."""
 
-JOINTS = (
-    pin.JointModelFreeFlyer,
-    pin.JointModelSpherical,
-    pin.JointModelPrismaticUnaligned,
-    pin.JointModelRevoluteUnaligned,
-)
-"""Pinocchio's joints by `jnt_type`."""
-
+JOINTS = {SLIDE: pin.JointModelPrismaticUnaligned, HINGE: pin.JointModelRevoluteUnaligned}
+"""Pinocchio's joints with an axis by `jnt_type`."""
 
 ACTUATED_JOINTS = (0, 1)
 """MuJoCo's `mjTRN_JOINT` and `mjTRN_JOINTINPARENT`, of actuators that act on a joint."""
@@ -59,10 +53,7 @@ def build_mjcf_model(
     root = compiled.body_rootid[body] if body >= 0 and compiled.body_weldid[body] else None
     robot_bodies = [body for body in bodies if root in (None, compiled.body_rootid[body])]
     try:
-        names = [str(compiled.joint(joint).name) for joint in range(compiled.njnt)]
-        fixed = set(expand_patterns(dict.fromkeys(locked or (), 0.0), names))
-        builder = _Builder(compiled, file.name, base, robot_bodies, fixed)
-        _check_one_base(builder, dict.fromkeys(locked or (), 0.0))
+        builder = _Builder(compiled, file.name, base, robot_bodies, locked or ())
     except InvalidInput as fault:
         raise MjcfError(file.source, [str(fault)]) from None
     moving = (body for body in bodies if body not in robot_bodies and compiled.body_weldid[body])
@@ -85,125 +76,119 @@ def _find_passive_joints(compiled: Any) -> tuple[str, ...]:
     return tuple(compiled.joint(joint).name for joint in sorted(passive))
 
 
-class _Joint(NamedTuple):
-    """A joint of the model: its number there, and in MuJoCo; -1 for a base that MuJoCo has not."""
-
-    number: int
-    theirs: int
-    kind: int
-
-
 class _Builder:
-    """Turns compiled bodies, each after the one that carries it, into a `pin.Model`."""
+    """Turns compiled bodies, each after the one that carries it, into a `pin.Model`.
+
+    MuJoCo computes where bodies and joints are in the world while all joints are at 0, a free joint
+    and a ball joint where the file places them; placements are differences of these poses.
+    """
 
     def __init__(
-        self, compiled: Any, name: str, base: str, bodies: Sequence[int], locked: Set[str]
+        self, compiled: Any, name: str, base: str, bodies: Sequence[int], locked: Iterable[str]
     ) -> None:
         import mujoco
 
-        self.compiled, self.base = compiled, base
+        self.compiled, self.base, self.data = compiled, base, mujoco.MjData(compiled)
+        self.data.qpos[compiled.jnt_qposadr[compiled.jnt_type >= SLIDE]] = 0.0
+        mujoco.mj_kinematics(compiled, self.data)
         self.model = pin.Model()
         self.model.name = name
         if compiled.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY):
             self.model.gravity = pin.Motion.Zero()
         else:
             self.model.gravity = pin.Motion(compiled.opt.gravity.copy(), np.zeros(3))
-        self.joints: list[_Joint] = []
+        self.origins = [pin.SE3.Identity()]  # of each joint of the model in the world
+        self.numbers: dict[int, int] = {}  # MuJoCo's number of a joint by that of the model
         self.taken = {compiled.joint(joint).name for joint in range(compiled.njnt)}
-        self.places: dict[int, tuple[int, Any]] = {}  # of a body: its joint, its place there
         self.frames: dict[int, int] = {}  # of a body
         self.framed: set[str] = set()
         for body in bodies:
             self._add_body(body)
-        self._add_frames()
+        for kind, size in (("site", compiled.nsite), ("geom", compiled.ngeom)):
+            for element in map(getattr(compiled, kind), range(size)):
+                body, seen = int(element.bodyid[0]), getattr(self.data, kind)(element.id)
+                if element.name and body in self.frames:
+                    self._add_frame(element.name, body, seen.xpos, seen.xmat)
         self._set_limits()
+        self.locked = expand_patterns(dict.fromkeys(locked, 0.0), sorted(self.taken))
+        self._check_one_base()
         self.loops: list[tuple[str, str]] = []
         self.mimics: list[Mimic] = []
-        self._add_constraints(locked)
+        self._add_constraints()
+
+    def _place(self, joint: int, position: Array, rotation: Array) -> Any:
+        """Return a pose in the world as seen from a joint."""
+        return self.origins[joint].actInv(_pose(position, rotation))
 
     def _add_body(self, body: int) -> None:
-        """Add a body with its joints."""
-        compiled, parent = self.compiled, int(self.compiled.body_parentid[body])
-        name = body_name(compiled, body)
+        compiled, data = self.compiled, self.data
+        parent, name = int(compiled.body_parentid[body]), body_name(compiled, body)
         for key in ("mass", "inertia", "ipos", "pos"):  # pin.Inertia refuses larger ones
             if not np.abs(getattr(compiled, f"body_{key}")[body]).max() < MAX_MAGNITUDE:
                 raise InvalidInput(
                     f"body {name!r} has a mass, moment or position that is not below "
                     f"{MAX_MAGNITUDE:g}"
                 )
-        joint, place = self.places.get(parent, (0, pin.SE3.Identity()))
-        place = place * mujoco_pose(compiled.body_pos[body], compiled.body_quat[body])
-        joint, place = self._add_joints(body, joint, place)
-        self.places[body] = joint, place
+        joint = self._add_joints(body, self._joint_of(parent) if parent in self.frames else 0)
         moments = np.diag(compiled.body_inertia[body])
         inertia = pin.Inertia(float(compiled.body_mass[body]), np.zeros(3), moments)
-        centre = mujoco_pose(compiled.body_ipos[body], compiled.body_iquat[body])
-        self.model.appendBodyToJoint(joint, inertia, place * centre)
+        centre = self._place(joint, data.xipos[body], data.ximat[body])
+        self.model.appendBodyToJoint(joint, inertia, centre)
         if name in self.framed:
             raise InvalidInput(f"two bodies are called {name!r}: name all bodies")
         self.framed.add(name)
+        place = self._place(joint, data.xpos[body], data.xmat[body])
         self.frames[body] = self.model.addBodyFrame(name, joint, place, self.frames.get(parent, 0))
 
-    def _add_joints(self, body: int, joint: int, place: Any) -> tuple[int, Any]:
-        """Add the joints of a body; return the last one and the body's place there."""
-        compiled, first = self.compiled, int(self.compiled.body_jntadr[body])
+    def _joint_of(self, body: int) -> int:
+        return int(self.model.frames[self.frames[body]].parentJoint)
+
+    def _add_joints(self, body: int, joint: int) -> int:
+        """Add the joints of a body, which the given one carries; return the last one."""
+        compiled, name = self.compiled, body_name(self.compiled, body)
+        first = int(compiled.body_jntadr[body])
         numbers = range(first, first + int(compiled.body_jntnum[body]))
         kinds = [int(compiled.jnt_type[number]) for number in numbers]
-        root, still = not compiled.body_parentid[body], pin.SE3.Identity()
-        if root and self.base == "floating" and FREE not in kinds:
-            joint, place = self._add_joint(joint, FREE, -1, still, "root_joint"), still
+        if self.base == "floating" and not compiled.body_parentid[body]:
+            base = pin.JointModelFreeFlyer(), pin.SE3.Identity(), "root_joint"
+            theirs = first if FREE in kinds else -1
+            start = mujoco_pose(compiled.body_pos[body], compiled.body_quat[body])
+            joint = self._add_joint(joint, theirs, start, *base)
         for number, kind in zip(numbers, kinds, strict=True):
             if kind == FREE:
-                if self.base == "floating":
-                    joint, place = self._add_joint(joint, FREE, number, still, "root_joint"), still
                 continue
-            anchor = pin.SE3(np.eye(3), compiled.jnt_pos[number].copy())
-            before, axis = place * anchor, compiled.jnt_axis[number].copy()
             start = float(compiled.qpos0[compiled.jnt_qposadr[number]])  # `ref`, where it is drawn
             if not abs(start) < MAX_MAGNITUDE:
-                raise InvalidInput(
-                    f"a joint of body {body_name(compiled, body)!r} has ref {start:g}"
-                )
-            if kind == SLIDE:
-                before = before * pin.SE3(np.eye(3), -start * axis)
-            elif kind == HINGE:
-                before = before * pin.SE3(pin.exp3(-start * axis), np.zeros(3))
-            joint = self._add_joint(
-                joint, kind, number, before, f"{body_name(compiled, body)}_joint", axis
-            )
-            place = anchor.inverse()
-        return joint, place
+                raise InvalidInput(f"a joint of body {name!r} has ref {start:g}")
+            origin = _pose(self.data.xanchor[number], self.data.xmat[body])
+            axis = origin.rotation.T @ self.data.xaxis[number]
+            described = pin.JointModelSpherical() if kind == BALL else JOINTS[kind](axis)
+            place = self.origins[joint].actInv(origin)
+            joint = self._add_joint(joint, number, origin, described, place, f"{name}_joint")
+        return joint
 
     def _add_joint(
-        self, parent: int, kind: int, theirs: int, place: Any, wish: str, axis: Array | None = None
+        self, parent: int, theirs: int, origin: Any, described: Any, place: Any, wish: str
     ) -> int:
         """Add a joint under its own name, or the wish if it has none; return its number."""
         own_name = self.compiled.joint(theirs).name if theirs >= 0 else ""
         numbered = (f"{wish}{k}" for k in count(2))
         name = own_name or next(name for name in chain((wish,), numbered) if name not in self.taken)
         self.taken.add(name)
-        described = JOINTS[kind]() if kind in (FREE, BALL) else JOINTS[kind](axis)
-        number = self.model.addJoint(parent, described, place, name)
+        number = int(self.model.addJoint(parent, described, place, name))
         self.model.addJointFrame(number)
-        self.joints.append(_Joint(int(number), theirs, kind))
-        return int(number)
+        self.origins.append(origin)
+        if theirs >= 0:
+            self.numbers[number] = theirs
+        return number
 
-    def _add_frames(self) -> None:
-        """Add a frame for each site and geom that has a name of its own."""
-        compiled = self.compiled
-        for kind, size in (("site", compiled.nsite), ("geom", compiled.ngeom)):
-            for number in range(size):
-                element = getattr(compiled, kind)(number)
-                body = int(element.bodyid[0])
-                if element.name and body in self.frames:
-                    self._add_frame(element.name, body, mujoco_pose(element.pos, element.quat))
-
-    def _add_frame(self, name: str, body: int, pose: Any) -> None:
-        """Add a frame fixed to a body, unless its name is taken."""
-        joint, place = self.places[body]
+    def _add_frame(self, name: str, body: int, position: Array, rotation: Array) -> None:
+        """Add a frame fixed to a body at a pose in the world, unless its name is taken."""
         if name not in self.framed:
             self.framed.add(name)
-            frame = pin.Frame(name, joint, self.frames[body], place * pose, pin.FrameType.OP_FRAME)
+            joint = self._joint_of(body)
+            place = self._place(joint, position, rotation)
+            frame = pin.Frame(name, joint, self.frames[body], place, pin.FrameType.OP_FRAME)
             self.model.addFrame(frame, False)
 
     def _set_limits(self) -> None:
@@ -212,22 +197,37 @@ class _Builder:
         lower, upper = model.lowerPositionLimit.copy(), model.upperPositionLimit.copy()
         effort, armature = np.full(model.nv, math.inf), np.zeros(model.nv)
         limits = effort_limits(compiled)
-        for joint in self.joints:
-            if joint.theirs < 0:
-                continue
-            q, v = model.idx_qs[joint.number], model.idx_vs[joint.number]
-            dof, size = int(compiled.jnt_dofadr[joint.theirs]), model.nvs[joint.number]
+        for joint, theirs in self.numbers.items():
+            q, v, size = model.idx_qs[joint], model.idx_vs[joint], model.nvs[joint]
+            dof = int(compiled.jnt_dofadr[theirs])
             armature[v : v + size] = compiled.dof_armature[dof : dof + size]
-            if joint.kind in (SLIDE, HINGE):
-                limited = compiled.jnt_limited[joint.theirs]
-                ends = compiled.jnt_range[joint.theirs] if limited else (-math.inf, math.inf)
-                lower[q], upper[q] = ends
-                effort[v] = limits[joint.theirs]
+            if size == 1:
+                limited = compiled.jnt_limited[theirs]
+                lower[q], upper[q] = (
+                    compiled.jnt_range[theirs] if limited else (-math.inf, math.inf)
+                )
+                effort[v] = limits[theirs]
         model.lowerPositionLimit, model.upperPositionLimit = lower, upper
         model.velocityLimit, model.effortLimit = np.full(model.nv, math.inf), effort
         model.armature = armature
 
-    def _add_constraints(self, locked: Set[str]) -> None:
+    def _check_one_base(self) -> None:
+        """Raise `InvalidInput` for a floating base whose body other joints of the file move."""
+        if len(self.numbers) == self.model.njoints - 1:
+            return  # no base was added
+        roots = [
+            str(self.model.names[joint])
+            for joint, theirs in self.numbers.items()
+            if not self.compiled.body_parentid[self.compiled.jnt_bodyid[theirs]]
+        ]
+        if moving := [name for name in roots if name not in self.locked]:
+            raise InvalidInput(
+                f"base is 'floating', but joints of the file ({', '.join(moving)}) move its root "
+                "body already, and are its base: read it with base='fixed' (in commands, without "
+                "--support), or lock them (locked=, --lock)"
+            )
+
+    def _add_constraints(self) -> None:
         """Add a loop for each `<connect>` of two bodies, and a mimic for each joint that follows.
 
         Raises `InvalidInput` for another constraint that has an effect on a joint that is not
@@ -246,24 +246,22 @@ class _Builder:
             if kind == mujoco.mjtEq.mjEQ_JOINT:
                 ends = [end for end in (first, second) if end >= 0]
                 bodies = [int(compiled.jnt_bodyid[end]) for end in ends]
-                idle = all(compiled.joint(end).name in locked for end in ends)
+                idle = all(compiled.joint(end).name in self.locked for end in ends)
             else:
                 idle = False
                 bodies = [int(compiled.site_bodyid[e]) if sites else e for e in (first, second)]
             kinds = (mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)
-            robot_bodies = [body for body in bodies if body in self.places or kind not in kinds]
+            robot_bodies = [body for body in bodies if body in self.frames or kind not in kinds]
             if idle or not robot_bodies or not compiled.eq_active0[number]:
                 continue
             values = compiled.eq_data[number]
             if kind == mujoco.mjtEq.mjEQ_CONNECT and len(robot_bodies) == 2:
-                pair = []
+                self.loops.append((f"{name}_1", f"{name}_2"))
                 for k, (end, body) in enumerate(zip((first, second), bodies, strict=True)):
-                    pose = pin.SE3(np.eye(3), values[3 * k : 3 * k + 3].copy())
-                    if sites:
-                        pose = mujoco_pose(compiled.site_pos[end], compiled.site_quat[end])
-                    self._add_frame(f"{name}_{k + 1}", body, pose)
-                    pair.append(f"{name}_{k + 1}")
-                self.loops.append((pair[0], pair[1]))
+                    seen = self.data.site(end) if sites else self.data.body(body)
+                    offset = np.zeros(3) if sites else values[3 * k : 3 * k + 3]
+                    anchor = seen.xpos + seen.xmat.reshape(3, 3) @ offset
+                    self._add_frame(f"{name}_{k + 1}", body, anchor, seen.xmat)
             elif (
                 kind == mujoco.mjtEq.mjEQ_JOINT and len(robot_bodies) == 2 and not values[2:5].any()
             ):
@@ -291,23 +289,8 @@ class _Builder:
         self.mimics.append(Mimic(joint, driver, multiplier, offset))
 
 
-def _check_one_base(builder: _Builder, locked: Mapping[str, float]) -> None:
-    """Raise `InvalidInput` for a floating base whose body other joints of the file move already."""
-    compiled = builder.compiled
-    if all(joint.theirs >= 0 for joint in builder.joints):
-        return
-    of_root = [
-        str(builder.model.names[joint.number])
-        for joint in builder.joints
-        if joint.theirs >= 0 and not compiled.body_parentid[compiled.jnt_bodyid[joint.theirs]]
-    ]
-    fixed = expand_patterns(locked, of_root)
-    if moving := [name for name in of_root if name not in fixed]:
-        raise InvalidInput(
-            f"base is 'floating', but joints of the file ({', '.join(moving)}) move its root body "
-            "already, and are its base: read it with base='fixed' (in commands, without "
-            "--support), or lock them (locked=, --lock)"
-        )
+def _pose(position: Array, rotation: Array) -> Any:
+    return pin.SE3(rotation.reshape(3, 3), position)
 
 
 def effort_limits(compiled: Any) -> Array:
@@ -347,14 +330,11 @@ def mujoco_state(model: Any, q: Array, v: Array, compiled: Any = None) -> tuple[
         q: configuration, shape `(nq,)`.
         v: velocity, shape `(nv,)`.
         compiled: a `mujoco.MjModel` with joints of the same names; its other joints are where it
-            begins with them. Without it, joints follow each other depth first, as MuJoCo numbers
-            them where a file has the model's bodies.
+            begins with them. Without it, joints follow each other as in the model, depth first, as
+            MuJoCo numbers them where a file has the model's bodies.
     """
     states: dict[int, tuple[Array, Array]] = {}
-    left = list(reversed(model.children[0]))
-    while left:
-        joint = left.pop()
-        left.extend(reversed(model.children[joint]))
+    for joint in range(1, model.njoints):
         positions = q[model.idx_qs[joint] : model.idx_qs[joint] + model.nqs[joint]]
         velocities = v[model.idx_vs[joint] : model.idx_vs[joint] + model.nvs[joint]]
         if model.nqs[joint] == 7:

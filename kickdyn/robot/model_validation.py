@@ -93,21 +93,19 @@ def check_model(model: Any) -> None:
 
 def _check_order(model: Any) -> None:
     """Raise `InvalidInput` unless each branch is in one piece: else crba is wrong, silently."""
-    branch = [0]
-    for joint in range(1, model.njoints):
-        parent = int(model.parents[joint])
-        while branch[-1] != parent:
-            branch.pop()
-            if not branch:
+    for first in range(1, model.njoints):
+        for joint, expected in zip(
+            model.subtrees[first], range(first, model.njoints), strict=False
+        ):
+            if joint != expected:
                 raise InvalidInput(
                     f"joint {model.names[joint]!r} comes after joints of another branch than its "
-                    f"parent's, {model.names[parent]!r}: add the joints branch by branch"
+                    f"parent's, {model.names[model.parents[joint]]!r}: add the joints branch by "
+                    "branch"
                 )
-        branch.append(joint)
 
 
 def _check_inertias(model: Any, names: list[str]) -> None:
-    """Raise `InvalidInput` for a joint that moves no mass, or a body that cannot exist."""
     bodies = list(model.inertias)[1:]
     for name, body in zip(names, bodies, strict=True):
         is_empty = body.mass == 0.0 and not body.inertia.any()
@@ -160,7 +158,6 @@ def second_moments(moments: Array) -> Array:
 
 
 def _check_limits(model: Any) -> None:
-    """Raise `InvalidInput` for joint ranges, speed limits or armatures that make no sense."""
     lower, upper = model.lowerPositionLimit, model.upperPositionLimit
     speed, rotors = model.velocityLimit, model.armature
     span = f"{lower.tolist()} to {upper.tolist()}"

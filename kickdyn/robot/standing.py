@@ -150,7 +150,6 @@ def lock_idle_mimics(robot: Leg) -> Leg:
 
 
 def _flat_support(robot: Leg) -> Support:
-    """Return the one flat support of a robot on a floating base, or raise `InvalidInput`."""
     supports = robot.supports
     if robot.constraints is None or robot.loops or not is_floating(robot):
         raise InvalidInput(
@@ -223,17 +222,12 @@ def joint_bodies(robot: Leg, joint: int) -> dict[str, int]:
     return {name: number for name, number in every if int(frames[number].parentJoint) == joint}
 
 
-def kicking_limb(robot: Leg, support: Support) -> list[int]:
-    """Return the joints that move the kicking foot but not the supporting one, the hip's first."""
-    model = robot.workspace.model
-    foot = model.frames[frame_id(model, support.frame)].parentJoint
-    shared = set(model.supports[foot])
-    return [int(joint) for joint in model.supports[robot.contact_joint] if joint not in shared]
-
-
 def missing_shapes(robot: Leg, support: Support) -> list[str]:
     """Return a line for what is not known of the kicking limb's shapes, as they are drawn."""
-    limb = [name for joint in kicking_limb(robot, support) for name in joint_bodies(robot, joint)]
+    model = robot.workspace.model
+    standing = list(model.supports[model.frames[frame_id(model, support.frame)].parentJoint])
+    joints = [joint for joint in model.supports[robot.contact_joint] if joint not in standing]
+    limb = [name for joint in joints for name in joint_bodies(robot, joint)]
     reasons = {name: why for name in limb if (why := find_unread(robot, name))}
     lines = []
     for has_others, instead in (

@@ -119,7 +119,6 @@ def read_urdf(
 
 
 def _folders(package_dirs: Iterable[str | PathLike[str]]) -> Iterator[Path]:
-    """Yield folders as absolute paths; raise `InvalidInput` for anything else."""
     if isinstance(package_dirs, str | PathLike) or not isinstance(package_dirs, Iterable):
         raise InvalidInput(f"package_dirs is {package_dirs!r}: it must be a list of folders")
     for folder in package_dirs:
@@ -159,7 +158,6 @@ def build_model(text: str, source: str, base: str) -> Any:
 
 
 def _visual(link: str, visual: Any) -> Visual:
-    """Return a visual or a collision shape of yourdfpy."""
     pose, geometry = np.eye(4) if visual.origin is None else visual.origin, visual.geometry
     if geometry.box:
         return Visual(link, pose, Shape.BOX, tuple(geometry.box.size.tolist()))
@@ -243,23 +241,24 @@ def find_irregularities(root: Element) -> list[str]:
     Inertias are judged with what moves together, by `model_validation`: a link alone may have one
     that no body has.
     """
-    impossible = _names_of(filter(_is_impossible, root.findall("link")))
-    unlimited = _names_of(filter(_is_unlimited, root.findall("joint")))
-    lines = []
-    if impossible:
-        lines.append(
-            f"links with moments of inertia that no body has ({impossible}): they count together "
-            "with what is fixed to them or hangs from them"
-        )
-    if unlimited:
-        lines.append(
-            f"joints without lower or upper limit ({unlimited}): the URDF specification says 0"
-        )
-    return lines
-
-
-def _names_of(elements: Iterable[Element]) -> str:
-    return listed([element.get("name", "") for element in elements], 3)
+    impossible = [link for link in root.findall("link") if _is_impossible(link)]
+    unlimited = [
+        joint
+        for joint in root.findall("joint")
+        if joint.get("type") in ("revolute", "prismatic")
+        and (limit := joint.find("limit")) is not None
+        and not {"lower", "upper"} <= limit.attrib.keys()
+    ]
+    lines = {
+        "links with moments of inertia that no body has ({}): they count together with what is "
+        "fixed to them or hangs from them": impossible,
+        "joints without lower or upper limit ({}): the URDF specification says 0": unlimited,
+    }
+    return [
+        line.format(listed([element.get("name", "") for element in elements], 3))
+        for line, elements in lines.items()
+        if elements
+    ]
 
 
 def _is_impossible(link: Element) -> bool:
@@ -275,15 +274,7 @@ def _is_impossible(link: Element) -> bool:
     return bool(principal.min() < -ROUNDING * np.abs(principal).max())
 
 
-def _is_unlimited(joint: Element) -> bool:
-    limit = joint.find("limit")
-    if limit is None or joint.get("type") not in ("revolute", "prismatic"):
-        return False
-    return not {"lower", "upper"} <= limit.attrib.keys()
-
-
 def _named(root: Element, tag: str, faults: list[str]) -> dict[str, Element]:
-    """Return the elements of a tag by name; add a fault for each name used twice."""
     elements = root.findall(tag)
     names = [_name(element, tag, faults) for element in elements]
     for name, times in Counter(names).items():
@@ -293,7 +284,6 @@ def _named(root: Element, tag: str, faults: list[str]) -> dict[str, Element]:
 
 
 def _name(element: Element, tag: str, faults: list[str]) -> str:
-    """Return an element's name, or add a fault and return nothing."""
     name = element.get("name", "")
     fault = name_fault(f"{tag} name", name) if name.strip() else f"a {tag} has no name"
     if not fault:
@@ -303,7 +293,6 @@ def _name(element: Element, tag: str, faults: list[str]) -> str:
 
 
 def _check_single(where: str, element: Element, tags: tuple[str, ...], faults: list[str]) -> None:
-    """Add a fault for each of these tags that an element has more than once."""
     for tag in tags:
         times = len(element.findall(tag))
         if times > 1:
@@ -311,7 +300,6 @@ def _check_single(where: str, element: Element, tags: tuple[str, ...], faults: l
 
 
 def _check_joint(where: str, joint: Element, faults: list[str]) -> None:
-    """Check type, axis and signs of limits of a joint, and that nothing in it is double."""
     kind = joint.get("type", "")
     _check_single(where, joint, ("origin", "parent", "child", "axis", "limit", "mimic"), faults)
     if kind not in (*MOVING, "fixed"):
@@ -364,10 +352,8 @@ def _check_mimics(
                 f"joint {name!r} mimics {driver!r}: both must be revolute or prismatic, for a "
                 f"continuous joint's angle is known but for whole turns; {remedy}"
             )
-    try:
-        TopologicalSorter({joint: [driver] for joint, driver in drivers.items()}).prepare()
-    except CycleError as error:
-        faults.append(f"joints {', '.join(sorted(set(error.args[1])))} mimic each other in a loop")
+    if cycle := _find_cycle(drivers):
+        faults.append(f"joints {cycle} mimic each other in a loop")
 
 
 def _drivers(joints: dict[str, Element]) -> dict[str, str]:
@@ -400,7 +386,6 @@ def read_mimics(root: Element) -> tuple[Mimic, ...]:
 
 
 def _check_tree(links: dict[str, Element], joints: dict[str, Element], faults: list[str]) -> None:
-    """Check that the joints join all links into one tree."""
     before = len(faults)
     parents: dict[str, str] = {}
     for name, joint in joints.items():
@@ -423,7 +408,14 @@ def _check_tree(links: dict[str, Element], joints: dict[str, Element], faults: l
     roots = [name for name in links if name not in parents]
     if len(roots) > 1:
         faults.append(f"has {len(roots)} roots ({', '.join(roots[:5])}): all links must be joined")
+    if cycle := _find_cycle(parents):
+        faults.append(f"links {cycle} form a loop")
+
+
+def _find_cycle(follows: dict[str, str]) -> str:
+    """Return the names of a loop of names of which each follows another; empty without one."""
     try:
-        TopologicalSorter({child: [parent] for child, parent in parents.items()}).prepare()
+        TopologicalSorter({name: [before] for name, before in follows.items()}).prepare()
     except CycleError as error:
-        faults.append(f"links {', '.join(sorted(set(error.args[1])))} form a loop")
+        return ", ".join(sorted(set(error.args[1])))
+    return ""

@@ -16,10 +16,9 @@ from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from kickdyn.core import validation
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.joint_table import Mimic
 from kickdyn.robot.package_files import PackageFiles, parse_xml
@@ -194,7 +193,6 @@ def _surfaces(scene: Any, turn: Array) -> Iterator[Triangles]:
 
 
 def _colour(mesh: object) -> Array | None:
-    """Return the colour of a surface; None where the file gives none."""
     visual = getattr(mesh, "visual", None)
     if visual is None or not visual.defined:
         return None

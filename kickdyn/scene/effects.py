@@ -54,8 +54,7 @@ def _without_rotors(scene: Scene, _: BallState) -> Scene:
 
 
 def _constant_drag(air: Air, ball: Ball, launch: BallState) -> Air:
-    if air.drag is None:
-        return air
+    assert air.drag is not None
     speed = max(math.dist(launch.velocity, air.wind_at(float(launch.position[2]))), 1e-9)
     surface_speed = ball.radius * math.hypot(*launch.spin.tolist())
     reynolds = 2.0 * ball.radius * air.density / air.viscosity * speed

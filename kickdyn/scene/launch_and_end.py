@@ -1,13 +1,13 @@
 """The launch of a scene's ball and the end of its path, and how far errors move that end."""
 
 import math
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from kickdyn.ball import BallState
-from kickdyn.contact import Contact
 from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
@@ -180,13 +180,13 @@ def contact_time_error(scene: Scene, impact: Impact) -> LaunchError:
     the difference of these laws is added.
 
     The error is inf, as it is not known, where one of these strikes has no impact; with supports,
-    loops and mimic joints, which a straight motion leaves; and where the foot may press the ball
-    into the ground or a plane.
+    loops and mimic joints, which a straight motion leaves; with drives of some stiffness or
+    friction; and where the foot may press the ball into the ground or a plane.
     """
     unknown = LaunchError(math.inf, math.inf, math.inf)
     law, leg, contact = scene.law, scene.leg, scene.contact
     assert isinstance(law, Compliance)
-    if leg.constraints is not None:
+    if leg.constraints is not None or leg.compliant_drives:
         return unknown
     # it lasts up to half longer than of two masses, while the leg's inertia changes
     time = 1.5 * duration(impact.approach, **law.options)
@@ -200,9 +200,7 @@ def contact_time_error(scene: Scene, impact: Impact) -> LaunchError:
             q = pin.integrate(space.model, scene.q, fraction * time * mean_velocity)
             moved = leg.posture(q)
             turn = moved.rotation_world_joint @ posture.rotation_world_joint.T
-            turned = Contact(
-                turn @ contact.normal, contact.restitution, contact.friction, contact.offset
-            )
+            turned = replace(contact, normal=turn @ contact.normal)
             v = scene.v + fraction * time * acceleration
             launches.append(strike_scene(scene, posture=moved, v=v, contact=turned).ball_after)
         by_law = strike_scene(scene, law="stronge").ball_after

@@ -81,7 +81,7 @@ class Wall:
     def __post_init__(self) -> None:
         for name in ("distance", "height", "width"):
             value = validation.number(f"{name} of the wall", getattr(self, name), above=0, unit="m")
-            object.__setattr__(self, name, value)
+            self.__dict__[name] = value
 
 
 def read_wall(text: str) -> Wall:

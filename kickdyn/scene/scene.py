@@ -6,14 +6,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 from kickdyn.ground import Ground
 from kickdyn.impact.collide import CONTACT_TIME, checked_stiffness
@@ -44,12 +43,10 @@ class Compliance:
 
     def __post_init__(self) -> None:
         if self.contact_time is not None:
-            time = validation.number(
+            self.__dict__["contact_time"] = validation.number(
                 "contact time", self.contact_time, above=0, at_most=LONGEST_CONTACT, unit="s"
             )
-            object.__setattr__(self, "contact_time", time)
-        stiffness = checked_stiffness(self.contact_time, self.stiffness)
-        object.__setattr__(self, "stiffness", stiffness)
+        self.__dict__["stiffness"] = checked_stiffness(self.contact_time, self.stiffness)
 
     @property
     def options(self) -> dict[str, Any]:
@@ -120,7 +117,14 @@ class Scene(ReprMixin):
         if contact.offset is None and posture.contact_offset is not None:
             contact = replace(contact, offset=posture.contact_offset)
         if isinstance(law, Compliance):
-            _check_compliant(law, ball, contact)
+            if law.stiffness == "pressure":
+                _ = ball.stiffness  # raises where the pressure is unknown
+            least = least_restitution(contact.restitution)
+            if least < LEAST_RESTITUTION:
+                raise InvalidInput(
+                    f"restitution is {least:g}: in a contact that takes time it must be at least "
+                    f"{LEAST_RESTITUTION:g}"
+                )
         else:
             law = find_law(law, "law").name
         self.__dict__.update(
@@ -230,14 +234,3 @@ def _checked_uncertainty(value: Mapping[str, float] | None) -> dict[str, float]:
             )
         validation.floats(f"uncertainty of {name}", deviation)
     return checked
-
-
-def _check_compliant(law: Compliance, ball: Ball, contact: Contact) -> None:
-    if law.stiffness == "pressure":
-        _ = ball.stiffness  # raises where the pressure is unknown
-    least = least_restitution(contact.restitution)
-    if least < LEAST_RESTITUTION:
-        raise InvalidInput(
-            f"restitution is {least:g}: in a contact that takes time it must be at least "
-            f"{LEAST_RESTITUTION:g}"
-        )

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from kickdyn.aerodynamics import drag, lift, spin_decay
 from kickdyn.aerodynamics.coefficient_model import constant_limits
@@ -21,13 +20,15 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
 from kickdyn.core import validation
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 from kickdyn.ground import SURFACES, Ground
 from kickdyn.impact.laws import LAWS
 from kickdyn.plane import Plane, ReachedBy
 from kickdyn.restitution import MODELS as RESTITUTIONS
 from kickdyn.robot.catalog import DESCRIPTION, ROBOTS
+from kickdyn.robot.constraints import read_support
+from kickdyn.robot.foot_surfaces import load_with_surface
 from kickdyn.robot.joint_table import InDegrees
 from kickdyn.robot.leg import Leg, Posture, read_leg
 from kickdyn.robot.urdf_file import shipped_urdf
@@ -118,7 +119,7 @@ class LegTable:
     package_dirs: tuple[str, ...] = ()
     legs_only: bool = False
     locked: Mapping[str, float] = field(default_factory=dict)
-    supports: tuple[str, ...] = ()
+    supports: tuple[str | Mapping[str, Any], ...] = ()
     loops: tuple[tuple[str, str], ...] = ()
     stiff_joints: tuple[str, ...] = ()
     armature: Mapping[str, float] = field(default_factory=dict)
@@ -127,26 +128,22 @@ class LegTable:
     def read(self, folder: Path) -> Leg:
         """Return the leg without `armature`, supports, loops and stiff joints."""
         drives = True if self.drives is None else self.drives != "none" and folder / self.drives
+        options: dict[str, Any] = {"base": self.base, "drives": drives}
         if self.robot is not None:
-            locked = InDegrees(self.locked)
-            return Leg.from_robot(
-                self.robot,
-                self.frame,
-                base=self.base,
-                legs_only=self.legs_only,
-                locked=locked,
-                drives=drives,
-            )
+            options |= {"legs_only": self.legs_only, "locked": InDegrees(self.locked)}
+            return load_with_surface(self.frame, partial(Leg.from_robot, self.robot, **options))
         file = folder / self.file
         if self.model is not None:
             file = shipped_urdf(f"leg_{self.model}.urdf")
         packages = [folder / str(package) for package in self.package_dirs]
-        return read_leg(file, self.frame or "toe", self.base, packages, self.locked, drives)
+        options |= {"package_dirs": packages, "locked": self.locked}
+        return load_with_surface(self.frame, partial(read_leg, file, **options))
 
     def change(self, leg: Leg) -> Leg:
         """Return a leg with the rotors, supports, loops and stiff joints."""
-        leg = leg.with_armature(self.armature).with_supports(*self.supports)
-        return leg.with_loops(*self.loops).with_stiff_joints(*self.stiff_joints)
+        leg = leg.with_armature(self.armature).with_supports(*map(read_support, self.supports))
+        leg = leg.with_loops(*leg.loops, *self.loops)  # an MJCF file has loops, too
+        return leg.with_stiff_joints(*self.stiff_joints)
 
 
 @dataclass(frozen=True)
@@ -273,7 +270,8 @@ TABLES = (
             f'{quoted(ROBOTS)}, or a name of robot_descriptions, `"NAME{DESCRIPTION}"`',
             "a robot by name; needs the extra `robots` or `descriptions`", _check_text),
         Key("frame", "frame", "text", "link, joint, body, site or geom whose origin strikes the "
-            "ball; without it `toe`, or the foot of a `robot`", _check_text),
+            "ball, or with a surface of this foot, `FRAME:SURFACE`; without it `toe`, or the foot "
+            "of a `robot`", _check_text),
         Key("base", "base", ("fixed", "floating"),
             "whether the root of the robot is fixed, as without this key, or moves freely"),
         Key("package_dirs", "package_dirs", "list of names", "folders in which the meshes of "
@@ -283,8 +281,9 @@ TABLES = (
             partial(validation.flag, "value"), needs=("robot",)),
         Key("locked", "locked", "table, joint = number [deg; m]",
             "joints that are fixed, and where", partial(_check_joints, unit="deg; m")),
-        Key("supports", "supports", "list of names", "frames that are held in place during the "
-            "impact, such as the foot on the ground", _check_list),
+        Key("supports", "supports", "list of names or tables", "frames that are at rest during the "
+            "impact, such as the foot on the ground; a table has the key `frame`, and may have "
+            "`friction` and `sole`, corners `[[x, y, z], ...]` [m]", _check_list),
         Key("loops", "loops", "list of pairs of names", "pairs of frames that coincide, which "
             "closes a kinematic loop", _check_list),
         Key("stiff_joints", "stiff_joints", "list of names",

@@ -6,6 +6,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import accumulate
+from typing import Any
 
 from kickdyn.ball import BallState
 from kickdyn.core import validation
@@ -174,13 +175,13 @@ class Simulation(Printed):
     @property
     def evaluations(self) -> int:
         """Number of evaluations of the accelerations in impact and path."""
-        path, total = self.path, 0
+        path = self.path
+        phases: list[Any] = [path]
+        if isinstance(path, Course):
+            phases = [*path.flights, *path.ground_phases]
         if isinstance(self.impact, Collision):
-            total += self.impact.evaluations
-        if isinstance(path, Flight):
-            return total + path.evaluations
-        total += sum(flight.evaluations for flight in path.flights)
-        return total + sum(phase.evaluations for phase in path.ground_phases)
+            phases.append(self.impact)
+        return sum(phase.evaluations for phase in phases)
 
     @property
     def warnings(self) -> tuple[str, ...]:

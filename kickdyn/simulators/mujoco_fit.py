@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from enum import StrEnum
 from typing import NamedTuple
 
@@ -13,13 +14,13 @@ from kickdyn.ball import BallState
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError, NoImpact
 from kickdyn.impact.approach import Approach, find_approach
-from kickdyn.impact.collide import Collision, collide
+from kickdyn.impact.collide import collide
 from kickdyn.robot.leg import Posture
 from kickdyn.simulators.mujoco_kick import (
     IMPEDANCE,
+    TIME_LIMIT,
     MujocoContact,
     MujocoKick,
-    SimulatedBall,
     damping_ratio,
     release_phase,
 )
@@ -86,6 +87,33 @@ class KickError(NamedTuple):
     spin: float
 
 
+class MujocoGoal(NamedTuple):
+    """An error that a tuned contact should not exceed.
+
+    Attributes:
+        name: `speed` and `direction` of the ball in the tuned kick, `speed around` at the other
+            speeds.
+        error: of the tuned contact, relative; of the direction [rad].
+        limit: that is accepted. The contact is chosen by all goals together.
+    """
+
+    name: str
+    error: float
+    limit: float
+
+    @property
+    def met(self) -> bool:
+        """Whether the error is accepted at the time step asked for."""
+        return self.error <= self.limit
+
+    @property
+    def texts(self) -> tuple[str, str]:
+        """The error and what is accepted, with their units."""
+        if self.name == "direction":
+            return f"{math.degrees(self.error):.2g} deg", f"{math.degrees(self.limit):.2g} deg"
+        return f"{self.error:.1%}", f"{self.limit:.1%}"
+
+
 class KickCase(NamedTuple):
     """A kick, the ball that kickdyn computes, and how deep the contact is meanwhile.
 
@@ -107,9 +135,9 @@ class FittedContact(NamedTuple):
     """A contact that was fitted.
 
     Attributes:
-        score: by which contacts are compared, the smaller one is better: the largest error that
-            `accepted` limits, in its limit, or 1 if all are accepted; and the largest of all
-            errors, including the spin, other postures and the contact time.
+        score: by which contacts are compared, the smaller one is better: the largest error of a
+            goal over its limit, or 1 if all are met; and the largest of all errors, including the
+            spin, other postures and the contact time.
         contact: its parameters.
         errors: in the order of the cases.
         contact_time: of the simulated kick, a mean [s].
@@ -141,28 +169,20 @@ def closed_form_contact(
     return stiffness / timestep**2, damping / timestep
 
 
-def accepted(tolerance: float) -> dict[str, float]:
-    """Return the errors that are accepted of a contact, for a tolerance of the ball's speed.
-
-    Those of speed and direction [rad] of the tuned kick, and of the speed at other speeds.
-    """
-    return {
-        "speed": tolerance,
-        "direction": DIRECTION_LIMIT,
-        "speed around": NEIGHBOUR_FACTOR * tolerance,
-    }
-
-
 def other_speed(factor: float) -> str:
     """Return the name of the kick with all velocities times a factor."""
     return f"speed x {factor:g}"
 
 
-def limited_errors(errors: Sequence[KickError]) -> dict[str, float]:
-    """Return the errors of a contact that `accepted` limits, from the errors of all its kicks."""
+def find_goals(errors: Sequence[KickError], tolerance: float) -> tuple[MujocoGoal, ...]:
+    """Return the goals of a contact by the errors of its kicks and a tolerance of the speed."""
     tuned, names = errors[0], [other_speed(factor) for factor in SPEEDS]
     around = max((error.speed for error in errors if error.change in names), default=0.0)
-    return {"speed": tuned.speed, "direction": tuned.direction, "speed around": around}
+    return (
+        MujocoGoal("speed", tuned.speed, tolerance),
+        MujocoGoal("direction", tuned.direction, DIRECTION_LIMIT),
+        MujocoGoal("speed around", around, NEIGHBOUR_FACTOR * tolerance),
+    )
 
 
 def kick_cases(approach: Approach, contact_time: float) -> list[KickCase]:
@@ -170,46 +190,35 @@ def kick_cases(approach: Approach, contact_time: float) -> list[KickCase]:
 
     The stiffness is that with which the first one has a contact time [s].
     """
-    posture, ball, contact, before = (
-        approach.posture, approach.ball, approach.contact, approach.ball_before,
-    )  # fmt: skip
-    first = collide(
-        posture, approach.v, ball, contact, contact_time=contact_time, tol=1e-6,
-        ball_velocity=before.velocity, ball_spin=before.spin,
-    )  # fmt: skip
+    posture, before = approach.posture, approach.ball_before
 
-    def case(change: str, nearby: Posture, factor: float) -> KickCase:
-        motion = factor * before.velocity, factor * before.spin
-        near = find_approach(nearby, factor * approach.v, ball, contact, *motion)
+    def compute(change: str, near: Approach, **compliance: float) -> tuple[KickCase, float]:
         hit = collide(
-            nearby, near.v, ball, contact, stiffness=first.force_model.stiffness, tol=1e-6,
-            ball_velocity=motion[0], ball_spin=motion[1],
+            near.posture, near.v, near.ball, near.contact, **compliance, tol=1e-6,
+            ball_velocity=near.ball_before.velocity, ball_spin=near.ball_before.spin,
         )  # fmt: skip
-        return _case(change, near, hit)
+        during = hit.sample(np.linspace(0.0, hit.contact_time, 33))
+        forces = np.linalg.norm(during.force, axis=1)
+        mean = float(forces @ during.deflection / forces.sum())
+        return KickCase(change, near, hit.ball_after, mean), hit.force_model.stiffness
 
-    cases = [_case("", approach, first)]
+    tuned, stiffness = compute("", approach, contact_time=contact_time)
+    cases = [tuned]
+
+    def add(change: str, nearby: Posture, factor: float = 1.0) -> None:
+        motion = factor * before.velocity, factor * before.spin
+        near = find_approach(nearby, factor * approach.v, approach.ball, approach.contact, *motion)
+        cases.append(compute(change, near, stiffness=stiffness)[0])
+
     for factor in SPEEDS:
-        try:
-            cases.append(case(other_speed(factor), posture, factor))
-        except InvalidInput:  # a ball that would be pressed beyond its radius
-            continue
+        with suppress(InvalidInput):  # a ball that would be pressed beyond its radius
+            add(other_speed(factor), posture, factor)
     ahead = POSTURE_CHANGE * approach.v / float(np.abs(approach.v).max())
     for change, sign in (("earlier in the swing", -1.0), ("later in the swing", 1.0)):
         q = pin.integrate(posture.leg.model, posture.q, sign * ahead)
-        nearby = posture.leg.posture(q).with_contact_offset(contact.offset)
-        try:
-            cases.append(case(change, nearby, 1.0))
-        except NoImpact:  # a foot that misses the ball there
-            continue
+        with suppress(NoImpact):  # a foot that misses the ball there
+            add(change, posture.leg.posture(q).with_contact_offset(approach.contact.offset))
     return cases
-
-
-def _case(change: str, approach: Approach, hit: Collision) -> KickCase:
-    """Return a computed kick with its mean deflection."""
-    during = hit.sample(np.linspace(0.0, hit.contact_time, 33))
-    forces = np.linalg.norm(during.force, axis=1)
-    mean = float(forces @ during.deflection / forces.sum())
-    return KickCase(change, approach, hit.ball_after, mean)
 
 
 def find_best(
@@ -236,9 +245,7 @@ def find_best(
                 break
     if not fits:
         raise KickdynError(f"no kick in MuJoCo ends with a time step of {timestep:g} s")
-    best = min(fits, key=lambda fit: fit.score)
-    best.kick.set_contact(best.contact)
-    return best
+    return min(fits, key=lambda fit: fit.score)
 
 
 def fit_contact(
@@ -282,16 +289,14 @@ def fit_contact(
             (1.0, *2 * (1.0 / NEIGHBOUR_FACTOR,)), cases, kicks, strict=False
         ):
             kick.set_contact(contact_of(x))
-            speed = case.scale
-            balls = simulate(kick, 4, 20.0 * contact_time)
-            for ball in balls:
-                blocks.append(weight * (ball.velocity - case.target.velocity) / speed)
-                if mu:
-                    turned = ball.spin - case.target.spin
-                    blocks.append(SPIN_WEIGHT * weight * approach.ball.radius * turned / speed)
+            velocities, spins, times = simulate(kick, 4, 20.0 * contact_time)
+            weight /= case.scale
+            blocks.append(weight * (velocities - case.target.velocity).ravel())
+            if mu:
+                turned = (spins - case.target.spin).ravel()
+                blocks.append(SPIN_WEIGHT * weight * approach.ball.radius * turned)
             if case is cases[0]:
-                mean = float(np.mean([ball.contact_time for ball in balls]))
-                blocks.append(np.array([0.2 * (mean / contact_time - 1.0)]))
+                blocks.append(np.array([0.2 * (times.mean() / contact_time - 1.0)]))
         blocks.append(FRICTION_WEIGHT * (x[2:] - 1.0))
         return np.concatenate(blocks)
 
@@ -305,11 +310,10 @@ def fit_contact(
         errors = tuple(
             find_error(case, kick, contact) for case, kick in zip(cases, kicks, strict=True)
         )
-        lasted = float(np.mean([ball.contact_time for ball in simulate(kicks[0], 8)]))
+        lasted = float(simulate(kicks[0], 8)[-1].mean())
     except KickdynError:
         return None
-    limits, limited = accepted(tolerance), limited_errors(errors)
-    worst = max(limited[name] / limit for name, limit in limits.items())
+    worst = max(goal.error / goal.limit for goal in find_goals(errors, tolerance))
     largest = max(worst, abs(lasted / contact_time - 1.0) / CONTACT_TIME_TOLERANCE)
     for case, error in zip(cases, errors, strict=True):
         turning = SPIN_WEIGHT * approach.ball.radius * error.spin / case.scale if mu else 0.0
@@ -324,25 +328,24 @@ def _rounded(value: float) -> float:
     return float(f"{value:.6g}")
 
 
-def simulate(kick: MujocoKick, count: int, longest: float = 1.0) -> list[SimulatedBall]:
-    """Return the balls of kicks that reach the ball at moments spread evenly over a time step."""
-    return [kick.run((number + PHASE_OFFSET) / count, longest=longest) for number in range(count)]
+def simulate(kick: MujocoKick, count: int, longest: float = TIME_LIMIT) -> list[Array]:
+    """Return arrays of velocity, spin and contact time of simulated kicks, a row for each kick.
+
+    They reach the ball at moments spread evenly over a time step.
+    """
+    runs = (kick.run((number + PHASE_OFFSET) / count, longest=longest) for number in range(count))
+    return [np.array(values) for values in zip(*runs, strict=True)]
 
 
 def find_error(case: KickCase, kick: MujocoKick, contact: MujocoContact) -> KickError:
     """Return the largest errors of a kick with a contact."""
     kick.set_contact(contact)
-    target, speed = case.target, case.scale
-    rows = []
-    for ball in simulate(kick, 8):
-        size = float(np.linalg.norm(ball.velocity))
-        sine = float(np.linalg.norm(np.cross(ball.velocity, target.velocity)))
-        rows.append(
-            (
-                float(np.linalg.norm(ball.velocity - target.velocity)) / speed,
-                abs(size - float(target.speed)) / speed,
-                math.atan2(sine, float(ball.velocity @ target.velocity)),
-                float(np.linalg.norm(ball.spin - target.spin)),
-            )
-        )
-    return KickError(case.change, *(max(column) for column in zip(*rows, strict=True)))
+    target, (velocities, spins, _) = case.target, simulate(kick, 8)
+    sines = np.linalg.norm(np.cross(velocities, target.velocity), axis=1)
+    errors = (
+        np.linalg.norm(velocities - target.velocity, axis=1) / case.scale,
+        np.abs(np.linalg.norm(velocities, axis=1) - target.speed) / case.scale,
+        np.arctan2(sines, velocities @ target.velocity),
+        np.linalg.norm(spins - target.spin, axis=1),
+    )
+    return KickError(case.change, *(float(error.max()) for error in errors))

@@ -29,17 +29,11 @@ TIME_LIMIT = 1.0
 
 
 class MujocoContact(NamedTuple):
-    """Parameters of a contact, as MuJoCo's `<pair>` has them.
+    """Parameters of a contact, as MuJoCo's `<pair>` has them and `MujocoTuning` describes them.
 
-    Attributes:
-        solref: -stiffness [1/s2] and -damping [1/s], per unit of mass, or time constant [s] and
-            damping ratio.
-        solimp: impedance at first contact and from a depth on, this depth [m], and the shape.
-        friction: coefficient of sliding; 0 is a contact without friction, of condim 1.
-        solreffriction: the same as `solref` across the normal; (0, 0) means `solref`.
-        margin: depth of the contact below the ball's surface, a geom smaller than the ball by as
-            much [m]. MuJoCo applies a force halfway between the two surfaces, `collide` at the
-            foot's; with the mean deflection as margin both act at the same point on average.
+    `solref` may also be time constant [s] and damping ratio, and a `solreffriction` of (0, 0) means
+    `solref`. MuJoCo applies a force halfway between the two surfaces, `collide` at the foot's; with
+    the mean deflection as margin both act at the same point on average.
     """
 
     solref: tuple[float, float] = (0.02, 1.0)
@@ -69,18 +63,18 @@ def damping_ratio(restitution: float) -> float:
     """Return the damping ratio, 0 to 0.9, of a linear contact that does not pull, by e."""
     if restitution == 1.0:
         return 0.0
-    return float(brentq(lambda ratio: _returned(ratio) - restitution, 1e-9, 0.9))
+
+    def excess(ratio: float) -> float:
+        returned = math.exp(-ratio / math.sqrt(1.0 - ratio * ratio) * release_phase(ratio))
+        return returned - restitution
+
+    return float(brentq(excess, 1e-9, 0.9))
 
 
 def release_phase(ratio: float) -> float:
     """Return the phase at which a damped spring of a damping ratio stops to push [rad]."""
     swing = math.sqrt(1.0 - ratio * ratio)
     return math.atan2(2.0 * ratio * swing, 2.0 * ratio * ratio - 1.0)
-
-
-def _returned(ratio: float) -> float:
-    """Return the restitution of a damped spring of a damping ratio."""
-    return math.exp(-ratio / math.sqrt(1.0 - ratio * ratio) * release_phase(ratio))
 
 
 class SimulatedBall(NamedTuple):
@@ -131,10 +125,8 @@ class MujocoKick:
     def run(self, phase: float = 0.0, longest: float = TIME_LIMIT) -> SimulatedBall:
         """Return the ball of one simulated kick; MuJoCo writes no warnings.
 
-        Args:
-            phase: share of a time step by which the simulation begins before the first contact. At
-                0 leg and ball begin where they touch.
-            longest: time after which the two count as not separating [s].
+        The simulation begins a share `phase` of a time step before the first contact, and ends as
+        an error where leg and ball have not parted after the time `longest` [s].
 
         Raises:
             KickdynError: the foot pushes the ball for longer, or the simulation diverges.
@@ -164,11 +156,9 @@ class MujocoKick:
         """Set the state at a time [s] before the first contact."""
         mujoco, model, data = self.mujoco, self.model, self.data
         mujoco.mj_resetDataKeyframe(model, data, 0)
-        if before:
-            mujoco.mj_integratePos(model, data.qpos, data.qvel, -before)
+        mujoco.mj_integratePos(model, data.qpos, data.qvel, -before)
         mujoco.mj_forward(model, data)
-        if before:
-            data.qvel -= before * data.qacc
+        data.qvel -= before * data.qacc
 
 
 def ball_spin(data: Any) -> Array:
@@ -234,27 +224,21 @@ contype="0" conaffinity="0"/>
 
 def pair(contact: MujocoContact, foot: str) -> str:
     """Return the MJCF element of the contact between the ball and a geom of the foot."""
-    across = ""
-    if any(contact.solreffriction):
-        across = f' solreffriction="{row(contact.solreffriction)}"'
     mu = float(contact.friction)
     return (
         f'<pair geom1="{foot}" geom2="ball" condim="{contact.condim}" '
         f'solref="{row(contact.solref)}" solimp="{row(contact.solimp)}" '
-        f'friction="{mu!r} {mu!r} 0 0 0" margin="{contact.margin!r}"{across}/>'
+        f'friction="{mu!r} {mu!r} 0 0 0" margin="{contact.margin!r}" '
+        f'solreffriction="{row(contact.solreffriction)}"/>'
     )
 
 
 def write_bodies(model: Any, geoms: Mapping[int, str], *, limits: bool = False) -> str:
-    """Return the MJCF elements of a model's bodies, which follow each other as in `mujoco_state`.
+    """Return the MJCF elements of a `pin.Model`'s bodies, in the order of `mujoco_state`.
 
     Bodies and joints have the names of the model's joints. Links between joints are drawn and
-    collide with nothing.
-
-    Args:
-        model: a `pin.Model`.
-        geoms: further elements in the body of a joint, by its number.
-        limits: whether joints stop at the ends of their range.
+    collide with nothing. `geoms` has further elements in the body of a joint, by its number; with
+    `limits`, joints stop at the ends of their range.
 
     Raises:
         InvalidInput: a joint of a kind that MuJoCo does not have.

@@ -7,15 +7,12 @@ which act once per time step and on a ball that has already entered the foot at 
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import NamedTuple
-
-from numpy.typing import ArrayLike
 
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, warned
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.approach import AT_REST, find_approach
 from kickdyn.impact.collide import CONTACT_TIME
@@ -26,12 +23,12 @@ from kickdyn.simulators.mujoco_fit import (
     CONTACT_TIME_TOLERANCE,
     SPEEDS,
     KickError,
+    MujocoGoal,
     MujocoIntegrator,
-    accepted,
     find_best,
     find_error,
+    find_goals,
     kick_cases,
-    limited_errors,
     other_speed,
 )
 from kickdyn.simulators.mujoco_kick import MujocoContact, load_mujoco, pair, row, scene
@@ -47,33 +44,6 @@ MOST_STEPS = 500
 
 LEAST_SPEED = 0.01
 """Least speed of approach [m/s]: below it gravity, not the impact, decides the motion."""
-
-
-class MujocoGoal(NamedTuple):
-    """An error that a tuned contact should not exceed.
-
-    Attributes:
-        name: `speed` and `direction` of the ball in the tuned kick, `speed around` at the other
-            speeds.
-        error: of the tuned contact, relative; of the direction [rad].
-        limit: that is accepted. The contact is chosen by all goals together.
-    """
-
-    name: str
-    error: float
-    limit: float
-
-    @property
-    def met(self) -> bool:
-        """Whether the error is accepted at the time step asked for."""
-        return self.error <= self.limit
-
-    @property
-    def texts(self) -> tuple[str, str]:
-        """The error and what is accepted, with their units."""
-        if self.name == "direction":
-            return f"{math.degrees(self.error):.2g} deg", f"{math.degrees(self.limit):.2g} deg"
-        return f"{self.error:.1%}", f"{self.limit:.1%}"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -127,7 +97,19 @@ class MujocoTuning(ReprMixin):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Lines about missed goals and the contact time."""
-        lines = [self._missed(goal) for goal in self.goals if not goal.met]
+        lines = []
+        for goal in self.goals:
+            if goal.met:
+                continue
+            error, limit = goal.texts
+            what = "direction" if goal.name == "direction" else "speed"
+            where = ""
+            if goal.name == "speed around":
+                where = f" at {min(SPEEDS):g} to {max(SPEEDS):g} times all velocities"
+            lines.append(
+                f"at {1e3 * self.timestep:g} ms the ball's {what} is up to {error} off{where}, "
+                f"{limit} is accepted: choose a smaller time step"
+            )
         names = [error.change for error in self.errors]
         for factor in SPEEDS:
             if other_speed(factor) not in names:
@@ -141,18 +123,6 @@ class MujocoTuning(ReprMixin):
                 f"{1e3 * self.wanted_contact_time:.3g} ms was asked for"
             )
         return tuple(lines)
-
-    def _missed(self, goal: MujocoGoal) -> str:
-        """Return the sentence about a goal that is missed."""
-        error, limit = goal.texts
-        what = "direction" if goal.name == "direction" else "speed"
-        where = ""
-        if goal.name == "speed around":
-            where = f" at {min(SPEEDS):g} to {max(SPEEDS):g} times all velocities"
-        return (
-            f"at {1e3 * self.timestep:g} ms the ball's {what} is up to {error} off{where}, "
-            f"{limit} is accepted: choose a smaller time step"
-        )
 
     def mjcf(self, *feet: str) -> str:
         """Return a model with the ball and its contact, for an `<include>` in a robot's MJCF.
@@ -178,12 +148,10 @@ class MujocoTuning(ReprMixin):
         mass = f'mass="{ball.mass!r}" shellinertia="true"'
         inner, surface, pairs = mass, "", ""
         if margin:
-            inner, surface = (
-                'mass="0"',
-                f"""
+            inner = 'mass="0"'
+            surface = f"""
       <geom name="ball_surface" type="sphere" size="{ball.radius!r}" {mass}
-        contype="0" conaffinity="0" rgba="1 1 1 0.4"/>""",
-            )
+        contype="0" conaffinity="0" rgba="1 1 1 0.4"/>"""
         if self.friction:
             elements = "\n    ".join(pair(contact, foot) for foot in feet or ("foot",))
             pairs = f"\n  <contact>\n    {elements}\n  </contact>"
@@ -206,9 +174,7 @@ friction="{float(self.friction)!r} 0 0"
     @property
     def contact(self) -> MujocoContact:
         """The parameters together, as a kick in MuJoCo takes them."""
-        return MujocoContact(
-            self.solref, self.solimp, self.friction, self.solreffriction, self.margin
-        )
+        return MujocoContact(*(getattr(self, name) for name in MujocoContact._fields))
 
     def _rows(self) -> Iterable[Row]:
         yield "time step", 1e3 * self.timestep, f"ms, {self.integrator}"
@@ -308,27 +274,21 @@ def tune_mujoco(
     scene(approach, step, MujocoContact())  # refuses a leg before the work
     cases = kick_cases(approach, duration)
     fitted = find_best(cases, step, chosen, duration, tolerance)
-    limited = limited_errors(fitted.errors)
-    goals = [MujocoGoal(name, limited[name], most) for name, most in accepted(tolerance).items()]
     instant = strike(
         posture, v, ball, contact, ball_velocity=ball_velocity, ball_spin=ball_spin
     ).ball_after
     against_strike = cases[0]._replace(change="against kd.strike", target=instant)
     best = fitted.contact
     return MujocoTuning(
-        solref=best.solref,
-        solimp=best.solimp,
-        friction=best.friction,
-        solreffriction=best.solreffriction,
+        **best._asdict(),
         condim=best.condim,
-        margin=best.margin,
         timestep=step,
         integrator=chosen.value,
         contact_time=fitted.contact_time,
         wanted_contact_time=duration,
         errors=(*fitted.errors, find_error(against_strike, fitted.kick, best)),
         tolerance=tolerance,
-        goals=tuple(goals),
+        goals=find_goals(fitted.errors, tolerance),
         scene=scene(approach, step, best, chosen.value, gravity=True),
         ball=ball,
         ball_position=approach.ball_before.position,

@@ -1,7 +1,7 @@
 """All variables of a range of postures, by a compiled kernel and flights."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
@@ -14,12 +14,7 @@ from kickdyn.impact.laws import find_law
 from kickdyn.robot.leg import Leg
 from kickdyn.sweeps.dataset import VARIABLES, describe, variables_of
 from kickdyn.sweeps.grid import Grid
-from kickdyn.sweeps.sweep_kick import (
-    FLIGHT_TOLERANCE,
-    Kick,
-    PostureStatus,
-    kick_from,
-)
+from kickdyn.sweeps.sweep_kick import FLIGHT_TOLERANCE, Kick, PostureStatus, kick_from
 
 if TYPE_CHECKING:
     from kickdyn.sweeps.kernel import Kernel, KernelModel
@@ -37,18 +32,6 @@ SLOW_CHUNK = 512
 """Postures per chunk where each of them is one `kick_from`: about a second."""
 
 _CARRY = list(VARIABLES).index("carry")
-
-
-class SolvedChunk(NamedTuple):
-    """The result of a range of postures.
-
-    Attributes:
-        rows: values in the order of `VARIABLES`, shape `(len(VARIABLES), n)`.
-        status: flags of `PostureStatus`, shape `(n,)`.
-    """
-
-    rows: Array
-    status: NDArray[np.int8]
 
 
 class ChunkSolver:
@@ -100,8 +83,12 @@ class ChunkSolver:
         if self.carry_tolerance > 0.0:
             self._table = CarryTable(self._model, self.carry_tolerance)
 
-    def __call__(self, first: int, count: int) -> SolvedChunk:
-        """Return the results of `count` postures from number `first` on."""
+    def __call__(self, first: int, count: int) -> tuple[Array, NDArray[np.int8]]:
+        """Return the results of n postures from number `first` on.
+
+        These are values in the order of `VARIABLES`, shape `(len(VARIABLES), n)`, and flags of
+        `PostureStatus`, shape `(n,)`.
+        """
         rows = np.full((len(VARIABLES), count), np.nan)
         status, doubtful = np.zeros(count, np.int8), np.ones(count, bool)
         if self._model is not None:
@@ -117,7 +104,7 @@ class ChunkSolver:
             outcome = kick_from(self.leg.posture(q), self.kick)
             rows[:, i] = list(variables_of(outcome, self.kick).values())
             status[i] = outcome.status.flag
-        return SolvedChunk(rows, status)
+        return rows, status
 
     def _compute(
         self, model: "KernelModel", first: int, rows: Array, status: NDArray[np.int8]

@@ -6,10 +6,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from kickdyn.core import validation
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.leg import Leg
 
@@ -188,7 +187,6 @@ def read_postures(leg: Leg, joints: Iterable[str]) -> dict[str, Array]:
 
 
 def _read_axis(leg: Leg, text: str) -> tuple[str, Array]:
-    """Return name and values of a joint from its text."""
     name, equals, span = text.rpartition("=")
     values = span.split(":")
     if not equals or len(values) not in (1, 3):
@@ -243,7 +241,6 @@ def _checked_axis(leg: Leg, name: str, given: ArrayLike) -> Array:
 
 
 def _check_range(leg: Leg, name: str, values: Array, how: str) -> None:
-    """Raise `InvalidInput` where a joint is outside its range."""
     low, high = leg.joint_range(name)
     tolerance = 1e-9 * max(1.0, abs(low), abs(high))
     outside = values[(values < low - tolerance) | (values > high + tolerance)]

@@ -21,32 +21,13 @@ from kickdyn.core import simd
 from kickdyn.core.compilation import compiled, named
 from kickdyn.core.simd import BATCH, aligned_zeros, batches, choose
 from kickdyn.core.validation import Array
+from kickdyn.impact.contact_problem import tangents
 from kickdyn.robot.leg import Leg
 from kickdyn.sweeps import kernel_dynamics, kernel_impact, sweep_kick
 from kickdyn.sweeps.dataset import VARIABLES
 from kickdyn.sweeps.grid import Grid
-from kickdyn.sweeps.kernel_dynamics import (
-    BODY,
-    OPTIONS,
-    contact_jacobian,
-    joint_impulses,
-    joint_space_inertia,
-    keep_moments,
-    njit,
-    place_bodies,
-)
-from kickdyn.sweeps.kernel_impact import (
-    D33,
-    STATE,
-    delassus_matrix,
-    doubt_singular,
-    factorize,
-    least_speed_use,
-    solve_impact,
-    solve_slip,
-    solve_velocity,
-    whiten,
-)
+from kickdyn.sweeps.kernel_dynamics import BODY, OPTIONS, njit
+from kickdyn.sweeps.kernel_impact import D33, STATE
 from kickdyn.sweeps.sweep_kick import Kick
 
 TANGENT, ACROSS, NORMAL, MOBILITY, DOUBT, LOST, USE, WORST, RESTITUTION, MOMENTUM = range(10)
@@ -153,7 +134,9 @@ class KernelModel:
         axes = [column[:3] + column[3:] for column in columns]
         world_axes = [data.oMi[k].rotation @ axis for k, axis in enumerate(axes, 1)]
         across = _plane_normal(world_axes, slides, kick.direction)
-        contact_axes = _contact_axes(kick.direction, across)
+        sliding = np.zeros(3) if across is None else np.cross(across, kick.direction)
+        first, second = tangents(kick.direction.tolist(), sliding.tolist())
+        contact_axes = np.column_stack([first, second, kick.direction])
         senses = np.array([1.0, *(np.sign(axis[np.argmax(np.abs(axis))]) for axis in axes)])
         frames = [contact_axes, *map(_frame, senses[1:, None] * axes)]
         tree, task = _tree(model, frames), np.zeros(1, TASK)
@@ -183,18 +166,7 @@ def _plane_normal(axes: list[Array], slides: NDArray[np.bool_], normal: Array) -
     directions = [normal, *(axis for axis, slide in zip(axes, slides, strict=True) if slide)]
     if not in_plane or any(abs(axis @ across) >= PARALLEL for axis in directions):
         return None
-    across = across - normal * (across @ normal)
-    return np.asarray(across / np.linalg.norm(across))
-
-
-def _contact_axes(normal: Array, across: Array | None) -> Array:
-    """Return tangents and normal as columns; the second tangent is `across`, where it is given."""
-    if across is None:
-        across = np.zeros(3)
-        across[int(np.argmin(np.abs(normal)))] = 1.0
-        across -= normal * (across @ normal)
-        across /= np.linalg.norm(across)
-    return np.column_stack([np.cross(across, normal), across, normal])
+    return across
 
 
 def _frame(axis: Array) -> Array:
@@ -216,8 +188,7 @@ def _tree(model: pin.Model, frames: list[Array]) -> NDArray[Any]:
         joint["origin"] = parent.T @ (placement.translation - (0 if model.parents[k] else first))
         joint["mass"] = inertia.mass
         joint["moment"] = frame.T @ (inertia.mass * inertia.lever)
-        skew = pin.skew(inertia.lever)
-        second = inertia.inertia - inertia.mass * skew @ skew
+        second = inertia.matrix()[3:, 3:]
         joint["inertia"] = (frame.T @ second @ frame)[np.triu_indices(3)]
     return tree
 
@@ -264,8 +235,7 @@ class Kernel:
         """Return the memory that a call of the kernel works in, joints at 0."""
         n = len(self._model.tree)
         bodies, state = aligned_zeros((n,), BODY), aligned_zeros((1,), STATE)
-        for k in range(1, n):
-            bodies["cosine"][k], bodies["sine"][k] = self._motion(k, np.zeros(1))[0]
+        bodies["cosine"] = ~self._model.tree["slides"][:, None]
         state["number"] = np.arange(BATCH)
         return bodies, aligned_zeros((n, n, BATCH)), state
 
@@ -321,23 +291,21 @@ def _sweep(axes, table, tree, task, bodies, inertia, state, answer):  # type: ig
         for a in range(len(axes)):
             move_joint(axes[a], table, bodies[axes[a].joint], state.number)
         state.doubt = 0.0
-        place_bodies(tree, bodies)
-        if task.joint_impulses:
-            keep_moments(bodies)
-        joint_space_inertia(tree, bodies, inertia)
-        contact_jacobian(tree, bodies, task, state)
+        kernel_dynamics.place_bodies(tree, bodies)
+        kernel_dynamics.joint_space_inertia(tree, bodies, inertia)
+        kernel_dynamics.contact_jacobian(tree, bodies, task, state)
         if task.joint_impulses:  # before the Jacobian is whitened
-            least_speed_use(tree, bodies, task, state)
-        factorize(tree, inertia, state)
-        whiten(tree, bodies, inertia, task)
-        delassus_matrix(tree, bodies, inertia, state)
-        solve_impact(task, state)
+            kernel_impact.least_speed_use(tree, bodies, task, state)
+        kernel_impact.factorize(tree, inertia, state)
+        kernel_impact.whiten(tree, bodies, inertia, task)
+        kernel_impact.delassus_matrix(tree, bodies, inertia, state)
+        kernel_impact.solve_impact(task, state)
         if not task.planar:
-            solve_slip(task, floats)
+            kernel_impact.solve_slip(task, floats)
         if task.joint_impulses:
-            doubt_singular(task, state)
-            solve_velocity(tree, bodies, inertia, state)
-            joint_impulses(tree, bodies, task, state)
+            kernel_impact.doubt_singular(task, state)
+            kernel_impact.solve_velocity(tree, bodies, inertia, state)
+            kernel_dynamics.joint_impulses(tree, bodies, task, state)
             write_joint_impulses(task, state, answer, c)
         answer[TANGENT, c], answer[ACROSS, c] = state.impulse[0], state.impulse[1]
         answer[NORMAL, c], answer[MOBILITY, c] = state.impulse[2], state.delassus[D33]

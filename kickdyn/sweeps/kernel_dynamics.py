@@ -66,18 +66,20 @@ def _scale(s, v):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _dot(a, b):  # type: ignore[no-untyped-def]
+def dot(a, b):  # type: ignore[no-untyped-def]
+    """Return the scalar product of two vectors."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @inlined
-def _cross(a, b):  # type: ignore[no-untyped-def]
+def cross(a, b):  # type: ignore[no-untyped-def]
+    """Return the vector product of two vectors as a tuple."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @inlined
 def _times(matrix, v):  # type: ignore[no-untyped-def]
-    return _dot(matrix[0], v), _dot(matrix[1], v), _dot(matrix[2], v)
+    return dot(matrix[0], v), dot(matrix[1], v), dot(matrix[2], v)
 
 
 @inlined
@@ -97,7 +99,8 @@ def place_bodies(tree, bodies):  # type: ignore[no-untyped-def]
     r"""Fill in rotation, origin and carried moments of every body, from the base to the tips.
 
     :math:`R_k = R_{parent} Q_k R_z(q_k)` with the constant rotation :math:`Q_k`; the origin of a
-    slide moves along its z axis instead. The carried moments are the moments of the body alone.
+    slide moves along its z axis instead. The carried moments are the moments of the body alone,
+    until `joint_space_inertia` adds the others.
     """
     for k in range(1, len(tree)):
         joint, body, parent = tree[k], bodies[k], bodies[tree[k].parent]
@@ -108,11 +111,11 @@ def place_bodies(tree, bodies):  # type: ignore[no-untyped-def]
                 _place_row(joint, body, i, row, spread(joint.origin[i]))
                 continue
             above = parent.rotation[i, 0], parent.rotation[i, 1], parent.rotation[i, 2]
-            origin = _dot(above, joint.origin)
+            origin = dot(above, joint.origin)
             if joint.aligned:
                 _place_row(joint, body, i, above, origin)
             else:
-                row = _dot(above, q[:, 0]), _dot(above, q[:, 1]), _dot(above, q[:, 2])
+                row = dot(above, q[:, 0]), dot(above, q[:, 1]), dot(above, q[:, 2])
                 _place_row(joint, body, i, row, origin)
         _place_moments(joint, body)
 
@@ -139,19 +142,12 @@ def _place_moments(joint, body):  # type: ignore[no-untyped-def]
     _put(body.carried_moment, _times(rows, joint.moment))
     inertia, carried = _symmetric(joint.inertia), body.carried_inertia
     x, y, z = _times(inertia, rows[0]), _times(inertia, rows[1]), _times(inertia, rows[2])
-    carried[0], carried[1], carried[2] = _dot(x, rows[0]), _dot(x, rows[1]), _dot(x, rows[2])
-    carried[3], carried[4], carried[5] = _dot(y, rows[1]), _dot(y, rows[2]), _dot(z, rows[2])
-
-
-@njit
-def keep_moments(bodies):  # type: ignore[no-untyped-def]
-    """Copy the moments of each body, before the sums over all carried bodies replace them."""
-    for k in range(1, len(bodies)):
-        body = bodies[k]
-        for i in range(3):
-            body.moment[i] = body.carried_moment[i]
-        for i in range(6):
-            body.inertia[i] = body.carried_inertia[i]
+    carried[0], carried[1], carried[2] = dot(x, rows[0]), dot(x, rows[1]), dot(x, rows[2])
+    carried[3], carried[4], carried[5] = dot(y, rows[1]), dot(y, rows[2]), dot(z, rows[2])
+    for i in range(3):
+        body.moment[i] = body.carried_moment[i]
+    for i in range(6):
+        body.inertia[i] = carried[i]
 
 
 @njit
@@ -166,21 +162,18 @@ def joint_space_inertia(tree, bodies, inertia):  # type: ignore[no-untyped-def]
         joint, body = tree[k], bodies[k]
         axis, moment = _axis(body), _vector(body.carried_moment)
         if joint.slides:
-            torque = _cross(moment, axis)
+            torque = cross(moment, axis)
             inertia[k, k] = joint.carried_mass + joint.armature
         else:
             torque = _times(_symmetric(body.carried_inertia), axis)
-            inertia[k, k] = _dot(axis, torque) + joint.armature
+            inertia[k, k] = dot(axis, torque) + joint.armature
         if joint.parent == 0:
             continue
-        force = _scale(joint.carried_mass, axis) if joint.slides else _cross(axis, moment)
+        force = _scale(joint.carried_mass, axis) if joint.slides else cross(axis, moment)
         a, below = joint.parent, body
         while a > 0:
-            torque = _add(torque, _cross(_vector(below.origin), force))
-            if tree[a].slides:
-                inertia[k, a] = _dot(_axis(bodies[a]), force)
-            else:
-                inertia[k, a] = _dot(_axis(bodies[a]), torque)
+            torque = _add(torque, cross(_vector(below.origin), force))
+            inertia[k, a] = dot(_axis(bodies[a]), force if tree[a].slides else torque)
             a, below = tree[a].parent, bodies[a]
         _carry(body, bodies[joint.parent], joint.carried_mass)
 
@@ -208,20 +201,16 @@ def contact_jacobian(tree, bodies, task, state):  # type: ignore[no-untyped-def]
     A hinge with axis :math:`a` at distance :math:`d` from the contact point moves it with
     :math:`a \times d`, a slide with :math:`a`. Nothing moves across the plane of planar motion.
     """
-    r, lever = bodies[task.foot].rotation, task.lever
-    x = r[0, 0] * lever[0] + r[0, 1] * lever[1] + r[0, 2] * lever[2]
-    y = r[1, 0] * lever[0] + r[1, 1] * lever[1] + r[1, 2] * lever[2]
-    z = r[2, 0] * lever[0] + r[2, 1] * lever[1] + r[2, 2] * lever[2]
-    distance = x, y, z
+    distance = _times(bodies[task.foot].rotation, task.lever)
     _put(state.point, distance)
     k, square = task.foot, spread(0.0)
     while k > 0:
         body = bodies[k]
-        column = _axis(body) if tree[k].slides else _cross(_axis(body), distance)
+        column = _axis(body) if tree[k].slides else cross(_axis(body), distance)
         _put(body.jacobian, column)
         if task.planar:
             body.jacobian[1] = 0.0
-        square += _dot(column, column)
+        square += dot(column, column)
         distance = _add(distance, _vector(body.origin))
         k = tree[k].parent
     state.jacobian_square = square
@@ -238,7 +227,7 @@ def joint_impulses(tree, bodies, task, state):  # type: ignore[no-untyped-def]
     for k in range(1, len(tree)):
         joint, body, parent = tree[k], bodies[k], bodies[tree[k].parent]
         axis, turn = _axis(body), _vector(parent.turn)
-        velocity = _add(_vector(parent.velocity), _cross(turn, _vector(body.origin)))
+        velocity = _add(_vector(parent.velocity), cross(turn, _vector(body.origin)))
         if joint.slides:
             velocity = _add(velocity, _scale(body.jump, axis))
         else:
@@ -246,22 +235,22 @@ def joint_impulses(tree, bodies, task, state):  # type: ignore[no-untyped-def]
         moment = _vector(body.moment)
         _put(body.velocity, velocity)
         _put(body.turn, turn)
-        _put(body.force, _add(_scale(joint.mass, velocity), _cross(turn, moment)))
-        _put(body.torque, _add(_times(_symmetric(body.inertia), turn), _cross(moment, velocity)))
+        _put(body.force, _add(_scale(joint.mass, velocity), cross(turn, moment)))
+        _put(body.torque, _add(_times(_symmetric(body.inertia), turn), cross(moment, velocity)))
     foot, point, impulse = bodies[task.foot], _vector(state.point), _vector(state.impulse)
     _put(foot.force, _add(_vector(foot.force), impulse))
-    _put(foot.torque, _add(_vector(foot.torque), _cross(point, impulse)))
+    _put(foot.torque, _add(_vector(foot.torque), cross(point, impulse)))
     state.foot_jump = foot.velocity[2] + (foot.turn[0] * point[1] - foot.turn[1] * point[0])
     largest, residual = spread(0.0), spread(0.0)
     for k in range(len(tree) - 1, 0, -1):
         joint, body = tree[k], bodies[k]
         force, torque = _vector(body.force), _vector(body.torque)
-        along = _dot(_axis(body), force if joint.slides else torque)
-        largest = max(largest, _dot(force, force))
+        along = dot(_axis(body), force if joint.slides else torque)
+        largest = max(largest, dot(force, force))
         residual = max(residual, math.fabs(along + joint.armature * body.jump))
         if joint.parent > 0:
             parent = bodies[joint.parent]
-            torque = _add(torque, _cross(_vector(body.origin), force))
+            torque = _add(torque, cross(_vector(body.origin), force))
             _put(parent.force, _add(_vector(parent.force), force))
             _put(parent.torque, _add(_vector(parent.torque), torque))
     state.largest_square, state.momentum_error = largest, residual

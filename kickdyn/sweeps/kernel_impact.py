@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from kickdyn.core.simd import BATCH, choose, spread
-from kickdyn.sweeps.kernel_dynamics import inlined, njit
+from kickdyn.sweeps.kernel_dynamics import cross, dot, inlined, njit
 from kickdyn.sweeps.sweep_kick import ROUNDING, UNLIMITED
 
 STATE = np.dtype(
@@ -166,10 +166,8 @@ def solve_slip(task, state):  # type: ignore[no-untyped-def]
         sticks = s * s + t * t <= largest * largest
         if sticks or (g12 == 0.0 and g23 == 0.0) or state.doubt[i] > 0.0:
             continue
-        g11, g22 = (
-            delassus[D11, i] + task.tangent_mobility,
-            delassus[D22, i] + task.tangent_mobility,
-        )
+        g11 = delassus[D11, i] + task.tangent_mobility
+        g22 = delassus[D22, i] + task.tangent_mobility
         x, y = slip_direction(mu * g11, mu * g12, mu * g22, g13, g23)
         s, t = mu * x, mu * y
         resistance = g13 * s + g23 * t + (delassus[D33, i] + task.normal_mobility)
@@ -233,7 +231,7 @@ def solve_velocity(tree, bodies, factors, state):  # type: ignore[no-untyped-def
     impulse, energy, terms = state.impulse, spread(0.0), spread(0.0)
     for k in range(1, len(tree)):
         row = bodies[k].jacobian
-        pushed = -(row[0] * impulse[0] + row[1] * impulse[1] + row[2] * impulse[2])
+        pushed = -dot(row, impulse)
         v, a = pushed * factors[k, k], tree[k].parent
         energy += pushed * v
         while a > 0:
@@ -292,10 +290,8 @@ def least_speed_use(tree, bodies, task, state):  # type: ignore[no-untyped-def]
 @inlined
 def _orthogonal(a, b, state):  # type: ignore[no-untyped-def]
     """Return the vector product of two columns, 0 where they are parallel."""
-    x, y, z = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-    size_a = a[0] * a[0] + a[1] * a[1] + a[2] * a[2]
-    size_b = b[0] * b[0] + b[1] * b[1] + b[2] * b[2]
-    sine_square = (x * x + y * y + z * z) / (size_a * size_b)
+    x, y, z = across = cross(a, b)
+    sine_square = dot(across, across) / (dot(a, a) * dot(b, b))
     doubtful = (sine_square > PARALLEL) & (sine_square < ASKEW)
     state.doubt = choose(doubtful, 1.0, state.doubt)
     askew = choose(sine_square >= ASKEW, 1.0, 0.0)
@@ -314,12 +310,10 @@ def _raise_speed_use(tree, bodies, task, state, least, y):  # type: ignore[no-un
         limit, a = tree[k].speed_limit, bodies[k].jacobian
         if not tree[k].carries_foot or limit == 0.0:
             continue
-        along = math.fabs(a[0] * y[0] + a[1] * y[1] + a[2] * y[2])
+        along = math.fabs(dot(a, y))
         if limit > 1e3 * least:  # its product with a rounding error may count beside other joints
-            size_a = a[0] * a[0] + a[1] * a[1] + a[2] * a[2]
-            size_y = y[0] * y[0] + y[1] * y[1] + y[2] * y[2]
             limit = limit if limit <= UNLIMITED else math.inf
-            moves = along > ROUNDING * math.sqrt(size_a * size_y)
+            moves = along > ROUNDING * math.sqrt(dot(a, a) * dot(y, y))
             capacity += choose(moves, limit * along, 0.0)
         else:
             capacity += limit * along

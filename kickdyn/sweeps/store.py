@@ -34,16 +34,9 @@ from kickdyn.core import validation
 from kickdyn.core.files import replacing
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.sweeps.dataset import (
-    STATUS_ATTRIBUTES,
-    VARIABLES,
-    attributes_of,
-    difference,
-)
+from kickdyn.sweeps.dataset import STATUS_ATTRIBUTES, VARIABLES, attributes_of, difference
 from kickdyn.sweeps.grid import Chunks
 from kickdyn.sweeps.sweep_kick import PostureStatus
-
-_NOT_COMPUTED = PostureStatus.NOT_COMPUTED.flag
 
 CODECS = frozenset({"bytes", "blosc", "crc32c", "gzip", "transpose", "zstd"})
 """Codecs of arrays that are read. None of them runs code that a store contains."""
@@ -120,7 +113,7 @@ class SweepStore:
                 name: ("f4", math.nan, attributes_of(name)) for name in self.variables
             }
             flags = {**STATUS_ATTRIBUTES, "flag_values": STATUS_ATTRIBUTES["flag_values"].tolist()}
-            arrays["status"] = ("i1", _NOT_COMPUTED, flags)
+            arrays["status"] = ("i1", PostureStatus.NOT_COMPUTED.flag, flags)
             for name, (dtype, fill, attributes) in arrays.items():
                 group.create_array(
                     name, shape=chunks.grid_shape, chunks=chunks.shape, dtype=dtype,
@@ -143,7 +136,6 @@ class SweepStore:
         ]  # fmt: skip
 
     def _file(self, name: str, k: int) -> Path:
-        """Return the file of an array's chunk `k`."""
         return self.path / name / "c" / "/".join(map(str, self.chunks.index(k)))
 
     def count(self, chunks: Iterable[int]) -> int:
@@ -344,7 +336,6 @@ def save_netcdf(data: xr.Dataset, path: str | PathLike[str]) -> None:
 
 
 def _checked_path(path: str | PathLike[str]) -> Path:
-    """Return the path, or raise `InvalidInput` where it cannot be one."""
     if "\0" in str(path):
         raise InvalidInput(f"path is {path!r}: it must be the name of a folder or file")
     try:
@@ -355,7 +346,6 @@ def _checked_path(path: str | PathLike[str]) -> Path:
 
 
 def _zarr() -> Any:
-    """Return the module zarr, or raise `InvalidInput` where it is not installed."""
     try:
         import zarr
     except ImportError:

@@ -105,8 +105,7 @@ class Summary:
         self.chosen += places.size
         if not places.size:
             return
-        names = "ball_speed", "worst_joint_impulse", "speed_use"
-        speed, load, use = (block[name].values.ravel()[places] for name in names)
+        speed, load, use = (block[name].values.ravel()[places] for name in NEEDED)
         slowest = int(speed.argmin())
         if speed[slowest] < self._lowest:
             self._lowest, self.worst = float(speed[slowest]), first + int(places[slowest])

@@ -8,13 +8,7 @@ import os
 import pickle
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import (
-    BrokenExecutor,
-    CancelledError,
-    Executor,
-    Future,
-    ThreadPoolExecutor,
-)
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager, nullcontext
 from functools import lru_cache, partial
 from itertools import islice
@@ -24,15 +18,16 @@ from typing import TypeVar
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike
+from numpy.typing import NDArray
 
 from kickdyn.core import validation
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput, Unfinished
 from kickdyn.robot.leg import Leg
-from kickdyn.sweeps.chunk_solver import ChunkSolver, SolvedChunk
+from kickdyn.sweeps.chunk_solver import ChunkSolver
 from kickdyn.sweeps.dataset import select_variables, with_variables
 from kickdyn.sweeps.grid import IN_MEMORY, Chunks, Grid, check_size
-from kickdyn.sweeps.store import SweepStore, check_store, open_sweep
+from kickdyn.sweeps.store import SweepStore, open_sweep
 from kickdyn.sweeps.sweep_kick import Kick
 
 CARRY_TOLERANCE = 1e-6
@@ -114,8 +109,6 @@ def sweep(
         raise InvalidInput("threads and executor exclude each other: give one of them")
     if store is None and (resume or executor is not None):
         raise InvalidInput("resume and executor need a store: name it with store=")
-    if store is not None:
-        check_store(store, resume=resume)
     kept = select_variables(variables)
     solver = ChunkSolver(leg, Grid.of(leg, postures), kick, tolerance)
     described = solver.describe()
@@ -148,23 +141,23 @@ def sweep_chunks(
     """
     solver = ChunkSolver(leg, Grid.of(leg, postures), kick, tolerance)
     described, chunks = solver.describe(), Chunks.of(solver.grid.shape, solver.chunk)
-    for k, chunk in enumerate(_solved(solver, threads, progress)):
+    for k, solved in enumerate(_solved(solver, threads, progress)):
         region = dict(zip(solver.grid.axes, chunks.region(k), strict=True))
-        yield with_variables(described.isel(region), chunk.rows, chunk.status)
+        yield with_variables(described.isel(region), *solved)
 
 
 def _solved(
     solver: ChunkSolver, threads: int | None, progress: Progress | None
-) -> Iterator[SolvedChunk]:
+) -> Iterator[tuple[Array, NDArray[np.int8]]]:
     """Yield the results of each chunk of a grid, in order."""
     solver.prepare()
     chunks = Chunks.of(solver.grid.shape, solver.chunk)
     with _pool(threads) as pool:
         ahead = 1 + int(threads or _cores())
-        for chunk in _in_order(pool, lambda k: solver(*chunks.span(k)), range(len(chunks)), ahead):
+        for solved in _in_order(pool, lambda k: solver(*chunks.span(k)), range(len(chunks)), ahead):
             if progress is not None:
-                progress(len(chunk.status))
-            yield chunk
+                progress(len(solved[1]))
+            yield solved
 
 
 def _fill(
@@ -189,9 +182,9 @@ def _fill(
 
 def _write_chunk(store: SweepStore, solver: ChunkSolver, k: int) -> int:
     """Compute and write a chunk by a solver that is prepared; return its number of postures."""
-    chunk = solver(*store.chunks.span(k))
-    store.write(k, chunk.rows, chunk.status)
-    return len(chunk.status)
+    rows, status = solver(*store.chunks.span(k))
+    store.write(k, rows, status)
+    return len(status)
 
 
 def _pickled(path: Path, variables: Sequence[str], solver: ChunkSolver) -> bytes:

@@ -189,6 +189,11 @@ def table(leg: Leg, lines: Sequence[ReportLine]) -> Table:
     if leg.stiff_joints:
         free = (line.as_json()["free_effective_mass"] for line in lines)
         rows["all joints free, kg"] = ["" if mass is None else f"{mass:.4g}" for mass in free]
+    if leg.workspace.model.armature.any():
+        for name in ("without rotors", "with rotors", "stiff"):
+            hits = (line.outcome.impact for line in lines)
+            limits = [hit and hit.posture.effective_mass_limits(hit.contact.normal) for hit in hits]
+            rows[f"{name}, kg"] = [f"{masses[name]:.4g}" if masses else "" for masses in limits]
     rows |= {
         "impulse on the ball, N s": _cells(lines, "impulse", ".4f"),
         "ball speed / foot speed": _cells(lines, "speed_ratio", ".4f"),

@@ -61,7 +61,8 @@ def camera_for(near: Array, far: Array, forward: Array, *, behind: bool = False)
     candidates = []
     for turn, tilt in product(turns, np.radians((14, 8, 2, -4))):
         level = math.sin(turn) * forward + math.cos(turn) * np.cross(UP_AXIS, forward)
-        axes = _axes(math.cos(tilt) * level - math.sin(tilt) * UP_AXIS)
+        right, into = np.cross(level, UP_AXIS), math.cos(tilt) * level - math.sin(tilt) * UP_AXIS
+        axes = np.array([right, np.cross(right, into), into])  # of the camera, as rows
         position = _nearest_position(points @ axes.T)
         seen = near @ axes.T - position
         share = float(np.ptp(seen[:, 1] / seen[:, 2])) / (2 * UP)
@@ -119,13 +120,6 @@ def box_corners(points: Array, radius: float) -> Array:
     """Return the corners of boxes around points, shape `(8 n, 3)`."""
     corners = np.array(list(product((-1, 1), repeat=3)))
     return np.asarray((points[:, None] + radius * corners).reshape(-1, 3))
-
-
-def _axes(into: Array) -> Array:
-    """Return the axes of a camera that looks along a unit vector, as rows: right, up, into."""
-    right = np.cross(into, UP_AXIS)
-    right /= np.linalg.norm(right)
-    return np.array([right, np.cross(right, into), into])
 
 
 def _nearest_position(points: Array) -> Array:

@@ -83,7 +83,6 @@ def _joints(impact: Impact) -> str:
 
 
 def _impact_rows(impact: Impact) -> list[Row]:
-    """Return the numbers of an impact."""
     name, size = impact.worst_joint
     after = impact.ball_after
     speed, spin = float(after.speed), float(np.linalg.norm(after.spin))

@@ -12,13 +12,15 @@ import re
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from html import escape
 from importlib.resources import files
+from itertools import count
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 import meshcat
 import meshcat.transformations as tf
@@ -53,7 +55,6 @@ class Recorder:
     web_url = "in memory"  # the address that a `meshcat.Visualizer` reads; there is none
 
     def __init__(self) -> None:
-        """Start without commands, labels and warnings."""
         self.commands: list[bytes] = []  # packed, in order
         self.labels: list[str] = []  # HTML
         self.warnings: list[str] = []  # of what could not be drawn, plain text
@@ -67,6 +68,12 @@ class Recorder:
                 umsgpack.packb(command.lower()),
             )
         )
+
+
+DrawnScene = tuple[Recorder, str, Array | None]
+"""The window into which a scene is drawn, the HTML beside it, and the times of the animation and of
+the kick that it shows then, shape `(n, 2)` [s]. The kick's time is linear in between; without an
+animation there are None."""
 
 
 def recording_viewer() -> Any:
@@ -87,37 +94,84 @@ def draw_label(viewer: Any, text: str, point: Array, colour: str = "") -> None:
     )
 
 
-def html_document(
-    title: str, scenes: Sequence[tuple[Recorder, str, Array | None]], names: Sequence[str] = ()
-) -> str:
-    """Return a page that shows the first of some scenes.
+class SceneParts(NamedTuple):
+    """Scenes as a page has them.
+
+    Attributes:
+        numbers: of the packed commands, each of which a page has once.
+        scenes: of each, the numbers of its commands in order, and `times` of its animation.
+        labels, buttons, panels: HTML.
+    """
+
+    numbers: dict[bytes, int]
+    scenes: list[dict[str, Any]]
+    labels: str
+    buttons: str
+    panels: str
+
+
+def scene_parts(
+    scenes: Sequence[DrawnScene],
+    names: Sequence[str] = (),
+    known: Mapping[bytes, int] = MappingProxyType({}),
+    first_number: int = 0,
+) -> SceneParts:
+    """Return the parts of a page.
 
     Args:
-        title: plain text.
-        scenes: for each, the window into which it is drawn, the HTML beside it, and the times of
-            the animation and of the kick that it shows then, shape `(n, 2)` [s]. The kick's time is
-            linear in between; without an animation there are None.
+        scenes: that it shows.
         names: plain text of the buttons that choose a scene, one for each of several.
+        known: numbers of commands that have one.
+        first_number: of the commands that have none.
     """
-    numbers: dict[bytes, int] = {}  # of commands; each command is on the page once
+    numbers: dict[bytes, int] = {}
+    next_number = count(first_number)
     recordings, labels, panels = [], [], []
     for index, (window, panel, times) in enumerate(scenes):
+        for command in window.commands:
+            if command not in numbers:
+                numbers[command] = known[command] if command in known else next(next_number)
         recordings.append({
-            "commands": [numbers.setdefault(c, len(numbers)) for c in window.commands],
+            "commands": [numbers[command] for command in window.commands],
             "times": None if times is None else times.tolist(),
         })  # fmt: skip
         texts = "\n".join(window.labels)
         labels.append(f'<div class="labels scene" data-scene="{index}">\n{texts}\n</div>')
         panels.append(f'<section class="scene" data-scene="{index}">\n{panel}</section>')
     buttons = "".join(f"<button>{escape(name)}</button>\n" for name in names)
+    return SceneParts(
+        numbers,
+        recordings,
+        "\n".join(labels),
+        f"<nav>\n{buttons}</nav>\n" if len(scenes) > 1 else "",
+        "\n".join(panels),
+    )
+
+
+def html_document(
+    title: str, scenes: Sequence[DrawnScene], names: Sequence[str] = (), *, is_live: bool = False
+) -> str:
+    """Return a page that shows the first of some scenes.
+
+    Args:
+        title: plain text.
+        scenes: that buttons choose among.
+        names: plain text of the buttons, one for each of several scenes.
+        is_live: whether it takes scenes from the server that it comes from (`View`).
+    """
+    parts = scene_parts(scenes, names)
     values = {
         "title": escape(title),
-        "labels": "\n".join(labels),
-        "buttons": f"<nav>\n{buttons}</nav>\n" if len(scenes) > 1 else "",
-        "panels": "\n".join(panels),
+        "source": "'self'" if is_live else "'none'",
+        "live": str(is_live).lower(),
+        "labels": parts.labels,
+        "buttons": parts.buttons,
+        "panels": parts.panels,
         "engine": _text_of("meshcat", "viewer/dist/main.min.js"),  # with three.js
-        "commands": ",\n".join(f'"{base64.b64encode(packed).decode()}"' for packed in numbers),
-        "scenes": json.dumps(recordings),
+        "commands": ",\n".join(
+            f'"{base64.b64encode(packed).decode()}"' for packed in parts.numbers
+        ),
+        "scenes": json.dumps(parts.scenes),
         "left": str(LEFT / UP),
         "right": str(RIGHT / UP),
         "spread": str(1.1 * (LEFT + RIGHT) / (2 * UP)),
@@ -128,7 +182,6 @@ def html_document(
 
 @cache
 def _text_of(package: str, name: str) -> str:
-    """Return a text file of a package."""
     return (files(package) / name).read_text(encoding="utf-8")
 
 

@@ -17,7 +17,6 @@ from kickdyn.flight.follow import Course
 from kickdyn.impact.impact_result import Impact
 from kickdyn.motion.motion import Motion
 from kickdyn.robot.ground_clearance import find_depths, shape_of
-from kickdyn.robot.leg import Leg
 from kickdyn.robot.model_validation import frame_id
 from kickdyn.robot.standing import hold_support
 from kickdyn.view import marks
@@ -106,8 +105,8 @@ def draw_kick(
     """Draw a kick, from the swing to the landing, over and over, with walls and goals as scenery.
 
     Without a motion from rest to rest through this impact, the joints move as `leg_configuration`
-    says. Where the ball need not lie on the ground (`lies`), the
-    ground is where a robot stands, or as low as ball and leg come.
+    says. Where the ball need not lie on the ground (`lies`), the ground is where a robot stands, or
+    as low as ball and leg come.
 
     Returns:
         The pace of the animation, and a sentence about the ground, empty if the ball lies on it.
@@ -141,7 +140,9 @@ def draw_kick(
         *(box.corners() for box in scenery),
     ]
     if motion is not None:
-        far.append(box_corners(_points_of(leg, moved[::8]), ball.radius))
+        passed = [pose[:3, 3] for q in moved[::8] for pose in joint_poses(leg, q)[1:]]
+        passed += [leg.posture(q).contact_point for q in moved[::8]]
+        far.append(box_corners(np.array(passed), ball.radius))
     points = np.vstack(far)
     camera = camera_for(near, points, forward, behind=bool(scenery))
     set_stage(viewer, camera, np.vstack([near, points]))
@@ -275,17 +276,8 @@ def _ground_height(impact: Impact, moved: Sequence[Array], bottom: float) -> flo
         pin.forwardKinematics(model, data, posture.q)
         placement = pin.updateFramePlacement(model, data, frame_id(model, name))
         return float(shape_of(leg, name).moved(placement.homogeneous).lowest)
-    depths = find_depths(leg, moved, bottom)
-    return bottom - depths[0].depth if depths else bottom
-
-
-def _points_of(leg: Leg, configurations: Sequence[Array]) -> Array:
-    """Return positions of joints and contact point at configurations, shape `(n, 3)` [m]."""
-    points = []
-    for q in configurations:
-        points += [pose[:3, 3] for pose in joint_poses(leg, q)[1:]]
-        points.append(leg.posture(q).contact_point)
-    return np.array(points)
+    depths = [depth for q in moved for depth in find_depths(leg, q, bottom).values()]
+    return bottom - max(depths, default=0.0)
 
 
 def _animation(

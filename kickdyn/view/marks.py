@@ -84,16 +84,11 @@ COPLANAR_OFFSET = {"polygonOffset": True, "polygonOffsetFactor": -1.0, "polygonO
 
 
 def draw_distances(viewer: Any, start: Array, forward: Array, step: float, length: float) -> None:
-    """Write the distance at every stripe of the lawn, from a point on the ground `(3,)` [m].
+    """Write the distance at every stripe of the lawn, from the point `start` on the ground [m].
 
-    The page writes the first and the last distance first, the others where there is space.
-
-    Args:
-        viewer: the node to draw into.
-        start: where the distance is 0, shape `(3,)` [m].
-        forward: horizontal unit vector across the stripes, shape `(3,)`.
-        step: width of a stripe [m].
-        length: where the distances end [m], at the nearest edge beyond or just before it.
+    The stripes are `step` wide, across the unit vector `forward`, and the last distance is at the
+    edge nearest to `length` [m]. The page writes the first and the last distance first, the others
+    where there is space.
     """
     count = max(1, math.ceil(length / step - 0.05))
     for k in (0, count, *range(1, count)):

@@ -24,12 +24,14 @@ from kickdyn.motion.motion import Motion
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.launch import Launch
 from kickdyn.planning.passes import Pass
+from kickdyn.robot.leg import Leg, Posture
 from kickdyn.scene.scene import Scene
 from kickdyn.scene.simulate import Simulation, simulate_as_instant
 from kickdyn.view.caption import kick_panel
 from kickdyn.view.comparison import draw_flights
-from kickdyn.view.document import html_document, recording_viewer, save_picture
+from kickdyn.view.document import DrawnScene, html_document, recording_viewer, save_picture
 from kickdyn.view.kick_scene import Pace, draw_kick
+from kickdyn.view.leg_scene import draw_motion, draw_posture
 from kickdyn.view.wall_and_goal import Box, plane_boxes, wall_boxes
 
 FRAME_HEIGHT = 600
@@ -38,6 +40,7 @@ FRAME_HEIGHT = 600
 _Path = Flight | Course
 _Comparable = Impact | Flight | Course | Launch | Pass | Identification
 _MovingSubject = Impact | KickPlan | Scene | Simulation
+_LegAlone = Leg | Posture | Motion
 
 
 class Page:
@@ -63,11 +66,15 @@ class Page:
     @property
     def html(self) -> str:
         """The page as one file that needs no network."""
-        scenes = [
+        return html_document(self.title, self.scenes, list(self.pages))
+
+    @property
+    def scenes(self) -> list[DrawnScene]:
+        """What it shows, one for each of its buttons."""
+        return [
             (page.viewer.window, page.panel, page.pace and page.pace.knots)
             for page in self.pages.values() or [self]
         ]
-        return html_document(self.title, scenes, list(self.pages))
 
     def save(self, file: str | PathLike[str], at: float = 0.0) -> None:
         """Write the page, or a picture of it where the name ends in `.png`.
@@ -96,7 +103,6 @@ class Page:
         return f"<Page {self.title!r}: save it as .html, or as .png>"
 
     def _repr_html_(self) -> str:
-        """Return a frame that contains the page."""
         return (
             f'<iframe srcdoc="{escape(self.html)}" sandbox="allow-scripts" '
             f'style="width: 100%; height: {FRAME_HEIGHT}px; border: 0"></iframe>'
@@ -105,7 +111,9 @@ class Page:
 
 @validation.check_arguments
 def page(
-    subject: _MovingSubject | _Comparable | Iterable[_Comparable] | Mapping[str, _Comparable],
+    subject: (
+        _MovingSubject | _LegAlone | _Comparable | Iterable[_Comparable] | Mapping[str, _Comparable]
+    ),
     path: _Path | None = None,
     *,
     caption: str = "",
@@ -115,7 +123,8 @@ def page(
 
     A kick moves: an `Impact` with the ball's path, a `KickPlan` (with its `motion` if it has
     one), a `Scene` or the `Simulation` of one. A scene is shown with its wall or goal,
-    and its contact as instantaneous.
+    and its contact as instantaneous. A `Leg` (with all joints at 0), a `Posture` and a `Motion` are
+    shown without a ball.
     A `Flight`, `Course`, `Launch` or `Pass`, and up to 8 of them, are curves over one lawn; the
     flight of an `Identification` is a curve with the measured positions as dots. Of several
     impacts, buttons choose the one that is shown.
@@ -143,6 +152,8 @@ def page(
         raise InvalidInput(
             f"path is named with a {type(subject).__name__}: it belongs to an Impact"
         )
+    if isinstance(subject, _LegAlone):
+        return _page_of_leg(subject, caption)
     if not isinstance(subject, _MovingSubject):
         return _comparison(subject, caption)
     kick = _kick_of(subject, path, caption)
@@ -156,6 +167,15 @@ def page(
     name = impact.posture.leg.name or "leg"
     title = f"{name}: ball at {float(impact.ball_after.speed):.4g} m/s"
     return Page(viewer, title, panel, pace)
+
+
+def _page_of_leg(subject: _LegAlone, caption: str) -> Page:
+    viewer = recording_viewer()
+    if isinstance(subject, Motion):
+        panel, pace = draw_motion(viewer, subject, caption)
+        return Page(viewer, f"{subject.robot.name or 'leg'}: motion", panel, pace)
+    posture = subject if isinstance(subject, Posture) else subject.posture(subject.configuration())
+    return Page(viewer, posture.leg.name or "leg", draw_posture(viewer, posture, caption))
 
 
 class _Kick(NamedTuple):
@@ -226,7 +246,6 @@ def _comparison(
     subject: _Comparable | Iterable[_Comparable] | Mapping[str, _Comparable],
     caption: str,
 ) -> Page:
-    """Return the page of several flights, or of several impacts."""
     if isinstance(subject, Flight | Course | Launch | Pass | Identification):
         subject = {type(subject).__name__.lower(): subject}
     elif not isinstance(subject, Mapping):

@@ -78,15 +78,14 @@ def wall_boxes(
     ]  # fmt: skip
 
 
-def goal_boxes(foot: Array, distance: float) -> list[Box]:
-    """Return a goal across x, straight ahead of a point on the ground `(3,)` [m]."""
-    return _goal_at(foot + np.array([distance, 0.0, 0.0]), 0.0)
+def goal_boxes(foot: Array, distance: float, heading: float = 0.0) -> list[Box]:
+    """Return a goal at a distance [m] straight ahead of a point on the ground `(3,)` [m].
 
-
-def _goal_at(line: Array, heading: float) -> list[Box]:
-    """Return a goal by the middle of its line on the ground `(3,)` [m] and its normal [rad]."""
+    The heading is the direction ahead, from x towards y [rad].
+    """
     width, height, thick = GOAL
-    left = np.array([-math.sin(heading), math.cos(heading), 0.0])
+    ahead = np.array([math.cos(heading), math.sin(heading), 0.0])
+    line, left = foot + distance * ahead, np.cross(UP_AXIS, ahead)
     side = (width + thick) / 2
     post, up = np.array([thick, thick, height]), np.array([0.0, 0.0, height / 2])
     bar = np.array([thick, width + 2 * thick, thick])
@@ -106,7 +105,7 @@ def plane_boxes(plane: Plane, end: Array, floor: float) -> list[Box]:
     normal = plane.normal
     heading = math.atan2(normal[1], normal[0])
     if plane.is_goal_line:
-        return _goal_at(np.array([*plane.point[:2], floor]), heading)
+        return goal_boxes(np.array([*plane.point[:2], floor]), 0.0, heading)
     middle = end - float(normal @ (end - plane.point)) * normal - THICKNESS / 2 * normal
     if abs(float(normal[2])) >= 1e-9:
         tilt = math.asin(float(normal[2]))

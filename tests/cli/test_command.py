@@ -1,11 +1,12 @@
 import subprocess
 import sys
+from contextlib import nullcontext
 
 import click
 import pytest
 
 import kickdyn as kd
-from kickdyn.cli.command import Command, run
+from kickdyn.cli.command import Command, check_page_name, run
 from kickdyn.cli.option_groups import JsonOptions
 
 INTERRUPTED = """
@@ -105,3 +106,12 @@ def test_files_that_will_be_replaced_are_named(tmp_path, monkeypatch, capsys):
     first, second = capsys.readouterr().err.splitlines()
     assert first == "a.png exists and will be replaced"
     assert second == "b.json, a.png exist and will be replaced"
+
+
+@pytest.mark.parametrize(
+    ("name", "refused"),
+    [("a.html", False), ("a.HTM", False), ("a.htm", False), ("a.txt", True), ("a", True)],
+)
+def test_a_page_is_written_under_the_endings_of_html(name, refused):
+    with pytest.raises(kd.InvalidInput, match="html") if refused else nullcontext():
+        check_page_name(name)

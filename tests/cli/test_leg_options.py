@@ -35,6 +35,21 @@ def test_the_human_leg_is_the_default():
     assert (leg.name, leg.frame, leg.constraints, said) == ("leg_human", "toe", None, "")
 
 
+def test_loops_of_an_mjcf_stay_beside_those_of_options(tmp_path):
+    file = tmp_path / "leg.xml"
+    file.write_text(
+        '<mujoco><worldbody><body name="base"><geom size="0.1"/>'
+        '<body name="a"><joint name="ja" axis="0 1 0"/><geom size="0.1" pos="0 0 -1"/></body>'
+        '<body name="b" pos="1 0 0"><joint name="jb" axis="0 1 0"/><geom size="0.1" pos="0 0 -1"/>'
+        '<body name="c" pos="0 0 -1"><joint name="jc" axis="0 1 0"/>'
+        '<geom size="0.1" pos="-0.5 0 0"/></body></body></body></worldbody><equality>'
+        '<connect name="bar" body1="a" body2="c" anchor="0 0 -1"/></equality></mujoco>'
+    )
+    (own,) = loaded("--leg", str(file), "--frame", "c")[0].loops
+    leg, _ = loaded("--leg", str(file), "--frame", "c", "--loop", "a:b")
+    assert leg.loops == (own, ("a", "b"))
+
+
 def test_loops_close_what_a_file_cuts_open():
     leg, said = loaded("--leg", FOURBAR, "--loop", LOOP)
     assert (leg.constraints.loops, said) == ((("shank_pin", "rocker_b_tip"),), "")
@@ -69,6 +84,44 @@ def test_joints_are_locked_in_degrees_or_metres(tmp_path):
 
 def test_stiff_joints():
     assert loaded("--stiff", "ankle", "--stiff", "knee")[0].stiff_joints == ("ankle", "knee")
+
+
+def test_a_support_has_its_sole_in_a_file(tmp_path):
+    file = tmp_path / "left.toml"
+    sole = [[0.02, 0.01, 0.0], [0.02, -0.01, 0.0], [-0.02, 0.0, 0.0]]
+    file.write_text(f"frame = 'FL_FOOT'\nfriction = 0.6\nsole = {sole}")
+    leg, _ = loaded("--leg", "bolt", "--support", str(file), "--frame", "FR_FOOT:heel")
+    (support,) = leg.constraints.supports
+    assert (support.frame, support.friction, support.sole.tolist()) == ("FL_FOOT", 0.6, sole)
+    assert leg.frame == "heel"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (
+            "frame = 'FL_FOOT'\nfriciton = 1",
+            "support has frame, friciton: .*may have point, fricti",
+        ),
+        ("friction = 1", "support has friction: it needs frame"),
+        ("", "support has no keys: it needs frame"),
+        ("frame = 'FL_FOOT'\nsole = [[0, 0, 0], [1, 1, 1]]", r"sole of FL_FOOT has shape \(2, 3\)"),
+        (
+            "frame = 'FL_FOOT'\nsole = [[0, 0, 0], [1, 0, 0], [2, 0, 0]]",
+            "sole of FL_FOOT is .*: its corners must span an area",
+        ),
+        ("frame = 'FL_FOOT'\nsole = [[0, 0], [1, 0], [1, 1]]", r"has shape \(3, 2\): it must be"),
+        ("frame = 'FL_FOOT'\nsole = 'round'", "sole of FL_FOOT is 'round'"),
+        ("frame = 'FL_FOOT'\nfriction = -1", "friction under FL_FOOT is -1.*at least 0"),
+        ("frame", "left.toml: is not TOML"),
+    ],
+)
+def test_bad_files_of_supports_are_refused_in_a_line(tmp_path, text, said):
+    file = tmp_path / "left.toml"
+    file.write_text(text)
+    with pytest.raises(kd.InvalidInput, match=said) as refused:
+        loaded("--leg", "bolt", "--support", str(file))
+    assert "\n" not in str(refused.value)
 
 
 def test_supports_of_a_file_float_its_base():
@@ -252,3 +305,20 @@ def test_drives_of_a_command_are_a_file_or_none(tmp_path):
     ):
         leg, _ = loaded("--leg", "g1", *arguments)
         assert leg.model.armature[leg.velocity_index("right_knee_joint")] == knee
+
+
+def test_a_human_leg_of_a_size():
+    leg, _ = loaded(
+        "--leg", "human:height=1.65,mass=58,sex=female,side=left,model=3d",
+        "--frame", "inside", "--lock", "subtalar=10",
+    )  # fmt: skip
+    size = {"height": 1.65, "mass": 58, "sex": "female", "side": "left", "model": "3d"}
+    assert (
+        leg.model
+        == kd.Leg.human(**size, frame="inside").locked({"subtalar": math.radians(10)}).model
+    )
+    for wrong in ("human:", "human:height=1.65,height=2", "human:mass=x", "human:age=3"):
+        with pytest.raises(
+            kd.InvalidInput, match=f"--leg is '{wrong}': '.*' must be height=METRES"
+        ):
+            loaded("--leg", wrong)

@@ -59,7 +59,7 @@ def test_every_number_of_a_scene_is_that_of_the_measurement():
     head, *rows = filter(None, ended.stdout.splitlines())
     impulse = float(np.linalg.norm(exact.impact.impulse))
     assert head.startswith(f"volley: impulse {impulse:.4g} N s, {exact.end_text}.")
-    table = {row[:14].strip(): row[14:].split() for row in rows[2:]}
+    table = {row[:14].strip(): row[14:].split() for row in rows[1:]}
     for size in sizes:
         assert table[size.effect] == [f"{size.end:.3g}", f"{size.impulse:.3g}"]
     assert "warning: lift saturating: " in ended.stdout

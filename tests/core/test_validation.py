@@ -43,6 +43,14 @@ def test_number_refuses_what_is_not(value):
         validation.number("length", value, unit="m")
 
 
+@pytest.mark.parametrize("kind", [float, np.float64, np.float32, Fraction, Decimal, np.array])
+def test_a_number_outside_its_limits_is_shown_as_a_plain_number(kind):
+    with pytest.raises(
+        InvalidInput, match=r"^length is -2\.5: it must be a finite number above 0$"
+    ):
+        validation.number("length", kind(-2.5), above=0)
+
+
 @pytest.mark.parametrize(
     ("limits", "inside", "outside", "said"),
     [

@@ -11,7 +11,8 @@ import pytest
 import kickdyn as kd
 from kickdyn.aerodynamics import drag, lift
 from kickdyn.aerodynamics import spin_decay as torque
-from kickdyn.flight.batch import fly_many
+from kickdyn.flight import batch
+from kickdyn.flight.batch import _outside, fly_many
 
 BALL = kd.Ball()
 AIR = kd.Air()
@@ -416,3 +417,37 @@ def test_a_lifted_ball_is_not_ballistic():
     many = fly_many(states, BALL, air)
     assert (many.evaluations.values > 0).tolist() == [True, False]
     assert many.duration.values[0] > 1.2 * many.duration.values[1]
+
+
+@pytest.mark.parametrize(
+    ("speeds", "left", "outside"),
+    [
+        ((20, 20, 20), (1.0, 1.0), False),
+        ((17, 20, 20), (1.0, 1.0), True),
+        ((20, 17, 20), (1.0, 1.0), True),
+        ((20, 20, 17), (1.0, 1.0), True),
+        ((20, 17, 17), (0.8, 0.7), False),  # the spin has decayed until then
+        ((20, 17, 17), (0.8, 0.95), True),
+        ((20, 17, 17), (0.95, 0.7), True),
+    ],
+)
+def test_outside_are_flights_that_leave_the_data_at_launch_apex_or_landing(speeds, left, outside):
+    """The lift is known to a spin parameter of 0.3, which this spin has at 19 m/s."""
+    air, nodes = kd.Air(drag=None), np.zeros((1, 16))
+    at_launch, at_apex, at_landing = (np.array([[float(speed), 0, 0]]) for speed in speeds)
+    states = kd.BallState([(0, 0, 0)], at_launch, [(0, -0.3 * 19 / BALL.radius, 0)], [0.0])
+    nodes[:, 0], nodes[:, 4:7], nodes[:, 12:15] = 1.0, at_landing, at_apex
+    nodes[:, 15], nodes[:, 7] = left
+    assert _outside(states, nodes, np.array([0]), BALL, air).tolist() == [outside]
+
+
+def test_the_spin_that_is_left_at_apex_and_landing_is_that_of_fly(monkeypatch):
+    nodes = []
+    monkeypatch.setattr(batch, "_outside", lambda _, at, *more: nodes.append(at) or at[:, 0] > 0)
+    states = launches(20, 5)
+    fly_many(states, BALL, AIR, tol=1e-10)
+    for i, row in enumerate(nodes[0]):
+        flight = kd.fly(of(states, i), BALL, AIR, tol=1e-10)
+        for left, at in ((row[7], flight.landing), (row[15], flight.apex)):
+            spin = np.linalg.norm(flight.launch.spin)
+            assert left * spin == pytest.approx(np.linalg.norm(at.spin), rel=1e-6)

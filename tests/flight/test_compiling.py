@@ -163,3 +163,12 @@ def test_exp_is_right_to_the_last_digits():
     assert (exp(-709.0), exp(-math.inf), exp(709.5), exp(math.inf)) == (0, 0, math.inf, math.inf)
     assert math.isnan(exp(math.nan))
     assert mathematics.sin is math.sin
+
+
+@pytest.mark.parametrize(
+    "used", [np.array([0.2]), np.array([0.3]), types, object(), [0.2]], ids=str
+)
+def test_what_uses_a_value_that_cannot_be_compared_has_no_name(used):
+    """Nothing that was compiled of it may serve another function."""
+    assert fingerprint(with_globals(by_name, LEVEL=used)) is None
+    assert fingerprint(with_globals(by_name, LEVEL=0.2)) is not None

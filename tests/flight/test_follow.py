@@ -164,3 +164,9 @@ def test_flights_without_a_duration_have_warnings():
     )
     still = [replace(flight, landing=flight.launch) for flight in course.flights]
     assert isinstance(replace(course, flights=tuple(still)).warnings, tuple)
+
+
+def test_many_states_are_refused():
+    many = kd.BallState(np.zeros((2, 3)), np.zeros((2, 3)), np.zeros((2, 3)), [0, 1])
+    with pytest.raises(kd.InvalidInput, match=r"launch has shape \(2, 3\): "):
+        kd.follow(many, kd.Ball(), kd.Air())

@@ -186,3 +186,13 @@ def test_an_absurd_ball_slides_or_is_refused_in_a_line(ball, height, velocity, s
         with contextlib.suppress(kd.KickdynError):
             rest = kd.follow(launch, ball, air, ground).rest
             assert np.isfinite(rest.position).all()
+
+
+def test_buoyancy_takes_friction_from_a_ball_that_slides():
+    """A light ball in dense air: the ground carries its weight less that of the air."""
+    air, ball = kd.Air(density=20.0, drag=None, lift=None, torque=None), kd.Ball(0.41, 0.11)
+    start = kd.BallState((1, 2, ball.radius), (10, 0, 0))
+    lighter = 1 - 20.0 * 4 / 3 * math.pi * 0.11**3 / 0.41
+    path = slide(start, ball, air, TURF)
+    assert lighter < 0.8
+    assert path.duration == pytest.approx(4 / (TURF.friction * 9.81 * lighter))

@@ -57,9 +57,11 @@ def test_times_may_count_from_1970():
 
 
 def test_drag_wind_and_lift_of_a_flight():
-    air = kd.Air(wind=(2.0, -1.0, 0.0), drag=constant(0.25))
+    air = kd.Air(wind=(2.0, -1.0, 0.5), drag=constant(0.25))
     track = flown((20, 3, 8), (0, -60, 20), air)
-    found = kd.identify(track, BALL, kd.Air(), free=("spin", "drag", "lift-scale", "wind"))
+    found = kd.identify(
+        track, BALL, kd.Air(wind=(0, 0, 0.5)), free=("spin", "drag", "lift-scale", "wind")
+    )
     for name, value in {"drag": 0.25, "lift_scale": 1.0, "wind_x": 2.0, "wind_y": -1.0}.items():
         assert found.values[name] == pytest.approx(value, rel=1e-5)
     assert found.launch.velocity[0] == pytest.approx(20)

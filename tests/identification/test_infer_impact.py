@@ -233,3 +233,12 @@ def test_what_gives_no_table_is_refused():
     ):
         with pytest.raises(kd.InvalidInput, match=message):
             kd.fit_restitution(impacts, knots)
+
+
+def test_a_velocity_that_supports_or_loops_forbid_is_refused():
+    robot = kd.Leg.from_robot("g1", base="floating", legs_only=True)
+    posture = robot.with_supports("left_ankle_roll_link").posture(robot.configuration())
+    place = posture.contact_point + np.array([0.11, 0, 0])
+    before, after = kd.BallState(place), kd.BallState(place, (5, 0, 1))
+    with pytest.raises(kd.InvalidInput, match="left_ankle_roll_link"):
+        kd.infer_impact(posture, np.ones(robot.nv), kd.Ball(), before, after)

@@ -222,7 +222,12 @@ def test_it_goes_on_after_a_kick_that_is_far_off():
 
 def test_what_holds_with_reservations_is_warned_of():
     weak = kd.Learner(kd.Goal(60.0, time=2.0), BALL, MODEL, kd.Leg.testbed())
-    assert any("beyond the limits of the leg" in line for line in weak.warnings)
+    share = f"the kick has {weak.command.share:.0%} of the launch speed"
+    assert f"the goal is beyond the limits of the leg: {share}" in weak.warnings
+    assert weak.command.share == pytest.approx(
+        weak.command.impact.ball_after.speed / np.linalg.norm(weak.command.launch.velocity),
+        abs=0.01,
+    )
     assert "warning" in str(weak)
     learner = learner_for(prior={"drag_scale": 0.01, "elevation": 1e-3}, scatter=0.01)
     learner.observe([60.0, 0.0], 1.5)

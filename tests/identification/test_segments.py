@@ -289,3 +289,33 @@ def test_a_track_with_times_in_minutes_is_refused():
     times = np.arange(0, path.duration, 0.02)
     with pytest.raises(kd.InvalidInput, match=r"faster than sound: .* times in seconds"):
         kd.segments(kd.Track(times / 60.0, path.sample(times).position))
+
+
+def test_the_lines_have_the_numbers_of_the_parts():
+    track, _ = course(3)
+    found = kd.segments(track, BALL, GROUND)
+    lines = str(found).splitlines()
+    number = r"([-\d.]+)"
+    for line, part in zip(lines[1:], found.parts, strict=False):
+        words = rf"{part.kind} +{number}-{number} +{number}-{number} +{part.begins} +{number}$"
+        shown = [float(text.rstrip("-")) for text in re.match(words, line).groups()]
+        ends = track.times[part.first], track.times[part.last - 1]
+        speed = np.linalg.norm(part.velocity_after)
+        assert shown[:2] == [part.first, part.last]
+        assert shown[2:] == pytest.approx([*ends, speed], abs=0.0051)
+    values = {
+        name: getattr(found, name) for name in ("restitution", "friction", "rolling_deceleration")
+    }
+    shown = [f"{name.replace('_', ' ')}: {value}" for name, value in values.items() if value]
+    assert lines[1 + len(found.parts) :] == shown + [f"warning: {line}" for line in found.warnings]
+
+
+@pytest.mark.parametrize(("duration", "known"), [(0.45, False), (0.8, True)])
+def test_rolling_for_less_than_half_a_second_gives_no_deceleration(duration, known):
+    rolling = kd.BallState((0, 0, BALL.radius), (4, 0, 0), (0, 4 / BALL.radius, 0))
+    path = kd.follow(rolling, BALL, kd.Air(), GROUND)
+    times = np.arange(0.0, duration, 0.01)
+    noise = np.random.default_rng(1).normal(0, 1e-4, (len(times), 3))
+    found = kd.segments(kd.Track(times, path.sample(times).position + noise), BALL, GROUND)
+    assert {part.kind for part in found.parts} == {SegmentKind.ROLLING}
+    assert (found.rolling_deceleration is not None) is known

@@ -138,7 +138,10 @@ def test_standing_makes_the_foot_heavier():
 def test_an_earlier_strike_leaves_nothing_behind():
     kick, options = any_kick(np.random.default_rng(3), STANDING["g1 on a sole"])
     posture = kd.strike(*kick, **options).posture
-    forces, left_over = joint_impulses(posture, np.zeros(posture.leg.nv), np.zeros(3))
+    constraint_impulses = np.zeros(len(posture.constraint_projector.rows))
+    forces, left_over = joint_impulses(
+        posture, np.zeros(posture.leg.nv), np.zeros(3), constraint_impulses
+    )
     assert not forces.any()
     assert not left_over.any()
 

@@ -6,6 +6,7 @@ import pytest
 from chains import constraint_speed, random_kick, random_leg
 
 import kickdyn as kd
+from kickdyn.impact import leg_response as leg_response_module
 from kickdyn.robot.urdf_file import shipped_urdf
 
 
@@ -183,3 +184,16 @@ def test_an_impact_that_was_interrupted_leaves_nothing(held, monkeypatch):
             _ = kd.strike(*kick).joint_impulses
     leg.workspace.external_wrenches[1] += 1.0  # wherever it stopped
     assert (kd.strike(*kick).joint_impulses == wanted).all()
+
+
+def test_the_momentum_residual_is_relative_to_what_the_impulse_brings_into_the_joints():
+    """With a momentum left over that is not rounding: over |J| |p|, whatever the impulse."""
+    posture = kd.Leg.human().posture([0.7, 0.5, -0.3])
+    impulse, left = np.array([3.0, 0.0, 4.0]), np.array([0.02, -0.05, 0.01])
+    for size in (1.0, 1e-6):
+        response = leg_response_module._as_response(
+            posture, np.zeros(3), size * impulse, np.zeros(0), np.zeros(3), np.zeros((3, 6)),
+            size * left,
+        )  # fmt: skip
+        expected = 0.05 / (5.0 * posture.jacobian_norm)
+        assert response.momentum_residual == pytest.approx(expected, rel=1e-12)

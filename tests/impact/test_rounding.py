@@ -1,6 +1,9 @@
 """Digits that an impact claims: random chains against 50 digits, and what takes digits."""
 
+from dataclasses import replace
+
 import numpy as np
+import pinocchio as pin
 import pytest
 from chains import any_kick
 from digits import FAMILIES, shortfalls
@@ -32,3 +35,17 @@ def test_redundant_supports_claim_a_finite_number_of_digits():
 
 def test_digits_are_those_of_float64():
     assert digits_left(np.array([0.0, 1e-3, 2.0])) == pytest.approx([16.0, 3.0, 0.0])
+
+
+@pytest.mark.parametrize("source", ["ball_spin", "ball_velocity"])
+def test_an_input_that_is_rounded_takes_its_share_of_the_digits(source):
+    """Across the normal, 1e4 times as fast as the foot: the impulse has no more digits than it."""
+    model = pin.Model()
+    joint = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "rail")
+    model.appendBodyToJoint(joint, pin.Inertia.FromSphere(2.0, 0.1), pin.SE3.Identity())
+    model.addFrame(pin.Frame("face", joint, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
+    posture, contact = kd.Leg.from_model(model, "face").posture([0.0]), kd.Contact((1, 0, 0), 0.7)
+    motion = {"ball_spin": (0, 1e5, 0)} if source == "ball_spin" else {"ball_velocity": (0, 0, 1e4)}
+    hit = kd.strike(posture, [1.0], kd.Ball(), replace(contact, friction=1e6), **motion)
+    assert hit.sticking
+    assert hit.digits <= digits_left(np.finfo(float).eps)

@@ -96,14 +96,16 @@ def test_without_sliding_there_is_no_friction_to_set_in():
     assert slopes.impulse["restitution"][:, 0] == pytest.approx(by_e, rel=1e-8)
 
 
-def test_the_boundary_is_announced():
+@pytest.mark.parametrize("pace", [1.0, 1e-8])  # the boundary is relative to the impulse
+def test_the_boundary_is_announced(pace):
     kick, options = human(5.0)
     hit = kd.strike(*kick, **options)
     assert hit.sticking
     pressing = float(hit.contact.normal @ hit.impulse)
     edge = np.linalg.norm(hit.impulse - pressing * hit.contact.normal) / pressing
     for friction, at_boundary in ((edge, True), (edge * 1.001, False), (edge * 0.999, False)):
-        slopes = kd.strike(*human(friction)[0]).sensitivity()
+        posture, v, *others = human(friction)[0]
+        slopes = kd.strike(posture, pace * np.array(v), *others).sensitivity()
         assert slopes.at_boundary is at_boundary
     assert slopes.branch == "slip"
 

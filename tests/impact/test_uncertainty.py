@@ -221,6 +221,7 @@ def test_a_strike_near_the_boundary_says_so():
     [
         ({}, "no source is named: choose among q, v, restitution"),
         ({"speed": 0.1}, "source 'speed' is unknown: choose among q, v"),
+        ({"q": 0.1, "size": 0.1, "v": 0.2}, "source 'size' is unknown: choose among q, v"),
         ({"q": -0.1}, r"spread of q is -0\.1: it must be 0 or more"),
         ({"q": [0.1, 0.2]}, r"spread of q has shape \(2,\): it must be a number, \(3,\) or"),
         ({"v": np.diag([1.0, 1.0, -1.0])}, "smallest eigenvalue of -1: .*semidefinite"),

@@ -297,6 +297,23 @@ def test_a_fast_spin_costs_the_normal_no_digits():
     assert fast == pytest.approx(still, rel=1e-12)
 
 
+@pytest.mark.parametrize("corners", [3, 4])
+def test_a_sole_that_slips_has_one_solution_on_three_corners_and_many_on_four(corners):
+    """The ball has no friction, so that its spin changes only where the solver starts."""
+    robot = kd.Leg.from_robot("g1", OTHER, base="floating")
+    support = kd.Support(FOOT, friction=0.6, sole=SOLE[:corners])
+    posture, v, ball, contact = kick(robot.with_supports(support), friction=0.0)
+    hits = [
+        kd.unilateral_strike(posture, v, ball, contact, ball_spin=spin)
+        for spin in ((0, 0, 0), (1e3, 1e3, -1e3), (1e10, 1e10, -1e10))
+    ]
+    assert {str(hit.footing[FOOT]) for hit in hits} == {"slips"}
+    assert max(hit.cone_residual for hit in hits) < 1e-12
+    for hit in hits[1:]:
+        rounding = 1e-12 if corners == 3 else 1e-5
+        assert hit.impulse == pytest.approx(hits[0].impulse, rel=rounding)
+
+
 @pytest.mark.parametrize("name", ["forward", "down", "slippery", "point foot"])
 @pytest.mark.parametrize("units", [(2.0**-8, 2.0**12, 2.0**-3), (2.0**6, 2.0**-10, 2.0**5)])
 def test_powers_of_two_of_the_units_change_no_bit(name, units):

@@ -3,39 +3,6 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from scipy.interpolate import BSpline
-
-import kickdyn as kd
-from kickdyn.motion.motion import Motion
-from kickdyn.robot.standing import StandingRobot
-
-
-def spline(draw, begin, end, first, last):
-    """Return a clamped cubic spline between two rows, and rows drawn around them."""
-    knots = np.r_[[begin] * 3, np.linspace(begin, end, 5), [end] * 3]
-    rows = np.linspace(first, last, 7) + draw.normal(0.0, 0.1, (7, len(first)))
-    rows[0], rows[-1] = first, last
-    return BSpline(knots, rows, 3)
-
-
-def make_motion(robot, joints, placement=None):
-    draw = np.random.default_rng(0)
-    start, hit, end = draw.uniform(-0.2, 0.2, (3, len(joints)))
-    before, after = spline(draw, -0.5, 0.0, start, hit), spline(draw, 0.0, 0.6, hit, end)
-    return Motion(robot, joints, before, after, placement)
-
-
-@pytest.fixture(scope="module")
-def walking():
-    robot = kd.Leg.from_robot("g1", base="floating", locked={"*wrist*": 0})
-    standing = StandingRobot(robot.with_supports("left_ankle_roll_link"))
-    return make_motion(standing.robot, standing.leg.joint_names, standing.placement)
-
-
-@pytest.fixture(scope="module")
-def swinging():
-    leg = kd.Leg.human()
-    return make_motion(leg, leg.joint_names)
 
 
 def test_a_motion_of_a_fixed_leg_is_its_splines_and_its_inverse_dynamics(swinging):
@@ -46,7 +13,7 @@ def test_a_motion_of_a_fixed_leg_is_its_splines_and_its_inverse_dynamics(swingin
     torque = pin.rnea(leg.model, leg.model.createData(), q, v, a)
     np.testing.assert_allclose(swinging.torque(t), torque, atol=1e-12)
     assert not swinging.ground_wrench(t).any()
-    assert (swinging.begin, swinging.end) == (-0.5, 0.6)
+    assert (swinging.begin, swinging.end) == (-0.53, 0.61)
     assert [phase.name for phase in swinging.phases] == ["backswing", "recovery"]
 
 
@@ -107,3 +74,26 @@ def test_torques_drive_the_robot_as_its_accelerations_say(walking):
     acceleration = pin.aba(model, data, q, v, force)
     rate = (walking.v(t + h) - walking.v(t - h)) / (2 * h)
     np.testing.assert_allclose(acceleration, rate, rtol=1e-5, atol=1e-4)
+
+
+@pytest.mark.parametrize("name", ["swinging", "walking"])
+def test_the_plot_has_all_torques_and_speeds(name, request):
+    """In per cent of the limits, before and after the impact."""
+    motion = request.getfixturevalue(name)
+    robot, panels = motion.robot, motion.plot().axes
+    at = [robot.velocity_index(joint) for joint in motion.joints]
+    for axes, value, limit in (
+        (panels[0], motion.torque, robot.effort_limit),
+        (panels[1], motion.v, robot.velocity_limit),
+    ):
+        curves = axes.lines[: 2 * len(at)]
+        for k, curve in enumerate(curves):
+            times = curve.get_xdata()[[0, 7, -1]]
+            column = at[k % len(at)]
+            shown = [100 * value(t)[column] / limit[column] for t in times]
+            assert curve.get_ydata()[[0, 7, -1]] == pytest.approx(shown, rel=1e-9, abs=1e-9)
+            assert (times[0] < 0) == (k < len(at))
+    assert [line.get_label() for line in panels[0].lines[: len(at)]] == list(motion.joints)
+    words = ["torque, % of its limit", "speed, % of its limit"]
+    assert [axes.get_ylabel() for axes in panels] == words
+    assert panels[-1].get_xlabel() == "time from the impact [s]"

@@ -11,31 +11,6 @@ from kickdyn.robot.standing import StandingRobot
 from kickdyn.simulators.mujoco_kick import COMPILER, write_bodies
 
 
-def make_motion(robot, joints, placement=None):
-    """Return a motion of splines, from -0.53 to 0.61 s."""
-    draw = np.random.default_rng(1)
-    first, hit, last = draw.uniform(-0.3, 0.3, (3, len(joints)))
-    splines = []
-    for begin, end, rows in ((-0.53, 0.0, (first, hit)), (0.0, 0.61, (hit, last))):
-        knots = np.r_[[begin] * 3, np.linspace(begin, end, 4), [end] * 3]
-        table = np.linspace(*rows, 6) + 0.1 * np.sin(np.arange(6) * np.pi / 5)[:, None]
-        splines.append(BSpline(knots, table, 3))
-    return Motion(robot, joints, *splines, placement)
-
-
-@pytest.fixture(scope="module")
-def walking():
-    robot = kd.Leg.from_robot("g1", base="floating", locked={"*wrist*": 0})
-    standing = StandingRobot(robot.with_supports("left_ankle_roll_link"))
-    return make_motion(standing.robot, standing.leg.joint_names, standing.placement)
-
-
-@pytest.fixture(scope="module")
-def swinging():
-    leg = kd.Leg.human()
-    return make_motion(leg, leg.joint_names)
-
-
 def test_a_csv_has_root_and_joints_in_the_order_of_the_model(walking, tmp_path):
     walking.save(tmp_path / "kick.csv", rate=50)
     table = np.loadtxt(tmp_path / "kick.csv", delimiter=",")
@@ -146,7 +121,7 @@ ROBOT = """<mujoco model="legs"><worldbody>
 """
 
 
-def test_keyframes_fit_the_mjcf_file_of_the_robot(tmp_path):
+def test_keyframes_fit_the_mjcf_file_of_the_robot(tmp_path, make_motion):
     """The file has a ball, which is not part of the robot, and a joint that is locked."""
     mujoco = pytest.importorskip("mujoco")
     (tmp_path / "robot.xml").write_text(ROBOT.replace("{include}", ""), "utf-8")

@@ -8,6 +8,7 @@ from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
 
+import casadi as ca
 import gymnasium
 import numpy as np
 import pinocchio as pin
@@ -18,7 +19,10 @@ from scipy.interpolate import BSpline
 import kickdyn as kd
 from kickdyn.core.validation import Array
 from kickdyn.motion import plan_motion
+from kickdyn.motion.limits import RangeLimit, SpeedLimit, TorqueLimit
 from kickdyn.motion.motion import Motion
+from kickdyn.motion.motion_problem import _restitution
+from kickdyn.motion.plan_motion import _Verdict
 from kickdyn.planning import kick
 from kickdyn.robot.collisions import find_ball_overlaps, find_self_collisions
 from kickdyn.robot.kicking_chain import kicking_chain
@@ -396,3 +400,65 @@ def test_curves_of_the_plot_are_shares_of_limits():
     assert largest == pytest.approx(100 * plan.torque_use, abs=1.0)
     largest = max(np.abs(line.get_ydata()).max() for line in speed.lines[:6])
     assert largest == pytest.approx(100 * plan.speed_use, abs=1.0)
+
+
+@pytest.mark.parametrize("table", [((3.0, 0.85), (9.0, 0.7), (20.0, 0.5)), 0.6])
+def test_the_restitution_of_a_problem_is_that_of_its_table(table):
+    """Linear between the rows and constant below the first one and above the last one."""
+    contact, speeds = kd.Contact((1, 0, 0), table), np.array([0.0, 1.0, 3.0, 7.0, 9.0, 15.0, 40.0])
+    given = [_restitution(SimpleNamespace(contact=contact), ca.DM(speed)) for speed in speeds]
+    wanted = np.interp(speeds, *np.transpose(table)) if np.ndim(table) else 0.6
+    assert np.array([float(e) for e in given]) == pytest.approx(wanted, rel=1e-12)
+
+
+def test_margins_of_the_plot_are_those_of_the_motion_in_millimetres():
+    motion = standing().motion
+    axes = motion.plot().axes[2]
+    lengths = [label for label in motion.margins(0.0) if label.endswith(" [m]")]
+    assert [f"{curve.get_label()} [m]" for curve in axes.lines[: len(lengths)]] == lengths != []
+    for curve, label in zip(axes.lines, lengths, strict=False):
+        for k in (0, 9, -1):
+            margin = motion.margins(curve.get_xdata()[k])[label]
+            assert curve.get_ydata()[k] == pytest.approx(1e3 * margin)
+    assert axes.get_ylabel() == "margin [mm]"
+
+
+def test_every_limit_that_is_broken_has_a_line_with_its_excess_and_time():
+    """Rows below 0 by hand: of a torque, a speed, a range and the ground's impulse."""
+    leg, names = kd.Leg.human(), ("hip", "knee", "ankle")
+    model, spline = leg.model, BSpline([-1, -1, 1, 1], [[0.0] * 3] * 2, 1)
+    limits = [
+        TorqueLimit(names, model.effortLimit), SpeedLimit(names, model.velocityLimit),
+        RangeLimit(names, model.lowerPositionLimit, model.upperPositionLimit),
+    ]  # fmt: skip
+    verdict = object.__new__(_Verdict)
+    verdict.problem = SimpleNamespace(
+        task=SimpleNamespace(standing=None, robot=leg, leg=leg), limits=limits, n=3,
+        impulse_limits=[SimpleNamespace(labels=["friction of the ground", "its pressure"])],
+        splines=SimpleNamespace(motion=lambda _: (spline, spline)),
+    )  # fmt: skip
+    verdict.solution = SimpleNamespace(feasible=False, share=0.5, coefficients=None)
+    verdict.times = [np.array([-0.25, -0.1]), np.array([0.0, 0.2])]
+    verdict.rows, verdict.impulse = np.full((4, 9), 0.5), np.array([-0.031, -1e-7])
+    verdict.rows[1, 1], verdict.rows[3, 5], verdict.rows[0, 6] = -0.125, -0.02, -0.0713
+    verdict.rows[2, 0] = 0.011  # hip's torque is near its limit
+    verdict.margins, verdict.torque_squared, verdict.broken = None, 2.0, 0.125
+    found = verdict.planned()
+    assert found.motion.warnings == (
+        "torque of knee is beyond its limit by 12.5 %, 100 ms before the impact",
+        "speed of ankle is beyond its limit by 2.0 %, 200 ms after the impact",
+        "range of hip is beyond its limit by 0.071 rad, 250 ms before the impact",
+        "friction of the ground is beyond its limit by 0.031",
+        "the solver finds no motion that keeps the equations of the impact",
+    )
+    assert set(found.binding) == {
+        "torque of hip",
+        "torque of knee",
+        "speed of ankle",
+        "range of hip",
+    }
+    assert (found.torque_use, found.speed_use) == pytest.approx((1.125, 1.02))
+    assert not found.keeps_limits
+    limits[0].unit = "m"
+    words = "the sole is beyond its limit by 3.1 mm, 40 ms before the impact"
+    assert limits[0].describe("the sole", -0.0031, -0.04) == words

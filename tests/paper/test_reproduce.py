@@ -397,3 +397,34 @@ def test_fig_9_says_which_case_flies_farthest_and_which_highest(monkeypatch):
     assert ours == [
         ("distance", 9), ("apex", 3), ("distance", 10), ("apex", 1), ("distance", 11), ("apex", 2),
     ]  # fmt: skip
+
+
+def test_items_of_flights_have_the_numbers_of_their_flights():
+    """Range and apex of Figs. 8 and 9 from the ends and the highest samples."""
+    for figure in (fig_8, fig_9):
+        paths = figure.flights(DEFAULT)
+        paths = paths if isinstance(paths, dict) else dict(enumerate(paths, start=1))
+        ends = "range", "distance", "apex"
+        items = {item.item: item.ours for item in figure.items() if item.item.endswith(ends)}
+        compared = set()
+        for name, path in paths.items():
+            positions = path.sample(np.linspace(0.0, path.duration, 4001)).position
+            moved = positions - positions[0]
+            for item, ours in items.items():
+                if f" {name} " in f"{item} ":
+                    value = moved[:, 2].max() if "apex" in item else math.hypot(*moved[-1, :2])
+                    assert ours == pytest.approx(value, rel=1e-5)
+                    compared.add(item)
+        assert compared == set(items)
+
+
+def test_self_motion_changes_the_impulse_by_the_ratio_of_its_items():
+    items = {item.item: item for item in fig_1.items() if ", in the " not in item.item}
+    most = [item for name, item in items.items() if " most " in name]
+    assert 2 * len(most) == len(items) == 4
+    for largest in most:
+        smallest = items[largest.item.replace("most", "least")]
+        ratio = largest.ours / smallest.ours
+        for item in (largest, smallest):
+            assert f"changes by a factor of {ratio:.2f}" in item.why
+            assert (item.verdict == "shape-reproduced") == (ratio > 1.05)

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.planning.ball_clearance import BallClearance
+from kickdyn.planning.ball_clearance import BodyClearance, bodies_near_ball
 from kickdyn.planning.kick_terms import KickVariables
+from kickdyn.robot.collisions import bodies_at, find_self_collisions
 
 G1 = kd.Leg.from_robot("g1", legs_only=True)
 PLAN = kd.plan_kick(G1, kd.Goal((4, 1, 0), time=0.8), kd.Ball(), kd.Air())
@@ -13,7 +14,7 @@ PLAN = kd.plan_kick(G1, kd.Goal((4, 1, 0), time=0.8), kd.Ball(), kd.Air())
 
 @pytest.fixture(scope="module")
 def term():
-    return BallClearance(G1, KickVariables(G1, PLAN.impact_target))
+    return BodyClearance(G1, KickVariables(G1, PLAN.impact_target), bodies_near_ball(G1))
 
 
 def test_slopes_are_those_of_the_distances(term):
@@ -26,6 +27,39 @@ def test_slopes_are_those_of_the_distances(term):
                 term.residual(variables.posture(q + sign * step), None) for sign in (1, -1)
             )
             assert slopes[:, i] == pytest.approx((ahead - behind) / 2e-6, abs=1e-7)
+
+
+def test_slopes_between_bodies_are_those_of_their_distances():
+    """Of legs beside and inside each other, and of a foot and a thigh that move with one chain."""
+    variables, draw = KickVariables(G1, PLAN.impact_target), np.random.default_rng(1)
+    pairs = [("left_knee_link", "right_knee_link"), ("right_ankle_roll_link", "left_hip_yaw_link")]
+    pairs.append(("right_hip_yaw_link", "right_ankle_roll_link"))
+    bodies = [tuple(bodies_at(G1, frame)[0] for frame in pair) for pair in pairs]
+    term = BodyClearance(G1, variables, bodies)
+    q = np.zeros(variables.n)
+    depths = []
+    for roll in (-0.2, 0.2, 0.45):
+        q[1], q[3] = roll, 0.4 + draw.uniform(0.0, 0.5)
+        depths.append(term.residual(variables.posture(q), None)[0])
+        slopes = term.derivatives(variables.posture(q), None)[0][:, variables.vs]
+        for i, step in enumerate(1e-6 * np.eye(variables.n)):
+            ahead, behind = (
+                term.residual(variables.posture(q + sign * step), None) for sign in (1, -1)
+            )
+            assert slopes[:, i] == pytest.approx((ahead - behind) / 2e-6, abs=1e-6)
+    assert min(depths) < 0 < max(depths)
+
+
+def test_a_plan_keeps_the_hand_out_of_the_hip(monkeypatch):
+    inside = kd.Leg.from_robot("g1", "inside", legs_only=True)
+    goal, ball = kd.Goal((-0.6, 1, 0), time=0.48), kd.Ball()
+    plan = kd.plan_kick(inside, goal, ball, kd.Air())
+    assert plan.status == "met"
+    assert find_self_collisions(plan.leg, plan.q) == {}
+    monkeypatch.setattr("kickdyn.planning.kick_problem.MOST_PAIRS", -1)
+    without = kd.plan_kick(inside, goal, ball, kd.Air())
+    assert without.status == "collides"
+    assert without.value < plan.value < 1.1 * without.value
 
 
 def test_a_plan_with_the_toe_is_clear_of_the_ball(term):
@@ -44,4 +78,4 @@ def test_a_contact_point_inside_the_foot_is_never_met():
 
 def test_a_leg_without_shapes_has_no_bodies():
     leg = kd.Leg.from_model(G1.model, "toe")
-    assert BallClearance(leg, KickVariables(leg, PLAN.impact_target)).bodies == []
+    assert bodies_near_ball(leg) == []

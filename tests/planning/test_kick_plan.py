@@ -2,14 +2,18 @@
 
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import gymnasium
 import pytest
 
 import kickdyn as kd
+from kickdyn.planning.kick_plan import _in_motion
 from kickdyn.planning.plan_report import verdict
 from kickdyn.robot.collisions import find_ball_overlaps
+from kickdyn.robot.ground_clearance import find_depths
 
 MODELS = Path(gymnasium.__file__).parent / "envs/mujoco/assets"
 BALL, AIR = kd.Ball(), kd.Air()
@@ -70,6 +74,18 @@ def test_bodies_under_the_ground_are_one_line_with_a_remedy(height, under):
         "bodies are under the ground at the impact: foot by D; the ground is level with the ball's "
         "lowest point: try another height of the ball (ball_position, --ball-height)"
     ]
+
+
+@pytest.mark.parametrize("low", [0.0, -0.3])
+def test_the_ground_is_under_the_ball_or_under_a_lower_target(low):
+    """The foot reaches 0.04 m below the ball's lowest point: under the one, above the other."""
+    goal = kd.Goal((30, 0, 2), time=1.5)
+    plan = kd.plan_kick(kd.Leg.human(), goal, BALL, AIR, ball_position=-0.704)
+    plan = replace(plan, goal=kd.Goal((30, 0, low), time=1.5))
+    floor = plan.impact.ball_before.position[2] - BALL.radius + low
+    depths = find_depths(plan.leg, plan.q, floor)
+    assert bool(depths) == (low == 0.0)
+    assert len(lines(plan, "under the ground")) == len(depths)
 
 
 def test_the_ground_is_not_known_where_the_height_of_the_ball_is_free():
@@ -139,3 +155,23 @@ def test_a_leg_without_shapes_has_nothing_to_compare():
     leg = kd.Leg.from_model(kd.Leg.human().model, "toe")
     hit = kd.strike(leg.posture([0.0, 0.0, 0.0]), [1, 0, 0], BALL, kd.Contact((1, 0, 0), 0.8))
     assert find_overlaps(hit) == {}
+
+
+@pytest.mark.parametrize("end", [math.inf, 0.0])
+def test_a_line_about_the_motion_has_each_body_with_its_depth_and_time(end):
+    """The deepest first, each where it is deepest, without what overlaps at the impact."""
+    motion = SimpleNamespace(begin=-0.79, end=0.79, q=lambda t: t)
+    plan = SimpleNamespace(q=0.0, motion=motion)
+
+    def find(_, t):
+        depths = {"hand": 0.2 - abs(t + 0.39), "foot": 0.1 - abs(t - 0.47), "toe": 0.3 - abs(t)}
+        return {name: depth for name, depth in depths.items() if depth > 0.0}
+
+    (line,) = _in_motion(plan, find, "inside a wall", "move it", end)
+    (deepest,) = re.findall(r"hand by 0\.(\d+) m at -0\.39 s", line)
+    assert 190 <= int(deepest) <= 200
+    assert ("foot by 0." in line) == (end > 0.0)
+    assert "toe" not in line
+    assert line.startswith("bodies are inside a wall: hand")
+    assert line.endswith("; move it")
+    assert not end or re.search(r"foot by 0\.(09\d|100) m at 0\.4[678] s", line)

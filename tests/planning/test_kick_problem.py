@@ -10,7 +10,7 @@ import pytest
 import kickdyn as kd
 from kickdyn.motion.impact_target import impact_target_for
 from kickdyn.planning import kick_problem as module
-from kickdyn.planning.ball_clearance import BallClearance
+from kickdyn.planning.ball_clearance import BodyClearance
 from kickdyn.planning.kick_problem import explain_infeasible, kick_problem
 from kickdyn.planning.kick_terms import (
     BallPosition,
@@ -64,7 +64,7 @@ def test_slopes_are_those_of_the_values(name, friction, restitution, offset):
     conditions = [term for term in problem.terms if isinstance(term, Function)]
     assert len(conditions) == (5 if name == "g1" and offset is None else 4)
     for term in conditions:
-        most = 1e-6 if isinstance(term, BallClearance) else 1e-7  # coal stops at 1e-6
+        most = 1e-6 if isinstance(term, BodyClearance) else 1e-7  # coal stops at 1e-6
         assert slope_errors(term, variables, x).max() < most
     for term in PLAIN:
         assert slope_errors(term, variables, x).max() < 1e-5  # of one-sided differences
@@ -112,7 +112,7 @@ def test_terms_have_one_kind_each():
     assert kinds[SpeedLimit] == Kind.BOUND
     assert [type(term) for term in problem.terms if not term.required] == [
         SupportImpulse,
-        BallClearance,
+        BodyClearance,
     ]
     free = kick_problem(STANDING, PLAN.impact_target, limits=False)
     left_out = {BallPosition, SpeedLimit, TorqueLimit}
@@ -188,7 +188,10 @@ def test_a_leg_that_moves_in_a_vertical_plane_is_turned_towards_the_impulse(side
     assert kick_problem(LEGS["g1"], target).heading == 0.0
     tilted = LEGS["human"].model
     tilted.jointPlacements[1] = pin.SE3(pin.rpy.rpyToMatrix(0.1, 0, 0), np.zeros(3))
-    with pytest.raises(kd.InvalidInput, match="its foot moves in a plane only"):
+    words = (
+        rf"its foot moves in a plane only, and the launch \[1\.0, {side}, 5\.0\] m/s leaves that"
+    )
+    with pytest.raises(kd.InvalidInput, match=words):
         kick_problem(kd.Leg.from_model(tilted, "toe"), target)
 
 

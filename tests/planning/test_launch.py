@@ -351,7 +351,8 @@ def test_two_launches_nearer_to_each_other_than_a_walk_steps_are_both_found():
     least = kd.plan_launch(kd.Goal((25, 0, 1), speed=12), BALL, AIR).speed
     goal = kd.Goal((25, 0, 1), speed=least * (1 + 1e-6))
     family = LaunchFamily(ShootingProblem(BALL, AIR, np.zeros(3)), goal, 40.0, 100.0)
-    low, high = family.solutions([], family.branches([]))
+    family.direct = []  # as where Newton's method fails from the vacuum's answers
+    low, high = family.solutions
     assert [low.speed, high.speed] == pytest.approx([goal.speed] * 2, rel=1e-10)
     assert low.time * (1 + 1e-4) < high.time < low.time * 1.02
 

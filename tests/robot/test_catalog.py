@@ -156,7 +156,7 @@ def test_the_ankle_can_still_be_named():
     assert leg.contact_normal_cone is None
     toe = kd.Leg.from_robot("g1", "toe", legs_only=True)
     apart = [one.posture(one.configuration()).contact_point for one in (toe, leg)]
-    np.testing.assert_allclose(apart[0] - apart[1], ROBOTS["g1"].toe, atol=1e-12)
+    np.testing.assert_allclose(apart[0] - apart[1], ROBOTS["g1"].contact_points["toe"], atol=1e-12)
     locked = toe.locked({"left_knee_joint": 0.2})
     for other in (locked, pickle.loads(pickle.dumps(toe))):
         assert (other.frame, other.contact_normal_cone.tolist()) == (

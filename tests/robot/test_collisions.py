@@ -73,10 +73,21 @@ def test_pairs_that_the_srdf_disables_do_not_count(tmp_path):
     leg = kd.Leg.from_urdf(tmp_path / "three.urdf", "shank")
     bent = leg.configuration({"knee": 2.9})
     assert [*find_self_collisions(leg, bent)] == [("trunk", "shank")]
+    (tmp_path / "urdf").mkdir()
+    (tmp_path / "srdf").mkdir()
     srdf = '<robot name="three"><disable_collisions link1="shank" link2="trunk"/></robot>'
-    (tmp_path / "three.srdf").write_text(srdf)
-    again = kd.Leg.from_urdf(tmp_path / "three.urdf", "shank")
-    assert find_self_collisions(again, bent) == {}
+    # beside the file or in the folder srdf beside its folder, by its name or that of the robot
+    for urdf in ("three.urdf", "urdf/other.urdf"):
+        for place in (Path(urdf).with_suffix(".srdf"), Path("urdf/three.srdf"), "srdf/Three.srdf"):
+            if urdf == "three.urdf" and place != Path("three.srdf"):
+                continue
+            (tmp_path / urdf).write_text(text)
+            (tmp_path / place).write_text(srdf)
+            again = kd.Leg.from_urdf(tmp_path / urdf, "shank")
+            assert find_self_collisions(again, bent) == {}
+            (tmp_path / place).unlink()
+            again = kd.Leg.from_urdf(tmp_path / urdf, "shank")
+            assert find_self_collisions(again, bent) != {}
 
 
 def test_a_faulty_srdf_is_refused_before_a_kick_is_planned(tmp_path, monkeypatch):
@@ -104,7 +115,8 @@ def test_the_nearest_point_of_a_body_and_its_normal(tmp_path):
     placed = Placed(leg, body_frames(leg), space.model, space.data, q)
     (body,) = bodies_at(leg, "right")
     for ahead in (0.15, 0.35):
-        contact = placed.proximity(body, np.array([ahead, -0.1, 0.6]), 0.1)
+        ball = placed.place_ball(np.array([ahead, -0.1, 0.6]), 0.1)
+        contact = placed.proximity(body, ball)
         assert contact.depth == pytest.approx(0.2 - ahead, abs=1e-6)
         assert contact.normal == pytest.approx([1, 0, 0], abs=1e-6)
         assert contact.point[0] == pytest.approx(0.1, abs=1e-6)

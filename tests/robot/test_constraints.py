@@ -566,3 +566,47 @@ def test_frames_apart_or_of_one_branch_are_no_open_loop(tmp_path):
         file.write_text(text.replace(old, new))
         leg = kd.Leg.from_urdf(file) if "thigh" not in new else _moved(file)
         assert leg.open_loops == ()
+
+
+def test_the_bias_is_the_acceleration_of_every_support_and_loop():
+    """Central differences of the frames' velocities while the joints' velocity is constant."""
+    loops = ("left_wrist_yaw_link", "right_wrist_yaw_link"), ("left_elbow_link", "torso_link")
+    leg = G1.with_supports(FOOT).with_loops(*loops)
+    draw, h = np.random.default_rng(4), 1e-5
+    model, data = leg.model, leg.model.createData()
+    q = pin.integrate(model, leg.configuration(), draw.uniform(-0.5, 0.5, leg.nv))
+    v = draw.normal(size=leg.nv)
+
+    def velocities(step):
+        pin.forwardKinematics(model, data, pin.integrate(model, q, step * v), v)
+        moved = [
+            pin.getFrameVelocity(model, data, model.getFrameId(name), pin.LOCAL_WORLD_ALIGNED)
+            for name in (FOOT, *loops[0], *loops[1])
+        ]
+        foot, *ends = (motion.vector for motion in moved)
+        return np.concatenate([foot, (ends[1] - ends[0])[:3], (ends[3] - ends[2])[:3]])
+
+    rate = (velocities(h) - velocities(-h)) / (2 * h)
+    bias = leg.constraints.bias(model, data, q, v)
+    assert bias == pytest.approx(rate, abs=1e-6)
+    assert (np.abs(bias) > 1e-3).all()
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_the_widest_gap_is_named_with_its_width(order):
+    """A pendulum of 1 m below its pins: one is 3 m away, one 0.5 m from the middle of the rod."""
+    model = pin.Model()
+    for name in ("hip", "knee"):
+        parent = model.njoints - 1
+        joint = model.addJoint(parent, pin.JointModelRY(), pin.SE3.Identity(), name)
+        model.appendBodyToJoint(joint, pin.Inertia.FromSphere(1.0, 0.1), pin.SE3.Identity())
+    for name, joint, z in (
+        *(("tip", 1, -1.0), ("middle", 1, -0.5), ("far", 0, -3.0), ("near", 0, -1.0)),
+        ("toe", 2, -2.0),
+    ):
+        place = pin.SE3(np.eye(3), np.array([0.0, 0.0, z]))
+        model.addFrame(pin.Frame(name, joint, place, pin.FrameType.OP_FRAME))
+    loops = [("tip", "far"), ("middle", "near")][::order]
+    leg = kd.Leg.from_model(model, "toe").with_loops(*loops)
+    with pytest.raises(kd.InvalidInput, match="loop tip - far stays open by 2 m"):
+        leg.close_loops(np.zeros(2))

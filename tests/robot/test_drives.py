@@ -1,13 +1,17 @@
 """Drives: rotors behind gears, the files that list them, and those of the catalogue."""
 
+import pickle
+
 import numpy as np
 import pinocchio as pin
 import pytest
+from scipy.integrate import solve_ivp
 
 import kickdyn as kd
 from kickdyn.robot.catalog import ROBOTS
 from kickdyn.robot.drives import catalogued_drives, read_drives
 from kickdyn.robot.leg import NO_DRIVES
+from kickdyn.scene.launch_and_end import contact_time_error
 
 DRIVEN = ("g1", "talos", "icub", "icub_reduced", "bolt")
 
@@ -92,6 +96,14 @@ def test_a_file_gives_drives_before_joints_are_locked(tmp_path):
             "[joints.knee]\nrotor_inertia_kg_m2 = 1\ntorque_limit_n_m = -1",
             "knee: torque limit is -1.0: .* at least 0",
         ),
+        (
+            "[joints.knee]\nrotor_inertia_kg_m2 = 1\nstiffness_n_m_rad = -1",
+            "knee: stiffness is -1.0.* at least 0",
+        ),
+        (
+            "[joints.knee]\nrotor_inertia_kg_m2 = 1\nfriction_n_m = inf",
+            "knee: friction is inf",
+        ),
         ("[joints.nee]\nrotor_inertia_kg_m2 = 0", "joint 'nee' is unknown: did you mean 'knee'"),
     ],
 )
@@ -116,6 +128,157 @@ def test_the_limits_of_the_effective_mass():
     contact = kd.Contact((1, 0, 0.5), 0.8)
     struck = kd.strike(posture, posture.joint_velocity((1, 0, 0.5)), kd.Ball(), contact)
     assert "limit without rotors" in str(struck)
+
+
+CONTACT = kd.Contact((0, 0, 1), restitution=1.0)
+
+
+def hinge(**drive):
+    """A bar of 0.5 m about y with a drive, in a posture 0.4 rad below level; without gravity."""
+    model = pin.Model()
+    model.addJoint(0, pin.JointModelRY(), pin.SE3.Identity(), "hip")
+    inertia = pin.Inertia(1.5, np.array([0.2, 0.0, 0.0]), np.diag([1e-3, 0.04, 0.04]))
+    model.appendBodyToJoint(1, inertia, pin.SE3.Identity())
+    tip = pin.SE3(np.eye(3), np.array([0.5, 0.0, 0.0]))
+    model.addFrame(pin.Frame("toe", 1, 0, tip, pin.FrameType.OP_FRAME))
+    model.gravity = pin.Motion.Zero()
+    leg = kd.Leg.from_model(model, "toe").with_drives({"hip": kd.Drive(2e-5, 40, **drive)})
+    return leg.posture([0.4]), 1.5 * 0.2**2 + 0.04 + 2e-5 * 40**2
+
+
+def integrated(contact_stiffness, inertia, v, drive, creep):
+    """The impulse on the ball, by own equations of motion of hinge, spring and ball."""
+    ball, axis = kd.Ball(), np.array([0.0, 1.0, 0.0])
+
+    def turned(q):
+        return np.array([[np.cos(q), 0, np.sin(q)], [0, 1, 0], [-np.sin(q), 0, np.cos(q)]])
+
+    normal, tip = turned(-0.4) @ [0, 0, 1], np.array([0.5, 0.0, 0.0])
+    start = turned(0.4) @ tip + [0, 0, ball.radius]
+
+    def height(y):
+        n = turned(y[0]) @ normal
+        return n, n @ (start + y[2:5] - turned(y[0]) @ tip)
+
+    def rates(t, y):
+        n, above = height(y)
+        force = contact_stiffness * max(ball.radius - above, 0.0) ** 1.5
+        lever = np.cross(start + y[2:5] - above * n, n) @ axis
+        torque = drive.stiffness * (0.4 + v * t - y[0])
+        torque -= drive.friction * y[1] / np.hypot(y[1], creep)
+        return [y[1], (torque - force * lever) / inertia, *y[5:8], *(force * n / ball.mass)]
+
+    def apart(t, y):
+        return ball.radius - height(y)[1] if t > 1e-4 else 1.0
+
+    apart.terminal = True
+    y = solve_ivp(
+        rates, (0, 1), [0.4, v, *np.zeros(6)], "DOP853", events=apart, rtol=1e-10, atol=1e-12
+    ).y
+    return ball.mass * y[5:8, -1]
+
+
+@pytest.mark.parametrize("limits", [(300.0, 0.0), (0.0, 8.0), (4e4, 20.0)])
+def test_a_drive_between_free_and_stiff_is_a_spring_and_a_rotor(limits):
+    drive = kd.Drive(2e-5, 40, stiffness=limits[0], friction=limits[1])
+    (posture, inertia), v = hinge(stiffness=limits[0], friction=limits[1]), -12.0
+    hit = kd.collide(posture, [v], kd.Ball(), CONTACT, contact_time=0.012, tol=1e-10)
+    creep = 1e-3 * np.sqrt(2 * hit.approach.energy() / inertia)
+    own = integrated(hit.force_model.stiffness, inertia, v, drive, creep)
+    assert hit.impulse == pytest.approx(own, rel=1e-7, abs=1e-7)
+    assert hit.energy_residual < 1e-7
+    number = hit.contact_time * np.sqrt(limits[0] / inertia)
+    assert posture.drive_number(hit.contact_time) == pytest.approx({"hip": number}, rel=1e-12)
+    assert "drive number, hip" in str(hit)
+
+
+def test_a_hinge_has_the_effective_mass_of_its_lagrangian():
+    r"""T = I v^2 / 2 + J (n v)^2 / 2, of a tip that moves by L cos q along z."""
+    posture, inertia = hinge()
+    expected = inertia / (0.5 * np.cos(0.4)) ** 2
+    assert posture.effective_mass((0, 0, 1)) == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["stiffness", "friction"])
+def test_free_and_stiff_are_the_limits_of_a_drive(kind):
+    """In the impulse of a contact of 1 ms, of a leg whose ankle is at rest before it."""
+    model = kd.Leg.human().model
+    model.gravity = pin.Motion.Zero()
+    leg = kd.Leg.from_model(model, "toe").with_armature({"ankle": 0.02})
+    q, v, contact = [0.3, 0.6, -0.2], [-2.0, -9.0, 0.0], kd.Contact((1, 0, 0.3), 0.8)
+
+    def impulse(leg):
+        hit = kd.collide(leg.posture(q), v, kd.Ball(), contact, contact_time=1e-3, tol=1e-6)
+        return np.linalg.norm(hit.impulse)
+
+    def driven(size):
+        return impulse(leg.with_drives({"ankle": kd.Drive(0.02, **{kind: size})}))
+
+    free, stiff = impulse(leg), impulse(leg.with_stiff_joints("ankle"))
+    assert stiff > 1.03 * free
+    assert driven(1e-3) == pytest.approx(free, rel=1e-5)
+    assert driven(3e7 if kind == "stiffness" else 800.0) == pytest.approx(stiff, rel=2e-3)
+    between = driven(2e5 if kind == "stiffness" else 100.0)
+    assert free + 0.05 * (stiff - free) < between < free + 0.95 * (stiff - free)
+
+
+def test_a_short_contact_is_free_and_a_long_one_is_stiff():
+    """At one stiffness; `strike` names the limit that it has."""
+    model = kd.Leg.human().model
+    model.gravity = pin.Motion.Zero()
+    drives = {joint: kd.Drive(0.02, stiffness=3e5) for joint in ("hip", "knee", "ankle")}
+    leg = kd.Leg.from_model(model, "toe").with_drives(drives)
+    posture, contact = leg.posture([0.3, 0.6, -0.2]), kd.Contact((1, 0, 0.3), 1.0)
+    v = 1e-3 * np.array([-2.0, -9.0, 1.0])  # so slow that the posture stays
+    free = kd.strike(posture, v, kd.Ball(), contact)
+    assert free.drive_limit == "with rotors"
+    assert kd.strike(kd.Leg.human().posture(posture.q), v, kd.Ball(), contact).drive_limit == (
+        "without rotors"
+    )
+    speeds, numbers = [], []
+    for time in (1e-6, 0.1):
+        hit = kd.collide(posture, v, kd.Ball(), contact, contact_time=time)
+        speeds.append(hit.ball_after.velocity @ contact.normal)
+        numbers.append(posture.drive_number(time).values())
+    assert max(numbers[0]) < 0.02 < 30 < min(numbers[1])
+    assert speeds[0] == pytest.approx(free.ball_after.velocity @ contact.normal, rel=1e-3)
+    assert speeds[1] == pytest.approx(2.0 * free.foot_velocity @ contact.normal, rel=1e-2)  # a wall
+
+
+def test_the_limit_names_stiff_joints():
+    leg = kd.Leg.human().with_armature({"knee": 0.1}).with_stiff_joints("hip", "ankle")
+    hit = kd.strike(
+        leg.posture([0.3, 0.6, -0.2]), [-2.0, -9.0, 0.0], kd.Ball(), kd.Contact((1, 0, 0.3), 0.8)
+    )
+    assert hit.drive_limit == "with rotors, stiff hip, ankle"
+    assert "with rotors, stiff hip, ankle" in str(hit)
+
+
+def test_drives_go_with_their_joints():
+    leg = kd.Leg.human().with_drives({"*": kd.Drive(1e-5, 30, friction=1.0)})
+    assert [*leg.drives] == ["hip", "knee", "ankle"]
+    again = (
+        pickle.loads(pickle.dumps(leg)).locked({"knee": 0.3}).with_drives({"hip": kd.Drive(0.1)})
+    )
+    assert {joint: drive.friction for joint, drive in again.drives.items()} == {
+        "hip": 0,
+        "ankle": 1,
+    }
+    assert [*again.compliant_drives] == ["ankle"]
+
+
+def test_a_scene_with_compliant_drives_integrates_the_contact(tmp_path):
+    drives = write(tmp_path, "[joints.knee]\nrotor_inertia_kg_m2 = 0.1\nstiffness_n_m_rad = 5e3")
+    leg = kd.Leg.human().with_drives(drives)
+    assert leg.drives["knee"].stiffness == 5e3
+    posture, law = leg.posture([0.3, 0.6, -0.2]), kd.Compliance(contact_time=1e-3)
+    scene = kd.Scene(
+        posture, np.array([-2.0, -9.0, 0.0]), kd.Ball(), kd.Contact((1, 0, 0.3), 0.8), law=law
+    )
+    assert (
+        contact_time_error(scene, kd.strike(posture, scene.v, scene.ball, scene.contact)).velocity
+        == np.inf
+    )
 
 
 def test_a_file_without_drives_is_warned_of(tmp_path):

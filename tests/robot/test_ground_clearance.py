@@ -40,27 +40,22 @@ def leg_of(folder, shape, turn=0.0):
 def test_the_lowest_point_of_each_shape_is_known(tmp_path, shape, turned):
     leg = leg_of(tmp_path, shape, turned * np.pi / 2)
     low = SHAPES[shape][turned]
-    ((frame, depth, number),) = find_depths(leg, [np.zeros(1)], -0.3)[:1] or [("body", 0.0, 0)]
-    assert (frame, number) == ("body", 0)
-    assert depth == pytest.approx(low, abs=1e-9)
-    assert find_depths(leg, [np.zeros(1)], -0.3 - low - 0.5 * TOLERANCE) == []
+    depths = find_depths(leg, np.zeros(1), -0.3)
+    assert depths.pop("body", 0.0) == pytest.approx(low, abs=1e-9)
+    assert not find_depths(leg, np.zeros(1), -0.3 - low - 0.5 * TOLERANCE)
 
 
-def test_the_deepest_configuration_counts_and_the_deepest_body_comes_first(tmp_path):
+def test_the_depth_follows_the_joint_and_the_deepest_body_comes_first(tmp_path):
     leg = leg_of(tmp_path, '<sphere radius="0.1"/>')
-    motion = [np.array([angle]) for angle in (1.0, 0.2, -0.1, 0.4)]
-    (found,) = find_depths(leg, motion, -0.35)
-    assert found.number == 2
-    assert found.depth == pytest.approx(0.3 * np.cos(0.1) + 0.1 - 0.35)
-    feet = find_depths(G1, [G1.configuration()], -0.76)
-    assert {one.frame for one in feet[:2]} == {"left_ankle_roll_link", "right_ankle_roll_link"}
-    assert [one.depth for one in feet] == sorted((one.depth for one in feet), reverse=True)
+    depths = find_depths(leg, np.array([-0.1]), -0.35)
+    assert depths == {"body": pytest.approx(0.3 * np.cos(0.1) + 0.1 - 0.35)}
+    feet = find_depths(G1, G1.configuration(), -0.76)
+    assert set(list(feet)[:2]) == {"left_ankle_roll_link", "right_ankle_roll_link"}
+    assert list(feet.values()) == sorted(feet.values(), reverse=True)
 
 
 def test_a_leg_without_shapes_is_its_frames():
     leg = kd.Leg.from_model(kd.Leg.human().model, "toe")
     toe = leg.posture(leg.configuration()).contact_point
-    (found,) = [
-        one for one in find_depths(leg, [leg.configuration()], toe[2] + 0.01) if one.frame == "toe"
-    ]
-    assert found.depth == pytest.approx(0.01)
+    depths = find_depths(leg, leg.configuration(), toe[2] + 0.01)
+    assert depths["toe"] == pytest.approx(0.01)

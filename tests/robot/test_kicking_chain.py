@@ -138,3 +138,25 @@ def test_a_mimic_joint_rests_where_its_driver_puts_it(tmp_path):
     )
     leg = kd.Leg.from_urdf(path)
     assert leg.joint_values(rest_configuration(leg)) == {"hip": 0, "elbow": 0.25, "wrist": 0.5}
+
+
+@pytest.mark.parametrize(("joint", "driver"), [("knee", "arm"), ("arm", "knee")])
+def test_a_mimic_joint_of_the_kicking_limb_is_refused_as_driver_and_as_driven(
+    tmp_path, joint, driver
+):
+    """Of the joint that mimics, the message names the driver to be locked."""
+    text = kd.Leg.human().file.text
+    body = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+    arm = (
+        f'<link name="upper_arm">{body}</inertial></link><joint name="arm" type="revolute">'
+        '<parent link="base"/><child link="upper_arm"/><axis xyz="0 1 0"/>'
+        '<limit lower="-1" upper="1" effort="9" velocity="9"/></joint></robot>'
+    )
+    text = text.replace("</robot>", arm)
+    start = text.index("</joint>", text.index(f'<joint name="{joint}"'))
+    path = tmp_path / "leg.urdf"
+    path.write_text(f'{text[:start]}<mimic joint="{driver}"/>{text[start:]}')
+    robot = kd.Leg.from_urdf(path, "toe")
+    words = f"joint {joint!r} mimics {driver!r}: .*lock {driver!r}, .* --lock {driver}=VALUE"
+    with pytest.raises(kd.InvalidInput, match=words):
+        kicking_chain(robot)

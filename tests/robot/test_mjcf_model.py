@@ -515,6 +515,31 @@ def test_connected_bodies_are_a_loop(tmp_path):
     assert kd.Leg.from_mjcf(written(tmp_path, whole, idle), "c").constraints is None
 
 
+@pytest.mark.parametrize("by", ["sites", "bodies"])
+def test_ends_of_a_connection_are_where_mujoco_has_them(tmp_path, by):
+    """Turned sites away from their bodies' origins, or an anchor in the first body."""
+    body = (
+        '<body name="a" euler="10 20 30"><joint name="ja" axis="0 1 0"/><geom size="0.1"/>'
+        '<site name="sa" pos="0.1 0.2 -0.3" euler="40 0 0"/></body>'
+        '<body name="b" pos="1 0 0" euler="0 50 0"><joint name="jb" axis="0 1 0"/>'
+        '<geom size="0.1"/><site name="sb" pos="-0.2 0.1 0.4" euler="0 0 70"/></body>'
+    )
+    ends = {"sites": 'site1="sa" site2="sb"', "bodies": 'body1="a" body2="b" anchor="1 2 3"'}[by]
+    tie = f'<equality><connect name="bar" {ends}/></equality>'
+    file = written(tmp_path, f'<body name="base"><geom size="0.1"/>{body}</body>', tie)
+    leg, mujoco = kd.Leg.from_mjcf(file, "b"), pytest.importorskip("mujoco")
+    compiled = mujoco.MjModel.from_xml_path(str(file))
+    data = mujoco.MjData(compiled)
+    mujoco.mj_forward(compiled, data)
+    first = data.body("a").xpos + data.body("a").xmat.reshape(3, 3) @ (1, 2, 3)
+    wanted = [data.site("sa").xpos, data.site("sb").xpos] if by == "sites" else [first, first]
+    own = leg.model.createData()
+    pin.framesForwardKinematics(leg.model, own, leg.configuration())
+    for name, place in zip(("bar_1", "bar_2"), wanted, strict=True):
+        found = own.oMf[leg.model.getFrameId(name)].translation
+        assert found == pytest.approx(place, abs=1e-12)
+
+
 @pytest.mark.parametrize(
     ("more", "said"),
     [

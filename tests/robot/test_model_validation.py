@@ -148,3 +148,13 @@ def test_a_name_is_first_that_of_a_body():
     for unknown in ("universe", ["a"]):
         with pytest.raises(kd.InvalidInput, match="is unknown"):
             frame_id(model, unknown)
+
+
+def test_all_unsound_inertias_are_named_once():
+    """A slab's moments are at most the sum of the others; the first one's are printed."""
+    unsound = [pin.Inertia(1.0, np.zeros(3), np.diag([0.1, 0.1, third])) for third in (0.4, 0.5)]
+    words = (
+        r"joint 'j1' moves an unsound inertia \(principal moments 0.1, 0.1, 0.5 kg m2\), as do j2:"
+    )
+    with pytest.raises(kd.InvalidInput, match=words):
+        check_model(chain(BODY, unsound[1], unsound[0], BODY))

@@ -1,6 +1,7 @@
 """Errors of the launch are less than what is said of them, and so is what they do at the end."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -155,6 +156,14 @@ def test_the_error_of_a_path_is_about_its_distance_from_an_exact_one(surface, to
     path, exact = fly_scene(scene, LAUNCH, tol), fly_scene(scene, LAUNCH, 1e-12)
     moved = math.dist(end_of(path).position, end_of(exact).position)
     assert 0.0 < moved <= path_error(scene, path) <= 20.0 * moved
+
+
+def test_the_error_of_a_path_that_ends_otherwise_when_computed_finer_is_unknown(monkeypatch):
+    scene = scene_of(air=WIND, ground=kd.Ground(-0.5, "turf"))
+    path = fly_scene(scene, LAUNCH)
+    other = replace(path, status="aloft")
+    monkeypatch.setattr("kickdyn.scene.launch_and_end.fly_scene", lambda *_: other)
+    assert path_error(scene, path) == math.inf
 
 
 def test_the_distance_of_an_error_is_that_of_the_formula():

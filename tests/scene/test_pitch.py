@@ -1,6 +1,7 @@
 """Walls and goals: how a ball passes and meets them, by hand."""
 
 import math
+from dataclasses import astuple
 
 import numpy as np
 import pytest
@@ -48,6 +49,13 @@ def test_a_ball_meets_a_goal(left, up, end):
 def test_walls_that_cannot_stand_are_refused(values):
     with pytest.raises(kd.InvalidInput, match="of the wall is"):
         kd.Wall(*values)
+
+
+@pytest.mark.parametrize(
+    ("text", "values"), [("9.15:1.9", (9.15, 1.9, 2.5)), ("9.15:1.9:3.5", (9.15, 1.9, 3.5))]
+)
+def test_a_wall_is_read_with_its_usual_width(text, values):
+    assert astuple(read_wall(text)) == values
 
 
 def test_a_long_text_is_cut():

@@ -142,6 +142,25 @@ def test_a_file_may_be_an_mjcf(read, tmp_path):
     assert read(text).leg.joint_names == ("hip", "knee")
 
 
+def test_the_loops_of_an_mjcf_stay_closed(read, tmp_path):
+    (tmp_path / "my.xml").write_text(
+        '<mujoco><worldbody><body name="base"><geom size="0.1"/>'
+        '<body name="a"><joint name="ja" axis="0 1 0"/><geom size="0.1" pos="0 0 -1"/></body>'
+        '<body name="b" pos="1 0 0"><joint name="jb" axis="0 1 0"/><geom size="0.1" pos="0 0 -1"/>'
+        '<body name="c" pos="0 0 -1"><joint name="jc" axis="0 1 0"/>'
+        '<geom size="0.1" pos="-0.5 0 0"/></body></body></body></worldbody><equality>'
+        '<connect name="bar" body1="a" body2="c" anchor="0 0 -1"/></equality></mujoco>'
+    )
+    text = SMALL.replace('model = "human"', 'file = "my.xml"\nframe = "c"')
+    text = text.replace(
+        "angles_deg = { hip = 5, knee = 10, ankle = -5 }", "angles_deg = { ja = 5 }"
+    )
+    rates = "joint_velocity_rad_s = { ja = -1, jb = -1, jc = 1 }"
+    scene = read(re.sub("foot_velocity_m_s = .*", rates, text))
+    assert scene.leg.loops == (("bar_1", "bar_2"),)
+    assert constraint_speed(kd.simulate(scene, None).impact) < 1e-12
+
+
 def test_positions_of_prismatic_joints_are_in_metres(read, tmp_path):
     (tmp_path / "my.xml").write_text(
         '<mujoco><worldbody><body name="thigh"><joint name="hip" axis="0 -1 0"/><geom size="0.1"/>'
@@ -441,6 +460,27 @@ def test_supports_are_few(faults):
     supports = ", ".join(f"'h{i}'" for i in range(101))
     (line,) = faults(SMALL.replace('"human"', f'"human"\nsupports = [{supports}]'))
     assert "at most 100" in line
+
+
+def test_a_support_is_a_name_or_a_table(tmp_path, faults):
+    text = """
+        [leg]
+        robot = "bolt"
+        frame = "FR_FOOT:heel"
+        base = "floating"
+        supports = [{ frame = "FL_FOOT", friction = 0.6, point = true }]
+        [posture]
+        foot_velocity_m_s = [-2, 0, 0.5]
+        [contact]
+        normal = [-1, 0, 0.1]
+        restitution = 0.8
+    """
+    (tmp_path / "scene.toml").write_text(text)
+    leg = kd.load_scene(tmp_path / "scene.toml").leg
+    assert leg.supports == (kd.Support("FL_FOOT", friction=0.6, point=True),)
+    assert leg.frame == "heel"
+    (line,) = faults(SMALL.replace('"human"', '"human"\nsupports = [{ sole = [] }]'))
+    assert line.startswith("leg: support has sole: it needs frame")
 
 
 def test_loops_are_closed_by_the_joints_that_are_not_named(tmp_path):

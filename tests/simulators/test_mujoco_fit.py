@@ -155,3 +155,15 @@ def test_a_kick_that_lasts_too_long_is_an_error():
     run = MujocoKick(kick.approach, 5e-4, MujocoContact())
     with pytest.raises(kd.KickdynError, match=r"leg and ball did not part within 0\.001 s"):
         run.run(longest=0.001)
+
+
+def test_the_margin_of_a_kick_is_its_mean_deflection_over_the_impulse():
+    """Of a linear spring, sin, it is pi / 4 of the largest: here by quadrature of the contact."""
+    case = cases(0.7)[0]
+    contact = case.approach.contact
+    hit = kd.collide(POSTURE, V, kd.Ball(), contact, contact_time=0.010, tol=1e-6)
+    during = hit.sample(np.linspace(0.0, hit.contact_time, 400))
+    force = np.linalg.norm(during.force, axis=1)
+    mean = np.trapezoid(force * during.deflection) / np.trapezoid(force)
+    assert case.deflection == pytest.approx(mean, rel=0.01)
+    assert mean < 0.9 * hit.deflection

@@ -5,8 +5,10 @@ import math
 import sys
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from click.testing import CliRunner
 
@@ -173,3 +175,42 @@ def test_the_command_writes_the_motion_and_carries_it_out(tmp_path):
     assert str(ended.exception).endswith("it needs the motion, so add --motion")
     ended = CliRunner().invoke(plan_command, [*kick, "--motion", "--out", "kick.txt"])
     assert str(ended.exception).startswith("kick.txt has the ending '.txt'")
+
+
+def test_margins_of_the_sole_are_the_least_of_averaged_loads(monkeypatch):
+    """A square sole of 0.2 m; the load moves to an edge and then pulls across the ground."""
+    edges = np.array([[1.0, 0], [-1, 0], [0, 1], [0, -1]]), np.full(4, 0.1)
+    monkeypatch.setattr(module, "sole_edges", lambda standing: edges)
+    leg = kd.Leg.human()
+    weight = 9.81 * sum(body.mass for body in leg.model.inertias)
+    field = SimpleNamespace(
+        standing="stands", timestep=0.01, friction=0.5, motion=SimpleNamespace(robot=leg)
+    )
+    rows = [(1, 0, 0, 0, 0), (1, 0.1, 0, 0.05, 0), (1, 0.3, 0, 0, 0.02), (0.01, 9, 9, 9, 9)]
+    loads = [weight * np.array(row) for row in np.repeat(rows, 5, axis=0)]
+    margins = module._ground_margins(field, SimpleNamespace(ground=loads))
+    mixed = (0.3 + 9) / (0.5 * 1.01)  # of the mean over the last two rows that carry weight
+    assert margins["friction"] == pytest.approx(1 - math.hypot(mixed, 9 / (0.5 * 1.01)))
+    assert margins["centre of pressure"] == pytest.approx(0.1 - 9.02 / 1.01)
+    steady = module._ground_margins(field, SimpleNamespace(ground=loads[:15]))
+    assert steady["friction"] == pytest.approx(1 - 0.3 / 0.5)
+    assert steady["centre of pressure"] == pytest.approx(0.1 - 0.05)
+    lifted = module._ground_margins(field, SimpleNamespace(ground=loads[15:]))
+    assert set(lifted.values()) == {-math.inf}
+
+
+@pytest.mark.parametrize(
+    ("tilt", "height", "upright"),
+    [(0.0, 1.0, True), (50, 0.9, False), (40, 0.9, True), (0.0, 0.5, False), (0.0, -1.0, False)],
+)
+def test_a_robot_is_upright_by_its_base(tilt, height, upright):
+    """Turned from the planned pose about an axis that is level, at a share of its height."""
+    robot = kd.Leg.from_robot("g1", base="floating", legs_only=True)
+    planned = robot.configuration()
+    planned[2] = 0.8
+    pose = pin.AngleAxis(math.radians(tilt), np.array([0.6, 0.8, 0])).matrix()
+    body = SimpleNamespace(xpos=np.array([3.0, 1.0, 0.8 * height]), xmat=pose.ravel())
+    field = object.__new__(module._Field)
+    field.standing, field.motion = "stands", SimpleNamespace(robot=robot)
+    field.data = SimpleNamespace(body=lambda name: body)
+    assert module._Field.is_upright(field, planned) is upright

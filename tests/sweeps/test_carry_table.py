@@ -65,8 +65,8 @@ def test_a_sweep_interpolates_what_it_would_fly(monkeypatch):
     monkeypatch.setattr(chunk_solver, "KERNEL_FROM", 1)
     kick = Kick(speed=14.0)
     postures = grid(LEG, ["hip=-10:80:10", "knee=0:130:10", "ankle=-20:50:10"])
-    flown = solver(LEG, postures, kick, 0.0)(0, postures.size).rows
-    read = solver(LEG, postures, kick, 1e-5)(0, postures.size).rows
+    flown = solver(LEG, postures, kick, 0.0)(0, postures.size)[0]
+    read = solver(LEG, postures, kick, 1e-5)(0, postures.size)[0]
     off = np.abs(flown - read).max(axis=1)
     assert 0 < off[10] <= 1e-5
     assert not np.delete(off, 10).any()

@@ -49,7 +49,7 @@ def test_a_ball_that_the_batch_does_not_land_is_flown_alone(monkeypatch):
 
     monkeypatch.setattr(batch, "fly_many", one_is_lost)
     leg, grid = kd.Leg.human(), Grid({"hip": np.array([0.1, 0.2])})
-    rows = solver(leg, grid)(0, 2).rows
+    rows = solver(leg, grid)(0, 2)[0]
     carries = [kick_from(leg.posture([hip, 0.0, 0.0]), KICK).carry for hip in (0.1, 0.2)]
     assert rows[list(VARIABLES).index("carry")] == pytest.approx(carries, rel=1e-9)
 
@@ -80,7 +80,7 @@ def test_flown_carries_are_right_to_what_is_promised():
     grid = Grid({"hip": np.linspace(-0.4, 0.9, 12), "knee": np.linspace(-1.4, -0.1, 12)})
     found = ChunkSolver(leg, grid, kick, 0.0)
     found.prepare()
-    rows = found(0, grid.size).rows
+    rows = found(0, grid.size)[0]
     carries = rows[list(VARIABLES).index("carry")]
     outcomes = [kick_from(leg.posture(grid.configuration(leg, i)), kick) for i in range(grid.size)]
     struck = [i for i, outcome in enumerate(outcomes) if outcome.impact is not None]

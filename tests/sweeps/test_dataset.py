@@ -127,6 +127,28 @@ def test_another_leg_or_kick_is_told_in_words(leg, kick, words):
     assert "sha256" not in found
 
 
+def test_every_property_of_a_leg_that_changes_an_impact_makes_it_another_leg(tmp_path):
+    """A store of one is not resumed with the other."""
+    leg, feet = kd.Leg.human(), kd.Leg.from_robot("g1", base="floating", legs_only=True)
+    foot, shank = "left_ankle_roll_link", "left_knee_link"
+    text = leg.file.text.replace(
+        "</joint>", '<mimic joint="hip" multiplier="0.5"/></joint>', 2
+    ).replace('<mimic joint="hip" multiplier="0.5"/></joint>', "</joint>", 1)
+    geared = []
+    for ratio in (0.5, 0.25):
+        (tmp_path / "leg.urdf").write_text(text.replace('"0.5"/></joint>', f'"{ratio}"/></joint>'))
+        geared.append(kd.Leg.from_urdf(tmp_path / "leg.urdf", "toe"))
+    legs = [
+        leg, leg.with_stiff_joints("ankle"), leg.with_stiff_joints("knee"),
+        leg.with_armature({"knee": 0.01}), *geared, feet, feet.with_supports(foot),
+        feet.with_supports(shank), feet.with_supports(kd.Support(foot, point=True)),
+        feet.with_loops((foot, "pelvis")), feet.with_loops((shank, "pelvis")),
+    ]  # fmt: skip
+    hashes = [provenance(each, KICK)["model_sha256"] for each in legs]
+    assert len(set(hashes)) == len(legs)
+    assert hashes[0] == provenance(kd.Leg.human(), KICK)["model_sha256"]
+
+
 def test_a_joint_must_not_have_the_name_of_a_variable():
     for name in ("carry", "status", "a/b", "."):
         with pytest.raises(kd.InvalidInput, match=f"joint '{name}' cannot be swept"):

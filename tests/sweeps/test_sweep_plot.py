@@ -10,7 +10,7 @@ from kickdyn.sweeps.summary import summarize
 from kickdyn.sweeps.sweep_plot import sweep_figure
 from kickdyn.sweeps.sweep_report import extreme_lines
 
-LEG, KICK = kd.Leg.human(), kd.Kick()
+LEG, KICK = kd.Leg.human(), kd.Kick(speed=2.0)
 
 
 def drawn(*joints, where=None, kick=KICK):
@@ -58,7 +58,19 @@ def test_the_price_marks_best_and_worst():
 def test_one_joint_is_a_curve():
     data, _, figure = drawn("knee=0:30:10")
     (curve,) = figure.axes[0].lines
+    assert curve.get_xdata() == pytest.approx([0, 10, 20, 30])
     assert curve.get_ydata() == pytest.approx(data.speed_ratio.values)
+    assert figure.axes[0].get_xlabel() == "knee [deg]"
+
+
+def test_the_title_has_the_numbers_of_the_kick():
+    ball = kd.Ball(0.41, 0.105)
+    kick = kd.Kick(speed=2.5, attack=0.3, restitution=0.61, friction=0.2, ball=ball)
+    title = drawn("knee=0:30:10", kick=kick)[2].get_suptitle()
+    assert title == (
+        f"{LEG.name}: foot 2.5 m/s at {np.degrees(0.3):g}°, restitution 0.61, friction 0.2, "
+        "ball 0.41 kg"
+    )
 
 
 def test_conditions_and_large_sweeps_leave_out(monkeypatch):

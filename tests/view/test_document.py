@@ -106,7 +106,7 @@ def test_what_two_scenes_share_is_on_the_page_once(commands_of):
         "set_transform",
         "set_transform",
     ]
-    scenes = json.loads(re.search("const scenes = (.*?);  //", html)[1])
+    scenes = json.loads(re.search("let scenes = (.*?);  //", html)[1])
     assert [scene["commands"] for scene in scenes] == [[0, 1, 2], [0, 3, 2]]
     assert re.findall("<button>(.*?)</button>", html) == ["pause", "&lt;near&gt;", "far"]
     assert html == html_document("t", [ball_at(1), ball_at(2)], ["<near>", "far"])  # no random

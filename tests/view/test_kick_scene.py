@@ -211,8 +211,9 @@ def test_a_ball_that_need_not_lie_on_the_ground_is_on_a_tee_above_the_lowest_poi
     pace, text = draw_kick(viewer, hit, path, lies=False)
     floor, bottom = height_of_the_ground(viewer), hit.ball_before.position[2] - ball.radius
     moved = [leg_configuration(hit, time) for time in pace.times]
-    assert find_depths(hit.posture.leg, moved, floor) == []
-    assert find_depths(hit.posture.leg, moved, floor + 5e-3) != []
+    leg = hit.posture.leg
+    assert not any(find_depths(leg, q, floor) for q in moved)
+    assert any(find_depths(leg, q, floor + 5e-3) for q in moved)
     assert text == f"The ball is on a tee, {bottom - floor:.2g} m above the ground."
     said = [umsgpack.unpackb(packed) for packed in viewer.window.commands]
     (stand,) = (c["object"]["geometries"][0] for c in said

@@ -110,7 +110,9 @@ def test_a_page_alone_has_no_buttons(kick):
 
 def test_one_page_of_several(make_kick, tmp_path):
     pages = {f"{speed} m/s": kd.page(make_kick(kd.Leg.human(), speed)[0]) for speed in (1, 2)}
+    pages["1 m/s"].warnings, pages["2 m/s"].warnings = ("both", "first"), ("both", "second")
     made = page_of_pages(pages)
+    assert made.warnings == ("both", "first", "second")
     assert made.title == pages["1 m/s"].title
     assert re.findall("<button>(.* m/s)</button>", made.html) == ["1 m/s", "2 m/s"]
     for one in pages.values():

@@ -1,0 +1,163 @@
+"""Surfaces of a foot that can meet a ball: toe, instep, edge of the sole, inside, outside, heel.
+
+Robots by name have theirs in `catalog`; those of other feet follow from their shapes.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pinocchio as pin
+from scipy.optimize import linprog
+from scipy.spatial import ConvexHull, QhullError
+
+from kickdyn.core import validation
+from kickdyn.core.validation import Array, ArrayLike
+from kickdyn.errors import InvalidInput
+from kickdyn.robot.catalog import SIDE, SURFACES, add_contact_points, normal_cone
+from kickdyn.robot.ground_clearance import sphere_directions
+from kickdyn.robot.leg import Leg
+from kickdyn.robot.model_validation import frames_by_name
+from kickdyn.robot.standing import joint_spheres
+
+PATCH_DEPTH = 5e-3
+"""Depth under its tangent plane up to which a foot belongs to a surface [m]: a ball is pressed in
+by more than this."""
+
+
+@dataclass(frozen=True, eq=False)
+class FootSurface:
+    """A surface of a foot, in axes of the world while all joints are at 0: x forward, z up.
+
+    Attributes:
+        name: of the contact frame of a leg that kicks with it.
+        point: from the origin of the leg's contact frame to the contact point, shape `(3,)` [m].
+        normal: out of the foot, shape `(3,)`, of any length but zero.
+        size: how far it reaches, level and upwards, across the normal, shape `(2,)` [m], if known.
+        rise: range of the rise of normals that meet a ball, shape `(2,)` [rad]; None is up to 15
+            degrees to either side of `normal`, as to its left and right.
+    """
+
+    name: str
+    point: ArrayLike
+    normal: ArrayLike
+    size: Array | None = None
+    rise: Array | None = None
+
+    def __post_init__(self) -> None:
+        what = f"surface {self.name}"
+        point = validation.vector(f"point of {what}", self.point, 3, unit="m")
+        normal = validation.direction(f"normal of {what}", self.normal)
+        rise = np.arcsin(normal[2]) + SIDE * np.array([-1, 1]) if self.rise is None else self.rise
+        vars(self).update(point=point, normal=normal, rise=rise)
+
+
+@validation.check_arguments
+def kick_with(leg: Leg, surface: str | FootSurface) -> Leg:
+    """Return a leg that kicks with a surface of its foot, which its plans turn to the ball.
+
+    Args:
+        leg: whose contact frame is on the foot.
+        surface: one of `foot_surfaces` by name, or one that is given.
+
+    Raises:
+        InvalidInput: there is no such surface, or the foot has no shapes.
+    """
+    if isinstance(surface, str):
+        if surface not in SURFACES:
+            raise InvalidInput(f"surface {surface!r} is unknown: choose {', '.join(SURFACES)}")
+        surface = foot_surfaces(leg)[surface]
+    model, (x, y, _) = leg.model, np.asarray(surface.normal)
+    if surface.name not in frames_by_name(model):
+        add_contact_points(model, leg.frame, {surface.name: surface.point})
+    cone = normal_cone(np.arctan2(y, x), *np.asarray(surface.rise))
+    return replace(leg, model=model, frame=surface.name, contact_normal_cone=cone)
+
+
+@validation.check_arguments
+def foot_surfaces(leg: Leg) -> dict[str, FootSurface]:
+    r"""Return the surfaces of the foot that carries a leg's contact frame, by name.
+
+    A contact point p is where a ball overlaps least with the convex hull of the foot's shapes, of
+    all normals n of the surface, with the ball seen as a plane:
+
+    .. math:: \min_p \max_n (h(n) - n \cdot p), \qquad h(n) = \max_x n \cdot x .
+
+    The points of a robot of the catalogue are those of its frames. The robot faces x; a foot with
+    its middle left of y = 0 is a left one, whose inside is on its right.
+
+    Raises:
+        InvalidInput: the foot has no shapes that span a volume.
+    """
+    model, data = leg.workspace.model, leg.workspace.data
+    pin.forwardKinematics(model, data, leg.configuration())
+    pin.updateFramePlacements(model, data)
+    origin, joint = data.oMf[leg.frame_id].translation.copy(), leg.contact_joint
+    spheres = joint_spheres(leg, joint).moved(data.oMi[joint].homogeneous)
+    round_ones = spheres.radii > 0.0
+    reach = spheres.radii[round_ones, None, None] * sphere_directions()
+    bulges = (spheres.centres[round_ones, None] + reach).reshape(-1, 3)
+    try:
+        hull = ConvexHull(np.vstack([spheres.centres, bulges]) - origin)
+    except (QhullError, ValueError):
+        raise InvalidInput(
+            f"the foot at {leg.frame} of {leg.name} has no shapes that span a volume: give the "
+            "surface, FootSurface(name, point, normal) (--frame FRAME:X,Y,Z:NX,NY,NZ)"
+        ) from None
+    on_foot = {
+        name: data.oMf[number].translation - origin
+        for name, number in frames_by_name(model).items()
+        if int(model.frames[number].parentJoint) == joint
+    }
+    is_left, surfaces = hull.min_bound[1] + hull.max_bound[1] + 2.0 * origin[1] > 0.0, {}
+    for name, degrees in SURFACES.items():
+        direction, low, high = np.radians(degrees) * (-1.0 if is_left else 1.0, 1.0, 1.0)
+        left, up = np.meshgrid(direction + SIDE * np.arange(-1, 2), np.linspace(low, high, 3))
+        level = np.cos(up)
+        normals = np.stack([level * np.cos(left), level * np.sin(left), np.sin(up)], axis=-1)
+        point = on_foot.get(name)
+        if point is None:
+            point = _contact_point(hull, normals.reshape(-1, 3))
+        size = _size(hull, normals[1, 1])
+        surfaces[name] = FootSurface(name, point, normals[1, 1], size, np.array([low, high]))
+    return surfaces
+
+
+def _contact_point(hull: ConvexHull, normals: Array) -> Array:
+    """Return the point of a hull that planes with normals overlap least, `(3,)` [m]."""
+    reach = (hull.points[hull.vertices] @ normals.T).max(axis=0)
+    facets = np.column_stack([hull.equations[:, :3], np.zeros(len(hull.equations))])
+    planes = np.column_stack([-normals, -np.ones(len(normals))])
+    bounds = np.concatenate([-hull.equations[:, 3], -reach])
+    found = linprog([0, 0, 0, 1], np.vstack([facets, planes]), bounds, bounds=(None, None))
+    return np.asarray(found.x[:3])
+
+
+def _size(hull: ConvexHull, normal: Array) -> Array:
+    """Return how far a hull reaches near its tangent plane, level and upwards, `(2,)` [m]."""
+    edges = hull.points[hull.simplices[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)]
+    heights = edges @ normal
+    above = heights - (heights.max() - PATCH_DEPTH)
+    cut = above[:, 0] * above[:, 1] < 0.0
+    share = above[cut, 0] / (above[cut, 0] - above[cut, 1])
+    crossings = edges[cut, 0] + share[:, None] * (edges[cut, 1] - edges[cut, 0])
+    level = np.cross((0.0, 0.0, 1.0), normal)
+    axes = np.column_stack([level, np.cross(normal, level)]) / np.linalg.norm(level)
+    return np.asarray(np.ptp(np.vstack([edges[above >= 0.0], crossings]) @ axes, axis=0))
+
+
+def load_with_surface(frame: str | None, load: Callable[[str | None], Leg]) -> Leg:
+    """Return the leg that `load` returns for FRAME, FRAME:SURFACE or FRAME:X,Y,Z:NX,NY,NZ."""
+    name, _, text = (frame or "").partition(":")
+    leg = load(name or frame)
+    if not text:
+        return leg
+    if text in SURFACES:
+        return kick_with(leg, text)
+    try:
+        point, normal = ([float(x) for x in part.split(",")] for part in text.split(":"))
+    except ValueError:
+        raise InvalidInput(
+            f"surface {text!r} of {name} must be {', '.join(SURFACES)}, or X,Y,Z:NX,NY,NZ"
+        ) from None
+    return kick_with(leg, FootSurface("surface", point, normal))

@@ -1,0 +1,198 @@
+"""`show`: a live view in a tab of the browser or in Jupyter.
+
+A server in a thread of this process sends scenes to the browsers that have its page open: it is
+bound to the loopback, and its address has a random part. meshcat's own server listens on all
+network interfaces. Scenes arrive as server-sent events, a part of HTML that needs no package; a
+command of meshcat that a browser has already is not sent again.
+"""
+
+import atexit
+import base64
+import json
+import secrets
+import sys
+import threading
+import webbrowser
+from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
+
+from kickdyn.core import validation
+from kickdyn.flight.flight_result import Flight
+from kickdyn.flight.follow import Course
+from kickdyn.view.document import html_document, scene_parts
+from kickdyn.view.page import FRAME_HEIGHT, Page, page
+
+ADDRESS = "127.0.0.1"
+
+BEAT = 5.0
+"""Time after which a browser hears that the server still runs, and the server of a browser that
+has left [s]."""
+
+
+class View:
+    """A live view, as `show` returns it; in Jupyter it is shown as the result of its cell.
+
+    Attributes:
+        url: its address, which works on this machine only.
+    """
+
+    def __init__(self) -> None:
+        token = secrets.token_urlsafe(16)
+        self._changed = threading.Condition()
+        self._page: Page | None = None
+        self._version = self._camera_version = 0  # of the scene, and of the one that set the camera
+        self._open = True
+        view = self
+
+        class Handler(BaseHTTPRequestHandler):
+            def do_GET(self) -> None:
+                # under another name of this machine, a page from elsewhere could read the scene
+                if self.headers.get("Host") not in hosts or self.path not in (
+                    f"/{token}/",
+                    f"/{token}/events",
+                ):
+                    self.send_error(404)
+                    return
+                is_page = self.path.endswith("/")
+                kind = "text/html; charset=utf-8" if is_page else "text/event-stream"
+                self.send_response(200)
+                self.send_header("Content-Type", kind)
+                self.send_header("Cache-Control", "no-store")
+                self.end_headers()
+                try:
+                    if is_page:
+                        self.wfile.write(html_document("kickdyn", (), is_live=True).encode())
+                        return
+                    for message in view._messages():
+                        self.wfile.write(message.encode())
+                        self.wfile.flush()
+                except OSError:  # the browser has left
+                    return
+
+            def log_message(self, format: str, *args: object) -> None:
+                pass
+
+        self._server = ThreadingHTTPServer((ADDRESS, 0), Handler)
+        self._server.daemon_threads = True
+        port = self._server.server_port
+        hosts = f"{ADDRESS}:{port}", f"localhost:{port}"
+        self.url = f"http://{ADDRESS}:{port}/{token}/"
+        threading.Thread(target=self._server.serve_forever, daemon=True).start()
+        atexit.register(self.close)
+
+    @property
+    def is_open(self) -> bool:
+        """Whether it can still be seen."""
+        return self._open
+
+    def update(
+        self, subject: Any, path: Flight | Course | None = None, *, caption: str = ""
+    ) -> None:
+        """Show another subject from where the camera is; the arguments are those of `page`.
+
+        Raises:
+            InvalidInput: as of `page`.
+        """
+        self._put(page(subject, path, caption=caption), keeps_camera=True)
+
+    def close(self) -> None:
+        """Stop the server; a second time does nothing. It also ends with the process."""
+        with self._changed:
+            if not self._open:
+                return
+            self._open = False
+            self._changed.notify_all()
+        atexit.unregister(self.close)
+        self._server.shutdown()
+        self._server.server_close()
+
+    def _put(self, shown: Page, *, keeps_camera: bool) -> None:
+        with self._changed:
+            self._page = shown
+            self._version += 1
+            if not keeps_camera:
+                self._camera_version = self._version
+            self._changed.notify_all()
+
+    def _messages(self) -> Iterator[str]:
+        """Yield what a browser gets, from the present scene on until the view is closed."""
+        numbers: dict[bytes, int] = {}  # of the commands that the browser has
+        version = 0
+        while self._open:
+            with self._changed:
+                if self._version == version:
+                    self._changed.wait(BEAT)
+                shown, keeps_camera = self._page, version >= self._camera_version
+                is_news, version = self._version > version, self._version
+            if not is_news or shown is None:
+                yield ": still here\n\n"
+                continue
+            first_number = 1 + max(numbers.values(), default=-1)
+            parts = scene_parts(shown.scenes, list(shown.pages), numbers, first_number)
+            numbers = parts.numbers
+            update = {
+                "title": shown.title,
+                "keeps_camera": keeps_camera,
+                "labels": parts.labels,
+                "caption": parts.buttons + parts.panels,
+                "scenes": parts.scenes,
+                "commands": [
+                    [number, base64.b64encode(packed).decode()]
+                    for packed, number in numbers.items()
+                    if number >= first_number
+                ],
+            }
+            yield f"data: {json.dumps(update)}\n\n"
+
+    def __repr__(self) -> str:
+        return f"<View at {self.url}>" if self._open else "<View, closed>"
+
+    def _repr_html_(self) -> str:
+        """Return a frame with the view."""
+        return (
+            f'<iframe src="{self.url}" style="width: 100%; height: {FRAME_HEIGHT}px; border: 0">'
+            "</iframe>"
+        )
+
+
+_view: View | None = None
+"""The view of this process."""
+
+
+def show(
+    subject: Any,
+    path: Flight | Course | None = None,
+    *,
+    caption: str = "",
+    browser: bool | None = None,
+) -> View:
+    """Show a leg, a posture, an impact, a plan, a motion or flights in a live 3-D view.
+
+    The view is a tab of the browser, or in Jupyter the result of the cell. There is one view: what
+    is shown next replaces what it shows, in the same tab, and `View.update` does so without moving
+    the camera. It can be reached from this machine alone and ends with the process; a notebook
+    that runs on another machine shows `kd.page(subject)` instead, which needs no connection.
+
+    Args:
+        subject: what `page` takes.
+        path: path of the ball after an `Impact`; with None the ball flies through `Air()`.
+        caption: line of plain text above the numbers.
+        browser: whether to open a tab; with None, where there is no view yet, outside of Jupyter.
+
+    Returns:
+        The view.
+
+    Raises:
+        InvalidInput: the subject cannot be shown.
+    """
+    global _view
+    validation.check_type(bool, type(None), browser=browser)
+    made_page = page(subject, path, caption=caption)
+    is_new = _view is None or not _view.is_open
+    if _view is None or is_new:
+        _view = View()
+    _view._put(made_page, keeps_camera=False)
+    if browser or (browser is None and is_new and "ipykernel" not in sys.modules):
+        webbrowser.open(_view.url)
+    return _view

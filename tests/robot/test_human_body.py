@@ -1,0 +1,178 @@
+"""Legs of persons by size: the published tables, scaling, mirror images and the planar limit."""
+
+import math
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import trimesh
+
+import kickdyn as kd
+from kickdyn.robot.urdf_file import shipped_urdf
+
+# de Leva 1996, Table 4, of the mean man (73.0 kg, 1.741 m) and woman (61.9 kg, 1.735 m): mass [%],
+# length [mm], centre [%], radii of gyration about sagittal, transverse, longitudinal axes [%]
+TABLE_4 = {
+    "male": (73.0, 1.741, {
+        "thigh": (14.16, 422.2, 40.95, 32.9, 32.9, 14.9),
+        "shank": (4.33, 440.3, 43.95, 25.1, 24.6, 10.2),
+        "foot": (1.37, 258.1, 44.15, 25.7, 24.5, 12.4),
+    }),
+    "female": (61.9, 1.735, {
+        "thigh": (14.78, 368.5, 36.12, 36.9, 36.4, 16.2),
+        "shank": (4.81, 438.6, 43.52, 26.7, 26.3, 9.2),
+        "foot": (1.29, 228.3, 40.14, 29.9, 27.9, 13.9),
+    }),
+}  # fmt: skip
+WOMAN = {"height": 1.65, "mass": 58.0, "sex": "female"}
+
+
+@pytest.mark.parametrize("sex", TABLE_4)
+def test_segments_of_the_mean_person_are_those_of_the_table(sex):
+    mass, height, table = TABLE_4[sex]
+    leg = kd.Leg.human(height=height, mass=mass, sex=sex)
+    straight = leg.posture(leg.configuration())
+    thigh, shank, foot = (row[1] * 1e-3 for row in table.values())
+    assert straight.contact_point == pytest.approx([0.75 * foot, 0, -thigh - shank], rel=1e-12)
+    for inertia, (name, row) in zip(list(leg.model.inertias)[1:], table.items(), strict=True):
+        share, length, centre, sagittal, transverse, longitudinal = row
+        length *= 1e-3
+        assert inertia.mass == pytest.approx(share / 100 * mass, rel=1e-12)
+        along = (centre / 100 - 0.25) * length if name == "foot" else -centre / 100 * length
+        assert inertia.lever[0 if name == "foot" else 2] == pytest.approx(along, rel=1e-12)
+        about = (sagittal, transverse, longitudinal)
+        if name == "foot":  # which lies forward
+            about = (longitudinal, transverse, sagittal)
+        squares = (np.array(about) / 100 * length) ** 2
+        assert inertia.inertia == pytest.approx(np.diag(inertia.mass * squares), rel=1e-12)
+
+
+def test_lengths_scale_with_height_and_torques_with_weight_and_height():
+    small, tall = (kd.Leg.human(height=h, mass=m) for h, m in ((1.6, 60), (2.0, 90)))
+    ratio, heavier = 2.0 / 1.6, 90 / 60
+    for a, b in zip(list(small.model.inertias)[1:], list(tall.model.inertias)[1:], strict=True):
+        assert b.mass == pytest.approx(heavier * a.mass)
+        assert b.lever == pytest.approx(ratio * a.lever)
+        assert b.inertia == pytest.approx(heavier * ratio**2 * a.inertia)
+    assert tall.effort_limit == pytest.approx(ratio * heavier * small.effort_limit)
+    assert small.effort_limit == pytest.approx(np.array([0.161, 0.163, 0.095]) * 60 * 9.81 * 1.6)
+    paper = kd.Leg.human()
+    assert (tall.velocity_limit == paper.velocity_limit).all()
+    assert (tall.lower == paper.lower).all()
+    assert (tall.upper == paper.upper).all()
+
+
+def test_without_arguments_it_is_the_leg_of_the_file():
+    leg, read = kd.Leg.human(), kd.Leg.from_urdf(shipped_urdf("leg_human.urdf"))
+    assert leg.model == read.model
+    assert leg.contact_normal_cone is None
+
+
+def test_the_text_of_a_sized_leg_is_a_urdf_of_the_same_leg(tmp_path):
+    leg = kd.Leg.human(**WOMAN, model="3d", side="left", frame="inside")
+    file = tmp_path / "leg.urdf"
+    file.write_text(leg.file.text)
+    read = kd.Leg.from_urdf(file, "inside")
+    assert read.joint_names == leg.joint_names
+    q = np.random.default_rng(1).uniform(-0.3, 0.3, 6)
+    assert read.posture(q).inertia == pytest.approx(leg.posture(q).inertia, rel=1e-14)
+    assert read.posture(q).jacobian == pytest.approx(leg.posture(q).jacobian, abs=1e-15)
+
+
+@pytest.mark.parametrize("frame", ["toe", "instep", "inside"])
+def test_the_left_leg_is_the_mirror_image_of_the_right_one(frame):
+    mirror = np.diag([1.0, -1.0, 1.0])
+    rng = np.random.default_rng(2)
+    q, v = rng.uniform(-0.4, 0.4, 6), rng.normal(size=6)
+    right, left = (
+        kd.Leg.human(**WOMAN, model="3d", side=side, frame=frame) for side in ("right", "left")
+    )
+    a, b = right.posture(q), left.posture(q)
+    assert b.contact_point == pytest.approx(mirror @ a.contact_point, abs=1e-15)
+    assert b.inertia == pytest.approx(a.inertia, rel=1e-12)
+    normal = np.array([0.6, 0.5, 0.4])
+    normal *= math.copysign(1.0, normal @ a.point_velocity(v))
+    hits = [
+        kd.strike(posture, v, kd.Ball(), kd.Contact(n, 0.8, 0.3))
+        for posture, n in ((a, normal), (b, mirror @ normal))
+    ]
+    assert hits[1].impulse == pytest.approx(mirror @ hits[0].impulse, rel=1e-10)
+    assert hits[1].v_after == pytest.approx(hits[0].v_after, rel=1e-9)
+    for leg, side in ((right, 1.0), (left, -1.0)):
+        directions = {"toe": (1, 0, 0.5), "instep": (0.4, 0, 1), "inside": (0, side, 0.1)}
+        for name, direction in directions.items():
+            inside = (leg.contact_normal_cone @ direction > 0).all()
+            assert inside == (name == frame)
+
+
+def test_adduction_internal_rotation_and_inversion_are_positive():
+    for side, medial in (("right", 1.0), ("left", -1.0)):
+        leg = kd.Leg.human(**WOMAN, model="3d", side=side)
+        moves = leg.posture(np.zeros(6)).jacobian
+        assert medial * moves[1, leg.velocity_index("hip_adduction")] > 0.1
+        assert medial * moves[1, leg.velocity_index("hip_rotation")] > 0.1
+        sole = leg.posture(np.zeros(6)).with_contact_offset((0, 0, -0.05))
+        assert medial * sole.jacobian[1, leg.velocity_index("subtalar")] == pytest.approx(0.05)
+        assert np.degrees(leg.joint_range("hip_adduction")) == pytest.approx([-45, 25])
+
+
+def test_in_the_plane_the_spatial_leg_is_the_planar_one():
+    q, v = np.array([0.7, 0.5, -0.3]), np.array([6.6, -14.5, 6.6])
+    flat, spatial = (kd.Leg.human(**WOMAN, model=model) for model in ("paper", "3d"))
+    at = [spatial.velocity_index(name) for name in flat.joint_names]
+    wide_q, wide_v = np.zeros(6), np.zeros(6)
+    wide_q[at], wide_v[at] = q, v
+    contact = kd.Contact((2, 0, 1), 0.8, 0.3)
+    a = kd.strike(flat.posture(q), v, kd.Ball(), contact)
+    b = kd.strike(spatial.posture(wide_q), wide_v, kd.Ball(), contact)
+    assert b.impulse == pytest.approx(a.impulse, rel=1e-11, abs=1e-12)
+    assert b.v_after[at] == pytest.approx(a.v_after, rel=1e-10)
+    for name in flat.joint_names:  # sizes: the knee's axes are turned in neither
+        one, other = (hit.joint_impulses[hit.posture.leg.joint_names.index(name)] for hit in (a, b))
+        assert np.linalg.norm(other[:3]) == pytest.approx(np.linalg.norm(one[:3]), rel=1e-10)
+
+
+def test_a_floating_base_is_the_lower_trunk():
+    leg = kd.Leg.human(**WOMAN, side="left", base="floating")
+    pelvis = leg.model.inertias[1]
+    assert pelvis.mass == pytest.approx(0.1247 * 58)
+    assert pelvis.lever[1] == pytest.approx(-0.0835 / 1.8 * 1.65)  # the middle is on its right
+    assert pelvis.lever[2] == pytest.approx(0.508 * 0.1815 * 1.65 / 1.735)
+    whole = (0.1247 + 0.1478 + 0.0481 + 0.0129) * 58
+    assert pin.computeTotalMass(leg.model) == pytest.approx(whole)
+    heavier = leg.posture(leg.configuration()).effective_mass((1, 0, 0))
+    fixed = kd.Leg.human(**WOMAN).posture([0, 0, 0]).effective_mass((1, 0, 0))
+    assert heavier < fixed  # a base that yields
+
+
+def test_contact_points_lie_on_the_boot():
+    boot = trimesh.load(shipped_urdf("meshes/human_boot.stl"))
+    for side in ("right", "left"):
+        for frame in ("instep", "inside"):
+            leg = kd.Leg.human(height=1.75, mass=75, side=side, frame=frame)
+            (shape,) = (v for v in leg.file.visuals() if v.mesh.endswith("boot.stl"))
+            _, distance, _ = trimesh.proximity.closest_point(
+                boot.copy().apply_scale(shape.size), [leg.contact_lever]
+            )
+            assert distance[0] < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"height": 16.5}, "height is 16.5: it must be a finite number at least 1.2 and at most"),
+        ({"mass": 580}, "mass is 580.0: it must be a finite number at least 30"),
+        ({"mass": None}, "mass is None: it must be a finite number"),
+        ({"sex": "f"}, "sex is 'f': it must be one of female, male"),
+        ({"side": "both"}, "side is 'both': it must be one of left, right"),
+        ({"model": "2d"}, "model is '2d': it must be one of paper, 3d"),
+        ({"base": "free"}, "base is 'free': it must be fixed or floating"),
+        ({"frame": "sole"}, "'sole'"),
+        ({"height": None, "mass": None}, "height and mass are None: sex, side, model"),
+    ],
+)
+def test_refused(change, message):
+    with pytest.raises(kd.InvalidInput) as caught:
+        kd.Leg.human(**WOMAN | change)
+    assert str(caught.value).startswith(message) or message in str(caught.value)
+    assert "\n" not in str(caught.value)

@@ -459,8 +459,8 @@ def _starts(
     times = splines.times(*POINTS)
     if near is not None:
         leg = problem.task.leg
-        rest = {**leg.joint_values(rest_configuration(leg)), **others}
-        coefficients = np.tile([rest[name] for name in leg.joint_names], (splines.size, 1))
+        values = {**leg.joint_values(rest_configuration(leg)), **others}
+        coefficients = np.tile([values[name] for name in leg.joint_names], (splines.size, 1))
         moved = [leg.joint_names.index(name) for name in near.joints]
         coefficients[:, moved] = splines.coefficients(near.before, near.after)
         start = Solution(coefficients, share, times, nothing, True, 0)

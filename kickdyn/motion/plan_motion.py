@@ -56,6 +56,9 @@ STARTS, SPREAD = 2, 0.2
 CENTRAL = 0.15
 """Share of a joint's range that the first posture leaves at either end, where it can."""
 
+HELD_TIMES = 200
+"""Number of times at which the torques of joints that stay at rest are checked."""
+
 REACHED = 2e-3
 """Margin beyond its reserve at which a limit counts as reached."""
 
@@ -156,8 +159,9 @@ class PlannedMotion:
 def plan_motion(task: KickTask, near: Motion | None = None) -> PlannedMotion:
     """Return the motion of a kick, from rest to rest; the best one where none keeps all limits.
 
-    That of the joints between the feet of a standing robot takes a fraction of the time, and is the
-    start for all joints; limbs in its way are put aside first.
+    The joints between the feet of a standing robot are tried first, which takes a fraction of the
+    time; all others join in where those do not reach the whole launch. Limbs in the way of that
+    motion are put aside at the start.
 
     Args:
         task: the kick.
@@ -171,15 +175,27 @@ def plan_motion(task: KickTask, near: Motion | None = None) -> PlannedMotion:
     if task.standing is None:
         return _plan(task, near, {}, 1.0, STARTS)
     legs = kicking_chain(task.leg).leg
-    if near is not None or legs.joint_names == task.leg.joint_names:
-        return _plan(task, near, {}, 1.0, STARTS if near is None else 0)
-    first = _plan(replace(task, leg=legs), None, {}, 1.0, 0, rounds=0)
+    if legs.joint_names == task.leg.joint_names:
+        return _plan(task, near, {}, 1.0, STARTS)
+    if near is not None and near.joints != legs.joint_names:
+        return _plan(task, near, {}, 1.0, 0)
+    first = _plan(replace(task, leg=legs), near, {}, 1.0, 0)
+    if first.keeps_limits and not _overloads(first.motion):
+        return first
     aside = _limbs_aside(task, first.motion, _idle_limbs(task.leg, legs))
     planned = _plan(task, first.motion, aside, first.share, 0, FIRST)
     if planned.keeps_limits:
         return planned
     other = _plan(task, None, {}, 1.0, 1)
     return max(other, planned, key=lambda motion: (motion.keeps_limits, motion.share))
+
+
+def _overloads(motion: Motion) -> bool:
+    """Return whether joints that stay at rest take more than their torque limits."""
+    limit = motion.robot.effort_limit
+    times = np.linspace(motion.begin, motion.end, HELD_TIMES)
+    largest = np.max([np.abs(motion.torque(t)) for t in times], axis=0)
+    return bool((largest > np.where(limit > 0.0, limit, np.inf)).any())
 
 
 def _idle_limbs(robot: Leg, legs: Leg) -> list[list[int]]:
@@ -252,7 +268,6 @@ def _plan(
     share: float,
     starts: int,
     options: dict[str, Any] | None = None,
-    rounds: int = ROUNDS,
 ) -> PlannedMotion:
     """Return the best motion of all joints of a task.
 
@@ -264,7 +279,6 @@ def _plan(
         starts: number of starts at most; with 0, there is one, and limits between points are not
             sought where it does not reach the whole launch.
         options: of Ipopt, for the first solution; None are those that suit the start.
-        rounds: see `ROUNDS`.
     """
     stands = task.standing is not None
     splines = MotionSplines(*DURATIONS[stands], INTERVALS[stands])
@@ -272,7 +286,7 @@ def _plan(
     problem = MotionProblem(task, splines, limits, of_impulse)
     verdicts = []
     for rest, start, suited in islice(_starts(problem, near, others, share), max(starts, 1)):
-        verdicts.append(_solve(problem, rest, start, options or suited, starts > 0, rounds))
+        verdicts.append(_solve(problem, rest, start, options or suited, starts > 0))
         if verdicts[-1].keeps_limits:
             break
     kept = [verdict for verdict in verdicts if verdict.broken == 0.0]
@@ -286,7 +300,6 @@ def _solve(
     start: Solution,
     options: dict[str, Any],
     partly: bool,
-    rounds: int,
 ) -> "_Verdict":
     """Return the verdict on the solution from unknowns to start from.
 
@@ -303,7 +316,7 @@ def _solve(
         apart=apart,
     )
     verdict, full = _Verdict(problem, solution), solution.share > FULL
-    for _ in range(rounds):
+    for _ in range(ROUNDS):
         if solution.share < LEAST_SHARE or not (full or partly):
             break
         far, times = verdict.broken > FAR, verdict.add_points(solution.times)

@@ -18,6 +18,7 @@ from .flight.flight_result import Flight as Flight
 from .flight.fly import fly as fly
 from .flight.follow import Course as Course
 from .flight.follow import follow as follow
+from .flight.follow_many import follow_many as follow_many
 from .ground import Ground as Ground
 from .ground import Surface as Surface
 from .identification.identification_result import Identification as Identification
@@ -40,6 +41,8 @@ from .impact.joint_load import joint_loads as joint_loads
 from .impact.laws import normal_impulse as normal_impulse
 from .impact.sensitivity import Sensitivity as Sensitivity
 from .impact.strike import strike as strike
+from .impact.strike_many import Impacts as Impacts
+from .impact.strike_many import strike_many as strike_many
 from .impact.uncertainty import Uncertainty as Uncertainty
 from .impact.unilateral import UnilateralImpact as UnilateralImpact
 from .impact.unilateral import unilateral_strike as unilateral_strike
@@ -64,6 +67,8 @@ from .scene.scene import Compliance as Compliance
 from .scene.scene import Scene as Scene
 from .scene.simulate import Simulation as Simulation
 from .scene.simulate import simulate as simulate
+from .scene.simulate_many import Simulations as Simulations
+from .scene.simulate_many import simulate_many as simulate_many
 from .scene.toml_reader import load_scene as load_scene
 from .simulators.refine_kick import refine_kick as refine_kick
 from .simulators.run_in_mujoco import MujocoRun as MujocoRun

@@ -135,8 +135,8 @@ class Ball(ReprMixin):
         """
         if self.pressure is None:
             raise InvalidInput(
-                "ball pressure is None: its stiffness needs it, such as "
-                "Ball(pressure=80e3) [Pa above the air outside]"
+                "ball pressure is None: its stiffness needs it, and so does the restitution "
+                "'inflated', such as Ball(pressure=80e3) [Pa above the air outside]"
             )
         return 2.0 * math.pi * self.radius * self.pressure
 

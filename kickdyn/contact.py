@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from kickdyn.ball import Ball
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, ValueEquality, format_value
 from kickdyn.core.validation import Array, ArrayLike
@@ -12,6 +13,7 @@ from kickdyn.restitution import (
     checked_restitution,
     format_restitution,
     restitution_at,
+    restitution_for,
 )
 
 
@@ -26,9 +28,10 @@ class Contact(ValueEquality, ReprMixin):
         restitution: coefficient e of Eq. (1), 0 to 1. A rigid mechanical limb on a (leather, oval)
             ball measured 0.66 to 0.79 (Peacock & Ball 2016); the default 0.8 is what the paper's
             Table 2 needs. It may also depend on the speed of approach along the normal: as a table
-            of rows (speed [m/s], e), shape `(n, 2)`, speeds increasing; or as the name of a model,
-            `peacock-ball` (`kickdyn.restitution.MODELS`). Outside the rows e is that of the nearest
-            row, and results have a warning.
+            of rows (speed [m/s], e), shape `(n, 2)`, speeds increasing; or as the name of a model
+            (`kickdyn.restitution.MODELS`): `inflated`, which follows from mass, radius and pressure
+            of the ball, or `peacock-ball`, a measured one. Outside the rows e is that of the
+            nearest row, and results have a warning.
         friction: Coulomb's coefficient mu, 0 or more. The default 0 is the frictionless contact of
             Eqs. (8)-(10); the paper uses 0.4, and 0.37 to 0.63 was measured on nine match balls
             against leather (Proceedings 2020, 49(1):92).
@@ -71,10 +74,28 @@ class Contact(ValueEquality, ReprMixin):
                 "plan_kick, which computes it"
             )
 
-    def restitution_at(self, speed: float) -> float:
-        """Return the coefficient e at a speed of approach along the normal, 0 or more [m/s]."""
+    def for_ball(self, ball: Ball) -> "Contact":
+        """Return the equal contact with the restitution of a ball, for which its rows are known.
+
+        Raises:
+            InvalidInput: the restitution is `inflated`, and the ball has no pressure.
+        """
+        restitution = restitution_for(self.restitution, ball)
+        if restitution is self.restitution:
+            return self
+        contact = object.__new__(Contact)  # all else is checked
+        contact.__dict__.update(self.__dict__, restitution=restitution)
+        return contact
+
+    def restitution_at(self, speed: float, ball: Ball | None = None) -> float:
+        """Return the coefficient e at a speed of approach along the normal, 0 or more [m/s].
+
+        The model `inflated` needs the ball.
+        """
         speed = validation.number("speed", speed, at_least=0, unit="m/s")
-        return restitution_at(self.restitution, speed)
+        validation.check_type(Ball, type(None), ball=ball)
+        contact = self if ball is None else self.for_ball(ball)
+        return restitution_at(contact.restitution, speed)
 
     def __repr__(self) -> str:
         offset = "" if self.offset is None else f", offset={format_value(self.offset)} m"

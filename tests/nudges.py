@@ -67,7 +67,7 @@ def margin(hit):
         return 0.0
     if hit.sticking:
         return mu * float(n @ p) - np.linalg.norm(p - (n @ p) * n)
-    foot = hit.posture.jacobian @ hit.v_after
+    foot = hit.posture.point_velocity(hit.v_after)
     after = hit.ball_after.velocity - hit.ball.radius * np.cross(hit.ball_after.spin, n) - foot
     return np.linalg.norm(after - (n @ after) * n)
 

@@ -48,7 +48,8 @@ GOOD = {
     "jacobian": POSTURE.jacobian,
     "function": lambda state, numbers: state[2], "air": AIR, "impacts": INFERRED, "speed": 5.0,
     "rotor_inertia": 1e-5, "drives": {"knee": kd.Drive(1e-5, 50.0)}, "values": {"knee": 0.1},
-    "surface": "heel", "states": kd.BallState(velocity=[IMPACT.ball_after.velocity] * 2),
+    "draws": 2, "surface": "heel", "linear": (1.0, 0.0, 0.0),
+    "states": kd.BallState(velocity=[IMPACT.ball_after.velocity] * 2),
 }  # fmt: skip
 """A valid argument for every required parameter, by its name."""
 
@@ -85,6 +86,7 @@ INSTANCES = {
 
 RESULTS = {
     *("Collision", "Course", "Flight", "Identification", "Impact", "InferredImpact", "JointLoad"),
+    *("Impacts", "Simulations"),
     *(
         "KickPlan",
         "Launch",

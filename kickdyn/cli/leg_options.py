@@ -11,7 +11,7 @@ import click
 import numpy as np
 
 from kickdyn.cli.command import warn
-from kickdyn.cli.option_groups import option
+from kickdyn.cli.option_groups import Numbers, option
 from kickdyn.core import validation
 from kickdyn.core.files import read_toml
 from kickdyn.errors import InvalidInput
@@ -128,6 +128,14 @@ class LegOptions:
         help="TOML file with the rotor inertias and limits of joints' drives; none for no rotors.  "
         "[default: those of the robot]",
     )  # fmt: skip
+    base_velocity: tuple[float, float, float] | None = option(
+        "--base-velocity", type=Numbers("X,Y,Z"),
+        help="Velocity of the fixed base, as of the hip in a run-up, at the world's origin [m/s].",
+    )  # fmt: skip
+    base_angular_velocity: tuple[float, float, float] | None = option(
+        "--base-angular-velocity", type=Numbers("X,Y,Z"),
+        help="Angular velocity of the fixed base [rad/s].",
+    )  # fmt: skip
     package_dirs: tuple[str, ...] = option(
         "--package-dir", multiple=True, metavar="DIR",
         type=click.Path(exists=True, file_okay=False),
@@ -159,6 +167,8 @@ class LegOptions:
             raise
         leg = leg.with_supports(*supports).with_loops(*leg.loops, *loops)
         leg = leg.with_stiff_joints(*self.stiff_joints)
+        rest = (0.0, 0.0, 0.0)
+        leg = leg.with_base_velocity(self.base_velocity or rest, self.base_angular_velocity or rest)
         warn(leg.warnings)
         return leg
 

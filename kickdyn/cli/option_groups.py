@@ -102,27 +102,30 @@ class FootOptions:
 
 @dataclass(frozen=True)
 class BallOptions:
-    """The ball: mass [kg] and radius [m], or a name."""
+    """The ball: mass [kg], radius [m] and perhaps pressure [Pa], or a name."""
 
     ball: str = option(
-        "--ball", default="size-5", metavar="MASS:RADIUS|size-5|paper", show_default=True,
-        help="Mass [kg] and radius [m], or a name.",
+        "--ball", default="size-5", metavar="MASS:RADIUS[:PRESSURE]|size-5|paper",
+        show_default=True, help="Mass [kg], radius [m] and gauge pressure [Pa], or a name.",
     )  # fmt: skip
 
     def load(self) -> Ball:
-        """Return the ball; raise `InvalidInput` if it is neither a name nor two numbers."""
+        """Return the ball; raise `InvalidInput` if it is no name nor two or three numbers."""
         if self.ball in NAMED_BALLS:
             return NAMED_BALLS[self.ball]()
         try:
-            mass, radius = map(float, self.ball.split(":"))
+            mass, radius, *pressure = map(float, self.ball.split(":"))
+            if len(pressure) > 1:
+                raise ValueError
         except ValueError:
             raise InvalidInput(
                 f"--ball is {self.ball!r}: it must be size-5, paper, or MASS:RADIUS such as "
-                "0.45:0.11 [kg:m]"
+                "0.45:0.11 [kg:m], with the pressure 0.45:0.11:80e3 [Pa]"
             ) from None
         return Ball(
             validation.number("ball mass", mass, at_least=1e-3, at_most=1e3, unit="kg"),
             validation.number("ball radius", radius, at_least=1e-3, at_most=1, unit="m"),
+            pressure=pressure[0] if pressure else None,
         )
 
 
@@ -133,7 +136,8 @@ class ContactOptions:
     restitution: str = option(
         "--restitution", default="0.8", show_default=True, metavar="E|NAME|SPEED:E,...",
         help="Coefficient of restitution e, from 0 to 1; a table of e over the approach speed, "
-        f"such as 5:0.8,20:0.65 [m/s:e]; or a model ({', '.join(RESTITUTION_MODELS)}).",
+        f"such as 5:0.8,20:0.65 [m/s:e]; or a model ({', '.join(RESTITUTION_MODELS)}, which "
+        "needs the PRESSURE of --ball).",
     )  # fmt: skip
     friction: float = option(
         "--friction", default=0.4, show_default=True, help="Coulomb's coefficient."

@@ -93,6 +93,11 @@ class GoalOptions:
         "--spin", type=Numbers("X,Y,Z"), help="Spin of the ball [rad/s]; back spin has Y < 0."
     )
 
+    receiver_velocity: tuple[float, float, float] | None = option(
+        "--receiver-velocity", type=Numbers("X,Y,Z"),
+        help="Velocity of a receiver who is at the target as the ball starts [m/s].",
+    )  # fmt: skip
+
     def read_wall(self) -> Wall | None:
         """Return the wall; raise `InvalidInput` if it does not stand before the target."""
         if self.wall is None:
@@ -112,6 +117,7 @@ class GoalOptions:
             (self.distance, self.left, self.height), time=self.time, apex=self.apex,
             speed=self.launch_speed, over=over, beside=self.beside,
             spin=self.spin or (0.0, 0.0, 0.0),
+            receiver_velocity=self.receiver_velocity or (0.0, 0.0, 0.0),
         )  # fmt: skip
 
 

@@ -19,7 +19,7 @@ MAX_TOML_BYTES = 100_000
 
 
 def shipped(folder: str) -> Path:
-    """Return the path of a folder that comes with kickdyn, `urdf`, `drives` or `scenes`.
+    """Return the path of a folder that comes with kickdyn, such as `urdf` or `scenes`.
 
     It is inside the package in the wheel, beside it in a checkout.
     """

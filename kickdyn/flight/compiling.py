@@ -134,6 +134,11 @@ def compiled_rates(ball: Ball, air: Air) -> Any:
         reynolds_number(ball, air),
         bound,
     )
+    return _from_disk(rates, _callees(air), "the equations of motion of a ball in its air")
+
+
+def _callees(air: Air) -> Callees:
+    """Return the functions of an air."""
     callees: list[tuple[Any, Any, str]] = []
     for name in ("wind", "drag", "lift", "torque"):
         model = getattr(air, name)
@@ -141,7 +146,28 @@ def compiled_rates(ball: Ball, air: Air) -> Any:
         if callable(model):
             arguments = (numba.float64,) * (1 if name == "wind" else 2)
             callees.append((model, arguments, f"the air's {name}"))
-    return _from_disk(rates, callees, "the equations of motion of a ball in its air")
+    return callees
+
+
+@lru_cache(maxsize=16)
+def compiled_rolling(ball: Ball, air: Air, resistance: float) -> Any:
+    """Return the rates of many balls that roll, as machine code, see `ground_motion.Rolling`.
+
+    The resistance of the surface is a deceleration [m/s2].
+    """
+    acting = acceleration_function(ball, air)
+    share = 1.0 / (1.0 + ball.inertia / (ball.mass * ball.radius**2))
+
+    def rates(scene: Any, state: Any, rate: Any) -> None:
+        for i in range(LANES):
+            u, v = state[U + i], state[V + i]
+            ax, ay, _, _ = acting(scene[HEIGHT + i], u, v, 0.0, 0.0, 0.0, 0.0)
+            braking = resistance / math.hypot(u, v)
+            rate[X + i], rate[Y + i], rate[Z + i] = u, v, 0.0
+            rate[U + i], rate[V + i] = share * ax - braking * u, share * ay - braking * v
+            rate[W + i], rate[LEFT + i] = 0.0, 0.0
+
+    return _from_disk(rates, _callees(air), "the equations of motion of a ball that rolls")
 
 
 @lru_cache(maxsize=16)

@@ -159,6 +159,11 @@ class Learner(ReprMixin):
                 "air has no drag, or a wind that is a function of height: the learner corrects "
                 "a drag model and a constant wind"
             )
+        if goal.receiver_velocity.any():
+            raise InvalidInput(
+                f"receiver velocity is {goal.receiver_velocity.tolist()} m/s: the learner kicks "
+                "again to the same target, which must be at rest"
+            )
         if float(goal.target[2]) != 0.0:
             raise InvalidInput(
                 f"goal is {float(goal.target[2]):g} m above the launch: the learner observes "

@@ -154,6 +154,7 @@ def find_approach(
     validation.check_type(Ball, ball=ball)
     validation.check_type(Contact, contact=contact)
     contact.check_normal()
+    contact = contact.for_ball(ball)
     v = validation.vector("v", v, posture.leg.nv)
     if posture.constraint_projector is not None:
         posture.check_velocity(v)
@@ -170,12 +171,17 @@ def find_approach(
     # `dot` because `@` takes twice as long on three numbers.
     joint_speed = math.hypot(*v.tolist())
     fastest = posture.jacobian_norm * joint_speed + ball_speed
+    if posture.leg.base_velocity is not None:
+        transport = posture.transport_velocity
+        fastest += largest(transport)
     if not fastest < MAX_SPEED:
         raise InvalidInput(
             f"foot and ball collide at up to {fastest:g} m/s in {posture!r}: it must be below "
             f"{MAX_SPEED:g} m/s, because larger energies exceed double precision"
         )
     foot_velocity = posture.jacobian.dot(v)
+    if posture.leg.base_velocity is not None:
+        foot_velocity = foot_velocity + transport
     validation.protect(v, foot_velocity)
     fx, fy, fz = foot_velocity.tolist()
     bx, by, bz = before.velocity.tolist()
@@ -192,6 +198,7 @@ def find_approach(
     e = restitution_at(contact.restitution, speed)
     if speed < 1e-14 * fastest:  # the rounding itself takes longer to compute
         terms = abs(posture.jacobian).dot(abs(v)) + abs(foot_velocity) + abs(velocity)
+        terms += abs(posture.transport_velocity)
         rounding = EPS * float(abs(contact.normal).dot(terms))
         if speed <= 4.0 * rounding:
             raise NoImpact(

@@ -18,7 +18,6 @@ from kickdyn.core.validation import Array, ArrayLike, read_only
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.approach import AT_REST, AfterApproach, Approach, find_approach
 from kickdyn.impact.compliant_contact import (
-    CREEP,
     CompliantContact,
     ContactMotion,
     State,
@@ -43,6 +42,11 @@ CONTACT_TIME = 0.010
 """[s] for which the force acts. With it, the visible contact takes 12.9 ms at e = 0.7; 9 to 14 ms
 were seen in soccer, Australian football and rugby league (review in Ball, Ingleton, Peacock &
 Nunome, Ball impact dynamics in the punt kick, ISBS 2013)."""
+
+
+CREEP = 1e-3
+"""Speed of a joint at which the friction of its drive is 1/sqrt(2) of Coulomb's, relative to the
+speed that the energy of the approach would give it alone."""
 
 
 class ContactSample(NamedTuple):
@@ -77,8 +81,7 @@ class Collision(AfterApproach):
     def _end(self) -> State:
         """Leg and ball at separation."""
         end = self._motion.equations.state(self._motion.last)
-        validation.protect(end.q, end.v)
-        return end
+        return end._replace(q=read_only(end.q), v=read_only(end.v))
 
     @property
     def force_model(self) -> ForceModel:
@@ -93,12 +96,17 @@ class Collision(AfterApproach):
     @cached_property
     def peak_force(self) -> float:
         """Largest contact force, friction included [N]."""
-        return self._motion.peak(lambda t: math.hypot(*self._motion.sample(t)[0]))
+        return self._motion.peak_force()
 
-    @cached_property
+    @property
     def deflection(self) -> float:
         """Largest deflection, of ball and foot together [m]."""
-        return self._motion.peak(lambda t: self._motion.sample(t)[2])
+        return max(*(phase.largest for phase in self._motion.phases), self._left)
+
+    @property
+    def _left(self) -> float:
+        """Deflection at separation [m]."""
+        return self.ball.radius - self._motion.equations.kinematics(self._end).height
 
     @property
     def contact_time(self) -> float:
@@ -115,9 +123,9 @@ class Collision(AfterApproach):
         accelerated for about three fourths of the contact only (Nunome, Shinkai & Ikegami, ISBS
         2012). It is the longest contact that the model allows.
         """
-        separation = self._motion.equations.kinematics(self._end)
-        left = separation.deflection if self.force_model.restitution < 1.0 else 0.0
-        return self.contact_time + max(left, 0.0) / -separation.rate
+        contact = self._motion.equations.kinematics(self._end)
+        left = self._left if self.force_model.restitution < 1.0 else 0.0
+        return self.contact_time + max(left, 0.0) / contact.relative[2]
 
     @property
     def energy_lost(self) -> float:
@@ -127,8 +135,10 @@ class Collision(AfterApproach):
     @cached_property
     def ball_after(self) -> BallState:
         """The ball at separation."""
-        end, position = self._end, self.ball_before.position
-        return BallState(position + end.moved, end.velocity, end.spin, self.contact_time)
+        end, base = self._end, self._motion.equations.base_velocity
+        position = self.ball_before.position + base * self.contact_time + end.moved
+        velocity, spin = end.motion
+        return BallState(position, velocity + base, spin, self.contact_time)
 
     @property
     def q_after(self) -> Array:
@@ -145,7 +155,7 @@ class Collision(AfterApproach):
         """Energy not accounted for, relative to the kinetic energy of the approach."""
         motion, end = self._motion, self._end
         before = motion.equations.energy(motion.equations.start(), 0.0) + end.work
-        after = motion.equations.energy(motion.last, motion.largest[-1]) + end.lost
+        after = motion.equations.energy(motion.last, motion.phases[-1].largest) + end.lost
         return abs(before - after) / self.approach.energy()
 
     @property
@@ -210,8 +220,7 @@ class Collision(AfterApproach):
                 t = begin + 0.5 * step * (1.0 + node)
                 state = motion.equations.state(motion.column(t))
                 posture = leg.posture(state.q)
-                lever = posture.rotation_world_joint.T @ motion.equations.kinematics(state).point
-                touched = posture.with_contact_offset(frame.actInv(lever))
+                touched = posture.with_contact_offset(frame.actInv(motion.equations.point(state)))
                 impulse = 0.5 * step * weight * motion.sample(t)[0]
                 total += leg_response(touched, state.v, impulse).joint_impulses
         return read_only(total)
@@ -262,8 +271,7 @@ def collide(
         v: joint velocity at first contact, shape `(nv,)` [rad/s; m/s for prismatic joints].
         ball: the ball; its centre is at `contact point + radius * normal` at first contact.
         contact: normal at first contact, restitution of 0.01 or more at the speed of approach,
-            friction and offset. Points that stick creep, at about a thousandth of the approach
-            speed.
+            friction and offset.
         contact_time: duration of the contact for which the stiffness is chosen, exact for two
             masses on which no other force acts [s]; 10 ms where `stiffness` is None, too.
         stiffness: stiffness of a Hertz contact [N/m^1.5], in place of `contact_time`; or
@@ -291,6 +299,9 @@ def collide(
     """
     validation.number("tol", tol, at_least=1e-13, at_most=1e-3)
     torque = _checked_torque(torque, posture.leg.nv)
+    twist = posture.leg.base_velocity
+    if twist is not None and twist[3:].any():
+        posture.leg.check_base_at_rest("a contact that takes time, unless the base does not turn,")
     approach = find_approach(posture, v, ball, contact, ball_velocity, ball_spin)
     ball.check_movable("a contact that takes time")
     # Below a micrometre per second gravity, not the impact, decides the motion.
@@ -298,7 +309,8 @@ def collide(
     model = _force_model(approach, contact_time, stiffness)
     is_linear = model.exponent == LINEAR
     driven = with_drives(approach, torque)
-    equations = CompliantContact(approach, model, driven, _expected_time(approach, model))
+    expected = _expected_time(approach, model)
+    equations = CompliantContact(approach, model, driven, expected, tol)
     again = partial(
         collide, posture, approach.v, ball, contact, torque=torque,
         stiffness="pressure" if is_linear else model.stiffness,
@@ -321,7 +333,7 @@ def with_drives(approach: Approach, torque: Array | Torque) -> Array | Torque:
 
     A drive adds :math:`k (q_0 + v_0 t - q) - f v / \sqrt{v^2 + c^2}`: position control whose
     reference moves on with the velocity before the impact, and Coulomb's friction, made smooth over
-    a speed c as in the contact, so that a joint at rest creeps. What the motor needs against
+    a speed c, so that a joint at rest creeps. What the motor needs against
     friction before the impact is part of the torque.
     """
     posture, v_before = approach.posture, approach.v

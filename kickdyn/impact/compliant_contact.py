@@ -3,20 +3,27 @@
 import math
 from bisect import bisect_right
 from collections.abc import Callable
-from functools import partial
+from copy import copy
+from enum import Enum
 from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from scipy.integrate import OdeSolution, solve_ivp
-from scipy.linalg import blas
-from scipy.optimize import minimize_scalar
+from scipy.integrate import DOP853, OdeSolution
+from scipy.linalg import blas, lapack
+from scipy.optimize import brentq, minimize_scalar
 
 from kickdyn.core import validation
-from kickdyn.core.mechanics import cross
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import KickdynError
 from kickdyn.impact.approach import Approach
+from kickdyn.impact.contact_motion import (
+    Vector,
+    contact_axes,
+    contact_motion,
+    free_sliding,
+    slip_direction,
+)
 from kickdyn.impact.force_model import ForceModel
 from kickdyn.robot.constraints import ConstraintProjector
 from kickdyn.robot.leg import Workspace
@@ -25,21 +32,53 @@ from kickdyn.robot.model_validation import cholesky_with_condition
 Torque = Callable[[float, Array, Array], ArrayLike]
 """Joint torques as a function of time since first contact, q and v."""
 
-CREEP = 1e-3
-"""Sliding speed, relative to the approach speed, at which friction is 1/sqrt(2) of Coulomb's: an
-integrator needs a smooth force, so that sticking points creep about that fast. For mu above 1 it is
-mu times as much: sticking needs a smaller part of the friction then, so that the creep is the same.
-"""
+STARTING = 1e-5
+"""Sliding speed, relative to the approach speed, up to which points that begin to slide count as
+`Friction.STARTS`: their direction of sliding changes faster than an explicit integrator follows."""
+
+RESTING = 10.0
+"""Sliding speed up to which points are at rest, relative to the approach speed times the tolerance
+of the integrator."""
 
 STABILIZATION_RATE = 10.0
-"""Rate at which errors of supports and loops decay, over the expected contact time."""
+"""Rate at which errors of supports, loops and sticking decay, over the expected contact time."""
 
 MAX_EVALUATIONS = 60_000
-"""Evaluations of the equations of motion, each some 60 us; ordinary contacts take a few thousand,
-those that stick at a tolerance of 1e-13 up to 40,000."""
+"""Evaluations of the equations of motion, each some 40 us; ordinary contacts take some hundreds."""
 
 MAX_CONTACT_TIMES = 50.0
 """Expected contact times after which foot and ball count as not separating."""
+
+MAX_PHASES = 500
+"""Phases after which the motion counts as one that does not end."""
+
+EVENT_MARGIN = 0.03
+"""Fraction of a step, at its end, in which an event must lie for its interpolant to be read there:
+its error falls with the square of that fraction."""
+
+
+class Friction(Enum):
+    """What Coulomb's friction does to the contact points.
+
+    In `SLIPS` they slide, and friction opposes the sliding. In `STICKS` friction stops them. In
+    `STARTS` they are about to slide: friction opposes the direction in which the sliding grows.
+    """
+
+    SLIPS, STICKS, STARTS = range(3)
+
+
+class Phase(NamedTuple):
+    """A part of the contact in which the forces are smooth.
+
+    Attributes:
+        largest: largest deflection so far, 0 while it grows [m].
+        friction: what friction does.
+        along: direction of the sliding at the beginning of the phase, in the plane of the foot.
+    """
+
+    largest: float
+    friction: Friction
+    along: tuple[float, float]
 
 
 class State(NamedTuple):
@@ -48,45 +87,73 @@ class State(NamedTuple):
     q: Array
     v: Array
     moved: Array  # displacement of the ball's centre since first contact [m]
-    velocity: Array  # of the ball
-    spin: Array
+    motion: Array  # velocity and spin of the ball, shape (2, 3) [m/s, rad/s]
     lost: float  # energy, to hysteresis and friction [J]
     work: float  # of joint torques, and of what maintains a particle's spin against friction [J]
 
 
-class ContactKinematics(NamedTuple):
-    """Kinematics of the contact between ball and foot."""
+class Kinematics(NamedTuple):
+    """Kinematics of the contact; vectors are in its axes, see `contact_motion`."""
 
-    normal: Array  # of the foot's plane, from foot into ball
-    point: Array  # of the plane, nearest to the ball's centre, from the joint's origin [m]
-    deflection: float  # [m], negative where they are apart
-    rate: float  # of the deflection [m/s]
-    sliding: Array  # of the ball over the plane, in the plane [m/s]
+    axes: Array  # two tangents of the foot's plane and its normal, as columns [world frame]
+    motion: tuple[Vector, ...]  # ball, its spin, foot, its spin [m/s, rad/s]
+    bias: tuple[Vector, Vector]  # accelerations of the foot if no joint accelerates
+    height: float  # of the ball's centre over the plane [m]
+    point: Vector  # of the plane, nearest to that centre, from the joint's origin [m]
+    relative: Vector  # velocity of the ball over that point [m/s]
+
+
+class Evaluation(NamedTuple):
+    """The equations of motion at one time.
+
+    Attributes:
+        rates: derivative of the column.
+        force: on the ball [N, world frame].
+        deflection: of ball and foot [m].
+        ends: what falls to 0 where the phase ends: by the deflection, and by the friction.
+        sliding: sliding velocity of the ball over the foot, in the contact's axes [m/s].
+    """
+
+    rates: Array
+    force: Array
+    deflection: float
+    ends: tuple[float, float]
+    sliding: tuple[float, float]
 
 
 class CompliantContact:
     """Leg and ball from first contact to separation, as a first-order system.
 
+    Displacements and velocities of the ball are relative to the leg's base, which does not turn.
+
     A column y has the leg's displacement since first contact, in the tangent space, and what
-    `State` lists. `largest` is the largest deflection so far, 0 while it grows.
+    `State` lists.
     """
 
     def __init__(
-        self, approach: Approach, force_model: ForceModel, torque: Array | Torque, expected: float
+        self,
+        approach: Approach,
+        force_model: ForceModel,
+        torque: Array | Torque,
+        expected: float,
+        tol: float,
     ) -> None:
         posture, contact = approach.posture, approach.contact
         self.approach, self.force_model, self.torque = approach, force_model, torque
         self.leg, self.q, self.ball = posture.leg, posture.q, approach.ball
+        self.base_velocity = posture.transport_velocity
         self.model = self.leg.model  # with gravity, which the leg's workspace leaves out
         self._space = Workspace(self.model)
         self.gravity = np.array(self.model.gravity.linear)
-        self.friction = contact.friction
-        self.creep = CREEP * approach.speed * max(contact.friction, 1.0)
         self.evaluations, self.expected = 0, expected
-        self.foot = posture.contact_point
-        self.arm = posture.contact_lever
-        self.normal = posture.rotation_world_joint.T @ contact.normal
-        self.lever = self.ball.radius * contact.normal
+        self.resting = (
+            RESTING * tol * approach.speed
+        )  # sliding speed up to which points are at rest
+        self._axes = posture.rotation_world_joint.T @ contact_axes(contact.normal)
+        self._wrenches = np.vstack([self._axes, np.zeros((3, 3))])
+        self._arm = tuple((self._axes.T @ posture.contact_lever).tolist())
+        # where the ball's centre begins
+        self._centre = posture.contact_point + self.ball.radius * contact.normal
 
     @property
     def data(self) -> Any:
@@ -96,8 +163,9 @@ class CompliantContact:
     def start(self) -> Array:
         """Return the first column."""
         before, v = self.approach.ball_before, self.approach.v
+        velocity = before.velocity - self.base_velocity
         return np.concatenate(
-            [np.zeros(self.leg.nv), v, np.zeros(3), before.velocity, before.spin, [0.0, 0.0]]
+            [np.zeros(self.leg.nv), v, np.zeros(3), velocity, before.spin, [0.0, 0.0]]
         )
 
     def scales(self) -> Array:
@@ -113,37 +181,82 @@ class CompliantContact:
     def state(self, y: Array) -> State:
         """Return a column unpacked."""
         nv = self.leg.nv
-        q = pin.integrate(self.model, self.q, y[:nv])
+        moved = y[:nv]
+        q = self.q + moved if self.leg.nq == nv else pin.integrate(self.model, self.q, moved)
         ball = y[2 * nv :]
         lost, work = ball[9:].tolist()
-        return State(q, y[nv : 2 * nv].copy(), ball[:3], ball[3:6], ball[6:9], lost, work)
+        return State(q, y[nv : 2 * nv], ball[:3], ball[3:9].reshape(2, 3), lost, work)
 
-    def kinematics(self, state: State) -> ContactKinematics:
-        """Return the contact's kinematics; it runs the leg's."""
-        model, data = self.model, self.data
-        pin.forwardKinematics(model, data, state.q, state.v)
-        joint, motion = data.oMi[self.leg.contact_joint], data.v[self.leg.contact_joint]
-        rotation = joint.rotation
-        normal, arm, spin = rotation @ self.normal, rotation @ self.arm, rotation @ motion.angular
-        reach = self.lever + state.moved - (joint.translation + arm - self.foot)
-        height = float(normal @ reach)
-        point = arm + reach - height * normal
-        foot_point = rotation @ motion.linear + cross(spin, point)
-        apart = state.velocity - height * cross(state.spin, normal) - foot_point
-        rate = -float(normal @ apart)
-        deflection, sliding = self.ball.radius - height, apart + rate * normal
-        return ContactKinematics(normal, point, deflection, rate, sliding)
+    def kinematics(self, state: State) -> Kinematics:
+        """Return the kinematics of the contact; it runs those of the leg."""
+        joint, space, fixed = self.leg.contact_joint, self._space, self._axes
+        pin.forwardKinematics(self.model, space.data, state.q, state.v, space.zero_velocity)
+        placement = space.placements[joint]
+        axes = placement.rotation.dot(fixed)
+        rise = (self._centre + state.moved - placement.translation).dot(axes).tolist()
+        ax, ay, az = self._arm
+        reach = rise[0] - ax, rise[1] - ay, rise[2] - az
+        ball, ball_spin = state.motion.dot(axes).tolist()
+        foot, spin = space.velocities[joint].vector.reshape(2, 3).dot(fixed).tolist()
+        bias, turn_bias = space.accelerations[joint].vector.reshape(2, 3).dot(fixed).tolist()
+        motion = ball, ball_spin, foot, spin
+        moved = contact_motion(reach, self._arm, *motion)
+        return Kinematics(axes, motion, (bias, turn_bias), reach[2], *moved)
 
-    def forces(self, contact: ContactKinematics, largest: float) -> tuple[float, Array]:
-        """Return the normal force and the friction on the ball [N]: Coulomb's law, made smooth."""
-        normal_force = self.force_model.force(contact.deflection, largest)
-        if self.friction == 0.0:
-            return normal_force, np.zeros(3)
-        fast = math.hypot(*contact.sliding, self.creep)
-        return normal_force, -self.friction / fast * normal_force * contact.sliding
+    def point(self, state: State) -> Array:
+        """Return the contact point, shape `(3,)` [m, axes of the contact joint]."""
+        return np.asarray(self._axes @ self.kinematics(state).point)
 
-    def rates(self, t: float, y: Array, largest: float) -> Array:
-        """Return the derivative of a column."""
+    def end_of(self, k: int, t: float, y: Array, phase: Phase) -> float:
+        """Return what falls to 0 where the deflection (0) or the friction (1) ends a phase."""
+        if k == 1:
+            return self.evaluate(t, y, phase).ends[1]
+        return self.deflection_end(self.kinematics(self.state(y)), phase)
+
+    def deflection_end(self, contact: Kinematics, phase: Phase) -> float:
+        """Return what falls to 0 where the deflection ends a phase."""
+        deflection = self.ball.radius - contact.height
+        if phase.largest == 0.0:  # it grows
+            return min(-contact.relative[2], contact.height)
+        apart = self.force_model.separation(phase.largest)
+        return min(deflection - apart, phase.largest - deflection)
+
+    def evaluate(self, t: float, y: Array, phase: Phase) -> Evaluation:
+        """Return the equations of motion at a time in a phase."""
+        self._count(t)
+        state, ball, nv = self.state(y), self.ball, self.leg.nv
+        contact = self.kinematics(state)
+        height, (w1, w2, w3) = contact.height, contact.relative
+        deflection = ball.radius - height
+        size = self.force_model.force(deflection, phase.largest)
+        torque = self._torque_at(t, state)
+        inertia, acting = self._acting(state, contact, torque)
+        response = self._response(state, inertia, acting)
+        f1, f2, margin = self._friction(contact, phase, size, acting, response)
+        acceleration = response.dot((-f1, -f2, -size, 1.0))
+        on_ball, turning = contact.axes.dot(((f1, height * f2), (f2, -height * f1), (size, 0.0))).T
+        returned = self.force_model.returned(deflection, phase.largest)
+        power = float(torque.dot(state.v))
+        if ball.inertia == math.inf:  # a particle, whose spin stays
+            power -= float(turning.dot(state.motion[1]))
+        if self.leg.constraints is not None:
+            pushed = acting.dot((-f1, -f2, -size, 1.0))
+            power += float(state.v.dot(inertia.dot(acceleration) - pushed))
+        displacement_rate = state.v
+        if self.leg.nq != nv:  # of the displacement in the tangent space at q
+            slope = pin.dDifference(self.model, self.q, state.q, pin.ArgumentPosition.ARG1)
+            displacement_rate = slope @ state.v
+        rates = np.empty(2 * nv + 11)
+        rates[:nv], rates[nv : 2 * nv] = displacement_rate, acceleration
+        of_ball = rates[2 * nv :]
+        of_ball[:3], of_ball[3:6] = state.motion[0], on_ball / ball.mass + self.gravity
+        of_ball[6:9] = turning / ball.inertia
+        of_ball[9], of_ball[10] = (returned - size) * w3 - f1 * w1 - f2 * w2, power
+        end = self.deflection_end(contact, phase)
+        return Evaluation(rates, on_ball, deflection, (end, margin), (w1, w2))
+
+    def _count(self, t: float) -> None:
+        """Count an evaluation; raise `KickdynError` where it makes no sense, or one too many."""
         self.evaluations += 1
         if not math.isfinite(t):
             raise KickdynError(
@@ -153,82 +266,119 @@ class CompliantContact:
             raise KickdynError(
                 f"the contact has not ended after {MAX_EVALUATIONS} evaluations, at {t:g} of "
                 f"about {self.expected:g} s: the equations of motion are too stiff (friction "
-                f"{self.friction:g}, a light foot or a ball of small inertia)"
+                f"{self.approach.contact.friction:g}, a light foot or a ball of small inertia)"
             )
-        state, ball = self.state(y), self.ball
-        contact = self.kinematics(state)
-        returned = self.force_model.returned(contact.deflection, largest)
-        size, friction = self.forces(contact, largest)
-        force = size * contact.normal + friction
-        moment_on_ball = cross((contact.deflection - ball.radius) * contact.normal, friction)
 
-        rotation = self.data.oMi[self.leg.contact_joint].rotation.T
-        moment = rotation @ cross(contact.point, -force)
-        self._space.external[self.leg.contact_joint] = pin.Force(rotation @ -force, moment)
-        lost = (size - returned) * contact.rate - float(friction @ contact.sliding)
-        torque = self.torque
-        if callable(torque):
-            value = torque(t, state.q, state.v)
-            torque = validation.vector("torque", value, self.leg.nv, unit="N m")
-        power = float(torque @ state.v)
-        if ball.inertia == math.inf:  # a particle, whose spin stays
-            power -= float(moment_on_ball @ state.spin)
-        external = self._space.external
-        acceleration = pin.aba(self.model, self.data, state.q, state.v, torque, external)
-        if self.leg.constraints is not None:
-            change, absorbed = self._constrain(state, acceleration)
-            acceleration, power = acceleration + change, power + absorbed
-        displacement_rate = state.v
-        if self.leg.nq != self.leg.nv:  # of the displacement in the tangent space at q
-            slope = pin.dDifference(self.model, self.q, state.q, pin.ArgumentPosition.ARG1)
-            displacement_rate = slope @ state.v
-        of_leg = [displacement_rate, acceleration]
-        of_ball = [state.velocity, force / ball.mass + self.gravity, moment_on_ball / ball.inertia]
-        return np.concatenate([*of_leg, *of_ball, [lost, power]])
+    def _torque_at(self, t: float, state: State) -> Array:
+        """Return the torques of the joints, shape `(nv,)` [N m; N for prismatic joints]."""
+        if not callable(self.torque):
+            return self.torque
+        value = self.torque(t, state.q, state.v)
+        return validation.vector("torque", value, self.leg.nv, unit="N m")
 
-    def _constrain(self, state: State, acceleration: Array) -> tuple[Array, float]:
-        r"""Return what the constraints add to an acceleration a, and their power [W].
+    def _acting(self, state: State, contact: Kinematics, torque: Array) -> tuple[Array, Array]:
+        """Return the joint-space inertia, and what acts on it as columns, shape `(nv, 4)`.
 
-        With :math:`M = L L^T`, it is the least change :math:`L^{-T} c` in kinetic energy after
-        which :math:`A a + \dot A v = -2 \alpha A v - \alpha^2 g`: the terms with
-        :math:`\alpha = 10 / T`, of the contact time T that is expected, let the integrator's errors
-        of velocity and of the loops' gaps g decay (Baumgarte, Computer Methods in Applied Mechanics
-        and Engineering 1, 1972).
+        The first three are the Jacobian of the contact point, transposed, in the contact's axes,
+        the last one is all but the contact force.
+        """
+        model, data, q = self.model, self.data, state.q
+        local = pin.computeJointJacobian(model, data, q, self.leg.contact_joint)
+        x, y, z = contact.point
+        self._wrenches[3:] = self._axes.dot(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
+        acting = np.empty((self.leg.nv, 4), order="F")
+        acting[:, :3] = local.T.dot(self._wrenches)
+        acting[:, 3] = torque - pin.nonLinearEffects(model, data, q, state.v)
+        return pin.crba(model, data, q, pin.Convention.LOCAL), acting
+
+    def _response(self, state: State, inertia: Array, acting: Array) -> Array:
+        r"""Return the accelerations that columns of joint torques cause, shape `(nv, 4)`.
+
+        With :math:`M = L L^T`, constraints add the least change :math:`L^{-T} c` in kinetic energy
+        after which :math:`A a + \dot A v = -2 \alpha A v - \alpha^2 g`: the terms with
+        :math:`\alpha = 10 / T`, of the contact time T that is expected, let the integrator's
+        errors of velocity and of the loops' gaps g decay (Baumgarte, Computer Methods in Applied
+        Mechanics and Engineering 1, 1972).
         """
         constraints, model, data = self.leg.constraints, self.model, self.data
-        assert constraints is not None
+        if constraints is None:
+            return np.asarray(lapack.dposv(inertia, acting, lower=1)[1])
+        factor, _ = cholesky_with_condition(inertia)
         bias = constraints.bias(model, data, state.q, state.v)
         rows, blocks = constraints.rows(model, data, state.q)
-        inertia = pin.crba(model, data, state.q, pin.Convention.LOCAL)
-        factor, _ = cholesky_with_condition(inertia)
         whitened = blas.dtrsm(1.0, factor, rows.T, lower=1)
         projector = ConstraintProjector(constraints, rows, blocks, whitened, self.approach.posture)
         rate = STABILIZATION_RATE / self.expected
         moving = rows.dot(state.v)
         moving[constraints.stiff_rows] -= self.approach.v[constraints.stiff_joints]
-        missing = rows.dot(acceleration) + bias + 2.0 * rate * moving
+        missing = bias + 2.0 * rate * moving
         missing[constraints.loop_rows] += rate * rate * constraints.gaps(model, data).ravel()
-        change = blas.dtrsv(factor, projector.correction(-missing), lower=1, trans=1)
-        return change, float(state.v @ inertia @ change)
+        allowed = projector.project(blas.dtrsm(1.0, factor, acting, lower=1))
+        allowed[:, 3] -= projector.correction(missing)
+        return np.asarray(blas.dtrsm(1.0, factor, allowed, lower=1, trans_a=1))
 
-    def deflection(self, y: Array) -> float:
-        """Return the deflection of a column [m]."""
-        return self.kinematics(self.state(y)).deflection
+    def _friction(
+        self, contact: Kinematics, phase: Phase, size: float, acting: Array, response: Array
+    ) -> tuple[float, float, float]:
+        """Return Coulomb's friction on the ball [N], and what falls to 0 as it changes its kind."""
+        largest = self.approach.contact.friction * size
+        if self.approach.contact.friction == 0.0:
+            return 0.0, 0.0, math.inf
+        w1, w2, _ = contact.relative
+        speed = math.hypot(w1, w2)
+        if phase.friction is Friction.SLIPS:
+            c, s = phase.along
+            forward = c * w1 + s * w2
+            if forward < 0.0:  # beyond the end of the phase: as smooth as before it
+                w1, w2 = w1 - 2.0 * forward * c, w2 - 2.0 * forward * s
+            share = largest / speed if speed else 0.0
+            return -share * w1, -share * w2, forward - max(self.resting, 0.5 * speed)
+        turning = 1.0 / self.ball.mass + contact.height**2 / self.ball.inertia
+        give = acting[:, :2].T.dot(response)
+        gravity = self.gravity.dot(contact.axes).tolist()
+        ball, ball_spin, _, spin = contact.motion
+        b1, b2 = free_sliding(
+            contact.height, contact.point, contact.relative, ball, ball_spin, spin, *contact.bias,
+            gravity,
+        )  # fmt: skip
+        (g11, g12, g13, a1), (_, g22, g23, a2) = give.tolist()
+        g11, g22 = g11 + turning, g22 + turning
+        b1, b2 = b1 + g13 * size - a1, b2 + g23 * size - a2
+        rate, determinant = STABILIZATION_RATE / self.expected, g11 * g22 - g12 * g12
+        r1, r2 = b1 + rate * w1, b2 + rate * w2
+        s1, s2 = (g12 * r2 - g22 * r1) / determinant, (g12 * r1 - g11 * r2) / determinant
+        left = largest - math.hypot(s1, s2)
+        if phase.friction is Friction.STICKS:
+            return s1, s2, left
+        margin = min(STARTING * self.approach.speed + 3.0 * self.resting - speed, -left)
+        if b1 == 0.0 == b2:
+            return 0.0, 0.0, margin
+        d1, d2, _ = slip_direction(largest * g11, largest * g12, largest * g22, b1, b2)
+        return largest * d1, largest * d2, margin
 
-    def compression_ends(self, _: float, y: Array) -> float:
-        """Return what falls to 0 as the deflection stops growing, or reaches the radius."""
-        contact = self.kinematics(self.state(y))
-        return min(contact.rate, self.ball.radius - contact.deflection)
+    def first_phase(self) -> Phase:
+        """Return the phase in which the contact begins."""
+        return self._phase_at(0.0, self.start(), 0.0, None)
 
-    def restitution_ends(self, _: float, y: Array, largest: float) -> float:
-        """Return what falls to 0 at separation, or as the deflection outgrows the largest one."""
-        deflection = self.deflection(y)
-        limit = largest or self.ball.radius
-        return min(deflection - self.force_model.separation(largest), limit - deflection)
+    def next_phase(self, t: float, y: Array, phase: Phase) -> Phase:
+        """Return the phase that follows at a time where the friction of a phase ends."""
+        return self._phase_at(t, y, phase.largest, phase.friction)
+
+    def _phase_at(self, t: float, y: Array, largest: float, ended: Friction | None) -> Phase:
+        """Return the phase after the end of one, or after none."""
+        at_rest = Phase(largest, Friction.STICKS, (0.0, 0.0))
+        evaluation = self.evaluate(t, y, at_rest)
+        (w1, w2), (_, left) = evaluation.sliding, evaluation.ends
+        speed = math.hypot(w1, w2)
+        if ended is not Friction.STICKS and speed > 2.0 * self.resting:
+            return Phase(largest, Friction.SLIPS, (w1 / speed, w2 / speed))
+        starts = ended is Friction.STICKS or (ended is not Friction.STARTS and left < 0.0)
+        return at_rest._replace(friction=Friction.STARTS) if starts else at_rest
 
     def impulse(self, t: float, y: Array) -> Array:
         """Return the contact's impulse on the ball until t: its momentum, less gravity's share."""
-        gained = self.state(y).velocity - self.approach.ball_before.velocity
+        before = self.approach.ball_before.velocity - self.base_velocity
+        gained = self.state(y).motion[0] - before
         return np.asarray(self.ball.mass * (gained - self.gravity * t))
 
     def energy(self, y: Array, largest: float) -> float:
@@ -238,11 +388,11 @@ class CompliantContact:
         inertia = pin.crba(self.model, self.data, state.q)
         leg = 0.5 * float(state.v @ inertia @ state.v)
         leg += float(pin.computePotentialEnergy(self.model, self.data, state.q))
-        speed, spin = state.velocity, state.spin
+        speed, spin = state.motion
         turning = ball.inertia if ball.inertia < math.inf else 0.0  # nothing turns a particle
         moving = 0.5 * float(ball.mass * speed @ speed + turning * spin @ spin)
         height = -ball.mass * float(self.gravity @ state.moved)
-        stored = self.force_model.stored(self.deflection(y), largest)
+        stored = self.force_model.stored(ball.radius - self.kinematics(state).height, largest)
         return leg + moving + height + stored
 
 
@@ -253,22 +403,25 @@ class ContactMotion(NamedTuple):
     column: OdeSolution  # of the integrator, at a time
     times: Array  # of the integrator's steps, shape `(n,)` [s]
     last: Array  # column at separation
-    begins: list[float]  # times at which a phase of compression or of restitution begins [s]
-    largest: list[float]  # deflection before each phase, 0 while it grows [m]
+    begins: list[float]  # times at which the phases begin [s]
+    phases: list[Phase]
 
     def sample(self, t: float) -> tuple[Array, Array, float]:
         """Return force [N] and impulse so far [N s] on the ball, and deflection [m] at a time."""
         equations, y = self.equations, self.column(t)
-        contact = equations.kinematics(equations.state(y))
-        size, friction = equations.forces(contact, self.largest[bisect_right(self.begins, t) - 1])
-        return size * contact.normal + friction, equations.impulse(t, y), contact.deflection
+        now = equations.evaluate(t, y, self.phases[bisect_right(self.begins, t) - 1])
+        return now.force, equations.impulse(t, y), now.deflection
 
-    def peak(self, quantity: Callable[[float], float]) -> float:
-        """Return the largest value of a function of time: the largest of the steps, refined."""
-        values = [quantity(t) for t in self.times.tolist()]
+    def peak_force(self) -> float:
+        """Return the largest force [N]: the largest of the steps, refined."""
+
+        def size(t: float) -> float:
+            return math.hypot(*self.sample(float(t))[0])
+
+        values = [size(t) for t in self.times.tolist()]
         best = int(np.argmax(values))
         refined = minimize_scalar(
-            lambda t: -quantity(float(t)),
+            lambda t: -size(t),
             bounds=(self.times[max(best - 1, 0)], self.times[min(best + 1, len(values) - 1)]),
             method="bounded",
             options={"xatol": 1e-6 * float(self.times[-1])},
@@ -279,79 +432,130 @@ class ContactMotion(NamedTuple):
 def integrate_contact(equations: CompliantContact, tol: float) -> ContactMotion:
     """Return the motion from first contact to separation, or raise `KickdynError`.
 
-    A contact with hysteresis is cut where compression ends, and where the deflection outgrows the
-    largest one before, so that the force is smooth in every phase.
+    The forces are smooth in every phase: one ends where compression does, where the deflection
+    outgrows the largest one before, and where the friction changes its kind.
     """
-    model, expected, radius = equations.force_model, equations.expected, equations.ball.radius
-    limit, atol = MAX_CONTACT_TIMES * expected, tol * equations.scales()
-    phases: list[Any] = []
-    begins, largest_before = [], []
-    t, y, largest, touching = 0.0, equations.start(), 0.0, True
-    while touching:
-        event: Any = equations.compression_ends
-        if model.restitution == 1.0 or largest > 0.0:
-            event = partial(equations.restitution_ends, largest=largest)
-        rates = partial(equations.rates, largest=largest)
-        with np.errstate(over="ignore", invalid="ignore"):  # reported below
-            phase = _integrate_until(event, rates, y, limit, tol, atol, expected / 20.0, t)
-        if not phase.success or not np.isfinite(phase.y[:, -1]).all():
-            raise KickdynError(f"the integrator failed at {phase.t[-1]:g} s: {phase.message}")
-        if phase.status != 1:
-            raise KickdynError(
-                f"foot and ball are still in contact after {limit:g} s, {MAX_CONTACT_TIMES:g} "
-                "times the time that the two alone would take"
-            )
-        phases.append(phase)
-        begins.append(t)
-        largest_before.append(largest)
-        t, y = float(phase.t[-1]), phase.y[:, -1]
-        deflection = equations.deflection(y)
-        apart = deflection - model.separation(largest) < largest - deflection
-        touching = model.restitution < 1.0 and not apart and deflection < radius * (1.0 - 1e-9)
-        largest = 0.0 if largest else deflection
-    times = np.concatenate([[0.0], *(phase.t[1:] for phase in phases)])
-    stuck = times[1:][np.diff(times) <= 0.0]
-    if stuck.size:
+    with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is reported
+        return _Contact(equations, tol).run()
+
+
+class _Contact:
+    """The integration of a contact by scipy's DOP853, phase after phase."""
+
+    def __init__(self, equations: CompliantContact, tol: float) -> None:
+        self._equations, self._tol = equations, tol
+        self._atol = tol * equations.scales()
+        self._limit = MAX_CONTACT_TIMES * equations.expected
+        self._steps: list[tuple[float, DOP853]] = []
+        self._last: Evaluation
+
+    def run(self) -> ContactMotion:
+        """Integrate until foot and ball separate."""
+        equations, t, y = self._equations, 0.0, self._equations.start()
+        phase = equations.first_phase()
+        begins: list[float] = []
+        phases: list[Phase] = []
+        length = None
+        while len(phases) < MAX_PHASES:
+            begins.append(t)
+            phases.append(phase)
+            t, y, event, length = self._run_phase(t, y, phase, length)
+            if event == 1:
+                phase = equations.next_phase(t, y, phase)
+                continue
+            deflection = equations.ball.radius - equations.kinematics(equations.state(y)).height
+            separation = equations.force_model.separation(phase.largest)
+            apart = deflection - separation < phase.largest - deflection
+            if (phase.largest > 0.0 and apart) or deflection >= equations.ball.radius * (
+                1.0 - 1e-9
+            ):
+                begins_of_steps = [begin for begin, _ in self._steps]
+                times = np.array([*begins_of_steps, t])
+                interpolants = [solver.dense_output() for _, solver in self._steps]
+                column = OdeSolution(times, interpolants)
+                return ContactMotion(equations, column, times, y, begins, phases)
+            phase = phase._replace(largest=0.0 if phase.largest else deflection)
         raise KickdynError(
-            f"the integrator failed at {stuck[0]:g} s: at an approach speed of "
+            f"the integrator failed at {t:g} s: at an approach speed of "
             f"{equations.approach.speed:.3g} m/s gravity or a torque, not the impact, decides the "
             "motion"
         )
-    column = OdeSolution(times, [step for phase in phases for step in phase.sol.interpolants])
-    return ContactMotion(equations, column, times, y, begins, largest_before)
+
+    def _run_phase(
+        self, begin: float, state: Array, phase: Phase, length: float | None
+    ) -> tuple[float, Array, int, float]:
+        """Integrate to the end of a phase, with a length of the first step if one is known.
+
+        Return its time and column, whether the deflection (0) or the friction (1) ends it, and the
+        length of the last whole step. A step that an end falls into is taken anew so that it ends
+        just after it, because interpolants are far more exact there.
+        """
+        solver = self._solver(begin, state, phase, length)
+        while True:
+            start, before = float(solver.t), solver.y
+            self._step(solver)
+            t, h = float(solver.t), float(solver.t) - start
+            falls = [k for k in range(2) if self._last.ends[k] <= 0.0]
+            kept = _keep_stages(solver)
+            if not falls:
+                self._steps.append((start, kept))
+                length = h
+                continue
+            length, states = max(length or 0.0, h), solver.dense_output()
+            about, event = min((self._root(states, phase, k, start, t, 1e-3 * h), k) for k in falls)
+            if about == start:
+                return start, before, event, length
+            if about < t - EVENT_MARGIN * h:
+                shorter = (1.0 + 0.5 * EVENT_MARGIN) * max(about - start, 1e-9 * h)
+                solver = self._solver(start, before, phase, shorter)
+                continue
+            end = self._root(states, phase, event, start, t, 1e-13 * h)
+            self._steps.append((start, kept))
+            return end, states(end), event, length
+
+    def _root(
+        self, states: Any, phase: Phase, k: int, start: float, end: float, precision: float
+    ) -> float:
+        """Return where the deflection (0) or the friction (1) ends a phase within a step."""
+
+        def value(time: float) -> float:
+            return self._equations.end_of(k, time, states(time), phase)
+
+        # at the beginning of a phase its value may be 0, but for rounding
+        for share in (1.0 - 2.0 * EVENT_MARGIN, 0.0, 1e-6):
+            low = start + share * (end - start)
+            if value(low) > 0.0:
+                return float(brentq(value, low, end, xtol=precision))
+        return start
+
+    def _step(self, solver: DOP853) -> None:
+        """Take a step; raise `KickdynError` where there is none."""
+        start = float(solver.t)
+        message = solver.step()
+        if solver.status == "finished":
+            raise KickdynError(
+                f"foot and ball are still in contact after {self._limit:g} s, "
+                f"{MAX_CONTACT_TIMES:g} times the time that the two alone would take"
+            )
+        if message or not np.isfinite(solver.y).all():
+            raise KickdynError(f"the integrator failed at {start:g} s: {message or 'overflow'}")
+
+    def _solver(self, begin: float, state: Array, phase: Phase, length: float | None) -> DOP853:
+        """Return a solver for the equations of a phase."""
+
+        def rates(t: float, y: Array) -> Array:
+            self._last = self._equations.evaluate(t, y, phase)
+            return self._last.rates
+
+        if length is not None:
+            length = min(max(length, 10.0 * math.ulp(begin)), self._limit - begin)
+        return DOP853(rates, begin, state, self._limit, rtol=max(self._tol, 3e-14),
+                      atol=self._atol, first_step=length)  # fmt: skip
 
 
-def _integrate_until(
-    event: Any,
-    rates: Any,
-    start: ArrayLike,
-    limit: float,
-    rtol: float,
-    atol: Any,
-    step: float,
-    begin: float = 0.0,
-) -> Any:
-    """Run scipy's DOP853 until an event of (t, y) falls to 0; return what `solve_ivp` returns.
-
-    States at an event are an interpolant's, which is far less exact than the step. So the last step
-    is taken anew, to just beyond the event.
-    """
-
-    def falling(t: float, y: Array) -> float:
-        return float(event(t, y))
-
-    falling.terminal, falling.direction = True, -1  # type: ignore[attr-defined]
-    run = partial(solve_ivp, rates, method="DOP853", rtol=rtol, atol=atol, max_step=step,
-                  events=falling, dense_output=True)  # fmt: skip
-    solution = run((begin, limit), np.asarray(start, np.float64))
-    if solution.status != 1:
-        return solution
-    began, ended = solution.t[-2:]
-    if ended <= began:
-        return solution
-    beyond = ended + 0.01 * (ended - began)
-    last = run((began, beyond), solution.y[:, -2], first_step=beyond - began)
-    times = np.concatenate([solution.t[:-1], last.t[1:]])
-    solution.sol = OdeSolution(times, [*solution.sol.interpolants[:-1], *last.sol.interpolants])
-    solution.t, solution.y = times, np.hstack([solution.y[:, :-1], last.y[:, 1:]])
-    return solution
+def _keep_stages(solver: DOP853) -> DOP853:
+    """Return a solver with the stages of its last step, for an interpolant that is read later."""
+    kept = copy(solver)
+    kept.K_extended = solver.K_extended.copy()
+    kept.K = kept.K_extended[: DOP853.n_stages + 1]
+    return kept

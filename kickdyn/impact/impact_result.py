@@ -171,7 +171,7 @@ class Impact(AfterApproach):
         `stronge`, whose restitution is one of work, where these differ from Newton's.
         """
         approach = self.approach
-        foot_velocity_after = approach.posture.jacobian.dot(self.leg_response.v_after)
+        foot_velocity_after = approach.posture.point_velocity(self.leg_response.v_after)
         relative = self.ball_after.velocity - foot_velocity_after
         separation = float(approach.contact.normal.dot(relative))
         return abs(separation - approach.restitution * approach.speed) / approach.speed

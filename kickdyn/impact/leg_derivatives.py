@@ -63,6 +63,9 @@ def leg_derivatives(
     before, after = (
         _velocity_by_q(posture, foot, jacobians[0], velocity)[LINEAR] for velocity in (v, v_after)
     )
+    if posture.leg.base_velocity is not None:
+        turned = pin.skew(posture.leg.base_velocity[3:]) @ posture.jacobian
+        before, after = before + turned, after + turned
     change = _constraint_change(free, v, admissible)
     before = before + posture.jacobian @ change
     change_after = change + _constraint_change(posture, jump, inverse @ posture.inertia)

@@ -61,7 +61,8 @@ def solve_by_pinocchio(
     solution = Solution((p * n).reshape(1, 3), (False,), lost, np.zeros((1, 3)))
     jump, turned = after[: leg.nv] - approach.v, after[leg.nv :]
     response = response_to_jump(posture, approach.v, jump, p * n, reaction)
-    ball_after = BallState.computed(before.position, turned[:3].copy(), turned[3:].copy())
+    velocity_after = turned[:3] + posture.transport_velocity
+    ball_after = BallState.computed(before.position, velocity_after, turned[3:].copy())
     return solution, ball_after, response
 
 
@@ -76,10 +77,11 @@ def with_ball(leg: Leg, mass: float, inertia: float) -> tuple[Workspace, int]:
 
 
 def joined_state(approach: Approach) -> tuple[Array, Array]:
-    """Return configuration and velocity of leg and ball as one model."""
+    """Return configuration and velocity of leg and ball as one model, seen from the base."""
     before = approach.ball_before
     q = np.concatenate([approach.posture.q, before.position, [0.0, 0.0, 0.0, 1.0]])
-    return q, np.concatenate([approach.v, before.velocity, before.spin])
+    velocity = before.velocity - approach.posture.transport_velocity
+    return q, np.concatenate([approach.v, velocity, before.spin])
 
 
 def contact_row(approach: Approach, space: Workspace, ball_joint: int, q: Array) -> Array:

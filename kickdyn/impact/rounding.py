@@ -55,6 +55,7 @@ def estimate_rounding(approach: Approach, solution: Solution, joints: Array) -> 
     by_matrices = np.outer(roots, roots) + np.outer(sums, sums)
     matrix_error = np.hypot(by_matrices, spread[:, None] + spread)
     terms = abs(posture.jacobian).dot(abs(approach.v)) + abs(before.velocity)
+    terms += abs(posture.transport_velocity)
     error = abs(axes.T).dot(terms) + _spread(posture, approach.v[:, None])
     error[:2] += approach.ball.radius * float(length(before.spin))
     impulse, tangential = solution.impulses[0], solution.tangential_impulses[0]

@@ -20,7 +20,7 @@ from kickdyn.impact.leg_derivatives import (
     mass_derivatives,
 )
 from kickdyn.impact.leg_response import LegResponse
-from kickdyn.restitution import restitution_slope
+from kickdyn.restitution import ball_slopes, restitution_slope
 from kickdyn.robot.leg import Leg
 
 AT_BOUNDARY = 1e-9
@@ -122,7 +122,8 @@ def sensitivity(
 
     .. math:: \frac{dp}{dx} = \left.\frac{\partial p}{\partial x}\right|_\mathrm{axes} - C r_x .
 
-    Where the restitution depends on the speed of approach u, e changes by :math:`(de/du)\, du/dx`.
+    Where the restitution depends on the speed of approach u, e changes by :math:`(de/du)\, du/dx`,
+    and where it depends on the ball, with mass and radius, too.
     What x does to the leg is in `kickdyn.impact.leg_derivatives`. A support that moves, or a joint
     whose axes depend on its own angles, raises `InvalidInput`; a derivative that leaves double
     precision raises `KickdynError`.
@@ -157,13 +158,18 @@ def sensitivity(
     closing = -(n @ fixed.before + fixed.u_before @ fixed.normal)
     restitution = restitution_slope(approach.contact.restitution, approach.speed) * closing
     restitution[columns["restitution"]] += 1.0
+    by_mass, by_radius = ball_slopes(approach.contact.restitution, ball, approach.speed)
+    restitution[columns["ball_mass"]] += by_mass
+    restitution[columns["ball_radius"]] += by_radius
     separation = approach.restitution * closing + approach.speed * restitution
     left_over = fixed.after + delassus @ at_contact + pin.skew(fixed.u_after) @ turn
     left_over -= np.outer(n, separation)
     impulse = at_contact - axes @ answer @ axes.T @ left_over
     frictionless = approach.contact.friction == 0.0
     if frictionless:  # the ball's rotation has no effect: these columns are rounding
-        impulse[:, columns["ball_radius"]] = impulse[:, columns["ball_spin"]] = 0.0
+        impulse[:, columns["ball_spin"]] = 0.0
+        if by_radius == 0.0:
+            impulse[:, columns["ball_radius"]] = 0.0
 
     velocity = fixed.velocity + impulse / ball.mass
     spin = fixed.spin - ball.radius / ball.inertia * pin.skew(n) @ impulse
@@ -260,8 +266,9 @@ def _at_fixed_impulse(
     after[:, by_radius] = before[:, by_radius]  # what the impulse adds has no r
     after[:, columns["normal"]] -= r * pin.skew(ball_after.spin) @ projector
 
-    u_before = ball_before.velocity - jacobian @ v_before + r * cross_n @ ball_before.spin
-    u_after = ball_after.velocity - jacobian @ response.v_after + r * cross_n @ ball_after.spin
+    u_before = ball_before.velocity - approach.foot_velocity + r * cross_n @ ball_before.spin
+    foot_after = posture.point_velocity(response.v_after)
+    u_after = ball_after.velocity - foot_after + r * cross_n @ ball_after.spin
     return _FixedImpulse(velocity, spin, v_after, before, after, normal, u_before, u_after)
 
 

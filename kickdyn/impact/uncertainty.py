@@ -132,7 +132,7 @@ def uncertainty(
     margin_deviation = 0.0
     for name, value in spread.items():
         margin_slope = slopes.margin_slope[name]
-        covariance = _covariance(name, value, margin_slope.shape[1])
+        covariance = source_covariance(name, value, margin_slope.shape[1])
         jacobians = {
             "impulse_size": _size_rows(impulse) @ slopes.impulse[name],
             "speed": _size_rows(velocity) @ slopes.velocity[name],
@@ -165,7 +165,7 @@ def _size_rows(vector: Array) -> Array:
     return vector[None] / size if size else np.eye(3)
 
 
-def _covariance(name: str, value: ArrayLike, size: int) -> Array:
+def source_covariance(name: str, value: ArrayLike, size: int) -> Array:
     """Return a source's covariance, shape `(size, size)`, or raise `InvalidInput`."""
     array = validation.floats(f"spread of {name}", value, unit=UNITS[name])
     largest = float(np.abs(array).max(initial=0.0))

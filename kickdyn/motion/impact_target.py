@@ -117,4 +117,4 @@ def impact_target_for(
                 f"launch at most {most * ball.radius * size / ball.inertia:.4g} rad/s"
             )
         normal = math.sqrt(1.0 - sine * sine) * along + sine * np.cross(spin / turn, along)
-    return ImpactTarget(impulse, replace(contact, normal=normal), ball)
+    return ImpactTarget(impulse, replace(contact.for_ball(ball), normal=normal), ball)

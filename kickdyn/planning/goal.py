@@ -1,9 +1,10 @@
 """The goal of a kick: a target, and one condition on the flight to it."""
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 from enum import StrEnum
+from typing import Protocol, TypeVar
 
 import numpy as np
 
@@ -20,6 +21,11 @@ CONDITIONS = {"time": "s", "apex": "m", "speed": "m/s", "over": "m"}
 
 FARTHEST = 1e4
 """Largest distance of a target [m]: air and gravity are the same all the way."""
+
+
+MOST_MEETINGS, SAME_TIME, LONGEST_MEETING = 40, 1e-10, 1e3
+"""Of the search for the time at which the ball meets a receiver: largest number of launches,
+relative change of the time at which it ends, and longest time [s]."""
 
 
 class PlanStatus(StrEnum):
@@ -95,6 +101,8 @@ class Goal(ReprMixin):
         spin: spin of the launch, shape `(3,)` [rad/s, world frame]. With `beside` it gives the axis
             only, and the size is sought.
         arc: `low` or `high`, where two launches meet the goal.
+        receiver_velocity: velocity of a receiver who is at the target as the ball starts, at most
+            100 m/s, shape `(3,)` [m/s]. The target is where ball and receiver meet.
 
     Raises:
         InvalidInput: a value out of range, none or two of time, apex, speed and over, a target
@@ -109,6 +117,7 @@ class Goal(ReprMixin):
     beside: tuple[float, float] | None
     spin: Array
     arc: Arc
+    receiver_velocity: Array
 
     def __init__(
         self,
@@ -121,6 +130,7 @@ class Goal(ReprMixin):
         beside: tuple[float, float] | None = None,
         spin: ArrayLike = (0.0, 0.0, 0.0),
         arc: str = Arc.LOW,
+        receiver_velocity: ArrayLike = (0.0, 0.0, 0.0),
     ) -> None:
         point = validation.floats("target", target, unit="m")
         if point.ndim == 0:
@@ -148,7 +158,10 @@ class Goal(ReprMixin):
             apex = validation.number("apex", apex, above=0, at_most=1e6, unit="m")
         if speed is not None:
             speed = validation.number("speed", speed, above=0, at_most=1e6, unit="m/s")
+        running = validation.vector("receiver velocity", receiver_velocity, 3, unit="m/s")
+        validation.number("receiver velocity", math.hypot(*running), at_most=100, unit="m/s")
         vars(self).update(
+            receiver_velocity=validation.read_only(running),
             target=validation.read_only(point),
             time=time,
             apex=apex,
@@ -179,6 +192,13 @@ class Goal(ReprMixin):
             yield "spin", format_value(self.spin), "rad/s"
         if self.arc != Arc.LOW:
             yield "arc", self.arc, ""
+        if self.receiver_velocity.any():
+            yield "receiver_velocity", format_value(self.receiver_velocity), "m/s"
+
+    def at(self, time: float) -> "Goal":
+        """Return the goal of meeting the receiver at a time [s], a target at rest."""
+        target = self.target + time * self.receiver_velocity
+        return replace(self, target=target, receiver_velocity=np.zeros(3))
 
     @property
     def distance(self) -> float:
@@ -234,7 +254,7 @@ class PlannedLaunch(ReprMixin):
 
     Attributes:
         status: `met`; or `unreachable`, and this is the nearest launch there is.
-        goal: the goal that was asked for.
+        goal: the goal that was asked for; for a receiver who runs, the target where he is met.
         limit: reason why the goal is unreachable, see `LaunchLimit`; None where it is met.
         velocity: velocity of the launch, shape `(3,)` [m/s, world frame].
         spin: spin of the launch, shape `(3,)` [rad/s, world frame].
@@ -272,6 +292,53 @@ class PlannedLaunch(ReprMixin):
     def state(self) -> BallState:
         """The ball at the launch, at the origin."""
         return BallState(velocity=self.velocity, spin=self.spin)
+
+
+class TimedLaunch(Protocol):
+    """A launch that meets a target at a time, or comes nearest to it for a reason, its limit."""
+
+    @property
+    def time(self) -> float:
+        """Time to the target [s]."""
+
+    @property
+    def limit(self) -> LaunchLimit | None:
+        """As of `PlannedLaunch`."""
+
+
+Planned = TypeVar("Planned", bound=TimedLaunch)
+
+
+def meet_receiver(goal: Goal, plan: Callable[[Goal], Planned]) -> Planned:
+    """Return the launch towards a receiver who runs, by the secant method on the time of meeting.
+
+    Args:
+        goal: with a receiver who runs.
+        plan: function that returns the launch that meets a target at rest; it has a `time`.
+
+    Raises:
+        InvalidInput: the ball does not catch up with the receiver.
+    """
+    if goal.time is not None:
+        return plan(goal.at(goal.time))
+    times, delays = [0.0], []
+    for _ in range(MOST_MEETINGS):
+        launch = plan(goal.at(times[-1]))
+        if launch.limit is not None:
+            return launch
+        delays.append(launch.time - times[-1])
+        if abs(delays[-1]) <= SAME_TIME * launch.time:
+            return launch
+        step = delays[-1]
+        if len(delays) > 1 and delays[-1] != delays[-2]:
+            step *= (times[-1] - times[-2]) / (delays[-2] - delays[-1])
+        times.append(times[-1] + step)
+        if not 0.0 <= times[-1] <= LONGEST_MEETING:
+            break
+    raise InvalidInput(
+        f"the ball does not meet a receiver who runs at {math.hypot(*goal.receiver_velocity):g} "
+        f"m/s within {LONGEST_MEETING:g} s: give another velocity or condition"
+    )
 
 
 def nominal_velocity(target: Array, time: float) -> Array:

@@ -133,6 +133,8 @@ def plan_kick(
     contact, position = _checked_contact(contact), _checked_ball_position(ball_position)
     if is_floating(leg):
         position = _lying_on_ground(position, ball)
+    if motion:
+        leg.check_base_at_rest("a motion from rest to rest")
     disabled_pairs(leg)  # a faulty SRDF is refused now, not by the checks of the finished plan
 
     # several threads sum in another order, which moves postures by up to 2e-5 rad, and take 5 times
@@ -143,6 +145,7 @@ def plan_kick(
             launch = _plan_flight_launch(goal, ball, air)
         else:
             launch = _plan_pass_launch(goal, ball, air, surface)
+        goal = goal.at(launch.time)
         target = impact_target_for(launch.velocity, launch.spin, ball, contact)
         problem = kick_problem(leg, target, position, limits=limits, solver=solver)
         if motion:

@@ -50,7 +50,7 @@ class KickPlan(ReprMixin):
     """A planned kick, verified by `strike` and `fly`.
 
     Attributes:
-        goal: the goal that was asked for.
+        goal: the goal that was asked for; for a receiver who runs, the target where he is met.
         launch: the launch that meets the goal; of a pass, a `Pass`.
         objective: name of the quantity that was minimized or maximized.
         value: value of this quantity.

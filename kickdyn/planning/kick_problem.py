@@ -129,7 +129,8 @@ class KickProblem:
         for number, q in enumerate(self.drawn):
             posture = variables.posture(q)
             rows = posture.jacobian[:, variables.vs] * scale
-            v = np.linalg.pinv(rows, rcond=1e-2) @ variables.target.foot_velocity(posture)
+            needed = variables.target.foot_velocity(posture) - posture.transport_velocity
+            v = np.linalg.pinv(rows, rcond=1e-2) @ needed
             point = variables.point(np.array([*q, *v, 1.0]))
             violation = sum(term.total_violation(point) for term in rating)
             rated.append((float(np.abs(v).max()) + violation, number, point.x))
@@ -184,6 +185,7 @@ def kick_problem(
         variables = KickVariables(limb.leg, target)
         directions = _foot_directions(variables, draw)
     _check_directions(variables, directions)
+    _check_sliding(variables, directions)
 
     # the later, the less a kick needs it: an explanation omits the last terms first
     terms: list[Term[KickPoint]] = [JointRange(variables), StrikeVelocity(variables, directions)]
@@ -300,6 +302,21 @@ def _check_directions(variables: KickVariables, directions: Array) -> None:
         raise InvalidInput(
             f"{name} cannot give this spin: its foot moves in a plane only, and side spin takes a "
             "foot that moves aside (a robot's leg, such as g1, does)"
+        )
+
+
+def _check_sliding(variables: KickVariables, directions: Array) -> None:
+    """Refuse a contact that would slide across the plane in which the foot moves."""
+    target, drawn = variables.target, np.linspace(variables.lower, variables.upper, 3)
+    if target.contact.friction > 0.0 and any(
+        _leaves(directions, velocity)
+        for velocity in (variables.posture(q).transport_velocity for q in drawn)
+        if np.linalg.norm(velocity) > 0.0
+    ):
+        raise InvalidInput(
+            f"the velocity of the base leaves the plane in which the foot of {variables.leg.name} "
+            "moves: the foot would slide over the ball; a contact without friction (friction=0, "
+            "--friction 0) or a foot that moves aside (a robot's leg, such as g1, does) can kick so"
         )
 
 

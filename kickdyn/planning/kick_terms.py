@@ -199,7 +199,8 @@ class StrikeVelocity(Function[KickPoint]):
     def value(self, point: KickPoint) -> Array:
         target, change = point.variables.target, point.velocity_change
         full = target.foot_velocity_for(change)
-        error = point.posture.jacobian @ point.v - target.foot_velocity_for(change, point.share)
+        velocity = point.posture.point_velocity(point.v)
+        error = velocity - target.foot_velocity_for(change, point.share)
         return np.asarray(self.rows @ error / math.sqrt(full @ full))
 
     def slope(self, point: KickPoint) -> Array:
@@ -212,7 +213,7 @@ class StrikeVelocity(Function[KickPoint]):
         full = target.foot_velocity_for(change)
         size, full_q = math.sqrt(full @ full), target.foot_gain(change) @ change_q
         gain = target.foot_gain(share * change)
-        error = jacobian @ v - target.foot_velocity_for(change, share)
+        error = posture.point_velocity(v) - target.foot_velocity_for(change, share)
         by_size = np.outer(error, full @ full_q) / size**2
         by_q = (leg.foot_q - share * (gain @ change_q) - by_size) / size
         by_share = -(gain @ change) / size
@@ -223,9 +224,9 @@ class StrikeVelocity(Function[KickPoint]):
     def make_exact(self, point: KickPoint) -> KickPoint:
         """Return a point near one, with the foot's velocity exact in all digits."""
         variables, posture, share = point.variables, point.posture, point.share
-        scale, jacobian = variables.velocity_scale, posture.jacobian
-        error = variables.target.foot_velocity(posture, share) - jacobian @ point.v
-        rows = self.rows @ jacobian[:, variables.vs] * scale
+        scale = variables.velocity_scale
+        error = variables.target.foot_velocity(posture, share) - posture.point_velocity(point.v)
+        rows = self.rows @ posture.jacobian[:, variables.vs] * scale
         x = point.x.copy()
         x[variables.n : -1] += np.linalg.pinv(rows, rcond=1e-9) @ self.rows @ error
         return variables.point(x)

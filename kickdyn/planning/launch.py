@@ -28,6 +28,7 @@ from kickdyn.planning.goal import (
     LaunchLimit,
     PlannedLaunch,
     PlanStatus,
+    meet_receiver,
 )
 from kickdyn.planning.launch_solver import (
     UP,
@@ -191,6 +192,9 @@ def plan_launch(
     limit = validation.number("speed limit", speed_limit, above=0, at_most=SPEED_LIMIT, unit="m/s")
     most_spin = validation.number("spin limit", spin_limit, above=0, unit="rad/s")
     ball.check_movable("a flight")
+    if goal.receiver_velocity.any():
+        limits = {"speed_limit": limit, "spin_limit": most_spin}
+        return meet_receiver(goal, lambda at_rest: plan_launch(at_rest, ball, air, **limits))
     problem = _shooting_problem(goal, ball, air, goal.spin)
     family = LaunchFamily(problem, goal, limit, most_spin)
 

@@ -25,7 +25,7 @@ class KickObjective(StrEnum):
     KINETIC_ENERGY = "kinetic-energy"
     r""":math:`\frac12 v^T M v` [J], which the swing must build up."""
     FOOT_SPEED = "foot-speed"
-    r""":math:`|J v|` [m/s]: the posture that makes the most impulse of it."""
+    r"""Speed of the foot [m/s]: the posture that makes the most impulse of it."""
     MOST_JOINT_IMPULSE = "most-joint-impulse"
     TORQUE_SQUARED = "torque-squared"
     r""":math:`\int \frac1n \sum_i (\tau_i / \tau_{max,i})^2 dt` [s], of a motion."""
@@ -55,7 +55,7 @@ class FootSpeed(Objective):
     """Speed of the contact point."""
 
     def quantity(self, point: KickPoint) -> float:
-        return math.hypot(*(point.posture.jacobian @ point.v))
+        return math.hypot(*point.posture.point_velocity(point.v))
 
 
 class JointImpulse(Objective):

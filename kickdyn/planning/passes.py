@@ -17,7 +17,14 @@ from kickdyn.errors import InvalidInput
 from kickdyn.flight.follow import Course, follow
 from kickdyn.ground import Ground, Surface
 from kickdyn.plane import Plane
-from kickdyn.planning.goal import REASONS, Goal, LaunchLimit, PlannedLaunch, PlanStatus
+from kickdyn.planning.goal import (
+    REASONS,
+    Goal,
+    LaunchLimit,
+    PlannedLaunch,
+    PlanStatus,
+    meet_receiver,
+)
 
 ACCURACY = 1e-6
 """Largest error of time [s] and place [m]; a bounce makes less of them smooth."""
@@ -84,8 +91,8 @@ def plan_pass(
     `kickdyn.follow` computes; the direction is turned by the angle at which the ball passes aside.
 
     Args:
-        goal: a goal with a `time` and a target as high as the ball lies, without `beside`; its arc
-            does not count.
+        goal: a goal with a `time` or a `speed` and a target as high as the ball lies, without
+            `beside`; its arc does not count.
         ball: the ball, which lies on the ground at the start.
         air: the air; None is the vacuum.
         surface: surface of the ground, by name or as a `Surface`.
@@ -93,8 +100,8 @@ def plan_pass(
         speed_limit: largest speed of the launch, at most 100 [m/s].
 
     Raises:
-        InvalidInput: a value out of range, a goal without a time, at another height or with
-            `beside`, or an unknown surface.
+        InvalidInput: a value out of range, a goal with `apex`, `over` or `beside`, one at another
+            height, or an unknown surface.
 
     Example:
         >>> import kickdyn as kd
@@ -102,14 +109,18 @@ def plan_pass(
         >>> str(plan.status), round(float(plan.velocity[0]), 2)
         ('met', 15.06)
     """
-    if goal.time is None or goal.target[2] != 0.0 or goal.beside is not None:
+    level = goal.target[2] == goal.receiver_velocity[2] == 0.0
+    if goal.kind not in ("time", "speed") or not level or goal.beside is not None:
         named = ", ".join(f"{name} {value} {unit}" for name, value, unit in goal.named_values())
         raise InvalidInput(
-            f"a goal with {named} is no goal of a pass: it must have a time, a target as high "
-            "as the ball and no beside"
+            f"a goal with {named} is no goal of a pass: it must have a time or a speed, a target "
+            "as high as the ball and no beside"
         )
     angle = validation.number("angle", angle, at_least=0, at_most=1.2, unit="rad")
     limit = validation.number("speed limit", speed_limit, above=0, at_most=100, unit="m/s")
+    if goal.receiver_velocity.any():
+        again = partial(plan_pass, surface=surface, angle=angle, speed_limit=limit)
+        return meet_receiver(goal, lambda at_rest: again(at_rest, ball, air))
     ground = Ground(surface=surface)
     start = np.array([0.0, 0.0, ball.radius])
     plane = Plane(start + goal.target, -goal.ahead, "centre")
@@ -123,17 +134,27 @@ def plan_pass(
 
     def delay(turn: float, speed: float) -> float:
         course = play(speed, turn)[1]
-        return course.duration - duration if course.status == "at-plane" else UNREACHED_DELAY
+        reached = course.status == "at-plane"
+        return course.duration - (duration or 0.0) if reached else UNREACHED_DELAY
 
     turn = 0.0
     for _ in range(8):  # the course bends little: the aim is turned by the error
-        speed, obstacle = _solve_speed(partial(delay, turn), limit)
+        if goal.speed is None:
+            speed, obstacle = _solve_speed(partial(delay, turn), limit)
+        else:
+            speed, obstacle = min(goal.speed, limit), None
         velocity, course = play(speed, turn)
         aside = float(goal.left @ course.rest.position)  # the target lies on the line
         if abs(aside) <= ACCURACY:
             break
         turn -= math.atan2(aside, goal.distance)
-    on_time = course.status == "at-plane" and abs(course.duration - duration) <= ACCURACY
+    on_time = course.status == "at-plane"
+    if duration is not None:
+        on_time = on_time and abs(course.duration - duration) <= ACCURACY
+    elif not on_time:
+        obstacle = LaunchLimit.LEAST_SPEED
+    elif speed != goal.speed:
+        on_time, obstacle = False, LaunchLimit.SPEED
     if on_time and abs(aside) <= ACCURACY:
         status, obstacle = PlanStatus.MET, None
     else:

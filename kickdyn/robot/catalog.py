@@ -1,7 +1,7 @@
 """Robots by name: those of example-robot-data, with their feet, and those of robot_descriptions."""
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import redirect_stdout
 from dataclasses import dataclass, field
 from difflib import get_close_matches
@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from kickdyn.core.files import read_toml, shipped
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.model_validation import frame_id
@@ -56,16 +57,16 @@ class Robot:
             least with the foot, struck along any normal of the surface. No instep where a motor
             fills that place, no edge of the sole where it is bevelled or round.
         steepest: of the toe's normals [deg], above which the ball would reach into instep or shank.
-        turn: roll, pitch and yaw [rad] that bring its base's axes to x forward, z up.
+        turn_deg: roll, pitch and yaw that bring its base's axes to x forward, z up.
     """
 
     file: str
     foot: str
     stance: str
-    legs: tuple[str, ...]
-    contact_points: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    legs: Sequence[str]
+    contact_points: Mapping[str, Sequence[float]] = field(default_factory=dict)
     steepest: float = SURFACES[TOE][2]
-    turn: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    turn_deg: Sequence[float] = (0.0, 0.0, 0.0)
 
     def contact(self, frame: str | None) -> tuple[str, Array | None]:
         """Return the contact frame, the toe if None is named, and its `contact_normal_cone`."""
@@ -93,89 +94,9 @@ def normal_cone(direction: float, low: float, high: float) -> Array:
     return np.asarray(rows @ pin.rpy.rpyToMatrix(0.0, 0.0, direction).T)
 
 
-_FULL_NAMES = tuple(
-    f"{side}_{segment}_" for side in ("left", "right") for segment in ("hip", "knee", "ankle")
-)
-_ICUB = tuple(f"{side}_{segment}" for side in "lr" for segment in ("hip", "knee", "ankle"))
-_ROMEO = tuple(f"{side}{segment}" for side in "LR" for segment in ("Hip", "Knee", "Ankle"))
-
 ROBOTS = {
-    "g1": Robot(
-        "g1_description/urdf/g1_29dof_rev_1_0.urdf",
-        *("right_ankle_roll_link", "left_ankle_roll_link", _FULL_NAMES),
-        contact_points={
-            "toe": (0.1423, 0.0, -0.0206),
-            "instep": (0.0924, 0.0, -0.0041),
-            "sole_edge": (0.1419, 0.0, -0.0354),
-            "inside": (0.065, 0.0376, -0.0338),
-            "outside": (0.0657, -0.0371, -0.0282),
-            "heel": (-0.0656, -0.0001, -0.029),
-        },
-    ),
-    "talos": Robot(
-        "talos_data/robots/talos_reduced.urdf",
-        *("right_sole_link", "left_sole_link", ("leg_",)),
-        contact_points={
-            "toe": (0.1045, 0.0, 0.018),
-            "inside": (-0.0032, 0.0672, 0.0144),
-            "outside": (-0.0034, -0.0672, 0.0144),
-            "heel": (-0.1163, 0.0017, 0.0712),
-        },
-        steepest=40.0,
-    ),
-    **{
-        name: Robot(
-            f"icub_description/robots/{name}.urdf",
-            *("r_sole", "l_sole", _ICUB),
-            contact_points={
-                "toe": (0.1275, 0.0, 0.0145),
-                "sole_edge": (0.1278, 0.0, 0.0),
-                "inside": (0.0601, 0.0269, 0.0414),
-                "outside": (0.0402, -0.03, 0.0152),
-                "heel": (-0.0268, -0.0003, 0.0319),
-            },
-            turn=(0.0, 0.0, np.pi),
-        )
-        for name in ("icub", "icub_reduced")  # they look along -x
-    },
-    "romeo": Robot(
-        "romeo_description/urdf/romeo.urdf",
-        *("r_sole", "l_sole", _ROMEO),
-        contact_points={
-            "toe": (0.199, 0.0164, 0.0299),
-            "instep": (0.1393, 0.0164, 0.0639),
-            "sole_edge": (0.1988, 0.0164, 0.0022),
-            "inside": (0.1136, 0.0559, 0.0201),
-            "outside": (0.1103, -0.0706, 0.0258),
-            "heel": (-0.0886, 0.0056, 0.0523),
-        },
-    ),
-    "human": Robot(
-        "human_description/robots/human.urdf",
-        *("right_foot", "left_foot", _FULL_NAMES),
-        contact_points={
-            "toe": (0.2055, -0.0007, -0.073),
-            "instep": (0.1373, -0.0007, -0.019),
-            "sole_edge": (0.2068, -0.0007, -0.0765),
-            "inside": (0.1025, 0.0593, -0.0706),
-            "outside": (0.1025, -0.0607, -0.0706),
-            "heel": (-0.0639, -0.0007, -0.0263),
-        },
-        steepest=45.0,
-        turn=(np.pi / 2, 0.0, 0.0),  # its y axis points up
-    ),
-    "simple_humanoid": Robot(
-        "simple_humanoid_description/urdf/simple_humanoid.urdf",
-        *("r_ankle", "l_ankle", ("LLEG_", "RLEG_")),
-    ),
-    "bolt": Robot(
-        "bolt_description/robots/bolt.urdf",
-        *("FR_FOOT", "FL_FOOT", ("FL_", "FR_")),
-        contact_points={
-            "toe": (0.016, 0.0, 0.0),
-        },
-        steepest=15.0,
-    ),
+    name: Robot(**robot)
+    for name, robot in read_toml(shipped("robots") / "example_robot_data.toml").items()
 }
 """Every robot of the package that `Leg.from_robot` reads."""
 
@@ -187,7 +108,7 @@ def read_robot(name: str, base: str) -> tuple[UrdfFile, Any]:
     file = read_urdf(robots_folder() / known.file)
     model = build_model(file.text, file.source, "floating")
     model.name = name
-    model = turn_body(model, 1, pin.rpy.rpyToMatrix(*known.turn))
+    model = turn_body(model, 1, pin.rpy.rpyToMatrix(*np.radians(known.turn_deg)))
     if base == "fixed":
         model = reduce_model(model, [model.names[1]], pin.neutral(model))
     add_contact_points(model, known.foot, known.contact_points)

@@ -43,7 +43,7 @@ from kickdyn.robot.model_validation import (
     rounding_gain,
     singularity_fault,
 )
-from kickdyn.robot.surgery import reduce_model
+from kickdyn.robot.surgery import has_floating_base, reduce_model
 from kickdyn.robot.urdf_file import build_model, check_base, read_urdf, shipped_urdf
 from kickdyn.robot.visuals import RobotFile
 
@@ -93,6 +93,8 @@ class Leg(JointTable, ReprMixin):
             ball, :math:`a \cdot n \ge 0`, shape `(k, 3)` [contact frame]; None if unknown.
         stiff_joints: joints whose velocity an impact does not change.
         drives: by joint, as given; their rotors and limits are in the model.
+        base_velocity: of the fixed base, at the world's origin: linear, then angular, shape `(6,)`
+            [m/s, rad/s, world axes]; None where it is at rest.
         constraints: by supports, loops, mimic joints and stiff joints; None without any.
         workspace: this thread's scratch space for Pinocchio's calls; every call overwrites it.
     """
@@ -105,6 +107,7 @@ class Leg(JointTable, ReprMixin):
     contact_normal_cone: Array | None = None
     stiff_joints: tuple[str, ...] = ()
     drives: Mapping[str, Drive] = field(default_factory=dict)
+    base_velocity: Array | None = None
     constraints: Constraints | None = field(init=False)
     workspace: "Workspace" = field(init=False)
 
@@ -116,6 +119,14 @@ class Leg(JointTable, ReprMixin):
         if self.contact_normal_cone is not None:
             cone = validation.floats("contact normal cone", self.contact_normal_cone)
             vars(self).update(contact_normal_cone=read_only(cone))
+        if self.base_velocity is not None:
+            twist = validation.vector("base velocity", self.base_velocity, 6)
+            vars(self).update(base_velocity=read_only(twist) if twist.any() else None)
+        if self.base_velocity is not None and (self.supports or has_floating_base(self._model)):
+            raise InvalidInput(
+                f"base velocity is {self.base_velocity.tolist()}: {self.name} must have a fixed "
+                "base and no supports; the velocity of a floating base is part of v"
+            )
         if self.contact_joint == 0:
             raise InvalidInput(f"frame {self.frame!r} is fixed to the base: a kick must move it")
         constraints = None
@@ -493,6 +504,34 @@ class Leg(JointTable, ReprMixin):
             raise InvalidInput(f"all joints of {self.name} are stiff: one must be free")
         return replace(self, stiff_joints=joints)
 
+    def with_base_velocity(self, linear: ArrayLike, angular: ArrayLike = (0.0, 0.0, 0.0)) -> "Leg":
+        r"""Return the leg on a fixed base that moves, as the hip of a player who runs up.
+
+        The velocity of the contact point at x is :math:`J v + v_0 + \omega_0 \times x`. An impact
+        does not change the velocity of the base, as if the body were far heavier than the leg.
+        Torques of plans are those of a base that does not turn.
+
+        Args:
+            linear: velocity :math:`v_0` of the base at the world's origin, where the hip of our
+                legs is, shape `(3,)` [m/s, world axes]; it replaces any before.
+            angular: angular velocity :math:`\omega_0`, shape `(3,)` [rad/s, world axes].
+
+        Raises:
+            InvalidInput: an entry that is not finite, a floating base, or a leg with supports.
+        """
+        parts = (
+            validation.vector("linear", linear, 3, unit="m/s"),
+            validation.vector("angular", angular, 3, unit="rad/s"),
+        )
+        return replace(self, base_velocity=np.concatenate(parts))
+
+    def check_base_at_rest(self, what: str) -> None:
+        """Raise `InvalidInput` where the base moves, for `what` needs it at rest."""
+        if self.base_velocity is not None:
+            raise InvalidInput(
+                f"base velocity is {self.base_velocity.tolist()}: {what} needs a base at rest"
+            )
+
     def with_model(self, model: Any) -> "Leg":
         """Return the leg with another `pin.Model`, a changed copy of its own."""
         check_is_model(model)
@@ -810,15 +849,28 @@ class Posture(ReprMixin):
             numbers[joint] = time * math.sqrt(drive.stiffness / inertia)
         return numbers
 
+    @property
+    def transport_velocity(self) -> Array:
+        """Velocity that the base gives the contact point, shape `(3,)` [m/s, world frame]."""
+        twist = self.leg.base_velocity
+        if twist is None:
+            return np.zeros(3)
+        return twist[:3] + cross3(twist[3:].tolist(), self.contact_point.tolist())
+
     def point_velocity(self, v: ArrayLike) -> Array:
-        """Return the velocity :math:`J v` of the contact point, shape `(3,)` [m/s, world frame]."""
-        return np.asarray(self.jacobian @ validation.vector("v", v, self.leg.nv))
+        """Return the velocity of the contact point, shape `(3,)` [m/s, world frame].
+
+        It is :math:`J v`, plus the `transport_velocity` where the base of the leg moves.
+        """
+        velocity = self.jacobian @ validation.vector("v", v, self.leg.nv)
+        return np.asarray(velocity + self.transport_velocity)
 
     def joint_velocity(self, point_velocity: ArrayLike) -> Array:
         r"""Return the joint velocity of least kinetic energy for a velocity of the contact point.
 
         It minimizes :math:`\frac12 v^T M v` under :math:`J v = w`, and is
         :math:`M^{-1} J^T (J M^{-1} J^T)^+ w`, shape `(nv,)` [rad/s; m/s for prismatic joints].
+        Where the base moves, w is less by the `transport_velocity` in these formulas.
 
         Args:
             point_velocity: velocity w of the contact point, shape `(3,)` [m/s, world frame].
@@ -853,6 +905,7 @@ class Posture(ReprMixin):
 
         What is missed is NaN, and counts as 0, where v is too fast for a float64.
         """
+        wish = wish - self.transport_velocity
         before = self.without_stiff_joints.whitened_jacobian
         left, gains, right = np.linalg.svd(before, full_matrices=False)
         usable = gains > 1e-12 * gains[0] if gains[0] > 0 else gains > 0
@@ -970,7 +1023,8 @@ class Workspace(threading.local):
         data: `pin.Data` of that model.
         external: one `pin.Force` per joint, for `pin.rnea`; a caller sets all of them.
         external_wrenches: view of `external`, shape `(njoints, 6)`, the universe included.
-        placements: views of `data.oMi`, the universe included.
+        placements, velocities, accelerations: views of `data.oMi`, `data.v` and `data.a`, the
+            universe included.
         forces: view of `data.f`, linear then angular, shape `(njoints, 6)`, without the universe.
         zero_velocity: of all joints, shape `(nv,)`.
     """
@@ -983,6 +1037,7 @@ class Workspace(threading.local):
         self.external.extend([pin.Force.Zero() for _ in range(model.njoints)])
         self.external_wrenches = _stacked(self.external)
         self.placements = list(self.data.oMi)  # each access to oMi would copy its entry
+        self.velocities, self.accelerations = list(self.data.v), list(self.data.a)
         self.forces = _stacked(self.data.f)[1:]
         self.zero_velocity: Array = np.zeros(model.nv)
 

@@ -114,6 +114,7 @@ class Scene(ReprMixin):
     ) -> None:
         ball.check_movable("a scene")
         contact.check_normal()
+        contact = contact.for_ball(ball)
         if contact.offset is None and posture.contact_offset is not None:
             contact = replace(contact, offset=posture.contact_offset)
         if isinstance(law, Compliance):
@@ -199,7 +200,7 @@ class Scene(ReprMixin):
         yield "name", self.name, ""
         yield "leg", self.leg.name, ""
         yield "contact point", self.posture.contact_point, "m"
-        yield "foot speed", float(np.linalg.norm(self.posture.jacobian @ self.v)), "m/s"
+        yield "foot speed", float(np.linalg.norm(self.posture.point_velocity(self.v))), "m/s"
         yield "ball", f"{self.ball.mass:.4g} kg, radius {self.ball.radius:.4g} m", ""
         if self.incoming.velocity.any():
             yield "ball's velocity", self.incoming.velocity, "m/s"

@@ -124,9 +124,11 @@ class LegTable:
     stiff_joints: tuple[str, ...] = ()
     armature: Mapping[str, float] = field(default_factory=dict)
     drives: str | None = None
+    base_velocity: ArrayLike = ZERO
+    base_angular_velocity: ArrayLike = ZERO
 
     def read(self, folder: Path) -> Leg:
-        """Return the leg without `armature`, supports, loops and stiff joints."""
+        """Return the leg without what `change` adds."""
         drives = True if self.drives is None else self.drives != "none" and folder / self.drives
         options: dict[str, Any] = {"base": self.base, "drives": drives}
         if self.robot is not None:
@@ -140,10 +142,11 @@ class LegTable:
         return load_with_surface(self.frame, partial(read_leg, file, **options))
 
     def change(self, leg: Leg) -> Leg:
-        """Return a leg with the rotors, supports, loops and stiff joints."""
+        """Return a leg with the rotors, supports, loops, stiff joints and velocity of the base."""
         leg = leg.with_armature(self.armature).with_supports(*map(read_support, self.supports))
         leg = leg.with_loops(*leg.loops, *self.loops)  # an MJCF file has loops, too
-        return leg.with_stiff_joints(*self.stiff_joints)
+        leg = leg.with_stiff_joints(*self.stiff_joints)
+        return leg.with_base_velocity(self.base_velocity, self.base_angular_velocity)
 
 
 @dataclass(frozen=True)
@@ -293,6 +296,12 @@ TABLES = (
             partial(_check_joints, unit="kg m2", at_least=0.0)),
         Key("drives", "drives", 'text, or `"none"`', "a file of drives, relative to the folder of "
             "the scene, or no rotors; without it those of the robot", _check_text),
+        Key("base_velocity_m_s", "base_velocity", "vector [m/s]", "velocity of the fixed base at "
+            "the world's origin, as of a hip in a run-up; 0 without it",
+            partial(validation.vector, "base velocity", size=3, unit="m/s")),
+        Key("base_angular_velocity_rad_s", "base_angular_velocity", "vector [rad/s]",
+            "angular velocity of the fixed base; 0 without it",
+            partial(validation.vector, "base angular velocity", size=3, unit="rad/s")),
     ), is_required=True, required=({"model": "human", "file": "", "robot": ""},)),
     Table("posture", PostureTable, (
         Key("angles_deg", "angles_deg", "table, joint = number [deg]",
@@ -316,7 +325,7 @@ TABLES = (
         Key("inertia_factor", "inertia_factor", "number, above 0 and at most 2/3",
             "moment of inertia over m r^2; 2/3 of a shell without it"),
         Key("pressure_pa", "pressure", "number, at least 2000 and at most 1e6 [Pa]",
-            "gauge pressure, from which `stiffness` of the contact follows"),
+            "gauge pressure, for the `stiffness` and the restitution `inflated` of the contact"),
         Key("velocity_m_s", "velocity", "vector [m/s]", "before the contact; 0 without it"),
         Key("spin_rad_s", "spin", "vector [rad/s]", "before the contact; 0 without it"),
     )),

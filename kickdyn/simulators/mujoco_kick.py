@@ -182,6 +182,7 @@ def scene(
     a kind that URDF and MJCF files do not have.
     """
     posture, ball = approach.posture, approach.ball
+    posture.leg.check_base_at_rest("MuJoCo")
     if posture.leg.constraints is not None:
         raise InvalidInput(
             f"{posture.leg.name} has supports, loops, mimic joints or stiff joints: a kick in "

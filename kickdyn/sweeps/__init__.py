@@ -2,6 +2,6 @@
 
 Start with `sweep.py`, whose function `sweep` is the method. `chunk_solver.py` computes a range of
 postures, by the compiled `kernel.py` or one by one by `sweep_kick.py`. The kernel goes
-from the posture to the joint-space inertia (`kernel_dynamics.py`) and from there to the impulse
+from the posture to the joint-space inertia (`robot/tree_kernel.py`) and from there to the impulse
 (`kernel_impact.py`). `queries.py` has what xarray does not have.
 """

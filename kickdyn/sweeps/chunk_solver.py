@@ -38,8 +38,9 @@ class ChunkSolver:
     """Computes all variables of ranges of postures; safe to call from several threads.
 
     A grid of at least `KERNEL_FROM` postures is computed by a compiled kernel. Where there is none
-    (a floating base, supports, loops, wind that changes with height, a law without a kernel),
-    and where the kernel marks a posture as doubtful, it is `kick_from`, a thousand times slower.
+    (a base that floats or moves, supports, loops, wind that changes with height, a law without a
+    kernel), and where the kernel marks a posture as doubtful, it is `kick_from`, a thousand times
+    slower.
 
     Attributes:
         leg, grid, kick, tolerance: as for `kickdyn.sweep`.

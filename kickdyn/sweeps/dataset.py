@@ -152,6 +152,8 @@ def variables_of(outcome: PostureOutcome, kick: Kick) -> dict[str, float]:
 def provenance(leg: Leg, kick: Kick) -> dict[str, str | float]:
     """Return what a sweep was made of, enough to compute it again, as plain values."""
     air, given = kick.air, kick.contact.restitution
+    if not isinstance(given, float):
+        given = format_restitution(given).strip("'")
     text = "" if leg.file is None else leg.file.text
     versions = ", ".join(f"{name} {metadata.version(name)}" for name in ("pin", "numpy", "scipy"))
     return {
@@ -166,7 +168,7 @@ def provenance(leg: Leg, kick: Kick) -> dict[str, str | float]:
         "attack_deg": round(float(np.degrees(kick.attack)), 10),
         "attack_rad": kick.attack,
         "restitution": kick.restitution_used,
-        "restitution_given": given if isinstance(given, float | str) else format_restitution(given),
+        "restitution_given": given,
         "friction": kick.friction,
         "impact_law": kick.law,
         "ball_mass_kg": kick.ball.mass,
@@ -214,7 +216,8 @@ def _model_text(leg: Leg) -> str:
     supports, loops = ([], []) if constraints is None else (constraints.supports, constraints.loops)
     stands, gears = [(s.frame, s.point) for s in supports], [tuple(m) for m in leg.mimics]
     stiff = list(leg.stiff_joints)
-    return f"{leg.model.saveToString()} {stands} {list(loops)} {gears} {stiff}"
+    text = f"{leg.model.saveToString()} {stands} {list(loops)} {gears} {stiff}"
+    return text if leg.base_velocity is None else f"{text} {leg.base_velocity.tolist()}"
 
 
 def _air_hash(air: Air) -> str:

@@ -14,20 +14,29 @@ from typing import Any
 
 import numba
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 from kickdyn.core import simd
 from kickdyn.core.compilation import compiled, named
 from kickdyn.core.simd import BATCH, aligned_zeros, batches, choose
 from kickdyn.core.validation import Array
-from kickdyn.impact.contact_problem import tangents
+from kickdyn.impact import contact_motion
+from kickdyn.impact.contact_motion import contact_axes
+from kickdyn.robot import tree_kernel
 from kickdyn.robot.leg import Leg
-from kickdyn.sweeps import kernel_dynamics, kernel_impact, sweep_kick
+from kickdyn.robot.tree_kernel import (
+    BODY,
+    D33,
+    JOINT,
+    OPTIONS,
+    STATE,
+    hinges_and_slides,
+    joint_tree,
+    njit,
+)
+from kickdyn.sweeps import kernel_impact, sweep_kick
 from kickdyn.sweeps.dataset import VARIABLES
 from kickdyn.sweeps.grid import Grid
-from kickdyn.sweeps.kernel_dynamics import BODY, OPTIONS, njit
-from kickdyn.sweeps.kernel_impact import D33, STATE
 from kickdyn.sweeps.sweep_kick import Kick
 
 TANGENT, ACROSS, NORMAL, MOBILITY, DOUBT, LOST, USE, WORST, RESTITUTION, MOMENTUM = range(10)
@@ -51,31 +60,6 @@ AXIS = np.dtype(
 
 PARALLEL = 1e-12
 """Sine of the angle below which axes count as parallel."""
-
-ALIGNED = 1e-15
-"""Largest entry of a rotation minus the identity that is taken for rounding."""
-
-JOINT = np.dtype(
-    [
-        ("parent", np.int64),  # the joint that carries this one, 0 for the base
-        ("slides", np.bool_),  # whether the joint is prismatic
-        ("carries_foot", np.bool_),  # whether the foot moves with the joint
-        ("aligned", np.bool_),  # whether `rotation` is the identity
-        ("rotation", float, (3, 3)),  # from the parent's frame to this one's, the joint at 0
-        ("origin", float, 3),  # in the parent's frame [m]
-        ("mass", float),  # of the joint's body [kg]
-        ("moment", float, 3),  # first moment of mass of the body about the joint's origin [kg m]
-        ("inertia", float, 6),  # second moment xx, xy, xz, yy, yz, zz [kg m2]
-        ("carried_mass", float),  # of all bodies that the joint carries [kg]
-        ("armature", float),  # inertia of the rotor [kg m2; kg]
-        ("speed_limit", float),  # [rad/s; m/s]
-    ],
-    align=True,
-)
-"""The constants of a joint and its body, in a frame whose z axis is that of the joint.
-
-The frame of the base has the contact's axes, and the origin of the first joint.
-"""
 
 TASK = np.dtype(
     [
@@ -120,40 +104,22 @@ class KernelModel:
     def of(cls, leg: Leg, kick: Kick) -> "KernelModel | None":
         """Return the model of a leg and a kick, or None where the kernel does not serve them.
 
-        It serves no floating base, no supports, no loops and no helical joints.
+        It serves no base that floats or moves, no supports, no loops and no helical joints.
         """
-        model = leg.workspace.model
-        if leg.constraints is not None or any(nv != 1 for nv in list(model.nvs)[1:]):
+        joints = hinges_and_slides(leg)
+        if joints is None:
             return None
-        data = model.createData()
-        pin.computeJointJacobians(model, data, pin.neutral(model))
-        columns = [np.ravel(data.joints[k].S) for k in range(1, model.njoints)]
-        if any(column[:3].any() and column[3:].any() for column in columns):
-            return None  # helical
-        slides = np.array([not column[3:].any() for column in columns])
-        axes = [column[:3] + column[3:] for column in columns]
-        world_axes = [data.oMi[k].rotation @ axis for k, axis in enumerate(axes, 1)]
-        across = _plane_normal(world_axes, slides, kick.direction)
+        across = _plane_normal(joints.world_axes, joints.slides, kick.direction)
         sliding = np.zeros(3) if across is None else np.cross(across, kick.direction)
-        first, second = tangents(kick.direction.tolist(), sliding.tolist())
-        contact_axes = np.column_stack([first, second, kick.direction])
-        senses = np.array([1.0, *(np.sign(axis[np.argmax(np.abs(axis))]) for axis in axes)])
-        frames = [contact_axes, *map(_frame, senses[1:, None] * axes)]
-        tree, task = _tree(model, frames), np.zeros(1, TASK)
-        pin.computeSubtreeMasses(model, data)
-        v = [model.idx_vs[k] for k in range(1, model.njoints)]
-        tree["slides"][1:] = slides
-        tree["carries_foot"][list(model.supports[leg.contact_joint])[1:]] = True
-        tree["carried_mass"][1:] = list(data.mass)[1:]
-        tree["armature"][1:], tree["speed_limit"][1:] = model.armature[v], leg.velocity_limit[v]
-        ball = kick.ball
+        axes, task, ball = contact_axes(kick.direction, sliding), np.zeros(1, TASK), kick.ball
+        tree, frames, senses = joint_tree(leg, joints, axes)
         task["foot"], task["planar"] = leg.contact_joint, across is not None
         task["lever"] = frames[leg.contact_joint].T @ leg.contact_lever
         task["normal_mobility"] = 1.0 / ball.mass
         task["tangent_mobility"] = 1.0 / ball.mass + ball.radius**2 / ball.inertia
         task["speed"], task["friction"] = kick.speed, kick.friction
         task["restitution"] = kick.restitution_used
-        return cls(kick, across is not None, contact_axes, tree, senses, task)
+        return cls(kick, across is not None, axes, tree, senses, task)
 
 
 def _plane_normal(axes: list[Array], slides: NDArray[np.bool_], normal: Array) -> Array | None:
@@ -167,30 +133,6 @@ def _plane_normal(axes: list[Array], slides: NDArray[np.bool_], normal: Array) -
     if not in_plane or any(abs(axis @ across) >= PARALLEL for axis in directions):
         return None
     return across
-
-
-def _frame(axis: Array) -> Array:
-    """Return a frame as columns, whose z is along the axis."""
-    return np.asarray(pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), axis).matrix())
-
-
-def _tree(model: pin.Model, frames: list[Array]) -> NDArray[Any]:
-    """Return the geometry and inertia of the joints, whose frames are given in the joints' axes."""
-    tree = np.zeros(model.njoints, JOINT)
-    tree["parent"] = list(model.parents)
-    first = model.jointPlacements[1].translation
-    for k in range(1, model.njoints):
-        joint, placement, inertia = tree[k], model.jointPlacements[k], model.inertias[k]
-        parent, frame = frames[model.parents[k]], frames[k]
-        rotation = parent.T @ placement.rotation @ frame
-        joint["aligned"] = np.abs(rotation - np.eye(3)).max() < ALIGNED
-        joint["rotation"] = rotation
-        joint["origin"] = parent.T @ (placement.translation - (0 if model.parents[k] else first))
-        joint["mass"] = inertia.mass
-        joint["moment"] = frame.T @ (inertia.mass * inertia.lever)
-        second = inertia.matrix()[3:, 3:]
-        joint["inertia"] = (frame.T @ second @ frame)[np.triu_indices(3)]
-    return tree
 
 
 class Kernel:
@@ -291,21 +233,21 @@ def _sweep(axes, table, tree, task, bodies, inertia, state, answer):  # type: ig
         for a in range(len(axes)):
             move_joint(axes[a], table, bodies[axes[a].joint], state.number)
         state.doubt = 0.0
-        kernel_dynamics.place_bodies(tree, bodies)
-        kernel_dynamics.joint_space_inertia(tree, bodies, inertia)
-        kernel_dynamics.contact_jacobian(tree, bodies, task, state)
+        tree_kernel.place_bodies(tree, bodies)
+        tree_kernel.joint_space_inertia(tree, bodies, inertia)
+        tree_kernel.contact_jacobian(tree, bodies, task, task.lever, state)
         if task.joint_impulses:  # before the Jacobian is whitened
             kernel_impact.least_speed_use(tree, bodies, task, state)
-        kernel_impact.factorize(tree, inertia, state)
-        kernel_impact.whiten(tree, bodies, inertia, task)
-        kernel_impact.delassus_matrix(tree, bodies, inertia, state)
+        tree_kernel.factorize(tree, inertia, state)
+        tree_kernel.whiten(tree, bodies, inertia, task)
+        tree_kernel.delassus_matrix(tree, bodies, inertia, state)
         kernel_impact.solve_impact(task, state)
         if not task.planar:
             kernel_impact.solve_slip(task, floats)
         if task.joint_impulses:
             kernel_impact.doubt_singular(task, state)
-            kernel_impact.solve_velocity(tree, bodies, inertia, state)
-            kernel_dynamics.joint_impulses(tree, bodies, task, state)
+            tree_kernel.solve_velocity(tree, bodies, inertia, state)
+            tree_kernel.joint_impulses(tree, bodies, task, state)
             write_joint_impulses(task, state, answer, c)
         answer[TANGENT, c], answer[ACROSS, c] = state.impulse[0], state.impulse[1]
         answer[NORMAL, c], answer[MOBILITY, c] = state.impulse[2], state.delassus[D33]
@@ -349,7 +291,7 @@ def write_joint_impulses(task, state, answer, c):  # type: ignore[no-untyped-def
     answer[MOMENTUM, c] = state.momentum_error / (math.sqrt(state.jacobian_square) * size)
 
 
-named(_sweep, "sweep", simd, kernel_dynamics, kernel_impact, sweep_kick)
+named(_sweep, "sweep", simd, tree_kernel, contact_motion, kernel_impact, sweep_kick)
 
 
 @cache

@@ -81,7 +81,7 @@ class Kick:
     @property
     def contact(self) -> Contact:
         """The contact, with its normal along the velocity of the foot."""
-        return Contact(self.direction, self.restitution, self.friction)
+        return Contact(self.direction, self.restitution, self.friction).for_ball(self.ball)
 
     @property
     def restitution_used(self) -> float:
@@ -207,5 +207,5 @@ def slowest_joint_velocity(posture: Posture, foot_velocity: Array) -> Array:
     v = np.zeros(least_energy.size)
     v[moves] = speed / size * unit * solution.x[:-1]  # to the solver's tolerance
     v[moves] += np.linalg.lstsq(rows, all_rows @ (least_energy - v), rcond=ROUNDING)[0]
-    gap = np.abs(posture.jacobian @ v - foot_velocity).max()
+    gap = np.abs(posture.point_velocity(v) - foot_velocity).max()
     return v if gap <= 1e-9 * np.abs(foot_velocity).max() else least_energy

@@ -113,6 +113,14 @@ def test_a_restitution_over_speed_is_taken_at_the_foots_speed():
     speeds = [report["best"]["ball_speed"] for report in reports]
     assert speeds[0] == pytest.approx(speeds[1], rel=1e-14)
     assert reports[0]["warnings"] == []
+    ball = ("--ball", "0.43:0.11:80e3")
+    ended = door(*SMALL, *ball, "--speed", "2", "--restitution", "inflated", "--json", "-")
+    inflated = json.loads(ended.stdout)
+    assert inflated["restitution_given"] == "inflated"
+    wanted = kickdyn.Contact((1, 0, 0), "inflated").restitution_at(
+        2.0, kickdyn.Ball(0.43, 0.11, pressure=80e3)
+    )
+    assert inflated["restitution"] == pytest.approx(wanted, abs=1e-15)
     ended = door(*SMALL, "--speed", "2", "--restitution", "peacock-ball", "--json", "-")
     assert "9.1 to 21.2 m/s, and the foot approaches at 2 m/s" in ended.stderr
     (line,) = json.loads(ended.stdout)["warnings"]

@@ -15,12 +15,12 @@ from kickdyn.impact.sensitivity import UNITS
 seeds = st.integers(0, 2**32 - 1)
 
 
-def check(kick, options, rng):
+def check(kick, options, rng, names=UNITS):
     """Along one random direction of each source."""
     hit = kd.strike(*kick, **options)
     slopes = hit.sensitivity()
     assume(margin(hit) >= 0.02 * hit.contact.friction)  # differences must not meet the other branch
-    for name in UNITS:
+    for name in names:
         if name == "friction" and hit.contact.friction == 0:
             continue
         way = rng.normal(size=slopes.impulse[name].shape[1])
@@ -211,3 +211,12 @@ def test_restitution_over_speed_against_differences(friction):
 
     run()
     assert seen >= {"frictionless" if friction == 0.0 else "slip"}
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.15, 1.0])
+@given(seed=seeds)
+@settings(max_examples=5, derandomize=True, deadline=None)
+def test_derivatives_with_a_base_that_turns(friction, seed):
+    rng = np.random.default_rng(seed)
+    leg = random_leg(rng, 4).with_base_velocity((2.0, -1.0, 0.5), (1.0, -3.0, 2.0))
+    check(*random_kick(rng, leg, friction=friction), rng, ("q", "v", "normal"))

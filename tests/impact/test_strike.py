@@ -8,7 +8,7 @@ import mpmath
 import numpy as np
 import pinocchio as pin
 import pytest
-from chains import in_units, random_kick, random_leg, slides
+from chains import floating_leg, in_units, random_kick, random_leg, slides
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -404,3 +404,55 @@ def test_things_of_the_wrong_kind_are_named(wrong):
         arguments[3] = kd.Contact(ATTACK, 0.8, wrong, offset=(1e100, 0, 0))
         with pytest.raises(kd.InvalidInput, match="contact offset is"):
             kd.strike(*arguments)
+
+
+@pytest.mark.parametrize("law", LAWS)
+@given(seed=seeds)
+@settings(max_examples=20, derandomize=True, deadline=None)
+def test_a_base_that_moves_is_another_frame_of_reference(law, seed):
+    """Seen from the point of the base over the contact, the ball is slower by its velocity."""
+    rng = np.random.default_rng(seed)
+    leg = random_leg(rng)
+    linear, angular = rng.normal(size=3) * 3, rng.normal(size=3)
+    (posture, v, ball, contact), options = random_kick(rng, leg, friction=0.3)
+    carried = linear + np.cross(angular, posture.contact_point)
+    moving = leg.with_base_velocity(linear, angular).posture(posture.q)
+    seen = kd.strike(posture, v, ball, contact, law, **options)
+    options["ball_velocity"] = options["ball_velocity"] + carried
+    hit = kd.strike(moving, v, ball, contact, law, **options)
+    size = np.abs([*hit.ball_after.velocity, *hit.ball_before.velocity]).max()
+    rounding = 1e-13 * max(size, 10 ** (3 - hit.digits + 13))
+    assert hit.ball_after.velocity == pytest.approx(
+        seen.ball_after.velocity + carried, abs=rounding
+    )
+    assert hit.foot_velocity == pytest.approx(posture.point_velocity(v) + carried, abs=1e-12)
+    assert hit.restitution_residual == pytest.approx(seen.restitution_residual, abs=1e-10)
+
+
+def test_the_velocity_of_the_base_is_that_of_the_contact_point_as_it_moves():
+    linear, angular, t = np.array([3.0, 0.5, -0.2]), np.array([0.3, -2.0, 1.0]), 1e-6
+    posture = LEG.with_base_velocity(linear, angular).posture([0.7, 0.5, -0.3])
+    ends = [pin.exp3(h * angular) @ posture.contact_point + h * linear for h in (-0.5 * t, 0.5 * t)]
+    assert posture.point_velocity(np.zeros(3)) == pytest.approx((ends[1] - ends[0]) / t, abs=1e-9)
+    wish = np.array([9.0, *posture.transport_velocity[1:2], 2.0])
+    assert posture.point_velocity(posture.joint_velocity(wish)) == pytest.approx(wish, abs=1e-12)
+
+
+def test_pinocchio_strikes_with_a_base_that_moves_too():
+    posture = LEG.with_base_velocity((4, 0.3, -0.2), (0.3, -2, 1)).posture([0.7, 0.5, -0.3])
+    kick = posture, [6.6, -14.5, 6.6], kd.Ball(), kd.Contact((2, 0.3, 1), 0.8)
+    ours, other = (
+        kd.strike(*kick, engine=engine, ball_velocity=(1, 2, 0.5), ball_spin=(3, 4, 5))
+        for engine in ("closed-form", "pinocchio")
+    )
+    assert ours.ball_after.velocity == pytest.approx(other.ball_after.velocity, abs=1e-12)
+    assert ours.joint_impulses == pytest.approx(other.joint_impulses, abs=1e-12)
+
+
+def test_only_a_fixed_base_is_given_a_velocity():
+    floating = floating_leg(np.random.default_rng(0))
+    with pytest.raises(kd.InvalidInput, match="must have a fixed base and no supports"):
+        floating.with_base_velocity((1, 0, 0))
+    with pytest.raises(kd.InvalidInput, match=r"linear .*nan.* finite"):
+        LEG.with_base_velocity((1, math.nan, 0))
+    assert LEG.with_base_velocity((1, 0, 0)).with_base_velocity((0, 0, 0)).base_velocity is None

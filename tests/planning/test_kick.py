@@ -22,7 +22,7 @@ OBJECTIVES = [name for name in KickObjective if name != "torque-squared"]
 
 def check(leg, plan, ball_height=None):
     """Strike and fly again, by the public names only."""
-    hit = kd.strike(leg.posture(plan.q), plan.v, BALL, plan.impact_target.contact)
+    hit = kd.strike(leg.posture(plan.q), plan.v, plan.impact.ball, plan.impact_target.contact)
     assert hit.ball_after.velocity == pytest.approx(plan.launch.velocity, abs=1e-8)
     assert hit.ball_after.spin == pytest.approx(plan.launch.spin, abs=1e-7)
     wall = kd.Plane(hit.ball_after.position + plan.goal.target, -plan.goal.ahead, "centre")
@@ -515,16 +515,17 @@ def test_mimic_joints_outside_the_kicking_limb_are_no_obstacle(tmp_path):
         kd.plan_kick(arm_leg, goal, kd.Ball())
 
 
-@pytest.mark.parametrize("restitution", [((3.0, 0.85), (20.0, 0.5)), "peacock-ball"])
+@pytest.mark.parametrize("restitution", [((3.0, 0.85), (20.0, 0.5)), "peacock-ball", "inflated"])
 @pytest.mark.parametrize("objective", ["joint-speed", "kinetic-energy"])
 def test_a_plan_knows_the_restitution_over_speed(restitution, objective):
     options = {"objective": objective, "contact": kd.Contact(None, restitution, 0.4)}
-    near = kd.plan_kick(HUMAN, kd.Goal(15, time=1), BALL, AIR, **options)
+    ball = kd.Ball(pressure=80e3)
+    near = kd.plan_kick(HUMAN, kd.Goal(15, time=1), ball, AIR, **options)
     check(HUMAN, near)
     assert near.impact.contact.restitution == restitution
     assert near.impact.restitution == near.impact.contact.restitution_at(near.impact.approach_speed)
     assert near.warnings == ()
-    far = kd.plan_kick(HUMAN, kd.Goal(45, time=2), BALL, AIR, **options)
+    far = kd.plan_kick(HUMAN, kd.Goal(45, time=2), ball, AIR, **options)
     assert far.status == "beyond-limits"
     slower = far.share * far.launch.velocity  # the same direction, although e is another
     assert far.impact.ball_after.velocity == pytest.approx(slower, abs=1e-10)
@@ -565,3 +566,29 @@ def test_a_plan_does_not_depend_on_the_number_of_threads_of_blas():
     first, second = plans
     assert (first.q == second.q).all()
     assert (first.v == second.v).all()
+
+
+@pytest.mark.parametrize("leg", [HUMAN, G1], ids=["human", "g1"])
+def test_a_plan_with_a_base_that_moves(leg):
+    """It is met in the world, and by a slower leg than from a base at rest."""
+    goal = kd.Goal(4, time=0.6) if leg is G1 else kd.Goal(25, time=1.4)
+    height = -0.58 if leg is G1 else -0.704
+    hip = (0.6, 0.0, 0.1), (0.0, -0.5, 0.0)
+    still, running = (
+        kd.plan_kick(each, goal, BALL, AIR, ball_position=height)
+        for each in (leg, leg.with_base_velocity(*hip))
+    )
+    check(running.leg, running, height)
+    assert running.leg.base_velocity.tolist() == [*hip[0], *hip[1]]
+    assert running.speed_use < still.speed_use
+
+
+def test_what_a_base_that_moves_cannot_do():
+    aside = HUMAN.with_base_velocity((3, 1, 0))
+    with pytest.raises(kd.InvalidInput, match="velocity of the base leaves the plane"):
+        kd.plan_kick(aside, kd.Goal(20, time=1.2), BALL, AIR)
+    frictionless = kd.Contact(restitution=0.8, friction=0.0)
+    met = kd.plan_kick(aside, kd.Goal(20, time=1.2), BALL, AIR, contact=frictionless)
+    assert met.impact.ball_after.velocity == pytest.approx(met.launch.velocity, abs=1e-9)
+    with pytest.raises(kd.InvalidInput, match="a motion from rest to rest needs a base at rest"):
+        kd.plan_kick(aside, kd.Goal(20, time=1.2), BALL, AIR, motion=True)

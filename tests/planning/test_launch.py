@@ -369,3 +369,25 @@ def test_the_farthest_that_is_named_is_where_the_ball_comes_down():
     launch = kd.plan_launch(kd.Goal(200, time=5), BALL, AIR, speed_limit=35)
     path = kd.fly(launch.state, BALL, AIR, kd.Ground(-BALL.radius))
     assert f"the farthest is {path.range:.4g} m, at 35 m/s" in launch.summary
+
+
+@pytest.mark.parametrize(
+    "condition", [{"time": 1.1}, {"apex": 2.5}, {"speed": 23.0}, {"speed": 16.0, "arc": "high"}]
+)
+def test_a_flight_meets_a_receiver_who_runs(condition):
+    """The ball is where the receiver is, and nobody else runs there."""
+    ball, air, running = kd.Ball(), kd.Air(), np.array([2.0, 1.5, 0.0])
+    goal = kd.Goal((14.0, -3.0, 0.4), receiver_velocity=running, **condition)
+    launch = kd.plan_launch(goal, ball, air)
+    assert launch.status == "met"
+    met = kd.fly(launch.state, ball, air, kd.Ground(-20.0), 1e-12, time_limit=launch.time)
+    assert met.landing.position == pytest.approx(goal.target + launch.time * running, abs=1e-8)
+    for name in {"time", "speed"} & condition.keys():
+        assert getattr(launch, name) == pytest.approx(condition[name], rel=1e-9)
+
+
+def test_a_receiver_who_runs_away_is_not_met():
+    with pytest.raises(kd.InvalidInput, match=r"receiver velocity is .* at most 100"):
+        kd.Goal(10, time=1, receiver_velocity=(101, 0, 0))
+    launch = kd.plan_launch(kd.Goal(10, speed=12, receiver_velocity=(30, 0, 0)), kd.Ball())
+    assert (launch.status, launch.limit) == ("unreachable", "least-speed")

@@ -61,3 +61,25 @@ def test_a_pass_can_be_pickled():
     again = pickle.loads(pickle.dumps(found))
     assert (again.status, again.aside) == (found.status, found.aside)
     assert again.course.sample(0.7).position.tolist() == found.course.sample(0.7).position.tolist()
+
+
+@pytest.mark.parametrize("condition", [{"time": 2.0}, {"speed": 14.0}])
+def test_a_pass_meets_a_receiver_who_runs(condition):
+    ball, air, running = kd.Ball(), kd.Air(), np.array([2.0, -1.0, 0.0])
+    goal = kd.Goal((18.0, 4.0, 0.0), receiver_velocity=running, **condition)
+    made = kd.plan_pass(goal, ball, air)
+    assert made.status == "met"
+    start = kd.BallState((0, 0, ball.radius), made.velocity)
+    course = kd.follow(start, ball, air, kd.Ground(surface="turf"), 1e-10)
+    met = course.sample(made.time).position - start.position
+    assert met == pytest.approx(goal.target + made.time * running, abs=1e-5)
+
+
+def test_a_pass_of_a_speed_without_a_time():
+    made = kd.plan_pass(kd.Goal((18.0, 4.0, 0.0), speed=14.0), kd.Ball(), kd.Air())
+    timed = kd.plan_pass(kd.Goal((18.0, 4.0, 0.0), time=made.time), kd.Ball(), kd.Air())
+    assert timed.velocity == pytest.approx(made.velocity, abs=1e-6)
+    slow = kd.plan_pass(kd.Goal(18.0, speed=3.0), kd.Ball(), kd.Air())
+    assert (slow.status, slow.limit) == ("unreachable", "least-speed")
+    fast = kd.plan_pass(kd.Goal(18.0, speed=14.0), kd.Ball(), kd.Air(), speed_limit=10.0)
+    assert (fast.status, fast.limit) == ("unreachable", "speed-limit")

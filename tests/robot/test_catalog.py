@@ -77,7 +77,7 @@ def test_a_turned_base_is_the_same_robot(name):
     raw = pin.buildModelFromUrdf(str(file), pin.JointModelFreeFlyer())
     ours = read_robot(name, "floating")[1]
     move = np.random.default_rng(0).uniform(-0.5, 0.5, size=raw.nv - 6)
-    turn = pin.SE3(pin.rpy.rpyToMatrix(*ROBOTS[name].turn), np.zeros(3))
+    turn = pin.SE3(pin.rpy.rpyToMatrix(*np.radians(ROBOTS[name].turn_deg)), np.zeros(3))
     places, energies = [], []
     for model in (raw, ours):
         data = model.createData()

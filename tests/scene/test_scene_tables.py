@@ -89,3 +89,15 @@ def test_uncertainty_is_in_the_units_of_its_sources():
     for key in table.keys:
         in_degrees = key.name.endswith("_deg")
         assert made[key.argument] == pytest.approx(math.pi if in_degrees else 180.0)
+
+
+def test_the_base_of_a_leg_can_move():
+    keys = {key.name: key.argument for key in BY_NAME["leg"].keys}
+    table = BY_NAME["leg"].constructor(
+        model="human",
+        **{
+            keys["base_velocity_m_s"]: (4, 0, 1),
+            keys["base_angular_velocity_rad_s"]: (0, -2, 0),
+        },
+    )
+    assert table.change(kd.Leg.human()).base_velocity.tolist() == [4, 0, 1, 0, -2, 0]

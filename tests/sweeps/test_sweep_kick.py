@@ -220,3 +220,35 @@ def test_a_table_is_taken_at_the_foots_speed(kernel_from, monkeypatch):
     slow = kd.sweep(LEG, postures, Kick(speed=1.0, restitution="peacock-ball"))
     assert "9.1 to 21.2 m/s" in slow.attrs["warnings"]
     assert slow.attrs["restitution_given"] == "peacock-ball"
+    ball = kd.Ball(pressure=70e3)
+    kick = Kick(speed=12.0, restitution="inflated", ball=ball)
+    inflated = kd.sweep(LEG, postures, kick)
+    assert type(inflated.attrs["restitution_given"]) is str  # else netCDF refuses it
+    for hip, impulse in zip(postures["hip"], inflated.impulse.values.ravel(), strict=True):
+        posture = LEG.posture([hip, 0.5, 0.17])
+        hit = kd.strike(posture, posture.joint_velocity(12 * kick.direction), ball, kick.contact)
+        assert impulse == pytest.approx(math.hypot(*hit.impulse), rel=1e-12)
+
+
+def test_the_joints_move_the_foot_relative_to_a_base_that_moves():
+    """The foot is as fast in the world, the joints move it by what it is faster than the hip."""
+    kick, hip, posture = Kick(speed=12.0), np.array([3.0, 0.0, 0.5]), [0.5, 0.4, 0.1]
+    moving = LEG.with_base_velocity(hip).posture(posture)
+    outcome = kick_from(moving, kick)
+    relative = 12.0 * np.asarray(kick.direction) - hip
+    slowest = slowest_joint_velocity(LEG.posture(posture), relative)
+    assert outcome.impact.foot_velocity == pytest.approx(12.0 * kick.direction, abs=1e-11)
+    assert outcome.speed_use == pytest.approx(speed_use(LEG.posture(posture), slowest), rel=1e-9)
+    resting = kick_from(LEG.posture(posture), kick)
+    assert outcome.impact.impulse == pytest.approx(resting.impact.impulse, rel=1e-12)
+
+
+def test_a_large_sweep_with_a_base_that_moves_is_that_of_its_postures(monkeypatch):
+    monkeypatch.setattr(chunk_solver, "KERNEL_FROM", 1)
+    leg, kick = LEG.with_base_velocity((3, 0, 0), (0, -1, 0)), Kick(speed=9.0)
+    table = kd.sweep(leg, {"hip": [0.1, 0.5], "knee": [0.4]}, kick)
+    for k, hip in enumerate((0.1, 0.5)):
+        outcome = kick_from(leg.posture([hip, 0.4, 0.0]), kick)
+        assert float(table.speed_use[k, 0]) == pytest.approx(outcome.speed_use, rel=1e-12)
+        assert float(table.ball_speed[k, 0]) == outcome.impact.ball_after.speed
+    assert table.attrs["model_sha256"] != kd.sweep(LEG, {"hip": [0.1]}, kick).attrs["model_sha256"]

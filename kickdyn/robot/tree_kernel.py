@@ -10,19 +10,48 @@ and a resumed sweep must have the same bits as one that ran at once.
 """
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
 
 from kickdyn.core.compilation import WITHIN
-from kickdyn.core.simd import BATCH, spread
+from kickdyn.core.simd import BATCH, choose, spread
+from kickdyn.core.validation import Array
+from kickdyn.robot.leg import Leg
 
 OPTIONS: dict[str, Any] = {"error_model": "numpy", "_nrt": False}
 """How the kernel is compiled: without memory management, since all arrays are the caller's."""
 
 njit: Any = numba.njit(**OPTIONS, **WITHIN)
 inlined: Any = numba.njit(**OPTIONS, **WITHIN, forceinline=True)
+
+ALIGNED = 1e-15
+"""Largest entry of a rotation minus the identity that is taken for rounding."""
+
+JOINT = np.dtype(
+    [
+        ("parent", np.int64),  # the joint that carries this one, 0 for the base
+        ("slides", np.bool_),  # whether the joint is prismatic
+        ("carries_foot", np.bool_),  # whether the foot moves with the joint
+        ("aligned", np.bool_),  # whether `rotation` is the identity
+        ("rotation", float, (3, 3)),  # from the parent's frame to this one's, the joint at 0
+        ("origin", float, 3),  # in the parent's frame [m]
+        ("mass", float),  # of the joint's body [kg]
+        ("moment", float, 3),  # first moment of mass of the body about the joint's origin [kg m]
+        ("inertia", float, 6),  # second moment xx, xy, xz, yy, yz, zz [kg m2]
+        ("carried_mass", float),  # of all bodies that the joint carries [kg]
+        ("armature", float),  # inertia of the rotor [kg m2; kg]
+        ("speed_limit", float),  # [rad/s; m/s]
+    ],
+    align=True,
+)
+"""The constants of a joint and its body, in a frame whose z axis is that of the joint.
+
+The frame of the base has the axes in which all vectors are, and the origin of the first joint.
+"""
 
 BODY = np.dtype(
     [
@@ -31,7 +60,7 @@ BODY = np.dtype(
         ("rotation", float, (3, 3, BATCH)),  # of the body
         ("origin", float, (3, BATCH)),  # from the parent's origin [m]
         ("carried_moment", float, (3, BATCH)),  # moments of mass of all bodies that the joint
-        ("carried_inertia", float, (6, BATCH)),  # carries, in the order of `kernel.JOINT`
+        ("carried_inertia", float, (6, BATCH)),  # carries, in the order of `JOINT`
         ("moment", float, (3, BATCH)),  # moments of the joint's body alone
         ("inertia", float, (6, BATCH)),
         ("jacobian", float, (3, BATCH)),  # velocity of the contact point per velocity of the joint
@@ -43,6 +72,99 @@ BODY = np.dtype(
     ]
 )
 """What is computed of each joint and its body; cosine and sine are given."""
+
+
+STATE = np.dtype(
+    [
+        ("number", float, BATCH),  # 0, 1, 2 ... within the batch; given
+        ("point", float, (3, BATCH)),  # contact point from the origin of the foot's joint [m]
+        ("jacobian_square", float, BATCH),  # sum of squares of the contact point's Jacobian
+        ("delassus", float, (6, BATCH)),  # Delassus matrix of the foot [1/kg]
+        ("impulse", float, (3, BATCH)),  # on the ball along both tangents and the normal [N s]
+        ("energy_lost", float, BATCH),  # [J]
+        ("speed_use", float, BATCH),  # least possible largest joint speed over its limit
+        ("doubt", float, BATCH),  # 1 where digits are lost, else 0
+        ("foot_jump", float, BATCH),  # of the foot's velocity along the normal [m/s]
+        ("largest_square", float, BATCH),  # of the linear impulse in a joint [N2 s2]
+        ("momentum_error", float, BATCH),  # largest residual of the momentum balance
+    ]
+)
+"""What is computed of each posture."""
+
+D11, D12, D22, D13, D23, D33 = range(6)
+"""Entries of the Delassus matrix along first tangent (1), second tangent (2) and normal (3)."""
+
+LARGEST_AMPLIFICATION = 300.0
+"""Amplification of the rounding of M in the energy of a joint velocity up to which 1e-12 is kept;
+legs have about 10, and a link before one ten times as long some hundreds."""
+
+LEAST_PIVOT = 1e-9
+"""Share that a pivot must keep of its diagonal entry of M, or it has lost its digits."""
+
+
+def joint_frame(axis: Array) -> Array:
+    """Return a frame as columns, whose z is along the axis."""
+    return np.asarray(pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), axis).matrix())
+
+
+class TreeJoints(NamedTuple):
+    """The joints of a fixed-base tree of hinges and slides, at q = 0."""
+
+    slides: NDArray[np.bool_]  # which are prismatic
+    axes: list[Array]  # in the axes of each joint
+    world_axes: list[Array]
+
+
+def hinges_and_slides(leg: Leg) -> TreeJoints | None:
+    """Return the joints of a leg; None with a base that floats or moves, constraints, or others."""
+    model = leg.workspace.model
+    if leg.constraints is not None or leg.base_velocity is not None:
+        return None
+    if any(nv != 1 for nv in list(model.nvs)[1:]):
+        return None
+    data = model.createData()
+    pin.computeJointJacobians(model, data, pin.neutral(model))
+    columns = [np.ravel(data.joints[k].S) for k in range(1, model.njoints)]
+    if any(column[:3].any() and column[3:].any() for column in columns):
+        return None  # helical
+    slides = np.array([not column[3:].any() for column in columns])
+    axes = [column[:3] + column[3:] for column in columns]
+    world_axes = [data.oMi[k].rotation @ axis for k, axis in enumerate(axes, 1)]
+    return TreeJoints(slides, axes, world_axes)
+
+
+def joint_tree(
+    leg: Leg, joints: TreeJoints, base_axes: Array
+) -> tuple[NDArray[Any], list[Array], Array]:
+    """Return geometry and inertia of joints, dtype `JOINT`, shape `(n + 1,)`; their frames; senses.
+
+    A frame has the axes in which a joint is described as columns, z along the joint; that of the
+    base comes first. The sense is -1 for each joint whose axis is reversed in its frame, because
+    its largest component is negative, else 1: parallel joints have aligned frames.
+    """
+    model = leg.workspace.model
+    senses = np.array([1.0, *(np.sign(axis[np.argmax(np.abs(axis))]) for axis in joints.axes)])
+    frames = [base_axes, *map(joint_frame, senses[1:, None] * joints.axes)]
+    data, v = model.createData(), [model.idx_vs[k] for k in range(1, model.njoints)]
+    pin.computeSubtreeMasses(model, data)
+    tree = np.zeros(model.njoints, JOINT)
+    tree["parent"], tree["slides"][1:] = list(model.parents), joints.slides
+    tree["carries_foot"][list(model.supports[leg.contact_joint])[1:]] = True
+    tree["carried_mass"][1:] = list(data.mass)[1:]
+    tree["armature"][1:], tree["speed_limit"][1:] = model.armature[v], leg.velocity_limit[v]
+    first = model.jointPlacements[1].translation
+    for k in range(1, model.njoints):
+        joint, placement, inertia = tree[k], model.jointPlacements[k], model.inertias[k]
+        parent, frame = frames[model.parents[k]], frames[k]
+        rotation = parent.T @ placement.rotation @ frame
+        joint["aligned"] = np.abs(rotation - np.eye(3)).max() < ALIGNED
+        joint["rotation"] = rotation
+        joint["origin"] = parent.T @ (placement.translation - (0 if model.parents[k] else first))
+        joint["mass"] = inertia.mass
+        joint["moment"] = frame.T @ (inertia.mass * inertia.lever)
+        second = inertia.matrix()[3:, 3:]
+        joint["inertia"] = (frame.T @ second @ frame)[np.triu_indices(3)]
+    return tree, frames, senses
 
 
 @inlined
@@ -195,13 +317,13 @@ def _carry(body, parent, mass):  # type: ignore[no-untyped-def]
 
 
 @njit
-def contact_jacobian(tree, bodies, task, state):  # type: ignore[no-untyped-def]
+def contact_jacobian(tree, bodies, task, lever, state):  # type: ignore[no-untyped-def]
     r"""Fill in the contact point and the columns of its Jacobian.
 
     A hinge with axis :math:`a` at distance :math:`d` from the contact point moves it with
     :math:`a \times d`, a slide with :math:`a`. Nothing moves across the plane of planar motion.
     """
-    distance = _times(bodies[task.foot].rotation, task.lever)
+    distance = _times(bodies[task.foot].rotation, lever)
     _put(state.point, distance)
     k, square = task.foot, spread(0.0)
     while k > 0:
@@ -254,3 +376,92 @@ def joint_impulses(tree, bodies, task, state):  # type: ignore[no-untyped-def]
             _put(parent.force, _add(_vector(parent.force), force))
             _put(parent.torque, _add(_vector(parent.torque), torque))
     state.largest_square, state.momentum_error = largest, residual
+
+
+@njit
+def factorize(tree, inertia, state):  # type: ignore[no-untyped-def]
+    r"""Factorize the joint-space inertia in place, :math:`M = L^T D L` with unit triangular L.
+
+    In this order, from the tip to the base, L has an entry only where one joint carries the other:
+    the branches of a tree cost nothing to each other (Featherstone, Rigid Body Dynamics Algorithms,
+    2008, table 6.3). L is left in `inertia`, with :math:`D^{-1}` on its diagonal; row 0, of the
+    base, becomes the diagonal of M.
+    """
+    diagonal = inertia[0]  # of no joint: free to keep M's diagonal
+    for k in range(1, len(tree)):
+        diagonal[k] = inertia[k, k]
+    for k in range(len(tree) - 1, 0, -1):
+        pivot = inertia[k, k]
+        state.doubt = choose(pivot > LEAST_PIVOT * diagonal[k], state.doubt, 1.0)
+        inverse = 1.0 / pivot
+        inertia[k, k] = inverse
+        a = tree[k].parent
+        while a > 0:
+            entry, b = inertia[k, a] * inverse, a
+            while b > 0:
+                inertia[a, b] -= entry * inertia[k, b]
+                b = tree[b].parent
+            inertia[k, a] = entry
+            a = tree[a].parent
+
+
+@njit
+def whiten(tree, bodies, factors, task):  # type: ignore[no-untyped-def]
+    r"""Replace the rows of :math:`J^T` by the rows of :math:`W = L^{-T} J^T`.
+
+    Then :math:`W^T D^{-1} W = J M^{-1} J^T` is the Delassus matrix; `factors` are L and
+    :math:`D^{-1}` of `factorize`.
+    """
+    for k in range(len(tree) - 1, 0, -1):
+        if not tree[k].carries_foot:
+            continue
+        row = bodies[k].jacobian
+        for i in range(0, 3, 2 if task.planar else 1):
+            a = tree[k].parent
+            while a > 0:
+                bodies[a].jacobian[i] -= factors[k, a] * row[i]
+                a = tree[a].parent
+
+
+@njit
+def delassus_matrix(tree, bodies, factors, state):  # type: ignore[no-untyped-def]
+    """Fill in the Delassus matrix of the foot from whitened rows."""
+    d11, d12, d22 = spread(0.0), spread(0.0), spread(0.0)
+    d13, d23, d33 = spread(0.0), spread(0.0), spread(0.0)
+    for k in range(1, len(tree)):
+        if not tree[k].carries_foot:
+            continue
+        row, inverse = bodies[k].jacobian, factors[k, k]
+        s, t, n = row[0], row[1], row[2]
+        scaled_s, scaled_t = inverse * s, inverse * t
+        d11 += scaled_s * s
+        d12 += scaled_s * t
+        d13 += scaled_s * n
+        d22 += scaled_t * t
+        d23 += scaled_t * n
+        d33 += inverse * n * n
+    delassus = state.delassus
+    delassus[D11], delassus[D12], delassus[D22] = d11, d12, d22
+    delassus[D13], delassus[D23], delassus[D33] = d13, d23, d33
+
+
+@njit
+def solve_velocity(tree, bodies, factors, state):  # type: ignore[no-untyped-def]
+    r"""Fill in the jump of the joints' velocity, :math:`v = L^{-1} z` with :math:`D z = -W p`.
+
+    A relative error e of M's diagonal changes the energy :math:`v^T M v = z^T D z` by about
+    :math:`e \sum_i M_{ii} v_i^2`: where this is more than `LARGEST_AMPLIFICATION` times the energy,
+    too few digits are left. `factors` are L and :math:`D^{-1}` of `factorize`.
+    """
+    impulse, energy, terms = state.impulse, spread(0.0), spread(0.0)
+    for k in range(1, len(tree)):
+        row = bodies[k].jacobian
+        pushed = -dot(row, impulse)
+        v, a = pushed * factors[k, k], tree[k].parent
+        energy += pushed * v
+        while a > 0:
+            v = v - factors[k, a] * bodies[a].jump
+            a = tree[a].parent
+        terms += factors[0, k] * (v * v)
+        bodies[k].jump = v
+    state.doubt = choose(terms <= LARGEST_AMPLIFICATION * energy, state.doubt, 1.0)

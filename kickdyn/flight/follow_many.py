@@ -1,0 +1,285 @@
+"""Many balls followed until they rest: the answers of `follow`, in machine code."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from kickdyn._version import __version__
+from kickdyn.air import Air
+from kickdyn.ball import Ball, BallState
+from kickdyn.core import validation
+from kickdyn.core.validation import Array
+from kickdyn.errors import InvalidInput
+from kickdyn.flight.batch import fly_many
+from kickdyn.flight.compiling import compiled_ends, compiled_rolling
+from kickdyn.flight.events import Event, checked_ends, plane_events
+from kickdyn.flight.flight_result import FlightStatus
+from kickdyn.flight.follow import LEAST_REBOUND, MOST_BOUNCES
+from kickdyn.flight.forces import VACUUM, acceleration_function, downward
+from kickdyn.flight.ground_motion import slide
+from kickdyn.flight.march import ALOFT, FAILED, FURTHER, LANDED, Flights, march
+from kickdyn.ground import Ground, Surface
+from kickdyn.plane import Plane
+
+_FLYING, _DOWN = -1, -2
+"""Statuses of a ball that is in the air, and of one that stays down."""
+
+
+@validation.check_arguments
+def follow_many(
+    states: BallState,
+    ball: Ball,
+    air: Air | None = None,
+    ground: Ground | None = None,
+    tol: float = 1e-9,
+    *,
+    plane: Plane | None = None,
+    time_limit: float = 1000.0,
+    ends: Sequence[Event] = (),
+) -> xr.Dataset:
+    """Let n balls fly, bounce and roll until they rest, as `follow` does with one.
+
+    Args:
+        states: the launches, as for `fly_many`.
+        ball: the ball.
+        air: the air, as for `fly_many`.
+        ground: a ground with a surface, the same for all. None is turf that every ball touches at
+            its launch, which must then be at one height.
+        tol: relative tolerance of every flight.
+        plane: a wall or a goal line that ends the motion.
+        time_limit: longest duration of every flight, and of rolling [s].
+        ends: further events that end the motion, as for `fly_many`; with them, balls that slide are
+            followed one by one.
+
+    Returns:
+        A dataset along `flight` in the order of the launches: `position`, `velocity` and `spin` at
+        the end, `duration`, horizontal `distance`, number of `bounces`, and `status` by its flag.
+        Where the status is `failed`, the numbers are nan.
+
+    Raises:
+        InvalidInput: a single state, or as for `follow` and `fly_many`.
+
+    Example:
+        >>> import kickdyn as kd
+        >>> kicks = kd.BallState(velocity=[(20, 0, 10), (15, 2, 4)], spin=(0, -30, 0))
+        >>> paths = kd.follow_many(kicks, kd.Ball(), kd.Air())
+        >>> paths.distance.values.round(1).tolist(), paths.bounces.values.tolist()
+        ([76.2, 49.1], [8, 5])
+    """
+    if states.position.ndim != 2:
+        raise InvalidInput(
+            f"launches have shape {states.position.shape}: follow_many takes (n, 3), follow takes "
+            "one"
+        )
+    height = states.position[:, 2]
+    if ground is None:
+        if len(height) and np.ptp(height) > 0.0:
+            raise InvalidInput("launches have unequal heights: follow_many needs a ground for them")
+        ground = Ground(float(height[0] if len(height) else 0.0) - ball.radius, "turf")
+    if not isinstance(ground.surface, Surface):
+        raise InvalidInput("the ground has no surface: name one, such as Ground(surface='turf')")
+    if ground.surface.friction == 0.0:
+        raise InvalidInput(
+            f"friction of {ground.surface.name} is 0: it must be above 0 to end sliding"
+        )
+    events = *plane_events(ball, plane), *checked_ends(ends)
+    names: list[str] = [FlightStatus.AT_REST, FlightStatus.ALOFT, FlightStatus.FAILED]
+    names += [FlightStatus.BOUNCING, FlightStatus.BLOWN, *(event.name for event in events)]
+    balls = _Balls(states, ball, air, ground.surface, events)
+    balls.bounce_all(ground, tol, plane, time_limit, tuple(ends))
+    balls.slide_all()
+    balls.roll_all(tol, time_limit)
+    return balls.dataset(names)
+
+
+AT_REST, NOT_DOWN, LOST, BOUNCING, BLOWN, FIRST_END = range(6)
+"""Flags of the statuses; those of the ends follow."""
+
+
+class _Balls:
+    """The states of n balls on their way, and how their motion ended."""
+
+    def __init__(
+        self, states: BallState, ball: Ball, air: Air | None, surface: Surface,
+        ends: tuple[Event, ...],
+    ) -> None:  # fmt: skip
+        n = len(states.position)
+        self.launch, self.ball, self.air, self.surface = states, ball, air, surface
+        self.ends = ends
+        self.position, self.velocity = states.position.copy(), states.velocity.copy()
+        self.spin, self.time = states.spin.copy(), np.zeros(n)
+        self.bounces, self.status = np.zeros(n, np.int64), np.full(n, _FLYING, np.int8)
+
+    def bounce_all(
+        self, ground: Ground, tol: float, plane: Plane | None, time_limit: float, ends: Any
+    ) -> None:
+        """Fly and bounce until every ball stays down or has ended."""
+        while (rows := np.flatnonzero(self.status == _FLYING)).size:
+            launched = BallState(self.position[rows], self.velocity[rows], self.spin[rows])
+            flown = fly_many(
+                launched, self.ball, self.air, ground, tol,
+                plane=plane, time_limit=time_limit, ends=ends,
+            )  # fmt: skip
+            status = flown.status.values
+            self.position[rows], self.velocity[rows] = (
+                flown.landing_position,
+                flown.landing_velocity,
+            )
+            self.spin[rows] = flown.landing_spin
+            self.time[rows] += flown.duration.values
+            flags = np.array([_FLYING, NOT_DOWN, LOST, *range(FIRST_END, FIRST_END + 100)])
+            self.status[rows] = flags[status]
+            landed = rows[status == LANDED]
+            self._bounce(landed)
+            down = self.velocity[landed, 2] < LEAST_REBOUND
+            self.status[landed[down]] = _DOWN
+            going = landed[~down]
+            self.status[going[self.bounces[going] == MOST_BOUNCES]] = BOUNCING
+            self.bounces[going[self.bounces[going] < MOST_BOUNCES]] += 1
+
+    def _bounce(self, rows: NDArray[np.intp]) -> None:
+        """Let balls bounce, by the equations of `ground_motion.bounce`."""
+        surface, ball, v, w = self.surface, self.ball, self.velocity[rows], self.spin[rows]
+        ux, uy, sliding = self._slip(rows)
+        normal = (1.0 + surface.restitution) * -v[:, 2]
+        shell = ball.mass * ball.radius**2 / ball.inertia
+        grip = (1.0 + surface.tangential_restitution) * sliding / (1.0 + shell)
+        share = np.minimum(grip, surface.friction * normal) / np.where(sliding > 0, sliding, 1.0)
+        turn = shell / ball.radius * share
+        change = np.column_stack([share * ux, share * uy, (1.0 + surface.restitution) * v[:, 2]])
+        self.velocity[rows] = v - change
+        self.spin[rows] = w + np.column_stack([-turn * uy, turn * ux, np.zeros(len(rows))])
+
+    def _slip(self, rows: NDArray[np.intp]) -> tuple[Array, Array, Array]:
+        """Return the velocity of the lowest points, x and y, and its size [m/s]."""
+        v, w, r = self.velocity[rows], self.spin[rows], self.ball.radius
+        ux, uy = v[:, 0] - r * w[:, 1], v[:, 1] + r * w[:, 0]
+        return ux, uy, np.hypot(ux, uy)
+
+    def slide_all(self) -> None:
+        """Let friction turn sliding into rolling, as `ground_motion.slide` does."""
+        down = np.flatnonzero(self.status == _DOWN)
+        ux, uy, sliding = self._slip(down)
+        slides = sliding > 1e-9 * np.maximum(validation.length(self.velocity[down]), 1e-300)
+        rows, ux, uy, sliding = down[slides], ux[slides], uy[slides], sliding[slides]
+        if self.ends:
+            for i in rows.tolist():
+                self._slide_one(i)
+        else:
+            surface, ball = self.surface, self.ball
+            deceleration = surface.friction * downward(ball, self.air)
+            shell = ball.mass * ball.radius**2 / ball.inertia
+            time = sliding / (deceleration * (1.0 + shell))
+            zero = np.zeros(len(rows))
+            change = deceleration * np.column_stack([ux / sliding, uy / sliding, zero])
+            turned = np.column_stack([-change[:, 1], change[:, 0], zero]) * (shell / ball.radius)
+            level, t = self.velocity[rows] * [1.0, 1.0, 0.0], time[:, None]
+            self.position[rows] += level * t - 0.5 * change * t * t
+            self.velocity[rows], self.spin[rows] = level - change * t, self.spin[rows] + turned * t
+            self.time[rows] += time
+        self.velocity[down, 2] = 0.0
+
+    def _slide_one(self, i: int) -> None:
+        state = BallState(self.position[i], self.velocity[i], self.spin[i])
+        ends = [end.launched(state) for end in self.ends]
+        phase = slide(state, self.ball, self.air, self.surface, ends)
+        if phase is None:
+            return
+        end = phase.end
+        self.position[i], self.velocity[i], self.spin[i] = end.position, end.velocity, end.spin
+        self.time[i] += phase.duration
+        if phase.reached is not None:
+            self.status[i] = FIRST_END + [end.name for end in self.ends].index(phase.reached)
+
+    def roll_all(self, tol: float, time_limit: float) -> None:
+        """Let balls roll to rest, by the equations of `ground_motion.roll`."""
+        rows = np.flatnonzero(self.status == _DOWN)
+        if not rows.size:
+            return
+        begin = BallState(self.position[rows], self.velocity[rows], self.spin[rows])
+        air = VACUUM if self.air is None or self.air.density == 0 else self.air
+        height = float(begin.position[0, 2])
+        share = 1.0 / (1.0 + self.ball.inertia / (self.ball.mass * self.ball.radius**2))
+        pushed = acceleration_function(self.ball, air)(height, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        wind = share * np.array(pushed[:2])
+        speed = validation.length(begin.velocity)
+        slowest = 1e-7 * np.maximum(speed, math.hypot(*wind))
+        ends = Event("slow", _slow, lambda _: (slowest,)), *self.ends
+        launched = [end.launched(begin) for end in ends]
+        n = len(rows)
+        numbers = np.column_stack([np.broadcast_to(x, n) for end in launched for x in end.numbers])
+        tol = min(tol, 1e-9)
+        length = speed * speed / (2.0 * self.surface.rolling_deceleration)
+        margin = 0.1 * tol ** (1.0 / 3.0)
+        scales = tol * np.maximum(length, 1e-300), tol * np.maximum(speed, 1e-300)
+        columns = [*scales, *(np.full(n, x) for x in (tol, math.inf, margin))]
+        zeros = np.zeros((n, 4))
+        rolled = Flights(
+            np.column_stack([begin.position[:, 2], zeros]), begin.velocity.copy(),
+            np.ascontiguousarray(numbers), np.column_stack(columns),
+            np.empty((n, 8 + 3 * len(ends))), np.empty((n, 16)), np.empty(n, np.int8),
+            np.zeros(n, np.int64),
+        )  # fmt: skip
+        rates = compiled_rolling(self.ball, air, self.surface.rolling_deceleration)
+        values = compiled_ends(tuple(end.function for end in ends), tuple(end.name for end in ends))
+        march(rates, values, rolled, tol, time_limit)
+        self._stop(rows, rolled, wind)
+
+    def _stop(self, rows: NDArray[np.intp], rolled: Flights, wind: Array) -> None:
+        """Put in where balls that have become slow rest, and where others end."""
+        nodes, status = rolled.nodes, rolled.status
+        velocity, slow = nodes[:, 4:7] * [1.0, 1.0, 0.0], status == LANDED
+        rest = np.zeros(len(rows))
+        if math.hypot(*wind) > self.surface.rolling_deceleration:
+            rest[slow] = math.inf
+        else:
+            speed = validation.length(velocity)
+            along = velocity / np.where(speed > 0.0, speed, 1.0)[:, None]
+            braking = self.surface.rolling_deceleration - along[:, :2] @ wind
+            rest[slow] = (speed / braking)[slow]
+        blown = (slow & (rest == math.inf)) | (status == ALOFT)
+        flags = np.where(
+            slow, AT_REST, np.where(status == FAILED, LOST, FIRST_END - FURTHER + status)
+        )
+        self.status[rows] = np.where(blown, BLOWN, flags)
+        rests = slow & ~blown
+        late = np.where(rests, rest, 0.0)
+        self.position[rows] += nodes[:, 1:4] * [1.0, 1.0, 0.0] + 0.5 * late[:, None] * velocity
+        self.velocity[rows] = np.where(rests[:, None], 0.0, velocity)
+        u, v = self.velocity[rows, 0], self.velocity[rows, 1]
+        self.spin[rows] = np.column_stack([-v, u, np.zeros(len(rows))]) / self.ball.radius
+        self.time[rows] += nodes[:, 0] + late
+
+    def dataset(self, names: list[str]) -> xr.Dataset:
+        """Return the ends as a dataset."""
+        lost = self.status == LOST
+        moved = self.position - self.launch.position
+        data: dict[str, Any] = {}
+        for name, values, unit, meaning in (
+            ("position", self.position, "m", "centre of the ball at the end"),
+            ("velocity", self.velocity, "m/s", "velocity at the end"),
+            ("spin", self.spin, "rad/s", "spin at the end"),
+            ("duration", self.time, "s", "time from launch to end"),
+            ("distance", np.hypot(moved[:, 0], moved[:, 1]), "m", "horizontal, launch to end"),
+        ):
+            values[lost] = math.nan
+            data[name] = (("flight", "axis")[: values.ndim], values,
+                          {"units": unit, "long_name": meaning})  # fmt: skip
+        data["bounces"] = ("flight", self.bounces, {"units": "1", "long_name": "bounces"})
+        flags = {
+            "long_name": "how the motion ends",
+            "flag_values": np.arange(len(names), dtype=np.int8),
+            "flag_meanings": " ".join(names),
+        }
+        data["status"] = ("flight", self.status, flags)
+        attributes = {"title": "courses of a ball", "source": f"kickdyn {__version__}"}
+        return xr.Dataset(data, {"axis": ["x", "y", "z"]}, attributes)
+
+
+def _slow(state: Any, numbers: Any) -> Any:
+    """Return by how much a ball rolls faster than the speed at which all forces are constant."""
+    return math.hypot(state[3], state[4]) - numbers[0]

@@ -1,0 +1,113 @@
+r"""Relative motion of ball and foot at their contact, with floats alone: it can be compiled.
+
+All vectors are tuples in the contact's axes, which are fixed to the foot: two tangents of its plane
+and the normal :math:`n = e_3` into the ball. The foot turns with :math:`\omega` about the origin of
+its joint, which moves with :math:`v_J`; the ball's centre moves with :math:`v_b` and turns with
+:math:`\omega_b`.
+"""
+
+import math
+
+import numpy as np
+
+from kickdyn.core.validation import Array
+from kickdyn.impact.contact_problem import tangents
+
+Vector = tuple[float, float, float]
+
+
+def contact_axes(normal: Array, sliding: Array | None = None) -> Array:
+    """Return tangents and normal as columns; the first tangent is along `sliding`, if not 0."""
+    x, y, z = (0.0, 0.0, 0.0) if sliding is None else sliding.tolist()
+    a, b, c = normal.tolist()
+    first, second = tangents((a, b, c), (x, y, z))
+    return np.column_stack([first, second, normal])
+
+
+def contact_motion(
+    reach: Vector, arm: Vector, ball: Vector, ball_spin: Vector, foot: Vector, spin: Vector
+) -> tuple[Vector, Vector]:
+    r"""Return the point p of the foot's plane nearest to the ball's centre, and the velocity w.
+
+    .. math:: p = a + \rho - h n, \qquad w = v_b - h\, \omega_b \times n - v_J - \omega \times p,
+
+    with the height :math:`h = \rho_3` of the centre over the plane.
+
+    Args:
+        reach: :math:`\rho`, from the contact point of the foot to the ball's centre [m].
+        arm: a, from the joint's origin to the contact point of the foot [m].
+        ball: :math:`v_b` [m/s].
+        ball_spin: :math:`\omega_b` [rad/s].
+        foot: :math:`v_J` [m/s].
+        spin: :math:`\omega` [rad/s].
+    """
+    x, y, z = reach[0] + arm[0], reach[1] + arm[1], arm[2]
+    relative = (
+        ball[0] - reach[2] * ball_spin[1] - (foot[0] + spin[1] * z - spin[2] * y),
+        ball[1] + reach[2] * ball_spin[0] - (foot[1] + spin[2] * x - spin[0] * z),
+        ball[2] - (foot[2] + spin[0] * y - spin[1] * x),
+    )
+    return (x, y, z), relative
+
+
+def free_sliding(
+    height: float, point: Vector, relative: Vector, ball: Vector, ball_spin: Vector,
+    spin: Vector, bias: Vector, turn_bias: Vector, gravity: Vector,
+) -> tuple[float, float]:  # fmt: skip
+    r"""Return the acceleration of the sliding :math:`(w_1, w_2)` without any force [m/s2].
+
+    It is the derivative of w in the turning axes, :math:`\dot w - \omega \times w`, where
+
+    .. math:: \dot w = g - \dot h\, \omega_b \times n - h\, \omega_b \times (\omega \times n)
+        - a - \omega \times v_J - \alpha \times p - \omega \times \dot p, \qquad
+        \dot p = v_b - \dot h n - h\, \omega \times n - v_J, \qquad \dot h = w_3 .
+
+    Args:
+        height: h [m].
+        point: p [m].
+        relative: w [m/s].
+        ball: :math:`v_b` [m/s].
+        ball_spin: :math:`\omega_b` [rad/s].
+        spin: :math:`\omega` [rad/s].
+        bias: linear part a of the foot's spatial acceleration at the joint's origin with joints
+            that do not accelerate [m/s2].
+        turn_bias: its angular part :math:`\alpha` [rad/s2].
+        gravity: g [m/s2].
+    """
+    x, y, z = point
+    a, b, c = spin
+    rise = relative[2]
+    # of what omega turns: p' + w + v_J
+    u, v = ball[0] - height * b + relative[0], ball[1] + height * a + relative[1]
+    w = ball[2]
+    p, q, r = turn_bias
+    first = gravity[0] - rise * ball_spin[1] - height * ball_spin[2] * a
+    second = gravity[1] + rise * ball_spin[0] - height * ball_spin[2] * b
+    return (
+        first - bias[0] - (q * z - r * y) - (b * w - c * v),
+        second - bias[1] - (r * x - p * z) - (c * u - a * w),
+    )
+
+
+def slip_direction(a11: float, a12: float, a22: float, g1: float, g2: float) -> Vector:
+    r"""Return the unit vector d of the friction on points that begin to slip, and their gain k.
+
+    The friction :math:`\mu p_3 d` opposes the sliding velocity :math:`A d + g`, with :math:`A = \mu
+    p_3 G` along the tangents: :math:`(A + k) d = -g` with :math:`k \ge 0`. The length of d
+    decreases with k and is above 1 at 0, where the points would stick, so that one k makes it 1.
+    Newton's method on its inverse, which is concave, comes to that from below (Conn, Gould and
+    Toint, Trust-Region Methods, 2000, chapter 7).
+    """
+    k = max(0.0, math.sqrt(g1 * g1 + g2 * g2) - (a11 + a22))
+    x, y, size = 0.0, 0.0, 1.0
+    for _ in range(60):
+        b11, b22 = a11 + k, a22 + k
+        determinant = b11 * b22 - a12 * a12
+        x, y = (a12 * g2 - b22 * g1) / determinant, (a12 * g1 - b11 * g2) / determinant
+        size = math.sqrt(x * x + y * y)
+        decrease = (x * (b22 * x - a12 * y) + y * (b11 * y - a12 * x)) / determinant
+        step = (size - 1.0) * size * size / decrease
+        k += step
+        if not step > 1e-16 * k:
+            break
+    return x / size, y / size, k

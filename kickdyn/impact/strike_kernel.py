@@ -1,0 +1,251 @@
+"""The impact of many strikes in machine code, by the law `newton`.
+
+`BATCH` strikes go side by side, each with its own posture, velocity, contact and ball, see
+`kickdyn.core.simd`. What is not computed to full precision is marked as doubtful.
+"""
+
+import math
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import numba
+import numpy as np
+
+from kickdyn.core import simd
+from kickdyn.core.compilation import compiled, named
+from kickdyn.core.simd import BATCH, batches
+from kickdyn.robot import tree_kernel
+from kickdyn.robot.tree_kernel import (
+    BODY,
+    D11,
+    D12,
+    D13,
+    D22,
+    D23,
+    D33,
+    JOINT,
+    OPTIONS,
+    STATE,
+    contact_jacobian,
+    delassus_matrix,
+    factorize,
+    joint_impulses,
+    joint_space_inertia,
+    njit,
+    place_bodies,
+    solve_velocity,
+    whiten,
+)
+
+TASK = np.dtype([("foot", np.int64), ("planar", np.bool_)], align=True)
+"""The joint that carries the contact point; motion is never taken to be in a plane."""
+
+LANE = np.dtype(
+    [
+        ("axes", float, (9, BATCH)),  # two tangents and the normal, one after the other
+        ("lever", float, (3, BATCH)),  # of the contact point, in the frame of the foot's joint [m]
+        ("ball", float, (3, BATCH)),  # velocity of the ball's contact point, the ball alone [m/s]
+        ("restitution", float, BATCH),
+        ("friction", float, BATCH),
+        ("tangent_mobility", float, BATCH),  # what the ball adds to the Delassus matrix [1/kg]
+        ("normal_mobility", float, BATCH),
+        ("velocity", float, (3, BATCH)),  # of the ball over the foot, in the contact's axes [m/s]
+    ]
+)
+"""What is given of each strike, and the relative velocity that is computed."""
+
+IMPULSE, POINT, SPEED, DOUBT, STICKS, LOST, FIRST = 0, 3, 6, 7, 8, 9, 10
+"""Rows of an answer: impulse on the ball [N s], contact point from the first joint [m], speed
+of approach [m/s], 1 where the strike is doubtful, 1 where the points stick, energy lost [J]; jump
+of each joint's velocity, and the linear and angular impulse in each joint, in its frame."""
+
+LEAST_SHARE = 1e-6
+"""Share that a pivot or a resistance must keep of its terms, or the strike is doubtful."""
+
+DIRECTIONS = 32
+_ANGLES = 2.0 * np.pi * np.arange(DIRECTIONS + 1) / DIRECTIONS
+_COS, _SIN = np.cos(_ANGLES), np.sin(_ANGLES)
+_WIDTH = 2.0 * math.pi / DIRECTIONS
+
+
+@njit
+def _solve(floats, lane, i):  # type: ignore[no-untyped-def]
+    r"""Fill in the impulse of lane i in the contact's axes by the law `newton`, see `solve_newton`.
+
+    Where the points slip, all zeros of the trigonometric polynomial of `slip_angles` are sought.
+    """
+    g12, g13, g23 = floats.delassus[D12, i], floats.delassus[D13, i], floats.delassus[D23, i]
+    g11 = floats.delassus[D11, i] + lane.tangent_mobility[i]
+    g22 = floats.delassus[D22, i] + lane.tangent_mobility[i]
+    g33 = floats.delassus[D33, i] + lane.normal_mobility[i]
+    u1, u2, u3 = lane.velocity[0, i], lane.velocity[1, i], lane.velocity[2, i]
+    e, mu = lane.restitution[i], lane.friction[i]
+    f3 = (1.0 + e) * u3
+    floats.impulse[0, i], floats.impulse[1, i], floats.impulse[2, i] = 0.0, 0.0, -f3 / g33
+    floats.energy_lost[i] = 0.5 * f3 / g33 * u3 * (1.0 - e)
+    if mu == 0.0:
+        return 0.0
+    ratio = g12 / g11
+    h22, h23 = g22 - ratio * g12, g23 - ratio * g13
+    low = h23 / h22
+    h33 = g33 - g13 / g11 * g13 - low * h23
+    if not (h22 > LEAST_SHARE * g22 and h33 > LEAST_SHARE * g33):
+        floats.doubt[i] = 1.0
+        return 0.0
+    b2 = -u2 + ratio * u1
+    p3 = (-f3 + g13 / g11 * u1 - low * b2) / h33
+    p2 = (b2 - h23 * p3) / h22
+    p1 = (-u1 - g12 * p2 - g13 * p3) / g11
+    if p1 * p1 + p2 * p2 <= (mu * p3) * (mu * p3) and p3 >= 0.0:
+        floats.impulse[0, i], floats.impulse[1, i], floats.impulse[2, i] = p1, p2, p3
+        floats.energy_lost[i] = 0.5 * (-p3 * u3 * (1.0 - e) - p1 * u1 - p2 * u2)
+        return 1.0
+    x0, x1 = mu * (u1 * g13 - f3 * g11), mu * (u1 * g23 - f3 * g12)
+    y0, y1 = mu * (u2 * g13 - f3 * g12), mu * (u2 * g23 - f3 * g22)
+    x2, y2 = u1 * g33 - f3 * g13, u2 * g33 - f3 * g23
+    curved = abs(y2) + abs(x2) + 4.0 * (abs(y1 - x0) + abs(y0 + x1))
+    most, found = -math.inf, False
+    c, s, value, slope = 1.0, 0.0, y0 + y2, y1 - x0 - x2
+    for k in range(1, DIRECTIONS + 1):
+        value0, slope0 = value, slope
+        c, s = _COS[k], _SIN[k]
+        x, y = x0 * c + x1 * s + x2, y0 * c + y1 * s + y2
+        value = c * y - s * x
+        slope = -s * y + c * (y1 * c - y0 * s) - c * x - s * (x1 * c - x0 * s)
+        if (value0 < 0.0) == (value < 0.0):
+            least = min(abs(value0), abs(value))
+            dips = slope0 * value0 < 0.0 < slope * value
+            if dips and least < 0.125 * _WIDTH * _WIDTH * curved:  # there may be two zeros
+                floats.doubt[i] = 1.0
+            continue
+        a, b = _WIDTH * (k - 1), _WIDTH * k
+        angle = a + _WIDTH * value0 / (value0 - value)
+        for _ in range(60):  # Newton's method, kept within the bracket
+            c1, s1 = math.cos(angle), math.sin(angle)
+            x, y = x0 * c1 + x1 * s1 + x2, y0 * c1 + y1 * s1 + y2
+            here = c1 * y - s1 * x
+            steep = -s1 * y + c1 * (y1 * c1 - y0 * s1) - c1 * x - s1 * (x1 * c1 - x0 * s1)
+            if (here < 0.0) == (value0 < 0.0):
+                a = angle
+            else:
+                b = angle
+            new = angle - here / steep if steep != 0.0 else 0.5 * (a + b)
+            if not a <= new <= b:
+                new = 0.5 * (a + b)
+            if abs(new - angle) <= 2e-16 * (1.0 + angle):
+                break
+            angle = new
+        c1, s1 = math.cos(angle), math.sin(angle)
+        resistance = mu * (g13 * c1 + g23 * s1) + g33
+        if resistance <= 0.0:
+            continue
+        p = -f3 / resistance
+        slide1 = mu * p * (g11 * c1 + g12 * s1) + g13 * p + u1
+        slide2 = mu * p * (g12 * c1 + g22 * s1) + g23 * p + u2
+        if c1 * slide1 + s1 * slide2 > 0.0:  # friction would drive the sliding
+            continue
+        along = c1 * (u1 + slide1) + s1 * (u2 + slide2)
+        lost = 0.5 * p * (-u3 * (1.0 - e) - mu * along)
+        if resistance < 1e-3 * g33:
+            floats.doubt[i] = 1.0
+        if lost > most:
+            most, found = lost, True
+            floats.impulse[0, i], floats.impulse[1, i] = mu * p * c1, mu * p * s1
+            floats.impulse[2, i], floats.energy_lost[i] = p, lost
+    if not found:
+        floats.doubt[i] = 1.0
+    return 0.0
+
+
+def _strike(tree, frames, task, given, motion, lanes, bodies, inertia, state, answer):  # type: ignore[no-untyped-def]
+    """Fill in the answers of strikes, `BATCH` at a time.
+
+    `motion` has cosine, sine (a slide and 0) and velocity of every joint, `given` the fields of
+    `LANE` that are, in their order. `lanes`, `bodies`, `inertia` and `state` are memory to work in.
+    """
+    task, floats, lane_floats = task[0], state[0], lanes[0]
+    bodies, inertia, state = batches(bodies), batches(inertia), batches(state)[0]
+    lanes, given, motion, answer = (
+        batches(lanes)[0],
+        batches(given),
+        batches(motion),
+        batches(answer),
+    )
+    n = len(tree)
+    for c in range(answer.shape[1]):
+        for k in range(1, n):
+            bodies[k].cosine, bodies[k].sine = motion[3 * k - 3, c], motion[3 * k - 2, c]
+        for r in range(9):
+            lanes.axes[r] = given[r, c]
+        for r in range(3):
+            lanes.lever[r], lanes.ball[r] = given[9 + r, c], given[12 + r, c]
+        lanes.restitution, lanes.friction = given[15, c], given[16, c]
+        lanes.tangent_mobility, lanes.normal_mobility = given[17, c], given[18, c]
+        state.doubt = 0.0
+        place_bodies(tree, bodies)
+        joint_space_inertia(tree, bodies, inertia)
+        contact_jacobian(tree, bodies, task, lanes.lever, state)
+        a, ball = lanes.axes, lanes.ball
+        for r in range(3):
+            lanes.velocity[r] = a[3 * r] * ball[0] + a[3 * r + 1] * ball[1] + a[3 * r + 2] * ball[2]
+        for k in range(1, n):
+            row = bodies[k].jacobian
+            if not tree[k].carries_foot:
+                row[0], row[1], row[2] = 0.0, 0.0, 0.0
+                continue
+            x, y, z = row[0], row[1], row[2]
+            for r in range(3):
+                row[r] = a[3 * r] * x + a[3 * r + 1] * y + a[3 * r + 2] * z
+                lanes.velocity[r] -= row[r] * motion[3 * k - 1, c]
+        factorize(tree, inertia, state)
+        whiten(tree, bodies, inertia, task)
+        delassus_matrix(tree, bodies, inertia, state)
+        for i in range(BATCH):
+            floats.speed_use[i] = _solve(floats, lane_floats, i)  # 1 where it sticks
+        solve_velocity(tree, bodies, inertia, state)
+        s, t, p = state.impulse[0], state.impulse[1], state.impulse[2]
+        for r in range(3):
+            state.impulse[r] = a[r] * s + a[3 + r] * t + a[6 + r] * p
+            answer[IMPULSE + r, c] = state.impulse[r]
+        joint_impulses(tree, bodies, task, state)
+        x, y, z = state.point[0], state.point[1], state.point[2]
+        k = task.foot
+        while k > 0:
+            origin = bodies[k].origin
+            x, y, z = x + origin[0], y + origin[1], z + origin[2]
+            k = tree[k].parent
+        answer[POINT, c], answer[POINT + 1, c], answer[POINT + 2, c] = x, y, z
+        answer[SPEED, c], answer[DOUBT, c] = 0.0 - lanes.velocity[2], state.doubt
+        answer[STICKS, c], answer[LOST, c] = state.speed_use, state.energy_lost
+        for k in range(1, n):
+            answer[FIRST + k - 1, c] = bodies[k].jump
+            first = FIRST + n - 1 + 6 * (k - 1)
+            _write(bodies[k].rotation, frames[k], bodies[k].force, answer, first, c)
+            _write(bodies[k].rotation, frames[k], bodies[k].torque, answer, first + 3, c)
+
+
+@njit
+def _write(rotation, frame, vector, answer, first, c):  # type: ignore[no-untyped-def]
+    """Write a vector in the axes of its joint to batch c of an answer."""
+    x, y, z = vector[0], vector[1], vector[2]
+    u = rotation[0, 0] * x + rotation[1, 0] * y + rotation[2, 0] * z
+    v = rotation[0, 1] * x + rotation[1, 1] * y + rotation[2, 1] * z
+    w = rotation[0, 2] * x + rotation[1, 2] * y + rotation[2, 2] * z
+    for r in range(3):
+        answer[first + r, c] = frame[r, 0] * u + frame[r, 1] * v + frame[r, 2] * w
+
+
+named(_strike, "strike", simd, tree_kernel)
+
+
+@cache
+def compiled_kernel() -> Callable[..., None]:
+    """Return the kernel, from the disk where it is kept there."""
+    typeof: Any = numba.typeof
+    tree, task, lanes, bodies, state = (
+        typeof(np.zeros(1, dtype)) for dtype in (JOINT, TASK, LANE, BODY, STATE)
+    )
+    cube = numba.float64[:, :, ::1]
+    signature = numba.void(tree, cube, task, cube, cube, lanes, bodies, cube, state, cube)
+    return compiled(_strike, signature, "the kernel of strikes", **OPTIONS)

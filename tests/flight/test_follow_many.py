@@ -1,0 +1,61 @@
+"""Many balls followed at once are the balls followed one after the other."""
+
+import numpy as np
+import pytest
+
+import kickdyn as kd
+
+RNG = np.random.default_rng(1)
+N = 12
+STATES = kd.BallState(
+    RNG.uniform((0, 0, 0.11), (1, 1, 1.2), (N, 3)),
+    RNG.uniform((-5, -5, -1), (25, 8, 12), (N, 3)),
+    40.0 * RNG.normal(size=(N, 3)),
+)
+WALL = kd.Plane((-1, 0, 0), (12, 0, 0))
+
+
+def far(state, numbers):
+    return 5.0 - state[1]
+
+
+@pytest.mark.parametrize(
+    ("air", "options"),
+    [
+        (None, {}),
+        (kd.Air(wind=(3, 1, 0)), {}),
+        (kd.Air(wind=(14, 1, 0)), {}),
+        (kd.Air(), {"plane": WALL}),
+        (None, {"ends": [kd.Event("far", far)]}),
+    ],
+    ids=["vacuum", "wind", "storm", "wall", "end"],
+)
+def test_every_row_is_followed(air, options):
+    ground, seen = kd.Ground(0.0, "turf"), set()
+    many = kd.follow_many(STATES, kd.Ball(), air, ground, **options)
+    names = many.status.attrs["flag_meanings"].split()
+    for i in range(N):
+        state = kd.BallState(STATES.position[i], STATES.velocity[i], STATES.spin[i])
+        one = kd.follow(state, kd.Ball(), air, ground, **options)
+        row = many.isel(flight=i)
+        seen.add(one.status)
+        assert names[int(row.status)] == one.status
+        assert int(row.bounces) == len(one.bounces)
+        if one.status == "blown":
+            continue
+        assert row.position.values == pytest.approx(one.rest.position, abs=1e-5)
+        assert row.velocity.values == pytest.approx(one.rest.velocity, abs=1e-5)
+        assert row.spin.values == pytest.approx(one.rest.spin, abs=1e-4)
+        assert float(row.duration) == pytest.approx(one.duration, abs=1e-5)
+        assert float(row.distance) == pytest.approx(one.distance, abs=1e-5)
+    assert seen - {"at-rest"} or not options
+
+
+def test_bad_input():
+    turf = kd.Ground(0.0, "turf")
+    with pytest.raises(kd.InvalidInput, match=r"launches have shape \(3,\): follow_many takes"):
+        kd.follow_many(kd.BallState(), kd.Ball(), None, turf)
+    with pytest.raises(kd.InvalidInput, match="the ground has no surface"):
+        kd.follow_many(STATES, kd.Ball(), None, kd.Ground(0.0))
+    with pytest.raises(kd.InvalidInput, match="launches have unequal heights"):
+        kd.follow_many(STATES, kd.Ball())

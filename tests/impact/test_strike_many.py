@@ -1,0 +1,116 @@
+"""Many strikes at once are the strikes one after the other."""
+
+import numpy as np
+import pytest
+from chains import floating_leg, random_leg
+
+import kickdyn as kd
+from kickdyn.impact.strike_many import StrikeStatus
+
+LEG = kd.Leg.human()
+
+
+def random_strikes(rng, leg, n, speed_table=False):
+    """Contacts of all directions, with spin and offsets: they stick, slip, or there is none."""
+    q, v = rng.uniform(-0.6, 0.6, (n, leg.nq)), 5.0 * rng.normal(size=(n, leg.nv))
+    table = [(2.0, 0.8), (20.0, 0.5)]
+    contacts = [
+        kd.Contact(
+            rng.normal(size=3),
+            table if speed_table else rng.uniform(0, 1),
+            rng.uniform(0, 0.8) * rng.integers(0, 2),
+            offset=0.02 * rng.normal(size=3),
+        )
+        for _ in range(n)
+    ]
+    balls = [
+        kd.Ball(rng.uniform(0.2, 0.6), rng.uniform(0.05, 0.15), rng.uniform(0.3, 0.6))
+        for _ in range(n)
+    ]
+    motion = {"ball_velocity": rng.normal(size=(n, 3)), "ball_spin": 20 * rng.normal(size=(n, 3))}
+    return q, v, balls, contacts, motion
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_every_row_is_a_strike(seed):
+    rng = np.random.default_rng(seed)
+    leg = LEG if seed == 0 else random_leg(rng)
+    n, seen = 60, [0, 0, 0, 0]
+    q, v, balls, contacts, motion = random_strikes(rng, leg, n, speed_table=seed == 1)
+    many = kd.strike_many(leg, q, v, balls, contacts, **motion)
+    for i in range(n):
+        seen[many.status[i]] += 1
+        row = {name: value[i] for name, value in motion.items()}
+        try:
+            one = kd.strike(leg.posture(q[i]), v[i], balls[i], contacts[i], **row)
+        except kd.NoImpact:
+            assert many.status[i] == StrikeStatus.NO_IMPACT.flag
+            assert np.isnan(many.impulse[i]).all()
+            assert np.isnan(many.joint_impulses[i]).all()
+            continue
+        size = np.linalg.norm(one.impulse)
+        assert (many.status[i] == StrikeStatus.STICKS.flag) == one.sticking
+        assert many.impulse[i] == pytest.approx(one.impulse, abs=1e-11 * size)
+        assert many.joint_impulses[i] == pytest.approx(one.joint_impulses, abs=1e-11 * size)
+        assert many.v_after[i] == pytest.approx(one.v_after, rel=1e-9, abs=1e-9)
+        assert many.energy_lost[i] == pytest.approx(one.energy_lost, rel=1e-9, abs=1e-10)
+        assert many.approach_speed[i] == pytest.approx(one.approach_speed, rel=1e-10)
+        after = one.ball_after
+        assert many.ball_velocity[i] == pytest.approx(after.velocity, abs=1e-10)
+        assert many.ball_spin[i] == pytest.approx(after.spin, abs=1e-8)
+        assert many.ball_position[i] == pytest.approx(after.position, abs=1e-13)
+    assert min(seen[:3]) > 2
+    assert seen[3] == 0
+
+
+def test_one_ball_and_one_contact_serve_all_rows():
+    q, v = np.array([[0.7, 0.5, -0.3], [0.4, 0.6, -0.2]]), np.array([[6.6, -14.5, 6.6]] * 2)
+    contact, ball = kd.Contact((2, 0, 1), 0.8, 0.4), kd.Ball()
+    one = kd.strike_many(LEG, q, v, ball, contact)
+    lists = kd.strike_many(LEG, q, v, [ball] * 2, [contact] * 2)
+    assert (one.impulse == lists.impulse).all()
+    assert one.ball_after.velocity.shape == (2, 3)
+
+
+def test_a_leg_without_machine_code():
+    leg = floating_leg(np.random.default_rng(1))
+    q, v = np.array([leg.configuration()] * 2), np.array([np.ones(leg.nv), 2 * np.ones(leg.nv)])
+    normal = leg.posture(q[0]).point_velocity(v[0])
+    many = kd.strike_many(leg, q, v, kd.Ball(), kd.Contact(normal, 0.5))
+    for i in range(2):
+        one = kd.strike(leg.posture(q[i]), v[i], kd.Ball(), kd.Contact(normal, 0.5))
+        assert many.impulse[i].tolist() == one.impulse.tolist()
+
+
+def test_slopes_are_those_of_the_sensitivity():
+    q, v = np.array([[0.7, 0.5, -0.3], [0.3, 0.6, 0.1]]), np.array([[6.6, -14.5, 6.6]] * 2)
+    for friction in (0.02, 0.4):
+        contact = kd.Contact((2, 0.1, 1), 0.8, friction)
+        slopes = kd.strike_many(LEG, q, v, kd.Ball(), contact, slopes=True).slopes
+        for i in range(2):
+            exact = kd.strike(LEG.posture(q[i]), v[i], kd.Ball(), contact).sensitivity()
+            for by in ("q", "v"):
+                for of in ("velocity", "spin"):
+                    found = getattr(slopes, f"{of}_by_{by}")[i]
+                    scale = np.abs(getattr(exact, of)[by]).max()
+                    assert found == pytest.approx(getattr(exact, of)[by], abs=1e-7 * scale)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"q": [0.1, 0.2, 0.3]}, r"q has shape \(3,\): it must be \(n, 3\); strike takes one"),
+        ({"v": np.ones((3, 3))}, "q has 2 rows and v 3"),
+        ({"law": "stronge"}, "impact law is 'stronge': strike_many takes 'newton'"),
+        ({"ball": [kd.Ball()] * 3}, "ball has length 3: it must be one or 2"),
+        ({"contact": "x"}, "contact is 'x': it must be a Contact or 2 of them"),
+        ({"ball_spin": np.ones((3, 3))}, r"ball spin has shape \(3, 3\): .* \(3,\) or \(2, 3\)"),
+        ({"v": [[np.nan] * 3] * 2}, "v is .*: every entry must be finite"),
+    ],
+)
+def test_bad_input(changes, words):
+    given = {"q": np.ones((2, 3)), "v": np.ones((2, 3)), "ball": kd.Ball()}
+    given |= {"contact": kd.Contact((1, 0, 0))} | changes
+    with pytest.raises(kd.InvalidInput, match=words) as caught:
+        kd.strike_many(LEG, **given)
+    assert "\n" not in str(caught.value)

@@ -315,6 +315,16 @@ def _solve(
         options=options,
         apart=apart,
     )
+    if solution.share <= FULL:
+        solution = problem.solve(
+            replace(solution, multipliers=NONE),
+            rest,
+            start.times,
+            relaxation=Impulse.relaxation,
+            shares=(0.0, 1.0),
+            options=TIGHTER,
+            apart=apart,
+        )
     verdict, full = _Verdict(problem, solution), solution.share > FULL
     for _ in range(ROUNDS):
         if solution.share < LEAST_SHARE or not (full or partly):

@@ -77,8 +77,15 @@ def tasks() -> list[Task]:
     many = launches()
     postures = int(np.prod([len(angles) for angles in GRID.values()]))
     kick = kd.Kick()
+    many_q, many_v = np.tile(ANGLES, (FLIGHTS, 1)), np.tile(VELOCITY, (FLIGHTS, 1))
+    scene = kd.load_scene("paper_kick").replace(uncertainty={"v": 0.1})
     return [
         Task("`strike`: impact with the impulses in all joints", strikes, 100, 30),
+        Task(
+            "`strike_many`: the same, each of 10,000",
+            lambda: kd.strike_many(LEG, many_q, many_v, BALL, CONTACT),
+            FLIGHTS,
+        ),
         Task(
             "`sweep`: impact and flight of each posture",
             lambda: kd.sweep(LEG, GRID, kick),
@@ -86,6 +93,16 @@ def tasks() -> list[Task]:
         ),
         Task("`fly`: flight with drag and lift", lambda: kd.fly(kicked, BALL, AIR), runs=50),
         Task("`fly_many`: the same, each of 10,000", lambda: kd.fly_many(many, BALL, AIR), FLIGHTS),
+        Task(
+            "`follow_many`: flight, bounces and rolling, each of 10,000",
+            lambda: kd.follow_many(many, BALL, AIR),
+            FLIGHTS,
+        ),
+        Task(
+            "`simulate_many`: impact and flight of each draw of a scene",
+            lambda: kd.simulate_many(scene, FLIGHTS),
+            FLIGHTS,
+        ),
         Task(
             "`collide`: contact of finite time",
             lambda: kd.collide(posture, VELOCITY, BALL, CONTACT),

@@ -1,6 +1,11 @@
 """Time `kd.strike` beside the bare Pinocchio calls that it cannot do without.
 
-    python benchmarks/strike.py
+    python benchmarks/strike.py [many]
+
+With `many`, it times `kd.strike_many` beside a loop over the same postures in C++ instead
+(`pinocchio_loop.cpp`, see `sweep.py`): inertia, Jacobian, impulse without friction, and `rnea` for
+the impulses inside the joints. `strike_many` has friction, launch, energy and status beyond that.
+Both are processor times per row, the shortest of rounds that are taken in turn.
 
 Bare: forwardKinematics, updateFramePlacement, crba, computeFrameJacobian, impulseDynamics with one
 row for the leg alone, rnea with the impulse on the foot. No ball, no checks, no copies, no joint
@@ -15,8 +20,11 @@ both residuals; `all` reads effective mass and condition too. The columns of the
 
 from __future__ import annotations
 
+import sys
+import tempfile
 import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -81,8 +89,40 @@ def struck(
     return calls
 
 
+def many() -> None:
+    """Print the times of many strikes."""
+    from sweep import KICK, compile_cpp_loop, cpp_loop, shortest, timed
+
+    rng, rows = np.random.default_rng(0), 100_000
+    arm = kd.Leg.from_robot("g1", legs_only=True)
+    left = [name for name in arm.joint_names if name.startswith("left")]
+    legs = {
+        "human leg, 3 joints": kd.Leg.human(),
+        "leg of G1, 6 joints": arm.locked(dict.fromkeys(left, 0.0)),
+    }
+    contact = kd.Contact(KICK.direction, KICK.restitution_used, 0.4)
+    with tempfile.TemporaryDirectory() as folder:
+        program = compile_cpp_loop(Path(folder))
+        for name, leg in legs.items():
+            q = rng.uniform(0.1, 0.6, (rows, leg.nq))
+            v = np.tile(leg.posture(q[0]).joint_velocity((4.0, 0.0, 1.0)), (rows, 1))
+            run = timed(lambda: kd.strike_many(leg, q, v, BALL, contact), rows)  # noqa: B023
+            kd.strike_many(leg, q, v, BALL, contact)
+            if program is None:
+                print(f"{name}: strike_many {shortest(run)[0]:.2f} us")
+                continue
+            loop, _ = cpp_loop(program, leg, q)
+            here, _, inside = shortest(run, loop)
+            print(
+                f"{name}: strike_many {here:.2f} us, C++ {inside:.2f} us, {inside / here:.1f} times"
+            )
+
+
 def main() -> None:
     """Print the table."""
+    if sys.argv[1:] == ["many"]:
+        many()
+        return
     g1 = kd.Leg.from_robot("g1", frame="right_ankle_roll_link", base="floating")
     bent = g1.configuration({"right_hip_pitch_joint": -0.4, "right_knee_joint": 0.6})
     cases = {

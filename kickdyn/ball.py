@@ -136,7 +136,7 @@ class Ball(ReprMixin):
         if self.pressure is None:
             raise InvalidInput(
                 "ball pressure is None: its stiffness needs it, and so does the restitution "
-                "'inflated', such as Ball(pressure=80e3) [Pa above the air outside]"
+                "'inflated': Ball(pressure=80e3) [Pa above the air outside], --ball 0.43:0.11:80e3"
             )
         return 2.0 * math.pi * self.radius * self.pressure
 

@@ -77,6 +77,7 @@ RESULTS = {
     "velocity": lambda hit: hit.ball_after.velocity,
     "spin": lambda hit: hit.ball_after.spin,
     "v_after": lambda hit: hit.v_after,
+    "joint_impulses": lambda hit: hit.joint_impulses,
     "margin_slope": lambda hit: np.array([margin(hit)]),
 }
 

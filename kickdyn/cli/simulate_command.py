@@ -41,6 +41,10 @@ def simulate(scene_file: str, tolerance: float, exact: bool, output: JsonOptions
     output.name_written()
 
 
+JOINT_NUMBERS = ("force", "force_deviation", "moment", "moment_deviation")
+"""Numbers of `JointUncertainty` in JSON [N s, N m s]."""
+
+
 def numbers_of(answer: Simulation) -> dict[str, Any]:
     """Return the numbers of a simulation for JSON, in SI units; null where one is not finite."""
     passage, score = answer.passage, answer.score
@@ -66,6 +70,10 @@ def _document(answer: Simulation) -> dict[str, Any]:
         numbers[name] = getattr(answer, name)
     for name in ("model_error", "numerical_error", "end_deviation"):
         numbers[name] = finite(getattr(answer, name))
+    numbers["joint_impulses"] = answer.launch_spread and {
+        name: {key: finite(getattr(joint, key)) for key in JOINT_NUMBERS}
+        for name, joint in answer.launch_spread.joints.items()
+    }
     numbers["effects"] = [
         {
             "effect": name,

@@ -68,7 +68,7 @@ def follow_many(
         >>> kicks = kd.BallState(velocity=[(20, 0, 10), (15, 2, 4)], spin=(0, -30, 0))
         >>> paths = kd.follow_many(kicks, kd.Ball(), kd.Air())
         >>> paths.distance.values.round(1).tolist(), paths.bounces.values.tolist()
-        ([76.2, 49.1], [8, 5])
+        ([76.2, 44.2], [8, 6])
     """
     if states.position.ndim != 2:
         raise InvalidInput(

@@ -176,6 +176,8 @@ class _Step:
             above, below = values[k : k + 2]
             if above > 0.0 >= below:
                 return _Fall(low, high, low + (high - low) * above / (above - below))
+        if starts_at_zero and ahead > 0.0:  # it rises and falls before all of them
+            return _Fall(0.0, float(fractions[0]), 0.5 * float(fractions[0]))
         return None
 
     def locate(self, event: Event, fall: _Fall) -> Crossing:

@@ -15,10 +15,16 @@ from kickdyn.errors import InvalidInput
 from kickdyn.impact.approach import AfterApproach, Approach
 from kickdyn.impact.contact_problem import Solution
 from kickdyn.impact.laws import LAWS, names_of_laws
-from kickdyn.impact.leg_response import Footing, LegResponse, footing, leg_response
+from kickdyn.impact.leg_response import (
+    Footing,
+    LegResponse,
+    axis_projectors,
+    footing,
+    leg_response,
+)
 from kickdyn.impact.rounding import Rounding, digits_left, estimate_rounding
 from kickdyn.impact.sensitivity import Sensitivity
-from kickdyn.impact.uncertainty import Uncertainty, uncertainty
+from kickdyn.impact.uncertainty import Nominal, Uncertainty, uncertainty
 from kickdyn.robot.constraints import ConstraintBlock, Support
 
 RESIDUAL_ROUNDING = 1e-14
@@ -278,8 +284,14 @@ class Impact(AfterApproach):
             >>> spread = impact.uncertainty(v=0.1, restitution=0.03)
             >>> round(spread.speed, 2)  # standard deviation [m/s]
             0.31
+            >>> round(spread.joints["knee"].force_deviation, 3)  # [N s]
+            0.046
         """
-        return uncertainty(self.sensitivity(), self.impulse, self.ball_after.velocity, spread)
+        names = self.posture.leg.joint_names
+        joints = dict(zip(names, self.joint_impulses, strict=True))
+        projectors = axis_projectors(self.posture)
+        nominal = Nominal(self.impulse, self.ball_after.velocity, joints, projectors)
+        return uncertainty(self.sensitivity(), nominal, spread)
 
     def _supports(self) -> list[tuple[Support, ConstraintBlock]]:
         """Return the leg's supports, each with its rows of the constraints."""

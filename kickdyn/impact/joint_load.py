@@ -4,13 +4,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import pinocchio as pin
 
 from kickdyn.core import validation
 from kickdyn.core.representation import ROUNDING, Printed, format_value
 from kickdyn.core.validation import Array
 from kickdyn.impact.force_model import LONGEST_CONTACT, SHORTEST_CONTACT
 from kickdyn.impact.impact_result import Impact
+from kickdyn.impact.leg_response import axis_projectors
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -73,13 +73,10 @@ def joint_loads(impact: Impact, contact_time: float | None = None) -> dict[str, 
         )  # fmt: skip
         per_time = math.pi / 2 / time
     leg, loads = impact.posture.leg, {}
-    space = leg.workspace
-    pin.forwardKinematics(space.model, space.data, impact.posture.q)  # joint axes may depend on q
-    for number, (name, impulse) in enumerate(
-        zip(leg.joint_names, impact.joint_impulses, strict=True), start=1
+    for name, impulse, projector in zip(
+        leg.joint_names, impact.joint_impulses, axis_projectors(impact.posture), strict=True
     ):
-        axes = np.array(space.data.joints[number].S).reshape(6, -1)
-        along = axes @ np.linalg.lstsq(axes, impulse, rcond=None)[0]
+        along = projector @ impulse
         force, moment = (
             None if per_time is None else per_time * float(np.linalg.norm(vector))
             for vector in (impulse[:3], impulse[3:])

@@ -11,8 +11,8 @@ import pinocchio as pin
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.impact.leg_response import Load, constraint_loads, joint_impulses
-from kickdyn.robot.constraints import RANK_TOLERANCE
+from kickdyn.impact.leg_response import LegResponse, Load, constraint_loads, joint_impulses
+from kickdyn.robot.constraints import RANK_TOLERANCE, ConstraintProjector
 from kickdyn.robot.leg import Leg, Posture
 from kickdyn.robot.names import listed
 
@@ -29,6 +29,8 @@ class LegDerivatives(NamedTuple):
     foot_q: Array  # of the contact point's velocity before
     foot_q_after: Array  # and after, at a fixed v_after
     v_after_q: Array
+    v_before_q: Array  # by which supports and loops change v while q changes
+    closed: Array  # projector of a change of q on those that leave loops closed
 
 
 def leg_derivatives(
@@ -74,6 +76,8 @@ def leg_derivatives(
         foot_q=before @ closed,
         foot_q_after=after @ closed,
         v_after_q=(change_after - inverse @ unbalanced) @ closed,
+        v_before_q=change @ closed,
+        closed=closed,
     )
 
 
@@ -90,6 +94,155 @@ def mass_derivatives(posture: Posture, jump: Array) -> Array:
     ]
     torques = np.einsum("ilk,lk->il", np.reshape(by_inertia, (-1, len(links), 10)), per_mass)
     return np.asarray(-constrained_inverse_inertia(posture) @ torques)
+
+
+class ResponseSlopes(NamedTuple):
+    """Derivatives of what determines the joint impulses, n columns."""
+
+    jump: Array  # of the velocity jump, `(nv, n)`
+    impulse: Array  # of the impulse on the ball, `(3, n)`
+    q: Array  # of q, `(nv, n)`
+    mass: Array  # of the masses of the links at fixed shape, `(links, n)`
+
+
+def joint_impulse_derivatives(
+    posture: Posture, impulse: Array, response: LegResponse, jump: Array, slopes: ResponseSlopes
+) -> Array:
+    r"""Differentiate the impulses that joints transmit, shape `(njoints, 6, n)`, without universe.
+
+    In world axes about a fixed point, the impulse on the subtree of joint j is :math:`F_j = \sum_i
+    (I_i A_i - W_i)`, with the inertias :math:`I_i` of its bodies, their jumps :math:`A_i` and the
+    impulses :math:`W_i` from outside. A change of q along column m of the Jacobian, :math:`J_m`,
+    moves the bodies behind that joint as one: there
+
+    .. math:: \frac{d (I A)}{dq_m} = J_m \times^* I A - I\, (J_m \times A_{p(m)}) ,
+
+    where p(m) is the body before the joint. The impulse in the joint's own axes is
+    :math:`X_j^T F_j`. Where supports and loops take part, their impulses change so that the balance
+    of the joints remains, :math:`A^T d\lambda = S^T df |_\lambda`.
+
+    Args:
+        posture: posture of the leg.
+        impulse: impulse on the ball, `(3,)` [N s].
+        response: the leg's response to it.
+        jump: velocity jump, `(nv,)`.
+        slopes: derivatives of these.
+    """
+    tree = _Tree(posture, jump)
+    foot = Load(
+        posture.leg.contact_joint, posture.rotation_world_joint, posture.contact_lever,
+        np.concatenate([-impulse, np.zeros(3)]),
+    )  # fmt: skip
+    loads = [foot, *(load for _, load in constraint_loads(posture, response.constraint_impulses))]
+    bodies = tree.momentum_slopes(slopes)
+    for load in loads:
+        bodies[load.joint] -= tree.moving_load(load, slopes.q)
+    bodies[foot.joint] += tree.wrench_at(foot)[:, :3] @ slopes.impulse
+    transmitted = np.array(response.joint_impulses)
+    joints = tree.to_joints(bodies, transmitted, slopes.q)
+    projector = posture.constraint_projector
+    if projector is None:
+        return joints
+    least = np.linalg.pinv(projector.rows.T, rcond=RANK_TOLERANCE)
+    rotors = posture.leg.workspace.model.armature[:, None] * slopes.jump
+    change = least @ (tree.along_axes(joints) + rotors)
+    if projector.rank < len(projector.rows):  # the smallest of several sets changes with A, too
+        rates = _constraint_rates(posture, projector, least.T @ response.constraint_impulses)
+        free = np.eye(len(projector.rows)) - projector.rows @ least.T
+        change += free @ rates @ slopes.q
+    reactions = np.zeros_like(bodies)
+    for rows, load in constraint_loads(posture, np.ones(len(projector.rows))):
+        size = rows.stop - rows.start
+        reactions[load.joint] -= load.wrench[0] * tree.wrench_at(load)[:, :size] @ change[rows]
+    return np.asarray(joints + tree.to_joints(reactions, 0.0 * transmitted, slopes.q))
+
+
+class _Tree:
+    """The bodies of a leg in world axes about its contact point, at a jump of the velocity."""
+
+    def __init__(self, posture: Posture, jump: Array) -> None:
+        model, data = posture.leg.workspace.model, posture.leg.workspace.data
+        pin.forwardKinematics(model, data, posture.q)
+        count = model.njoints
+        self.parents = list(model.parents)
+        self.poses = [
+            pin.SE3(place.rotation, place.translation - posture.contact_point) for place in data.oMi
+        ]
+        self.inertias = [
+            pose.act(inertia).matrix()
+            for pose, inertia in zip(self.poses, list(model.inertias), strict=True)
+        ]
+        self.masses = [inertia.mass for inertia in list(model.inertias)]
+        self.columns, self.axes = np.zeros((6, model.nv)), np.zeros((model.nv, 6))
+        joint_of = np.zeros(model.nv, dtype=int)
+        for joint in range(1, count):
+            places = slice(model.idx_vs[joint], model.idx_vs[joint] + model.nvs[joint])
+            axes = np.array(data.joints[joint].S).reshape(6, -1)
+            self.axes[places], joint_of[places] = axes.T, joint
+            self.columns[:, places] = self.poses[joint].toActionMatrix() @ axes
+        self.joint_of = joint_of
+        self.moves = [np.isin(joint_of, list(model.supports[joint])) for joint in range(count)]
+        self.jumps = [self.columns[:, on] @ jump[on] for on in self.moves]
+        self.turns = [_motion_cross(column) for column in self.columns.T]
+
+    def momentum_slopes(self, slopes: ResponseSlopes) -> Array:
+        """Return the derivatives of each body's momentum jump I A, shape `(bodies, 6, n)`."""
+        answer = np.zeros((len(self.poses), 6, slopes.jump.shape[1]))
+        for body in range(1, len(answer)):
+            on, inertia = np.flatnonzero(self.moves[body]), self.inertias[body]
+            momentum = inertia @ self.jumps[body]
+            by_q = [
+                -self.turns[m].T @ momentum
+                - inertia @ self.turns[m] @ self.jumps[self.parents[self.joint_of[m]]]
+                for m in on
+            ]
+            answer[body] = inertia @ self.columns[:, on] @ slopes.jump[on]
+            answer[body] += np.array(by_q).T @ slopes.q[on]
+            if self.masses[body]:
+                answer[body] += np.outer(momentum / self.masses[body], slopes.mass[body - 1])
+        return answer
+
+    def wrench_at(self, load: Load) -> Array:
+        """Return the map of a load's wrench to one about the contact point, shape `(6, 6)`."""
+        moved = np.eye(6)
+        pose = self.poses[load.joint]
+        moved[ANGULAR, LINEAR] = pin.skew(pose.act(load.lever))
+        return moved
+
+    def moving_load(self, load: Load, q_slopes: Array) -> Array:
+        """Return the derivative of a load that stays as it is while its point moves, `(6, n)`."""
+        on, answer = self.moves[load.joint], np.zeros((6, q_slopes.shape[1]))
+        columns, point = self.columns[:, on], self.poses[load.joint].act(load.lever)
+        moving = (columns[LINEAR] - pin.skew(point) @ columns[ANGULAR]) @ q_slopes[on]
+        answer[ANGULAR] = -pin.skew(load.wrench[LINEAR]) @ moving
+        return answer
+
+    def to_joints(self, bodies: Array, transmitted: Array, q_slopes: Array) -> Array:
+        """Return derivatives of impulses in joints, in their axes, from those on bodies.
+
+        `transmitted` has the impulses themselves, `(njoints, 6)`, whose axes turn with q.
+        """
+        sums, answer = bodies.copy(), np.zeros_like(bodies[1:])
+        for joint in range(len(bodies) - 1, 0, -1):
+            pose = self.poses[joint]
+            whole = pose.toDualActionMatrix() @ transmitted[joint - 1]
+            on = np.flatnonzero(self.moves[joint])
+            turned = np.array([self.turns[m].T @ whole for m in on]).T @ q_slopes[on]
+            answer[joint - 1] = pose.toActionMatrix().T @ (sums[joint] + turned)
+            sums[self.parents[joint]] += sums[joint]
+        return answer
+
+    def along_axes(self, joints: Array) -> Array:
+        """Return the components along the degrees of freedom, shape `(nv, n)`."""
+        return np.asarray(np.einsum("ki,kin->kn", self.axes, joints[self.joint_of - 1]))
+
+
+def _motion_cross(column: Array) -> Array:
+    """Return the matrix of the cross product of motions; less its transpose, that of forces."""
+    matrix = np.zeros((6, 6))
+    matrix[LINEAR, LINEAR] = matrix[ANGULAR, ANGULAR] = pin.skew(column[ANGULAR])
+    matrix[LINEAR, ANGULAR] = pin.skew(column[LINEAR])
+    return matrix
 
 
 def check_fixed_axes(leg: Leg) -> None:
@@ -147,13 +300,19 @@ def _constraint_change(posture: Posture, velocity: Array, admissible: Array) -> 
     projector, nv = posture.constraint_projector, posture.leg.nv
     if projector is None:
         return np.zeros((nv, nv))
-    rows_q = np.zeros((len(projector.rows), nv))
+    rows_q = _constraint_rates(posture, projector, velocity)
+    change = np.linalg.lstsq(projector.rows, -rows_q, rcond=RANK_TOLERANCE)[0]
+    return np.asarray(change - admissible @ change)
+
+
+def _constraint_rates(posture: Posture, projector: ConstraintProjector, velocity: Array) -> Array:
+    """Return the derivative of A v by q at a fixed velocity v, shape `(rows, nv)`."""
+    rows_q = np.zeros((len(projector.rows), posture.leg.nv))
     # Ones give the sign with which each end counts.
     for rows, load in constraint_loads(posture, np.ones(len(projector.rows))):
         by_q = _velocity_by_q(posture, load, _jacobian(posture, load), velocity)
         rows_q[rows] += load.wrench[0] * by_q[: rows.stop - rows.start]
-    change = np.linalg.lstsq(projector.rows, -rows_q, rcond=RANK_TOLERANCE)[0]
-    return np.asarray(change - admissible @ change)
+    return rows_q
 
 
 def _closed(posture: Posture) -> Array:

@@ -142,6 +142,17 @@ def joint_impulses(
     return space.forces.copy(), np.asarray(unbalanced)
 
 
+def axis_projectors(posture: Posture) -> Array:
+    """Return the projector of each joint's impulse on its degrees of freedom, `(njoints, 6, 6)`.
+
+    They are in the axes of the joint; the rest of the impulse is on its structure.
+    """
+    space = posture.leg.workspace
+    pin.forwardKinematics(space.model, space.data, posture.q)  # joint axes may depend on q
+    axes = (np.array(joint.S).reshape(6, -1) for joint in list(space.data.joints)[1:])
+    return np.array([columns @ np.linalg.pinv(columns) for columns in axes])
+
+
 def foot_wrench(posture: Posture, impulse: Array) -> tuple[float, ...]:
     """Return an impulse at the contact point, `(3,)` [N s], in the axes of its joint, `(6,)`."""
     linear = impulse.dot(posture.rotation_world_joint).tolist()

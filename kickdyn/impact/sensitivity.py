@@ -15,7 +15,10 @@ from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.impact.approach import Approach
 from kickdyn.impact.contact_problem import Solution
 from kickdyn.impact.leg_derivatives import (
+    LegDerivatives,
+    ResponseSlopes,
     constrained_inverse_inertia,
+    joint_impulse_derivatives,
     leg_derivatives,
     mass_derivatives,
 )
@@ -80,6 +83,8 @@ class Sensitivity(ReprMixin):
             [rad/s per unit of the source, world frame].
         v_after: derivatives of the joint velocity after the impact, k = nv
             [rad/s per unit of the source].
+        joint_impulses: derivatives of the impulses in the joints, as `Impact.joint_impulses`, of
+            shape `(njoints, 6, n)` [N s, N m s per unit of the source]; empty without `of_leg`.
         branch: `frictionless`, `stick` or `slip`.
         margin: distance to the other branch: in `stick`, the friction impulse that is left until
             the contact slips [N s]; in `slip`, the speed of sliding that remains [m/s]; inf without
@@ -93,6 +98,7 @@ class Sensitivity(ReprMixin):
     velocity: Jacobians
     spin: Jacobians
     v_after: Jacobians
+    joint_impulses: Jacobians
     branch: Branch
     margin: float
     margin_slope: Jacobians
@@ -104,6 +110,10 @@ class Sensitivity(ReprMixin):
         for source, rows in self.impulse.items():
             per = f"({UNITS[source]})" if "/" in UNITS[source] else UNITS[source]
             yield f"impulse by {source}, at most", float(np.linalg.norm(rows, 2)), f"N s per {per}"
+        for source, joints in self.joint_impulses.items():
+            per = f"({UNITS[source]})" if "/" in UNITS[source] else UNITS[source]
+            most = float(np.linalg.norm(joints[:, :3], 2, axis=(1, 2)).max())
+            yield f"joint impulse by {source}, at most", most, f"N s per {per}"
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # refused at the end
@@ -182,17 +192,38 @@ def sensitivity(
     branch, margin, slope, scale = _margin(
         approach, solution, fixed, impulse, sliding, tangent, columns
     )
-    if not all(np.isfinite(rows).all() for rows in (impulse, velocity, spin, v_after, slope)):
+    joints = np.zeros((0, 6, impulse.shape[1]))
+    if fixed.leg is not None:
+        leg_slopes = _response_slopes(fixed.leg, v_after, impulse, columns)
+        jump = response.v_after - approach.v
+        joints = joint_impulse_derivatives(posture, p, response, jump, leg_slopes)
+    results = (impulse, velocity, spin, v_after, slope, joints)
+    if not all(np.isfinite(rows).all() for rows in results):
         raise KickdynError("derivatives of this impact leave double precision: it is too fast")
 
     def named(rows: Array) -> Jacobians:
         rows.setflags(write=False)
-        return {name: rows[:, place] for name, place in columns.items()}
+        return {name: rows[..., place] for name, place in columns.items()}
 
     return Sensitivity(
         named(impulse), named(velocity), named(spin), named(v_after),
+        named(joints) if fixed.leg is not None else {},
         branch, margin, named(slope.reshape(1, -1)), at_boundary=margin <= AT_BOUNDARY * scale,
     )  # fmt: skip
+
+
+def _response_slopes(
+    leg: LegDerivatives, v_after: Array, impulse: Array, columns: Mapping[str, slice]
+) -> ResponseSlopes:
+    """Return the derivatives of the leg's velocity jump, of the impulse, of q and of masses."""
+    nv, width = v_after.shape
+    jump, q, masses = v_after.copy(), np.zeros((nv, width)), columns["link_mass"]
+    jump[:, columns["v"]] -= leg.admissible
+    jump[:, columns["q"]] -= leg.v_before_q
+    q[:, columns["q"]] = leg.closed
+    mass = np.zeros((masses.stop - masses.start, width))
+    mass[:, masses] = np.eye(len(mass))
+    return ResponseSlopes(jump, impulse, q, mass)
 
 
 def _columns(leg: Leg, names: Iterable[str]) -> dict[str, slice]:
@@ -219,6 +250,7 @@ class _FixedImpulse:
     normal: Array  # it stays a unit vector
     u_before: Array  # the relative velocities themselves [m/s]
     u_after: Array
+    leg: LegDerivatives | None  # without q, v and link_mass
 
 
 def _at_fixed_impulse(
@@ -252,7 +284,7 @@ def _at_fixed_impulse(
     before[:, columns["ball_radius"]] = (cross_n @ ball_before.spin)[:, None]
     before[:, columns["normal"]] = -r * pin.skew(ball_before.spin) @ projector
 
-    after = velocity + r * cross_n @ spin
+    after, leg = velocity + r * cross_n @ spin, None
     if "q" in columns:
         leg = leg_derivatives(posture, v_before, response.v_after, p, response.constraint_impulses)
         v_after[:, columns["v"]] = leg.admissible
@@ -269,7 +301,7 @@ def _at_fixed_impulse(
     u_before = ball_before.velocity - approach.foot_velocity + r * cross_n @ ball_before.spin
     foot_after = posture.point_velocity(response.v_after)
     u_after = ball_after.velocity - foot_after + r * cross_n @ ball_after.spin
-    return _FixedImpulse(velocity, spin, v_after, before, after, normal, u_before, u_after)
+    return _FixedImpulse(velocity, spin, v_after, before, after, normal, u_before, u_after, leg)
 
 
 def impulse_by_velocity(friction: float, delassus: Array, sliding: Array | None, p: Array) -> Array:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kickdyn.core import validation
-from kickdyn.core.representation import ROUNDING, Printed
+from kickdyn.core.representation import ROUNDING, Printed, ReadOnlyArrays
 from kickdyn.core.validation import Array, ArrayLike, read_only
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.sensitivity import UNITS, Branch, Sensitivity
@@ -36,6 +36,50 @@ COLUMNS = {
 """Results in the table, and their titles."""
 
 
+@dataclass(frozen=True, eq=False)
+class JointUncertainty(ReadOnlyArrays):
+    r"""Uncertainty of the impulse and of the load of one joint, as `Impact.joint_impulses` has it.
+
+    Attributes:
+        force: size of the linear impulse [N s].
+        force_deviation: its standard deviation [N s]. Peak forces of `joint_loads` have the same
+            relative deviation, at a contact time that is certain.
+        moment: size of the angular impulse [N m s].
+        moment_deviation: its standard deviation [N m s].
+        impulse: covariance of the impulse, linear then angular, shape `(6, 6)`
+            [N s, N m s, axes of the joint].
+        structure, axis: covariances of the two parts of `JointLoad`, each of shape `(6, 6)`.
+        by_source: for each source, the standard deviation of the size of the linear impulse if this
+            source were the only one [N s].
+    """
+
+    force: float
+    force_deviation: float
+    moment: float
+    moment_deviation: float
+    impulse: Array
+    structure: Array
+    axis: Array
+    by_source: Mapping[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Nominal:
+    """The results whose uncertainty is asked for, as `Impact` has them.
+
+    Attributes:
+        impulse: impulse on the ball, `(3,)` [N s].
+        velocity: velocity of the ball, `(3,)` [m/s].
+        joints: impulse in each joint by name, `(6,)` [N s, N m s].
+        projectors: by `axis_projectors`, `(njoints, 6, 6)`.
+    """
+
+    impulse: Array
+    velocity: Array
+    joints: Mapping[str, Array]
+    projectors: Array
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Uncertainty(Printed):
     r"""Covariances of an impact's results, and the contribution of each source to them.
@@ -53,6 +97,7 @@ class Uncertainty(Printed):
         speed: standard deviation of the speed of the ball after the impact [m/s]. This one and
             `impulse_size` leave out what only rotates the vector. For a ball brought to rest it is
             the root of the trace of its covariance.
+        joints: uncertainty of the impulse and load of each joint, by name.
         by_source: for each source, the covariance of every result if this source were the only one;
             those of `impulse_size` and `speed` are variances.
         branch: `frictionless`, `stick` or `slip`.
@@ -65,6 +110,7 @@ class Uncertainty(Printed):
     spin: Array
     impulse_size: float
     speed: float
+    joints: Mapping[str, JointUncertainty]
     by_source: Mapping[str, Mapping[str, Array]]
     branch: Branch
     branch_sigmas: float
@@ -74,14 +120,19 @@ class Uncertainty(Printed):
 
         Args:
             result: `impulse_size`, `speed`, or a vector, whose variance is the trace of its
-                covariance: `impulse`, `velocity` or `spin`.
+                covariance: `impulse`, `velocity` or `spin`; or the name of a joint, for the size of
+                its linear impulse.
 
         Raises:
             InvalidInput: another result.
         """
-        if not isinstance(result, str) or result not in UNIT_OF:
-            raise InvalidInput(f"result {result!r} is unknown: choose {', '.join(UNIT_OF)}")
-        variances = {name: np.trace(results[result]) for name, results in self.by_source.items()}
+        if isinstance(result, str) and result in self.joints:
+            variances = {name: x**2 for name, x in self.joints[result].by_source.items()}
+        elif isinstance(result, str) and result in UNIT_OF:
+            variances = {n: float(np.trace(of[result])) for n, of in self.by_source.items()}
+        else:
+            known = ", ".join((*UNIT_OF, *self.joints))
+            raise InvalidInput(f"result {result!r} is unknown: choose {known}")
         total = sum(variances.values())
         return {
             name: float(variance / total) if total else 0.0 for name, variance in variances.items()
@@ -112,6 +163,15 @@ class Uncertainty(Printed):
             lines.append(
                 f"the contact {verb}; {other} is {self.branch_sigmas:.2g} standard deviations away"
             )
+        width = max(map(len, self.joints))
+        lines += ["", f"{'joint':{width}}{'impulse N s':>14}{'+-':>9}{'moment N m s':>15}{'+-':>9}"]
+        for name, joint in self.joints.items():
+            least = ROUNDING * joint.force  # moments below are rounding
+            moments = (x if x > least else 0.0 for x in (joint.moment, joint.moment_deviation))
+            lines.append(
+                f"{name:{width}}{joint.force:14.4g}{joint.force_deviation:9.3g}"
+                "{:15.4g}{:9.3g}".format(*moments)
+            )
         return "\n".join(lines)
 
     def _deviation(self, result: str) -> float:
@@ -120,7 +180,7 @@ class Uncertainty(Printed):
 
 
 def uncertainty(
-    slopes: Sensitivity, impulse: Array, velocity: Array, spread: Mapping[str, ArrayLike]
+    slopes: Sensitivity, nominal: Nominal, spread: Mapping[str, ArrayLike]
 ) -> Uncertainty:
     """Propagate uncertainties of sources through an impact, as `Impact.uncertainty` says."""
     if not spread:
@@ -129,6 +189,8 @@ def uncertainty(
     if unknown:
         raise InvalidInput(f"source {unknown[0]!r} is unknown: choose among {', '.join(UNITS)}")
     by_source: dict[str, Mapping[str, Array]] = {}
+    joints_by_source: dict[str, Array] = {}
+    impulse, velocity = nominal.impulse, nominal.velocity
     margin_deviation = 0.0
     for name, value in spread.items():
         margin_slope = slopes.margin_slope[name]
@@ -143,6 +205,8 @@ def uncertainty(
         by_source[name] = {
             result: read_only(rows @ covariance @ rows.T) for result, rows in jacobians.items()
         }
+        joints = slopes.joint_impulses[name]
+        joints_by_source[name] = joints @ covariance @ joints.transpose(0, 2, 1)
         size = float(np.abs(margin_slope).max()) or 1.0  # its square may overflow
         unit = margin_slope / size
         variance = max(float((unit @ covariance @ unit.T)[0, 0]), 0.0)
@@ -154,9 +218,38 @@ def uncertainty(
     sigmas = slopes.margin / margin_deviation if margin_deviation > 0.0 else math.inf
     size, speed = (float(np.sqrt(np.trace(totals.pop(name)))) for name in ("impulse_size", "speed"))
     return Uncertainty(
-        **totals, impulse_size=size, speed=speed, by_source=by_source, branch=slopes.branch,
+        **totals, impulse_size=size, speed=speed, joints=_joints(nominal, joints_by_source),
+        by_source=by_source, branch=slopes.branch,
         branch_sigmas=0.0 if slopes.at_boundary else sigmas,
     )  # fmt: skip
+
+
+def _joints(nominal: Nominal, by_source: Mapping[str, Array]) -> dict[str, JointUncertainty]:
+    """Return the uncertainty of each joint from its covariances by source, `(njoints, 6, 6)`."""
+
+    def deviation(vector: Array, covariance: Array) -> float:
+        rows = _size_rows(vector)
+        return math.sqrt(max(float(np.trace(rows @ covariance @ rows.T)), 0.0))
+
+    answer = {}
+    for k, (name, impulse) in enumerate(nominal.joints.items()):
+        covariance = np.sum([of_source[k] for of_source in by_source.values()], axis=0)
+        axis = nominal.projectors[k]
+        structure = np.eye(6) - axis
+        answer[name] = JointUncertainty(
+            force=math.hypot(*impulse[:3]),
+            force_deviation=deviation(impulse[:3], covariance[:3, :3]),
+            moment=math.hypot(*impulse[3:]),
+            moment_deviation=deviation(impulse[3:], covariance[3:, 3:]),
+            impulse=read_only(covariance),
+            structure=read_only(structure @ covariance @ structure.T),
+            axis=read_only(axis @ covariance @ axis.T),
+            by_source={
+                source: deviation(impulse[:3], of_source[k, :3, :3])
+                for source, of_source in by_source.items()
+            },
+        )
+    return answer
 
 
 def _size_rows(vector: Array) -> Array:

@@ -34,10 +34,6 @@ COLLIDE_SAFETY = 20.0
 """Relative error of a launch by `collide` over the integrator's tolerance, at most; it was at most
 13 in 140 random kicks."""
 
-CREEP = 2e-3
-"""Velocity by which what sticks in a compliant contact creeps, relative to the launch's speed; the
-largest change of spin by that, times the radius, was half of this in some 140 random kicks."""
-
 VELOCITY_SAFETY, SPIN_SAFETY = 2.0, 8.0
 """Factors on the changes of the launch. In 140 random kicks the launch by `collide` differed by at
 most 0.8 of the estimate in velocity, and 0.7 in spin."""
@@ -210,9 +206,8 @@ def contact_time_error(scene: Scene, impact: Impact) -> LaunchError:
     spin = max(math.dist(moved.spin, launch.spin) for moved in launches)
     law_velocity = law_spin = 0.0
     if contact.friction > 0.0:
-        creep = CREEP * float(launch.speed)
-        law_velocity = math.dist(by_law.velocity, launch.velocity) + creep
-        law_spin = math.dist(by_law.spin, launch.spin) + creep / scene.ball.radius
+        law_velocity = math.dist(by_law.velocity, launch.velocity)
+        law_spin = math.dist(by_law.spin, launch.spin)
     fastest = max(float(launch.speed), math.hypot(*scene.incoming.velocity))
     error = LaunchError(
         VELOCITY_SAFETY * (velocity + law_velocity) + GRAVITY * time,

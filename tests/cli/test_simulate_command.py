@@ -2,13 +2,14 @@
 
 import json
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
 import kickdyn as kd
 from kickdyn.cli.simulate_command import simulate
 from kickdyn.core.files import finite, shipped
-from kickdyn.scene.launch_and_end import end_of
+from kickdyn.scene.launch_and_end import end_of, strike_scene
 
 
 def test_it_prints_the_error_budget():
@@ -51,6 +52,22 @@ NUMBERS = {
     "model_error": lambda answer: answer.model_error,
     "numerical_error": lambda answer: answer.numerical_error,
     "end_deviation": lambda answer: finite(answer.end_deviation),
+    "joint_impulses": lambda answer: (
+        answer.launch_spread
+        and {
+            name: {
+                "force": pytest.approx(
+                    np.linalg.norm(strike_scene(answer.scene).joint_impulses[k, :3])
+                ),
+                "force_deviation": joint.force_deviation,
+                "moment": pytest.approx(
+                    np.linalg.norm(strike_scene(answer.scene).joint_impulses[k, 3:])
+                ),
+                "moment_deviation": joint.moment_deviation,
+            }
+            for k, (name, joint) in enumerate(answer.launch_spread.joints.items())
+        }
+    ),
     "method": lambda answer: answer.method,
     "evaluations": lambda answer: answer.evaluations,
     "wall": lambda answer: (

@@ -651,3 +651,12 @@ def test_the_apex_is_not_after_the_end(air):
         assert path.height == path.landing.position[2] - start.position[2] > 1.0
         assert many.apex_time.values[0] == many.duration.values[0]
         assert many.height.values[0] == pytest.approx(path.height, rel=1e-8)
+
+
+@pytest.mark.parametrize("upward", [1e-12, 1e-17, 1e-20, 1e-40, 1e-100])
+def test_a_ball_on_the_ground_that_hardly_rises_lands_at_once(upward):
+    start = kd.BallState((0, 0, 0), (5, 1, upward), (0, 40, 0))
+    for air in (None, kd.Air(), kd.Air(drag="brazuca", wind=(1, 2, 0))):
+        flight = kd.fly(start, kd.Ball(), air)
+        assert flight.status == "landed"
+        assert flight.duration == pytest.approx(2.04 * upward / 10, rel=0.1)

@@ -184,6 +184,7 @@ def test_friction_of_a_ball_that_grips_is_a_lower_bound(friction):
         bound = found.friction
         if bound.is_lower_bound:
             assert 0.2 < bound.median < friction + 0.03
+            assert bound.samples == found.restitution.samples > 1
             assert f"friction: at least {bound.median - 2 * bound.deviation:.2g} (of" in str(found)
             assert "friction may be higher" in found.warnings[0]
         else:
@@ -319,3 +320,18 @@ def test_rolling_for_less_than_half_a_second_gives_no_deceleration(duration, kno
     found = kd.segments(kd.Track(times, path.sample(times).position + noise), BALL, GROUND)
     assert {part.kind for part in found.parts} == {SegmentKind.ROLLING}
     assert (found.rolling_deceleration is not None) is known
+
+
+@pytest.mark.parametrize(("speed", "kind"), [(0.1, SegmentKind.REST), (1.5, SegmentKind.ROLLING)])
+@pytest.mark.parametrize("below", [0.0, 0.1, 0.4])
+def test_a_ball_on_the_ground_rests_or_rolls(speed, kind, below):
+    """A tracker may be off by less than 0.25 m, or the ball is under the ground."""
+    times = np.arange(0.0, 1.5, 0.01)
+    height = np.full(times.size, BALL.radius - below - 0.11)
+    places = np.column_stack([speed * times, 0.0 * times, height])
+    track = kd.Track(times, places + np.random.default_rng(1).normal(0, 1e-4, places.shape))
+    if below > 0.25:
+        with pytest.raises(kd.InvalidInput, match="under the ground"):
+            kd.segments(track, BALL, GROUND)
+    else:
+        assert {part.kind for part in kd.segments(track, BALL, GROUND).parts} == {kind}

@@ -45,6 +45,28 @@ def test_monte_carlo(friction):
     assert ours.speed == pytest.approx(speeds, rel=0.04)
     sizes = np.std([np.linalg.norm(hit.impulse) for hit in hits])
     assert ours.impulse_size == pytest.approx(sizes, rel=0.04)
+    loads = [kd.joint_loads(hit, contact_time=0.01) for hit in hits]
+    for k, (name, joint) in enumerate(ours.joints.items()):
+        drawn = np.array([hit.joint_impulses[k] for hit in hits])
+        nominal = kick(friction=friction).joint_impulses[k]
+        assert joint.force == pytest.approx(np.linalg.norm(nominal[:3]))
+        assert joint.moment == pytest.approx(np.linalg.norm(nominal[3:]))
+        for deviation, part in (
+            (joint.force_deviation, drawn[:, :3]),
+            (joint.moment_deviation, drawn[:, 3:]),
+        ):
+            assert deviation == pytest.approx(np.std(np.linalg.norm(part, axis=1)), rel=0.03)
+        for covariance, part in (
+            (joint.impulse, drawn),
+            (joint.structure, [load[name].structure for load in loads]),
+            (joint.axis, [load[name].axis for load in loads]),
+        ):
+            expected = np.cov(np.array(part).T)
+            scale = np.trace(expected) + 1e-24
+            assert np.abs(covariance - expected).max() <= 0.06 * scale
+        peaks = np.array([load[name].peak_force for load in loads])
+        relative = joint.force_deviation / joint.force
+        assert np.std(peaks) / np.mean(peaks) == pytest.approx(relative, rel=0.03)
 
 
 def test_a_moving_ball_has_an_impulse_of_another_direction():
@@ -105,6 +127,14 @@ def test_parts_add_up():
         shares = ours.share(result)
         assert list(shares) == list(spread)
         assert sum(shares.values()) == pytest.approx(1.0)
+    for name, joint in ours.joints.items():
+        assert np.hypot.reduce(list(joint.by_source.values())) == pytest.approx(
+            joint.force_deviation, rel=1e-12
+        )
+        assert sum(ours.share(name).values()) == pytest.approx(1.0)
+        for source, deviation in joint.by_source.items():
+            alone = hit.uncertainty(**{source: spread[source]}).joints[name]
+            assert alone.force_deviation == pytest.approx(deviation, rel=1e-12)
 
 
 def test_a_deviation_is_a_diagonal_covariance():
@@ -153,7 +183,12 @@ def test_the_table():
     )
     assert lines[5].startswith("standard deviations; for vectors: root of the trace")
     assert lines[6].startswith("the contact slips; sticking is")
-    assert lines[-1].endswith("standard deviations away")
+    assert lines[8].split() == ["joint", "impulse", "N", "s", "+-", "moment", "N", "m", "s", "+-"]
+    for line, (name, joint) in zip(lines[9:], ours.joints.items(), strict=True):
+        shown = [joint.force, joint.force_deviation, joint.moment, joint.moment_deviation]
+        assert line.split()[0] == name
+        assert [float(cell) for cell in line.split()[1:]] == pytest.approx(shown, rel=5e-3)
+    assert lines[6].endswith("standard deviations away")
     assert max(map(len, lines)) <= 80
     assert "away" not in str(kick().uncertainty(q=0.01))
 
@@ -166,7 +201,7 @@ def test_the_rows_of_the_table_are_the_deviations_by_each_source():
         deviations = [math.sqrt(np.trace(ours.by_source[source][result])) for result in results]
         assert cells[::2] == [f"{deviation:.3g}" for deviation in deviations]
         assert cells[1::2] == [f"{ours.share(result)[source]:.1%}" for result in results]
-    assert f"is {ours.branch_sigmas:.2g} standard deviations" in str(ours).splitlines()[-1]
+    assert f"is {ours.branch_sigmas:.2g} standard deviations" in str(ours).splitlines()[7]
 
 
 def test_what_only_turns_a_vector_is_not_of_its_size():

@@ -8,7 +8,7 @@ import pytest
 
 import kickdyn as kd
 from kickdyn.core.mechanics import GRAVITY
-from kickdyn.paper import fig_1, fig_8, fig_9, fig_10, fig_15, reproduce, tables_4_5
+from kickdyn.paper import fig_1, fig_8, fig_9, fig_10, fig_15, reproduce, table_2, tables_4_5
 from kickdyn.paper.assumptions import ALTERNATIVES, BALL, DEFAULT, LIFT_WITHOUT_CRISIS, direction
 from kickdyn.paper.item import MEANINGS, MEASURED, Item, Verdict, judged, near
 from kickdyn.paper.reproduce import COLOURS, SECTIONS, chosen, show
@@ -428,3 +428,16 @@ def test_self_motion_changes_the_impulse_by_the_ratio_of_its_items():
         for item in (largest, smallest):
             assert f"changes by a factor of {ratio:.2f}" in item.why
             assert (item.verdict == "shape-reproduced") == (ratio > 1.05)
+
+
+@pytest.mark.parametrize("choice", [DEFAULT, *ALTERNATIVES], ids=lambda choice: choice.name)
+@pytest.mark.parametrize("figure", [fig_8, fig_9], ids=["fig. 8", "fig. 9"])
+def test_items_name_the_coefficients_they_are_computed_with(figure, choice):
+    assert all(f", {choice.name}" in item.source for item in figure.varying(choice))
+
+
+def test_the_source_of_table_2_names_the_angles_of_its_postures(items):
+    for name, posture in table_2.postures().items():
+        angles = posture.leg.angles_deg(posture.q)
+        words = f"hip {angles['hip']:g} and knee {angles['knee']:g} deg"
+        assert items[f"Table 2 {name}"].source.endswith(words)

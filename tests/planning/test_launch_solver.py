@@ -1,9 +1,11 @@
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
 import kickdyn as kd
-from kickdyn.planning.launch_solver import ShootingProblem, apex, crossing, lowest
+from kickdyn.planning.launch_solver import ShootingProblem, apex, crossing, distinct, lowest
 
 SPIN = np.array([5.0, -30.0, 20.0])
 VELOCITY = np.array([18.0, 2.0, 9.0])
@@ -69,3 +71,12 @@ def test_a_flight_that_fails_is_none():
         raise ArithmeticError("no coefficient")
 
     assert ShootingProblem(kd.Ball(), kd.Air(drag=broken), SPIN).shoot(VELOCITY, 1.1) is None
+
+
+def test_solutions_are_distinct_and_in_the_order_of_time():
+    def solution(time, speed):
+        return SimpleNamespace(unknowns=np.array([speed, 0.0, 1.0, time]), time=time)
+
+    problem = SimpleNamespace(sizes=lambda unknowns: np.ones(4))
+    late, early, again = solution(2.0, 20.0), solution(1.0, 10.0), solution(2.0 + 1e-9, 20.0)
+    assert distinct([late, early, again], problem) == [early, late]

@@ -2,13 +2,21 @@ import json
 import math
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
 import kickdyn as kd
-from kickdyn.planning.plan_report import PlanReport, _limit_use, describe_passage, score, verdict
+from kickdyn.planning.plan_report import (
+    PlanReport,
+    _describe_stance,
+    _limit_use,
+    describe_passage,
+    score,
+    verdict,
+)
 from kickdyn.scene.pitch import Wall, read_wall
 
 LEG, BALL, AIR = kd.Leg.human(), kd.Ball(), kd.Air()
@@ -366,3 +374,21 @@ def test_every_number_of_the_json_is_that_of_the_plan(plan):
             assert shown == pytest.approx(value, abs=2e-6), key
     angles = leg.joint_values(plan.q)
     assert report["leg"]["q_deg"] == pytest.approx({k: math.degrees(x) for k, x in angles.items()})
+
+
+@pytest.mark.parametrize(
+    ("state", "says"),
+    [
+        ("stands", " stands, which needs a coefficient of friction of 0.25 or more."),
+        ("turns", " turns about the vertical: friction cannot supply the moment that keeps it at "
+                  "rest."),
+        ("slips", " slips."),
+        ("lifts-off", " lifts off."),
+    ],
+)  # fmt: skip
+def test_each_state_of_a_support_has_its_sentence(state, says):
+    impulse = np.array([3.0, 4.0, 20.0, 0.0, 0.0, 0.0])
+    impact = SimpleNamespace(footing={"sole": state}, support_impulses={"sole": impulse})
+    line = _describe_stance("sole", SimpleNamespace(impact=impact, balance=0.0123))
+    assert "its centre of mass 12.3 mm inside the edge of the sole" in line
+    assert line.endswith(f"In the impact this foot{says}")

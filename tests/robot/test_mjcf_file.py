@@ -313,3 +313,16 @@ def test_joints_that_no_actuator_drives(tmp_path, actuators, passive):
         f"{tendon}<actuator>{actuators}</actuator></mujoco>"
     )
     assert kd.Leg.from_mjcf(file, "b").file.passive_joints == passive
+
+
+@pytest.mark.parametrize("key", ["mujoco model", "body name"])
+def test_a_name_that_does_not_print_is_refused(tmp_path, key):
+    name = {key: "a&#10;b"}
+    text = (
+        f'<mujoco model="{name.get("mujoco model", "leg")}"><worldbody>'
+        f'<body name="{name.get("body name", "foot")}"><joint/><geom size="0.1"/></body>'
+        "</worldbody></mujoco>"
+    )
+    (tmp_path / "leg.xml").write_text(text)
+    with pytest.raises(kd.MjcfError, match=key):
+        kd.Leg.from_mjcf(tmp_path / "leg.xml", "foot")

@@ -330,7 +330,9 @@ def test_a_setting_of_the_compiler(tmp_path, more, times):
     ],
 )
 def test_inertia_of_a_body(tmp_path, inside, expected):
-    assert moment(arm(tmp_path, ARM.format(inside))) == pytest.approx(expected, rel=1e-12)
+    # of `fullinertia`, MuJoCo 3.3 finds the principal axes to single precision
+    digits = 1e-7 if "fullinertia" in inside else 1e-12
+    assert moment(arm(tmp_path, ARM.format(inside))) == pytest.approx(expected, rel=digits)
 
 
 @pytest.mark.parametrize(

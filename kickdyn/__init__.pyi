@@ -21,6 +21,10 @@ from .flight.follow import follow as follow
 from .flight.follow_many import follow_many as follow_many
 from .ground import Ground as Ground
 from .ground import Surface as Surface
+from .identification.body_track import BodyTrack as BodyTrack
+from .identification.fit_motion import ContactMotion as ContactMotion
+from .identification.fit_motion import LegMotion as LegMotion
+from .identification.fit_motion import fit_motion as fit_motion
 from .identification.identification_result import Identification as Identification
 from .identification.identify import identify as identify
 from .identification.infer_impact import InferredImpact as InferredImpact

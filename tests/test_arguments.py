@@ -80,6 +80,12 @@ INSTANCES = {
         ),
     ),
     "Uncertainty": IMPACT.uncertainty(q=0.1),
+    "LegMotion": kd.fit_motion(
+        kd.BodyTrack(np.arange(10) / 100, angles=dict.fromkeys(LEG.joint_names, np.arange(10.0))),
+        LEG,
+        angles={name: name for name in LEG.joint_names},
+        contact=0.1,
+    ),
     "Learner": kd.Learner(GOAL, BALL, AIR),
     "MujocoTuning": kd.tune_mujoco(POSTURE, V, BALL, CONTACT, contact_time=0.01, timestep=0.004),
     "RestitutionFit": kd.fit_restitution(INFERRED, knots=1),
@@ -90,7 +96,9 @@ RESULTS = {
     *("Collision", "Course", "Flight", "Identification", "Impact", "InferredImpact", "JointLoad"),
     *("Impacts", "Simulations"),
     *(
+        "ContactMotion",
         "KickPlan",
+        "LegMotion",
         "Launch",
         "LandingSlopes",
         "Meeting",

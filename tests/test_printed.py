@@ -207,6 +207,13 @@ def of_sensitivity(slopes, branch, unit):
             f"impulse by {name}, at most": (largest[name], f"N s per {per}")
             for name, per in SOURCES.items()
         },
+        **{
+            f"joint impulse by {name}, at most": (
+                max(np.linalg.svd(rows[:3], compute_uv=False)[0] for rows in joints),
+                f"N s per {SOURCES[name]}",
+            )
+            for name, joints in slopes.joint_impulses.items()
+        },
     }
 
 
@@ -385,6 +392,27 @@ def of_inferred(found):
     return rows
 
 
+def of_body(track):
+    return {
+        "frames": (10, ""),
+        "duration": (0.09, "s"),
+        "markers": ("a, b", ""),
+        "angles": (", ".join(track.angles), ""),
+        "gaps of b": (2, "frames"),
+    }
+
+
+def of_leg_motion(_):
+    return {"frames": (9, ""), "duration": (0.08, "s"), "frames left out": (1, "")}
+
+
+def of_contact_motion(at):
+    rows = {"foot velocity": (at.foot_velocity, "m/s")}
+    for k, name in enumerate(LEG.joint_names):
+        rows[f"speed of {name}"] = plus_minus(at.v[k], at.v_deviations[k]), "rad/s"
+    return rows
+
+
 def of_restitution_fit(fit):
     return {
         "at 8 m/s": ("0.7 +- 0.02", ""),
@@ -515,6 +543,19 @@ def inferred():
     return kd.infer_impact(POSTURE, V, BALL, before, after)
 
 
+def body():
+    points = np.zeros((10, 2, 3))
+    points[3:5, 1] = np.nan
+    angles = {name: np.arange(10.0) / 50 for name in LEG.joint_names}
+    angles["hip"][9] = np.nan
+    return kd.BodyTrack(np.arange(10) / 100, ["a", "b"], points, angles=angles)
+
+
+def leg_motion():
+    names = dict(zip(LEG.joint_names, LEG.joint_names, strict=True))
+    return kd.fit_motion(body(), LEG, angles=names, contact=0.09)
+
+
 def scene(**more):
     return kd.Scene(
         POSTURE, V, BALL, CONTACT, air=AIR, ground=kd.Ground(-2.0), name="a kick",
@@ -560,6 +601,9 @@ SHOWN = {
     "track": (lambda: measured(uneven=0.1), of_track),
     "identification": (identified, of_identification),
     "inferred": (inferred, of_inferred),
+    "body": (body, of_body),
+    "leg motion": (leg_motion, of_leg_motion),
+    "contact motion": (lambda: leg_motion().at_contact(), of_contact_motion),
     "restitution": (
         lambda: RestitutionFit(np.array([[8, 0.7], [16.5, 0.61]]), np.array([0.02, 0.034]), 0.05),
         of_restitution_fit,

@@ -15,16 +15,20 @@ The part of L along p cannot come from one point: it is the residual.
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+import pinocchio as pin
+from scipy.linalg import block_diag
 
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput, NoImpact
+from kickdyn.identification.fit_motion import LegMotion
+from kickdyn.identification.track import LEAST_SAMPLES, Track
 from kickdyn.impact.leg_response import LegResponse, leg_response
 from kickdyn.robot.leg import Posture
 
@@ -54,6 +58,9 @@ class InferredImpact(ReprMixin):
             impulse at one point explains, relative to radius times impulse; 0 or more.
         deviations: standard deviations of `restitution`, `friction`, `normal` (an angle [rad]) and
             `residual`, propagated from the measured velocities; empty without deviations of these.
+        joint_deviations: standard deviations of the size of the linear impulse in each joint, by
+            name [N s]; empty without deviations.
+        notes: what the measurement leaves open.
     """
 
     posture: Posture
@@ -65,6 +72,8 @@ class InferredImpact(ReprMixin):
     normal: Array
     residual: float
     deviations: dict[str, float]
+    joint_deviations: dict[str, float] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
     @cached_property
     def _leg_response(self) -> LegResponse:
@@ -79,6 +88,11 @@ class InferredImpact(ReprMixin):
     def v_after(self) -> Array:
         """Joint velocity just after, shape `(nv,)` [rad/s; m/s for prismatic joints]."""
         return self._leg_response.v_after
+
+    @property
+    def effective_mass(self) -> float:
+        """Effective mass of the leg along the normal [kg]."""
+        return self.posture.effective_mass(self.normal)
 
     @property
     def contact_point(self) -> Array:
@@ -111,7 +125,7 @@ class InferredImpact(ReprMixin):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Lines about what to know before using the numbers; empty if there is nothing."""
-        lines = []
+        lines = list(self.notes)
         deviation = self.deviations.get("residual", 0.0)
         if self.residual > (3.0 * deviation or LARGEST_RESIDUAL):
             spread = f" +- {100 * deviation:.2g}" if deviation else ""
@@ -149,20 +163,24 @@ class InferredImpact(ReprMixin):
         sizes = np.linalg.norm(self.joint_impulses[:, :3], axis=1)
         worst = int(np.argmax(sizes))
         yield f"worst joint, {self.posture.leg.joint_names[worst]}", float(sizes[worst]), "N s"
+        for name, deviation in self.joint_deviations.items():
+            size = float(sizes[self.posture.leg.joint_names.index(name)])
+            yield f"impulse in {name}", f"{size:.4g} +- {deviation:.2g}", "N s"
         yield from warned(self.warnings)
 
 
 @validation.check_arguments
 def infer_impact(
-    posture: Posture,
-    v: ArrayLike,
-    ball: Ball,
-    ball_before: BallState,
-    ball_after: BallState,
+    posture: Posture | LegMotion,
+    v: ArrayLike | Track,
+    ball: Ball | None = None,
+    ball_before: BallState | None = None,
+    ball_after: BallState | None = None,
     *,
     velocity_deviation: ArrayLike = 0.0,
     spin_deviation: ArrayLike = 0.0,
     joint_deviation: ArrayLike = 0.0,
+    contact: float | None = None,
 ) -> InferredImpact:
     r"""Return the impulse of a kick, and the contact that explains it, from the ball's motion.
 
@@ -172,10 +190,17 @@ def infer_impact(
     contact point of the posture. Deviations are carried through by differences of one standard
     deviation, all components independent.
 
+    `infer_impact(motion, track)` takes posture, joint velocity and their covariance from the motion
+    of the leg just before the contact, and the velocities of the ball from quadratics through its
+    positions before and after. Positions do not show the spin: the impulse is then taken to act
+    through the centre of the ball, and the friction remains open, as a warning says.
+
     Args:
-        posture: posture of the leg in the impact; its contact point touched the ball.
-        v: joint velocity just before, shape `(nv,)` [rad/s; m/s for prismatic joints].
-        ball: the ball; its mass, radius and inertia count.
+        posture: posture of the leg in the impact, whose contact point touched the ball; or the
+            motion of the leg, by `fit_motion`.
+        v: joint velocity just before, shape `(nv,)` [rad/s; m/s for prismatic joints]; with a
+            motion, the `Track` of the ball, on the same clock and in the same frame.
+        ball: the ball; its mass, radius and inertia count. With a motion, None is a ball of size 5.
         ball_before: measured state just before; its position is the centre of the ball
             [m, world frame].
         ball_after: measured state just after.
@@ -185,41 +210,114 @@ def infer_impact(
             `(2,)`, before and after.
         joint_deviation: standard deviation of the joint velocity, a number or shape `(nv,)`
             [rad/s; m/s].
+        contact: with a motion, the time of the contact [s]; None is that of the motion.
 
     Raises:
         NoImpact: the ball's velocity did not change, or foot and ball do not approach each other.
         InvalidInput: a change of spin that is too large for the impulse, or a wrong argument.
     """
-    ball.check_movable("an inferred impact")
-    if not math.isfinite(ball.inertia):
-        raise InvalidInput(
-            "inertia factor is inf: the normal follows from how the ball turns, which needs a "
-            "finite inertia"
-        )
+    if isinstance(posture, LegMotion):
+        return _infer_from_motion(posture, v, ball or Ball(), contact)
+    if ball is None or ball_before is None or ball_after is None:
+        raise InvalidInput("ball, ball_before and ball_after are needed with a posture")
+    _check_ball(ball)
     for name, state in (("ball_before", ball_before), ("ball_after", ball_after)):
         if state.position.shape != (3,):
             raise InvalidInput(
                 f"position of {name} has shape {state.position.shape}: it must be one state, (3,)"
             )
     count = posture.leg.nv
-    speed = validation.vector("v", v, count, unit="rad/s or m/s")
+    speed = validation.vector("v", v, count, unit="rad/s or m/s")  # type: ignore[arg-type]
     posture.check_velocity(speed)
     noise = np.concatenate(
         [
             np.repeat(_deviations("velocity deviation", velocity_deviation, 2), 3),
             np.repeat(_deviations("spin deviation", spin_deviation, 2), 3),
+            np.zeros(count),
             _deviations("joint deviation", joint_deviation, count),
         ]
     )
+    steps = np.diag(noise)[noise > 0.0]
+    return _with_deviations(posture, speed, ball, (ball_before, ball_after), steps)
+
+
+CONTACT_TIME = 0.015
+"""Time after the beginning of a contact at which the ball flies [s]."""
+
+BALL_WINDOW = 0.1
+"""Time before and after the contact in which quadratics follow the ball [s]."""
+
+
+def _infer_from_motion(
+    motion: LegMotion, track: object, ball: Ball, contact: float | None
+) -> InferredImpact:
+    """Return the impact of a motion and the track of a ball."""
+    validation.check_type(Track, v=track)
+    assert isinstance(track, Track)
+    _check_ball(ball)
+    leg = motion.at_contact(contact)
+    moment = motion.contact if contact is None else contact
+    assert moment is not None
+    states, blocks = [], []
+    for name, begin, end in (
+        ("before", moment - BALL_WINDOW, moment),
+        ("after", moment + CONTACT_TIME, moment + CONTACT_TIME + BALL_WINDOW),
+    ):
+        chosen = (track.times >= begin) & (track.times <= end)
+        if chosen.sum() < LEAST_SAMPLES:
+            raise InvalidInput(
+                f"track of the ball has {int(chosen.sum())} samples {name} the contact, from "
+                f"{begin:.4g} to {end:.4g} s: at least {LEAST_SAMPLES} are needed"
+            )
+        rows = np.vander(track.times[chosen] - moment, 3, increasing=True)
+        fitted, *_ = np.linalg.lstsq(rows, track.positions[chosen], rcond=None)
+        missed = track.positions[chosen] - rows @ fitted
+        variance = (missed**2).sum(axis=0) / max(len(rows) - 3, 1)
+        states.append(BallState(fitted[0], fitted[1]))
+        blocks.append(np.sqrt(variance * np.linalg.inv(rows.T @ rows)[1, 1]))
+    values, vectors = np.linalg.eigh(leg.covariance)
+    of_leg = (vectors * np.sqrt(np.maximum(values, 0.0))).T
+    steps = block_diag(np.diag(np.concatenate(blocks)), np.zeros((0, 6)), of_leg)
+    impact = _with_deviations(leg.posture, leg.v, ball, (states[0], states[1]), steps)
+    note = (
+        "the track does not show the spin of the ball: the impulse is taken to act through its "
+        "centre, so that the normal is the impulse's direction and the friction remains open"
+    )
+    return replace(impact, notes=(note,))
+
+
+def _check_ball(ball: Ball) -> None:
+    """Raise `InvalidInput` for a ball whose motion does not show the impulse."""
+    ball.check_movable("an inferred impact")
+    if not math.isfinite(ball.inertia):
+        raise InvalidInput(
+            "inertia factor is inf: the normal follows from how the ball turns, which needs a "
+            "finite inertia"
+        )
+
+
+def _with_deviations(
+    posture: Posture, v: Array, ball: Ball, states: tuple[BallState, BallState], steps: Array
+) -> InferredImpact:
+    """Return the impact of measured velocities, with deviations.
+
+    Each row of `steps` is an independent change of one standard deviation: of the velocities of the
+    ball before and after, of its spins, of q in its tangent space, and of v.
+    """
+    leg, (ball_before, ball_after) = posture.leg, states
     velocities = [ball_before.velocity, ball_after.velocity, ball_before.spin, ball_after.spin]
-    measured = np.concatenate([*velocities, speed])
+    measured = np.concatenate([*velocities, np.zeros(leg.nv), v])
 
     def inferred_from(values: Array) -> tuple[InferredImpact, float]:
         before, after = (
             BallState(state.position, values[i : i + 3], values[i + 6 : i + 9])
             for i, state in ((0, ball_before), (3, ball_after))
         )
-        return _inferred(posture, ball, before, after, values[12:])
+        turn, moved = values[12 : 12 + leg.nv], posture
+        if turn.any():
+            q = pin.integrate(leg.workspace.model, posture.q, turn)
+            moved = leg.posture(q).with_contact_offset(posture.contact_offset)
+        return _inferred(moved, ball, before, after, values[12 + leg.nv :])
 
     inferred, _ = inferred_from(measured)
     if inferred.approach_speed <= 0.0:
@@ -228,23 +326,27 @@ def infer_impact(
             f"{inferred.normal.round(4).tolist()} of this impulse: before an impact they approach "
             "each other"
         )
-    if not noise.any():
+    if not len(steps):
         return inferred
 
     def values(change: Array) -> Array:
         impact, twist = inferred_from(measured + change)
-        return np.array([impact.restitution, impact.friction, twist, *impact.normal])
+        joints = np.linalg.norm(impact.joint_impulses[:, :3], axis=1)
+        numbers = [impact.restitution, impact.friction, twist, *impact.normal]
+        return np.array([*numbers, impact.effective_mass, *joints])
 
-    steps = np.diag(noise)[noise > 0.0]
     changes = np.array([0.5 * (values(step) - values(-step)) for step in steps])
-    restitution, friction, residual, *normal = np.linalg.norm(changes, axis=0).tolist()
+    spreads = np.linalg.norm(changes, axis=0).tolist()
+    restitution, friction, residual, *others = spreads
     deviations = {
         "restitution": restitution,
         "friction": friction,
-        "normal": math.hypot(*normal),
+        "normal": math.hypot(*others[:3]),
         "residual": residual,
+        "effective_mass": others[3],
     }
-    return replace(inferred, deviations=deviations)
+    joints = dict(zip(leg.joint_names, others[4:], strict=True))
+    return replace(inferred, deviations=deviations, joint_deviations=joints)
 
 
 def _inferred(

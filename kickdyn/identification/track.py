@@ -221,12 +221,7 @@ class Track(ValueEquality, ReprMixin):
             InvalidInput: the package ezc3d is not installed.
         """
         source = str(file)
-        if find_spec("ezc3d") is None:
-            raise InvalidInput(
-                'C3D files need the package ezc3d: install it with pip install "kickdyn[c3d]"'
-            )
-        check_file(file, source, LARGEST_FILE, FaultyFile)
-        labels, unit, rate, first, data = _c3d_content(file, source)
+        labels, scale, rate, first, data = c3d_content(file)
         if marker is None and len(labels) == 1:
             marker = labels[0]
         if marker not in labels:
@@ -234,17 +229,32 @@ class Track(ValueEquality, ReprMixin):
             raise FaultyFile(
                 source, [f"it has {asked}: its markers are {validation.brief(labels)}"]
             )
-        if unit.lower() not in METRES or not rate > 0.0:
-            fault = (
-                f"its unit is {unit!r} and its rate {rate:g} Hz: the unit must be one of "
-                f"{', '.join(METRES)}, the rate above 0"
-            )
-            raise FaultyFile(source, [fault])
-        path = METRES[unit.lower()] * data[labels.index(marker)]
+        path = scale * data[labels.index(marker)]
         seen = np.isfinite(path).all(axis=1)
         if not seen.any():
             raise FaultyFile(source, [f"the marker {marker!r} is seen in no frame"])
         return cls((first + np.flatnonzero(seen)) / rate, path[seen])
+
+
+def c3d_content(file: str | PathLike[str]) -> tuple[list[str], float, float, int, Array]:
+    """Return labels, unit [m], rate [Hz], first frame and positions `(markers, n, 3)` of a C3D.
+
+    Raises `FaultyFile`, or `InvalidInput` where ezc3d is not installed.
+    """
+    source = str(file)
+    if find_spec("ezc3d") is None:
+        raise InvalidInput(
+            'C3D files need the package ezc3d: install it with pip install "kickdyn[c3d]"'
+        )
+    check_file(file, source, LARGEST_FILE, FaultyFile)
+    labels, unit, rate, first, data = _c3d_content(file, source)
+    if unit.lower() not in METRES or not rate > 0.0:
+        fault = (
+            f"its unit is {unit!r} and its rate {rate:g} Hz: the unit must be one of "
+            f"{', '.join(METRES)}, the rate above 0"
+        )
+        raise FaultyFile(source, [fault])
+    return labels, METRES[unit.lower()], rate, first, data
 
 
 def _c3d_content(

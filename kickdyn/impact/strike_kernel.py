@@ -162,7 +162,8 @@ def _strike(tree, frames, task, given, motion, lanes, bodies, inertia, state, an
     """Fill in the answers of strikes, `BATCH` at a time.
 
     `motion` has cosine, sine (a slide and 0) and velocity of every joint, `given` the fields of
-    `LANE` that are, in their order. `lanes`, `bodies`, `inertia` and `state` are memory to work in.
+    `LANE` that are, in their order, of one batch where all strikes share them. `lanes`, `bodies`,
+    `inertia` and `state` are memory to work in.
     """
     task, floats, lane_floats = task[0], state[0], lanes[0]
     bodies, inertia, state = batches(bodies), batches(inertia), batches(state)[0]
@@ -174,14 +175,15 @@ def _strike(tree, frames, task, given, motion, lanes, bodies, inertia, state, an
     )
     n = len(tree)
     for c in range(answer.shape[1]):
+        g = c if given.shape[1] > 1 else 0
         for k in range(1, n):
             bodies[k].cosine, bodies[k].sine = motion[3 * k - 3, c], motion[3 * k - 2, c]
         for r in range(9):
-            lanes.axes[r] = given[r, c]
+            lanes.axes[r] = given[r, g]
         for r in range(3):
-            lanes.lever[r], lanes.ball[r] = given[9 + r, c], given[12 + r, c]
-        lanes.restitution, lanes.friction = given[15, c], given[16, c]
-        lanes.tangent_mobility, lanes.normal_mobility = given[17, c], given[18, c]
+            lanes.lever[r], lanes.ball[r] = given[9 + r, g], given[12 + r, g]
+        lanes.restitution, lanes.friction = given[15, g], given[16, g]
+        lanes.tangent_mobility, lanes.normal_mobility = given[17, g], given[18, g]
         state.doubt = 0.0
         place_bodies(tree, bodies)
         joint_space_inertia(tree, bodies, inertia)

@@ -208,7 +208,7 @@ class _Given:
     def strike(self, q: Array, v: Array) -> Impacts:
         """Return the impacts at configurations and joint velocities."""
         n, leg = len(q), self.leg
-        if self._kernel is None:
+        if self._kernel is None or n == 0:
             impacts, doubtful = _empty(n, leg), np.ones(n, bool)
         else:
             impacts, doubtful = self._kernel.strike(q, v)
@@ -302,11 +302,16 @@ class _Kernel:
         n, given = len(q), self._given
         batches = -(-n // BATCH)
         padded = batches * BATCH
-        table = np.empty((19, padded))
-        table[:, :n] = self._table
-        turning = np.cross(given.spin, given.normal) * given.radius[:, None]
-        table[12:15, :n] = (given.velocity - turning).T
-        table[:, n:] = table[:, n - 1 : n]
+        shared = self._table.shape[1] == 1 and not any(self._varies)
+        shared = shared and not (
+            np.ptp(given.velocity, axis=0).any() or np.ptp(given.spin, axis=0).any()
+        )
+        m, width = (1, BATCH) if shared else (n, padded)
+        table = np.empty((19, width))
+        table[:, :m] = self._table
+        turning = np.cross(given.spin[:m], given.normal) * given.radius[:, None]
+        table[12:15, :m] = (given.velocity[:m] - turning).T
+        table[:, m:] = table[:, m - 1 : m]
         motion = np.zeros((3 * given.leg.nv, padded))
         for k in range(given.leg.nv):
             angle = self._senses[k + 1] * q[:, k]
@@ -333,7 +338,7 @@ class _Kernel:
         answer = np.empty((rows, batches, BATCH))
         bodies = aligned_zeros((count,), BODY)
         self._code(
-            self._tree, self._frames, self._task, table.reshape(19, batches, BATCH),
+            self._tree, self._frames, self._task, table.reshape(19, -1, BATCH),
             motion.reshape(-1, batches, BATCH), aligned_zeros((1,), LANE), bodies,
             aligned_zeros((count, count, BATCH)), aligned_zeros((1,), STATE), answer,
         )  # fmt: skip
@@ -365,7 +370,8 @@ class _Kernel:
         inverse = self._table[18][:, None]
         turning = (self._table[17] - self._table[18])[:, None] / radius
         velocity = given.velocity + impulse * inverse
-        spin = given.spin - turning * np.cross(normal, impulse)
+        (x, y, z), (a, b, c) = normal.T, impulse.T
+        spin = given.spin - turning * np.column_stack([y * c - z * b, z * a - x * c, x * b - y * a])
         position = answer[POINT : POINT + 3].T + (self._first + radius * normal)
         after = v + self._senses[1:] * answer[FIRST : FIRST + nv].T
         inside = answer[FIRST + nv :].reshape(nv, 6, n).transpose(2, 0, 1)

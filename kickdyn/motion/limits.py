@@ -41,6 +41,9 @@ LENGTH = 0.05
 LEAST_PRESSURE = 0.05
 """Least force of the ground on the supporting foot, over the robot's weight."""
 
+INSIDE = 3e-3
+"""Distance of the centre of pressure from the edge of the sole, at least, but in the impact [m]."""
+
 LARGEST_TILT = math.radians(40)
 """Largest angle between the trunk and its direction in the robot that stands upright [rad]."""
 
@@ -178,12 +181,13 @@ class Friction(GroundLimit):
 
 
 class PressureCentre(GroundLimit):
-    """The centre of pressure is inside the sole: its distances from the edges [m]."""
+    """The centre of pressure is inside the sole, by a distance from its edges [m]."""
 
-    unit, reserve = "m", 0.005
+    unit, reserve = "m", 0.002
 
-    def __init__(self, standing: StandingRobot) -> None:
-        self._normals, self._offsets = sole_edges(standing)
+    def __init__(self, standing: StandingRobot, inside: float = 0.0) -> None:
+        self._normals, offsets = sole_edges(standing)
+        self._offsets = offsets - inside
         self.labels = ["the centre of pressure under the supporting foot"] * len(self._offsets)
 
     def excess(self, sample: Sample) -> Any:

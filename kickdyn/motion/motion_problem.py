@@ -23,7 +23,7 @@ the time of automatic differentiation through the maps.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -33,6 +33,7 @@ import scipy.sparse as sp
 from kickdyn.core.validation import Array
 from kickdyn.motion.impact_target import ImpactTarget
 from kickdyn.motion.limits import Impulse, Limit, RangeLimit, Sample, SpeedLimit
+from kickdyn.motion.separation import BALL_RESERVE, RESERVE, Conditions, Surroundings
 from kickdyn.motion.splines import MotionSplines, integration_weights, per_joint
 from kickdyn.motion.symbolic_tree import SymbolicTree
 from kickdyn.restitution import rows_of
@@ -40,9 +41,10 @@ from kickdyn.robot.kicking_chain import UNLIMITED
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.standing import StandingRobot
 
-JERK, ENDS, SHARE = 1e-8, 0.1, 3.0
-"""Weights of the objective: of the jerk over n [s5/rad2], of the posture at both ends [1/rad2] and
-of the share of the launch that is not reached, against about 0.1 s of squared torque."""
+JERK, ENDS, SHARE = {False: 1e-8, True: 1e-7}, 0.1, 3.0
+"""Weights of the objective: of the jerk over n [s5/rad2], by whether the robot stands on a foot, of
+the posture at both ends [1/rad2] and of the share of the launch that is not reached, against about
+0.1 s of squared torque."""
 
 LARGEST_TURN = 1.5
 """Largest angular velocity of a standing robot's foot across the normal, before the impact [rad/s]:
@@ -143,7 +145,8 @@ class Solution:
         coefficients: of the splines, shape `(size, n)`.
         share: of the launch.
         times: of the points, before and after the impact [s].
-        multipliers: of the rows of the points, shape `(points, k)`, and of all others.
+        multipliers: of the rows of speeds, of points, shape `(points, k)`, of the impact, and of
+            the bounds.
         feasible: whether the rows are in their bounds, within `TOLERANCE`.
         iterations: number of its iterations.
     """
@@ -151,9 +154,25 @@ class Solution:
     coefficients: Array
     share: float
     times: list[Array]
-    multipliers: tuple[Array, Array, Array]
+    multipliers: tuple[Array, Array, Array, Array]
     feasible: bool
     iterations: int
+
+
+class Block(NamedTuple):
+    """Rows at several points.
+
+    Attributes:
+        rows: of one point.
+        matrix: sparse map to the unknowns of all points, stacked.
+        parameters: of the points, shape `(m, points)`.
+        weights: of the costs of the points, shape `(points,)`.
+    """
+
+    rows: Rows
+    matrix: Any
+    parameters: Array
+    weights: Array
 
 
 class MotionProblem:
@@ -166,6 +185,7 @@ class MotionProblem:
         impulse_limits: of the ground's impulse.
         margins: CasADi's function of q, v, a that gives the margins of all `limits`, stacked.
         impulse_margins: likewise of q, the jump of v, and the share, of `impulse_limits`.
+        surroundings: which bodies can come near each other.
     """
 
     def __init__(
@@ -181,7 +201,8 @@ class MotionProblem:
         self.n = int(model.nv)
         self.lower = np.maximum(model.lowerPositionLimit, -np.pi)
         self.upper = np.minimum(model.upperPositionLimit, np.pi)
-        self._model, tree = model, SymbolicTree(model)
+        self._model, self._tree = model, SymbolicTree(model)
+        tree = self._tree
         z, no_parameter = ca.vertcat(tree.q, tree.v, tree.a), ca.SX(0, 1)
         torque, wrench = tree.inverse_dynamics()
         weight = sum(body.mass for body in model.inertias) * 9.81
@@ -192,6 +213,10 @@ class MotionProblem:
         cost = ca.sumsqr(torque / ca.DM(model.effortLimit)) / self.n
         self.path = make_rows(z, no_parameter, rows, cost)
         self._add_impact(tree)
+        offset = task.target.ball.radius * task.target.contact.normal
+        self._ball_centre = ca.Function("ball", [tree.q], [self._point + ca.DM(offset)])
+        self._apart: dict[tuple[int, int], Rows] = {}
+        self.surroundings = Surroundings(task.robot, task.leg, task.target.ball.radius)
 
     def _add_impact(self, tree: SymbolicTree) -> None:
         """Make the rows of the impact; its unknowns are q, v before, the jump of v, and s."""
@@ -203,7 +228,7 @@ class MotionProblem:
         still = ca.SX.zeros(n, 1)
         needed, reaction = ca.substitute(list(tree.inverse_dynamics(gravity=False)), [v], [still])
         lever = leg.posture(leg.configuration()).with_contact_offset(target.contact.offset)
-        point = tree.point(leg.contact_joint, lever.contact_lever)
+        self._point = point = tree.point(leg.contact_joint, lever.contact_lever)
         jacobian = ca.jacobian(point, q)
         inertia = np.diag(pin.crba(self._model, self._model.createData(), pin.neutral(self._model)))
         momentum = 0.3 * np.maximum(inertia, 0.02) * task.speed_limit
@@ -245,6 +270,27 @@ class MotionProblem:
             "impulse_margins", [q, jump, share], [ca.vertcat(ca.SX(0, 1), *margins)]
         )
 
+    def ball_centre(self, q: Array) -> Array:
+        """Return the centre of the ball that the foot touches at q, shape `(3,)` [m]."""
+        return np.asarray(self._ball_centre(q)).ravel()
+
+    def _rows_apart(self, joints: tuple[int, int]) -> Rows:
+        """Return the row of `Conditions` of two joints, with the configuration as its unknown.
+
+        For the ball, that of the impact follows, where the foot touches the ball.
+        """
+        if joints not in self._apart:
+            (first, second), tree, z, p = joints, self._tree, self._tree.q, ca.SX.sym("p", 9)
+            if second >= 0:
+                row = ca.dot(p[3:6], tree.seen_from(first, second, p[6:]) - p[:3]) - RESERVE
+            else:
+                at_impact, radius = ca.SX.sym("at_impact", self.n), self.task.target.ball.radius
+                offset = tree.seen_from(first, 0, self._ball_centre(at_impact)) - p[:3]
+                z, least = ca.vertcat(z, at_impact), radius + BALL_RESERVE
+                row = (ca.sumsqr(offset) - least**2) / (2 * radius)
+            self._apart[joints] = make_rows(z, p, [(row, 0.0, np.inf)], ca.SX(0.0))
+        return self._apart[joints]
+
     def stand(self, near: Array, *, at_ball: bool) -> Array | None:
         """Return a posture at rest near one, shape `(n,)`; with `at_ball`, touching the ball."""
         q = ca.MX.sym("q", self.n)
@@ -273,6 +319,7 @@ class MotionProblem:
         relaxation: float,
         shares: tuple[float, float],
         options: dict[str, Any],
+        apart: Sequence[Conditions] = (),
     ) -> Solution:
         """Return the solution from another one, with other points, by Ipopt.
 
@@ -283,120 +330,135 @@ class MotionProblem:
             relaxation: of the limits of the ground's impulse at the share 0.
             shares: bounds of the share.
             options: of Ipopt, besides `OPTIONS`.
+            apart: conditions of bodies.
         """
         n, splines = self.n, self.splines
-        solver, count = self._solver(rest, times, options)
-        low, high = (
-            np.full(splines.speed_rows().shape[0] * n, s)
-            for s in (SpeedLimit.reserve - 1.0, 1.0 - SpeedLimit.reserve)
-        )
-        room = RangeLimit.reserve * (self.upper - self.lower)
-        points, remaining, bounds = start.multipliers
+        speeds = splines.speed_rows()
+        to_speeds = per_joint(speeds, n, 1)
+        to_speeds = sp.diags(np.tile(1.0 / self.task.speed_limit, len(speeds))) @ to_speeds
+        blocks = [*self._blocks(times, relaxation), *map(self._block_apart, apart)]
+        most = np.full(to_speeds.shape[0], 1.0 - SpeedLimit.reserve)
+        count, k = len(blocks[0].weights), len(self.path.lower)
+        lower, upper = [-most], [most]
+        for block in blocks:
+            lower.append(np.tile(block.rows.lower, len(block.weights)))
+            upper.append(np.tile(block.rows.upper, len(block.weights)))
+        lowest, highest = np.concatenate(lower), np.concatenate(upper)
+        multipliers = np.zeros(len(lowest))
+        ends = np.cumsum([len(most), count * k, len(self.impact.lower)])
+        known_speeds, points, impact, bounds = start.multipliers
         if len(points):
             old, new = np.concatenate(start.times), np.concatenate(times)
             order = np.abs(old[None] - new[:, None])
             known = order.min(axis=1) < 1e-12
             points = np.where(known[:, None], points[order.argmin(axis=1)], 0.0)
-        else:
-            points = np.zeros((count, len(self.path.lower)))
-            remaining = np.zeros(len(self.impact.lower) + len(low))
-        lower = np.concatenate([np.tile(self.path.lower, count), self.impact.lower, low])
-        upper = np.concatenate([np.tile(self.path.upper, count), self.impact.upper, high])
+            multipliers[: ends[2]] = np.concatenate([known_speeds, points.ravel(), impact])
+        room = RangeLimit.reserve * (self.upper - self.lower)
+        solver = self._solver(rest, blocks, _matrix(to_speeds), options)
         end = solver(
             x0=np.append(start.coefficients.ravel(), np.clip(start.share, *shares)),
-            p=relaxation,
             lbx=np.append(np.tile(self.lower + room, splines.size), shares[0]),
             ubx=np.append(np.tile(self.upper - room, splines.size), shares[1]),
-            lbg=lower,
-            ubg=upper,
-            lam_g0=np.concatenate([points.ravel(), remaining]),
+            lbg=lowest,
+            ubg=highest,
+            lam_g0=multipliers,
             lam_x0=bounds if len(bounds) else np.zeros(splines.size * n + 1),
         )
         x, rows, multipliers, bounds = (
             np.asarray(end[name]).ravel() for name in ("x", "g", "lam_g", "lam_x")
         )
-        size = count * len(self.path.lower)
+        of_speeds, of_points, of_impact, _ = np.split(multipliers, ends)
         return Solution(
             x[:-1].reshape(splines.size, n),
             float(x[-1]),
             times,
-            (multipliers[:size].reshape(count, -1), multipliers[size:], bounds),
-            bool(np.abs(rows - np.clip(rows, lower, upper)).max() <= TOLERANCE),
+            (of_speeds, of_points.reshape(count, -1), of_impact, bounds),
+            bool(np.abs(rows - np.clip(rows, lowest, highest)).max() <= TOLERANCE),
             int(solver.stats()["iter_count"]),
         )
 
-    def _solver(self, rest: Array, times: list[Array], options: dict[str, Any]) -> tuple[Any, int]:
-        """Return Ipopt's solver for points, and their number."""
+    def _blocks(self, times: list[Array], relaxation: float) -> list[Block]:
+        """Return the rows of the points and of the impact."""
         n, splines = self.n, self.splines
-        point_maps = np.stack([splines.values(times, order) for order in range(3)], axis=1)
-        count, size = len(point_maps), splines.size * n + 1
-        to_points = _matrix(per_joint(point_maps.reshape(3 * count, -1), n, 1))
-        to_share = sp.csr_matrix(([1.0], ([0], [size - 1])), shape=(1, size))
-        to_impact = _matrix(sp.vstack([per_joint(splines.at_impact(), n, 1), to_share]))
-        to_speeds = _matrix(
-            sp.diags(np.tile(1.0 / self.task.speed_limit, len(splines.speed_rows())))
-            @ per_joint(splines.speed_rows(), n, 1)
-        )
-        weights = ca.DM(np.concatenate([integration_weights(t) for t in times])).T
+        maps = np.stack([splines.values(times, order) for order in range(3)], axis=1)
+        to_points = per_joint(maps.reshape(3 * len(maps), -1), n, 1)
+        last = splines.size * n
+        to_share = sp.csr_matrix(([1.0], ([0], [last])), shape=(1, last + 1))
+        to_impact = sp.vstack([per_joint(splines.at_impact(), n, 1), to_share])
+        weights = np.concatenate([integration_weights(t) for t in times])
+        return [
+            Block(self.path, to_points, np.zeros((0, len(maps))), weights),
+            Block(self.impact, to_impact, np.array([[relaxation]]), np.zeros(1)),
+        ]
+
+    def _block_apart(self, conditions: Conditions) -> Block:
+        """Return the rows of the conditions of two joints."""
+        times, splines, n = conditions.times, self.splines, self.n
+        sides = [times[times <= 0.0], times[times > 0.0]]
+        order = np.argsort(times > 0.0, kind="stable")
+        maps = splines.values(sides, 0)
+        if conditions.joints[1] < 0:
+            at_impact = np.tile(splines.at_impact()[0], (len(maps), 1))
+            maps = np.stack([maps, at_impact], axis=1).reshape(2 * len(maps), -1)
+        rows = self._rows_apart(conditions.joints)
+        to_points = per_joint(maps, n, 1)
+        return Block(rows, to_points, conditions.parameters[:, order], np.zeros(len(times)))
+
+    def _solver(
+        self, rest: Array, blocks: Sequence[Block], to_speeds: Any, options: dict[str, Any]
+    ) -> Any:
+        """Return Ipopt's solver for the speeds of the splines and for blocks of rows."""
+        size = self.splines.size * self.n + 1
         quadratic = ca.DM(_matrix(self._quadratic()))
-        centre = ca.DM(np.append(np.tile(rest, splines.size), 0.0))
+        centre = ca.DM(np.append(np.tile(rest, self.splines.size), 0.0))
         share = ca.DM(size, 1)
         share[size - 1] = -SHARE
-
-        x, p = ca.MX.sym("x", size), ca.MX.sym("p")
-        points = ca.reshape(to_points @ x, 3 * n, count)
-        impact, path = to_impact @ x, self.path
-        rows, costs = path.values.map(count)(points, [])
-        cost = (
-            ca.dot(weights, costs)
-            + 0.5 * ca.dot(x - centre, quadratic @ (x - centre))
-            + SHARE * (1.0 - x[-1])
-        )
-        constraints = ca.vertcat(ca.vec(rows), self.impact.values(impact, p)[0], to_speeds @ x)
-        slopes = path.slope.map(count)(points, []) * ca.repmat(weights, 3 * n, 1)
-        gradient = to_points.T @ ca.vec(slopes) + quadratic @ (x - centre) + share
-        jacobians = ca.horzsplit(path.jacobian.map(count)(points, []), 3 * n)
-        jacobian = ca.vertcat(
-            ca.diagcat(*jacobians) @ to_points,
-            self.impact.jacobian(impact, p) @ to_impact,
-            to_speeds,
-        )
-        cost_weight = ca.MX.sym("weight")
-        multipliers = ca.MX.sym("multipliers", constraints.numel())
-        k, m = len(path.lower), len(self.impact.lower)
-        hessians = ca.horzsplit(
-            path.hessian.map(count)(
-                points, [], ca.reshape(multipliers[: k * count], k, count), weights * cost_weight
-            ),
-            3 * n,
-        )
-        at_impact = self.impact.hessian(
-            impact, p, multipliers[k * count : k * count + m], cost_weight
-        )
-        hessian = (
-            to_points.T @ (ca.diagcat(*hessians) @ to_points)
-            + to_impact.T @ (at_impact @ to_impact)
-            + cost_weight * quadratic
-        )
+        sizes = [
+            to_speeds.size1(),
+            *(len(block.rows.lower) * len(block.weights) for block in blocks),
+        ]
+        x, p, cost_weight = ca.MX.sym("x", size), ca.MX.sym("p", 0), ca.MX.sym("weight")
+        multipliers = ca.MX.sym("multipliers", sum(sizes))
+        parts = ca.vertsplit(multipliers, np.cumsum([0, *sizes]).tolist())
+        cost = 0.5 * ca.dot(x - centre, quadratic @ (x - centre)) + SHARE * (1.0 - x[-1])
+        gradient, hessian = quadratic @ (x - centre) + share, cost_weight * quadratic
+        constraints, jacobian = [to_speeds @ x], [ca.MX(to_speeds)]
+        for (rows, matrix, parameters, weights), part in zip(blocks, parts[1:], strict=True):
+            count, to_points = len(weights), _matrix(matrix)
+            m = matrix.shape[0] // count
+            z, p_given, weight = (
+                ca.reshape(to_points @ x, m, count),
+                ca.DM(parameters),
+                ca.DM(weights).T,
+            )
+            values, costs = rows.values.map(count)(z, p_given)
+            cost += ca.dot(weight, costs)
+            slopes = rows.slope.map(count)(z, p_given) * ca.repmat(weight, m, 1)
+            gradient += to_points.T @ ca.vec(slopes)
+            constraints.append(ca.vec(values))
+            jacobians = ca.horzsplit(rows.jacobian.map(count)(z, p_given), m)
+            jacobian.append(ca.diagcat(*jacobians) @ to_points)
+            by_row = ca.reshape(part, len(rows.lower), count)
+            hessians = rows.hessian.map(count)(z, p_given, by_row, weight * cost_weight)
+            hessian += to_points.T @ (ca.diagcat(*ca.horzsplit(hessians, m)) @ to_points)
         functions = {
             "grad_f": ca.Function(
                 "nlp_grad_f", [x, p], [cost, ca.densify(gradient)], ["x", "p"], ["f", "grad_f_x"]
             ),
             "jac_g": ca.Function(
-                "nlp_jac_g", [x, p], [ca.densify(constraints), jacobian], ["x", "p"],
-                ["g", "jac_g_x"],
+                "nlp_jac_g", [x, p], [ca.densify(ca.vertcat(*constraints)), ca.vertcat(*jacobian)],
+                ["x", "p"], ["g", "jac_g_x"],
             ),
             "hess_lag": ca.Function(
                 "nlp_hess_l", [x, p, cost_weight, multipliers], [ca.triu(hessian)],
                 ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"],
             ),
         }  # fmt: skip
-        problem = {"x": x, "p": p, "f": cost, "g": constraints}
-        made = ca.nlpsol("motion", "ipopt", problem, {
+        problem = {"x": x, "p": p, "f": cost, "g": ca.vertcat(*constraints)}
+        return ca.nlpsol("motion", "ipopt", problem, {
             **functions, "print_time": False, "error_on_fail": False, "calc_lam_p": False,
             "ipopt": {**OPTIONS, **options},
         })  # fmt: skip
-        return made, count
 
     def _quadratic(self) -> Any:
         """Return the matrix of the quadratic part of the objective, for all unknowns."""
@@ -406,7 +468,8 @@ class MotionProblem:
         jerk = splines.values(middles, 3)
         ends = np.zeros(splines.size)
         ends[[0, -1]] = ENDS
-        matrix = JERK / self.n * jerk.T @ (lengths[:, None] * jerk) + np.diag(ends)
+        weight = JERK[self.task.standing is not None] / self.n
+        matrix = weight * jerk.T @ (lengths[:, None] * jerk) + np.diag(ends)
         every = sp.kron(sp.csr_matrix(matrix), sp.eye(self.n))
         return sp.block_diag([every, sp.csr_matrix((1, 1))])
 

@@ -1,7 +1,7 @@
 """Planning the motion of a kick: starts, points added where limits are broken, a verdict."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Any
@@ -13,6 +13,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.motion.limits import (
     FRICTION,
+    INSIDE,
     Apart,
     Clearance,
     Friction,
@@ -28,6 +29,7 @@ from kickdyn.motion.limits import (
 )
 from kickdyn.motion.motion import Motion
 from kickdyn.motion.motion_problem import KickTask, MotionProblem, Solution
+from kickdyn.motion.separation import ALLOWED, Conditions, Surroundings, with_former
 from kickdyn.motion.splines import MotionSplines, integration_weights
 from kickdyn.robot.ground_clearance import Spheres, extreme_spheres
 from kickdyn.robot.kicking_chain import kicking_chain, rest_configuration
@@ -63,15 +65,28 @@ REACHED = 2e-3
 FIRST_SHARE = 0.3
 """Share of the launch at the start."""
 
-ROUNDS = 3
+ASIDE, ASIDE_TIMES, ASIDE_DRAWN = 0.02, 40, 400
+"""Distance of limbs that stay aside of a motion from other bodies [m], and numbers of times at
+which it is checked and of postures of a limb that are drawn."""
+
+FAR = 0.02
+"""Violation of a limit from which on a solution is only a start for another one."""
+
+NONE = (np.zeros(0),) * 4
+"""Multipliers of a solution that has none."""
+
+ROUNDS = 4
 """Solutions with points added where limits are broken, at most."""
 
 FULL, LEAST_SHARE = 0.99, 0.05
 """Share of the launch from which on the whole launch is sought, and share below which there is no
 kick."""
 
-FIRST = {"mu_init": 1e-3, "max_iter": 150, "constr_viol_tol": 1e-7}
-"""Options of Ipopt for the first solution of a start."""
+TIGHTER = {"mu_init": 1e-3, "max_iter": 150, "constr_viol_tol": 1e-7}
+"""Options of Ipopt for a solution that others follow near it."""
+
+FIRST = {**TIGHTER, "tol": 1e-2, "compl_inf_tol": 2e-3}
+"""Options of Ipopt for the first solution of a start: another one follows in any case."""
 
 NEARBY = {**FIRST, "mu_init": 1e-4, "bound_push": 1e-4, "bound_frac": 1e-4}
 """Options of Ipopt for the first solution near a motion."""
@@ -145,7 +160,8 @@ def plan_motion(task: KickTask, near: Motion | None = None) -> PlannedMotion:
     """Return the motion of a kick, from rest to rest; the best one where none keeps all limits.
 
     The joints between the feet of a standing robot are tried first, which takes a fraction of the
-    time; all others join in where those do not reach the whole launch.
+    time; all others join in where those do not reach the whole launch. Limbs in the way of that
+    motion are put aside at the start.
 
     Args:
         task: the kick.
@@ -157,45 +173,21 @@ def plan_motion(task: KickTask, near: Motion | None = None) -> PlannedMotion:
     """
     _check_limits(task.leg)
     if task.standing is None:
-        return _plan(task, near, 1.0, STARTS)
-    between, share = kicking_chain(task.leg).leg, 1.0
-    if between.joint_names == task.leg.joint_names:
-        return _plan(task, near, share, STARTS)
-    if near is None or near.joints == between.joint_names:
-        planned = _plan(replace(task, leg=between), near, share, 0)
-        if planned.keeps_limits and not _overloads(planned.motion):
-            return planned
-        near, share = planned.motion, planned.share
-    planned = _plan(task, near, share, 0)
+        return _plan(task, near, {}, 1.0, STARTS)
+    legs = kicking_chain(task.leg).leg
+    if legs.joint_names == task.leg.joint_names:
+        return _plan(task, near, {}, 1.0, STARTS)
+    if near is not None and near.joints != legs.joint_names:
+        return _plan(task, near, {}, 1.0, 0)
+    first = _plan(replace(task, leg=legs), near, {}, 1.0, 0)
+    if first.keeps_limits and not _overloads(first.motion):
+        return first
+    aside = _limbs_aside(task, first.motion, _idle_limbs(task.leg, legs))
+    planned = _plan(task, first.motion, aside, first.share, 0, FIRST)
     if planned.keeps_limits:
         return planned
-    other = _plan(task, None, 1.0, 1)
+    other = _plan(task, None, {}, 1.0, 1)
     return max(other, planned, key=lambda motion: (motion.keeps_limits, motion.share))
-
-
-def _plan(task: KickTask, near: Motion | None, share: float, starts: int) -> PlannedMotion:
-    """Return the best motion of all joints of a task.
-
-    Args:
-        task: the kick.
-        near: motion to start from, if any.
-        share: of the launch, that it reaches.
-        starts: number of starts at most; with 0, there is one, and limits between points are not
-            sought where it does not reach the whole launch.
-    """
-    stands = task.standing is not None
-    splines = MotionSplines(*DURATIONS[stands], INTERVALS[stands])
-    limits, of_impulse = _limits_of(task)
-    problem = MotionProblem(task, splines, limits, of_impulse)
-    verdicts = []
-    for rest, start, options in islice(_starts(problem, near, share), max(starts, 1)):
-        solution = _solve(problem, rest, start, options, partly=starts > 0)
-        verdicts.append(_Verdict(problem, solution))
-        if verdicts[-1].keeps_limits:
-            break
-    kept = [verdict for verdict in verdicts if verdict.broken == 0.0]
-    best = max(kept or verdicts, key=lambda verdict: verdict.solution.share - verdict.broken)
-    return best.planned()
 
 
 def _overloads(motion: Motion) -> bool:
@@ -206,37 +198,176 @@ def _overloads(motion: Motion) -> bool:
     return bool((largest > np.where(limit > 0.0, limit, np.inf)).any())
 
 
+def _idle_limbs(robot: Leg, legs: Leg) -> list[list[int]]:
+    """Return the limbs that legs do not move, as the joints of each, which carry nothing else."""
+    model, limbs = robot.model, []
+    parents = [int(parent) for parent in model.parents]
+    for tip in set(range(1, model.njoints)) - {*parents}:
+        limb = [tip]
+        while (joint := parents[limb[-1]]) and parents.count(joint) == 1:
+            limb.append(joint)
+        if not {str(model.names[joint]) for joint in limb} & {*legs.joint_names}:
+            limbs.append(limb)
+    return limbs
+
+
+def _frames_of(leg: Leg, joints: Sequence[int]) -> list[str]:
+    """Return the frames that joints carry."""
+    return [str(frame.name) for frame in leg.model.frames if int(frame.parentJoint) in joints]
+
+
+def _limbs_aside(
+    task: KickTask, motion: Motion, limbs: Sequence[Sequence[int]]
+) -> dict[str, float]:
+    """Return angles of the joints of limbs that are in the way of a motion of the legs, by name.
+
+    Of angles that are drawn, they are those nearest to rest that keep all bodies of a limb by
+    `ASIDE` from the other ones; where none do, the limb stays at rest.
+    """
+    leg, rest, draw = task.leg, rest_configuration(task.leg), np.random.default_rng(0)
+    moved = [leg.joint_names.index(name) for name in motion.joints]
+    times = np.linspace(motion.begin, motion.end, ASIDE_TIMES)
+    postures = np.tile(rest, (len(times), 1))
+    postures[:, moved] = [motion.joint_state(t)[0] for t in times]
+    lower, upper = leg.model.lowerPositionLimit, leg.model.upperPositionLimit
+    every = Surroundings(task.robot, leg, task.target.ball.radius)
+    at_rest = {gap.frames for gap in every.gaps(rest, None, ASIDE)}
+    aside: dict[str, float] = {}
+    for limb in limbs:
+        columns = [leg.joint_names.index(str(leg.model.names[joint])) for joint in limb]
+        near, order = every.only(_frames_of(leg, limb)), list(range(len(times)))
+        room = 0.05 * (upper - lower)[columns]
+        drawn = draw.uniform(
+            (lower[columns] + room), (upper[columns] - room), (ASIDE_DRAWN, len(columns))
+        )
+        far = np.linalg.norm(drawn - rest[columns], axis=1)
+        for angles in [rest[columns], *drawn[np.argsort(far)]]:
+            postures[:, columns] = angles
+            hit = next((row for row in order if _touches(near, postures[row], at_rest)), None)
+            if hit is None:
+                break
+            order.remove(hit)  # most other angles fail there too
+            order.insert(0, hit)
+        else:
+            postures[:, columns] = angles = rest[columns]
+        if (angles != rest[columns]).any():
+            aside |= {leg.joint_names[n]: float(x) for n, x in zip(columns, angles, strict=True)}
+    return aside
+
+
+def _touches(near: Surroundings, q: Array, at_rest: Collection[tuple[str, str]]) -> bool:
+    """Return whether bodies are nearer than `ASIDE`, or inside each other if they are at rest."""
+    gaps = near.gaps(q, None, ASIDE)
+    return any(gap.place.depth > 0.0 or gap.frames not in at_rest for gap in gaps)
+
+
+def _plan(
+    task: KickTask,
+    near: Motion | None,
+    others: Mapping[str, float],
+    share: float,
+    starts: int,
+    options: dict[str, Any] | None = None,
+) -> PlannedMotion:
+    """Return the best motion of all joints of a task.
+
+    Args:
+        task: the kick.
+        near: motion to start from, if any.
+        others: values of joints that have no spline there, other than at rest.
+        share: of the launch, that it reaches.
+        starts: number of starts at most; with 0, there is one, and limits between points are not
+            sought where it does not reach the whole launch.
+        options: of Ipopt, for the first solution; None are those that suit the start.
+    """
+    stands = task.standing is not None
+    splines = MotionSplines(*DURATIONS[stands], INTERVALS[stands])
+    limits, of_impulse = _limits_of(task)
+    problem = MotionProblem(task, splines, limits, of_impulse)
+    verdicts = []
+    for rest, start, suited in islice(_starts(problem, near, others, share), max(starts, 1)):
+        verdicts.append(_solve(problem, rest, start, options or suited, starts > 0))
+        if verdicts[-1].keeps_limits:
+            break
+    kept = [verdict for verdict in verdicts if verdict.broken == 0.0]
+    best = max(kept or verdicts, key=lambda verdict: verdict.solution.share - verdict.broken)
+    return best.planned()
+
+
 def _solve(
     problem: MotionProblem,
     rest: Array,
     start: Solution,
     options: dict[str, Any],
-    *,
     partly: bool,
-) -> Solution:
-    """Return the solution from unknowns to start from, with both ends near a posture at rest.
+) -> "_Verdict":
+    """Return the verdict on the solution from unknowns to start from.
 
-    `partly` says whether a share of the launch is of use.
+    Both ends are near a posture at rest; `partly` says whether a share of the launch is of use.
     """
-    times = start.times
-    relaxation = Impulse.relaxation
+    apart = _Nearness(problem, start, start.times).conditions(start.times)
     solution = problem.solve(
-        start, rest, times, relaxation=relaxation, shares=(0.0, 1.0), options=options
+        start,
+        rest,
+        start.times,
+        relaxation=Impulse.relaxation,
+        shares=(0.0, 1.0),
+        options=options,
+        apart=apart,
     )
-    full = solution.share > FULL
-    options = AGAIN if full or not problem.impulse_limits else FIRST
+    if solution.share <= FULL:
+        solution = problem.solve(
+            replace(solution, multipliers=NONE),
+            rest,
+            start.times,
+            relaxation=Impulse.relaxation,
+            shares=(0.0, 1.0),
+            options=TIGHTER,
+            apart=apart,
+        )
+    verdict, full = _Verdict(problem, solution), solution.share > FULL
     for _ in range(ROUNDS):
         if solution.share < LEAST_SHARE or not (full or partly):
             break
-        times = _Verdict(problem, solution).add_points(solution.times)
-        shares = (1.0, 1.0) if full else (0.0, 1.0)
+        far, times = verdict.broken > FAR, verdict.add_points(solution.times)
+        apart = with_former(verdict.nearness.conditions(times), apart if solution.feasible else ())
+        if far:
+            solution = replace(solution, multipliers=NONE)
         solution = problem.solve(
-            solution, rest, times, relaxation=0.0, shares=shares, options=options
+            solution,
+            rest,
+            times,
+            relaxation=0.0,
+            shares=(1.0, 1.0) if full and not far else (0.0, 1.0),
+            options=TIGHTER if far else AGAIN,
+            apart=apart,
         )
-        if _Verdict(problem, solution).broken == 0.0:
+        verdict, full = _Verdict(problem, solution), solution.share > FULL
+        if verdict.broken == 0.0 and (solution.share == 1.0 or not full):
             break
-        options = AGAIN
-    return solution
+    return verdict
+
+
+class _Nearness:
+    """Bodies near each other, and near the ball before the impact, at times of a solution.
+
+    Attributes:
+        gaps: of them, at each time.
+    """
+
+    def __init__(self, problem: MotionProblem, solution: Solution, times: list[Array]) -> None:
+        self._near, self._times = problem.surroundings, np.concatenate(times)
+        self._q = problem.splines.values(times, 0) @ solution.coefficients
+        ball = problem.ball_centre(problem.splines.at_impact()[0] @ solution.coefficients)
+        swing = len(times[0])
+        self.gaps = [
+            self._near.gaps(q, ball if row < swing else None) for row, q in enumerate(self._q)
+        ]
+
+    def conditions(self, points: list[Array]) -> list[Conditions]:
+        """Return conditions at some of the times, and at those at which bodies are nearest."""
+        chosen = np.isin(self._times.round(12), np.concatenate(points).round(12))
+        return self._near.conditions(self.gaps, self._times, self._q, chosen)
 
 
 class _Verdict:
@@ -258,7 +389,7 @@ class _Verdict:
         )
         self.margins = Margins(problem.margins, problem.limits)
         self.rows = self.margins.rows(q, v, a)
-        costs = problem.path.values.map(len(q))(np.hstack([q, v, a]).T, [])[1]
+        costs = problem.path.values.map(len(v))(np.hstack([q, v, a]).T, [])[1]
         weights = np.concatenate([integration_weights(times) for times in self.times])
         self.torque_squared = float(weights @ np.asarray(costs).ravel())
         before, after = pair
@@ -266,8 +397,12 @@ class _Verdict:
         self.impulse = np.asarray(
             problem.impulse_margins(before(0.0), jump, solution.share)
         ).ravel()
+        self.nearness = _Nearness(problem, solution, self.times)
+        deepest = max((gap.place.depth for gaps in self.nearness.gaps for gap in gaps), default=0.0)
         least = np.concatenate([[0.0], self.rows.min(axis=0), self.impulse + 1e-6])
-        self.broken = max(-float(least.min()), 0.0 if solution.feasible else 1e-3)
+        self.broken = max(
+            -float(least.min()), deepest - ALLOWED, 0.0 if solution.feasible else 1e-3
+        )
 
     def add_points(self, points: list[Array]) -> list[Array]:
         """Return times with those added at which a row is nearest to its limit."""
@@ -334,7 +469,7 @@ class _Verdict:
 
 
 def _starts(
-    problem: MotionProblem, near: Motion | None, share: float
+    problem: MotionProblem, near: Motion | None, others: Mapping[str, float], share: float
 ) -> Iterator[tuple[Array, Solution, dict[str, Any]]]:
     """Yield postures at rest, unknowns to start from, and options of Ipopt.
 
@@ -343,12 +478,13 @@ def _starts(
     Raises:
         InvalidInput: there are none.
     """
-    splines, nothing = problem.splines, (np.zeros(0), np.zeros(0), np.zeros(0))
+    splines, nothing = problem.splines, NONE
     times = splines.times(*POINTS)
     if near is not None:
         leg = problem.task.leg
+        values = {**leg.joint_values(rest_configuration(leg)), **others}
+        coefficients = np.tile([values[name] for name in leg.joint_names], (splines.size, 1))
         moved = [leg.joint_names.index(name) for name in near.joints]
-        coefficients = np.tile(rest_configuration(leg), (splines.size, 1))
         coefficients[:, moved] = splines.coefficients(near.before, near.after)
         start = Solution(coefficients, share, times, nothing, True, 0)
         yield coefficients[0], start, NEARBY
@@ -391,7 +527,7 @@ def _limits_of(task: KickTask) -> tuple[list[Limit], list[Impulse]]:
     on_ground = [
         Pressure(), Friction(friction), PressureCentre(standing), Twist(standing, friction)
     ]  # fmt: skip
-    limits += on_ground
+    limits += [*on_ground[:2], PressureCentre(standing, INSIDE), on_ground[3]]
     foot, posture = leg.contact_joint, leg.posture(leg.configuration())
     side = 1.0 if posture.contact_point[1] > standing.sole[:, 1].mean() else -1.0
     edge = float(side * (side * standing.sole[:, 1]).max())

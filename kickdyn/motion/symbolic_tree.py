@@ -48,6 +48,25 @@ class SymbolicTree:
         rotation, origin = self._poses[joint]
         return rotation @ ca.DM(local) + origin
 
+    def seen_from(self, joint: int, carrier: int, local: Any) -> Any:
+        """Return a point that another joint carries, shape `(3,)` [m, axes of the first joint].
+
+        Args:
+            joint: in whose axes the point is.
+            carrier: of the point.
+            local: the point in the axes of its carrier, shape `(3,)` [m].
+        """
+        to_joint, to_carrier = (list(self.model.supports[j]) for j in (joint, carrier))
+        while to_joint and to_carrier and to_joint[0] == to_carrier[0]:
+            del to_joint[0], to_carrier[0]
+        for number in reversed(to_carrier):
+            rotation, origin = self._steps[number - 1]
+            local = rotation @ local + origin
+        for number in to_joint:
+            rotation, origin = self._steps[number - 1]
+            local = rotation.T @ (local - origin)
+        return local
+
     def angular_velocity(self, joint: int) -> Any:
         """Return the angular velocity of the body of a joint, shape `(3,)` [rad/s, world frame]."""
         total = ca.SX(3, 1)

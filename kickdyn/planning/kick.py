@@ -124,12 +124,14 @@ def plan_kick(
 
     With `motion=True`, `plan.motion` is the motion of the whole robot: splines that minimize the
     squared torque, at the same time as the impact that they contain. It keeps ranges, speeds and
-    torques of the joints; on one foot also the trunk's tilt, the kicking foot above the ground and
-    beside the other foot, and, for the force of the ground and for its impulse in the impact, the
-    centre of pressure in the sole, friction (0.7 where the `Support` names none) and the moment
-    about the vertical. All limits are checked between the solver's points, at ten times as many
-    times. `status` is `met` only if all hold; `warnings` names those that do not, with when and by
-    how much. Where the whole launch cannot be reached, `share` is what can.
+    torques of the joints, and bodies apart from each other and, before the impact, out of the ball
+    (5 mm inside count as touching); on one foot also the trunk's tilt, the kicking foot above the
+    ground and beside the other foot, and, for the force of the ground and for its impulse in the
+    impact, the centre of pressure in the sole (for the force, 3 mm from its edge), friction (0.7
+    where the `Support` names none) and the moment about the vertical. All limits are checked
+    between the solver's points, at ten times as many times. `status` is `met` only if all hold;
+    `warnings` names those that do not, with when and by how much. Where the whole launch cannot be
+    reached, `share` is what can.
 
     With `incoming`, the ball's path is followed to where the leg reaches it, and kicks are planned
     for several times on it; `plan.meeting` is the one of the least `speed_use`, and `plan.meetings`

@@ -154,7 +154,7 @@ class KickPlan(ReprMixin):
 
     @property
     def landing_error(self) -> float:
-        """Distance of the path's end from the target [m]."""
+        """Distance of the path's end from the target [m]; by `strike` in a refined plan, too."""
         end = self.path.landing if isinstance(self.path, Flight) else self.path.rest
         off = end.position - self.impact.ball_after.position - self.goal.target
         return float(np.linalg.norm(off))

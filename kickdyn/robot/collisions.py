@@ -11,6 +11,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from kickdyn.core.validation import Array
 from kickdyn.robot.ground_clearance import LARGEST_MESH, Spheres, body_frames, shapes_of
@@ -64,8 +65,28 @@ class Proximity(NamedTuple):
 _known: WeakKeyDictionary[Leg, dict[tuple[str, bool], list[Body]]] = WeakKeyDictionary()
 """Bodies by frame, with meshes or without: reading a mesh takes a tenth of a second."""
 
-_allowed: WeakKeyDictionary[Leg, set[frozenset[str]]] = WeakKeyDictionary()
-"""Pairs of frames whose bodies may be inside each other: a motion asks for them at many times."""
+
+class BodyPairs(NamedTuple):
+    """Pairs of bodies.
+
+    Attributes:
+        bodies: of the pairs.
+        first, second: indices of each pair's bodies, shape `(k,)`.
+        reach: of each pair's bodies together, shape `(k,)` [m].
+    """
+
+    bodies: list[Body]
+    first: NDArray[np.int64]
+    second: NDArray[np.int64]
+    reach: Array
+
+    def of(self, chosen: NDArray[np.bool_]) -> "BodyPairs":
+        """Return some of the pairs."""
+        return BodyPairs(self.bodies, self.first[chosen], self.second[chosen], self.reach[chosen])
+
+
+_pairs: WeakKeyDictionary[Leg, BodyPairs] = WeakKeyDictionary()
+"""Pairs of bodies that must stay apart: a motion asks for them at many times."""
 
 
 def bodies_at(leg: Leg, frame: str, *, meshes: bool = True) -> list[Body]:
@@ -131,6 +152,14 @@ class Placed:
             ]
         return near
 
+    def near(self, pairs: BodyPairs, within: float = 0.0) -> list[tuple[Body, Body]]:
+        """Return the pairs whose distance may be less than `within` [m]."""
+        places = [self.poses[body.frame].act(body.pose.translation) for body in pairs.bodies]
+        centres = np.array(places).reshape(-1, 3)
+        apart = np.linalg.norm(centres[pairs.first] - centres[pairs.second], axis=1)
+        chosen = np.flatnonzero(apart < pairs.reach + within)
+        return [(pairs.bodies[pairs.first[k]], pairs.bodies[pairs.second[k]]) for k in chosen]
+
     def place_ball(self, centre: Array, radius: float) -> Body:
         """Return a ball as a body of the frame `BALL`, which moves there [m, world frame]."""
         self.poses[BALL] = pin.SE3(np.eye(3), centre)
@@ -165,35 +194,38 @@ def find_ball_overlaps(posture: Posture, centre: Array, radius: float) -> dict[s
 
 
 def find_self_collisions(leg: Leg, q: Array) -> dict[tuple[str, str], float]:
-    """Return how deep bodies are inside each other [m], by pairs of frames, the deepest first.
+    """Return how deep `body_pairs` are inside each other [m], by frames, the deepest first."""
+    space = leg.workspace
+    placed = Placed(leg, body_frames(leg), space.model, space.data, q)
+    return placed.find_overlaps(placed.near(body_pairs(leg)))
+
+
+def body_pairs(leg: Leg) -> BodyPairs:
+    """Return the pairs of a leg's bodies that must not be inside each other.
 
     Bodies of one joint or of a joint and the body that carries it do not count, nor do pairs that
     the SRDF beside the URDF disables (`disable_collisions`) or that touch where all joints are at
     rest.
     """
-    pairs = _overlapping(leg, q)
-    if not pairs:
-        return {}
-    if leg not in _allowed:
-        at_rest = _overlapping(leg, rest_configuration(leg))
-        _allowed[leg] = disabled_pairs(leg) | {*map(frozenset, at_rest)}
-    return {pair: depth for pair, depth in pairs.items() if frozenset(pair) not in _allowed[leg]}
-
-
-def _overlapping(leg: Leg, q: Array) -> dict[tuple[str, str], float]:
-    model, frames = leg.workspace.model, body_frames(leg)
-    placed = Placed(leg, frames, model, leg.workspace.data, q)
-    joints = {name: int(model.frames[number].parentJoint) for name, number in frames.items()}
-    carriers = [_carrier(model, joint) for joint in range(model.njoints)]
-    bodies = (body for frame in joints for body in bodies_at(leg, frame))
-    centres = ((body, placed.poses[body.frame].act(body.pose.translation)) for body in bodies)
-    return placed.find_overlaps(
-        (body, other)
-        for body, centre in centres
-        for other in placed.bodies_near(centre, body.reach)
-        if joints[body.frame] < joints[other.frame]
-        and joints[body.frame] != carriers[joints[other.frame]]
-    )
+    if leg not in _pairs:
+        space, frames = leg.workspace, body_frames(leg)
+        model = space.model
+        bodies = [body for frame in frames for body in bodies_at(leg, frame)]
+        joints = np.array([model.frames[frames[body.frame]].parentJoint for body in bodies], int)
+        carriers = np.array([_carrier(model, joint) for joint in range(model.njoints)])[joints]
+        counts = (joints[:, None] < joints) & (joints[:, None] != carriers)
+        first, second = np.nonzero(counts)
+        reach = np.array([body.reach for body in bodies])
+        pairs = BodyPairs(bodies, first, second, reach[first] + reach[second])
+        placed = Placed(leg, frames, model, space.data, rest_configuration(leg))
+        touching = placed.find_overlaps(placed.near(pairs))
+        allowed = disabled_pairs(leg) | {*map(frozenset, touching)}
+        named = [
+            frozenset((bodies[i].frame, bodies[j].frame))
+            for i, j in zip(first, second, strict=True)
+        ]
+        _pairs[leg] = pairs.of(np.array([names not in allowed for names in named], bool))
+    return _pairs[leg]
 
 
 def _carrier(model: Any, joint: int) -> int:

@@ -133,7 +133,12 @@ def test_deviations_are_those_of_repeated_measurements():
     # the sign of the residual is lost, so that its mean square is the variance
     residuals = np.array([one.residual for one in many])
     assert found.deviations["residual"] == pytest.approx(np.sqrt((residuals**2).mean()), rel=0.1)
-    assert str(found).count("+-") == 3
+    joints = np.linalg.norm([one.joint_impulses[:, :3] for one in many], axis=2)
+    for name, spread in zip(hit.posture.leg.joint_names, joints.std(axis=0), strict=True):
+        assert found.joint_deviations[name] == pytest.approx(spread, rel=0.12)
+    masses = np.std([one.effective_mass for one in many])
+    assert found.deviations["effective_mass"] == pytest.approx(masses, rel=0.12)
+    assert str(found).count("+-") == 6
     assert "+-" in found._repr_html_()
 
 

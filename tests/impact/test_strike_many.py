@@ -70,6 +70,7 @@ def test_one_ball_and_one_contact_serve_all_rows():
     lists = kd.strike_many(LEG, q, v, [ball] * 2, [contact] * 2)
     assert (one.impulse == lists.impulse).all()
     assert one.ball_after.velocity.shape == (2, 3)
+    assert kd.strike_many(LEG, q[:0], v[:0], ball, contact).impulse.shape == (0, 3)
 
 
 def test_a_leg_without_machine_code():

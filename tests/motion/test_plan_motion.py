@@ -1,6 +1,7 @@
 """Planned motions, against Pinocchio and an integrator that know nothing of splines or limits."""
 
 import re
+import shutil
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise
@@ -17,11 +18,16 @@ from scipy.interpolate import BSpline
 
 import kickdyn as kd
 from kickdyn.core.validation import Array
+from kickdyn.motion import plan_motion
 from kickdyn.motion.limits import RangeLimit, SpeedLimit, TorqueLimit
+from kickdyn.motion.motion import Motion
 from kickdyn.motion.motion_problem import _restitution
 from kickdyn.motion.plan_motion import _Verdict
 from kickdyn.planning import kick
 from kickdyn.robot.collisions import find_ball_overlaps, find_self_collisions
+from kickdyn.robot.kicking_chain import kicking_chain
+from kickdyn.robot.standing import StandingRobot
+from kickdyn.robot.urdf_file import shipped_urdf
 
 BALL, AIR = kd.Ball(), kd.Air(drag="brazuca")
 HUMAN, TESTBED = kd.Leg.human(), kd.Leg.testbed()
@@ -177,16 +183,83 @@ def test_a_robot_on_one_foot_keeps_what_the_ground_can_supply():
     assert plan.impact.footing[SOLE] in ("stands", "turns")
 
 
-def test_bodies_that_are_inside_each_other_in_the_motion_are_a_line():
-    """The kicking leg of G1 swings into an arm, which does not move, after the impact."""
+def test_bodies_of_a_robot_stay_apart_and_out_of_the_ball():
+    """At times beside those of the check; forearms at 0 are in front of the trunk of G1."""
     plan = standing()
-    assert plan.status == "collides"
-    (line,) = [line for line in plan.warnings if "inside each other" in line]
-    pair = r"right_\w+ and right_(?:knee|hip_yaw)_link by 0\.0\d\d m at (\S+) s"
-    assert line.startswith("bodies are inside each other in the motion: right_")
-    assert 0.0 < float(re.search(pair, line)[1]) < plan.motion.end
-    assert re.search(r" and \d+ more; another goal, or another posture", line)
-    assert find_self_collisions(plan.leg, plan.q) == {}
+    assert plan.status == "met"
+    ball = plan.impact.ball_before.position
+    for t in times_of(plan.motion, 300):
+        q = plan.motion.q(t)
+        assert find_self_collisions(plan.leg, q) == {}
+        if t <= 0.0:
+            assert find_ball_overlaps(plan.leg.posture(q), ball, BALL.radius) == {}
+
+
+def test_bodies_that_are_inside_each_other_in_the_motion_are_a_line():
+    plan = standing()
+    before, crossed = plan.motion.before, plan.motion.joint_state(0.0)[0].copy()
+    crossed[plan.motion.joints.index("right_hip_roll_joint")] += 0.5
+    still = BSpline(before.t, np.tile(crossed, (len(before.c), 1)), before.k)
+    moved = replace(plan, motion=replace(plan.motion, before=still))
+    assert moved.status == "collides"
+    (line,) = [line for line in moved.warnings if "inside each other" in line]
+    words = "bodies are inside each other in the motion: "
+    pair = r"(\w+) and (\w+) by (0\.\d+) m at (-\S+) s"
+    first, other, depth, t = re.match(pair, line.removeprefix(words)).groups()
+    depths = find_self_collisions(plan.leg, moved.motion.q(float(t)))
+    assert float(depth) == pytest.approx(depths[first, other], abs=1e-3)
+
+
+def blocked(folder, place):
+    """Return the human leg with a box in place of the pelvis."""
+    shutil.copytree(shipped_urdf("leg_human.urdf").parent, folder / "urdf")
+    file = folder / "urdf/leg_human.urdf"
+    mesh = '<geometry><mesh filename="meshes/human_pelvis.stl"/></geometry>'
+    box = f'<origin xyz="{place[0]} 0 {place[2]}"/><geometry><box size="0.1 0.3 0.1"/></geometry>'
+    text = file.read_text()
+    assert mesh in text
+    file.write_text(text.replace(mesh, box))
+    return kd.Leg.from_urdf(file, "toe")
+
+
+def test_a_motion_avoids_a_body_that_is_in_its_way(tmp_path):
+    goal = kd.Goal(15, time=1)
+    free = kd.plan_kick(HUMAN, goal, BALL, AIR, motion=True).motion
+    leg = blocked(tmp_path, HUMAN.posture(free.q(0.1)).contact_point)
+    plan = kd.plan_kick(leg, goal, BALL, AIR, motion=True)
+    times = times_of(free, 300)
+    inside = [find_self_collisions(leg, free.q(t)) for t in times]
+    assert max(max(depths.values(), default=0.0) for depths in inside) > 0.04
+    assert plan.status == "met"
+    check_impact(plan)
+    check_limits(plan)
+    assert not any(find_self_collisions(leg, plan.motion.q(t)) for t in times)
+
+
+def test_limbs_in_the_way_of_a_motion_of_the_legs_are_put_aside():
+    robot = kd.Leg.from_robot("g1", base="floating", locked={"*wrist*": 0.0})
+    stance = StandingRobot(robot.with_supports(SOLE))
+    legs = kicking_chain(stance.leg).leg
+    limbs = plan_motion._idle_limbs(stance.leg, legs)
+    names = [{stance.leg.model.names[joint] for joint in limb} for limb in limbs]
+    sides = ("left", "right")
+    parts = ("shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow")
+    assert sorted(names, key=min) == [{f"{x}_{part}_joint" for part in parts} for x in sides]
+    task = SimpleNamespace(leg=stance.leg, robot=stance.robot, target=SimpleNamespace(ball=BALL))
+    joints = legs.joint_names
+    raised = np.zeros(len(joints))
+    raised[[joints.index("right_hip_pitch_joint"), joints.index("right_knee_joint")]] = -2.0, 1.0
+    knots = np.repeat([-0.8, 0.0], 4)
+    kept = [BSpline(t, np.tile(raised, (4, 1)), 3) for t in (knots, knots + 0.8)]
+    motion = Motion(stance.robot, joints, *kept)
+    aside = plan_motion._limbs_aside(task, motion, limbs)
+    assert set(aside) == {f"right_{part}_joint" for part in parts}
+    placed = stance.leg.joint_values(stance.leg.configuration())
+    placed |= dict(zip(joints, raised, strict=True))
+    at = [StandingRobot.whole(stance, stance.leg.configuration(x), np.zeros(23))[0]
+          for x in (placed, placed | aside)]  # fmt: skip
+    assert find_self_collisions(stance.robot, at[0])
+    assert not find_self_collisions(stance.robot, at[1])
 
 
 def sole_of(plan) -> Array:

@@ -68,6 +68,10 @@ def test_the_symbols_are_pinocchio_to_rounding(leg):
         posture = leg.posture(q)
         np.testing.assert_allclose(values[2], posture.contact_point, atol=1e-12)
         np.testing.assert_allclose(values[3], data.oMi[joint].rotation, atol=1e-12)
+        other, local = model.njoints // 2, np.array([0.1, -0.2, 0.3])
+        expected = data.oMi[other].actInv(data.oMi[joint].act(local))
+        seen = ca.Function("seen", [tree.q], [tree.seen_from(other, joint, ca.DM(local))])
+        np.testing.assert_allclose(np.asarray(seen(q)).ravel(), expected, atol=1e-12)
         turning = pin.getVelocity(model, data, joint, pin.LOCAL_WORLD_ALIGNED).angular
         np.testing.assert_allclose(values[4], turning, atol=1e-12)
 

@@ -1,0 +1,234 @@
+"""`BodyTrack`: measured markers of a body, or its joint angles, over time, and their files."""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from os import PathLike
+
+import numpy as np
+
+from kickdyn.core import validation
+from kickdyn.core.files import read_text
+from kickdyn.core.representation import ReprMixin, Row
+from kickdyn.core.validation import Array, ArrayLike
+from kickdyn.errors import FaultyFile, InvalidInput
+from kickdyn.identification.track import LARGEST_FILE, METRES, c3d_content
+
+
+class Up(StrEnum):
+    """Axis of a file that points up."""
+
+    Y = "y"
+    Z = "z"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class BodyTrack(ReprMixin):
+    """Measured markers of a body, or its joint angles, over time.
+
+    Args:
+        times: times of the frames, shape `(n,)` [s], increasing.
+        markers: names of the markers.
+        positions: of the markers, shape `(n, markers, 3)` [m, world frame: z up]; NaN where a
+            marker is not seen.
+        angles: coordinates by name, each of shape `(n,)` [rad; m], as of a file of joint angles;
+            NaN where one is not known.
+
+    Raises:
+        InvalidInput: other shapes, a name twice, infinite entries, or times that do not increase.
+
+    Example:
+        >>> import numpy as np
+        >>> import kickdyn as kd
+        >>> positions = np.zeros((3, 2, 3))
+        >>> positions[1, 0] = np.nan  # not seen
+        >>> track = kd.BodyTrack([0, 0.002, 0.004], ["knee", "ankle"], positions)
+        >>> track.gaps
+        {'knee': (1,)}
+    """
+
+    times: Array
+    markers: tuple[str, ...]
+    positions: Array
+    angles: Mapping[str, Array]
+
+    def __init__(
+        self,
+        times: ArrayLike,
+        markers: Sequence[str] = (),
+        positions: ArrayLike | None = None,
+        *,
+        angles: Mapping[str, ArrayLike] | None = None,
+    ) -> None:
+        moments = validation.floats("times", times, unit="s")
+        if moments.ndim != 1 or not moments.size or not (np.diff(moments) > 0.0).all():
+            raise InvalidInput("times must have shape (n,), with one entry at least, and increase")
+        if not isinstance(markers, list | tuple) or not all(isinstance(n, str) for n in markers):
+            raise InvalidInput(
+                f"markers is {validation.brief(markers)}: it must be a list of names"
+            )
+        names = tuple(markers)
+        twice = [name for name in names if names.count(name) > 1]
+        if twice:
+            raise InvalidInput(f"marker {twice[0]!r} is named twice: names must differ")
+        shape = (moments.size, len(names), 3)
+        points = _with_gaps("positions", np.zeros(shape) if positions is None else positions, shape)
+        coordinates = {
+            name: _with_gaps(f"angle {name}", values, moments.shape)
+            for name, values in validation.mapping("angles", angles).items()
+        }
+        vars(self).update(times=moments, markers=names, positions=points, angles=coordinates)
+        for array in (moments, points, *coordinates.values()):
+            array.setflags(write=False)
+
+    def __len__(self) -> int:
+        """Return the number of frames."""
+        return int(self.times.size)
+
+    @property
+    def gaps(self) -> dict[str, tuple[int, ...]]:
+        """Frames in which a marker is not seen, by marker; only markers that have some."""
+        unseen = np.asarray(np.isnan(self.positions).any(axis=2))
+        return {
+            name: tuple(np.flatnonzero(unseen[:, k]).tolist())
+            for k, name in enumerate(self.markers)
+            if unseen[:, k].any()
+        }
+
+    def _rows(self) -> Iterable[Row]:
+        yield "frames", len(self), ""
+        yield "duration", float(self.times[-1] - self.times[0]), "s"
+        yield "markers", ", ".join(self.markers) or "none", ""
+        if self.angles:
+            yield "angles", ", ".join(self.angles), ""
+        for name, frames in self.gaps.items():
+            yield f"gaps of {name}", len(frames), "frames"
+
+    @classmethod
+    @validation.check_arguments
+    def from_c3d(cls, file: str | PathLike[str], *, up: str = "z") -> "BodyTrack":
+        """Read all markers of a C3D file.
+
+        Needs ezc3d, `pip install "kickdyn[c3d]"`. Positions are converted to metres by the unit
+        that the file names.
+
+        Args:
+            file: the file, up to 64 MB.
+            up: axis of the file that points up, `y` or `z`.
+
+        Raises:
+            FaultyFile: the file cannot be read, or does not name its unit or its rate.
+            InvalidInput: the package ezc3d is not installed, or another axis.
+        """
+        axis = validation.choice("up", up, Up)
+        labels, scale, rate, first, data = c3d_content(file)
+        times = (first + np.arange(data.shape[1])) / rate
+        positions = scale * data[: len(labels)].transpose(1, 0, 2)
+        return cls(times, labels, _with_z_up(positions, axis))
+
+    @classmethod
+    @validation.check_arguments
+    def from_trc(cls, file: str | PathLike[str], *, up: str = "y") -> "BodyTrack":
+        """Read all markers of a TRC file, as OpenSim, Pose2Sim and OpenCap write it.
+
+        Empty cells and nan are gaps. Positions are converted to metres by the unit in the file.
+
+        Args:
+            file: the file, text up to 64 MB.
+            up: axis of the file that points up, `y`, as OpenSim has it, or `z`.
+
+        Raises:
+            FaultyFile: the file cannot be read; the message names the line.
+            InvalidInput: another axis.
+        """
+        axis, source = validation.choice("up", up, Up), str(file)
+        lines = read_text(file, source, LARGEST_FILE, FaultyFile).splitlines()
+        if len(lines) < 6 or not lines[0].startswith("PathFileType"):
+            raise FaultyFile(source, ["is no TRC file: its first word must be PathFileType"])
+        header = dict(zip(lines[1].split("\t"), lines[2].split("\t"), strict=False))
+        unit = header.get("Units", "").strip().lower()
+        if unit not in METRES:
+            raise FaultyFile(source, [f"its unit is {unit!r}: it must be {', '.join(METRES)}"])
+        names = [name.strip() for name in lines[3].split("\t")[2:] if name.strip()]
+        table = _table(source, lines[5:], "\t", 2 + 3 * len(names), first_line=6)
+        points = METRES[unit] * table[:, 2:].reshape(len(table), -1, 3)
+        return cls(table[:, 1], names, _with_z_up(points, axis))
+
+    @classmethod
+    @validation.check_arguments
+    def from_mot(cls, file: str | PathLike[str]) -> "BodyTrack":
+        """Read joint angles of a MOT file of OpenSim; angles in degrees become radians.
+
+        A file with `inDegrees=yes` has degrees in all columns except the translations, whose names
+        end in `_tx`, `_ty` or `_tz`.
+
+        Args:
+            file: the file, text up to 64 MB.
+
+        Raises:
+            FaultyFile: the file cannot be read; the message names the line.
+        """
+        source = str(file)
+        lines = read_text(file, source, LARGEST_FILE, FaultyFile).splitlines()
+        ends = [i for i, line in enumerate(lines) if line.strip().lower() == "endheader"]
+        if not ends or ends[0] + 1 >= len(lines):
+            raise FaultyFile(source, ["is no MOT file: it must have a line endheader"])
+        end = ends[0]
+        settings = {line.replace(" ", "").lower() for line in lines[:end]}
+        names = lines[end + 1].split()
+        if not names or names[0] != "time" or len(set(names)) < len(names):
+            raise FaultyFile(source, [f"line {end + 2} must name different columns, time first"])
+        table = _table(source, lines[end + 2 :], None, len(names), first_line=end + 3)
+        degrees = "indegrees=yes" in settings
+        angles = {
+            name: np.radians(column)
+            if degrees and not name.endswith(("_tx", "_ty", "_tz"))
+            else column
+            for name, column in zip(names[1:], table.T[1:], strict=True)
+        }
+        return cls(table[:, 0], angles=angles)
+
+
+def _with_gaps(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
+    """Return an array of a shape whose entries are finite or NaN, or raise `InvalidInput`."""
+    try:
+        array = np.array(value, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        array = validation.floats(name, value)  # which says what is wrong
+    if array.shape != shape:
+        raise InvalidInput(f"{name} has shape {array.shape}: it must be {shape}")
+    if np.isinf(array).any():
+        raise InvalidInput(f"{name} has infinite entries: they must be finite, or NaN for a gap")
+    return array
+
+
+def _with_z_up(positions: Array, up: Up) -> Array:
+    """Return positions in a frame with x as before and z up."""
+    return positions if up is Up.Z else positions[..., [0, 2, 1]] * (1.0, -1.0, 1.0)
+
+
+def _table(
+    source: str, lines: list[str], separator: str | None, width: int, first_line: int
+) -> Array:
+    """Return the numbers of lines of text, shape `(n, width)`; empty cells are NaN."""
+    rows = []
+    for number, line in enumerate(lines, start=first_line):
+        if not line.strip():
+            continue
+        cells = line.rstrip("\r\n").split(separator)
+        cells = cells[:width] + [""] * (width - len(cells))
+        try:
+            row = [float(cell) if cell.strip() else math.nan for cell in cells]
+        except ValueError:
+            raise FaultyFile(source, [f"line {number} must be numbers"]) from None
+        rows.append(row)
+    if not rows:
+        raise FaultyFile(source, ["it has no row of numbers"])
+    table = np.array(rows)
+    column = 1 if separator == "\t" else 0
+    late = np.flatnonzero(~(np.diff(table[:, column]) > 0.0))
+    if late.size or not np.isfinite(table[0, column]):
+        place = first_line + (int(late[0]) + 1 if late.size else 0)
+        raise FaultyFile(source, [f"times must increase, about line {place}"])
+    return table

@@ -1,0 +1,154 @@
+r"""Bodies apart from each other, and out of the ball before the impact, in a motion.
+
+Two bodies that are near each other at a time have the points a and b there, nearest to each other
+or deepest, and the normal n from a to b. With all three fixed in the axes of the joints that carry
+them, the condition
+
+.. math:: n \cdot (b(q) - a(q)) \ge d
+
+is a row of the next solution; likewise :math:`|c - a(q)| \ge r` for the centre c of the ball, which
+lies where the foot touches it in the impact. It is exact where the bodies are as they were, so each
+solution takes the points of the one before.
+"""
+
+from collections.abc import Collection, Sequence
+from copy import copy
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kickdyn.core.validation import Array
+from kickdyn.robot.collisions import TOUCHING, Placed, Proximity, body_pairs
+from kickdyn.robot.leg import Leg
+from kickdyn.robot.model_validation import frames_by_name
+
+WITHIN = 0.08
+"""Distance of bodies up to which they have conditions [m]: farther away, those of one motion say
+little about another."""
+
+RESERVE, BALL_RESERVE = 2e-3, -2.5e-3
+"""Distance that bodies keep from each other and from the ball, which the foot touches [m]."""
+
+ALLOWED = TOUCHING - 5e-4
+"""Depth up to which bodies count as touching on the grid of times on which they are checked [m]."""
+
+
+class Gap(NamedTuple):
+    """Two bodies near each other: names of their frames, and how the first one is placed."""
+
+    frames: tuple[str, str]
+    place: Proximity
+
+
+class Conditions(NamedTuple):
+    """Conditions that bodies of two joints are apart.
+
+    Attributes:
+        joints: that carry the bodies; the second one is -1 for the ball.
+        times: of the conditions, shape `(k,)` [s, impact at 0].
+        parameters: the point a and the normal in the axes of the first joint, and the point b in
+            those of the second one, shape `(9, k)` [m]; for the ball, only the first three count.
+    """
+
+    joints: tuple[int, int]
+    times: Array
+    parameters: Array
+
+
+class Surroundings:
+    """Which bodies can come near each other or the ball.
+
+    Args:
+        robot: with the shapes of its file.
+        leg: the joints of it that move, whose configurations are given.
+        radius: of the ball [m].
+    """
+
+    def __init__(self, robot: Leg, leg: Leg, radius: float) -> None:
+        self._robot, self._space, self._radius = robot, leg.workspace, radius
+        pairs, numbers = body_pairs(robot), frames_by_name(leg.workspace.model)
+        self._frames = {body.frame: numbers[body.frame] for body in pairs.bodies}
+        self._joints = {
+            name: int(leg.workspace.model.frames[number].parentJoint)
+            for name, number in self._frames.items()
+        }
+        carriers = np.array([self._joints[body.frame] for body in pairs.bodies], int)
+        self._pairs = pairs.of(carriers[pairs.first] != carriers[pairs.second])
+
+    def gaps(self, q: Array, ball: Array | None, within: float = WITHIN) -> list[Gap]:
+        """Return the gaps below a distance at q; those with a ball, if its centre is given [m]."""
+        placed = Placed(self._robot, self._frames, self._space.model, self._space.data, q)
+        pairs = placed.near(self._pairs, within)
+        if ball is not None:
+            near = placed.bodies_near(ball, self._radius + within)
+            pairs += [(body, placed.place_ball(ball, self._radius)) for body in near]
+        gaps = [
+            Gap((body.frame, other.frame), placed.proximity(body, other)) for body, other in pairs
+        ]
+        return [gap for gap in gaps if gap.place.depth > -within]
+
+    def only(self, frames: Collection[str]) -> "Surroundings":
+        """Return the pairs of bodies of which one or both are at some frames."""
+        some = copy(self)
+        counts = np.array([body.frame in frames for body in self._pairs.bodies], bool)
+        some._pairs = self._pairs.of(counts[self._pairs.first] | counts[self._pairs.second])
+        return some
+
+    def conditions(
+        self, gaps: Sequence[Sequence[Gap]], times: Array, q: Array, chosen: NDArray[np.bool_]
+    ) -> list[Conditions]:
+        """Return the conditions of bodies that come near each other.
+
+        Args:
+            gaps: at times.
+            times: shape `(k,)` [s].
+            q: configurations at these times, shape `(k, n)`.
+            chosen: which of the times have conditions besides those at which bodies are nearest.
+        """
+        depths: dict[tuple[str, str], Array] = {}
+        for number, near in enumerate(gaps):
+            for gap in near:
+                row = depths.setdefault(gap.frames, np.full(len(times), -np.inf))
+                row[number] = max(row[number], gap.place.depth)
+        wanted = {}
+        for frames, row in depths.items():
+            padded = np.pad(row, 1, constant_values=-np.inf)
+            peak = np.isfinite(row) & (row >= padded[:-2]) & (row >= padded[2:])
+            wanted[frames] = peak | chosen
+        columns: dict[tuple[int, int], list[tuple[float, Array]]] = {}
+        model, data = self._space.model, self._space.data
+        for number, near in enumerate(gaps):
+            placed = Placed(self._robot, {}, model, data, q[number]) if near else None
+            for gap in near:
+                if placed is None or not wanted[gap.frames][number]:
+                    continue
+                first, second = self._joints[gap.frames[0]], self._joints.get(gap.frames[1], -1)
+                pose, other = data.oMi[first], data.oMi[max(second, 0)]
+                depth, point, normal = gap.place
+                column = np.concatenate([
+                    pose.actInv(point), pose.rotation.T @ normal,
+                    other.actInv(point - depth * normal),
+                ])  # fmt: skip
+                columns.setdefault((first, second), []).append((float(times[number]), column))
+        return [
+            Conditions(joints, np.array([t for t, _ in rows]), np.array([c for _, c in rows]).T)
+            for joints, rows in columns.items()
+        ]
+
+
+def with_former(new: Sequence[Conditions], former: Sequence[Conditions]) -> list[Conditions]:
+    """Return conditions with those former ones for whose joints there are none at that time.
+
+    A solution that kept these would otherwise return to where bodies are inside each other.
+    """
+    known = {conditions.joints: conditions for conditions in new}
+    for joints, times, parameters in former:
+        latest = known.get(joints, Conditions(joints, np.zeros(0), np.zeros((9, 0))))
+        left = ~np.isin(times.round(12), latest.times.round(12))
+        known[joints] = Conditions(
+            joints,
+            np.concatenate([latest.times, times[left]]),
+            np.hstack([latest.parameters, parameters[:, left]]),
+        )
+    return [*known.values()]

@@ -1,0 +1,211 @@
+"""Motions from markers: against the motion that made them, with noise, gaps and faults."""
+
+import functools
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import kickdyn as kd
+
+LEG = kd.Leg.human(height=1.65, mass=58, sex="female", model="3d", base="floating")
+CLUSTERS = {
+    "base": [(0.1, 0.05, 0.08), (0.1, 0.2, 0.08), (-0.1, 0.1, 0.1)],
+    "thigh": [(0.07, -0.05, -0.1), (0.06, 0.05, -0.2), (0.02, -0.06, -0.3)],
+    "shank": [(0.05, 0.03, -0.1), (0.04, -0.04, -0.25), (-0.03, -0.05, -0.35)],
+    "foot": [(0.1, 0.03, 0.02), (0.12, -0.03, 0.02), (-0.04, 0.0, 0.02)],
+}
+PLACES = {f"{link}{i}": (link, p) for link, ps in CLUSTERS.items() for i, p in enumerate(ps)}
+HIP, KNEE, ANKLE = (LEG.velocity_index(name) for name in ("hip", "knee", "ankle"))
+
+
+def state(t):
+    """Configuration of a kick with a run-up, the contact at 0: the knee extends at 17 rad/s."""
+    x = np.zeros(12)
+    x[:3] = 4.0 * t, 0.1 * t, 1.0 + 0.05 * np.cos(6 * t)
+    x[3:6] = 0.1 * np.sin(5 * t), -0.2 * np.sin(4 * t + 0.5), 0.3 * np.sin(6 * t)
+    x[6:9] = 0.7 * np.tanh((t + 0.06) / 0.09) + 0.3, 0.1 * np.sin(7 * t) - 0.1, 0.1 * np.cos(8 * t)
+    x[9:] = 1.15 - np.tanh(t / 0.06), 0.5 + 0.1 * np.sin(9 * t), 0.05 * np.sin(8 * t)
+    return pin.integrate(LEG.model, LEG.configuration(), x)
+
+
+def velocity(t, h=1e-5):
+    return pin.difference(LEG.model, state(t - h), state(t + h)) / (2 * h)
+
+
+@functools.cache
+def clean(rate, until=0.0):
+    times = np.arange(-0.2, until, 1 / rate)
+    model, data = LEG.model, LEG.model.createData()
+    positions = np.zeros((len(times), len(PLACES), 3))
+    for k, t in enumerate(times):
+        pin.framesForwardKinematics(model, data, state(t))
+        for m, (link, point) in enumerate(PLACES.values()):
+            positions[k, m] = data.oMf[model.getFrameId(link)].act(np.array(point))
+    return times, positions
+
+
+def track(rate=500, noise=0.0, seed=1, until=0.0):
+    times, positions = clean(rate, until)
+    rng = np.random.default_rng(seed)
+    return kd.BodyTrack(times, list(PLACES), positions + noise * rng.normal(size=positions.shape))
+
+
+def changed(change, rate=240):
+    whole = track(rate)
+    positions = whole.positions.copy()
+    change(positions)
+    return kd.BodyTrack(whole.times, whole.markers, positions)
+
+
+def test_without_noise_the_configurations_are_those_of_the_motion():
+    motion = kd.fit_motion(track(240), LEG, PLACES)
+    for t, q in zip(motion.times, motion.configurations, strict=True):
+        assert np.abs(pin.difference(LEG.model, state(t), q)).max() < 1e-9
+    assert list(motion.scales.values()) == pytest.approx([1.0] * 7, abs=1e-9)
+    assert motion.v(-0.1) == pytest.approx(velocity(-0.1), abs=1e-3)
+    at = motion.at_contact(0.0)
+    assert np.abs(at.v - velocity(0.0)).max() < 0.02
+    assert at.foot_velocity == pytest.approx(
+        LEG.posture(state(0)).point_velocity(velocity(0)), abs=0.01
+    )
+
+
+@pytest.mark.parametrize(("rate", "joint_share"), [(500, 0.05), (240, 0.08)])
+def test_a_millimetre_of_noise(rate, joint_share):
+    missed, foot, sigmas = [], [], []
+    truth = LEG.posture(state(0)).point_velocity(velocity(0))
+    for seed in range(2):
+        motion = kd.fit_motion(track(rate, 1e-3, seed), LEG, PLACES)
+        assert motion.noise == pytest.approx(1e-3, rel=0.1)
+        at = motion.at_contact(0.0)
+        angle = pin.difference(LEG.model, state(0), at.posture.q)
+        assert np.degrees(np.abs(angle[[HIP, KNEE, ANKLE]])).max() < 1.0
+        error = at.v - velocity(0)
+        missed.append(error[[HIP, KNEE]] / abs(velocity(0)[KNEE]))
+        foot.append(np.linalg.norm(at.foot_velocity - truth) / np.linalg.norm(truth))
+        sigmas += [angle / at.q_deviations, error / at.v_deviations]
+    assert np.sqrt(np.mean(np.square(missed))) < joint_share
+    assert np.sqrt(np.mean(np.square(foot))) < 0.025
+    assert 0.6 < np.sqrt(np.mean(np.square(sigmas))) < 1.6
+
+
+def test_segments_take_the_lengths_of_the_person():
+    other = kd.Leg.human(height=1.8, mass=58, sex="female", model="3d", base="floating")
+    motion = kd.fit_motion(track(240), other, {
+        name: (link, np.array(p) * 1.8 / 1.65) for name, (link, p) in PLACES.items()
+    })  # fmt: skip
+    assert motion.scales["hip_rotation"] == pytest.approx(1.65 / 1.8, rel=1e-3)
+    assert motion.scales["knee"] == pytest.approx(1.65 / 1.8, rel=1e-3)
+    shank = other.joint_names.index("knee") + 1
+    ours, given = (leg.model.inertias[shank].inertia.diagonal() for leg in (motion.leg, other))
+    assert ours / given == pytest.approx([motion.scales["knee"] ** 2] * 3)
+    assert motion.leg.model.inertias[shank].mass == other.model.inertias[shank].mass
+
+
+def test_nothing_is_smoothed_across_the_impact():
+    """What happens after the contact does not change what was before it."""
+
+    def after(positions):
+        positions[len(clean(240, 0.0)[0]) :] += (0.03, 0.0, 0.0)
+
+    whole = track(240, until=0.1)
+    positions = whole.positions.copy()
+    after(positions)
+    other = kd.BodyTrack(whole.times, whole.markers, positions)
+    plain, jump = (
+        kd.fit_motion(one, LEG, PLACES, contact=0.0, scale=False) for one in (whole, other)
+    )
+    assert (jump.q(-0.01) == plain.q(-0.01)).all()
+    assert (jump.at_contact().v == plain.at_contact().v).all()
+    assert jump.q(0.05)[0] - plain.q(0.05)[0] == pytest.approx(0.03, abs=1e-6)
+
+
+def test_gaps_are_left_out_and_named():
+    def hide(positions):
+        positions[5, 0] = np.nan
+        positions[7:9, 3:] = np.nan
+
+    motion = kd.fit_motion(changed(hide), LEG, PLACES)
+    assert motion.gaps["base0"] == (5,)
+    assert motion.gaps["thigh1"] == (7, 8)
+    assert motion.undetermined == (7, 8)
+    assert (
+        np.abs(pin.difference(LEG.model, state(motion.times[5]), motion.configurations[5])).max()
+        < 1e-9
+    )
+
+
+def hide_contact(positions):
+    positions[-12:, 4:] = np.nan
+
+
+@pytest.mark.parametrize(
+    ("change", "markers", "message"),
+    [
+        (lambda p: p.__imul__(1000), PLACES, "markers are up to .* m apart, as in millimetres"),
+        (lambda p: p.__setitem__((slice(None), [3, 6]), p[:, [6, 3]]), PLACES,
+         "marker '.*' is .* m from its place on the leg in frame .*: markers are swapped"),
+        (lambda p: p.__setitem__((slice(None), slice(9, None)), np.nan), PLACES,
+         "marker 'foot0' is seen in no frame"),
+        (lambda _: None, {k: v for k, v in PLACES.items() if "foot" not in k},
+         "too few markers: in no frame do those that are seen determine (ankle|subtalar)"),
+        (lambda _: None, {"x": "foot"}, "marker 'x' is not in the track"),
+        (lambda _: None, {"foot0": "hand"}, "hand"),
+        (lambda _: None, {"foot0": ("foot", 1, 2)}, "place of marker 'foot0' is"),
+        (lambda _: None, {}, "markers is empty"),
+    ],
+)  # fmt: skip
+def test_refused(change, markers, message):
+    with pytest.raises(kd.InvalidInput, match=message):
+        kd.fit_motion(changed(change, rate=50), LEG, markers)
+
+
+def test_times_without_frames_are_refused():
+    motion = kd.fit_motion(changed(hide_contact), LEG, PLACES)
+    with pytest.raises(kd.InvalidInput, match=r"contact at 0 s has .*markers with gaps: thigh1"):
+        motion.at_contact(0.0)
+    with pytest.raises(kd.InvalidInput, match="time is None"):
+        motion.at_contact()
+    with pytest.raises(kd.InvalidInput, match="the motion is known from"):
+        motion.q(1.0)
+    with pytest.raises(kd.InvalidInput, match="contact is 5 s: the track is from"):
+        kd.fit_motion(track(240), LEG, PLACES, contact=5.0)
+
+
+def test_joint_angles_of_a_file():
+    leg, times = kd.Leg.human(), np.arange(0, 0.2, 1 / 240)
+    angles = {"hip_r": 0.3 + times, "knee_r": -1.0 + 4 * times**2, "ankle_r": 0.0 * times}
+    whole = kd.BodyTrack(times, angles=angles)
+    names = {"hip": "hip_r", "knee": "-knee_r", "ankle": "ankle_r"}
+    at = kd.fit_motion(whole, leg, angles=names, contact=0.2).at_contact()
+    assert at.posture.q == pytest.approx([0.5, 0.84, 0.0], abs=1e-6)
+    assert at.v == pytest.approx([1.0, -1.6, 0.0], abs=1e-4)
+    with pytest.raises(kd.InvalidInput, match="it must name one coordinate for each of hip, knee"):
+        kd.fit_motion(whole, leg, angles={"hip": "hip_r"})
+    with pytest.raises(kd.InvalidInput, match="angle 'x' is not in the track"):
+        kd.fit_motion(whole, leg, angles=names | {"hip": "x"})
+
+
+def test_an_impact_from_the_motion_and_the_ball():
+    motion = kd.fit_motion(track(500, 5e-4), LEG, PLACES, contact=0.0)
+    ball, truth = kd.Ball(), LEG.posture(state(0))
+    normal = truth.point_velocity(velocity(0))
+    hit = kd.strike(truth, velocity(0), ball, kd.Contact(normal, 0.7))
+    times = np.arange(-0.1, 0.12, 1 / 500)
+    start = truth.contact_point + ball.radius * hit.contact.normal
+    path = start + np.outer(np.maximum(times, 0.0), hit.ball_after.velocity)
+    path += 5e-4 * np.random.default_rng(2).normal(size=path.shape)
+    found = kd.infer_impact(motion, kd.Track(times, path))
+    assert found.impulse == pytest.approx(hit.impulse, rel=0.02, abs=0.05)
+    assert abs(found.restitution - 0.7) < 3 * found.deviations["restitution"] + 0.01
+    assert found.effective_mass == pytest.approx(hit.effective_mass, rel=0.05)
+    sizes = np.linalg.norm(found.joint_impulses[:, :3], axis=1)
+    expected = np.linalg.norm(hit.joint_impulses[:, :3], axis=1)
+    for name, a, b in zip(LEG.joint_names, sizes, expected, strict=True):
+        assert abs(a - b) < 4 * found.joint_deviations[name] + 1e-3 * expected.max()
+    assert any("does not show the spin" in line for line in found.warnings)
+    with pytest.raises(kd.InvalidInput, match=r"track of the ball has 0 samples after the contact"):
+        kd.infer_impact(motion, kd.Track(times[:50], path[:50]))
+    with pytest.raises(kd.InvalidInput, match="ball, ball_before and ball_after are needed"):
+        kd.infer_impact(truth, velocity(0))

@@ -79,10 +79,14 @@ class IncomingBall(ReprMixin):
     ground: Ground | None
     meet_at: float | Array | None
 
-    @validation.check_arguments
     def __init__(
-        self, state: BallState, ground: Ground | None = None, meet_at: ArrayLike | None = None
+        self,
+        state: BallState,
+        ground: Ground | None = None,
+        meet_at: "ArrayLike | None" = None,
     ) -> None:
+        validation.check_type(BallState, state=state)
+        validation.check_type(Ground, type(None), ground=ground)
         if np.ndim(state.time):
             raise InvalidInput("incoming has several states: it must be one BallState")
         validation.number(

@@ -166,7 +166,9 @@ def test_exp_is_right_to_the_last_digits():
 
 
 @pytest.mark.parametrize(
-    "used", [np.array([0.2]), np.array([0.3]), types, object(), [0.2]], ids=str
+    "used",
+    [np.array([0.2]), np.array([0.3]), types, object(), [0.2]],
+    ids=["array", "other array", "module", "object", "list"],
 )
 def test_what_uses_a_value_that_cannot_be_compared_has_no_name(used):
     """Nothing that was compiled of it may serve another function."""

@@ -53,6 +53,9 @@ from .impact.unilateral import unilateral_strike as unilateral_strike
 from .motion.motion import Motion as Motion
 from .plane import Plane as Plane
 from .planning.goal import Goal as Goal
+from .planning.interception import IncomingBall as IncomingBall
+from .planning.interception import LandingSlopes as LandingSlopes
+from .planning.interception import Meeting as Meeting
 from .planning.kick import plan_kick as plan_kick
 from .planning.kick_plan import KickPlan as KickPlan
 from .planning.launch import Launch as Launch

@@ -50,6 +50,8 @@ GOOD = {
     "rotor_inertia": 1e-5, "drives": {"knee": kd.Drive(1e-5, 50.0)}, "values": {"knee": 0.1},
     "draws": 2, "surface": "heel", "linear": (1.0, 0.0, 0.0),
     "states": kd.BallState(velocity=[IMPACT.ball_after.velocity] * 2),
+    "incoming": kd.BallState((1.5, 0, -0.7), (-2, 0, 0)), "time": 1.0,
+    "moved": (0.1, 0.0, 0.0), "delay": 0.1,
 }  # fmt: skip
 """A valid argument for every required parameter, by its name."""
 
@@ -98,6 +100,8 @@ RESULTS = {
         "KickPlan",
         "LegMotion",
         "Launch",
+        "LandingSlopes",
+        "Meeting",
         "Motion",
         "MujocoRun",
         "MujocoTuning",

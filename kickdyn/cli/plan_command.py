@@ -8,7 +8,7 @@ import click
 import numpy as np
 
 from kickdyn.air import Air
-from kickdyn.ball import Ball
+from kickdyn.ball import Ball, BallState
 from kickdyn.cli.command import Command, busy, print_wrapped, warn
 from kickdyn.cli.leg_options import LegOptions
 from kickdyn.cli.option_groups import (
@@ -25,6 +25,7 @@ from kickdyn.errors import InvalidInput
 from kickdyn.ground import SURFACES
 from kickdyn.motion.motion_file import check_motion_name
 from kickdyn.planning.goal import FARTHEST, Goal
+from kickdyn.planning.interception import IncomingBall
 from kickdyn.planning.kick import plan_kick
 from kickdyn.planning.launch import SPEED_LIMIT, OutOfReach
 from kickdyn.planning.objectives import KickObjective
@@ -137,6 +138,21 @@ class KickOptions:
         help="Position of the ball's centre [m, world frame], in place of --ball-height. Only the "
         "self-motion of the leg remains free.",
     )  # fmt: skip
+    ball_position: tuple[float, float, float] | None = option(
+        "--ball-position", type=Numbers("X,Y,Z"),
+        help="Position of the centre of a ball that moves, at time 0 [m, world frame]; the target "
+        "is seen from there.",
+    )  # fmt: skip
+    ball_velocity: tuple[float, float, float] | None = option(
+        "--ball-velocity", type=Numbers("X,Y,Z"), help="Its velocity then [m/s]."
+    )
+    ball_spin: tuple[float, float, float] | None = option(
+        "--ball-spin", type=Numbers("X,Y,Z"),
+        help="Its spin then [rad/s].  [default: none]",
+    )  # fmt: skip
+    meet_at: float | None = option(
+        "--meet-at", type=float, help="Time at which it is met [s].  [default: the best]"
+    )
     objective: str | None = option(
         "--objective",
         type=click.Choice([name.value for name in KickObjective if name != "torque-squared"]),
@@ -156,11 +172,25 @@ class KickOptions:
         """Raise `InvalidInput` for options that exclude each other."""
         if self.ball_height is not None and self.ball_at is not None:
             raise InvalidInput("--ball-height and --ball-at are both given: give one of the two")
+        moving = self.ball_position is not None and self.ball_velocity is not None
+        for name in ("ball_position", "ball_velocity", "ball_spin", "meet_at"):
+            if getattr(self, name) is not None and not moving:
+                option_name = "--" + name.replace("_", "-")
+                raise InvalidInput(
+                    f"{option_name} is {getattr(self, name)}: a ball that moves has "
+                    "--ball-position and --ball-velocity"
+                )
+        if moving and (self.ball_height is not None or self.ball_at is not None):
+            raise InvalidInput("--ball-position excludes --ball-height and --ball-at")
 
     def arguments(self, leg: Leg, ball: Ball, offset: tuple[float, ...] | None) -> dict[str, Any]:
         """Return these options as arguments of `plan_kick`; the ball lies where the leg stands."""
-        height = self.ball_height
-        if height is None and self.ball_at is None and not is_floating(leg):
+        height, incoming = self.ball_height, None
+        if self.ball_position is not None and self.ball_velocity is not None:
+            spin = self.ball_spin or (0.0, 0.0, 0.0)
+            state = BallState(self.ball_position, self.ball_velocity, spin)
+            incoming = IncomingBall(state, meet_at=self.meet_at)
+        elif height is None and self.ball_at is None and not is_floating(leg):
             standing = leg.posture(leg.configuration()).with_contact_offset(offset)
             foot = float(standing.contact_point[2])
             # a robot's toe must point ahead
@@ -169,6 +199,7 @@ class KickOptions:
         return {
             "objective": self.objective,
             "ball_position": height if self.ball_at is None else self.ball_at,
+            "incoming": incoming,
             "limits": not self.no_limits,
             "motion": self.motion,
         }

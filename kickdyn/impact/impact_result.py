@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -292,6 +293,23 @@ class Impact(AfterApproach):
         projectors = axis_projectors(self.posture)
         nominal = Nominal(self.impulse, self.ball_after.velocity, joints, projectors)
         return uncertainty(self.sensitivity(), nominal, spread)
+
+    def plot(self, **spread: ArrayLike) -> Any:
+        """Return a matplotlib Figure of the linear impulses in the joints, in journal width.
+
+        Args:
+            **spread: standard deviations as for `uncertainty`; with them, error bars show one
+                standard deviation to each side.
+
+        Raises:
+            InvalidInput: what `uncertainty` refuses.
+        """
+        from kickdyn.core.joint_plot import joint_figure  # matplotlib takes half a second
+
+        sizes = np.linalg.norm(self.joint_impulses[:, :3], axis=1).tolist()
+        joints = self.uncertainty(**spread).joints if spread else {}
+        deviations = {name: joint.force_deviation for name, joint in joints.items()}
+        return joint_figure(dict(zip(self.posture.leg.joint_names, sizes, strict=True)), deviations)
 
     def _supports(self) -> list[tuple[Support, ConstraintBlock]]:
         """Return the leg's supports, each with its rows of the constraints."""

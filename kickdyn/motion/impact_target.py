@@ -1,11 +1,11 @@
 """From a launch back to the impact: impulse, normal, and the foot's velocity."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from kickdyn.ball import Ball
+from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
 from kickdyn.core.representation import ReadOnlyArrays, freeze_arrays
 from kickdyn.core.validation import Array
@@ -21,18 +21,20 @@ from kickdyn.robot.leg import Posture
 
 @dataclass(frozen=True, eq=False)
 class ImpactTarget(ReadOnlyArrays):
-    r"""What the foot must do to a ball at rest.
+    r"""What the foot must do to a ball, at rest or not.
 
     Attributes:
         impulse: on the ball, shape `(3,)` [N s, world frame].
         contact: its normal gives the impulse and the spin; the foot sticks. With its restitution
             over the speed of approach, u (1 + e) increases with the speed u; else `InvalidInput`.
         ball: that is struck.
+        before: the ball's motion just before; its position does not count.
     """
 
     impulse: Array
     contact: Contact
     ball: Ball
+    before: BallState = field(default_factory=BallState)
 
     def __post_init__(self) -> None:
         """Make the arrays read-only; raise `InvalidInput` where foot speeds are not unique."""
@@ -57,17 +59,28 @@ class ImpactTarget(ReadOnlyArrays):
         of_ball = impulse / ball.mass + ball.turning * across
         return np.asarray(posture.delassus() @ impulse + of_ball)
 
+    @property
+    def surface_velocity(self) -> Array:
+        """Velocity of the ball's surface at the contact before it, shape `(3,)` [m/s]."""
+        spinning = np.cross(self.before.spin, self.contact.normal)
+        return np.asarray(self.before.velocity - self.ball.radius * spinning)
+
     def foot_velocity(self, posture: Posture, share: float = 1.0) -> Array:
         r"""Return the contact point's velocity just before, shape `(3,)` [m/s, world frame].
 
         Along the normal it is the speed u with :math:`u\,(1 + e(u)) = s\, n \cdot W p` for a share
         s of the impulse: restitution, Eq. (1). Across it there is no sliding just after. Without
-        friction the part across the normal is free, and 0 here.
+        friction the part across the normal is free, and 0 here. The `surface_velocity` of a ball
+        that moves is added.
         """
         return self.foot_velocity_for(self.velocity_change(posture), share)
 
     def foot_velocity_for(self, change: Array, share: float = 1.0) -> Array:
         """Return the foot's velocity for a `velocity_change`, both of shape `(3,)` [m/s]."""
+        return self.closing_velocity_for(change, share) + self.surface_velocity
+
+    def closing_velocity_for(self, change: Array, share: float = 1.0) -> Array:
+        """Return the same relative to the ball's surface."""
         contact = self.contact
         speed = approach_speed(contact.restitution, share * float(contact.normal @ change))
         gain = self._gain(1.0 + restitution_at(contact.restitution, speed))
@@ -96,16 +109,21 @@ def impact_target_for(
     spin: Array,
     ball: Ball,
     contact: Contact,
+    before: BallState | None = None,
 ) -> ImpactTarget:
-    r"""Return the impact that gives a ball at rest a velocity and a spin across it [m/s, rad/s].
+    r"""Return the impact that gives a ball a velocity and a spin [m/s, rad/s].
 
-    The impulse is :math:`p = m v`. The normal is turned from it by the angle :math:`\alpha` about
-    the spin, with :math:`\sin\alpha = I \omega / (r p)`, no more than friction allows:
-    :math:`\tan\alpha \le \mu`; a spin for which friction is too low raises `InvalidInput`. The
-    contact has no normal yet.
+    Of a ball at rest, the impulse is :math:`p = m v`, and :math:`\omega` is the spin; of a ball
+    that moves `before`, both are the changes, and :math:`\omega` is across p. The normal is turned
+    from it by the angle :math:`\alpha` about the spin, with :math:`\sin\alpha = I \omega / (r p)`,
+    no more than friction allows: :math:`\tan\alpha \le \mu`; a spin for which friction is too low
+    raises `InvalidInput`. The contact has no normal yet.
     """
-    impulse = ball.mass * velocity
+    before = BallState() if before is None else before
+    impulse, spin = ball.mass * (velocity - before.velocity), spin - before.spin
     size, turn = math.hypot(*impulse), math.hypot(*spin)
+    if not size > 1e-9 * ball.mass * math.hypot(*velocity):
+        raise InvalidInput("the ball already has the velocity that it needs: nothing is to strike")
     along = impulse / size
     normal = along
     if turn > 0.0:
@@ -117,4 +135,4 @@ def impact_target_for(
                 f"launch at most {most * ball.radius * size / ball.inertia:.4g} rad/s"
             )
         normal = math.sqrt(1.0 - sine * sine) * along + sine * np.cross(spin / turn, along)
-    return ImpactTarget(impulse, replace(contact.for_ball(ball), normal=normal), ball)
+    return ImpactTarget(impulse, replace(contact.for_ball(ball), normal=normal), ball, before)

@@ -19,6 +19,8 @@ from kickdyn.errors import InvalidInput
 CONDITIONS = {"time": "s", "apex": "m", "speed": "m/s", "over": "m"}
 """Conditions on the flight, of which a goal has one, with their units."""
 
+UP = np.array([0.0, 0.0, 1.0])
+
 FARTHEST = 1e4
 """Largest distance of a target [m]: air and gravity are the same all the way."""
 
@@ -199,6 +201,23 @@ class Goal(ReprMixin):
         """Return the goal of meeting the receiver at a time [s], a target at rest."""
         target = self.target + time * self.receiver_velocity
         return replace(self, target=target, receiver_velocity=np.zeros(3))
+
+    def seen_from(self, moved: Array, delay: float) -> "Goal":
+        """Return the same goal for a ball that starts elsewhere and later.
+
+        Args:
+            moved: displacement of the start, shape `(3,)` [m].
+            delay: time by which the ball starts later, for a receiver who runs [s].
+        """
+        ahead, left, up = (float(moved @ axis) for axis in (self.ahead, self.left, UP))
+        over, beside = self.over, self.beside
+        return replace(
+            self,
+            target=self.target - moved + delay * self.receiver_velocity,
+            apex=None if self.apex is None else self.apex - up,
+            over=None if over is None else (over[0] - ahead, over[1] - up),
+            beside=None if beside is None else (beside[0] - ahead, beside[1] - left),
+        )
 
     @property
     def distance(self) -> float:

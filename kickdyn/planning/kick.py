@@ -1,7 +1,8 @@
 """Planning a kick: from a goal back to the posture and the joint velocity that meet it."""
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 from importlib.util import find_spec
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from kickdyn.air import Air
-from kickdyn.ball import Ball
+from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.validation import Array, ArrayLike
@@ -19,13 +20,32 @@ from kickdyn.flight.follow import Course, follow
 from kickdyn.ground import Ground, Surface
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike
-from kickdyn.motion.impact_target import impact_target_for
+from kickdyn.motion.impact_target import ImpactTarget, impact_target_for
 from kickdyn.motion.motion import Motion
 from kickdyn.plane import Plane
 from kickdyn.planning.goal import Goal
+from kickdyn.planning.interception import (
+    CANDIDATES,
+    TRIED,
+    IncomingBall,
+    Meeting,
+    reach_of,
+    state_at,
+    waits_in_plane,
+    waits_in_reach,
+)
 from kickdyn.planning.kick_plan import KickPlan
-from kickdyn.planning.kick_problem import KickProblem, kick_problem, solve_kick
-from kickdyn.planning.kick_terms import BallPosition, Facing, Objective, SpeedLimit, TorqueLimit
+from kickdyn.planning.kick_problem import KickProblem, best_from, kick_problem, solve_kick
+from kickdyn.planning.kick_terms import (
+    BallPosition,
+    Facing,
+    KickPoint,
+    Objective,
+    SpeedLimit,
+    StrikeVelocity,
+    TorqueLimit,
+    place_exactly,
+)
 from kickdyn.planning.launch import Launch, OutOfReach, fly_to_target, plan_launch
 from kickdyn.planning.objectives import OBJECTIVES, KickObjective
 from kickdyn.planning.passes import Pass, plan_pass
@@ -49,6 +69,7 @@ def plan_kick(
     objective: str | None = None,
     contact: Contact | None = None,
     ball_position: ArrayLike | None = None,
+    incoming: BallState | IncomingBall | None = None,
     limits: bool = True,
     surface: str | Surface | None = None,
     motion: bool = False,
@@ -81,6 +102,9 @@ def plan_kick(
             which leaves only the self-motion of a redundant leg free. With None both are free; the
             command `kickdyn plan` lays the ball at the foot of the straight leg, at a height of
             -0.7042 for `Leg.human()`.
+        incoming: a ball that moves, with `position`, in place of `ball_position`; an `IncomingBall`
+            names its ground, or the time or place of the meeting. The goal is seen from its
+            position. See below.
         limits: whether limits of speed and torque hold; those of the joints' range always do. An
             infinite one always holds, its use is 0, and `joint-speed` counts it as 100 rad/s; one
             of 0 is refused, or none with `limits=False`.
@@ -109,6 +133,11 @@ def plan_kick(
     `warnings` names those that do not, with when and by how much. Where the whole launch cannot be
     reached, `share` is what can.
 
+    With `incoming`, the ball's path is followed to where the leg reaches it, and kicks are planned
+    for several times on it; `plan.meeting` is the one of the least `speed_use`, and `plan.meetings`
+    has all. A base that moves is in its place at the time of the meeting. Where the goal names no
+    other spin, the kick stops that of the ball; without friction, the spin stays.
+
     Raises:
         OutOfReach: a goal that no launch meets, with the nearest there is.
         InvalidInput: a leg that cannot kick in that direction or whose postures cannot reach the
@@ -135,6 +164,13 @@ def plan_kick(
         position = _lying_on_ground(position, ball)
     if motion:
         leg.check_base_at_rest("a motion from rest to rest")
+    if incoming is not None:
+        if motion or ball_position is not None:
+            other = "motion=True" if motion else "ball_position"
+            raise InvalidInput(f"incoming and {other} exclude each other: give one of them")
+        come = incoming if isinstance(incoming, IncomingBall) else IncomingBall(incoming)
+        settings = _Settings(goal, ball, air, contact, objective, limits, surface, solver)
+        return _plan_interception(leg, come, settings)
     disabled_pairs(leg)  # a faulty SRDF is refused now, not by the checks of the finished plan
 
     # several threads sum in another order, which moves postures by up to 2e-5 rad, and take 5 times
@@ -142,7 +178,7 @@ def plan_kick(
     with threadpool_limits(1, "blas"):
         launch: Launch | Pass
         if surface is None:
-            launch = _plan_flight_launch(goal, ball, air)
+            launch = _plan_flight_launch(goal, ball, air, contact)
         else:
             launch = _plan_pass_launch(goal, ball, air, surface)
         goal = goal.at(launch.time)
@@ -168,13 +204,208 @@ def plan_kick(
     )
 
 
+@dataclass(frozen=True)
+class _Settings:
+    """The arguments of `plan_kick` for a ball that moves."""
+
+    goal: Goal
+    ball: Ball
+    air: Air | None
+    contact: Contact
+    objective: KickObjective
+    limits: bool
+    surface: str | Surface | None
+    solver: str
+
+
+@dataclass(frozen=True)
+class _Interception:
+    """A ball that is met at a time, and what the foot must do to it."""
+
+    leg: Leg
+    settings: _Settings
+    incoming: IncomingBall
+    before: BallState
+    goal: Goal
+    launch: Launch | Pass
+    target: ImpactTarget
+
+    def problem(self) -> KickProblem:
+        """Return the problem of the kick."""
+        s = self.settings
+        return kick_problem(
+            self.leg, self.target, self.before.position, limits=s.limits, solver=s.solver
+        )
+
+    @property
+    def aside(self) -> Array:
+        """Horizontal unit vector across the impulse, to its left, shape `(3,)`."""
+        x, y, _ = self.target.impulse.tolist()
+        return np.array([-y, x, 0.0]) / (math.hypot(x, y) or 1.0)
+
+    def plan(self, problem: KickProblem, point: KickPoint) -> KickPlan:
+        """Return the plan of a solution, and its meeting."""
+        s, position = self.settings, problem.find(BallPosition)
+        strike_velocity = problem.find(StrikeVelocity)
+        if position is not None and strike_velocity is not None:
+            point = strike_velocity.make_exact(place_exactly(position, point))
+        posture, v, outcome = _outcome(problem, point, OBJECTIVES[s.objective]())
+        before = self.before
+        impact = strike(
+            posture, v, s.ball, self.target.contact,
+            ball_velocity=before.velocity, ball_spin=before.spin,
+        )  # fmt: skip
+        time = self.launch.time if outcome["share"] == 1.0 else None
+        meeting = Meeting(
+            before, self.incoming, self.goal, s.air, impact, point.share, outcome["speed_use"]
+        )
+        return KickPlan(
+            goal=self.goal,
+            launch=self.launch,
+            objective=s.objective,
+            impact_target=self.target,
+            impact=impact,
+            path=_path_to_target(impact, self.goal, s.air, s.surface, time),
+            ball_is_placed=True,
+            heading=problem.heading,
+            meeting=meeting,
+            meetings=(meeting,),
+            _again=partial(_replan, self.leg, s, point.x),
+            **outcome,
+        )
+
+
+def _intercept(
+    leg: Leg, settings: _Settings, incoming: IncomingBall, course: Course, wait: float
+) -> _Interception:
+    """Return what a kick takes that meets a ball some time after it was seen."""
+    s, before = settings, state_at(incoming, course, wait)
+    goal = s.goal.seen_from(before.position - incoming.state.position, wait)
+    launch: Launch | Pass
+    if s.surface is None:
+        launch = _plan_flight_launch(goal, s.ball, s.air, s.contact, before)
+    else:
+        assert incoming.ground is not None
+        above = float(before.position[2]) - s.ball.radius - incoming.ground.height
+        if abs(above) > 1e-3:
+            raise InvalidInput(
+                f"the ball is {above:.3g} m above the ground where it is met: a pass along the "
+                "ground is for a ball that rolls"
+            )
+        launch = _plan_pass_launch(goal, s.ball, s.air, s.surface)
+    goal = goal.at(launch.time)
+    target = impact_target_for(launch.velocity, launch.spin, s.ball, s.contact, before)
+    return _Interception(leg, s, incoming, before, goal, launch, target)
+
+
+def _plan_interception(leg: Leg, incoming: IncomingBall, settings: _Settings) -> KickPlan:
+    """Return the plan of the meeting of least speed use, with all that were considered."""
+    s, objective = settings, OBJECTIVES[settings.objective]()
+    incoming = incoming.on_ground_of(leg, s.ball)
+    with threadpool_limits(1, "blas"):
+        course, reach = incoming.course(s.ball, s.air), reach_of(leg, s.ball)
+        waits = waits_in_reach(incoming, course, reach)
+
+        def aside(wait: float) -> float:
+            try:
+                met = _intercept(leg, s, incoming, course, wait)
+            except InvalidInput:
+                return math.nan
+            return float(met.aside @ met.before.position) - reach.beside
+
+        if reach.across is not None:
+            waits = waits_in_plane(waits, aside)
+        rated: list[tuple[float, float, KickProblem, _Interception]] = []
+        reasons: dict[float, str] = {}
+        for wait in waits.tolist():
+            try:
+                task = _intercept(leg, s, incoming, course, wait)
+                problem = task.problem()
+            except InvalidInput as error:
+                reasons[wait] = str(error)
+                continue
+            rated.append((problem.rated()[0][0], wait, problem, task))
+        met: dict[float, KickPlan] = {}
+        near: Array | None = None
+        rated.sort(key=lambda entry: entry[:2])
+        for _, wait, problem, task in rated[:TRIED]:
+            starts = problem.starts() if near is None else [near]
+            point = best_from(problem, objective, starts)
+            reasons[wait] = "no posture near those of the other meetings gives this launch"
+            if point is not None:
+                met[wait], near = task.plan(problem, point), point.x
+        for _, wait, _, _ in rated[TRIED:]:
+            reasons[wait] = "postures are farther from the ball, or faster, than for other meetings"
+        for _, wait, problem, task in rated[:2]:
+            if not met:
+                try:
+                    met[wait] = task.plan(*solve_kick(problem, objective))
+                except InvalidInput as error:
+                    reasons[wait] = str(error)
+        if not met:
+            first = rated[0][1] if rated else float(waits[0])
+            raise InvalidInput(
+                f"the ball is met at none of {len(waits)} times within reach: after {first:.3g} s, "
+                f"{reasons[first]}"
+            )
+        best = min(met, key=lambda wait: (-met[wait].share, met[wait].speed_use))
+        for wait in _between(best, waits):
+            try:
+                task = _intercept(leg, s, incoming, course, wait)
+                problem = task.problem()
+            except InvalidInput:
+                continue
+            point = None if near is None else best_from(problem, objective, [near])
+            if point is not None:
+                met[wait] = task.plan(problem, point)
+    meetings = [
+        plan.meeting for plan in met.values() if plan.meeting is not None
+    ] + [
+        Meeting(state_at(incoming, course, wait), incoming, s.goal, s.air, reason=reason)
+        for wait, reason in reasons.items() if wait not in met
+    ]  # fmt: skip
+    chosen = min(met.values(), key=lambda plan: (-plan.share, plan.speed_use))
+    return replace(chosen, meetings=tuple(sorted(meetings, key=lambda meeting: meeting.time)))
+
+
+def _between(best: float, waits: Array) -> list[float]:
+    """Return the times in the middle between the best one and its neighbours, if there are many."""
+    if len(waits) < CANDIDATES:
+        return []
+    step = float(waits[1] - waits[0])
+    return [best - 0.5 * step, best + 0.5 * step]
+
+
+def _replan(
+    leg: Leg, settings: _Settings, near: Array, plan: KickPlan, incoming: IncomingBall
+) -> KickPlan:
+    """Return the plan of a ball that is seen again, from the unknowns of the last plan."""
+    assert isinstance(incoming.meet_at, float)
+    wait = incoming.meet_at - float(incoming.state.time)
+    with threadpool_limits(1, "blas"):
+        try:
+            course = incoming.course(settings.ball, settings.air)
+            task = _intercept(leg, settings, incoming, course, min(wait, course.duration))
+            problem = task.problem()
+            point = best_from(problem, OBJECTIVES[settings.objective](), [near])
+        except InvalidInput:
+            point = None
+        if point is not None:
+            return task.plan(problem, point)
+    return _plan_interception(leg, incoming, settings)
+
+
 _Chosen = tuple[Posture, Array, dict[str, Any]]
 """The robot's posture and joint velocity at the impact, and further attributes of `KickPlan`."""
 
 
 def _plan_posture(problem: KickProblem, objective: Objective) -> _Chosen:
     """Return the state at the impact that is best by an objective."""
-    problem, point = solve_kick(problem, objective)
+    return _outcome(*solve_kick(problem, objective), objective)
+
+
+def _outcome(problem: KickProblem, point: KickPoint, objective: Objective) -> _Chosen:
+    """Return the state at the impact of a solution."""
     q, v = problem.on_robot(point)
     balance = problem.find(Balance)
     outcome = {
@@ -321,16 +552,22 @@ def _checked_contact(contact: Contact | None) -> Contact:
     return contact
 
 
-def _plan_flight_launch(goal: Goal, ball: Ball, air: Air | None) -> Launch:
-    """Return the launch into the air, without the part of the spin that is along it."""
+def _plan_flight_launch(
+    goal: Goal, ball: Ball, air: Air | None, contact: Contact, before: BallState | None = None
+) -> Launch:
+    """Return the launch into the air, with the spin along the impulse that the ball has before."""
+    before = BallState() if before is None else before
     across = goal
+    if contact.friction == 0.0 and before.spin.any():
+        across = replace(goal, spin=before.spin)
     for _ in range(30):
         launch = plan_launch(across, ball, air)
         if launch.limit is not None:
             raise OutOfReach(f"the goal is {launch.summary}", launch.limit, launch)
-        direction = launch.velocity / launch.speed
-        along = float(launch.spin @ direction)
-        if abs(along) <= 1e-12 * max(math.hypot(*launch.spin), 1e-300):
+        change = launch.velocity - before.velocity
+        direction = change / (math.hypot(*change) or 1.0)
+        along = float((launch.spin - before.spin) @ direction)
+        if abs(along) <= 1e-12 * max(math.hypot(*launch.spin, *before.spin), 1e-300):
             return launch
         across = replace(goal, spin=launch.spin - along * direction)
     return launch

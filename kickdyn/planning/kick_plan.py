@@ -6,13 +6,16 @@ about it follows after a semicolon.
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
+from kickdyn.ball import BallState
+from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array
+from kickdyn.errors import InvalidInput
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course
 from kickdyn.impact.impact_result import Impact
@@ -20,6 +23,7 @@ from kickdyn.impact.leg_response import Footing
 from kickdyn.motion.impact_target import ImpactTarget
 from kickdyn.motion.motion import Motion
 from kickdyn.planning.goal import Goal, PlanStatus
+from kickdyn.planning.interception import IncomingBall, Meeting
 from kickdyn.planning.launch import Launch
 from kickdyn.planning.objectives import KickObjective
 from kickdyn.planning.passes import Pass
@@ -70,6 +74,8 @@ class KickPlan(ReprMixin):
         balance: distance of the centre of mass inside the edge of the sole, seen from above [m];
             None for a leg on a fixed base.
         motion: from rest through the impact to rest, with `motion=True`; else None.
+        meeting: where and when a ball that moves is met; None for a ball at rest.
+        meetings: those that were considered, by time.
     """
 
     goal: Goal
@@ -87,9 +93,39 @@ class KickPlan(ReprMixin):
     heading: float
     balance: float | None = None
     motion: Motion | None = None
+    meeting: Meeting | None = None
+    meetings: tuple[Meeting, ...] = ()
+    _again: "Callable[[KickPlan, IncomingBall], KickPlan] | None" = field(default=None, repr=False)
+
+    def replan(self, *, incoming: BallState | IncomingBall) -> "KickPlan":
+        """Return the plan for the same ball seen again, met at the same time by the clock.
+
+        The posture is sought from that of this plan, which takes a few milliseconds. If there is
+        none near it, the whole plan is made again for this time.
+
+        Args:
+            incoming: the ball as it is seen now; its `time` is by the clock of the first one.
+
+        Raises:
+            InvalidInput: a plan of a ball at rest, a ball seen after the time of the meeting, or
+                as for `plan_kick`.
+        """
+        if self._again is None or self.meeting is None:
+            raise InvalidInput(
+                "the plan is of a ball at rest: plan_kick(..., incoming=) has others"
+            )
+        validation.check_type(BallState, IncomingBall, incoming=incoming)
+        ground = self.meeting.ground
+        seen = incoming if isinstance(incoming, BallState) else incoming.state
+        if isinstance(incoming, IncomingBall) and incoming.ground is not None:
+            ground = incoming.ground
+        return self._again(self, IncomingBall(seen, ground, self.meeting.time))
 
     def _rows(self) -> Iterable[Row]:
         yield "status", self.status, ""
+        if self.meeting is not None:
+            yield "met after", self.meeting.time, "s"
+            yield "met at", self.meeting.ball.position, "m"
         yield "posture", self.q, "rad"
         yield "joint velocity", self.v, "rad/s"
         yield "impulse on the ball", self.impact.impulse, "N s"
@@ -264,7 +300,10 @@ def _in_each_other(plan: KickPlan, q: Array) -> Mapping[str, float]:
 def _under_ground(plan: KickPlan, q: Array) -> Mapping[str, float]:
     """Return depths under the ground, which is under the ball or under a lower target."""
     below = min(0.0, float(plan.goal.target[2])) - plan.impact.ball.radius
-    return find_depths(plan.leg, q, float(plan.impact.ball_before.position[2]) + below)
+    height = float(plan.impact.ball_before.position[2]) + below
+    if plan.meeting is not None:
+        height = plan.meeting.ground.height
+    return find_depths(plan.leg, q, height)
 
 
 def _at_impact(plan: KickPlan, find: Overlaps, where: str, remedy: str) -> Sequence[str]:

@@ -120,7 +120,11 @@ class KickProblem:
         return [strike.make_exact(variables.point(x)) for x in solutions if x is not None]
 
     def starts(self) -> list[Array]:
-        """Return the unknowns of the drawn postures that need the least joint speed.
+        """Return the unknowns of the drawn postures that need the least joint speed."""
+        return [x for _, _, x in self.rated()[:STARTS]]
+
+    def rated(self) -> list[tuple[float, int, Array]]:
+        """Return drawn postures with rating, number and unknowns, the best one first.
 
         What a posture violates, over its scale, is added to the largest speed over its limit.
         """
@@ -134,7 +138,7 @@ class KickProblem:
             point = variables.point(np.array([*q, *v, 1.0]))
             violation = sum(term.total_violation(point) for term in rating)
             rated.append((float(np.abs(v).max()) + violation, number, point.x))
-        return [x for _, _, x in sorted(rated)[:STARTS]]
+        return sorted(rated)
 
 
 def kick_problem(
@@ -242,8 +246,8 @@ def _solve(problem: KickProblem, objective: Objective) -> tuple[KickProblem, Kic
     """Return the best solution of a problem as it is."""
     for variant in problem.variants():
         starts = variant.starts()
-        if points := variant.solve(objective, starts):
-            best = min(points, key=lambda point: float(objective.value(point)[0]))
+        best = best_from(variant, objective, starts)
+        if best is not None:
             return variant, best
     if points := variant.solve(LargestShare(), starts):
         strongest = max(points, key=lambda point: point.share)
@@ -257,6 +261,14 @@ def _solve(problem: KickProblem, objective: Objective) -> tuple[KickProblem, Kic
         f"{problem.robot.name} has no posture in which it can give a ball{place} the required "
         f"launch; {explain_infeasible(problem)}"
     )
+
+
+def best_from(
+    problem: KickProblem, objective: Objective, starts: Sequence[Array]
+) -> KickPoint | None:
+    """Return the best of the solutions from some starts; None where none meets the goal."""
+    points = problem.solve(objective, starts)
+    return min(points, key=lambda point: float(objective.value(point)[0])) if points else None
 
 
 def explain_infeasible(problem: KickProblem) -> str:
@@ -308,15 +320,20 @@ def _check_directions(variables: KickVariables, directions: Array) -> None:
 def _check_sliding(variables: KickVariables, directions: Array) -> None:
     """Refuse a contact that would slide across the plane in which the foot moves."""
     target, drawn = variables.target, np.linspace(variables.lower, variables.upper, 3)
-    if target.contact.friction > 0.0 and any(
-        _leaves(directions, velocity)
-        for velocity in (variables.posture(q).transport_velocity for q in drawn)
-        if np.linalg.norm(velocity) > 0.0
-    ):
+    ball = target.surface_velocity
+    bases = [variables.posture(q).transport_velocity for q in drawn]
+    speed = max(np.linalg.norm(velocity) for velocity in (ball, *bases))
+    if target.contact.friction == 0.0 or speed == 0.0:
+        return
+    aside = [ball - base for base in bases]
+    across = [vector - directions.T @ (directions @ vector) for vector in aside]
+    if max(np.linalg.norm(vector) for vector in across) > 1e-6 * speed:
+        mover = "ball" if np.linalg.norm(ball) > 0.0 else "base"
         raise InvalidInput(
-            f"the velocity of the base leaves the plane in which the foot of {variables.leg.name} "
-            "moves: the foot would slide over the ball; a contact without friction (friction=0, "
-            "--friction 0) or a foot that moves aside (a robot's leg, such as g1, does) can kick so"
+            f"the velocity of the {mover} leaves the plane in which the foot of "
+            f"{variables.leg.name} moves: the foot would slide over the ball; a contact without "
+            "friction (friction=0, --friction 0) or a foot that moves aside (a robot's leg, such "
+            "as g1, does) can kick so"
         )
 
 

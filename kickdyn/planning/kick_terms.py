@@ -198,7 +198,7 @@ class StrikeVelocity(Function[KickPoint]):
 
     def value(self, point: KickPoint) -> Array:
         target, change = point.variables.target, point.velocity_change
-        full = target.foot_velocity_for(change)
+        full = target.closing_velocity_for(change)
         velocity = point.posture.point_velocity(point.v)
         error = velocity - target.foot_velocity_for(change, point.share)
         return np.asarray(self.rows @ error / math.sqrt(full @ full))
@@ -210,7 +210,7 @@ class StrikeVelocity(Function[KickPoint]):
         leg = leg_derivatives(posture, v, v_after, target.impulse, np.zeros(0))
         # the derivative of J M^-1 J^T p by q
         change_q = leg.foot_q - leg.foot_q_after - jacobian @ leg.v_after_q
-        full = target.foot_velocity_for(change)
+        full = target.closing_velocity_for(change)
         size, full_q = math.sqrt(full @ full), target.foot_gain(change) @ change_q
         gain = target.foot_gain(share * change)
         error = posture.point_velocity(v) - target.foot_velocity_for(change, share)
@@ -260,6 +260,28 @@ class BallPosition(KickTerm):
         if len(self.rows) == 1:
             return f"at a height of {self.centre[2]:g} m"
         return f"at ({', '.join(f'{x:g}' for x in self.centre)}) m"
+
+
+def place_exactly(term: BallPosition, point: KickPoint) -> KickPoint:
+    """Return a point near one, with the ball's position exact in all digits.
+
+    Joints at the ends of their ranges stay there.
+    """
+    variables = point.variables
+    for _ in range(6):
+        residual = term.residual(point.posture, point.v)
+        if float(np.abs(residual).max()) < 1e-13:
+            break
+        q = point.x[: variables.n]
+        rows = term.rows @ point.posture.jacobian[:, variables.vs]
+        at_end = (q - variables.lower < 1e-7) | (variables.upper - q < 1e-7)
+        rows[:, at_end] = 0.0
+        x = point.x.copy()
+        x[: variables.n] = np.clip(
+            q - np.linalg.pinv(rows, rcond=1e-6) @ residual, variables.lower, variables.upper
+        )
+        point = variables.point(x)
+    return point
 
 
 class Facing(KickTerm):

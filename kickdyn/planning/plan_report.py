@@ -10,6 +10,7 @@ from kickdyn.core.files import finite
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.follow import Course
 from kickdyn.planning.goal import Goal, PlanStatus
+from kickdyn.planning.interception import Meeting
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.launch import Launch, OutOfReach
 from kickdyn.planning.passes import Pass
@@ -81,6 +82,7 @@ class PlanReport:
             and f"The motion takes {-plan.motion.begin:.3g} s from rest to the impact and "
             f"{plan.motion.end:.3g} s from there to rest, with "
             f"{_limit_use(plan.speed_use, plan.torque_use)}.",
+            *_describe_meeting(plan),
             *(_describe_stance(name, plan) for name in plan.impact.footing),
             *(f"Warning: {line}." for line in plan.warnings),
         ]
@@ -155,6 +157,13 @@ class PlanReport:
             "time": plan.path.duration,
             **_attributes(plan, "share landing_error time_error warnings"),
         }
+        if plan.meeting is not None:
+            slopes = None if isinstance(plan.path, Course) else plan.meeting.landing_slopes
+            report["meeting"] = _meeting_json(plan.meeting)
+            report["meeting"]["landing_slopes"] = (
+                None if slopes is None else _attributes(slopes, "time velocity place")
+            )
+            report["meetings"] = [_meeting_json(meeting) for meeting in plan.meetings]
         if self.wall is not None:
             above, beside, _ = passage_of(self.wall, plan) or (None, None, None)
             report["wall"] = {"above": above, "beside": beside}
@@ -175,6 +184,27 @@ class PlanReport:
                 **_attributes(samples, "q v torque ground_wrench"),
             }
         return report
+
+
+def _describe_meeting(plan: KickPlan) -> list[str]:
+    """Return where a ball that moves is met, and how exact that must be, as sentences."""
+    meeting = plan.meeting
+    if meeting is None:
+        return []
+    place = ", ".join(f"{coordinate:.3g}" for coordinate in meeting.ball.position)
+    found = sum(other.impact is not None for other in plan.meetings)
+    lines = [
+        f"The ball is met after {meeting.time:.3g} s at ({place}) m, at one of {found} places that "
+        f"the leg reaches among {len(plan.meetings)}."
+    ]
+    slopes = None if isinstance(plan.path, Course) else meeting.landing_slopes
+    if slopes is not None:
+        time, speed, place_error = slopes.tolerances
+        lines.append(
+            f"Each of these moves it by 10 cm at the target: the foot {1e3 * time:.2g} ms late, "
+            f"the ball {speed:.2g} m/s faster, or {1e3 * place_error:.2g} mm elsewhere than seen."
+        )
+    return lines
 
 
 def verdict(plan: KickPlan) -> str:
@@ -253,6 +283,15 @@ def _attributes(source: object, names: str) -> dict[str, Any]:
 def _goal_json(goal: Goal) -> dict[str, Any]:
     beside = {} if goal.beside is None else {"beside": goal.beside}
     return {"target_m": goal.target.tolist(), goal.kind: getattr(goal, goal.kind), **beside}
+
+
+def _meeting_json(meeting: Meeting) -> dict[str, Any]:
+    numbers = _attributes(meeting.ball, "position velocity spin")
+    use = meeting.speed_use if meeting.impact is not None else None
+    return {
+        "time": meeting.time, **numbers,
+        "share": meeting.share, "speed_use": use, "reason": meeting.reason,
+    }  # fmt: skip
 
 
 def _rounded(value: float, digits: int) -> str:

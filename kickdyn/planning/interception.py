@@ -1,0 +1,399 @@
+r"""A ball that moves: where a leg can meet it, and how exact perception and timing must be.
+
+The ball's path before the kick is followed through the air, bounces and along the ground. Each
+meeting is one time on this path. The foot's velocity and normal follow from the launch as for a
+ball at rest, with the impulse :math:`p = m (v_b - v_0)` and with the velocity of the ball's surface
+added to that of the foot.
+"""
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import brentq
+
+from kickdyn.air import Air
+from kickdyn.ball import Ball, BallState
+from kickdyn.core import validation
+from kickdyn.core.representation import ReprMixin, Row
+from kickdyn.core.validation import Array
+from kickdyn.errors import InvalidInput, KickdynError
+from kickdyn.flight.derivatives import fly_with_slopes
+from kickdyn.flight.follow import Course, follow
+from kickdyn.ground import Ground
+from kickdyn.impact.impact_result import Impact
+from kickdyn.impact.strike import strike
+from kickdyn.plane import Plane
+from kickdyn.planning.goal import Goal
+from kickdyn.robot.kicking_chain import kicking_chain
+from kickdyn.robot.leg import Leg
+from kickdyn.robot.standing import StandingRobot, is_floating
+
+FASTEST_BALL = 100.0
+"""Largest speed of a ball that is met [m/s]."""
+
+LONGEST_WAIT = 10.0
+"""Time after which a ball is no longer waited for [s]."""
+
+SAMPLES, CANDIDATES, TRIED = 400, 9, 5
+"""Numbers of times at which the path is compared with the reach of the leg, of those in reach whose
+postures are rated, and of those among them for which a kick is planned."""
+
+DRAWN_REACH = 200
+"""Number of postures from which the reach of a leg is estimated."""
+
+BESIDE = 1e-6
+"""Distance from the plane in which a foot moves, below which a ball is in it [m]."""
+
+FOLLOW_TOL = 1e-12
+"""Relative tolerance of the ball's path before it is met."""
+
+INCREMENT = 1e-5
+"""Of time [s], velocity [m/s] and place [m], in derivatives of the landing."""
+
+ACCURACY = 0.1
+"""Distance at the target for which the exactness of timing and perception is stated [m]."""
+
+
+@dataclass(frozen=True, eq=False, init=False, repr=False)
+class IncomingBall(ReprMixin):
+    """A ball that moves before it is kicked.
+
+    Args:
+        state: where the ball is and how it moves at its time, at up to 100 m/s.
+        ground: the ground with its surface. Without it, it is level turf: under a ball without
+            vertical velocity, else under the foot of the straight leg, or z = 0 for a robot on a
+            floating base.
+        meet_at: when the ball is met, by the clock of `state.time` [s]; or where its centre then
+            is, shape `(3,)` [m, world frame], a point of its path within 1 cm. None leaves it free.
+
+    Raises:
+        InvalidInput: several states, a ball that is faster, or a time before that of the state.
+    """
+
+    state: BallState
+    ground: Ground | None
+    meet_at: float | Array | None
+
+    def __init__(
+        self,
+        state: BallState,
+        ground: Ground | None = None,
+        meet_at: "ArrayLike | None" = None,
+    ) -> None:
+        validation.check_type(BallState, state=state)
+        validation.check_type(Ground, type(None), ground=ground)
+        if np.ndim(state.time):
+            raise InvalidInput("incoming has several states: it must be one BallState")
+        validation.number(
+            "speed of the incoming ball", state.speed, at_most=FASTEST_BALL, unit="m/s"
+        )
+        place: float | Array | None = None
+        if meet_at is not None:
+            point = validation.floats("meet_at", meet_at)
+            if point.shape not in ((), (3,)):
+                raise InvalidInput(f"meet_at has shape {point.shape}: it must be a time or (3,)")
+            place = point if point.shape else float(point)
+            if isinstance(place, float) and place < state.time:
+                raise InvalidInput(
+                    f"meet_at is {place:g} s: it must be at least {state.time:g} s, the time of "
+                    "the incoming ball"
+                )
+        vars(self).update(state=state, ground=ground, meet_at=place)
+
+    def _rows(self) -> Iterable[Row]:
+        yield "position", self.state.position, "m"
+        yield "velocity", self.state.velocity, "m/s"
+        yield "spin", self.state.spin, "rad/s"
+
+    def on_ground_of(self, leg: Leg, ball: Ball) -> "IncomingBall":
+        """Return the same ball with its ground, which has a surface."""
+        ground = self.ground
+        if ground is None:
+            lowest = float(self.state.position[2]) - ball.radius
+            height = lowest
+            if self.state.velocity[2] != 0.0:
+                foot = leg.posture(leg.configuration()).contact_point
+                height = min(0.0 if is_floating(leg) else float(foot[2]), lowest)
+            ground = Ground(height, "turf")
+        elif ground.surface is None:
+            raise InvalidInput(
+                "the ground has no surface: name one, such as Ground(surface='turf')"
+            )
+        return IncomingBall(self.state, ground, self.meet_at)
+
+    def course(self, ball: Ball, air: Air | None) -> Course:
+        """Return the path of the ball as if nobody kicked it, for `LONGEST_WAIT` at most."""
+        return follow(
+            self.state, ball, air, self.ground, FOLLOW_TOL, time_limit=LONGEST_WAIT
+        )  # fmt: skip
+
+
+class LandingSlopes(NamedTuple):
+    """Derivatives of where the ball meets the plane of the target, shapes `(3,)` and `(3, 3)`.
+
+    Attributes:
+        time: by the time of the foot's motion, at a ball that comes as planned [m/s].
+        velocity: by the velocity of the ball at the time of `incoming` [s].
+        place: by its position then.
+    """
+
+    time: Array
+    velocity: Array
+    place: Array
+
+    @property
+    def tolerances(self) -> tuple[float, float, float]:
+        """Errors of time [s], velocity [m/s] and place [m] that each move the landing by 10 cm."""
+        sizes = (np.linalg.norm(slope, 2) for slope in self)
+        return tuple(ACCURACY / size if size else math.inf for size in map(float, sizes))  # type: ignore[return-value]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Meeting(ReprMixin):
+    """A time at which a moving ball can be met, and the kick that is planned for it.
+
+    Attributes:
+        ball: the ball just before the contact; its time is by the clock of `incoming`.
+        incoming: the ball as it was seen, with its ground.
+        goal: the goal, seen from here.
+        air: the air; None is the vacuum.
+        impact: the kick; None where there is none.
+        share: share of the impulse that is reached; 0 without a kick.
+        speed_use: largest joint speed over its limit; nan without a kick.
+        reason: why there is no kick; empty where there is one.
+    """
+
+    ball: BallState
+    incoming: IncomingBall
+    goal: Goal
+    air: Air | None
+    impact: Impact | None = None
+    share: float = 0.0
+    speed_use: float = math.nan
+    reason: str = ""
+
+    def _rows(self) -> Iterable[Row]:
+        yield "time", self.time, "s"
+        yield "place", self.ball.position, "m"
+        if self.impact is None:
+            yield "no kick", self.reason, ""
+        else:
+            yield "share of the launch", self.share, ""
+            yield "share of the speed limit", self.speed_use, ""
+
+    @property
+    def time(self) -> float:
+        """When the ball is met, by the clock of `incoming` [s]."""
+        return float(self.ball.time)
+
+    @property
+    def ground(self) -> Ground:
+        """The ground on which the ball came."""
+        assert self.incoming.ground is not None
+        return self.incoming.ground
+
+    @cached_property
+    def landing_slopes(self) -> LandingSlopes | None:
+        r"""Derivatives of the landing by timing and perception, of a flight; None without a kick.
+
+        The contact point of the foot moves on at its velocity w, and the ball as it comes. They
+        touch where their distance is the radius, so that an error :math:`\delta x` of the ball's
+        place turns the normal n: with :math:`u = v_0 - w`,
+
+        .. math:: \delta n = \frac1r \Bigl(I - \frac{u\, n^T}{n \cdot u}\Bigr)\, \delta x .
+
+        The impact with this normal gives the launch of the flight that is differentiated.
+        """
+        if self.impact is None or self.share < 1.0:
+            return None
+        incoming, impact, air = self.incoming, self.impact, self.air
+        ball, contact, seen = impact.ball, impact.contact, incoming.state
+        wait = self.time - float(seen.time)
+        lies = float(seen.position[2]) - ball.radius - self.ground.height < 1e-6
+        vertical = 0.0 if lies else 1.0
+        free = np.array([1.0, 1.0, 1.0, vertical, 1.0, 1.0, vertical])
+        foot, velocity = impact.posture.contact_point, impact.foot_velocity
+
+        def launch(change: Array) -> tuple[BallState, Air | None]:
+            change = free * change  # a ball stays on the ground on which it rolls
+            moved = BallState(
+                seen.position + change[4:], seen.velocity + change[1:4], seen.spin, seen.time
+            )
+            come = _near(replace_state(incoming, moved).course(ball, air), wait)
+
+            def gap(t: float) -> float:
+                apart = come(t).position - foot - velocity * (t - wait - change[0])
+                return math.hypot(*apart) - ball.radius
+
+            width = 4e-4 + 4.0 * float(np.abs(change).max()) * (1.0 + wait)
+            t = float(brentq(gap, wait - width, wait + width, xtol=1e-15, rtol=1e-14))
+            before = come(t)
+            normal = before.position - foot - velocity * (t - wait - change[0])
+            hit = strike(
+                impact.posture, impact.v_before, ball, replace(contact, normal=normal),
+                ball_velocity=before.velocity, ball_spin=before.spin,
+            )  # fmt: skip
+            after = hit.ball_after
+            return BallState(before.position, after.velocity, after.spin), air
+
+        plane = Plane(self.ball.position + self.goal.target, -self.goal.ahead, "centre")
+        flight = fly_with_slopes(
+            launch, np.zeros(7), np.full(7, INCREMENT), ball, plane, central=True
+        )
+        slopes, _ = flight.slopes_at_plane(plane.normal, flight.end)
+        return LandingSlopes(slopes[:, 0], slopes[:, 1:4], slopes[:, 4:])
+
+
+def replace_state(incoming: IncomingBall, state: BallState) -> IncomingBall:
+    """Return an incoming ball that moves otherwise."""
+    return IncomingBall(state, incoming.ground, incoming.meet_at)
+
+
+def state_at(incoming: IncomingBall, course: Course, wait: float) -> BallState:
+    """Return the ball a while after it was seen, with the clock of `incoming`."""
+    state = course.sample(wait)
+    return BallState(
+        state.position, state.velocity, state.spin, float(incoming.state.time) + wait
+    )  # fmt: skip
+
+
+def _near(course: Course, wait: float) -> Callable[[float], BallState]:
+    """Return the ball as a function of time, straight on beyond the ends of its path."""
+
+    def at(t: float) -> BallState:
+        inside = min(max(t, 0.0), course.duration)
+        state = course.sample(inside)
+        moved = state.position + (t - inside) * state.velocity
+        return BallState(moved, state.velocity, state.spin)
+
+    return at
+
+
+class Reach(NamedTuple):
+    """The points at which the foot of a leg can be, roughly.
+
+    Attributes:
+        centre: about which the limb turns, shape `(3,)` [m].
+        radius: largest distance of the ball's centre from there [m].
+        across: horizontal normal of the plane in which the foot of a leg moves that is turned
+            towards the launch, shape `(3,)`; None of another leg.
+        beside: distance of the plane from the vertical axis about which it is turned [m].
+    """
+
+    centre: Array
+    radius: float
+    across: Array | None
+    beside: float
+
+
+def reach_of(leg: Leg, ball: Ball) -> Reach:
+    """Return the reach of a leg, by postures that are drawn with a fixed seed."""
+    limb = StandingRobot(leg).leg if is_floating(leg) else leg
+    chain = kicking_chain(limb, branches=True).leg
+    draw = np.random.default_rng(0)
+    lower, upper = np.maximum(chain.lower, -math.pi), np.minimum(chain.upper, math.pi)
+    points = np.array([
+        chain.posture(draw.uniform(lower, upper)).contact_point for _ in range(DRAWN_REACH)
+    ])  # fmt: skip
+    model = kicking_chain(limb).leg.model
+    centre = np.array(model.jointPlacements[1].translation)
+    radius = float(np.linalg.norm(points - centre, axis=1).max()) + ball.radius
+    middle = points.mean(axis=0)
+    _, sizes, axes = np.linalg.svd(points - middle)
+    if sizes[2] > 1e-9 * sizes[0] or abs(axes[2][2]) > 1e-9:
+        return Reach(centre, radius, None, 0.0)
+    across = axes[2] * (1.0 if axes[2][1] > 0.0 else -1.0)  # legs face x
+    return Reach(centre, radius, across, float(across @ middle))
+
+
+def waits_in_reach(incoming: IncomingBall, course: Course, reach: Reach) -> Array:
+    """Return the times since the ball was seen at which a kick is tried, shape `(n,)` [s].
+
+    Raises:
+        InvalidInput: the ball never comes within reach, or is not at `meet_at`.
+    """
+    last = min(course.duration, LONGEST_WAIT)
+    if isinstance(incoming.meet_at, float):
+        wait = incoming.meet_at - float(incoming.state.time)
+        if wait > last:
+            if course.status != "at-rest":
+                raise InvalidInput(
+                    f"meet_at is {incoming.meet_at:g} s: it must be within {last:g} s of the time "
+                    "of the incoming ball"
+                )
+            wait = last
+        return np.array([wait])
+    times = np.linspace(0.0, last, SAMPLES)
+    if course.duration > 0.0:
+        places = np.asarray(course.sample(times).position)
+    else:
+        times, places = np.zeros(1), np.array([incoming.state.position])
+    if incoming.meet_at is not None:
+        return np.array([_passing(course, times, places, np.asarray(incoming.meet_at))])
+    distances = np.linalg.norm(places - reach.centre, axis=1)
+    inside = np.flatnonzero(distances <= reach.radius)
+    if not inside.size:
+        nearest = int(np.argmin(distances))
+        raise InvalidInput(
+            f"the ball never comes within reach: it is nearest after {times[nearest]:.3g} s, "
+            f"{distances[nearest]:.3g} m from the hip, and the leg reaches {reach.radius:.3g} m"
+        )
+    within = times[inside]
+    return np.asarray(np.interp(
+        np.linspace(0.0, 1.0, CANDIDATES + 2)[1:-1], np.linspace(0.0, 1.0, within.size), within
+    ) if within.size > CANDIDATES else within)  # fmt: skip
+
+
+def _passing(course: Course, times: Array, places: Array, point: Array) -> float:
+    """Return when the ball is nearest to a point [s]; it must be within 1 cm of it."""
+    nearest = int(np.argmin(np.linalg.norm(places - point, axis=1)))
+    low, high = times[max(nearest - 1, 0)], times[min(nearest + 1, len(times) - 1)]
+    for _ in range(60):  # golden section
+        a, b = high - 0.618033988749895 * (high - low), low + 0.618033988749895 * (high - low)
+        before, after = (math.dist(course.sample(t).position, point) for t in (a, b))
+        if before < after:
+            high = b
+        else:
+            low = a
+    wait = float(0.5 * (low + high))
+    missed = math.dist(course.sample(wait).position, point)
+    if missed > 0.01:
+        raise InvalidInput(
+            f"meet_at is {point.tolist()} m: the ball passes it at a distance of {missed:.3g} m, "
+            f"after {wait:.3g} s; it must be within 0.01 m of the path"
+        )
+    return wait
+
+
+def waits_in_plane(waits: Array, aside: Callable[[float], float]) -> Array:
+    """Return the times at which the ball is in the plane of a leg that is turned to the launch.
+
+    Args:
+        waits: times within reach, shape `(n,)` [s].
+        aside: distance of the ball beside the plane as a function of such a time [m]; nan without
+            a launch.
+    """
+    gaps = np.array([aside(t) for t in waits.tolist()])
+    roots = [t for t, gap in zip(waits.tolist(), gaps.tolist(), strict=True) if abs(gap) <= BESIDE]
+    if len(roots) == len(waits):
+        return waits
+    for (t, gap), (then, other) in zip(
+        zip(waits, gaps, strict=True), zip(waits[1:], gaps[1:], strict=True), strict=False
+    ):
+        if gap * other < 0.0 and min(abs(gap), abs(other)) > BESIDE:
+            try:
+                roots.append(float(brentq(aside, t, then, xtol=1e-12)))
+            except (ValueError, KickdynError):
+                continue
+    if not roots:
+        raise InvalidInput(
+            "the foot of the leg moves in a plane that is turned to the launch, and the ball does "
+            f"not cross it within reach: it is at least {np.nanmin(np.abs(gaps)):.3g} m beside it "
+            "(a robot's leg, such as g1, reaches aside)"
+        )
+    return np.array(sorted(roots))

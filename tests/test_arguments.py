@@ -86,6 +86,8 @@ INSTANCES = {
         angles={name: name for name in LEG.joint_names},
         contact=0.1,
     ),
+    "IncomingBall": kd.IncomingBall(kd.BallState((3.0, 0.0, -0.6), (-2.0, 0.0, 0.0))),
+    "KickPlan": PLAN,
     "Learner": kd.Learner(GOAL, BALL, AIR),
     "MujocoTuning": kd.tune_mujoco(POSTURE, V, BALL, CONTACT, contact_time=0.01, timestep=0.004),
     "RestitutionFit": kd.fit_restitution(INFERRED, knots=1),

@@ -199,6 +199,7 @@ class Goal(ReprMixin):
 
     def at(self, time: float) -> "Goal":
         """Return the goal of meeting the receiver at a time [s], a target at rest."""
+        time = validation.number("time", time, unit="s")
         target = self.target + time * self.receiver_velocity
         return replace(self, target=target, receiver_velocity=np.zeros(3))
 
@@ -209,6 +210,8 @@ class Goal(ReprMixin):
             moved: displacement of the start, shape `(3,)` [m].
             delay: time by which the ball starts later, for a receiver who runs [s].
         """
+        moved = validation.vector("moved", moved, 3, unit="m")
+        delay = validation.number("delay", delay, unit="s")
         ahead, left, up = (float(moved @ axis) for axis in (self.ahead, self.left, UP))
         over, beside = self.over, self.beside
         return replace(

@@ -110,6 +110,7 @@ class IncomingBall(ReprMixin):
         yield "velocity", self.state.velocity, "m/s"
         yield "spin", self.state.spin, "rad/s"
 
+    @validation.check_arguments
     def on_ground_of(self, leg: Leg, ball: Ball) -> "IncomingBall":
         """Return the same ball with its ground, which has a surface."""
         ground = self.ground
@@ -126,6 +127,7 @@ class IncomingBall(ReprMixin):
             )
         return IncomingBall(self.state, ground, self.meet_at)
 
+    @validation.check_arguments
     def course(self, ball: Ball, air: Air | None) -> Course:
         """Return the path of the ball as if nobody kicked it, for `LONGEST_WAIT` at most."""
         return follow(

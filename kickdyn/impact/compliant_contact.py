@@ -516,7 +516,10 @@ class _Contact:
     def _root(
         self, states: Any, phase: Phase, k: int, start: float, end: float, precision: float
     ) -> float:
-        """Return where the deflection (0) or the friction (1) ends a phase within a step."""
+        """Return where the deflection (0) or the friction (1) ends a phase within a step.
+
+        It is the beginning of the step only where the phase has ended there.
+        """
 
         def value(time: float) -> float:
             return self._equations.end_of(k, time, states(time), phase)
@@ -525,7 +528,8 @@ class _Contact:
         for share in (1.0 - 2.0 * EVENT_MARGIN, 0.0, 1e-6):
             low = start + share * (end - start)
             if value(low) > 0.0:
-                return float(brentq(value, low, end, xtol=precision))
+                root = float(brentq(value, low, end, xtol=precision))
+                return max(root, start + 1e-9 * (end - start))  # after the beginning
         return start
 
     def _step(self, solver: DOP853) -> None:

@@ -488,7 +488,7 @@ def test_ball_and_law():
         ("inf:0.1", "ball mass is inf: it must be a finite number at least 0.001 and at most 1000"),
         ("0.4:1e100", "ball radius is 1e+100: it must be a finite number at least 0.001"),
         ("tennis", "--ball is 'tennis': it must be size-5, paper, or MASS:RADIUS"),
-        ("1:2:3", "--ball is '1:2:3': it must be"),
+        ("1:2:3:4", "--ball is '1:2:3:4': it must be"),
         ("0:1", "ball mass is 0.0"),
         ("nan:1", "ball mass is nan"),
     ],

@@ -3,6 +3,7 @@
 import base64
 import http.client
 import json
+import sys
 import urllib.error
 import urllib.request
 from urllib.parse import urlsplit
@@ -74,7 +75,8 @@ def test_an_update_keeps_the_camera_and_sends_what_is_new(view, kick):
     assert len(latecomer.new) == len(latecomer.commands)
 
 
-def test_one_tab_is_opened(kick, opened):
+def test_one_tab_is_opened(kick, opened, monkeypatch):
+    monkeypatch.delitem(sys.modules, "ipykernel", raising=False)  # outside of Jupyter
     kd.show(kick[0].posture, browser=False).close()  # which another test may have left
     view = kd.show(kick[0].posture)
     kd.show(kick[0])

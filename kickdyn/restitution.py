@@ -108,9 +108,7 @@ def _restitution_of_ball(name: str, ball: Ball) -> RestitutionOfBall:
     return restitution
 
 
-def checked_restitution(
-    value: float | str | ArrayLike, what: str = "restitution"
-) -> Restitution:
+def checked_restitution(value: float | str | ArrayLike, what: str = "restitution") -> Restitution:
     """Return a restitution from outside: a float, a model's name or a table; else raise."""
     known = ", ".join(MODELS)
     if isinstance(value, str):
@@ -138,8 +136,7 @@ def checked_restitution(
         validation.number(f"{what} at {speed:g} m/s", e, at_least=0, at_most=1)
     if (np.diff(table[:, 0]) <= 0.0).any():
         raise InvalidInput(
-            f"{what}'s speeds are {table[:, 0].tolist()} m/s: each must be above the one "
-            "before"
+            f"{what}'s speeds are {table[:, 0].tolist()} m/s: each must be above the one before"
         )
     return tuple((speed, e) for speed, e in table.tolist())
 

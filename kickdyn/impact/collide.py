@@ -385,7 +385,7 @@ def duration(
     return _expected_time(approach, _force_model(approach, contact_time, stiffness))
 
 
-def _stiffness_of(model: NormalForce) -> float | str:
+def _stiffness_of(model: NormalForce) -> float | Literal["pressure", "inflated"]:
     """Return what `collide` takes for a force."""
     if not isinstance(model, ForceModel):
         return "inflated"

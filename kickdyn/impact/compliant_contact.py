@@ -326,8 +326,8 @@ class CompliantContact:
         r"""Return normal force and friction on the ball [N], and what falls to 0 as `_friction`.
 
         The force p is that of the law, and the inertia of the mass c that the foot carries:
-        :math:`p = p_0 + c\,(a_f - g_n)`, with :math:`p / m + g_n - a_f = \ddot h`. It is linear in p
-        where points slide or stick, so that the secant through two values meets it.
+        :math:`p = p_0 + c\,(a_f - g_n)`, with :math:`p / m + g_n - a_f = \ddot h`. It is linear
+        in p where points slide or stick, so that the secant through two values meets it.
         """
         size = load.force
         if load.carried == 0.0:

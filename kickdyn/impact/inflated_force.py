@@ -107,8 +107,8 @@ def deflection_of(travel: float, radius: float, shell_share: float) -> float:
 
 def gauge_pressure(u: float, pressure: float, gas_exponent: float) -> float:
     """Return the gauge pressure [Pa] of a ball whose deflection is u radii."""
-    left = 1.0 - 0.25 * u * u * (3.0 - u)
-    return (pressure + OUTSIDE_PRESSURE) * left**-gas_exponent - OUTSIDE_PRESSURE
+    left: float = 1.0 - 0.25 * u * u * (3.0 - u)
+    return (pressure + OUTSIDE_PRESSURE) * math.pow(left, -gas_exponent) - OUTSIDE_PRESSURE
 
 
 def compression_work(u: float, pressure: float, gas_exponent: float) -> float:

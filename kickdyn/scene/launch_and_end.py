@@ -15,7 +15,7 @@ from kickdyn.flight.derivatives import fly_with_launch_slopes
 from kickdyn.flight.flight_result import Flight, FlightStatus
 from kickdyn.flight.fly import fly
 from kickdyn.flight.follow import Course, follow
-from kickdyn.impact.collide import takes_inflated_force, Collision, collide, duration
+from kickdyn.impact.collide import Collision, collide, duration, takes_inflated_force
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike
 from kickdyn.impact.uncertainty import Uncertainty
@@ -177,7 +177,8 @@ def contact_time_error(scene: Scene, impact: Impact) -> LaunchError:
 
     The error is inf, as it is not known, where one of these strikes has no impact; with supports,
     loops and mimic joints, which a straight motion leaves; with drives of some stiffness or
-    friction; with the force of an inflated ball, whose restitution is another one; and where the foot may press the ball into the ground or a plane.
+    friction; with the force of an inflated ball, whose restitution is another one; and where the
+    foot may press the ball into the ground or a plane.
     """
     unknown = LaunchError(math.inf, math.inf, math.inf)
     law, leg, contact = scene.law, scene.leg, scene.contact

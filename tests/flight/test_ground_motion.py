@@ -69,7 +69,9 @@ def test_on_steel_the_speed_and_the_pressure_decide():
     given = kd.Contact((1, 0, 0), "inflated").restitution_at(fall, kd.Ball(pressure=60e3))
     assert soft[0].velocity[2] == pytest.approx(given * fall, rel=1e-14)
     table = surface([(1.0, 0.9), (5.0, 0.5)])
-    assert bounce(kd.BallState((0, 0, 1), (0, 0, -4)), BALL, table).velocity[2] == pytest.approx(2.4)
+    assert bounce(kd.BallState((0, 0, 1), (0, 0, -4)), BALL, table).velocity[2] == pytest.approx(
+        2.4
+    )
     for call in (kd.follow, lambda *given: kd.follow_many(given[0], *given[1:])):
         state = kd.BallState((0, 0, 1), np.zeros((2, 3)) if call is not kd.follow else (0, 0, 0))
         with pytest.raises(kd.InvalidInput, match="ball pressure is None"):

@@ -28,7 +28,9 @@ def force_of(monkeypatch):
 
     def change(**values):
         law = partial(replace, **values)
-        of = classmethod(lambda cls, ball: law(InflatedForce(ball.mass, ball.radius, ball.pressure)))
+        of = classmethod(
+            lambda cls, ball: law(InflatedForce(ball.mass, ball.radius, ball.pressure))
+        )
         monkeypatch.setattr(collide_module.InflatedForce, "of", of)
 
     return change
@@ -89,15 +91,19 @@ def test_ball_and_foot_by_another_method(mass, speed):
     def closing(_, y):
         u, foot, rest = y
         w = foot - rest
-        return w / radius, -(push(u) + m * w * w / (2 * radius)) / (mass + m * u / 2), (
-            push(u) / (m * (1 - u / 2))
+        return (
+            w / radius,
+            -(push(u) + m * w * w / (2 * radius)) / (mass + m * u / 2),
+            (push(u) / (m * (1 - u / 2))),
         )
 
     def opening(_, y):
         u, foot, rest = y
         w, back = foot - rest, SHELL_RESTITUTION**2 * push(u)
-        return w / radius, -back / (mass + m * u / 2), (
-            (back - m * w * w / (2 * radius)) / (m * (1 - u / 2))
+        return (
+            w / radius,
+            -back / (mass + m * u / 2),
+            ((back - m * w * w / (2 * radius)) / (m * (1 - u / 2))),
         )
 
     def at_rest(_, y):
@@ -139,7 +145,7 @@ def test_energy_and_momentum_are_balanced(seed, friction):
 
 @pytest.mark.parametrize("friction", [0.0, 0.5])
 def test_a_free_foot_and_the_ball_keep_their_momentum(friction):
-    """A body without any support, which turns and slides; the flat part of the shell moves along."""
+    """A body without any support, which turns; the flat part of the shell moves along."""
     model = pin.Model()
     joint = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "free")
     body = pin.Inertia(2.0, np.array([0.1, 0.02, -0.05]), np.diag([0.02, 0.03, 0.025]))

@@ -62,8 +62,8 @@ def bounce(state: BallState, ball: Ball, surface: Surface) -> BallState:
 
     The normal impulse is :math:`m (1 + e) |v_z|`, with e at the speed :math:`|v_z|`. The
     tangential one, against the slip u, is :math:`m (1 + e_t) |u| / (1 + m r^2 / I)` where the ball
-    grips, which turns u into :math:`-e_t u`, and :math:`\mu` times the normal one where that is less. Energy never rises:
-    each of the two is a passive collision of its own.
+    grips, which turns u into :math:`-e_t u`, and :math:`\mu` times the normal one where that is
+    less. Energy never rises: each of the two is a passive collision of its own.
     """
     vx, vy, vz = state.velocity.tolist()
     wx, wy, wz = state.spin.tolist()

@@ -183,7 +183,11 @@ def end_error(scene: Scene, path: Flight | Course, error: LaunchError) -> float:
     flight, in_air = path, float(path.duration)
     if isinstance(path, Course):
         flight, in_air = path.flights[0], math.fsum(flight.duration for flight in path.flights)
-    time, arrival, normal = float(flight.duration), flight.landing.velocity, np.array([0.0, 0.0, 1.0])
+    time, arrival, normal = (
+        float(flight.duration),
+        flight.landing.velocity,
+        np.array([0.0, 0.0, 1.0]),
+    )
     if flight.status == FlightStatus.AT_PLANE and scene.plane is not None:
         normal = scene.plane.normal
     across = abs(float(normal @ arrival))

@@ -22,7 +22,6 @@ from kickdyn.restitution import describe_restitution
 from kickdyn.robot.standing import is_floating
 from kickdyn.scene.effects import Effect, EffectSize, effects_of
 from kickdyn.scene.launch_and_end import (
-    COLLIDE_SAFETY,
     SMALLEST_TOLERANCE,
     STATUSES_WITH_END,
     collide_scene,

@@ -37,8 +37,8 @@ COLLIDE_SAFETY = 20.0
 
 END_SAFETY = 1.2
 """Factor on the error of an end for what `end_error` leaves out: lift that turns the error of a
-velocity, a drag coefficient that falls with speed. In 400 random paths the end moved by at most 0.9 of
-the result."""
+velocity, a drag coefficient that falls with speed. In 400 random paths the end moved by at most 0.9
+of the result."""
 
 BOUNCE_SAFETY = 2.0
 """Further factor on the error of the velocity after a bounce."""
@@ -174,7 +174,8 @@ def end_error(scene: Scene, path: Flight | Course, error: LaunchError) -> float:
     launch by the error of the spin, and :math:`c = |v| / |n \cdot v|` where the ball meets the
     ground or a plane of normal n: an error of the time moves the end along it. Drag lets errors
     decay. In the further flights, of time :math:`t'`, and for the time :math:`t''` on the ground,
-    the velocity is wrong by the spin, too, and by the bounces, of which there may be one more. Nothing is flown for it, unlike for `end_slopes`.
+    the velocity is wrong by the spin, too, and by the bounces, of which there may be one more.
+    Nothing is flown for it, unlike for `end_slopes`.
     """
     if path.status not in STATUSES_WITH_END or not error.velocity < math.inf:
         return math.inf

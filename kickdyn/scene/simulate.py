@@ -321,9 +321,9 @@ def _length_text(metres: float) -> str:
 def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
     r"""Find where the ball of a scene ends, to a tolerance.
 
-    The contact time is neglected if it moves the end by less than 0.9 of the tolerance, as estimated
-    by strikes of an instantaneous contact where the foot is meanwhile; otherwise the contact is
-    integrated as exactly as the tolerance requires. All other effects are always modelled, and the
+    The contact time is neglected if it moves the end by less than 0.9 of the tolerance, as
+    estimated by strikes of an instantaneous contact where the foot is meanwhile; otherwise the
+    contact is integrated as exactly as the tolerance requires. All other effects are always modelled, and the
     flight is integrated to a relative tolerance of 1e-9.
 
     Args:
@@ -349,8 +349,8 @@ def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
         tolerance = validation.number("tolerance", tolerance, above=0, unit="m")
         if tolerance < ROUNDING:
             raise InvalidInput(
-                f"tolerance is {tolerance:g} m: that is below rounding; it must be {ROUNDING:g} m or "
-                "more, or None for everything as exact as possible"
+                f"tolerance is {tolerance:g} m: that is below rounding; it must be {ROUNDING:g} m "
+                "or more, or None for everything as exact as possible"
             )
     answer = _simulate(scene, tolerance)
     return replace(answer, seconds=time.process_time() - began)

@@ -323,8 +323,8 @@ def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
 
     The contact time is neglected if it moves the end by less than 0.9 of the tolerance, as
     estimated by strikes of an instantaneous contact where the foot is meanwhile; otherwise the
-    contact is integrated as exactly as the tolerance requires. All other effects are always modelled, and the
-    flight is integrated to a relative tolerance of 1e-9.
+    contact is integrated as exactly as the tolerance requires. All other effects are always
+    modelled, and the flight is integrated to a relative tolerance of 1e-9.
 
     Args:
         scene: the scene of the kick.

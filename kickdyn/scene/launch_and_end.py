@@ -181,9 +181,8 @@ def end_error(scene: Scene, path: Flight | Course, error: LaunchError) -> float:
         return math.inf
     if path.duration == 0.0:  # the ball starts where its path ends
         return error.position
-    flight, in_air = path, float(path.duration)
-    if isinstance(path, Course):
-        flight, in_air = path.flights[0], math.fsum(flight.duration for flight in path.flights)
+    flights = path.flights if isinstance(path, Course) else (path,)
+    flight, in_air = flights[0], math.fsum(part.duration for part in flights)
     time, arrival, normal = (
         float(flight.duration),
         flight.landing.velocity,

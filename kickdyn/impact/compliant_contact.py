@@ -192,7 +192,7 @@ class CompliantContact:
         moved = y[:nv]
         q = self.q + moved if self.leg.nq == nv else pin.integrate(self.model, self.q, moved)
         ball = y[2 * nv :]
-        lost, work = ball[9:].tolist()
+        lost, work = ball[9:11].tolist()
         return State(q, y[nv : 2 * nv], ball[:3], ball[3:9].reshape(2, 3), lost, work)
 
     def kinematics(self, state: State) -> Kinematics:

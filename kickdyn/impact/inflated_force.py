@@ -66,7 +66,7 @@ class InflatedForce:
         if deflection <= 0.0:
             return Load(0.0, 0.0, 0.0)
         u, returned = deflection / self.radius, self.shell_restitution**2
-        pressed = gauge_pressure(u, self.pressure, self.gas_exponent)
+        pressed = gauge_pressure(missing_share(u), self.pressure, self.gas_exponent)
         push = pressed * math.pi * self.radius**2 * u * (2.0 - u)
         per_length = 0.5 * self.shell_share * self.mass / self.radius
         speed = rate / (1.0 - 0.5 * self.shell_share * u)
@@ -88,7 +88,7 @@ class InflatedForce:
         carried = 0.5 * self.shell_share * u
         moving = 0.5 * self.mass * carried / (1.0 - carried) * rate * rate
         volume = 4.0 / 3.0 * math.pi * self.radius**3
-        work = volume * compression_work(u, self.pressure, self.gas_exponent)
+        work = volume * compression_work(missing_share(u), self.pressure, self.gas_exponent)
         return self.shell_restitution**2 * work + moving
 
     def separation(self, largest: float) -> float:
@@ -105,17 +105,22 @@ def deflection_of(travel: float, radius: float, shell_share: float) -> float:
     return 2.0 * travel / (1.0 + root)
 
 
-def gauge_pressure(u: float, pressure: float, gas_exponent: float) -> float:
-    """Return the gauge pressure [Pa] of a ball whose deflection is u radii."""
-    left: float = 1.0 - 0.25 * u * u * (3.0 - u)
-    return (pressure + OUTSIDE_PRESSURE) * math.pow(left, -gas_exponent) - OUTSIDE_PRESSURE
+def missing_share(u: float) -> float:
+    """Return the share of the volume of a ball in a cap whose height is u radii."""
+    return 0.25 * u * u * (3.0 - u)
 
 
-def compression_work(u: float, pressure: float, gas_exponent: float) -> float:
-    """Return the work of the pressure over the volume of the ball, up to a deflection of u radii.
+def gauge_pressure(missing: float, pressure: float, gas_exponent: float) -> float:
+    """Return the gauge pressure [Pa] of a ball that lacks a share of its volume."""
+    compressed = math.pow(1.0 - missing, -gas_exponent)
+    return (pressure + OUTSIDE_PRESSURE) * compressed - OUTSIDE_PRESSURE
 
-    Its exponent is not 1 [J/m3].
+
+def compression_work(missing: float, pressure: float, gas_exponent: float) -> float:
+    """Return the work of the pressure over the volume of the ball, for a missing share of it.
+
+    The exponent is not 1 [J/m3].
     """
-    missing, power = 0.25 * u * u * (3.0 - u), gas_exponent - 1.0
+    power = gas_exponent - 1.0
     air = math.expm1(-power * math.log1p(-missing)) / power
     return (pressure + OUTSIDE_PRESSURE) * air - OUTSIDE_PRESSURE * missing

@@ -390,7 +390,7 @@ def measure_effects(
 ) -> list[EffectSize]:
     """Measure every effect of a scene, in the order of `EFFECTS`, with it and without.
 
-    The scene is that of `simulate(scene, None)`; `report` is called with each effect's name.
+    The scene is as in `simulate(scene, None)`; `report` is called with each effect's name.
     """
     scene, sizes = full.scene, []
     for effect in effects_of(scene):

@@ -124,7 +124,7 @@ class MujocoRun(ReprMixin):
 
     @property
     def speed_error(self) -> float:
-        """Speed of the ball over that of the launch which meets the goal, less 1."""
+        """Speed of the ball over the launch speed that meets the goal, less 1."""
         return float(self.ball_after.speed / np.linalg.norm(self.plan.launch.velocity)) - 1.0
 
     @property
@@ -410,7 +410,7 @@ integrator="{tuning.integrator}" cone="elliptic" impratio="100" tolerance="1e-10
         return load
 
     def is_upright(self, planned: Array) -> bool:
-        """Return whether the base is as high and upright as that of a planned configuration."""
+        """Return whether the base is as high and upright as in a planned configuration."""
         if self.standing is None:
             return True
         model = self.motion.robot.model

@@ -40,7 +40,7 @@ def to_glb(recorder: Recorder) -> bytes:
             poses[path] = np.reshape(command["matrix"], (4, 4)).T
         elif command["type"] == "set_object":
             drawn[path] = command["object"]
-    scene = trimesh.Scene()
+    scene: Any = trimesh.Scene()
     for path, lowered in drawn.items():
         mesh = _mesh(lowered)
         if mesh is None:
@@ -79,8 +79,9 @@ def _mesh(lowered: dict[str, Any]) -> Any:
     rgb = [colour >> 16 & 255, colour >> 8 & 255, colour & 255]
     alpha = round(255 * float(material.get("opacity", 1.0)))
     if not material.get("vertexColors"):
-        mesh.visual = trimesh.visual.TextureVisuals(
-            material=trimesh.visual.material.PBRMaterial(
+        looks: Any = trimesh.visual
+        mesh.visual = looks.TextureVisuals(
+            material=looks.material.PBRMaterial(
                 baseColorFactor=[*rgb, alpha], metallicFactor=0.0, roughnessFactor=0.8,
                 alphaMode="BLEND" if alpha < 255 else "OPAQUE", doubleSided=True,
             )
@@ -102,9 +103,8 @@ def _triangles(data: dict[str, Any]) -> Any:
     return mesh
 
 
-def _array(packed: dict[str, Any]) -> Array:
+def _array(packed: dict[str, Any]) -> Any:
     """Return an array as meshcat has packed it, a row for each vertex or face."""
     extension = packed["array"]
-    return np.frombuffer(extension.data, NUMBER_TYPES[extension.type]).reshape(
-        -1, packed["itemSize"]
-    )
+    numbers = np.frombuffer(extension.data, NUMBER_TYPES[extension.type])
+    return np.asarray(numbers.reshape(-1, packed["itemSize"]))

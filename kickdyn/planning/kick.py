@@ -107,7 +107,7 @@ def plan_kick(
         incoming: a ball that moves, with `position`, in place of `ball_position`; an `IncomingBall`
             names its ground, or the time or place of the meeting. The goal is seen from its
             position. See below.
-        limits: whether limits of speed and torque hold; those of the joints' range always do. An
+        limits: whether limits of speed and torque hold; limits of the joints' range always do. An
             infinite one always holds, its use is 0, and `joint-speed` counts it as 100 rad/s; one
             of 0 is refused, or none with `limits=False`.
         surface: surface of the ground, for a ball that is played along the ground as by
@@ -138,7 +138,7 @@ def plan_kick(
     With `incoming`, the ball's path is followed to where the leg reaches it, and kicks are planned
     for several times on it; `plan.meeting` is the one of the least `speed_use`, and `plan.meetings`
     has all. A base that moves is in its place at the time of the meeting. Where the goal names no
-    other spin, the kick stops that of the ball; without friction, the spin stays.
+    other spin, the kick stops the ball's spin; without friction, the spin stays.
 
     Raises:
         OutOfReach: a goal that no launch meets, with the nearest there is.
@@ -333,7 +333,7 @@ def _plan_interception(leg: Leg, incoming: IncomingBall, settings: _Settings) ->
         for _, wait, problem, task in rated[:TRIED]:
             starts = problem.starts() if near is None else [near]
             point = best_from(problem, objective, starts)
-            reasons[wait] = "no posture near those of the other meetings gives this launch"
+            reasons[wait] = "no posture near the other meetings gives this launch"
             if point is not None:
                 met[wait], near = task.plan(problem, point), point.x
         for _, wait, _, _ in rated[TRIED:]:
@@ -422,7 +422,7 @@ def _outcome(problem: KickProblem, point: KickPoint, objective: Objective) -> _C
 
 
 def replan_motion(plan: KickPlan, velocity: ArrayLike) -> KickPlan:
-    """Return a plan with a motion near that of another one, whose `strike` gives another launch.
+    """Return a plan with a motion near another one, whose `strike` gives another launch.
 
     It serves to correct a launch by what a contact that takes time, or a simulator, makes of it.
 

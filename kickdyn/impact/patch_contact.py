@@ -268,7 +268,7 @@ class PatchContact(CompliantContact):
 
     def _beside(self, contact: Kinematics) -> float:
         """Return the distance of the ball's centre from the middle of the strip [m]."""
-        return self._offset + contact.point[0] - self._arm[0]
+        return float(self._offset + contact.point[0] - self._arm[0])
 
     def overlap(self, contact: Kinematics) -> Overlap:
         """Return what of the ball is pressed out."""

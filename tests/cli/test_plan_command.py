@@ -15,7 +15,6 @@ import kickdyn as kd
 from kickdyn.cli.plan_command import plan
 from kickdyn.core import console
 
-
 MOVING = ["--ball-position", "2,0,-0.7042", "--ball-velocity=-2.5,0,0"]
 
 

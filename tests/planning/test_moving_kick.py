@@ -95,7 +95,7 @@ def test_a_ball_behind_the_leg_is_not_met():
 def test_a_ball_that_already_moves_so_is_refused():
     with pytest.raises(kd.InvalidInput, match="already has the velocity"):
         kd.plan_trap(HUMAN, kd.BallState((0.3, 0, -0.7042)), BALL, AIR)
-    with pytest.raises(kd.InvalidInput, match="velocity is 101.*at most 100"):
+    with pytest.raises(kd.InvalidInput, match=r"velocity is 101.*at most 100"):
         kd.plan_trap(HUMAN, ROLLING, BALL, AIR, velocity=(101, 0, 0))
 
 

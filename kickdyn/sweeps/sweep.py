@@ -96,8 +96,8 @@ def sweep(
         A dataset with one dimension per joint, or `posture` with `samples`, the variables of
         `dataset.VARIABLES` and `status`, a `PostureStatus` by its flag. Units, provenance and
         warnings are in the attributes. Variables are nan where the posture is out of reach or the
-        loops cannot be closed. With `store`, the dataset is the opened store, whose variables have
-        7 digits (float32).
+        loops cannot be closed. With
+        `store`, the dataset is the opened store, whose variables have 7 digits (float32).
 
     Raises:
         InvalidInput: postures that the leg does not have, more postures than fit into memory, an
@@ -206,7 +206,7 @@ def _pickled(path: Path, variables: Sequence[str], solver: ChunkSolver) -> bytes
 
 @contextmanager
 def _put_beside(store: Path, sent: bytes) -> Iterator[Callable[[int], int]]:
-    """Put a sweep into a file beside its store, for workers to read once, tasks stay small."""
+    """Put a sweep into a file beside its store, which workers read once: tasks stay small."""
     digest = hashlib.sha256(sent).hexdigest()
     file = _file_beside(str(store), digest)
     with replacing(file) as draft:

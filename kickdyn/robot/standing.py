@@ -112,7 +112,8 @@ def place_base(robot: Leg, q: Array, frame: int, placement: Any) -> Array:
     placed[:7] = pin.neutral(model)[:7]
     pin.forwardKinematics(model, data, placed)
     seen = pin.updateFramePlacement(model, data, frame)
-    placed[:7] = pin.SE3ToXYZQUAT(placement * seen.inverse())
+    root = model.jointPlacements[1]
+    placed[:7] = pin.SE3ToXYZQUAT(root.inverse() * placement * seen.inverse() * root)
     return placed
 
 

@@ -90,7 +90,7 @@ class Ball(ReprMixin):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """A line if mass or radius are those of no ball, but perhaps of one in other units."""
+        """A line if mass or radius fit no ball, but perhaps one in other units."""
         if LARGEST_MASS <= self.mass < math.inf or self.radius >= LARGEST_RADIUS:
             return (
                 f"the ball has {self.mass:g} kg and a radius of {self.radius:g} m: a soccer ball "

@@ -1,7 +1,7 @@
 r"""The coefficient of restitution e: a number, a table over the speed of approach, or a model.
 
 A table has rows (speed [m/s], e). Between its rows e is linear in the speed u of approach along the
-normal; outside them it is that of the nearest row. A model is a table with a name; the rows of
+normal; outside them the nearest row applies. A model is a table with a name; the rows of
 `inflated` follow from the ball, so that a contact has them once it is the contact of a ball
 (`restitution_for`).
 """

@@ -124,7 +124,7 @@ def follow(
         ball: the ball; its mass, radius and inertia count.
         air: the air; None is the vacuum.
         ground: a ground with a surface. None is turf that the ball touches at its launch, so that
-            the first flight ends at the height of the launch, as that of `fly` does.
+            the first flight ends at the height of the launch, as in `fly`.
         tol: relative tolerance of every flight.
         plane: a wall or a goal line that ends the motion, be it flying, sliding or rolling.
         time_limit: longest duration of every flight, and of rolling [s].

@@ -95,7 +95,7 @@ def plan_kick(
         incoming: a ball that moves, with `position`, in place of `ball_position`; an `IncomingBall`
             names its ground, or the time or place of the meeting. The goal is seen from its
             position. See below.
-        limits: whether limits of speed and torque hold; those of the joints' range always do. An
+        limits: whether limits of speed and torque hold; limits of the joints' range always do. An
             infinite one always holds, its use is 0, and `joint-speed` counts it as 100 rad/s; one
             of 0 is refused, or none with `limits=False`.
         surface: surface of the ground, for a ball that is played along the ground as by
@@ -126,7 +126,7 @@ def plan_kick(
     With `incoming`, the ball's path is followed to where the leg reaches it, and kicks are planned
     for several times on it; `plan.meeting` is the one of the least `speed_use`, and `plan.meetings`
     has all. A base that moves is in its place at the time of the meeting. Where the goal names no
-    other spin, the kick stops that of the ball; without friction, the spin stays.
+    other spin, the kick stops the ball's spin; without friction, the spin stays.
 
     Raises:
         OutOfReach: a goal that no launch meets, with the nearest there is.
@@ -195,7 +195,7 @@ def _plan_posture(problem: KickProblem, objective: Objective) -> Chosen:
 
 
 def replan_motion(plan: KickPlan, velocity: ArrayLike) -> KickPlan:
-    """Return a plan with a motion near that of another one, whose `strike` gives another launch.
+    """Return a plan with a motion near another one, whose `strike` gives another launch.
 
     It serves to correct a launch by what a contact that takes time, or a simulator, makes of it.
 

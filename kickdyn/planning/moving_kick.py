@@ -304,7 +304,7 @@ def plan_interception(leg: Leg, incoming: IncomingBall, settings: KickSettings) 
         for _, wait, problem in rated[:TRIED]:
             starts = problem.starts() if near is None else [near]
             point = best_from(problem, objective, starts)
-            reasons[wait] = "no posture near those of the other meetings gives this launch"
+            reasons[wait] = "no posture near the other meetings gives this launch"
             if point is not None:
                 kicks[wait], near = balls.at(wait).kick(problem, point), point.x
         for _, wait, _ in rated[TRIED:]:

@@ -203,7 +203,7 @@ def _copy_joint(
 ) -> int:
     """Add a joint to a new model, with the name, limits and rotor of a joint of `model`.
 
-    `limits` of its coordinates replace those of the joint.
+    `limits` of its coordinates replace the joint's.
     """
     q = slice(model.idx_qs[joint], model.idx_qs[joint] + model.nqs[joint])
     v = slice(model.idx_vs[joint], model.idx_vs[joint] + model.nvs[joint])

@@ -263,7 +263,7 @@ def quoted(names: Collection[str]) -> str:
 
 TABLES = (
     Table("", dict, (
-        Key("name", "name", "text", "of the scene; without it, that of the file", _check_text),
+        Key("name", "name", "text", "of the scene; without it, the name of the file", _check_text),
     )),
     Table("leg", LegTable, (
         Key("model", "model", ("human", "testbed"), "a leg of kickdyn"),
@@ -280,7 +280,7 @@ TABLES = (
         Key("package_dirs", "package_dirs", "list of names", "folders in which the meshes of "
             "`file` are looked for, relative to the scene", _check_list, needs=("file",)),
         Key("legs_only", "legs_only", "`true` or `false`", "whether to lock all joints of a "
-            "`robot` but those of its legs; without it `false`",
+            "`robot` except its legs; without it `false`",
             partial(validation.flag, "value"), needs=("robot",)),
         Key("locked", "locked", "table, joint = number [deg; m]",
             "joints that are fixed, and where", partial(_check_joints, unit="deg; m")),
@@ -295,7 +295,7 @@ TABLES = (
             "inertia of the rotors, seen from the joint",
             partial(_check_joints, unit="kg m2", at_least=0.0)),
         Key("drives", "drives", 'text, or `"none"`', "a file of drives, relative to the folder of "
-            "the scene, or no rotors; without it those of the robot", _check_text),
+            "the scene, or no rotors; without it the robot's own", _check_text),
         Key("base_velocity_m_s", "base_velocity", "vector [m/s]", "velocity of the fixed base at "
             "the world's origin, as of a hip in a run-up; 0 without it",
             partial(validation.vector, "base velocity", size=3, unit="m/s")),

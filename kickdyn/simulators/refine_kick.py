@@ -50,7 +50,7 @@ def refine_kick(plan: KickPlan, rounds: int = 2, by: str = Observer.COLLIDE) -> 
 
     Returns:
         The plan, of all rounds and the first one, whose ball is nearest to :math:`v^*`.
-        Its `impact`, `path` and `landing_error` are those of the commanded launch by `strike`,
+        Its `impact`, `path` and `landing_error` belong to the commanded launch by `strike`,
         which misses the target by what the contact is expected to add; `run_in_mujoco(...).miss`
         is the distance of the simulated ball from the target.
 

@@ -468,10 +468,12 @@ def _checked_patch(
     stiffness: float | str | None,
 ) -> FootPatch | None:
     """Return the patch of a model; None is the point."""
-    if model == "point":
+    if isinstance(model, str) and model == "point":
         return None
-    if not (model == "patch" or isinstance(model, FootPatch)):
-        raise InvalidInput(f"model is {model!r}: it must be 'point', 'patch' or a FootPatch")
+    if not isinstance(model, FootPatch) and not (isinstance(model, str) and model == "patch"):
+        raise InvalidInput(
+            f"model is {validation.brief(model)}: it must be 'point', 'patch' or a FootPatch"
+        )
     if contact_time is not None or stiffness is not None:
         given = f"contact_time is {contact_time!r} and stiffness {stiffness!r}"
         raise InvalidInput(f"{given}: a patch has the pressure of the ball, give none of them")

@@ -326,6 +326,8 @@ TABLES = (
             "moment of inertia over m r^2; 2/3 of a shell without it"),
         Key("pressure_pa", "pressure", "number, at least 2000 and at most 1e6 [Pa]",
             "gauge pressure, for the `stiffness` and the restitution `inflated` of the contact"),
+        Key("shell_share", "shell_share", "number, at least 0 and at most 1",
+            "share of the mass in the shell, for the restitution `inflated`; 1 without it"),
         Key("velocity_m_s", "velocity", "vector [m/s]", "before the contact; 0 without it"),
         Key("spin_rad_s", "spin", "vector [rad/s]", "before the contact; 0 without it"),
     )),
@@ -345,8 +347,9 @@ TABLES = (
             "contact point in the axes of `frame`; without it its origin"),
         Key("contact_time_s", "contact_time", "number, above 0 and at most 0.1 [s]", "duration of "
             "a contact that takes time; without it and `stiffness` the contact is instantaneous"),
-        Key("stiffness", "stiffness", ("pressure",), "stiffness of a contact that takes time, from "
-            "the pressure of the ball, instead of `contact_time_s`"),
+        Key("stiffness", "stiffness", ("pressure", "inflated"), "stiffness of a contact that takes "
+            "time, from the pressure of the ball, instead of `contact_time_s`; with `inflated` the "
+            "force that the restitution `inflated` is derived from"),
     ), is_required=True, required=({"attack_deg": 0.0, "normal": (1, 0, 0)}, {"restitution": 1.0})),
     Table("air", _air, (
         Key("model", "model", ("standard", "paper"),

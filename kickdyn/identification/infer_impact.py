@@ -27,7 +27,7 @@ from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput, NoImpact
-from kickdyn.identification.fit_motion import LegMotion
+from kickdyn.identification.leg_motion import LegMotion
 from kickdyn.identification.track import LEAST_SAMPLES, Track
 from kickdyn.impact.leg_response import LegResponse, leg_response
 from kickdyn.robot.leg import Posture

@@ -148,7 +148,9 @@ def test_a_bare_impact_is_drawn_above_the_lowest_point_of_the_leg(make_kick):
 def test_the_page_in_a_browser(page, chromium, tmp_path):
     file, picture = tmp_path / "kick.html", tmp_path / "kick.png"
     file.write_text(page, encoding="utf-8")
-    chromium(f"{file.as_uri()}#at=-9", f"--screenshot={picture}")  # when labels are hidden
+    chromium(
+        f"{file.as_uri()}#at=-9", f"--screenshot={picture}", "--window-size=1280,720"
+    )  # when labels are hidden
     pixels = 255 * matplotlib.image.imread(picture)[:, 330:, :3].astype(float)  # beside the caption
     red, green, blue = np.moveaxis(pixels, -1, 0)
 

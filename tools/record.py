@@ -35,7 +35,7 @@ def main() -> None:
             begin = time.process_time()
             answer = case.compute()
             seconds = time.process_time() - begin
-            if chosen.slow and seconds > chosen.slow:
+            if chosen.slow is not None and seconds > chosen.slow:
                 print(f"{case.label}: {seconds:.2f} s")
             if case.name not in answers:
                 print(f"{case.label}: new")

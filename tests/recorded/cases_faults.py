@@ -135,10 +135,7 @@ def refusals(name):
     }
     for argument in good:
         for kind, bad in BAD.items():
-            if slow and (
-                kind not in TYPES
-                or (good[argument] is not None and _would_be_taken(good[argument], bad))
-            ):
+            if slow and kind not in TYPES:
                 continue
             if argument in variadic:
                 calls[f"{argument} {kind}"] = lambda bad=bad: function(bad)
@@ -147,11 +144,6 @@ def refusals(name):
                     **{**good, argument: bad}
                 )
     return faults(calls)
-
-
-def _would_be_taken(good, bad):
-    """Return whether a value has the type of a good one, so that it may be taken."""
-    return isinstance(bad, str) and isinstance(good, str) and False
 
 
 FILES = {

@@ -260,7 +260,6 @@ CASES = {
     "restitution, one knot": lambda: restitution(1),
     "learner": taught,
     "learner with a leg": lambda: taught(HUMAN),
-    "learner with a prior": lambda: taught(prior={"drag_scale": 0.1, "wind_x": 0.5}),
     "learner by tracks": taught_by_tracks,
 }
 LOOSE = {

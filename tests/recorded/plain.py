@@ -23,9 +23,11 @@ DEEPEST = 3
 SKIPPED = {
     "leg_response", "constraint_projector", "slopes", "workspace", "file", "model", "evaluations",
     "iterations", "history", "viewer", "scenes", "approach", "tracks", "track", "meetings",
-    "articulated_bodies",
+    "articulated_bodies", "seconds",
 }  # fmt: skip
 """Attributes that are of no use to others, or depend on the machine."""
+TIMES = {"seconds", "took"}
+"""Keys of processor times."""
 BRIEF = {"Ball", "Air", "Contact", "Ground", "Plane", "Surface", "Posture", "Goal", "BallState"}
 """Types that are shown by their printed form inside of others."""
 EXPENSIVE = {"html", "others", "margins", "meetings"}
@@ -51,7 +53,8 @@ def plain(value, depth=0):
     if special is not None:
         return special(value, depth)
     if isinstance(value, Mapping):
-        return {str(plain(key)): plain(item, depth) for key, item in value.items()}
+        items = ((str(plain(key)), item) for key, item in value.items())
+        return {key: plain(item, depth) for key, item in items if key not in TIMES}
     if isinstance(value, pin.SE3):
         return array(value.homogeneous)
     if isinstance(value, Exception):
@@ -88,6 +91,7 @@ def text_of(text):
     """Return a text without what is of this machine or run."""
     text = re.sub(r"0x[0-9a-f]{6,}", "0x", text)
     text = re.sub(r"\d+ evaluations", "N evaluations", text)
+    text = re.sub(r"(answer took|seconds=) ?[-+.\de]+", r"\1 T", text)
     text = re.sub(r"(iterations(?:</th><td[^>]*>| +))\d+", r"\1N", text)
     text = re.sub(re.escape(tempfile.gettempdir()) + r"/\w+", "TMP", text)
     return re.sub(r"/[\w./-]*/(site-packages|urdf|scenes|data)/", r"\1/", text)

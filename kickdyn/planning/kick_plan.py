@@ -105,8 +105,8 @@ class KickPlan(ReprMixin):
     def replan(self, *, incoming: BallState | IncomingBall) -> "KickPlan":
         """Return the plan for the same ball seen again, met at the same time by the clock.
 
-        The target stays where it is in the world. The posture is sought from that of this plan; if
-        there is none near it, the whole plan is made again for this time.
+        The target stays where it is in the world. The search starts from the posture of
+        this plan; if there is none near it, the whole plan is made again for this time.
 
         Args:
             incoming: the ball as it is seen now; its `time` is by the clock of the first one.
@@ -229,7 +229,7 @@ class KickPlan(ReprMixin):
 
     @property
     def collisions(self) -> tuple[str, ...]:
-        """Those of the `warnings` by which the status is `collides`."""
+        """The `warnings` by which the status is `collides`."""
         collides = [check for check in CHECKS if CHECKS[check] == PlanStatus.COLLIDES]
         return tuple(line for check in collides for line in self._lines[check])
 

@@ -242,7 +242,7 @@ class Interceptor:
             reasons[wait] = "no posture gives this launch"
         for wait in problems:
             if kicks and wait not in kicks:
-                reasons[wait] = "no posture near those of the other meetings gives this launch"
+                reasons[wait] = "no posture near the other meetings gives this launch"
         failed: dict[float, str] = {}
         for wait in order[:2]:
             if not kicks:

@@ -2,11 +2,11 @@
 
     python benchmarks/replan.py [BALLS [REFUSALS]]
 
-Without numbers it prints the processor time of a plan for a ball at rest, of one for a rolling ball,
-and of `plan.replan` for a ball that is seen again 20 ms later. With them, random balls roll at 0.5
-to 5 m/s or fly at 5 to 20 m/s towards the leg; each is kicked and lands within 1 cm of its target by
-`follow`, `strike` and `fly`, or the plan is refused. For some refusals, a random search over times
-and postures looks for a kick that keeps all conditions of the plan.
+Without numbers it prints the processor time of a plan for a ball at rest, of one for a rolling
+ball, and of `plan.replan` for a ball that is seen again 20 ms later. With them, random balls roll at
+0.5 to 5 m/s or fly at 5 to 20 m/s towards the leg; each is kicked and lands within 1 cm of its
+target by `follow`, `strike` and `fly`, or the plan is refused. For some refusals, a random search
+over times and postures looks for a kick that keeps all conditions of the plan.
 """
 
 from __future__ import annotations
@@ -210,19 +210,22 @@ def timings() -> None:
         np.array([-2.0, -0.9, 0.0]), np.array([1.5, 0.6, -0.58])
     )  # fmt: skip
     for leg, goal, seen in (human, robot):
-        plan = kd.plan_kick(leg, goal, BALL, AIR, incoming=seen)
-        place, aim = plan.meeting.ball.position, plan.goal
-        later = kd.follow(seen, BALL, AIR, plan.meeting.ground).sample(0.02)
-        again = kd.BallState(
-            later.position + [0.004, 0.0, 0.0], 1.004 * later.velocity, later.spin, 0.02
-        )
-        rest = processor_time(lambda: kd.plan_kick(leg, aim, BALL, AIR, ball_position=place), 7)
-        rolls = processor_time(lambda: kd.plan_kick(leg, goal, BALL, AIR, incoming=seen), 7)
-        replans = processor_time(lambda: plan.replan(incoming=again), 25)
-        print(
-            f"{leg.name}: {rest:.0f} ms for a ball at rest, {rolls:.0f} ms for one that rolls "
-            f"({rolls / rest:.1f} times), {replans:.1f} ms to plan again"
-        )
+        _print_times(leg, goal, seen)
+
+
+def _print_times(leg: kd.Leg, goal: kd.Goal, seen: kd.BallState) -> None:
+    plan = kd.plan_kick(leg, goal, BALL, AIR, incoming=seen)
+    place, aim = plan.meeting.ball.position, plan.goal
+    later = kd.follow(seen, BALL, AIR, plan.meeting.ground).sample(0.02)
+    moved = later.position + np.array([0.004, 0.0, 0.0])
+    again = kd.BallState(moved, 1.004 * later.velocity, later.spin, 0.02)
+    rest = processor_time(lambda: kd.plan_kick(leg, aim, BALL, AIR, ball_position=place), 7)
+    rolls = processor_time(lambda: kd.plan_kick(leg, goal, BALL, AIR, incoming=seen), 7)
+    replans = processor_time(lambda: plan.replan(incoming=again), 25)
+    print(
+        f"{leg.name}: {rest:.0f} ms for a ball at rest, {rolls:.0f} ms for one that rolls "
+        f"({rolls / rest:.1f} times), {replans:.1f} ms to plan again"
+    )
 
 
 def main() -> None:

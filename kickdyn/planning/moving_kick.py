@@ -204,6 +204,14 @@ class Interceptor:
             raise known
         return known
 
+    def escaping(self, wait: float) -> str:
+        """Return that the ball moves away from the foot, as the end of a sentence, if it does."""
+        known = self._known.get(wait)
+        if not isinstance(known, Interception):
+            return ""
+        away = float(known.before.velocity @ known.target.contact.normal)
+        return f"; the ball moves away from the foot at {away:.3g} m/s" if away > 0.0 else ""
+
     def beside(self, wait: float) -> float:
         """Return how far to the left of the impulse through the origin it then is [m], or nan."""
         try:
@@ -355,7 +363,7 @@ def plan_interception(leg: Leg, incoming: IncomingBall, settings: KickSettings) 
             first = next(iter(reasons))
             raise InvalidInput(
                 f"the ball is met at none of {len(waits)} times within reach: after {first:.3g} s, "
-                f"{reasons[first]}"
+                f"{reasons[first]}{balls.escaping(first)}"
             )
         plan, collisions = _without_collisions(sorted(kicks.values(), key=lambda kick: kick.rank))
     meetings = [

@@ -185,7 +185,7 @@ def draw_kick(
     far_end = path.distance if isinstance(path, Course) else path.range
     draw_label(viewer["end"], f"{far_end:.3g} m", curve[-1], f"#{marks.CURVE:06x}")
     animation = _animation(
-        viewer, partial(ball_pose, before, path, arrival), impact, pace, moved, arrows
+        viewer, partial(ball_pose, before, path, arrival=arrival), impact, pace, moved, arrows
     )
     viewer.set_animation(animation, repetitions=math.inf)
     text = ""
@@ -282,7 +282,7 @@ def leg_configuration(impact: Impact, time: float) -> Array:
 
 
 def ball_pose(
-    before: BallState, path: Flight | Course, arrival: Arrival | None, time: float
+    before: BallState, path: Flight | Course, time: float, arrival: Arrival | None = None
 ) -> Array:
     """Return the ball's pose at a time from the impact [s], shape `(4, 4)` [m, world frame].
 

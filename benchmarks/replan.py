@@ -3,8 +3,8 @@
     python benchmarks/replan.py [BALLS [REFUSALS]]
 
 Without numbers it prints the processor time of a plan for a ball at rest, of one for a rolling
-ball, and of `plan.replan` for a ball that is seen again 20 ms later. With them, random balls roll at
-0.5 to 5 m/s or fly at 5 to 20 m/s towards the leg; each is kicked and lands within 1 cm of its
+ball, and of `plan.replan` for a ball that is seen again 20 ms later. With them, random balls roll
+at 0.5 to 5 m/s or fly at 5 to 20 m/s towards the leg; each is kicked and lands within 1 cm of its
 target by `follow`, `strike` and `fly`, or the plan is refused. For some refusals, a random search
 over times and postures looks for a kick that keeps all conditions of the plan.
 """

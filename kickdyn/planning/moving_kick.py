@@ -251,14 +251,13 @@ class Interceptor:
         for wait in problems:
             if kicks and wait not in kicks:
                 reasons[wait] = "no posture near the other meetings gives this launch"
-        failed: dict[float, str] = {}
-        for wait in order[:2]:
-            if not kicks:
-                try:
-                    kicks[wait] = self.at(wait).kick(*solve_kick(problems[wait], self._objective))
-                except InvalidInput as error:
-                    failed[wait] = str(error)
-        return kicks, {**failed, **reasons, **failed}
+        if order and not kicks:
+            best = order[0]
+            try:
+                kicks[best] = self.at(best).kick(*solve_kick(problems[best], self._objective))
+            except InvalidInput as error:
+                reasons = {best: str(error)} | {**reasons, best: str(error)}
+        return kicks, reasons
 
     def _seek(
         self,

@@ -220,11 +220,6 @@ class Meeting(ReprMixin):
         assert self.incoming.ground is not None
         return self.incoming.ground
 
-    def arrival(self, ball: Ball) -> "Arrival":
-        """Return the path of the ball from where it was seen to where it is met."""
-        wait = self.time - float(self.incoming.state.time)
-        return Arrival(self.incoming.course(ball, self.air, max(wait, SHORTEST_COURSE)), wait)
-
     @cached_property
     def landing_slopes(self) -> LandingSlopes | None:
         r"""Derivatives of the landing by timing and perception, of a flight; None without a kick.
@@ -275,6 +270,12 @@ class Meeting(ReprMixin):
         )
         slopes, _ = flight.slopes_at_plane(plane.normal, flight.end)
         return LandingSlopes(slopes[:, 0], slopes[:, 1:4], slopes[:, 4:])
+
+
+def arrival_of(meeting: Meeting, ball: Ball) -> Arrival:
+    """Return the path of the ball from where it was seen to where it is met."""
+    wait = meeting.time - float(meeting.incoming.state.time)
+    return Arrival(meeting.incoming.course(ball, meeting.air, max(wait, SHORTEST_COURSE)), wait)
 
 
 def replace_state(incoming: IncomingBall, state: BallState) -> IncomingBall:

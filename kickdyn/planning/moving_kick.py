@@ -461,8 +461,8 @@ def plan_trap(
 
     Example:
         >>> import kickdyn as kd
-        >>> falls = kd.BallState((0.45, 0, 0.3), (-3, 0, -1))
-        >>> plan = kd.plan_trap(kd.Leg.human(), falls, kd.Ball(), kd.Air())
+        >>> rolls = kd.BallState((2, 0, -0.7042), (-2.5, 0, 0), (0, -22.77, 0))
+        >>> plan = kd.plan_trap(kd.Leg.human(), rolls, kd.Ball(), kd.Air())
         >>> str(plan.status), bool(plan.impact.ball_after.speed < 1e-9)
         ('met', True)
     """

@@ -22,7 +22,7 @@ from kickdyn.flight.follow import Course
 from kickdyn.identification.identification_result import Identification
 from kickdyn.impact.impact_result import Impact
 from kickdyn.motion.motion import Motion
-from kickdyn.planning.interception import Arrival
+from kickdyn.planning.interception import Arrival, arrival_of
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.launch import Launch
 from kickdyn.planning.passes import Pass
@@ -213,7 +213,7 @@ def _kick_of(subject: _MovingSubject, path: _Path | None, caption: str) -> _Kick
         case KickPlan():
             warnings = [line.partition("; ")[0] for line in subject.warnings]
             impact, meeting = subject.impact, subject.meeting
-            arrival = None if meeting is None else meeting.arrival(impact.ball)
+            arrival = None if meeting is None else arrival_of(meeting, impact.ball)
             return _Kick(
                 impact, subject.path, caption, subject.motion, warnings=warnings, arrival=arrival
             )

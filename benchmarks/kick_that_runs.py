@@ -9,7 +9,9 @@ foot from the ground, and by how much `strike` and `fly` miss the target.
 
 import sys
 import time
+from pathlib import Path
 
+import gymnasium
 import numpy as np
 
 import kickdyn as kd
@@ -29,6 +31,15 @@ def standing(name: str, foot: str, **options: object) -> kd.Leg:
     return robot.with_supports(kd.Support(foot, friction=0.7))
 
 
+def humanoid() -> kd.Leg:
+    """Return the humanoid of gymnasium on its left foot."""
+    file = Path(gymnasium.__file__).parent / "envs/mujoco/assets/humanoid.xml"
+    return kd.Leg.from_mjcf(file, "right_foot", base="floating").with_supports("left_foot")
+
+
+CONTACTS = {"humanoid": kd.Contact(friction=0.4, offset=(0.1, 0.0, 0.1))}
+"""Contacts of robots whose foot has no toe."""
+
 CASES = {
     "human": (kd.Leg.human, {"15 m": kd.Goal(15, time=1), "20 m": kd.Goal(20, time=1.2)}),
     "testbed": (kd.Leg.testbed, {"1.5 m": kd.Goal(1.5, time=0.6)}),
@@ -38,6 +49,7 @@ CASES = {
         lambda: standing("talos", "left_sole_link", legs_only=True),
         {"7.9 m/s": GOALS["7.9 m/s"]},
     ),
+    "humanoid": (humanoid, {"4.2 m/s": kd.Goal(1.5, time=0.4)}),
 }
 
 
@@ -48,7 +60,7 @@ def main() -> None:
         leg = make()
         for words, goal in goals.items():
             start = time.process_time()
-            plan = kd.plan_kick(leg, goal, BALL, AIR, motion=True)
+            plan = kd.plan_kick(leg, goal, BALL, AIR, motion=True, contact=CONTACTS.get(name))
             spent = time.process_time() - start
             margins = least_margins(plan.motion)
             print(

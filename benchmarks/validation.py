@@ -84,17 +84,15 @@ def mechanical_limb() -> Iterator[Row]:
         "M1", "contact time, foot at 9.1 and 21.2 m/s", "14.75 falling to 11.75 ms, -20 %",
         f"{times[0]:.1f} falling to {times[1]:.1f} ms, {percent(times[1] / times[0] - 1.0, 0)}",
         close((times[0], 14.75), (times[1], 11.75)),
-        "The time is the visible contact time. The stiffness makes the force last 10 ms at "
-        "15 m/s. With the spring from pressure, the time does not depend on the speed.",
+        "Visible contact time. With the spring from pressure it does not depend on the speed.",
         "contact time of a mechanical limb, foot at 9.1 and 21.2 m/s",
     )  # fmt: skip
     moved = 1e2 * distance(slow), 1e2 * distance(fast)
     yield Row(
         "M1", "contact distance", "10.7 to 20.2 cm", f"{moved[0]:.1f} to {moved[1]:.1f} cm",
         range_within(10.7, 20.2, *moved),
-        f"The ends of the contact distance differ by {percent(moved[0] / 10.7 - 1.0, 0)} and "
-        f"{percent(moved[1] / 20.2 - 1.0, 0)} from the measured ones. We compute the path of the "
-        "foot while ball and foot touch; the abstract has no definition.",
+        f"The ends of the distance that the foot moves in contact differ by "
+        f"{percent(moved[0] / 10.7 - 1.0, 0)} and {percent(moved[1] / 20.2 - 1.0, 0)}.",
     )  # fmt: skip
 
 
@@ -110,10 +108,9 @@ def punts() -> Iterator[Row]:
         "M2", "speed that the foot loses where the ball gains 22.7 m/s", "5.0 +- 1.1 m/s",
         f"{losses[0]:.1f} and {losses[1]:.1f} m/s in two postures",
         within(3.9, 6.1, *losses),
-        f"The loss follows from momentum and the effective mass of the leg, {masses[0]:.1f} ball "
-        "masses at hip, knee, ankle of 40, 30, -20 deg, where `kickdyn posture-sweep` finds the "
-        f"fastest ball, and {masses[1]:.1f} at 5, 10, -5 deg, posture a of the paper's Table 2. "
-        "The first agrees. The abstract has no postures.",
+        f"The effective mass of the leg is {masses[0]:.1f} ball masses at hip, knee, ankle of 40, "
+        f"30, -20 deg, which gives the fastest ball and agrees, and {masses[1]:.1f} at 5, 10, -5 "
+        "deg. The abstract has no postures.",
         "speed that the foot loses where the ball gains 22.7 m/s",
     )  # fmt: skip
     gain = float(head_on(1.0).ball_after.speed)
@@ -136,10 +133,9 @@ def punts() -> Iterator[Row]:
         "M2", "mean force of distance kicks, ball gains 22.7 m/s", "834 +- 107 N",
         f"{means[0][0]:.0f} N {names.format(f'{means[1][0]:.0f} N')}",
         within(low, high, means[0][0], means[1][0]),
-        "The abstracts of M2 and M3 do not say whether the mean is over the visible contact or "
-        "over the time for which the force acts. M2 agrees with the first, M3 with the second. "
-        f"With the spring from pressure the means of M2 are {means[0][1]:.0f} and "
-        f"{means[1][1]:.0f} N.",
+        "The abstracts of M2 and M3 do not define the mean: M2 agrees with the visible contact, M3 "
+        "with the time for which the force acts. With the spring from pressure the means of M2 "
+        f"are {means[0][1]:.0f} and {means[1][1]:.0f} N.",
     )  # fmt: skip
     yield Row(
         "M3", "peak over mean force", "1.97",
@@ -161,10 +157,10 @@ def punts() -> Iterator[Row]:
             f"With {'the ' if stiffness == 'pressure' else ''}{name}, the force agrees up to a "
             f"ball of about {last:.0f} m/s."
             + (
-                " The ball speeds come from M10, because the abstracts of M4 have none."
+                " The ball speeds are from M10."
                 if stiffness == HERTZ
-                else " Its range ends before, at a foot speed of 13 to 17 m/s ([stiffness from "
-                "pressure](compliance.md#stiffness-from-pressure))."
+                else " Its range ends at a foot speed of [13 to 17 "
+                "m/s](compliance.md#stiffness-from-pressure)."
             ),
             f"peak force of maximal instep kicks, {name}" if stiffness == HERTZ else "",
         )  # fmt: skip
@@ -189,7 +185,7 @@ def punts() -> Iterator[Row]:
         f"8 to 12 ms: {shown[0]} (two masses), {shown[1]} (human leg), {shown[2]} (human leg with "
         "a tenth of its joint torques)",
         verdict(abs(change) <= MEASURED for change in changes),
-        "A change of less than 10 % counts as none; larger torques would add more.",
+        "A change of less than 10 % counts as none.",
     )  # fmt: skip
 
 
@@ -235,9 +231,8 @@ def curves() -> Iterator[Row]:
         sign(min(np.diff([spins[mu][20] for mu in (0.0, 0.4, 1.0)])), 1),
     )  # fmt: skip
     why = (
-        "The normal force on a round ball points to its centre, so that only friction gives it "
-        "spin ([why](impact.md#spin-without-friction)). For kicks with spin, determine the "
-        "friction from measured spin (`kd.infer_impact`)."
+        "Only friction gives a round ball spin ([why](impact.md#spin-without-friction)). For kicks "
+        "with spin, fit the friction to measured spin (`kd.infer_impact`)."
     )
     yield Row(
         "M8", "spin that friction of 1 instead of 0 adds", "13 rad/s at most",
@@ -265,8 +260,8 @@ def curves() -> Iterator[Row]:
     yield Row(
         "M9", "spin of curling free kicks at 24 m/s", "106 rad/s on average",
         f"0 to {max(at_24):.0f} rad/s", range_within(0.9 * 106.0, 1.1 * 106.0, 0.0, max(at_24)),
-        f"The offset is not known; 106 rad/s is computed at {reached:.0f} mm, with mu = 0.63, the "
-        "largest measured against leather (`kd.Contact`).",
+        f"The offset is not known; {reached:.0f} mm gives 106 rad/s, with mu = 0.63, the largest "
+        "measured against leather.",
         "spin of curling free kicks at 24 m/s, over the offset",
     )  # fmt: skip
 
@@ -306,8 +301,7 @@ def plans() -> Iterator[Row]:
         "M10", "ball speed of maximal instep kicks, hip at rest", measured,
         f"up to {still[0]:.1f} m/s, foot at {still[1]:.1f} m/s",
         range_within(25.64, 34.48, 0.0, still[0]),
-        "All joints move at the speed limits of `Leg.human()`, in the posture of the fastest ball, "
-        "along 30 deg, e = 0.7, at the toe.",
+        "All joints move at their speed limits, in the posture of the fastest ball, along 30 deg.",
         "ball speed of maximal instep kicks, hip at rest",
     )  # fmt: skip
     (slow, slow_foot), (fast, fast_foot) = moving
@@ -315,9 +309,7 @@ def plans() -> Iterator[Row]:
         "M10", "the same, hip moving forward at 3 and 5 m/s", measured,
         f"up to {slow:.1f} and {fast:.1f} m/s, foot at {slow_foot:.1f} and {fast_foot:.1f} m/s",
         range_within(28.60, 34.48, 0.0, fast),
-        "The hip speeds are assumed; run-ups are about as fast. The slower of the measured "
-        "kicks are reached, the fastest are not. The leg is "
-        "`leg.with_base_velocity(hip_velocity)`.",
+        "The hip speeds (`leg.with_base_velocity`) are assumed; run-ups are about as fast.",
         "ball speed of maximal instep kicks, hip at 3 and 5 m/s",
     )  # fmt: skip
 
@@ -338,8 +330,8 @@ def air() -> Iterator[Row]:
         f"{high[1]:.2f} "
         f"(`brazuca`), C_L {low[2]:.2f} to {high[2]:.2f}",
         verdict([abs(low[0] - high[0]) > 0.05]),
-        "The default lift has a drag crisis, the default drag has none down to 4.8 m/s, because "
-        "the ball of A1 has none; `brazuca` has both ([theory](theory.md#flight)).",
+        "The default lift has a drag crisis, the default drag has none down to 4.8 m/s; `brazuca` "
+        "has both ([theory](theory.md#flight)).",
     )  # fmt: skip
 
 
@@ -359,10 +351,9 @@ def tracked() -> Iterator[Row]:
         f"{len(drags)})",
         f"{within(0.125, 0.183, drag.BEYOND_CRISIS)} (default), "
         f"{range_within(0.125, 0.183, min(drags), max(drags))} (fitted)",
-        "Ball and wind are unknown, and flights differ more than the models do, so that no default "
-        "agrees with all of them ([which drag model predicts "
-        "flights](verification.md#which-drag-model-predicts-flights)). Choose the model of a known "
-        "ball, or fit a track with `kd.identify`.",
+        "Ball and wind are unknown, and flights differ [more than the models "
+        "do](verification.md#which-drag-model-predicts-flights). Choose the model of a known ball, "
+        "or fit a track with `kd.identify`.",
         "drag coefficient in flights of a match",
     )  # fmt: skip
 
@@ -395,9 +386,7 @@ def inflated() -> Iterator[Row]:
     yield Row(
         "M6", "e of kicks, ball at 11.5 and 22.2 m/s", "falls as the speed grows",
         f"{ends[0]:.3f} falling to {ends[1]:.3f}", sign(ends[1] - ends[0], -1),
-        "A ball of 80 kPa with `restitution=\"inflated\"` ([inflated ball](inflated-ball.md)). The "
-        "measured e is also larger where the contact area is smaller, which this model does not "
-        "have.",
+        "A ball of 80 kPa with `restitution=\"inflated\"` ([inflated ball](inflated-ball.md)).",
     )  # fmt: skip
     contact = kd.Contact((1, 0, 0), "inflated")
     light, heavy = (
@@ -410,8 +399,7 @@ def inflated() -> Iterator[Row]:
         f"at 15 m/s {light:.3f} to {heavy:.3f} with 410 to 450 g, {hard:.3f} to {soft:.3f} with "
         f"a contact of {times[0]:.1f} to {times[1]:.1f} ms (110 to 60 kPa)",
         verdict([light - heavy > 1e-3, hard - soft > 1e-3]),
-        "The abstract has no figures, only what e depends on. Drag counts there because the speed "
-        "is measured in flight.",
+        "The abstract has no figures. Drag counts because the speed is measured in flight.",
     )  # fmt: skip
     shares = sensitivity_shares(
         peak_of, [(15.0, 30.0), (0.3969, 0.4797), (0.2041, 0.2208), (58.6e3, 111.7e3)]
@@ -421,9 +409,8 @@ def inflated() -> Iterator[Row]:
         "speed the largest, pressure near 0.25", f"{shares[0]:.2f} and {shares[3]:.2f}",
         verdict([shares[0] == max(shares), abs(shares[3] / 0.25 - 1.0) <= MEASURED]),
         "Cotter's method with the ranges of the source: 15 to 30 m/s, 397 to 480 g, diameters of "
-        "204 to 221 mm, 58.6 to 111.7 kPa; 0.25 is the share of each of four equal inputs. At "
-        "the highest speeds the deflection exceeds the range of the model. We had the captions "
-        "of the source's figures, not its forces.",
+        "204 to 221 mm, 58.6 to 111.7 kPa. At the highest speeds the deflection exceeds the "
+        "range of the model.",
     )  # fmt: skip
     excess = [spring_force(speed) / peak_force(speed) - 1.0 for speed in (5.0, 20.0)]
     yield Row(
@@ -431,9 +418,7 @@ def inflated() -> Iterator[Row]:
         "too large", f"{percent(excess[0], 0)} and {percent(excess[1], 0)} at 5 and 20 m/s",
         sign(min(excess), 1),
         "The geometric centre moves as on the spring from pressure, whose force is larger than "
-        "the force on the plate ([inflated ball](inflated-ball.md#force-on-a-wall)). The force "
-        "from the centre of gravity agrees with the plate in the measurement, and by definition "
-        "in the model.",
+        "the [force on the plate](inflated-ball.md#force-on-a-wall).",
     )  # fmt: skip
     fall = math.sqrt(2.0 * 9.81 * 2.0)
     heights = [2.0 * restitution(fall, pressure) ** 2 for pressure in (60e3, 80e3, 110e3)]

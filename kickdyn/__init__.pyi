@@ -22,8 +22,6 @@ from .flight.follow_many import follow_many as follow_many
 from .ground import Ground as Ground
 from .ground import Surface as Surface
 from .identification.body_track import BodyTrack as BodyTrack
-from .identification.fit_motion import ContactMotion as ContactMotion
-from .identification.fit_motion import LegMotion as LegMotion
 from .identification.fit_motion import fit_motion as fit_motion
 from .identification.identification_result import Identification as Identification
 from .identification.identify import identify as identify
@@ -32,6 +30,8 @@ from .identification.infer_impact import RestitutionFit as RestitutionFit
 from .identification.infer_impact import fit_restitution as fit_restitution
 from .identification.infer_impact import infer_impact as infer_impact
 from .identification.learner import Learner as Learner
+from .identification.leg_motion import ContactMotion as ContactMotion
+from .identification.leg_motion import LegMotion as LegMotion
 from .identification.segments import Segments as Segments
 from .identification.segments import segments as segments
 from .identification.track import Track as Track
@@ -77,6 +77,7 @@ from .scene.simulate import simulate as simulate
 from .scene.simulate_many import Simulations as Simulations
 from .scene.simulate_many import simulate_many as simulate_many
 from .scene.toml_reader import load_scene as load_scene
+from .simulators.disturbance import KickNoise as KickNoise
 from .simulators.refine_kick import refine_kick as refine_kick
 from .simulators.run_in_mujoco import MujocoRun as MujocoRun
 from .simulators.run_in_mujoco import run_in_mujoco as run_in_mujoco

@@ -150,7 +150,7 @@ def chromium(tmp_path):
         flags = (
             "--headless=new --no-sandbox --use-gl=angle --use-angle=swiftshader "
             "--enable-unsafe-swiftshader --disable-background-networking --no-first-run "
-            "--disable-sync --disable-component-update --window-size=1280,720 "
+            "--disable-sync --disable-component-update --window-size=640,480 "
             "--virtual-time-budget=3000 --enable-logging=stderr --v=0"
         )
         profile = f"--user-data-dir={tmp_path / 'profile'}"

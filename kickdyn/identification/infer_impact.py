@@ -27,7 +27,7 @@ from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput, NoImpact
-from kickdyn.identification.fit_motion import LegMotion
+from kickdyn.identification.leg_motion import LegMotion
 from kickdyn.identification.track import LEAST_SAMPLES, Track
 from kickdyn.impact.leg_response import LegResponse, leg_response
 from kickdyn.robot.leg import Posture
@@ -210,7 +210,7 @@ def infer_impact(
             `(2,)`, before and after.
         joint_deviation: standard deviation of the joint velocity, a number or shape `(nv,)`
             [rad/s; m/s].
-        contact: with a motion, the time of the contact [s]; None is that of the motion.
+        contact: with a motion, the time of the contact [s]; None takes the motion's.
 
     Raises:
         NoImpact: the ball's velocity did not change, or foot and ball do not approach each other.

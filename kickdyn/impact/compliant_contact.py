@@ -21,10 +21,11 @@ from kickdyn.impact.contact_motion import (
     Vector,
     contact_axes,
     contact_motion,
+    free_rise,
     free_sliding,
     slip_direction,
 )
-from kickdyn.impact.force_model import ForceModel
+from kickdyn.impact.force_model import Load, NormalForce
 from kickdyn.robot.constraints import ConstraintProjector
 from kickdyn.robot.leg import Workspace
 from kickdyn.robot.model_validation import cholesky_with_condition
@@ -51,6 +52,13 @@ MAX_CONTACT_TIMES = 50.0
 
 MAX_PHASES = 500
 """Phases after which the motion counts as one that does not end."""
+
+FIRST_STEP = 3.0
+"""First step over the expected contact time, per tolerance of the integrator to the power 2/7: the
+error that a step leaves where the force begins as the deflection to the power 3/2."""
+
+BEYOND_SEPARATION = 1.02
+"""Longest step over the time to separation at the present speed: the force ends there at once."""
 
 EVENT_MARGIN = 0.03
 """Fraction of a step, at its end, in which an event must lie for its interpolant to be read there:
@@ -133,7 +141,7 @@ class CompliantContact:
     def __init__(
         self,
         approach: Approach,
-        force_model: ForceModel,
+        force_model: NormalForce,
         torque: Array | Torque,
         expected: float,
         tol: float,
@@ -184,7 +192,7 @@ class CompliantContact:
         moved = y[:nv]
         q = self.q + moved if self.leg.nq == nv else pin.integrate(self.model, self.q, moved)
         ball = y[2 * nv :]
-        lost, work = ball[9:].tolist()
+        lost, work = ball[9:11].tolist()
         return State(q, y[nv : 2 * nv], ball[:3], ball[3:9].reshape(2, 3), lost, work)
 
     def kinematics(self, state: State) -> Kinematics:
@@ -209,15 +217,33 @@ class CompliantContact:
 
     def end_of(self, k: int, t: float, y: Array, phase: Phase) -> float:
         """Return what falls to 0 where the deflection (0) or the friction (1) ends a phase."""
-        if k == 1:
+        if k == 1 and phase.friction is not Friction.SLIPS:
             return self.evaluate(t, y, phase).ends[1]
-        return self.deflection_end(self.kinematics(self.state(y)), phase)
+        contact = self.kinematics(self.state(y))
+        return self.slip_end(contact, phase) if k == 1 else self.deflection_end(contact, phase)
+
+    def slip_end(self, contact: Kinematics, phase: Phase) -> float:
+        """Return what falls to 0 where points no longer slide in about their first direction."""
+        w1, w2, _ = contact.relative
+        forward = phase.along[0] * w1 + phase.along[1] * w2
+        return forward - max(self.resting, 0.5 * math.hypot(w1, w2))
+
+    def time_left(self, y: Array, phase: Phase) -> float:
+        """Return for how long the force acts if the ball leaves at its present speed [s]."""
+        contact = self.kinematics(self.state(y))
+        leaving = contact.relative[2]
+        recovered = self.ball.radius - contact.height - self.force_model.separation(phase.largest)
+        return recovered / leaving if leaving > 0.0 else math.inf
+
+    def deflection(self, contact: Kinematics) -> float:
+        """Return the deflection of ball and foot together [m]."""
+        return self.force_model.deflection(self.ball.radius - contact.height)
 
     def deflection_end(self, contact: Kinematics, phase: Phase) -> float:
         """Return what falls to 0 where the deflection ends a phase."""
-        deflection = self.ball.radius - contact.height
         if phase.largest == 0.0:  # it grows
             return min(-contact.relative[2], contact.height)
+        deflection = self.deflection(contact)
         apart = self.force_model.separation(phase.largest)
         return min(deflection - apart, phase.largest - deflection)
 
@@ -227,15 +253,13 @@ class CompliantContact:
         state, ball, nv = self.state(y), self.ball, self.leg.nv
         contact = self.kinematics(state)
         height, (w1, w2, w3) = contact.height, contact.relative
-        deflection = ball.radius - height
-        size = self.force_model.force(deflection, phase.largest)
+        load = self.force_model.load(ball.radius - height, -w3, phase.largest)
         torque = self._torque_at(t, state)
         inertia, acting = self._acting(state, contact, torque)
         response = self._response(state, inertia, acting)
-        f1, f2, margin = self._friction(contact, phase, size, acting, response)
+        size, f1, f2, margin = self._force(contact, phase, load, acting, response)
         acceleration = response.dot((-f1, -f2, -size, 1.0))
         on_ball, turning = contact.axes.dot(((f1, height * f2), (f2, -height * f1), (size, 0.0))).T
-        returned = self.force_model.returned(deflection, phase.largest)
         power = float(torque.dot(state.v))
         if ball.inertia == math.inf:  # a particle, whose spin stays
             power -= float(turning.dot(state.motion[1]))
@@ -251,9 +275,9 @@ class CompliantContact:
         of_ball = rates[2 * nv :]
         of_ball[:3], of_ball[3:6] = state.motion[0], on_ball / ball.mass + self.gravity
         of_ball[6:9] = turning / ball.inertia
-        of_ball[9], of_ball[10] = (returned - size) * w3 - f1 * w1 - f2 * w2, power
+        of_ball[9], of_ball[10] = load.lost - f1 * w1 - f2 * w2, power
         end = self.deflection_end(contact, phase)
-        return Evaluation(rates, on_ball, deflection, (end, margin), (w1, w2))
+        return Evaluation(rates, on_ball, self.deflection(contact), (end, margin), (w1, w2))
 
     def _count(self, t: float) -> None:
         """Count an evaluation; raise `KickdynError` where it makes no sense, or one too many."""
@@ -317,6 +341,38 @@ class CompliantContact:
         allowed[:, 3] -= projector.correction(missing)
         return np.asarray(blas.dtrsm(1.0, factor, allowed, lower=1, trans_a=1))
 
+    def _force(
+        self, contact: Kinematics, phase: Phase, load: Load, acting: Array, response: Array
+    ) -> tuple[float, float, float, float]:
+        r"""Return normal force and friction on the ball [N], and what falls to 0 as `_friction`.
+
+        The force p is that of the law, and the inertia of the mass c that the foot carries:
+        :math:`p = p_0 + c\,(a_f - g_n)`, with :math:`p / m + g_n - a_f = \ddot h`. It is linear
+        in p where points slide or stick, so that the secant through two values meets it.
+        """
+        size = load.force
+        if load.carried == 0.0:
+            return size, *self._friction(contact, phase, size, acting, response)
+        ball, ball_spin, _, spin = contact.motion
+        g1, g2, g3, pushed = acting[:, 2].dot(response).tolist()
+        rise = free_rise(
+            contact.height, contact.point, contact.relative, ball, ball_spin, spin, *contact.bias,
+            self.gravity.dot(contact.axes).tolist(),
+        )  # fmt: skip
+        size = (size + load.carried * (pushed - rise)) / (1.0 + load.carried * g3)
+        f1, f2, margin = self._friction(contact, phase, size, acting, response)
+        share, free, before, missing = load.carried / (1.0 + load.carried * g3), size, 0.0, size
+        for _ in range(20):
+            error = free - share * (g1 * f1 + g2 * f2) - size
+            if abs(error) <= 1e-15 * free:
+                break
+            step = error
+            if before and missing != error:
+                step = error * before / (missing - error)
+            before, missing, size = step, error, size + step
+            f1, f2, margin = self._friction(contact, phase, size, acting, response)
+        return size, f1, f2, margin
+
     def _friction(
         self, contact: Kinematics, phase: Phase, size: float, acting: Array, response: Array
     ) -> tuple[float, float, float]:
@@ -332,7 +388,7 @@ class CompliantContact:
             if forward < 0.0:  # beyond the end of the phase: as smooth as before it
                 w1, w2 = w1 - 2.0 * forward * c, w2 - 2.0 * forward * s
             share = largest / speed if speed else 0.0
-            return -share * w1, -share * w2, forward - max(self.resting, 0.5 * speed)
+            return -share * w1, -share * w2, self.slip_end(contact, phase)
         turning = 1.0 / self.ball.mass + contact.height**2 / self.ball.inertia
         give = acting[:, :2].T.dot(response)
         gravity = self.gravity.dot(contact.axes).tolist()
@@ -392,8 +448,9 @@ class CompliantContact:
         turning = ball.inertia if ball.inertia < math.inf else 0.0  # nothing turns a particle
         moving = 0.5 * float(ball.mass * speed @ speed + turning * spin @ spin)
         height = -ball.mass * float(self.gravity @ state.moved)
-        stored = self.force_model.stored(ball.radius - self.kinematics(state).height, largest)
-        return leg + moving + height + stored
+        contact = self.kinematics(state)
+        travel, rate = ball.radius - contact.height, -contact.relative[2]
+        return leg + moving + height + self.force_model.energy(travel, rate, largest)
 
 
 class ContactMotion(NamedTuple):
@@ -463,7 +520,7 @@ class _Contact:
             if event == 1:
                 phase = equations.next_phase(t, y, phase)
                 continue
-            deflection = equations.ball.radius - equations.kinematics(equations.state(y)).height
+            deflection = equations.deflection(equations.kinematics(equations.state(y)))
             separation = equations.force_model.separation(phase.largest)
             apart = deflection - separation < phase.largest - deflection
             if (phase.largest > 0.0 and apart) or deflection >= equations.ball.radius * (
@@ -493,6 +550,9 @@ class _Contact:
         solver = self._solver(begin, state, phase, length)
         while True:
             start, before = float(solver.t), solver.y
+            if phase.largest:
+                left = self._equations.time_left(before, phase)
+                solver.h_abs = min(solver.h_abs, max(BEYOND_SEPARATION * left, 1e-9 * self._limit))
             self._step(solver)
             t, h = float(solver.t), float(solver.t) - start
             falls = [k for k in range(2) if self._last.ends[k] <= 0.0]
@@ -553,8 +613,12 @@ class _Contact:
 
         if length is not None:
             length = min(max(length, 10.0 * math.ulp(begin)), self._limit - begin)
-        return DOP853(rates, begin, state, self._limit, rtol=max(self._tol, 3e-14),
-                      atol=self._atol, first_step=length)  # fmt: skip
+        solver = DOP853(rates, begin, state, self._limit, rtol=max(self._tol, 3e-14),
+                        atol=self._atol, first_step=length)  # fmt: skip
+        if length is None:
+            first = self._equations.expected * min(FIRST_STEP * self._tol ** (2 / 7), 0.3)
+            solver.h_abs = min(solver.h_abs, first)
+        return solver
 
 
 def _keep_stages(solver: DOP853) -> DOP853:

@@ -16,7 +16,7 @@ MAX_SPREAD = 1e100
 """Above it, variances would leave double precision."""
 
 MAX_ANGLE_SPREAD = 1.0
-"""Largest standard deviation of an angle [rad]: covariances are those of small changes."""
+"""Largest standard deviation of an angle [rad]: covariances describe small changes."""
 
 UNIT_OF = {
     "impulse_size": "N s",
@@ -45,7 +45,8 @@ class JointUncertainty(ReadOnlyArrays):
         force_deviation: its standard deviation [N s]. Peak forces of `joint_loads` have the same
             relative deviation, at a contact time that is certain.
         moment: size of the angular impulse [N m s].
-        moment_deviation: its standard deviation [N m s].
+        moment_deviation: its standard deviation [N m s]; where the size is 0, the root of the trace
+            of the covariance matrix of the vector.
         impulse: covariance of the impulse, linear then angular, shape `(6, 6)`
             [N s, N m s, axes of the joint].
         structure, axis: covariances of the two parts of `JointLoad`, each of shape `(6, 6)`.
@@ -99,7 +100,7 @@ class Uncertainty(Printed):
             the root of the trace of its covariance.
         joints: uncertainty of the impulse and load of each joint, by name.
         by_source: for each source, the covariance of every result if this source were the only one;
-            those of `impulse_size` and `speed` are variances.
+            for `impulse_size` and `speed` they are variances.
         branch: `frictionless`, `stick` or `slip`.
         branch_sigmas: number of standard deviations to the other branch. The first order is valid
             on one branch only: below about 2, the covariances are rough.
@@ -227,8 +228,8 @@ def uncertainty(
 def _joints(nominal: Nominal, by_source: Mapping[str, Array]) -> dict[str, JointUncertainty]:
     """Return the uncertainty of each joint from its covariances by source, `(njoints, 6, 6)`."""
 
-    def deviation(vector: Array, covariance: Array) -> float:
-        rows = _size_rows(vector)
+    def deviation(vector: Array, covariance: Array, rounding: float = 0.0) -> float:
+        rows = _size_rows(vector, rounding)
         return math.sqrt(max(float(np.trace(rows @ covariance @ rows.T)), 0.0))
 
     answer = {}
@@ -236,11 +237,12 @@ def _joints(nominal: Nominal, by_source: Mapping[str, Array]) -> dict[str, Joint
         covariance = np.sum([of_source[k] for of_source in by_source.values()], axis=0)
         axis = nominal.projectors[k]
         structure = np.eye(6) - axis
+        force = math.hypot(*impulse[:3])
         answer[name] = JointUncertainty(
-            force=math.hypot(*impulse[:3]),
+            force=force,
             force_deviation=deviation(impulse[:3], covariance[:3, :3]),
             moment=math.hypot(*impulse[3:]),
-            moment_deviation=deviation(impulse[3:], covariance[3:, 3:]),
+            moment_deviation=deviation(impulse[3:], covariance[3:, 3:], ROUNDING * force),
             impulse=read_only(covariance),
             structure=read_only(structure @ covariance @ structure.T),
             axis=read_only(axis @ covariance @ axis.T),
@@ -252,10 +254,13 @@ def _joints(nominal: Nominal, by_source: Mapping[str, Array]) -> dict[str, Joint
     return answer
 
 
-def _size_rows(vector: Array) -> Array:
-    """Return the derivative of a vector's size by the vector; of 0, by each of its entries."""
+def _size_rows(vector: Array, rounding: float = 0.0) -> Array:
+    """Return the derivative of a vector's size by the vector; of 0, by each of its entries.
+
+    A vector that is not longer than `rounding` is 0.
+    """
     size = math.hypot(*vector)
-    return vector[None] / size if size else np.eye(3)
+    return vector[None] / size if size > rounding else np.eye(3)
 
 
 def source_covariance(name: str, value: ArrayLike, size: int) -> Array:
@@ -284,6 +289,6 @@ def source_covariance(name: str, value: ArrayLike, size: int) -> Array:
     if UNITS[name] == "rad" and deviation > MAX_ANGLE_SPREAD:
         raise InvalidInput(
             f"spread of {name} is {deviation:g} rad: it must be at most {MAX_ANGLE_SPREAD:g}, for "
-            "covariances are those of small changes"
+            "covariances describe small changes"
         )
     return array

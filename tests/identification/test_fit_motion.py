@@ -65,13 +65,13 @@ def test_without_noise_the_configurations_are_those_of_the_motion():
     assert list(motion.scales.values()) == pytest.approx([1.0] * 7, abs=1e-9)
     assert motion.v(-0.1) == pytest.approx(velocity(-0.1), abs=1e-3)
     at = motion.at_contact(0.0)
-    assert np.abs(at.v - velocity(0.0)).max() < 0.02
+    assert np.abs(at.v - velocity(0.0)).max() < 0.03  # of 17 rad/s
     assert at.foot_velocity == pytest.approx(
-        LEG.posture(state(0)).point_velocity(velocity(0)), abs=0.01
+        LEG.posture(state(0)).point_velocity(velocity(0)), abs=0.02
     )
 
 
-@pytest.mark.parametrize(("rate", "joint_share"), [(500, 0.05), (240, 0.08)])
+@pytest.mark.parametrize(("rate", "joint_share"), [(500, 0.04), (240, 0.06)])
 def test_a_millimetre_of_noise(rate, joint_share):
     missed, foot, sigmas = [], [], []
     truth = LEG.posture(state(0)).point_velocity(velocity(0))

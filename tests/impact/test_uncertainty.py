@@ -264,7 +264,7 @@ def test_a_strike_near_the_boundary_says_so():
         ({"restitution": [[0.1]]}, r"has shape \(1, 1\): it must be a number$"),
         ({"q": 1e200}, r"spread of q is 1e\+200: at most 1e\+100"),
         ({"friction": np.nan}, "spread of friction is nan: every entry must be finite"),
-        ({"q": 5}, r"^spread of q is 5 rad: it must be at most 1, for covariances are those of"),
+        ({"q": 5}, r"^spread of q is 5 rad: it must be at most 1, for covariances describe"),
         ({"normal": 4 * np.eye(3)}, r"^spread of normal is 2 rad: it must be at most 1"),
     ],
 )
@@ -301,3 +301,20 @@ def test_a_lopsided_covariance_is_said_to_be_one():
 def test_sigmas_with_a_friction_whose_square_overflows():
     strong, stronger = (kick(friction=mu).uncertainty(v=0.1) for mu in (1e100, 1e300))
     assert stronger.branch_sigmas == pytest.approx(strong.branch_sigmas)
+
+
+def test_a_moment_that_is_0_deviates_by_what_the_normal_turns():
+    """The moment in a planar leg's joints is rounding; a normal turned aside makes it finite."""
+    posture = kd.Leg.human().posture(np.radians([40, 30, -20]))
+    v, ball = np.array([8, -17, 6.5]), kd.Ball()
+    normal = np.array([2, 0, 1]) / math.sqrt(5)
+    nominal = kd.strike(posture, v, ball, kd.Contact(normal, 0.8, 0.4)).uncertainty(normal=0.02)
+    rng = np.random.default_rng(4)
+    drawn = []
+    for turn in rng.normal(0, 0.02, (1000, 3)):
+        contact = kd.Contact(normal + np.cross(turn, normal), 0.8, 0.4)
+        drawn.append(kd.strike(posture, v, ball, contact).joint_impulses[:, 3:])
+    sizes = np.sqrt(np.mean(np.square(drawn).sum(axis=2), axis=0))
+    for joint, size in zip(nominal.joints.values(), sizes, strict=True):
+        assert joint.moment < 1e-12
+        assert joint.moment_deviation == pytest.approx(size, rel=0.06)

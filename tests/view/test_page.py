@@ -148,7 +148,9 @@ def test_a_bare_impact_is_drawn_above_the_lowest_point_of_the_leg(make_kick):
 def test_the_page_in_a_browser(page, chromium, tmp_path):
     file, picture = tmp_path / "kick.html", tmp_path / "kick.png"
     file.write_text(page, encoding="utf-8")
-    chromium(f"{file.as_uri()}#at=-9", f"--screenshot={picture}")  # when labels are hidden
+    chromium(
+        f"{file.as_uri()}#at=-9", f"--screenshot={picture}", "--window-size=1280,720"
+    )  # when labels are hidden
     pixels = 255 * matplotlib.image.imread(picture)[:, 330:, :3].astype(float)  # beside the caption
     red, green, blue = np.moveaxis(pixels, -1, 0)
 
@@ -326,7 +328,7 @@ def test_the_page_is_in_a_frame_of_a_notebook_as_it_is(kick):
     assert html.unescape(frame[1]) == page.html
     assert "<" not in frame[1]
     assert "height: 600px" in frame[2]
-    assert repr(page) == "<Page 'leg_human: ball at 10.12 m/s': save it as .html, or as .png>"
+    assert repr(page) == "<Page 'leg_human: ball at 10.12 m/s': save it as .html, .png or .glb>"
 
 
 def test_a_notebook_in_a_browser(kick, chromium, tmp_path):

@@ -1,0 +1,165 @@
+"""`LegMotion`: the measured motion of a leg over time, and `ContactMotion`, that at an impact."""
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from kickdyn.core import validation
+from kickdyn.core.representation import ReprMixin, Row, warned
+from kickdyn.core.validation import Array, read_only
+from kickdyn.errors import InvalidInput
+from kickdyn.identification.smoothing_spline import GROWTH, GROWTH_TIME, SmoothingSpline
+from kickdyn.robot.leg import Leg, Posture
+
+LEAST_FRAMES = 8
+"""Fewer frames before a contact do not determine a velocity with its deviation."""
+
+CONTACT_WINDOW = GROWTH_TIME
+"""Time before a contact whose frames the motion at the contact is smoothed from [s]."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ContactMotion(ReprMixin):
+    """The motion of a leg at one time, from the frames before it, with its covariance.
+
+    Attributes:
+        posture: posture of the leg.
+        v: joint velocity, shape `(nv,)` [rad/s; m/s].
+        covariance: of q, in its tangent space, and v together, shape `(2 nv, 2 nv)`.
+    """
+
+    posture: Posture
+    v: Array
+    covariance: Array
+
+    @property
+    def q_deviations(self) -> Array:
+        """Standard deviations of q, in its tangent space, shape `(nv,)` [rad; m]."""
+        return np.sqrt(self.covariance.diagonal()[: self.v.size])
+
+    @property
+    def v_deviations(self) -> Array:
+        """Standard deviations of the joint velocity, shape `(nv,)` [rad/s; m/s]."""
+        return np.sqrt(self.covariance.diagonal()[self.v.size :])
+
+    @property
+    def foot_velocity(self) -> Array:
+        """Velocity of the contact point, shape `(3,)` [m/s, world frame]."""
+        return self.posture.point_velocity(self.v)
+
+    def _rows(self) -> Iterable[Row]:
+        leg = self.posture.leg
+        yield "foot velocity", self.foot_velocity, "m/s"
+        for name in leg.single_joints:
+            k = leg.velocity_index(name)
+            yield f"speed of {name}", f"{self.v[k]:.4g} +- {self.v_deviations[k]:.2g}", "rad/s"
+        yield from warned(self.posture.warnings)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LegMotion(ReprMixin):
+    """The motion of a leg that is fitted to markers or joint angles.
+
+    Attributes:
+        leg: the leg, with segments as long as the person's.
+        times: times of the frames that determine the configuration, shape `(n,)` [s].
+        configurations: configuration of each of these frames alone, shape `(n, nq)` [rad; m].
+        information: information matrix of each, in the tangent space, shape `(n, nv, nv)`.
+        contact: time of the impact, across which nothing is smoothed [s]; None without one.
+        noise: standard deviation of a coordinate of a marker [m], from the residuals.
+        residuals: root mean square distance of each marker from the leg's [m], by name.
+        scales: length of each segment over the length in the leg that was given, by joint.
+        gaps: frames in which a marker is not seen, by name.
+        undetermined: frames of the track that are left out because their markers do not determine
+            the configuration.
+    """
+
+    leg: Leg
+    times: Array
+    configurations: Array
+    information: Array
+    contact: float | None
+    noise: float
+    residuals: Mapping[str, float]
+    scales: Mapping[str, float]
+    gaps: Mapping[str, tuple[int, ...]]
+    undetermined: tuple[int, ...]
+
+    def q(self, t: float) -> Array:
+        """Return the smoothed configuration at a time [s], shape `(nq,)` [rad; m]."""
+        return self._piece_at(t).state(t)[0]
+
+    def v(self, t: float) -> Array:
+        """Return the smoothed joint velocity at a time [s], shape `(nv,)` [rad/s; m/s]."""
+        return self._piece_at(t).state(t)[1]
+
+    def deviations(self, t: float) -> tuple[Array, Array]:
+        """Return the standard deviations of q and v at a time [s], each of shape `(nv,)`."""
+        variances = self._piece_at(t).state(t)[2].diagonal()
+        deviations = np.sqrt(np.maximum(variances, 0.0))
+        return deviations[: self.leg.nv], deviations[self.leg.nv :]
+
+    def at_contact(self, time: float | None = None) -> ContactMotion:
+        """Return posture and joint velocity just before a contact, from the frames before it.
+
+        Args:
+            time: time of the contact [s]; None is the one that `fit_motion` was given.
+
+        Raises:
+            InvalidInput: no time, a time without frames shortly before it, or too few of them.
+        """
+        if time is None and self.contact is None:
+            raise InvalidInput("time is None: fit_motion was given no contact either")
+        moment = validation.number("time", self.contact if time is None else time, unit="s")
+        window = (self.times < moment) & (self.times >= moment - CONTACT_WINDOW)
+        interval = float(np.median(np.diff(self.times)))
+        if window.sum() < LEAST_FRAMES or moment - self.times[window][-1] > 3.0 * interval:
+            unseen = ", ".join(self.gaps) or "none"
+            raise InvalidInput(
+                f"contact at {moment:g} s has {int(window.sum())} frames in the {CONTACT_WINDOW:g} "
+                f"s before it that determine the leg, and must have {LEAST_FRAMES}, up to "
+                f"{3.0 * interval:.3g} s before it; frames are from {self.times[0]:g} to "
+                f"{self.times[-1]:g} s, markers with gaps: {unseen}"
+            )
+        q, v, covariance = self._smoothed(window, GROWTH).state(moment)
+        return ContactMotion(self.leg.posture(q), read_only(v), read_only(covariance))
+
+    def _smoothed(self, chosen: Any, growth: float) -> SmoothingSpline:
+        arrays = (self.times[chosen], self.configurations[chosen], self.information[chosen])
+        return SmoothingSpline(self.leg.workspace.model, *arrays, growth)
+
+    @cached_property
+    def _pieces(self) -> list[SmoothingSpline]:
+        """Splines of the frames before and after the contact, those with enough frames."""
+        contact = math.inf if self.contact is None else self.contact
+        sides = (
+            (self.times < contact, 0.0 if self.contact is None else GROWTH),
+            (self.times >= contact, 0.0),
+        )
+        return [self._smoothed(*side) for side in sides if side[0].sum() >= LEAST_FRAMES]
+
+    def _piece_at(self, t: float) -> SmoothingSpline:
+        moment = validation.number("t", t, unit="s")
+        for piece in self._pieces:
+            if piece.begin <= moment <= piece.end:
+                return piece
+        spans = " and ".join(f"{piece.begin:g} to {piece.end:g}" for piece in self._pieces)
+        raise InvalidInput(f"t is {moment:g} s: the motion is known from {spans or 'no time'} s")
+
+    def _rows(self) -> Iterable[Row]:
+        yield "frames", len(self.times), ""
+        yield "duration", float(self.times[-1] - self.times[0]), "s"
+        if self.residuals:
+            yield "noise of a coordinate", 1e3 * self.noise, "mm"
+        for name, residual in self.residuals.items():
+            yield f"residual of {name}", 1e3 * residual, "mm"
+        for joint, scale in self.scales.items():
+            yield f"length behind {joint}", scale, "of the leg's"
+        for name, frames in self.gaps.items():
+            yield f"gaps of {name}", len(frames), "frames"
+        if self.undetermined:
+            yield "frames left out", len(self.undetermined), ""

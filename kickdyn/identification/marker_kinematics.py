@@ -1,0 +1,249 @@
+"""Inverse kinematics of markers on a leg, and the lengths of segments that fit them best."""
+
+from collections.abc import Iterable, Mapping
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from kickdyn.core.validation import Array
+from kickdyn.robot.leg import Leg
+from kickdyn.robot.surgery import has_floating_base
+
+SCALED_FRAMES = 40
+"""Frames from which the lengths of segments are estimated."""
+
+SCALE_DEVIATION, MARKER_NOISE = 0.1, 1e-3
+"""Deviation of a segment's length from the leg's, relative, and noise of a marker [m]: their ratio
+decides where markers do not determine a length."""
+
+
+class Marker(NamedTuple):
+    """A marker on a leg: number of its frame, and its place there [m]."""
+
+    frame: int
+    point: Array
+
+
+def spread_frames(measured: Array) -> list[int]:
+    """Return up to `SCALED_FRAMES` frames with most markers, spread over the track."""
+    seen = np.isfinite(measured).all(axis=2).sum(axis=1)
+    full = np.flatnonzero(seen == seen.max())
+    chosen = full[np.linspace(0, len(full) - 1, SCALED_FRAMES).astype(int)]
+    return [int(k) for k in np.unique(chosen)]
+
+
+class SolvedFrame(NamedTuple):
+    """A frame that is solved: configuration, Jacobian of its markers and what is missed [m]."""
+
+    q: Array
+    jacobian: Array
+    missed: Array
+    seen: Array
+
+
+class MarkerKinematics:
+    """Inverse kinematics of the markers on a model."""
+
+    def __init__(self, model: Any, places: list[Marker]) -> None:
+        self.model, self.data, self.places = model, model.createData(), places
+        single = [j for j in range(1, model.njoints) if model.nqs[j] == model.nvs[j] == 1]
+        limits = [(model.lowerPositionLimit[i], model.upperPositionLimit[i]) for i in model.idx_qs]
+        self._single = [model.idx_qs[j] for j in single if np.isfinite(limits[j]).all()]
+        self.last: SolvedFrame | None = None
+
+    def markers(self, q: Array, seen: Array) -> tuple[Array, Array]:
+        """Return positions `(3 k,)` and Jacobian `(3 k, nv)` of the markers that are seen."""
+        model, data = self.model, self.data
+        pin.computeJointJacobians(model, data, q)
+        pin.updateFramePlacements(model, data)
+        points, rows = [], []
+        for k in np.flatnonzero(seen):
+            frame, point = self.places[k]
+            pose = data.oMf[frame]
+            arm = pose.rotation @ point
+            by_q = np.reshape(
+                pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED), (6, -1)
+            )
+            points.append(pose.translation + arm)
+            rows.append(by_q[:3] - pin.skew(arm) @ by_q[3:])
+        return np.concatenate(points), np.vstack(rows)
+
+    def solve(self, q: Array, measured: Array, seen: Array) -> SolvedFrame:
+        """Return the nearest configuration from a start, by damped Gauss-Newton steps."""
+        target = measured[seen].ravel()
+        points, jacobian = self.markers(q, seen)
+        missed, damping = target - points, 1e-8
+        for _ in range(40):
+            gram = jacobian.T @ jacobian
+            step = np.linalg.solve(gram + damping * np.eye(len(gram)), jacobian.T @ missed)
+            near = pin.integrate(self.model, q, step)
+            points, by_q = self.markers(near, seen)
+            error = target - points
+            if error @ error <= missed @ missed * (1.0 + 1e-12) + 1e-30:
+                q, jacobian, missed = near, by_q, error
+                damping *= 0.1 if damping > 1e-14 else 1.0
+                if float(np.abs(step).max()) < 1e-12:
+                    break
+            elif float(np.abs(step).max()) < 1e-10:
+                break
+            else:
+                damping *= 100.0
+        return SolvedFrame(q, jacobian, missed, seen)
+
+    def determines(self, frame: SolvedFrame) -> bool:
+        """Return whether the markers of a frame determine every joint."""
+        values = np.linalg.svd(frame.jacobian, compute_uv=False)
+        return len(values) == self.model.nv and bool(values[-1] > 1e-3 * values[0])
+
+    def solve_track(self, measured: Array, chosen: Iterable[int]) -> dict[int, SolvedFrame]:
+        """Return the solved frames that determine the configuration, by number."""
+        solved: dict[int, SolvedFrame] = {}
+        start = None
+        for k in chosen:
+            seen = np.isfinite(measured[k]).all(axis=1)
+            if 3 * int(seen.sum()) < self.model.nv:
+                continue
+            best = (
+                self.first(measured[k], seen)
+                if start is None
+                else self.solve(start, measured[k], seen)
+            )
+            if self.determines(best):
+                solved[k], start = best, best.q
+            elif start is None and not solved:
+                self.last = best
+        return solved
+
+    def _starts(self, measured: Array, seen: Array) -> list[Array]:
+        """Return configurations to start from: bent legs, a floating base at the markers."""
+        model, starts = self.model, []
+        middle = measured[seen].mean(axis=0)
+        turns = (0.0, 2.0, 4.0) if has_floating_base(model) else (0.0,)
+        for bend in (0.0, 0.4, 1.0, -0.4):
+            for turn in turns:
+                step = np.full(model.nv, bend)
+                if len(turns) > 1:
+                    step[:6] = (0.0, 0.0, 0.0, 0.0, 0.0, turn)
+                q = self._inside(pin.integrate(model, pin.neutral(model), step))
+                if len(turns) > 1:
+                    points, _ = self.markers(q, seen)
+                    q[:3] += middle - points.reshape(-1, 3).mean(axis=0)
+                starts.append(q)
+        return starts
+
+    def _inside(self, q: Array) -> Array:
+        """Return a configuration with angles less whole turns, then clipped to their ranges."""
+        single = self._single
+        low, high = self.model.lowerPositionLimit[single], self.model.upperPositionLimit[single]
+        middle, inside = 0.5 * (low + high), q.copy()
+        turns = np.round((q[single] - middle) / (2.0 * np.pi))
+        inside[single] = np.clip(q[single] - 2.0 * np.pi * turns, low, high)
+        return inside
+
+    def first(self, measured: Array, seen: Array) -> SolvedFrame:
+        """Return the nearest configuration of a first frame, in the ranges of joints if possible.
+
+        Several configurations can have the same markers, as hips turned by 180 degrees.
+        """
+        solved = []
+        for q in self._starts(measured, seen):
+            frame = self.solve(q, measured, seen)
+            solved += [frame, self.solve(self._inside(frame.q), measured, seen)]
+        least = min(float(frame.missed @ frame.missed) for frame in solved)
+        near = [f for f in solved if f.missed @ f.missed <= 1.001 * least + 1e-12]
+        return min(near, key=lambda f: float(np.abs(f.q - self._inside(f.q)).sum()))
+
+    def stack(self, frames: Mapping[int, SolvedFrame]) -> tuple[Array, Array]:
+        """Return configurations and Gram matrices of frames."""
+        return (
+            np.array([frame.q for frame in frames.values()]),
+            np.array([frame.jacobian.T @ frame.jacobian for frame in frames.values()]),
+        )
+
+
+def scaled_leg(
+    leg: Leg, places: Mapping[str, Marker], measured: Array, frames: Mapping[int, SolvedFrame]
+) -> tuple[Leg, dict[str, float]]:
+    """Return the leg with segments as long as the markers have them, and their scales.
+
+    The configurations are eliminated from the normal equations of each frame (Schur complement).
+    """
+    joints = leg.joint_names
+    scales = np.ones(len(joints))
+    starts = {k: frame.q for k, frame in frames.items()}
+    scaled = leg
+    prior = (MARKER_NOISE / SCALE_DEVIATION) ** 2
+    for _ in range(20):
+        numbers = dict(zip(joints, scales.tolist(), strict=True))
+        kinematics = MarkerKinematics(
+            scaled.workspace.model, scaled_places(scaled, places, numbers)
+        )
+        normal, right = prior * np.eye(len(joints)), prior * (1.0 - scales)
+        for k, start in starts.items():
+            frame = kinematics.solve(start, measured[k], np.isfinite(measured[k]).all(axis=1))
+            starts[k] = frame.q
+            by_scale = _by_scale(kinematics, frame, scales)
+            basis = np.linalg.qr(frame.jacobian)[0]
+            across = by_scale - basis @ (basis.T @ by_scale)
+            normal += across.T @ across
+            right += across.T @ frame.missed
+        step = np.linalg.solve(normal, right)
+        scales = np.clip(scales + step, 0.5, 2.0)
+        scaled = leg.with_model(_scaled_model(leg, scales))
+        if float(np.abs(step).max()) < 1e-13:
+            break
+    return scaled, dict(zip(joints, scales.tolist(), strict=True))
+
+
+def _by_scale(kinematics: MarkerKinematics, frame: SolvedFrame, scales: Array) -> Array:
+    """Return the derivatives of the markers by the scales of segments, `(3 k, joints)`."""
+    model, data = kinematics.model, kinematics.data
+    kinematics.markers(frame.q, frame.seen)
+    rows = []
+    for k in np.flatnonzero(frame.seen):
+        number, point = kinematics.places[k]
+        joint = model.frames[number].parentJoint
+        by_scale = np.zeros((3, len(scales)))
+        chain = [i for i in model.supports[joint] if i]
+        for before, after in pairwise(chain):
+            reach = data.oMi[before].rotation @ model.jointPlacements[after].translation
+            by_scale[:, before - 1] += reach / scales[before - 1]
+        if joint:
+            local = model.frames[number].placement.act(point)
+            by_scale[:, joint - 1] += data.oMi[joint].rotation @ local / scales[joint - 1]
+        rows.append(by_scale)
+    return np.vstack(rows)
+
+
+def _scaled_model(leg: Leg, scales: Array) -> Any:
+    """Return the model with the segment behind each joint scaled; masses stay."""
+    model = leg.model
+    for joint in range(1, model.njoints):
+        parent = model.parents[joint]
+        if parent:
+            model.jointPlacements[joint].translation *= scales[parent - 1]
+        size, inertia = scales[joint - 1], model.inertias[joint]
+        model.inertias[joint] = pin.Inertia(
+            inertia.mass, size * inertia.lever, size**2 * inertia.inertia
+        )
+    for frame in model.frames:
+        if frame.parentJoint:
+            placement = frame.placement.copy()
+            placement.translation = placement.translation * scales[frame.parentJoint - 1]
+            frame.placement = placement
+    return model
+
+
+def scaled_places(
+    leg: Leg, places: Mapping[str, Marker], scales: Mapping[str, float]
+) -> list[Marker]:
+    """Return the places of markers, scaled with their segments."""
+    frames, names = leg.workspace.model.frames, leg.joint_names
+    answer = []
+    for frame, point in places.values():
+        joint = frames[frame].parentJoint
+        scale = scales.get(names[joint - 1], 1.0) if joint else 1.0
+        answer.append(Marker(frame, scale * point))
+    return answer

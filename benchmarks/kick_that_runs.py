@@ -1,10 +1,11 @@
 """Motions of kicks: whether all limits hold between the points, and what they cost.
 
-    python benchmarks/kick_that_runs.py [human testbed g1-legs g1 talos]
+    python benchmarks/kick_that_runs.py [human testbed g1-legs g1 talos humanoid goals]
 
 A line for each goal: status, share of the launch, processor time, largest torque and speed over
 their limits, least distances of the centre of pressure from the edge of the sole and of the kicking
-foot from the ground, and by how much `strike` and `fly` miss the target.
+foot from the ground, and by how much `strike` and `fly` miss the target. `goals` are 20 goals of G1
+over 1 to 9 m in three directions.
 """
 
 import sys
@@ -23,6 +24,14 @@ GOALS = {
     "11.4 m/s": kd.Goal(5, time=0.46),
 }
 ARMS = {"*wrist*": 0.0}
+TWENTY = {
+    f"{length:g} m, {azimuth} deg": kd.Goal(
+        length * np.array([np.cos(np.radians(azimuth)), np.sin(np.radians(azimuth)), 0.0]),
+        time=0.2 + 0.08 * length,
+    )
+    for azimuth, lengths in ((0, 7), (30, 7), (-30, 6))
+    for length in (9, 7.5, 6, 4.5, 3, 2, 1)[:lengths]
+}
 
 
 def standing(name: str, foot: str, **options: object) -> kd.Leg:
@@ -50,6 +59,7 @@ CASES = {
         {"7.9 m/s": GOALS["7.9 m/s"]},
     ),
     "humanoid": (humanoid, {"4.2 m/s": kd.Goal(1.5, time=0.4)}),
+    "goals": (lambda: standing("g1", "left_ankle_roll_link", locked=ARMS), TWENTY),
 }
 
 

@@ -26,6 +26,7 @@ from kickdyn.motion.limits import (
     Tilt,
     TorqueLimit,
     Twist,
+    when,
 )
 from kickdyn.motion.motion import Motion
 from kickdyn.motion.motion_problem import KickTask, MotionProblem, Solution
@@ -72,8 +73,12 @@ which it is checked and of postures of a limb that are drawn."""
 FAR = 0.02
 """Violation of a limit from which on a solution is only a start for another one."""
 
-ROUNDS = 4
-"""Solutions with points added where limits are broken, at most."""
+ROUNDS, ITERATIONS = 4, 350
+"""Solutions with points added where limits are broken, and iterations of all solutions from which
+on no other one is begun."""
+
+NAMED = 3
+"""Number of limits in the sentence on what holds a motion back."""
 
 FULL, NEARLY, HOPE, LEAST_SHARE = 0.98, 0.9, 0.6, 0.05
 """Shares of the launch: from which on the whole launch is sought; from which on the motion of the
@@ -176,6 +181,8 @@ def plan_motion(task: KickTask, near: Motion | None = None) -> PlannedMotion:
         return _plan(task, _Near(near), 0)
     planned = first = _plan(replace(task, leg=legs), _Near(near), 0)
     if first.keeps_limits and not _overloads(first.motion):
+        return first
+    if near is not None and not first.keeps_limits:
         return first
     if first.share > NEARLY:
         aside = _limbs_aside(task, first.motion, _idle_limbs(task.leg, legs))
@@ -286,13 +293,38 @@ def _plan(task: KickTask, near: _Near, starts: int) -> PlannedMotion:
     limits, of_impulse = _limits_of(task)
     problem = MotionProblem(task, splines, limits, of_impulse)
     verdicts = []
-    for rest, start in islice(_starts(problem, near), max(starts, 1)):
+    for rest, start in islice(_starts(problem, near), max(starts, 2 if near.motion else 1)):
+        if start.multipliers is not None:
+            verdicts.append(_solve_again(problem, start))
+            if verdicts[-1].keeps_limits:
+                break
+            continue
         verdicts.append(_solve(problem, rest, start, near.motion is not None, starts > 0))
-        if verdicts[-1].keeps_limits:
+        if verdicts[-1].keeps_limits or problem.iterations > ITERATIONS:
             break
+    return _best(verdicts).planned()
+
+
+def _best(verdicts: Sequence["_Verdict"]) -> "_Verdict":
+    """Return the verdict on the solution that keeps all limits with the largest share, if any."""
     kept = [verdict for verdict in verdicts if verdict.broken == 0.0]
-    best = max(kept or verdicts, key=lambda verdict: verdict.solution.share - verdict.broken)
-    return best.planned()
+    return max(kept or verdicts, key=lambda verdict: verdict.solution.share - verdict.broken)
+
+
+def _solve_again(problem: MotionProblem, start: Solution) -> "_Verdict":
+    """Return the verdict on the solution next to the one of nearly the same kick."""
+    assert start.multipliers is not None
+    apart = [conditions for conditions, _ in start.multipliers.apart]
+    solution = problem.solve(
+        start,
+        start.rest,
+        start.times,
+        relaxation=0.0,
+        shares=(1.0, 1.0),
+        options=AGAIN,
+        apart=apart,
+    )
+    return _Verdict(problem, solution)
 
 
 def _solve(
@@ -324,8 +356,11 @@ def _solve(
             apart=apart,
         )
     verdict, full = _Verdict(problem, solution), solution.share > FULL
+    verdicts: list[_Verdict] = []  # the first solution keeps its limits at the points only
     for _ in range(ROUNDS):
         if solution.share < LEAST_SHARE or not (full or partly):
+            break
+        if problem.iterations > ITERATIONS and verdicts:
             break
         far, times = verdict.broken > FAR, verdict.add_points(solution.times)
         apart = with_former(verdict.nearness.conditions(times), apart if solution.feasible else ())
@@ -341,9 +376,10 @@ def _solve(
             apart=apart,
         )
         verdict, full = _Verdict(problem, solution), solution.share > FULL
+        verdicts.append(verdict)
         if verdict.broken == 0.0 and (solution.share == 1.0 or not full):
             break
-    return verdict
+    return _best(verdicts or [verdict])
 
 
 class _Nearness:
@@ -433,6 +469,8 @@ class _Verdict:
                 lines.append(f"{label} is beyond its limit by {-self.impulse[row]:.2g}")
         if not solution.feasible:
             lines.append("the solver finds no motion that keeps the equations of the impact")
+        if solution.share < 1.0 and solution.multipliers is not None:
+            lines.insert(0, self._held_back())
         near = self.rows.min(axis=0)
         reached = [label for limit, label, row in labels if near[row] < limit.reserve + REACHED]
         placement = None if task.standing is None else task.standing.placement
@@ -445,6 +483,7 @@ class _Verdict:
             placement,
             self.margins,
             tuple(dict.fromkeys(lines)),
+            solution if solution.share == 1.0 else None,
         )
         use = 1.0 - self.rows[:, : 2 * problem.n].min(axis=0)  # torques, then speeds
         return PlannedMotion(
@@ -461,6 +500,17 @@ class _Verdict:
     def keeps_limits(self) -> bool:
         """Whether the whole launch is reached and all limits are kept."""
         return self.solution.share == 1.0 and self.broken == 0.0
+
+    def _held_back(self) -> str:
+        """Return a sentence on the share and on the limits that hold it back most."""
+        effects, times = self.problem.effects(self.solution), np.concatenate(self.times)
+        columns = {label: row for _, label, row in self._labels(self.problem.limits)}
+        names = []
+        for label in sorted(effects, key=effects.__getitem__, reverse=True)[:NAMED]:
+            t = times[np.argmin(self.rows[:, columns[label]])] if label in columns else 0.0
+            names.append(f"{label}{f' ({when(t)})' if label in columns else ''}")
+        share = f"the motion reaches {100 * self.solution.share:.0f} % of the launch"
+        return f"{share}; limits that hold it back most: {', '.join(names)}" if names else share
 
     def _labels(self, limits: Sequence[Limit]) -> list[tuple[Limit, str, int]]:
         every = [(limit, label) for limit in limits for label in limit.labels]
@@ -483,7 +533,10 @@ def _starts(problem: MotionProblem, near: _Near) -> Iterator[tuple[Array, Soluti
         coefficients = np.tile([values[name] for name in leg.joint_names], (splines.size, 1))
         moved = [leg.joint_names.index(name) for name in motion.joints]
         coefficients[:, moved] = splines.coefficients(motion.before, motion.after)
-        yield coefficients[0], Solution(coefficients, near.share, times, None, True, 0)
+        known = motion.solution
+        if known is not None and np.array_equal(known.coefficients, coefficients):
+            yield known.rest, known
+        yield coefficients[0], Solution(coefficients[0], coefficients, near.share, times)
         return
     draw, robot = np.random.default_rng(0), problem.task.robot
     room = CENTRAL * (problem.upper - problem.lower)
@@ -497,7 +550,7 @@ def _starts(problem: MotionProblem, near: _Near) -> Iterator[tuple[Array, Soluti
         if rest is not None and hit is not None:
             reachable = True
             still = np.tile(hit, (splines.size, 1))
-            yield rest, Solution(still, FIRST_SHARE, times, None, True, 0)
+            yield rest, Solution(rest, still, FIRST_SHARE, times)
     if not reachable:
         does = "stand at rest" if rest is None else "touch the ball at rest"
         raise InvalidInput(

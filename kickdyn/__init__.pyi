@@ -43,6 +43,7 @@ from .impact.impact_result import Impact as Impact
 from .impact.joint_load import JointLoad as JointLoad
 from .impact.joint_load import joint_loads as joint_loads
 from .impact.laws import normal_impulse as normal_impulse
+from .impact.patch_contact import FootPatch as FootPatch
 from .impact.sensitivity import Sensitivity as Sensitivity
 from .impact.strike import strike as strike
 from .impact.strike_many import Impacts as Impacts
@@ -60,8 +61,12 @@ from .planning.kick import plan_kick as plan_kick
 from .planning.kick_plan import KickPlan as KickPlan
 from .planning.launch import Launch as Launch
 from .planning.launch import plan_launch as plan_launch
+from .planning.moving_kick import plan_trap as plan_trap
 from .planning.passes import Pass as Pass
 from .planning.passes import plan_pass as plan_pass
+from .planning.reach import ReachRow as ReachRow
+from .planning.reach import ReachTable as ReachTable
+from .planning.reach import reach as reach
 from .robot.constraints import Support as Support
 from .robot.drives import Drive as Drive
 from .robot.foot_surfaces import FootSurface as FootSurface

@@ -116,7 +116,7 @@ class MujocoRun(ReprMixin):
 
     @property
     def speed_error(self) -> float:
-        """Speed of the ball over that of the launch which meets the goal, less 1."""
+        """Speed of the ball over the launch speed that meets the goal, less 1."""
         return float(self.ball_after.speed / np.linalg.norm(self.plan.launch.velocity)) - 1.0
 
     @property
@@ -134,7 +134,7 @@ class MujocoRun(ReprMixin):
         if self.path is None:
             return math.inf
         end = self.path.landing if isinstance(self.path, Flight) else self.path.rest
-        target = self.plan.impact.ball_before.position + self.plan.goal.target
+        target = self.plan.impact.ball_before.position + self.plan.aim.target
         return float(np.linalg.norm(end.position - target))
 
     @property
@@ -238,7 +238,7 @@ def run_in_mujoco(
     load_mujoco()
     motion, impact = plan.motion, plan.impact
     if tuning is not None and tuning.ball != impact.ball:
-        raise InvalidInput("tuning is for another ball than that of the plan")
+        raise InvalidInput("tuning is for another ball than the plan's")
     standing = StandingRobot(motion.robot) if is_floating(motion.robot) else None
     rooted = motion.robot if standing is None else standing.leg
     posture = rooted.posture(rooted.configuration(motion.robot.joint_values(motion.q(0.0))))
@@ -366,7 +366,7 @@ def _ground_margins(field: MujocoField, samples: _Samples) -> dict[str, float]:
 
 def _fly(plan: KickPlan, ball: BallState) -> Flight | Course:
     """Return the path of the ball to the plane of the plan's target, or to the ground before it."""
-    start, goal = plan.impact.ball_before.position, plan.goal
+    start, goal = plan.impact.ball_before.position, plan.aim
     plane = Plane(start + goal.target, -goal.ahead, "centre")
     planned = plan.path if isinstance(plan.path, Flight) else plan.path.flights[0]
     ground = planned.ground

@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pinocchio as pin
 import pytest
+import umsgpack
 from click.testing import CliRunner
 
 import kickdyn as kd
@@ -240,6 +241,26 @@ def test_the_track_of_a_run_is_its_flight_since_the_kick():
     start = run.plan.impact.ball_before.position
     np.testing.assert_allclose(track.positions[0] + start, run.path.launch.position)
     assert track.times[0] == pytest.approx(0.5 * (run.ball_after.time - run.delay))
+
+
+def test_a_page_shows_the_run_beside_the_plan():
+    run = carried_out(swinging)
+    page = kd.page(run)
+    said = [umsgpack.unpackb(packed) for packed in page.viewer.window.commands]
+    (film,) = (command for command in said if command["type"] == "set_animation")
+    tracks = {
+        (animation["path"], track["name"]): [key["value"] for key in track["keys"]]
+        for animation in film["animations"]
+        for track in animation["clip"]["tracks"]
+    }
+    leg = {path for path, _ in tracks if "/run/leg/" in path}
+    assert len(leg) == 3
+    ball = tracks["/meshcat/run/ball", ".position"]
+    np.testing.assert_allclose(ball[0], run.ball_position[0], atol=1e-9)
+    np.testing.assert_allclose(ball[-1], run.path.landing.position, atol=1e-6)
+    assert "misses it by" in page.panel
+    missed = replace(run, path=None)
+    assert "the foot misses the ball" in kd.page(missed).panel
 
 
 def test_the_command_writes_the_motion_and_carries_it_out(tmp_path):

@@ -121,7 +121,10 @@ def draw_kick(
         The pace of the animation, and a sentence about the ground, empty if the ball lies on it.
     """
     leg, ball, before = impact.posture.leg, impact.ball, impact.ball_before
-    pace = kick_pace(impact, path.duration, None if motion is None else -motion.begin)
+    duration = path.duration
+    if run is not None and run.path is not None:
+        duration = max(duration, float(run.ball_after.time) + run.path.duration)
+    pace = kick_pace(impact, duration, None if motion is None else -motion.begin)
     configuration = partial(leg_configuration, impact) if motion is None else motion.q
     moved = [configuration(time) for time in pace.times]
     curve = path.sample(np.linspace(0.0, path.duration, CURVE_POINTS)).position

@@ -351,14 +351,8 @@ def _write_page(report: PlanReport, file: str, caption: str, run: Any) -> None:
 
     plan = report.plan
     foot = plan.path.launch.position - np.array([0.0, 0.0, plan.impact.ball.radius])
-<<<<<<< HEAD
     boxes = [] if report.wall is None else wall_boxes(foot, plan.aim.ahead, *astuple(report.wall))
     boxes += goal_boxes(foot, float(plan.aim.target[0])) if report.goal_mouth else []
-    made_page = page(plan, caption=caption, scenery=boxes)
-=======
-    boxes = [] if report.wall is None else wall_boxes(foot, plan.goal.ahead, *astuple(report.wall))
-    boxes += goal_boxes(foot, float(plan.goal.target[0])) if report.goal_mouth else []
     made_page = page(plan if run is None else run, caption=caption, scenery=boxes)
->>>>>>> run34b
     made_page.save(file)
     warn(made_page.warnings)

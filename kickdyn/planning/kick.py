@@ -1,5 +1,6 @@
 """Planning a kick: from a goal back to the posture and the joint velocity that meet it."""
 
+import math
 from dataclasses import replace
 from importlib.util import find_spec
 

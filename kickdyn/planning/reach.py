@@ -136,9 +136,10 @@ def reach(
     """Find the largest launch of a robot in each direction, by plans that are `met`.
 
     In each direction, speeds are planned by `plan_kick` from 10 m/s on and doubled (with a motion,
-    by a quarter more, near the last one) until a plan is not `met`; then the largest one that is met is sought between the two, by the share of the
-    launch that the planner reaches, and by bisection. It is a speed that was planned, not a proof
-    that no larger one is possible: planners find the best plan near their starts.
+    a quarter is added, near the last motion) until a plan is not `met`; then the largest one that
+    is met is sought between the two, by the share of the launch that the planner reaches, and by
+    bisection. It is a speed that was planned, not a proof that no larger one is possible: planners
+    find the best plan near their starts.
 
     Without `motion`, the limits are those of the impact: speeds of the joints, torques that keep
     them, and balance. They do not ask how the foot gets this fast, so that the speeds are upper

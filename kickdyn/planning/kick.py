@@ -1,5 +1,6 @@
 """Planning a kick: from a goal back to the posture and the joint velocity that meet it."""
 
+import math
 from dataclasses import replace
 from importlib.util import find_spec
 
@@ -197,7 +198,7 @@ def _plan_posture(problem: KickProblem, objective: Objective) -> Chosen:
     return outcome_of(*solve_kick(problem, objective), objective)
 
 
-def replan_motion(plan: KickPlan, velocity: ArrayLike) -> KickPlan:
+def replan_motion(plan: KickPlan, velocity: ArrayLike, contact: Contact | None = None) -> KickPlan:
     """Return a plan with a motion near another one, whose `strike` gives another launch.
 
     It serves to correct a launch by what a contact that takes time, or a simulator, makes of it.
@@ -205,6 +206,7 @@ def replan_motion(plan: KickPlan, velocity: ArrayLike) -> KickPlan:
     Args:
         plan: with a motion.
         velocity: of the ball after `strike`, shape `(3,)` [m/s, world frame].
+        contact: as for `plan_kick`; None is that of the plan.
 
     Raises:
         InvalidInput: a plan without a motion.
@@ -212,7 +214,7 @@ def replan_motion(plan: KickPlan, velocity: ArrayLike) -> KickPlan:
     if plan.motion is None:
         raise InvalidInput("the plan has no motion: plan it with motion=True")
     wished = validation.vector("velocity", velocity, 3, unit="m/s")
-    ball, contact = plan.impact.ball, plan.impact_target.contact
+    ball, contact = plan.impact.ball, contact or plan.impact_target.contact
     leg, after = plan.leg, plan.impact.ball_after
     position = None
     if plan.ball_is_placed:
@@ -225,6 +227,20 @@ def replan_motion(plan: KickPlan, velocity: ArrayLike) -> KickPlan:
         impact = strike(posture, v, ball, target.contact)
         path = _path_like(plan, impact)
     return replace(plan, impact_target=target, impact=impact, path=path, **outcome)
+
+
+def replan_turned(plan: KickPlan, velocity: Array, contact: Contact | None = None) -> KickPlan:
+    """Return the plan of `replan_motion`, where a standing robot is turned to another azimuth.
+
+    Its motion is planned for the azimuth of the plan and turned about the ball, see `turn_plan`.
+    """
+    if not is_floating(plan.leg):
+        return replan_motion(plan, velocity, contact)
+    before = plan.impact.ball_after.velocity
+    turn = math.atan2(velocity[1], velocity[0]) - math.atan2(before[1], before[0])
+    turn = math.remainder(turn, math.tau)
+    rotation = pin.rpy.rpyToMatrix(0.0, 0.0, turn)
+    return turn_plan(replan_motion(plan, rotation.T @ velocity, contact), turn)
 
 
 def turn_plan(plan: KickPlan, angle: float) -> KickPlan:

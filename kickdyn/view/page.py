@@ -24,6 +24,7 @@ from kickdyn.impact.impact_result import Impact
 from kickdyn.motion.motion import Motion
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.launch import Launch
+from kickdyn.planning.meeting import Arrival, arrival_of
 from kickdyn.planning.passes import Pass
 from kickdyn.robot.leg import Leg, Posture
 from kickdyn.scene.scene import Scene
@@ -34,6 +35,7 @@ from kickdyn.view.document import DrawnScene, html_document, recording_viewer, s
 from kickdyn.view.gltf import to_glb
 from kickdyn.view.kick_scene import Pace, draw_kick
 from kickdyn.view.leg_scene import draw_motion, draw_posture
+from kickdyn.view.run_scene import SimulatedRun
 from kickdyn.view.wall_and_goal import Box, plane_boxes, wall_boxes
 
 FRAME_HEIGHT = 600
@@ -41,7 +43,7 @@ FRAME_HEIGHT = 600
 
 _Path = Flight | Course
 _Comparable = Impact | Flight | Course | Launch | Pass | Identification
-_MovingSubject = Impact | KickPlan | Scene | Simulation
+_MovingSubject = Impact | KickPlan | Scene | Simulation | SimulatedRun
 _LegAlone = Leg | Posture | Motion
 
 
@@ -132,9 +134,9 @@ def page(
     """Return a 3-D page of a kick, or of several impacts or flights to compare.
 
     A kick moves: an `Impact` with the ball's path, a `KickPlan` (with its `motion` if it has
-    one), a `Scene` or the `Simulation` of one. A scene is shown with its wall or goal,
-    and its contact as instantaneous. A `Leg` (with all joints at 0), a `Posture` and a `Motion` are
-    shown without a ball.
+    one), a `MujocoRun` beside its plan, a `Scene` or the `Simulation` of one. A scene is shown with
+    its wall or goal, and its contact as instantaneous. A `Leg` (with all joints at 0), a `Posture`
+    and a `Motion` are shown without a ball.
     A `Flight`, `Course`, `Launch` or `Pass`, and up to 8 of them, are curves over one lawn; the
     flight of an `Identification` is a curve with the measured positions as dots. Of several
     impacts, buttons choose the one that is shown.
@@ -169,7 +171,10 @@ def page(
     kick = _kick_of(subject, path, caption)
     impact, viewer = kick.impact, recording_viewer()
     boxes = [*scenery, *kick.scenery]
-    pace, ground = draw_kick(viewer, impact, kick.path, boxes, kick.motion, lies=kick.lies)
+    run = subject if isinstance(subject, SimulatedRun) else None
+    pace, ground = draw_kick(
+        viewer, impact, kick.path, boxes, kick.motion, arrival=kick.arrival, lies=kick.lies, run=run
+    )
     text = f"{kick.caption.removesuffix('.')}. {ground}" if kick.caption and ground else ""
     text = text or kick.caption or ground
     warnings = [*viewer.window.warnings, *kick.warnings]
@@ -198,6 +203,7 @@ class _Kick(NamedTuple):
     scenery: Sequence[Box] = ()
     warnings: Sequence[str] = ()
     lies: bool = True
+    arrival: Arrival | None = None
 
 
 def _kick_of(subject: _MovingSubject, path: _Path | None, caption: str) -> _Kick:
@@ -208,10 +214,18 @@ def _kick_of(subject: _MovingSubject, path: _Path | None, caption: str) -> _Kick
             return _Kick(subject, flown, caption, lies=isinstance(path, Course))
         case KickPlan():
             warnings = [line.partition("; ")[0] for line in subject.warnings]
-            motion = subject.motion
-            return _Kick(subject.impact, subject.path, caption, motion, warnings=warnings)
+            impact, meeting = subject.impact, subject.meeting
+            arrival = None if meeting is None else arrival_of(meeting, impact.ball)
+            return _Kick(
+                impact, subject.path, caption, subject.motion, warnings=warnings, arrival=arrival
+            )
         case Simulation():
             return _kick_of_simulation(subject, caption)
+        case SimulatedRun():
+            plan = subject.plan
+            text = ". ".join(filter(None, [caption, subject.summary]))
+            warnings = [line.partition("; ")[0] for line in plan.warnings]
+            return _Kick(plan.impact, plan.path, text, plan.motion, warnings=warnings)
         case Scene():
             return _kick_of_simulation(simulate_as_instant(subject), caption)
 

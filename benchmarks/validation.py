@@ -246,8 +246,8 @@ def curves() -> Iterator[Row]:
     why = (
         "At a point, only friction gives a ball spin ([why](impact.md#spin-without-friction))"
         ". A strip of the foot of 80 mm (`kd.FootPatch`) gives some without friction ([strip of "
-        f"the foot](inflated-ball.md#a-strip-of-the-foot)); it is computed up to {last:.0f} mm. For "
-        "kicks with spin, fit the friction to measured spin (`kd.infer_impact`)."
+        f"the foot](inflated-ball.md#a-strip-of-the-foot)); it is computed up to {last:.0f} mm. "
+        "For kicks with spin, fit the friction to measured spin (`kd.infer_impact`)."
     )
     yield Row(
         "M8", "spin that friction of 1 instead of 0 adds", "13 rad/s at most",
@@ -314,7 +314,6 @@ def bounces() -> Iterator[Row]:
         "faster than it rolls; where it slides, the shear must build up first. The stiffness is "
         "that of elastic solids, not measured for a ball. The source explains the spin by a normal "
         "force beside the centre, which a plane does not have here.",
-        "spin of a ball after an oblique bounce",
     )  # fmt: skip
 
 

@@ -1,12 +1,13 @@
 """`LegMotion`: the measured motion of a leg over time, and `ContactMotion`, that at an impact."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, warned
@@ -14,12 +15,19 @@ from kickdyn.core.validation import Array, read_only
 from kickdyn.errors import InvalidInput
 from kickdyn.identification.smoothing_spline import GROWTH, GROWTH_TIME, SmoothingSpline
 from kickdyn.robot.leg import Leg, Posture
+from kickdyn.robot.surgery import has_floating_base
 
 LEAST_FRAMES = 8
 """Fewer frames before a contact do not determine a velocity with its deviation."""
 
 CONTACT_WINDOW = GROWTH_TIME
 """Time before a contact whose frames the motion at the contact is smoothed from [s]."""
+
+AFTER_CONTACT = 0.05
+"""Time after a contact that a plot shows [s]."""
+
+LARGEST_TILT = 60.0
+"""Tilt of a pelvis [deg] above which the vertical axis of the track is in doubt."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -128,6 +136,47 @@ class LegMotion(ReprMixin):
         q, v, covariance = self._smoothed(window, GROWTH).state(moment)
         return ContactMotion(self.leg.posture(q), read_only(v), read_only(covariance))
 
+    def plot(self, joints: Sequence[str] | None = None) -> Any:
+        """Return a matplotlib Figure of joint angles and speeds, one journal column wide.
+
+        It shows the last 0.15 s before the contact and 0.05 s after it, or the whole motion if
+        there is no contact, with bands of 95 % (1.96 standard deviations).
+
+        Args:
+            joints: names of joints of one angle each; None draws all of these.
+
+        Raises:
+            InvalidInput: an unknown joint.
+        """
+        from kickdyn.identification.leg_motion_plot import leg_motion_figure  # takes half a second
+
+        known = self.leg.single_joints
+        names = known if joints is None else list(joints)
+        if not names or not set(names) <= set(known):
+            raise InvalidInput(f"joints is {names}: it must name some of {', '.join(known)}")
+        first, last = self.times[[0, -1]].tolist()
+        if self.contact is not None:
+            first, last = self.contact - CONTACT_WINDOW, self.contact + AFTER_CONTACT
+        clipped = ((max(first, one.begin), min(last, one.end)) for one in self._pieces)
+        return leg_motion_figure(self, names, [(a, b) for a, b in clipped if a < b])
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Lines about what to know before using the motion; empty if there is nothing."""
+        if not has_floating_base(self.leg.workspace.model):
+            return ()
+        up = np.median(
+            [pin.XYZQUATToSE3(q[:7]).rotation[:, 2] for q in self.configurations], axis=0
+        )
+        tilt = math.degrees(math.acos(float(np.clip(up[2], -1.0, 1.0))))
+        if tilt < LARGEST_TILT:
+            return ()
+        return (
+            f"the pelvis is tilted by {tilt:.0f} deg, its upward axis is {up.round(2).tolist()} in "
+            "the track: positions must have z up; if those of the file have y up, read it with "
+            "up='y'",
+        )
+
     def _smoothed(self, chosen: Any, growth: float) -> SmoothingSpline:
         arrays = (self.times[chosen], self.configurations[chosen], self.information[chosen])
         return SmoothingSpline(self.leg.workspace.model, *arrays, growth)
@@ -163,3 +212,4 @@ class LegMotion(ReprMixin):
             yield f"gaps of {name}", len(frames), "frames"
         if self.undetermined:
             yield "frames left out", len(self.undetermined), ""
+        yield from warned(self.warnings)

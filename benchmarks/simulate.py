@@ -34,8 +34,6 @@ def timed(scene: kd.Scene, tolerance: float | None) -> tuple[kd.Simulation, floa
         began = time.process_time()
         answer = kd.simulate(scene, tolerance)
         best = min(best, time.process_time() - began)
-        if best > 0.05:
-            break
     return answer, best
 
 
@@ -68,14 +66,14 @@ def measure(made: Callable[[np.random.Generator], kd.Scene], number: int) -> Non
     print(f"{number} {made.__name__}s, {slow.sum()} with a contact that takes time; besides,")
     print(f"{refused} refused and {endless} without an end\n")
     print("| tolerance [m] | within it | within its error | largest error / tolerance |", end="")
-    print(" times as fast, an instant | takes time | evaluations, takes time |")
-    print("|---:|---:|---:|---:|---:|---:|---:|")
+    print(" times as fast, an instant | takes time | slowest of all | evaluations, takes time |")
+    print("|---:|---:|---:|---:|---:|---:|---:|---:|")
     for i, tolerance in enumerate(TOLERANCES):
         used, claimed, faster, fewer = table[:, 1 + 4 * i : 5 + 4 * i].T
         cells = [f"{tolerance:g}", f"{(used <= 1).mean():.1%}", f"{(claimed <= 1).mean():.1%}"]
         cells += [f"{used.max():.2f}"]
         cells += [f"{np.median(part):.1f}" for part in (faster[~slow], faster[slow])]
-        cells += [f"1/{np.median(fewer[slow]):.1f}"]
+        cells += [f"{faster.min():.2f}", f"1/{np.median(fewer[slow]):.1f}"]
         print("| " + " | ".join(cells) + " |")
     print(flush=True)
 

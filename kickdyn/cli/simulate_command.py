@@ -37,7 +37,7 @@ def simulate(scene_file: str, tolerance: float, exact: bool, output: JsonOptions
         document = _document(answer)
     output.write_json(document)
     if output.prints:
-        print_wrapped(str(answer))
+        print_wrapped(answer.text(times=True))
     output.name_written()
 
 
@@ -66,7 +66,7 @@ def numbers_of(answer: Simulation) -> dict[str, Any]:
 def _document(answer: Simulation) -> dict[str, Any]:
     """Return the numbers of a simulation with those of its tolerance and its effects."""
     numbers = numbers_of(answer)
-    for name in ("tolerance", "within_tolerance", "status", "method", "evaluations"):
+    for name in ("tolerance", "within_tolerance", "status", "method", "evaluations", "seconds"):
         numbers[name] = getattr(answer, name)
     for name in ("model_error", "numerical_error", "end_deviation"):
         numbers[name] = finite(getattr(answer, name))
@@ -76,11 +76,12 @@ def _document(answer: Simulation) -> dict[str, Any]:
     }
     numbers["effects"] = [
         {
-            "effect": name,
-            "modelled": name in answer.modelled,
-            "negligible": name in answer.negligible,
-            "size": finite(size),
+            "effect": size.effect,
+            "modelled": size.effect in answer.modelled,
+            "negligible": size.effect in answer.negligible,
+            "size": finite(size.end),
+            "seconds": size.seconds,
         }
-        for name, size in answer.effect_sizes.items()
+        for size in answer.effects
     ]
     return numbers

@@ -65,15 +65,20 @@ def number(
     raise InvalidInput(f"{name} is {shown or brief(value)}: it must be {valid}")
 
 
-def vector(name: str, value: ArrayLike, size: int, *, unit: str = "") -> Array:
-    """Return `value` as a new, finite float64 array of shape `(size,)`, or raise `InvalidInput`."""
+def vector(name: str, value: ArrayLike, size: int, *, unit: str = "", many: str = "") -> Array:
+    """Return `value` as a new, finite float64 array of shape `(size,)`, or raise `InvalidInput`.
+
+    The error for shape `(n, size)` names `many`, the function that takes n at once.
+    """
     if type(value) is np.ndarray and value.dtype is _FLOAT64 and value.shape == (size,):
         usual: Array = value.copy()
         if math.hypot(*usual.tolist()) < math.inf:  # neither NaN nor inf
             return usual
     array = floats(name, value, unit=unit)
     if array.shape != (size,):
-        raise InvalidInput(f"{name} has shape {array.shape}: it must be ({size},)")
+        rows = array.ndim == 2 and array.shape[1] == size
+        hint = f"; {many} takes (n, {size})" if many and rows else ""
+        raise InvalidInput(f"{name} has shape {array.shape}: it must be ({size},){hint}")
     return array
 
 

@@ -155,16 +155,17 @@ def find_approach(
     validation.check_type(Contact, contact=contact)
     contact.check_normal()
     contact = contact.for_ball(ball)
-    v = validation.vector("v", v, posture.leg.nv)
+    many = "strike_many"
+    v = validation.vector("v", v, posture.leg.nv, many=many)
     if posture.constraint_projector is not None:
         posture.check_velocity(v)
     posture = posture.with_contact_offset(contact.offset)
     velocity, spin, ball_speed = _AT_REST, _AT_REST, 0.0
     if ball_velocity is not AT_REST:
-        velocity = validation.vector("ball velocity", ball_velocity, 3, unit="m/s")
+        velocity = validation.vector("ball velocity", ball_velocity, 3, unit="m/s", many=many)
         ball_speed = largest(velocity)
     if ball_spin is not AT_REST:
-        spin = validation.vector("ball spin", ball_spin, 3, unit="rad/s")
+        spin = validation.vector("ball spin", ball_spin, 3, unit="rad/s", many=many)
         ball_speed += largest(spin) * ball.radius
     position = posture.contact_point + ball.radius * contact.normal
     before = BallState.computed(position, velocity, spin)

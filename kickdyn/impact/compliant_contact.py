@@ -52,6 +52,13 @@ MAX_CONTACT_TIMES = 50.0
 MAX_PHASES = 500
 """Phases after which the motion counts as one that does not end."""
 
+FIRST_STEP = 3.0
+"""First step over the expected contact time, per tolerance of the integrator to the power 2/7: the
+error that a step leaves where the force begins as the deflection to the power 3/2."""
+
+BEYOND_SEPARATION = 1.02
+"""Longest step over the time to separation at the present speed: the force ends there at once."""
+
 EVENT_MARGIN = 0.03
 """Fraction of a step, at its end, in which an event must lie for its interpolant to be read there:
 its error falls with the square of that fraction."""
@@ -209,9 +216,23 @@ class CompliantContact:
 
     def end_of(self, k: int, t: float, y: Array, phase: Phase) -> float:
         """Return what falls to 0 where the deflection (0) or the friction (1) ends a phase."""
-        if k == 1:
+        if k == 1 and phase.friction is not Friction.SLIPS:
             return self.evaluate(t, y, phase).ends[1]
-        return self.deflection_end(self.kinematics(self.state(y)), phase)
+        contact = self.kinematics(self.state(y))
+        return self.slip_end(contact, phase) if k == 1 else self.deflection_end(contact, phase)
+
+    def slip_end(self, contact: Kinematics, phase: Phase) -> float:
+        """Return what falls to 0 where points no longer slide in about their first direction."""
+        w1, w2, _ = contact.relative
+        forward = phase.along[0] * w1 + phase.along[1] * w2
+        return forward - max(self.resting, 0.5 * math.hypot(w1, w2))
+
+    def time_left(self, y: Array, phase: Phase) -> float:
+        """Return for how long the force acts if the ball leaves at its present speed [s]."""
+        contact = self.kinematics(self.state(y))
+        leaving = contact.relative[2]
+        recovered = self.ball.radius - contact.height - self.force_model.separation(phase.largest)
+        return recovered / leaving if leaving > 0.0 else math.inf
 
     def deflection_end(self, contact: Kinematics, phase: Phase) -> float:
         """Return what falls to 0 where the deflection ends a phase."""
@@ -332,7 +353,7 @@ class CompliantContact:
             if forward < 0.0:  # beyond the end of the phase: as smooth as before it
                 w1, w2 = w1 - 2.0 * forward * c, w2 - 2.0 * forward * s
             share = largest / speed if speed else 0.0
-            return -share * w1, -share * w2, forward - max(self.resting, 0.5 * speed)
+            return -share * w1, -share * w2, self.slip_end(contact, phase)
         turning = 1.0 / self.ball.mass + contact.height**2 / self.ball.inertia
         give = acting[:, :2].T.dot(response)
         gravity = self.gravity.dot(contact.axes).tolist()
@@ -493,6 +514,9 @@ class _Contact:
         solver = self._solver(begin, state, phase, length)
         while True:
             start, before = float(solver.t), solver.y
+            if phase.largest:
+                left = self._equations.time_left(before, phase)
+                solver.h_abs = min(solver.h_abs, max(BEYOND_SEPARATION * left, 1e-9 * self._limit))
             self._step(solver)
             t, h = float(solver.t), float(solver.t) - start
             falls = [k for k in range(2) if self._last.ends[k] <= 0.0]
@@ -553,8 +577,12 @@ class _Contact:
 
         if length is not None:
             length = min(max(length, 10.0 * math.ulp(begin)), self._limit - begin)
-        return DOP853(rates, begin, state, self._limit, rtol=max(self._tol, 3e-14),
-                      atol=self._atol, first_step=length)  # fmt: skip
+        solver = DOP853(rates, begin, state, self._limit, rtol=max(self._tol, 3e-14),
+                        atol=self._atol, first_step=length)  # fmt: skip
+        if length is None:
+            first = self._equations.expected * min(FIRST_STEP * self._tol ** (2 / 7), 0.3)
+            solver.h_abs = min(solver.h_abs, first)
+        return solver
 
 
 def _keep_stages(solver: DOP853) -> DOP853:

@@ -187,7 +187,7 @@ class JointTable:
                 "of joints by name"
             )
         if self._short_form is None:
-            checked = validation.vector("q", q, self.nq)
+            checked = validation.vector("q", q, self.nq, many="strike_many")
         else:
             checked = self._expanded(q, *self._short_form)
         if self.nq != self.nv and not pin.isNormalized(self._model, checked, 1e-9):

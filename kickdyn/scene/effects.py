@@ -33,12 +33,15 @@ class EffectSize:
         end: distance that the end of the ball's path moves [m]; nan where there is no answer.
         impulse: magnitude of the change of the impulse on the ball [N s]; likewise.
         why_not: why there is no answer.
+        seconds: processor time of the answer without the effect; of its path alone, where the
+            effect does not change the launch [s].
     """
 
     effect: str
     end: float
     impulse: float
     why_not: str = ""
+    seconds: float = 0.0
 
 
 def effects_of(scene: Scene) -> list[Effect]:

@@ -1,6 +1,7 @@
 """The simulation of a scene to a tolerance, its result, and the sizes of the scene's effects."""
 
 import math
+import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -10,9 +11,8 @@ from typing import Any
 
 from kickdyn.ball import BallState
 from kickdyn.core import validation
-from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.representation import Printed
-from kickdyn.errors import KickdynError
+from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.flight.flight_result import Flight, FlightStatus
 from kickdyn.flight.follow import Course
 from kickdyn.impact.collide import Collision
@@ -20,25 +20,31 @@ from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.uncertainty import Uncertainty
 from kickdyn.restitution import describe_restitution
 from kickdyn.robot.standing import is_floating
-from kickdyn.scene.effects import EffectSize, effects_of
+from kickdyn.scene.effects import Effect, EffectSize, effects_of
 from kickdyn.scene.launch_and_end import (
-    COLLIDE_SAFETY,
     SMALLEST_TOLERANCE,
     STATUSES_WITH_END,
     collide_scene,
     collision_error,
     contact_time_error,
+    end_error,
     end_of,
     end_slopes,
     fly_scene,
+    least_duration,
     path_error,
+    relative_error,
     strike_scene,
 )
 from kickdyn.scene.pitch import Passage, Score, passage_on, score_at
 from kickdyn.scene.scene import Scene
 
-CONTACT_TIME_SHARE = NUMERICAL_SHARE = 0.5
-"""Fractions of the tolerance for a neglected contact time and for the integrators."""
+CONTACT_SHARE = 0.9
+"""Fraction of the tolerance for a neglected contact time, or else for its integrator; flights are
+far more exact than the rest of it requires."""
+
+ROUNDING = 1e-12
+"""Smallest tolerance [m]: rounding alone may move an end some metres away that far."""
 
 LARGEST_TOLERANCE = 1e-3
 """Largest relative tolerance of the integrator of the contact."""
@@ -66,6 +72,7 @@ class Simulation(Printed):
         model_error: estimate of the distance by which a neglected contact time moves the end [m];
             0 where nothing is neglected, inf where it is not known.
         note: what is known about a neglected contact time.
+        seconds: processor time that `simulate` took [s].
     """
 
     scene: Scene
@@ -75,6 +82,7 @@ class Simulation(Printed):
     launch_spread: Uncertainty | None
     model_error: float = 0.0
     note: str = ""
+    seconds: float = 0.0
 
     @property
     def launch(self) -> BallState:
@@ -100,7 +108,7 @@ class Simulation(Printed):
         error = path_error(scene, path)
         if isinstance(impact, Collision):
             launch_error = collision_error(scene, self.launch, impact.tol)
-            error += end_slopes(scene, path).distance(launch_error)
+            error += end_error(scene, path, launch_error)
         return error
 
     @property
@@ -137,19 +145,20 @@ class Simulation(Printed):
         return tuple(name for name in names if name not in self.neglected)
 
     @cached_property
+    def effects(self) -> tuple[EffectSize, ...]:
+        """What neglecting each effect changes, by the method of this answer, see `measure_effects`.
+
+        It is computed when it is first read: flights and, for the effects on the launch, impacts.
+        """
+        return tuple(measure_effects(self))
+
+    @property
     def effect_sizes(self) -> Mapping[str, float]:
         """By effect: how far the end moves if only this effect is neglected [m].
 
-        It is computed when it is first read: it takes about three simulations with
-        `tolerance=None` for a compliant contact, and milliseconds for an instantaneous one. nan
-        where the path has no end with or without the effect, or cannot be computed.
+        nan where the path has no end with or without the effect, or cannot be computed.
         """
-        sizes = {effect.name: math.nan for effect in effects_of(self.scene)}
-        with suppress(KickdynError):
-            is_full = self.tolerance is None and not self.neglected
-            full = self if is_full else simulate(self.scene, None)
-            sizes |= {size.effect: size.end for size in measure_effects(full)}
-        return sizes
+        return {size.effect: size.end for size in self.effects}
 
     @property
     def negligible(self) -> tuple[str, ...]:
@@ -267,6 +276,10 @@ class Simulation(Printed):
         return "\n".join(filter(None, lines))
 
     def __str__(self) -> str:
+        return self.text()
+
+    def text(self, *, times: bool = False) -> str:
+        """Return what `print` shows; with times, also processor times, which differ each time."""
         source = "rounding"
         if self.numerical_error > 1e-12:
             source = f"{_length_text(self.numerical_error)} m by numerical integration"
@@ -275,13 +288,21 @@ class Simulation(Printed):
                 f"{_length_text(self.model_error)} m by the neglected contact time and {source}"
             )
         lines = [self.summary, f"The error is {source} ({self.method})."]
-        lines.append(f"{'effect':20}{'size [m]':>9}")
+        if times:
+            lines.append(f"The answer took {1e3 * self.seconds:.2g} ms.")
+        lines.append(f"{'effect':20}{'size [m]':>9}" + f"{'took [ms]':>12}" * times)
         negligible = dict.fromkeys(self.negligible, "negligible")
         verdicts = negligible | dict.fromkeys(self.neglected, "neglected")
-        for name, size in self.effect_sizes.items():
-            line = f"{name:20}{_length_text(size):>9}  {verdicts.get(name, '')}"
-            lines.append(line.rstrip())
+        for size in self.effects:
+            line = f"{size.effect:20}{_length_text(size.end):>9}"
+            line += f"{1e3 * size.seconds:12.2g}" * times
+            lines.append(f"{line}  {verdicts.get(size.effect, '')}".rstrip())
         lines.append("size: how far the end moves if only this effect is neglected.")
+        if times:
+            lines.append(
+                "took: processor time of the answer without this effect; of its path alone, where "
+                "the effect does not change the launch."
+            )
         if negligible:
             lines.append(
                 "negligible: these sizes add up to at most half of the tolerance; the effects are "
@@ -300,14 +321,14 @@ def _length_text(metres: float) -> str:
 def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
     r"""Find where the ball of a scene ends, to a tolerance.
 
-    The contact time is neglected if it moves the end by less than half the tolerance, as estimated
-    by strikes of an instantaneous contact where the foot is meanwhile; otherwise the contact is
-    integrated as exactly as the tolerance requires. All other effects are always modelled, and the
-    flight is integrated to a relative tolerance of 1e-9.
+    The contact time is neglected if it moves the end by less than 0.9 of the tolerance, as
+    estimated by strikes of an instantaneous contact where the foot is meanwhile; otherwise the
+    contact is integrated as exactly as the tolerance requires. All other effects are always
+    modelled, and the flight is integrated to a relative tolerance of 1e-9.
 
     Args:
         scene: the scene of the kick.
-        tolerance: largest error of the position where the path of the ball ends, above 0 [m],
+        tolerance: largest error of the position where the path of the ball ends, 1e-12 or more [m],
             beside that of the scene's own numbers. None models everything, with a relative
             tolerance of 1e-9 of the integrators. A tolerance that they cannot reach is computed in
             the same manner, and `within_tolerance` of the result is False.
@@ -323,23 +344,37 @@ def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
         >>> simulation.end.position.round(1).tolist(), simulation.within_tolerance
         ([16.5, 8.4, 0.1], True)
     """
-    if tolerance is None:
-        if scene.is_compliant:
-            return _with_path(scene, None, collide_scene(scene, SMALLEST_TOLERANCE))
-        return _with_path(scene, None, strike_scene(scene))
-    tolerance = validation.number("tolerance", tolerance, above=0, unit="m")
+    began = time.process_time()
+    if tolerance is not None:
+        tolerance = validation.number("tolerance", tolerance, above=0, unit="m")
+        if tolerance < ROUNDING:
+            raise InvalidInput(
+                f"tolerance is {tolerance:g} m: that is below rounding; it must be {ROUNDING:g} m "
+                "or more, or None for everything as exact as possible"
+            )
+    answer = _simulate(scene, tolerance)
+    return replace(answer, seconds=time.process_time() - began)
+
+
+def _simulate(scene: Scene, tolerance: float | None) -> Simulation:
+    if tolerance is None and scene.is_compliant:
+        return _with_path(scene, None, collide_scene(scene, SMALLEST_TOLERANCE))
     instant = strike_scene(scene)
-    if not scene.is_compliant:
+    if tolerance is None or not scene.is_compliant:
         return _with_path(scene, tolerance, instant)
-    launch_error = contact_time_error(scene, instant)
+    allowed, least = CONTACT_SHARE * tolerance, least_duration(scene, instant.ball_after)
+    launch_error = contact_time_error(scene, instant, allowed / least if least else math.inf)
+    relative = relative_error(scene, instant.ball_after)
     if launch_error.velocity < math.inf:
         with suppress(KickdynError):  # as where only this launch leaves the range of a coefficient
             answer = _with_path(scene, tolerance, instant)
-            size = end_slopes(scene, answer.path).distance(launch_error)
+            size = end_error(scene, answer.path, launch_error)
             # where the path ends at once, the launch with contact time may well fly
-            if size <= CONTACT_TIME_SHARE * tolerance and answer.path.duration > 0.0:
+            if size <= allowed and answer.path.duration > 0.0:
                 return replace(answer, model_error=size)
-    return _collide_to(scene, tolerance, float(instant.ball_after.speed))
+            error = end_error(scene, answer.path, collision_error(scene, answer.launch, 1.0))
+            relative = error if math.isfinite(error) else relative
+    return _collide_to(scene, tolerance, relative)
 
 
 def _with_path(scene: Scene, tolerance: float | None, impact: Impact | Collision) -> Simulation:
@@ -349,20 +384,19 @@ def _with_path(scene: Scene, tolerance: float | None, impact: Impact | Collision
     return Simulation(scene, tolerance, impact, path, spread)
 
 
-def _collide_to(scene: Scene, tolerance: float, speed: float) -> Simulation:
+def _collide_to(scene: Scene, tolerance: float, relative: float) -> Simulation:
     """Return a simulation by a contact that takes time, as exact as the end requires [m].
 
-    The first relative tolerance of the integrator follows from the longest parabola with the speed
-    of the launch by an instantaneous contact [m/s], the next ones from the derivatives of the end.
+    `relative` is about the error of the end over the relative tolerance of the integrator.
     """
-    accuracy, radius = NUMERICAL_SHARE * tolerance, scene.ball.radius
-    tol = 0.5 * accuracy / (COLLIDE_SAFETY * (2.0 * speed**2 / GRAVITY + radius))
+    allowed = CONTACT_SHARE * tolerance
     while True:
-        tol = min(max(tol, SMALLEST_TOLERANCE), LARGEST_TOLERANCE)
+        tol = min(max(0.7 * allowed / relative, SMALLEST_TOLERANCE), LARGEST_TOLERANCE)
         answer = _with_path(scene, tolerance, collide_scene(scene, tol))
-        if answer.numerical_error <= accuracy or tol == SMALLEST_TOLERANCE:
+        error = end_error(scene, answer.path, collision_error(scene, answer.launch, tol))
+        if error <= allowed or tol == SMALLEST_TOLERANCE or math.isinf(error):
             return answer
-        tol *= 0.5 * accuracy / answer.numerical_error
+        relative = error / tol
 
 
 def simulate_as_instant(scene: Scene) -> Simulation:
@@ -390,27 +424,37 @@ def measure_effects(
 ) -> list[EffectSize]:
     """Measure every effect of a scene, in the order of `EFFECTS`, with it and without.
 
-    The scene is that of `simulate(scene, None)`; `report` is called with each effect's name.
+    Impact and path are computed as in the simulation, with its tolerances. A contact time that it
+    neglects has the size of its `model_error`. `report` is called with each effect's name.
     """
     scene, sizes = full.scene, []
     for effect in effects_of(scene):
         report(effect.name)
-        less, impulse = effect.without(scene, full.launch), 0.0
-        try:
-            if effect.in_flight:
-                path = fly_scene(less, full.launch)
-            else:
-                other = simulate(less, None)
-                path, impulse = other.path, math.dist(other.impact.impulse, full.impact.impulse)
-        except KickdynError as error:
-            sizes.append(EffectSize(effect.name, math.nan, math.nan, str(error)))
+        if effect.name in full.neglected:
+            sizes.append(EffectSize(effect.name, full.model_error, math.nan, "", full.seconds))
             continue
-        endless = [
-            status for status in (full.status, path.status) if status not in STATUSES_WITH_END
-        ]
-        if endless:
-            sizes.append(EffectSize(effect.name, math.nan, impulse, f"no end: {endless[0]}"))
-        else:
-            moved = math.dist(end_of(path).position, full.end.position)
-            sizes.append(EffectSize(effect.name, moved, impulse))
+        began = time.process_time()
+        size = _measure(effect, full)
+        sizes.append(replace(size, seconds=time.process_time() - began))
     return sizes
+
+
+def _measure(effect: Effect, full: Simulation) -> EffectSize:
+    less, impulse = effect.without(full.scene, full.launch), 0.0
+    try:
+        if effect.in_flight:
+            path = fly_scene(less, full.launch)
+        else:
+            impact: Impact | Collision = full.impact
+            if isinstance(impact, Collision) and less.is_compliant:
+                impact = collide_scene(less, impact.tol)
+            else:
+                impact = strike_scene(less)
+            path = fly_scene(less, impact.ball_after)
+            impulse = math.dist(impact.impulse, full.impact.impulse)
+    except KickdynError as error:
+        return EffectSize(effect.name, math.nan, math.nan, str(error))
+    for status in (full.status, path.status):
+        if status not in STATUSES_WITH_END:
+            return EffectSize(effect.name, math.nan, impulse, f"no end: {status}")
+    return EffectSize(effect.name, math.dist(end_of(path).position, full.end.position), impulse)

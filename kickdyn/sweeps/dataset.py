@@ -61,7 +61,7 @@ _DIFFERENT_HASH = {
 def describe(leg: Leg, grid: Grid, kick: Kick, carry_tolerance: float) -> xr.Dataset:
     """Return the dataset of a sweep without its variables: coordinates and provenance.
 
-    It has a coordinate per joint [rad; m] and, of angles, the same in degrees under the name
+    It has a coordinate per joint [rad; m], of a list along `posture`, and, of angles, the same in degrees under the name
     `JOINT_deg`. Attributes follow the CF conventions; `finished` is 0. `carry_tolerance` is the
     largest error of carries that are interpolated [m], 0 where every ball is flown. Raises
     `InvalidInput` where a joint and a variable have the same name.
@@ -70,16 +70,18 @@ def describe(leg: Leg, grid: Grid, kick: Kick, carry_tolerance: float) -> xr.Dat
     data = xr.Dataset(attrs={**attributes, "carry_tolerance_m": carry_tolerance, "finished": 0})
     for name, values in grid.axes.items():
         shadows = name.endswith("_deg") and name.removesuffix("_deg") in grid.axes
+        shadows |= grid.is_list and name in grid.dims
         if shadows or name in [*VARIABLES, "status"] or "/" in name or name.strip(".") == "":
             raise InvalidInput(
                 f"joint {name!r} cannot be swept: in the dataset a variable has this name, "
                 "or cannot be a name: rename it"
             )
         unit = leg.joint_unit(name)
-        data.coords[name] = (name, values, {"units": unit, "long_name": f"{name} joint"})
+        dim = grid.dims[0] if grid.is_list else name
+        data.coords[name] = (dim, values, {"units": unit, "long_name": f"{name} joint"})
         if unit == "rad" and " " not in name:  # netCDF takes no coordinate with a space
             degrees = np.round(np.degrees(values), DECIMALS) + 0.0  # no -0
-            data.coords[f"{name}_deg"] = (name, degrees, {
+            data.coords[f"{name}_deg"] = (dim, degrees, {
                 "units": "degree", "long_name": f"{name} joint, in degrees"})  # fmt: skip
     return data
 
@@ -196,8 +198,8 @@ def difference(
     joints = [", ".join(map(str, dims)) for dims in (stored["status"].dims, wanted.dims)]
     if joints[0] != joints[1]:
         return f"its joints are {joints[0]}, this one's {joints[1]}"
-    for name in wanted.dims:
-        if not np.array_equal(stored[name].values, wanted[name].values):
+    for name in wanted.coords:
+        if name not in stored or not np.array_equal(stored[name].values, wanted[name].values):
             return f"its values of {name} are not all the same"
     for attribute, value in wanted.attrs.items():
         other = stored.attrs.get(attribute)

@@ -1,6 +1,7 @@
-"""The grid of postures of a sweep: values of named joints, and the chunks it is computed in."""
+"""The postures of a sweep: a grid over named joints or a list, and the chunks it is computed in."""
 
 import math
+import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -21,26 +22,35 @@ LARGEST = 10**10
 GIGABYTES = 32e-9
 """Size of a posture with all variables in a store [GB]."""
 
+MOST_SAMPLES = 10**7
+"""Largest number of postures of a list or a sample, which is kept in memory."""
+
 DECIMALS = 9
 """Decimals of an angle in degrees, so that it is 30, not 29.999999999999996."""
 
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Every combination of joint values; joints that are not named stay at 0, or close loops.
+    """Every combination of joint values, or rows of them; other joints stay at 0, or close loops.
 
     Postures are numbered from 0, the last joint running fastest.
 
     Attributes:
         axes: joint name to its values, ascending, each of shape `(k,)` [rad; m for prismatic
             joints].
+        is_list: whether posture i has value i of each joint, in any order, instead.
     """
 
     axes: Mapping[str, Array]
+    is_list: bool = False
 
     @classmethod
-    def of(cls, leg: Leg, postures: Mapping[str, ArrayLike]) -> "Grid":
+    def of(
+        cls, leg: Leg, postures: Mapping[str, ArrayLike], samples: int | str | None = None
+    ) -> "Grid":
         """Return the grid over joints of a leg, from a value or ascending values [rad; m] of each.
+
+        With `samples`, the values are those of a list, or bounds of a sample, see `kickdyn.sweep`.
 
         Raises `InvalidInput` with all faults in one line: an unknown joint, one that mimics
         another, values that are not ascending or outside the joint's range, too many postures.
@@ -53,7 +63,7 @@ class Grid:
         faults: list[str] = []
         for name, given in postures.items():
             with _collected(faults):
-                axes[name] = _checked_axis(leg, name, given)
+                axes[name] = _checked_axis(leg, name, given, ascending=samples != "list")
         still = np.zeros(1)
         drivers = {mimic.joint: mimic for mimic in leg.mimics}
         for name in leg.single_joints:
@@ -65,14 +75,20 @@ class Grid:
                     _check_range(leg, name, still, "not named, so at")
         if faults:
             raise InvalidInput(*faults)
-        grid = cls(axes)
+        grid = cls(axes) if samples is None else cls(_sampled(axes, samples), is_list=True)
         check_size(grid.shape, LARGEST)
         return grid
 
     @property
+    def dims(self) -> tuple[str, ...]:
+        """Names of the dimensions: the joints, or `posture` of a list."""
+        return ("posture",) if self.is_list else tuple(self.axes)
+
+    @property
     def shape(self) -> tuple[int, ...]:
-        """Number of values per joint."""
-        return tuple(len(values) for values in self.axes.values())
+        """Number of values per joint; of a list, the number of postures."""
+        lengths = tuple(len(values) for values in self.axes.values())
+        return lengths[:1] if self.is_list else lengths
 
     @property
     def size(self) -> int:
@@ -87,7 +103,7 @@ class Grid:
         Raises `InvalidInput` where the loops cannot be closed with all joints in their ranges.
         """
         index = np.unravel_index(number, self.shape)
-        axes = zip(self.axes.items(), index, strict=True)
+        axes = zip(self.axes.items(), index * (len(self.axes) if self.is_list else 1), strict=True)
         q = leg.configuration({name: values[i] for (name, values), i in axes})
         if leg.constraints is None or not leg.constraints.loops:
             return q
@@ -161,6 +177,36 @@ def check_size(shape: tuple[int, ...], largest: int) -> None:
         )
 
 
+def _sampled(axes: Mapping[str, Array], samples: int | str) -> dict[str, Array]:
+    """Return n values of each joint: of a list, or of the Sobol sequence between two bounds."""
+    lengths = {name: len(values) for name, values in axes.items()}
+    if isinstance(samples, str):
+        if samples != "list":
+            raise InvalidInput(
+                f"samples is {samples!r}: it must be 'list' or the number of postures of a sample"
+            )
+        if len(set(lengths.values())) > 1:
+            counts = ", ".join(f"{name} {length}" for name, length in lengths.items())
+            raise InvalidInput(
+                f"joints have unequal numbers of values, {counts}: a list needs as many"
+            )
+        check_size((max(lengths.values()),), MOST_SAMPLES)
+        return dict(axes)
+    n = validation.number("samples", samples, at_least=1, at_most=MOST_SAMPLES)
+    if n != int(n):
+        raise InvalidInput(f"samples is {samples!r}: it must be a whole number")
+    for name, length in lengths.items():
+        if length != 2:
+            raise InvalidInput(f"joint {name} has {length} values: a sample needs two, its bounds")
+    from scipy.stats import qmc  # here, because it takes long to import
+
+    with warnings.catch_warnings():  # that a power of two would be balanced
+        warnings.simplefilter("ignore", UserWarning)
+        points = qmc.Sobol(len(axes), scramble=False).random(int(n))
+    pairs = zip(axes.items(), points.T, strict=True)
+    return {name: low + (high - low) * share for (name, (low, high)), share in pairs}
+
+
 def read_postures(leg: Leg, joints: Iterable[str]) -> dict[str, Array]:
     """Return the postures that a command line asks for, as `Grid.of` takes them [rad; m].
 
@@ -225,16 +271,17 @@ def _collected(faults: list[str]) -> Iterator[None]:
         faults.append(str(error))
 
 
-def _checked_axis(leg: Leg, name: str, given: ArrayLike) -> Array:
+def _checked_axis(leg: Leg, name: str, given: ArrayLike, *, ascending: bool = True) -> Array:
     """Return the values of a joint of a grid; raise `InvalidInput` if it cannot take them."""
     leg.velocity_index(name)
     for mimic in leg.mimics:
         if name == mimic.joint:
             raise InvalidInput(f"joint {name} mimics {mimic.driver}: sweep that one")
     values = np.atleast_1d(validation.floats(f"joint {name}", given))
-    if values.ndim != 1 or not values.size or not (np.diff(values) > 0).all():
+    if values.ndim != 1 or not values.size or (ascending and not (np.diff(values) > 0).all()):
+        order = "ascending, " if ascending else "of "
         raise InvalidInput(
-            f"joint {name} has {validation.brief(given)}: its values must be ascending, shape (k,)"
+            f"joint {name} has {validation.brief(given)}: its values must be {order}shape (k,)"
         )
     _check_range(leg, name, values, "swept")
     return values

@@ -142,8 +142,10 @@ class Kernel:
         self._kernel, self._model = compiled_kernel(), model
         joints = [1 + leg.joint_names.index(name) for name in grid.axes]
         axes = np.zeros(len(joints), AXIS)
-        axes["joint"], axes["steps"] = joints, grid.shape
-        axes["repeats"] = np.append(np.cumprod(grid.shape[:0:-1])[::-1], 1)
+        axes["joint"], axes["steps"] = joints, [len(values) for values in grid.axes.values()]
+        axes["repeats"] = 1  # of a list, all values change from posture to posture
+        if not grid.is_list:
+            axes["repeats"] = np.append(np.cumprod(grid.shape[:0:-1])[::-1], 1)
         tables = [self._motion(k, q) for k, q in zip(joints, grid.axes.values(), strict=True)]
         for a in np.flatnonzero(axes["repeats"] < BATCH):  # one row per posture, as far as needed
             table = np.repeat(tables[a], axes["repeats"][a], axis=0)

@@ -96,7 +96,7 @@ def _evaluate(node: ast.AST, data: xr.Dataset) -> Any:
 
 def _column(data: xr.Dataset, name: str) -> xr.DataArray:
     """Return a joint or variable of a dataset by its name, angles in degrees."""
-    joints = [str(joint) for joint in data["status"].dims]
+    joints = [str(joint) for joint in data.coords if str(joint)[:-4] not in data.coords]
     names = [*joints, *(variable for variable in VARIABLES if variable in data)]
     if name not in names:
         known = ", ".join(f"{known} [{shown_unit(data, known)}]" for known in names)

@@ -104,9 +104,10 @@ class SweepStore:
             encoding: dict[str, dict[str, Any]] = {
                 str(name): {"compressors": compressors} for name in described.coords
             }
-            for joint, size in zip(described.dims, chunks.shape, strict=True):
-                if f"{joint}_deg" in encoding:  # in the chunks of the variables, as dask asks for
-                    encoding[f"{joint}_deg"] |= {"chunks": (size,)}
+            sizes = dict(zip(described.dims, chunks.shape, strict=True))
+            for name, coordinate in described.coords.items():
+                if name not in sizes:  # in the chunks of the variables, as dask asks for
+                    encoding[str(name)] |= {"chunks": (sizes[coordinate.dims[0]],)}
             described.to_zarr(draft, mode="w", consolidated=False, zarr_format=3, encoding=encoding)
             group: Any = zarr.open_group(draft, mode="r+")
             arrays: dict[str, tuple[str, float, dict[str, Any]]] = {

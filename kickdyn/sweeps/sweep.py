@@ -4,6 +4,7 @@ A grid is cut into chunks, a `ChunkSolver` computes each, and the chunks make a 
 or in a Zarr store. Threads or an executor of the caller compute chunks side by side.
 """
 
+import hashlib
 import os
 import pickle
 from collections import deque
@@ -14,13 +15,14 @@ from functools import lru_cache, partial
 from itertools import islice
 from os import PathLike
 from pathlib import Path
-from typing import TypeVar
+from typing import Literal, TypeVar
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
 from kickdyn.core import validation
+from kickdyn.core.files import replacing
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput, Unfinished
 from kickdyn.robot.leg import Leg
@@ -48,6 +50,7 @@ def sweep(
     postures: Mapping[str, ArrayLike],
     kick: Kick,
     *,
+    samples: int | Literal["list"] | None = None,
     store: str | PathLike[str] | None = None,
     variables: Iterable[str] | None = None,
     resume: bool = False,
@@ -69,6 +72,9 @@ def sweep(
         postures: a value or ascending values of each joint by its name, shape `(k,)`
             [rad; m for prismatic joints]. Every combination is a posture. Joints that are not named
             stay at 0, or move to close the loops of the leg.
+        samples: None for the grid; a number of postures of a Sobol sequence (`scipy.stats.qmc`)
+            between two bounds of each joint, of which 1e7 are allowed and powers of two are best;
+            or `"list"`: `postures` has n values of each joint, and value i of all is posture i.
         kick: foot velocity, contact, ball and air.
         store: folder that ends in `.zarr`, into which the sweep is written in chunks, so that
             memory does not grow with the grid. None returns up to a million postures in memory.
@@ -87,7 +93,7 @@ def sweep(
             call.
 
     Returns:
-        A dataset with one dimension per joint, the variables of `dataset.VARIABLES` and `status`, a
+        A dataset with one dimension per joint, or `posture` with `samples`, the variables of `dataset.VARIABLES` and `status`, a
         `PostureStatus` by its flag. Units, provenance and warnings are in the attributes. Variables
         are nan where the posture is out of reach or the loops cannot be closed. With
         `store`, the dataset is the opened store, whose variables have 7 digits (float32).
@@ -110,7 +116,7 @@ def sweep(
     if store is None and (resume or executor is not None):
         raise InvalidInput("resume and executor need a store: name it with store=")
     kept = select_variables(variables)
-    solver = ChunkSolver(leg, Grid.of(leg, postures), kick, tolerance)
+    solver = ChunkSolver(leg, Grid.of(leg, postures, samples), kick, tolerance)
     described = solver.describe()
     if store is None:
         check_size(solver.grid.shape, IN_MEMORY)
@@ -119,9 +125,10 @@ def sweep(
         return with_variables(described.assign_attrs(finished=1), rows, status, kept)
     sent = None if executor is None else _pickled(Path(store).absolute(), kept, solver)
     filled = SweepStore(store, described, kept, solver.chunk, resume=resume)
-    write = partial(_write_chunk, filled, solver) if sent is None else partial(_write_sent, sent)
+    writing = nullcontext(partial(_write_chunk, filled, solver))
+    sending = writing if sent is None else _put_beside(filled.path.absolute(), sent)
     computing = _pool(threads) if executor is None else nullcontext(executor)
-    with filled.locked(), _resumable(filled), computing as pool:
+    with filled.locked(), _resumable(filled), computing as pool, sending as write:
         _fill(filled, solver, pool, write, progress)
     return open_sweep(store)
 
@@ -142,7 +149,7 @@ def sweep_chunks(
     solver = ChunkSolver(leg, Grid.of(leg, postures), kick, tolerance)
     described, chunks = solver.describe(), Chunks.of(solver.grid.shape, solver.chunk)
     for k, solved in enumerate(_solved(solver, threads, progress)):
-        region = dict(zip(solver.grid.axes, chunks.region(k), strict=True))
+        region = dict(zip(solver.grid.dims, chunks.region(k), strict=True))
         yield with_variables(described.isel(region), *solved)
 
 
@@ -196,17 +203,41 @@ def _pickled(path: Path, variables: Sequence[str], solver: ChunkSolver) -> bytes
         raise InvalidInput(f"the sweep cannot be sent to other processes ({error})") from None
 
 
-def _write_sent(sent: bytes, k: int) -> int:
+@contextmanager
+def _put_beside(store: Path, sent: bytes) -> Iterator[Callable[[int], int]]:
+    """Put a sweep into a file beside its store, for workers to read once: their tasks stay small."""
+    digest = hashlib.sha256(sent).hexdigest()
+    file = _file_beside(str(store), digest)
+    with replacing(file) as draft:
+        draft.write_bytes(sent)
+    try:
+        yield partial(_write_sent, str(store), digest)
+    finally:
+        file.unlink(missing_ok=True)
+
+
+def _file_beside(store: str, digest: str) -> Path:
+    return Path(store).with_name(f".{Path(store).name}-{digest[:16]}.sweep")
+
+
+def _write_sent(store: str, digest: str, k: int) -> int:
     """Compute and write a chunk in another process."""
-    return _write_chunk(*_received(sent), k)
+    return _write_chunk(*_received(store, digest), k)
 
 
 @lru_cache(maxsize=1)
-def _received(sent: bytes) -> tuple[SweepStore, ChunkSolver]:
-    """Return store and solver in a process that they were sent to."""
+def _received(folder: str, digest: str) -> tuple[SweepStore, ChunkSolver]:
+    """Return store and solver in a process that sees the file beside the store.
+
+    What a pickle runs is only what was sent: its digest is part of the task.
+    """
+    file = _file_beside(folder, digest)
+    if not Path(folder).is_dir() or not file.exists():
+        raise InvalidInput(f"a worker does not see {folder}")
+    sent = file.read_bytes()
+    if hashlib.sha256(sent).hexdigest() != digest:
+        raise InvalidInput(f"{file} is not the sweep that was sent: run it again")
     path, variables, arguments = pickle.loads(sent)
-    if not path.is_dir():
-        raise InvalidInput(f"a worker does not see {path}")
     solver = ChunkSolver(*arguments)
     store = SweepStore(path, solver.describe(), variables, solver.chunk, resume=True)
     solver.prepare()

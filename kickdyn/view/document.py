@@ -81,14 +81,18 @@ def recording_viewer() -> Any:
     return meshcat.Visualizer(window=Recorder())
 
 
-def draw_label(viewer: Any, text: str, point: Array, colour: str = "") -> None:
+def draw_label(
+    viewer: Any, text: str, point: Array, colour: str = "", *, under_pointer: bool = False
+) -> None:
     """Draw a plain text at a point, shape `(3,)` [m], where no other text is in its place.
 
-    With a colour of CSS, the text stands beside the point in a frame of that colour. `viewer` is
-    the label's node, whose parent's origin is the start of the arrow to that point.
+    With a colour of CSS, the text stands beside the point in a frame of that colour, at all times
+    or only while the pointer is at the arrow to that point. `viewer` is the label's node, whose
+    parent's origin is the start of that arrow.
     """
     viewer.set_transform(tf.translation_matrix(point))
     kind, style = ("label", f' style="border-color: {colour}"') if colour else ("label mark", "")
+    kind += " hover" * under_pointer
     viewer.window.labels.append(
         f'<div class="{kind}" data-node="{viewer.path.lower()}"{style}>{escape(text)}</div>'
     )

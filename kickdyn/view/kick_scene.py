@@ -47,6 +47,9 @@ JOINT_ARROW = 0xF28C00
 LEAST_JOINT_IMPULSE = 0.05
 """Least impulse of a joint that gets an arrow, over the largest impulse of the kick."""
 
+LABELLED_JOINTS = 3
+"""Number of joints, those with the largest impulses, whose arrows have a label at all times."""
+
 RATE = 60
 """Pictures per second; what spins faster than half a turn in one cannot be shown anyway."""
 
@@ -58,12 +61,16 @@ SWING_LENGTH = 0.6
 
 
 class Arrow(NamedTuple):
-    """An impulse that is drawn: its node in the viewer, `(3,)` [m] and [N s], and 0xRRGGBB."""
+    """An impulse that is drawn: its node in the viewer, `(3,)` [m] and [N s], and 0xRRGGBB.
+
+    `name` is plain text: the joint that transmits it, or `ball`.
+    """
 
     node: str
     start: Array
     impulse: Array
     colour: int
+    name: str
 
     @property
     def size(self) -> float:
@@ -153,11 +160,7 @@ def draw_kick(
         marks.draw_tee(viewer["tee"], foot + lift * UP_AXIS, lift, ball.radius)
     width = CURVE_RADIUS * camera.distance(curve)
     marks.draw_curve(viewer["curve"], curve, width, np.cross(forward, UP_AXIS))
-    for arrow in arrows:
-        node, tip = viewer[arrow.node], scale * arrow.impulse
-        marks.draw_arrow(node, tip, arrow.colour)
-        node.set_transform(tf.translation_matrix(arrow.start))
-        draw_label(node["label"], f"{arrow.size:.3g} N s", tip, f"#{arrow.colour:06x}")
+    draw_impulses(viewer, arrows, scale)
     for number, box in enumerate(scenery):
         draw_box(viewer[f"scenery/{number}"], box)
     length = float(np.hypot(*(curve[-1] - foot)[:2]))
@@ -190,15 +193,30 @@ def joint_impulses_in_world(impact: Impact) -> list[tuple[str, Array, Array]]:
 
 def impulse_arrows(impact: Impact, least: float) -> list[Arrow]:
     """Return the ball's arrow, then the arrows of joints above `least` [N s], largest first."""
-    ball = Arrow("arrow", impact.posture.contact_point, impact.impulse, marks.ARROW)
+    ball = Arrow("arrow", impact.posture.contact_point, impact.impulse, marks.ARROW, "ball")
     joints = [
-        Arrow(f"joint_arrows/{number}", start, impulse, JOINT_ARROW)
-        for number, (_, start, impulse) in enumerate(joint_impulses_in_world(impact), start=1)
+        Arrow(f"joint_arrows/{number}", start, impulse, JOINT_ARROW, name)
+        for number, (name, start, impulse) in enumerate(joint_impulses_in_world(impact), start=1)
     ]
     joints = sorted(
         (arrow for arrow in joints if arrow.size > least), key=lambda arrow: -arrow.size
     )
     return [ball, *joints] if ball.size > 0.0 else joints
+
+
+def draw_impulses(viewer: Any, arrows: Sequence[Arrow], scale: float) -> None:
+    """Draw impulses as `impulse_arrows` returns them, to a scale [m/(N s)].
+
+    The ball's and the largest of the joints are labelled, the others under the pointer.
+    """
+    shown = sum(arrow.colour == marks.ARROW for arrow in arrows) + LABELLED_JOINTS
+    for number, arrow in enumerate(arrows):
+        node, tip, is_shown = viewer[arrow.node], scale * arrow.impulse, number < shown
+        marks.draw_arrow(node, tip, arrow.colour)
+        node.set_transform(tf.translation_matrix(arrow.start))
+        text = f"{arrow.size:.3g} N s" if is_shown else f"{arrow.name} {arrow.size:.3g} N s"
+        colour = f"#{arrow.colour:06x}"
+        draw_label(node["label"], text, tip, colour, under_pointer=not is_shown)
 
 
 def kick_pace(impact: Impact, duration: float, backswing: float | None = None) -> Pace:

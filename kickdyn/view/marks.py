@@ -39,7 +39,7 @@ def cylinder_pose(start: Array, end: Array) -> Array:
     return np.asarray(pin.SE3(turn, start + axis / 2).homogeneous)
 
 
-def _level_pose(origin: Array, forward: Array) -> Array:
+def level_pose(origin: Array, forward: Array) -> Array:
     """Return the pose at a point whose x is a horizontal unit vector and whose z is up."""
     axes = np.column_stack([forward, np.cross(UP_AXIS, forward), UP_AXIS])
     return np.asarray(pin.SE3(axes, origin).homogeneous)
@@ -70,7 +70,7 @@ def draw_ground(viewer: Any, centre: Array, forward: Array, stripe: float, reach
     )
     viewer.set_object(lawn, shapes.MeshBasicMaterial(vertexColors=True))
     viewer["shadow"].set_object(lawn, _Shadow(color=0, opacity=0.4, **COPLANAR_OFFSET))
-    viewer.set_transform(_level_pose(centre, forward))
+    viewer.set_transform(level_pose(centre, forward))
 
 
 class _Shadow(shapes.GenericMaterial):  # type: ignore[misc]
@@ -94,7 +94,7 @@ def draw_distances(viewer: Any, start: Array, forward: Array, step: float, lengt
     for k in (0, count, *range(1, count)):
         text = f"{round(k * step, 9):g} m"
         draw_label(viewer[str(k)], text, np.array([k * step, 0.0, 0.0]))
-    viewer.set_transform(_level_pose(start, forward))
+    viewer.set_transform(level_pose(start, forward))
 
 
 def draw_axes(viewer: Any, origin: Array, length: float) -> None:

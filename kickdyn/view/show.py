@@ -20,8 +20,10 @@ from typing import Any
 from kickdyn.core import validation
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course
+from kickdyn.impact.impact_result import Impact
 from kickdyn.view.document import html_document, scene_parts
 from kickdyn.view.page import FRAME_HEIGHT, Page, page
+from kickdyn.view.still_kick import Moves, StillKick
 
 ADDRESS = "127.0.0.1"
 
@@ -42,6 +44,9 @@ class View:
         self._changed = threading.Condition()
         self._page: Page | None = None
         self._version = self._camera_version = 0  # of the scene, and of the one that set the camera
+        self._still: StillKick | None = None
+        self._moves: Moves | None = None  # from the scene to what is shown
+        self._moves_version = 0
         self._open = True
         view = self
 
@@ -91,10 +96,21 @@ class View:
     ) -> None:
         """Show another subject from where the camera is; the arguments are those of `page`.
 
+        In a still view, another impact of the same leg moves the parts of the scene, within some
+        milliseconds.
+
         Raises:
             InvalidInput: as of `page`.
         """
-        self._put(page(subject, path, caption=caption), keeps_camera=True)
+        still = self._still
+        if still is None or not isinstance(subject, Impact) or subject.posture.leg is not still.leg:
+            self._put(page(subject, path, caption=caption), keeps_camera=True)
+            return
+        moves = still.moves(subject, path, caption)
+        with self._changed:
+            self._moves = moves
+            self._moves_version += 1
+            self._changed.notify_all()
 
     def close(self) -> None:
         """Stop the server; a second time does nothing. It also ends with the process."""
@@ -107,9 +123,9 @@ class View:
         self._server.shutdown()
         self._server.server_close()
 
-    def _put(self, shown: Page, *, keeps_camera: bool) -> None:
+    def _put(self, shown: Page, *, keeps_camera: bool, still: StillKick | None = None) -> None:
         with self._changed:
-            self._page = shown
+            self._page, self._still, self._moves = shown, still, None
             self._version += 1
             if not keeps_camera:
                 self._camera_version = self._version
@@ -118,16 +134,20 @@ class View:
     def _messages(self) -> Iterator[str]:
         """Yield what a browser gets, from the present scene on until the view is closed."""
         numbers: dict[bytes, int] = {}  # of the commands that the browser has
-        version = 0
+        version = moves_version = 0
         while self._open:
             with self._changed:
-                if self._version == version:
+                if (self._version, self._moves_version) == (version, moves_version):
                     self._changed.wait(BEAT)
                 shown, keeps_camera = self._page, version >= self._camera_version
                 is_news, version = self._version > version, self._version
+                moves = self._moves if is_news or self._moves_version > moves_version else None
+                if not is_news:
+                    moves_version = self._moves_version
             if not is_news or shown is None:
-                yield ": still here\n\n"
+                yield ": still here\n\n" if moves is None else _moves_message(moves)
                 continue
+            moves_version = -1 if moves else self._moves_version  # next, what the scene lacks
             first_number = 1 + max(numbers.values(), default=-1)
             parts = scene_parts(shown.scenes, list(shown.pages), numbers, first_number)
             numbers = parts.numbers
@@ -156,6 +176,17 @@ class View:
         )
 
 
+def _moves_message(moves: Moves) -> str:
+    """Return what moves the parts of a scene in a browser."""
+    labels = f'<div class="labels scene" data-scene="0">\n{moves.labels}\n</div>'
+    update = {
+        "moves": [base64.b64encode(packed).decode() for packed in moves.commands],
+        "labels": labels,
+        "caption": f'<section class="scene" data-scene="0">\n{moves.panel}</section>',
+    }
+    return f"data: {json.dumps(update)}\n\n"
+
+
 _view: View | None = None
 """The view of this process."""
 
@@ -166,6 +197,7 @@ def show(
     *,
     caption: str = "",
     browser: bool | None = None,
+    still: bool = False,
 ) -> View:
     """Show a leg, a posture, an impact, a plan, a motion or flights in a live 3-D view.
 
@@ -179,6 +211,8 @@ def show(
         path: path of the ball after an `Impact`; with None the ball flies through `Air()`.
         caption: line of plain text above the numbers.
         browser: whether to open a tab; with None, where there is no view yet, outside of Jupyter.
+        still: whether an `Impact` is shown at its instant, with the impulses that take the same
+            energy from the leg as an ellipsoid. `View.update` then moves its parts at once.
 
     Returns:
         The view.
@@ -188,11 +222,16 @@ def show(
     """
     global _view
     validation.check_type(bool, type(None), browser=browser)
-    made_page = page(subject, path, caption=caption)
+    validation.check_type(bool, still=still)
+    made_still = None
+    if still:
+        validation.check_type(Impact, subject=subject)
+        made_still = StillKick(subject, path, caption)
+    made_page = made_still.page if made_still else page(subject, path, caption=caption)
     is_new = _view is None or not _view.is_open
     if _view is None or is_new:
         _view = View()
-    _view._put(made_page, keeps_camera=False)
+    _view._put(made_page, keeps_camera=False, still=made_still)
     if browser or (browser is None and is_new and "ipykernel" not in sys.modules):
         webbrowser.open(_view.url)
     return _view

@@ -94,6 +94,8 @@ NUMBERS = {
 def test_every_number_of_the_document_is_that_of_the_simulation(name):
     ended = CliRunner().invoke(simulate, [name, "--json", "-"])
     document, answer = json.loads(ended.stdout), kd.simulate(kd.load_scene(name))
+    times = [effect.pop("seconds") for effect in document["effects"]]
+    assert min(document.pop("seconds"), *times) > 0.0
     assert document == {key: number(answer) for key, number in NUMBERS.items()}
 
 

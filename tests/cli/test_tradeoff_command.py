@@ -51,6 +51,7 @@ def test_every_number_of_a_scene_is_that_of_the_measurement():
     assert document["end"] == exact.end.position.tolist()
     assert document["impulse"] == exact.impact.impulse.tolist()
     assert (document["scene"], document["status"]) == ("volley", "landed")
+    assert min(effect.pop("seconds") for effect in document["effects"]) > 0.0
     assert document["effects"] == [
         {"effect": size.effect, "end": size.end, "impulse": size.impulse, "why_not": ""}
         for size in sizes
@@ -78,7 +79,7 @@ def test_the_command_writes_json_only_where_asked():
     ended = CliRunner().invoke(tradeoff, ["--scene", path, "--json", "-"])
     document = json.loads(ended.stdout)
     assert document["units"] == {"end": "m", "impulse": "N s"}
-    assert {"effect", "end", "impulse", "why_not"} == set(document["effects"][0])
+    assert {"effect", "end", "impulse", "why_not", "seconds"} == set(document["effects"][0])
 
 
 def test_the_command_names_every_fault_of_a_scene(tmp_path):

@@ -1,20 +1,22 @@
 """Errors of the launch are less than what is said of them, and so is what they do at the end."""
 
 import math
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from random_scenes import random_scene
+from random_scenes import random_scene, wide_scene
 
 import kickdyn as kd
 from kickdyn.scene.launch_and_end import (
     COLLIDE_SAFETY,
-    EndSlopes,
+    END_SAFETY,
     LaunchError,
     collide_scene,
     collision_error,
     contact_time_error,
+    end_error,
     end_of,
     end_slopes,
     fly_scene,
@@ -135,18 +137,20 @@ def test_slopes_are_those_of_central_differences(parts):
 def test_a_ball_that_leaves_at_rest_and_one_that_stays_aloft_have_no_slopes():
     still = kd.BallState((0, 0, 1))
     scene = scene_of(ground=kd.Ground(0.0))
-    assert end_slopes(scene, fly_scene(scene, still)).distance(LaunchError(1, 0, 0)) == math.inf
+    assert (end_slopes(scene, fly_scene(scene, still)).velocity == math.inf).all()
     deep = scene_of(ground=kd.Ground(-1e7))
     path = fly_scene(deep, LAUNCH)
     assert path.status == "aloft"
-    assert end_slopes(deep, path).distance(LaunchError(1, 0, 0)) == math.inf
+    assert (end_slopes(deep, path).velocity == math.inf).all()
+    assert end_error(deep, path, LaunchError(1, 0, 0)) == math.inf
 
 
 def test_a_path_that_ends_at_once_does_not_depend_on_its_launch():
     scene = scene_of(air=WIND)
     path = fly_scene(scene, kd.BallState((0, 0, 1), (5, 0, -2)))
     assert path.duration == 0.0
-    assert end_slopes(scene, path).distance(LaunchError(1.0, 10.0, 0.05)) == 0.05
+    assert not end_slopes(scene, path).velocity.any()
+    assert end_error(scene, path, LaunchError(1.0, 10.0, 0.05)) == 0.05
 
 
 @pytest.mark.parametrize("surface", [None, "turf"])
@@ -166,10 +170,43 @@ def test_the_error_of_a_path_that_ends_otherwise_when_computed_finer_is_unknown(
     assert path_error(scene, path) == math.inf
 
 
-def test_the_distance_of_an_error_is_that_of_the_formula():
-    slopes = EndSlopes(np.diag([2.0, 1.0, 0.5]), np.diag([0.0, 0.3, 0.1]))
-    assert slopes.distance(LaunchError(0.1, 2.0, 0.05)) == pytest.approx(0.2 + 0.6 + 0.05)
-    assert slopes.distance(LaunchError(math.inf, 0.0, 0.0)) == math.inf
+def test_the_error_of_an_end_covers_paths_from_launches_beside_it():
+    rng, shares = np.random.default_rng(8), []
+    while len(shares) < 100:
+        scene = wide_scene(rng)
+        with suppress(kd.KickdynError):
+            launch = strike_scene(scene).ball_after
+            speed = float(launch.speed)
+            error = LaunchError(1e-3 * speed, 1e-3 * speed / scene.ball.radius, 1e-4)
+            path, directions = fly_scene(scene, launch), rng.normal(size=(3, 3))
+            if path.duration == 0.0:
+                continue
+            offset, change, turn = directions / np.linalg.norm(directions, axis=1)[:, None]
+            other = kd.BallState(
+                launch.position + error.position * offset,
+                launch.velocity + error.velocity * change,
+                launch.spin + error.spin * turn,
+            )
+            moved = size(end_of(fly_scene(scene, other)).position - end_of(path).position)
+            shares.append(moved / end_error(scene, path, error))
+    assert max(shares) <= 1.0
+    assert np.quantile(shares, 0.8) > 0.3
+
+
+def test_in_a_vacuum_the_error_of_an_end_is_that_of_the_closed_form():
+    scene = scene_of(ground=kd.Ground(1.0 - kd.Ball().radius))
+    path, change = fly_scene(scene, LAUNCH), 1e-6
+    arrival = path.landing.velocity
+    worst = np.array([0, 0, 1.0]) - arrival[2] * arrival / (arrival @ arrival)
+    other = replace(LAUNCH, velocity=LAUNCH.velocity + change * worst / size(worst))
+    moved = size(end_of(fly_scene(scene, other)).position - path.landing.position)
+    assert end_error(scene, path, LaunchError(change, 0, 0)) == pytest.approx(
+        END_SAFETY * moved, rel=1e-5
+    )
+    assert end_error(scene, path, LaunchError(math.inf, 0.0, 0.0)) == math.inf
+
+
+def test_the_error_of_a_collision_is_relative_to_its_launch():
     launch = kd.BallState((0, 0, 0), (3, 0, 4), (0, 0, 6))
     error = collision_error(scene_of(ball=kd.Ball(radius=0.5)), launch, 1e-4)
     assert error == pytest.approx((20e-4 * 5, 20e-4 * 10, 20e-4 * 0.5), rel=1e-12)

@@ -23,12 +23,16 @@ class Browser:
         self.stream = urllib.request.urlopen(f"{view.url}events", timeout=20)
         self.commands = {}
 
-    def next_update(self):
-        """Return the next update, with the commands of its scenes."""
+    def next_moves(self):
+        """Return the next message."""
         line = b""
         while not line.startswith(b"data: "):
             line = self.stream.readline()
-        update = json.loads(line.removeprefix(b"data: "))
+        return json.loads(line.removeprefix(b"data: "))
+
+    def next_update(self):
+        """Return the next update, with the commands of its scenes."""
+        update = self.next_moves()
         self.new = update["commands"]
         for number, text in self.new:
             self.commands[number] = umsgpack.unpackb(base64.b64decode(text))
@@ -134,3 +138,24 @@ def test_a_posture_has_its_angles_and_contact_point():
     assert f"{x:.3f}, {y:.3f}, {z:.3f} m" in panel
     assert "at the impact" in panel
     assert "<td>0°</td>" in kd.page(leg).panel
+
+
+def test_a_still_kick_moves_in_the_browser(kick, view):
+    impact, _, path = kick
+    assert kd.show(impact, path, still=True) is view
+    browser = Browser(view)
+    browser.next_update()
+    other = kd.strike(impact.posture, 0.5 * impact.v_before, impact.ball, impact.contact)
+    view.update(other)
+    moved = browser.next_moves()
+    assert f">{np.linalg.norm(other.impulse):.3g} N s<" in moved["labels"]
+    paths = {umsgpack.unpackb(base64.b64decode(each))["path"] for each in moved["moves"]}
+    assert {"/meshcat/leg/1", "/meshcat/ball", "/meshcat/ellipsoid", "/meshcat/ground"} <= paths
+    latecomer = Browser(view)
+    latecomer.next_update()
+    assert latecomer.next_moves() == moved
+    view.update(other.posture)  # another kind of subject is a new scene
+    update, _ = browser.next_update()
+    assert update["keeps_camera"]
+    with pytest.raises(kd.InvalidInput, match=r"subject .* must be"):
+        kd.show(impact.posture, still=True)

@@ -136,6 +136,7 @@ class LegMotion(ReprMixin):
         q, v, covariance = self._smoothed(window, GROWTH).state(moment)
         return ContactMotion(self.leg.posture(q), read_only(v), read_only(covariance))
 
+    @validation.check_arguments
     def plot(self, joints: Sequence[str] | None = None) -> Any:
         """Return a matplotlib Figure of joint angles and speeds, one journal column wide.
 

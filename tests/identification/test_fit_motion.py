@@ -203,7 +203,7 @@ def test_plot():
     knee = np.degrees(motion.q(last)[KNEE + 1])  # behind a quaternion
     assert before.get_ydata()[-1] == pytest.approx(knee)
     assert speeds.get_ylim()[0] < -16
-    with pytest.raises(kd.InvalidInput, match="joints is .*'hand'.*: it must name some of hip"):
+    with pytest.raises(kd.InvalidInput, match=r"joints is .*'hand'.*: it must name some of hip"):
         motion.plot(["hand"])
 
 

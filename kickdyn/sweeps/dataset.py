@@ -61,9 +61,10 @@ _DIFFERENT_HASH = {
 def describe(leg: Leg, grid: Grid, kick: Kick, carry_tolerance: float) -> xr.Dataset:
     """Return the dataset of a sweep without its variables: coordinates and provenance.
 
-    It has a coordinate per joint [rad; m], of a list along `posture`, and, of angles, the same in degrees under the name
-    `JOINT_deg`. Attributes follow the CF conventions; `finished` is 0. `carry_tolerance` is the
-    largest error of carries that are interpolated [m], 0 where every ball is flown. Raises
+    It has a coordinate per joint [rad; m], of a list along `posture`, and, of angles, the same in
+    degrees under the name `JOINT_deg`. Attributes follow the CF conventions; `finished` is 0.
+    `carry_tolerance` is the largest error of carries that are interpolated [m], 0 where every ball
+    is flown. Raises
     `InvalidInput` where a joint and a variable have the same name.
     """
     attributes = {"Conventions": "CF-1.11", **provenance(leg, kick)}

@@ -93,9 +93,10 @@ def sweep(
             call.
 
     Returns:
-        A dataset with one dimension per joint, or `posture` with `samples`, the variables of `dataset.VARIABLES` and `status`, a
-        `PostureStatus` by its flag. Units, provenance and warnings are in the attributes. Variables
-        are nan where the posture is out of reach or the loops cannot be closed. With
+        A dataset with one dimension per joint, or `posture` with `samples`, the variables of
+        `dataset.VARIABLES` and `status`, a `PostureStatus` by its flag. Units, provenance and
+        warnings are in the attributes. Variables are nan where the posture is out of reach or the
+        loops cannot be closed. With
         `store`, the dataset is the opened store, whose variables have 7 digits (float32).
 
     Raises:
@@ -205,7 +206,7 @@ def _pickled(path: Path, variables: Sequence[str], solver: ChunkSolver) -> bytes
 
 @contextmanager
 def _put_beside(store: Path, sent: bytes) -> Iterator[Callable[[int], int]]:
-    """Put a sweep into a file beside its store, for workers to read once: their tasks stay small."""
+    """Put a sweep into a file beside its store, which workers read once: tasks stay small."""
     digest = hashlib.sha256(sent).hexdigest()
     file = _file_beside(str(store), digest)
     with replacing(file) as draft:

@@ -81,6 +81,7 @@ class KickTask:
         facing: rows a of the cone of normals with which the foot can meet a ball, shape `(k, 3)`
             [frame of the contact joint].
         standing: the robot on its foot; None on a fixed base.
+        muscles: whether the torque limits fall with speed, as those of muscles.
     """
 
     robot: Leg
@@ -91,6 +92,7 @@ class KickTask:
     ball_centre: Array
     facing: Array
     standing: StandingRobot | None
+    muscles: bool = False
 
     @property
     def speed_limit(self) -> Array:

@@ -35,7 +35,13 @@ from kickdyn.planning.interception import (
     waits_in_reach,
 )
 from kickdyn.planning.kick_plan import KickPlan
-from kickdyn.planning.kick_problem import KickProblem, best_from, kick_problem, solve_kick
+from kickdyn.planning.kick_problem import (
+    MUSCLES,
+    KickProblem,
+    best_from,
+    kick_problem,
+    solve_kick,
+)
 from kickdyn.planning.kick_terms import (
     BallPosition,
     Facing,
@@ -47,6 +53,7 @@ from kickdyn.planning.kick_terms import (
     place_exactly,
 )
 from kickdyn.planning.launch import Launch, OutOfReach, fly_to_target, plan_launch
+from kickdyn.planning.muscle_limit import MuscleTorqueLimit
 from kickdyn.planning.objectives import OBJECTIVES, KickObjective
 from kickdyn.planning.passes import Pass, plan_pass
 from kickdyn.planning.stance import Balance
@@ -70,7 +77,7 @@ def plan_kick(
     contact: Contact | None = None,
     ball_position: ArrayLike | None = None,
     incoming: BallState | IncomingBall | None = None,
-    limits: bool = True,
+    limits: bool | str = True,
     surface: str | Surface | None = None,
     motion: bool = False,
     solver: str = "slsqp",
@@ -107,7 +114,10 @@ def plan_kick(
             position. See below.
         limits: whether limits of speed and torque hold; those of the joints' range always do. An
             infinite one always holds, its use is 0, and `joint-speed` counts it as 100 rad/s; one
-            of 0 is refused, or none with `limits=False`.
+            of 0 is refused, or none with `limits=False`. With `limits="muscles"`, the largest
+            torque falls with the speed at which the joint turns in its direction, as that of
+            muscles (Hill 1938), to 0 at the speed limit: :math:`(1 - u) / (1 + 4 u)` of the limit
+            at the share u of the speed limit.
         surface: surface of the ground, for a ball that is played along the ground as by
             `plan_pass`; the goal is then a time and a target at the height of the ball.
         motion: whether to plan the whole motion: from rest to the impact, and to rest again. It
@@ -158,7 +168,11 @@ def plan_kick(
             f"{leg.name} has stiff joints ({', '.join(leg.stiff_joints)}): kicks are planned for "
             "legs whose joints are free (Leg.with_stiff_joints() without names frees them)"
         )
-    objective = _checked_objective(objective, limits=limits, motion=motion)
+    if limits not in (True, False, MUSCLES):
+        raise InvalidInput(
+            f"limits is {validation.brief(limits)}: it must be True, False or {MUSCLES!r}"
+        )
+    objective = _checked_objective(objective, limits=bool(limits), motion=motion)
     contact, position = _checked_contact(contact), _checked_ball_position(ball_position)
     if is_floating(leg):
         position = _lying_on_ground(position, ball)
@@ -213,7 +227,7 @@ class _Settings:
     air: Air | None
     contact: Contact
     objective: KickObjective
-    limits: bool
+    limits: bool | str
     surface: str | Surface | None
     solver: str
 
@@ -408,13 +422,15 @@ def _outcome(problem: KickProblem, point: KickPoint, objective: Objective) -> _C
     """Return the state at the impact of a solution."""
     q, v = problem.on_robot(point)
     balance = problem.find(Balance)
+    torque = problem.find(TorqueLimit) or TorqueLimit(problem.variables)
     outcome = {
         "share": point.share,
         "value": objective.quantity(point),
         "speed_use": float(SpeedLimit(problem.variables).use(point).max()),
-        "torque_use": float(TorqueLimit(problem.variables).use(point).max()),
+        "torque_use": float(torque.use(point).max()),
         "binding": tuple(name for term in problem.terms for name in term.binding(point)),
         "balance": None if balance is None else balance.distance(point.posture),
+        "muscles": isinstance(torque, MuscleTorqueLimit),
     }
     return problem.robot.posture(q), v, outcome
 
@@ -441,7 +457,8 @@ def replan_motion(plan: KickPlan, velocity: ArrayLike) -> KickPlan:
         position = ball.radius if is_floating(leg) else plan.impact.ball_before.position
     with threadpool_limits(1, "blas"):
         target = impact_target_for(wished, after.spin, ball, contact)
-        problem = kick_problem(leg, target, position)
+        limits = MUSCLES if plan.muscles else True
+        problem = kick_problem(leg, target, position, limits=limits)
         posture, v, outcome = _plan_motion(problem, plan.motion)
         impact = strike(posture, v, ball, target.contact)
         flight, surface = plan.path, None
@@ -490,6 +507,7 @@ def _plan_motion(problem: KickProblem, near: Motion | None = None) -> _Chosen:
         np.zeros(3) if ball is None else ball.centre,
         none if facing is None else facing.axes,
         standing,
+        problem.find(MuscleTorqueLimit) is not None,
     )
     planned = plan_motion(task, near)
     posture = problem.robot.posture(planned.motion.q(0.0))
@@ -501,6 +519,7 @@ def _plan_motion(problem: KickProblem, near: Motion | None = None) -> _Chosen:
         "binding": planned.binding,
         "balance": None if standing is None else Balance(standing).distance(posture),
         "motion": planned.motion,
+        "muscles": task.muscles,
     }
     return posture, planned.motion.v(0.0), outcome
 

@@ -30,6 +30,7 @@ from kickdyn.scene.simulate import Simulation, simulate_as_instant
 from kickdyn.view.caption import kick_panel
 from kickdyn.view.comparison import draw_flights
 from kickdyn.view.document import DrawnScene, html_document, recording_viewer, save_picture
+from kickdyn.view.gltf import to_glb
 from kickdyn.view.kick_scene import Pace, draw_kick
 from kickdyn.view.leg_scene import draw_motion, draw_posture
 from kickdyn.view.wall_and_goal import Box, plane_boxes, wall_boxes
@@ -77,7 +78,10 @@ class Page:
         ]
 
     def save(self, file: str | PathLike[str], at: float = 0.0) -> None:
-        """Write the page, or a picture of it where the name ends in `.png`.
+        """Write the page, a picture of it (`.png`), or its scene as binary glTF (`.glb`).
+
+        A glTF file is for slides, Blender and viewers of 3-D models. It has the meshes of the first
+        scene in metres at the impact, y up as glTF has it, without labels and animation.
 
         Args:
             file: it is replaced as a whole, or not at all.
@@ -95,12 +99,17 @@ class Page:
         if is_picture:
             save_picture(self.html, file, at)
             return
+        if Path(file).suffix.lower() == ".glb":
+            content = to_glb(self.viewer.window)
+            with replacing(file) as draft:
+                draft.write_bytes(content)
+            return
         with replacing(file) as draft:
             draft.write_text(self.html, encoding="utf-8")
 
     def __repr__(self) -> str:
         """Return the title, for where HTML cannot be shown."""
-        return f"<Page {self.title!r}: save it as .html, or as .png>"
+        return f"<Page {self.title!r}: save it as .html, .png or .glb>"
 
     def _repr_html_(self) -> str:
         return (

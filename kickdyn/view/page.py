@@ -13,6 +13,7 @@ import numpy as np
 from kickdyn.air import Air
 from kickdyn.core import validation
 from kickdyn.core.files import replacing
+from kickdyn.core.representation import distance_in_words
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.flight_result import Flight
@@ -223,7 +224,7 @@ def _kick_of_simulation(simulation: Simulation, caption: str) -> _Kick:
     caption = caption or scene.name
     if simulation.neglected:
         moved = simulation.model_error
-        distance = f"{moved:.2g} m" if math.isfinite(moved) else "an unknown distance"
+        distance = distance_in_words(moved) if math.isfinite(moved) else "an unknown distance"
         caption += f", contact shown as instantaneous; this moves the end of the path by {distance}"
     kick = _Kick(impact, path, ". ".join(filter(None, [caption, simulation.pitch_text])))
     if scene.plane is None:

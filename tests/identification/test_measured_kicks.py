@@ -1,4 +1,4 @@
-"""The C3D files of the guide and the notebook: what the script makes, with the truth beside them."""
+"""The C3D files of the guide and the notebook are what their script makes, with the truth."""
 
 import re
 from pathlib import Path

@@ -439,7 +439,14 @@ class CompliantContact:
 
     def energy(self, y: Array, largest: float) -> float:
         """Return kinetic and potential energy of leg, ball and spring [J]."""
-        state, ball = self.state(y), self.ball
+        state = self.state(y)
+        contact = self.kinematics(state)
+        travel, rate = self.ball.radius - contact.height, -contact.relative[2]
+        return self.energy_of(state) + self.force_model.energy(travel, rate, largest)
+
+    def energy_of(self, state: State) -> float:
+        """Return kinetic and potential energy of leg and ball [J]."""
+        ball = self.ball
         # Not computeKineticEnergy, which omits the rotor of the first joint.
         inertia = pin.crba(self.model, self.data, state.q)
         leg = 0.5 * float(state.v @ inertia @ state.v)
@@ -448,9 +455,7 @@ class CompliantContact:
         turning = ball.inertia if ball.inertia < math.inf else 0.0  # nothing turns a particle
         moving = 0.5 * float(ball.mass * speed @ speed + turning * spin @ spin)
         height = -ball.mass * float(self.gravity @ state.moved)
-        contact = self.kinematics(state)
-        travel, rate = ball.radius - contact.height, -contact.relative[2]
-        return leg + moving + height + self.force_model.energy(travel, rate, largest)
+        return leg + moving + height
 
 
 class ContactMotion(NamedTuple):

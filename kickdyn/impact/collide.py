@@ -380,7 +380,7 @@ def collide(
 
 
 def with_drives(approach: Approach, torque: Array | Torque) -> Array | Torque:
-    r"""Return joint torques with those of the drives, of stiffness k and friction f.
+    r"""Return joint torques with the drives', of stiffness k and friction f.
 
     A drive adds :math:`k (q_0 + v_0 t - q) - f v / \sqrt{v^2 + c^2}`: position control whose
     reference moves on with the velocity before the impact, and Coulomb's friction, made smooth over
@@ -483,7 +483,7 @@ def _checked_patch(
 def takes_inflated_force(
     contact: Contact, contact_time: float | None, stiffness: float | str | None
 ) -> bool:
-    """Return whether the force is that of an inflated ball; raise where its e is another one."""
+    """Return whether the force is of an inflated ball; raise where its e is another one."""
     is_inflated = contact.restitution == "inflated"
     if stiffness == "inflated" and not is_inflated:
         raise InvalidInput(

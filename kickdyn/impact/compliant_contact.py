@@ -196,7 +196,7 @@ class CompliantContact:
         return State(q, y[nv : 2 * nv], ball[:3], ball[3:9].reshape(2, 3), lost, work)
 
     def kinematics(self, state: State) -> Kinematics:
-        """Return the kinematics of the contact; it runs those of the leg."""
+        """Return the kinematics of the contact; it runs the leg's."""
         joint, space, fixed = self.leg.contact_joint, self._space, self._axes
         pin.forwardKinematics(self.model, space.data, state.q, state.v, space.zero_velocity)
         placement = space.placements[joint]
@@ -346,7 +346,7 @@ class CompliantContact:
     ) -> tuple[float, float, float, float]:
         r"""Return normal force and friction on the ball [N], and what falls to 0 as `_friction`.
 
-        The force p is that of the law, and the inertia of the mass c that the foot carries:
+        The force p follows from the law, and the inertia of the mass c that the foot carries:
         :math:`p = p_0 + c\,(a_f - g_n)`, with :math:`p / m + g_n - a_f = \ddot h`. It is linear
         in p where points slide or stick, so that the secant through two values meets it.
         """

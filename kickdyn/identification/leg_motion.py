@@ -11,9 +11,14 @@ import pinocchio as pin
 
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, warned
-from kickdyn.core.validation import Array, read_only
+from kickdyn.core.validation import Array, ArrayLike, read_only
 from kickdyn.errors import InvalidInput
-from kickdyn.identification.smoothing_spline import GROWTH, GROWTH_TIME, SmoothingSpline
+from kickdyn.identification.smoothing_spline import (
+    BASE_GROWTH,
+    GROWTH,
+    GROWTH_TIME,
+    SmoothingSpline,
+)
 from kickdyn.robot.leg import Leg, Posture
 from kickdyn.robot.surgery import has_floating_base
 
@@ -133,7 +138,7 @@ class LegMotion(ReprMixin):
                 f"{3.0 * interval:.3g} s before it; frames are from {self.times[0]:g} to "
                 f"{self.times[-1]:g} s, markers with gaps: {unseen}"
             )
-        q, v, covariance = self._smoothed(window, GROWTH).state(moment)
+        q, v, covariance = self._smoothed(window, self._growth).state(moment)
         return ContactMotion(self.leg.posture(q), read_only(v), read_only(covariance))
 
     @validation.check_arguments
@@ -178,7 +183,16 @@ class LegMotion(ReprMixin):
             "up='y'",
         )
 
-    def _smoothed(self, chosen: Any, growth: float) -> SmoothingSpline:
+    @property
+    def _growth(self) -> Array:
+        """Rates at which the variance of the prior grows towards an impact, `(nv,)` [1/s]."""
+        model = self.leg.workspace.model
+        growth = np.full(model.nv, GROWTH)
+        if has_floating_base(model):
+            growth[:6] = BASE_GROWTH
+        return growth
+
+    def _smoothed(self, chosen: Any, growth: ArrayLike) -> SmoothingSpline:
         arrays = (self.times[chosen], self.configurations[chosen], self.information[chosen])
         return SmoothingSpline(self.leg.workspace.model, *arrays, growth)
 
@@ -187,7 +201,7 @@ class LegMotion(ReprMixin):
         """Splines of the frames before and after the contact, those with enough frames."""
         contact = math.inf if self.contact is None else self.contact
         sides = (
-            (self.times < contact, 0.0 if self.contact is None else GROWTH),
+            (self.times < contact, 0.0 if self.contact is None else self._growth),
             (self.times >= contact, 0.0),
         )
         return [self._smoothed(*side) for side in sides if side[0].sum() >= LEAST_FRAMES]

@@ -126,16 +126,12 @@ class MuscleTorqueLimit(TorqueLimit):
         self._speed_limit = speed_limit
 
     def margins(self, sample: Sample) -> Any:
-        return ca.fmin(*self._distances(sample))
-
-    def rows(self, sample: Sample) -> tuple[Any, float, float]:
-        return ca.vertcat(*self._distances(sample)), self.reserve, math.inf
-
-    def _distances(self, sample: Sample) -> tuple[Any, Any]:
-        """Return the distances from the limits in the positive and the negative direction."""
         torque, speed = sample.torque / ca.DM(self._limit), sample.tree.v / ca.DM(self._speed_limit)
         positive, negative = (muscle_share(ca.fmax(x, 0.0)) for x in (speed, -speed))
-        return positive - torque, negative + torque
+        return ca.fmin(positive - torque, negative + torque)
+
+    def rows(self, sample: Sample) -> tuple[Any, float, float]:
+        return self.margins(sample), self.reserve, math.inf
 
 
 class SpeedLimit(Limit):

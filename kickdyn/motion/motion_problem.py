@@ -271,7 +271,7 @@ class MotionProblem:
         given = ca.vertcat(ca.DM(scale) * forces, ca.SX(6, 1))
         sample = Sample(tree, given[: self.n], given[self.n : self.n + 6], weight)
         of_splines = (TorqueLimit, SpeedLimit, RangeLimit)  # and bounds of unknowns
-        on_path = [limit for limit in limits if not isinstance(limit, of_splines)]
+        on_path = [limit for limit in limits if type(limit) not in of_splines]
         self._on_path = [(label, limit.unit) for limit in on_path for label in limit.labels]
         rows = [limit.rows(sample) for limit in on_path]
         rows.append((forces - needed, 0.0, 0.0))

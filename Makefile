@@ -59,11 +59,12 @@ test-all: package
 	set -e; for version in $(PYTHONS); do \
 		$(MAKE) test PYTHON=python$$version VENV=.venv-$$version; done
 
-## package: wheel and sdist in dist/, each installed into an empty environment and run from elsewhere
+## package: wheel and sdist in dist/, their metadata checked, each installed into an empty environment and run
 package: $(VENV)/.dev
 	@echo "This takes about two minutes, most of it to install kickdyn twice."
 	rm -rf dist build/package
 	$(BIN)/hatchling build
+	$(BIN)/twine check --strict dist/*
 	set -e; for built in dist/*.whl dist/*.tar.gz; do \
 		$(PYTHON) -m venv --clear build/package; \
 		build/package/bin/python -m pip --disable-pip-version-check install --quiet --constraint constraints.txt $$built; \

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from kickdyn.core.files import shipped
 from kickdyn.ground import SURFACES
+from kickdyn.restitution import format_restitution
 from kickdyn.scene.scene_tables import TABLES, Table, quoted
 from kickdyn.sweeps.dataset import VARIABLES
 
@@ -80,7 +81,7 @@ def surfaces() -> str:
     rows = (
         [
             f"`{name}`",
-            f"{surface.restitution:g}",
+            format_restitution(surface.restitution),
             f"{surface.friction:g}",
             f"{surface.rolling_deceleration:g}",
             surface.source,

@@ -77,6 +77,7 @@ from .scene.simulate import simulate as simulate
 from .scene.simulate_many import Simulations as Simulations
 from .scene.simulate_many import simulate_many as simulate_many
 from .scene.toml_reader import load_scene as load_scene
+from .simulators.disturbance import KickNoise as KickNoise
 from .simulators.refine_kick import refine_kick as refine_kick
 from .simulators.run_in_mujoco import MujocoRun as MujocoRun
 from .simulators.run_in_mujoco import run_in_mujoco as run_in_mujoco

@@ -62,7 +62,7 @@ class Air(ValueEquality, ReprMixin):
         torque: coefficient of the torque that brakes the spin: name of a model in
             `kickdyn.aerodynamics.spin_decay.MODELS`, a number or a function as for `drag`. None
             means that the spin does not decay.
-        buoyancy: whether the weight of the displaced air is subtracted from that of the ball; it is
+        buoyancy: whether the weight of the displaced air is subtracted from the ball's; it is
             1.6 % of a soccer ball.
 
     Raises:
@@ -133,7 +133,7 @@ class Air(ValueEquality, ReprMixin):
     ) -> "Air":
         """Return the air of the paper's Table 3: 1.220 kg/m3, 1.8e-5 Pa s, no wind.
 
-        The paper prints no coefficients; those of a Brazuca in the wind tunnel stand in. It has
+        The paper prints no coefficients; a Brazuca's in the wind tunnel stand in. It has
         neither buoyancy nor decay of spin.
         """
         return cls(
@@ -148,7 +148,7 @@ class Air(ValueEquality, ReprMixin):
         pressure: float | None = None,
         **options: Any,
     ) -> "Air":
-        """Return dry air at an altitude; values left out are those of the standard atmosphere.
+        """Return dry air at an altitude; values left out are from the standard atmosphere.
 
         Args:
             altitude: altitude above sea level [m], -1000 to 11000.

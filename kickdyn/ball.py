@@ -38,6 +38,9 @@ class Ball(ReprMixin):
             makes a particle: it has a size in the air and at the contact, but nothing turns it.
         pressure: gauge pressure, of the air inside above that outside [Pa], 2e3 to 1e6; None, the
             default, if it is unknown. Law 2 allows 0.6 to 1.1 atmospheres, about 60e3 to 110e3 Pa.
+        shell_share: share of the mass in the shell, 0 to 1, which comes to rest where a foot
+            flattens an inflated ball; the rest moves with the centre. The default 1 neglects the
+            mass of the air inside, some 3 %.
 
     Raises:
         InvalidInput: a value outside its range.
@@ -47,6 +50,7 @@ class Ball(ReprMixin):
     radius: float = 0.69 / (2 * math.pi)
     inertia_factor: float = 2.0 / 3.0
     pressure: float | None = None
+    shell_share: float = 1.0
 
     def __post_init__(self) -> None:
         checked = self.__dict__
@@ -60,6 +64,10 @@ class Ball(ReprMixin):
                 "ball pressure", self.pressure, at_least=low, at_most=high,
                 unit="Pa above the air outside; 0.8 bar, or 80 kPa, is 80e3 Pa",
             )  # fmt: skip
+        checked["shell_share"] = validation.number(
+            "shell share", self.shell_share, at_least=0, at_most=1,
+            unit="of the mass of the ball, than which no shell is heavier",
+        )  # fmt: skip
         if isinstance(self.inertia_factor, float) and self.inertia_factor == math.inf:
             return
         factor = validation.number(
@@ -90,7 +98,7 @@ class Ball(ReprMixin):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """A line if mass or radius are those of no ball, but perhaps of one in other units."""
+        """A line if mass or radius fit no ball, but perhaps one in other units."""
         if LARGEST_MASS <= self.mass < math.inf or self.radius >= LARGEST_RADIUS:
             return (
                 f"the ball has {self.mass:g} kg and a radius of {self.radius:g} m: a soccer ball "

@@ -30,7 +30,7 @@ class Contact(ValueEquality, ReprMixin):
             Table 2 needs. It may also depend on the speed of approach along the normal: as a table
             of rows (speed [m/s], e), shape `(n, 2)`, speeds increasing; or as the name of a model
             (`kickdyn.restitution.MODELS`): `inflated`, which follows from mass, radius and pressure
-            of the ball, or `peacock-ball`, a measured one. Outside the rows e is that of the
+            of the ball, or `peacock-ball`, a measured one. Outside the rows e is taken from the
             nearest row, and results have a warning.
         friction: Coulomb's coefficient mu, 0 or more. The default 0 is the frictionless contact of
             Eqs. (8)-(10); the paper uses 0.4, and 0.37 to 0.63 was measured on nine match balls

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.errors import InvalidInput
+from kickdyn.restitution import Restitution, checked_restitution, format_restitution
 
 COEFFICIENTS = ("restitution", "friction", "rolling_deceleration", "tangential_restitution")
 """Names of the numbers of a surface."""
@@ -17,7 +18,9 @@ class Surface:
 
     Args:
         name: name of the surface in messages and results.
-        restitution: ratio of the vertical speeds after and before a bounce, 0 to 1.
+        restitution: ratio of the vertical speeds after and before a bounce, 0 to 1; or as of
+            `Contact`, a table over the vertical speed or a model: with `inflated` the ground is
+            rigid, and the ratio follows from the ball and its pressure.
         friction: Coulomb's coefficient of friction, 0 or more.
         rolling_deceleration: deceleration of a rolling ball without the drag of the air [m/s2],
             above 0.
@@ -32,7 +35,7 @@ class Surface:
     """
 
     name: str
-    restitution: float
+    restitution: Restitution
     friction: float
     rolling_deceleration: float
     tangential_restitution: float = 0.0
@@ -40,11 +43,12 @@ class Surface:
     deviations: Mapping[str, float] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
-        validation.number("ground restitution", self.restitution, at_least=0, at_most=1)
+        e = checked_restitution(self.restitution, "ground restitution")
+        self.__dict__["restitution"] = e
         validation.number("ground friction", self.friction, at_least=0)
         validation.number("rolling deceleration", self.rolling_deceleration, above=0, unit="m/s2")
-        e = self.tangential_restitution
-        validation.number("tangential restitution", e, at_least=-1, at_most=1)
+        grip = self.tangential_restitution
+        validation.number("tangential restitution", grip, at_least=-1, at_most=1)
         validation.check_type(Mapping, deviations=self.deviations)
         for name, value in self.deviations.items():
             if name not in COEFFICIENTS:
@@ -81,6 +85,14 @@ SURFACES = {
             0.49,
             source="FIFA ball rebound 135 cm from 2 m on steel (derived); EN 12234 roll 12 m "
             "(derived); friction as wet-grass",
+        ),
+        Surface(
+            "steel",
+            "inflated",
+            0.4,
+            0.49,
+            source="rigid: restitution from speed and pressure of the ball, fitted to a rebound on "
+            "steel (inflated ball); friction and rolling as hard-floor",
         ),
         Surface(
             "carpet",
@@ -131,7 +143,7 @@ class Ground(ReprMixin):
         yield "height", self.height, "m"
         if isinstance(self.surface, Surface):
             yield "surface", self.surface.name, ""
-            yield "restitution", self.surface.restitution, ""
+            yield "restitution", format_restitution(self.surface.restitution), ""
             yield "friction", self.surface.friction, ""
             yield "rolling deceleration", self.surface.rolling_deceleration, "m/s2"
         else:

@@ -1,7 +1,7 @@
 r"""The coefficient of restitution e: a number, a table over the speed of approach, or a model.
 
 A table has rows (speed [m/s], e). Between its rows e is linear in the speed u of approach along the
-normal; outside them it is that of the nearest row. A model is a table with a name; the rows of
+normal; outside them the nearest row applies. A model is a table with a name; the rows of
 `inflated` follow from the ball, so that a contact has them once it is the contact of a ball
 (`restitution_for`).
 """
@@ -43,7 +43,12 @@ def inflated(ball: Ball) -> Table:
               U = \frac{u}{R} \sqrt{\frac{m}{2 \pi R p}},
 
     with `SHELL_RESTITUTION` :math:`e_s` and the largest deflection :math:`U R` at the speed u of
-    approach. The pressure pushes the flat circle of a thin shell against a wall; the flat part of
+    approach. With a share s of the mass in the shell, `Ball.shell_share`, it is
+
+    .. math:: \frac{e^2}{e_s^2} = \frac{\int_0^U x (2 - x)(1 - s x / 2)\,dx}{W(U)}, \qquad
+              W(U) = \int_0^U \frac{x (2 - x)}{1 - s x / 2}\,dx = \frac{m u^2}{2 \pi p R^3} .
+
+    The pressure pushes the flat circle of a thin shell against a wall; the flat part of
     the shell comes to rest, and its momentum is lost. `docs/explanation/inflated-ball.md` derives
     it. The rows are 0.02 R apart, between which linear e differs from the formula by less than
     2e-6.
@@ -54,8 +59,17 @@ def inflated(ball: Ball) -> Table:
     ball.check_movable("the restitution 'inflated'")
     speed = ball.radius * math.sqrt(ball.stiffness) / math.sqrt(ball.mass)
     deflection = np.linspace(0.0, LARGEST_DEFLECTION, 31)
-    e = SHELL_RESTITUTION * np.sqrt(1.0 - deflection * (2.0 / 3.0 - deflection / 8.0))
-    return tuple(zip((speed * deflection).tolist(), e.tolist(), strict=True))
+    if ball.shell_share == 1.0:
+        e = SHELL_RESTITUTION * np.sqrt(1.0 - deflection * (2.0 / 3.0 - deflection / 8.0))
+        return tuple(zip((speed * deflection).tolist(), e.tolist(), strict=True))
+    nodes, weights = np.polynomial.legendre.leggauss(12)  # exact to rounding
+    x = 0.5 * deflection[1:, None] * (1.0 + nodes)
+    moving = 1.0 - 0.5 * ball.shell_share * x
+    push = 0.5 * deflection[1:, None] * weights * x * (2.0 - x)
+    work, gained = (push / moving).sum(axis=1), (push * moving).sum(axis=1)
+    speeds = speed * np.sqrt(work)
+    e = SHELL_RESTITUTION * np.sqrt(gained / work)
+    return ((0.0, SHELL_RESTITUTION), *zip(speeds.tolist(), e.tolist(), strict=True))
 
 
 MODELS: dict[str, Table | Callable[[Ball], Table]] = {
@@ -94,36 +108,35 @@ def _restitution_of_ball(name: str, ball: Ball) -> RestitutionOfBall:
     return restitution
 
 
-def checked_restitution(value: float | str | ArrayLike) -> Restitution:
+def checked_restitution(value: float | str | ArrayLike, what: str = "restitution") -> Restitution:
     """Return a restitution from outside: a float, a model's name or a table; else raise."""
     known = ", ".join(MODELS)
     if isinstance(value, str):
         if value in MODELS:
             return value
         raise InvalidInput(
-            f"restitution is {validation.brief(value)}: it must be a finite number at least 0 and "
+            f"{what} is {validation.brief(value)}: it must be a finite number at least 0 and "
             f"at most 1, a table of rows (speed [m/s], e), or a model's name: {known}"
         )
     if not hasattr(value, "__len__") or getattr(value, "ndim", 1) == 0:
         if hasattr(value, "table"):
             raise InvalidInput(
-                f"restitution is a {type(value).__name__}: it must be a number, a model's name or "
+                f"{what} is a {type(value).__name__}: it must be a number, a model's name or "
                 "a table of rows (speed [m/s], e), such as its attribute `table`"
             )
-        return validation.number("restitution", value, at_least=0, at_most=1)
-    table = validation.floats("restitution", value)
+        return validation.number(what, value, at_least=0, at_most=1)
+    table = validation.floats(what, value)
     if table.ndim != 2 or table.shape[1] != 2 or not len(table):
         raise InvalidInput(
-            f"restitution has shape {table.shape}: it must be a number at least 0 and at most 1, "
+            f"{what} has shape {table.shape}: it must be a number at least 0 and at most 1, "
             f"a table of rows (speed [m/s], e), shape (n, 2), or a model's name: {known}"
         )
     for speed, e in table.tolist():
-        validation.number("restitution's speed", speed, at_least=0, unit="m/s")
-        validation.number(f"restitution at {speed:g} m/s", e, at_least=0, at_most=1)
+        validation.number(f"{what}'s speed", speed, at_least=0, unit="m/s")
+        validation.number(f"{what} at {speed:g} m/s", e, at_least=0, at_most=1)
     if (np.diff(table[:, 0]) <= 0.0).any():
         raise InvalidInput(
-            f"restitution's speeds are {table[:, 0].tolist()} m/s: each must be above the one "
-            "before"
+            f"{what}'s speeds are {table[:, 0].tolist()} m/s: each must be above the one before"
         )
     return tuple((speed, e) for speed, e in table.tolist())
 

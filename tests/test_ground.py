@@ -36,6 +36,7 @@ def test_surfaces_have_names_and_sources():
     ("arguments", "words"),
     [
         ((1.1, 0.5, 1), r"ground restitution is 1\.1"),
+        (("air", 0.5, 1), "ground restitution is 'air': .* or a model's name: .*inflated"),
         ((0.5, -1, 1), "ground friction is -1"),
         ((0.5, 0.5, 0), "rolling deceleration is 0"),
         ((0.5, 0.5, 1, 2), "tangential restitution is 2"),

@@ -1,6 +1,6 @@
 """Run the notebooks and store their outputs, small enough for a code host to show.
 
-    python tools/notebook_outputs.py
+    python tools/notebook_outputs.py [NOTEBOOK...]
 
 `tests/test_notebooks.py` runs them again and compares.
 """
@@ -9,6 +9,7 @@ import base64
 import html
 import io
 import re
+import sys
 import tempfile
 from pathlib import Path
 
@@ -22,6 +23,7 @@ ROOT = Path(__file__).resolve().parent.parent
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 
 WIDGET = "application/vnd.jupyter.widget-view+json"
+LIVE_VIEW = '<iframe src="http://127.0.0.1:'
 PICTURES = ("image/png", "image/jpeg")
 
 NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:e[-+]?\d+)?", re.IGNORECASE)
@@ -40,13 +42,14 @@ def run(notebook, folder):
 
 
 def outputs(cell):
-    """Return the outputs of a cell, those of one stream together, and without sliders.
+    """Return the outputs of a cell, those of one stream together, without sliders and live views.
 
-    Sliders need a running kernel: a code host shows nothing of them.
+    They need a running kernel: a code host shows nothing of them.
     """
     kept = []
     for output in cell.get("outputs", []):
-        if WIDGET in output.get("data", {}):
+        data = output.get("data", {})
+        if WIDGET in data or data.get("text/html", "").startswith(LIVE_VIEW):
             continue
         if output.output_type == "stream" and kept and kept[-1].get("name") == output.name:
             kept[-1].text += output.text
@@ -137,6 +140,6 @@ def store(file):
 
 
 if __name__ == "__main__":
-    for each in NOTEBOOKS:
+    for each in [Path(name).resolve() for name in sys.argv[1:]] or NOTEBOOKS:
         store(each)
         print(f"{each.name}: {each.stat().st_size / 1000:.0f} kB")

@@ -173,7 +173,7 @@ def supercritical(reynolds: float, spin_parameter: float = 0.0) -> float:
     r"""Return 0.2, the C_D of a soccer ball beyond its drag crisis, above Re 7e4 (4.8 m/s).
 
     Goff & Carre 2009 found it from the range of trajectories without spin, Am. J. Phys. 77:1020.
-    Its range is that of the flights in `data/match_ball.csv`, which it predicts: 8 to 27 m/s, and
+    Its range covers the flights in `data/match_ball.csv`, which it predicts: 8 to 27 m/s, and
     spin parameters that are fitted, not measured, half of them below 0.3
     (docs/explanation/verification.md). In wind tunnels, new balls that do not spin have
     their crisis between 10 and 19 m/s. Below Re 7e4 it is joined (C3) to the sphere's, which it

@@ -126,7 +126,7 @@ class LegOptions:
     drives: str | None = option(
         "--drives", metavar="FILE|none", type=click.Path(),
         help="TOML file with the rotor inertias and limits of joints' drives; none for no rotors.  "
-        "[default: those of the robot]",
+        "[default: the robot's own]",
     )  # fmt: skip
     base_velocity: tuple[float, float, float] | None = option(
         "--base-velocity", type=Numbers("X,Y,Z"),

@@ -64,7 +64,7 @@ def numbers_of(answer: Simulation) -> dict[str, Any]:
 
 
 def _document(answer: Simulation) -> dict[str, Any]:
-    """Return the numbers of a simulation with those of its tolerance and its effects."""
+    """Return the numbers of a simulation, its tolerance and its effects."""
     numbers = numbers_of(answer)
     for name in ("tolerance", "within_tolerance", "status", "method", "evaluations", "seconds"):
         numbers[name] = getattr(answer, name)

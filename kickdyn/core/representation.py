@@ -100,6 +100,13 @@ class ValueEquality(ReadOnlyArrays):
         )
 
 
+def distance_in_words(distance: float) -> str:
+    """Return a distance [m] for people: to 2 digits, without powers of ten."""
+    if distance < 1e-6:
+        return "less than a micrometre"
+    return f"{1e3 * distance:.2g} mm" if distance < 1e-3 else f"{distance:.2g} m"
+
+
 def format_value(value: object) -> str:
     """Return a value as text: 4 digits, vectors in brackets, their rounding as 0."""
     if isinstance(value, bool | np.bool_):

@@ -52,7 +52,7 @@ def fly_many(
 ) -> xr.Dataset:
     """Return the flights of a ball from many launches.
 
-    The results are those of `fly`, computed hundreds of times as fast. The first call in a process
+    The results are as from `fly`, computed hundreds of times as fast. The first call in a process
     takes about a second to load, the very first some ten to compile, and each new air, ball or
     event another one.
 

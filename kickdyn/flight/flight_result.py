@@ -202,7 +202,7 @@ class Flight(ReprMixin):
 def refinement(tol: float, duration: Any, air: Air | None) -> tuple[float, Any]:
     """Return tolerance and longest step [s] of the flight that shows the error of one at `tol`.
 
-    The duration is that of one flight, or of n, shape `(n,)` [s]. The steps are limited where a
+    The duration is of one flight, or of n, shape `(n,)` [s]. The steps are limited where a
     wind or coefficient of the user's own may have features that are too narrow for them.
     """
     models = () if air is None else (air.drag, air.lift, air.torque)

@@ -18,6 +18,7 @@ from kickdyn.flight.fly import check_single, fly
 from kickdyn.flight.ground_motion import GroundPhase, bounce, roll, slide
 from kickdyn.ground import Ground, Surface
 from kickdyn.plane import Plane
+from kickdyn.restitution import restitution_for
 
 LEAST_REBOUND = 0.15
 """Upward speed after a bounce below which the ball stays down [m/s]; it would hop about 1 mm."""
@@ -124,7 +125,7 @@ def follow(
         ball: the ball; its mass, radius and inertia count.
         air: the air; None is the vacuum.
         ground: a ground with a surface. None is turf that the ball touches at its launch, so that
-            the first flight ends at the height of the launch, as that of `fly` does.
+            the first flight ends at the height of the launch, as in `fly`.
         tol: relative tolerance of every flight.
         plane: a wall or a goal line that ends the motion, be it flying, sliding or rolling.
         time_limit: longest duration of every flight, and of rolling [s].
@@ -147,6 +148,7 @@ def follow(
     start, surface = state, ground.surface
     if not isinstance(surface, Surface):
         raise InvalidInput("the ground has no surface: name one, such as Ground(surface='turf')")
+    restitution_for(surface.restitution, ball)  # raises where the pressure is unknown
     further = checked_ends(ends)
     one_flight = partial(fly, ball=ball, air=air, ground=ground, tol=tol, plane=plane,
                          time_limit=time_limit, ends=further)  # fmt: skip

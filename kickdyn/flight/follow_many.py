@@ -24,6 +24,7 @@ from kickdyn.flight.ground_motion import slide
 from kickdyn.flight.march import ALOFT, FAILED, FURTHER, LANDED, Flights, march
 from kickdyn.ground import Ground, Surface
 from kickdyn.plane import Plane
+from kickdyn.restitution import restitution_for, rows_of
 
 _FLYING, _DOWN = -1, -2
 """Statuses of a ball that is in the air, and of one that stays down."""
@@ -82,6 +83,7 @@ def follow_many(
         ground = Ground(float(height[0] if len(height) else 0.0) - ball.radius, "turf")
     if not isinstance(ground.surface, Surface):
         raise InvalidInput("the ground has no surface: name one, such as Ground(surface='turf')")
+    restitution_for(ground.surface.restitution, ball)  # raises where the pressure is unknown
     if ground.surface.friction == 0.0:
         raise InvalidInput(
             f"friction of {ground.surface.name} is 0: it must be above 0 to end sliding"
@@ -145,12 +147,14 @@ class _Balls:
         """Let balls bounce, by the equations of `ground_motion.bounce`."""
         surface, ball, v, w = self.surface, self.ball, self.velocity[rows], self.spin[rows]
         ux, uy, sliding = self._slip(rows)
-        normal = (1.0 + surface.restitution) * -v[:, 2]
+        speeds, values = zip(*rows_of(restitution_for(surface.restitution, ball)), strict=True)
+        e = np.interp(-v[:, 2], speeds, values)
+        normal = (1.0 + e) * -v[:, 2]
         shell = ball.mass * ball.radius**2 / ball.inertia
         grip = (1.0 + surface.tangential_restitution) * sliding / (1.0 + shell)
         share = np.minimum(grip, surface.friction * normal) / np.where(sliding > 0, sliding, 1.0)
         turn = shell / ball.radius * share
-        change = np.column_stack([share * ux, share * uy, (1.0 + surface.restitution) * v[:, 2]])
+        change = np.column_stack([share * ux, share * uy, (1.0 + e) * v[:, 2]])
         self.velocity[rows] = v - change
         self.spin[rows] = w + np.column_stack([-turn * uy, turn * ux, np.zeros(len(rows))])
 

@@ -15,6 +15,7 @@ from kickdyn.flight.events import Event
 from kickdyn.flight.forces import acceleration_function, downward
 from kickdyn.flight.integrate import Arc, Tolerance, integrate, trajectory
 from kickdyn.ground import Surface
+from kickdyn.restitution import restitution_at, restitution_for
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,23 +60,24 @@ def slip(state: BallState, ball: Ball) -> tuple[float, float]:
 def bounce(state: BallState, ball: Ball, surface: Surface) -> BallState:
     r"""Return the ball just after it touched the ground, from its state just before.
 
-    The normal impulse is :math:`m (1 + e) |v_z|`. The tangential one, against the slip u, is
-    :math:`m (1 + e_t) |u| / (1 + m r^2 / I)` where the ball grips, which turns u into
-    :math:`-e_t u`, and :math:`\mu` times the normal one where that is less. Energy never rises:
-    each of the two is a passive collision of its own.
+    The normal impulse is :math:`m (1 + e) |v_z|`, with e at the speed :math:`|v_z|`. The
+    tangential one, against the slip u, is :math:`m (1 + e_t) |u| / (1 + m r^2 / I)` where the ball
+    grips, which turns u into :math:`-e_t u`, and :math:`\mu` times the normal one where that is
+    less. Energy never rises: each of the two is a passive collision of its own.
     """
     vx, vy, vz = state.velocity.tolist()
     wx, wy, wz = state.spin.tolist()
     ux, uy = slip(state, ball)
     sliding = math.hypot(ux, uy)
-    normal = (1.0 + surface.restitution) * -vz  # impulse over mass
+    e = restitution_at(restitution_for(surface.restitution, ball), -vz)
+    normal = (1.0 + e) * -vz  # impulse over mass
     shell = ball.mass * ball.radius**2 / ball.inertia  # 3/2
     grip = (1.0 + surface.tangential_restitution) * sliding / (1.0 + shell)
     share = min(grip, surface.friction * normal) / sliding if sliding else 0.0
     turn = shell / ball.radius * share
     return BallState(
         state.position,
-        (vx - share * ux, vy - share * uy, -surface.restitution * vz),
+        (vx - share * ux, vy - share * uy, -e * vz),
         (wx - turn * uy, wy + turn * ux, wz),
         state.time,
     )

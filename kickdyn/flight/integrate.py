@@ -113,7 +113,7 @@ def integrate(
 ) -> Arc:
     """Integrate from a time and states to the first terminal event, or to the time limit [s].
 
-    The states are those of `FlightEquations`, or of another motion with the same seven states. An
+    The states belong to `FlightEquations`, or of another motion with the same seven states. An
     event whose function is zero at the start counts at once unless the function rises first.
 
     Raises:

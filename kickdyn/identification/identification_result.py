@@ -60,7 +60,7 @@ class Identification(ReprMixin):
         noise: standard deviation of one measured coordinate [m].
         widening: factor by which the deviations are larger than for independent samples,
             because neighbouring residuals are correlated.
-        curved: unknowns whose deviations are larger than those of a linear fit, because the sum of
+        curved: unknowns whose deviations are larger than in a linear fit, because the sum of
             squares is not quadratic around the estimate.
     """
 
@@ -162,7 +162,7 @@ class Identification(ReprMixin):
         if self.curved:
             lines.append(
                 "the sum of squares is not quadratic around the estimate: the standard deviations "
-                f"of {', '.join(self.curved)} were increased to those of its profile"
+                f"of {', '.join(self.curved)} were increased to its profile's"
             )
         if self.widening > 1.0:
             lines.append(

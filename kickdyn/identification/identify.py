@@ -219,9 +219,7 @@ class _Problem(NamedTuple):
         is_coefficient = [name not in UNITS for name in self.air_names]
         largest = np.abs(of_air[is_coefficient]).max(initial=0.0)
         if np.abs(parameters[:3]).max() > LARGEST_FACTOR * fastest or largest > LARGEST_FACTOR:
-            raise KickdynError(
-                "the fit leads to a speed or a coefficient far beyond those of a ball"
-            )
+            raise KickdynError("the fit leads to a speed or a coefficient far beyond any ball's")
         sizes = np.full(len(parameters), SPIN_SPREAD)
         sizes[:3] = max(float(np.linalg.norm(parameters[:3])), 1e-3)
         sizes[len(parameters) - len(of_air) :] = np.maximum(np.abs(of_air), 0.1)
@@ -294,7 +292,7 @@ def _check_flight(track: Track) -> None:
 
 
 def _bend(track: Track) -> Array:
-    """Return the mean acceleration, that of a parabola, shape `(3,)` [m/s2]."""
+    """Return the mean acceleration, from a parabola, shape `(3,)` [m/s2]."""
     return np.asarray(2.0 * np.polyfit(track.times - track.times[0], track.positions, 2)[0])
 
 

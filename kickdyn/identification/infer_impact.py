@@ -210,7 +210,7 @@ def infer_impact(
             `(2,)`, before and after.
         joint_deviation: standard deviation of the joint velocity, a number or shape `(nv,)`
             [rad/s; m/s].
-        contact: with a motion, the time of the contact [s]; None is that of the motion.
+        contact: with a motion, the time of the contact [s]; None takes the motion's.
 
     Raises:
         NoImpact: the ball's velocity did not change, or foot and ball do not approach each other.

@@ -65,14 +65,14 @@ class LegMotion(ReprMixin):
     """The motion of a leg that is fitted to markers or joint angles.
 
     Attributes:
-        leg: the leg, with segments as long as those of the person.
+        leg: the leg, with segments as long as the person's.
         times: times of the frames that determine the configuration, shape `(n,)` [s].
         configurations: configuration of each of these frames alone, shape `(n, nq)` [rad; m].
         information: information matrix of each, in the tangent space, shape `(n, nv, nv)`.
         contact: time of the impact, across which nothing is smoothed [s]; None without one.
         noise: standard deviation of a coordinate of a marker [m], from the residuals.
         residuals: root mean square distance of each marker from the leg's [m], by name.
-        scales: length of each segment over that of the leg that was given, by joint.
+        scales: length of each segment over the length in the leg that was given, by joint.
         gaps: frames in which a marker is not seen, by name.
         undetermined: frames of the track that are left out because their markers do not determine
             the configuration.

@@ -29,14 +29,20 @@ from kickdyn.impact.force_model import (
     LINEAR,
     SHORTEST_CONTACT,
     ForceModel,
+    NormalForce,
     contact_stiffness,
     contact_time_of,
 )
+from kickdyn.impact.inflated_force import InflatedForce
 from kickdyn.impact.leg_response import leg_response
+from kickdyn.restitution import LARGEST_DEFLECTION
 from kickdyn.robot.leg import Posture
 
 PRESSURE_RANGE = 0.4
 """Deflection over radius up to which `Ball.stiffness` neglects at most 10 %, at 80 kPa."""
+
+STIFFNESSES = "pressure", "inflated"
+"""Names that `collide` takes in place of a stiffness."""
 
 CONTACT_TIME = 0.010
 """[s] for which the force acts. With it, the visible contact takes 12.9 ms at e = 0.7; 9 to 14 ms
@@ -84,8 +90,8 @@ class Collision(AfterApproach):
         return end._replace(q=read_only(end.q), v=read_only(end.v))
 
     @property
-    def force_model(self) -> ForceModel:
-        """Stiffness, restitution and exponent of the contact."""
+    def force_model(self) -> NormalForce:
+        """The law of the normal force: a `ForceModel`, or the `InflatedForce` of a ball."""
         return self._motion.equations.force_model
 
     @cached_property
@@ -106,7 +112,8 @@ class Collision(AfterApproach):
     @property
     def _left(self) -> float:
         """Deflection at separation [m]."""
-        return self.ball.radius - self._motion.equations.kinematics(self._end).height
+        equations = self._motion.equations
+        return equations.deflection(equations.kinematics(self._end))
 
     @property
     def contact_time(self) -> float:
@@ -124,7 +131,8 @@ class Collision(AfterApproach):
         2012). It is the longest contact that the model allows.
         """
         contact = self._motion.equations.kinematics(self._end)
-        left = self._left if self.force_model.restitution < 1.0 else 0.0
+        keeps = isinstance(self.force_model, ForceModel) and self.force_model.restitution < 1.0
+        left = self._left if keeps else 0.0
         return self.contact_time + max(left, 0.0) / contact.relative[2]
 
     @property
@@ -181,6 +189,17 @@ class Collision(AfterApproach):
     def warnings(self) -> tuple[str, ...]:
         """Lines as of `Impact.warnings`, and of a ball flattened beyond `Ball.stiffness`."""
         lines, fraction = self.approach.warnings(), self.deflection / self.ball.radius
+        if isinstance(self.force_model, InflatedForce):
+            # what the force gives in place of e has a range of its own
+            lines = tuple(line for line in lines if not line.startswith("restitution 'inflated'"))
+            if fraction > LARGEST_DEFLECTION:
+                lines += (
+                    f"the ball is flattened by {fraction:.3f} of its radius at an approach speed "
+                    f"of {self.approach_speed:.4g} m/s: the model 'inflated' goes up to "
+                    f"{LARGEST_DEFLECTION:g}",
+                )
+            return lines
+        assert isinstance(self.force_model, ForceModel)
         if self.force_model.exponent != LINEAR or fraction <= PRESSURE_RANGE:
             return lines
         return (
@@ -251,7 +270,7 @@ def collide(
     contact: Contact,
     *,
     contact_time: float | None = None,
-    stiffness: float | Literal["pressure"] | None = None,
+    stiffness: float | Literal["pressure", "inflated"] | None = None,
     torque: ArrayLike | Torque | None = None,
     ball_velocity: ArrayLike = AT_REST,
     ball_spin: ArrayLike = AT_REST,
@@ -275,7 +294,9 @@ def collide(
         contact_time: duration of the contact for which the stiffness is chosen, exact for two
             masses on which no other force acts [s]; 10 ms where `stiffness` is None, too.
         stiffness: stiffness of a Hertz contact [N/m^1.5], in place of `contact_time`; or
-            `"pressure"`, the linear spring of an inflated ball, `Ball.stiffness`.
+            `"pressure"`, the linear spring of an inflated ball, `Ball.stiffness`; or `"inflated"`,
+            the force that the restitution `"inflated"` is derived from, `InflatedForce`, which is
+            also the default with that restitution.
         torque: torques at the joints, shape `(nv,)` [N m; N for prismatic joints]: constant, or a
             function of the time since first contact, q and v. None is 0.
         ball_velocity: velocity of its centre at first contact, shape `(3,)` [m/s, world frame].
@@ -307,20 +328,22 @@ def collide(
     # Below a micrometre per second gravity, not the impact, decides the motion.
     validation.number("approach speed", approach.speed, at_least=1e-6, unit="m/s")
     model = _force_model(approach, contact_time, stiffness)
-    is_linear = model.exponent == LINEAR
     driven = with_drives(approach, torque)
     expected = _expected_time(approach, model)
     equations = CompliantContact(approach, model, driven, expected, tol)
     again = partial(
         collide, posture, approach.v, ball, contact, torque=torque,
-        stiffness="pressure" if is_linear else model.stiffness,
+        stiffness=_stiffness_of(model),
         ball_velocity=approach.ball_before.velocity, ball_spin=approach.ball_before.spin,
     )  # fmt: skip
     collision = Collision(approach, tol, integrate_contact(equations, tol), again)
     if collision.deflection >= ball.radius * (1.0 - 1e-9):
         pressed = f"too low, the ball would be pressed beyond its radius of {ball.radius:g} m"
-        if is_linear:
-            raise InvalidInput(f"ball pressure is {ball.pressure:g} Pa: {pressed}")
+        if not isinstance(model, ForceModel) or model.exponent == LINEAR:
+            raise InvalidInput(
+                f"ball pressure is {ball.pressure:g} Pa: {pressed} at an approach speed of "
+                f"{approach.speed:.4g} m/s"
+            )
         raise InvalidInput(
             f"stiffness is {model.stiffness:g} N/m^1.5: {pressed}; a shorter contact time makes it "
             "stiffer"
@@ -362,8 +385,20 @@ def duration(
     return _expected_time(approach, _force_model(approach, contact_time, stiffness))
 
 
-def _expected_time(approach: Approach, model: ForceModel) -> float:
-    """Return the contact time of the two masses alone, which must not be too short [s]."""
+def _stiffness_of(model: NormalForce) -> float | Literal["pressure", "inflated"]:
+    """Return what `collide` takes for a force."""
+    if not isinstance(model, ForceModel):
+        return "inflated"
+    return "pressure" if model.exponent == LINEAR else model.stiffness
+
+
+def _expected_time(approach: Approach, model: NormalForce) -> float:
+    """Return the contact time of the two masses alone, which must not be too short [s].
+
+    That of an inflated ball is the time of its linear spring.
+    """
+    if not isinstance(model, ForceModel):
+        model = ForceModel(approach.ball.stiffness, 1.0, LINEAR)
     expected = contact_time_of(model, approach.reduced_mass(), approach.speed)
     return validation.number("contact time", expected, at_least=SHORTEST_CONTACT, unit="s")
 
@@ -384,16 +419,31 @@ def _checked_torque(torque: ArrayLike | Torque | None, nv: int) -> Array | Torqu
 
 def _force_model(
     approach: Approach, contact_time: float | None, stiffness: float | str | None
-) -> ForceModel:
+) -> NormalForce:
     """Return the force model with the restitution of an approach."""
     k, exponent = checked_stiffness(contact_time, stiffness), HERTZ
     e = approach.restitution
+    if takes_inflated_force(approach.contact, contact_time, k):
+        return InflatedForce.of(approach.ball)
     if isinstance(k, str):
         k, exponent = approach.ball.stiffness, LINEAR
     elif k is None:
         time = CONTACT_TIME if contact_time is None else contact_time
         k = contact_stiffness(time, approach.reduced_mass(), approach.speed, e)
     return ForceModel(k, e, exponent)
+
+
+def takes_inflated_force(
+    contact: Contact, contact_time: float | None, stiffness: float | str | None
+) -> bool:
+    """Return whether the force is that of an inflated ball; raise where its e is another one."""
+    is_inflated = contact.restitution == "inflated"
+    if stiffness == "inflated" and not is_inflated:
+        raise InvalidInput(
+            "stiffness is 'inflated': it needs a contact with the restitution 'inflated', which is "
+            "derived from the same force"
+        )
+    return stiffness == "inflated" or (is_inflated and stiffness is None and contact_time is None)
 
 
 def checked_stiffness(
@@ -404,9 +454,9 @@ def checked_stiffness(
         raise InvalidInput(
             f"contact_time is {contact_time!r} and stiffness {stiffness!r}: give only one of them"
         )
-    if isinstance(stiffness, str) and stiffness != "pressure":
+    if isinstance(stiffness, str) and stiffness not in STIFFNESSES:
         raise InvalidInput(
-            f"stiffness is {stiffness!r}: it must be a number [N/m^1.5] or 'pressure'"
+            f"stiffness is {stiffness!r}: it must be a number [N/m^1.5], 'pressure' or 'inflated'"
         )
     if stiffness is None or isinstance(stiffness, str):
         return stiffness

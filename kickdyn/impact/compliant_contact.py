@@ -21,10 +21,11 @@ from kickdyn.impact.contact_motion import (
     Vector,
     contact_axes,
     contact_motion,
+    free_rise,
     free_sliding,
     slip_direction,
 )
-from kickdyn.impact.force_model import ForceModel
+from kickdyn.impact.force_model import Load, NormalForce
 from kickdyn.robot.constraints import ConstraintProjector
 from kickdyn.robot.leg import Workspace
 from kickdyn.robot.model_validation import cholesky_with_condition
@@ -140,7 +141,7 @@ class CompliantContact:
     def __init__(
         self,
         approach: Approach,
-        force_model: ForceModel,
+        force_model: NormalForce,
         torque: Array | Torque,
         expected: float,
         tol: float,
@@ -191,7 +192,7 @@ class CompliantContact:
         moved = y[:nv]
         q = self.q + moved if self.leg.nq == nv else pin.integrate(self.model, self.q, moved)
         ball = y[2 * nv :]
-        lost, work = ball[9:].tolist()
+        lost, work = ball[9:11].tolist()
         return State(q, y[nv : 2 * nv], ball[:3], ball[3:9].reshape(2, 3), lost, work)
 
     def kinematics(self, state: State) -> Kinematics:
@@ -234,11 +235,15 @@ class CompliantContact:
         recovered = self.ball.radius - contact.height - self.force_model.separation(phase.largest)
         return recovered / leaving if leaving > 0.0 else math.inf
 
+    def deflection(self, contact: Kinematics) -> float:
+        """Return the deflection of ball and foot together [m]."""
+        return self.force_model.deflection(self.ball.radius - contact.height)
+
     def deflection_end(self, contact: Kinematics, phase: Phase) -> float:
         """Return what falls to 0 where the deflection ends a phase."""
-        deflection = self.ball.radius - contact.height
         if phase.largest == 0.0:  # it grows
             return min(-contact.relative[2], contact.height)
+        deflection = self.deflection(contact)
         apart = self.force_model.separation(phase.largest)
         return min(deflection - apart, phase.largest - deflection)
 
@@ -248,15 +253,13 @@ class CompliantContact:
         state, ball, nv = self.state(y), self.ball, self.leg.nv
         contact = self.kinematics(state)
         height, (w1, w2, w3) = contact.height, contact.relative
-        deflection = ball.radius - height
-        size = self.force_model.force(deflection, phase.largest)
+        load = self.force_model.load(ball.radius - height, -w3, phase.largest)
         torque = self._torque_at(t, state)
         inertia, acting = self._acting(state, contact, torque)
         response = self._response(state, inertia, acting)
-        f1, f2, margin = self._friction(contact, phase, size, acting, response)
+        size, f1, f2, margin = self._force(contact, phase, load, acting, response)
         acceleration = response.dot((-f1, -f2, -size, 1.0))
         on_ball, turning = contact.axes.dot(((f1, height * f2), (f2, -height * f1), (size, 0.0))).T
-        returned = self.force_model.returned(deflection, phase.largest)
         power = float(torque.dot(state.v))
         if ball.inertia == math.inf:  # a particle, whose spin stays
             power -= float(turning.dot(state.motion[1]))
@@ -272,9 +275,9 @@ class CompliantContact:
         of_ball = rates[2 * nv :]
         of_ball[:3], of_ball[3:6] = state.motion[0], on_ball / ball.mass + self.gravity
         of_ball[6:9] = turning / ball.inertia
-        of_ball[9], of_ball[10] = (returned - size) * w3 - f1 * w1 - f2 * w2, power
+        of_ball[9], of_ball[10] = load.lost - f1 * w1 - f2 * w2, power
         end = self.deflection_end(contact, phase)
-        return Evaluation(rates, on_ball, deflection, (end, margin), (w1, w2))
+        return Evaluation(rates, on_ball, self.deflection(contact), (end, margin), (w1, w2))
 
     def _count(self, t: float) -> None:
         """Count an evaluation; raise `KickdynError` where it makes no sense, or one too many."""
@@ -337,6 +340,38 @@ class CompliantContact:
         allowed = projector.project(blas.dtrsm(1.0, factor, acting, lower=1))
         allowed[:, 3] -= projector.correction(missing)
         return np.asarray(blas.dtrsm(1.0, factor, allowed, lower=1, trans_a=1))
+
+    def _force(
+        self, contact: Kinematics, phase: Phase, load: Load, acting: Array, response: Array
+    ) -> tuple[float, float, float, float]:
+        r"""Return normal force and friction on the ball [N], and what falls to 0 as `_friction`.
+
+        The force p is that of the law, and the inertia of the mass c that the foot carries:
+        :math:`p = p_0 + c\,(a_f - g_n)`, with :math:`p / m + g_n - a_f = \ddot h`. It is linear
+        in p where points slide or stick, so that the secant through two values meets it.
+        """
+        size = load.force
+        if load.carried == 0.0:
+            return size, *self._friction(contact, phase, size, acting, response)
+        ball, ball_spin, _, spin = contact.motion
+        g1, g2, g3, pushed = acting[:, 2].dot(response).tolist()
+        rise = free_rise(
+            contact.height, contact.point, contact.relative, ball, ball_spin, spin, *contact.bias,
+            self.gravity.dot(contact.axes).tolist(),
+        )  # fmt: skip
+        size = (size + load.carried * (pushed - rise)) / (1.0 + load.carried * g3)
+        f1, f2, margin = self._friction(contact, phase, size, acting, response)
+        share, free, before, missing = load.carried / (1.0 + load.carried * g3), size, 0.0, size
+        for _ in range(20):
+            error = free - share * (g1 * f1 + g2 * f2) - size
+            if abs(error) <= 1e-15 * free:
+                break
+            step = error
+            if before and missing != error:
+                step = error * before / (missing - error)
+            before, missing, size = step, error, size + step
+            f1, f2, margin = self._friction(contact, phase, size, acting, response)
+        return size, f1, f2, margin
 
     def _friction(
         self, contact: Kinematics, phase: Phase, size: float, acting: Array, response: Array
@@ -413,8 +448,9 @@ class CompliantContact:
         turning = ball.inertia if ball.inertia < math.inf else 0.0  # nothing turns a particle
         moving = 0.5 * float(ball.mass * speed @ speed + turning * spin @ spin)
         height = -ball.mass * float(self.gravity @ state.moved)
-        stored = self.force_model.stored(ball.radius - self.kinematics(state).height, largest)
-        return leg + moving + height + stored
+        contact = self.kinematics(state)
+        travel, rate = ball.radius - contact.height, -contact.relative[2]
+        return leg + moving + height + self.force_model.energy(travel, rate, largest)
 
 
 class ContactMotion(NamedTuple):
@@ -484,7 +520,7 @@ class _Contact:
             if event == 1:
                 phase = equations.next_phase(t, y, phase)
                 continue
-            deflection = equations.ball.radius - equations.kinematics(equations.state(y)).height
+            deflection = equations.deflection(equations.kinematics(equations.state(y)))
             separation = equations.force_model.separation(phase.largest)
             apart = deflection - separation < phase.largest - deflection
             if (phase.largest > 0.0 and apart) or deflection >= equations.ball.radius * (

@@ -96,7 +96,7 @@ def newton_iterations(
 ) -> Array:
     """Return the best impulses along a damped Newton iteration from a start, shape `(3 k,)`.
 
-    The equations are those of `cone_residual`, in any units, with s and r of each contact in
+    The equations are in `cone_residual`, in any units, with s and r of each contact in
     `lengths`, `(k, 2)`. Where G is singular, steps are the shortest.
     """
     cones, p, best = (delassus, free, frictions), start, start

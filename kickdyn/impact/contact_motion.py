@@ -89,6 +89,21 @@ def free_sliding(
     )
 
 
+def free_rise(
+    height: float, point: Vector, relative: Vector, ball: Vector, ball_spin: Vector,
+    spin: Vector, bias: Vector, turn_bias: Vector, gravity: Vector,
+) -> float:  # fmt: skip
+    r"""Return :math:`\ddot h` without any force [m/s2], with the arguments of `free_sliding`.
+
+    The spin of the ball does not change h, so that :math:`h\, \omega_b \times n` is left out.
+    """
+    x, y, _ = point
+    a, b, _ = spin
+    u = ball[0] - height * b + relative[0] + height * ball_spin[1]
+    v = ball[1] + height * a + relative[1] - height * ball_spin[0]
+    return gravity[2] - bias[2] - (turn_bias[0] * y - turn_bias[1] * x) - (a * v - b * u)
+
+
 def slip_direction(a11: float, a12: float, a22: float, g1: float, g2: float) -> Vector:
     r"""Return the unit vector d of the friction on points that begin to slip, and their gain k.
 

@@ -22,7 +22,7 @@ class ContactPoint(NamedTuple):
         normal: n, unit vector from the first body into the second, shape `(3,)` [world frame].
         restitution: coefficient e.
         friction: Coulomb's coefficient mu.
-        centre_velocity: velocity of the second body at the contact minus that of the first, without
+        centre_velocity: velocity of the second body at the contact minus the first's, without
             what spins of balls add [m/s, world frame].
         surface_spin: sum of radius times spin, :math:`r\, \omega`, of the balls that touch there
             [m/s, world frame].

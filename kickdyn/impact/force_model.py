@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -15,6 +16,41 @@ LONGEST_CONTACT = 0.1
 
 HERTZ, LINEAR = 1.5, 1.0
 """Exponents n of the deflection: of elastic bodies, and of an inflated ball (`Ball.stiffness`)."""
+
+
+class Load(NamedTuple):
+    """What a foot and a ball that touch do to each other, along the normal.
+
+    Attributes:
+        force: on a foot that does not accelerate [N].
+        carried: mass of the ball that moves with the foot, whose inertia adds to the force [kg].
+        lost: power lost to hysteresis [W].
+    """
+
+    force: float
+    carried: float
+    lost: float
+
+
+class NormalForce(Protocol):
+    """A law of the force along the normal.
+
+    It depends on the travel of the ball's centre of mass, by which it is nearer to the plane of the
+    foot than a radius [m], on its rate [m/s], and on the largest deflection so far [m], which is 0
+    while the deflection exceeds every one before.
+    """
+
+    def deflection(self, travel: float) -> float:
+        """Return the deflection at a travel [m]."""
+
+    def load(self, travel: float, rate: float, largest: float = 0.0) -> Load:
+        """Return force, carried mass and power lost."""
+
+    def energy(self, travel: float, rate: float, largest: float = 0.0) -> float:
+        """Return the energy that is not lost, of the spring and of the deformation [J]."""
+
+    def separation(self, largest: float) -> float:
+        """Return the deflection at which the force vanishes [m] after a largest one [m]."""
 
 
 @dataclass(frozen=True)
@@ -70,6 +106,19 @@ class ForceModel:
         """Return the energy that restitution will give back [J]."""
         spring, recovered = self._spring(deflection, largest)
         return spring * recovered / (self.exponent + 1.0)
+
+    def deflection(self, travel: float) -> float:
+        """Return the deflection, which is the travel of the centre of mass [m], not checked."""
+        return travel
+
+    def load(self, travel: float, rate: float, largest: float = 0.0) -> Load:
+        """Return force and power lost, of values not checked; no mass is carried."""
+        force = self.force(travel, largest)
+        return Load(force, 0.0, (force - self.returned(travel, largest)) * rate)
+
+    def energy(self, travel: float, rate: float, largest: float = 0.0) -> float:
+        """Return the energy that restitution will give back [J], of values not checked."""
+        return self.stored(travel, largest)
 
     def separation(self, largest: float) -> float:
         """Return the deflection at which the force vanishes [m] after a largest one [m]."""

@@ -132,7 +132,7 @@ class Impact(AfterApproach):
         """Impulses of the constraints, stacked as in `posture.constraint_projector.rows`.
 
         Those of supports and loops, which `support_impulses` and `loop_impulses` have by name, have
-        world axes, those of mimic and stiff joints act along the joint [N s, N m s].
+        world axes, impulses of mimic and stiff joints act along the joint [N s, N m s].
         """
         return self.leg_response.constraint_impulses
 
@@ -141,7 +141,7 @@ class Impact(AfterApproach):
         """Impulse of the ground on each supporting foot, by the name of the support's frame.
 
         That of a flat foot has the linear, then the angular impulse about the origin of the frame,
-        shape `(6,)`; that of a point foot is linear, shape `(3,)` [N s, N m s, world axes].
+        shape `(6,)`; for a point foot it is linear, shape `(3,)` [N s, N m s, world axes].
         """
         impulses = self.constraint_impulses
         return {support.frame: impulses[block.rows] for support, block in self._supports()}

@@ -50,7 +50,7 @@ def joint_loads(impact: Impact, contact_time: float | None = None) -> dict[str, 
         impact: an impact by any law.
         contact_time: T [s], 1e-9 to 0.1. With it, the peak of a half-sine pulse is estimated for
             each joint, :math:`\frac{\pi}{2} p / T`. This assumes that all joints feel the pulse at
-            once, as rigid bodies do, and that the contact force rises and falls like that of a
+            once, as rigid bodies do, and that the contact force rises and falls like the force of a
             spring. None estimates no peaks.
 
     Raises:

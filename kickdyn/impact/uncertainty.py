@@ -16,7 +16,7 @@ MAX_SPREAD = 1e100
 """Above it, variances would leave double precision."""
 
 MAX_ANGLE_SPREAD = 1.0
-"""Largest standard deviation of an angle [rad]: covariances are those of small changes."""
+"""Largest standard deviation of an angle [rad]: covariances describe small changes."""
 
 UNIT_OF = {
     "impulse_size": "N s",
@@ -100,7 +100,7 @@ class Uncertainty(Printed):
             the root of the trace of its covariance.
         joints: uncertainty of the impulse and load of each joint, by name.
         by_source: for each source, the covariance of every result if this source were the only one;
-            those of `impulse_size` and `speed` are variances.
+            for `impulse_size` and `speed` they are variances.
         branch: `frictionless`, `stick` or `slip`.
         branch_sigmas: number of standard deviations to the other branch. The first order is valid
             on one branch only: below about 2, the covariances are rough.
@@ -289,6 +289,6 @@ def source_covariance(name: str, value: ArrayLike, size: int) -> Array:
     if UNITS[name] == "rad" and deviation > MAX_ANGLE_SPREAD:
         raise InvalidInput(
             f"spread of {name} is {deviation:g} rad: it must be at most {MAX_ANGLE_SPREAD:g}, for "
-            "covariances are those of small changes"
+            "covariances describe small changes"
         )
     return array

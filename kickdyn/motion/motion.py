@@ -184,7 +184,7 @@ class Motion(ReprMixin):
         return torque, np.asarray(wrench)
 
     def _on_robot(self, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
-        """Return q, v and the acceleration of the robot from those of the joints that move."""
+        """Return q, v and the acceleration of the robot from the moving joints'."""
         robot, (qs, vs) = self.robot, self._indices
         model, data = robot.workspace.model, robot.workspace.data
         configuration = rest_configuration(robot)

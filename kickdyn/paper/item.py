@@ -51,7 +51,7 @@ class Item:
         verdict: see `MEANINGS`.
         why: in one line.
         source: equation or assumption used.
-        variant: other coefficients than those of `DEFAULT`, where they are used.
+        variant: other coefficients than in `DEFAULT`, where they are used.
         notes: warnings of the flights, and what other coefficients give.
     """
 

@@ -108,7 +108,7 @@ def _words(totals: list[float]) -> list[Item]:
     first, *_, last = (90 + down + HIP_DEG - KNEE_DEG for down, *_ in ROWS.values())
     straight = (
         'the paper says "the posture of straight ankle transmits large external impulse"; this '
-        f"holds if the straight ankle is that of (a), {first:g} deg between shank and foot"
+        f"holds if the straight ankle is the ankle of (a), {first:g} deg between shank and foot"
     )
     small = (
         'the paper says that the impulse "becomes smaller for the small angle of the ankle"; here '

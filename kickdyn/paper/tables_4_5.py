@@ -172,7 +172,7 @@ def items() -> list[Item]:
     why = (
         f"e is the restitution, s a scale of the printed foot speeds; a passive impact gives at "
         f"most {PASSIVE_LIMIT:g}, with e = 1, s = 1 and a leg of infinite mass: the printed foot "
-        "speeds cannot be those of the contact point"
+        "speeds cannot be speeds of the contact point"
     )
     ratio, result = float(paths[HIGH].launch.speed) / HIGH.foot_speed, list[Item]()
     for name, ours in (("ball/foot speed ratio", ratio), ("(1 + e) s", fitted.gain)):

@@ -72,7 +72,7 @@ class IncomingBall(ReprMixin):
             is, shape `(3,)` [m, world frame], a point of its path within 1 cm. None leaves it free.
 
     Raises:
-        InvalidInput: several states, a ball that is faster, or a time before that of the state.
+        InvalidInput: several states, a ball that is faster, or a time before the state.
     """
 
     state: BallState

@@ -7,6 +7,7 @@ from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 from threadpoolctl import threadpool_limits
 
 from kickdyn.air import Air
@@ -54,6 +55,7 @@ from kickdyn.robot.collisions import disabled_pairs
 from kickdyn.robot.kicking_chain import with_angles
 from kickdyn.robot.leg import Leg, Posture
 from kickdyn.robot.standing import is_floating
+from kickdyn.robot.surgery import turn_body
 
 FARTHEST_BALL = 1e9
 """Farthest that a ball may lie from the world's origin, along each axis [m]."""
@@ -105,7 +107,7 @@ def plan_kick(
         incoming: a ball that moves, with `position`, in place of `ball_position`; an `IncomingBall`
             names its ground, or the time or place of the meeting. The goal is seen from its
             position. See below.
-        limits: whether limits of speed and torque hold; those of the joints' range always do. An
+        limits: whether limits of speed and torque hold; limits of the joints' range always do. An
             infinite one always holds, its use is 0, and `joint-speed` counts it as 100 rad/s; one
             of 0 is refused, or none with `limits=False`.
         surface: surface of the ground, for a ball that is played along the ground as by
@@ -136,7 +138,7 @@ def plan_kick(
     With `incoming`, the ball's path is followed to where the leg reaches it, and kicks are planned
     for several times on it; `plan.meeting` is the one of the least `speed_use`, and `plan.meetings`
     has all. A base that moves is in its place at the time of the meeting. Where the goal names no
-    other spin, the kick stops that of the ball; without friction, the spin stays.
+    other spin, the kick stops the ball's spin; without friction, the spin stays.
 
     Raises:
         OutOfReach: a goal that no launch meets, with the nearest there is.
@@ -331,7 +333,7 @@ def _plan_interception(leg: Leg, incoming: IncomingBall, settings: _Settings) ->
         for _, wait, problem, task in rated[:TRIED]:
             starts = problem.starts() if near is None else [near]
             point = best_from(problem, objective, starts)
-            reasons[wait] = "no posture near those of the other meetings gives this launch"
+            reasons[wait] = "no posture near the other meetings gives this launch"
             if point is not None:
                 met[wait], near = task.plan(problem, point), point.x
         for _, wait, _, _ in rated[TRIED:]:
@@ -420,7 +422,7 @@ def _outcome(problem: KickProblem, point: KickPoint, objective: Objective) -> _C
 
 
 def replan_motion(plan: KickPlan, velocity: ArrayLike) -> KickPlan:
-    """Return a plan with a motion near that of another one, whose `strike` gives another launch.
+    """Return a plan with a motion near another one, whose `strike` gives another launch.
 
     It serves to correct a launch by what a contact that takes time, or a simulator, makes of it.
 
@@ -444,13 +446,48 @@ def replan_motion(plan: KickPlan, velocity: ArrayLike) -> KickPlan:
         problem = kick_problem(leg, target, position)
         posture, v, outcome = _plan_motion(problem, plan.motion)
         impact = strike(posture, v, ball, target.contact)
-        flight, surface = plan.path, None
-        if isinstance(flight, Course):
-            flight = flight.flights[0]
-            assert flight.ground is not None  # the one that the course was followed on
-            surface = flight.ground.surface
-        path = _path_to_target(impact, plan.goal, flight.air, surface)
+        path = _path_like(plan, impact)
     return replace(plan, impact_target=target, impact=impact, path=path, **outcome)
+
+
+def turn_plan(plan: KickPlan, angle: float) -> KickPlan:
+    """Return a plan whose standing robot, with its motion, is turned about the ball.
+
+    The launch turns with the robot, and nothing else changes: gravity and the ground are the same
+    in all directions.
+
+    Args:
+        plan: with a motion of a robot on a floating base.
+        angle: to the left, about the vertical through the ball [rad].
+    """
+    assert plan.motion is not None
+    rotation, centre = pin.rpy.rpyToMatrix(0.0, 0.0, angle), plan.impact.ball_before.position
+    turn = pin.SE3(rotation, centre - rotation @ centre)
+    robot = plan.motion.robot
+    robot = robot.with_model(turn_body(robot.model, 0, rotation, centre))
+    motion = replace(plan.motion, robot=robot, placement=turn * plan.motion.placement)
+    target = plan.impact_target
+    contact = replace(target.contact, normal=rotation @ target.contact.normal)
+    target = replace(target, impulse=rotation @ target.impulse, contact=contact)
+    impact = strike(robot.posture(plan.q), plan.v, target.ball, contact)
+    return replace(
+        plan,
+        impact_target=target,
+        impact=impact,
+        path=_path_like(plan, impact),
+        heading=plan.heading + angle,
+        motion=motion,
+    )
+
+
+def _path_like(plan: KickPlan, impact: Impact) -> Flight | Course:
+    """Return the path of the ball after another impact of a plan's kick."""
+    flight, surface = plan.path, None
+    if isinstance(flight, Course):
+        flight = flight.flights[0]
+        assert flight.ground is not None  # the one that the course was followed on
+        surface = flight.ground.surface
+    return _path_to_target(impact, plan.goal, flight.air, surface)
 
 
 def _path_to_target(

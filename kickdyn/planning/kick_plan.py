@@ -100,7 +100,7 @@ class KickPlan(ReprMixin):
     def replan(self, *, incoming: BallState | IncomingBall) -> "KickPlan":
         """Return the plan for the same ball seen again, met at the same time by the clock.
 
-        The posture is sought from that of this plan, which takes a few milliseconds. If there is
+        The search starts from the posture of this plan, which takes a few milliseconds. If there is
         none near it, the whole plan is made again for this time.
 
         Args:

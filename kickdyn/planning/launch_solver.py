@@ -35,7 +35,7 @@ COARSE_TOL = 1e-8
 """Relative tolerance of the flights on the walk along a branch."""
 
 FIRST_TIMES = (1.0, 0.8, 1.25, 0.5, 2.0, 0.3, 3.0)
-"""Times of flight at which branches are sought, over that of the slowest launch in the vacuum."""
+"""Times of flight at which branches are sought, over the time of the slowest launch in vacuum."""
 
 SHORTEST_TIME, LONGEST_TIME = 1e-6, 1e3
 """Times of flight that a `Goal` may have [s]."""
@@ -313,7 +313,7 @@ def _residual(
 class LaunchFamily:
     """The launches to a goal's target, and `beside`, within limits of speed and spin [m/s, rad/s].
 
-    There is a launch for each time of flight, which Newton's method finds from that of a neighbour
+    There is a launch for each time of flight, which Newton's method finds from a neighbour
     in time: a branch. It ends beyond a limit, or where no longer or shorter flight comes to the
     target. Branches start from the launches that Newton's method finds from answers of the vacuum:
     one to which none of these leads is not found.

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from kickdyn.core.files import finite
+from kickdyn.core.representation import distance_in_words
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.follow import Course
 from kickdyn.planning.goal import Goal, PlanStatus
@@ -214,7 +215,7 @@ def verdict(plan: KickPlan) -> str:
     if plan.share == 1.0:
         line = (
             f"The ball reaches {target} {after}; the computed impact and flight miss it by "
-            f"{plan.landing_error:.2g} m."
+            f"{distance_in_words(plan.landing_error)}."
         )
         return line + FAULTS[plan.status]
     if path.status == "at-plane":

@@ -97,7 +97,7 @@ def landing_covariances(
 ) -> dict[str, Array]:
     """Return the landing's covariance by source, each of shape `(2, 2)` [m2].
 
-    The slopes are those of `landing_slopes`; sizes are standard deviations.
+    The slopes come from `landing_slopes`; sizes are standard deviations.
     """
     launch = _launch_slopes(impact)
     landing = {source: slopes[:, :6] @ change for source, change in launch.items()}

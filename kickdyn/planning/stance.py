@@ -7,7 +7,7 @@ r"""What a robot that stands on one foot must keep in a kick, as terms.
   impulse on the ball alone, is one that the ground can supply:
   :math:`\lambda_z \ge 0, |\lambda_t| \le \mu \lambda_z`, its centre of pressure in the sole.
 
-Postures are those of `StandingRobot.leg`, whose base is the supporting foot, or of a part of it.
+Postures belong to `StandingRobot.leg`, whose base is the supporting foot, or of a part of it.
 """
 
 import math

@@ -188,7 +188,7 @@ def _description_names() -> list[str]:
 
 
 def _reason(error: Exception) -> str:
-    """Return the first line that says what went wrong, git's own before that of its wrapper."""
+    """Return the first line that says what went wrong, git's own before its wrapper's."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     fatal = [line.partition("fatal: ")[2].rstrip("'") for line in lines if "fatal: " in line]
     return (fatal or lines or [type(error).__name__])[0][:200]

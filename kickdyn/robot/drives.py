@@ -110,7 +110,7 @@ def read_drives(path: str | PathLike[str]) -> dict[str, Drive]:
 
 
 def load_drives(drives: Mapping[str, Drive] | str | PathLike[str]) -> dict[str, Drive]:
-    """Return drives by joint or pattern, those of a file where one is named."""
+    """Return drives by joint or pattern, from a file where one is named."""
     if isinstance(drives, str | PathLike):
         return read_drives(drives)
     checked = validation.mapping("drives", drives)

@@ -1,6 +1,6 @@
 """Surfaces of a foot that can meet a ball: toe, instep, edge of the sole, inside, outside, heel.
 
-Robots by name have theirs in `catalog`; those of other feet follow from their shapes.
+Robots by name have theirs in `catalog`; other feet get theirs from their shapes.
 """
 
 from collections.abc import Callable
@@ -83,7 +83,7 @@ def foot_surfaces(leg: Leg) -> dict[str, FootSurface]:
 
     .. math:: \min_p \max_n (h(n) - n \cdot p), \qquad h(n) = \max_x n \cdot x .
 
-    The points of a robot of the catalogue are those of its frames. The robot faces x; a foot with
+    The points of a robot of the catalogue are its frames. The robot faces x; a foot with
     its middle left of y = 0 is a left one, whose inside is on its right.
 
     Raises:

@@ -1,9 +1,9 @@
 """The leg of a person of a given height, mass and sex, from published segment parameters.
 
 `urdf/leg_human.urdf` is the template: its joints, ranges, speed limits and shapes stay, the
-segments get their size. The axes are those of the template: x forward, y left, z up.
+segments get their size. The axes are the template's: x forward, y left, z up.
 
-Segments are those of de Leva 1996 (J Biomech 29:1223, Table 4) for college-aged adults, with the
+Segments are from de Leva 1996 (J Biomech 29:1223, Table 4) for college-aged adults, with the
 joint centres as ends: lengths are proportional to the height, masses to the mass of the body, and
 radii of gyration to the lengths. The foot lies along x from the heel to the tip of the toes at the
 height of the ankle, as in the paper's model.
@@ -43,7 +43,7 @@ class Side(StrEnum):
 
 
 class HumanModel(StrEnum):
-    """Joints of a human leg: those of the paper, in one plane, or six in space."""
+    """Joints of a human leg: as in the paper, in one plane, or six in space."""
 
     PAPER = "paper"
     SPATIAL = "3d"
@@ -132,7 +132,7 @@ def human_leg(
 ) -> tuple[UrdfFile, Any, Array | None]:
     """Return the URDF, the `pin.Model` and the cone of contact normals of a person's leg.
 
-    The arguments are those of `Leg.human`, which raises the same errors. Joints without a source
+    The arguments are as for `Leg.human`, which raises the same errors. Joints without a source
     for torque and speed have no limits in the model; in the URDF, which needs them, they have those
     of the joint before them.
     """

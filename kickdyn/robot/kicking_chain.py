@@ -31,7 +31,7 @@ class KickingChain:
     vs: NDArray[np.int64]
 
     def whole(self, robot: Leg, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return q and v of the robot from those of the chain, all other joints at rest."""
+        """Return q and v of the robot from the chain's, all other joints at rest."""
         configuration, velocity = rest_configuration(robot), np.zeros(robot.nv)
         configuration[self.qs], velocity[self.vs] = q, v
         return configuration, velocity

@@ -170,9 +170,9 @@ class Leg(JointTable, ReprMixin):
         frame: str = "toe",
         base: str = "fixed",
     ) -> "Leg":
-        """Return a human leg; without arguments, that of the paper's Table 1.
+        """Return a human leg; without arguments, the leg of the paper's Table 1.
 
-        Segments of a person of a given size are those of de Leva 1996 (J Biomech 29:1223), torques
+        Segments of a person of a given size are from de Leva 1996 (J Biomech 29:1223), torques
         those of Anderson et al. 2007 (J Biomech 40:3105); `kickdyn.robot.human_body` has the
         numbers. The last three joints of the model `3d` below have no limits of torque and speed.
 
@@ -276,7 +276,7 @@ class Leg(JointTable, ReprMixin):
                 none, as for `from_urdf`. Of other joints, q is MuJoCo's `qpos`, with quaternions
                 in the order xyzw.
             locked: joints to lock at their values, as for `from_urdf`.
-            drives: rotors and limits in place of those of the file, as for `with_drives`; False
+            drives: rotors and limits instead of the file's, as for `with_drives`; False
                 for no rotors.
 
         Raises:
@@ -509,7 +509,7 @@ class Leg(JointTable, ReprMixin):
 
         The velocity of the contact point at x is :math:`J v + v_0 + \omega_0 \times x`. An impact
         does not change the velocity of the base, as if the body were far heavier than the leg.
-        Torques of plans are those of a base that does not turn.
+        Torques of plans assume a base that does not turn.
 
         Args:
             linear: velocity :math:`v_0` of the base at the world's origin, where the hip of our

@@ -87,7 +87,7 @@ class StandingRobot:
         )
 
     def whole(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return q and v of the robot from those of the leg, the foot where it stands."""
+        """Return q and v of the robot from the leg's, the foot where it stands."""
         robot = self.robot
         configuration, velocity = robot.configuration(), np.zeros(robot.nv)
         (leg_qs, leg_vs), (robot_qs, robot_vs) = self._of_leg, self._of_robot
@@ -112,7 +112,8 @@ def place_base(robot: Leg, q: Array, frame: int, placement: Any) -> Array:
     placed[:7] = pin.neutral(model)[:7]
     pin.forwardKinematics(model, data, placed)
     seen = pin.updateFramePlacement(model, data, frame)
-    placed[:7] = pin.SE3ToXYZQUAT(placement * seen.inverse())
+    root = model.jointPlacements[1]
+    placed[:7] = pin.SE3ToXYZQUAT(root.inverse() * placement * seen.inverse() * root)
     return placed
 
 

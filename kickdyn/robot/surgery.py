@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 
 PRISMATIC, REVOLUTE = "JointModelP", "JointModelR"
@@ -59,15 +59,19 @@ def _put_joint_frames_first(model: Any) -> None:
         model.frames[new] = frames[old]
 
 
-def turn_body(model: Any, joint: int, rotation: Array) -> Any:
+def turn_body(model: Any, joint: int, rotation: Array, centre: ArrayLike = (0.0, 0.0, 0.0)) -> Any:
     """Return a model in which a body, and all that hangs from it, is turned.
 
     Args:
         model: the model.
         joint: number of the joint that carries the body; 0 turns the whole robot in the world.
-        rotation: from the body's new axes to the joint's axes, about its origin, shape `(3, 3)`.
+        rotation: from the body's new axes to the joint's axes, shape `(3, 3)`.
+        centre: the point about which it is turned, shape `(3,)` [m, joint frame].
     """
-    turned, turn = model.copy(), pin.SE3(rotation, np.zeros(3))
+    turned, turn = (
+        model.copy(),
+        pin.SE3(rotation, np.asarray(centre) - rotation @ np.asarray(centre)),
+    )
     turned.inertias[joint] = turn.act(turned.inertias[joint])
     for child in range(1, turned.njoints):
         if turned.parents[child] == joint:
@@ -199,7 +203,7 @@ def _copy_joint(
 ) -> int:
     """Add a joint to a new model, with the name, limits and rotor of a joint of `model`.
 
-    `limits` of its coordinates replace those of the joint.
+    `limits` of its coordinates replace the joint's.
     """
     q = slice(model.idx_qs[joint], model.idx_qs[joint] + model.nqs[joint])
     v = slice(model.idx_vs[joint], model.idx_vs[joint] + model.nvs[joint])

@@ -48,7 +48,7 @@ JOINT = np.dtype(
     ],
     align=True,
 )
-"""The constants of a joint and its body, in a frame whose z axis is that of the joint.
+"""The constants of a joint and its body, in a frame whose z axis is the joint's.
 
 The frame of the base has the axes in which all vectors are, and the origin of the first joint.
 """

@@ -56,7 +56,7 @@ class Visual:
     """A shape fixed to a frame of a robot, as the robot's file describes it, unchecked.
 
     Attributes:
-        frame: name of the frame in the model, such as that of a link.
+        frame: name of the frame in the model, such as a link.
         pose: of the shape in that frame, shape `(4, 4)` [m].
         shape: what it is.
         size: see `Shape`.

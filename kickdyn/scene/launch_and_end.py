@@ -16,7 +16,7 @@ from kickdyn.flight.flight_result import Flight, FlightStatus
 from kickdyn.flight.fly import fly
 from kickdyn.flight.follow import Course, follow
 from kickdyn.flight.forces import acceleration_function, time_to_fall
-from kickdyn.impact.collide import Collision, collide, duration
+from kickdyn.impact.collide import Collision, collide, duration, takes_inflated_force
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike
 from kickdyn.impact.uncertainty import Uncertainty
@@ -251,12 +251,15 @@ def contact_time_error(scene: Scene, impact: Impact, limit: float = math.inf) ->
     The error is inf where that of the velocity is above the limit [m/s], which saves time; and, as
     it is not known, where one of these strikes has no impact; with supports,
     loops and mimic joints, which a straight motion leaves; with drives of some stiffness or
-    friction; and where the foot may press the ball into the ground or a plane.
+    friction; with the force of an inflated ball, whose restitution is another one; and where the
+    foot may press the ball into the ground or a plane.
     """
     unknown = LaunchError(math.inf, math.inf, math.inf)
     law, leg, contact = scene.law, scene.leg, scene.contact
     assert isinstance(law, Compliance)
     if leg.constraints is not None or leg.compliant_drives:
+        return unknown
+    if takes_inflated_force(contact, **law.options):
         return unknown
     # it lasts up to half longer than of two masses, while the leg's inertia changes
     time = 1.5 * duration(impact.approach, **law.options)

@@ -71,7 +71,7 @@ class Wall:
     Args:
         distance: from the centre of the ball at its start, along the ground [m], above 0.
         height: above the ground [m], above 0.
-        width: [m], above 0; the default is that of five players.
+        width: [m], above 0; by default as wide as five players.
     """
 
     distance: float

@@ -15,7 +15,7 @@ from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 from kickdyn.ground import Ground
-from kickdyn.impact.collide import CONTACT_TIME, checked_stiffness
+from kickdyn.impact.collide import CONTACT_TIME, checked_stiffness, takes_inflated_force
 from kickdyn.impact.force_model import LONGEST_CONTACT
 from kickdyn.impact.laws import find_law
 from kickdyn.impact.sensitivity import UNITS
@@ -35,7 +35,8 @@ class Compliance:
     Args:
         contact_time: duration of the contact for which the stiffness is chosen, above 0 [s]; None
             is the default of `collide`.
-        stiffness: stiffness in place of `contact_time`: a number [N/m^1.5], or `"pressure"`.
+        stiffness: stiffness in place of `contact_time`: a number [N/m^1.5], `"pressure"` or
+            `"inflated"`.
     """
 
     contact_time: float | None = None
@@ -118,7 +119,8 @@ class Scene(ReprMixin):
         if contact.offset is None and posture.contact_offset is not None:
             contact = replace(contact, offset=posture.contact_offset)
         if isinstance(law, Compliance):
-            if law.stiffness == "pressure":
+            takes_inflated_force(contact, **law.options)
+            if isinstance(law.stiffness, str):
                 _ = ball.stiffness  # raises where the pressure is unknown
             least = least_restitution(contact.restitution)
             if least < LEAST_RESTITUTION:
@@ -209,6 +211,8 @@ class Scene(ReprMixin):
         yield "contact", repr(self.contact).removeprefix("Contact(").removesuffix(")"), ""
         if not isinstance(self.law, Compliance):
             yield "law", self.law, ""
+        elif takes_inflated_force(self.contact, **self.law.options):
+            yield "contact force", "of an inflated ball", ""
         elif isinstance(self.law.stiffness, str):
             yield "stiffness", f"from the pressure, {self.ball.stiffness:.4g}", "N/m"
         elif self.law.stiffness is not None:

@@ -263,7 +263,7 @@ def quoted(names: Collection[str]) -> str:
 
 TABLES = (
     Table("", dict, (
-        Key("name", "name", "text", "of the scene; without it, that of the file", _check_text),
+        Key("name", "name", "text", "of the scene; without it, the name of the file", _check_text),
     )),
     Table("leg", LegTable, (
         Key("model", "model", ("human", "testbed"), "a leg of kickdyn"),
@@ -280,7 +280,7 @@ TABLES = (
         Key("package_dirs", "package_dirs", "list of names", "folders in which the meshes of "
             "`file` are looked for, relative to the scene", _check_list, needs=("file",)),
         Key("legs_only", "legs_only", "`true` or `false`", "whether to lock all joints of a "
-            "`robot` but those of its legs; without it `false`",
+            "`robot` except its legs; without it `false`",
             partial(validation.flag, "value"), needs=("robot",)),
         Key("locked", "locked", "table, joint = number [deg; m]",
             "joints that are fixed, and where", partial(_check_joints, unit="deg; m")),
@@ -295,7 +295,7 @@ TABLES = (
             "inertia of the rotors, seen from the joint",
             partial(_check_joints, unit="kg m2", at_least=0.0)),
         Key("drives", "drives", 'text, or `"none"`', "a file of drives, relative to the folder of "
-            "the scene, or no rotors; without it those of the robot", _check_text),
+            "the scene, or no rotors; without it the robot's own", _check_text),
         Key("base_velocity_m_s", "base_velocity", "vector [m/s]", "velocity of the fixed base at "
             "the world's origin, as of a hip in a run-up; 0 without it",
             partial(validation.vector, "base velocity", size=3, unit="m/s")),
@@ -326,6 +326,8 @@ TABLES = (
             "moment of inertia over m r^2; 2/3 of a shell without it"),
         Key("pressure_pa", "pressure", "number, at least 2000 and at most 1e6 [Pa]",
             "gauge pressure, for the `stiffness` and the restitution `inflated` of the contact"),
+        Key("shell_share", "shell_share", "number, at least 0 and at most 1",
+            "share of the mass in the shell, for the restitution `inflated`; 1 without it"),
         Key("velocity_m_s", "velocity", "vector [m/s]", "before the contact; 0 without it"),
         Key("spin_rad_s", "spin", "vector [rad/s]", "before the contact; 0 without it"),
     )),
@@ -345,8 +347,9 @@ TABLES = (
             "contact point in the axes of `frame`; without it its origin"),
         Key("contact_time_s", "contact_time", "number, above 0 and at most 0.1 [s]", "duration of "
             "a contact that takes time; without it and `stiffness` the contact is instantaneous"),
-        Key("stiffness", "stiffness", ("pressure",), "stiffness of a contact that takes time, from "
-            "the pressure of the ball, instead of `contact_time_s`"),
+        Key("stiffness", "stiffness", ("pressure", "inflated"), "stiffness of a contact that takes "
+            "time, from the pressure of the ball, instead of `contact_time_s`; with `inflated` the "
+            "force that the restitution `inflated` is derived from"),
     ), is_required=True, required=({"attack_deg": 0.0, "normal": (1, 0, 0)}, {"restitution": 1.0})),
     Table("air", _air, (
         Key("model", "model", ("standard", "paper"),

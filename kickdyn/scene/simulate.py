@@ -11,7 +11,7 @@ from typing import Any
 
 from kickdyn.ball import BallState
 from kickdyn.core import validation
-from kickdyn.core.representation import Printed
+from kickdyn.core.representation import Printed, distance_in_words
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.flight.flight_result import Flight, FlightStatus
 from kickdyn.flight.follow import Course
@@ -250,7 +250,11 @@ class Simulation(Printed):
     def summary(self) -> str:
         """The end, its error, the wall, the goal and warnings, one line each."""
         scene, impact, ground = self.scene, self.impact, self.scene.ground
-        error = f"error {self.error:.2g} m" if math.isfinite(self.error) else "error unknown"
+        error = (
+            f"error {distance_in_words(self.error)}"
+            if math.isfinite(self.error)
+            else "error unknown"
+        )
         if self.tolerance is not None:
             met = "within" if self.within_tolerance else "NOT WITHIN"
             error += f", {met} the tolerance of {self.tolerance:g} m"

@@ -31,7 +31,7 @@ MAX_FAULTS = 100
 def load_scene(path: str | PathLike[str]) -> Scene:
     """Read a scene from a TOML file.
 
-    Tables and keys are those of `kickdyn.scene.scene_tables.TABLES`; the file of a leg is looked
+    Tables and keys are defined in `kickdyn.scene.scene_tables.TABLES`; the file of a leg is looked
     for relative to the folder of the scene. Aerodynamic effects act only if they are named: air
     without `drag` has none.
 

@@ -15,6 +15,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError, NoImpact
 from kickdyn.impact.approach import Approach, find_approach
 from kickdyn.impact.collide import collide
+from kickdyn.impact.force_model import ForceModel
 from kickdyn.robot.leg import Posture
 from kickdyn.simulators.mujoco_kick import (
     IMPEDANCE,
@@ -200,6 +201,7 @@ def kick_cases(approach: Approach, contact_time: float) -> list[KickCase]:
         during = hit.sample(np.linspace(0.0, hit.contact_time, 33))
         forces = np.linalg.norm(during.force, axis=1)
         mean = float(forces @ during.deflection / forces.sum())
+        assert isinstance(hit.force_model, ForceModel)  # a spring, because of its contact time
         return KickCase(change, near, hit.ball_after, mean), hit.force_model.stiffness
 
     tuned, stiffness = compute("", approach, contact_time=contact_time)

@@ -1,15 +1,22 @@
 """Planned kicks corrected by what a contact that takes time makes of them."""
 
+import math
+from dataclasses import replace
 from enum import StrEnum
+from typing import NamedTuple
 
 import numpy as np
+import pinocchio as pin
 
+from kickdyn.ball import BallState
 from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.impact.collide import collide
-from kickdyn.planning.kick import replan_motion
+from kickdyn.planning.kick import replan_motion, turn_plan
 from kickdyn.planning.kick_plan import KickPlan
+from kickdyn.planning.launch import Launch, plan_launch
+from kickdyn.robot.standing import is_floating
 from kickdyn.simulators.run_in_mujoco import run_in_mujoco
 
 
@@ -30,7 +37,11 @@ def refine_kick(plan: KickPlan, rounds: int = 2, by: str = Observer.COLLIDE) -> 
 
     .. math:: v_{k+1} = v_k + v^* - \hat v_k
 
-    with the launch :math:`v^*` of the goal and the ball :math:`\hat v_k` that was observed.
+    with the ball :math:`\hat v_k` that was observed, and the launch :math:`v^*` that meets the goal
+    from the place where this ball leaves the foot, with its spin; after a correction that made the
+    ball worse, half of it from the plan before. The motion of a robot that stands
+    keeps its azimuth; in the end the robot is turned about the ball by the error of the azimuth
+    (the plan's `heading`), which changes nothing else.
 
     Args:
         plan: with a `motion`.
@@ -38,8 +49,8 @@ def refine_kick(plan: KickPlan, rounds: int = 2, by: str = Observer.COLLIDE) -> 
         by: `collide`, or `mujoco` for `run_in_mujoco` with its default contact.
 
     Returns:
-        The plan, of all rounds and the first one, whose ball is nearest to the launch of the goal.
-        Its `impact`, `path` and `landing_error` are those of the commanded launch by `strike`,
+        The plan, of all rounds and the first one, whose ball is nearest to :math:`v^*`.
+        Its `impact`, `path` and `landing_error` belong to the commanded launch by `strike`,
         which misses the target by what the contact is expected to add; `run_in_mujoco(...).miss`
         is the distance of the simulated ball from the target.
 
@@ -52,23 +63,88 @@ def refine_kick(plan: KickPlan, rounds: int = 2, by: str = Observer.COLLIDE) -> 
     validation.number("rounds", rounds, at_least=1, at_most=10)
     if plan.motion is None:
         raise InvalidInput("the plan has no motion: plan it with plan_kick(..., motion=True)")
-    launch = plan.launch.velocity
-    tried = [(plan, _observe(plan, chosen))]
+    best, step = _try(plan, chosen), 1.0
     for _ in range(rounds):
-        latest, velocity = tried[-1]
-        command = latest.impact.ball_after.velocity + launch - velocity
-        corrected = replan_motion(latest, command)
-        tried.append((corrected, _observe(corrected, chosen)))
-    return min(tried, key=lambda pair: float(np.linalg.norm(pair[1] - launch)))[0]
+        command = best.plan.impact.ball_after.velocity + step * best.error
+        tried = _try(replan_motion(best.plan, command), chosen)
+        if tried.size < best.size:
+            best, step = tried, 1.0
+        else:
+            step *= 0.5
+    return turn_plan(best.plan, best.turn) if is_floating(plan.leg) else best.plan
 
 
-def _observe(plan: KickPlan, by: Observer) -> Array:
-    """Return the velocity of the ball that a plan gives, shape `(3,)` [m/s]."""
+class _Tried(NamedTuple):
+    """A plan, what its ball lacks of the wished velocity, `(3,)` [m/s], and how far it is turned.
+
+    The plan's robot is to be turned by `turn` [rad] about the ball; `error` has no such part.
+    """
+
+    plan: KickPlan
+    error: Array
+    turn: float
+
+    @property
+    def size(self) -> float:
+        """Size of the error [m/s]."""
+        return float(np.linalg.norm(self.error))
+
+
+def _try(plan: KickPlan, by: Observer) -> _Tried:
+    """Return what the ball of a plan lacks."""
+    ball = _observe(plan, by)
+    wished = _wished_velocity(plan, ball)
+    if not is_floating(plan.leg):
+        return _Tried(plan, wished - ball.velocity, 0.0)
+    turn = _azimuth(wished) - _azimuth(ball.velocity)
+    # a turned robot kicks the ball from another place, if only by a millimetre
+    wished = _wished_velocity(plan, _turned(ball, turn, plan.impact.ball_before.position))
+    turn = _azimuth(wished) - _azimuth(ball.velocity)
+    turn = math.remainder(turn, math.tau)
+    kept = _azimuth(plan.impact.ball_after.velocity) - _azimuth(wished)
+    error = _about_vertical(kept) @ (wished - _about_vertical(turn) @ ball.velocity)
+    return _Tried(plan, error, turn)
+
+
+def _wished_velocity(plan: KickPlan, ball: BallState) -> Array:
+    """Return the velocity with which a ball meets the goal from where it leaves, `(3,)` [m/s].
+
+    The flight begins half of the contact's duration after the kick, which is `ball.time` [s].
+    """
+    launch = plan.launch
+    if not isinstance(launch, Launch):
+        return launch.velocity
+    goal = plan.goal.seen_from(ball.position - plan.impact.ball_before.position, 0.0)
+    if goal.time is not None:
+        goal = replace(goal, time=goal.time - float(ball.time))
+    if goal.beside is None:
+        goal = replace(goal, spin=ball.spin)
+    met = plan_launch(goal, plan.impact.ball, launch.air)
+    return launch.velocity if met.limit is not None else met.velocity
+
+
+def _observe(plan: KickPlan, by: Observer) -> BallState:
+    """Return the ball that a plan gives; its time is half of the contact's duration."""
     impact = plan.impact
     if by is Observer.COLLIDE:
         hit = collide(impact.posture, impact.v_before, impact.ball, impact.contact)
-        return np.asarray(hit.ball_after.velocity)
+        return replace(hit.ball_after, time=0.5 * hit.contact_time)
     run = run_in_mujoco(plan)
     if run.path is None:
         raise KickdynError("the foot does not reach the ball in MuJoCo: nothing can be corrected")
-    return np.asarray(run.ball_after.velocity)
+    return replace(run.ball_after, time=0.5 * run.contact_time)
+
+
+def _azimuth(velocity: Array) -> float:
+    return math.atan2(velocity[1], velocity[0])
+
+
+def _about_vertical(angle: float) -> Array:
+    return np.asarray(pin.rpy.rpyToMatrix(0.0, 0.0, angle))
+
+
+def _turned(ball: BallState, angle: float, centre: Array) -> BallState:
+    """Return a ball turned to the left about the vertical through a point."""
+    rotation = _about_vertical(angle)
+    place = centre + rotation @ (ball.position - centre)
+    return BallState(place, rotation @ ball.velocity, rotation @ ball.spin, ball.time)

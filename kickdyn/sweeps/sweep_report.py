@@ -149,8 +149,8 @@ def _explanation(line: ReportLine, kick: Kick) -> str:
         )
     return (
         f"the effective mass of the leg is {values['effective_mass']:.3g} kg, "
-        f"{values['effective_mass'] / kick.ball.mass:.3g} times that of the ball, which leaves at "
-        f"{values['speed_ratio']:.3g} times the foot's speed "
+        f"{values['effective_mass'] / kick.ball.mass:.3g} times the ball's mass; the ball leaves "
+        f"at {values['speed_ratio']:.3g} times the foot's speed "
         f"({1 + kick.restitution_used:.3g} if the leg were infinitely heavy); "
         f"its joints need {values['speed_use']:.0%} of their speed limits{overlap}"
     )
@@ -262,20 +262,20 @@ def text(summary: Summary, lines: Sequence[ReportLine], width: int = PROSE) -> s
         sentences.append(
             f"The relative residuals of restitution and momentum are below 1e{power:+03d}."
         )
-    if (difference := pinocchio_difference(lines)) is not None:
-        power = math.ceil(math.log10(max(difference, 1e-17))) + 1
+    if differences := pinocchio_differences(lines):
+        power = math.ceil(math.log10(max([*differences, 1e-17]))) + 1
         sentences.append(
-            "Without friction, the impulses of these postures agree with pin.impulseDynamics: the "
-            f"relative difference is below 1e{power:+03d}."
+            "Without friction, pin.impulseDynamics gives the impulses of all "
+            f"{len(differences)} postures above: the relative difference is below 1e{power:+03d}."
         )
     return "\n".join(wrapped(sentence, width) for sentence in sentences)
 
 
-def pinocchio_difference(lines: Sequence[ReportLine]) -> float | None:
-    """Return the largest relative difference of the impulses from `pin.impulseDynamics`.
+def pinocchio_differences(lines: Sequence[ReportLine]) -> list[float]:
+    """Return the relative differences of the impulses from `pin.impulseDynamics`.
 
-    Both are without friction, which Pinocchio's solver lacks; None where no posture has an impact
-    with a ball of finite mass.
+    Both are without friction, which Pinocchio's solver lacks; postures without an impact, or with
+    a ball of infinite mass, are left out.
     """
     differences = []
     for hit in (line.outcome.impact for line in lines):
@@ -283,8 +283,10 @@ def pinocchio_difference(lines: Sequence[ReportLine]) -> float | None:
             contact = Contact(hit.contact.normal, hit.contact.restitution)
             closed = strike(hit.posture, hit.v_before, hit.ball, contact)
             other = strike(hit.posture, hit.v_before, hit.ball, contact, engine="pinocchio")
-            differences.append(length(other.impulse - closed.impulse) / length(closed.impulse))
-    return float(max(differences)) if differences else None
+            differences.append(
+                float(length(other.impulse - closed.impulse) / length(closed.impulse))
+            )
+    return differences
 
 
 def _unit(leg: Leg, joint: str) -> str:
@@ -305,6 +307,6 @@ def as_json(
         "status": counts,
         **where,
         "lines": [line.as_json() for line in lines],
-        "pinocchio_difference": pinocchio_difference(lines),
+        "pinocchio_difference": max(pinocchio_differences(lines), default=None),
         **summary.as_json(),
     }

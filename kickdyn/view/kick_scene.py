@@ -81,7 +81,7 @@ class Arrow(NamedTuple):
 class Pace(NamedTuple):
     """Which time of the kick each picture shows.
 
-    `times` are those of the pictures, 0 at the impact, shape `(n,)` [s], and `impact` is the index
+    `times` belong to the pictures, 0 at the impact, shape `(n,)` [s], and `impact` is the index
     of the picture of the impact. Leg and ball rest from the last of `times` to the picture `end`.
     """
 

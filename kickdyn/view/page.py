@@ -13,6 +13,7 @@ import numpy as np
 from kickdyn.air import Air
 from kickdyn.core import validation
 from kickdyn.core.files import replacing
+from kickdyn.core.representation import distance_in_words
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.flight_result import Flight
@@ -30,6 +31,7 @@ from kickdyn.scene.simulate import Simulation, simulate_as_instant
 from kickdyn.view.caption import kick_panel
 from kickdyn.view.comparison import draw_flights
 from kickdyn.view.document import DrawnScene, html_document, recording_viewer, save_picture
+from kickdyn.view.gltf import to_glb
 from kickdyn.view.kick_scene import Pace, draw_kick
 from kickdyn.view.leg_scene import draw_motion, draw_posture
 from kickdyn.view.wall_and_goal import Box, plane_boxes, wall_boxes
@@ -77,7 +79,10 @@ class Page:
         ]
 
     def save(self, file: str | PathLike[str], at: float = 0.0) -> None:
-        """Write the page, or a picture of it where the name ends in `.png`.
+        """Write the page, a picture of it (`.png`), or its scene as binary glTF (`.glb`).
+
+        A glTF file is for slides, Blender and viewers of 3-D models. It has the meshes of the first
+        scene in metres at the impact, y up as glTF has it, without labels and animation.
 
         Args:
             file: it is replaced as a whole, or not at all.
@@ -95,12 +100,17 @@ class Page:
         if is_picture:
             save_picture(self.html, file, at)
             return
+        if Path(file).suffix.lower() == ".glb":
+            content = to_glb(self.viewer.window)
+            with replacing(file) as draft:
+                draft.write_bytes(content)
+            return
         with replacing(file) as draft:
             draft.write_text(self.html, encoding="utf-8")
 
     def __repr__(self) -> str:
         """Return the title, for where HTML cannot be shown."""
-        return f"<Page {self.title!r}: save it as .html, or as .png>"
+        return f"<Page {self.title!r}: save it as .html, .png or .glb>"
 
     def _repr_html_(self) -> str:
         return (
@@ -214,7 +224,7 @@ def _kick_of_simulation(simulation: Simulation, caption: str) -> _Kick:
     caption = caption or scene.name
     if simulation.neglected:
         moved = simulation.model_error
-        distance = f"{moved:.2g} m" if math.isfinite(moved) else "an unknown distance"
+        distance = distance_in_words(moved) if math.isfinite(moved) else "an unknown distance"
         caption += f", contact shown as instantaneous; this moves the end of the path by {distance}"
     kick = _Kick(impact, path, ". ".join(filter(None, [caption, simulation.pitch_text])))
     if scene.plane is None:

@@ -94,7 +94,7 @@ class View:
     def update(
         self, subject: Any, path: Flight | Course | None = None, *, caption: str = ""
     ) -> None:
-        """Show another subject from where the camera is; the arguments are those of `page`.
+        """Show another subject from where the camera is; the arguments are as for `page`.
 
         In a still view, another impact of the same leg moves the parts of the scene, within some
         milliseconds.

@@ -11,6 +11,7 @@ from click.testing import CliRunner
 import kickdyn as kd
 from kickdyn.cli.view_command import view
 from kickdyn.core import console
+from kickdyn.core.representation import distance_in_words
 from kickdyn.scene.simulate import simulate_as_instant
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
@@ -40,7 +41,10 @@ def test_a_page_and_numbers(tmp_path):
     apart = np.linalg.norm(np.subtract(numbers["end"], whole.end.position))
     assert numbers["neglected"] == {"contact time": pytest.approx(apart, rel=1e-3)}
     assert apart <= numbers["error"] <= 1.001 * apart
-    assert f"error {apart:.2g} m; all effects are modelled except contact time (" in ended.output
+    assert (
+        f"error {distance_in_words(apart)}; all effects are modelled except contact time ("
+        in ended.output
+    )
     told = (
         f"volley, contact shown as instantaneous; this moves the end of the path by {apart:.2g} m"
     )
@@ -66,7 +70,7 @@ def test_a_page_and_numbers(tmp_path):
 def test_a_scene_without_time_for_its_contact_has_all_modelled(tmp_path):
     said = tmp_path / "kick.json"
     ended = run(SCENES / "paper_kick.toml", "--json", said)
-    assert "m; all effects are modelled\n" in ended.output
+    assert "; all effects are modelled\n" in ended.output
     numbers = json.loads(said.read_text())
     assert numbers["neglected"] == {}
     assert numbers["error"] < 1e-6

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.core.representation import ReprMixin, format_value
+from kickdyn.core.representation import ReprMixin, distance_in_words, format_value
 
 
 class Named(ReprMixin):
@@ -192,3 +192,18 @@ def test_states_of_the_same_values_are_equal():
     assert hash(one) == hash(other)
     assert one != kd.BallState(velocity=(1, 1, 1))
     assert kd.BallState((-0.0, 0, 0)) == kd.BallState((0.0, 0, 0))
+
+
+@pytest.mark.parametrize(
+    ("distance", "words"),
+    [
+        (0.0, "less than a micrometre"),
+        (2.8e-17, "less than a micrometre"),
+        (1e-6, "0.001 mm"),
+        (4.56e-4, "0.46 mm"),
+        (0.0456, "0.046 m"),
+        (12.3, "12 m"),
+    ],
+)
+def test_distances_for_people(distance, words):
+    assert distance_in_words(distance) == words

@@ -399,10 +399,14 @@ def test_a_ball_flattened_beyond_the_range_of_its_pressure_is_named():
         ({"stiffness": 1e3}, r"stiffness is 1000 N/m\^1\.5: too low, .* beyond its radius"),
         (
             {"stiffness": "air"},
-            r"stiffness is 'air': it must be a number \[N/m\^1.5\] or 'pressure'",
+            r"stiffness is 'air': it must be a number \[N/m\^1.5\], 'pressure' or 'inflated'",
         ),
         ({"stiffness": "pressure"}, "ball pressure is None: its stiffness needs it"),
         ({"stiffness": "pressure", "contact_time": 0.01}, "give only one of them"),
+        (
+            {"stiffness": "inflated"},
+            "stiffness is 'inflated': it needs a contact with .*'inflated'",
+        ),
         ({"contact_time": 1e-12}, "contact time is .*at least 1e-09"),
         ({"tol": 0.1}, r"tol is 0\.1"),
         ({"torque": [1.0]}, r"torque has shape \(1,\): it must be \(3,\)"),

@@ -11,6 +11,7 @@ import pytest
 from random_scenes import random_scene, wide_scene
 
 import kickdyn as kd
+from kickdyn.core.representation import distance_in_words
 from kickdyn.scene.launch_and_end import collision_error, end_error, path_error
 from kickdyn.scene.simulate import (
     CONTACT_SHARE,
@@ -361,7 +362,10 @@ def test_the_error_covers_what_the_instant_neglects():
     assert answer.error == answer.model_error + answer.numerical_error
     assert answer.neglected == ("contact time",)
     said = str(answer)
-    assert f"error {answer.error:.2g} m; all effects are modelled except contact time (" in said
+    assert (
+        f"error {distance_in_words(answer.error)}; all effects are modelled except contact time ("
+        in said
+    )
     assert answer.modelled == ("friction", "ball rotation", "drag", "drag crisis", "lift")
     x, y, z = whole.end.position.round(3) + 0.0
     assert f"with it: landed at ({x:.3f}, {y:.3f}, {z:.3f}) m" in said

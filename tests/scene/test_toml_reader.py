@@ -329,7 +329,7 @@ def test_a_compliant_contact_has_the_stiffness_of_the_balls_pressure(read):
     [
         ("stiffness = 'pressure'\ncontact_time_s = 0.01", "pressure_pa = 8e4", "give only one"),
         ("stiffness = 'pressure'", "", "ball pressure is None: its stiffness needs it"),
-        ("stiffness = 'air'", "", "contact.stiffness: 'air' is unknown: choose pressure"),
+        ("stiffness = 'air'", "", "contact.stiffness: 'air' is unknown: choose pressure, inflated"),
         ("stiffness = 'pressure'\nlaw = 'paper'", "pressure_pa = 8e4", "has no impact law"),
         (
             "",

@@ -328,7 +328,7 @@ def test_the_page_is_in_a_frame_of_a_notebook_as_it_is(kick):
     assert html.unescape(frame[1]) == page.html
     assert "<" not in frame[1]
     assert "height: 600px" in frame[2]
-    assert repr(page) == "<Page 'leg_human: ball at 10.12 m/s': save it as .html, or as .png>"
+    assert repr(page) == "<Page 'leg_human: ball at 10.12 m/s': save it as .html, .png or .glb>"
 
 
 def test_a_notebook_in_a_browser(kick, chromium, tmp_path):

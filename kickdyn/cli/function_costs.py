@@ -148,7 +148,7 @@ def _impacts() -> Iterator[Measured]:
         return strike_many(leg, *many, ball, contact).impulse
 
     yield "strike_many", strikes, ROWS, lambda: _gap(strikes()[-1], exact), model
-    names, steps = leg.joint_names, 1.25 * np.arange(41.0)
+    names, steps = leg.joint_names, 0.625 * np.arange(81.0)
     grid = {name: np.radians(low + steps) for name, low in zip(names, (-10, 0, -20), strict=True)}
     at = {f"{name}_deg": angle for name, angle in zip(names, ANGLES, strict=True)}
     setting = Kick(speed=FOOT_SPEED, attack=ATTACK, friction=FRICTION, ball=ball)
@@ -158,7 +158,7 @@ def _impacts() -> Iterator[Measured]:
         chosen = data.swap_dims({name: f"{name}_deg" for name in names})
         return abs(float(chosen.sel(at, method="nearest").impulse) / math.hypot(*exact) - 1.0)
 
-    yield "sweep", lambda: sweep(leg, grid, setting, threads=1), 41**3, of_sweep, model
+    yield "sweep", lambda: sweep(leg, grid, setting, threads=1), 81**3, of_sweep, model
     default = collide(impact.posture, v, ball, contact)
     yield (
         "collide", lambda: collide(leg.posture(q), v, ball, contact), 1,

@@ -25,8 +25,11 @@ LEAST_EFFECT = 1e-9
 
 
 @click.command("tradeoff", Command)
-@click.option("--scene", metavar="SCENE",
-              help="Measure effects of a scene: a file, or a name as for `kickdyn view`.")  # fmt: skip
+@click.option(
+    "--scene",
+    metavar="SCENE",
+    help="Measure the effects of a scene: a TOML file, or a name as for `kickdyn view`.",
+)
 @takes(output=JsonOptions)
 @click.option("--plot", metavar="FILE", type=click.Path(),
               help="Plot error against time, or the effects: .png, .svg or .pdf.")  # fmt: skip

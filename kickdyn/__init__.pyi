@@ -60,6 +60,7 @@ from .planning.kick import plan_kick as plan_kick
 from .planning.kick_plan import KickPlan as KickPlan
 from .planning.launch import Launch as Launch
 from .planning.launch import plan_launch as plan_launch
+from .planning.moving_kick import plan_trap as plan_trap
 from .planning.passes import Pass as Pass
 from .planning.passes import plan_pass as plan_pass
 from .robot.constraints import Support as Support

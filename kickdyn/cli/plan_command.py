@@ -1,7 +1,7 @@
 """From a goal back to the kick (`kickdyn plan`)."""
 
 import math
-from dataclasses import astuple, dataclass, replace
+from dataclasses import astuple, dataclass, fields, replace
 from typing import Any
 
 import click
@@ -28,6 +28,7 @@ from kickdyn.planning.goal import FARTHEST, Goal
 from kickdyn.planning.interception import IncomingBall
 from kickdyn.planning.kick import plan_kick
 from kickdyn.planning.launch import SPEED_LIMIT, OutOfReach
+from kickdyn.planning.moving_kick import plan_trap
 from kickdyn.planning.objectives import KickObjective
 from kickdyn.planning.plan_report import (
     WALL_CLEARANCE,
@@ -48,8 +49,8 @@ knees are bent, by 52 degrees if it stood on that foot."""
 class GoalOptions:
     """The target and the flight to it, and what stands in its way."""
 
-    distance: float = option(
-        "--distance", required=True, type=float, help="Distance of the target, along x [m]."
+    distance: float | None = option(
+        "--distance", type=float, help="Distance of the target, along x [m]."
     )
     height: float = option(
         "--height", default=0.0, show_default=True,
@@ -101,7 +102,7 @@ class GoalOptions:
 
     def read_wall(self) -> Wall | None:
         """Return the wall; raise `InvalidInput` if it does not stand before the target."""
-        if self.wall is None:
+        if self.wall is None or self.distance is None:
             return None
         wall = read_wall(self.wall)
         check_before(wall, math.hypot(self.distance, self.left))
@@ -109,6 +110,8 @@ class GoalOptions:
 
     def load(self) -> Goal:
         """Return the goal; above a wall the ball passes, unless an option describes the flight."""
+        if self.distance is None:
+            raise InvalidInput("Missing option '--distance': only --trap has no target")
         validation.number("distance", self.distance, above=0, at_most=FARTHEST, unit="m")
         wall, over = self.read_wall(), self.over
         flight = (self.time, self.apex, self.launch_speed, over, self.surface)
@@ -153,6 +156,10 @@ class KickOptions:
     meet_at: float | None = option(
         "--meet-at", type=float, help="Time at which it is met [s].  [default: the best]"
     )
+    trap: tuple[float, float, float] | None = option(
+        "--trap", type=Numbers("X,Y,Z"),
+        help="Leave the ball with this velocity [m/s], as 0,0,0 at rest, in place of a target.",
+    )  # fmt: skip
     objective: str | None = option(
         "--objective",
         type=click.Choice([name.value for name in KickObjective if name != "torque-squared"]),
@@ -173,7 +180,7 @@ class KickOptions:
         if self.ball_height is not None and self.ball_at is not None:
             raise InvalidInput("--ball-height and --ball-at are both given: give one of the two")
         moving = self.ball_position is not None and self.ball_velocity is not None
-        for name in ("ball_position", "ball_velocity", "ball_spin", "meet_at"):
+        for name in ("ball_position", "ball_velocity", "ball_spin", "meet_at", "trap"):
             if getattr(self, name) is not None and not moving:
                 option_name = "--" + name.replace("_", "-")
                 raise InvalidInput(
@@ -182,6 +189,16 @@ class KickOptions:
                 )
         if moving and (self.ball_height is not None or self.ball_at is not None):
             raise InvalidInput("--ball-position excludes --ball-height and --ball-at")
+
+    def load_goal(self, goal: GoalOptions) -> Goal | tuple[float, float, float]:
+        """Return the goal, or the velocity of a trap, which excludes the options of a goal."""
+        if self.trap is None:
+            return goal.load()
+        given = [entry.metadata["names"][0] for entry in fields(goal) if getattr(goal, entry.name)]
+        given += ["--motion"] if self.motion else []
+        if given:
+            raise InvalidInput(f"--trap excludes {', '.join(given)}: a trap has no target")
+        return self.trap
 
     def arguments(self, leg: Leg, ball: Ball, offset: tuple[float, ...] | None) -> dict[str, Any]:
         """Return these options as arguments of `plan_kick`; the ball lies where the leg stands."""
@@ -269,18 +286,27 @@ def plan(
     Example: kickdyn plan --distance 30 --time 1.5 --leg human --view kick.html --json -
     """
     kick.check()
-    target, wall = goal.load(), goal.read_wall()
+    target, wall = kick.load_goal(goal), goal.read_wall()
     output.check_motion(kick.motion)
     output.check(output.out, inputs=[leg.leg_name])
     struck_ball, windy_air, robot = ball.load(), air.load(), leg.load()
     with busy("planning the kick"):
         try:
-            planned = plan_kick(
-                robot, target, struck_ball, windy_air, contact=contact.contact(),
-                surface=goal.surface, **kick.arguments(robot, struck_ball, contact.offset),
-            )  # fmt: skip
+            arguments = kick.arguments(robot, struck_ball, contact.offset)
+            if isinstance(target, tuple):
+                arguments = {name: arguments[name] for name in ("incoming", "objective", "limits")}
+                planned = plan_trap(
+                    robot, ball=struck_ball, air=windy_air, velocity=target,
+                    contact=contact.contact(), **arguments,
+                )  # fmt: skip
+            else:
+                planned = plan_kick(
+                    robot, target, struck_ball, windy_air, contact=contact.contact(),
+                    surface=goal.surface, **arguments,
+                )  # fmt: skip
         except OutOfReach as error:
-            output.write_json(unreachable_json(target, error))
+            if isinstance(target, Goal):
+                output.write_json(unreachable_json(target, error))
             raise
         if wall is not None:
             describe_passage(wall, planned)  # raises if the ball hits it
@@ -318,8 +344,8 @@ def _write_page(report: PlanReport, file: str, caption: str) -> None:
 
     plan = report.plan
     foot = plan.path.launch.position - np.array([0.0, 0.0, plan.impact.ball.radius])
-    boxes = [] if report.wall is None else wall_boxes(foot, plan.goal.ahead, *astuple(report.wall))
-    boxes += goal_boxes(foot, float(plan.goal.target[0])) if report.goal_mouth else []
+    boxes = [] if report.wall is None else wall_boxes(foot, plan.aim.ahead, *astuple(report.wall))
+    boxes += goal_boxes(foot, float(plan.aim.target[0])) if report.goal_mouth else []
     made_page = page(plan, caption=caption, scenery=boxes)
     made_page.save(file)
     warn(made_page.warnings)

@@ -104,6 +104,14 @@ class ImpactTarget(ReadOnlyArrays):
         return gain if self.contact.friction == 0.0 else gain + np.eye(3) - along
 
 
+def spin_change_limit(impulse: float, ball: Ball, contact: Contact) -> float:
+    r"""Return the largest change of spin with an impulse [N s] that sticks [rad/s].
+
+    It is :math:`r p \sin(\arctan\mu) / I`.
+    """
+    return math.sin(math.atan(contact.friction)) * ball.radius * impulse / ball.inertia
+
+
 def impact_target_for(
     velocity: Array,
     spin: Array,
@@ -128,11 +136,11 @@ def impact_target_for(
     normal = along
     if turn > 0.0:
         sine = ball.inertia * turn / (ball.radius * size)
-        most = math.sin(math.atan(contact.friction))
-        if not sine <= most:
+        most = spin_change_limit(size, ball, contact)
+        if not turn <= most:
             raise InvalidInput(
                 f"spin is {turn:.4g} rad/s: with friction {contact.friction:g} the foot gives this "
-                f"launch at most {most * ball.radius * size / ball.inertia:.4g} rad/s"
+                f"launch at most {most:.4g} rad/s"
             )
         normal = math.sqrt(1.0 - sine * sine) * along + sine * np.cross(spin / turn, along)
     return ImpactTarget(impulse, replace(contact.for_ball(ball), normal=normal), ball, before)

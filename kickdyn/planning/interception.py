@@ -52,6 +52,9 @@ BESIDE = 1e-6
 FOLLOW_TOL = 1e-12
 """Relative tolerance of the ball's path before it is met."""
 
+BEYOND = 1e-3
+"""Time after the meeting for which the ball is followed, in derivatives of the landing [s]."""
+
 INCREMENT = 1e-5
 """Of time [s], velocity [m/s] and place [m], in derivatives of the landing."""
 
@@ -128,11 +131,15 @@ class IncomingBall(ReprMixin):
         return IncomingBall(self.state, ground, self.meet_at)
 
     @validation.check_arguments
-    def course(self, ball: Ball, air: Air | None) -> Course:
-        """Return the path of the ball as if nobody kicked it, for `LONGEST_WAIT` at most."""
-        return follow(
-            self.state, ball, air, self.ground, FOLLOW_TOL, time_limit=LONGEST_WAIT
-        )  # fmt: skip
+    def course(self, ball: Ball, air: Air | None, longest: float = LONGEST_WAIT) -> Course:
+        """Return the path of the ball as if nobody kicked it.
+
+        Args:
+            ball: the ball.
+            air: the air; None is the vacuum.
+            longest: time for which each flight, and rolling, is followed at most [s].
+        """
+        return follow(self.state, ball, air, self.ground, FOLLOW_TOL, time_limit=longest)
 
 
 class LandingSlopes(NamedTuple):
@@ -162,17 +169,17 @@ class Meeting(ReprMixin):
     Attributes:
         ball: the ball just before the contact; its time is by the clock of `incoming`.
         incoming: the ball as it was seen, with its ground.
-        goal: the goal, seen from here.
+        goal: the goal, seen from here; of a trap, the motion that is wished.
         air: the air; None is the vacuum.
         impact: the kick; None where there is none.
         share: share of the impulse that is reached; 0 without a kick.
         speed_use: largest joint speed over its limit; nan without a kick.
-        reason: why there is no kick; empty where there is one.
+        reason: why there is no kick, or which bodies collide in it, where another one is preferred.
     """
 
     ball: BallState
     incoming: IncomingBall
-    goal: Goal
+    goal: Goal | BallState
     air: Air | None
     impact: Impact | None = None
     share: float = 0.0
@@ -211,7 +218,7 @@ class Meeting(ReprMixin):
 
         The impact with this normal gives the launch of the flight that is differentiated.
         """
-        if self.impact is None or self.share < 1.0:
+        if self.impact is None or self.share < 1.0 or not isinstance(self.goal, Goal):
             return None
         incoming, impact, air = self.incoming, self.impact, self.air
         ball, contact, seen = impact.ball, impact.contact, incoming.state
@@ -226,7 +233,7 @@ class Meeting(ReprMixin):
             moved = BallState(
                 seen.position + change[4:], seen.velocity + change[1:4], seen.spin, seen.time
             )
-            come = _near(replace_state(incoming, moved).course(ball, air), wait)
+            come = _near(replace_state(incoming, moved).course(ball, air, wait + BEYOND), wait)
 
             def gap(t: float) -> float:
                 apart = come(t).position - foot - velocity * (t - wait - change[0])
@@ -382,7 +389,7 @@ def waits_in_plane(waits: Array, aside: Callable[[float], float]) -> Array:
     """
     gaps = np.array([aside(t) for t in waits.tolist()])
     roots = [t for t, gap in zip(waits.tolist(), gaps.tolist(), strict=True) if abs(gap) <= BESIDE]
-    if len(roots) == len(waits):
+    if len(roots) == len(waits) or np.isnan(gaps).all():
         return waits
     for (t, gap), (then, other) in zip(
         zip(waits, gaps, strict=True), zip(waits[1:], gaps[1:], strict=True), strict=False

@@ -41,6 +41,8 @@ ball and each other."""
 MOST_NAMED = 3
 """Number of overlaps in a motion that a line names."""
 
+NO_TARGET = "the plan is a trap: it has no target"
+
 OTHER_POSTURE = "another goal, offset or objective takes another posture"
 OTHER_HEIGHT = (
     "the ground is level with the ball's lowest point: try another height of the ball "
@@ -54,15 +56,17 @@ class KickPlan(ReprMixin):
     """A planned kick, verified by `strike` and `fly`.
 
     Attributes:
-        goal: the goal that was asked for; for a receiver who runs, the target where he is met.
-        launch: the launch that meets the goal; of a pass, a `Pass`.
+        goal: the goal that was asked for; for a receiver who runs, the target where he is met; of
+            a trap, the ball as it is wished.
+        launch: the launch that meets the goal; of a pass, a `Pass`; of a trap, the ball with the
+            spin that it keeps.
         objective: name of the quantity that was minimized or maximized.
         value: value of this quantity.
         share: share of the launch speed that is reached; 1 where the goal is met.
         impact_target: impulse, normal and contact point on the ball.
         impact: the strike, from the planned posture and joint velocity.
         path: the flight from the impact to the plane of the target, or to the ground before it; of
-            a pass, the course.
+            a pass or a trap, the course.
         speed_use: largest joint speed over its limit, at the impact or in the `motion`.
         torque_use: largest torque over its limit, likewise. Without a motion, the torque is that
             which keeps the speed of the joints, gravity included.
@@ -78,8 +82,8 @@ class KickPlan(ReprMixin):
         meetings: those that were considered, by time.
     """
 
-    goal: Goal
-    launch: Launch | Pass
+    goal: Goal | BallState
+    launch: Launch | Pass | BallState
     objective: KickObjective
     value: float
     share: float
@@ -100,8 +104,8 @@ class KickPlan(ReprMixin):
     def replan(self, *, incoming: BallState | IncomingBall) -> "KickPlan":
         """Return the plan for the same ball seen again, met at the same time by the clock.
 
-        The search starts from the posture of this plan, which takes a few milliseconds. If there is
-        none near it, the whole plan is made again for this time.
+        The target stays where it is in the world. The search starts from the posture of
+        this plan; if there is none near it, the whole plan is made again for this time.
 
         Args:
             incoming: the ball as it is seen now; its `time` is by the clock of the first one.
@@ -130,8 +134,11 @@ class KickPlan(ReprMixin):
         yield "joint velocity", self.v, "rad/s"
         yield "impulse on the ball", self.impact.impulse, "N s"
         yield "launch", self.impact.ball_after.velocity, "m/s"
-        yield "landing error", self.landing_error, "m"
-        yield "time error", self.time_error, "s"
+        if isinstance(self.goal, Goal):
+            yield "landing error", self.landing_error, "m"
+            yield "time error", self.time_error, "s"
+        else:
+            yield "velocity error", self.velocity_error, "m/s"
         yield f"objective {self.objective}", self.value, self.objective.unit
         yield "share of the speed limit", self.speed_use, ""
         yield "share of the torque limit", self.torque_use, ""
@@ -153,16 +160,30 @@ class KickPlan(ReprMixin):
         return self.impact.v_before
 
     @property
+    def aim(self) -> Goal:
+        """The goal of a kick to a target; a trap raises `InvalidInput`."""
+        if not isinstance(self.goal, Goal):
+            raise InvalidInput(NO_TARGET)
+        return self.goal
+
+    @property
     def landing_error(self) -> float:
         """Distance of the path's end from the target [m]; by `strike` in a refined plan, too."""
         end = self.path.landing if isinstance(self.path, Flight) else self.path.rest
-        off = end.position - self.impact.ball_after.position - self.goal.target
+        off = end.position - self.impact.ball_after.position - self.aim.target
         return float(np.linalg.norm(off))
 
     @property
     def time_error(self) -> float:
-        """Duration of the path less the time of `launch` [s]."""
+        """Duration of the path less the time of `launch` [s]; of a kick to a target."""
+        if isinstance(self.launch, BallState):
+            raise InvalidInput(NO_TARGET)
         return self.path.duration - self.launch.time
+
+    @property
+    def velocity_error(self) -> float:
+        """Distance of the velocity after the impact from that of `launch` [m/s]."""
+        return math.dist(self.impact.ball_after.velocity, self.launch.velocity)
 
     @cached_property
     def status(self) -> PlanStatus:
@@ -187,6 +208,12 @@ class KickPlan(ReprMixin):
         which are compared with the ground only.
         """
         return tuple(line for lines in self._lines.values() for line in lines)
+
+    @property
+    def collisions(self) -> tuple[str, ...]:
+        """The `warnings` by which the status is `collides`."""
+        collides = [check for check in CHECKS if CHECKS[check] == PlanStatus.COLLIDES]
+        return tuple(line for check in collides for line in self._lines[check])
 
     @cached_property
     def _lines(self) -> "dict[Check, Sequence[str]]":
@@ -299,10 +326,11 @@ def _in_each_other(plan: KickPlan, q: Array) -> Mapping[str, float]:
 
 def _under_ground(plan: KickPlan, q: Array) -> Mapping[str, float]:
     """Return depths under the ground, which is under the ball or under a lower target."""
-    below = min(0.0, float(plan.goal.target[2])) - plan.impact.ball.radius
-    height = float(plan.impact.ball_before.position[2]) + below
     if plan.meeting is not None:
         height = plan.meeting.ground.height
+    else:
+        below = min(0.0, float(plan.aim.target[2])) - plan.impact.ball.radius
+        height = float(plan.impact.ball_before.position[2]) + below
     return find_depths(plan.leg, q, height)
 
 

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -37,6 +37,7 @@ from kickdyn.planning.launch_solver import (
     ShootingProblem,
     crossing,
     crossing_time,
+    solve_launch,
 )
 
 SPEED_LIMIT = 343.0
@@ -156,6 +157,8 @@ def plan_launch(
     *,
     speed_limit: float = SPEED_LIMIT,
     spin_limit: float = 100.0,
+    struck: BallState | None = None,
+    near: Launch | None = None,
 ) -> Launch:
     r"""Find the launch that meets a goal, with drag, lift and wind, in three dimensions.
 
@@ -174,6 +177,10 @@ def plan_launch(
             the launch.
         speed_limit: largest speed of the launch [m/s], at most 343.
         spin_limit: largest spin that `beside` may take [rad/s].
+        struck: the ball just before it is struck; velocity and spin count. Its spin along the
+            impulse stays, because no impulse changes that, and takes the place of what the goal
+            names. None leaves the spin as the goal names it.
+        near: launch to a similar goal, near which the launch is sought first.
 
     Returns:
         The launch, with all others that meet the goal; or the nearest there is, with status
@@ -193,10 +200,18 @@ def plan_launch(
     most_spin = validation.number("spin limit", spin_limit, above=0, unit="rad/s")
     ball.check_movable("a flight")
     if goal.receiver_velocity.any():
-        limits = {"speed_limit": limit, "spin_limit": most_spin}
-        return meet_receiver(goal, lambda at_rest: plan_launch(at_rest, ball, air, **limits))
-    problem = _shooting_problem(goal, ball, air, goal.spin)
+        again = partial(
+            plan_launch, ball=ball, air=air, speed_limit=limit, spin_limit=most_spin,
+            struck=struck, near=near,
+        )  # fmt: skip
+        return meet_receiver(goal, again)
+    problem = replace(_shooting_problem(goal, ball, air, goal.spin), struck=struck)
     family = LaunchFamily(problem, goal, limit, most_spin)
+    if near is not None and goal.beside is None:
+        start = np.array([*near.velocity, near.time if goal.time is None else goal.time])
+        solution = solve_launch(problem, goal, start)
+        if solution and family.is_inside(solution) and solution.is_above_ground:
+            return _launch(family, goal, None, solution)
 
     solutions = [solution for solution in family.direct if family.is_inside(solution)]
     clear = [solution for solution in solutions if solution.is_above_ground]
@@ -233,7 +248,7 @@ def _launch(
         reached=reached,
         limit=limit,
         velocity=solution.velocity,
-        spin=family.problem.spin_of(solution.spin_size),
+        spin=family.problem.spin_of(solution.unknowns[:-1]),
         time=solution.time,
         errors=solution.errors,
         history=solution.history,
@@ -282,17 +297,17 @@ def _nearest_curve(family: LaunchFamily) -> Launch:
     distance, sideways = goal.beside
     pushed = float(np.cross(problem.spin, goal.ahead) @ goal.left)  # it starts to the other side
     bend = family.direct[0].spin_size if family.direct else -pushed * sideways or 1.0
-    spin = problem.spin_of(math.copysign(family.spin_limit, bend))
     spun = plan_launch(
-        replace(goal, beside=None, spin=spin),
+        replace(goal, beside=None, spin=problem.spin * math.copysign(family.spin_limit, bend)),
         problem.ball,
         problem.air,
         speed_limit=family.speed_limit,
         spin_limit=family.spin_limit,
+        struck=problem.struck,
     )
     if spun.status != PlanStatus.MET:  # the speed limit is in the way even without `beside`
         return replace(spun, goal=goal)
-    flight = ShootingProblem(problem.ball, problem.air, spin).shoot(spun.velocity, spun.time)
+    flight = ShootingProblem(problem.ball, problem.air, spun.spin).shoot(spun.velocity, spun.time)
     assert flight is not None
     passed, _ = crossing(flight, goal.ahead, distance, goal.left)
     return replace(

@@ -61,6 +61,8 @@ class ShootingProblem:
         air: the air; None is the vacuum.
         spin: the spin, shape `(3,)` [rad/s]; with `seeks_spin` its axis, a unit vector.
         seeks_spin: whether the size of the spin is an unknown.
+        struck: the ball before it is struck, which keeps its spin along the impulse; None where
+            the spin is as given.
         tol: tolerance of the integration, relative to the flight's length and speed.
     """
 
@@ -68,6 +70,7 @@ class ShootingProblem:
     air: Air | None
     spin: Array
     seeks_spin: bool = False
+    struck: BallState | None = None
     tol: float = 1e-12
 
     def sizes(self, unknowns: Array) -> Array:
@@ -77,17 +80,23 @@ class ShootingProblem:
         spin = [0.1 * speed / self.ball.radius] if self.seeks_spin else []
         return np.array([speed, speed, speed, *spin, time])
 
-    def spin_of(self, size: float) -> Array:
-        """Return the spin, shape `(3,)` [rad/s]."""
-        return self.spin * size if self.seeks_spin else self.spin
+    def spin_of(self, launch: Array) -> Array:
+        """Return the spin of the unknowns without the time, shape `(3,)` [rad/s]."""
+        spin = self.spin * launch[-1] if self.seeks_spin else self.spin
+        if self.struck is None:
+            return np.array(spin)
+        change = launch[:3] - self.struck.velocity
+        square = float(change @ change) or 1.0
+        return np.asarray(spin - (spin - self.struck.spin) @ change / square * change)
 
     def shoot(self, launch: Array, time: float) -> DifferentiableFlight | None:
         """Fly the unknowns without the time for a time [s]; None where that fails."""
         increments = INCREMENT * self.sizes(np.append(launch, time))[:-1]
 
         def start(values: Array) -> tuple[BallState, Air | None]:
-            spin = np.array(self.spin_of(float(values[-1])))
-            return BallState.computed(np.zeros(3), values[:3].copy(), spin), self.air
+            return BallState.computed(
+                np.zeros(3), values[:3].copy(), self.spin_of(values)
+            ), self.air
 
         try:
             return fly_with_slopes(start, launch, increments, self.ball, time, self.tol)

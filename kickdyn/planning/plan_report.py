@@ -6,12 +6,13 @@ from typing import Any
 
 import numpy as np
 
+from kickdyn.ball import BallState
 from kickdyn.core.files import finite
 from kickdyn.core.representation import distance_in_words
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.follow import Course
 from kickdyn.planning.goal import Goal, PlanStatus
-from kickdyn.planning.interception import Meeting
+from kickdyn.planning.interception import LandingSlopes, Meeting
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.launch import Launch, OutOfReach
 from kickdyn.planning.passes import Pass
@@ -36,7 +37,7 @@ FAULTS = {
 
 def passage_of(wall: Wall, plan: KickPlan) -> Passage | None:
     """Return how the ball of a plan passes a wall; None where it comes down before."""
-    return passage_on(plan.path, wall, plan.goal.ahead, plan.impact.ball.radius)
+    return passage_on(plan.path, wall, plan.aim.ahead, plan.impact.ball.radius)
 
 
 def describe_passage(wall: Wall, plan: KickPlan) -> str:
@@ -45,7 +46,7 @@ def describe_passage(wall: Wall, plan: KickPlan) -> str:
     Raises:
         InvalidInput: it does not.
     """
-    check_before(wall, plan.goal.distance)
+    check_before(wall, plan.aim.distance)
     passage = passage_of(wall, plan)
     if passage is None:
         return "The ball lands before it reaches the wall."
@@ -60,7 +61,7 @@ def score(plan: KickPlan) -> Score:
     radius, path = plan.impact.ball.radius, plan.path
     moved = path.sample(path.duration).position - path.launch.position
     ahead, left, up = moved.tolist()
-    arrives = plan.goal.target[0] - ahead <= 1e-3 and up > -radius
+    arrives = plan.aim.target[0] - ahead <= 1e-3 and up > -radius
     return score_at(left, up, radius, arrives=arrives)
 
 
@@ -97,8 +98,7 @@ class PlanReport:
             impact.contact.restitution, impact.restitution, impact.approach_speed
         )
         lines = [
-            f"launch  {launch.speed:.4f} m/s, {_rounded(math.degrees(launch.angle), 3)} deg above "
-            f"the horizontal, {_aside(math.degrees(launch.azimuth), 3, 'deg')}",
+            _launch_line(launch),
             f"impact  contact point {_rounded(1e3 * abs(up), 1)} mm "
             f"{'above' if up >= 0.0 else 'below'} the ball's centre and "
             f"{_aside(1e3 * left, 1, 'mm')}, "
@@ -133,11 +133,7 @@ class PlanReport:
         report = {
             "status": plan.status,
             "goal": _goal_json(plan.goal),
-            "launch": {
-                **_attributes(launch, "speed velocity spin time iterations"),
-                "angle_deg": math.degrees(launch.angle),
-                "azimuth_deg": math.degrees(launch.azimuth),
-            },
+            "launch": _launch_json(launch),
             "impact": {
                 **_attributes(impact, "impulse foot_velocity restitution"),
                 "restitution_given": impact.contact.restitution,
@@ -156,10 +152,12 @@ class PlanReport:
                 "worst_joint_impulse": impact.worst_joint[1],
             },
             "time": plan.path.duration,
-            **_attributes(plan, "share landing_error time_error warnings"),
+            **_attributes(plan, "share warnings"),
         }
+        errors = "landing_error time_error" if isinstance(plan.goal, Goal) else "velocity_error"
+        report |= _attributes(plan, errors)
         if plan.meeting is not None:
-            slopes = None if isinstance(plan.path, Course) else plan.meeting.landing_slopes
+            slopes = _landing_slopes(plan)
             report["meeting"] = _meeting_json(plan.meeting)
             report["meeting"]["landing_slopes"] = (
                 None if slopes is None else _attributes(slopes, "time velocity place")
@@ -198,7 +196,7 @@ def _describe_meeting(plan: KickPlan) -> list[str]:
         f"The ball is met after {meeting.time:.3g} s at ({place}) m, at one of {found} places that "
         f"the leg reaches among {len(plan.meetings)}."
     ]
-    slopes = None if isinstance(plan.path, Course) else meeting.landing_slopes
+    slopes = _landing_slopes(plan)
     if slopes is not None:
         time, speed, place_error = slopes.tolerances
         lines.append(
@@ -208,8 +206,34 @@ def _describe_meeting(plan: KickPlan) -> list[str]:
     return lines
 
 
+def _landing_slopes(plan: KickPlan) -> LandingSlopes | None:
+    """Return the derivatives of the landing of a flight to a target."""
+    if plan.meeting is None or isinstance(plan.path, Course):
+        return None
+    return plan.meeting.landing_slopes
+
+
+def _verdict_of_trap(plan: KickPlan) -> str:
+    after, path, wished = plan.impact.ball_after, plan.path, plan.launch.velocity.any()
+    spin = math.hypot(*after.spin)
+    moves = f"with {after.speed:.3g} m/s" if plan.share < 1.0 or wished else "at rest"
+    turns = f", with a spin of {spin:.3g} rad/s" if spin > 1e-9 else ""
+    left = f"The foot leaves the ball {moves}{turns}"
+    if plan.share < 1.0:
+        limits = f" ({', '.join(plan.binding)})" if plan.binding else ""
+        line = f"The trap is beyond the limits of the leg{limits}. {left}."
+    else:
+        line = f"{left}; the computed velocity is {plan.velocity_error:.2g} m/s off."
+        line += FAULTS[plan.status]
+    assert isinstance(path, Course)
+    rests = "rests" if path.status == "at-rest" else "is"
+    return f"{line} It {rests} {path.distance:.3g} m away {path.duration:.3g} s later."
+
+
 def verdict(plan: KickPlan) -> str:
     """Return in a line whether the goal is met, and else where the kick ends."""
+    if not isinstance(plan.goal, Goal):
+        return _verdict_of_trap(plan)
     path, after = plan.path, f"after {plan.path.duration:.4g} s"
     target = f"the target ({', '.join(f'{coordinate:.4g}' for coordinate in plan.goal.target)}) m"
     if plan.share == 1.0:
@@ -281,7 +305,29 @@ def _attributes(source: object, names: str) -> dict[str, Any]:
     return {name: np.asarray(getattr(source, name)).tolist() for name in names.split()}
 
 
-def _goal_json(goal: Goal) -> dict[str, Any]:
+def _launch_line(launch: Launch | Pass | BallState) -> str:
+    if isinstance(launch, BallState):
+        velocity = ", ".join(_rounded(component, 4) for component in launch.velocity.tolist())
+        return f"ball    ({velocity}) m/s after the contact"
+    return (
+        f"launch  {launch.speed:.4f} m/s, {_rounded(math.degrees(launch.angle), 3)} deg above "
+        f"the horizontal, {_aside(math.degrees(launch.azimuth), 3, 'deg')}"
+    )
+
+
+def _launch_json(launch: Launch | Pass | BallState) -> dict[str, Any]:
+    if isinstance(launch, BallState):
+        return _attributes(launch, "speed velocity spin")
+    return {
+        **_attributes(launch, "speed velocity spin time iterations"),
+        "angle_deg": math.degrees(launch.angle),
+        "azimuth_deg": math.degrees(launch.azimuth),
+    }
+
+
+def _goal_json(goal: Goal | BallState) -> dict[str, Any]:
+    if isinstance(goal, BallState):
+        return _attributes(goal, "velocity")
     beside = {} if goal.beside is None else {"beside": goal.beside}
     return {"target_m": goal.target.tolist(), goal.kind: getattr(goal, goal.kind), **beside}
 

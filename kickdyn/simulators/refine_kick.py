@@ -114,7 +114,7 @@ def _wished_velocity(plan: KickPlan, ball: BallState) -> Array:
     launch = plan.launch
     if not isinstance(launch, Launch):
         return launch.velocity
-    goal = plan.goal.seen_from(ball.position - plan.impact.ball_before.position, 0.0)
+    goal = plan.aim.seen_from(ball.position - plan.impact.ball_before.position, 0.0)
     if goal.time is not None:
         goal = replace(goal, time=goal.time - float(ball.time))
     if goal.beside is None:

@@ -134,7 +134,7 @@ class MujocoRun(ReprMixin):
         if self.path is None:
             return math.inf
         end = self.path.landing if isinstance(self.path, Flight) else self.path.rest
-        target = self.plan.impact.ball_before.position + self.plan.goal.target
+        target = self.plan.impact.ball_before.position + self.plan.aim.target
         return float(np.linalg.norm(end.position - target))
 
     @property
@@ -366,7 +366,7 @@ def _ground_margins(field: MujocoField, samples: _Samples) -> dict[str, float]:
 
 def _fly(plan: KickPlan, ball: BallState) -> Flight | Course:
     """Return the path of the ball to the plane of the plan's target, or to the ground before it."""
-    start, goal = plan.impact.ball_before.position, plan.goal
+    start, goal = plan.impact.ball_before.position, plan.aim
     plane = Plane(start + goal.target, -goal.ahead, "centre")
     planned = plan.path if isinstance(plan.path, Flight) else plan.path.flights[0]
     ground = planned.ground

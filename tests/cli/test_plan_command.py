@@ -15,6 +15,8 @@ import kickdyn as kd
 from kickdyn.cli.plan_command import plan
 from kickdyn.core import console
 
+MOVING = ["--ball-position", "2,0,-0.7042", "--ball-velocity=-2.5,0,0"]
+
 
 def door(*arguments, cwd=None):
     noise = "ignore:zmq.eventloop.ioloop is deprecated"  # meshcat's
@@ -198,6 +200,11 @@ def test_a_robot_and_a_goal_beyond_its_limits():
     ("arguments", "words"),
     [
         (["--time", "1"], "Missing option '--distance'"),
+        (["--trap", "0,0,0"], "--trap is (0.0, 0.0, 0.0): a ball that moves has"),
+        (
+            [*MOVING, "--trap", "0,0,0", "--distance", "9", "--pass", "turf"],
+            "--trap excludes --distance, --pass: a trap has no target",
+        ),
         (["--distance", "30"], "nothing is given besides the target"),
         (
             ["--distance", "30", "--time", "1", "--launch-speed", "20"],

@@ -1,0 +1,463 @@
+"""Planning a kick, or a trap, of a ball that moves: where it is met, and how."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from kickdyn.air import Air
+from kickdyn.ball import Ball, BallState
+from kickdyn.contact import Contact
+from kickdyn.core import validation
+from kickdyn.core.validation import Array, ArrayLike
+from kickdyn.errors import InvalidInput
+from kickdyn.flight.follow import follow
+from kickdyn.ground import Surface
+from kickdyn.impact.impact_result import Impact
+from kickdyn.impact.strike import strike
+from kickdyn.motion.impact_target import ImpactTarget, impact_target_for, spin_change_limit
+from kickdyn.planning.goal import Goal
+from kickdyn.planning.interception import (
+    CANDIDATES,
+    FASTEST_BALL,
+    LONGEST_WAIT,
+    TRIED,
+    IncomingBall,
+    Meeting,
+    Reach,
+    reach_of,
+    state_at,
+    waits_in_plane,
+    waits_in_reach,
+)
+from kickdyn.planning.kick_plan import KickPlan, check_self_collision
+from kickdyn.planning.kick_problem import KickProblem, best_from, kick_problem, solve_kick
+from kickdyn.planning.kick_steps import (
+    LONGEST_COURSE,
+    Chosen,
+    checked_contact,
+    checked_leg,
+    checked_objective,
+    outcome_of,
+    path_to_target,
+    plan_flight_launch,
+    plan_pass_launch,
+)
+from kickdyn.planning.kick_terms import BallPosition, KickPoint, StrikeVelocity, place_exactly
+from kickdyn.planning.launch import Launch
+from kickdyn.planning.objectives import OBJECTIVES, KickObjective
+from kickdyn.planning.passes import Pass
+from kickdyn.robot.leg import Leg
+
+STICKING = 1e-9
+"""Share of the friction that a trap leaves unused, so that the foot sticks."""
+
+SHORTEST_COURSE = 1e-6
+"""Shortest time for which a ball is followed [s]."""
+
+
+@dataclass(frozen=True)
+class KickSettings:
+    """The arguments of `plan_kick` or `plan_trap` but for the leg and the ball that moves."""
+
+    goal: Goal | BallState
+    ball: Ball
+    air: Air | None
+    contact: Contact
+    objective: KickObjective
+    limits: bool
+    surface: str | Surface | None
+    solver: str
+
+
+@dataclass(frozen=True, eq=False)
+class Interception:
+    """A ball that is met at a time, and what the foot must do to it.
+
+    Attributes:
+        leg, settings, incoming: what is planned.
+        before: the ball just before the contact, by the clock of `incoming`.
+        goal: the goal, seen from there; of a trap, the motion that is wished.
+        launch: the launch that meets it; of a trap, the motion that the ball can get.
+        target: what the foot must do.
+    """
+
+    leg: Leg
+    settings: KickSettings
+    incoming: IncomingBall
+    before: BallState
+    goal: Goal | BallState
+    launch: Launch | Pass | BallState
+    target: ImpactTarget
+
+    def problem(self) -> KickProblem:
+        """Return the problem of the kick."""
+        s = self.settings
+        return kick_problem(
+            self.leg, self.target, self.before.position, limits=s.limits, solver=s.solver
+        )
+
+    @property
+    def ahead(self) -> Array:
+        """Horizontal unit vector along the impulse, shape `(3,)`."""
+        x, y, _ = self.target.impulse.tolist()
+        return np.array([x, y, 0.0]) / (math.hypot(x, y) or 1.0)
+
+    def behind(self, reach: Reach) -> float:
+        """Return how far the ball is behind the hip [m].
+
+        A leg faces x, or the impulse if it is turned there.
+        """
+        ahead = np.array([1.0, 0.0, 0.0]) if reach.across is None else self.ahead
+        return float(ahead @ (reach.centre - self.before.position))
+
+    def kick(self, problem: KickProblem, point: KickPoint) -> "InterceptingKick":
+        """Return the kick of a solution of the problem."""
+        s, position = self.settings, problem.find(BallPosition)
+        strike_velocity = problem.find(StrikeVelocity)
+        if position is not None and strike_velocity is not None:
+            point = strike_velocity.make_exact(place_exactly(position, point))
+        chosen = outcome_of(problem, point, OBJECTIVES[s.objective]())
+        impact = strike(
+            *chosen[:2], s.ball, self.target.contact,
+            ball_velocity=self.before.velocity, ball_spin=self.before.spin,
+        )  # fmt: skip
+        meeting = Meeting(
+            self.before, self.incoming, self.goal, s.air, impact, point.share,
+            chosen[2]["speed_use"],
+        )  # fmt: skip
+        return InterceptingKick(self, problem, point, chosen, impact, meeting)
+
+
+@dataclass(frozen=True, eq=False)
+class InterceptingKick:
+    """A kick that meets a moving ball, before its path is computed."""
+
+    task: Interception
+    problem: KickProblem
+    point: KickPoint
+    chosen: Chosen
+    impact: Impact
+    meeting: Meeting
+
+    @property
+    def rank(self) -> tuple[float, float]:
+        """Less for a better kick."""
+        return -self.meeting.share, self.meeting.speed_use
+
+    def plan(self) -> KickPlan:
+        """Return the plan, with the path of the ball."""
+        task, s, impact = self.task, self.task.settings, self.impact
+        if isinstance(task.goal, Goal):
+            assert not isinstance(task.launch, BallState)
+            time = task.launch.time if self.meeting.share == 1.0 else None
+            path = path_to_target(impact, task.goal, s.air, s.surface, time)
+        else:
+            ground = task.incoming.ground
+            after = impact.ball_after
+            path = follow(after, s.ball, s.air, ground, time_limit=LONGEST_COURSE)
+        return KickPlan(
+            goal=task.goal,
+            launch=task.launch,
+            objective=s.objective,
+            impact_target=task.target,
+            impact=impact,
+            path=path,
+            ball_is_placed=True,
+            heading=self.problem.heading,
+            meeting=self.meeting,
+            meetings=(self.meeting,),
+            _again=partial(_replan, task.leg, s, self.point.x, task.launch),
+            **self.chosen[2],
+        )
+
+
+class Interceptor:
+    """Where a leg can meet a ball, and what that takes.
+
+    Args:
+        leg: that kicks.
+        settings: of the kick.
+        incoming: the ball, with its ground.
+        near: a launch near those that are sought.
+        longest: for how long the ball is followed [s].
+    """
+
+    def __init__(
+        self,
+        leg: Leg,
+        settings: KickSettings,
+        incoming: IncomingBall,
+        near: Launch | None = None,
+        longest: float = LONGEST_WAIT,
+    ) -> None:
+        self.leg, self.settings, self.incoming = leg, settings, incoming
+        self.course = incoming.course(settings.ball, settings.air, longest)
+        self._near = near
+        self._known: dict[float, Interception | InvalidInput] = {}
+
+    def at(self, wait: float) -> Interception:
+        """Return what a kick takes that meets the ball some time after it was seen.
+
+        Raises:
+            InvalidInput: there is no such kick, with the reason.
+        """
+        if wait not in self._known:
+            try:
+                self._known[wait] = self._task(wait)
+            except InvalidInput as error:
+                self._known[wait] = error
+        known = self._known[wait]
+        if isinstance(known, InvalidInput):
+            raise known
+        return known
+
+    def problem_at(self, wait: float, reach: Reach) -> KickProblem:
+        """Return the problem of this kick; raise `InvalidInput` for a ball behind the leg, too."""
+        task = self.at(wait)
+        behind = task.behind(reach)
+        if behind > self.settings.ball.radius:
+            raise InvalidInput(f"the ball is {behind:.3g} m behind the leg")
+        return task.problem()
+
+    def beside(self, wait: float) -> float:
+        """Return how far to the left of the impulse through the origin it then is [m], or nan."""
+        try:
+            task = self.at(wait)
+        except InvalidInput:
+            return math.nan
+        x, y, _ = task.before.position.tolist()
+        return float(task.ahead[0] * y - task.ahead[1] * x)
+
+    def _task(self, wait: float) -> Interception:
+        s, incoming = self.settings, self.incoming
+        before = state_at(incoming, self.course, wait)
+        goal: Goal | BallState
+        launch: Launch | Pass | BallState
+        if isinstance(s.goal, BallState):
+            goal, launch = s.goal, _slowest_spin(s.goal, before, s.ball, s.contact)
+        else:
+            goal = s.goal.seen_from(before.position - incoming.state.position, wait)
+            if s.surface is None:
+                launch = plan_flight_launch(goal, s.ball, s.air, s.contact, before, self._near)
+                self._near = launch
+            else:
+                _check_on_ground(before, s.ball, incoming)
+                launch = plan_pass_launch(goal, s.ball, s.air, s.surface)
+            goal = goal.at(launch.time)
+        target = impact_target_for(launch.velocity, launch.spin, s.ball, s.contact, before)
+        return Interception(self.leg, s, incoming, before, goal, launch, target)
+
+
+def _check_on_ground(before: BallState, ball: Ball, incoming: IncomingBall) -> None:
+    assert incoming.ground is not None
+    above = float(before.position[2]) - ball.radius - incoming.ground.height
+    if abs(above) > 1e-3:
+        raise InvalidInput(
+            f"the ball is {above:.3g} m above the ground where it is met: a pass along the ground "
+            "is for a ball that rolls"
+        )
+
+
+def _slowest_spin(wish: BallState, before: BallState, ball: Ball, contact: Contact) -> BallState:
+    """Return a wished velocity with the spin that is nearest to the wished one.
+
+    The impulse changes the spin across it only, and not by more than friction allows.
+    """
+    impulse = ball.mass * (wish.velocity - before.velocity)
+    size = math.hypot(*impulse)
+    direction, change = impulse / (size or 1.0), wish.spin - before.spin
+    change = change - (change @ direction) * direction
+    most = (1.0 - STICKING) * spin_change_limit(size, ball, contact)
+    change *= min(1.0, most / (math.hypot(*change) or 1.0))
+    return BallState(before.position, wish.velocity, before.spin + change, before.time)
+
+
+def plan_interception(leg: Leg, incoming: IncomingBall, settings: KickSettings) -> KickPlan:
+    """Return the plan of the best meeting, with all that were considered.
+
+    It is the one of the least speed use, among those in which no bodies are inside each other, the
+    ball or the ground, if there are such.
+    """
+    s, objective = settings, OBJECTIVES[settings.objective]()
+    incoming = incoming.on_ground_of(leg, s.ball)
+    with threadpool_limits(1, "blas"):
+        balls, reach = Interceptor(leg, s, incoming), reach_of(leg, s.ball)
+        waits = waits_in_reach(incoming, balls.course, reach)
+        if reach.across is not None:
+            waits = waits_in_plane(waits, lambda wait: balls.beside(wait) - reach.beside)
+        rated: list[tuple[float, float, KickProblem]] = []
+        reasons: dict[float, str] = {}
+        for wait in waits.tolist():
+            try:
+                problem = balls.problem_at(wait, reach)
+            except InvalidInput as error:
+                reasons[wait] = str(error)
+                continue
+            rated.append((problem.rated()[0][0], wait, problem))
+        kicks: dict[float, InterceptingKick] = {}
+        near: Array | None = None
+        rated.sort(key=lambda entry: entry[:2])
+        for _, wait, problem in rated[:TRIED]:
+            starts = problem.starts() if near is None else [near]
+            point = best_from(problem, objective, starts)
+            reasons[wait] = "no posture near the other meetings gives this launch"
+            if point is not None:
+                kicks[wait], near = balls.at(wait).kick(problem, point), point.x
+        for _, wait, _ in rated[TRIED:]:
+            reasons[wait] = "postures are farther from the ball, or faster, than for other meetings"
+        for _, wait, problem in rated[:2]:
+            if not kicks:
+                try:
+                    kicks[wait] = balls.at(wait).kick(*solve_kick(problem, objective))
+                except InvalidInput as error:
+                    reasons[wait] = str(error)
+        if not kicks:
+            first = rated[0][1] if rated else float(waits[0])
+            raise InvalidInput(
+                f"the ball is met at none of {len(waits)} times within reach: after {first:.3g} s, "
+                f"{reasons[first]}"
+            )
+        best = min(kicks, key=lambda wait: kicks[wait].rank)
+        for wait in _between(best, waits):
+            try:
+                problem = balls.problem_at(wait, reach)
+            except InvalidInput:
+                continue
+            point = None if near is None else best_from(problem, objective, [near])
+            if point is not None:
+                kicks[wait] = balls.at(wait).kick(problem, point)
+        plan, collisions = _without_collisions(sorted(kicks.values(), key=lambda kick: kick.rank))
+    meetings = [
+        replace(kick.meeting, reason=collisions.get(kick.meeting.time, ""))
+        for kick in kicks.values()
+    ] + [
+        Meeting(state_at(incoming, balls.course, wait), incoming, s.goal, s.air, reason=reason)
+        for wait, reason in reasons.items() if wait not in kicks
+    ]  # fmt: skip
+    return replace(plan, meetings=tuple(sorted(meetings, key=lambda meeting: meeting.time)))
+
+
+def _without_collisions(
+    kicks: Sequence[InterceptingKick],
+) -> tuple[KickPlan, dict[float, str]]:
+    """Return the plan of the first kick without bodies inside others, and why not of those before.
+
+    Where the robot collides with itself in the first, and bodies collide in all, the first is
+    planned again with conditions against it.
+    """
+    plans, collisions = list[KickPlan](), dict[float, str]()
+    for kick in kicks:
+        plans.append(kick.plan())
+        if not plans[-1].collisions:
+            return plans[-1], collisions
+        collisions[kick.meeting.time] = plans[-1].collisions[0].partition("; ")[0]
+    if not check_self_collision(plans[0]):
+        return plans[0], {}
+    task = kicks[0].task
+    again = task.kick(*solve_kick(kicks[0].problem, OBJECTIVES[task.settings.objective]()))
+    plan = again.plan()
+    return (plan if again.rank[0] <= kicks[0].rank[0] and not plan.collisions else plans[0]), {}
+
+
+def _between(best: float, waits: Array) -> list[float]:
+    """Return the times in the middle between the best one and its neighbours, if there are many."""
+    if len(waits) < CANDIDATES:
+        return []
+    step = float(waits[1] - waits[0])
+    return [best - 0.5 * step, best + 0.5 * step]
+
+
+def _replan(
+    leg: Leg,
+    settings: KickSettings,
+    near: Array,
+    launch: Launch | Pass | BallState,
+    plan: KickPlan,
+    incoming: IncomingBall,
+) -> KickPlan:
+    """Return the plan of a ball that is seen again, from the unknowns of the last plan."""
+    assert plan.meeting is not None
+    assert isinstance(incoming.meet_at, float)
+    seen, last = incoming.state, plan.meeting.incoming.state
+    if isinstance(settings.goal, Goal):  # the target stays where it is in the world
+        later = float(seen.time) - float(last.time)
+        goal = settings.goal.seen_from(seen.position - last.position, later)
+        settings = replace(settings, goal=goal)
+    wait = incoming.meet_at - float(seen.time)
+    nearby = launch if isinstance(launch, Launch) else None
+    with threadpool_limits(1, "blas"):
+        try:
+            balls = Interceptor(leg, settings, incoming, nearby, max(wait, SHORTEST_COURSE))
+            task = balls.at(min(wait, balls.course.duration))
+            problem = task.problem()
+            point = best_from(problem, OBJECTIVES[settings.objective](), [near])
+        except InvalidInput:
+            point = None
+        if point is not None:
+            return task.kick(problem, point).plan()
+    return plan_interception(leg, incoming, settings)
+
+
+@validation.check_arguments
+def plan_trap(
+    leg: Leg,
+    incoming: BallState | IncomingBall,
+    ball: Ball,
+    air: Air | None = None,
+    *,
+    velocity: ArrayLike = (0.0, 0.0, 0.0),
+    objective: str | None = None,
+    contact: Contact | None = None,
+    limits: bool = True,
+    solver: str = "slsqp",
+) -> KickPlan:
+    r"""Find posture and joint velocity with which the foot leaves a moving ball at rest.
+
+    It is a kick with another goal, a velocity v of the ball just after it: the impulse is
+    :math:`p = m (v - v_0)`, and along its normal the foot has the velocity
+    :math:`n \cdot v_0 + n \cdot W p / (1 + e)`. With restitution e, it retreats from the ball. The
+    spin is braked as far as friction can do so; after a ball that rolls, some of it is left.
+
+    Args:
+        leg: as for `plan_kick`.
+        incoming: the ball, as for `plan_kick`.
+        ball: the ball; its mass and radius count.
+        air: the air; None is the vacuum.
+        velocity: of the ball just after the contact, shape `(3,)` [m/s, world frame].
+        objective: a `KickObjective` of the impact; None is `joint-speed`.
+        contact: as for `plan_kick`.
+        limits: as for `plan_kick`.
+        solver: as for `plan_kick`.
+
+    Returns:
+        The plan. Its `goal` is the ball with the wished velocity, without spin; `launch` is the
+        ball with the spin that is left; `path` is followed to rest, for 10 s at most.
+
+    Raises:
+        InvalidInput: a ball that moves so already, and as for `plan_kick`.
+
+    Example:
+        >>> import kickdyn as kd
+        >>> falls = kd.BallState((0.45, 0, 0.3), (-3, 0, -1))
+        >>> plan = kd.plan_trap(kd.Leg.human(), falls, kd.Ball(), kd.Air())
+        >>> str(plan.status), bool(plan.impact.ball_after.speed < 1e-9)
+        ('met', True)
+    """
+    come = incoming if isinstance(incoming, IncomingBall) else IncomingBall(incoming)
+    wish = validation.vector("velocity", velocity, 3, unit="m/s")
+    validation.number("velocity", math.hypot(*wish), at_most=FASTEST_BALL, unit="m/s")
+    settings = KickSettings(
+        BallState(velocity=wish),
+        ball,
+        air,
+        checked_contact(contact),
+        checked_objective(objective),
+        limits,
+        None,
+        solver,
+    )
+    return plan_interception(checked_leg(leg), come, settings)

@@ -584,8 +584,8 @@ class _Contact:
         def value(time: float) -> float:
             return self._equations.end_of(k, time, states(time), phase)
 
-        # at the beginning of a phase its value may be 0, but for rounding
-        for share in (1.0 - 2.0 * EVENT_MARGIN, 0.0, 1e-6):
+        # at the beginning of a phase its value may be 0, but for errors of the interpolant
+        for share in (1.0 - 2.0 * EVENT_MARGIN, 0.0, 1e-6, 1e-3, 0.1):
             low = start + share * (end - start)
             if value(low) > 0.0:
                 root = float(brentq(value, low, end, xtol=precision))

@@ -27,6 +27,7 @@ from kickdyn.scene.launch_and_end import (
     collide_scene,
     collision_error,
     contact_time_error,
+    contact_time_size,
     end_error,
     end_of,
     end_slopes,
@@ -372,7 +373,7 @@ def _simulate(scene: Scene, tolerance: float | None) -> Simulation:
     if launch_error.velocity < math.inf:
         with suppress(KickdynError):  # as where only this launch leaves the range of a coefficient
             answer = _with_path(scene, tolerance, instant)
-            size = end_error(scene, answer.path, launch_error)
+            size = contact_time_size(scene, answer.path, launch_error, allowed)
             # where the path ends at once, the launch with contact time may well fly
             if size <= allowed and answer.path.duration > 0.0:
                 return replace(answer, model_error=size)

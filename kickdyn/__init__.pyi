@@ -63,6 +63,9 @@ from .planning.launch import plan_launch as plan_launch
 from .planning.moving_kick import plan_trap as plan_trap
 from .planning.passes import Pass as Pass
 from .planning.passes import plan_pass as plan_pass
+from .planning.reach import ReachRow as ReachRow
+from .planning.reach import ReachTable as ReachTable
+from .planning.reach import reach as reach
 from .robot.constraints import Support as Support
 from .robot.drives import Drive as Drive
 from .robot.foot_surfaces import FootSurface as FootSurface

@@ -11,6 +11,7 @@ from kickdyn.cli.command import HELP_OPTIONS, run
 COMMANDS = {
     "posture-sweep": "Kick from a grid of postures.",
     "plan": "Plan a kick for a given target.",
+    "reach": "Find the largest launch in each direction.",
     "paper": "Reproduce the ICRA 2005 paper, item by item.",
     "tradeoff": "Measure what each effect of a scene changes.",
     "simulate": "Simulate a scene file to a tolerance.",

@@ -207,12 +207,8 @@ class KickOptions:
             spin = self.ball_spin or (0.0, 0.0, 0.0)
             state = BallState(self.ball_position, self.ball_velocity, spin)
             incoming = IncomingBall(state, meet_at=self.meet_at)
-        elif height is None and self.ball_at is None and not is_floating(leg):
-            standing = leg.posture(leg.configuration()).with_contact_offset(offset)
-            foot = float(standing.contact_point[2])
-            # a robot's toe must point ahead
-            crouch = 0.0 if leg.contact_normal_cone is None else CROUCH
-            height = foot + ball.radius - crouch * foot
+        elif height is None and self.ball_at is None:
+            height = height_of_ball(leg, ball, offset)
         return {
             "objective": self.objective,
             "ball_position": height if self.ball_at is None else self.ball_at,
@@ -220,6 +216,16 @@ class KickOptions:
             "limits": not self.no_limits,
             "motion": self.motion,
         }
+
+
+def height_of_ball(leg: Leg, ball: Ball, offset: tuple[float, ...] | None) -> float | None:
+    """Return the height of a ball at the foot of the straight leg [m]; None on a floating base."""
+    if is_floating(leg):
+        return None
+    standing = leg.posture(leg.configuration()).with_contact_offset(offset)
+    foot = float(standing.contact_point[2])
+    crouch = 0.0 if leg.contact_normal_cone is None else CROUCH  # a robot's toe must point ahead
+    return foot + ball.radius - crouch * foot
 
 
 @dataclass(frozen=True)

@@ -127,6 +127,7 @@ def keys(value, name=""):
     ("section", "arguments"),
     [
         ("posture-sweep", ["--joint", "hip=0:10:5"]),
+        ("reach", ["--leg", "human", "--elevation", "20", "--tolerance", "0.3"]),
         ("paper", ["--only", "table 2"]),
         ("tradeoff", ["--scene", str(ROOT / "scenes" / "paper_kick.toml")]),
         ("simulate", [str(ROOT / "scenes" / "free_kick.toml"), "--exact"]),

@@ -1,0 +1,88 @@
+"""What a robot can do, direction by direction (`kickdyn reach`)."""
+
+from dataclasses import dataclass
+
+import click
+
+from kickdyn.cli.command import Command, busy, print_wrapped
+from kickdyn.cli.leg_options import LegOptions
+from kickdyn.cli.option_groups import (
+    AirOptions,
+    BallOptions,
+    JsonOptions,
+    PointOptions,
+    option,
+    takes,
+)
+from kickdyn.cli.plan_command import height_of_ball
+from kickdyn.planning.reach import ELEVATIONS
+from kickdyn.planning.reach import reach as find_reach
+
+
+@dataclass(frozen=True)
+class ReachOptions(JsonOptions):
+    """The directions, the limits that count, and where the table is kept."""
+
+    azimuths: tuple[float, ...] = option(
+        "--azimuth", multiple=True, type=float,
+        help="Direction to the left of x [deg]; repeat it for several.  [default: 0]",
+    )  # fmt: skip
+    elevations: tuple[float, ...] = option(
+        "--elevation", multiple=True, type=float,
+        help="Direction above the horizontal [deg]; repeat it for several.  "
+        f"[default: {', '.join(f'{angle:g}' for angle in ELEVATIONS)}]",
+    )  # fmt: skip
+    motion: bool = option(
+        "--motion", is_flag=True,
+        help="Plan whole motions, within all of their limits: minutes for each direction of a "
+        "robot. By default, the limits are those of the impact alone.",
+    )  # fmt: skip
+    tolerance: float = option(
+        "--tolerance", type=float, default=0.05, show_default=True,
+        help="Relative distance of the speed from one that is not met.",
+    )  # fmt: skip
+    out: str | None = option(
+        "--out", metavar="FILE.csv",
+        help="Keep the table in a file: each row is written when it is found, and not sought again "
+        "by the same command.",
+    )  # fmt: skip
+    plot: str | None = option(
+        "--plot", metavar="FILE", help="Plot the table: .png, .svg or .pdf."
+    )  # fmt: skip
+
+
+@click.command("reach", Command)
+@takes(leg=LegOptions, contact=PointOptions, air=AirOptions, ball=BallOptions, output=ReachOptions)
+def reach(
+    leg: LegOptions,
+    contact: PointOptions,
+    air: AirOptions,
+    ball: BallOptions,
+    output: ReachOptions,
+) -> None:
+    """Find the largest launch in each direction, and how far it goes on carpet and turf.
+
+    Example: kickdyn reach --leg g1 --support left_ankle_roll_link:0.7 --out g1.csv
+    """
+    if output.plot is not None:
+        from kickdyn.core.plot_style import check_name
+
+        check_name(output.plot)
+    output.check(output.plot, inputs=[leg.leg_name])
+    robot, struck = leg.load(), ball.load()
+    with busy("planning kicks") as show:
+        table = find_reach(
+            robot, struck, air.load(), azimuths=output.azimuths or (0.0,),
+            elevations=output.elevations or ELEVATIONS, contact=contact.contact(),
+            ball_position=height_of_ball(robot, struck, contact.offset), motion=output.motion,
+            tolerance=output.tolerance, file=output.out, progress=show,
+        )  # fmt: skip
+    output.write_json(table.to_json())
+    if output.prints:
+        limits = "whole motions" if table.motion else "the impact alone: upper bounds"
+        print_wrapped("\n".join([f"{table.robot}, limits of {limits}", *table.table()]))
+    if output.plot is not None:
+        from kickdyn.core.plot_style import save_figure
+
+        save_figure(table.plot(), output.plot)
+    output.name_written(output.plot, output.out)

@@ -1,0 +1,315 @@
+"""What a robot can do: the largest launch in each direction that is planned within all limits."""
+
+import csv
+import io
+import json
+import math
+import os
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kickdyn.air import Air
+from kickdyn.ball import Ball, BallState
+from kickdyn.contact import Contact
+from kickdyn.core import validation
+from kickdyn.core.files import read_text, replacing
+from kickdyn.core.mechanics import GRAVITY
+from kickdyn.core.representation import ReprMixin, Row
+from kickdyn.core.validation import Array, ArrayLike
+from kickdyn.errors import FaultyFile, InvalidInput
+from kickdyn.flight.follow import follow
+from kickdyn.ground import Ground
+from kickdyn.planning.goal import Goal, PlanStatus
+from kickdyn.planning.kick import plan_kick
+from kickdyn.planning.kick_plan import KickPlan
+from kickdyn.robot.leg import Leg
+
+ELEVATIONS = (0.0, 10.0, 20.0, 30.0, 45.0)
+"""Elevations of launches by default [deg]."""
+
+FIRST_SPEED, LARGEST_SPEED = 10.0, 80.0
+"""Launch speed that is tried first, and the largest one that is tried [m/s]."""
+
+MOST_TRIES = 14
+"""Number of plans of a direction at most."""
+
+TIME = 0.1
+"""Time of the short flight in a vacuum that describes a launch to the planner [s]."""
+
+LARGEST_FILE = 10_000_000
+"""Size of a table that is read [bytes]."""
+
+SURFACES = ("carpet", "turf")
+"""Surfaces for which distances are given; names of `kickdyn.ground.SURFACES`."""
+
+
+@dataclass(frozen=True)
+class ReachRow:
+    """The largest launch in a direction.
+
+    Attributes:
+        azimuth: direction to the left of x [deg].
+        elevation: direction above the horizontal [deg].
+        speed: largest launch speed of which the plan is `met` [m/s]; 0 where none is.
+        beyond: least larger speed of which it is not [m/s]; None where all that were tried are.
+        reason: why that one is not.
+        carpet, turf: horizontal distance from the ball to where it comes to rest, on a level ground
+            that it touches at its launch [m].
+    """
+
+    azimuth: float
+    elevation: float
+    speed: float
+    beyond: float | None
+    reason: str
+    carpet: float
+    turf: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ReachTable(ReprMixin):
+    """The largest launches of a robot, as `reach` returns them.
+
+    Attributes:
+        robot: its name.
+        motion: whether the limits are those of the motion, or of the impact only.
+        rows: by azimuth, then by elevation.
+    """
+
+    robot: str
+    motion: bool
+    rows: tuple[ReachRow, ...]
+
+    def _rows(self) -> Iterable[Row]:
+        yield "robot", self.robot, ""
+        yield "limits", "of the motion" if self.motion else "of the impact alone", ""
+        for row in self.rows:
+            text = f"{row.speed:.4g} m/s, {row.carpet:.3g} m on carpet, {row.turf:.3g} m on turf"
+            yield f"{row.azimuth:g}, {row.elevation:g} deg", text, ""
+
+    def to_json(self) -> dict[str, object]:
+        """Return the numbers, for JSON."""
+        rows = [asdict(row) for row in self.rows]
+        return {"robot": self.robot, "motion": self.motion, "rows": rows}
+
+    def table(self) -> list[str]:
+        """Return the table as lines of text."""
+        heads = ("azimuth", "elevation", "speed", "carpet", "turf")
+        units = ("[deg]", "[deg]", "[m/s]", "[m]", "[m]")
+        lines = ["".join(f"{word:>11}" for word in words) for words in (heads, units)]
+        for row in self.rows:
+            numbers = row.azimuth, row.elevation, row.speed, row.carpet, row.turf
+            texts = [f"{number:.3g}" for number in numbers]
+            lines.append(f"{''.join(f'{text:>11}' for text in texts)}  {row.reason}".rstrip())
+        return lines
+
+    def plot(self) -> Any:
+        """Return a figure of matplotlib: speeds and distances by elevation."""
+        from kickdyn.core.reach_plot import reach_figure  # it imports matplotlib
+
+        return reach_figure(self)
+
+
+@validation.check_arguments
+def reach(
+    robot: Leg,
+    ball: Ball,
+    air: Air | None = None,
+    *,
+    azimuths: ArrayLike = (0.0,),
+    elevations: ArrayLike = ELEVATIONS,
+    contact: Contact | None = None,
+    ball_position: ArrayLike | None = None,
+    motion: bool = False,
+    tolerance: float = 0.05,
+    file: str | os.PathLike[str] | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> ReachTable:
+    """Find the largest launch of a robot in each direction, by plans that are `met`.
+
+    In each direction, speeds are planned by `plan_kick` from 10 m/s on and doubled until a plan is
+    not `met`; then the largest one that is met is sought between the two, by the share of the
+    launch that the planner reaches, and by bisection. It is a speed that was planned, not a proof
+    that no larger one is possible: planners find the best plan near their starts.
+
+    Without `motion`, the limits are those of the impact: speeds of the joints, torques that keep
+    them, and balance. They do not ask how the foot gets this fast, so that the speeds are upper
+    bounds of what the robot does, often far above. With it, they are those of the whole motion,
+    which takes minutes for each direction of a robot.
+
+    Args:
+        robot: as for `plan_kick`.
+        ball: the ball.
+        air: in which it flies; None is the vacuum.
+        azimuths: directions to the left of x, shape `(m,)` [deg].
+        elevations: directions above the horizontal, from 0 to 80, shape `(n,)` [deg].
+        contact: of foot and ball, as for `plan_kick`.
+        ball_position: height or position of the ball, as for `plan_kick`.
+        motion: whether limits are those of the whole motion.
+        tolerance: relative distance of the speed from one that is not met, 0.001 to 0.5.
+        file: a `.csv` file to which each row is written as soon as it is found. Rows that it has
+            from an earlier call with the same settings are read from it.
+        progress: called with a line of text before each direction and each plan.
+
+    Raises:
+        InvalidInput: as for `plan_kick`; a file of another robot or of other settings.
+
+    Example:
+        >>> import kickdyn as kd
+        >>> table = kd.reach(kd.Leg.human(), kd.Ball(), kd.Air(), elevations=(10, 30))
+        >>> [round(row.speed) for row in table.rows]
+        [25, 25]
+    """
+    tolerance = validation.number("tolerance", tolerance, at_least=1e-3, at_most=0.5)
+    sides, heights = _angles("azimuths", azimuths, 180.0), _angles("elevations", elevations, 80.0)
+    validation.number("elevations", min(heights), at_least=0, unit="deg")
+    tell = progress or (lambda line: None)
+    options = {"contact": contact, "ball_position": ball_position, "motion": motion}
+    settings = {
+        "robot": robot.name,
+        "joints": list(robot.joint_names),
+        "supports": [support.frame for support in robot.supports],
+        "mass": round(sum(float(body.mass) for body in robot.model.inertias), 6),
+        "options": {name: repr(value) for name, value in options.items()},
+        "ball": repr(ball),
+        "air": repr(air),
+        "tolerance": tolerance,
+    }
+    rows = {} if file is None else _read(file, settings)
+    wanted = [(side, height) for side in sides for height in heights]
+    for number, place in enumerate(wanted, start=1):
+        if place in rows:
+            continue
+        where = f"{number} of {len(wanted)}, {place[0]:g} and {place[1]:g} deg"
+
+        def plan(speed: float, place: tuple[float, float] = place, where: str = where) -> KickPlan:
+            tell(f"{where}: {speed:.3g} m/s")
+            goal = _goal(place, speed)
+            return plan_kick(robot, goal, ball, None, **options)  # type: ignore[arg-type]
+
+        row = _largest(plan, place, tolerance)
+        rows[place] = _with_distances(row, ball, air)
+        if file is not None:
+            _write(file, settings, rows.values())
+    return ReachTable(robot.name or "leg", motion, tuple(rows[place] for place in wanted))
+
+
+def _angles(name: str, values: ArrayLike, most: float) -> list[float]:
+    angles = np.atleast_1d(validation.floats(name, values, unit="deg"))
+    if angles.ndim != 1 or not angles.size or not (np.abs(angles) <= most).all():
+        raise InvalidInput(f"{name} are {angles.tolist()}: they must be numbers up to {most:g} deg")
+    return [float(angle) for angle in dict.fromkeys(angles.tolist())]
+
+
+def _direction(place: tuple[float, float]) -> Array:
+    """Return the unit vector of azimuth and elevation [deg], shape `(3,)`."""
+    side, height = np.radians(place)
+    level = math.cos(height)
+    return np.array([level * math.cos(side), level * math.sin(side), math.sin(height)])
+
+
+def _goal(place: tuple[float, float], speed: float) -> Goal:
+    """Return the goal in the vacuum that a launch meets, however low it is."""
+    target = TIME * speed * _direction(place)
+    target[2] -= 0.5 * GRAVITY * TIME * TIME
+    return Goal(target, time=TIME)
+
+
+def _largest(
+    plan: Callable[[float], KickPlan], place: tuple[float, float], tolerance: float
+) -> ReachRow:
+    """Return the row of a direction, without distances."""
+    met, beyond, reason, speed = 0.0, None, "", FIRST_SPEED
+    for _ in range(MOST_TRIES):
+        share = 1.0
+        try:
+            planned = plan(speed)
+        except InvalidInput as error:
+            if not met and speed < 0.1 * FIRST_SPEED:
+                raise
+            failed: str | None = str(error)
+        else:
+            failed = None if planned.status == PlanStatus.MET else _why(planned)
+            share = planned.share
+        if failed is None:
+            met = speed
+            if met >= LARGEST_SPEED:
+                break
+        else:
+            beyond, reason = speed, failed
+        if beyond is None:
+            speed = min(2.0 * met, LARGEST_SPEED)
+            continue
+        if beyond <= (1.0 + tolerance) * met or beyond < 0.05 * FIRST_SPEED:
+            break
+        hint = share * (1.0 - 0.3 * tolerance) * speed
+        middle = 0.5 * (met + beyond)
+        speed = hint if failed and (1.0 + tolerance) * met < hint < 0.98 * beyond else middle
+    return ReachRow(*place, met, beyond, reason, 0.0, 0.0)
+
+
+def _why(plan: KickPlan) -> str:
+    """Return why a plan is not met, in a few words."""
+    if plan.status == PlanStatus.BEYOND_LIMITS and plan.binding:
+        return plan.binding[0]
+    return plan.warnings[0].partition(";")[0] if plan.warnings else str(plan.status)
+
+
+def _with_distances(row: ReachRow, ball: Ball, air: Air | None) -> ReachRow:
+    """Return a row with the distances that its launch goes."""
+    if row.speed == 0.0:
+        return row
+    launch = BallState(
+        (0.0, 0.0, ball.radius), row.speed * _direction((row.azimuth, row.elevation))
+    )
+    carpet, turf = (follow(launch, ball, air, Ground(0.0, name)).distance for name in SURFACES)
+    return replace(row, carpet=carpet, turf=turf)
+
+
+def _write(file: str | os.PathLike[str], settings: Any, rows: Iterable[ReachRow]) -> None:
+    text = io.StringIO()
+    text.write(f"# {json.dumps(settings)}\n")
+    names = list(ReachRow.__dataclass_fields__)
+    writer = csv.DictWriter(text, names, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(asdict(row) for row in rows)
+    with replacing(file) as draft:
+        draft.write_text(text.getvalue(), encoding="utf-8")
+
+
+def _read(
+    file: str | os.PathLike[str], settings: Mapping[str, object]
+) -> dict[tuple[float, float], ReachRow]:
+    """Return the rows of a file by azimuth and elevation; none where there is no file.
+
+    Raises:
+        InvalidInput: it is not such a file, or of other settings.
+    """
+    source = str(file)
+    if not Path(file).exists():
+        return {}
+    first, _, rest = read_text(file, source, LARGEST_FILE, FaultyFile).partition("\n")
+    try:
+        known = json.loads(first.removeprefix("# "))
+        rows = [_row(entry) for entry in csv.DictReader(io.StringIO(rest))]
+    except (ValueError, KeyError, TypeError) as error:
+        raise FaultyFile(source, [f"is not a table of kickdyn reach ({error})"]) from None
+    if known != settings:
+        names = sorted(name for name in settings if known.get(name) != settings[name])
+        raise InvalidInput(
+            f"{source} has the table of another {' and '.join(names)}: name another file, or "
+            "delete it"
+        )
+    return {(row.azimuth, row.elevation): row for row in rows}
+
+
+def _row(entry: Mapping[str, str]) -> ReachRow:
+    numbers = {
+        name: float(entry[name]) for name in ("azimuth", "elevation", "speed", "carpet", "turf")
+    }
+    beyond = float(entry["beyond"]) if entry["beyond"] else None
+    return ReachRow(**numbers, beyond=beyond, reason=entry["reason"])

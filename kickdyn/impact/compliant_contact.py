@@ -229,11 +229,16 @@ class CompliantContact:
         return forward - max(self.resting, 0.5 * math.hypot(w1, w2))
 
     def time_left(self, y: Array, phase: Phase) -> float:
-        """Return for how long the force acts if the ball leaves at its present speed [s]."""
+        """Return for how long the force acts if the ball leaves at its present speed [s].
+
+        At the largest deflection, it is about half of the time in which two masses separate.
+        """
         contact = self.kinematics(self.state(y))
-        leaving = contact.relative[2]
+        leaving, e = contact.relative[2], self.force_model.restitution
         recovered = self.ball.radius - contact.height - self.force_model.separation(phase.largest)
-        return recovered / leaving if leaving > 0.0 else math.inf
+        if recovered < 0.99 * e * e * phase.largest and leaving > 0.0:
+            return recovered / leaving
+        return 0.5 * self.expected * e / (1.0 + e)
 
     def deflection(self, contact: Kinematics) -> float:
         """Return the deflection of ball and foot together [m]."""
@@ -584,8 +589,8 @@ class _Contact:
         def value(time: float) -> float:
             return self._equations.end_of(k, time, states(time), phase)
 
-        # at the beginning of a phase its value may be 0, but for errors of the interpolant
-        for share in (1.0 - 2.0 * EVENT_MARGIN, 0.0, 1e-6, 1e-3, 0.1):
+        # at the beginning of a phase its value may be 0, but for rounding
+        for share in (1.0 - 2.0 * EVENT_MARGIN, 0.0, 1e-6):
             low = start + share * (end - start)
             if value(low) > 0.0:
                 root = float(brentq(value, low, end, xtol=precision))

@@ -43,6 +43,7 @@ from .impact.impact_result import Impact as Impact
 from .impact.joint_load import JointLoad as JointLoad
 from .impact.joint_load import joint_loads as joint_loads
 from .impact.laws import normal_impulse as normal_impulse
+from .impact.patch_contact import FootPatch as FootPatch
 from .impact.sensitivity import Sensitivity as Sensitivity
 from .impact.strike import strike as strike
 from .impact.strike_many import Impacts as Impacts

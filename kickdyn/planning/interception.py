@@ -3,7 +3,7 @@ r"""A ball that moves: where a leg can meet it, and how exact perception and tim
 The ball's path before the kick is followed through the air, bounces and along the ground. Each
 meeting is one time on this path. The foot's velocity and normal follow from the launch as for a
 ball at rest, with the impulse :math:`p = m (v_b - v_0)` and with the velocity of the ball's surface
-added to that of the foot.
+added to the foot's.
 """
 
 import math

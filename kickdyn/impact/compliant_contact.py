@@ -234,9 +234,12 @@ class CompliantContact:
         At the largest deflection, it is about half of the time in which two masses separate.
         """
         contact = self.kinematics(self.state(y))
-        leaving, e = contact.relative[2], self.force_model.restitution
-        recovered = self.ball.radius - contact.height - self.force_model.separation(phase.largest)
-        if recovered < 0.99 * e * e * phase.largest and leaving > 0.0:
+        leaving, deflection = contact.relative[2], self.deflection(contact)
+        recovered, e = (
+            deflection - self.force_model.separation(phase.largest),
+            self.approach.restitution,
+        )
+        if deflection < 0.99 * phase.largest and leaving > 0.0:
             return recovered / leaving
         return 0.5 * self.expected * e / (1.0 + e)
 

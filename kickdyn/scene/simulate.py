@@ -394,9 +394,10 @@ def _collide_to(scene: Scene, tolerance: float, relative: float) -> Simulation:
 
     `relative` is about the error of the end over the relative tolerance of the integrator.
     """
-    allowed = CONTACT_SHARE * tolerance
+    allowed, surface = CONTACT_SHARE * tolerance, scene.ground and scene.ground.surface
+    aim = 0.7 if surface is None else 0.1  # to follow a ball twice takes longer
     while True:
-        tol = min(max(0.7 * allowed / relative, SMALLEST_TOLERANCE), LARGEST_TOLERANCE)
+        tol = min(max(aim * allowed / relative, SMALLEST_TOLERANCE), LARGEST_TOLERANCE)
         answer = _with_path(scene, tolerance, collide_scene(scene, tol))
         error = end_error(scene, answer.path, collision_error(scene, answer.launch, tol))
         if error <= allowed or tol == SMALLEST_TOLERANCE or math.isinf(error):

@@ -2,11 +2,13 @@
 
 import math
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
 from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
+from kickdyn.core import validation
 from kickdyn.core.representation import ReadOnlyArrays, freeze_arrays
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
@@ -59,11 +61,11 @@ class ImpactTarget(ReadOnlyArrays):
         of_ball = impulse / ball.mass + ball.turning * across
         return np.asarray(posture.delassus() @ impulse + of_ball)
 
-    @property
+    @cached_property
     def surface_velocity(self) -> Array:
         """Velocity of the ball's surface at the contact before it, shape `(3,)` [m/s]."""
         spinning = np.cross(self.before.spin, self.contact.normal)
-        return np.asarray(self.before.velocity - self.ball.radius * spinning)
+        return validation.read_only(self.before.velocity - self.ball.radius * spinning)
 
     def foot_velocity(self, posture: Posture, share: float = 1.0) -> Array:
         r"""Return the contact point's velocity just before, shape `(3,)` [m/s, world frame].
@@ -99,9 +101,14 @@ class ImpactTarget(ReadOnlyArrays):
 
     def _gain(self, divisor: float) -> Array:
         """Return the foot's velocity per change of velocity, `(3, 3)`; the divisor is along n."""
+        along, across = self._parts
+        return along / divisor + across
+
+    @cached_property
+    def _parts(self) -> tuple[Array, Array]:
+        """The projections along the normal and, unless the contact has no friction, across it."""
         along = np.outer(self.contact.normal, self.contact.normal)
-        gain = along / divisor
-        return gain if self.contact.friction == 0.0 else gain + np.eye(3) - along
+        return along, np.zeros((3, 3)) if self.contact.friction == 0.0 else np.eye(3) - along
 
 
 def spin_change_limit(impulse: float, ball: Ball, contact: Contact) -> float:

@@ -39,15 +39,18 @@ FASTEST_BALL = 100.0
 LONGEST_WAIT = 10.0
 """Time after which a ball is no longer waited for [s]."""
 
-SAMPLES, CANDIDATES, TRIED = 400, 9, 5
-"""Numbers of times at which the path is compared with the reach of the leg, of those in reach whose
-postures are rated, and of those among them for which a kick is planned."""
+SAMPLES, CANDIDATES = 400, 7
+"""Numbers of times at which the path is compared with the reach of the leg, and of those in reach
+for which a kick is sought."""
 
 DRAWN_REACH = 200
 """Number of postures from which the reach of a leg is estimated."""
 
 BESIDE = 1e-6
 """Distance from the plane in which a foot moves, below which a ball is in it [m]."""
+
+SHORTEST_COURSE = 1e-6
+"""Shortest time for which a ball is followed [s]."""
 
 FOLLOW_TOL = 1e-12
 """Relative tolerance of the ball's path before it is met."""
@@ -162,6 +165,17 @@ class LandingSlopes(NamedTuple):
         return tuple(ACCURACY / size if size else math.inf for size in map(float, sizes))  # type: ignore[return-value]
 
 
+class Arrival(NamedTuple):
+    """The path of a ball before it is kicked, and the time for which it takes it [s]."""
+
+    course: Course
+    wait: float
+
+    def sample(self, t: ArrayLike) -> BallState:
+        """Return the ball at times from the kick, 0 or before: `-wait` at least."""
+        return self.course.sample(np.clip(np.asarray(t) + self.wait, 0.0, self.course.duration))
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Meeting(ReprMixin):
     """A time at which a moving ball can be met, and the kick that is planned for it.
@@ -258,6 +272,12 @@ class Meeting(ReprMixin):
         return LandingSlopes(slopes[:, 0], slopes[:, 1:4], slopes[:, 4:])
 
 
+def arrival_of(meeting: Meeting, ball: Ball) -> Arrival:
+    """Return the path of the ball from where it was seen to where it is met."""
+    wait = meeting.time - float(meeting.incoming.state.time)
+    return Arrival(meeting.incoming.course(ball, meeting.air, max(wait, SHORTEST_COURSE)), wait)
+
+
 def replace_state(incoming: IncomingBall, state: BallState) -> IncomingBall:
     """Return an incoming ball that moves otherwise."""
     return IncomingBall(state, incoming.ground, incoming.meet_at)
@@ -320,42 +340,77 @@ def reach_of(leg: Leg, ball: Ball) -> Reach:
     return Reach(centre, radius, across, float(across @ middle))
 
 
-def waits_in_reach(incoming: IncomingBall, course: Course, reach: Reach) -> Array:
+def waits_in_reach(
+    incoming: IncomingBall, course: Course, reach: Reach, goal: Goal | BallState, radius: float
+) -> Array:
     """Return the times since the ball was seen at which a kick is tried, shape `(n,)` [s].
 
+    Args:
+        incoming: the ball.
+        course: its path.
+        reach: of the leg.
+        goal: the goal, or the motion that a trap gives the ball.
+        radius: of the ball [m].
+
     Raises:
-        InvalidInput: the ball never comes within reach, or is not at `meet_at`.
+        InvalidInput: the ball never comes within reach, or only behind the leg, or is not at
+            `meet_at`.
     """
     last = min(course.duration, LONGEST_WAIT)
-    if isinstance(incoming.meet_at, float):
-        wait = incoming.meet_at - float(incoming.state.time)
-        if wait > last:
-            if course.status != "at-rest":
+    times = np.linspace(0.0, last, SAMPLES if last > 0.0 else 1)
+    states = course.sample(times)
+    if incoming.meet_at is not None:
+        if isinstance(incoming.meet_at, float):
+            wait = incoming.meet_at - float(incoming.state.time)
+            if wait > last and course.status != "at-rest":
                 raise InvalidInput(
                     f"meet_at is {incoming.meet_at:g} s: it must be within {last:g} s of the time "
                     "of the incoming ball"
                 )
-            wait = last
-        return np.array([wait])
-    times = np.linspace(0.0, last, SAMPLES)
-    if course.duration > 0.0:
-        places = np.asarray(course.sample(times).position)
-    else:
-        times, places = np.zeros(1), np.array([incoming.state.position])
-    if incoming.meet_at is not None:
-        return np.array([_passing(course, times, places, np.asarray(incoming.meet_at))])
-    distances = np.linalg.norm(places - reach.centre, axis=1)
-    inside = np.flatnonzero(distances <= reach.radius)
-    if not inside.size:
+            times = np.array([min(wait, last)])
+        else:
+            places = np.asarray(states.position)
+            times = np.array([_passing(course, times, places, np.asarray(incoming.meet_at))])
+        states = course.sample(times)
+    offsets = np.asarray(states.position) - reach.centre
+    distances = np.linalg.norm(offsets, axis=1)
+    near = distances <= reach.radius
+    if not near.any() and incoming.meet_at is None:
         nearest = int(np.argmin(distances))
         raise InvalidInput(
             f"the ball never comes within reach: it is nearest after {times[nearest]:.3g} s, "
             f"{distances[nearest]:.3g} m from the hip, and the leg reaches {reach.radius:.3g} m"
         )
+    behind = -np.einsum("ij,ij->i", _facing(incoming, states, reach, goal), offsets)
+    inside = np.flatnonzero((near | (incoming.meet_at is not None)) & (behind <= radius))
+    if not inside.size:
+        least = int(np.argmin(np.where(near | ~near.any(), behind, math.inf)))
+        raise InvalidInput(
+            f"the ball is within reach only behind the leg: it is {behind[least]:.3g} m behind the "
+            f"hip after {times[least]:.3g} s"
+        )
     within = times[inside]
     return np.asarray(np.interp(
         np.linspace(0.0, 1.0, CANDIDATES + 2)[1:-1], np.linspace(0.0, 1.0, within.size), within
     ) if within.size > CANDIDATES else within)  # fmt: skip
+
+
+def _facing(
+    incoming: IncomingBall, states: BallState, reach: Reach, goal: Goal | BallState
+) -> Array:
+    """Return where the leg faces to meet balls, horizontal unit vectors, shape `(n, 3)`.
+
+    It is x, or, of a leg that is turned, the direction to the target or against the ball.
+    """
+    if reach.across is None:
+        return np.broadcast_to([1.0, 0.0, 0.0], states.position.shape)
+    if isinstance(goal, Goal):
+        target = incoming.state.position + goal.target
+        ahead = target + np.outer(states.time, goal.receiver_velocity) - states.position
+    else:
+        ahead = goal.velocity - states.velocity
+    level = ahead * np.array([1.0, 1.0, 0.0])
+    return np.asarray(level / np.maximum(np.linalg.norm(level, axis=1, keepdims=True), 1e-300))
 
 
 def _passing(course: Course, times: Array, places: Array, point: Array) -> float:

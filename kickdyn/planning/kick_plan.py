@@ -8,6 +8,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -124,6 +125,23 @@ class KickPlan(ReprMixin):
         if isinstance(incoming, IncomingBall) and incoming.ground is not None:
             ground = incoming.ground
         return self._again(self, IncomingBall(seen, ground, self.meeting.time))
+
+    def plot(self) -> Any:
+        """Return a figure of matplotlib: of the motion, or of the meetings with a ball that moves.
+
+        The latter shows the speed use of each meeting and how exact its timing must be, and where
+        errors of timing and perception bring the ball at the target.
+
+        Raises:
+            InvalidInput: a plan without either.
+        """
+        if self.motion is not None:
+            return self.motion.plot()
+        if self.meeting is None:
+            raise InvalidInput("nothing to plot: the plan has no motion, and the ball is at rest")
+        from kickdyn.planning.meeting_plot import meeting_figure  # it imports matplotlib
+
+        return meeting_figure(self)
 
     def _rows(self) -> Iterable[Row]:
         yield "status", self.status, ""

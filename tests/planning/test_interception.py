@@ -56,7 +56,7 @@ def test_the_ball_is_met_where_it_comes(leg, goal, incoming):
     plan = kd.plan_kick(leg, goal, BALL, AIR, incoming=incoming)
     check(plan, leg, goal, incoming)
     kicks = [meeting for meeting in plan.meetings if meeting.share == 1.0]
-    assert plan.speed_use == min(meeting.speed_use for meeting in kicks)
+    assert plan.speed_use == min(meeting.speed_use for meeting in kicks if not meeting.reason)
     assert all(meeting.reason for meeting in plan.meetings if meeting.impact is None)
     copied = pickle.loads(pickle.dumps(plan))
     assert copied.meeting.time == plan.meeting.time
@@ -73,9 +73,10 @@ def test_a_plan_is_the_same_in_a_frame_that_moves_with_the_hip():
         for leg, aim, state in ((G1.with_base_velocity(hip), goal, ball), (G1, there, seen))
     ]
     assert plans[0].q == pytest.approx(plans[1].q, abs=1e-11)
-    assert plans[0].v == pytest.approx(plans[1].v, abs=1e-7)
+    assert plans[0].v == pytest.approx(plans[1].v, abs=1e-8)  # of the solver
     after = plans[1].impact.ball_after.velocity + hip
     assert plans[0].impact.ball_after.velocity == pytest.approx(after, abs=1e-11)
+    assert plans[0].impact.impulse == pytest.approx(plans[1].impact.impulse, abs=1e-11)
 
 
 def landing(plan, incoming, goal, late=0.0):
@@ -110,7 +111,7 @@ def test_derivatives_of_the_landing():
 
     late = [landing(plan, ASIDE, goal, late=sign * h) for sign in (1, -1)]
     difference = (late[0] - late[1]) / (2 * h)
-    assert slopes.time == pytest.approx(difference, abs=2e-6 * np.abs(difference).max())
+    assert slopes.time == pytest.approx(difference, abs=1e-6 * np.abs(difference).max())
     for axis in np.eye(3)[:2]:
         for kind, rows in ((0, slopes.place), (1, slopes.velocity)):
             ends = [
@@ -119,7 +120,7 @@ def test_derivatives_of_the_landing():
             ]
             difference = (ends[0] - ends[1]) / (2 * h)
             size = np.abs(difference).max()
-            assert rows @ axis == pytest.approx(difference, abs=2e-6 * size)
+            assert rows @ axis == pytest.approx(difference, abs=1e-6 * size)
     assert slopes.tolerances[0] == pytest.approx(0.1 / np.linalg.norm(slopes.time))
 
 
@@ -159,16 +160,19 @@ def test_the_meeting_can_be_chosen():
         (HUMAN, kd.BallState((5, 0, -0.7), (3, 0, 0)), r"never comes within reach: .* nearest"),
         (G1, kd.IncomingBall(ASIDE, meet_at=(1, 2, 3)), r"passes it at a distance of"),
         (HUMAN, kd.BallState((0.4, -0.3, -0.5), (0, 0.6, 0)), "leaves the plane|does not cross it"),
+        (HUMAN, kd.BallState((0.3, 0, -0.7), (20, 0, 0)), "moves away from the foot at"),
     ],
 )
 def test_a_ball_that_cannot_be_met(leg, incoming, message):
     with pytest.raises(kd.InvalidInput, match=message):
-        kd.plan_kick(leg, kd.Goal(10, time=1), BALL, AIR, incoming=incoming)
+        kd.plan_kick(leg, kd.Goal(14, time=0.6), BALL, AIR, incoming=incoming)
 
 
 def test_wrong_balls_are_refused():
     with pytest.raises(kd.InvalidInput, match="speed of the incoming ball is 101"):
         kd.IncomingBall(kd.BallState(velocity=(101, 0, 0)))
+    with pytest.raises(kd.InvalidInput, match="every entry must be finite"):
+        kd.IncomingBall(ROLLING, meet_at=(math.nan, 0, 0))
     with pytest.raises(kd.InvalidInput, match="several states"):
         kd.IncomingBall(kd.BallState(velocity=[(1, 0, 0)] * 2))
     with pytest.raises(kd.InvalidInput, match="meet_at is 1 s: it must be at least 5 s"):
@@ -178,3 +182,29 @@ def test_wrong_balls_are_refused():
             kd.plan_kick(HUMAN, kd.Goal(10, time=1), BALL, AIR, incoming=ROLLING, **other)
     with pytest.raises(kd.InvalidInput, match="the plan is of a ball at rest"):
         kd.plan_kick(HUMAN, kd.Goal(10, time=1), BALL, AIR).replan(incoming=ROLLING)
+
+
+def test_a_meeting_in_which_bodies_collide_is_not_preferred():
+    """The cheaper meetings with this ball have the toe in the ground."""
+    plan = kd.plan_kick(HUMAN, kd.Goal((16, 0, 0.9), time=1.1), BALL, AIR, incoming=ROLLING)
+    assert plan.status == "met"
+    cheaper = [meeting for meeting in plan.meetings if meeting.speed_use < plan.speed_use]
+    assert cheaper
+    assert all("under the ground" in meeting.reason for meeting in cheaper)
+    for meeting in cheaper[:1]:
+        there = kd.IncomingBall(ROLLING, meet_at=meeting.time)
+        other = kd.plan_kick(HUMAN, kd.Goal((16, 0, 0.9), time=1.1), BALL, AIR, incoming=there)
+        assert other.status == "collides"
+
+
+def test_the_picture_of_the_meetings():
+    plan = kd.plan_kick(HUMAN, kd.Goal(18, time=1.2), BALL, AIR, incoming=ROLLING)
+    left, right, _ = plan.plot().axes
+    kicks = [meeting.time for meeting in plan.meetings if meeting.impact is not None]
+    assert left.lines[1].get_xdata().tolist() == kicks
+    ends = [line.get_xydata()[-1] for line in right.lines[1:]]
+    assert [math.hypot(*end) for end in ends] == pytest.approx([10.0] * len(ends), rel=2e-2)
+    late = plan.meeting.landing_slopes.tolerances[0]
+    assert right.lines[1].get_label() == f"foot {1e3 * late:.2g} ms late"
+    with pytest.raises(kd.InvalidInput, match="nothing to plot"):
+        kd.plan_kick(HUMAN, kd.Goal(10, time=1), BALL, AIR).plot()

@@ -84,12 +84,14 @@ def test_the_report_of_a_trap(tmp_path):
 
 def test_a_ball_behind_the_leg_is_not_met():
     plan = kd.plan_trap(HUMAN, ROLLING, BALL, AIR)
-    behind = [meeting for meeting in plan.meetings if meeting.ball.position[0] < -BALL.radius]
-    assert behind
-    assert all("m behind the leg" in meeting.reason for meeting in behind)
-    late = kd.IncomingBall(ROLLING, meet_at=behind[0].time)
-    with pytest.raises(kd.InvalidInput, match=r"none of 1 times .* the ball is 0\.\d+ m behind"):
-        kd.plan_kick(HUMAN, kd.Goal(18, time=1.2), BALL, AIR, incoming=late)
+    assert all(meeting.ball.position[0] > -BALL.radius for meeting in plan.meetings)
+    for leg, goal in ((HUMAN, kd.Goal(18, time=1.2)), (G1, kd.Goal((6, 1, 0), time=0.9))):
+        late = kd.IncomingBall(ROLLING, meet_at=6.2)
+        with pytest.raises(kd.InvalidInput, match=r"only behind the leg: it is 0\.\d+ m behind"):
+            kd.plan_kick(leg, goal, BALL, AIR, incoming=late)
+    overtakes = kd.BallState((-0.7, 0.0, -0.7042), (0.4, 0.0, 0.0), (0.0, 0.4 / BALL.radius, 0.0))
+    with pytest.raises(kd.InvalidInput, match="only behind the leg"):
+        kd.plan_kick(HUMAN, kd.Goal(18, time=1.2), BALL, AIR, incoming=overtakes)
 
 
 def test_a_ball_that_already_moves_so_is_refused():

@@ -65,7 +65,7 @@ def cases(n: int, seed: int = 0) -> Iterator[Case]:
     for number in range(n):
         leg, flies = (human, robot)[number % 2], number % 4 > 1
         in_plane = leg is human and number % 8 < 4
-        low = -0.7042 if leg is human else -0.6
+        low = -0.7042 if leg is human else -0.68
         near = np.array([
             draw.uniform(0.0, 0.6), 0.0 if in_plane else draw.uniform(-0.35, 0.15),
             draw.uniform(low, low + 0.4) if flies else low,

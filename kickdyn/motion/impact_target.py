@@ -20,6 +20,9 @@ from kickdyn.restitution import (
 )
 from kickdyn.robot.leg import Posture
 
+STICKING = 1e-9
+"""Share of the friction that a trap leaves unused, so that the foot sticks."""
+
 
 @dataclass(frozen=True, eq=False)
 class ImpactTarget(ReadOnlyArrays):
@@ -117,6 +120,20 @@ def spin_change_limit(impulse: float, ball: Ball, contact: Contact) -> float:
     It is :math:`r p \sin(\arctan\mu) / I`.
     """
     return math.sin(math.atan(contact.friction)) * ball.radius * impulse / ball.inertia
+
+
+def trapped_ball(wish: BallState, before: BallState, ball: Ball, contact: Contact) -> BallState:
+    """Return a ball with a wished velocity and the spin that is nearest to the wished one.
+
+    The impulse changes the spin across it only, and not by more than friction allows.
+    """
+    impulse = ball.mass * (wish.velocity - before.velocity)
+    size = math.hypot(*impulse)
+    direction, change = impulse / (size or 1.0), wish.spin - before.spin
+    change = change - (change @ direction) * direction
+    most = (1.0 - STICKING) * spin_change_limit(size, ball, contact)
+    change *= min(1.0, most / (math.hypot(*change) or 1.0))
+    return BallState(before.position, wish.velocity, before.spin + change, before.time)
 
 
 def impact_target_for(

@@ -24,8 +24,9 @@ from kickdyn.impact.leg_response import Footing
 from kickdyn.motion.impact_target import ImpactTarget
 from kickdyn.motion.motion import Motion
 from kickdyn.planning.goal import Goal, PlanStatus
-from kickdyn.planning.interception import IncomingBall, Meeting
+from kickdyn.planning.interception import IncomingBall
 from kickdyn.planning.launch import Launch
+from kickdyn.planning.meeting import Meeting
 from kickdyn.planning.objectives import KickObjective
 from kickdyn.planning.passes import Pass
 from kickdyn.restitution import range_warnings

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from kickdyn.core.plot_style import styled
 from kickdyn.core.validation import Array
 from kickdyn.planning.goal import Goal
-from kickdyn.planning.interception import ACCURACY, LandingSlopes
+from kickdyn.planning.meeting import ACCURACY, LandingSlopes
 
 COLOURS = "tab:blue", "tab:orange"
 """Of speed use and of tolerances."""

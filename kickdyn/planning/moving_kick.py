@@ -1,4 +1,4 @@
-"""Planning a kick, or a trap, of a ball that moves: where it is met, and how."""
+"""Planning a kick of a ball that moves: where it is met, and how."""
 
 import math
 from collections.abc import Sequence
@@ -10,22 +10,19 @@ import numpy as np
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
-from kickdyn.core import validation
-from kickdyn.core.validation import Array, ArrayLike
+from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.follow import follow
 from kickdyn.ground import Surface
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike
-from kickdyn.motion.impact_target import ImpactTarget, impact_target_for, spin_change_limit
+from kickdyn.motion.impact_target import ImpactTarget, impact_target_for, trapped_ball
 from kickdyn.planning.goal import Goal
 from kickdyn.planning.interception import (
     CANDIDATES,
-    FASTEST_BALL,
     LONGEST_WAIT,
     SHORTEST_COURSE,
     IncomingBall,
-    Meeting,
     reach_of,
     state_at,
     waits_in_plane,
@@ -36,9 +33,6 @@ from kickdyn.planning.kick_problem import KickProblem, best_from, kick_problem, 
 from kickdyn.planning.kick_steps import (
     LONGEST_COURSE,
     Chosen,
-    checked_contact,
-    checked_leg,
-    checked_objective,
     one_thread,
     outcome_of,
     path_to_target,
@@ -47,12 +41,10 @@ from kickdyn.planning.kick_steps import (
 )
 from kickdyn.planning.kick_terms import BallPosition, KickPoint, StrikeVelocity, place_exactly
 from kickdyn.planning.launch import Launch
+from kickdyn.planning.meeting import Meeting
 from kickdyn.planning.objectives import OBJECTIVES, KickObjective
 from kickdyn.planning.passes import Pass
 from kickdyn.robot.leg import Leg
-
-STICKING = 1e-9
-"""Share of the friction that a trap leaves unused, so that the foot sticks."""
 
 
 @dataclass(frozen=True)
@@ -306,7 +298,7 @@ class Interceptor:
         goal: Goal | BallState
         launch: Launch | Pass | BallState
         if isinstance(s.goal, BallState):
-            goal, launch = s.goal, _slowest_spin(s.goal, before, s.ball, s.contact)
+            goal, launch = s.goal, trapped_ball(s.goal, before, s.ball, s.contact)
         else:
             goal = s.goal.seen_from(before.position - incoming.state.position, wait)
             if s.surface is None:
@@ -328,20 +320,6 @@ def _check_on_ground(before: BallState, ball: Ball, incoming: IncomingBall) -> N
             f"the ball is {above:.3g} m above the ground where it is met: a pass along the ground "
             "is for a ball that rolls"
         )
-
-
-def _slowest_spin(wish: BallState, before: BallState, ball: Ball, contact: Contact) -> BallState:
-    """Return a wished velocity with the spin that is nearest to the wished one.
-
-    The impulse changes the spin across it only, and not by more than friction allows.
-    """
-    impulse = ball.mass * (wish.velocity - before.velocity)
-    size = math.hypot(*impulse)
-    direction, change = impulse / (size or 1.0), wish.spin - before.spin
-    change = change - (change @ direction) * direction
-    most = (1.0 - STICKING) * spin_change_limit(size, ball, contact)
-    change *= min(1.0, most / (math.hypot(*change) or 1.0))
-    return BallState(before.position, wish.velocity, before.spin + change, before.time)
 
 
 def plan_interception(leg: Leg, incoming: IncomingBall, settings: KickSettings) -> KickPlan:
@@ -419,64 +397,3 @@ def _replan(kick: InterceptingKick, plan: KickPlan, incoming: IncomingBall) -> K
         if point is not None:
             return task.kick(problem, point).plan()
     return plan_interception(task.leg, incoming, settings)
-
-
-@validation.check_arguments
-def plan_trap(
-    leg: Leg,
-    incoming: BallState | IncomingBall,
-    ball: Ball,
-    air: Air | None = None,
-    *,
-    velocity: ArrayLike = (0.0, 0.0, 0.0),
-    objective: str | None = None,
-    contact: Contact | None = None,
-    limits: bool = True,
-    solver: str = "slsqp",
-) -> KickPlan:
-    r"""Find posture and joint velocity with which the foot leaves a moving ball at rest.
-
-    It is a kick with another goal, a velocity v of the ball just after it: the impulse is
-    :math:`p = m (v - v_0)`, and along its normal the foot has the velocity
-    :math:`n \cdot v_0 + n \cdot W p / (1 + e)`. With restitution e, it retreats from the ball. The
-    spin is braked as far as friction can do so; after a ball that rolls, some of it is left.
-
-    Args:
-        leg: as for `plan_kick`.
-        incoming: the ball, as for `plan_kick`.
-        ball: the ball; its mass and radius count.
-        air: the air; None is the vacuum.
-        velocity: of the ball just after the contact, shape `(3,)` [m/s, world frame].
-        objective: a `KickObjective` of the impact; None is `joint-speed`.
-        contact: as for `plan_kick`.
-        limits: as for `plan_kick`.
-        solver: as for `plan_kick`.
-
-    Returns:
-        The plan. Its `goal` is the ball with the wished velocity, without spin; `launch` is the
-        ball with the spin that is left; `path` is followed to rest, for 10 s at most.
-
-    Raises:
-        InvalidInput: a ball that moves so already, and as for `plan_kick`.
-
-    Example:
-        >>> import kickdyn as kd
-        >>> rolls = kd.BallState((2, 0, -0.7042), (-2.5, 0, 0), (0, -22.77, 0))
-        >>> plan = kd.plan_trap(kd.Leg.human(), rolls, kd.Ball(), kd.Air())
-        >>> str(plan.status), bool(plan.impact.ball_after.speed < 1e-9)
-        ('met', True)
-    """
-    come = incoming if isinstance(incoming, IncomingBall) else IncomingBall(incoming)
-    wish = validation.vector("velocity", velocity, 3, unit="m/s")
-    validation.number("velocity", math.hypot(*wish), at_most=FASTEST_BALL, unit="m/s")
-    settings = KickSettings(
-        BallState(velocity=wish),
-        ball,
-        air,
-        checked_contact(contact),
-        checked_objective(objective),
-        limits,
-        None,
-        solver,
-    )
-    return plan_interception(checked_leg(leg), come, settings)

@@ -16,7 +16,7 @@ from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course
 from kickdyn.impact.impact_result import Impact
 from kickdyn.motion.motion import Motion
-from kickdyn.planning.interception import Arrival
+from kickdyn.planning.meeting import Arrival
 from kickdyn.robot.ground_clearance import find_depths, shape_of
 from kickdyn.robot.model_validation import frame_id
 from kickdyn.robot.standing import hold_support

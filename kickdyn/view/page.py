@@ -22,9 +22,9 @@ from kickdyn.flight.follow import Course
 from kickdyn.identification.identification_result import Identification
 from kickdyn.impact.impact_result import Impact
 from kickdyn.motion.motion import Motion
-from kickdyn.planning.interception import Arrival, arrival_of
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.launch import Launch
+from kickdyn.planning.meeting import Arrival, arrival_of
 from kickdyn.planning.passes import Pass
 from kickdyn.robot.leg import Leg, Posture
 from kickdyn.scene.scene import Scene

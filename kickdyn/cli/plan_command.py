@@ -238,7 +238,8 @@ class PlanOutputOptions(OutputOptions):
     )  # fmt: skip
     run: str | None = option(
         "--run", type=click.Choice(["mujoco"]),
-        help="Carry the motion out in a simulator, and report the ball and the robot.",
+        help="Carry the motion out in a simulator, report the ball and the robot, and show them in "
+        "the page beside the plan.",
     )  # fmt: skip
 
     def check_motion(self, planned: bool, incoming: bool) -> None:
@@ -342,11 +343,11 @@ def plan(
         save_figure(planned.plot(), output.plot)
     if output.view is not None:  # the page has the warnings itself
         caption = " ".join(line for line in sentences if not line.startswith("Warning: "))
-        _write_page(report, output.view, caption)
+        _write_page(report, output.view, caption, run)
     output.name_written(output.plot, output.view, output.out)
 
 
-def _write_page(report: PlanReport, file: str, caption: str) -> None:
+def _write_page(report: PlanReport, file: str, caption: str, run: Any) -> None:
     from kickdyn.view.page import page
     from kickdyn.view.wall_and_goal import goal_boxes, wall_boxes
 
@@ -354,6 +355,6 @@ def _write_page(report: PlanReport, file: str, caption: str) -> None:
     foot = plan.path.launch.position - np.array([0.0, 0.0, plan.impact.ball.radius])
     boxes = [] if report.wall is None else wall_boxes(foot, plan.aim.ahead, *astuple(report.wall))
     boxes += goal_boxes(foot, float(plan.aim.target[0])) if report.goal_mouth else []
-    made_page = page(plan, caption=caption, scenery=boxes)
+    made_page = page(plan if run is None else run, caption=caption, scenery=boxes)
     made_page.save(file)
     warn(made_page.warnings)

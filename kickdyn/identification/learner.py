@@ -41,7 +41,7 @@ from kickdyn.identification.track import Track
 from kickdyn.impact.strike import strike
 from kickdyn.plane import Plane
 from kickdyn.planning.goal import Goal
-from kickdyn.planning.kick import plan_kick
+from kickdyn.planning.kick import plan_kick, replan_turned
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.launch import Launch, fly_to_target, plan_launch
 from kickdyn.planning.problem import keep_last
@@ -113,6 +113,8 @@ class Learner(ReprMixin):
         friction: friction of the contact of the leg.
         ball_height: height of the ball's centre before the kick of a leg [m, world frame]; None
             leaves it free, as in `plan_kick`.
+        motion: whether the commands are kicks with their motion, as of `plan_kick`; each is planned
+            from the one before.
         scatter: standard deviation of the launch from kick to kick of one command: relative for the
             speed, and for either angle of the direction [rad].
         deviation: standard deviation of an observed coordinate of a landing or a track [m].
@@ -148,6 +150,7 @@ class Learner(ReprMixin):
         restitution: float = 0.8,
         friction: float = 0.4,
         ball_height: float | None = None,
+        motion: bool = False,
         scatter: float = SCATTER,
         deviation: float = 0.05,
         time_deviation: float = 0.02,
@@ -174,7 +177,9 @@ class Learner(ReprMixin):
             "restitution", restitution, at_least=0.01, at_most=0.99
         )
         self._friction = validation.number("friction", friction, at_least=0)
-        self._ball_height = ball_height
+        self._ball_height, self._motion = ball_height, motion
+        if motion and leg is None:
+            raise InvalidInput("motion is True without a leg: only kicks have a motion")
         self._scatter = validation.number("scatter", scatter, above=0, at_most=1)
         self._deviation = validation.number("deviation", deviation, above=0, unit="m")
         late = validation.number("time deviation", time_deviation, above=0, unit="s")
@@ -319,9 +324,15 @@ class Learner(ReprMixin):
         target = velocity[0] * time, velocity[1] * time, 0.0
         goal = Goal(target, time=time, spin=self.launch.spin)
         contact = Contact(restitution=float(expit(self._theta[3])), friction=self._friction)
-        plan = plan_kick(
-            self.leg, goal, self.ball, None, contact=contact, ball_position=self._ball_height
-        )
+        if self._motion and self.shots:
+            before = self.shots[-1].command
+            assert isinstance(before, KickPlan)
+            plan = replan_turned(before, velocity, contact)
+        else:
+            plan = plan_kick(
+                self.leg, goal, self.ball, None, contact=contact, ball_position=self._ball_height,
+                motion=self._motion,
+            )  # fmt: skip
         after = plan.impact.ball_after
         turned = _aimed(after.velocity, [0.0, self._theta[4], self._theta[5]])
         expected = BallState(after.position, turned, after.spin)

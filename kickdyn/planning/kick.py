@@ -1,5 +1,6 @@
 """Planning a kick: from a goal back to the posture and the joint velocity that meet it."""
 
+import math
 from dataclasses import replace
 from importlib.util import find_spec
 
@@ -47,6 +48,10 @@ from kickdyn.robot.surgery import turn_body
 
 FARTHEST_BALL = 1e9
 """Farthest that a ball may lie from the world's origin, along each axis [m]."""
+
+CORRECTIONS, SAME_LAUNCH = 3, 5e-5
+"""Corrections of the impulse for joints that give way, at most, and difference of launches, over
+their speed, from which on there is one."""
 
 
 @validation.check_arguments
@@ -169,6 +174,7 @@ def plan_kick(
         problem = kick_problem(leg, target, position, limits=limits, solver=solver)
         if motion:
             posture, v, outcome = _plan_motion(problem)
+            target = outcome.pop("impact_target")
         else:
             posture, v, outcome = _plan_posture(problem, OBJECTIVES[objective]())
         impact = strike(posture, v, ball, target.contact)
@@ -192,7 +198,7 @@ def _plan_posture(problem: KickProblem, objective: Objective) -> Chosen:
     return outcome_of(*solve_kick(problem, objective), objective)
 
 
-def replan_motion(plan: KickPlan, velocity: ArrayLike) -> KickPlan:
+def replan_motion(plan: KickPlan, velocity: ArrayLike, contact: Contact | None = None) -> KickPlan:
     """Return a plan with a motion near another one, whose `strike` gives another launch.
 
     It serves to correct a launch by what a contact that takes time, or a simulator, makes of it.
@@ -200,6 +206,7 @@ def replan_motion(plan: KickPlan, velocity: ArrayLike) -> KickPlan:
     Args:
         plan: with a motion.
         velocity: of the ball after `strike`, shape `(3,)` [m/s, world frame].
+        contact: as for `plan_kick`; None is that of the plan.
 
     Raises:
         InvalidInput: a plan without a motion.
@@ -207,7 +214,7 @@ def replan_motion(plan: KickPlan, velocity: ArrayLike) -> KickPlan:
     if plan.motion is None:
         raise InvalidInput("the plan has no motion: plan it with motion=True")
     wished = validation.vector("velocity", velocity, 3, unit="m/s")
-    ball, contact = plan.impact.ball, plan.impact_target.contact
+    ball, contact = plan.impact.ball, contact or plan.impact_target.contact
     leg, after = plan.leg, plan.impact.ball_after
     position = None
     if plan.ball_is_placed:
@@ -216,9 +223,24 @@ def replan_motion(plan: KickPlan, velocity: ArrayLike) -> KickPlan:
         target = impact_target_for(wished, after.spin, ball, contact)
         problem = kick_problem(leg, target, position)
         posture, v, outcome = _plan_motion(problem, plan.motion)
+        target = outcome.pop("impact_target")
         impact = strike(posture, v, ball, target.contact)
         path = _path_like(plan, impact)
     return replace(plan, impact_target=target, impact=impact, path=path, **outcome)
+
+
+def replan_turned(plan: KickPlan, velocity: Array, contact: Contact | None = None) -> KickPlan:
+    """Return the plan of `replan_motion`, where a standing robot is turned to another azimuth.
+
+    Its motion is planned for the azimuth of the plan and turned about the ball, see `turn_plan`.
+    """
+    if not is_floating(plan.leg):
+        return replan_motion(plan, velocity, contact)
+    before = plan.impact.ball_after.velocity
+    turn = math.atan2(velocity[1], velocity[0]) - math.atan2(before[1], before[0])
+    turn = math.remainder(turn, math.tau)
+    rotation = pin.rpy.rpyToMatrix(0.0, 0.0, turn)
+    return turn_plan(replan_motion(plan, rotation.T @ velocity, contact), turn)
 
 
 def turn_plan(plan: KickPlan, angle: float) -> KickPlan:
@@ -262,7 +284,11 @@ def _path_like(plan: KickPlan, impact: Impact) -> Flight | Course:
 
 
 def _plan_motion(problem: KickProblem, near: Motion | None = None) -> Chosen:
-    """Return the state at the impact that a motion from rest to rest contains."""
+    """Return the state at the impact that a motion from rest to rest contains.
+
+    Joints that the motion keeps at rest give way in `strike`. The impulse is corrected for that; it
+    is that of the `impact_target` in the attributes.
+    """
     if find_spec("casadi") is None:
         raise InvalidInput(
             'motions need the package casadi: install it with pip install "kickdyn[motion]"'
@@ -271,21 +297,35 @@ def _plan_motion(problem: KickProblem, near: Motion | None = None) -> Chosen:
     from kickdyn.motion.plan_motion import plan_motion
 
     standing, none = problem.standing, np.zeros((0, 3))
-    ball, facing = problem.find(BallPosition), problem.find(Facing)
+    place, facing = problem.find(BallPosition), problem.find(Facing)
     leg = problem.limb.leg if standing is None else standing.leg
     task = KickTask(
         problem.robot,
         leg,
         problem.variables.target,
         problem.foot_directions,
-        none if ball is None else ball.rows,
-        np.zeros(3) if ball is None else ball.centre,
+        none if place is None else place.rows,
+        np.zeros(3) if place is None else place.centre,
         none if facing is None else facing.axes,
         standing,
     )
-    planned = plan_motion(task, near)
+    planned, target = plan_motion(task, near), task.target
+    wished, ball = target.impulse / target.ball.mass, target.ball
+    for _ in range(CORRECTIONS):
+        posture, v = problem.robot.posture(planned.motion.q(0.0)), planned.motion.v(0.0)
+        struck = strike(posture, v, ball, target.contact).ball_after
+        lack = wished - struck.velocity
+        close = np.linalg.norm(lack) < SAME_LAUNCH * np.linalg.norm(wished)
+        if close or not planned.keeps_limits:
+            break
+        corrected = replace(target, impulse=target.impulse + ball.mass * lack)
+        again = plan_motion(replace(task, target=corrected), planned.motion)
+        if not again.keeps_limits:
+            break
+        planned, target = again, corrected
     posture = problem.robot.posture(planned.motion.q(0.0))
     outcome = {
+        "impact_target": target,
         "share": planned.share,
         "value": planned.torque_squared,
         "speed_use": planned.speed_use,

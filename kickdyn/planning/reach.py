@@ -24,7 +24,7 @@ from kickdyn.errors import FaultyFile, InvalidInput
 from kickdyn.flight.follow import follow
 from kickdyn.ground import Ground
 from kickdyn.planning.goal import Goal, PlanStatus
-from kickdyn.planning.kick import plan_kick
+from kickdyn.planning.kick import plan_kick, replan_motion
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.robot.leg import Leg
 
@@ -33,6 +33,10 @@ ELEVATIONS = (0.0, 10.0, 20.0, 30.0, 45.0)
 
 FIRST_SPEED, LARGEST_SPEED = 10.0, 80.0
 """Launch speed that is tried first, and the largest one that is tried [m/s]."""
+
+GROWTHS = {False: 2.0, True: 1.25}
+"""Factor of the speed after a plan that is met, by whether motions are planned: a motion far beyond
+the limits takes minutes to be given up."""
 
 MOST_TRIES = 14
 """Number of plans of a direction at most."""
@@ -131,10 +135,11 @@ def reach(
 ) -> ReachTable:
     """Find the largest launch of a robot in each direction, by plans that are `met`.
 
-    In each direction, speeds are planned by `plan_kick` from 10 m/s on and doubled until a plan is
-    not `met`; then the largest one that is met is sought between the two, by the share of the
-    launch that the planner reaches, and by bisection. It is a speed that was planned, not a proof
-    that no larger one is possible: planners find the best plan near their starts.
+    In each direction, speeds are planned by `plan_kick` from 10 m/s on and doubled (with a motion,
+    a quarter is added, near the last motion) until a plan is not `met`; then the largest one that
+    is met is sought between the two, by the share of the launch that the planner reaches, and by
+    bisection. It is a speed that was planned, not a proof that no larger one is possible: planners
+    find the best plan near their starts.
 
     Without `motion`, the limits are those of the impact: speeds of the joints, torques that keep
     them, and balance. They do not ask how the foot gets this fast, so that the speeds are upper
@@ -186,12 +191,19 @@ def reach(
             continue
         where = f"{number} of {len(wanted)}, {place[0]:g} and {place[1]:g} deg"
 
-        def plan(speed: float, place: tuple[float, float] = place, where: str = where) -> KickPlan:
+        def plan(
+            speed: float,
+            near: KickPlan | None,
+            place: tuple[float, float] = place,
+            where: str = where,
+        ) -> KickPlan:
             tell(f"{where}: {speed:.3g} m/s")
+            if near is not None and near.motion is not None:
+                return replan_motion(near, speed * _direction(place))
             goal = _goal(place, speed)
             return plan_kick(robot, goal, ball, None, **options)  # type: ignore[arg-type]
 
-        row = _largest(plan, place, tolerance)
+        row = _largest(plan, place, GROWTHS[motion], tolerance)
         rows[place] = _with_distances(row, ball, air)
         if file is not None:
             _write(file, settings, rows.values())
@@ -220,14 +232,21 @@ def _goal(place: tuple[float, float], speed: float) -> Goal:
 
 
 def _largest(
-    plan: Callable[[float], KickPlan], place: tuple[float, float], tolerance: float
+    plan: Callable[[float, KickPlan | None], KickPlan],
+    place: tuple[float, float],
+    growth: float,
+    tolerance: float,
 ) -> ReachRow:
-    """Return the row of a direction, without distances."""
+    """Return the row of a direction, without distances.
+
+    `plan` returns the plan of a speed, near another one that is met.
+    """
+    near: KickPlan | None = None
     met, beyond, reason, speed = 0.0, None, "", FIRST_SPEED
     for _ in range(MOST_TRIES):
         share = 1.0
         try:
-            planned = plan(speed)
+            planned = plan(speed, near)
         except InvalidInput as error:
             if not met and speed < 0.1 * FIRST_SPEED:
                 raise
@@ -236,13 +255,13 @@ def _largest(
             failed = None if planned.status == PlanStatus.MET else _why(planned)
             share = planned.share
         if failed is None:
-            met = speed
+            met, near = speed, planned
             if met >= LARGEST_SPEED:
                 break
         else:
             beyond, reason = speed, failed
         if beyond is None:
-            speed = min(2.0 * met, LARGEST_SPEED)
+            speed = min(growth * met, LARGEST_SPEED)
             continue
         if beyond <= (1.0 + tolerance) * met or beyond < 0.05 * FIRST_SPEED:
             break

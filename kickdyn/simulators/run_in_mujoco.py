@@ -138,6 +138,18 @@ class MujocoRun(ReprMixin):
         return float(np.linalg.norm(end.position - target))
 
     @property
+    def summary(self) -> str:
+        """The errors of the ball, and whether the robot stands, as a sentence."""
+        stands = "stands 1 s later" if self.upright else "falls"
+        if self.path is None:
+            return f"In MuJoCo, the foot misses the ball, and the robot {stands}."
+        return (
+            f"In MuJoCo, the ball is {self.speed_error:+.1%} in speed and "
+            f"{math.degrees(self.direction_error):.1f} deg in direction from the launch to the "
+            f"goal, and misses it by {self.miss:.2g} m; the robot {stands}."
+        )
+
+    @property
     def warnings(self) -> tuple[str, ...]:
         """Lines about a missed ball, a fall, and a contact that could not be tuned."""
         lines = [] if self.path is not None else ["the foot does not reach the ball"]

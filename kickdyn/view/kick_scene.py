@@ -31,6 +31,7 @@ from kickdyn.view.camera import (
 )
 from kickdyn.view.document import draw_label
 from kickdyn.view.leg_figure import draw_leg, joint_poses
+from kickdyn.view.run_scene import DrawnRun, SimulatedRun, draw_run, draw_run_curve, move_run
 from kickdyn.view.wall_and_goal import Box, draw_box
 
 LEAST_TEE_HEIGHT = 5e-3
@@ -110,19 +111,23 @@ def draw_kick(
     *,
     arrival: Arrival | None = None,
     lies: bool = True,
+    run: SimulatedRun | None = None,
 ) -> tuple[Pace, str]:
     """Draw a kick, from the swing to the landing, over and over, with walls and goals as scenery.
 
     Without a motion from rest to rest through this impact, the joints move as `leg_configuration`
-    says. The path of a ball that moves before the impact, its `arrival`, ends at the impact. Where
-    the ball need not lie on the ground (`lies`), the ground is where a robot stands, or as low as
-    ball and leg come.
+    says. The path of a ball that moves before the impact, its `arrival`, ends at the impact. A
+    simulated `run` of the same kick is drawn at its right. Where the ball need not lie on the
+    ground (`lies`), the ground is where a robot stands, or as low as ball and leg come.
 
     Returns:
         The pace of the animation, and a sentence about the ground, empty if the ball lies on it.
     """
     leg, ball, before = impact.posture.leg, impact.ball, impact.ball_before
-    pace = kick_pace(impact, path.duration, None if motion is None else -motion.begin)
+    duration = path.duration
+    if run is not None and run.path is not None:
+        duration = max(duration, float(run.ball_after.time) + run.path.duration)
+    pace = kick_pace(impact, duration, None if motion is None else -motion.begin)
     configuration = partial(leg_configuration, impact) if motion is None else motion.q
     moved = [configuration(time) for time in pace.times]
     curve = path.sample(np.linspace(0.0, path.duration, CURVE_POINTS)).position
@@ -153,12 +158,17 @@ def draw_kick(
         passed = [pose[:3, 3] for q in moved[::8] for pose in joint_poses(leg, q)[1:]]
         passed += [leg.posture(q).contact_point for q in moved[::8]]
         far.append(box_corners(np.array(passed), ball.radius))
+    drawn = None
+    if run is not None:
+        drawn = draw_run(viewer, run, forward, far[0])
+        near = np.vstack([near, far[0], drawn.corners])
+        far += [drawn.corners, *([drawn.curve] if len(drawn.curve) else [])]
     come = np.zeros((0, 3))
     if arrival is not None:
         come = arrival.sample(np.linspace(-arrival.wait, 0.0, CURVE_POINTS)).position
         far.append(box_corners(come, ball.radius))
     points = np.vstack(far)
-    camera = camera_for(near, points, forward, behind=bool(scenery))
+    camera = camera_for(near, points, forward, behind=bool(scenery) or run is not None)
     set_stage(viewer, camera, np.vstack([near, points]))
 
     marks.draw_ball(viewer["ball"], ball.radius, before.position)
@@ -167,6 +177,9 @@ def draw_kick(
         marks.draw_tee(viewer["tee"], foot + lift * UP_AXIS, lift, ball.radius)
     width = CURVE_RADIUS * camera.distance(curve)
     marks.draw_curve(viewer["curve"], curve, width, np.cross(forward, UP_AXIS))
+    if drawn is not None and len(drawn.curve):
+        width = CURVE_RADIUS * camera.distance(drawn.curve)
+        draw_run_curve(viewer, drawn, width, np.cross(forward, UP_AXIS))
     if arrival is not None:
         along = level_direction(come[-1] - come[0])
         thin = CURVE_RADIUS * camera.distance(come)
@@ -185,7 +198,13 @@ def draw_kick(
     far_end = path.distance if isinstance(path, Course) else path.range
     draw_label(viewer["end"], f"{far_end:.3g} m", curve[-1], f"#{marks.CURVE:06x}")
     animation = _animation(
-        viewer, partial(ball_pose, before, path, arrival=arrival), impact, pace, moved, arrows
+        viewer,
+        partial(ball_pose, before, path, arrival=arrival),
+        impact,
+        pace,
+        moved,
+        arrows,
+        drawn,
     )
     viewer.set_animation(animation, repetitions=math.inf)
     text = ""
@@ -327,6 +346,7 @@ def _animation(
     pace: Pace,
     moved: Sequence[Array],
     arrows: Sequence[Arrow],
+    run: DrawnRun | None,
 ) -> Animation:
     """Return the motion of leg and ball, and of the arrows that appear at the impact."""
     animation = Animation(default_framerate=RATE)
@@ -339,6 +359,8 @@ def _animation(
             frame["ball"].set_transform(pose_at(time))
             for joint, pose in list(enumerate(joint_poses(impact.posture.leg, q)))[1:]:
                 frame[f"leg/{joint}"].set_transform(pose)
+            if run is not None:
+                move_run(run, frame, float(time))
     hit = pace.impact
     for number, scale in ((0, 1e-3), (hit - 1, 1e-3), (hit, 1.0), (pace.end, 1.0)):
         with animation.at_frame(viewer, number) as frame:

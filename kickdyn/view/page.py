@@ -35,6 +35,7 @@ from kickdyn.view.document import DrawnScene, html_document, recording_viewer, s
 from kickdyn.view.gltf import to_glb
 from kickdyn.view.kick_scene import Pace, draw_kick
 from kickdyn.view.leg_scene import draw_motion, draw_posture
+from kickdyn.view.run_scene import SimulatedRun
 from kickdyn.view.wall_and_goal import Box, plane_boxes, wall_boxes
 
 FRAME_HEIGHT = 600
@@ -42,7 +43,7 @@ FRAME_HEIGHT = 600
 
 _Path = Flight | Course
 _Comparable = Impact | Flight | Course | Launch | Pass | Identification
-_MovingSubject = Impact | KickPlan | Scene | Simulation
+_MovingSubject = Impact | KickPlan | Scene | Simulation | SimulatedRun
 _LegAlone = Leg | Posture | Motion
 
 
@@ -133,9 +134,9 @@ def page(
     """Return a 3-D page of a kick, or of several impacts or flights to compare.
 
     A kick moves: an `Impact` with the ball's path, a `KickPlan` (with its `motion` if it has
-    one), a `Scene` or the `Simulation` of one. A scene is shown with its wall or goal,
-    and its contact as instantaneous. A `Leg` (with all joints at 0), a `Posture` and a `Motion` are
-    shown without a ball.
+    one), a `MujocoRun` beside its plan, a `Scene` or the `Simulation` of one. A scene is shown with
+    its wall or goal, and its contact as instantaneous. A `Leg` (with all joints at 0), a `Posture`
+    and a `Motion` are shown without a ball.
     A `Flight`, `Course`, `Launch` or `Pass`, and up to 8 of them, are curves over one lawn; the
     flight of an `Identification` is a curve with the measured positions as dots. Of several
     impacts, buttons choose the one that is shown.
@@ -170,8 +171,9 @@ def page(
     kick = _kick_of(subject, path, caption)
     impact, viewer = kick.impact, recording_viewer()
     boxes = [*scenery, *kick.scenery]
+    run = subject if isinstance(subject, SimulatedRun) else None
     pace, ground = draw_kick(
-        viewer, impact, kick.path, boxes, kick.motion, arrival=kick.arrival, lies=kick.lies
+        viewer, impact, kick.path, boxes, kick.motion, arrival=kick.arrival, lies=kick.lies, run=run
     )
     text = f"{kick.caption.removesuffix('.')}. {ground}" if kick.caption and ground else ""
     text = text or kick.caption or ground
@@ -219,6 +221,11 @@ def _kick_of(subject: _MovingSubject, path: _Path | None, caption: str) -> _Kick
             )
         case Simulation():
             return _kick_of_simulation(subject, caption)
+        case SimulatedRun():
+            plan = subject.plan
+            text = ". ".join(filter(None, [caption, subject.summary]))
+            warnings = [line.partition("; ")[0] for line in plan.warnings]
+            return _Kick(plan.impact, plan.path, text, plan.motion, warnings=warnings)
         case Scene():
             return _kick_of_simulation(simulate_as_instant(subject), caption)
 

@@ -10,10 +10,12 @@ from types import SimpleNamespace
 import numpy as np
 import pinocchio as pin
 import pytest
+import umsgpack
 from click.testing import CliRunner
 
 import kickdyn as kd
 from kickdyn.cli.plan_command import plan as plan_command
+from kickdyn.planning import kick as kick_module
 from kickdyn.planning.kick import turn_plan
 from kickdyn.simulators import refine_kick as refinement
 from kickdyn.simulators import run_in_mujoco as module
@@ -240,6 +242,52 @@ def test_the_track_of_a_run_is_its_flight_since_the_kick():
     start = run.plan.impact.ball_before.position
     np.testing.assert_allclose(track.positions[0] + start, run.path.launch.position)
     assert track.times[0] == pytest.approx(0.5 * (run.ball_after.time - run.delay))
+
+
+def test_a_learner_meets_the_target_with_kicks_of_a_noisy_robot():
+    goal, prior = swinging().goal, {"elevation": 0.15}
+    learner = kd.Learner(goal, BALL, AIR, kd.Leg.human(), motion=True, scatter=0.02, prior=prior)
+    tuning, misses = carried_out(swinging).tuning, []
+    for seed in range(3):
+        run = kd.run_in_mujoco(learner.command, tuning=tuning, seed=seed)
+        misses.append(run.miss)
+        learner.observe(run.track)
+        assert learner.command.motion is not None
+    assert misses[0] > 2.0
+    assert max(misses[1:]) < 0.3
+    assert learner.estimates["elevation"] > 0.1
+    with pytest.raises(kd.InvalidInput, match="motion is True without a leg"):
+        kd.Learner(goal, BALL, AIR, motion=True)
+
+
+def test_a_correction_of_a_standing_robot_is_turned_to_its_azimuth(monkeypatch):
+    plan = standing()
+    monkeypatch.setattr(kick_module, "replan_motion", lambda plan, velocity, contact: plan)
+    before, angle = plan.impact.ball_after.velocity, 0.1
+    wished = pin.rpy.rpyToMatrix(0, 0, angle) @ before
+    turned = kick_module.replan_turned(plan, wished)
+    np.testing.assert_allclose(turned.impact.ball_after.velocity, wished, atol=1e-9)
+    assert turned.heading == pytest.approx(angle)
+
+
+def test_a_page_shows_the_run_beside_the_plan():
+    run = carried_out(swinging)
+    page = kd.page(run)
+    said = [umsgpack.unpackb(packed) for packed in page.viewer.window.commands]
+    (film,) = (command for command in said if command["type"] == "set_animation")
+    tracks = {
+        (animation["path"], track["name"]): [key["value"] for key in track["keys"]]
+        for animation in film["animations"]
+        for track in animation["clip"]["tracks"]
+    }
+    leg = {path for path, _ in tracks if "/run/leg/" in path}
+    assert len(leg) == 3
+    ball = tracks["/meshcat/run/ball", ".position"]
+    np.testing.assert_allclose(ball[0], run.ball_position[0], atol=1e-9)
+    np.testing.assert_allclose(ball[-1], run.path.landing.position, atol=1e-6)
+    assert "misses it by" in page.panel
+    missed = replace(run, path=None)
+    assert "the foot misses the ball" in kd.page(missed).panel
 
 
 def test_the_command_writes_the_motion_and_carries_it_out(tmp_path):

@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constraint constraints.txt
 
-.PHONY: sweep help extremes fuzz mutants notebooks test test-lowest test-all docs package lint browser clean
+.PHONY: sweep help extremes fuzz mutants notebooks record test test-lowest test-all docs package lint browser clean
 
 # what `make test-all` tests with: python3.11 and so on must be there, as pyenv or deadsnakes bring them;
 # add 3.14, which kickdyn takes too, where you have it
@@ -39,6 +39,11 @@ mutants: $(VENV)/.dev
 notebooks: $(VENV)/.dev browser
 	@echo "This takes about a minute, and longer on the first run, which compiles."
 	$(BIN)/python tools/notebook_outputs.py
+
+## record: stores what kickdyn computes, prints and draws today, which tests compare; prints what changed
+record: $(VENV)/.dev
+	@echo "This takes about two minutes."
+	$(BIN)/python tools/record.py
 
 ## test: the whole suite, about 8 minutes on 2 cores once everything is installed
 test: $(VENV)/.dev browser

@@ -82,7 +82,7 @@ def tasks() -> list[Task]:
     return [
         Task("`strike`: impact with the impulses in all joints", strikes, 100, 30),
         Task(
-            "`strike_many`: the same, each of 10,000",
+            "`strike_many`: the same, per strike in a batch of 10,000",
             lambda: kd.strike_many(LEG, many_q, many_v, BALL, CONTACT),
             FLIGHTS,
         ),
@@ -92,7 +92,11 @@ def tasks() -> list[Task]:
             postures,
         ),
         Task("`fly`: flight with drag and lift", lambda: kd.fly(kicked, BALL, AIR), runs=50),
-        Task("`fly_many`: the same, each of 10,000", lambda: kd.fly_many(many, BALL, AIR), FLIGHTS),
+        Task(
+            "`fly_many`: the same, per flight in a batch of 10,000",
+            lambda: kd.fly_many(many, BALL, AIR),
+            FLIGHTS,
+        ),
         Task(
             "`follow_many`: flight, bounces and rolling, each of 10,000",
             lambda: kd.follow_many(many, BALL, AIR),
@@ -107,7 +111,6 @@ def tasks() -> list[Task]:
             "`collide`: contact of finite time",
             lambda: kd.collide(posture, VELOCITY, BALL, CONTACT),
         ),
-        Task("`plan_launch`: launch for a target", lambda: kd.plan_launch(GOAL, BALL, AIR)),
         Task("`plan_kick`: kick for a target", lambda: kd.plan_kick(LEG, GOAL, BALL, AIR)),
     ]
 

@@ -229,8 +229,8 @@ class BallState(ValueEquality):
         return state
 
     def __repr__(self) -> str:
-        if np.ndim(self.time):
-            times = np.asarray(self.time)
+        if np.ndim(self.position) > 1:
+            times = np.broadcast_to(self.time, len(self.position))
             span = (
                 f", {format_value(times[0])} to {format_value(times[-1])} s" if times.size else ""
             )

@@ -220,7 +220,7 @@ def describe_restitution(restitution: Restitution, e: float, speed: float) -> st
     """Return e and what it is from, at a speed of approach [m/s]; of a number nothing."""
     if isinstance(restitution, float):
         return ""
-    return f"restitution {e:.4g}, that of {format_restitution(restitution)} at {speed:.4g} m/s"
+    return f"restitution {e:.4g}, from {format_restitution(restitution)} at {speed:.4g} m/s"
 
 
 def format_restitution(restitution: Restitution) -> str:

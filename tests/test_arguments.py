@@ -37,6 +37,7 @@ GOOD = {
     "damping": 1.0, "impact": IMPACT, "state": IMPACT.ball_after, "plan": PLAN, "goal": GOAL,
     "scene": SCENE, "contact_time": 1e-2, "mass": 1.0, "approach_speed": 5.0, "leg_mass": 1.0,
     "point": (0.0, 0.0, 0.0), "model": LEG.model, "frame": "toe", "postures": {"hip": [0.1]},
+    "width": 0.1,
     "kick": kd.Kick(), "joint": "hip", "joints": {"knee": 0.1}, "rotors": {"knee": 0.1},
     "name": "bolt", "friction": 0.4, "rolling_deceleration": 0.5, "t": 0.0, "x": 1.0,
     "result": "speed", "what": "a flight", "distance": 9.15, "height": 1.9,

@@ -1,7 +1,7 @@
 r"""Coefficients :math:`\beta(Re, Sp)` of the torque by which the air brakes a ball's spin.
 
 :math:`I \dot\omega = -(\rho A r^2 \beta v + 8 \pi \mu r^3)\, \omega`. The first term is the moment
-:math:`C_M = \beta\, Sp` of Nathan's notes; the second is that of creeping flow. Nobody measured
+:math:`C_M = \beta\, Sp` of Nathan's notes; the second is for creeping flow. Nobody measured
 beta for soccer balls: golf's stands in, uncertain by a factor of 2.
 """
 

@@ -151,7 +151,7 @@ def _print(split: Segments | None, fits: list[Fit], failures: list[str]) -> None
     if len(fits) == 1:
         click.echo(str(fits[0].result))
     elif fits:
-        names = fits[0].result.names[6:]  # without those of position and velocity
+        names = fits[0].result.names[6:]  # without position and velocity
         heads = [f"{name} [{UNITS[name]}]" if name in UNITS else name for name in names]
         head = "".join(f"{head:>20}" for head in heads)
         click.echo(f"samples     speed [m/s]  left out  rms [cm]  {head}")

@@ -28,7 +28,6 @@ from kickdyn.planning.goal import FARTHEST, Goal
 from kickdyn.planning.interception import IncomingBall
 from kickdyn.planning.kick import plan_kick
 from kickdyn.planning.launch import SPEED_LIMIT, OutOfReach
-from kickdyn.planning.moving_kick import plan_trap
 from kickdyn.planning.objectives import KickObjective
 from kickdyn.planning.plan_report import (
     WALL_CLEARANCE,
@@ -36,6 +35,7 @@ from kickdyn.planning.plan_report import (
     describe_passage,
     unreachable_json,
 )
+from kickdyn.planning.trap import plan_trap
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.standing import is_floating
 from kickdyn.scene.pitch import Wall, check_before, read_wall
@@ -242,9 +242,10 @@ class PlanOutputOptions(OutputOptions):
         "the page beside the plan.",
     )  # fmt: skip
 
-    def check_motion(self, planned: bool) -> None:
+    def check_motion(self, planned: bool, incoming: bool) -> None:
         """Raise `InvalidInput` for options that need a motion where none is planned."""
-        for name, value in (("plot", self.plot), ("out", self.out), ("run", self.run)):
+        plot = None if incoming else self.plot
+        for name, value in (("plot", plot), ("out", self.out), ("run", self.run)):
             if value is not None and not planned:
                 raise InvalidInput(f"--{name} is {value!r}: it needs the motion, so add --motion")
         if self.out is not None:
@@ -288,13 +289,14 @@ def plan(
 ) -> None:
     """Find the posture and the joint velocity that send a ball to a target.
 
-    The plot shows speeds, torques and margins of the motion.
+    The plot shows speeds, torques and margins of the motion; of a ball that moves, when it can be
+    met and how exact that must be.
 
     Example: kickdyn plan --distance 30 --time 1.5 --leg human --view kick.html --json -
     """
     kick.check()
     target, wall = kick.load_goal(goal), goal.read_wall()
-    output.check_motion(kick.motion)
+    output.check_motion(kick.motion, kick.ball_position is not None)
     output.check(output.out, inputs=[leg.leg_name])
     struck_ball, windy_air, robot = ball.load(), air.load(), leg.load()
     with busy("planning the kick"):
@@ -335,10 +337,10 @@ def plan(
         print_wrapped("\n".join(report.table()))
         if run is not None:
             click.echo(f"\n{run}")
-    if output.plot is not None and motion is not None:
+    if output.plot is not None:
         from kickdyn.core.plot_style import save_figure
 
-        save_figure(motion.plot(), output.plot)
+        save_figure(planned.plot(), output.plot)
     if output.view is not None:  # the page has the warnings itself
         caption = " ".join(line for line in sentences if not line.startswith("Warning: "))
         _write_page(report, output.view, caption, run)

@@ -26,7 +26,8 @@ def simulate(scene_file: str, tolerance: float, exact: bool, output: JsonOptions
     """Simulate a scene file to a tolerance, and print its error budget.
 
     SCENE is a TOML file, or the name of one that comes with kickdyn: free_kick, paper_kick,
-    robocup_carpet, robot_chip, volley, wet_grass_pass.
+    pass_to_runner, robocup_carpet, robot_chip, rolling_ball_to_goal, volley, volley_of_cross,
+    wet_grass_pass.
 
     Example: kickdyn simulate free_kick --tolerance 0.01
     """

@@ -30,7 +30,8 @@ def view(
     """Show a scene file: leg, ball, impulses, flight, and its wall or goal.
 
     SCENE is a TOML file, or the name of one that comes with kickdyn: free_kick, paper_kick,
-    robocup_carpet, robot_chip, volley, wet_grass_pass.
+    pass_to_runner, robocup_carpet, robot_chip, rolling_ball_to_goal, volley, volley_of_cross,
+    wet_grass_pass.
 
     All effects of the scene are modelled, except that a contact of finite time is shown as an
     instantaneous impact; the printed error states how far that moves the end of the flight.

@@ -153,7 +153,7 @@ def spread(typing_context: Any, x: Any) -> Any:
 
 @_intrinsic  # type: ignore[untyped-decorator]
 def choose(typing_context: Any, mask: Any, a: Any, b: Any) -> Any:
-    """Return a batch with the numbers of `a` where the mask is true, and those of `b` elsewhere."""
+    """Return a batch with the numbers of `a` where the mask is true, and of `b` elsewhere."""
 
     def generate(context: Any, builder: Any, called: Any, given: Any) -> Any:
         return builder.select(*(_spread(builder, value) for value in given))

@@ -43,7 +43,7 @@ _intrinsic: Any = intrinsic
 SIZE = 7 * LANES
 
 X, Y, Z, U, V, W, LEFT = (row * LANES for row in range(7))
-"""Rows of a state: displacement, velocity, spin over that of the launch. Rows of its rate alike."""
+"""Rows of a state: displacement, velocity, spin over the launch's. Rows of its rate are alike."""
 
 HEIGHT, SPIN_X, SPIN_Y, SPIN_Z, DECAYS = (row * LANES for row in range(5))
 """Rows of a scene: of the launch, the height and the spin; 1 where the spin decays, else 0."""

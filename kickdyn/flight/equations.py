@@ -22,7 +22,7 @@ from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.flight.forces import acceleration_function, brakes, downward
 
 MAX_SPEED = 299_792_458.0
-"""In air [m/s], that of light. Tolerances hold up to there; coefficients end far below."""
+"""In air [m/s], the speed of light. Tolerances hold up to there; coefficients end far below."""
 
 FINEST = 100 * float(np.finfo(float).eps)
 """Least relative tolerance of a step, as of scipy's DOP853: below it, the estimate of the step's

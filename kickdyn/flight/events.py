@@ -67,7 +67,7 @@ class Event:
     ends_step: bool = False
 
     def launched(self, launch: BallState) -> "Event":
-        """Return the event with the numbers of a launch, or with those of n launches."""
+        """Return the event with the numbers of a launch, or of n launches."""
         try:
             numbers = self.numbers(launch) if callable(self.numbers) else self.numbers
         except InvalidInput:

@@ -25,7 +25,7 @@ SAMPLES = 101
 """Number of states of a flight, or of all flights of a course, that are compared with ranges."""
 
 COMPRESSIBLE = 100.0
-"""Speed from which the compressibility of air matters [m/s]: 0.3 of that of sound."""
+"""Speed from which the compressibility of air matters [m/s]: 0.3 of the speed of sound."""
 
 ROUNDING = 4 * float(np.finfo(float).eps)
 """Of a position, relative to its size."""

@@ -99,7 +99,7 @@ def follow_many(
 
 
 AT_REST, NOT_DOWN, LOST, BOUNCING, BLOWN, FIRST_END = range(6)
-"""Flags of the statuses; those of the ends follow."""
+"""Flags of the statuses; flags of the ends follow."""
 
 
 class _Balls:

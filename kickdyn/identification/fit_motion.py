@@ -100,7 +100,7 @@ def fit_motion(
     measured = track.positions[:, [track.markers.index(name) for name in names]]
     _check_units(measured, names)
     first = MarkerKinematics(leg.workspace.model, list(places.values()))
-    # the lengths are first those of the leg, in a few frames only
+    # the lengths are first the leg's, in a few frames only
     frames = first.solve_track(measured, spread_frames(measured))
     _check_determined(leg, first, frames)
     scales: dict[str, float] = {}

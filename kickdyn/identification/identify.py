@@ -69,7 +69,7 @@ FIRST_DRAG = 0.2
 
 PROFILED, LARGEST_BEND = 2.0, 2.0
 """Distance from the estimate at which a profile is taken, in standard deviations; and the factor
-by which the excess of the sum of squares may differ there from that of a quadratic function."""
+by which the excess of the sum of squares may differ there from a quadratic function's."""
 
 MOST_DOUBLINGS, MOST_MINIMA = 8, 4
 """Doublings of the distance of a profile, and minima from which a fit is repeated, at most."""
@@ -363,7 +363,7 @@ def _minimise(
 ) -> tuple[float, Array]:
     """Return the least cost and the unknowns.
 
-    The residuals are those of `evaluate` that are `used`, and the products of the prior rows with
+    The residuals are `used` ones of `evaluate`, and the products of the prior rows with
     the unknowns, less `targets`. Where there is no flight `evaluate` raises `KickdynError`, which
     ends the fit at its start, and is avoided later.
     """

@@ -55,7 +55,7 @@ class SmoothingSpline:
         self.model, self.begin, self.end = model, float(times[0]), float(times[-1])
         self.reference = q[-1]
         x = np.array([pin.difference(model, self.reference, one) for one in q])
-        # information by x, whose tangent space is that of the reference
+        # information by x, whose tangent space is the reference's
         moved = np.array([pin.dIntegrate(model, self.reference, one, pin.ARG1) for one in x])
         weights = moved.transpose(0, 2, 1) @ information @ moved
         penalty = self._penalty(len(times), growth)

@@ -35,6 +35,7 @@ from kickdyn.impact.force_model import (
 )
 from kickdyn.impact.inflated_force import InflatedForce
 from kickdyn.impact.leg_response import leg_response
+from kickdyn.impact.patch_contact import FootPatch, PatchContact, PatchForce, patch_of
 from kickdyn.restitution import LARGEST_DEFLECTION
 from kickdyn.robot.leg import Posture
 
@@ -106,8 +107,22 @@ class Collision(AfterApproach):
 
     @property
     def deflection(self) -> float:
-        """Largest deflection, of ball and foot together [m]."""
+        """Largest deflection, of ball and foot together [m].
+
+        With a `FootPatch` it is that of a plane that presses out the same volume.
+        """
         return max(*(phase.largest for phase in self._motion.phases), self._left)
+
+    @cached_property
+    def flattening(self) -> float:
+        """Largest distance by which the plane of the foot is inside the sphere of the ball [m].
+
+        It is the deflection, unless a `FootPatch` presses a part of the ball only.
+        """
+        motion = self._motion
+        if not isinstance(motion.equations, PatchContact):
+            return self.deflection
+        return max(motion.equations.flattened(motion.column(t)) for t in motion.times)
 
     @property
     def _left(self) -> float:
@@ -189,7 +204,8 @@ class Collision(AfterApproach):
     def warnings(self) -> tuple[str, ...]:
         """Lines as of `Impact.warnings`, and of a ball flattened beyond `Ball.stiffness`."""
         lines, fraction = self.approach.warnings(), self.deflection / self.ball.radius
-        if isinstance(self.force_model, InflatedForce):
+        if isinstance(self.force_model, InflatedForce | PatchForce):
+            fraction = self.flattening / self.ball.radius
             # what the force gives in place of e has a range of its own
             lines = tuple(line for line in lines if not line.startswith("restitution 'inflated'"))
             if fraction > LARGEST_DEFLECTION:
@@ -231,6 +247,10 @@ class Collision(AfterApproach):
         contacts. Weight, torques and the motion of the leg need further forces.
         """
         motion, leg = self._motion, self.posture.leg
+        if isinstance(motion.equations, PatchContact):
+            raise InvalidInput(
+                "joint impulses are those of a force at a point, and model is 'patch': use 'point'"
+            )
         frame = leg.model.frames[leg.frame_id].placement
         nodes, weights = np.polynomial.legendre.leggauss(3)  # in each step
         total = np.zeros((leg.model.njoints - 1, 6))
@@ -271,6 +291,7 @@ def collide(
     *,
     contact_time: float | None = None,
     stiffness: float | Literal["pressure", "inflated"] | None = None,
+    model: Literal["point", "patch"] | FootPatch = "point",
     torque: ArrayLike | Torque | None = None,
     ball_velocity: ArrayLike = AT_REST,
     ball_spin: ArrayLike = AT_REST,
@@ -297,6 +318,9 @@ def collide(
             `"pressure"`, the linear spring of an inflated ball, `Ball.stiffness`; or `"inflated"`,
             the force that the restitution `"inflated"` is derived from, `InflatedForce`, which is
             also the default with that restitution.
+        model: `"point"`; or `"patch"`, the contact of an inflated ball with a strip of the surface
+            that the leg kicks with (`kick_with`), or with a `FootPatch`, without a contact time or
+            a stiffness: friction with grip and slip, and edges of the foot.
         torque: torques at the joints, shape `(nv,)` [N m; N for prismatic joints]: constant, or a
             function of the time since first contact, q and v. None is 0.
         ball_velocity: velocity of its centre at first contact, shape `(3,)` [m/s, world frame].
@@ -327,32 +351,36 @@ def collide(
     ball.check_movable("a contact that takes time")
     # Below a micrometre per second gravity, not the impact, decides the motion.
     validation.number("approach speed", approach.speed, at_least=1e-6, unit="m/s")
-    model = _force_model(approach, contact_time, stiffness)
+    patch = _checked_patch(approach, model, contact_time, stiffness)
+    force = _force_model(approach, contact_time, "pressure" if patch else stiffness)
     driven = with_drives(approach, torque)
-    expected = _expected_time(approach, model)
-    equations = CompliantContact(approach, model, driven, expected, tol)
+    expected = _expected_time(approach, force)
+    if patch is None:
+        equations = CompliantContact(approach, force, driven, expected, tol)
+    else:
+        equations = PatchContact(approach, patch, driven, expected, tol)
     again = partial(
         collide, posture, approach.v, ball, contact, torque=torque,
-        stiffness=_stiffness_of(model),
+        stiffness=None if patch else _stiffness_of(force), model=patch or "point",
         ball_velocity=approach.ball_before.velocity, ball_spin=approach.ball_before.spin,
     )  # fmt: skip
     collision = Collision(approach, tol, integrate_contact(equations, tol), again)
-    if collision.deflection >= ball.radius * (1.0 - 1e-9):
+    if collision.flattening >= ball.radius * (1.0 - 1e-9):
         pressed = f"too low, the ball would be pressed beyond its radius of {ball.radius:g} m"
-        if not isinstance(model, ForceModel) or model.exponent == LINEAR:
+        if not isinstance(force, ForceModel) or force.exponent == LINEAR:
             raise InvalidInput(
                 f"ball pressure is {ball.pressure:g} Pa: {pressed} at an approach speed of "
                 f"{approach.speed:.4g} m/s"
             )
         raise InvalidInput(
-            f"stiffness is {model.stiffness:g} N/m^1.5: {pressed}; a shorter contact time makes it "
+            f"stiffness is {force.stiffness:g} N/m^1.5: {pressed}; a shorter contact time makes it "
             "stiffer"
         )
     return collision
 
 
 def with_drives(approach: Approach, torque: Array | Torque) -> Array | Torque:
-    r"""Return joint torques with those of the drives, of stiffness k and friction f.
+    r"""Return joint torques with the drives', of stiffness k and friction f.
 
     A drive adds :math:`k (q_0 + v_0 t - q) - f v / \sqrt{v^2 + c^2}`: position control whose
     reference moves on with the velocity before the impact, and Coulomb's friction, made smooth over
@@ -433,10 +461,29 @@ def _force_model(
     return ForceModel(k, e, exponent)
 
 
+def _checked_patch(
+    approach: Approach,
+    model: str | FootPatch,
+    contact_time: float | None,
+    stiffness: float | str | None,
+) -> FootPatch | None:
+    """Return the patch of a model; None is the point."""
+    if isinstance(model, str) and model == "point":
+        return None
+    if not isinstance(model, FootPatch) and not (isinstance(model, str) and model == "patch"):
+        raise InvalidInput(
+            f"model is {validation.brief(model)}: it must be 'point', 'patch' or a FootPatch"
+        )
+    if contact_time is not None or stiffness is not None:
+        given = f"contact_time is {contact_time!r} and stiffness {stiffness!r}"
+        raise InvalidInput(f"{given}: a patch has the pressure of the ball, give none of them")
+    return model if isinstance(model, FootPatch) else patch_of(approach)
+
+
 def takes_inflated_force(
     contact: Contact, contact_time: float | None, stiffness: float | str | None
 ) -> bool:
-    """Return whether the force is that of an inflated ball; raise where its e is another one."""
+    """Return whether the force is of an inflated ball; raise where its e is another one."""
     is_inflated = contact.restitution == "inflated"
     if stiffness == "inflated" and not is_inflated:
         raise InvalidInput(

@@ -196,7 +196,7 @@ class CompliantContact:
         return State(q, y[nv : 2 * nv], ball[:3], ball[3:9].reshape(2, 3), lost, work)
 
     def kinematics(self, state: State) -> Kinematics:
-        """Return the kinematics of the contact; it runs those of the leg."""
+        """Return the kinematics of the contact; it runs the leg's."""
         joint, space, fixed = self.leg.contact_joint, self._space, self._axes
         pin.forwardKinematics(self.model, space.data, state.q, state.v, space.zero_velocity)
         placement = space.placements[joint]
@@ -346,7 +346,7 @@ class CompliantContact:
     ) -> tuple[float, float, float, float]:
         r"""Return normal force and friction on the ball [N], and what falls to 0 as `_friction`.
 
-        The force p is that of the law, and the inertia of the mass c that the foot carries:
+        The force p follows from the law, and the inertia of the mass c that the foot carries:
         :math:`p = p_0 + c\,(a_f - g_n)`, with :math:`p / m + g_n - a_f = \ddot h`. It is linear
         in p where points slide or stick, so that the secant through two values meets it.
         """
@@ -439,7 +439,14 @@ class CompliantContact:
 
     def energy(self, y: Array, largest: float) -> float:
         """Return kinetic and potential energy of leg, ball and spring [J]."""
-        state, ball = self.state(y), self.ball
+        state = self.state(y)
+        contact = self.kinematics(state)
+        travel, rate = self.ball.radius - contact.height, -contact.relative[2]
+        return self.energy_of(state) + self.force_model.energy(travel, rate, largest)
+
+    def energy_of(self, state: State) -> float:
+        """Return kinetic and potential energy of leg and ball [J]."""
+        ball = self.ball
         # Not computeKineticEnergy, which omits the rotor of the first joint.
         inertia = pin.crba(self.model, self.data, state.q)
         leg = 0.5 * float(state.v @ inertia @ state.v)
@@ -448,9 +455,7 @@ class CompliantContact:
         turning = ball.inertia if ball.inertia < math.inf else 0.0  # nothing turns a particle
         moving = 0.5 * float(ball.mass * speed @ speed + turning * spin @ spin)
         height = -ball.mass * float(self.gravity @ state.moved)
-        contact = self.kinematics(state)
-        travel, rate = ball.radius - contact.height, -contact.relative[2]
-        return leg + moving + height + self.force_model.energy(travel, rate, largest)
+        return leg + moving + height
 
 
 class ContactMotion(NamedTuple):

@@ -8,7 +8,7 @@ from kickdyn.impact.force_model import Load
 from kickdyn.restitution import SHELL_RESTITUTION
 
 OUTSIDE_PRESSURE = 101_325.0
-"""Pressure of the air outside, that of the standard atmosphere at sea level [Pa]."""
+"""Pressure of the air outside, of the standard atmosphere at sea level [Pa]."""
 
 GAS_EXPONENT = 1.4
 """Exponent of the adiabatic compression of air; 0 keeps the gauge pressure constant."""

@@ -238,7 +238,7 @@ class _Tree:
 
 
 def _motion_cross(column: Array) -> Array:
-    """Return the matrix of the cross product of motions; less its transpose, that of forces."""
+    """Return the matrix of the cross product of motions; less its transpose, the one of forces."""
     matrix = np.zeros((6, 6))
     matrix[LINEAR, LINEAR] = matrix[ANGULAR, ANGULAR] = pin.skew(column[ANGULAR])
     matrix[LINEAR, ANGULAR] = pin.skew(column[LINEAR])

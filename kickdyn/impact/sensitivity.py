@@ -72,7 +72,7 @@ class Sensitivity(ReprMixin):
 
     `kickdyn.impact.sensitivity.UNITS` has the names of the sources and their units. Each attribute
     of type `Jacobians` maps the name of a source to an array of shape `(k, n)`, with the k
-    components of the result and the n of the source; q has nv, those of its tangent space.
+    components of the result and the n of the source; q has nv, of its tangent space.
 
     Attributes:
         impulse: derivatives of the impulse on the ball, k = 3

@@ -146,7 +146,7 @@ class _Foot(NamedTuple):
 
     name: str
     friction: float
-    transfer: Array  # from the velocity of the support's frame to those of the points
+    transfer: Array  # from the velocity of the support's frame to the points'
     jacobian: Array  # of the points, shape `(3 k, nv)`
 
 

@@ -2,11 +2,13 @@
 
 import math
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
 from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
+from kickdyn.core import validation
 from kickdyn.core.representation import ReadOnlyArrays, freeze_arrays
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
@@ -17,6 +19,9 @@ from kickdyn.restitution import (
     restitution_slope,
 )
 from kickdyn.robot.leg import Posture
+
+STICKING = 1e-9
+"""Share of the friction that a trap leaves unused, so that the foot sticks."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,11 +64,11 @@ class ImpactTarget(ReadOnlyArrays):
         of_ball = impulse / ball.mass + ball.turning * across
         return np.asarray(posture.delassus() @ impulse + of_ball)
 
-    @property
+    @cached_property
     def surface_velocity(self) -> Array:
         """Velocity of the ball's surface at the contact before it, shape `(3,)` [m/s]."""
         spinning = np.cross(self.before.spin, self.contact.normal)
-        return np.asarray(self.before.velocity - self.ball.radius * spinning)
+        return validation.read_only(self.before.velocity - self.ball.radius * spinning)
 
     def foot_velocity(self, posture: Posture, share: float = 1.0) -> Array:
         r"""Return the contact point's velocity just before, shape `(3,)` [m/s, world frame].
@@ -99,9 +104,14 @@ class ImpactTarget(ReadOnlyArrays):
 
     def _gain(self, divisor: float) -> Array:
         """Return the foot's velocity per change of velocity, `(3, 3)`; the divisor is along n."""
+        along, across = self._parts
+        return along / divisor + across
+
+    @cached_property
+    def _parts(self) -> tuple[Array, Array]:
+        """The projections along the normal and, unless the contact has no friction, across it."""
         along = np.outer(self.contact.normal, self.contact.normal)
-        gain = along / divisor
-        return gain if self.contact.friction == 0.0 else gain + np.eye(3) - along
+        return along, np.zeros((3, 3)) if self.contact.friction == 0.0 else np.eye(3) - along
 
 
 def spin_change_limit(impulse: float, ball: Ball, contact: Contact) -> float:
@@ -110,6 +120,20 @@ def spin_change_limit(impulse: float, ball: Ball, contact: Contact) -> float:
     It is :math:`r p \sin(\arctan\mu) / I`.
     """
     return math.sin(math.atan(contact.friction)) * ball.radius * impulse / ball.inertia
+
+
+def trapped_ball(wish: BallState, before: BallState, ball: Ball, contact: Contact) -> BallState:
+    """Return a ball with a wished velocity and the spin that is nearest to the wished one.
+
+    The impulse changes the spin across it only, and not by more than friction allows.
+    """
+    impulse = ball.mass * (wish.velocity - before.velocity)
+    size = math.hypot(*impulse)
+    direction, change = impulse / (size or 1.0), wish.spin - before.spin
+    change = change - (change @ direction) * direction
+    most = (1.0 - STICKING) * spin_change_limit(size, ball, contact)
+    change *= min(1.0, most / (math.hypot(*change) or 1.0))
+    return BallState(before.position, wish.velocity, before.spin + change, before.time)
 
 
 def impact_target_for(

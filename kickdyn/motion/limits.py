@@ -276,7 +276,7 @@ class Apart(Limit):
 
 
 class Tilt(Limit):
-    """The trunk's tilt: its cosine less that of the largest one."""
+    """The trunk's tilt: its cosine less the largest one's."""
 
     labels = ("the tilt of the trunk",)
 

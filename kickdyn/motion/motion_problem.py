@@ -277,7 +277,7 @@ class MotionProblem:
     def _rows_apart(self, joints: tuple[int, int]) -> Rows:
         """Return the row of `Conditions` of two joints, with the configuration as its unknown.
 
-        For the ball, that of the impact follows, where the foot touches the ball.
+        For the ball, the configuration of the impact follows, where the foot touches the ball.
         """
         if joints not in self._apart:
             (first, second), tree, z, p = joints, self._tree, self._tree.q, ca.SX.sym("p", 9)

@@ -48,7 +48,7 @@ class Conditions(NamedTuple):
         joints: that carry the bodies; the second one is -1 for the ball.
         times: of the conditions, shape `(k,)` [s, impact at 0].
         parameters: the point a and the normal in the axes of the first joint, and the point b in
-            those of the second one, shape `(9, k)` [m]; for the ball, only the first three count.
+            the second one's, shape `(9, k)` [m]; for the ball, only the first three count.
     """
 
     joints: tuple[int, int]

@@ -1,15 +1,12 @@
-r"""A ball that moves: where a leg can meet it, and how exact perception and timing must be.
+"""A ball that moves, and where a leg can meet it.
 
 The ball's path before the kick is followed through the air, bounces and along the ground. Each
-meeting is one time on this path. The foot's velocity and normal follow from the launch as for a
-ball at rest, with the impulse :math:`p = m (v_b - v_0)` and with the velocity of the ball's surface
-added to that of the foot.
+meeting is one time on this path.
 """
 
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -22,12 +19,8 @@ from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
-from kickdyn.flight.derivatives import fly_with_slopes
 from kickdyn.flight.follow import Course, follow
 from kickdyn.ground import Ground
-from kickdyn.impact.impact_result import Impact
-from kickdyn.impact.strike import strike
-from kickdyn.plane import Plane
 from kickdyn.planning.goal import Goal
 from kickdyn.robot.kicking_chain import kicking_chain
 from kickdyn.robot.leg import Leg
@@ -39,9 +32,9 @@ FASTEST_BALL = 100.0
 LONGEST_WAIT = 10.0
 """Time after which a ball is no longer waited for [s]."""
 
-SAMPLES, CANDIDATES, TRIED = 400, 9, 5
-"""Numbers of times at which the path is compared with the reach of the leg, of those in reach whose
-postures are rated, and of those among them for which a kick is planned."""
+SAMPLES, CANDIDATES = 400, 7
+"""Numbers of times at which the path is compared with the reach of the leg, and of those in reach
+for which a kick is sought."""
 
 DRAWN_REACH = 200
 """Number of postures from which the reach of a leg is estimated."""
@@ -49,17 +42,11 @@ DRAWN_REACH = 200
 BESIDE = 1e-6
 """Distance from the plane in which a foot moves, below which a ball is in it [m]."""
 
+SHORTEST_COURSE = 1e-6
+"""Shortest time for which a ball is followed [s]."""
+
 FOLLOW_TOL = 1e-12
 """Relative tolerance of the ball's path before it is met."""
-
-BEYOND = 1e-3
-"""Time after the meeting for which the ball is followed, in derivatives of the landing [s]."""
-
-INCREMENT = 1e-5
-"""Of time [s], velocity [m/s] and place [m], in derivatives of the landing."""
-
-ACCURACY = 0.1
-"""Distance at the target for which the exactness of timing and perception is stated [m]."""
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
@@ -142,145 +129,12 @@ class IncomingBall(ReprMixin):
         return follow(self.state, ball, air, self.ground, FOLLOW_TOL, time_limit=longest)
 
 
-class LandingSlopes(NamedTuple):
-    """Derivatives of where the ball meets the plane of the target, shapes `(3,)` and `(3, 3)`.
-
-    Attributes:
-        time: by the time of the foot's motion, at a ball that comes as planned [m/s].
-        velocity: by the velocity of the ball at the time of `incoming` [s].
-        place: by its position then.
-    """
-
-    time: Array
-    velocity: Array
-    place: Array
-
-    @property
-    def tolerances(self) -> tuple[float, float, float]:
-        """Errors of time [s], velocity [m/s] and place [m] that each move the landing by 10 cm."""
-        sizes = (np.linalg.norm(slope, 2) for slope in self)
-        return tuple(ACCURACY / size if size else math.inf for size in map(float, sizes))  # type: ignore[return-value]
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Meeting(ReprMixin):
-    """A time at which a moving ball can be met, and the kick that is planned for it.
-
-    Attributes:
-        ball: the ball just before the contact; its time is by the clock of `incoming`.
-        incoming: the ball as it was seen, with its ground.
-        goal: the goal, seen from here; of a trap, the motion that is wished.
-        air: the air; None is the vacuum.
-        impact: the kick; None where there is none.
-        share: share of the impulse that is reached; 0 without a kick.
-        speed_use: largest joint speed over its limit; nan without a kick.
-        reason: why there is no kick, or which bodies collide in it, where another one is preferred.
-    """
-
-    ball: BallState
-    incoming: IncomingBall
-    goal: Goal | BallState
-    air: Air | None
-    impact: Impact | None = None
-    share: float = 0.0
-    speed_use: float = math.nan
-    reason: str = ""
-
-    def _rows(self) -> Iterable[Row]:
-        yield "time", self.time, "s"
-        yield "place", self.ball.position, "m"
-        if self.impact is None:
-            yield "no kick", self.reason, ""
-        else:
-            yield "share of the launch", self.share, ""
-            yield "share of the speed limit", self.speed_use, ""
-
-    @property
-    def time(self) -> float:
-        """When the ball is met, by the clock of `incoming` [s]."""
-        return float(self.ball.time)
-
-    @property
-    def ground(self) -> Ground:
-        """The ground on which the ball came."""
-        assert self.incoming.ground is not None
-        return self.incoming.ground
-
-    @cached_property
-    def landing_slopes(self) -> LandingSlopes | None:
-        r"""Derivatives of the landing by timing and perception, of a flight; None without a kick.
-
-        The contact point of the foot moves on at its velocity w, and the ball as it comes. They
-        touch where their distance is the radius, so that an error :math:`\delta x` of the ball's
-        place turns the normal n: with :math:`u = v_0 - w`,
-
-        .. math:: \delta n = \frac1r \Bigl(I - \frac{u\, n^T}{n \cdot u}\Bigr)\, \delta x .
-
-        The impact with this normal gives the launch of the flight that is differentiated.
-        """
-        if self.impact is None or self.share < 1.0 or not isinstance(self.goal, Goal):
-            return None
-        incoming, impact, air = self.incoming, self.impact, self.air
-        ball, contact, seen = impact.ball, impact.contact, incoming.state
-        wait = self.time - float(seen.time)
-        lies = float(seen.position[2]) - ball.radius - self.ground.height < 1e-6
-        vertical = 0.0 if lies else 1.0
-        free = np.array([1.0, 1.0, 1.0, vertical, 1.0, 1.0, vertical])
-        foot, velocity = impact.posture.contact_point, impact.foot_velocity
-
-        def launch(change: Array) -> tuple[BallState, Air | None]:
-            change = free * change  # a ball stays on the ground on which it rolls
-            moved = BallState(
-                seen.position + change[4:], seen.velocity + change[1:4], seen.spin, seen.time
-            )
-            come = _near(replace_state(incoming, moved).course(ball, air, wait + BEYOND), wait)
-
-            def gap(t: float) -> float:
-                apart = come(t).position - foot - velocity * (t - wait - change[0])
-                return math.hypot(*apart) - ball.radius
-
-            width = 4e-4 + 4.0 * float(np.abs(change).max()) * (1.0 + wait)
-            t = float(brentq(gap, wait - width, wait + width, xtol=1e-15, rtol=1e-14))
-            before = come(t)
-            normal = before.position - foot - velocity * (t - wait - change[0])
-            hit = strike(
-                impact.posture, impact.v_before, ball, replace(contact, normal=normal),
-                ball_velocity=before.velocity, ball_spin=before.spin,
-            )  # fmt: skip
-            after = hit.ball_after
-            return BallState(before.position, after.velocity, after.spin), air
-
-        plane = Plane(self.ball.position + self.goal.target, -self.goal.ahead, "centre")
-        flight = fly_with_slopes(
-            launch, np.zeros(7), np.full(7, INCREMENT), ball, plane, central=True
-        )
-        slopes, _ = flight.slopes_at_plane(plane.normal, flight.end)
-        return LandingSlopes(slopes[:, 0], slopes[:, 1:4], slopes[:, 4:])
-
-
-def replace_state(incoming: IncomingBall, state: BallState) -> IncomingBall:
-    """Return an incoming ball that moves otherwise."""
-    return IncomingBall(state, incoming.ground, incoming.meet_at)
-
-
 def state_at(incoming: IncomingBall, course: Course, wait: float) -> BallState:
     """Return the ball a while after it was seen, with the clock of `incoming`."""
     state = course.sample(wait)
     return BallState(
         state.position, state.velocity, state.spin, float(incoming.state.time) + wait
     )  # fmt: skip
-
-
-def _near(course: Course, wait: float) -> Callable[[float], BallState]:
-    """Return the ball as a function of time, straight on beyond the ends of its path."""
-
-    def at(t: float) -> BallState:
-        inside = min(max(t, 0.0), course.duration)
-        state = course.sample(inside)
-        moved = state.position + (t - inside) * state.velocity
-        return BallState(moved, state.velocity, state.spin)
-
-    return at
 
 
 class Reach(NamedTuple):
@@ -320,42 +174,77 @@ def reach_of(leg: Leg, ball: Ball) -> Reach:
     return Reach(centre, radius, across, float(across @ middle))
 
 
-def waits_in_reach(incoming: IncomingBall, course: Course, reach: Reach) -> Array:
+def waits_in_reach(
+    incoming: IncomingBall, course: Course, reach: Reach, goal: Goal | BallState, radius: float
+) -> Array:
     """Return the times since the ball was seen at which a kick is tried, shape `(n,)` [s].
 
+    Args:
+        incoming: the ball.
+        course: its path.
+        reach: of the leg.
+        goal: the goal, or the motion that a trap gives the ball.
+        radius: of the ball [m].
+
     Raises:
-        InvalidInput: the ball never comes within reach, or is not at `meet_at`.
+        InvalidInput: the ball never comes within reach, or only behind the leg, or is not at
+            `meet_at`.
     """
     last = min(course.duration, LONGEST_WAIT)
-    if isinstance(incoming.meet_at, float):
-        wait = incoming.meet_at - float(incoming.state.time)
-        if wait > last:
-            if course.status != "at-rest":
+    times = np.linspace(0.0, last, SAMPLES if last > 0.0 else 1)
+    states = course.sample(times)
+    if incoming.meet_at is not None:
+        if isinstance(incoming.meet_at, float):
+            wait = incoming.meet_at - float(incoming.state.time)
+            if wait > last and course.status != "at-rest":
                 raise InvalidInput(
                     f"meet_at is {incoming.meet_at:g} s: it must be within {last:g} s of the time "
                     "of the incoming ball"
                 )
-            wait = last
-        return np.array([wait])
-    times = np.linspace(0.0, last, SAMPLES)
-    if course.duration > 0.0:
-        places = np.asarray(course.sample(times).position)
-    else:
-        times, places = np.zeros(1), np.array([incoming.state.position])
-    if incoming.meet_at is not None:
-        return np.array([_passing(course, times, places, np.asarray(incoming.meet_at))])
-    distances = np.linalg.norm(places - reach.centre, axis=1)
-    inside = np.flatnonzero(distances <= reach.radius)
-    if not inside.size:
+            times = np.array([min(wait, last)])
+        else:
+            places = np.asarray(states.position)
+            times = np.array([_passing(course, times, places, np.asarray(incoming.meet_at))])
+        states = course.sample(times)
+    offsets = np.asarray(states.position) - reach.centre
+    distances = np.linalg.norm(offsets, axis=1)
+    near = distances <= reach.radius
+    if not near.any() and incoming.meet_at is None:
         nearest = int(np.argmin(distances))
         raise InvalidInput(
             f"the ball never comes within reach: it is nearest after {times[nearest]:.3g} s, "
             f"{distances[nearest]:.3g} m from the hip, and the leg reaches {reach.radius:.3g} m"
         )
+    behind = -np.einsum("ij,ij->i", _facing(incoming, states, reach, goal), offsets)
+    inside = np.flatnonzero((near | (incoming.meet_at is not None)) & (behind <= radius))
+    if not inside.size:
+        least = int(np.argmin(np.where(near | ~near.any(), behind, math.inf)))
+        raise InvalidInput(
+            f"the ball is within reach only behind the leg: it is {behind[least]:.3g} m behind the "
+            f"hip after {times[least]:.3g} s"
+        )
     within = times[inside]
     return np.asarray(np.interp(
         np.linspace(0.0, 1.0, CANDIDATES + 2)[1:-1], np.linspace(0.0, 1.0, within.size), within
     ) if within.size > CANDIDATES else within)  # fmt: skip
+
+
+def _facing(
+    incoming: IncomingBall, states: BallState, reach: Reach, goal: Goal | BallState
+) -> Array:
+    """Return where the leg faces to meet balls, horizontal unit vectors, shape `(n, 3)`.
+
+    It is x, or, of a leg that is turned, the direction to the target or against the ball.
+    """
+    if reach.across is None:
+        return np.broadcast_to([1.0, 0.0, 0.0], states.position.shape)
+    if isinstance(goal, Goal):
+        target = incoming.state.position + goal.target
+        ahead = target + np.outer(states.time, goal.receiver_velocity) - states.position
+    else:
+        ahead = goal.velocity - states.velocity
+    level = ahead * np.array([1.0, 1.0, 0.0])
+    return np.asarray(level / np.maximum(np.linalg.norm(level, axis=1, keepdims=True), 1e-300))
 
 
 def _passing(course: Course, times: Array, places: Array, point: Array) -> float:

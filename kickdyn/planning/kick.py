@@ -6,7 +6,6 @@ from importlib.util import find_spec
 
 import numpy as np
 import pinocchio as pin
-from threadpoolctl import threadpool_limits
 
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
@@ -30,6 +29,7 @@ from kickdyn.planning.kick_steps import (
     checked_contact,
     checked_leg,
     checked_objective,
+    one_thread,
     outcome_of,
     path_to_target,
     plan_flight_launch,
@@ -159,9 +159,7 @@ def plan_kick(
         return plan_interception(leg, come, settings)
     disabled_pairs(leg)  # a faulty SRDF is refused now, not by the checks of the finished plan
 
-    # several threads sum in another order, which moves postures by up to 2e-5 rad, and take 5 times
-    # as long for matrices of 100 rows
-    with threadpool_limits(1, "blas"):
+    with one_thread():
         launch: Launch | Pass
         if surface is None:
             launch = plan_flight_launch(goal, ball, air, contact)
@@ -216,7 +214,7 @@ def replan_motion(plan: KickPlan, velocity: ArrayLike, contact: Contact | None =
     position = None
     if plan.ball_is_placed:
         position = ball.radius if is_floating(leg) else plan.impact.ball_before.position
-    with threadpool_limits(1, "blas"):
+    with one_thread():
         target = impact_target_for(wished, after.spin, ball, contact)
         problem = kick_problem(leg, target, position)
         posture, v, outcome = _plan_motion(problem, plan.motion)

@@ -8,6 +8,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -23,8 +24,9 @@ from kickdyn.impact.leg_response import Footing
 from kickdyn.motion.impact_target import ImpactTarget
 from kickdyn.motion.motion import Motion
 from kickdyn.planning.goal import Goal, PlanStatus
-from kickdyn.planning.interception import IncomingBall, Meeting
+from kickdyn.planning.interception import IncomingBall
 from kickdyn.planning.launch import Launch
+from kickdyn.planning.meeting import Meeting
 from kickdyn.planning.objectives import KickObjective
 from kickdyn.planning.passes import Pass
 from kickdyn.restitution import range_warnings
@@ -124,6 +126,23 @@ class KickPlan(ReprMixin):
         if isinstance(incoming, IncomingBall) and incoming.ground is not None:
             ground = incoming.ground
         return self._again(self, IncomingBall(seen, ground, self.meeting.time))
+
+    def plot(self) -> Any:
+        """Return a figure of matplotlib: of the motion, or of the meetings with a ball that moves.
+
+        The latter shows the speed use of each meeting and how exact its timing must be, and where
+        errors of timing and perception bring the ball at the target.
+
+        Raises:
+            InvalidInput: a plan without either.
+        """
+        if self.motion is not None:
+            return self.motion.plot()
+        if self.meeting is None:
+            raise InvalidInput("nothing to plot: the plan has no motion, and the ball is at rest")
+        from kickdyn.planning.meeting_plot import meeting_figure  # it imports matplotlib
+
+        return meeting_figure(self)
 
     def _rows(self) -> Iterable[Row]:
         yield "status", self.status, ""

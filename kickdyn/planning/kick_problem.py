@@ -35,14 +35,15 @@ from kickdyn.planning.kick_terms import (
 from kickdyn.planning.objectives import LargestShare
 from kickdyn.planning.problem import TOLERANCE, Function, Problem, Solver, Term, slsqp
 from kickdyn.planning.stance import Balance, Clearance, SupportImpulse, Upright
-from kickdyn.robot.collisions import bodies_at, find_self_collisions
+from kickdyn.robot.collisions import Body, bodies_at, find_self_collisions
 from kickdyn.robot.kicking_chain import KickingChain, kicking_chain
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.standing import StandingRobot, is_floating
 from kickdyn.robot.surgery import turn_body
 
-DRAWN, STARTS = 80, 4
-"""Numbers of postures that are drawn, and of those among them from which a problem is solved."""
+DRAWN, STARTS, RATED = 80, 4, 20
+"""Numbers of postures that are drawn, of those among them from which a problem is solved, and of
+those by which several problems are compared."""
 
 FARTHEST_START, FARTHEST_STANDING_START = 1.0, 0.5
 """Largest angle of a joint in a drawn posture, on a fixed base and on one foot [rad]: farther, a
@@ -71,6 +72,7 @@ class KickProblem:
         solver: that solves it.
         heading: see `robot`.
         standing: the robot on its foot; None for a leg on a fixed base.
+        pairs: bodies that can come near the ball, each with it.
     """
 
     robot: Leg
@@ -82,6 +84,7 @@ class KickProblem:
     solver: Solver
     heading: float = 0.0
     standing: StandingRobot | None = None
+    pairs: Sequence[tuple[Body, None]] = ()
 
     def on_robot(self, point: KickPoint) -> tuple[Array, Array]:
         """Return q and v of the robot at a point, shapes `(nq,)` and `(nv,)`."""
@@ -123,6 +126,11 @@ class KickProblem:
         """Return the unknowns of the drawn postures that need the least joint speed."""
         return [x for _, _, x in self.rated()[:STARTS]]
 
+    @property
+    def rating(self) -> float:
+        """Least rating of some of the drawn postures, see `rated`."""
+        return replace(self, drawn=self.drawn[:RATED]).rated()[0][0]
+
     def rated(self) -> list[tuple[float, int, Array]]:
         """Return drawn postures with rating, number and unknowns, the best one first.
 
@@ -148,6 +156,7 @@ def kick_problem(
     *,
     limits: bool = True,
     solver: str = "slsqp",
+    like: KickProblem | None = None,
 ) -> KickProblem:
     """Return the problem of a kick.
 
@@ -158,6 +167,8 @@ def kick_problem(
             leaves it free.
         limits: whether limits of speed and torque hold.
         solver: name of the solver, see `SOLVERS`.
+        like: a problem of the same robot, of which everything is used again that does not depend
+            on the impact.
 
     Raises:
         InvalidInput: an unknown solver, a leg that cannot kick in this direction, or a ball beside
@@ -165,7 +176,44 @@ def kick_problem(
     """
     if solver not in SOLVERS:
         raise InvalidInput(f"solver is {solver!r}: it must be one of {', '.join(SOLVERS)}")
-    draw, heading = np.random.default_rng(0), 0.0
+    draw = np.random.default_rng(0)
+    if like is None or like.heading or _leaves(like.foot_directions, target.impulse):
+        like = _without_terms(robot, target, SOLVERS[solver], draw)
+    robot, directions, standing = like.robot, like.foot_directions, like.standing
+    variables = like.variables.for_target(target)
+    _check_directions(variables, directions)
+    _check_sliding(variables, directions)
+
+    # the later, the less a kick needs it: an explanation omits the last terms first
+    terms: list[Term[KickPoint]] = [JointRange(variables), StrikeVelocity(variables, directions)]
+    if ball_position is not None:
+        terms.append(_place_ball(variables, directions, ball_position, draw))
+    if limits:
+        check_limits(variables)
+        terms += [SpeedLimit(variables), TorqueLimit(variables)]
+    cone = variables.leg.contact_normal_cone
+    if cone is not None and target.contact.offset is None:  # at another point, it is unknown
+        terms.append(Facing(variables, cone))
+    if standing is not None:
+        terms += [Balance(standing), Clearance(standing), Upright(standing)]
+        terms.append(SupportImpulse(standing, target.impulse))
+    if like.pairs:
+        terms.append(BodyClearance(robot, variables, like.pairs))
+
+    drawn = like.drawn
+    if not len(drawn):
+        farthest = FARTHEST_START if standing is None else FARTHEST_STANDING_START
+        lower = np.minimum(np.maximum(variables.lower, -farthest), variables.upper)
+        upper = np.maximum(np.minimum(variables.upper, farthest), variables.lower)
+        drawn = draw.uniform(lower, upper, (DRAWN, variables.n))
+    return replace(like, variables=variables, terms=tuple(terms), drawn=drawn)
+
+
+def _without_terms(
+    robot: Leg, target: ImpactTarget, solver: Solver, draw: np.random.Generator
+) -> KickProblem:
+    """Return a problem without terms and drawn postures, of a leg that is turned to the impulse."""
+    heading = 0.0
     standing = StandingRobot(robot) if is_floating(robot) else None
     if standing is not None:
         robot = standing.robot
@@ -188,31 +236,10 @@ def kick_problem(
         limb = kicking_chain(robot, branches=True)
         variables = KickVariables(limb.leg, target)
         directions = _foot_directions(variables, draw)
-    _check_directions(variables, directions)
-    _check_sliding(variables, directions)
-
-    # the later, the less a kick needs it: an explanation omits the last terms first
-    terms: list[Term[KickPoint]] = [JointRange(variables), StrikeVelocity(variables, directions)]
-    if ball_position is not None:
-        terms.append(_place_ball(variables, directions, ball_position, draw))
-    if limits:
-        check_limits(variables)
-        terms += [SpeedLimit(variables), TorqueLimit(variables)]
-    cone = variables.leg.contact_normal_cone
-    if cone is not None and target.contact.offset is None:  # at another point, it is unknown
-        terms.append(Facing(variables, cone))
-    if standing is not None:
-        terms += [Balance(standing), Clearance(standing), Upright(standing)]
-        terms.append(SupportImpulse(standing, target.impulse))
-    if pairs := bodies_near_ball(robot):
-        terms.append(BodyClearance(robot, variables, pairs))
-
-    farthest = FARTHEST_START if standing is None else FARTHEST_STANDING_START
-    lower = np.minimum(np.maximum(variables.lower, -farthest), variables.upper)
-    upper = np.maximum(np.minimum(variables.upper, farthest), variables.lower)
-    drawn = np.array([draw.uniform(lower, upper) for _ in range(DRAWN)])
+    pairs = bodies_near_ball(robot)
+    drawn = np.zeros((0, variables.n))
     return KickProblem(
-        robot, limb, variables, directions, tuple(terms), drawn, SOLVERS[solver], heading, standing
+        robot, limb, variables, directions, (), drawn, solver, heading, standing, pairs
     )
 
 
@@ -291,8 +318,8 @@ def _is_feasible_without(problem: KickProblem, omitted: list[Term[KickPoint]]) -
 
 def _foot_directions(variables: KickVariables, draw: np.random.Generator) -> Array:
     """Return the directions in which the foot can move at all, orthonormal rows, by drawn q."""
-    lower, upper = variables.lower, variables.upper
-    postures = [variables.posture(draw.uniform(lower, upper)) for _ in range(8)]
+    drawn = draw.uniform(variables.lower, variables.upper, (8, variables.n))
+    postures = [variables.posture(q) for q in drawn]
     directions, gains, _ = np.linalg.svd(np.hstack([posture.jacobian for posture in postures]))
     return np.asarray(directions[:, gains > 1e-9 * gains[0]].T)
 

@@ -13,6 +13,7 @@ normal and :math:`\tau` the torque that keeps the joint velocity, gravity includ
 
 import math
 from abc import abstractmethod
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -59,6 +60,12 @@ class KickVariables:
         limit = chain.leg.velocity_limit
         self.velocity_scale = np.where(np.isfinite(limit) & (limit > 0.0), limit, UNLIMITED)
         self._rest = rest_configuration(leg)
+
+    def for_target(self, target: ImpactTarget) -> "KickVariables":
+        """Return the unknowns of another kick of the same leg."""
+        other = copy(self)
+        other.target = target
+        return other
 
     def posture(self, q: Array) -> Posture:
         """Return the posture for coordinates of the joints that move the foot, shape `(n,)`."""

@@ -1,4 +1,4 @@
-"""Planning a kick, or a trap, of a ball that moves: where it is met, and how."""
+"""Planning a kick of a ball that moves: where it is met, and how."""
 
 import math
 from collections.abc import Sequence
@@ -6,28 +6,23 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
-from kickdyn.core import validation
-from kickdyn.core.validation import Array, ArrayLike
+from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.follow import follow
 from kickdyn.ground import Surface
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike
-from kickdyn.motion.impact_target import ImpactTarget, impact_target_for, spin_change_limit
+from kickdyn.motion.impact_target import ImpactTarget, impact_target_for, trapped_ball
 from kickdyn.planning.goal import Goal
 from kickdyn.planning.interception import (
     CANDIDATES,
-    FASTEST_BALL,
     LONGEST_WAIT,
-    TRIED,
+    SHORTEST_COURSE,
     IncomingBall,
-    Meeting,
-    Reach,
     reach_of,
     state_at,
     waits_in_plane,
@@ -38,9 +33,7 @@ from kickdyn.planning.kick_problem import KickProblem, best_from, kick_problem, 
 from kickdyn.planning.kick_steps import (
     LONGEST_COURSE,
     Chosen,
-    checked_contact,
-    checked_leg,
-    checked_objective,
+    one_thread,
     outcome_of,
     path_to_target,
     plan_flight_launch,
@@ -48,15 +41,10 @@ from kickdyn.planning.kick_steps import (
 )
 from kickdyn.planning.kick_terms import BallPosition, KickPoint, StrikeVelocity, place_exactly
 from kickdyn.planning.launch import Launch
+from kickdyn.planning.meeting import Meeting
 from kickdyn.planning.objectives import OBJECTIVES, KickObjective
 from kickdyn.planning.passes import Pass
 from kickdyn.robot.leg import Leg
-
-STICKING = 1e-9
-"""Share of the friction that a trap leaves unused, so that the foot sticks."""
-
-SHORTEST_COURSE = 1e-6
-"""Shortest time for which a ball is followed [s]."""
 
 
 @dataclass(frozen=True)
@@ -93,11 +81,11 @@ class Interception:
     launch: Launch | Pass | BallState
     target: ImpactTarget
 
-    def problem(self) -> KickProblem:
-        """Return the problem of the kick."""
+    def problem(self, like: KickProblem | None = None) -> KickProblem:
+        """Return the problem of the kick, made from one of the same leg."""
         s = self.settings
         return kick_problem(
-            self.leg, self.target, self.before.position, limits=s.limits, solver=s.solver
+            self.leg, self.target, self.before.position, limits=s.limits, solver=s.solver, like=like
         )
 
     @property
@@ -105,14 +93,6 @@ class Interception:
         """Horizontal unit vector along the impulse, shape `(3,)`."""
         x, y, _ = self.target.impulse.tolist()
         return np.array([x, y, 0.0]) / (math.hypot(x, y) or 1.0)
-
-    def behind(self, reach: Reach) -> float:
-        """Return how far the ball is behind the hip [m].
-
-        A leg faces x, or the impulse if it is turned there.
-        """
-        ahead = np.array([1.0, 0.0, 0.0]) if reach.across is None else self.ahead
-        return float(ahead @ (reach.centre - self.before.position))
 
     def kick(self, problem: KickProblem, point: KickPoint) -> "InterceptingKick":
         """Return the kick of a solution of the problem."""
@@ -170,7 +150,7 @@ class InterceptingKick:
             heading=self.problem.heading,
             meeting=self.meeting,
             meetings=(self.meeting,),
-            _again=partial(_replan, task.leg, s, self.point.x, task.launch),
+            _again=partial(_replan, self),
             **self.chosen[2],
         )
 
@@ -197,6 +177,7 @@ class Interceptor:
         self.leg, self.settings, self.incoming = leg, settings, incoming
         self.course = incoming.course(settings.ball, settings.air, longest)
         self._near = near
+        self._objective = OBJECTIVES[settings.objective]()
         self._known: dict[float, Interception | InvalidInput] = {}
 
     def at(self, wait: float) -> Interception:
@@ -215,13 +196,13 @@ class Interceptor:
             raise known
         return known
 
-    def problem_at(self, wait: float, reach: Reach) -> KickProblem:
-        """Return the problem of this kick; raise `InvalidInput` for a ball behind the leg, too."""
-        task = self.at(wait)
-        behind = task.behind(reach)
-        if behind > self.settings.ball.radius:
-            raise InvalidInput(f"the ball is {behind:.3g} m behind the leg")
-        return task.problem()
+    def escaping(self, wait: float) -> str:
+        """Return that the ball moves away from the foot, as the end of a sentence, if it does."""
+        known = self._known.get(wait)
+        if not isinstance(known, Interception):
+            return ""
+        away = float(known.before.velocity @ known.target.contact.normal)
+        return f"; the ball moves away from the foot at {away:.3g} m/s" if away > 0.0 else ""
 
     def beside(self, wait: float) -> float:
         """Return how far to the left of the impulse through the origin it then is [m], or nan."""
@@ -232,13 +213,92 @@ class Interceptor:
         x, y, _ = task.before.position.tolist()
         return float(task.ahead[0] * y - task.ahead[1] * x)
 
+    def kicks(self, waits: list[float]) -> tuple[dict[float, InterceptingKick], dict[float, str]]:
+        """Return kicks by the time since the ball was seen, and at other times why there is none.
+
+        From the time whose postures are best, the solution is followed to its neighbours, and to
+        the middle between them and the best one. Where no kick gives the whole launch, the
+        strongest one is returned.
+
+        Args:
+            waits: times, rising [s].
+        """
+        reasons: dict[float, str] = {}
+        problems: dict[float, KickProblem] = {}
+        like: KickProblem | None = None
+        for wait in waits:
+            try:
+                problems[wait] = like = self.at(wait).problem(like)
+            except InvalidInput as error:
+                reasons[wait] = str(error)
+        ratings = {wait: problem.rating for wait, problem in problems.items()}
+        order = sorted(problems, key=lambda wait: ratings[wait])
+        kicks: dict[float, InterceptingKick] = {}
+        for wait in order:
+            self._seek(kicks, wait, problems[wait], problems[wait].starts())
+            if kicks:
+                self._follow(kicks, wait, problems)
+                break
+            reasons[wait] = "no posture gives this launch"
+        for wait in problems:
+            if kicks and wait not in kicks:
+                reasons[wait] = "no posture near the other meetings gives this launch"
+        if order and not kicks:
+            best = order[0]
+            try:
+                kicks[best] = self.at(best).kick(*solve_kick(problems[best], self._objective))
+            except InvalidInput as error:
+                reasons = {best: str(error)} | {**reasons, best: str(error)}
+        return kicks, reasons
+
+    def _seek(
+        self,
+        kicks: dict[float, InterceptingKick],
+        wait: float,
+        problem: KickProblem,
+        starts: Sequence[Array],
+    ) -> None:
+        """Add the kick at a time if one is near some unknowns to start from."""
+        point = best_from(problem, self._objective, starts)
+        if point is not None:
+            kicks[wait] = self.at(wait).kick(problem, point)
+
+    def _follow(
+        self,
+        kicks: dict[float, InterceptingKick],
+        first: float,
+        problems: dict[float, KickProblem],
+    ) -> None:
+        """Add the kicks at times before and after the first one, each from its neighbour."""
+        later = [wait for wait in problems if wait > first]
+        earlier = [wait for wait in problems if wait < first]
+        for side in (later, earlier[::-1]):
+            last = first
+            for wait in side:
+                self._seek(kicks, wait, problems[wait], [kicks[last].point.x])
+                if wait not in kicks:
+                    break
+                last = wait
+        best = min(kicks, key=lambda wait: kicks[wait].rank)
+        number = list(problems).index(best)
+        times = list(problems)
+        if len(times) < CANDIDATES:
+            return
+        for other in (*times[max(number - 1, 0) : number], *times[number + 1 : number + 2]):
+            middle = 0.5 * (best + other)
+            try:
+                problem = self.at(middle).problem(problems[best])
+            except InvalidInput:
+                continue
+            self._seek(kicks, middle, problem, [kicks[best].point.x])
+
     def _task(self, wait: float) -> Interception:
         s, incoming = self.settings, self.incoming
         before = state_at(incoming, self.course, wait)
         goal: Goal | BallState
         launch: Launch | Pass | BallState
         if isinstance(s.goal, BallState):
-            goal, launch = s.goal, _slowest_spin(s.goal, before, s.ball, s.contact)
+            goal, launch = s.goal, trapped_ball(s.goal, before, s.ball, s.contact)
         else:
             goal = s.goal.seen_from(before.position - incoming.state.position, wait)
             if s.surface is None:
@@ -262,74 +322,26 @@ def _check_on_ground(before: BallState, ball: Ball, incoming: IncomingBall) -> N
         )
 
 
-def _slowest_spin(wish: BallState, before: BallState, ball: Ball, contact: Contact) -> BallState:
-    """Return a wished velocity with the spin that is nearest to the wished one.
-
-    The impulse changes the spin across it only, and not by more than friction allows.
-    """
-    impulse = ball.mass * (wish.velocity - before.velocity)
-    size = math.hypot(*impulse)
-    direction, change = impulse / (size or 1.0), wish.spin - before.spin
-    change = change - (change @ direction) * direction
-    most = (1.0 - STICKING) * spin_change_limit(size, ball, contact)
-    change *= min(1.0, most / (math.hypot(*change) or 1.0))
-    return BallState(before.position, wish.velocity, before.spin + change, before.time)
-
-
 def plan_interception(leg: Leg, incoming: IncomingBall, settings: KickSettings) -> KickPlan:
     """Return the plan of the best meeting, with all that were considered.
 
     It is the one of the least speed use, among those in which no bodies are inside each other, the
     ball or the ground, if there are such.
     """
-    s, objective = settings, OBJECTIVES[settings.objective]()
+    s = settings
     incoming = incoming.on_ground_of(leg, s.ball)
-    with threadpool_limits(1, "blas"):
+    with one_thread():
         balls, reach = Interceptor(leg, s, incoming), reach_of(leg, s.ball)
-        waits = waits_in_reach(incoming, balls.course, reach)
+        waits = waits_in_reach(incoming, balls.course, reach, s.goal, s.ball.radius)
         if reach.across is not None:
             waits = waits_in_plane(waits, lambda wait: balls.beside(wait) - reach.beside)
-        rated: list[tuple[float, float, KickProblem]] = []
-        reasons: dict[float, str] = {}
-        for wait in waits.tolist():
-            try:
-                problem = balls.problem_at(wait, reach)
-            except InvalidInput as error:
-                reasons[wait] = str(error)
-                continue
-            rated.append((problem.rated()[0][0], wait, problem))
-        kicks: dict[float, InterceptingKick] = {}
-        near: Array | None = None
-        rated.sort(key=lambda entry: entry[:2])
-        for _, wait, problem in rated[:TRIED]:
-            starts = problem.starts() if near is None else [near]
-            point = best_from(problem, objective, starts)
-            reasons[wait] = "no posture near the other meetings gives this launch"
-            if point is not None:
-                kicks[wait], near = balls.at(wait).kick(problem, point), point.x
-        for _, wait, _ in rated[TRIED:]:
-            reasons[wait] = "postures are farther from the ball, or faster, than for other meetings"
-        for _, wait, problem in rated[:2]:
-            if not kicks:
-                try:
-                    kicks[wait] = balls.at(wait).kick(*solve_kick(problem, objective))
-                except InvalidInput as error:
-                    reasons[wait] = str(error)
+        kicks, reasons = balls.kicks(waits.tolist())
         if not kicks:
-            first = rated[0][1] if rated else float(waits[0])
+            first = next(iter(reasons))
             raise InvalidInput(
                 f"the ball is met at none of {len(waits)} times within reach: after {first:.3g} s, "
-                f"{reasons[first]}"
+                f"{reasons[first]}{balls.escaping(first)}"
             )
-        best = min(kicks, key=lambda wait: kicks[wait].rank)
-        for wait in _between(best, waits):
-            try:
-                problem = balls.problem_at(wait, reach)
-            except InvalidInput:
-                continue
-            point = None if near is None else best_from(problem, objective, [near])
-            if point is not None:
-                kicks[wait] = balls.at(wait).kick(problem, point)
         plan, collisions = _without_collisions(sorted(kicks.values(), key=lambda kick: kick.rank))
     meetings = [
         replace(kick.meeting, reason=collisions.get(kick.meeting.time, ""))
@@ -363,101 +375,25 @@ def _without_collisions(
     return (plan if again.rank[0] <= kicks[0].rank[0] and not plan.collisions else plans[0]), {}
 
 
-def _between(best: float, waits: Array) -> list[float]:
-    """Return the times in the middle between the best one and its neighbours, if there are many."""
-    if len(waits) < CANDIDATES:
-        return []
-    step = float(waits[1] - waits[0])
-    return [best - 0.5 * step, best + 0.5 * step]
-
-
-def _replan(
-    leg: Leg,
-    settings: KickSettings,
-    near: Array,
-    launch: Launch | Pass | BallState,
-    plan: KickPlan,
-    incoming: IncomingBall,
-) -> KickPlan:
-    """Return the plan of a ball that is seen again, from the unknowns of the last plan."""
-    assert plan.meeting is not None
+def _replan(kick: InterceptingKick, plan: KickPlan, incoming: IncomingBall) -> KickPlan:
+    """Return the plan of a ball that is seen again, from the kick of the last plan."""
     assert isinstance(incoming.meet_at, float)
-    seen, last = incoming.state, plan.meeting.incoming.state
+    settings, task = kick.task.settings, kick.task
+    seen, last = incoming.state, task.incoming.state
     if isinstance(settings.goal, Goal):  # the target stays where it is in the world
         later = float(seen.time) - float(last.time)
         goal = settings.goal.seen_from(seen.position - last.position, later)
         settings = replace(settings, goal=goal)
     wait = incoming.meet_at - float(seen.time)
-    nearby = launch if isinstance(launch, Launch) else None
-    with threadpool_limits(1, "blas"):
+    near = task.launch if isinstance(task.launch, Launch) else None
+    with one_thread():
         try:
-            balls = Interceptor(leg, settings, incoming, nearby, max(wait, SHORTEST_COURSE))
+            balls = Interceptor(task.leg, settings, incoming, near, max(wait, SHORTEST_COURSE))
             task = balls.at(min(wait, balls.course.duration))
-            problem = task.problem()
-            point = best_from(problem, OBJECTIVES[settings.objective](), [near])
+            problem = task.problem(kick.problem)
+            point = best_from(problem, OBJECTIVES[settings.objective](), [kick.point.x])
         except InvalidInput:
             point = None
         if point is not None:
             return task.kick(problem, point).plan()
-    return plan_interception(leg, incoming, settings)
-
-
-@validation.check_arguments
-def plan_trap(
-    leg: Leg,
-    incoming: BallState | IncomingBall,
-    ball: Ball,
-    air: Air | None = None,
-    *,
-    velocity: ArrayLike = (0.0, 0.0, 0.0),
-    objective: str | None = None,
-    contact: Contact | None = None,
-    limits: bool = True,
-    solver: str = "slsqp",
-) -> KickPlan:
-    r"""Find posture and joint velocity with which the foot leaves a moving ball at rest.
-
-    It is a kick with another goal, a velocity v of the ball just after it: the impulse is
-    :math:`p = m (v - v_0)`, and along its normal the foot has the velocity
-    :math:`n \cdot v_0 + n \cdot W p / (1 + e)`. With restitution e, it retreats from the ball. The
-    spin is braked as far as friction can do so; after a ball that rolls, some of it is left.
-
-    Args:
-        leg: as for `plan_kick`.
-        incoming: the ball, as for `plan_kick`.
-        ball: the ball; its mass and radius count.
-        air: the air; None is the vacuum.
-        velocity: of the ball just after the contact, shape `(3,)` [m/s, world frame].
-        objective: a `KickObjective` of the impact; None is `joint-speed`.
-        contact: as for `plan_kick`.
-        limits: as for `plan_kick`.
-        solver: as for `plan_kick`.
-
-    Returns:
-        The plan. Its `goal` is the ball with the wished velocity, without spin; `launch` is the
-        ball with the spin that is left; `path` is followed to rest, for 10 s at most.
-
-    Raises:
-        InvalidInput: a ball that moves so already, and as for `plan_kick`.
-
-    Example:
-        >>> import kickdyn as kd
-        >>> falls = kd.BallState((0.45, 0, 0.3), (-3, 0, -1))
-        >>> plan = kd.plan_trap(kd.Leg.human(), falls, kd.Ball(), kd.Air())
-        >>> str(plan.status), bool(plan.impact.ball_after.speed < 1e-9)
-        ('met', True)
-    """
-    come = incoming if isinstance(incoming, IncomingBall) else IncomingBall(incoming)
-    wish = validation.vector("velocity", velocity, 3, unit="m/s")
-    validation.number("velocity", math.hypot(*wish), at_most=FASTEST_BALL, unit="m/s")
-    settings = KickSettings(
-        BallState(velocity=wish),
-        ball,
-        air,
-        checked_contact(contact),
-        checked_objective(objective),
-        limits,
-        None,
-        solver,
-    )
-    return plan_interception(checked_leg(leg), come, settings)
+    return plan_interception(task.leg, incoming, settings)

@@ -43,6 +43,11 @@ class JointSpeed(Objective):
         variables = point.variables
         return float(np.mean((point.v[variables.vs] / variables.velocity_scale) ** 2))
 
+    def slope(self, point: KickPoint) -> Array:
+        slope, n = np.zeros((1, len(point.x))), point.variables.n
+        slope[0, n:-1] = 2.0 / n * point.x[n:-1]
+        return slope
+
 
 class KineticEnergy(Objective):
     """Kinetic energy of the leg."""

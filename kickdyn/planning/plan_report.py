@@ -12,9 +12,9 @@ from kickdyn.core.representation import distance_in_words
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.follow import Course
 from kickdyn.planning.goal import Goal, PlanStatus
-from kickdyn.planning.interception import LandingSlopes, Meeting
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.launch import Launch, OutOfReach
+from kickdyn.planning.meeting import LandingSlopes, Meeting
 from kickdyn.planning.passes import Pass
 from kickdyn.restitution import describe_restitution
 from kickdyn.scene.pitch import Passage, Score, Wall, check_before, passage_on, score_at

@@ -1,7 +1,7 @@
 r"""Articulated-body algorithm: the Delassus matrix, and the response to an impulse, without M.
 
 The joint-space inertia M of a short link before a long one is nearly singular, though its foot has
-an inverse mass like that of any leg: a small difference of what the rounding of M has lost. Here
+an inverse mass as of any leg: a small difference of what the rounding of M has lost. Here
 bodies are joined from the foot to the base (Featherstone, Rigid Body Dynamics Algorithms, 2008,
 chapter 7). The inertia that a body adds to its parent's is
 

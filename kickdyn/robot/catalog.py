@@ -1,4 +1,4 @@
-"""Robots by name: those of example-robot-data, with their feet, and those of robot_descriptions."""
+"""Robots by name, of example-robot-data, with their feet, and of robot_descriptions."""
 
 import sys
 from collections.abc import Mapping, Sequence

@@ -109,8 +109,8 @@ class ConstraintBlock(NamedTuple):
     Attributes:
         rows: of the block in A.
         joint, other: joints of the model; `other` is 0 for the ground.
-        rotations_joint_world: from world axes to those of `joint` and of `other`, `(3, 3)` each.
-        rotation_world_frame: to world axes from those of the support or the loop's first frame.
+        rotations_joint_world: from world axes to the axes of `joint` and of `other`, `(3, 3)` each.
+        rotation_world_frame: to world axes from the axes of the support or the loop's first frame.
         levers: from the joint's origin to the point, for each joint [m, axes of the joint].
     """
 
@@ -175,7 +175,7 @@ class Constraints:
         """Return A with A v = 0, shape `(size, nv)` [world axes], and where its impulses act.
 
         Kinematics must have run at `q`. Rows of a support are the velocity of its frame, linear
-        then angular; of a loop, that of its second frame's origin relative to the first's. Rows of
+        then angular; of a loop, of its second frame's origin relative to the first's. Rows of
         mimic joints and of stiff joints have no block: their impulses are along joint axes.
         """
         matrix, blocks, span = np.empty((self.size, model.nv)), [], slice(0, 0)

@@ -27,7 +27,7 @@ TOLERANCE = 2e-3
 """Depth up to which a body counts as on the ground [m]: soles are rounded and rubber gives way."""
 
 LARGEST_MESH = 0.5
-"""Distance of a frame from which on its meshes are not read [m]: those of a leg are shorter."""
+"""Distance of a frame from which on its meshes are not read [m]: a leg's are shorter."""
 
 CIRCLE_POINTS = 16
 """Number of points that stand for a circle or an ellipse."""

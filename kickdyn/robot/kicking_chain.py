@@ -18,7 +18,7 @@ UNLIMITED = 100.0
 class KickingChain:
     """The joints between a fixed base and the contact frame, and where the whole robot has them.
 
-    On a fixed base, an impact on the chain and its equations of motion are those of the whole
+    On a fixed base, an impact on the chain and its equations of motion are the same as of the whole
     robot, whose other joints stay where `rest_configuration` has them.
 
     Attributes:

@@ -173,7 +173,7 @@ class Leg(JointTable, ReprMixin):
         """Return a human leg; without arguments, the leg of the paper's Table 1.
 
         Segments of a person of a given size are from de Leva 1996 (J Biomech 29:1223), torques
-        those of Anderson et al. 2007 (J Biomech 40:3105); `kickdyn.robot.human_body` has the
+        from Anderson et al. 2007 (J Biomech 40:3105); `kickdyn.robot.human_body` has the
         numbers. The last three joints of the model `3d` below have no limits of torque and speed.
 
         Args:
@@ -234,7 +234,7 @@ class Leg(JointTable, ReprMixin):
                 are judged. A name may be a pattern as of a shell, such as `"LFinger*"`; the value
                 of a joint that is named itself takes precedence.
             package_dirs: ROS packages, or folders that contain them, with meshes named
-                `package://NAME/...`, searched before those around the file and those of ROS.
+                `package://NAME/...`, searched before the folders around the file and of ROS.
             drives: rotors, which a URDF leaves out, and limits, as for `with_drives`; True and
                 False leave them out.
 

@@ -98,7 +98,7 @@ class _Builder:
         else:
             self.model.gravity = pin.Motion(compiled.opt.gravity.copy(), np.zeros(3))
         self.origins = [pin.SE3.Identity()]  # of each joint of the model in the world
-        self.numbers: dict[int, int] = {}  # MuJoCo's number of a joint by that of the model
+        self.numbers: dict[int, int] = {}  # MuJoCo's number of a joint by the model's
         self.taken = {compiled.joint(joint).name for joint in range(compiled.njnt)}
         self.frames: dict[int, int] = {}  # of a body
         self.framed: set[str] = set()

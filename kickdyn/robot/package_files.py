@@ -80,7 +80,7 @@ class PackageFiles:
 
     A name is a path relative to the robot's file; an absolute one, with `file://` or without; or
     `package://NAME/...`, also written `model://NAME/...`. A package is looked up in `package_dirs`,
-    then among the folders that contain the robot's file, then in those of ROS.
+    then among the folders that contain the robot's file, then in the folders of ROS.
 
     Args:
         folder: of the robot's file.

@@ -233,11 +233,11 @@ def missing_shapes(robot: Leg, support: Support) -> list[str]:
     lines = []
     for has_others, instead in (
         (True, "its other shapes are used instead"),
-        (False, "it counts as a point, and may be lower than the plan says"),
+        (False, "it is treated as a point and may reach lower than the plan says"),
     ):
         names = [name for name in reasons if bool(shapes_of(robot, name)) == has_others]
         if names:
-            more = f", as are those of {listed(names[1:], 5)}" if names[1:] else ""
+            more = f", neither are the shapes of {listed(names[1:], 5)}" if names[1:] else ""
             lines.append(
                 f"the shape of {names[0]} is not known ({reasons[names[0]]}; --package-dir names "
                 f"the folder of meshes){more}: {instead}"
@@ -245,7 +245,7 @@ def missing_shapes(robot: Leg, support: Support) -> list[str]:
     foot = joint_bodies(robot, robot.contact_joint)
     if not any(shapes_of(robot, name) or name in reasons for name in foot):
         lines.append(
-            f"the kicking foot has no shape: {robot.frame} counts as a point, and the foot may "
+            f"the kicking foot has no shape: {robot.frame} is treated as a point, and the foot may "
             "be lower than the plan says"
         )
     return lines

@@ -150,7 +150,7 @@ def reroot_model(model: Any, joint: int, placement: Any) -> Any:
         new.appendBodyToJoint(carrier[body], model.inertias[body], offset[body])
     for frame in list(model.frames)[1:]:
         body = int(frame.parentJoint)
-        if frame.type != pin.FrameType.JOINT:  # those of joints are there already
+        if frame.type != pin.FrameType.JOINT:  # frames of joints are there already
             pose = offset[body] * frame.placement
             new.addFrame(pin.Frame(frame.name, carrier[body], 0, pose, frame.type), False)
     return new

@@ -225,7 +225,7 @@ def least_duration(scene: Scene, launch: BallState) -> float:
 def relative_error(scene: Scene, launch: BallState) -> float:
     """Return about the error of an end over the tolerance of `collide`, before any flight [m].
 
-    It is that of the longest parabola with the speed of the launch.
+    It is the error of the longest parabola with the speed of the launch.
     """
     bounces = scene.ground is not None and scene.ground.surface is not None
     longest = 2.0 * float(launch.speed) ** 2 / GRAVITY + scene.ball.radius

@@ -1,4 +1,4 @@
-"""Reads a scene file: strict TOML, all faults of its tables at once, then those of the robot."""
+"""Reads a scene file: strict TOML, all faults of its tables at once, then the robot's."""
 
 import difflib
 import os

@@ -230,7 +230,7 @@ integrator="{tuning.integrator}" cone="elliptic" impratio="100" tolerance="1e-10
         return load
 
     def is_upright(self, planned: Array) -> bool:
-        """Return whether the base is as high and upright as that of a planned configuration."""
+        """Return whether the base is as high and upright as in a planned configuration."""
         if self.standing is None:
             return True
         model = self.motion.robot.model

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from contextlib import suppress
 from enum import StrEnum
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -193,7 +193,7 @@ def kick_cases(approach: Approach, contact_time: float) -> list[KickCase]:
     """
     posture, before = approach.posture, approach.ball_before
 
-    def compute(change: str, near: Approach, **compliance: float) -> tuple[KickCase, float]:
+    def compute(change: str, near: Approach, **compliance: Any) -> tuple[KickCase, float]:
         hit = collide(
             near.posture, near.v, near.ball, near.contact, **compliance, tol=1e-6,
             ball_velocity=near.ball_before.velocity, ball_spin=near.ball_before.spin,

@@ -116,7 +116,7 @@ class MujocoRun(ReprMixin):
 
     @property
     def speed_error(self) -> float:
-        """Speed of the ball over that of the launch which meets the goal, less 1."""
+        """Speed of the ball over the launch speed that meets the goal, less 1."""
         return float(self.ball_after.speed / np.linalg.norm(self.plan.launch.velocity)) - 1.0
 
     @property
@@ -250,7 +250,7 @@ def run_in_mujoco(
     load_mujoco()
     motion, impact = plan.motion, plan.impact
     if tuning is not None and tuning.ball != impact.ball:
-        raise InvalidInput("tuning is for another ball than that of the plan")
+        raise InvalidInput("tuning is for another ball than the plan's")
     standing = StandingRobot(motion.robot) if is_floating(motion.robot) else None
     rooted = motion.robot if standing is None else standing.leg
     posture = rooted.posture(rooted.configuration(motion.robot.joint_values(motion.q(0.0))))

@@ -50,7 +50,7 @@ class Grid:
     ) -> "Grid":
         """Return the grid over joints of a leg, from a value or ascending values [rad; m] of each.
 
-        With `samples`, the values are those of a list, or bounds of a sample, see `kickdyn.sweep`.
+        With `samples`, the values are a list, or bounds of a sample, see `kickdyn.sweep`.
 
         Raises `InvalidInput` with all faults in one line: an unknown joint, one that mimics
         another, values that are not ascending or outside the joint's range, too many postures.

@@ -1,7 +1,7 @@
 """One kick, drawn and moving: leg, ball, flight, ground, and impulses as arrows to one scale."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -16,6 +16,7 @@ from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course
 from kickdyn.impact.impact_result import Impact
 from kickdyn.motion.motion import Motion
+from kickdyn.planning.meeting import Arrival
 from kickdyn.robot.ground_clearance import find_depths, shape_of
 from kickdyn.robot.model_validation import frame_id
 from kickdyn.robot.standing import hold_support
@@ -108,14 +109,16 @@ def draw_kick(
     scenery: Sequence[Box] = (),
     motion: Motion | None = None,
     *,
+    arrival: Arrival | None = None,
     lies: bool = True,
     run: SimulatedRun | None = None,
 ) -> tuple[Pace, str]:
     """Draw a kick, from the swing to the landing, over and over, with walls and goals as scenery.
 
     Without a motion from rest to rest through this impact, the joints move as `leg_configuration`
-    says. A simulated `run` of the same kick is drawn at its right. Where the ball need not lie on
-    the ground (`lies`), the ground is where a robot stands, or as low as ball and leg come.
+    says. The path of a ball that moves before the impact, its `arrival`, ends at the impact. A
+    simulated `run` of the same kick is drawn at its right. Where the ball need not lie on the
+    ground (`lies`), the ground is where a robot stands, or as low as ball and leg come.
 
     Returns:
         The pace of the animation, and a sentence about the ground, empty if the ball lies on it.
@@ -160,6 +163,10 @@ def draw_kick(
         drawn = draw_run(viewer, run, forward, far[0])
         near = np.vstack([near, far[0], drawn.corners])
         far += [drawn.corners, *([drawn.curve] if len(drawn.curve) else [])]
+    come = np.zeros((0, 3))
+    if arrival is not None:
+        come = arrival.sample(np.linspace(-arrival.wait, 0.0, CURVE_POINTS)).position
+        far.append(box_corners(come, ball.radius))
     points = np.vstack(far)
     camera = camera_for(near, points, forward, behind=bool(scenery) or run is not None)
     set_stage(viewer, camera, np.vstack([near, points]))
@@ -173,6 +180,12 @@ def draw_kick(
     if drawn is not None and len(drawn.curve):
         width = CURVE_RADIUS * camera.distance(drawn.curve)
         draw_run_curve(viewer, drawn, width, np.cross(forward, UP_AXIS))
+    if arrival is not None:
+        along = level_direction(come[-1] - come[0])
+        thin = CURVE_RADIUS * camera.distance(come)
+        marks.draw_curve(viewer["arrival"], come, thin, np.cross(along, UP_AXIS), marks.ARRIVAL)
+        text = f"met after {arrival.wait:.3g} s"
+        draw_label(viewer["meeting"], text, before.position, f"#{marks.ARRIVAL:06x}")
     draw_impulses(viewer, arrows, scale)
     for number, box in enumerate(scenery):
         draw_box(viewer[f"scenery/{number}"], box)
@@ -184,7 +197,15 @@ def draw_kick(
     marks.draw_distances(viewer["distances"], foot, forward, stripe, length)
     far_end = path.distance if isinstance(path, Course) else path.range
     draw_label(viewer["end"], f"{far_end:.3g} m", curve[-1], f"#{marks.CURVE:06x}")
-    animation = _animation(viewer, impact, path, pace, moved, arrows, drawn)
+    animation = _animation(
+        viewer,
+        partial(ball_pose, before, path, arrival=arrival),
+        impact,
+        pace,
+        moved,
+        arrows,
+        drawn,
+    )
     viewer.set_animation(animation, repetitions=math.inf)
     text = ""
     if stands:
@@ -279,10 +300,17 @@ def leg_configuration(impact: Impact, time: float) -> Array:
     return hold_support(impact.posture, np.where(single, within, moved))
 
 
-def ball_pose(before: BallState, path: Flight | Course, time: float) -> Array:
-    """Return the ball's pose at a time from the impact [s], shape `(4, 4)` [m, world frame]."""
+def ball_pose(
+    before: BallState, path: Flight | Course, time: float, arrival: Arrival | None = None
+) -> Array:
+    """Return the ball's pose at a time from the impact [s], shape `(4, 4)` [m, world frame].
+
+    Without its path before the impact, the `arrival`, it then moves straight on.
+    """
     if time < 0:
         position = before.position + before.velocity * time
+        if arrival is not None:
+            position = arrival.sample(time).position
         return np.asarray(pin.SE3(pin.exp3(before.spin * time), position).homogeneous)
     time = min(time, path.duration)
     if isinstance(path, Course):
@@ -313,8 +341,8 @@ def _ground_height(impact: Impact, moved: Sequence[Array], bottom: float) -> flo
 
 def _animation(
     viewer: Any,
+    pose_at: Callable[[float], Array],
     impact: Impact,
-    path: Flight | Course,
     pace: Pace,
     moved: Sequence[Array],
     arrows: Sequence[Arrow],
@@ -328,7 +356,7 @@ def _animation(
         numbers, [*pace.times, pace.times[-1]], [*moved, moved[-1]], strict=True
     ):
         with animation.at_frame(viewer, number) as frame:
-            frame["ball"].set_transform(ball_pose(impact.ball_before, path, time))
+            frame["ball"].set_transform(pose_at(time))
             for joint, pose in list(enumerate(joint_poses(impact.posture.leg, q)))[1:]:
                 frame[f"leg/{joint}"].set_transform(pose)
             if run is not None:

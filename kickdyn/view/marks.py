@@ -16,7 +16,7 @@ from kickdyn.core.validation import Array
 from kickdyn.view.camera import UP_AXIS
 from kickdyn.view.document import draw_label
 
-CURVE, ARROW, AXIS = 0xE63946, 0x2456D6, 0x1D2733
+CURVE, ARROW, AXIS, ARRIVAL = 0xE63946, 0x2456D6, 0x1D2733, 0x7B3FA0
 TEE = 0xF2C230
 GRASS = (0x86B56B, 0x7DAD63)
 HEXAGON, PENTAGON = 0xF7F7F2, 0x1E2A38

@@ -24,6 +24,7 @@ from kickdyn.impact.impact_result import Impact
 from kickdyn.motion.motion import Motion
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.launch import Launch
+from kickdyn.planning.meeting import Arrival, arrival_of
 from kickdyn.planning.passes import Pass
 from kickdyn.robot.leg import Leg, Posture
 from kickdyn.scene.scene import Scene
@@ -171,7 +172,9 @@ def page(
     impact, viewer = kick.impact, recording_viewer()
     boxes = [*scenery, *kick.scenery]
     run = subject if isinstance(subject, SimulatedRun) else None
-    pace, ground = draw_kick(viewer, impact, kick.path, boxes, kick.motion, lies=kick.lies, run=run)
+    pace, ground = draw_kick(
+        viewer, impact, kick.path, boxes, kick.motion, arrival=kick.arrival, lies=kick.lies, run=run
+    )
     text = f"{kick.caption.removesuffix('.')}. {ground}" if kick.caption and ground else ""
     text = text or kick.caption or ground
     warnings = [*viewer.window.warnings, *kick.warnings]
@@ -200,6 +203,7 @@ class _Kick(NamedTuple):
     scenery: Sequence[Box] = ()
     warnings: Sequence[str] = ()
     lies: bool = True
+    arrival: Arrival | None = None
 
 
 def _kick_of(subject: _MovingSubject, path: _Path | None, caption: str) -> _Kick:
@@ -210,8 +214,11 @@ def _kick_of(subject: _MovingSubject, path: _Path | None, caption: str) -> _Kick
             return _Kick(subject, flown, caption, lies=isinstance(path, Course))
         case KickPlan():
             warnings = [line.partition("; ")[0] for line in subject.warnings]
-            motion = subject.motion
-            return _Kick(subject.impact, subject.path, caption, motion, warnings=warnings)
+            impact, meeting = subject.impact, subject.meeting
+            arrival = None if meeting is None else arrival_of(meeting, impact.ball)
+            return _Kick(
+                impact, subject.path, caption, subject.motion, warnings=warnings, arrival=arrival
+            )
         case Simulation():
             return _kick_of_simulation(subject, caption)
         case SimulatedRun():

@@ -436,3 +436,14 @@ def test_the_page_shows_the_goal_at_the_target_and_its_warnings_are_printed(tmp_
     assert corners[:, 0] == pytest.approx(np.full(len(corners), 11.0), abs=0.1)
     assert corners[:, 1].min() == pytest.approx(-corners[:, 1].max())
     assert corners[:, 2].min() == pytest.approx(0.0)
+
+
+def test_a_ball_that_moves_is_trapped_or_drawn_with_its_meetings(tmp_path):
+    files = ["--json", str(tmp_path / "plan.json"), "--plot", str(tmp_path / "plan.png")]
+    ended = CliRunner().invoke(plan, [*MOVING, "--trap", "0,0,0", *files])
+    assert ended.exception is None, ended.exception
+    report = json.loads((tmp_path / "plan.json").read_text())
+    assert report["launch"]["speed"] < 1e-9
+    assert report["meetings"]
+    assert (tmp_path / "plan.png").stat().st_size > 5000
+    assert "The foot leaves the ball at rest" in ended.output

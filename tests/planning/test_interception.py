@@ -56,7 +56,7 @@ def test_the_ball_is_met_where_it_comes(leg, goal, incoming):
     plan = kd.plan_kick(leg, goal, BALL, AIR, incoming=incoming)
     check(plan, leg, goal, incoming)
     kicks = [meeting for meeting in plan.meetings if meeting.share == 1.0]
-    assert plan.speed_use == min(meeting.speed_use for meeting in kicks)
+    assert plan.speed_use == min(meeting.speed_use for meeting in kicks if not meeting.reason)
     assert all(meeting.reason for meeting in plan.meetings if meeting.impact is None)
     copied = pickle.loads(pickle.dumps(plan))
     assert copied.meeting.time == plan.meeting.time
@@ -73,54 +73,10 @@ def test_a_plan_is_the_same_in_a_frame_that_moves_with_the_hip():
         for leg, aim, state in ((G1.with_base_velocity(hip), goal, ball), (G1, there, seen))
     ]
     assert plans[0].q == pytest.approx(plans[1].q, abs=1e-11)
-    assert plans[0].v == pytest.approx(plans[1].v, abs=1e-7)
+    assert plans[0].v == pytest.approx(plans[1].v, abs=1e-8)  # of the solver
     after = plans[1].impact.ball_after.velocity + hip
     assert plans[0].impact.ball_after.velocity == pytest.approx(after, abs=1e-11)
-
-
-def landing(plan, incoming, goal, late=0.0):
-    """Where the ball passes the target if the foot moves straight on as planned."""
-    posture, velocity = plan.impact.posture, plan.impact.foot_velocity
-    course = kd.follow(incoming, BALL, AIR, plan.meeting.ground, 1e-12)
-    planned = plan.meeting.time - incoming.time
-    low, high = planned - 2e-3, planned + 2e-3
-    for _ in range(80):
-        t = 0.5 * (low + high)
-        foot = posture.contact_point + velocity * (t - planned - late)
-        apart = course.sample(t).position - foot
-        low, high = (t, high) if math.hypot(*apart) > BALL.radius else (low, t)
-    before = course.sample(t)
-    contact = kd.Contact(apart, plan.impact.contact.restitution, plan.impact.contact.friction)
-    hit = kd.strike(
-        posture, plan.v, BALL, contact, ball_velocity=before.velocity, ball_spin=before.spin
-    ).ball_after
-    start = kd.BallState(before.position, hit.velocity, hit.spin)
-    wall = kd.Plane(plan.meeting.ball.position + plan.goal.target, -plan.goal.ahead, "centre")
-    path = kd.fly(start, BALL, AIR, kd.Ground(-50.0), 1e-12, plane=wall)
-    return path.landing.position
-
-
-def test_derivatives_of_the_landing():
-    goal, h = kd.Goal((4, 1, 0), time=0.8), 2e-6
-    plan = kd.plan_kick(G1, goal, BALL, AIR, incoming=ASIDE)
-    slopes = plan.meeting.landing_slopes
-
-    def moved(place, velocity):
-        return kd.BallState(ASIDE.position + place, ASIDE.velocity + velocity, ASIDE.spin)
-
-    late = [landing(plan, ASIDE, goal, late=sign * h) for sign in (1, -1)]
-    difference = (late[0] - late[1]) / (2 * h)
-    assert slopes.time == pytest.approx(difference, abs=2e-6 * np.abs(difference).max())
-    for axis in np.eye(3)[:2]:
-        for kind, rows in ((0, slopes.place), (1, slopes.velocity)):
-            ends = [
-                landing(plan, moved(*((sign * h * axis, 0 * axis)[:: 1 - 2 * kind])), goal)
-                for sign in (1, -1)
-            ]
-            difference = (ends[0] - ends[1]) / (2 * h)
-            size = np.abs(difference).max()
-            assert rows @ axis == pytest.approx(difference, abs=2e-6 * size)
-    assert slopes.tolerances[0] == pytest.approx(0.1 / np.linalg.norm(slopes.time))
+    assert plans[0].impact.impulse == pytest.approx(plans[1].impact.impulse, abs=1e-11)
 
 
 @pytest.mark.parametrize(("leg", "incoming"), [(HUMAN, ROLLING), (G1, ASIDE)], ids=["human", "g1"])
@@ -159,16 +115,19 @@ def test_the_meeting_can_be_chosen():
         (HUMAN, kd.BallState((5, 0, -0.7), (3, 0, 0)), r"never comes within reach: .* nearest"),
         (G1, kd.IncomingBall(ASIDE, meet_at=(1, 2, 3)), r"passes it at a distance of"),
         (HUMAN, kd.BallState((0.4, -0.3, -0.5), (0, 0.6, 0)), "leaves the plane|does not cross it"),
+        (HUMAN, kd.BallState((0.3, 0, -0.7), (20, 0, 0)), "moves away from the foot at"),
     ],
 )
 def test_a_ball_that_cannot_be_met(leg, incoming, message):
     with pytest.raises(kd.InvalidInput, match=message):
-        kd.plan_kick(leg, kd.Goal(10, time=1), BALL, AIR, incoming=incoming)
+        kd.plan_kick(leg, kd.Goal(14, time=0.6), BALL, AIR, incoming=incoming)
 
 
 def test_wrong_balls_are_refused():
     with pytest.raises(kd.InvalidInput, match="speed of the incoming ball is 101"):
         kd.IncomingBall(kd.BallState(velocity=(101, 0, 0)))
+    with pytest.raises(kd.InvalidInput, match="every entry must be finite"):
+        kd.IncomingBall(ROLLING, meet_at=(math.nan, 0, 0))
     with pytest.raises(kd.InvalidInput, match="several states"):
         kd.IncomingBall(kd.BallState(velocity=[(1, 0, 0)] * 2))
     with pytest.raises(kd.InvalidInput, match="meet_at is 1 s: it must be at least 5 s"):
@@ -178,3 +137,16 @@ def test_wrong_balls_are_refused():
             kd.plan_kick(HUMAN, kd.Goal(10, time=1), BALL, AIR, incoming=ROLLING, **other)
     with pytest.raises(kd.InvalidInput, match="the plan is of a ball at rest"):
         kd.plan_kick(HUMAN, kd.Goal(10, time=1), BALL, AIR).replan(incoming=ROLLING)
+
+
+def test_a_meeting_in_which_bodies_collide_is_not_preferred():
+    """The cheaper meetings with this ball have the toe in the ground."""
+    plan = kd.plan_kick(HUMAN, kd.Goal((16, 0, 0.9), time=1.1), BALL, AIR, incoming=ROLLING)
+    assert plan.status == "met"
+    cheaper = [meeting for meeting in plan.meetings if meeting.speed_use < plan.speed_use]
+    assert cheaper
+    assert all("under the ground" in meeting.reason for meeting in cheaper)
+    for meeting in cheaper[:1]:
+        there = kd.IncomingBall(ROLLING, meet_at=meeting.time)
+        other = kd.plan_kick(HUMAN, kd.Goal((16, 0, 0.9), time=1.1), BALL, AIR, incoming=there)
+        assert other.status == "collides"

@@ -67,7 +67,7 @@ def test_the_restitution_is_named_where_it_depends_on_the_speed():
         plan = kd.plan_kick(LEG, goal, BALL, AIR, contact=kd.Contact(None, restitution, 0.4))
         lines.append(PlanReport(plan).table()[1])
     assert "restitution" not in lines[0]
-    used = f"restitution {plan.impact.restitution:.4g}, that of 'peacock-ball' at "
+    used = f"restitution {plan.impact.restitution:.4g}, from 'peacock-ball' at "
     assert f", {used}{plan.impact.approach_speed:.4g} m/s" in lines[1]
 
 

@@ -155,20 +155,20 @@ def test_collision_shapes_are_used_where_a_mesh_is_missing(tmp_path):
     assert float((foot.centres[:, 2] - foot.radii).min()) == pytest.approx(-0.035)
     line, points = missing_shapes(leg, kd.Support(FOOT))  # one for all bodies without any shape
     assert line.startswith("the shape of right_ankle_roll_link is not known (mesh ")
-    assert "--package-dir names the folder of meshes), as are those of right_" in points
+    assert "--package-dir names the folder of meshes), neither are the shapes of right_" in points
     assert line.endswith("its other shapes are used instead")
 
 
 def test_a_foot_without_any_shape_is_announced(tmp_path):
     leg = without_meshes(tmp_path, collisions=False)
     (line,) = [x for x in missing_shapes(leg, kd.Support(FOOT)) if "right_ankle_roll" in x]
-    assert line.endswith("it counts as a point, and may be lower than the plan says")
+    assert line.endswith("it is treated as a point and may reach lower than the plan says")
     with pytest.raises(kd.InvalidInput, match=r"no sole \(mesh .*--package-dir.*name its corners"):
         StandingRobot(leg.with_supports(FOOT))
     bare = kd.Leg.from_model(G1.model, "right_ankle_roll_link")
     assert missing_shapes(bare, kd.Support(FOOT)) == [
-        "the kicking foot has no shape: right_ankle_roll_link counts as a point, and the foot may "
-        "be lower than the plan says"
+        "the kicking foot has no shape: right_ankle_roll_link is treated as a point, and the foot "
+        "may be lower than the plan says"
     ]
     assert missing_shapes(G1, kd.Support(FOOT)) == []
 

@@ -30,7 +30,7 @@ def test_those_of_kickdyn_load_by_name_from_anywhere(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for file in SCENES:
         assert kd.load_scene(file.stem).name == kd.load_scene(file).name
-    with pytest.raises(kd.SceneError, match=r"neither a file nor a scene.*paper_kick, robocup"):
+    with pytest.raises(kd.SceneError, match=r"neither a file nor a scene.*pass_to_runner, robocup"):
         kd.load_scene("freekick")
 
 

@@ -1,0 +1,187 @@
+r"""A meeting with a ball that moves, and how exact perception and timing must be for it.
+
+The foot's velocity and normal follow from the launch as for a ball at rest, with the impulse
+:math:`p = m (v_b - v_0)` and with the velocity of the ball's surface added to the foot's.
+"""
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import brentq
+
+from kickdyn.air import Air
+from kickdyn.ball import Ball, BallState
+from kickdyn.core.representation import ReprMixin, Row
+from kickdyn.core.validation import Array
+from kickdyn.flight.derivatives import fly_with_slopes
+from kickdyn.flight.follow import Course
+from kickdyn.ground import Ground
+from kickdyn.impact.impact_result import Impact
+from kickdyn.impact.strike import strike
+from kickdyn.plane import Plane
+from kickdyn.planning.goal import Goal
+from kickdyn.planning.interception import SHORTEST_COURSE, IncomingBall
+
+BEYOND = 1e-3
+"""Time after the meeting for which the ball is followed, in derivatives of the landing [s]."""
+
+INCREMENT = 1e-5
+"""Of time [s], velocity [m/s] and place [m], in derivatives of the landing."""
+
+ACCURACY = 0.1
+"""Distance at the target for which the exactness of timing and perception is stated [m]."""
+
+
+class LandingSlopes(NamedTuple):
+    """Derivatives of where the ball meets the plane of the target, shapes `(3,)` and `(3, 3)`.
+
+    Attributes:
+        time: by the time of the foot's motion, at a ball that comes as planned [m/s].
+        velocity: by the velocity of the ball at the time of `incoming` [s].
+        place: by its position then.
+    """
+
+    time: Array
+    velocity: Array
+    place: Array
+
+    @property
+    def tolerances(self) -> tuple[float, float, float]:
+        """Errors of time [s], velocity [m/s] and place [m] that each move the landing by 10 cm."""
+        sizes = (np.linalg.norm(slope, 2) for slope in self)
+        return tuple(ACCURACY / size if size else math.inf for size in map(float, sizes))  # type: ignore[return-value]
+
+
+class Arrival(NamedTuple):
+    """The path of a ball before it is kicked, and the time for which it takes it [s]."""
+
+    course: Course
+    wait: float
+
+    def sample(self, t: ArrayLike) -> BallState:
+        """Return the ball at times from the kick, 0 or before: `-wait` at least."""
+        return self.course.sample(np.clip(np.asarray(t) + self.wait, 0.0, self.course.duration))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Meeting(ReprMixin):
+    """A time at which a moving ball can be met, and the kick that is planned for it.
+
+    Attributes:
+        ball: the ball just before the contact; its time is by the clock of `incoming`.
+        incoming: the ball as it was seen, with its ground.
+        goal: the goal, seen from here; of a trap, the motion that is wished.
+        air: the air; None is the vacuum.
+        impact: the kick; None where there is none.
+        share: share of the impulse that is reached; 0 without a kick.
+        speed_use: largest joint speed over its limit; nan without a kick.
+        reason: why there is no kick, or which bodies collide in it, where another one is preferred.
+    """
+
+    ball: BallState
+    incoming: IncomingBall
+    goal: Goal | BallState
+    air: Air | None
+    impact: Impact | None = None
+    share: float = 0.0
+    speed_use: float = math.nan
+    reason: str = ""
+
+    def _rows(self) -> Iterable[Row]:
+        yield "time", self.time, "s"
+        yield "place", self.ball.position, "m"
+        if self.impact is None:
+            yield "no kick", self.reason, ""
+        else:
+            yield "share of the launch", self.share, ""
+            yield "share of the speed limit", self.speed_use, ""
+
+    @property
+    def time(self) -> float:
+        """When the ball is met, by the clock of `incoming` [s]."""
+        return float(self.ball.time)
+
+    @property
+    def ground(self) -> Ground:
+        """The ground on which the ball came."""
+        assert self.incoming.ground is not None
+        return self.incoming.ground
+
+    @cached_property
+    def landing_slopes(self) -> LandingSlopes | None:
+        r"""Derivatives of the landing by timing and perception, of a flight; None without a kick.
+
+        The contact point of the foot moves on at its velocity w, and the ball as it comes. They
+        touch where their distance is the radius, so that an error :math:`\delta x` of the ball's
+        place turns the normal n: with :math:`u = v_0 - w`,
+
+        .. math:: \delta n = \frac1r \Bigl(I - \frac{u\, n^T}{n \cdot u}\Bigr)\, \delta x .
+
+        The impact with this normal gives the launch of the flight that is differentiated.
+        """
+        if self.impact is None or self.share < 1.0 or not isinstance(self.goal, Goal):
+            return None
+        incoming, impact, air = self.incoming, self.impact, self.air
+        ball, contact, seen = impact.ball, impact.contact, incoming.state
+        wait = self.time - float(seen.time)
+        lies = float(seen.position[2]) - ball.radius - self.ground.height < 1e-6
+        vertical = 0.0 if lies else 1.0
+        free = np.array([1.0, 1.0, 1.0, vertical, 1.0, 1.0, vertical])
+        foot, velocity = impact.posture.contact_point, impact.foot_velocity
+
+        def launch(change: Array) -> tuple[BallState, Air | None]:
+            change = free * change  # a ball stays on the ground on which it rolls
+            moved = BallState(
+                seen.position + change[4:], seen.velocity + change[1:4], seen.spin, seen.time
+            )
+            come = _near(replace_state(incoming, moved).course(ball, air, wait + BEYOND), wait)
+
+            def gap(t: float) -> float:
+                apart = come(t).position - foot - velocity * (t - wait - change[0])
+                return math.hypot(*apart) - ball.radius
+
+            width = 4e-4 + 4.0 * float(np.abs(change).max()) * (1.0 + wait)
+            t = float(brentq(gap, wait - width, wait + width, xtol=1e-15, rtol=1e-14))
+            before = come(t)
+            normal = before.position - foot - velocity * (t - wait - change[0])
+            hit = strike(
+                impact.posture, impact.v_before, ball, replace(contact, normal=normal),
+                ball_velocity=before.velocity, ball_spin=before.spin,
+            )  # fmt: skip
+            after = hit.ball_after
+            return BallState(before.position, after.velocity, after.spin), air
+
+        plane = Plane(self.ball.position + self.goal.target, -self.goal.ahead, "centre")
+        flight = fly_with_slopes(
+            launch, np.zeros(7), np.full(7, INCREMENT), ball, plane, central=True
+        )
+        slopes, _ = flight.slopes_at_plane(plane.normal, flight.end)
+        return LandingSlopes(slopes[:, 0], slopes[:, 1:4], slopes[:, 4:])
+
+
+def arrival_of(meeting: Meeting, ball: Ball) -> Arrival:
+    """Return the path of the ball from where it was seen to where it is met."""
+    wait = meeting.time - float(meeting.incoming.state.time)
+    return Arrival(meeting.incoming.course(ball, meeting.air, max(wait, SHORTEST_COURSE)), wait)
+
+
+def replace_state(incoming: IncomingBall, state: BallState) -> IncomingBall:
+    """Return an incoming ball that moves otherwise."""
+    return IncomingBall(state, incoming.ground, incoming.meet_at)
+
+
+def _near(course: Course, wait: float) -> Callable[[float], BallState]:
+    """Return the ball as a function of time, straight on beyond the ends of its path."""
+
+    def at(t: float) -> BallState:
+        inside = min(max(t, 0.0), course.duration)
+        state = course.sample(inside)
+        moved = state.position + (t - inside) * state.velocity
+        return BallState(moved, state.velocity, state.spin)
+
+    return at

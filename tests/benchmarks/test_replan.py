@@ -1,0 +1,27 @@
+"""Random balls from all sides are kicked to their targets, or refused with a reason."""
+
+import numpy as np
+import replan
+
+import kickdyn as kd
+
+
+def test_random_balls_land_or_are_refused(monkeypatch):
+    monkeypatch.setattr(replan, "POSTURES", 5)
+    landed, refused = 0, []
+    for case in replan.cases(8, seed=3):
+        try:
+            plan = kd.plan_kick(
+                case.leg, case.goal, replan.BALL, replan.AIR,
+                incoming=case.incoming, contact=case.contact,
+            )  # fmt: skip
+        except kd.InvalidInput as error:
+            refused.append((case, str(error)))
+            continue
+        if plan.share == 1.0:
+            landed += 1
+            assert replan.landing_error(case, plan) < 1e-5
+    assert landed >= 3
+    draw = np.random.default_rng(0)
+    assert all(len(reason.splitlines()) == 1 for _, reason in refused)
+    assert not any(replan.finds_kick(case, draw) for case, _ in refused[:1])

@@ -1,0 +1,38 @@
+"""Every answer is the one that was recorded; `python tools/record.py` records intended changes."""
+
+import pytest
+
+from recorded.differences import differences, same_text
+from recorded.store import cases, expected
+
+
+@pytest.mark.parametrize("label", cases())
+def test_the_answer_is_the_recorded_one(label):
+    case = cases()[label]
+    known = expected(case.group)
+    if case.grows and case.name not in known:
+        pytest.skip("a new module, which is not recorded yet")
+    assert case.name in known, f"{label} is not recorded: python tools/record.py"
+    found = case.differences(known[case.name], case.compute())
+    assert not found, "\n".join(
+        [f"{label!r} changed in {len(found)} fields; if meant: tools/record.py", *found[:12]]
+    )
+
+
+def test_nothing_is_recorded_that_no_case_computes():
+    labels = set(cases())
+    for group in {case.group for case in cases().values()}:
+        assert {f"{group}: {name}" for name in expected(group)} <= labels
+
+
+def test_what_counts_as_a_difference():
+    assert differences({"a": [1.0, 2e-12]}, {"a": [1.0 + 1e-9, 0.0]}) == []
+    assert differences({"a": [1.0, 0.0]}, {"a": [1.0, 1e-4]}) == ["a: [1.0, 0.0001] for [1.0, 0.0]"]
+    assert differences({"a": 1.0}, {"a": 1.0001}) == ["a: 1.0001 for 1.0"]
+    assert differences({"a": 1}, {"b": 1}) == ["a: missing, it was 1", "b: new, 1"]
+    assert differences({"a": True}, {"a": 1}) == ["a: 1 for True"]
+    assert same_text("speed  16.84 m/s, below 1e-14", "speed 16.85 m/s, below 1e-14")
+    assert same_text("residual 2.1e-16 of 3", "residual 8.8e-15 of 3")
+    for other in ("speed 16.86 m/s", "speed 16.84 km/s", "speed -16.84 m/s", "speed 168.4 m/s"):
+        assert not same_text("speed 16.84 m/s", other)
+    assert not same_text("3 bounces", "4 bounces")

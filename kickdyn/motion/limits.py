@@ -66,6 +66,11 @@ class Sample:
     size: float
 
 
+def when(time: float) -> str:
+    """Return a time from the impact on in words [s]."""
+    return f"{1e3 * abs(time):.0f} ms {'before' if time < 0.0 else 'after'} the impact"
+
+
 class Limit(ABC):
     """A limit of the motion.
 
@@ -94,8 +99,7 @@ class Limit(ABC):
         """Return a sentence about a row whose margin is below 0 at a time [s]."""
         amount = f"{-1e3 * margin:.1f} mm" if self.unit == "m" else f"{-margin:.2g} {self.unit}"
         excess = f"{-100 * margin:.1f} %" if not self.unit else amount
-        when = f"{1e3 * abs(time):.0f} ms {'before' if time < 0.0 else 'after'} the impact"
-        return f"{label} is beyond its limit by {excess}, {when}"
+        return f"{label} is beyond its limit by {excess}, {when(time)}"
 
 
 class TorqueLimit(Limit):

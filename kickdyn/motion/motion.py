@@ -57,6 +57,7 @@ class Motion(ReprMixin):
         placement: `pin.SE3` of the supporting frame in the world; None on a fixed base.
         limits: what the motion keeps, for `margins`; None where there is nothing to keep.
         warnings: a line for each limit that the motion does not keep.
+        solution: from which the planner of nearly the same motion starts, if any.
     """
 
     robot: Leg
@@ -66,6 +67,7 @@ class Motion(ReprMixin):
     placement: Any = None
     limits: Limits | None = None
     warnings: tuple[str, ...] = ()
+    solution: Any = None
 
     def _rows(self) -> Iterable[Row]:
         yield "joints", ", ".join(self.joints), ""

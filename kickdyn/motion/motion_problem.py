@@ -1,8 +1,10 @@
 r"""The nonlinear program of a motion, for Ipopt.
 
-Unknowns are the coefficients c of `MotionSplines` and the share s of the launch. Position, velocity
-and acceleration at each point, and position, velocity and its jump at the impact, are constant
-linear maps of c, so that the equations of motion add no unknowns. The impact with the impulse
+Unknowns are the coefficients c of `MotionSplines`, the share s of the launch, and at each point the
+torques and the ground's wrench. Position, velocity and acceleration at each point, and position,
+velocity and its jump at the impact, are constant linear maps of c. With torques and wrench unknown,
+the objective and most limits are quadratic or linear in the unknowns, which makes the Hessian
+cheaper, and the solver's equations sparser, than those of c alone. The impact with the impulse
 :math:`s\,p` on the ball keeps
 
 .. math::
@@ -32,8 +34,22 @@ import scipy.sparse as sp
 
 from kickdyn.core.validation import Array
 from kickdyn.motion.impact_target import ImpactTarget
-from kickdyn.motion.limits import Impulse, Limit, RangeLimit, Sample, SpeedLimit
-from kickdyn.motion.separation import BALL_RESERVE, RESERVE, Conditions, Surroundings
+from kickdyn.motion.limits import (
+    LENGTH,
+    Impulse,
+    Limit,
+    RangeLimit,
+    Sample,
+    SpeedLimit,
+    TorqueLimit,
+)
+from kickdyn.motion.separation import (
+    BALL_RESERVE,
+    RESERVE,
+    Conditions,
+    Surroundings,
+    multipliers_nearby,
+)
 from kickdyn.motion.splines import MotionSplines, integration_weights, per_joint
 from kickdyn.motion.symbolic_tree import SymbolicTree
 from kickdyn.restitution import rows_of
@@ -50,6 +66,9 @@ LARGEST_TURN = 1.5
 """Largest angular velocity of a standing robot's foot across the normal, before the impact [rad/s]:
 during the contact, a foot that turns faster sends the ball aside."""
 
+LEAST_EFFECT = 1e-3
+"""Share of the launch below which a limit does not count as one that holds it back."""
+
 TURN_SCALE = 10.0
 """Scale of that angular velocity [rad/s]."""
 
@@ -61,10 +80,14 @@ OPTIONS = {
     "sb": "yes",
     "tol": 1e-3,
     "dual_inf_tol": 0.1,
+    "nlp_scaling_method": "none",
     "compl_inf_tol": 1e-3,
     "linear_solver": "mumps",
+    "mumps_permuting_scaling": 0,
+    "mumps_pivot_order": 0,
 }
-"""Options of Ipopt that all solutions have."""
+"""Options of Ipopt that all solutions have. Without a permutation and with an ordering by least
+degree, factorizations take a third to a half of the time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,26 +160,45 @@ def make_rows(z: Any, p: Any, rows: Sequence[tuple[Any, float, float]], cost: An
     )
 
 
+class Multipliers(NamedTuple):
+    """Multipliers of a solution.
+
+    Attributes:
+        speeds: of the rows of speeds.
+        impact: of the rows of the impact.
+        bounds: of those of the coefficients and the share.
+        points: of the rows of each point and of the bounds of its forces, shape `(points, k)`.
+        apart: conditions of bodies with the multiplier of each.
+    """
+
+    speeds: Array
+    impact: Array
+    bounds: Array
+    points: Array
+    apart: Sequence[tuple[Conditions, Array]]
+
+
 @dataclass(frozen=True, eq=False)
 class Solution:
     """Unknowns that Ipopt returned, with what a next solution starts from.
 
     Attributes:
+        rest: posture near which both ends are, shape `(n,)`.
         coefficients: of the splines, shape `(size, n)`.
         share: of the launch.
         times: of the points, before and after the impact [s].
-        multipliers: of the rows of speeds, of points, shape `(points, k)`, of the impact, and of
-            the bounds.
+        multipliers: None where a solution does not start from those.
         feasible: whether the rows are in their bounds, within `TOLERANCE`.
         iterations: number of its iterations.
     """
 
+    rest: Array
     coefficients: Array
     share: float
     times: list[Array]
-    multipliers: tuple[Array, Array, Array, Array]
-    feasible: bool
-    iterations: int
+    multipliers: Multipliers | None = None
+    feasible: bool = True
+    iterations: int = 0
 
 
 class Block(NamedTuple):
@@ -175,6 +217,10 @@ class Block(NamedTuple):
     weights: Array
 
 
+SAME_TIME = 1e-12
+"""Difference up to which times are the same [s]."""
+
+
 class MotionProblem:
     """The problem of a kick's motion.
 
@@ -184,8 +230,11 @@ class MotionProblem:
         limits: of the whole motion.
         impulse_limits: of the ground's impulse.
         margins: CasADi's function of q, v, a that gives the margins of all `limits`, stacked.
+        forces: likewise the torques over their limits, and the ground's wrench on a robot that
+            stands, over its weight, moments over `LENGTH` times it.
         impulse_margins: likewise of q, the jump of v, and the share, of `impulse_limits`.
         surroundings: which bodies can come near each other.
+        iterations: number of those of all solutions so far.
     """
 
     def __init__(
@@ -201,17 +250,31 @@ class MotionProblem:
         self.n = int(model.nv)
         self.lower = np.maximum(model.lowerPositionLimit, -np.pi)
         self.upper = np.minimum(model.upperPositionLimit, np.pi)
-        self._model, self._tree = model, SymbolicTree(model)
+        self._model, self._tree, self.iterations = model, SymbolicTree(model), 0
         tree = self._tree
-        z, no_parameter = ca.vertcat(tree.q, tree.v, tree.a), ca.SX(0, 1)
         torque, wrench = tree.inverse_dynamics()
         weight = sum(body.mass for body in model.inertias) * 9.81
+        scale = np.asarray(model.effortLimit)
+        if task.standing is not None:
+            scale = np.append(scale, weight * np.repeat([1.0, LENGTH], 3))
         sample = Sample(tree, torque, wrench, weight)
         margins = [limit.margins(sample) for limit in limits]
         self.margins = ca.Function("margins", [tree.q, tree.v, tree.a], [ca.vertcat(*margins)])
-        rows = [limit.rows(sample) for limit in limits if not limit.by_splines]
-        cost = ca.sumsqr(torque / ca.DM(model.effortLimit)) / self.n
-        self.path = make_rows(z, no_parameter, rows, cost)
+        needed = ca.vertcat(torque, wrench)[: len(scale)] / ca.DM(scale)
+        self.forces = ca.Function("forces", [tree.q, tree.v, tree.a], [needed])
+        self._most = np.append(
+            np.full(self.n, 1.0 - TorqueLimit.reserve), np.full(len(scale) - self.n, np.inf)
+        )
+        forces = ca.SX.sym("forces", len(scale))
+        given = ca.vertcat(ca.DM(scale) * forces, ca.SX(6, 1))
+        sample = Sample(tree, given[: self.n], given[self.n : self.n + 6], weight)
+        of_splines = (TorqueLimit, SpeedLimit, RangeLimit)  # and bounds of unknowns
+        on_path = [limit for limit in limits if not isinstance(limit, of_splines)]
+        self._on_path = [(label, limit.unit) for limit in on_path for label in limit.labels]
+        rows = [limit.rows(sample) for limit in on_path]
+        rows.append((forces - needed, 0.0, 0.0))
+        cost = ca.sumsqr(forces[: self.n]) / self.n
+        self.path = make_rows(ca.vertcat(tree.q, tree.v, tree.a, forces), ca.SX(0, 1), rows, cost)
         self._add_impact(tree)
         offset = task.target.ball.radius * task.target.contact.normal
         self._ball_centre = ca.Function("ball", [tree.q], [self._point + ca.DM(offset)])
@@ -293,22 +356,30 @@ class MotionProblem:
 
     def stand(self, near: Array, *, at_ball: bool) -> Array | None:
         """Return a posture at rest near one, shape `(n,)`; with `at_ball`, touching the ball."""
-        q = ca.MX.sym("q", self.n)
-        rows = [self.path.values(ca.vertcat(q, ca.DM.zeros(2 * self.n)), [])[0]]
+        q, forces = ca.MX.sym("q", self.n), ca.MX.sym("forces", len(self._most))
+        rows = [self.path.values(ca.vertcat(q, ca.DM.zeros(2 * self.n), forces), [])[0]]
         lower, upper = [self.path.lower], [self.path.upper]
         if at_ball:
             rows.append(self.posture.values(q, [])[0])
             lower.append(self.posture.lower)
             upper.append(self.posture.upper)
-        problem = {"x": q, "f": ca.sumsqr(q - ca.DM(near)), "g": ca.vertcat(*rows)}
+        problem = {
+            "x": ca.vertcat(q, forces),
+            "f": ca.sumsqr(q - ca.DM(near)),
+            "g": ca.vertcat(*rows),
+        }
         options = {"error_on_fail": False, "print_time": False, "ipopt": OPTIONS}
         solver = ca.nlpsol("stand", "ipopt", problem, options)
         room = 0.02 * (self.upper - self.lower)
+        start = np.append(near, np.asarray(self.forces(near, 0.0, 0.0)).ravel())
         end = solver(
-            x0=near, lbx=self.lower + room, ubx=self.upper - room,
-            lbg=np.concatenate(lower), ubg=np.concatenate(upper),
-        )  # fmt: skip
-        return np.asarray(end["x"]).ravel() if solver.stats()["success"] else None
+            x0=start,
+            lbx=np.append(self.lower + room, -self._most),
+            ubx=np.append(self.upper - room, self._most),
+            lbg=np.concatenate(lower),
+            ubg=np.concatenate(upper),
+        )
+        return np.asarray(end["x"]).ravel()[: self.n] if solver.stats()["success"] else None
 
     def solve(
         self,
@@ -333,55 +404,125 @@ class MotionProblem:
             apart: conditions of bodies.
         """
         n, splines = self.n, self.splines
-        speeds = splines.speed_rows()
-        to_speeds = per_joint(speeds, n, 1)
-        to_speeds = sp.diags(np.tile(1.0 / self.task.speed_limit, len(speeds))) @ to_speeds
+        size, moments, free = splines.size * n + 1, np.concatenate(times), len(self._most)
+        to_speeds = per_joint(splines.speed_rows(), n, 1)
+        to_speeds = sp.diags(np.resize(1.0 / self.task.speed_limit, to_speeds.shape[0])) @ to_speeds
         blocks = [*self._blocks(times, relaxation), *map(self._block_apart, apart)]
         most = np.full(to_speeds.shape[0], 1.0 - SpeedLimit.reserve)
-        count, k = len(blocks[0].weights), len(self.path.lower)
-        lower, upper = [-most], [most]
-        for block in blocks:
-            lower.append(np.tile(block.rows.lower, len(block.weights)))
-            upper.append(np.tile(block.rows.upper, len(block.weights)))
-        lowest, highest = np.concatenate(lower), np.concatenate(upper)
-        multipliers = np.zeros(len(lowest))
-        ends = np.cumsum([len(most), count * k, len(self.impact.lower)])
-        known_speeds, points, impact, bounds = start.multipliers
-        if len(points):
-            old, new = np.concatenate(start.times), np.concatenate(times)
-            order = np.abs(old[None] - new[:, None])
-            known = order.min(axis=1) < 1e-12
-            points = np.where(known[:, None], points[order.argmin(axis=1)], 0.0)
-            multipliers[: ends[2]] = np.concatenate([known_speeds, points.ravel(), impact])
+        lower = [np.tile(block.rows.lower, len(block.weights)) for block in blocks]
+        upper = [np.tile(block.rows.upper, len(block.weights)) for block in blocks]
+        lowest, highest = np.concatenate([-most, *lower]), np.concatenate([most, *upper])
         room = RangeLimit.reserve * (self.upper - self.lower)
-        solver = self._solver(rest, blocks, _matrix(to_speeds), options)
+        bound = np.tile(self._most, len(moments))
+        q, v, a = (splines.values(times, order) @ start.coefficients for order in range(3))
+        forces = np.asarray(self.forces.map(len(q))(q.T, v.T, a.T)).T
+        multipliers, bounds = self._multipliers(start, moments, apart, (len(most), size))
+        solver = self._solver(rest, blocks, to_speeds, options)
         end = solver(
-            x0=np.append(start.coefficients.ravel(), np.clip(start.share, *shares)),
-            lbx=np.append(np.tile(self.lower + room, splines.size), shares[0]),
-            ubx=np.append(np.tile(self.upper - room, splines.size), shares[1]),
+            x0=np.concatenate([
+                start.coefficients.ravel(), [np.clip(start.share, *shares)], forces.ravel()
+            ]),
+            lbx=np.concatenate([np.tile(self.lower + room, splines.size), shares[:1], -bound]),
+            ubx=np.concatenate([np.tile(self.upper - room, splines.size), shares[1:], bound]),
             lbg=lowest,
             ubg=highest,
             lam_g0=multipliers,
-            lam_x0=bounds if len(bounds) else np.zeros(splines.size * n + 1),
-        )
+            lam_x0=bounds,
+        )  # fmt: skip
         x, rows, multipliers, bounds = (
             np.asarray(end[name]).ravel() for name in ("x", "g", "lam_g", "lam_x")
         )
-        of_speeds, of_points, of_impact, _ = np.split(multipliers, ends)
+        self.iterations += int(solver.stats()["iter_count"])
+        sizes = [len(most), *map(len, lower)]
+        of_speeds, of_points, of_impact, *of_apart = np.split(multipliers, np.cumsum(sizes)[:-1])
+        of_points = of_points.reshape(len(moments), -1)
         return Solution(
-            x[:-1].reshape(splines.size, n),
-            float(x[-1]),
+            rest,
+            x[: size - 1].reshape(splines.size, n),
+            float(x[size - 1]),
             times,
-            (of_speeds, of_points.reshape(count, -1), of_impact, bounds),
+            Multipliers(
+                of_speeds,
+                of_impact,
+                bounds[:size],
+                np.hstack([of_points, bounds[size:].reshape(len(moments), free)]),
+                [*zip(apart, of_apart, strict=True)],
+            ),
             bool(np.abs(rows - np.clip(rows, lowest, highest)).max() <= TOLERANCE),
             int(solver.stats()["iter_count"]),
         )
 
+    def effects(self, solution: Solution) -> dict[str, float]:
+        """Return about how much of the launch each limit takes, by name.
+
+        It is the share that 10 % more, 1 cm or 0.1 rad would give, by the multipliers, without
+        those limits where it is less than `LEAST_EFFECT`.
+        """
+        known, names, total = solution.multipliers, self.task.leg.joint_names, dict[str, float]()
+        if known is None:
+            return total
+
+        def add(label: str, values: Array, amount: float = 0.1) -> None:
+            total[label] = total.get(label, 0.0) + amount / SHARE * float(np.abs(values).sum())
+
+        torques, ranges = known.points[:, len(self.path.lower) :], known.bounds[:-1]
+        for i, name in enumerate(names):
+            add(f"torque of {name}", torques[:, i])
+            add(f"speed of {name}", known.speeds[i :: self.n])
+            add(f"range of {name}", ranges[i :: self.n])
+        for i, (label, unit) in enumerate(self._on_path):
+            add(label, known.points[:, i], 0.01 if unit == "m" else 0.1)
+        labels = [label for limit in self.impulse_limits for label in limit.labels]
+        for label, value in zip(
+            labels, known.impact[len(known.impact) - len(labels) :], strict=True
+        ):
+            add(label, value)
+        for (joints, _, _), values in known.apart:
+            first, second = (str(self._model.names[joint]) for joint in joints)
+            other = "the ball" if joints[1] < 0 else f"those of {second}"
+            add(f"distance of bodies of {first} from {other}", values, 0.01)
+        return {label: value for label, value in total.items() if value > LEAST_EFFECT}
+
+    def _multipliers(
+        self, start: Solution, moments: Array, apart: Sequence[Conditions], sizes: tuple[int, int]
+    ) -> tuple[Array, Array]:
+        """Return the multipliers of all rows and bounds that those of a solution give.
+
+        Args:
+            start: the solution.
+            moments: of the points, shape `(k,)` [s].
+            apart: conditions of bodies.
+            sizes: numbers of rows of speeds, and of the coefficients and the share.
+        """
+        k = len(self.path.lower)
+        known = start.multipliers or Multipliers(
+            np.zeros(sizes[0]), np.zeros(len(self.impact.lower)), np.zeros(sizes[1]),
+            np.zeros((sum(map(len, start.times)), k + len(self._most))), [],
+        )  # fmt: skip
+        distance = np.abs(np.concatenate(start.times)[None] - moments[:, None])
+        same = distance.min(axis=1) < SAME_TIME
+        points = np.where(same[:, None], known.points[distance.argmin(axis=1)], 0.0)
+        former = {conditions.joints: (conditions, values) for conditions, values in known.apart}
+        of_apart = [
+            multipliers_nearby(conditions, *former[conditions.joints])
+            if conditions.joints in former
+            else np.zeros(len(conditions.times))
+            for conditions in apart
+        ]
+        rows = np.concatenate([known.speeds, points[:, :k].ravel(), known.impact, *of_apart])
+        return rows, np.append(known.bounds, points[:, k:])
+
     def _blocks(self, times: list[Array], relaxation: float) -> list[Block]:
         """Return the rows of the points and of the impact."""
-        n, splines = self.n, self.splines
+        n, splines, free = self.n, self.splines, len(self._most)
         maps = np.stack([splines.values(times, order) for order in range(3)], axis=1)
-        to_points = per_joint(maps.reshape(3 * len(maps), -1), n, 1)
+        to_states = per_joint(maps.reshape(3 * len(maps), -1), n, 1)
+        to_points = sp.block_diag([to_states, sp.eye(len(maps) * free)]).tocsr()
+        numbers = [
+            np.arange(to_states.shape[0]).reshape(len(maps), -1),
+            to_states.shape[0] + np.arange(len(maps) * free).reshape(len(maps), -1),
+        ]
+        to_points = to_points[np.hstack(numbers).ravel()]  # states and forces of each point
         last = splines.size * n
         to_share = sp.csr_matrix(([1.0], ([0], [last])), shape=(1, last + 1))
         to_impact = sp.vstack([per_joint(splines.at_impact(), n, 1), to_share])
@@ -405,14 +546,14 @@ class MotionProblem:
         return Block(rows, to_points, conditions.parameters[:, order], np.zeros(len(times)))
 
     def _solver(
-        self, rest: Array, blocks: Sequence[Block], to_speeds: Any, options: dict[str, Any]
+        self, rest: Array, blocks: Sequence[Block], speeds: Any, options: dict[str, Any]
     ) -> Any:
         """Return Ipopt's solver for the speeds of the splines and for blocks of rows."""
-        size = self.splines.size * self.n + 1
-        quadratic = ca.DM(_matrix(self._quadratic()))
-        centre = ca.DM(np.append(np.tile(rest, self.splines.size), 0.0))
+        last, size = self.splines.size * self.n, max(block.matrix.shape[1] for block in blocks)
+        quadratic, to_speeds = _matrix(self._quadratic(), size, size), _matrix(speeds, size)
+        centre = ca.DM(np.append(np.tile(rest, self.splines.size), np.zeros(size - last)))
         share = ca.DM(size, 1)
-        share[size - 1] = -SHARE
+        share[last] = -SHARE
         sizes = [
             to_speeds.size1(),
             *(len(block.rows.lower) * len(block.weights) for block in blocks),
@@ -420,11 +561,11 @@ class MotionProblem:
         x, p, cost_weight = ca.MX.sym("x", size), ca.MX.sym("p", 0), ca.MX.sym("weight")
         multipliers = ca.MX.sym("multipliers", sum(sizes))
         parts = ca.vertsplit(multipliers, np.cumsum([0, *sizes]).tolist())
-        cost = 0.5 * ca.dot(x - centre, quadratic @ (x - centre)) + SHARE * (1.0 - x[-1])
+        cost = 0.5 * ca.dot(x - centre, quadratic @ (x - centre)) + SHARE * (1.0 - x[last])
         gradient, hessian = quadratic @ (x - centre) + share, cost_weight * quadratic
         constraints, jacobian = [to_speeds @ x], [ca.MX(to_speeds)]
         for (rows, matrix, parameters, weights), part in zip(blocks, parts[1:], strict=True):
-            count, to_points = len(weights), _matrix(matrix)
+            count, to_points = len(weights), _matrix(matrix, size)
             m = matrix.shape[0] // count
             z, p_given, weight = (
                 ca.reshape(to_points @ x, m, count),
@@ -474,9 +615,11 @@ class MotionProblem:
         return sp.block_diag([every, sp.csr_matrix((1, 1))])
 
 
-def _matrix(matrix: Any) -> Any:
-    """Return a sparse matrix of scipy as one of CasADi."""
-    return ca.DM(sp.csc_matrix(matrix))
+def _matrix(matrix: Any, columns: int, rows: int | None = None) -> Any:
+    """Return a sparse matrix of scipy, with zeros added to its size, as one of CasADi."""
+    larger = sp.csc_matrix(matrix, copy=True)
+    larger.resize(rows or matrix.shape[0], columns)
+    return ca.DM(larger)
 
 
 def _restitution(target: ImpactTarget, approach: Any) -> Any:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from typing import Any
 
@@ -26,6 +26,7 @@ from kickdyn.motion.limits import (
     Tilt,
     TorqueLimit,
     Twist,
+    when,
 )
 from kickdyn.motion.motion import Motion
 from kickdyn.motion.motion_problem import KickTask, MotionProblem, Solution
@@ -72,15 +73,16 @@ which it is checked and of postures of a limb that are drawn."""
 FAR = 0.02
 """Violation of a limit from which on a solution is only a start for another one."""
 
-NONE = (np.zeros(0),) * 4
-"""Multipliers of a solution that has none."""
+ROUNDS, ITERATIONS = 4, 350
+"""Solutions with points added where limits are broken, and iterations of all solutions from which
+on no other one is begun."""
 
-ROUNDS = 4
-"""Solutions with points added where limits are broken, at most."""
+NAMED = 3
+"""Number of limits in the sentence on what holds a motion back."""
 
-FULL, LEAST_SHARE = 0.99, 0.05
-"""Share of the launch from which on the whole launch is sought, and share below which there is no
-kick."""
+FULL, NEARLY, HOPE, LEAST_SHARE = 0.98, 0.9, 0.6, 0.05
+"""Shares of the launch: from which on the whole launch is sought; from which on the motion of the
+legs is one to start from; below which legs alone are given up; and below which there is no kick."""
 
 TIGHTER = {"mu_init": 1e-3, "max_iter": 150, "constr_viol_tol": 1e-7}
 """Options of Ipopt for a solution that others follow near it."""
@@ -172,21 +174,22 @@ def plan_motion(task: KickTask, near: Motion | None = None) -> PlannedMotion:
             within its limits.
     """
     _check_limits(task.leg)
-    if task.standing is None:
-        return _plan(task, near, {}, 1.0, STARTS)
-    legs = kicking_chain(task.leg).leg
+    legs = task.leg if task.standing is None else kicking_chain(task.leg).leg
     if legs.joint_names == task.leg.joint_names:
-        return _plan(task, near, {}, 1.0, STARTS)
+        return _plan(task, _Near(near), STARTS)
     if near is not None and near.joints != legs.joint_names:
-        return _plan(task, near, {}, 1.0, 0)
-    first = _plan(replace(task, leg=legs), near, {}, 1.0, 0)
+        return _plan(task, _Near(near), 0)
+    planned = first = _plan(replace(task, leg=legs), _Near(near), 0)
     if first.keeps_limits and not _overloads(first.motion):
         return first
-    aside = _limbs_aside(task, first.motion, _idle_limbs(task.leg, legs))
-    planned = _plan(task, first.motion, aside, first.share, 0, FIRST)
-    if planned.keeps_limits:
-        return planned
-    other = _plan(task, None, {}, 1.0, 1)
+    if near is not None and not first.keeps_limits:
+        return first
+    if first.share > NEARLY:
+        aside = _limbs_aside(task, first.motion, _idle_limbs(task.leg, legs))
+        planned = _plan(task, _Near(first.motion, aside, first.share), 0)
+        if planned.keeps_limits:
+            return planned
+    other = _plan(task, _Near(None), 1)
     return max(other, planned, key=lambda motion: (motion.keeps_limits, motion.share))
 
 
@@ -261,49 +264,76 @@ def _touches(near: Surroundings, q: Array, at_rest: Collection[tuple[str, str]])
     return any(gap.place.depth > 0.0 or gap.frames not in at_rest for gap in gaps)
 
 
-def _plan(
-    task: KickTask,
-    near: Motion | None,
-    others: Mapping[str, float],
-    share: float,
-    starts: int,
-    options: dict[str, Any] | None = None,
-) -> PlannedMotion:
+@dataclass(frozen=True, eq=False)
+class _Near:
+    """What to start from.
+
+    Attributes:
+        motion: None is a posture at rest.
+        others: values of joints that have no spline there, other than at rest.
+        share: of the launch, that it reaches.
+    """
+
+    motion: Motion | None
+    others: Mapping[str, float] = field(default_factory=dict)
+    share: float = 1.0
+
+
+def _plan(task: KickTask, near: _Near, starts: int) -> PlannedMotion:
     """Return the best motion of all joints of a task.
 
     Args:
         task: the kick.
-        near: motion to start from, if any.
-        others: values of joints that have no spline there, other than at rest.
-        share: of the launch, that it reaches.
+        near: what to start from.
         starts: number of starts at most; with 0, there is one, and limits between points are not
             sought where it does not reach the whole launch.
-        options: of Ipopt, for the first solution; None are those that suit the start.
     """
     stands = task.standing is not None
     splines = MotionSplines(*DURATIONS[stands], INTERVALS[stands])
     limits, of_impulse = _limits_of(task)
     problem = MotionProblem(task, splines, limits, of_impulse)
     verdicts = []
-    for rest, start, suited in islice(_starts(problem, near, others, share), max(starts, 1)):
-        verdicts.append(_solve(problem, rest, start, options or suited, starts > 0))
-        if verdicts[-1].keeps_limits:
+    for rest, start in islice(_starts(problem, near), max(starts, 2 if near.motion else 1)):
+        if start.multipliers is not None:
+            verdicts.append(_solve_again(problem, start))
+            if verdicts[-1].keeps_limits:
+                break
+            continue
+        verdicts.append(_solve(problem, rest, start, near.motion is not None, starts > 0))
+        if verdicts[-1].keeps_limits or problem.iterations > ITERATIONS:
             break
+    return _best(verdicts).planned()
+
+
+def _best(verdicts: Sequence["_Verdict"]) -> "_Verdict":
+    """Return the verdict on the solution that keeps all limits with the largest share, if any."""
     kept = [verdict for verdict in verdicts if verdict.broken == 0.0]
-    best = max(kept or verdicts, key=lambda verdict: verdict.solution.share - verdict.broken)
-    return best.planned()
+    return max(kept or verdicts, key=lambda verdict: verdict.solution.share - verdict.broken)
+
+
+def _solve_again(problem: MotionProblem, start: Solution) -> "_Verdict":
+    """Return the verdict on the solution next to the one of nearly the same kick."""
+    assert start.multipliers is not None
+    apart = [conditions for conditions, _ in start.multipliers.apart]
+    solution = problem.solve(
+        start,
+        start.rest,
+        start.times,
+        relaxation=0.0,
+        shares=(1.0, 1.0),
+        options=AGAIN,
+        apart=apart,
+    )
+    return _Verdict(problem, solution)
 
 
 def _solve(
-    problem: MotionProblem,
-    rest: Array,
-    start: Solution,
-    options: dict[str, Any],
-    partly: bool,
+    problem: MotionProblem, rest: Array, start: Solution, moves: bool, partly: bool
 ) -> "_Verdict":
     """Return the verdict on the solution from unknowns to start from.
 
-    Both ends are near a posture at rest; `partly` says whether a share of the launch is of use.
+    Both ends are near a posture at rest; `moves` says whether the start is a motion, and `partly`
+    whether a share of the launch is of use.
     """
     apart = _Nearness(problem, start, start.times).conditions(start.times)
     solution = problem.solve(
@@ -312,12 +342,12 @@ def _solve(
         start.times,
         relaxation=Impulse.relaxation,
         shares=(0.0, 1.0),
-        options=options,
+        options=NEARBY if moves else FIRST,
         apart=apart,
     )
-    if solution.share <= FULL:
+    if (HOPE if not partly else 0.0) < solution.share <= FULL:
         solution = problem.solve(
-            replace(solution, multipliers=NONE),
+            replace(solution, multipliers=None),
             rest,
             start.times,
             relaxation=Impulse.relaxation,
@@ -326,13 +356,16 @@ def _solve(
             apart=apart,
         )
     verdict, full = _Verdict(problem, solution), solution.share > FULL
+    verdicts: list[_Verdict] = []  # the first solution keeps its limits at the points only
     for _ in range(ROUNDS):
         if solution.share < LEAST_SHARE or not (full or partly):
+            break
+        if problem.iterations > ITERATIONS and verdicts:
             break
         far, times = verdict.broken > FAR, verdict.add_points(solution.times)
         apart = with_former(verdict.nearness.conditions(times), apart if solution.feasible else ())
         if far:
-            solution = replace(solution, multipliers=NONE)
+            solution = replace(solution, multipliers=None)
         solution = problem.solve(
             solution,
             rest,
@@ -343,9 +376,10 @@ def _solve(
             apart=apart,
         )
         verdict, full = _Verdict(problem, solution), solution.share > FULL
+        verdicts.append(verdict)
         if verdict.broken == 0.0 and (solution.share == 1.0 or not full):
             break
-    return verdict
+    return _best(verdicts or [verdict])
 
 
 class _Nearness:
@@ -356,18 +390,19 @@ class _Nearness:
     """
 
     def __init__(self, problem: MotionProblem, solution: Solution, times: list[Array]) -> None:
-        self._near, self._times = problem.surroundings, np.concatenate(times)
+        self._problem, self._times = problem, np.concatenate(times)
         self._q = problem.splines.values(times, 0) @ solution.coefficients
         ball = problem.ball_centre(problem.splines.at_impact()[0] @ solution.coefficients)
         swing = len(times[0])
         self.gaps = [
-            self._near.gaps(q, ball if row < swing else None) for row, q in enumerate(self._q)
+            problem.surroundings.gaps(q, ball if row < swing else None)
+            for row, q in enumerate(self._q)
         ]
 
     def conditions(self, points: list[Array]) -> list[Conditions]:
         """Return conditions at some of the times, and at those at which bodies are nearest."""
         chosen = np.isin(self._times.round(12), np.concatenate(points).round(12))
-        return self._near.conditions(self.gaps, self._times, self._q, chosen)
+        return self._problem.surroundings.conditions(self.gaps, self._times, self._q, chosen)
 
 
 class _Verdict:
@@ -389,9 +424,9 @@ class _Verdict:
         )
         self.margins = Margins(problem.margins, problem.limits)
         self.rows = self.margins.rows(q, v, a)
-        costs = problem.path.values.map(len(v))(np.hstack([q, v, a]).T, [])[1]
+        forces = np.asarray(problem.forces.map(len(v))(q.T, v.T, a.T))[: problem.n]
         weights = np.concatenate([integration_weights(times) for times in self.times])
-        self.torque_squared = float(weights @ np.asarray(costs).ravel())
+        self.torque_squared = float((forces**2).mean(axis=0) @ weights)
         before, after = pair
         jump = after(0.0, 1) - before(0.0, 1)
         self.impulse = np.asarray(
@@ -434,6 +469,8 @@ class _Verdict:
                 lines.append(f"{label} is beyond its limit by {-self.impulse[row]:.2g}")
         if not solution.feasible:
             lines.append("the solver finds no motion that keeps the equations of the impact")
+        if solution.share < 1.0 and solution.multipliers is not None:
+            lines.insert(0, self._held_back())
         near = self.rows.min(axis=0)
         reached = [label for limit, label, row in labels if near[row] < limit.reserve + REACHED]
         placement = None if task.standing is None else task.standing.placement
@@ -446,6 +483,7 @@ class _Verdict:
             placement,
             self.margins,
             tuple(dict.fromkeys(lines)),
+            solution if solution.share == 1.0 else None,
         )
         use = 1.0 - self.rows[:, : 2 * problem.n].min(axis=0)  # torques, then speeds
         return PlannedMotion(
@@ -463,31 +501,42 @@ class _Verdict:
         """Whether the whole launch is reached and all limits are kept."""
         return self.solution.share == 1.0 and self.broken == 0.0
 
+    def _held_back(self) -> str:
+        """Return a sentence on the share and on the limits that hold it back most."""
+        effects, times = self.problem.effects(self.solution), np.concatenate(self.times)
+        columns = {label: row for _, label, row in self._labels(self.problem.limits)}
+        names = []
+        for label in sorted(effects, key=effects.__getitem__, reverse=True)[:NAMED]:
+            t = times[np.argmin(self.rows[:, columns[label]])] if label in columns else 0.0
+            names.append(f"{label}{f' ({when(t)})' if label in columns else ''}")
+        share = f"the motion reaches {100 * self.solution.share:.0f} % of the launch"
+        return f"{share}; limits that hold it back most: {', '.join(names)}" if names else share
+
     def _labels(self, limits: Sequence[Limit]) -> list[tuple[Limit, str, int]]:
         every = [(limit, label) for limit in limits for label in limit.labels]
         return [(limit, label, row) for row, (limit, label) in enumerate(every)]
 
 
-def _starts(
-    problem: MotionProblem, near: Motion | None, others: Mapping[str, float], share: float
-) -> Iterator[tuple[Array, Solution, dict[str, Any]]]:
-    """Yield postures at rest, unknowns to start from, and options of Ipopt.
+def _starts(problem: MotionProblem, near: _Near) -> Iterator[tuple[Array, Solution]]:
+    """Yield postures at rest and unknowns to start from.
 
     Without a motion to start from, the robot stays in a posture that touches the ball.
 
     Raises:
         InvalidInput: there are none.
     """
-    splines, nothing = problem.splines, NONE
+    splines, motion = problem.splines, near.motion
     times = splines.times(*POINTS)
-    if near is not None:
+    if motion is not None:
         leg = problem.task.leg
-        values = {**leg.joint_values(rest_configuration(leg)), **others}
+        values = {**leg.joint_values(rest_configuration(leg)), **near.others}
         coefficients = np.tile([values[name] for name in leg.joint_names], (splines.size, 1))
-        moved = [leg.joint_names.index(name) for name in near.joints]
-        coefficients[:, moved] = splines.coefficients(near.before, near.after)
-        start = Solution(coefficients, share, times, nothing, True, 0)
-        yield coefficients[0], start, NEARBY
+        moved = [leg.joint_names.index(name) for name in motion.joints]
+        coefficients[:, moved] = splines.coefficients(motion.before, motion.after)
+        known = motion.solution
+        if known is not None and np.array_equal(known.coefficients, coefficients):
+            yield known.rest, known
+        yield coefficients[0], Solution(coefficients[0], coefficients, near.share, times)
         return
     draw, robot = np.random.default_rng(0), problem.task.robot
     room = CENTRAL * (problem.upper - problem.lower)
@@ -501,7 +550,7 @@ def _starts(
         if rest is not None and hit is not None:
             reachable = True
             still = np.tile(hit, (splines.size, 1))
-            yield rest, Solution(still, FIRST_SHARE, times, nothing, True, 0), FIRST
+            yield rest, Solution(rest, still, FIRST_SHARE, times)
     if not reachable:
         does = "stand at rest" if rest is None else "touch the ball at rest"
         raise InvalidInput(

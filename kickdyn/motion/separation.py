@@ -137,6 +137,15 @@ class Surroundings:
         ]
 
 
+def multipliers_nearby(new: Conditions, former: Conditions, multipliers: Array) -> Array:
+    """Return multipliers of new conditions: of the most similar former one at each time, or 0."""
+    apart = np.abs(new.times[:, None] - former.times[None])
+    change = np.linalg.norm(new.parameters[:, :, None] - former.parameters[:, None], axis=0)
+    nearest = np.where(apart < 1e-12, change, np.inf)
+    found = np.isfinite(nearest).any(axis=1)
+    return np.where(found, multipliers[nearest.argmin(axis=1)], 0.0)
+
+
 def with_former(new: Sequence[Conditions], former: Sequence[Conditions]) -> list[Conditions]:
     """Return conditions with those former ones for whose joints there are none at that time.
 

@@ -49,6 +49,10 @@ from kickdyn.robot.surgery import turn_body
 FARTHEST_BALL = 1e9
 """Farthest that a ball may lie from the world's origin, along each axis [m]."""
 
+CORRECTIONS, SAME_LAUNCH = 3, 5e-5
+"""Corrections of the impulse for joints that give way, at most, and difference of launches, over
+their speed, from which on there is one."""
+
 
 @validation.check_arguments
 def plan_kick(
@@ -170,6 +174,7 @@ def plan_kick(
         problem = kick_problem(leg, target, position, limits=limits, solver=solver)
         if motion:
             posture, v, outcome = _plan_motion(problem)
+            target = outcome.pop("impact_target")
         else:
             posture, v, outcome = _plan_posture(problem, OBJECTIVES[objective]())
         impact = strike(posture, v, ball, target.contact)
@@ -218,6 +223,7 @@ def replan_motion(plan: KickPlan, velocity: ArrayLike, contact: Contact | None =
         target = impact_target_for(wished, after.spin, ball, contact)
         problem = kick_problem(leg, target, position)
         posture, v, outcome = _plan_motion(problem, plan.motion)
+        target = outcome.pop("impact_target")
         impact = strike(posture, v, ball, target.contact)
         path = _path_like(plan, impact)
     return replace(plan, impact_target=target, impact=impact, path=path, **outcome)
@@ -278,7 +284,11 @@ def _path_like(plan: KickPlan, impact: Impact) -> Flight | Course:
 
 
 def _plan_motion(problem: KickProblem, near: Motion | None = None) -> Chosen:
-    """Return the state at the impact that a motion from rest to rest contains."""
+    """Return the state at the impact that a motion from rest to rest contains.
+
+    Joints that the motion keeps at rest give way in `strike`. The impulse is corrected for that; it
+    is that of the `impact_target` in the attributes.
+    """
     if find_spec("casadi") is None:
         raise InvalidInput(
             'motions need the package casadi: install it with pip install "kickdyn[motion]"'
@@ -287,21 +297,35 @@ def _plan_motion(problem: KickProblem, near: Motion | None = None) -> Chosen:
     from kickdyn.motion.plan_motion import plan_motion
 
     standing, none = problem.standing, np.zeros((0, 3))
-    ball, facing = problem.find(BallPosition), problem.find(Facing)
+    place, facing = problem.find(BallPosition), problem.find(Facing)
     leg = problem.limb.leg if standing is None else standing.leg
     task = KickTask(
         problem.robot,
         leg,
         problem.variables.target,
         problem.foot_directions,
-        none if ball is None else ball.rows,
-        np.zeros(3) if ball is None else ball.centre,
+        none if place is None else place.rows,
+        np.zeros(3) if place is None else place.centre,
         none if facing is None else facing.axes,
         standing,
     )
-    planned = plan_motion(task, near)
+    planned, target = plan_motion(task, near), task.target
+    wished, ball = target.impulse / target.ball.mass, target.ball
+    for _ in range(CORRECTIONS):
+        posture, v = problem.robot.posture(planned.motion.q(0.0)), planned.motion.v(0.0)
+        struck = strike(posture, v, ball, target.contact).ball_after
+        lack = wished - struck.velocity
+        close = np.linalg.norm(lack) < SAME_LAUNCH * np.linalg.norm(wished)
+        if close or not planned.keeps_limits:
+            break
+        corrected = replace(target, impulse=target.impulse + ball.mass * lack)
+        again = plan_motion(replace(task, target=corrected), planned.motion)
+        if not again.keeps_limits:
+            break
+        planned, target = again, corrected
     posture = problem.robot.posture(planned.motion.q(0.0))
     outcome = {
+        "impact_target": target,
         "share": planned.share,
         "value": planned.torque_squared,
         "speed_use": planned.speed_use,

@@ -27,6 +27,17 @@ JOINT_COLOUR: Rgba = (0.25, 0.27, 0.31, 1.0)
 """Colours of sticks and of bodies without a colour, and of the spheres at joints."""
 
 
+PERSON_COLOUR = 0x8A97A6
+PERSON = (
+    ((0.0, 0.0, 0.25), (0.0, 0.0, 1.25), 0.3),  # trunk
+    ((0.0, 0.0, 1.25), (0.0, 0.0, 1.45), 0.12),  # neck
+    ((0.0, 0.0, 1.68), (0.0, 0.0, 1.68), 0.25),  # head
+    ((0.0, 0.38, 1.15), (0.1, 0.55, 0.0), 0.1),  # arms
+    ((0.0, -0.38, 1.15), (-0.1, -0.55, 0.0), 0.1),
+)
+"""Cylinders and a sphere of a person above the hip: from, to, radius, over the thigh's length."""
+
+
 class BodyShape(NamedTuple):
     """A geometry of meshcat fixed to a joint, in a colour of four numbers from 0 to 1.
 
@@ -76,7 +87,33 @@ def draw_leg(viewer: Any, leg: Leg, q: Array) -> Array:
         corners.append(_corners(body_shape.geometry) @ pose[:3, :3].T + pose[:3, 3])
     for joint, pose in enumerate(poses):
         viewer[str(joint)].set_transform(pose)
+    _draw_person(viewer, leg)
     return np.vstack(corners)
+
+
+def _draw_person(viewer: Any, leg: Leg) -> None:
+    """Draw the rest of the person to whom a leg of `Leg.human` belongs, as a faint figure.
+
+    The hip of such a leg is fixed. The figure has no part in any computation.
+    """
+    model = leg.workspace.model
+    if not (leg.name or "").startswith("leg_human") or "knee" not in model.names:
+        return
+    hip = model.joints[1]
+    if hip.nq != 1:  # a pelvis that moves
+        return
+    thigh = float(np.linalg.norm(model.jointPlacements[model.getJointId("knee")].translation))
+    for number, (start, end, radius) in enumerate(PERSON):
+        ends = thigh * np.array([start, end])
+        look = shapes.MeshLambertMaterial(color=PERSON_COLOUR, opacity=0.22, transparent=True)
+        node = viewer[f"0/person/{number}"]
+        if start == end:
+            node.set_object(shapes.Sphere(radius * thigh), look)
+            node.set_transform(tf.translation_matrix(ends[0]))
+            continue
+        length = float(np.linalg.norm(ends[1] - ends[0]))
+        node.set_object(shapes.Cylinder(length, radius * thigh), look)
+        node.set_transform(cylinder_pose(ends[0], ends[1]))
 
 
 def leg_shapes(leg: Leg) -> tuple[list[BodyShape], str]:

@@ -1,8 +1,11 @@
 """A motion of splines, by Pinocchio alone."""
 
+from itertools import pairwise
+
 import numpy as np
 import pinocchio as pin
 import pytest
+from scipy.integrate import solve_ivp
 
 
 def test_a_motion_of_a_fixed_leg_is_its_splines_and_its_inverse_dynamics(swinging):
@@ -97,3 +100,56 @@ def test_the_plot_has_all_torques_and_speeds(name, request):
     words = ["torque, % of its limit", "speed, % of its limit"]
     assert [axes.get_ylabel() for axes in panels] == words
     assert panels[-1].get_xlabel() == "time from the impact [s]"
+
+
+@pytest.fixture
+def constrained(walking):
+    """Return a function of q, v and torques: the acceleration while the foot is at rest."""
+    model = walking.robot.model
+    data, sole = model.createData(), model.frames[model.getFrameId("left_ankle_roll_link")]
+    feet, foot_data = pin.StdVec_RigidConstraintModel(), pin.StdVec_RigidConstraintData()
+    feet.append(
+        pin.RigidConstraintModel(
+            pin.ContactType.CONTACT_6D, model, sole.parentJoint, sole.placement
+        )
+    )
+    foot_data.append(feet[0].createData())
+    pin.initConstraintDynamics(model, data, feet, foot_data)
+
+    def accelerations(q, v, torque):
+        settings = pin.ProximalSettings(1e-14, 0.0, 1)
+        return pin.constraintDynamics(model, data, q, v, torque, feet, foot_data, settings)
+
+    return accelerations
+
+
+@pytest.mark.parametrize("t", [-0.31, -0.07, 0.26])
+def test_the_momentum_closes_with_gravity_and_the_ground(walking, constrained, t):
+    model, q, v = walking.robot.model, walking.q(t), walking.v(t)
+    data = model.createData()
+    a = constrained(q, v, walking.torque(t))
+    rate = pin.computeCentroidalMomentumTimeVariation(model, data, q, v, a).vector
+    weight = pin.computeTotalMass(model) * model.gravity.linear
+    force, moment = np.split(walking.ground_wrench(t), 2)
+    supplied = np.concatenate([weight + force, moment - np.cross(data.com[0], force)])
+    np.testing.assert_allclose(rate, supplied, atol=1e-9)
+
+
+def test_constrained_dynamics_with_the_torques_follow_the_backswing(walking, constrained):
+    """Of the robot with its floating base; the torques are smooth between knots."""
+    nq = walking.robot.model.nq
+
+    def slope(t, x):
+        q, v = x[:nq].copy(), x[nq:]
+        q[3:7] /= np.linalg.norm(q[3:7])
+        turn = pin.Quaternion(q[3:7])
+        turning = turn * pin.Quaternion(np.append(v[3:6], 0.0))  # a body's turning, in its axes
+        moved = np.concatenate([turn.matrix() @ v[:3], 0.5 * turning.coeffs(), v[6:]])
+        return np.concatenate([moved, constrained(q, v, walking.torque(t))])
+
+    state = np.concatenate([walking.q(walking.begin), walking.v(walking.begin)])
+    for first, last in pairwise(np.unique(walking.before.t)):
+        inside = (first, last - 1e-12)
+        state = solve_ivp(slope, inside, state, "DOP853", rtol=1e-10, atol=1e-11).y[:, -1]
+    np.testing.assert_allclose(state[:nq], walking.q(0.0), atol=1e-6)
+    np.testing.assert_allclose(state[nq:], walking.v(0.0), atol=1e-5)

@@ -143,6 +143,18 @@ def test_a_goal_beyond_the_leg_gives_a_share_of_its_launch():
     )
     assert any(name.startswith("speed of ") for name in plan.binding)
     check_limits(plan)
+    words = (
+        r"the motion reaches 9\d % of the launch; limits that hold it back most: (\w+) of (\w+) "
+    )
+    what, name = re.match(words, plan.motion.warnings[0]).groups()
+    assert what == "speed"
+    faster = HUMAN.model
+    faster.velocityLimit = np.where(np.array(HUMAN.joint_names) == name, 1.3, 1.0) * (
+        faster.velocityLimit
+    )
+    other = kd.Leg.from_model(faster, "toe")
+    again = kd.plan_kick(other, kd.Goal(30, time=1.5), BALL, AIR, motion=True)
+    assert again.share > plan.share + 0.02
 
 
 def test_a_motion_knows_the_restitution_over_speed():
@@ -324,6 +336,7 @@ def test_the_impact_of_a_standing_robot_conserves_momentum():
 
 def test_a_motion_is_planned_again_for_a_launch_nearby():
     plan = planned("human")
+    assert plan.motion.solution is not None  # from which it starts
     wished = 1.005 * plan.impact.ball_after.velocity + (0.0, 0.0, 0.05)
     again = kick.replan_motion(plan, wished)
     assert again.share == 1.0
@@ -437,7 +450,9 @@ def test_every_limit_that_is_broken_has_a_line_with_its_excess_and_time():
         impulse_limits=[SimpleNamespace(labels=["friction of the ground", "its pressure"])],
         splines=SimpleNamespace(motion=lambda _: (spline, spline)),
     )  # fmt: skip
-    verdict.solution = SimpleNamespace(feasible=False, share=0.5, coefficients=None)
+    verdict.solution = SimpleNamespace(
+        feasible=False, share=0.5, coefficients=None, multipliers=None
+    )
     verdict.times = [np.array([-0.25, -0.1]), np.array([0.0, 0.2])]
     verdict.rows, verdict.impulse = np.full((4, 9), 0.5), np.array([-0.031, -1e-7])
     verdict.rows[1, 1], verdict.rows[3, 5], verdict.rows[0, 6] = -0.125, -0.02, -0.0713

@@ -15,6 +15,7 @@ from kickdyn.view.document import recording_viewer
 from kickdyn.view.leg_figure import (
     BODY_COLOUR,
     JOINT_COLOUR,
+    PERSON,
     draw_leg,
     joint_poses,
     leg_shapes,
@@ -96,6 +97,7 @@ def test_drawing():
     q = leg.configuration({"hip": 0.3})
     draw_leg(viewer["leg"], leg, q)
     said = [umsgpack.unpackb(packed) for packed in viewer.window.commands]
+    said = [command for command in said if "/person/" not in command["path"]]
     objects = [command for command in said if command["type"] == "set_object"]
     assert len(objects) == len(leg_shapes(leg)[0]) == 9
     assert {command["object"]["materials"][0]["color"] for command in objects} == {
@@ -352,3 +354,18 @@ def test_the_boot_ends_at_the_contact_point():
     _, (gap,), _ = trimesh.proximity.closest_point_naive(mesh, [leg.contact_lever])
     assert gap < 0.006
     assert mesh.bounds[1, 0] == pytest.approx(leg.contact_lever[0], abs=0.002)
+
+
+def test_the_leg_of_a_person_has_a_faint_person_above_it():
+    def persons(leg):
+        viewer = recording_viewer()
+        draw_leg(viewer["leg"], leg, leg.configuration())
+        commands = map(umsgpack.unpackb, viewer.window.commands)
+        return [c for c in commands if c["type"] == "set_object" and "/person/" in c["path"]]
+
+    drawn = persons(kd.Leg.human())
+    assert len(drawn) == len(PERSON)
+    assert all(c["object"]["materials"][0]["opacity"] < 0.3 for c in drawn)
+    assert len(persons(kd.Leg.human(height=1.65, mass=58, model="3d"))) == len(PERSON)
+    assert persons(kd.Leg.testbed()) == []
+    assert persons(kd.Leg.human(height=1.65, mass=58, base="floating")) == []

@@ -4,10 +4,8 @@ MuJoCo is among them where it is installed.
 """
 
 import math
-import sys
 from collections.abc import Callable, Iterator
 from importlib.util import find_spec
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +14,7 @@ from measurement import Measurement, mark_front, shortest_time
 from mujoco_comparison import mujoco_kick
 
 from kickdyn.ball import Ball
+from kickdyn.cli.function_costs import EXACT, impulse_dynamics, kick
 from kickdyn.contact import Contact
 from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
@@ -23,38 +22,25 @@ from kickdyn.impact.approach import AT_REST, find_approach
 from kickdyn.impact.collide import collide
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike
-from kickdyn.robot.leg import Leg, Posture
+from kickdyn.robot.leg import Posture
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
-from kickdyn.impact.pinocchio_engine import contact_row, joined_state, with_ball
-
-FOOT_SPEED = 10.0  # m/s
 CONTACT_TIMES = (1e-2, 1e-3, 1e-4, 1e-5)  # s
 MUJOCO = {1e5: (2e-3, 1e-3, 1e-4, 1e-5), 1e6: (1e-4, 1e-5), 1e7: (1e-4, 1e-5, 1e-6)}
 """Stiffness [N/m] to time steps [s]."""
 CONE_TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
 
 KICKS = {
-    "frictionless": (0.0, (4.613865632779877, 0.0, 2.663816565090224)),
-    "friction 0.4": (0.4, (5.20812568168579, 0.0, 2.1244710315260034)),
+    f"friction {friction:g}" if friction else "frictionless": (friction, exact)
+    for friction, exact in EXACT.items()
 }
-"""Friction of each kick, and its impulse on the ball [N s], computed with 50 digits and rounded to
-float64; the test of this file computes it anew."""
+"""Friction of each kick, and its impulse on the ball [N s]; the test of this file computes it
+anew with 50 digits."""
 
 HALF_ULP = 0.5 * float(np.finfo(float).eps)
 """Least relative error that is distinguished from rounding."""
 
 Method = tuple[str, str, Callable[[], Array]]
 """Name, setting, and the function that returns the impulse."""
-
-
-def kick(friction: float) -> Impact:
-    """Return the kick: posture a of the paper's Table 2, its ball, its foot direction of 30 deg."""
-    leg = Leg.human()
-    posture = leg.posture(np.radians([5.0, 10.0, -5.0]))
-    attack = np.array([math.cos(math.pi / 6), 0.0, math.sin(math.pi / 6)])
-    v = posture.joint_velocity(FOOT_SPEED * attack)
-    return strike(posture, v, Ball.paper(), Contact(attack, 0.8, friction))
 
 
 def measure_impacts(report: Callable[[str], None] = lambda _: None) -> list[Measurement]:
@@ -110,19 +96,6 @@ def _methods(impact: Impact) -> Iterator[Method]:
     for stiffness, steps in MUJOCO.items():
         for dt in steps:
             yield "MuJoCo", f"{stiffness:.0e} N/m, dt {dt:g} s", mujoco_kick(impact, stiffness, dt)
-
-
-def impulse_dynamics(impact: Impact) -> Callable[[], Array]:
-    """Return the calls of Pinocchio alone, with the model of leg and ball made before."""
-    space, joint = with_ball(impact.posture.leg, impact.ball.mass, impact.ball.inertia)
-    q, v = joined_state(impact.approach)
-
-    def solve() -> Array:
-        row = contact_row(impact.approach, space, joint, q)
-        pin.impulseDynamics(space.model, space.data, q, v, row, impact.restitution, 0.0)
-        return np.asarray(space.data.impulse_c[0] * impact.contact.normal)
-
-    return solve
 
 
 def solve_kkt(posture: Posture, v: Array, ball: Ball, contact: Contact) -> Array:

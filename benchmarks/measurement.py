@@ -29,7 +29,7 @@ class Measurement:
         error: of an impulse, relative to 50 digits; of landings, the largest distance [m].
         seconds: of this process, per evaluation or flight.
         calls: of the acceleration, per flight; of heyoka, its steps; None of an impact.
-        pareto: whether no other method of the same scene is both faster and more exact.
+        pareto: whether no other method of the same scene is at least as fast and as exact.
     """
 
     scene: str
@@ -44,7 +44,15 @@ class Measurement:
 def mark_front(rows: Sequence[Measurement]) -> list[Measurement]:
     """Return the measurements of one scene, those on the Pareto front marked."""
     return [
-        replace(row, pareto=not any(o.seconds < row.seconds and o.error < row.error for o in rows))
+        replace(
+            row,
+            pareto=not any(
+                o.seconds <= row.seconds
+                and o.error <= row.error
+                and (o.seconds, o.error) != (row.seconds, row.error)
+                for o in rows
+            ),
+        )
         for row in rows
     ]
 

@@ -29,6 +29,7 @@ from .identification.infer_impact import InferredImpact as InferredImpact
 from .identification.infer_impact import RestitutionFit as RestitutionFit
 from .identification.infer_impact import fit_restitution as fit_restitution
 from .identification.infer_impact import infer_impact as infer_impact
+from .identification.kick_table import kick_table as kick_table
 from .identification.learner import Learner as Learner
 from .identification.leg_motion import ContactMotion as ContactMotion
 from .identification.leg_motion import LegMotion as LegMotion

@@ -48,6 +48,7 @@ GOOD = {
     "ball_before": IMPACT.ball_before, "ball_after": IMPACT.ball_after, "seen": (10.0, 0.0),
     "jacobian": POSTURE.jacobian,
     "function": lambda state, numbers: state[2], "air": AIR, "impacts": INFERRED, "speed": 5.0,
+    "kicks": {"first": INFERRED[0]},
     "rotor_inertia": 1e-5, "drives": {"knee": kd.Drive(1e-5, 50.0)}, "values": {"knee": 0.1},
     "draws": 2, "surface": "heel", "linear": (1.0, 0.0, 0.0),
     "states": kd.BallState(velocity=[IMPACT.ball_after.velocity] * 2),

@@ -1,4 +1,4 @@
-"""The command `kickdyn tradeoff`: what each effect of a scene changes."""
+"""The command `kickdyn tradeoff`: error against cost, or what each effect of a scene changes."""
 
 import dataclasses
 import math
@@ -25,19 +25,63 @@ LEAST_EFFECT = 1e-9
 
 
 @click.command("tradeoff", Command)
-@click.option("--scene", metavar="SCENE", required=True,
-              help="The scene: a TOML file, or a name as for `kickdyn view`.")  # fmt: skip
+@click.option(
+    "--scene",
+    metavar="SCENE",
+    help="Measure the effects of a scene: a TOML file, or a name as for `kickdyn view`.",
+)
 @takes(output=JsonOptions)
 @click.option("--plot", metavar="FILE", type=click.Path(),
-              help="Plot the effects: .png, .svg or .pdf.")  # fmt: skip
-def tradeoff(scene: str, output: JsonOptions, plot: str | None) -> None:
-    """Measure what each effect of a scene changes at the impulse and at the end.
+              help="Plot error against time, or the effects: .png, .svg or .pdf.")  # fmt: skip
+def tradeoff(scene: str | None, output: JsonOptions, plot: str | None) -> None:
+    """Measure error and time of the functions for impacts and flights, one by one and in batches.
 
-    Example: kickdyn tradeoff --scene free_kick --plot effects.png
+    With --scene, measure what each effect of a scene changes at the impulse and at the end.
+
+    Example: kickdyn tradeoff --plot tradeoff.png
     """
     if plot is not None:
         check_name(plot)
     output.check(plot, inputs=[scene])
+    if scene is None:
+        _compare_functions(output, plot)
+    else:
+        _measure_scene(scene, output, plot)
+
+
+def _compare_functions(output: JsonOptions, plot: str | None) -> None:
+    """Measure the functions; write and print the results."""
+    from kickdyn.cli.function_costs import cost_figure, measure_functions  # imports numba
+
+    with busy("measuring") as show:
+        rows = measure_functions(show)
+    if plot is not None:
+        save_figure(cost_figure(rows), plot)
+    units = {"seconds": "s", "rounding": "1", "model": "1"}
+    functions = [
+        dataclasses.asdict(row) | {"rounding": finite(row.rounding), "model": finite(row.model)}
+        for row in rows
+    ]
+    output.write_json({"units": units, "functions": functions})
+    if output.prints:
+        lines = [f"{'function':28}{'time [us]':>12}{'rounding':>12}{'model':>12}"]
+        for row in rows:
+            errors = ("" if math.isnan(error) else f"{error:.1e}"
+                      for error in (row.rounding, row.model))  # fmt: skip
+            first, second = errors
+            name = row.function + (" (per row)" if row.is_batch else "")
+            lines.append(f"{name:28}{1e6 * row.seconds:12.3g}{first:>12}{second:>12}".rstrip())
+        lines += [
+            "",
+            "rounding: relative error by rounding and integration; model: by neglecting the time "
+            "of the contact, 10 ms; pin.impulseDynamics also neglects friction.",
+        ]
+        print_wrapped("\n".join(lines))
+    output.name_written(plot)
+
+
+def _measure_scene(scene: str, output: JsonOptions, plot: str | None) -> None:
+    """Measure the effects of a scene; write and print the results."""
     loaded = load_scene(scene)
     with busy("measuring") as show:
         exact = simulate(loaded, None)

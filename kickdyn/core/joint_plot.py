@@ -5,10 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 from matplotlib.figure import Figure
 
-from kickdyn.core.plot_style import styled
-
-COLUMN_WIDTH = 3.5
-"""Width of one column of a journal [in]."""
+from kickdyn.core.plot_style import COLUMN_WIDTH, styled
 
 
 @styled()

@@ -15,6 +15,9 @@ from kickdyn.errors import InvalidInput
 ENDINGS = (".png", ".svg", ".pdf")
 """Endings of the formats that plots are written in."""
 
+COLUMN_WIDTH = 3.5
+"""Width of one column of a journal [in]."""
+
 STYLE: dict[Any, Any] = {
     "figure.constrained_layout.use": True,
     "figure.dpi": 96,

@@ -35,6 +35,9 @@ from kickdyn.robot.model_validation import frame_id
 LARGEST_RESIDUAL = 0.05
 """Root mean square distance of markers [m] above which they are swapped or on other segments."""
 
+LARGEST_DISTANCE = 0.1
+"""Distance of one marker in one frame [m] above which it is another marker; skin moves less."""
+
 LARGEST_EXTENT = 20.0
 """Distance between markers of one body [m] that only other units explain."""
 
@@ -210,15 +213,17 @@ def _judged(
         spare += frame.missed.size - kinematics.model.nv
     distances = np.linalg.norm(missed, axis=2)
     mean = np.sqrt(np.nanmean(distances**2, axis=0))
+    largest, few = float(np.nanmax(distances)), "; in a few frames, NaN leaves it out"
     if float(np.sqrt(np.nanmean(distances**2))) > LARGEST_RESIDUAL:
-        largest = float(np.nanmax(distances))
+        few = ""
+    if not few or largest > LARGEST_DISTANCE:
         frame_number, worst = np.unravel_index(int(np.nanargmax(distances)), distances.shape)
         middle = np.ptp(np.nanmedian(measured, axis=0), axis=0)
-        hint = " (y seems to point up: see `up`)" if middle[1] > 2.0 * middle[2] else ""
+        hint = " (y seems to point up: see `up`)" if middle[1] > middle[2] else ""
         raise InvalidInput(
             f"marker {names[int(worst)]!r} is {largest:.3g} m "
             f"from its place on the leg in frame {int(frame_number)}: markers are swapped, on the "
-            f"other leg, or on another segment{hint}"
+            f"other leg, or on another segment{hint}{few}"
         )
     square = float(np.nansum(distances**2))
     noise = max(math.sqrt(square / spare) if spare > 0 else MARKER_NOISE, LEAST_NOISE)

@@ -17,6 +17,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -56,8 +57,10 @@ class InferredImpact(ReprMixin):
             [world frame].
         residual: the part of the ball's change of angular momentum along the impulse, which no
             impulse at one point explains, relative to radius times impulse; 0 or more.
-        deviations: standard deviations of `restitution`, `friction`, `normal` (an angle [rad]) and
-            `residual`, propagated from the measured velocities; empty without deviations of these.
+        deviations: standard deviations of `restitution`, `friction`, `normal` (an angle [rad]),
+            `residual`, `effective_mass` [kg], and of the sizes `impulse` [N s], `foot_speed` and
+            `ball_speed` (after the impact) [m/s], propagated from the measured velocities; empty
+            without deviations of these.
         joint_deviations: standard deviations of the size of the linear impulse in each joint, by
             name [N s]; empty without deviations.
         notes: what the measurement leaves open.
@@ -85,9 +88,22 @@ class InferredImpact(ReprMixin):
         return self._leg_response.joint_impulses
 
     @property
+    def joint_sizes(self) -> dict[str, float]:
+        """Sizes of the linear impulses in the joints, without a floating base, by name [N s]."""
+        model = self.posture.leg.workspace.model
+        sizes = np.linalg.norm(self.joint_impulses[:, :3], axis=1).tolist()
+        names = zip(self.posture.leg.joint_names, sizes, list(model.nvs)[1:], strict=True)
+        return {name: size for name, size, nv in names if nv < 6}
+
+    @property
     def v_after(self) -> Array:
         """Joint velocity just after, shape `(nv,)` [rad/s; m/s for prismatic joints]."""
         return self._leg_response.v_after
+
+    @property
+    def foot_velocity(self) -> Array:
+        """Velocity of the foot's contact point just before, shape `(3,)` [m/s, world frame]."""
+        return self.posture.point_velocity(self.v_before)
 
     @property
     def effective_mass(self) -> float:
@@ -147,6 +163,15 @@ class InferredImpact(ReprMixin):
             )
         return (*lines, *self.posture.warnings)
 
+    def plot(self) -> Any:
+        """Return a matplotlib Figure of the linear impulses in the joints, as `Impact.plot`.
+
+        Error bars show one standard deviation to each side, where deviations are known.
+        """
+        from kickdyn.core.joint_plot import joint_figure  # matplotlib takes half a second
+
+        return joint_figure(self.joint_sizes, self.joint_deviations)
+
     def _sliding(self, v: Array, state: BallState) -> Array:
         """Return the velocity of the ball's contact point relative to the foot's [m/s]."""
         surface = state.velocity - self.ball.radius * np.cross(state.spin, self.normal)
@@ -157,15 +182,20 @@ class InferredImpact(ReprMixin):
         yield "normal", self.normal, ""
         yield "contact point", self.contact_point, "m"
         yield "approach speed", self.approach_speed, "m/s"
-        for name in ("restitution", "friction", "residual"):
+        # a spin that is not known leaves friction and residual open
+        for name in ("restitution",) if self.notes else ("restitution", "friction", "residual"):
             spread = f" +- {self.deviations[name]:.2g}" if name in self.deviations else ""
             yield name, f"{getattr(self, name):.4g}{spread}", ""
-        sizes = np.linalg.norm(self.joint_impulses[:, :3], axis=1)
-        worst = int(np.argmax(sizes))
-        yield f"worst joint, {self.posture.leg.joint_names[worst]}", float(sizes[worst]), "N s"
-        for name, deviation in self.joint_deviations.items():
-            size = float(sizes[self.posture.leg.joint_names.index(name)])
-            yield f"impulse in {name}", f"{size:.4g} +- {deviation:.2g}", "N s"
+        sizes = self.joint_sizes
+        worst = max(sizes, key=sizes.__getitem__)
+        yield f"worst joint, {worst}", sizes[worst], "N s"
+        for name, size in sizes.items():
+            if name in self.joint_deviations:
+                yield (
+                    f"impulse in {name}",
+                    f"{size:.4g} +- {self.joint_deviations[name]:.2g}",
+                    "N s",
+                )
         yield from warned(self.warnings)
 
 
@@ -331,9 +361,11 @@ def _with_deviations(
 
     def values(change: Array) -> Array:
         impact, twist = inferred_from(measured + change)
-        joints = np.linalg.norm(impact.joint_impulses[:, :3], axis=1)
+        joints = impact.joint_sizes.values()
+        foot, ball_speed = np.linalg.norm(impact.foot_velocity), impact.ball_after.speed
+        sizes = [np.linalg.norm(impact.impulse), foot, ball_speed, impact.effective_mass]
         numbers = [impact.restitution, impact.friction, twist, *impact.normal]
-        return np.array([*numbers, impact.effective_mass, *joints])
+        return np.array([*numbers, *sizes, *joints], dtype=float)
 
     changes = np.array([0.5 * (values(step) - values(-step)) for step in steps])
     spreads = np.linalg.norm(changes, axis=0).tolist()
@@ -343,9 +375,11 @@ def _with_deviations(
         "friction": friction,
         "normal": math.hypot(*others[:3]),
         "residual": residual,
-        "effective_mass": others[3],
+        **dict(
+            zip(("impulse", "foot_speed", "ball_speed", "effective_mass"), others[3:7], strict=True)
+        ),
     }
-    joints = dict(zip(leg.joint_names, others[4:], strict=True))
+    joints = dict(zip(inferred.joint_sizes, others[7:], strict=True))
     return replace(inferred, deviations=deviations, joint_deviations=joints)
 
 

@@ -1,25 +1,38 @@
 """`LegMotion`: the measured motion of a leg over time, and `ContactMotion`, that at an impact."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, warned
-from kickdyn.core.validation import Array, read_only
+from kickdyn.core.validation import Array, ArrayLike, read_only
 from kickdyn.errors import InvalidInput
-from kickdyn.identification.smoothing_spline import GROWTH, GROWTH_TIME, SmoothingSpline
+from kickdyn.identification.smoothing_spline import (
+    BASE_GROWTH,
+    GROWTH,
+    GROWTH_TIME,
+    SmoothingSpline,
+)
 from kickdyn.robot.leg import Leg, Posture
+from kickdyn.robot.surgery import has_floating_base
 
 LEAST_FRAMES = 8
 """Fewer frames before a contact do not determine a velocity with its deviation."""
 
 CONTACT_WINDOW = GROWTH_TIME
 """Time before a contact whose frames the motion at the contact is smoothed from [s]."""
+
+AFTER_CONTACT = 0.05
+"""Time after a contact that a plot shows [s]."""
+
+LARGEST_TILT = 60.0
+"""Tilt of a pelvis [deg] above which the vertical axis of the track is in doubt."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -125,10 +138,61 @@ class LegMotion(ReprMixin):
                 f"{3.0 * interval:.3g} s before it; frames are from {self.times[0]:g} to "
                 f"{self.times[-1]:g} s, markers with gaps: {unseen}"
             )
-        q, v, covariance = self._smoothed(window, GROWTH).state(moment)
+        q, v, covariance = self._smoothed(window, self._growth).state(moment)
         return ContactMotion(self.leg.posture(q), read_only(v), read_only(covariance))
 
-    def _smoothed(self, chosen: Any, growth: float) -> SmoothingSpline:
+    @validation.check_arguments
+    def plot(self, joints: Sequence[str] | None = None) -> Any:
+        """Return a matplotlib Figure of joint angles and speeds, one journal column wide.
+
+        It shows the last 0.15 s before the contact and 0.05 s after it, or the whole motion if
+        there is no contact, with bands of 95 % (1.96 standard deviations).
+
+        Args:
+            joints: names of joints of one angle each; None draws all of these.
+
+        Raises:
+            InvalidInput: an unknown joint.
+        """
+        from kickdyn.identification.leg_motion_plot import leg_motion_figure  # takes half a second
+
+        known = self.leg.single_joints
+        names = known if joints is None else list(joints)
+        if not names or not set(names) <= set(known):
+            raise InvalidInput(f"joints is {names}: it must name some of {', '.join(known)}")
+        first, last = self.times[[0, -1]].tolist()
+        if self.contact is not None:
+            first, last = self.contact - CONTACT_WINDOW, self.contact + AFTER_CONTACT
+        clipped = ((max(first, one.begin), min(last, one.end)) for one in self._pieces)
+        return leg_motion_figure(self, names, [(a, b) for a, b in clipped if a < b])
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Lines about what to know before using the motion; empty if there is nothing."""
+        if not has_floating_base(self.leg.workspace.model):
+            return ()
+        up = np.median(
+            [pin.XYZQUATToSE3(q[:7]).rotation[:, 2] for q in self.configurations], axis=0
+        )
+        tilt = math.degrees(math.acos(float(np.clip(up[2], -1.0, 1.0))))
+        if tilt < LARGEST_TILT:
+            return ()
+        return (
+            f"the pelvis is tilted by {tilt:.0f} deg, its upward axis is {up.round(2).tolist()} in "
+            "the track: positions must have z up; if those of the file have y up, read it with "
+            "up='y'",
+        )
+
+    @property
+    def _growth(self) -> Array:
+        """Rates at which the variance of the prior grows towards an impact, `(nv,)` [1/s]."""
+        model = self.leg.workspace.model
+        growth = np.full(model.nv, GROWTH)
+        if has_floating_base(model):
+            growth[:6] = BASE_GROWTH
+        return growth
+
+    def _smoothed(self, chosen: Any, growth: ArrayLike) -> SmoothingSpline:
         arrays = (self.times[chosen], self.configurations[chosen], self.information[chosen])
         return SmoothingSpline(self.leg.workspace.model, *arrays, growth)
 
@@ -137,7 +201,7 @@ class LegMotion(ReprMixin):
         """Splines of the frames before and after the contact, those with enough frames."""
         contact = math.inf if self.contact is None else self.contact
         sides = (
-            (self.times < contact, 0.0 if self.contact is None else GROWTH),
+            (self.times < contact, 0.0 if self.contact is None else self._growth),
             (self.times >= contact, 0.0),
         )
         return [self._smoothed(*side) for side in sides if side[0].sum() >= LEAST_FRAMES]
@@ -163,3 +227,4 @@ class LegMotion(ReprMixin):
             yield f"gaps of {name}", len(frames), "frames"
         if self.undetermined:
             yield "frames left out", len(self.undetermined), ""
+        yield from warned(self.warnings)

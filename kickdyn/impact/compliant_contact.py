@@ -229,11 +229,19 @@ class CompliantContact:
         return forward - max(self.resting, 0.5 * math.hypot(w1, w2))
 
     def time_left(self, y: Array, phase: Phase) -> float:
-        """Return for how long the force acts if the ball leaves at its present speed [s]."""
+        """Return for how long the force acts if the ball leaves at its present speed [s].
+
+        At the largest deflection, it is about half of the time in which two masses separate.
+        """
         contact = self.kinematics(self.state(y))
-        leaving = contact.relative[2]
-        recovered = self.ball.radius - contact.height - self.force_model.separation(phase.largest)
-        return recovered / leaving if leaving > 0.0 else math.inf
+        leaving, deflection = contact.relative[2], self.deflection(contact)
+        recovered, e = (
+            deflection - self.force_model.separation(phase.largest),
+            self.approach.restitution,
+        )
+        if deflection < 0.99 * phase.largest and leaving > 0.0:
+            return recovered / leaving
+        return 0.5 * self.expected * e / (1.0 + e)
 
     def deflection(self, contact: Kinematics) -> float:
         """Return the deflection of ball and foot together [m]."""

@@ -18,6 +18,9 @@ MAX_SPREAD = 1e100
 MAX_ANGLE_SPREAD = 1.0
 """Largest standard deviation of an angle [rad]: covariances describe small changes."""
 
+SHOWN_JOINTS = 6
+"""Number of joints in the table, those with the largest impulses."""
+
 UNIT_OF = {
     "impulse_size": "N s",
     "speed": "m/s",
@@ -164,15 +167,19 @@ class Uncertainty(Printed):
             lines.append(
                 f"the contact {verb}; {other} is {self.branch_sigmas:.2g} standard deviations away"
             )
-        width = max(map(len, self.joints))
+        most = sorted((joint.force for joint in self.joints.values()), reverse=True)[:SHOWN_JOINTS]
+        shown = {name: joint for name, joint in self.joints.items() if joint.force >= most[-1]}
+        width = max(map(len, shown))
         lines += ["", f"{'joint':{width}}{'impulse N s':>14}{'+-':>9}{'moment N m s':>15}{'+-':>9}"]
-        for name, joint in self.joints.items():
+        for name, joint in shown.items():
             least = ROUNDING * joint.force  # moments below are rounding
             moments = (x if x > least else 0.0 for x in (joint.moment, joint.moment_deviation))
             lines.append(
                 f"{name:{width}}{joint.force:14.4g}{joint.force_deviation:9.3g}"
                 "{:15.4g}{:9.3g}".format(*moments)
             )
+        if others := len(self.joints) - len(shown):
+            lines.append(f"{others} more with smaller impulses: see `joints`")
         return "\n".join(lines)
 
     def _deviation(self, result: str) -> float:

@@ -27,6 +27,7 @@ import numpy as np
 from kickdyn.core.validation import Array
 from kickdyn.motion.symbolic_tree import SymbolicTree
 from kickdyn.robot.ground_clearance import Spheres
+from kickdyn.robot.muscle_torque import muscle_share
 from kickdyn.robot.standing import StandingRobot, sole_edges
 
 FRICTION = 0.7
@@ -115,6 +116,22 @@ class TorqueLimit(Limit):
 
     def rows(self, sample: Sample) -> tuple[Any, float, float]:
         return sample.torque / ca.DM(self._limit), self.reserve - 1.0, 1.0 - self.reserve
+
+
+class MuscleTorqueLimit(TorqueLimit):
+    """The torques of joints that muscles move, whose limits fall with the speed."""
+
+    def __init__(self, names: Sequence[str], limit: Array, speed_limit: Array) -> None:
+        super().__init__(names, limit)
+        self._speed_limit = speed_limit
+
+    def margins(self, sample: Sample) -> Any:
+        torque, speed = sample.torque / ca.DM(self._limit), sample.tree.v / ca.DM(self._speed_limit)
+        positive, negative = (muscle_share(ca.fmax(x, 0.0)) for x in (speed, -speed))
+        return ca.fmin(positive - torque, negative + torque)
+
+    def rows(self, sample: Sample) -> tuple[Any, float, float]:
+        return self.margins(sample), self.reserve, math.inf
 
 
 class SpeedLimit(Limit):

@@ -104,6 +104,7 @@ class KickTask:
         facing: rows a of the cone of normals with which the foot can meet a ball, shape `(k, 3)`
             [frame of the contact joint].
         standing: the robot on its foot; None on a fixed base.
+        muscles: whether the torque limits fall with speed, as those of muscles.
     """
 
     robot: Leg
@@ -114,6 +115,7 @@ class KickTask:
     ball_centre: Array
     facing: Array
     standing: StandingRobot | None
+    muscles: bool = False
 
     @property
     def speed_limit(self) -> Array:
@@ -269,7 +271,7 @@ class MotionProblem:
         given = ca.vertcat(ca.DM(scale) * forces, ca.SX(6, 1))
         sample = Sample(tree, given[: self.n], given[self.n : self.n + 6], weight)
         of_splines = (TorqueLimit, SpeedLimit, RangeLimit)  # and bounds of unknowns
-        on_path = [limit for limit in limits if not isinstance(limit, of_splines)]
+        on_path = [limit for limit in limits if type(limit) not in of_splines]
         self._on_path = [(label, limit.unit) for limit in on_path for label in limit.labels]
         rows = [limit.rows(sample) for limit in on_path]
         rows.append((forces - needed, 0.0, 0.0))

@@ -19,6 +19,7 @@ from kickdyn.motion.limits import (
     Friction,
     Impulse,
     Limit,
+    MuscleTorqueLimit,
     Pressure,
     PressureCentre,
     RangeLimit,
@@ -565,7 +566,11 @@ def _limits_of(task: KickTask) -> tuple[list[Limit], list[Impulse]]:
     names = leg.joint_names
     lower, upper = model.lowerPositionLimit, model.upperPositionLimit
     limits: list[Limit] = [
-        TorqueLimit(names, model.effortLimit),
+        (
+            MuscleTorqueLimit(names, model.effortLimit, task.speed_limit)
+            if task.muscles
+            else TorqueLimit(names, model.effortLimit)
+        ),
         SpeedLimit(names, task.speed_limit),
         RangeLimit(names, lower, upper),
     ]

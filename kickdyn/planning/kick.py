@@ -23,7 +23,7 @@ from kickdyn.motion.motion import Motion
 from kickdyn.planning.goal import Goal
 from kickdyn.planning.interception import IncomingBall
 from kickdyn.planning.kick_plan import KickPlan
-from kickdyn.planning.kick_problem import KickProblem, kick_problem, solve_kick
+from kickdyn.planning.kick_problem import MUSCLES, KickProblem, kick_problem, solve_kick
 from kickdyn.planning.kick_steps import (
     Chosen,
     checked_contact,
@@ -38,6 +38,7 @@ from kickdyn.planning.kick_steps import (
 from kickdyn.planning.kick_terms import BallPosition, Facing, Objective
 from kickdyn.planning.launch import Launch
 from kickdyn.planning.moving_kick import KickSettings, plan_interception
+from kickdyn.planning.muscle_limit import MuscleTorqueLimit
 from kickdyn.planning.objectives import OBJECTIVES
 from kickdyn.planning.passes import Pass
 from kickdyn.planning.stance import Balance
@@ -65,7 +66,7 @@ def plan_kick(
     contact: Contact | None = None,
     ball_position: ArrayLike | None = None,
     incoming: BallState | IncomingBall | None = None,
-    limits: bool = True,
+    limits: bool | str = True,
     surface: str | Surface | None = None,
     motion: bool = False,
     solver: str = "slsqp",
@@ -102,7 +103,10 @@ def plan_kick(
             position. See below.
         limits: whether limits of speed and torque hold; limits of the joints' range always do. An
             infinite one always holds, its use is 0, and `joint-speed` counts it as 100 rad/s; one
-            of 0 is refused, or none with `limits=False`.
+            of 0 is refused, or none with `limits=False`. With `limits="muscles"`, the largest
+            torque falls with the speed at which the joint turns in its direction, as with muscles
+            (Hill 1938), to 0 at the speed limit: it is :math:`(1 - u) / (1 + 4 u)` of the limit at
+            the share u of the speed limit.
         surface: surface of the ground, for a ball that is played along the ground as by
             `plan_pass`; the goal is then a time and a target at the height of the ball.
         motion: whether to plan the whole motion: from rest to the impact, and to rest again. It
@@ -221,7 +225,8 @@ def replan_motion(plan: KickPlan, velocity: ArrayLike, contact: Contact | None =
         position = ball.radius if is_floating(leg) else plan.impact.ball_before.position
     with one_thread():
         target = impact_target_for(wished, after.spin, ball, contact)
-        problem = kick_problem(leg, target, position)
+        limits = MUSCLES if plan.muscles else True
+        problem = kick_problem(leg, target, position, limits=limits)
         posture, v, outcome = _plan_motion(problem, plan.motion)
         target = outcome.pop("impact_target")
         impact = strike(posture, v, ball, target.contact)
@@ -308,6 +313,7 @@ def _plan_motion(problem: KickProblem, near: Motion | None = None) -> Chosen:
         np.zeros(3) if place is None else place.centre,
         none if facing is None else facing.axes,
         standing,
+        problem.find(MuscleTorqueLimit) is not None,
     )
     planned, target = plan_motion(task, near), task.target
     wished, ball = target.impulse / target.ball.mass, target.ball
@@ -333,6 +339,7 @@ def _plan_motion(problem: KickProblem, near: Motion | None = None) -> Chosen:
         "binding": planned.binding,
         "balance": None if standing is None else Balance(standing).distance(posture),
         "motion": planned.motion,
+        "muscles": task.muscles,
     }
     return posture, planned.motion.v(0.0), outcome
 

@@ -82,6 +82,7 @@ class KickPlan(ReprMixin):
         motion: from rest through the impact to rest, with `motion=True`; else None.
         meeting: where and when a ball that moves is met; None for a ball at rest.
         meetings: those that were considered, by time.
+        muscles: whether torque limits fall with speed, `limits="muscles"`.
     """
 
     goal: Goal | BallState
@@ -101,6 +102,7 @@ class KickPlan(ReprMixin):
     motion: Motion | None = None
     meeting: Meeting | None = None
     meetings: tuple[Meeting, ...] = ()
+    muscles: bool = False
     _again: "Callable[[KickPlan, IncomingBall], KickPlan] | None" = field(default=None, repr=False)
 
     def replan(self, *, incoming: BallState | IncomingBall) -> "KickPlan":

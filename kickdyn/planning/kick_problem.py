@@ -32,6 +32,7 @@ from kickdyn.planning.kick_terms import (
     TorqueLimit,
     check_limits,
 )
+from kickdyn.planning.muscle_limit import MuscleTorqueLimit
 from kickdyn.planning.objectives import LargestShare
 from kickdyn.planning.problem import TOLERANCE, Function, Problem, Solver, Term, slsqp
 from kickdyn.planning.stance import Balance, Clearance, SupportImpulse, Upright
@@ -51,6 +52,9 @@ leg is bent more than in any kick, and the trunk of a standing robot lies down."
 
 SOLVERS: dict[str, Solver] = {"slsqp": slsqp}
 """Solvers of the problem of a kick, by name."""
+
+MUSCLES = "muscles"
+"""Value of `limits` with which torque limits fall with speed."""
 
 MOST_PAIRS = 8
 """Number of pairs of bodies from which on no more are kept apart."""
@@ -154,7 +158,7 @@ def kick_problem(
     target: ImpactTarget,
     ball_position: float | Array | None = None,
     *,
-    limits: bool = True,
+    limits: bool | str = True,
     solver: str = "slsqp",
     like: KickProblem | None = None,
 ) -> KickProblem:
@@ -165,7 +169,7 @@ def kick_problem(
         target: the impact.
         ball_position: height or position of the ball's centre, shape `(3,)` [m, world frame]; None
             leaves it free.
-        limits: whether limits of speed and torque hold.
+        limits: whether limits of speed and torque hold; `MUSCLES` for torques that fall with speed.
         solver: name of the solver, see `SOLVERS`.
         like: a problem of the same robot, of which everything is used again that does not depend
             on the impact.
@@ -190,7 +194,8 @@ def kick_problem(
         terms.append(_place_ball(variables, directions, ball_position, draw))
     if limits:
         check_limits(variables)
-        terms += [SpeedLimit(variables), TorqueLimit(variables)]
+        torque = MuscleTorqueLimit if limits == MUSCLES else TorqueLimit
+        terms += [SpeedLimit(variables), torque(variables)]
     cone = variables.leg.contact_normal_cone
     if cone is not None and target.contact.offset is None:  # at another point, it is unknown
         terms.append(Facing(variables, cone))

@@ -20,9 +20,10 @@ from kickdyn.ground import Ground, Surface
 from kickdyn.impact.impact_result import Impact
 from kickdyn.plane import Plane
 from kickdyn.planning.goal import Goal
-from kickdyn.planning.kick_problem import KickProblem
+from kickdyn.planning.kick_problem import MUSCLES, KickProblem
 from kickdyn.planning.kick_terms import KickPoint, Objective, SpeedLimit, TorqueLimit
 from kickdyn.planning.launch import Launch, OutOfReach, fly_to_target, plan_launch
+from kickdyn.planning.muscle_limit import MuscleTorqueLimit
 from kickdyn.planning.objectives import KickObjective
 from kickdyn.planning.passes import Pass, plan_pass
 from kickdyn.planning.stance import Balance
@@ -62,7 +63,7 @@ def checked_leg(leg: Leg) -> Leg:
 
 
 def checked_objective(
-    name: str | None, *, limits: bool = True, motion: bool = False
+    name: str | None, *, limits: bool | str = True, motion: bool = False
 ) -> KickObjective:
     """Return the objective of a plan; raise `InvalidInput` for one that does not fit."""
     default = KickObjective.TORQUE_SQUARED if motion else KickObjective.JOINT_SPEED
@@ -71,6 +72,10 @@ def checked_objective(
         raise InvalidInput(
             f"objective is {objective}: a motion (motion=True, --motion) has the objective "
             f"{KickObjective.TORQUE_SQUARED}, and nothing else has"
+        )
+    if limits not in (True, False, MUSCLES):
+        raise InvalidInput(
+            f"limits is {validation.brief(limits)}: it must be True, False or {MUSCLES!r}"
         )
     if motion and not limits:
         raise InvalidInput("limits is False: a motion is planned within limits")
@@ -125,11 +130,13 @@ def outcome_of(problem: KickProblem, point: KickPoint, objective: Objective) -> 
     """Return the state at the impact of a solution."""
     q, v = problem.on_robot(point)
     balance = problem.find(Balance)
+    torque = problem.find(TorqueLimit) or TorqueLimit(problem.variables)
     outcome = {
         "share": point.share,
         "value": objective.quantity(point),
         "speed_use": float(SpeedLimit(problem.variables).use(point).max()),
-        "torque_use": float(TorqueLimit(problem.variables).use(point).max()),
+        "torque_use": float(torque.use(point).max()),
+        "muscles": isinstance(torque, MuscleTorqueLimit),
         "binding": tuple(name for term in problem.terms for name in term.binding(point)),
         "balance": None if balance is None else balance.distance(point.posture),
     }

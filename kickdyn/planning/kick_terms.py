@@ -346,11 +346,16 @@ class TorqueLimit(KickTerm):
 
     def derivatives(self, posture: Posture, v: Array) -> tuple[Array, Array]:
         gain = -2 * (self.torque(posture, v) / self.limit**2)[:, None]
+        by_q, by_v = self.torque_derivatives(posture, v)
+        return gain * by_q, gain * by_v
+
+    def torque_derivatives(self, posture: Posture, v: Array) -> tuple[Array, Array]:
+        """Return the derivatives of the torque by q and v of the leg, shape `(n, nv)` each."""
         by_q, by_v, _ = pin.computeRNEADerivatives(
             self._model, self._data, posture.q, v, self._still
         )
         shape = (len(v), len(v))
-        return gain * np.reshape(by_q, shape)[self._vs], gain * np.reshape(by_v, shape)[self._vs]
+        return np.reshape(by_q, shape)[self._vs], np.reshape(by_v, shape)[self._vs]
 
     def binding(self, point: KickPoint) -> list[str]:
         return _reached("torque", self._names, self.use(point))

@@ -56,7 +56,7 @@ class KickSettings:
     air: Air | None
     contact: Contact
     objective: KickObjective
-    limits: bool
+    limits: bool | str
     surface: str | Surface | None
     solver: str
 

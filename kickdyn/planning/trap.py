@@ -24,7 +24,7 @@ def plan_trap(
     velocity: ArrayLike = (0.0, 0.0, 0.0),
     objective: str | None = None,
     contact: Contact | None = None,
-    limits: bool = True,
+    limits: bool | str = True,
     solver: str = "slsqp",
 ) -> KickPlan:
     r"""Find posture and joint velocity with which the foot leaves a moving ball at rest.

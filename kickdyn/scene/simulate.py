@@ -27,6 +27,7 @@ from kickdyn.scene.launch_and_end import (
     collide_scene,
     collision_error,
     contact_time_error,
+    contact_time_size,
     end_error,
     end_of,
     end_slopes,
@@ -372,7 +373,7 @@ def _simulate(scene: Scene, tolerance: float | None) -> Simulation:
     if launch_error.velocity < math.inf:
         with suppress(KickdynError):  # as where only this launch leaves the range of a coefficient
             answer = _with_path(scene, tolerance, instant)
-            size = end_error(scene, answer.path, launch_error)
+            size = contact_time_size(scene, answer.path, launch_error, allowed)
             # where the path ends at once, the launch with contact time may well fly
             if size <= allowed and answer.path.duration > 0.0:
                 return replace(answer, model_error=size)
@@ -393,9 +394,10 @@ def _collide_to(scene: Scene, tolerance: float, relative: float) -> Simulation:
 
     `relative` is about the error of the end over the relative tolerance of the integrator.
     """
-    allowed = CONTACT_SHARE * tolerance
+    allowed, surface = CONTACT_SHARE * tolerance, scene.ground and scene.ground.surface
+    aim = 0.7 if surface is None else 0.1  # to follow a ball twice takes longer
     while True:
-        tol = min(max(0.7 * allowed / relative, SMALLEST_TOLERANCE), LARGEST_TOLERANCE)
+        tol = min(max(aim * allowed / relative, SMALLEST_TOLERANCE), LARGEST_TOLERANCE)
         answer = _with_path(scene, tolerance, collide_scene(scene, tol))
         error = end_error(scene, answer.path, collision_error(scene, answer.launch, tol))
         if error <= allowed or tol == SMALLEST_TOLERANCE or math.isinf(error):

@@ -12,6 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 import kickdyn as kd
+from kickdyn.cli import function_costs
 from kickdyn.cli.tradeoff_command import TOLERANCE, effect_figure, tradeoff
 from kickdyn.scene.effects import EffectSize
 from kickdyn.scene.simulate import measure_effects
@@ -21,6 +22,33 @@ SCENES = Path(__file__).resolve().parents[2] / "scenes"
 
 def tried(*arguments):
     return json.loads(CliRunner().invoke(tradeoff, arguments).stdout)
+
+
+def test_the_functions_are_measured_and_drawn(tmp_path, monkeypatch):
+    monkeypatch.setattr(function_costs, "_seconds", lambda run: 1e-3)
+    plot, rows = tmp_path / "x.svg", tmp_path / "x.json"
+    ended = CliRunner().invoke(tradeoff, ["--plot", str(plot), "--json", str(rows)])
+    assert ended.exit_code == 0
+    document = json.loads(rows.read_text())
+    table = {row["function"]: row for row in document["functions"]}
+    assert set(table) > {"strike", "strike_many", "sweep", "collide", "fly_many", "simulate"}
+    for name, most in (("strike", 2e-15), ("strike_many", 1e-13), ("sweep", 1e-12),
+                       ("pin.impulseDynamics, bare", 2e-15), ("collide", 1e-7),
+                       ("fly", 1e-8), ("fly_many", 1e-8), ("follow_many", 1e-6)):  # fmt: skip
+        assert 0.0 < table[name]["rounding"] < most
+    posture = kd.Leg.human().posture(np.radians([5, 10, -5]))
+    attack = np.array([math.sqrt(0.75), 0.0, 0.5])
+    kick = posture, posture.joint_velocity(10 * attack), kd.Ball.paper()
+    contact = kd.Contact(attack, 0.8, 0.4)
+    instant, lasting = (solve(*kick, contact).impulse for solve in (kd.strike, kd.collide))
+    model = np.linalg.norm(instant - lasting) / np.linalg.norm(lasting)
+    assert table["strike"]["model"] == pytest.approx(model, rel=1e-6)
+    assert table["collide"]["model"] is None
+    assert [table[name]["is_batch"] for name in ("fly", "fly_many")] == [False, True]
+    assert "strike_many (per row)" in ended.stdout
+    picture = plot.read_text()
+    assert "rounding and integration" in picture
+    assert "strike_many" in picture
 
 
 @pytest.mark.parametrize("bad", [("--json", "no/x.json"), ("--plot", "x.bmp")])

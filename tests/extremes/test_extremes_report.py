@@ -52,8 +52,8 @@ def test_the_page_counts_what_make_extremes_stored(rows):
         assert equal.get(row.verdict, row.verdict) == equal.get(verdict, verdict), row
     finite = [verdict for (family, _), verdict in stored.items() if family != NOT_FINITE]
     page = " ".join(PAGE.read_text("utf-8").split())
-    (about,) = re.findall(r"references of 50 digits in about (\d+) such cases", page)
-    (least,) = re.findall(r"In more than (\d+) cases the result has all these digits", page)
+    (about,) = re.findall(r"50 digits in about (\d+) extreme cases", page)
+    (least,) = re.findall(r"In more than (\d+) cases the result has all of these", page)
     assert int(about) == round(len(finite), -1)
     assert 0 < finite.count("right") - int(least) <= 15
     assert "wrong" not in stored.values()

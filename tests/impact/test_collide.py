@@ -12,6 +12,7 @@ import pytest
 from chains import floating_kick, in_units, random_kick, random_leg, slides
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from random_scenes import wide_scene
 
 import kickdyn as kd
 from kickdyn.impact import compliant_contact
@@ -674,3 +675,15 @@ def test_a_base_that_moves_is_another_frame_of_reference():
     turning = leg.with_base_velocity(hip, (0, 1, 0)).posture(q)
     with pytest.raises(kd.InvalidInput, match="unless the base does not turn, needs a base at"):
         kd.collide(turning, *kick)
+
+
+@pytest.mark.parametrize("tol", [2.1195322465304573e-04, 3.980615440018348e-04])
+def test_a_step_from_the_largest_deflection_beyond_separation_ends_there(tol):
+    rng = np.random.default_rng(6)
+    scene = [wide_scene(rng) for _ in range(79)][-1]
+    parts = scene.posture, scene.v, scene.ball, scene.contact
+    motion = {"ball_velocity": scene.incoming.velocity, "ball_spin": scene.incoming.spin}
+    rough, exact = (
+        kd.collide(*parts, **motion, **scene.law.options, tol=each).impulse for each in (tol, 1e-9)
+    )
+    np.testing.assert_allclose(rough, exact, rtol=0.0, atol=20 * tol * np.linalg.norm(exact))

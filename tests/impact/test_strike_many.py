@@ -115,3 +115,43 @@ def test_bad_input(changes, words):
     with pytest.raises(kd.InvalidInput, match=words) as caught:
         kd.strike_many(LEG, **given)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (
+            lambda leg, rows: leg.posture(rows),
+            r"q has shape \(5, 3\).*; strike_many takes \(n, 3\)",
+        ),
+        (
+            lambda leg, rows: kd.strike(leg.posture(rows[0]), rows, *PARTS),
+            r"v has shape \(5, 3\).*; strike_many takes \(n, 3\)",
+        ),
+        (
+            lambda leg, rows: kd.strike(leg.posture(rows[0]), rows[0], *PARTS, ball_spin=rows),
+            r"ball spin has shape \(5, 3\).*; strike_many takes \(n, 3\)",
+        ),
+        (lambda _, rows: kd.fly(kd.BallState(velocity=rows), kd.Ball()), "fly_many takes many"),
+        (lambda _, rows: kd.follow(kd.BallState(velocity=rows), kd.Ball()), "fly_many takes many"),
+        (
+            lambda leg, rows: kd.strike_many(leg, rows, rows[:4], *PARTS),
+            "q has 5 rows and v 4: both must have as many",
+        ),
+        (
+            lambda leg, rows: kd.strike_many(leg, rows, rows, kd.Ball(), [PARTS[1]] * 2),
+            "contact has length 2: it must be one or 5",
+        ),
+        (
+            lambda *_: kd.simulate_many(kd.load_scene("volley").replace(uncertainty={}), 100),
+            "the scene has no uncertainty: draws need one",
+        ),
+    ],
+)
+def test_a_wrong_number_of_rows_names_the_function_for_it(call, message):
+    with pytest.raises(kd.InvalidInput, match=message) as refused:
+        call(kd.Leg.human(), np.full((5, 3), 0.3))
+    assert "\n" not in str(refused.value)
+
+
+PARTS = kd.Ball(), kd.Contact(normal=(2, 0, 1), restitution=0.8, friction=0.4)

@@ -318,3 +318,17 @@ def test_a_moment_that_is_0_deviates_by_what_the_normal_turns():
     for joint, size in zip(nominal.joints.values(), sizes, strict=True):
         assert joint.moment < 1e-12
         assert joint.moment_deviation == pytest.approx(size, rel=0.06)
+
+
+def test_the_table_has_the_joints_with_the_largest_impulses():
+    leg = kd.Leg.human(height=1.8, mass=75, model="3d", base="floating")
+    posture = leg.posture(leg.configuration({"hip": 0.4, "knee": 0.6}))
+    hit = kd.strike(
+        posture, posture.joint_velocity([9.0, 0.0, 2.0]), kd.Ball(), kd.Contact((1, 0, 0), 0.7)
+    )
+    spread = hit.uncertainty(restitution=0.02)
+    table = str(spread).split("joint ")[1]
+    assert len(spread.joints) == 7
+    assert "root_joint" not in table
+    assert "knee" in table
+    assert table.endswith("1 more with smaller impulses: see `joints`")

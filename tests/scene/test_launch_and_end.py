@@ -16,6 +16,7 @@ from kickdyn.scene.launch_and_end import (
     collide_scene,
     collision_error,
     contact_time_error,
+    contact_time_size,
     end_error,
     end_of,
     end_slopes,
@@ -48,6 +49,26 @@ def test_it_bounds_the_contact_that_takes_time():
         off = size(fine.ball_after.velocity - rough.ball_after.velocity) / fine.ball_after.speed
         assert off <= COLLIDE_SAFETY * 1e-3
     assert used > 0.2
+
+
+def test_a_flight_shows_that_the_contact_time_matters_less_than_its_bound():
+    rng, shares = np.random.default_rng(6), []
+    while len(shares) < 8:
+        scene = random_scene(rng, contact_time=0.01)
+        with suppress(kd.NoImpact):
+            hit = strike_scene(scene)
+            error, path = contact_time_error(scene, hit), fly_scene(scene, hit.ball_after)
+            bound = end_error(scene, path, error)
+            if not (bound < math.inf and isinstance(path, kd.Flight) and path.duration > 0.0):
+                continue
+            measured = contact_time_size(scene, path, error, 0.5 * bound)
+            exact = fly_scene(scene, collide_scene(scene, 1e-7).ball_after)
+            if exact.status == path.status:
+                assert math.dist(exact.landing.position, path.landing.position) <= measured <= bound
+            assert contact_time_size(scene, path, error, 2.0 * bound) == bound
+            assert contact_time_size(scene, path, error, 0.1 * bound) == bound
+            shares.append(measured / bound)
+    assert min(shares) < 0.7
 
 
 def test_it_bounds_the_contact_of_an_inflated_ball():
@@ -209,4 +230,4 @@ def test_in_a_vacuum_the_error_of_an_end_is_that_of_the_closed_form():
 def test_the_error_of_a_collision_is_relative_to_its_launch():
     launch = kd.BallState((0, 0, 0), (3, 0, 4), (0, 0, 6))
     error = collision_error(scene_of(ball=kd.Ball(radius=0.5)), launch, 1e-4)
-    assert error == pytest.approx((20e-4 * 5, 20e-4 * 10, 20e-4 * 0.5), rel=1e-12)
+    assert error == pytest.approx((10e-4 * 5, 10e-4 * 10, 10e-4 * 0.5), rel=1e-12)

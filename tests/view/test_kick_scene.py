@@ -9,6 +9,7 @@ import pytest
 import umsgpack
 
 import kickdyn as kd
+from kickdyn.planning.meeting import arrival_of
 from kickdyn.robot.ground_clearance import find_depths
 from kickdyn.view import kick_scene, marks
 from kickdyn.view.camera import BOTTOM, LEFT, RIGHT, TOP
@@ -458,3 +459,18 @@ def test_the_clock_of_the_page_shows_the_times_of_the_pictures(backswing):
     pace = kick_scene.kick_pace(hit_with([30.0], [20.0]), 2.5, backswing)
     shown = np.interp(np.arange(len(pace.times)) / kick_scene.RATE, *pace.knots.T)
     np.testing.assert_allclose(shown, pace.times, atol=1e-12)
+
+
+def test_a_ball_that_comes_is_shown_on_its_path_to_the_foot():
+    ball, air = kd.Ball(), kd.Air()
+    comes = kd.BallState((2.0, 0.0, -0.5), (-3.0, 0.0, 0.5), (0.0, 4.0, 0.0))
+    ground = kd.Ground(-0.82, "turf")
+    plan = kd.plan_trap(kd.Leg.human(), kd.IncomingBall(comes, ground), ball, air)
+    arrival = arrival_of(plan.meeting, ball)
+    course = kd.follow(comes, ball, air, ground)
+    for before in (0.05, 0.3):
+        pose = kick_scene.ball_pose(plan.impact.ball_before, plan.path, -before, arrival)
+        there = course.sample(plan.meeting.time - before).position
+        assert pose[:3, 3] == pytest.approx(there, abs=1e-6)
+    drawn = str(kd.page(plan).html)
+    assert f"met after {plan.meeting.time:.3g} s" in drawn

@@ -1,0 +1,233 @@
+"""What the functions for impacts and flights cost, and how far their answers are from exact ones.
+
+Everything is measured with one kick: posture a of the paper's Table 2, its ball, the foot at 10 m/s
+and 30 deg upwards.
+"""
+
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from matplotlib.figure import Figure
+
+from kickdyn.air import Air
+from kickdyn.ball import Ball, BallState
+from kickdyn.contact import Contact
+from kickdyn.core.plot_style import styled
+from kickdyn.core.validation import Array
+from kickdyn.flight.batch import fly_many
+from kickdyn.flight.fly import fly
+from kickdyn.flight.follow import follow
+from kickdyn.flight.follow_many import follow_many
+from kickdyn.impact.collide import collide
+from kickdyn.impact.impact_result import Impact
+from kickdyn.impact.pinocchio_engine import contact_row, joined_state, with_ball
+from kickdyn.impact.strike import strike
+from kickdyn.impact.strike_many import strike_many
+from kickdyn.robot.leg import Leg
+from kickdyn.scene.scene import Compliance, Scene
+from kickdyn.scene.simulate import simulate
+from kickdyn.scene.simulate_many import simulate_many
+from kickdyn.sweeps.sweep import sweep
+from kickdyn.sweeps.sweep_kick import Kick
+
+FOOT_SPEED, FRICTION, ROWS = 10.0, 0.4, 10_000
+
+ATTACK = math.radians(30.0)
+
+ANGLES = (5.0, 10.0, -5.0)
+"""Of hip, knee and ankle [deg]."""
+
+EXACT = {
+    0.0: (4.613865632779877, 0.0, 2.663816565090224),
+    FRICTION: (5.20812568168579, 0.0, 2.1244710315260034),
+}
+"""Impulse on the ball by friction [N s], computed with 50 digits and rounded to float64."""
+
+LEAST = 1e-16
+"""Least relative error that is drawn: half a unit in the last place."""
+
+
+@dataclass(frozen=True)
+class FunctionCost:
+    """One function: its cost for a row, and its errors.
+
+    Attributes:
+        function: its name.
+        seconds: processor time of one answer; of many, of one row.
+        is_batch: whether that is one of `ROWS` rows or more in a batch.
+        rounding: relative error by rounding and integration; nan where it has none of its own.
+        model: relative distance from `collide` with a contact of 10 ms, by neglecting its time, and
+            of Pinocchio's function also friction; nan where it does not apply.
+    """
+
+    function: str
+    seconds: float
+    is_batch: bool
+    rounding: float
+    model: float
+
+
+def kick(friction: float) -> Impact:
+    """Return the kick with a coefficient of friction."""
+    posture = Leg.human().posture(np.radians(ANGLES))
+    attack = np.array([math.cos(ATTACK), 0.0, math.sin(ATTACK)])
+    v = posture.joint_velocity(FOOT_SPEED * attack)
+    return strike(posture, v, Ball.paper(), Contact(attack, 0.8, friction))
+
+
+def impulse_dynamics(impact: Impact) -> Callable[[], Array]:
+    """Return the calls of Pinocchio alone, with the model of leg and ball made before."""
+    space, joint = with_ball(impact.posture.leg, impact.ball.mass, impact.ball.inertia)
+    q, v = joined_state(impact.approach)
+
+    def solve() -> Array:
+        row = contact_row(impact.approach, space, joint, q)
+        pin.impulseDynamics(space.model, space.data, q, v, row, impact.restitution, 0.0)
+        return np.asarray(space.data.impulse_c[0] * impact.contact.normal)
+
+    return solve
+
+
+def measure_functions(report: Callable[[str], None] = lambda _: None) -> list[FunctionCost]:
+    """Measure every function; `report` is called with each name."""
+    rows = []
+    for measured in (*_impacts(), *_flights()):
+        name, run, count, rounding, model = measured
+        report(name)
+        rows.append(FunctionCost(name, _seconds(run) / count, count > 1, rounding(), model))
+    return rows
+
+
+def _seconds(run: Callable[[], object]) -> float:
+    """Return the least processor time of some calls, after one that loads what is late [s]."""
+    run()
+    least, spent = math.inf, 0.0
+    for _ in range(50):
+        began = time.process_time()
+        run()
+        taken = time.process_time() - began
+        least, spent = min(least, taken), spent + taken
+        if spent > 0.3:
+            break
+    return least
+
+
+def _gap(answer: Any, exact: Any) -> float:
+    """Return how far an answer is from an exact one, relative to its size."""
+    return float(np.linalg.norm(np.subtract(answer, exact)) / np.linalg.norm(exact))
+
+
+Measured = tuple[str, Callable[[], object], int, Callable[[], float], float]
+"""Name, call, number of its rows, function of the error by rounding, error of the model."""
+
+
+def _impacts() -> Iterator[Measured]:
+    impact, smooth = kick(FRICTION), kick(0.0)
+    leg, ball, contact = impact.posture.leg, impact.ball, impact.contact
+    q, v = np.radians(ANGLES), impact.v_before
+    exact, compliant = EXACT[FRICTION], collide(impact.posture, v, ball, contact, tol=1e-12)
+    model = _gap(impact.impulse, compliant.impulse)
+
+    def joint_impulses() -> Array:
+        return strike(leg.posture(q), v, ball, contact).joint_impulses
+
+    yield "strike", joint_impulses, 1, lambda: _gap(impact.impulse, exact), model
+    alone = impulse_dynamics(smooth)
+    yield (
+        "pin.impulseDynamics, bare", alone, 1, lambda: _gap(alone(), EXACT[0.0]),
+        _gap(smooth.impulse, compliant.impulse),
+    )  # fmt: skip
+    many = np.tile(q, (ROWS, 1)), np.tile(v, (ROWS, 1))
+
+    def strikes() -> Array:
+        return strike_many(leg, *many, ball, contact).impulse
+
+    yield "strike_many", strikes, ROWS, lambda: _gap(strikes()[-1], exact), model
+    names, steps = leg.joint_names, 0.625 * np.arange(81.0)
+    grid = {name: np.radians(low + steps) for name, low in zip(names, (-10, 0, -20), strict=True)}
+    at = {f"{name}_deg": angle for name, angle in zip(names, ANGLES, strict=True)}
+    setting = Kick(speed=FOOT_SPEED, attack=ATTACK, friction=FRICTION, ball=ball)
+
+    def of_sweep() -> float:
+        data = sweep(leg, grid, setting)
+        chosen = data.swap_dims({name: f"{name}_deg" for name in names})
+        return abs(float(chosen.sel(at, method="nearest").impulse) / math.hypot(*exact) - 1.0)
+
+    yield "sweep", lambda: sweep(leg, grid, setting, threads=1), 81**3, of_sweep, model
+    default = collide(impact.posture, v, ball, contact)
+    yield (
+        "collide", lambda: collide(leg.posture(q), v, ball, contact), 1,
+        lambda: _gap(default.impulse, compliant.impulse), math.nan,
+    )  # fmt: skip
+
+
+def _flights() -> Iterator[Measured]:
+    impact, air = kick(FRICTION), Air()
+    ball, launch = impact.ball, impact.ball_after
+    states = BallState(*(np.tile(part, (ROWS, 1)) for part in
+                         (launch.position, launch.velocity, launch.spin)))  # fmt: skip
+    start = launch.position
+    landing = fly(launch, ball, air, tol=1e-13).landing.position - start
+    rest = follow(launch, ball, air, tol=1e-13).rest.position - start
+    yield (
+        "fly", lambda: fly(launch, ball, air), 1,
+        lambda: _gap(fly(launch, ball, air).landing.position - start, landing), math.nan,
+    )  # fmt: skip
+    yield (
+        "fly_many", lambda: fly_many(states, ball, air), ROWS,
+        lambda: _gap(fly_many(states, ball, air).landing_position.values[-1] - start, landing),
+        math.nan,
+    )  # fmt: skip
+    yield (
+        "follow", lambda: follow(launch, ball, air), 1,
+        lambda: _gap(follow(launch, ball, air).rest.position - start, rest), math.nan,
+    )  # fmt: skip
+    yield (
+        "follow_many", lambda: follow_many(states, ball, air), ROWS,
+        lambda: _gap(follow_many(states, ball, air).position.values[-1] - start, rest), math.nan,
+    )  # fmt: skip
+    kicked = impact.posture, impact.v_before, ball, impact.contact
+    scene = Scene(*kicked, air=air, law=Compliance(contact_time=0.01), uncertainty={"v": 0.1})
+    calm, reference = scene.replace(uncertainty={}), simulate(scene, None)
+    length = reference.end.position - reference.launch.position
+
+    def of_simulation() -> float:
+        return _gap(simulate(calm).end.position - reference.launch.position, length)
+
+    yield "simulate", lambda: simulate(calm), 1, of_simulation, math.nan
+    yield (
+        "simulate_many", lambda: simulate_many(scene, ROWS), ROWS, lambda: math.nan, math.nan
+    )  # fmt: skip
+
+
+@styled()
+def cost_figure(rows: Sequence[FunctionCost]) -> Figure:
+    """Return error against cost in two panels, of model and rounding; squares are batches."""
+    figure = Figure(figsize=(11.0, 4.2))
+    panels: Any = figure.subplots(1, 2)
+    for axes, title, kind in zip(
+        panels, ("model: time of the contact neglected", "rounding and integration"),
+        ("model", "rounding"), strict=True,
+    ):  # fmt: skip
+        shown = [(row, max(getattr(row, kind), LEAST)) for row in rows
+                 if not math.isnan(getattr(row, kind))]  # fmt: skip
+        for row, error in shown:
+            axes.loglog(
+                row.seconds, error, "s" if row.is_batch else "o", color="tab:blue",
+                fillstyle="none" if row.is_batch else "full",
+            )  # fmt: skip
+            axes.annotate(row.function, (row.seconds, error), (4, 4), fontsize=8,
+                          textcoords="offset points")  # fmt: skip
+        axes.set(title=title, xlabel="time per answer [s]", ylabel="relative error")
+        axes.margins(0.2)
+        if kind == "model":
+            axes.set_ylim(1e-2, 1.0)
+    for marker, style, label in (("o", "full", "one"), ("s", "none", "batch, per row")):
+        panels[1].loglog([], [], marker, color="tab:blue", fillstyle=style, label=label)
+    panels[1].legend(loc="upper left")
+    return figure

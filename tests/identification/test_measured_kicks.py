@@ -1,0 +1,34 @@
+"""The C3D files of the guide and the notebook are what their script makes, with the truth."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import kickdyn as kd
+
+ROOT = Path(__file__).resolve().parents[2]
+measured_kicks = pytest.importorskip("measured_kicks", reason="tools come with the checkout only")
+
+
+@pytest.mark.parametrize("number", [0, 1])
+def test_files_are_those_of_the_script(number):
+    surface = list(measured_kicks.KICKS)[number]
+    track = kd.BodyTrack.from_c3d(ROOT / "data" / f"kick_{surface}.c3d")
+    assert track.markers == (*measured_kicks.MARKERS, "ball")
+    made = measured_kicks.record(surface, np.random.default_rng(number))
+    assert track.positions == pytest.approx(made, abs=1e-6, nan_ok=True)
+
+
+def test_the_truth_is_beside_them():
+    page = (ROOT / "data" / "README.md").read_text("utf-8")
+    rows = [re.findall(r"\| (\d+\.\d+) \| (\d+\.\d+) \|", line) for line in page.splitlines()]
+    shown = np.array([row[0] for row in rows if row], dtype=float).T
+    for values, surface in zip(shown, measured_kicks.KICKS, strict=True):
+        hit = measured_kicks.impact(surface)
+        names = hit.posture.leg.joint_names
+        sizes = dict(zip(names, np.linalg.norm(hit.joint_impulses[:, :3], axis=1), strict=True))
+        truth = [np.linalg.norm(hit.foot_velocity), hit.ball_after.speed]
+        truth += [sizes[joint] for joint in ("hip", "knee", "ankle")]
+        assert values == pytest.approx(truth, rel=1e-3)

@@ -148,7 +148,9 @@ MAXIMAL = 25.64, 34.48
 """Least and largest ball speed of maximal instep kicks [m/s] (Andersen & Dorge 2011)."""
 
 
-def head_on(foot_speed: float, restitution: float = RESTITUTION, **options: object) -> kd.Collision:
+def head_on(
+    foot_speed: float, restitution: float | str = RESTITUTION, **options: object
+) -> kd.Collision:
     """Return the collision of the sliding foot with the inflated ball at rest."""
     contact = kd.Contact((1, 0, 0), restitution)
     return kd.collide(FOOT.posture([0.0]), [foot_speed], INFLATED, contact, **options)  # type: ignore[arg-type]

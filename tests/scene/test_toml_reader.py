@@ -308,6 +308,16 @@ def test_a_contact_time_in_milliseconds_is_refused(faults):
     assert "at most 0.1 [s]" in line
 
 
+def test_a_contact_has_the_force_of_an_inflated_ball(read):
+    changed = SMALL.replace("restitution = 0.8", "restitution = 'inflated'\nstiffness = 'inflated'")
+    scene = read(changed + "[ball]\npressure_pa = 80e3\nshell_share = 0.97\n")
+    ball, answer = kd.Ball(pressure=80e3, shell_share=0.97), kd.simulate(scene)
+    expected = kd.collide(scene.posture, scene.v, ball, scene.contact, tol=answer.impact.tol)
+    assert answer.impact.impulse.tolist() == expected.impulse.tolist()
+    assert "of an inflated ball" in str(scene)
+    assert kd.simulate(scene, tolerance=0.01).impact.force_model == expected.force_model
+
+
 def test_a_compliant_contact_has_the_stiffness_of_the_balls_pressure(read):
     changed = SMALL.replace("restitution = 0.8", "restitution = 0.7\nstiffness = 'pressure'")
     changed += "[ball]\npressure_pa = 80e3\n"
@@ -331,6 +341,8 @@ def test_a_compliant_contact_has_the_stiffness_of_the_balls_pressure(read):
         ("stiffness = 'pressure'", "", "ball pressure is None: its stiffness needs it"),
         ("stiffness = 'air'", "", "contact.stiffness: 'air' is unknown: choose pressure, inflated"),
         ("stiffness = 'pressure'\nlaw = 'paper'", "pressure_pa = 8e4", "has no impact law"),
+        ("stiffness = 'inflated'", "pressure_pa = 8e4", "it needs a contact with the restitution"),
+        ("", "shell_share = 2", "shell share is 2"),
         (
             "",
             "pressure_pa = 0.8",

@@ -419,6 +419,8 @@ class MotionProblem:
         q, v, a = (splines.values(times, order) @ start.coefficients for order in range(3))
         forces = np.asarray(self.forces.map(len(q))(q.T, v.T, a.T)).T
         multipliers, bounds = self._multipliers(start, moments, apart, (len(most), size))
+        if len(multipliers) != len(lowest):  # the ball's place had other equations
+            multipliers = np.zeros(len(lowest))
         solver = self._solver(rest, blocks, to_speeds, options)
         end = solver(
             x0=np.concatenate([

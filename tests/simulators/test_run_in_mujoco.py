@@ -159,6 +159,14 @@ def test_a_corrected_kick_meets_the_target_with_a_contact_that_takes_time():
     assert corrected.launch is plan.launch
 
 
+def test_a_kick_at_a_ball_of_given_height_is_corrected():
+    leg, goal = kd.Leg.human(), kd.Goal(20, time=1.2)
+    plan = kd.plan_kick(leg, goal, BALL, AIR, ball_position=-0.7042, motion=True)
+    corrected = kd.refine_kick(plan, rounds=1)
+    assert corrected.impact.ball_before.position[2] == pytest.approx(-0.7042, abs=1e-6)
+    assert miss_by_collide(corrected) < 0.1 * miss_by_collide(plan)
+
+
 def test_a_corrected_kick_meets_the_target_in_mujoco():
     """The ball of the correction differs from the wished one as far as the first one did not."""
     plan, run = swinging(), carried_out(swinging)

@@ -53,7 +53,7 @@ GOOD = {
     "draws": 2, "surface": "heel", "linear": (1.0, 0.0, 0.0),
     "states": kd.BallState(velocity=[IMPACT.ball_after.velocity] * 2),
     "incoming": kd.BallState((1.5, 0, -0.7), (-2, 0, 0)), "time": 1.0,
-    "moved": (0.1, 0.0, 0.0), "delay": 0.1,
+    "moved": (0.1, 0.0, 0.0), "delay": 0.1, "robot": LEG,
 }  # fmt: skip
 """A valid argument for every required parameter, by its name."""
 
@@ -93,6 +93,7 @@ INSTANCES = {
     "Learner": kd.Learner(GOAL, BALL, AIR),
     "MujocoTuning": kd.tune_mujoco(POSTURE, V, BALL, CONTACT, contact_time=0.01, timestep=0.004),
     "RestitutionFit": kd.fit_restitution(INFERRED, knots=1),
+    "Simulation": kd.simulate(SCENE),
 }
 """One of each class that has methods with arguments."""
 
@@ -112,6 +113,8 @@ RESULTS = {
         "Pass",
         "Posture",
         "RestitutionFit",
+        "ReachRow",
+        "ReachTable",
         "Segments",
         "Sensitivity",
         "Simulation",
@@ -158,6 +161,8 @@ def arguments(call):
     parameters = inspect.signature(call).parameters.values()
     required = [p for p in parameters if p.default is p.empty and p.kind not in (2, 4)]
     good = {p.name: GOOD[p.name] for p in required}
+    if call is kd.reach:  # eleven plans by default
+        good["elevations"] = 30.0
     for p in parameters:
         for kind, bad in BAD.items():
             if p.kind is p.VAR_POSITIONAL:

@@ -283,6 +283,7 @@ class Simulation(Printed):
     def __str__(self) -> str:
         return self.text()
 
+    @validation.check_arguments
     def text(self, *, times: bool = False) -> str:
         """Return what `print` shows; with times, also processor times, which differ each time."""
         source = "rounding"

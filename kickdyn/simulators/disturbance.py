@@ -54,16 +54,17 @@ class KickNoise:
             most = 0.3 if entry.name in ("mass", "friction") else 0.1
             validation.number(entry.name, getattr(self, entry.name), at_least=0, at_most=most)
 
-    def draw(self, seed: int, bodies: int) -> Disturbance:
-        """Return the disturbance of a seed, for a robot of so many bodies."""
-        random = np.random.default_rng(seed)
-        delay = self.delay * float(random.uniform())
-        normal = np.clip(random.normal(size=bodies + 4), -3.0, 3.0)
-        ground, ball = (1.0 + self.friction * normal[:2]).tolist()
-        return Disturbance(
-            masses=1.0 + self.mass * normal[4:],
-            ground_friction=ground,
-            ball_friction=ball,
-            delay=delay,
-            place=self.place * normal[2:4],
-        )
+
+def draw(noise: KickNoise, seed: int, bodies: int) -> Disturbance:
+    """Return the disturbance of a seed, for a robot of so many bodies."""
+    random = np.random.default_rng(seed)
+    delay = noise.delay * float(random.uniform())
+    normal = np.clip(random.normal(size=bodies + 4), -3.0, 3.0)
+    ground, ball = (1.0 + noise.friction * normal[:2]).tolist()
+    return Disturbance(
+        masses=1.0 + noise.mass * normal[4:],
+        ground_friction=ground,
+        ball_friction=ball,
+        delay=delay,
+        place=noise.place * normal[2:4],
+    )

@@ -24,7 +24,7 @@ from kickdyn.plane import Plane
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.robot.mjcf_file import quiet_mujoco
 from kickdyn.robot.standing import StandingRobot, is_floating, sole_edges
-from kickdyn.simulators.disturbance import KickNoise
+from kickdyn.simulators.disturbance import KickNoise, draw
 from kickdyn.simulators.mujoco_field import MujocoField
 from kickdyn.simulators.mujoco_kick import load_mujoco
 from kickdyn.simulators.tune_mujoco import MujocoTuning, tune_mujoco
@@ -266,7 +266,7 @@ def run_in_mujoco(
         )  # fmt: skip
     bodies = motion.robot.model.njoints - 1
     drawn = KickNoise(0, 0, 0, 0) if seed is None else noise or KickNoise()
-    disturbance = drawn.draw(seed or 0, bodies)
+    disturbance = draw(drawn, seed or 0, bodies)
     field = MujocoField(motion, impact, standing, tuning, disturbance)
     field.set_gains(rooted, posture.q)
     samples = _simulate(field, feed_forward=chosen is Controller.TORQUE_PD)

@@ -61,9 +61,10 @@ class Grid:
             )
         axes: dict[str, Array] = {}
         faults: list[str] = []
+        listed = isinstance(samples, str) and samples == "list"
         for name, given in postures.items():
             with _collected(faults):
-                axes[name] = _checked_axis(leg, name, given, ascending=samples != "list")
+                axes[name] = _checked_axis(leg, name, given, ascending=not listed)
         still = np.zeros(1)
         drivers = {mimic.joint: mimic for mimic in leg.mimics}
         for name in leg.single_joints:

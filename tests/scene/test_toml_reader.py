@@ -375,7 +375,7 @@ def test_a_restitution_over_speed_is_read_and_used(read, text, value, e):
         assert answer.impact.restitution == pytest.approx(e, abs=1e-4 if e == 0.8821 else 1e-6)
         outside = value == "peacock-ball"
         assert any("m/s: 0.729 is used" in line for line in answer.warnings) == outside
-        assert f"restitution {answer.impact.restitution:.4g}, that of " in str(answer)
+        assert f"restitution {answer.impact.restitution:.4g}, from " in str(answer)
 
 
 @pytest.mark.parametrize(

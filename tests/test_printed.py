@@ -18,6 +18,7 @@ from kickdyn.identification.infer_impact import RestitutionFit
 from kickdyn.identification.track import Track
 from kickdyn.motion.motion import Motion
 from kickdyn.planning.goal import PlannedLaunch
+from kickdyn.planning.reach import ReachRow, ReachTable
 from kickdyn.simulators.mujoco_fit import KickError
 from kickdyn.simulators.run_in_mujoco import MujocoRun
 from kickdyn.simulators.tune_mujoco import MujocoGoal, MujocoTuning
@@ -592,6 +593,21 @@ def scene(**more):
 
 WALL = kd.Plane((30, 0, 0), (-1, 0, 0))
 """It is reached in the air, so that the course has a flight more than bounces."""
+def reach_table():
+    rows = (ReachRow(-10.0, 20.0, 21.43, 23.0, "speed of knee", 31.26, 44.32),
+            ReachRow(0.0, 35.0, 18.71, None, "", 26.54, 37.98))  # fmt: skip
+    return ReachTable("robot", True, rows)
+
+
+def of_reach(shown):
+    return {
+        "robot": ("robot", ""),
+        "limits": ("of the motion", ""),
+        "-10, 20 deg": ("21.43 m/s, 31.3 m on carpet, 44.3 m on turf", ""),
+        "0, 35 deg": ("18.71 m/s, 26.5 m on carpet, 38 m on turf", ""),
+    }
+
+
 SHOWN = {
     "ball": (lambda: BALL, of_ball),
     "incoming ball": (incoming_ball, of_incoming_ball),
@@ -640,6 +656,7 @@ SHOWN = {
     "learner": (learner, of_learner),
     "tuning": (tuning, of_tuning),
     "run": (mujoco_run, of_run),
+    "reach": (reach_table, of_reach),
 }  # fmt: skip
 
 

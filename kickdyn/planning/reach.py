@@ -167,7 +167,7 @@ def reach(
         >>> import kickdyn as kd
         >>> table = kd.reach(kd.Leg.human(), kd.Ball(), kd.Air(), elevations=(10, 30))
         >>> [round(row.speed) for row in table.rows]
-        [25, 25]
+        [26, 26]
     """
     tolerance = validation.number("tolerance", tolerance, at_least=1e-3, at_most=0.5)
     sides, heights = _angles("azimuths", azimuths, 180.0), _angles("elevations", elevations, 80.0)

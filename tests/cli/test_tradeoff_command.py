@@ -17,7 +17,9 @@ from kickdyn.cli.tradeoff_command import TOLERANCE, effect_figure, tradeoff
 from kickdyn.scene.effects import EffectSize
 from kickdyn.scene.simulate import measure_effects
 
-SCENES = Path(__file__).resolve().parents[2] / "scenes"
+ROOT = Path(__file__).resolve().parents[2]
+SCENES = ROOT / "scenes"
+KEYS = (ROOT / "docs" / "reference" / "json.md").read_text("utf-8")
 
 
 def tried(*arguments):
@@ -31,6 +33,8 @@ def test_the_functions_are_measured_and_drawn(tmp_path, monkeypatch):
     assert ended.exit_code == 0
     document = json.loads(rows.read_text())
     table = {row["function"]: row for row in document["functions"]}
+    for name in document["functions"][0]:
+        assert f"`functions[].{name}`" in KEYS
     assert set(table) > {"strike", "strike_many", "sweep", "collide", "fly_many", "simulate"}
     for name, most in (("strike", 2e-15), ("strike_many", 1e-13), ("sweep", 1e-12),
                        ("pin.impulseDynamics, bare", 2e-15), ("collide", 1e-7),

@@ -23,6 +23,7 @@ GOALS = {
     "beside": kd.Goal((20, 0, 1), speed=25, beside=(9, 1)),
     "receiver": kd.Goal((16, 0, 0), time=1.2, receiver_velocity=(2, 1, 0)),
 }
+DENSE = kd.Air(1.3, drag="tango12")
 ROLLING = kd.BallState((2.0, 0.0, -0.7042), (-2.5, 0.0, 0.0), (0.0, -22.8, 0.0), 5.0)
 FLYING = kd.BallState((4.0, 0.0, -0.3), (-9.0, 0.0, 1.5), (0.0, 5.0, 0.0))
 
@@ -46,7 +47,7 @@ def kicked(leg=HUMAN, goal="time", air=AIR, **more):
 
 
 def met(leg, goal, incoming, **more):
-    plan = kd.plan_kick(leg, goal, BALL, CALM, incoming=incoming, **more)
+    plan = kd.plan_kick(leg, goal, BALL, DENSE, incoming=incoming, **more)
     meeting = plan.meeting
     return {
         "plan": plan, "q": plan.q, "v": plan.v, "meeting": meeting,
@@ -57,7 +58,7 @@ def met(leg, goal, incoming, **more):
 
 
 def replanned():
-    plan = kd.plan_kick(HUMAN, kd.Goal(18, time=1.2), BALL, CALM, incoming=ROLLING)
+    plan = kd.plan_kick(HUMAN, kd.Goal(18, time=1.2), BALL, DENSE, incoming=ROLLING)
     seen = kd.BallState((1.6, 0.0, -0.7042), (-2.4, 0.0, 0.0), (0.0, -22.0, 0.0), 5.16)
     again = plan.replan(incoming=seen)
     return [again, again.q, again.v]

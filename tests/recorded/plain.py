@@ -23,7 +23,7 @@ DEEPEST = 3
 SKIPPED = {
     "leg_response", "constraint_projector", "slopes", "workspace", "file", "model", "evaluations",
     "iterations", "history", "viewer", "scenes", "approach", "tracks", "track", "meetings",
-    "articulated_bodies", "seconds",
+    "articulated_bodies", "seconds", "digits", "joint_digits", "rounding",
 }  # fmt: skip
 """Attributes that are of no use to others, or depend on the machine."""
 TIMES = {"seconds", "took"}

@@ -63,7 +63,6 @@ CASES = {
     "kick with a course": lambda: kd.page(kick(), path()),
     "kick of a robot": lambda: kd.page(kd.strike(*on_leg("g1"), **MOVING)),
     "kick of a three-dimensional leg": lambda: kd.page(kd.strike(*on_leg("human 3d"), **MOVING)),
-    "kick of an mjcf leg": lambda: kd.page(kd.strike(*on_leg("mjcf"), **MOVING)),
     "kicks": lambda: kd.page({"soft": kick(), "<hard>": kd.strike(*on_leg("testbed"))}, caption="two of them"),
     "flights": lambda: kd.page({"calm": kd.fly(LAUNCH, BALL, kd.Air()), "wind": kd.fly(LAUNCH, BALL, AIR), "course": path()}, caption="three"),
     "a launch": lambda: kd.page(kd.plan_launch(kd.Goal((11, 1, 0.4), time=0.7), BALL, AIR)),

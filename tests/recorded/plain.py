@@ -26,8 +26,8 @@ SKIPPED = {
     "articulated_bodies", "seconds", "digits", "joint_digits", "rounding",
 }  # fmt: skip
 """Attributes that are of no use to others, or depend on the machine."""
-TIMES = {"seconds", "took"}
-"""Keys of processor times."""
+TIMES = {"seconds", "took", "evaluations", "model_sha256", "front"}
+"""Keys of what depends on the machine: times, rounding, and which of equal postures is counted."""
 BRIEF = {"Ball", "Air", "Contact", "Ground", "Plane", "Surface", "Posture", "Goal", "BallState"}
 """Types that are shown by their printed form inside of others."""
 EXPENSIVE = {"html", "others", "margins", "meetings"}
@@ -149,6 +149,12 @@ def _rounded(values):
     return number(values) if isinstance(values, float) else values
 
 
+def printed(value):
+    """Return what a terminal shows; of a dataclass with arrays that prints all digits, its name."""
+    text = repr(value)
+    return type(value).__name__ if "array(" in text or " at 0x" in text else text_of(text)
+
+
 def attributes(value, depth=0):
     """Return what an object of kickdyn says of itself: its printed form and public attributes."""
     kind = type(value)
@@ -156,9 +162,9 @@ def attributes(value, depth=0):
     if depth and kind.__name__ in BRIEF:
         return text_of(repr(value))
     if depth >= DEEPEST:
-        return shown | {"printed": text_of(repr(value))}
+        return shown | {"printed": printed(value)}
     if "__repr__" in vars(kind) or isinstance(value, ReprMixin):
-        shown["printed"] = text_of(repr(value))
+        shown["printed"] = printed(value)
     if kind.__str__ is not object.__str__ and str(value) != repr(value):
         shown["str"] = text_of(str(value))
     names = (
@@ -231,7 +237,7 @@ def of_dataset(data, depth=0):
     return {
         "sizes": dict(data.sizes),
         "attributes": {
-            k: plain(v) for k, v in data.attrs.items() if k not in ("history", "kickdyn_version")
+            k: plain(v) for k, v in data.attrs.items() if k not in ("history", "kickdyn_version", "model_sha256")
         },
         **{
             str(name): {"dimensions": list(item.dims), "attributes": plain(dict(item.attrs))}

@@ -593,6 +593,8 @@ def scene(**more):
 
 WALL = kd.Plane((30, 0, 0), (-1, 0, 0))
 """It is reached in the air, so that the course has a flight more than bounces."""
+
+
 def reach_table():
     rows = (ReachRow(-10.0, 20.0, 21.43, 23.0, "speed of knee", 31.26, 44.32),
             ReachRow(0.0, 35.0, 18.71, None, "", 26.54, 37.98))  # fmt: skip

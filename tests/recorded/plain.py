@@ -237,7 +237,9 @@ def of_dataset(data, depth=0):
     return {
         "sizes": dict(data.sizes),
         "attributes": {
-            k: plain(v) for k, v in data.attrs.items() if k not in ("history", "kickdyn_version", "model_sha256")
+            k: plain(v)
+            for k, v in data.attrs.items()
+            if k not in ("history", "kickdyn_version", "model_sha256")
         },
         **{
             str(name): {"dimensions": list(item.dims), "attributes": plain(dict(item.attrs))}

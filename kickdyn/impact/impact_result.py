@@ -10,7 +10,7 @@ import numpy as np
 
 from kickdyn.ball import BallState
 from kickdyn.core import validation
-from kickdyn.core.representation import Row, warned
+from kickdyn.core.representation import ROUNDING, Row, warned
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.approach import AfterApproach, Approach
@@ -208,9 +208,12 @@ class Impact(AfterApproach):
 
     @property
     def worst_joint(self) -> tuple[str, float]:
-        """Name of the joint that transmits the largest linear impulse, and that impulse [N s]."""
+        """Name of the joint that transmits the largest linear impulse, and that impulse [N s].
+
+        Of joints in one point, which transmit the same, it is the first.
+        """
         sizes = np.linalg.norm(self.joint_impulses[:, :3], axis=1)
-        worst = int(np.argmax(sizes))
+        worst = int(np.argmax(sizes >= (1.0 - ROUNDING) * sizes.max()))
         return self.posture.leg.joint_names[worst], float(sizes[worst])
 
     @cached_property

@@ -70,7 +70,8 @@ def _joints(impact: Impact) -> str:
     values = leg.display_values(impact.posture.q)
     norms = np.linalg.norm(impact.joint_impulses[:, :3], axis=1).tolist()
     rows = []
-    for size, name in sorted(zip(norms, leg.joint_names, strict=True), key=lambda row: -row[0]):
+    named = zip(norms, leg.joint_names, strict=True)
+    for size, name in sorted(named, key=lambda row: -round(row[0], 9)):  # rounding orders nothing
         value, unit = values.get(name, (0.0, ""))  # a floating base has no single angle
         shown = {"m": f"{value:.4g} m, ", "deg": f"{value:.1f}°, "}.get(unit, "")
         moves = name in values and impact.v_before[leg.velocity_index(name)]

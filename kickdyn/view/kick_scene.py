@@ -233,7 +233,7 @@ def impulse_arrows(impact: Impact, least: float) -> list[Arrow]:
         for number, (name, start, impulse) in enumerate(joint_impulses_in_world(impact), start=1)
     ]
     joints = sorted(
-        (arrow for arrow in joints if arrow.size > least), key=lambda arrow: -arrow.size
+        (arrow for arrow in joints if arrow.size > least), key=lambda arrow: -round(arrow.size, 9)
     )
     return [ball, *joints] if ball.size > 0.0 else joints
 

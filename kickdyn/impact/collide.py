@@ -15,7 +15,7 @@ from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.representation import Row, warned
 from kickdyn.core.validation import Array, ArrayLike, read_only
-from kickdyn.errors import InvalidInput
+from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.impact.approach import AT_REST, AfterApproach, Approach, find_approach
 from kickdyn.impact.compliant_contact import (
     CompliantContact,
@@ -364,7 +364,15 @@ def collide(
         stiffness=None if patch else _stiffness_of(force), model=patch or "point",
         ball_velocity=approach.ball_before.velocity, ball_spin=approach.ball_before.spin,
     )  # fmt: skip
-    collision = Collision(approach, tol, integrate_contact(equations, tol), again)
+    try:
+        motion = integrate_contact(equations, tol)
+    except (KickdynError, ValueError):
+        if isinstance(equations, PatchContact) and equations.lowest < 0.05 * ball.radius:
+            raise _pressed_by(equations, ball) from None
+        raise
+    collision = Collision(approach, tol, motion, again)
+    if isinstance(equations, PatchContact) and collision.flattening >= ball.radius * (1.0 - 1e-9):
+        raise _pressed_by(equations, ball)
     if collision.flattening >= ball.radius * (1.0 - 1e-9):
         pressed = f"too low, the ball would be pressed beyond its radius of {ball.radius:g} m"
         if not isinstance(force, ForceModel) or force.exponent == LINEAR:
@@ -377,6 +385,17 @@ def collide(
             "stiffer"
         )
     return collision
+
+
+def _pressed_by(equations: PatchContact, ball: Ball) -> InvalidInput:
+    """Return the error of a strip that goes through the ball."""
+    patch = equations.patch
+    return InvalidInput(
+        f"patch width is {patch.width:g} m: at an approach speed of "
+        f"{equations.approach.speed:.4g} m/s and with an offset of {patch.offset:g} m, the strip "
+        f"would press the ball beyond its radius of {ball.radius:g} m; a wider strip, a smaller "
+        "offset or a slower foot is within the model"
+    )
 
 
 def with_drives(approach: Approach, torque: Array | Torque) -> Array | Torque:

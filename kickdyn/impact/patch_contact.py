@@ -223,7 +223,14 @@ class PatchContact(CompliantContact):
         self._axes = posture.rotation_world_joint.T @ axes
         self._wrenches = np.vstack([self._axes, np.zeros((3, 3))])
         self._arm = tuple((self._axes.T @ posture.contact_lever).tolist())
-        self._offset = patch.offset
+        self._offset, self.patch = patch.offset, patch
+        self.lowest = ball.radius  # height of the centre over the strip so far [m]
+        reach = 0.5 * patch.width + ball.radius
+        if abs(patch.offset) >= reach:
+            raise InvalidInput(
+                f"patch offset is {patch.offset:g} m: a strip of {patch.width:g} m does not meet a "
+                f"ball of radius {ball.radius:g} m; it must be less than {reach:g} in size"
+            )
         volume = 4.0 / 3.0 * math.pi * ball.radius**3
         self._touched, self._volume = 1e-9 * ball.radius**2, volume
 
@@ -318,6 +325,7 @@ class PatchContact(CompliantContact):
         contact = self.kinematics(state)
         shape, law, (w1, w2, w3) = self.overlap(contact), self.patch_force, contact.relative
         shell, height = law.ball, contact.height
+        self.lowest = min(self.lowest, height)
         share = 1.0 if phase.largest == 0.0 else shell.shell_restitution**2
         pressure = gauge_pressure(shape.volume / self._volume, shell.pressure, shell.gas_exponent)
         size, edge = share * pressure * shape.area, -share * pressure * shape.across

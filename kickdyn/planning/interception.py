@@ -196,12 +196,13 @@ def waits_in_reach(
     if incoming.meet_at is not None:
         if isinstance(incoming.meet_at, float):
             wait = incoming.meet_at - float(incoming.state.time)
-            if wait > last and course.status != "at-rest":
+            if wait > last:
+                rests = ", when it has come to rest" if course.status == "at-rest" else ""
                 raise InvalidInput(
                     f"meet_at is {incoming.meet_at:g} s: it must be within {last:g} s of the time "
-                    "of the incoming ball"
+                    f"of the incoming ball{rests}"
                 )
-            times = np.array([min(wait, last)])
+            times = np.array([wait])
         else:
             places = np.asarray(states.position)
             times = np.array([_passing(course, times, places, np.asarray(incoming.meet_at))])

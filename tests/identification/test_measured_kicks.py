@@ -32,3 +32,16 @@ def test_the_truth_is_beside_them():
         truth = [np.linalg.norm(hit.foot_velocity), hit.ball_after.speed]
         truth += [sizes[joint] for joint in ("hip", "knee", "ankle")]
         assert values == pytest.approx(truth, rel=1e-3)
+
+
+@pytest.mark.parametrize(("height", "lines"), [(1.65, 0), (1.72, 1)])
+def test_a_leg_of_another_height_is_noticed(height, lines):
+    page = (ROOT / "docs" / "how-to" / "measured-impacts.md").read_text("utf-8")
+    (places,) = re.findall(r"^markers = (\{.*?^\})", page, re.DOTALL | re.MULTILINE)
+    person = {"mass": 58, "sex": "female", "side": "right", "model": "3d"}
+    leg = kd.Leg.human(height=height, base="floating", frame="instep", **person)
+    track = kd.BodyTrack.from_c3d(ROOT / "data" / "kick_instep.c3d")
+    motion = kd.fit_motion(track, leg, eval(places), contact=0.2007)
+    assert len(motion.warnings) == lines
+    for line in motion.warnings:
+        assert re.match(r"marker '\w+' is \d+ mm from the leg's, the median of all 3.2 mm", line)

@@ -1,4 +1,4 @@
-"""The pictures of docs/gallery.md, by the commands and snippets that stand there.
+"""The pictures of docs/how-to/pages.md, by the commands and snippets that stand there.
 
     python benchmarks/gallery.py               # all
     python benchmarks/gallery.py goal motion   # those
@@ -17,12 +17,12 @@ from matplotlib.image import imread
 from PIL import Image
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGE = ROOT / "docs" / "gallery.md"
+PAGE = ROOT / "docs" / "how-to" / "pages.md"
 IMAGES = ROOT / "docs" / "images"
 MOST = 190_000
 SCRIPT = "from kickdyn.cli.commands import main; main()"
 PICTURE = re.compile(
-    r"!\[[^]]*\]\(images/(gallery-([a-z-]+)\.png)\)\s+```(sh|python)\n(.*?)```", re.S
+    r"!\[[^]]*\]\(../images/(gallery-([a-z-]+)\.png)\)\s+```(bash|python)\n(.*?)```", re.S
 )
 
 

@@ -1,9 +1,9 @@
-"""Draw docs/images/kick.webp, the animated picture of README.md, from the page of a planned kick.
+"""Draw docs/images/kick.webp, the animated picture of README.md: a kick carried out in MuJoCo.
 
     python benchmarks/kick_animation.py [FILE]
 
-Needs Chromium and the extras `robots` and `motion`. Chromium draws each picture anew, which takes
-some minutes.
+Needs Chromium and the extras `robots`, `motion` and `mjcf`. Chromium draws each picture anew, which
+takes some minutes.
 """
 
 import sys
@@ -22,7 +22,7 @@ FILE = Path(__file__).resolve().parent.parent / "docs" / "images" / "kick.webp"
 SIZE = 880, 495
 """Width and height of the animation [px]."""
 
-PICTURES = 8
+PICTURES = 6
 """Number of pictures per second."""
 
 LAST = 1.5
@@ -30,22 +30,11 @@ LAST = 1.5
 
 
 def page() -> Page:
-    """Return the page of a kick with its motion by a humanoid robot that stands on its left foot.
-
-    Its arms are locked aside, out of the way of the thigh.
-    """
-    robot = kd.Leg.from_robot("g1", base="floating")
-    arms_and_waist = ("shoulder", "elbow", "wrist", "waist")
-    angles = dict.fromkeys(
-        (n for n in robot.joint_names if any(part in n for part in arms_and_waist)), 0.0
-    )
-    for side, sign in (("left", 1.0), ("right", -1.0)):
-        angles[f"{side}_shoulder_pitch_joint"] = -0.5
-        angles[f"{side}_shoulder_roll_joint"] = sign * 1.4
-        angles[f"{side}_elbow_joint"] = 1.0
-    foot = kd.Support("left_ankle_roll_link", friction=0.7)
-    standing = robot.locked(angles).with_supports(foot)
-    return kd.page(kd.plan_kick(standing, kd.Goal(2, time=0.4), kd.Ball(), kd.Air(), motion=True))
+    """Return the page of a kick of G1 from its left foot, corrected twice, beside its plan."""
+    robot = kd.Leg.from_robot("g1", base="floating", locked={"*wrist*": 0.0})
+    standing = robot.with_supports(kd.Support("left_ankle_roll_link", friction=0.7))
+    plan = kd.plan_kick(standing, kd.Goal(3, time=0.4), kd.Ball(), kd.Air(), motion=True)
+    return kd.page(kd.run_in_mujoco(kd.refine_kick(plan, rounds=2, by="mujoco")))
 
 
 def main(file: Path) -> None:

@@ -65,7 +65,7 @@ def cases(n: int, seed: int = 0) -> Iterator[Case]:
     for number in range(n):
         leg, flies = (human, robot)[number % 2], number % 4 > 1
         in_plane = leg is human and number % 8 < 4
-        low = -0.7042 if leg is human else -0.68
+        low = -0.7042 if leg is human else -0.6825  # on the ground under the sole of the other leg
         near = np.array([
             draw.uniform(0.0, 0.6), 0.0 if in_plane else draw.uniform(-0.35, 0.15),
             draw.uniform(low, low + 0.4) if flies else low,
@@ -207,7 +207,7 @@ def timings() -> None:
         np.array([-2.5, 0.0, 0.0]), np.array([2.0, 0.0, -0.7042])
     )  # fmt: skip
     robot = g1(), kd.Goal((4, 1, 0), time=0.8), rolling(
-        np.array([-2.0, -0.9, 0.0]), np.array([1.5, 0.6, -0.58])
+        np.array([-2.0, -0.9, 0.0]), np.array([1.5, 0.6, -0.6825])
     )  # fmt: skip
     for leg, goal, seen in (human, robot):
         _print_times(leg, goal, seen)

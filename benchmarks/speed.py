@@ -111,6 +111,11 @@ def tasks() -> list[Task]:
             "`collide`: contact of finite time",
             lambda: kd.collide(posture, VELOCITY, BALL, CONTACT),
         ),
+        Task(
+            "`collide_many`: the same, per contact in a batch of 10,000",
+            lambda: kd.collide_many(LEG, many_q, many_v, BALL, CONTACT),
+            FLIGHTS,
+        ),
         Task("`plan_kick`: kick for a target", lambda: kd.plan_kick(LEG, GOAL, BALL, AIR)),
     ]
 

@@ -1,10 +1,14 @@
 """Compare kickdyn with published measurements: `python benchmarks/validation.py`.
 
-It prints the table and the notes of docs/explanation/validation.md and the rows of README.md. The
-rules of the verdicts are on that page; the functions below follow them.
+It prints the table of docs/explanation/validation.md and the rows of README.md, and writes the
+table with the assumptions of each row to validation.csv beside that page, which has the rules of
+the verdicts; the functions below follow them.
 """
 
+import csv
+import io
 import math
+import re
 from collections.abc import Callable, Iterable, Iterator
 from itertools import product
 from pathlib import Path
@@ -22,7 +26,9 @@ import kickdyn as kd
 from kickdyn.aerodynamics import drag, lift
 from kickdyn.paper.item import MEASURED
 
-TRACK = Path(__file__).resolve().parent.parent / "data" / "match_ball.csv"
+ROOT = Path(__file__).resolve().parent.parent
+TRACK = ROOT / "data" / "match_ball.csv"
+TABLE = ROOT / "docs" / "explanation" / "validation.csv"
 SLOW, FAST = 9.1, 21.2
 """Foot speeds of M1 [m/s]."""
 
@@ -579,14 +585,15 @@ def lines(rows: "list[Row]") -> list[str]:
     return [*head, *("| " + " | ".join(row[:5]) + " |" for row in rows)]
 
 
-def notes(rows: "list[Row]") -> list[str]:
-    """Return the notes under that table, one for each number."""
-    of_number: dict[str, list[str]] = {}
+def csv_text(rows: "list[Row]") -> str:
+    """Return docs/explanation/validation.csv: the rows with their assumptions."""
+    file = io.StringIO()
+    writer = csv.writer(file, lineterminator="\n")
+    writer.writerow(("row", "quantity", "measured", "kickdyn", "verdict", "assumptions"))
     for row in rows:
-        said = of_number.setdefault(row.number, [])
-        if row.note and row.note not in said:
-            said.append(row.note)
-    return [f"- **{number}.** {' '.join(said)}" for number, said in of_number.items() if said]
+        note = re.sub(r"\[([^]]+)\]\([^)]+\)", r"\1", row.note)  # links are of the page
+        writer.writerow([cell.replace("*", "").replace("`", "") for cell in (*row[:5], note)])
+    return file.getvalue()
 
 
 def short_lines(rows: "list[Row]") -> list[str]:
@@ -597,9 +604,10 @@ def short_lines(rows: "list[Row]") -> list[str]:
 
 
 def main() -> None:
-    """Print the table, its notes, and the rows of README.md."""
+    """Print the table and the rows of README.md, and write the table with its assumptions."""
     rows = [row for part in PARTS for row in part()]
-    print("\n".join([*lines(rows), "", *notes(rows), "", *short_lines(rows)]))
+    TABLE.write_text(csv_text(rows), encoding="utf-8")
+    print("\n".join([*lines(rows), "", *short_lines(rows)]))
 
 
 if __name__ == "__main__":

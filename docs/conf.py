@@ -29,7 +29,7 @@ copyright = "2026, the kickdyn authors, BSD-3-Clause"
 version = release = kickdyn.__version__
 
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_click"]
-exclude_patterns = ["_build", "joss"]
+exclude_patterns = ["_build"]
 html_theme = "furo"
 html_math_renderer = "mathml"
 html_title = f"kickdyn {version}"

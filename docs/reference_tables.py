@@ -92,11 +92,12 @@ def surfaces() -> str:
 
 
 def scenes() -> str:
-    """Return the scenes that are installed with kickdyn, and the comments with which they begin."""
+    """Return the installed scenes with the first sentences of their files."""
     rows = []
     for file in sorted(shipped("scenes").glob("*.toml")):
         comment = takewhile(lambda line: line.startswith("#"), file.read_text("utf-8").splitlines())
-        rows.append([f"`{file.stem}`", " ".join(line.strip("# ") for line in comment)])
+        sentence = " ".join(line.strip("# ") for line in comment).split(". ")[0].split(": `")[0]
+        rows.append([f"`{file.stem}`", sentence.removesuffix(".")])
     return table(("scene", "content"), rows)
 
 

@@ -33,11 +33,13 @@ from .identification.kick_table import kick_table as kick_table
 from .identification.learner import Learner as Learner
 from .identification.leg_motion import ContactMotion as ContactMotion
 from .identification.leg_motion import LegMotion as LegMotion
-from .identification.segments import Segments as Segments
 from .identification.segments import segments as segments
+from .identification.segments_result import Segments as Segments
 from .identification.track import Track as Track
 from .impact.collide import Collision as Collision
 from .impact.collide import collide as collide
+from .impact.collide_many import Collisions as Collisions
+from .impact.collide_many import collide_many as collide_many
 from .impact.force_model import ForceModel as ForceModel
 from .impact.force_model import contact_stiffness as contact_stiffness
 from .impact.impact_result import Impact as Impact
@@ -84,6 +86,8 @@ from .scene.simulate_many import Simulations as Simulations
 from .scene.simulate_many import simulate_many as simulate_many
 from .scene.toml_reader import load_scene as load_scene
 from .simulators.disturbance import KickNoise as KickNoise
+from .simulators.noisy_runs import NoisyRuns as NoisyRuns
+from .simulators.noisy_runs import run_with_noise as run_with_noise
 from .simulators.refine_kick import refine_kick as refine_kick
 from .simulators.run_in_mujoco import MujocoRun as MujocoRun
 from .simulators.run_in_mujoco import run_in_mujoco as run_in_mujoco

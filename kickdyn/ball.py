@@ -66,7 +66,7 @@ class Ball(ReprMixin):
             )  # fmt: skip
         checked["shell_share"] = validation.number(
             "shell share", self.shell_share, at_least=0, at_most=1,
-            unit="of the mass of the ball, than which no shell is heavier",
+            unit="of the mass of the ball",
         )  # fmt: skip
         if isinstance(self.inertia_factor, float) and self.inertia_factor == math.inf:
             return

@@ -154,3 +154,24 @@ def planar_attack(friction, offset, speed=14.0, e=0.8):
         restitution=e,
         friction=friction,
     )
+
+
+def random_strikes(rng, leg, n, speed_table=False):
+    """Contacts of all directions, with spin and offsets: they stick, slip, or there is none."""
+    q, v = rng.uniform(-0.6, 0.6, (n, leg.nq)), 5.0 * rng.normal(size=(n, leg.nv))
+    table = [(2.0, 0.8), (20.0, 0.5)]
+    contacts = [
+        kd.Contact(
+            rng.normal(size=3),
+            table if speed_table else rng.uniform(0, 1),
+            rng.uniform(0, 0.8) * rng.integers(0, 2),
+            offset=0.02 * rng.normal(size=3),
+        )
+        for _ in range(n)
+    ]
+    balls = [
+        kd.Ball(rng.uniform(0.2, 0.6), rng.uniform(0.05, 0.15), rng.uniform(0.3, 0.6))
+        for _ in range(n)
+    ]
+    motion = {"ball_velocity": rng.normal(size=(n, 3)), "ball_spin": 20 * rng.normal(size=(n, 3))}
+    return q, v, balls, contacts, motion

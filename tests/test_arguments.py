@@ -99,7 +99,7 @@ INSTANCES = {
 
 RESULTS = {
     *("Collision", "Course", "Flight", "Identification", "Impact", "InferredImpact", "JointLoad"),
-    *("Impacts", "Simulations"),
+    *("Collisions", "Impacts", "Simulations"),
     *(
         "ContactMotion",
         "KickPlan",
@@ -110,6 +110,7 @@ RESULTS = {
         "Motion",
         "MujocoRun",
         "MujocoTuning",
+        "NoisyRuns",
         "Pass",
         "Posture",
         "RestitutionFit",

@@ -28,12 +28,35 @@ def script(monkeypatch):
         sys.modules.pop(name, None)
 
 
-def test_every_row_is_the_output_of_the_script(script, monkeypatch):
+def cells(printed, column, width):
+    """Return a column of the rows of numbers with this many columns."""
+    rows = [line.strip("| ").split(" | ") for line in printed.splitlines() if line[:2] == "| "]
+    return [row[column] for row in rows if len(row) == width and row[0].isdigit()]
+
+
+def test_the_numbers_of_the_page_are_the_output_of_the_scripts(script, monkeypatch):
+    """The first table is on the page; of the others, the page has sentences."""
     monkeypatch.setattr(sys, "argv", [str(SCRIPT)])
-    printed = printed_by(SCRIPT) + printed_by(SCRIPT.with_name("foot_patch.py"))
-    rows = [line for line in printed.splitlines() if line.startswith("|")]
-    page = [line for line in PAGE.read_text(encoding="utf-8").splitlines() if line.startswith("|")]
-    assert rows == page
+    text = PAGE.read_text(encoding="utf-8")
+    walls, strips = printed_by(SCRIPT), printed_by(SCRIPT.with_name("foot_patch.py"))
+    tables = [part.splitlines() for part in walls.split("\n\n") if part.startswith("|")]
+    assert tables[0] == [line for line in text.splitlines() if line.startswith("|")]
+    text = " ".join(text.split())
+    compressed = [
+        cell.partition("(")[2].strip(")").replace("%", " %") for cell in cells(walls, 2, 6)
+    ]
+    assert f"{compressed[0]} at 5 m/s, {compressed[3]} at 20 m/s" in text
+    springs = [cell.partition("(+")[2].strip("%)") for cell in cells(walls, 3, 6)]
+    assert f"by {springs[0]} % at 5 m/s and {springs[3]} % at 20 m/s" in text
+    lasts = [float(cell) for cell in cells(walls, 4, 6)]
+    assert f"{min(lasts):.1f} to {max(lasts):.1f} ms" in text
+    smooth, rough = (
+        [int(cell.split()[0]) for cell in cells(strips, column, 8)] for column in (1, 3)
+    )
+    assert f"spins by at most {max(smooth)} rad/s" in text
+    added = [more - less for less, more in zip(smooth, rough, strict=True)]
+    assert abs(max(added) - 21) <= 1  # of rounded numbers
+    assert f"create up to {max(int(cell[:-1]) for cell in cells(strips, 7, 8))} % of energy" in text
 
 
 @pytest.mark.parametrize("mass", [0.86, 1.95, 40.0])

@@ -353,7 +353,11 @@ def of_meeting(meeting):
     if meeting.impact is None:
         return {**met, "no kick": (meeting.reason, "")}
     use = np.abs(meeting.impact.v_before / meeting.impact.posture.leg.velocity_limit).max()
-    return {**met, "share of the launch": (1.0, ""), "share of the speed limit": (use, "")}
+    return {
+        **met,
+        "share of the change of velocity": (1.0, ""),
+        "share of the speed limit": (use, ""),
+    }
 
 
 def of_scene(scene):
@@ -431,7 +435,12 @@ def of_body(track):
 
 
 def of_leg_motion(_):
-    return {"frames": (9, ""), "duration": (0.08, "s"), "frames left out": (1, "")}
+    return {
+        "frames": (9, ""),
+        "duration": (0.08, "s"),
+        "contact": ("0.0900", "s"),
+        "frames left out": (1, ""),
+    }
 
 
 def of_contact_motion(at):
@@ -496,6 +505,29 @@ def of_run(run):
         "upright": (True, ""),
         "margin, torque": (0.1, ""),
         "margin, centre of pressure": (0.02, "m"),
+    }
+
+
+def noisy_runs():
+    run, other = mujoco_run(), mujoco_run()
+    faster = replace(other.ball_after, velocity=1.2 * other.ball_after.velocity)
+    return kd.NoisyRuns((run, replace(other, ball_after=faster, upright=False)), kd.KickNoise())
+
+
+def of_noisy_runs(noisy):
+    first, second = (run.ball_after.velocity for run in noisy.runs)
+    wish = noisy.runs[0].plan.launch.velocity
+    errors = [100 * (np.linalg.norm(one) / np.linalg.norm(wish) - 1) for one in (first, second)]
+    azimuth = math.degrees(math.atan2(first[1], first[0]) - math.atan2(wish[1], wish[0]))
+    rise = [math.degrees(math.asin(v[2] / np.linalg.norm(v))) for v in (first, wish)]
+    return {
+        "upright": ("1 of 2", ""),
+        "hit the ball": ("2 of 2", ""),
+        "speed error": (f"{np.mean(errors):+.1f} +- {np.std(errors, ddof=1):.1f}", "%"),
+        "azimuth error": (f"{azimuth:+.1f} +- 0.0", "deg"),
+        "elevation error": (f"{rise[0] - rise[1]:+.1f} +- 0.0", "deg"),
+        "miss, 50% of the runs": (f"up to {noisy.runs[0].miss:.3g}", "m"),
+        "miss, 90% of the runs": (f"up to {noisy.runs[0].miss:.3g}", "m"),
     }
 
 
@@ -658,6 +690,7 @@ SHOWN = {
     "learner": (learner, of_learner),
     "tuning": (tuning, of_tuning),
     "run": (mujoco_run, of_run),
+    "noisy runs": (noisy_runs, of_noisy_runs),
     "reach": (reach_table, of_reach),
 }  # fmt: skip
 

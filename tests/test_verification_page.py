@@ -1,6 +1,5 @@
 """The numbers of docs/explanation/verification.md are those that are measured."""
 
-import math
 import re
 from pathlib import Path
 
@@ -44,11 +43,8 @@ def test_the_errors_of_the_flights():
     assert shown.items() <= measured.items()
 
 
-def test_the_correct_digits_of_both_formulas():
-    def digits(error):
-        return str(max(math.floor(-math.log10(error)), 0))
-
-    assert rows("Result") == [
-        [gain.what, gain.plain, digits(gain.plain_error), gain.ours, digits(gain.our_error)]
-        for gain in gains()
-    ]
+def test_the_formulas_of_kickdyn_have_more_digits_than_those_of_textbooks():
+    compared = list(gains())
+    assert len(compared) == 6
+    for gain in compared:
+        assert gain.our_error < 1e-2 * gain.plain_error, gain.what

@@ -49,7 +49,7 @@ on."""
 
 WEIGHTS = {
     **{"urdf": 250, "mjcf": 100, "mesh": 200, "scene": 40, "csv": 200, "c3d": 2},
-    **{"netcdf": 10, "zarr": 4, "cli": 10},
+    **{"netcdf": 10, "zarr": 4, "cli": 10, "trc": 60, "mot": 60, "drives": 60, "reach": 60},
 }
 """How often each kind of input is drawn: what takes long is rare."""
 
@@ -92,6 +92,12 @@ def seeds(kind: str) -> list[str]:
         return [c3d()]
     if kind in ("netcdf", "zarr"):
         return sweeps(kind)
+    if kind in ("trc", "mot", "reach"):
+        return {"trc": [TRC, TRC.replace("\tm\t", "\tmm\t")], "mot": [MOT], "reach": [reach()]}[
+            kind
+        ]
+    if kind == "drives":
+        return [file.read_text("utf-8") for file in sorted((ROOT / "drives").glob("*.toml"))]
     files = sorted((ROOT / "urdf").glob("*.urdf")) if kind == "urdf" else scenes()
     return [file.read_text("utf-8") for file in files]
 
@@ -121,6 +127,32 @@ CSV = "t,x,y,z\n" + "".join(
     f"{0.02 * k:.2f},{0.4 * k:.3f},{0.01 * k:.3f},{0.11 + 0.2 * k - 0.002 * k * k:.4f}\n"
     for k in range(40)
 )
+
+
+TRC = (
+    "PathFileType\t4\t(X/Y/Z)\tbody.trc\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\n"
+    "100\t100\t20\t2\tm\t\nFrame#\tTime\tknee\t\t\tankle\n\t\tX1\tY1\tZ1\tX2\tY2\tZ2\n"
+) + "".join(f"{k}\t{0.01 * k:.2f}\t0.1\t{0.5 + k / 99:.3f}\t0\t\t0.1\t{k}\n" for k in range(20))
+"""A file of markers, with a gap."""
+
+MOT = "angles\nversion=1\nnRows=20\nnColumns=4\ninDegrees=yes\nendheader\n" + "".join(
+    ["time\thip\tknee\tpelvis_tx\n", *(f"{k / 100}\t{2 * k}\t{-k}\t0.01\n" for k in range(20))]
+)
+"""A file of joint angles."""
+
+
+def reach() -> str:
+    """Return a table of the largest launches, as a computation that is resumed reads it."""
+    import kickdyn as kd
+
+    with tempfile.TemporaryDirectory() as folder:
+        table = Path(folder, "table.csv")
+        kd.reach(kd.Leg.human(), kd.Ball(), None, file=table, **REACH)  # type: ignore[arg-type]
+        return table.read_text("utf-8")
+
+
+REACH = {"azimuths": (0.0,), "elevations": (30.0,), "tolerance": 0.5}
+"""Directions of the table."""
 
 
 def c3d() -> str:
@@ -292,7 +324,11 @@ OPTIONS = {
                       "--friction", "--air", "--out", "--json", "--plot", "--view"],
     "plan": ["--distance", "--time", "--height", "--left", "--apex", "--launch-speed", "--over",
              "--arc", "--leg", "--objective", "--restitution", "--friction", "--spin", "--wind",
-             "--robust", "--ball-height", "--offset", "--json"],
+             "--ball-height", "--offset", "--ball-position", "--ball-velocity", "--meet-at",
+             "--trap", "--pass", "--ball", "--json"],
+    "simulate": ["--tolerance", "--exact", "--json"],
+    "identify": ["--start", "--end", "--drag", "--columns", "--ground-height", "--ball", "--json"],
+    "reach": ["--leg", "--frame", "--azimuth", "--elevation", "--tolerance", "--out", "--json"],
     "tradeoff": ["--scene", "--json", "--plot"],
     "paper": ["--only", "--json", "--figures"],
 }  # fmt: skip
@@ -307,6 +343,10 @@ def command(draw: random.Random) -> list[str]:
     words = [name]
     if name == "tradeoff":
         words += ["--scene", draw.choice(["/dev/null", "no.toml", *NAMES[:3]])]
+    if name in ("simulate", "identify"):
+        words.append(draw.choice(["free_kick", "volley", "no.csv", "/dev/null", *NAMES[:3]]))
+    if name == "reach":
+        words += ["--tolerance", "0.5", "--elevation", draw.choice(["20", "400"])]
     if name == "paper":
         words += ["--only", draw.choice(["fig 8", *NAMES])]
     if name == "posture-sweep" and draw.random() < 0.7:
@@ -325,7 +365,8 @@ def run(kind: str, what: str, folder: Path) -> bool | None:
     """
     feeds = {"urdf": run_urdf, "mjcf": run_mjcf, "mesh": run_mesh, "scene": run_scene}
     feeds |= {"csv": run_track, "c3d": run_track, "netcdf": run_sweep, "zarr": run_sweep}
-    feeds["cli"] = run_cli
+    feeds |= {"cli": run_cli, "trc": run_body, "mot": run_body}
+    feeds |= {"drives": run_drives, "reach": run_reach}
     return feeds[kind](what, folder)
 
 
@@ -412,6 +453,58 @@ def run_track(text: str, folder: Path) -> bool:
         return False
     assert np.isfinite(track.positions).all(), "an answer is finite"
     assert (np.diff(track.times) > 0).all(), "times increase"
+    return True
+
+
+def run_body(text: str, folder: Path) -> bool:
+    """Read the motion of a body: joint angles if the text has their header, otherwise markers."""
+    import numpy as np
+
+    import kickdyn as kd
+
+    file = folder / "body.txt"
+    file.write_bytes(text.encode("utf-8", "surrogatepass"))
+    read = kd.BodyTrack.from_mot if "endheader" in text.lower() else kd.BodyTrack.from_trc
+
+    def check() -> None:
+        track = read(file)
+        str(track)
+        for values in (track.positions, *track.angles.values()):
+            assert not np.isinf(values).any(), "an answer is finite, or a gap"
+
+    return refused_or(check)
+
+
+def run_drives(text: str, folder: Path) -> bool:
+    """Read drives, and give them to the human leg."""
+    import kickdyn as kd
+
+    file = folder / "drives.toml"
+    file.write_bytes(text.encode("utf-8", "surrogatepass"))
+    return refused_or(lambda: str(kd.Leg.human().with_drives(file)))
+
+
+def run_reach(text: str, folder: Path) -> bool:
+    """Resume a table of the largest launches that lacks nothing, unless it is damaged."""
+    import kickdyn as kd
+
+    file = folder / "table.csv"
+    file.write_bytes(text.encode("utf-8", "surrogatepass"))
+    leg = kd.Leg.human()
+    return refused_or(lambda: kd.reach(leg, kd.Ball(), None, file=file, **REACH))  # type: ignore[arg-type]
+
+
+def refused_or(read: Callable[[], object]) -> bool:
+    """Return whether there was an answer; a refusal has printable lines."""
+    import kickdyn as kd
+
+    try:
+        read()
+    except kd.KickdynError as refusal:
+        lines = refusal.faults if isinstance(refusal, kd.InvalidInput) else [str(refusal)]
+        assert lines, "a refusal says why"
+        assert all(line and line.isprintable() for line in lines), f"a line a fault: {lines!r}"
+        return False
     return True
 
 

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import nbformat
 from nbclient import NotebookClient
+from nbclient.output_widget import OutputWidget
 from PIL import Image
 
 from kickdyn.view.document import save_picture
@@ -31,6 +32,17 @@ SMALLEST = 1e-6
 """Numbers below it are residuals, which are of rounding and differ between machines."""
 
 
+class _Output(OutputWidget):
+    """An output of `interact` that keeps what it gets, without sending it back to the kernel.
+
+    A message sent while the client waits for the reply of a cell can hide that reply until the
+    client's time limit has passed.
+    """
+
+    def sync_state(self):
+        """Send nothing: no notebook reads its outputs."""
+
+
 def run(notebook, folder):
     """Run a notebook in a folder."""
     client = NotebookClient(
@@ -38,6 +50,7 @@ def run(notebook, folder):
         timeout=120,
         resources={"metadata": {"path": folder}},
     )
+    client.widget_registry["@jupyter-widgets/output"]["OutputModel"] = _Output
     client.execute()
 
 

@@ -24,6 +24,7 @@ from kickdyn.flight.fly import fly
 from kickdyn.flight.follow import follow
 from kickdyn.flight.follow_many import follow_many
 from kickdyn.impact.collide import collide
+from kickdyn.impact.collide_many import collide_many
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.pinocchio_engine import contact_row, joined_state, with_ball
 from kickdyn.impact.strike import strike
@@ -150,13 +151,13 @@ def _impacts() -> Iterator[Measured]:
     yield "strike_many", strikes, ROWS, lambda: _gap(strikes()[-1], exact), model
     names, steps = leg.joint_names, 0.625 * np.arange(81.0)
     grid = {name: np.radians(low + steps) for name, low in zip(names, (-10, 0, -20), strict=True)}
-    at = {f"{name}_deg": angle for name, angle in zip(names, ANGLES, strict=True)}
+    angles = {f"{name}_deg": angle for name, angle in zip(names, ANGLES, strict=True)}
     setting = Kick(speed=FOOT_SPEED, attack=ATTACK, friction=FRICTION, ball=ball)
 
     def of_sweep() -> float:
         data = sweep(leg, grid, setting)
         chosen = data.swap_dims({name: f"{name}_deg" for name in names})
-        return abs(float(chosen.sel(at, method="nearest").impulse) / math.hypot(*exact) - 1.0)
+        return abs(float(chosen.sel(angles, method="nearest").impulse) / math.hypot(*exact) - 1.0)
 
     yield "sweep", lambda: sweep(leg, grid, setting, threads=1), 81**3, of_sweep, model
     default = collide(impact.posture, v, ball, contact)
@@ -165,11 +166,18 @@ def _impacts() -> Iterator[Measured]:
         lambda: _gap(default.impulse, compliant.impulse), math.nan,
     )  # fmt: skip
 
+    def contacts() -> Array:
+        return collide_many(leg, *many, ball, contact).impulse
+
+    yield (
+        "collide_many", contacts, ROWS, lambda: _gap(contacts()[-1], compliant.impulse), math.nan
+    )  # fmt: skip
+
 
 def _flights() -> Iterator[Measured]:
     impact, air = kick(FRICTION), Air()
     ball, launch = impact.ball, impact.ball_after
-    states = BallState(*(np.tile(part, (ROWS, 1)) for part in
+    states = BallState(*(np.tile(vector, (ROWS, 1)) for vector in
                          (launch.position, launch.velocity, launch.spin)))  # fmt: skip
     start = launch.position
     landing = fly(launch, ball, air, tol=1e-13).landing.position - start

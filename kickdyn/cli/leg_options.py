@@ -71,16 +71,16 @@ def load_leg(
 def _read_size(name: str) -> dict[str, Any]:
     """Return the arguments of `Leg.human` in a text such as human:height=1.65,mass=58,side=left."""
     size: dict[str, Any] = {}
-    for part in name.removeprefix("human:").split(","):
-        key, _equals, value = part.partition("=")
+    for setting in name.removeprefix("human:").split(","):
+        key, _equals, value = setting.partition("=")
         try:
-            if key not in ("height", "mass", "sex", "side", "model") or key in size:
+            if key not in ("height", "mass", "sex", "side", "model", "segments") or key in size:
                 raise ValueError
             size[key] = float(value) if key in ("height", "mass") else value
         except ValueError:
             raise InvalidInput(
-                f"--leg is {name!r}: {part!r} must be height=METRES, mass=KG, sex=female|male, "
-                "side=left|right or model=paper|3d, once each"
+                f"--leg is {name!r}: {setting!r} must be height=METRES, mass=KG, sex=female|male, "
+                "side=left|right, model=paper|3d or segments=Dumas, once each"
             ) from None
     return size
 
@@ -105,7 +105,7 @@ class LegOptions:
     locked: tuple[str, ...] = option(
         "--lock", multiple=True, metavar="JOINT=VALUE",
         help="Lock a joint at a value [deg; m for prismatic joints], or all joints that a pattern "
-        "matches, as 'LFinger*=0'; repeatable.",
+        "matches, such as 'LFinger*=0'; repeatable.",
     )  # fmt: skip
     loops: tuple[str, ...] = option(
         "--loop", multiple=True, metavar="A:B",
@@ -130,7 +130,7 @@ class LegOptions:
     )  # fmt: skip
     base_velocity: tuple[float, float, float] | None = option(
         "--base-velocity", type=Numbers("X,Y,Z"),
-        help="Velocity of the fixed base, as of the hip in a run-up, at the world's origin [m/s].",
+        help="Velocity of the fixed base, such as a hip in a run-up, at the world's origin [m/s].",
     )  # fmt: skip
     base_angular_velocity: tuple[float, float, float] | None = option(
         "--base-angular-velocity", type=Numbers("X,Y,Z"),

@@ -76,7 +76,9 @@ class Numbers(click.ParamType):  # type: ignore[type-arg]
             numbers = tuple(map(float, value.split(self._separator)))
         except ValueError:
             numbers = ()
-        if len(numbers) != count or not all(map(math.isfinite, numbers)):
+        if len(numbers) == count and not all(map(math.isfinite, numbers)):
+            self.fail(f"{value!r}: every number of {self.name} must be finite.", param, ctx)
+        if len(numbers) != count:
             example = self._separator.join(["0.1", "0.2", "0.3"][:count])
             self.fail(f"{value!r} is not {self.name}, such as {example}.", param, ctx)
         return numbers

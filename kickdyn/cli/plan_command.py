@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import astuple, dataclass, fields, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
@@ -26,7 +26,8 @@ from kickdyn.ground import SURFACES
 from kickdyn.motion.motion_file import check_motion_name
 from kickdyn.planning.goal import FARTHEST, Goal
 from kickdyn.planning.interception import IncomingBall
-from kickdyn.planning.kick import plan_kick
+from kickdyn.planning.kick import BOTH_FEET, plan_kick
+from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.launch import SPEED_LIMIT, OutOfReach
 from kickdyn.planning.objectives import KickObjective
 from kickdyn.planning.plan_report import (
@@ -39,6 +40,10 @@ from kickdyn.planning.trap import plan_trap
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.standing import is_floating
 from kickdyn.scene.pitch import Wall, check_before, read_wall
+
+if TYPE_CHECKING:
+    from kickdyn.simulators.noisy_runs import NoisyRuns
+    from kickdyn.simulators.run_in_mujoco import MujocoRun
 
 CROUCH = 0.1
 """Share of the height of a robot's straight leg by which its hips are lower when it kicks: its
@@ -69,7 +74,7 @@ class GoalOptions:
     )
     over: tuple[float, float] | None = option(
         "--over", type=Numbers("DISTANCE:HEIGHT"),
-        help="A point that the ball's centre passes, as above a wall [m].",
+        help="A point that the ball's centre passes, such as one above a wall [m].",
     )  # fmt: skip
     beside: tuple[float, float] | None = option(
         "--beside", type=Numbers("DISTANCE:LEFT"),
@@ -143,11 +148,13 @@ class KickOptions:
     )  # fmt: skip
     ball_position: tuple[float, float, float] | None = option(
         "--ball-position", type=Numbers("X,Y,Z"),
-        help="Position of the centre of a ball that moves, at time 0 [m, world frame]; the target "
-        "is seen from there.",
+        help="Position of the centre of a ball that moves, at time 0 [m, world frame]; distance, "
+        "height and side of the target are measured from there.",
     )  # fmt: skip
     ball_velocity: tuple[float, float, float] | None = option(
-        "--ball-velocity", type=Numbers("X,Y,Z"), help="Its velocity then [m/s]."
+        "--ball-velocity",
+        type=Numbers("X,Y,Z"),
+        help="Its velocity then [m/s]; without a vertical part, the ball is on the ground.",
     )
     ball_spin: tuple[float, float, float] | None = option(
         "--ball-spin", type=Numbers("X,Y,Z"),
@@ -158,7 +165,7 @@ class KickOptions:
     )
     trap: tuple[float, float, float] | None = option(
         "--trap", type=Numbers("X,Y,Z"),
-        help="Leave the ball with this velocity [m/s], as 0,0,0 at rest, in place of a target.",
+        help="Leave the ball with this velocity [m/s], such as 0,0,0, in place of a target.",
     )  # fmt: skip
     objective: str | None = option(
         "--objective",
@@ -174,21 +181,28 @@ class KickOptions:
         help="Plan the motion of all joints from rest to the impact and to rest again, within all "
         "limits, and show it in the page.",
     )  # fmt: skip
+    both_feet: bool = option(
+        "--both-feet", is_flag=True,
+        help="With --motion: start and end on both feet, in place of the supporting one.",
+    )  # fmt: skip
 
     def check(self) -> None:
         """Raise `InvalidInput` for options that exclude each other."""
         if self.ball_height is not None and self.ball_at is not None:
             raise InvalidInput("--ball-height and --ball-at are both given: give one of the two")
-        moving = self.ball_position is not None and self.ball_velocity is not None
+        needed = {"--ball-position": self.ball_position, "--ball-velocity": self.ball_velocity}
+        missing = [name for name, value in needed.items() if value is None]
+        moving = not missing
         for name in ("ball_position", "ball_velocity", "ball_spin", "meet_at", "trap"):
-            if getattr(self, name) is not None and not moving:
-                option_name = "--" + name.replace("_", "-")
+            if getattr(self, name) is not None and missing:
                 raise InvalidInput(
-                    f"{option_name} is {getattr(self, name)}: a ball that moves has "
-                    "--ball-position and --ball-velocity"
+                    f"{' and '.join(missing)} missing: --{name.replace('_', '-')} is of a ball "
+                    "that moves, whose position and velocity are both given"
                 )
         if moving and (self.ball_height is not None or self.ball_at is not None):
             raise InvalidInput("--ball-position excludes --ball-height and --ball-at")
+        if self.both_feet and not self.motion:
+            raise InvalidInput("--both-feet is given: it needs the motion, so add --motion")
 
     def load_goal(self, goal: GoalOptions) -> Goal | tuple[float, float, float]:
         """Return the goal, or the velocity of a trap, which excludes the options of a goal."""
@@ -214,7 +228,7 @@ class KickOptions:
             "ball_position": height if self.ball_at is None else self.ball_at,
             "incoming": incoming,
             "limits": not self.no_limits,
-            "motion": self.motion,
+            "motion": BOTH_FEET if self.both_feet else self.motion,
         }
 
 
@@ -241,6 +255,16 @@ class PlanOutputOptions(OutputOptions):
         help="Carry the motion out in a simulator, report the ball and the robot, and show them in "
         "the page beside the plan.",
     )  # fmt: skip
+    corrections: int | None = option(
+        "--corrections", type=click.IntRange(1, 10), metavar="N",
+        help="Correct the motion N times, 1 to 10, by what the simulator gives, before it is "
+        "written and carried out.",
+    )  # fmt: skip
+    noisy_runs: int | None = option(
+        "--noisy-runs", type=click.IntRange(1, 10_000), metavar="N",
+        help="Carry it out N more times, with other masses, friction, delays and places of "
+        "the ball, and report how many robots stand and how the balls scatter.",
+    )  # fmt: skip
 
     def check_motion(self, planned: bool, incoming: bool) -> None:
         """Raise `InvalidInput` for options that need a motion where none is planned."""
@@ -248,6 +272,15 @@ class PlanOutputOptions(OutputOptions):
         for name, value in (("plot", plot), ("out", self.out), ("run", self.run)):
             if value is not None and not planned:
                 raise InvalidInput(f"--{name} is {value!r}: it needs the motion, so add --motion")
+        if self.run is not None:
+            from kickdyn.simulators.mujoco_kick import load_mujoco
+
+            load_mujoco()  # before a plan that takes a minute
+        for name, count in (("corrections", self.corrections), ("noisy-runs", self.noisy_runs)):
+            if count is not None and self.run is None:
+                raise InvalidInput(
+                    f"--{name} is {count}: it needs a simulator, so add --run mujoco"
+                )
         if self.out is not None:
             check_motion_name(self.out)
 
@@ -319,24 +352,22 @@ def plan(
             raise
         if wall is not None:
             describe_passage(wall, planned)  # raises if the ball hits it
+    run, noisy = None, None
+    if output.run is not None:
+        planned, run, noisy = _carry_out(planned, output)
     report = PlanReport(planned, wall, goal.goal_mouth)
     sentences, motion = report.sentences(), planned.motion
     if output.out is not None and motion is not None:
         motion.save(output.out)
     document = report.to_json()
-    run = None
-    if output.run is not None:
-        from kickdyn.simulators.run_in_mujoco import run_in_mujoco
-
-        with busy("carrying the motion out in MuJoCo"):
-            run = run_in_mujoco(planned)
-        document["run"] = run.to_json()
+    results = {name: one for name, one in (("run", run), ("noisy_runs", noisy)) if one is not None}
+    document |= {name: one.to_json() for name, one in results.items()}
     output.write_json(document)
     if output.prints:
         print_wrapped("\n".join(sentences), indent=0)
         print_wrapped("\n".join(report.table()))
-        if run is not None:
-            click.echo(f"\n{run}")
+        for one in results.values():
+            click.echo(f"\n{one}")
     if output.plot is not None:
         from kickdyn.core.plot_style import save_figure
 
@@ -345,6 +376,24 @@ def plan(
         caption = " ".join(line for line in sentences if not line.startswith("Warning: "))
         _write_page(report, output.view, caption, run)
     output.name_written(output.plot, output.view, output.out)
+
+
+def _carry_out(
+    planned: KickPlan, output: PlanOutputOptions
+) -> "tuple[KickPlan, MujocoRun, NoisyRuns | None]":
+    """Return a plan, corrected if that is wanted, its run in MuJoCo, and runs with noise."""
+    from kickdyn.simulators.noisy_runs import run_with_noise
+    from kickdyn.simulators.refine_kick import refine_kick
+    from kickdyn.simulators.run_in_mujoco import run_in_mujoco
+
+    with busy("carrying the motion out in MuJoCo") as show:
+        if output.corrections is not None:
+            show("correcting the motion by MuJoCo")
+            planned = refine_kick(planned, rounds=output.corrections, by="mujoco")
+        run, noisy = run_in_mujoco(planned), None
+        if output.noisy_runs is not None:
+            noisy = run_with_noise(planned, output.noisy_runs, tuning=run.tuning, progress=show)
+    return planned, run, noisy
 
 
 def _write_page(report: PlanReport, file: str, caption: str, run: Any) -> None:

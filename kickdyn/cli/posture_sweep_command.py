@@ -102,10 +102,10 @@ class StoreOptions:
         if self.file is not None:
             check_netcdf_name(self.file)
         if self.store is None and self.resume:
-            raise InvalidInput("--resume is for a Zarr store: name it, --out DIR.zarr")
+            raise InvalidInput("--resume needs a Zarr store: add --out DIR.zarr")
         if self.out is None and self.variables is not None:
             raise InvalidInput(
-                "--variables is for what --out keeps: name it, --out FILE.nc or DIR.zarr"
+                "--variables selects what --out writes: add --out FILE.nc or DIR.zarr"
             )
 
 

@@ -39,12 +39,12 @@ class ReachOptions(JsonOptions):
     )  # fmt: skip
     tolerance: float = option(
         "--tolerance", type=float, default=0.05, show_default=True,
-        help="Relative distance of the speed from one that is not met.",
+        help="Relative accuracy of the speed.",
     )  # fmt: skip
     out: str | None = option(
         "--out", metavar="FILE.csv",
-        help="Keep the table in a file: each row is written when it is found, and not sought again "
-        "by the same command.",
+        help="Keep the table in a file: each row is written when it is computed, and the same "
+        "command continues after an interruption.",
     )  # fmt: skip
     plot: str | None = option(
         "--plot", metavar="FILE", help="Plot the table: .png, .svg or .pdf."

@@ -78,7 +78,7 @@ def _is_private(folder: Path) -> bool:
     if not shared and status.st_uid in (0, user):
         return True
     log.warning(
-        "each process compiles anew: others can write to %s; NUMBA_CACHE_DIR names another folder",
+        "each process compiles again, because others can write to %s: set NUMBA_CACHE_DIR",
         folder,
     )
     return False

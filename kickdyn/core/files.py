@@ -3,6 +3,7 @@
 import json
 import math
 import os
+import re
 import stat
 import sys
 import tempfile
@@ -12,10 +13,14 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from kickdyn.core.validation import brief
 from kickdyn.errors import FaultyFile, InvalidInput, shortened
 
 MAX_TOML_BYTES = 100_000
 """Size of the largest file that `read_toml` reads [bytes]."""
+
+MAX_TOML_DOTS = 1000
+"""Dots in a line of such a file: each part of a dotted key is a table inside the previous one."""
 
 
 def shipped(folder: str) -> Path:
@@ -59,14 +64,32 @@ def read_text(path: str | os.PathLike[str], source: str, most: int, error: type[
         raise error(source, [f"cannot be read ({_reason(fault)})"]) from None
 
 
-def read_toml(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Return the tables of a small TOML file; raise `FaultyFile`."""
-    source = str(path)
-    text = read_text(path, source, MAX_TOML_BYTES, FaultyFile)
+def read_toml(
+    path: str | os.PathLike[str], source: str = "", error: type[FaultyFile] = FaultyFile
+) -> dict[str, Any]:
+    """Return the tables of a TOML file of at most `MAX_TOML_BYTES`, or raise `error`.
+
+    The error calls the file `source`, without one by its path.
+    """
+    source = source or str(path)
+    text = read_text(path, source, MAX_TOML_BYTES, error)
+    if max(line.count(".") for line in text.split("\n")) > MAX_TOML_DOTS:
+        raise error(source, [f"has more than {MAX_TOML_DOTS} dots in a line"])
     try:
         return tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # ValueError: an endless integer, too
-        raise FaultyFile(source, [f"is not TOML: {error}"]) from None
+    except (ValueError, RecursionError) as fault:  # ValueError: an endless integer, too
+        raise error(source, [f"is not TOML: {fault}{_line_of(text, fault)}"]) from None
+
+
+def _line_of(text: str, fault: Exception) -> str:
+    place = re.search(r"at line (\d+)", str(fault))
+    if place is None:
+        return ""
+    line = brief(text.split("\n")[int(place[1]) - 1].strip())
+    return (
+        f": {line}; keys are written as key = value, each once in a section, text in quotes, and "
+        "numbers with a decimal point"
+    )
 
 
 def check_writable(path: str | os.PathLike[str]) -> None:
@@ -84,7 +107,7 @@ def check_writable(path: str | os.PathLike[str]) -> None:
         if stat.S_ISDIR(mode):
             raise InvalidInput(f"{name} is a folder: name a file in it")
         if not stat.S_ISREG(mode):  # replacing a device would remove it
-            raise InvalidInput(f"{name} is not a regular file: name one, or one yet to be")
+            raise InvalidInput(f"{name} is not a regular file: name a regular file or a new one")
         with tempfile.TemporaryFile(dir=Path(path).parent):
             pass
     except InvalidInput:

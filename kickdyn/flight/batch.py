@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from kickdyn.aerodynamics.coefficient_model import CoefficientModel
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
+from kickdyn.core.differences import difference_slopes
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.compiling import compiled_ends, compiled_rates
@@ -49,6 +51,7 @@ def fly_many(
     time_limit: float = 1000.0,
     error: bool = False,
     ends: Sequence[Event] = (),
+    slopes: bool = False,
 ) -> xr.Dataset:
     """Return the flights of a ball from many launches.
 
@@ -72,6 +75,9 @@ def fly_many(
             takes three times as long, and longer with functions of your own.
         ends: further events that end flights, as for `fly`; numba must be able to compile their
             functions.
+        slopes: whether to differentiate the landing positions by velocity and spin of the launch,
+            by differences of fourth order: `landing_by_velocity` [s] and `landing_by_spin` [m s],
+            each of shape `(n, 3, 3)`, exact to about 1e-7. It takes 40 times as long.
 
     Returns:
         A dataset along `flight` in the order of the launches. Where `status` is `failed`, the
@@ -116,6 +122,8 @@ def fly_many(
         finer = _flown(task, finer_tol, longest).nodes
         meaning = {"units": "m", "long_name": "estimate of the error of the landing point"}
         data["error"] = ("flight", _errors(states, flown, finer, tol), meaning)
+    if validation.flag("slopes", slopes):
+        data |= _slopes(task, events, tol)
     attributes = {
         "title": "flights of a ball",
         "source": f"kickdyn {__version__}",
@@ -126,6 +134,13 @@ def fly_many(
         "tol": tol,
     }
     return xr.Dataset(data, {"axis": ["x", "y", "z"]}, attributes)
+
+
+DIFFERENCE = 1e-3
+"""Step of the differences, relative to speed and spin of the launch."""
+
+FINE = 1e-11
+"""Tolerance of flights whose differences are taken: their errors count a thousand times."""
 
 
 class _Task(NamedTuple):
@@ -166,6 +181,37 @@ def _flown(task: _Task, tol: float, longest: Array | None = None) -> _Flown:
     if len(integrated):
         flown.put(integrated, _integrate(task, integrated, tol, longest))
     return flown
+
+
+def _slopes(
+    task: _Task, events: Sequence[Event], tol: float
+) -> dict[str, tuple[tuple[str, ...], Array, dict[str, Any]]]:
+    """Return the derivatives of the landing positions by velocity and spin of the launches."""
+    states = task.states
+    speed = np.maximum(validation.length(states.velocity), 1e-9)
+    spin = np.maximum(validation.length(states.spin), speed / task.ball.radius)
+
+    def moved(changed: BallState) -> Array:
+        launched = tuple(event.launched(changed) for event in events)
+        flown = _flown(task._replace(states=changed, ends=launched), min(tol, FINE))
+        return flown.nodes[:, 1:4]
+
+    by_velocity = difference_slopes(
+        lambda change: moved(replace(states, velocity=states.velocity + change)),
+        DIFFERENCE * speed, 3,
+    )  # fmt: skip
+    by_spin = difference_slopes(
+        lambda change: moved(replace(states, spin=states.spin + change)), DIFFERENCE * spin, 3
+    )
+    shape, meaning = ("flight", "axis", "by"), "derivative of the landing position by the "
+    return {
+        "landing_by_velocity": (
+            shape,
+            by_velocity,
+            {"units": "s", "long_name": f"{meaning}launch"},
+        ),
+        "landing_by_spin": (shape, by_spin, {"units": "m s", "long_name": f"{meaning}spin"}),
+    }
 
 
 def _errors(states: BallState, flown: _Flown, finer: Array, tol: float) -> Array:

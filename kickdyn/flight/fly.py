@@ -89,7 +89,7 @@ def fly(
         >>> round(path.range, 2), round(path.height, 2), round(path.duration, 2)
         (42.21, 7.53, 2.91)
     """
-    check_single(state)
+    check_single(state, "fly")
     tol = validation.number("tol", tol, at_least=1e-13, at_most=1e-2)
     time_limit = validation.number("time limit", time_limit, above=0, unit="s")
     if max_step is not None:
@@ -125,11 +125,13 @@ def _fly(task: _Task, **changes: Any) -> Flight:
     return _integrated(flown, task, ends)
 
 
-def check_single(state: BallState) -> None:
-    """Raise `InvalidInput` unless this is one launch."""
+def check_single(state: BallState, function: str) -> None:
+    """Raise `InvalidInput` unless this is one launch; the message names the function for many."""
     if state.position.shape != (3,):
         shape = state.position.shape
-        raise InvalidInput(f"launch has shape {shape}: fly takes one, (3,); fly_many takes many")
+        raise InvalidInput(
+            f"launch has shape {shape}: {function} takes one, (3,); {function}_many takes many"
+        )
 
 
 def _has_closed_form(

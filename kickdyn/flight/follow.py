@@ -142,7 +142,7 @@ def follow(
         >>> str(course.status), len(course.bounces), round(course.distance, 1)
         ('at-rest', 8, 76.2)
     """
-    check_single(state)
+    check_single(state, "follow")
     if ground is None:
         ground = Ground(float(state.position[2]) - ball.radius, "turf")
     start, surface = state, ground.surface

@@ -19,12 +19,12 @@ from kickdyn.flight.compiling import compiled_ends, compiled_rolling
 from kickdyn.flight.events import Event, checked_ends, plane_events
 from kickdyn.flight.flight_result import FlightStatus
 from kickdyn.flight.follow import LEAST_REBOUND, MOST_BOUNCES
-from kickdyn.flight.forces import VACUUM, acceleration_function, downward
-from kickdyn.flight.ground_motion import slide
+from kickdyn.flight.forces import VACUUM, acceleration_function
+from kickdyn.flight.ground_motion import bounce, slide, sliding_of, time_to_rest
 from kickdyn.flight.march import ALOFT, FAILED, FURTHER, LANDED, Flights, march
 from kickdyn.ground import Ground, Surface
 from kickdyn.plane import Plane
-from kickdyn.restitution import restitution_for, rows_of
+from kickdyn.restitution import restitution_for
 
 _FLYING, _DOWN = -1, -2
 """Statuses of a ball that is in the air, and of one that stays down."""
@@ -116,14 +116,17 @@ class _Balls:
         self.spin, self.time = states.spin.copy(), np.zeros(n)
         self.bounces, self.status = np.zeros(n, np.int64), np.full(n, _FLYING, np.int8)
 
+    def states(self, rows: Any) -> BallState:
+        """Return the balls of some rows."""
+        return BallState(self.position[rows], self.velocity[rows], self.spin[rows])
+
     def bounce_all(
         self, ground: Ground, tol: float, plane: Plane | None, time_limit: float, ends: Any
     ) -> None:
         """Fly and bounce until every ball stays down or has ended."""
         while (rows := np.flatnonzero(self.status == _FLYING)).size:
-            launched = BallState(self.position[rows], self.velocity[rows], self.spin[rows])
             flown = fly_many(
-                launched, self.ball, self.air, ground, tol,
+                self.states(rows), self.ball, self.air, ground, tol,
                 plane=plane, time_limit=time_limit, ends=ends,
             )  # fmt: skip
             status = flown.status.values
@@ -136,59 +139,31 @@ class _Balls:
             flags = np.array([_FLYING, NOT_DOWN, LOST, *range(FIRST_END, FIRST_END + 100)])
             self.status[rows] = flags[status]
             landed = rows[status == LANDED]
-            self._bounce(landed)
+            after = bounce(self.states(landed), self.ball, self.surface)
+            self.velocity[landed], self.spin[landed] = after.velocity, after.spin
             down = self.velocity[landed, 2] < LEAST_REBOUND
             self.status[landed[down]] = _DOWN
             going = landed[~down]
             self.status[going[self.bounces[going] == MOST_BOUNCES]] = BOUNCING
             self.bounces[going[self.bounces[going] < MOST_BOUNCES]] += 1
 
-    def _bounce(self, rows: NDArray[np.intp]) -> None:
-        """Let balls bounce, by the equations of `ground_motion.bounce`."""
-        surface, ball, v, w = self.surface, self.ball, self.velocity[rows], self.spin[rows]
-        ux, uy, sliding = self._slip(rows)
-        speeds, values = zip(*rows_of(restitution_for(surface.restitution, ball)), strict=True)
-        e = np.interp(-v[:, 2], speeds, values)
-        normal = (1.0 + e) * -v[:, 2]
-        shell = ball.mass * ball.radius**2 / ball.inertia
-        grip = (1.0 + surface.tangential_restitution) * sliding / (1.0 + shell)
-        share = np.minimum(grip, surface.friction * normal) / np.where(sliding > 0, sliding, 1.0)
-        turn = shell / ball.radius * share
-        change = np.column_stack([share * ux, share * uy, (1.0 + e) * v[:, 2]])
-        self.velocity[rows] = v - change
-        self.spin[rows] = w + np.column_stack([-turn * uy, turn * ux, np.zeros(len(rows))])
-
-    def _slip(self, rows: NDArray[np.intp]) -> tuple[Array, Array, Array]:
-        """Return the velocity of the lowest points, x and y, and its size [m/s]."""
-        v, w, r = self.velocity[rows], self.spin[rows], self.ball.radius
-        ux, uy = v[:, 0] - r * w[:, 1], v[:, 1] + r * w[:, 0]
-        return ux, uy, np.hypot(ux, uy)
-
     def slide_all(self) -> None:
-        """Let friction turn sliding into rolling, as `ground_motion.slide` does."""
+        """Let friction turn sliding into rolling."""
         down = np.flatnonzero(self.status == _DOWN)
-        ux, uy, sliding = self._slip(down)
-        slides = sliding > 1e-9 * np.maximum(validation.length(self.velocity[down]), 1e-300)
-        rows, ux, uy, sliding = down[slides], ux[slides], uy[slides], sliding[slides]
+        sliding = sliding_of(self.states(down), self.ball, self.air, self.surface)
+        time = np.asarray(sliding.duration)
         if self.ends:
-            for i in rows.tolist():
+            for i in down[time > 0.0].tolist():
                 self._slide_one(i)
         else:
-            surface, ball = self.surface, self.ball
-            deceleration = surface.friction * downward(ball, self.air)
-            shell = ball.mass * ball.radius**2 / ball.inertia
-            time = sliding / (deceleration * (1.0 + shell))
-            zero = np.zeros(len(rows))
-            change = deceleration * np.column_stack([ux / sliding, uy / sliding, zero])
-            turned = np.column_stack([-change[:, 1], change[:, 0], zero]) * (shell / ball.radius)
-            level, t = self.velocity[rows] * [1.0, 1.0, 0.0], time[:, None]
-            self.position[rows] += level * t - 0.5 * change * t * t
-            self.velocity[rows], self.spin[rows] = level - change * t, self.spin[rows] + turned * t
-            self.time[rows] += time
+            end = sliding.sample(time)
+            self.position[down], self.velocity[down] = end.position, end.velocity
+            self.spin[down] = end.spin
+            self.time[down] += time
         self.velocity[down, 2] = 0.0
 
     def _slide_one(self, i: int) -> None:
-        state = BallState(self.position[i], self.velocity[i], self.spin[i])
+        state = self.states(i)
         ends = [end.launched(state) for end in self.ends]
         phase = slide(state, self.ball, self.air, self.surface, ends)
         if phase is None:
@@ -204,7 +179,7 @@ class _Balls:
         rows = np.flatnonzero(self.status == _DOWN)
         if not rows.size:
             return
-        begin = BallState(self.position[rows], self.velocity[rows], self.spin[rows])
+        begin = self.states(rows)
         air = VACUUM if self.air is None or self.air.density == 0 else self.air
         height = float(begin.position[0, 2])
         share = 1.0 / (1.0 + self.ball.inertia / (self.ball.mass * self.ball.radius**2))
@@ -237,14 +212,7 @@ class _Balls:
         """Put in where balls that have become slow rest, and where others end."""
         nodes, status = rolled.nodes, rolled.status
         velocity, slow = nodes[:, 4:7] * [1.0, 1.0, 0.0], status == LANDED
-        rest = np.zeros(len(rows))
-        if math.hypot(*wind) > self.surface.rolling_deceleration:
-            rest[slow] = math.inf
-        else:
-            speed = validation.length(velocity)
-            along = velocity / np.where(speed > 0.0, speed, 1.0)[:, None]
-            braking = self.surface.rolling_deceleration - along[:, :2] @ wind
-            rest[slow] = (speed / braking)[slow]
+        rest = time_to_rest(velocity[:, :2], wind, self.surface.rolling_deceleration)
         blown = (slow & (rest == math.inf)) | (status == ALOFT)
         flags = np.where(
             slow, AT_REST, np.where(status == FAILED, LOST, FIRST_END - FURTHER + status)

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from kickdyn.flight.events import Event
 from kickdyn.flight.forces import acceleration_function, downward
 from kickdyn.flight.integrate import Arc, Tolerance, integrate, trajectory
 from kickdyn.ground import Surface
-from kickdyn.restitution import restitution_at, restitution_for
+from kickdyn.restitution import restitution_for, rows_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,37 +51,101 @@ class GroundPhase:
         return states if moments.ndim else _first(states)
 
 
-def slip(state: BallState, ball: Ball) -> tuple[float, float]:
-    r"""Return :math:`v - r\, \omega \times e_z`, the x and y velocity of the lowest point [m/s]."""
-    vx, vy, _ = state.velocity.tolist()
-    wx, wy, _ = state.spin.tolist()
-    return vx - ball.radius * wy, vy + ball.radius * wx
+def slip(state: BallState, ball: Ball) -> Array:
+    r"""Return :math:`v - r\, \omega \times e_z` of the lowest point, `(2,)` or `(n, 2)` [m/s]."""
+    v, w = state.velocity, state.spin
+    return np.stack(
+        [v[..., 0] - ball.radius * w[..., 1], v[..., 1] + ball.radius * w[..., 0]], axis=-1
+    )
 
 
 def bounce(state: BallState, ball: Ball, surface: Surface) -> BallState:
-    r"""Return the ball just after it touched the ground, from its state just before.
+    r"""Return one ball or n just after they touched the ground, from their states just before.
 
     The normal impulse is :math:`m (1 + e) |v_z|`, with e at the speed :math:`|v_z|`. The
     tangential one, against the slip u, is :math:`m (1 + e_t) |u| / (1 + m r^2 / I)` where the ball
     grips, which turns u into :math:`-e_t u`, and :math:`\mu` times the normal one where that is
     less. Energy never rises: each of the two is a passive collision of its own.
     """
-    vx, vy, vz = state.velocity.tolist()
-    wx, wy, wz = state.spin.tolist()
-    ux, uy = slip(state, ball)
-    sliding = math.hypot(ux, uy)
-    e = restitution_at(restitution_for(surface.restitution, ball), -vz)
-    normal = (1.0 + e) * -vz  # impulse over mass
+    (vx, vy, vz), (wx, wy, wz) = state.velocity.T, state.spin.T
+    ux, uy = slip(state, ball).T
+    speeds, values = zip(*rows_of(restitution_for(surface.restitution, ball)), strict=True)
+    e = np.interp(-vz, speeds, values)
     shell = ball.mass * ball.radius**2 / ball.inertia  # 3/2
-    grip = (1.0 + surface.tangential_restitution) * sliding / (1.0 + shell)
-    share = min(grip, surface.friction * normal) / sliding if sliding else 0.0
-    turn = shell / ball.radius * share
-    return BallState(
-        state.position,
-        (vx - share * ux, vy - share * uy, -e * vz),
-        (wx - turn * uy, wy + turn * ux, wz),
-        state.time,
-    )
+    with np.errstate(over="ignore", invalid="ignore"):  # refused by BallState
+        sliding, normal = np.hypot(ux, uy), (1.0 + e) * -vz  # impulse over mass
+        grip = (1.0 + surface.tangential_restitution) * sliding / (1.0 + shell)
+        share = np.minimum(grip, surface.friction * normal) / np.where(sliding > 0, sliding, 1.0)
+        turn = shell / ball.radius * share
+        velocity = np.array([vx - share * ux, vy - share * uy, -e * vz])
+        spin = np.array([wx - turn * uy, wy + turn * ux, wz])
+    return BallState(state.position, velocity.T, spin.T, state.time)
+
+
+class Sliding(NamedTuple):
+    """How friction slows one ball that slides, or n of them; vectors of shape `(3,)` or `(n, 3)`.
+
+    Attributes:
+        begin: the ball at the start.
+        velocity: along the ground at the start [m/s].
+        deceleration: of the centre [m/s2].
+        spin_change: rate at which the spin changes [rad/s2].
+        duration: time until the ball rolls [s], a number or shape `(n,)`; 0 where it rolls already.
+    """
+
+    begin: BallState
+    velocity: Array
+    deceleration: Array
+    spin_change: Array
+    duration: float | Array
+
+    def sample(self, t: Array) -> BallState:
+        """Return one ball at n times `(n,)` since the start, or n balls each at its own time."""
+        t = t[:, None]
+        with np.errstate(over="ignore", invalid="ignore"):  # refused by BallState
+            moved = self.velocity * t - 0.5 * self.deceleration * t * t
+            spin = self.begin.spin + self.spin_change * t
+        velocity = self.velocity - self.deceleration * t
+        return BallState(self.begin.position + moved, velocity, spin, t[:, 0])
+
+
+def sliding_of(state: BallState, ball: Ball, air: Air | None, surface: Surface) -> Sliding:
+    r"""Return how one ball or n slide.
+
+    The deceleration :math:`\mu g` is constant, and lasts :math:`|u| / (\mu g (1 + m r^2 / I))` with
+    the slip u; the air is left out.
+    """
+    u = slip(state, ball)
+    size = np.hypot(u[..., 0], u[..., 1])
+    slides = size > 1e-9 * np.maximum(validation.length(state.velocity), 1e-300)
+    deceleration = surface.friction * downward(ball, air)
+    shell = ball.mass * ball.radius**2 / ball.inertia
+    along = u / np.where(slides, size, 1.0)[..., None]
+    still = np.zeros_like(size)
+    with np.errstate(over="ignore", invalid="ignore"):  # refused by BallState
+        change = shell / ball.radius * deceleration
+        across = np.stack([-along[..., 1], along[..., 0], still], axis=-1)  # towards rolling
+        duration = np.where(slides, size / (deceleration * (1.0 + shell)), 0.0)
+        spin_change = change * across
+    braking = deceleration * np.stack([along[..., 0], along[..., 1], still], axis=-1)
+    level = state.velocity * [1.0, 1.0, 0.0]
+    lasts = duration if duration.ndim else float(duration)
+    return Sliding(state, level, braking, spin_change, lasts)
+
+
+def time_to_rest(velocity: Array, wind: Array, resistance: float) -> Array:
+    """Return how long slow balls still roll [s], which all forces are constant on.
+
+    Args:
+        velocity: shape `(2,)` or `(n, 2)` [m/s].
+        wind: acceleration of a ball at rest by the wind, shape `(2,)` [m/s2]. Where it exceeds the
+            resistance [m/s2], the ball does not come to rest, and the time is infinite.
+        resistance: deceleration by the surface [m/s2].
+    """
+    speed = validation.length(velocity)
+    if math.hypot(*wind) > resistance:
+        return np.full(speed.shape, math.inf)
+    return np.asarray(speed / (resistance - velocity @ wind / np.where(speed > 0.0, speed, 1.0)))
 
 
 def slide(
@@ -92,44 +157,27 @@ def slide(
 ) -> GroundPhase | None:
     r"""Return the phase in which friction turns sliding into rolling; None if it rolls already.
 
-    The deceleration :math:`\mu g` is constant, and lasts :math:`|u| / (\mu g (1 + m r^2 / I))` with
-    the slip u; the air is left out. One of the events in `ends` may end the phase before.
+    See `sliding_of`. One of the events in `ends` may end the phase before.
     """
-    ux, uy = slip(state, ball)
-    sliding = math.hypot(ux, uy)
-    if sliding <= 1e-9 * max(math.hypot(*state.velocity), 1e-300):
+    sliding = sliding_of(state, ball, air, surface)
+    duration, reached = float(sliding.duration), None
+    if duration == 0.0:
         return None
-    deceleration = surface.friction * downward(ball, air)
-    shell = ball.mass * ball.radius**2 / ball.inertia
-    level = np.array([state.velocity[0], state.velocity[1], 0.0])
-    along = np.array([ux, uy, 0.0]) / sliding
-    across = np.array([-along[1], along[0], 0.0])  # turned towards rolling
-    velocity_change = deceleration * along
-    with np.errstate(invalid="ignore"):  # refused by BallState
-        spin_change = shell / ball.radius * deceleration * across
-
-    def states(t: Array) -> BallState:
-        t = t[:, None]
-        with np.errstate(over="ignore", invalid="ignore"):  # refused by BallState
-            moved = level * t - 0.5 * velocity_change * t * t
-            spin = state.spin + spin_change * t
-        return BallState(state.position + moved, level - velocity_change * t, spin, t[:, 0])
 
     def rates(_: float, moving: Array) -> list[float]:
-        return [*moving[3:6].tolist(), *(-velocity_change).tolist(), 0.0]
+        return [*moving[3:6].tolist(), *(-sliding.deceleration).tolist(), 0.0]
 
-    duration, reached = sliding / (deceleration * (1.0 + shell)), None
     if ends:
-        speed = math.hypot(*level) + sliding
+        speed = math.hypot(*sliding.velocity) + math.hypot(*slip(state, ball))
         sizes = np.array([*3 * [speed * duration], *3 * [speed], 1.0])
-        begin = 0.0, np.array([0.0, 0.0, 0.0, *level, 1.0])
+        begin = 0.0, np.array([0.0, 0.0, 0.0, *sliding.velocity, 1.0])
         arc = integrate(
             rates, begin, ends, duration, Tolerance(FINEST, np.maximum(FINEST * sizes, 1e-300))
         )
         duration, reached = arc.end, arc.reached
-    end = _first(states(np.array([duration])))
+    end = _first(sliding.sample(np.array([duration])))
     start = BallState(state.position, state.velocity, state.spin)
-    return GroundPhase(start, end, "slide", states, reached.name if reached else None)
+    return GroundPhase(start, end, "slide", sliding.sample, reached.name if reached else None)
 
 
 def roll(
@@ -179,10 +227,10 @@ def roll(
         arc = integrate(rates, (0.0, begin), [is_slow, *ends], time_limit, tolerance)
     slow_time, slow = arc.end, arc.state
     duration = slow_time
-    blown = arc.reached is None or (arc.reached is is_slow and math.hypot(*wind) > resistance)
-    if arc.reached is is_slow and not blown and (slow_speed := math.hypot(*slow[3:5])):
-        against = resistance - float(slow[3:5] @ wind) / slow_speed
-        duration += slow_speed / against
+    rest = float(time_to_rest(slow[3:5], np.array(wind), resistance))
+    blown = arc.reached is None or (arc.reached is is_slow and rest == math.inf)
+    if arc.reached is is_slow and not blown:
+        duration += rest
     rolled = trajectory(arc, begin)
 
     def states(t: Array) -> BallState:

@@ -6,7 +6,6 @@ of a step is far more accurate near its end than within it.
 
 import math
 from collections.abc import Callable, Sequence
-from copy import copy
 from functools import cached_property, partial
 from itertools import pairwise
 from typing import NamedTuple
@@ -141,9 +140,28 @@ class _Step:
 
     def __init__(self, solver: DOP853, before: Array, rates: Array) -> None:
         self.solver, self.before, self.begin = solver, before, float(solver.t_old)
-        self.length = float(solver.t) - self.begin
-        ahead, behind = before + self.length * rates, solver.y - self.length * solver.f
-        self._states = [state.tolist() for state in (before, solver.y, ahead, behind)]
+        self.rates, self.length = rates, float(solver.t) - self.begin
+        solver.f = np.array(solver.f)
+        self._states = _with_tangents(self.length, before, rates, solver.y, solver.f)
+
+    def foresee_fall(self, event: Event, length: float) -> float:
+        """Return about which fraction of the next step an event falls in; 1 if it does not.
+
+        The acceleration is taken to change as much over time as in this step.
+        """
+        before, now = (event.value_or_nan(state) for state in self._states[:2])
+        if not 0.0 < now * self.length < 2.0 * length * (before - now):
+            return 1.0
+        state, rates = self.solver.y, self.solver.f
+        change = (rates - self.rates) * (length / self.length)
+        later = state + length * (rates + 0.5 * change)
+        later[:3] = state[:3] + length * (rates[:3] + length * (rates[3:6] / 2 + change[3:6] / 6))
+        last_rates = np.concatenate([later[3:6], (rates + change)[3:]])
+        states = _with_tangents(length, state, rates, later, last_rates)
+        start, end, ahead, behind = map(event.value_or_nan, states)
+        if not (start > 0.0 >= end and math.isfinite(ahead + behind)):
+            return 1.0
+        return _fall_of_cubic(start, end, ahead - start, end - behind)
 
     @cached_property
     def interpolant(self) -> Callable[[float | Array], Array]:
@@ -191,7 +209,7 @@ class _Step:
             return event.value(states[time].tolist())
 
         low, high = times[0], float(self.solver.t) if fall.high == 1.0 else times[1]
-        near = high - 2.0 * EVENT_MARGIN * self.length
+        near = high - 1.0001 * (1.0 - fall.about) * self.length
         low = near if near > low and value(near) > 0.0 else low
         above, below = value(low), value(high)
         if not above > 0.0 >= below:  # but for rounding
@@ -199,6 +217,14 @@ class _Step:
         precision = max(1e-14 * self.length, 1e-300)
         time = float(brentq(value, low, high, xtol=precision, rtol=4.0 * EPSILON, disp=False))
         return time, states[time] if time in states else self.interpolant(time)
+
+
+def _with_tangents(
+    length: float, begin: Array, rates: Array, end: Array, last_rates: Array
+) -> list[list[float]]:
+    """Return the states at both ends of a step, and each end's tangent at the other."""
+    states = begin, end, begin + length * rates, end - length * last_rates
+    return [state.tolist() for state in states]
 
 
 def _fall_of_cubic(start: float, end: float, rise: float, last_rise: float) -> float:
@@ -231,6 +257,7 @@ class _Integration:
         passed: list[tuple[Event, Callable[[], Crossing]]] = []
         steps: list[tuple[float, Callable[[], Callable[[Array], Array]]]] = []
         ending = [event for event in self._events if event.terminal or event.ends_step]
+        terminal = [event for event in ending if event.terminal]
         solver = self._solver(begin, state, _first_length(state, rates, self._tolerance))
         while solver.status == "running":
             step, falls = self._step_to(ending, solver)
@@ -243,8 +270,13 @@ class _Integration:
             if crossings:
                 end, state, reached = min(crossings, key=lambda crossing: crossing[0])
                 return Arc(end, state, reached, passed, self._evaluations, steps)
+            state_now = solver.y.tolist()
             for event in self._events:
-                event.value(solver.y.tolist())  # raises where it is not a number
+                event.value(state_now)  # raises where it is not a number
+            length = min(solver.h_abs, self._time_limit - solver.t)
+            first = min((step.foresee_fall(event, length) for event in terminal), default=1.0)
+            if first < 1.0 - EVENT_MARGIN:
+                solver.h_abs = (1.0 + 0.5 * EVENT_MARGIN) * first * length
         return Arc(float(solver.t), solver.y, None, passed, self._evaluations, steps)
 
     def _step_to(self, events: Sequence[Event], solver: DOP853) -> tuple[_Step, dict[Event, _Fall]]:
@@ -262,7 +294,8 @@ class _Integration:
             if first >= 1.0 - EVENT_MARGIN or step.length <= shortest:
                 return step, {event: falls[event] for event in falls if event not in possible}
             length = (1.0 + 0.5 * EVENT_MARGIN) * first * step.length
-            solver = self._solver(step.begin, step.before, max(length, shortest))
+            solver.t, solver.y, solver.f = step.begin, step.before, step.rates
+            solver.h_abs, solver.status = max(length, shortest), "running"
 
     def _locate(self, event: Event, begin: float, state: Array, length: float) -> Crossing:
         solver = self._solver(begin, state, length)
@@ -277,8 +310,10 @@ class _Integration:
         relative, absolute, longest = self._tolerance
         longest, limit = min(longest, self._time_limit - begin), self._time_limit
         length = min(max(length, 10.0 * math.ulp(begin)), longest)
-        return DOP853(self._rates, begin, state, limit, longest, relative, absolute,
-                      first_step=length)  # fmt: skip
+        solver = DOP853(self._rates, begin, state, limit, longest, relative, absolute,
+                        first_step=length)  # fmt: skip
+        solver.fun_single = self._rates  # scipy's own converts the rates to an array twice
+        return solver
 
     def _take_step(self, solver: DOP853) -> _Step:
         time, state, rates, evaluations = float(solver.t), solver.y, solver.f, solver.nfev
@@ -300,7 +335,8 @@ def _keep_stages(solver: DOP853) -> DOP853:
 
     It takes a quarter more evaluations, and the next step overwrites the stages.
     """
-    kept = copy(solver)
+    kept = DOP853.__new__(DOP853)
+    kept.__dict__.update(solver.__dict__)
     kept.K_extended = solver.K_extended.copy()
     kept.K = kept.K_extended[: DOP853.n_stages + 1]
     return kept

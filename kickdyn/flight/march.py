@@ -20,9 +20,10 @@ from typing import Any, NamedTuple
 import numba
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import DOP853
 
+from kickdyn.core import dop853
 from kickdyn.core.compilation import WITHIN, compiled, named
+from kickdyn.core.dop853 import COUNT, STAGES, WEIGHT, WHICH_RATE
 from kickdyn.core.validation import Array
 from kickdyn.flight import compiling, events
 from kickdyn.flight.compiling import HOW, LANES, LEFT, SIGNATURE, SIZE, U, V, W, X, Z
@@ -34,19 +35,7 @@ LANDED, ALOFT, FAILED, FURTHER = 0, 1, 2, 3
 
 STATES = 7
 
-STAGES = DOP853.n_stages
-"""Evaluations of a step. Row 0 of the rates is of its beginning, row `STAGES` of its end."""
-
-# Weights of the rates before stage i, then of the step itself, then of both estimates of its error:
-# without zeros, in fours, each of which is one pass through memory.
-_TABLE = np.vstack([DOP853.A, DOP853.B, DOP853.E5[:-1], DOP853.E3[:-1]])
-_COUNT = np.count_nonzero(_TABLE, axis=1)
-_WHICH = np.zeros((len(_TABLE), STAGES + 4), np.int64)
-_WEIGHT = np.zeros(_WHICH.shape)
-for _k, _row in enumerate(_TABLE):
-    _used = np.flatnonzero(_row)
-    _WHICH[_k, : len(_used)] = _used
-    _WEIGHT[_k, : len(_used)] = _row[_used]
+# Weights are read in fours, each of which is one pass through memory.
 
 VALUE, SLOPE = range(2)
 """Rows of the function of an event: its value, and its derivative by time."""
@@ -161,7 +150,7 @@ def compiled_march() -> Any:
     lanes = _named_tuple([*(matrix,) * 4, *(vector,) * 14, integers, integers], Lanes)
     equations, number = numba.types.FunctionType(SIGNATURE), numba.float64
     signature = numba.void(equations, equations, flights, lanes, number, number)
-    function = named(_march, f"march_{MAX_EVALUATIONS}", compiling, events)
+    function = named(_march, f"march_{MAX_EVALUATIONS}", compiling, events, dop853)
     return compiled(function, signature, "the integration of flights", **_OPTIONS)
 
 
@@ -312,9 +301,14 @@ def _step(rates_of, lane):
             h[c + i] = lane.step[i]
     for k in range(1, STAGES + 3):
         total = lane.sums[max(k - STAGES, 0)]
-        for n in range(0, _COUNT[k], 4):
-            i, j, p, q = _WHICH[k, n], _WHICH[k, n + 1], _WHICH[k, n + 2], _WHICH[k, n + 3]
-            a, b, c, d = _WEIGHT[k, n], _WEIGHT[k, n + 1], _WEIGHT[k, n + 2], _WEIGHT[k, n + 3]
+        for n in range(0, COUNT[k], 4):
+            i, j, p, q = (
+                WHICH_RATE[k, n],
+                WHICH_RATE[k, n + 1],
+                WHICH_RATE[k, n + 2],
+                WHICH_RATE[k, n + 3],
+            )
+            a, b, c, d = WEIGHT[k, n], WEIGHT[k, n + 1], WEIGHT[k, n + 2], WEIGHT[k, n + 3]
             for m in range(SIZE):
                 four = (a * rates[i, m] + b * rates[j, m]) + (c * rates[p, m] + d * rates[q, m])
                 total[m] = four if n == 0 else total[m] + four

@@ -145,7 +145,7 @@ class BodyTrack(ReprMixin):
         axis, source = validation.choice("up", up, Up), str(file)
         lines = read_text(file, source, LARGEST_FILE, FaultyFile).splitlines()
         if len(lines) < 6 or not lines[0].startswith("PathFileType"):
-            raise FaultyFile(source, ["is no TRC file: its first word must be PathFileType"])
+            raise FaultyFile(source, ["is not a TRC file: its first word must be PathFileType"])
         header = dict(zip(lines[1].split("\t"), lines[2].split("\t"), strict=False))
         unit = header.get("Units", "").strip().lower()
         if unit not in METRES:
@@ -173,7 +173,7 @@ class BodyTrack(ReprMixin):
         lines = read_text(file, source, LARGEST_FILE, FaultyFile).splitlines()
         ends = [i for i, line in enumerate(lines) if line.strip().lower() == "endheader"]
         if not ends or ends[0] + 1 >= len(lines):
-            raise FaultyFile(source, ["is no MOT file: it must have a line endheader"])
+            raise FaultyFile(source, ["is not a MOT file: it must have a line endheader"])
         end = ends[0]
         settings = {line.replace(" ", "").lower() for line in lines[:end]}
         names = lines[end + 1].split()

@@ -9,7 +9,7 @@ impact have splines of their own, so that nothing is smoothed across it.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -19,7 +19,14 @@ from kickdyn.core import validation
 from kickdyn.core.validation import Array, read_only
 from kickdyn.errors import InvalidInput
 from kickdyn.identification.body_track import BodyTrack
+from kickdyn.identification.contact_moment import Moment, contact_moment
 from kickdyn.identification.leg_motion import LEAST_FRAMES, LegMotion
+from kickdyn.identification.marker_checks import (
+    check_determined,
+    check_order,
+    check_side,
+    check_units,
+)
 from kickdyn.identification.marker_kinematics import (
     MARKER_NOISE,
     Marker,
@@ -29,6 +36,7 @@ from kickdyn.identification.marker_kinematics import (
     scaled_places,
     spread_frames,
 )
+from kickdyn.identification.track import Track
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.model_validation import frame_id
 
@@ -38,8 +46,8 @@ LARGEST_RESIDUAL = 0.05
 LARGEST_DISTANCE = 0.1
 """Distance of one marker in one frame [m] above which it is another marker; skin moves less."""
 
-LARGEST_EXTENT = 20.0
-"""Distance between markers of one body [m] that only other units explain."""
+LARGEST_ANGLE = 4.0 * math.pi
+"""Angle of a joint [rad] that only degrees explain."""
 
 LEAST_NOISE = 1e-7
 """Least noise of a marker [m]; with less, the smoothing would lose its digits."""
@@ -58,7 +66,7 @@ def fit_motion(
     markers: Mapping[str, Place] | None = None,
     *,
     angles: Mapping[str, str] | None = None,
-    contact: float | None = None,
+    contact: float | Sequence[float] | Track | None = None,
     scale: bool = True,
 ) -> LegMotion:
     """Return the motion of a leg from the track of its markers, or of its joint angles.
@@ -72,7 +80,9 @@ def fit_motion(
         angles: for a track of angles, its coordinate for each joint of the leg, with a minus where
             it has the other direction: `{"knee": "-knee_angle_r"}`. Each joint must be named. The
             deviation of angles is taken for 0.5 degrees.
-        contact: time of the impact [s], across which nothing is smoothed.
+        contact: when the contact begins, across which nothing is smoothed: a time [s]; a time and
+            its standard deviation, `(t, deviation)`; or the `Track` of the ball on the same clock,
+            from which both are computed. The deviation counts in `at_contact` and `infer_impact`.
         scale: whether to estimate the lengths of segments from the markers. Masses stay, radii of
             gyration scale with lengths.
 
@@ -80,15 +90,14 @@ def fit_motion(
         InvalidInput: an unknown marker or frame, too few markers for a segment, markers that do
             not fit the leg, another unit or vertical axis, or too few frames.
     """
-    if contact is not None:
-        contact = validation.number("contact", contact, unit="s")
-        if not track.times[0] < contact <= track.times[-1] + 0.02:
-            raise InvalidInput(
-                f"contact is {contact:g} s: the track is from {track.times[0]:g} to "
-                f"{track.times[-1]:g} s"
-            )
+    moment = None if contact is None else contact_moment("contact", contact)
+    if moment and not track.times[0] < moment.time <= track.times[-1] + 0.02:
+        raise InvalidInput(
+            f"contact is {moment.time:g} s: the track is from {track.times[0]:g} to "
+            f"{track.times[-1]:g} s"
+        )
     if angles is not None:
-        return _from_angles(track, leg, validation.mapping("angles", angles), contact)
+        return _from_angles(track, leg, validation.mapping("angles", angles), moment)
     named = validation.mapping("markers", markers)
     places = {name: _place(leg, name, place) for name, place in named.items()}
     for name in places:
@@ -101,25 +110,27 @@ def fit_motion(
         raise InvalidInput("markers is empty: it must say where each marker is on the leg")
     names = list(places)
     measured = track.positions[:, [track.markers.index(name) for name in names]]
-    _check_units(measured, names)
+    check_units(measured, names)
+    check_side(leg, places)
+    check_order(leg, places, measured)
     first = MarkerKinematics(leg.workspace.model, list(places.values()))
     # the lengths are first the leg's, in a few frames only
     frames = first.solve_track(measured, spread_frames(measured))
-    _check_determined(leg, first, frames)
+    check_determined(leg, first, frames)
     scales: dict[str, float] = {}
     if scale:
         leg, scales = scaled_leg(leg, places, measured, frames)
     kinematics = MarkerKinematics(leg.workspace.model, scaled_places(leg, places, scales))
     frames = kinematics.solve_track(measured, range(len(measured)))
     return _judged(LegMotion(
-        leg, track.times, *kinematics.stack(frames), contact, 0.0, {}, scales,
+        leg, track.times, *kinematics.stack(frames), moment, 0.0, {}, scales,
         {name: gap for name, gap in track.gaps.items() if name in places},
         tuple(k for k in range(len(measured)) if k not in frames),
     ), kinematics, names, measured, frames)  # fmt: skip
 
 
 def _from_angles(
-    track: BodyTrack, leg: Leg, angles: Mapping[str, str], contact: float | None
+    track: BodyTrack, leg: Leg, angles: Mapping[str, str], contact: Moment | None
 ) -> LegMotion:
     """Return the motion of a leg whose joint angles are measured."""
     if set(angles) != set(leg.joint_names) or leg.nq != len(leg.joint_names):
@@ -136,6 +147,11 @@ def _from_angles(
             raise InvalidInput(f"angle {name!r} is not in the track: it has {known}")
         sign = -1.0 if str(coordinate).startswith("-") else 1.0
         q[:, leg.velocity_index(joint)] = sign * track.angles[name]
+        largest = float(np.nanmax(np.abs(track.angles[name]), initial=0.0))
+        if largest > LARGEST_ANGLE:
+            raise InvalidInput(
+                f"angle {name!r} is up to {largest:.4g}, as in degrees: angles must be in radians"
+            )
     known_frames = np.isfinite(q).all(axis=1)
     if known_frames.sum() < LEAST_FRAMES:
         raise InvalidInput(
@@ -159,38 +175,6 @@ def _place(leg: Leg, name: str, place: Place) -> Marker:
         ) from None
     number = frame_id(leg.workspace.model, frame)
     return Marker(number, validation.vector(f"point of marker {name!r}", point, 3, unit="m"))
-
-
-def _check_units(measured: Array, names: list[str]) -> None:
-    """Raise `InvalidInput` for markers in other units, or with another axis up."""
-    for k, name in enumerate(names):
-        if not np.isfinite(measured[:, k]).any():
-            raise InvalidInput(f"marker {name!r} is seen in no frame")
-    middle = np.nanmedian(measured, axis=0)
-    extent = float(np.nanmax(middle, axis=0).max() - np.nanmin(middle, axis=0).min())
-    size = float(np.nanmax(np.ptp(middle, axis=0)))
-    if min(extent, size) > LARGEST_EXTENT:
-        raise InvalidInput(
-            f"markers are up to {size:.4g} m apart, as in millimetres: positions must be in metres"
-        )
-
-
-def _check_determined(
-    leg: Leg, kinematics: MarkerKinematics, frames: Mapping[int, SolvedFrame]
-) -> None:
-    """Raise `InvalidInput` if no frame has markers that determine every joint."""
-    if frames:
-        return
-    last = kinematics.last
-    joint = "any joint"
-    if last is not None:
-        free = np.linalg.svd(last.jacobian)[2][-1]
-        names = np.repeat(leg.joint_names, list(leg.workspace.model.nvs)[1:])
-        joint = str(names[int(np.argmax(np.abs(free)))])
-    raise InvalidInput(
-        f"too few markers: in no frame do those that are seen determine {joint}; add one on a "
-        "segment behind it"
-    )
 
 
 def _judged(

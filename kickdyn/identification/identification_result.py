@@ -28,14 +28,14 @@ UNITS = {
 }
 """Units of what is sought, and of a learner's errors of aim; coefficients and factors have none."""
 
-LOOSEST = {
+LARGEST_DEVIATION = {
     **dict.fromkeys(("back_spin", "side_spin", "gyro_spin"), 20.0),
     **{"drag": 0.1, "drag_scale": 0.5, "lift_scale": 0.5, "wind_x": 3.0, "wind_y": 3.0},
 }
 """Standard deviation above which a value is not given: about half of what it usually is."""
 
-TIGHT = 0.05
-"""Share of `LOOSEST` up to which a value near zero is given, such as a spin to 1 rad/s."""
+SMALL_SHARE = 0.05
+"""Share of `LARGEST_DEVIATION` up to which a value near zero is given, as a spin to 1 rad/s."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -92,14 +92,15 @@ class Identification(ReprMixin):
     def undetermined(self) -> dict[str, str]:
         """The unknowns that the measurement does not determine, each with the reason.
 
-        Their standard deviation is above `LOOSEST`, or above both half the value and `TIGHT` times
-        `LOOSEST`, such as 1 rad/s of a spin or 0.005 of a drag coefficient.
+        Their standard deviation is above `LARGEST_DEVIATION`, or above both half the value and
+        `SMALL_SHARE` of `LARGEST_DEVIATION`, such as 1 rad/s of a spin or 0.005 of a drag
+        coefficient.
         """
         reasons = {}
         deviations = np.sqrt(np.diag(self.covariance)).tolist()
         for name, value, deviation in zip(self.names, self.estimates, deviations, strict=True):
-            loosest = LOOSEST.get(name, math.inf)
-            if deviation > min(max(0.5 * abs(value), TIGHT * loosest), loosest):
+            loosest = LARGEST_DEVIATION.get(name, math.inf)
+            if deviation > min(max(0.5 * abs(value), SMALL_SHARE * loosest), loosest):
                 size = f"{deviation:.2g}" if deviation < 99.5 else f"{deviation:.0f}"
                 reason = f"its standard deviation is {size} {UNITS.get(name, '')}".rstrip()
                 reasons[name] = reason if deviation > loosest else f"{reason}, over half the value"

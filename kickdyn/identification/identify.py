@@ -285,7 +285,7 @@ def _check_flight(track: Track) -> None:
         )
     if track.duration > LONGEST_FLIGHT:
         raise InvalidInput(
-            f"the samples are of {track.duration:.4g} s, and no flight takes more than "
+            f"the samples last {track.duration:.4g} s, but no flight takes more than "
             f"{LONGEST_FLIGHT:g} s: leave out samples with wrong times"
         )
     refuse_units(track, -float(_bend(track)[2]))

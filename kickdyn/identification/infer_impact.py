@@ -28,8 +28,9 @@ from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput, NoImpact
+from kickdyn.identification.contact_moment import BALL_WINDOW, FLIES_AFTER, ball_side
 from kickdyn.identification.leg_motion import LegMotion
-from kickdyn.identification.track import LEAST_SAMPLES, Track
+from kickdyn.identification.track import Track
 from kickdyn.impact.leg_response import LegResponse, leg_response
 from kickdyn.robot.leg import Posture
 
@@ -153,7 +154,7 @@ class InferredImpact(ReprMixin):
         if not -margin <= self.restitution <= 1.0 + margin:
             lines.append(
                 f"restitution is {self.restitution:.3g}, outside 0 to 1: posture, joint velocity "
-                "and ball do not go together, or the sliding changed during the contact"
+                "and ball are inconsistent, or the sliding changed during the contact"
             )
         distance = float(np.linalg.norm(self.contact_point - self.posture.contact_point))
         if distance > LARGEST_DISTANCE * self.ball.radius:
@@ -210,7 +211,7 @@ def infer_impact(
     velocity_deviation: ArrayLike = 0.0,
     spin_deviation: ArrayLike = 0.0,
     joint_deviation: ArrayLike = 0.0,
-    contact: float | None = None,
+    contact: float | Sequence[float] | None = None,
 ) -> InferredImpact:
     r"""Return the impulse of a kick, and the contact that explains it, from the ball's motion.
 
@@ -240,7 +241,8 @@ def infer_impact(
             `(2,)`, before and after.
         joint_deviation: standard deviation of the joint velocity, a number or shape `(nv,)`
             [rad/s; m/s].
-        contact: with a motion, the time of the contact [s]; None takes the motion's.
+        contact: with a motion, the time of the contact [s], or time and standard deviation; None
+            takes the motion's.
 
     Raises:
         NoImpact: the ball's velocity did not change, or foot and ball do not approach each other.
@@ -271,40 +273,22 @@ def infer_impact(
     return _with_deviations(posture, speed, ball, (ball_before, ball_after), steps)
 
 
-CONTACT_TIME = 0.015
-"""Time after the beginning of a contact at which the ball flies [s]."""
-
-BALL_WINDOW = 0.1
-"""Time before and after the contact in which quadratics follow the ball [s]."""
-
-
 def _infer_from_motion(
-    motion: LegMotion, track: object, ball: Ball, contact: float | None
+    motion: LegMotion, track: object, ball: Ball, contact: float | Sequence[float] | None
 ) -> InferredImpact:
     """Return the impact of a motion and the track of a ball."""
     validation.check_type(Track, v=track)
     assert isinstance(track, Track)
     _check_ball(ball)
     leg = motion.at_contact(contact)
-    moment = motion.contact if contact is None else contact
-    assert moment is not None
-    states, blocks = [], []
-    for name, begin, end in (
-        ("before", moment - BALL_WINDOW, moment),
-        ("after", moment + CONTACT_TIME, moment + CONTACT_TIME + BALL_WINDOW),
-    ):
-        chosen = (track.times >= begin) & (track.times <= end)
-        if chosen.sum() < LEAST_SAMPLES:
-            raise InvalidInput(
-                f"track of the ball has {int(chosen.sum())} samples {name} the contact, from "
-                f"{begin:.4g} to {end:.4g} s: at least {LEAST_SAMPLES} are needed"
-            )
-        rows = np.vander(track.times[chosen] - moment, 3, increasing=True)
-        fitted, *_ = np.linalg.lstsq(rows, track.positions[chosen], rcond=None)
-        missed = track.positions[chosen] - rows @ fitted
-        variance = (missed**2).sum(axis=0) / max(len(rows) - 3, 1)
-        states.append(BallState(fitted[0], fitted[1]))
-        blocks.append(np.sqrt(variance * np.linalg.inv(rows.T @ rows)[1, 1]))
+    moment = leg.moment.time
+    begin = moment + FLIES_AFTER
+    sides = (
+        ball_side(track, "before", moment - BALL_WINDOW, moment, moment),
+        ball_side(track, "after", begin, begin + BALL_WINDOW, moment),
+    )
+    states = [BallState(side.position, side.velocity) for side in sides]
+    blocks = [side.velocity_deviation for side in sides]
     values, vectors = np.linalg.eigh(leg.covariance)
     of_leg = (vectors * np.sqrt(np.maximum(values, 0.0))).T
     steps = block_diag(np.diag(np.concatenate(blocks)), np.zeros((0, 6)), of_leg)
@@ -470,8 +454,8 @@ def fit_restitution(impacts: Sequence[InferredImpact], knots: int = 2) -> Restit
     rows = np.quantile(speeds, np.linspace(0.0, 1.0, knots)) if knots > 1 else [speeds.mean()]
     if knots > 1 and not (np.diff(rows) > 1e-6 * speeds.max()).all():
         raise InvalidInput(
-            f"knots is {knots}, but approach speeds are {speeds.min():.4g} to {speeds.max():.4g} "
-            "m/s with many alike: take fewer knots"
+            f"knots is {knots}, but many of the approach speeds from {speeds.min():.4g} to "
+            f"{speeds.max():.4g} m/s are equal: take fewer knots"
         )
     weights = np.column_stack([np.interp(speeds, rows, unit) for unit in np.eye(knots)])
     inverse = np.linalg.pinv(weights)

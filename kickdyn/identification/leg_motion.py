@@ -11,14 +11,10 @@ import pinocchio as pin
 
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, warned
-from kickdyn.core.validation import Array, ArrayLike, read_only
+from kickdyn.core.validation import Array, read_only
 from kickdyn.errors import InvalidInput
-from kickdyn.identification.smoothing_spline import (
-    BASE_GROWTH,
-    GROWTH,
-    GROWTH_TIME,
-    SmoothingSpline,
-)
+from kickdyn.identification.contact_moment import Moment, contact_moment
+from kickdyn.identification.smoothing_spline import GROWTH, GROWTH_TIME, SmoothingSpline
 from kickdyn.robot.leg import Leg, Posture
 from kickdyn.robot.surgery import has_floating_base
 
@@ -28,12 +24,18 @@ LEAST_FRAMES = 8
 CONTACT_WINDOW = GROWTH_TIME
 """Time before a contact whose frames the motion at the contact is smoothed from [s]."""
 
+LONGEST_GAP = 3.0
+"""Frames that may be missing just before a contact."""
+
 AFTER_CONTACT = 0.05
 """Time after a contact that a plot shows [s]."""
 
 LARGEST_RESIDUAL = 2.5
 """Larger residuals of a marker, over the median of all, have a warning. In the measured kicks of
 `data/`, noise alone gives 1.1, and a leg that is 3 % too long gives 3."""
+
+RANGE_MARGIN = math.radians(10.0)
+"""Angle outside the range of a joint that persons reach [rad]."""
 
 LARGEST_TILT = 60.0
 """Tilt of a pelvis [deg] above which the vertical axis of the track is in doubt."""
@@ -44,11 +46,14 @@ class ContactMotion(ReprMixin):
     """The motion of a leg at one time, from the frames before it, with its covariance.
 
     Attributes:
+        moment: time of the contact and its standard deviation, `(time, deviation)` [s].
         posture: posture of the leg.
         v: joint velocity, shape `(nv,)` [rad/s; m/s].
-        covariance: of q, in its tangent space, and v together, shape `(2 nv, 2 nv)`.
+        covariance: of q, in its tangent space, and v together, shape `(2 nv, 2 nv)`. The deviation
+            of the time is in it, times v and the acceleration.
     """
 
+    moment: Moment
     posture: Posture
     v: Array
     covariance: Array
@@ -86,7 +91,8 @@ class LegMotion(ReprMixin):
         times: times of the frames that determine the configuration, shape `(n,)` [s].
         configurations: configuration of each of these frames alone, shape `(n, nq)` [rad; m].
         information: information matrix of each, in the tangent space, shape `(n, nv, nv)`.
-        contact: time of the impact, across which nothing is smoothed [s]; None without one.
+        contact: time of the impact, across which nothing is smoothed, and its standard deviation,
+            `(time, deviation)` [s]; None without one.
         noise: standard deviation of a coordinate of a marker [m], from the residuals.
         residuals: root mean square distance of each marker from the leg's [m], by name.
         scales: length of each segment over the length in the leg that was given, by joint.
@@ -99,7 +105,7 @@ class LegMotion(ReprMixin):
     times: Array
     configurations: Array
     information: Array
-    contact: float | None
+    contact: Moment | None
     noise: float
     residuals: Mapping[str, float]
     scales: Mapping[str, float]
@@ -120,30 +126,48 @@ class LegMotion(ReprMixin):
         deviations = np.sqrt(np.maximum(variances, 0.0))
         return deviations[: self.leg.nv], deviations[self.leg.nv :]
 
-    def at_contact(self, time: float | None = None) -> ContactMotion:
-        """Return posture and joint velocity just before a contact, from the frames before it.
+    def at_contact(self, time: float | Sequence[float] | None = None) -> ContactMotion:
+        r"""Return posture and joint velocity just before a contact, from the frames before it.
+
+        A time with the deviation :math:`\sigma` adds :math:`\sigma^2 w w^T` to the covariance, with
+        :math:`w = (v, \dot v)`, and frames less than :math:`\sigma` before it do not count.
 
         Args:
-            time: time of the contact [s]; None is the one that `fit_motion` was given.
+            time: time of the contact [s], or time and standard deviation; None is the one that
+                `fit_motion` was given.
 
         Raises:
             InvalidInput: no time, a time without frames shortly before it, or too few of them.
         """
-        if time is None and self.contact is None:
+        given = self.contact if time is None else contact_moment("time", time)
+        if given is None:
             raise InvalidInput("time is None: fit_motion was given no contact either")
-        moment = validation.number("time", self.contact if time is None else time, unit="s")
-        window = (self.times < moment) & (self.times >= moment - CONTACT_WINDOW)
+        moment = given.time
+        window = (self.times < moment - given.deviation) & (self.times >= moment - CONTACT_WINDOW)
         interval = float(np.median(np.diff(self.times)))
-        if window.sum() < LEAST_FRAMES or moment - self.times[window][-1] > 3.0 * interval:
-            unseen = ", ".join(self.gaps) or "none"
-            raise InvalidInput(
-                f"contact at {moment:g} s has {int(window.sum())} frames in the {CONTACT_WINDOW:g} "
-                f"s before it that determine the leg, and must have {LEAST_FRAMES}, up to "
-                f"{3.0 * interval:.3g} s before it; frames are from {self.times[0]:g} to "
-                f"{self.times[-1]:g} s, markers with gaps: {unseen}"
-            )
-        q, v, covariance = self._smoothed(window, self._growth).state(moment)
-        return ContactMotion(self.leg.posture(q), read_only(v), read_only(covariance))
+        late = moment - given.deviation - self.times[window][-1:]
+        if window.sum() < LEAST_FRAMES or late > LONGEST_GAP * interval:
+            raise InvalidInput(self._few_frames(moment, int(window.sum()), interval))
+        spline = self._smoothed(window, GROWTH)
+        q, v, covariance = spline.state(moment)
+        change = given.deviation * spline.rate(moment)
+        return ContactMotion(
+            given,
+            self.leg.posture(q),
+            read_only(v),
+            read_only(covariance + np.outer(change, change)),
+        )
+
+    def _few_frames(self, moment: float, count: int, interval: float) -> str:
+        """Return the message about a contact without enough frames before it."""
+        gaps = [f"{name!r} in frame {frames[-1]}" for name, frames in self.gaps.items()]
+        unseen = ", ".join(gaps[:3]) + (f", {len(gaps) - 3} others" if len(gaps) > 3 else "")
+        return (
+            f"contact at {moment:g} s: {count} frames of the {CONTACT_WINDOW:g} s before it "
+            f"determine the leg; at least {LEAST_FRAMES} must, the last one at most "
+            f"{LONGEST_GAP * interval:.3g} s before the contact. Such frames are from "
+            f"{self.times[0]:g} to {self.times[-1]:g} s; last gaps: {unseen or 'none'}"
+        )
 
     @validation.check_arguments
     def plot(self, joints: Sequence[str] | None = None) -> Any:
@@ -166,8 +190,9 @@ class LegMotion(ReprMixin):
             raise InvalidInput(f"joints is {names}: it must name some of {', '.join(known)}")
         first, last = self.times[[0, -1]].tolist()
         if self.contact is not None:
-            first, last = self.contact - CONTACT_WINDOW, self.contact + AFTER_CONTACT
-        clipped = ((max(first, one.begin), min(last, one.end)) for one in self._pieces)
+            moment = self.contact.time
+            first, last = moment - CONTACT_WINDOW, moment + AFTER_CONTACT
+        clipped = ((max(first, piece.begin), min(last, piece.end)) for piece in self._pieces)
         return leg_motion_figure(self, names, [(a, b) for a, b in clipped if a < b])
 
     @property
@@ -182,6 +207,7 @@ class LegMotion(ReprMixin):
                 f"median of all {1e3 * usual:.2g} mm: height of the leg or place of the marker "
                 "does not fit, and deviations do not contain this"
             )
+        lines += self._outside_ranges()
         if not has_floating_base(self.leg.workspace.model):
             return tuple(lines)
         up = np.median(
@@ -197,25 +223,31 @@ class LegMotion(ReprMixin):
             "up='y'",
         )
 
-    @property
-    def _growth(self) -> Array:
-        """Rates at which the variance of the prior grows towards an impact, `(nv,)` [1/s]."""
+    def _outside_ranges(self) -> Iterable[str]:
+        """Return a line for each joint that is outside its range in most frames."""
         model = self.leg.workspace.model
-        growth = np.full(model.nv, GROWTH)
-        if has_floating_base(model):
-            growth[:6] = BASE_GROWTH
-        return growth
+        for name in self.leg.single_joints:
+            values = self.configurations[:, model.idx_qs[model.getJointId(name)]]
+            low, high = self.leg.joint_range(name)
+            outside = (values < low - RANGE_MARGIN) | (values > high + RANGE_MARGIN)
+            if outside.mean() > 0.5:
+                yield (
+                    f"joint {name} is outside its range of {math.degrees(low):.0f} to "
+                    f"{math.degrees(high):.0f} deg in {int(outside.sum())} frames of "
+                    f"{len(values)}, at {math.degrees(float(np.median(values))):.0f} deg in the "
+                    "median: it turns the other way, or its markers are swapped"
+                )
 
-    def _smoothed(self, chosen: Any, growth: ArrayLike) -> SmoothingSpline:
+    def _smoothed(self, chosen: Any, growth: float) -> SmoothingSpline:
         arrays = (self.times[chosen], self.configurations[chosen], self.information[chosen])
         return SmoothingSpline(self.leg.workspace.model, *arrays, growth)
 
     @cached_property
     def _pieces(self) -> list[SmoothingSpline]:
         """Splines of the frames before and after the contact, those with enough frames."""
-        contact = math.inf if self.contact is None else self.contact
+        contact = math.inf if self.contact is None else self.contact.time
         sides = (
-            (self.times < contact, 0.0 if self.contact is None else self._growth),
+            (self.times < contact, 0.0 if self.contact is None else GROWTH),
             (self.times >= contact, 0.0),
         )
         return [self._smoothed(*side) for side in sides if side[0].sum() >= LEAST_FRAMES]
@@ -231,6 +263,9 @@ class LegMotion(ReprMixin):
     def _rows(self) -> Iterable[Row]:
         yield "frames", len(self.times), ""
         yield "duration", float(self.times[-1] - self.times[0]), "s"
+        if self.contact is not None:
+            time, deviation = self.contact
+            yield "contact", f"{time:.4f}" + (f" +- {deviation:.1g}" if deviation else ""), "s"
         if self.residuals:
             yield "noise of a coordinate", 1e3 * self.noise, "mm"
         for name, residual in self.residuals.items():

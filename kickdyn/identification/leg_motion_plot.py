@@ -19,7 +19,7 @@ def leg_motion_figure(
     """Draw angles and speeds of joints of a `LegMotion` in spans of time, with 1.96 deviations."""
     figure = Figure(figsize=(COLUMN_WIDTH, 4.2))
     angles, speeds = figure.subplots(2, 1, sharex=True)
-    zero, model = motion.contact or 0.0, motion.leg.workspace.model
+    zero, model = motion.contact.time if motion.contact else 0.0, motion.leg.workspace.model
     numbers = [model.getJointId(name) for name in joints]
     places, columns = ([of[i] for i in numbers] for of in (model.idx_qs, model.idx_vs))
     for begin, end in spans:

@@ -182,8 +182,8 @@ class Track(ValueEquality, ReprMixin):
             fault = ""
             if len(row) > len(header) and any(row[len(header) :]):
                 fault = (
-                    f"row {number} has {len(row)} cells and the first row {len(header)}: they must "
-                    "be as many, and decimals have a point"
+                    f"row {number} has {len(row)} cells and the first row {len(header)}: all rows "
+                    "must have the same number; write decimals with a point"
                 )
             elif not all(abs(value) <= LARGEST for value in numbers):
                 fault = (
@@ -232,7 +232,7 @@ class Track(ValueEquality, ReprMixin):
         path = scale * data[labels.index(marker)]
         seen = np.isfinite(path).all(axis=1)
         if not seen.any():
-            raise FaultyFile(source, [f"the marker {marker!r} is seen in no frame"])
+            raise FaultyFile(source, [f"the marker {marker!r} is not seen in any frame"])
         return cls((first + np.flatnonzero(seen)) / rate, path[seen])
 
 
@@ -280,7 +280,7 @@ def _c3d_content(
             np.take(content["data"], len(labels) - 1, axis=0)  # raises: fewer points than labels
             return labels, unit, rate, first, np.asarray(content["data"])
     except (subprocess.SubprocessError, OSError, ValueError, LookupError, BadZipFile):
-        raise FaultyFile(source, ["is no C3D file that ezc3d can read"]) from None
+        raise FaultyFile(source, ["is not a C3D file that ezc3d can read"]) from None
 
 
 def _send_c3d() -> None:

@@ -148,14 +148,17 @@ def find_approach(
     contact: Contact,
     ball_velocity: ArrayLike,
     ball_spin: ArrayLike,
+    many: str = "strike_many",
 ) -> Approach:
-    """Check the arguments of `strike` and return the motion just before the impact."""
+    """Check the arguments of `strike` and return the motion just before the impact.
+
+    Errors name the function `many` where a row for each of n impacts is given.
+    """
     validation.check_type(Posture, posture=posture)
     validation.check_type(Ball, ball=ball)
     validation.check_type(Contact, contact=contact)
     contact.check_normal()
     contact = contact.for_ball(ball)
-    many = "strike_many"
     v = validation.vector("v", v, posture.leg.nv, many=many)
     if posture.constraint_projector is not None:
         posture.check_velocity(v)

@@ -19,10 +19,8 @@ from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.impact.approach import AT_REST, AfterApproach, Approach, find_approach
 from kickdyn.impact.compliant_contact import (
     CompliantContact,
-    ContactMotion,
     State,
     Torque,
-    integrate_contact,
 )
 from kickdyn.impact.force_model import (
     HERTZ,
@@ -34,6 +32,7 @@ from kickdyn.impact.force_model import (
     contact_time_of,
 )
 from kickdyn.impact.inflated_force import InflatedForce
+from kickdyn.impact.integrate_contact import ContactMotion, integrate_contact
 from kickdyn.impact.leg_response import leg_response
 from kickdyn.impact.patch_contact import FootPatch, PatchContact, PatchForce, patch_of
 from kickdyn.restitution import LARGEST_DEFLECTION
@@ -347,7 +346,7 @@ def collide(
     twist = posture.leg.base_velocity
     if twist is not None and twist[3:].any():
         posture.leg.check_base_at_rest("a contact that takes time, unless the base does not turn,")
-    approach = find_approach(posture, v, ball, contact, ball_velocity, ball_spin)
+    approach = find_approach(posture, v, ball, contact, ball_velocity, ball_spin, "collide_many")
     ball.check_movable("a contact that takes time")
     # Below a micrometre per second gravity, not the impact, decides the motion.
     validation.number("approach speed", approach.speed, at_least=1e-6, unit="m/s")

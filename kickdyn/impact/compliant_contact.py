@@ -1,17 +1,13 @@
 """Motion of leg and ball while they touch, with a compliant contact: equations and integration."""
 
 import math
-from bisect import bisect_right
 from collections.abc import Callable
-from copy import copy
 from enum import Enum
 from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from scipy.integrate import DOP853, OdeSolution
 from scipy.linalg import blas, lapack
-from scipy.optimize import brentq, minimize_scalar
 
 from kickdyn.core import validation
 from kickdyn.core.validation import Array, ArrayLike
@@ -24,11 +20,14 @@ from kickdyn.impact.contact_motion import (
     free_rise,
     free_sliding,
     slip_direction,
+    slip_end,
+    slipping_force,
+    sticking_force,
 )
 from kickdyn.impact.force_model import Load, NormalForce
 from kickdyn.robot.constraints import ConstraintProjector
-from kickdyn.robot.leg import Workspace
 from kickdyn.robot.model_validation import cholesky_with_condition
+from kickdyn.robot.workspace import Workspace
 
 Torque = Callable[[float, Array, Array], ArrayLike]
 """Joint torques as a function of time since first contact, q and v."""
@@ -46,23 +45,6 @@ STABILIZATION_RATE = 10.0
 
 MAX_EVALUATIONS = 60_000
 """Evaluations of the equations of motion, each some 40 us; ordinary contacts take some hundreds."""
-
-MAX_CONTACT_TIMES = 50.0
-"""Expected contact times after which foot and ball count as not separating."""
-
-MAX_PHASES = 500
-"""Phases after which the motion counts as one that does not end."""
-
-FIRST_STEP = 3.0
-"""First step over the expected contact time, per tolerance of the integrator to the power 2/7: the
-error that a step leaves where the force begins as the deflection to the power 3/2."""
-
-BEYOND_SEPARATION = 1.02
-"""Longest step over the time to separation at the present speed: the force ends there at once."""
-
-EVENT_MARGIN = 0.03
-"""Fraction of a step, at its end, in which an event must lie for its interpolant to be read there:
-its error falls with the square of that fraction."""
 
 
 class Friction(Enum):
@@ -225,8 +207,7 @@ class CompliantContact:
     def slip_end(self, contact: Kinematics, phase: Phase) -> float:
         """Return what falls to 0 where points no longer slide in about their first direction."""
         w1, w2, _ = contact.relative
-        forward = phase.along[0] * w1 + phase.along[1] * w2
-        return forward - max(self.resting, 0.5 * math.hypot(w1, w2))
+        return slip_end(phase.along, w1, w2, self.resting)
 
     def time_left(self, y: Array, phase: Phase) -> float:
         """Return for how long the force acts if the ball leaves at its present speed [s].
@@ -389,14 +370,8 @@ class CompliantContact:
         if self.approach.contact.friction == 0.0:
             return 0.0, 0.0, math.inf
         w1, w2, _ = contact.relative
-        speed = math.hypot(w1, w2)
         if phase.friction is Friction.SLIPS:
-            c, s = phase.along
-            forward = c * w1 + s * w2
-            if forward < 0.0:  # beyond the end of the phase: as smooth as before it
-                w1, w2 = w1 - 2.0 * forward * c, w2 - 2.0 * forward * s
-            share = largest / speed if speed else 0.0
-            return -share * w1, -share * w2, self.slip_end(contact, phase)
+            return *slipping_force(largest, phase.along, w1, w2), self.slip_end(contact, phase)
         turning = 1.0 / self.ball.mass + contact.height**2 / self.ball.inertia
         give = acting[:, :2].T.dot(response)
         gravity = self.gravity.dot(contact.axes).tolist()
@@ -406,18 +381,16 @@ class CompliantContact:
             gravity,
         )  # fmt: skip
         (g11, g12, g13, a1), (_, g22, g23, a2) = give.tolist()
-        g11, g22 = g11 + turning, g22 + turning
-        b1, b2 = b1 + g13 * size - a1, b2 + g23 * size - a2
-        rate, determinant = STABILIZATION_RATE / self.expected, g11 * g22 - g12 * g12
-        r1, r2 = b1 + rate * w1, b2 + rate * w2
-        s1, s2 = (g12 * r2 - g22 * r1) / determinant, (g12 * r1 - g11 * r2) / determinant
+        mobility = g11 + turning, g12, g22 + turning
+        free = b1 + g13 * size - a1, b2 + g23 * size - a2
+        s1, s2 = sticking_force(mobility, free, STABILIZATION_RATE / self.expected, w1, w2)
         left = largest - math.hypot(s1, s2)
         if phase.friction is Friction.STICKS:
             return s1, s2, left
-        margin = min(STARTING * self.approach.speed + 3.0 * self.resting - speed, -left)
-        if b1 == 0.0 == b2:
-            return 0.0, 0.0, margin
-        d1, d2, _ = slip_direction(largest * g11, largest * g12, largest * g22, b1, b2)
+        slowest = STARTING * self.approach.speed + 3.0 * self.resting
+        margin = min(slowest - math.hypot(w1, w2), -left)
+        g11, g12, g22 = mobility
+        d1, d2, _ = slip_direction(largest * g11, largest * g12, largest * g22, *free)
         return largest * d1, largest * d2, margin
 
     def first_phase(self) -> Phase:
@@ -464,179 +437,3 @@ class CompliantContact:
         moving = 0.5 * float(ball.mass * speed @ speed + turning * spin @ spin)
         height = -ball.mass * float(self.gravity @ state.moved)
         return leg + moving + height
-
-
-class ContactMotion(NamedTuple):
-    """Leg and ball from first contact to separation, as they were integrated."""
-
-    equations: CompliantContact
-    column: OdeSolution  # of the integrator, at a time
-    times: Array  # of the integrator's steps, shape `(n,)` [s]
-    last: Array  # column at separation
-    begins: list[float]  # times at which the phases begin [s]
-    phases: list[Phase]
-
-    def sample(self, t: float) -> tuple[Array, Array, float]:
-        """Return force [N] and impulse so far [N s] on the ball, and deflection [m] at a time."""
-        equations, y = self.equations, self.column(t)
-        now = equations.evaluate(t, y, self.phases[bisect_right(self.begins, t) - 1])
-        return now.force, equations.impulse(t, y), now.deflection
-
-    def peak_force(self) -> float:
-        """Return the largest force [N]: the largest of the steps, refined."""
-
-        def size(t: float) -> float:
-            return math.hypot(*self.sample(float(t))[0])
-
-        values = [size(t) for t in self.times.tolist()]
-        best = int(np.argmax(values))
-        refined = minimize_scalar(
-            lambda t: -size(t),
-            bounds=(self.times[max(best - 1, 0)], self.times[min(best + 1, len(values) - 1)]),
-            method="bounded",
-            options={"xatol": 1e-6 * float(self.times[-1])},
-        )
-        return max(-float(refined.fun), values[best])
-
-
-def integrate_contact(equations: CompliantContact, tol: float) -> ContactMotion:
-    """Return the motion from first contact to separation, or raise `KickdynError`.
-
-    The forces are smooth in every phase: one ends where compression does, where the deflection
-    outgrows the largest one before, and where the friction changes its kind.
-    """
-    with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is reported
-        return _Contact(equations, tol).run()
-
-
-class _Contact:
-    """The integration of a contact by scipy's DOP853, phase after phase."""
-
-    def __init__(self, equations: CompliantContact, tol: float) -> None:
-        self._equations, self._tol = equations, tol
-        self._atol = tol * equations.scales()
-        self._limit = MAX_CONTACT_TIMES * equations.expected
-        self._steps: list[tuple[float, DOP853]] = []
-        self._last: Evaluation
-
-    def run(self) -> ContactMotion:
-        """Integrate until foot and ball separate."""
-        equations, t, y = self._equations, 0.0, self._equations.start()
-        phase = equations.first_phase()
-        begins: list[float] = []
-        phases: list[Phase] = []
-        length = None
-        while len(phases) < MAX_PHASES:
-            begins.append(t)
-            phases.append(phase)
-            t, y, event, length = self._run_phase(t, y, phase, length)
-            if event == 1:
-                phase = equations.next_phase(t, y, phase)
-                continue
-            deflection = equations.deflection(equations.kinematics(equations.state(y)))
-            separation = equations.force_model.separation(phase.largest)
-            apart = deflection - separation < phase.largest - deflection
-            if (phase.largest > 0.0 and apart) or deflection >= equations.ball.radius * (
-                1.0 - 1e-9
-            ):
-                begins_of_steps = [begin for begin, _ in self._steps]
-                times = np.array([*begins_of_steps, t])
-                interpolants = [solver.dense_output() for _, solver in self._steps]
-                column = OdeSolution(times, interpolants)
-                return ContactMotion(equations, column, times, y, begins, phases)
-            phase = phase._replace(largest=0.0 if phase.largest else deflection)
-        raise KickdynError(
-            f"the integrator failed at {t:g} s: at an approach speed of "
-            f"{equations.approach.speed:.3g} m/s gravity or a torque, not the impact, decides the "
-            "motion"
-        )
-
-    def _run_phase(
-        self, begin: float, state: Array, phase: Phase, length: float | None
-    ) -> tuple[float, Array, int, float]:
-        """Integrate to the end of a phase, with a length of the first step if one is known.
-
-        Return its time and column, whether the deflection (0) or the friction (1) ends it, and the
-        length of the last whole step. A step that an end falls into is taken anew so that it ends
-        just after it, because interpolants are far more exact there.
-        """
-        solver = self._solver(begin, state, phase, length)
-        while True:
-            start, before = float(solver.t), solver.y
-            if phase.largest:
-                left = self._equations.time_left(before, phase)
-                solver.h_abs = min(solver.h_abs, max(BEYOND_SEPARATION * left, 1e-9 * self._limit))
-            self._step(solver)
-            t, h = float(solver.t), float(solver.t) - start
-            falls = [k for k in range(2) if self._last.ends[k] <= 0.0]
-            kept = _keep_stages(solver)
-            if not falls:
-                self._steps.append((start, kept))
-                length = h
-                continue
-            length, states = max(length or 0.0, h), solver.dense_output()
-            about, event = min((self._root(states, phase, k, start, t, 1e-3 * h), k) for k in falls)
-            if about == start:
-                return start, before, event, length
-            if about < t - EVENT_MARGIN * h:
-                shorter = (1.0 + 0.5 * EVENT_MARGIN) * max(about - start, 1e-9 * h)
-                solver = self._solver(start, before, phase, shorter)
-                continue
-            end = self._root(states, phase, event, start, t, 1e-13 * h)
-            self._steps.append((start, kept))
-            return end, states(end), event, length
-
-    def _root(
-        self, states: Any, phase: Phase, k: int, start: float, end: float, precision: float
-    ) -> float:
-        """Return where the deflection (0) or the friction (1) ends a phase within a step.
-
-        It is the beginning of the step only where the phase has ended there.
-        """
-
-        def value(time: float) -> float:
-            return self._equations.end_of(k, time, states(time), phase)
-
-        # at the beginning of a phase its value may be 0, but for rounding
-        for share in (1.0 - 2.0 * EVENT_MARGIN, 0.0, 1e-6):
-            low = start + share * (end - start)
-            if value(low) > 0.0:
-                root = float(brentq(value, low, end, xtol=precision))
-                return max(root, start + 1e-9 * (end - start))  # after the beginning
-        return start
-
-    def _step(self, solver: DOP853) -> None:
-        """Take a step; raise `KickdynError` where there is none."""
-        start = float(solver.t)
-        message = solver.step()
-        if solver.status == "finished":
-            raise KickdynError(
-                f"foot and ball are still in contact after {self._limit:g} s, "
-                f"{MAX_CONTACT_TIMES:g} times the time that the two alone would take"
-            )
-        if message or not np.isfinite(solver.y).all():
-            raise KickdynError(f"the integrator failed at {start:g} s: {message or 'overflow'}")
-
-    def _solver(self, begin: float, state: Array, phase: Phase, length: float | None) -> DOP853:
-        """Return a solver for the equations of a phase."""
-
-        def rates(t: float, y: Array) -> Array:
-            self._last = self._equations.evaluate(t, y, phase)
-            return self._last.rates
-
-        if length is not None:
-            length = min(max(length, 10.0 * math.ulp(begin)), self._limit - begin)
-        solver = DOP853(rates, begin, state, self._limit, rtol=max(self._tol, 3e-14),
-                        atol=self._atol, first_step=length)  # fmt: skip
-        if length is None:
-            first = self._equations.expected * min(FIRST_STEP * self._tol ** (2 / 7), 0.3)
-            solver.h_abs = min(solver.h_abs, first)
-        return solver
-
-
-def _keep_stages(solver: DOP853) -> DOP853:
-    """Return a solver with the stages of its last step, for an interpolant that is read later."""
-    kept = copy(solver)
-    kept.K_extended = solver.K_extended.copy()
-    kept.K = kept.K_extended[: DOP853.n_stages + 1]
-    return kept

@@ -104,6 +104,46 @@ def free_rise(
     return gravity[2] - bias[2] - (turn_bias[0] * y - turn_bias[1] * x) - (a * v - b * u)
 
 
+def slipping_force(
+    largest: float, along: tuple[float, float], w1: float, w2: float
+) -> tuple[float, float]:
+    """Return the friction on a ball whose contact point slides with velocity w, at most a size.
+
+    A sliding against the direction `along`, in which it began, is mirrored: the integrator of a
+    phase may go beyond its end, where the friction stays as smooth as before it.
+    """
+    forward = along[0] * w1 + along[1] * w2
+    if forward < 0.0:
+        w1, w2 = w1 - 2.0 * forward * along[0], w2 - 2.0 * forward * along[1]
+    speed = math.sqrt(w1 * w1 + w2 * w2)
+    share = largest / speed if speed > 0.0 else 0.0
+    return -share * w1, -share * w2
+
+
+def slip_end(along: tuple[float, float], w1: float, w2: float, resting: float) -> float:
+    """Return what falls to 0 where points no longer slide in about their first direction."""
+    forward = along[0] * w1 + along[1] * w2
+    return forward - max(resting, 0.5 * math.sqrt(w1 * w1 + w2 * w2))
+
+
+def sticking_force(
+    mobility: Vector, free: tuple[float, float], rate: float, w1: float, w2: float
+) -> tuple[float, float]:
+    r"""Return the friction s with which :math:`G s + b = -\alpha w`, so that sliding w decays.
+
+    Args:
+        mobility: :math:`G_{11}, G_{12}, G_{22}` of leg and ball along the tangents [1/kg].
+        free: b, acceleration of the sliding without friction [m/s2].
+        rate: :math:`\alpha` [1/s].
+        w1: sliding along the first tangent [m/s].
+        w2: sliding along the second one [m/s].
+    """
+    g11, g12, g22 = mobility
+    r1, r2 = free[0] + rate * w1, free[1] + rate * w2
+    determinant = g11 * g22 - g12 * g12
+    return (g12 * r2 - g22 * r1) / determinant, (g12 * r1 - g11 * r2) / determinant
+
+
 def slip_direction(a11: float, a12: float, a22: float, g1: float, g2: float) -> Vector:
     r"""Return the unit vector d of the friction on points that begin to slip, and their gain k.
 
@@ -111,8 +151,10 @@ def slip_direction(a11: float, a12: float, a22: float, g1: float, g2: float) -> 
     p_3 G` along the tangents: :math:`(A + k) d = -g` with :math:`k \ge 0`. The length of d
     decreases with k and is above 1 at 0, where the points would stick, so that one k makes it 1.
     Newton's method on its inverse, which is concave, comes to that from below (Conn, Gould and
-    Toint, Trust-Region Methods, 2000, chapter 7).
+    Toint, Trust-Region Methods, 2000, chapter 7). Without g, d is 0.
     """
+    if g1 == 0.0 and g2 == 0.0:
+        return 0.0, 0.0, 0.0
     k = max(0.0, math.sqrt(g1 * g1 + g2 * g2) - (a11 + a22))
     x, y, size = 0.0, 0.0, 1.0
     for _ in range(60):

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -127,14 +127,25 @@ class ForceModel:
     def _spring(self, deflection: float, largest: float) -> tuple[float, float]:
         """Return the spring's force [N] and how far it can recover [m], both 0 or more."""
         share = self.restitution**2
-        if deflection < largest:
-            recovered = max(deflection - self.separation(largest), 0.0)
-            size = recovered / share
-        else:
-            size = max(deflection, 0.0)
-            recovered = share * size
-        # its power as a product, which may be inf but raises nothing
-        return self.stiffness * (size * size ** (self.exponent - 1.0)), recovered
+        return hysteretic_spring(deflection, largest, share, self.stiffness, self.exponent)
+
+
+def hysteretic_spring(
+    deflection: float, largest: float, share: float, stiffness: float, exponent: float
+) -> tuple[float, float]:
+    """Return the force [N] and how far the spring can recover [m], both 0 or more.
+
+    It has floats alone and can be compiled. `share` is the square of the restitution.
+    """
+    if deflection < largest:
+        recovered = max(deflection - (1.0 - share) * largest, 0.0)
+        size = recovered / share
+    else:
+        size = max(deflection, 0.0)
+        recovered = share * size
+    # its power as a product, which may be inf but raises nothing
+    power = math.sqrt(size) if exponent == HERTZ else size ** (exponent - 1.0)
+    return stiffness * (size * power), recovered
 
 
 def contact_stiffness(
@@ -161,10 +172,16 @@ def contact_stiffness(
     )
     m = validation.number("mass", mass, above=0, unit="kg")
     speed = validation.number("approach speed", approach_speed, above=0, unit="m/s")
-    unit = contact_time_of(ForceModel(1.0, restitution), 1.0, 1.0)
+    checked = ForceModel(1.0, restitution)
     with np.errstate(over="ignore"):
-        stiffness = m / math.sqrt(speed) * float(np.float64(unit / time) ** 2.5)
+        stiffness = float(hertz_stiffness(time, np.float64(m), speed, checked.restitution))
     return validation.number("stiffness for that contact time", stiffness, above=0, unit="N/m^1.5")
+
+
+def hertz_stiffness(time: Any, mass: Any, speed: Any, restitution: Any) -> Any:
+    """Return `contact_stiffness` of floats or of arrays that are not checked."""
+    unit = contact_time_of(ForceModel(1.0), 1.0, 1.0)
+    return mass / np.sqrt(speed) * (np.float64(0.5 * (1.0 + restitution) * unit) / time) ** 2.5
 
 
 def contact_time_of(model: ForceModel, mass: float, approach_speed: float) -> float:
@@ -175,7 +192,13 @@ def contact_time_of(model: ForceModel, mass: float, approach_speed: float) -> fl
 
     with the approach speed u [m/s]: restitution lasts e times as long as compression.
     """
-    n, power = model.exponent, 1.0 / (model.exponent + 1.0)
+    e, n = model.restitution, model.exponent
+    return float(spring_time(model.stiffness, e, n, mass, approach_speed))
+
+
+def spring_time(stiffness: Any, restitution: Any, n: float, mass: Any, speed: Any) -> Any:
+    """Return `contact_time_of` of floats or of arrays, of the exponent n."""
+    power = 1.0 / (n + 1.0)
     beta = math.sqrt(math.pi) * power * math.gamma(power) / math.gamma(power + 0.5)
-    scale = (0.5 * (n + 1.0) * mass / model.stiffness) ** power
-    return float((1.0 + model.restitution) * beta * scale * approach_speed ** ((1.0 - n) * power))
+    scale = (0.5 * (n + 1.0) * mass / stiffness) ** power
+    return (1.0 + restitution) * beta * scale * speed ** ((1.0 - n) * power)

@@ -225,9 +225,9 @@ class _Tree:
         sums, answer = bodies.copy(), np.zeros_like(bodies[1:])
         for joint in range(len(bodies) - 1, 0, -1):
             pose = self.poses[joint]
-            whole = pose.toDualActionMatrix() @ transmitted[joint - 1]
+            wrench = pose.toDualActionMatrix() @ transmitted[joint - 1]
             on = np.flatnonzero(self.moves[joint])
-            turned = np.array([self.turns[m].T @ whole for m in on]).T @ q_slopes[on]
+            turned = np.array([self.turns[m].T @ wrench for m in on]).T @ q_slopes[on]
             answer[joint - 1] = pose.toActionMatrix().T @ (sums[joint] + turned)
             sums[self.parents[joint]] += sums[joint]
         return answer
@@ -256,8 +256,8 @@ def check_fixed_axes(leg: Leg) -> None:
     if turning:
         raise InvalidInput(
             f"axes of {listed(turning)} depend on the joint's own angles: Pinocchio's derivatives "
-            "with respect to q are wrong there; model the joint as single-axis joints in a row, "
-            "which move alike and have correct derivatives"
+            "with respect to q are wrong there; model the joint as a chain of single-axis "
+            "joints, which has the same motion and correct derivatives"
         )
 
 

@@ -88,7 +88,7 @@ def patch_of(approach: Approach) -> FootPatch:
     surfaces = foot_surfaces(leg)
     if leg.frame not in surfaces:
         raise InvalidInput(
-            f"model is 'patch': the contact frame {leg.frame} is none of the surfaces of the foot "
+            f"model is 'patch': the contact frame {leg.frame} is not a surface of the foot "
             f"({', '.join(surfaces)}): kick_with(leg, surface), or give model=FootPatch(width)"
         )
     across = _across(approach.contact.normal, None)

@@ -12,7 +12,8 @@ from kickdyn.impact.approach import Approach
 from kickdyn.impact.contact_problem import ImpactLaw, Solution
 from kickdyn.impact.laws import names_of_laws
 from kickdyn.impact.leg_response import NO_CONSTRAINTS, LegResponse, response_to_jump
-from kickdyn.robot.leg import Leg, Workspace
+from kickdyn.robot.leg import Leg
+from kickdyn.robot.workspace import Workspace
 
 
 def solve_by_pinocchio(

@@ -14,7 +14,14 @@ import numpy as np
 
 from kickdyn.core import simd
 from kickdyn.core.compilation import compiled, named
-from kickdyn.core.simd import BATCH, batches
+from kickdyn.core.simd import (
+    BATCH,
+    LARGEST_ANGLE,
+    batches,
+    choose,
+    sine_and_cosine,
+    spread,
+)
 from kickdyn.robot import tree_kernel
 from kickdyn.robot.tree_kernel import (
     BODY,
@@ -105,7 +112,7 @@ def _solve(floats, lane, i):  # type: ignore[no-untyped-def]
     y0, y1 = mu * (u2 * g13 - f3 * g12), mu * (u2 * g23 - f3 * g22)
     x2, y2 = u1 * g33 - f3 * g13, u2 * g33 - f3 * g23
     curved = abs(y2) + abs(x2) + 4.0 * (abs(y1 - x0) + abs(y0 + x1))
-    most, found = -math.inf, False
+    most, slips = -math.inf, False
     c, s, value, slope = 1.0, 0.0, y0 + y2, y1 - x0 - x2
     for k in range(1, DIRECTIONS + 1):
         value0, slope0 = value, slope
@@ -150,21 +157,22 @@ def _solve(floats, lane, i):  # type: ignore[no-untyped-def]
         if resistance < 1e-3 * g33:
             floats.doubt[i] = 1.0
         if lost > most:
-            most, found = lost, True
+            most, slips = lost, True
             floats.impulse[0, i], floats.impulse[1, i] = mu * p * c1, mu * p * s1
             floats.impulse[2, i], floats.energy_lost[i] = p, lost
-    if not found:
+    if not slips:
         floats.doubt[i] = 1.0
     return 0.0
 
 
-def _strike(tree, frames, task, given, motion, lanes, bodies, inertia, state, answer):  # type: ignore[no-untyped-def]
+def _strike(tree, frames, task, given, motion, memory, answer):  # type: ignore[no-untyped-def]
     """Fill in the answers of strikes, `BATCH` at a time.
 
-    `motion` has cosine, sine (a slide and 0) and velocity of every joint, `given` the fields of
-    `LANE` that are, in their order, of one batch where all strikes share them. `lanes`, `bodies`,
-    `inertia` and `state` are memory to work in.
+    `motion` has angle (or slide) and velocity of every joint, `given` the fields of
+    `LANE` that are, in their order, of one batch where all strikes share them. `memory` is what it
+    works in: a `LANE`, the bodies, the matrix of inertia and a `STATE`.
     """
+    lanes, bodies, inertia, state = memory
     task, floats, lane_floats = task[0], state[0], lanes[0]
     bodies, inertia, state = batches(bodies), batches(inertia), batches(state)[0]
     lanes, given, motion, answer = (
@@ -176,15 +184,21 @@ def _strike(tree, frames, task, given, motion, lanes, bodies, inertia, state, an
     n = len(tree)
     for c in range(answer.shape[1]):
         g = c if given.shape[1] > 1 else 0
+        doubt = spread(0.0)
         for k in range(1, n):
-            bodies[k].cosine, bodies[k].sine = motion[3 * k - 3, c], motion[3 * k - 2, c]
+            angle = motion[2 * k - 2, c]
+            if tree[k].slides:
+                bodies[k].cosine = angle
+            else:
+                bodies[k].sine, bodies[k].cosine = sine_and_cosine(angle)
+                doubt = choose(math.fabs(angle) < LARGEST_ANGLE, doubt, 1.0)
         for r in range(9):
             lanes.axes[r] = given[r, g]
         for r in range(3):
             lanes.lever[r], lanes.ball[r] = given[9 + r, g], given[12 + r, g]
         lanes.restitution, lanes.friction = given[15, g], given[16, g]
         lanes.tangent_mobility, lanes.normal_mobility = given[17, g], given[18, g]
-        state.doubt = 0.0
+        state.doubt = doubt
         place_bodies(tree, bodies)
         joint_space_inertia(tree, bodies, inertia)
         contact_jacobian(tree, bodies, task, lanes.lever, state)
@@ -199,7 +213,7 @@ def _strike(tree, frames, task, given, motion, lanes, bodies, inertia, state, an
             x, y, z = row[0], row[1], row[2]
             for r in range(3):
                 row[r] = a[3 * r] * x + a[3 * r + 1] * y + a[3 * r + 2] * z
-                lanes.velocity[r] -= row[r] * motion[3 * k - 1, c]
+                lanes.velocity[r] -= row[r] * motion[2 * k - 1, c]
         factorize(tree, inertia, state)
         whiten(tree, bodies, inertia, task)
         delassus_matrix(tree, bodies, inertia, state)
@@ -249,5 +263,7 @@ def compiled_kernel() -> Callable[..., None]:
         typeof(np.zeros(1, dtype)) for dtype in (JOINT, TASK, LANE, BODY, STATE)
     )
     cube = numba.float64[:, :, ::1]
-    signature = numba.void(tree, cube, task, cube, cube, lanes, bodies, cube, state, cube)
+    tuple_of: Any = numba.types.Tuple
+    memory = tuple_of((lanes, bodies, cube, state))
+    signature = numba.void(tree, cube, task, cube, cube, memory, cube)
     return compiled(_strike, signature, "the kernel of strikes", **OPTIONS)

@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
 from kickdyn.core import validation
+from kickdyn.core.differences import difference_slopes
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput, KickdynError, NoImpact
 from kickdyn.impact.approach import AT_REST
+from kickdyn.impact.batch_arguments import contact_frames, one_or_many, rows_of, vector_rows
 from kickdyn.impact.laws import find_law, names_of_laws
 from kickdyn.impact.strike import strike
 from kickdyn.restitution import restitution_at
@@ -143,52 +145,16 @@ def strike_many(
             f"impact law is {law!r}: strike_many takes {names_of_laws('has_kernel')}; strike takes "
             "every law"
         )
-    q, v = _rows("q", q, leg.nq), _rows("v", v, leg.nv)
-    if len(q) != len(v):
-        raise InvalidInput(f"q has {len(q)} rows and v {len(v)}: both must have as many")
-    n = len(q)
-    balls, contacts = _each("ball", ball, Ball, n), _each("contact", contact, Contact, n)
-    motion = {
-        name: _broadcast(name.replace("_", " "), value, n)
-        for name, value in (("ball_velocity", ball_velocity), ("ball_spin", ball_spin))
-    }
-    given = _Given(leg, balls, contacts, motion["ball_velocity"], motion["ball_spin"])
-    impacts = given.strike(q, v)
+    angles, speeds = rows_of((leg.nq, leg.nv), q, v, "strike")
+    n = len(angles)
+    balls = one_or_many("ball", ball, Ball, n)
+    contacts = one_or_many("contact", contact, Contact, n)
+    velocity = vector_rows("ball velocity", ball_velocity, n)
+    given = _Given(leg, balls, contacts, velocity, vector_rows("ball spin", ball_spin, n))
+    impacts = given.strike(angles, speeds)
     if not validation.flag("slopes", slopes):
         return impacts
-    return replace(impacts, slopes=_slopes(given, q, v))
-
-
-def _rows(name: str, value: ArrayLike, size: int) -> Array:
-    """Return an array of shape `(n, size)`, or raise `InvalidInput`."""
-    array = validation.floats(name, value)
-    if array.ndim != 2 or array.shape[1] != size:
-        raise InvalidInput(
-            f"{name} has shape {array.shape}: it must be (n, {size}); strike takes one"
-        )
-    return array
-
-
-def _each(name: str, value: Any, kind: type, n: int) -> list[Any]:
-    """Return a list of one object, or of n, or raise `InvalidInput`."""
-    if isinstance(value, kind):
-        return [value]
-    if not isinstance(value, Sequence) or isinstance(value, str):
-        raise InvalidInput(
-            f"{name} is {validation.brief(value)}: it must be a {kind.__name__} or {n} of them"
-        )
-    if len(value) != n:
-        raise InvalidInput(f"{name} has length {len(value)}: it must be one or {n}, as q has rows")
-    for item in value:
-        validation.check_type(kind, **{name: item})
-    return list(value)
-
-
-def _broadcast(name: str, value: ArrayLike, n: int) -> Array:
-    array = validation.floats(name, value)
-    if array.shape not in ((3,), (n, 3)):
-        raise InvalidInput(f"{name} has shape {array.shape}: it must be (3,) or ({n}, 3)")
-    return np.broadcast_to(array, (n, 3))
+    return replace(impacts, slopes=_slopes(given, angles, speeds))
 
 
 class _Given:
@@ -268,11 +234,7 @@ class _Kernel:
         count = max(len(given.balls), len(given.contacts))
         self._count = count if count > 1 else 1
         table = np.zeros((19, count))
-        normal = given.normal.T
-        across = np.eye(3)[np.argmin(np.abs(normal), axis=0)].T
-        across = across - normal * (across * normal).sum(axis=0)
-        across /= np.sqrt((across * across).sum(axis=0))
-        table[0:3], table[3:6], table[6:9] = np.cross(across.T, normal.T).T, across, normal
+        table[:9] = contact_frames(given.normal).reshape(-1, 9).T
         table[9:12] = foot @ levers.T
         self._varies = [not isinstance(contact.restitution, float) for contact in given.contacts]
         table[15] = [contact.restitution if isinstance(contact.restitution, float) else 0.5
@@ -290,7 +252,7 @@ class _Kernel:
         """Return the kernel of a leg, or None where there is none."""
         from kickdyn.robot.tree_kernel import hinges_and_slides
 
-        joints = hinges_and_slides(given.leg)
+        joints = None if given.leg.base_velocity is not None else hinges_and_slides(given.leg)
         movable = all(ball.mass < math.inf for ball in given.balls)
         fits = given.leg.nq == given.leg.nv and movable
         return cls(given, joints) if joints is not None and fits else None
@@ -303,23 +265,17 @@ class _Kernel:
         batches = -(-n // BATCH)
         padded = batches * BATCH
         shared = self._table.shape[1] == 1 and not any(self._varies)
-        shared = shared and not (
-            np.ptp(given.velocity, axis=0).any() or np.ptp(given.spin, axis=0).any()
-        )
+        # one velocity for all rows takes no memory for each
+        shared = shared and given.velocity.strides[0] == given.spin.strides[0] == 0
         m, width = (1, BATCH) if shared else (n, padded)
         table = np.empty((19, width))
         table[:, :m] = self._table
         turning = np.cross(given.spin[:m], given.normal) * given.radius[:, None]
         table[12:15, :m] = (given.velocity[:m] - turning).T
         table[:, m:] = table[:, m - 1 : m]
-        motion = np.zeros((3 * given.leg.nv, padded))
-        for k in range(given.leg.nv):
-            angle = self._senses[k + 1] * q[:, k]
-            if self._tree["slides"][k + 1]:
-                motion[3 * k, :n] = angle
-            else:
-                motion[3 * k, :n], motion[3 * k + 1, :n] = np.cos(angle), np.sin(angle)
-            motion[3 * k + 2, :n] = self._senses[k + 1] * v[:, k]
+        motion = np.empty((2 * given.leg.nv, padded))
+        np.multiply(self._senses[1:, None], q.T, out=motion[::2, :n])
+        np.multiply(self._senses[1:, None], v.T, out=motion[1::2, :n])
         motion[:, n:] = motion[:, n - 1 : n]
         answer = self._run(table, motion, batches)
         if any(self._varies):
@@ -336,11 +292,13 @@ class _Kernel:
         count = len(self._tree)
         rows = FIRST + 7 * (count - 1)
         answer = np.empty((rows, batches, BATCH))
-        bodies = aligned_zeros((count,), BODY)
+        memory = (
+            aligned_zeros((1,), LANE), aligned_zeros((count,), BODY),
+            aligned_zeros((count, count, BATCH)), aligned_zeros((1,), STATE),
+        )  # fmt: skip
         self._code(
             self._tree, self._frames, self._task, table.reshape(19, -1, BATCH),
-            motion.reshape(-1, batches, BATCH), aligned_zeros((1,), LANE), bodies,
-            aligned_zeros((count, count, BATCH)), aligned_zeros((1,), STATE), answer,
+            motion.reshape(-1, batches, BATCH), memory, answer,
         )  # fmt: skip
         return answer.reshape(rows, -1)
 
@@ -365,45 +323,47 @@ class _Kernel:
         )  # fmt: skip
 
         given, (n, nv) = self._given, v.shape
-        impulse = answer[IMPULSE : IMPULSE + 3].T
-        normal, radius = given.normal, given.radius[:, None]
-        inverse = self._table[18][:, None]
-        turning = (self._table[17] - self._table[18])[:, None] / radius
-        velocity = given.velocity + impulse * inverse
-        (x, y, z), (a, b, c) = normal.T, impulse.T
-        spin = given.spin - turning * np.column_stack([y * c - z * b, z * a - x * c, x * b - y * a])
-        position = answer[POINT : POINT + 3].T + (self._first + radius * normal)
-        after = v + self._senses[1:] * answer[FIRST : FIRST + nv].T
+        # arrays have a column for each strike, as the answer: along rows numpy is several times
+        # slower
+        impulse, inverse = answer[IMPULSE : IMPULSE + 3], self._table[18]
+        velocity = impulse * inverse
+        velocity += given.velocity.T
+        x, y, z = given.normal.T * ((self._table[17] - inverse) / given.radius)
+        a, b, c = impulse
+        spin = np.stack([z * b - y * c, x * c - z * a, y * a - x * b])
+        spin += given.spin.T
+        position = (
+            answer[POINT : POINT + 3] + (self._first + given.radius[:, None] * given.normal).T
+        )
+        after = self._senses[1:, None] * answer[FIRST : FIRST + nv]
+        after += v.T
         inside = answer[FIRST + nv :].reshape(nv, 6, n).transpose(2, 0, 1)
-        status = np.where(answer[STICKS] > 0.0, StrikeStatus.STICKS.flag, StrikeStatus.SLIPS.flag)
+        flags = np.int8(StrikeStatus.STICKS.flag), np.int8(StrikeStatus.SLIPS.flag)
         speed = answer[SPEED]
         impacts = Impacts(
-            impulse, velocity, spin, position, after, inside, speed, answer[LOST],
-            status.astype(np.int8),
+            impulse.T, velocity.T, spin.T, position.T, after.T, inside, speed, answer[LOST],
+            np.where(answer[STICKS] > 0.0, *flags),
         )  # fmt: skip
         doubtful = (answer[DOUBT] != 0.0) | ~np.isfinite(answer[LOST]) | ~(speed > 1e-12)
         return impacts, doubtful
 
 
 def _slopes(given: _Given, q: Array, v: Array) -> LaunchSlopes:
-    r"""Return derivatives by :math:`(f_{-2} - 8 f_{-1} + 8 f_1 - f_2) / 12 h`."""
     n, nv = v.shape
-    found = {name: np.zeros((n, 3, nv)) for name in LaunchSlopes.__dataclass_fields__}
     speed = np.maximum(np.abs(v).max(axis=1), 1e-9)
-    for by, sizes in (("q", np.full(n, DIFFERENCE)), ("v", DIFFERENCE * speed)):
-        for k in range(nv):
-            for weight, count in ((1.0, -2), (-8.0, -1), (8.0, 1), (-1.0, 2)):
-                change = np.zeros((n, nv))
-                change[:, k] = count * sizes
-                moved = q + change if by == "q" and q.shape == v.shape else q
-                if by == "q" and q.shape != v.shape:
-                    import pinocchio as pin
 
-                    model = given.leg.workspace.model
-                    pairs = zip(q, change, strict=True)
-                    moved = np.array([pin.integrate(model, a, b) for a, b in pairs])
-                impacts = given.strike(moved, v + change if by == "v" else v)
-                share = weight / (12.0 * sizes)[:, None]
-                found[f"velocity_by_{by}"][:, :, k] += share * impacts.ball_velocity
-                found[f"spin_by_{by}"][:, :, k] += share * impacts.ball_spin
-    return LaunchSlopes(**found)
+    def moved(change: Array) -> Array:
+        if q.shape == v.shape:
+            return q + change
+        import pinocchio as pin
+
+        model = given.leg.workspace.model
+        return np.array([pin.integrate(model, a, b) for a, b in zip(q, change, strict=True)])
+
+    def launches(q: Array, v: Array) -> Array:
+        impacts = given.strike(q, v)
+        return np.hstack([impacts.ball_velocity, impacts.ball_spin])
+
+    by_q = difference_slopes(lambda change: launches(moved(change), v), np.full(n, DIFFERENCE), nv)
+    by_v = difference_slopes(lambda change: launches(q, v + change), DIFFERENCE * speed, nv)
+    return LaunchSlopes(by_q[:, :3], by_v[:, :3], by_q[:, 3:], by_v[:, 3:])

@@ -28,7 +28,7 @@ from kickdyn.core.validation import Array
 from kickdyn.motion.symbolic_tree import SymbolicTree
 from kickdyn.robot.ground_clearance import Spheres
 from kickdyn.robot.muscle_torque import muscle_share
-from kickdyn.robot.standing import StandingRobot, sole_edges
+from kickdyn.robot.standing import Foot, StandingRobot, sole_edges
 
 FRICTION = 0.7
 """Coefficient of friction of a support that names none: rubber on a hall's floor or short turf."""
@@ -70,6 +70,11 @@ class Sample:
 def when(time: float) -> str:
     """Return a time from the impact on in words [s]."""
     return f"{1e3 * abs(time):.0f} ms {'before' if time < 0.0 else 'after'} the impact"
+
+
+def with_unit(label: str, limit: "Limit") -> str:
+    """Return the name of a margin: the label with the unit, if it is no share of the limit."""
+    return f"{label} [{limit.unit}]" if limit.unit else label
 
 
 class Limit(ABC):
@@ -206,7 +211,7 @@ class PressureCentre(GroundLimit):
 
     unit, reserve = "m", 0.002
 
-    def __init__(self, standing: StandingRobot, inside: float = 0.0) -> None:
+    def __init__(self, standing: StandingRobot | Foot, inside: float = 0.0) -> None:
         self._normals, offsets = sole_edges(standing)
         self._offsets = offsets - inside
         self.labels = ["the centre of pressure under the supporting foot"] * len(self._offsets)
@@ -227,7 +232,7 @@ class Twist(GroundLimit):
     unit = "m"
     labels = ("the moment about the vertical under the supporting foot",) * 2
 
-    def __init__(self, standing: StandingRobot, coefficient: float) -> None:
+    def __init__(self, standing: StandingRobot | Foot, coefficient: float) -> None:
         self._centre = standing.sole.mean(axis=0)
         distances = np.linalg.norm(standing.sole - self._centre, axis=1)
         self._arm = 0.5 * coefficient * float(distances.mean())

@@ -3,7 +3,7 @@
 import math
 import os
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple, Protocol
 
@@ -16,6 +16,7 @@ from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array
 from kickdyn.motion.motion_file import MotionSamples, write_motion
+from kickdyn.motion.weight_shift import WeightShift
 from kickdyn.robot.kicking_chain import rest_configuration
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.model_validation import frame_id
@@ -44,9 +45,9 @@ class Motion(ReprMixin):
     r"""The motion of a robot from rest through the impact to rest.
 
     Joints follow a spline before the impact and one after it; at the impact positions are equal and
-    velocities jump. Joints that have no spline stay at `rest_configuration`. A robot on a floating
-    base stands on its first support, which does not move. Before `begin` and after `end` the robot
-    is at rest.
+    velocities jump. Joints that have no spline stay where `held` or `rest_configuration` has them.
+    A robot on a floating base stands on its first support, which does not move. Before `begin` and
+    after `end` the robot is at rest.
 
     Attributes:
         robot: that moves, in its own coordinates.
@@ -58,6 +59,9 @@ class Motion(ReprMixin):
         limits: what the motion keeps, for `margins`; None where there is nothing to keep.
         warnings: a line for each limit that the motion does not keep.
         solution: from which the planner of nearly the same motion starts, if any.
+        shift: of the weight from both feet onto the supporting one, before the backswing; in
+            reverse, it is also what follows the recovery. None where the robot starts on one foot.
+        held: values of joints that have no spline, other than at rest [rad; m if prismatic].
     """
 
     robot: Leg
@@ -68,6 +72,8 @@ class Motion(ReprMixin):
     limits: Limits | None = None
     warnings: tuple[str, ...] = ()
     solution: Any = None
+    held: Mapping[str, float] = field(default_factory=dict)
+    shift: WeightShift | None = None
 
     def _rows(self) -> Iterable[Row]:
         yield "joints", ", ".join(self.joints), ""
@@ -78,17 +84,30 @@ class Motion(ReprMixin):
     @property
     def begin(self) -> float:
         """When the robot begins to move [s]; the impact is at 0."""
-        return float(self.before.t[0])
+        return float(self.before.t[0]) - self._shifting
 
     @property
     def end(self) -> float:
         """When the robot is at rest again [s]."""
-        return float(self.after.t[-1])
+        return float(self.after.t[-1]) + self._shifting
+
+    @property
+    def _shifting(self) -> float:
+        """Duration of the shift of the weight [s]."""
+        return 0.0 if self.shift is None else self.shift.duration
 
     @property
     def phases(self) -> tuple[Phase, ...]:
-        """The backswing and the recovery."""
-        return Phase("backswing", self.begin, 0.0), Phase("recovery", 0.0, self.end)
+        """The backswing and the recovery; the weight is shifted before and after these."""
+        first, last = float(self.before.t[0]), float(self.after.t[-1])
+        kick = Phase("backswing", first, 0.0), Phase("recovery", 0.0, last)
+        if self.shift is None:
+            return kick
+        return (
+            Phase("shift onto one foot", self.begin, first),
+            *kick,
+            Phase("shift onto both feet", last, self.end),
+        )
 
     def q(self, t: float) -> Array:
         """Return the configuration of the robot at a time [s], shape `(nq,)`."""
@@ -116,13 +135,29 @@ class Motion(ReprMixin):
     def ground_wrench(self, t: float) -> Array:
         """Return the wrench of the ground on the robot at a time, `(6,)` [N, N m, world frame].
 
-        It is the force, then its moment about the world's origin; of a leg on a fixed base, 0.
+        It is the force, then its moment about the world's origin; of a leg on a fixed base, 0. On
+        both feet, it is the sum of the `foot_wrenches`.
         """
         return self._dynamics(t)[1]
+
+    def foot_wrenches(self, t: float) -> tuple[Array, Array]:
+        """Return the wrenches on the supporting and on the kicking foot, as `ground_wrench`."""
+        wrench = self.ground_wrench(t)
+        shift = self._shift_at(t)
+        return (wrench, np.zeros(6)) if shift is None else shift.wrenches(wrench, self.placement)
+
+    def _shift_at(self, t: float) -> WeightShift | None:
+        """Return the shift of the weight, if the robot stands on both feet at a time [s]."""
+        time = validation.number("t", t, unit="s")
+        return None if self.before.t[0] <= time <= self.after.t[-1] else self.shift
 
     def joint_state(self, t: float) -> tuple[Array, Array, Array]:
         """Return position, velocity and acceleration of `joints` at a time [s], `(n,)` each."""
         time = validation.number("t", t, unit="s")
+        if shift := self._shift_at(time):  # reversed after the impact
+            begun = time - self.begin if time < 0.0 else self.end - time
+            q, v, a = shift.joint_state(max(begun, 0.0))
+            return q, v if time < 0.0 else -v, a
         spline = self.before if time <= 0.0 else self.after
         q = spline(min(max(time, self.begin), self.end))
         if not self.begin <= time <= self.end:
@@ -134,7 +169,8 @@ class Motion(ReprMixin):
 
         Names that end in `[m]` or `[rad]` have that unit; others are shares of the limit.
         """
-        return {} if self.limits is None else self.limits.margins(*self.joint_state(t))
+        limits: Limits | None = self._shift_at(t) or self.limits
+        return {} if limits is None else limits.margins(*self.joint_state(t))
 
     def plot(self) -> Any:
         """Return a figure of matplotlib: torques and speeds against their limits, and margins."""
@@ -180,6 +216,12 @@ class Motion(ReprMixin):
             return torque, np.zeros(6)
         wrench = data.liMi[1].act(pin.Force(torque[:6])).vector
         # the ground acts on the supporting foot, and so on the joints between it and the base
+        if shift := self._shift_at(t):
+            other = shift.wrenches(np.asarray(wrench), self.placement)[1]
+            joint = self.robot.contact_joint
+            pin.computeJointJacobians(model, data, q)  # and the places of all joints
+            foot = pin.getJointJacobian(model, data, joint, pin.LOCAL)
+            torque -= foot.T @ data.oMi[joint].actInv(pin.Force(other)).vector
         rows = pin.computeFrameJacobian(model, data, q, self._support_frame, pin.LOCAL)
         torque -= rows.T @ np.linalg.solve(rows[:, :6].T, torque[:6])
         torque[:6] = 0.0
@@ -189,7 +231,7 @@ class Motion(ReprMixin):
         """Return q, v and the acceleration of the robot from the moving joints'."""
         robot, (qs, vs) = self.robot, self._indices
         model, data = robot.workspace.model, robot.workspace.data
-        configuration = rest_configuration(robot)
+        configuration = rest_configuration(robot, self.held)
         velocity, acceleration = np.zeros(robot.nv), np.zeros(robot.nv)
         configuration[qs], velocity[vs], acceleration[vs] = q, v, a
         if not self._floats:

@@ -4,223 +4,62 @@ Unknowns are the coefficients c of `MotionSplines`, the share s of the launch, a
 torques and the ground's wrench. Position, velocity and acceleration at each point, and position,
 velocity and its jump at the impact, are constant linear maps of c. With torques and wrench unknown,
 the objective and most limits are quadratic or linear in the unknowns, which makes the Hessian
-cheaper, and the solver's equations sparser, than those of c alone. The impact with the impulse
-:math:`s\,p` on the ball keeps
-
-.. math::
-    M \Delta v + s\, J^T p = 0, \quad n \cdot (s\,u_b - J v^+) = e\, n \cdot J v^-, \quad
-    x + r n = x_{ball}
-
-and no sliding, with the velocity :math:`u_b` of the ball's contact point. The objective is
+cheaper, and the solver's equations sparser, than those of c alone. The objective is
 
 .. math::
     \int \frac1n \sum_i (\tau_i / \tau_{max,i})^2 dt + \epsilon \int |\dddot q|^2 dt
     + w\, (|q(t_0) - q_0|^2 + |q(t_1) - q_0|^2) + W (1 - s).
 
 With :math:`W (1 - s)`, standing still nearly solves the problem, and the solver always has a way
-in. The Hessian of the Lagrangian is assembled from those at single points, which takes a fifth of
-the time of automatic differentiation through the maps.
+in.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any
 
 import casadi as ca
 import numpy as np
-import pinocchio as pin
 import scipy.sparse as sp
 
 from kickdyn.core.validation import Array
-from kickdyn.motion.impact_target import ImpactTarget
+from kickdyn.motion.impact_rows import impact_rows
+from kickdyn.motion.kick_task import KickTask, limits_on_both
 from kickdyn.motion.limits import (
     LENGTH,
+    Clearance,
     Impulse,
     Limit,
     RangeLimit,
     Sample,
     SpeedLimit,
     TorqueLimit,
+    with_unit,
 )
+from kickdyn.motion.row_blocks import OPTIONS, Block, Cost, Rows, block_solver, make_rows
 from kickdyn.motion.separation import (
     BALL_RESERVE,
     RESERVE,
     Conditions,
     Surroundings,
-    multipliers_nearby,
 )
+from kickdyn.motion.solution import TOLERANCE, Multipliers, Solution, taken_over
 from kickdyn.motion.splines import MotionSplines, integration_weights, per_joint
 from kickdyn.motion.symbolic_tree import SymbolicTree
-from kickdyn.restitution import rows_of
-from kickdyn.robot.kicking_chain import UNLIMITED
-from kickdyn.robot.leg import Leg
-from kickdyn.robot.standing import StandingRobot
+from kickdyn.motion.weight_shift import Feet
 
 JERK, ENDS, SHARE = {False: 1e-8, True: 1e-7}, 0.1, 3.0
 """Weights of the objective: of the jerk over n [s5/rad2], by whether the robot stands on a foot, of
 the posture at both ends [1/rad2] and of the share of the launch that is not reached, against about
 0.1 s of squared torque."""
 
-LARGEST_TURN = 1.5
-"""Largest angular velocity of a standing robot's foot across the normal, before the impact [rad/s]:
-during the contact, a foot that turns faster sends the ball aside."""
-
 LEAST_EFFECT = 1e-3
 """Share of the launch below which a limit does not count as one that holds it back."""
 
-TURN_SCALE = 10.0
-"""Scale of that angular velocity [rad/s]."""
+REST_ITERATIONS = 200
+"""Iterations of Ipopt for a posture at rest, at most: a ball out of reach takes all of them."""
 
-TOLERANCE = 1e-7
-"""Largest violation of a row of a solution; rows have a scale of about 1."""
-
-OPTIONS = {
-    "print_level": 0,
-    "sb": "yes",
-    "tol": 1e-3,
-    "dual_inf_tol": 0.1,
-    "nlp_scaling_method": "none",
-    "compl_inf_tol": 1e-3,
-    "linear_solver": "mumps",
-    "mumps_permuting_scaling": 0,
-    "mumps_pivot_order": 0,
-}
-"""Options of Ipopt that all solutions have. Without a permutation and with an ordering by least
-degree, factorizations take a third to a half of the time."""
-
-
-@dataclass(frozen=True, eq=False)
-class KickTask:
-    """The kick that a motion is planned for.
-
-    Attributes:
-        robot: that kicks, in its own coordinates; on its support, if its base floats.
-        leg: the joints that move, on a fixed base: the supporting foot of a standing robot.
-        target: impulse and contact.
-        foot_directions: in which the foot can move at all, orthonormal rows, shape `(k, 3)`.
-        ball_rows: orthonormal directions in which the ball's position is given, shape `(k, 3)`.
-        ball_centre: that position, shape `(3,)` [m, world frame].
-        facing: rows a of the cone of normals with which the foot can meet a ball, shape `(k, 3)`
-            [frame of the contact joint].
-        standing: the robot on its foot; None on a fixed base.
-        muscles: whether the torque limits fall with speed, as those of muscles.
-    """
-
-    robot: Leg
-    leg: Leg
-    target: ImpactTarget
-    foot_directions: Array
-    ball_rows: Array
-    ball_centre: Array
-    facing: Array
-    standing: StandingRobot | None
-    muscles: bool = False
-
-    @property
-    def speed_limit(self) -> Array:
-        """Limits of the joints' speeds, `UNLIMITED` where there is none, shape `(n,)` [rad/s]."""
-        limit = self.leg.velocity_limit
-        return np.where(np.isfinite(limit), limit, UNLIMITED)
-
-
-@dataclass(frozen=True, eq=False)
-class Rows:
-    """Rows of symbols with their bounds, and functions of their values and derivatives.
-
-    Attributes:
-        lower, upper: bounds, shape `(k,)`.
-        values: of rows and cost for unknowns z and parameters p.
-        jacobian: of the rows by z.
-        slope: of the cost by z.
-        hessian: by z, of the product of the rows with multipliers and of a weight of the cost.
-    """
-
-    lower: Array
-    upper: Array
-    values: Any
-    jacobian: Any
-    slope: Any
-    hessian: Any
-
-
-def make_rows(z: Any, p: Any, rows: Sequence[tuple[Any, float, float]], cost: Any) -> Rows:
-    """Return the functions of rows, each with the bounds of all its entries, and of a cost."""
-    stacked = ca.vertcat(*(row for row, _, _ in rows))
-    sizes = [row.numel() for row, _, _ in rows]
-    multipliers, weight = ca.SX.sym("multipliers", sum(sizes)), ca.SX.sym("weight")
-    lagrangian = ca.dot(multipliers, stacked) + weight * cost
-    return Rows(
-        np.repeat([low for _, low, _ in rows], sizes),
-        np.repeat([high for _, _, high in rows], sizes),
-        ca.Function("values", [z, p], [stacked, cost]),
-        ca.Function("jacobian", [z, p], [ca.densify(ca.jacobian(stacked, z))]),
-        ca.Function("slope", [z, p], [ca.densify(ca.gradient(cost, z))]),
-        ca.Function(
-            "hessian", [z, p, multipliers, weight], [ca.densify(ca.hessian(lagrangian, z)[0])]
-        ),
-    )
-
-
-class Multipliers(NamedTuple):
-    """Multipliers of a solution.
-
-    Attributes:
-        speeds: of the rows of speeds.
-        impact: of the rows of the impact.
-        bounds: of those of the coefficients and the share.
-        points: of the rows of each point and of the bounds of its forces, shape `(points, k)`.
-        apart: conditions of bodies with the multiplier of each.
-    """
-
-    speeds: Array
-    impact: Array
-    bounds: Array
-    points: Array
-    apart: Sequence[tuple[Conditions, Array]]
-
-
-@dataclass(frozen=True, eq=False)
-class Solution:
-    """Unknowns that Ipopt returned, with what a next solution starts from.
-
-    Attributes:
-        rest: posture near which both ends are, shape `(n,)`.
-        coefficients: of the splines, shape `(size, n)`.
-        share: of the launch.
-        times: of the points, before and after the impact [s].
-        multipliers: None where a solution does not start from those.
-        feasible: whether the rows are in their bounds, within `TOLERANCE`.
-        iterations: number of its iterations.
-    """
-
-    rest: Array
-    coefficients: Array
-    share: float
-    times: list[Array]
-    multipliers: Multipliers | None = None
-    feasible: bool = True
-    iterations: int = 0
-
-
-class Block(NamedTuple):
-    """Rows at several points.
-
-    Attributes:
-        rows: of one point.
-        matrix: sparse map to the unknowns of all points, stacked.
-        parameters: of the points, shape `(m, points)`.
-        weights: of the costs of the points, shape `(points,)`.
-    """
-
-    rows: Rows
-    matrix: Any
-    parameters: Array
-    weights: Array
-
-
-SAME_TIME = 1e-12
-"""Difference up to which times are the same [s]."""
+LIFTING = 0.2
+"""Time from both ends within which a foot that is lifted keeps no reserve of height [s]."""
 
 
 class MotionProblem:
@@ -236,7 +75,7 @@ class MotionProblem:
             stands, over its weight, moments over `LENGTH` times it.
         impulse_margins: likewise of q, the jump of v, and the share, of `impulse_limits`.
         surroundings: which bodies can come near each other.
-        iterations: number of those of all solutions so far.
+        feet: both feet, where the motion starts and ends on them; else None.
     """
 
     def __init__(
@@ -252,7 +91,7 @@ class MotionProblem:
         self.n = int(model.nv)
         self.lower = np.maximum(model.lowerPositionLimit, -np.pi)
         self.upper = np.minimum(model.upperPositionLimit, np.pi)
-        self._model, self._tree, self.iterations = model, SymbolicTree(model), 0
+        self._model, self._tree = model, SymbolicTree(model)
         tree = self._tree
         torque, wrench = tree.inverse_dynamics()
         weight = sum(body.mass for body in model.inertias) * 9.81
@@ -275,65 +114,24 @@ class MotionProblem:
         self._on_path = [(label, limit.unit) for limit in on_path for label in limit.labels]
         rows = [limit.rows(sample) for limit in on_path]
         rows.append((forces - needed, 0.0, 0.0))
+        of_heights = [[isinstance(limit, Clearance)] * len(limit.labels) for limit in on_path]
+        self._is_height = np.concatenate([*of_heights, np.zeros(len(scale), bool)]).astype(bool)
         cost = ca.sumsqr(forces[: self.n]) / self.n
         self.path = make_rows(ca.vertcat(tree.q, tree.v, tree.a, forces), ca.SX(0, 1), rows, cost)
-        self._add_impact(tree)
-        offset = task.target.ball.radius * task.target.contact.normal
-        self._ball_centre = ca.Function("ball", [tree.q], [self._point + ca.DM(offset)])
+        self.impact, self.posture, self.impulse_margins, self._ball_centre = impact_rows(
+            task, tree, impulse_limits
+        )
         self._apart: dict[tuple[int, int], Rows] = {}
         self.surroundings = Surroundings(task.robot, task.leg, task.target.ball.radius)
-
-    def _add_impact(self, tree: SymbolicTree) -> None:
-        """Make the rows of the impact; its unknowns are q, v before, the jump of v, and s."""
-        task, n = self.task, self.n
-        target, leg = task.target, task.leg
-        ball, normal, impulse = target.ball, target.contact.normal, target.impulse
-        q, v, jump = tree.q, tree.v, tree.a
-        share, relaxation = ca.SX.sym("share"), ca.SX.sym("relaxation")
-        still = ca.SX.zeros(n, 1)
-        needed, reaction = ca.substitute(list(tree.inverse_dynamics(gravity=False)), [v], [still])
-        lever = leg.posture(leg.configuration()).with_contact_offset(target.contact.offset)
-        self._point = point = tree.point(leg.contact_joint, lever.contact_lever)
-        jacobian = ca.jacobian(point, q)
-        inertia = np.diag(pin.crba(self._model, self._model.createData(), pin.neutral(self._model)))
-        momentum = 0.3 * np.maximum(inertia, 0.02) * task.speed_limit
-        across = impulse - (normal @ impulse) * normal
-        ball_point = impulse / ball.mass + ball.turning * across
-        speed = float(np.linalg.norm(ball_point))
-        apart = share * ca.DM(ball_point) - jacobian @ (v + jump)
-        approach = ca.dot(ca.DM(normal), jacobian @ v)
-        rebound = ca.dot(ca.DM(normal), apart) - _restitution(target, approach) * approach
-        slip = ca.DM(_directions_across(task.foot_directions, normal))
-        posture_rows = [
-            (ca.DM(task.ball_rows) @ (point + ca.DM(ball.radius * normal - task.ball_centre))
-             / ball.radius, 0.0, 0.0),
-            (ca.DM(task.facing) @ (tree.rotation(leg.contact_joint).T @ ca.DM(normal)),
-             0.0, np.inf),
-        ]  # fmt: skip
-        rows = [
-            ((needed + share * (jacobian.T @ ca.DM(impulse))) / ca.DM(momentum), 0.0, 0.0),
-            (rebound / speed, 0.0, 0.0),
-            *posture_rows,
-        ]
-        if target.contact.friction > 0.0 and slip.numel():
-            rows.append((slip @ apart / speed, 0.0, 0.0))
-        if task.standing is not None:
-            most = LARGEST_TURN / TURN_SCALE
-            turning = slip @ tree.angular_velocity(leg.contact_joint) / TURN_SCALE
-            rows.append((turning, -most, most))
-        moment = ca.cross(point, ca.DM(impulse))
-        wrench = reaction + share * ca.vertcat(ca.DM(impulse), moment)
-        sample = Sample(tree, torque=None, wrench=wrench, size=float(np.linalg.norm(impulse)))
-        for limit in self.impulse_limits:
-            row, low, high = limit.rows(sample)
-            rows.append((row + relaxation * (1.0 - share), low, high))
-        z = ca.vertcat(q, v, jump, share)
-        self.impact = make_rows(z, relaxation, rows, ca.SX(0.0))
-        self.posture = make_rows(q, ca.SX(0, 1), posture_rows, ca.SX(0.0))
-        margins = [limit.margins(sample) for limit in self.impulse_limits]
-        self.impulse_margins = ca.Function(
-            "impulse_margins", [q, jump, share], [ca.vertcat(ca.SX(0, 1), *margins)]
-        )
+        self.feet: Feet | None = None
+        if task.standing is not None and task.other is not None:
+            self.feet = Feet(task.leg, task.standing, task.other)
+            self.feet.following()  # refused now if there are too few joints
+            pose, joint = task.other.pose, task.leg.contact_joint
+            turned = ca.DM(pose.rotation).T @ tree.rotation(joint)
+            placed = tree.point(joint, np.zeros(3)) - ca.DM(pose.translation)
+            closed = ca.vertcat(placed, ca.inv_skew(turned - turned.T) / 2)
+            self._closed = make_rows(tree.q, ca.SX(0, 1), [(closed, 0.0, 0.0)], ca.SX(0.0))
 
     def ball_centre(self, q: Array) -> Array:
         """Return the centre of the ball that the foot touches at q, shape `(3,)` [m]."""
@@ -357,27 +155,68 @@ class MotionProblem:
         return self._apart[joints]
 
     def stand(self, near: Array, *, at_ball: bool) -> Array | None:
-        """Return a posture at rest near one, shape `(n,)`; with `at_ball`, touching the ball."""
+        """Return a posture at rest near one, shape `(n,)`; with `at_ball`, touching the ball.
+
+        Without, both feet are on the ground if the motion starts there, with all weight on the
+        supporting one.
+        """
+        if at_ball or self.feet is None:
+            return self._rest_near(near, self.path.lower, self.posture if at_ball else None)
+        return self.stand_on_both(near, self.feet.standing.sole.mean(axis=0), alone=True)
+
+    def stand_on_both(self, near: Array, centre: Array, *, alone: bool = False) -> Array | None:
+        """Return a posture at rest on both feet with the centre of mass above a point, `(n,)`.
+
+        Args:
+            near: posture near which it is, shape `(n,)`.
+            centre: the point, shape `(2,)` [m].
+            alone: whether the supporting foot alone has the weight.
+        """
+        assert self.feet is not None
+        tree, lower = self._tree, self.path.lower
+        free = (lower < self.path.upper) & (self._is_height if alone else True)
+        wrench = self.forces(tree.q, 0.0, 0.0)[self.n :]
+        balance = LENGTH * ca.vertcat(-wrench[4], wrench[3]) / wrench[2] - ca.DM(centre)
+        closed, _ = self._closed.values(tree.q, [])
+        rows = [(closed, 0.0, 0.0), (balance, 0.0, 0.0)]
+        on_both = make_rows(tree.q, ca.SX(0, 1), rows, ca.SX(0.0))
+        lowest = np.where(free, -np.inf, lower)
+        posture = self._rest_near(near, lowest, on_both, alone=alone)
+        return None if posture is None else self.feet.closed(posture)
+
+    def _rest_near(
+        self, near: Array, lowest: Array, others: Rows | None, *, alone: bool = True
+    ) -> Array | None:
+        """Return the nearest posture at rest that keeps rows of the path, and others of q.
+
+        Args:
+            near: posture, shape `(n,)`.
+            lowest: bounds of the rows of the path.
+            others: rows of the configuration.
+            alone: whether the torques are those of a robot on its supporting foot alone.
+        """
         q, forces = ca.MX.sym("q", self.n), ca.MX.sym("forces", len(self._most))
         rows = [self.path.values(ca.vertcat(q, ca.DM.zeros(2 * self.n), forces), [])[0]]
-        lower, upper = [self.path.lower], [self.path.upper]
-        if at_ball:
-            rows.append(self.posture.values(q, [])[0])
-            lower.append(self.posture.lower)
-            upper.append(self.posture.upper)
+        lower, upper = [lowest], [np.where(np.isneginf(lowest), np.inf, self.path.upper)]
+        most = self._most if alone else np.full(len(self._most), np.inf)
+        if others is not None:
+            rows.append(others.values(q, [])[0])
+            lower.append(others.lower)
+            upper.append(others.upper)
         problem = {
             "x": ca.vertcat(q, forces),
             "f": ca.sumsqr(q - ca.DM(near)),
             "g": ca.vertcat(*rows),
         }
-        options = {"error_on_fail": False, "print_time": False, "ipopt": OPTIONS}
+        ipopt = {**OPTIONS, "max_iter": REST_ITERATIONS}
+        options = {"error_on_fail": False, "print_time": False, "ipopt": ipopt}
         solver = ca.nlpsol("stand", "ipopt", problem, options)
         room = 0.02 * (self.upper - self.lower)
         start = np.append(near, np.asarray(self.forces(near, 0.0, 0.0)).ravel())
         end = solver(
             x0=start,
-            lbx=np.append(self.lower + room, -self._most),
-            ubx=np.append(self.upper - room, self._most),
+            lbx=np.append(self.lower + room, -most),
+            ubx=np.append(self.upper - room, most),
             lbg=np.concatenate(lower),
             ubg=np.concatenate(upper),
         )
@@ -413,21 +252,33 @@ class MotionProblem:
         most = np.full(to_speeds.shape[0], 1.0 - SpeedLimit.reserve)
         lower = [np.tile(block.rows.lower, len(block.weights)) for block in blocks]
         upper = [np.tile(block.rows.upper, len(block.weights)) for block in blocks]
+        if self.feet is not None:
+            lower = self._lower_on_both(lower, times, apart)
         lowest, highest = np.concatenate([-most, *lower]), np.concatenate([most, *upper])
         room = RangeLimit.reserve * (self.upper - self.lower)
+        least, largest = (
+            np.tile(limit, (splines.size, 1)) for limit in (self.lower + room, self.upper - room)
+        )
+        if self.feet is not None:  # both ends are given
+            least[[0, -1]] = largest[[0, -1]] = rest
         bound = np.tile(self._most, len(moments))
         q, v, a = (splines.values(times, order) @ start.coefficients for order in range(3))
         forces = np.asarray(self.forces.map(len(q))(q.T, v.T, a.T)).T
-        multipliers, bounds = self._multipliers(start, moments, apart, (len(most), size))
+        empty = Multipliers(
+            np.zeros(len(most)), np.zeros(len(self.impact.lower)), np.zeros(size),
+            np.zeros((1, len(self.path.lower) + free)), [],
+        )  # fmt: skip
+        multipliers, bounds = taken_over(start, moments, apart, empty, free)
         if len(multipliers) != len(lowest):  # the ball's place had other equations
             multipliers = np.zeros(len(lowest))
-        solver = self._solver(rest, blocks, to_speeds, options)
+        columns = size + bound.size
+        solver = block_solver(blocks, to_speeds, self._cost(rest), columns, options)
         end = solver(
             x0=np.concatenate([
                 start.coefficients.ravel(), [np.clip(start.share, *shares)], forces.ravel()
             ]),
-            lbx=np.concatenate([np.tile(self.lower + room, splines.size), shares[:1], -bound]),
-            ubx=np.concatenate([np.tile(self.upper - room, splines.size), shares[1:], bound]),
+            lbx=np.concatenate([least.ravel(), shares[:1], -bound]),
+            ubx=np.concatenate([largest.ravel(), shares[1:], bound]),
             lbg=lowest,
             ubg=highest,
             lam_g0=multipliers,
@@ -436,7 +287,6 @@ class MotionProblem:
         x, rows, multipliers, bounds = (
             np.asarray(end[name]).ravel() for name in ("x", "g", "lam_g", "lam_x")
         )
-        self.iterations += int(solver.stats()["iter_count"])
         sizes = [len(most), *map(len, lower)]
         of_speeds, of_points, of_impact, *of_apart = np.split(multipliers, np.cumsum(sizes)[:-1])
         of_points = of_points.reshape(len(moments), -1)
@@ -455,6 +305,49 @@ class MotionProblem:
             bool(np.abs(rows - np.clip(rows, lowest, highest)).max() <= TOLERANCE),
             int(solver.stats()["iter_count"]),
         )
+
+    def _lower_on_both(
+        self, lower: Sequence[Array], times: list[Array], apart: Sequence[Conditions]
+    ) -> list[Array]:
+        """Return the lower bounds of the rows of points, of the impact and of bodies.
+
+        Both ends are given, so inequalities do not count there, and the kicking foot is lifted from
+        the ground, where it has no reserve.
+        """
+        moments, ends = np.concatenate(times), (times[0][0], times[1][-1])
+        distance = np.minimum(moments - ends[0], ends[1] - moments)
+        rows = np.tile(self.path.lower, (len(moments), 1))
+        rows[np.ix_(distance < LIFTING, self._is_height)] = 0.0
+        rows[np.ix_(distance == 0.0, self.path.lower < self.path.upper)] = -np.inf
+        of_bodies = []
+        for conditions, row in zip(apart, lower[2:], strict=True):
+            of_rows = conditions.times[np.argsort(conditions.times > 0.0, kind="stable")]
+            of_bodies.append(np.where(np.isin(of_rows, ends), -np.inf, row))
+        return [rows.ravel(), lower[1], *of_bodies]
+
+    def limits_of_shift(self) -> tuple[tuple[Any, Any], tuple[str, ...]]:
+        """Return functions for the margins of a `WeightShift`, and the labels of their rows.
+
+        The first gives torques of the joints on the supporting foot alone, and the ground's wrench,
+        for q, v and a; the second gives margins for these, torques and the wrenches on both feet.
+        """
+        tree, (of_first, of_other) = self._tree, limits_on_both(self.task)
+        forces = ca.Function("forces", [tree.q, tree.v, tree.a], [*tree.inverse_dynamics()])
+        torque, first, other = (ca.SX.sym("x", size) for size in (self.n, 6, 6))
+        samples = [Sample(tree, torque, wrench, 1.0) for wrench in (first, other)]
+        margins = [
+            limit.margins(sample)
+            for limits, sample in zip((of_first, of_other), samples, strict=True)
+            for limit in limits
+        ]
+        unknowns = [tree.q, tree.v, tree.a, torque, first, other]
+        labels = [with_unit(label, limit) for limit in of_first for label in limit.labels]
+        labels += [
+            with_unit(label.replace("the supporting foot", "the other foot"), limit)
+            for limit in of_other
+            for label in limit.labels
+        ]
+        return (forces, ca.Function("margins", unknowns, [ca.vertcat(*margins)])), tuple(labels)
 
     def effects(self, solution: Solution) -> dict[str, float]:
         """Return about how much of the launch each limit takes, by name.
@@ -486,35 +379,6 @@ class MotionProblem:
             other = "the ball" if joints[1] < 0 else f"those of {second}"
             add(f"distance of bodies of {first} from {other}", values, 0.01)
         return {label: value for label, value in total.items() if value > LEAST_EFFECT}
-
-    def _multipliers(
-        self, start: Solution, moments: Array, apart: Sequence[Conditions], sizes: tuple[int, int]
-    ) -> tuple[Array, Array]:
-        """Return the multipliers of all rows and bounds that those of a solution give.
-
-        Args:
-            start: the solution.
-            moments: of the points, shape `(k,)` [s].
-            apart: conditions of bodies.
-            sizes: numbers of rows of speeds, and of the coefficients and the share.
-        """
-        k = len(self.path.lower)
-        known = start.multipliers or Multipliers(
-            np.zeros(sizes[0]), np.zeros(len(self.impact.lower)), np.zeros(sizes[1]),
-            np.zeros((sum(map(len, start.times)), k + len(self._most))), [],
-        )  # fmt: skip
-        distance = np.abs(np.concatenate(start.times)[None] - moments[:, None])
-        same = distance.min(axis=1) < SAME_TIME
-        points = np.where(same[:, None], known.points[distance.argmin(axis=1)], 0.0)
-        former = {conditions.joints: (conditions, values) for conditions, values in known.apart}
-        of_apart = [
-            multipliers_nearby(conditions, *former[conditions.joints])
-            if conditions.joints in former
-            else np.zeros(len(conditions.times))
-            for conditions in apart
-        ]
-        rows = np.concatenate([known.speeds, points[:, :k].ravel(), known.impact, *of_apart])
-        return rows, np.append(known.bounds, points[:, k:])
 
     def _blocks(self, times: list[Array], relaxation: float) -> list[Block]:
         """Return the rows of the points and of the impact."""
@@ -549,64 +413,8 @@ class MotionProblem:
         to_points = per_joint(maps, n, 1)
         return Block(rows, to_points, conditions.parameters[:, order], np.zeros(len(times)))
 
-    def _solver(
-        self, rest: Array, blocks: Sequence[Block], speeds: Any, options: dict[str, Any]
-    ) -> Any:
-        """Return Ipopt's solver for the speeds of the splines and for blocks of rows."""
-        last, size = self.splines.size * self.n, max(block.matrix.shape[1] for block in blocks)
-        quadratic, to_speeds = _matrix(self._quadratic(), size, size), _matrix(speeds, size)
-        centre = ca.DM(np.append(np.tile(rest, self.splines.size), np.zeros(size - last)))
-        share = ca.DM(size, 1)
-        share[last] = -SHARE
-        sizes = [
-            to_speeds.size1(),
-            *(len(block.rows.lower) * len(block.weights) for block in blocks),
-        ]
-        x, p, cost_weight = ca.MX.sym("x", size), ca.MX.sym("p", 0), ca.MX.sym("weight")
-        multipliers = ca.MX.sym("multipliers", sum(sizes))
-        parts = ca.vertsplit(multipliers, np.cumsum([0, *sizes]).tolist())
-        cost = 0.5 * ca.dot(x - centre, quadratic @ (x - centre)) + SHARE * (1.0 - x[last])
-        gradient, hessian = quadratic @ (x - centre) + share, cost_weight * quadratic
-        constraints, jacobian = [to_speeds @ x], [ca.MX(to_speeds)]
-        for (rows, matrix, parameters, weights), part in zip(blocks, parts[1:], strict=True):
-            count, to_points = len(weights), _matrix(matrix, size)
-            m = matrix.shape[0] // count
-            z, p_given, weight = (
-                ca.reshape(to_points @ x, m, count),
-                ca.DM(parameters),
-                ca.DM(weights).T,
-            )
-            values, costs = rows.values.map(count)(z, p_given)
-            cost += ca.dot(weight, costs)
-            slopes = rows.slope.map(count)(z, p_given) * ca.repmat(weight, m, 1)
-            gradient += to_points.T @ ca.vec(slopes)
-            constraints.append(ca.vec(values))
-            jacobians = ca.horzsplit(rows.jacobian.map(count)(z, p_given), m)
-            jacobian.append(ca.diagcat(*jacobians) @ to_points)
-            by_row = ca.reshape(part, len(rows.lower), count)
-            hessians = rows.hessian.map(count)(z, p_given, by_row, weight * cost_weight)
-            hessian += to_points.T @ (ca.diagcat(*ca.horzsplit(hessians, m)) @ to_points)
-        functions = {
-            "grad_f": ca.Function(
-                "nlp_grad_f", [x, p], [cost, ca.densify(gradient)], ["x", "p"], ["f", "grad_f_x"]
-            ),
-            "jac_g": ca.Function(
-                "nlp_jac_g", [x, p], [ca.densify(ca.vertcat(*constraints)), ca.vertcat(*jacobian)],
-                ["x", "p"], ["g", "jac_g_x"],
-            ),
-            "hess_lag": ca.Function(
-                "nlp_hess_l", [x, p, cost_weight, multipliers], [ca.triu(hessian)],
-                ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"],
-            ),
-        }  # fmt: skip
-        problem = {"x": x, "p": p, "f": cost, "g": ca.vertcat(*constraints)}
-        return ca.nlpsol("motion", "ipopt", problem, {
-            **functions, "print_time": False, "error_on_fail": False, "calc_lam_p": False,
-            "ipopt": {**OPTIONS, **options},
-        })  # fmt: skip
-
-    def _quadratic(self) -> Any:
-        """Return the matrix of the quadratic part of the objective, for all unknowns."""
+    def _cost(self, rest: Array) -> Cost:
+        """Return the jerk, the posture at both ends and the share, of the objective."""
         splines = self.splines
         middles = [(grid[1:] + grid[:-1]) / 2 for grid in splines.grids]
         lengths = np.concatenate([np.diff(grid) for grid in splines.grids])
@@ -616,30 +424,6 @@ class MotionProblem:
         weight = JERK[self.task.standing is not None] / self.n
         matrix = weight * jerk.T @ (lengths[:, None] * jerk) + np.diag(ends)
         every = sp.kron(sp.csr_matrix(matrix), sp.eye(self.n))
-        return sp.block_diag([every, sp.csr_matrix((1, 1))])
-
-
-def _matrix(matrix: Any, columns: int, rows: int | None = None) -> Any:
-    """Return a sparse matrix of scipy, with zeros added to its size, as one of CasADi."""
-    larger = sp.csc_matrix(matrix, copy=True)
-    larger.resize(rows or matrix.shape[0], columns)
-    return ca.DM(larger)
-
-
-def _restitution(target: ImpactTarget, approach: Any) -> Any:
-    """Return e for a speed of approach: a number, or a piecewise linear expression."""
-    restitution = target.contact.restitution
-    if isinstance(restitution, float):
-        return restitution
-    rows = rows_of(restitution)
-    e = rows[0][1]
-    for (low, before), (high, after) in pairwise(rows):
-        slope = (after - before) / (high - low)
-        e += slope * (ca.fmin(ca.fmax(approach, low), high) - low)
-    return e
-
-
-def _directions_across(directions: Array, normal: Array) -> Array:
-    """Return directions across the normal that the foot can move in, as rows."""
-    _, gains, rows = np.linalg.svd(directions - np.outer(directions @ normal, normal))
-    return np.asarray(rows[: len(gains)][gains > 1e-6])
+        slope = np.zeros(splines.size * self.n + 1)
+        slope[-1] = -SHARE
+        return Cost(every, np.tile(rest, splines.size), slope)

@@ -90,9 +90,19 @@ class Surroundings:
 
     def only(self, frames: Collection[str]) -> "Surroundings":
         """Return the pairs of bodies of which one or both are at some frames."""
-        some = copy(self)
+        return self._of(self._pairs_at(frames))
+
+    def without(self, frames: Collection[str]) -> "Surroundings":
+        """Return the pairs of bodies of which neither is at some frames."""
+        return self._of(~self._pairs_at(frames))
+
+    def _pairs_at(self, frames: Collection[str]) -> NDArray[np.bool_]:
         counts = np.array([body.frame in frames for body in self._pairs.bodies], bool)
-        some._pairs = self._pairs.of(counts[self._pairs.first] | counts[self._pairs.second])
+        return np.asarray(counts[self._pairs.first] | counts[self._pairs.second])
+
+    def _of(self, chosen: NDArray[np.bool_]) -> "Surroundings":
+        some = copy(self)
+        some._pairs = self._pairs.of(chosen)
         return some
 
     def conditions(
@@ -142,8 +152,8 @@ def multipliers_nearby(new: Conditions, former: Conditions, multipliers: Array) 
     apart = np.abs(new.times[:, None] - former.times[None])
     change = np.linalg.norm(new.parameters[:, :, None] - former.parameters[:, None], axis=0)
     nearest = np.where(apart < 1e-12, change, np.inf)
-    found = np.isfinite(nearest).any(axis=1)
-    return np.where(found, multipliers[nearest.argmin(axis=1)], 0.0)
+    touches = np.isfinite(nearest).any(axis=1)
+    return np.where(touches, multipliers[nearest.argmin(axis=1)], 0.0)
 
 
 def with_former(new: Sequence[Conditions], former: Sequence[Conditions]) -> list[Conditions]:

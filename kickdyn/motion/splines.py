@@ -13,7 +13,7 @@ GRADING = 1.3
 """Exponent by which intervals are shorter near the impact, where the motion is fastest."""
 
 
-NEAR = 0.1
+DENSE_TIME = 0.1
 """Time from the impact within which there are more points in an interval [s]."""
 
 
@@ -48,7 +48,8 @@ class MotionSplines:
     def times(self, far: int, near: int) -> list[Array]:
         """Return times in each interval, and both ends, before and after the impact.
 
-        There are `near` times in each interval that begins within `NEAR` of the impact, else `far`.
+        There are `near` times in each interval that begins within `DENSE_TIME` of the impact, and
+        `far` in the others.
         """
         return [_between(grid, far, near) for grid in self.grids]
 
@@ -79,7 +80,9 @@ class MotionSplines:
 
 def _between(grid: Array, far: int, near: int) -> Array:
     times = [
-        np.linspace(begin, end, near if min(abs(begin), abs(end)) < NEAR else far, endpoint=False)
+        np.linspace(
+            begin, end, near if min(abs(begin), abs(end)) < DENSE_TIME else far, endpoint=False
+        )
         for begin, end in pairwise(grid.tolist())
     ]
     return np.concatenate([*times, grid[-1:]])

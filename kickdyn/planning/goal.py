@@ -60,16 +60,19 @@ class LaunchLimit(StrEnum):
     """So slow a ball stops before."""
     BOUNCE = "bounce"
     """The place of the last bounce jumps as the speed changes."""
+    SEARCH = "search"
+    """Newton's method does not converge, though no limit is in the way."""
 
 
 REASONS = {
     LaunchLimit.SPEED: "the ball would have to start faster than {speed:.4g} m/s",
     LaunchLimit.SPIN: "the ball would have to spin faster than {spin:.4g} rad/s",
-    LaunchLimit.LEAST_SPEED: "a ball that starts more slowly does not come to the target",
-    LaunchLimit.LOWEST_PATH: "no flight to the target stays so low",
-    LaunchLimit.HIGHEST_PATH: "no flight to the target at up to {speed:.4g} m/s is so high",
+    LaunchLimit.LEAST_SPEED: "a slower ball does not reach the target",
+    LaunchLimit.LOWEST_PATH: "no flight to the target stays that low",
+    LaunchLimit.HIGHEST_PATH: "no flight to the target at up to {speed:.4g} m/s gets that high",
     LaunchLimit.GROUND: "the flight would lead through the ground",
     LaunchLimit.ROLLING: "a slower ball stops before the target",
+    LaunchLimit.SEARCH: "Newton's method finds no launch, though no limit is in the way",
     LaunchLimit.BOUNCE: "the place where the ball bounces jumps as its speed changes",
 }
 """Why no launch within limits of speed and spin meets a goal, as the end of a sentence."""

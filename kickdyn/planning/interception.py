@@ -39,8 +39,14 @@ for which a kick is sought."""
 DRAWN_REACH = 200
 """Number of postures from which the reach of a leg is estimated."""
 
+BEYOND_REACH = 1.1
+"""Distance, over the estimated reach, up to which a kick is sought for a meeting that is chosen."""
+
 BESIDE = 1e-6
 """Distance from the plane in which a foot moves, below which a ball is in it [m]."""
+
+IN_GROUND = 1e-3
+"""Depth in the ground up to which a ball lies on it [m]."""
 
 SHORTEST_COURSE = 1e-6
 """Shortest time for which a ball is followed [s]."""
@@ -55,14 +61,15 @@ class IncomingBall(ReprMixin):
 
     Args:
         state: where the ball is and how it moves at its time, at up to 100 m/s.
-        ground: the ground with its surface. Without it, it is level turf: under a ball without
-            vertical velocity, else under the foot of the straight leg, or z = 0 for a robot on a
-            floating base.
+        ground: the ground with its surface. Without it, it is level turf: z = 0 for a robot on a
+            floating base; for a leg on a fixed one, under a ball without vertical velocity, else
+            under the foot of the straight leg, or under the ball where that is lower.
         meet_at: when the ball is met, by the clock of `state.time` [s]; or where its centre then
             is, shape `(3,)` [m, world frame], a point of its path within 1 cm. None leaves it free.
 
     Raises:
-        InvalidInput: several states, a ball that is faster, or a time before the state.
+        InvalidInput: several states, a ball that is faster or under its ground, or a time before
+            the state.
     """
 
     state: BallState
@@ -104,16 +111,25 @@ class IncomingBall(ReprMixin):
     def on_ground_of(self, leg: Leg, ball: Ball) -> "IncomingBall":
         """Return the same ball with its ground, which has a surface."""
         ground = self.ground
+        lowest = float(self.state.position[2]) - ball.radius
         if ground is None:
-            lowest = float(self.state.position[2]) - ball.radius
             height = lowest
-            if self.state.velocity[2] != 0.0:
+            if is_floating(leg):
+                height = 0.0
+            elif self.state.velocity[2] != 0.0:
                 foot = leg.posture(leg.configuration()).contact_point
-                height = min(0.0 if is_floating(leg) else float(foot[2]), lowest)
+                height = min(float(foot[2]), lowest)
             ground = Ground(height, "turf")
         elif ground.surface is None:
             raise InvalidInput(
                 "the ground has no surface: name one, such as Ground(surface='turf')"
+            )
+        if lowest < ground.height - IN_GROUND:
+            raise InvalidInput(
+                f"the incoming ball is {ground.height - lowest:.3g} m in the ground: its centre is "
+                f"at z = {self.state.position[2]:.4g} m and must be at least at "
+                f"{ground.height + ball.radius:.4g} m, its radius above the ground at "
+                f"{ground.height:.4g} m"
             )
         return IncomingBall(self.state, ground, self.meet_at)
 
@@ -192,6 +208,7 @@ def waits_in_reach(
     """
     last = min(course.duration, LONGEST_WAIT)
     times = np.linspace(0.0, last, SAMPLES if last > 0.0 else 1)
+    times = _refined(course, times, reach, radius)
     states = course.sample(times)
     if incoming.meet_at is not None:
         if isinstance(incoming.meet_at, float):
@@ -209,25 +226,44 @@ def waits_in_reach(
         states = course.sample(times)
     offsets = np.asarray(states.position) - reach.centre
     distances = np.linalg.norm(offsets, axis=1)
-    near = distances <= reach.radius
-    if not near.any() and incoming.meet_at is None:
+    chosen = incoming.meet_at is not None
+    near = distances <= (BEYOND_REACH if chosen else 1.0) * reach.radius
+    if not near.any():
         nearest = int(np.argmin(distances))
-        raise InvalidInput(
-            f"the ball never comes within reach: it is nearest after {times[nearest]:.3g} s, "
-            f"{distances[nearest]:.3g} m from the hip, and the leg reaches {reach.radius:.3g} m"
-        )
+        when = f"{times[nearest]:.3g} s after it was seen, {distances[nearest]:.3g} m from the hip"
+        never = "is out of reach at meet_at: it is then, " if chosen else (
+            "never comes within reach: it is nearest "
+        )  # fmt: skip
+        raise InvalidInput(f"the ball {never}{when}, and the leg reaches {reach.radius:.3g} m")
     behind = -np.einsum("ij,ij->i", _facing(incoming, states, reach, goal), offsets)
-    inside = np.flatnonzero((near | (incoming.meet_at is not None)) & (behind <= radius))
+    inside = np.flatnonzero(near & (behind <= radius))
     if not inside.size:
-        least = int(np.argmin(np.where(near | ~near.any(), behind, math.inf)))
+        least = int(np.argmin(np.where(near, behind, math.inf)))
+        turned = ""
+        if reach.across is not None:
+            turned = " of a leg that faces along the " + (
+                "launch" if isinstance(goal, Goal) else "change of the ball's velocity"
+            )
         raise InvalidInput(
             f"the ball is within reach only behind the leg: it is {behind[least]:.3g} m behind the "
-            f"hip after {times[least]:.3g} s"
+            f"hip{turned} after {times[least]:.3g} s"
         )
     within = times[inside]
     return np.asarray(np.interp(
         np.linspace(0.0, 1.0, CANDIDATES + 2)[1:-1], np.linspace(0.0, 1.0, within.size), within
     ) if within.size > CANDIDATES else within)  # fmt: skip
+
+
+def _refined(course: Course, times: Array, reach: Reach, radius: float) -> Array:
+    """Return times between which a fast ball goes no far way where it may be within reach [s]."""
+    places = np.asarray(course.sample(times).position)
+    steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    distances = np.linalg.norm(places - reach.centre, axis=1)
+    near = np.minimum(distances[:-1], distances[1:]) <= reach.radius + steps
+    far = np.flatnonzero(near & (steps > 2.0 * radius))
+    if not far.size:
+        return times
+    return np.union1d(times, np.linspace(times[far[0]], times[far[-1] + 1], SAMPLES))
 
 
 def _facing(
@@ -293,6 +329,6 @@ def waits_in_plane(waits: Array, aside: Callable[[float], float]) -> Array:
         raise InvalidInput(
             "the foot of the leg moves in a plane that is turned to the launch, and the ball does "
             f"not cross it within reach: it is at least {np.nanmin(np.abs(gaps)):.3g} m beside it "
-            "(a robot's leg, such as g1, reaches aside)"
+            "(the leg of a robot such as g1 can reach sideways)"
         )
     return np.array(sorted(roots))

@@ -50,6 +50,9 @@ from kickdyn.robot.surgery import turn_body
 FARTHEST_BALL = 1e9
 """Farthest that a ball may lie from the world's origin, along each axis [m]."""
 
+BOTH_FEET = "both-feet"
+"""Motion that starts and ends on both feet."""
+
 CORRECTIONS, SAME_LAUNCH = 3, 5e-5
 """Corrections of the impulse for joints that give way, at most, and difference of launches, over
 their speed, from which on there is one."""
@@ -68,7 +71,7 @@ def plan_kick(
     incoming: BallState | IncomingBall | None = None,
     limits: bool | str = True,
     surface: str | Surface | None = None,
-    motion: bool = False,
+    motion: bool | str = False,
     solver: str = "slsqp",
 ) -> KickPlan:
     r"""Find posture and joint velocity that strike a ball at rest so that it meets a goal.
@@ -111,7 +114,8 @@ def plan_kick(
             `plan_pass`; the goal is then a time and a target at the height of the ball.
         motion: whether to plan the whole motion: from rest to the impact, and to rest again. It
             chooses posture and joint velocity at the impact, too, and needs torque limits of all
-            joints that move, and `pip install "kickdyn[motion]"`. See below.
+            joints that move, and `pip install "kickdyn[motion]"`. With `"both-feet"`, a standing
+            robot starts and ends at rest on both feet. See below.
         solver: name of the solver of the nonlinear program, `slsqp`; a motion has its own, Ipopt.
 
     A robot that stands on one foot kicks a ball that lies on the same ground, the plane z = 0. The
@@ -152,7 +156,11 @@ def plan_kick(
         ('met', 19.6)
     """
     leg = checked_leg(leg)
-    objective = checked_objective(objective, limits=limits, motion=motion)
+    if motion not in (True, False, BOTH_FEET):
+        raise InvalidInput(
+            f"motion is {validation.brief(motion)}: it must be True, False or {BOTH_FEET!r}"
+        )
+    objective = checked_objective(objective, limits=limits, motion=bool(motion))
     contact, position = checked_contact(contact), _checked_ball_position(ball_position)
     if is_floating(leg):
         position = _lying_on_ground(position, ball)
@@ -177,7 +185,7 @@ def plan_kick(
         target = impact_target_for(launch.velocity, launch.spin, ball, contact)
         problem = kick_problem(leg, target, position, limits=limits, solver=solver)
         if motion:
-            posture, v, outcome = _plan_motion(problem)
+            posture, v, outcome = _plan_motion(problem, both_feet=motion == BOTH_FEET)
             target = outcome.pop("impact_target")
         else:
             posture, v, outcome = _plan_posture(problem, OBJECTIVES[objective]())
@@ -227,7 +235,8 @@ def replan_motion(plan: KickPlan, velocity: ArrayLike, contact: Contact | None =
         target = impact_target_for(wished, after.spin, ball, contact)
         limits = MUSCLES if plan.muscles else True
         problem = kick_problem(leg, target, position, limits=limits)
-        posture, v, outcome = _plan_motion(problem, plan.motion)
+        both_feet = plan.motion.shift is not None
+        posture, v, outcome = _plan_motion(problem, plan.motion, both_feet=both_feet)
         target = outcome.pop("impact_target")
         impact = strike(posture, v, ball, target.contact)
         path = _path_like(plan, impact)
@@ -288,7 +297,9 @@ def _path_like(plan: KickPlan, impact: Impact) -> Flight | Course:
     return path_to_target(impact, plan.aim, flight.air, surface)
 
 
-def _plan_motion(problem: KickProblem, near: Motion | None = None) -> Chosen:
+def _plan_motion(
+    problem: KickProblem, near: Motion | None = None, *, both_feet: bool = False
+) -> Chosen:
     """Return the state at the impact that a motion from rest to rest contains.
 
     Joints that the motion keeps at rest give way in `strike`. The impulse is corrected for that; it
@@ -298,10 +309,15 @@ def _plan_motion(problem: KickProblem, near: Motion | None = None) -> Chosen:
         raise InvalidInput(
             'motions need the package casadi: install it with pip install "kickdyn[motion]"'
         )
-    from kickdyn.motion.motion_problem import KickTask  # it imports CasADi
+    from kickdyn.motion.kick_task import KickTask  # it imports CasADi
     from kickdyn.motion.plan_motion import plan_motion
 
     standing, none = problem.standing, np.zeros((0, 3))
+    if both_feet and standing is None:
+        raise InvalidInput(
+            f"{problem.robot.name} has no support: a motion starts on both feet with a robot on a "
+            "floating base that stands on one foot (Leg.with_supports, --support)"
+        )
     place, facing = problem.find(BallPosition), problem.find(Facing)
     leg = problem.limb.leg if standing is None else standing.leg
     task = KickTask(
@@ -314,6 +330,7 @@ def _plan_motion(problem: KickProblem, near: Motion | None = None) -> Chosen:
         none if facing is None else facing.axes,
         standing,
         problem.find(MuscleTorqueLimit) is not None,
+        standing.kicking_foot() if both_feet and standing is not None else None,
     )
     planned, target = plan_motion(task, near), task.target
     wished, ball = target.impulse / target.ball.mass, target.ball

@@ -45,7 +45,7 @@ MOST_NAMED = 3
 
 NO_TARGET = "the plan is a trap: it has no target"
 
-OTHER_POSTURE = "another goal, offset or objective takes another posture"
+OTHER_POSTURE = "another goal, offset or objective gives another posture"
 OTHER_HEIGHT = (
     "the ground is level with the ball's lowest point: try another height of the ball "
     "(ball_position, --ball-height)"
@@ -58,13 +58,14 @@ class KickPlan(ReprMixin):
     """A planned kick, verified by `strike` and `fly`.
 
     Attributes:
-        goal: the goal that was asked for; for a receiver who runs, the target where he is met; of
-            a trap, the ball as it is wished.
+        goal: the goal that was asked for, seen from where the ball is kicked; for a receiver who
+            runs, the target where he is met; of a trap, the ball as it is wished.
         launch: the launch that meets the goal; of a pass, a `Pass`; of a trap, the ball with the
             spin that it keeps.
         objective: name of the quantity that was minimized or maximized.
         value: value of this quantity.
-        share: share of the launch speed that is reached; 1 where the goal is met.
+        share: share of the impulse that is reached, which is the share of the launch speed of a
+            ball at rest, and of the change of velocity of one that moves; 1 where the goal is met.
         impact_target: impulse, normal and contact point on the ball.
         impact: the strike, from the planned posture and joint velocity.
         path: the flight from the impact to the plane of the target, or to the ground before it; of
@@ -83,6 +84,8 @@ class KickPlan(ReprMixin):
         meeting: where and when a ball that moves is met; None for a ball at rest.
         meetings: those that were considered, by time.
         muscles: whether torque limits fall with speed, `limits="muscles"`.
+        corrected_by: `collide` or `mujoco`, by which `refine_kick` has corrected the launch of
+            `strike`, or empty.
     """
 
     goal: Goal | BallState
@@ -103,6 +106,7 @@ class KickPlan(ReprMixin):
     meeting: Meeting | None = None
     meetings: tuple[Meeting, ...] = ()
     muscles: bool = False
+    corrected_by: str = ""
     _again: "Callable[[KickPlan, IncomingBall], KickPlan] | None" = field(default=None, repr=False)
 
     def replan(self, *, incoming: BallState | IncomingBall) -> "KickPlan":
@@ -120,7 +124,7 @@ class KickPlan(ReprMixin):
         """
         if self._again is None or self.meeting is None:
             raise InvalidInput(
-                "the plan is of a ball at rest: plan_kick(..., incoming=) has others"
+                "the plan is for a ball at rest: replan needs plan_kick(..., incoming=)"
             )
         validation.check_type(BallState, IncomingBall, incoming=incoming)
         ground = self.meeting.ground
@@ -148,9 +152,15 @@ class KickPlan(ReprMixin):
 
     def _rows(self) -> Iterable[Row]:
         yield "status", self.status, ""
+        if self.corrected_by:
+            yield "corrected by", self.corrected_by, ""
         if self.meeting is not None:
-            yield "met after", self.meeting.time, "s"
-            yield "met at", self.meeting.ball.position, "m"
+            yield "time of the meeting", self.meeting.time, "s"
+            yield "place of the meeting", self.meeting.ball.position, "m"
+            if isinstance(self.goal, Goal):
+                yield "target in the world frame", self.target_position, "m"
+            if self.share < 1.0:
+                yield "share of the change of velocity", self.share, ""
         yield "posture", self.q, "rad"
         yield "joint velocity", self.v, "rad/s"
         yield "impulse on the ball", self.impact.impulse, "N s"
@@ -188,11 +198,15 @@ class KickPlan(ReprMixin):
         return self.goal
 
     @property
+    def target_position(self) -> Array:
+        """Where the target is, shape `(3,)` [m, world frame]; of a kick to a target."""
+        return np.asarray(self.impact.ball_before.position + self.aim.target)
+
+    @property
     def landing_error(self) -> float:
         """Distance of the path's end from the target [m]; by `strike` in a refined plan, too."""
         end = self.path.landing if isinstance(self.path, Flight) else self.path.rest
-        off = end.position - self.impact.ball_after.position - self.aim.target
-        return float(np.linalg.norm(off))
+        return math.dist(end.position, self.target_position)
 
     @property
     def time_error(self) -> float:
@@ -203,7 +217,7 @@ class KickPlan(ReprMixin):
 
     @property
     def velocity_error(self) -> float:
-        """Distance of the velocity after the impact from that of `launch` [m/s]."""
+        """Distance of the velocity after the impact from the velocity of `launch` [m/s]."""
         return math.dist(self.impact.ball_after.velocity, self.launch.velocity)
 
     @cached_property
@@ -265,11 +279,21 @@ def check_actuators(plan: KickPlan) -> Sequence[str]:
     ]
 
 
+def check_drives(plan: KickPlan) -> Sequence[str]:
+    """Return a line for the motion of a standing robot whose joints have no rotors."""
+    if plan.motion is None or plan.balance is None or plan.leg.model.armature.any():
+        return []
+    return [
+        "no joint has the inertia of a rotor, so that the motion asks more of real drives than "
+        "planned; give their drives (Leg.with_drives, --drives FILE)"
+    ]
+
+
 def check_support(plan: KickPlan) -> Sequence[str]:
     """Return a line for each support that lifts off, slips or tips."""
     return [
-        f"{name} {state.replace('-', ' ')}; the plan assumes that it stays at rest, which takes an "
-        "impulse that the ground cannot supply (kd.unilateral_strike computes the impact with "
+        f"{name} {state.replace('-', ' ')}; the plan assumes that it stays at rest, which requires "
+        "an impulse that the ground cannot supply (kd.unilateral_strike computes the impact with "
         "ground that can only push)"
         for name, state in plan.impact.footing.items()
         if state not in (Footing.STANDS, Footing.TURNS)
@@ -300,6 +324,12 @@ def check_self_collision(plan: KickPlan) -> Sequence[str]:
 def check_ground_at_impact(plan: KickPlan) -> Sequence[str]:
     """Return a line for the bodies that are under the ground at the impact."""
     remedy = OTHER_POSTURE if plan.balance is not None else OTHER_HEIGHT
+    if plan.meeting is not None and plan.balance is None:
+        remedy = f"the ground is at z = {plan.meeting.ground.height:.4g} m, and " + (
+            "so it is in every meeting with a kick"
+            if len(plan.meetings) > 1
+            else "another time or place of the meeting can avoid this"
+        )
     return (
         _at_impact(plan, _under_ground, "under the ground", remedy) if plan.ball_is_placed else ()
     )
@@ -313,7 +343,7 @@ def check_ground_of_free_ball(plan: KickPlan) -> Sequence[str]:
 
 def check_ball_overlap_in_motion(plan: KickPlan) -> Sequence[str]:
     """Return a line for the bodies that are inside the ball before the impact, but not at 0."""
-    remedy = "another goal takes another motion"
+    remedy = "another goal gives another motion"
     return _in_motion(plan, _in_ball, "inside the ball before the impact", remedy, end=0.0)
 
 
@@ -327,7 +357,7 @@ def check_ground_in_motion(plan: KickPlan) -> Sequence[str]:
     """Return a line for the bodies that are under the ground in the motion, but not at 0."""
     if not plan.ball_is_placed:
         return ()
-    remedy = "another goal, offset or objective takes another motion"
+    remedy = "another goal, offset or objective gives another motion"
     return _in_motion(plan, _under_ground, "under the ground in the motion", remedy)
 
 
@@ -383,6 +413,7 @@ CHECKS: dict[Check, PlanStatus] = {
     check_path: PlanStatus.MET,
     check_restitution_range: PlanStatus.MET,
     check_actuators: PlanStatus.MET,
+    check_drives: PlanStatus.MET,
     check_support: PlanStatus.SUPPORT_MOVES,
     check_motion: PlanStatus.BEYOND_LIMITS,
     check_shapes: PlanStatus.MET,

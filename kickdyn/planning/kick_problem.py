@@ -37,6 +37,7 @@ from kickdyn.planning.objectives import LargestShare
 from kickdyn.planning.problem import TOLERANCE, Function, Problem, Solver, Term, slsqp
 from kickdyn.planning.stance import Balance, Clearance, SupportImpulse, Upright
 from kickdyn.robot.collisions import Body, bodies_at, find_self_collisions
+from kickdyn.robot.ground_clearance import TOLERANCE as ON_GROUND
 from kickdyn.robot.kicking_chain import KickingChain, kicking_chain
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.standing import StandingRobot, is_floating
@@ -94,8 +95,8 @@ class KickProblem:
         """Return q and v of the robot at a point, shapes `(nq,)` and `(nv,)`."""
         q, v = point.posture.q, point.v
         if self.standing is None:
-            return self.limb.whole(self.robot, q, v)
-        return self.standing.whole(*self.limb.whole(self.standing.leg, q, v))
+            return self.limb.robot_state(self.robot, q, v)
+        return self.standing.robot_state(*self.limb.robot_state(self.standing.leg, q, v))
 
     def find(self, kind: type[AnyTerm]) -> AnyTerm | None:
         """Return the term of a class; None if the problem has none."""
@@ -118,13 +119,21 @@ class KickProblem:
 
         They reach the whole foot velocity, or as much as possible if that is the objective.
         """
-        variables, strike, terms = self.variables, self.find(StrikeVelocity), self.terms
+        problem, variables = self._with(objective), self.variables
+        strike = self.find(StrikeVelocity)
         assert strike is not None
-        if not isinstance(objective, LargestShare):
-            terms += (JointRange(variables, least_share=1.0),)
-        problem = Problem(variables.size, variables.point, (objective, *terms))
         solutions = [problem.solve(start, self.solver) for start in starts]
         return [strike.make_exact(variables.point(x)) for x in solutions if x is not None]
+
+    def polish(self, objective: Function[KickPoint], point: KickPoint) -> KickPoint:
+        """Return a solution in all digits, see `Problem.polish`."""
+        return self.variables.point(self._with(objective).polish(point.x))
+
+    def _with(self, objective: Function[KickPoint]) -> Problem[KickPoint]:
+        terms = self.terms
+        if not isinstance(objective, LargestShare):
+            terms += (JointRange(self.variables, least_share=1.0),)
+        return Problem(self.variables.size, self.variables.point, (objective, *terms))
 
     def starts(self) -> list[Array]:
         """Return the unknowns of the drawn postures that need the least joint speed."""
@@ -181,7 +190,7 @@ def kick_problem(
     if solver not in SOLVERS:
         raise InvalidInput(f"solver is {solver!r}: it must be one of {', '.join(SOLVERS)}")
     draw = np.random.default_rng(0)
-    if like is None or like.heading or _leaves(like.foot_directions, target.impulse):
+    if like is None or like.heading or _heading_towards(like.foot_directions, target.impulse):
         like = _without_terms(robot, target, SOLVERS[solver], draw)
     robot, directions, standing = like.robot, like.foot_directions, like.standing
     variables = like.variables.for_target(target)
@@ -200,7 +209,7 @@ def kick_problem(
     if cone is not None and target.contact.offset is None:  # at another point, it is unknown
         terms.append(Facing(variables, cone))
     if standing is not None:
-        terms += [Balance(standing), Clearance(standing), Upright(standing)]
+        terms += [Balance(standing), Clearance(standing.robot, standing.leg), Upright(standing)]
         terms.append(SupportImpulse(standing, target.impulse))
     if like.pairs:
         terms.append(BodyClearance(robot, variables, like.pairs))
@@ -218,7 +227,6 @@ def _without_terms(
     robot: Leg, target: ImpactTarget, solver: Solver, draw: np.random.Generator
 ) -> KickProblem:
     """Return a problem without terms and drawn postures, of a leg that is turned to the impulse."""
-    heading = 0.0
     standing = StandingRobot(robot) if is_floating(robot) else None
     if standing is not None:
         robot = standing.robot
@@ -233,8 +241,7 @@ def _without_terms(
         limb = kicking_chain(robot, branches=True)
     variables = KickVariables(limb.leg, target)
     directions = _foot_directions(variables, draw)
-    if standing is None and _leaves(directions, target.impulse):
-        heading = _heading_towards(directions, target.impulse)
+    heading = 0.0 if standing is not None else _heading_towards(directions, target.impulse)
     if heading:
         rotation = pin.rpy.rpyToMatrix(0.0, 0.0, heading)
         robot = robot.with_model(turn_body(robot.model, 0, rotation))
@@ -264,14 +271,25 @@ def solve_kick(problem: KickProblem, objective: Objective) -> tuple[KickProblem,
         if not collisions or len(pairs) > MOST_PAIRS:
             return solved, point
         pairs |= collisions
-        bodies = [
-            (body, other)
-            for first, second in sorted(pairs)
-            for body in bodies_at(problem.robot, first)
-            for other in bodies_at(problem.robot, second)
-        ]
-        apart = BodyClearance(problem.robot, problem.variables, bodies)
-        solved = replace(problem, terms=(*problem.terms, apart))
+        solved = keep_apart(problem, pairs)
+
+
+def keep_apart(problem: KickProblem, pairs: Iterable[tuple[str, str]]) -> KickProblem:
+    """Return the problem with a term that keeps bodies apart, which are named in pairs."""
+    bodies = [
+        (body, other)
+        for first, second in sorted(pairs)
+        for body in bodies_at(problem.robot, first)
+        for other in bodies_at(problem.robot, second)
+    ]
+    apart = BodyClearance(problem.robot, problem.variables, bodies)
+    return replace(problem, terms=(*problem.terms, apart))
+
+
+def keep_above(problem: KickProblem, ground: float) -> KickProblem:
+    """Return the problem with a term that keeps the kicking foot above a ground [m]."""
+    above = Clearance(problem.robot, problem.variables.leg, ground - ON_GROUND)
+    return replace(problem, terms=(*problem.terms, above))
 
 
 def _solve(problem: KickProblem, objective: Objective) -> tuple[KickProblem, KickPoint]:
@@ -296,7 +314,7 @@ def _solve(problem: KickProblem, objective: Objective) -> tuple[KickProblem, Kic
 
 
 def best_from(
-    problem: KickProblem, objective: Objective, starts: Sequence[Array]
+    problem: KickProblem, objective: Objective | LargestShare, starts: Sequence[Array]
 ) -> KickPoint | None:
     """Return the best of the solutions from some starts; None where none meets the goal."""
     points = problem.solve(objective, starts)
@@ -339,13 +357,13 @@ def _check_directions(variables: KickVariables, directions: Array) -> None:
     if _leaves(directions, target.impulse):
         launch = (target.impulse / target.ball.mass).round(4).tolist()
         raise InvalidInput(
-            f"{name} cannot kick so: its foot moves in a plane only, and the launch {launch} m/s "
-            "leaves that plane"
+            f"{name} cannot give this launch: its foot moves in a plane only, which {launch} m/s "
+            "leaves"
         )
     if _leaves(directions, target.contact.normal):
         raise InvalidInput(
-            f"{name} cannot give this spin: its foot moves in a plane only, and side spin takes a "
-            "foot that moves aside (a robot's leg, such as g1, does)"
+            f"{name} cannot give this spin: its foot moves in a plane only, and side spin needs a "
+            "foot that moves sideways, such as the one of g1"
         )
 
 
@@ -364,8 +382,8 @@ def _check_sliding(variables: KickVariables, directions: Array) -> None:
         raise InvalidInput(
             f"the velocity of the {mover} leaves the plane in which the foot of "
             f"{variables.leg.name} moves: the foot would slide over the ball; a contact without "
-            "friction (friction=0, --friction 0) or a foot that moves aside (a robot's leg, such "
-            "as g1, does) can kick so"
+            "friction (friction=0, --friction 0) or a foot that moves sideways, such as the one of "
+            "g1, can give this kick"
         )
 
 
@@ -390,12 +408,18 @@ def _place_ball(
 
 
 def _heading_towards(directions: Array, vector: Array) -> float:
-    """Return the turn that brings a vector into the vertical plane that the foot moves in [rad]."""
+    """Return the turn that brings a vector before the leg, into the plane of the foot [rad].
+
+    It is 0 of a vector that is there or is vertical, and of a foot that is in no vertical plane.
+    """
     across = np.cross(*directions) if len(directions) == 2 else np.array([0.0, 0.0, 1.0])
-    if abs(across[2]) > 1e-9 or not math.hypot(vector[0], vector[1]) > 0.0:
+    level, leaves = math.hypot(vector[0], vector[1]), _leaves(directions, vector)
+    if abs(across[2]) > 1e-9 or not level > (0.0 if leaves else 1e-6 * np.linalg.norm(vector)):
         return 0.0  # no such plane, or no horizontal part to turn to
     ahead = np.array([across[1], -across[0]])
     if ahead[0] < 0.0:  # legs face x
         ahead = -ahead
+    if not leaves and float(ahead @ vector[:2]) > 0.0:
+        return 0.0
     turn = math.atan2(vector[1], vector[0]) - math.atan2(ahead[1], ahead[0])
     return math.remainder(turn, 2 * math.pi)

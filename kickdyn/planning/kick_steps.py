@@ -71,7 +71,7 @@ def checked_objective(
     if motion != (objective == KickObjective.TORQUE_SQUARED):
         raise InvalidInput(
             f"objective is {objective}: a motion (motion=True, --motion) has the objective "
-            f"{KickObjective.TORQUE_SQUARED}, and nothing else has"
+            f"{KickObjective.TORQUE_SQUARED}, which is for motions only"
         )
     if limits not in (True, False, MUSCLES):
         raise InvalidInput(
@@ -149,10 +149,14 @@ def path_to_target(
     air: Air | None,
     surface: str | Surface | None,
     time: float | None = None,
+    level: float = math.inf,
 ) -> Flight | Course:
-    """Return the flight of a ball, or with a surface its course, to the plane of the target."""
+    """Return the flight of a ball, or with a surface its course, to the plane of the target.
+
+    A flight ends on the ground at the height `level` [m, world frame], see `fly_to_target`.
+    """
     if surface is None:
-        return fly_to_target(impact.ball_after, goal, impact.ball, air, time)
+        return fly_to_target(impact.ball_after, goal, impact.ball, air, time, level)
     start, radius = impact.ball_after, impact.ball.radius
     ground = Ground(float(start.position[2]) - radius, surface)
     plane = Plane(start.position + goal.target, -goal.ahead, "centre")

@@ -30,9 +30,9 @@ from kickdyn.planning.goal import (
     PlanStatus,
     meet_receiver,
 )
+from kickdyn.planning.launch_family import LaunchFamily
 from kickdyn.planning.launch_solver import (
     UP,
-    LaunchFamily,
     LaunchSolution,
     ShootingProblem,
     crossing,
@@ -233,7 +233,7 @@ def _shooting_problem(goal: Goal, ball: Ball, air: Air | None, spin: Array) -> S
         if air is None or air.lift is None or air.density == 0.0:
             raise InvalidInput(
                 f"beside is {goal.beside[0]:g} m, {goal.beside[1]:g} m: only a curved flight "
-                "passes there, which takes air with density and lift"
+                "passes there, which needs air with density and lift"
             )
         spin = validation.direction("spin", spin if spin.any() else (0.0, 0.0, 1.0))
     return ShootingProblem(ball, air, spin, goal.beside is not None)
@@ -359,23 +359,31 @@ def _limit_of(family: LaunchFamily, nearest: LaunchSolution, error: float) -> La
         return LaunchLimit.LOWEST_PATH if error > 0 else LaunchLimit.HIGHEST_PATH
     if goal.speed is not None and nearest.speed < family.speed_limit * (1 - 1e-6):
         return LaunchLimit.LEAST_SPEED
+    if nearest.speed < 0.99 * family.speed_limit:
+        return LaunchLimit.SEARCH
     return LaunchLimit.SPEED
 
 
 def fly_to_target(
-    state: BallState, goal: Goal, ball: Ball, air: Air | None, time: float | None = None
+    state: BallState,
+    goal: Goal,
+    ball: Ball,
+    air: Air | None,
+    time: float | None = None,
+    ground: float = math.inf,
 ) -> Flight:
     """Fly to the vertical plane through a goal's target, or to the ground before it.
 
     A launch that meets the goal has its `time` to the target [s]: it may cross the plane before and
-    be blown back, and it does not end on the ground by mere rounding.
+    be blown back, and it does not end on the ground by mere rounding. The ground is at a height
+    [m, world frame], or level with the ball or the target where these are lower.
     """
     plane = Plane(state.position + goal.target, -goal.ahead, "centre")
-    floor = float(state.position[2]) + goal.lowest - ball.radius
+    floor = min(ground, float(state.position[2]) + goal.lowest - ball.radius)
     if time is None:
         return fly(state, ball, air, Ground(floor), FLIGHT_TOL, plane=plane)
-    ground = Ground(floor - 1e-6)
-    path = fly(state, ball, air, ground, FLIGHT_TOL, plane=plane, time_limit=2 * time)
+    lower = Ground(floor - 1e-6)
+    path = fly(state, ball, air, lower, FLIGHT_TOL, plane=plane, time_limit=2 * time)
     if path.status == "at-plane" and abs(path.duration - time) < 0.5 * time:
         return path
-    return fly(state, ball, air, ground, FLIGHT_TOL, time_limit=time)
+    return fly(state, ball, air, lower, FLIGHT_TOL, time_limit=time)

@@ -75,10 +75,10 @@ class Meeting(ReprMixin):
     Attributes:
         ball: the ball just before the contact; its time is by the clock of `incoming`.
         incoming: the ball as it was seen, with its ground.
-        goal: the goal, seen from here; of a trap, the motion that is wished.
+        goal: the goal, seen from where the ball is met; of a trap, the motion that is wished.
         air: the air; None is the vacuum.
         impact: the kick; None where there is none.
-        share: share of the impulse that is reached; 0 without a kick.
+        share: share of the change of velocity that is reached; 0 without a kick.
         speed_use: largest joint speed over its limit; nan without a kick.
         reason: why there is no kick, or which bodies collide in it, where another one is preferred.
     """
@@ -98,13 +98,18 @@ class Meeting(ReprMixin):
         if self.impact is None:
             yield "no kick", self.reason, ""
         else:
-            yield "share of the launch", self.share, ""
+            yield "share of the change of velocity", self.share, ""
             yield "share of the speed limit", self.speed_use, ""
 
     @property
     def time(self) -> float:
         """When the ball is met, by the clock of `incoming` [s]."""
         return float(self.ball.time)
+
+    @property
+    def wait(self) -> float:
+        """Time from `incoming` to the meeting [s]."""
+        return self.time - float(self.incoming.state.time)
 
     @property
     def ground(self) -> Ground:
@@ -128,7 +133,7 @@ class Meeting(ReprMixin):
             return None
         incoming, impact, air = self.incoming, self.impact, self.air
         ball, contact, seen = impact.ball, impact.contact, incoming.state
-        wait = self.time - float(seen.time)
+        wait = self.wait
         lies = float(seen.position[2]) - ball.radius - self.ground.height < 1e-6
         vertical = 0.0 if lies else 1.0
         free = np.array([1.0, 1.0, 1.0, vertical, 1.0, 1.0, vertical])
@@ -166,7 +171,7 @@ class Meeting(ReprMixin):
 
 def arrival_of(meeting: Meeting, ball: Ball) -> Arrival:
     """Return the path of the ball from where it was seen to where it is met."""
-    wait = meeting.time - float(meeting.incoming.state.time)
+    wait = meeting.wait
     return Arrival(meeting.incoming.course(ball, meeting.air, max(wait, SHORTEST_COURSE)), wait)
 
 

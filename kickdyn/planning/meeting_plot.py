@@ -41,7 +41,7 @@ def meeting_figure(plan: Any) -> Figure:
     for axes, values, colour, label in drawn:
         axes.plot(times, values, "o-", color=colour)
         axes.set_ylabel(label, color=colour)
-        axes.set_ylim(bottom=0.0)
+        axes.set_ylim(0.0, 1.1 * max([0.1, *(value for value in values if math.isfinite(value))]))
         axes.grid(visible=axes is left)
     if slope is None or not isinstance(goal, Goal):  # of a trap, a pass or half a kick
         right.remove()
@@ -66,7 +66,7 @@ def _errors(velocity: Array, slopes: LandingSlopes) -> Iterator[tuple[str, Array
         (slopes.time, 1e3, "foot {:.2g} ms late"),
         (slopes.place @ ahead, 1e3, "ball {:.2g} mm ahead of where it was seen"),
         (slopes.place @ left, 1e3, "ball {:.2g} mm to the left of there"),
-        (slopes.velocity @ ahead, 1e3, "ball {:.2g} mm/s faster"),
+        (slopes.velocity @ ahead, 1e3, "ball {:.2g} mm/s faster than seen"),
     ):
         size = float(np.linalg.norm(moved))
         if size > 0.0:

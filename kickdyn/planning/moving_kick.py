@@ -23,13 +23,21 @@ from kickdyn.planning.interception import (
     LONGEST_WAIT,
     SHORTEST_COURSE,
     IncomingBall,
+    Reach,
     reach_of,
     state_at,
     waits_in_plane,
     waits_in_reach,
 )
-from kickdyn.planning.kick_plan import KickPlan, check_self_collision
-from kickdyn.planning.kick_problem import KickProblem, best_from, kick_problem, solve_kick
+from kickdyn.planning.kick_plan import KickPlan
+from kickdyn.planning.kick_problem import (
+    KickProblem,
+    best_from,
+    keep_above,
+    keep_apart,
+    kick_problem,
+    solve_kick,
+)
 from kickdyn.planning.kick_steps import (
     LONGEST_COURSE,
     Chosen,
@@ -39,12 +47,26 @@ from kickdyn.planning.kick_steps import (
     plan_flight_launch,
     plan_pass_launch,
 )
-from kickdyn.planning.kick_terms import BallPosition, KickPoint, StrikeVelocity, place_exactly
+from kickdyn.planning.kick_terms import (
+    BallPosition,
+    KickPoint,
+    Objective,
+    StrikeVelocity,
+    place_exactly,
+)
 from kickdyn.planning.launch import Launch
 from kickdyn.planning.meeting import Meeting
-from kickdyn.planning.objectives import OBJECTIVES, KickObjective
+from kickdyn.planning.objectives import OBJECTIVES, KickObjective, LargestShare
 from kickdyn.planning.passes import Pass
+from kickdyn.robot.collisions import find_self_collisions
+from kickdyn.robot.ground_clearance import find_depths
 from kickdyn.robot.leg import Leg
+
+STRONGEST = LargestShare()
+"""The objective of kicks that cannot give the whole change of velocity."""
+
+MENDINGS = 3
+"""Number of times that a kick in which bodies collide is planned again at most."""
 
 
 @dataclass(frozen=True)
@@ -128,13 +150,22 @@ class InterceptingKick:
         """Less for a better kick."""
         return -self.meeting.share, self.meeting.speed_use
 
+    def polished(self) -> "InterceptingKick":
+        """Return the kick in all digits, so that it does not depend on rounding."""
+        if self.meeting.share < 1.0:
+            return self
+        objective = OBJECTIVES[self.task.settings.objective]()
+        return self.task.kick(self.problem, self.problem.polish(objective, self.point))
+
     def plan(self) -> KickPlan:
         """Return the plan, with the path of the ball."""
         task, s, impact = self.task, self.task.settings, self.impact
         if isinstance(task.goal, Goal):
             assert not isinstance(task.launch, BallState)
             time = task.launch.time if self.meeting.share == 1.0 else None
-            path = path_to_target(impact, task.goal, s.air, s.surface, time)
+            path = path_to_target(
+                impact, task.goal, s.air, s.surface, time, self.meeting.ground.height
+            )
         else:
             ground = task.incoming.ground
             after = impact.ball_after
@@ -164,6 +195,7 @@ class Interceptor:
         incoming: the ball, with its ground.
         near: a launch near those that are sought.
         longest: for how long the ball is followed [s].
+        reach: of a leg that has to face the ball; None of one that does already.
     """
 
     def __init__(
@@ -173,10 +205,11 @@ class Interceptor:
         incoming: IncomingBall,
         near: Launch | None = None,
         longest: float = LONGEST_WAIT,
+        reach: Reach | None = None,
     ) -> None:
         self.leg, self.settings, self.incoming = leg, settings, incoming
         self.course = incoming.course(settings.ball, settings.air, longest)
-        self._near = near
+        self._near, self._reach = near, reach
         self._objective = OBJECTIVES[settings.objective]()
         self._known: dict[float, Interception | InvalidInput] = {}
 
@@ -202,7 +235,16 @@ class Interceptor:
         if not isinstance(known, Interception):
             return ""
         away = float(known.before.velocity @ known.target.contact.normal)
-        return f"; the ball moves away from the foot at {away:.3g} m/s" if away > 0.0 else ""
+        if away > 0.0:
+            return f"; the ball moves away from the foot at {away:.3g} m/s"
+        speed, velocity = math.hypot(*known.launch.velocity), known.before.velocity
+        ahead = float(known.launch.velocity @ velocity) / (speed or 1.0)
+        if ahead > speed > 0.0:
+            return (
+                f"; the ball is faster than its launch must be, {ahead:.3g} m/s in place of "
+                f"{speed:.3g} m/s in its direction, so that the foot has to brake it from ahead"
+            )
+        return ""
 
     def beside(self, wait: float) -> float:
         """Return how far to the left of the impulse through the origin it then is [m], or nan."""
@@ -228,6 +270,7 @@ class Interceptor:
         like: KickProblem | None = None
         for wait in waits:
             try:
+                self._check_facing(self.at(wait))
                 problems[wait] = like = self.at(wait).problem(like)
             except InvalidInput as error:
                 reasons[wait] = str(error)
@@ -249,7 +292,24 @@ class Interceptor:
                 kicks[best] = self.at(best).kick(*solve_kick(problems[best], self._objective))
             except InvalidInput as error:
                 reasons = {best: str(error)} | {**reasons, best: str(error)}
+                for wait in order[1:]:
+                    self._seek(kicks, wait, problems[wait], problems[wait].starts(), STRONGEST)
+                    if kicks:
+                        break
+            if kicks and min(kick.meeting.share for kick in kicks.values()) < 1.0:
+                self._follow(kicks, next(iter(kicks)), problems, STRONGEST)
         return kicks, reasons
+
+    def _check_facing(self, task: Interception) -> None:
+        """Refuse a ball behind a leg that is turned to the impulse."""
+        if self._reach is None or self._reach.across is None:
+            return
+        behind = float(task.ahead @ (self._reach.centre - task.before.position))
+        if behind > self.settings.ball.radius:
+            raise InvalidInput(
+                f"the ball is {behind:.3g} m behind the hip of a leg that faces along its change "
+                "of velocity"
+            )
 
     def _seek(
         self,
@@ -257,9 +317,15 @@ class Interceptor:
         wait: float,
         problem: KickProblem,
         starts: Sequence[Array],
+        objective: Objective | LargestShare | None = None,
     ) -> None:
-        """Add the kick at a time if one is near some unknowns to start from."""
-        point = best_from(problem, self._objective, starts)
+        """Add the kick at a time if one is near some unknowns to start from.
+
+        It is the best one by the plan's objective, or by another one.
+        """
+        point = best_from(problem, objective or self._objective, starts)
+        if point is not None and objective is not None and point.share > 1.0 - 1e-6:
+            point = best_from(problem, self._objective, [point.x]) or point
         if point is not None:
             kicks[wait] = self.at(wait).kick(problem, point)
 
@@ -268,6 +334,7 @@ class Interceptor:
         kicks: dict[float, InterceptingKick],
         first: float,
         problems: dict[float, KickProblem],
+        objective: Objective | LargestShare | None = None,
     ) -> None:
         """Add the kicks at times before and after the first one, each from its neighbour."""
         later = [wait for wait in problems if wait > first]
@@ -275,7 +342,7 @@ class Interceptor:
         for side in (later, earlier[::-1]):
             last = first
             for wait in side:
-                self._seek(kicks, wait, problems[wait], [kicks[last].point.x])
+                self._seek(kicks, wait, problems[wait], [kicks[last].point.x], objective)
                 if wait not in kicks:
                     break
                 last = wait
@@ -290,7 +357,7 @@ class Interceptor:
                 problem = self.at(middle).problem(problems[best])
             except InvalidInput:
                 continue
-            self._seek(kicks, middle, problem, [kicks[best].point.x])
+            self._seek(kicks, middle, problem, [kicks[best].point.x], objective)
 
     def _task(self, wait: float) -> Interception:
         s, incoming = self.settings, self.incoming
@@ -331,21 +398,27 @@ def plan_interception(leg: Leg, incoming: IncomingBall, settings: KickSettings) 
     s = settings
     incoming = incoming.on_ground_of(leg, s.ball)
     with one_thread():
-        balls, reach = Interceptor(leg, s, incoming), reach_of(leg, s.ball)
+        reach = reach_of(leg, s.ball)
+        balls = Interceptor(leg, s, incoming, reach=reach)
         waits = waits_in_reach(incoming, balls.course, reach, s.goal, s.ball.radius)
         if reach.across is not None:
             waits = waits_in_plane(waits, lambda wait: balls.beside(wait) - reach.beside)
         kicks, reasons = balls.kicks(waits.tolist())
         if not kicks:
             first = next(iter(reasons))
+            sought = (
+                f"at any of {len(waits)} times within reach" if len(waits) > 1
+                else "at the only time that was sought"
+            )  # fmt: skip
             raise InvalidInput(
-                f"the ball is met at none of {len(waits)} times within reach: after {first:.3g} s, "
+                f"the ball cannot be met {sought}: {first:.3g} s after it was seen, "
                 f"{reasons[first]}{balls.escaping(first)}"
             )
         plan, collisions = _without_collisions(sorted(kicks.values(), key=lambda kick: kick.rank))
-    meetings = [
+    assert plan.meeting is not None
+    meetings = [plan.meeting] + [
         replace(kick.meeting, reason=collisions.get(kick.meeting.time, ""))
-        for kick in kicks.values()
+        for kick in kicks.values() if kick.meeting.time != plan.meeting.time
     ] + [
         Meeting(state_at(incoming, balls.course, wait), incoming, s.goal, s.air, reason=reason)
         for wait, reason in reasons.items() if wait not in kicks
@@ -358,21 +431,44 @@ def _without_collisions(
 ) -> tuple[KickPlan, dict[float, str]]:
     """Return the plan of the first kick without bodies inside others, and why not of those before.
 
-    Where the robot collides with itself in the first, and bodies collide in all, the first is
-    planned again with conditions against it.
+    Where bodies collide in all, kicks are planned again with conditions against it.
     """
     plans, collisions = list[KickPlan](), dict[float, str]()
     for kick in kicks:
-        plans.append(kick.plan())
+        plans.append(kick.polished().plan())
         if not plans[-1].collisions:
             return plans[-1], collisions
         collisions[kick.meeting.time] = plans[-1].collisions[0].partition("; ")[0]
-    if not check_self_collision(plans[0]):
-        return plans[0], {}
-    task = kicks[0].task
-    again = task.kick(*solve_kick(kicks[0].problem, OBJECTIVES[task.settings.objective]()))
-    plan = again.plan()
-    return (plan if again.rank[0] <= kicks[0].rank[0] and not plan.collisions else plans[0]), {}
+    for kick in kicks:
+        mended = _mended(kick)
+        if mended is not None:
+            collisions.pop(kick.meeting.time)
+            return mended, collisions
+    return plans[0], {}
+
+
+def _mended(kick: InterceptingKick) -> KickPlan | None:
+    """Return the plan of a kick in which bodies collide, where conditions against it are kept."""
+    task, problem, point = kick.task, kick.problem, kick.point
+    pairs, ground = set[tuple[str, str]](), kick.meeting.ground.height
+    q, rest = problem.on_robot(point)[0], problem.robot.configuration()
+    under, always = (find_depths(problem.robot, x, ground) for x in (q, rest))
+    if any(abs(depth - always.get(name, 0.0)) < 1e-12 for name, depth in under.items()):
+        return None  # such as the other leg, which the kick does not move
+    objective = OBJECTIVES[task.settings.objective]() if point.share == 1.0 else STRONGEST
+    for _ in range(MENDINGS):
+        pairs |= find_self_collisions(problem.robot, problem.on_robot(point)[0]).keys()
+        trial = keep_apart(kick.problem, pairs) if pairs else kick.problem
+        if problem.standing is None:
+            trial = keep_above(trial, ground)
+        best = best_from(trial, objective, [point.x, *trial.starts()])
+        if best is None or best.share < point.share - 1e-6:
+            return None
+        point = best
+        plan = task.kick(trial, best).polished().plan()
+        if not plan.collisions:
+            return plan
+    return None
 
 
 def _replan(kick: InterceptingKick, plan: KickPlan, incoming: IncomingBall) -> KickPlan:

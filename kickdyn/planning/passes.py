@@ -113,8 +113,8 @@ def plan_pass(
     if goal.kind not in ("time", "speed") or not level or goal.beside is not None:
         named = ", ".join(f"{name} {value} {unit}" for name, value, unit in goal.named_values())
         raise InvalidInput(
-            f"a goal with {named} is no goal of a pass: it must have a time or a speed, a target "
-            "as high as the ball and no beside"
+            f"a goal with {named} is not valid for a pass: it must have a time or a speed, a "
+            "target as high as the ball and no beside"
         )
     angle = validation.number("angle", angle, at_least=0, at_most=1.2, unit="rad")
     limit = validation.number("speed limit", speed_limit, above=0, at_most=100, unit="m/s")

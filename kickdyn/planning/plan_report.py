@@ -9,6 +9,7 @@ import numpy as np
 from kickdyn.ball import BallState
 from kickdyn.core.files import finite
 from kickdyn.core.representation import distance_in_words
+from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.follow import Course
 from kickdyn.planning.goal import Goal, PlanStatus
@@ -25,6 +26,9 @@ SAMPLE_RATE = 100.0
 WALL_CLEARANCE = 0.1
 """Clearance of the ball's lower edge over a wall where nothing else is asked for [m]."""
 
+
+OBSERVERS = {"collide": "a contact that takes time", "mujoco": "its motion in MuJoCo"}
+"""What a launch is corrected by, in words."""
 
 FAULTS = {
     PlanStatus.MET: "",
@@ -92,13 +96,13 @@ class PlanReport:
 
     def table(self) -> list[str]:
         """Return the plan's numbers as lines of text."""
-        plan, launch, impact, leg = self.plan, self.plan.launch, self.plan.impact, self.plan.leg
+        plan, impact, leg = self.plan, self.plan.impact, self.plan.leg
         up, left = plan.impact_target.contact_offset
         restitution = describe_restitution(
             impact.contact.restitution, impact.restitution, impact.approach_speed
         )
         lines = [
-            _launch_line(launch),
+            *_launch_lines(plan),
             f"impact  contact point {_rounded(1e3 * abs(up), 1)} mm "
             f"{'above' if up >= 0.0 else 'below'} the ball's centre and "
             f"{_aside(1e3 * left, 1, 'mm')}, "
@@ -156,9 +160,13 @@ class PlanReport:
         }
         errors = "landing_error time_error" if isinstance(plan.goal, Goal) else "velocity_error"
         report |= _attributes(plan, errors)
+        if plan.corrected_by:
+            report["corrected_by"] = plan.corrected_by
         if plan.meeting is not None:
             slopes = _landing_slopes(plan)
             report["meeting"] = _meeting_json(plan.meeting)
+            if isinstance(plan.goal, Goal):
+                report["meeting"]["target_position"] = plan.target_position.tolist()
             report["meeting"]["landing_slopes"] = (
                 None if slopes is None else _attributes(slopes, "time velocity place")
             )
@@ -190,20 +198,33 @@ def _describe_meeting(plan: KickPlan) -> list[str]:
     meeting = plan.meeting
     if meeting is None:
         return []
-    place = ", ".join(f"{coordinate:.3g}" for coordinate in meeting.ball.position)
-    found = sum(other.impact is not None for other in plan.meetings)
-    lines = [
-        f"The ball is met after {meeting.time:.3g} s at ({place}) m, at one of {found} places that "
-        f"the leg reaches among {len(plan.meetings)}."
-    ]
+    line = f"The ball is met {meeting.wait:.3g} s after it was seen, at "
+    line += f"{_point(meeting.ball.position)} in the world frame"
+    if isinstance(plan.goal, Goal):
+        seen = math.dist(plan.target_position, meeting.incoming.state.position)
+        line += (
+            f", {math.hypot(*plan.goal.target):.4g} m from the target ({seen:.4g} m from where it "
+            "was seen)"
+        )
+    possible, sought = sum(x.impact is not None for x in plan.meetings), len(plan.meetings)
+    if sought > 1:
+        others = {sought: "all of them", 1: "this one only"}.get(possible, f"{possible} of them")
+        line += f"; kicks were sought for {sought} times and found for {others}"
+    lines = [line + "."]
     slopes = _landing_slopes(plan)
     if slopes is not None:
         time, speed, place_error = slopes.tolerances
         lines.append(
-            f"Each of these moves it by 10 cm at the target: the foot {1e3 * time:.2g} ms late, "
-            f"the ball {speed:.2g} m/s faster, or {1e3 * place_error:.2g} mm elsewhere than seen."
+            "Each of these errors alone moves the ball by up to 10 cm at the target: the foot "
+            f"{1e3 * time:.2g} ms early or late, the ball's velocity {1e3 * speed:.2g} mm/s off, "
+            f"or its place {1e3 * place_error:.2g} mm off."
         )
     return lines
+
+
+def _point(place: Array) -> str:
+    """Return a place in words, its rounding as 0."""
+    return f"({', '.join(f'{round(x, 9) + 0.0:.4g}' for x in place.tolist())}) m"
 
 
 def _landing_slopes(plan: KickPlan) -> LandingSlopes | None:
@@ -214,14 +235,18 @@ def _landing_slopes(plan: KickPlan) -> LandingSlopes | None:
 
 
 def _verdict_of_trap(plan: KickPlan) -> str:
-    after, path, wished = plan.impact.ball_after, plan.path, plan.launch.velocity.any()
+    after, path, wished = plan.impact.ball_after, plan.path, plan.launch.velocity
     spin = math.hypot(*after.spin)
-    moves = f"with {after.speed:.3g} m/s" if plan.share < 1.0 or wished else "at rest"
+    moves = f"with {after.speed:.3g} m/s" if plan.share < 1.0 or wished.any() else "at rest"
     turns = f", with a spin of {spin:.3g} rad/s" if spin > 1e-9 else ""
     left = f"The foot leaves the ball {moves}{turns}"
     if plan.share < 1.0:
-        limits = f" ({', '.join(plan.binding)})" if plan.binding else ""
-        line = f"The trap is beyond the limits of the leg{limits}. {left}."
+        wish = f"velocity of {math.hypot(*wished):.3g} m/s" if wished.any() else "rest"
+        line = (
+            f"The wished {wish} is beyond the limits of the leg{_limits(plan)}: it can give the "
+            f"ball {plan.share:.0%} of the change of velocity. {left}, "
+            f"{plan.velocity_error:.3g} m/s off the wish."
+        )
     else:
         line = f"{left}; the computed velocity is {plan.velocity_error:.2g} m/s off."
         line += FAULTS[plan.status]
@@ -234,8 +259,19 @@ def verdict(plan: KickPlan) -> str:
     """Return in a line whether the goal is met, and else where the kick ends."""
     if not isinstance(plan.goal, Goal):
         return _verdict_of_trap(plan)
-    path, after = plan.path, f"after {plan.path.duration:.4g} s"
-    target = f"the target ({', '.join(f'{coordinate:.4g}' for coordinate in plan.goal.target)}) m"
+    path, after, place = plan.path, f"after {plan.path.duration:.4g} s", plan.goal.target
+    if plan.meeting is not None:
+        place, after = plan.target_position, f"{plan.path.duration:.4g} s after the kick"
+    target = f"the target {_point(place)}"
+    if plan.meeting is not None:
+        target += " in the world frame"
+    if plan.corrected_by:
+        line = (
+            f"The launch is corrected by {OBSERVERS[plan.corrected_by]}, for {target}; by an "
+            "impact without duration, the ball would miss it by "
+            f"{distance_in_words(plan.landing_error)}."
+        )
+        return line + FAULTS[plan.status]
     if plan.share == 1.0:
         line = (
             f"The ball reaches {target} {after}; the computed impact and flight miss it by "
@@ -249,13 +285,23 @@ def verdict(plan: KickPlan) -> str:
     else:
         does = "lands" if path.status == "landed" else "is still aloft"
         end = f"{does} {path.range:.4g} m away {after}"
-    limits = f" ({', '.join(plan.binding)})" if plan.binding else ""
     missed = "" if plan.landing_error < 5e-4 else f", {plan.landing_error:.3g} m from the target"
+    gives = f"{plan.share:.0%} of the speed that {target} requires"
+    if plan.meeting is not None:
+        speeds = plan.impact.ball_after.speed, plan.launch.speed
+        gives = (
+            f"{plan.share:.0%} of the change of velocity that {target} requires, so that it leaves "
+            "with {:.3g} m/s in place of {:.3g} m/s".format(*speeds)
+        )
     return (
-        f"The goal is beyond the limits of the leg{limits}. Its hardest kick in this direction "
-        f"gives the ball {plan.share:.0%} of the speed that {target} requires. The ball "
-        f"{end}{missed}."
+        f"The goal is beyond the limits of the leg{_limits(plan)}. Its hardest kick in this "
+        f"direction gives the ball {gives}. The ball {end}{missed}."
     )
+
+
+def _limits(plan: KickPlan) -> str:
+    """Return the limits that a plan reaches, in brackets."""
+    return f" ({', '.join(plan.binding)})" if plan.binding else ""
 
 
 def unreachable_json(goal: Goal, error: OutOfReach) -> dict[str, Any]:
@@ -305,13 +351,23 @@ def _attributes(source: object, names: str) -> dict[str, Any]:
     return {name: np.asarray(getattr(source, name)).tolist() for name in names.split()}
 
 
-def _launch_line(launch: Launch | Pass | BallState) -> str:
-    if isinstance(launch, BallState):
-        velocity = ", ".join(_rounded(component, 4) for component in launch.velocity.tolist())
-        return f"ball    ({velocity}) m/s after the contact"
+def _launch_lines(plan: KickPlan) -> list[str]:
+    """Return the launch, or of a plan beyond limits what is reached and what is wished."""
+    wished = plan.launch.velocity
+    lines = [("reached", plan.impact.ball_after.velocity), ("wished", wished)]
+    if plan.share == 1.0:
+        lines = [("launch" if isinstance(plan.goal, Goal) else "ball", wished)]
+    return [f"{name:8}{_velocity_in_words(plan, velocity)}" for name, velocity in lines]
+
+
+def _velocity_in_words(plan: KickPlan, velocity: Array) -> str:
+    x, y, z = velocity.tolist()
+    if not isinstance(plan.goal, Goal):
+        return f"({', '.join(_rounded(value, 4) for value in (x, y, z))}) m/s after the contact"
+    angle, azimuth = math.atan2(z, math.hypot(x, y)), math.atan2(y, x)
     return (
-        f"launch  {launch.speed:.4f} m/s, {_rounded(math.degrees(launch.angle), 3)} deg above "
-        f"the horizontal, {_aside(math.degrees(launch.azimuth), 3, 'deg')}"
+        f"{math.hypot(x, y, z):.4f} m/s, {_rounded(math.degrees(angle), 3)} deg above the "
+        f"horizontal, {_aside(math.degrees(azimuth), 3, 'deg')}"
     )
 
 

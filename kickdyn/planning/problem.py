@@ -26,6 +26,10 @@ from kickdyn.core.validation import Array
 TOLERANCE = 1e-4
 """Largest violation of a term at a solution, over the term's scale."""
 
+REACHED, POLISHING_STEP, LARGEST_POLISH, POLISHINGS = 1e-6, 1e-6, 0.03, 4
+"""Of `Problem.polish`: the distance from a bound, or of an inequality over its scale from 0, up to
+which it is reached; step of differences; largest step, and number of steps."""
+
 Point = TypeVar("Point")
 
 
@@ -160,6 +164,59 @@ class Problem(Generic[Point]):
         """Return unknowns that solve the problem, near some to start from; None without any."""
         x = np.clip(solver(self, start), *self.bounds)
         return x if self._is_solved(x) else None
+
+    def polish(self, x: Array) -> Array:
+        r"""Return a solution in all digits, by Newton's method on the Kuhn-Tucker conditions.
+
+        The inequalities and bounds that are reached stay so. With the Hessian H of the Lagrangian,
+        by differences of its gradient, and the derivatives C of the equalities and of these
+        inequalities c, a step :math:`\delta` and multipliers :math:`\lambda` solve
+
+        .. math:: H \delta - C^T \lambda = -\nabla f, \qquad C \delta = -c.
+
+        Solvers stop where the objective hardly falls, at unknowns that depend on rounding.
+        Where the method leads elsewhere, x is returned as it is.
+        """
+        lower, upper = self.bounds
+        at_lower, at_upper = x <= lower + REACHED, x >= upper - REACHED
+        y = np.where(at_upper, upper, np.where(at_lower, lower, x))
+        free = np.flatnonzero(~(at_lower | at_upper))
+        kinds = [kind for kind in (Kind.EQUALITY, Kind.INEQUALITY) if self.functions(kind)]
+        kept = [(self.values(kind, y) <= REACHED) | (kind == Kind.EQUALITY) for kind in kinds]
+        if not len(free) or not any(keep.any() for keep in kept):
+            return x
+
+        def evaluate(z: Array) -> tuple[Array, Array, Array]:
+            keep = np.concatenate(kept)
+            values = np.concatenate([self.values(kind, z) for kind in kinds])[keep]
+            slopes = np.concatenate([self.slopes(kind, z) for kind in kinds])[keep][:, free]
+            return values, slopes, self.slopes(Kind.OBJECTIVE, z)[0, free]
+
+        values, slopes, gradient = evaluate(y)
+        count, multipliers = len(free), np.linalg.lstsq(slopes.T, gradient, rcond=None)[0]
+        hessian = np.zeros((count, count))
+        for column, index in enumerate(free):
+            moved = y.copy()
+            moved[index] += POLISHING_STEP
+            _, other, steeper = evaluate(moved)
+            change = steeper - gradient - (other - slopes).T @ multipliers
+            hessian[column] = change / POLISHING_STEP
+        for _ in range(POLISHINGS):
+            rows = len(values)
+            system = np.zeros((count + rows, count + rows))
+            system[:count, :count] = 0.5 * (hessian + hessian.T)
+            system[:count, count:], system[count:, :count] = -slopes.T, slopes
+            step = np.linalg.lstsq(system, -np.append(gradient, values), rcond=1e-12)[0][:count]
+            y[free] += step
+            size = float(np.abs(step).max())
+            if not size < LARGEST_POLISH:
+                return x
+            if size < 1e-14:
+                break
+            values, slopes, gradient = evaluate(y)
+        falls = self.values(Kind.OBJECTIVE, y)[0] <= self.values(Kind.OBJECTIVE, x)[0] + TOLERANCE
+        inside = bool(((y >= lower) & (y <= upper)).all())
+        return y if falls and inside and self._is_solved(y) else x
 
     def _is_solved(self, x: Array) -> bool:
         if not np.isfinite(x).all():

@@ -16,7 +16,7 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
 from kickdyn.core import validation
-from kickdyn.core.files import read_text, replacing
+from kickdyn.core.files import check_writable, read_text, replacing
 from kickdyn.core.mechanics import GRAVITY
 from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array, ArrayLike
@@ -60,7 +60,7 @@ class ReachRow:
         elevation: direction above the horizontal [deg].
         speed: largest launch speed of which the plan is `met` [m/s]; 0 where none is.
         beyond: least larger speed of which it is not [m/s]; None where all that were tried are.
-        reason: why that one is not.
+        reason: why that one is not, or that no larger one is tried.
         carpet, turf: horizontal distance from the ball to where it comes to rest, on a level ground
             that it touches at its launch [m].
     """
@@ -172,6 +172,8 @@ def reach(
     tolerance = validation.number("tolerance", tolerance, at_least=1e-3, at_most=0.5)
     sides, heights = _angles("azimuths", azimuths, 180.0), _angles("elevations", elevations, 80.0)
     validation.number("elevations", min(heights), at_least=0, unit="deg")
+    if file is not None and Path(file).suffix.lower() != ".csv":
+        raise InvalidInput(f"file is {os.fspath(file)!r}: a table of launches is written as .csv")
     tell = progress or (lambda line: None)
     options = {"contact": contact, "ball_position": ball_position, "motion": motion}
     settings = {
@@ -184,6 +186,8 @@ def reach(
         "air": repr(air),
         "tolerance": tolerance,
     }
+    if file is not None:
+        check_writable(file)
     rows = {} if file is None else _read(file, settings)
     wanted = [(side, height) for side in sides for height in heights]
     for number, place in enumerate(wanted, start=1):
@@ -255,8 +259,11 @@ def _largest(
             failed = None if planned.status == PlanStatus.MET else _why(planned)
             share = planned.share
         if failed is None:
+            if near is None and planned.motion is not None:
+                beyond, reason = None, ""  # what failed from rest may be met from this motion
             met, near = speed, planned
             if met >= LARGEST_SPEED:
+                reason = "the largest speed that is tried"
                 break
         else:
             beyond, reason = speed, failed
@@ -315,10 +322,11 @@ def _read(
     try:
         known = json.loads(first.removeprefix("# "))
         rows = [_row(entry) for entry in csv.DictReader(io.StringIO(rest))]
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, RecursionError, csv.Error) as error:
         raise FaultyFile(source, [f"is not a table of kickdyn reach ({error})"]) from None
     if known != settings:
-        names = sorted(name for name in settings if known.get(name) != settings[name])
+        stored = known if isinstance(known, dict) else {}
+        names = sorted(name for name in settings if stored.get(name) != settings[name])
         raise InvalidInput(
             f"{source} has the table of another {' and '.join(names)}: name another file, or "
             "delete it"

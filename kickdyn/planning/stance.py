@@ -20,7 +20,7 @@ from kickdyn.core.validation import Array
 from kickdyn.planning.kick_terms import KickPoint, KickTerm, slope_by_differences
 from kickdyn.planning.problem import TOLERANCE, Function, Kind
 from kickdyn.robot.ground_clearance import extreme_spheres
-from kickdyn.robot.leg import Posture
+from kickdyn.robot.leg import Leg, Posture
 from kickdyn.robot.standing import StandingRobot, joint_spheres, sole_edges
 
 LENGTH = 0.1
@@ -75,26 +75,30 @@ class Balance(StanceTerm):
 
 
 class Clearance(StanceTerm):
-    """The kicking foot is above the ground: heights of its spheres above `CLEARANCE` [m]."""
+    """The kicking foot is above the ground: heights of its spheres above `CLEARANCE` [m].
+
+    Args:
+        robot: with the shapes of its file.
+        leg: whose postures are evaluated; its contact frame is the robot's.
+        ground: height of the ground [m, world frame].
+    """
 
     scale = LENGTH
     explanation = "it has one if its kicking foot may be under the ground"
 
-    def __init__(self, standing: StandingRobot) -> None:
-        robot, leg = standing.robot, standing.leg
+    def __init__(self, robot: Leg, leg: Leg, ground: float = 0.0) -> None:
         foot = joint_spheres(robot, robot.contact_joint)
         extremes, beyond = extreme_spheres(foot)
         # the pose of the kicking foot's joint in its contact frame is the same in both models
         frame = robot.workspace.model.frames[robot.frame_id].placement
         moved = leg.workspace.model.frames[leg.frame_id].placement * frame.inverse()
         self._centres = np.array([moved.act(centre) for centre in foot.centres[extremes]])
-        self._radii = foot.radii[extremes] + beyond
+        self._lowest = foot.radii[extremes] + beyond + ground + CLEARANCE
 
     def residual(self, posture: Posture, v: Array) -> Array:
         rotation = posture.rotation_world_joint
         origin = posture.contact_point - rotation @ posture.contact_lever
-        lowest = self._centres @ rotation[2] + origin[2] - self._radii
-        return np.asarray(lowest - CLEARANCE)
+        return np.asarray(self._centres @ rotation[2] + origin[2] - self._lowest)
 
     def derivatives(self, posture: Posture, v: Array) -> tuple[Array, None]:
         model, data = posture.leg.workspace.model, posture.leg.workspace.data

@@ -57,6 +57,7 @@ class Robot:
             least with the foot, struck along any normal of the surface. No instep where a motor
             fills that place, no edge of the sole where it is bevelled or round.
         steepest: of the toe's normals [deg], above which the ball would reach into instep or shank.
+        aside: joints of the arms that are not at 0 where only the legs move [rad].
         turn_deg: roll, pitch and yaw that bring its base's axes to x forward, z up.
     """
 
@@ -66,6 +67,7 @@ class Robot:
     legs: Sequence[str]
     contact_points: Mapping[str, Sequence[float]] = field(default_factory=dict)
     steepest: float = SURFACES[TOE][2]
+    aside: Mapping[str, float] = field(default_factory=dict)
     turn_deg: Sequence[float] = (0.0, 0.0, 0.0)
 
     def contact(self, frame: str | None) -> tuple[str, Array | None]:

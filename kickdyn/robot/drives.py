@@ -44,12 +44,12 @@ class Drive:
     stiffness: float = 0.0
 
     def __post_init__(self) -> None:
-        inertia = validation.number("rotor inertia", self.rotor_inertia, at_least=0, unit="kg m2")
+        validation.number("rotor inertia", self.rotor_inertia, at_least=0, unit="kg m2")
         if not validation.number("gear", self.gear):
             raise InvalidInput("gear is 0: it must be the turns of the rotor per turn of the joint")
-        if inertia * self.gear**2 > MAX_REFLECTED_INERTIA:
+        if self.reflected_inertia > MAX_REFLECTED_INERTIA:
             raise InvalidInput(
-                f"rotor inertia times gear squared is {inertia * self.gear**2:g} kg m2: it must be "
+                f"rotor inertia times gear squared is {self.reflected_inertia:g} kg m2: it must be "
                 f"at most {MAX_REFLECTED_INERTIA:g} kg m2; is the gear already in the inertia?"
             )
         for name in ("torque_limit", "speed_limit"):
@@ -61,7 +61,7 @@ class Drive:
     @property
     def reflected_inertia(self) -> float:
         r"""Inertia of the rotor as seen from the joint, :math:`J n^2` [kg m2; kg if prismatic]."""
-        return self.rotor_inertia * self.gear**2
+        return self.rotor_inertia * self.gear * self.gear  # a power overflows with an exception
 
 
 KEYS = {

@@ -129,8 +129,8 @@ def _contact_point(hull: ConvexHull, normals: Array) -> Array:
     facets = np.column_stack([hull.equations[:, :3], np.zeros(len(hull.equations))])
     planes = np.column_stack([-normals, -np.ones(len(normals))])
     bounds = np.concatenate([-hull.equations[:, 3], -reach])
-    found = linprog([0, 0, 0, 1], np.vstack([facets, planes]), bounds, bounds=(None, None))
-    return np.asarray(found.x[:3])
+    inner = linprog([0, 0, 0, 1], np.vstack([facets, planes]), bounds, bounds=(None, None))
+    return np.asarray(inner.x[:3])
 
 
 def _size(hull: ConvexHull, normal: Array) -> Array:
@@ -155,7 +155,7 @@ def load_with_surface(frame: str | None, load: Callable[[str | None], Leg]) -> L
     if text in SURFACES:
         return kick_with(leg, text)
     try:
-        point, normal = ([float(x) for x in part.split(",")] for part in text.split(":"))
+        point, normal = ([float(x) for x in vector.split(",")] for vector in text.split(":"))
     except ValueError:
         raise InvalidInput(
             f"surface {text!r} of {name} must be {', '.join(SURFACES)}, or X,Y,Z:NX,NY,NZ"

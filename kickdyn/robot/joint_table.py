@@ -184,7 +184,7 @@ class JointTable:
         if isinstance(q, Mapping):
             raise InvalidInput(
                 f"q is {dict(q)!r}: it must be {self.nq} numbers; Leg.configuration makes them "
-                "of joints by name"
+                "from angles by joint name"
             )
         if self._short_form is None:
             checked = validation.vector("q", q, self.nq, many="strike_many")
@@ -246,7 +246,7 @@ class JointTable:
                 lines.append(f"{name} at {value:.5g} {unit} is outside its range {span} {unit}")
         if lines and self._look_like_degrees(q):
             lines.append(
-                f"every angle but 0 is beyond {DEGREES_FACTOR:g} times its range: these look like "
+                f"every nonzero angle exceeds {DEGREES_FACTOR:g} times its range: these look like "
                 "degrees, and q is in radians"
             )
         return lines

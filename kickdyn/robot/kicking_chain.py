@@ -1,5 +1,6 @@
 """The joints that a kick moves, taken out of a leg or a whole robot."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,33 +31,38 @@ class KickingChain:
     qs: NDArray[np.int64]
     vs: NDArray[np.int64]
 
-    def whole(self, robot: Leg, q: Array, v: Array) -> tuple[Array, Array]:
+    def robot_state(self, robot: Leg, q: Array, v: Array) -> tuple[Array, Array]:
         """Return q and v of the robot from the chain's, all other joints at rest."""
         configuration, velocity = rest_configuration(robot), np.zeros(robot.nv)
         configuration[self.qs], velocity[self.vs] = q, v
         return configuration, velocity
 
 
-def rest_configuration(robot: Leg) -> Array:
+def rest_configuration(robot: Leg, others: Mapping[str, float] | None = None) -> Array:
     """Return q with every joint at the value of its range that is nearest to 0, shape `(nq,)`.
 
     Joints of several degrees of freedom are at 0, mimic joints where their drivers put them.
+    `others` are values of joints that are elsewhere [rad; m for prismatic joints].
     """
     following = {mimic.joint for mimic in robot.mimics}
     ranges = {name: robot.joint_range(name) for name in robot.single_joints}
     nearest = {name: min(max(low, 0.0), high) for name, (low, high) in ranges.items()}
+    nearest.update(others or {})
     return robot.configuration({
         name: value for name, value in nearest.items() if value and name not in following
     })  # fmt: skip
 
 
-def kicking_chain(robot: Leg, *, branches: bool = False) -> KickingChain:
+def kicking_chain(
+    robot: Leg, *, branches: bool = False, others: Mapping[str, float] | None = None
+) -> KickingChain:
     """Return the joints that move a robot's contact frame.
 
     Args:
         robot: a leg or a whole robot, on a fixed base.
         branches: whether to keep the joints that branch off the chain too. They do not move the
             contact frame, but an impact there moves them.
+        others: as for `rest_configuration`, of joints that are taken out.
 
     Raises:
         InvalidInput: without `branches`, a joint has more than one coordinate, as a floating base
@@ -81,7 +87,7 @@ def kicking_chain(robot: Leg, *, branches: bool = False) -> KickingChain:
             )
     leg = robot
     if locked := [name for name in robot.joint_names if name not in names]:
-        leg = robot.with_model(reduce_model(model, locked, rest_configuration(robot)))
+        leg = robot.with_model(reduce_model(model, locked, rest_configuration(robot, others)))
     return KickingChain(leg, *coordinate_indices(model, kept))
 
 

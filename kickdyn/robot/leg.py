@@ -1,7 +1,6 @@
 """The leg: a Pinocchio model with a contact frame, and its posture at one configuration."""
 
 import math
-import threading
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
@@ -11,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.lib.stride_tricks import as_strided
 from scipy.linalg import blas, lapack
 
 from kickdyn.core import validation
@@ -46,6 +44,7 @@ from kickdyn.robot.model_validation import (
 from kickdyn.robot.surgery import has_floating_base, reduce_model
 from kickdyn.robot.urdf_file import build_model, check_base, read_urdf, shipped_urdf
 from kickdyn.robot.visuals import RobotFile
+from kickdyn.robot.workspace import Workspace
 
 Drives = str | PathLike[str] | Mapping[str, Drive]
 """Drives by joint, or a file of them."""
@@ -169,11 +168,12 @@ class Leg(JointTable, ReprMixin):
         model: str = "paper",
         frame: str = "toe",
         base: str = "fixed",
+        segments: Any = "de Leva",
     ) -> "Leg":
         """Return a human leg; without arguments, the leg of the paper's Table 1.
 
-        Segments of a person of a given size are from de Leva 1996 (J Biomech 29:1223), torques
-        from Anderson et al. 2007 (J Biomech 40:3105); `kickdyn.robot.human_body` has the
+        Segments of a person of a given size are from published tables, torques from Anderson et
+        al. 2007 (J Biomech 40:3105); `kickdyn.robot.segment_tables` and `human_body` have the
         numbers. The last three joints of the model `3d` below have no limits of torque and speed.
 
         Args:
@@ -188,19 +188,24 @@ class Leg(JointTable, ReprMixin):
                 another frame of the leg, then without a cone of contact normals.
             base: `fixed`, the hip fixed at the origin, or `floating`: the hip moves with the pelvis
                 (the lower trunk alone), as for `from_urdf`.
+            segments: `de Leva` 1996 (J Biomech 29:1223), with segments that are symmetric about the
+                line between joints; `Dumas` et al. 2007 (J Biomech 40:543), with centres beside it
+                and whole inertia tensors; or a `yeadon.Human` (`pip install yeadon`), in its
+                neutral configuration, with lengths and girths that are measured; its masses are
+                scaled to the mass.
 
         Raises:
             InvalidInput: a value that is out of range or unknown, or a height without a mass.
         """
         if height is None and mass is None:
-            given = (sex, side, model, frame, base)
-            if given != ("male", "right", "paper", "toe", "fixed"):
+            given = (sex, side, model, frame, base, validation.brief(segments))
+            if given != ("male", "right", "paper", "toe", "fixed", "'de Leva'"):
                 raise InvalidInput(
-                    "height and mass are None: sex, side, model, frame and base are for a leg of a "
-                    "given height and mass"
+                    "height and mass are None: sex, side, model, frame, base and segments are for "
+                    "a leg of a given height and mass"
                 )
             return cls.from_urdf(shipped_urdf("leg_human.urdf"))
-        file, sized, cone = human_leg(height, mass, sex, side, model, frame, base)
+        file, sized, cone = human_leg(height, mass, sex, side, model, frame, base, segments)
         return cls(sized, frame, file, contact_normal_cone=cone)
 
     @classmethod
@@ -328,8 +333,8 @@ class Leg(JointTable, ReprMixin):
                 `inside`, `outside` and `heel` (these and talos), and every frame of the file. A
                 robot of robot_descriptions has no default, unless its file has a frame `toe`.
             base: `fixed` or `floating`, as for `from_urdf`.
-            legs_only: lock all joints but the legs' at 0, or where `locked` has them; of
-                example-robot-data only.
+            legs_only: lock all joints but the legs' at 0 (arms of talos aside of its legs), or
+                where `locked` has them; of example-robot-data only.
             locked: joints to lock at their values, as for `from_urdf`.
             drives: True for the drives of kickdyn's catalogue (g1, talos, the legs of icub, bolt)
                 or of an MJCF, False for no rotors, or other ones, as for `with_drives`.
@@ -360,7 +365,8 @@ class Leg(JointTable, ReprMixin):
         kept = (*ROBOTS[name].legs, "root_joint")
         outside = [joint for joint in leg.joint_names if not joint.startswith(kept)]
         if legs_only and outside:
-            leg = leg.with_model(reduce_model(leg.model, outside, leg.configuration()))
+            aside = {joint: q for joint, q in ROBOTS[name].aside.items() if joint in outside}
+            leg = leg.with_model(reduce_model(leg.model, outside, leg.configuration(aside)))
         if fault := _find_fault(leg):
             hint = "" if legs_only else " (legs_only=True keeps the legs' joints)"
             raise InvalidInput(f"{fault}{hint}")
@@ -889,8 +895,8 @@ class Posture(ReprMixin):
             )
         if not np.isfinite(v).all():
             raise InvalidInput(
-                f"point velocity {wish.tolist()} m/s takes joints of {self!r} beyond what a "
-                "float64 holds: it must be slower"
+                f"point velocity {wish.tolist()} m/s is too fast: the joint velocities of {self!r} "
+                "exceed the range of float64"
             )
         return v
 
@@ -1009,37 +1015,10 @@ def read_leg(
         )
     if package_dirs:
         raise InvalidInput(
-            f"package-dir is {str(package_dirs[0])!r}: it is for a URDF file, an MJCF names its "
-            "meshes from its own folder"
+            f"package-dir is {str(package_dirs[0])!r}: it is for URDF files; an MJCF file names "
+            "its meshes relative to its own folder"
         )
     return Leg.from_mjcf(path, frame, base=base, locked=values, drives=drives)
-
-
-class Workspace(threading.local):
-    """Scratch space per thread: two threads in one `pin.Data` would mix their kinematics.
-
-    Attributes:
-        model: the leg's model, for an impact without gravity; read only.
-        data: `pin.Data` of that model.
-        external: one `pin.Force` per joint, for `pin.rnea`; a caller sets all of them.
-        external_wrenches: view of `external`, shape `(njoints, 6)`, the universe included.
-        placements, velocities, accelerations: views of `data.oMi`, `data.v` and `data.a`, the
-            universe included.
-        forces: view of `data.f`, linear then angular, shape `(njoints, 6)`, without the universe.
-        zero_velocity: of all joints, shape `(nv,)`.
-    """
-
-    def __init__(self, model: Any) -> None:
-        self.model = model = model.copy()
-        model.gravity = pin.Motion.Zero()  # an impact is too short for gravity
-        self.data = pin.Data(model)  # createData makes two for a while, n^3 numbers each
-        self.external = pin.StdVec_Force()
-        self.external.extend([pin.Force.Zero() for _ in range(model.njoints)])
-        self.external_wrenches = _stacked(self.external)
-        self.placements = list(self.data.oMi)  # each access to oMi would copy its entry
-        self.velocities, self.accelerations = list(self.data.v), list(self.data.a)
-        self.forces = _stacked(self.data.f)[1:]
-        self.zero_velocity: Array = np.zeros(model.nv)
 
 
 def _find_fault(leg: Leg) -> str:
@@ -1057,14 +1036,3 @@ def _find_fault(leg: Leg) -> str:
         else:
             return ""
     return faults[0]
-
-
-def _stacked(forces: Any) -> Array:
-    """Return a view of a vector of `pin.Force`, one row each: one copy then takes all of them."""
-    rows = [force.vector for force in list(forces)]
-    first = rows[0].__array_interface__["data"][0]
-    step = 6 * rows[0].itemsize
-    for k, row in enumerate(rows):
-        if row.__array_interface__["data"][0] != first + k * step:
-            raise RuntimeError("Pinocchio no longer keeps forces side by side")
-    return as_strided(rows[0], shape=(len(rows), 6), strides=(step, rows[0].itemsize))

@@ -58,7 +58,7 @@ def build_mjcf_model(
         raise MjcfError(file.source, [str(fault)]) from None
     moving = (body for body in bodies if body not in robot_bodies and compiled.body_weldid[body])
     left_out = listed([body_name(compiled, body) for body in moving], 5)
-    warning = f"bodies that hang on another root are left out: {left_out}"
+    warning = f"bodies attached to another root are left out: {left_out}"
     read = replace(
         file,
         mimics=tuple(builder.mimics),

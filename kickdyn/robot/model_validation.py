@@ -130,6 +130,11 @@ def _check_inertias(model: Any, names: list[str]) -> None:
                 f"moves with a joint must have {low:g} to {high:g} kg; give a link there mass and "
                 f"inertia{remedy}"
             )
+        if not np.abs(moved.inertia).max() < MAX_MAGNITUDE**2:
+            raise InvalidInput(
+                f"joint {name!r} moves an unsound inertia: its moments are beyond all numbers; "
+                "masses are in kg and lengths in m"
+            )
     unsound: list[str] = []
     for name, body, moved in zip(names, bodies, composites, strict=True):
         # a point's moments are 0 but for the rounding of those about its joint

@@ -33,7 +33,7 @@ def name_fault(kind: str, name: str) -> str:
     """Return what is wrong with a name in a robot's file; empty for a valid one."""
     if len(name) > MAX_NAME or not name.isprintable():
         return f"{kind} {name[:40]!r} is not a printable name of at most {MAX_NAME} characters"
-    return f"{kind} 'universe' is Pinocchio's own" if name == "universe" else ""
+    return f"{kind} 'universe' is reserved by Pinocchio" if name == "universe" else ""
 
 
 def unknown(

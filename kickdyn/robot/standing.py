@@ -4,7 +4,7 @@ With the foot as its root, the robot is a tree on a fixed base, and what is made
 (`kicking_chain`, `plan_kick`) applies to it.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -54,20 +54,10 @@ class StandingRobot:
     def __init__(self, robot: Leg) -> None:
         robot = lock_idle_mimics(robot)
         support = _flat_support(robot)
-        model, data = robot.workspace.model, robot.workspace.data
+        model = robot.workspace.model
         self._frame = frame_id(model, support.frame)
-        pin.forwardKinematics(model, data, robot.configuration())
-        upright = pin.updateFramePlacement(model, data, self._frame).copy()
-        corners = _sole(robot, support, self._frame, upright.rotation)
-        heights = corners @ upright.rotation[2]
-        if np.ptp(heights) > SOLE_THICKNESS + 0.01 * np.ptp(corners, axis=0).max():
-            raise InvalidInput(
-                f"the sole of {support.frame} is tilted while all joints of {robot.name} are at 0: "
-                f"corners' heights differ by {np.ptp(heights):.3g} m, but the ground is level"
-            )
-        origin = np.array([*upright.translation[:2], -heights.min()])
-        self.placement = pin.SE3(upright.rotation, origin)
-        self.sole = (corners @ upright.rotation.T + origin)[:, :2]
+        self.placement, corners = _flat_on_ground(robot, support)
+        self.sole = _on_ground(self.placement, corners)
         self.support = replace(support, sole=corners)
         self.robot = robot.with_supports(self.support)
         frame = model.frames[self._frame]
@@ -82,11 +72,21 @@ class StandingRobot:
         self.trunk_axis = data.oMi[number].rotation[2].copy()
         names = robot.joint_names[1:]
         self._of_leg, self._of_robot = (
-            coordinate_indices(part, [part.getJointId(name) for name in names])
-            for part in (turned, model)
+            coordinate_indices(tree, [tree.getJointId(name) for name in names])
+            for tree in (turned, model)
         )
 
-    def whole(self, q: Array, v: Array) -> tuple[Array, Array]:
+    def kicking_foot(self) -> "Foot":
+        """Return the foot that kicks, as it stands beside the supporting one."""
+        robot = self.robot
+        model = robot.workspace.model
+        support = Support(robot.frame, friction=self.support.friction)
+        placement, corners = _flat_on_ground(robot, support)
+        frame = model.frames[frame_id(model, robot.frame)]
+        pose = placement * frame.placement.inverse()
+        return Foot(robot.frame, pose, _on_ground(placement, corners))
+
+    def robot_state(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Return q and v of the robot from the leg's, the foot where it stands."""
         robot = self.robot
         configuration, velocity = robot.configuration(), np.zeros(robot.nv)
@@ -99,7 +99,22 @@ class StandingRobot:
         return configuration, velocity
 
 
-def sole_edges(standing: StandingRobot) -> tuple[Array, Array]:
+@dataclass(frozen=True, eq=False)
+class Foot:
+    """The kicking foot while it stands on the ground.
+
+    Attributes:
+        frame: the contact frame, which it carries.
+        pose: of the joint that carries it in the world, a `pin.SE3`.
+        sole: corners of its sole, shape `(k, 2)` [m, world frame, x and y].
+    """
+
+    frame: str
+    pose: Any
+    sole: Array
+
+
+def sole_edges(standing: StandingRobot | Foot) -> tuple[Array, Array]:
     """Return normals, outwards, and offsets of the sole's edges, `(k, 2)` and `(k,)` [m]."""
     edges = ConvexHull(standing.sole).equations
     return edges[:, :2], -edges[:, 2]
@@ -168,6 +183,32 @@ def _flat_support(robot: Leg) -> Support:
         named = ", ".join(f"{s.frame}{' (a point)' if s.point else ''}" for s in supports)
         raise InvalidInput(f"{robot.name} stands on {named}: kicks are planned from one flat foot")
     return supports[0]
+
+
+def _flat_on_ground(robot: Leg, support: Support) -> tuple[Any, Array]:
+    """Return where a frame is while its foot is flat on the ground, and its sole's corners.
+
+    The first is a `pin.SE3`, with x and y while all joints are at 0; the corners have the shape
+    `(k, 3)` [m, support frame].
+    """
+    model, data = robot.workspace.model, robot.workspace.data
+    frame = frame_id(model, support.frame)
+    pin.forwardKinematics(model, data, robot.configuration())
+    upright = pin.updateFramePlacement(model, data, frame).copy()
+    corners = _sole(robot, support, frame, upright.rotation)
+    heights = corners @ upright.rotation[2]
+    if np.ptp(heights) > SOLE_THICKNESS + 0.01 * np.ptp(corners, axis=0).max():
+        raise InvalidInput(
+            f"the sole of {support.frame} is tilted while all joints of {robot.name} are at 0: "
+            f"corners' heights differ by {np.ptp(heights):.3g} m, but the ground is level"
+        )
+    origin = np.array([*upright.translation[:2], -heights.min()])
+    return pin.SE3(upright.rotation, origin), corners
+
+
+def _on_ground(placement: Any, corners: Array) -> Array:
+    """Return x and y of corners of a frame in the world, shape `(k, 2)` [m]."""
+    return np.asarray((corners @ placement.rotation.T + placement.translation)[:, :2])
 
 
 def _sole(robot: Leg, support: Support, frame: int, rotation: Array) -> Array:

@@ -74,10 +74,22 @@ BODY = np.dtype(
 """What is computed of each joint and its body; cosine and sine are given."""
 
 
+MOTION = np.dtype(
+    [
+        ("speed", float, BATCH),  # of the joint [rad/s; m/s]; given
+        ("acceleration", float, (3, BATCH)),  # of the body's origin, if no joint accelerates [m/s2]
+        ("turning", float, (3, BATCH)),  # angular acceleration of the body, likewise [rad/s2]
+        ("free", float, BATCH),  # torque that accelerates the joint [N m; N], then whitened
+    ]
+)
+"""How joints and bodies move, beside `BODY`, whose `turn` and `velocity` are then no jumps."""
+
 STATE = np.dtype(
     [
         ("number", float, BATCH),  # 0, 1, 2 ... within the batch; given
         ("point", float, (3, BATCH)),  # contact point from the origin of the foot's joint [m]
+        ("from_base", float, (3, BATCH)),  # contact point from the origin of the first joint [m]
+        ("needed", float, (3, BATCH)),  # velocity that the joints must give the contact point [m/s]
         ("jacobian_square", float, BATCH),  # sum of squares of the contact point's Jacobian
         ("delassus", float, (6, BATCH)),  # Delassus matrix of the foot [1/kg]
         ("impulse", float, (3, BATCH)),  # on the ball along both tangents and the normal [N s]
@@ -116,9 +128,9 @@ class TreeJoints(NamedTuple):
 
 
 def hinges_and_slides(leg: Leg) -> TreeJoints | None:
-    """Return the joints of a leg; None with a base that floats or moves, constraints, or others."""
+    """Return the joints of a leg; None with a floating base, constraints, or other joints."""
     model = leg.workspace.model
-    if leg.constraints is not None or leg.base_velocity is not None:
+    if leg.constraints is not None:
         return None
     if any(nv != 1 for nv in list(model.nvs)[1:]):
         return None
@@ -168,7 +180,8 @@ def joint_tree(
 
 
 @inlined
-def _vector(rows):  # type: ignore[no-untyped-def]
+def vector(rows):  # type: ignore[no-untyped-def]
+    """Return the three rows of an array as a tuple."""
     return rows[0], rows[1], rows[2]
 
 
@@ -282,7 +295,7 @@ def joint_space_inertia(tree, bodies, inertia):  # type: ignore[no-untyped-def]
     """
     for k in range(len(tree) - 1, 0, -1):
         joint, body = tree[k], bodies[k]
-        axis, moment = _axis(body), _vector(body.carried_moment)
+        axis, moment = _axis(body), vector(body.carried_moment)
         if joint.slides:
             torque = cross(moment, axis)
             inertia[k, k] = joint.carried_mass + joint.armature
@@ -294,7 +307,7 @@ def joint_space_inertia(tree, bodies, inertia):  # type: ignore[no-untyped-def]
         force = _scale(joint.carried_mass, axis) if joint.slides else cross(axis, moment)
         a, below = joint.parent, body
         while a > 0:
-            torque = _add(torque, cross(_vector(below.origin), force))
+            torque = _add(torque, cross(vector(below.origin), force))
             inertia[k, a] = dot(_axis(bodies[a]), force if tree[a].slides else torque)
             a, below = tree[a].parent, bodies[a]
         _carry(body, bodies[joint.parent], joint.carried_mass)
@@ -302,10 +315,10 @@ def joint_space_inertia(tree, bodies, inertia):  # type: ignore[no-untyped-def]
 
 @njit
 def _carry(body, parent, mass):  # type: ignore[no-untyped-def]
-    dx, dy, dz = d = _vector(body.origin)
-    hx, hy, hz = h = _vector(body.carried_moment)
+    dx, dy, dz = d = vector(body.origin)
+    hx, hy, hz = h = vector(body.carried_moment)
     ex, ey, ez = e = _add(h, _scale(mass, d))
-    _put(parent.carried_moment, _add(_vector(parent.carried_moment), e))
+    _put(parent.carried_moment, _add(vector(parent.carried_moment), e))
     xs, ys, zs = dx * (hx + ex), dy * (hy + ey), dz * (hz + ez)
     carried, total = body.carried_inertia, parent.carried_inertia
     total[0] += carried[0] + (ys + zs)
@@ -333,9 +346,10 @@ def contact_jacobian(tree, bodies, task, lever, state):  # type: ignore[no-untyp
         if task.planar:
             body.jacobian[1] = 0.0
         square += dot(column, column)
-        distance = _add(distance, _vector(body.origin))
+        distance = _add(distance, vector(body.origin))
         k = tree[k].parent
     state.jacobian_square = square
+    _put(state.from_base, distance)
 
 
 @njit
@@ -348,34 +362,85 @@ def joint_impulses(tree, bodies, task, state):  # type: ignore[no-untyped-def]
     """
     for k in range(1, len(tree)):
         joint, body, parent = tree[k], bodies[k], bodies[tree[k].parent]
-        axis, turn = _axis(body), _vector(parent.turn)
-        velocity = _add(_vector(parent.velocity), cross(turn, _vector(body.origin)))
+        axis, turn = _axis(body), vector(parent.turn)
+        velocity = _add(vector(parent.velocity), cross(turn, vector(body.origin)))
         if joint.slides:
             velocity = _add(velocity, _scale(body.jump, axis))
         else:
             turn = _add(turn, _scale(body.jump, axis))
-        moment = _vector(body.moment)
+        moment = vector(body.moment)
         _put(body.velocity, velocity)
         _put(body.turn, turn)
         _put(body.force, _add(_scale(joint.mass, velocity), cross(turn, moment)))
         _put(body.torque, _add(_times(_symmetric(body.inertia), turn), cross(moment, velocity)))
-    foot, point, impulse = bodies[task.foot], _vector(state.point), _vector(state.impulse)
-    _put(foot.force, _add(_vector(foot.force), impulse))
-    _put(foot.torque, _add(_vector(foot.torque), cross(point, impulse)))
+    foot, point, impulse = bodies[task.foot], vector(state.point), vector(state.impulse)
+    _put(foot.force, _add(vector(foot.force), impulse))
+    _put(foot.torque, _add(vector(foot.torque), cross(point, impulse)))
     state.foot_jump = foot.velocity[2] + (foot.turn[0] * point[1] - foot.turn[1] * point[0])
     largest, residual = spread(0.0), spread(0.0)
     for k in range(len(tree) - 1, 0, -1):
         joint, body = tree[k], bodies[k]
-        force, torque = _vector(body.force), _vector(body.torque)
+        force, torque = vector(body.force), vector(body.torque)
         along = dot(_axis(body), force if joint.slides else torque)
         largest = max(largest, dot(force, force))
         residual = max(residual, math.fabs(along + joint.armature * body.jump))
         if joint.parent > 0:
             parent = bodies[joint.parent]
-            torque = _add(torque, cross(_vector(body.origin), force))
-            _put(parent.force, _add(_vector(parent.force), force))
-            _put(parent.torque, _add(_vector(parent.torque), torque))
+            torque = _add(torque, cross(vector(body.origin), force))
+            _put(parent.force, _add(vector(parent.force), force))
+            _put(parent.torque, _add(vector(parent.torque), torque))
     state.largest_square, state.momentum_error = largest, residual
+
+
+@njit
+def velocity_torques(tree, bodies, motion):  # type: ignore[no-untyped-def]
+    """Subtract from the torques `free` what gravity and the products of velocities take.
+
+    The recursive Newton-Euler algorithm (Featherstone 2008, table 5.1) with joints that do not
+    accelerate. The origin of the base accelerates against gravity, which is in `motion[0]`.
+    """
+    for k in range(1, len(tree)):
+        joint, body, moves, parent = tree[k], bodies[k], motion[k], bodies[tree[k].parent]
+        axis, turn, lever = _axis(body), vector(parent.turn), vector(body.origin)
+        carried = cross(turn, lever)
+        velocity = _add(vector(parent.velocity), carried)
+        turning = vector(motion[joint.parent].turning)
+        acceleration = _add(vector(motion[joint.parent].acceleration), cross(turning, lever))
+        acceleration = _add(acceleration, cross(turn, carried))
+        along = _scale(moves.speed, axis)
+        if joint.slides:
+            velocity = _add(velocity, along)
+            acceleration = _add(acceleration, _scale(2.0, cross(turn, along)))
+        else:
+            turning = _add(turning, cross(turn, along))
+            turn = _add(turn, along)
+        inertia, moment = _symmetric(body.inertia), vector(body.moment)
+        _put(body.velocity, velocity)
+        _put(body.turn, turn)
+        _put(moves.acceleration, acceleration)
+        _put(moves.turning, turning)
+        force = _add(cross(turning, moment), cross(turn, cross(turn, moment)))
+        _put(body.force, _add(_scale(joint.mass, acceleration), force))
+        torque = _add(_times(inertia, turning), cross(turn, _times(inertia, turn)))
+        _put(body.torque, _add(torque, cross(moment, acceleration)))
+    for k in range(len(tree) - 1, 0, -1):
+        joint, body, parent = tree[k], bodies[k], bodies[tree[k].parent]
+        force, torque = vector(body.force), vector(body.torque)
+        motion[k].free -= dot(_axis(body), force if joint.slides else torque)
+        if joint.parent > 0:
+            torque = _add(torque, cross(vector(body.origin), force))
+            _put(parent.force, _add(vector(parent.force), force))
+            _put(parent.torque, _add(vector(parent.torque), torque))
+
+
+@njit
+def whiten_torques(tree, motion, factors):  # type: ignore[no-untyped-def]
+    r"""Replace the torques `free` by :math:`L^{-T}` times them."""
+    for k in range(len(tree) - 1, 0, -1):
+        torque, a = motion[k].free, tree[k].parent
+        while a > 0:
+            motion[a].free -= factors[k, a] * torque
+            a = tree[a].parent
 
 
 @njit

@@ -16,6 +16,8 @@ from kickdyn.flight.flight_result import Flight, FlightStatus
 from kickdyn.flight.fly import fly
 from kickdyn.flight.follow import Course, follow
 from kickdyn.flight.forces import acceleration_function, time_to_fall
+from kickdyn.flight.ground_motion import bounce
+from kickdyn.ground import Surface
 from kickdyn.impact.collide import Collision, collide, duration, takes_inflated_force
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike
@@ -50,6 +52,10 @@ the contact matters less."""
 PARABOLA, PARABOLA_BOUNCES = 1.7, 25.0
 """Error of an end by `end_error` over that of `relative_error`, at most in nine of ten random paths
 that end at the first landing and at rest."""
+
+STILL = 0.3
+"""Acceleration of a ball at rest by the wind over the deceleration of rolling up to which the wind
+hardly changes how long it rolls."""
 
 VELOCITY_SAFETY, SPIN_SAFETY = 2.0, 8.0
 """Factors on the changes of the launch. In 140 random kicks the launch by `collide` differed by at
@@ -202,21 +208,62 @@ def end_error(scene: Scene, path: Flight | Course, error: LaunchError | ContactT
     if path.duration == 0.0:  # the ball starts where its path ends
         return error.position
     flights = path.flights if isinstance(path, Course) else (path,)
-    flight, in_air = flights[0], math.fsum(part.duration for part in flights)
-    time, arrival, normal = (
-        float(flight.duration),
-        flight.landing.velocity,
-        np.array([0.0, 0.0, 1.0]),
-    )
+    in_air = math.fsum(passage.duration for passage in flights)
+    further = in_air - flights[0].duration, path.duration - in_air
+    return _end_error(scene, flights[0], further, error)
+
+
+def _end_error(
+    scene: Scene,
+    flight: Flight,
+    further: tuple[float, float],
+    error: LaunchError | ContactTimeError,
+) -> float:
+    """Return `end_error` of a first flight, and of further times in the air and on the ground."""
+    time, arrival = float(flight.duration), flight.landing.velocity
+    normal = np.array([0.0, 0.0, 1.0])
     if flight.status == FlightStatus.AT_PLANE and scene.plane is not None:
         normal = scene.plane.normal
     across = abs(float(normal @ arrival))
     slant = math.hypot(*arrival) / across if across > 0.0 else math.inf
     slant = slant if time > 0.0 else 1.0
-    moved = error.position + (error.velocity + 0.5 * _lift_change(scene, path, error) * time) * time
+    moved = (
+        error.position + (error.velocity + 0.5 * _lift_change(scene, flight, error) * time) * time
+    )
     bounced = BOUNCE_SAFETY * (error.velocity + scene.ball.radius * error.spin)
-    moved = slant * (moved + bounced * (in_air - time)) + bounced * (path.duration - in_air)
-    return END_SAFETY * float(moved)
+    return END_SAFETY * float(slant * (moved + bounced * further[0]) + bounced * further[1])
+
+
+def first_flight(scene: Scene, launch: BallState) -> Flight:
+    """Return the flight of a scene's ball to its first landing, or to the plane."""
+    return fly(launch, scene.ball, scene.air, scene.ground, SMALLEST_TOLERANCE, plane=scene.plane)
+
+
+def expected_end_error(
+    scene: Scene, flight: Flight, error: LaunchError | ContactTimeError
+) -> float:
+    """Return about the `end_error` of a path that bounces and rolls, from its first flight [m].
+
+    The further times are those in a vacuum, after the first bounce. It is inf where a wind may keep
+    the ball rolling.
+    """
+    if flight.status == FlightStatus.AT_PLANE:
+        return _end_error(scene, flight, (0.0, 0.0), error)
+    surface = scene.ground and scene.ground.surface
+    if flight.status != FlightStatus.LANDED or not isinstance(surface, Surface):
+        return math.inf
+    landing, deceleration = flight.landing, surface.rolling_deceleration
+    if scene.air is not None:
+        height = float(landing.position[2])
+        pushed = acceleration_function(scene.ball, scene.air)(height, *[0.0] * 6)[:2]
+        if math.hypot(*pushed) > STILL * deceleration:
+            return math.inf
+    after = bounce(landing, scene.ball, surface).velocity
+    fallen = abs(float(landing.velocity[2]))
+    e = min(float(after[2]) / fallen, 0.99) if fallen > 0.0 else 0.0
+    bouncing = 2.0 * float(after[2]) / GRAVITY / (1.0 - e)
+    rolling = math.hypot(*after[:2].tolist()) / deceleration
+    return _end_error(scene, flight, (bouncing, rolling), error)
 
 
 def contact_time_size(
@@ -239,9 +286,7 @@ def contact_time_size(
     return min(size, VELOCITY_SAFETY * apart + end_error(scene, path, error.rest))
 
 
-def _lift_change(
-    scene: Scene, path: Flight | Course, error: LaunchError | ContactTimeError
-) -> float:
+def _lift_change(scene: Scene, path: Flight, error: LaunchError | ContactTimeError) -> float:
     """Return by how much the acceleration at the launch changes by the error of its spin [m/s2]."""
     if scene.air is None or scene.air.lift is None or error.spin == 0.0:
         return 0.0
@@ -285,8 +330,8 @@ def contact_time_error(scene: Scene, impact: Impact, limit: float = math.inf) ->
     """Estimate how far the launch by `collide` is at most from the launch by `strike`.
 
     The leg moves on with the mean of its velocities before and after the impact, its forces of
-    inertia included, and the normal of the contact turns with the foot. The ball is struck again in
-    the middle of the contact and at its end; the estimate is the largest change, times a safety
+    inertia included, and the normal of the contact turns with the foot. The ball is struck again at
+    the end of the contact and in its middle; the estimate is the largest change, times a safety
     factor. A brief contact that sticks tends to the law `stronge`, not `newton` (see `collide`):
     the difference of these laws is added.
 
@@ -311,7 +356,7 @@ def contact_time_error(scene: Scene, impact: Impact, limit: float = math.inf) ->
     mean_velocity = 0.5 * (impact.v_before + impact.v_after)
     try:
         launches = []
-        for fraction in (0.5, 1.0):
+        for fraction in (1.0, 0.5):
             q = pin.integrate(space.model, scene.q, fraction * time * mean_velocity)
             moved = leg.posture(q)
             turn = moved.rotation_world_joint @ posture.rotation_world_joint.T
@@ -330,7 +375,7 @@ def contact_time_error(scene: Scene, impact: Impact, limit: float = math.inf) ->
     law_velocity = math.dist(by_law.velocity, launch.velocity)
     law_spin = math.dist(by_law.spin, launch.spin)
     fastest = max(float(launch.speed), math.hypot(*scene.incoming.velocity))
-    beyond = velocity - math.dist(launches[-1].velocity, launch.velocity)  # of the middle
+    beyond = velocity - math.dist(launches[0].velocity, launch.velocity)  # of the middle
     rest = LaunchError(
         VELOCITY_SAFETY * (beyond + law_velocity) + GRAVITY * time,
         (SPIN_SAFETY - VELOCITY_SAFETY) * spin
@@ -342,7 +387,7 @@ def contact_time_error(scene: Scene, impact: Impact, limit: float = math.inf) ->
         rest.velocity + VELOCITY_SAFETY * (velocity - beyond),
         rest.spin + VELOCITY_SAFETY * spin,
         rest.position,
-        BallState(launch.position, launches[-1].velocity, launches[-1].spin),
+        BallState(launch.position, launches[0].velocity, launches[0].spin),
         rest,
     )
     return error if _stays_clear(scene, impact, error) else unknown

@@ -31,6 +31,8 @@ from kickdyn.scene.launch_and_end import (
     end_error,
     end_of,
     end_slopes,
+    expected_end_error,
+    first_flight,
     fly_scene,
     least_duration,
     path_error,
@@ -371,8 +373,16 @@ def _simulate(scene: Scene, tolerance: float | None) -> Simulation:
     allowed, least = CONTACT_SHARE * tolerance, least_duration(scene, instant.ball_after)
     launch_error = contact_time_error(scene, instant, allowed / least if least else math.inf)
     relative = relative_error(scene, instant.ball_after)
-    if launch_error.velocity < math.inf:
-        with suppress(KickdynError):  # as where only this launch leaves the range of a coefficient
+    may_neglect = launch_error.velocity < math.inf
+    with suppress(KickdynError):  # as where only this launch leaves the range of a coefficient
+        if scene.ground is not None and scene.ground.surface is not None:
+            # a path that bounces and rolls costs as much as a contact: it is not followed in vain
+            flight = first_flight(scene, instant.ball_after)
+            numerical = collision_error(scene, instant.ball_after, 1.0)
+            relative = min(expected_end_error(scene, flight, numerical), relative)
+            if may_neglect:
+                may_neglect = expected_end_error(scene, flight, launch_error) <= allowed
+        if may_neglect:
             answer = _with_path(scene, tolerance, instant)
             size = contact_time_size(scene, answer.path, launch_error, allowed)
             # where the path ends at once, the launch with contact time may well fly
@@ -396,14 +406,16 @@ def _collide_to(scene: Scene, tolerance: float, relative: float) -> Simulation:
     `relative` is about the error of the end over the relative tolerance of the integrator.
     """
     allowed, surface = CONTACT_SHARE * tolerance, scene.ground and scene.ground.surface
-    aim = 0.7 if surface is None else 0.1  # to follow a ball twice takes longer
+    aim, again = 0.7 if surface is None else 0.1, False  # to follow a ball twice takes longer
     while True:
         tol = min(max(aim * allowed / relative, SMALLEST_TOLERANCE), LARGEST_TOLERANCE)
+        tol = SMALLEST_TOLERANCE if again and tol < 1e-7 else tol
         answer = _with_path(scene, tolerance, collide_scene(scene, tol))
         error = end_error(scene, answer.path, collision_error(scene, answer.launch, tol))
         if error <= allowed or tol == SMALLEST_TOLERANCE or math.isinf(error):
             return answer
-        relative = error / tol
+        # errors need not be proportional to the tolerance: many attempts cost more than the best
+        relative, aim, again = error / tol, 0.05 * aim, True
 
 
 def simulate_as_instant(scene: Scene) -> Simulation:

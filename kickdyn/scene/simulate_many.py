@@ -188,14 +188,14 @@ class _Draws:
         """Return position, velocity and spin of the balls after strikes, `(n, 9)`, and status."""
         scene = self.scene
         if isinstance(scene.law, str) and scene.law != "newton":
-            return self._one_by_one(values, lambda one: strike_scene(one).ball_after)
+            return self._one_by_one(values, lambda scene: strike_scene(scene).ball_after)
         impacts: Impacts = strike_many(scene.leg, ball=scene.ball, **self.arguments(values))
         columns = impacts.ball_position, impacts.ball_velocity, impacts.ball_spin
         return np.hstack(columns), impacts.status
 
     def collisions(self, values: Array, tol: float) -> Array:
         """Return position, velocity and spin of the balls after collisions, `(n, 9)`."""
-        return self._one_by_one(values, lambda one: collide_scene(one, tol).ball_after)[0]
+        return self._one_by_one(values, lambda scene: collide_scene(scene, tol).ball_after)[0]
 
     def _one_by_one(
         self, values: Array, after: Callable[[Scene], BallState]
@@ -205,13 +205,13 @@ class _Draws:
         for i in range(len(values)):
             contact = given["contact"]
             try:
-                one = self.scene.replace(
+                drawn = self.scene.replace(
                     posture=self.scene.leg.posture(given["q"][i]), v=given["v"][i],
                     contact=contact[i] if isinstance(contact, list) else contact,
                     incoming=BallState(velocity=given["ball_velocity"][i],
                                        spin=given["ball_spin"][i]),
                 )  # fmt: skip
-                ball = after(one)
+                ball = after(drawn)
             except KickdynError:
                 status[i] = StrikeStatus.FAILED.flag
                 continue

@@ -2,8 +2,6 @@
 
 import difflib
 import os
-import re
-import tomllib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -13,16 +11,10 @@ from typing import Any
 
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
-from kickdyn.core.files import read_text, shipped
+from kickdyn.core.files import read_toml, shipped
 from kickdyn.errors import FaultyFile, InvalidInput, SceneError, printable
 from kickdyn.scene.scene import Scene
 from kickdyn.scene.scene_tables import TABLES, Table, joint_faults
-
-MAX_BYTES = 100_000
-"""Size of the largest scene file that is read [bytes]."""
-
-MAX_DOTS = 1000
-"""Dots in a line of a scene file: each part of a dotted key is a table inside the previous one."""
 
 MAX_FAULTS = 100
 """Most faults of a scene file that are listed."""
@@ -36,7 +28,7 @@ def load_scene(path: str | PathLike[str]) -> Scene:
     without `drag` has none.
 
     Args:
-        path: the file, at most `MAX_BYTES` long; or the name of a shipped scene, such as
+        path: the file, of 100 kB at most; or the name of a shipped scene, such as
             `free_kick`, where there is no such file.
 
     Raises:
@@ -49,13 +41,7 @@ def load_scene(path: str | PathLike[str]) -> Scene:
     except TypeError:
         raise InvalidInput(f"scene path is {path!r}: it must be a str or a Path") from None
     file = _named(file, source)
-    text = read_text(file, source, MAX_BYTES, SceneError)
-    if max(line.count(".") for line in text.split("\n")) > MAX_DOTS:  # of a key's nested tables
-        raise SceneError(source, [f"has more than {MAX_DOTS} dots in a line"])
-    try:
-        document = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # ValueError: an endless integer, too
-        raise SceneError(source, [f"is not TOML: {error}{_line_of(text, error)}"]) from None
+    document = read_toml(file, source, SceneError)
     faults, arguments = _read_tables(document)
     try:
         if not faults:
@@ -64,17 +50,6 @@ def load_scene(path: str | PathLike[str]) -> Scene:
         faults = list(error.faults)
     more = len(faults) - MAX_FAULTS
     raise SceneError(source, faults if more <= 0 else [*faults[:-more], f"and {more} more faults"])
-
-
-def _line_of(text: str, error: Exception) -> str:
-    place = re.search(r"at line (\d+)", str(error))
-    if place is None:
-        return ""
-    line = validation.brief(text.split("\n")[int(place[1]) - 1].strip())
-    return (
-        f": {line}; keys are written as key = value, each once in a section, text in quotes, and "
-        "numbers with a decimal point"
-    )
 
 
 def _named(file: Path, source: str) -> Path:

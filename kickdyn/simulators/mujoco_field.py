@@ -42,6 +42,13 @@ LARGEST_TILT, LEAST_HEIGHT = math.radians(45.0), 0.7
 PLATE = 0.05
 """Half the width of the plate at the contact point, which strikes the ball [m]."""
 
+TOUCHABLE = 0.1
+"""Time before the planned impact from which on the foot can touch the ball [s]. Its plate is wider
+than the foot and may be inside a ball beside which the robot stands at first."""
+
+AWAY = 100.0
+"""Height at which an untouchable ball is [m]."""
+
 CORNER_RADIUS = 5e-3
 """Radius of the spheres at the corners of the sole [m]."""
 
@@ -190,13 +197,19 @@ integrator="{tuning.integrator}" cone="elliptic" impratio="100" tolerance="1e-10
         self.mujoco.mj_resetData(self.model, data)
         data.qpos[:-7] = mujoco_state(motion.robot.model, q, np.zeros(motion.robot.nv))[0]
 
-    def set_ball(self, t: float) -> None:
-        """Put the ball where it is at a time [s] before the contact."""
+    def set_ball(self, t: float) -> Array:
+        """Put the ball where it is at a time [s] before the contact; return this place, `(3,)`.
+
+        It is out of reach until `TOUCHABLE` before the impact.
+        """
         before, data = self.impact.ball_before, self.data
         place = before.position + t * before.velocity
         place[:2] += self.disturbance.place
         data.qpos[-7:] = [*place, 1.0, 0.0, 0.0, 0.0]
+        if t < -TOUCHABLE:
+            data.qpos[-5] += AWAY
         data.qvel[-6:] = [*before.velocity, *before.spin]
+        return place
 
     def ball(self, t: float) -> BallState:
         """Return the ball at a time [s]."""

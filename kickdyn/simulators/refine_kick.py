@@ -19,6 +19,9 @@ from kickdyn.planning.launch import Launch, plan_launch
 from kickdyn.robot.standing import is_floating
 from kickdyn.simulators.run_in_mujoco import run_in_mujoco
 
+LARGEST_STEP = 1.5
+"""Largest correction of a launch over its error."""
+
 
 class Observer(StrEnum):
     """What gives the ball of a planned kick: `collide`, or the motion in MuJoCo."""
@@ -35,13 +38,14 @@ def refine_kick(plan: KickPlan, rounds: int = 2, by: str = Observer.COLLIDE) -> 
     the ball, and the robot does not follow its motion exactly. In each round the motion is planned
     again, from the one before, for the launch
 
-    .. math:: v_{k+1} = v_k + v^* - \hat v_k
+    .. math:: v = v_b + B^{-1} (v^* - \hat v_b)
 
-    with the ball :math:`\hat v_k` that was observed, and the launch :math:`v^*` that meets the goal
-    from the place where this ball leaves the foot, with its spin; after a correction that made the
-    ball worse, half of it from the plan before. The motion of a robot that stands
-    keeps its azimuth; in the end the robot is turned about the ball by the error of the azimuth
-    (the plan's `heading`), which changes nothing else.
+    from the best plan so far, with its ball :math:`\hat v_b` as observed, and the launch
+    :math:`v^*` that meets the goal from the place where this ball leaves the foot, with its spin.
+    The slope B of observed by commanded launches is 1 at first and learns from each round
+    (Broyden's method); a step is at most 1.5 times as large as the error. The motion of a robot
+    that stands keeps its azimuth; in the end the robot is turned about the ball by the error of the
+    azimuth (the plan's `heading`), which changes nothing else.
 
     Args:
         plan: with a `motion`.
@@ -63,15 +67,19 @@ def refine_kick(plan: KickPlan, rounds: int = 2, by: str = Observer.COLLIDE) -> 
     validation.number("rounds", rounds, at_least=1, at_most=10)
     if plan.motion is None:
         raise InvalidInput("the plan has no motion: plan it with plan_kick(..., motion=True)")
-    best, step = _try(plan, chosen), 1.0
+    best, slope = _try(plan, chosen), np.eye(3)
     for _ in range(rounds):
-        command = best.plan.impact.ball_after.velocity + step * best.error
+        step = np.linalg.lstsq(slope, best.error)[0]
+        size = float(np.linalg.norm(step))
+        if size == 0.0:  # the ball is as wished
+            break
+        step *= min(1.0, LARGEST_STEP * best.size / size)
+        command = best.plan.impact.ball_after.velocity + step
         tried = _try(replan_motion(best.plan, command), chosen)
-        if tried.size < best.size:
-            best, step = tried, 1.0
-        else:
-            step *= 0.5
-    return turn_plan(best.plan, best.turn) if is_floating(plan.leg) else best.plan
+        slope += np.outer(best.error - tried.error - slope @ step, step) / (step @ step)
+        best = min(best, tried, key=lambda one: one.size)
+    corrected = replace(best.plan, corrected_by=chosen.value)
+    return turn_plan(corrected, best.turn) if is_floating(plan.leg) else corrected
 
 
 class _Tried(NamedTuple):

@@ -32,8 +32,9 @@ from kickdyn.simulators.tune_mujoco import MujocoTuning, tune_mujoco
 LATEST = 0.1
 """Time after the planned impact at which the foot counts as having missed the ball [s]."""
 
-RECOVERY = 1.0
-"""Time after the ball has left at which the simulation ends [s]."""
+RECOVERY, REST = 1.0, 0.2
+"""Least times from when the ball has left, and from the end of the motion, to the end of the
+simulation [s]."""
 
 TRACKED = 20
 """Number of positions of a track."""
@@ -68,8 +69,8 @@ class MujocoRun(ReprMixin):
         delay: time of the first contact after the planned one [s]; NaN where there is none.
         path: flight or course of the ball from `ball_after` to the plane of the target, or to the
             ground before it; None where the foot misses it.
-        upright: whether the robot still stands 1 s after the ball has left; true for a leg on a
-            fixed base.
+        upright: whether the robot still stands 1 s after the ball has left, or 0.2 s after the end
+            of a motion that takes longer; true for a leg on a fixed base.
         margins: least distance from each limit over the run: `torque`, `speed` and `friction` as
             a share of the limit, `centre of pressure` from the edge of the sole, where the sole is
             in the simulation [m]. The last two are of forces averaged over 20 ms.
@@ -134,7 +135,7 @@ class MujocoRun(ReprMixin):
         if self.path is None:
             return math.inf
         end = self.path.landing if isinstance(self.path, Flight) else self.path.rest
-        target = self.plan.impact.ball_before.position + self.plan.aim.target
+        target = self.plan.target_position
         return float(np.linalg.norm(end.position - target))
 
     @property
@@ -144,9 +145,9 @@ class MujocoRun(ReprMixin):
         if self.path is None:
             return f"In MuJoCo, the foot misses the ball, and the robot {stands}."
         return (
-            f"In MuJoCo, the ball is {self.speed_error:+.1%} in speed and "
-            f"{math.degrees(self.direction_error):.1f} deg in direction from the launch to the "
-            f"goal, and misses it by {self.miss:.2g} m; the robot {stands}."
+            f"In MuJoCo, the launch differs from the required one by {self.speed_error:+.1%} in "
+            f"speed and {math.degrees(self.direction_error):.1f} deg in direction, and the ball "
+            f"misses the target by {self.miss:.2g} m; the robot {stands}."
         )
 
     @property
@@ -246,7 +247,7 @@ def run_in_mujoco(
         validation.check_type(int, seed=seed)
         validation.number("seed", seed, at_least=0)
     elif noise is not None:
-        raise InvalidInput("noise is given without a seed: a run without a seed has none")
+        raise InvalidInput("noise is given without a seed: give both")
     load_mujoco()
     motion, impact = plan.motion, plan.impact
     if tuning is not None and tuning.ball != impact.ball:
@@ -302,10 +303,11 @@ def _simulate(field: MujocoField, *, feed_forward: bool) -> _Samples:
             control = field.reference(sent, feed_forward=feed_forward)
         else:
             control = at_impact
-        if touched is None:
-            field.set_ball(number * step)
+        place = None if touched is not None else field.set_ball(number * step)
         data.ctrl[:] = control
         before = data.qpos.copy(), data.qvel.copy()
+        if place is not None:
+            before[0][-7:-4] = place
         field.mujoco.mj_step(field.model, data)
         rows.append((*before, data.actuator_force.copy()))
         ground.append(field.sole_load())
@@ -314,7 +316,7 @@ def _simulate(field: MujocoField, *, feed_forward: bool) -> _Samples:
             touched = number - 1 if touched is None else touched
         elif touched is not None and ball is None:
             ball = field.ball(number * step)
-            last = number + math.ceil(RECOVERY / step)
+            last = number + math.ceil(max(RECOVERY, motion.end + REST) / step)
     return _Samples(rows, ground, touched, ball)
 
 

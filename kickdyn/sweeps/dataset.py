@@ -2,6 +2,7 @@
 
 import hashlib
 import math
+import re
 from collections.abc import Iterable
 from importlib import metadata
 from typing import Any
@@ -194,7 +195,7 @@ def difference(
 
     `wanted` is described, and `kept` are its variables, in the order of `VARIABLES`.
     Every attribute but `finished` and `warnings` and every value of the grid is compared, to the
-    last digit.
+    last digit; numbers of the leg's model to 12 digits.
     """
     joints = [", ".join(map(str, dims)) for dims in (stored["status"].dims, wanted.dims)]
     if joints[0] != joints[1]:
@@ -214,13 +215,23 @@ def difference(
 
 
 def _model_text(leg: Leg) -> str:
-    """Return every number of a leg's model and its constraints as a text."""
+    """Return every number of a leg's model and its constraints as a text, to 12 digits.
+
+    Later digits of what readers compute are rounding, which differs between processors.
+    """
     constraints = leg.constraints
     supports, loops = ([], []) if constraints is None else (constraints.supports, constraints.loops)
     stands, gears = [(s.frame, s.point) for s in supports], [tuple(m) for m in leg.mimics]
     stiff = list(leg.stiff_joints)
     text = f"{leg.model.saveToString()} {stands} {list(loops)} {gears} {stiff}"
-    return text if leg.base_velocity is None else f"{text} {leg.base_velocity.tolist()}"
+    if leg.base_velocity is not None:
+        text = f"{text} {leg.base_velocity.tolist()}"
+    return re.sub(r"-?\d+\.\d+(e[-+]\d+)?", _without_rounding, text)
+
+
+def _without_rounding(number: re.Match[str]) -> str:
+    value = float(number[0])
+    return f"{value:.12g}" if abs(value) > 1e-13 else "0"
 
 
 def _air_hash(air: Air) -> str:

@@ -189,7 +189,7 @@ def _sampled(axes: Mapping[str, Array], samples: int | str) -> dict[str, Array]:
         if len(set(lengths.values())) > 1:
             counts = ", ".join(f"{name} {length}" for name, length in lengths.items())
             raise InvalidInput(
-                f"joints have unequal numbers of values, {counts}: a list needs as many"
+                f"joints have different numbers of values, {counts}: a list needs equal ones"
             )
         check_size((max(lengths.values()),), MOST_SAMPLES)
         return dict(axes)

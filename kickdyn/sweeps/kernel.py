@@ -70,6 +70,8 @@ TASK = np.dtype(
         ("tangent_mobility", float),  # what the ball adds to the Delassus matrix [1/kg]
         ("normal_mobility", float),  # the same along the normal [1/kg]
         ("speed", float),  # of the foot [m/s]
+        ("base_velocity", float, 3),  # of the base, at the first joint [m/s]
+        ("base_turn", float, 3),  # angular velocity of the base [rad/s]
         ("restitution", float),
         ("friction", float),
     ],
@@ -104,7 +106,8 @@ class KernelModel:
     def of(cls, leg: Leg, kick: Kick) -> "KernelModel | None":
         """Return the model of a leg and a kick, or None where the kernel does not serve them.
 
-        It serves no base that floats or moves, no supports, no loops and no helical joints.
+        It serves no floating base, no supports, no loops and no helical joints, and no base that
+        moves across the plane of planar motion.
         """
         joints = hinges_and_slides(leg)
         if joints is None:
@@ -117,6 +120,14 @@ class KernelModel:
         task["lever"] = frames[leg.contact_joint].T @ leg.contact_lever
         task["normal_mobility"] = 1.0 / ball.mass
         task["tangent_mobility"] = 1.0 / ball.mass + ball.radius**2 / ball.inertia
+        if leg.base_velocity is not None:
+            linear, turn = leg.base_velocity[:3], leg.base_velocity[3:]
+            at_joint = linear + np.cross(turn, leg.workspace.model.jointPlacements[1].translation)
+            task["base_velocity"], task["base_turn"] = axes.T @ at_joint, axes.T @ turn
+            (_, beside, _), (first, _, last) = task["base_velocity"][0], task["base_turn"][0]
+            largest = PARALLEL * float(np.abs(leg.base_velocity).max())
+            if across is not None and max(map(abs, (beside, first, last))) > largest:
+                return None
         task["speed"], task["friction"] = kick.speed, kick.friction
         task["restitution"] = kick.restitution_used
         return cls(kick, across is not None, axes, tree, senses, task)

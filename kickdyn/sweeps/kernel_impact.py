@@ -14,7 +14,19 @@ import math
 
 from kickdyn.core.simd import BATCH, choose, spread
 from kickdyn.impact import contact_motion
-from kickdyn.robot.tree_kernel import D11, D12, D13, D22, D23, D33, cross, dot, inlined, njit
+from kickdyn.robot.tree_kernel import (
+    D11,
+    D12,
+    D13,
+    D22,
+    D23,
+    D33,
+    cross,
+    dot,
+    inlined,
+    njit,
+    vector,
+)
 from kickdyn.sweeps.sweep_kick import ROUNDING, UNLIMITED
 
 LEAST_DIFFERENCE = 1e-3
@@ -115,11 +127,15 @@ def least_speed_use(tree, bodies, task, state):  # type: ignore[no-untyped-def]
 
     .. math:: \max_y \frac{w \cdot y}{\sum_i l_i |a_i \cdot y|}
 
-    with :math:`a_i` the columns of :math:`J`. The maximum lies at a :math:`y` that is orthogonal to
+    with :math:`a_i` the columns of :math:`J` and w the foot's velocity less what a base that moves
+    gives it. The maximum lies at a :math:`y` that is orthogonal to
     as many columns as fix it, two in space and one in a plane, so that all candidates can be tried
     (Boyd and Vandenberghe, Convex Optimization, 2004, chapter 5). A call of `linprog` takes a
     millisecond.
     """
+    turned = cross(task.base_turn, vector(state.from_base))
+    for i in range(3):
+        state.needed[i] = (task.speed if i == 2 else 0.0) - (task.base_velocity[i] + turned[i])
     movers, limited, least = 0, 0, math.inf
     for k in range(1, len(tree)):
         if tree[k].carries_foot and tree[k].speed_limit > 0.0:
@@ -134,12 +150,12 @@ def least_speed_use(tree, bodies, task, state):  # type: ignore[no-untyped-def]
             if task.planar:
                 column = bodies[j].jacobian
                 y = -column[2], spread(0.0), spread(0.0) + column[0]
-                _raise_speed_use(tree, bodies, task, state, least, y)
+                _raise_speed_use(tree, bodies, state, least, y)
                 continue
             for k in range(j + 1, len(tree)):
                 if tree[k].carries_foot:
                     y = _orthogonal(bodies[j].jacobian, bodies[k].jacobian, state)
-                    _raise_speed_use(tree, bodies, task, state, least, y)
+                    _raise_speed_use(tree, bodies, state, least, y)
     if movers < (2 if task.planar else 3):
         state.doubt = 1.0
     # from there on, the foot can hardly move so
@@ -158,11 +174,11 @@ def _orthogonal(a, b, state):  # type: ignore[no-untyped-def]
 
 
 @njit
-def _raise_speed_use(tree, bodies, task, state, least, y):  # type: ignore[no-untyped-def]
+def _raise_speed_use(tree, bodies, state, least, y):  # type: ignore[no-untyped-def]
     r"""Raise the speed use to the value of a candidate :math:`y`, if that is larger.
 
-    The foot's velocity is along the normal, so that :math:`w \cdot y` is its speed times the last
-    entry of y. `least` is the smallest speed limit above 0.
+    w is the velocity that the joints must give the contact point, and `least` the smallest speed
+    limit above 0.
     """
     capacity = spread(0.0)
     for k in range(1, len(tree)):
@@ -176,5 +192,5 @@ def _raise_speed_use(tree, bodies, task, state, least, y):  # type: ignore[no-un
             capacity += choose(moves, limit * along, 0.0)
         else:
             capacity += limit * along
-    gain = task.speed * math.fabs(y[2])
+    gain = math.fabs(dot(state.needed, y))
     state.speed_use = max(state.speed_use, choose(gain > 0.0, gain / capacity, 0.0))

@@ -66,7 +66,7 @@ class Summary:
     ) -> None:
         for name in NEEDED:
             if name not in kept:
-                raise InvalidInput(f"the sweep does not keep {name}: its summary needs that")
+                raise InvalidInput(f"the sweep does not keep {name}: its summary needs it")
         ordered = described["status"].dims if "status" in described else described.dims
         joints = [str(name) for name in ordered]
         self.axes = {name: shown(described, name).values for name in joints}

@@ -9,7 +9,14 @@ import os
 import pickle
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ThreadPoolExecutor
+from concurrent.futures import (
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    ThreadPoolExecutor,
+    wait,
+)
 from contextlib import contextmanager, nullcontext
 from functools import lru_cache, partial
 from itertools import islice
@@ -37,6 +44,9 @@ CARRY_TOLERANCE = 1e-6
 
 AHEAD = 1000
 """Chunks of a store that are given to an executor before the first of them is computed."""
+
+LISTEN = 5.0
+"""Time between looks at whether the scheduler of a cluster still runs [s]."""
 
 Progress = Callable[[int], None]
 """Is called with the number of postures computed since the last call."""
@@ -256,10 +266,29 @@ def _in_order(
                 submitted.append(executor.submit(function, number))
             if not submitted:
                 return
-            yield submitted.popleft().result()
+            future = submitted.popleft()
+            # `wait` alone never ends for a future that was cancelled before it ran
+            while not (future.done() or wait([future], timeout=LISTEN).done):
+                _check_connection(executor)
+            yield future.result()
     finally:
         for future in submitted:
             future.cancel()
+
+
+def _check_connection(executor: Executor) -> None:
+    """Raise `CancelledError` if the scheduler of a dask.distributed executor has closed.
+
+    A client that is told so by the scheduler neither cancels its futures nor closes itself
+    (distributed 2026.8): nothing else would end the wait for a result.
+    """
+    client = getattr(executor, "_client", None)
+    if client is None:
+        return
+    stream = getattr(client, "scheduler_comm", None)
+    connected = stream is not None and not stream.closed()
+    if client.status not in ("running", "connecting") or not connected:
+        raise CancelledError("the scheduler has closed")
 
 
 @contextmanager
@@ -283,7 +312,7 @@ def _resumable(store: SweepStore) -> Iterator[None]:
         if isinstance(error, KeyboardInterrupt):
             reason = "interrupted"
         elif isinstance(error, CancelledError):
-            reason = "the executor has cancelled the computation"
+            reason = reason or "the executor has cancelled the computation"
         raise Unfinished(
             f"{reason}: {store.computed:,} of {store.size:,} postures are stored in {store.path}; "
             "to continue, run it again with --resume (resume=True in Python)"

@@ -125,7 +125,7 @@ def _caption(line: ReportLine, kick: Kick) -> str:
     return (
         f"The foot meets the ball at {kick.speed:.3g} m/s. The ball leaves at "
         f"{values['ball_speed']:.3g} m/s and flies {values['carry']:.3g} m until it is back at its "
-        f"first height: {_explanation(line, kick)}."
+        f"launch height: {_explanation(line, kick)}."
     )
 
 

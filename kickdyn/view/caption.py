@@ -78,7 +78,7 @@ def _joints(impact: Impact) -> str:
         if moves or size > LEAST_JOINT_IMPULSE * max(norms):
             rows.append((_name(name), f"{shown}{size:.3g} N s"))
     key = colour_key(JOINT_ARROW)
-    summary = f"{len(rows)} joints: angle, and impulse on the body that hangs on it {key}"
+    summary = f"{len(rows)} joints: angle, and impulse on the body below {key}"
     start = f"<details{' open' * (len(rows) <= 4)}><summary>{summary}</summary>"
     return f"{start}\n{_table(rows, short=16)}\n</details>\n"
 

@@ -1,10 +1,13 @@
-"""A recorded scene as glTF, which slides, Blender and viewers of 3-D models open."""
+"""A recorded scene as animated glTF, which slides, Blender and viewers of 3-D models open."""
 
+import json
+import struct
 from typing import Any
 
 import numpy as np
 import trimesh
 import umsgpack
+from scipy.spatial.transform import Rotation
 
 from kickdyn.core.validation import Array
 from kickdyn.view.document import Recorder
@@ -23,35 +26,117 @@ Z_TO_Y: Array = np.array([[0.0, 1, 0, 0], [0, 0, 1, 0], [1, 0, 0, 0], [0, 0, 0, 
 """A rotation that turns the axis z to y."""
 
 
+TARGETS = {".position": "translation", ".quaternion": "rotation", ".scale": "scale"}
+"""What meshcat's tracks move, by its name in glTF."""
+
+FLOAT = 5126
+"""Type of 32-bit floats in glTF."""
+
+
 def to_glb(recorder: Recorder) -> bytes:
-    """Return what a recorder has drawn as binary glTF, as it stands before an animation.
+    """Return what a recorder has drawn as binary glTF, with its animation.
 
     Bodies, arrows, curves and the ground are meshes with colours, in metres; labels, light and
-    shadows are left out.
+    shadows are left out. Each path of the recorder is a node with the path as its name, `/` as `_`.
+    Before the animation plays, the nodes stand as they were drawn.
     """
     poses: dict[str, Array] = {}
     drawn: dict[str, dict[str, Any]] = {}
+    clips: dict[str, dict[str, Any]] = {}
     for packed in recorder.commands:
         command = umsgpack.unpackb(packed)
-        path = command.get("path", "")
-        if not path.startswith(ROOT):
-            continue
-        if command["type"] == "set_transform":
-            poses[path] = np.reshape(command["matrix"], (4, 4)).T
-        elif command["type"] == "set_object":
-            drawn[path] = command["object"]
+        path = command.get("path", "").removeprefix(ROOT)
+        match command["type"]:
+            case "set_transform":
+                poses[path] = np.reshape(command["matrix"], (4, 4)).T
+            case "set_object" if command["path"].startswith(ROOT):
+                drawn[path] = command["object"]
+            case "set_animation":
+                clips = {part["path"]: part["clip"] for part in command["animations"]}
     scene: Any = trimesh.Scene()
+    nodes: set[str] = set()
+    scene.graph.update("kickdyn", "world", matrix=Y_UP)
     for path, lowered in drawn.items():
         mesh = _mesh(lowered)
         if mesh is None:
             continue
-        pose, names = np.eye(4), path.removeprefix(ROOT).split("/")
+        names, parent = path.split("/"), "kickdyn"
         for depth in range(1, len(names) + 1):
-            pose = pose @ poses.get(ROOT + "/".join(names[:depth]), np.eye(4))
-        own = np.reshape(lowered["object"]["matrix"], (4, 4)).T
-        name = path.removeprefix(ROOT).replace("/", "_")
-        scene.add_geometry(mesh, node_name=name, geom_name=name, transform=Y_UP @ pose @ own)
-    return bytes(scene.export(file_type="glb"))
+            upper = "/".join(names[:depth])
+            pose, name = poses.get(upper, np.eye(4)), upper.replace("/", "_")
+            if name not in nodes:
+                scene.graph.update(name, parent, matrix=pose)
+                nodes.add(name)
+            parent = name
+        placement = np.reshape(lowered["object"]["matrix"], (4, 4)).T
+        name = f"{parent}_mesh"
+        scene.add_geometry(
+            mesh, node_name=name, geom_name=name, parent_node_name=parent, transform=placement
+        )
+    moved = {path.removeprefix(ROOT).replace("/", "_"): clip for path, clip in clips.items()}
+    content = bytes(scene.export(file_type="glb"))
+    return _animated(content, {name: clip for name, clip in moved.items() if name in nodes})
+
+
+def _animated(content: bytes, clips: dict[str, dict[str, Any]]) -> bytes:
+    """Return binary glTF with the clips of meshcat as an animation of the nodes they name."""
+    if not clips:
+        return content
+    (length,) = struct.unpack_from("<I", content, 12)
+    tree, blob = json.loads(content[20 : 20 + length]), bytearray(content[28 + length :])
+    animation: dict[str, Any] = {"name": "kick", "channels": [], "samplers": []}
+    for number, node in enumerate(tree["nodes"]):
+        clip = clips.get(node.get("name", ""))
+        if clip is None:
+            continue
+        _take_apart(node)
+        for track in clip["tracks"]:
+            frames, first = np.unique([key["time"] for key in track["keys"]], return_index=True)
+            values = np.array([track["keys"][k]["value"] for k in first])
+            sampler = {
+                "input": _append(tree, blob, frames / clip["fps"]),
+                "output": _append(tree, blob, values),
+            }
+            target = {"node": number, "path": TARGETS[track["name"]]}
+            animation["channels"].append({"sampler": len(animation["samplers"]), "target": target})
+            animation["samplers"].append(sampler)
+    tree["animations"] = [animation]
+    tree["buffers"][0]["byteLength"] = len(blob)
+    text = json.dumps(tree).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text
+    chunks += struct.pack("<I4s", len(blob), b"BIN\0") + blob
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+def _take_apart(node: dict[str, Any]) -> None:
+    """Replace the matrix of a node, which an animation cannot move, by its three factors."""
+    pose = np.reshape(node.pop("matrix", np.eye(4)), (4, 4)).T
+    scale = np.linalg.norm(pose[:3, :3], axis=0)
+    node["translation"] = pose[:3, 3].tolist()
+    node["rotation"] = Rotation.from_matrix(pose[:3, :3] / scale).as_quat().tolist()
+    node["scale"] = scale.tolist()
+
+
+def _append(tree: dict[str, Any], blob: bytearray, numbers: Array) -> int:
+    """Append an array to the buffer; return the number of its accessor."""
+    array = np.asarray(numbers, dtype="<f4")
+    view = {"buffer": 0, "byteOffset": len(blob), "byteLength": array.nbytes}
+    blob += array.tobytes()
+    tree["bufferViews"].append(view)
+    kind = "SCALAR" if array.ndim == 1 else f"VEC{array.shape[1]}"
+    rows = array.reshape(len(array), -1)
+    ends = {"min": rows.min(axis=0).tolist(), "max": rows.max(axis=0).tolist()}
+    tree["accessors"].append(
+        {
+            "bufferView": len(tree["bufferViews"]) - 1,
+            "componentType": FLOAT,
+            "count": len(array),
+            "type": kind,
+            **ends,
+        }
+    )
+    return len(tree["accessors"]) - 1
 
 
 def _mesh(lowered: dict[str, Any]) -> Any:

@@ -15,7 +15,7 @@ from kickdyn.core import validation
 from kickdyn.core.files import replacing
 from kickdyn.core.representation import distance_in_words
 from kickdyn.core.validation import Array
-from kickdyn.errors import InvalidInput
+from kickdyn.errors import InvalidInput, shortened
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.fly import fly
 from kickdyn.flight.follow import Course
@@ -84,25 +84,32 @@ class Page:
         """Write the page, a picture of it (`.png`), or its scene as binary glTF (`.glb`).
 
         A glTF file is for slides, Blender and viewers of 3-D models. It has the meshes of the first
-        scene in metres at the impact, y up as glTF has it, without labels and animation.
+        scene in metres, y up as glTF has it, without labels, and its animation, which is as slow as
+        on the page.
 
         Args:
             file: it is replaced as a whole, or not at all.
             at: time since the impact that a picture of a kick shows [s]; otherwise 0.
 
         Raises:
-            InvalidInput: the file cannot be written, there is no Chromium for a picture, or a time
-                that is not shown.
+            InvalidInput: another ending, a file that cannot be written, no Chromium for a picture,
+                or a time that is not shown.
             KickdynError: Chromium failed.
         """
         validation.check_type(str, PathLike, file=file)
-        is_picture = Path(file).suffix.lower() == ".png"
+        ending = Path(file).suffix.lower()
+        if ending not in (".html", ".htm", ".png", ".glb"):
+            raise InvalidInput(
+                f"{shortened(str(file))} has the ending {ending!r}: a page is written as .html, "
+                ".png or .glb"
+            )
+        is_picture = ending == ".png"
         last = float(self.pace.times[-1]) if is_picture and self.pace else 0.0
         at = validation.number("at", at, at_least=0, at_most=last, unit="s")
         if is_picture:
             save_picture(self.html, file, at)
             return
-        if Path(file).suffix.lower() == ".glb":
+        if ending == ".glb":
             content = to_glb(self.viewer.window)
             with replacing(file) as draft:
                 draft.write_bytes(content)

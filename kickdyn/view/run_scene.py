@@ -21,7 +21,7 @@ CURVE = 0xF28C00
 CURVE_POINTS = 150
 """Points of its curve."""
 
-APART = 1.2
+SEPARATION = 1.2
 """Distance of the two robots over the width of one, across the kick."""
 
 
@@ -101,7 +101,7 @@ def draw_run(viewer: Any, run: SimulatedRun, forward: Array, planned: Array) -> 
         planned: corners of boxes around the planned robot, shape `(n, 3)` [m].
     """
     right, impact = np.cross(forward, UP_AXIS), run.plan.impact
-    offset = max(APART * float(np.ptp(planned @ right)), 8 * impact.ball.radius) * right
+    offset = max(SEPARATION * float(np.ptp(planned @ right)), 8 * impact.ball.radius) * right
     node, leg = viewer["run"], impact.posture.leg
     node.set_transform(pin.SE3(np.eye(3), offset).homogeneous)
     corners = draw_leg(node["leg"], leg, run.q[0])

@@ -113,10 +113,10 @@ class StillKick:
 
     def _ground(self, impact: Impact) -> Array:
         """Return the point of the ground under the ball: as low as ball and leg come."""
-        at = impact.ball_before.position
-        bottom = float(at[2]) - impact.ball.radius
+        centre = impact.ball_before.position
+        bottom = float(centre[2]) - impact.ball.radius
         depths = find_depths(impact.posture.leg, impact.posture.q, bottom).values()
-        return np.array([*at[:2], bottom - max(depths, default=0.0)])
+        return np.array([*centre[:2], bottom - max(depths, default=0.0)])
 
     def _draw(self, viewer: Any, impact: Impact, path: Flight | Course, caption: str) -> str:
         """Draw all that moves, and return the panel."""

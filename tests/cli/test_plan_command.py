@@ -200,7 +200,7 @@ def test_a_robot_and_a_goal_beyond_its_limits():
     ("arguments", "words"),
     [
         (["--time", "1"], "Missing option '--distance'"),
-        (["--trap", "0,0,0"], "--trap is (0.0, 0.0, 0.0): a ball that moves has"),
+        (["--trap", "0,0,0"], "--ball-position and --ball-velocity missing: --trap is of a ball"),
         (
             [*MOVING, "--trap", "0,0,0", "--distance", "9", "--pass", "turf"],
             "--trap excludes --distance, --pass: a trap has no target",
@@ -225,7 +225,7 @@ def test_a_robot_and_a_goal_beyond_its_limits():
         (["--distance", "nan", "--time", "1"], "distance is nan"),
         (
             ["--distance", "30", "--apex", "1", "--height", "3"],
-            "no flight to the target stays so low; ",
+            "no flight to the target stays that low; ",
         ),
         (
             [
@@ -250,7 +250,7 @@ def test_a_robot_and_a_goal_beyond_its_limits():
         ),
         (
             ["--distance", "4", "--apex", "1", "--pass", "turf"],
-            "no goal of a pass: it must have a time",
+            "not valid for a pass: it must have a time",
         ),
         (
             ["--distance", "30", "--over", "3"],
@@ -447,3 +447,24 @@ def test_a_ball_that_moves_is_trapped_or_drawn_with_its_meetings(tmp_path):
     assert report["meetings"]
     assert (tmp_path / "plan.png").stat().st_size > 5000
     assert "The foot leaves the ball at rest" in ended.output
+
+
+def test_commands_with_a_base_that_moves_are_those_in_another_frame(tmp_path):
+    """In a vacuum; seen from the hip, ball and target move with the opposite velocity."""
+    shared = ["--time", "0.8", "--air", "none", "--meet-at", "0", "--ball-position", "0.5,0,-0.7"]
+    documents = []
+    for arguments in (
+        ["--base-velocity", "2,0,0.2", "--distance", "15", "--ball-velocity=-3,0,0.5"],
+        ["--height=-0.16", "--distance", "13.4", "--ball-velocity=-5,0,0.3"],
+    ):
+        file = tmp_path / f"{len(documents)}.json"
+        assert CliRunner().invoke(plan, [*shared, *arguments, "--json", str(file)]).exit_code == 0
+        documents.append(json.loads(file.read_text()))
+    here, there = documents
+    impulses = here["impact"]["impulse"], there["impact"]["impulse"]
+    assert impulses[0] == pytest.approx(impulses[1], rel=1e-13, abs=1e-13)
+    assert here["impact"]["foot_velocity"] == pytest.approx(
+        np.add(there["impact"]["foot_velocity"], [2, 0, 0.2]), rel=1e-13, abs=1e-13
+    )
+    assert here["leg"]["v"] == pytest.approx(there["leg"]["v"], abs=1e-11)
+    assert here["leg"]["q_deg"] == pytest.approx(there["leg"]["q_deg"], abs=1e-10)

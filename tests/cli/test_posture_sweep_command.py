@@ -83,7 +83,7 @@ def test_a_zarr_store_says_what_a_file_says(tmp_path):
     assert again.stderr == ""
     for arguments, words in (
         (("--out", "s.zarr"), "s.zarr exists and is not replaced: add --resume"),
-        (("--out", "t.nc", "--resume"), "--resume is for a Zarr store"),
+        (("--out", "t.nc", "--resume"), "--resume needs a Zarr store"),
     ):
         ended = door(*SMALL, *speed, *arguments, cwd=tmp_path)
         assert ended.returncode == 2
@@ -270,7 +270,7 @@ def test_any_urdf(tmp_path):
         (["--view", "no/where.html"], "no/where.html cannot be written"),
         (["--json", "."], "is a folder"),
         (["--nose"], "No such option '--nose'"),
-        (["--resume"], "--resume is for a Zarr store"),
+        (["--resume"], "--resume needs a Zarr store"),
         (["--tolerance", "-1"], "tolerance is -1"),
         (["--threads", "0"], "0 is not in the range 1<=x<=1024"),
         (["--view", "page.txt"], "page.txt has no known ending: a page is written as .html"),
@@ -520,7 +520,7 @@ def test_named_variables_and_those_of_the_table_are_kept(tmp_path):
         ),
         (
             ["--variables", "carry"],
-            "--variables is for what --out keeps: name it, --out FILE.nc or",
+            "--variables selects what --out writes: add --out FILE.nc or",
         ),
         (
             ["--variables", "carry", "--out", "x.nc", "--where", "impulse > 1"],

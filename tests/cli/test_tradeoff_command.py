@@ -38,7 +38,8 @@ def test_the_functions_are_measured_and_drawn(tmp_path, monkeypatch):
     assert set(table) > {"strike", "strike_many", "sweep", "collide", "fly_many", "simulate"}
     for name, most in (("strike", 2e-15), ("strike_many", 1e-13), ("sweep", 1e-12),
                        ("pin.impulseDynamics, bare", 2e-15), ("collide", 1e-7),
-                       ("fly", 1e-8), ("fly_many", 1e-8), ("follow_many", 1e-6)):  # fmt: skip
+                       ("collide_many", 1e-6), ("fly", 1e-8), ("fly_many", 1e-8),
+                       ("follow_many", 1e-6)):  # fmt: skip
         assert 0.0 < table[name]["rounding"] < most
     posture = kd.Leg.human().posture(np.radians([5, 10, -5]))
     attack = np.array([math.sqrt(0.75), 0.0, 0.5])

@@ -4,7 +4,15 @@ import numba
 import numpy as np
 import pytest
 
-from kickdyn.core.simd import BATCH, aligned_zeros, batches, choose, spread
+from kickdyn.core.simd import (
+    BATCH,
+    LARGEST_ANGLE,
+    aligned_zeros,
+    batches,
+    choose,
+    sine_and_cosine,
+    spread,
+)
 
 A, B = (np.random.default_rng(seed).uniform(-2, 2, BATCH) for seed in (0, 1))
 
@@ -89,3 +97,19 @@ def test_fields_of_records_are_batches(offset):
     assert np.array_equal(records["matrix"][1:, 1, 0], A - numbers[1:])
     assert (records["matrix"][1:, 1, 1] == 2.0).all()
     assert not records["matrix"][:, 0, 0].any()
+
+
+def test_sine_and_cosine_of_a_batch():
+    @numba.njit(error_model="numpy", _nrt=False)
+    def compute(floats):
+        rows = batches(floats)
+        for k in range(rows.shape[1]):
+            rows[1, k], rows[2, k] = sine_and_cosine(rows[0, k])
+
+    rng, floats = np.random.default_rng(2), np.zeros((3, 60, BATCH))
+    floats[0, :20] = rng.uniform(-4, 4, (20, BATCH))
+    floats[0, 20:40] = rng.integers(-9, 10, (20, BATCH)) * (np.pi / 4)  # borders of the quadrants
+    floats[0, 40:] = rng.uniform(-LARGEST_ANGLE, LARGEST_ANGLE, (20, BATCH))
+    compute(floats)
+    assert np.abs(floats[1] - np.sin(floats[0])).max() < 3e-16
+    assert np.abs(floats[2] - np.cos(floats[0])).max() < 3e-16

@@ -13,6 +13,7 @@ from kickdyn.aerodynamics import drag, lift
 from kickdyn.aerodynamics import spin_decay as torque
 from kickdyn.flight import batch
 from kickdyn.flight.batch import _outside, fly_many
+from kickdyn.flight.derivatives import fly_with_launch_slopes
 
 BALL = kd.Ball()
 AIR = kd.Air()
@@ -451,3 +452,20 @@ def test_the_spin_that_is_left_at_apex_and_landing_is_that_of_fly(monkeypatch):
         for left, at in ((row[7], flight.landing), (row[15], flight.apex)):
             spin = np.linalg.norm(flight.launch.spin)
             assert left * spin == pytest.approx(np.linalg.norm(at.spin), rel=1e-6)
+
+
+def test_slopes_of_landings_are_those_of_the_variational_equations():
+    """At a ground and at a wall, against equations that are integrated beside the flight."""
+    velocity = np.array([[18.0, 2.0, 9.0], [25.0, -1.0, 6.0], [12.0, 0.0, 12.0]])
+    states = kd.BallState((0, 0, 0.5), velocity, (5.0, -30.0, 12.0))
+    air, ground, wall = kd.Air(wind=(1, 2, 0)), kd.Ground(0.0), kd.Plane((9, 0, 0), (-1, 0, 0.1))
+    for plane, normal in ((None, np.array([0.0, 0.0, 1.0])), (wall, wall.normal)):
+        many = fly_many(states, BALL, air, ground, plane=plane, slopes=True)
+        for i in range(3):
+            launch = kd.BallState((0, 0, 0.5), velocity[i], (5.0, -30.0, 12.0))
+            time = float(many.duration[i])
+            flight = fly_with_launch_slopes(launch, BALL, air, time, 1e-12)
+            exact, _ = flight.slopes_at_plane(normal, time)
+            assert many.landing_by_velocity.values[i] == pytest.approx(exact[:, :3], abs=2e-7)
+            assert many.landing_by_spin.values[i] == pytest.approx(exact[:, 3:6], abs=2e-8)
+    assert "landing_by_spin" not in fly_many(states, BALL, air, ground)

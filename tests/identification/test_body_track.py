@@ -73,11 +73,11 @@ def test_a_mot_file_in_radians(tmp_path):
 @pytest.mark.parametrize(
     ("ending", "text", "message"),
     [
-        ("trc", "no", "is no TRC file"),
+        ("trc", "no", "is not a TRC file"),
         ("trc", trc(POINTS, "inch"), "its unit is 'inch': it must be mm, cm, m"),
         ("trc", trc(POINTS).replace("0.01", "0.00"), "times must increase"),
         ("trc", trc(POINTS).replace("100.0", "x"), "line 7 must be numbers"),
-        ("mot", "time a\n", "is no MOT file: it must have a line endheader"),
+        ("mot", "time a\n", "is not a MOT file: it must have a line endheader"),
         ("mot", "endheader\ntime a a\n0 1 2\n", "must name different columns, time first"),
         ("mot", "endheader\ntime a\n", "no row of numbers"),
     ],

@@ -34,6 +34,19 @@ def test_each_kick_has_values_and_deviations(tmp_path):
     assert read == pytest.approx(table.to_numpy(), nan_ok=True)
 
 
+def test_a_latex_table_has_deviations_to_two_digits():
+    slow, fast = inferred(10.0, velocity_deviation=(0.0, 0.03)), inferred(15.0)
+    lines = kd.kick_table({"slow_1": slow, "fast": fast}, latex=True).splitlines()
+    assert lines[0] == r"\begin{tabular}{lrr}"
+    assert lines[2] == r" & slow\_1 & fast \\"
+    (row,) = (line for line in lines if line.startswith("impulse in knee"))
+    sizes = [impact.joint_sizes["knee"] for impact in (slow, fast)]
+    deviation = slow.joint_deviations["knee"]
+    assert f"${sizes[0]:.4f} \\pm {deviation:.4f}$ & ${sizes[1]:.4g}$ \\\\" in row
+    assert 0.001 <= deviation < 0.01  # two digits are those shown
+    assert lines[-1] == r"\end{tabular}"
+
+
 def test_sizes_have_the_deviations_of_differences():
     """Of the foot's speed by the joint velocities, of the ball's by its own."""
     impact = inferred(10.0, velocity_deviation=(0.0, 0.2), joint_deviation=[0.1, 0.2, 0.3])

@@ -151,14 +151,14 @@ def test_a_damaged_c3d_file_is_refused(c3d, changes, monkeypatch):
     for place, byte in changes.items():
         content[place] = byte
     file.write_bytes(content)
-    with pytest.raises(kd.InvalidInput, match="no C3D file that ezc3d can read"):
+    with pytest.raises(kd.InvalidInput, match="not a C3D file that ezc3d can read"):
         kd.Track.from_c3d(file, "ball")
 
 
 def test_what_is_no_c3d_file_is_refused(tmp_path):
     pytest.importorskip("ezc3d")
     (tmp_path / "text.c3d").write_text("t,x,y,z\n")
-    for name, message in (("text.c3d", "is no C3D file"), ("none.c3d", "no such file")):
+    for name, message in (("text.c3d", "is not a C3D file"), ("none.c3d", "no such file")):
         with pytest.raises(kd.InvalidInput, match=message):
             kd.Track.from_c3d(tmp_path / name)
 

@@ -112,7 +112,7 @@ def test_the_middle_of_a_strip_gives_no_spin_and_its_edge_a_little():
     spins = [kick(kd.FootPatch(0.08, x)).ball_after.spin[2] for x in (0.0, 0.02, 0.04)]
     assert abs(spins[0]) < 1e-9
     assert 1.0 < spins[1] < spins[2] < 15.0
-    assert kick(kd.FootPatch(0.08, -0.02)).ball_after.spin[2] == pytest.approx(-spins[1], rel=1e-8)
+    assert kick(kd.FootPatch(0.08, -0.02)).ball_after.spin[2] == pytest.approx(-spins[1], rel=1e-7)
 
 
 def test_without_loss_and_friction_a_patch_gives_no_spin():

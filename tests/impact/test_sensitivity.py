@@ -43,7 +43,7 @@ def test_against_differences(friction, branches, floating):
     seen = set()
 
     @given(seed=seeds)
-    @settings(max_examples=20 if floating else 60, derandomize=True, deadline=None)
+    @settings(max_examples=30 if floating else 60, derandomize=True, deadline=None)
     def run(seed):
         rng = np.random.default_rng(seed)
         if floating:

@@ -3,32 +3,12 @@
 import numpy as np
 import pytest
 from chains import floating_leg, random_leg
+from contacts import random_strikes
 
 import kickdyn as kd
 from kickdyn.impact.strike_many import StrikeStatus
 
 LEG = kd.Leg.human()
-
-
-def random_strikes(rng, leg, n, speed_table=False):
-    """Contacts of all directions, with spin and offsets: they stick, slip, or there is none."""
-    q, v = rng.uniform(-0.6, 0.6, (n, leg.nq)), 5.0 * rng.normal(size=(n, leg.nv))
-    table = [(2.0, 0.8), (20.0, 0.5)]
-    contacts = [
-        kd.Contact(
-            rng.normal(size=3),
-            table if speed_table else rng.uniform(0, 1),
-            rng.uniform(0, 0.8) * rng.integers(0, 2),
-            offset=0.02 * rng.normal(size=3),
-        )
-        for _ in range(n)
-    ]
-    balls = [
-        kd.Ball(rng.uniform(0.2, 0.6), rng.uniform(0.05, 0.15), rng.uniform(0.3, 0.6))
-        for _ in range(n)
-    ]
-    motion = {"ball_velocity": rng.normal(size=(n, 3)), "ball_spin": 20 * rng.normal(size=(n, 3))}
-    return q, v, balls, contacts, motion
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -106,6 +86,7 @@ def test_slopes_are_those_of_the_sensitivity():
         ({"ball": [kd.Ball()] * 3}, "ball has length 3: it must be one or 2"),
         ({"contact": "x"}, "contact is 'x': it must be a Contact or 2 of them"),
         ({"ball_spin": np.ones((3, 3))}, r"ball spin has shape \(3, 3\): .* \(3,\) or \(2, 3\)"),
+        ({"slopes": "yes"}, "slopes is 'yes': it must be True or False"),
         ({"v": [[np.nan] * 3] * 2}, "v is .*: every entry must be finite"),
     ],
 )
@@ -133,10 +114,13 @@ def test_bad_input(changes, words):
             r"ball spin has shape \(5, 3\).*; strike_many takes \(n, 3\)",
         ),
         (lambda _, rows: kd.fly(kd.BallState(velocity=rows), kd.Ball()), "fly_many takes many"),
-        (lambda _, rows: kd.follow(kd.BallState(velocity=rows), kd.Ball()), "fly_many takes many"),
+        (
+            lambda _, rows: kd.follow(kd.BallState(velocity=rows), kd.Ball()),
+            "follow_many takes many",
+        ),
         (
             lambda leg, rows: kd.strike_many(leg, rows, rows[:4], *PARTS),
-            "q has 5 rows and v 4: both must have as many",
+            "q has 5 rows and v 4: both must have the same number",
         ),
         (
             lambda leg, rows: kd.strike_many(leg, rows, rows, kd.Ball(), [PARTS[1]] * 2),

@@ -186,6 +186,9 @@ def test_two_feet():
     v = leg.posture(q).joint_velocity((3, 0, 1))
     hit = kd.unilateral_strike(leg.posture(q), v, kd.Ball(), kd.Contact((3, 0, 1), 0.7, 0.3))
     assert set(hit.footing) == {FOOT, OTHER}
+    without = hands.with_supports(supports[0], OTHER).posture(q)
+    with pytest.raises(kd.InvalidInput, match=f"support {OTHER} has no friction"):
+        kd.unilateral_strike(without, v, kd.Ball(), kd.Contact((3, 0, 1), 0.7, 0.3))
     assert hit.cone_residual <= 1e-10
     assert hit.momentum_residual <= 1e-12
     assert hit.restitution_residual <= 1e-10

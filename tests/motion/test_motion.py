@@ -7,6 +7,8 @@ import pinocchio as pin
 import pytest
 from scipy.integrate import solve_ivp
 
+from kickdyn.motion.motion_plot import motion_figure
+
 
 def test_a_motion_of_a_fixed_leg_is_its_splines_and_its_inverse_dynamics(swinging):
     leg, t = swinging.robot, -0.2
@@ -102,6 +104,21 @@ def test_the_plot_has_all_torques_and_speeds(name, request):
     assert panels[-1].get_xlabel() == "time from the impact [s]"
 
 
+def test_margins_that_are_lengths_are_drawn_in_millimetres(swinging):
+    class Held:
+        def __getattr__(self, name):
+            return getattr(swinging, name)
+
+        def margins(self, t):
+            return {"speed": 0.4, "centre of pressure [m]": 0.05 + 0.1 * t}
+
+    panels = motion_figure(Held()).axes
+    line = panels[2].lines[0]
+    assert (line.get_label(), len(panels)) == ("centre of pressure", 3)
+    assert line.get_ydata() == pytest.approx(50.0 + 100.0 * line.get_xdata())
+    assert panels[2].get_ylabel() == "margin [mm]"
+
+
 @pytest.fixture
 def constrained(walking):
     """Return a function of q, v and torques: the acceleration while the foot is at rest."""
@@ -133,6 +150,19 @@ def test_the_momentum_closes_with_gravity_and_the_ground(walking, constrained, t
     force, moment = np.split(walking.ground_wrench(t), 2)
     supplied = np.concatenate([weight + force, moment - np.cross(data.com[0], force)])
     np.testing.assert_allclose(rate, supplied, atol=1e-9)
+
+
+def test_torques_and_the_wrench_of_the_ground_are_those_of_rnea(walking, constrained):
+    model, frame = walking.robot.model, walking.robot.model.getFrameId("left_ankle_roll_link")
+    data = model.createData()
+    for t in (-0.31, -0.07, 0.26):
+        q, v, torque = walking.q(t), walking.v(t), walking.torque(t)
+        a = constrained(q, v, torque)
+        wrench = walking.placement.actInv(pin.Force(walking.ground_wrench(t))).vector
+        rows = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL)
+        np.testing.assert_allclose(
+            pin.rnea(model, data, q, v, a), torque + rows.T @ wrench, rtol=0, atol=1e-10
+        )
 
 
 def test_constrained_dynamics_with_the_torques_follow_the_backswing(walking, constrained):

@@ -15,14 +15,16 @@ import pinocchio as pin
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import BSpline
+from scipy.spatial import ConvexHull
 
 import kickdyn as kd
 from kickdyn.core.validation import Array
 from kickdyn.motion import plan_motion
+from kickdyn.motion.impact_rows import _restitution
+from kickdyn.motion.limbs import idle_limbs, limbs_aside
 from kickdyn.motion.limits import RangeLimit, SpeedLimit, TorqueLimit
-from kickdyn.motion.motion import Motion
-from kickdyn.motion.motion_problem import _restitution
-from kickdyn.motion.plan_motion import _Verdict
+from kickdyn.motion.motion_problem import MotionProblem
+from kickdyn.motion.verdict import Verdict
 from kickdyn.planning import kick
 from kickdyn.robot.collisions import find_ball_overlaps, find_self_collisions
 from kickdyn.robot.kicking_chain import kicking_chain
@@ -157,6 +159,23 @@ def test_a_goal_beyond_the_leg_gives_a_share_of_its_launch():
     assert again.share > plan.share + 0.02
 
 
+def test_a_plan_takes_no_more_work_than_it_may(monkeypatch):
+    """Its best motion comes with what it breaks, and with the limits that hold it back."""
+    solved, solve = [], MotionProblem.solve
+    monkeypatch.setattr(plan_motion, "MOST_WORK", 90)
+
+    def counted(*args, **options):
+        solved.append(solve(*args, **options))
+        return solved[-1]
+
+    monkeypatch.setattr(MotionProblem, "solve", counted)
+    plan = kd.plan_kick(HUMAN, kd.Goal(30, time=1.5), BALL, AIR, motion=True)
+    assert sum(solution.iterations for solution in solved) <= 90 / 3
+    assert plan.status == "beyond-limits"
+    assert plan.share < 1.0
+    assert plan.motion.warnings[0].startswith("the motion reaches ")
+
+
 def test_a_motion_knows_the_restitution_over_speed():
     contact = kd.Contact(None, [[5, 0.85], [25, 0.6]], 0.4)
     plan = kd.plan_kick(HUMAN, kd.Goal(15, time=1), BALL, AIR, contact=contact, motion=True)
@@ -179,17 +198,15 @@ def test_a_robot_on_one_foot_keeps_what_the_ground_can_supply():
     check_impact(plan)
     check_limits(plan)
     motion = plan.motion
-    corners = place_of(motion, 0.0).act(sole_of(plan)[0])
-    edge = [place_of(motion, 0.0).act(corner)[:2] for corner in sole_of(plan)]
-    assert abs(corners[2]) < 1e-9
-    low, high = np.min(edge, axis=0), np.max(edge, axis=0)
+    corners = np.array([place_of(motion, 0.0).act(corner) for corner in sole_of(plan)])
+    assert np.abs(corners[:, 2]).max() < 1e-9
+    edges = ConvexHull(corners[:, :2]).equations
     for t in times_of(motion, 200):
         force, moment = np.split(motion.ground_wrench(t), 2)
         assert force[2] > 0.0
         assert np.hypot(*force[:2]) <= 0.7 * force[2]
         centre = np.array([-moment[1], moment[0]]) / force[2]
-        assert (centre >= low).all()
-        assert (centre <= high).all()
+        assert (edges[:, :2] @ centre + edges[:, 2]).max() <= -3e-3  # inside the sole
         moved = place_of(motion, t).homogeneous - motion.placement.homogeneous
         assert np.abs(moved).max() < 1e-9
     assert plan.impact.footing[SOLE] in ("stands", "turns")
@@ -252,23 +269,22 @@ def test_limbs_in_the_way_of_a_motion_of_the_legs_are_put_aside():
     robot = kd.Leg.from_robot("g1", base="floating", locked={"*wrist*": 0.0})
     stance = StandingRobot(robot.with_supports(SOLE))
     legs = kicking_chain(stance.leg).leg
-    limbs = plan_motion._idle_limbs(stance.leg, legs)
+    limbs = idle_limbs(stance.leg, legs)
     names = [{stance.leg.model.names[joint] for joint in limb} for limb in limbs]
     sides = ("left", "right")
     parts = ("shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow")
     assert sorted(names, key=min) == [{f"{x}_{part}_joint" for part in parts} for x in sides]
-    task = SimpleNamespace(leg=stance.leg, robot=stance.robot, target=SimpleNamespace(ball=BALL))
+    task = SimpleNamespace(robot=stance.robot, target=SimpleNamespace(ball=BALL))
     joints = legs.joint_names
     raised = np.zeros(len(joints))
     raised[[joints.index("right_hip_pitch_joint"), joints.index("right_knee_joint")]] = -2.0, 1.0
-    knots = np.repeat([-0.8, 0.0], 4)
-    kept = [BSpline(t, np.tile(raised, (4, 1)), 3) for t in (knots, knots + 0.8)]
-    motion = Motion(stance.robot, joints, *kept)
-    aside = plan_motion._limbs_aside(task, motion, limbs)
+    postures = stance.leg.configuration()[None].copy()
+    postures[:, [stance.leg.joint_names.index(name) for name in joints]] = raised
+    aside = limbs_aside(task, stance.leg, postures, limbs)
     assert set(aside) == {f"right_{part}_joint" for part in parts}
     placed = stance.leg.joint_values(stance.leg.configuration())
     placed |= dict(zip(joints, raised, strict=True))
-    at = [StandingRobot.whole(stance, stance.leg.configuration(x), np.zeros(23))[0]
+    at = [StandingRobot.robot_state(stance, stance.leg.configuration(x), np.zeros(23))[0]
           for x in (placed, placed | aside)]  # fmt: skip
     assert find_self_collisions(stance.robot, at[0])
     assert not find_self_collisions(stance.robot, at[1])
@@ -444,9 +460,10 @@ def test_every_limit_that_is_broken_has_a_line_with_its_excess_and_time():
         TorqueLimit(names, model.effortLimit), SpeedLimit(names, model.velocityLimit),
         RangeLimit(names, model.lowerPositionLimit, model.upperPositionLimit),
     ]  # fmt: skip
-    verdict = object.__new__(_Verdict)
+    verdict = object.__new__(Verdict)
     verdict.problem = SimpleNamespace(
-        task=SimpleNamespace(standing=None, robot=leg, leg=leg), limits=limits, n=3,
+        task=SimpleNamespace(standing=None, robot=leg, leg=leg, held={}), limits=limits,
+        n=3, feet=None,
         impulse_limits=[SimpleNamespace(labels=["friction of the ground", "its pressure"])],
         splines=SimpleNamespace(motion=lambda _: (spline, spline)),
     )  # fmt: skip

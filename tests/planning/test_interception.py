@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
+from kickdyn.planning.plan_report import PlanReport
 
 BALL, AIR = kd.Ball(), kd.Air()
 HUMAN = kd.Leg.human()
@@ -62,21 +63,42 @@ def test_the_ball_is_met_where_it_comes(leg, goal, incoming):
     assert copied.meeting.time == plan.meeting.time
 
 
-def test_a_plan_is_the_same_in_a_frame_that_moves_with_the_hip():
+@pytest.mark.parametrize(
+    ("leg", "hip", "ball", "goal"),
+    [
+        (
+            G1, (1.5, -0.4, 0.2), kd.BallState((0.35, 0.08, -0.5), (-2.0, 0.6, 1.0)),
+            kd.Goal((4.0, 1.0, 0.2), time=0.8, spin=(3.0, -5.0, 2.0)),
+        ),
+        (
+            G1, (1.1, 0.3, 0.0), kd.BallState((0.4, -0.08, -0.6), (-3.0, 0.3, 0.5), (2, 9, 1)),
+            kd.Goal((6.0, 0.5, 0.2), time=0.8),
+        ),
+        (
+            HUMAN, (2.0, 0.0, 0.2), kd.BallState((0.5, 0.0, -0.7), (-3.0, 0.0, 0.5)),
+            kd.Goal((15.0, 0.0, 0.2), time=0.8),
+        ),
+    ],
+    ids=["g1", "g1 spinning", "human"],
+)  # fmt: skip
+def test_a_plan_is_the_same_in_a_frame_that_moves_with_the_hip(leg, hip, ball, goal):
     """In a vacuum, where nothing tells the frames apart."""
-    hip, ball = np.array([1.5, -0.4, 0.2]), kd.BallState((0.35, 0.08, -0.5), (-2.0, 0.6, 1.0))
-    goal = kd.Goal((4.0, 1.0, 0.2), time=0.8, spin=(3.0, -5.0, 2.0))
+    hip = np.array(hip)
     there = kd.Goal(goal.target - hip * goal.time, time=goal.time, spin=goal.spin)
-    seen = kd.BallState(ball.position, ball.velocity - hip)
-    plans = [
-        kd.plan_kick(leg, aim, BALL, incoming=kd.IncomingBall(state, meet_at=0.0))
-        for leg, aim, state in ((G1.with_base_velocity(hip), goal, ball), (G1, there, seen))
-    ]
-    assert plans[0].q == pytest.approx(plans[1].q, abs=1e-11)
-    assert plans[0].v == pytest.approx(plans[1].v, abs=1e-8)  # of the solver
-    after = plans[1].impact.ball_after.velocity + hip
-    assert plans[0].impact.ball_after.velocity == pytest.approx(after, abs=1e-11)
-    assert plans[0].impact.impulse == pytest.approx(plans[1].impact.impulse, abs=1e-11)
+    seen = kd.BallState(ball.position, ball.velocity - hip, ball.spin)
+    here, other = (
+        kd.plan_kick(moved, aim, BALL, incoming=kd.IncomingBall(state, meet_at=0.0))
+        for moved, aim, state in ((leg.with_base_velocity(hip), goal, ball), (leg, there, seen))
+    )
+    assert here.share == other.share == 1.0
+    assert here.q == pytest.approx(other.q, abs=1e-11)
+    assert here.v == pytest.approx(other.v, abs=1e-11)
+    assert here.launch.velocity == pytest.approx(other.launch.velocity + hip, abs=1e-11)
+    after = other.impact.ball_after.velocity + hip
+    assert here.impact.ball_after.velocity == pytest.approx(after, abs=1e-11)
+    assert here.impact.ball_after.spin == pytest.approx(other.impact.ball_after.spin, abs=1e-11)
+    assert here.impact.impulse == pytest.approx(other.impact.impulse, abs=1e-11)
+    assert here.impact.worst_joint[1] == pytest.approx(other.impact.worst_joint[1], abs=1e-11)
 
 
 @pytest.mark.parametrize(("leg", "incoming"), [(HUMAN, ROLLING), (G1, ASIDE)], ids=["human", "g1"])
@@ -135,7 +157,7 @@ def test_wrong_balls_are_refused():
     for other in ({"motion": True}, {"ball_position": -0.7}):
         with pytest.raises(kd.InvalidInput, match="exclude each other"):
             kd.plan_kick(HUMAN, kd.Goal(10, time=1), BALL, AIR, incoming=ROLLING, **other)
-    with pytest.raises(kd.InvalidInput, match="the plan is of a ball at rest"):
+    with pytest.raises(kd.InvalidInput, match="the plan is for a ball at rest"):
         kd.plan_kick(HUMAN, kd.Goal(10, time=1), BALL, AIR).replan(incoming=ROLLING)
 
 
@@ -150,3 +172,76 @@ def test_a_meeting_in_which_bodies_collide_is_not_preferred():
         there = kd.IncomingBall(ROLLING, meet_at=meeting.time)
         other = kd.plan_kick(HUMAN, kd.Goal((16, 0, 0.9), time=1.1), BALL, AIR, incoming=there)
         assert other.status == "collides"
+
+
+def test_a_plan_beyond_limits_says_what_is_reached():
+    goal = kd.Goal(45, time=1.2)
+    plan = kd.plan_kick(HUMAN, goal, BALL, AIR, incoming=ROLLING)
+    before, after = plan.meeting.ball.velocity, plan.impact.ball_after
+    assert 0.3 < plan.share < 1.0
+    # the share is of the change of velocity, and the ball leaves with what that gives
+    assert after.velocity == pytest.approx(before + plan.share * (plan.launch.velocity - before))
+    kicks = [meeting for meeting in plan.meetings if meeting.impact is not None]
+    assert plan.share == max(meeting.share for meeting in kicks)
+    report = PlanReport(plan)
+    verdict, meeting = report.sentences()[:2]
+    assert f"{plan.share:.0%} of the change of velocity" in verdict
+    assert f"{after.speed:.3g} m/s in place of {plan.launch.speed:.3g} m/s" in verdict
+    heads = {line[:8].strip(): line for line in report.table()}
+    assert f"{after.speed:.4f} m/s" in heads["reached"]
+    assert f"{plan.launch.speed:.4f} m/s" in heads["wished"]
+    # the target stays where it is in the world
+    assert plan.target_position == pytest.approx(ROLLING.position + goal.target, abs=1e-9)
+    assert "the target (47, 0, -0.7042) m in the world frame" in verdict
+    assert "m from the target (45 m from where it was seen)" in meeting
+
+
+def test_a_ball_that_is_kicked_downwards_flies_to_its_ground():
+    seen = kd.BallState((2.0, 0.0, -0.3), (-2.5, 0.0, -5.0))
+    plan = kd.plan_kick(HUMAN, kd.Goal((45, 0, 2.0), time=1.2), BALL, AIR, incoming=seen)
+    assert plan.share < 1.0
+    assert plan.path.duration > 0.1
+    assert plan.path.landing.position[2] == pytest.approx(plan.meeting.ground.height + BALL.radius)
+
+
+@pytest.mark.parametrize("aside", [0.0, 1e-3])
+def test_a_lift_with_an_infinite_slope(aside):
+    """Of a ball that rolls head-on, nothing but rounding of the spin is along the impulse."""
+    air = kd.Air(lift="wang")
+    velocity, spin = (-2.0, aside, 0.0), (-aside / BALL.radius, -2.0 / BALL.radius, 0.0)
+    seen = kd.BallState((1.5, 0.0, -0.6825), velocity, spin)
+    leg, goal = (G1, kd.Goal((4, -0.1, 0), time=0.8)) if aside else (HUMAN, kd.Goal(18, time=1.2))
+    plan = kd.plan_kick(leg, goal, BALL, air, incoming=seen)
+    assert plan.status == "met"
+    assert plan.landing_error < 1e-5
+
+
+def test_a_ball_in_the_ground_is_refused():
+    deep = kd.IncomingBall(ROLLING, kd.Ground(-0.7, "turf"))
+    with pytest.raises(kd.InvalidInput, match=r"is 0\.114 m in the ground: .* at least at -0\.59"):
+        kd.plan_kick(HUMAN, kd.Goal(18, time=1.2), BALL, AIR, incoming=deep)
+
+
+def test_a_leg_is_turned_to_a_ball_from_behind():
+    comes = kd.BallState((-1.5, 0.0, -0.7042), (2.0, 0.0, 0.0), (0.0, 2.0 / BALL.radius, 0.0))
+    plan = kd.plan_trap(HUMAN, comes, BALL, AIR)
+    assert abs(math.degrees(plan.heading)) == pytest.approx(180.0)
+    assert plan.impact.ball_after.velocity == pytest.approx(np.zeros(3), abs=1e-9)
+    rolls_off = kd.BallState((0.3, 0.0, -0.7042), (20.0, 0.0, 0.0))
+    with pytest.raises(kd.InvalidInput, match="faces along its change of velocity; the ball is fa"):
+        kd.plan_kick(HUMAN, kd.Goal(18, time=1.2), BALL, AIR, incoming=rolls_off)
+
+
+def test_a_meeting_out_of_reach_is_named():
+    early = kd.IncomingBall(ROLLING, meet_at=5.3)
+    with pytest.raises(kd.InvalidInput, match=r"out of reach at meet_at: it is then, 0\.3 s after"):
+        kd.plan_kick(HUMAN, kd.Goal(18, time=1.2), BALL, AIR, incoming=early)
+
+
+def test_a_fast_ball_is_not_missed_between_samples():
+    """It is within reach and before the leg for 10 ms, of the 10 s for which it is followed."""
+    fast = kd.BallState((2.0, 0.0, -0.5), (-90.0, 0.0, 0.0))
+    plan = kd.plan_trap(HUMAN, fast, BALL, AIR, limits=False)
+    assert plan.status == "met"
+    assert 0.01 < plan.meeting.time < 0.024
+    assert len(plan.meetings) > 3

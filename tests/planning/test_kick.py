@@ -1,5 +1,6 @@
 import math
 from pathlib import Path as FilePath
+from types import SimpleNamespace
 
 import gymnasium
 import numpy as np
@@ -10,6 +11,7 @@ from scipy.spatial import ConvexHull
 from threadpoolctl import threadpool_limits
 
 import kickdyn as kd
+from kickdyn.planning import kick_plan
 from kickdyn.planning.objectives import KickObjective
 from kickdyn.planning.plan_report import verdict
 from kickdyn.robot.standing import hold_support
@@ -214,7 +216,7 @@ def test_the_same_plan_again():
         (
             kd.Goal((10, 0, 3), apex=1),
             {},
-            "no flight to the target stays so low; the nearest is apex 3 m",
+            "no flight to the target stays that low; the nearest is apex 3 m",
         ),
         (kd.Goal(15, time=1, spin=(0, -900, 0)), {}, "with friction 0.4"),
         (
@@ -444,6 +446,18 @@ def test_a_foot_that_turns_about_the_vertical_does_not_count():
     assert plan.impact.footing == {FOOT: "turns"}
     assert free.footing == {FOOT: "slips"}
     assert plan.status != "support-moves"  # this twist hardly changes the kick
+
+
+def test_a_motion_of_a_standing_robot_without_rotors_is_warned_of():
+    bare = kd.Leg.from_robot("g1", base="floating", legs_only=True, drives=False)
+    lines = {
+        leg: kick_plan.check_drives(SimpleNamespace(motion="planned", balance=0.01, leg=leg))
+        for leg in (STANDING, bare)
+    }
+    assert lines[STANDING] == []
+    (line,) = lines[bare]
+    assert line.endswith("give their drives (Leg.with_drives, --drives FILE)")
+    assert kick_plan.check_drives(SimpleNamespace(motion=None, balance=0.01, leg=bare)) == []
 
 
 def test_a_floating_base_without_a_support_is_refused():

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 import kickdyn as kd
 from kickdyn.planning.goal import REASONS, nominal_velocity
 from kickdyn.planning.launch import OutOfReach
-from kickdyn.planning.launch_solver import LaunchFamily, ShootingProblem, apex, crossing
+from kickdyn.planning.launch_family import LaunchFamily
+from kickdyn.planning.launch_solver import ShootingProblem, apex, crossing
 
 BALL, AIR = kd.Ball(), kd.Air(drag="brazuca")
 

@@ -44,7 +44,8 @@ def test_late_and_beside():
 
 def test_lines_and_json():
     lines = PlanReport(WEAK).table()
-    assert [line.split()[0] for line in lines] == ["launch", "impact", "leg", *LEG.joint_names]
+    heads = ["reached", "wished", "impact", "leg"]
+    assert [line.split()[0] for line in lines] == [*heads, *LEG.joint_names]
     assert not any("-0.0 " in line for line in lines)
     said = json.loads(json.dumps(PlanReport(WEAK).to_json(), allow_nan=False))
     assert said["status"] == "beyond-limits"
@@ -59,6 +60,14 @@ def test_a_joint_near_0_has_no_sign():
                       WEAK.impact.contact, ball_velocity=[-5, 0, 0])  # fmt: skip
     lines = [line.split() for line in PlanReport(replace(WEAK, impact=still)).table()[-3:]]
     assert [line[1:] for line in lines] == 3 * [["0.00", "deg", "0.000", "rad/s"]]
+
+
+def test_joints_at_rest_away_from_0_have_a_row():
+    still = kd.strike(LEG.posture([0.3, 0.2, 0.0]), np.zeros(3), BALL,
+                      WEAK.impact.contact, ball_velocity=[-5, 0, 0])  # fmt: skip
+    lines = [line.split() for line in PlanReport(replace(WEAK, impact=still)).table()[-2:]]
+    assert lines == [["hip", "17.19", "deg", "0.000", "rad/s"],
+                     ["knee", "11.46", "deg", "0.000", "rad/s"]]  # fmt: skip
 
 
 def test_the_restitution_is_named_where_it_depends_on_the_speed():

@@ -68,6 +68,38 @@ def test_terms_alone_define_a_problem(terms, solution):
     assert found == pytest.approx(solution, abs=1e-4)
 
 
+class Circle(Function):
+    """The place is on the unit circle, or outside of it."""
+
+    def __init__(self, kind):
+        self.kind = kind
+
+    def value(self, point):
+        return np.array([point @ point - 1.0])
+
+    def slope(self, point):
+        return 2 * point[None]
+
+
+@pytest.mark.parametrize("kind", [Kind.EQUALITY, Kind.INEQUALITY])
+def test_a_solution_in_all_digits(kind):
+    place = np.array([0.3, -0.4])
+    rough = np.array([0.6001, -0.79992])
+    if kind == Kind.INEQUALITY:  # reached, as a solver leaves it
+        rough /= np.linalg.norm(rough)
+    polished = problem(Distance(*place), Circle(kind)).polish(rough)
+    assert polished == pytest.approx((0.6, -0.8), abs=1e-14)
+    box = Box((-9.0, -9.0), (0.2, 9.0))
+    bounded = problem(Distance(*place), Circle(kind), box).polish(np.array([0.2, -0.97979]))
+    if kind == Kind.EQUALITY:
+        assert bounded == pytest.approx((0.2, -np.sqrt(0.96)), abs=1e-14)
+
+
+def test_what_is_no_solution_is_not_polished():
+    far = np.array([0.0, -1.0])
+    assert problem(Distance(5.0, 0.0), Circle(Kind.EQUALITY)).polish(far) is far
+
+
 def test_a_problem_without_a_solution_has_none():
     apart = Plane(5.0, Kind.EQUALITY), Box((0.0, 0.0), (2.0, 2.0))
     assert problem(Distance(0.0, 0.0), *apart).solve(np.zeros(2), slsqp) is None

@@ -2,6 +2,7 @@
 
 import json
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from click.testing import CliRunner
 import kickdyn as kd
 from kickdyn.cli.reach_command import reach as reach_command
 from kickdyn.planning import reach as module
+from kickdyn.planning.goal import PlanStatus
 
 BALL, AIR = kd.Ball(), kd.Air()
 HEIGHT = -0.7042
@@ -81,9 +83,20 @@ def test_an_interrupted_table_is_continued(tmp_path, monkeypatch):
     assert len(seen) > 0
     with pytest.raises(kd.InvalidInput, match="has the table of another options: name another"):
         kd.reach(*arguments, **options | {"ball_position": -0.6})
-    file.write_text("azimuth,speed\n1,2\n", "utf-8")
-    with pytest.raises(kd.InvalidInput, match="is not a table of kickdyn reach"):
+    head, _, rows = file.read_text("utf-8").partition("\n")
+    for damaged in ("azimuth,speed\n1,2\n", f"{head}\n{rows}{'9' * 200_000}"):
+        file.write_text(damaged, "utf-8")
+        with pytest.raises(kd.InvalidInput, match="is not a table of kickdyn reach"):
+            kd.reach(*arguments, **options)
+    file.write_text(f"[]\n{rows}", "utf-8")
+    with pytest.raises(kd.InvalidInput, match="has the table of another air and ball and"):
         kd.reach(*arguments, **options)
+
+
+def test_a_file_that_cannot_be_written_is_refused_first(monkeypatch):
+    monkeypatch.setattr("kickdyn.planning.reach.plan_kick", None)
+    with pytest.raises(kd.InvalidInput, match=r"cannot be written \(File name too long"):
+        kd.reach(kd.Leg.human(), BALL, AIR, file="x" * 5000 + ".csv")
 
 
 def test_bad_input():
@@ -94,6 +107,33 @@ def test_bad_input():
         kd.reach(leg, BALL, AIR, elevations=(-5, 10))
     with pytest.raises(kd.InvalidInput, match="tolerance is 0"):
         kd.reach(leg, BALL, AIR, tolerance=0)
+    with pytest.raises(kd.InvalidInput, match=r"file is 'r\.txt': a table of launches is written"):
+        kd.reach(leg, BALL, AIR, file="r.txt")
+
+
+def test_a_motion_that_is_met_is_where_larger_ones_start():
+    """Planned from rest, motions are met up to 9.8 m/s only; from another one, up to 14 m/s."""
+    tried = []
+
+    def plan(speed, near):
+        tried.append((speed, near is not None))
+        met = speed <= (9.8 if near is None else 14.0)
+        return SimpleNamespace(
+            status=PlanStatus.MET if met else PlanStatus.BEYOND_LIMITS,
+            share=1.0 if met else 0.98, binding=("torque of knee",), motion="planned",
+        )  # fmt: skip
+
+    row = module._largest(plan, (0.0, 10.0), 1.25, 0.05)
+    assert tried[0] == (10.0, False)
+    assert 14.0 / 1.05 < row.speed <= 14.0 < row.beyond
+    assert row.reason == "torque of knee"
+
+
+def test_a_row_says_that_no_larger_speed_was_tried(monkeypatch):
+    monkeypatch.setattr(module, "LARGEST_SPEED", 12.0)
+    row = kd.reach(kd.Leg.human(), BALL, AIR, elevations=10, ball_position=HEIGHT).rows[0]
+    assert (row.speed, row.beyond) == (12.0, None)
+    assert row.reason == "the largest speed that is tried"
 
 
 def test_the_command_prints_and_keeps_the_table(tmp_path):

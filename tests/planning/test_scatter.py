@@ -5,6 +5,7 @@ import pytest
 
 import kickdyn as kd
 from kickdyn.planning.scatter import UNITS, landing_slopes, scatter
+from kickdyn.planning.scatter import _launch_slopes as launch_slopes
 
 LEG, BALL, AIR = kd.Leg.from_robot("g1", legs_only=True), kd.Ball(), kd.Air(drag="brazuca")
 HIT = kd.plan_kick(LEG, kd.Goal((6, 1, 0), time=0.9, spin=(0, -12, 6)), BALL, AIR).impact
@@ -47,6 +48,25 @@ def test_first_order_and_drawn_kicks_agree(sources):
     assert np.sqrt(np.trace(covariance)) == pytest.approx(linear.radius, rel=0.05)
     assert np.linalg.norm(covariance - linear.covariance) < 0.1 * linear.radius**2
     assert sum(linear.by_source.values()) == pytest.approx(linear.covariance)
+
+
+def test_the_spin_changes_with_restitution_and_normal():
+    """By central differences of strikes whose foot slips, so that the spin follows the impulse."""
+    normal, left, size = HIT.contact.normal, across(HIT.contact.normal), 1e-5
+
+    def spin(e=0.6, turned=normal):
+        struck = kd.strike(HIT.posture, HIT.v_before, BALL, kd.Contact(turned, e, 0.05))
+        assert not struck.sticking
+        return struck.ball_after.spin, struck
+
+    slopes = launch_slopes(spin()[1])
+    by_e = (spin(0.6 + size)[0] - spin(0.6 - size)[0]) / (2 * size)
+    assert np.abs(by_e).max() > 1.0
+    assert slopes["restitution"][3:, 0] == pytest.approx(by_e, rel=1e-5, abs=1e-5)
+    for column, way in zip(slopes["contact"][3:].T, left, strict=True):
+        ends = [spin(turned=normal + sign * size * way)[0] for sign in (1, -1)]
+        expected = -(ends[0] - ends[1]) / (2 * size * BALL.radius)
+        assert column == pytest.approx(expected, rel=1e-4, abs=1e-3)
 
 
 def test_drag_alone_is_a_difference_of_flights():

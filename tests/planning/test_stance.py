@@ -36,7 +36,7 @@ def postures():
 def test_the_centre_of_mass_is_that_of_the_robot_on_its_support():
     balance, model = Balance(STANDING), ROBOT.model
     for posture in postures():
-        q, _ = STANDING.whole(posture.q, np.zeros(LEG.nv))
+        q, _ = STANDING.robot_state(posture.q, np.zeros(LEG.nv))
         centre = pin.centerOfMass(model, model.createData(), q)
         assert centre_of_mass(posture) == pytest.approx(centre, abs=1e-12)
         # of a rectangle: to the nearest of four edges
@@ -48,7 +48,7 @@ def test_the_centre_of_mass_is_that_of_the_robot_on_its_support():
 def test_the_impulse_of_the_support_is_that_of_a_strike():
     term = SupportImpulse(STANDING, IMPULSE)
     for posture in postures():
-        q, _ = STANDING.whole(posture.q, np.zeros(LEG.nv))
+        q, _ = STANDING.robot_state(posture.q, np.zeros(LEG.nv))
         there = STANDING.robot.posture(q)
         _, expected = there.respond(-IMPULSE @ there.jacobian)
         about = expected[3:] + np.cross(STANDING.placement.translation, expected[:3])
@@ -70,7 +70,7 @@ def test_values_agree_with_the_verdict_on_a_support():
 
 
 def test_the_kicking_foot_is_as_high_as_its_lowest_corner():
-    clearance = Clearance(STANDING)
+    clearance = Clearance(STANDING.robot, STANDING.leg)
     level = LEG.posture(LEG.configuration())  # both soles are on one level
     assert -7e-3 < clearance.residual(level, REST).min() < -CLEARANCE
     bend = {"right_hip_pitch_joint": -0.8, "right_knee_joint": 0.8}
@@ -79,10 +79,10 @@ def test_the_kicking_foot_is_as_high_as_its_lowest_corner():
 
 
 def test_no_point_of_the_kicking_foot_is_lower_than_its_value_says():
-    clearance, robot = Clearance(STANDING), STANDING.robot
+    clearance, robot = Clearance(STANDING.robot, STANDING.leg), STANDING.robot
     foot, data = joint_spheres(robot, robot.contact_joint), robot.model.createData()
     for posture in postures():
-        pin.forwardKinematics(robot.model, data, STANDING.whole(posture.q, REST)[0])
+        pin.forwardKinematics(robot.model, data, STANDING.robot_state(posture.q, REST)[0])
         pose = data.oMi[robot.contact_joint]
         lowest = (foot.centres @ pose.rotation[2] - foot.radii).min() + pose.translation[2]
         value = clearance.residual(posture, REST).min()
@@ -107,7 +107,7 @@ def test_the_trunk_is_upright_within_30_degrees_of_the_vertical():
     assert level == pytest.approx([upright.scale], abs=1e-12)
     for _ in range(50):
         posture = LEG.posture(draw.uniform(-0.6, 0.6, size=LEG.nq))
-        q, _ = STANDING.whole(posture.q, np.zeros(LEG.nv))
+        q, _ = STANDING.robot_state(posture.q, np.zeros(LEG.nv))
         height = pin.Quaternion(q[3:7]).matrix()[2, 2]  # of the base's vertical axis
         (value,) = upright.residual(posture, REST)
         assert value == pytest.approx(height - math.cos(TILT), abs=1e-9)

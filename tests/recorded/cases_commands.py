@@ -60,16 +60,17 @@ def options(command):
     """Return names, defaults and help of the options of a command."""
     import click
 
-    found = kickdyn_command.get_command(click.Context(kickdyn_command), command)
+    _, found, _ = kickdyn_command.resolve_command(click.Context(kickdyn_command), [command])
     return {
         "help": text_of(found.help or ""),
-        "options": [
+        "options": {
+            parameter.name:
             [*parameter.opts, *parameter.secondary_opts, repr(parameter.default) if not callable(parameter.default) else "",
              getattr(parameter, "help", None) or "", str(parameter.metavar), parameter.required, parameter.multiple,
              list(getattr(parameter.type, "choices", ()))]
             for parameter in found.params
             if parameter.name != "help"
-        ],
+        },
     }  # fmt: skip
 
 
@@ -147,6 +148,6 @@ CASES = {
     "identify, nothing": lambda: identify(rows=slice(1, 6)),
     "identify, end": lambda: identify("--start", 50, "--end", 20),
     **{f"options of {name}": (lambda name=name: options(name)) for name in
-       ("identify", "paper", "plan", "posture-sweep", "simulate", "tradeoff", "tune-mujoco", "view")},
+       ("identify", "paper", "plan", "posture-sweep", "reach", "simulate", "tradeoff", "tune-mujoco", "view")},
 }  # fmt: skip
 LOOSE = {"": 1e-4, "tune": 1e-2}

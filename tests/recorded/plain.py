@@ -92,6 +92,8 @@ def text_of(text):
     text = re.sub(r"0x[0-9a-f]{6,}", "0x", text)
     text = re.sub(r"\d+ evaluations", "N evaluations", text)
     text = re.sub(r"(answer took|seconds=) ?[-+.\de]+", r"\1 T", text)
+    text = re.sub(r"((?:pin|numpy|scipy) )\d[\w.]+", r"\1N", text)
+    text = re.sub(r"condition [1-9]e\+1[5-9]", "condition N", text)  # of rounding
     text = re.sub(r"(iterations(?:</th><td[^>]*>| +))\d+", r"\1N", text)
     text = re.sub(re.escape(tempfile.gettempdir()) + r"/\w+", "TMP", text)
     return re.sub(r"/[\w./-]*/(site-packages|urdf|scenes|data)/", r"\1/", text)

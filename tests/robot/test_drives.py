@@ -84,6 +84,7 @@ def test_a_file_gives_drives_before_joints_are_locked(tmp_path):
     [
         ("", "has no .joints.: it needs lines such as"),
         ("a = 1 2", "is not TOML"),
+        ("a." * 40_000 + "a = 1", "has more than 1000 dots in a line"),
         ("rotors = 1\n[joints.knee]\nrotor_inertia_kg_m2 = 1", "rotors is unknown: .* has source"),
         ("[joints.knee]\ngear = 3", "knee has no rotor_inertia_kg_m2: 0 is valid"),
         ("[joints.knee]\ninertia = 3", "knee has inertia: choose rotor_inertia_kg_m2, gear"),
@@ -92,6 +93,7 @@ def test_a_file_gives_drives_before_joints_are_locked(tmp_path):
         ("[joints.knee]\nrotor_inertia_kg_m2 = 11", "knee: rotor inertia times .* 11 kg m2: it"),
         ("[joints.knee]\nrotor_inertia_kg_m2 = 1\ngear = 0", "knee: gear is 0: it must be the"),
         ("[joints.knee]\nrotor_inertia_kg_m2 = 1\ngear = nan", "knee: gear is nan"),
+        ("[joints.knee]\nrotor_inertia_kg_m2 = 1\ngear = 1e300", "knee: rotor .* is inf kg m2"),
         (
             "[joints.knee]\nrotor_inertia_kg_m2 = 1\ntorque_limit_n_m = -1",
             "knee: torque limit is -1.0: .* at least 0",

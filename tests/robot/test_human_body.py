@@ -24,6 +24,21 @@ TABLE_4 = {
         "foot": (1.29, 228.3, 40.14, 29.9, 27.9, 13.9),
     }),
 }  # fmt: skip
+# Dumas et al. 2007, Table 2, of the mean man (1.77 m) and woman (1.61 m): mass [%], length [mm],
+# centre [%] and roots of the inertia tensor xx, yy, zz, xy, xz, yz [%] in axes forward, up, right;
+# a minus stands for the imaginary unit
+DUMAS = {
+    "male": (1.77, {
+        "thigh": (12.3, 432, (-4.1, -42.9, 3.3), (29, 15, 30, 7, -2, -7)),
+        "shank": (4.8, 433, (-4.8, -41.0, 0.7), (28, 10, 28, -4, -2, 5)),
+        "foot": (1.2, 183, (38.2, -15.1, 2.6), (17, 37, 36, 13, -8, 0)),
+    }),
+    "female": (1.61, {
+        "thigh": (14.6, 379, (-7.7, -37.7, 0.9), (31, 19, 32, 7, -2, -7)),
+        "shank": (4.5, 388, (-4.9, -40.4, 3.1), (28, 10, 28, 2, 1, 6)),
+        "foot": (1.0, 165, (27.0, -21.8, 3.9), (17, 36, 35, -10, 6, -4)),
+    }),
+}  # fmt: skip
 WOMAN = {"height": 1.65, "mass": 58.0, "sex": "female"}
 
 
@@ -45,6 +60,110 @@ def test_segments_of_the_mean_person_are_those_of_the_table(sex):
             about = (longitudinal, transverse, sagittal)
         squares = (np.array(about) / 100 * length) ** 2
         assert inertia.inertia == pytest.approx(np.diag(inertia.mass * squares), rel=1e-12)
+
+
+@pytest.mark.parametrize("sex", DUMAS)
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_segments_are_those_of_dumas(sex, side):
+    height, table = DUMAS[sex]
+    leg = kd.Leg.human(height=height, mass=70, sex=sex, side=side, segments="Dumas")
+    outwards = -1.0 if side == "right" else 1.0  # y points left
+    for inertia, row in zip(list(leg.model.inertias)[1:], table.values(), strict=True):
+        share, length, (forward, up, lateral), roots = row
+        assert inertia.mass == pytest.approx(0.01 * share * 70)
+        centre = 1e-5 * length * np.array([forward, outwards * lateral, up])
+        assert inertia.lever == pytest.approx(centre)
+        xx, yy, zz, xy, xz, yz = (math.copysign((1e-5 * length * r) ** 2, r) for r in roots)
+        # our y is their z outwards, our z their y
+        tensor = [[xx, outwards * xz, xy], [outwards * xz, zz, outwards * yz],
+                  [xy, outwards * yz, yy]]  # fmt: skip
+        assert inertia.inertia == pytest.approx(inertia.mass * np.array(tensor), rel=1e-12)
+    thigh, shank = (1e-3 * row[1] for row in list(table.values())[:2])
+    toe = leg.posture([0, 0, 0]).contact_point
+    assert toe[2] == pytest.approx(-thigh - shank)
+
+
+def test_segments_of_dumas_are_those_of_the_human_of_example_robot_data():
+    """That is a man of 75 kg and 1.80 m by the same tables, written by others, rounded to 1 mm."""
+    ours = kd.Leg.human(height=1.80, mass=75, model="3d", segments="Dumas").model
+    theirs = kd.Leg.from_robot("human").model
+    turn = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]])  # theirs have y up and z to the right
+    pairs = {"hip_rotation": "right_hip_Y", "knee": "right_knee_Z", "subtalar": "right_ankle_X"}
+    for name, peer in pairs.items():
+        a, b = ours.inertias[ours.getJointId(name)], theirs.inertias[theirs.getJointId(peer)]
+        assert a.mass == pytest.approx(b.mass, rel=2e-3)
+        assert a.lever == pytest.approx(turn @ b.lever, rel=0.05, abs=1e-3)  # a shorter foot
+        inertia = turn @ b.inertia @ turn.T
+        # all products of their shank are positive, without the imaginary units of the table
+        tensors = (a.inertia, inertia) if name != "knee" else (np.abs(a.inertia), np.abs(inertia))
+        rough = 0.12 if name == "subtalar" else 0.01
+        assert tensors[0] == pytest.approx(tensors[1], rel=rough, abs=2e-5)
+
+
+@pytest.mark.parametrize("sex", DUMAS)
+def test_the_two_tables_agree_as_far_as_persons_differ(sex):
+    size = {"height": 1.7, "mass": 65, "sex": sex, "base": "floating"}
+    legs = [kd.Leg.human(**size, segments=table) for table in ("de Leva", "Dumas")]
+    a, b = ([inertia.mass for inertia in list(leg.model.inertias)[1:]] for leg in legs)
+    assert b == pytest.approx(a, rel=0.28)  # feet and pelvis differ most
+    ours, theirs = (leg.posture(leg.configuration()) for leg in legs)
+    assert theirs.contact_point == pytest.approx(ours.contact_point, abs=0.05)
+    assert theirs.effective_mass((1, 0, 0)) == pytest.approx(
+        ours.effective_mass((1, 0, 0)), rel=0.3
+    )
+    assert pin.computeTotalMass(legs[1].model) == pytest.approx(
+        pin.computeTotalMass(legs[0].model), rel=0.05
+    )
+
+
+LEG_LEVELS = (
+    "1L 3L 4L 5L 6L 8L 9L 1p 3p 4p 5p 6p 8p 9p 2p 7p 8w 9w 6d",
+    "9.9 42.4 56.2 81.1 2.5 14.7 20.9 53.5 35 35 24 31 22 19 49 23 8.6 8.3 11",
+)
+"""Lengths, perimeters, widths and a depth of the levels of a leg by Yeadon [cm]."""
+
+
+def measured_person():
+    """Return a `yeadon.Human` with these legs and a plain torso and arms."""
+    yeadon = pytest.importorskip("yeadon")
+    leg = {f"L{side}{name}": 0.01 * float(x) for side in "jk"
+           for name, x in zip(*(words.split() for words in LEG_LEVELS), strict=True)}  # fmt: skip
+    arms = {name: 0.2 for name in yeadon.Human.measnames if name[1] in "ab" and name[3] == "p"}
+    arms |= {name: 0.075 for name in yeadon.Human.measnames if name[1] in "ab" and name[3] == "w"}
+    lengths = dict(zip("234567", (0.26, 0.33, 0.51, 0.02, 0.08, 0.17), strict=True))
+    arms |= {f"L{side}{level}L": x for side in "ab" for level, x in lengths.items()}
+    torso = dict(zip("12345678", (0.05, 0.19, 0.33, 0.47, 0.5, 0.15, 0.19, 0.29), strict=True))
+    trunk = {f"Ls{level}L": x for level, x in torso.items()}
+    trunk |= {f"Ls{level}p": 0.8 if level < 4 else 0.5 for level in (0, 1, 2, 3, 5, 6, 7)}
+    trunk |= {f"Ls{level}w": 0.3 for level in range(5)} | {"Ls4d": 0.15}
+    return yeadon.Human(leg | arms | trunk)
+
+
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_a_measured_person_has_the_segments_of_yeadon(side):
+    person = measured_person()
+    leg = kd.Leg.human(height=1.8, mass=70, side=side, segments=person, base="floating")
+    pelvis, thigh, shank, foot = list(leg.model.inertias)[1:]
+    upper, lower = (person.K1, person.K2) if side == "right" else (person.J1, person.J2)
+    share = 70 / person.mass
+    assert thigh.mass == pytest.approx(share * upper.mass)
+    assert shank.mass + foot.mass == pytest.approx(share * lower.mass)
+    assert pelvis.mass == pytest.approx(share * person.P.mass)
+    assert thigh.inertia == pytest.approx(share * np.asarray(upper.inertia), rel=1e-9)
+    place = np.ravel(upper.center_of_mass - upper.pos)
+    assert thigh.lever == pytest.approx([0, 0, -abs(place[2])], abs=1e-12)
+    # the pelvis' middle is on the other side of the hip
+    assert pelvis.lever[1] == pytest.approx((1 if side == "right" else -1) * abs(upper.pos[0, 0]))
+    straight = leg.posture(leg.configuration())
+    assert straight.contact_point == pytest.approx([0.209, 0, -0.811])
+    whole = (shank.mass * -shank.lever[2] + foot.mass * (0.387 + foot.lever[0])) / (
+        shank.mass + foot.mass
+    )  # of the shank-foot with the foot pointing down, as Yeadon has it
+    assert whole == pytest.approx(abs(np.ravel(lower.center_of_mass - lower.pos)[2]), rel=1e-9)
+    person.set_CFG("J1J2flexion", 0.5)
+    person.set_CFG("K1K2flexion", 0.5)
+    with pytest.raises(kd.InvalidInput, match="its configuration must be neutral"):
+        kd.Leg.human(height=1.8, mass=70, side=side, segments=person)
 
 
 def test_lengths_scale_with_height_and_torques_with_weight_and_height():
@@ -168,6 +287,7 @@ def test_contact_points_lie_on_the_boot():
         ({"model": "2d"}, "model is '2d': it must be one of paper, 3d"),
         ({"base": "free"}, "base is 'free': it must be fixed or floating"),
         ({"frame": "sole"}, "'sole'"),
+        ({"segments": "Winter"}, "segments is 'Winter': it must be one of de Leva, Dumas"),
         ({"height": None, "mass": None}, "height and mass are None: sex, side, model"),
     ],
 )

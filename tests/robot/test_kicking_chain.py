@@ -23,7 +23,7 @@ def test_the_chain_of_a_robot_is_its_leg():
     assert G1.velocity_limit[chain.vs].tolist() == chain.leg.velocity_limit.tolist()
     draw = np.random.default_rng(0)
     q, v = draw.normal(0, 0.3, 6), draw.normal(0, 1, 6)
-    whole_q, whole_v = chain.whole(G1, q, v)
+    whole_q, whole_v = chain.robot_state(G1, q, v)
     whole, alone = G1.posture(whole_q), chain.leg.posture(q)
     assert whole.contact_point == pytest.approx(alone.contact_point, abs=1e-14)
     assert whole.jacobian @ whole_v == pytest.approx(alone.jacobian @ v, rel=1e-12)
@@ -35,8 +35,8 @@ def test_torques_of_the_chain_are_those_of_the_robot():
     draw = np.random.default_rng(1)
     q, v, a = draw.normal(0, 0.3, (3, 6))
     own = pin.rnea(chain.leg.model, chain.leg.model.createData(), q, v, a)
-    whole_q, whole_v = chain.whole(G1, q, v)
-    whole_a = chain.whole(G1, q, a)[1]
+    whole_q, whole_v = chain.robot_state(G1, q, v)
+    whole_a = chain.robot_state(G1, q, a)[1]
     whole = pin.rnea(model, model.createData(), whole_q, whole_v, whole_a)
     assert whole[chain.vs] == pytest.approx(own, rel=1e-12)
 
@@ -64,7 +64,7 @@ def test_branches_are_kept_where_an_impact_moves_them():
     assert without.leg.joint_names == ("hip", "knee", "ankle")
     assert with_branch.leg.joint_names == ("hip", "knee", "ankle", "pendulum on the thigh")
     n, q = (1.0, 0.0, 0.0), np.array([0.0, 0.3, 0.0, 0.0])
-    whole = robot.posture(with_branch.whole(robot, q, np.zeros(4))[0])
+    whole = robot.posture(with_branch.robot_state(robot, q, np.zeros(4))[0])
     assert with_branch.leg.posture(q).effective_mass(n) == pytest.approx(whole.effective_mass(n))
     assert without.leg.posture(q[:3]).effective_mass(n) > whole.effective_mass(n) + 1e-3
 
@@ -116,7 +116,7 @@ def test_joints_outside_the_chain_rest_at_the_nearest_value_in_their_range():
     rest = rest_configuration(robot)
     assert rest.tolist() == [0, 0, 0, 0.25, -0.5, 1, 0, 0, 0, 0, 1]
     chain = kicking_chain(robot)
-    assert chain.whole(robot, np.ones(3), np.ones(3))[0].tolist() == [1, 1, 1, *rest[3:]]
+    assert chain.robot_state(robot, np.ones(3), np.ones(3))[0].tolist() == [1, 1, 1, *rest[3:]]
 
 
 def test_a_mimic_joint_rests_where_its_driver_puts_it(tmp_path):
@@ -160,3 +160,18 @@ def test_a_mimic_joint_of_the_kicking_limb_is_refused_as_driver_and_as_driven(
     words = f"joint {joint!r} mimics {driver!r}: .*lock {driver!r}, .* --lock {driver}=VALUE"
     with pytest.raises(kd.InvalidInput, match=words):
         kicking_chain(robot)
+
+
+def test_joints_that_are_taken_out_may_be_elsewhere():
+    others = {"left_elbow_joint": 0.4, "left_hip_roll_joint": 0.2}
+    chain = kicking_chain(G1, others=others).leg
+    whole = G1.posture(G1.configuration(others))
+    for frame in ("left_ankle_roll_link", "left_rubber_hand"):
+        seen = []
+        for leg, q in ((chain, chain.configuration()), (G1, whole.q)):
+            model = leg.model
+            data = model.createData()
+            pin.forwardKinematics(model, data, q)
+            number = model.getFrameId(frame)
+            seen.append(pin.updateFramePlacement(model, data, number).homogeneous)
+        np.testing.assert_allclose(*seen, atol=1e-12)

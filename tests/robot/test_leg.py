@@ -672,6 +672,13 @@ def test_a_point_elsewhere_on_the_foot_is_a_frame_there(seed):
     assert moved.with_contact_offset(None) is moved
 
 
+@pytest.mark.parametrize("offset", [(0, 0, 1001), (0, -1001, 0)])
+def test_a_contact_point_far_away_is_refused(offset):
+    posture = kd.Leg.human().posture([0.1, 0.2, -0.1])
+    with pytest.raises(kd.InvalidInput, match=r"contact offset is 1001\.0: .* at most 1000 .m."):
+        posture.with_contact_offset(offset)
+
+
 def test_a_foot_faster_than_floats_is_refused():
     posture = kd.Leg.human().posture([0.1, 0.2, -0.1])
     with pytest.raises(kd.InvalidInput, match="must be slower"):

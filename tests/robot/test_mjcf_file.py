@@ -49,7 +49,7 @@ def box(folder, name="box.stl", size=(0.2, 0.4, 0.6)):
         (MODEL.replace("</w", "<flexcomp/></w"), "has <flexcomp>: flexible bodies are not read"),
         (MODEL.replace("</w", '<attach model="a"/></w'), "has <attach>: models attached"),
         (MODEL.replace("<w", "<extension/><w"), "has <extension>: plugins are not read"),
-        (MODEL.replace('"arm"', '"universe"'), "body name 'universe' is Pinocchio's own"),
+        (MODEL.replace('"arm"', '"universe"'), "body name 'universe' is reserved by Pinocchio"),
         (MODEL.replace('"arm"', '"a&#10;b"'), r"body name 'a\\nb' is not a printable name"),
         (MODEL.replace('"arm"', f'"{201 * "a"}"'), "is not a printable name of at most 200"),
         (

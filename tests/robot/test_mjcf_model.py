@@ -425,7 +425,7 @@ def test_a_joint_that_follows_another_is_a_mimic_joint(tmp_path):
 
 def test_objects_beside_the_robot_are_left_out(tmp_path):
     assert kd.Leg.from_mjcf(MODELS / "pusher_v5.xml", "tips_arm").warnings[:1] == (
-        "bodies that hang on another root are left out: object, goal",
+        "bodies attached to another root are left out: object, goal",
     )
     crowd = ARM.format(BALL) + "".join(
         f'<body name="b{k}"><freejoint/><geom size="1"/></body>' for k in range(7)

@@ -14,6 +14,9 @@ COMMON = ("g1", "talos", "bolt", "simple_humanoid")
 """Robots whose URDF MuJoCo compiles: links of icub have impossible inertias, which kickdyn takes
 where the composite inertia is sound, and links of romeo and human have no mass."""
 
+AXES = 0.0 if mujoco.mj_version() >= 400 else 1e-6
+"""Relative error of the principal axes of inertia that older versions of MuJoCo compute."""
+
 
 def bare_urdf(name):
     """The URDF of a robot without shapes, whose meshes MuJoCo would look for elsewhere."""
@@ -38,9 +41,11 @@ def test_the_joint_space_inertia_is_that_of_mujoco(name):
         data.qpos[:] = q[order]
         mujoco.mj_forward(model, data)
         inertia = np.zeros((leg.nv, leg.nv))
-        mujoco.mj_fullM(model, data, inertia)
+        for column, unit in zip(inertia, np.eye(leg.nv), strict=True):
+            mujoco.mj_mulM(model, data, column, unit)
         ours = leg.posture(q).inertia[np.ix_(order, order)]
-        assert ours == pytest.approx(inertia, abs=1e-14 * np.abs(inertia).max())
+        rounding = max(AXES, 1e-14) * np.abs(inertia).max()
+        assert ours == pytest.approx(inertia, abs=rounding)
 
 
 def as_mjcf(root, armature):
@@ -106,11 +111,11 @@ def test_a_urdf_with_drives_strikes_as_an_mjcf_with_rotors(name, tmp_path):
             v = posture.joint_velocity([3, 0.5, 1])
             hits.append(kd.strike(posture, v, kd.Ball(), kd.Contact((3, 0, 1), 0.8, 0.3)))
         ours, theirs = hits
-        assert theirs.impulse == pytest.approx(ours.impulse, rel=1e-9)
-        assert theirs.effective_mass == pytest.approx(ours.effective_mass, rel=1e-9)
+        assert theirs.impulse == pytest.approx(ours.impulse, rel=max(AXES, 1e-9))
+        assert theirs.effective_mass == pytest.approx(ours.effective_mass, rel=max(AXES, 1e-9))
         jumps = [
             {joint: hit.v_after[robot.velocity_index(joint)] for joint in leg.joint_names}
             for hit, robot in ((ours, leg), (theirs, other))
         ]
         size = max(map(abs, jumps[0].values()))
-        assert jumps[1] == pytest.approx(jumps[0], abs=1e-9 * size)
+        assert jumps[1] == pytest.approx(jumps[0], abs=max(AXES, 1e-9) * size)

@@ -84,7 +84,7 @@ def test_the_rooted_robot_moves_and_weighs_as_the_robot_on_its_support(seed):
     assert sorted(leg.joint_names) == sorted(robot.joint_names[1:])
     q = pin.integrate(leg.model, leg.configuration(), rng.uniform(-1, 1, size=leg.nv))
     v = rng.normal(size=leg.nv)
-    whole_q, whole_v = standing.whole(q, v)
+    whole_q, whole_v = standing.robot_state(q, v)
     here, there = leg.posture(q), robot.posture(whole_q)
     assert np.abs(there.constraint_projector.rows @ whole_v).max() < 1e-11 * np.abs(whole_v).max()
     assert here.contact_point == pytest.approx(there.contact_point, abs=1e-12)
@@ -106,7 +106,7 @@ def test_the_sole_is_what_the_shapes_have_at_the_ground():
     assert np.ptp(support.sole[:, 2]) < 1e-6  # the foot's frame is level
     assert 0.15 < np.ptp(standing.sole[:, 0]) < 0.25
     assert 0.05 < np.ptp(standing.sole[:, 1]) < 0.1
-    q, v = standing.whole(standing.leg.configuration(), np.zeros(standing.leg.nv))
+    q, v = standing.robot_state(standing.leg.configuration(), np.zeros(standing.leg.nv))
     data = G1.model.createData()
     pin.framesForwardKinematics(G1.model, data, q)
     foot = data.oMf[G1.model.getFrameId(FOOT)]

@@ -3,6 +3,7 @@
 import math
 import re
 
+import numpy as np
 import pytest
 
 import kickdyn as kd
@@ -101,3 +102,27 @@ def test_the_base_of_a_leg_can_move():
         },
     )
     assert table.change(kd.Leg.human()).base_velocity.tolist() == [4, 0, 1, 0, -2, 0]
+
+
+def test_a_scene_with_a_base_that_moves_is_one_in_another_frame(tmp_path):
+    """In a vacuum; seen from the hip, the ball comes with the opposite velocity."""
+    hip = np.array([3.0, 0.2, 0.5])
+    scene = "\n".join([
+        "[leg]", "model = 'human'", "{}", "[posture]",
+        "angles_deg = {{ hip = 40, knee = 30, ankle = -20 }}",
+        "joint_velocity_rad_s = {{ hip = 6.6, knee = -14.5, ankle = 6.6 }}",
+        "[ball]", "velocity_m_s = {}", "spin_rad_s = [1, -20, 3]",
+        "[contact]", "normal = [2, 0.2, 1]", "restitution = 0.8", "friction = 0.4",
+    ])  # fmt: skip
+    ball = np.array([-2.0, 0.3, 0.1])
+    impacts = []
+    for base, velocity in ((f"base_velocity_m_s = {hip.tolist()}", ball), ("", ball - hip)):
+        file = tmp_path / f"{len(impacts)}.toml"
+        file.write_text(scene.format(base, velocity.tolist()))
+        impacts.append(kd.simulate(kd.load_scene(file)).impact)
+    here, there = impacts
+    after = there.ball_after.velocity + hip
+    assert here.ball_after.velocity == pytest.approx(after, rel=1e-13, abs=1e-13)
+    assert here.ball_after.spin == pytest.approx(there.ball_after.spin, rel=1e-13, abs=1e-12)
+    assert here.impulse == pytest.approx(there.impulse, rel=1e-13, abs=1e-13)
+    assert here.joint_impulses == pytest.approx(there.joint_impulses, rel=1e-13, abs=1e-13)

@@ -3,6 +3,7 @@
 import math
 import pickle
 import re
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -34,6 +35,25 @@ def kick(speed=10.0, **parts):
 
 def gap(one, other):
     return float(np.linalg.norm(one.end.position - other.end.position))
+
+
+def test_a_path_that_bounces_is_not_followed_in_vain(monkeypatch):
+    """It takes longer than a contact: an answer follows it once, whichever impact it takes."""
+    module, followed, seen = sys.modules["kickdyn.scene.simulate"], [], set()
+    fly_scene = module.fly_scene
+
+    def counted(*arguments):
+        followed.append(arguments)
+        return fly_scene(*arguments)
+
+    monkeypatch.setattr(module, "fly_scene", counted)
+    rng = np.random.default_rng(8)
+    for tolerance in (0.01, 1.0, 10.0, 30.0, 100.0):
+        scene = random_scene(rng, ground=kd.Ground(-1.5, "turf"), plane=None, contact_time=0.01)
+        followed.clear()
+        seen.add(type(kd.simulate(scene, tolerance).impact).__name__)
+        assert len(followed) == 1
+    assert seen == {"Impact", "Collision"}
 
 
 def test_random_scenes_stay_within_their_tolerance():

@@ -8,8 +8,8 @@ import pytest
 from chains import constraint_speed
 
 import kickdyn as kd
+from kickdyn.core.files import MAX_TOML_BYTES
 from kickdyn.robot.urdf_file import shipped_urdf
-from kickdyn.scene.toml_reader import MAX_BYTES
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENES = sorted((ROOT / "scenes").glob("*.toml"))
@@ -428,7 +428,7 @@ def test_what_is_no_scene(tmp_path, faults):
     with pytest.raises(kd.InvalidInput, match="must be a str or a Path"):
         kd.load_scene(3)
     large = tmp_path / "large.toml"
-    large.write_bytes(b"#" * (MAX_BYTES + 1))
+    large.write_bytes(b"#" * (MAX_TOML_BYTES + 1))
     with pytest.raises(kd.SceneError, match="are read"):
         kd.load_scene(large)
     large.write_bytes(b"name = '\xff'")

@@ -5,6 +5,7 @@ import pickle
 import signal
 import threading
 import time
+from concurrent.futures import Executor, Future
 
 import numpy as np
 import pytest
@@ -39,6 +40,36 @@ def watched(executor, sizes):
 
     executor.submit = noted
     return executor
+
+
+class ClosedClient:
+    """What a client of dask.distributed is once its scheduler has told it that it closes."""
+
+    status = "running"
+
+    class scheduler_comm:  # noqa: N801
+        @staticmethod
+        def closed():
+            return True
+
+
+class SilentExecutor(Executor):
+    """An executor that never answers, as the one of that client."""
+
+    _client = ClosedClient()
+
+    def submit(self, function, *arguments):
+        return Future()
+
+
+def test_a_scheduler_that_closes_without_a_word_ends_the_wait(tmp_path, monkeypatch):
+    monkeypatch.setattr("kickdyn.sweeps.sweep.LISTEN", 0.01)
+    words = r"the scheduler has closed: 0 of 800 postures are stored in .*resume=True"
+    with pytest.raises(Unfinished, match=words):
+        stored(tmp_path / "silent.zarr", executor=SilentExecutor())
+    stored(tmp_path / "silent.zarr", resume=True)
+    stored(tmp_path / "whole.zarr")
+    assert files(tmp_path / "silent.zarr") == files(tmp_path / "whole.zarr")
 
 
 @pytest.mark.filterwarnings("ignore")  # of dask, about what the test does to its workers

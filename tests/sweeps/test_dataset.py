@@ -42,7 +42,7 @@ def test_the_same_again_is_the_same():
 @pytest.mark.parametrize(
     ("leg", "kick", "names"),
     [
-        (human(1 + 1e-15), KICK, {"model_sha256"}),
+        (human(1 + 1e-11), KICK, {"model_sha256"}),
         (human().with_armature({"hip": 0.1}), KICK, {"model_sha256"}),
         (human(), replace(KICK, ball=kd.Ball(inertia_factor=0.4)), {"ball_inertia_factor"}),
         (human(), replace(KICK, attack=np.nextafter(0.3, 1.0)), {"attack_rad"}),
@@ -51,6 +51,18 @@ def test_the_same_again_is_the_same():
 )
 def test_the_least_difference_has_a_name(leg, kick, names):
     assert different(chunk_summary(human(), KICK), chunk_summary(leg, kick)) == names
+
+
+def test_rounding_of_a_model_makes_no_other_leg():
+    leg, other = kd.Leg.human(), kd.Leg.human().model
+    for place in other.jointPlacements:
+        place.rotation = place.rotation @ pin.exp3(1e-15 * np.ones(3))
+        place.translation = (1.0 + 1e-15) * place.translation + 1e-17
+    legs = leg, kd.Leg.from_model(other, "toe")
+    texts = [each.model.saveToString() for each in legs]
+    assert texts[0] != texts[1]
+    hashes = {provenance(each, KICK)["model_sha256"] for each in legs}
+    assert len(hashes) == 1
 
 
 def test_what_is_locked_where_and_what_holds_the_leg():
@@ -153,3 +165,5 @@ def test_a_joint_must_not_have_the_name_of_a_variable():
     for name in ("carry", "status", "a/b", "."):
         with pytest.raises(kd.InvalidInput, match=f"joint '{name}' cannot be swept"):
             describe(human(), Grid({name: np.zeros(1)}), KICK, 0.0)
+    with pytest.raises(kd.InvalidInput, match="joint 'hip_deg' cannot be swept"):
+        describe(human(), Grid({"hip": np.zeros(1), "hip_deg": np.zeros(1)}), KICK, 0.0)

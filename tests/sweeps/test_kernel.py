@@ -263,3 +263,19 @@ def test_postures_are_those_of_the_grid_wherever_a_range_begins(shape):
     swept, size = Kernel(model, LEG, Grid(axes)), len(alone)
     for first, count in ((0, size), (1, 32), (size // 2 + 3, 33), (size - 1, 1), (17, 50)):
         assert np.array_equal(swept(first, count), np.transpose(alone[first : first + count]))
+
+
+def test_a_base_that_moves():
+    swept = {"hip": [-0.4, 0.3, 0.9], "knee": [0.2, 0.9], "ankle": [-0.2, 0.4]}
+    axes = {name: np.array(values) for name, values in swept.items()}
+    kick = Kick(speed=9.0)
+    assert agree(LEG.with_base_velocity((3, 0, 0.5), (0, -1, 0)), kick, axes)[0]
+    g1 = kd.Leg.from_robot("g1", base="fixed", legs_only=True)
+    moving = g1.with_base_velocity((1.0, 0.2, -0.1), (0.3, -1.0, 0.5))
+    axes = {name: np.array([0.02, 0.2]) for name in g1.joint_names[-6:-1]}
+    planar, seen = agree(moving, kick, axes, speeds=1e-11)
+    assert not planar
+    assert seen["doubt"] == 0
+    # a foot that moves in a plane cannot make up for a base that leaves it
+    assert KernelModel.of(LEG.with_base_velocity((3, 0.1, 0)), kick) is None
+    assert KernelModel.of(LEG.with_base_velocity((3, 0, 0), (0.1, 0, 0)), kick) is None

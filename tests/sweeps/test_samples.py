@@ -68,7 +68,7 @@ def test_a_sample_in_a_store_is_resumed_and_known(tmp_path):
         (
             {"hip": [0.2, 0.1], "knee": [0.1]},
             "list",
-            "joints have unequal numbers of values, hip 2, knee 1",
+            "joints have different numbers of values, hip 2, knee 1",
         ),
         ({"knee": [0.2, -9.0]}, "list", "joint knee is swept -515.662 deg: its range"),
     ],

@@ -133,5 +133,5 @@ def test_what_is_kept_must_suffice(data):
     assert summarize(few).best.tolist() == summarize(data).best.tolist()
     with pytest.raises(kd.InvalidInput, match="'carry', which this sweep does not keep: there are"):
         summarize(few, "carry > 1")
-    with pytest.raises(kd.InvalidInput, match="does not keep speed_use: its summary needs that"):
+    with pytest.raises(kd.InvalidInput, match="does not keep speed_use: its summary needs it"):
         summarize(data.drop_vars("speed_use"))

@@ -71,14 +71,17 @@ def disk_full(self, text, **_):
     raise OSError(28, "No space left on device")
 
 
-@pytest.mark.parametrize("name", ["missing/kick.html", "folder", "file/kick.html", "/proc/a.html"])
+@pytest.mark.parametrize(
+    "name",
+    ["missing/kick.html", "folder.html", "kick.docx", "kick", "file/kick.html", "/proc/a.html"],
+)
 def test_a_page_that_cannot_be_written(tmp_path, name, kick):
-    (tmp_path / "folder").mkdir()
+    (tmp_path / "folder.html").mkdir()
     (tmp_path / "file").touch()
     with pytest.raises(kd.InvalidInput, match=name) as caught:
         kd.page(kick[0]).save(tmp_path / name)
     assert "\n" not in str(caught.value)
-    assert {f.name for f in tmp_path.iterdir()} == {"folder", "file"}
+    assert {f.name for f in tmp_path.iterdir()} == {"folder.html", "file"}
 
 
 def test_swapped_arguments_of_save_are_refused_in_a_short_line(tmp_path, kick, monkeypatch):

@@ -20,7 +20,7 @@ class Browser:
     """Reads the updates of a view, as the script of its page does."""
 
     def __init__(self, view):
-        self.stream = urllib.request.urlopen(f"{view.url}events", timeout=20)
+        self.stream = urllib.request.urlopen(f"{view.url}events", timeout=600)
         self.commands = {}
 
     def next_moves(self):
@@ -98,7 +98,7 @@ def test_only_this_machine_and_who_knows_the_address_get_it(view):
     assert url.hostname == ADDRESS
 
     def status(host, path):
-        connection = http.client.HTTPConnection(ADDRESS, url.port, timeout=20)
+        connection = http.client.HTTPConnection(ADDRESS, url.port, timeout=600)
         connection.request("GET", path, headers={"Host": host})
         return connection.getresponse().status
 
@@ -117,7 +117,7 @@ def test_a_closed_view_serves_nothing(kick):
     view.close()
     assert not view.is_open
     with pytest.raises(urllib.error.URLError):
-        urllib.request.urlopen(view.url, timeout=20)
+        urllib.request.urlopen(view.url, timeout=600)
 
 
 def test_what_cannot_be_shown_leaves_the_view_as_it_is(view, kick):

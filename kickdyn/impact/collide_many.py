@@ -1,0 +1,363 @@
+"""Many contacts that take time: the answers of `collide`, in machine code."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kickdyn.ball import Ball, BallState
+from kickdyn.contact import Contact
+from kickdyn.core import validation
+from kickdyn.core.validation import Array, ArrayLike
+from kickdyn.errors import KickdynError, NoImpact
+from kickdyn.impact.approach import AT_REST
+from kickdyn.impact.batch_arguments import contact_frames, one_or_many, rows_of, vector_rows
+from kickdyn.impact.collide import (
+    CONTACT_TIME,
+    checked_stiffness,
+    collide,
+    takes_inflated_force,
+)
+from kickdyn.impact.compliant_contact import RESTING, STABILIZATION_RATE, Friction
+from kickdyn.impact.force_model import (
+    HERTZ,
+    LINEAR,
+    LONGEST_CONTACT,
+    ForceModel,
+    hertz_stiffness,
+    spring_time,
+)
+from kickdyn.impact.integrate_contact import FIRST_STEP
+from kickdyn.impact.strike_many import StrikeStatus
+from kickdyn.restitution import restitution_at
+from kickdyn.robot.leg import Leg
+
+CHUNK = 8192
+"""Rows that are computed at once, to bound the memory."""
+
+LEAST_TIME, LEAST_SPEED = 1e-7, 1e-5
+"""Contact time [s] and speed of approach [m/s] below which a row is left to `collide`."""
+
+
+@dataclass(frozen=True, eq=False)
+class Collisions:
+    """The results of n contacts that take time; rows without one are nan.
+
+    Attributes:
+        impulse: on the ball, shape `(n, 3)` [N s, world frame].
+        ball_velocity: of the ball at separation, shape `(n, 3)` [m/s, world frame].
+        ball_spin: of the ball at separation, shape `(n, 3)` [rad/s, world frame].
+        ball_position: centre of the ball at separation, shape `(n, 3)` [m, world frame].
+        q_after: configuration at separation, shape `(n, nq)` [rad; m if prismatic].
+        v_after: joint velocity at separation, shape `(n, nv)` [rad/s; m/s if prismatic].
+        contact_time: time for which the force acts, shape `(n,)` [s].
+        deflection: largest deflection, shape `(n,)` [m].
+        approach_speed: of foot and ball along the normal, shape `(n,)` [m/s].
+        energy_lost: to hysteresis and friction, shape `(n,)` [J].
+        energy_residual: as `Collision.energy_residual`, shape `(n,)`.
+        status: a `StrikeStatus` by its flag, shape `(n,)`: 0 the points stick at separation, 1 they
+            slip, 2 no impact, 3 failed.
+    """
+
+    impulse: Array
+    ball_velocity: Array
+    ball_spin: Array
+    ball_position: Array
+    q_after: Array
+    v_after: Array
+    contact_time: Array
+    deflection: Array
+    approach_speed: Array
+    energy_lost: Array
+    energy_residual: Array
+    status: NDArray[np.int8]
+
+    @property
+    def ball_after(self) -> BallState:
+        """The balls at separation, for `fly_many`; refused where a row has no impact."""
+        return BallState(self.ball_position, self.ball_velocity, self.ball_spin, self.contact_time)
+
+
+@validation.check_arguments
+def collide_many(
+    leg: Leg,
+    q: ArrayLike,
+    v: ArrayLike,
+    ball: Ball | Sequence[Ball],
+    contact: Contact | Sequence[Contact],
+    *,
+    contact_time: float | None = None,
+    stiffness: float | Literal["pressure", "inflated"] | None = None,
+    torque: ArrayLike | None = None,
+    ball_velocity: ArrayLike = AT_REST,
+    ball_spin: ArrayLike = AT_REST,
+    tol: float = 1e-7,
+) -> Collisions:
+    """Strike n balls through contacts of finite stiffness: the answers of `collide`, much faster.
+
+    Fixed-base legs of hinges and slides with rigid drives are computed in machine code, with the
+    spring of a contact time, a stiffness or `"pressure"`; other legs, the force of an inflated
+    ball, and rows that lose digits there, by `collide` one after the other. The first call in a
+    process loads the machine code, the very first compiles it for half a minute.
+
+    Args:
+        leg: the leg.
+        q: configurations at first contact, shape `(n, nq)` [rad; m for prismatic joints].
+        v: joint velocities at first contact, shape `(n, nv)` [rad/s; m/s for prismatic joints].
+        ball: one ball, or n.
+        contact: one contact, or n.
+        contact_time: as of `collide` [s].
+        stiffness: as of `collide` [N/m^1.5].
+        torque: constant torques at the joints, of all rows, shape `(nv,)` [N m; N if prismatic].
+        ball_velocity: velocity of the balls at first contact, shape `(3,)` or `(n, 3)`
+            [m/s, world frame].
+        ball_spin: angular velocity then, shape `(3,)` or `(n, 3)` [rad/s, world frame].
+        tol: relative tolerance of the integrator, 1e-13 to 1e-3; impulses are exact to about that.
+
+    Raises:
+        InvalidInput: arrays or lists of unequal length, an entry that is not finite, or a value
+            that no row can have. What concerns one row alone is its status.
+
+    Example:
+        >>> import numpy as np
+        >>> import kickdyn as kd
+        >>> q = np.array([[0.7, 0.5, -0.3]] * 2)
+        >>> v = np.array([[6.6, -14.5, 6.6], [5.0, -12.0, 5.0]])
+        >>> contact = kd.Contact(normal=(2, 0, 1), restitution=0.8, friction=0.4)
+        >>> many = kd.collide_many(kd.Leg.human(), q, v, kd.Ball(), contact)
+        >>> (1e3 * many.contact_time).round(2).tolist()  # [ms]
+        [9.87, 9.81]
+    """
+    validation.check_type(Leg, leg=leg)
+    validation.number("tol", tol, at_least=1e-13, at_most=1e-3)
+    torques = validation.vector("torque", np.zeros(leg.nv) if torque is None else torque, leg.nv,
+                                unit="N m")  # fmt: skip
+    angles, speeds = rows_of((leg.nq, leg.nv), q, v, "collide")
+    n = len(angles)
+    balls = one_or_many("ball", ball, Ball, n)
+    contacts = one_or_many("contact", contact, Contact, n)
+    velocity = vector_rows("ball velocity", ball_velocity, n)
+    spin = vector_rows("ball spin", ball_spin, n)
+    checked_stiffness(contact_time, stiffness)
+    inflated = False
+    for one_contact in contacts:
+        one_contact.check_normal()
+        inflated |= takes_inflated_force(one_contact, contact_time, stiffness)
+        if isinstance(one_contact.restitution, float):
+            ForceModel(1.0, one_contact.restitution)  # refuses what no spring has
+    for one_ball in balls:
+        one_ball.check_movable("a contact that takes time")
+        if stiffness == "pressure":
+            _ = one_ball.stiffness
+    if contact_time is not None:
+        validation.number("contact time", contact_time, above=0, at_most=LONGEST_CONTACT, unit="s")
+    collisions, left = _empty(n, leg), np.ones(n, bool)
+    options: dict[str, Any] = {"contact_time": contact_time, "stiffness": stiffness}
+    kernel = None if inflated else _Kernel.of(leg, torques)
+    if kernel is not None:
+        for first in range(0, n, CHUNK):
+            rows = slice(first, min(first + CHUNK, n))
+            part = (
+                balls[rows] if len(balls) > 1 else balls,
+                contacts[rows] if len(contacts) > 1 else contacts,
+            )
+            motion = angles[rows], speeds[rows], velocity[rows], spin[rows]
+            left[rows] = kernel.collide(collisions, rows, motion, part, options, tol)
+    for i in np.flatnonzero(left).tolist():
+        try:
+            given = leg.posture(angles[i]), speeds[i], balls[i % len(balls)]
+            one = collide(
+                *given, contacts[i % len(contacts)], torque=torques, ball_velocity=velocity[i],
+                ball_spin=spin[i], tol=tol, **options,
+            )  # fmt: skip
+        except KickdynError as error:
+            none = isinstance(error, NoImpact)
+            collisions.status[i] = (StrikeStatus.NO_IMPACT if none else StrikeStatus.FAILED).flag
+            continue
+        after, sticks = one.ball_after, one._motion.phases[-1].friction is Friction.STICKS
+        sticks = sticks and one.contact.friction > 0.0
+        status = StrikeStatus.STICKS if sticks else StrikeStatus.SLIPS
+        _put(collisions, i, one.impulse, after.velocity, after.spin, after.position, one.q_after,
+             one.v_after, one.contact_time, one.deflection, one.approach_speed, one.energy_lost,
+             one.energy_residual, status.flag)  # fmt: skip
+    return collisions
+
+
+def _empty(n: int, leg: Leg) -> Collisions:
+    shapes = *[(n, 3)] * 4, (n, leg.nq), (n, leg.nv), *[(n,)] * 5
+    values: list[Any] = [np.full(shape, np.nan) for shape in shapes]
+    values.append(np.full(n, StrikeStatus.FAILED.flag, np.int8))
+    return Collisions(*values)
+
+
+def _put(collisions: Collisions, rows: Any, *values: Any) -> None:
+    """Write values of all fields to rows."""
+    for name, value in zip(Collisions.__dataclass_fields__, values, strict=True):
+        getattr(collisions, name)[rows] = value
+
+
+class _Kernel:
+    """The machine code of contacts for one leg and its constant torques."""
+
+    def __init__(self, leg: Leg, joints: Any, torque: Array) -> None:
+        from kickdyn.core.simd import BATCH, aligned_zeros
+        from kickdyn.impact.collide_equations import START
+        from kickdyn.impact.collide_kernel import Work, compiled_kernels
+        from kickdyn.impact.strike_kernel import TASK
+        from kickdyn.robot.tree_kernel import BODY, MOTION, STATE, joint_tree
+
+        self._leg, nv = leg, leg.nv
+        self._probe, self._collide = compiled_kernels()
+        self._tree, frames, senses = joint_tree(leg, joints, np.eye(3))
+        self._senses, self._foot_axes = senses[1:], frames[leg.contact_joint]
+        self._torque = np.ascontiguousarray(self._senses * torque)
+        self._first = leg.workspace.model.jointPlacements[1].translation
+        task, self._dim, self._lane_rows = np.zeros(1, TASK), 2 * nv + 11, START + 2 * nv
+        task["foot"] = leg.contact_joint
+        motion = aligned_zeros((nv + 1,), MOTION)
+        motion["acceleration"][0] = -np.array(leg.model.gravity.linear)[:, None]
+        self._given_leg = self._tree, task, self._torque
+        self._work = Work(
+            aligned_zeros((self._lane_rows, BATCH)), aligned_zeros((2, self._dim, BATCH)),
+            aligned_zeros((13, self._dim, BATCH)), aligned_zeros((9 + 3 * self._dim, BATCH)),
+            np.full(BATCH, -1), aligned_zeros((nv + 1,), BODY), motion,
+            aligned_zeros((nv + 1, nv + 1, BATCH)), aligned_zeros((1,), STATE),
+        )  # fmt: skip
+
+    @classmethod
+    def of(cls, leg: Leg, torque: Array) -> "_Kernel | None":
+        """Return the kernel of a leg, or None where there is none."""
+        from kickdyn.robot.tree_kernel import hinges_and_slides
+
+        joints = hinges_and_slides(leg)
+        if joints is None or leg.nq != leg.nv or leg.compliant_drives:
+            return None
+        return cls(leg, joints, torque)
+
+    def collide(
+        self, collisions: Collisions, rows: slice, motion: tuple[Array, ...],
+        bodies: tuple[list[Ball], list[Contact]], options: dict[str, Any], tol: float,
+    ) -> NDArray[np.bool_]:  # fmt: skip
+        """Write rows of results; return which of them are left to `collide`."""
+        from kickdyn.impact.collide_equations import (
+            AXES,
+            CENTRE,
+            INVERSE_MASS,
+            PROBED,
+            RESULT,
+        )  # fmt: skip
+
+        (q, v, velocity, spin), (balls, contacts), nv = motion, bodies, self._leg.nv
+        n = len(q)
+        given = self._given(q, v, velocity, spin, balls, contacts)
+        begin = np.empty((PROBED + nv, n))
+        self._probe(*self._given_leg, given, begin, self._work, tol)
+        speed, mass = begin[15], 1.0 / (begin[16] + given[INVERSE_MASS])
+        left = (begin[19] != 0.0) | ~(speed > LEAST_SPEED)
+        given[AXES : CENTRE + 3] = begin[: CENTRE + 3]
+        ready = ~left
+        with np.errstate(all="ignore"):
+            self._choose(given, begin, speed, mass, (balls, contacts), options, tol, ready)
+        chosen = np.flatnonzero(ready)
+        answer = np.empty((RESULT + self._dim, len(chosen)))
+        table = given if len(chosen) == n else np.ascontiguousarray(given[:, chosen])
+        self._collide(*self._given_leg, table, answer, self._work, tol)
+        exact = (answer[0] != 2.0) & np.isfinite(answer).all(axis=0)
+        chosen, answer = chosen[exact], answer[:, exact]
+        column, place = answer[RESULT:], np.arange(rows.start, rows.stop)[chosen]
+        moved, speeds, ball = column[:nv].T, column[nv : 2 * nv].T, column[2 * nv :]
+        mass_of_ball = 1.0 / given[INVERSE_MASS, chosen][:, None]
+        fallen = answer[1][:, None] * np.array(self._leg.model.gravity.linear)
+        energy = 0.5 * (mass * speed * speed)[chosen]
+        position = self._first + given[CENTRE : CENTRE + 3, chosen].T + ball[:3].T
+        after = ball[3:6].T.copy()
+        _put(
+            collisions, place, mass_of_ball * (after - velocity[chosen] - fallen), after,
+            ball[6:9].T, position, q[chosen] + self._senses * moved, self._senses * speeds,
+            answer[1], answer[2], speed[chosen], ball[9], np.abs(answer[3]) / energy,
+            np.where(answer[0] == 1.0, StrikeStatus.STICKS.flag, StrikeStatus.SLIPS.flag),
+        )  # fmt: skip
+        remaining = np.ones(n, bool)
+        remaining[chosen] = False
+        return remaining
+
+    def _given(
+        self, q: Array, v: Array, velocity: Array, spin: Array, balls: list[Ball],
+        contacts: list[Contact],
+    ) -> Array:  # fmt: skip
+        """Return what is known before the first contact is computed, as `_probe` takes it."""
+        from kickdyn.impact.collide_equations import (
+            ARM,
+            AXES,
+            FRICTION,
+            INVERSE_INERTIA,
+            INVERSE_MASS,
+            RADIUS,
+            START,
+        )  # fmt: skip
+
+        leg, nv, n = self._leg, self._leg.nv, len(q)
+        given = np.zeros((self._lane_rows + self._dim, n))
+        frames = contact_frames(np.array([contact.normal for contact in contacts]))
+        given[AXES : AXES + 9] = frames.reshape(-1, 9).T
+        frame = leg.workspace.model.frames[leg.frame_id].placement
+        offsets = np.array([(0.0, 0.0, 0.0) if contact.offset is None else contact.offset
+                            for contact in contacts])  # fmt: skip
+        levers = leg.contact_lever + offsets @ frame.rotation.T
+        given[ARM : ARM + 3] = self._foot_axes.T @ levers.T
+        given[INVERSE_MASS] = [1.0 / ball.mass for ball in balls]
+        given[INVERSE_INERTIA] = [1.0 / ball.inertia for ball in balls]
+        given[RADIUS] = [ball.radius for ball in balls]
+        given[FRICTION] = [contact.friction for contact in contacts]
+        given[START : START + nv] = (self._senses * q).T
+        first = self._lane_rows
+        given[first + nv : first + 2 * nv] = (self._senses * v).T
+        given[first + 2 * nv + 3 : first + 2 * nv + 6] = velocity.T
+        given[first + 2 * nv + 6 : first + 2 * nv + 9] = spin.T
+        return given
+
+    def _choose(
+        self, given: Array, begin: Array, speed: Array, mass: Array,
+        bodies: tuple[list[Ball], list[Contact]], options: dict[str, Any], tol: float,
+        ready: NDArray[np.bool_],
+    ) -> None:  # fmt: skip
+        """Fill in spring, scales, first step and first phase; clear `ready` where there is none."""
+        from kickdyn.impact import collide_equations as rows
+
+        (balls, contacts), nv, n = bodies, self._leg.nv, len(speed)
+        restitution = np.array([
+            contact.restitution if isinstance(contact.restitution, float) else math.nan
+            for contact in contacts
+        ]) * np.ones(n)  # fmt: skip
+        for i in np.flatnonzero(ready & np.isnan(restitution)).tolist():
+            contact = contacts[i % len(contacts)]
+            restitution[i] = restitution_at(contact.restitution, float(speed[i]))
+        stiffness, exponent = options["stiffness"], HERTZ
+        if stiffness is None:
+            time = np.full(n, options["contact_time"] or CONTACT_TIME)
+            stiffness = hertz_stiffness(time, mass, speed, restitution)
+        else:
+            if stiffness == "pressure":
+                stiffness, exponent = np.array([ball.stiffness for ball in balls]), LINEAR
+            stiffness = stiffness * np.ones(n)
+            time = spring_time(stiffness, restitution, exponent, mass, speed)
+        ready &= (restitution >= 0.01) & np.isfinite(stiffness) & (time >= LEAST_TIME)
+        given[rows.STIFFNESS], given[rows.SHARE] = stiffness, restitution**2
+        given[rows.EXPONENT], given[rows.RATE] = exponent, STABILIZATION_RATE / time
+        resting = RESTING * tol * speed
+        given[rows.RESTING], given[rows.SPEED], given[rows.EXPECTED] = resting, speed, time
+        given[rows.FIRST] = time * min(FIRST_STEP * tol ** (2 / 7), 0.3)
+        energy = 0.5 * mass * speed * speed
+        given[rows.ENERGY] = energy
+        first = self._lane_rows + 2 * nv + 6
+        spin = np.abs(given[first : first + 3]).max(axis=0)
+        given[rows.SPIN] = np.where(spin > 0.0, spin, speed / given[rows.RADIUS])
+        sliding = np.hypot(begin[17], begin[18])
+        slips = sliding > 2.0 * resting
+        given[rows.KIND] = np.where(slips, Friction.SLIPS.value, Friction.STARTS.value)
+        given[rows.ALONG : rows.ALONG + 2] = np.where(slips, begin[17:19] / sliding, 0.0)
+        first = rows.START + nv
+        given[first : first + nv] = np.sqrt(2.0 * energy / begin[rows.PROBED :])

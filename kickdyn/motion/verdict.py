@@ -1,0 +1,265 @@
+"""What a solution keeps on a grid finer than its points, and the motion that it is."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from kickdyn.core.validation import Array
+from kickdyn.motion.limits import Limit, when, with_unit
+from kickdyn.motion.motion import Motion
+from kickdyn.motion.motion_problem import MotionProblem
+from kickdyn.motion.separation import ALLOWED, Conditions, Surroundings
+from kickdyn.motion.solution import Solution
+from kickdyn.motion.splines import integration_weights
+from kickdyn.motion.weight_shift import Feet, WeightShift
+
+POINTS, FINER = (2, 4), 10
+"""Points of the solver in each interval far from the impact and near it, and how much finer limits
+are checked."""
+
+REACHED = 2e-3
+"""Margin beyond its reserve at which a limit counts as reached."""
+
+NAMED = 3
+"""Number of limits in the sentence on what holds a motion back."""
+
+
+@dataclass(frozen=True, eq=False)
+class Margins:
+    """Distances from limits, see `Motion.margins`.
+
+    Attributes:
+        function: CasADi's, of q, v and a, all rows stacked.
+        limits: of the rows.
+    """
+
+    function: Any
+    limits: Sequence[Limit]
+
+    def rows(self, q: Array, v: Array, a: Array) -> Array:
+        """Return the distances at several moments, shape `(moments, k)`."""
+        return np.asarray(self.function.map(len(q))(q.T, v.T, a.T)).T
+
+    def margins(self, q: Array, v: Array, a: Array) -> dict[str, float]:
+        """Return the least distance of each label."""
+        labels = [with_unit(label, limit) for limit in self.limits for label in limit.labels]
+        least: dict[str, float] = {}
+        for label, value in zip(labels, self.rows(q[None], v[None], a[None])[0], strict=True):
+            least[label] = min(float(value), least.get(label, math.inf))
+        return least
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedMotion:
+    """A motion with what it reaches.
+
+    Attributes:
+        motion: with a line of warning for each limit that it does not keep.
+        share: share of the launch; 1 where all of it is reached.
+        torque_squared: integral of the mean of the squared torques over their limits [s].
+        torque_use, speed_use: largest torque and speed over their limits.
+        binding: names of the limits that are reached.
+        keeps_limits: whether it reaches the whole launch and keeps all limits.
+        broken: see `Verdict`.
+    """
+
+    motion: Motion
+    share: float
+    torque_squared: float
+    torque_use: float
+    speed_use: float
+    binding: tuple[str, ...]
+    keeps_limits: bool
+    broken: float
+
+    @property
+    def rank(self) -> tuple[bool, bool, float]:
+        """What makes a motion better: limits kept, then the share of the launch."""
+        return self.keeps_limits, self.broken == 0.0, self.share - self.broken
+
+
+SHIFTS = 0.6, 0.8, 1.0, 1.4, 2.0, 3.0
+"""Durations of the shift of the weight that are tried [s]."""
+
+
+def shift_weight(problem: MotionProblem, feet: Feet, last: Array) -> WeightShift | None:
+    """Return the shortest shift of the weight that keeps all limits, or else the longest one.
+
+    Args:
+        problem: of the motion that begins and ends there.
+        feet: both feet.
+        last: posture at its end, shape `(n,)`.
+
+    Returns:
+        None where no posture has the weight between both feet.
+    """
+    limits, still = problem.limits_of_shift(), np.zeros(problem.n)
+    force, moment = np.split(np.asarray(limits[0][0](last, still, still)[1]).ravel(), 2)
+    centre = np.array([-moment[1], moment[0]]) / force[2]
+    anchors = np.array([centre, feet.other.sole.mean(axis=0)])
+    first = problem.stand_on_both(last, anchors.mean(axis=0))
+    if first is None:
+        return None
+    for duration in SHIFTS:
+        shift = WeightShift(feet, first, last, anchors, duration, limits)
+        if not shift.warnings():
+            break
+    return shift
+
+
+class Nearness:
+    """Bodies near each other, and near the ball before the impact, at times of a solution.
+
+    Attributes:
+        gaps: of them, at each time.
+    """
+
+    def __init__(
+        self,
+        problem: MotionProblem,
+        solution: Solution,
+        times: list[Array],
+        surroundings: Surroundings | None = None,
+    ) -> None:
+        """Find them; `surroundings` are those of the problem, if not others."""
+        self._surroundings = surroundings or problem.surroundings
+        self._times = np.concatenate(times)
+        self._q = problem.splines.values(times, 0) @ solution.coefficients
+        ball = problem.ball_centre(problem.splines.at_impact()[0] @ solution.coefficients)
+        swing = len(times[0])
+        self.gaps = [
+            self._surroundings.gaps(q, ball if row < swing else None)
+            for row, q in enumerate(self._q)
+        ]
+
+    def conditions(self, points: list[Array]) -> list[Conditions]:
+        """Return conditions at some of the times, and at those at which bodies are nearest."""
+        chosen = np.isin(self._times.round(12), np.concatenate(points).round(12))
+        return self._surroundings.conditions(self.gaps, self._times, self._q, chosen)
+
+
+class Verdict:
+    """What a solution keeps on a grid finer than its points.
+
+    Attributes:
+        broken: largest violation of a limit, in its unit; 0 where there is none.
+        torque_squared: see `PlannedMotion`.
+    """
+
+    def __init__(self, problem: MotionProblem, solution: Solution) -> None:
+        self.problem, self.solution = problem, solution
+        splines = problem.splines
+        pair = splines.motion(solution.coefficients)
+        self.times = splines.times(*(FINER * count for count in POINTS))
+        q, v, a = (
+            np.vstack([spline(t, order) for spline, t in zip(pair, self.times, strict=True)])
+            for order in range(3)
+        )
+        self.margins = Margins(problem.margins, problem.limits)
+        self.rows = self.margins.rows(q, v, a)
+        forces = np.asarray(problem.forces.map(len(v))(q.T, v.T, a.T))[: problem.n]
+        weights = np.concatenate([integration_weights(times) for times in self.times])
+        self.torque_squared = float((forces**2).mean(axis=0) @ weights)
+        before, after = pair
+        jump = after(0.0, 1) - before(0.0, 1)
+        self.impulse = np.asarray(
+            problem.impulse_margins(before(0.0), jump, solution.share)
+        ).ravel()
+        self.nearness = Nearness(problem, solution, self.times)
+        deepest = max((gap.place.depth for gaps in self.nearness.gaps for gap in gaps), default=0.0)
+        least = np.concatenate([[0.0], self.rows.min(axis=0), self.impulse + 1e-6])
+        self.broken = max(
+            -float(least.min()), deepest - ALLOWED, 0.0 if solution.feasible else 1e-3
+        )
+
+    def add_points(self, points: list[Array]) -> list[Array]:
+        """Return times with those added at which a row is nearest to its limit."""
+        needed = np.concatenate([
+            np.full(len(limit.labels), limit.reserve / 2) for limit in self.problem.limits
+        ])  # fmt: skip
+        needed[[limit.by_splines for limit in self.problem.limits for _ in limit.labels]] = -np.inf
+        shortfall = np.max(needed - self.rows, axis=1)
+        pair = np.split(shortfall, [len(self.times[0])])
+        added = []
+        for times, known, lack in zip(self.times, points, pair, strict=True):
+            padded = np.pad(lack, 1, constant_values=-np.inf)
+            peak = (lack > 0.0) & (lack >= padded[:-2]) & (lack >= padded[2:])
+            added.append(np.unique(np.concatenate([known, times[peak]])))
+        return added
+
+    def planned(self) -> PlannedMotion:
+        """Return the motion with its warnings."""
+        problem, solution = self.problem, self.solution
+        task = problem.task
+        times, labels = np.concatenate(self.times), self._labels(problem.limits)
+        lines = []
+        for limit, label, row in labels:
+            worst = int(np.argmin(self.rows[:, row]))
+            if self.rows[worst, row] < 0.0:
+                lines.append(limit.describe(label, float(self.rows[worst, row]), times[worst]))
+        for _, label, row in self._labels(problem.impulse_limits):
+            if self.impulse[row] < -1e-6:
+                lines.append(f"{label} is beyond its limit by {-self.impulse[row]:.2g}")
+        if not solution.feasible:
+            lines.append("the solver finds no motion that keeps the equations of the impact")
+        shift = None if problem.feet is None else shift_weight(problem, problem.feet, solution.rest)
+        if shift is not None:
+            lines += shift.warnings()
+        if solution.share < 1.0 and solution.multipliers is not None:
+            lines.insert(0, self._held_back())
+        near = self.rows.min(axis=0)
+        reached = [label for limit, label, row in labels if near[row] < limit.reserve + REACHED]
+        placement = None if task.standing is None else task.standing.placement
+        before, after = problem.splines.motion(solution.coefficients)
+        motion = Motion(
+            task.robot,
+            task.leg.joint_names,
+            before,
+            after,
+            placement,
+            self.margins,
+            tuple(dict.fromkeys(lines)),
+            solution if solution.share == 1.0 else None,
+            task.held,
+            shift,
+        )
+        use = 1.0 - self.rows[:, : 2 * problem.n].min(axis=0)  # torques, then speeds
+        return PlannedMotion(
+            motion,
+            solution.share,
+            self.torque_squared,
+            float(use[: problem.n].max()),
+            float(use[problem.n :].max()),
+            tuple(dict.fromkeys(reached)),
+            self.keeps_limits and (shift is None or not shift.warnings()),
+            self.broken,
+        )
+
+    @property
+    def keeps_limits(self) -> bool:
+        """Whether the whole launch is reached and all limits are kept."""
+        return self.solution.share == 1.0 and self.broken == 0.0
+
+    def _held_back(self) -> str:
+        """Return a sentence on the share and on the limits that hold it back most."""
+        effects, times = self.problem.effects(self.solution), np.concatenate(self.times)
+        columns = {label: row for _, label, row in self._labels(self.problem.limits)}
+        names = []
+        for label in sorted(effects, key=effects.__getitem__, reverse=True)[:NAMED]:
+            t = times[np.argmin(self.rows[:, columns[label]])] if label in columns else 0.0
+            names.append(f"{label}{f' ({when(t)})' if label in columns else ''}")
+        share = f"the motion reaches {100 * self.solution.share:.0f} % of the launch"
+        return f"{share}; limits that hold it back most: {', '.join(names)}" if names else share
+
+    def _labels(self, limits: Sequence[Limit]) -> list[tuple[Limit, str, int]]:
+        every = [(limit, label) for limit in limits for label in limit.labels]
+        return [(limit, label, row) for row, (limit, label) in enumerate(every)]
+
+
+def best_of(verdicts: Sequence["Verdict"]) -> "Verdict":
+    """Return the verdict on the solution that keeps all limits with the largest share, if any."""
+    kept = [verdict for verdict in verdicts if verdict.broken == 0.0]
+    return max(kept or verdicts, key=lambda verdict: verdict.solution.share - verdict.broken)

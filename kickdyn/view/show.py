@@ -53,10 +53,8 @@ class View:
         class Handler(BaseHTTPRequestHandler):
             def do_GET(self) -> None:
                 # under another name of this machine, a page from elsewhere could read the scene
-                if self.headers.get("Host") not in hosts or self.path not in (
-                    f"/{token}/",
-                    f"/{token}/events",
-                ):
+                known = self.headers.get_all("Host") in hosts
+                if not known or self.path not in (f"/{token}/", f"/{token}/events"):
                     self.send_error(404)
                     return
                 is_page = self.path.endswith("/")
@@ -81,7 +79,7 @@ class View:
         self._server = ThreadingHTTPServer((ADDRESS, 0), Handler)
         self._server.daemon_threads = True
         port = self._server.server_port
-        hosts = f"{ADDRESS}:{port}", f"localhost:{port}"
+        hosts = [f"{ADDRESS}:{port}"], [f"localhost:{port}"]
         self.url = f"http://{ADDRESS}:{port}/{token}/"
         threading.Thread(target=self._server.serve_forever, daemon=True).start()
         atexit.register(self.close)

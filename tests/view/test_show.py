@@ -97,15 +97,19 @@ def test_only_this_machine_and_who_knows_the_address_get_it(view):
     url = urlsplit(view.url)
     assert url.hostname == ADDRESS
 
-    def status(host, path):
+    def status(host, path, *further):
         connection = http.client.HTTPConnection(ADDRESS, url.port, timeout=600)
-        connection.request("GET", path, headers={"Host": host})
+        connection.putrequest("GET", path, skip_host=True)
+        for name in (host, *further):
+            connection.putheader("Host", name)
+        connection.endheaders()
         return connection.getresponse().status
 
     assert status(url.netloc, url.path) == 200
     assert status(f"localhost:{url.port}", url.path) == 200
     for host in ("example.org", f"example.org:{url.port}", ADDRESS, f"{url.netloc}@example.org"):
         assert status(host, url.path) == 404
+        assert status(url.netloc, url.path, host) == 404
     for path in ("/", "/events", url.path[:-2] + "/", url.path + "../"):
         assert status(url.netloc, path) == 404
 

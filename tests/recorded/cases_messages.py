@@ -1,0 +1,110 @@
+"""What is refused for a reason that no single argument has, and messages of commands."""
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+
+import kickdyn as kd
+from kickdyn.core import files, validation
+from recorded.cases_commands import run
+from recorded.parts import AIR, BALL, CONTACT, HUMAN, POSTURE, V, faults, legs, measured
+
+TRACK = measured(30)
+HIT = kd.strike(POSTURE, V, BALL, CONTACT)
+LAUNCH = kd.BallState((0, 0, 1), (9, 1, 3))
+MANY = kd.BallState([[0, 0, 1.0], [0, 0, 2.0]], [[9, 1, 3.0]] * 2)
+
+
+def learner(**changes):
+    return kd.Learner(
+        kd.Goal(30.0, time=1.5), BALL, changes.pop("air", kd.Air(drag=0.2)), **changes
+    )
+
+
+def written(name, text):
+    Path(name).write_text(text)
+    return name
+
+
+FLIGHT = {
+    "acceleration": lambda: kd.fly(LAUNCH, BALL, kd.Air(drag=lambda reynolds, spin: math.inf)),
+    "light": lambda: kd.fly(kd.BallState((0, 0, 1), (4e8, 0, 1)), BALL, AIR),
+    "forever": lambda: kd.fly(kd.BallState((0, 0, 1), (1e200, 0, 1e308)), BALL, None, time_limit=1e308),
+    "several": lambda: kd.fly(MANY, BALL), "one": lambda: kd.fly_many(LAUNCH, BALL), "one rolls": lambda: kd.follow_many(LAUNCH, BALL),
+    "heights": lambda: kd.follow_many(MANY, BALL), "no surface": lambda: kd.follow_many(MANY, BALL, None, kd.Ground(0.0)),
+    "not python": lambda: kd.fly_many(MANY, BALL, kd.Air(drag=math.hypot)),
+    "wind": lambda: kd.Air(wind=lambda height: None), "air": lambda: kd.Air.at(temperature=20.0), "dense": lambda: kd.Ball(1e308, 1e200),
+    "computed": lambda: kd.BallState.computed([0, 0], [1, 2, 3], "x"), "masked": lambda: validation.floats("x", np.ma.masked_equal([1.0, 2.0], 2.0)),
+    "event": lambda: kd.fly(LAUNCH, BALL, ends=[kd.Event("landed", lambda state, numbers: 1.0)]),
+    "numbers of an event": lambda: kd.fly(LAUNCH, BALL, ends=[kd.Event("x", lambda state, numbers: 1.0, [[1.0, 2.0]])]),
+    "event fails": lambda: kd.fly(LAUNCH, BALL, AIR, ends=[kd.Event("x", lambda state, numbers: 1 / 0)]),
+}  # fmt: skip
+IDENTIFICATION = {
+    "two drags": lambda: kd.identify(TRACK, BALL, free=("drag", "drag-scale")),
+    "no model": lambda: kd.identify(TRACK, BALL, kd.Air(drag=None), free=("drag-scale",)),
+    "long": lambda: kd.identify(kd.Track(np.linspace(0, 250, 3000), np.linspace((0, 0, 1), (90, 2, 9), 3000)), BALL),
+    "infinite": lambda: kd.BodyTrack([0, 1], ["a"], [[[1, 2, math.inf]], [[1, 2, 3]]]), "twice": lambda: kd.BodyTrack([0, 1], ["a", "a"], np.ones((2, 2, 3))),
+    "inertia": lambda: kd.infer_impact(POSTURE, V, kd.Ball(0.4, 0.1, math.inf), LAUNCH, kd.BallState((0, 0, 1), (19, 1, 3))),
+    "no drag": lambda: learner(air=kd.Air(drag=None)), "wind": lambda: learner(air=kd.Air(drag=0.2, wind=lambda height: (1.0, 0.0, 0.0))),
+    "receiver": lambda: kd.Learner(kd.Goal(20, time=1.2, receiver_velocity=(2, 1, 0)), BALL, AIR),
+    "time beside a track": lambda: learner().observe(TRACK, 1.0),
+    "before the kick": lambda: learner().observe(kd.Track(TRACK.times - 0.25, TRACK.positions)),
+    "few markers": lambda: kd.fit_motion(kd.BodyTrack([0, 1, 2, 3], ["a"], np.ones((4, 1, 3))), legs("human 3d"), {"a": "knee"}),
+    "late": lambda: kd.BodyTrack.from_trc(written("a.trc", TRC)),
+}  # fmt: skip
+TRC = """PathFileType\t4\t(X/Y/Z)\ta.trc
+DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits
+100\t100\t2\t1\tm
+Frame#\tTime\ta
+\t\tX1\tY1\tZ1
+
+1\t0.02\t1\t2\t3
+2\t0.01\t1\t2\t3
+"""
+IMPACT = {
+    "immovable": lambda: kd.normal_impulse(3.0, 0.5, math.inf, math.inf),
+    "no supports": lambda: kd.unilateral_strike(POSTURE, V, BALL, kd.Contact((1, 0, 0), 0.5)),
+    "no friction": lambda: standing_strike(kd.Support("FL_FOOT")), "no sole": lambda: standing_strike(kd.Support("FL_FOOT", friction=0.5)),
+    "scene with a restitution": lambda: kd.simulate_many(kd.Scene(POSTURE, V, BALL, CONTACT, uncertainty={"restitution": 0.1}), 3),
+    "both of them": lambda: kd.page({"a": HIT, "b": kd.fly(LAUNCH, BALL)}),
+    "takes time": lambda: kd.page(kd.simulate(kd.Scene(POSTURE, V, BALL, CONTACT, kd.Compliance(0.01)), None)),
+    "belongs": lambda: kd.page(HUMAN, kd.fly(LAUNCH, BALL)),
+}  # fmt: skip
+
+
+def standing_strike(*supports):
+    leg = kd.Leg.from_robot("bolt", "FR_FOOT", base="floating").with_supports(*supports)
+    posture = leg.posture(leg.configuration({}))
+    return kd.unilateral_strike(
+        posture, posture.admissible(np.ones(leg.nv)), BALL, kd.Contact((1, 0, 0), 0.5)
+    )
+
+
+PLANNING = {
+    "supports": lambda: kd.plan_kick(HUMAN.with_supports("toe"), kd.Goal(10, time=1), BALL, None),
+    "incoming": lambda: kd.plan_kick(HUMAN, kd.Goal(10, time=1), BALL, None, incoming=LAUNCH, ball_position=-0.7),
+    "incoming in a motion": lambda: kd.plan_kick(HUMAN, kd.Goal(10, time=1), BALL, None, incoming=LAUNCH, motion=True),
+    "loops": lambda: kd.plan_kick(legs("fourbar"), kd.Goal(10, time=1), BALL, None),
+    "mimic": lambda: legs("mimic").locked({"heel": 0.1}),
+    "frame": lambda: kd.Leg.human(frame="knie", height=1.7, mass=60),
+}  # fmt: skip
+SWEEPS = {
+    "executor": lambda: kd.sweep(HUMAN, {"hip": 0.1}, kd.Kick(), threads=2, executor=ThreadPoolExecutor(1)),
+    "resume": lambda: kd.sweep(HUMAN, {"hip": 0.1}, kd.Kick(), resume=True), "folder": lambda: kd.sweep(HUMAN, {"hip": 0.1}, kd.Kick(), store="none/a.zarr"),
+    "not toml": lambda: kd.load_scene(written("a.toml", "[ball\nx = 3")), "input": lambda: files.check_outputs(written("a.nc", "x"), inputs=["a.nc"]),
+    "list": lambda: kd.sweep(HUMAN, {"hip": [0.1, 0.2], "knee": [0.1]}, kd.Kick(), samples="list"),
+}  # fmt: skip
+COMMANDS = {
+    "distance": "plan", "ball position": "plan --distance 9 --ball-position 0,0,0.1 --ball-velocity 1,0,0 --ball-height -0.7", "picture": "view free_kick --at 1 --out a.html",
+    "wind": "plan --distance 9 --time 1 --air none --wind 1,2,0", "leg": "posture-sweep --leg human:weight=3",
+    "joint twice": "posture-sweep --joint hip=0:9:3 --joint hip=1", "joints of a robot": "posture-sweep --leg bolt --frame FL_FOOT",
+}  # fmt: skip
+
+
+CASES = {
+    **{f"{group} {name}": (lambda call=call: faults({"": call})[""]) for group, calls in {"flight": FLIGHT, "identification": IDENTIFICATION, "impact": IMPACT,
+       "planning": PLANNING, "sweeps": SWEEPS}.items() for name, call in calls.items()},
+    **{f"command {name}": (lambda line=line: run(*line.split())) for name, line in COMMANDS.items()},
+}  # fmt: skip

@@ -1,5 +1,6 @@
 """Every command: what it prints, its JSON, pages, plots and files, and what it refuses."""
 
+import math
 import re
 from pathlib import Path
 from unittest.mock import patch
@@ -7,6 +8,7 @@ from unittest.mock import patch
 from click.testing import CliRunner
 
 from kickdyn.cli.commands import kickdyn_command
+from kickdyn.cli.function_costs import FunctionCost, cost_figure
 from recorded.parts import BOX, MIMIC, ROOT
 from recorded.plain import message, of_figure, of_file, text_of
 
@@ -137,9 +139,14 @@ RUNS = {
     "unknown": ("fly",),
     "version": ("--version",),
 }  # fmt: skip
+COSTS = (
+    FunctionCost("strike", 3e-5, False, 2e-15, 0.03), FunctionCost("fly", 2e-3, False, 3e-9, math.nan),
+    FunctionCost("strike_many", 2e-7, True, 4e-15, 0.04),
+)  # fmt: skip
 FILES = {"kicker.xml": BOX, "geared.urdf": MIMIC}
 CASES = {
     **{name: (lambda words=words: run(*words, inputs={f: t for f, t in FILES.items() if f in words})) for name, words in RUNS.items()},
+    "costs of functions": lambda: of_figure(cost_figure(COSTS)),
     "identify": lambda: identify(*ALL),
     "identify one": lambda: identify("--start", 5, "--end", 88, "--drag", "brazuca", "--json", "out.json"),
     "identify, constant": lambda: identify("--start", 5, "--end", 88, "--drag", 0.16, "--ball", "0.42:0.109"),

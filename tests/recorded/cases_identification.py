@@ -76,7 +76,7 @@ def body(noise=0.001, rate=300.0):
             points[k, m] = data.oMf[model.getFrameId(name)].act(np.array(place))
     points += np.random.default_rng(1).normal(0.0, noise, points.shape)
     points[10:14, 1] = np.nan
-    points[20, 4] += 0.2
+    points[20, 4] += 0.05
     return kd.BodyTrack(times, list(PLANAR), points)
 
 
@@ -84,7 +84,7 @@ def moved(**more):
     motion = kd.fit_motion(body(), HUMAN, PLANAR, **{"contact": 0.0, **more})
     return {
         "motion": motion, "q": motion.q(-0.1), "v": motion.v(-0.1), "deviations": motion.deviations(-0.1),
-        "at contact": motion.at_contact(),
+        "at contact": motion.at_contact(), "figure": motion.plot(), "two joints": motion.plot(["knee", "hip"]),
     }  # fmt: skip
 
 

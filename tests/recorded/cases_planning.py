@@ -46,6 +46,12 @@ def kicked(leg=HUMAN, goal="time", air=AIR, **more):
     }  # fmt: skip
 
 
+ROWS = tuple(
+    kd.ReachRow(azimuth, elevation, 9.0 + azimuth / 10 - elevation / 7, None, "knee", 12.0 - elevation / 9, 8.0 + azimuth / 30)
+    for azimuth in (0.0, -30.0) for elevation in (20.0, 0.0, 45.0)
+)  # fmt: skip
+
+
 def met(leg, goal, incoming, **more):
     plan = kd.plan_kick(leg, goal, BALL, DENSE, incoming=incoming, **more)
     meeting = plan.meeting
@@ -53,7 +59,7 @@ def met(leg, goal, incoming, **more):
         "plan": plan, "q": plan.q, "v": plan.v, "meeting": meeting,
         "meetings": [[m.time, m.share, m.speed_use, m.reason] for m in plan.meetings],
         "slopes": meeting.landing_slopes, "tolerances": meeting.landing_slopes and meeting.landing_slopes.tolerances,
-        "warnings": plan.warnings, **report(plan),
+        "warnings": plan.warnings, "figure": plan.plot(), **report(plan),
     }  # fmt: skip
 
 
@@ -204,8 +210,7 @@ CASES = {
     ),
     "kick of a lying ball": lambda: kicked(goal=kd.Goal(14, time=1.1), ball_position=-0.704),
     "kick of a placed ball": lambda: kicked(
-        goal=kd.Goal(10, time=1.1),
-        ball_position=(0.35, HUMAN.posture([0.4, 0.3, 0.1]).contact_point[1], -0.68),
+        goal=kd.Goal(10, time=1.1), air=CALM, ball_position=(0.35, 0.0, -0.68)
     ),
     "kick, unlimited": lambda: kicked(goal=kd.Goal(45, time=1.6), limits=False),
     "kick, too far": lambda: kicked(goal=kd.Goal(60, time=1.9)),
@@ -239,6 +244,7 @@ CASES = {
         refused(kd.Goal(60, speed=10)),
         refused(kd.Goal((9, 4, 0), time=0.8)),
     ],
+    "reach, figure": lambda: [kd.ReachTable("g1", motion, ROWS).plot() for motion in (True, False)],
     "reach": lambda: [reach_of(HUMAN, BALL), reach_of(g1(), BALL)],
     "scatter": lambda: scatter.scatter(
         kd.plan_kick(g1(), kd.Goal((4, 1, 0), time=0.8), BALL, AIR).impact,

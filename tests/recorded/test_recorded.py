@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from kickdyn import errors
 from recorded.differences import differences, same_text
 from recorded.store import cases, expected
 
@@ -39,6 +40,24 @@ def test_the_answer_is_the_recorded_one(label):
     assert not found, "\n".join(
         [f"{label!r} changed in {len(found)} fields; if meant: tools/record.py", *found[:12]]
     )
+
+
+REFUSED = {
+    "flight: from below", "impact: batch by stronge", "impact: in time, turning", "impact: pressed flat",
+    "planning: kick into a wall", "planning: launch of a heavy ball",
+}  # fmt: skip
+"""Cases beside those of faults and messages whose only answer is a refusal."""
+
+
+def test_no_answer_has_become_a_refusal():
+    answers = {f"{group}: {name}": answer for group in {case.group for case in cases().values()}
+               if group not in ("faults", "messages") for name, answer in expected(group).items()}  # fmt: skip
+    refused = {label for label, answer in answers.items() if is_refusal(answer)}
+    assert refused == REFUSED
+
+
+def is_refusal(answer):
+    return isinstance(answer, str) and hasattr(errors, answer.partition(":")[0])
 
 
 def test_nothing_is_recorded_that_no_case_computes():

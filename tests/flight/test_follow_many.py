@@ -53,6 +53,18 @@ def test_every_row_is_followed(air, options):
     assert seen - {"at-rest"} or len(options) == 1
 
 
+def test_balls_that_the_wind_stops_and_does_not_let_rest_are_blown():
+    states = kd.BallState(
+        [[0, 0, 0.11]] * 2, [[-2.0, 0, 0], [0, 0, 0]], [[0, -2.0 / 0.11, 0], [0, 0, 0]]
+    )
+    for wind, status in ((30.0, "blown"), (1.0, "at-rest")):
+        many = kd.follow_many(
+            states, kd.Ball(), kd.Air(wind=(wind, 0, 0)), kd.Ground(surface="turf")
+        )
+        names = many.status.attrs["flag_meanings"].split()
+        assert [names[k] for k in many.status.values] == [status] * 2
+
+
 def test_bad_input():
     turf = kd.Ground(0.0, "turf")
     with pytest.raises(kd.InvalidInput, match=r"launches have shape \(3,\): follow_many takes"):

@@ -70,6 +70,17 @@ def test_outside_is_what_warnings_say():
             assert bool(path.warnings) or not many.outside[i]
 
 
+def quivering(reynolds, spin_parameter):
+    return 0.2 + 0.1 * math.sin(3.0 * reynolds)
+
+
+def test_a_flight_of_too_many_evaluations_fails():
+    states = kd.BallState(velocity=[(25.0, 0, 8), (0.0, 0, 0)])
+    many = fly_many(states, BALL, kd.Air(drag=quivering), kd.Ground(-BALL.radius), tol=1e-12)
+    names = many.status.attrs["flag_meanings"].split()
+    assert [names[k] for k in many.status.values] == ["failed", "landed"]
+
+
 def test_outside_of_a_flight_that_failed_is_not_claimed():
     states = kd.BallState([(0, 0, 0)], [(10, 0, 8)], [(0, -60, 0)], [0])
     many = fly_many(states, BALL, kd.Air(lift=slow_spin_only))

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from contacts import by_paper, planar_attack, split
 
+from kickdyn.impact.laws import limit_friction
+
 
 def test_the_papers_stick_transmits_all_and_spins_by_its_offset():
     problem = planar_attack(friction=0.4, offset=0.2)  # tan(0.2) < 0.4
@@ -18,6 +20,15 @@ def test_the_papers_stick_transmits_all_and_spins_by_its_offset():
     spin = np.cross(-ball.radius * problem.normal, impulse) / ball.inertia
     launch = expected / ball.mass
     assert spin[1] == pytest.approx(-1.5 * launch / ball.radius * math.sin(0.2), rel=1e-14)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.5])
+def test_a_force_on_the_edge_of_the_friction_cone_sticks(friction):
+    force = np.array([2.0 * friction, 0.0, 2.0])
+    impulse, tangential, sticking = limit_friction(force, np.array([0.0, 0.0, 1.0]), friction)
+    assert sticking
+    assert impulse.tolist() == force.tolist()
+    assert tangential.tolist() == [2.0 * friction, 0.0, 0.0]
 
 
 def test_the_papers_slip_transmits_mu_times_the_normal_part():

@@ -67,7 +67,8 @@ def random_robot(rng):
     data = model.createData()
     pin.forwardKinematics(model, data, pin.neutral(model))
     for end, joint in ends.items():
-        level = pin.SE3(data.oMi[joint].rotation.T, rng.uniform(-0.2, 0.2, size=3))
+        turned = data.oMi[joint].rotation.T @ pin.utils.rotate("z", rng.uniform(-3, 3))
+        level = pin.SE3(turned, rng.uniform(-0.2, 0.2, size=3))
         model.addFrame(pin.Frame(end, joint, 0, level, pin.FrameType.OP_FRAME))
     armature = rng.uniform(0.0, 0.1, size=model.nv)
     armature[:6] = 0.0
@@ -98,6 +99,14 @@ def test_the_rooted_robot_moves_and_weighs_as_the_robot_on_its_support(seed):
         at, to = leg.velocity_index(name), robot.velocity_index(name)
         assert v[at] == whole_v[to]
         assert leg.joint_values(q)[name] == pytest.approx(robot.joint_values(whole_q)[name])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_with_joints_at_0_the_base_is_where_it_is_without_a_support(seed):
+    standing = StandingRobot(random_robot(np.random.default_rng(seed)))
+    q, _ = standing.robot_state(standing.leg.configuration(), np.zeros(standing.leg.nv))
+    assert q[:2] == pytest.approx([0.0, 0.0], abs=1e-12)
+    assert np.abs(q[3:7]) == pytest.approx([0.0, 0.0, 0.0, 1.0], abs=1e-12)
 
 
 def test_the_sole_is_what_the_shapes_have_at_the_ground():

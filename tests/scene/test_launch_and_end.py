@@ -3,6 +3,7 @@
 import math
 from contextlib import suppress
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ import kickdyn as kd
 from kickdyn.scene.launch_and_end import (
     COLLIDE_SAFETY,
     END_SAFETY,
+    EndSlopes,
     LaunchError,
     collide_scene,
     collision_error,
@@ -28,6 +30,24 @@ from kickdyn.scene.launch_and_end import (
 
 def size(array):
     return float(np.linalg.norm(array))
+
+
+def test_the_deviation_of_an_end_is_that_of_sources_that_act_together():
+    rng = np.random.default_rng(2)
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    by, size = rng.normal(size=3), rng.normal(size=4000)
+    velocity, spin = np.outer(size, by), np.outer(0.3 * size, turn @ by)  # of one source
+    slopes = EndSlopes(2.0 * turn, 0.7 * np.eye(3))
+    launch = SimpleNamespace(velocity=np.cov(velocity.T), spin=np.cov(spin.T))
+    ends = velocity @ slopes.velocity.T + spin @ slopes.spin.T
+    expected = math.sqrt(np.trace(np.cov(ends.T)))
+    assert slopes.deviation(launch) == pytest.approx(expected, rel=1e-9)
+
+
+def test_the_deviation_of_an_end_without_slopes_is_infinite():
+    unknown = np.full((3, 3), math.inf)
+    launch = SimpleNamespace(velocity=np.eye(3), spin=np.eye(3))
+    assert EndSlopes(unknown, unknown).deviation(launch) == math.inf
 
 
 def test_it_bounds_the_contact_that_takes_time():

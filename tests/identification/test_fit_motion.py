@@ -113,7 +113,7 @@ def hide_contact(positions):
         (lambda p: p.__setitem__((slice(None), slice(9, None)), np.nan), PLACES,
          "marker 'foot0' is not seen in any frame"),
         (lambda _: None, {k: v for k, v in PLACES.items() if "foot" not in k},
-         "too few markers: .* (ankle|subtalar); they are 3 on base, .*, 3 on shank, 0 on foot:"),
+         "too few markers: .* (ankle|subtalar) .*; they are 3 on base, .*, 3 on shank, 0 on foot:"),
         (lambda _: None, {k: v for k, v in PLACES.items() if "base" not in k},
          "too few markers: .* joint .*; they are 0 on base, 3 on thigh, 3 on shank, 3 on foot"),
         (lambda p: p.__setitem__((slice(None), [0, 1]), p[:, [1, 0]]), PLACES,

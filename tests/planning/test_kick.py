@@ -11,7 +11,7 @@ from scipy.spatial import ConvexHull
 from threadpoolctl import threadpool_limits
 
 import kickdyn as kd
-from kickdyn.planning import kick_plan
+from kickdyn.planning import kick, kick_plan
 from kickdyn.planning.objectives import KickObjective
 from kickdyn.planning.plan_report import verdict
 from kickdyn.robot.standing import hold_support
@@ -616,3 +616,9 @@ def test_what_a_base_that_moves_cannot_do():
     assert met.impact.ball_after.velocity == pytest.approx(met.launch.velocity, abs=1e-9)
     with pytest.raises(kd.InvalidInput, match="a motion from rest to rest needs a base at rest"):
         kd.plan_kick(aside, kd.Goal(20, time=1.2), BALL, AIR, motion=True)
+
+
+def test_the_height_that_a_message_names_is_on_the_ground():
+    with pytest.raises(kd.InvalidInput, match=r"lies on its ground, at 0\.109817 m"):
+        kick._lying_on_ground(0.1099, BALL)
+    assert kick._lying_on_ground(0.109817, BALL) == 0.109817

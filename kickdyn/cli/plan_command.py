@@ -196,8 +196,8 @@ class KickOptions:
         for name in ("ball_position", "ball_velocity", "ball_spin", "meet_at", "trap"):
             if getattr(self, name) is not None and missing:
                 raise InvalidInput(
-                    f"{' and '.join(missing)} missing: --{name.replace('_', '-')} is of a ball "
-                    "that moves, whose position and velocity are both given"
+                    f"{' and '.join(missing)} missing: --{name.replace('_', '-')} is for a moving "
+                    "ball, which needs a position and a velocity"
                 )
         if moving and (self.ball_height is not None or self.ball_at is not None):
             raise InvalidInput("--ball-position excludes --ball-height and --ball-at")

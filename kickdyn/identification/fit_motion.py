@@ -155,7 +155,8 @@ def _from_angles(
     known_frames = np.isfinite(q).all(axis=1)
     if known_frames.sum() < LEAST_FRAMES:
         raise InvalidInput(
-            f"track has {int(known_frames.sum())} frames with all angles: at least {LEAST_FRAMES}"
+            f"track has {int(known_frames.sum())} frames with all angles: at least {LEAST_FRAMES} "
+            "are needed"
         )
     information = np.tile(np.eye(leg.nv) / ANGLE_DEVIATION**2, (int(known_frames.sum()), 1, 1))
     return LegMotion(

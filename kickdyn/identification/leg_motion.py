@@ -219,7 +219,7 @@ class LegMotion(ReprMixin):
         return (
             *lines,
             f"the pelvis is tilted by {tilt:.0f} deg, its upward axis is {up.round(2).tolist()} in "
-            "the track: positions must have z up; if those of the file have y up, read it with "
+            "the track: positions must have z up; if the file has y up, read it with "
             "up='y'",
         )
 

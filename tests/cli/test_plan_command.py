@@ -205,7 +205,7 @@ def test_a_robot_and_a_goal_beyond_its_limits():
             [*MOVING, "--trap", "0,0,0", "--distance", "9", "--pass", "turf"],
             "--trap excludes --distance, --pass: a trap has no target",
         ),
-        (["--distance", "30"], "nothing is given besides the target"),
+        (["--distance", "30"], "nothing is given in addition to the target"),
         (
             ["--distance", "30", "--time", "1", "--launch-speed", "20"],
             "time and speed are",

@@ -152,7 +152,7 @@ def test_another_vertical_axis_has_a_warning():
     whole = track(50)
     lying = kd.BodyTrack(whole.times, whole.markers, whole.positions[..., [0, 2, 1]] * (1, 1, -1))
     (line,) = kd.fit_motion(lying, LEG, PLACES, scale=False).warnings
-    assert "if those of the file have y up, read it with up='y'" in line
+    assert "if the file has y up, read it with up='y'" in line
     assert "\n" not in line
     assert kd.fit_motion(whole, LEG, PLACES, scale=False).warnings == ()
     straight = np.tile([[0, -0.4, 0], [0, -0.8, 0], [0.1, -0.8, 0]], (10, 1, 1))

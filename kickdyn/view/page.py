@@ -306,5 +306,6 @@ def _comparison(
         return page_of_pages(
             {name: page(impact, caption=caption) for name, impact in impacts.items()}
         )
-    viewer, title = recording_viewer(), caption or ("Fitted flights" if measured else "Flights")
+    name = ("Fitted flight" if measured else "Flight") + "s" * (len(paths) > 1)
+    viewer, title = recording_viewer(), caption or name
     return Page(viewer, title, draw_flights(viewer, paths, title, measured))

@@ -41,10 +41,13 @@ from kickdyn.robot.leg import Leg
 from kickdyn.robot.model_validation import frame_id
 
 LARGEST_RESIDUAL = 0.05
-"""Root mean square distance of markers [m] above which they are swapped or on other segments."""
+"""Root mean square distance of a marker [m] above which it is swapped or on another segment."""
 
 LARGEST_DISTANCE = 0.1
 """Distance of one marker in one frame [m] above which it is another marker; skin moves less."""
+
+LARGEST_OFFSET = 2.0
+"""Coordinate of a marker on its segment [m] that only other units explain."""
 
 LARGEST_ANGLE = 4.0 * math.pi
 """Angle of a joint [rad] that only degrees explain."""
@@ -174,7 +177,13 @@ def _place(leg: Leg, name: str, place: Place) -> Marker:
             "(frame, point)"
         ) from None
     number = frame_id(leg.workspace.model, frame)
-    return Marker(number, validation.vector(f"point of marker {name!r}", point, 3, unit="m"))
+    offset = validation.vector(f"point of marker {name!r}", point, 3, unit="m")
+    if np.abs(offset).max() > LARGEST_OFFSET:
+        raise InvalidInput(
+            f"point of marker {name!r} is {offset.tolist()}, up to {np.abs(offset).max():g} m from "
+            f"the origin of {frame}: it must be in metres, at most {LARGEST_OFFSET:g} m from it"
+        )
+    return Marker(number, offset)
 
 
 def _judged(
@@ -198,7 +207,7 @@ def _judged(
     distances = np.linalg.norm(missed, axis=2)
     mean = np.sqrt(np.nanmean(distances**2, axis=0))
     largest, few = float(np.nanmax(distances)), "; in a few frames, NaN leaves it out"
-    if float(np.sqrt(np.nanmean(distances**2))) > LARGEST_RESIDUAL:
+    if float(np.nanmax(mean)) > LARGEST_RESIDUAL:
         few = ""
     if not few or largest > LARGEST_DISTANCE:
         frame_number, worst = np.unravel_index(int(np.nanargmax(distances)), distances.shape)

@@ -93,6 +93,23 @@ def test_gaps_are_left_out_and_named():
     )
 
 
+def test_markers_that_are_not_seen_at_the_contact_have_a_warning():
+    def hide(positions):
+        positions[30:33, 6] = np.nan  # away from the contact
+        positions[40:, 9:11] = np.nan
+
+    motion = kd.fit_motion(changed(hide), LEG, PLACES, contact=0.0, scale=False)
+    (line,) = motion.warnings
+    assert line.startswith(
+        "markers 'foot0' (8 frames), 'foot1' (8 frames) are not seen in frame 47, the last one "
+        "before the contact"
+    )
+    seen = kd.fit_motion(track(240), LEG, PLACES, contact=0.0, scale=False)
+    assert seen.warnings == ()
+    ankle = slice(-2, None)
+    assert (motion.at_contact().v_deviations[ankle] > seen.at_contact().v_deviations[ankle]).all()
+
+
 def hide_contact(positions):
     positions[-12:, 4:] = np.nan
 
@@ -124,6 +141,11 @@ def hide_contact(positions):
         (lambda _: None, {"x": "foot"}, "marker 'x' is not in the track"),
         (lambda _: None, {"foot0": "hand"}, "hand"),
         (lambda _: None, {"foot0": ("foot", 1, 2)}, "place of marker 'foot0' is"),
+        (lambda _: None, PLACES | {"foot0": ("foot", (100, 30, 20))},
+         r"point of marker 'foot0' is \[100.0, 30.0, 20.0\], up to 100 m from the origin of foot: "
+         "it must be in metres"),
+        (lambda p: p.__setitem__((slice(None), 9, 2), p[:, 9, 2] + 0.12), PLACES,  # one of 12
+         "marker '.*' is 0.0.* m from its place on the leg in frame [0-9]+: .* another segment$"),
         (lambda _: None, {}, "markers is empty"),
     ],
 )  # fmt: skip

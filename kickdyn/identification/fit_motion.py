@@ -39,6 +39,7 @@ from kickdyn.identification.marker_kinematics import (
 from kickdyn.identification.track import Track
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.model_validation import frame_id
+from kickdyn.robot.surgery import has_floating_base
 
 LARGEST_RESIDUAL = 0.05
 """Root mean square distance of a marker [m] above which it is swapped or on another segment."""
@@ -82,7 +83,7 @@ def fit_motion(
             track that are not named do not count.
         angles: for a track of angles, its coordinate for each joint of the leg, with a minus where
             it has the other direction: `{"knee": "-knee_angle_r"}`. Each joint must be named. The
-            deviation of angles is taken for 0.5 degrees.
+            base of the leg must be fixed. The deviation of angles is taken for 0.5 degrees.
         contact: when the contact begins, across which nothing is smoothed: a time [s]; a time and
             its standard deviation, `(t, deviation)`; or the `Track` of the ball on the same clock,
             from which both are computed. The deviation counts in `at_contact` and `infer_impact`.
@@ -136,6 +137,11 @@ def _from_angles(
     track: BodyTrack, leg: Leg, angles: Mapping[str, str], contact: Moment | None
 ) -> LegMotion:
     """Return the motion of a leg whose joint angles are measured."""
+    if has_floating_base(leg.workspace.model):
+        raise InvalidInput(
+            "angles need a leg on a fixed base, because they do not place a floating one: take "
+            "base='fixed', and leg.with_base_velocity for the velocity of the hip"
+        )
     if set(angles) != set(leg.joint_names) or leg.nq != len(leg.joint_names):
         joints = ", ".join(leg.joint_names)
         raise InvalidInput(

@@ -209,6 +209,12 @@ def test_joint_angles_of_a_file():
     assert at.v == pytest.approx([1.0, -1.6, 0.0], abs=1e-4)
     with pytest.raises(kd.InvalidInput, match="it must name one coordinate for each of hip, knee"):
         kd.fit_motion(whole, leg, angles={"hip": "hip_r"})
+    with pytest.raises(kd.InvalidInput, match="angles need a leg on a fixed base"):
+        kd.fit_motion(whole, LEG, angles=names)
+    moving = kd.fit_motion(whole, leg.with_base_velocity((4, 0, 0)), angles=names, contact=0.2)
+    assert moving.at_contact().foot_velocity == pytest.approx(
+        at.foot_velocity + np.array([4, 0, 0])
+    )
     (line,) = kd.fit_motion(whole, leg, angles=names | {"knee": "knee_r"}).warnings
     assert line.startswith("joint knee is outside its range of 0 to 140 deg in 48 frames of 48")
     degrees = kd.BodyTrack(times, angles={name: np.degrees(x) for name, x in angles.items()})

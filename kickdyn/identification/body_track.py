@@ -98,7 +98,7 @@ class BodyTrack(ReprMixin):
 
     @validation.check_arguments
     def marker_track(self, name: str) -> Track:
-        """Return the track of one marker, as of a ball; frames in which it is not seen are left out.
+        """Return the track of one marker, such as a ball, in the frames in which it is seen.
 
         Args:
             name: name of the marker.

@@ -130,9 +130,11 @@ def hide_contact(positions):
         (lambda p: p.__setitem__((slice(None), slice(9, None)), np.nan), PLACES,
          "marker 'foot0' is not seen in any frame"),
         (lambda _: None, {k: v for k, v in PLACES.items() if "foot" not in k},
-         "too few markers: .* (ankle|subtalar) in any frame; .* 3 on base, .*, 0 on foot:"),
+         "too few markers: .* (ankle|subtalar) in any frame; they are 3 on base, .*, 3 on shank, "
+         "0 on foot:"),
         (lambda _: None, {k: v for k, v in PLACES.items() if "base" not in k},
-         "too few markers: .* joint .* in any frame; .* 0 on base, 3 on thigh, .*, 3 on foot"),
+         "too few markers: .* joint .* in any frame; they are 0 on base, 3 on thigh, 3 on shank, "
+         "3 on foot"),
         (lambda p: p.__setitem__((slice(None), [0, 1]), p[:, [1, 0]]), PLACES,
          "markers 'base0', 'base1' are swapped in frame .: they are .* m if exchanged"),
         (lambda _: None, {k: (link, (x, -y, z)) for k, (link, (x, y, z)) in PLACES.items()},

@@ -295,7 +295,8 @@ def _infer_from_motion(
     impact = _with_deviations(leg.posture, leg.v, ball, (states[0], states[1]), steps)
     note = (
         "the track does not show the spin of the ball: the impulse is taken to act through its "
-        "centre, so that the normal is the impulse's direction and the friction remains open"
+        "centre, so that the normal, the restitution and the effective mass are those along the "
+        "impulse, and the friction remains open"
     )
     return replace(impact, notes=(note,))
 

@@ -287,7 +287,7 @@ def test_a_robot_and_a_goal_beyond_its_limits():
             ["--distance", "9", "--time", "1", "--ball-at", "1,2"],
             "Invalid value for '--ball-at': '1,2' is not X,Y,Z",
         ),
-        (["--distance", "9", "--time", "1", "--motion", "--plot", "a.x"], "no known ending"),
+        (["--distance", "9", "--time", "1", "--motion", "--plot", "a.x"], "no known extension"),
     ],
 )
 def test_bad_input_is_one_line(arguments, words):

@@ -200,7 +200,10 @@ def test_a_robot_and_a_goal_beyond_its_limits():
     ("arguments", "words"),
     [
         (["--time", "1"], "Missing option '--distance'"),
-        (["--trap", "0,0,0"], "--ball-position and --ball-velocity missing: --trap is for a moving"),
+        (
+            ["--trap", "0,0,0"],
+            "--ball-position and --ball-velocity missing: --trap is for a moving",
+        ),
         (
             [*MOVING, "--trap", "0,0,0", "--distance", "9", "--pass", "turf"],
             "--trap excludes --distance, --pass: a trap has no target",

@@ -344,6 +344,6 @@ def _starts(problem: MotionProblem, near: _Near) -> Iterator[tuple[Array, Soluti
     if not reachable:
         does = "stand at rest" if rest is None else "touch the ball at rest"
         raise InvalidInput(
-            f"{robot.name} finds no posture in which it can {does} within its limits of torque, "
+            f"no posture was found in which {robot.name} can {does} within its limits of torque, "
             "range and balance"
         )

@@ -278,7 +278,7 @@ def test_from_one_place_a_kick_takes_the_least_or_the_most(leg, goal, more):
 
 
 def test_a_ball_beside_the_plane_of_the_foot_is_refused():
-    with pytest.raises(kd.InvalidInput, match=r"is 0.2 m beside the plane that the foot of"):
+    with pytest.raises(kd.InvalidInput, match=r"is 0.2 m from the plane in which the foot of"):
         kd.plan_kick(HUMAN, kd.Goal(15, time=1), kd.Ball(), ball_position=(0.2, 0.2, -0.7))
 
 

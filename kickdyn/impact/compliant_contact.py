@@ -274,7 +274,8 @@ class CompliantContact:
         self.evaluations += 1
         if not math.isfinite(t):
             raise KickdynError(
-                "the integrator left double precision: torques, speeds or lengths are too large"
+                "the integration exceeded double precision: torques, speeds or lengths are too "
+                "large"
             )
         if self.evaluations > MAX_EVALUATIONS:
             raise KickdynError(

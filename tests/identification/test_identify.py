@@ -262,8 +262,8 @@ def test_plot_and_representations(curving):
     found = kd.identify(curving, BALL, free=("spin", "drag-scale"))
     assert len(found.plot().axes) == 3
     html = kd.page(found).html
-    assert "positions of each" in html
-    assert "from the first sample of each" in html
+    assert "positions per flight" in html
+    assert "from the first sample" in html
     assert found.flight.launch.velocity == pytest.approx(found.launch.velocity)
     assert found.correlations.shape == (10, 10)
     assert np.diag(found.correlations) == pytest.approx(np.ones(10))

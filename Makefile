@@ -6,8 +6,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constr
 
 .PHONY: sweep help extremes fuzz mutants notebooks record test test-lowest test-all docs package lint browser clean
 
-# what `make test-all` tests with: python3.11 and so on must be there, as pyenv or deadsnakes bring them;
-# add 3.14, which kickdyn takes too, where you have it
+# versions of Python for `make test-all`, as `python3.11` and so on (pyenv or deadsnakes have them)
 PYTHONS ?= 3.11 3.12 3.13
 
 ## sweep: the main job; the table on the screen, dataset, plot and 3-D page in build/
@@ -24,7 +23,7 @@ extremes: $(VENV)/.dev
 	@echo "This takes about a minute."
 	$(BIN)/python tests/extremes --verdicts tests/extremes/verdicts.json
 
-## fuzz: feeds broken files and command lines for ten minutes; fails if one is neither answered nor refused
+## fuzz: tries broken files and command lines for ten minutes; fails if one gives neither a result nor a clear refusal
 fuzz: $(VENV)/.dev
 	@echo "This takes ten minutes."
 	$(BIN)/python tools/fuzz.py --seconds 600
@@ -50,7 +49,7 @@ test: $(VENV)/.dev browser
 	@echo "The whole suite takes about 8 minutes on 2 cores, and longer on the first run, which compiles."
 	$(BIN)/python -m pytest -n auto
 
-## test-lowest: the tests but those of docs and notebooks with the lowest versions of all packages that pyproject.toml allows, in .venv-lowest
+## test-lowest: the tests, except docs and notebooks, with the lowest version of each package that pyproject.toml allows, in .venv-lowest
 test-lowest:
 	@# pyparsing 3.3 deprecates what matplotlib 3.9 calls
 	@echo "This takes two minutes to install, and then as long as the suite, which compiles on the first run."

@@ -24,6 +24,7 @@ ARMS_ASIDE = {
     "right_shoulder_roll_joint": -0.8,
     "*elbow*": 1.5,
 }
+HANDS = {"arm_*_[567]_joint": 0.0, "*gripper*": 0.0, "head_*": 0.0}
 NEAR = 3.0
 """Distance at which the balls are compared with the planned flight [m]."""
 
@@ -37,8 +38,8 @@ def g1() -> kd.Leg:
 
 
 def talos() -> kd.Leg:
-    """Return TALOS on its left foot."""
-    robot = kd.Leg.from_robot("talos", base="floating", legs_only=True)
+    """Return TALOS on its left foot; its planner holds the arms aside of the kicking leg."""
+    robot = kd.Leg.from_robot("talos", base="floating", locked=HANDS)
     return robot.with_supports(kd.Support("left_sole_link", friction=0.7))
 
 

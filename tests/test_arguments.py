@@ -59,6 +59,7 @@ GOOD = {
 
 INSTANCES = {
     "Ball": BALL,
+    "BodyTrack": kd.BodyTrack([0.0, 0.1], ["ball"], np.zeros((2, 1, 3))),
     "Contact": CONTACT,
     "Leg": LEG,
     "Posture": POSTURE,

@@ -51,7 +51,7 @@ def check_page_name(page: str) -> None:
         find_browser()
     elif ending not in (".html", ".htm"):
         raise InvalidInput(
-            f"{page} has no known ending: a page is written as .html, a picture of it as .png"
+            f"{page} has no known extension: a page is written as .html, a picture of it as .png"
         )
 
 

@@ -78,8 +78,8 @@ class GoalOptions:
     )  # fmt: skip
     beside: tuple[float, float] | None = option(
         "--beside", type=Numbers("DISTANCE:LEFT"),
-        help="How far to the left of the line to the target the ball passes at a distance [m]; "
-        "side spin curves the flight.",
+        help="Point beside the line to the target that the ball passes [m]; side spin curves the "
+        "flight.",
     )  # fmt: skip
     wall: str | None = option(
         "--wall", metavar="DISTANCE:HEIGHT[:WIDTH]",
@@ -102,7 +102,7 @@ class GoalOptions:
 
     receiver_velocity: tuple[float, float, float] | None = option(
         "--receiver-velocity", type=Numbers("X,Y,Z"),
-        help="Velocity of a receiver who is at the target as the ball starts [m/s].",
+        help="Velocity of a receiver who is at the target when the ball starts [m/s].",
     )  # fmt: skip
 
     def read_wall(self) -> Wall | None:
@@ -136,10 +136,10 @@ class KickOptions:
 
     ball_height: float | None = option(
         "--ball-height", type=float,
-        help="Height of the ball's centre [m, world frame]. By default, the ball lies at the "
-        "height of the foot of the straight leg (10 % lower hips for a robot, whose knees are "
-        "bent), or on the ground of a robot on a support, z = 0. In Python, the height is free by "
-        "default; -0.7042 is the default here for human.",
+        help="Height of the ball's centre [m, world frame]. By default, the ball is as low as the "
+        "foot of the straight leg (-0.7042 m for human), of a robot with bent knees and hips 10 % "
+        "lower, or it lies on the ground z = 0 of a robot on a support. In Python, the height is "
+        "free by default.",
     )  # fmt: skip
     ball_at: tuple[float, float, float] | None = option(
         "--ball-at", type=Numbers("X,Y,Z"),
@@ -196,8 +196,8 @@ class KickOptions:
         for name in ("ball_position", "ball_velocity", "ball_spin", "meet_at", "trap"):
             if getattr(self, name) is not None and missing:
                 raise InvalidInput(
-                    f"{' and '.join(missing)} missing: --{name.replace('_', '-')} is of a ball "
-                    "that moves, whose position and velocity are both given"
+                    f"{' and '.join(missing)} missing: --{name.replace('_', '-')} is for a moving "
+                    "ball, which needs a position and a velocity"
                 )
         if moving and (self.ball_height is not None or self.ball_at is not None):
             raise InvalidInput("--ball-position excludes --ball-height and --ball-at")
@@ -257,13 +257,13 @@ class PlanOutputOptions(OutputOptions):
     )  # fmt: skip
     corrections: int | None = option(
         "--corrections", type=click.IntRange(1, 10), metavar="N",
-        help="Correct the motion N times, 1 to 10, by what the simulator gives, before it is "
+        help="Correct the motion N times, 1 to 10, with the result of the simulator, before it is "
         "written and carried out.",
     )  # fmt: skip
     noisy_runs: int | None = option(
         "--noisy-runs", type=click.IntRange(1, 10_000), metavar="N",
-        help="Carry it out N more times, with other masses, friction, delays and places of "
-        "the ball, and report how many robots stand and how the balls scatter.",
+        help="Carry it out N more times, with different masses, friction, delays and ball "
+        "positions, and report how many robots stay upright and how the balls scatter.",
     )  # fmt: skip
 
     def check_motion(self, planned: bool, incoming: bool) -> None:

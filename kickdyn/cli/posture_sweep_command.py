@@ -63,7 +63,7 @@ class StoreOptions:
     )  # fmt: skip
     variables: str | None = option(
         "--variables", metavar="NAME,...",
-        help="Variables to write to --out, besides status and the variables of the table "
+        help="Variables to write to --out, with status and the variables of the table "
         f"({', '.join(NEEDED)}).  [default: all, {', '.join(VARIABLES)}]",
     )  # fmt: skip
     resume: bool = option(

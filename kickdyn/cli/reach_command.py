@@ -35,7 +35,7 @@ class ReachOptions(JsonOptions):
     motion: bool = option(
         "--motion", is_flag=True,
         help="Plan whole motions, within all of their limits: minutes for each direction of a "
-        "robot. By default, the limits are those of the impact alone.",
+        "robot. By default, only the limits at the impact apply.",
     )  # fmt: skip
     tolerance: float = option(
         "--tolerance", type=float, default=0.05, show_default=True,

@@ -1,4 +1,4 @@
-"""The Runge-Kutta method DOP853 (Hairer, Norsett & Wanner), as machine code reads its weights."""
+"""The Runge-Kutta method DOP853 (Hairer, Norsett & Wanner): its weights, and steps of scipy's."""
 
 import numpy as np
 from scipy.integrate import DOP853
@@ -20,3 +20,19 @@ WEIGHT = np.zeros(WHICH_RATE.shape)
 for _k, _row in enumerate(_TABLE):
     _used = np.flatnonzero(_row)
     WHICH_RATE[_k, : len(_used)], WEIGHT[_k, : len(_used)] = _used, _row[_used]
+
+EVENT_MARGIN = 0.03
+"""Fraction of a step, at its end, in which an event must lie for its interpolant to be read there:
+its error falls with the square of that fraction."""
+
+
+def keep_stages(solver: DOP853) -> DOP853:
+    """Return a solver with the stages of the last step, for an interpolant that is read later.
+
+    It takes a quarter more evaluations, and the next step overwrites the stages.
+    """
+    kept = DOP853.__new__(DOP853)
+    kept.__dict__.update(solver.__dict__)
+    kept.K_extended = solver.K_extended.copy()
+    kept.K = kept.K_extended[: DOP853.n_stages + 1]
+    return kept

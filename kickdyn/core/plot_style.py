@@ -51,7 +51,9 @@ def styled() -> Iterator[None]:
 def check_name(path: str | PathLike[str]) -> None:
     """Raise `InvalidInput` unless the name ends as a picture's does."""
     if Path(path).suffix.lower() not in ENDINGS:
-        raise InvalidInput(f"{path} has no known ending: plots are written as {', '.join(ENDINGS)}")
+        raise InvalidInput(
+            f"{path} has no known extension: plots are written as {', '.join(ENDINGS)}"
+        )
 
 
 def save_figure(figure: Figure, path: str | PathLike[str]) -> None:

@@ -92,7 +92,7 @@ def floats(name: str, value: ArrayLike, *, unit: str = "") -> Array:
     if np.ma.is_masked(raw):
         raise InvalidInput(f"{name} has masked entries: fill them first")
     if raw.dtype.kind not in "fiu" or _holds_bool(value):
-        raise InvalidInput(f"{name} is {brief(value)}: it must hold real numbers{of_unit}")
+        raise InvalidInput(f"{name} is {brief(value)}: it must contain real numbers{of_unit}")
     with np.errstate(over="ignore"):  # of longdouble
         array = np.array(raw, dtype=np.float64)  # native byte order: Pinocchio misreads any other
     finite = np.isfinite(array)

@@ -29,6 +29,7 @@ from kickdyn.core.compilation import WITHIN, cache_folder, from_cache, log, unco
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.events import NUMBERS, EventFunction
 from kickdyn.flight.forces import Acceleration, Reynolds, acceleration_function, reynolds_number
+from kickdyn.flight.ground_motion import rolling_share
 
 LANES = 24
 """How many flights are computed side by side."""
@@ -151,12 +152,11 @@ def _callees(air: Air) -> Callees:
 
 @lru_cache(maxsize=16)
 def compiled_rolling(ball: Ball, air: Air, resistance: float) -> Any:
-    """Return the rates of many balls that roll, as machine code, see `ground_motion.Rolling`.
+    """Return the rates of many balls that roll, as machine code, see `ground_motion.roll`.
 
     The resistance of the surface is a deceleration [m/s2].
     """
-    acting = acceleration_function(ball, air)
-    share = 1.0 / (1.0 + ball.inertia / (ball.mass * ball.radius**2))
+    acting, share = acceleration_function(ball, air), rolling_share(ball)
 
     def rates(scene: Any, state: Any, rate: Any) -> None:
         for i in range(LANES):

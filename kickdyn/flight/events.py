@@ -178,7 +178,9 @@ def checked_ends(ends: Any) -> tuple[Event, ...]:
     events = tuple(ends)
     for event in events:
         if not isinstance(event, Event):
-            raise InvalidInput(f"ends has {validation.brief(event)}: it must have kickdyn.Event")
+            raise InvalidInput(
+                f"ends has {validation.brief(event)}: each entry must be a kickdyn.Event"
+            )
         name = event.name
         if not (isinstance(name, str) and name.isprintable() and len(name.split()) == 1):
             raise InvalidInput(

@@ -185,8 +185,8 @@ def _integrated(flown: Callable[..., Flight], task: _Task, ends: tuple[Event, ..
     speed = math.hypot(*state.velocity)
     if not speed <= MAX_SPEED:
         raise InvalidInput(
-            f"launch speed is {speed:g} m/s: in air it must be at most {MAX_SPEED:g} m/s, that of "
-            "light"
+            f"launch speed is {speed:g} m/s: in air it must be at most {MAX_SPEED:g} m/s, the "
+            "speed of light"
         )
     equations = FlightEquations(state, ball, air)
     wind = _wind_speed(air, float(state.position[2]))

@@ -11,14 +11,19 @@ from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import ArrayLike
-from kickdyn.errors import InvalidInput
 from kickdyn.flight.events import Event, checked_ends, plane_events
 from kickdyn.flight.flight_result import Flight, FlightStatus, flight_warnings
 from kickdyn.flight.fly import check_single, fly
-from kickdyn.flight.ground_motion import GroundPhase, bounce, roll, slide
+from kickdyn.flight.ground_motion import (
+    GroundPhase,
+    bounce,
+    check_friction,
+    roll,
+    slide,
+    surface_of,
+)
 from kickdyn.ground import Ground, Surface
 from kickdyn.plane import Plane
-from kickdyn.restitution import restitution_for
 
 LEAST_REBOUND = 0.15
 """Upward speed after a bounce below which the ball stays down [m/s]; it would hop about 1 mm."""
@@ -145,20 +150,14 @@ def follow(
     check_single(state, "follow")
     if ground is None:
         ground = Ground(float(state.position[2]) - ball.radius, "turf")
-    start, surface = state, ground.surface
-    if not isinstance(surface, Surface):
-        raise InvalidInput("the ground has no surface: name one, such as Ground(surface='turf')")
-    restitution_for(surface.restitution, ball)  # raises where the pressure is unknown
+    start, surface = state, surface_of(ground, ball)
     further = checked_ends(ends)
     one_flight = partial(fly, ball=ball, air=air, ground=ground, tol=tol, plane=plane,
                          time_limit=time_limit, ends=further)  # fmt: skip
     flights, bounces, status = _bouncing(state, ball, surface, one_flight)
     phases: list[GroundPhase] = []
     if status is None:  # it stays down, slides and rolls
-        if surface.friction == 0.0:
-            raise InvalidInput(
-                f"friction of {surface.name} is 0: it must be above 0 to end sliding"
-            )
+        check_friction(surface)
         state = bounce(flights[-1].landing, ball, surface)
         all_ends = *plane_events(ball, plane), *further
         sliding = slide(state, ball, air, surface, [end.launched(state) for end in all_ends])

@@ -19,12 +19,19 @@ from kickdyn.flight.compiling import compiled_ends, compiled_rolling
 from kickdyn.flight.events import Event, checked_ends, plane_events
 from kickdyn.flight.flight_result import FlightStatus
 from kickdyn.flight.follow import LEAST_REBOUND, MOST_BOUNCES
-from kickdyn.flight.forces import VACUUM, acceleration_function
-from kickdyn.flight.ground_motion import bounce, slide, sliding_of, time_to_rest
+from kickdyn.flight.ground_motion import (
+    LOOSEST_ROLLING,
+    bounce,
+    check_friction,
+    rolling_of,
+    slide,
+    sliding_of,
+    surface_of,
+    time_to_rest,
+)
 from kickdyn.flight.march import ALOFT, FAILED, FURTHER, LANDED, Flights, march
 from kickdyn.ground import Ground, Surface
 from kickdyn.plane import Plane
-from kickdyn.restitution import restitution_for
 
 _FLYING, _DOWN = -1, -2
 """Statuses of a ball that is in the air, and of one that stays down."""
@@ -81,17 +88,12 @@ def follow_many(
         if len(height) and np.ptp(height) > 0.0:
             raise InvalidInput("launches have unequal heights: follow_many needs a ground for them")
         ground = Ground(float(height[0] if len(height) else 0.0) - ball.radius, "turf")
-    if not isinstance(ground.surface, Surface):
-        raise InvalidInput("the ground has no surface: name one, such as Ground(surface='turf')")
-    restitution_for(ground.surface.restitution, ball)  # raises where the pressure is unknown
-    if ground.surface.friction == 0.0:
-        raise InvalidInput(
-            f"friction of {ground.surface.name} is 0: it must be above 0 to end sliding"
-        )
+    surface = surface_of(ground, ball)
+    check_friction(surface)
     events = *plane_events(ball, plane), *checked_ends(ends)
     names: list[str] = [FlightStatus.AT_REST, FlightStatus.ALOFT, FlightStatus.FAILED]
     names += [FlightStatus.BOUNCING, FlightStatus.BLOWN, *(event.name for event in events)]
-    balls = _Balls(states, ball, air, ground.surface, events)
+    balls = _Balls(states, ball, air, surface, events)
     balls.bounce_all(ground, tol, plane, time_limit, tuple(ends))
     balls.slide_all()
     balls.roll_all(tol, time_limit)
@@ -180,21 +182,14 @@ class _Balls:
         if not rows.size:
             return
         begin = self.states(rows)
-        air = VACUUM if self.air is None or self.air.density == 0 else self.air
-        height = float(begin.position[0, 2])
-        share = 1.0 / (1.0 + self.ball.inertia / (self.ball.mass * self.ball.radius**2))
-        pushed = acceleration_function(self.ball, air)(height, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-        wind = share * np.array(pushed[:2])
-        speed = validation.length(begin.velocity)
-        slowest = 1e-7 * np.maximum(speed, math.hypot(*wind))
-        ends = Event("slow", _slow, lambda _: (slowest,)), *self.ends
+        rolling = rolling_of(begin, self.ball, self.air, self.surface)
+        ends = rolling.slow_event, *self.ends
         launched = [end.launched(begin) for end in ends]
         n = len(rows)
         numbers = np.column_stack([np.broadcast_to(x, n) for end in launched for x in end.numbers])
-        tol = min(tol, 1e-9)
-        length = speed * speed / (2.0 * self.surface.rolling_deceleration)
+        tol = min(tol, LOOSEST_ROLLING)
         margin = 0.1 * tol ** (1.0 / 3.0)
-        scales = tol * np.maximum(length, 1e-300), tol * np.maximum(speed, 1e-300)
+        scales = (tol * np.maximum(size, 1e-300) for size in (rolling.length, rolling.speed))
         columns = [*scales, *(np.full(n, x) for x in (tol, math.inf, margin))]
         zeros = np.zeros((n, 4))
         rolled = Flights(
@@ -203,10 +198,10 @@ class _Balls:
             np.empty((n, 8 + 3 * len(ends))), np.empty((n, 16)), np.empty(n, np.int8),
             np.zeros(n, np.int64),
         )  # fmt: skip
-        rates = compiled_rolling(self.ball, air, self.surface.rolling_deceleration)
+        rates = compiled_rolling(self.ball, rolling.air, self.surface.rolling_deceleration)
         values = compiled_ends(tuple(end.function for end in ends), tuple(end.name for end in ends))
         march(rates, values, rolled, tol, time_limit)
-        self._stop(rows, rolled, wind)
+        self._stop(rows, rolled, rolling.wind)
 
     def _stop(self, rows: NDArray[np.intp], rolled: Flights, wind: Array) -> None:
         """Put in where balls that have become slow rest, and where others end."""
@@ -250,8 +245,3 @@ class _Balls:
         data["status"] = ("flight", self.status, flags)
         attributes = {"title": "courses of a ball", "source": f"kickdyn {__version__}"}
         return xr.Dataset(data, {"axis": ["x", "y", "z"]}, attributes)
-
-
-def _slow(state: Any, numbers: Any) -> Any:
-    """Return by how much a ball rolls faster than the speed at which all forces are constant."""
-    return math.hypot(state[3], state[4]) - numbers[0]

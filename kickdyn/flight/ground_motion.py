@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -11,12 +11,17 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
 from kickdyn.core.validation import Array, ArrayLike
+from kickdyn.errors import InvalidInput
 from kickdyn.flight.equations import FINEST
 from kickdyn.flight.events import Event
-from kickdyn.flight.forces import acceleration_function, downward
+from kickdyn.flight.forces import VACUUM, acceleration_function, downward
 from kickdyn.flight.integrate import Arc, Tolerance, integrate, trajectory
-from kickdyn.ground import Surface
+from kickdyn.ground import Ground, Surface
 from kickdyn.restitution import restitution_for, rows_of
+
+LOOSEST_ROLLING = 1e-9
+"""Largest relative tolerance of rolling. Friction turns with the ball, ever faster as it slows:
+looser steps miss where it rests."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +54,20 @@ class GroundPhase:
         moments = validation.times(t, self.duration, f"the {self.kind}")
         states = self._states(np.atleast_1d(moments))
         return states if moments.ndim else _first(states)
+
+
+def surface_of(ground: Ground, ball: Ball) -> Surface:
+    """Return the surface of a ground that a ball can bounce on, or raise `InvalidInput`."""
+    if not isinstance(ground.surface, Surface):
+        raise InvalidInput("the ground has no surface: name one, such as Ground(surface='turf')")
+    restitution_for(ground.surface.restitution, ball)  # raises where the pressure is unknown
+    return ground.surface
+
+
+def check_friction(surface: Surface) -> None:
+    """Raise `InvalidInput` for a surface on which a ball slides for ever."""
+    if surface.friction == 0.0:
+        raise InvalidInput(f"friction of {surface.name} is 0: it must be above 0 to end sliding")
 
 
 def slip(state: BallState, ball: Ball) -> Array:
@@ -133,6 +152,55 @@ def sliding_of(state: BallState, ball: Ball, air: Air | None, surface: Surface) 
     return Sliding(state, level, braking, spin_change, lasts)
 
 
+class Rolling(NamedTuple):
+    """How one ball that rolls, or n of them, are slowed by the surface and the air.
+
+    Attributes:
+        air: the air; `VACUUM` where it does not act.
+        acting: acceleration of a ball in flight by it, see `acceleration_function`.
+        share: part of this acceleration that a ball has which rolls, see `rolling_share`.
+        wind: acceleration of a ball at rest by the wind, shape `(2,)` [m/s2].
+        speed: at the start [m/s], a number or shape `(n,)`.
+        slowest: speed from which on all forces are taken to be constant [m/s].
+        length: about how far the ball rolls [m].
+    """
+
+    air: Air
+    acting: Callable[..., tuple[float, float, float, float]]
+    share: float
+    wind: Array
+    speed: float | Array
+    slowest: float | Array
+    length: float | Array
+
+    @property
+    def slow_event(self) -> Event:
+        """The event that the ball has become as slow as `slowest`."""
+        return Event("slow", _excess_speed, (self.slowest,))
+
+
+def _excess_speed(state: Any, numbers: Any) -> Any:
+    return math.hypot(state[3], state[4]) - numbers[0]
+
+
+def rolling_share(ball: Ball) -> float:
+    r"""Return :math:`1 / (1 + I / (m r^2))`: a force on a rolling ball also turns it."""
+    return 1.0 / (1.0 + ball.inertia / (ball.mass * ball.radius**2))
+
+
+def rolling_of(state: BallState, ball: Ball, air: Air | None, surface: Surface) -> Rolling:
+    """Return how one ball or n, all at one height, roll."""
+    air = VACUUM if air is None or air.density == 0 else air
+    acting, share = acceleration_function(ball, air), rolling_share(ball)
+    height = float(np.ravel(state.position[..., 2])[0])
+    wind = share * np.array(acting(height, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)[:2])
+    speed = np.hypot(state.velocity[..., 0], state.velocity[..., 1])
+    with np.errstate(over="ignore"):  # refused by BallState
+        length = speed * (speed / (2.0 * surface.rolling_deceleration))
+    sizes = speed, 1e-7 * np.maximum(speed, math.hypot(*wind)), length
+    return Rolling(air, acting, share, wind, *(x if x.ndim else float(x) for x in sizes))
+
+
 def time_to_rest(velocity: Array, wind: Array, resistance: float) -> Array:
     """Return how long slow balls still roll [s], which all forces are constant on.
 
@@ -191,43 +259,30 @@ def roll(
 ) -> GroundPhase:
     r"""Return the phase from rolling to rest, slowed by the surface and, with air, by drag.
 
-    Rolling, a force of the air accelerates the ball by its :math:`1 / (1 + I / (m r^2))`, since it
-    also turns the ball. A wind that is stronger than the surface's resistance does not let the ball
-    rest: the phase ends where the ball turns, or at `time_limit`. One of the events in `ends` may
-    end the phase before.
+    A force of the air accelerates the ball by its `rolling_share`. A wind that is stronger than the
+    surface's resistance does not let the ball rest: the phase ends where the ball turns, or at
+    `time_limit`. One of the events in `ends` may end the phase before.
     """
-    resistance = surface.rolling_deceleration
-    share = 1.0 / (1.0 + ball.inertia / (ball.mass * ball.radius**2))
-    height = float(state.position[2])
-    acting = None if air is None or air.density == 0 else acceleration_function(ball, air)
+    rolling, resistance = rolling_of(state, ball, air, surface), surface.rolling_deceleration
+    height, share, acting = float(state.position[2]), rolling.share, rolling.acting
 
-    def push(u: float, v: float) -> tuple[float, float]:
-        if acting is None:
-            return 0.0, 0.0
+    def rates(_: float, moving: Array) -> list[float]:
+        u, v = float(moving[3]), float(moving[4])
         ax, ay, _, _ = acting(height, u, v, 0.0, 0.0, 0.0, 0.0)
-        return share * ax, share * ay
-
-    def rates(_: float, rolling: Array) -> list[float]:
-        u, v = float(rolling[3]), float(rolling[4])
-        ax, ay = push(u, v)
         braking = resistance / math.hypot(u, v)
-        return [u, v, 0.0, ax - braking * u, ay - braking * v, 0.0, 0.0]
+        return [u, v, 0.0, share * ax - braking * u, share * ay - braking * v, 0.0, 0.0]
 
-    u, v, _ = state.velocity.tolist()
-    begin, speed = np.array([0.0, 0.0, 0.0, u, v, 0.0, 1.0]), math.hypot(u, v)
-    wind = push(0.0, 0.0)
-    slowest = 1e-7 * max(speed, math.hypot(*wind))
-    is_slow = Event("slow", lambda y, _: math.hypot(y[3], y[4]) - slowest)  # forces are constant
+    begin = np.array([0.0, 0.0, 0.0, *state.velocity[:2], 0.0, 1.0])
+    is_slow = rolling.slow_event
     arc = Arc(0.0, begin, is_slow, [], 0, [])
-    if speed > slowest:
-        # Friction turns with the ball, ever faster as it slows: looser steps miss where it rests.
-        tol = min(tol, 1e-9)
-        sizes = np.array([*3 * [speed * (speed / (2.0 * resistance))], *3 * [speed], 1.0])
+    if rolling.speed > rolling.slowest:
+        tol = min(tol, LOOSEST_ROLLING)
+        sizes = np.array([*3 * [rolling.length], *3 * [rolling.speed], 1.0])
         tolerance = Tolerance(tol, np.maximum(tol * sizes, 1e-300))
         arc = integrate(rates, (0.0, begin), [is_slow, *ends], time_limit, tolerance)
     slow_time, slow = arc.end, arc.state
     duration = slow_time
-    rest = float(time_to_rest(slow[3:5], np.array(wind), resistance))
+    rest = float(time_to_rest(slow[3:5], rolling.wind, resistance))
     blown = arc.reached is None or (arc.reached is is_slow and rest == math.inf)
     if arc.reached is is_slow and not blown:
         duration += rest

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.integrate import DOP853, OdeSolution
 from scipy.optimize import brentq
 
+from kickdyn.core.dop853 import EVENT_MARGIN, keep_stages
 from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
 from kickdyn.flight.events import Event, end_at_launch
@@ -21,10 +22,6 @@ from kickdyn.flight.events import Event, end_at_launch
 MAX_EVALUATIONS = 100_000
 """Most evaluations of the rates. An explicit method would not come to an end where drag stops the
 ball at once, as in syrup."""
-
-EVENT_MARGIN = 0.03
-"""Fraction of a step, at its end, in which an event must lie for its interpolant to be read there:
-its error falls with the square of that fraction."""
 
 NEXT_LENGTH = 0.7 / 0.9
 """Length of the next step over that which scipy proposes, 0.9 of what the estimated error allows:
@@ -262,7 +259,7 @@ class _Integration:
         while solver.status == "running":
             step, falls = self._step_to(ending, solver)
             node, solver = (step.begin, step.before, step.length), step.solver
-            steps.append((step.begin, _keep_stages(solver).dense_output))
+            steps.append((step.begin, keep_stages(solver).dense_output))
             passed += [(event, partial(self._locate, event, *node))
                        for event in falls if not event.terminal]  # fmt: skip
             crossings = [(*step.locate(event, fall), event)
@@ -328,18 +325,6 @@ class _Integration:
             raise _given_up(float(solver.t), "the numbers overflow")
         solver.h_abs *= NEXT_LENGTH
         return _Step(solver, state, rates)
-
-
-def _keep_stages(solver: DOP853) -> DOP853:
-    """Return a solver with the stages of the last step, for an interpolant that is read later.
-
-    It takes a quarter more evaluations, and the next step overwrites the stages.
-    """
-    kept = DOP853.__new__(DOP853)
-    kept.__dict__.update(solver.__dict__)
-    kept.K_extended = solver.K_extended.copy()
-    kept.K = kept.K_extended[: DOP853.n_stages + 1]
-    return kept
 
 
 def _first_length(state: Array, rates: Array, tolerance: Tolerance) -> float:

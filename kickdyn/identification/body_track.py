@@ -13,7 +13,7 @@ from kickdyn.core.files import read_text
 from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import FaultyFile, InvalidInput
-from kickdyn.identification.track import LARGEST_FILE, METRES, c3d_content
+from kickdyn.identification.track import LARGEST_FILE, METRES, Track, c3d_content
 
 
 class Up(StrEnum):
@@ -95,6 +95,27 @@ class BodyTrack(ReprMixin):
             for k, name in enumerate(self.markers)
             if unseen[:, k].any()
         }
+
+    @validation.check_arguments
+    def marker_track(self, name: str) -> Track:
+        """Return the track of one marker, such as a ball, in the frames in which it is seen.
+
+        Args:
+            name: name of the marker.
+
+        Raises:
+            InvalidInput: an unknown marker, or one that is not seen in any frame.
+        """
+        if name not in self.markers:
+            raise InvalidInput(
+                f"marker {name!r} is not in the track: its markers are "
+                f"{validation.brief(list(self.markers))}"
+            )
+        path = self.positions[:, self.markers.index(name)]
+        seen = np.isfinite(path).all(axis=1)
+        if not seen.any():
+            raise InvalidInput(f"marker {name!r} is not seen in any frame")
+        return Track(self.times[seen], path[seen])
 
     def _rows(self) -> Iterable[Row]:
         yield "frames", len(self), ""

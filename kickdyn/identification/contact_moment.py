@@ -94,20 +94,24 @@ def _from_track(track: Track) -> Moment:
         raise InvalidInput(
             f"track of the ball has {len(track)} samples: at least {2 * LEAST_SAMPLES} are needed"
         )
-    # the largest change of velocity over the duration of a contact gives its rough place
-    later = np.searchsorted(times, times + FLIES_AFTER).clip(max=len(times) - 1)
-    steps = np.diff(track.positions, axis=0) / np.diff(times)[:, None]
-    steps = np.vstack([steps, steps[-1]])
-    changes = np.linalg.norm(steps[later] - steps, axis=1)
-    _check_change(float(changes.max()))
-    moment = float(times[int(np.argmax(changes))])
+    # the largest change of velocity over the duration of a contact gives its rough place; mean
+    # velocities of several samples, so that noise alone is no change
+    span = LEAST_SAMPLES - 1
+    moved, lasted = (x[span:] - x[:-span] for x in (track.positions, times))
+    means = moved / lasted[:, None]
+    last = np.arange(span, len(times))  # samples at which a contact may begin
+    first = np.searchsorted(times, times[last] + FLIES_AFTER)
+    last, first = last[first < len(means)], first[first < len(means)]
+    changes = np.linalg.norm(means[first] - means[last - span], axis=1)
+    _check_change(float(changes.max(initial=0.0)), track)
+    moment = float(times[last[int(np.argmax(changes))]])
     for _ in range(10):
         before = ball_side(track, "before", moment - BALL_WINDOW, moment, moment)
         begin = moment + FLIES_AFTER
         after = ball_side(track, "after", begin, begin + BALL_WINDOW, moment)
         change = after.velocity - before.velocity
         size = float(np.linalg.norm(change))
-        _check_change(size)
+        _check_change(size, track)
         along = change / size
         step = float(along @ (before.position - after.position)) / size - MEAN_TIME
         moment += step
@@ -118,10 +122,11 @@ def _from_track(track: Track) -> Moment:
     return Moment(moment, float(np.hypot(measured, MEAN_TIME_DEVIATION)))
 
 
-def _check_change(size: float) -> None:
+def _check_change(size: float, track: Track) -> None:
     """Raise `InvalidInput` for a change of velocity that is no kick's."""
     if size < LEAST_CHANGE:
         raise InvalidInput(
-            f"the velocity of the ball in the track changes by {size:.2g} m/s at most: a kick "
-            f"changes it by {LEAST_CHANGE:g} m/s or more"
+            f"the velocity of the ball changes by {size:.2g} m/s at most in its track, from "
+            f"{track.times[0]:.4g} to {track.times[-1]:.4g} s: a kick changes it by "
+            f"{LEAST_CHANGE:g} m/s or more"
         )

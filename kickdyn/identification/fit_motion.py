@@ -39,12 +39,16 @@ from kickdyn.identification.marker_kinematics import (
 from kickdyn.identification.track import Track
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.model_validation import frame_id
+from kickdyn.robot.surgery import has_floating_base
 
 LARGEST_RESIDUAL = 0.05
-"""Root mean square distance of markers [m] above which they are swapped or on other segments."""
+"""Root mean square distance of a marker [m] above which it is swapped or on another segment."""
 
 LARGEST_DISTANCE = 0.1
 """Distance of one marker in one frame [m] above which it is another marker; skin moves less."""
+
+LARGEST_OFFSET = 2.0
+"""Coordinate of a marker on its segment [m] that only other units explain."""
 
 LARGEST_ANGLE = 4.0 * math.pi
 """Angle of a joint [rad] that only degrees explain."""
@@ -79,7 +83,7 @@ def fit_motion(
             track that are not named do not count.
         angles: for a track of angles, its coordinate for each joint of the leg, with a minus where
             it has the other direction: `{"knee": "-knee_angle_r"}`. Each joint must be named. The
-            deviation of angles is taken for 0.5 degrees.
+            base of the leg must be fixed. The deviation of angles is taken for 0.5 degrees.
         contact: when the contact begins, across which nothing is smoothed: a time [s]; a time and
             its standard deviation, `(t, deviation)`; or the `Track` of the ball on the same clock,
             from which both are computed. The deviation counts in `at_contact` and `infer_impact`.
@@ -133,6 +137,11 @@ def _from_angles(
     track: BodyTrack, leg: Leg, angles: Mapping[str, str], contact: Moment | None
 ) -> LegMotion:
     """Return the motion of a leg whose joint angles are measured."""
+    if has_floating_base(leg.workspace.model):
+        raise InvalidInput(
+            "angles need a leg on a fixed base, because they do not place a floating one: take "
+            "base='fixed', and leg.with_base_velocity for the velocity of the hip"
+        )
     if set(angles) != set(leg.joint_names) or leg.nq != len(leg.joint_names):
         joints = ", ".join(leg.joint_names)
         raise InvalidInput(
@@ -155,7 +164,8 @@ def _from_angles(
     known_frames = np.isfinite(q).all(axis=1)
     if known_frames.sum() < LEAST_FRAMES:
         raise InvalidInput(
-            f"track has {int(known_frames.sum())} frames with all angles: at least {LEAST_FRAMES}"
+            f"track has {int(known_frames.sum())} frames with all angles: at least {LEAST_FRAMES} "
+            "are needed"
         )
     information = np.tile(np.eye(leg.nv) / ANGLE_DEVIATION**2, (int(known_frames.sum()), 1, 1))
     return LegMotion(
@@ -174,7 +184,13 @@ def _place(leg: Leg, name: str, place: Place) -> Marker:
             "(frame, point)"
         ) from None
     number = frame_id(leg.workspace.model, frame)
-    return Marker(number, validation.vector(f"point of marker {name!r}", point, 3, unit="m"))
+    offset = validation.vector(f"point of marker {name!r}", point, 3, unit="m")
+    if np.abs(offset).max() > LARGEST_OFFSET:
+        raise InvalidInput(
+            f"point of marker {name!r} is {offset.tolist()}, up to {np.abs(offset).max():g} m from "
+            f"the origin of {frame}: it must be in metres, at most {LARGEST_OFFSET:g} m from it"
+        )
+    return Marker(number, offset)
 
 
 def _judged(
@@ -198,7 +214,7 @@ def _judged(
     distances = np.linalg.norm(missed, axis=2)
     mean = np.sqrt(np.nanmean(distances**2, axis=0))
     largest, few = float(np.nanmax(distances)), "; in a few frames, NaN leaves it out"
-    if float(np.sqrt(np.nanmean(distances**2))) > LARGEST_RESIDUAL:
+    if float(np.nanmax(mean)) > LARGEST_RESIDUAL:
         few = ""
     if not few or largest > LARGEST_DISTANCE:
         frame_number, worst = np.unravel_index(int(np.nanargmax(distances)), distances.shape)

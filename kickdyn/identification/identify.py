@@ -264,7 +264,8 @@ def _sought(free: Iterable[str], air: Air) -> tuple[Free, ...]:
     chosen = {validation.choice("free", name, Free) for name in names}
     if {Free.DRAG, Free.DRAG_SCALE} <= chosen:
         raise InvalidInput(
-            "free has drag and drag-scale: take one, because the first replaces the model that the "
+            "free has drag and drag-scale: choose one, because the first replaces the model that "
+            "the "
             "second scales"
         )
     for name, kind in ((Free.DRAG_SCALE, "drag"), (Free.LIFT_SCALE, "lift")):

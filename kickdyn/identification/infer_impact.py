@@ -295,7 +295,8 @@ def _infer_from_motion(
     impact = _with_deviations(leg.posture, leg.v, ball, (states[0], states[1]), steps)
     note = (
         "the track does not show the spin of the ball: the impulse is taken to act through its "
-        "centre, so that the normal is the impulse's direction and the friction remains open"
+        "centre, so that the normal, the restitution and the effective mass are those along the "
+        "impulse, and the friction remains open"
     )
     return replace(impact, notes=(note,))
 
@@ -337,8 +338,8 @@ def _with_deviations(
     if inferred.approach_speed <= 0.0:
         raise NoImpact(
             f"foot and ball separate at {-inferred.approach_speed:.3g} m/s along the normal "
-            f"{inferred.normal.round(4).tolist()} of this impulse: before an impact they approach "
-            "each other"
+            f"{inferred.normal.round(4).tolist()} of this impulse: before an impact they must "
+            "approach each other"
         )
     if not len(steps):
         return inferred

@@ -274,10 +274,10 @@ class Learner(ReprMixin):
         """
         if isinstance(seen, Track):
             if time is not None:
-                raise InvalidInput("time is given beside a track, which has its own times")
+                raise InvalidInput("time is given with a track, which has times already")
             if seen.times[0] < 0.0:
                 raise InvalidInput(
-                    f"the track begins at {seen.times[0]:g} s: its times must be those since the "
+                    f"the track begins at {seen.times[0]:g} s: its times must be measured from the "
                     "kick"
                 )
             shot = Shot(self.command, None, None, seen)

@@ -205,9 +205,10 @@ class LegMotion(ReprMixin):
             lines.append(
                 f"marker {worst!r} is {1e3 * self.residuals[worst]:.2g} mm from the leg's, the "
                 f"median of all {1e3 * usual:.2g} mm: height of the leg or place of the marker "
-                "does not fit, and deviations do not contain this"
+                "does not fit, or the marker is swapped with another; deviations do not contain "
+                "this"
             )
-        lines += self._outside_ranges()
+        lines += [*self._unseen_at_contact(), *self._outside_ranges()]
         if not has_floating_base(self.leg.workspace.model):
             return tuple(lines)
         up = np.median(
@@ -219,9 +220,28 @@ class LegMotion(ReprMixin):
         return (
             *lines,
             f"the pelvis is tilted by {tilt:.0f} deg, its upward axis is {up.round(2).tolist()} in "
-            "the track: positions must have z up; if those of the file have y up, read it with "
+            "the track: positions must have z up; if the file has y up, read it with "
             "up='y'",
         )
+
+    def _unseen_at_contact(self) -> Iterable[str]:
+        """Return a line about markers that are not seen just before the contact."""
+        count = len(self.times) + len(self.undetermined)
+        numbers = np.setdiff1d(np.arange(count), self.undetermined)
+        if self.contact is None or self.times[0] >= self.contact.time:
+            return
+        last = int(numbers[np.searchsorted(self.times, self.contact.time) - 1])
+        unseen = [
+            f"{name!r} ({sum(frame <= last for frame in frames)} frames)"
+            for name, frames in self.gaps.items()
+            if last in frames
+        ]
+        if unseen:
+            yield (
+                f"markers {', '.join(unseen)} are not seen in frame {last}, the last one before "
+                "the contact: the other markers determine the velocity at the contact, with larger "
+                "deviations"
+            )
 
     def _outside_ranges(self) -> Iterable[str]:
         """Return a line for each joint that is outside its range in most frames."""

@@ -151,5 +151,5 @@ def _likely_density(b: Array, penalty: Array, y: Array, variances: Array, median
     best = grid[int(np.argmin([cost(exponent) for exponent in grid]))]
     minimum = minimize_scalar(cost, bounds=(best - 1.0, best + 1.0), method="bounded")
     if not minimum.success:
-        raise KickdynError("the smoothing of this motion was not found")
+        raise KickdynError("no smoothing was found for this motion")
     return float(10.0 ** float(minimum.x))

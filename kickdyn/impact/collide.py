@@ -248,7 +248,8 @@ class Collision(AfterApproach):
         motion, leg = self._motion, self.posture.leg
         if isinstance(motion.equations, PatchContact):
             raise InvalidInput(
-                "joint impulses are those of a force at a point, and model is 'patch': use 'point'"
+                "joint impulses are computed for a force at a point, but model is 'patch': use "
+                "'point'"
             )
         frame = leg.model.frames[leg.frame_id].placement
         nodes, weights = np.polynomial.legendre.leggauss(3)  # in each step
@@ -494,7 +495,7 @@ def _checked_patch(
         )
     if contact_time is not None or stiffness is not None:
         given = f"contact_time is {contact_time!r} and stiffness {stiffness!r}"
-        raise InvalidInput(f"{given}: a patch has the pressure of the ball, give none of them")
+        raise InvalidInput(f"{given}: a patch follows from the ball's pressure, give none of them")
     return model if isinstance(model, FootPatch) else patch_of(approach)
 
 

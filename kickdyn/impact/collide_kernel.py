@@ -80,6 +80,8 @@ from kickdyn.impact.strike_kernel import TASK
 from kickdyn.robot import tree_kernel
 from kickdyn.robot.tree_kernel import BODY, D33, JOINT, MOTION, OPTIONS, STATE, inlined, njit
 
+_slides = inlined(contact_motion.slides)
+
 
 class Work(NamedTuple):
     """Memory to work in.
@@ -252,7 +254,8 @@ def _begin_phase(lane, i, which):
         return False
     w1, w2, ended = lane[SLIDING, i], lane[SLIDING + 1, i], lane[KIND, i]
     speed = math.sqrt(w1 * w1 + w2 * w2)
-    if ended != STICKS and speed > 2.0 * lane[RESTING, i]:
+    moves = _slides(speed, lane[RESTING, i], ended == SLIPS, lane[LEFT, i])
+    if ended != STICKS and moves:
         lane[KIND, i], lane[ALONG, i], lane[ALONG + 1, i] = SLIPS, w1 / speed, w2 / speed
     elif ended == STICKS or (ended != STARTS and lane[LEFT, i] < 0.0):
         lane[KIND, i] = STARTS

@@ -129,7 +129,7 @@ def collide_many(
         >>> contact = kd.Contact(normal=(2, 0, 1), restitution=0.8, friction=0.4)
         >>> many = kd.collide_many(kd.Leg.human(), q, v, kd.Ball(), contact)
         >>> (1e3 * many.contact_time).round(2).tolist()  # [ms]
-        [9.87, 9.81]
+        [10.0, 10.0]
     """
     validation.check_type(Leg, leg=leg)
     validation.number("tol", tol, at_least=1e-13, at_most=1e-3)

@@ -19,6 +19,7 @@ from kickdyn.impact.contact_motion import (
     contact_motion,
     free_rise,
     free_sliding,
+    slides,
     slip_direction,
     slip_end,
     slipping_force,
@@ -273,7 +274,8 @@ class CompliantContact:
         self.evaluations += 1
         if not math.isfinite(t):
             raise KickdynError(
-                "the integrator left double precision: torques, speeds or lengths are too large"
+                "the integration exceeded double precision: torques, speeds or lengths are too "
+                "large"
             )
         if self.evaluations > MAX_EVALUATIONS:
             raise KickdynError(
@@ -407,7 +409,8 @@ class CompliantContact:
         evaluation = self.evaluate(t, y, at_rest)
         (w1, w2), (_, left) = evaluation.sliding, evaluation.ends
         speed = math.hypot(w1, w2)
-        if ended is not Friction.STICKS and speed > 2.0 * self.resting:
+        moves = slides(speed, self.resting, ended is Friction.SLIPS, left)
+        if ended is not Friction.STICKS and moves:
             return Phase(largest, Friction.SLIPS, (w1 / speed, w2 / speed))
         starts = ended is Friction.STICKS or (ended is not Friction.STARTS and left < 0.0)
         return at_rest._replace(friction=Friction.STARTS) if starts else at_rest

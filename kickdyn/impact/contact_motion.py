@@ -15,6 +15,10 @@ from kickdyn.impact.contact_problem import tangents
 
 Vector = tuple[float, float, float]
 
+SLOW = 20.0
+"""Sliding speed, over the speed of points at rest, up to which a sliding that turns is about to
+stop: its direction changes faster than an explicit integrator follows."""
+
 
 def contact_axes(normal: Array, sliding: Array | None = None) -> Array:
     """Return tangents and normal as columns; the first tangent is along `sliding`, if not 0."""
@@ -124,6 +128,18 @@ def slip_end(along: tuple[float, float], w1: float, w2: float, resting: float) -
     """Return what falls to 0 where points no longer slide in about their first direction."""
     forward = along[0] * w1 + along[1] * w2
     return forward - max(resting, 0.5 * math.sqrt(w1 * w1 + w2 * w2))
+
+
+def slides(speed: float, resting: float, turned: bool, left: float) -> bool:
+    """Return whether points slide at the beginning of a phase.
+
+    Args:
+        speed: of the sliding [m/s].
+        resting: speed up to which points are at rest [m/s].
+        turned: whether the phase before ended because the sliding turned or stopped.
+        left: largest friction, less the one that stops the points [N].
+    """
+    return speed > (SLOW if turned and left > 0.0 else 2.0) * resting
 
 
 def sticking_force(

@@ -2,13 +2,13 @@
 
 import math
 from bisect import bisect_right
-from copy import copy
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.integrate import DOP853, OdeSolution
 from scipy.optimize import brentq, minimize_scalar
 
+from kickdyn.core.dop853 import EVENT_MARGIN, keep_stages
 from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
 from kickdyn.impact.compliant_contact import CompliantContact, Evaluation, Phase
@@ -25,10 +25,6 @@ error that a step leaves where the force begins as the deflection to the power 3
 
 BEYOND_SEPARATION = 1.02
 """Longest step over the time to separation at the present speed: the force ends there at once."""
-
-EVENT_MARGIN = 0.03
-"""Fraction of a step, at its end, in which an event must lie for its interpolant to be read there:
-its error falls with the square of that fraction."""
 
 
 class ContactMotion(NamedTuple):
@@ -134,7 +130,7 @@ class _Contact:
             self._step(solver)
             t, h = float(solver.t), float(solver.t) - start
             falls = [k for k in range(2) if self._last.ends[k] <= 0.0]
-            kept = _keep_stages(solver)
+            kept = keep_stages(solver)
             if not falls:
                 self._steps.append((start, kept))
                 length = h
@@ -197,11 +193,3 @@ class _Contact:
             first = self._equations.expected * min(FIRST_STEP * self._tol ** (2 / 7), 0.3)
             solver.h_abs = min(solver.h_abs, first)
         return solver
-
-
-def _keep_stages(solver: DOP853) -> DOP853:
-    """Return a solver with the stages of its last step, for an interpolant that is read later."""
-    kept = copy(solver)
-    kept.K_extended = solver.K_extended.copy()
-    kept.K = kept.K_extended[: DOP853.n_stages + 1]
-    return kept

@@ -89,7 +89,8 @@ def solve_contacts(problem: ContactProblem, law: ImpactLaw) -> Solution:
     if solve is None:
         raise InvalidInput(
             f"impact law is {law.name!r}, which is defined for one contact: {len(contacts)} "
-            f"contacts at once, as of feet that may lift off, need {names_of_laws('solve_several')}"
+            "simultaneous contacts, as of feet that may lift off, need "
+            f"{names_of_laws('solve_several')}"
         )
     try:
         solution = solve(problem)

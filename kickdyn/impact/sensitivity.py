@@ -144,7 +144,7 @@ def sensitivity(
         name, speed, unit = moved
         raise InvalidInput(
             f"a support moves at {speed:.3g} {unit} after the impact ({name}): sensitivities are "
-            "for supports that stay"
+            "for supports that stay at rest"
         )
     names = UNITS if of_leg else [name for name in UNITS if name not in OF_LEG]
     columns = _columns(approach.posture.leg, names)
@@ -199,7 +199,9 @@ def sensitivity(
         joints = joint_impulse_derivatives(posture, p, response, jump, leg_slopes)
     results = (impulse, velocity, spin, v_after, slope, joints)
     if not all(np.isfinite(rows).all() for rows in results):
-        raise KickdynError("derivatives of this impact leave double precision: it is too fast")
+        raise KickdynError(
+            "derivatives of this impact exceed double precision: the impact is too fast"
+        )
 
     def named(rows: Array) -> Jacobians:
         rows.setflags(write=False)

@@ -295,7 +295,7 @@ def source_covariance(name: str, value: ArrayLike, size: int) -> Array:
     deviation = math.sqrt(max(array.diagonal().max(), 0.0))
     if UNITS[name] == "rad" and deviation > MAX_ANGLE_SPREAD:
         raise InvalidInput(
-            f"spread of {name} is {deviation:g} rad: it must be at most {MAX_ANGLE_SPREAD:g}, for "
-            "covariances describe small changes"
+            f"spread of {name} is {deviation:g} rad: it must be at most {MAX_ANGLE_SPREAD:g}, "
+            "because covariances describe small changes"
         )
     return array

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pinocchio as pin
+from scipy.optimize import linprog
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
@@ -30,7 +31,7 @@ from kickdyn.motion.limits import (
 from kickdyn.robot.ground_clearance import Spheres, extreme_spheres
 from kickdyn.robot.kicking_chain import UNLIMITED
 from kickdyn.robot.leg import Leg
-from kickdyn.robot.standing import Foot, StandingRobot, joint_spheres
+from kickdyn.robot.standing import Foot, StandingRobot, joint_spheres, sole_edges
 
 UNDER, BESIDE = (14, 0.4), (6, 0.6)
 """Numbers of spheres that span the kicking foot downwards and towards the other foot, each of which
@@ -144,6 +145,24 @@ def check_limits(leg: Leg) -> None:
                     f"{what} limit of {name} is {limit:g}: a motion needs one, above 0 "
                     "(Leg.with_drives, --drives FILE)"
                 )
+
+
+def check_sole(standing: StandingRobot) -> None:
+    """Raise `InvalidInput` for a sole that has no room for the centre of pressure."""
+    normals, offsets = sole_edges(standing)
+    inner = linprog(  # the circle with the largest radius in the sole: its centre, and the radius
+        [0.0, 0.0, -1.0],
+        np.column_stack([normals, np.ones(len(normals))]),
+        offsets,
+        bounds=(None, None),
+    )
+    width, least = 2e3 * inner.x[2], 2e3 * (INSIDE + PressureCentre.reserve)
+    if not width > least:
+        frame = standing.support.frame
+        raise InvalidInput(
+            f"the sole of {frame} is {width:.2g} mm wide: the centre of pressure of a motion stays "
+            f"inside it, so it must be wider than {least:g} mm (Support({frame!r}, sole=...))"
+        )
 
 
 def limits_on_both(task: KickTask) -> tuple[list[Limit], list[Limit]]:

@@ -103,7 +103,7 @@ def check_motion_name(file: str | os.PathLike[str]) -> Callable[[MotionSamples, 
     ending = Path(file).suffix.lower()
     if ending not in WRITERS:
         raise InvalidInput(
-            f"{shortened(str(file))} has the ending {ending!r}: a motion is written as "
+            f"{shortened(str(file))} has the extension {ending!r}: a motion is written as "
             f"{', '.join(WRITERS)}"
         )
     return WRITERS[ending]

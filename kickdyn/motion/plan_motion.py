@@ -9,7 +9,7 @@ import numpy as np
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.motion.kick_task import KickTask, check_limits, limits_of
+from kickdyn.motion.kick_task import KickTask, check_limits, check_sole, limits_of
 from kickdyn.motion.limbs import frames_of, idle_limbs, limbs_aside
 from kickdyn.motion.limits import Impulse
 from kickdyn.motion.motion import Motion
@@ -101,10 +101,12 @@ def plan_motion(task: KickTask, near: Motion | None = None) -> PlannedMotion:
         near: motion of the same robot for nearly the same kick, as the only one to start from.
 
     Raises:
-        InvalidInput: a joint without limits, or a robot that cannot stand at rest or touch the ball
-            within its limits.
+        InvalidInput: a joint without limits, a sole that is too narrow, or a robot that cannot
+            stand at rest or touch the ball within its limits.
     """
     check_limits(task.leg)
+    if task.standing is not None:
+        check_sole(task.standing)
     work = _Work(MOST_WORK)
     held = {} if near is None else near.held
     legs = task
@@ -342,6 +344,6 @@ def _starts(problem: MotionProblem, near: _Near) -> Iterator[tuple[Array, Soluti
     if not reachable:
         does = "stand at rest" if rest is None else "touch the ball at rest"
         raise InvalidInput(
-            f"{robot.name} finds no posture in which it can {does} within its limits of torque, "
+            f"no posture was found in which {robot.name} can {does} within its limits of torque, "
             "range and balance"
         )

@@ -154,8 +154,8 @@ class Goal(ReprMixin):
         if len(given) != 1:
             verb = "are" if given else "is"
             raise InvalidInput(
-                f"{' and '.join(given) or 'nothing'} {verb} given besides the target: give one of "
-                "time, apex, speed, over"
+                f"{' and '.join(given) or 'nothing'} {verb} given in addition to the target: give "
+                "one of time, apex, speed, over"
             )
         if time is not None:
             time = validation.number("time", time, at_least=1e-6, at_most=1e3, unit="s")

@@ -328,7 +328,7 @@ def waits_in_plane(waits: Array, aside: Callable[[float], float]) -> Array:
     if not roots:
         raise InvalidInput(
             "the foot of the leg moves in a plane that is turned to the launch, and the ball does "
-            f"not cross it within reach: it is at least {np.nanmin(np.abs(gaps)):.3g} m beside it "
-            "(the leg of a robot such as g1 can reach sideways)"
+            f"not cross it within reach: it is at least {np.nanmin(np.abs(gaps)):.3g} m away from "
+            "it (the leg of a robot such as g1 can reach sideways)"
         )
     return np.array(sorted(roots))

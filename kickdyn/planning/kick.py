@@ -50,6 +50,9 @@ from kickdyn.robot.surgery import turn_body
 FARTHEST_BALL = 1e9
 """Farthest that a ball may lie from the world's origin, along each axis [m]."""
 
+ON_GROUND = 1e-6
+"""Difference of a ball's height from its radius up to which it lies on the ground [m]."""
+
 BOTH_FEET = "both-feet"
 """Motion that starts and ends on both feet."""
 
@@ -363,7 +366,7 @@ def _plan_motion(
 
 def _lying_on_ground(position: float | Array | None, ball: Ball) -> float | Array:
     height = ball.radius if position is None else np.atleast_1d(position)[-1]
-    if abs(height - ball.radius) > 1e-9:
+    if abs(height - ball.radius) > ON_GROUND:
         raise InvalidInput(
             f"the ball's centre is at a height of {height:g} m: a standing robot kicks a ball that "
             f"lies on its ground, at {ball.radius:g} m"

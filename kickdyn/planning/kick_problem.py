@@ -357,8 +357,8 @@ def _check_directions(variables: KickVariables, directions: Array) -> None:
     if _leaves(directions, target.impulse):
         launch = (target.impulse / target.ball.mass).round(4).tolist()
         raise InvalidInput(
-            f"{name} cannot give this launch: its foot moves in a plane only, which {launch} m/s "
-            "leaves"
+            f"{name} cannot give this launch: its foot moves in a plane, and {launch} m/s is not "
+            "in it"
         )
     if _leaves(directions, target.contact.normal):
         raise InvalidInput(
@@ -401,8 +401,8 @@ def _place_ball(
     beside = float(np.linalg.norm(offset - directions.T @ (directions @ offset)))
     if beside > TOLERANCE * variables.target.ball.radius:
         raise InvalidInput(
-            f"the ball at {position.tolist()} m is {beside:.4g} m beside the plane that the foot "
-            f"of {variables.leg.name} moves in"
+            f"the ball at {position.tolist()} m is {beside:.4g} m from the plane in which the foot "
+            f"of {variables.leg.name} moves"
         )
     return BallPosition(variables, position, directions)
 

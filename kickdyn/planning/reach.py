@@ -328,8 +328,8 @@ def _read(
         stored = known if isinstance(known, dict) else {}
         names = sorted(name for name in settings if stored.get(name) != settings[name])
         raise InvalidInput(
-            f"{source} has the table of another {' and '.join(names)}: name another file, or "
-            "delete it"
+            f"{source} contains the table of another {' and '.join(names)}: name another file, or "
+            "delete this one"
         )
     return {(row.azimuth, row.elevation): row for row in rows}
 

@@ -173,7 +173,8 @@ def find_description(name: str) -> tuple[Path, tuple[Path, ...]]:
     path = getattr(module, "URDF_PATH", None) or getattr(module, "MJCF_PATH", None)
     if path is None:
         raise InvalidInput(
-            f"robot {name!r} has neither a URDF nor an MJCF: make a URDF of its xacro file, and "
+            f"robot {name!r} has neither a URDF nor an MJCF file: make a URDF file of its xacro "
+            "file, and "
             "read it with Leg.from_urdf"
         )
     package, repository = Path(module.PACKAGE_PATH), Path(module.REPOSITORY_PATH)

@@ -46,7 +46,9 @@ class Drive:
     def __post_init__(self) -> None:
         validation.number("rotor inertia", self.rotor_inertia, at_least=0, unit="kg m2")
         if not validation.number("gear", self.gear):
-            raise InvalidInput("gear is 0: it must be the turns of the rotor per turn of the joint")
+            raise InvalidInput(
+                "gear is 0: it must be the number of rotor turns per turn of the joint"
+            )
         if self.reflected_inertia > MAX_REFLECTED_INERTIA:
             raise InvalidInput(
                 f"rotor inertia times gear squared is {self.reflected_inertia:g} kg m2: it must be "

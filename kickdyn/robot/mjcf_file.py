@@ -271,7 +271,7 @@ def _take_meshes(root: Element, files: PackageFiles, home: Path) -> dict[str, by
         name = mesh.attrib["file"].replace("\\", "/")
         path = PurePosixPath(name)
         if path.suffix.lower() not in MESHES:
-            raise ValueError(f"mesh {name!r} has no known ending: {', '.join(MESHES)} are read")
+            raise ValueError(f"mesh {name!r} has no known extension: {', '.join(MESHES)} are read")
         key = f"{number}{path.suffix.lower()}"
         contents[key] = files.read_mesh(path.name if strip else name, folder)
         mesh.attrib.update(name=mesh.get("name") or path.stem, file=key)

@@ -132,7 +132,8 @@ def _check_inertias(model: Any, names: list[str]) -> None:
             )
         if not np.abs(moved.inertia).max() < MAX_MAGNITUDE**2:
             raise InvalidInput(
-                f"joint {name!r} moves an unsound inertia: its moments are beyond all numbers; "
+                f"joint {name!r} moves an unsound inertia: its moments exceed the range of "
+                "float64; "
                 "masses are in kg and lengths in m"
             )
     unsound: list[str] = []

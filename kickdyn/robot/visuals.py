@@ -158,7 +158,9 @@ def read_mesh(files: PackageFiles, filename: str, scale: ArrayLike = 1.0) -> lis
 
     content, ending = files.read_mesh(filename), PurePath(filename).suffix.lower()
     if ending not in FORMATS:
-        raise InvalidInput(f"mesh {filename!r} has no known ending: {', '.join(FORMATS)} are read")
+        raise InvalidInput(
+            f"mesh {filename!r} has no known extension: {', '.join(FORMATS)} are read"
+        )
     try:
         scales = validation.floats("its scale", scale)
         if scales.size not in (1, 3):

@@ -1,6 +1,7 @@
 """The launch of a scene's ball and the end of its path, and how far errors move that end."""
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -30,6 +31,13 @@ STATUSES_WITH_END = (FlightStatus.LANDED, FlightStatus.AT_PLANE, FlightStatus.AT
 SMALLEST_TOLERANCE = 1e-9
 """Relative tolerance of the integrators of flight and, at tightest, of contact."""
 
+LARGEST_TOLERANCE = 1e-3
+"""Largest relative tolerance of the integrator of the contact."""
+
+WORTHWHILE = 3e-7
+"""Relative tolerance of the contact's integrator below which the tightest one costs less than a
+second attempt would."""
+
 RELATIVE_DIFFERENCE = 1e-4
 """Step of the differences after a bounce, relative to the speed."""
 
@@ -49,9 +57,9 @@ MEASURED = 4.0
 """Largest estimate by `end_error` over what is allowed for which a flight may show that the time of
 the contact matters less."""
 
-PARABOLA, PARABOLA_BOUNCES = 1.7, 25.0
-"""Error of an end by `end_error` over that of `relative_error`, at most in nine of ten random paths
-that end at the first landing and at rest."""
+PARABOLA = 25.0
+"""Error of an end by `end_error` over that of the longest parabola, at most in nine of ten random
+paths that end at rest."""
 
 STILL = 0.3
 """Acceleration of a ball at rest by the wind over the deceleration of rolling up to which the wind
@@ -309,21 +317,36 @@ def least_duration(scene: Scene, launch: BallState) -> float:
     return time if scene.ground.surface is None else 8.0 * time
 
 
-def relative_error(scene: Scene, launch: BallState) -> float:
-    """Return about the error of an end over the tolerance of `collide`, before any flight [m].
-
-    It is the error of the longest parabola with the speed of the launch.
-    """
-    bounces = scene.ground is not None and scene.ground.surface is not None
-    longest = 2.0 * float(launch.speed) ** 2 / GRAVITY + scene.ball.radius
-    return COLLIDE_SAFETY * longest * (PARABOLA_BOUNCES if bounces else PARABOLA)
-
-
 def collision_error(scene: Scene, launch: BallState, tol: float) -> LaunchError:
     """Return by how much a launch is wrong at most that `collide` finds to a tolerance."""
     speed, spin, radius = float(launch.speed), float(np.linalg.norm(launch.spin)), scene.ball.radius
     share = COLLIDE_SAFETY * tol
     return LaunchError(share * speed, share * max(spin, speed / radius), share * radius)
+
+
+def contact_tolerance(
+    scene: Scene, launch: BallState, end_error_of: Callable[[LaunchError], float], allowed: float
+) -> float:
+    """Return a tolerance of `collide` with which the end is wrong by at most a distance [m].
+
+    The error of the end may fall more slowly than the tolerance, as by a lift that grows with a
+    root of the spin.
+    """
+    tol = LARGEST_TOLERANCE
+    for _ in range(4):
+        error = end_error_of(collision_error(scene, launch, tol))
+        if error <= allowed:
+            break
+        tol = max(tol * allowed / error, SMALLEST_TOLERANCE)
+    return tol if tol > WORTHWHILE else SMALLEST_TOLERANCE
+
+
+def relative_error(launch: BallState) -> float:
+    """Return about the error of an end over the tolerance of `collide`, before any flight [m].
+
+    It is that of a path that bounces and rolls, from the longest parabola with that speed.
+    """
+    return COLLIDE_SAFETY * PARABOLA * 2.0 * float(launch.speed) ** 2 / GRAVITY
 
 
 def contact_time_error(scene: Scene, impact: Impact, limit: float = math.inf) -> ContactTimeError:

@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import accumulate
 from typing import Any
 
@@ -22,12 +22,14 @@ from kickdyn.restitution import describe_restitution
 from kickdyn.robot.standing import is_floating
 from kickdyn.scene.effects import Effect, EffectSize, effects_of
 from kickdyn.scene.launch_and_end import (
+    LARGEST_TOLERANCE,
     SMALLEST_TOLERANCE,
     STATUSES_WITH_END,
     collide_scene,
     collision_error,
     contact_time_error,
     contact_time_size,
+    contact_tolerance,
     end_error,
     end_of,
     end_slopes,
@@ -49,8 +51,9 @@ far more exact than the rest of it requires."""
 ROUNDING = 1e-12
 """Smallest tolerance [m]: rounding alone may move an end some metres away that far."""
 
-LARGEST_TOLERANCE = 1e-3
-"""Largest relative tolerance of the integrator of the contact."""
+AIM = 0.5
+"""Fraction of the allowed error for which the tolerance of the contact's integrator is chosen, from
+another launch than the one that it finds."""
 
 _PHRASES: dict[str, str] = {
     FlightStatus.LANDED: "landed at",
@@ -370,27 +373,30 @@ def _simulate(scene: Scene, tolerance: float | None) -> Simulation:
     instant = strike_scene(scene)
     if tolerance is None or not scene.is_compliant:
         return _with_path(scene, tolerance, instant)
-    allowed, least = CONTACT_SHARE * tolerance, least_duration(scene, instant.ball_after)
+    allowed, launch = CONTACT_SHARE * tolerance, instant.ball_after
+    least = least_duration(scene, launch)
     launch_error = contact_time_error(scene, instant, allowed / least if least else math.inf)
-    relative = relative_error(scene, instant.ball_after)
     may_neglect = launch_error.velocity < math.inf
+    tol = SMALLEST_TOLERANCE
     with suppress(KickdynError):  # as where only this launch leaves the range of a coefficient
         if scene.ground is not None and scene.ground.surface is not None:
             # a path that bounces and rolls costs as much as a contact: it is not followed in vain
-            flight = first_flight(scene, instant.ball_after)
-            numerical = collision_error(scene, instant.ball_after, 1.0)
-            relative = min(expected_end_error(scene, flight, numerical), relative)
+            flight = first_flight(scene, launch)
+            expected = partial(expected_end_error, scene, flight)
+            tol = contact_tolerance(scene, launch, expected, 0.1 * allowed)
+            tol = min(max(tol, 0.1 * allowed / relative_error(launch)), LARGEST_TOLERANCE)
             if may_neglect:
-                may_neglect = expected_end_error(scene, flight, launch_error) <= allowed
-        if may_neglect:
+                may_neglect = expected(launch_error) <= allowed
+        if may_neglect or scene.ground is None or scene.ground.surface is None:
             answer = _with_path(scene, tolerance, instant)
-            size = contact_time_size(scene, answer.path, launch_error, allowed)
-            # where the path ends at once, the launch with contact time may well fly
-            if size <= allowed and answer.path.duration > 0.0:
-                return replace(answer, model_error=size)
-            error = end_error(scene, answer.path, collision_error(scene, answer.launch, 1.0))
-            relative = error if math.isfinite(error) else relative
-    return _collide_to(scene, tolerance, relative)
+            end_error_of = partial(end_error, scene, answer.path)
+            if may_neglect:
+                size = contact_time_size(scene, answer.path, launch_error, allowed)
+                # where the path ends at once, the launch with contact time may well fly
+                if size <= allowed and answer.path.duration > 0.0:
+                    return replace(answer, model_error=size)
+            tol = contact_tolerance(scene, launch, end_error_of, AIM * allowed)
+    return _collide_to(scene, tolerance, tol)
 
 
 def _with_path(scene: Scene, tolerance: float | None, impact: Impact | Collision) -> Simulation:
@@ -400,22 +406,22 @@ def _with_path(scene: Scene, tolerance: float | None, impact: Impact | Collision
     return Simulation(scene, tolerance, impact, path, spread)
 
 
-def _collide_to(scene: Scene, tolerance: float, relative: float) -> Simulation:
+def _collide_to(scene: Scene, tolerance: float, tol: float) -> Simulation:
     """Return a simulation by a contact that takes time, as exact as the end requires [m].
 
-    `relative` is about the error of the end over the relative tolerance of the integrator.
+    `tol` is the relative tolerance of the first attempt of the integrator.
     """
-    allowed, surface = CONTACT_SHARE * tolerance, scene.ground and scene.ground.surface
-    aim, again = 0.7 if surface is None else 0.1, False  # to follow a ball twice takes longer
-    while True:
-        tol = min(max(aim * allowed / relative, SMALLEST_TOLERANCE), LARGEST_TOLERANCE)
-        tol = SMALLEST_TOLERANCE if again and tol < 1e-7 else tol
+    allowed = CONTACT_SHARE * tolerance
+    for attempt in range(3):
         answer = _with_path(scene, tolerance, collide_scene(scene, tol))
-        error = end_error(scene, answer.path, collision_error(scene, answer.launch, tol))
+        end_error_of = partial(end_error, scene, answer.path)
+        error = end_error_of(collision_error(scene, answer.launch, tol))
         if error <= allowed or tol == SMALLEST_TOLERANCE or math.isinf(error):
-            return answer
-        # errors need not be proportional to the tolerance: many attempts cost more than the best
-        relative, aim, again = error / tol, 0.05 * aim, True
+            break
+        # many attempts cost more than the best
+        tol = contact_tolerance(scene, answer.launch, end_error_of, AIM * allowed)
+        tol = SMALLEST_TOLERANCE if attempt else tol
+    return answer
 
 
 def simulate_as_instant(scene: Scene) -> Simulation:

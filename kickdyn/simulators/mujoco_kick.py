@@ -140,7 +140,7 @@ class MujocoKick:
             elif pushed:
                 break
         else:
-            raise KickdynError(f"leg and ball did not part within {longest:g} s")
+            raise KickdynError(f"leg and ball did not separate within {longest:g} s")
         velocity = data.qvel[-6:-3].copy()
         if not np.isfinite(velocity).all():
             raise KickdynError("the simulation of leg and ball diverged")

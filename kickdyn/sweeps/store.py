@@ -320,7 +320,8 @@ def check_netcdf_name(path: str | PathLike[str]) -> None:
     """Raise `InvalidInput` unless the name ends in `.nc`."""
     if Path(path).suffix != ".nc":
         raise InvalidInput(
-            f"{path} has no known ending: a sweep is written as .nc (netCDF 4) or .zarr (a store)"
+            f"{path} has no known extension: a sweep is written as .nc (netCDF 4) or .zarr (a "
+            "store)"
         )
 
 

@@ -244,7 +244,7 @@ def _received(folder: str, digest: str) -> tuple[SweepStore, ChunkSolver]:
     """
     file = _file_beside(folder, digest)
     if not Path(folder).is_dir() or not file.exists():
-        raise InvalidInput(f"a worker does not see {folder}")
+        raise InvalidInput(f"a worker has no access to {folder}")
     sent = file.read_bytes()
     if hashlib.sha256(sent).hexdigest() != digest:
         raise InvalidInput(f"{file} is not the sweep that was sent: run it again")

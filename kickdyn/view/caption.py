@@ -23,8 +23,12 @@ def kick_panel(
     impact: Impact, path: Flight | Course, text: str, warnings: Sequence[str] = ()
 ) -> str:
     """Return the panel of a kick, with lines of plain text."""
+    name = impact.posture.leg.name
     rows = [*_impact_rows(impact), *_path_rows(path)]
-    return panel_of(impact.posture.leg.name or "leg", rows, text, _joints(impact), warnings)
+    if name:
+        rows.insert(0, ("leg", _name(name)))
+    title = f"Ball at {float(impact.ball_after.speed):.4g} m/s"
+    return panel_of(title, rows, text, _joints(impact), warnings)
 
 
 def panel_of(

@@ -79,9 +79,11 @@ def draw_flights(
     marks.draw_distances(viewer["distances"], floor, forward, stripe, length)
     marks.draw_axes(viewer["axes"], floor, stripe / 2)
     if measured:
-        rows.append((f"{colour_key(DOT_COLOUR)} measured", f"about {MOST_DOTS} positions of each"))
+        rows.append(
+            (f"{colour_key(DOT_COLOUR)} measured", f"about {MOST_DOTS} positions per flight")
+        )
     origin = "first sample" if measured else "launch"
-    rows.append(("distances, heights", f"from the {origin} of each"))
+    rows.append(("distances, heights", f"from the {origin}"))
     return panel_of(title, rows)
 
 

@@ -100,7 +100,7 @@ class Page:
         ending = Path(file).suffix.lower()
         if ending not in (".html", ".htm", ".png", ".glb"):
             raise InvalidInput(
-                f"{shortened(str(file))} has the ending {ending!r}: a page is written as .html, "
+                f"{shortened(str(file))} has the extension {ending!r}: a page is written as .html, "
                 ".png or .glb"
             )
         is_picture = ending == ".png"
@@ -169,7 +169,7 @@ def page(
         validation.check_type(Box, scenery=box)
     if path is not None and not isinstance(subject, Impact):
         raise InvalidInput(
-            f"path is named with a {type(subject).__name__}: it belongs to an Impact"
+            f"path is given with a {type(subject).__name__}: it is for an Impact only"
         )
     if isinstance(subject, _LegAlone):
         return _page_of_leg(subject, caption)
@@ -242,7 +242,7 @@ def _kick_of_simulation(simulation: Simulation, caption: str) -> _Kick:
     impact, path, scene = simulation.impact, simulation.path, simulation.scene
     if not isinstance(impact, Impact):
         raise InvalidInput("the impact of this Simulation takes time: show its Scene instead")
-    caption = caption or scene.name
+    caption = caption or scene.name[:1].upper() + scene.name[1:]
     if simulation.neglected:
         moved = simulation.model_error
         distance = distance_in_words(moved) if math.isfinite(moved) else "an unknown distance"
@@ -301,10 +301,11 @@ def _comparison(
             case _:
                 raise InvalidInput(f"a page cannot show a {type(item).__name__}")
     if impacts and paths:
-        raise InvalidInput("a page compares flights, or impacts: these are some of either")
+        raise InvalidInput("a page compares flights or impacts, not both")
     if impacts:
         return page_of_pages(
             {name: page(impact, caption=caption) for name, impact in impacts.items()}
         )
-    viewer, title = recording_viewer(), caption or "flights"
+    name = ("Fitted flight" if measured else "Flight") + "s" * (len(paths) > 1)
+    viewer, title = recording_viewer(), caption or name
     return Page(viewer, title, draw_flights(viewer, paths, title, measured))

@@ -218,7 +218,7 @@ def test_a_drag_coefficient_can_be_kept(track):
         ),
         (("--ball", "1e300:0.1"), "ball mass is 1e+300: it must be a finite number at least"),
         (("--ball", "0.4:0"), "ball radius is 0.0: it must be a finite number at least 0.001"),
-        (("--plot", "flight.txt"), "flight.txt has no known ending"),
+        (("--plot", "flight.txt"), "flight.txt has no known extension"),
         (("--ground-height", "9"), "under the ground at 9 m"),
     ],
 )

@@ -112,8 +112,8 @@ def test_outputs_are_checked_written_and_named(tmp_path, monkeypatch, capsys):
     quiet.name_written("a.txt")
     assert capsys.readouterr().out == "[\n  1\n]\n"
     for words, message in (
-        (("--plot", "a.exe"), "a.exe has no known ending"),
-        (("--view", "a.exe"), "a.exe has no known ending"),
+        (("--plot", "a.exe"), "a.exe has no known extension"),
+        (("--view", "a.exe"), "a.exe has no known extension"),
         (("--json", "a.txt"), "a.txt is named for two outputs"),
         (("--view", "leg.html"), "leg.html is an input"),
     ):

@@ -200,12 +200,15 @@ def test_a_robot_and_a_goal_beyond_its_limits():
     ("arguments", "words"),
     [
         (["--time", "1"], "Missing option '--distance'"),
-        (["--trap", "0,0,0"], "--ball-position and --ball-velocity missing: --trap is of a ball"),
+        (
+            ["--trap", "0,0,0"],
+            "--ball-position and --ball-velocity missing: --trap is for a moving",
+        ),
         (
             [*MOVING, "--trap", "0,0,0", "--distance", "9", "--pass", "turf"],
             "--trap excludes --distance, --pass: a trap has no target",
         ),
-        (["--distance", "30"], "nothing is given besides the target"),
+        (["--distance", "30"], "nothing is given in addition to the target"),
         (
             ["--distance", "30", "--time", "1", "--launch-speed", "20"],
             "time and speed are",
@@ -287,7 +290,7 @@ def test_a_robot_and_a_goal_beyond_its_limits():
             ["--distance", "9", "--time", "1", "--ball-at", "1,2"],
             "Invalid value for '--ball-at': '1,2' is not X,Y,Z",
         ),
-        (["--distance", "9", "--time", "1", "--motion", "--plot", "a.x"], "no known ending"),
+        (["--distance", "9", "--time", "1", "--motion", "--plot", "a.x"], "no known extension"),
     ],
 )
 def test_bad_input_is_one_line(arguments, words):

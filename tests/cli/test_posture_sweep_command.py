@@ -273,7 +273,7 @@ def test_any_urdf(tmp_path):
         (["--resume"], "--resume needs a Zarr store"),
         (["--tolerance", "-1"], "tolerance is -1"),
         (["--threads", "0"], "0 is not in the range 1<=x<=1024"),
-        (["--view", "page.txt"], "page.txt has no known ending: a page is written as .html"),
+        (["--view", "page.txt"], "page.txt has no known extension: a page is written as .html"),
         (["--leg", "page.html", "--json", "page.html"], "page.html is an input"),
     ],
 )

@@ -140,7 +140,7 @@ def test_the_command_draws_and_writes(tmp_path):
 @pytest.mark.parametrize(
     ("more", "said"),
     [
-        (("--plot", "x.bmp"), "no known ending"),
+        (("--plot", "x.bmp"), "no known extension"),
         (("--plot", "x.png", "--json", "x.png"), "named for two outputs"),
     ],
 )

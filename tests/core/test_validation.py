@@ -138,7 +138,7 @@ def test_direction_needs_one(value):
 
 @pytest.mark.parametrize("value", [True, [True, 0, 1], (0, np.bool_(False)), [[1.0], [True]]])
 def test_true_is_no_number_of_an_array(value):
-    with pytest.raises(InvalidInput, match="must hold real numbers"):
+    with pytest.raises(InvalidInput, match="must contain real numbers"):
         validation.floats("x", value)
 
 

@@ -70,7 +70,7 @@ def test_a_course_ends_at_an_event_wherever_the_ball_is():
 def test_what_ends_no_flight_is_refused():
     for ends, said in (
         ([CREST], "the end 'crest' must be terminal"),
-        (["wall"], "ends has 'wall': it must have kickdyn.Event"),
+        (["wall"], "ends has 'wall': each entry must be a kickdyn.Event"),
         ([kd.Event("landed", lambda state, _: state[2])], "its name none of landed"),
         (
             [kd.Event("many", lambda state, _: state[2], np.ones(5))],

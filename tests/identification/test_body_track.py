@@ -56,6 +56,20 @@ def test_a_c3d_file(tmp_path):
     assert turned.positions[0, 1] == pytest.approx([0.3, -0.5, 0.4])
 
 
+def test_the_track_of_one_marker():
+    points = POINTS.copy()
+    points[2, 1, 0] = np.nan
+    track = kd.BodyTrack([0, 0.1, 0.2, 0.3], ["a", "b"], points)
+    ball = track.marker_track("b")
+    assert ball.times == pytest.approx([0, 0.1, 0.3])
+    assert ball.positions == pytest.approx(POINTS[[0, 1, 3], 1])
+    with pytest.raises(kd.InvalidInput, match=r"marker 'c' is not in the track: .*'a', 'b'"):
+        track.marker_track("c")
+    points[:, 1] = np.nan
+    with pytest.raises(kd.InvalidInput, match="marker 'b' is not seen in any frame"):
+        kd.BodyTrack([0, 1, 2, 3], ["a", "b"], points).marker_track("b")
+
+
 def test_a_mot_file_in_radians(tmp_path):
     file = tmp_path / "kick.mot"
     file.write_text(

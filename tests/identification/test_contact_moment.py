@@ -93,6 +93,8 @@ def test_joint_impulses_against_monte_carlo():
         ((0.1, -1.0), "deviation of contact is -1.0: it must be"),
         ("x", "contact"),
         (kd.Track(np.arange(80) / 200 - 0.2, np.zeros((80, 3))), "changes by 0 m/s at most"),
+        (ball_track(np.ones_like, noise=1e-3)[:70],
+         r"changes by 0\.\d+ m/s at most in its track, from -0.15 to -0.012 s: a kick changes it"),
         (kd.Track(np.arange(4) / 100, np.zeros((4, 3))), "has 4 samples: at least 10"),
         (kd.Track(*(lambda t: (t.times, 1000 * t.positions))(ball_track(np.ones_like))),
          "the ball moves with .* m/s, faster than sound: positions must be in metres"),

@@ -93,6 +93,23 @@ def test_gaps_are_left_out_and_named():
     )
 
 
+def test_markers_that_are_not_seen_at_the_contact_have_a_warning():
+    def hide(positions):
+        positions[30:33, 6] = np.nan  # away from the contact
+        positions[40:, 9:11] = np.nan
+
+    motion = kd.fit_motion(changed(hide), LEG, PLACES, contact=0.0, scale=False)
+    (line,) = motion.warnings
+    assert line.startswith(
+        "markers 'foot0' (8 frames), 'foot1' (8 frames) are not seen in frame 47, the last one "
+        "before the contact"
+    )
+    seen = kd.fit_motion(track(240), LEG, PLACES, contact=0.0, scale=False)
+    assert seen.warnings == ()
+    ankle = slice(-2, None)
+    assert (motion.at_contact().v_deviations[ankle] > seen.at_contact().v_deviations[ankle]).all()
+
+
 def hide_contact(positions):
     positions[-12:, 4:] = np.nan
 
@@ -113,9 +130,11 @@ def hide_contact(positions):
         (lambda p: p.__setitem__((slice(None), slice(9, None)), np.nan), PLACES,
          "marker 'foot0' is not seen in any frame"),
         (lambda _: None, {k: v for k, v in PLACES.items() if "foot" not in k},
-         "too few markers: .* (ankle|subtalar); they are 3 on base, .*, 3 on shank, 0 on foot:"),
+         "too few markers: .* (ankle|subtalar) in any frame; they are 3 on base, .*, 3 on shank, "
+         "0 on foot:"),
         (lambda _: None, {k: v for k, v in PLACES.items() if "base" not in k},
-         "too few markers: .* joint .*; they are 0 on base, 3 on thigh, 3 on shank, 3 on foot"),
+         "too few markers: .* joint .* in any frame; they are 0 on base, 3 on thigh, 3 on shank, "
+         "3 on foot"),
         (lambda p: p.__setitem__((slice(None), [0, 1]), p[:, [1, 0]]), PLACES,
          "markers 'base0', 'base1' are swapped in frame .: they are .* m if exchanged"),
         (lambda _: None, {k: (link, (x, -y, z)) for k, (link, (x, y, z)) in PLACES.items()},
@@ -124,6 +143,11 @@ def hide_contact(positions):
         (lambda _: None, {"x": "foot"}, "marker 'x' is not in the track"),
         (lambda _: None, {"foot0": "hand"}, "hand"),
         (lambda _: None, {"foot0": ("foot", 1, 2)}, "place of marker 'foot0' is"),
+        (lambda _: None, PLACES | {"foot0": ("foot", (100, 30, 20))},
+         r"point of marker 'foot0' is \[100.0, 30.0, 20.0\], up to 100 m from the origin of foot: "
+         "it must be in metres"),
+        (lambda p: p.__setitem__((slice(None), 9, 2), p[:, 9, 2] + 0.12), PLACES,  # one of 12
+         "marker '.*' is 0.0.* m from its place on the leg in frame [0-9]+: .* another segment$"),
         (lambda _: None, {}, "markers is empty"),
     ],
 )  # fmt: skip
@@ -152,7 +176,7 @@ def test_another_vertical_axis_has_a_warning():
     whole = track(50)
     lying = kd.BodyTrack(whole.times, whole.markers, whole.positions[..., [0, 2, 1]] * (1, 1, -1))
     (line,) = kd.fit_motion(lying, LEG, PLACES, scale=False).warnings
-    assert "if those of the file have y up, read it with up='y'" in line
+    assert "if the file has y up, read it with up='y'" in line
     assert "\n" not in line
     assert kd.fit_motion(whole, LEG, PLACES, scale=False).warnings == ()
     straight = np.tile([[0, -0.4, 0], [0, -0.8, 0], [0.1, -0.8, 0]], (10, 1, 1))
@@ -187,6 +211,12 @@ def test_joint_angles_of_a_file():
     assert at.v == pytest.approx([1.0, -1.6, 0.0], abs=1e-4)
     with pytest.raises(kd.InvalidInput, match="it must name one coordinate for each of hip, knee"):
         kd.fit_motion(whole, leg, angles={"hip": "hip_r"})
+    with pytest.raises(kd.InvalidInput, match="angles need a leg on a fixed base"):
+        kd.fit_motion(whole, LEG, angles=names)
+    moving = kd.fit_motion(whole, leg.with_base_velocity((4, 0, 0)), angles=names, contact=0.2)
+    assert moving.at_contact().foot_velocity == pytest.approx(
+        at.foot_velocity + np.array([4, 0, 0])
+    )
     (line,) = kd.fit_motion(whole, leg, angles=names | {"knee": "knee_r"}).warnings
     assert line.startswith("joint knee is outside its range of 0 to 140 deg in 48 frames of 48")
     degrees = kd.BodyTrack(times, angles={name: np.degrees(x) for name, x in angles.items()})

@@ -262,8 +262,8 @@ def test_plot_and_representations(curving):
     found = kd.identify(curving, BALL, free=("spin", "drag-scale"))
     assert len(found.plot().axes) == 3
     html = kd.page(found).html
-    assert "positions of each" in html
-    assert "from the first sample of each" in html
+    assert "positions per flight" in html
+    assert "from the first sample" in html
     assert found.flight.launch.velocity == pytest.approx(found.launch.velocity)
     assert found.correlations.shape == (10, 10)
     assert np.diag(found.correlations) == pytest.approx(np.ones(10))
@@ -275,7 +275,10 @@ def test_plot_and_representations(curving):
         (lambda t: (t.times[:4], t.positions[:4]), "4 samples: at least 5"),
         (lambda t: (t.times, 1000 * t.positions), "as in millimetres"),
         (lambda t: (1000 * t.times, t.positions), "as in milliseconds"),
-        (lambda t: ([*t.times[:-1], 1e9], t.positions), r"are of 1e\+09 s, and no flight takes"),
+        (
+            lambda t: ([*t.times[:-1], 1e9], t.positions),
+            r"the samples last 1e\+09 s, but no flight takes more than 100 s",
+        ),
         (lambda t: (t.times, 0 * t.positions + 1), "the ball stays at"),
         (
             lambda t: (t.times, 100 * t.positions),

@@ -236,7 +236,7 @@ def test_the_surface_of_a_foot():
         (lambda: kick(kd.FootPatch(0.1, across=(1, 0, 0))), "patch direction .*not be the normal"),
         (lambda: kick("disc"), "model is 'disc': it must be 'point', 'patch' or a FootPatch"),
         (lambda: kick("patch"), "at toe of .* has no shapes that span a volume"),
-        (lambda: kick(kd.FootPatch(0.1), stiffness=1e5), "a patch has the pressure of the ball"),
+        (lambda: kick(kd.FootPatch(0.1), stiffness=1e5), "a patch follows from the ball's"),
         (lambda: kick(kd.FootPatch(0.04, 0.08)), "14 m/s .* press the ball beyond its radius"),
         (lambda: kick(kd.FootPatch(0.08, 30.0)), "patch offset is 30 m: .* less than 0.149"),
         (lambda: kick(kd.FootPatch(0.08, 0.149)), "with an offset of 0.149 m, the strip would"),

@@ -264,7 +264,7 @@ def test_a_strike_near_the_boundary_says_so():
         ({"restitution": [[0.1]]}, r"has shape \(1, 1\): it must be a number$"),
         ({"q": 1e200}, r"spread of q is 1e\+200: at most 1e\+100"),
         ({"friction": np.nan}, "spread of friction is nan: every entry must be finite"),
-        ({"q": 5}, r"^spread of q is 5 rad: it must be at most 1, for covariances describe"),
+        ({"q": 5}, r"^spread of q is 5 rad: it must be at most 1, because covariances describe"),
         ({"normal": 4 * np.eye(3)}, r"^spread of normal is 2 rad: it must be at most 1"),
     ],
 )

@@ -7,6 +7,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from kickdyn.errors import InvalidInput
+from kickdyn.motion.kick_task import check_sole
 from kickdyn.motion.limits import (
     Apart,
     Clearance,
@@ -95,3 +97,11 @@ def test_the_trunk_may_be_tilted_by_40_degrees(degrees, kept):
     tree = SimpleNamespace(rotation=lambda joint: rotation)
     (margin,) = margins(Tilt(1, np.array([0.0, 0.0, 1.0])), SimpleNamespace(tree=tree))
     assert bool(margin >= 0.0) is kept
+
+
+def test_a_sole_without_room_for_the_centre_of_pressure_is_refused():
+    support = SimpleNamespace(frame="foot")
+    wide, narrow = (np.array([(x, y) for x in (0, 0.2) for y in (0, w)]) for w in (0.0101, 0.0099))
+    check_sole(SimpleNamespace(sole=wide, support=support))
+    with pytest.raises(InvalidInput, match=r"sole of foot is 9\.9 mm wide: .* wider than 10 mm"):
+        check_sole(SimpleNamespace(sole=narrow, support=support))

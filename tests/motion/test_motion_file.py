@@ -149,8 +149,8 @@ def test_keyframes_fit_the_mjcf_file_of_the_robot(tmp_path, make_motion):
 @pytest.mark.parametrize(
     ("name", "rate", "message"),
     [
-        ("kick.txt", 100, r"kick\.txt has the ending '\.txt': a motion is written as \.csv, \.npz"),
-        ("kick", 100, "has the ending ''"),
+        ("kick.txt", 100, r"kick\.txt has the extension '\.txt': a motion is written as \.csv"),
+        ("kick", 100, "has the extension ''"),
         ("no/folder/kick.csv", 100, "cannot be written"),
         ("kick.csv", 49, r"rate is 49\.0: it must be .* at least 50 and at most 500"),
         ("kick.csv", float("nan"), "rate is nan"),

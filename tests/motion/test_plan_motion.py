@@ -405,7 +405,7 @@ def test_options_that_have_no_motion_are_refused(options, words):
 
 
 def test_torque_squared_needs_a_motion():
-    with pytest.raises(kd.InvalidInput, match="has the objective torque-squared, and"):
+    with pytest.raises(kd.InvalidInput, match="has the objective torque-squared, which"):
         kd.plan_kick(HUMAN, kd.Goal(15, time=1), BALL, AIR, objective="torque-squared")
 
 

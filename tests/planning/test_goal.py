@@ -37,7 +37,7 @@ def test_what_the_vacuum_does_not_allow_has_no_nominal_time():
 @pytest.mark.parametrize(
     ("target", "named", "words"),
     [
-        (30, {}, "nothing is given besides the target"),
+        (30, {}, "nothing is given in addition to the target"),
         (30, {"time": 1, "apex": 2}, "time and apex are given"),
         (
             30,

@@ -11,7 +11,7 @@ from scipy.spatial import ConvexHull
 from threadpoolctl import threadpool_limits
 
 import kickdyn as kd
-from kickdyn.planning import kick_plan
+from kickdyn.planning import kick, kick_plan
 from kickdyn.planning.objectives import KickObjective
 from kickdyn.planning.plan_report import verdict
 from kickdyn.robot.standing import hold_support
@@ -278,7 +278,7 @@ def test_from_one_place_a_kick_takes_the_least_or_the_most(leg, goal, more):
 
 
 def test_a_ball_beside_the_plane_of_the_foot_is_refused():
-    with pytest.raises(kd.InvalidInput, match=r"is 0.2 m beside the plane that the foot of"):
+    with pytest.raises(kd.InvalidInput, match=r"is 0.2 m from the plane in which the foot of"):
         kd.plan_kick(HUMAN, kd.Goal(15, time=1), kd.Ball(), ball_position=(0.2, 0.2, -0.7))
 
 
@@ -616,3 +616,9 @@ def test_what_a_base_that_moves_cannot_do():
     assert met.impact.ball_after.velocity == pytest.approx(met.launch.velocity, abs=1e-9)
     with pytest.raises(kd.InvalidInput, match="a motion from rest to rest needs a base at rest"):
         kd.plan_kick(aside, kd.Goal(20, time=1.2), BALL, AIR, motion=True)
+
+
+def test_the_height_that_a_message_names_is_on_the_ground():
+    with pytest.raises(kd.InvalidInput, match=r"lies on its ground, at 0\.109817 m"):
+        kick._lying_on_ground(0.1099, BALL)
+    assert kick._lying_on_ground(0.109817, BALL) == 0.109817

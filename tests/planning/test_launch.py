@@ -285,7 +285,7 @@ def test_where_the_ground_is_in_the_way_of_every_launch_none_is_given():
     [
         ((30,), {}, "goal is 30: it must be a kickdyn.Goal"),
         ((kd.Goal(30, time=1),), {"speed_limit": 500}, "speed limit is 500"),
-        ((kd.Goal(30, time=1, beside=(9, 1)),), {}, "takes air with density and lift"),
+        ((kd.Goal(30, time=1, beside=(9, 1)),), {}, "needs air with density and lift"),
     ],
 )
 def test_bad_input(arguments, options, words):

@@ -81,7 +81,9 @@ def test_an_interrupted_table_is_continued(tmp_path, monkeypatch):
     assert {line[:6] for line in seen} == {"2 of 2"}
     kd.reach(*arguments, **options, progress=seen.clear)  # nothing is left to do
     assert len(seen) > 0
-    with pytest.raises(kd.InvalidInput, match="has the table of another options: name another"):
+    with pytest.raises(
+        kd.InvalidInput, match="contains the table of another options: name another"
+    ):
         kd.reach(*arguments, **options | {"ball_position": -0.6})
     head, _, rows = file.read_text("utf-8").partition("\n")
     for damaged in ("azimuth,speed\n1,2\n", f"{head}\n{rows}{'9' * 200_000}"):
@@ -89,7 +91,7 @@ def test_an_interrupted_table_is_continued(tmp_path, monkeypatch):
         with pytest.raises(kd.InvalidInput, match="is not a table of kickdyn reach"):
             kd.reach(*arguments, **options)
     file.write_text(f"[]\n{rows}", "utf-8")
-    with pytest.raises(kd.InvalidInput, match="has the table of another air and ball and"):
+    with pytest.raises(kd.InvalidInput, match="contains the table of another air and ball and"):
         kd.reach(*arguments, **options)
 
 

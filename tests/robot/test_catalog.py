@@ -314,7 +314,9 @@ def test_a_bad_file_is_named(described):
     with pytest.raises(kd.UrdfError, match=r"robot\.xml: a robot has no name"):
         kd.Leg.from_robot(name)
     name = described("ur10e_description", "<robot/>", "XACRO_PATH")
-    with pytest.raises(kd.InvalidInput, match="has neither a URDF nor an MJCF: make a URDF of its"):
+    with pytest.raises(
+        kd.InvalidInput, match="has neither a URDF nor an MJCF file: make a URDF file of its"
+    ):
         kd.Leg.from_robot(name)
 
 

@@ -545,7 +545,7 @@ def test_a_velocity_beyond_float64_is_refused_without_a_warning():
     posture = LEGS["human"][0].posture([0.3, 0.4, 0.1])
     for wish in ([1e308, 0, 0], [1e308, 0, 1e308]):
         assert posture.try_joint_velocity(wish) is None
-        with pytest.raises(kd.InvalidInput, match="beyond what a float64 holds"):
+        with pytest.raises(kd.InvalidInput, match="exceed the range of float64"):
             posture.joint_velocity(wish)
 
 
@@ -681,7 +681,7 @@ def test_a_contact_point_far_away_is_refused(offset):
 
 def test_a_foot_faster_than_floats_is_refused():
     posture = kd.Leg.human().posture([0.1, 0.2, -0.1])
-    with pytest.raises(kd.InvalidInput, match="must be slower"):
+    with pytest.raises(kd.InvalidInput, match="is too fast"):
         posture.joint_velocity([1e308, 0, 1e308])
 
 
@@ -711,5 +711,5 @@ def test_the_root_element_tells_the_formats_apart(tmp_path):
 def test_folders_of_packages_are_for_a_urdf(tmp_path):
     mjcf = tmp_path / "b.xml"
     mjcf.write_text(MJCF)
-    with pytest.raises(kd.InvalidInput, match="package-dir is 'meshes': it is for a URDF file"):
+    with pytest.raises(kd.InvalidInput, match="package-dir is 'meshes': it is for URDF files"):
         read_leg(mjcf, "toe", "fixed", ["meshes"])

@@ -220,7 +220,7 @@ def test_a_mesh_is_found(tmp_path, compiler, mesh, name):
         ("../box.stl", "mesh '../box.stl' is refused: it lies outside"),
         ("/etc/passwd.stl", "is refused: it lies outside"),
         ("http://a/box.stl", "is refused: only files are read, no addresses"),
-        ("box.png", "has no known ending: .stl, .obj, .msh are read"),
+        ("box.png", "has no known extension: .stl, .obj, .msh are read"),
         ("folder.stl", "is not a regular file"),
         ("big.stl", "has 51 bytes: at most 50 are read"),
         ("none.stl", "mesh 'none.stl' is missing from "),

@@ -448,7 +448,11 @@ REFUSED = {
     "mimic of nothing": (KNEE_AXIS, KNEE_AXIS + '<mimic joint="?"/>', "^joint 'knee' mimics"),
     "moves no mass": (SHANK_INERTIAL, "", "^joint 'knee' moves .*mass 0 kg.* give a link"),
     # names
-    "universe": (KNEE, 'name="universe" type="revolute"', "joint name 'universe' is Pinocchio's"),
+    "universe": (
+        KNEE,
+        'name="universe" type="revolute"',
+        "joint name 'universe' is reserved by Pinocchio",
+    ),
     "empty joint name": (KNEE, 'name="" type="revolute"', "^a joint has no name"),
     "joint name of blanks": (KNEE, 'name="  " type="revolute"', "^a joint has no name"),
     "empty link name": ('<link name="toe"/>', "<link/>", "^a link has no name"),

@@ -124,7 +124,7 @@ def test_meshes_outside_are_refused(folder, name, watch):
         ("junk.stl", "cannot be read|no triangles"),
         ("junk.dae", "cannot be read"),
         ("empty.stl", "no triangles"),
-        ("box.urdf", "no known ending"),
+        ("box.urdf", "no known extension"),
         ("folder.stl", "not a regular file"),
         ("pipe.stl", "not a regular file"),
     ],

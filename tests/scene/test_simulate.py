@@ -13,7 +13,12 @@ from random_scenes import random_scene, wide_scene
 
 import kickdyn as kd
 from kickdyn.core.representation import distance_in_words
-from kickdyn.scene.launch_and_end import collision_error, end_error, path_error
+from kickdyn.scene.launch_and_end import (
+    collide_scene,
+    collision_error,
+    end_error,
+    path_error,
+)
 from kickdyn.scene.simulate import (
     CONTACT_SHARE,
     _length_text,
@@ -609,3 +614,26 @@ def test_an_effect_has_no_size_where_the_ball_does_not_end(paper_kick):
     assert {row.effect for row in rows} == {"friction", "ball rotation"}
     assert all(np.isnan(row.end) and row.why_not == "no end: aloft" for row in rows)
     assert all(row.impulse > 0 for row in rows)
+
+
+def test_attempts_at_a_tolerance_take_no_longer_than_the_exact_answer(monkeypatch):
+    """The first attempt knows how the error of the end falls, also where lift grows with a root."""
+    evaluations = []
+
+    def collide(scene, tol):
+        hit = collide_scene(scene, tol)
+        evaluations.append(hit.evaluations)
+        return hit
+
+    monkeypatch.setattr("kickdyn.scene.simulate.collide_scene", collide)
+    rng = np.random.default_rng(6)
+    scenes = [wide_scene(rng) for _ in range(322)]
+    for number in (126, 166, 322):
+        exact = kd.simulate(scenes[number - 1], None)
+        (most,) = evaluations
+        evaluations.clear()
+        for tolerance in (0.01, 0.1):
+            answer = kd.simulate(scenes[number - 1], tolerance)
+            assert 0 < sum(evaluations) <= 1.2 * most
+            evaluations.clear()
+            assert math.dist(answer.end.position, exact.end.position) <= answer.error < tolerance

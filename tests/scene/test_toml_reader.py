@@ -411,7 +411,7 @@ def test_endless_integers_are_not_echoed(faults, digits):
 
 def test_true_is_no_number_of_a_vector(faults):
     (line,) = faults(SMALL.replace("attack_deg = 30", "normal = [true, 0, 1]"))
-    assert "must hold real numbers" in line
+    assert "must contain real numbers" in line
 
 
 def test_missing_sections(faults):

@@ -153,7 +153,7 @@ def test_a_kick_ends_when_the_force_does():
 def test_a_kick_that_lasts_too_long_is_an_error():
     (kick, *_) = cases(0.7)
     run = MujocoKick(kick.approach, 5e-4, MujocoContact())
-    with pytest.raises(kd.KickdynError, match=r"leg and ball did not part within 0\.001 s"):
+    with pytest.raises(kd.KickdynError, match=r"leg and ball did not separate within 0\.001 s"):
         run.run(longest=0.001)
 
 

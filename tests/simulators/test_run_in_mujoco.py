@@ -385,7 +385,7 @@ def test_the_command_writes_the_motion_and_carries_it_out(tmp_path):
     ended = CliRunner().invoke(plan_command, [*kick, "--motion", "--noisy-runs", "5"])
     assert str(ended.exception) == "--noisy-runs is 5: it needs a simulator, so add --run mujoco"
     ended = CliRunner().invoke(plan_command, [*kick, "--motion", "--out", "kick.txt"])
-    assert str(ended.exception).startswith("kick.txt has the ending '.txt'")
+    assert str(ended.exception).startswith("kick.txt has the extension '.txt'")
 
 
 def test_margins_of_the_sole_are_the_least_of_averaged_loads(monkeypatch):

@@ -294,7 +294,7 @@ class Blind(ThreadPoolExecutor):
 
 
 def test_workers_must_see_the_store(tmp_path):
-    unseen = pytest.raises(kd.InvalidInput, match=r"a worker does not see .*s\.zarr")
+    unseen = pytest.raises(kd.InvalidInput, match=r"a worker has no access to .*s\.zarr")
     with Blind(1) as executor, unseen:
         stored(tmp_path / "s.zarr", executor=executor)
     assert computed(tmp_path / "s.zarr") == 0

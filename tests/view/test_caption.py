@@ -46,8 +46,11 @@ FLIGHT = {"method": "DOP853, drag", "status": "landed", "range": 17.25, "height"
 
 
 def test_says_the_numbers():
-    said = rows(kick_panel(numbers(), SimpleNamespace(**FLIGHT), ""))
+    text = kick_panel(numbers(), SimpleNamespace(**FLIGHT), "")
+    assert text.startswith("<h1>Ball at 10 m/s</h1>")
+    said = rows(text)
     assert said == {
+        "leg": "leg_human",
         "impulse on ball": "1 N s",
         "worst joint": "2 N s at knee",
         "effective mass": "1.25 kg",
@@ -63,7 +66,7 @@ def test_says_the_numbers():
         "ankle": "-12.5°, 0.5 N s",
         "hip": "20.0°, 0.25 N s",
     }
-    assert list(said)[11:] == ["knee", "ankle", "hip"]  # by their impulses
+    assert list(said)[12:] == ["knee", "ankle", "hip"]  # by their impulses
 
 
 def test_a_joint_that_neither_moves_nor_transmits_is_not_listed():
@@ -154,7 +157,7 @@ def test_names_are_escaped(load, spoil):
     path = SimpleNamespace(method="<script>alert(1)", status="landed", range=1.0, duration=1.0)
     text = panel((hit, kd.Ball(), path), caption="<script>alert(1)</script>")
     assert "<script" not in text
-    assert text.count("&lt;script&gt;alert(1)") == 5  # title, caption, worst joint, flight, joint
+    assert text.count("&lt;script&gt;alert(1)") == 5  # leg, caption, worst joint, flight, joint
 
 
 @pytest.mark.parametrize(("caption", "there"), [("", False), ("best of 12", True)])

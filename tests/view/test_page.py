@@ -386,7 +386,7 @@ def test_what_a_page_cannot_show(kick):
     ):
         with pytest.raises(kd.InvalidInput, match=reason):
             kd.page(shown)
-    with pytest.raises(kd.InvalidInput, match="path is named with a Flight"):
+    with pytest.raises(kd.InvalidInput, match="path is given with a Flight"):
         kd.page(path, path)
 
 

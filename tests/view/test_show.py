@@ -127,7 +127,7 @@ def test_a_closed_view_serves_nothing(kick):
 def test_what_cannot_be_shown_leaves_the_view_as_it_is(view, kick):
     with pytest.raises(kd.InvalidInput, match=r"subject is 1\.0: it must be"):
         kd.show(1.0)
-    with pytest.raises(kd.InvalidInput, match="path is named with a Posture"):
+    with pytest.raises(kd.InvalidInput, match="path is given with a Posture"):
         view.update(kick[0].posture, kick[2])
     assert Browser(view).next_update()[0]["title"] == "leg_human"
 

@@ -46,7 +46,7 @@ def test_a_page_and_numbers(tmp_path):
         in ended.output
     )
     told = (
-        f"volley, contact shown as instantaneous; this moves the end of the path by {apart:.2g} m"
+        f"Volley, contact shown as instantaneous; this moves the end of the path by {apart:.2g} m"
     )
     assert told in html
     hit = kd.strike(

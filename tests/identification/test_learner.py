@@ -154,9 +154,9 @@ def test_a_track_tells_drag_and_wind():
     # its landing follows from the model
     assert learner._last_landing == pytest.approx(path.landing.position[:2], abs=0.1)
     assert learner.shots[0].landing is None
-    with pytest.raises(kd.InvalidInput, match="since the kick"):
+    with pytest.raises(kd.InvalidInput, match="must be measured from the kick"):
         learner.observe(kd.Track(times - 1.0, positions))
-    with pytest.raises(kd.InvalidInput, match="beside a track"):
+    with pytest.raises(kd.InvalidInput, match="time is given with a track"):
         learner.observe(kd.Track(times, positions), 1.0)
     assert len(learner.shots) == 1
 

@@ -35,9 +35,8 @@ def draw_posture(viewer: Any, posture: Posture, text: str) -> str:
         if value or len(values) <= MOST_JOINTS
     ]
     x, y, z = posture.contact_point.tolist()
-    return panel_of(
-        leg.name or "leg", [*rows, (escape(leg.frame), f"{x:.3f}, {y:.3f}, {z:.3f} m")], text
-    )
+    rows.append((escape(leg.frame), f"{x:.3f}, {y:.3f}, {z:.3f} m"))
+    return panel_of(leg.name or "leg", rows, text, warnings=posture.warnings)
 
 
 def draw_motion(viewer: Any, motion: Motion, text: str) -> tuple[str, Pace]:

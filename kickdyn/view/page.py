@@ -184,7 +184,8 @@ def page(
     )
     text = f"{kick.caption.removesuffix('.')}. {ground}" if kick.caption and ground else ""
     text = text or kick.caption or ground
-    warnings = [*viewer.window.warnings, *kick.warnings]
+    brief = [line.partition("; ")[0] for line in kick.warnings]
+    warnings = list(dict.fromkeys([*viewer.window.warnings, *brief]))
     panel = kick_panel(impact, kick.path, text, warnings)
     name = impact.posture.leg.name or "leg"
     title = f"{name}: ball at {float(impact.ball_after.speed):.4g} m/s"
@@ -218,21 +219,21 @@ def _kick_of(subject: _MovingSubject, path: _Path | None, caption: str) -> _Kick
     match subject:
         case Impact():
             flown = fly(subject.ball_after, subject.ball, Air()) if path is None else path
-            return _Kick(subject, flown, caption, lies=isinstance(path, Course))
+            warnings = [*subject.warnings, *flown.warnings]
+            return _Kick(subject, flown, caption, warnings=warnings, lies=isinstance(path, Course))
         case KickPlan():
-            warnings = [line.partition("; ")[0] for line in subject.warnings]
             impact, meeting = subject.impact, subject.meeting
             arrival = None if meeting is None else arrival_of(meeting, impact.ball)
             return _Kick(
-                impact, subject.path, caption, subject.motion, warnings=warnings, arrival=arrival
-            )
+                impact, subject.path, caption, subject.motion, warnings=subject.warnings,
+                arrival=arrival,
+            )  # fmt: skip
         case Simulation():
             return _kick_of_simulation(subject, caption)
         case SimulatedRun():
             plan = subject.plan
             text = ". ".join(filter(None, [caption, subject.summary]))
-            warnings = [line.partition("; ")[0] for line in plan.warnings]
-            return _Kick(plan.impact, plan.path, text, plan.motion, warnings=warnings)
+            return _Kick(plan.impact, plan.path, text, plan.motion, warnings=plan.warnings)
         case Scene():
             return _kick_of_simulation(simulate_as_instant(subject), caption)
 
@@ -247,7 +248,8 @@ def _kick_of_simulation(simulation: Simulation, caption: str) -> _Kick:
         moved = simulation.model_error
         distance = distance_in_words(moved) if math.isfinite(moved) else "an unknown distance"
         caption += f", contact shown as instantaneous; this moves the end of the path by {distance}"
-    kick = _Kick(impact, path, ". ".join(filter(None, [caption, simulation.pitch_text])))
+    text = ". ".join(filter(None, [caption, simulation.pitch_text]))
+    kick = _Kick(impact, path, text, warnings=simulation.warnings)
     if scene.plane is None:
         return kick
     start, end = impact.ball_after.position, simulation.end.position

@@ -1,6 +1,7 @@
 import html
 import json
 import re
+from dataclasses import replace
 
 import matplotlib.image
 import numpy as np
@@ -52,6 +53,33 @@ def test_a_leg_with_a_mesh_from_elsewhere(leg_looking_like):
     assert "1 of 1 visuals of leg is not drawn: mesh '../a.stl' is refused" in warning
     assert f'<p class="warning">{html.escape(warning)}</p>' in page.html
     assert kd.page([hit, hit]).warnings == (warning,)  # once
+
+
+def test_a_page_shows_the_warnings_of_its_subject():
+    leg, ball, wide = (
+        kd.Leg.human(),
+        kd.Ball(),
+        kd.Contact((2, 0, 1), ((1.0, 0.8), (3.0, 0.6)), 0.2),
+    )
+    posture = leg.posture([2.4, 0.2, 0.1])
+    hit = kd.strike(posture, posture.joint_velocity([20.0, 0.0, 10.0]), ball, wide)
+    path = kd.fly(hit.ball_after, ball, kd.Air(lift="wang"))
+    scene = kd.Scene(posture, hit.v_before, ball, wide, air=kd.Air(lift="wang"))
+    simulation = kd.simulate(scene, None)
+    motion = replace(plan_of_the_human().motion, warnings=("too hard",))
+    subjects = [
+        (posture, posture.warnings), (hit, hit.warnings), (motion, motion.warnings),
+        (simulation, simulation.warnings), (scene, simulation.warnings),
+    ]  # fmt: skip
+    pages = [(kd.page(hit, path), (*hit.warnings, *path.warnings))]
+    for page, warnings in [*pages, *((kd.page(subject), lines) for subject, lines in subjects)]:
+        assert warnings
+        for line in warnings:
+            assert f'<p class="warning">{html.escape(line.partition("; ")[0])}</p>' in page.panel
+
+
+def plan_of_the_human():
+    return kd.plan_kick(kd.Leg.human(), kd.Goal(9, time=0.9), kd.Ball(), None, motion=True)
 
 
 def test_a_page_replaces_a_file_as_a_whole(kick, tmp_path, monkeypatch):

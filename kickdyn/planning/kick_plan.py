@@ -344,13 +344,25 @@ def check_ground_of_free_ball(plan: KickPlan) -> Sequence[str]:
 def check_ball_overlap_in_motion(plan: KickPlan) -> Sequence[str]:
     """Return a line for the bodies that are inside the ball before the impact, but not at 0."""
     remedy = "another goal gives another motion"
-    return _in_motion(plan, _in_ball, "inside the ball before the impact", remedy, end=0.0)
+    where = "inside the ball before the impact"
+    return _in_motion(plan, _in_ball, where, remedy, _times_of_motion(plan, end=0.0))
+
+
+def check_ball_overlap_after(plan: KickPlan) -> Sequence[str]:
+    """Return a line for the bodies of a moving robot that are in the way of the ball's path."""
+    if plan.motion is None:
+        return ()
+    step = 0.5 * plan.impact.ball.radius / plan.impact.ball_after.speed
+    times = np.arange(step, min(plan.motion.end, plan.path.duration), step)
+    remedy = "another direction of the launch can avoid this"
+    return _in_motion(plan, _in_ball, "in the way of the ball after the impact", remedy, times)
 
 
 def check_self_collision_in_motion(plan: KickPlan) -> Sequence[str]:
     """Return a line for the bodies that are inside each other in the motion, but not at 0."""
     remedy = "another goal, or another posture of locked joints (--lock), can avoid this"
-    return _in_motion(plan, _in_each_other, "inside each other in the motion", remedy)
+    where = "inside each other in the motion"
+    return _in_motion(plan, _in_each_other, where, remedy, _times_of_motion(plan))
 
 
 def check_ground_in_motion(plan: KickPlan) -> Sequence[str]:
@@ -358,24 +370,26 @@ def check_ground_in_motion(plan: KickPlan) -> Sequence[str]:
     if not plan.ball_is_placed:
         return ()
     remedy = "another goal, offset or objective gives another motion"
-    return _in_motion(plan, _under_ground, "under the ground in the motion", remedy)
+    where = "under the ground in the motion"
+    return _in_motion(plan, _under_ground, where, remedy, _times_of_motion(plan))
 
 
-Overlaps = Callable[[KickPlan, Array], Mapping[str, float]]
-"""From a plan and q to how deep bodies overlap with something [m] by name, the deepest first."""
+Overlaps = Callable[[KickPlan, Array, float], Mapping[str, float]]
+"""From a plan, and q at a time [s], to how deep bodies overlap with something [m] by name, the
+deepest first."""
 
 
-def _in_ball(plan: KickPlan, q: Array) -> Mapping[str, float]:
-    centre, radius = plan.impact.ball_before.position, plan.impact.ball.radius
-    return find_ball_overlaps(plan.leg.posture(q), centre, radius)
+def _in_ball(plan: KickPlan, q: Array, t: float) -> Mapping[str, float]:
+    ball = plan.path.sample(t) if t > 0.0 else plan.impact.ball_before
+    return find_ball_overlaps(plan.leg.posture(q), ball.position, plan.impact.ball.radius)
 
 
-def _in_each_other(plan: KickPlan, q: Array) -> Mapping[str, float]:
+def _in_each_other(plan: KickPlan, q: Array, _: float) -> Mapping[str, float]:
     pairs = find_self_collisions(plan.leg, q)
     return {f"{first} and {other}": depth for (first, other), depth in pairs.items()}
 
 
-def _under_ground(plan: KickPlan, q: Array) -> Mapping[str, float]:
+def _under_ground(plan: KickPlan, q: Array, _: float) -> Mapping[str, float]:
     """Return depths under the ground, which is under the ball or under a lower target."""
     if plan.meeting is not None:
         height = plan.meeting.ground.height
@@ -386,20 +400,28 @@ def _under_ground(plan: KickPlan, q: Array) -> Mapping[str, float]:
 
 
 def _at_impact(plan: KickPlan, find: Overlaps, where: str, remedy: str) -> Sequence[str]:
-    bodies = [f"{name} by {depth:.3f} m" for name, depth in find(plan, plan.q).items()]
+    bodies = [f"{name} by {depth:.3f} m" for name, depth in find(plan, plan.q, 0.0).items()]
     return [f"bodies are {where} at the impact: {listed(bodies)}; {remedy}"] if bodies else ()
 
 
+def _times_of_motion(plan: KickPlan, end: float = math.inf) -> Array:
+    """Return `MOTION_TIMES` times up to `end` [s]; none without a motion."""
+    motion = plan.motion
+    if motion is None:
+        return np.zeros(0)
+    return np.linspace(motion.begin, min(end, motion.end), MOTION_TIMES)
+
+
 def _in_motion(
-    plan: KickPlan, find: Overlaps, where: str, remedy: str, end: float = math.inf
+    plan: KickPlan, find: Overlaps, where: str, remedy: str, times: Array
 ) -> Sequence[str]:
-    """Return a line for overlaps at `MOTION_TIMES` times up to `end` [s], without those at 0."""
+    """Return a line for overlaps at times of the motion [s], without those at 0."""
     motion = plan.motion
     if motion is None:
         return ()
-    at_impact, deepest = find(plan, plan.q), dict[str, tuple[float, float]]()
-    for t in np.linspace(motion.begin, min(end, motion.end), MOTION_TIMES).tolist():
-        for name, depth in find(plan, motion.q(t)).items():
+    at_impact, deepest = find(plan, plan.q, 0.0), dict[str, tuple[float, float]]()
+    for t in times.tolist():
+        for name, depth in find(plan, motion.q(t), t).items():
             if name not in at_impact:
                 deepest[name] = max((depth, t), deepest.get(name, (0.0, 0.0)))
     ranked = sorted(deepest.items(), key=lambda item: -item[1][0])
@@ -423,6 +445,7 @@ CHECKS: dict[Check, PlanStatus] = {
     check_ground_of_free_ball: PlanStatus.MET,
     check_self_collision_in_motion: PlanStatus.COLLIDES,
     check_ball_overlap_in_motion: PlanStatus.COLLIDES,
+    check_ball_overlap_after: PlanStatus.COLLIDES,
     check_ground_in_motion: PlanStatus.COLLIDES,
 }
 """The checks of a plan, in the order of their lines, and the status of a plan with such a line."""

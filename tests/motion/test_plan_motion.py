@@ -318,6 +318,25 @@ def test_bodies_inside_the_ball_before_the_impact_are_a_line():
     assert moved.status == "collides"
 
 
+def test_bodies_in_the_way_of_the_ball_after_the_impact_are_a_line():
+    plan = planned("human")
+    words = "bodies are in the way of the ball after the impact: "
+    assert not any(line.startswith(words) for line in plan.warnings)
+    ball = plan.impact.ball_after
+    backwards = kd.fly(replace(ball, velocity=(-10.0, 0.0, 1.0)), BALL, AIR, kd.Ground(-9))
+    (line,) = (line for line in replace(plan, path=backwards).warnings if line.startswith(words))
+    name, depth = re.match(r"(\w+) by ([0-9.]+) m at ", line.removeprefix(words)).groups()
+    deepest = max(
+        find_ball_overlaps(
+            plan.leg.posture(plan.motion.q(t)), backwards.sample(t).position, BALL.radius
+        ).get(name, 0.0)
+        for t in np.linspace(0.001, 0.1, 100).tolist()
+    )
+    assert deepest - 0.03 <= float(depth) <= deepest + 1e-3  # at steps of half a radius
+    assert deepest > 0.1
+    assert replace(plan, path=backwards).status == "collides"
+
+
 def test_trunk_and_arms_join_in_where_legs_do_not_suffice():
     """Of the humanoid of gymnasium, whose knees have no speed limit."""
     file = Path(gymnasium.__file__).parent / "envs/mujoco/assets/humanoid.xml"

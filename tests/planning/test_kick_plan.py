@@ -10,7 +10,7 @@ import gymnasium
 import pytest
 
 import kickdyn as kd
-from kickdyn.planning.kick_plan import _in_motion
+from kickdyn.planning.kick_plan import _in_motion, _times_of_motion
 from kickdyn.planning.plan_report import verdict
 from kickdyn.robot.collisions import find_ball_overlaps
 from kickdyn.robot.ground_clearance import find_depths
@@ -163,11 +163,13 @@ def test_a_line_about_the_motion_has_each_body_with_its_depth_and_time(end):
     motion = SimpleNamespace(begin=-0.79, end=0.79, q=lambda t: t)
     plan = SimpleNamespace(q=0.0, motion=motion)
 
-    def find(_, t):
+    def find(_, q, t):
+        assert q == t
         depths = {"hand": 0.2 - abs(t + 0.39), "foot": 0.1 - abs(t - 0.47), "toe": 0.3 - abs(t)}
         return {name: depth for name, depth in depths.items() if depth > 0.0}
 
-    (line,) = _in_motion(plan, find, "inside a wall", "move it", end)
+    times = _times_of_motion(plan, end)
+    (line,) = _in_motion(plan, find, "inside a wall", "move it", times)
     (deepest,) = re.findall(r"hand by 0\.(\d+) m at -0\.39 s", line)
     assert 190 <= int(deepest) <= 200
     assert ("foot by 0." in line) == (end > 0.0)

@@ -196,11 +196,13 @@ class KickOptions:
         for name in ("ball_position", "ball_velocity", "ball_spin", "meet_at", "trap"):
             if getattr(self, name) is not None and missing:
                 raise InvalidInput(
-                    f"{' and '.join(missing)} missing: --{name.replace('_', '-')} is of a ball "
-                    "that moves, whose position and velocity are both given"
+                    f"--{name.replace('_', '-')} is given, but not {' and '.join(missing)}: a ball "
+                    "that moves needs both a position and a velocity"
                 )
         if moving and (self.ball_height is not None or self.ball_at is not None):
             raise InvalidInput("--ball-position excludes --ball-height and --ball-at")
+        if moving and self.motion:
+            raise InvalidInput("--ball-position excludes --motion: a motion strikes a ball at rest")
         if self.both_feet and not self.motion:
             raise InvalidInput("--both-feet is given: it needs the motion, so add --motion")
 

@@ -201,6 +201,8 @@ class KickOptions:
                 )
         if moving and (self.ball_height is not None or self.ball_at is not None):
             raise InvalidInput("--ball-position excludes --ball-height and --ball-at")
+        if moving and self.motion:
+            raise InvalidInput("--ball-position excludes --motion: a motion strikes a ball at rest")
         if self.both_feet and not self.motion:
             raise InvalidInput("--both-feet is given: it needs the motion, so add --motion")
 

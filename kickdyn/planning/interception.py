@@ -22,8 +22,10 @@ from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.flight.follow import Course, follow
 from kickdyn.ground import Ground
 from kickdyn.planning.goal import Goal
-from kickdyn.robot.kicking_chain import kicking_chain
+from kickdyn.robot.ground_clearance import find_depths
+from kickdyn.robot.kicking_chain import kicking_chain, rest_configuration
 from kickdyn.robot.leg import Leg
+from kickdyn.robot.model_validation import frames_by_name
 from kickdyn.robot.standing import StandingRobot, is_floating
 
 FASTEST_BALL = 100.0
@@ -63,7 +65,8 @@ class IncomingBall(ReprMixin):
         state: where the ball is and how it moves at its time, at up to 100 m/s.
         ground: the ground with its surface. Without it, it is level turf: z = 0 for a robot on a
             floating base; for a leg on a fixed one, under a ball without vertical velocity, else
-            under the foot of the straight leg, or under the ball where that is lower.
+            under the foot of the straight leg, or under the ball or bodies that the kick does not
+            move (the other foot of a robot), where these are lower.
         meet_at: when the ball is met, by the clock of `state.time` [s]; or where its centre then
             is, shape `(3,)` [m, world frame], a point of its path within 1 cm. None leaves it free.
 
@@ -117,8 +120,7 @@ class IncomingBall(ReprMixin):
             if is_floating(leg):
                 height = 0.0
             elif self.state.velocity[2] != 0.0:
-                foot = leg.posture(leg.configuration()).contact_point
-                height = min(float(foot[2]), lowest)
+                height = min(_level_under(leg), lowest)
             ground = Ground(height, "turf")
         elif ground.surface is None:
             raise InvalidInput(
@@ -143,6 +145,20 @@ class IncomingBall(ReprMixin):
             longest: time for which each flight, and rolling, is followed at most [s].
         """
         return follow(self.state, ball, air, self.ground, FOLLOW_TOL, time_limit=longest)
+
+
+def _level_under(leg: Leg) -> float:
+    """Return how high the foot of the straight leg is, or the lowest body beside the leg [m]."""
+    model, level = leg.model, float(leg.posture(leg.configuration()).contact_point[2])
+    limb = set(model.subtrees[model.supports[leg.contact_joint][1]])
+    depths = find_depths(leg, rest_configuration(leg), level)
+    frames = frames_by_name(model)
+    beside = [
+        depth
+        for name, depth in depths.items()
+        if model.frames[frames[name]].parentJoint not in limb
+    ]
+    return level - max(beside, default=0.0)
 
 
 def state_at(incoming: IncomingBall, course: Course, wait: float) -> BallState:

@@ -171,7 +171,7 @@ def plan_kick(
         leg.check_base_at_rest("a motion from rest to rest")
     if incoming is not None:
         if motion or ball_position is not None:
-            other = "motion=True" if motion else "ball_position"
+            other = f"motion={motion!r}" if motion else "ball_position"
             raise InvalidInput(f"incoming and {other} exclude each other: give one of them")
         come = incoming if isinstance(incoming, IncomingBall) else IncomingBall(incoming)
         settings = KickSettings(goal, ball, air, contact, objective, limits, surface, solver)

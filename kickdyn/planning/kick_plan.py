@@ -328,7 +328,7 @@ def check_ground_at_impact(plan: KickPlan) -> Sequence[str]:
         remedy = f"the ground is at z = {plan.meeting.ground.height:.4g} m, and " + (
             "so it is in every meeting with a kick"
             if len(plan.meetings) > 1
-            else "another time or place of the meeting can avoid this"
+            else "another time or place of the meeting, or lower ground, can avoid this"
         )
     return (
         _at_impact(plan, _under_ground, "under the ground", remedy) if plan.ball_is_placed else ()

@@ -31,7 +31,7 @@ from kickdyn.robot.kicking_chain import with_angles
 from kickdyn.robot.leg import Leg, Posture
 
 LONGEST_COURSE = 10.0
-"""Time for which a ball is followed after it is trapped [s]."""
+"""Time for which each flight, and rolling, of a trapped ball is followed at most [s]."""
 
 Chosen = tuple[Posture, Array, dict[str, Any]]
 """The robot's posture and joint velocity at the impact, and further attributes of `KickPlan`."""

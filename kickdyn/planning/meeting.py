@@ -37,6 +37,10 @@ ACCURACY = 0.1
 """Distance at the target for which the exactness of timing and perception is stated [m]."""
 
 
+LARGEST_ERROR = 10.0
+"""Error of time [s], velocity [m/s] or place [m] from which on it counts as without effect."""
+
+
 class LandingSlopes(NamedTuple):
     """Derivatives of where the ball meets the plane of the target, shapes `(3,)` and `(3, 3)`.
 
@@ -52,9 +56,18 @@ class LandingSlopes(NamedTuple):
 
     @property
     def tolerances(self) -> tuple[float, float, float]:
-        """Errors of time [s], velocity [m/s] and place [m] that each move the landing by 10 cm."""
-        sizes = (np.linalg.norm(slope, 2) for slope in self)
-        return tuple(ACCURACY / size if size else math.inf for size in map(float, sizes))  # type: ignore[return-value]
+        """Errors of time [s], velocity [m/s] and place [m] that each move the landing by 10 cm.
+
+        One above `LARGEST_ERROR` is infinite, such as of the time in which a ball at rest is met.
+        """
+        time, velocity, place = (error_that_matters(slope) for slope in self)
+        return time, velocity, place
+
+
+def error_that_matters(slope: Array) -> float:
+    """Return the error that moves the landing by 10 cm, from derivatives of the landing by it."""
+    size = float(np.linalg.norm(slope, 2))
+    return ACCURACY / size if size > ACCURACY / LARGEST_ERROR else math.inf
 
 
 class Arrival(NamedTuple):

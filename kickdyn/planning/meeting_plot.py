@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from kickdyn.core.plot_style import styled
 from kickdyn.core.validation import Array
 from kickdyn.planning.goal import Goal
-from kickdyn.planning.meeting import ACCURACY, LandingSlopes
+from kickdyn.planning.meeting import LandingSlopes, error_that_matters
 
 COLOURS = "tab:blue", "tab:orange"
 """Of speed use and of tolerances."""
@@ -48,7 +48,9 @@ def meeting_figure(plan: Any) -> Figure:
         return figure
     turn = np.linspace(0.0, 2.0 * math.pi, 100)
     right.plot(10 * np.cos(turn), 10 * np.sin(turn), color="0.6")
-    for number, (name, moved, size) in enumerate(_errors(plan.meeting.ball.velocity, slope)):
+    for number, (name, moved, size) in enumerate(
+        _errors(plan.meeting.ball.velocity, goal.ahead, slope)
+    ):
         end = 100 * size * np.array([-(goal.left @ moved), moved[2]])
         right.plot([0.0, end[0]], [0.0, end[1]], "-o", linewidth=6.0 - 1.5 * number, label=name)
     right.set_aspect("equal", adjustable="datalim")
@@ -58,16 +60,21 @@ def meeting_figure(plan: Any) -> Figure:
     return figure
 
 
-def _errors(velocity: Array, slopes: LandingSlopes) -> Iterator[tuple[str, Array, float]]:
-    """Yield errors that move the landing by 10 cm: name, slope and size."""
-    ahead = velocity / (np.linalg.norm(velocity) or 1.0)
+def _errors(
+    velocity: Array, to_target: Array, slopes: LandingSlopes
+) -> Iterator[tuple[str, Array, float]]:
+    """Yield errors that move the landing by 10 cm: name, slope and size.
+
+    The ball's `velocity` is ahead, or of a ball at rest, the direction to the target.
+    """
+    ahead = velocity / np.linalg.norm(velocity) if velocity.any() else to_target
     left = np.array([-ahead[1], ahead[0], 0.0])
     for moved, factor, text in (
         (slopes.time, 1e3, "foot {:.2g} ms late"),
         (slopes.place @ ahead, 1e3, "ball {:.2g} mm ahead of where it was seen"),
         (slopes.place @ left, 1e3, "ball {:.2g} mm to the left of there"),
-        (slopes.velocity @ ahead, 1e3, "ball {:.2g} mm/s faster than seen"),
+        (slopes.velocity @ ahead, 1e3, "ball {:.3g} mm/s faster than seen"),
     ):
-        size = float(np.linalg.norm(moved))
-        if size > 0.0:
-            yield text.format(factor * ACCURACY / size), moved, ACCURACY / size
+        size = error_that_matters(moved)
+        if math.isfinite(size):
+            yield text.format(factor * size), moved, size

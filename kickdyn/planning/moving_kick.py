@@ -150,12 +150,15 @@ class InterceptingKick:
         """Less for a better kick."""
         return -self.meeting.share, self.meeting.speed_use
 
+    @property
+    def objective(self) -> Objective | LargestShare:
+        """What makes the kick best: the share of the launch, if that is not reached in full."""
+        weaker = self.point.share < 1.0
+        return STRONGEST if weaker else OBJECTIVES[self.task.settings.objective]()
+
     def polished(self) -> "InterceptingKick":
         """Return the kick in all digits, so that it does not depend on rounding."""
-        if self.meeting.share < 1.0:
-            return self
-        objective = OBJECTIVES[self.task.settings.objective]()
-        return self.task.kick(self.problem, self.problem.polish(objective, self.point))
+        return self.task.kick(self.problem, self.problem.polish(self.objective, self.point))
 
     def plan(self) -> KickPlan:
         """Return the plan, with the path of the ball."""
@@ -455,13 +458,12 @@ def _mended(kick: InterceptingKick) -> KickPlan | None:
     under, always = (find_depths(problem.robot, x, ground) for x in (q, rest))
     if any(abs(depth - always.get(name, 0.0)) < 1e-12 for name, depth in under.items()):
         return None  # such as the other leg, which the kick does not move
-    objective = OBJECTIVES[task.settings.objective]() if point.share == 1.0 else STRONGEST
     for _ in range(MENDINGS):
         pairs |= find_self_collisions(problem.robot, problem.on_robot(point)[0]).keys()
         trial = keep_apart(kick.problem, pairs) if pairs else kick.problem
         if problem.standing is None:
             trial = keep_above(trial, ground)
-        best = best_from(trial, objective, [point.x, *trial.starts()])
+        best = best_from(trial, kick.objective, [point.x, *trial.starts()])
         if best is None or best.share < point.share - 1e-6:
             return None
         point = best

@@ -213,11 +213,19 @@ def _describe_meeting(plan: KickPlan) -> list[str]:
     lines = [line + "."]
     slopes = _landing_slopes(plan)
     if slopes is not None:
-        time, speed, place_error = slopes.tolerances
+        texts = (
+            "foot {:.2g} ms early or late",
+            "ball's velocity {:.3g} mm/s off",
+            "ball's place {:.2g} mm off",
+        )
+        errors = [
+            f"the {text.format(1e3 * error)}"
+            for text, error in zip(texts, slopes.tolerances, strict=True)
+            if math.isfinite(error)
+        ]
         lines.append(
-            "Each of these errors alone moves the ball by up to 10 cm at the target: the foot "
-            f"{1e3 * time:.2g} ms early or late, the ball's velocity {1e3 * speed:.2g} mm/s off, "
-            f"or its place {1e3 * place_error:.2g} mm off."
+            "Each of these errors alone moves the ball by up to 10 cm at the target: "
+            f"{', or '.join(errors)}."
         )
     return lines
 

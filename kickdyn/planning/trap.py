@@ -47,7 +47,8 @@ def plan_trap(
 
     Returns:
         The plan. Its `goal` is the ball with the wished velocity, without spin; `launch` is the
-        ball with the spin that is left; `path` is followed to rest, for 10 s at most.
+        ball with the spin that is left; `path` is followed to rest, each flight and the rolling for
+        10 s at most.
 
     Raises:
         InvalidInput: a ball that moves so already, and as for `plan_kick`.

@@ -249,5 +249,7 @@ def test_the_delassus_matrix_of_several_contacts_is_that_of_one_system(seed):
 
 @pytest.mark.parametrize("law", ["paper", "stronge"])
 def test_a_law_of_one_contact_refuses_several(law):
-    with pytest.raises(kd.InvalidInput, match=f"law is '{law}', .* 2 simultaneous contacts.* need 'newton'"):
+    with pytest.raises(
+        kd.InvalidInput, match=f"law is '{law}', .* 2 simultaneous contacts.* need 'newton'"
+    ):
         solve_contacts(two_points(0), LAWS[law])

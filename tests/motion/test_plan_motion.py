@@ -436,7 +436,9 @@ def test_without_casadi_it_says_how_to_install_it(monkeypatch):
 
 def test_a_ball_that_the_foot_cannot_touch_is_refused():
     far = (2.0, 0.0, -0.7)
-    with pytest.raises(kd.InvalidInput, match="no posture was found in which leg_human can touch the ball at rest"):
+    with pytest.raises(
+        kd.InvalidInput, match="no posture was found in which leg_human can touch the ball at rest"
+    ):
         kd.plan_kick(HUMAN, kd.Goal(15, time=1), BALL, AIR, ball_position=far, motion=True)
 
 

@@ -352,7 +352,7 @@ def check_ball_overlap_after(plan: KickPlan) -> Sequence[str]:
     """Return a line for the bodies of a moving robot that are in the way of the ball's path."""
     if plan.motion is None:
         return ()
-    step = 0.5 * plan.impact.ball.radius / plan.impact.ball_after.speed
+    step = 0.5 * plan.impact.ball.radius / float(plan.impact.ball_after.speed)
     times = np.arange(step, min(plan.motion.end, plan.path.duration), step)
     remedy = "another direction of the launch can avoid this"
     return _in_motion(plan, _in_ball, "in the way of the ball after the impact", remedy, times)

@@ -409,7 +409,7 @@ def test_what_a_page_cannot_show(kick):
     for shown, reason in (
         (1, "subject is 1: it must be a kickdyn.Impact, a kickdyn.KickPlan, "),
         ("kick", "cannot show a str"),
-        ([impact, path], "compares flights, or impacts"),
+        ([impact, path], "compares flights or impacts, not both"),
         ([], "there are 0"),
     ):
         with pytest.raises(kd.InvalidInput, match=reason):

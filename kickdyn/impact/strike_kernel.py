@@ -22,6 +22,7 @@ from kickdyn.core.simd import (
     sine_and_cosine,
     spread,
 )
+from kickdyn.impact import newton_law
 from kickdyn.robot import tree_kernel
 from kickdyn.robot.tree_kernel import (
     BODY,
@@ -37,6 +38,7 @@ from kickdyn.robot.tree_kernel import (
     contact_jacobian,
     delassus_matrix,
     factorize,
+    inlined,
     joint_impulses,
     joint_space_inertia,
     njit,
@@ -70,99 +72,44 @@ of each joint's velocity, and the linear and angular impulse in each joint, in i
 LEAST_SHARE = 1e-6
 """Share that a pivot or a resistance must keep of its terms, or the strike is doubtful."""
 
-DIRECTIONS = 32
-_ANGLES = 2.0 * np.pi * np.arange(DIRECTIONS + 1) / DIRECTIONS
-_COS, _SIN = np.cos(_ANGLES), np.sin(_ANGLES)
-_WIDTH = 2.0 * math.pi / DIRECTIONS
+LEAST_RESISTANCE = 1e-3
+"""Share of its mobility along the normal that a contact must resist with, or it is doubtful."""
+
+_stick_impulse = njit(newton_law.stick_impulse)
+_slip_impulse = njit(newton_law.slip_impulse)
+_slip_directions = njit(newton_law.slip_directions)
+_energy_lost = inlined(newton_law.energy_lost)
 
 
 @njit
 def _solve(floats, lane, i):  # type: ignore[no-untyped-def]
-    r"""Fill in the impulse of lane i in the contact's axes by the law `newton`, see `solve_newton`.
-
-    Where the points slip, all zeros of the trigonometric polynomial of `slip_angles` are sought.
-    """
-    g12, g13, g23 = floats.delassus[D12, i], floats.delassus[D13, i], floats.delassus[D23, i]
-    g11 = floats.delassus[D11, i] + lane.tangent_mobility[i]
-    g22 = floats.delassus[D22, i] + lane.tangent_mobility[i]
-    g33 = floats.delassus[D33, i] + lane.normal_mobility[i]
-    u1, u2, u3 = lane.velocity[0, i], lane.velocity[1, i], lane.velocity[2, i]
+    """Fill in the impulse of lane i by the law `newton`; return 1 where the points stick, or 0."""
+    delassus, mobility = floats.delassus, lane.tangent_mobility[i]
+    g33 = delassus[D33, i] + lane.normal_mobility[i]
+    g = (
+        delassus[D11, i] + mobility, delassus[D12, i], delassus[D22, i] + mobility,
+        delassus[D13, i], delassus[D23, i], g33,
+    )  # fmt: skip
+    u = lane.velocity[0, i], lane.velocity[1, i], lane.velocity[2, i]
     e, mu = lane.restitution[i], lane.friction[i]
-    f3 = (1.0 + e) * u3
-    floats.impulse[0, i], floats.impulse[1, i], floats.impulse[2, i] = 0.0, 0.0, -f3 / g33
-    floats.energy_lost[i] = 0.5 * f3 / g33 * u3 * (1.0 - e)
-    if mu == 0.0:
-        return 0.0
-    ratio = g12 / g11
-    h22, h23 = g22 - ratio * g12, g23 - ratio * g13
-    low = h23 / h22
-    h33 = g33 - g13 / g11 * g13 - low * h23
-    if not (h22 > LEAST_SHARE * g22 and h33 > LEAST_SHARE * g33):
-        floats.doubt[i] = 1.0
-        return 0.0
-    b2 = -u2 + ratio * u1
-    p3 = (-f3 + g13 / g11 * u1 - low * b2) / h33
-    p2 = (b2 - h23 * p3) / h22
-    p1 = (-u1 - g12 * p2 - g13 * p3) / g11
-    if p1 * p1 + p2 * p2 <= (mu * p3) * (mu * p3) and p3 >= 0.0:
-        floats.impulse[0, i], floats.impulse[1, i], floats.impulse[2, i] = p1, p2, p3
-        floats.energy_lost[i] = 0.5 * (-p3 * u3 * (1.0 - e) - p1 * u1 - p2 * u2)
-        return 1.0
-    x0, x1 = mu * (u1 * g13 - f3 * g11), mu * (u1 * g23 - f3 * g12)
-    y0, y1 = mu * (u2 * g13 - f3 * g12), mu * (u2 * g23 - f3 * g22)
-    x2, y2 = u1 * g33 - f3 * g13, u2 * g33 - f3 * g23
-    curved = abs(y2) + abs(x2) + 4.0 * (abs(y1 - x0) + abs(y0 + x1))
-    most, slips = -math.inf, False
-    c, s, value, slope = 1.0, 0.0, y0 + y2, y1 - x0 - x2
-    for k in range(1, DIRECTIONS + 1):
-        value0, slope0 = value, slope
-        c, s = _COS[k], _SIN[k]
-        x, y = x0 * c + x1 * s + x2, y0 * c + y1 * s + y2
-        value = c * y - s * x
-        slope = -s * y + c * (y1 * c - y0 * s) - c * x - s * (x1 * c - x0 * s)
-        if (value0 < 0.0) == (value < 0.0):
-            least = min(abs(value0), abs(value))
-            dips = slope0 * value0 < 0.0 < slope * value
-            if dips and least < 0.125 * _WIDTH * _WIDTH * curved:  # there may be two zeros
-                floats.doubt[i] = 1.0
-            continue
-        a, b = _WIDTH * (k - 1), _WIDTH * k
-        angle = a + _WIDTH * value0 / (value0 - value)
-        for _ in range(60):  # Newton's method, kept within the bracket
-            c1, s1 = math.cos(angle), math.sin(angle)
-            x, y = x0 * c1 + x1 * s1 + x2, y0 * c1 + y1 * s1 + y2
-            here = c1 * y - s1 * x
-            steep = -s1 * y + c1 * (y1 * c1 - y0 * s1) - c1 * x - s1 * (x1 * c1 - x0 * s1)
-            if (here < 0.0) == (value0 < 0.0):
-                a = angle
-            else:
-                b = angle
-            new = angle - here / steep if steep != 0.0 else 0.5 * (a + b)
-            if not a <= new <= b:
-                new = 0.5 * (a + b)
-            if abs(new - angle) <= 2e-16 * (1.0 + angle):
-                break
-            angle = new
-        c1, s1 = math.cos(angle), math.sin(angle)
-        resistance = mu * (g13 * c1 + g23 * s1) + g33
-        if resistance <= 0.0:
-            continue
-        p = -f3 / resistance
-        slide1 = mu * p * (g11 * c1 + g12 * s1) + g13 * p + u1
-        slide2 = mu * p * (g12 * c1 + g22 * s1) + g23 * p + u2
-        if c1 * slide1 + s1 * slide2 > 0.0:  # friction would drive the sliding
-            continue
-        along = c1 * (u1 + slide1) + s1 * (u2 + slide2)
-        lost = 0.5 * p * (-u3 * (1.0 - e) - mu * along)
-        if resistance < 1e-3 * g33:
+    sticks = 0.0
+    f3 = (1.0 + e) * u[2]
+    impulse = 0.0, 0.0, -f3 / g33
+    lost = -0.5 * (1.0 - e) * u[2] * impulse[2]
+    if mu > 0.0:
+        stick, _, (h22, h33) = _stick_impulse(g, u, e)
+        p1, p2, p3 = stick
+        if not (h22 > LEAST_SHARE * g[2] and h33 > LEAST_SHARE * g33):
             floats.doubt[i] = 1.0
-        if lost > most:
-            most, slips = lost, True
-            floats.impulse[0, i], floats.impulse[1, i] = mu * p * c1, mu * p * s1
-            floats.impulse[2, i], floats.energy_lost[i] = p, lost
-    if not slips:
-        floats.doubt[i] = 1.0
-    return 0.0
+        elif p1 * p1 + p2 * p2 <= (mu * p3) * (mu * p3) and p3 >= 0.0:
+            sticks, impulse, lost = 1.0, stick, _energy_lost(stick, u, (0.0, 0.0), e)
+        else:
+            impulse, lost = _slip_impulse(g, u, e, mu, _slip_directions(g, u, e, mu))
+            if not 0.0 < impulse[2] * (LEAST_RESISTANCE * g33) < -f3:
+                floats.doubt[i] = 1.0
+    floats.impulse[0, i], floats.impulse[1, i], floats.impulse[2, i] = impulse
+    floats.energy_lost[i] = lost
+    return sticks
 
 
 def _strike(tree, frames, task, given, motion, memory, answer):  # type: ignore[no-untyped-def]
@@ -252,7 +199,7 @@ def _write(rotation, frame, vector, answer, first, c):  # type: ignore[no-untype
         answer[first + r, c] = frame[r, 0] * u + frame[r, 1] * v + frame[r, 2] * w
 
 
-named(_strike, "strike", simd, tree_kernel)
+named(_strike, "strike", simd, newton_law, tree_kernel)
 
 
 @cache

@@ -167,11 +167,12 @@ def slip_direction(a11: float, a12: float, a22: float, g1: float, g2: float) -> 
     p_3 G` along the tangents: :math:`(A + k) d = -g` with :math:`k \ge 0`. The length of d
     decreases with k and is above 1 at 0, where the points would stick, so that one k makes it 1.
     Newton's method on its inverse, which is concave, comes to that from below (Conn, Gould and
-    Toint, Trust-Region Methods, 2000, chapter 7). Without g, d is 0.
+    Toint, Trust-Region Methods, 2000, chapter 7). It starts above 0, where A may be singular.
+    Without g, d is 0.
     """
     if g1 == 0.0 and g2 == 0.0:
         return 0.0, 0.0, 0.0
-    k = max(0.0, math.sqrt(g1 * g1 + g2 * g2) - (a11 + a22))
+    k = max(1e-15 * (a11 + a22), math.sqrt(g1 * g1 + g2 * g2) - (a11 + a22))
     x, y, size = 0.0, 0.0, 1.0
     for _ in range(60):
         b11, b22 = a11 + k, a22 + k

@@ -49,7 +49,7 @@ EXACT = {
 }
 """Impulse on the ball by friction [N s], computed with 50 digits and rounded to float64."""
 
-LEAST = 1e-16
+LEAST_ERROR = 1e-16
 """Least relative error that is drawn: half a unit in the last place."""
 
 
@@ -222,7 +222,7 @@ def cost_figure(rows: Sequence[FunctionCost]) -> Figure:
         panels, ("model: time of the contact neglected", "rounding and integration"),
         ("model", "rounding"), strict=True,
     ):  # fmt: skip
-        shown = [(row, max(getattr(row, kind), LEAST)) for row in rows
+        shown = [(row, max(getattr(row, kind), LEAST_ERROR)) for row in rows
                  if not math.isnan(getattr(row, kind))]  # fmt: skip
         for row, error in shown:
             axes.loglog(

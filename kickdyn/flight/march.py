@@ -26,7 +26,7 @@ from kickdyn.core.compilation import WITHIN, compiled, named
 from kickdyn.core.dop853 import COUNT, STAGES, WEIGHT, WHICH_RATE
 from kickdyn.core.validation import Array
 from kickdyn.flight import compiling, events
-from kickdyn.flight.compiling import HOW, LANES, LEFT, SIGNATURE, SIZE, U, V, W, X, Z
+from kickdyn.flight.compiling import LANES, LEFT, OPTIONS, SIGNATURE, SIZE, U, V, W, X, Z
 from kickdyn.flight.events import AT_REST, NUMBERS
 from kickdyn.flight.integrate import MAX_EVALUATIONS
 
@@ -50,7 +50,7 @@ _CREST, _NO_EVENT = -1, -2
 
 _EPS = float(np.finfo(float).eps)
 
-_OPTIONS: dict[str, Any] = {**HOW, "_nrt": False}
+_OPTIONS: dict[str, Any] = {**OPTIONS, "_nrt": False}
 """No counting of references by numba, which costs time in every call: Python owns all arrays."""
 
 njit: Any = numba.njit(**_OPTIONS, **WITHIN)

@@ -15,7 +15,7 @@ from kickdyn.impact.contact_problem import tangents
 
 Vector = tuple[float, float, float]
 
-SLOW = 20.0
+TURNING_RATIO = 20.0
 """Sliding speed, over the speed of points at rest, up to which a sliding that turns is about to
 stop: its direction changes faster than an explicit integrator follows."""
 
@@ -139,7 +139,7 @@ def slides(speed: float, resting: float, turned: bool, left: float) -> bool:
         turned: whether the phase before ended because the sliding turned or stopped.
         left: largest friction, less the one that stops the points [N].
     """
-    return speed > (SLOW if turned and left > 0.0 else 2.0) * resting
+    return speed > (TURNING_RATIO if turned and left > 0.0 else 2.0) * resting
 
 
 def sticking_force(

@@ -29,6 +29,9 @@ TANGENT = 1e-8
 Matrix = tuple[float, float, float, float, float, float]
 """Entries 11, 12, 22, 13, 23, 33 of a symmetric matrix."""
 
+Conic = tuple[float, float, float, float, float, float]
+"""See `slip_conic`."""
+
 Directions = tuple[tuple[float, float], ...]
 """Pairs of cosine and sine."""
 
@@ -70,7 +73,7 @@ def solve_newton(problem: ContactProblem) -> Solution:
     if math.hypot(stick[0], stick[1]) <= mu * stick[2]:
         lost = energy_lost(stick, u, (0.0, 0.0), e)
         return solution_in_world(axes, np.array(stick), (True,), lost)
-    slip, lost = slip_impulse(g, u, e, mu, slip_directions(g, u, e, mu))
+    slip, lost = slip_impulse(g, u, e, mu, meet_circle(slip_conic(g, u, e, mu)))
     return solution_in_world(axes, np.array(slip), (False,), lost)
 
 
@@ -138,7 +141,7 @@ def slip_impulse(
 ) -> tuple[Triple, float]:
     r"""Return the impulse on the cone that loses most energy [N s], and the energy lost [J].
 
-    Along a direction of `slip_directions`, the impulse :math:`p\, (\mu c, \mu s, 1)` follows from
+    Along a direction of `meet_circle`, the impulse :math:`p\, (\mu c, \mu s, 1)` follows from
     the normal row. Where the cone hardly resists, p alone would have few digits, so that Newton's
     method improves p and the direction together. Impulses whose friction would drive the sliding
     are none; without any, the energy lost is -inf.
@@ -186,18 +189,16 @@ def slip_impulse(
     return impulse, most
 
 
-def slip_directions(g: Matrix, u: Triple, e: float, mu: float) -> Directions:
-    r"""Return every direction (c, s) in which friction and sliding can be parallel.
+def slip_conic(g: Matrix, u: Triple, e: float, mu: float) -> Conic:
+    r"""Return where friction and sliding are parallel, over directions (c, s) of the friction.
 
     With the impulse :math:`p\, (\mu c, \mu s, 1)`, and p from the normal row, they are parallel
-    where the unit circle meets a conic, at four points at most. In axes in which the conic has no
-    term in :math:`c s`, it and the circle have these combinations, where :math:`0 \le \tau \le 1`:
+    where the unit circle meets the conic
 
-    .. math:: 2 h\, (\tau c^2 - (1 - \tau) s^2) + 2 d_1 c + 2 d_2 s + m + h - 2 h \tau .
+    .. math:: m\, (c^2 + s^2) + h\, (c^2 - s^2) + 2 d_1 c + 2 d_2 s = 0
 
-    One of them is a pair of straight lines: its :math:`\tau` is a root of a cubic, which changes
-    its sign between 0 and 1. The lines meet the circle where the conic does (Richter-Gebert,
-    Perspectives on Projective Geometry, 2011, chapter 11). Points that a line misses are (0, 0).
+    in axes that are turned by an angle b. Returned are h, m, d_1 and d_2, scaled to order 1, and
+    cosine and sine of b.
 
     Args:
         g: as for `stick_impulse`.
@@ -210,7 +211,7 @@ def slip_directions(g: Matrix, u: Triple, e: float, mu: float) -> Directions:
     # sliding times a positive number: x and y, as coefficients of c, s and 1
     x0, x1, x2 = mu * (u[0] * g13 - f3 * g11), mu * (u[0] * g23 - f3 * g12), u[0] * g33 - f3 * g13
     y0, y1, y2 = mu * (u[1] * g13 - f3 * g12), mu * (u[1] * g23 - f3 * g22), u[1] * g33 - f3 * g23
-    # c y - s x = (mean + h cos(2 a - 2 b)) + y2 c - x2 s at c = cos a, s = sin a
+    # c y - s x is the conic, with the product of c and s as long as axes are not turned
     mean, even, odd = 0.5 * (y0 - x1), 0.5 * (y0 + x1), 0.5 * (y1 - x0)
     scale = max(max(abs(mean), abs(even), abs(odd)), max(abs(x2), abs(y2)))
     if scale == 0.0:
@@ -226,7 +227,21 @@ def slip_directions(g: Matrix, u: Triple, e: float, mu: float) -> Directions:
         cos_b = 0.5 * odd / h / sin_b
     d1 = 0.5 * (y2 * cos_b - x2 * sin_b) / scale
     d2 = -0.5 * (y2 * sin_b + x2 * cos_b) / scale
+    return h, mean, d1, d2, cos_b, sin_b
 
+
+def meet_circle(conic: Conic) -> Directions:
+    r"""Return the four points, at most, in which the unit circle meets the conic of `slip_conic`.
+
+    Between 0 and 1 there is a :math:`\tau` for which conic and circle have this combination:
+
+    .. math:: 2 h\, (\tau c^2 - (1 - \tau) s^2) + 2 d_1 c + 2 d_2 s + m + h - 2 h \tau ,
+
+    a pair of straight lines. It is a root of a cubic that changes its sign there. The lines meet
+    the circle where the conic does (Richter-Gebert, Perspectives on Projective Geometry, 2011,
+    chapter 11). Points that a line misses are (0, 0).
+    """
+    h, mean, d1, d2, cos_b, sin_b = conic
     low, high = 0.0, 1.0
     tau = 0.5 if d1 == 0.0 and d2 == 0.0 else d1 * d1 / (d1 * d1 + d2 * d2)
     for _ in range(80):  # Newton's method, kept within the bracket

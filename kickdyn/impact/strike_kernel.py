@@ -77,7 +77,8 @@ LEAST_RESISTANCE = 1e-3
 
 _stick_impulse = njit(newton_law.stick_impulse)
 _slip_impulse = njit(newton_law.slip_impulse)
-_slip_directions = njit(newton_law.slip_directions)
+_slip_conic = njit(newton_law.slip_conic)
+_meet_circle = njit(newton_law.meet_circle)
 _energy_lost = inlined(newton_law.energy_lost)
 
 
@@ -104,7 +105,8 @@ def _solve(floats, lane, i):  # type: ignore[no-untyped-def]
         elif p1 * p1 + p2 * p2 <= (mu * p3) * (mu * p3) and p3 >= 0.0:
             sticks, impulse, lost = 1.0, stick, _energy_lost(stick, u, (0.0, 0.0), e)
         else:
-            impulse, lost = _slip_impulse(g, u, e, mu, _slip_directions(g, u, e, mu))
+            directions = _meet_circle(_slip_conic(g, u, e, mu))
+            impulse, lost = _slip_impulse(g, u, e, mu, directions)
             if not 0.0 < impulse[2] * (LEAST_RESISTANCE * g33) < -f3:
                 floats.doubt[i] = 1.0
     floats.impulse[0, i], floats.impulse[1, i], floats.impulse[2, i] = impulse

@@ -45,6 +45,9 @@ STEPS, STEP, NEAR, LAWSON = 8, 1e-7, 1e-4, 20
 """Steps of Newton's method towards the ball, their differences [rad], the distance of a posture
 that is there [m], and iterations for the least joint speed."""
 
+ADDITIONS = 100_000
+"""Number of additions with which times are compared."""
+
 FAST, STICKING = 1e3, 1e3
 """Speed of a ball that every foot meets [m/s], and friction with which every contact sticks."""
 
@@ -320,10 +323,20 @@ def _print_times(leg: kd.Leg, goal: kd.Goal, seen: kd.BallState) -> None:
     rest = processor_time(lambda: kd.plan_kick(leg, aim, BALL, AIR, ball_position=place), 7)
     rolls = processor_time(lambda: kd.plan_kick(leg, goal, BALL, AIR, incoming=seen), 7)
     replans = processor_time(lambda: plan.replan(incoming=again), 25)
+    peer = processor_time(lambda: _additions(ADDITIONS), 25)
     print(
         f"{leg.name}: {rest:.0f} ms for a ball at rest, {rolls:.0f} ms for one that rolls "
-        f"({rolls / rest:.1f} times), {replans:.1f} ms to plan again"
+        f"({rolls / rest:.1f} times), {replans:.1f} ms to plan again ({replans / rest:.2f} times; "
+        f"{replans / peer:.2f} times {ADDITIONS} additions in Python, {peer:.1f} ms)"
     )
+
+
+def _additions(n: int) -> int:
+    """Return n, by counting: work that is the same for all versions, to compare machines by."""
+    total = 0
+    for _ in range(n):
+        total += 1
+    return total
 
 
 def main() -> None:

@@ -1,8 +1,12 @@
 """Where and when balls are met."""
 
+import numpy as np
 import pytest
 
 import kickdyn as kd
+from kickdyn.planning.interception import reach_of, waits_in_reach
+from kickdyn.robot.ground_clearance import find_depths
+from kickdyn.robot.kicking_chain import rest_configuration
 
 BALL, AIR = kd.Ball(), kd.Air()
 HUMAN = kd.Leg.human()
@@ -35,3 +39,31 @@ def test_a_half_volley():
     assert plan.meeting.ball.velocity[2] > 1.0
     end = plan.path.landing.position
     assert end == pytest.approx(DROPPING.position + goal.target, abs=1e-6)
+
+
+def test_the_default_ground_of_a_flying_ball_is_under_the_leg_and_beside_it():
+    """It is under the foot of the straight leg, or under the other foot of the robot, or lower."""
+    toe, ankle = (leg.posture(leg.configuration()).contact_point[2] for leg in (HUMAN, G1))
+    ground = kd.IncomingBall(DROPPING).on_ground_of(HUMAN, BALL).ground
+    assert ground == kd.Ground(toe, "turf")
+    ground = kd.IncomingBall(DROPPING).on_ground_of(G1, BALL).ground
+    rest = rest_configuration(G1)
+    assert ground.height < ankle - 0.01
+    assert find_depths(G1, rest, ground.height) == {}
+    assert "left_ankle_roll_link" in find_depths(G1, rest, ground.height + 0.002)
+    below = kd.BallState((2.2, 0.0, ground.height), (-5.0, 0.0, 0.3))
+    lower = kd.IncomingBall(below).on_ground_of(G1, BALL).ground
+    assert lower.height == pytest.approx(ground.height - BALL.radius, abs=1e-12)
+
+
+@pytest.mark.parametrize(("passes", "beside"), [(0.2, 0.0), (0.2, 0.004), (0.0, 0.0), (0.45, 0.0)])
+def test_a_place_on_the_path_gives_the_time(passes, beside):
+    """In the middle, at the ends of the path, and a little beside it."""
+    flies = kd.BallState((0.4, 0.0, 0.5), (-1.0, 0.0, 0.0), time=2.0)
+    ground = kd.Ground(-0.79, "turf")
+    point = kd.follow(flies, BALL, None, ground, 1e-12).sample(passes).position
+    place = point + np.array([0.0, beside, 0.0])
+    meets = kd.IncomingBall(flies, ground, place).on_ground_of(HUMAN, BALL)
+    course = meets.course(BALL, None, 0.45)
+    waits = waits_in_reach(meets, course, reach_of(HUMAN, BALL), kd.Goal(9, time=1.0), BALL.radius)
+    assert waits == pytest.approx([passes], abs=1e-11)

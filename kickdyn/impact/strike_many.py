@@ -289,13 +289,14 @@ class _Kernel:
             self._set_restitution(answer[:, rows.APPROACH])
             answer, flags = self._run(q, v)
         (n, nv), first = q.shape, rows.FIRST + self._given.leg.nv
-        vectors = (
+        impulse, velocity, spin, position = (
             answer[:, k : k + 3]
             for k in (rows.IMPULSE, rows.BALL_VELOCITY, rows.BALL_SPIN, rows.BALL_POSITION)
         )
         impacts = Impacts(
-            *vectors, answer[:, rows.FIRST : first], answer[:, first:].reshape(n, nv, 6),
-            answer[:, rows.APPROACH], answer[:, rows.LOST], flags,
+            impulse, velocity, spin, position, answer[:, rows.FIRST : first],
+            answer[:, first:].reshape(n, nv, 6), answer[:, rows.APPROACH], answer[:, rows.LOST],
+            flags,
         )  # fmt: skip
         return impacts, flags == rows.ANEW
 

@@ -103,8 +103,14 @@ class BodyTrack(ReprMixin):
             if unseen[:, k].any()
         }
 
+    @validation.check_arguments
     def find_marker(self, name: str) -> int:
-        """Return the number of a marker; the prefix of a subject, as in `Anna:RASI`, may be left out.
+        """Return the number of a marker.
+
+        The prefix of a subject may be left out: `RASI` finds `Anna:RASI`.
+
+        Args:
+            name: name of the marker.
 
         Raises:
             InvalidInput: no marker of this name, or several with different prefixes.
@@ -260,7 +266,7 @@ def _with_gaps(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
 
 
 def _centre(points: Array, radius: float) -> Array:
-    """Return the centre of the sphere through points, shape `(n, 3)`; NaN where under four are seen.
+    """Return the centre of the sphere through points, `(n, 3)`; NaN if fewer than four are seen.
 
     Raises `InvalidInput` if their distances from it differ from the radius.
     """
@@ -284,7 +290,7 @@ def _centre(points: Array, radius: float) -> Array:
             f"the markers are up to {1000.0 * misfit:.3g} mm from a sphere of radius {radius:g} m: "
             "check the radius, and that all of them are on the ball and not in one plane"
         )
-    return mean + centre
+    return np.asarray(mean + centre)
 
 
 def _with_z_up(positions: Array, up: Up) -> Array:

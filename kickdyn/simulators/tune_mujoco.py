@@ -107,8 +107,8 @@ class MujocoTuning(ReprMixin):
             if goal.name == "speed around":
                 where = f" at {min(SPEEDS):g} to {max(SPEEDS):g} times all velocities"
             lines.append(
-                f"with a time step of {1e3 * self.timestep:g} ms, the ball's {what} is off by up to "
-                f"{error}{where}, and at most {limit} is accepted: choose a smaller time step"
+                f"with a time step of {1e3 * self.timestep:g} ms, the ball's {what} is off by "
+                f"up to {error}{where}, and at most {limit} is accepted: choose a smaller time step"
             )
         names = [error.change for error in self.errors]
         for factor in SPEEDS:

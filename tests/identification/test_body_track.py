@@ -172,5 +172,5 @@ def test_markers_that_do_not_determine_the_centre_are_refused(spots, names, radi
 def test_the_prefix_of_a_subject_may_be_left_out():
     track = kd.BodyTrack([0, 1], ["Ann:a", "Ann:b", "Bob:b"], np.zeros((2, 3, 3)))
     assert track.find_marker("a") == track.find_marker("Ann:a") == 0
-    with pytest.raises(kd.InvalidInput, match="marker 'b' is unknown: .*Bob:b"):
+    with pytest.raises(kd.InvalidInput, match=r"marker 'b' is unknown: .*Bob:b"):
         track.find_marker("b")

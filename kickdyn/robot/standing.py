@@ -21,6 +21,7 @@ from kickdyn.robot.ground_clearance import (
     joined,
     shape_of,
     shapes_of,
+    sphere_directions,
 )
 from kickdyn.robot.kicking_chain import rest_configuration
 from kickdyn.robot.leg import Leg, Posture
@@ -31,12 +32,21 @@ from kickdyn.robot.surgery import coordinate_indices, has_floating_base, reroot_
 SOLE_THICKNESS = 2e-3
 """Height above the lowest point of a foot up to which its shapes count as its sole [m]."""
 
+NARROW = 0.02
+"""Width of a sole below which the foot may stand on another face of its shapes [m]."""
+
+MOST_TILT = np.radians(30.0)
+"""Largest angle of a sole to the ground while all joints are at 0 [rad]."""
+
+FACE = np.radians(1.0)
+"""Largest angle between facets of a hull that are one face [rad]."""
+
 
 class StandingRobot:
     r"""A robot that stands on one flat foot, and the same robot with this foot as its root.
 
     The ground is the plane :math:`z = 0`. The foot lies on it as it does while all joints are at 0
-    and the base is upright. Joints between foot and base keep their names, values, velocities and
+    and the base is upright; a foot whose sole is tilted then is turned until it is level. Joints between foot and base keep their names, values, velocities and
     limits, see `reroot_model`.
 
     Attributes:
@@ -69,7 +79,12 @@ class StandingRobot:
         turned, data = self.leg.workspace.model, self.leg.workspace.data
         pin.forwardKinematics(turned, data, self.leg.configuration())
         number = turned.getJointId(self.trunk_joint) if above else 0
-        self.trunk_axis = data.oMi[number].rotation[2].copy()
+        pin.forwardKinematics(model, upright := model.createData(), robot.configuration())
+        foot = pin.updateFramePlacement(model, upright, self._frame)
+        vertical = (self.placement.rotation @ foot.rotation.T)[
+            :, 2
+        ]  # of the robot with joints at 0
+        self.trunk_axis = data.oMi[number].rotation.T @ vertical
         names = robot.joint_names[1:]
         self._of_leg, self._of_robot = (
             coordinate_indices(tree, [tree.getJointId(name) for name in names])
@@ -195,15 +210,62 @@ def _flat_on_ground(robot: Leg, support: Support) -> tuple[Any, Array]:
     frame = frame_id(model, support.frame)
     pin.forwardKinematics(model, data, robot.configuration())
     upright = pin.updateFramePlacement(model, data, frame).copy()
-    corners = _sole(robot, support, frame, upright.rotation)
-    heights = corners @ upright.rotation[2]
+    rotation = upright.rotation
+    corners = _sole(robot, support, frame, rotation)
+    if support.sole is not None:
+        offsets = corners - corners.mean(axis=0)
+        face = np.linalg.svd(offsets)[2][2:]
+        rotation = _levelled(rotation, np.vstack([face, -face]), np.ones(2))
+    elif _width(corners @ rotation.T) < NARROW:
+        level = _levelled(rotation, *_faces(robot, frame))
+        others = _sole(robot, support, frame, level)
+        if _width(others @ level.T) >= NARROW:
+            rotation, corners = level, others
+    heights = corners @ rotation[2]
     if np.ptp(heights) > SOLE_THICKNESS + 0.01 * np.ptp(corners, axis=0).max():
         raise InvalidInput(
-            f"the sole of {support.frame} is tilted while all joints of {robot.name} are at 0: "
-            f"corners' heights differ by {np.ptp(heights):.3g} m, but the ground is level"
+            f"the corners of the sole of {support.frame} are not in a plane, or are tilted by more "
+            f"than {np.degrees(MOST_TILT):.0f} degrees while all joints of {robot.name} are at 0: "
+            f"their heights differ by {np.ptp(heights):.3g} m, but the ground is level"
         )
     origin = np.array([*upright.translation[:2], -heights.min()])
-    return pin.SE3(upright.rotation, origin), corners
+    return pin.SE3(rotation, origin), corners
+
+
+def _levelled(rotation: Array, normals: Array, areas: Array) -> Array:
+    """Return a rotation of a foot that turns its largest downward face to the ground.
+
+    `normals` of its faces, shape `(k, 3)` [frame], point outwards; without one that is within
+    `MOST_TILT` of the ground, it is `rotation`.
+    """
+    downward = -normals @ rotation[2]
+    if not (downward >= np.cos(MOST_TILT)).any():
+        return rotation
+    number = int(np.argmax(np.where(downward >= np.cos(MOST_TILT), areas, -1.0)))
+    turn = pin.Quaternion.FromTwoVectors(rotation @ normals[number], np.array([0.0, 0.0, -1.0]))
+    return np.asarray(turn.toRotationMatrix() @ rotation)
+
+
+def _faces(robot: Leg, frame: int) -> tuple[Array, Array]:
+    """Return outward normals, `(k, 3)` [frame], and areas [m^2] of the faces of a foot's hull."""
+    support = robot.workspace.model.frames[frame]
+    shapes = joint_spheres(robot, int(support.parentJoint))
+    directions = np.vstack([np.zeros((1, 3)), sphere_directions()])
+    points = (shapes.centres[:, None] + shapes.radii[:, None, None] * directions).reshape(-1, 3)
+    points = (points - support.placement.translation) @ support.placement.rotation
+    hull = ConvexHull(points, qhull_options="QJ")
+    normals = hull.equations[:, :3]
+    corners = hull.points[hull.simplices]
+    sides = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = np.asarray(0.5 * np.linalg.norm(sides, axis=1))
+    along = normals @ normals.T >= np.cos(FACE)
+    return np.asarray(normals), along @ areas
+
+
+def _width(corners: Array) -> float:
+    """Return the least width of a sole, `(k, 3)` [m, world axes], in x and y."""
+    edges = ConvexHull(corners[:, :2], qhull_options="QJ").equations[:, :2]
+    return float(np.ptp(corners[:, :2] @ edges.T, axis=0).min())
 
 
 def _on_ground(placement: Any, corners: Array) -> Array:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from scipy.spatial import ConvexHull
+from scipy.spatial import ConvexHull, QhullError
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
@@ -46,8 +46,8 @@ class StandingRobot:
     r"""A robot that stands on one flat foot, and the same robot with this foot as its root.
 
     The ground is the plane :math:`z = 0`. The foot lies on it as it does while all joints are at 0
-    and the base is upright; a foot whose sole is tilted then is turned until it is level. Joints between foot and base keep their names, values, velocities and
-    limits, see `reroot_model`.
+    and the base is upright; a foot whose sole is tilted then is turned until it is level.
+    Joints between foot and base keep their names, values, velocities and limits (`reroot_model`).
 
     Attributes:
         robot: on a floating base, on `support`.
@@ -212,17 +212,26 @@ def _flat_on_ground(robot: Leg, support: Support) -> tuple[Any, Array]:
     upright = pin.updateFramePlacement(model, data, frame).copy()
     rotation = upright.rotation
     corners = _sole(robot, support, frame, rotation)
-    if support.sole is not None:
+    if support.sole is not None and not _is_level(corners @ rotation.T):
         offsets = corners - corners.mean(axis=0)
         face = np.linalg.svd(offsets)[2][2:]
         rotation = _levelled(rotation, np.vstack([face, -face]), np.ones(2))
-    elif _width(corners @ rotation.T) < NARROW:
+    elif support.sole is None and _width(corners @ rotation.T) < NARROW:
         level = _levelled(rotation, *_faces(robot, frame))
         others = _sole(robot, support, frame, level)
         if _width(others @ level.T) >= NARROW:
             rotation, corners = level, others
+        elif len(corners) < 3:  # as of a body that is a point
+            number = int(model.frames[frame].parentJoint)
+            bodies = joint_bodies(robot, number)
+            reasons = [why for name in bodies if (why := find_unread(robot, name))]
+            why = f" ({reasons[0]}; --package-dir names the folder of meshes)" if reasons else ""
+            raise InvalidInput(
+                f"the shapes of {support.frame} have no sole{why}: name its corners, "
+                f"Support({support.frame!r}, sole=...), --support {support.frame}:FRICTION:CORNERS"
+            )
     heights = corners @ rotation[2]
-    if np.ptp(heights) > SOLE_THICKNESS + 0.01 * np.ptp(corners, axis=0).max():
+    if not _is_level(corners @ rotation.T):
         raise InvalidInput(
             f"the corners of the sole of {support.frame} are not in a plane, or are tilted by more "
             f"than {np.degrees(MOST_TILT):.0f} degrees while all joints of {robot.name} are at 0: "
@@ -230,6 +239,12 @@ def _flat_on_ground(robot: Leg, support: Support) -> tuple[Any, Array]:
         )
     origin = np.array([*upright.translation[:2], -heights.min()])
     return pin.SE3(rotation, origin), corners
+
+
+def _is_level(corners: Array) -> bool:
+    """Return whether corners, `(k, 3)` [m, world axes], have nearly the same height."""
+    size = np.ptp(corners, axis=0)
+    return bool(size[2] <= SOLE_THICKNESS + 0.01 * size.max())
 
 
 def _levelled(rotation: Array, normals: Array, areas: Array) -> Array:
@@ -253,7 +268,10 @@ def _faces(robot: Leg, frame: int) -> tuple[Array, Array]:
     directions = np.vstack([np.zeros((1, 3)), sphere_directions()])
     points = (shapes.centres[:, None] + shapes.radii[:, None, None] * directions).reshape(-1, 3)
     points = (points - support.placement.translation) @ support.placement.rotation
-    hull = ConvexHull(points, qhull_options="QJ")
+    try:
+        hull = ConvexHull(np.unique(points, axis=0))
+    except QhullError:  # flat, or a point
+        return np.zeros((0, 3)), np.zeros(0)
     normals = hull.equations[:, :3]
     corners = hull.points[hull.simplices]
     sides = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -264,8 +282,8 @@ def _faces(robot: Leg, frame: int) -> tuple[Array, Array]:
 
 def _width(corners: Array) -> float:
     """Return the least width of a sole, `(k, 3)` [m, world axes], in x and y."""
-    edges = ConvexHull(corners[:, :2], qhull_options="QJ").equations[:, :2]
-    return float(np.ptp(corners[:, :2] @ edges.T, axis=0).min())
+    turns = np.linspace(0.0, np.pi, 90, endpoint=False)
+    return float(np.ptp(corners[:, :2] @ [np.cos(turns), np.sin(turns)], axis=0).min())
 
 
 def _on_ground(placement: Any, corners: Array) -> Array:
@@ -299,14 +317,6 @@ def _sole(robot: Leg, support: Support, frame: int, rotation: Array) -> Array:
         points += [(x, y, level), *((x + wide * a, y + wide * b, level) for a, b in ring)]
     corners = np.array(points)
     corners = corners[np.unique(np.argmax(corners[:, :2] @ ring.T, axis=0))]
-    if len(corners) < 3:  # as of a body that is a point
-        number = int(support_frame.parentJoint)
-        reasons = [why for name in joint_bodies(robot, number) if (why := find_unread(robot, name))]
-        why = f" ({reasons[0]}; --package-dir names the folder of meshes)" if reasons else ""
-        raise InvalidInput(
-            f"the shapes of {support.frame} have no sole{why}: name its corners, "
-            f"Support({support.frame!r}, sole=...)"
-        )
     return np.asarray(corners @ rotation)
 
 

@@ -671,9 +671,9 @@ def test_a_base_that_moves_is_another_frame_of_reference():
     moving = leg.with_base_velocity(hip).posture(q)
     hit = kd.collide(moving, *kick, ball_velocity=ball_velocity)
     moved = seen.ball_after.position + hip * seen.contact_time
-    assert hit.ball_after.velocity == pytest.approx(seen.ball_after.velocity + hip, abs=1e-10)
+    assert hit.ball_after.velocity == pytest.approx(seen.ball_after.velocity + hip, rel=1e-13)
     assert hit.ball_after.position == pytest.approx(moved, abs=1e-12)
-    assert hit.impulse == pytest.approx(seen.impulse, abs=1e-10)
+    assert hit.impulse == pytest.approx(seen.impulse, rel=1e-13)
     turning = leg.with_base_velocity(hip, (0, 1, 0)).posture(q)
     with pytest.raises(kd.InvalidInput, match="unless the base does not turn, needs a base at"):
         kd.collide(turning, *kick)

@@ -277,7 +277,7 @@ def _checked_axis(leg: Leg, name: str, given: ArrayLike, *, ascending: bool = Tr
     leg.velocity_index(name)
     for mimic in leg.mimics:
         if name == mimic.joint:
-            raise InvalidInput(f"joint {name} mimics {mimic.driver}: sweep that one")
+            raise InvalidInput(f"joint {name} mimics {mimic.driver}: sweep {mimic.driver} instead")
     values = np.atleast_1d(validation.floats(f"joint {name}", given))
     if values.ndim != 1 or not values.size or (ascending and not (np.diff(values) > 0).all()):
         order = "ascending, " if ascending else "of "

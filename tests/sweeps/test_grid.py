@@ -213,7 +213,7 @@ def test_mimic_joints_follow_in_a_sweep(tmp_path):
     posture = leg.posture([0.2, 0.5, 0.0])
     mass = posture.effective_mass(kd.Kick().direction)
     assert float(table.effective_mass[1, 0]) == pytest.approx(mass, rel=1e-12)
-    with pytest.raises(kd.InvalidInput, match="joint knee mimics hip: sweep that one"):
+    with pytest.raises(kd.InvalidInput, match="joint knee mimics hip: sweep hip instead"):
         Grid.of(leg, {"knee": [0.1]})
     said = r"joint knee is moved by hip, which it mimics, to -63\.\d+ deg: its range is -57"
     with pytest.raises(kd.InvalidInput, match=said):

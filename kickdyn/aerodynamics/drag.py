@@ -60,7 +60,7 @@ def sphere(reynolds: float, spin_parameter: float = 0.0) -> float:
     return creeping + weight * (brown_lawler(reynolds) - creeping) if weight else creeping
 
 
-BLENDED_REYNOLDS = 7e4
+FAST = 7e4
 """Reynolds number above which a soccer ball's own drag holds alone."""
 
 
@@ -128,9 +128,9 @@ def soccer(ball: SoccerBall) -> Coefficient:
     fast = spinning(ball)
 
     def coefficient(reynolds: float, spin_parameter: float = 0.0) -> float:
-        if reynolds >= BLENDED_REYNOLDS:
+        if reynolds >= FAST:
             return fast(reynolds, spin_parameter)
-        weight = smoothstep(reynolds, 2e4, BLENDED_REYNOLDS)
+        weight = smoothstep(reynolds, 2e4, FAST)
         if weight == 0.0:
             return sphere(reynolds)
         return sphere(reynolds) * (1 - weight) + fast(reynolds, spin_parameter) * weight
@@ -179,9 +179,9 @@ def supercritical(reynolds: float, spin_parameter: float = 0.0) -> float:
     their crisis between 10 and 19 m/s. Below Re 7e4 it is joined (C3) to the sphere's, which it
     reaches at Re 2e4.
     """
-    if reynolds >= BLENDED_REYNOLDS:
+    if reynolds >= FAST:
         return BEYOND_CRISIS
-    weight = smoothstep(reynolds, 2e4, BLENDED_REYNOLDS)
+    weight = smoothstep(reynolds, 2e4, FAST)
     return sphere(reynolds) * (1.0 - weight) + BEYOND_CRISIS * weight
 
 
@@ -209,7 +209,7 @@ MODELS = registry(
             reynolds=(0.0, REYNOLDS_PER_SPEED * ball.v_max), spin=(0.0, SPIN_DRAG_LIMIT),
             source="Kiratidis & Leinweber 2018, Eur. J. Phys. 39:034001, Eq. 5, Table 1; "
             "sphere below Re 2e4",
-            branch_free=(BLENDED_REYNOLDS, spinning(ball)),
+            branch_free=(FAST, spinning(ball)),
         )
         for name, ball in BALLS.items()
     ),
@@ -218,7 +218,7 @@ MODELS = registry(
         reynolds=(REYNOLDS_PER_SPEED * 8.0, REYNOLDS_PER_SPEED * 27.0), spin=(0.0, 0.3),
         source="Goff & Carre 2009, Am. J. Phys. 77:1020 (no spin); range of the flights of a match "
         "that it predicts, data/match_ball.csv; sphere below Re 2e4",
-        branch_free=(BLENDED_REYNOLDS, _beyond_crisis),
+        branch_free=(FAST, _beyond_crisis),
     ),
     CoefficientModel(
         "drag", "goff-carre", goff_carre, reynolds=(7e4, 5e5), spin=(0.0, 0.4),

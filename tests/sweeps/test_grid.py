@@ -47,7 +47,7 @@ def test_configurations_run_the_last_axis_fastest():
         (["toe=1"], "joint 'toe' is unknown: leg_human has hip, knee, ankle"),
         (["hip=0:10:0"], "STEP must be above 0"),
         (["hip=0:10:-1"], "STEP must be above 0"),
-        (["hip=10:0:1"], "LOW must not exceed HIGH: hip=0:10:1, perhaps"),
+        (["hip=10:0:1"], "LOW must not exceed HIGH: did you mean hip=0:10:1"),
         (["hip=0:10:nan"], "joint hip is nan"),
         (["hip=-0.5:1.5rad:0.1"], "write plain numbers"),
         (["knee=30 deg"], "write plain numbers"),

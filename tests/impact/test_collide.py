@@ -604,6 +604,15 @@ def test_what_takes_too_many_evaluations_is_given_up(monkeypatch):
         human(kd.Contact((1, 0, 0.3), 0.5, 70.0))
 
 
+def test_samples_are_no_evaluations_of_the_integration(monkeypatch):
+    hit = human()
+    known = hit.evaluations
+    monkeypatch.setattr(compliant_contact, "MAX_EVALUATIONS", known + 10)
+    sample = hit.sample(np.linspace(0.0, hit.contact_time, 50))
+    assert sample.impulse[-1] == pytest.approx(hit.impulse, rel=1e-9)
+    assert hit.evaluations == known < 1000
+
+
 def test_a_ball_that_hardly_resists_turning():
     """It sticks at once: nothing keeps its surface from moving with the foot."""
     ball, contact = kd.Ball(inertia_factor=1e-6), kd.Contact((1, 0, 0.3), 0.5, 70.0)

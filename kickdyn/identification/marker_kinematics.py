@@ -19,6 +19,14 @@ SCALE_DEVIATION, MARKER_NOISE = 0.1, 1e-3
 decides where markers do not determine a length."""
 
 
+LEAST_SHARE = 1e-3
+"""Singular value of a frame's Jacobian, over the largest, below which it determines nothing."""
+
+KEPT = (MARKER_NOISE / 0.3) ** 2
+"""Weight of the configuration of the frame before, which a frame is expected to have within 0.3 rad,
+where the markers do not determine it [m2]."""
+
+
 class Marker(NamedTuple):
     """A marker on a leg: number of its frame, and its place there [m]."""
 
@@ -35,12 +43,31 @@ def spread_frames(measured: Array) -> list[int]:
 
 
 class SolvedFrame(NamedTuple):
-    """A frame that is solved: configuration, Jacobian of its markers and what is missed [m]."""
+    """A frame that is solved: configuration, Jacobian of its markers and what is missed [m].
+
+    Where the markers do not determine the configuration, the rest of it is as in the frame before.
+    """
 
     q: Array
     jacobian: Array
     missed: Array
     seen: Array
+
+    @property
+    def rank(self) -> int:
+        """Number of coordinates that the markers determine."""
+        return _rank(self.jacobian)
+
+    @property
+    def complete(self) -> bool:
+        """Whether the markers determine every coordinate."""
+        return self.rank == self.jacobian.shape[1]
+
+
+def _rank(jacobian: Array) -> int:
+    """Return the number of coordinates that markers with this Jacobian determine."""
+    values = np.linalg.svd(jacobian, compute_uv=False)
+    return int((values > LEAST_SHARE * values[0]).sum())
 
 
 class MarkerKinematics:
@@ -52,37 +79,45 @@ class MarkerKinematics:
         limits = [(model.lowerPositionLimit[i], model.upperPositionLimit[i]) for i in model.idx_qs]
         self._single = [model.idx_qs[j] for j in single if np.isfinite(limits[j]).all()]
         self.last: SolvedFrame | None = None
+        # numbers of the markers, their places, and their velocities by the frame's, `(3, 6)`
+        self._by_frame: dict[int, tuple[list[int], Array, Array]] = {}
+        for frame in {place.frame for place in places}:
+            numbers = [k for k, place in enumerate(places) if place.frame == frame]
+            points = np.array([places[k].point for k in numbers])
+            velocities = np.array([np.hstack([np.eye(3), -pin.skew(p)]) for p in points])
+            self._by_frame[frame] = (numbers, points, velocities)
 
     def markers(self, q: Array, seen: Array) -> tuple[Array, Array]:
         """Return positions `(3 k,)` and Jacobian `(3 k, nv)` of the markers that are seen."""
         model, data = self.model, self.data
         pin.computeJointJacobians(model, data, q)
         pin.updateFramePlacements(model, data)
-        points, rows = [], []
-        for k in np.flatnonzero(seen):
-            frame, point = self.places[k]
+        points, rows = np.empty((len(seen), 3)), np.empty((len(seen), 3, model.nv))
+        for frame, (numbers, places, velocities) in self._by_frame.items():
             pose = data.oMf[frame]
-            arm = pose.rotation @ point
-            by_q = np.reshape(
-                pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED), (6, -1)
-            )
-            points.append(pose.translation + arm)
-            rows.append(by_q[:3] - pin.skew(arm) @ by_q[3:])
-        return np.concatenate(points), np.vstack(rows)
+            points[numbers] = pose.translation + places @ pose.rotation.T
+            by_q = np.reshape(pin.getFrameJacobian(model, data, frame, pin.LOCAL), (6, -1))
+            rows[numbers] = pose.rotation @ (velocities @ by_q)
+        return points[seen].ravel(), rows[seen].reshape(-1, model.nv)
 
-    def solve(self, q: Array, measured: Array, seen: Array) -> SolvedFrame:
-        """Return the nearest configuration from a start, by damped Gauss-Newton steps."""
-        target = measured[seen].ravel()
+    def solve(self, q: Array, measured: Array, seen: Array, kept: float = 0.0) -> SolvedFrame:
+        """Return the nearest configuration from a start, by damped Gauss-Newton steps.
+
+        The squared distance from the start counts with the weight `kept`.
+        """
+        target, start, moved = measured[seen].ravel(), q, np.zeros(self.model.nv)
         points, jacobian = self.markers(q, seen)
         missed, damping = target - points, 1e-8
         for _ in range(40):
-            gram = jacobian.T @ jacobian
-            step = np.linalg.solve(gram + damping * np.eye(len(gram)), jacobian.T @ missed)
+            gram, slope = jacobian.T @ jacobian, jacobian.T @ missed - kept * moved
+            step = np.linalg.solve(gram + (damping + kept) * np.eye(len(gram)), slope)
             near = pin.integrate(self.model, q, step)
             points, by_q = self.markers(near, seen)
             error = target - points
-            if error @ error <= missed @ missed * (1.0 + 1e-12) + 1e-30:
-                q, jacobian, missed = near, by_q, error
+            further = pin.difference(self.model, start, near) if kept else moved
+            cost = missed @ missed + kept * (moved @ moved)
+            if error @ error + kept * (further @ further) <= cost * (1.0 + 1e-12) + 1e-30:
+                q, jacobian, missed, moved = near, by_q, error, further
                 damping *= 0.1 if damping > 1e-14 else 1.0
                 if float(np.abs(step).max()) < 1e-12:
                     break
@@ -92,28 +127,28 @@ class MarkerKinematics:
                 damping *= 100.0
         return SolvedFrame(q, jacobian, missed, seen)
 
-    def determines(self, frame: SolvedFrame) -> bool:
-        """Return whether the markers of a frame determine every joint."""
-        values = np.linalg.svd(frame.jacobian, compute_uv=False)
-        return len(values) == self.model.nv and bool(values[-1] > 1e-3 * values[0])
+    def solve_track(
+        self, measured: Array, chosen: Iterable[int], start: Array | None = None
+    ) -> dict[int, SolvedFrame]:
+        """Return the solved frames by number, from the first one that is complete.
 
-    def solve_track(self, measured: Array, chosen: Iterable[int]) -> dict[int, SolvedFrame]:
-        """Return the solved frames that determine the configuration, by number."""
+        Without a configuration near this one to start from, several are tried.
+        """
         solved: dict[int, SolvedFrame] = {}
-        start = None
         for k in chosen:
             seen = np.isfinite(measured[k]).all(axis=1)
-            if 3 * int(seen.sum()) < self.model.nv:
+            if not seen.any() or (not solved and 3 * int(seen.sum()) < self.model.nv):
                 continue
-            best = (
-                self.first(measured[k], seen)
-                if start is None
-                else self.solve(start, measured[k], seen)
-            )
-            if self.determines(best):
-                solved[k], start = best, best.q
-            elif start is None and not solved:
+            if start is None:
+                best = self.first(measured[k], seen)
+            else:
+                _, jacobian = self.markers(start, seen)
+                kept = KEPT if _rank(jacobian) < self.model.nv else 0.0
+                best = self.solve(start, measured[k], seen, kept)
+            if not solved and not best.complete:
                 self.last = best
+                continue
+            solved[k], start = best, best.q
         return solved
 
     def _starts(self, measured: Array, seen: Array) -> list[Array]:

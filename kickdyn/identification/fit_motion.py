@@ -134,7 +134,7 @@ def fit_motion(
         leg, track.times, *kinematics.stack(frames), moment, 0.0, {}, scales,
         {name: gap for name, gap in track.gaps.items() if name in places},
         tuple(k for k in range(len(measured)) if k not in frames or not frames[k].complete),
-        tuple(doubts), np.array(list(frames)),
+        tuple(doubts), tuple(frames),
     ), names, measured, frames)  # fmt: skip
 
 
@@ -142,7 +142,8 @@ def _from_angles(
     track: BodyTrack, leg: Leg, angles: Mapping[str, str], contact: Moment | None
 ) -> LegMotion:
     """Return the motion of a leg whose joint angles are measured."""
-    model, names, notes = leg.workspace.model, leg.single_joints, ()
+    model, names = leg.workspace.model, leg.single_joints
+    notes: tuple[str, ...] = ()
     given = [name for name in PELVIS if name in track.angles]
     floats = has_floating_base(model)
     if floats and len(given) < len(PELVIS):
@@ -158,8 +159,8 @@ def _from_angles(
         )
     if given and not floats:
         notes = (
-            f"coordinates {', '.join(given)} of the track do not count, because the base of the leg "
-            "is fixed and upright: a leg with base='floating' takes them",
+            f"coordinates {', '.join(given)} of the track do not count, because the base of the "
+            "leg is fixed and upright: a leg with base='floating' takes them",
         )
     q = np.empty((len(track), leg.nq))
     if floats:
@@ -183,7 +184,8 @@ def _from_angles(
     information = np.tile(np.eye(leg.nv) / ANGLE_DEVIATION**2, (int(known_frames.sum()), 1, 1))
     return LegMotion(
         leg, track.times[known_frames], q[known_frames], information, contact, 0.0, {}, {}, {},
-        tuple(np.flatnonzero(~known_frames).tolist()), notes, np.flatnonzero(known_frames),
+        tuple(np.flatnonzero(~known_frames).tolist()), notes,
+        tuple(np.flatnonzero(known_frames).tolist()),
     )  # fmt: skip
 
 
@@ -252,7 +254,7 @@ def _judged(
     noise = max(math.sqrt(square / spare) if spare > 0 else MARKER_NOISE, LEAST_NOISE)
     return replace(
         motion,
-        times=read_only(motion.times[motion.frames]),
+        times=read_only(motion.times[list(motion.frames)]),
         information=read_only(motion.information / noise**2),
         noise=noise,
         residuals=dict(zip(names, mean.tolist(), strict=True)),

@@ -323,8 +323,8 @@ def _spin_by_friction(
     With the velocity u after the impact of the ball's centre relative to the foot, that of its
     contact point is :math:`(u + r^2 p / I)_t`, the part across the normal n. Friction is opposite
     to it, or it is 0 where the points stick, so that n is in the plane of p and u: at an angle
-    :math:`\theta` to p, from 0 without friction to the direction of :math:`u + r^2 p / I`, where the
-    points stick. The spin is :math:`(r |p| / I) \sin\theta`, about the normal of that plane.
+    :math:`\theta` to p, from 0 without friction to the direction of :math:`u + r^2 p / I`, where
+    the points stick. The spin is :math:`(r |p| / I) \sin\theta`, about the normal of that plane.
     """
     impulse = ball.mass * (v_ball_after - v_ball)
     size = float(validation.length(impulse))

@@ -102,7 +102,7 @@ class LegMotion(ReprMixin):
         undetermined: numbers of the frames of the track whose markers do not determine the whole
             configuration; the markers that are seen count all the same.
         notes: markers that may be swapped, and what of the track does not count.
-        frames: numbers in the track of the frames that count, shape `(n,)`.
+        frames: numbers in the track of the frames that count.
     """
 
     leg: Leg
@@ -116,7 +116,7 @@ class LegMotion(ReprMixin):
     gaps: Mapping[str, tuple[int, ...]]
     undetermined: tuple[int, ...]
     notes: tuple[str, ...]
-    frames: Array
+    frames: tuple[int, ...]
 
     def q(self, t: float) -> Array:
         """Return the smoothed configuration at a time [s], shape `(nq,)` [rad; m]."""
@@ -166,7 +166,7 @@ class LegMotion(ReprMixin):
         )
 
     @property
-    def _complete(self) -> Array:
+    def _complete(self) -> Any:
         """Whether the markers of each frame determine the whole configuration."""
         return ~np.isin(self.frames, self.undetermined)
 

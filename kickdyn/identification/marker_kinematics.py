@@ -23,8 +23,8 @@ LEAST_SHARE = 1e-3
 """Singular value of a frame's Jacobian, over the largest, below which it determines nothing."""
 
 KEPT = (MARKER_NOISE / 0.3) ** 2
-"""Weight of the configuration of the frame before, which a frame is expected to have within 0.3 rad,
-where the markers do not determine it [m2]."""
+"""Weight of the configuration of the frame before [m2], which a frame is expected to have within
+0.3 rad, where the markers do not determine it."""
 
 
 class Marker(NamedTuple):
@@ -61,7 +61,7 @@ class SolvedFrame(NamedTuple):
     @property
     def complete(self) -> bool:
         """Whether the markers determine every coordinate."""
-        return self.rank == self.jacobian.shape[1]
+        return self.rank == int(self.jacobian.shape[1])
 
 
 def _rank(jacobian: Array) -> int:

@@ -198,7 +198,7 @@ def measured_motion(leg, q, v, rate=250):
     configurations = np.array([pin.integrate(leg.model, q, v * t) for t in times])
     information = np.tile(1e8 * np.eye(leg.nv), (len(times), 1, 1))
     nothing = (None, 1e-4, {}, {}, {}, (), ())
-    return LegMotion(leg, times, configurations, information, *nothing, np.arange(len(times)))
+    return LegMotion(leg, times, configurations, information, *nothing, tuple(range(len(times))))
 
 
 @pytest.mark.parametrize("law", ["newton", "stronge"])

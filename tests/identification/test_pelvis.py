@@ -46,7 +46,9 @@ def written(path, columns):
         name: x if name.endswith(("time", "_tx", "_ty", "_tz")) else np.degrees(x)
         for name, x in columns.items()
     }
-    rows = "\n".join("\t".join(map(repr, row)) for row in np.transpose(list(degrees.values())).tolist())
+    rows = "\n".join(
+        "\t".join(map(repr, row)) for row in np.transpose(list(degrees.values())).tolist()
+    )
     path.write_text(f"Coordinates\ninDegrees=yes\nendheader\n{chr(9).join(columns)}\n{rows}\n")
     return kd.BodyTrack.from_mot(path)
 
@@ -80,5 +82,5 @@ def test_a_motion_with_its_pelvis(tmp_path):
     with pytest.raises(kd.InvalidInput, match=r"a track that also has pelvis_ty$"):
         kd.fit_motion(kd.BodyTrack(times, angles=angles), leg, angles=names)
     angles = {**track.angles, "pelvis_list": np.degrees(track.angles["pelvis_tilt"]) + 20.0}
-    with pytest.raises(kd.InvalidInput, match="angle 'pelvis_list' is up to .*, as in degrees"):
+    with pytest.raises(kd.InvalidInput, match=r"angle 'pelvis_list' is up to .*, as in degrees"):
         kd.fit_motion(kd.BodyTrack(times, angles=angles), leg, angles=names)

@@ -28,12 +28,14 @@ from kickdyn.identification.marker_checks import (
     check_units,
 )
 from kickdyn.identification.marker_kinematics import (
+    LARGEST_RESIDUAL,
     MARKER_NOISE,
+    FittedLeg,
     Marker,
     MarkerKinematics,
     SolvedFrame,
+    place_deviation,
     scaled_leg,
-    scaled_places,
     spread_frames,
 )
 from kickdyn.identification.pelvis import PELVIS, ROTATIONS, base_configurations
@@ -41,9 +43,6 @@ from kickdyn.identification.track import Track
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.model_validation import frame_id
 from kickdyn.robot.surgery import has_floating_base
-
-LARGEST_RESIDUAL = 0.05
-"""Root mean square distance of a marker [m] above which it is swapped or on another segment."""
 
 LARGEST_DISTANCE = 0.1
 """Distance of one marker in one frame [m] above which it is another marker; skin moves less."""
@@ -89,8 +88,9 @@ def fit_motion(
         contact: when the contact begins, across which nothing is smoothed: a time [s]; a time and
             its standard deviation, `(t, deviation)`; or the `Track` of the ball on the same clock,
             from which both are computed. The deviation counts in `at_contact` and `infer_impact`.
-        scale: whether to estimate the lengths of segments from the markers. Masses stay, radii of
-            gyration scale with lengths.
+        scale: whether to estimate the lengths of segments from the markers; masses stay, radii of
+            gyration scale with lengths. Places of markers that do not fit as given are estimated,
+            too, as far as the motion shows them.
 
     Raises:
         InvalidInput: an unknown marker or frame, too few markers for a segment, markers that do
@@ -124,14 +124,18 @@ def fit_motion(
     frames = first.solve_track(measured, spread_frames(measured))
     frames = {k: frame for k, frame in frames.items() if frame.complete}
     check_determined(leg, first, frames)
-    scales: dict[str, float] = {}
+    fitted = FittedLeg(leg, {}, list(places.values()), np.zeros((len(places), 3)))
     if scale:
-        leg, scales = scaled_leg(leg, places, measured, frames)
-    kinematics = MarkerKinematics(leg.workspace.model, scaled_places(leg, places, scales))
+        fitted = scaled_leg(leg, places, measured, frames)
+        deviation = place_deviation(fitted, measured, frames)
+        if deviation:
+            fitted = scaled_leg(leg, places, measured, frames, deviation)
+            doubts.append(_moved(names, fitted.offsets))
+    kinematics = MarkerKinematics(fitted.leg.workspace.model, fitted.places)
     begin = next(iter(frames.values())).q
     frames = kinematics.solve_track(measured, range(len(measured)), begin)
     return _judged(LegMotion(
-        leg, track.times, *kinematics.stack(frames), moment, 0.0, {}, scales,
+        fitted.leg, track.times, *kinematics.stack(frames), moment, 0.0, {}, fitted.scales,
         {name: gap for name, gap in track.gaps.items() if name in places},
         tuple(k for k in range(len(measured)) if k not in frames or not frames[k].complete),
         tuple(doubts), tuple(frames),
@@ -189,6 +193,17 @@ def _from_angles(
     )  # fmt: skip
 
 
+def _moved(names: list[str], offsets: Array) -> str:
+    """Return the line about places of markers that are estimated."""
+    distances = 1e3 * np.linalg.norm(offsets, axis=1)
+    worst = int(np.argmax(distances))
+    return (
+        "the places of the markers, or the height of the leg, do not fit: the places were moved by "
+        f"{distances.mean():.2g} mm on average, {names[worst]!r} by {distances[worst]:.2g} mm; "
+        "constant errors of the angles are left, which deviations do not contain"
+    )
+
+
 def _check_angle(track: BodyTrack, name: str) -> None:
     """Raise `InvalidInput` for an angle that is in degrees."""
     largest = float(np.nanmax(np.abs(track.angles[name]), initial=0.0))
@@ -242,11 +257,12 @@ def _judged(
         few = ""
     if not few or largest > LARGEST_DISTANCE:
         frame_number, worst = np.unravel_index(int(np.nanargmax(distances)), distances.shape)
+        name = names[int(worst)]
+        doubts = "".join(f"; {line}" for line in motion.notes if repr(name) in line)
         middle = np.ptp(np.nanmedian(measured, axis=0), axis=0)
-        doubts = "".join(f"; {line}" for line in motion.notes)
         hint = " (y seems to point up: see `up`)" if middle[1] > middle[2] else ""
         raise InvalidInput(
-            f"marker {names[int(worst)]!r} is {largest:.3g} m "
+            f"marker {name!r} is {largest:.3g} m "
             f"from its place on the leg in frame {int(frame_number)}: markers are swapped, on the "
             f"other leg, or on another segment{hint}{few}{doubts}"
         )

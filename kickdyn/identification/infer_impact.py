@@ -299,14 +299,15 @@ def _infer_from_motion(
         ball_side(track, "after", begin, begin + BALL_WINDOW, moment),
     )
     before = BallState(sides[0].position, sides[0].velocity)
-    spin, largest = _spin_by_friction(leg, ball, before.velocity, sides[1].velocity)
-    after = BallState(sides[1].position, sides[1].velocity, spin)
+    spins, largest = _spins_by_friction(leg, ball, before.velocity, sides[1].velocity)
+    after = BallState(sides[1].position, sides[1].velocity, spins[1])
     blocks = [side.velocity_deviation for side in sides]
     values, vectors = np.linalg.eigh(leg.covariance)
     of_leg = (vectors * np.sqrt(np.maximum(values, 0.0))).T
-    of_spin = np.concatenate([np.zeros(3), spin / COVERED])
-    steps = block_diag(np.diag(np.concatenate(blocks)), of_spin, of_leg)
-    impact = _with_deviations(leg.posture, leg.v, ball, (before, after), steps)
+    steps = block_diag(np.diag(np.concatenate(blocks)), np.zeros((0, 6)), of_leg)
+    ends = np.zeros((2, steps.shape[1]))
+    ends[:, 9:12] = spins[[0, 2]] - spins[1]
+    impact = _with_deviations(leg.posture, leg.v, ball, (before, after), steps, ends)
     note = (
         "the track does not show the spin of the ball: normal, restitution, friction and effective "
         f"mass are those with a friction between 0 and {largest:.2g}, which their deviations "
@@ -315,10 +316,10 @@ def _infer_from_motion(
     return replace(impact, notes=(note,))
 
 
-def _spin_by_friction(
+def _spins_by_friction(
     leg: ContactMotion, ball: Ball, v_ball: Array, v_ball_after: Array
 ) -> tuple[Array, float]:
-    r"""Return the mean spin after an impact whose friction is not known, and the largest friction.
+    r"""Return the least, mean and largest spin by an unknown friction, and the largest friction.
 
     With the velocity u after the impact of the ball's centre relative to the foot, that of its
     contact point is :math:`(u + r^2 p / I)_t`, the part across the normal n. Friction is opposite
@@ -329,7 +330,7 @@ def _spin_by_friction(
     impulse = ball.mass * (v_ball_after - v_ball)
     size = float(validation.length(impulse))
     if size == 0.0:
-        return np.zeros(3), 0.0
+        return np.zeros((3, 3)), 0.0
     posture, along = leg.posture, impulse / size
     foot = posture.point_velocity(leg_response(posture, leg.v, impulse).v_after)
     separating = v_ball_after - foot + ball.radius**2 / ball.inertia * impulse
@@ -337,10 +338,10 @@ def _spin_by_friction(
     across, normal = float(validation.length(turn)), float(along @ separating)
     sticking = across / normal if normal > 0.0 else math.inf
     friction = min(sticking, LARGEST_FRICTION)
-    mean = friction - friction**2 / (2.0 * LARGEST_FRICTION)
-    sine = mean / math.hypot(1.0, mean)
+    used = np.array([0.0, friction - friction**2 / (2.0 * LARGEST_FRICTION), friction])
+    sines = used / np.sqrt(1.0 + used**2)
     axis = turn / across if across else turn
-    return sine * ball.radius * size / ball.inertia * axis, friction
+    return np.outer(sines * ball.radius * size / ball.inertia, axis), friction
 
 
 def _check_ball(ball: Ball) -> None:
@@ -354,12 +355,18 @@ def _check_ball(ball: Ball) -> None:
 
 
 def _with_deviations(
-    posture: Posture, v: Array, ball: Ball, states: tuple[BallState, BallState], steps: Array
+    posture: Posture,
+    v: Array,
+    ball: Ball,
+    states: tuple[BallState, BallState],
+    steps: Array,
+    ends: Iterable[Array] = (),
 ) -> InferredImpact:
     """Return the impact of measured velocities, with deviations.
 
     Each row of `steps` is an independent change of one standard deviation: of the velocities of the
-    ball before and after, of its spins, of q in its tangent space, and of v.
+    ball before and after, of its spins, of q in its tangent space, and of v. `ends` are changes to
+    the ends of what else is possible, which intervals of 95 % include.
     """
     leg, (ball_before, ball_after) = posture.leg, states
     velocities = [ball_before.velocity, ball_after.velocity, ball_before.spin, ball_after.spin]
@@ -394,7 +401,10 @@ def _with_deviations(
         numbers = [impact.restitution, impact.friction, twist, *impact.normal]
         return np.array([*numbers, *sizes, *joints], dtype=float)
 
-    changes = np.array([0.5 * (values(step) - values(-step)) for step in steps])
+    changes = [0.5 * (values(step) - values(-step)) for step in steps]
+    at_ends = [np.abs(values(end) - values(np.zeros(end.size))) / COVERED for end in ends]
+    if at_ends:
+        changes.append(np.max(at_ends, axis=0))
     spreads = np.linalg.norm(changes, axis=0).tolist()
     restitution, friction, residual, *others = spreads
     deviations = {

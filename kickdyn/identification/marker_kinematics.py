@@ -1,5 +1,6 @@
 """Inverse kinematics of markers on a leg, and the lengths of segments that fit them best."""
 
+import math
 from collections.abc import Iterable, Mapping
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -18,6 +19,13 @@ SCALE_DEVIATION, MARKER_NOISE = 0.1, 1e-3
 """Deviation of a segment's length from the leg's, relative, and noise of a marker [m]: their ratio
 decides where markers do not determine a length."""
 
+
+LARGEST_PLACE_DEVIATION, SMALL_STEP = 0.02, 1e-4
+"""Largest standard deviation of the places of markers [m], and step of these places [m] and of
+lengths at which their estimation ends."""
+
+LARGEST_RESIDUAL = 0.05
+"""Root mean square distance of a marker [m] above which it is swapped or on another segment."""
 
 LEAST_SHARE = 1e-3
 """Singular value of a frame's Jacobian, over the largest, below which it determines nothing."""
@@ -198,42 +206,109 @@ class MarkerKinematics:
         )
 
 
+class FittedLeg(NamedTuple):
+    """A leg that is fitted to markers.
+
+    Attributes:
+        leg: with segments as long as the markers have them.
+        scales: lengths of segments over those of the leg that was given, by joint.
+        places: of the markers, scaled with their segments and moved by the offsets.
+        offsets: of the places, shape `(markers, 3)` [m].
+    """
+
+    leg: Leg
+    scales: dict[str, float]
+    places: list[Marker]
+    offsets: Array
+
+
 def scaled_leg(
-    leg: Leg, places: Mapping[str, Marker], measured: Array, frames: Mapping[int, SolvedFrame]
-) -> tuple[Leg, dict[str, float]]:
-    """Return the leg with segments as long as the markers have them, and their scales.
+    leg: Leg,
+    places: Mapping[str, Marker],
+    measured: Array,
+    frames: Mapping[int, SolvedFrame],
+    place_deviation: float = 0.0,
+) -> FittedLeg:
+    """Return the leg with segments as long as the markers have them.
 
     The configurations are eliminated from the normal equations of each frame (Schur complement).
+    Where places have a standard deviation [m], they are estimated, too.
     """
-    joints = leg.joint_names
-    scales = np.ones(len(joints))
-    starts = {k: frame.q for k, frame in frames.items()}
-    scaled = leg
-    prior = (MARKER_NOISE / SCALE_DEVIATION) ** 2
+    joints, count = leg.joint_names, 3 * len(places) * bool(place_deviation)
+    values = np.concatenate([np.ones(len(joints)), np.zeros(count)])  # scales and offsets
+    given, starts = values.copy(), {k: frame.q for k, frame in frames.items()}
+    deviations = np.repeat([SCALE_DEVIATION, place_deviation], [len(joints), count])
+    prior, scaled, moved = np.diag((MARKER_NOISE / deviations) ** 2), leg, list(places.values())
+    scales, offsets = values[: len(joints)], np.zeros((len(places), 3))
     for _ in range(20):
-        numbers = dict(zip(joints, scales.tolist(), strict=True))
-        kinematics = MarkerKinematics(
-            scaled.workspace.model, scaled_places(scaled, places, numbers)
-        )
-        normal, right = prior * np.eye(len(joints)), prior * (1.0 - scales)
+        normal, right = prior.copy(), prior @ (given - values)
+        kinematics = MarkerKinematics(scaled.workspace.model, moved)
         for k, start in starts.items():
             frame = kinematics.solve(start, measured[k], np.isfinite(measured[k]).all(axis=1))
             starts[k] = frame.q
-            by_scale = _by_scale(kinematics, frame, scales)
+            by_value = _by_scale(kinematics, frame, scales, offsets)
+            if count:
+                by_value = np.hstack([by_value, _by_place(kinematics, frame)])
             basis = np.linalg.qr(frame.jacobian)[0]
-            across = by_scale - basis @ (basis.T @ by_scale)
+            across = by_value - basis @ (basis.T @ by_value)
             normal += across.T @ across
             right += across.T @ frame.missed
         step = np.linalg.solve(normal, right)
-        scales = np.clip(scales + step, 0.5, 2.0)
+        values += step
+        scales = values[: len(joints)] = np.clip(values[: len(joints)], 0.5, 2.0)
         scaled = leg.with_model(_scaled_model(leg, scales))
-        if float(np.abs(step).max()) < 1e-13:
+        if count:
+            offsets = values[len(joints) :].reshape(-1, 3)
+        moved = _scaled_places(leg, places, scales, offsets)
+        if float(np.abs(step).max()) < (SMALL_STEP if count else 1e-13):
             break
-    return scaled, dict(zip(joints, scales.tolist(), strict=True))
+    return FittedLeg(scaled, dict(zip(joints, scales.tolist(), strict=True)), moved, offsets)
 
 
-def _by_scale(kinematics: MarkerKinematics, frame: SolvedFrame, scales: Array) -> Array:
-    """Return the derivatives of the markers by the scales of segments, `(3 k, joints)`."""
+def place_deviation(fitted: FittedLeg, measured: Array, frames: Mapping[int, SolvedFrame]) -> float:
+    """Return the standard deviation of the places of markers that their residuals show [m].
+
+    It is 0 where the means of the residuals, in the axes of the segments, are explained by their
+    scatter, and where a residual is so large that the marker is another one; it is at most
+    `LARGEST_PLACE_DEVIATION`. Residuals do not show offsets that only change the configurations.
+    """
+    model, places = fitted.leg.workspace.model, fitted.places
+    kinematics = MarkerKinematics(model, places)
+    residuals = np.full((len(frames), len(places), 3), np.nan)
+    for row, (k, start) in enumerate(frames.items()):
+        frame = kinematics.solve(start.q, measured[k], start.seen)
+        kinematics.markers(frame.q, frame.seen)
+        for number, missed in zip(
+            np.flatnonzero(frame.seen), frame.missed.reshape(-1, 3), strict=True
+        ):
+            pose = kinematics.data.oMf[places[number].frame]
+            residuals[row, number] = pose.rotation.T @ missed
+    if np.nanmax(np.nanmean((residuals**2).sum(axis=2), axis=0)) > LARGEST_RESIDUAL**2:
+        return 0.0
+    seen = np.isfinite(residuals[..., 0]).sum(axis=0)[:, None]
+    chosen = seen[:, 0] > 1
+    means = np.nanmean(residuals[:, chosen], axis=0)
+    of_scatter = np.nanvar(residuals[:, chosen], axis=0, ddof=1) / seen[chosen]
+    shown = means.size / max(means.size - model.nv, 1)
+    square = shown * (float(np.mean(means**2)) - 2.0 * float(np.mean(of_scatter)))
+    return min(math.sqrt(max(square, 0.0)), LARGEST_PLACE_DEVIATION)
+
+
+def _by_place(kinematics: MarkerKinematics, frame: SolvedFrame) -> Array:
+    """Return the derivatives of the markers by their places, `(3 k, 3 markers)`."""
+    rows = np.zeros((len(frame.seen), 3, len(frame.seen), 3))
+    for k, place in enumerate(kinematics.places):
+        rows[k, :, k] = kinematics.data.oMf[place.frame].rotation
+    return rows[frame.seen].reshape(-1, 3 * len(frame.seen))
+
+
+def _by_scale(
+    kinematics: MarkerKinematics, frame: SolvedFrame, scales: Array, offsets: Array
+) -> Array:
+    """Return the derivatives of the markers by the scales of segments, `(3 k, joints)`.
+
+    Offsets of the places do not scale.
+    """
     model, data = kinematics.model, kinematics.data
     kinematics.markers(frame.q, frame.seen)
     rows = []
@@ -246,7 +321,7 @@ def _by_scale(kinematics: MarkerKinematics, frame: SolvedFrame, scales: Array) -
             reach = data.oMi[before].rotation @ model.jointPlacements[after].translation
             by_scale[:, before - 1] += reach / scales[before - 1]
         if joint:
-            local = model.frames[number].placement.act(point)
+            local = model.frames[number].placement.act(point - offsets[k])
             by_scale[:, joint - 1] += data.oMi[joint].rotation @ local / scales[joint - 1]
         rows.append(by_scale)
     return np.vstack(rows)
@@ -271,14 +346,13 @@ def _scaled_model(leg: Leg, scales: Array) -> Any:
     return model
 
 
-def scaled_places(
-    leg: Leg, places: Mapping[str, Marker], scales: Mapping[str, float]
+def _scaled_places(
+    leg: Leg, places: Mapping[str, Marker], scales: Array, offsets: Array
 ) -> list[Marker]:
-    """Return the places of markers, scaled with their segments."""
-    frames, names = leg.workspace.model.frames, leg.joint_names
-    answer = []
-    for frame, point in places.values():
+    """Return the places of markers, scaled with their segments, then moved by offsets [m]."""
+    frames, answer = leg.workspace.model.frames, []
+    for (frame, point), offset in zip(places.values(), offsets, strict=True):
         joint = frames[frame].parentJoint
-        scale = scales.get(names[joint - 1], 1.0) if joint else 1.0
-        answer.append(Marker(frame, scale * point))
+        scale = float(scales[joint - 1]) if joint else 1.0
+        answer.append(Marker(frame, scale * point + offset))
     return answer

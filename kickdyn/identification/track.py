@@ -347,7 +347,7 @@ def refuse_units(track: Track, falling: float) -> None:
     speed = float(np.median(steps))
     if speed > SOUND:
         units = [unit for unit, size, *_ in OTHER_UNITS[:2] if speed < FASTEST_BALL * size]
-        likely = f", as in {' or '.join(units)}" if units else ""
+        likely = f", as with positions in {' or '.join(units)}" if units else ""
         raise InvalidInput(
             f"the ball moves with {speed:.4g} m/s, faster than sound{likely}: positions must be in "
             "metres, times in seconds"

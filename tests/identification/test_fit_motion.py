@@ -35,6 +35,7 @@ def test_a_millimetre_of_noise(rate, degrees, joint_share):
     for seed in range(2):
         motion = kd.fit_motion(track(rate, 1e-3, seed), LEG, PLACES)
         assert motion.noise == pytest.approx(1e-3, rel=0.1)
+        assert motion.warnings == ()
         at = motion.at_contact(0.0)
         angle = pin.difference(LEG.model, state(0), at.posture.q)
         angles.append(np.degrees(angle[6:]))
@@ -59,6 +60,21 @@ def test_segments_take_the_lengths_of_the_person():
     ours, given = (leg.model.inertias[shank].inertia.diagonal() for leg in (motion.leg, other))
     assert ours / given == pytest.approx([motion.scales["knee"] ** 2] * 3)
     assert motion.leg.model.inertias[shank].mass == other.model.inertias[shank].mass
+
+
+def test_places_that_are_wrong_by_a_centimetre_are_estimated():
+    """Velocities stay right; without it, those of the knee and the foot are wrong by 3 to 8 %."""
+    rng, whole = np.random.default_rng(5), track(240, 1e-3)
+    rough = {n: (link, p + 0.01 * rng.uniform(-1, 1, 3)) for n, (link, p) in PLACES.items()}
+    motion = kd.fit_motion(whole, LEG, rough)
+    (line,) = motion.warnings
+    assert line.startswith("the places of the markers, or the height of the leg, do not fit: ")
+    assert motion.noise == pytest.approx(1e-3, rel=0.1)
+    at = motion.at_contact(0.0)
+    errors = (at.v - velocity(0))[[HIP, KNEE]] / velocity(0)[KNEE]
+    assert np.abs(errors).max() < 0.05
+    assert motion.scales["knee"] == pytest.approx(1.0, abs=0.03)
+    assert at.v_deviations[[HIP, KNEE]].max() < 0.05 * abs(velocity(0)[KNEE])
 
 
 def test_nothing_is_smoothed_across_the_impact():
@@ -277,7 +293,8 @@ def test_an_impact_from_the_motion_and_the_ball():
     found = kd.infer_impact(motion, kd.Track(times, path))
     assert found.impulse == pytest.approx(hit.impulse, rel=0.02, abs=0.05)
     assert abs(found.restitution - 0.7) < 3 * found.deviations["restitution"] + 0.01
-    assert found.effective_mass == pytest.approx(hit.effective_mass, rel=0.05)
+    missed = abs(found.effective_mass - hit.effective_mass)
+    assert missed < 2 * found.deviations["effective_mass"]
     sizes = np.linalg.norm(found.joint_impulses[:, :3], axis=1)
     expected = np.linalg.norm(hit.joint_impulses[:, :3], axis=1)
     for name, a, b in zip(LEG.joint_names, sizes, expected, strict=True):

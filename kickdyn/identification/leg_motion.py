@@ -306,5 +306,5 @@ class LegMotion(ReprMixin):
         for name, frames in self.gaps.items():
             yield f"gaps of {name}", len(frames), "frames"
         if self.undetermined:
-            yield "frames that do not determine the leg", len(self.undetermined), ""
+            yield "incomplete frames", len(self.undetermined), ""
         yield from warned(self.warnings)

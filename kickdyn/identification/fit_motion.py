@@ -30,7 +30,6 @@ from kickdyn.identification.marker_checks import (
 from kickdyn.identification.marker_kinematics import (
     LARGEST_RESIDUAL,
     MARKER_NOISE,
-    FittedLeg,
     Marker,
     MarkerKinematics,
     SolvedFrame,
@@ -124,21 +123,22 @@ def fit_motion(
     frames = first.solve_track(measured, spread_frames(measured))
     frames = {k: frame for k, frame in frames.items() if frame.complete}
     check_determined(leg, first, frames)
-    fitted = FittedLeg(leg, {}, list(places.values()), np.zeros((len(places), 3)))
+    fitted, scales, at = None, {}, list(places.values())
     if scale:
         fitted = scaled_leg(leg, places, measured, frames)
         deviation = place_deviation(fitted, measured, frames)
         if deviation:
             fitted = scaled_leg(leg, places, measured, frames, deviation)
             doubts.append(_moved(names, fitted.offsets))
-    kinematics = MarkerKinematics(fitted.leg.workspace.model, fitted.places)
+        leg, scales, at = fitted.leg, fitted.scales, fitted.places
+    kinematics = MarkerKinematics(leg.workspace.model, at)
     begin = next(iter(frames.values())).q
     frames = kinematics.solve_track(measured, range(len(measured)), begin)
     return _judged(LegMotion(
-        fitted.leg, track.times, *kinematics.stack(frames), moment, 0.0, {}, fitted.scales,
+        leg, track.times, *kinematics.stack(frames), moment, 0.0, {}, scales,
         {name: gap for name, gap in track.gaps.items() if name in places},
         tuple(k for k in range(len(measured)) if k not in frames or not frames[k].complete),
-        tuple(doubts), tuple(frames),
+        tuple(doubts), tuple(frames), fitted,
     ), names, measured, frames)  # fmt: skip
 
 
@@ -200,7 +200,7 @@ def _moved(names: list[str], offsets: Array) -> str:
     return (
         "the places of the markers, or the height of the leg, do not fit: the places were moved by "
         f"{distances.mean():.2g} mm on average, {names[worst]!r} by {distances[worst]:.2g} mm; "
-        "constant errors of the angles are left, which deviations do not contain"
+        "constant errors of the angles are left, which the deviations at a contact contain"
     )
 
 

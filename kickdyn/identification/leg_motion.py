@@ -14,6 +14,7 @@ from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array, read_only
 from kickdyn.errors import InvalidInput
 from kickdyn.identification.contact_moment import Moment, contact_moment
+from kickdyn.identification.marker_kinematics import FittedLeg
 from kickdyn.identification.smoothing_spline import GROWTH, GROWTH_TIME, SmoothingSpline
 from kickdyn.robot.leg import Leg, Posture
 from kickdyn.robot.surgery import has_floating_base
@@ -27,6 +28,9 @@ CONTACT_WINDOW = GROWTH_TIME
 LONGEST_GAP, LONGEST_UNSEEN = 3.0, 0.02
 """Frames, and time [s], without markers that determine the whole leg just before a contact: the
 larger of both may pass."""
+
+SHORT_TIME = 1e-3
+"""Time in which a derivative by time is taken [s]."""
 
 AFTER_CONTACT = 0.05
 """Time after a contact that a plot shows [s]."""
@@ -103,6 +107,7 @@ class LegMotion(ReprMixin):
             configuration; the markers that are seen count all the same.
         notes: markers that may be swapped, and what of the track does not count.
         frames: numbers in the track of the frames that count.
+        fitted: lengths of segments and places of markers with their covariance, if estimated.
     """
 
     leg: Leg
@@ -117,6 +122,7 @@ class LegMotion(ReprMixin):
     undetermined: tuple[int, ...]
     notes: tuple[str, ...]
     frames: tuple[int, ...]
+    fitted: FittedLeg | None = None
 
     def q(self, t: float) -> Array:
         """Return the smoothed configuration at a time [s], shape `(nq,)` [rad; m]."""
@@ -136,7 +142,8 @@ class LegMotion(ReprMixin):
         r"""Return posture and joint velocity just before a contact, from the frames before it.
 
         A time with the deviation :math:`\sigma` adds :math:`\sigma^2 w w^T` to the covariance, with
-        :math:`w = (v, \dot v)`, and frames less than :math:`\sigma` before it do not count.
+        :math:`w = (v, \dot v)`, and frames less than :math:`\sigma` before it do not count. The
+        covariance also has what the estimated lengths of segments and places of markers add.
 
         Args:
             time: time of the contact [s], or time and standard deviation; None is the one that
@@ -158,12 +165,13 @@ class LegMotion(ReprMixin):
         spline = self._smoothed(window, GROWTH)
         q, v, covariance = spline.state(moment)
         change = given.deviation * spline.rate(moment)
-        return ContactMotion(
-            given,
-            self.leg.posture(q),
-            read_only(v),
-            read_only(covariance + np.outer(change, change)),
-        )
+        covariance += np.outer(change, change)
+        if self.fitted is not None:
+            earlier = self.fitted.slopes(spline.state(moment - SHORT_TIME)[0])
+            slopes = self.fitted.slopes(q)
+            slopes = np.vstack([slopes, (slopes - earlier) / SHORT_TIME])
+            covariance += slopes @ self.fitted.covariance @ slopes.T
+        return ContactMotion(given, self.leg.posture(q), read_only(v), read_only(covariance))
 
     @property
     def _complete(self) -> Any:

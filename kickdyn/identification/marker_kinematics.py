@@ -214,12 +214,25 @@ class FittedLeg(NamedTuple):
         scales: lengths of segments over those of the leg that was given, by joint.
         places: of the markers, scaled with their segments and moved by the offsets.
         offsets: of the places, shape `(markers, 3)` [m].
+        covariance: of scales and, where they are estimated, offsets.
     """
 
     leg: Leg
     scales: dict[str, float]
     places: list[Marker]
     offsets: Array
+    covariance: Array
+
+    def slopes(self, q: Array) -> Array:
+        """Return by how much scales and offsets change q if the markers stay, `(nv, values)`."""
+        kinematics = MarkerKinematics(self.leg.workspace.model, self.places)
+        _, jacobian = kinematics.markers(q, np.ones(len(self.places), dtype=bool))
+        frame = SolvedFrame(q, jacobian, np.zeros(0), np.ones(len(self.places), dtype=bool))
+        scales = np.array(list(self.scales.values()))
+        by_value = _by_scale(kinematics, frame, scales, self.offsets)
+        if len(self.covariance) > len(scales):
+            by_value = np.hstack([by_value, _by_place(kinematics, frame)])
+        return np.asarray(-np.linalg.pinv(jacobian) @ by_value)
 
 
 def scaled_leg(
@@ -262,7 +275,9 @@ def scaled_leg(
         moved = _scaled_places(leg, places, scales, offsets)
         if float(np.abs(step).max()) < (SMALL_STEP if count else 1e-13):
             break
-    return FittedLeg(scaled, dict(zip(joints, scales.tolist(), strict=True)), moved, offsets)
+    numbers = dict(zip(joints, scales.tolist(), strict=True))
+    covariance = MARKER_NOISE**2 * np.linalg.inv(normal)
+    return FittedLeg(scaled, numbers, moved, offsets, covariance)
 
 
 def place_deviation(fitted: FittedLeg, measured: Array, frames: Mapping[int, SolvedFrame]) -> float:
@@ -283,12 +298,12 @@ def place_deviation(fitted: FittedLeg, measured: Array, frames: Mapping[int, Sol
         ):
             pose = kinematics.data.oMf[places[number].frame]
             residuals[row, number] = pose.rotation.T @ missed
-    if np.nanmax(np.nanmean((residuals**2).sum(axis=2), axis=0)) > LARGEST_RESIDUAL**2:
+    seen = np.isfinite(residuals[..., 0]).sum(axis=0)
+    residuals, seen = residuals[:, seen > 1], seen[seen > 1, None]
+    if not seen.size or np.nanmean((residuals**2).sum(axis=2), axis=0).max() > LARGEST_RESIDUAL**2:
         return 0.0
-    seen = np.isfinite(residuals[..., 0]).sum(axis=0)[:, None]
-    chosen = seen[:, 0] > 1
-    means = np.nanmean(residuals[:, chosen], axis=0)
-    of_scatter = np.nanvar(residuals[:, chosen], axis=0, ddof=1) / seen[chosen]
+    means = np.nanmean(residuals, axis=0)
+    of_scatter = np.nanvar(residuals, axis=0, ddof=1) / seen
     shown = means.size / max(means.size - model.nv, 1)
     square = shown * (float(np.mean(means**2)) - 2.0 * float(np.mean(of_scatter)))
     return min(math.sqrt(max(square, 0.0)), LARGEST_PLACE_DEVIATION)

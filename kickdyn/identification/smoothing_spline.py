@@ -41,7 +41,7 @@ KNOT_SPACING, MOST_KNOTS = 0.01, 60
 JERK_TIME = 0.05
 r"""Time :math:`\tau` within which a jerk changes [s]: a knee turns by 1 rad in it before a kick."""
 
-GROWTH, GROWTH_TIME = 45.0, 0.15
+GROWTH, GROWTH_TIME = 50.0, 0.15
 r"""Rate :math:`\gamma` at which the prior grows towards an impact [1/s], and the time T before it,
 in which it grows [s]. The rate is chosen with `benchmarks/motion_coverage.py`, so that deviations
 of synthetic kicks cover the truth; the likelihood does not determine it."""

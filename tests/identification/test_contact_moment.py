@@ -58,7 +58,7 @@ def test_the_deviation_of_the_time_moves_along_the_motion():
 def test_deviations_cover_contacts_of_unknown_time():
     motion = kd.fit_motion(track(500, 1e-3, 5), LEG, PLACES)
     rng, deviation, scores = np.random.default_rng(3), 2e-3, []
-    for _ in range(40):
+    for _ in range(20):
         at = motion.at_contact((deviation * rng.normal() - 0.004, deviation))
         scores.append((at.v - velocity(-0.004))[[6, 9]] / at.v_deviations[[6, 9]])
     assert np.abs(scores).max() < 4.0

@@ -105,16 +105,10 @@ def fit_motion(
         return _from_angles(track, leg, validation.mapping("angles", angles), moment)
     named = validation.mapping("markers", markers)
     places = {name: _place(leg, name, place) for name, place in named.items()}
-    for name in places:
-        if name not in track.markers:
-            raise InvalidInput(
-                f"marker {name!r} is not in the track: its markers are "
-                f"{validation.brief(list(track.markers))}"
-            )
     if not places:
         raise InvalidInput("markers is empty: it must say where each marker is on the leg")
     names = list(places)
-    measured = track.positions[:, [track.markers.index(name) for name in names]]
+    measured = track.positions[:, [track.find_marker(name) for name in names]]
     check_units(measured, names)
     check_side(leg, places)
     doubts = check_order(leg, places, measured)
@@ -136,7 +130,11 @@ def fit_motion(
     frames = kinematics.solve_track(measured, range(len(measured)), begin)
     return _judged(LegMotion(
         leg, track.times, *kinematics.stack(frames), moment, 0.0, {}, scales,
-        {name: gap for name, gap in track.gaps.items() if name in places},
+        {
+            name: gap
+            for name in names
+            if (gap := track.gaps.get(track.markers[track.find_marker(name)]))
+        },
         tuple(k for k in range(len(measured)) if k not in frames or not frames[k].complete),
         tuple(doubts), tuple(frames), fitted,
     ), names, measured, frames)  # fmt: skip

@@ -154,7 +154,9 @@ class LegMotion(ReprMixin):
         """
         given = self.contact if time is None else contact_moment("time", time)
         if given is None:
-            raise InvalidInput("time is None: fit_motion was given no contact either")
+            raise InvalidInput(
+                "time is None: it must be a time [s], because fit_motion was called without contact"
+            )
         moment = given.time
         window = (self.times < moment - given.deviation) & (self.times >= moment - CONTACT_WINDOW)
         interval = float(np.median(np.diff(self.times)))

@@ -218,11 +218,8 @@ class PatchContact(CompliantContact):
         shear = patch.grip * lossless.pressure / expected_deflection
         self.patch_force = PatchForce(shell, 0.5 * patch.width, shear)
         super().__init__(approach, self.patch_force, torque, expected, tol)  # type: ignore[arg-type]
-        normal, posture = approach.contact.normal, approach.posture
-        axes = contact_axes(normal, _across(normal, patch.across))
-        self._axes = posture.rotation_world_joint.T @ axes
-        self._wrenches = np.vstack([self._axes, np.zeros((3, 3))])
-        self._arm = tuple((self._axes.T @ posture.contact_lever).tolist())
+        normal = approach.contact.normal
+        self._set_axes(contact_axes(normal, _across(normal, patch.across)))
         self._offset, self.patch = patch.offset, patch
         self.lowest = ball.radius  # height of the centre over the strip so far [m]
         reach = 0.5 * patch.width + ball.radius

@@ -177,7 +177,7 @@ def hide_contact(positions):
         (lambda _: None, {k: (link, (x, -y, z)) for k, (link, (x, y, z)) in PLACES.items()},
          "markers base0, base1, base2 are 0.117 m to the right of the hip, but the pelvis of a "
          "right leg is on its left"),
-        (lambda _: None, {"x": "foot"}, "marker 'x' is not in the track"),
+        (lambda _: None, {"x": "foot"}, "marker 'x' is unknown: "),
         (lambda _: None, {"foot0": "hand"}, "hand"),
         (lambda _: None, {"foot0": ("foot", 1, 2)}, "place of marker 'foot0' is"),
         (lambda _: None, PLACES | {"foot0": ("foot", (100, 30, 20))},

@@ -27,7 +27,7 @@ def files(folder):
 
 
 def stored(path, **how):
-    return kd.sweep(LEG, POSTURES, KICK, store=path, **how)
+    return kd.sweep(LEG, POSTURES, KICK, store=path, variables=["ball_speed", "impulse"], **how)
 
 
 def watched(executor, sizes):

@@ -276,7 +276,7 @@ def scaled_leg(
         if float(np.abs(step).max()) < (SMALL_STEP if count else 1e-13):
             break
     numbers = dict(zip(joints, scales.tolist(), strict=True))
-    covariance = MARKER_NOISE**2 * np.linalg.inv(normal)
+    covariance = np.asarray(MARKER_NOISE**2 * np.linalg.inv(normal), dtype=float)
     return FittedLeg(scaled, numbers, moved, offsets, covariance)
 
 
@@ -314,7 +314,7 @@ def _by_place(kinematics: MarkerKinematics, frame: SolvedFrame) -> Array:
     rows = np.zeros((len(frame.seen), 3, len(frame.seen), 3))
     for k, place in enumerate(kinematics.places):
         rows[k, :, k] = kinematics.data.oMf[place.frame].rotation
-    return rows[frame.seen].reshape(-1, 3 * len(frame.seen))
+    return np.reshape(rows[frame.seen], (-1, 3 * len(frame.seen)))
 
 
 def _by_scale(

@@ -16,7 +16,13 @@ from kickdyn.core.differences import difference_slopes
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput, KickdynError, NoImpact
 from kickdyn.impact.approach import AT_REST
-from kickdyn.impact.batch_arguments import contact_frames, one_or_many, rows_of, vector_rows
+from kickdyn.impact.batch_arguments import (
+    ContactRows,
+    contact_frames,
+    one_or_many,
+    rows_of,
+    vector_rows,
+)
 from kickdyn.impact.laws import find_law, names_of_laws
 from kickdyn.impact.strike import strike
 from kickdyn.restitution import restitution_at
@@ -150,28 +156,26 @@ def strike_many(
     balls = one_or_many("ball", ball, Ball, n)
     contacts = one_or_many("contact", contact, Contact, n)
     velocity = vector_rows("ball velocity", ball_velocity, n)
-    given = _Given(leg, balls, contacts, velocity, vector_rows("ball spin", ball_spin, n))
-    impacts = given.strike(angles, speeds)
+    spin = vector_rows("ball spin", ball_spin, n)
+    given = Strikes(leg, balls, ContactRows.of(contacts), velocity, spin)
+    impacts = given.compute(angles, speeds)
     if not validation.flag("slopes", slopes):
         return impacts
     return replace(impacts, slopes=_slopes(given, angles, speeds))
 
 
-class _Given:
+class Strikes:
     """Leg, balls and contacts of n strikes, to which q and v are added."""
 
     def __init__(
-        self, leg: Leg, balls: list[Ball], contacts: list[Contact], velocity: Array, spin: Array
+        self, leg: Leg, balls: list[Ball], contacts: ContactRows, velocity: Array, spin: Array
     ) -> None:
-        for contact in contacts:
-            contact.check_normal()
         self.leg, self.balls, self.contacts = leg, balls, contacts
         self.velocity, self.spin = velocity, spin
-        self.normal = np.array([contact.normal for contact in contacts])
         self.radius = np.array([ball.radius for ball in balls])
         self._kernel = _Kernel.of(self)
 
-    def strike(self, q: Array, v: Array) -> Impacts:
+    def compute(self, q: Array, v: Array) -> Impacts:
         """Return the impacts at configurations and joint velocities."""
         n, leg = len(q), self.leg
         if self._kernel is None:
@@ -217,7 +221,7 @@ def _put(impacts: Impacts, i: int, status: StrikeStatus, *values: Any) -> None:
 class _Kernel:
     """The machine code of strikes for one leg, and what is the same for all q and v."""
 
-    def __init__(self, given: _Given, joints: Any) -> None:
+    def __init__(self, given: Strikes, joints: Any) -> None:
         from kickdyn.core.simd import BATCH, aligned_zeros
         from kickdyn.impact import strike_kernel as rows
         from kickdyn.robot.tree_kernel import BODY, STATE, joint_tree
@@ -233,7 +237,7 @@ class _Kernel:
             aligned_zeros((count, count, BATCH)), aligned_zeros((1,), STATE),
             aligned_zeros((2 * nv + self._columns + 1, BATCH)),
         )  # fmt: skip
-        self._varies = any(not isinstance(contact.restitution, float) for contact in given.contacts)
+        self._varies = bool(np.isnan(given.contacts.restitution).any())
         self._table = self._of_strikes(frames[leg.contact_joint].T)
 
     def _of_strikes(self, foot_axes: Array) -> Array:
@@ -243,34 +247,30 @@ class _Kernel:
 
         given, leg = self._given, self._given.leg
         frame = leg.workspace.model.frames[leg.frame_id].placement
-        offsets = np.array([(0.0, 0.0, 0.0) if contact.offset is None else contact.offset
-                            for contact in given.contacts])  # fmt: skip
-        levers = leg.contact_lever + offsets @ frame.rotation.T
+        contacts = given.contacts
+        levers = leg.contact_lever + contacts.offset @ frame.rotation.T
         first = leg.workspace.model.jointPlacements[1].translation
-        shared = max(len(given.balls), len(given.contacts)) == 1 and not self._varies
+        shared = max(len(given.balls), len(contacts)) == 1 and not self._varies
         # one velocity for all rows takes no memory for each
         shared = shared and given.velocity.strides[0] == given.spin.strides[0] == 0
         n = 1 if shared else len(given.velocity)
         padded = -(-n // BATCH) * BATCH
         table = np.empty((rows.GIVEN, padded))
-        table[rows.AXES : rows.LEVER, :n] = contact_frames(given.normal).reshape(-1, 9).T
+        table[rows.AXES : rows.LEVER, :n] = contact_frames(contacts.normal).reshape(-1, 9).T
         table[rows.LEVER : rows.CENTRE, :n] = foot_axes @ levers.T
-        table[rows.CENTRE : rows.VELOCITY, :n] = (first + given.radius[:, None] * given.normal).T
+        table[rows.CENTRE : rows.VELOCITY, :n] = (first + given.radius[:, None] * contacts.normal).T
         table[rows.VELOCITY : rows.SPIN, :n] = given.velocity[:n].T
         table[rows.SPIN : rows.RADIUS, :n] = given.spin[:n].T
         table[rows.RADIUS, :n] = given.radius
-        table[rows.RESTITUTION, :n] = [
-            contact.restitution if isinstance(contact.restitution, float) else 0.5
-            for contact in given.contacts
-        ]
-        table[rows.FRICTION, :n] = [contact.friction for contact in given.contacts]
+        table[rows.RESTITUTION, :n] = np.nan_to_num(contacts.restitution, nan=0.5)
+        table[rows.FRICTION, :n] = contacts.friction
         table[rows.INVERSE_MASS, :n] = [1.0 / ball.mass for ball in given.balls]
         table[rows.TURNING, :n] = [ball.turning for ball in given.balls]
         table[:, n:] = table[:, n - 1 : n]
         return table.reshape(rows.GIVEN, -1, BATCH)
 
     @classmethod
-    def of(cls, given: _Given) -> "_Kernel | None":
+    def of(cls, given: Strikes) -> "_Kernel | None":
         """Return the kernel of a leg, or None where there is none."""
         from kickdyn.robot.tree_kernel import hinges_and_slides
 
@@ -317,7 +317,7 @@ class _Kernel:
             restitution[i] = restitution_at(contact.restitution, max(speed, 0.0))
 
 
-def _slopes(given: _Given, q: Array, v: Array) -> LaunchSlopes:
+def _slopes(given: Strikes, q: Array, v: Array) -> LaunchSlopes:
     n, nv = v.shape
     speed = np.maximum(np.abs(v).max(axis=1), 1e-9)
 
@@ -330,7 +330,7 @@ def _slopes(given: _Given, q: Array, v: Array) -> LaunchSlopes:
         return np.array([pin.integrate(model, a, b) for a, b in zip(q, change, strict=True)])
 
     def launches(q: Array, v: Array) -> Array:
-        impacts = given.strike(q, v)
+        impacts = given.compute(q, v)
         return np.hstack([impacts.ball_velocity, impacts.ball_spin])
 
     by_q = difference_slopes(lambda change: launches(moved(change), v), np.full(n, DIFFERENCE), nv)

@@ -10,7 +10,8 @@ of the mean person of each sex, which are taken as proportional to the height.
   joints. The sources of the numbers are two independent transcriptions, in Kinetics Toolkit
   (`dumas_2007.csv`) and in a program for multibody dynamics, which agree except for the mass of the
   man's shank; there the second agrees with Dumas & Wojtusch 2018 (Handbook of Human Motion). The
-  place of the hips in the pelvis is theirs.
+  place of the hips in the pelvis is theirs. The tensors agree, with all signs, with a third one,
+  `SubjectParameterEstimation.m` of the HuMoD data (Wojtusch & von Stryk 2015, Humanoids).
 
 A `yeadon.Human` has segments by Yeadon 1990 (J Biomech 23:67): a stack of solids, with uniform
 densities, from 95 lengths and girths of one person.

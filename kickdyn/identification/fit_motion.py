@@ -9,7 +9,7 @@ impact have splines of their own, so that nothing is smoothed across it.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -45,6 +45,10 @@ from kickdyn.robot.surgery import has_floating_base
 
 LARGEST_DISTANCE = 0.1
 """Distance of one marker in one frame [m] above which it is another marker; skin moves less."""
+
+JUMP, LEAST_JUMP = 8.0, 0.01
+"""Distance of a marker in one frame above which a motion has a warning: over the marker's median,
+and at least [m]. Noise alone gives 4."""
 
 LARGEST_OFFSET = 2.0
 """Coordinate of a marker on its segment [m] that only other units explain."""
@@ -137,7 +141,7 @@ def fit_motion(
         },
         tuple(k for k in range(len(measured)) if k not in frames or not frames[k].complete),
         tuple(doubts), tuple(frames), fitted,
-    ), names, measured, frames)  # fmt: skip
+    ), places, measured, frames)  # fmt: skip
 
 
 def _from_angles(
@@ -232,11 +236,12 @@ def _place(leg: Leg, name: str, place: Place) -> Marker:
 
 def _judged(
     motion: LegMotion,
-    names: list[str],
+    places: Mapping[str, Marker],
     measured: Array,
     frames: Mapping[int, SolvedFrame],
 ) -> LegMotion:
     """Return a motion with noise and residuals, or raise `InvalidInput` where these are large."""
+    names = list(places)
     complete = len(measured) - len(motion.undetermined)
     if complete < LEAST_FRAMES:
         raise InvalidInput(
@@ -257,8 +262,8 @@ def _judged(
         frame_number, worst = np.unravel_index(int(np.nanargmax(distances)), distances.shape)
         name = names[int(worst)]
         doubts = "".join(f"; {line}" for line in motion.notes if repr(name) in line)
-        middle = np.ptp(np.nanmedian(measured, axis=0), axis=0)
-        hint = " (y seems to point up: see `up`)" if middle[1] > middle[2] else ""
+        up = _upward(motion.leg, places, measured)
+        hint = " (y seems to point up: see `up`)" if up[1] > abs(up[2]) else ""
         raise InvalidInput(
             f"marker {name!r} is {largest:.3g} m "
             f"from its place on the leg in frame {int(frame_number)}: markers are swapped, on the "
@@ -272,4 +277,31 @@ def _judged(
         information=read_only(motion.information / noise**2),
         noise=noise,
         residuals=dict(zip(names, mean.tolist(), strict=True)),
+        notes=(*motion.notes, *_jumps(names, distances)),
     )
+
+
+def _jumps(names: list[str], distances: Array) -> Iterable[str]:
+    """Return a line about the frame in which markers are farthest from their places, if far."""
+    limits = np.maximum(JUMP * np.nanmedian(distances, axis=0), LEAST_JUMP)
+    far = np.where(distances > limits, distances, 0.0)
+    worst, others = int(far.max(axis=1).argmax()), int(far.any(axis=1).sum()) - 1
+    markers = ", ".join(
+        f"{names[k]!r} by {1e3 * far[worst, k]:.2g} mm"
+        for k in np.argsort(-far[worst])
+        if far[worst, k]
+    )
+    if markers:
+        yield (
+            f"markers miss their places on the leg in frame {worst}, {markers}"
+            + (f", and in {others} other frames" if others else "")
+            + ": the first jumps, or is swapped, and distorts the velocities; NaN leaves it out"
+        )
+
+
+def _upward(leg: Leg, places: Mapping[str, Marker], measured: Array) -> Array:
+    """Return the mean vector from the markers of the lowest segment to those of the uppermost."""
+    model = leg.workspace.model
+    joints = np.array([model.frames[frame].parentJoint for frame, _ in places.values()])
+    means = np.nanmean(measured, axis=0)
+    return np.asarray(means[joints == joints.min()].mean(0) - means[joints == joints.max()].mean(0))

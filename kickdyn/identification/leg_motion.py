@@ -189,7 +189,8 @@ class LegMotion(ReprMixin):
             f"contact at {moment:g} s: {count} frames of the {CONTACT_WINDOW:g} s before it "
             f"determine the leg; at least {LEAST_FRAMES} must, the last one at most "
             f"{longest:.3g} s before the contact. Such frames are from "
-            f"{begin:g} to {end:g} s; last gaps: {unseen or 'none'}"
+            f"{begin:g} to {end:g} s; last gaps: {unseen or 'none'}; three "
+            "markers on each segment that are not on one line are always enough"
         )
 
     @validation.check_arguments

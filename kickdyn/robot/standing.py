@@ -81,10 +81,8 @@ class StandingRobot:
         number = turned.getJointId(self.trunk_joint) if above else 0
         pin.forwardKinematics(model, upright := model.createData(), robot.configuration())
         foot = pin.updateFramePlacement(model, upright, self._frame)
-        vertical = (self.placement.rotation @ foot.rotation.T)[
-            :, 2
-        ]  # of the robot with joints at 0
-        self.trunk_axis = data.oMi[number].rotation.T @ vertical
+        turn = self.placement.rotation @ foot.rotation.T  # of the robot with joints at 0
+        self.trunk_axis = data.oMi[number].rotation.T @ turn[:, 2]
         names = robot.joint_names[1:]
         self._of_leg, self._of_robot = (
             coordinate_indices(tree, [tree.getJointId(name) for name in names])

@@ -310,3 +310,31 @@ def test_an_impact_from_the_motion_and_the_ball():
         kd.infer_impact(motion, kd.Track(times[:50], path[:50]))
     with pytest.raises(kd.InvalidInput, match="ball, ball_before and ball_after are needed"):
         kd.infer_impact(truth, velocity(0))
+
+
+def test_a_marker_that_jumps_in_one_frame_is_named():
+    def jump(positions):
+        positions[30, 11] += 0.05
+
+    whole = changed(jump)
+    (line,) = (x for x in kd.fit_motion(whole, LEG, PLACES).warnings if "miss" in x)
+    assert line.startswith(
+        f"markers miss their places on the leg in frame 30, {whole.markers[11]!r} by "
+    )
+
+
+def test_a_foot_that_markers_hardly_determine_is_refused():
+    """Near the axes of both joints, a marker turns both in the same direction."""
+    whole = track(240, 1e-3)
+    places = {name: place for name, place in PLACES.items() if place[0] != "foot"}
+    places["foot0"] = ("foot", (0.10, 0.05, 0.0))
+    q = kd.fit_motion(whole, LEG, PLACES).configurations
+    model, data = LEG.model, LEG.model.createData()
+    foot = model.getFrameId("foot")
+    positions = whole.positions.copy()
+    for k, sample in enumerate(q):
+        pin.framesForwardKinematics(model, data, sample)
+        positions[k, whole.find_marker("foot0")] = data.oMf[foot].act(np.array(places["foot0"][1]))
+    body = kd.BodyTrack(whole.times, whole.markers, positions)
+    with pytest.raises(kd.InvalidInput, match="determine"):
+        kd.fit_motion(body, LEG, places, contact=0.0).at_contact()

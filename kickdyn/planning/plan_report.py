@@ -117,7 +117,9 @@ class PlanReport:
         if leg.workspace.model.armature.any():
             masses = impact.posture.effective_mass_limits(impact.contact.normal).items()
             shown = ", ".join(
-                f"{mass:.3g} kg {limit}" if math.isfinite(mass) else f"infinite {limit} (base or foot fixed)"
+                f"{mass:.3g} kg {limit}"
+                if math.isfinite(mass)
+                else f"infinite {limit} (base or foot fixed)"
                 for limit, mass in masses
             )
             lines.append(f"drives  effective mass {shown}; planned {impact.drive_limit}")

@@ -12,6 +12,7 @@ import pinocchio as pin
 import pytest
 import umsgpack
 from click.testing import CliRunner
+from planned_motions import AIR, BALL, standing, swinging
 
 import kickdyn as kd
 from kickdyn.cli.plan_command import plan as plan_command
@@ -23,20 +24,6 @@ from kickdyn.simulators.mujoco_field import MujocoField
 
 pytest.importorskip("mujoco")
 pytest.importorskip("casadi")
-
-BALL, AIR = kd.Ball(), kd.Air()
-
-
-@cache
-def swinging():
-    return kd.plan_kick(kd.Leg.human(), kd.Goal(20, time=1.2), BALL, AIR, motion=True)
-
-
-@cache
-def standing():
-    robot = kd.Leg.from_robot("g1", base="floating", legs_only=True)
-    robot = robot.with_supports(kd.Support("left_ankle_roll_link", friction=0.7))
-    return kd.plan_kick(robot, kd.Goal(2, time=0.4), BALL, AIR, motion=True)
 
 
 @cache

@@ -329,8 +329,9 @@ def test_bodies_in_the_way_of_the_ball_after_the_impact_are_a_line():
     assert replace(plan, path=backwards).status == "collides"
 
 
-def test_trunk_and_arms_join_in_where_legs_do_not_suffice():
-    """Of the humanoid of gymnasium, whose knees have no speed limit."""
+def test_trunk_and_arms_join_in_where_legs_do_not_suffice(monkeypatch):
+    """Of the humanoid of gymnasium, whose knees have no speed limit; with splines of few knots."""
+    monkeypatch.setattr(plan_motion, "INTERVALS", {True: (8, 7)})
     file = Path(gymnasium.__file__).parent / "envs/mujoco/assets/humanoid.xml"
     humanoid = kd.Leg.from_mjcf(file, "right_foot", base="floating").with_supports("left_foot")
     front = kd.Contact(friction=0.4, offset=(0.1, 0.0, 0.1))

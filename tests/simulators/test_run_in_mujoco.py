@@ -79,7 +79,9 @@ def test_a_robot_kicks_from_one_foot_and_stays_upright():
     assert abs(run.delay) < 0.01
     assert set(run.margins) == {"torque", "speed", "friction", "centre of pressure"}
     assert 0.0 < run.margins["friction"] < 1.0
-    assert -1e-3 < run.margins["centre of pressure"] < 0.04
+    assert 0.0 <= run.margins["centre of pressure"] < 0.04  # between corners, which carry it
+    tipped = replace(run, margins={"centre of pressure": 0.0})
+    assert "margin, centre of pressure  0 m: the sole tips about an edge or" in str(tipped)
     drives = standing().leg.effort_limit[6:]
     assert (np.abs(run.torque[:, 6:]) <= drives * (1 + 1e-9)).all()
     assert not run.torque[:, :6].any()

@@ -52,6 +52,9 @@ AWAY = 100.0
 CORNER_RADIUS = 5e-3
 """Radius of the spheres at the corners of the sole [m]."""
 
+PRESSED = 1e-9
+"""Depth of the sole in the floor at first [m]: with less, rounding decides which corners touch."""
+
 LEAST_RADIUS = 1e-4
 """Radius of the spheres that stand for corners of the kicking foot [m]."""
 
@@ -196,6 +199,8 @@ integrator="{tuning.integrator}" cone="elliptic" impratio="100" tolerance="1e-10
         q = motion.q(motion.begin)
         self.mujoco.mj_resetData(self.model, data)
         data.qpos[:-7] = mujoco_state(motion.robot.model, q, np.zeros(motion.robot.nv))[0]
+        if self.standing is not None:
+            data.qpos[2] -= PRESSED
 
     def set_ball(self, t: float) -> Array:
         """Put the ball where it is at a time [s] before the contact; return this place, `(3,)`.

@@ -1,123 +1,83 @@
-"""Print the table of the section "Speed" in README.md.
+"""Measure the times in README.md and docs/how-to/which-function.md, and write their tables.
 
-    python benchmarks/speed.py
+    python benchmarks/speed.py [tables | first NAME]
 
-Each time is the least of several runs, on one core, after a first run that compiles; `sweep` and
-`fly_many` are timed on many cases and their time is divided by the number of these.
+The rows are those of `kickdyn tradeoff`, with `plan_kick` and two settings of MuJoCo beside them;
+times are processor times of one core, the shortest of several runs. The first use is the first call
+in a process that finds no machine code on the disk (`first` prints it for one function). All is
+stored in docs/speed.json, and docs/images/functions.png is drawn; `tables` only writes the tables
+again.
 """
 
+import json
+import os
+import re
+import subprocess
+import sys
+import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 import kickdyn as kd
+from kickdyn.cli.function_costs import (
+    EXACT,
+    FRICTION,
+    cost_figure,
+    functions,
+    kick,
+    measure_functions,
+)
+from kickdyn.core.plot_style import save_figure
 
-FLIGHTS = 10_000
+ROOT = Path(__file__).resolve().parents[1]
+STORED = ROOT / "docs" / "speed.json"
+PICTURE = ROOT / "docs" / "images" / "functions.png"
+BARE = "pin.impulseDynamics, bare"
+COMPILED = "strike_many", "sweep", "collide_many", "fly_many", "follow_many", "simulate_many"
+STIFF, SOFT = "MuJoCo, 1e7 N/m", "MuJoCo, 1e5 N/m"
 
-LEG, BALL, AIR = kd.Leg.human(), kd.Ball(), kd.Air()
-CONTACT = kd.Contact(normal=(2, 0, 1), restitution=0.8, friction=0.4)
-VELOCITY = [6.6, -14.5, 6.6]
-ANGLES = np.radians([40, 30, -20])
-GOAL = kd.Goal(30, time=1.5)
-GRID = {
-    "hip": np.radians(np.arange(-30, 90, 2.0)),
-    "knee": np.radians(np.arange(0, 140, 2.0)),
-    "ankle": np.radians(np.arange(-20, 50, 2.0)),
-}
+README_ROWS = (
+    ("`strike`: impact with the impulses in all joints", "strike"),
+    ("`strike_many`: the same, per strike in a batch of 10,000", "strike_many"),
+    ("`sweep`: impact and flight of each posture", "sweep"),
+    ("`fly`: flight with drag and lift", "fly"),
+    ("`fly_many`: the same, per flight in a batch of 10,000", "fly_many"),
+    ("`collide`: contact of finite time", "collide"),
+    ("`plan_kick`: kick for a target", "plan_kick"),
+)
+"""What is computed, and by which function."""
 
-
-@dataclass(frozen=True)
-class Task:
-    """What is timed.
-
-    Attributes:
-        what: it is, for a reader.
-        run: does it.
-        cases: number of results of one run.
-        runs: number of runs.
-    """
-
-    what: str
-    run: Callable[[], object]
-    cases: int = 1
-    runs: int = 5
-
-
-def seconds(task: Task) -> float:
-    """Return the processor time of one result [s]."""
-    task.run()
-    least = np.inf
-    for _ in range(task.runs):
-        start = time.process_time()
-        task.run()
-        least = min(least, time.process_time() - start)
-    return least / task.cases
-
-
-def strikes() -> None:
-    """Compute a hundred kicks from their joint angles, and the impulses in the joints."""
-    for _ in range(100):
-        _ = kd.strike(LEG.posture(ANGLES), VELOCITY, BALL, CONTACT).joint_impulses
-
-
-def launches() -> kd.BallState:
-    """Return kicks at 25 m/s, 10 to 60 degrees upwards."""
-    angles = np.radians(np.linspace(10, 60, FLIGHTS))
-    velocity = 25 * np.stack([np.cos(angles), 0 * angles, np.sin(angles)], axis=1)
-    still = np.zeros_like(velocity)
-    return kd.BallState(still, velocity, still, np.zeros(FLIGHTS))
-
-
-def tasks() -> list[Task]:
-    """Return the rows of the table."""
-    posture = LEG.posture(ANGLES)
-    kicked = kd.strike(posture, VELOCITY, BALL, CONTACT).ball_after
-    many = launches()
-    postures = int(np.prod([len(angles) for angles in GRID.values()]))
-    kick = kd.Kick()
-    many_q, many_v = np.tile(ANGLES, (FLIGHTS, 1)), np.tile(VELOCITY, (FLIGHTS, 1))
-    scene = kd.load_scene("paper_kick").replace(uncertainty={"v": 0.1})
-    return [
-        Task("`strike`: impact with the impulses in all joints", strikes, 100, 30),
-        Task(
-            "`strike_many`: the same, per strike in a batch of 10,000",
-            lambda: kd.strike_many(LEG, many_q, many_v, BALL, CONTACT),
-            FLIGHTS,
-        ),
-        Task(
-            "`sweep`: impact and flight of each posture",
-            lambda: kd.sweep(LEG, GRID, kick),
-            postures,
-        ),
-        Task("`fly`: flight with drag and lift", lambda: kd.fly(kicked, BALL, AIR), runs=50),
-        Task(
-            "`fly_many`: the same, per flight in a batch of 10,000",
-            lambda: kd.fly_many(many, BALL, AIR),
-            FLIGHTS,
-        ),
-        Task(
-            "`follow_many`: flight, bounces and rolling, each of 10,000",
-            lambda: kd.follow_many(many, BALL, AIR),
-            FLIGHTS,
-        ),
-        Task(
-            "`simulate_many`: impact and flight of each draw of a scene",
-            lambda: kd.simulate_many(scene, FLIGHTS),
-            FLIGHTS,
-        ),
-        Task(
-            "`collide`: contact of finite time",
-            lambda: kd.collide(posture, VELOCITY, BALL, CONTACT),
-        ),
-        Task(
-            "`collide_many`: the same, per contact in a batch of 10,000",
-            lambda: kd.collide_many(LEG, many_q, many_v, BALL, CONTACT),
-            FLIGHTS,
-        ),
-        Task("`plan_kick`: kick for a target", lambda: kd.plan_kick(LEG, GOAL, BALL, AIR)),
-    ]
+PAGE_ROWS = (
+    ("one impact, with the impulses in all joints", "kd.strike", "strike",
+     "{} of the impulse, against 50 digits"),
+    ("many impacts of one leg: arrays for learning, or their derivatives", "kd.strike_many",
+     "strike_many", "{} of the impulse, against 50 digits"),
+    ("impact and flight from every posture of a grid", "kd.sweep", "sweep",
+     "{} of the impulse, against 50 digits; carry within 1e-6 m"),
+    ("how much the contact time matters", "kd.collide", "collide",
+     "{} of the impulse, against `tol=1e-12`"),
+    ("the same for many contacts of one leg", "kd.collide_many", "collide_many",
+     "{} of the impulse, likewise"),
+    ("one flight", "kd.fly", "fly", "{} of its length, against `tol=1e-13`"),
+    ("many flights", "kd.fly_many", "fly_many", "{} of their lengths, likewise"),
+    ("bounces and rolling, one ball", "kd.follow", "follow", "{} of the distance, likewise"),
+    ("bounces and rolling, many balls", "kd.follow_many", "follow_many",
+     "{} of the distance, likewise"),
+    ("a whole kick to a tolerance, with a contact that takes time", "kd.simulate", "simulate",
+     "`answer.error`, within the tolerance"),
+    ("the scatter of a whole kick", "kd.simulate_many", "simulate_many",
+     "`many.model_error`, and the error of the Monte Carlo method"),
+    ("a frictionless impulse alone, no checks", "pin.impulseDynamics", BARE,
+     "{} of the impulse, against 50 digits"),
+    ("contacts in a simulation of everything else, at 1e7 N/m and steps of 10 µs", "", STIFF,
+     "{} of the impulse, against 50 digits"),
+    ("the same at 1e5 N/m and steps of 1 ms", "", SOFT, "{} of the impulse, likewise"),
+)  # fmt: skip
+"""Question, function, its name among the figures, and what its error is relative to."""
 
 
 def shown(value: float) -> str:
@@ -128,7 +88,137 @@ def shown(value: float) -> str:
     raise AssertionError
 
 
+def readme_table(stored: dict[str, Any]) -> str:
+    """Return the table of README.md."""
+    figures, lines = (
+        stored["functions"],
+        ["| Computation | Time | Over `impulseDynamics` |", "|---|---:|---:|"],
+    )
+    for what, name in README_ROWS:
+        seconds = figures[name]["seconds"]
+        ratio = seconds / figures[BARE]["seconds"]
+        least = float(f"{max(ratio, 1.0 / ratio):.2g}")
+        over = f"{least:g}" if ratio > 1.0 else f"1/{least:g}"
+        lines.append(f"| {what} | {shown(seconds)} | {over} |")
+    return "\n".join(lines)
+
+
+def page_table(stored: dict[str, Any]) -> str:
+    """Return the table of which-function.md."""
+    lines = [
+        "| Question | Function | Error by rounding and integration | Cost | First use |",
+        "|---|---|---|---:|---:|",
+    ]
+    for question, call, name, error in PAGE_ROWS:
+        figure = stored["functions"][name]
+        called, first = f"`{call}`" if call else "MuJoCo", figure.get("first")
+        size = f"{figure['rounding']:.0e}".replace("e-0", "e-") if "{}" in error else ""
+        given = error.format(size)
+        begins = shown(float(f"{first:.1g}")) if first else ""
+        lines.append(
+            f"| {question} | {called} | {given} | {shown(figure['seconds'])} | {begins} |".replace(
+                "|  |", "| |"
+            )
+        )
+    return "\n".join(lines)
+
+
+TABLES: dict[str, Callable[[dict[str, Any]], str]] = {
+    "README.md": readme_table,
+    "docs/how-to/which-function.md": page_table,
+}
+"""By page, what makes its table."""
+
+
+def with_table(text: str, table: str) -> str:
+    """Return a page with its table, which begins with the same words, written anew."""
+    begins = re.escape(table.split("|")[1].strip())
+    new, count = re.subn(rf"^\| {begins} \|.*?\n(?!\|)", table + "\n", text, flags=re.M | re.S)
+    assert count == 1
+    return new
+
+
+def first_use(name: str) -> float:
+    """Return the processor time of the first call of a function in this process [s]."""
+    for measured in functions():
+        if measured[0] == name:
+            began = time.process_time()
+            measured[1]()
+            return time.process_time() - began
+    raise KeyError(name)
+
+
+def first_on_a_machine(name: str) -> float:
+    """Return the processor time of the first call of a function on a machine [s]."""
+    with tempfile.TemporaryDirectory() as folder:
+        done = subprocess.run(
+            [sys.executable, __file__, "first", name], check=True, capture_output=True, text=True,
+            env={**os.environ, "NUMBA_CACHE_DIR": folder},
+        )  # fmt: skip
+    return float(done.stdout)
+
+
+def planned() -> float:
+    """Return the processor time of `plan_kick` [s]."""
+    least = np.inf
+    for _ in range(6):
+        began = time.process_time()
+        kd.plan_kick(kd.Leg.human(), kd.Goal(30, time=1.5), kd.Ball(), kd.Air())
+        least = min(least, time.process_time() - began)
+    return float(least)
+
+
+def mujoco_figures() -> dict[str, dict[str, float]]:
+    """Return time and error of a contact in MuJoCo, stiff with short steps and soft with long."""
+    from measurement import shortest_time
+    from mujoco_comparison import mujoco_kick
+
+    exact, figures = np.array(EXACT[FRICTION]), {}
+    for name, stiffness, dt in ((STIFF, 1e7, 1e-5), (SOFT, 1e5, 1e-3)):
+        run = mujoco_kick(kick(FRICTION), stiffness, dt)
+        error = float(np.linalg.norm(run() - exact) / np.linalg.norm(exact))
+        figures[name] = {"seconds": shortest_time(run), "rounding": error}
+    return figures
+
+
+def machine() -> str:
+    """Return the name of the processor, as Linux has it."""
+    lines = Path("/proc/cpuinfo").read_text().splitlines()
+    return next(line.split(":")[1].strip() for line in lines if line.startswith("model name"))
+
+
+def measure() -> dict[str, Any]:
+    """Return all figures, with errors that do not apply left out."""
+    figures: dict[str, dict[str, float]] = {}
+    rows = measure_functions(lambda name: print(name, flush=True))
+    save_figure(cost_figure(rows), str(PICTURE))
+    for row in rows:
+        figures[row.function] = {"seconds": row.seconds}
+        if row.rounding == row.rounding:
+            figures[row.function]["rounding"] = row.rounding
+    figures["plan_kick"] = {"seconds": planned()}
+    figures |= mujoco_figures()
+    for name in COMPILED:
+        figures[name]["first"] = first_on_a_machine(name)
+    rounded = {
+        name: {key: float(f"{value:.3g}") for key, value in figure.items()}
+        for name, figure in figures.items()
+    }
+    return {"machine": machine(), "functions": rounded}
+
+
+def main() -> None:
+    """Measure and store, unless only the tables are asked for; write the tables."""
+    if sys.argv[1:2] == ["first"]:
+        print(first_use(sys.argv[2]))
+        return
+    if sys.argv[1:] != ["tables"]:
+        STORED.write_text(json.dumps(measure(), indent=1) + "\n")
+    stored = json.loads(STORED.read_text())
+    for page, table in TABLES.items():
+        path = ROOT / page
+        path.write_text(with_table(path.read_text("utf-8"), table(stored)), "utf-8")
+
+
 if __name__ == "__main__":
-    print("| Computation | Time |\n|---|---:|")
-    for task in tasks():
-        print(f"| {task.what} | {shown(seconds(task))} |")
+    main()

@@ -10,6 +10,7 @@ import io
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator
+from functools import cache
 from itertools import product
 from pathlib import Path
 from typing import NamedTuple
@@ -382,35 +383,50 @@ class Swing(NamedTuple):
     time: float
 
 
+def human_leg(surface: str) -> kd.Leg:
+    """Return the leg of the subjects of M12, with a surface of the foot as its contact point."""
+    return kd.Leg.human(height=1.741, mass=73.0, model="3d", frame=surface)
+
+
+@cache
+def contacts(surface: str) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Return joint positions and directions of the ball in which a surface meets it.
+
+    The ball leaves 15 deg up. Postures are a Sobol sequence over the ranges of the joints, with the
+    ball up to 45 deg beside the front of the pelvis.
+    """
+    leg, rising, found = human_leg(surface), math.radians(15.0), []
+    cone = leg.contact_normal_cone
+    assert cone is not None
+    for *shares, side in qmc.Sobol(7, seed=0).random(2**15):
+        aside = math.radians(90.0 * side - 45.0)
+        along = np.array([math.cos(aside), math.sin(aside), math.tan(rising)]) * math.cos(rising)
+        posture = leg.posture(leg.lower + shares * (leg.upper - leg.lower))
+        if (cone @ (along @ posture.rotation_world_joint) >= 0.0).all():
+            found.append((posture.q, along))
+    return found
+
+
 def fastest_swing(
     surface: str, rotation: float, torque: float, stiff: tuple[str, ...], hip_speed: float = 3.0
 ) -> Swing:
     """Return the fastest ball 15 deg up with a rotation speed [rad/s] and torque [N m] of the hip.
 
-    Hip and knee flex at their speed limits; the other joints are at rest. Postures are a Sobol
-    sequence over the ranges of the joints, with the ball up to 45 deg beside the front of the
-    pelvis, which moves forward at a speed [m/s]; they count where the surface meets the ball.
+    Hip and knee flex at their speed limits; the other joints are at rest. The pelvis moves forward
+    at a speed [m/s]. The postures are those of `contacts`.
     """
-    leg = kd.Leg.human(height=1.741, mass=73.0, model="3d", frame=surface)
-    leg = leg.with_stiff_joints(*stiff)
+    leg = human_leg(surface).with_stiff_joints(*stiff)
     limits = dict(zip(("hip", "knee"), kd.Leg.human().velocity_limit[:2], strict=True))
     limits["hip_rotation"] = rotation
     speeds = np.array([limits.get(name, 0.0) for name in leg.joint_names])
-    cone, rising, axis = leg.contact_normal_cone, math.radians(15.0), leg.velocity_index
-    assert cone is not None
-    best = Swing(0.0, 0.0)
-    for *shares, side in qmc.Sobol(7, seed=0).random(2**15):
-        aside = math.radians(90.0 * side - 45.0)
-        along = np.array([math.cos(aside), math.sin(aside), math.tan(rising)]) * math.cos(rising)
-        posture = leg.posture(leg.lower + shares * (leg.upper - leg.lower))
-        if (cone @ (along @ posture.rotation_world_joint) < 0.0).any():
-            continue
+    axis, best = leg.velocity_index("hip_rotation"), Swing(0.0, 0.0)
+    for q, along in contacts(surface):
+        posture = leg.posture(q)
         foot = float(np.abs(along @ posture.jacobian) @ speeds) + hip_speed * float(along[0])
         mass = posture.effective_mass(along)
         ball = (1.0 + compliance.RESTITUTION) * foot * mass / (mass + compliance.BALL.mass)
         if ball > best.ball:
-            inertia = float(posture.inertia[axis("hip_rotation"), axis("hip_rotation")])
-            best = Swing(ball, inertia * rotation / torque)
+            best = Swing(ball, float(posture.inertia[axis, axis]) * rotation / torque)
     return best
 
 

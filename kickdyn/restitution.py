@@ -135,9 +135,7 @@ def checked_restitution(value: float | str | ArrayLike, what: str = "restitution
         validation.number(f"{what}'s speed", speed, at_least=0, unit="m/s")
         validation.number(f"{what} at {speed:g} m/s", e, at_least=0, at_most=1)
     if (np.diff(table[:, 0]) <= 0.0).any():
-        raise InvalidInput(
-            f"{what}'s speeds are {table[:, 0].tolist()} m/s: each must be above the one before"
-        )
+        raise InvalidInput(f"{what}'s speeds are {table[:, 0].tolist()} m/s: they must increase")
     return tuple((speed, e) for speed, e in table.tolist())
 
 

@@ -49,8 +49,17 @@ EXACT = {
 }
 """Impulse on the ball by friction [N s], computed with 50 digits and rounded to float64."""
 
-LEAST = 1e-16
+LEAST_ERROR = 1e-16
 """Least relative error that is drawn: half a unit in the last place."""
+
+
+_ANSWERS = {
+    "strike": "impact", "pin.impulseDynamics, bare": "impact", "strike_many": "impact",
+    "sweep": "impact", "collide": "impact", "collide_many": "impact",
+    "fly": "flight", "fly_many": "flight", "follow": "path", "follow_many": "path",
+    "simulate": "kick", "simulate_many": "kick",
+}  # fmt: skip
+"""What the functions compute: only the errors of the same answer can be compared."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +106,7 @@ def impulse_dynamics(impact: Impact) -> Callable[[], Array]:
 def measure_functions(report: Callable[[str], None] = lambda _: None) -> list[FunctionCost]:
     """Measure every function; `report` is called with each name."""
     rows = []
-    for measured in (*_impacts(), *_flights()):
+    for measured in functions():
         name, run, count, rounding, model = measured
         report(name)
         rows.append(FunctionCost(name, _seconds(run) / count, count > 1, rounding(), model))
@@ -125,6 +134,12 @@ def _gap(answer: Any, exact: Any) -> float:
 
 Measured = tuple[str, Callable[[], object], int, Callable[[], float], float]
 """Name, call, number of its rows, function of the error by rounding, error of the model."""
+
+
+def functions() -> Iterator[Measured]:
+    """Yield every function that is measured."""
+    yield from _impacts()
+    yield from _flights()
 
 
 def _impacts() -> Iterator[Measured]:
@@ -213,24 +228,50 @@ def _flights() -> Iterator[Measured]:
     )  # fmt: skip
 
 
+def on_front(rows: Sequence[FunctionCost], kind: str) -> set[str]:
+    """Return the functions for which no other is at least as exact, and faster.
+
+    They are compared with what computes the same, one by one or in a batch, by their error `kind`,
+    `"model"` or `"rounding"`.
+    """
+    front = set()
+    for row in rows:
+        error = getattr(row, kind)
+        rivals = [
+            other for other in rows
+            if _ANSWERS[other.function] == _ANSWERS[row.function]
+            and other.is_batch == row.is_batch
+            and max(getattr(other, kind), LEAST_ERROR) <= max(error, LEAST_ERROR)
+        ]  # fmt: skip
+        if not math.isnan(error) and row.seconds <= min(other.seconds for other in rivals):
+            front.add(row.function)
+    return front
+
+
 @styled()
 def cost_figure(rows: Sequence[FunctionCost]) -> Figure:
-    """Return error against cost in two panels, of model and rounding; squares are batches."""
+    """Return error against cost in two panels, of model and rounding; squares are batches.
+
+    Names of functions that are not `on_front` are grey.
+    """
     figure = Figure(figsize=(11.0, 4.2))
     panels: Any = figure.subplots(1, 2)
     for axes, title, kind in zip(
         panels, ("model: time of the contact neglected", "rounding and integration"),
         ("model", "rounding"), strict=True,
     ):  # fmt: skip
-        shown = [(row, max(getattr(row, kind), LEAST)) for row in rows
+        shown = [(row, max(getattr(row, kind), LEAST_ERROR)) for row in rows
                  if not math.isnan(getattr(row, kind))]  # fmt: skip
+        front = on_front(rows, kind)
         for row, error in shown:
             axes.loglog(
                 row.seconds, error, "s" if row.is_batch else "o", color="tab:blue",
                 fillstyle="none" if row.is_batch else "full",
             )  # fmt: skip
-            axes.annotate(row.function, (row.seconds, error), (4, 4), fontsize=8,
-                          textcoords="offset points")  # fmt: skip
+            axes.annotate(
+                row.function, (row.seconds, error), (4, 4), fontsize=8,
+                textcoords="offset points", color="black" if row.function in front else "gray",
+            )  # fmt: skip
         axes.set(title=title, xlabel="time per answer [s]", ylabel="relative error")
         axes.margins(0.2)
         if kind == "model":

@@ -14,6 +14,7 @@ from kickdyn.errors import InvalidInput
 from kickdyn.impact.collide import CONTACT_TIME
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.mjcf_file import MjcfFile, find_body
+from kickdyn.robot.names import unknown
 from kickdyn.scene.scene import Compliance
 from kickdyn.scene.toml_reader import load_scene
 from kickdyn.simulators.mujoco_fit import MujocoIntegrator
@@ -95,6 +96,7 @@ def tune_mujoco(scene_file: str, mujoco: MujocoOptions, output: MjcfOptions) -> 
             f"stiffness is {compliance.stiffness!r}: a contact of MuJoCo is tuned for a contact "
             "time, contact_time_s"
         )
+    check_geoms(scene.leg, mujoco.feet)
     feet = mujoco.feet or (find_foot(scene.leg) if scene.contact.friction else ())
     with busy("tuning"):
         tuning = tune_contact(
@@ -114,6 +116,17 @@ def tune_mujoco(scene_file: str, mujoco: MujocoOptions, output: MjcfOptions) -> 
     elif output.prints:
         print_wrapped(str(tuning))
         output.name_written(output.out, output.scene_out)
+
+
+def check_geoms(leg: Leg, names: Iterable[str]) -> None:
+    """Raise `InvalidInput` for a name that is not a geom of the leg's MJCF file, if it has one."""
+    if not isinstance(leg.file, MjcfFile):
+        return
+    compiled = leg.file.compile()
+    geoms = [name for i in range(compiled.ngeom) if (name := str(compiled.geom(i).name))]
+    for name in names:
+        if name not in geoms:
+            raise InvalidInput(unknown("geom", name, leg.file.name, geoms))
 
 
 def find_foot(leg: Leg) -> tuple[str, ...]:

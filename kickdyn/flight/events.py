@@ -188,7 +188,8 @@ def checked_ends(ends: Any) -> tuple[Event, ...]:
             )
         if not event.terminal or name in tuple(FlightStatus):
             raise InvalidInput(
-                f"the end {name!r} must be terminal, and its name none of {', '.join(FlightStatus)}"
+                f"the end {name!r} must be terminal, and must not be named as a status: "
+                f"{', '.join(FlightStatus)}"
             )
         if not callable(event.function):
             raise InvalidInput(f"the function of the end {name!r} cannot be called")

@@ -14,6 +14,13 @@ from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import FaultyFile, InvalidInput
 from kickdyn.identification.track import LARGEST_FILE, METRES, Track, c3d_content
+from kickdyn.robot.names import unknown
+
+CENTRE_STEPS = 10
+"""Gauss-Newton steps to the centre of a ball."""
+
+CENTRE_MISFIT = 0.05
+"""Largest accepted distance of a marker from the surface of the ball, over its radius."""
 
 
 class Up(StrEnum):
@@ -97,24 +104,58 @@ class BodyTrack(ReprMixin):
         }
 
     @validation.check_arguments
-    def marker_track(self, name: str) -> Track:
-        """Return the track of one marker, such as a ball, in the frames in which it is seen.
+    def find_marker(self, name: str) -> int:
+        """Return the number of a marker.
+
+        The prefix of a subject may be left out: `RASI` finds `Anna:RASI`.
 
         Args:
             name: name of the marker.
 
         Raises:
-            InvalidInput: an unknown marker, or one that is not seen in any frame.
+            InvalidInput: no marker of this name, or several with different prefixes.
         """
-        if name not in self.markers:
-            raise InvalidInput(
-                f"marker {name!r} is not in the track: its markers are "
-                f"{validation.brief(list(self.markers))}"
-            )
-        path = self.positions[:, self.markers.index(name)]
+        ends = [k for k, label in enumerate(self.markers) if label.endswith(f":{name}")]
+        if name in self.markers:
+            return self.markers.index(name)
+        if len(ends) == 1:
+            return ends[0]
+        raise InvalidInput(unknown("marker", name, "the track", self.markers))
+
+    @validation.check_arguments
+    def marker_track(self, name: str, *others: str, radius: float | None = None) -> Track:
+        r"""Return the track of one marker, or of the centre of a ball with several markers.
+
+        The centre is :math:`c` with the least :math:`\sum_i (|p_i - c| - r)^2` of each frame in
+        which at least four of the markers are seen.
+
+        Args:
+            name: name of the marker.
+            others: further markers on the surface of the same ball, at least three.
+            radius: distance of these markers from the centre of the ball [m].
+
+        Raises:
+            InvalidInput: an unknown marker; markers that are not seen in any frame; several markers
+                that are fewer than four, without a radius, or not on a sphere of this radius.
+        """
+        paths = self.positions[:, [self.find_marker(label) for label in (name, *others)]]
+        if others:
+            if radius is None or len(others) < 3:
+                raise InvalidInput(
+                    f"{1 + len(others)} markers are named: the centre of a ball needs at least "
+                    "four on its surface, and their distance from it (radius=)"
+                )
+            size = validation.number("radius", radius, above=0.0, at_most=1.0, unit="m")
+            path = np.array([_centre(frame, size) for frame in paths])
+        else:
+            path = paths[:, 0]
         seen = np.isfinite(path).all(axis=1)
         if not seen.any():
-            raise InvalidInput(f"marker {name!r} is not seen in any frame")
+            raise InvalidInput(
+                "no frame has four of these markers"
+                if others
+                else f"marker {name!r} is not seen in any frame"
+            )
         return Track(self.times[seen], path[seen])
 
     def _rows(self) -> Iterable[Row]:
@@ -222,6 +263,34 @@ def _with_gaps(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
     if np.isinf(array).any():
         raise InvalidInput(f"{name} has infinite entries: they must be finite, or NaN for a gap")
     return array
+
+
+def _centre(points: Array, radius: float) -> Array:
+    """Return the centre of the sphere through points, `(n, 3)`; NaN if fewer than four are seen.
+
+    Raises `InvalidInput` if their distances from it differ from the radius.
+    """
+    seen = points[np.isfinite(points).all(axis=1)]
+    if len(seen) < 4:
+        return np.full(3, np.nan)
+    mean = seen.mean(axis=0)
+    offsets = seen - mean
+    squares = (offsets**2).sum(axis=1)
+    # equal distances are linear in the centre; the radius then corrects it by Gauss-Newton steps
+    centre = np.linalg.lstsq(2.0 * offsets, squares - squares.mean(), rcond=None)[0]
+    for _ in range(CENTRE_STEPS):
+        lever = centre - offsets
+        distances = np.sqrt((lever**2).sum(axis=1))
+        if not distances.all():  # the markers are one point
+            break
+        centre = centre - np.linalg.lstsq(lever / distances[:, None], distances - radius)[0]
+    misfit = float(np.abs(np.sqrt(((centre - offsets) ** 2).sum(axis=1)) - radius).max())
+    if not misfit <= CENTRE_MISFIT * radius:
+        raise InvalidInput(
+            f"the markers are up to {1000.0 * misfit:.3g} mm from a sphere of radius {radius:g} m: "
+            "check the radius, and that all of them are on the ball and not in one plane"
+        )
+    return np.asarray(mean + centre)
 
 
 def _with_z_up(positions: Array, up: Up) -> Array:

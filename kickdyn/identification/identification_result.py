@@ -163,7 +163,7 @@ class Identification(ReprMixin):
         if self.curved:
             lines.append(
                 "the sum of squares is not quadratic around the estimate: the standard deviations "
-                f"of {', '.join(self.curved)} were increased to its profile's"
+                f"of {', '.join(self.curved)} were increased to match it"
             )
         if self.widening > 1.0:
             lines.append(

@@ -67,7 +67,8 @@ class Approach(NamedTuple):
             row = contact.normal.dot(factor)
             if validation.length(row) <= IMMOBILE * np.abs(factor).max():
                 raise InvalidInput(
-                    "ball mass is inf, and the leg cannot move along the contact normal either"
+                    "ball mass is inf and the leg cannot move along the contact normal: "
+                    "one of them must be able to move"
                 )
         leg = LegBody(posture, self.v, posture.jacobian, factor)
         return ContactProblem((self.contact_point(),), (leg, self.ball_body()))

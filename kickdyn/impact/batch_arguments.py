@@ -1,10 +1,13 @@
 """Arguments of functions that compute many impacts: rows of q and v, one object or n of them."""
 
+import math
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
@@ -58,3 +61,54 @@ def contact_frames(normals: Array) -> Array:
     across = across - normals * (across * normals).sum(axis=1, keepdims=True)
     across /= np.sqrt((across * across).sum(axis=1, keepdims=True))
     return np.stack([np.cross(across, normals), across, normals], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class ContactRows:
+    """One contact or n as arrays.
+
+    Attributes:
+        given: the contacts; or one, which the arrays change in each of n rows.
+        normal: shape `(n, 3)`, unit vectors.
+        restitution: shape `(n,)`, nan where it depends on the speed of approach.
+        friction: shape `(n,)`.
+        changed: whether the arrays change the contact that is given.
+    """
+
+    given: Sequence[Contact]
+    normal: Array
+    restitution: Array
+    friction: Array
+    changed: bool = False
+
+    @classmethod
+    def of(cls, contacts: Sequence[Contact]) -> "ContactRows":
+        """Return contacts as arrays; refuse one without a normal."""
+        for contact in contacts:
+            contact.check_normal()
+        restitution = [
+            contact.restitution if isinstance(contact.restitution, float) else math.nan
+            for contact in contacts
+        ]
+        return cls(
+            contacts, np.array([contact.normal for contact in contacts]), np.array(restitution),
+            np.array([contact.friction for contact in contacts]),
+        )  # fmt: skip
+
+    @property
+    def offset(self) -> Array:
+        """Offsets of the contact points in the contact frame, shape `(n, 3)` or `(1, 3)` [m]."""
+        still = (0.0, 0.0, 0.0)
+        return np.array([still if one.offset is None else one.offset for one in self.given])
+
+    def __len__(self) -> int:
+        return len(self.normal)
+
+    def __getitem__(self, i: int) -> Contact:
+        if not self.changed:
+            return self.given[i]
+        contact, e = self.given[0], float(self.restitution[i])
+        return replace(
+            contact, normal=self.normal[i], friction=float(self.friction[i]),
+            restitution=contact.restitution if math.isnan(e) else e,
+        )  # fmt: skip

@@ -182,8 +182,8 @@ class Collision(AfterApproach):
 
     @property
     def evaluations(self) -> int:
-        """Number of evaluations of the equations of motion."""
-        return self._motion.equations.evaluations
+        """Number of evaluations of the equations of motion, without those for samples."""
+        return self._motion.evaluations
 
     def _rows(self) -> Iterable[Row]:
         yield "contact time", 1e3 * self.contact_time, "ms"

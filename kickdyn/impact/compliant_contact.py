@@ -136,15 +136,27 @@ class CompliantContact:
         self.model = self.leg.model  # with gravity, which the leg's workspace leaves out
         self._space = Workspace(self.model)
         self.gravity = np.array(self.model.gravity.linear)
-        self.evaluations, self.expected = 0, expected
+        self.evaluations, self.counts, self.expected = 0, True, expected
         self.resting = (
             RESTING * tol * approach.speed
         )  # sliding speed up to which points are at rest
-        self._axes = posture.rotation_world_joint.T @ contact_axes(contact.normal)
-        self._wrenches = np.vstack([self._axes, np.zeros((3, 3))])
-        self._arm = tuple((self._axes.T @ posture.contact_lever).tolist())
+        self._set_axes(contact_axes(contact.normal))
         # where the ball's centre begins
         self._centre = posture.contact_point + self.ball.radius * contact.normal
+
+    def _set_axes(self, world_axes: Array) -> None:
+        """Set the contact's axes, which turn with the foot, and what follows from them.
+
+        Unit forces at a point along the axes are the wrenches `_forces` and `_moments` times the
+        point, flattened.
+        """
+        posture = self.approach.posture
+        self._axes = axes = posture.rotation_world_joint.T @ world_axes
+        self._arm = tuple((axes.T @ posture.contact_lever).tolist())
+        self._forces, moments = np.zeros(18), [axes @ pin.skew(unit) for unit in np.eye(3)]
+        self._forces[:9] = axes.ravel()
+        self._moments = np.zeros((18, 3))
+        self._moments[9:] = np.reshape(moments, (3, 9)).T
 
     @property
     def data(self) -> Any:
@@ -270,7 +282,9 @@ class CompliantContact:
         return Evaluation(rates, on_ball, self.deflection(contact), (end, margin), (w1, w2))
 
     def _count(self, t: float) -> None:
-        """Count an evaluation; raise `KickdynError` where it makes no sense, or one too many."""
+        """Count an evaluation of the integration; raise `KickdynError` where it makes no sense."""
+        if not self.counts:  # samples of a motion that is known
+            return
         self.evaluations += 1
         if not math.isfinite(t):
             raise KickdynError(
@@ -299,10 +313,9 @@ class CompliantContact:
         """
         model, data, q = self.model, self.data, state.q
         local = pin.computeJointJacobian(model, data, q, self.leg.contact_joint)
-        x, y, z = contact.point
-        self._wrenches[3:] = self._axes.dot(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
+        wrenches = (self._forces + self._moments.dot(contact.point)).reshape(6, 3)
         acting = np.empty((self.leg.nv, 4), order="F")
-        acting[:, :3] = local.T.dot(self._wrenches)
+        acting[:, :3] = local.T.dot(wrenches)
         acting[:, 3] = torque - pin.nonLinearEffects(model, data, q, state.v)
         return pin.crba(model, data, q, pin.Convention.LOCAL), acting
 

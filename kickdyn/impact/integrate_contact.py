@@ -2,7 +2,9 @@
 
 import math
 from bisect import bisect_right
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.integrate import DOP853, OdeSolution
@@ -27,15 +29,31 @@ BEYOND_SEPARATION = 1.02
 """Longest step over the time to separation at the present speed: the force ends there at once."""
 
 
-class ContactMotion(NamedTuple):
-    """Leg and ball from first contact to separation, as they were integrated."""
+@dataclass(frozen=True, eq=False)
+class ContactMotion:
+    """Leg and ball from first contact to separation, as they were integrated.
+
+    Attributes:
+        equations: the equations of motion.
+        times: of the integrator's steps, shape `(n,)` [s].
+        last: column at separation.
+        begins: times at which the phases begin [s].
+        phases: the phases.
+        evaluations: number of evaluations of the equations that the integration took.
+    """
 
     equations: CompliantContact
-    column: OdeSolution  # of the integrator, at a time
-    times: Array  # of the integrator's steps, shape `(n,)` [s]
-    last: Array  # column at separation
-    begins: list[float]  # times at which the phases begin [s]
+    times: Array
+    last: Array
+    begins: list[float]
     phases: list[Phase]
+    evaluations: int
+    _steps: list[DOP853]
+
+    @cached_property
+    def column(self) -> OdeSolution:
+        """Column of the integrator at a time; its interpolants take a quarter more evaluations."""
+        return OdeSolution(self.times, [solver.dense_output() for solver in self._steps])
 
     def sample(self, t: float) -> tuple[Array, Array, float]:
         """Return force [N] and impulse so far [N s] on the ball, and deflection [m] at a time."""
@@ -100,11 +118,10 @@ class _Contact:
             if (phase.largest > 0.0 and apart) or deflection >= equations.ball.radius * (
                 1.0 - 1e-9
             ):
-                begins_of_steps = [begin for begin, _ in self._steps]
-                times = np.array([*begins_of_steps, t])
-                interpolants = [solver.dense_output() for _, solver in self._steps]
-                column = OdeSolution(times, interpolants)
-                return ContactMotion(equations, column, times, y, begins, phases)
+                times = np.array([*(begin for begin, _ in self._steps), t])
+                steps, count = [solver for _, solver in self._steps], equations.evaluations
+                equations.counts = False
+                return ContactMotion(equations, times, y, begins, phases, count, steps)
             phase = phase._replace(largest=0.0 if phase.largest else deflection)
         raise KickdynError(
             f"the integrator failed at {t:g} s: at an approach speed of "

@@ -22,6 +22,7 @@ from kickdyn.core.simd import (
     sine_and_cosine,
     spread,
 )
+from kickdyn.impact import newton_law
 from kickdyn.robot import tree_kernel
 from kickdyn.robot.tree_kernel import (
     BODY,
@@ -34,14 +35,21 @@ from kickdyn.robot.tree_kernel import (
     JOINT,
     OPTIONS,
     STATE,
+    add,
     contact_jacobian,
+    cross,
     delassus_matrix,
+    dot,
     factorize,
+    inlined,
     joint_impulses,
     joint_space_inertia,
     njit,
     place_bodies,
+    put,
+    scale,
     solve_velocity,
+    vector,
     whiten,
 )
 
@@ -50,209 +58,206 @@ TASK = np.dtype([("foot", np.int64), ("planar", np.bool_)], align=True)
 
 LANE = np.dtype(
     [
-        ("axes", float, (9, BATCH)),  # two tangents and the normal, one after the other
-        ("lever", float, (3, BATCH)),  # of the contact point, in the frame of the foot's joint [m]
-        ("ball", float, (3, BATCH)),  # velocity of the ball's contact point, the ball alone [m/s]
         ("restitution", float, BATCH),
         ("friction", float, BATCH),
         ("tangent_mobility", float, BATCH),  # what the ball adds to the Delassus matrix [1/kg]
         ("normal_mobility", float, BATCH),
         ("velocity", float, (3, BATCH)),  # of the ball over the foot, in the contact's axes [m/s]
+        ("sticks", float, BATCH),  # 1 where the points stick
+        ("slips", float, BATCH),  # 1 where the direction of the slip is to be found
     ]
 )
-"""What is given of each strike, and the relative velocity that is computed."""
+"""What the impulse follows from, beside the Delassus matrix."""
 
-IMPULSE, POINT, SPEED, DOUBT, STICKS, LOST, FIRST = 0, 3, 6, 7, 8, 9, 10
-"""Rows of an answer: impulse on the ball [N s], contact point from the first joint [m], speed
-of approach [m/s], 1 where the strike is doubtful, 1 where the points stick, energy lost [J]; jump
-of each joint's velocity, and the linear and angular impulse in each joint, in its frame."""
+AXES, LEVER, CENTRE, VELOCITY, SPIN, RADIUS = 0, 9, 12, 15, 18, 21
+RESTITUTION, FRICTION, INVERSE_MASS, TURNING, GIVEN = 22, 23, 24, 25, 26
+"""Rows of what is given of each strike: two tangents and the normal, contact point in the frame of
+the foot's joint [m], centre of the ball from the contact point, from the first joint on [m],
+velocity [m/s] and spin [rad/s] of the ball, its radius [m], restitution, friction, inverse mass
+[1/kg], what the ball's rotation adds to the mobility along the tangents [1/kg]; their number."""
+
+IMPULSE, BALL_VELOCITY, BALL_SPIN, BALL_POSITION = 0, 3, 6, 9
+APPROACH, LOST, FIRST = 12, 13, 14
+"""Columns of an answer: impulse on the ball [N s], velocity [m/s], spin [rad/s] and centre of the
+ball [m], speed of approach [m/s], energy lost [J]; velocity of each joint, and the linear and
+angular impulse in each joint, in its frame."""
+
+STICK, SLIDE, ANEW = 0.0, 1.0, 2.0
+"""Flags of an answer: points stick, or slip, or the strike is to be computed anew."""
+
+LEAST_APPROACH = 1e-12
+"""Speed of approach [m/s] below which a strike is to be computed anew."""
 
 LEAST_SHARE = 1e-6
 """Share that a pivot or a resistance must keep of its terms, or the strike is doubtful."""
 
-DIRECTIONS = 32
-_ANGLES = 2.0 * np.pi * np.arange(DIRECTIONS + 1) / DIRECTIONS
-_COS, _SIN = np.cos(_ANGLES), np.sin(_ANGLES)
-_WIDTH = 2.0 * math.pi / DIRECTIONS
+LEAST_RESISTANCE = 1e-3
+"""Share of its mobility along the normal that a contact must resist with, or it is doubtful."""
+
+_stick_impulse = inlined(newton_law.stick_impulse)
+_slip_impulse = njit(newton_law.slip_impulse)
+_slip_conic = njit(newton_law.slip_conic)
+_meet_circle = njit(newton_law.meet_circle)
+_energy_lost = inlined(newton_law.energy_lost)
 
 
 @njit
-def _solve(floats, lane, i):  # type: ignore[no-untyped-def]
-    r"""Fill in the impulse of lane i in the contact's axes by the law `newton`, see `solve_newton`.
+def _solve(lane, state):  # type: ignore[no-untyped-def]
+    """Fill in the impulse in the contact's axes by the law `newton` where the points do not slip.
 
-    Where the points slip, all zeros of the trigonometric polynomial of `slip_angles` are sought.
+    See `solve_newton`. Where they slip, `slips` is set.
     """
-    g12, g13, g23 = floats.delassus[D12, i], floats.delassus[D13, i], floats.delassus[D23, i]
-    g11 = floats.delassus[D11, i] + lane.tangent_mobility[i]
-    g22 = floats.delassus[D22, i] + lane.tangent_mobility[i]
-    g33 = floats.delassus[D33, i] + lane.normal_mobility[i]
-    u1, u2, u3 = lane.velocity[0, i], lane.velocity[1, i], lane.velocity[2, i]
+    delassus, mu, e = state.delassus, lane.friction, lane.restitution
+    g22 = delassus[D22] + lane.tangent_mobility
+    g33 = delassus[D33] + lane.normal_mobility
+    g = (
+        delassus[D11] + lane.tangent_mobility, delassus[D12], g22, delassus[D13], delassus[D23],
+        g33,
+    )  # fmt: skip
+    u = vector(lane.velocity)
+    (p1, p2, p3), _, (h22, h33) = _stick_impulse(g, u, e)
+    sound = (h22 > LEAST_SHARE * g22) & (h33 > LEAST_SHARE * g33)
+    most = mu * p3
+    sticks = sound & (mu > 0.0) & (p3 >= 0.0) & (p1 * p1 + p2 * p2 <= most * most)
+    lane.sticks = choose(sticks, 1.0, spread(0.0))
+    lane.slips = choose((mu > 0.0) & sound, 1.0 - lane.sticks, 0.0)
+    state.doubt = choose(sound | (mu == 0.0), state.doubt, 1.0)
+    level = (0.0 - (1.0 + e) * u[2]) / g33
+    impulse = choose(sticks, p1, 0.0), choose(sticks, p2, 0.0), choose(sticks, p3, level)
+    put(state.impulse, impulse)
+    state.energy_lost = _energy_lost(impulse, u, (0.0, 0.0), e)
+
+
+@njit
+def _slip(floats, lane, i):  # type: ignore[no-untyped-def]
+    """Fill in the impulse of lane i by the law `newton` where the points slip."""
+    delassus, mobility = floats.delassus, lane.tangent_mobility[i]
+    g33 = delassus[D33, i] + lane.normal_mobility[i]
+    g = (
+        delassus[D11, i] + mobility, delassus[D12, i], delassus[D22, i] + mobility,
+        delassus[D13, i], delassus[D23, i], g33,
+    )  # fmt: skip
+    u = lane.velocity[0, i], lane.velocity[1, i], lane.velocity[2, i]
     e, mu = lane.restitution[i], lane.friction[i]
-    f3 = (1.0 + e) * u3
-    floats.impulse[0, i], floats.impulse[1, i], floats.impulse[2, i] = 0.0, 0.0, -f3 / g33
-    floats.energy_lost[i] = 0.5 * f3 / g33 * u3 * (1.0 - e)
-    if mu == 0.0:
-        return 0.0
-    ratio = g12 / g11
-    h22, h23 = g22 - ratio * g12, g23 - ratio * g13
-    low = h23 / h22
-    h33 = g33 - g13 / g11 * g13 - low * h23
-    if not (h22 > LEAST_SHARE * g22 and h33 > LEAST_SHARE * g33):
+    impulse, lost = _slip_impulse(g, u, e, mu, _meet_circle(_slip_conic(g, u, e, mu)))
+    if not 0.0 < impulse[2] * (LEAST_RESISTANCE * g33) < -(1.0 + e) * u[2]:
         floats.doubt[i] = 1.0
-        return 0.0
-    b2 = -u2 + ratio * u1
-    p3 = (-f3 + g13 / g11 * u1 - low * b2) / h33
-    p2 = (b2 - h23 * p3) / h22
-    p1 = (-u1 - g12 * p2 - g13 * p3) / g11
-    if p1 * p1 + p2 * p2 <= (mu * p3) * (mu * p3) and p3 >= 0.0:
-        floats.impulse[0, i], floats.impulse[1, i], floats.impulse[2, i] = p1, p2, p3
-        floats.energy_lost[i] = 0.5 * (-p3 * u3 * (1.0 - e) - p1 * u1 - p2 * u2)
-        return 1.0
-    x0, x1 = mu * (u1 * g13 - f3 * g11), mu * (u1 * g23 - f3 * g12)
-    y0, y1 = mu * (u2 * g13 - f3 * g12), mu * (u2 * g23 - f3 * g22)
-    x2, y2 = u1 * g33 - f3 * g13, u2 * g33 - f3 * g23
-    curved = abs(y2) + abs(x2) + 4.0 * (abs(y1 - x0) + abs(y0 + x1))
-    most, slips = -math.inf, False
-    c, s, value, slope = 1.0, 0.0, y0 + y2, y1 - x0 - x2
-    for k in range(1, DIRECTIONS + 1):
-        value0, slope0 = value, slope
-        c, s = _COS[k], _SIN[k]
-        x, y = x0 * c + x1 * s + x2, y0 * c + y1 * s + y2
-        value = c * y - s * x
-        slope = -s * y + c * (y1 * c - y0 * s) - c * x - s * (x1 * c - x0 * s)
-        if (value0 < 0.0) == (value < 0.0):
-            least = min(abs(value0), abs(value))
-            dips = slope0 * value0 < 0.0 < slope * value
-            if dips and least < 0.125 * _WIDTH * _WIDTH * curved:  # there may be two zeros
-                floats.doubt[i] = 1.0
-            continue
-        a, b = _WIDTH * (k - 1), _WIDTH * k
-        angle = a + _WIDTH * value0 / (value0 - value)
-        for _ in range(60):  # Newton's method, kept within the bracket
-            c1, s1 = math.cos(angle), math.sin(angle)
-            x, y = x0 * c1 + x1 * s1 + x2, y0 * c1 + y1 * s1 + y2
-            here = c1 * y - s1 * x
-            steep = -s1 * y + c1 * (y1 * c1 - y0 * s1) - c1 * x - s1 * (x1 * c1 - x0 * s1)
-            if (here < 0.0) == (value0 < 0.0):
-                a = angle
-            else:
-                b = angle
-            new = angle - here / steep if steep != 0.0 else 0.5 * (a + b)
-            if not a <= new <= b:
-                new = 0.5 * (a + b)
-            if abs(new - angle) <= 2e-16 * (1.0 + angle):
-                break
-            angle = new
-        c1, s1 = math.cos(angle), math.sin(angle)
-        resistance = mu * (g13 * c1 + g23 * s1) + g33
-        if resistance <= 0.0:
-            continue
-        p = -f3 / resistance
-        slide1 = mu * p * (g11 * c1 + g12 * s1) + g13 * p + u1
-        slide2 = mu * p * (g12 * c1 + g22 * s1) + g23 * p + u2
-        if c1 * slide1 + s1 * slide2 > 0.0:  # friction would drive the sliding
-            continue
-        along = c1 * (u1 + slide1) + s1 * (u2 + slide2)
-        lost = 0.5 * p * (-u3 * (1.0 - e) - mu * along)
-        if resistance < 1e-3 * g33:
-            floats.doubt[i] = 1.0
-        if lost > most:
-            most, slips = lost, True
-            floats.impulse[0, i], floats.impulse[1, i] = mu * p * c1, mu * p * s1
-            floats.impulse[2, i], floats.energy_lost[i] = p, lost
-    if not slips:
-        floats.doubt[i] = 1.0
-    return 0.0
+    floats.impulse[0, i], floats.impulse[1, i], floats.impulse[2, i] = impulse
+    floats.energy_lost[i] = lost
 
 
-def _strike(tree, frames, task, given, motion, memory, answer):  # type: ignore[no-untyped-def]
+def _strike(tree, frames, task, senses, given, motion, memory, answer):  # type: ignore[no-untyped-def]
     """Fill in the answers of strikes, `BATCH` at a time.
 
-    `motion` has angle (or slide) and velocity of every joint, `given` the fields of
-    `LANE` that are, in their order, of one batch where all strikes share them. `memory` is what it
-    works in: a `LANE`, the bodies, the matrix of inertia and a `STATE`.
+    `given` has the rows that the names above say, of one batch where all strikes share them. Joint
+    angles and velocities, and answers with their flags, have a row for each strike. `memory` is
+    what it works in: a `LANE`, the bodies, the matrix of inertia, a `STATE`, and a batch of joint
+    angles, velocities, columns of the answer and the flag.
     """
-    lanes, bodies, inertia, state = memory
-    task, floats, lane_floats = task[0], state[0], lanes[0]
+    (q, v), (answer, flags) = motion, answer
+    lanes, bodies, inertia, state, floats_of = memory
+    task, floats, lane_floats, count = task[0], state[0], lanes[0], len(q)
     bodies, inertia, state = batches(bodies), batches(inertia), batches(state)[0]
-    lanes, given, motion, answer = (
-        batches(lanes)[0],
-        batches(given),
-        batches(motion),
-        batches(answer),
-    )
+    lanes, given, row_of = batches(lanes)[0], batches(given), batches(floats_of)
     n = len(tree)
-    for c in range(answer.shape[1]):
+    nv, width = n - 1, answer.shape[1]
+    result, first = row_of[2 * nv :], FIRST + nv
+    for c in range((count + BATCH - 1) // BATCH):
         g = c if given.shape[1] > 1 else 0
+        for i in range(BATCH):
+            row = min(BATCH * c + i, count - 1)
+            for k in range(nv):
+                floats_of[k, i] = senses[k + 1] * q[row, k]
+                floats_of[nv + k, i] = senses[k + 1] * v[row, k]
         doubt = spread(0.0)
         for k in range(1, n):
-            angle = motion[2 * k - 2, c]
+            angle = row_of[k - 1]
             if tree[k].slides:
                 bodies[k].cosine = angle
             else:
                 bodies[k].sine, bodies[k].cosine = sine_and_cosine(angle)
                 doubt = choose(math.fabs(angle) < LARGEST_ANGLE, doubt, 1.0)
-        for r in range(9):
-            lanes.axes[r] = given[r, g]
-        for r in range(3):
-            lanes.lever[r], lanes.ball[r] = given[9 + r, g], given[12 + r, g]
-        lanes.restitution, lanes.friction = given[15, g], given[16, g]
-        lanes.tangent_mobility, lanes.normal_mobility = given[17, g], given[18, g]
         state.doubt = doubt
         place_bodies(tree, bodies)
         joint_space_inertia(tree, bodies, inertia)
-        contact_jacobian(tree, bodies, task, lanes.lever, state)
-        a, ball = lanes.axes, lanes.ball
-        for r in range(3):
-            lanes.velocity[r] = a[3 * r] * ball[0] + a[3 * r + 1] * ball[1] + a[3 * r + 2] * ball[2]
+        lever = given[LEVER, g], given[LEVER + 1, g], given[LEVER + 2, g]
+        contact_jacobian(tree, bodies, task, lever, state)
+        a = (
+            (given[AXES, g], given[AXES + 1, g], given[AXES + 2, g]),
+            (given[AXES + 3, g], given[AXES + 4, g], given[AXES + 5, g]),
+            (given[AXES + 6, g], given[AXES + 7, g], given[AXES + 8, g]),
+        )
+        velocity = given[VELOCITY, g], given[VELOCITY + 1, g], given[VELOCITY + 2, g]
+        spin = given[SPIN, g], given[SPIN + 1, g], given[SPIN + 2, g]
+        turned, radius = cross(spin, a[2]), given[RADIUS, g]
+        w1 = velocity[0] - radius * turned[0]
+        w2 = velocity[1] - radius * turned[1]
+        w3 = velocity[2] - radius * turned[2]
+        u1, u2, u3 = dot(a[0], (w1, w2, w3)), dot(a[1], (w1, w2, w3)), dot(a[2], (w1, w2, w3))
         for k in range(1, n):
             row = bodies[k].jacobian
             if not tree[k].carries_foot:
                 row[0], row[1], row[2] = 0.0, 0.0, 0.0
                 continue
-            x, y, z = row[0], row[1], row[2]
-            for r in range(3):
-                row[r] = a[3 * r] * x + a[3 * r + 1] * y + a[3 * r + 2] * z
-                lanes.velocity[r] -= row[r] * motion[2 * k - 1, c]
+            column, speed = vector(row), row_of[nv + k - 1]
+            x, y, z = dot(a[0], column), dot(a[1], column), dot(a[2], column)
+            row[0], row[1], row[2] = x, y, z
+            u1, u2, u3 = u1 - x * speed, u2 - y * speed, u3 - z * speed
+        lanes.velocity[0], lanes.velocity[1], lanes.velocity[2] = u1, u2, u3
+        lanes.restitution, lanes.friction = given[RESTITUTION, g], given[FRICTION, g]
+        inverse, turning = given[INVERSE_MASS, g], given[TURNING, g]
+        lanes.tangent_mobility, lanes.normal_mobility = inverse + turning, inverse
         factorize(tree, inertia, state)
         whiten(tree, bodies, inertia, task)
         delassus_matrix(tree, bodies, inertia, state)
+        _solve(lanes, state)
         for i in range(BATCH):
-            floats.speed_use[i] = _solve(floats, lane_floats, i)  # 1 where it sticks
+            if lane_floats.slips[i] > 0.0:
+                _slip(floats, lane_floats, i)
         solve_velocity(tree, bodies, inertia, state)
         s, t, p = state.impulse[0], state.impulse[1], state.impulse[2]
-        for r in range(3):
-            state.impulse[r] = a[r] * s + a[3 + r] * t + a[6 + r] * p
-            answer[IMPULSE + r, c] = state.impulse[r]
+        impulse = add(add(scale(s, a[0]), scale(t, a[1])), scale(p, a[2]))
+        put(state.impulse, impulse)
         joint_impulses(tree, bodies, task, state)
-        x, y, z = state.point[0], state.point[1], state.point[2]
+        point = vector(state.point)
         k = task.foot
         while k > 0:
-            origin = bodies[k].origin
-            x, y, z = x + origin[0], y + origin[1], z + origin[2]
+            point = add(point, vector(bodies[k].origin))
             k = tree[k].parent
-        answer[POINT, c], answer[POINT + 1, c], answer[POINT + 2, c] = x, y, z
-        answer[SPEED, c], answer[DOUBT, c] = 0.0 - lanes.velocity[2], state.doubt
-        answer[STICKS, c], answer[LOST, c] = state.speed_use, state.energy_lost
+        centre = given[CENTRE, g], given[CENTRE + 1, g], given[CENTRE + 2, g]
+        put(result[IMPULSE:], impulse)
+        put(result[BALL_VELOCITY:], add(velocity, scale(inverse, impulse)))
+        put(result[BALL_SPIN:], add(spin, scale(turning / radius, cross(impulse, a[2]))))
+        put(result[BALL_POSITION:], add(point, centre))
+        result[APPROACH], result[LOST] = 0.0 - u3, state.energy_lost
+        sound = (state.doubt == 0.0) & (math.fabs(state.energy_lost) < math.inf)
+        sound = sound & (result[APPROACH] > LEAST_APPROACH)
+        result[width] = choose(sound, SLIDE - lanes.sticks, ANEW)
         for k in range(1, n):
-            answer[FIRST + k - 1, c] = bodies[k].jump
-            first = FIRST + n - 1 + 6 * (k - 1)
-            _write(bodies[k].rotation, frames[k], bodies[k].force, answer, first, c)
-            _write(bodies[k].rotation, frames[k], bodies[k].torque, answer, first + 3, c)
+            result[FIRST + k - 1] = senses[k] * (row_of[nv + k - 1] + bodies[k].jump)
+            _write(bodies[k].rotation, frames[k], bodies[k].force, result, first)
+            _write(bodies[k].rotation, frames[k], bodies[k].torque, result, first + 3)
+            first += 6
+        first -= 6 * nv
+        for i in range(min(BATCH, count - BATCH * c)):
+            flags[BATCH * c + i] = np.int8(floats_of[2 * nv + width, i])
+            row, column = answer[BATCH * c + i], floats_of[2 * nv :, i]
+            for r in range(width):
+                row[r] = column[r]
 
 
 @njit
-def _write(rotation, frame, vector, answer, first, c):  # type: ignore[no-untyped-def]
-    """Write a vector in the axes of its joint to batch c of an answer."""
-    x, y, z = vector[0], vector[1], vector[2]
+def _write(rotation, frame, rows, result, first):  # type: ignore[no-untyped-def]
+    """Write a vector in the axes of its joint to rows of a result."""
+    x, y, z = rows[0], rows[1], rows[2]
     u = rotation[0, 0] * x + rotation[1, 0] * y + rotation[2, 0] * z
     v = rotation[0, 1] * x + rotation[1, 1] * y + rotation[2, 1] * z
     w = rotation[0, 2] * x + rotation[1, 2] * y + rotation[2, 2] * z
     for r in range(3):
-        answer[first + r, c] = frame[r, 0] * u + frame[r, 1] * v + frame[r, 2] * w
+        result[first + r] = frame[r, 0] * u + frame[r, 1] * v + frame[r, 2] * w
 
 
-named(_strike, "strike", simd, tree_kernel)
+named(_strike, "strike", simd, newton_law, tree_kernel)
 
 
 @cache
@@ -262,8 +267,9 @@ def compiled_kernel() -> Callable[..., None]:
     tree, task, lanes, bodies, state = (
         typeof(np.zeros(1, dtype)) for dtype in (JOINT, TASK, LANE, BODY, STATE)
     )
-    cube = numba.float64[:, :, ::1]
+    vector, matrix, cube = numba.float64[::1], numba.float64[:, ::1], numba.float64[:, :, ::1]
     tuple_of: Any = numba.types.Tuple
-    memory = tuple_of((lanes, bodies, cube, state))
-    signature = numba.void(tree, cube, task, cube, cube, memory, cube)
+    memory, motion = tuple_of((lanes, bodies, cube, state, matrix)), tuple_of((matrix, matrix))
+    answer = tuple_of((matrix, numba.int8[::1]))
+    signature = numba.void(tree, cube, task, vector, cube, motion, memory, answer)
     return compiled(_strike, signature, "the kernel of strikes", **OPTIONS)

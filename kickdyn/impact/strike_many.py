@@ -16,7 +16,13 @@ from kickdyn.core.differences import difference_slopes
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput, KickdynError, NoImpact
 from kickdyn.impact.approach import AT_REST
-from kickdyn.impact.batch_arguments import contact_frames, one_or_many, rows_of, vector_rows
+from kickdyn.impact.batch_arguments import (
+    ContactRows,
+    contact_frames,
+    one_or_many,
+    rows_of,
+    vector_rows,
+)
 from kickdyn.impact.laws import find_law, names_of_laws
 from kickdyn.impact.strike import strike
 from kickdyn.restitution import restitution_at
@@ -150,31 +156,29 @@ def strike_many(
     balls = one_or_many("ball", ball, Ball, n)
     contacts = one_or_many("contact", contact, Contact, n)
     velocity = vector_rows("ball velocity", ball_velocity, n)
-    given = _Given(leg, balls, contacts, velocity, vector_rows("ball spin", ball_spin, n))
-    impacts = given.strike(angles, speeds)
+    spin = vector_rows("ball spin", ball_spin, n)
+    given = Strikes(leg, balls, ContactRows.of(contacts), velocity, spin)
+    impacts = given.compute(angles, speeds)
     if not validation.flag("slopes", slopes):
         return impacts
     return replace(impacts, slopes=_slopes(given, angles, speeds))
 
 
-class _Given:
+class Strikes:
     """Leg, balls and contacts of n strikes, to which q and v are added."""
 
     def __init__(
-        self, leg: Leg, balls: list[Ball], contacts: list[Contact], velocity: Array, spin: Array
+        self, leg: Leg, balls: list[Ball], contacts: ContactRows, velocity: Array, spin: Array
     ) -> None:
-        for contact in contacts:
-            contact.check_normal()
         self.leg, self.balls, self.contacts = leg, balls, contacts
         self.velocity, self.spin = velocity, spin
-        self.normal = np.array([contact.normal for contact in contacts])
         self.radius = np.array([ball.radius for ball in balls])
         self._kernel = _Kernel.of(self)
 
-    def strike(self, q: Array, v: Array) -> Impacts:
+    def compute(self, q: Array, v: Array) -> Impacts:
         """Return the impacts at configurations and joint velocities."""
         n, leg = len(q), self.leg
-        if self._kernel is None or n == 0:
+        if self._kernel is None:
             impacts, doubtful = _empty(n, leg), np.ones(n, bool)
         else:
             impacts, doubtful = self._kernel.strike(q, v)
@@ -217,138 +221,103 @@ def _put(impacts: Impacts, i: int, status: StrikeStatus, *values: Any) -> None:
 class _Kernel:
     """The machine code of strikes for one leg, and what is the same for all q and v."""
 
-    def __init__(self, given: _Given, joints: Any) -> None:
-        from kickdyn.impact.strike_kernel import TASK, compiled_kernel
-        from kickdyn.robot.tree_kernel import joint_tree
+    def __init__(self, given: Strikes, joints: Any) -> None:
+        from kickdyn.core.simd import BATCH, aligned_zeros
+        from kickdyn.impact import strike_kernel as rows
+        from kickdyn.robot.tree_kernel import BODY, STATE, joint_tree
 
-        self._code, self._given, leg = compiled_kernel(), given, given.leg
-        self._tree, frames, self._senses = joint_tree(leg, joints, np.eye(3))
-        self._task, self._frames = np.zeros(1, TASK), np.ascontiguousarray(frames)
-        self._task["foot"] = leg.contact_joint
-        self._first = leg.workspace.model.jointPlacements[1].translation
+        self._code, self._given, leg = rows.compiled_kernel(), given, given.leg
+        tree, frames, senses = joint_tree(leg, joints, np.eye(3))
+        task, count, nv = np.zeros(1, rows.TASK), len(tree), leg.nv
+        task["foot"] = leg.contact_joint
+        self._given_leg = tree, np.ascontiguousarray(frames), task, np.ascontiguousarray(senses)
+        self._columns = rows.FIRST + 7 * nv
+        self._memory = (
+            aligned_zeros((1,), rows.LANE), aligned_zeros((count,), BODY),
+            aligned_zeros((count, count, BATCH)), aligned_zeros((1,), STATE),
+            aligned_zeros((2 * nv + self._columns + 1, BATCH)),
+        )  # fmt: skip
+        self._varies = bool(np.isnan(given.contacts.restitution).any())
+        self._table = self._of_strikes(frames[leg.contact_joint].T)
+
+    def _of_strikes(self, foot_axes: Array) -> Array:
+        """Return what is given of the strikes beside q and v, shape `(rows, batches, 16)`."""
+        from kickdyn.core.simd import BATCH
+        from kickdyn.impact import strike_kernel as rows
+
+        given, leg = self._given, self._given.leg
         frame = leg.workspace.model.frames[leg.frame_id].placement
-        foot = frames[leg.contact_joint].T
-        offsets = np.array([(0.0, 0.0, 0.0) if contact.offset is None else contact.offset
-                            for contact in given.contacts])  # fmt: skip
-        levers = leg.contact_lever + offsets @ frame.rotation.T
-        count = max(len(given.balls), len(given.contacts))
-        self._count = count if count > 1 else 1
-        table = np.zeros((19, count))
-        table[:9] = contact_frames(given.normal).reshape(-1, 9).T
-        table[9:12] = foot @ levers.T
-        self._varies = [not isinstance(contact.restitution, float) for contact in given.contacts]
-        table[15] = [contact.restitution if isinstance(contact.restitution, float) else 0.5
-                     for contact in given.contacts]  # fmt: skip
-        table[16] = [contact.friction for contact in given.contacts]
-        inverse = np.array([1.0 / ball.mass for ball in given.balls])
-        table[17] = inverse + [
-            0.0 if ball.mass == math.inf else ball.turning for ball in given.balls
-        ]
-        table[18] = inverse
-        self._table = table
+        contacts = given.contacts
+        levers = leg.contact_lever + contacts.offset @ frame.rotation.T
+        first = leg.workspace.model.jointPlacements[1].translation
+        shared = max(len(given.balls), len(contacts)) == 1 and not self._varies
+        # one velocity for all rows takes no memory for each
+        shared = shared and given.velocity.strides[0] == given.spin.strides[0] == 0
+        n = 1 if shared else len(given.velocity)
+        padded = -(-n // BATCH) * BATCH
+        table = np.empty((rows.GIVEN, padded))
+        table[rows.AXES : rows.LEVER, :n] = contact_frames(contacts.normal).reshape(-1, 9).T
+        table[rows.LEVER : rows.CENTRE, :n] = foot_axes @ levers.T
+        table[rows.CENTRE : rows.VELOCITY, :n] = (first + given.radius[:, None] * contacts.normal).T
+        table[rows.VELOCITY : rows.SPIN, :n] = given.velocity[:n].T
+        table[rows.SPIN : rows.RADIUS, :n] = given.spin[:n].T
+        table[rows.RADIUS, :n] = given.radius
+        table[rows.RESTITUTION, :n] = np.nan_to_num(contacts.restitution, nan=0.5)
+        table[rows.FRICTION, :n] = contacts.friction
+        table[rows.INVERSE_MASS, :n] = [1.0 / ball.mass for ball in given.balls]
+        table[rows.TURNING, :n] = [ball.turning for ball in given.balls]
+        table[:, n:] = table[:, n - 1 : n]
+        return table.reshape(rows.GIVEN, -1, BATCH)
 
     @classmethod
-    def of(cls, given: _Given) -> "_Kernel | None":
+    def of(cls, given: Strikes) -> "_Kernel | None":
         """Return the kernel of a leg, or None where there is none."""
         from kickdyn.robot.tree_kernel import hinges_and_slides
 
-        joints = None if given.leg.base_velocity is not None else hinges_and_slides(given.leg)
-        movable = all(ball.mass < math.inf for ball in given.balls)
-        fits = given.leg.nq == given.leg.nv and movable
-        return cls(given, joints) if joints is not None and fits else None
+        leg, movable = given.leg, all(ball.mass < math.inf for ball in given.balls)
+        if leg.base_velocity is not None or leg.nq != leg.nv or not movable:
+            return None
+        joints = hinges_and_slides(leg) if len(given.velocity) else None
+        return None if joints is None else cls(given, joints)
 
     def strike(self, q: Array, v: Array) -> tuple[Impacts, NDArray[np.bool_]]:
         """Return the impacts, and which of them are to be computed anew."""
-        from kickdyn.core.simd import BATCH
+        from kickdyn.impact import strike_kernel as rows
 
-        n, given = len(q), self._given
-        batches = -(-n // BATCH)
-        padded = batches * BATCH
-        shared = self._table.shape[1] == 1 and not any(self._varies)
-        # one velocity for all rows takes no memory for each
-        shared = shared and given.velocity.strides[0] == given.spin.strides[0] == 0
-        m, width = (1, BATCH) if shared else (n, padded)
-        table = np.empty((19, width))
-        table[:, :m] = self._table
-        turning = np.cross(given.spin[:m], given.normal) * given.radius[:, None]
-        table[12:15, :m] = (given.velocity[:m] - turning).T
-        table[:, m:] = table[:, m - 1 : m]
-        motion = np.empty((2 * given.leg.nv, padded))
-        np.multiply(self._senses[1:, None], q.T, out=motion[::2, :n])
-        np.multiply(self._senses[1:, None], v.T, out=motion[1::2, :n])
-        motion[:, n:] = motion[:, n - 1 : n]
-        answer = self._run(table, motion, batches)
-        if any(self._varies):
-            self._set_restitution(table, answer, n)
-            answer = self._run(table, motion, batches)
-        return self._impacts(answer[:, :n], v)
-
-    def _run(self, table: Array, motion: Array, batches: int) -> Array:
-        """Return the answers of the kernel, shape `(rows, 16 batches)`."""
-        from kickdyn.core.simd import BATCH, aligned_zeros
-        from kickdyn.impact.strike_kernel import FIRST, LANE
-        from kickdyn.robot.tree_kernel import BODY, STATE
-
-        count = len(self._tree)
-        rows = FIRST + 7 * (count - 1)
-        answer = np.empty((rows, batches, BATCH))
-        memory = (
-            aligned_zeros((1,), LANE), aligned_zeros((count,), BODY),
-            aligned_zeros((count, count, BATCH)), aligned_zeros((1,), STATE),
-        )  # fmt: skip
-        self._code(
-            self._tree, self._frames, self._task, table.reshape(19, -1, BATCH),
-            motion.reshape(-1, batches, BATCH), memory, answer,
-        )  # fmt: skip
-        return answer.reshape(rows, -1)
-
-    def _set_restitution(self, table: Array, answer: Array, n: int) -> None:
-        """Put in the restitution at the speeds of approach where it depends on them."""
-        from kickdyn.impact.strike_kernel import SPEED
-
-        contacts = self._given.contacts
-        for i in range(n):
-            contact = contacts[i % len(contacts)]
-            table[15, i] = restitution_at(contact.restitution, max(float(answer[SPEED, i]), 0.0))
-
-    def _impacts(self, answer: Array, v: Array) -> tuple[Impacts, NDArray[np.bool_]]:
-        from kickdyn.impact.strike_kernel import (
-            DOUBT,
-            FIRST,
-            IMPULSE,
-            LOST,
-            POINT,
-            SPEED,
-            STICKS,
-        )  # fmt: skip
-
-        given, (n, nv) = self._given, v.shape
-        # arrays have a column for each strike, as the answer: along rows numpy is several times
-        # slower
-        impulse, inverse = answer[IMPULSE : IMPULSE + 3], self._table[18]
-        velocity = impulse * inverse
-        velocity += given.velocity.T
-        x, y, z = given.normal.T * ((self._table[17] - inverse) / given.radius)
-        a, b, c = impulse
-        spin = np.stack([z * b - y * c, x * c - z * a, y * a - x * b])
-        spin += given.spin.T
-        position = (
-            answer[POINT : POINT + 3] + (self._first + given.radius[:, None] * given.normal).T
+        answer, flags = self._run(q, v)
+        if self._varies:
+            self._set_restitution(answer[:, rows.APPROACH])
+            answer, flags = self._run(q, v)
+        (n, nv), first = q.shape, rows.FIRST + self._given.leg.nv
+        impulse, velocity, spin, position = (
+            answer[:, k : k + 3]
+            for k in (rows.IMPULSE, rows.BALL_VELOCITY, rows.BALL_SPIN, rows.BALL_POSITION)
         )
-        after = self._senses[1:, None] * answer[FIRST : FIRST + nv]
-        after += v.T
-        inside = answer[FIRST + nv :].reshape(nv, 6, n).transpose(2, 0, 1)
-        flags = np.int8(StrikeStatus.STICKS.flag), np.int8(StrikeStatus.SLIPS.flag)
-        speed = answer[SPEED]
         impacts = Impacts(
-            impulse.T, velocity.T, spin.T, position.T, after.T, inside, speed, answer[LOST],
-            np.where(answer[STICKS] > 0.0, *flags),
+            impulse, velocity, spin, position, answer[:, rows.FIRST : first],
+            answer[:, first:].reshape(n, nv, 6), answer[:, rows.APPROACH], answer[:, rows.LOST],
+            flags,
         )  # fmt: skip
-        doubtful = (answer[DOUBT] != 0.0) | ~np.isfinite(answer[LOST]) | ~(speed > 1e-12)
-        return impacts, doubtful
+        return impacts, flags == rows.ANEW
+
+    def _run(self, q: Array, v: Array) -> tuple[Array, NDArray[np.int8]]:
+        """Return the answers of the kernel, shape `(n, columns)`, and their flags."""
+        answer = np.empty((len(q), self._columns)), np.empty(len(q), np.int8)
+        motion = np.ascontiguousarray(q), np.ascontiguousarray(v)
+        self._code(*self._given_leg, self._table, motion, self._memory, answer)
+        return answer
+
+    def _set_restitution(self, speeds: Array) -> None:
+        """Put in the restitution at the speeds of approach where it depends on them."""
+        from kickdyn.impact.strike_kernel import RESTITUTION
+
+        contacts, restitution = self._given.contacts, self._table[RESTITUTION].reshape(-1)
+        for i, speed in enumerate(speeds.tolist()):
+            contact = contacts[i % len(contacts)]
+            restitution[i] = restitution_at(contact.restitution, max(speed, 0.0))
 
 
-def _slopes(given: _Given, q: Array, v: Array) -> LaunchSlopes:
+def _slopes(given: Strikes, q: Array, v: Array) -> LaunchSlopes:
     n, nv = v.shape
     speed = np.maximum(np.abs(v).max(axis=1), 1e-9)
 
@@ -361,7 +330,7 @@ def _slopes(given: _Given, q: Array, v: Array) -> LaunchSlopes:
         return np.array([pin.integrate(model, a, b) for a, b in zip(q, change, strict=True)])
 
     def launches(q: Array, v: Array) -> Array:
-        impacts = given.strike(q, v)
+        impacts = given.compute(q, v)
         return np.hstack([impacts.ball_velocity, impacts.ball_spin])
 
     by_q = difference_slopes(lambda change: launches(moved(change), v), np.full(n, DIFFERENCE), nv)

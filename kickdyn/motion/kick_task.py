@@ -161,7 +161,8 @@ def check_sole(standing: StandingRobot) -> None:
         frame = standing.support.frame
         raise InvalidInput(
             f"the sole of {frame} is {width:.2g} mm wide: the centre of pressure of a motion stays "
-            f"inside it, so it must be wider than {least:g} mm (Support({frame!r}, sole=...))"
+            f"inside it, so it must be wider than {least:g} mm: name its corners, "
+            f"Support({frame!r}, sole=...), --support {frame}:FRICTION:CORNERS"
         )
 
 

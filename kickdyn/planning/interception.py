@@ -302,16 +302,17 @@ def _facing(
 
 def _passing(course: Course, times: Array, places: Array, point: Array) -> float:
     """Return when the ball is nearest to a point [s]; it must be within 1 cm of it."""
+
+    def receding(t: float) -> float:
+        """Return half the derivative of the squared distance from the point by time [m2/s]."""
+        ball = course.sample(t)
+        return float((ball.position - point) @ ball.velocity)
+
     nearest = int(np.argmin(np.linalg.norm(places - point, axis=1)))
+    wait = float(times[nearest])
     low, high = times[max(nearest - 1, 0)], times[min(nearest + 1, len(times) - 1)]
-    for _ in range(60):  # golden section
-        a, b = high - 0.618033988749895 * (high - low), low + 0.618033988749895 * (high - low)
-        before, after = (math.dist(course.sample(t).position, point) for t in (a, b))
-        if before < after:
-            high = b
-        else:
-            low = a
-    wait = float(0.5 * (low + high))
+    if receding(low) < 0.0 < receding(high):
+        wait = float(brentq(receding, low, high, xtol=1e-12))
     missed = math.dist(course.sample(wait).position, point)
     if missed > 0.01:
         raise InvalidInput(

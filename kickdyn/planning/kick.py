@@ -21,6 +21,7 @@ from kickdyn.impact.strike import strike
 from kickdyn.motion.impact_target import impact_target_for
 from kickdyn.motion.motion import Motion
 from kickdyn.planning.goal import Goal
+from kickdyn.planning.intercepting_kick import KickSettings
 from kickdyn.planning.interception import IncomingBall
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.kick_problem import MUSCLES, KickProblem, kick_problem, solve_kick
@@ -37,7 +38,7 @@ from kickdyn.planning.kick_steps import (
 )
 from kickdyn.planning.kick_terms import BallPosition, Facing, Objective
 from kickdyn.planning.launch import Launch
-from kickdyn.planning.moving_kick import KickSettings, plan_interception
+from kickdyn.planning.moving_kick import plan_interception
 from kickdyn.planning.muscle_limit import MuscleTorqueLimit
 from kickdyn.planning.objectives import OBJECTIVES
 from kickdyn.planning.passes import Pass

@@ -7,10 +7,11 @@ from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.validation import ArrayLike
+from kickdyn.planning.intercepting_kick import KickSettings
 from kickdyn.planning.interception import FASTEST_BALL, IncomingBall
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.kick_steps import checked_contact, checked_leg, checked_objective
-from kickdyn.planning.moving_kick import KickSettings, plan_interception
+from kickdyn.planning.moving_kick import plan_interception
 from kickdyn.robot.leg import Leg
 
 

@@ -218,7 +218,7 @@ def _checked_file(file: Path, source: str, folders: Iterable[Path]) -> MjcfFile:
     if root.tag == "robot":
         raise ValueError("is a URDF, its root is <robot>: Leg.from_urdf reads it")
     if root.tag != "mujoco":
-        raise ValueError(f"is not an MJCF: its root is <{root.tag[:40]}>, not <mujoco>")
+        raise ValueError(f"is not an MJCF file: its root is <{root.tag[:40]}>, not <mujoco>")
     files = PackageFiles(folder, folders)
     _include(root, files, source, {file.resolve()}, 0)
     _keep_mechanics(root)

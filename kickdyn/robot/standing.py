@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from scipy.spatial import ConvexHull
+from scipy.spatial import ConvexHull, QhullError
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
@@ -21,6 +21,7 @@ from kickdyn.robot.ground_clearance import (
     joined,
     shape_of,
     shapes_of,
+    sphere_directions,
 )
 from kickdyn.robot.kicking_chain import rest_configuration
 from kickdyn.robot.leg import Leg, Posture
@@ -31,13 +32,22 @@ from kickdyn.robot.surgery import coordinate_indices, has_floating_base, reroot_
 SOLE_THICKNESS = 2e-3
 """Height above the lowest point of a foot up to which its shapes count as its sole [m]."""
 
+NARROW = 0.02
+"""Width of a sole below which the foot may stand on another face of its shapes [m]."""
+
+MOST_TILT = np.radians(30.0)
+"""Largest angle of a sole to the ground while all joints are at 0 [rad]."""
+
+FACE = np.radians(1.0)
+"""Largest angle between facets of a hull that are one face [rad]."""
+
 
 class StandingRobot:
     r"""A robot that stands on one flat foot, and the same robot with this foot as its root.
 
     The ground is the plane :math:`z = 0`. The foot lies on it as it does while all joints are at 0
-    and the base is upright. Joints between foot and base keep their names, values, velocities and
-    limits, see `reroot_model`.
+    and the base is upright; a foot whose sole is tilted then is turned until it is level.
+    Joints between foot and base keep their names, values, velocities and limits (`reroot_model`).
 
     Attributes:
         robot: on a floating base, on `support`.
@@ -69,7 +79,12 @@ class StandingRobot:
         turned, data = self.leg.workspace.model, self.leg.workspace.data
         pin.forwardKinematics(turned, data, self.leg.configuration())
         number = turned.getJointId(self.trunk_joint) if above else 0
-        self.trunk_axis = data.oMi[number].rotation[2].copy()
+        pin.forwardKinematics(model, upright := model.createData(), robot.configuration())
+        foot = pin.updateFramePlacement(model, upright, self._frame)
+        vertical = (self.placement.rotation @ foot.rotation.T)[
+            :, 2
+        ]  # of the robot with joints at 0
+        self.trunk_axis = data.oMi[number].rotation.T @ vertical
         names = robot.joint_names[1:]
         self._of_leg, self._of_robot = (
             coordinate_indices(tree, [tree.getJointId(name) for name in names])
@@ -195,15 +210,80 @@ def _flat_on_ground(robot: Leg, support: Support) -> tuple[Any, Array]:
     frame = frame_id(model, support.frame)
     pin.forwardKinematics(model, data, robot.configuration())
     upright = pin.updateFramePlacement(model, data, frame).copy()
-    corners = _sole(robot, support, frame, upright.rotation)
-    heights = corners @ upright.rotation[2]
-    if np.ptp(heights) > SOLE_THICKNESS + 0.01 * np.ptp(corners, axis=0).max():
+    rotation = upright.rotation
+    corners = _sole(robot, support, frame, rotation)
+    if support.sole is not None and not _is_level(corners @ rotation.T):
+        offsets = corners - corners.mean(axis=0)
+        face = np.linalg.svd(offsets)[2][2:]
+        rotation = _levelled(rotation, np.vstack([face, -face]), np.ones(2))
+    elif support.sole is None and _width(corners @ rotation.T) < NARROW:
+        level = _levelled(rotation, *_faces(robot, frame))
+        others = _sole(robot, support, frame, level)
+        if _width(others @ level.T) >= NARROW:
+            rotation, corners = level, others
+        elif len(corners) < 3:  # as of a body that is a point
+            number = int(model.frames[frame].parentJoint)
+            bodies = joint_bodies(robot, number)
+            reasons = [why for name in bodies if (why := find_unread(robot, name))]
+            why = f" ({reasons[0]}; --package-dir names the folder of meshes)" if reasons else ""
+            raise InvalidInput(
+                f"the shapes of {support.frame} have no sole{why}: name its corners, "
+                f"Support({support.frame!r}, sole=...), --support {support.frame}:FRICTION:CORNERS"
+            )
+    heights = corners @ rotation[2]
+    if not _is_level(corners @ rotation.T):
         raise InvalidInput(
-            f"the sole of {support.frame} is tilted while all joints of {robot.name} are at 0: "
-            f"corners' heights differ by {np.ptp(heights):.3g} m, but the ground is level"
+            f"the corners of the sole of {support.frame} are not in a plane, or are tilted by more "
+            f"than {np.degrees(MOST_TILT):.0f} degrees while all joints of {robot.name} are at 0: "
+            f"their heights differ by {np.ptp(heights):.3g} m, but the ground is level"
         )
     origin = np.array([*upright.translation[:2], -heights.min()])
-    return pin.SE3(upright.rotation, origin), corners
+    return pin.SE3(rotation, origin), corners
+
+
+def _is_level(corners: Array) -> bool:
+    """Return whether corners, `(k, 3)` [m, world axes], have nearly the same height."""
+    size = np.ptp(corners, axis=0)
+    return bool(size[2] <= SOLE_THICKNESS + 0.01 * size.max())
+
+
+def _levelled(rotation: Array, normals: Array, areas: Array) -> Array:
+    """Return a rotation of a foot that turns its largest downward face to the ground.
+
+    `normals` of its faces, shape `(k, 3)` [frame], point outwards; without one that is within
+    `MOST_TILT` of the ground, it is `rotation`.
+    """
+    downward = -normals @ rotation[2]
+    if not (downward >= np.cos(MOST_TILT)).any():
+        return rotation
+    number = int(np.argmax(np.where(downward >= np.cos(MOST_TILT), areas, -1.0)))
+    turn = pin.Quaternion.FromTwoVectors(rotation @ normals[number], np.array([0.0, 0.0, -1.0]))
+    return np.asarray(turn.toRotationMatrix() @ rotation)
+
+
+def _faces(robot: Leg, frame: int) -> tuple[Array, Array]:
+    """Return outward normals, `(k, 3)` [frame], and areas [m^2] of the faces of a foot's hull."""
+    support = robot.workspace.model.frames[frame]
+    shapes = joint_spheres(robot, int(support.parentJoint))
+    directions = np.vstack([np.zeros((1, 3)), sphere_directions()])
+    points = (shapes.centres[:, None] + shapes.radii[:, None, None] * directions).reshape(-1, 3)
+    points = (points - support.placement.translation) @ support.placement.rotation
+    try:
+        hull = ConvexHull(np.unique(points, axis=0))
+    except QhullError:  # flat, or a point
+        return np.zeros((0, 3)), np.zeros(0)
+    normals = hull.equations[:, :3]
+    corners = hull.points[hull.simplices]
+    sides = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = np.asarray(0.5 * np.linalg.norm(sides, axis=1))
+    along = normals @ normals.T >= np.cos(FACE)
+    return np.asarray(normals), along @ areas
+
+
+def _width(corners: Array) -> float:
+    """Return the least width of a sole, `(k, 3)` [m, world axes], in x and y."""
+    turns = np.linspace(0.0, np.pi, 90, endpoint=False)
+    return float(np.ptp(corners[:, :2] @ [np.cos(turns), np.sin(turns)], axis=0).min())
 
 
 def _on_ground(placement: Any, corners: Array) -> Array:
@@ -237,14 +317,6 @@ def _sole(robot: Leg, support: Support, frame: int, rotation: Array) -> Array:
         points += [(x, y, level), *((x + wide * a, y + wide * b, level) for a, b in ring)]
     corners = np.array(points)
     corners = corners[np.unique(np.argmax(corners[:, :2] @ ring.T, axis=0))]
-    if len(corners) < 3:  # as of a body that is a point
-        number = int(support_frame.parentJoint)
-        reasons = [why for name in joint_bodies(robot, number) if (why := find_unread(robot, name))]
-        why = f" ({reasons[0]}; --package-dir names the folder of meshes)" if reasons else ""
-        raise InvalidInput(
-            f"the shapes of {support.frame} have no sole{why}: name its corners, "
-            f"Support({support.frame!r}, sole=...)"
-        )
     return np.asarray(corners @ rotation)
 
 

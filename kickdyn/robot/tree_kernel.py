@@ -186,17 +186,20 @@ def vector(rows):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _put(rows, v):  # type: ignore[no-untyped-def]
+def put(rows, v):  # type: ignore[no-untyped-def]
+    """Put a vector into three rows of an array."""
     rows[0], rows[1], rows[2] = v
 
 
 @inlined
-def _add(a, b):  # type: ignore[no-untyped-def]
+def add(a, b):  # type: ignore[no-untyped-def]
+    """Return the sum of two vectors."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 @inlined
-def _scale(s, v):  # type: ignore[no-untyped-def]
+def scale(s, v):  # type: ignore[no-untyped-def]
+    """Return a vector times a number."""
     return s * v[0], s * v[1], s * v[2]
 
 
@@ -274,7 +277,7 @@ def _place_moments(joint, body):  # type: ignore[no-untyped-def]
     r"""Fill in a body's moments of mass in the contact's axes, :math:`R h` and :math:`R I R^T`."""
     r = body.rotation
     rows = (r[0, 0], r[0, 1], r[0, 2]), (r[1, 0], r[1, 1], r[1, 2]), (r[2, 0], r[2, 1], r[2, 2])
-    _put(body.carried_moment, _times(rows, joint.moment))
+    put(body.carried_moment, _times(rows, joint.moment))
     inertia, carried = _symmetric(joint.inertia), body.carried_inertia
     x, y, z = _times(inertia, rows[0]), _times(inertia, rows[1]), _times(inertia, rows[2])
     carried[0], carried[1], carried[2] = dot(x, rows[0]), dot(x, rows[1]), dot(x, rows[2])
@@ -304,10 +307,10 @@ def joint_space_inertia(tree, bodies, inertia):  # type: ignore[no-untyped-def]
             inertia[k, k] = dot(axis, torque) + joint.armature
         if joint.parent == 0:
             continue
-        force = _scale(joint.carried_mass, axis) if joint.slides else cross(axis, moment)
+        force = scale(joint.carried_mass, axis) if joint.slides else cross(axis, moment)
         a, below = joint.parent, body
         while a > 0:
-            torque = _add(torque, cross(vector(below.origin), force))
+            torque = add(torque, cross(vector(below.origin), force))
             inertia[k, a] = dot(_axis(bodies[a]), force if tree[a].slides else torque)
             a, below = tree[a].parent, bodies[a]
         _carry(body, bodies[joint.parent], joint.carried_mass)
@@ -317,8 +320,8 @@ def joint_space_inertia(tree, bodies, inertia):  # type: ignore[no-untyped-def]
 def _carry(body, parent, mass):  # type: ignore[no-untyped-def]
     dx, dy, dz = d = vector(body.origin)
     hx, hy, hz = h = vector(body.carried_moment)
-    ex, ey, ez = e = _add(h, _scale(mass, d))
-    _put(parent.carried_moment, _add(vector(parent.carried_moment), e))
+    ex, ey, ez = e = add(h, scale(mass, d))
+    put(parent.carried_moment, add(vector(parent.carried_moment), e))
     xs, ys, zs = dx * (hx + ex), dy * (hy + ey), dz * (hz + ez)
     carried, total = body.carried_inertia, parent.carried_inertia
     total[0] += carried[0] + (ys + zs)
@@ -337,19 +340,19 @@ def contact_jacobian(tree, bodies, task, lever, state):  # type: ignore[no-untyp
     :math:`a \times d`, a slide with :math:`a`. Nothing moves across the plane of planar motion.
     """
     distance = _times(bodies[task.foot].rotation, lever)
-    _put(state.point, distance)
+    put(state.point, distance)
     k, square = task.foot, spread(0.0)
     while k > 0:
         body = bodies[k]
         column = _axis(body) if tree[k].slides else cross(_axis(body), distance)
-        _put(body.jacobian, column)
+        put(body.jacobian, column)
         if task.planar:
             body.jacobian[1] = 0.0
         square += dot(column, column)
-        distance = _add(distance, vector(body.origin))
+        distance = add(distance, vector(body.origin))
         k = tree[k].parent
     state.jacobian_square = square
-    _put(state.from_base, distance)
+    put(state.from_base, distance)
 
 
 @njit
@@ -363,19 +366,19 @@ def joint_impulses(tree, bodies, task, state):  # type: ignore[no-untyped-def]
     for k in range(1, len(tree)):
         joint, body, parent = tree[k], bodies[k], bodies[tree[k].parent]
         axis, turn = _axis(body), vector(parent.turn)
-        velocity = _add(vector(parent.velocity), cross(turn, vector(body.origin)))
+        velocity = add(vector(parent.velocity), cross(turn, vector(body.origin)))
         if joint.slides:
-            velocity = _add(velocity, _scale(body.jump, axis))
+            velocity = add(velocity, scale(body.jump, axis))
         else:
-            turn = _add(turn, _scale(body.jump, axis))
+            turn = add(turn, scale(body.jump, axis))
         moment = vector(body.moment)
-        _put(body.velocity, velocity)
-        _put(body.turn, turn)
-        _put(body.force, _add(_scale(joint.mass, velocity), cross(turn, moment)))
-        _put(body.torque, _add(_times(_symmetric(body.inertia), turn), cross(moment, velocity)))
+        put(body.velocity, velocity)
+        put(body.turn, turn)
+        put(body.force, add(scale(joint.mass, velocity), cross(turn, moment)))
+        put(body.torque, add(_times(_symmetric(body.inertia), turn), cross(moment, velocity)))
     foot, point, impulse = bodies[task.foot], vector(state.point), vector(state.impulse)
-    _put(foot.force, _add(vector(foot.force), impulse))
-    _put(foot.torque, _add(vector(foot.torque), cross(point, impulse)))
+    put(foot.force, add(vector(foot.force), impulse))
+    put(foot.torque, add(vector(foot.torque), cross(point, impulse)))
     state.foot_jump = foot.velocity[2] + (foot.turn[0] * point[1] - foot.turn[1] * point[0])
     largest, residual = spread(0.0), spread(0.0)
     for k in range(len(tree) - 1, 0, -1):
@@ -386,9 +389,9 @@ def joint_impulses(tree, bodies, task, state):  # type: ignore[no-untyped-def]
         residual = max(residual, math.fabs(along + joint.armature * body.jump))
         if joint.parent > 0:
             parent = bodies[joint.parent]
-            torque = _add(torque, cross(vector(body.origin), force))
-            _put(parent.force, _add(vector(parent.force), force))
-            _put(parent.torque, _add(vector(parent.torque), torque))
+            torque = add(torque, cross(vector(body.origin), force))
+            put(parent.force, add(vector(parent.force), force))
+            put(parent.torque, add(vector(parent.torque), torque))
     state.largest_square, state.momentum_error = largest, residual
 
 
@@ -403,34 +406,34 @@ def velocity_torques(tree, bodies, motion):  # type: ignore[no-untyped-def]
         joint, body, moves, parent = tree[k], bodies[k], motion[k], bodies[tree[k].parent]
         axis, turn, lever = _axis(body), vector(parent.turn), vector(body.origin)
         carried = cross(turn, lever)
-        velocity = _add(vector(parent.velocity), carried)
+        velocity = add(vector(parent.velocity), carried)
         turning = vector(motion[joint.parent].turning)
-        acceleration = _add(vector(motion[joint.parent].acceleration), cross(turning, lever))
-        acceleration = _add(acceleration, cross(turn, carried))
-        along = _scale(moves.speed, axis)
+        acceleration = add(vector(motion[joint.parent].acceleration), cross(turning, lever))
+        acceleration = add(acceleration, cross(turn, carried))
+        along = scale(moves.speed, axis)
         if joint.slides:
-            velocity = _add(velocity, along)
-            acceleration = _add(acceleration, _scale(2.0, cross(turn, along)))
+            velocity = add(velocity, along)
+            acceleration = add(acceleration, scale(2.0, cross(turn, along)))
         else:
-            turning = _add(turning, cross(turn, along))
-            turn = _add(turn, along)
+            turning = add(turning, cross(turn, along))
+            turn = add(turn, along)
         inertia, moment = _symmetric(body.inertia), vector(body.moment)
-        _put(body.velocity, velocity)
-        _put(body.turn, turn)
-        _put(moves.acceleration, acceleration)
-        _put(moves.turning, turning)
-        force = _add(cross(turning, moment), cross(turn, cross(turn, moment)))
-        _put(body.force, _add(_scale(joint.mass, acceleration), force))
-        torque = _add(_times(inertia, turning), cross(turn, _times(inertia, turn)))
-        _put(body.torque, _add(torque, cross(moment, acceleration)))
+        put(body.velocity, velocity)
+        put(body.turn, turn)
+        put(moves.acceleration, acceleration)
+        put(moves.turning, turning)
+        force = add(cross(turning, moment), cross(turn, cross(turn, moment)))
+        put(body.force, add(scale(joint.mass, acceleration), force))
+        torque = add(_times(inertia, turning), cross(turn, _times(inertia, turn)))
+        put(body.torque, add(torque, cross(moment, acceleration)))
     for k in range(len(tree) - 1, 0, -1):
         joint, body, parent = tree[k], bodies[k], bodies[tree[k].parent]
         force, torque = vector(body.force), vector(body.torque)
         motion[k].free -= dot(_axis(body), force if joint.slides else torque)
         if joint.parent > 0:
-            torque = _add(torque, cross(vector(body.origin), force))
-            _put(parent.force, _add(vector(parent.force), force))
-            _put(parent.torque, _add(vector(parent.torque), torque))
+            torque = add(torque, cross(vector(body.origin), force))
+            put(parent.force, add(vector(parent.force), force))
+            put(parent.torque, add(vector(parent.torque), torque))
 
 
 @njit

@@ -2,19 +2,19 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kickdyn.ball import BallState
-from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
+from kickdyn.impact.batch_arguments import ContactRows
 from kickdyn.impact.collide import Collision
-from kickdyn.impact.strike_many import Impacts, StrikeStatus, strike_many
+from kickdyn.impact.strike_many import Strikes, StrikeStatus
 from kickdyn.impact.uncertainty import source_covariance
 from kickdyn.scene.launch_and_end import STATUSES_WITH_END, collide_scene, strike_scene
 from kickdyn.scene.scene import Scene
@@ -157,7 +157,7 @@ class _Draws:
         return changes
 
     def arguments(self, values: Array) -> dict[str, Any]:
-        """Return the arguments of `strike_many`."""
+        """Return the arguments of n strikes, with n contacts or one."""
         scene, changes, n = self.scene, self.changes(values), len(values)
         q = np.tile(scene.q, (n, 1))
         if "q" in changes:
@@ -172,9 +172,9 @@ class _Draws:
         if scene.leg.constraints is not None:  # as far as supports and loops allow
             q = np.array([scene.leg.close_loops(row) for row in q])
             v = np.array([scene.leg.posture(row).admissible(v[i]) for i, row in enumerate(q)])
-        contact: Contact | list[Contact] = scene.contact
+        contact = ContactRows.of([scene.contact])
         if {"restitution", "friction", "normal"} & set(changes):
-            contact = [_changed(scene.contact, changes, i) for i in range(n)]
+            contact = _changed(contact, changes)
         still, incoming = np.zeros((n, 3)), scene.incoming
         return {
             "q": q,
@@ -189,7 +189,10 @@ class _Draws:
         scene = self.scene
         if isinstance(scene.law, str) and scene.law != "newton":
             return self._one_by_one(values, lambda scene: strike_scene(scene).ball_after)
-        impacts: Impacts = strike_many(scene.leg, ball=scene.ball, **self.arguments(values))
+        given = self.arguments(values)
+        motion = given["ball_velocity"], given["ball_spin"]
+        strikes = Strikes(scene.leg, [scene.ball], given["contact"], *motion)
+        impacts = strikes.compute(given["q"], given["v"])
         columns = impacts.ball_position, impacts.ball_velocity, impacts.ball_spin
         return np.hstack(columns), impacts.status
 
@@ -207,7 +210,7 @@ class _Draws:
             try:
                 drawn = self.scene.replace(
                     posture=self.scene.leg.posture(given["q"][i]), v=given["v"][i],
-                    contact=contact[i] if isinstance(contact, list) else contact,
+                    contact=contact[i % len(contact)],
                     incoming=BallState(velocity=given["ball_velocity"][i],
                                        spin=given["ball_spin"][i]),
                 )  # fmt: skip
@@ -219,24 +222,22 @@ class _Draws:
         return launches, status
 
 
-def _changed(contact: Contact, changes: dict[str, Array], i: int) -> Contact:
+def _changed(contact: ContactRows, changes: dict[str, Array]) -> ContactRows:
     """Return a contact with changed restitution, friction and normal."""
-    restitution = contact.restitution
+    n = len(next(iter(changes.values())))
+    restitution, friction = contact.restitution * np.ones(n), contact.friction * np.ones(n)
     if "restitution" in changes:
-        change = float(changes["restitution"][i, 0])
-        if isinstance(restitution, float):
-            restitution = min(max(restitution + change, 0.0), 1.0)
-        else:
+        if np.isnan(restitution).any():
             raise InvalidInput(
                 "uncertainty of restitution is not drawn where it depends on the speed: "
                 "simulate_many needs a number"
             )
-    friction, normal = contact.friction, contact.normal
+        restitution = np.clip(restitution + changes["restitution"][:, 0], 0.0, 1.0)
     if "friction" in changes:
-        friction = max(friction + float(changes["friction"][i, 0]), 0.0)
-    if "normal" in changes:
-        normal = normal + changes["normal"][i]
-    return replace(contact, normal=normal, restitution=restitution, friction=friction)
+        friction = np.maximum(friction + changes["friction"][:, 0], 0.0)
+    normal = contact.normal + changes.get("normal", np.zeros((n, 3)))
+    normal = normal / validation.length(normal)[:, None]
+    return ContactRows(contact.given, normal, restitution, friction, changed=True)
 
 
 def _with_contact_time(

@@ -107,8 +107,8 @@ class MujocoTuning(ReprMixin):
             if goal.name == "speed around":
                 where = f" at {min(SPEEDS):g} to {max(SPEEDS):g} times all velocities"
             lines.append(
-                f"at {1e3 * self.timestep:g} ms the ball's {what} is up to {error} off{where}, "
-                f"{limit} is accepted: choose a smaller time step"
+                f"with a time step of {1e3 * self.timestep:g} ms, the ball's {what} is off by "
+                f"up to {error}{where}, and at most {limit} is accepted: choose a smaller time step"
             )
         names = [error.change for error in self.errors]
         for factor in SPEEDS:
@@ -119,8 +119,8 @@ class MujocoTuning(ReprMixin):
                 )
         if abs(self.contact_time / self.wanted_contact_time - 1.0) > CONTACT_TIME_TOLERANCE:
             lines.append(
-                f"the contact lasts {1e3 * self.contact_time:.3g} ms, "
-                f"{1e3 * self.wanted_contact_time:.3g} ms was asked for"
+                f"the contact lasts {1e3 * self.contact_time:.3g} ms instead of the "
+                f"{1e3 * self.wanted_contact_time:.3g} ms asked for"
             )
         return tuple(lines)
 
@@ -265,8 +265,8 @@ def tune_mujoco(
     )
     if not duration / MOST_STEPS <= step <= duration / 2:
         raise InvalidInput(
-            f"timestep is {step:g} s: a contact of {duration:g} s takes 2 to {MOST_STEPS} steps, "
-            f"so it must be from {duration / MOST_STEPS:g} to {duration / 2:g} s"
+            f"timestep is {step:g} s: a contact of {duration:g} s must take 2 to {MOST_STEPS} "
+            f"steps, so valid time steps are {duration / MOST_STEPS:g} to {duration / 2:g} s"
         )
     approach = find_approach(posture, v, ball, contact, ball_velocity, ball_spin)
     validation.number("approach speed", approach.speed, at_least=LEAST_SPEED, unit="m/s")

@@ -249,7 +249,8 @@ def _read_axis(leg: Leg, text: str) -> tuple[str, Array]:
         raise InvalidInput(f"joint {text!r}: STEP must be above 0, not {step:g}")
     if low > high:
         raise InvalidInput(
-            f"joint {text!r}: LOW must not exceed HIGH: {name}={high:g}:{low:g}:{step:g}, perhaps"
+            f"joint {text!r}: LOW must not exceed HIGH: did you mean "
+            f"{name}={high:g}:{low:g}:{step:g}?"
         )
     intervals = (high - low) / step * (1 + 1e-12) + 1e-9  # so that 0:1:0.1 ends at 1
     if intervals >= IN_MEMORY:
@@ -277,7 +278,7 @@ def _checked_axis(leg: Leg, name: str, given: ArrayLike, *, ascending: bool = Tr
     leg.velocity_index(name)
     for mimic in leg.mimics:
         if name == mimic.joint:
-            raise InvalidInput(f"joint {name} mimics {mimic.driver}: sweep that one")
+            raise InvalidInput(f"joint {name} mimics {mimic.driver}: sweep {mimic.driver} instead")
     values = np.atleast_1d(validation.floats(f"joint {name}", given))
     if values.ndim != 1 or not values.size or (ascending and not (np.diff(values) > 0).all()):
         order = "ascending, " if ascending else "of "

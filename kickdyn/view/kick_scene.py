@@ -65,7 +65,8 @@ SWING_LENGTH = 0.6
 class Arrow(NamedTuple):
     """An impulse that is drawn: its node in the viewer, `(3,)` [m] and [N s], and 0xRRGGBB.
 
-    `name` is plain text: the joint that transmits it, or `ball`.
+    `name` is plain text: the joint that transmits it, or `ball`; `joint` is the number of the
+    joint in the model, and 0 for the ball.
     """
 
     node: str
@@ -73,6 +74,7 @@ class Arrow(NamedTuple):
     impulse: Array
     colour: int
     name: str
+    joint: int = 0
 
     @property
     def size(self) -> float:
@@ -229,7 +231,7 @@ def impulse_arrows(impact: Impact, least: float) -> list[Arrow]:
     """Return the ball's arrow, then the arrows of joints above `least` [N s], largest first."""
     ball = Arrow("arrow", impact.posture.contact_point, impact.impulse, marks.ARROW, "ball")
     joints = [
-        Arrow(f"joint_arrows/{number}", start, impulse, JOINT_ARROW, name)
+        Arrow(f"joint_arrows/{number}", start, impulse, JOINT_ARROW, name, number)
         for number, (name, start, impulse) in enumerate(joint_impulses_in_world(impact), start=1)
     ]
     joints = sorted(
@@ -348,7 +350,10 @@ def _animation(
     arrows: Sequence[Arrow],
     run: DrawnRun | None,
 ) -> Animation:
-    """Return the motion of leg and ball, and of the arrows that appear at the impact."""
+    """Return the motion of leg and ball, and of the arrows.
+
+    The arrows appear at the impact. Those of joints then move with their joints.
+    """
     animation = Animation(default_framerate=RATE)
     # All tracks end together, so that they stay together when they repeat.
     numbers = [*range(len(moved)), pace.end]
@@ -357,8 +362,13 @@ def _animation(
     ):
         with animation.at_frame(viewer, number) as frame:
             frame["ball"].set_transform(pose_at(time))
-            for joint, pose in list(enumerate(joint_poses(impact.posture.leg, q)))[1:]:
+            poses = joint_poses(impact.posture.leg, q)
+            for joint, pose in list(enumerate(poses))[1:]:
                 frame[f"leg/{joint}"].set_transform(pose)
+            for arrow in arrows:
+                if arrow.joint:
+                    start = poses[arrow.joint][:3, 3].tolist()
+                    frame[arrow.node].set_property("position", "vector3", start)
             if run is not None:
                 move_run(run, frame, float(time))
     hit = pace.impact

@@ -26,6 +26,9 @@ START = {"hip": 10.0, "knee": 20.0, "ankle": -5.0}
 MOST_SLIDERS = 8
 """Most joints that get a slider."""
 
+UNITS = {"foot speed": "m/s", "foot direction": "°", "normal": "°", "spin": "rad/s"}
+"""Units beside the names of sliders; joints are in degrees, the others are numbers."""
+
 
 class KickSliders:
     """Sliders for posture, foot speed, direction, restitution, friction and spin, and the view.
@@ -74,6 +77,7 @@ class KickSliders:
             for ends, side in ((self._leg.lower, -1), (self._leg.upper, 1))
         )
         ranges = {name: (START.get(name, 0.0), low[name][0], high[name][0], 1.0) for name in joints}
+        units = dict.fromkeys(joints, "°") | UNITS
         ranges |= {
             "foot speed": (10.0, 1.0, 20.0, 0.5),
             "foot direction": (20.0, -30.0, 80.0, 1.0),
@@ -84,8 +88,9 @@ class KickSliders:
         }
         self.sliders = {
             name: ipywidgets.FloatSlider(
-                min(max(start, least), most), min=least, max=most, step=step, description=name,
-                style={"description_width": "8em"}, readout_format=".4g",
+                min(max(start, least), most), min=least, max=most, step=step,
+                description=f"{name} [{units[name]}]" if name in units else name,
+                style={"description_width": "9em"}, readout_format=".4",
             )
             for name, (start, least, most, step) in ranges.items()
         }  # fmt: skip
@@ -96,8 +101,9 @@ class KickSliders:
         for slider in self.sliders.values():
             slider.observe(self._move, "value")
         frame = ipywidgets.HTML(self.view._repr_html_(), layout={"width": "100%"})
-        columns = ipywidgets.VBox([*self.sliders.values(), self._note])
-        self._box: Any = ipywidgets.VBox([columns, frame])
+        wrap = {"flex_flow": "row wrap"}  # as many beside each other as fit
+        rows = ipywidgets.Box([*self.sliders.values()], layout=wrap)
+        self._box: Any = ipywidgets.VBox([rows, self._note, frame])
 
     def _kick(self) -> tuple[Impact, Flight]:
         """Return the kick of the sliders."""

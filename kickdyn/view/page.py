@@ -242,7 +242,10 @@ def _kick_of_simulation(simulation: Simulation, caption: str) -> _Kick:
     """Return the kick of a scene, with its wall or goal if it is in sight."""
     impact, path, scene = simulation.impact, simulation.path, simulation.scene
     if not isinstance(impact, Impact):
-        raise InvalidInput("the impact of this Simulation takes time: show its Scene instead")
+        raise InvalidInput(
+            "the impact of this Simulation has a contact of finite time, which a page cannot show: "
+            "show its Scene instead"
+        )
     caption = caption or scene.name[:1].upper() + scene.name[1:]
     if simulation.neglected:
         moved = simulation.model_error

@@ -56,6 +56,22 @@ def test_the_functions_are_measured_and_drawn(tmp_path, monkeypatch):
     assert "strike_many" in picture
 
 
+def test_no_function_on_the_front_is_slower_at_equal_error():
+    made = [
+        ("strike", 4e-5, False, 5e-16, 0.05),
+        ("pin.impulseDynamics, bare", 1e-5, False, 5e-16, 0.1),
+        ("collide", 2e-2, False, 3e-9, math.nan), ("strike_many", 1e-7, True, 5e-16, 0.05),
+        ("sweep", 5e-7, True, 1e-16, 0.05), ("fly", 1e-3, False, 6e-11, math.nan),
+    ]  # fmt: skip
+    rows = [function_costs.FunctionCost(*row) for row in made]
+    rounding, model = (function_costs.on_front(rows, kind) for kind in ("rounding", "model"))
+    assert rounding == {"pin.impulseDynamics, bare", "strike_many", "sweep", "fly"}
+    assert model == {"pin.impulseDynamics, bare", "strike", "strike_many"}
+    texts = function_costs.cost_figure(rows).axes[1].texts
+    grey = {text.get_text() for text in texts if text.get_color() == "gray"}
+    assert grey == {"strike", "collide"}
+
+
 @pytest.mark.parametrize("bad", [("--json", "no/x.json"), ("--plot", "x.bmp")])
 def test_what_cannot_be_written_is_refused_first(bad):
     door = [sys.executable, "-m", "kickdyn", "tradeoff", "--scene", "paper_kick", *bad]

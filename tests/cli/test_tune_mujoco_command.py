@@ -145,12 +145,19 @@ def test_of_several_geoms_the_command_asks_which(tmp_path, shoes, known):
     )
 
 
+def test_a_geom_that_the_robot_does_not_have_is_refused(tmp_path):
+    file = tmp_path / "robot.xml"
+    file.write_text(ROBOT)
+    ended = run(scene_of(file), "--foot", "shoes")
+    assert str(ended.exception).startswith("geom 'shoes' is unknown: did you mean 'shoe'?")
+
+
 @pytest.mark.parametrize(
     ("arguments", "fault"),
     [
         (["no_such_scene"], "neither a file nor a scene"),
         (["free_kick", "--timestep", 0], "timestep is 0.0"),
-        (["free_kick", "--timestep", 0.006], "it must be from 2e-05 to 0.005 s"),
+        (["free_kick", "--timestep", 0.006], "valid time steps are 2e-05 to 0.005 s"),
         (["free_kick", "--out", "no/such/folder"], "cannot be written"),
         (["free_kick", "--out", "-", "--json", "-"], "only one of them can be stdout"),
         (["free_kick", "--out", "no_file", "--json", "no_file"], "named for two outputs"),

@@ -71,7 +71,7 @@ def test_what_ends_no_flight_is_refused():
     for ends, said in (
         ([CREST], "the end 'crest' must be terminal"),
         (["wall"], "ends has 'wall': each entry must be a kickdyn.Event"),
-        ([kd.Event("landed", lambda state, _: state[2])], "its name none of landed"),
+        ([kd.Event("landed", lambda state, _: state[2])], "must not be named as a status: landed"),
         (
             [kd.Event("many", lambda state, _: state[2], np.ones(5))],
             "they must be a sequence of at most 4 finite numbers",

@@ -63,7 +63,7 @@ def test_the_track_of_one_marker():
     ball = track.marker_track("b")
     assert ball.times == pytest.approx([0, 0.1, 0.3])
     assert ball.positions == pytest.approx(POINTS[[0, 1, 3], 1])
-    with pytest.raises(kd.InvalidInput, match=r"marker 'c' is not in the track: .*'a', 'b'"):
+    with pytest.raises(kd.InvalidInput, match=r"marker 'c' is unknown: the track has a, b"):
         track.marker_track("c")
     points[:, 1] = np.nan
     with pytest.raises(kd.InvalidInput, match="marker 'b' is not seen in any frame"):
@@ -119,3 +119,58 @@ def test_a_faulty_file_is_refused(tmp_path, ending, text, message):
 def test_wrong_tracks_are_refused(arguments, message):
     with pytest.raises(kd.InvalidInput, match=message):
         kd.BodyTrack(*arguments)
+
+
+SPOTS = 0.11 * np.array(
+    [(0, 0, 1), (0.6, 0, 0.8), (0, -0.8, 0.6), (-0.48, 0.6, 0.64), (0, 0.6, 0.8)]
+)
+
+
+def ball_with_markers(spots=SPOTS, names="abcde"):
+    """Return the track of markers of a ball that turns as it moves, and its centre."""
+    times = np.linspace(0, 0.1, 11)
+    centre = np.stack([20 * times, 3 * times, 0.11 + 4 * times], axis=1)
+    cos, sin, zero = np.cos(30 * times), np.sin(30 * times), 0 * times
+    turn = np.array([[cos, zero, sin], [zero, zero + 1, zero], [-sin, zero, cos]])
+    points = centre[:, None] + np.einsum("ijt,kj->tki", turn, np.asarray(spots))
+    return kd.BodyTrack(times, list(names[: len(spots)]), points), centre
+
+
+def test_the_centre_of_a_ball_follows_from_markers_on_its_surface():
+    track, centre = ball_with_markers()
+    np.testing.assert_allclose(
+        track.marker_track(*"abcde", radius=0.11).positions, centre, atol=1e-9
+    )
+    points = track.positions.copy()
+    points[3, :2] = np.nan  # three of five are left
+    points[5, 0] = np.nan
+    noise = np.random.default_rng(3).normal(0, 5e-4, points.shape)
+    ball = kd.BodyTrack(track.times, track.markers, points + noise).marker_track(
+        *"abcde", radius=0.11
+    )
+    assert ball.times == pytest.approx(np.delete(track.times, 3))
+    assert np.abs(ball.positions - np.delete(centre, 3, axis=0)).max() < 3e-3
+
+
+@pytest.mark.parametrize(
+    ("spots", "names", "radius", "fault"),
+    [
+        (SPOTS, "abc", 0.11, "3 markers are named: .* at least four"),
+        (SPOTS, "abcd", None, r"4 markers are named: .* \(radius=\)"),
+        (SPOTS, "abcd", 0.2, "mm from a sphere of radius 0.2 m: check the radius"),
+        (SPOTS[[0, 0, 0, 0]], "abcd", 0.11, "up to 110 mm from a sphere"),
+        (SPOTS * np.nan, "abcd", 0.11, "no frame has four of these markers"),
+        (SPOTS, "abcx", 0.11, "marker 'x' is unknown"),
+    ],
+)
+def test_markers_that_do_not_determine_the_centre_are_refused(spots, names, radius, fault):
+    track, _ = ball_with_markers(spots)
+    with pytest.raises(kd.InvalidInput, match=fault):
+        track.marker_track(*names, radius=radius)
+
+
+def test_the_prefix_of_a_subject_may_be_left_out():
+    track = kd.BodyTrack([0, 1], ["Ann:a", "Ann:b", "Bob:b"], np.zeros((2, 3, 3)))
+    assert track.find_marker("a") == track.find_marker("Ann:a") == 0
+    with pytest.raises(kd.InvalidInput, match=r"marker 'b' is unknown: .*Bob:b"):
+        track.find_marker("b")

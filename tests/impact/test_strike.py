@@ -425,6 +425,7 @@ def test_a_base_that_moves_is_another_frame_of_reference(law, seed):
     assert hit.ball_after.velocity == pytest.approx(
         seen.ball_after.velocity + carried, abs=rounding
     )
+    assert hit.impulse == pytest.approx(seen.impulse, abs=ball.mass * rounding)
     assert hit.foot_velocity == pytest.approx(posture.point_velocity(v) + carried, abs=1e-12)
     assert hit.restitution_residual == pytest.approx(seen.restitution_residual, abs=1e-10)
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
+from kickdyn.planning.meeting import error_that_matters
 
 BALL, AIR = kd.Ball(), kd.Air()
 HUMAN = kd.Leg.human()
@@ -58,6 +59,17 @@ def test_derivatives_of_the_landing():
             size = np.abs(difference).max()
             assert rows @ axis == pytest.approx(difference, abs=1e-6 * size)
     assert slopes.tolerances[0] == pytest.approx(0.1 / np.linalg.norm(slopes.time))
+
+
+def test_an_error_without_effect_is_infinite():
+    """Such as of the time in which a ball at rest is met by a foot that moves along the normal."""
+    assert error_that_matters(np.array([0.0, 20.0, 0.0])) == pytest.approx(0.005)
+    assert error_that_matters(np.array([1e-9, 0.0, 0.0])) == math.inf
+    rests = kd.BallState((0.5, 0.0, -0.7042))
+    plan = kd.plan_kick(HUMAN, kd.Goal(18, time=1.2), BALL, AIR, incoming=rests)
+    timing, _, place = plan.meeting.landing_slopes.tolerances
+    assert timing == math.inf
+    assert 1e-4 < place < 0.01
 
 
 def test_the_picture_of_the_meetings():

@@ -39,7 +39,7 @@ def box(folder, name="box.stl", size=(0.2, 0.4, 0.6)):
         ("", "is empty"),
         ("mujoco", "is not well-formed XML"),
         ("<mujoco>", "is not well-formed XML"),
-        ("<html></html>", "is not an MJCF: its root is <html>, not <mujoco>"),
+        ("<html></html>", "is not an MJCF file: its root is <html>, not <mujoco>"),
         ("<!DOCTYPE html><html/>", "is an HTML page"),
         ('<!DOCTYPE m [<!ENTITY a "b">]><mujoco/>', "has a DOCTYPE"),
         ('<robot name="r"/>', "is a URDF, its root is <robot>: Leg.from_urdf reads it"),

@@ -24,22 +24,10 @@ G1 = kd.Leg.from_robot("g1", base="floating", legs_only=True)
 CORNERS = [(-0.1, -0.05, 0.0), (-0.1, 0.05, 0.0), (0.1, 0.05, 0.0), (0.1, -0.05, 0.0)]
 
 
-def test_mimic_joints_of_neither_leg_are_locked_at_rest(tmp_path):
-    arm = "".join(
-        f'<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{name}_link"/>'
-        f'<axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="9" velocity="9"/>{gear}</joint>'
-        f'<link name="{name}_link"><inertial><origin xyz="0 0 0.2"/><mass value="2"/><inertia '
-        'ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
-        for name, parent, gear in (
-            ("shoulder", "base", ""),
-            ("elbow", "shoulder_link", '<mimic joint="shoulder" offset="0.3"/>'),
-        )
-    )
-    path = tmp_path / "leg.urdf"
-    path.write_text(kd.Leg.human().file.text.replace("</robot>", arm + "</robot>"))
-    leg = lock_idle_mimics(kd.Leg.from_urdf(path))
+def test_mimic_joints_of_neither_leg_are_locked_at_rest(leg_with_arm):
+    leg = lock_idle_mimics(kd.Leg.from_urdf(leg_with_arm))
     assert (leg.joint_names, leg.mimics) == (("hip", "knee", "ankle"), ())
-    busy = kd.Leg.from_urdf(path, "elbow_link")
+    busy = kd.Leg.from_urdf(leg_with_arm, "elbow_link")
     assert lock_idle_mimics(busy).mimics == busy.mimics
 
 
@@ -146,6 +134,39 @@ def test_the_sole_of_round_feet_is_cut_out_of_their_spheres(tmp_path):
     assert sole[:, 1].max() == pytest.approx(0.3 + 0.1 + high, rel=1e-9)
 
 
+TILT = 0.26  # about y, toes up
+
+
+@pytest.mark.parametrize(
+    "sole", [None, [(-0.1, -0.04, -0.06), (0.1, -0.04, -0.06), (0, 0.04, -0.06)]]
+)
+def test_a_foot_that_is_tilted_with_joints_at_0_is_turned_level(tmp_path, sole):
+    """Each foot is a box, turned about y, 0.06 m below its ankle."""
+    body = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+    box = (
+        '<visual><origin xyz="0 0 -0.05"/><geometry><box size="0.2 0.08 0.02"/></geometry></visual>'
+    )
+    parts = f'<link name="trunk">{body}</inertial></link>' + "".join(
+        f'<link name="{side}">{body}</inertial>{box}</link><joint name="{side}_hip" '
+        f'type="revolute"><parent link="trunk"/><child link="{side}"/>'
+        f'<origin xyz="0 {y} -1" rpy="0 {-TILT} 0"/>'
+        '<axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
+        for side, y in (("left", 0.3), ("right", -0.3))
+    )
+    (tmp_path / "biped.urdf").write_text(f'<robot name="biped">{parts}</robot>')
+    biped = kd.Leg.from_urdf(tmp_path / "biped.urdf", "right", base="floating")
+    standing = StandingRobot(biped.with_supports(kd.Support("left", sole=sole)))
+    assert standing.placement.rotation == pytest.approx(np.eye(3), abs=1e-6)
+    assert standing.placement.translation == pytest.approx([0, 0.3, 0.06], abs=1e-6)
+    assert np.ptp(standing.sole, axis=0) == pytest.approx([0.2, 0.08], abs=1e-6)
+    leg, q = standing.leg, standing.leg.configuration({"left_hip": 0.4})
+    pin.forwardKinematics(leg.model, data := leg.model.createData(), q)
+    base = pin.Quaternion(standing.robot_state(q, np.zeros(leg.nv))[0][3:7]).toRotationMatrix()
+    trunk = data.oMi[leg.model.getJointId(standing.trunk_joint)].rotation
+    assert trunk @ standing.trunk_axis == pytest.approx(base[:, 2], abs=1e-6)
+    assert np.ptp(standing.kicking_foot().sole, axis=0) == pytest.approx([0.2, 0.08], abs=1e-6)
+
+
 def without_meshes(folder, *, collisions):
     """Return G1 from a copy of its file that is far from its meshes."""
     text = (robots_folder() / "g1_description/urdf/g1_29dof_rev_1_0.urdf").read_text()
@@ -240,7 +261,11 @@ BAD = {
     ),
     "a tilted sole": (
         G1.with_supports(kd.Support(FOOT, sole=[(0, 0, 0), (0.1, 0, 0.1), (0, 0.1, 0.0)])),
-        "the sole of left_ankle_roll_link is tilted",
+        "corners of the sole of left_ankle_roll_link are .* tilted by more than 30 degrees",
+    ),
+    "a bent sole": (
+        G1.with_supports(kd.Support(FOOT, sole=[*CORNERS, (0.2, 0, 0.05)])),
+        "corners of the sole of left_ankle_roll_link are not in a plane",
     ),
     "a knee of three angles": (
         kd.Leg.from_model(spherical(G1.model), "toe").with_supports(

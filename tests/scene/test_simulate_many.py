@@ -1,5 +1,7 @@
 """Draws of a scene are simulations of the drawn scenes."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -37,6 +39,23 @@ def test_the_spread_is_that_of_the_sources():
     expected = 0.05**2 * np.trace(matrix @ matrix.T)
     assert many.deviation == pytest.approx(np.sqrt(expected), rel=0.05)
     assert many.mean == pytest.approx(many.nominal.end.position, abs=0.1 * many.deviation)
+
+
+def test_one_draw_and_a_drawn_normal():
+    """A single draw is drawn too; restitution that depends on the speed stays as it is."""
+    scene = kd.load_scene("free_kick").replace(uncertainty={"normal": 0.02, "friction": 0.05})
+    scene = scene.replace(
+        contact=dataclasses.replace(scene.contact, restitution=[[2.0, 0.8], [30.0, 0.5]])
+    )
+    many = kd.simulate_many(scene, 1, tolerance=None, seed=4)
+    draws = _Draws.of(scene)
+    given = draws.arguments(np.random.default_rng(4).normal(size=(1, draws.size)))
+    contact = given["contact"][0]
+    assert contact.restitution == scene.contact.restitution
+    assert 0.0 < np.linalg.norm(contact.normal - scene.contact.normal) < 0.1
+    assert contact.friction != scene.contact.friction
+    one = kd.simulate(scene.replace(contact=contact, uncertainty=None), None)
+    assert many.launch.velocity[0] == pytest.approx(one.launch.velocity, abs=1e-9)
 
 
 def test_supports_hold_in_every_draw():

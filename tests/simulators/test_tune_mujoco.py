@@ -138,11 +138,11 @@ def test_what_a_time_step_cannot_meet(monkeypatch):
     found = tune(0.9, timestep=0.005, tolerance=0.015)
     assert not found.within_tolerance
     speed, direction, around = (line for line in found.warnings if "accepted" in line)
-    assert speed.startswith("at 5 ms the ball's speed is up to ")
+    assert speed.startswith("with a time step of 5 ms, the ball's speed is off by up to ")
     assert speed.endswith("1.5% is accepted: choose a smaller time step")
-    assert "the ball's direction is up to" in direction
+    assert "the ball's direction is off by up to" in direction
     assert "1 deg is accepted" in direction
-    assert "off at 0.5 to 1.5 times all velocities, 3.0% is accepted" in around
+    assert "at 0.5 to 1.5 times all velocities, and at most 3.0% is accepted" in around
 
 
 def test_a_kick_that_would_press_the_ball_too_far_is_left_out_and_said(monkeypatch):
@@ -154,7 +154,7 @@ def test_a_kick_that_would_press_the_ball_too_far_is_left_out_and_said(monkeypat
 
 def test_a_contact_time_that_is_not_met_is_said(tuned):
     assert replace(tuned, contact_time=0.0125).warnings == (
-        "the contact lasts 12.5 ms, 10 ms was asked for",
+        "the contact lasts 12.5 ms instead of the 10 ms asked for",
     )
 
 
@@ -179,8 +179,8 @@ def test_a_goal_is_met_up_to_its_limit():
         ({"timestep": -1e-3}, "timestep is -0.001: it must be"),
         ({"timestep": math.nan}, "timestep is nan: it must be"),
         ({"timestep": 1}, "timestep is 1.0: it must be .* at most 0.02"),
-        ({"timestep": 0.006}, "so it must be from 2e-05 to 0.005 s"),
-        ({"timestep": 1e-300}, "timestep is 1e-300 s: a contact of 0.01 s takes 2 to 500 steps"),
+        ({"timestep": 0.006}, "valid time steps are 2e-05 to 0.005 s"),
+        ({"timestep": 1e-300}, "a contact of 0.01 s must take 2 to 500 steps"),
         ({"tolerance": 1e-300}, "tolerance is 1e-300: it must be a finite number at least 0.001"),
         ({"friction": 1e300}, r"friction is 1e\+300: it must be .* at least 0 and at most 10$"),
         ({"contact_time": 1e-300}, "contact time is 1e-300: it must be .* at least 1e-05"),

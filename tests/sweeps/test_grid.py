@@ -47,7 +47,7 @@ def test_configurations_run_the_last_axis_fastest():
         (["toe=1"], "joint 'toe' is unknown: leg_human has hip, knee, ankle"),
         (["hip=0:10:0"], "STEP must be above 0"),
         (["hip=0:10:-1"], "STEP must be above 0"),
-        (["hip=10:0:1"], "LOW must not exceed HIGH: hip=0:10:1, perhaps"),
+        (["hip=10:0:1"], "LOW must not exceed HIGH: did you mean hip=0:10:1"),
         (["hip=0:10:nan"], "joint hip is nan"),
         (["hip=-0.5:1.5rad:0.1"], "write plain numbers"),
         (["knee=30 deg"], "write plain numbers"),
@@ -213,7 +213,7 @@ def test_mimic_joints_follow_in_a_sweep(tmp_path):
     posture = leg.posture([0.2, 0.5, 0.0])
     mass = posture.effective_mass(kd.Kick().direction)
     assert float(table.effective_mass[1, 0]) == pytest.approx(mass, rel=1e-12)
-    with pytest.raises(kd.InvalidInput, match="joint knee mimics hip: sweep that one"):
+    with pytest.raises(kd.InvalidInput, match="joint knee mimics hip: sweep hip instead"):
         Grid.of(leg, {"knee": [0.1]})
     said = r"joint knee is moved by hip, which it mimics, to -63\.\d+ deg: its range is -57"
     with pytest.raises(kd.InvalidInput, match=said):

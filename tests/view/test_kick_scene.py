@@ -90,6 +90,17 @@ def test_arrows_appear_at_the_impact(scene):
         assert frames[1:3] == [impact - 1, impact]
 
 
+def test_arrows_of_joints_stay_at_their_joints(scene):
+    tracks, _ = film(scene[0])
+    impact = scene[1].impact
+    for joint in (2, 3):  # the hip does not move
+        frames, starts = tracks[f"/meshcat/joint_arrows/{joint}", ".position"]
+        _, joints = tracks[f"/meshcat/leg/{joint}", ".position"]
+        np.testing.assert_allclose(starts, joints)
+        assert np.linalg.norm(np.subtract(starts[-1], starts[frames.index(impact)])) > 0.01
+    assert ("/meshcat/arrow", ".position") not in tracks
+
+
 def test_a_robot_is_in_the_picture_from_head_to_foot(make_kick, load):
     """The camera is as far as all that stands on the joints asks for."""
     model = kd.Leg.human().file.text

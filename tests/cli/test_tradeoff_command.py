@@ -28,6 +28,7 @@ def tried(*arguments):
 
 def test_the_functions_are_measured_and_drawn(tmp_path, monkeypatch):
     monkeypatch.setattr(function_costs, "_seconds", lambda run: 1e-3)
+    monkeypatch.setattr(function_costs, "ROWS", 50)
     plot, rows = tmp_path / "x.svg", tmp_path / "x.json"
     ended = CliRunner().invoke(tradeoff, ["--plot", str(plot), "--json", str(rows)])
     assert ended.exit_code == 0

@@ -166,3 +166,36 @@ def chromium(tmp_path):
         return done.stdout
 
     return opened
+
+
+@pytest.fixture
+def leg_with_arm(tmp_path):
+    """The file of a leg beside an arm of two joints that follow each other, on one base."""
+    arm = "".join(
+        f'<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{name}_link"/>'
+        f'<axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="9" velocity="9"/>{gear}</joint>'
+        f'<link name="{name}_link"><inertial><origin xyz="0 0 0.2"/><mass value="2"/><inertia '
+        'ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        for name, parent, gear in (
+            ("shoulder", "base", ""),
+            ("elbow", "shoulder_link", '<mimic joint="shoulder" offset="0.3"/>'),
+        )
+    )
+    path = tmp_path / "leg.urdf"
+    path.write_text(kd.Leg.human().file.text.replace("</robot>", arm + "</robot>"))
+    return path
+
+
+@pytest.fixture
+def looped_mjcf(tmp_path):
+    """The file of three bodies, the first and the last of which a bar connects."""
+    path = tmp_path / "looped.xml"
+    path.write_text(
+        '<mujoco><worldbody><body name="base"><geom size="0.1"/>'
+        '<body name="a"><joint name="ja" axis="0 1 0"/><geom size="0.1" pos="0 0 -1"/></body>'
+        '<body name="b" pos="1 0 0"><joint name="jb" axis="0 1 0"/><geom size="0.1" pos="0 0 -1"/>'
+        '<body name="c" pos="0 0 -1"><joint name="jc" axis="0 1 0"/>'
+        '<geom size="0.1" pos="-0.5 0 0"/></body></body></body></worldbody><equality>'
+        '<connect name="bar" body1="a" body2="c" anchor="0 0 -1"/></equality></mujoco>'
+    )
+    return path

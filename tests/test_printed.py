@@ -439,7 +439,7 @@ def of_leg_motion(_):
         "frames": (9, ""),
         "duration": (0.08, "s"),
         "contact": ("0.0900", "s"),
-        "frames left out": (1, ""),
+        "incomplete frames": (1, ""),
     }
 
 

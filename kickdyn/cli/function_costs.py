@@ -49,7 +49,7 @@ EXACT = {
 }
 """Impulse on the ball by friction [N s], computed with 50 digits and rounded to float64."""
 
-LEAST = 1e-16
+LEAST_ERROR = 1e-16
 """Least relative error that is drawn: half a unit in the last place."""
 
 
@@ -241,7 +241,7 @@ def on_front(rows: Sequence[FunctionCost], kind: str) -> set[str]:
             other for other in rows
             if _ANSWERS[other.function] == _ANSWERS[row.function]
             and other.is_batch == row.is_batch
-            and max(getattr(other, kind), LEAST) <= max(error, LEAST)
+            and max(getattr(other, kind), LEAST_ERROR) <= max(error, LEAST_ERROR)
         ]  # fmt: skip
         if not math.isnan(error) and row.seconds <= min(other.seconds for other in rivals):
             front.add(row.function)
@@ -260,7 +260,7 @@ def cost_figure(rows: Sequence[FunctionCost]) -> Figure:
         panels, ("model: time of the contact neglected", "rounding and integration"),
         ("model", "rounding"), strict=True,
     ):  # fmt: skip
-        shown = [(row, max(getattr(row, kind), LEAST)) for row in rows
+        shown = [(row, max(getattr(row, kind), LEAST_ERROR)) for row in rows
                  if not math.isnan(getattr(row, kind))]  # fmt: skip
         front = on_front(rows, kind)
         for row, error in shown:

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from kickdyn.simulators.noisy_runs import NoisyRuns
     from kickdyn.simulators.run_in_mujoco import MujocoRun
 
-CROUCH = 0.1
+CROUCH_SHARE = 0.1
 """Share of the height of a robot's straight leg by which its hips are lower when it kicks: its
 knees are bent, by 52 degrees if it stood on that foot."""
 
@@ -240,7 +240,9 @@ def height_of_ball(leg: Leg, ball: Ball, offset: tuple[float, ...] | None) -> fl
         return None
     standing = leg.posture(leg.configuration()).with_contact_offset(offset)
     foot = float(standing.contact_point[2])
-    crouch = 0.0 if leg.contact_normal_cone is None else CROUCH  # a robot's toe must point ahead
+    crouch = (
+        0.0 if leg.contact_normal_cone is None else CROUCH_SHARE
+    )  # a robot's toe must point ahead
     return foot + ball.radius - crouch * foot
 
 

@@ -47,7 +47,7 @@ KICKING = ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
 """Default grid of our legs: about to meet a ball on the ground before them."""
 
 
-LONG = 120.0
+ANNOUNCED_SECONDS = 120.0
 """Processor time of a sweep from which on it is announced [s]."""
 
 
@@ -156,7 +156,7 @@ def posture_sweep(
     grid = Grid.of(robot, read_postures(robot, joints))
     solver = ChunkSolver(robot, grid, kick, storing.tolerance)
     summary = Summary(solver.describe(), where, storing.kept)
-    if solver.seconds > LONG:
+    if solver.seconds > ANNOUNCED_SECONDS:
         size = GIGABYTES * grid.size * len(storing.kept) / len(VARIABLES)
         stored = f" and {size:,.2g} GB in {storing.store}" if storing.store else ""
         click.echo(

@@ -7,7 +7,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-WIDE = 200
+PIPE_WIDTH = 200
 """Characters of a line of a table if the output is no terminal."""
 
 PROSE = 80
@@ -15,9 +15,9 @@ PROSE = 80
 
 
 def screen_width() -> int:
-    """Return the number of characters in a line of the terminal; `WIDE` if there is none."""
+    """Return the number of characters in a line of the terminal; `PIPE_WIDTH` if there is none."""
     screen = Console()
-    return screen.width if screen.is_terminal else WIDE
+    return screen.width if screen.is_terminal else PIPE_WIDTH
 
 
 def empty_table(title: str) -> Table:

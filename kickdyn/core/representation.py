@@ -10,7 +10,7 @@ import numpy as np
 Row = tuple[str, object, str]
 """A line of a representation: name, value, unit."""
 
-WARNED = 3
+SHOWN_WARNINGS = 3
 """Number of warnings that are shown; the others are counted."""
 
 ROUNDING = 1e-12
@@ -64,10 +64,10 @@ class ReprMixin(ReadOnlyArrays):
 
 def warned(lines: Sequence[str]) -> Iterable[Row]:
     """Return a row for each of the first few lines of warning, and one that counts the others."""
-    for line in lines[:WARNED]:
+    for line in lines[:SHOWN_WARNINGS]:
         yield "warning", line, ""
-    if len(lines) > WARNED:
-        more = f"and {len(lines) - WARNED} more: see `warnings` (of a command: --json)"
+    if len(lines) > SHOWN_WARNINGS:
+        more = f"and {len(lines) - SHOWN_WARNINGS} more: see `warnings` (of a command: --json)"
         yield "warning", more, ""
 
 

@@ -139,7 +139,7 @@ def fly_many(
 DIFFERENCE = 1e-3
 """Step of the differences, relative to speed and spin of the launch."""
 
-FINE = 1e-11
+DIFFERENCES_TOL = 1e-11
 """Tolerance of flights whose differences are taken: their errors count a thousand times."""
 
 
@@ -193,7 +193,7 @@ def _slopes(
 
     def moved(changed: BallState) -> Array:
         launched = tuple(event.launched(changed) for event in events)
-        flown = _flown(task._replace(states=changed, ends=launched), min(tol, FINE))
+        flown = _flown(task._replace(states=changed, ends=launched), min(tol, DIFFERENCES_TOL))
         return flown.nodes[:, 1:4]
 
     by_velocity = difference_slopes(

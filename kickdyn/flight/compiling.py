@@ -34,11 +34,11 @@ from kickdyn.flight.ground_motion import rolling_share
 LANES = 24
 """How many flights are computed side by side."""
 
-HOW: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}}
+OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}}
 """Options of numba: a division by zero gives a number that is not finite, which spoils one lane and
 stops none; a product and a sum may be one instruction."""
 
-inlined: Any = numba.njit(**HOW, **WITHIN, forceinline=True)  # a call would break up vectors
+inlined: Any = numba.njit(**OPTIONS, **WITHIN, forceinline=True)  # a call would break up vectors
 _intrinsic: Any = intrinsic
 
 SIZE = 7 * LANES
@@ -267,14 +267,14 @@ def _from_disk(function: Callable[..., Any], callees: Callees, what: str) -> Any
     with uncollected():
         if kept:
             with suppress(numba.TypingError, RuntimeError, OSError):  # it is not on the disk
-                return from_cache(twin, lambda: numba.njit(SIGNATURE, cache=True, **HOW)(twin))
+                return from_cache(twin, lambda: numba.njit(SIGNATURE, cache=True, **OPTIONS)(twin))
             log.info("compiling %s", what)
         for callee, arguments, callee_name in callees:
             _compile(callee, arguments, callee_name)
         called["function"] = dispatcher = _compile(function, SIGNATURE, what)
         if kept:
             with suppress(RuntimeError, OSError):  # nowhere to keep it
-                dispatcher = numba.njit(SIGNATURE, cache=True, **HOW)(twin)
+                dispatcher = numba.njit(SIGNATURE, cache=True, **OPTIONS)(twin)
                 _forget(Path(dispatcher.stats.cache_path))
         return dispatcher
 
@@ -340,7 +340,7 @@ def _tree(function: Any, signature: Any = None) -> Any:
     # the linker goes by names: of two that are the same, one of them kept by another process, it
     # would take either
     twin.__qualname__ = f"{function.__name__}_{name}"
-    dispatcher = inlined(twin) if signature is None else numba.njit(signature, **HOW)(twin)
+    dispatcher = inlined(twin) if signature is None else numba.njit(signature, **OPTIONS)(twin)
     if len(_compiled) >= 200:  # of some 100 kB each
         _compiled.clear()
     _compiled[key] = dispatcher

@@ -27,7 +27,7 @@ from kickdyn.flight.events import (
 )
 from kickdyn.flight.flight_result import Flight, FlightStatus
 from kickdyn.flight.forces import (
-    STILL,
+    STILL_REYNOLDS,
     VACUUM,
     ballistic,
     brakes,
@@ -139,8 +139,8 @@ def _has_closed_form(
 ) -> bool:
     """Return whether only a downward weight acts, or the ball is too slow for any other force.
 
-    All ends are then planes. Below the Reynolds number `STILL` an integrator would step to lengths
-    that are no numbers.
+    All ends are then planes. Below the Reynolds number `STILL_REYNOLDS` an integrator would step to
+    lengths that are no numbers.
     """
     if downward(ball, air) <= 0.0 or any(end.function is not distance_to_plane for end in ends):
         return False
@@ -150,7 +150,7 @@ def _has_closed_form(
         return False
     drop = ends[0].numbers[0]
     fastest = math.hypot(*state.velocity.tolist(), math.sqrt(2.0 * GRAVITY * drop))
-    return 2.0 * ball.radius * air.density / air.viscosity * fastest < STILL
+    return 2.0 * ball.radius * air.density / air.viscosity * fastest < STILL_REYNOLDS
 
 
 def _closed_form(

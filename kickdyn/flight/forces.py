@@ -27,7 +27,7 @@ from kickdyn.core.validation import Array
 VACUUM = Air(density=0.0)
 """The air of a flight in the vacuum."""
 
-STILL = 1e-100
+STILL_REYNOLDS = 1e-100
 """Reynolds number below which no acceleration in double precision is left."""
 
 Reynolds = Callable[[float, float, float, float], float]
@@ -88,7 +88,7 @@ def acceleration_function(ball: Ball, air: Air) -> Acceleration:
         ux, uy, uz = vx - blowing[0], vy - blowing[1], vz - blowing[2]
         speed = math.sqrt(ux * ux + uy * uy + uz * uz)
         reynolds = per_speed * speed
-        if reynolds < STILL:
+        if reynolds < STILL_REYNOLDS:
             return 0.0, 0.0, -g, creep
         mx, my, mz = wy * uz - wz * uy, wz * ux - wx * uz, wx * uy - wy * ux
         across = math.sqrt(mx * mx + my * my + mz * mz)  # |omega_perp| v

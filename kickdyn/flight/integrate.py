@@ -11,7 +11,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from scipy.integrate import DOP853, OdeSolution
+from scipy.integrate import DOP853
 from scipy.optimize import brentq
 
 from kickdyn.core.dop853 import EVENT_MARGIN, keep_stages
@@ -83,19 +83,29 @@ def trajectory(arc: Arc, begin: Array) -> Callable[[Array], Array]:
     Without any step they are the states at the beginning. The interpolants are computed when they
     are first read.
     """
-    steps = arc.steps
-    solution: OdeSolution | None = None
+    table: tuple[Array, ...] | None = None
 
     def states(times: Array) -> Array:
-        nonlocal solution
-        if not (steps and times.size):
+        nonlocal table
+        if not (arc.steps and times.size):
             return np.tile(begin[:, None], (1, times.size))
-        if solution is None:
-            starts = [start for start, _ in steps]
+        if table is None:
             with np.errstate(over="ignore", invalid="ignore"):
-                interpolants = [interpolant() for _, interpolant in steps]
-            solution = OdeSolution([*starts, math.inf], interpolants)
-        return np.asarray(solution(times))
+                steps = [interpolant() for _, interpolant in arc.steps]
+            table = tuple(
+                np.array([getattr(step, name) for step in steps])
+                for name in ("t_old", "h", "y_old", "F")
+            )
+        starts, lengths, before, coefficients = table
+        step = np.maximum(np.searchsorted(starts, times) - 1, 0)
+        x = ((times - starts[step]) / lengths[step])[:, None]
+        states = np.zeros((times.size, len(begin)))
+        # scipy's DopDenseOutput, of all steps at once: one after the other takes as long as the
+        # flight
+        for k in range(coefficients.shape[1]):
+            states += coefficients[step, -1 - k]
+            states *= 1.0 - x if k % 2 else x
+        return np.asarray((states + before[step]).T)
 
     return states
 
@@ -135,18 +145,27 @@ POSSIBLE_FALL = _Fall(0.0, 0.0, 0.5)
 class _Step:
     """The last step of a solver, from a state and rates `before` it."""
 
-    def __init__(self, solver: DOP853, before: Array, rates: Array) -> None:
+    def __init__(
+        self, solver: DOP853, before: Array, rates: Array, events: Sequence[Event]
+    ) -> None:
         self.solver, self.before, self.begin = solver, before, float(solver.t_old)
         self.rates, self.length = rates, float(solver.t) - self.begin
         solver.f = np.array(solver.f)
-        self._states = _with_tangents(self.length, before, rates, solver.y, solver.f)
+        states = _with_tangents(self.length, before, rates, solver.y, solver.f)
+        self._values = {event: [event.value_or_nan(state) for state in states] for event in events}
+
+    def check_values(self) -> None:
+        """Raise `InvalidInput` where the function of an event is not a number after the step."""
+        for event, values in self._values.items():
+            if math.isnan(values[1]):
+                event.value(self.solver.y.tolist())
 
     def foresee_fall(self, event: Event, length: float) -> float:
         """Return about which fraction of the next step an event falls in; 1 if it does not.
 
         The acceleration is taken to change as much over time as in this step.
         """
-        before, now = (event.value_or_nan(state) for state in self._states[:2])
+        before, now, *_ = self._values[event]
         if not 0.0 < now * self.length < 2.0 * length * (before - now):
             return 1.0
         state, rates = self.solver.y, self.solver.f
@@ -172,7 +191,7 @@ class _Step:
         other sign at an end of the states' tangents. One that is zero at the beginning must rise
         first.
         """
-        start, end, ahead, behind = map(event.value_or_nan, self._states)
+        start, end, ahead, behind = self._values[event]
         if start > 0.0 >= end:
             about = start / (start - end)
             if math.isfinite(ahead + behind):
@@ -267,9 +286,7 @@ class _Integration:
             if crossings:
                 end, state, reached = min(crossings, key=lambda crossing: crossing[0])
                 return Arc(end, state, reached, passed, self._evaluations, steps)
-            state_now = solver.y.tolist()
-            for event in self._events:
-                event.value(state_now)  # raises where it is not a number
+            step.check_values()
             length = min(solver.h_abs, self._time_limit - solver.t)
             first = min((step.foresee_fall(event, length) for event in terminal), default=1.0)
             if first < 1.0 - EVENT_MARGIN:
@@ -324,7 +341,7 @@ class _Integration:
         if not math.hypot(*solver.y.tolist()) < math.inf:
             raise _given_up(float(solver.t), "the numbers overflow")
         solver.h_abs *= NEXT_LENGTH
-        return _Step(solver, state, rates)
+        return _Step(solver, state, rates, self._events)
 
 
 def _first_length(state: Array, rates: Array, tolerance: Tolerance) -> float:

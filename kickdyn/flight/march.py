@@ -26,7 +26,7 @@ from kickdyn.core.compilation import WITHIN, compiled, named
 from kickdyn.core.dop853 import COUNT, STAGES, WEIGHT, WHICH_RATE
 from kickdyn.core.validation import Array
 from kickdyn.flight import compiling, events
-from kickdyn.flight.compiling import HOW, LANES, LEFT, SIGNATURE, SIZE, U, V, W, X, Z
+from kickdyn.flight.compiling import LANES, LEFT, OPTIONS, SIGNATURE, SIZE, U, V, W, X, Z
 from kickdyn.flight.events import AT_REST, NUMBERS
 from kickdyn.flight.integrate import MAX_EVALUATIONS
 
@@ -50,7 +50,7 @@ _CREST, _NO_EVENT = -1, -2
 
 _EPS = float(np.finfo(float).eps)
 
-_OPTIONS: dict[str, Any] = {**HOW, "_nrt": False}
+_OPTIONS: dict[str, Any] = {**OPTIONS, "_nrt": False}
 """No counting of references by numba, which costs time in every call: Python owns all arrays."""
 
 njit: Any = numba.njit(**_OPTIONS, **WITHIN)
@@ -501,15 +501,14 @@ def _allowed(i, h, lane, time_limit):
 
 
 @inlined
-def _end_step(values_of, i, flights, lane, time_limit):
-    """Reject a step, take it anew with another length, or take it; return the flight's status."""
-    t, h, error, row = lane.time[i], lane.step[i], lane.error[i], lane.row[i]
-    if lane.calls[i] > MAX_EVALUATIONS:
-        return FAILED
-    if not error < 1.0:  # or not a number
-        shorter = h * max(0.2, lane.growth[i]) if error < math.inf else 0.2 * h
-        lane.step[i], lane.rejected[i] = _allowed(i, shorter, lane, time_limit), 1.0
-        return FAILED if shorter < lane.step[i] else _FLYING
+def _first_event(i, h, lane):
+    """Return the first event in a step of a lane, and what is not known of events in it.
+
+    Returns:
+        The number of the event, or `_NO_EVENT`; about which fraction of the step is left after it;
+        the fraction of the step that is to be taken anew, because an event may come and go within
+        it, else 1; whether the function of an event is not a number at the end.
+    """
     first, before_end, again, unknown = _NO_EVENT, -1.0, 1.0, False
     for event in range(_CREST, lane.begin.shape[1] // LANES):
         ends = _ends(i, event, h, lane)
@@ -532,6 +531,20 @@ def _end_step(values_of, i, flights, lane, time_limit):
                     again = min(again, 1.0 - s)
         elif start * end > 0.0 and start * (start + rise) < 0.0 > end * (end - last_rise):
             again = min(again, 0.5)  # it may come and go within the step
+    return first, before_end, again, unknown
+
+
+@inlined
+def _end_step(values_of, i, flights, lane, time_limit):
+    """Reject a step, take it anew with another length, or take it; return the flight's status."""
+    t, h, error, row = lane.time[i], lane.step[i], lane.error[i], lane.row[i]
+    if lane.calls[i] > MAX_EVALUATIONS:
+        return FAILED
+    if not error < 1.0:  # or not a number
+        shorter = h * max(0.2, lane.growth[i]) if error < math.inf else 0.2 * h
+        lane.step[i], lane.rejected[i] = _allowed(i, shorter, lane, time_limit), 1.0
+        return FAILED if shorter < lane.step[i] else _FLYING
+    first, before_end, again, unknown = _first_event(i, h, lane)
     margin, resolvable = flights.tolerance[row, 4], h > max(100.0 * _EPS * t, 1e-300)
     if again == 1.0 and before_end > margin and resolvable:
         before_end = _correct_fall(values_of, i, first, before_end, h, lane)

@@ -28,21 +28,20 @@ from kickdyn.identification.marker_checks import (
     check_units,
 )
 from kickdyn.identification.marker_kinematics import (
+    LARGEST_RESIDUAL,
     MARKER_NOISE,
     Marker,
     MarkerKinematics,
     SolvedFrame,
+    place_deviation,
     scaled_leg,
-    scaled_places,
     spread_frames,
 )
+from kickdyn.identification.pelvis import PELVIS, ROTATIONS, base_configurations
 from kickdyn.identification.track import Track
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.model_validation import frame_id
 from kickdyn.robot.surgery import has_floating_base
-
-LARGEST_RESIDUAL = 0.05
-"""Root mean square distance of a marker [m] above which it is swapped or on another segment."""
 
 LARGEST_DISTANCE = 0.1
 """Distance of one marker in one frame [m] above which it is another marker; skin moves less."""
@@ -82,13 +81,15 @@ def fit_motion(
             shank, `{"tibia": ("shank", (0.03, 0, -0.2))}` a point in its axes [m]. Markers of the
             track that are not named do not count.
         angles: for a track of angles, its coordinate for each joint of the leg, with a minus where
-            it has the other direction: `{"knee": "-knee_angle_r"}`. Each joint must be named. The
-            base of the leg must be fixed. The deviation of angles is taken for 0.5 degrees.
+            it has the other direction: `{"knee": "-knee_angle_r"}`. Each joint must be named. A
+            floating base is placed by the coordinates `pelvis_tx` to `pelvis_rotation` of OpenSim.
+            The deviation of angles is taken for 0.5 degrees, of `pelvis_tx` to `tz` for 9 mm.
         contact: when the contact begins, across which nothing is smoothed: a time [s]; a time and
             its standard deviation, `(t, deviation)`; or the `Track` of the ball on the same clock,
             from which both are computed. The deviation counts in `at_contact` and `infer_impact`.
-        scale: whether to estimate the lengths of segments from the markers. Masses stay, radii of
-            gyration scale with lengths.
+        scale: whether to estimate the lengths of segments from the markers; masses stay, radii of
+            gyration scale with lengths. Places of markers that do not fit as given are estimated,
+            too, as far as the motion shows them.
 
     Raises:
         InvalidInput: an unknown marker or frame, too few markers for a segment, markers that do
@@ -110,16 +111,23 @@ def fit_motion(
     measured = track.positions[:, [track.find_marker(name) for name in names]]
     check_units(measured, names)
     check_side(leg, places)
-    check_order(leg, places, measured)
+    doubts = check_order(leg, places, measured)
     first = MarkerKinematics(leg.workspace.model, list(places.values()))
     # the lengths are first the leg's, in a few frames only
     frames = first.solve_track(measured, spread_frames(measured))
+    frames = {k: frame for k, frame in frames.items() if frame.complete}
     check_determined(leg, first, frames)
-    scales: dict[str, float] = {}
+    fitted, scales, at = None, {}, list(places.values())
     if scale:
-        leg, scales = scaled_leg(leg, places, measured, frames)
-    kinematics = MarkerKinematics(leg.workspace.model, scaled_places(leg, places, scales))
-    frames = kinematics.solve_track(measured, range(len(measured)))
+        fitted = scaled_leg(leg, places, measured, frames)
+        deviation = place_deviation(fitted, measured, frames)
+        if deviation:
+            fitted = scaled_leg(leg, places, measured, frames, deviation)
+            doubts.append(_moved(names, fitted.offsets))
+        leg, scales, at = fitted.leg, fitted.scales, fitted.places
+    kinematics = MarkerKinematics(leg.workspace.model, at)
+    begin = next(iter(frames.values())).q
+    frames = kinematics.solve_track(measured, range(len(measured)), begin)
     return _judged(LegMotion(
         leg, track.times, *kinematics.stack(frames), moment, 0.0, {}, scales,
         {
@@ -127,38 +135,48 @@ def fit_motion(
             for name in names
             if (gap := track.gaps.get(track.markers[track.find_marker(name)]))
         },
-        tuple(k for k in range(len(measured)) if k not in frames),
-    ), kinematics, names, measured, frames)  # fmt: skip
+        tuple(k for k in range(len(measured)) if k not in frames or not frames[k].complete),
+        tuple(doubts), tuple(frames), fitted,
+    ), names, measured, frames)  # fmt: skip
 
 
 def _from_angles(
     track: BodyTrack, leg: Leg, angles: Mapping[str, str], contact: Moment | None
 ) -> LegMotion:
     """Return the motion of a leg whose joint angles are measured."""
-    if has_floating_base(leg.workspace.model):
+    model, names = leg.workspace.model, leg.single_joints
+    notes: tuple[str, ...] = ()
+    given = [name for name in PELVIS if name in track.angles]
+    floats = has_floating_base(model)
+    if floats and len(given) < len(PELVIS):
         raise InvalidInput(
             "angles need a leg on a fixed base, because they do not place a floating one: take "
-            "base='fixed', and leg.with_base_velocity for the velocity of the hip"
+            "base='fixed', and leg.with_base_velocity for the velocity of the hip; or a track that "
+            f"also has {', '.join(name for name in PELVIS if name not in given)}"
         )
-    if set(angles) != set(leg.joint_names) or leg.nq != len(leg.joint_names):
-        joints = ", ".join(leg.joint_names)
+    if set(angles) != set(names) or leg.nq != len(names) + 7 * floats:
         raise InvalidInput(
             f"angles is {validation.brief(dict(angles))}: it must name one coordinate for each of "
-            f"{joints}, joints of one angle each"
+            f"{', '.join(names)}, joints of one angle each"
+        )
+    if given and not floats:
+        notes = (
+            f"coordinates {', '.join(given)} of the track do not count, because the base of the "
+            "leg is fixed and upright: a leg with base='floating' takes them",
         )
     q = np.empty((len(track), leg.nq))
+    if floats:
+        for name in ROTATIONS:
+            _check_angle(track, name)
+        q[:, :7] = base_configurations(leg, track.angles)
     for joint, coordinate in angles.items():
         name = str(coordinate).removeprefix("-")
         if name not in track.angles:
             known = validation.brief(list(track.angles))
             raise InvalidInput(f"angle {name!r} is not in the track: it has {known}")
         sign = -1.0 if str(coordinate).startswith("-") else 1.0
-        q[:, leg.velocity_index(joint)] = sign * track.angles[name]
-        largest = float(np.nanmax(np.abs(track.angles[name]), initial=0.0))
-        if largest > LARGEST_ANGLE:
-            raise InvalidInput(
-                f"angle {name!r} is up to {largest:.4g}, as in degrees: angles must be in radians"
-            )
+        q[:, model.idx_qs[model.getJointId(joint)]] = sign * track.angles[name]
+        _check_angle(track, name)
     known_frames = np.isfinite(q).all(axis=1)
     if known_frames.sum() < LEAST_FRAMES:
         raise InvalidInput(
@@ -168,8 +186,29 @@ def _from_angles(
     information = np.tile(np.eye(leg.nv) / ANGLE_DEVIATION**2, (int(known_frames.sum()), 1, 1))
     return LegMotion(
         leg, track.times[known_frames], q[known_frames], information, contact, 0.0, {}, {}, {},
-        tuple(np.flatnonzero(~known_frames).tolist()),
+        tuple(np.flatnonzero(~known_frames).tolist()), notes,
+        tuple(np.flatnonzero(known_frames).tolist()),
     )  # fmt: skip
+
+
+def _moved(names: list[str], offsets: Array) -> str:
+    """Return the line about places of markers that are estimated."""
+    distances = 1e3 * np.linalg.norm(offsets, axis=1)
+    worst = int(np.argmax(distances))
+    return (
+        "the places of the markers, or the height of the leg, do not fit: the places were moved by "
+        f"{distances.mean():.2g} mm on average, {names[worst]!r} by {distances[worst]:.2g} mm; "
+        "constant errors of the angles are left, which the deviations at a contact contain"
+    )
+
+
+def _check_angle(track: BodyTrack, name: str) -> None:
+    """Raise `InvalidInput` for an angle that is in degrees."""
+    largest = float(np.nanmax(np.abs(track.angles[name]), initial=0.0))
+    if largest > LARGEST_ANGLE:
+        raise InvalidInput(
+            f"angle {name!r} is up to {largest:.4g}, as in degrees: angles must be in radians"
+        )
 
 
 def _place(leg: Leg, name: str, place: Place) -> Marker:
@@ -193,22 +232,22 @@ def _place(leg: Leg, name: str, place: Place) -> Marker:
 
 def _judged(
     motion: LegMotion,
-    kinematics: MarkerKinematics,
     names: list[str],
     measured: Array,
     frames: Mapping[int, SolvedFrame],
 ) -> LegMotion:
     """Return a motion with noise and residuals, or raise `InvalidInput` where these are large."""
-    if len(frames) < LEAST_FRAMES:
+    complete = len(measured) - len(motion.undetermined)
+    if complete < LEAST_FRAMES:
         raise InvalidInput(
-            f"track has {len(frames)} frames whose markers determine the leg: at least "
+            f"track has {complete} frames whose markers determine the leg: at least "
             f"{LEAST_FRAMES} are needed"
         )
     missed = np.full((len(measured), len(names), 3), np.nan)
     spare = 0
     for k, frame in frames.items():
         missed[k, frame.seen] = frame.missed.reshape(-1, 3)
-        spare += frame.missed.size - kinematics.model.nv
+        spare += frame.missed.size - frame.rank
     distances = np.linalg.norm(missed, axis=2)
     mean = np.sqrt(np.nanmean(distances**2, axis=0))
     largest, few = float(np.nanmax(distances)), "; in a few frames, NaN leaves it out"
@@ -216,19 +255,20 @@ def _judged(
         few = ""
     if not few or largest > LARGEST_DISTANCE:
         frame_number, worst = np.unravel_index(int(np.nanargmax(distances)), distances.shape)
+        name = names[int(worst)]
+        doubts = "".join(f"; {line}" for line in motion.notes if repr(name) in line)
         middle = np.ptp(np.nanmedian(measured, axis=0), axis=0)
         hint = " (y seems to point up: see `up`)" if middle[1] > middle[2] else ""
         raise InvalidInput(
-            f"marker {names[int(worst)]!r} is {largest:.3g} m "
+            f"marker {name!r} is {largest:.3g} m "
             f"from its place on the leg in frame {int(frame_number)}: markers are swapped, on the "
-            f"other leg, or on another segment{hint}{few}"
+            f"other leg, or on another segment{hint}{few}{doubts}"
         )
     square = float(np.nansum(distances**2))
     noise = max(math.sqrt(square / spare) if spare > 0 else MARKER_NOISE, LEAST_NOISE)
-    chosen = np.array(list(frames))
     return replace(
         motion,
-        times=read_only(motion.times[chosen]),
+        times=read_only(motion.times[list(motion.frames)]),
         information=read_only(motion.information / noise**2),
         noise=noise,
         residuals=dict(zip(names, mean.tolist(), strict=True)),

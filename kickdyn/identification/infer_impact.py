@@ -29,7 +29,7 @@ from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput, NoImpact
 from kickdyn.identification.contact_moment import BALL_WINDOW, FLIES_AFTER, ball_side
-from kickdyn.identification.leg_motion import LegMotion
+from kickdyn.identification.leg_motion import ContactMotion, LegMotion
 from kickdyn.identification.track import Track
 from kickdyn.impact.leg_response import LegResponse, leg_response
 from kickdyn.robot.leg import Posture
@@ -41,6 +41,13 @@ velocities have no deviations; above it a result has a warning."""
 LARGEST_DISTANCE = 0.25
 """Distance between the contact points of ball and posture, in radii of the ball, above which a
 result has a warning."""
+
+LARGEST_FRICTION = 0.63
+"""Friction of a ball on leather that is taken to be the largest: nine balls had 0.37 to 0.63 (Fuss
+et al. 2020, Proceedings 49:92)."""
+
+COVERED = 1.96
+"""Standard deviations to each side of a mean that an interval of 95 % has."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -183,8 +190,9 @@ class InferredImpact(ReprMixin):
         yield "normal", self.normal, ""
         yield "contact point", self.contact_point, "m"
         yield "approach speed", self.approach_speed, "m/s"
-        # a spin that is not known leaves friction and residual open
-        for name in ("restitution",) if self.notes else ("restitution", "friction", "residual"):
+        # a spin that is not known leaves the residual open
+        names = ("restitution", "friction", "residual")
+        for name in names[: 2 if self.notes else 3]:
             spread = f" +- {self.deviations[name]:.2g}" if name in self.deviations else ""
             yield name, f"{getattr(self, name):.4g}{spread}", ""
         sizes = self.joint_sizes
@@ -223,8 +231,11 @@ def infer_impact(
 
     `infer_impact(motion, track)` takes posture, joint velocity and their covariance from the motion
     of the leg just before the contact, and the velocities of the ball from quadratics through its
-    positions before and after. Positions do not show the spin: the impulse is then taken to act
-    through the centre of the ball, and the friction remains open, as a warning says.
+    positions before and after. Positions do not show the spin, which is taken to be 0 before. The
+    coefficient of friction is taken to be uniformly distributed from 0 to 0.63, and the points of
+    contact stick where it suffices. Spin, normal, friction, restitution and effective mass are
+    those with the mean of the friction that is used, and the deviations are so large that 95 %
+    intervals include an impact without friction.
 
     Args:
         posture: posture of the leg in the impact, whose contact point touched the ball; or the
@@ -287,18 +298,50 @@ def _infer_from_motion(
         ball_side(track, "before", moment - BALL_WINDOW, moment, moment),
         ball_side(track, "after", begin, begin + BALL_WINDOW, moment),
     )
-    states = [BallState(side.position, side.velocity) for side in sides]
+    before = BallState(sides[0].position, sides[0].velocity)
+    spins, largest = _spins_by_friction(leg, ball, before.velocity, sides[1].velocity)
+    after = BallState(sides[1].position, sides[1].velocity, spins[1])
     blocks = [side.velocity_deviation for side in sides]
     values, vectors = np.linalg.eigh(leg.covariance)
     of_leg = (vectors * np.sqrt(np.maximum(values, 0.0))).T
     steps = block_diag(np.diag(np.concatenate(blocks)), np.zeros((0, 6)), of_leg)
-    impact = _with_deviations(leg.posture, leg.v, ball, (states[0], states[1]), steps)
+    ends = np.zeros((2, steps.shape[1]))
+    ends[:, 9:12] = spins[[0, 2]] - spins[1]
+    impact = _with_deviations(leg.posture, leg.v, ball, (before, after), steps, ends)
     note = (
-        "the track does not show the spin of the ball: the impulse is taken to act through its "
-        "centre, so that the normal, the restitution and the effective mass are those along the "
-        "impulse, and the friction remains open"
+        "the track does not show the spin of the ball: normal, restitution, friction and effective "
+        f"mass are those with a friction between 0 and {largest:.2g}, which their deviations "
+        "include"
     )
     return replace(impact, notes=(note,))
+
+
+def _spins_by_friction(
+    leg: ContactMotion, ball: Ball, v_ball: Array, v_ball_after: Array
+) -> tuple[Array, float]:
+    r"""Return the least, mean and largest spin by an unknown friction, and the largest friction.
+
+    With the velocity u after the impact of the ball's centre relative to the foot, that of its
+    contact point is :math:`(u + r^2 p / I)_t`, the part across the normal n. Friction is opposite
+    to it, or it is 0 where the points stick, so that n is in the plane of p and u: at an angle
+    :math:`\theta` to p, from 0 without friction to the direction of :math:`u + r^2 p / I`, where
+    the points stick. The spin is :math:`(r |p| / I) \sin\theta`, about the normal of that plane.
+    """
+    impulse = ball.mass * (v_ball_after - v_ball)
+    size = float(validation.length(impulse))
+    if size == 0.0:
+        return np.zeros((3, 3)), 0.0
+    posture, along = leg.posture, impulse / size
+    foot = posture.point_velocity(leg_response(posture, leg.v, impulse).v_after)
+    separating = v_ball_after - foot + ball.radius**2 / ball.inertia * impulse
+    turn = np.cross(along, separating)
+    across, normal = float(validation.length(turn)), float(along @ separating)
+    sticking = across / normal if normal > 0.0 else math.inf
+    friction = min(sticking, LARGEST_FRICTION)
+    used = np.array([0.0, friction - friction**2 / (2.0 * LARGEST_FRICTION), friction])
+    sines = used / np.sqrt(1.0 + used**2)
+    axis = turn / across if across else turn
+    return np.outer(sines * ball.radius * size / ball.inertia, axis), friction
 
 
 def _check_ball(ball: Ball) -> None:
@@ -312,12 +355,18 @@ def _check_ball(ball: Ball) -> None:
 
 
 def _with_deviations(
-    posture: Posture, v: Array, ball: Ball, states: tuple[BallState, BallState], steps: Array
+    posture: Posture,
+    v: Array,
+    ball: Ball,
+    states: tuple[BallState, BallState],
+    steps: Array,
+    ends: Iterable[Array] = (),
 ) -> InferredImpact:
     """Return the impact of measured velocities, with deviations.
 
     Each row of `steps` is an independent change of one standard deviation: of the velocities of the
-    ball before and after, of its spins, of q in its tangent space, and of v.
+    ball before and after, of its spins, of q in its tangent space, and of v. `ends` are changes to
+    the ends of what else is possible, which intervals of 95 % include.
     """
     leg, (ball_before, ball_after) = posture.leg, states
     velocities = [ball_before.velocity, ball_after.velocity, ball_before.spin, ball_after.spin]
@@ -352,7 +401,10 @@ def _with_deviations(
         numbers = [impact.restitution, impact.friction, twist, *impact.normal]
         return np.array([*numbers, *sizes, *joints], dtype=float)
 
-    changes = np.array([0.5 * (values(step) - values(-step)) for step in steps])
+    changes = [0.5 * (values(step) - values(-step)) for step in steps]
+    at_ends = [np.abs(values(end) - values(np.zeros(end.size))) / COVERED for end in ends]
+    if at_ends:
+        changes.append(np.max(at_ends, axis=0))
     spreads = np.linalg.norm(changes, axis=0).tolist()
     restitution, friction, residual, *others = spreads
     deviations = {

@@ -60,7 +60,7 @@ PRIOR = {
 SCATTER = 0.03
 """Relative scatter of launch speed, and scatter of direction [rad], from kick to kick."""
 
-LEARNT = 1.0 / 3.0
+LEARNT_SHARE = 1.0 / 3.0
 """Variance of the mean landing, over the variance by the scatter, at which learning ends: the
 unknowns then widen the scatter by 15 %."""
 
@@ -71,7 +71,7 @@ UNLIKELY = 5.99
 SHORTEST = 1e-6
 """Duration of a flight [s] below which the ball is taken to leave into the ground."""
 
-TOL = 1e-8
+FLIGHT_TOL = 1e-8
 """Relative tolerance of the flights."""
 
 INCREMENT = 1e-5
@@ -237,7 +237,7 @@ class Learner(ReprMixin):
         missed = self._last_landing - self.goal.target[:2]
         return bool(
             self.shots
-            and np.trace(uncertainty) <= LEARNT * np.trace(scatter)
+            and np.trace(uncertainty) <= LEARNT_SHARE * np.trace(scatter)
             and missed @ np.linalg.solve(scatter + uncertainty, missed) <= UNLIKELY
         )
 
@@ -366,7 +366,7 @@ class Learner(ReprMixin):
         values = np.array([*theta[:4], error[0], theta[4] + error[1], theta[5] + error[2]])
         return fly_with_slopes(
             lambda changed: (self._launched(changed, command), self._air(changed)),
-            values, np.full(7, INCREMENT), self.ball, end, TOL,
+            values, np.full(7, INCREMENT), self.ball, end, FLIGHT_TOL,
         )  # fmt: skip
 
     def _landing(

@@ -14,6 +14,7 @@ from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array, read_only
 from kickdyn.errors import InvalidInput
 from kickdyn.identification.contact_moment import Moment, contact_moment
+from kickdyn.identification.marker_kinematics import FittedLeg
 from kickdyn.identification.smoothing_spline import GROWTH, GROWTH_TIME, SmoothingSpline
 from kickdyn.robot.leg import Leg, Posture
 from kickdyn.robot.surgery import has_floating_base
@@ -24,8 +25,12 @@ LEAST_FRAMES = 8
 CONTACT_WINDOW = GROWTH_TIME
 """Time before a contact whose frames the motion at the contact is smoothed from [s]."""
 
-LONGEST_GAP = 3.0
-"""Frames that may be missing just before a contact."""
+LONGEST_GAP, LONGEST_UNSEEN = 3.0, 0.02
+"""Frames, and time [s], without markers that determine the whole leg just before a contact: the
+larger of both may pass."""
+
+SHORT_TIME = 1e-3
+"""Time in which a derivative by time is taken [s]."""
 
 AFTER_CONTACT = 0.05
 """Time after a contact that a plot shows [s]."""
@@ -88,8 +93,9 @@ class LegMotion(ReprMixin):
 
     Attributes:
         leg: the leg, with segments as long as the person's.
-        times: times of the frames that determine the configuration, shape `(n,)` [s].
-        configurations: configuration of each of these frames alone, shape `(n, nq)` [rad; m].
+        times: times of the frames that count, shape `(n,)` [s].
+        configurations: configuration of each of these frames alone, shape `(n, nq)` [rad; m]; what
+            the markers of a frame do not determine is as in the frame before.
         information: information matrix of each, in the tangent space, shape `(n, nv, nv)`.
         contact: time of the impact, across which nothing is smoothed, and its standard deviation,
             `(time, deviation)` [s]; None without one.
@@ -97,8 +103,11 @@ class LegMotion(ReprMixin):
         residuals: root mean square distance of each marker from the leg's [m], by name.
         scales: length of each segment over the length in the leg that was given, by joint.
         gaps: frames in which a marker is not seen, by name.
-        undetermined: frames of the track that are left out because their markers do not determine
-            the configuration.
+        undetermined: numbers of the frames of the track whose markers do not determine the whole
+            configuration; the markers that are seen count all the same.
+        notes: markers that may be swapped, and what of the track does not count.
+        frames: numbers in the track of the frames that count.
+        fitted: lengths of segments and places of markers with their covariance, if estimated.
     """
 
     leg: Leg
@@ -111,6 +120,9 @@ class LegMotion(ReprMixin):
     scales: Mapping[str, float]
     gaps: Mapping[str, tuple[int, ...]]
     undetermined: tuple[int, ...]
+    notes: tuple[str, ...]
+    frames: tuple[int, ...]
+    fitted: FittedLeg | None = None
 
     def q(self, t: float) -> Array:
         """Return the smoothed configuration at a time [s], shape `(nq,)` [rad; m]."""
@@ -130,7 +142,8 @@ class LegMotion(ReprMixin):
         r"""Return posture and joint velocity just before a contact, from the frames before it.
 
         A time with the deviation :math:`\sigma` adds :math:`\sigma^2 w w^T` to the covariance, with
-        :math:`w = (v, \dot v)`, and frames less than :math:`\sigma` before it do not count.
+        :math:`w = (v, \dot v)`, and frames less than :math:`\sigma` before it do not count. The
+        covariance also has what the estimated lengths of segments and places of markers add.
 
         Args:
             time: time of the contact [s], or time and standard deviation; None is the one that
@@ -147,28 +160,36 @@ class LegMotion(ReprMixin):
         moment = given.time
         window = (self.times < moment - given.deviation) & (self.times >= moment - CONTACT_WINDOW)
         interval = float(np.median(np.diff(self.times)))
-        late = moment - given.deviation - self.times[window][-1:]
-        if window.sum() < LEAST_FRAMES or late > LONGEST_GAP * interval:
-            raise InvalidInput(self._few_frames(moment, int(window.sum()), interval))
+        complete = self.times[window & self._complete]
+        longest = max(LONGEST_GAP * interval, LONGEST_UNSEEN)
+        if len(complete) < LEAST_FRAMES or moment - given.deviation - complete[-1] > longest:
+            raise InvalidInput(self._few_frames(moment, len(complete), longest))
         spline = self._smoothed(window, GROWTH)
         q, v, covariance = spline.state(moment)
         change = given.deviation * spline.rate(moment)
-        return ContactMotion(
-            given,
-            self.leg.posture(q),
-            read_only(v),
-            read_only(covariance + np.outer(change, change)),
-        )
+        covariance += np.outer(change, change)
+        if self.fitted is not None:
+            earlier = self.fitted.slopes(spline.state(moment - SHORT_TIME)[0])
+            slopes = self.fitted.slopes(q)
+            slopes = np.vstack([slopes, (slopes - earlier) / SHORT_TIME])
+            covariance += slopes @ self.fitted.covariance @ slopes.T
+        return ContactMotion(given, self.leg.posture(q), read_only(v), read_only(covariance))
 
-    def _few_frames(self, moment: float, count: int, interval: float) -> str:
+    @property
+    def _complete(self) -> Any:
+        """Whether the markers of each frame determine the whole configuration."""
+        return ~np.isin(self.frames, self.undetermined)
+
+    def _few_frames(self, moment: float, count: int, longest: float) -> str:
         """Return the message about a contact without enough frames before it."""
+        begin, end = self.times[self._complete][[0, -1]].tolist()
         gaps = [f"{name!r} in frame {frames[-1]}" for name, frames in self.gaps.items()]
         unseen = ", ".join(gaps[:3]) + (f", {len(gaps) - 3} others" if len(gaps) > 3 else "")
         return (
             f"contact at {moment:g} s: {count} frames of the {CONTACT_WINDOW:g} s before it "
             f"determine the leg; at least {LEAST_FRAMES} must, the last one at most "
-            f"{LONGEST_GAP * interval:.3g} s before the contact. Such frames are from "
-            f"{self.times[0]:g} to {self.times[-1]:g} s; last gaps: {unseen or 'none'}"
+            f"{longest:.3g} s before the contact. Such frames are from "
+            f"{begin:g} to {end:g} s; last gaps: {unseen or 'none'}"
         )
 
     @validation.check_arguments
@@ -200,7 +221,7 @@ class LegMotion(ReprMixin):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Lines about what to know before using the motion; empty if there is nothing."""
-        lines = []
+        lines = list(self.notes)
         worst = max(self.residuals, key=self.residuals.__getitem__, default=None)
         usual = float(np.median(list(self.residuals.values()))) if worst is not None else 0.0
         if worst is not None and self.residuals[worst] > LARGEST_RESIDUAL * usual:
@@ -228,11 +249,9 @@ class LegMotion(ReprMixin):
 
     def _unseen_at_contact(self) -> Iterable[str]:
         """Return a line about markers that are not seen just before the contact."""
-        count = len(self.times) + len(self.undetermined)
-        numbers = np.setdiff1d(np.arange(count), self.undetermined)
         if self.contact is None or self.times[0] >= self.contact.time:
             return
-        last = int(numbers[np.searchsorted(self.times, self.contact.time) - 1])
+        last = int(self.frames[np.searchsorted(self.times, self.contact.time) - 1])
         unseen = [
             f"{name!r} ({sum(frame <= last for frame in frames)} frames)"
             for name, frames in self.gaps.items()
@@ -297,5 +316,5 @@ class LegMotion(ReprMixin):
         for name, frames in self.gaps.items():
             yield f"gaps of {name}", len(frames), "frames"
         if self.undetermined:
-            yield "frames left out", len(self.undetermined), ""
+            yield "incomplete frames", len(self.undetermined), ""
         yield from warned(self.warnings)

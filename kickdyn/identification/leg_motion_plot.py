@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from kickdyn.core.plot_style import COLUMN_WIDTH, styled
 
-TIMES = 200
+DRAWN_TIMES = 200
 """Number of times that are drawn in each part of the motion."""
 
 
@@ -23,7 +23,7 @@ def leg_motion_figure(
     numbers = [model.getJointId(name) for name in joints]
     places, columns = ([of[i] for i in numbers] for of in (model.idx_qs, model.idx_vs))
     for begin, end in spans:
-        t = np.linspace(begin, end, TIMES)
+        t = np.linspace(begin, end, DRAWN_TIMES)
         q, v = (np.array([of(x) for x in t]) for of in (motion.q, motion.v))
         spread = np.array([motion.deviations(x) for x in t])[:, :, columns]
         for axes, values, sigma in (

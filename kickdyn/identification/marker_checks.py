@@ -15,9 +15,13 @@ from kickdyn.robot.surgery import has_floating_base
 LARGEST_EXTENT = 20.0
 """Distance between markers of one body [m] that only other units explain."""
 
-SWAPPED_RESIDUAL, SWAPPED_SHARE = 0.02, 0.15
+SWAPPED, DOUBTFUL = (0.02, 0.15), (0.005, 0.4)
 """Root mean square distance of a segment's markers from their places [m] above which markers may be
-swapped, and the share to which another order of them must reduce it."""
+swapped, and the share to which another order of them must reduce it: to be refused, and to be
+mentioned. Places may be wrong by a centimetre, too."""
+
+ORDERED_FRAMES = 5
+"""Frames in which orders are tried: the median decides, the worst is mentioned."""
 
 MOST_ORDERED = 5
 """Markers of a segment of which all orders are tried; of more of them, exchanges of two."""
@@ -62,34 +66,45 @@ def check_side(leg: Leg, places: Mapping[str, Marker]) -> None:
         )
 
 
-def check_order(leg: Leg, places: Mapping[str, Marker], measured: Array) -> None:
+def check_order(leg: Leg, places: Mapping[str, Marker], measured: Array) -> list[str]:
     """Raise `InvalidInput` if another order of a segment's markers fits their places much better.
 
-    A pelvis that stands on its head counts as one that does not fit.
+    A pelvis that stands on its head counts as one that does not fit. Returned is a line for each
+    segment of which another order fits better, but not so much that the order is certainly wrong.
     """
     model, names = leg.workspace.model, list(places)
     joints = [model.frames[frame].parentJoint for frame, _ in places.values()]
     points = np.array([model.frames[frame].placement.act(p) for frame, p in places.values()])
-    for joint in set(joints):
+    doubts = []
+    for joint in sorted(set(joints)):
         chosen = [k for k, parent in enumerate(joints) if parent == joint]
         frames = np.flatnonzero(np.isfinite(measured[:, chosen]).all(axis=(1, 2)))
         if len(chosen) < 3 or not frames.size:
             continue
         stands = joint == 1 and has_floating_base(model)
-        tried = [int(frames[(i * len(frames)) // 4]) for i in (1, 2, 3)]
-        misfits = [(_misfit(points[chosen], measured[k, chosen], stands), k) for k in tried]
-        given, frame = sorted(misfits)[1]  # exchanges in a few frames show in the residuals
-        seen = measured[frame, chosen]
-        if given < SWAPPED_RESIDUAL:
-            continue
-        orders = [(_misfit(points[chosen], seen[list(o)], stands), o) for o in _orders(len(chosen))]
-        best, order = min(orders)
-        if best < SWAPPED_SHARE * given:
-            moved = [names[chosen[k]] for k, place in enumerate(order) if k != place]
-            raise InvalidInput(
-                f"markers {', '.join(map(repr, moved))} are swapped in frame {frame}: they are "
-                f"{given:.2g} m from their places as they are named, {best:.2g} m if exchanged"
+        tried = frames[np.linspace(0, len(frames) - 1, ORDERED_FRAMES + 2).astype(int)[1:-1]]
+        misfits = sorted((_misfit(points[chosen], measured[k, chosen], stands), k) for k in tried)
+        # exchanges in a few frames do not change the median
+        for (given, frame), certain in ((misfits[len(tried) // 2], True), (misfits[-1], False)):
+            least, share = SWAPPED if certain else DOUBTFUL
+            if given < least:
+                continue
+            seen = measured[frame, chosen]
+            best, order = min(
+                (_misfit(points[chosen], seen[list(order)], stands), order)
+                for order in _orders(len(chosen))
             )
+            if best > share * given:
+                continue
+            moved = ", ".join(repr(names[chosen[k]]) for k, at in enumerate(order) if k != at)
+            distances = (
+                f"in frame {frame}: they are {given:.2g} m from their places as they are named, "
+                f"{best:.2g} m if exchanged"
+            )
+            if certain:
+                raise InvalidInput(f"markers {moved} are swapped {distances}")
+            doubts.append(f"markers {moved} may be swapped {distances}")
+    return doubts
 
 
 def _orders(count: int) -> list[tuple[int, ...]]:

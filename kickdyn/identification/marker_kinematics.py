@@ -1,5 +1,6 @@
 """Inverse kinematics of markers on a leg, and the lengths of segments that fit them best."""
 
+import math
 from collections.abc import Iterable, Mapping
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -19,6 +20,21 @@ SCALE_DEVIATION, MARKER_NOISE = 0.1, 1e-3
 decides where markers do not determine a length."""
 
 
+LARGEST_PLACE_DEVIATION, SMALL_STEP = 0.02, 1e-4
+"""Largest standard deviation of the places of markers [m], and step of these places [m] and of
+lengths at which their estimation ends."""
+
+LARGEST_RESIDUAL = 0.05
+"""Root mean square distance of a marker [m] above which it is swapped or on another segment."""
+
+LEAST_SHARE = 1e-3
+"""Singular value of a frame's Jacobian, over the largest, below which it determines nothing."""
+
+KEPT = (MARKER_NOISE / 0.3) ** 2
+"""Weight of the configuration of the frame before [m2], which a frame is expected to have within
+0.3 rad, where the markers do not determine it."""
+
+
 class Marker(NamedTuple):
     """A marker on a leg: number of its frame, and its place there [m]."""
 
@@ -35,12 +51,31 @@ def spread_frames(measured: Array) -> list[int]:
 
 
 class SolvedFrame(NamedTuple):
-    """A frame that is solved: configuration, Jacobian of its markers and what is missed [m]."""
+    """A frame that is solved: configuration, Jacobian of its markers and what is missed [m].
+
+    Where the markers do not determine the configuration, the rest of it is as in the frame before.
+    """
 
     q: Array
     jacobian: Array
     missed: Array
     seen: Array
+
+    @property
+    def rank(self) -> int:
+        """Number of coordinates that the markers determine."""
+        return _rank(self.jacobian)
+
+    @property
+    def complete(self) -> bool:
+        """Whether the markers determine every coordinate."""
+        return self.rank == int(self.jacobian.shape[1])
+
+
+def _rank(jacobian: Array) -> int:
+    """Return the number of coordinates that markers with this Jacobian determine."""
+    values = np.linalg.svd(jacobian, compute_uv=False)
+    return int((values > LEAST_SHARE * values[0]).sum())
 
 
 class MarkerKinematics:
@@ -52,37 +87,45 @@ class MarkerKinematics:
         limits = [(model.lowerPositionLimit[i], model.upperPositionLimit[i]) for i in model.idx_qs]
         self._single = [model.idx_qs[j] for j in single if np.isfinite(limits[j]).all()]
         self.last: SolvedFrame | None = None
+        # numbers of the markers, their places, and their velocities by the frame's, `(3, 6)`
+        self._by_frame: dict[int, tuple[list[int], Array, Array]] = {}
+        for frame in {place.frame for place in places}:
+            numbers = [k for k, place in enumerate(places) if place.frame == frame]
+            points = np.array([places[k].point for k in numbers])
+            velocities = np.array([np.hstack([np.eye(3), -pin.skew(p)]) for p in points])
+            self._by_frame[frame] = (numbers, points, velocities)
 
     def markers(self, q: Array, seen: Array) -> tuple[Array, Array]:
         """Return positions `(3 k,)` and Jacobian `(3 k, nv)` of the markers that are seen."""
         model, data = self.model, self.data
         pin.computeJointJacobians(model, data, q)
         pin.updateFramePlacements(model, data)
-        points, rows = [], []
-        for k in np.flatnonzero(seen):
-            frame, point = self.places[k]
+        points, rows = np.empty((len(seen), 3)), np.empty((len(seen), 3, model.nv))
+        for frame, (numbers, places, velocities) in self._by_frame.items():
             pose = data.oMf[frame]
-            arm = pose.rotation @ point
-            by_q = np.reshape(
-                pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED), (6, -1)
-            )
-            points.append(pose.translation + arm)
-            rows.append(by_q[:3] - pin.skew(arm) @ by_q[3:])
-        return np.concatenate(points), np.vstack(rows)
+            points[numbers] = pose.translation + places @ pose.rotation.T
+            by_q = np.reshape(pin.getFrameJacobian(model, data, frame, pin.LOCAL), (6, -1))
+            rows[numbers] = pose.rotation @ (velocities @ by_q)
+        return points[seen].ravel(), rows[seen].reshape(-1, model.nv)
 
-    def solve(self, q: Array, measured: Array, seen: Array) -> SolvedFrame:
-        """Return the nearest configuration from a start, by damped Gauss-Newton steps."""
-        target = measured[seen].ravel()
+    def solve(self, q: Array, measured: Array, seen: Array, kept: float = 0.0) -> SolvedFrame:
+        """Return the nearest configuration from a start, by damped Gauss-Newton steps.
+
+        The squared distance from the start counts with the weight `kept`.
+        """
+        target, start, moved = measured[seen].ravel(), q, np.zeros(self.model.nv)
         points, jacobian = self.markers(q, seen)
         missed, damping = target - points, 1e-8
         for _ in range(40):
-            gram = jacobian.T @ jacobian
-            step = np.linalg.solve(gram + damping * np.eye(len(gram)), jacobian.T @ missed)
+            gram, slope = jacobian.T @ jacobian, jacobian.T @ missed - kept * moved
+            step = np.linalg.solve(gram + (damping + kept) * np.eye(len(gram)), slope)
             near = pin.integrate(self.model, q, step)
             points, by_q = self.markers(near, seen)
             error = target - points
-            if error @ error <= missed @ missed * (1.0 + 1e-12) + 1e-30:
-                q, jacobian, missed = near, by_q, error
+            further = pin.difference(self.model, start, near) if kept else moved
+            cost = missed @ missed + kept * (moved @ moved)
+            if error @ error + kept * (further @ further) <= cost * (1.0 + 1e-12) + 1e-30:
+                q, jacobian, missed, moved = near, by_q, error, further
                 damping *= 0.1 if damping > 1e-14 else 1.0
                 if float(np.abs(step).max()) < 1e-12:
                     break
@@ -92,28 +135,28 @@ class MarkerKinematics:
                 damping *= 100.0
         return SolvedFrame(q, jacobian, missed, seen)
 
-    def determines(self, frame: SolvedFrame) -> bool:
-        """Return whether the markers of a frame determine every joint."""
-        values = np.linalg.svd(frame.jacobian, compute_uv=False)
-        return len(values) == self.model.nv and bool(values[-1] > 1e-3 * values[0])
+    def solve_track(
+        self, measured: Array, chosen: Iterable[int], start: Array | None = None
+    ) -> dict[int, SolvedFrame]:
+        """Return the solved frames by number, from the first one that is complete.
 
-    def solve_track(self, measured: Array, chosen: Iterable[int]) -> dict[int, SolvedFrame]:
-        """Return the solved frames that determine the configuration, by number."""
+        Without a configuration near this one to start from, several are tried.
+        """
         solved: dict[int, SolvedFrame] = {}
-        start = None
         for k in chosen:
             seen = np.isfinite(measured[k]).all(axis=1)
-            if 3 * int(seen.sum()) < self.model.nv:
+            if not seen.any() or (not solved and 3 * int(seen.sum()) < self.model.nv):
                 continue
-            best = (
-                self.first(measured[k], seen)
-                if start is None
-                else self.solve(start, measured[k], seen)
-            )
-            if self.determines(best):
-                solved[k], start = best, best.q
-            elif start is None and not solved:
+            if start is None:
+                best = self.first(measured[k], seen)
+            else:
+                _, jacobian = self.markers(start, seen)
+                kept = KEPT if _rank(jacobian) < self.model.nv else 0.0
+                best = self.solve(start, measured[k], seen, kept)
+            if not solved and not best.complete:
                 self.last = best
+                continue
+            solved[k], start = best, best.q
         return solved
 
     def _starts(self, measured: Array, seen: Array) -> list[Array]:
@@ -163,42 +206,124 @@ class MarkerKinematics:
         )
 
 
+class FittedLeg(NamedTuple):
+    """A leg that is fitted to markers.
+
+    Attributes:
+        leg: with segments as long as the markers have them.
+        scales: lengths of segments over those of the leg that was given, by joint.
+        places: of the markers, scaled with their segments and moved by the offsets.
+        offsets: of the places, shape `(markers, 3)` [m].
+        covariance: of scales and, where they are estimated, offsets.
+    """
+
+    leg: Leg
+    scales: dict[str, float]
+    places: list[Marker]
+    offsets: Array
+    covariance: Array
+
+    def slopes(self, q: Array) -> Array:
+        """Return by how much scales and offsets change q if the markers stay, `(nv, values)`."""
+        kinematics = MarkerKinematics(self.leg.workspace.model, self.places)
+        _, jacobian = kinematics.markers(q, np.ones(len(self.places), dtype=bool))
+        frame = SolvedFrame(q, jacobian, np.zeros(0), np.ones(len(self.places), dtype=bool))
+        scales = np.array(list(self.scales.values()))
+        by_value = _by_scale(kinematics, frame, scales, self.offsets)
+        if len(self.covariance) > len(scales):
+            by_value = np.hstack([by_value, _by_place(kinematics, frame)])
+        return np.asarray(-np.linalg.pinv(jacobian) @ by_value)
+
+
 def scaled_leg(
-    leg: Leg, places: Mapping[str, Marker], measured: Array, frames: Mapping[int, SolvedFrame]
-) -> tuple[Leg, dict[str, float]]:
-    """Return the leg with segments as long as the markers have them, and their scales.
+    leg: Leg,
+    places: Mapping[str, Marker],
+    measured: Array,
+    frames: Mapping[int, SolvedFrame],
+    place_deviation: float = 0.0,
+) -> FittedLeg:
+    """Return the leg with segments as long as the markers have them.
 
     The configurations are eliminated from the normal equations of each frame (Schur complement).
+    Where places have a standard deviation [m], they are estimated, too.
     """
-    joints = leg.joint_names
-    scales = np.ones(len(joints))
-    starts = {k: frame.q for k, frame in frames.items()}
-    scaled = leg
-    prior = (MARKER_NOISE / SCALE_DEVIATION) ** 2
+    joints, count = leg.joint_names, 3 * len(places) * bool(place_deviation)
+    values = np.concatenate([np.ones(len(joints)), np.zeros(count)])  # scales and offsets
+    given, starts = values.copy(), {k: frame.q for k, frame in frames.items()}
+    deviations = np.repeat([SCALE_DEVIATION, place_deviation], [len(joints), count])
+    prior, scaled, moved = np.diag((MARKER_NOISE / deviations) ** 2), leg, list(places.values())
+    scales, offsets = values[: len(joints)], np.zeros((len(places), 3))
     for _ in range(20):
-        numbers = dict(zip(joints, scales.tolist(), strict=True))
-        kinematics = MarkerKinematics(
-            scaled.workspace.model, scaled_places(scaled, places, numbers)
-        )
-        normal, right = prior * np.eye(len(joints)), prior * (1.0 - scales)
+        normal, right = prior.copy(), prior @ (given - values)
+        kinematics = MarkerKinematics(scaled.workspace.model, moved)
         for k, start in starts.items():
             frame = kinematics.solve(start, measured[k], np.isfinite(measured[k]).all(axis=1))
             starts[k] = frame.q
-            by_scale = _by_scale(kinematics, frame, scales)
+            by_value = _by_scale(kinematics, frame, scales, offsets)
+            if count:
+                by_value = np.hstack([by_value, _by_place(kinematics, frame)])
             basis = np.linalg.qr(frame.jacobian)[0]
-            across = by_scale - basis @ (basis.T @ by_scale)
+            across = by_value - basis @ (basis.T @ by_value)
             normal += across.T @ across
             right += across.T @ frame.missed
         step = np.linalg.solve(normal, right)
-        scales = np.clip(scales + step, 0.5, 2.0)
+        values += step
+        scales = values[: len(joints)] = np.clip(values[: len(joints)], 0.5, 2.0)
         scaled = leg.with_model(_scaled_model(leg, scales))
-        if float(np.abs(step).max()) < 1e-13:
+        if count:
+            offsets = values[len(joints) :].reshape(-1, 3)
+        moved = _scaled_places(leg, places, scales, offsets)
+        if float(np.abs(step).max()) < (SMALL_STEP if count else 1e-13):
             break
-    return scaled, dict(zip(joints, scales.tolist(), strict=True))
+    numbers = dict(zip(joints, scales.tolist(), strict=True))
+    covariance = np.asarray(MARKER_NOISE**2 * np.linalg.inv(normal), dtype=float)
+    return FittedLeg(scaled, numbers, moved, offsets, covariance)
 
 
-def _by_scale(kinematics: MarkerKinematics, frame: SolvedFrame, scales: Array) -> Array:
-    """Return the derivatives of the markers by the scales of segments, `(3 k, joints)`."""
+def place_deviation(fitted: FittedLeg, measured: Array, frames: Mapping[int, SolvedFrame]) -> float:
+    """Return the standard deviation of the places of markers that their residuals show [m].
+
+    It is 0 where the means of the residuals, in the axes of the segments, are explained by their
+    scatter, and where a residual is so large that the marker is another one; it is at most
+    `LARGEST_PLACE_DEVIATION`. Residuals do not show offsets that only change the configurations.
+    """
+    model, places = fitted.leg.workspace.model, fitted.places
+    kinematics = MarkerKinematics(model, places)
+    residuals = np.full((len(frames), len(places), 3), np.nan)
+    for row, (k, start) in enumerate(frames.items()):
+        frame = kinematics.solve(start.q, measured[k], start.seen)
+        kinematics.markers(frame.q, frame.seen)
+        for number, missed in zip(
+            np.flatnonzero(frame.seen), frame.missed.reshape(-1, 3), strict=True
+        ):
+            pose = kinematics.data.oMf[places[number].frame]
+            residuals[row, number] = pose.rotation.T @ missed
+    seen = np.isfinite(residuals[..., 0]).sum(axis=0)
+    residuals, seen = residuals[:, seen > 1], seen[seen > 1, None]
+    if not seen.size or np.nanmean((residuals**2).sum(axis=2), axis=0).max() > LARGEST_RESIDUAL**2:
+        return 0.0
+    means = np.nanmean(residuals, axis=0)
+    of_scatter = np.nanvar(residuals, axis=0, ddof=1) / seen
+    shown = means.size / max(means.size - model.nv, 1)
+    square = shown * (float(np.mean(means**2)) - 2.0 * float(np.mean(of_scatter)))
+    return min(math.sqrt(max(square, 0.0)), LARGEST_PLACE_DEVIATION)
+
+
+def _by_place(kinematics: MarkerKinematics, frame: SolvedFrame) -> Array:
+    """Return the derivatives of the markers by their places, `(3 k, 3 markers)`."""
+    rows = np.zeros((len(frame.seen), 3, len(frame.seen), 3))
+    for k, place in enumerate(kinematics.places):
+        rows[k, :, k] = kinematics.data.oMf[place.frame].rotation
+    return np.reshape(rows[frame.seen], (-1, 3 * len(frame.seen)))
+
+
+def _by_scale(
+    kinematics: MarkerKinematics, frame: SolvedFrame, scales: Array, offsets: Array
+) -> Array:
+    """Return the derivatives of the markers by the scales of segments, `(3 k, joints)`.
+
+    Offsets of the places do not scale.
+    """
     model, data = kinematics.model, kinematics.data
     kinematics.markers(frame.q, frame.seen)
     rows = []
@@ -211,7 +336,7 @@ def _by_scale(kinematics: MarkerKinematics, frame: SolvedFrame, scales: Array) -
             reach = data.oMi[before].rotation @ model.jointPlacements[after].translation
             by_scale[:, before - 1] += reach / scales[before - 1]
         if joint:
-            local = model.frames[number].placement.act(point)
+            local = model.frames[number].placement.act(point - offsets[k])
             by_scale[:, joint - 1] += data.oMi[joint].rotation @ local / scales[joint - 1]
         rows.append(by_scale)
     return np.vstack(rows)
@@ -236,14 +361,13 @@ def _scaled_model(leg: Leg, scales: Array) -> Any:
     return model
 
 
-def scaled_places(
-    leg: Leg, places: Mapping[str, Marker], scales: Mapping[str, float]
+def _scaled_places(
+    leg: Leg, places: Mapping[str, Marker], scales: Array, offsets: Array
 ) -> list[Marker]:
-    """Return the places of markers, scaled with their segments."""
-    frames, names = leg.workspace.model.frames, leg.joint_names
-    answer = []
-    for frame, point in places.values():
+    """Return the places of markers, scaled with their segments, then moved by offsets [m]."""
+    frames, answer = leg.workspace.model.frames, []
+    for (frame, point), offset in zip(places.values(), offsets, strict=True):
         joint = frames[frame].parentJoint
-        scale = scales.get(names[joint - 1], 1.0) if joint else 1.0
-        answer.append(Marker(frame, scale * point))
+        scale = float(scales[joint - 1]) if joint else 1.0
+        answer.append(Marker(frame, scale * point + offset))
     return answer

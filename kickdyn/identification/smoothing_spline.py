@@ -3,15 +3,17 @@ r"""`SmoothingSpline`: a smooth curve of configurations through measured ones, w
 The curve is a B-spline of degree 5, :math:`x(t)`, in the tangent space at one configuration, that
 minimises
 
-.. math:: \sum_k |x(t_k) - x_k|^2_{W_k} + \sum_j \frac{1}{S_j} \int e^{-g(t)} \ddddot x_j^2 \, dt
+.. math:: \sum_k |x(t_k) - x_k|^2_{W_k} + \sum_j \frac{1}{S_j} \int \left( e^{-g(t)} \ddddot x_j^2
+    + e^{-g(t)/2} \dddot x_j^2 / \tau^2 \right) dt
 
 with the information matrices :math:`W_k` of the configurations :math:`x_k`. Read as a Gaussian
-prior, the fourth derivative is white noise of spectral density :math:`S_j e^{g(t)}`, which gives
-the covariance (Wahba 1983, J. R. Stat. Soc. B 45:133). Each :math:`S_j` has the largest restricted
-likelihood, times a log-normal prior: the few frames of a swing alone would often determine it
-wrongly by decades.
+prior, with g = 0, the jerk :math:`\dddot x_j` is a stationary process with the variance
+:math:`S_j \tau / 2` that forgets itself within :math:`\tau` (Ornstein-Uhlenbeck process), which
+gives the covariance (Wahba 1983, J. R. Stat. Soc. B 45:133). Quadratics cost nothing. Each
+:math:`S_j` has the largest restricted likelihood, times a log-normal prior: the few frames of a
+swing alone would often determine it wrongly by decades.
 
-The density may grow towards the end (Pintore, Speckman & Holmes 2006, Biometrika 93:113), with
+The prior may grow towards the end (Pintore, Speckman & Holmes 2006, Biometrika 93:113), with
 :math:`g(t) = \gamma (t - t_{end})`, at least :math:`-\gamma T`: a swing accelerates most just
 before the impact. A prior that is the same at all times takes the end for as smooth as the
 beginning, and then both the velocity at the end and its deviation are too small.
@@ -30,22 +32,28 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
 from kickdyn.robot.surgery import has_floating_base
 
-ROUGHNESS, DEGREE = 4, 5
-"""Order of the derivative that the penalty of smoothing is on, and degree of the spline."""
+DEGREE, FREE = 5, 3
+"""Degree of the spline, and number of its polynomials that cost nothing, up to quadratics."""
 
 KNOT_SPACING, MOST_KNOTS = 0.01, 60
 """Least time between knots [s], and most intervals between them."""
 
-GROWTH, GROWTH_TIME = 50.0, 0.15
-r"""Rate :math:`\gamma` at which the density of the prior grows towards an impact [1/s], and the
-time T before it in which it grows [s]. The rate is chosen with `benchmarks/motion_coverage.py`, so
-that the deviations of synthetic kicks cover the truth; the likelihood does not determine it."""
+JERK_TIME = 0.05
+r"""Time :math:`\tau` within which a jerk changes [s]: a knee turns by 1 rad in it before a kick."""
 
-JOINT_DENSITY, BASE_DENSITY, DENSITY_DEVIATION = 8.5, 6.0, 1.0
-r"""Medians of the prior of :math:`\log_{10} S`, with S in rad2/s7 or m2/s7, of a joint and of a
-floating base, and its standard deviation. What changes by :math:`\Delta` within :math:`\tau` has
-about :math:`\Delta^2 / \tau^7`: a knee that turns by 1 rad within 0.06 s has :math:`10^{8.5}`, a
-pelvis that brakes by 0.8 m/s in that time, :math:`\Delta = 0.05` m, has :math:`10^6`."""
+GROWTH, GROWTH_TIME = 50.0, 0.15
+r"""Rate :math:`\gamma` at which the prior grows towards an impact [1/s], and the time T before it,
+in which it grows [s]. The rate is chosen with `benchmarks/motion_coverage.py`, so that deviations
+of synthetic kicks cover the truth; the likelihood does not determine it."""
+
+ANGLE_DENSITY, TRANSLATION_DENSITY, DENSITY_DEVIATION = 6.0, 5.0, 1.5
+r"""Medians of the prior of :math:`\log_{10} S`, with S in rad2/s7 or m2/s7, of an angle and of a
+translation of a floating base, and its standard deviation. What changes by :math:`\Delta` within
+:math:`\tau` has about :math:`\Delta^2 / \tau^7`: 0.03 rad or 0.01 m within 0.05 s are the medians,
+a knee that turns by 1 rad in that time has :math:`10^{9.1}`, two deviations more."""
+
+LARGEST_DEVIATION = 10.0
+"""Deviation of a coordinate that is not determined in a frame [rad, m], for the likelihood."""
 
 
 class SmoothingSpline:
@@ -56,7 +64,7 @@ class SmoothingSpline:
         times: times of the configurations, shape `(n,)` [s].
         q: configurations, shape `(n, nq)`.
         information: information matrix of each, in the tangent space, shape `(n, nv, nv)`.
-        growth: rate at which the density of the prior grows towards the last time [1/s].
+        growth: rate at which the prior grows towards the last time [1/s].
     """
 
     def __init__(
@@ -68,13 +76,14 @@ class SmoothingSpline:
         # information by x, whose tangent space is the reference's
         moved = np.array([pin.dIntegrate(model, self.reference, offset, pin.ARG1) for offset in x])
         weights = moved.transpose(0, 2, 1) @ information @ moved
-        variances = np.linalg.inv(weights).diagonal(axis1=1, axis2=2)
+        least = np.eye(x.shape[1]) / LARGEST_DEVIATION**2
+        variances = np.linalg.inv(weights + least).diagonal(axis1=1, axis2=2)
         penalty = self._set_basis(times, growth)
         b = self.basis(times) @ self._turned
         nv, size = x.shape[1], b.shape[1]
-        medians = np.full(nv, JOINT_DENSITY)
+        medians = np.full(nv, ANGLE_DENSITY)
         if has_floating_base(model):
-            medians[:6] = BASE_DENSITY
+            medians[:3] = TRANSLATION_DENSITY
         normal = np.einsum("kjl,ka,kb->jalb", weights, b, b, optimize=True)
         for j, median in enumerate(medians.tolist()):
             density = _likely_density(b, penalty, x[:, j], variances[:, j], median)
@@ -87,7 +96,7 @@ class SmoothingSpline:
     def _set_basis(self, times: Array, growth: float) -> Array:
         """Set the basis of splines, and return the penalty of the roughness of each.
 
-        In this basis the penalty is diagonal, and 0 for cubics (Demmler & Reinsch 1975, Numer
+        In this basis the penalty is diagonal, and 0 for quadratics (Demmler & Reinsch 1975, Numer
         Math 24:375), so that strong smoothing loses no digits.
         """
         duration = self.end - self.begin
@@ -99,12 +108,14 @@ class SmoothingSpline:
         width = inner[1] - inner[0]
         nodes = (inner[:-1, None] + 0.5 * width * (1.0 + nodes)).ravel()
         grown = growth * np.maximum(nodes - self.end, -GROWTH_TIME)
-        amount = np.sqrt(0.5 * width * np.tile(gauss, count) * np.exp(-grown))
-        rough = self.basis.derivative(ROUGHNESS)(nodes) * amount[:, None]
-        penalty, b = rough.T @ rough, self.basis(times)
+        amount = 0.5 * width * np.tile(gauss, count) * np.exp(-grown)
+        jerk, rate = (self.basis.derivative(order)(nodes) for order in (3, 4))
+        penalty = rate.T @ (rate * amount[:, None])
+        penalty += jerk.T @ (jerk * (amount * np.exp(0.5 * grown))[:, None]) / JERK_TIME**2
+        b = self.basis(times)
         size, gram = float(np.trace(penalty)), b.T @ b
         shares, self._turned = eigh(penalty / size, gram / np.trace(gram) + penalty / size)
-        shares[:ROUGHNESS] = 0.0
+        shares[:FREE] = 0.0
         return np.asarray(size * shares)
 
     def state(self, t: float) -> tuple[Array, Array, Array]:
@@ -133,7 +144,7 @@ def _inverse(matrix: Array) -> Array:
 
 
 def _likely_density(b: Array, penalty: Array, y: Array, variances: Array, median: float) -> float:
-    """Return the most likely density of the fourth derivative of one coordinate."""
+    """Return the most likely density S of one coordinate."""
     gram, right = b.T @ (b / variances[:, None]), b.T @ (y / variances)
 
     def cost(exponent: float) -> float:
@@ -142,7 +153,7 @@ def _likely_density(b: Array, penalty: Array, y: Array, variances: Array, median
         scaled = system * scale * scale[:, None]
         solved = np.linalg.solve(scaled, scale * right)
         size = np.linalg.slogdet(scaled)[1] - 2.0 * np.log(scale).sum()
-        rank = len(penalty) - ROUGHNESS
+        rank = len(penalty) - FREE
         prior = ((exponent - median) / DENSITY_DEVIATION) ** 2
         fit = size + rank * math.log(10.0) * exponent - (scale * right) @ solved
         return float(fit + prior)

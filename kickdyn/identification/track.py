@@ -47,6 +47,9 @@ LARGEST = 1e12
 SOUND = 340.0
 """Speed of sound [m/s], which no ball of a game reaches."""
 
+FASTEST_BALL = 60.0
+"""Speed of a kicked ball [m/s] above which other units do not explain it either."""
+
 METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 """Units of C3D files [m]."""
 
@@ -343,9 +346,11 @@ def refuse_units(track: Track, falling: float) -> None:
     steps = np.linalg.norm(np.diff(track.positions, axis=0), axis=1) / np.diff(track.times)
     speed = float(np.median(steps))
     if speed > SOUND:
+        units = [unit for unit, size, *_ in OTHER_UNITS[:2] if speed < FASTEST_BALL * size]
+        likely = f", as with positions in {' or '.join(units)}" if units else ""
         raise InvalidInput(
-            f"the ball moves with {speed:.4g} m/s, faster than sound: positions must be in metres, "
-            "times in seconds"
+            f"the ball moves with {speed:.4g} m/s, faster than sound{likely}: positions must be in "
+            "metres, times in seconds"
         )
 
 

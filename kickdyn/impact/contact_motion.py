@@ -15,7 +15,7 @@ from kickdyn.impact.contact_problem import tangents
 
 Vector = tuple[float, float, float]
 
-SLOW = 20.0
+TURNING_RATIO = 20.0
 """Sliding speed, over the speed of points at rest, up to which a sliding that turns is about to
 stop: its direction changes faster than an explicit integrator follows."""
 
@@ -139,7 +139,7 @@ def slides(speed: float, resting: float, turned: bool, left: float) -> bool:
         turned: whether the phase before ended because the sliding turned or stopped.
         left: largest friction, less the one that stops the points [N].
     """
-    return speed > (SLOW if turned and left > 0.0 else 2.0) * resting
+    return speed > (TURNING_RATIO if turned and left > 0.0 else 2.0) * resting
 
 
 def sticking_force(
@@ -167,11 +167,12 @@ def slip_direction(a11: float, a12: float, a22: float, g1: float, g2: float) -> 
     p_3 G` along the tangents: :math:`(A + k) d = -g` with :math:`k \ge 0`. The length of d
     decreases with k and is above 1 at 0, where the points would stick, so that one k makes it 1.
     Newton's method on its inverse, which is concave, comes to that from below (Conn, Gould and
-    Toint, Trust-Region Methods, 2000, chapter 7). Without g, d is 0.
+    Toint, Trust-Region Methods, 2000, chapter 7). It starts above 0, where A may be singular.
+    Without g, d is 0.
     """
     if g1 == 0.0 and g2 == 0.0:
         return 0.0, 0.0, 0.0
-    k = max(0.0, math.sqrt(g1 * g1 + g2 * g2) - (a11 + a22))
+    k = max(1e-15 * (a11 + a22), math.sqrt(g1 * g1 + g2 * g2) - (a11 + a22))
     x, y, size = 0.0, 0.0, 1.0
     for _ in range(60):
         b11, b22 = a11 + k, a22 + k

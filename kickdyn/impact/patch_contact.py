@@ -38,7 +38,7 @@ from kickdyn.impact.inflated_force import (
 )
 from kickdyn.robot.foot_surfaces import foot_surfaces
 
-GRIP = 2.0 / 3.0
+STIFFNESS_RATIO = 2.0 / 3.0
 r"""Ratio of the tangential to the normal stiffness of incompressible elastic bodies that touch,
 :math:`2 (1 - \nu) / (2 - \nu)` at :math:`\nu = 1/2` (Mindlin 1949; Johnson 1985, Eq. 7.43). It is
 not measured for an inflated ball."""
@@ -55,7 +55,7 @@ class FootPatch:
         offset: of the ball's centre from the middle of the strip at first contact, across it [m].
         across: direction in which the width is measured, shape `(3,)` [world frame]; the part
             across the contact normal counts. None is the level one.
-        grip: tangential over normal stiffness of the patch, above 0, see `GRIP`.
+        grip: tangential over normal stiffness of the patch, above 0, see `STIFFNESS_RATIO`.
 
     Raises:
         InvalidInput: a value outside its range.
@@ -64,7 +64,7 @@ class FootPatch:
     width: float
     offset: float = 0.0
     across: ArrayLike | None = None
-    grip: float = GRIP
+    grip: float = STIFFNESS_RATIO
 
     def __post_init__(self) -> None:
         values: dict[str, object] = {

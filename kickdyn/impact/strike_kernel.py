@@ -22,6 +22,7 @@ from kickdyn.core.simd import (
     sine_and_cosine,
     spread,
 )
+from kickdyn.impact import newton_law
 from kickdyn.robot import tree_kernel
 from kickdyn.robot.tree_kernel import (
     BODY,
@@ -40,6 +41,7 @@ from kickdyn.robot.tree_kernel import (
     delassus_matrix,
     dot,
     factorize,
+    inlined,
     joint_impulses,
     joint_space_inertia,
     njit,
@@ -89,15 +91,14 @@ LEAST_APPROACH = 1e-12
 LEAST_SHARE = 1e-6
 """Share that a pivot or a resistance must keep of its terms, or the strike is doubtful."""
 
-DIRECTIONS = 32
-_ANGLES = 2.0 * np.pi * np.arange(DIRECTIONS + 1) / DIRECTIONS
-_COS, _SIN = np.cos(_ANGLES), np.sin(_ANGLES)
-_COS_COS, _COS_SIN, _SIN_SIN = _COS * _COS, _COS * _SIN, _SIN * _SIN
-_WIDTH = 2.0 * math.pi / DIRECTIONS
-_MOST = math.tan(0.5 * _WIDTH)
+LEAST_RESISTANCE = 1e-3
+"""Share of its mobility along the normal that a contact must resist with, or it is doubtful."""
 
-LAST_STEP = 1e-10
-"""Step of Newton's method after which its error, which falls with the square, is rounding."""
+_stick_impulse = inlined(newton_law.stick_impulse)
+_slip_impulse = njit(newton_law.slip_impulse)
+_slip_conic = njit(newton_law.slip_conic)
+_meet_circle = njit(newton_law.meet_circle)
+_energy_lost = inlined(newton_law.energy_lost)
 
 
 @njit
@@ -106,110 +107,43 @@ def _solve(lane, state):  # type: ignore[no-untyped-def]
 
     See `solve_newton`. Where they slip, `slips` is set.
     """
-    delassus, mu = state.delassus, lane.friction
-    g12, g13, g23 = delassus[D12], delassus[D13], delassus[D23]
-    g11 = delassus[D11] + lane.tangent_mobility
+    delassus, mu, e = state.delassus, lane.friction, lane.restitution
     g22 = delassus[D22] + lane.tangent_mobility
     g33 = delassus[D33] + lane.normal_mobility
-    u1, u2, u3 = lane.velocity[0], lane.velocity[1], lane.velocity[2]
-    e = lane.restitution
-    f3 = (1.0 + e) * u3
-    ratio, across = g12 / g11, g13 / g11
-    h22, h23 = g22 - ratio * g12, g23 - ratio * g13
-    low = h23 / h22
-    h33 = g33 - across * g13 - low * h23
-    b2 = ratio * u1 - u2
-    p3 = (across * u1 - f3 - low * b2) / h33
-    p2 = (b2 - h23 * p3) / h22
-    p1 = (0.0 - u1 - g12 * p2 - g13 * p3) / g11
+    g = (
+        delassus[D11] + lane.tangent_mobility, delassus[D12], g22, delassus[D13], delassus[D23],
+        g33,
+    )  # fmt: skip
+    u = vector(lane.velocity)
+    (p1, p2, p3), _, (h22, h33) = _stick_impulse(g, u, e)
     sound = (h22 > LEAST_SHARE * g22) & (h33 > LEAST_SHARE * g33)
     most = mu * p3
     sticks = sound & (mu > 0.0) & (p3 >= 0.0) & (p1 * p1 + p2 * p2 <= most * most)
     lane.sticks = choose(sticks, 1.0, spread(0.0))
     lane.slips = choose((mu > 0.0) & sound, 1.0 - lane.sticks, 0.0)
     state.doubt = choose(sound | (mu == 0.0), state.doubt, 1.0)
-    level = (0.0 - f3) / g33
-    state.impulse[0], state.impulse[1] = choose(sticks, p1, 0.0), choose(sticks, p2, 0.0)
-    state.impulse[2] = choose(sticks, p3, level)
-    along = choose(sticks, p1 * u1 + p2 * u2, 0.0)
-    state.energy_lost = 0.5 * ((e - 1.0) * u3 * state.impulse[2] - along)
+    level = (0.0 - (1.0 + e) * u[2]) / g33
+    impulse = choose(sticks, p1, 0.0), choose(sticks, p2, 0.0), choose(sticks, p3, level)
+    put(state.impulse, impulse)
+    state.energy_lost = _energy_lost(impulse, u, (0.0, 0.0), e)
 
 
 @njit
 def _slip(floats, lane, i):  # type: ignore[no-untyped-def]
-    r"""Fill in the impulse of lane i where the points slip.
-
-    All zeros of the trigonometric polynomial of `slip_angles` are sought, between `DIRECTIONS`: by
-    Newton's method for the tangent of half the angle from the direction before, which takes no
-    sines.
-    """
-    g12, g13, g23 = floats.delassus[D12, i], floats.delassus[D13, i], floats.delassus[D23, i]
-    g11 = floats.delassus[D11, i] + lane.tangent_mobility[i]
-    g22 = floats.delassus[D22, i] + lane.tangent_mobility[i]
-    g33 = floats.delassus[D33, i] + lane.normal_mobility[i]
-    u1, u2, u3 = lane.velocity[0, i], lane.velocity[1, i], lane.velocity[2, i]
+    """Fill in the impulse of lane i by the law `newton` where the points slip."""
+    delassus, mobility = floats.delassus, lane.tangent_mobility[i]
+    g33 = delassus[D33, i] + lane.normal_mobility[i]
+    g = (
+        delassus[D11, i] + mobility, delassus[D12, i], delassus[D22, i] + mobility,
+        delassus[D13, i], delassus[D23, i], g33,
+    )  # fmt: skip
+    u = lane.velocity[0, i], lane.velocity[1, i], lane.velocity[2, i]
     e, mu = lane.restitution[i], lane.friction[i]
-    f3 = (1.0 + e) * u3
-    x0, x1 = mu * (u1 * g13 - f3 * g11), mu * (u1 * g23 - f3 * g12)
-    y0, y1 = mu * (u2 * g13 - f3 * g12), mu * (u2 * g23 - f3 * g22)
-    x2, y2 = u1 * g33 - f3 * g13, u2 * g33 - f3 * g23
-    mixed, twice = y1 - x0, -2.0 * (y0 + x1)
-    curved = abs(y2) + abs(x2) + 4.0 * (abs(mixed) + abs(y0 + x1))
-    near = 0.125 * _WIDTH * _WIDTH * curved
-    best, slips, value = -math.inf, False, y0 + y2
-    for k in range(1, DIRECTIONS + 1):
-        value0 = value
-        value = y0 * _COS_COS[k] + mixed * _COS_SIN[k] - x1 * _SIN_SIN[k]
-        value += y2 * _COS[k] - x2 * _SIN[k]
-        c0, s0 = _COS[k - 1], _SIN[k - 1]
-        if (value0 < 0.0) == (value < 0.0):
-            if min(abs(value0), abs(value)) < near:
-                c, s = _COS[k], _SIN[k]
-                slope0 = twice * c0 * s0 + mixed * (c0 * c0 - s0 * s0) - y2 * s0 - x2 * c0
-                slope = twice * c * s + mixed * (c * c - s * s) - y2 * s - x2 * c
-                if slope0 * value0 < 0.0 < slope * value:  # there may be two zeros
-                    floats.doubt[i] = 1.0
-            continue
-        low, high, t = 0.0, _MOST, _MOST * value0 / (value0 - value)
-        for _ in range(60):  # Newton's method, kept within the bracket
-            square = t * t
-            share = 1.0 / (1.0 + square)
-            c, s = (1.0 - square) * share, 2.0 * t * share
-            c1, s1 = c0 * c - s0 * s, s0 * c + c0 * s
-            x, y = x0 * c1 + x1 * s1 + x2, y0 * c1 + y1 * s1 + y2
-            here = c1 * y - s1 * x
-            steep = twice * c1 * s1 + mixed * (c1 * c1 - s1 * s1) - y2 * s1 - x2 * c1
-            if (here < 0.0) == (value0 < 0.0):
-                low = t
-            else:
-                high = t
-            new = t - 0.5 * (1.0 + square) * here / steep if steep != 0.0 else -1.0
-            if not low <= new <= high:
-                new = 0.5 * (low + high)
-            step, t = abs(new - t), new
-            if step <= LAST_STEP:
-                break
-        share = 1.0 / (1.0 + t * t)
-        c, s = (1.0 - t * t) * share, 2.0 * t * share
-        c1, s1 = c0 * c - s0 * s, s0 * c + c0 * s
-        resistance = mu * (g13 * c1 + g23 * s1) + g33
-        if resistance <= 0.0:
-            continue
-        p = -f3 / resistance
-        slide1 = mu * p * (g11 * c1 + g12 * s1) + g13 * p + u1
-        slide2 = mu * p * (g12 * c1 + g22 * s1) + g23 * p + u2
-        if c1 * slide1 + s1 * slide2 > 0.0:  # friction would drive the sliding
-            continue
-        along = c1 * (u1 + slide1) + s1 * (u2 + slide2)
-        lost = 0.5 * p * (-u3 * (1.0 - e) - mu * along)
-        if resistance < 1e-3 * g33:
-            floats.doubt[i] = 1.0
-        if lost > best:
-            best, slips = lost, True
-            floats.impulse[0, i], floats.impulse[1, i] = mu * p * c1, mu * p * s1
-            floats.impulse[2, i], floats.energy_lost[i] = p, lost
-    if not slips:
+    impulse, lost = _slip_impulse(g, u, e, mu, _meet_circle(_slip_conic(g, u, e, mu)))
+    if not 0.0 < impulse[2] * (LEAST_RESISTANCE * g33) < -(1.0 + e) * u[2]:
         floats.doubt[i] = 1.0
+    floats.impulse[0, i], floats.impulse[1, i], floats.impulse[2, i] = impulse
+    floats.energy_lost[i] = lost
 
 
 def _strike(tree, frames, task, senses, given, motion, memory, answer):  # type: ignore[no-untyped-def]
@@ -323,7 +257,7 @@ def _write(rotation, frame, rows, result, first):  # type: ignore[no-untyped-def
         result[first + r] = frame[r, 0] * u + frame[r, 1] * v + frame[r, 2] * w
 
 
-named(_strike, "strike", simd, tree_kernel)
+named(_strike, "strike", simd, newton_law, tree_kernel)
 
 
 @cache

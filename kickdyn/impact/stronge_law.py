@@ -10,6 +10,7 @@ from scipy.optimize import brentq
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
+from kickdyn.impact.contact_motion import slip_direction
 from kickdyn.impact.contact_problem import (
     ContactProblem,
     ImpactLaw,
@@ -115,28 +116,11 @@ class _Course:
         stick1, stick2 = _solve(self.a11, self.a12, self.a22, -self.b1, -self.b2)
         sticks, gain = math.hypot(stick1, stick2) <= self.mu, 0.0
         if not sticks:
-            self.x, self.y, gain = self._slip_direction()
-            stick1, stick2 = -self.mu * self.x, -self.mu * self.y
+            a11, a12, a22 = (self.mu * entry for entry in (self.a11, self.a12, self.a22))
+            x, y, gain = slip_direction(a11, a12, a22, self.b1, self.b2)
+            self.x, self.y, stick1, stick2 = -x, -y, self.mu * x, self.mu * y
         self._line(stick1, stick2, gain, math.inf)
         return sticks
-
-    def _slip_direction(self) -> tuple[float, float, float]:
-        """Return the direction r in which a slip can start, and its gain: (gain + mu A) r = b.
-
-        |r| falls as the gain grows, from above 1 where friction does not suffice, so there is one
-        gain that makes it 1; Newton's method for 1 / |r| approaches it from below.
-        """
-        mu = self.mu
-        gain = max(0.0, math.hypot(self.b1, self.b2) - mu * (self.a11 + self.a22))
-        while True:
-            m11, m12, m22 = gain + mu * self.a11, mu * self.a12, gain + mu * self.a22
-            x, y = _solve(m11, m12, m22, self.b1, self.b2)
-            size = math.hypot(x, y)
-            dx, dy = _solve(m11, m12, m22, x, y)
-            step = (size - 1.0) * size * size / (x * dx + y * dy)
-            if not gain + step > gain:
-                return x / size, y / size, gain
-            gain += step
 
     def _line(self, f1: float, f2: float, gain: float, end: float) -> bool:
         """Advance with constant friction; return whether the impact ended before impulse `end`."""
@@ -147,10 +131,14 @@ class _Course:
             square = self.normal**2 + 2.0 * rate * due
             complete = not compressing and square >= 0.0  # restitution returns all work due
             if complete:
-                stop = 2.0 * due / (self.normal + math.sqrt(square)) if due else 0.0
+                parting = self.normal + math.sqrt(square)
+                stop = 2.0 * due / parting if parting else math.inf if due else 0.0
             else:
                 stop = -self.normal / rate if rate * self.normal < 0.0 else math.inf
             p = min(stop, end)
+            if not p < math.inf:  # no impulse parts the points: `solve_contacts` refuses it
+                self.friction_work = math.inf
+                return True
             work = p * (self.normal + 0.5 * rate * p)
             if compressing:
                 self.compression_work -= work

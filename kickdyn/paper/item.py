@@ -12,7 +12,7 @@ MEASURED = 0.1
 FITTED = 0.005
 """The same where what the paper does not give is fitted to the number."""
 
-WIDE = 2.0
+DECISIVE_RATIO = 2.0
 """Ratio of our numbers with two coefficients from which on the item depends on the coefficient."""
 
 
@@ -31,7 +31,7 @@ MEANINGS = {
     Verdict.REPRODUCED: f"predicted, and within {100 * MEASURED:g} % of the value of the test bed",
     Verdict.SHAPE_REPRODUCED: "agrees with a curve, an order or a statement of the paper",
     Verdict.DEPENDS: "another drag or lift coefficient, of which the paper prints none, changes "
-    f"the verdict, or the value by more than a factor of {WIDE:g}",
+    f"the verdict, or the value by more than a factor of {DECISIVE_RATIO:g}",
     Verdict.FITTED: "a quantity that the paper does not give is chosen so that the paper's value "
     f"results within {100 * FITTED:g} %; the agreement confirms nothing",
     Verdict.OURS: "the paper has no value to compare with, or only the goal",
@@ -110,7 +110,7 @@ def judged(item: Item, variants: Sequence[Item], coefficients: str) -> Item:
 
     changed = [other for other in variants if other.verdict != item.verdict]
     farthest = max(changed or variants, key=distance, default=item)
-    if not changed and distance(farthest) <= WIDE:
+    if not changed and distance(farthest) <= DECISIVE_RATIO:
         return item
     unit = "" if item.unit == "1" else f" {item.unit}"
     note = (

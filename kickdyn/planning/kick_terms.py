@@ -28,7 +28,7 @@ from kickdyn.planning.problem import TOLERANCE, Bounds, Function, Kind
 from kickdyn.robot.kicking_chain import UNLIMITED, kicking_chain, rest_configuration
 from kickdyn.robot.leg import Leg, Posture
 
-STEP = 1e-7
+DIFFERENCE_STEP = 1e-7
 """Step of the unknowns in the differences that stand for derivatives."""
 
 WITHOUT_LIMITS = "it has one without its speed and torque limits"
@@ -173,7 +173,9 @@ class Objective(Function[KickPoint]):
         return np.array([-quantity if self.maximized else quantity])
 
     def slope(self, point: KickPoint) -> Array:
-        return slope_by_differences(self, point, len(point.x) - 1, STEP)  # the share does not count
+        return slope_by_differences(
+            self, point, len(point.x) - 1, DIFFERENCE_STEP
+        )  # the share does not count
 
 
 def slope_by_differences(

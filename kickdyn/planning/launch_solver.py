@@ -29,7 +29,7 @@ UP = np.array([0.0, 0.0, 1.0])
 ACCURACY = 1e-11
 """Largest error of a solution, relative to the target's distance, the time or the speed."""
 
-ACROSS = 1e-9
+ACROSS_SHARE = 1e-9
 """Share of a spin along the impulse up to which the spin is across it."""
 
 LONGEST_NEWTON_STEP = 0.7
@@ -80,7 +80,7 @@ class ShootingProblem:
         change = launch[:3] - self.struck.velocity
         along = change / (float(np.linalg.norm(change)) or 1.0)
         kept = float(self.struck.spin @ along)
-        if abs(kept) < ACROSS * float(np.linalg.norm(self.struck.spin)):
+        if abs(kept) < ACROSS_SHARE * float(np.linalg.norm(self.struck.spin)):
             kept = 0.0
         return np.asarray(spin + (kept - spin @ along) * along)
 

@@ -27,7 +27,7 @@ from kickdyn.plane import Plane
 from kickdyn.planning.goal import Goal
 from kickdyn.planning.interception import SHORTEST_COURSE, IncomingBall
 
-BEYOND = 1e-3
+TIME_BEYOND = 1e-3
 """Time after the meeting for which the ball is followed, in derivatives of the landing [s]."""
 
 INCREMENT = 1e-5
@@ -157,7 +157,7 @@ class Meeting(ReprMixin):
             moved = BallState(
                 seen.position + change[4:], seen.velocity + change[1:4], seen.spin, seen.time
             )
-            come = _near(replace_state(incoming, moved).course(ball, air, wait + BEYOND), wait)
+            come = _near(replace_state(incoming, moved).course(ball, air, wait + TIME_BEYOND), wait)
 
             def gap(t: float) -> float:
                 apart = come(t).position - foot - velocity * (t - wait - change[0])

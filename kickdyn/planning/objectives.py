@@ -2,6 +2,7 @@
 
 import math
 from enum import StrEnum
+from typing import Self
 
 import numpy as np
 
@@ -9,31 +10,6 @@ from kickdyn.core.validation import Array
 from kickdyn.impact.leg_response import joint_impulses
 from kickdyn.planning.kick_terms import KickPoint, Objective
 from kickdyn.planning.problem import Function, Kind
-
-
-class KickObjective(StrEnum):
-    r"""What a kick makes least, or most where the name says so.
-
-    With speed limits :math:`v_{max}`, inertia matrix :math:`M`, foot Jacobian :math:`J` and the
-    linear impulses :math:`p_i` that the joints transmit:
-    """
-
-    JOINT_SPEED = "joint-speed"
-    r""":math:`\frac1n \sum_i (v_i / v_{max,i})^2`."""
-    JOINT_IMPULSE = "joint-impulse"
-    r""":math:`\max_i |p_i|` [N s]."""
-    KINETIC_ENERGY = "kinetic-energy"
-    r""":math:`\frac12 v^T M v` [J], which the swing must build up."""
-    FOOT_SPEED = "foot-speed"
-    r"""Speed of the foot [m/s]: the posture that makes the most impulse of it."""
-    MOST_JOINT_IMPULSE = "most-joint-impulse"
-    TORQUE_SQUARED = "torque-squared"
-    r""":math:`\int \frac1n \sum_i (\tau_i / \tau_{max,i})^2 dt` [s], of a motion."""
-
-    @property
-    def unit(self) -> str:
-        """Unit of the quantity, or words where it has none."""
-        return UNITS[self]
 
 
 class JointSpeed(Objective):
@@ -96,21 +72,37 @@ class LargestShare(Function[KickPoint]):
         return slope
 
 
-OBJECTIVES: dict[KickObjective, type[Objective]] = {
-    KickObjective.JOINT_SPEED: JointSpeed,
-    KickObjective.JOINT_IMPULSE: JointImpulse,
-    KickObjective.KINETIC_ENERGY: KineticEnergy,
-    KickObjective.FOOT_SPEED: FootSpeed,
-    KickObjective.MOST_JOINT_IMPULSE: MostJointImpulse,
-}
-"""The objective of each name."""
+class KickObjective(StrEnum):
+    r"""What a kick makes least, or most where the name says so: name, unit and term.
 
-UNITS = {
-    KickObjective.JOINT_SPEED: "(mean square of the joint speeds over their limits)",
-    KickObjective.JOINT_IMPULSE: "N s",
-    KickObjective.KINETIC_ENERGY: "J",
-    KickObjective.FOOT_SPEED: "m/s",
-    KickObjective.MOST_JOINT_IMPULSE: "N s",
-    KickObjective.TORQUE_SQUARED: "s",
-}
-"""The unit of each objective."""
+    With speed limits :math:`v_{max}`, inertia matrix :math:`M`, foot Jacobian :math:`J` and the
+    linear impulses :math:`p_i` that the joints transmit:
+
+    Attributes:
+        unit: unit of the quantity, or words where it has none.
+        term: class of its term; None for an objective of a motion.
+    """
+
+    unit: str
+    term: type[Objective] | None
+
+    def __new__(cls, name: str, unit: str, term: type[Objective] | None) -> Self:
+        objective = str.__new__(cls, name)
+        objective._value_, objective.unit, objective.term = name, unit, term
+        return objective
+
+    JOINT_SPEED = "joint-speed", "(mean square of the joint speeds over their limits)", JointSpeed
+    r""":math:`\frac1n \sum_i (v_i / v_{max,i})^2`."""
+    JOINT_IMPULSE = "joint-impulse", "N s", JointImpulse
+    r""":math:`\max_i |p_i|` [N s]."""
+    KINETIC_ENERGY = "kinetic-energy", "J", KineticEnergy
+    r""":math:`\frac12 v^T M v` [J], which the swing must build up."""
+    FOOT_SPEED = "foot-speed", "m/s", FootSpeed
+    r"""Speed of the foot [m/s]: the posture that makes the most impulse of it."""
+    MOST_JOINT_IMPULSE = "most-joint-impulse", "N s", MostJointImpulse
+    TORQUE_SQUARED = "torque-squared", "s", None
+    r""":math:`\int \frac1n \sum_i (\tau_i / \tau_{max,i})^2 dt` [s], of a motion."""
+
+
+OBJECTIVES = {objective: objective.term for objective in KickObjective if objective.term}
+"""The terms of the objectives of a posture."""

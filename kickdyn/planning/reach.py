@@ -41,7 +41,7 @@ the limits takes minutes to be given up."""
 MOST_TRIES = 14
 """Number of plans of a direction at most."""
 
-TIME = 0.1
+DESCRIBING_TIME = 0.1
 """Time of the short flight in a vacuum that describes a launch to the planner [s]."""
 
 LARGEST_FILE = 10_000_000
@@ -230,9 +230,9 @@ def _direction(place: tuple[float, float]) -> Array:
 
 def _goal(place: tuple[float, float], speed: float) -> Goal:
     """Return the goal in the vacuum that a launch meets, however low it is."""
-    target = TIME * speed * _direction(place)
-    target[2] -= 0.5 * GRAVITY * TIME * TIME
-    return Goal(target, time=TIME)
+    target = DESCRIBING_TIME * speed * _direction(place)
+    target[2] -= 0.5 * GRAVITY * DESCRIBING_TIME * DESCRIBING_TIME
+    return Goal(target, time=DESCRIBING_TIME)
 
 
 def _largest(

@@ -30,7 +30,7 @@ Foot speed, relative; direction of the foot's velocity and place of the contact 
 upwards and sideways; restitution; drag coefficient, relative.
 """
 
-TOL = 1e-11
+FLIGHT_TOL = 1e-11
 """Relative tolerance of the flight."""
 
 
@@ -83,7 +83,7 @@ def landing_slopes(state: BallState, ball: Ball, air: Air | None) -> tuple[Array
     """
     level = Plane(state.position, (0.0, 0.0, 1.0), "centre")
     try:
-        path = fly_with_launch_slopes(state, ball, air, level, TOL)
+        path = fly_with_launch_slopes(state, ball, air, level, FLIGHT_TOL)
     except KickdynError:
         path = None
     if path is None or not path.end > 0.0:

@@ -36,7 +36,7 @@ player who leans over the ball.
 CLEARANCE = 1e-3
 """Least height of the kicking foot [m]: the solver keeps its conditions within a tolerance."""
 
-STEP = 1e-6
+DIFFERENCE_STEP = 1e-6
 """Step of the differences that stand for the derivatives of the support's impulse [rad, m]."""
 
 
@@ -184,7 +184,7 @@ class SupportImpulse(Function[KickPoint]):
         return self.residual(point.posture)
 
     def slope(self, point: KickPoint) -> Array:
-        return slope_by_differences(self, point, point.variables.n, STEP)
+        return slope_by_differences(self, point, point.variables.n, DIFFERENCE_STEP)
 
     def residual(self, posture: Posture) -> Array:
         """Return the value at a posture, shape `(k,)` [N s]."""

@@ -2,18 +2,16 @@
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from os import PathLike
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from scipy.linalg import blas, lapack
+from scipy.linalg import blas
 
 from kickdyn.core import validation
-from kickdyn.core.files import shipped
 from kickdyn.core.mechanics import cross3
 from kickdyn.core.representation import ReprMixin, Row, format_value, warned
 from kickdyn.core.validation import Array, ArrayLike, protect, read_only
@@ -22,13 +20,13 @@ from kickdyn.robot.articulated_body import ArticulatedBodies
 from kickdyn.robot.catalog import ROBOTS, TOE, find_description, read_robot
 from kickdyn.robot.constraints import (
     ConstraintProjector,
-    Constraints,
-    Support,
     find_open_loops,
 )
-from kickdyn.robot.drives import Drive, catalogued_drives, load_drives
+from kickdyn.robot.drives import catalogued_drives
 from kickdyn.robot.human_body import human_leg
-from kickdyn.robot.joint_table import InDegrees, JointTable
+from kickdyn.robot.joint_space import JointSpace
+from kickdyn.robot.joint_table import InDegrees
+from kickdyn.robot.leg_model import Drives, LegModel
 from kickdyn.robot.mjcf_file import MjcfFile, is_mjcf, read_mjcf
 from kickdyn.robot.mjcf_model import build_mjcf_model
 from kickdyn.robot.model_validation import (
@@ -37,17 +35,10 @@ from kickdyn.robot.model_validation import (
     check_model,
     cholesky_with_condition,
     condition,
-    frame_id,
-    rounding_gain,
     singularity_fault,
 )
-from kickdyn.robot.surgery import has_floating_base, reduce_model
+from kickdyn.robot.surgery import reduce_model
 from kickdyn.robot.urdf_file import build_model, check_base, read_urdf, shipped_urdf
-from kickdyn.robot.visuals import RobotFile
-from kickdyn.robot.workspace import Workspace
-
-Drives = str | PathLike[str] | Mapping[str, Drive]
-"""Drives by joint, or a file of them."""
 
 NO_DRIVES = (
     "the file has no drives: with rotors behind gears, the foot's effective mass is larger; give "
@@ -62,21 +53,8 @@ MAX_SHOWN_JOINTS = 8
 """Joints of a posture that are shown; of a robot with more, those that are not at 0."""
 
 
-class _CopiedModel:
-    """The field `model` of a leg: copied when it is set and when it is read."""
-
-    def __get__(self, leg: "Leg | None", owner: type) -> Any:
-        if leg is None:
-            raise AttributeError("model")  # so that the dataclass sees no default
-        return leg._model.copy()
-
-    def __set__(self, leg: "Leg", model: Any) -> None:
-        check_is_model(model)
-        vars(leg)["_model"] = model.copy()
-
-
 @dataclass(frozen=True, eq=False, repr=False)
-class Leg(JointTable, ReprMixin):
+class Leg(LegModel, ReprMixin):  # type: ignore[misc]  # as `frame` of `LegModel`
     r"""A leg, or a whole robot, with the frame that touches the ball.
 
     A leg does not change: `locked`, `with_drives`, `with_supports` and the like return another
@@ -97,64 +75,6 @@ class Leg(JointTable, ReprMixin):
         constraints: by supports, loops, mimic joints and stiff joints; None without any.
         workspace: this thread's scratch space for Pinocchio's calls; every call overwrites it.
     """
-
-    model: Any = _CopiedModel()
-    frame: str  # type: ignore[misc]  # the model has no default, though mypy sees one
-    file: RobotFile | None = None
-    supports: tuple[Support, ...] = ()
-    loops: tuple[tuple[str, str], ...] = ()
-    contact_normal_cone: Array | None = None
-    stiff_joints: tuple[str, ...] = ()
-    drives: Mapping[str, Drive] = field(default_factory=dict)
-    base_velocity: Array | None = None
-    constraints: Constraints | None = field(init=False)
-    workspace: "Workspace" = field(init=False)
-
-    def __post_init__(self) -> None:
-        validation.check_type(str, frame=self.frame)
-        validation.check_type(RobotFile, type(None), file=self.file)
-        for name in ("supports", "loops", "stiff_joints"):
-            validation.check_type(tuple, **{name: getattr(self, name)})
-        if self.contact_normal_cone is not None:
-            cone = validation.floats("contact normal cone", self.contact_normal_cone)
-            vars(self).update(contact_normal_cone=read_only(cone))
-        if self.base_velocity is not None:
-            twist = validation.vector("base velocity", self.base_velocity, 6)
-            vars(self).update(base_velocity=read_only(twist) if twist.any() else None)
-        if self.base_velocity is not None and (self.supports or has_floating_base(self._model)):
-            raise InvalidInput(
-                f"base velocity is {self.base_velocity.tolist()}: {self.name} must have a fixed "
-                "base and no supports; the velocity of a floating base is part of v"
-            )
-        if self.contact_joint == 0:
-            raise InvalidInput(f"frame {self.frame!r} is fixed to the base: a kick must move it")
-        constraints = None
-        if self.supports or self.loops or self.stiff_joints or self.mimics:
-            stiff = {joint: self.velocity_index(joint) for joint in self.stiff_joints}
-            constraints = Constraints(
-                self._model, self.contact_joint, self.supports, self.loops, self.gears, stiff
-            )
-        vars(self).update(constraints=constraints, workspace=Workspace(self._model))
-
-    @cached_property
-    def compliant_drives(self) -> dict[str, Drive]:
-        """The drives with friction or stiffness, which act in a contact that takes time."""
-        return {joint: x for joint, x in self.drives.items() if x.friction or x.stiffness}
-
-    @cached_property
-    def frame_id(self) -> int:
-        """Number of the contact frame in the model."""
-        return frame_id(self._model, self.frame)
-
-    @cached_property
-    def contact_joint(self) -> int:
-        """Number of the joint that carries the contact frame."""
-        return int(self._model.frames[self.frame_id].parentJoint)
-
-    @cached_property
-    def contact_lever(self) -> Array:
-        """Origin of the contact frame, shape `(3,)` [m, axes of the contact joint]."""
-        return read_only(self._model.frames[self.frame_id].placement.translation)
 
     @classmethod
     @validation.check_arguments
@@ -390,162 +310,6 @@ class Leg(JointTable, ReprMixin):
         check_model(model)
         return cls(model, frame)
 
-    def locked(self, joints: Mapping[str, float]) -> "Leg":
-        """Return the leg with joints locked at their values [rad; m for prismatic joints].
-
-        Names may be patterns, as for `from_urdf`. Raises `InvalidInput` for an unknown joint, a
-        value that is not finite or outside the joint's range, or if no joint moves the foot.
-        """
-        if not validation.mapping("joints", joints):
-            return self
-        values = self._values_to_lock(joints)
-        q = self.configuration(values)
-        for line in self.outside_range(q):
-            if any(line.startswith(f"{joint} at ") for joint in values):
-                raise InvalidInput(f"{line}: it cannot be locked there")
-        fixed = {*values, *(mimic.joint for mimic in self.mimics if mimic.driver in values)}
-        if len(fixed) == len(self.joint_names):
-            raise InvalidInput(f"all joints of {self.name} are locked: a kick must move one")
-        return self.with_model(reduce_model(self._model, fixed, q))
-
-    def with_armature(self, rotors: Mapping[str, float]) -> "Leg":
-        """Return the leg with rotors behind its joints, in place of those that it had.
-
-        Args:
-            rotors: joint name to rotor inertia times gear ratio squared [kg m2; kg if prismatic].
-        """
-        armature = self._model.armature.copy()
-        for name, value in validation.mapping("rotors", rotors).items():
-            armature[self.velocity_index(name)] = validation.number(
-                f"armature of {name}", value, at_least=0, unit="kg m2"
-            )
-        model = self.model
-        model.armature = armature
-        return self.with_model(model)
-
-    def with_drives(self, drives: Drives) -> "Leg":
-        """Return the leg with drives: rotors behind gears, and limits of torque and speed.
-
-        Args:
-            drives: `Drive` by the name of a joint or a pattern, as for `from_urdf`, or a TOML file:
-
-                .. code-block:: toml
-
-                    [joints]
-                    "*_knee" = { rotor_inertia_kg_m2 = 1e-5, gear = 100, torque_limit_n_m = 90 }
-
-                They replace what the joints had. Other joints keep what they have.
-
-        Raises:
-            InvalidInput: no such joint, or a file with an unknown key or a value out of range.
-        """
-        listed = load_drives(drives)
-        if not listed:
-            return self
-        model, entries = self.model, list(listed.values())
-        numbers = self.expand_joint_names({name: k for k, name in enumerate(listed)})
-        for attribute, limit in (
-            ("armature", "reflected_inertia"),
-            ("effortLimit", "torque_limit"),
-            ("velocityLimit", "speed_limit"),
-        ):
-            values = getattr(model, attribute).copy()
-            for joint, number in numbers.items():
-                value = getattr(entries[int(number)], limit)
-                if value is not None:
-                    values[self.velocity_index(joint)] = value
-            setattr(model, attribute, values)
-        given = {joint: entries[int(number)] for joint, number in numbers.items()}
-        return replace(self.with_model(model), drives={**self.drives, **given})
-
-    def _with_drives_of(self, drives: Drives | bool, usual: Path | None = None) -> "Leg":
-        """Return the leg with drives: for True the usual ones, for False none."""
-        if drives is False:
-            return self.with_armature(dict.fromkeys(self.single_joints, 0.0))
-        listed = usual if drives is True else drives
-        if listed is not None:
-            return self.with_drives(listed)
-        if self.file is None or self.file.folder == shipped("urdf"):
-            return self
-        return replace(self, file=replace(self.file, lacks_drives=True))
-
-    def with_supports(self, *supports: str | Support) -> "Leg":
-        """Return the leg with frames that stand on the ground and stay at rest in the impact.
-
-        Args:
-            supports: names of frames, for flat feet, or `Support` objects, in place of those from
-                before. None may be on the kicking limb or on the fixed base.
-        """
-        stances = tuple(Support(s) if isinstance(s, str) else s for s in supports)
-        for support in stances:
-            validation.check_type(str, Support, support=support)
-        return replace(self, supports=stances)
-
-    def with_loops(self, *loops: tuple[str, str]) -> "Leg":
-        """Return the leg with closed loops: pairs of frames whose origins stay together.
-
-        Each joins two bodies by a ball joint: in a plane, a pin. They replace any before.
-        """
-        for loop in loops:
-            if not isinstance(loop, tuple | list) or len(loop) != 2:
-                raise InvalidInput(f"loop is {loop!r}: it must be a pair of frames' names")
-        return replace(self, loops=tuple((first, second) for first, second in loops))
-
-    def with_stiff_joints(self, *joints: str) -> "Leg":
-        r"""Return the leg with joints that hold in an impact, as motors with high gears do.
-
-        Such a joint may move, but the impact does not change its velocity, :math:`v_j^+ = v_j^-`.
-        The impulse of its motor is part of `Impact.joint_impulses` and of `joint_loads`. A real
-        joint is between this and a free one with the rotor of `with_armature`.
-
-        Args:
-            joints: names of joints of one degree of freedom, in place of those from before;
-                without any name, all joints are free.
-        """
-        for joint in joints:
-            self.velocity_index(joint)
-            if joints.count(joint) > 1:
-                raise InvalidInput(f"joint {joint!r} is stiff twice: name it once")
-        if len(joints) == self.nv:
-            raise InvalidInput(f"all joints of {self.name} are stiff: one must be free")
-        return replace(self, stiff_joints=joints)
-
-    def with_base_velocity(self, linear: ArrayLike, angular: ArrayLike = (0.0, 0.0, 0.0)) -> "Leg":
-        r"""Return the leg on a fixed base that moves, as the hip of a player who runs up.
-
-        The velocity of the contact point at x is :math:`J v + v_0 + \omega_0 \times x`. An impact
-        does not change the velocity of the base, as if the body were far heavier than the leg.
-        Torques of plans assume a base that does not turn.
-
-        Args:
-            linear: velocity :math:`v_0` of the base at the world's origin, where the hip of our
-                legs is, shape `(3,)` [m/s, world axes]; it replaces any before.
-            angular: angular velocity :math:`\omega_0`, shape `(3,)` [rad/s, world axes].
-
-        Raises:
-            InvalidInput: an entry that is not finite, a floating base, or a leg with supports.
-        """
-        parts = (
-            validation.vector("linear", linear, 3, unit="m/s"),
-            validation.vector("angular", angular, 3, unit="rad/s"),
-        )
-        return replace(self, base_velocity=np.concatenate(parts))
-
-    def check_base_at_rest(self, what: str) -> None:
-        """Raise `InvalidInput` where the base moves, for `what` needs it at rest."""
-        if self.base_velocity is not None:
-            raise InvalidInput(
-                f"base velocity is {self.base_velocity.tolist()}: {what} needs a base at rest"
-            )
-
-    def with_model(self, model: Any) -> "Leg":
-        """Return the leg with another `pin.Model`, a changed copy of its own."""
-        check_is_model(model)
-        names = list(model.names)
-        stiff = tuple(joint for joint in self.stiff_joints if joint in names)
-        drives = {joint: drive for joint, drive in self.drives.items() if joint in names}
-        return replace(self, model=model, stiff_joints=stiff, drives=drives)
-
     def posture(self, q: ArrayLike) -> "Posture":
         """Return the posture at a configuration, in the range of the joints or not.
 
@@ -640,10 +404,6 @@ class Leg(JointTable, ReprMixin):
             if frozenset((a, b)) not in known
         )
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle what the leg was made of; all else is made anew."""
-        return Leg, tuple(getattr(self, made.name) for made in fields(self) if made.init)
-
     def __repr__(self) -> str:
         return f"Leg({self.name!r}, joints={list(self.joint_names)}, frame={self.frame!r})"
 
@@ -658,7 +418,7 @@ class Leg(JointTable, ReprMixin):
 
 
 @dataclass(eq=False, repr=False)  # not frozen, which would take a microsecond more
-class Posture(ReprMixin):
+class Posture(JointSpace, ReprMixin):
     r"""A leg at a configuration `q`, with its kinematics and inertia; `Leg.posture` makes it.
 
     With the joint-space inertia M and the Jacobian J of the contact point, an impulse p on the foot
@@ -730,44 +490,10 @@ class Posture(ReprMixin):
         free = self.leg.with_stiff_joints().posture(self.q)
         return free.with_contact_offset(self.contact_offset)
 
-    @cached_property
-    def condition(self) -> float:
-        """Condition number of M in the 1-norm, scaled to unit diagonal (LAPACK's estimate)."""
-        return condition(self.inertia, self._cholesky)
-
     @property
     def warnings(self) -> tuple[str, ...]:
         """A line for each open loop of the leg and for each joint outside its range."""
         return (*self.leg.open_loops, *self.leg.outside_range(self.q))
-
-    @property
-    def jacobian_norm(self) -> float:
-        """Frobenius norm of the Jacobian J, in its own units."""
-        return math.sqrt(np.vdot(self.jacobian, self.jacobian))
-
-    @property
-    def whitened_jacobian(self) -> Array:
-        r"""Return :math:`J L^{-T}` with :math:`M = L L^T`, shape `(3, nv)` [world frame].
-
-        With constraints, it is projected on the velocity jumps that they allow in an impact.
-        """
-        if self._whitened is None:  # not a cached_property: its lock would take 2 us
-            columns = self._whiten(self.jacobian)
-            if self.constraint_projector is not None:
-                columns = self.constraint_projector.project(columns)
-            protect(columns)
-            self._whitened = columns.T
-        return self._whitened
-
-    def whiten(self, jacobian: ArrayLike) -> Array:
-        r"""Return :math:`L^{-1} J^T` of any Jacobian, `(rows, nv)`, as for `whitened_jacobian`."""
-        rows = validation.floats("jacobian", jacobian)
-        if rows.ndim != 2 or rows.shape[1] != self.leg.nv:
-            raise InvalidInput(
-                f"jacobian has shape {rows.shape}: it must have rows of length {self.leg.nv}"
-            )
-        columns, projector = self._whiten(rows), self.constraint_projector
-        return columns if projector is None else projector.project(columns)
 
     def delassus_factor(self) -> Array:
         r"""Return F with :math:`F F^T = J M^{-1} J^T`, shape `(3, n)` [kg^-1/2, world frame].
@@ -780,40 +506,13 @@ class Posture(ReprMixin):
             axes = self.rotation_world_joint.tolist()
             forces = np.array([(*axis, *cross3(lever, axis)) for axis in axes])
             return self.articulated_bodies.delassus_factor(self.leg.contact_joint, forces)
-        return self.whitened_jacobian
-
-    def delassus(self) -> Array:
-        r"""Return :math:`J M^{-1} J^T` at the contact point, shape `(3, 3)` [1/kg, world frame]."""
-        factor = self.delassus_factor()
-        return np.asarray(factor.dot(factor.T))
-
-    @cached_property
-    def rounding_gain(self) -> float:
-        """Factor by which the relative rounding of M can grow in `delassus`; about 1 as a rule."""
-        return rounding_gain(self.inertia, self._cholesky, self.whitened_jacobian.T)
-
-    @property
-    def is_ill_conditioned(self) -> bool:
-        """Whether the rounding of M can grow by a factor of more than 100 in `delassus`."""
-        return self._condition_bound > 1e3 and self.rounding_gain > 100.0  # the bound costs less
+        return super().delassus_factor()
 
     @cached_property
     def articulated_bodies(self) -> ArticulatedBodies:
         """The articulated bodies of a leg without supports and loops."""
         workspace = self.leg.workspace
         return ArticulatedBodies(workspace.model, workspace.data, self.q)
-
-    def effective_mass(self, normal: ArrayLike) -> float:
-        r"""Return :math:`1 / (n^T J M^{-1} J^T n)` [kg]; inf if the leg cannot move along n.
-
-        Stiff joints hold; `without_stiff_joints` has the effective mass with these joints free.
-
-        Args:
-            normal: direction n, shape `(3,)` of any length but zero [world frame].
-        """
-        row = validation.direction("normal", normal).dot(self.delassus_factor())
-        inverse = float(row.dot(row))
-        return 1.0 / inverse if inverse else math.inf
 
     def effective_mass_limits(self, normal: ArrayLike) -> dict[str, float]:
         r"""Return the effective mass [kg] in the limits between which real drives are, by name.
@@ -922,32 +621,6 @@ class Posture(ReprMixin):
             is_possible = not np.abs(missed).max() > 1e-9 * np.abs(wish).max()
         return v, missed, bool(is_possible)
 
-    def solve(self, joint_impulse: ArrayLike) -> Array:
-        r"""Return the velocity jump :math:`M^{-1} f` after a joint-space impulse f, shape `(nv,)`.
-
-        Supports and loops take part. Without them, f may have n columns, and so has the result.
-        """
-        return self.respond(joint_impulse)[0]
-
-    def respond(self, joint_impulse: ArrayLike) -> tuple[Array, Array]:
-        """Return the velocity jump that `solve` returns, and the impulses of supports and loops.
-
-        The impulses are stacked as in `constraint_projector.rows`, shape `(rows,)` [N s, N m s,
-        world axes]. Where several sets of them have the same effect, they are the smallest ones.
-        """
-        free, nv = self.constraint_projector is None, self.leg.nv
-        if free and isinstance(joint_impulse, np.ndarray) and joint_impulse.shape[:-1] == (nv,):
-            joint_impulse = validation.floats("joint impulse", joint_impulse)  # one per column
-        else:
-            joint_impulse = validation.vector("joint impulse", joint_impulse, nv)
-        if self.constraint_projector is None:
-            v, _ = lapack.dpotrs(self._cholesky, joint_impulse, lower=1)
-            return np.asarray(v), np.zeros(0)
-        whitened = blas.dtrsv(self._cholesky, joint_impulse, lower=1)
-        allowed = self.constraint_projector.project(whitened)
-        jump = blas.dtrsv(self._cholesky, allowed, lower=1, trans=1)
-        return np.asarray(jump), self.constraint_projector.impulses(whitened)
-
     def admissible(self, v: ArrayLike) -> Array:
         """Return the velocity, `(nv,)`, that constraints allow, nearest to v by kinetic energy."""
         v = validation.vector("v", v, self.leg.nv)
@@ -969,11 +642,6 @@ class Posture(ReprMixin):
                 f"v moves {name}, a constraint of the leg, at {speed:.3g} {unit} in {self!r}: "
                 "Posture.admissible(v) gives the nearest velocity that does not"
             )
-
-    def _whiten(self, rows: Array) -> Array:
-        # not dtrtrs: OpenBLAS runs it in threads however small, milliseconds on a busy machine
-        whitened: Array = blas.dtrsm(1.0, self._cholesky, rows.T, lower=1)
-        return whitened
 
     def __repr__(self) -> str:
         angles = ", ".join(f"{angle:.4g}" for angle in self.q)

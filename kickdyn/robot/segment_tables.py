@@ -10,7 +10,8 @@ of the mean person of each sex, which are taken as proportional to the height.
   joints. The sources of the numbers are two independent transcriptions, in Kinetics Toolkit
   (`dumas_2007.csv`) and in a program for multibody dynamics, which agree except for the mass of the
   man's shank; there the second agrees with Dumas & Wojtusch 2018 (Handbook of Human Motion). The
-  place of the hips in the pelvis is theirs.
+  place of the hips in the pelvis is theirs. The tensors agree, with all signs, with a third one,
+  `SubjectParameterEstimation.m` of the HuMoD data (Wojtusch & von Stryk 2015, Humanoids).
 
 A `yeadon.Human` has segments by Yeadon 1990 (J Biomech 23:67): a stack of solids, with uniform
 densities, from 95 lengths and girths of one person.
@@ -117,7 +118,7 @@ DE_LEVA = {
 }
 """Segments by the names of the template's links; the base is the lower trunk."""
 
-HEEL = 0.25
+HEEL_SHARE = 0.25
 """Distance from the heel to the ankle over the length of the foot, with de Leva's segments: an
 assumption, because the table has no ankle in the foot."""
 
@@ -198,7 +199,7 @@ def _yeadon(human: Any, side: str, height: float) -> dict[str, Segment]:
         "foot": lower.solids[2:],
         "base": human.P.solids,
     }
-    found = {}
+    segments = {}
     for link, solids in groups.items():
         masses = np.array([float(solid.mass) for solid in solids])
         centres = np.array([np.ravel(solid.center_of_mass)[[1, 0, 2]] for solid in solids])
@@ -213,13 +214,13 @@ def _yeadon(human: Any, side: str, height: float) -> dict[str, Segment]:
         length = 0.0 if link == "base" else sum(float(solid.height) for solid in solids)
         turn = YEADON_FOOT if link == "foot" else np.eye(3)
         offset = np.abs(centre - begin) * (1.0, 1.0, np.sign(centre - begin)[2])
-        found[link] = Segment(
+        segments[link] = Segment(
             float(mass / human.mass),
             turn @ np.array([0.0, 0.0, -length]) / height,
             turn @ offset / height,
             turn @ tensor @ turn.T / (mass * height**2),
         )
-    return found
+    return segments
 
 
 def _de_leva(link: str, row: DeLevaRow, sex: Sex) -> Segment:
@@ -230,7 +231,7 @@ def _de_leva(link: str, row: DeLevaRow, sex: Sex) -> Segment:
     end, centre = along, row.centre * along
     if link == "foot":
         radii = radii[::-1]
-        end, centre = (np.array([(x - HEEL) * length, 0.0, 0.0]) for x in (1.0, row.centre))
+        end, centre = (np.array([(x - HEEL_SHARE) * length, 0.0, 0.0]) for x in (1.0, row.centre))
     elif link == "base":
         end, centre = np.zeros(3), np.array([0.0, HIP_OFFSET, (1.0 - row.centre) * length])
     return Segment(row.mass, end, centre, np.diag((length * np.array(radii)) ** 2))

@@ -61,7 +61,7 @@ PARABOLA = 25.0
 """Error of an end by `end_error` over that of the longest parabola, at most in nine of ten random
 paths that end at rest."""
 
-STILL = 0.3
+BLOWN_SHARE = 0.3
 """Acceleration of a ball at rest by the wind over the deceleration of rolling up to which the wind
 hardly changes how long it rolls."""
 
@@ -264,7 +264,7 @@ def expected_end_error(
     if scene.air is not None:
         height = float(landing.position[2])
         pushed = acceleration_function(scene.ball, scene.air)(height, *[0.0] * 6)[:2]
-        if math.hypot(*pushed) > STILL * deceleration:
+        if math.hypot(*pushed) > BLOWN_SHARE * deceleration:
             return math.inf
     after = bounce(landing, scene.ball, surface).velocity
     fallen = abs(float(landing.velocity[2]))

@@ -51,7 +51,7 @@ far more exact than the rest of it requires."""
 ROUNDING = 1e-12
 """Smallest tolerance [m]: rounding alone may move an end some metres away that far."""
 
-AIM = 0.5
+ERROR_SHARE = 0.5
 """Fraction of the allowed error for which the tolerance of the contact's integrator is chosen, from
 another launch than the one that it finds."""
 
@@ -395,7 +395,7 @@ def _simulate(scene: Scene, tolerance: float | None) -> Simulation:
                 # where the path ends at once, the launch with contact time may well fly
                 if size <= allowed and answer.path.duration > 0.0:
                     return replace(answer, model_error=size)
-            tol = contact_tolerance(scene, launch, end_error_of, AIM * allowed)
+            tol = contact_tolerance(scene, launch, end_error_of, ERROR_SHARE * allowed)
     return _collide_to(scene, tolerance, tol)
 
 
@@ -419,7 +419,7 @@ def _collide_to(scene: Scene, tolerance: float, tol: float) -> Simulation:
         if error <= allowed or tol == SMALLEST_TOLERANCE or math.isinf(error):
             break
         # many attempts cost more than the best
-        tol = contact_tolerance(scene, answer.launch, end_error_of, AIM * allowed)
+        tol = contact_tolerance(scene, answer.launch, end_error_of, ERROR_SHARE * allowed)
         tol = SMALLEST_TOLERANCE if attempt else tol
     return answer
 

@@ -39,14 +39,14 @@ controller pushes the foot on while the ball brakes it, and the ball gets up to 
 LARGEST_TILT, LEAST_HEIGHT = math.radians(45.0), 0.7
 """Tilt of the trunk [rad], and height of the base over its planned one, of an upright robot."""
 
-PLATE = 0.05
+HALF_PLATE = 0.05
 """Half the width of the plate at the contact point, which strikes the ball [m]."""
 
 TOUCHABLE = 0.1
 """Time before the planned impact from which on the foot can touch the ball [s]. Its plate is wider
 than the foot and may be inside a ball beside which the robot stands at first."""
 
-AWAY = 100.0
+PARKING_HEIGHT = 100.0
 """Height at which an untouchable ball is [m]."""
 
 CORNER_RADIUS = 5e-3
@@ -117,8 +117,9 @@ class MujocoField:
         normal = posture.rotation_world_joint.T @ self.impact.contact.normal
         face = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), normal).matrix()
         geoms = {
-            robot.contact_joint: f'<geom name="plate" type="box" size="{PLATE} {PLATE} 0.005" '
-            f'quat="{quaternion(face)}" pos="{row(posture.contact_lever - 0.005 * normal)}"/>'
+            robot.contact_joint: '<geom name="plate" type="box" '
+            f'size="{HALF_PLATE} {HALF_PLATE} 0.005" quat="{quaternion(face)}" '
+            f'pos="{row(posture.contact_lever - 0.005 * normal)}"/>'
         }
         pairs, floor = pair(contact, "plate"), ""
         if self.standing is not None:
@@ -207,7 +208,7 @@ integrator="{tuning.integrator}" cone="elliptic" impratio="100" tolerance="1e-10
         place[:2] += self.disturbance.place
         data.qpos[-7:] = [*place, 1.0, 0.0, 0.0, 0.0]
         if t < -TOUCHABLE:
-            data.qpos[-5] += AWAY
+            data.qpos[-5] += PARKING_HEIGHT
         data.qvel[-6:] = [*before.velocity, *before.spin]
         return place
 

@@ -29,7 +29,7 @@ from kickdyn.simulators.mujoco_field import MujocoField
 from kickdyn.simulators.mujoco_kick import load_mujoco
 from kickdyn.simulators.tune_mujoco import MujocoTuning, tune_mujoco
 
-LATEST = 0.1
+LATEST_IMPACT = 0.1
 """Time after the planned impact at which the foot counts as having missed the ball [s]."""
 
 RECOVERY, REST = 1.0, 0.2
@@ -294,7 +294,7 @@ def _simulate(field: MujocoField, *, feed_forward: bool) -> _Samples:
     first = math.floor(motion.begin / step)
     at_impact = field.reference(0.0, feed_forward=feed_forward)
     field.place()
-    number, last = first, math.ceil(LATEST / step)
+    number, last = first, math.ceil(LATEST_IMPACT / step)
     while number < last:
         sent = number * step - field.disturbance.delay  # when the commands of this step were
         if ball is not None and sent > float(ball.time) - 0.5 * step:

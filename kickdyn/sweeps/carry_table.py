@@ -26,7 +26,7 @@ from kickdyn.sweeps.sweep_kick import FLIGHT_TOLERANCE
 NODES, CHECKS = 8, 9
 """Flights per side of a patch, to fit its polynomial and to check it."""
 
-DEPTH = 7
+MOST_HALVINGS = 7
 """How often the rectangle of impulses is halved at most."""
 
 
@@ -56,14 +56,14 @@ class CarryTable:
         self._largest_impulse = (1.0 + kick.restitution_used) * kick.speed * kick.ball.mass
         self._largest_slope = max(kick.friction, 1e-3)
         patches: list[Array] = []
-        self._index = np.full((2**DEPTH, 2 * 2**DEPTH), -1, np.int64)
+        self._index = np.full((2**MOST_HALVINGS, 2 * 2**MOST_HALVINGS), -1, np.int64)
         corners = np.array([[0, 0], [0, 1]])
-        for depth in range(DEPTH + 1):
+        for depth in range(MOST_HALVINGS + 1):
             if depth > 1:  # larger patches are checked at too few places
                 coefficients, errors = self._fit(corners, depth)
                 good = 2.0 * errors <= tolerance  # between the checks they may be larger
                 for corner, polynomial in zip(corners[good], coefficients[good], strict=True):
-                    side = 2 ** (DEPTH - depth)
+                    side = 2 ** (MOST_HALVINGS - depth)
                     i, j = corner * side
                     self._index[i : i + side, j : j + side] = len(patches)
                     box = np.append((corner + 0.5) / 2**depth - [0.0, 1.0], 0.5 / 2**depth)

@@ -20,7 +20,7 @@ from kickdyn.core import simd
 from kickdyn.core.compilation import compiled, named
 from kickdyn.core.simd import BATCH, aligned_zeros, batches, choose
 from kickdyn.core.validation import Array
-from kickdyn.impact import contact_motion
+from kickdyn.impact import contact_motion, newton_law
 from kickdyn.impact.contact_motion import contact_axes
 from kickdyn.robot import tree_kernel
 from kickdyn.robot.leg import Leg
@@ -304,7 +304,7 @@ def write_joint_impulses(task, state, answer, c):  # type: ignore[no-untyped-def
     answer[MOMENTUM, c] = state.momentum_error / (math.sqrt(state.jacobian_square) * size)
 
 
-named(_sweep, "sweep", simd, tree_kernel, contact_motion, kernel_impact, sweep_kick)
+named(_sweep, "sweep", simd, tree_kernel, contact_motion, newton_law, kernel_impact, sweep_kick)
 
 
 @cache

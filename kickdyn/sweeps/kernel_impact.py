@@ -13,7 +13,7 @@ The functions have these arguments in common; joints count from 1, as Pinocchio'
 import math
 
 from kickdyn.core.simd import BATCH, choose, spread
-from kickdyn.impact import contact_motion
+from kickdyn.impact import contact_motion, newton_law
 from kickdyn.robot.tree_kernel import (
     D11,
     D12,
@@ -32,7 +32,10 @@ from kickdyn.sweeps.sweep_kick import ROUNDING, UNLIMITED
 LEAST_DIFFERENCE = 1e-3
 """Share that a difference must keep of its terms, or the posture is doubtful."""
 
-slip_direction = njit(contact_motion.slip_direction)
+_slip_direction = njit(contact_motion.slip_direction)
+_stick_impulse = inlined(newton_law.stick_impulse)
+_slip_impulse = njit(newton_law.slip_impulse)
+_energy_lost = inlined(newton_law.energy_lost)
 
 LEAST_SQUARE = 1e-6
 """Share that the square of a direction must keep as it is made orthogonal to others."""
@@ -42,22 +45,17 @@ LEAST_SQUARE = 1e-6
 def solve_impact(task, state):  # type: ignore[no-untyped-def]
     r"""Fill in the impulse on the ball and the energy lost, law `newton`.
 
-    With the ball's mobility on its diagonal, :math:`G` maps the impulse :math:`p` to the change of
-    the relative velocity. Sticking asks for no tangential velocity and Newton's restitution along
-    the normal, :math:`G p = (0, 0, (1 + e) v)`: the tangential parts over the normal one,
-    :math:`s = p_1 / p_3` and :math:`t = p_2 / p_3`, solve the first two rows. In a plane
-    (:math:`t = 0`), slipping cuts :math:`s` to :math:`\pm\mu`; out of it, `solve_slip` follows.
+    The foot arrives along the normal, so that friction stands in one proportion to the normal
+    impulse. In a plane, slipping cuts it to :math:`\pm\mu`; out of it, `solve_slip` follows.
     Postures in which terms cancel are doubtful: a foot much lighter than the ball.
     """
     delassus, mu, e = state.delassus, task.friction, task.restitution
-    g11, g12 = delassus[D11] + task.tangent_mobility, delassus[D12]
-    g22, g13 = delassus[D22] + task.tangent_mobility, delassus[D13]
-    g23, g33 = delassus[D23], delassus[D33] + task.normal_mobility
-    inverse = 1.0 / g11
-    ratio = g12 * inverse  # Cholesky's order: Cramer's rule would lose digits twice
-    h22, h23 = g22 - ratio * g12, g23 - ratio * g13
-    t = -h23 / h22
-    s = -(g13 + g12 * t) * inverse
+    g = (
+        delassus[D11] + task.tangent_mobility, delassus[D12], delassus[D22] + task.tangent_mobility,
+        delassus[D13], delassus[D23], delassus[D33] + task.normal_mobility,
+    )  # fmt: skip
+    g11, g12, g22, g13, g23, g33 = g
+    _, (s, t), (h22, _) = _stick_impulse(g, (0.0, 0.0, -task.speed), e)
     sticks = s * s + t * t <= mu * mu
     flat = (g12 == 0.0) & (g23 == 0.0) | (mu == 0.0)
     s = choose(flat, min(max(s, -mu), mu), s)
@@ -68,7 +66,8 @@ def solve_impact(task, state):  # type: ignore[no-untyped-def]
     p = (1.0 + e) * task.speed / resistance
     sliding = choose(sticks, 0.0, (g11 * s + g13) * p)
     state.impulse[0], state.impulse[1], state.impulse[2] = s * p, t * p, p
-    state.energy_lost = 0.5 * p * (task.speed * (1.0 - e) - s * sliding)
+    lost = _energy_lost((s * p, t * p, p), (0.0, 0.0, -task.speed), (sliding, 0.0), e)
+    state.energy_lost = lost
 
 
 @njit
@@ -85,16 +84,15 @@ def solve_slip(task, state):  # type: ignore[no-untyped-def]
         sticks = s * s + t * t <= largest * largest
         if sticks or (g12 == 0.0 and g23 == 0.0) or state.doubt[i] > 0.0:
             continue
-        g11 = delassus[D11, i] + task.tangent_mobility
-        g22 = delassus[D22, i] + task.tangent_mobility
-        x, y, _ = slip_direction(mu * g11, mu * g12, mu * g22, g13, g23)
-        s, t = mu * x, mu * y
-        resistance = g13 * s + g23 * t + (delassus[D33, i] + task.normal_mobility)
-        p = (1.0 + e) * task.speed / resistance if resistance > 0.0 else math.nan
-        slide_s, slide_t = (g11 * s + g12 * t + g13) * p, (g12 * s + g22 * t + g23) * p
-        impulse[0, i], impulse[1, i], impulse[2, i] = s * p, t * p, p
-        dissipated = task.speed * (1.0 - e) - (s * slide_s + t * slide_t)
-        state.energy_lost[i] = 0.5 * p * dissipated
+        g11, g22 = (
+            delassus[D11, i] + task.tangent_mobility,
+            delassus[D22, i] + task.tangent_mobility,
+        )
+        x, y, _ = _slip_direction(mu * g11, mu * g12, mu * g22, g13, g23)
+        g = g11, g12, g22, g13, g23, delassus[D33, i] + task.normal_mobility
+        slip, lost = _slip_impulse(g, (0.0, 0.0, -task.speed), e, mu, ((x, y),))
+        impulse[0, i], impulse[1, i], impulse[2, i] = slip
+        state.energy_lost[i] = lost
 
 
 @njit

@@ -14,10 +14,10 @@ from kickdyn.sweeps.dataset import VARIABLES, with_variables
 from kickdyn.sweeps.queries import blocks, chosen_postures, condition, front_of, shown, shown_unit
 from kickdyn.sweeps.sweep_kick import PostureStatus
 
-BEST = 10
+KEPT_POSTURES = 10
 """Postures of highest ball speed that are kept."""
 
-SAMPLE = 4000
+SAMPLE_SIZE = 4000
 """Postures of the random sample."""
 
 T = TypeVar("T")
@@ -47,10 +47,11 @@ class Summary:
         counts: number of postures by status.
         residual: largest residual of restitution and momentum; nan without any impact.
         chosen: number of postures that count.
-        best: the `BEST` postures of highest ball speed, the fastest first, shape `(n, 3)`.
+        best: the `KEPT_POSTURES` postures of highest ball speed, the fastest first, shape `(n, 3)`.
         worst: number of the posture of lowest ball speed, -1 without any.
         front: postures that no other beats in speed and impulse, the fastest first, `(n, 3)`.
-        sample: impulse in a joint, ball speed and speed use of `SAMPLE` random postures, `(n, 3)`.
+        sample: impulse in a joint, ball speed and speed use of `SAMPLE_SIZE` random postures,
+            `(n, 3)`.
         maps: the highest ball speed over pairs of the three joints with most values, or over the
             one joint there is, by the names of the joints.
 
@@ -111,11 +112,11 @@ class Summary:
             self._lowest, self.worst = float(speed[slowest]), first + int(places[slowest])
         points = np.column_stack([speed, load, first + places])
         self.front = front_of(np.vstack([self.front, points]))
-        few = min(BEST, speed.size)
+        few = min(KEPT_POSTURES, speed.size)
         fast = np.vstack([self.best, points[speed >= np.partition(speed, -few)[-few]]])
-        self.best = fast[np.argsort(-fast[:, 0], kind="stable")[:BEST]]
+        self.best = fast[np.argsort(-fast[:, 0], kind="stable")[:KEPT_POSTURES]]
         draws = np.append(self._draws, self._random.random(len(load)))
-        kept = np.argsort(draws)[:SAMPLE]  # the smallest of all draws so far
+        kept = np.argsort(draws)[:SAMPLE_SIZE]  # the smallest of all draws so far
         rows = np.vstack([self.sample, np.column_stack([load, speed, use])])
         self._draws, self.sample = draws[kept], rows[kept]
         speeds = np.full(block["status"].shape, np.nan)

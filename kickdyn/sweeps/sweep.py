@@ -42,10 +42,10 @@ from kickdyn.sweeps.sweep_kick import Kick
 CARRY_TOLERANCE = 1e-6
 """Largest error of an interpolated carry unless another is asked for [m]."""
 
-AHEAD = 1000
+CHUNKS_AHEAD = 1000
 """Chunks of a store that are given to an executor before the first of them is computed."""
 
-LISTEN = 5.0
+LISTEN_INTERVAL = 5.0
 """Time between looks at whether the scheduler of a cluster still runs [s]."""
 
 Progress = Callable[[int], None]
@@ -191,7 +191,7 @@ def _fill(
         progress(store.size - store.count(missing))
     if missing:
         solver.prepare()  # for other processes too: what is compiled once, they read from the disk
-    for count in _in_order(pool, write, missing, AHEAD):
+    for count in _in_order(pool, write, missing, CHUNKS_AHEAD):
         if progress is not None:
             progress(count)
     if missing or not store.finished:
@@ -268,7 +268,7 @@ def _in_order(
                 return
             future = submitted.popleft()
             # `wait` alone never ends for a future that was cancelled before it ran
-            while not (future.done() or wait([future], timeout=LISTEN).done):
+            while not (future.done() or wait([future], timeout=LISTEN_INTERVAL).done):
                 _check_connection(executor)
             yield future.result()
     finally:

@@ -10,7 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from kickdyn.contact import Contact
-from kickdyn.core.console import PROSE, WIDE, empty_table, screen_width, wrapped
+from kickdyn.core.console import PIPE_WIDTH, PROSE, empty_table, screen_width, wrapped
 from kickdyn.core.files import finite
 from kickdyn.core.validation import Array, length
 from kickdyn.impact.strike import strike
@@ -167,7 +167,7 @@ def show(leg: Leg, kick: Kick, summary: Summary, lines: Sequence[ReportLine]) ->
     )
     width = min(PROSE, screen_width())
     print(wrapped(title, width))
-    Console(highlight=False, width=WIDE).print(table(leg, lines))
+    Console(highlight=False, width=PIPE_WIDTH).print(table(leg, lines))
     print(text(summary, lines, width))
 
 

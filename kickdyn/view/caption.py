@@ -12,7 +12,7 @@ from kickdyn.impact.impact_result import Impact
 from kickdyn.view.kick_scene import JOINT_ARROW, LEAST_JOINT_IMPULSE
 from kickdyn.view.marks import ARROW, CURVE
 
-LONG = 300
+FOLDED_CHARACTERS = 300
 """Number of characters from which the sentences below the table are folded."""
 
 Row = tuple[str, str]
@@ -43,7 +43,7 @@ def panel_of(
     head = f"<h1>{escape(title)}</h1>\n" + (f"<p>{escape(first + stop)}</p>\n" if text else "")
     lines = "".join(f'<p class="warning">{escape(warning)}</p>\n' for warning in warnings)
     more = f"<p>{escape(further)}</p>\n" if further else ""
-    if len(more) > LONG:
+    if len(more) > FOLDED_CHARACTERS:
         more = f"<details><summary>explanation</summary>\n{more}</details>\n"
     return f"{head}{_table(rows)}\n{lines}{more}{end}"
 

@@ -52,7 +52,7 @@ def to_glb(recorder: Recorder) -> bytes:
             case "set_object" if command["path"].startswith(ROOT):
                 drawn[path] = command["object"]
             case "set_animation":
-                clips = {part["path"]: part["clip"] for part in command["animations"]}
+                clips = {clip["path"]: clip["clip"] for clip in command["animations"]}
     scene: Any = trimesh.Scene()
     nodes: set[str] = set()
     scene.graph.update("kickdyn", "world", matrix=Y_UP)

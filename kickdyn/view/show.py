@@ -27,7 +27,7 @@ from kickdyn.view.still_kick import Moves, StillKick
 
 ADDRESS = "127.0.0.1"
 
-BEAT = 5.0
+HEARTBEAT = 5.0
 """Time after which a browser hears that the server still runs, and the server of a browser that
 has left [s]."""
 
@@ -136,7 +136,7 @@ class View:
         while self._open:
             with self._changed:
                 if (self._version, self._moves_version) == (version, moves_version):
-                    self._changed.wait(BEAT)
+                    self._changed.wait(HEARTBEAT)
                 shown, keeps_camera = self._page, version >= self._camera_version
                 is_news, version = self._version > version, self._version
                 moves = self._moves if is_news or self._moves_version > moves_version else None

@@ -44,10 +44,10 @@ CURVE_POINTS = 60
 ELLIPSOID = 0x8E44AD
 """Colour of the impulse ellipsoid."""
 
-SPARE = 1.6
+LONGEST_SHARE = 1.6
 """Length of the longest flight that the camera shows, over the first one's."""
 
-REACH = 0.35
+ELLIPSOID_SHARE = 0.35
 """Largest radius of the first impulse ellipsoid over the size of leg and ball."""
 
 
@@ -81,10 +81,12 @@ class StillKick:
         most = max(float(np.linalg.norm(impact.impulse)), impact.worst_joint[1])
         self._scale = 0.45 * self._size / most if most > 0 else 0.0
         radii = impulse_ellipsoid(impact.posture)[0]
-        self._per_root = REACH * self._size / max(float(radii.max()), 1e-9)
+        self._per_root = ELLIPSOID_SHARE * self._size / max(float(radii.max()), 1e-9)
         curve = _curve(path)
         self._forward = level_direction(curve[-1] - curve[0])
-        longer = curve[0] + SPARE * (curve - curve[0])  # so that other flights are in sight, too
+        longer = curve[0] + LONGEST_SHARE * (
+            curve - curve[0]
+        )  # so that other flights are in sight, too
         far = np.vstack([corners, box_corners(longer, ball.radius)])
         self._camera = camera_for(near, far, self._forward)
         set_stage(viewer, self._camera, np.vstack([near, curve]))

@@ -35,18 +35,9 @@ def test_the_human_leg_is_the_default():
     assert (leg.name, leg.frame, leg.constraints, said) == ("leg_human", "toe", None, "")
 
 
-def test_loops_of_an_mjcf_stay_beside_those_of_options(tmp_path):
-    file = tmp_path / "leg.xml"
-    file.write_text(
-        '<mujoco><worldbody><body name="base"><geom size="0.1"/>'
-        '<body name="a"><joint name="ja" axis="0 1 0"/><geom size="0.1" pos="0 0 -1"/></body>'
-        '<body name="b" pos="1 0 0"><joint name="jb" axis="0 1 0"/><geom size="0.1" pos="0 0 -1"/>'
-        '<body name="c" pos="0 0 -1"><joint name="jc" axis="0 1 0"/>'
-        '<geom size="0.1" pos="-0.5 0 0"/></body></body></body></worldbody><equality>'
-        '<connect name="bar" body1="a" body2="c" anchor="0 0 -1"/></equality></mujoco>'
-    )
-    (own,) = loaded("--leg", str(file), "--frame", "c")[0].loops
-    leg, _ = loaded("--leg", str(file), "--frame", "c", "--loop", "a:b")
+def test_loops_of_an_mjcf_stay_beside_those_of_options(looped_mjcf):
+    (own,) = loaded("--leg", str(looped_mjcf), "--frame", "c")[0].loops
+    leg, _ = loaded("--leg", str(looped_mjcf), "--frame", "c", "--loop", "a:b")
     assert leg.loops == (own, ("a", "b"))
 
 

@@ -4,10 +4,10 @@ import pytest
 from rich.console import Console
 
 from kickdyn.core import console
-from kickdyn.core.console import WIDE, notes, screen_width, wrapped
+from kickdyn.core.console import PIPE_WIDTH, notes, screen_width, wrapped
 
 
-@pytest.mark.parametrize(("terminal", "width"), [(True, 66), (False, WIDE)])
+@pytest.mark.parametrize(("terminal", "width"), [(True, 66), (False, PIPE_WIDTH)])
 def test_without_a_screen_there_is_room(monkeypatch, terminal, width):
     monkeypatch.setattr(console, "Console", lambda: Console(width=66, force_terminal=terminal))
     assert screen_width() == width
@@ -19,7 +19,7 @@ def test_notes_are_numbered_and_hang():
     assert said[1].startswith("  2  words words")
     assert said[2].startswith("     words")
     assert max(map(len, said)) <= 40
-    assert max(map(len, notes(["a " * 300], WIDE).splitlines())) <= 80
+    assert max(map(len, notes(["a " * 300], PIPE_WIDTH).splitlines())) <= 80
 
 
 def test_a_line_goes_on_below_where_it_began():

@@ -28,20 +28,22 @@ def test_without_noise_the_configurations_are_those_of_the_motion():
     )
 
 
-@pytest.mark.parametrize(("rate", "joint_share"), [(500, 0.03), (240, 0.05)])
-def test_a_millimetre_of_noise(rate, joint_share):
-    missed, foot, sigmas = [], [], []
+@pytest.mark.parametrize(("rate", "degrees", "joint_share"), [(500, 0.5, 0.03), (240, 0.9, 0.05)])
+def test_a_millimetre_of_noise(rate, degrees, joint_share):
+    missed, foot, sigmas, angles = [], [], [], []
     truth = LEG.posture(state(0)).point_velocity(velocity(0))
     for seed in range(2):
         motion = kd.fit_motion(track(rate, 1e-3, seed), LEG, PLACES)
         assert motion.noise == pytest.approx(1e-3, rel=0.1)
+        assert motion.warnings == ()
         at = motion.at_contact(0.0)
         angle = pin.difference(LEG.model, state(0), at.posture.q)
-        assert np.degrees(np.abs(angle[[HIP, KNEE, ANKLE]])).max() < 1.0
+        angles.append(np.degrees(angle[6:]))
         error = at.v - velocity(0)
         missed.append(error[[HIP, KNEE]] / abs(velocity(0)[KNEE]))
         foot.append(np.linalg.norm(at.foot_velocity - truth) / np.linalg.norm(truth))
         sigmas += [angle / at.q_deviations, error / at.v_deviations]
+    assert (np.sqrt(np.mean(np.square(angles), axis=0)) < degrees).all()
     assert np.sqrt(np.mean(np.square(missed))) < joint_share
     assert np.sqrt(np.mean(np.square(foot))) < 0.02
     assert 0.6 < np.sqrt(np.mean(np.square(sigmas))) < 1.6
@@ -58,6 +60,21 @@ def test_segments_take_the_lengths_of_the_person():
     ours, given = (leg.model.inertias[shank].inertia.diagonal() for leg in (motion.leg, other))
     assert ours / given == pytest.approx([motion.scales["knee"] ** 2] * 3)
     assert motion.leg.model.inertias[shank].mass == other.model.inertias[shank].mass
+
+
+def test_places_that_are_wrong_by_a_centimetre_are_estimated():
+    """Velocities stay right; without it, those of the knee and the foot are wrong by 3 to 8 %."""
+    rng, whole = np.random.default_rng(5), track(240, 1e-3)
+    rough = {n: (link, p + 0.01 * rng.uniform(-1, 1, 3)) for n, (link, p) in PLACES.items()}
+    motion = kd.fit_motion(whole, LEG, rough)
+    (line,) = motion.warnings
+    assert line.startswith("the places of the markers, or the height of the leg, do not fit: ")
+    assert motion.noise == pytest.approx(1e-3, rel=0.1)
+    at = motion.at_contact(0.0)
+    errors = (at.v - velocity(0))[[HIP, KNEE]] / velocity(0)[KNEE]
+    assert np.abs(errors).max() < 0.05
+    assert motion.scales["knee"] == pytest.approx(1.0, abs=0.03)
+    assert at.v_deviations[[HIP, KNEE]].max() < 0.05 * abs(velocity(0)[KNEE])
 
 
 def test_nothing_is_smoothed_across_the_impact():
@@ -78,7 +95,7 @@ def test_nothing_is_smoothed_across_the_impact():
     assert jump.q(0.05)[0] - plain.q(0.05)[0] == pytest.approx(0.03, abs=1e-6)
 
 
-def test_gaps_are_left_out_and_named():
+def test_gaps_are_named_and_what_is_seen_counts():
     def hide(positions):
         positions[5, 0] = np.nan
         positions[7:9, 3:] = np.nan
@@ -87,10 +104,30 @@ def test_gaps_are_left_out_and_named():
     assert motion.gaps["base0"] == (5,)
     assert motion.gaps["thigh1"] == (7, 8)
     assert motion.undetermined == (7, 8)
-    assert (
-        np.abs(pin.difference(LEG.model, state(motion.times[5]), motion.configurations[5])).max()
-        < 1e-9
-    )
+    for k, seen, error in ((5, 12, 1e-9), (7, 6, 1e-5), (9, 12, 1e-9)):  # the pelvis in frame 7
+        q = pin.difference(LEG.model, state(motion.times[k]), motion.configurations[k])
+        assert np.abs(q[:seen]).max() < error
+    assert motion.frames == tuple(range(48))
+
+
+def test_a_foot_that_is_hidden_just_before_the_contact():
+    """The other joints are as well known as before, the ankle less."""
+
+    def hide(positions):
+        positions[-3:, 9:] = np.nan  # 13 ms
+
+    whole = track(240, 1e-3)
+    positions = whole.positions.copy()
+    hide(positions)
+    other = kd.BodyTrack(whole.times, whole.markers, positions)
+    seen, hidden = (kd.fit_motion(one, LEG, PLACES, contact=0.0) for one in (whole, other))
+    assert hidden.undetermined == (45, 46, 47)
+    (line,) = hidden.warnings
+    assert line.startswith("markers 'foot0' (3 frames), 'foot1' (3 frames), 'foot2' (3 frames) are")
+    a, b = (motion.at_contact() for motion in (seen, hidden))
+    assert b.v_deviations[HIP] < 1.2 * a.v_deviations[HIP]
+    assert b.v_deviations[ANKLE] > 1.2 * a.v_deviations[ANKLE]
+    assert (np.abs(b.v - velocity(0)) < 4 * b.v_deviations).all()
 
 
 def test_markers_that_are_not_seen_at_the_contact_have_a_warning():
@@ -156,6 +193,24 @@ def test_refused(change, markers, message):
         kd.fit_motion(changed(change, rate=50), LEG, markers)
 
 
+def test_a_doubtful_order_has_a_warning_that_names_the_markers():
+    """A foot of three markers can turn over so that it nearly fits its exchanged markers."""
+    heel, toe, side = (-0.05, 0.0, 0.0), (0.10, 0.01, 0.03), (0.08, -0.05, 0.0)
+    foot = {"foot0": heel, "foot1": toe, "foot2": side}
+    whole = track(50)
+    positions = whole.positions.copy()
+    data = LEG.model.createData()
+    for k, t in enumerate(whole.times):
+        pin.framesForwardKinematics(LEG.model, data, state(t))
+        pose = data.oMf[LEG.model.getFrameId("foot")]
+        positions[k, 9:] = [pose.act(np.array(place)) for place in (heel, side, toe)]
+    exchanged = kd.BodyTrack(whole.times, whole.markers, positions)
+    places = PLACES | {name: ("foot", place) for name, place in foot.items()}
+    line, *_ = kd.fit_motion(exchanged, LEG, places, scale=False).warnings
+    assert line.startswith("markers 'foot1', 'foot2' may be swapped in frame ")
+    assert line.endswith("if exchanged")
+
+
 def test_times_without_frames_are_refused():
     motion = kd.fit_motion(changed(hide_contact), LEG, PLACES)
     with pytest.raises(kd.InvalidInput, match=r"contact at 0 s: 24 frames .* 'thigh1' in frame 47"):
@@ -186,7 +241,7 @@ def test_another_vertical_axis_has_a_warning():
 
 
 def test_plot():
-    motion = kd.fit_motion(track(240, until=0.1), LEG, PLACES, contact=0.0, scale=False)
+    motion = kd.fit_motion(track(120, until=0.1), LEG, PLACES, contact=0.0, scale=False)
     figure = motion.plot(["knee", "ankle"])
     assert figure.get_size_inches()[0] == 3.5
     angles, speeds = figure.axes
@@ -238,7 +293,8 @@ def test_an_impact_from_the_motion_and_the_ball():
     found = kd.infer_impact(motion, kd.Track(times, path))
     assert found.impulse == pytest.approx(hit.impulse, rel=0.02, abs=0.05)
     assert abs(found.restitution - 0.7) < 3 * found.deviations["restitution"] + 0.01
-    assert found.effective_mass == pytest.approx(hit.effective_mass, rel=0.05)
+    missed = abs(found.effective_mass - hit.effective_mass)
+    assert missed < 2 * found.deviations["effective_mass"]
     sizes = np.linalg.norm(found.joint_impulses[:, :3], axis=1)
     expected = np.linalg.norm(hit.joint_impulses[:, :3], axis=1)
     for name, a, b in zip(LEG.joint_names, sizes, expected, strict=True):

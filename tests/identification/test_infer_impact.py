@@ -1,14 +1,17 @@
 """The impulse from the ball's motion: kickdyn's own strikes are given back."""
 
+import math
 import re
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from chains import random_kick, random_leg
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 import kickdyn as kd
+from kickdyn.identification.leg_motion import LegMotion
 from kickdyn.robot.urdf_file import shipped_urdf
 
 LEG, BALL = kd.Leg.human(), kd.Ball()
@@ -187,6 +190,50 @@ def test_what_is_no_impact_is_refused():
         inferred(hit, velocity_deviation=-1.0)
     with pytest.raises(kd.InvalidInput, match="spin deviation has shape"):
         inferred(hit, spin_deviation=(1.0, 2.0, 3.0))
+
+
+def measured_motion(leg, q, v, rate=250):
+    """Return a motion with constant velocities that is known to 0.1 mm and 0.1 mrad."""
+    times = np.arange(-0.1, -1e-4, 1 / rate)
+    configurations = np.array([pin.integrate(leg.model, q, v * t) for t in times])
+    information = np.tile(1e8 * np.eye(leg.nv), (len(times), 1, 1))
+    nothing = (None, 1e-4, {}, {}, {}, (), ())
+    return LegMotion(leg, times, configurations, information, *nothing, tuple(range(len(times))))
+
+
+@pytest.mark.parametrize("law", ["newton", "stronge"])
+def test_without_spin_the_deviations_cover_what_friction_may_have_done(law):
+    """Kicks beside the centre, which slide or stick: with the impulse as normal, e is too small."""
+    leg = kd.Leg.human(height=1.65, mass=58, sex="female", model="3d", frame="instep")
+    q = leg.configuration({"hip": 0.35, "knee": 0.6, "ankle": 0.7, "subtalar": 0.1})
+    v = np.array([5.5, 1.0, 2.0, -18.0, 1.0, 0.0])
+    posture, rng = leg.posture(q), np.random.default_rng(1)
+    foot = posture.point_velocity(v)
+    foot /= np.linalg.norm(foot)
+    times = np.arange(-0.1, 0.12, 1 / 250)
+    motion, scores, errors, along_impulse = measured_motion(leg, q, v), [], [], []
+    for angle in np.radians(np.linspace(2, 40, 8)):
+        beside = np.cross(foot, rng.normal(size=3))
+        normal = np.cos(angle) * foot + np.sin(angle) * beside / np.linalg.norm(beside)
+        contact = kd.Contact(normal, rng.uniform(0.5, 0.9), rng.uniform(0.0, 0.6))
+        hit = kd.strike(posture, v, BALL, contact, law)
+        path = posture.contact_point + BALL.radius * normal
+        path = path + np.outer(np.maximum(times, 0.0), hit.ball_after.velocity)
+        path += 1e-5 * rng.normal(size=path.shape)
+        found = kd.infer_impact(motion, kd.Track(times, path), BALL, contact=0.0)
+        after = kd.BallState(hit.ball_after.position, hit.ball_after.velocity)
+        plain = kd.infer_impact(posture, v, BALL, hit.ball_before, after)
+        assert found.joint_impulses == pytest.approx(hit.joint_impulses, abs=0.01)
+        assert found.friction <= 0.63
+        (line,) = (line for line in found.warnings if "does not show the spin" in line)
+        assert "with a friction between 0 and" in line
+        errors.append(found.restitution - contact.restitution)
+        along_impulse.append(plain.restitution - contact.restitution)
+        scores.append(errors[-1] / found.deviations["restitution"])
+        turn = math.acos(min(1.0, float(found.normal @ hit.contact.normal)))
+        assert turn < 1.96 * found.deviations["normal"] + 0.02
+    assert np.abs(scores).max() < 1.96
+    assert np.abs(np.mean(errors)) < 0.5 * np.abs(np.mean(along_impulse))
 
 
 SPEEDS = np.linspace(4.0, 20.0, 9)

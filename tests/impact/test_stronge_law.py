@@ -257,3 +257,12 @@ def test_a_fast_spin_costs_no_digits(spin):
         kd.strike(*kick, law, ball_spin=(0, spin, 0)).impulse for law in ("stronge", "newton")
     )
     assert ours == pytest.approx(theirs, rel=1e-12)
+
+
+def test_a_leg_that_friction_locks_to_an_obstacle_is_refused():
+    """The toe of a leg with one joint drags behind the hip; no impulse stops it."""
+    posture = kd.Leg.human().locked({"knee": 0.1, "ankle": 0.0}).posture([0.3])
+    contact = kd.Contact(normal=(0, 0, 1), restitution=0.5, friction=2.0)
+    for law in ("stronge", "newton"):
+        with pytest.raises(kd.KickdynError, match=f"law '{law}' finds no impulse"):
+            kd.strike(posture, [5.0], kd.Ball(mass=math.inf), contact, law)

@@ -512,26 +512,14 @@ def test_a_continuous_joint_is_planned_by_its_angle(tmp_path):
     )
 
 
-def test_mimic_joints_outside_the_kicking_limb_are_no_obstacle(tmp_path):
+def test_mimic_joints_outside_the_kicking_limb_are_no_obstacle(leg_with_arm):
     """An arm of two joints that follow each other, beside a leg on a fixed base."""
-    arm = "".join(
-        f'<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{name}_link"/>'
-        f'<axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="9" velocity="9"/>{gear}</joint>'
-        f'<link name="{name}_link"><inertial><origin xyz="0 0 0.2"/><mass value="2"/><inertia '
-        'ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
-        for name, parent, gear in (
-            ("shoulder", "base", ""),
-            ("elbow", "shoulder_link", '<mimic joint="shoulder" offset="0.3"/>'),
-        )
-    )
-    path = tmp_path / "leg.urdf"
-    path.write_text(kd.Leg.human().file.text.replace("</robot>", arm + "</robot>"))
-    leg, goal = kd.Leg.from_urdf(path), kd.Goal(20.0, time=1.3)
+    leg, goal = kd.Leg.from_urdf(leg_with_arm), kd.Goal(20.0, time=1.3)
     planned = kd.plan_kick(leg, goal, kd.Ball(), ball_position=-0.7042)
     alone = kd.plan_kick(kd.Leg.human(), goal, kd.Ball(), ball_position=-0.7042)
     assert planned.leg.joint_values(planned.q)["elbow"] == 0.3
     assert planned.impact.impulse == pytest.approx(alone.impact.impulse, rel=1e-9)
-    arm_leg = kd.Leg.from_urdf(path, "elbow_link")
+    arm_leg = kd.Leg.from_urdf(leg_with_arm, "elbow_link")
     with pytest.raises(
         kd.InvalidInput,
         match=r"joint 'elbow' mimics 'shoulder': .*lock 'shoulder', which locks both",

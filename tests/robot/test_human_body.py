@@ -39,6 +39,18 @@ DUMAS = {
         "foot": (1.0, 165, (27.0, -21.8, 3.9), (17, 36, 35, -10, 6, -4)),
     }),
 }  # fmt: skip
+# the pelvis of both tables, with the right hip of Dumas from the lumbar joint [m]: place in shares
+# of the distance between the spines (Dumas & Wojtusch 2018), times that distance
+LOWER_TRUNK = {
+    "male": (11.17, 145.7, 61.15, 61.5, 55.1, 58.7),
+    "female": (12.47, 181.5, 49.20, 43.3, 40.2, 44.4),
+}
+PELVIS = {
+    "male": (14.2, 94, (2.8, -28.0, -0.6), (101, 106, 95, -25, -12, -8),
+             (0.224 * 0.240, -0.224 * 0.338, 0.224 * 0.361)),
+    "female": (14.6, 107, (-0.9, -23.2, 0.2), (91, 100, 79, -34, -1, -1),
+               (0.238 * 0.201, -0.238 * 0.385, 0.238 * 0.372)),
+}  # fmt: skip
 WOMAN = {"height": 1.65, "mass": 58.0, "sex": "female"}
 
 
@@ -68,11 +80,16 @@ def test_segments_are_those_of_dumas(sex, side):
     height, table = DUMAS[sex]
     leg = kd.Leg.human(height=height, mass=70, sex=sex, side=side, segments="Dumas")
     outwards = -1.0 if side == "right" else 1.0  # y points left
-    for inertia, row in zip(list(leg.model.inertias)[1:], table.values(), strict=True):
-        share, length, (forward, up, lateral), roots = row
+    on_pelvis = kd.Leg.human(
+        height=height, mass=70, sex=sex, side=side, segments="Dumas", base="floating"
+    )
+    inertias = [on_pelvis.model.inertias[1], *list(leg.model.inertias)[1:]]
+    rows = [PELVIS[sex], *((*row, (0.0, 0.0, 0.0)) for row in table.values())]
+    for inertia, row in zip(inertias, rows, strict=True):
+        share, length, (forward, up, lateral), roots, joint = row
         assert inertia.mass == pytest.approx(0.01 * share * 70)
-        centre = 1e-5 * length * np.array([forward, outwards * lateral, up])
-        assert inertia.lever == pytest.approx(centre)
+        x, z, y = 1e-5 * length * np.array([forward, up, lateral]) - joint
+        assert inertia.lever == pytest.approx([x, outwards * y, z])
         xx, yy, zz, xy, xz, yz = (math.copysign((1e-5 * length * r) ** 2, r) for r in roots)
         # our y is their z outwards, our z their y
         tensor = [[xx, outwards * xz, xy], [outwards * xz, zz, outwards * yz],
@@ -251,16 +268,23 @@ def test_in_the_plane_the_spatial_leg_is_the_planar_one():
         assert np.linalg.norm(other[:3]) == pytest.approx(np.linalg.norm(one[:3]), rel=1e-10)
 
 
-def test_a_floating_base_is_the_lower_trunk():
-    leg = kd.Leg.human(**WOMAN, side="left", base="floating")
+@pytest.mark.parametrize("sex", LOWER_TRUNK)
+def test_a_floating_base_is_the_lower_trunk(sex):
+    _, height, table = TABLE_4[sex]
+    person = {"height": height, "mass": 58, "sex": sex, "side": "left"}
+    leg = kd.Leg.human(**person, base="floating")
     pelvis = leg.model.inertias[1]
-    assert pelvis.mass == pytest.approx(0.1247 * 58)
-    assert pelvis.lever[1] == pytest.approx(-0.0835 / 1.8 * 1.65)  # the middle is on its right
-    assert pelvis.lever[2] == pytest.approx(0.508 * 0.1815 * 1.65 / 1.735)
-    whole = (0.1247 + 0.1478 + 0.0481 + 0.0129) * 58
+    share, length, centre, *radii = (0.01 * x for x in LOWER_TRUNK[sex])
+    length *= 0.1
+    assert pelvis.mass == pytest.approx(58 * share)
+    # the middle is on the right of a left hip
+    assert pelvis.lever == pytest.approx([0.0, -0.0835 / 1.8 * height, (1 - centre) * length])
+    squares = (length * np.array(radii)) ** 2  # sagittal, transverse, longitudinal: x, y, z
+    assert pelvis.inertia == pytest.approx(pelvis.mass * np.diag(squares))
+    whole = 58 * (share + sum(0.01 * row[0] for row in table.values()))
     assert pin.computeTotalMass(leg.model) == pytest.approx(whole)
     heavier = leg.posture(leg.configuration()).effective_mass((1, 0, 0))
-    fixed = kd.Leg.human(**WOMAN).posture([0, 0, 0]).effective_mass((1, 0, 0))
+    fixed = kd.Leg.human(**person).posture([0, 0, 0]).effective_mass((1, 0, 0))
     assert heavier < fixed  # a base that yields
 
 

@@ -24,22 +24,10 @@ G1 = kd.Leg.from_robot("g1", base="floating", legs_only=True)
 CORNERS = [(-0.1, -0.05, 0.0), (-0.1, 0.05, 0.0), (0.1, 0.05, 0.0), (0.1, -0.05, 0.0)]
 
 
-def test_mimic_joints_of_neither_leg_are_locked_at_rest(tmp_path):
-    arm = "".join(
-        f'<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{name}_link"/>'
-        f'<axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="9" velocity="9"/>{gear}</joint>'
-        f'<link name="{name}_link"><inertial><origin xyz="0 0 0.2"/><mass value="2"/><inertia '
-        'ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
-        for name, parent, gear in (
-            ("shoulder", "base", ""),
-            ("elbow", "shoulder_link", '<mimic joint="shoulder" offset="0.3"/>'),
-        )
-    )
-    path = tmp_path / "leg.urdf"
-    path.write_text(kd.Leg.human().file.text.replace("</robot>", arm + "</robot>"))
-    leg = lock_idle_mimics(kd.Leg.from_urdf(path))
+def test_mimic_joints_of_neither_leg_are_locked_at_rest(leg_with_arm):
+    leg = lock_idle_mimics(kd.Leg.from_urdf(leg_with_arm))
     assert (leg.joint_names, leg.mimics) == (("hip", "knee", "ankle"), ())
-    busy = kd.Leg.from_urdf(path, "elbow_link")
+    busy = kd.Leg.from_urdf(leg_with_arm, "elbow_link")
     assert lock_idle_mimics(busy).mimics == busy.mimics
 
 

@@ -142,16 +142,8 @@ def test_a_file_may_be_an_mjcf(read, tmp_path):
     assert read(text).leg.joint_names == ("hip", "knee")
 
 
-def test_the_loops_of_an_mjcf_stay_closed(read, tmp_path):
-    (tmp_path / "my.xml").write_text(
-        '<mujoco><worldbody><body name="base"><geom size="0.1"/>'
-        '<body name="a"><joint name="ja" axis="0 1 0"/><geom size="0.1" pos="0 0 -1"/></body>'
-        '<body name="b" pos="1 0 0"><joint name="jb" axis="0 1 0"/><geom size="0.1" pos="0 0 -1"/>'
-        '<body name="c" pos="0 0 -1"><joint name="jc" axis="0 1 0"/>'
-        '<geom size="0.1" pos="-0.5 0 0"/></body></body></body></worldbody><equality>'
-        '<connect name="bar" body1="a" body2="c" anchor="0 0 -1"/></equality></mujoco>'
-    )
-    text = SMALL.replace('model = "human"', 'file = "my.xml"\nframe = "c"')
+def test_the_loops_of_an_mjcf_stay_closed(read, looped_mjcf):
+    text = SMALL.replace('model = "human"', f'file = "{looped_mjcf}"\nframe = "c"')
     text = text.replace(
         "angles_deg = { hip = 5, knee = 10, ankle = -5 }", "angles_deg = { ja = 5 }"
     )

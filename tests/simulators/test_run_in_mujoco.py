@@ -108,7 +108,7 @@ def test_a_robot_without_torques_of_the_motion_does_not_follow_it():
 
 
 def test_a_ball_that_is_not_reached(monkeypatch):
-    monkeypatch.setattr(module, "LATEST", -0.3)
+    monkeypatch.setattr(module, "LATEST_IMPACT", -0.3)
     run = kd.run_in_mujoco(swinging())
     assert run.path is None
     assert run.miss == math.inf

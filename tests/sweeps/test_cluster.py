@@ -63,7 +63,7 @@ class SilentExecutor(Executor):
 
 
 def test_a_scheduler_that_closes_without_a_word_ends_the_wait(tmp_path, monkeypatch):
-    monkeypatch.setattr("kickdyn.sweeps.sweep.LISTEN", 0.01)
+    monkeypatch.setattr("kickdyn.sweeps.sweep.LISTEN_INTERVAL", 0.01)
     words = r"the scheduler has closed: 0 of 200 postures are stored in .*resume=True"
     with pytest.raises(Unfinished, match=words):
         stored(tmp_path / "silent.zarr", executor=SilentExecutor())

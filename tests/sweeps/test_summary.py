@@ -20,7 +20,7 @@ WHERE = "knee > 5 and ball_speed < 6.1"
 @pytest.fixture(autouse=True)
 def small(monkeypatch):
     monkeypatch.setattr(chunk_solver, "SLOW_CHUNK", 50)
-    monkeypatch.setattr(summary, "SAMPLE", 7)
+    monkeypatch.setattr(summary, "SAMPLE_SIZE", 7)
 
 
 @pytest.fixture(scope="module")

@@ -74,7 +74,7 @@ def test_the_title_has_the_numbers_of_the_kick():
 
 
 def test_conditions_and_large_sweeps_leave_out(monkeypatch):
-    monkeypatch.setattr(summaries, "SAMPLE", 7)
+    monkeypatch.setattr(summaries, "SAMPLE_SIZE", 7)
     monkeypatch.setattr(summaries, "BINS", 2)
     data, _, figure = drawn("hip=0:40:10", "knee=0:30:10", "ankle=0:40:20", where="knee < 10")
     assert "where knee < 10" in figure.get_suptitle()

@@ -1,0 +1,261 @@
+"""What a leg is made of: model, contact frame, supports, loops, drives; and legs that differ."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+from os import PathLike
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+
+from kickdyn.core import validation
+from kickdyn.core.files import shipped
+from kickdyn.core.validation import Array, ArrayLike, read_only
+from kickdyn.errors import InvalidInput
+from kickdyn.robot.constraints import Constraints, Support
+from kickdyn.robot.drives import Drive, load_drives
+from kickdyn.robot.joint_table import JointTable
+from kickdyn.robot.model_validation import check_is_model, frame_id
+from kickdyn.robot.surgery import has_floating_base, reduce_model
+from kickdyn.robot.visuals import RobotFile
+from kickdyn.robot.workspace import Workspace
+
+Drives = str | PathLike[str] | Mapping[str, Drive]
+"""Drives by joint, or a file of them."""
+
+
+class _CopiedModel:
+    """The field `model` of a leg: copied when it is set and when it is read."""
+
+    def __get__(self, leg: "LegModel | None", owner: type) -> Any:
+        if leg is None:
+            raise AttributeError("model")  # so that the dataclass sees no default
+        return leg._model.copy()
+
+    def __set__(self, leg: "LegModel", model: Any) -> None:
+        check_is_model(model)
+        vars(leg)["_model"] = model.copy()
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LegModel(JointTable):
+    """What a `Leg` is made of, and the legs that differ from it in one of these parts."""
+
+    model: Any = _CopiedModel()
+    frame: str  # type: ignore[misc]  # the model has no default, though mypy sees one
+    file: RobotFile | None = None
+    supports: tuple[Support, ...] = ()
+    loops: tuple[tuple[str, str], ...] = ()
+    contact_normal_cone: Array | None = None
+    stiff_joints: tuple[str, ...] = ()
+    drives: Mapping[str, Drive] = field(default_factory=dict)
+    base_velocity: Array | None = None
+    constraints: Constraints | None = field(init=False)
+    workspace: "Workspace" = field(init=False)
+
+    def __post_init__(self) -> None:
+        validation.check_type(str, frame=self.frame)
+        validation.check_type(RobotFile, type(None), file=self.file)
+        for name in ("supports", "loops", "stiff_joints"):
+            validation.check_type(tuple, **{name: getattr(self, name)})
+        if self.contact_normal_cone is not None:
+            cone = validation.floats("contact normal cone", self.contact_normal_cone)
+            vars(self).update(contact_normal_cone=read_only(cone))
+        if self.base_velocity is not None:
+            twist = validation.vector("base velocity", self.base_velocity, 6)
+            vars(self).update(base_velocity=read_only(twist) if twist.any() else None)
+        if self.base_velocity is not None and (self.supports or has_floating_base(self._model)):
+            raise InvalidInput(
+                f"base velocity is {self.base_velocity.tolist()}: {self.name} must have a fixed "
+                "base and no supports; the velocity of a floating base is part of v"
+            )
+        if self.contact_joint == 0:
+            raise InvalidInput(f"frame {self.frame!r} is fixed to the base: a kick must move it")
+        constraints = None
+        if self.supports or self.loops or self.stiff_joints or self.mimics:
+            stiff = {joint: self.velocity_index(joint) for joint in self.stiff_joints}
+            constraints = Constraints(
+                self._model, self.contact_joint, self.supports, self.loops, self.gears, stiff
+            )
+        vars(self).update(constraints=constraints, workspace=Workspace(self._model))
+
+    @cached_property
+    def compliant_drives(self) -> dict[str, Drive]:
+        """The drives with friction or stiffness, which act in a contact that takes time."""
+        return {joint: x for joint, x in self.drives.items() if x.friction or x.stiffness}
+
+    @cached_property
+    def frame_id(self) -> int:
+        """Number of the contact frame in the model."""
+        return frame_id(self._model, self.frame)
+
+    @cached_property
+    def contact_joint(self) -> int:
+        """Number of the joint that carries the contact frame."""
+        return int(self._model.frames[self.frame_id].parentJoint)
+
+    @cached_property
+    def contact_lever(self) -> Array:
+        """Origin of the contact frame, shape `(3,)` [m, axes of the contact joint]."""
+        return read_only(self._model.frames[self.frame_id].placement.translation)
+
+    def locked(self, joints: Mapping[str, float]) -> Self:
+        """Return the leg with joints locked at their values [rad; m for prismatic joints].
+
+        Names may be patterns, as for `from_urdf`. Raises `InvalidInput` for an unknown joint, a
+        value that is not finite or outside the joint's range, or if no joint moves the foot.
+        """
+        if not validation.mapping("joints", joints):
+            return self
+        values = self._values_to_lock(joints)
+        q = self.configuration(values)
+        for line in self.outside_range(q):
+            if any(line.startswith(f"{joint} at ") for joint in values):
+                raise InvalidInput(f"{line}: it cannot be locked there")
+        fixed = {*values, *(mimic.joint for mimic in self.mimics if mimic.driver in values)}
+        if len(fixed) == len(self.joint_names):
+            raise InvalidInput(f"all joints of {self.name} are locked: a kick must move one")
+        return self.with_model(reduce_model(self._model, fixed, q))
+
+    def with_armature(self, rotors: Mapping[str, float]) -> Self:
+        """Return the leg with rotors behind its joints, in place of those that it had.
+
+        Args:
+            rotors: joint name to rotor inertia times gear ratio squared [kg m2; kg if prismatic].
+        """
+        armature = self._model.armature.copy()
+        for name, value in validation.mapping("rotors", rotors).items():
+            armature[self.velocity_index(name)] = validation.number(
+                f"armature of {name}", value, at_least=0, unit="kg m2"
+            )
+        model = self.model
+        model.armature = armature
+        return self.with_model(model)
+
+    def with_drives(self, drives: Drives) -> Self:
+        """Return the leg with drives: rotors behind gears, and limits of torque and speed.
+
+        Args:
+            drives: `Drive` by the name of a joint or a pattern, as for `from_urdf`, or a TOML file:
+
+                .. code-block:: toml
+
+                    [joints]
+                    "*_knee" = { rotor_inertia_kg_m2 = 1e-5, gear = 100, torque_limit_n_m = 90 }
+
+                They replace what the joints had. Other joints keep what they have.
+
+        Raises:
+            InvalidInput: no such joint, or a file with an unknown key or a value out of range.
+        """
+        listed = load_drives(drives)
+        if not listed:
+            return self
+        model, entries = self.model, list(listed.values())
+        numbers = self.expand_joint_names({name: k for k, name in enumerate(listed)})
+        for attribute, limit in (
+            ("armature", "reflected_inertia"),
+            ("effortLimit", "torque_limit"),
+            ("velocityLimit", "speed_limit"),
+        ):
+            values = getattr(model, attribute).copy()
+            for joint, number in numbers.items():
+                value = getattr(entries[int(number)], limit)
+                if value is not None:
+                    values[self.velocity_index(joint)] = value
+            setattr(model, attribute, values)
+        given = {joint: entries[int(number)] for joint, number in numbers.items()}
+        return replace(self.with_model(model), drives={**self.drives, **given})
+
+    def _with_drives_of(self, drives: Drives | bool, usual: Path | None = None) -> Self:
+        """Return the leg with drives: for True the usual ones, for False none."""
+        if drives is False:
+            return self.with_armature(dict.fromkeys(self.single_joints, 0.0))
+        listed = usual if drives is True else drives
+        if listed is not None:
+            return self.with_drives(listed)
+        if self.file is None or self.file.folder == shipped("urdf"):
+            return self
+        return replace(self, file=replace(self.file, lacks_drives=True))
+
+    def with_supports(self, *supports: str | Support) -> Self:
+        """Return the leg with frames that stand on the ground and stay at rest in the impact.
+
+        Args:
+            supports: names of frames, for flat feet, or `Support` objects, in place of those from
+                before. None may be on the kicking limb or on the fixed base.
+        """
+        stances = tuple(Support(s) if isinstance(s, str) else s for s in supports)
+        for support in stances:
+            validation.check_type(str, Support, support=support)
+        return replace(self, supports=stances)
+
+    def with_loops(self, *loops: tuple[str, str]) -> Self:
+        """Return the leg with closed loops: pairs of frames whose origins stay together.
+
+        Each joins two bodies by a ball joint: in a plane, a pin. They replace any before.
+        """
+        for loop in loops:
+            if not isinstance(loop, tuple | list) or len(loop) != 2:
+                raise InvalidInput(f"loop is {loop!r}: it must be a pair of frames' names")
+        return replace(self, loops=tuple((first, second) for first, second in loops))
+
+    def with_stiff_joints(self, *joints: str) -> Self:
+        r"""Return the leg with joints that hold in an impact, as motors with high gears do.
+
+        Such a joint may move, but the impact does not change its velocity, :math:`v_j^+ = v_j^-`.
+        The impulse of its motor is part of `Impact.joint_impulses` and of `joint_loads`. A real
+        joint is between this and a free one with the rotor of `with_armature`.
+
+        Args:
+            joints: names of joints of one degree of freedom, in place of those from before;
+                without any name, all joints are free.
+        """
+        for joint in joints:
+            self.velocity_index(joint)
+            if joints.count(joint) > 1:
+                raise InvalidInput(f"joint {joint!r} is stiff twice: name it once")
+        if len(joints) == self.nv:
+            raise InvalidInput(f"all joints of {self.name} are stiff: one must be free")
+        return replace(self, stiff_joints=joints)
+
+    def with_base_velocity(self, linear: ArrayLike, angular: ArrayLike = (0.0, 0.0, 0.0)) -> Self:
+        r"""Return the leg on a fixed base that moves, as the hip of a player who runs up.
+
+        The velocity of the contact point at x is :math:`J v + v_0 + \omega_0 \times x`. An impact
+        does not change the velocity of the base, as if the body were far heavier than the leg.
+        Torques of plans assume a base that does not turn.
+
+        Args:
+            linear: velocity :math:`v_0` of the base at the world's origin, where the hip of our
+                legs is, shape `(3,)` [m/s, world axes]; it replaces any before.
+            angular: angular velocity :math:`\omega_0`, shape `(3,)` [rad/s, world axes].
+
+        Raises:
+            InvalidInput: an entry that is not finite, a floating base, or a leg with supports.
+        """
+        parts = (
+            validation.vector("linear", linear, 3, unit="m/s"),
+            validation.vector("angular", angular, 3, unit="rad/s"),
+        )
+        return replace(self, base_velocity=np.concatenate(parts))
+
+    def check_base_at_rest(self, what: str) -> None:
+        """Raise `InvalidInput` where the base moves, for `what` needs it at rest."""
+        if self.base_velocity is not None:
+            raise InvalidInput(
+                f"base velocity is {self.base_velocity.tolist()}: {what} needs a base at rest"
+            )
+
+    def with_model(self, model: Any) -> Self:
+        """Return the leg with another `pin.Model`, a changed copy of its own."""
+        check_is_model(model)
+        names = list(model.names)
+        stiff = tuple(joint for joint in self.stiff_joints if joint in names)
+        drives = {joint: drive for joint, drive in self.drives.items() if joint in names}
+        return replace(self, model=model, stiff_joints=stiff, drives=drives)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle what the leg was made of; all else is made anew."""
+        return type(self), tuple(getattr(self, made.name) for made in fields(self) if made.init)

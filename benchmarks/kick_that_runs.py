@@ -1,6 +1,6 @@
 """Motions of kicks: whether all limits hold between the points, and what they cost.
 
-    python benchmarks/kick_that_runs.py [--out FILE] [CASE ...]
+    python benchmarks/kick_that_runs.py [--out FILE] [--most N] [CASE ...]
 
 Cases are human, testbed, g1-legs, g1, g1-both (from both feet), talos, humanoid and goals. Two
 tables: a row for each goal of each robot has the status, the share of the launch, processor time,
@@ -9,7 +9,7 @@ edge of the sole and of the kicking foot from the ground, and by how much `strik
 the target. A row for each of 20 goals of G1 over 1 to 9 m in three directions has, where it is
 refused, the limits that hold it back, and the share that the same robot reaches with these limits
 relaxed. Rows are kept in FILE (build/kick_that_runs.jsonl), so that the same command continues
-after an interruption.
+after an interruption, or after the N plans that one call makes at most.
 """
 
 import argparse
@@ -143,6 +143,7 @@ def main() -> None:
     """Plan what is not known yet, and print the tables."""
     reader = argparse.ArgumentParser(description=__doc__)
     reader.add_argument("--out", type=Path, default=Path("build/kick_that_runs.jsonl"))
+    reader.add_argument("--most", type=int, default=10**6)
     reader.add_argument("cases", nargs="*", default=[*CASES])
     arguments = reader.parse_args()
     arguments.out.parent.mkdir(parents=True, exist_ok=True)
@@ -150,15 +151,13 @@ def main() -> None:
     if arguments.out.exists():
         rows = map(json.loads, arguments.out.read_text().splitlines())
         known = {(row["robot"], row["goal"]): row for row in rows}
-    for name in arguments.cases:
+    wanted = [(name, words) for name in arguments.cases for words in CASES[name][1]]
+    for name, words in [key for key in wanted if key not in known][: arguments.most]:
         make, goals = CASES[name]
-        if missing := {words: goals[words] for words in goals if (name, words) not in known}:
-            leg = make()
-            for words, goal in missing.items():
-                row = known[name, words] = planned(name, words, leg, goal)
-                with arguments.out.open("a") as file:
-                    file.write(json.dumps(row) + "\n")
-    print_tables([known[name, words] for name in arguments.cases for words in CASES[name][1]])
+        row = known[name, words] = planned(name, words, make(), goals[words])
+        with arguments.out.open("a") as file:
+            file.write(json.dumps(row) + "\n")
+    print_tables([known[key] for key in wanted if key in known])
 
 
 def print_tables(rows: Sequence[dict]) -> None:

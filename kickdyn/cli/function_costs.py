@@ -55,7 +55,7 @@ LEAST_ERROR = 1e-16
 
 _ANSWERS = {
     "strike": "impact", "pin.impulseDynamics, bare": "impact", "strike_many": "impact",
-    "sweep": "impact", "collide": "impact", "collide_many": "impact",
+    "sweep": "impact", "collide": "contact", "collide_many": "contact",
     "fly": "flight", "fly_many": "flight", "follow": "path", "follow_many": "path",
     "simulate": "kick", "simulate_many": "kick",
 }  # fmt: skip

@@ -334,7 +334,8 @@ class Impact(AfterApproach):
             yield "drives", self.drive_limit, ""
         if self.posture.leg.workspace.model.armature.any():
             for limit, mass in self.posture.effective_mass_limits(self.contact.normal).items():
-                yield f"limit {limit}", mass, "kg"
+                row = (mass, "kg") if math.isfinite(mass) else ("infinite (base or foot fixed)", "")
+                yield f"limit {limit}", *row
         yield "foot before", self.foot_velocity, "m/s"
         yield "ball after", self.ball_after.velocity, "m/s"
         yield "spin after", self.ball_after.spin, "rad/s"

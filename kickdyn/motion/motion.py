@@ -231,7 +231,7 @@ class Motion(ReprMixin):
         """Return q, v and the acceleration of the robot from the moving joints'."""
         robot, (qs, vs) = self.robot, self._indices
         model, data = robot.workspace.model, robot.workspace.data
-        configuration = rest_configuration(robot, self.held)
+        configuration = self._rest.copy()
         velocity, acceleration = np.zeros(robot.nv), np.zeros(robot.nv)
         configuration[qs], velocity[vs], acceleration[vs] = q, v, a
         if not self._floats:
@@ -245,6 +245,11 @@ class Motion(ReprMixin):
         drift = pin.getFrameAcceleration(model, data, frame, pin.LOCAL).vector
         acceleration[:6] = np.linalg.solve(base, -drift)
         return configuration, velocity, acceleration
+
+    @cached_property
+    def _rest(self) -> Array:
+        """Configuration of the robot with all joints where they stay if they have no spline."""
+        return rest_configuration(self.robot, self.held)
 
     @cached_property
     def _indices(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -55,6 +55,9 @@ the posture at both ends [1/rad2] and of the share of the launch that is not rea
 LEAST_EFFECT = 1e-3
 """Share of the launch below which a limit does not count as one that holds it back."""
 
+IMPACT_STEPS = 3
+"""Steps of Newton's method after which the equations of the impact have no error but rounding."""
+
 REST_ITERATIONS = 200
 """Iterations of Ipopt for a posture at rest, at most: a ball out of reach takes all of them."""
 
@@ -290,10 +293,12 @@ class MotionProblem:
         sizes = [len(most), *map(len, lower)]
         of_speeds, of_points, of_impact, *of_apart = np.split(multipliers, np.cumsum(sizes)[:-1])
         of_points = of_points.reshape(len(moments), -1)
+        feasible = bool(np.abs(rows - np.clip(rows, lowest, highest)).max() <= TOLERANCE)
+        coefficients, share = x[: size - 1].reshape(splines.size, n), float(x[size - 1])
         return Solution(
             rest,
-            x[: size - 1].reshape(splines.size, n),
-            float(x[size - 1]),
+            self._with_exact_impact(coefficients, share) if feasible else coefficients,
+            share,
             times,
             Multipliers(
                 of_speeds,
@@ -302,9 +307,24 @@ class MotionProblem:
                 np.hstack([of_points, bounds[size:].reshape(len(moments), free)]),
                 [*zip(apart, of_apart, strict=True)],
             ),
-            bool(np.abs(rows - np.clip(rows, lowest, highest)).max() <= TOLERANCE),
+            feasible,
             int(solver.stats()["iter_count"]),
         )
+
+    def _with_exact_impact(self, coefficients: Array, share: float) -> Array:
+        """Return the nearest coefficients that keep the equations of the impact to rounding.
+
+        Ipopt leaves them with an error up to `TOLERANCE`, which Newton's method takes away.
+        """
+        maps, equal = self.splines.at_impact(), self.impact.lower == self.impact.upper
+        for _ in range(IMPACT_STEPS):
+            z = np.append(maps @ coefficients, share)
+            error = np.asarray(self.impact.values(z, 0.0)[0]).ravel()[equal]
+            slope = np.asarray(self.impact.jacobian(z, 0.0))[equal, :-1]
+            rows = np.einsum("kin,is->ksn", slope.reshape(len(slope), len(maps), -1), maps)
+            change = np.linalg.lstsq(rows.reshape(len(rows), -1), -error)[0]
+            coefficients = coefficients + change.reshape(coefficients.shape)
+        return coefficients
 
     def _lower_on_both(
         self, lower: Sequence[Array], times: list[Array], apart: Sequence[Conditions]

@@ -116,7 +116,12 @@ class PlanReport:
         ]
         if leg.workspace.model.armature.any():
             masses = impact.posture.effective_mass_limits(impact.contact.normal).items()
-            shown = ", ".join(f"{mass:.3g} kg {limit}" for limit, mass in masses)
+            shown = ", ".join(
+                f"{mass:.3g} kg {limit}"
+                if math.isfinite(mass)
+                else f"infinite {limit} (base or foot fixed)"
+                for limit, mass in masses
+            )
             lines.append(f"drives  effective mass {shown}; planned {impact.drive_limit}")
         if abs(math.degrees(plan.heading)) >= 0.005:
             lines.append(f"base    turned by {_aside(math.degrees(plan.heading), 2, 'deg')}")

@@ -52,6 +52,9 @@ PARKING_HEIGHT = 100.0
 CORNER_RADIUS = 5e-3
 """Radius of the spheres at the corners of the sole [m]."""
 
+PRESSED = 1e-9
+"""Depth of the sole in the floor at first [m]: with less, rounding decides which corners touch."""
+
 LEAST_RADIUS = 1e-4
 """Radius of the spheres that stand for corners of the kicking foot [m]."""
 
@@ -197,6 +200,8 @@ integrator="{tuning.integrator}" cone="elliptic" impratio="100" tolerance="1e-10
         q = motion.q(motion.begin)
         self.mujoco.mj_resetData(self.model, data)
         data.qpos[:-7] = mujoco_state(motion.robot.model, q, np.zeros(motion.robot.nv))[0]
+        if self.standing is not None:
+            data.qpos[2] -= PRESSED
 
     def set_ball(self, t: float) -> Array:
         """Put the ball where it is at a time [s] before the contact; return this place, `(3,)`.
@@ -227,20 +232,16 @@ integrator="{tuning.integrator}" cone="elliptic" impratio="100" tolerance="1e-10
         """Return the force of the floor on the sole, and the moment of its normal force, `(5,)`.
 
         The force is along the normal, then across it [N]. The moment is the normal force times x
-        and y [N m] of its points, seen from the sole and with the sole at its planned place.
+        and y [N m] of the corners on which it acts, with the sole at its planned place.
         """
-        model, load, force = self.motion.robot.model, np.zeros(5), np.zeros(6)
+        load, force = np.zeros(5), np.zeros(6)
         if self.standing is None:
             return load
-        frame = model.frames[frame_id(model, self.standing.support.frame)]
-        body = self.data.body(str(model.names[frame.parentJoint]))
-        place = pin.SE3(body.xmat.reshape(3, 3), body.xpos) * frame.placement
-        to_planned = self.standing.placement * place.inverse()
-        contacts = self.data.contact
-        for number in np.flatnonzero(np.isin(contacts.geom, self.sole).any(axis=1)):
-            self.mujoco.mj_contactForce(self.model, self.data, int(number), force)
-            load[:3] += force[:3]
-            load[3:] += force[0] * to_planned.act(contacts.pos[number])[:2]
+        for number, pair_of_geoms in enumerate(self.data.contact.geom):
+            for corner in set(pair_of_geoms.tolist()) & {*self.sole}:
+                self.mujoco.mj_contactForce(self.model, self.data, number, force)
+                load[:3] += force[:3]
+                load[3:] += force[0] * self.standing.sole[corner - self.sole.start]
         return load
 
     def is_upright(self, planned: Array) -> bool:

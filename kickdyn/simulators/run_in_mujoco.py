@@ -42,6 +42,9 @@ TRACKED = 20
 LEAST_LOAD = 0.05
 """Share of the robot's weight on the sole from which on its margins count."""
 
+ROUNDING = 1e-12
+"""Distance from the edge of the sole that is rounding [m]."""
+
 AVERAGED = 0.02
 """Time over which forces on the sole are averaged for its margins [s]: with steps of 2 ms, stiff
 contacts of sole and floor rattle between none and several times the weight."""
@@ -72,8 +75,9 @@ class MujocoRun(ReprMixin):
         upright: whether the robot still stands 1 s after the ball has left, or 0.2 s after the end
             of a motion that takes longer; true for a leg on a fixed base.
         margins: least distance from each limit over the run: `torque`, `speed` and `friction` as
-            a share of the limit, `centre of pressure` from the edge of the sole, where the sole is
-            in the simulation [m]. The last two are of forces averaged over 20 ms.
+            a share of the limit, `centre of pressure` from the edge of the sole [m]. The last two
+            are of forces averaged over 20 ms. With 0 as the last one, the sole rests on an edge
+            or a corner for that time: it tips, and may come down again.
         seed: of the differences from the plan; None where there are none.
     """
 
@@ -183,7 +187,10 @@ class MujocoRun(ReprMixin):
             yield "delay of the contact", 1e3 * self.delay, "ms"
         yield "upright", self.upright, ""
         for name, margin in self.margins.items():
-            yield f"margin, {name}", margin, "m" if name == "centre of pressure" else ""
+            on_edge = name == "centre of pressure" and margin == 0.0
+            value = "0 m: the sole tips about an edge or a corner" if on_edge else margin
+            unit = "m" if name == "centre of pressure" and not on_edge else ""
+            yield f"margin, {name}", value, unit
         yield from warned(self.warnings)
 
 
@@ -372,9 +379,10 @@ def _ground_margins(field: MujocoField, samples: _Samples) -> dict[str, float]:
     normal = loads[:, 0]
     across = np.linalg.norm(loads[:, 1:3], axis=1)
     centres = loads[:, 3:] / normal[:, None]
+    inside = float((offsets - centres @ normals.T).min())
     return {
         "friction": float((1.0 - across / (field.friction * normal)).min()),
-        "centre of pressure": float((offsets - centres @ normals.T).min()),
+        "centre of pressure": 0.0 if abs(inside) < ROUNDING else inside,
     }
 
 

@@ -212,7 +212,7 @@ def test_a_scene_with_a_goal_shows_it(commands_of):
         "The ball passes 0.269 m to the right of the wall. The ball enters the goal, 1.29 m" in kick
     )
     timed = kd.simulate(kd.load_scene(SCENES / "volley.toml"), None)
-    with pytest.raises(kd.InvalidInput, match="takes time"):
+    with pytest.raises(kd.InvalidInput, match="contact of finite time"):
         kd.page(timed)
 
 

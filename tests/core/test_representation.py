@@ -7,6 +7,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from planned_motions import swinging
 
 import kickdyn as kd
 from kickdyn.core.representation import ReprMixin, distance_in_words, format_value
@@ -49,7 +50,7 @@ NOUNS = {
     "Scene": kd.load_scene(SCENE),
 }
 ANSWERS |= NOUNS
-ANSWERS["Motion"] = kd.plan_kick(POSTURE.leg, kd.Goal(15, time=1), kd.Ball(), motion=True).motion
+ANSWERS["Motion"] = swinging().motion
 
 
 @pytest.mark.parametrize("name", ANSWERS)

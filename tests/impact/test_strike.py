@@ -194,7 +194,7 @@ def test_table_2_is_a_strike_at_an_obstacle(ankle, total):
 def test_an_obstacle_that_the_leg_cannot_move_towards_is_refused():
     coming = {"ball_velocity": (0.0, -3.0, 0.0)}
     for law in LAWS:
-        with pytest.raises(kd.InvalidInput, match="ball mass is inf, and the leg cannot move"):
+        with pytest.raises(kd.InvalidInput, match="ball mass is inf and the leg cannot move"):
             kd.strike(
                 paper_posture(15), np.zeros(3), kd.Ball(math.inf), kd.Contact((0, 1, 0), 0.8), law,
                 **coming,

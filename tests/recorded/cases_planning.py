@@ -1,9 +1,9 @@
 """Launches, passes, kicks, their scatter and reports; meetings with moving balls; motions."""
 
-from functools import cache
 from pathlib import Path
 
 import numpy as np
+from planned_motions import swinging
 
 import kickdyn as kd
 from kickdyn.planning import plan_report, scatter
@@ -81,18 +81,6 @@ def refused(goal, **more):
     return None
 
 
-@cache
-def swung():
-    return kd.plan_kick(HUMAN, kd.Goal(20, time=1.2), kd.Ball(), kd.Air(), motion=True)
-
-
-@cache
-def stood():
-    robot = kd.Leg.from_robot("g1", base="floating", legs_only=True)
-    robot = robot.with_supports(kd.Support("left_ankle_roll_link", friction=0.7))
-    return kd.plan_kick(robot, kd.Goal(2, time=0.4), kd.Ball(), kd.Air(), motion=True)
-
-
 def motion_of(plan):
     motion = plan.motion
     times = (-0.2, -0.01, 0.1)
@@ -114,7 +102,7 @@ def motion_of(plan):
 def refined():
     from kickdyn.simulators.refine_kick import refine_kick
 
-    plan = refine_kick(swung(), 1)
+    plan = refine_kick(swinging(), 1)
     return [plan, plan.q, plan.v]
 
 
@@ -260,7 +248,7 @@ CASES = {
     ),
     "spline motion": spline_motion,
     "spline motion on one foot": lambda: spline_motion(True),
-    "motion": lambda: motion_of(swung()),
+    "motion": lambda: motion_of(swinging()),
     "refined": lambda: refined(),
 }
 LOOSE = {"": 1e-4, **{f"launch, {name}": 1e-6 for name in GOALS}, "spline motion": 1e-6, "spline motion on one foot": 1e-6,

@@ -3,9 +3,10 @@
 from functools import cache
 from unittest.mock import patch
 
+from planned_motions import swinging
+
 import kickdyn as kd
 from kickdyn.simulators import mujoco_fit, mujoco_kick
-from recorded.cases_planning import swung
 from recorded.parts import BALL, HUMAN, POSTURE, V, legs, standing
 
 TUNED = kd.Contact((2, 0, 1), 0.7, 0.3)
@@ -18,7 +19,7 @@ def tuned():
 
 
 def ran():
-    run = kd.run_in_mujoco(swung())
+    run = kd.run_in_mujoco(swinging())
     return {"run": run, "json": run.to_json(), "warnings": run.warnings}
 
 

@@ -162,22 +162,25 @@ def slip_impulse(
             continue
         p = -f3 / resistance
         for _ in range(5):
-            x = p * (mu * (g11 * c + g12 * s) + g13) + u[0]
-            y = p * (mu * (g12 * c + g22 * s) + g23) + u[1]
-            z = p * (mu * (g13 * c + g23 * s) + g33) + f3
+            if p == 0.0:  # below the smallest number
+                break
+            # residuals over p, because products of two slow speeds would underflow
+            x = mu * (g11 * c + g12 * s) + g13 + u[0] / p
+            y = mu * (g12 * c + g22 * s) + g23 + u[1] / p
             across, aside = mu * (g13 * c + g23 * s) + g33, g23 * c - g13 * s
+            z = across + f3 / p
             turned = aside + mu * ((g22 - g11) * c * s + g12 * (c * c - s * s))
-            stiff = mu * p * (g11 * s * s - 2.0 * g12 * c * s + g22 * c * c) - (c * x + s * y)
+            stiff = mu * (g11 * s * s - 2.0 * g12 * c * s + g22 * c * c) - (c * x + s * y)
             missed = c * y - s * x
-            determinant = across * stiff - mu * p * aside * turned
+            determinant = across * stiff - mu * aside * turned
             if determinant == 0.0 or not math.isfinite(determinant):
                 break
             turn = (turned * z - across * missed) / determinant
-            step = (mu * p * aside * missed - stiff * z) / determinant
-            c, s, p = c - s * turn, s + c * turn, p + step
+            step = (mu * aside * missed - stiff * z) / determinant
+            c, s, p = c - s * turn, s + c * turn, p + p * step
             size = math.sqrt(c * c + s * s)
             c, s = c / size, s / size
-            if abs(turn) <= 1e-9 and abs(step) <= 1e-9 * p:
+            if abs(turn) <= 1e-9 and abs(step) <= 1e-9:
                 break
         x = p * (mu * (g11 * c + g12 * s) + g13) + u[0]
         y = p * (mu * (g12 * c + g22 * s) + g23) + u[1]

@@ -28,7 +28,7 @@ from kickdyn.identification.marker_checks import (
     check_units,
 )
 from kickdyn.identification.marker_kinematics import (
-    LARGEST_RESIDUAL,
+    LARGEST_RMS_DISTANCE,
     MARKER_NOISE,
     Marker,
     MarkerKinematics,
@@ -43,7 +43,7 @@ from kickdyn.robot.leg import Leg
 from kickdyn.robot.model_validation import frame_id
 from kickdyn.robot.surgery import has_floating_base
 
-LARGEST_DISTANCE = 0.1
+LARGEST_FRAME_DISTANCE = 0.1
 """Distance of one marker in one frame [m] above which it is another marker; skin moves less."""
 
 JUMP, LEAST_JUMP = 8.0, 0.01
@@ -256,9 +256,9 @@ def _judged(
     distances = np.linalg.norm(missed, axis=2)
     mean = np.sqrt(np.nanmean(distances**2, axis=0))
     largest, few = float(np.nanmax(distances)), "; in a few frames, NaN leaves it out"
-    if float(np.nanmax(mean)) > LARGEST_RESIDUAL:
+    if float(np.nanmax(mean)) > LARGEST_RMS_DISTANCE:
         few = ""
-    if not few or largest > LARGEST_DISTANCE:
+    if not few or largest > LARGEST_FRAME_DISTANCE:
         frame_number, worst = np.unravel_index(int(np.nanargmax(distances)), distances.shape)
         name = names[int(worst)]
         doubts = "".join(f"; {line}" for line in motion.notes if repr(name) in line)

@@ -34,11 +34,11 @@ from kickdyn.identification.track import Track
 from kickdyn.impact.leg_response import LegResponse, leg_response
 from kickdyn.robot.leg import Posture
 
-LARGEST_RESIDUAL = 0.05
+LARGEST_IMPULSE_RESIDUAL = 0.05
 """Residual, relative to radius times impulse, up to which a point contact explains an impact whose
 velocities have no deviations; above it a result has a warning."""
 
-LARGEST_DISTANCE = 0.25
+LARGEST_CONTACT_DISTANCE = 0.25
 """Distance between the contact points of ball and posture, in radii of the ball, above which a
 result has a warning."""
 
@@ -151,7 +151,7 @@ class InferredImpact(ReprMixin):
         """Lines about what to know before using the numbers; empty if there is nothing."""
         lines = list(self.notes)
         deviation = self.deviations.get("residual", 0.0)
-        if self.residual > (3.0 * deviation or LARGEST_RESIDUAL):
+        if self.residual > (3.0 * deviation or LARGEST_IMPULSE_RESIDUAL):
             spread = f" +- {100 * deviation:.2g}" if deviation else ""
             lines.append(
                 f"the residual is {100 * self.residual:.2g}{spread} % of radius times impulse: an "
@@ -164,7 +164,7 @@ class InferredImpact(ReprMixin):
                 "and ball are inconsistent, or the sliding changed during the contact"
             )
         distance = float(np.linalg.norm(self.contact_point - self.posture.contact_point))
-        if distance > LARGEST_DISTANCE * self.ball.radius:
+        if distance > LARGEST_CONTACT_DISTANCE * self.ball.radius:
             lines.append(
                 f"the contact point on the ball is {distance:.2g} m from the contact point of the "
                 "posture, where the leg takes the impulse"

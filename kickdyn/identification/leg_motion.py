@@ -35,7 +35,7 @@ SHORT_TIME = 1e-3
 AFTER_CONTACT = 0.05
 """Time after a contact that a plot shows [s]."""
 
-LARGEST_RESIDUAL = 2.5
+LARGEST_RATIO_TO_MEDIAN = 2.5
 """Larger residuals of a marker, over the median of all, have a warning. In the measured kicks of
 `data/`, noise alone gives 1.1, and a leg that is 3 % too long gives 3."""
 
@@ -225,7 +225,7 @@ class LegMotion(ReprMixin):
         lines = list(self.notes)
         worst = max(self.residuals, key=self.residuals.__getitem__, default=None)
         usual = float(np.median(list(self.residuals.values()))) if worst is not None else 0.0
-        if worst is not None and self.residuals[worst] > LARGEST_RESIDUAL * usual:
+        if worst is not None and self.residuals[worst] > LARGEST_RATIO_TO_MEDIAN * usual:
             lines.append(
                 f"marker {worst!r} is {1e3 * self.residuals[worst]:.2g} mm from the leg's, the "
                 f"median of all {1e3 * usual:.2g} mm: height of the leg or place of the marker "

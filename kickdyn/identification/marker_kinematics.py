@@ -24,7 +24,7 @@ LARGEST_PLACE_DEVIATION, SMALL_STEP = 0.02, 1e-4
 """Largest standard deviation of the places of markers [m], and step of these places [m] and of
 lengths at which their estimation ends."""
 
-LARGEST_RESIDUAL = 0.05
+LARGEST_RMS_DISTANCE = 0.05
 """Root mean square distance of a marker [m] above which it is swapped or on another segment."""
 
 LEAST_SHARE = 3e-3
@@ -301,7 +301,10 @@ def place_deviation(fitted: FittedLeg, measured: Array, frames: Mapping[int, Sol
             residuals[row, number] = pose.rotation.T @ missed
     seen = np.isfinite(residuals[..., 0]).sum(axis=0)
     residuals, seen = residuals[:, seen > 1], seen[seen > 1, None]
-    if not seen.size or np.nanmean((residuals**2).sum(axis=2), axis=0).max() > LARGEST_RESIDUAL**2:
+    if (
+        not seen.size
+        or np.nanmean((residuals**2).sum(axis=2), axis=0).max() > LARGEST_RMS_DISTANCE**2
+    ):
         return 0.0
     means = np.nanmean(residuals, axis=0)
     of_scatter = np.nanvar(residuals, axis=0, ddof=1) / seen

@@ -164,7 +164,7 @@ class Goal(ReprMixin):
         if speed is not None:
             speed = validation.number("speed", speed, above=0, at_most=1e6, unit="m/s")
         running = validation.vector("receiver velocity", receiver_velocity, 3, unit="m/s")
-        validation.number("receiver velocity", math.hypot(*running), at_most=100, unit="m/s")
+        validation.number("speed of the receiver", math.hypot(*running), at_most=100, unit="m/s")
         vars(self).update(
             receiver_velocity=validation.read_only(running),
             target=validation.read_only(point),

@@ -94,9 +94,9 @@ class IncomingBall(ReprMixin):
         )
         place: float | Array | None = None
         if meet_at is not None:
-            point = validation.floats("meet_at", meet_at)
+            point = validation.floats("meet_at", meet_at, unit="s, of a place m")
             if point.shape not in ((), (3,)):
-                raise InvalidInput(f"meet_at has shape {point.shape}: it must be a time or (3,)")
+                raise InvalidInput(f"meet_at has shape {point.shape}: it must be a number or (3,)")
             place = point if point.shape else float(point)
             if isinstance(place, float) and place < state.time:
                 raise InvalidInput(
@@ -230,10 +230,10 @@ def waits_in_reach(
         if isinstance(incoming.meet_at, float):
             wait = incoming.meet_at - float(incoming.state.time)
             if wait > last:
-                rests = ", when it has come to rest" if course.status == "at-rest" else ""
+                rests = ", when the ball comes to rest" if course.status == "at-rest" else ""
                 raise InvalidInput(
-                    f"meet_at is {incoming.meet_at:g} s: it must be within {last:g} s of the time "
-                    f"of the incoming ball{rests}"
+                    f"meet_at is {incoming.meet_at:g} s: it must be at most "
+                    f"{float(incoming.state.time) + last:g} s{rests}"
                 )
             times = np.array([wait])
         else:
@@ -260,9 +260,10 @@ def waits_in_reach(
             turned = " of a leg that faces along the " + (
                 "launch" if isinstance(goal, Goal) else "change of the ball's velocity"
             )
+        where = "behind the leg at meet_at" if chosen else "within reach only behind the leg"
         raise InvalidInput(
-            f"the ball is within reach only behind the leg: it is {behind[least]:.3g} m behind the "
-            f"hip{turned} after {times[least]:.3g} s"
+            f"the ball is {where}: it is {behind[least]:.3g} m behind the hip{turned}, "
+            f"{times[least]:.3g} s after it was seen"
         )
     within = times[inside]
     return np.asarray(np.interp(

@@ -63,7 +63,9 @@ def plan_trap(
     """
     come = incoming if isinstance(incoming, IncomingBall) else IncomingBall(incoming)
     wish = validation.vector("velocity", velocity, 3, unit="m/s")
-    validation.number("velocity", math.hypot(*wish), at_most=FASTEST_BALL, unit="m/s")
+    validation.number(
+        "speed after the contact", math.hypot(*wish), at_most=FASTEST_BALL, unit="m/s"
+    )
     settings = KickSettings(
         BallState(velocity=wish),
         ball,

@@ -387,7 +387,7 @@ def test_a_flight_meets_a_receiver_who_runs(condition):
 
 
 def test_a_receiver_who_runs_away_is_not_met():
-    with pytest.raises(kd.InvalidInput, match=r"receiver velocity is .* at most 100"):
+    with pytest.raises(kd.InvalidInput, match=r"speed of the receiver is .* at most 100"):
         kd.Goal(10, time=1, receiver_velocity=(101, 0, 0))
     launch = kd.plan_launch(kd.Goal(10, speed=12, receiver_velocity=(30, 0, 0)), kd.Ball())
     assert (launch.status, launch.limit) == ("unreachable", "least-speed")

@@ -148,12 +148,14 @@ def test_a_ball_that_cannot_be_met(leg, incoming, message):
 def test_wrong_balls_are_refused():
     with pytest.raises(kd.InvalidInput, match="speed of the incoming ball is 101"):
         kd.IncomingBall(kd.BallState(velocity=(101, 0, 0)))
-    with pytest.raises(kd.InvalidInput, match="every entry must be finite"):
+    with pytest.raises(kd.InvalidInput, match=r"must be finite \[s, of a place m\]"):
         kd.IncomingBall(ROLLING, meet_at=(math.nan, 0, 0))
     with pytest.raises(kd.InvalidInput, match="several states"):
         kd.IncomingBall(kd.BallState(velocity=[(1, 0, 0)] * 2))
     with pytest.raises(kd.InvalidInput, match="meet_at is 1 s: it must be at least 5 s"):
         kd.IncomingBall(ROLLING, meet_at=1.0)
+    with pytest.raises(kd.InvalidInput, match=r"at most 8\.\d+ s, when the ball comes to rest"):
+        kd.plan_trap(HUMAN, kd.IncomingBall(ROLLING, meet_at=14.0), BALL, AIR)
     for other in ({"motion": True}, {"ball_position": -0.7}):
         with pytest.raises(kd.InvalidInput, match="exclude each other"):
             kd.plan_kick(HUMAN, kd.Goal(10, time=1), BALL, AIR, incoming=ROLLING, **other)

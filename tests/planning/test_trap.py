@@ -85,5 +85,5 @@ def test_the_report_of_a_trap(tmp_path):
 def test_a_ball_that_already_moves_so_is_refused():
     with pytest.raises(kd.InvalidInput, match="already has the velocity"):
         kd.plan_trap(HUMAN, kd.BallState((0.3, 0, -0.7042)), BALL, AIR)
-    with pytest.raises(kd.InvalidInput, match=r"velocity is 101.*at most 100"):
+    with pytest.raises(kd.InvalidInput, match=r"speed after the contact is 101.*at most 100"):
         kd.plan_trap(HUMAN, ROLLING, BALL, AIR, velocity=(101, 0, 0))

@@ -42,6 +42,21 @@ def watched(executor, sizes):
     return executor
 
 
+def slowed(executor):
+    """Return an executor whose tasks last, so that what happens to it comes before their end."""
+    submit = executor.submit
+
+    def later(function, *arguments):
+        def slow():
+            time.sleep(0.2)
+            return function(*arguments)
+
+        return submit(slow)
+
+    executor.submit = later
+    return executor
+
+
 class ClosedClient:
     """What a client of dask.distributed is once its scheduler has told it that it closes."""
 
@@ -83,6 +98,7 @@ def test_a_cluster_fills_the_same_store_whatever_becomes_of_it(tmp_path, monkeyp
         stored(tmp_path / "plain.zarr", executor=executor)
         assert files(tmp_path / "plain.zarr") == expected
         workers, seen = list(client.run(os.getpid).values()), []
+        executor = slowed(client.get_executor())
 
         def chunks(name):
             return len(list(tmp_path.glob(f"{name}.zarr/status/c/*/*")))

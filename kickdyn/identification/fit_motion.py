@@ -87,7 +87,7 @@ def fit_motion(
         angles: for a track of angles, its coordinate for each joint of the leg, with a minus where
             it has the other direction: `{"knee": "-knee_angle_r"}`. Each joint must be named. A
             floating base is placed by the coordinates `pelvis_tx` to `pelvis_rotation` of OpenSim.
-            The deviation of angles is taken for 0.5 degrees, of `pelvis_tx` to `tz` for 9 mm.
+            The deviation of angles is taken to be 0.5 degrees, of `pelvis_tx` to `tz` 9 mm.
         contact: when the contact begins, across which nothing is smoothed: a time [s]; a time and
             its standard deviation, `(t, deviation)`; or the `Track` of the ball on the same clock,
             from which both are computed. The deviation counts in `at_contact` and `infer_impact`.

@@ -27,7 +27,7 @@ HIP, LEG_LENGTH = (-0.0707, -0.0661, 0.0835), 0.396 + 0.43
 """Right hip from the origin of the pelvis, and distance from hip to ankle, of the model [m]."""
 
 Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-"""Axes x forward, y left, z up by those of OpenSim."""
+"""Rotation from OpenSim's axes to x forward, y left, z up."""
 
 
 def base_configurations(leg: Leg, coordinates: Mapping[str, Array]) -> Array:

@@ -8,7 +8,7 @@ minimises
 
 with the information matrices :math:`W_k` of the configurations :math:`x_k`. Read as a Gaussian
 prior, with g = 0, the jerk :math:`\dddot x_j` is a stationary process with the variance
-:math:`S_j \tau / 2` that forgets itself within :math:`\tau` (Ornstein-Uhlenbeck process), which
+:math:`S_j \tau / 2` and the correlation time :math:`\tau` (Ornstein-Uhlenbeck process), which
 gives the covariance (Wahba 1983, J. R. Stat. Soc. B 45:133). Quadratics cost nothing. Each
 :math:`S_j` has the largest restricted likelihood, times a log-normal prior: the few frames of a
 swing alone would often determine it wrongly by decades.

@@ -124,7 +124,7 @@ class InterceptingKick:
         return STRONGEST if weaker else OBJECTIVES[self.task.settings.objective]()
 
     def polished(self) -> "InterceptingKick":
-        """Return the kick in all digits, so that it does not depend on rounding."""
+        """Return the kick with its solution refined to rounding."""
         return self.task.kick(self.problem, self.problem.polish(self.objective, self.point))
 
     def plan(self) -> KickPlan:

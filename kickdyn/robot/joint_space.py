@@ -16,8 +16,9 @@ from kickdyn.robot.model_validation import condition, rounding_gain
 class JointSpace:
     r"""Algebra of the inertia M and the Jacobian J of a `Posture`, with its constraints.
 
-    With the Cholesky factor of :math:`M = L L^T`, columns :math:`L^{-1} J^T` are whitened: their
-    products are those of :math:`J M^{-1} J^T`, and constraints are orthogonal projections of them.
+    With the Cholesky factor of :math:`M = L L^T`, the columns of :math:`L^{-1} J^T` are
+    whitened: their inner products are the entries of :math:`J M^{-1} J^T`, and constraints are
+    orthogonal projections of them.
     """
 
     jacobian: Array

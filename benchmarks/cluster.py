@@ -33,8 +33,8 @@ def grid(count: int) -> dict[str, np.ndarray]:
 
 def measure(workers: int, count: int, folder: Path) -> tuple[float, int, int, int]:
     """Return seconds, postures, bytes and files of a sweep by so many processes."""
-    options = {"threads_per_worker": 1, "dashboard_address": None}
-    with LocalCluster(workers, **options) as cluster, Client(cluster) as client:
+    options = {"n_workers": workers, "threads_per_worker": 1, "dashboard_address": None}
+    with LocalCluster(**options) as cluster, Client(cluster) as client:
         executor = client.get_executor()
         for k in range(2):  # every process loads the kernel
             kd.sweep(LEG, grid(4e6), KICK, store=folder / f"{workers}-{k}.zarr",

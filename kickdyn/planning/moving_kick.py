@@ -39,7 +39,7 @@ from kickdyn.planning.kick_problem import (
     solve_kick,
 )
 from kickdyn.planning.kick_steps import one_thread, plan_flight_launch, plan_pass_launch
-from kickdyn.planning.kick_terms import Objective
+from kickdyn.planning.kick_terms import BallPosition, Objective
 from kickdyn.planning.launch import Launch
 from kickdyn.planning.meeting import Meeting
 from kickdyn.planning.objectives import OBJECTIVES, LargestShare
@@ -51,6 +51,10 @@ from kickdyn.robot.leg import Leg
 MENDINGS = 3
 """Number of times that a kick in which bodies collide is planned again at most."""
 
+
+TOUCHING_STARTS, MOST_HOPELESS = 2, 4
+"""Numbers of postures at the ball from which the strongest kick is sought, and of the most
+promising times for which it is."""
 
 LAUNCHES = 5
 """Number of times within reach for which launches are planned to find where a leg faces."""
@@ -172,28 +176,48 @@ class Interceptor:
         ratings = {wait: problem.rating for wait, problem in problems.items()}
         order = sorted(problems, key=lambda wait: ratings[wait])
         kicks: dict[float, InterceptingKick] = {}
-        for wait in order:
-            self._seek(kicks, wait, problems[wait], problems[wait].starts())
-            if kicks:
-                self._follow(kicks, wait, problems)
-                break
-            reasons[wait] = "no posture gives this launch"
-        for wait in problems:
-            if kicks and wait not in kicks:
-                reasons[wait] = "no posture near the other meetings gives this launch"
+        if order:
+            self._seek(kicks, order[0], problems[order[0]], problems[order[0]].starts())
+        if kicks:
+            self._follow(kicks, order[0], problems)
+            missed = "no posture near the other meetings gives this launch"
+        else:
+            reasons = self._seek_strongest(kicks, problems) | reasons
+            missed = "no posture gives this launch"
+        reasons |= {wait: missed for wait in problems if wait not in kicks | reasons}
+        return kicks, reasons
+
+    def _seek_strongest(
+        self, kicks: dict[float, InterceptingKick], problems: dict[float, KickProblem]
+    ) -> dict[float, str]:
+        """Add the strongest kicks, and return why there are none, first at the best time.
+
+        They start from postures at the ball.
+        """
+        touching, reasons = dict[float, KickProblem](), dict[float, str]()
+        for wait, problem in problems.items():
+            at_ball = problem.at_ball(TOUCHING_STARTS)
+            if len(at_ball.drawn):
+                touching[wait] = at_ball
+            else:
+                ball = problem.find(BallPosition)
+                place = "" if ball is None else f" {ball.place}"
+                reasons[wait] = (
+                    f"{self.leg.name} has no posture in which its foot touches the ball{place}"
+                )
+        order = sorted(touching, key=lambda wait: touching[wait].rating)
+        for wait in order[:MOST_HOPELESS]:
+            self._seek(kicks, wait, problems[wait], touching[wait].starts(), STRONGEST)
         if order and not kicks:
             best = order[0]
             try:
-                kicks[best] = self.at(best).kick(*solve_kick(problems[best], self._objective))
+                kicks[best] = self.at(best).kick(*solve_kick(touching[best], self._objective))
             except InvalidInput as error:
-                reasons = {best: str(error)} | {**reasons, best: str(error)}
-                for wait in order[1:]:
-                    self._seek(kicks, wait, problems[wait], problems[wait].starts(), STRONGEST)
-                    if kicks:
-                        break
-            if kicks and min(kick.meeting.share for kick in kicks.values()) < 1.0:
-                self._follow(kicks, next(iter(kicks)), problems, STRONGEST)
-        return kicks, reasons
+                return {best: str(error)} | reasons
+        if kicks:
+            best = min(kicks, key=lambda wait: kicks[wait].rank)
+            self._follow(kicks, best, problems, STRONGEST)
+        return reasons
 
     def _check_facing(self, task: Interception) -> None:
         """Refuse a ball behind a leg that is turned to the impulse."""
@@ -237,7 +261,8 @@ class Interceptor:
         for side in (later, earlier[::-1]):
             last = first
             for wait in side:
-                self._seek(kicks, wait, problems[wait], [kicks[last].point.x], objective)
+                if wait not in kicks:
+                    self._seek(kicks, wait, problems[wait], [kicks[last].point.x], objective)
                 if wait not in kicks:
                     break
                 last = wait

@@ -413,7 +413,8 @@ def _replan(kick: InterceptingKick, plan: KickPlan, incoming: IncomingBall) -> K
             balls = Interceptor(task.leg, settings, incoming, near, max(wait, SHORTEST_COURSE))
             task = balls.at(min(wait, balls.course.duration))
             problem = task.problem(kick.problem)
-            point = best_from(problem, OBJECTIVES[settings.objective](), [kick.point.x])
+            start = task.exactly(problem, problem.variables.point(kick.point.x))
+            point = best_from(problem, OBJECTIVES[settings.objective](), [start.x])
         except InvalidInput:
             point = None
         if point is not None:

@@ -56,7 +56,7 @@ TOUCHING_STARTS, MOST_HOPELESS = 2, 4
 """Numbers of postures at the ball from which the strongest kick is sought, and of the most
 promising times for which it is."""
 
-LAUNCHES = 5
+LAUNCHES = 3
 """Number of times within reach for which launches are planned to find where a leg faces."""
 
 

@@ -205,7 +205,11 @@ class Interceptor:
                 reasons[wait] = (
                     f"{self.leg.name} has no posture in which its foot touches the ball{place}"
                 )
-        order = sorted(touching, key=lambda wait: touching[wait].rating)
+        ranks = {
+            wait: (not problem.may_meet(problem.drawn[0]), problem.rating)
+            for wait, problem in touching.items()
+        }
+        order = sorted(touching, key=lambda wait: ranks[wait])
         for wait in order[:MOST_HOPELESS]:
             self._seek(kicks, wait, problems[wait], touching[wait].starts(), STRONGEST)
         if order and not kicks:

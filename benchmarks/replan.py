@@ -305,7 +305,8 @@ def random_balls(n: int, refusals: int) -> None:
 def _short(reason: str) -> str:
     """Return a reason without its numbers."""
     for text in (
-        "never comes within reach", "touches the ball", "behind the leg", "leaves the plane", "does not cross it",
+        "never comes within reach", "touches the ball", "behind the leg", "leaves the plane",
+        "does not cross it",
         "without its speed and torque limits", "for another position of the ball",
         "another side of the foot", "inside the ball", "under the ground", "friction",
     ):  # fmt: skip

@@ -21,7 +21,6 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.flight.follow import Course, follow
 from kickdyn.ground import Ground
-from kickdyn.planning.goal import Goal
 from kickdyn.robot.ground_clearance import find_depths
 from kickdyn.robot.kicking_chain import kicking_chain, rest_configuration
 from kickdyn.robot.leg import Leg
@@ -271,9 +270,8 @@ def waits_in_reach(
     inside = np.flatnonzero(behind <= radius)
     if not inside.size:
         least = int(np.argmin(behind))
-        turned = "" if reach.across is None else (
-            " of a leg that faces along the change of the ball's velocity"
-        )
+        turned = " of a leg that faces along the change of the ball's velocity"
+        turned = "" if reach.across is None else turned
         where = "behind the leg at meet_at" if chosen else "within reach only behind the leg"
         wait = float(times[within[least]])
         raise InvalidInput(

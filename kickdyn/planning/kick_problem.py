@@ -161,7 +161,8 @@ class KickProblem:
         )
         moved = []
         for q in (*self.drawn, *wide):
-            point = place_exactly(ball, variables.point(np.array([*q, *np.zeros(variables.n), 1.0])))
+            start = variables.point(np.array([*q, *np.zeros(variables.n), 1.0]))
+            point = place_exactly(ball, start)
             if _touches(ball, point):
                 turned = point if facing is None else turn_to_ball(ball, facing, point)
                 moved.append((turned if _touches(ball, turned) else point).x[: variables.n])

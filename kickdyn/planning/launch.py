@@ -305,9 +305,7 @@ def _farthest(family: LaunchFamily) -> Launch:
             f"the goal is out of reach of every launch at {speed:.4g} m/s", LaunchLimit.SPEED, None
         )
     unknowns = np.array([*path.velocity(0.0), path.end])
-    solution = LaunchSolution(
-        unknowns, np.zeros(4), unknowns[None, :3], path, np.zeros((0, 0))
-    )
+    solution = LaunchSolution(unknowns, np.zeros(4), unknowns[None, :3], path, np.zeros((0, 0)))
     reached = Goal(path.position(path.end), time=path.end, spin=goal.spin)
     return _launch(family, reached, LaunchLimit.SPEED, solution)
 

@@ -242,8 +242,8 @@ class LegModel(JointTable):
             angular: angular velocity :math:`\omega_0`, shape `(3,)` [rad/s, world axes].
 
         Raises:
-            InvalidInput: an entry that is not finite, a speed above 100 m/s or 100 rad/s, a floating
-                base, or a leg with supports.
+            InvalidInput: an entry that is not finite, a speed above 100 m/s or 100 rad/s, a
+                floating base, or a leg with supports.
         """
         parts = (
             validation.vector("linear", linear, 3, unit="m/s"),

@@ -241,7 +241,8 @@ def test_a_leg_is_turned_to_a_ball_from_behind():
     assert abs(math.degrees(plan.heading)) == pytest.approx(180.0)
     assert plan.impact.ball_after.velocity == pytest.approx(np.zeros(3), abs=1e-9)
     rolls_off = kd.BallState((0.3, 0.0, -0.7042), (20.0, 0.0, 0.0))
-    with pytest.raises(kd.InvalidInput, match="along the change of the ball's velocity, .* seen; the ball is fa"):
+    message = r"along the change of the ball's velocity, .* seen; the ball is fa"
+    with pytest.raises(kd.InvalidInput, match=message):
         kd.plan_kick(HUMAN, kd.Goal(18, time=1.2), BALL, AIR, incoming=rolls_off)
 
 

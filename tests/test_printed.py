@@ -439,7 +439,7 @@ def of_leg_motion(_):
     return {
         "frames": (9, ""),
         "duration": (0.08, "s"),
-        "contact": ("0.0900", "s"),
+        "contact": ("0.0900 +- 0.001", "s"),
         "incomplete frames": (1, ""),
     }
 
@@ -614,7 +614,7 @@ def body():
 
 def leg_motion():
     names = dict(zip(LEG.joint_names, LEG.joint_names, strict=True))
-    return kd.fit_motion(body(), LEG, angles=names, contact=0.09)
+    return kd.fit_motion(body(), LEG, angles=names, contact=(0.09, 0.0014))
 
 
 def scene(**more):

@@ -107,7 +107,7 @@ def _numbers(values):
 
 
 def _close(a, b, relative, scale) -> bool:
-    if isinstance(a, int) and isinstance(b, int) or relative == 0.0:
+    if (isinstance(a, int) and isinstance(b, int)) or relative == 0.0:
         return a == b or (not isinstance(a + b, int) and math.isclose(a, b, rel_tol=1e-12))
     return abs(a - b) <= max(relative * max(scale, abs(b) if math.isfinite(b) else 0.0), NEGLIGIBLE)
 

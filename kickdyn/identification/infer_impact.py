@@ -442,7 +442,9 @@ def _inferred(
             f"by less than {largest:.4g} rad/s"
         )
     normal = math.sqrt(1.0 - square) * direction + np.cross(direction, arm)
-    impact = InferredImpact(posture, v, ball, before, after, impulse, normal, abs(twist), {})
+    vectors = map(validation.read_only, (impulse, normal))
+    v_before = validation.read_only(v)
+    impact = InferredImpact(posture, v_before, ball, before, after, *vectors, abs(twist), {})
     return impact, twist
 
 

@@ -442,9 +442,8 @@ def _inferred(
             f"by less than {largest:.4g} rad/s"
         )
     normal = math.sqrt(1.0 - square) * direction + np.cross(direction, arm)
-    vectors = map(validation.read_only, (impulse, normal))
-    v_before = validation.read_only(v)
-    impact = InferredImpact(posture, v_before, ball, before, after, *vectors, abs(twist), {})
+    v, impulse, normal = (validation.read_only(vector) for vector in (v, impulse, normal))
+    impact = InferredImpact(posture, v, ball, before, after, impulse, normal, abs(twist), {})
     return impact, twist
 
 

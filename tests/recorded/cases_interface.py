@@ -5,6 +5,8 @@ import inspect
 from importlib import import_module
 from pkgutil import walk_packages
 
+import numpy as np
+
 import kickdyn as kd
 from recorded.plain import plain, text_of
 
@@ -51,12 +53,12 @@ def signatures(name):
 
 
 def constants(name):
-    """Return what a module names in capitals: numbers, text and tables of them."""
+    """Return what a module names in capitals: numbers, text, arrays and tables of them."""
     module = import_module(name)
     return {
         key: plain(item, 1)
         for key, item in vars(module).items()
-        if key.isupper() and not key.startswith("_") and isinstance(item, bool | int | float | str | tuple | list | dict)
+        if key.isupper() and not key.startswith("_") and isinstance(item, bool | int | float | str | tuple | list | dict | np.ndarray)
     }  # fmt: skip
 
 
@@ -67,3 +69,5 @@ CASES = {
 }
 GROWS = True
 """A new function or constant is no unintended change."""
+LOOSE = {"": 0.0}
+"""A default of 0.0024 is not 0.002: only rounding to the last digits of a float64 is let pass."""

@@ -77,15 +77,19 @@ UNSOUND = {
     "lever nan": body(at=(0, math.nan, 0)),
     "nothing": pin.Inertia.Zero(),
     "triangle": body(moments=(0.1, 0.1, 0.21)),
-    "moments beyond float64": body(moments=(1e250, 1e250, 1e250)),
 }
 
 
-@pytest.mark.parametrize("name", UNSOUND)
-def test_unsound_inertia_is_refused(name):
-    why = {"triangle": r" \(principal", "moments beyond float64": ": its moments exceed"}.get(name, "")
-    with pytest.raises(kd.InvalidInput, match="joint 'j0' moves an unsound inertia" + why):
-        kd.Leg.from_model(arm(body=UNSOUND[name]), "toe")
+@pytest.mark.parametrize("unsound", UNSOUND.values(), ids=UNSOUND)
+def test_unsound_inertia_is_refused(unsound):
+    with pytest.raises(kd.InvalidInput, match="joint 'j0' moves an unsound inertia"):
+        kd.Leg.from_model(arm(body=unsound), "toe")
+
+
+def test_moments_beyond_float64_are_refused():
+    far = pin.SE3(np.eye(3), np.array([0, 0, -1e98]))
+    with pytest.raises(kd.InvalidInput, match="an unsound inertia: its moments exceed the range"):
+        kd.Leg.from_model(arm(body=body(mass=1e10), placement=far), "toe")
 
 
 @pytest.mark.parametrize(

@@ -50,7 +50,11 @@ def signatures(name):
                 function = getattr(method, "__func__", method)
                 if not inner.startswith("_") and inspect.isfunction(function):
                     found[f"{key}.{inner}"] = signature(function)
-                elif inner[0] != "_" and type(method) in (bool, int, float, str) and not is_dataclass(item):
+                elif (
+                    inner[0] != "_"
+                    and type(method) in (bool, int, float, str)
+                    and not is_dataclass(item)
+                ):
                     found[f"{key}.{inner}"] = method  # what subclasses and instances start with
     return found
 

@@ -93,7 +93,10 @@ def test_a_cluster_fills_the_same_store_whatever_becomes_of_it(tmp_path, monkeyp
     stored(tmp_path / "whole.zarr")
     expected, sizes = files(tmp_path / "whole.zarr"), []
     options = {"processes": True, "threads_per_worker": 1, "dashboard_address": None}
-    with distributed.LocalCluster(n_workers=2, **options) as cluster, distributed.Client(cluster) as client:
+    with (
+        distributed.LocalCluster(n_workers=2, **options) as cluster,
+        distributed.Client(cluster) as client,
+    ):
         executor = watched(client.get_executor(), sizes)
         stored(tmp_path / "plain.zarr", executor=executor)
         assert files(tmp_path / "plain.zarr") == expected

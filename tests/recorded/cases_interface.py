@@ -2,6 +2,7 @@
 
 import enum
 import inspect
+from dataclasses import is_dataclass
 from importlib import import_module
 from pkgutil import walk_packages
 
@@ -35,7 +36,7 @@ def signature(function):
 
 
 def signatures(name):
-    """Return arguments of what a module defines, and of the methods of its classes."""
+    """Return arguments of what a module defines and of methods, and attributes of classes."""
     module, found = import_module(name), {}
     for key, item in vars(module).items():
         if key.startswith("_") or getattr(item, "__module__", None) != name or not callable(item):
@@ -49,6 +50,12 @@ def signatures(name):
                 function = getattr(method, "__func__", method)
                 if not inner.startswith("_") and inspect.isfunction(function):
                     found[f"{key}.{inner}"] = signature(function)
+                elif (
+                    inner[0] != "_"
+                    and type(method) in (bool, int, float, str)
+                    and not is_dataclass(item)
+                ):
+                    found[f"{key}.{inner}"] = method  # what subclasses and instances start with
     return found
 
 

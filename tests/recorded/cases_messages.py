@@ -99,6 +99,7 @@ PLANNING = {
     "incoming": lambda: kd.plan_kick(HUMAN, kd.Goal(10, time=1), BALL, None, incoming=LAUNCH, ball_position=-0.7),
     "incoming in a motion": lambda: kd.plan_kick(HUMAN, kd.Goal(10, time=1), BALL, None, incoming=LAUNCH, motion=True),
     "faster": lambda: kd.plan_kick(HUMAN, kd.Goal(10, time=1), BALL, None, incoming=kd.BallState((0.3, 0, -0.7), (20, 0, 0))),
+    "fast receiver": lambda: kd.Goal(20, speed=15, receiver_velocity=(90, 60, 0)),
     "receiver": lambda: kd.plan_kick(HUMAN, kd.Goal(20, speed=15, receiver_velocity=(40, 3, 0)), BALL, None),
     "loops": lambda: kd.plan_kick(legs("fourbar"), kd.Goal(10, time=1), BALL, None),
     "mimic": lambda: legs("mimic").locked({"heel": 0.1}),

@@ -410,6 +410,8 @@ def _check_directions(variables: KickVariables, directions: Array) -> None:
 
 def _check_sliding(variables: KickVariables, directions: Array) -> None:
     """Refuse a contact that would slide across the plane in which the foot moves."""
+    if len(directions) == 3:  # nothing is across
+        return
     target, drawn = variables.target, np.linspace(variables.lower, variables.upper, 3)
     ball = target.surface_velocity
     bases = [variables.posture(q).transport_velocity for q in drawn]

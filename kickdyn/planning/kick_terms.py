@@ -27,6 +27,7 @@ from kickdyn.motion.impact_target import ImpactTarget
 from kickdyn.planning.problem import TOLERANCE, Bounds, Function, Kind
 from kickdyn.robot.kicking_chain import UNLIMITED, kicking_chain, rest_configuration
 from kickdyn.robot.leg import Leg, Posture
+from kickdyn.robot.model_validation import frames_by_name
 
 DIFFERENCE_STEP = 1e-7
 """Step of the unknowns in the differences that stand for derivatives."""
@@ -66,6 +67,11 @@ class KickVariables:
         limit = chain.leg.velocity_limit
         self.velocity_scale = np.where(np.isfinite(limit) & (limit > 0.0), limit, UNLIMITED)
         self._rest = rest_configuration(leg)
+
+    @cached_property
+    def frames(self) -> dict[str, int]:
+        """Numbers of the leg's frames by name."""
+        return frames_by_name(self.leg.workspace.model)
 
     def for_target(self, target: ImpactTarget) -> "KickVariables":
         """Return the unknowns of another kick of the same leg."""

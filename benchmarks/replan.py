@@ -29,10 +29,18 @@ from kickdyn.planning.intercepting_kick import Interception, KickSettings
 from kickdyn.planning.interception import Reach, reach_of, waits_in_plane
 from kickdyn.planning.kick_problem import KickProblem
 from kickdyn.planning.kick_steps import checked_contact
-from kickdyn.planning.kick_terms import BallPosition, Facing, StrikeVelocity, place_exactly
+from kickdyn.planning.kick_terms import (
+    BallPosition,
+    Facing,
+    KickPoint,
+    StrikeVelocity,
+    place_exactly,
+)
 from kickdyn.planning.moving_kick import Interceptor
 from kickdyn.planning.objectives import KickObjective
 from kickdyn.planning.problem import Bounds, Function, Kind
+from kickdyn.robot.collisions import find_ball_overlaps, find_self_collisions
+from kickdyn.robot.ground_clearance import find_depths
 from kickdyn.robot.kicking_chain import rest_configuration
 
 BALL, AIR = kd.Ball(), kd.Air()
@@ -139,8 +147,12 @@ def finds_kick(case: Case, draw: np.random.Generator) -> bool:
             problem = task.problem(problem)
         except kd.InvalidInput:
             continue
-        if any(_keeps_all(problem, x) for x in _fast_enough(task, problem, draw)):
-            return True
+        assert task.incoming.ground is not None
+        height = task.incoming.ground.height
+        for x in _fast_enough(task, problem, draw):
+            point = _kept_point(problem, x)
+            if point is not None and not _collides(problem, point, height):
+                return True
     return False
 
 
@@ -225,8 +237,8 @@ def _fast_enough(task: Interception, problem: KickProblem, draw: np.random.Gener
     return np.column_stack([q[best], v[best], np.ones(len(best))])
 
 
-def _keeps_all(problem: KickProblem, x: np.ndarray) -> bool:
-    """Return whether unknowns, moved exactly to the ball, keep all terms of the problem."""
+def _kept_point(problem: KickProblem, x: np.ndarray) -> KickPoint | None:
+    """Return unknowns moved exactly to the ball, if they keep all terms of the problem."""
     position, strike_velocity = problem.find(BallPosition), problem.find(StrikeVelocity)
     point = strike_velocity.make_exact(place_exactly(position, problem.variables.point(x)))
     for term in problem.terms:
@@ -234,13 +246,24 @@ def _keeps_all(problem: KickProblem, x: np.ndarray) -> bool:
             value = term.value(point) / term.scale
             wrong = np.abs(value) if term.kind == Kind.EQUALITY else -value
             if wrong.size and wrong.max() > 1e-6:
-                return False
+                return None
         elif (
             isinstance(term, Bounds)
             and not ((point.x >= term.lower) & (point.x <= term.upper)).all()
         ):
-            return False
-    return True
+            return None
+    return point
+
+
+def _collides(problem: KickProblem, point: KickPoint, ground: float) -> bool:
+    """Return whether bodies are inside each other or the ball, or under the ground, as in plans."""
+    q, _ = problem.on_robot(point)
+    posture, radius = problem.robot.posture(q), BALL.radius
+    return bool(
+        find_self_collisions(problem.robot, q)
+        or find_ball_overlaps(posture, point.ball_centre, radius)
+        or find_depths(problem.robot, q, ground)
+    )
 
 
 def random_balls(n: int, refusals: int) -> None:
@@ -282,7 +305,8 @@ def random_balls(n: int, refusals: int) -> None:
 def _short(reason: str) -> str:
     """Return a reason without its numbers."""
     for text in (
-        "never comes within reach", "behind the leg", "leaves the plane", "does not cross it",
+        "never comes within reach", "touches the ball", "behind the leg", "leaves the plane",
+        "does not cross it",
         "without its speed and torque limits", "for another position of the ball",
         "another side of the foot", "inside the ball", "under the ground", "friction",
     ):  # fmt: skip

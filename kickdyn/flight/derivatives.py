@@ -130,7 +130,8 @@ def fly_with_slopes(
         launch: function of the parameters that returns the launch and the air.
         parameters: values of the parameters, shape `(p,)`: components of the velocity, the size of
             the spin, a factor of a coefficient, the wind, or anything else.
-        increments: changes of the parameters, shape `(p,)`: `INCREMENT` times the size of each.
+        increments: changes of the parameters, shape `(p,)`: `INCREMENT` times the size of each; or
+            shape `(0,)`, for the flight without derivatives.
         ball: the ball; its mass and radius count.
         end: time of the end since the launch [s]; or a plane, such as the ground or a wall, which
             the ball must reach within `TIME_LIMIT`.
@@ -142,7 +143,8 @@ def fly_with_slopes(
         KickdynError: the flight cannot be integrated, or does not reach the plane.
     """
     values, steps = np.asarray(parameters, dtype=float), np.asarray(increments, dtype=float)
-    changed = [values, *(values + np.diag(steps)), *(values - np.diag(steps) if central else ())]
+    changes = np.eye(len(steps), len(values)) * steps[:, None]
+    changed = [values, *(values + changes), *(values - changes if central else ())]
     flights = [(state, VACUUM if air is None else air) for state, air in map(launch, changed)]
     if all(is_ballistic(air, state.spin) for state, air in flights):
         duration, states = _fall(flights, ball, end)

@@ -142,12 +142,14 @@ class _Balls:
             self.status[rows] = flags[status]
             landed = rows[status == LANDED]
             after = bounce(self.states(landed), self.ball, self.surface)
-            self.velocity[landed], self.spin[landed] = after.velocity, after.spin
-            down = self.velocity[landed, 2] < LEAST_REBOUND
-            self.status[landed[down]] = _DOWN
-            going = landed[~down]
-            self.status[going[self.bounces[going] == MOST_BOUNCES]] = BOUNCING
-            self.bounces[going[self.bounces[going] < MOST_BOUNCES]] += 1
+            rises = after.velocity[:, 2] >= LEAST_REBOUND
+            given_up = rises & (self.bounces[landed] == MOST_BOUNCES)
+            self.status[landed[given_up]] = BOUNCING  # it ends as it lands
+            self.status[landed[~rises]] = _DOWN
+            self.bounces[landed[rises & ~given_up]] += 1
+            goes_on = landed[~given_up]
+            self.velocity[goes_on] = after.velocity[~given_up]
+            self.spin[goes_on] = after.spin[~given_up]
 
     def slide_all(self) -> None:
         """Let friction turn sliding into rolling."""

@@ -12,6 +12,7 @@ from scipy.optimize import brentq
 
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
+from kickdyn.core import validation
 from kickdyn.core.plot_style import styled
 from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
@@ -76,6 +77,9 @@ class Identification(ReprMixin):
     noise: float
     widening: float
     curved: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        validation.protect(self.estimates, self.covariance, self.residuals, self.used)
 
     def _rows(self) -> Iterable[Row]:
         yield "samples", f"{self.used.size - self.outliers} of {self.used.size} used", ""

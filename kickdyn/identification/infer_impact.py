@@ -442,6 +442,7 @@ def _inferred(
             f"by less than {largest:.4g} rad/s"
         )
     normal = math.sqrt(1.0 - square) * direction + np.cross(direction, arm)
+    v, impulse, normal = (validation.read_only(vector) for vector in (v, impulse, normal))
     impact = InferredImpact(posture, v, ball, before, after, impulse, normal, abs(twist), {})
     return impact, twist
 

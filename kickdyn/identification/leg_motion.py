@@ -124,6 +124,9 @@ class LegMotion(ReprMixin):
     frames: tuple[int, ...]
     fitted: FittedLeg | None = None
 
+    def __post_init__(self) -> None:
+        validation.protect(self.times, self.configurations, self.information)
+
     def q(self, t: float) -> Array:
         """Return the smoothed configuration at a time [s], shape `(nq,)` [rad; m]."""
         return self._piece_at(t).state(t)[0]

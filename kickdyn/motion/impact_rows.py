@@ -1,13 +1,14 @@
 r"""Rows of the impact in a motion: momentum, restitution, no sliding, the ball's place, the ground.
 
-The unknowns are q, v before, the jump of v, and the share s of the launch. With the impulse
-:math:`s\,p` on the ball, they keep
+The unknowns are q, v before, the jump of v, the share s of the launch, and the jump w of v that
+the whole launch takes. With the impulse :math:`s\,p` on the ball, they keep
 
 .. math::
-    M \Delta v + s\, J^T p = 0, \quad n \cdot (s\,u_b - J v^+) = e\, n \cdot J v^-, \quad
-    x + r n = x_{ball}
+    M w + J^T p = 0, \quad \Delta v = s\, w, \quad
+    n \cdot (s\,u_b - J v^+) = e\, n \cdot J v^-, \quad x + r n = x_{ball}
 
-and no sliding, with the velocity :math:`u_b` of the ball's contact point.
+and no sliding, with the velocity :math:`u_b` of the ball's contact point. The ground's impulse is
+limited for the whole launch: then its limits depend on the posture alone, not on the share.
 """
 
 from collections.abc import Sequence
@@ -38,15 +39,17 @@ class ImpactRows(NamedTuple):
     """Rows of the impact.
 
     Attributes:
-        every: of q, v before, the jump of v, and s; the parameter relaxes limits of the ground.
+        every: of q, v before, the jump of v, s, and w; the parameter relaxes limits of the ground.
         posture: of q alone.
-        margins: CasADi's function of q, the jump of v and s: margins of the ground's limits.
+        margins: CasADi's function of q and w: margins of the ground's limits.
+        jump: likewise of q: matrix and right side of the equations for w.
         ball_centre: likewise of q: the centre of the ball that the foot touches.
     """
 
     every: Rows
     posture: Rows
     margins: Any
+    jump: Any
     ball_centre: Any
 
 
@@ -54,8 +57,9 @@ def impact_rows(task: KickTask, tree: SymbolicTree, limits: Sequence[Impulse]) -
     """Return the rows of the impact of a kick, with limits of the ground's impulse."""
     target, leg = task.target, task.leg
     ball, normal, impulse = target.ball, target.contact.normal, target.impulse
-    q, v, jump = tree.q, tree.v, tree.a
-    share, relaxation = ca.SX.sym("share"), ca.SX.sym("relaxation")
+    q, v, of_whole, jump = tree.q, tree.v, tree.a, ca.SX.sym("jump", tree.model.nv)
+    share, none = ca.SX.sym("share"), ca.SX(0, 1)
+    relaxation = ca.SX.sym("relaxation")
     still = ca.SX.zeros(tree.model.nv, 1)
     needed, reaction = ca.substitute(list(tree.inverse_dynamics(gravity=False)), [v], [still])
     lever = leg.posture(leg.configuration()).with_contact_offset(target.contact.offset)
@@ -78,7 +82,8 @@ def impact_rows(task: KickTask, tree: SymbolicTree, limits: Sequence[Impulse]) -
          0.0, np.inf),
     ]  # fmt: skip
     rows = [
-        ((needed + share * (jacobian.T @ ca.DM(impulse))) / ca.DM(momentum), 0.0, 0.0),
+        ((needed + jacobian.T @ ca.DM(impulse)) / ca.DM(momentum), 0.0, 0.0),
+        ((jump - share * of_whole) / ca.DM(0.3 * task.speed_limit), 0.0, 0.0),
         (rebound / speed, 0.0, 0.0),
         *posture_rows,
     ]
@@ -89,17 +94,21 @@ def impact_rows(task: KickTask, tree: SymbolicTree, limits: Sequence[Impulse]) -
         turning = slip @ tree.angular_velocity(leg.contact_joint) / TURN_SCALE
         rows.append((turning, -most, most))
     moment = ca.cross(point, ca.DM(impulse))
-    wrench = reaction + share * ca.vertcat(ca.DM(impulse), moment)
+    wrench = reaction + ca.vertcat(ca.DM(impulse), moment)
     sample = Sample(tree, torque=None, wrench=wrench, size=float(np.linalg.norm(impulse)))
     for limit in limits:
         row, low, high = limit.rows(sample)
         rows.append((row + relaxation * (1.0 - share), low, high))
-    z = ca.vertcat(q, v, jump, share)
+    z = ca.vertcat(q, v, jump, share, of_whole)
     margins = [limit.margins(sample) for limit in limits]
-    function = ca.Function("impulse_margins", [q, jump, share], [ca.vertcat(ca.SX(0, 1), *margins)])
+    function = ca.Function("impulse_margins", [q, of_whole], [ca.vertcat(none, *margins)])
+    inertia, force = ca.jacobian(needed, of_whole), -jacobian.T @ ca.DM(impulse)
+    of_jump = ca.Function("jump", [q], [inertia, force])
     centre = ca.Function("ball", [q], [point + ca.DM(ball.radius * normal)])
-    posture = make_rows(q, ca.SX(0, 1), posture_rows, ca.SX(0.0))
-    return ImpactRows(make_rows(z, relaxation, rows, ca.SX(0.0)), posture, function, centre)
+    posture = make_rows(q, none, posture_rows, ca.SX(0.0))
+    return ImpactRows(
+        make_rows(z, relaxation, rows, ca.SX(0.0)), posture, function, of_jump, centre
+    )
 
 
 def _restitution(target: ImpactTarget, approach: Any) -> Any:

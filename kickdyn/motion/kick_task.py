@@ -1,7 +1,7 @@
 """The kick that a motion is planned for, and the limits that the motion must keep."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -17,6 +17,7 @@ from kickdyn.motion.limits import (
     Apart,
     Clearance,
     Friction,
+    HeldTorqueLimit,
     Impulse,
     Limit,
     MuscleTorqueLimit,
@@ -29,13 +30,16 @@ from kickdyn.motion.limits import (
     Twist,
 )
 from kickdyn.robot.ground_clearance import Spheres, extreme_spheres
-from kickdyn.robot.kicking_chain import UNLIMITED
+from kickdyn.robot.kicking_chain import UNLIMITED, rest_configuration
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.standing import Foot, StandingRobot, joint_spheres, sole_edges
 
 UNDER, BESIDE = (14, 0.4), (6, 0.6)
 """Numbers of spheres that span the kicking foot downwards and towards the other foot, each of which
 has rows at every point, and the cosine of the largest angle to that direction."""
+
+HELD_RESERVE = 0.01
+"""Reserve of the limits of the ground's impulse where a motion holds joints."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +59,7 @@ class KickTask:
         muscles: whether the torque limits fall with speed, as those of muscles.
         other: the kicking foot, where the motion starts and ends on both feet.
         held: values of joints of `robot` that are not in `leg`, other than at rest.
+        loaded: joints of `robot` that are not in `leg`, whose torques have rows.
     """
 
     robot: Leg
@@ -68,6 +73,7 @@ class KickTask:
     muscles: bool = False
     other: Foot | None = None
     held: Mapping[str, float] = field(default_factory=dict)
+    loaded: Sequence[str] = ()
 
     @property
     def speed_limit(self) -> Array:
@@ -114,7 +120,11 @@ def limits_of(task: KickTask) -> tuple[list[Limit], list[Impulse]]:
         pin.forwardKinematics(leg.workspace.model, leg.workspace.data, leg.configuration())
         upright = leg.workspace.data.oMi[carriers[-1]].rotation[2].copy()
         limits.append(Tilt(carriers[-1], upright))
-    return limits, [Impulse(limit) for limit in on_ground]
+    if task.loaded:
+        at_rest = rest_configuration(standing.leg, task.held)
+        limits.append(HeldTorqueLimit(task.loaded, standing.leg, at_rest))
+    reserve = HELD_RESERVE if leg.nv < standing.leg.nv else 0.0
+    return limits, [Impulse(limit, reserve) for limit in on_ground]
 
 
 def _trunk_carriers(standing: StandingRobot, leg: Leg) -> list[int]:

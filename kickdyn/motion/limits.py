@@ -27,6 +27,7 @@ import numpy as np
 from kickdyn.core.validation import Array
 from kickdyn.motion.symbolic_tree import SymbolicTree
 from kickdyn.robot.ground_clearance import Spheres
+from kickdyn.robot.leg import Leg
 from kickdyn.robot.muscle_torque import muscle_share
 from kickdyn.robot.standing import Foot, StandingRobot, sole_edges
 
@@ -121,6 +122,41 @@ class TorqueLimit(Limit):
 
     def rows(self, sample: Sample) -> tuple[Any, float, float]:
         return sample.torque / ca.DM(self._limit), self.reserve - 1.0, 1.0 - self.reserve
+
+
+class HeldTorqueLimit(Limit):
+    """The torques that keep joints at rest while others move, as shares of their limits.
+
+    Args:
+        names: of joints at rest.
+        leg: with all joints.
+        q: its configuration, in which joints at rest have their values.
+    """
+
+    reserve = 0.01
+
+    def __init__(self, names: Sequence[str], leg: Leg, q: Array) -> None:
+        self.labels, self._leg, self._q = [f"torque of {name}" for name in names], leg, q
+        self._held = [leg.joint_names.index(name) for name in names]
+
+    def _shares(self, moving: SymbolicTree) -> Any:
+        """Return the torques over their limits."""
+        model = self._leg.model
+        tree = SymbolicTree(model)
+        names = [str(name) for name in moving.model.names[1:]]
+        columns = [self._leg.joint_names.index(name) for name in names]
+        states = [ca.SX(ca.DM(x)) for x in (self._q, *np.zeros((2, model.nv)))]
+        for state, part in zip(states, (moving.q, moving.v, moving.a), strict=True):
+            state[columns] = part
+        torque, _ = tree.inverse_dynamics()
+        at_rest = ca.Function("held", [tree.q, tree.v, tree.a], [torque[self._held]])
+        return at_rest(*states) / ca.DM(model.effortLimit[self._held])
+
+    def margins(self, sample: Sample) -> Any:
+        return 1.0 - ca.fabs(self._shares(sample.tree))
+
+    def rows(self, sample: Sample) -> tuple[Any, float, float]:
+        return self._shares(sample.tree), self.reserve - 1.0, 1.0 - self.reserve
 
 
 class MuscleTorqueLimit(TorqueLimit):
@@ -246,22 +282,26 @@ class Twist(GroundLimit):
 class Impulse(Limit):
     """The same limit of the ground, for its impulse in the impact.
 
+    Args:
+        limit: of the ground.
+        reserve: of the rows: joints that a motion holds give way in the impact.
+
     Attributes:
         relaxation: of its rows where none of the launch is reached.
     """
 
     relaxation = 0.5
 
-    def __init__(self, limit: Limit) -> None:
-        self.limit, self.unit = limit, limit.unit
+    def __init__(self, limit: Limit, reserve: float = 0.0) -> None:
+        self.limit, self.unit, self.reserve = limit, limit.unit, reserve
         self.labels = [f"{label} in the impact" for label in limit.labels]
 
     def margins(self, sample: Sample) -> Any:
         return self.limit.margins(sample)
 
     def rows(self, sample: Sample) -> tuple[Any, float, float]:
-        rows, lower, upper = self.limit.rows(sample)
-        return rows, min(lower, 0.0), upper
+        rows, _, upper = self.limit.rows(sample)
+        return rows, self.reserve, upper
 
 
 class Clearance(Limit):

@@ -62,6 +62,7 @@ class Motion(ReprMixin):
         shift: of the weight from both feet onto the supporting one, before the backswing; in
             reverse, it is also what follows the recovery. None where the robot starts on one foot.
         held: values of joints that have no spline, other than at rest [rad; m if prismatic].
+        loaded: joints without a spline whose torques the planner limits.
     """
 
     robot: Leg
@@ -74,6 +75,7 @@ class Motion(ReprMixin):
     solution: Any = None
     held: Mapping[str, float] = field(default_factory=dict)
     shift: WeightShift | None = None
+    loaded: tuple[str, ...] = ()
 
     def _rows(self) -> Iterable[Row]:
         yield "joints", ", ".join(self.joints), ""

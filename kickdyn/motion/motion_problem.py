@@ -76,7 +76,7 @@ class MotionProblem:
         margins: CasADi's function of q, v, a that gives the margins of all `limits`, stacked.
         forces: likewise the torques over their limits, and the ground's wrench on a robot that
             stands, over its weight, moments over `LENGTH` times it.
-        impulse_margins: likewise of q, the jump of v, and the share, of `impulse_limits`.
+        impulse_margins: likewise of q and the jump of v with the whole launch, of `impulse_limits`.
         surroundings: which bodies can come near each other.
         feet: both feet, where the motion starts and ends on them; else None.
     """
@@ -121,8 +121,8 @@ class MotionProblem:
         self._is_height = np.concatenate([*of_heights, np.zeros(len(scale), bool)]).astype(bool)
         cost = ca.sumsqr(forces[: self.n]) / self.n
         self.path = make_rows(ca.vertcat(tree.q, tree.v, tree.a, forces), ca.SX(0, 1), rows, cost)
-        self.impact, self.posture, self.impulse_margins, self._ball_centre = impact_rows(
-            task, tree, impulse_limits
+        self.impact, self.posture, self.impulse_margins, self._jump, self._ball_centre = (
+            impact_rows(task, tree, impulse_limits)
         )
         self._apart: dict[tuple[int, int], Rows] = {}
         self.surroundings = Surroundings(task.robot, task.leg, task.target.ball.radius)
@@ -139,6 +139,11 @@ class MotionProblem:
     def ball_centre(self, q: Array) -> Array:
         """Return the centre of the ball that the foot touches at q, shape `(3,)` [m]."""
         return np.asarray(self._ball_centre(q)).ravel()
+
+    def jump(self, q: Array) -> Array:
+        """Return the jump of v with the whole launch at q, shape `(n,)` [rad/s; m/s]."""
+        inertia, force = self._jump(q)
+        return np.linalg.solve(np.asarray(inertia), np.asarray(force).ravel())
 
     def _rows_apart(self, joints: tuple[int, int]) -> Rows:
         """Return the row of `Conditions` of two joints, with the configuration as its unknown.
@@ -248,7 +253,9 @@ class MotionProblem:
             apart: conditions of bodies.
         """
         n, splines = self.n, self.splines
-        size, moments, free = splines.size * n + 1, np.concatenate(times), len(self._most)
+        moments, free = np.concatenate(times), len(self._most)
+        last = splines.size * n  # number of the share, which the jump of the whole launch follows
+        size = last + 1 + n
         to_speeds = per_joint(splines.speed_rows(), n, 1)
         to_speeds = sp.diags(np.resize(1.0 / self.task.speed_limit, to_speeds.shape[0])) @ to_speeds
         blocks = [*self._blocks(times, relaxation), *map(self._block_apart, apart)]
@@ -264,7 +271,7 @@ class MotionProblem:
         )
         if self.feet is not None:  # both ends are given
             least[[0, -1]] = largest[[0, -1]] = rest
-        bound = np.tile(self._most, len(moments))
+        bound, free_jump = np.tile(self._most, len(moments)), np.full(n, np.inf)
         q, v, a = (splines.values(times, order) @ start.coefficients for order in range(3))
         forces = np.asarray(self.forces.map(len(q))(q.T, v.T, a.T)).T
         empty = Multipliers(
@@ -278,10 +285,11 @@ class MotionProblem:
         solver = block_solver(blocks, to_speeds, self._cost(rest), columns, options)
         end = solver(
             x0=np.concatenate([
-                start.coefficients.ravel(), [np.clip(start.share, *shares)], forces.ravel()
+                start.coefficients.ravel(), [np.clip(start.share, *shares)],
+                self.jump(splines.at_impact()[0] @ start.coefficients), forces.ravel(),
             ]),
-            lbx=np.concatenate([least.ravel(), shares[:1], -bound]),
-            ubx=np.concatenate([largest.ravel(), shares[1:], bound]),
+            lbx=np.concatenate([least.ravel(), shares[:1], -free_jump, -bound]),
+            ubx=np.concatenate([largest.ravel(), shares[1:], free_jump, bound]),
             lbg=lowest,
             ubg=highest,
             lam_g0=multipliers,
@@ -294,7 +302,7 @@ class MotionProblem:
         of_speeds, of_points, of_impact, *of_apart = np.split(multipliers, np.cumsum(sizes)[:-1])
         of_points = of_points.reshape(len(moments), -1)
         feasible = bool(np.abs(rows - np.clip(rows, lowest, highest)).max() <= TOLERANCE)
-        coefficients, share = x[: size - 1].reshape(splines.size, n), float(x[size - 1])
+        coefficients, share = x[:last].reshape(splines.size, n), float(x[last])
         return Solution(
             rest,
             self._with_exact_impact(coefficients, share) if feasible else coefficients,
@@ -317,13 +325,18 @@ class MotionProblem:
         Ipopt leaves them with an error up to `TOLERANCE`, which Newton's method takes away.
         """
         maps, equal = self.splines.at_impact(), self.impact.lower == self.impact.upper
+        jump = self.jump(maps[0] @ coefficients)
         for _ in range(IMPACT_STEPS):
-            z = np.append(maps @ coefficients, share)
+            state = maps @ coefficients
+            z = np.concatenate([state.ravel(), [share], jump])
             error = np.asarray(self.impact.values(z, 0.0)[0]).ravel()[equal]
-            slope = np.asarray(self.impact.jacobian(z, 0.0))[equal, :-1]
-            rows = np.einsum("kin,is->ksn", slope.reshape(len(slope), len(maps), -1), maps)
-            change = np.linalg.lstsq(rows.reshape(len(rows), -1), -error)[0]
-            coefficients = coefficients + change.reshape(coefficients.shape)
+            slope = np.asarray(self.impact.jacobian(z, 0.0))[equal]
+            of_state, of_jump = slope[:, : state.size], slope[:, state.size + 1 :]
+            rows = np.einsum("kin,is->ksn", of_state.reshape(len(slope), len(maps), -1), maps)
+            rows = np.hstack([rows.reshape(len(rows), -1), of_jump])
+            change = np.linalg.lstsq(rows, -error)[0]
+            coefficients = coefficients + change[: coefficients.size].reshape(coefficients.shape)
+            jump = jump + change[coefficients.size :]
         return coefficients
 
     def _lower_on_both(
@@ -382,7 +395,8 @@ class MotionProblem:
         def add(label: str, values: Array, amount: float = 0.1) -> None:
             total[label] = total.get(label, 0.0) + amount / SHARE * float(np.abs(values).sum())
 
-        torques, ranges = known.points[:, len(self.path.lower) :], known.bounds[:-1]
+        torques = known.points[:, len(self.path.lower) :]
+        ranges = known.bounds[: self.splines.size * self.n]
         for i, name in enumerate(names):
             add(f"torque of {name}", torques[:, i])
             add(f"speed of {name}", known.speeds[i :: self.n])
@@ -404,16 +418,14 @@ class MotionProblem:
         """Return the rows of the points and of the impact."""
         n, splines, free = self.n, self.splines, len(self._most)
         maps = np.stack([splines.values(times, order) for order in range(3)], axis=1)
-        to_states = per_joint(maps.reshape(3 * len(maps), -1), n, 1)
+        to_states = per_joint(maps.reshape(3 * len(maps), -1), n, 1 + n)
         to_points = sp.block_diag([to_states, sp.eye(len(maps) * free)]).tocsr()
         numbers = [
             np.arange(to_states.shape[0]).reshape(len(maps), -1),
             to_states.shape[0] + np.arange(len(maps) * free).reshape(len(maps), -1),
         ]
         to_points = to_points[np.hstack(numbers).ravel()]  # states and forces of each point
-        last = splines.size * n
-        to_share = sp.csr_matrix(([1.0], ([0], [last])), shape=(1, last + 1))
-        to_impact = sp.vstack([per_joint(splines.at_impact(), n, 1), to_share])
+        to_impact = sp.block_diag([per_joint(splines.at_impact(), n, 0), sp.eye(1 + n)])
         weights = np.concatenate([integration_weights(t) for t in times])
         return [
             Block(self.path, to_points, np.zeros((0, len(maps))), weights),

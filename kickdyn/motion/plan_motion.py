@@ -43,10 +43,10 @@ FIRST_SHARE = 0.3
 FAR = 0.02
 """Violation of a limit from which on a solution is only a start for another one."""
 
-ROUNDS = 4
+ROUNDS = 5
 """Solutions with points added where limits are broken."""
 
-MOST_WORK, LEGS_WORK, LEAST_ITERATIONS = 5500, 2400, 10
+MOST_WORK, LEGS_WORK, LEAST_ITERATIONS = 5500, 3600, 10
 """Iterations of Ipopt times joints that move: of a plan, and of its legs alone, at most. Fewer
 iterations than the last number are not begun. An iteration takes about 8 ms for each joint."""
 
@@ -57,10 +57,10 @@ legs is one to start from; below which legs alone are given up; and below which 
 TIGHTER = {"mu_init": 1e-3, "max_iter": 150, "constr_viol_tol": 1e-7}
 """Options of Ipopt for a solution that others follow near it."""
 
-FIRST = {**TIGHTER, "tol": 1e-2, "compl_inf_tol": 2e-3}
+FIRST = {**TIGHTER, "mu_init": 0.1, "tol": 1e-2, "compl_inf_tol": 2e-3}
 """Options of Ipopt for the first solution of a start: another one follows in any case."""
 
-NEARBY = {**FIRST, "mu_init": 1e-4, "bound_push": 1e-4, "bound_frac": 1e-4}
+NEARBY = {**FIRST, "mu_init": 1e-3, "bound_push": 1e-4, "bound_frac": 1e-4}
 """Options of Ipopt for the first solution near a motion."""
 
 AGAIN = {
@@ -111,15 +111,23 @@ def plan_motion(task: KickTask, near: Motion | None = None) -> PlannedMotion:
     held = {} if near is None else near.held
     legs = task
     if task.standing is not None:
-        legs = replace(task, leg=kicking_chain(task.leg, others=held).leg, held=held)
+        loaded: tuple[str, ...] = () if near is None else near.loaded
+        legs = replace(task, leg=kicking_chain(task.leg, others=held).leg, held=held, loaded=loaded)
     if legs.leg.joint_names == task.leg.joint_names:
         return _plan(task, _Near(near), STARTS, work)
     if near is not None and near.joints != legs.leg.joint_names:
         return _plan(task, _Near(near), 0, work)
     of_legs = _Work(LEGS_WORK)
     planned = first = _plan(legs, _Near(near), 0, of_legs, task.leg)
+    overloaded = _overloaded(first.motion)
+    if first.keeps_limits and overloaded:
+        start, held = replace(first.motion, solution=None), first.motion.held
+        leg = kicking_chain(task.leg, others=held).leg
+        other = replace(task, leg=leg, held=held, loaded=(*start.loaded, *overloaded))
+        planned = first = _plan(other, _Near(start), 0, of_legs)
+        overloaded = _overloaded(first.motion)
     work.left -= LEGS_WORK - of_legs.left
-    if first.keeps_limits and not _overloads(first.motion):
+    if first.keeps_limits and not overloaded:
         return first
     if near is not None and not first.keeps_limits:
         return first
@@ -127,16 +135,21 @@ def plan_motion(task: KickTask, near: Motion | None = None) -> PlannedMotion:
         planned = _plan(task, _Near(first.motion, first.share), 0, work)
         if planned.keeps_limits:
             return planned
-    other = _plan(task, _Near(None), 1, work)
-    return max(other, planned, key=lambda motion: motion.rank)
+    others = [planned]
+    if work.iterations(task.leg.nv):
+        others.append(_plan(task, _Near(None), 1, work))
+    if not first.keeps_limits:  # of a robot whose joints at rest are not overloaded
+        others.append(first)
+    return max(others, key=lambda motion: motion.rank)
 
 
-def _overloads(motion: Motion) -> bool:
-    """Return whether joints that stay at rest take more than their torque limits."""
-    limit = motion.robot.effort_limit
-    times = np.linspace(motion.begin, motion.end, HELD_TIMES)
+def _overloaded(motion: Motion) -> list[str]:
+    """Return the joints that stay at rest and take more than their torque limits."""
+    robot, times = motion.robot, np.linspace(motion.begin, motion.end, HELD_TIMES)
     largest = np.max([np.abs(motion.torque(t)) for t in times], axis=0)
-    return bool((largest > np.where(limit > 0.0, limit, np.inf)).any())
+    limit = np.where(robot.effort_limit > 0.0, robot.effort_limit, np.inf)
+    names = [name for name in robot.single_joints if name not in motion.joints]
+    return [name for name in names if (largest > limit)[robot.velocity_index(name)]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,8 +187,9 @@ def _plan(
         else:
             bodies = [] if whole is None else frames_of(whole, [n for limb in held for n in limb])
             solution = search.first(start, near.motion is not None, bodies)
-            if whole is not None and held and solution.share > HOPE:
+            if whole is not None and near.motion is None and solution.share > HOPE:
                 search.hold_aside(solution, whole, held)
+                solution = search.limit_overloaded(solution)
             verdicts.append(search.refine(solution))
         if verdicts[-1].keeps_limits or not work.iterations(problem.n):
             break
@@ -224,9 +238,9 @@ class _Search:
         times: list[Array],
         apart: Sequence[Conditions],
         options: dict[str, Any],
+        shares: tuple[float, float] = (0.0, 1.0),
         *,
         relaxed: bool = False,
-        shares: tuple[float, float] = (0.0, 1.0),
     ) -> Solution:
         n = self.problem.n
         most = min(options["max_iter"], self._work.iterations(n))
@@ -250,13 +264,23 @@ class _Search:
             self.rest = self.rest if rest is None else rest
         self.problem = other
 
+    def limit_overloaded(self, solution: Solution) -> Solution:
+        """Limit the torques of joints at rest that a solution overloads, and return the solution.
+
+        It has no multipliers where there are such joints.
+        """
+        motion, task = Verdict(self.problem, solution).planned().motion, self.problem.task
+        overloaded = _overloaded(motion)
+        if not overloaded:
+            return solution
+        self.problem = _problem_of(replace(task, loaded=overloaded))
+        return replace(solution, multipliers=None)
+
     def again(self, start: Solution) -> Verdict:
         """Return the verdict on the solution next to the one of nearly the same kick."""
         assert start.multipliers is not None
         apart = [conditions for conditions, _ in start.multipliers.apart]
-        return Verdict(
-            self.problem, self._solve(start, start.times, apart, AGAIN, shares=(1.0, 1.0))
-        )
+        return Verdict(self.problem, self._solve(start, start.times, apart, AGAIN, (1.0, 1.0)))
 
     def first(self, start: Solution, moves: bool, aside: Sequence[str]) -> Solution:
         """Return a solution from unknowns to start from, of limits at few points.
@@ -269,12 +293,7 @@ class _Search:
         problem = self.problem
         near = problem.surroundings.without(aside)
         apart = Nearness(problem, start, start.times, near).conditions(start.times)
-        solution = self._solve(start, start.times, apart, NEARBY if moves else FIRST, relaxed=True)
-        again = not self._partly and HOPE < solution.share <= FULL
-        if again and self._work.iterations(problem.n):
-            start = replace(solution, multipliers=None)
-            solution = self._solve(start, start.times, apart, TIGHTER, relaxed=True)
-        return solution
+        return self._solve(start, start.times, apart, NEARBY if moves else FIRST, relaxed=True)
 
     def refine(self, solution: Solution) -> Verdict:
         """Return the best verdict on solutions with points added where limits are broken."""
@@ -283,23 +302,20 @@ class _Search:
             apart = [conditions for conditions, _ in solution.multipliers.apart]
         verdict, full = Verdict(problem, solution), solution.share > FULL
         verdicts: list[Verdict] = []  # the first solution keeps its limits at the points only
+        nearest = verdict
         for _ in range(ROUNDS):
             if solution.share < LEAST_SHARE or not (full or self._partly):
                 break
             if not self._work.iterations(problem.n):
                 break
+            nearest = verdict if verdict.broken <= nearest.broken else nearest
             far, times = verdict.broken > FAR, verdict.add_points(solution.times)
             former = apart if solution.feasible else []
             apart = with_former(verdict.nearness.conditions(times), former)
-            if far:
-                solution = replace(solution, multipliers=None)
-            solution = self._solve(
-                solution,
-                times,
-                apart,
-                TIGHTER if far else AGAIN,
-                shares=(1.0, 1.0) if full and not far else (0.0, 1.0),
-            )
+            shares = (1.0, 1.0) if full and not far else (0.0, 1.0)
+            start = solution if solution.feasible else nearest.solution
+            start = replace(start, multipliers=None) if far else start
+            solution = self._solve(start, times, apart, TIGHTER if far else AGAIN, shares)
             verdict, full = Verdict(problem, solution), solution.share > FULL
             verdicts.append(verdict)
             if verdict.broken == 0.0 and (solution.share == 1.0 or not full):

@@ -23,7 +23,10 @@ are checked."""
 REACHED = 2e-3
 """Margin beyond its reserve at which a limit counts as reached."""
 
-NAMED = 3
+UNSOLVED = 1.0
+"""Violation that a solution counts with whose equations do not hold."""
+
+NAMED = 6
 """Number of limits in the sentence on what holds a motion back."""
 
 
@@ -163,16 +166,14 @@ class Verdict:
         forces = np.asarray(problem.forces.map(len(v))(q.T, v.T, a.T))[: problem.n]
         weights = np.concatenate([integration_weights(times) for times in self.times])
         self.torque_squared = float((forces**2).mean(axis=0) @ weights)
-        before, after = pair
-        jump = after(0.0, 1) - before(0.0, 1)
-        self.impulse = np.asarray(
-            problem.impulse_margins(before(0.0), jump, solution.share)
-        ).ravel()
+        before, _ = pair
+        posture = before(0.0)
+        self.impulse = np.asarray(problem.impulse_margins(posture, problem.jump(posture))).ravel()
         self.nearness = Nearness(problem, solution, self.times)
         deepest = max((gap.place.depth for gaps in self.nearness.gaps for gap in gaps), default=0.0)
         least = np.concatenate([[0.0], self.rows.min(axis=0), self.impulse + 1e-6])
         self.broken = max(
-            -float(least.min()), deepest - ALLOWED, 0.0 if solution.feasible else 1e-3
+            -float(least.min()), deepest - ALLOWED, 0.0 if solution.feasible else UNSOLVED
         )
 
     def add_points(self, points: list[Array]) -> list[Array]:
@@ -225,6 +226,7 @@ class Verdict:
             solution if solution.share == 1.0 else None,
             task.held,
             shift,
+            tuple(task.loaded),
         )
         use = 1.0 - self.rows[:, : 2 * problem.n].min(axis=0)  # torques, then speeds
         return PlannedMotion(

@@ -12,7 +12,6 @@ from kickdyn.robot.collisions import TOUCHING, Body, Placed, Proximity
 from kickdyn.robot.ground_clearance import LARGEST_MESH, body_frames
 from kickdyn.robot.kicking_chain import rest_configuration
 from kickdyn.robot.leg import Leg, Posture
-from kickdyn.robot.model_validation import frames_by_name
 
 RESERVE = 1e-3
 """What is left of `TOUCHING` [m]: the solver keeps its conditions within a tolerance."""
@@ -42,9 +41,8 @@ class BodyClearance(KickTerm):
         self._from_contact = ball.radius * contact.normal
         self._posture: Posture | None = None
         self._known: list[Proximity] = []
-        numbers = frames_by_name(variables.leg.workspace.model)
         bodies = (body for pair in self._pairs for body in pair if body is not None)
-        self._frames = {body.frame: numbers[body.frame] for body in bodies}
+        self._frames = {body.frame: variables.frames[body.frame] for body in bodies}
 
     def residual(self, posture: Posture, v: Array) -> Array:
         return TOUCHING - RESERVE - np.array([x.depth for x in self._contacts(posture)])

@@ -83,12 +83,16 @@ class Interception:
         x, y, _ = self.target.impulse.tolist()
         return np.array([x, y, 0.0]) / (math.hypot(x, y) or 1.0)
 
+    def exactly(self, problem: KickProblem, point: KickPoint) -> KickPoint:
+        """Return a point near one, with the position and velocity of the foot exact."""
+        position, velocity = problem.find(BallPosition), problem.find(StrikeVelocity)
+        assert position is not None
+        assert velocity is not None
+        return velocity.make_exact(place_exactly(position, point))
+
     def kick(self, problem: KickProblem, point: KickPoint) -> "InterceptingKick":
         """Return the kick of a solution of the problem."""
-        s, position = self.settings, problem.find(BallPosition)
-        strike_velocity = problem.find(StrikeVelocity)
-        if position is not None and strike_velocity is not None:
-            point = strike_velocity.make_exact(place_exactly(position, point))
+        s, point = self.settings, self.exactly(problem, point)
         chosen = outcome_of(problem, point, OBJECTIVES[s.objective]())
         impact = strike(
             *chosen[:2], s.ball, self.target.contact,

@@ -21,7 +21,6 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.flight.follow import Course, follow
 from kickdyn.ground import Ground
-from kickdyn.planning.goal import Goal
 from kickdyn.robot.ground_clearance import find_depths
 from kickdyn.robot.kicking_chain import kicking_chain, rest_configuration
 from kickdyn.robot.leg import Leg
@@ -37,6 +36,10 @@ LONGEST_WAIT = 10.0
 SAMPLES, CANDIDATES = 400, 7
 """Numbers of times at which the path is compared with the reach of the leg, and of those in reach
 for which a kick is sought."""
+
+BRACKETS = 40
+"""Number by which the times within reach are divided for the distance from an estimated crossing
+of the foot's plane at which the exact one is sought."""
 
 DRAWN_REACH = 200
 """Number of postures from which the reach of a leg is estimated."""
@@ -207,16 +210,26 @@ def reach_of(leg: Leg, ball: Ball) -> Reach:
 
 
 def waits_in_reach(
-    incoming: IncomingBall, course: Course, reach: Reach, goal: Goal | BallState, radius: float
+    incoming: IncomingBall,
+    course: Course,
+    reach: Reach,
+    radius: float,
+    changes: Callable[[Array], Array],
+    escaping: Callable[[float], str],
 ) -> Array:
     """Return the times since the ball was seen at which a kick is tried, shape `(n,)` [s].
+
+    For a leg that is turned, they are close before and after the ball crosses the plane of the
+    foot, too.
 
     Args:
         incoming: the ball.
         course: its path.
         reach: of the leg.
-        goal: the goal, or the motion that a trap gives the ball.
         radius: of the ball [m].
+        changes: function of times, shape `(n,)` [s], that returns how a kick changes the ball's
+            velocity, shape `(n, 3)` [m/s], which may be inexact between some of the times.
+        escaping: function of a time [s] that returns how the ball escapes, to end a sentence.
 
     Raises:
         InvalidInput: the ball never comes within reach, or only behind the leg, or is not at
@@ -251,24 +264,35 @@ def waits_in_reach(
             "never comes within reach: it is nearest "
         )  # fmt: skip
         raise InvalidInput(f"the ball {never}{when}, and the leg reaches {reach.radius:.3g} m")
-    behind = -np.einsum("ij,ij->i", _facing(incoming, states, reach, goal), offsets)
-    inside = np.flatnonzero(near & (behind <= radius))
+    within = np.flatnonzero(near)
+    ahead, offsets = _facing(changes(times[within]), reach), offsets[within]
+    behind = -np.einsum("ij,ij->i", ahead, offsets)
+    inside = np.flatnonzero(behind <= radius)
     if not inside.size:
-        least = int(np.argmin(np.where(near, behind, math.inf)))
-        turned = ""
-        if reach.across is not None:
-            turned = " of a leg that faces along the " + (
-                "launch" if isinstance(goal, Goal) else "change of the ball's velocity"
-            )
+        least = int(np.argmin(behind))
+        turned = " of a leg that faces along the change of the ball's velocity"
+        turned = "" if reach.across is None else turned
         where = "behind the leg at meet_at" if chosen else "within reach only behind the leg"
+        wait = float(times[within[least]])
         raise InvalidInput(
             f"the ball is {where}: it is {behind[least]:.3g} m behind the hip{turned}, "
-            f"{times[least]:.3g} s after it was seen"
+            f"{wait:.3g} s after it was seen{escaping(wait)}"
         )
-    within = times[inside]
-    return np.asarray(np.interp(
-        np.linspace(0.0, 1.0, CANDIDATES + 2)[1:-1], np.linspace(0.0, 1.0, within.size), within
-    ) if within.size > CANDIDATES else within)  # fmt: skip
+    tried = times[within[inside]]
+    if tried.size <= CANDIDATES:
+        return tried
+    elapsed = np.cumsum(np.gradient(times)[within[inside]])  # without times out of reach
+    parts = np.linspace(elapsed[0], elapsed[-1], CANDIDATES + 2)[1:-1]
+    waits = np.interp(parts, elapsed, tried)
+    if reach.across is None:
+        return np.asarray(waits)
+    places = states.position[within[inside]]
+    aside = ahead[inside, 0] * places[:, 1] - ahead[inside, 1] * places[:, 0] - reach.beside
+    crossed = np.flatnonzero(aside[:-1] * aside[1:] < 0.0)
+    margin = max(3, tried.size // BRACKETS)
+    ends = [np.clip(crossed + step, 0, tried.size - 1) for step in (-margin, margin + 1)]
+    crossings = tried[np.concatenate(ends)] if np.abs(aside).max() > BESIDE else tried[:0]
+    return np.asarray(np.union1d(waits, crossings))
 
 
 def _refined(course: Course, times: Array, reach: Reach, radius: float) -> Array:
@@ -283,21 +307,14 @@ def _refined(course: Course, times: Array, reach: Reach, radius: float) -> Array
     return np.union1d(times, np.linspace(times[far[0]], times[far[-1] + 1], SAMPLES))
 
 
-def _facing(
-    incoming: IncomingBall, states: BallState, reach: Reach, goal: Goal | BallState
-) -> Array:
+def _facing(changes: Array, reach: Reach) -> Array:
     """Return where the leg faces to meet balls, horizontal unit vectors, shape `(n, 3)`.
 
-    It is x, or, of a leg that is turned, the direction to the target or against the ball.
+    It is x, or, of a leg that is turned, the direction of the change of velocity.
     """
     if reach.across is None:
-        return np.broadcast_to([1.0, 0.0, 0.0], states.position.shape)
-    if isinstance(goal, Goal):
-        target = incoming.state.position + goal.target
-        ahead = target + np.outer(states.time, goal.receiver_velocity) - states.position
-    else:
-        ahead = goal.velocity - states.velocity
-    level = ahead * np.array([1.0, 1.0, 0.0])
+        return np.broadcast_to([1.0, 0.0, 0.0], changes.shape)
+    level = changes * np.array([1.0, 1.0, 0.0])
     return np.asarray(level / np.maximum(np.linalg.norm(level, axis=1, keepdims=True), 1e-300))
 
 

@@ -31,6 +31,8 @@ from kickdyn.planning.kick_terms import (
     StrikeVelocity,
     TorqueLimit,
     check_limits,
+    place_exactly,
+    turn_to_ball,
 )
 from kickdyn.planning.muscle_limit import MuscleTorqueLimit
 from kickdyn.planning.objectives import LargestShare
@@ -46,6 +48,12 @@ from kickdyn.robot.surgery import turn_body
 DRAWN, STARTS, RATED = 80, 4, 20
 """Numbers of postures that are drawn, of those among them from which a problem is solved, and of
 those by which several problems are compared."""
+
+WIDELY_DRAWN = 80
+"""Number of postures that are drawn from the whole ranges of the joints where others fail."""
+
+AT_BALL = 1e-6
+"""Distance between a foot and a ball that touch, at most [m]."""
 
 FARTHEST_START, FARTHEST_STANDING_START = 1.0, 0.5
 """Largest angle of a joint in a drawn posture, on a fixed base and on one foot [rad]: farther, a
@@ -138,6 +146,35 @@ class KickProblem:
     def starts(self) -> list[Array]:
         """Return the unknowns of the drawn postures that need the least joint speed."""
         return [x for _, _, x in self.rated()[:STARTS]]
+
+    def at_ball(self, count: int) -> "KickProblem":
+        """Return the problem with the best drawn postures after they are moved to the ball.
+
+        Some more are drawn from the whole ranges of the joints. The side of the foot that may meet
+        the ball is turned to it. There are `count` postures at most, and none where the foot
+        touches the ball in no posture.
+        """
+        ball, facing, variables = self.find(BallPosition), self.find(Facing), self.variables
+        assert ball is not None
+        wide = np.random.default_rng(1).uniform(
+            variables.lower, variables.upper, (WIDELY_DRAWN, variables.n)
+        )
+        moved = []
+        for q in (*self.drawn, *wide):
+            start = variables.point(np.array([*q, *np.zeros(variables.n), 1.0]))
+            point = place_exactly(ball, start)
+            if _touches(ball, point):
+                turned = point if facing is None else turn_to_ball(ball, facing, point)
+                moved.append((turned if _touches(ball, turned) else point).x[: variables.n])
+        there = replace(self, drawn=np.reshape(moved, (-1, variables.n)))
+        rated = [x[: variables.n] for _, _, x in there.rated()]
+        best = [q for q in rated if self.may_meet(q)] or rated
+        return replace(self, drawn=np.reshape(best[:count], (-1, variables.n)))
+
+    def may_meet(self, q: Array) -> bool:
+        """Return whether the side of the foot at the ball may meet it, at q of shape `(n,)`."""
+        facing, posture = self.find(Facing), self.variables.posture(q)
+        return facing is None or bool((facing.residual(posture, posture.q) > 0.0).all())
 
     @property
     def rating(self) -> float:
@@ -339,6 +376,10 @@ def _is_feasible_without(problem: KickProblem, omitted: list[Term[KickPoint]]) -
     return bool(relaxed.solve(LargestShare(), relaxed.starts()))
 
 
+def _touches(ball: BallPosition, point: KickPoint) -> bool:
+    return float(np.abs(ball.residual(point.posture, point.v)).max()) < AT_BALL
+
+
 def _foot_directions(variables: KickVariables, draw: np.random.Generator) -> Array:
     """Return the directions in which the foot can move at all, orthonormal rows, by drawn q."""
     drawn = draw.uniform(variables.lower, variables.upper, (8, variables.n))
@@ -369,6 +410,8 @@ def _check_directions(variables: KickVariables, directions: Array) -> None:
 
 def _check_sliding(variables: KickVariables, directions: Array) -> None:
     """Refuse a contact that would slide across the plane in which the foot moves."""
+    if len(directions) == 3:  # nothing is across
+        return
     target, drawn = variables.target, np.linspace(variables.lower, variables.upper, 3)
     ball = target.surface_velocity
     bases = [variables.posture(q).transport_velocity for q in drawn]

@@ -27,9 +27,16 @@ from kickdyn.motion.impact_target import ImpactTarget
 from kickdyn.planning.problem import TOLERANCE, Bounds, Function, Kind
 from kickdyn.robot.kicking_chain import UNLIMITED, kicking_chain, rest_configuration
 from kickdyn.robot.leg import Leg, Posture
+from kickdyn.robot.model_validation import frames_by_name
 
 DIFFERENCE_STEP = 1e-7
 """Step of the unknowns in the differences that stand for derivatives."""
+
+STAYS_AWAY = 0.9
+"""Share of its distance from a ball that a foot keeps in a step where it does not come to it."""
+
+TURNS, FACES = 8, 0.05
+"""Steps by which a foot is turned to a ball, and the cosine that they seek."""
 
 WITHOUT_LIMITS = "it has one without its speed and torque limits"
 """The explanation of a limit of speed or torque."""
@@ -60,6 +67,11 @@ class KickVariables:
         limit = chain.leg.velocity_limit
         self.velocity_scale = np.where(np.isfinite(limit) & (limit > 0.0), limit, UNLIMITED)
         self._rest = rest_configuration(leg)
+
+    @cached_property
+    def frames(self) -> dict[str, int]:
+        """Numbers of the leg's frames by name."""
+        return frames_by_name(self.leg.workspace.model)
 
     def for_target(self, target: ImpactTarget) -> "KickVariables":
         """Return the unknowns of another kick of the same leg."""
@@ -276,10 +288,11 @@ def place_exactly(term: BallPosition, point: KickPoint) -> KickPoint:
 
     Joints at the ends of their ranges stay there.
     """
-    variables = point.variables
+    variables, missed = point.variables, math.inf
     for _ in range(6):
         residual = term.residual(point.posture, point.v)
-        if float(np.abs(residual).max()) < 1e-13:
+        before, missed = missed, float(np.abs(residual).max())
+        if missed < 1e-13 or missed > max(STAYS_AWAY * before, 0.01):
             break
         q = point.x[: variables.n]
         rows = term.rows @ point.posture.jacobian[:, variables.vs]
@@ -318,6 +331,26 @@ class Facing(KickTerm):
             self._normal @ (posture.with_contact_offset(row).jacobian - jacobian)
             for row in self.cone
         ]), None  # fmt: skip
+
+
+def turn_to_ball(ball: BallPosition, facing: Facing, point: KickPoint) -> KickPoint:
+    """Return a point with a side of the foot at the ball that may meet it, if one is near."""
+    variables = point.variables
+    for _ in range(TURNS):
+        posture, q = point.posture, point.x[: variables.n]
+        value = facing.residual(posture, point.v)
+        if value.min() > 0.0:
+            break
+        wrong = value < FACES
+        error = np.append(ball.residual(posture, point.v), value[wrong] - FACES)
+        slopes = [term.derivatives(posture, point.v)[0][:, variables.vs] for term in (ball, facing)]
+        step = np.linalg.pinv(np.vstack([slopes[0], slopes[1][wrong]]), rcond=1e-2) @ error
+        x = point.x.copy()
+        x[: variables.n] = np.clip(
+            q - step / max(1.0, 2.0 * float(np.abs(step).max())), variables.lower, variables.upper
+        )
+        point = variables.point(x)
+    return place_exactly(ball, point)
 
 
 class TorqueLimit(KickTerm):

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -84,6 +84,7 @@ class Launch(PlannedLaunch):
     errors: Array
     history: Array
     limits: tuple[float, float]
+    _slopes: Array = field(repr=False, default_factory=lambda: np.zeros((0, 0)))
 
     def _rows(self) -> Iterable[Row]:
         yield "status", f"{self.status}: {self.limit}" if self.limit else self.status, ""
@@ -208,8 +209,9 @@ def plan_launch(
     problem = replace(_shooting_problem(goal, ball, air, goal.spin), struck=struck)
     family = LaunchFamily(problem, goal, limit, most_spin)
     if near is not None and goal.beside is None:
-        start = np.array([*near.velocity, near.time if goal.time is None else goal.time])
-        solution = solve_launch(problem, goal, start)
+        sloping = goal.kind not in ("time", "speed")
+        start = _unknowns_near(near, goal)
+        solution = solve_launch(problem, goal, start, last_slopes=sloping)
         if solution and family.is_inside(solution) and solution.is_above_ground:
             return _launch(family, goal, None, solution)
 
@@ -225,6 +227,22 @@ def plan_launch(
         return _nearest_curve(family)
     inside = [m for branch in family.branches for m in branch if family.is_inside(m)]
     return _nearest(family, inside) if inside else _farthest(family)
+
+
+def _unknowns_near(near: Launch, goal: Goal) -> Array:
+    """Return velocity and time of the launch to a goal, to first order from a launch near it."""
+    unknowns = np.array([*near.velocity, near.time])
+    errors = np.zeros(4)
+    errors[:3] = near.goal.target - goal.target
+    if goal.time is not None:
+        errors[3] = near.time - goal.time
+    elif goal.speed is not None:
+        errors[3] = near.speed - goal.speed
+    if near._slopes.shape == (4, 4):
+        unknowns -= np.linalg.lstsq(near._slopes, errors, rcond=1e-14)[0]
+    if goal.time is not None:
+        unknowns[3] = goal.time
+    return unknowns
 
 
 def _shooting_problem(goal: Goal, ball: Ball, air: Air | None, spin: Array) -> ShootingProblem:
@@ -255,6 +273,7 @@ def _launch(
         ball=family.problem.ball,
         air=family.problem.air,
         limits=(family.speed_limit, family.spin_limit),
+        _slopes=solution.slopes,
     )
 
 
@@ -286,7 +305,7 @@ def _farthest(family: LaunchFamily) -> Launch:
             f"the goal is out of reach of every launch at {speed:.4g} m/s", LaunchLimit.SPEED, None
         )
     unknowns = np.array([*path.velocity(0.0), path.end])
-    solution = LaunchSolution(unknowns, np.zeros(4), unknowns[None, :3], path)
+    solution = LaunchSolution(unknowns, np.zeros(4), unknowns[None, :3], path, np.zeros((0, 0)))
     reached = Goal(path.position(path.end), time=path.end, spin=goal.spin)
     return _launch(family, reached, LaunchLimit.SPEED, solution)
 

@@ -32,6 +32,9 @@ ACCURACY = 1e-11
 ACROSS_SHARE = 1e-9
 """Share of a spin along the impulse up to which the spin is across it."""
 
+NEAR_SOLUTION = 1e-4
+"""Error, relative as `ACCURACY`, from which one step with exact derivatives leads to a solution."""
+
 LONGEST_NEWTON_STEP = 0.7
 """Longest step of Newton's method, as a fraction of the launch speed and of the time: a longer one
 may end at a launch of thousands of metres per second."""
@@ -84,9 +87,13 @@ class ShootingProblem:
             kept = 0.0
         return np.asarray(spin + (kept - spin @ along) * along)
 
-    def shoot(self, launch: Array, time: float) -> DifferentiableFlight | None:
+    def shoot(
+        self, launch: Array, time: float, with_slopes: bool = True
+    ) -> DifferentiableFlight | None:
         """Fly the unknowns without the time for a time [s]; None where that fails."""
         increments = INCREMENT * self.sizes(np.append(launch, time))[:-1]
+        if not with_slopes:
+            increments = increments[:0]
 
         def start(values: Array) -> tuple[BallState, Air | None]:
             return BallState.computed(
@@ -162,12 +169,14 @@ class LaunchSolution:
         errors: of the target (3 components), of the condition beside it, and of `beside`.
         history: launch velocities, the first guess first, shape `(k, 3)` [m/s].
         trajectory: the flight with its derivatives by launch velocity and spin size.
+        slopes: derivatives of the errors by the unknowns, a square matrix.
     """
 
     unknowns: Array
     errors: Array
     history: Array
     trajectory: DifferentiableFlight
+    slopes: Array
 
     @property
     def velocity(self) -> Array:
@@ -207,12 +216,14 @@ def solve_launch(
     *,
     accuracy: float = ACCURACY,
     steps: int = 40,
+    last_slopes: bool = True,
 ) -> LaunchSolution | None:
     r"""Solve for a launch by Newton's method from a first guess; None where it fails.
 
     The launch :math:`(v, s)` and the time :math:`t` solve :math:`x(t; v, s) = x_{target}` together
     with the goal's condition, to a relative error of `accuracy`. Each step integrates one flight
-    with its derivatives, and is halved while it does not reduce the errors.
+    with its derivatives, and is halved while it does not reduce the errors. Without `last_slopes`,
+    those of the last flight are of the flight before, and the trajectory has none.
     """
     length = float(np.linalg.norm(goal.target))
     size = {"time": goal.time, "speed": goal.speed}.get(goal.kind) or length
@@ -233,7 +244,8 @@ def solve_launch(
             moved = np.append(step_in_root(x[:3], shorter[:3]), x[3:] + shorter[3:])
             if moved[-1] <= 0.0:
                 continue
-            evaluation = residual(moved)
+            known = slopes if norm < NEAR_SOLUTION and not last_slopes else None
+            evaluation = residual(moved, known)
             if float(np.linalg.norm(evaluation[0] / scale)) < norm:  # not where it is nan
                 x, (errors, slopes, flight) = moved, evaluation
                 break
@@ -242,7 +254,7 @@ def solve_launch(
         history.append(x[:3])
     if flight is None or not np.abs(errors / scale).max() <= accuracy:
         return None
-    return LaunchSolution(x, errors, np.array(history), flight)
+    return LaunchSolution(x, errors, np.array(history), flight, slopes)
 
 
 def step_in_root(velocity: Array, step: Array) -> Array:
@@ -302,13 +314,19 @@ def target_equations(goal: Goal, x: Array, flight: DifferentiableFlight) -> tupl
 
 
 def _residual(
-    problem: ShootingProblem, goal: Goal, x: Array
+    problem: ShootingProblem, goal: Goal, x: Array, slopes: Array | None = None
 ) -> tuple[Array, Array, DifferentiableFlight | None]:
-    """Return errors, their derivatives by the unknowns, and the flight; nan where there is none."""
+    """Return errors, their derivatives by the unknowns, and the flight; nan where there is none.
+
+    With known `slopes`, the goal names a time or a speed, and the flight has no neighbours.
+    """
     n = len(x)
-    flight = problem.shoot(x[:-1], float(x[-1]))
+    flight = problem.shoot(x[:-1], float(x[-1]), slopes is None)
     if flight is None:
         return np.full(n, math.nan), np.full((n, n), math.nan), None
+    if slopes is not None:
+        missed = flight.position(flight.end) - goal.target
+        return np.append(missed, goal_condition(goal, x, flight)[0]), slopes, flight
     errors, slopes = target_equations(goal, x, flight)
     error, row = goal_condition(goal, x, flight)
     return np.insert(errors, 3, error), np.insert(slopes, 3, row, axis=0), flight

@@ -2,8 +2,11 @@
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
+
+import numpy as np
 
 from kickdyn.ball import Ball, BallState
 from kickdyn.core.validation import Array
@@ -36,7 +39,7 @@ from kickdyn.planning.kick_problem import (
     solve_kick,
 )
 from kickdyn.planning.kick_steps import one_thread, plan_flight_launch, plan_pass_launch
-from kickdyn.planning.kick_terms import Objective
+from kickdyn.planning.kick_terms import BallPosition, Objective
 from kickdyn.planning.launch import Launch
 from kickdyn.planning.meeting import Meeting
 from kickdyn.planning.objectives import OBJECTIVES, LargestShare
@@ -47,6 +50,14 @@ from kickdyn.robot.leg import Leg
 
 MENDINGS = 3
 """Number of times that a kick in which bodies collide is planned again at most."""
+
+
+TOUCHING_STARTS, MOST_HOPELESS = 2, 4
+"""Numbers of postures at the ball from which the strongest kick is sought, and of the most
+promising times for which it is."""
+
+LAUNCHES = 3
+"""Number of times within reach for which launches are planned to find where a leg faces."""
 
 
 class Interceptor:
@@ -94,8 +105,9 @@ class Interceptor:
 
     def escaping(self, wait: float) -> str:
         """Return that the ball moves away from the foot, as the end of a sentence, if it does."""
-        known = self._known.get(wait)
-        if not isinstance(known, Interception):
+        try:
+            known = self.at(wait)
+        except InvalidInput:
             return ""
         away = float(known.before.velocity @ known.target.contact.normal)
         if away > 0.0:
@@ -108,6 +120,30 @@ class Interceptor:
                 f"{speed:.3g} m/s in its direction, so that the foot has to brake it from ahead"
             )
         return ""
+
+    def changes(self, waits: Array) -> Array:
+        """Return how kicks change the ball's velocity, shape `(n, 3)` [m/s]; 0 without a launch.
+
+        Launches are planned for `LAUNCHES` of the times, and between them they are interpolated.
+
+        Args:
+            waits: rising times since the ball was seen, shape `(n,)` [s].
+        """
+        before, goal = self.course.sample(waits).velocity, self.settings.goal
+        if isinstance(goal, BallState):
+            return np.asarray(goal.velocity - before)
+        if self._reach is None or self._reach.across is None:
+            return np.zeros(before.shape)  # it does not count
+        chosen = np.unique(np.linspace(0.0, len(waits) - 1.0, LAUNCHES).astype(int))
+        known, velocities = list[float](), list[Array]()
+        for wait in waits[chosen].tolist():
+            with suppress(InvalidInput):
+                velocities.append(self.at(wait).launch.velocity)
+                known.append(wait)
+        if not known:
+            return np.zeros(before.shape)
+        rows = np.array(velocities).T
+        return np.column_stack([np.interp(waits, known, row) for row in rows]) - before
 
     def beside(self, wait: float) -> float:
         """Return how far to the left of the impulse through the origin it then is [m], or nan."""
@@ -140,28 +176,52 @@ class Interceptor:
         ratings = {wait: problem.rating for wait, problem in problems.items()}
         order = sorted(problems, key=lambda wait: ratings[wait])
         kicks: dict[float, InterceptingKick] = {}
-        for wait in order:
-            self._seek(kicks, wait, problems[wait], problems[wait].starts())
-            if kicks:
-                self._follow(kicks, wait, problems)
-                break
-            reasons[wait] = "no posture gives this launch"
-        for wait in problems:
-            if kicks and wait not in kicks:
-                reasons[wait] = "no posture near the other meetings gives this launch"
+        if order:
+            self._seek(kicks, order[0], problems[order[0]], problems[order[0]].starts())
+        if kicks:
+            self._follow(kicks, order[0], problems)
+            missed = "no posture near the other meetings gives this launch"
+        else:
+            reasons = self._seek_strongest(kicks, problems) | reasons
+            missed = "no posture gives this launch"
+        reasons |= {wait: missed for wait in problems if wait not in kicks | reasons}
+        return kicks, reasons
+
+    def _seek_strongest(
+        self, kicks: dict[float, InterceptingKick], problems: dict[float, KickProblem]
+    ) -> dict[float, str]:
+        """Add the strongest kicks, and return why there are none, first at the best time.
+
+        They start from postures at the ball.
+        """
+        touching, reasons = dict[float, KickProblem](), dict[float, str]()
+        for wait, problem in problems.items():
+            at_ball = problem.at_ball(TOUCHING_STARTS)
+            if len(at_ball.drawn):
+                touching[wait] = at_ball
+            else:
+                ball = problem.find(BallPosition)
+                place = "" if ball is None else f" {ball.place}"
+                reasons[wait] = (
+                    f"{self.leg.name} has no posture in which its foot touches the ball{place}"
+                )
+        ranks = {
+            wait: (not problem.may_meet(problem.drawn[0]), problem.rating)
+            for wait, problem in touching.items()
+        }
+        order = sorted(touching, key=lambda wait: ranks[wait])
+        for wait in order[:MOST_HOPELESS]:
+            self._seek(kicks, wait, problems[wait], touching[wait].starts(), STRONGEST)
         if order and not kicks:
             best = order[0]
             try:
-                kicks[best] = self.at(best).kick(*solve_kick(problems[best], self._objective))
+                kicks[best] = self.at(best).kick(*solve_kick(touching[best], self._objective))
             except InvalidInput as error:
-                reasons = {best: str(error)} | {**reasons, best: str(error)}
-                for wait in order[1:]:
-                    self._seek(kicks, wait, problems[wait], problems[wait].starts(), STRONGEST)
-                    if kicks:
-                        break
-            if kicks and min(kick.meeting.share for kick in kicks.values()) < 1.0:
-                self._follow(kicks, next(iter(kicks)), problems, STRONGEST)
-        return kicks, reasons
+                return {best: str(error)} | reasons
+        if kicks:
+            best = min(kicks, key=lambda wait: kicks[wait].rank)
+            self._follow(kicks, best, problems, STRONGEST)
+        return reasons
 
     def _check_facing(self, task: Interception) -> None:
         """Refuse a ball behind a leg that is turned to the impulse."""
@@ -205,7 +265,8 @@ class Interceptor:
         for side in (later, earlier[::-1]):
             last = first
             for wait in side:
-                self._seek(kicks, wait, problems[wait], [kicks[last].point.x], objective)
+                if wait not in kicks:
+                    self._seek(kicks, wait, problems[wait], [kicks[last].point.x], objective)
                 if wait not in kicks:
                     break
                 last = wait
@@ -263,7 +324,9 @@ def plan_interception(leg: Leg, incoming: IncomingBall, settings: KickSettings) 
     with one_thread():
         reach = reach_of(leg, s.ball)
         balls = Interceptor(leg, s, incoming, reach=reach)
-        waits = waits_in_reach(incoming, balls.course, reach, s.goal, s.ball.radius)
+        waits = waits_in_reach(
+            incoming, balls.course, reach, s.ball.radius, balls.changes, balls.escaping
+        )
         if reach.across is not None:
             waits = waits_in_plane(waits, lambda wait: balls.beside(wait) - reach.beside)
         kicks, reasons = balls.kicks(waits.tolist())
@@ -354,7 +417,8 @@ def _replan(kick: InterceptingKick, plan: KickPlan, incoming: IncomingBall) -> K
             balls = Interceptor(task.leg, settings, incoming, near, max(wait, SHORTEST_COURSE))
             task = balls.at(min(wait, balls.course.duration))
             problem = task.problem(kick.problem)
-            point = best_from(problem, OBJECTIVES[settings.objective](), [kick.point.x])
+            start = task.exactly(problem, problem.variables.point(kick.point.x))
+            point = best_from(problem, OBJECTIVES[settings.objective](), [start.x])
         except InvalidInput:
             point = None
         if point is not None:

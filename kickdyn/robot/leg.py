@@ -476,7 +476,7 @@ class Posture(JointSpace, ReprMixin):
             contact_point=read_only(self._frame_origin + lever),
             contact_lever=read_only(self.leg.contact_lever + self.rotation_world_joint.T @ lever),
             jacobian=read_only(rotation @ (local[:3] - pin.skew(arm) @ local[3:])),
-            contact_offset=arm,
+            contact_offset=read_only(arm),
         )
 
     @property

@@ -1,5 +1,6 @@
 """What a leg is made of: model, contact frame, supports, loops, drives; and legs that differ."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
@@ -20,6 +21,9 @@ from kickdyn.robot.model_validation import check_is_model, frame_id
 from kickdyn.robot.surgery import has_floating_base, reduce_model
 from kickdyn.robot.visuals import RobotFile
 from kickdyn.robot.workspace import Workspace
+
+FASTEST_BASE = 100.0
+"""Largest speed [m/s] and angular speed [rad/s] of a base that moves."""
 
 Drives = str | PathLike[str] | Mapping[str, Drive]
 """Drives by joint, or a file of them."""
@@ -64,6 +68,11 @@ class LegModel(JointTable):
             vars(self).update(contact_normal_cone=read_only(cone))
         if self.base_velocity is not None:
             twist = validation.vector("base velocity", self.base_velocity, 6)
+            for what, part, unit in (
+                ("speed of the base", twist[:3], "m/s"),
+                ("angular speed of the base", twist[3:], "rad/s"),
+            ):
+                validation.number(what, math.hypot(*part), at_most=FASTEST_BASE, unit=unit)
             vars(self).update(base_velocity=read_only(twist) if twist.any() else None)
         if self.base_velocity is not None and (self.supports or has_floating_base(self._model)):
             raise InvalidInput(
@@ -233,7 +242,8 @@ class LegModel(JointTable):
             angular: angular velocity :math:`\omega_0`, shape `(3,)` [rad/s, world axes].
 
         Raises:
-            InvalidInput: an entry that is not finite, a floating base, or a leg with supports.
+            InvalidInput: an entry that is not finite, a speed above 100 m/s or 100 rad/s, a
+                floating base, or a leg with supports.
         """
         parts = (
             validation.vector("linear", linear, 3, unit="m/s"),

@@ -14,6 +14,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.impact.batch_arguments import ContactRows
 from kickdyn.impact.collide import Collision
+from kickdyn.impact.laws import LAWS
 from kickdyn.impact.strike_many import Strikes, StrikeStatus
 from kickdyn.impact.uncertainty import source_covariance
 from kickdyn.scene.launch_and_end import STATUSES_WITH_END, collide_scene, strike_scene
@@ -111,7 +112,9 @@ def simulate_many(
             raise InvalidInput(
                 f"uncertainty of {name} is not drawn: simulate_many draws {', '.join(SOURCES)}"
             )
-    nominal = simulate(scene, tolerance)
+    # the draws need no sensitivities, which `simulate` takes for its uncertainty
+    linear = not isinstance(scene.law, str) or LAWS[scene.law].differentiate is not None
+    nominal = simulate(scene if linear else scene.replace(uncertainty=None), tolerance)
     source = _Draws.of(scene)
     values = np.random.default_rng(seed).normal(size=(n, source.size))
     launch, status = source.launches(values)

@@ -55,7 +55,9 @@ class NoisyRuns(ReprMixin):
         wish = _polar(np.asarray(self.runs[0].plan.launch.velocity))
         polar = np.array([_polar(launch) for launch in launches]).reshape(-1, 3)
         turned = np.remainder(polar[:, 1] - wish[1] + np.pi, 2.0 * np.pi) - np.pi
-        return np.stack([polar[:, 0] / wish[0] - 1.0, turned, polar[:, 2] - wish[2]], axis=1)
+        errors = np.stack([polar[:, 0] / wish[0] - 1.0, turned, polar[:, 2] - wish[2]], axis=1)
+        validation.protect(errors)
+        return errors
 
     @property
     def means(self) -> Array:

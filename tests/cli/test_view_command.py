@@ -202,6 +202,18 @@ def test_a_wall_is_shown_where_the_ball_could_come_to_it(x, shown, tmp_path, com
     assert ("its plane out of the picture" in html) is not shown
 
 
+@pytest.mark.parametrize(("lengths", "shown"), [(9.5, True), (10.5, False)])
+def test_a_wall_is_shown_up_to_ten_times_the_length_of_the_path(lengths, shown, tmp_path):
+    file = tmp_path / "wall.toml"
+    file.write_text(fast_kick())
+    free = kd.simulate(kd.load_scene(file), None)
+    start, end = free.launch.position[0], free.end.position[0]
+    x = start + lengths * (end - start)
+    file.write_text(f"{fast_kick()}\n[plane]\npoint_m = [{x}, 0, 0]\nnormal = [-1, 0, 0]\n")
+    html = kd.page(kd.simulate(kd.load_scene(file), None)).html
+    assert ("its plane out of the picture" in html) is not shown
+
+
 def test_a_scene_with_a_goal_shows_it(commands_of):
     said = commands_of(kd.page(kd.simulate(kd.load_scene(SCENES / "paper_kick.toml"), None)).html)
     assert not any(c["path"].startswith("/meshcat/scenery") for c in said)

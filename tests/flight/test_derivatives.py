@@ -13,6 +13,7 @@ from kickdyn.flight.derivatives import (
 
 BALL = kd.Ball()
 AIR = kd.Air(drag="brazuca", wind=(1.0, -2.0, 0.0))
+PROFILE = kd.Air(drag="brazuca", wind=lambda height: (1.0 + 0.5 * height, -2.0, 0.0))
 LAUNCH = kd.BallState((0.5, -1.0, 0.3), (18.0, 2.0, 9.0), (5.0, -30.0, 20.0))
 GROUND = kd.Plane((0, 0, 0), (0, 0, 1))
 WALL = kd.Plane((15, 0, 0), (-1, 0.2, 0), "centre")
@@ -35,7 +36,7 @@ def changed(change):
 SIZES = np.array([20.0, 20.0, 20.0, 40.0, 40.0, 40.0, 1.0])
 
 
-@pytest.mark.parametrize("air", [None, AIR])
+@pytest.mark.parametrize("air", [None, AIR, PROFILE], ids=["vacuum", "wind", "profile"])
 def test_the_flight_is_that_of_fly(air):
     flight = fly_with_launch_slopes(LAUNCH, BALL, air, 1.1)
     path = kd.fly(LAUNCH, BALL, air, tol=1e-12)

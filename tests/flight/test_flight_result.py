@@ -28,6 +28,8 @@ def test_arrival_is_on_the_path():
     assert there.position[0] == pytest.approx(20.0, abs=1e-12)
     assert there.position == pytest.approx(path.sample(there.time).position, abs=1e-7)
     assert path.arrival(path.landing.position[0] + 1) is None
+    by_a_hair = path.landing.position[0] * (1 + 1e-11)  # the ground comes first
+    assert path.arrival(by_a_hair).position == pytest.approx(path.landing.position, abs=1e-8)
     assert path.arrival(-1.0) is None
     assert path.arrival(0.0).time == 0.0
 

@@ -28,8 +28,9 @@ def far(state, numbers):
         (kd.Air(wind=(14, 1, 0)), {}),
         (kd.Air(), {"plane": WALL}),
         (None, {"ends": [kd.Event("far", far)]}),
+        (None, {"ground": kd.Ground(0.0, kd.Surface("rubber", 1.0, 0.1, 0.1))}),
     ],
-    ids=["vacuum", "steel", "wind", "storm", "wall", "end"],
+    ids=["vacuum", "steel", "wind", "storm", "wall", "end", "no end of bounces"],
 )
 def test_every_row_is_followed(air, options):
     options = {"ground": kd.Ground(0.0, "turf"), **options}

@@ -456,4 +456,8 @@ def test_only_a_fixed_base_is_given_a_velocity():
         floating.with_base_velocity((1, 0, 0))
     with pytest.raises(kd.InvalidInput, match=r"linear .*nan.* finite"):
         LEG.with_base_velocity((1, math.nan, 0))
+    with pytest.raises(kd.InvalidInput, match=r"^speed of the base is 101.0: .* 100 \[m/s\]$"):
+        LEG.with_base_velocity((101, 0, 0))
+    with pytest.raises(kd.InvalidInput, match=r"^angular speed of the base is 200.0: .* \[rad"):
+        LEG.with_base_velocity((1, 0, 0), (0, -200, 0))
     assert LEG.with_base_velocity((1, 0, 0)).with_base_velocity((0, 0, 0)).base_velocity is None

@@ -476,7 +476,7 @@ def test_every_limit_that_is_broken_has_a_line_with_its_excess_and_time():
     ]  # fmt: skip
     verdict = object.__new__(Verdict)
     verdict.problem = SimpleNamespace(
-        task=SimpleNamespace(standing=None, robot=leg, leg=leg, held={}), limits=limits,
+        task=SimpleNamespace(standing=None, robot=leg, leg=leg, held={}, loaded=()), limits=limits,
         n=3, feet=None,
         impulse_limits=[SimpleNamespace(labels=["friction of the ground", "its pressure"])],
         splines=SimpleNamespace(motion=lambda _: (spline, spline)),

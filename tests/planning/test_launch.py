@@ -392,3 +392,18 @@ def test_a_receiver_who_runs_away_is_not_met():
         kd.Goal(10, time=1, receiver_velocity=(101, 0, 0))
     launch = kd.plan_launch(kd.Goal(10, speed=12, receiver_velocity=(30, 0, 0)), kd.Ball())
     assert (launch.status, launch.limit) == ("unreachable", "least-speed")
+
+
+@pytest.mark.parametrize(
+    ("condition", "other"),
+    [({"time": 1.1}, {"time": 1.101}), ({"speed": 18.0}, {"speed": 18.01}), ({"apex": 2.0},) * 2],
+    ids=["time", "speed", "apex"],
+)
+def test_a_launch_near_another_takes_one_or_two_steps(condition, other):
+    spin = {"spin": (3.0, -20.0, 5.0)}
+    near = kd.plan_launch(kd.Goal((15.0, 2.0, 0.3), **condition, **spin), BALL, AIR)
+    goal = kd.Goal((15.02, 2.01, 0.3), **other, **spin)
+    again, direct = kd.plan_launch(goal, BALL, AIR, near=near), kd.plan_launch(goal, BALL, AIR)
+    assert again.iterations <= (2 if "apex" in condition else 1) < direct.iterations
+    assert again.velocity == pytest.approx(direct.velocity, abs=1e-9)
+    assert again.time == pytest.approx(direct.time, abs=1e-10)

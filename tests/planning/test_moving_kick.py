@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
+from kickdyn.planning.kick_problem import SOLVERS
 from kickdyn.planning.plan_report import PlanReport
 
 BALL, AIR = kd.Ball(), kd.Air()
@@ -145,6 +146,16 @@ def test_a_ball_that_cannot_be_met(leg, incoming, message):
         kd.plan_kick(leg, kd.Goal(14, time=0.6), BALL, AIR, incoming=incoming)
 
 
+def test_a_ball_that_no_posture_touches_is_refused_at_once(monkeypatch):
+    """It passes within the reach of the hip, but too far aside of the foot on the ground."""
+    starts, solve = [], SOLVERS["slsqp"]
+    monkeypatch.setitem(SOLVERS, "slsqp", lambda *args: starts.append(args) or solve(*args))
+    beside = kd.BallState((0.55, -1.0, -0.6825), (0.0, 1.5, 0.0))
+    with pytest.raises(kd.InvalidInput, match=r"no posture in which its foot touches the ball at"):
+        kd.plan_kick(G1, kd.Goal((5, 0, 0), time=0.8), BALL, AIR, incoming=beside)
+    assert len(starts) == 4
+
+
 def test_wrong_balls_are_refused():
     with pytest.raises(kd.InvalidInput, match="speed of the incoming ball is 101"):
         kd.IncomingBall(kd.BallState(velocity=(101, 0, 0)))
@@ -230,7 +241,8 @@ def test_a_leg_is_turned_to_a_ball_from_behind():
     assert abs(math.degrees(plan.heading)) == pytest.approx(180.0)
     assert plan.impact.ball_after.velocity == pytest.approx(np.zeros(3), abs=1e-9)
     rolls_off = kd.BallState((0.3, 0.0, -0.7042), (20.0, 0.0, 0.0))
-    with pytest.raises(kd.InvalidInput, match="faces along its change of velocity; the ball is fa"):
+    message = r"along the change of the ball's velocity, .* seen; the ball is fa"
+    with pytest.raises(kd.InvalidInput, match=message):
         kd.plan_kick(HUMAN, kd.Goal(18, time=1.2), BALL, AIR, incoming=rolls_off)
 
 

@@ -72,6 +72,14 @@ def slopes(air, end, **more):
 
 
 CASES = {
+    "warnings": lambda: [
+        kd.fly(
+            kd.BallState((0, 0, 1), (speed, 0, 1), spin),
+            kd.Ball(),
+            kd.Air(drag="brazuca", lift="wang"),
+        ).warnings
+        for speed, spin in ((3.0, (0, 0, 0)), (60.0, (0, -9, 0)), (9.0, (0, -150, 0)))
+    ],
     **{f"through {name}": (lambda air=air: flown(air)) for name, air in AIRS.items()},
     "to a plane": lambda: flown(AIR, plane=GOAL_LINE),
     "arrival": lambda: kd.fly(LAUNCH, BALL, AIR, HARD, plane=GOAL_LINE).arrival(9.0),

@@ -256,6 +256,7 @@ CASES = {
         velocity_deviation=0.2, spin_deviation=2.0, joint_deviation=0.1
     ),
     "inferred from a track": inferred_from_track,
+    "figure of inferred": lambda: inferred(joint_deviation=0.1).plot(),
     "restitution": restitution,
     "restitution, one knot": lambda: restitution(1),
     "learner": taught,

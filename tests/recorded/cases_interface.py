@@ -2,8 +2,11 @@
 
 import enum
 import inspect
+from dataclasses import is_dataclass
 from importlib import import_module
 from pkgutil import walk_packages
+
+import numpy as np
 
 import kickdyn as kd
 from recorded.plain import plain, text_of
@@ -33,7 +36,7 @@ def signature(function):
 
 
 def signatures(name):
-    """Return arguments of what a module defines, and of the methods of its classes."""
+    """Return arguments of what a module defines and of methods, and attributes of classes."""
     module, found = import_module(name), {}
     for key, item in vars(module).items():
         if key.startswith("_") or getattr(item, "__module__", None) != name or not callable(item):
@@ -47,16 +50,22 @@ def signatures(name):
                 function = getattr(method, "__func__", method)
                 if not inner.startswith("_") and inspect.isfunction(function):
                     found[f"{key}.{inner}"] = signature(function)
+                elif (
+                    inner[0] != "_"
+                    and type(method) in (bool, int, float, str)
+                    and not is_dataclass(item)
+                ):
+                    found[f"{key}.{inner}"] = method  # what subclasses and instances start with
     return found
 
 
 def constants(name):
-    """Return what a module names in capitals: numbers, text and tables of them."""
+    """Return what a module names in capitals: numbers, text, arrays and tables of them."""
     module = import_module(name)
     return {
         key: plain(item, 1)
         for key, item in vars(module).items()
-        if key.isupper() and not key.startswith("_") and isinstance(item, bool | int | float | str | tuple | list | dict)
+        if key.isupper() and not key.startswith("_") and isinstance(item, bool | int | float | str | tuple | list | dict | np.ndarray)
     }  # fmt: skip
 
 
@@ -67,3 +76,5 @@ CASES = {
 }
 GROWS = True
 """A new function or constant is no unintended change."""
+LOOSE = {"": 0.0}
+"""A default of 0.0024 is not 0.002: only rounding to the last digits of a float64 is let pass."""

@@ -8,6 +8,7 @@ import numpy as np
 
 import kickdyn as kd
 from kickdyn.core import files, validation
+from kickdyn.sweeps.queries import condition
 from recorded.cases_commands import run
 from recorded.parts import AIR, BALL, CONTACT, HUMAN, POSTURE, V, faults, legs, measured
 
@@ -39,6 +40,8 @@ FLIGHT = {
     "computed": lambda: kd.BallState.computed([0, 0], [1, 2, 3], "x"), "masked": lambda: validation.floats("x", np.ma.masked_equal([1.0, 2.0], 2.0)),
     "event": lambda: kd.fly(LAUNCH, BALL, ends=[kd.Event("landed", lambda state, numbers: 1.0)]),
     "numbers of an event": lambda: kd.fly(LAUNCH, BALL, ends=[kd.Event("x", lambda state, numbers: 1.0, [[1.0, 2.0]])]),
+    "wind fails": lambda: kd.Air(wind=lambda height: {}[height]), "coefficient": lambda: AIR.drag(-1.0, 0.2),
+    "beyond floats": lambda: kd.fly(kd.BallState((0, 0, 1), (1e300, 0, 1e150)), BALL, None, time_limit=2e300),
     "event fails": lambda: kd.fly(LAUNCH, BALL, AIR, ends=[kd.Event("x", lambda state, numbers: 1 / 0)]),
 }  # fmt: skip
 IDENTIFICATION = {
@@ -52,8 +55,17 @@ IDENTIFICATION = {
     "time beside a track": lambda: learner().observe(TRACK, 1.0),
     "before the kick": lambda: learner().observe(kd.Track(TRACK.times - 0.25, TRACK.positions)),
     "few markers": lambda: kd.fit_motion(kd.BodyTrack([0, 1, 2, 3], ["a"], np.ones((4, 1, 3))), legs("human 3d"), {"a": "knee"}),
+    "motion": lambda: learner(motion=True),
+    "angle": lambda: kd.fit_motion(angles(5), HUMAN, angles={"hip": "a", "knee": "-b", "ankle": "c"}),
+    "few angles": lambda: kd.fit_motion(angles(2), HUMAN, angles={"hip": "a", "knee": "-b", "ankle": "b"}),
     "late": lambda: kd.BodyTrack.from_trc(written("a.trc", TRC)),
 }  # fmt: skip
+
+
+def angles(count):
+    return kd.BodyTrack(np.arange(count) / 9, angles={"a": np.zeros(count), "b": np.ones(count)})
+
+
 TRC = """PathFileType\t4\t(X/Y/Z)\ta.trc
 DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits
 100\t100\t2\t1\tm
@@ -86,6 +98,9 @@ PLANNING = {
     "supports": lambda: kd.plan_kick(HUMAN.with_supports("toe"), kd.Goal(10, time=1), BALL, None),
     "incoming": lambda: kd.plan_kick(HUMAN, kd.Goal(10, time=1), BALL, None, incoming=LAUNCH, ball_position=-0.7),
     "incoming in a motion": lambda: kd.plan_kick(HUMAN, kd.Goal(10, time=1), BALL, None, incoming=LAUNCH, motion=True),
+    "faster": lambda: kd.plan_kick(HUMAN, kd.Goal(10, time=1), BALL, None, incoming=kd.BallState((0.3, 0, -0.7), (20, 0, 0))),
+    "fast receiver": lambda: kd.Goal(20, speed=15, receiver_velocity=(90, 60, 0)),
+    "receiver": lambda: kd.plan_kick(HUMAN, kd.Goal(20, speed=15, receiver_velocity=(40, 3, 0)), BALL, None),
     "loops": lambda: kd.plan_kick(legs("fourbar"), kd.Goal(10, time=1), BALL, None),
     "mimic": lambda: legs("mimic").locked({"heel": 0.1}),
     "frame": lambda: kd.Leg.human(frame="knie", height=1.7, mass=60),
@@ -94,10 +109,14 @@ SWEEPS = {
     "executor": lambda: kd.sweep(HUMAN, {"hip": 0.1}, kd.Kick(), threads=2, executor=ThreadPoolExecutor(1)),
     "resume": lambda: kd.sweep(HUMAN, {"hip": 0.1}, kd.Kick(), resume=True), "folder": lambda: kd.sweep(HUMAN, {"hip": 0.1}, kd.Kick(), store="none/a.zarr"),
     "not toml": lambda: kd.load_scene(written("a.toml", "[ball\nx = 3")), "input": lambda: files.check_outputs(written("a.nc", "x"), inputs=["a.nc"]),
+    "number": lambda: condition(kd.sweep(HUMAN, {"hip": 0.1}, kd.Kick()), "hip + 1"), "call": lambda: condition(kd.sweep(HUMAN, {"hip": 0.1}, kd.Kick()), "abs(hip) > 1"),
+    "samples": lambda: kd.sweep(HUMAN, {"hip": [0.1, 0.2]}, kd.Kick(), samples="all"), "half": lambda: kd.sweep(HUMAN, {"hip": [0.1, 0.2]}, kd.Kick(), samples=2.5),
     "list": lambda: kd.sweep(HUMAN, {"hip": [0.1, 0.2], "knee": [0.1]}, kd.Kick(), samples="list"),
 }  # fmt: skip
 COMMANDS = {
     "distance": "plan", "ball position": "plan --distance 9 --ball-position 0,0,0.1 --ball-velocity 1,0,0 --ball-height -0.7", "picture": "view free_kick --at 1 --out a.html",
+    "both feet": "plan --distance 9 --time 1 --both-feet", "corrections": "plan --distance 9 --time 1 --corrections 2", "noisy runs": "plan --distance 9 --time 1 --noisy-runs 3",
+    "moving in a motion": "plan --distance 9 --time 1 --ball-position 1,0,-0.7 --ball-velocity -1,0,0 --motion",
     "wind": "plan --distance 9 --time 1 --air none --wind 1,2,0", "leg": "posture-sweep --leg human:weight=3",
     "joint twice": "posture-sweep --joint hip=0:9:3 --joint hip=1", "joints of a robot": "posture-sweep --leg bolt --frame FL_FOOT",
 }  # fmt: skip

@@ -50,9 +50,12 @@ def differences(expected, actual, relative=1e-6, place="") -> list[str]:
 
 
 def same_text(expected: str, actual: str, relative: float = 1e-6) -> bool:
-    """Return whether two texts are the same but for spaces and the rounding of their numbers."""
-    if expected == actual:
-        return True
+    """Return whether two texts are the same but for spaces and the rounding of their numbers.
+
+    With `relative` 0 they are the same letter by letter.
+    """
+    if expected == actual or relative == 0.0:
+        return expected == actual
     if _words(expected) != _words(actual):
         return False
     pairs = zip(NUMBER.findall(expected), NUMBER.findall(actual), strict=True)
@@ -65,9 +68,12 @@ def _words(text: str) -> str:
 
 
 def _same_digits(a: str, b: str, relative: float) -> bool:
-    """Return whether two printed numbers differ by a unit of the last digit at most."""
+    """Return whether two printed numbers differ by a unit of the last digit at most.
+
+    It is the last digit of the number with more of them: 0.5 is 0.499, but not 0.55.
+    """
     one, other = float(a), float(b)
-    unit = max(_unit(a), _unit(b)) if "." in a + b or "e" in a + b else 0.0
+    unit = min(_unit(a), _unit(b)) if "." in a + b or "e" in a + b else 0.0
     return abs(one - other) <= max(
         1.01 * unit, NEGLIGIBLE if max(abs(one), abs(other)) <= NEGLIGIBLE else 0.0,
         relative * abs(one),
@@ -101,8 +107,8 @@ def _numbers(values):
 
 
 def _close(a, b, relative, scale) -> bool:
-    if isinstance(a, int) and isinstance(b, int):
-        return a == b
+    if (isinstance(a, int) and isinstance(b, int)) or relative == 0.0:
+        return a == b or (not isinstance(a + b, int) and math.isclose(a, b, rel_tol=1e-12))
     return abs(a - b) <= max(relative * max(scale, abs(b) if math.isfinite(b) else 0.0), NEGLIGIBLE)
 
 

@@ -77,3 +77,8 @@ def test_what_counts_as_a_difference():
     for other in ("speed 16.86 m/s", "speed 16.84 km/s", "speed -16.84 m/s", "speed 168.4 m/s"):
         assert not same_text("speed 16.84 m/s", other)
     assert not same_text("3 bounces", "4 bounces")
+    assert same_text("after 0.5 s", "after 0.499 s")
+    assert not same_text("after 0.5 s", "after 0.55 s")
+    for one, other in ((2e-3, 2.4e-3), (1e-9, 1.1e-9), ("K t 0.05", "K t 0.06"), (2, 2.5)):
+        assert differences(one, one, 0.0) == []
+        assert differences(one, other, 0.0) != []

@@ -86,6 +86,12 @@ def test_unsound_inertia_is_refused(unsound):
         kd.Leg.from_model(arm(body=unsound), "toe")
 
 
+def test_moments_beyond_float64_are_refused():
+    far = pin.SE3(np.eye(3), np.array([0, 0, -1e98]))
+    with pytest.raises(kd.InvalidInput, match="an unsound inertia: its moments exceed the range"):
+        kd.Leg.from_model(arm(body=body(mass=1e10), placement=far), "toe")
+
+
 @pytest.mark.parametrize(
     "moments", [(0.1, 0.2, 0.3), (0, 0.1, 0.1), (0, 0, 0)], ids=["disc", "rod", "point"]
 )

@@ -6,23 +6,40 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
+from kickdyn.scene.launch_and_end import end_of, fly_scene, strike_scene
 from kickdyn.scene.simulate_many import _Draws
 
-SPREAD = {"v": 0.1, "restitution": 0.02, "friction": 0.03}
+SPREAD = {
+    "q": 0.01, "v": 0.1, "restitution": 0.02, "friction": 0.03, "normal": 0.02,
+    "ball_velocity": 0.1, "ball_spin": 2.0,
+}  # fmt: skip
 
 
-@pytest.mark.parametrize("name", ["free_kick", "wet_grass_pass", "volley"])
-def test_each_draw_is_a_simulation(name):
-    scene = kd.load_scene(name).replace(uncertainty=SPREAD)
-    many = kd.simulate_many(scene, 4, tolerance=None, seed=3)
+@pytest.mark.parametrize(
+    ("name", "law"),
+    [("free_kick", "newton"), ("free_kick", "stronge"), ("wet_grass_pass", "newton"),
+     ("volley", "newton"), ("robocup_carpet", "newton")],
+)  # fmt: skip
+def test_each_draw_is_a_simulation(name, law):
+    scene = kd.load_scene(name).replace(law=law, uncertainty=SPREAD)
+    many = kd.simulate_many(scene, 3, tolerance=None, seed=3)
     draws = _Draws.of(scene)
-    given = draws.arguments(np.random.default_rng(3).normal(size=(4, draws.size)))
-    for i in range(4):
-        drawn = scene.replace(v=given["v"][i], contact=given["contact"][i], uncertainty=None)
-        one = kd.simulate(drawn, None)
-        assert many.status[i] == one.status
-        assert many.launch.velocity[i] == pytest.approx(one.launch.velocity, abs=5e-3)
-        assert np.linalg.norm(many.end[i] - one.end.position) < 0.1
+    given = draws.arguments(np.random.default_rng(3).normal(size=(3, draws.size)))
+    for i in range(3):
+        drawn = scene.replace(
+            posture=scene.leg.posture(given["q"][i]), v=given["v"][i], uncertainty=None,
+            contact=given["contact"][i],
+            incoming=kd.BallState(
+                velocity=given["ball_velocity"][i], spin=given["ball_spin"][i]
+            ),
+        )  # fmt: skip
+        struck = strike_scene(drawn).ball_after
+        assert many.launch.velocity[i] == pytest.approx(struck.velocity, rel=1e-9, abs=1e-9)
+        assert many.launch.spin[i] == pytest.approx(struck.spin, rel=1e-9, abs=1e-9)
+        place = many.nominal.launch.position  # where the ball lies, whatever the foot does
+        path = fly_scene(scene, kd.BallState(place, struck.velocity, struck.spin))
+        assert many.status[i] == path.status
+        assert many.end[i] == pytest.approx(end_of(path).position, abs=1e-3)
 
 
 def test_the_spread_is_that_of_the_sources():

@@ -150,8 +150,10 @@ def test_every_property_of_a_leg_that_changes_an_impact_makes_it_another_leg(tmp
     for ratio in (0.5, 0.25):
         (tmp_path / "leg.urdf").write_text(text.replace('"0.5"/></joint>', f'"{ratio}"/></joint>'))
         geared.append(kd.Leg.from_urdf(tmp_path / "leg.urdf", "toe"))
+    running = [each.with_base_velocity((3, 0, 0)) for each in (leg, leg.with_stiff_joints("ankle"))]
     legs = [
-        leg, leg.with_stiff_joints("ankle"), leg.with_stiff_joints("knee"),
+        leg, *running, leg.with_base_velocity((2, 0, 0)), leg.with_stiff_joints("ankle"),
+        leg.with_stiff_joints("knee"),
         leg.with_armature({"knee": 0.01}), *geared, feet, feet.with_supports(foot),
         feet.with_supports(shank), feet.with_supports(kd.Support(foot, point=True)),
         feet.with_loops((foot, "pelvis")), feet.with_loops((shank, "pelvis")),

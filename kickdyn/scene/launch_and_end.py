@@ -300,7 +300,7 @@ def contact_time_size(
     moved = fly_scene(scene, error.moved)
     if moved.status != path.status:
         return size
-    apart = math.dist(end_of(moved).position, path.landing.position)
+    apart = math.dist(end_of(moved).position, end_of(path).position)
     return min(size, VELOCITY_SAFETY * apart + end_error(scene, path, error.rest))
 
 

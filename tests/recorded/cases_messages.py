@@ -83,7 +83,9 @@ def angles(count):
 
 def sphere():
     corners = 0.11 * np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [-0.6, 0.8, 0]])
-    return kd.BodyTrack([0, 1, 2], list("abcd"), np.stack([corners + np.array((i, 0, 1)) for i in range(3)]))
+    return kd.BodyTrack(
+        [0, 1, 2], list("abcd"), np.stack([corners + np.array((i, 0, 1)) for i in range(3)])
+    )
 
 
 TRC = """PathFileType\t4\t(X/Y/Z)\ta.trc

@@ -98,6 +98,7 @@ Frame#\tTime\ta
 2\t0.01\t1\t2\t3
 """
 IMPACT = {
+    "slow": lambda: kd.collide(POSTURE, 1e-8 * np.array(V), BALL, CONTACT),
     "sole": lambda: kd.Support("FL_FOOT", friction=0.5, sole=[(0, 0, 0), (1, 0, 0.5), (2, 0, 1)]), "tilted": lambda: tilted_strike(),
     "immovable": lambda: kd.normal_impulse(3.0, 0.5, math.inf, math.inf),
     "no supports": lambda: kd.unilateral_strike(POSTURE, V, BALL, kd.Contact((1, 0, 0), 0.5)),

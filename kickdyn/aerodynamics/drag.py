@@ -175,8 +175,8 @@ def supercritical(reynolds: float, spin_parameter: float = 0.0) -> float:
     Goff & Carre 2009 found it from the range of trajectories without spin, Am. J. Phys. 77:1020.
     Its range is that of flights in two minutes of a match (docs/explanation/verification.md): 8 to
     27 m/s, and spin parameters up to 0.3, which are fitted, not measured. In wind tunnels, new
-    balls that do not spin have their crisis between 10 and 19 m/s. Below Re 7e4 it is joined (C3) to the sphere's, which it
-    reaches at Re 2e4.
+    balls that do not spin have their crisis between 10 and 19 m/s. Below Re 7e4 it is joined
+    (C3) to the sphere's, which it reaches at Re 2e4.
     """
     if reynolds >= FAST:
         return BEYOND_CRISIS

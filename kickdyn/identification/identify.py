@@ -37,7 +37,7 @@ from kickdyn.identification.identification_result import UNITS, Identification, 
 from kickdyn.identification.track import Track, check_samples, refuse_units
 from kickdyn.planning.problem import keep_last
 
-LONGEST_FLIGHT = 100.0
+LONGEST_FLIGHT = 30.0
 """Duration of a track [s] that is no flight of a ball."""
 
 SPIN_SPREAD = 100.0

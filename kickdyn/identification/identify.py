@@ -265,8 +265,7 @@ def _sought(free: Iterable[str], air: Air) -> tuple[Free, ...]:
     if {Free.DRAG, Free.DRAG_SCALE} <= chosen:
         raise InvalidInput(
             "free has drag and drag-scale: choose one, because the first replaces the model that "
-            "the "
-            "second scales"
+            "the second scales"
         )
     for name, kind in ((Free.DRAG_SCALE, "drag"), (Free.LIFT_SCALE, "lift")):
         if name in chosen and getattr(air, kind) is None:

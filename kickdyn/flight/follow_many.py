@@ -203,7 +203,7 @@ class _Balls:
         # as `roll`: those that are slow at once are not integrated
         rolled.nodes[:], rolled.status[:] = 0.0, LANDED
         rolled.nodes[:, 4:7] = begin.velocity
-        moves = np.asarray(rolling.speed) > rolling.slowest
+        moves = np.asarray(rolling.speed > rolling.slowest)
         if moves.any():
             rates = compiled_rolling(self.ball, rolling.air, self.surface.rolling_deceleration)
             functions, names = zip(*((end.function, end.name) for end in ends), strict=True)

@@ -73,8 +73,8 @@ def check_has_drives(leg: Leg) -> None:
     limits = f", and torque limits of {listed(unlimited, MAX_FAULTY)}" if unlimited else ""
     raise InvalidInput(
         f"{leg.name} has no drives: a motion needs the rotor inertias of "
-        f"{listed(names, MAX_FAULTY)}{limits}; give them (Leg.with_drives, --drives FILE), or drives=False (--drives none) "
-        "for joints without rotors"
+        f"{listed(names, MAX_FAULTY)}{limits}; give them (Leg.with_drives, --drives FILE), "
+        "or drives=False (--drives none) for joints without rotors"
     )
 
 

@@ -195,7 +195,7 @@ class Motion(ReprMixin):
         states = np.multiply.outer(settling(np.array([t]))[:, 0] * (t > 0.0), velocity)
         robot = self.robot
         states[0] += [robot.joint_values(self._rest)[name] for name in self.pushed]
-        return states
+        return np.asarray(states)
 
     def _every_state(self, t: float) -> tuple[Array, Array, Array]:
         """Return q, v and a of `joints` and of those that the impact pushes, `(n + k,)` each."""

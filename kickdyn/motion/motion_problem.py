@@ -98,8 +98,7 @@ class MotionProblem:
         self.n = int(model.nv)
         self.lower = np.maximum(model.lowerPositionLimit, -np.pi)
         self.upper = np.minimum(model.upperPositionLimit, np.pi)
-        self._model, self._tree = model, SymbolicTree(model)
-        tree = self._tree
+        self._tree = tree = SymbolicTree(model)
         torque, wrench = tree.inverse_dynamics()
         weight = sum(body.mass for body in model.inertias) * 9.81
         whole = task.whole
@@ -428,8 +427,7 @@ class MotionProblem:
         rows[np.ix_(distance == 0.0, self.path.lower < self.path.upper)] = -np.inf
         of_bodies = []
         for conditions, row in zip(apart, lower[2:], strict=True):
-            of_rows = conditions.times[np.argsort(conditions.times > 0.0, kind="stable")]
-            of_bodies.append(np.where(np.isin(of_rows, ends), -np.inf, row))
+            of_bodies.append(np.where(np.isin(conditions.times, ends), -np.inf, row))
         return [rows.ravel(), lower[1], *of_bodies]
 
     def limits_of_shift(self) -> tuple[tuple[Any, Any], tuple[str, ...]]:
@@ -485,9 +483,7 @@ class MotionProblem:
         ):
             add(label, value)
         for (joints, _, _), values in known.apart:
-            first, second = (str(self._model.names[joint]) for joint in joints)
-            other = "the ball" if joints[1] < 0 else f"those of {second}"
-            add(f"distance of bodies of {first} from {other}", values, 0.01)
+            add(self.surroundings.label(joints), values, 0.01)
         return {label: value for label, value in total.items() if value > LEAST_EFFECT}
 
     def _blocks(self, times: list[Array], start: Solution, relaxation: float) -> list[Block]:
@@ -513,14 +509,13 @@ class MotionProblem:
         """Return the rows of the conditions of two joints."""
         times, splines, n = conditions.times, self.splines, self.n
         sides = [times[times <= 0.0], times[times > 0.0]]
-        order = np.argsort(times > 0.0, kind="stable")
         maps = splines.values(sides, 0)
         if conditions.joints[1] < 0:
             at_impact = np.tile(splines.at_impact()[0], (len(maps), 1))
             maps = np.stack([maps, at_impact], axis=1).reshape(2 * len(maps), -1)
         rows = self._rows_apart(conditions.joints)
         to_points = per_joint(maps, n, 1)
-        return Block(rows, to_points, conditions.parameters[:, order], np.zeros(len(times)))
+        return Block(rows, to_points, conditions.parameters, np.zeros(len(times)))
 
     def _cost(self, rest: Array) -> Cost:
         """Return the jerk, the posture at both ends and the share, of the objective."""

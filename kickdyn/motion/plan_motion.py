@@ -49,9 +49,10 @@ MOST_WORK, LEGS_WORK, LEAST_ITERATIONS = 5500, 3600, 10
 """Iterations of Ipopt times joints that move: of a plan, and of its legs alone, at most. Fewer
 iterations than the last number are not begun. An iteration takes about 8 ms for each joint."""
 
-FULL, NEARLY, HOPE, LEAST_SHARE = 0.98, 0.9, 0.6, 0.05
-"""Shares of the launch: from which on the whole launch is sought; from which on the motion of the
-legs is one to start from; below which legs alone are given up; and below which there is no kick."""
+WHOLE, FULL, NEARLY, HOPE, LEAST_SHARE = 0.998, 0.98, 0.9, 0.6, 0.05
+"""Shares of the launch: from which on the whole launch is sought, far from a motion that keeps its
+limits and near one; from which on the motion of the legs is improved, and one to start from; below
+which legs alone are given up; and below which there is no kick."""
 
 TIGHTER = {"mu_init": 1e-3, "max_iter": 150, "constr_viol_tol": 1e-7}
 """Options of Ipopt for a solution that others follow near it."""
@@ -271,9 +272,6 @@ class _Search:
 
     def refine(self, solution: Solution) -> Verdict:
         """Return the best verdict on solutions with points added where limits are broken."""
-        apart = list[Conditions]()
-        if solution.multipliers is not None:
-            apart = [conditions for conditions, _ in solution.multipliers.apart]
         verdict, full = Verdict(self.problem, solution), solution.share > FULL
         verdicts: list[Verdict] = []  # the first solution keeps its limits at the points only
         nearest = verdict
@@ -284,13 +282,15 @@ class _Search:
                 break
             nearest = verdict if verdict.broken <= nearest.broken else nearest
             far, times = verdict.broken > FAR, verdict.add_points(solution.times)
-            former = apart if solution.feasible else []
+            known = solution.multipliers if solution.feasible else None
+            former = [] if known is None else [conditions for conditions, _ in known.apart]
             apart = with_former(verdict.nearness.conditions(times), former)
-            shares = (1.0, 1.0) if full and not far else (0.0, 1.0)
+            whole = (full and not far) or solution.share > WHOLE
+            shares = (1.0, 1.0) if whole else (0.0, 1.0)
             start = solution if solution.feasible else nearest.solution
-            if self._limit_overloaded(verdict) or far:
-                start = replace(start, multipliers=None)
-            solution = self._solve(start, times, apart, TIGHTER if far else AGAIN, shares)
+            anew = self._limit_overloaded(verdict) or far
+            start = replace(start, multipliers=None) if anew else start
+            solution = self._solve(start, times, apart, TIGHTER if anew else AGAIN, shares)
             verdict, full = Verdict(self.problem, solution), solution.share > FULL
             verdicts.append(verdict)
             if verdict.broken == 0.0 and (solution.share == 1.0 or not full):

@@ -34,6 +34,9 @@ REACHED = 2e-3
 UNSOLVED = 1.0
 """Violation that a solution counts with whose equations do not hold."""
 
+LOADED = 0.5
+"""Torque over its limit from which on a joint at rest counts among those that are overloaded."""
+
 NAMED = 6
 """Number of limits in the sentence on what holds a motion back."""
 
@@ -185,7 +188,7 @@ class Verdict:
     def add_points(self, points: list[Array]) -> list[Array]:
         """Return times with those added at which a row is nearest to its limit."""
         needed = np.concatenate([
-            np.full(len(limit.labels), limit.reserve / 2) for limit in self.problem.limits
+            np.full(len(limit.labels), 1.5 * limit.reserve) for limit in self.problem.limits
         ])  # fmt: skip
         needed[[limit.by_splines for limit in self.problem.limits for _ in limit.labels]] = -np.inf
         shortfall = np.max(needed - self.rows, axis=1)
@@ -251,10 +254,14 @@ class Verdict:
         return self.solution.share == 1.0 and self.broken == 0.0
 
     def overloaded(self) -> list[str]:
-        """Return the joints at rest that take more than their torque limits."""
+        """Return the joints at rest that take more than their torque limits, or none.
+
+        Those that take more than `LOADED` of it are among them: they are the next ones.
+        """
         joints = self.problem.task.resting
         least = self.rows[:, self._columns(RestingTorqueLimit)].min(axis=0, initial=np.inf)
-        return [name for name, margin in zip(joints, least, strict=True) if margin < 0.0]
+        return [name for name, margin in zip(joints, least, strict=True)
+                if min(least) < 0.0 and margin < 1.0 - LOADED]  # fmt: skip
 
     def _columns(self, kind: type[Limit]) -> NDArray[np.bool_]:
         """Return which rows are of a kind of limit."""

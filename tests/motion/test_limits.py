@@ -40,7 +40,7 @@ def margins(limit, sample):
 
 def test_the_ground_presses():
     sample = ground((30.0, -20.0, 100.0), MIDDLE)
-    assert margins(Pressure(), sample) == pytest.approx([100 / WEIGHT - 0.05])
+    assert margins(Pressure(0.05), sample) == pytest.approx([100 / WEIGHT - 0.05])
 
 
 @pytest.mark.parametrize("facet", range(8))

@@ -12,7 +12,8 @@ origin, and the sole is level at :math:`z = 0`. Its limits are
     \mu r f_z \ge |m_z - (c_x f_y - c_y f_x)|
 
 with the edges :math:`n_i \cdot x \le d_i` of the sole, its centre c and the arm r of its friction.
-They hold for the impulse of the ground in the impact too.
+They hold for the impulse of the ground in the impact too, but for the moment about the vertical: a
+foot that turns about it hardly changes the kick.
 """
 
 import math

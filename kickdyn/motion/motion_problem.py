@@ -53,8 +53,9 @@ JERK, ENDS, SHARE = {False: 1e-8, True: 1e-7}, 0.1, 3.0
 the posture at both ends [1/rad2] and of the share of the launch that is not reached, against about
 0.1 s of squared torque."""
 
-LEAST_EFFECT = 1e-3
-"""Share of the launch below which a limit does not count as one that holds it back."""
+LEAST_EFFECT, LEAST_MULTIPLIER = 1e-3, 0.05
+"""Share of the launch below which a limit does not count as one that holds it back, and multiplier
+below which a row does not count: Ipopt gives those that are not reached small ones, too."""
 
 IMPACT_STEPS = 3
 """Steps of Newton's method after which the equations of the impact have no error but rounding."""
@@ -467,7 +468,9 @@ class MotionProblem:
             return total
 
         def add(label: str, values: Array, amount: float = 0.1) -> None:
-            total[label] = total.get(label, 0.0) + amount / SHARE * float(np.abs(values).sum())
+            sizes = np.abs(values)
+            effect = amount / SHARE * float(sizes[sizes > LEAST_MULTIPLIER].sum())
+            total[label] = total.get(label, 0.0) + effect
 
         torques = known.points[:, len(self.path.lower) :]
         ranges = known.bounds[: self.splines.size * self.n]

@@ -29,13 +29,7 @@ from kickdyn.planning.intercepting_kick import Interception, KickSettings
 from kickdyn.planning.interception import Reach, reach_of, waits_in_plane
 from kickdyn.planning.kick_problem import KickProblem
 from kickdyn.planning.kick_steps import checked_contact
-from kickdyn.planning.kick_terms import (
-    BallPosition,
-    Facing,
-    KickPoint,
-    StrikeVelocity,
-    place_exactly,
-)
+from kickdyn.planning.kick_terms import Facing, KickPoint
 from kickdyn.planning.moving_kick import Interceptor
 from kickdyn.planning.objectives import KickObjective
 from kickdyn.planning.problem import Bounds, Function, Kind
@@ -150,8 +144,8 @@ def finds_kick(case: Case, draw: np.random.Generator) -> bool:
         assert task.incoming.ground is not None
         height = task.incoming.ground.height
         for x in _fast_enough(task, problem, draw):
-            point = _kept_point(problem, x)
-            if point is not None and not _collides(problem, point, height):
+            point = task.exactly(problem, problem.variables.point(x))
+            if _keeps_all(problem, point) and not _collides(problem, point, height):
                 return True
     return False
 
@@ -237,22 +231,20 @@ def _fast_enough(task: Interception, problem: KickProblem, draw: np.random.Gener
     return np.column_stack([q[best], v[best], np.ones(len(best))])
 
 
-def _kept_point(problem: KickProblem, x: np.ndarray) -> KickPoint | None:
-    """Return unknowns moved exactly to the ball, if they keep all terms of the problem."""
-    position, strike_velocity = problem.find(BallPosition), problem.find(StrikeVelocity)
-    point = strike_velocity.make_exact(place_exactly(position, problem.variables.point(x)))
+def _keeps_all(problem: KickProblem, point: KickPoint) -> bool:
+    """Return whether a point keeps all terms of the problem."""
     for term in problem.terms:
         if isinstance(term, Function):
             value = term.value(point) / term.scale
             wrong = np.abs(value) if term.kind == Kind.EQUALITY else -value
             if wrong.size and wrong.max() > 1e-6:
-                return None
+                return False
         elif (
             isinstance(term, Bounds)
             and not ((point.x >= term.lower) & (point.x <= term.upper)).all()
         ):
-            return None
-    return point
+            return False
+    return True
 
 
 def _collides(problem: KickProblem, point: KickPoint, ground: float) -> bool:

@@ -99,7 +99,6 @@ class GoalOptions:
     spin: tuple[float, float, float] | None = option(
         "--spin", type=Numbers("X,Y,Z"), help="Spin of the ball [rad/s]; back spin has Y < 0."
     )
-
     receiver_velocity: tuple[float, float, float] | None = option(
         "--receiver-velocity", type=Numbers("X,Y,Z"),
         help="Velocity of a receiver who is at the target when the ball starts [m/s].",
@@ -240,9 +239,8 @@ def height_of_ball(leg: Leg, ball: Ball, offset: tuple[float, ...] | None) -> fl
         return None
     standing = leg.posture(leg.configuration()).with_contact_offset(offset)
     foot = float(standing.contact_point[2])
-    crouch = (
-        0.0 if leg.contact_normal_cone is None else CROUCH_SHARE
-    )  # a robot's toe must point ahead
+    # a robot's toe must point ahead
+    crouch = 0.0 if leg.contact_normal_cone is None else CROUCH_SHARE
     return foot + ball.radius - crouch * foot
 
 

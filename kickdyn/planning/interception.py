@@ -37,9 +37,9 @@ SAMPLES, CANDIDATES = 400, 7
 """Numbers of times at which the path is compared with the reach of the leg, and of those in reach
 for which a kick is sought."""
 
-BRACKETS = 40
-"""Number by which the times within reach are divided for the distance from an estimated crossing
-of the foot's plane at which the exact one is sought."""
+CROSSING_SHARE = 1 / 40
+"""Time before and after an estimated crossing of the foot's plane at which the exact one is sought,
+over the time within reach."""
 
 DRAWN_REACH = 200
 """Number of postures from which the reach of a leg is estimated."""
@@ -167,9 +167,8 @@ def _level_under(leg: Leg) -> float:
 def state_at(incoming: IncomingBall, course: Course, wait: float) -> BallState:
     """Return the ball a while after it was seen, with the clock of `incoming`."""
     state = course.sample(wait)
-    return BallState(
-        state.position, state.velocity, state.spin, float(incoming.state.time) + wait
-    )  # fmt: skip
+    clock = float(incoming.state.time) + wait
+    return BallState(state.position, state.velocity, state.spin, clock)
 
 
 class Reach(NamedTuple):
@@ -235,24 +234,8 @@ def waits_in_reach(
         InvalidInput: the ball never comes within reach, or only behind the leg, or is not at
             `meet_at`.
     """
-    last = min(course.duration, LONGEST_WAIT)
-    times = np.linspace(0.0, last, SAMPLES if last > 0.0 else 1)
-    times = _refined(course, times, reach, radius)
+    times = _times_on_path(incoming, course, reach, radius)
     states = course.sample(times)
-    if incoming.meet_at is not None:
-        if isinstance(incoming.meet_at, float):
-            wait = incoming.meet_at - float(incoming.state.time)
-            if wait > last:
-                rests = ", when the ball comes to rest" if course.status == "at-rest" else ""
-                raise InvalidInput(
-                    f"meet_at is {incoming.meet_at:g} s: it must be at most "
-                    f"{float(incoming.state.time) + last:g} s{rests}"
-                )
-            times = np.array([wait])
-        else:
-            places = np.asarray(states.position)
-            times = np.array([_passing(course, times, places, np.asarray(incoming.meet_at))])
-        states = course.sample(times)
     offsets = np.asarray(states.position) - reach.centre
     distances = np.linalg.norm(offsets, axis=1)
     chosen = incoming.meet_at is not None
@@ -289,10 +272,32 @@ def waits_in_reach(
     places = states.position[within[inside]]
     aside = ahead[inside, 0] * places[:, 1] - ahead[inside, 1] * places[:, 0] - reach.beside
     crossed = np.flatnonzero(aside[:-1] * aside[1:] < 0.0)
-    margin = max(3, tried.size // BRACKETS)
+    margin = max(3, int(CROSSING_SHARE * tried.size))
     ends = [np.clip(crossed + step, 0, tried.size - 1) for step in (-margin, margin + 1)]
     crossings = tried[np.concatenate(ends)] if np.abs(aside).max() > BESIDE else tried[:0]
     return np.asarray(np.union1d(waits, crossings))
+
+
+def _times_on_path(incoming: IncomingBall, course: Course, reach: Reach, radius: float) -> Array:
+    """Return the times since the ball was seen that are compared with the reach [s].
+
+    It is the only one if the ball has `meet_at`.
+    """
+    last = min(course.duration, LONGEST_WAIT)
+    if isinstance(incoming.meet_at, float):
+        wait = incoming.meet_at - float(incoming.state.time)
+        if wait > last:
+            rests = ", when the ball comes to rest" if course.status == "at-rest" else ""
+            raise InvalidInput(
+                f"meet_at is {incoming.meet_at:g} s: it must be at most "
+                f"{float(incoming.state.time) + last:g} s{rests}"
+            )
+        return np.array([wait])
+    times = np.linspace(0.0, last, SAMPLES if last > 0.0 else 1)
+    times = _refined(course, times, reach, radius)
+    if incoming.meet_at is None:
+        return times
+    return np.array([_passing(course, times, np.asarray(incoming.meet_at))])
 
 
 def _refined(course: Course, times: Array, reach: Reach, radius: float) -> Array:
@@ -318,7 +323,7 @@ def _facing(changes: Array, reach: Reach) -> Array:
     return np.asarray(level / np.maximum(np.linalg.norm(level, axis=1, keepdims=True), 1e-300))
 
 
-def _passing(course: Course, times: Array, places: Array, point: Array) -> float:
+def _passing(course: Course, times: Array, point: Array) -> float:
     """Return when the ball is nearest to a point [s]; it must be within 1 cm of it."""
 
     def receding(t: float) -> float:
@@ -326,7 +331,7 @@ def _passing(course: Course, times: Array, places: Array, point: Array) -> float
         ball = course.sample(t)
         return float((ball.position - point) @ ball.velocity)
 
-    nearest = int(np.argmin(np.linalg.norm(places - point, axis=1)))
+    nearest = int(np.argmin(np.linalg.norm(course.sample(times).position - point, axis=1)))
     wait = float(times[nearest])
     low, high = times[max(nearest - 1, 0)], times[min(nearest + 1, len(times) - 1)]
     if receding(low) < 0.0 < receding(high):

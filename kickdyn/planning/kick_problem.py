@@ -148,11 +148,11 @@ class KickProblem:
         return [x for _, _, x in self.rated()[:STARTS]]
 
     def at_ball(self, count: int) -> "KickProblem":
-        """Return the problem with the best drawn postures after they are moved to the ball.
+        """Return the problem with postures in which the foot touches the ball.
 
-        Some more are drawn from the whole ranges of the joints. The side of the foot that may meet
-        the ball is turned to it. There are `count` postures at most, and none where the foot
-        touches the ball in no posture.
+        The drawn postures, and others from the whole ranges of the joints, are moved to the ball,
+        with the side of the foot that may meet it turned to it. The `count` best of those that
+        touch the ball are kept, which may be fewer or none.
         """
         ball, facing, variables = self.find(BallPosition), self.find(Facing), self.variables
         assert ball is not None
@@ -166,8 +166,8 @@ class KickProblem:
             if _touches(ball, point):
                 turned = point if facing is None else turn_to_ball(ball, facing, point)
                 moved.append((turned if _touches(ball, turned) else point).x[: variables.n])
-        there = replace(self, drawn=np.reshape(moved, (-1, variables.n)))
-        rated = [x[: variables.n] for _, _, x in there.rated()]
+        touching = replace(self, drawn=np.reshape(moved, (-1, variables.n)))
+        rated = [x[: variables.n] for _, _, x in touching.rated()]
         best = [q for q in rated if self.may_meet(q)] or rated
         return replace(self, drawn=np.reshape(best[:count], (-1, variables.n)))
 

@@ -222,8 +222,11 @@ def solve_launch(
 
     The launch :math:`(v, s)` and the time :math:`t` solve :math:`x(t; v, s) = x_{target}` together
     with the goal's condition, to a relative error of `accuracy`. Each step integrates one flight
-    with its derivatives, and is halved while it does not reduce the errors. Without `last_slopes`,
-    those of the last flight are of the flight before, and the trajectory has none.
+    with its derivatives, and is halved while it does not reduce the errors.
+
+    Without `last_slopes`, which goals of a time or a speed allow, a step from near the solution
+    integrates a flight without derivatives: the `slopes` of the solution are those of the step
+    before, and its trajectory has none.
     """
     length = float(np.linalg.norm(goal.target))
     size = {"time": goal.time, "speed": goal.speed}.get(goal.kind) or length
@@ -318,7 +321,7 @@ def _residual(
 ) -> tuple[Array, Array, DifferentiableFlight | None]:
     """Return errors, their derivatives by the unknowns, and the flight; nan where there is none.
 
-    With known `slopes`, the goal names a time or a speed, and the flight has no neighbours.
+    With known `slopes`, these are returned, and the flight has no derivatives.
     """
     n = len(x)
     flight = problem.shoot(x[:-1], float(x[-1]), slopes is None)

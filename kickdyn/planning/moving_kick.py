@@ -51,8 +51,7 @@ from kickdyn.robot.leg import Leg
 MENDINGS = 3
 """Number of times that a kick in which bodies collide is planned again at most."""
 
-
-TOUCHING_STARTS, MOST_HOPELESS = 2, 4
+TOUCHING_STARTS, TOUCHING_TIMES = 2, 4
 """Numbers of postures at the ball from which the strongest kick is sought, and of the most
 promising times for which it is."""
 
@@ -122,8 +121,9 @@ class Interceptor:
         return ""
 
     def changes(self, waits: Array) -> Array:
-        """Return how kicks change the ball's velocity, shape `(n, 3)` [m/s]; 0 without a launch.
+        """Return how kicks change the ball's velocity, shape `(n, 3)` [m/s].
 
+        It is 0 without a launch, and for a leg that is not turned, for which it does not count.
         Launches are planned for `LAUNCHES` of the times, and between them they are interpolated.
 
         Args:
@@ -133,7 +133,7 @@ class Interceptor:
         if isinstance(goal, BallState):
             return np.asarray(goal.velocity - before)
         if self._reach is None or self._reach.across is None:
-            return np.zeros(before.shape)  # it does not count
+            return np.zeros(before.shape)
         chosen = np.unique(np.linspace(0.0, len(waits) - 1.0, LAUNCHES).astype(int))
         known, velocities = list[float](), list[Array]()
         for wait in waits[chosen].tolist():
@@ -210,7 +210,7 @@ class Interceptor:
             for wait, problem in touching.items()
         }
         order = sorted(touching, key=lambda wait: ranks[wait])
-        for wait in order[:MOST_HOPELESS]:
+        for wait in order[:TOUCHING_TIMES]:
             self._seek(kicks, wait, problems[wait], touching[wait].starts(), STRONGEST)
         if order and not kicks:
             best = order[0]

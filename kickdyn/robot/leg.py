@@ -526,7 +526,7 @@ class Posture(JointSpace, ReprMixin):
             normal: direction n, shape `(3,)` of any length but zero [world frame].
         """
         leg, n = self.leg, validation.direction("normal", normal)
-        bare = leg.with_armature(dict.fromkeys(leg.single_joints, 0.0)).with_stiff_joints()
+        bare = leg.without_rotors().with_stiff_joints()
         joints = [leg.velocity_index(name) for name in leg.single_joints]
         base = np.setdiff1d(np.arange(leg.nv), joints)
         stiff = math.inf

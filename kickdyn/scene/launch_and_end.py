@@ -288,7 +288,8 @@ def contact_time_size(
     """Return how far the neglected time of the contact moves the end of a path at most [m].
 
     It is `end_error`, or less: where that is up to `MEASURED` times what is allowed, the ball that
-    is struck at the end of the contact flies, too. Where it is more, the laws are not compared.
+    is struck at the end of the contact flies, too. Where it is more, which already decides, the
+    difference of the laws is left out.
     """
     largest = allowed if isinstance(path, Course) else MEASURED * allowed
     size = end_error(scene, path, error)
@@ -420,8 +421,8 @@ def contact_time_error(scene: Scene, impact: Impact, limit: float = math.inf) ->
 def with_law(scene: Scene, impact: Impact, error: ContactTimeError) -> ContactTimeError:
     """Add the difference of the laws `stronge` and `newton` to the error of a launch.
 
-    A brief contact that sticks tends to `stronge` (see `collide`). That law takes longer than all
-    else that a neglected contact time asks for, where friction turns the sliding.
+    A brief contact that sticks tends to `stronge` (see `collide`). Where friction turns the
+    direction of sliding, an impact by `stronge` takes longer to compute than the rest of the error.
     """
     if scene.contact.friction == 0.0 or error.rest is None:
         return error

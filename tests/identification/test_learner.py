@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.special import expit, logit
+from scipy.stats import chi2
 
 import kickdyn as kd
 from kickdyn.aerodynamics.drag import constant
@@ -270,3 +271,16 @@ def test_wrong_observations_are_refused():
         with pytest.raises(kd.InvalidInput, match=message):
             learner.observe(seen, time)
     assert learner.shots == ()
+
+
+def test_learning_is_done_where_scatter_and_uncertainty_explain_the_miss():
+    world, learner = World(5, 0.01), learner_for(scatter=0.01)
+    for _ in range(4):
+        observe(learner, world.kick(learner.command))
+    spread = learner.landing_scatter + learner.landing_uncertainty
+    assert 0.02 < np.trace(learner.landing_uncertainty) / np.trace(spread) < 0.25
+    ahead = np.array([0.8, 0.6])
+    farthest = math.sqrt(chi2.ppf(0.95, 2) / (ahead @ np.linalg.solve(spread, ahead)))
+    for share, done in ((0.99, True), (1.01, False)):
+        learner._last_landing = GOAL.target[:2] + share * farthest * ahead
+        assert learner.is_done is done

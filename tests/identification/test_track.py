@@ -1,11 +1,13 @@
 """Tracks: checks, slices, files."""
 
 import csv
+import sys
 
 import numpy as np
 import pytest
 
 import kickdyn as kd
+from kickdyn.identification.track import _send_c3d
 
 
 @pytest.fixture
@@ -172,3 +174,13 @@ def test_a_cell_may_be_long_and_other_readers_keep_their_limit(tmp_path):
     with pytest.raises(kd.InvalidInput, match="its first row"):
         kd.Track.from_csv(file)
     assert csv.field_size_limit() == limit
+
+
+def test_the_process_that_reads_a_c3d_file_is_limited(monkeypatch):
+    resource, limits = pytest.importorskip("resource"), {}
+    monkeypatch.setattr(resource, "setrlimit", limits.__setitem__)
+    monkeypatch.setattr("sys.argv", ["", "none.c3d", "2000", "7"])
+    monkeypatch.setitem(sys.modules, "ezc3d", None)  # what it may cost is limited before
+    with pytest.raises(ImportError):
+        _send_c3d()
+    assert limits == {resource.RLIMIT_AS: (2000, 2000), resource.RLIMIT_CPU: (7, 7)}

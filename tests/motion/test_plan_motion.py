@@ -25,6 +25,8 @@ from kickdyn.motion.impact_rows import _restitution
 from kickdyn.motion.limbs import idle_limbs, limbs_aside
 from kickdyn.motion.limits import RangeLimit, SpeedLimit, TorqueLimit
 from kickdyn.motion.motion_problem import MotionProblem
+from kickdyn.motion.solution import Multipliers
+from kickdyn.motion.splines import MotionSplines
 from kickdyn.motion.verdict import Verdict
 from kickdyn.planning import kick
 from kickdyn.robot.collisions import find_ball_overlaps, find_self_collisions
@@ -549,3 +551,44 @@ def test_every_limit_that_is_broken_has_a_line_with_its_excess_and_time():
     limits[0].unit = "m"
     words = "the sole is beyond its limit by 3.1 mm, 40 ms before the impact"
     assert limits[0].describe("the sole", -0.0031, -0.04) == words
+
+
+def test_limbs_are_held_aside_from_the_whole_motion(monkeypatch):
+    """Beginning, impact and end of it included."""
+    leg, splines = kd.Leg.from_robot("g1"), MotionSplines(0.9, 0.4, (7, 3))
+    whole, seen = kd.Leg.from_robot("g1", base="fixed"), []
+    coefficients = np.random.default_rng(2).normal(size=(splines.size, leg.nv))
+    monkeypatch.setattr(plan_motion, "limbs_aside", lambda *given: seen.append(given[2]))
+    problem = SimpleNamespace(task=SimpleNamespace(leg=leg), splines=splines)
+    moved = SimpleNamespace(coefficients=coefficients)
+    assert plan_motion._hold_aside(problem, moved, whole, []) is problem
+    moving = [whole.joint_names.index(name) for name in leg.joint_names]
+    ends = splines.values([np.array([-0.9]), np.array([0.0, 0.4])], 0) @ coefficients
+    assert seen[0][[0, len(seen[0]) // 2, -1]][:, moving] == pytest.approx(ends)
+
+
+def test_effects_have_the_names_of_their_limits():
+    """Each is the multiplier of one limit, ten times a tenth of it, or of 1 cm."""
+    n, rows = TESTBED.nv, [f"{name} of " for name in ("torque", "speed", "range")]
+    problem = SimpleNamespace(
+        task=SimpleNamespace(leg=TESTBED), path=SimpleNamespace(lower=range(2)), n=n,
+        splines=SimpleNamespace(size=2), _on_path=[("height of a foot", "m"), ("lift", "N")],
+        impulse_limits=[SimpleNamespace(labels=["slip", "tip"])],
+        _model=TESTBED.model,
+    )  # fmt: skip
+    known = Multipliers(
+        speeds=np.r_[10.0 + np.arange(n), -20.0 - np.arange(n)],
+        impact=np.array([99.0, -7.0, 8.0]),
+        bounds=np.r_[40.0 + np.arange(n), 50.0 + np.arange(n), 99.0],
+        points=np.array([np.r_[1.0, 2.0, 60.0 + np.arange(n)], np.r_[-3.0, -4.0, np.zeros(n)]]),
+        apart=[(((1, -1), None, None), np.array([5.0])), (((2, 1), None, None), np.array([6.0]))],
+    )
+    joints = TESTBED.joint_names
+    expected = {"height of a foot": 0.04, "lift": 0.6, "slip": 0.7, "tip": 0.8}
+    for i, name in enumerate(joints):
+        sizes = 60.0 + i, 30.0 + 2 * i, 90.0 + 2 * i
+        expected |= {row + name: 0.1 * size for row, size in zip(rows, sizes, strict=True)}
+    expected[f"distance of bodies of {joints[0]} from the ball"] = 0.05
+    expected[f"distance of bodies of {joints[1]} from those of {joints[0]}"] = 0.06
+    effects = MotionProblem.effects(problem, SimpleNamespace(multipliers=known))
+    assert effects == pytest.approx({name: size / 3.0 for name, size in expected.items()})

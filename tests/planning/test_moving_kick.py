@@ -7,7 +7,10 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
+from kickdyn.planning.intercepting_kick import KickSettings
 from kickdyn.planning.kick_problem import SOLVERS
+from kickdyn.planning.moving_kick import Interceptor
+from kickdyn.planning.objectives import KickObjective
 from kickdyn.planning.plan_report import PlanReport
 
 BALL, AIR = kd.Ball(), kd.Air()
@@ -259,3 +262,33 @@ def test_a_fast_ball_is_not_missed_between_samples():
     assert plan.status == "met"
     assert 0.01 < plan.meeting.time < 0.024
     assert len(plan.meetings) > 3
+
+
+def test_where_a_ball_is_and_how_it_moves_away():
+    settings = KickSettings(
+        kd.Goal((9, 1, 0), time=0.9), BALL, AIR, kd.Contact(), KickObjective.JOINT_SPEED,
+        True, None, "slsqp",
+    )  # fmt: skip
+    fast = kd.BallState((0.4, -0.2, -0.6), (18.0, 3.0, 1.0))
+    slow = kd.BallState((0.4, -0.2, -0.6), (3.0, 2.5, 3.0))
+    for ball, text in (
+        (ASIDE, ""),
+        (
+            fast,
+            "; the ball is faster than its launch must be, {ahead:.3g} m/s in place of "
+            "{speed:.3g} m/s in its direction, so that the foot has to brake it from ahead",
+        ),
+        (slow, "; the ball moves away from the foot at {away:.3g} m/s"),
+    ):
+        incoming = kd.IncomingBall(ball, kd.Ground(-1.0, surface="turf"))
+        balls = Interceptor(HUMAN, settings, incoming)
+        kick = balls.at(0.1)
+        impulse = kick.launch.velocity - kick.before.velocity
+        across = np.array([-impulse[1], impulse[0], 0.0]) / np.hypot(*impulse[:2])
+        left = float(kick.before.position @ across)
+        assert balls.beside(0.1) == pytest.approx(left)
+        assert abs(left) > 0.05
+        velocity, wish = kick.before.velocity, kick.launch.velocity
+        away, speed = velocity @ impulse / np.linalg.norm(impulse), np.linalg.norm(wish)
+        expected = text.format(away=away, speed=speed, ahead=velocity @ wish / speed)
+        assert balls.escaping(0.1) == expected

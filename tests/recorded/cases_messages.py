@@ -8,6 +8,7 @@ import numpy as np
 
 import kickdyn as kd
 from kickdyn.core import files, validation
+from kickdyn.robot.urdf_file import shipped_urdf
 from kickdyn.sweeps.queries import condition
 from recorded.cases_commands import run
 from recorded.parts import AIR, BALL, CONTACT, HUMAN, POSTURE, V, faults, legs, measured
@@ -15,6 +16,8 @@ from recorded.parts import AIR, BALL, CONTACT, HUMAN, POSTURE, V, faults, legs, 
 TRACK = measured(30)
 HIT = kd.strike(POSTURE, V, BALL, CONTACT)
 LAUNCH = kd.BallState((0, 0, 1), (9, 1, 3))
+ROLLING = kd.BallState((2.0, 0.0, -0.7042), (-2.5, 0.0, 0.0), (0.0, -2.5 / BALL.radius, 0.0))
+INFERRED = kd.infer_impact(POSTURE, V, BALL, HIT.ball_before, HIT.ball_after)
 MANY = kd.BallState([[0, 0, 1.0], [0, 0, 2.0]], [[9, 1, 3.0]] * 2)
 
 
@@ -43,6 +46,11 @@ FLIGHT = {
     "wind fails": lambda: kd.Air(wind=lambda height: {}[height]), "coefficient": lambda: AIR.drag(-1.0, 0.2),
     "beyond floats": lambda: kd.fly(kd.BallState((0, 0, 1), (1e300, 0, 1e150)), BALL, None, time_limit=2e300),
     "event fails": lambda: kd.fly(LAUNCH, BALL, AIR, ends=[kd.Event("x", lambda state, numbers: 1 / 0)]),
+    "name of an end": lambda: kd.fly(LAUNCH, BALL, ends=[kd.Event("at rest", lambda state, numbers: 1.0)]), "no function": lambda: kd.fly(LAUNCH, BALL, ends=[kd.Event("x", 3.0)]),
+    "numbers fail": lambda: kd.fly(LAUNCH, BALL, ends=[kd.Event("x", lambda state, numbers: 1.0, lambda state: 1 / 0)]),
+    "beyond the plane": lambda: kd.fly(LAUNCH, BALL, plane=kd.Plane((-3.0, 1.0, 0.0), (-2, 1, 0), "centre")),
+    "restitution": lambda: kd.Contact((1, 0, 0), [(5.0, 0.8), (4.0, 0.7)]),
+    "steep restitution": lambda: kd.plan_kick(HUMAN, kd.Goal(10, time=1.2), BALL, None, contact=kd.Contact(restitution=[(5.0, 0.9), (5.5, 0.2)])),
 }  # fmt: skip
 IDENTIFICATION = {
     "two drags": lambda: kd.identify(TRACK, BALL, free=("drag", "drag-scale")),
@@ -59,11 +67,25 @@ IDENTIFICATION = {
     "angle": lambda: kd.fit_motion(angles(5), HUMAN, angles={"hip": "a", "knee": "-b", "ankle": "c"}),
     "few angles": lambda: kd.fit_motion(angles(2), HUMAN, angles={"hip": "a", "knee": "-b", "ankle": "b"}),
     "late": lambda: kd.BodyTrack.from_trc(written("a.trc", TRC)),
+    "radius": lambda: sphere().marker_track("a", "b", "c", "d", radius=0.2), "sound": lambda: kd.identify(kd.Track(np.arange(9) / 99, np.outer(np.arange(9), (8, 0, 1))), BALL),
+    "height of a goal": lambda: kd.Learner(kd.Goal((30.0, 0, 1.5), time=1.5), BALL, kd.Air(drag=0.2)), "state": lambda: kd.infer_impact(POSTURE, V, BALL, MANY, LAUNCH),
+    "coordinates": lambda: kd.fit_motion(angles(5), HUMAN, angles={"hip": "a"}), "cells": lambda: kd.Track.from_csv(written("b.csv", "t,x,y,z\n0,1,2,3\n0.1,1,2,3,4\n")),
+    "under the ground": lambda: kd.segments(kd.Track(TRACK.times, TRACK.positions - (0, 0, 5.25)), BALL, ground=kd.Ground(0.125, surface="turf")),
+    "point": lambda: kd.fit_motion(kd.BodyTrack(np.arange(9) / 99, ["a"], np.ones((9, 1, 3))), HUMAN, {"a": ("knee", (3.0, 0, 40.0))}),
+    "unseen": lambda: kd.BodyTrack([0, 1], ["a", "b"], [[[1, 2, 3], [math.nan] * 3]] * 2).marker_track("b"),
+    "rows of a table": lambda: kd.fit_restitution([INFERRED] * 2, knots=3), "equal speeds": lambda: kd.fit_restitution([INFERRED] * 4, knots=2),
 }  # fmt: skip
 
 
 def angles(count):
     return kd.BodyTrack(np.arange(count) / 9, angles={"a": np.zeros(count), "b": np.ones(count)})
+
+
+def sphere():
+    corners = 0.11 * np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [-0.6, 0.8, 0]])
+    return kd.BodyTrack(
+        [0, 1, 2], list("abcd"), np.stack([corners + np.array((i, 0, 1)) for i in range(3)])
+    )
 
 
 TRC = """PathFileType\t4\t(X/Y/Z)\ta.trc
@@ -83,6 +105,11 @@ IMPACT = {
     "both of them": lambda: kd.page({"a": HIT, "b": kd.fly(LAUNCH, BALL)}),
     "takes time": lambda: kd.page(kd.simulate(kd.Scene(POSTURE, V, BALL, CONTACT, kd.Compliance(0.01)), None)),
     "belongs": lambda: kd.page(HUMAN, kd.fly(LAUNCH, BALL)),
+    "fast": lambda: kd.strike(POSTURE, np.array(V) * 1e160, BALL, CONTACT),
+    "patch": lambda: kd.collide(POSTURE, V, BALL, CONTACT, model=kd.FootPatch(0.05), stiffness=1e5),
+    "offset": lambda: kd.collide(POSTURE, V, BALL, CONTACT, model=kd.FootPatch(0.05, offset=0.3)),
+    "covariance": lambda: HIT.uncertainty(q=[[1.0, 0.5, 0], [0.25, 1, 0], [0, 0, -3.0]]), "result": lambda: HIT.uncertainty(q=0.01).share("height"),
+    "no sensitivity": lambda: kd.strike(POSTURE, V, BALL, CONTACT, law="stronge").sensitivity(),
 }  # fmt: skip
 
 
@@ -104,6 +131,12 @@ PLANNING = {
     "loops": lambda: kd.plan_kick(legs("fourbar"), kd.Goal(10, time=1), BALL, None),
     "mimic": lambda: legs("mimic").locked({"heel": 0.1}),
     "frame": lambda: kd.Leg.human(frame="knie", height=1.7, mass=60),
+    "path": lambda: kd.plan_kick(HUMAN, kd.Goal(18, time=1.2), BALL, AIR, incoming=kd.IncomingBall(ROLLING, meet_at=(0.5, 1.0, -0.7))),
+    "angles of reach": lambda: kd.reach(HUMAN, BALL, None, elevations=[10.0, 95.0]),
+    "open": lambda: kd.strike(legs("fourbar").posture(np.full(legs("fourbar").nq, 0.1)), np.zeros(legs("fourbar").nv), BALL, CONTACT),
+    "kept": lambda: legs("fourbar").close_loops(legs("fourbar").configuration(), keep="hip"), "legs": lambda: kd.Leg.from_robot("panda", legs_only=True),
+    "packages": lambda: kd.Leg.from_urdf(shipped_urdf("leg_human.urdf"), package_dirs="/"), "folder": lambda: kd.Leg.from_urdf(shipped_urdf("leg_human.urdf"), package_dirs=["none"]),
+    "patterns": lambda: HUMAN.locked({"h*": 0.1, "*p": 0.2}), "velocity": lambda: POSTURE.joint_velocity((1e308, 1e308, 0)),
 }  # fmt: skip
 SWEEPS = {
     "executor": lambda: kd.sweep(HUMAN, {"hip": 0.1}, kd.Kick(), threads=2, executor=ThreadPoolExecutor(1)),
@@ -112,6 +145,15 @@ SWEEPS = {
     "number": lambda: condition(kd.sweep(HUMAN, {"hip": 0.1}, kd.Kick()), "hip + 1"), "call": lambda: condition(kd.sweep(HUMAN, {"hip": 0.1}, kd.Kick()), "abs(hip) > 1"),
     "samples": lambda: kd.sweep(HUMAN, {"hip": [0.1, 0.2]}, kd.Kick(), samples="all"), "half": lambda: kd.sweep(HUMAN, {"hip": [0.1, 0.2]}, kd.Kick(), samples=2.5),
     "list": lambda: kd.sweep(HUMAN, {"hip": [0.1, 0.2], "knee": [0.1]}, kd.Kick(), samples="list"),
+    "large": lambda: kd.sweep(HUMAN, {"hip": np.linspace(0, 1, 40_000), "knee": np.linspace(0, 1, 40_000)}, kd.Kick()), "falling": lambda: kd.sweep(HUMAN, {"hip": [0.2, 0.1]}, kd.Kick()),
+    "of what": lambda: condition(kd.sweep(HUMAN, {"hip": 0.1}, kd.Kick()), "hip ="), "scene of two": lambda: kd.Scene(POSTURE, V, BALL, CONTACT, incoming=MANY),
+    "tolerance": lambda: kd.simulate(kd.Scene(POSTURE, V, BALL, CONTACT), 1e-14), "section": lambda: kd.load_scene(written("b.toml", "ball = 3\n[leg]\nname = 'human'\n")),
+    "view": lambda: kd.page(HIT).save("a.docx"), "time step": lambda: kd.tune_mujoco(POSTURE, V, BALL, CONTACT, timestep=0.02),
+}  # fmt: skip
+SAID = {
+    "ball": lambda: kd.Ball(430.0, 22.0).warnings, "ends of a loop": lambda: kd.Leg.from_urdf(shipped_urdf("leg_fourbar.urdf")).open_loops,
+    "flattened": lambda: kd.collide(POSTURE, V, kd.Ball(0.43, 0.11, pressure=9e3), CONTACT, stiffness="pressure").warnings,
+    "far from the posture": lambda: kd.infer_impact(POSTURE, V, BALL, HIT.ball_before, kd.BallState(HIT.ball_after.position, HIT.ball_after.velocity, (40, 9, 3))).warnings,
 }  # fmt: skip
 COMMANDS = {
     "distance": "plan", "ball position": "plan --distance 9 --ball-position 0,0,0.1 --ball-velocity 1,0,0 --ball-height -0.7", "picture": "view free_kick --at 1 --out a.html",
@@ -119,11 +161,13 @@ COMMANDS = {
     "moving in a motion": "plan --distance 9 --time 1 --ball-position 1,0,-0.7 --ball-velocity -1,0,0 --motion",
     "wind": "plan --distance 9 --time 1 --air none --wind 1,2,0", "leg": "posture-sweep --leg human:weight=3",
     "joint twice": "posture-sweep --joint hip=0:9:3 --joint hip=1", "joints of a robot": "posture-sweep --leg bolt --frame FL_FOOT",
+    "marker": "identify track.csv --marker ball", "step": "posture-sweep --joint hip=0:9:-3", "one axis": "posture-sweep --joint hip=0:9:1e-12",
 }  # fmt: skip
 
 
 CASES = {
     **{f"{group} {name}": (lambda call=call: faults({"": call})[""]) for group, calls in {"flight": FLIGHT, "identification": IDENTIFICATION, "impact": IMPACT,
        "planning": PLANNING, "sweeps": SWEEPS}.items() for name, call in calls.items()},
+    **{f"said of {name}": call for name, call in SAID.items()},
     **{f"command {name}": (lambda line=line: run(*line.split())) for name, line in COMMANDS.items()},
 }  # fmt: skip

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.robot.ground_clearance import TOLERANCE, find_depths
+from kickdyn.robot.ground_clearance import TOLERANCE, find_depths, shapes_of
 
 G1 = kd.Leg.from_robot("g1", base="fixed", legs_only=True)
 
@@ -59,3 +59,11 @@ def test_a_leg_without_shapes_is_its_frames():
     toe = leg.posture(leg.configuration()).contact_point
     depths = find_depths(leg, leg.configuration(), toe[2] + 0.01)
     assert depths["toe"] == pytest.approx(0.01)
+
+
+def test_meshes_can_be_left_out(tmp_path):
+    mesh, box = '<mesh filename="wedge.obj"/>', '<box size="0.2 0.4 0.6"/>'
+    leg = leg_of(tmp_path, f"{mesh}</geometry></visual><visual><geometry>{box}")
+    assert [len(shape.centres) for shape in shapes_of(leg, "body")] == [4, 8]
+    (corners,) = shapes_of(leg, "body", meshes=False)
+    assert np.abs(corners.centres) == pytest.approx(np.tile([0.1, 0.2, 0.3], (8, 1)))

@@ -25,6 +25,7 @@ from kickdyn.motion.impact_rows import _restitution
 from kickdyn.motion.limbs import idle_limbs, limbs_aside
 from kickdyn.motion.limits import RangeLimit, SpeedLimit, TorqueLimit
 from kickdyn.motion.motion_problem import MotionProblem
+from kickdyn.motion.separation import Surroundings
 from kickdyn.motion.solution import Multipliers
 from kickdyn.motion.splines import MotionSplines
 from kickdyn.motion.verdict import Verdict
@@ -553,7 +554,7 @@ def test_every_limit_that_is_broken_has_a_line_with_its_excess_and_time():
     assert limits[0].describe("the sole", -0.0031, -0.04) == words
 
 
-def test_limbs_are_held_aside_from_the_whole_motion(monkeypatch):
+def test_limbs_are_put_aside_of_the_whole_motion(monkeypatch):
     """Beginning, impact and end of it included."""
     leg, splines = kd.Leg.from_robot("g1"), MotionSplines(0.9, 0.4, (7, 3))
     whole, seen = kd.Leg.from_robot("g1", base="fixed"), []
@@ -561,26 +562,28 @@ def test_limbs_are_held_aside_from_the_whole_motion(monkeypatch):
     monkeypatch.setattr(plan_motion, "limbs_aside", lambda *given: seen.append(given[2]))
     problem = SimpleNamespace(task=SimpleNamespace(leg=leg), splines=splines)
     moved = SimpleNamespace(coefficients=coefficients)
-    assert plan_motion._hold_aside(problem, moved, whole, []) is problem
+    assert plan_motion._put_aside(problem, moved, whole, []) is problem
     moving = [whole.joint_names.index(name) for name in leg.joint_names]
     ends = splines.values([np.array([-0.9]), np.array([0.0, 0.4])], 0) @ coefficients
     assert seen[0][[0, len(seen[0]) // 2, -1]][:, moving] == pytest.approx(ends)
 
 
 def test_effects_have_the_names_of_their_limits():
-    """Each is the multiplier of one limit, ten times a tenth of it, or of 1 cm."""
+    """Each is the multiplier of one limit, ten times a tenth of it, or of 1 cm, if it is large."""
     n, rows = TESTBED.nv, [f"{name} of " for name in ("torque", "speed", "range")]
     problem = SimpleNamespace(
         task=SimpleNamespace(leg=TESTBED), path=SimpleNamespace(lower=range(2)), n=n,
         splines=SimpleNamespace(size=2), _on_path=[("height of a foot", "m"), ("lift", "N")],
         impulse_limits=[SimpleNamespace(labels=["slip", "tip"])],
-        _model=TESTBED.model,
+        surroundings=Surroundings(TESTBED, TESTBED, BALL.radius),
     )  # fmt: skip
     known = Multipliers(
         speeds=np.r_[10.0 + np.arange(n), -20.0 - np.arange(n)],
         impact=np.array([99.0, -7.0, 8.0]),
         bounds=np.r_[40.0 + np.arange(n), 50.0 + np.arange(n), 99.0],
-        points=np.array([np.r_[1.0, 2.0, 60.0 + np.arange(n)], np.r_[-3.0, -4.0, np.zeros(n)]]),
+        points=np.array(
+            [np.r_[1.0, 2.0, 60.0 + np.arange(n)], np.r_[-3.0, -4.0, np.full(n, 0.04)]]
+        ),
         apart=[(((1, -1), None, None), np.array([5.0])), (((2, 1), None, None), np.array([6.0]))],
     )
     joints = TESTBED.joint_names

@@ -165,7 +165,7 @@ def test_limits_that_do_not_hold_a_motion_back_are_not_named():
     named = set(re.findall(r"\w+ of \w+", plan.motion.warnings[0]))
     other = relaxed(lambda name: name not in named)
     again = kd.plan_kick(other, plan.goal, BALL, AIR, motion=True)
-    assert again.share == pytest.approx(plan.share, abs=5e-3)
+    assert again.share < plan.share + 5e-3
 
 
 def test_a_plan_takes_no_more_work_than_it_may(monkeypatch):

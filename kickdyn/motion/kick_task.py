@@ -34,6 +34,7 @@ from kickdyn.motion.limits import (
 from kickdyn.robot.ground_clearance import Spheres, extreme_spheres
 from kickdyn.robot.kicking_chain import UNLIMITED
 from kickdyn.robot.leg import Leg
+from kickdyn.robot.names import MAX_FAULTY, listed
 from kickdyn.robot.standing import Foot, StandingRobot, joint_spheres, sole_edges
 
 UNDER, BESIDE = (14, 0.4), (6, 0.6)
@@ -160,17 +161,18 @@ def _foot_spheres(standing: StandingRobot, towards: Array, count: int, cosine: f
 
 
 def check_limits(leg: Leg) -> None:
-    """Raise `InvalidInput` for a joint without a limit of torque, or with one of 0."""
+    """Raise `InvalidInput` for joints without a limit of torque, or with one of 0."""
     for what, limits, most in (
         ("speed", leg.velocity_limit, math.inf),
         ("torque", leg.effort_limit, 1e6),
     ):
-        for name, limit in zip(leg.joint_names, limits.tolist(), strict=True):
-            if not 0.0 < limit <= most:
-                raise InvalidInput(
-                    f"{what} limit of {name} is {limit:g}: a motion needs one, above 0 "
-                    "(Leg.with_drives, --drives FILE)"
-                )
+        faulty = (limits <= 0.0) | (limits > most)
+        if faulty.any():
+            names = listed(np.array(leg.joint_names)[faulty].tolist(), MAX_FAULTY)
+            raise InvalidInput(
+                f"{what} limit of {names} is {limits[faulty][0]:g}: a motion needs "
+                "one, above 0 (Leg.with_drives, --drives FILE)"
+            )
 
 
 def check_sole(standing: StandingRobot) -> None:

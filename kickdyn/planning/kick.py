@@ -27,6 +27,7 @@ from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.kick_problem import MUSCLES, KickProblem, kick_problem, solve_kick
 from kickdyn.planning.kick_steps import (
     Chosen,
+    check_has_drives,
     checked_contact,
     checked_leg,
     checked_objective,
@@ -166,6 +167,7 @@ def plan_kick(
         position = _lying_on_ground(position, ball)
     if motion:
         leg.check_base_at_rest("a motion from rest to rest")
+        check_has_drives(leg)
     if incoming is not None:
         if motion or ball_position is not None:
             other = f"motion={motion!r}" if motion else "ball_position"

@@ -100,11 +100,8 @@ def simulate_many(
         >>> many.end.shape, bool(0.5 < many.deviation / many.nominal.end_deviation < 2)
         ((2000, 3), True)
     """
-    number = validation.number("draws", draws, at_least=1, at_most=MOST_DRAWS)
-    seed = int(validation.number("seed", seed, at_least=0))
-    n = int(number)
-    if n != number:
-        raise InvalidInput(f"draws is {draws!r}: it must be a whole number")
+    n = validation.whole("draws", draws, at_least=1, at_most=MOST_DRAWS)
+    seed = validation.whole("seed", seed, at_least=0)
     if not scene.uncertainty:
         raise InvalidInput("the scene has no uncertainty: draws need one, Scene(uncertainty=...)")
     for name in scene.uncertainty:

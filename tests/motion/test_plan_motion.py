@@ -441,6 +441,28 @@ def test_a_joint_without_a_torque_limit_is_refused():
         kd.plan_kick(leg, kd.Goal(5, time=1), BALL, AIR, motion=True)
 
 
+def test_all_joints_without_a_torque_limit_are_named():
+    model = HUMAN.model
+    model.effortLimit = np.array([np.inf, 100.0, np.inf])
+    leg = kd.Leg.from_model(model, "toe")
+    with pytest.raises(kd.InvalidInput, match=r"^torque limit of hip, ankle is inf: a motion"):
+        kd.plan_kick(leg, kd.Goal(5, time=1), BALL, AIR, motion=True)
+
+
+@pytest.mark.parametrize("limit", [200, 0])
+def test_a_file_without_drives_is_refused_before_any_solve(tmp_path, monkeypatch, limit):
+    """The line names the joints and what to give; `drives=False` says that there are no rotors."""
+    monkeypatch.setattr(kick, "plan_flight_launch", None)
+    text = re.sub(r'effort="[^"]*"', f'effort="{limit}"', shipped_urdf("biped.urdf").read_text())
+    (tmp_path / "own.urdf").write_text(text)
+    own = kd.Leg.from_urdf(tmp_path / "own.urdf", "right_foot", base="floating")
+    own = own.with_supports("left_foot")
+    words = "" if limit else ", and torque limits of [^;]* more"
+    joints = "left_hip_yaw, left_hip_roll, left_hip_pitch, left_knee, left_ankle_pitch, "
+    with pytest.raises(kd.InvalidInput, match=joints + f"left_ankle_roll and 6 more{words}; give"):
+        kd.plan_kick(own, kd.Goal(2, time=0.4), BALL, AIR, motion=True)
+
+
 def test_a_joint_may_have_no_speed_limit():
     leg = limited("velocityLimit", np.inf)
     plan = kd.plan_kick(leg, kd.Goal(5, time=1), BALL, AIR, motion=True)

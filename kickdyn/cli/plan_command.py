@@ -370,10 +370,7 @@ def plan(
         print_wrapped("\n".join(report.table()))
         for one in results.values():
             click.echo(f"\n{one}")
-    if output.plot is not None:
-        from kickdyn.core.plot_style import save_figure
-
-        save_figure(planned.plot(), output.plot)
+    output.save_plot(planned.plot)
     if output.view is not None:  # the page has the warnings itself
         caption = " ".join(line for line in sentences if not line.startswith("Warning: "))
         _write_page(report, output.view, caption, run)

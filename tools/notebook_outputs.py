@@ -47,7 +47,7 @@ def run(notebook, folder):
     """Run a notebook in a folder."""
     client = NotebookClient(
         notebook,
-        timeout=120,
+        timeout=3600,
         resources={"metadata": {"path": folder}},
     )
     client.widget_registry["@jupyter-widgets/output"]["OutputModel"] = _Output

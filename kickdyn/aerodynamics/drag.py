@@ -173,11 +173,10 @@ def supercritical(reynolds: float, spin_parameter: float = 0.0) -> float:
     r"""Return 0.2, the C_D of a soccer ball beyond its drag crisis, above Re 7e4 (4.8 m/s).
 
     Goff & Carre 2009 found it from the range of trajectories without spin, Am. J. Phys. 77:1020.
-    Its range covers the flights in `data/match_ball.csv`, which it predicts: 8 to 27 m/s, and
-    spin parameters that are fitted, not measured, half of them below 0.3
-    (docs/explanation/verification.md). In wind tunnels, new balls that do not spin have
-    their crisis between 10 and 19 m/s. Below Re 7e4 it is joined (C3) to the sphere's, which it
-    reaches at Re 2e4.
+    Its range is that of flights in two minutes of a match (docs/explanation/verification.md): 8 to
+    27 m/s, and spin parameters up to 0.3, which are fitted, not measured. In wind tunnels, new
+    balls that do not spin have their crisis between 10 and 19 m/s. Below Re 7e4 it is joined
+    (C3) to the sphere's, which it reaches at Re 2e4.
     """
     if reynolds >= FAST:
         return BEYOND_CRISIS
@@ -216,8 +215,8 @@ MODELS = registry(
     CoefficientModel(
         "drag", "supercritical", supercritical,
         reynolds=(REYNOLDS_PER_SPEED * 8.0, REYNOLDS_PER_SPEED * 27.0), spin=(0.0, 0.3),
-        source="Goff & Carre 2009, Am. J. Phys. 77:1020 (no spin); range of the flights of a match "
-        "that it predicts, data/match_ball.csv; sphere below Re 2e4",
+        source="Goff & Carre 2009 (value), flights of a match (range); Am. J. Phys. 77:1020, "
+        "data/match_ball.csv; sphere below Re 2e4",
         branch_free=(FAST, _beyond_crisis),
     ),
     CoefficientModel(

@@ -99,7 +99,6 @@ class GoalOptions:
     spin: tuple[float, float, float] | None = option(
         "--spin", type=Numbers("X,Y,Z"), help="Spin of the ball [rad/s]; back spin has Y < 0."
     )
-
     receiver_velocity: tuple[float, float, float] | None = option(
         "--receiver-velocity", type=Numbers("X,Y,Z"),
         help="Velocity of a receiver who is at the target when the ball starts [m/s].",
@@ -240,9 +239,8 @@ def height_of_ball(leg: Leg, ball: Ball, offset: tuple[float, ...] | None) -> fl
         return None
     standing = leg.posture(leg.configuration()).with_contact_offset(offset)
     foot = float(standing.contact_point[2])
-    crouch = (
-        0.0 if leg.contact_normal_cone is None else CROUCH_SHARE
-    )  # a robot's toe must point ahead
+    # a robot's toe must point ahead
+    crouch = 0.0 if leg.contact_normal_cone is None else CROUCH_SHARE
     return foot + ball.radius - crouch * foot
 
 
@@ -372,10 +370,7 @@ def plan(
         print_wrapped("\n".join(report.table()))
         for one in results.values():
             click.echo(f"\n{one}")
-    if output.plot is not None:
-        from kickdyn.core.plot_style import save_figure
-
-        save_figure(planned.plot(), output.plot)
+    output.save_plot(planned.plot)
     if output.view is not None:  # the page has the warnings itself
         caption = " ".join(line for line in sentences if not line.startswith("Warning: "))
         _write_page(report, output.view, caption, run)

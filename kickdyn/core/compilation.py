@@ -66,22 +66,39 @@ def cache_folder(function: Callable[..., Any]) -> Path | None:
 
 @cache
 def _is_private(folder: Path) -> bool:
-    """Return whether only this user and root can write to a folder; warn once if others can."""
-    status, user = folder.stat(), os.geteuid()
-    shared = bool(status.st_mode & stat.S_IWOTH)
-    if status.st_mode & stat.S_IWGRP:
-        try:
-            name, group = pwd.getpwuid(user).pw_name, grp.getgrgid(status.st_gid)
-            shared = shared or group.gr_name != name or bool({*group.gr_mem} - {name})
-        except KeyError:
-            shared = True
-    if not shared and status.st_uid in (0, user):
+    """Return whether only this user and root can write to a folder; warn once if others can.
+
+    In a shared folder above it others could replace it, unless there is a sticky bit. Folders above
+    kickdyn itself do not count: who can replace the one can replace the other.
+    """
+    trusted = (0, os.geteuid())
+    shared = None
+    if folder.stat().st_uid not in trusted or _is_shared(folder.stat()):
+        shared = folder
+    above = {*folder.absolute().parents, *folder.resolve().parents}
+    for place in above.difference(Path(__file__).resolve().parents):
+        status = place.stat()
+        sticky = status.st_mode & stat.S_ISVTX and status.st_uid in trusted
+        if _is_shared(status) and not sticky:
+            shared = place
+    if shared is not None:
+        log.warning(
+            "each process compiles again, because others can write to %s: set NUMBA_CACHE_DIR",
+            shared,
+        )
+    return shared is None
+
+
+def _is_shared(status: os.stat_result) -> bool:
+    """Return whether others than a folder's user can write to it; a group may be his alone."""
+    if not status.st_mode & stat.S_IWGRP:
+        return bool(status.st_mode & stat.S_IWOTH)
+    try:
+        name, group = pwd.getpwuid(os.geteuid()).pw_name, grp.getgrgid(status.st_gid)
+    except KeyError:
         return True
-    log.warning(
-        "each process compiles again, because others can write to %s: set NUMBA_CACHE_DIR",
-        folder,
-    )
-    return False
+    alone = group.gr_name == name and not {*group.gr_mem} - {name}
+    return not alone or bool(status.st_mode & stat.S_IWOTH)
 
 
 def from_cache(function: Callable[..., Any], jit: Callable[[], T]) -> T:

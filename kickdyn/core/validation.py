@@ -65,6 +65,14 @@ def number(
     raise InvalidInput(f"{name} is {shown or brief(value)}: it must be {valid}")
 
 
+def whole(name: str, value: object, *, at_least: int, at_most: float = math.inf) -> int:
+    """Return `value` as an integer inside the bounds, or raise `InvalidInput`."""
+    result = number(name, value, at_least=at_least, at_most=at_most)
+    if result != int(result):
+        raise InvalidInput(f"{name} is {value!r}: it must be a whole number")
+    return int(result)
+
+
 def vector(name: str, value: ArrayLike, size: int, *, unit: str = "", many: str = "") -> Array:
     """Return `value` as a new, finite float64 array of shape `(size,)`, or raise `InvalidInput`.
 

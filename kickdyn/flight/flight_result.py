@@ -154,9 +154,8 @@ class Flight(ReprMixin):
         tie = 10 * self.tol
         if path.status is FlightStatus.AT_PLANE:
             return path.landing if path.duration <= self.duration * (1 + tie) else None
-        short = abs(
-            float(path.landing.position[0]) - coordinate
-        )  # the ground came first, by a hair?
+        # the ground may have come first by rounding
+        short = abs(float(path.landing.position[0]) - coordinate)
         return path.landing if short <= tie * abs(before) else None
 
     def __reduce__(self) -> "tuple[Callable[[], Flight], tuple[()]]":

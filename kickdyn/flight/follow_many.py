@@ -200,9 +200,16 @@ class _Balls:
             np.empty((n, 8 + 3 * len(ends))), np.empty((n, 16)), np.empty(n, np.int8),
             np.zeros(n, np.int64),
         )  # fmt: skip
-        rates = compiled_rolling(self.ball, rolling.air, self.surface.rolling_deceleration)
-        values = compiled_ends(tuple(end.function for end in ends), tuple(end.name for end in ends))
-        march(rates, values, rolled, tol, time_limit)
+        # as `roll`: those that are slow at once are not integrated
+        rolled.nodes[:], rolled.status[:] = 0.0, LANDED
+        rolled.nodes[:, 4:7] = begin.velocity
+        moves = np.asarray(rolling.speed > rolling.slowest)
+        if moves.any():
+            rates = compiled_rolling(self.ball, rolling.air, self.surface.rolling_deceleration)
+            functions, names = zip(*((end.function, end.name) for end in ends), strict=True)
+            moving = Flights._make(array[moves] for array in rolled)
+            march(rates, compiled_ends(functions, names), moving, tol, time_limit)
+            rolled.nodes[moves], rolled.status[moves] = moving.nodes, moving.status
         self._stop(rows, rolled, rolling.wind)
 
     def _stop(self, rows: NDArray[np.intp], rolled: Flights, wind: Array) -> None:

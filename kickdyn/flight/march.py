@@ -35,8 +35,6 @@ LANDED, ALOFT, FAILED, FURTHER = 0, 1, 2, 3
 
 STATES = 7
 
-# Weights are read in fours, each of which is one pass through memory.
-
 VALUE, SLOPE = range(2)
 """Rows of the function of an event: its value, and its derivative by time."""
 
@@ -293,7 +291,8 @@ def _step(rates_of, lane):
     """Take a step in every lane, from `state` to `new`, with the rates of all stages.
 
     Three rows of `sums` become the weighted sum of the rates before the last stage, and the
-    estimates of the error; the fourth is memory to work in.
+    estimates of the error; the fourth is memory to work in. Weights are read in fours, each of
+    which is one pass through memory.
     """
     rates, h = lane.rates, lane.sums[3]
     for c in range(0, SIZE, LANES):

@@ -70,12 +70,11 @@ def ball_side(track: Track, side: str, begin: float, end: float, moment: float) 
     return BallSide(*fitted[:2], *(np.sqrt(variance * inverse[i, i]) for i in (0, 1)))
 
 
-def contact_moment(
-    name: str, value: float | Sequence[float] | Track, deviation: float = 0.0
-) -> Moment:
+def contact_moment(name: str, value: float | Sequence[float] | Track) -> Moment:
     """Return the time of a contact: a number, a number and its deviation, or from a track."""
     if isinstance(value, Track):
         return _from_track(value)
+    deviation = 0.0
     if isinstance(value, Sequence | np.ndarray) and not isinstance(value, str):
         if len(value) != 2:
             raise InvalidInput(

@@ -37,7 +37,7 @@ from kickdyn.identification.identification_result import UNITS, Identification, 
 from kickdyn.identification.track import Track, check_samples, refuse_units
 from kickdyn.planning.problem import keep_last
 
-LONGEST_FLIGHT = 100.0
+LONGEST_FLIGHT = 30.0
 """Duration of a track [s] that is no flight of a ball."""
 
 SPIN_SPREAD = 100.0
@@ -265,8 +265,7 @@ def _sought(free: Iterable[str], air: Air) -> tuple[Free, ...]:
     if {Free.DRAG, Free.DRAG_SCALE} <= chosen:
         raise InvalidInput(
             "free has drag and drag-scale: choose one, because the first replaces the model that "
-            "the "
-            "second scales"
+            "the second scales"
         )
     for name, kind in ((Free.DRAG_SCALE, "drag"), (Free.LIFT_SCALE, "lift")):
         if name in chosen and getattr(air, kind) is None:

@@ -349,6 +349,8 @@ def _kind(samples: _Samples, piece: _Piece, rest_height: float) -> SegmentKind:
     if len(heights) < 4:
         return SegmentKind.OTHER
     is_level = float(np.ptp(heights)) < ROLLING_HEIGHT and abs(piece.fall) < MOST_LEVEL_FALL
+    if samples.times[piece.last - 1] - samples.times[piece.first] > LEAST_ROLLING_TIME:
+        is_level &= math.hypot(*piece.derivative(piece.middle, 2)[:2]) < LEAST_FALL
     if is_level and float(heights.max()) < rest_height + CONTACT_HEIGHT:
         speed = float(np.linalg.norm(piece.derivative(piece.middle, 1)))
         return SegmentKind.REST if speed < REST_SPEED else SegmentKind.ROLLING

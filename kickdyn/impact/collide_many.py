@@ -12,7 +12,7 @@ from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.validation import Array, ArrayLike
-from kickdyn.errors import KickdynError, NoImpact
+from kickdyn.errors import KickdynError
 from kickdyn.impact.approach import AT_REST
 from kickdyn.impact.batch_arguments import contact_frames, one_or_many, rows_of, vector_rows
 from kickdyn.impact.collide import (
@@ -31,7 +31,7 @@ from kickdyn.impact.force_model import (
     spring_time,
 )
 from kickdyn.impact.integrate_contact import FIRST_STEP
-from kickdyn.impact.strike_many import StrikeStatus
+from kickdyn.impact.strike_many import StrikeStatus, failed_rows, put_rows
 from kickdyn.restitution import restitution_at
 from kickdyn.robot.leg import Leg
 
@@ -154,7 +154,8 @@ def collide_many(
             _ = one_ball.stiffness
     if contact_time is not None:
         validation.number("contact time", contact_time, above=0, at_most=LONGEST_CONTACT, unit="s")
-    collisions, left = _empty(n, leg), np.ones(n, bool)
+    shapes = *[(3,)] * 4, (leg.nq,), (leg.nv,), *[()] * 5
+    collisions, left = failed_rows(Collisions, n, *shapes), np.ones(n, bool)
     options: dict[str, Any] = {"contact_time": contact_time, "stiffness": stiffness}
     kernel = None if inflated else _Kernel.of(leg, torques)
     if kernel is not None:
@@ -174,29 +175,15 @@ def collide_many(
                 ball_spin=spin[i], tol=tol, **options,
             )  # fmt: skip
         except KickdynError as error:
-            none = isinstance(error, NoImpact)
-            collisions.status[i] = (StrikeStatus.NO_IMPACT if none else StrikeStatus.FAILED).flag
+            collisions.status[i] = StrikeStatus.of(error).flag
             continue
         after, sticks = one.ball_after, one._motion.phases[-1].friction is Friction.STICKS
         sticks = sticks and one.contact.friction > 0.0
         status = StrikeStatus.STICKS if sticks else StrikeStatus.SLIPS
-        _put(collisions, i, one.impulse, after.velocity, after.spin, after.position, one.q_after,
-             one.v_after, one.contact_time, one.deflection, one.approach_speed, one.energy_lost,
-             one.energy_residual, status.flag)  # fmt: skip
+        put_rows(collisions, i, one.impulse, after.velocity, after.spin, after.position,
+                 one.q_after, one.v_after, one.contact_time, one.deflection, one.approach_speed,
+                 one.energy_lost, one.energy_residual, status.flag)  # fmt: skip
     return collisions
-
-
-def _empty(n: int, leg: Leg) -> Collisions:
-    shapes = *[(n, 3)] * 4, (n, leg.nq), (n, leg.nv), *[(n,)] * 5
-    values: list[Any] = [np.full(shape, np.nan) for shape in shapes]
-    values.append(np.full(n, StrikeStatus.FAILED.flag, np.int8))
-    return Collisions(*values)
-
-
-def _put(collisions: Collisions, rows: Any, *values: Any) -> None:
-    """Write values of all fields to rows."""
-    for name, value in zip(Collisions.__dataclass_fields__, values, strict=True):
-        getattr(collisions, name)[rows] = value
 
 
 class _Kernel:
@@ -274,7 +261,7 @@ class _Kernel:
         energy = 0.5 * (mass * speed * speed)[chosen]
         position = self._first + given[CENTRE : CENTRE + 3, chosen].T + ball[:3].T
         after = ball[3:6].T.copy()
-        _put(
+        put_rows(
             collisions, place, mass_of_ball * (after - velocity[chosen] - fallen), after,
             ball[6:9].T, position, q[chosen] + self._senses * moved, self._senses * speeds,
             answer[1], answer[2], speed[chosen], ball[9], np.abs(answer[3]) / energy,

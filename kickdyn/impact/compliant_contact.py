@@ -137,9 +137,8 @@ class CompliantContact:
         self._space = Workspace(self.model)
         self.gravity = np.array(self.model.gravity.linear)
         self.evaluations, self.counts, self.expected = 0, True, expected
-        self.resting = (
-            RESTING * tol * approach.speed
-        )  # sliding speed up to which points are at rest
+        # sliding speed up to which points are at rest
+        self.resting = RESTING * tol * approach.speed
         self._set_axes(contact_axes(contact.normal))
         # where the ball's centre begins
         self._centre = posture.contact_point + self.ball.radius * contact.normal
@@ -229,12 +228,9 @@ class CompliantContact:
         """
         contact = self.kinematics(self.state(y))
         leaving, deflection = contact.relative[2], self.deflection(contact)
-        recovered, e = (
-            deflection - self.force_model.separation(phase.largest),
-            self.approach.restitution,
-        )
         if deflection < 0.99 * phase.largest and leaving > 0.0:
-            return recovered / leaving
+            return (deflection - self.force_model.separation(phase.largest)) / leaving
+        e = self.approach.restitution
         return 0.5 * self.expected * e / (1.0 + e)
 
     def deflection(self, contact: Kinematics) -> float:

@@ -1,10 +1,10 @@
 """Many strikes at once: the answers of `strike`, in machine code."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,10 @@ DIFFERENCE = 1e-3
 """Step of the differences of `Impacts` by q and v, relative to 1 rad (1 m) and to the speed."""
 
 
+Rows = TypeVar("Rows")
+"""A dataclass of arrays with a row for each strike."""
+
+
 class StrikeStatus(StrEnum):
     """How a strike ended: points stick or slip, there is no impact, or it cannot be computed."""
 
@@ -44,6 +48,11 @@ class StrikeStatus(StrEnum):
     def flag(self) -> int:
         """The number that stands for the status in an array."""
         return list(StrikeStatus).index(self)
+
+    @classmethod
+    def of(cls, error: KickdynError) -> "StrikeStatus":
+        """Return how a strike ended that raised an error."""
+        return cls.NO_IMPACT if isinstance(error, NoImpact) else cls.FAILED
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,7 +188,9 @@ class Strikes:
         """Return the impacts at configurations and joint velocities."""
         n, leg = len(q), self.leg
         if self._kernel is None:
-            impacts, doubtful = _empty(n, leg), np.ones(n, bool)
+            inside = len(leg.joint_names), 6
+            impacts = failed_rows(Impacts, n, *[(3,)] * 4, (leg.nv,), inside, (), ())
+            doubtful = np.ones(n, bool)
         else:
             impacts, doubtful = self._kernel.strike(q, v)
         for i in np.flatnonzero(doubtful).tolist():
@@ -190,32 +201,26 @@ class Strikes:
                     ball_velocity=self.velocity[i], ball_spin=self.spin[i],
                 )  # fmt: skip
             except KickdynError as error:
-                none = isinstance(error, NoImpact)
-                _put(impacts, i, StrikeStatus.NO_IMPACT if none else StrikeStatus.FAILED)
+                put_rows(impacts, i, *[np.nan] * 8, StrikeStatus.of(error).flag)
                 continue
             after = impact.ball_after
             status = StrikeStatus.STICKS if impact.sticking else StrikeStatus.SLIPS
-            _put(impacts, i, status, impact.impulse, after.velocity, after.spin, after.position,
-                 impact.v_after, impact.joint_impulses, impact.approach_speed,
-                 impact.energy_lost)  # fmt: skip
+            put_rows(impacts, i, impact.impulse, after.velocity, after.spin, after.position,
+                     impact.v_after, impact.joint_impulses, impact.approach_speed,
+                     impact.energy_lost, status.flag)  # fmt: skip
         return impacts
 
 
-def _empty(n: int, leg: Leg) -> Impacts:
-    impulse, velocity, spin, position = (np.full((n, 3), np.nan) for _ in range(4))
-    inside, speed = np.full((n, len(leg.joint_names), 6), np.nan), np.full(n, np.nan)
-    return Impacts(
-        impulse, velocity, spin, position, np.full((n, leg.nv), np.nan), inside, speed,
-        speed.copy(), np.full(n, StrikeStatus.FAILED.flag, np.int8),
-    )  # fmt: skip
+def failed_rows(kind: Callable[..., Rows], n: int, *shapes: tuple[int, ...]) -> Rows:
+    """Return a result of n rows that failed, its fields of some shapes, then the status."""
+    fields: list[Any] = [np.full((n, *shape), np.nan) for shape in shapes]
+    return kind(*fields, np.full(n, StrikeStatus.FAILED.flag, np.int8))
 
 
-def _put(impacts: Impacts, i: int, status: StrikeStatus, *values: Any) -> None:
-    """Write a row: the values of the first fields, or nan."""
-    arrays = [getattr(impacts, name) for name in list(Impacts.__dataclass_fields__)[:8]]
-    for array, value in zip(arrays, values or [np.nan] * len(arrays), strict=True):
-        array[i] = value
-    impacts.status[i] = status.flag
+def put_rows(result: Any, rows: Any, *values: Any) -> None:
+    """Write the first fields of some rows of a result."""
+    for name, value in zip(result.__dataclass_fields__, values, strict=False):
+        getattr(result, name)[rows] = value
 
 
 class _Kernel:

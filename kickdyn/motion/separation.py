@@ -27,6 +27,9 @@ WITHIN = 0.08
 """Distance of bodies up to which they have conditions [m]: farther away, those of one motion say
 little about another."""
 
+NEAREST = 2
+"""Gaps of two frames that count, the nearest ones: a frame may have dozens of shapes."""
+
 RESERVE, BALL_RESERVE = 2e-3, -2.5e-3
 """Distance that bodies keep from each other and from the ball, which the foot touches [m]."""
 
@@ -46,7 +49,7 @@ class Conditions(NamedTuple):
 
     Attributes:
         joints: that carry the bodies; the second one is -1 for the ball.
-        times: of the conditions, shape `(k,)` [s, impact at 0].
+        times: of the conditions, ascending, shape `(k,)` [s, impact at 0].
         parameters: the point a and the normal in the axes of the first joint, and the point b in
             the second one's, shape `(9, k)` [m]; for the ball, only the first three count.
     """
@@ -77,16 +80,34 @@ class Surroundings:
         self._pairs = pairs.of(carriers[pairs.first] != carriers[pairs.second])
 
     def gaps(self, q: Array, ball: Array | None, within: float = WITHIN) -> list[Gap]:
-        """Return the gaps below a distance at q; those with a ball, if its centre is given [m]."""
+        """Return gaps below a distance at q [m]; those with a ball, if its centre is given."""
         placed = Placed(self._robot, self._frames, self._space.model, self._space.data, q)
-        pairs = placed.near(self._pairs, within)
-        if ball is not None:
-            near = placed.bodies_near(ball, self._radius + within)
-            pairs += [(body, placed.place_ball(ball, self._radius)) for body in near]
-        gaps = [
-            Gap((body.frame, other.frame), placed.proximity(body, other)) for body, other in pairs
+        pairs, least = self._pairs, placed.least_distances(self._pairs)
+        near = [
+            (least[k], pairs.bodies[pairs.first[k]], pairs.bodies[pairs.second[k]])
+            for k in np.flatnonzero(least < within)
         ]
-        return [gap for gap in gaps if gap.place.depth > -within]
+        if ball is not None:
+            bodies = placed.bodies_near(ball, self._radius + within)
+            near += [(-np.inf, body, placed.place_ball(ball, self._radius)) for body in bodies]
+        found: dict[tuple[str, str], list[Gap]] = {(a.frame, b.frame): [] for _, a, b in near}
+        for distance, body, other in sorted(near, key=lambda pair: pair[0]):
+            gaps = found[body.frame, other.frame]
+            if len(gaps) < NEAREST or -gaps[-1].place.depth > distance:
+                gaps.append(Gap((body.frame, other.frame), placed.proximity(body, other)))
+                gaps.sort(key=lambda gap: -gap.place.depth)
+                del gaps[NEAREST:]
+        return [gap for gaps in found.values() for gap in gaps if gap.place.depth > -within]
+
+    def joints(self, gap: Gap) -> tuple[int, int]:
+        """Return the joints that carry two bodies; the second one is -1 for the ball."""
+        return self._joints[gap.frames[0]], self._joints.get(gap.frames[1], -1)
+
+    def label(self, joints: tuple[int, int]) -> str:
+        """Return the name of the limit that bodies of two joints are apart."""
+        first, second = (str(self._space.model.names[joint]) for joint in joints)
+        other = "the ball" if joints[1] < 0 else f"those of {second}"
+        return f"distance of bodies of {first} from {other}"
 
     def only(self, frames: Collection[str]) -> "Surroundings":
         """Return the pairs of bodies of which one or both are at some frames."""
@@ -133,7 +154,7 @@ class Surroundings:
             for gap in near:
                 if placed is None or not wanted[gap.frames][number]:
                     continue
-                first, second = self._joints[gap.frames[0]], self._joints.get(gap.frames[1], -1)
+                first, second = self.joints(gap)
                 pose, other = data.oMi[first], data.oMi[max(second, 0)]
                 depth, point, normal = gap.place
                 column = np.concatenate([
@@ -165,9 +186,8 @@ def with_former(new: Sequence[Conditions], former: Sequence[Conditions]) -> list
     for joints, times, parameters in former:
         latest = known.get(joints, Conditions(joints, np.zeros(0), np.zeros((9, 0))))
         left = ~np.isin(times.round(12), latest.times.round(12))
-        known[joints] = Conditions(
-            joints,
-            np.concatenate([latest.times, times[left]]),
-            np.hstack([latest.parameters, parameters[:, left]]),
-        )
+        every = np.concatenate([latest.times, times[left]])
+        order = np.argsort(every, kind="stable")
+        stacked = np.hstack([latest.parameters, parameters[:, left]])
+        known[joints] = Conditions(joints, every[order], stacked[:, order])
     return [*known.values()]

@@ -167,9 +167,8 @@ def _level_under(leg: Leg) -> float:
 def state_at(incoming: IncomingBall, course: Course, wait: float) -> BallState:
     """Return the ball a while after it was seen, with the clock of `incoming`."""
     state = course.sample(wait)
-    return BallState(
-        state.position, state.velocity, state.spin, float(incoming.state.time) + wait
-    )  # fmt: skip
+    clock = float(incoming.state.time) + wait
+    return BallState(state.position, state.velocity, state.spin, clock)
 
 
 class Reach(NamedTuple):

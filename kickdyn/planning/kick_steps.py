@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import cache
 from typing import Any
 
+import numpy as np
 from threadpoolctl import ThreadpoolController
 
 from kickdyn.air import Air
@@ -29,6 +30,7 @@ from kickdyn.planning.passes import Pass, plan_pass
 from kickdyn.planning.stance import Balance
 from kickdyn.robot.kicking_chain import with_angles
 from kickdyn.robot.leg import Leg, Posture
+from kickdyn.robot.names import MAX_FAULTY, listed
 
 LONGEST_COURSE = 10.0
 """Time for which each flight, and rolling, of a trapped ball is followed at most [s]."""
@@ -60,6 +62,20 @@ def checked_leg(leg: Leg) -> Leg:
             "legs whose joints are free (Leg.with_stiff_joints() without names frees them)"
         )
     return with_angles(leg)
+
+
+def check_has_drives(leg: Leg) -> None:
+    """Raise `InvalidInput` for a leg of a file without drives, which a motion needs."""
+    if leg.file is None or not leg.file.lacks_drives or leg.model.armature.any():
+        return
+    names = leg.single_joints
+    unlimited = [n for n in names if not 0.0 < leg.effort_limit[leg.velocity_index(n)] < np.inf]
+    limits = f", and torque limits of {listed(unlimited, MAX_FAULTY)}" if unlimited else ""
+    raise InvalidInput(
+        f"{leg.name} has no drives: a motion needs the rotor inertias of "
+        f"{listed(names, MAX_FAULTY)}{limits}; give them (Leg.with_drives, --drives FILE), "
+        "or drives=False (--drives none) for joints without rotors"
+    )
 
 
 def checked_objective(

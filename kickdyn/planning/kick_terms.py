@@ -185,9 +185,8 @@ class Objective(Function[KickPoint]):
         return np.array([-quantity if self.maximized else quantity])
 
     def slope(self, point: KickPoint) -> Array:
-        return slope_by_differences(
-            self, point, len(point.x) - 1, DIFFERENCE_STEP
-        )  # the share does not count
+        count = len(point.x) - 1  # the share does not count
+        return slope_by_differences(self, point, count, DIFFERENCE_STEP)
 
 
 def slope_by_differences(

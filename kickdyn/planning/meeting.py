@@ -157,7 +157,7 @@ class Meeting(ReprMixin):
             moved = BallState(
                 seen.position + change[4:], seen.velocity + change[1:4], seen.spin, seen.time
             )
-            come = _near(replace_state(incoming, moved).course(ball, air, wait + TIME_BEYOND), wait)
+            come = _near(replace(incoming, state=moved).course(ball, air, wait + TIME_BEYOND), wait)
 
             def gap(t: float) -> float:
                 apart = come(t).position - foot - velocity * (t - wait - change[0])
@@ -186,11 +186,6 @@ def arrival_of(meeting: Meeting, ball: Ball) -> Arrival:
     """Return the path of the ball from where it was seen to where it is met."""
     wait = meeting.wait
     return Arrival(meeting.incoming.course(ball, meeting.air, max(wait, SHORTEST_COURSE)), wait)
-
-
-def replace_state(incoming: IncomingBall, state: BallState) -> IncomingBall:
-    """Return an incoming ball that moves otherwise."""
-    return IncomingBall(state, incoming.ground, incoming.meet_at)
 
 
 def _near(course: Course, wait: float) -> Callable[[float], BallState]:

@@ -174,8 +174,7 @@ def find_description(name: str) -> tuple[Path, tuple[Path, ...]]:
     if path is None:
         raise InvalidInput(
             f"robot {name!r} has neither a URDF nor an MJCF file: make a URDF file of its xacro "
-            "file, and "
-            "read it with Leg.from_urdf"
+            "file, and read it with Leg.from_urdf"
         )
     package, repository = Path(module.PACKAGE_PATH), Path(module.REPOSITORY_PATH)
     return Path(path), (package, repository, package.parent)

@@ -135,7 +135,7 @@ class Placed:
     def __init__(self, leg: Leg, frames: Mapping[str, int], model: Any, data: Any, q: Array):
         import coal
 
-        self._coal, self._leg = coal, leg
+        self._coal, self._leg, self._placed = coal, leg, dict[int, tuple[Body, Any]]()
         pin.forwardKinematics(model, data, q)
         pin.updateFramePlacements(model, data)
         self.poses = {name: data.oMf[number].copy() for name, number in frames.items()}
@@ -152,12 +152,16 @@ class Placed:
             ]
         return near
 
-    def near(self, pairs: BodyPairs, within: float = 0.0) -> list[tuple[Body, Body]]:
-        """Return the pairs whose distance may be less than `within` [m]."""
+    def least_distances(self, pairs: BodyPairs) -> Array:
+        """Return distances that those of pairs are not below, shape `(k,)` [m]."""
         places = [self.poses[body.frame].act(body.pose.translation) for body in pairs.bodies]
         centres = np.array(places).reshape(-1, 3)
         apart = np.linalg.norm(centres[pairs.first] - centres[pairs.second], axis=1)
-        chosen = np.flatnonzero(apart < pairs.reach + within)
+        return np.asarray(apart - pairs.reach)
+
+    def near(self, pairs: BodyPairs) -> list[tuple[Body, Body]]:
+        """Return the pairs that may be inside each other."""
+        chosen = np.flatnonzero(self.least_distances(pairs) < 0.0)
         return [(pairs.bodies[pairs.first[k]], pairs.bodies[pairs.second[k]]) for k in chosen]
 
     def place_ball(self, centre: Array, radius: float) -> Body:
@@ -165,12 +169,19 @@ class Placed:
         self.poses[BALL] = pin.SE3(np.eye(3), centre)
         return Body(BALL, self._coal.Sphere(radius), pin.SE3.Identity(), radius)
 
+    def _place(self, body: Body) -> Any:
+        """Return a body's pose in the world, of coal: it is asked for with many other bodies."""
+        if id(body) not in self._placed:
+            pose = self.poses[body.frame] * body.pose
+            transform = self._coal.Transform3s(pose.rotation, pose.translation)
+            self._placed[id(body)] = body, transform
+        return self._placed[id(body)][1]
+
     def proximity(self, body: Body, other: Body) -> Proximity:
         """Return how a body is placed beside another [m, world frame]."""
-        places = (self.poses[x.frame] * x.pose for x in (body, other))
-        start, end = (self._coal.Transform3s(x.rotation, x.translation) for x in places)
         request, result = self._coal.DistanceRequest(), self._coal.DistanceResult()
-        self._coal.distance(body.shape, start, other.shape, end, request, result)
+        places = self._place(body), self._place(other)
+        self._coal.distance(body.shape, places[0], other.shape, places[1], request, result)
         return Proximity(-result.min_distance, result.getNearestPoint1(), result.normal)
 
     def find_overlaps(self, pairs: Iterable[tuple[Body, Body]]) -> dict[tuple[str, str], float]:

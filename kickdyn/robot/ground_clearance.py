@@ -121,15 +121,15 @@ def shapes_of(leg: Leg, frame: str, *, meshes: bool = True) -> list[Spheres]:
     They are what the file draws; where a mesh of that cannot be read, or nothing is drawn, also
     what the file has for contacts. Without `meshes`, those that are meshes are left out.
     """
-    return _read(leg, frame, meshes)[0]
+    return _read(leg, frame, meshes=meshes)[0]
 
 
-def find_unread(leg: Leg, frame: str, *, meshes: bool = True) -> str:
+def find_unread(leg: Leg, frame: str) -> str:
     """Return why a shape that the file of a leg draws at a frame cannot be read, or nothing."""
-    return _read(leg, frame, meshes)[1]
+    return _read(leg, frame, meshes=True)[1]
 
 
-def _read(leg: Leg, frame: str, meshes: bool) -> tuple[list[Spheres], str]:
+def _read(leg: Leg, frame: str, *, meshes: bool) -> tuple[list[Spheres], str]:
     file = leg.file
     if file is None:
         return [], ""

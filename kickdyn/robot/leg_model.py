@@ -142,6 +142,10 @@ class LegModel(JointTable):
         model.armature = armature
         return self.with_model(model)
 
+    def without_rotors(self) -> Self:
+        """Return the leg without rotors behind its joints."""
+        return self.with_armature(dict.fromkeys(self.single_joints, 0.0))
+
     def with_drives(self, drives: Drives) -> Self:
         """Return the leg with drives: rotors behind gears, and limits of torque and speed.
 
@@ -180,7 +184,7 @@ class LegModel(JointTable):
     def _with_drives_of(self, drives: Drives | bool, usual: Path | None = None) -> Self:
         """Return the leg with drives: for True the usual ones, for False none."""
         if drives is False:
-            return self.with_armature(dict.fromkeys(self.single_joints, 0.0))
+            return self.without_rotors()
         listed = usual if drives is True else drives
         if listed is not None:
             return self.with_drives(listed)

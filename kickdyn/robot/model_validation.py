@@ -23,15 +23,14 @@ MAX_CONDITION = 1e13
 ROUNDING = 1e-9
 """How far a moment may break the triangle inequality, relative to all that moves with it."""
 
+MAX_MAGNITUDE = 1e100
+"""Masses, moments and distances stay below it, so that float64 holds their products."""
+
 
 def check_is_model(model: Any) -> None:
     """Raise `InvalidInput` unless this is a `pin.Model`."""
     if not isinstance(model, pin.Model):
         raise InvalidInput(f"model is a {type(model).__name__}: it must be a pinocchio.Model")
-
-
-MAX_MAGNITUDE = 1e100
-"""Masses, moments and distances stay below it, so that float64 holds their products."""
 
 
 def frame_id(model: Any, name: str) -> int:
@@ -133,8 +132,7 @@ def _check_inertias(model: Any, names: list[str]) -> None:
         if not np.abs(moved.inertia).max() < MAX_MAGNITUDE**2:
             raise InvalidInput(
                 f"joint {name!r} moves an unsound inertia: its moments exceed the range of "
-                "float64; "
-                "masses are in kg and lengths in m"
+                "float64; masses are in kg and lengths in m"
             )
     unsound: list[str] = []
     for name, body, moved in zip(names, bodies, composites, strict=True):

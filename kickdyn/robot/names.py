@@ -19,6 +19,9 @@ MAX_NAME = 200
 MAX_LISTED = 20
 """Largest number of names that `unknown` lists."""
 
+MAX_FAULTY = 6
+"""Largest number of joints that a refusal names."""
+
 MAX_LOCK_ENTRIES = 30
 """Largest number of joints that `lock_remedy` names."""
 

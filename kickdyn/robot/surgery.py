@@ -68,10 +68,8 @@ def turn_body(model: Any, joint: int, rotation: Array, centre: ArrayLike = (0.0,
         rotation: from the body's new axes to the joint's axes, shape `(3, 3)`.
         centre: the point about which it is turned, shape `(3,)` [m, joint frame].
     """
-    turned, turn = (
-        model.copy(),
-        pin.SE3(rotation, np.asarray(centre) - rotation @ np.asarray(centre)),
-    )
+    turned, centre = model.copy(), np.asarray(centre)
+    turn = pin.SE3(rotation, centre - rotation @ centre)
     turned.inertias[joint] = turn.act(turned.inertias[joint])
     for child in range(1, turned.njoints):
         if turned.parents[child] == joint:

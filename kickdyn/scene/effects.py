@@ -49,13 +49,6 @@ def effects_of(scene: Scene) -> list[Effect]:
     return [effect for effect in EFFECTS if effect.is_in(scene)]
 
 
-def _without_rotors(scene: Scene, _: BallState) -> Scene:
-    leg = scene.leg
-    sizes = list(leg.workspace.model.nvs)[1:]
-    single = [name for name, size in zip(leg.joint_names, sizes, strict=True) if size == 1]
-    return scene.with_leg(leg.with_armature(dict.fromkeys(single, 0.0)))
-
-
 def _constant_drag(air: Air, ball: Ball, launch: BallState) -> Air:
     assert air.drag is not None
     speed = max(math.dist(launch.velocity, air.wind_at(float(launch.position[2]))), 1e-9)
@@ -99,7 +92,9 @@ EFFECTS = (
         lambda scene, _: scene.replace(ball=replace(scene.ball, inertia_factor=math.inf)),
     ),
     Effect(
-        "armature", lambda scene: bool(scene.leg.workspace.model.armature.any()), _without_rotors
+        "armature",
+        lambda scene: bool(scene.leg.workspace.model.armature.any()),
+        lambda scene, _: scene.with_leg(scene.leg.without_rotors()),
     ),
     Effect(
         "supports",

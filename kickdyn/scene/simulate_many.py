@@ -100,11 +100,8 @@ def simulate_many(
         >>> many.end.shape, bool(0.5 < many.deviation / many.nominal.end_deviation < 2)
         ((2000, 3), True)
     """
-    number = validation.number("draws", draws, at_least=1, at_most=MOST_DRAWS)
-    seed = int(validation.number("seed", seed, at_least=0))
-    n = int(number)
-    if n != number:
-        raise InvalidInput(f"draws is {draws!r}: it must be a whole number")
+    n = validation.whole("draws", draws, at_least=1, at_most=MOST_DRAWS)
+    seed = validation.whole("seed", seed, at_least=0)
     if not scene.uncertainty:
         raise InvalidInput("the scene has no uncertainty: draws need one, Scene(uncertainty=...)")
     for name in scene.uncertainty:
@@ -279,11 +276,10 @@ def _flown(
     end, duration = np.full((n, 3), np.nan), np.full(n, np.nan)
     names = np.array([str(status) for status in StrikeStatus], dtype=object)[status]
     states = BallState(launch[flies, :3], launch[flies, 3:6], launch[flies, 6:])
-    follows = scene.ground is not None and scene.ground.surface is not None
     options: Any = {"ball": scene.ball, "air": scene.air, "ground": scene.ground,
                     "plane": scene.plane}  # fmt: skip
-    paths = (follow_many if follows else fly_many)(states, **options)
-    end[flies] = (paths.position if follows else paths.landing_position).values
+    paths = (follow_many if scene.is_followed else fly_many)(states, **options)
+    end[flies] = (paths.position if scene.is_followed else paths.landing_position).values
     duration[flies] = paths.duration.values
     flags = np.array(paths.status.attrs["flag_meanings"].split(), dtype=object)
     names[flies] = flags[paths.status.values]

@@ -193,9 +193,7 @@ def _sampled(axes: Mapping[str, Array], samples: int | str) -> dict[str, Array]:
             )
         check_size((max(lengths.values()),), MOST_SAMPLES)
         return dict(axes)
-    n = validation.number("samples", samples, at_least=1, at_most=MOST_SAMPLES)
-    if n != int(n):
-        raise InvalidInput(f"samples is {samples!r}: it must be a whole number")
+    n = validation.whole("samples", samples, at_least=1, at_most=MOST_SAMPLES)
     for name, length in lengths.items():
         if length != 2:
             raise InvalidInput(f"joint {name} has {length} values: a sample needs two, its bounds")
@@ -203,7 +201,7 @@ def _sampled(axes: Mapping[str, Array], samples: int | str) -> dict[str, Array]:
 
     with warnings.catch_warnings():  # that a power of two would be balanced
         warnings.simplefilter("ignore", UserWarning)
-        points = qmc.Sobol(len(axes), scramble=False).random(int(n))
+        points = qmc.Sobol(len(axes), scramble=False).random(n)
     pairs = zip(axes.items(), points.T, strict=True)
     return {name: low + (high - low) * share for (name, (low, high)), share in pairs}
 

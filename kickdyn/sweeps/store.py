@@ -165,6 +165,8 @@ class SweepStore:
             block[tuple(map(slice, shape))] = by_name[name].reshape(shape)
             content = Blosc(**_BLOSC, shuffle=SHUFFLE).encode(block)
             file = self._file(name, k)
+            if self.path.resolve() not in file.resolve().parents:
+                raise InvalidInput(f"{self.path} cannot be written (a folder in it is a link)")
             file.parent.mkdir(parents=True, exist_ok=True)
             draft = file.with_name(f"{file.name}.{os.getpid()}-{threading.get_ident()}.partial")
             draft.write_bytes(content + checksum(content).to_bytes(4, "little"))

@@ -23,6 +23,7 @@ from kickdyn.robot.standing import hold_support
 from kickdyn.view import marks
 from kickdyn.view.camera import (
     UP_AXIS,
+    Camera,
     box_corners,
     camera_for,
     level_direction,
@@ -133,26 +134,28 @@ def draw_kick(
     configuration = partial(leg_configuration, impact) if motion is None else motion.q
     moved = [configuration(time) for time in pace.times]
     curve = path.sample(np.linspace(0.0, path.duration, CURVE_POINTS)).position
+    come = np.zeros((0, 3))
+    if arrival is not None:
+        come = arrival.sample(np.linspace(-arrival.wait, 0.0, CURVE_POINTS)).position
     forward = level_direction(curve[-1] - curve[0])
+    right = np.cross(forward, UP_AXIS)
     bottom = float(min(before.position[2], curve[-1, 2])) - ball.radius
     floor = bottom if lies else _ground_height(impact, moved, bottom)
-    lift = float(before.position[2]) - ball.radius - floor
     foot = np.array([*before.position[:2], floor])
 
-    joints = np.array([pose[:3, 3] for pose in joint_poses(leg, impact.posture.q)[1:]])
-    near = box_corners(np.vstack([joints, impact.ball_after.position]), ball.radius)
-    size = float(np.linalg.norm(np.ptp(near, axis=0)))
-    most = max(float(np.linalg.norm(impact.impulse)), impact.worst_joint[1])
+    near = corners_around(impact)
+    size, most = float(np.linalg.norm(np.ptp(near, axis=0))), largest_impulse(impact)
     scale = max(3.2 * ball.radius, 0.45 * size) / most if most > 0 else 0.0
     arrows = impulse_arrows(impact, LEAST_JOINT_IMPULSE * most)
     # The world's axes stand at the right of the flight, behind the ball.
     axis = stripe_width(1.8 * size)
-    origin = foot + axis * (2.8 * np.cross(forward, UP_AXIS) - 1.8 * forward)
+    origin = foot + axis * (2.8 * right - 1.8 * forward)
+    figure = draw_leg(viewer["leg"], leg, impact.posture.q)
     far = [
-        draw_leg(viewer["leg"], leg, impact.posture.q),
+        figure,
         *(arrow.start + scale * arrow.impulse[None] for arrow in arrows),
         origin + axis * np.vstack([np.zeros(3), np.eye(3)]),
-        box_corners(curve, ball.radius),
+        box_corners(np.vstack([curve, come]), ball.radius),
         foot[None],
         *(box.corners() for box in scenery),
     ]
@@ -162,32 +165,24 @@ def draw_kick(
         far.append(box_corners(np.array(passed), ball.radius))
     drawn = None
     if run is not None:
-        drawn = draw_run(viewer, run, forward, far[0])
-        near = np.vstack([near, far[0], drawn.corners])
-        far += [drawn.corners, *([drawn.curve] if len(drawn.curve) else [])]
-    come = np.zeros((0, 3))
-    if arrival is not None:
-        come = arrival.sample(np.linspace(-arrival.wait, 0.0, CURVE_POINTS)).position
-        far.append(box_corners(come, ball.radius))
+        drawn = draw_run(viewer, run, forward, figure)
+        near = np.vstack([near, figure, drawn.corners])
+        far += [drawn.corners, drawn.curve]
     points = np.vstack(far)
     camera = camera_for(near, points, forward, behind=bool(scenery) or run is not None)
     set_stage(viewer, camera, np.vstack([near, points]))
 
     marks.draw_ball(viewer["ball"], ball.radius, before.position)
-    stands = lift > LEAST_TEE_HEIGHT and not lies and not before.velocity.any()
-    if stands:
-        marks.draw_tee(viewer["tee"], foot + lift * UP_AXIS, lift, ball.radius)
-    width = CURVE_RADIUS * camera.distance(curve)
-    marks.draw_curve(viewer["curve"], curve, width, np.cross(forward, UP_AXIS))
+    text = _draw_tee(viewer, impact, foot, lies=lies)
+    width = partial(_curve_width, camera)
+    marks.draw_curve(viewer["curve"], curve, width(curve), right)
     if drawn is not None and len(drawn.curve):
-        width = CURVE_RADIUS * camera.distance(drawn.curve)
-        draw_run_curve(viewer, drawn, width, np.cross(forward, UP_AXIS))
+        draw_run_curve(viewer, drawn, width(drawn.curve), right)
     if arrival is not None:
-        along = level_direction(come[-1] - come[0])
-        thin = CURVE_RADIUS * camera.distance(come)
-        marks.draw_curve(viewer["arrival"], come, thin, np.cross(along, UP_AXIS), marks.ARRIVAL)
-        text = f"met after {arrival.wait:.3g} s"
-        draw_label(viewer["meeting"], text, before.position, f"#{marks.ARRIVAL:06x}")
+        aside = np.cross(level_direction(come[-1] - come[0]), UP_AXIS)
+        marks.draw_curve(viewer["arrival"], come, width(come), aside, marks.ARRIVAL)
+        met = f"met after {arrival.wait:.3g} s"
+        draw_label(viewer["meeting"], met, before.position, f"#{marks.ARRIVAL:06x}")
     draw_impulses(viewer, arrows, scale)
     for number, box in enumerate(scenery):
         draw_box(viewer[f"scenery/{number}"], box)
@@ -197,24 +192,45 @@ def draw_kick(
     marks.draw_ground(viewer["ground"], foot, forward, stripe, reach)
     marks.draw_axes(viewer["axes"], origin, axis)
     marks.draw_distances(viewer["distances"], foot, forward, stripe, length)
-    far_end = path.distance if isinstance(path, Course) else path.range
-    draw_label(viewer["end"], f"{far_end:.3g} m", curve[-1], f"#{marks.CURVE:06x}")
-    animation = _animation(
-        viewer,
-        partial(ball_pose, before, path, arrival=arrival),
-        impact,
-        pace,
-        moved,
-        arrows,
-        drawn,
-    )
+    label_end(viewer, path, curve)
+    pose_at = partial(ball_pose, before, path, arrival=arrival)
+    animation = _animation(viewer, pose_at, impact, pace, moved, arrows, drawn)
     viewer.set_animation(animation, repetitions=math.inf)
-    text = ""
-    if stands:
-        text = f"The ball is on a tee, {lift:.2g} m above the ground."
-    elif lift < -LEAST_TEE_HEIGHT:
-        text = f"The ball is {-lift:.2g} m in the ground on which the robot stands."
     return pace, text
+
+
+def corners_around(impact: Impact) -> Array:
+    """Return corners of boxes around joints and ball, shape `(n, 3)` [m, world frame]."""
+    posture = impact.posture
+    joints = np.array([pose[:3, 3] for pose in joint_poses(posture.leg, posture.q)[1:]])
+    return box_corners(np.vstack([joints, impact.ball_after.position]), impact.ball.radius)
+
+
+def largest_impulse(impact: Impact) -> float:
+    """Return the largest impulse that has an arrow, of the ball or of a joint [N s]."""
+    return max(float(np.linalg.norm(impact.impulse)), impact.worst_joint[1])
+
+
+def label_end(viewer: Any, path: Flight | Course, curve: Array) -> None:
+    """Label the end of a path with its distance."""
+    distance = path.distance if isinstance(path, Course) else path.range
+    draw_label(viewer["end"], f"{distance:.3g} m", curve[-1], f"#{marks.CURVE:06x}")
+
+
+def _curve_width(camera: Camera, curve: Array) -> Array:
+    return CURVE_RADIUS * camera.distance(curve)
+
+
+def _draw_tee(viewer: Any, impact: Impact, foot: Array, *, lies: bool) -> str:
+    """Draw a tee under a ball that rests above the ground; return a sentence about the ground."""
+    before, radius = impact.ball_before, impact.ball.radius
+    lift = float(before.position[2]) - radius - float(foot[2])
+    if lift > LEAST_TEE_HEIGHT and not lies and not before.velocity.any():
+        marks.draw_tee(viewer["tee"], foot + lift * UP_AXIS, lift, radius)
+        return f"The ball is on a tee, {lift:.2g} m above the ground."
+    if lift < -LEAST_TEE_HEIGHT:
+        return f"The ball is {-lift:.2g} m in the ground on which the robot stands."
+    return ""
 
 
 def joint_impulses_in_world(impact: Impact) -> list[tuple[str, Array, Array]]:

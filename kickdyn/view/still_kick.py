@@ -29,12 +29,15 @@ from kickdyn.view.camera import (
     stripe_width,
 )
 from kickdyn.view.caption import kick_panel
-from kickdyn.view.document import draw_label, recording_viewer
+from kickdyn.view.document import recording_viewer
 from kickdyn.view.kick_scene import (
     CURVE_RADIUS,
     LEAST_JOINT_IMPULSE,
+    corners_around,
     draw_impulses,
     impulse_arrows,
+    label_end,
+    largest_impulse,
 )
 from kickdyn.view.leg_figure import draw_leg, joint_poses
 from kickdyn.view.page import Page
@@ -75,18 +78,14 @@ class StillKick:
         self.leg, viewer = leg, recording_viewer()
         path = _flown(impact, path)
         corners = draw_leg(viewer["leg"], leg, impact.posture.q)
-        joints = np.array([pose[:3, 3] for pose in joint_poses(leg, impact.posture.q)[1:]])
-        near = box_corners(np.vstack([joints, impact.ball_after.position]), ball.radius)
+        near, most = corners_around(impact), largest_impulse(impact)
         self._size = float(np.linalg.norm(np.ptp(near, axis=0)))
-        most = max(float(np.linalg.norm(impact.impulse)), impact.worst_joint[1])
         self._scale = 0.45 * self._size / most if most > 0 else 0.0
         radii = impulse_ellipsoid(impact.posture)[0]
         self._per_root = ELLIPSOID_SHARE * self._size / max(float(radii.max()), 1e-9)
         curve = _curve(path)
         self._forward = level_direction(curve[-1] - curve[0])
-        longer = curve[0] + LONGEST_SHARE * (
-            curve - curve[0]
-        )  # so that other flights are in sight, too
+        longer = curve[0] + LONGEST_SHARE * (curve - curve[0])  # so that other flights are seen
         far = np.vstack([corners, box_corners(longer, ball.radius)])
         self._camera = camera_for(near, far, self._forward)
         set_stage(viewer, self._camera, np.vstack([near, curve]))
@@ -135,14 +134,12 @@ class StillKick:
         curve = _curve(path)
         width = CURVE_RADIUS * self._camera.distance(curve)
         marks.draw_curve(viewer["curve"], curve, width, np.cross(self._forward, UP_AXIS))
-        most = max(float(np.linalg.norm(impact.impulse)), impact.worst_joint[1])
-        arrows = impulse_arrows(impact, LEAST_JOINT_IMPULSE * most)
+        arrows = impulse_arrows(impact, LEAST_JOINT_IMPULSE * largest_impulse(impact))
         draw_impulses(viewer, arrows, self._scale)
         for node in self.arrow_nodes - {arrow.node for arrow in arrows}:
             viewer[node].delete()
         self.arrow_nodes = {arrow.node for arrow in arrows}
-        far_end = path.distance if isinstance(path, Course) else path.range
-        draw_label(viewer["end"], f"{far_end:.3g} m", curve[-1], f"#{marks.CURVE:06x}")
+        label_end(viewer, path, curve)
         return kick_panel(impact, path, caption)
 
 

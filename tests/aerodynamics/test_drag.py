@@ -1,6 +1,7 @@
 import copy
 import math
 import pickle
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -183,6 +184,17 @@ def test_registry_says_where_each_came_from():
         assert model.source
         assert model.reynolds[0] < model.reynolds[1]
     assert MODELS["stokes"](0.5) == stokes(0.5)
+
+
+def test_the_range_of_the_default_is_that_of_flights_of_a_match():
+    """Its source has the range of trajectories without spin; a second minute had 27.0 m/s."""
+    track = kd.Track.from_csv(Path(__file__).resolve().parents[2] / "data" / "match_ball.csv")
+    flights = kd.segments(track).flights
+    speeds = [np.linalg.norm(np.diff(one.positions, axis=0), axis=1) * 50 for one in flights]
+    least, most = (end / REYNOLDS_PER_SPEED for end in kd.Air().drag.reynolds)
+    assert np.concatenate(speeds).max() == pytest.approx(most, abs=2.0)
+    assert min(speed.min() for speed in speeds) < least
+    assert kd.Air().drag.spin == (0.0, 0.3)
 
 
 def test_goff_carre_takes_its_published_values():

@@ -104,6 +104,18 @@ def test_machine_code_that_others_could_have_written_is_not_read(plus, tmp_path)
     assert (tmp_path / "planted").exists()  # what is planted would run
 
 
+@pytest.mark.parametrize(("mode", "kept"), [(0o777, False), (0o1777, True), (0o755, True)])
+def test_machine_code_is_not_kept_where_others_can_replace_its_folder(plus, tmp_path, mode, kept):
+    run, files = plus
+    for file in files:
+        file.unlink()
+    (tmp_path / "kept").chmod(mode)
+    ended = run()
+    assert ended.stdout == "2.0\n"
+    assert (f"others can write to {tmp_path / 'kept'}:" in ended.stderr) != kept
+    assert len(list((tmp_path / "kept").rglob("*.nb?"))) == kept * len(files)
+
+
 class Planted:
     """What runs a program when it is unpickled."""
 

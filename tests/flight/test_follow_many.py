@@ -54,6 +54,25 @@ def test_every_row_is_followed(air, options):
     assert seen - {"at-rest"} or len(options) == 1
 
 
+def test_balls_that_do_not_move_along_the_ground_rest():
+    """They lie on it, at rest or turning, or fall straight down onto it."""
+    states = kd.BallState(
+        velocity=[(0, 0, 0), (0, 0, 0), (0, 0, -1), (1e-9, 0, 0)],
+        spin=[(0, 0, 0), (0, 0, 9), (0, 0, 0), (0, 0, 0)],
+    )
+    for air in (None, kd.Air(), kd.Air(wind=(3, 0, 0)), kd.Air(wind=(30, 0, 0))):
+        many = kd.follow_many(states, kd.Ball(), air)
+        names = many.status.attrs["flag_meanings"].split()
+        for i in range(4):
+            state = kd.BallState(velocity=states.velocity[i], spin=states.spin[i])
+            one = kd.follow(state, kd.Ball(), air)
+            assert names[int(many.status[i])] == one.status
+            if one.status == "at-rest":
+                assert float(many.distance[i]) == pytest.approx(one.distance, abs=1e-9)
+                assert float(many.duration[i]) == pytest.approx(one.duration, abs=1e-9)
+                assert not many.velocity[i].values.any()
+
+
 def test_balls_that_the_wind_stops_and_does_not_let_rest_are_blown():
     states = kd.BallState(
         [[0, 0, 0.11]] * 2, [[-2.0, 0, 0], [0, 0, 0]], [[0, -2.0 / 0.11, 0], [0, 0, 0]]

@@ -286,6 +286,16 @@ def test_a_track_with_another_axis_up_is_warned_of(columns, axis, spin):
     assert not any("along z" in line for line in plain.warnings)
 
 
+@pytest.mark.parametrize("columns", [[0, 2, 1], [2, 0, 1]])
+def test_a_ball_that_falls_sideways_does_not_roll(columns):
+    """It moves in one plane, which is level in the track."""
+    path = kd.follow(kd.BallState((0, 0, 1), (15, 0, 6)), BALL, kd.Air(), GROUND)
+    times = np.arange(0, path.duration, 0.02)
+    found = kd.segments(kd.Track(times, path.sample(times).position[:, columns]))
+    assert "the ball never falls along z" in found.warnings[0]
+    assert 0.5 < found.rolling_deceleration.median < 1.0  # of the end
+
+
 def test_a_track_with_times_in_minutes_is_refused():
     path = kd.fly(kd.BallState((0, 0, 1), (15, 2, 6)), BALL)
     times = np.arange(0, path.duration, 0.02)

@@ -1,10 +1,13 @@
 """Bodies near each other and the ball, and the conditions that keep them apart."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.motion.separation import WITHIN, Surroundings
+from kickdyn.motion import separation
+from kickdyn.motion.separation import NEAREST, WITHIN, Surroundings
 
 LEG = kd.Leg.human()
 Q = np.radians([40.0, 30.0, -20.0])
@@ -51,3 +54,42 @@ def test_conditions_hold_the_nearest_points_at_the_deepest_times():
         depth = gaps[number][0].place.depth
         assert np.linalg.norm(centre - a) == pytest.approx(0.11 - depth, abs=1e-9)
         assert column[6:] == pytest.approx(a - depth * (pose.rotation @ column[3:6]), abs=1e-9)
+
+
+def test_of_two_links_only_the_nearest_shapes_count(tmp_path, monkeypatch):
+    """A link may have dozens of shapes, and each of them would be a condition at every time.
+
+    The long box has the largest sphere around it, and is farther away than balls are.
+    """
+    balls = "".join(
+        f'<visual><origin xyz="{x} 0 0"/><geometry><sphere radius="0.01"/></geometry></visual>'
+        for x in (0.0, 0.03, 0.06)
+    )
+    boxes = "".join(
+        f'<visual><origin xyz="0 {y} 0"/><geometry><box size="{size} 0.002 0.002"/></geometry>'
+        "</visual>"
+        for y, size in ((0.02, 0.2), (-0.02, 0.15))
+    )
+    inertia = '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+    links = ["base", "near", "toe"]
+    text = "".join(
+        f'<link name="{name}"><inertial><mass value="1"/>{inertia}</inertial>{balls}{boxes}</link>'
+        for name in links
+    )
+    for parent, child in pairwise(links):
+        text += (
+            f'<joint name="to_{child}" type="revolute"><parent link="{parent}"/>'
+            f'<child link="{child}"/><origin xyz="0 0 -0.02"/><axis xyz="0 0 1"/>'
+            '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
+        )
+    (tmp_path / "own.urdf").write_text(f'<robot name="own">{text}</robot>')
+    leg = kd.Leg.from_urdf(tmp_path / "own.urdf", "toe", drives=False)
+
+    def depths():
+        gaps = Surroundings(leg, leg, 0.11).gaps(np.array([0.3, 0.1]), None)
+        assert {gap.frames for gap in gaps} == {("base", "toe")}
+        return [gap.place.depth for gap in gaps]
+
+    nearest = depths()
+    monkeypatch.setattr(separation, "NEAREST", 25)
+    assert nearest == sorted(depths(), reverse=True)[:NEAREST]

@@ -94,3 +94,9 @@ def test_bad_input(spread, draws, words):
     scene = kd.load_scene("free_kick").replace(uncertainty=spread)
     with pytest.raises(kd.InvalidInput, match=words):
         kd.simulate_many(scene, draws)
+
+
+def test_a_seed_is_a_whole_number():
+    scene = kd.load_scene("free_kick").replace(uncertainty={"v": 0.1})
+    with pytest.raises(kd.InvalidInput, match=r"seed is 0\.5: it must be a whole number"):
+        kd.simulate_many(scene, 3, seed=0.5)

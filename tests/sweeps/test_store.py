@@ -1,6 +1,7 @@
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -627,6 +628,10 @@ def test_links_are_not_followed(tmp_path):
         for resume in (True, False):
             with pytest.raises(kd.InvalidInput, match=f"{name} cannot be written \\(it is a link"):
                 stored(folder / name, resume=resume)
+    shutil.rmtree(folder / "s.zarr" / "carry" / "c")
+    (folder / "s.zarr" / "carry" / "c").symlink_to(elsewhere)
+    with pytest.raises(kd.InvalidInput, match=r"s\.zarr cannot be written \(a folder in it is a"):
+        stored(folder / "s.zarr", resume=True)
     assert not list(elsewhere.iterdir())
 
 

@@ -279,12 +279,3 @@ def test_a_base_that_moves():
     # a foot that moves in a plane cannot make up for a base that leaves it
     assert KernelModel.of(LEG.with_base_velocity((3, 0.1, 0)), kick) is None
     assert KernelModel.of(LEG.with_base_velocity((3, 0, 0), (0.1, 0, 0)), kick) is None
-
-
-def test_a_foot_that_moves_in_a_plane_only_is_in_doubt():
-    """Two joints turn it about axes in space: across that plane it has no mobility."""
-    leg = random_leg(np.random.default_rng(1), joints=2)
-    axes = {name: np.array([-1.1, 0.2, 0.9]) for name in leg.joint_names}
-    model, found = answers(leg, Kick(speed=2.0, attack=0.5, friction=0.3), axes)
-    assert not model.planar
-    assert (found[DOUBT] == 1.0).all()

@@ -20,3 +20,12 @@ def standing():
     robot = kd.Leg.from_robot("g1", base="floating", legs_only=True)
     robot = robot.with_supports(kd.Support(SOLE, friction=0.7))
     return kd.plan_kick(robot, kd.Goal(2, time=0.4), BALL, AIR, motion=True)
+
+
+@cache
+def waist():
+    """Return the same of G1 with its waist, which stays at rest, over 3 m."""
+    arms = {"*wrist*": 0.0, "*shoulder*": 0.0, "*elbow*": 0.0}
+    robot = kd.Leg.from_robot("g1", base="floating", locked=arms)
+    robot = robot.with_supports(kd.Support(SOLE, friction=0.7))
+    return kd.plan_kick(robot, kd.Goal(3, time=0.4), BALL, AIR, motion=True)

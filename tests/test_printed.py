@@ -177,7 +177,7 @@ def of_stiff_impact(impact):
         "with all joints free": (free.effective_mass(normal), "kg"),
         "work of the motors": (impact.motor_work, "J"),
         **{f"limit {name}": (mass, "kg") for name, mass in limits.items()},
-        "limit stiff": ("infinite (base or foot fixed)", ""),
+        "limit with stiff joints": ("infinite (base or foot fixed)", ""),
     }
 
 

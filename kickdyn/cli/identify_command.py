@@ -10,7 +10,6 @@ from kickdyn.aerodynamics.drag import MODELS
 from kickdyn.air import Air
 from kickdyn.cli.command import Command, busy
 from kickdyn.cli.option_groups import BallOptions, OutputOptions, option, read_drag, takes
-from kickdyn.core.plot_style import save_figure
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.ground import Ground
 from kickdyn.identification.identification_result import (
@@ -134,8 +133,8 @@ def identify(
     if output.prints:
         _print(split, fits, failures)
     longest_first = sorted(fits, key=lambda fit: -fit.result.track.duration)
-    if output.plot is not None and fits:
-        save_figure(longest_first[0].result.plot(), output.plot)
+    if fits:
+        output.save_plot(longest_first[0].result.plot)
     if output.view is not None and fits:
         from kickdyn.view.comparison import MOST_FLIGHTS  # imports meshcat
         from kickdyn.view.page import page

@@ -233,14 +233,11 @@ class JsonOptions:
 
 
 @dataclass(frozen=True)
-class OutputOptions(JsonOptions):
-    """Where results are written: as JSON, as a plot, and as a 3-D page or a picture of it."""
+class PlotOptions(JsonOptions):
+    """Where results are written: as JSON, and as a plot."""
 
     plot: str | None = option(
         "--plot", metavar="FILE", help="Plot the results: .png, .svg or .pdf."
-    )
-    view: str | None = option(
-        "--view", metavar="FILE.html|.png", help="Write a 3-D page, or a picture of it."
     )
 
     def check(self, *files: str | None, inputs: Iterable[str | None] = ()) -> None:
@@ -249,9 +246,29 @@ class OutputOptions(JsonOptions):
             from kickdyn.core.plot_style import check_name  # imports matplotlib
 
             check_name(self.plot)
+        super().check(*files, self.plot, inputs=inputs)
+
+    def save_plot(self, draw: Callable[[], Any]) -> None:
+        """Write the figure that a function returns, if a file is named."""
+        if self.plot is not None:
+            from kickdyn.core.plot_style import save_figure
+
+            save_figure(draw(), self.plot)
+
+
+@dataclass(frozen=True)
+class OutputOptions(PlotOptions):
+    """Where results are written: as JSON, as a plot, and as a 3-D page or a picture of it."""
+
+    view: str | None = option(
+        "--view", metavar="FILE.html|.png", help="Write a 3-D page, or a picture of it."
+    )
+
+    def check(self, *files: str | None, inputs: Iterable[str | None] = ()) -> None:
+        """Raise `InvalidInput` unless the files named by options, and `files`, can be written."""
         if self.view is not None:
             check_page_name(self.view)
-        super().check(*files, self.plot, self.view, inputs=inputs)
+        super().check(*files, self.view, inputs=inputs)
 
 
 scene_argument: Callable[[Command], Command] = click.argument(

@@ -5,6 +5,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -186,10 +187,9 @@ def posture_sweep(
     if output.prints:
         show(robot, kick, summary, lines)
     if output.plot is not None:  # the results are written: a picture that fails costs none of them
-        from kickdyn.core.plot_style import save_figure
         from kickdyn.sweeps.sweep_plot import sweep_figure
 
-        save_figure(sweep_figure(summary, lines), output.plot)
+        output.save_plot(partial(sweep_figure, summary, lines))
     pages: dict[str, Any] = {}
     if output.view is not None:
         from kickdyn.view.page import page, page_of_pages

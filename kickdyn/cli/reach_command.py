@@ -9,7 +9,7 @@ from kickdyn.cli.leg_options import LegOptions
 from kickdyn.cli.option_groups import (
     AirOptions,
     BallOptions,
-    JsonOptions,
+    PlotOptions,
     PointOptions,
     option,
     takes,
@@ -20,7 +20,7 @@ from kickdyn.planning.reach import reach as find_reach
 
 
 @dataclass(frozen=True)
-class ReachOptions(JsonOptions):
+class ReachOptions(PlotOptions):
     """The directions, the limits that count, and where the table is kept."""
 
     azimuths: tuple[float, ...] = option(
@@ -46,9 +46,6 @@ class ReachOptions(JsonOptions):
         help="Keep the table in a file: each row is written when it is computed, and the same "
         "command continues after an interruption.",
     )  # fmt: skip
-    plot: str | None = option(
-        "--plot", metavar="FILE", help="Plot the table: .png, .svg or .pdf."
-    )  # fmt: skip
 
 
 @click.command("reach", Command)
@@ -64,11 +61,7 @@ def reach(
 
     Example: kickdyn reach --leg g1 --support left_ankle_roll_link:0.7 --out g1.csv
     """
-    if output.plot is not None:
-        from kickdyn.core.plot_style import check_name
-
-        check_name(output.plot)
-    output.check(output.plot, inputs=[leg.leg_name])
+    output.check(inputs=[leg.leg_name])
     robot, struck = leg.load(), ball.load()
     with busy("planning kicks") as show:
         table = find_reach(
@@ -81,8 +74,5 @@ def reach(
     if output.prints:
         limits = "whole motions" if table.motion else "the impact alone: upper bounds"
         print_wrapped("\n".join([f"{table.robot}, limits of {limits}", *table.table()]))
-    if output.plot is not None:
-        from kickdyn.core.plot_style import save_figure
-
-        save_figure(table.plot(), output.plot)
+    output.save_plot(table.plot)
     output.name_written(output.plot, output.out)

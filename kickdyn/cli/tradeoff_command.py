@@ -3,6 +3,7 @@
 import dataclasses
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import click
@@ -10,9 +11,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from kickdyn.cli.command import Command, busy, print_wrapped
-from kickdyn.cli.option_groups import JsonOptions, takes
+from kickdyn.cli.option_groups import PlotOptions, takes
 from kickdyn.core.files import finite
-from kickdyn.core.plot_style import check_name, save_figure, styled
+from kickdyn.core.plot_style import styled
 from kickdyn.scene.effects import EffectSize
 from kickdyn.scene.simulate import measure_effects, simulate
 from kickdyn.scene.toml_reader import load_scene
@@ -30,33 +31,29 @@ LEAST_EFFECT = 1e-9
     metavar="SCENE",
     help="Measure the effects of a scene: a TOML file, or a name as for `kickdyn view`.",
 )
-@takes(output=JsonOptions)
-@click.option("--plot", metavar="FILE", type=click.Path(),
-              help="Plot error against time, or the effects: .png, .svg or .pdf.")  # fmt: skip
-def tradeoff(scene: str | None, output: JsonOptions, plot: str | None) -> None:
+@takes(output=PlotOptions)
+def tradeoff(scene: str | None, output: PlotOptions) -> None:
     """Measure error and time of the functions for impacts and flights, one by one and in batches.
 
-    With --scene, measure what each effect of a scene changes at the impulse and at the end.
+    With --scene, measure what each effect of a scene changes at the impulse and at the end. The
+    plot shows error against time, or the effects.
 
     Example: kickdyn tradeoff --plot tradeoff.png
     """
-    if plot is not None:
-        check_name(plot)
-    output.check(plot, inputs=[scene])
+    output.check(inputs=[scene])
     if scene is None:
-        _compare_functions(output, plot)
+        _compare_functions(output)
     else:
-        _measure_scene(scene, output, plot)
+        _measure_scene(scene, output)
 
 
-def _compare_functions(output: JsonOptions, plot: str | None) -> None:
+def _compare_functions(output: PlotOptions) -> None:
     """Measure the functions; write and print the results."""
     from kickdyn.cli.function_costs import cost_figure, measure_functions  # imports numba
 
     with busy("measuring") as show:
         rows = measure_functions(show)
-    if plot is not None:
-        save_figure(cost_figure(rows), plot)
+    output.save_plot(partial(cost_figure, rows))
     units = {"seconds": "s", "rounding": "1", "model": "1"}
     functions = [
         dataclasses.asdict(row) | {"rounding": finite(row.rounding), "model": finite(row.model)}
@@ -77,18 +74,17 @@ def _compare_functions(output: JsonOptions, plot: str | None) -> None:
             "of the contact, 10 ms; pin.impulseDynamics also neglects friction.",
         ]
         print_wrapped("\n".join(lines))
-    output.name_written(plot)
+    output.name_written(output.plot)
 
 
-def _measure_scene(scene: str, output: JsonOptions, plot: str | None) -> None:
+def _measure_scene(scene: str, output: PlotOptions) -> None:
     """Measure the effects of a scene; write and print the results."""
     loaded = load_scene(scene)
     with busy("measuring") as show:
         exact = simulate(loaded, None)
         sizes = measure_effects(exact, show)
     sizes.sort(key=lambda size: math.inf if math.isnan(size.end) else -size.end)
-    if plot is not None:
-        save_figure(effect_figure(loaded.name, sizes), plot)
+    output.save_plot(partial(effect_figure, loaded.name, sizes))
     output.write_json(
         {
             "scene": loaded.name,
@@ -116,7 +112,7 @@ def _measure_scene(scene: str, output: JsonOptions, plot: str | None) -> None:
             )
             lines.append(f"{size.effect:14}{moved:>18}{changed:>26}  {size.why_not}".rstrip())
         print_wrapped("\n".join([*lines, "", *(f"warning: {line}" for line in exact.warnings)]))
-    output.name_written(plot)
+    output.name_written(output.plot)
 
 
 @styled()

@@ -316,7 +316,7 @@ class LegMotion(ReprMixin):
         for name, residual in self.residuals.items():
             yield f"residual of {name}", 1e3 * residual, "mm"
         for joint, scale in self.scales.items():
-            yield f"length behind {joint}", scale, "of the leg's"
+            yield f"length of the segment after {joint}", scale, "times the leg's"
         for name, frames in self.gaps.items():
             yield f"gaps of {name}", len(frames), "frames"
         if self.undetermined:

@@ -1,7 +1,8 @@
 r"""Rows of the impact in a motion: momentum, restitution, no sliding, the ball's place, the ground.
 
-The unknowns are q, v before, the jump of v, the share s of the launch, and the jump w of v that
-the whole launch takes. With the impulse :math:`s\,p` on the ball, they keep
+The unknowns are q, v before, the jump of v, the share s of the launch, and the jump w that the
+whole launch takes, of all joints: joints at rest give way in the impact. With the impulse
+:math:`s\,p` on the ball, they keep
 
 .. math::
     M w + J^T p = 0, \quad \Delta v = s\, w, \quad
@@ -21,7 +22,7 @@ import pinocchio as pin
 
 from kickdyn.core.validation import Array
 from kickdyn.motion.impact_target import ImpactTarget
-from kickdyn.motion.kick_task import KickTask
+from kickdyn.motion.kick_task import KickTask, limited_speed
 from kickdyn.motion.limits import Impulse, Sample
 from kickdyn.motion.row_blocks import Rows, make_rows
 from kickdyn.motion.symbolic_tree import SymbolicTree
@@ -40,6 +41,7 @@ class ImpactRows(NamedTuple):
 
     Attributes:
         every: of q, v before, the jump of v, s, and w; the parameter relaxes limits of the ground.
+            All but w are of the joints that move.
         posture: of q alone.
         margins: CasADi's function of q and w: margins of the ground's limits.
         jump: likewise of q: matrix and right side of the equations for w.
@@ -53,21 +55,33 @@ class ImpactRows(NamedTuple):
     ball_centre: Any
 
 
-def impact_rows(task: KickTask, tree: SymbolicTree, limits: Sequence[Impulse]) -> ImpactRows:
-    """Return the rows of the impact of a kick, with limits of the ground's impulse."""
-    target, leg = task.target, task.leg
+def impact_rows(
+    task: KickTask, tree: SymbolicTree, at_rest: Any, limits: Sequence[Impulse]
+) -> ImpactRows:
+    """Return the rows of the impact of a kick.
+
+    Args:
+        task: the kick.
+        tree: the joints that move.
+        at_rest: q of all joints, in which those that move have the symbols of the tree.
+        limits: of the ground's impulse.
+    """
+    target, leg, model = task.target, task.leg, task.whole.model
     ball, normal, impulse = target.ball, target.contact.normal, target.impulse
-    q, v, of_whole, jump = tree.q, tree.v, tree.a, ca.SX.sym("jump", tree.model.nv)
+    q, v, jump = tree.q, tree.v, ca.SX.sym("jump", tree.model.nv)
+    of_whole = ca.SX.sym("of_whole", model.nv)
     share, none = ca.SX.sym("share"), ca.SX(0, 1)
     relaxation = ca.SX.sym("relaxation")
-    still = ca.SX.zeros(tree.model.nv, 1)
-    needed, reaction = ca.substitute(list(tree.inverse_dynamics(gravity=False)), [v], [still])
+    every = SymbolicTree(model, (at_rest, ca.SX(model.nv, 1), of_whole))
+    needed, reaction = every.inverse_dynamics(gravity=False)
+    moving = [task.whole.velocity_index(name) for name in leg.joint_names]
     lever = leg.posture(leg.configuration()).with_contact_offset(target.contact.offset)
     point = tree.point(leg.contact_joint, lever.contact_lever)
     jacobian = ca.jacobian(point, q)
-    model = tree.model
     inertia = np.diag(pin.crba(model, model.createData(), pin.neutral(model)))
-    momentum = 0.3 * np.maximum(inertia, 0.02) * task.speed_limit
+    momentum = 0.3 * np.maximum(inertia, 0.02) * limited_speed(task.whole)
+    force = ca.SX(model.nv, 1)  # of the ball on the joints, for its impulse
+    force[moving] = -jacobian.T @ ca.DM(impulse)
     across = impulse - (normal @ impulse) * normal
     ball_point = impulse / ball.mass + ball.turning * across
     speed = float(np.linalg.norm(ball_point))
@@ -82,8 +96,8 @@ def impact_rows(task: KickTask, tree: SymbolicTree, limits: Sequence[Impulse]) -
          0.0, np.inf),
     ]  # fmt: skip
     rows = [
-        ((needed + jacobian.T @ ca.DM(impulse)) / ca.DM(momentum), 0.0, 0.0),
-        ((jump - share * of_whole) / ca.DM(0.3 * task.speed_limit), 0.0, 0.0),
+        ((needed - force) / ca.DM(momentum), 0.0, 0.0),
+        ((jump - share * of_whole[moving]) / ca.DM(0.3 * task.speed_limit), 0.0, 0.0),
         (rebound / speed, 0.0, 0.0),
         *posture_rows,
     ]
@@ -102,8 +116,7 @@ def impact_rows(task: KickTask, tree: SymbolicTree, limits: Sequence[Impulse]) -
     z = ca.vertcat(q, v, jump, share, of_whole)
     margins = [limit.margins(sample) for limit in limits]
     function = ca.Function("impulse_margins", [q, of_whole], [ca.vertcat(none, *margins)])
-    inertia, force = ca.jacobian(needed, of_whole), -jacobian.T @ ca.DM(impulse)
-    of_jump = ca.Function("jump", [q], [inertia, force])
+    of_jump = ca.Function("jump", [q], [ca.jacobian(needed, of_whole), force])
     centre = ca.Function("ball", [q], [point + ca.DM(ball.radius * normal)])
     posture = make_rows(q, none, posture_rows, ca.SX(0.0))
     return ImpactRows(

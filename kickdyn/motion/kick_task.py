@@ -14,23 +14,25 @@ from kickdyn.motion.impact_target import ImpactTarget
 from kickdyn.motion.limits import (
     FRICTION,
     INSIDE,
+    LEAST_IMPULSE,
+    LEAST_PRESSURE,
     Apart,
     Clearance,
     Friction,
-    HeldTorqueLimit,
     Impulse,
     Limit,
     MuscleTorqueLimit,
     Pressure,
     PressureCentre,
     RangeLimit,
+    RestingTorqueLimit,
     SpeedLimit,
     Tilt,
     TorqueLimit,
     Twist,
 )
 from kickdyn.robot.ground_clearance import Spheres, extreme_spheres
-from kickdyn.robot.kicking_chain import UNLIMITED, rest_configuration
+from kickdyn.robot.kicking_chain import UNLIMITED
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.names import MAX_FAULTY, listed
 from kickdyn.robot.standing import Foot, StandingRobot, joint_spheres, sole_edges
@@ -38,9 +40,6 @@ from kickdyn.robot.standing import Foot, StandingRobot, joint_spheres, sole_edge
 UNDER, BESIDE = (14, 0.4), (6, 0.6)
 """Numbers of spheres that span the kicking foot downwards and towards the other foot, each of which
 has rows at every point, and the cosine of the largest angle to that direction."""
-
-HELD_RESERVE = 0.01
-"""Reserve of the limits of the ground's impulse where a motion holds joints."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,8 +58,7 @@ class KickTask:
         standing: the robot on its foot; None on a fixed base.
         muscles: whether the torque limits fall with speed, as those of muscles.
         other: the kicking foot, where the motion starts and ends on both feet.
-        held: values of joints of `robot` that are not in `leg`, other than at rest.
-        loaded: joints of `robot` that are not in `leg`, whose torques have rows.
+        aside: angles of joints of `robot` that are not in `leg`, other than at rest.
     """
 
     robot: Leg
@@ -73,14 +71,28 @@ class KickTask:
     standing: StandingRobot | None
     muscles: bool = False
     other: Foot | None = None
-    held: Mapping[str, float] = field(default_factory=dict)
-    loaded: Sequence[str] = ()
+    aside: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def speed_limit(self) -> Array:
-        """Limits of the joints' speeds, `UNLIMITED` where there is none, shape `(n,)` [rad/s]."""
-        limit = self.leg.velocity_limit
-        return np.where(np.isfinite(limit), limit, UNLIMITED)
+        """Limits of the joints' speeds, see `limited_speed`."""
+        return limited_speed(self.leg)
+
+    @property
+    def whole(self) -> Leg:
+        """The leg with the joints at rest too, which give way in the impact."""
+        return self.leg if self.standing is None else self.standing.leg
+
+    @property
+    def resting(self) -> tuple[str, ...]:
+        """Names of the joints at rest."""
+        return tuple(name for name in self.whole.joint_names if name not in self.leg.joint_names)
+
+
+def limited_speed(leg: Leg) -> Array:
+    """Return limits of the joints' speeds, `UNLIMITED` where there is none, `(n,)` [rad/s; m/s]."""
+    limit = leg.velocity_limit
+    return np.where(np.isfinite(limit), limit, UNLIMITED)
 
 
 def limits_of(task: KickTask) -> tuple[list[Limit], list[Impulse]]:
@@ -101,10 +113,10 @@ def limits_of(task: KickTask) -> tuple[list[Limit], list[Impulse]]:
     if standing is None:
         return limits, []
     friction = _friction(standing)
-    on_ground = [
-        Pressure(), Friction(friction), PressureCentre(standing), Twist(standing, friction)
-    ]  # fmt: skip
-    limits += [*on_ground[:2], PressureCentre(standing, INSIDE), on_ground[3]]
+    slip = Friction(friction)
+    limits += [Pressure(LEAST_PRESSURE), slip, PressureCentre(standing, INSIDE)]
+    limits.append(Twist(standing, friction))
+    in_impact = [Pressure(LEAST_IMPULSE), slip, PressureCentre(standing)]
     foot, posture = leg.contact_joint, leg.posture(leg.configuration())
     side = 1.0 if posture.contact_point[1] > standing.sole[:, 1].mean() else -1.0
     edge = float(side * (side * standing.sole[:, 1]).max())
@@ -121,11 +133,15 @@ def limits_of(task: KickTask) -> tuple[list[Limit], list[Impulse]]:
         pin.forwardKinematics(leg.workspace.model, leg.workspace.data, leg.configuration())
         upright = leg.workspace.data.oMi[carriers[-1]].rotation[2].copy()
         limits.append(Tilt(carriers[-1], upright))
-    if task.loaded:
-        at_rest = rest_configuration(standing.leg, task.held)
-        limits.append(HeldTorqueLimit(task.loaded, standing.leg, at_rest))
-    reserve = HELD_RESERVE if leg.nv < standing.leg.nv else 0.0
-    return limits, [Impulse(limit, reserve) for limit in on_ground]
+    if task.resting:
+        limits.append(resting_limit(task, task.resting))
+    return limits, [Impulse(limit) for limit in in_impact]
+
+
+def resting_limit(task: KickTask, names: Sequence[str]) -> RestingTorqueLimit:
+    """Return the limit of the torques of some of the joints at rest."""
+    limit = task.whole.model.effortLimit[[task.whole.velocity_index(name) for name in names]]
+    return RestingTorqueLimit(names, limit, [task.resting.index(name) for name in names])
 
 
 def _trunk_carriers(standing: StandingRobot, leg: Leg) -> list[int]:

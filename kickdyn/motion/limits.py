@@ -12,13 +12,14 @@ origin, and the sole is level at :math:`z = 0`. Its limits are
     \mu r f_z \ge |m_z - (c_x f_y - c_y f_x)|
 
 with the edges :math:`n_i \cdot x \le d_i` of the sole, its centre c and the arm r of its friction.
-They hold for the impulse of the ground in the impact too.
+They hold for the impulse of the ground in the impact too, but for the moment about the vertical: a
+foot that turns about it hardly changes the kick.
 """
 
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import casadi as ca
@@ -27,7 +28,6 @@ import numpy as np
 from kickdyn.core.validation import Array
 from kickdyn.motion.symbolic_tree import SymbolicTree
 from kickdyn.robot.ground_clearance import Spheres
-from kickdyn.robot.leg import Leg
 from kickdyn.robot.muscle_torque import muscle_share
 from kickdyn.robot.standing import Foot, StandingRobot, sole_edges
 
@@ -40,8 +40,9 @@ FACETS = 8
 LENGTH = 0.05
 """Length over which moments are scaled to forces [m]: about half a sole."""
 
-LEAST_PRESSURE = 0.05
-"""Least force of the ground on the supporting foot, over the robot's weight."""
+LEAST_PRESSURE, LEAST_IMPULSE = 0.05, 0.005
+"""Least force of the ground on the supporting foot, over the robot's weight, and its impulse in the
+impact, over the ball's."""
 
 INSIDE = 3e-3
 """Distance of the centre of pressure from the edge of the sole, at least, but in the impact [m]."""
@@ -60,12 +61,14 @@ class Sample:
         wrench: of the ground on the root, force, then moment about the world's origin, `(6,)`
             [N, N m]; in the impact, its impulse [N s, N m s].
         size: of a large force or impulse [N or N s].
+        resting: torques of the joints at rest, shape `(k,)` [N m; N].
     """
 
     tree: SymbolicTree
     torque: Any
     wrench: Any
     size: float
+    resting: Any = None
 
 
 def when(time: float) -> str:
@@ -124,39 +127,24 @@ class TorqueLimit(Limit):
         return sample.torque / ca.DM(self._limit), self.reserve - 1.0, 1.0 - self.reserve
 
 
-class HeldTorqueLimit(Limit):
-    """The torques that keep joints at rest while others move, as shares of their limits.
+class RestingTorqueLimit(TorqueLimit):
+    """The torques of joints at rest while others move, as shares of their limits.
 
     Args:
-        names: of joints at rest.
-        leg: with all joints.
-        q: its configuration, in which joints at rest have their values.
+        names: of these joints.
+        limit: of their torques [N m; N].
+        numbers: of these joints among all joints at rest.
     """
 
-    reserve = 0.01
-
-    def __init__(self, names: Sequence[str], leg: Leg, q: Array) -> None:
-        self.labels, self._leg, self._q = [f"torque of {name}" for name in names], leg, q
-        self._held = [leg.joint_names.index(name) for name in names]
-
-    def _shares(self, moving: SymbolicTree) -> Any:
-        """Return the torques over their limits."""
-        model = self._leg.model
-        tree = SymbolicTree(model)
-        names = [str(name) for name in moving.model.names[1:]]
-        columns = [self._leg.joint_names.index(name) for name in names]
-        states = [ca.SX(ca.DM(x)) for x in (self._q, *np.zeros((2, model.nv)))]
-        for state, part in zip(states, (moving.q, moving.v, moving.a), strict=True):
-            state[columns] = part
-        torque, _ = tree.inverse_dynamics()
-        at_rest = ca.Function("held", [tree.q, tree.v, tree.a], [torque[self._held]])
-        return at_rest(*states) / ca.DM(model.effortLimit[self._held])
+    def __init__(self, names: Sequence[str], limit: Array, numbers: Sequence[int]) -> None:
+        super().__init__(names, limit)
+        self._numbers = list(numbers)
 
     def margins(self, sample: Sample) -> Any:
-        return 1.0 - ca.fabs(self._shares(sample.tree))
+        return super().margins(replace(sample, torque=sample.resting[self._numbers]))
 
     def rows(self, sample: Sample) -> tuple[Any, float, float]:
-        return self._shares(sample.tree), self.reserve - 1.0, 1.0 - self.reserve
+        return super().rows(replace(sample, torque=sample.resting[self._numbers]))
 
 
 class MuscleTorqueLimit(TorqueLimit):
@@ -206,8 +194,11 @@ class Pressure(Limit):
 
     labels = ("the ground's force on the supporting foot",)
 
+    def __init__(self, least: float) -> None:
+        self._least = least
+
     def margins(self, sample: Sample) -> Any:
-        return sample.wrench[2] / sample.size - LEAST_PRESSURE
+        return sample.wrench[2] / sample.size - self._least
 
 
 class GroundLimit(Limit):
@@ -265,7 +256,7 @@ class Twist(GroundLimit):
     centre.
     """
 
-    unit = "m"
+    unit, reserve = "m", 0.0015
     labels = ("the moment about the vertical under the supporting foot",) * 2
 
     def __init__(self, standing: StandingRobot | Foot, coefficient: float) -> None:
@@ -282,18 +273,14 @@ class Twist(GroundLimit):
 class Impulse(Limit):
     """The same limit of the ground, for its impulse in the impact.
 
-    Args:
-        limit: of the ground.
-        reserve: of the rows: joints that a motion holds give way in the impact.
-
     Attributes:
         relaxation: of its rows where none of the launch is reached.
     """
 
     relaxation = 0.5
 
-    def __init__(self, limit: Limit, reserve: float = 0.0) -> None:
-        self.limit, self.unit, self.reserve = limit, limit.unit, reserve
+    def __init__(self, limit: Limit) -> None:
+        self.limit, self.unit = limit, limit.unit
         self.labels = [f"{label} in the impact" for label in limit.labels]
 
     def margins(self, sample: Sample) -> Any:
@@ -301,7 +288,7 @@ class Impulse(Limit):
 
     def rows(self, sample: Sample) -> tuple[Any, float, float]:
         rows, _, upper = self.limit.rows(sample)
-        return rows, self.reserve, upper
+        return rows, 0.0, upper
 
 
 class Clearance(Limit):

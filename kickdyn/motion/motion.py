@@ -2,7 +2,7 @@
 
 import math
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple, Protocol
@@ -23,6 +23,9 @@ from kickdyn.robot.model_validation import frame_id
 from kickdyn.robot.standing import is_floating, place_base
 from kickdyn.robot.surgery import coordinate_indices
 
+SETTLING = 0.6
+"""Time after the impact in which joints that gave way return to rest [s]."""
+
 
 class Phase(NamedTuple):
     """A part of a motion: its name and when it begins and ends [s, impact at 0]."""
@@ -35,9 +38,28 @@ class Phase(NamedTuple):
 class Limits(Protocol):
     """What a motion must keep."""
 
-    def margins(self, q: Array, v: Array, a: Array) -> Mapping[str, float]:
-        """Return the distance from each limit by its name, at q, v and a of the joints."""
+    @property
+    def joints(self) -> Sequence[str]:
+        """All joints that move or give way, in the order of q."""
         ...
+
+    def margins(self, q: Array, v: Array, a: Array) -> Mapping[str, float]:
+        """Return the distance from each limit by its name, at q, v and a of `joints`."""
+        ...
+
+
+def settling(t: Array) -> Array:
+    r"""Return q, v and a after the impact of a joint that was at rest, over its velocity after it.
+
+    With :math:`x = t/T` up to the time T, `SETTLING`, it is :math:`q = T (x - 6x^3 + 8x^4 - 3x^5)`,
+    without acceleration at both ends. The shape is `(3, k)` for k times.
+    """
+    x = np.minimum(t / SETTLING, 1.0)
+    return np.array([
+        SETTLING * (x - 6 * x**3 + 8 * x**4 - 3 * x**5),
+        1 - 18 * x**2 + 32 * x**3 - 15 * x**4,
+        (-36 * x + 96 * x**2 - 60 * x**3) / SETTLING,
+    ])  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -45,9 +67,9 @@ class Motion(ReprMixin):
     r"""The motion of a robot from rest through the impact to rest.
 
     Joints follow a spline before the impact and one after it; at the impact positions are equal and
-    velocities jump. Joints that have no spline stay where `held` or `rest_configuration` has them.
-    A robot on a floating base stands on its first support, which does not move. Before `begin` and
-    after `end` the robot is at rest.
+    velocities jump. Joints that have no spline stay where `aside` or `rest_configuration` has them,
+    but give way in the impact, and return within `SETTLING`. A robot on a floating base stands on
+    its first support, which does not move. Before `begin` and after `end` the robot is at rest.
 
     Attributes:
         robot: that moves, in its own coordinates.
@@ -61,8 +83,8 @@ class Motion(ReprMixin):
         solution: from which the planner of nearly the same motion starts, if any.
         shift: of the weight from both feet onto the supporting one, before the backswing; in
             reverse, it is also what follows the recovery. None where the robot starts on one foot.
-        held: values of joints that have no spline, other than at rest [rad; m if prismatic].
-        loaded: joints without a spline whose torques the planner limits.
+        aside: values of joints that have no spline, other than at rest [rad; m if prismatic].
+        pushed: velocities just after the impact of joints that have no spline [rad/s; m/s].
     """
 
     robot: Leg
@@ -73,9 +95,9 @@ class Motion(ReprMixin):
     limits: Limits | None = None
     warnings: tuple[str, ...] = ()
     solution: Any = None
-    held: Mapping[str, float] = field(default_factory=dict)
+    aside: Mapping[str, float] = field(default_factory=dict)
     shift: WeightShift | None = None
-    loaded: tuple[str, ...] = ()
+    pushed: Mapping[str, float] = field(default_factory=dict)
 
     def _rows(self) -> Iterable[Row]:
         yield "joints", ", ".join(self.joints), ""
@@ -122,8 +144,9 @@ class Motion(ReprMixin):
     @property
     def v_after(self) -> Array:
         """The velocity of the robot just after the impact, shape `(nv,)`."""
-        joint_state = (self.after(0.0), self.after(0.0, 1), np.zeros(len(self.joints)))
-        return self._on_robot(*joint_state)[1]
+        q, v = np.append(self.after(0.0), self._pushed_state(0.0)[0]), self.after(0.0, 1)
+        v = np.append(v, [*self.pushed.values()])
+        return self._on_robot(q, v, np.zeros_like(v))[1]
 
     def torque(self, t: float) -> Array:
         r"""Return the torques of the joints at a time [s], shape `(nv,)` [N m; N].
@@ -166,13 +189,32 @@ class Motion(ReprMixin):
             return q, np.zeros_like(q), np.zeros_like(q)
         return q, spline(time, 1), spline(time, 2)
 
+    def _pushed_state(self, t: float) -> Array:
+        """Return q, v and a of the joints that the impact has pushed, shape `(3, k)`."""
+        velocity = np.array([*self.pushed.values()])
+        states = np.multiply.outer(settling(np.array([t]))[:, 0] * (t > 0.0), velocity)
+        robot = self.robot
+        states[0] += [robot.joint_values(self._rest)[name] for name in self.pushed]
+        return np.asarray(states)
+
+    def _every_state(self, t: float) -> tuple[Array, Array, Array]:
+        """Return q, v and a of `joints` and of those that the impact pushes, `(n + k,)` each."""
+        pairs = zip(self.joint_state(t), self._pushed_state(t), strict=True)
+        q, v, a = (np.append(*pair) for pair in pairs)
+        return q, v, a
+
     def margins(self, t: float) -> Mapping[str, float]:
         """Return the distance from each limit by its name at a time [s]; below 0 it is broken.
 
         Names that end in `[m]` or `[rad]` have that unit; others are shares of the limit.
         """
-        limits: Limits | None = self._shift_at(t) or self.limits
-        return {} if limits is None else limits.margins(*self.joint_state(t))
+        if shift := self._shift_at(t):
+            return shift.margins(*self.joint_state(t))
+        if self.limits is None:
+            return {}
+        order = [(*self.joints, *self.pushed).index(name) for name in self.limits.joints]
+        q, v, a = (values[order] for values in self._every_state(t))
+        return self.limits.margins(q, v, a)
 
     def plot(self) -> Any:
         """Return a figure of matplotlib: torques and speeds against their limits, and margins."""
@@ -207,7 +249,7 @@ class Motion(ReprMixin):
         write_motion(self.samples(rate), file)
 
     def _state(self, t: float) -> tuple[Array, Array, Array]:
-        return self._on_robot(*self.joint_state(t))
+        return self._on_robot(*self._every_state(t))
 
     def _dynamics(self, t: float) -> tuple[Array, Array]:
         """Return the joints' torques, shape `(nv,)`, and the ground's wrench, `(6,)`."""
@@ -230,7 +272,7 @@ class Motion(ReprMixin):
         return torque, np.asarray(wrench)
 
     def _on_robot(self, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
-        """Return q, v and the acceleration of the robot from the moving joints'."""
+        """Return q, v and the acceleration of the robot from those of `_every_state`."""
         robot, (qs, vs) = self.robot, self._indices
         model, data = robot.workspace.model, robot.workspace.data
         configuration = self._rest.copy()
@@ -251,13 +293,13 @@ class Motion(ReprMixin):
     @cached_property
     def _rest(self) -> Array:
         """Configuration of the robot with all joints where they stay if they have no spline."""
-        return rest_configuration(self.robot, self.held)
+        return rest_configuration(self.robot, self.aside)
 
     @cached_property
     def _indices(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Indices of the joints that move in q and in v of the robot."""
-        model = self.robot.workspace.model
-        return coordinate_indices(model, [int(model.getJointId(name)) for name in self.joints])
+        """Indices of `joints` and of those that the impact pushes, in q and in v of the robot."""
+        model, names = self.robot.workspace.model, (*self.joints, *self.pushed)
+        return coordinate_indices(model, [int(model.getJointId(name)) for name in names])
 
     @cached_property
     def _model(self) -> tuple[Any, Any]:

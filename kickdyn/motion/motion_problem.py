@@ -23,18 +23,18 @@ import scipy.sparse as sp
 
 from kickdyn.core.validation import Array
 from kickdyn.motion.impact_rows import impact_rows
-from kickdyn.motion.kick_task import KickTask, limits_on_both
+from kickdyn.motion.kick_task import KickTask, limits_of, limits_on_both, resting_limit
 from kickdyn.motion.limits import (
     LENGTH,
     Clearance,
-    Impulse,
-    Limit,
     RangeLimit,
+    RestingTorqueLimit,
     Sample,
     SpeedLimit,
     TorqueLimit,
     with_unit,
 )
+from kickdyn.motion.motion import settling
 from kickdyn.motion.row_blocks import OPTIONS, Block, Cost, Rows, block_solver, make_rows
 from kickdyn.motion.separation import (
     BALL_RESERVE,
@@ -46,14 +46,16 @@ from kickdyn.motion.solution import TOLERANCE, Multipliers, Solution, taken_over
 from kickdyn.motion.splines import MotionSplines, integration_weights, per_joint
 from kickdyn.motion.symbolic_tree import SymbolicTree
 from kickdyn.motion.weight_shift import Feet
+from kickdyn.robot.kicking_chain import rest_configuration
 
 JERK, ENDS, SHARE = {False: 1e-8, True: 1e-7}, 0.1, 3.0
 """Weights of the objective: of the jerk over n [s5/rad2], by whether the robot stands on a foot, of
 the posture at both ends [1/rad2] and of the share of the launch that is not reached, against about
 0.1 s of squared torque."""
 
-LEAST_EFFECT = 1e-3
-"""Share of the launch below which a limit does not count as one that holds it back."""
+LEAST_EFFECT, LEAST_MULTIPLIER = 1e-3, 0.05
+"""Share of the launch below which a limit does not count as one that holds it back, and multiplier
+below which a row does not count: Ipopt gives those that are not reached small ones, too."""
 
 IMPACT_STEPS = 3
 """Steps of Newton's method after which the equations of the impact have no error but rounding."""
@@ -71,12 +73,15 @@ class MotionProblem:
     Attributes:
         task: the kick.
         splines: whose coefficients are unknown.
+        limited: joints at rest whose torques have rows.
         limits: of the whole motion.
         impulse_limits: of the ground's impulse.
-        margins: CasADi's function of q, v, a that gives the margins of all `limits`, stacked.
-        forces: likewise the torques over their limits, and the ground's wrench on a robot that
-            stands, over its weight, moments over `LENGTH` times it.
-        impulse_margins: likewise of q and the jump of v with the whole launch, of `impulse_limits`.
+        margins: CasADi's function of q, v, a of all joints, those at rest too, that gives the
+            margins of all `limits`, stacked.
+        forces: likewise, of the joints that move alone, their torques over their limits, and the
+            ground's wrench on a robot that stands, over its weight, moments over `LENGTH` times it.
+        impulse_margins: likewise of q, and of the jump of v of all joints with the whole launch, of
+            `impulse_limits`.
         surroundings: which bodies can come near each other.
         feet: both feet, where the motion starts and ends on them; else None.
     """
@@ -85,44 +90,74 @@ class MotionProblem:
         self,
         task: KickTask,
         splines: MotionSplines,
-        limits: Sequence[Limit],
-        impulse_limits: Sequence[Impulse],
+        limited: Sequence[str] = (),
     ) -> None:
-        self.task, self.splines = task, splines
-        self.limits, self.impulse_limits = limits, impulse_limits
+        """Make it; `limited` are joints at rest whose torques have rows."""
+        self.task, self.splines, self.limited = task, splines, tuple(limited)
+        self.limits, self.impulse_limits = limits_of(task)
         model = task.leg.model
         self.n = int(model.nv)
         self.lower = np.maximum(model.lowerPositionLimit, -np.pi)
         self.upper = np.minimum(model.upperPositionLimit, np.pi)
-        self._model, self._tree = model, SymbolicTree(model)
-        tree = self._tree
+        self._tree = tree = SymbolicTree(model)
         torque, wrench = tree.inverse_dynamics()
         weight = sum(body.mass for body in model.inertias) * 9.81
+        whole = task.whole
+        self._at_rest = rest_configuration(whole, task.aside)
+        self._moving, self._resting = (
+            [whole.velocity_index(name) for name in names]
+            for names in (task.leg.joint_names, task.resting)
+        )
         scale = np.asarray(model.effortLimit)
         if task.standing is not None:
             scale = np.append(scale, weight * np.repeat([1.0, LENGTH], 3))
-        sample = Sample(tree, torque, wrench, weight)
-        margins = [limit.margins(sample) for limit in limits]
-        self.margins = ca.Function("margins", [tree.q, tree.v, tree.a], [ca.vertcat(*margins)])
         needed = ca.vertcat(torque, wrench)[: len(scale)] / ca.DM(scale)
         self.forces = ca.Function("forces", [tree.q, tree.v, tree.a], [needed])
+        states = [self._among_all(*pair) for pair in zip(
+            (self._at_rest, *np.zeros((2, whole.nv))), (tree.q, tree.v, tree.a), strict=True
+        )]  # fmt: skip
+        resting = SymbolicTree(whole.model, states).inverse_dynamics()[0][self._resting]
+        every = SymbolicTree(whole.model)
+        of_all, on_ground = every.inverse_dynamics()
+        forces = ca.vertcat(of_all[self._moving], on_ground)[: len(scale)] / ca.DM(scale)
+        given = [every.q, every.v, every.a]
+        self._all_forces = ca.Function("forces", given, [
+            ca.vertcat(forces, of_all[self._resting])
+        ])  # fmt: skip
+        unknown = (ca.SX.sym("x", size) for size in (self.n, 6, len(self._resting)))
+        sample = Sample(tree, next(unknown), next(unknown), weight, next(unknown))
+        margins = ca.Function(
+            "margins",
+            [tree.q, tree.v, tree.a, sample.torque, sample.wrench, sample.resting],
+            [ca.vertcat(*(limit.margins(sample) for limit in self.limits))],
+        )
+        self.margins = ca.Function("margins", given, [margins(
+            *(x[self._moving] for x in given), of_all[self._moving], on_ground,
+            of_all[self._resting],
+        )])  # fmt: skip
         self._most = np.append(
             np.full(self.n, 1.0 - TorqueLimit.reserve), np.full(len(scale) - self.n, np.inf)
         )
         forces = ca.SX.sym("forces", len(scale))
+        self._resting_torque = resting
+        change = ca.SX.sym("change", len(scale) + len(self._resting))  # by joints that gave way
         given = ca.vertcat(ca.DM(scale) * forces, ca.SX(6, 1))
-        sample = Sample(tree, given[: self.n], given[self.n : self.n + 6], weight)
-        of_splines = (TorqueLimit, SpeedLimit, RangeLimit)  # and bounds of unknowns
-        on_path = [limit for limit in limits if type(limit) not in of_splines]
+        sample = Sample(tree, given[: self.n], given[self.n : self.n + 6], weight,
+                        resting + change[len(scale) :])  # fmt: skip
+        # splines keep some limits, and bounds of unknowns others
+        others = (TorqueLimit, SpeedLimit, RangeLimit, RestingTorqueLimit)
+        on_path = [limit for limit in self.limits if type(limit) not in others]
+        if limited:
+            on_path.append(resting_limit(task, limited))
         self._on_path = [(label, limit.unit) for limit in on_path for label in limit.labels]
         rows = [limit.rows(sample) for limit in on_path]
-        rows.append((forces - needed, 0.0, 0.0))
+        rows.append((forces - needed - change[: len(scale)], 0.0, 0.0))
         of_heights = [[isinstance(limit, Clearance)] * len(limit.labels) for limit in on_path]
         self._is_height = np.concatenate([*of_heights, np.zeros(len(scale), bool)]).astype(bool)
         cost = ca.sumsqr(forces[: self.n]) / self.n
-        self.path = make_rows(ca.vertcat(tree.q, tree.v, tree.a, forces), ca.SX(0, 1), rows, cost)
+        self.path = make_rows(ca.vertcat(tree.q, tree.v, tree.a, forces), change, rows, cost)
         self.impact, self.posture, self.impulse_margins, self._jump, self._ball_centre = (
-            impact_rows(task, tree, impulse_limits)
+            impact_rows(task, tree, states[0], self.impulse_limits)
         )
         self._apart: dict[tuple[int, int], Rows] = {}
         self.surroundings = Surroundings(task.robot, task.leg, task.target.ball.radius)
@@ -140,10 +175,47 @@ class MotionProblem:
         """Return the centre of the ball that the foot touches at q, shape `(3,)` [m]."""
         return np.asarray(self._ball_centre(q)).ravel()
 
+    def _among_all(self, rest: Array, moving: Any) -> Any:
+        """Return values of all joints, symbols of those that move among numbers of the others."""
+        values = ca.SX(ca.DM(rest))
+        values[self._moving] = moving
+        return values
+
     def jump(self, q: Array) -> Array:
-        """Return the jump of v with the whole launch at q, shape `(n,)` [rad/s; m/s]."""
+        """Return the jump of v of all joints with the whole launch at q, `(nv,)` [rad/s; m/s]."""
         inertia, force = self._jump(q)
         return np.linalg.solve(np.asarray(inertia), np.asarray(force).ravel())
+
+    def pushed(self, coefficients: Array, share: float) -> dict[str, float]:
+        """Return the velocities that the impact gives to joints at rest [rad/s; m/s]."""
+        jump = share * self.jump(self.splines.at_impact()[0] @ coefficients)[self._resting]
+        return dict(zip(self.task.resting, jump.tolist(), strict=True))
+
+    def states(self, times: list[Array], coefficients: Array, share: float) -> Array:
+        """Return q, v and a of all joints at times of a motion, shape `(3, moments, nv)`."""
+        count = sum(map(len, times))
+        states = np.zeros((3, count, self.task.whole.nv))
+        states[0] = self._at_rest
+        for order, values in enumerate(states):
+            values[:, self._moving] = self.splines.values(times, order) @ coefficients
+        pushed = np.array([*self.pushed(coefficients, share).values()])
+        states[:, len(times[0]) :, self._resting] += settling(times[1])[:, :, None] * pushed
+        return states
+
+    def all_forces(self, states: Array) -> Array:
+        """Return `forces` with all joints, then torques of those at rest, `(k, moments)`."""
+        forces = self._all_forces.map(states.shape[1])(*states.transpose(0, 2, 1))
+        return np.asarray(forces)
+
+    def _changes(self, times: list[Array], start: Solution) -> Array:
+        """Return how joints at rest that gave way change forces, over their scale, at points.
+
+        Torques of joints at rest follow, which have no scale.
+        """
+        shares = start.share, 0.0
+        states = [self.states(times, start.coefficients, share) for share in shares]
+        after, rest = map(self.all_forces, states)
+        return np.asarray(after - rest)
 
     def _rows_apart(self, joints: tuple[int, int]) -> Rows:
         """Return the row of `Conditions` of two joints, with the configuration as its unknown.
@@ -204,7 +276,8 @@ class MotionProblem:
             alone: whether the torques are those of a robot on its supporting foot alone.
         """
         q, forces = ca.MX.sym("q", self.n), ca.MX.sym("forces", len(self._most))
-        rows = [self.path.values(ca.vertcat(q, ca.DM.zeros(2 * self.n), forces), [])[0]]
+        unknowns = ca.vertcat(q, ca.DM.zeros(2 * self.n), forces)
+        rows = [self.path.values(unknowns, 0.0)[0]]
         lower, upper = [lowest], [np.where(np.isneginf(lowest), np.inf, self.path.upper)]
         most = self._most if alone else np.full(len(self._most), np.inf)
         if others is not None:
@@ -255,10 +328,10 @@ class MotionProblem:
         n, splines = self.n, self.splines
         moments, free = np.concatenate(times), len(self._most)
         last = splines.size * n  # number of the share, which the jump of the whole launch follows
-        size = last + 1 + n
+        size = last + 1 + self.task.whole.nv
         to_speeds = per_joint(splines.speed_rows(), n, 1)
         to_speeds = sp.diags(np.resize(1.0 / self.task.speed_limit, to_speeds.shape[0])) @ to_speeds
-        blocks = [*self._blocks(times, relaxation), *map(self._block_apart, apart)]
+        blocks = [*self._blocks(times, start, relaxation), *map(self._block_apart, apart)]
         most = np.full(to_speeds.shape[0], 1.0 - SpeedLimit.reserve)
         lower = [np.tile(block.rows.lower, len(block.weights)) for block in blocks]
         upper = [np.tile(block.rows.upper, len(block.weights)) for block in blocks]
@@ -271,7 +344,7 @@ class MotionProblem:
         )
         if self.feet is not None:  # both ends are given
             least[[0, -1]] = largest[[0, -1]] = rest
-        bound, free_jump = np.tile(self._most, len(moments)), np.full(n, np.inf)
+        bound, free_jump = np.tile(self._most, len(moments)), np.full(size - last - 1, np.inf)
         q, v, a = (splines.values(times, order) @ start.coefficients for order in range(3))
         forces = np.asarray(self.forces.map(len(q))(q.T, v.T, a.T)).T
         empty = Multipliers(
@@ -317,6 +390,7 @@ class MotionProblem:
             ),
             feasible,
             int(solver.stats()["iter_count"]),
+            self.limited,
         )
 
     def _with_exact_impact(self, coefficients: Array, share: float) -> Array:
@@ -354,8 +428,7 @@ class MotionProblem:
         rows[np.ix_(distance == 0.0, self.path.lower < self.path.upper)] = -np.inf
         of_bodies = []
         for conditions, row in zip(apart, lower[2:], strict=True):
-            of_rows = conditions.times[np.argsort(conditions.times > 0.0, kind="stable")]
-            of_bodies.append(np.where(np.isin(of_rows, ends), -np.inf, row))
+            of_bodies.append(np.where(np.isin(conditions.times, ends), -np.inf, row))
         return [rows.ravel(), lower[1], *of_bodies]
 
     def limits_of_shift(self) -> tuple[tuple[Any, Any], tuple[str, ...]]:
@@ -367,7 +440,9 @@ class MotionProblem:
         tree, (of_first, of_other) = self._tree, limits_on_both(self.task)
         forces = ca.Function("forces", [tree.q, tree.v, tree.a], [*tree.inverse_dynamics()])
         torque, first, other = (ca.SX.sym("x", size) for size in (self.n, 6, 6))
-        samples = [Sample(tree, torque, wrench, 1.0) for wrench in (first, other)]
+        samples = [
+            Sample(tree, torque, wrench, 1.0, self._resting_torque) for wrench in (first, other)
+        ]
         margins = [
             limit.margins(sample)
             for limits, sample in zip((of_first, of_other), samples, strict=True)
@@ -393,7 +468,9 @@ class MotionProblem:
             return total
 
         def add(label: str, values: Array, amount: float = 0.1) -> None:
-            total[label] = total.get(label, 0.0) + amount / SHARE * float(np.abs(values).sum())
+            sizes = np.abs(values)
+            effect = amount / SHARE * float(sizes[sizes > LEAST_MULTIPLIER].sum())
+            total[label] = total.get(label, 0.0) + effect
 
         torques = known.points[:, len(self.path.lower) :]
         ranges = known.bounds[: self.splines.size * self.n]
@@ -409,26 +486,25 @@ class MotionProblem:
         ):
             add(label, value)
         for (joints, _, _), values in known.apart:
-            first, second = (str(self._model.names[joint]) for joint in joints)
-            other = "the ball" if joints[1] < 0 else f"those of {second}"
-            add(f"distance of bodies of {first} from {other}", values, 0.01)
+            add(self.surroundings.label(joints), values, 0.01)
         return {label: value for label, value in total.items() if value > LEAST_EFFECT}
 
-    def _blocks(self, times: list[Array], relaxation: float) -> list[Block]:
+    def _blocks(self, times: list[Array], start: Solution, relaxation: float) -> list[Block]:
         """Return the rows of the points and of the impact."""
         n, splines, free = self.n, self.splines, len(self._most)
         maps = np.stack([splines.values(times, order) for order in range(3)], axis=1)
-        to_states = per_joint(maps.reshape(3 * len(maps), -1), n, 1 + n)
+        jump = self.task.whole.nv
+        to_states = per_joint(maps.reshape(3 * len(maps), -1), n, 1 + jump)
         to_points = sp.block_diag([to_states, sp.eye(len(maps) * free)]).tocsr()
         numbers = [
             np.arange(to_states.shape[0]).reshape(len(maps), -1),
             to_states.shape[0] + np.arange(len(maps) * free).reshape(len(maps), -1),
         ]
         to_points = to_points[np.hstack(numbers).ravel()]  # states and forces of each point
-        to_impact = sp.block_diag([per_joint(splines.at_impact(), n, 0), sp.eye(1 + n)])
+        to_impact = sp.block_diag([per_joint(splines.at_impact(), n, 0), sp.eye(1 + jump)])
         weights = np.concatenate([integration_weights(t) for t in times])
         return [
-            Block(self.path, to_points, np.zeros((0, len(maps))), weights),
+            Block(self.path, to_points, self._changes(times, start), weights),
             Block(self.impact, to_impact, np.array([[relaxation]]), np.zeros(1)),
         ]
 
@@ -436,14 +512,13 @@ class MotionProblem:
         """Return the rows of the conditions of two joints."""
         times, splines, n = conditions.times, self.splines, self.n
         sides = [times[times <= 0.0], times[times > 0.0]]
-        order = np.argsort(times > 0.0, kind="stable")
         maps = splines.values(sides, 0)
         if conditions.joints[1] < 0:
             at_impact = np.tile(splines.at_impact()[0], (len(maps), 1))
             maps = np.stack([maps, at_impact], axis=1).reshape(2 * len(maps), -1)
         rows = self._rows_apart(conditions.joints)
         to_points = per_joint(maps, n, 1)
-        return Block(rows, to_points, conditions.parameters[:, order], np.zeros(len(times)))
+        return Block(rows, to_points, conditions.parameters, np.zeros(len(times)))
 
     def _cost(self, rest: Array) -> Cost:
         """Return the jerk, the posture at both ends and the share, of the objective."""

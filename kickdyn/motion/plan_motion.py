@@ -9,7 +9,7 @@ import numpy as np
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.motion.kick_task import KickTask, check_limits, check_sole, limits_of
+from kickdyn.motion.kick_task import KickTask, check_limits, check_sole
 from kickdyn.motion.limbs import frames_of, idle_limbs, limbs_aside
 from kickdyn.motion.limits import Impulse
 from kickdyn.motion.motion import Motion
@@ -33,9 +33,8 @@ STARTS, SPREAD = 2, 0.2
 CENTRAL = 0.15
 """Share of a joint's range that the first posture leaves at either end, where it can."""
 
-HELD_TIMES, ASIDE_TIMES = 200, 40
-"""Numbers of times at which the torques of joints that stay at rest are checked, and at which limbs
-are aside of other bodies."""
+ASIDE_TIMES = 40
+"""Number of times at which limbs are aside of other bodies."""
 
 FIRST_SHARE = 0.3
 """Share of the launch at the start."""
@@ -50,9 +49,10 @@ MOST_WORK, LEGS_WORK, LEAST_ITERATIONS = 5500, 3600, 10
 """Iterations of Ipopt times joints that move: of a plan, and of its legs alone, at most. Fewer
 iterations than the last number are not begun. An iteration takes about 8 ms for each joint."""
 
-FULL, NEARLY, HOPE, LEAST_SHARE = 0.98, 0.9, 0.6, 0.05
-"""Shares of the launch: from which on the whole launch is sought; from which on the motion of the
-legs is one to start from; below which legs alone are given up; and below which there is no kick."""
+WHOLE, FULL, NEARLY, HOPE, LEAST_SHARE = 0.998, 0.98, 0.9, 0.6, 0.05
+"""Shares of the launch: from which on the whole launch is sought, far from a motion that keeps its
+limits and near one; from which on the motion of the legs is improved, and one to start from; below
+which legs alone are given up; and below which there is no kick."""
 
 TIGHTER = {"mu_init": 1e-3, "max_iter": 150, "constr_viol_tol": 1e-7}
 """Options of Ipopt for a solution that others follow near it."""
@@ -93,7 +93,7 @@ def plan_motion(task: KickTask, near: Motion | None = None) -> PlannedMotion:
     """Return the motion of a kick, from rest to rest; the best one where none keeps all limits.
 
     The joints between the feet of a standing robot are tried first, which takes a fraction of the
-    time; limbs in the way of their motion are held aside of it. All joints move where those do not
+    time; limbs in the way of their motion are put aside of it. All joints move where those do not
     reach the whole launch.
 
     Args:
@@ -108,48 +108,27 @@ def plan_motion(task: KickTask, near: Motion | None = None) -> PlannedMotion:
     if task.standing is not None:
         check_sole(task.standing)
     work = _Work(MOST_WORK)
-    held = {} if near is None else near.held
+    aside = {} if near is None else near.aside
     legs = task
     if task.standing is not None:
-        loaded: tuple[str, ...] = () if near is None else near.loaded
-        legs = replace(task, leg=kicking_chain(task.leg, others=held).leg, held=held, loaded=loaded)
+        legs = replace(task, leg=kicking_chain(task.leg, others=aside).leg, aside=aside)
     if legs.leg.joint_names == task.leg.joint_names:
         return _plan(task, _Near(near), STARTS, work)
     if near is not None and near.joints != legs.leg.joint_names:
         return _plan(task, _Near(near), 0, work)
     of_legs = _Work(LEGS_WORK)
     planned = first = _plan(legs, _Near(near), 0, of_legs, task.leg)
-    overloaded = _overloaded(first.motion)
-    if first.keeps_limits and overloaded:
-        start, held = replace(first.motion, solution=None), first.motion.held
-        leg = kicking_chain(task.leg, others=held).leg
-        other = replace(task, leg=leg, held=held, loaded=(*start.loaded, *overloaded))
-        planned = first = _plan(other, _Near(start), 0, of_legs)
-        overloaded = _overloaded(first.motion)
     work.left -= LEGS_WORK - of_legs.left
-    if first.keeps_limits and not overloaded:
-        return first
-    if near is not None and not first.keeps_limits:
+    if first.keeps_limits or near is not None:
         return first
     if first.share > NEARLY:
         planned = _plan(task, _Near(first.motion, first.share), 0, work)
         if planned.keeps_limits:
             return planned
-    others = [planned]
+    others = [planned, first]
     if work.iterations(task.leg.nv):
         others.append(_plan(task, _Near(None), 1, work))
-    if not first.keeps_limits:  # of a robot whose joints at rest are not overloaded
-        others.append(first)
     return max(others, key=lambda motion: motion.rank)
-
-
-def _overloaded(motion: Motion) -> list[str]:
-    """Return the joints that stay at rest and take more than their torque limits."""
-    robot, times = motion.robot, np.linspace(motion.begin, motion.end, HELD_TIMES)
-    largest = np.max([np.abs(motion.torque(t)) for t in times], axis=0)
-    limit = np.where(robot.effort_limit > 0.0, robot.effort_limit, np.inf)
-    names = [name for name in robot.single_joints if name not in motion.joints]
-    return [name for name in names if (largest > limit)[robot.velocity_index(name)]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,36 +155,37 @@ def _plan(
         starts: number of starts at most; with 0, there is one, and limits between points are not
             sought where it does not reach the whole launch.
         work: what the solutions may take together.
-        whole: the leg with the limbs that the task holds, which are put aside of the motion.
+        whole: the leg with the limbs that are at rest, which are put aside of the motion.
     """
-    problem, verdicts = _problem_of(task), list[Verdict]()
-    held = [] if whole is None or near.motion is not None else idle_limbs(whole, task.leg)
+    known = None if near.motion is None else near.motion.solution
+    limited = () if known is None else [name for name in known.limited if name in task.resting]
+    problem, verdicts = _problem_of(task, limited), list[Verdict]()
+    idle = [] if whole is None or near.motion is not None else idle_limbs(whole, task.leg)
     for rest, start in islice(_starts(problem, near), max(starts, 2 if near.motion else 1)):
         search = _Search(problem, rest, work, partly=starts > 0)
         if start.multipliers is not None:
             verdicts.append(search.again(start))
         else:
-            bodies = [] if whole is None else frames_of(whole, [n for limb in held for n in limb])
+            bodies = [] if whole is None else frames_of(whole, [n for limb in idle for n in limb])
             solution = search.first(start, near.motion is not None, bodies)
             if whole is not None and near.motion is None and solution.share > HOPE:
-                search.hold_aside(solution, whole, held)
-                solution = search.limit_overloaded(solution)
+                search.put_aside(solution, whole, idle)
             verdicts.append(search.refine(solution))
         if verdicts[-1].keeps_limits or not work.iterations(problem.n):
             break
     return best_of(verdicts).planned()
 
 
-def _problem_of(task: KickTask) -> MotionProblem:
+def _problem_of(task: KickTask, limited: Sequence[str] = ()) -> MotionProblem:
     stands = task.standing is not None
     splines = MotionSplines(*DURATIONS[stands], INTERVALS[stands])
-    return MotionProblem(task, splines, *limits_of(task))
+    return MotionProblem(task, splines, limited)
 
 
-def _hold_aside(
+def _put_aside(
     problem: MotionProblem, solution: Solution, whole: Leg, limbs: Sequence[Sequence[int]]
 ) -> MotionProblem:
-    """Return the problem with the limbs that a motion would hit held aside of it."""
+    """Return the problem with the limbs that a motion would hit put aside of it."""
     task, splines = problem.task, problem.splines
     times = [
         np.linspace(grid[0], grid[-1], ASIDE_TIMES // len(splines.grids)) for grid in splines.grids
@@ -217,7 +197,7 @@ def _hold_aside(
     if not aside:
         return problem
     legs = kicking_chain(whole, others=aside).leg
-    return _problem_of(replace(task, leg=legs, held=aside))
+    return _problem_of(replace(task, leg=legs, aside=aside))
 
 
 class _Search:
@@ -256,25 +236,21 @@ class _Search:
         self._work.left -= n * solution.iterations
         return solution
 
-    def hold_aside(self, solution: Solution, whole: Leg, limbs: Sequence[Sequence[int]]) -> None:
-        """Hold the limbs aside that the motion of a solution would hit."""
-        other = _hold_aside(self.problem, solution, whole, limbs)
+    def put_aside(self, solution: Solution, whole: Leg, limbs: Sequence[Sequence[int]]) -> None:
+        """Put the limbs aside that the motion of a solution would hit."""
+        other = _put_aside(self.problem, solution, whole, limbs)
         if other.feet is not None and other is not self.problem:
             rest = other.stand(self.rest, at_ball=False)
             self.rest = self.rest if rest is None else rest
         self.problem = other
 
-    def limit_overloaded(self, solution: Solution) -> Solution:
-        """Limit the torques of joints at rest that a solution overloads, and return the solution.
-
-        It has no multipliers where there are such joints.
-        """
-        motion, task = Verdict(self.problem, solution).planned().motion, self.problem.task
-        overloaded = _overloaded(motion)
-        if not overloaded:
-            return solution
-        self.problem = _problem_of(replace(task, loaded=overloaded))
-        return replace(solution, multipliers=None)
+    def _limit_overloaded(self, verdict: Verdict) -> bool:
+        """Limit torques of joints at rest beyond their limits; return whether there are others."""
+        limited = self.problem.limited
+        others = [name for name in verdict.overloaded() if name not in limited]
+        if others:
+            self.problem = _problem_of(self.problem.task, (*limited, *others))
+        return bool(others)
 
     def again(self, start: Solution) -> Verdict:
         """Return the verdict on the solution next to the one of nearly the same kick."""
@@ -297,26 +273,26 @@ class _Search:
 
     def refine(self, solution: Solution) -> Verdict:
         """Return the best verdict on solutions with points added where limits are broken."""
-        problem, apart = self.problem, list[Conditions]()
-        if solution.multipliers is not None:
-            apart = [conditions for conditions, _ in solution.multipliers.apart]
-        verdict, full = Verdict(problem, solution), solution.share > FULL
+        verdict, full = Verdict(self.problem, solution), solution.share > FULL
         verdicts: list[Verdict] = []  # the first solution keeps its limits at the points only
         nearest = verdict
         for _ in range(ROUNDS):
-            if solution.share < LEAST_SHARE or not (full or self._partly):
+            if solution.share < (LEAST_SHARE if self._partly else NEARLY):
                 break
-            if not self._work.iterations(problem.n):
+            if not self._work.iterations(self.problem.n):
                 break
             nearest = verdict if verdict.broken <= nearest.broken else nearest
             far, times = verdict.broken > FAR, verdict.add_points(solution.times)
-            former = apart if solution.feasible else []
+            known = solution.multipliers if solution.feasible else None
+            former = [] if known is None else [conditions for conditions, _ in known.apart]
             apart = with_former(verdict.nearness.conditions(times), former)
-            shares = (1.0, 1.0) if full and not far else (0.0, 1.0)
+            whole = (full and not far) or solution.share > WHOLE
+            shares = (1.0, 1.0) if whole else (0.0, 1.0)
             start = solution if solution.feasible else nearest.solution
-            start = replace(start, multipliers=None) if far else start
-            solution = self._solve(start, times, apart, TIGHTER if far else AGAIN, shares)
-            verdict, full = Verdict(problem, solution), solution.share > FULL
+            anew = self._limit_overloaded(verdict) or far
+            start = replace(start, multipliers=None) if anew else start
+            solution = self._solve(start, times, apart, TIGHTER if anew else AGAIN, shares)
+            verdict, full = Verdict(self.problem, solution), solution.share > FULL
             verdicts.append(verdict)
             if verdict.broken == 0.0 and (solution.share == 1.0 or not full):
                 break
@@ -335,7 +311,7 @@ def _starts(problem: MotionProblem, near: _Near) -> Iterator[tuple[Array, Soluti
     times = splines.times(*POINTS)
     if motion is not None:
         leg = problem.task.leg
-        values = {**leg.joint_values(rest_configuration(leg)), **motion.held}
+        values = {**leg.joint_values(rest_configuration(leg)), **motion.aside}
         coefficients = np.tile([values[name] for name in leg.joint_names], (splines.size, 1))
         moved = [leg.joint_names.index(name) for name in motion.joints]
         coefficients[:, moved] = splines.coefficients(motion.before, motion.after)

@@ -49,7 +49,7 @@ class Conditions(NamedTuple):
 
     Attributes:
         joints: that carry the bodies; the second one is -1 for the ball.
-        times: of the conditions, shape `(k,)` [s, impact at 0].
+        times: of the conditions, ascending, shape `(k,)` [s, impact at 0].
         parameters: the point a and the normal in the axes of the first joint, and the point b in
             the second one's, shape `(9, k)` [m]; for the ball, only the first three count.
     """
@@ -99,6 +99,16 @@ class Surroundings:
                 del gaps[NEAREST:]
         return [gap for gaps in found.values() for gap in gaps if gap.place.depth > -within]
 
+    def joints(self, gap: Gap) -> tuple[int, int]:
+        """Return the joints that carry two bodies; the second one is -1 for the ball."""
+        return self._joints[gap.frames[0]], self._joints.get(gap.frames[1], -1)
+
+    def label(self, joints: tuple[int, int]) -> str:
+        """Return the name of the limit that bodies of two joints are apart."""
+        first, second = (str(self._space.model.names[joint]) for joint in joints)
+        other = "the ball" if joints[1] < 0 else f"those of {second}"
+        return f"distance of bodies of {first} from {other}"
+
     def only(self, frames: Collection[str]) -> "Surroundings":
         """Return the pairs of bodies of which one or both are at some frames."""
         return self._of(self._pairs_at(frames))
@@ -144,7 +154,7 @@ class Surroundings:
             for gap in near:
                 if placed is None or not wanted[gap.frames][number]:
                     continue
-                first, second = self._joints[gap.frames[0]], self._joints.get(gap.frames[1], -1)
+                first, second = self.joints(gap)
                 pose, other = data.oMi[first], data.oMi[max(second, 0)]
                 depth, point, normal = gap.place
                 column = np.concatenate([
@@ -176,9 +186,8 @@ def with_former(new: Sequence[Conditions], former: Sequence[Conditions]) -> list
     for joints, times, parameters in former:
         latest = known.get(joints, Conditions(joints, np.zeros(0), np.zeros((9, 0))))
         left = ~np.isin(times.round(12), latest.times.round(12))
-        known[joints] = Conditions(
-            joints,
-            np.concatenate([latest.times, times[left]]),
-            np.hstack([latest.parameters, parameters[:, left]]),
-        )
+        every = np.concatenate([latest.times, times[left]])
+        order = np.argsort(every, kind="stable")
+        stacked = np.hstack([latest.parameters, parameters[:, left]])
+        known[joints] = Conditions(joints, every[order], stacked[:, order])
     return [*known.values()]

@@ -46,6 +46,7 @@ class Solution:
         multipliers: None where a solution does not start from those.
         feasible: whether the rows are in their bounds, within `TOLERANCE`.
         iterations: number of its iterations.
+        limited: joints at rest whose torques had rows.
     """
 
     rest: Array
@@ -55,6 +56,7 @@ class Solution:
     multipliers: Multipliers | None = None
     feasible: bool = True
     iterations: int = 0
+    limited: tuple[str, ...] = ()
 
 
 def taken_over(

@@ -4,6 +4,7 @@ The wheel of Pinocchio has no `pinocchio.casadi`. `adam-robotics` reads files on
 model with locked or turned joints and rotors, and takes twice the operations.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import casadi as ca
@@ -19,11 +20,15 @@ class SymbolicTree:
     Attributes:
         model: the `pin.Model`.
         q, v, a: its symbols, shape `(n,)`.
+
+    Args:
+        model: see above.
+        state: expressions for q, v and a; None are symbols.
     """
 
-    def __init__(self, model: Any) -> None:
+    def __init__(self, model: Any, state: Sequence[Any] | None = None) -> None:
         self.model = model
-        self.q, self.v, self.a = (ca.SX.sym(name, model.nv) for name in "qva")
+        self.q, self.v, self.a = state or (ca.SX.sym(name, model.nv) for name in "qva")
         self._axes = [_axis(model, joint) for joint in range(1, model.njoints)]
         self._steps = [
             _step(model.jointPlacements[joint], *self._axes[joint - 1], self.q[joint - 1])

@@ -6,9 +6,17 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kickdyn.core.validation import Array
-from kickdyn.motion.limits import Limit, when, with_unit
+from kickdyn.motion.limits import (
+    Limit,
+    RestingTorqueLimit,
+    SpeedLimit,
+    TorqueLimit,
+    when,
+    with_unit,
+)
 from kickdyn.motion.motion import Motion
 from kickdyn.motion.motion_problem import MotionProblem
 from kickdyn.motion.separation import ALLOWED, Conditions, Surroundings
@@ -26,6 +34,9 @@ REACHED = 2e-3
 UNSOLVED = 1.0
 """Violation that a solution counts with whose equations do not hold."""
 
+LOADED = 0.5
+"""Torque over its limit from which on a joint at rest counts among those that are overloaded."""
+
 NAMED = 6
 """Number of limits in the sentence on what holds a motion back."""
 
@@ -35,12 +46,14 @@ class Margins:
     """Distances from limits, see `Motion.margins`.
 
     Attributes:
-        function: CasADi's, of q, v and a, all rows stacked.
+        function: CasADi's, of q, v and a of joints, all rows stacked.
         limits: of the rows.
+        joints: names of these joints.
     """
 
     function: Any
     limits: Sequence[Limit]
+    joints: Sequence[str]
 
     def rows(self, q: Array, v: Array, a: Array) -> Array:
         """Return the distances at several moments, shape `(moments, k)`."""
@@ -155,19 +168,15 @@ class Verdict:
     def __init__(self, problem: MotionProblem, solution: Solution) -> None:
         self.problem, self.solution = problem, solution
         splines = problem.splines
-        pair = splines.motion(solution.coefficients)
         self.times = splines.times(*(FINER * count for count in POINTS))
-        q, v, a = (
-            np.vstack([spline(t, order) for spline, t in zip(pair, self.times, strict=True)])
-            for order in range(3)
-        )
-        self.margins = Margins(problem.margins, problem.limits)
-        self.rows = self.margins.rows(q, v, a)
-        forces = np.asarray(problem.forces.map(len(v))(q.T, v.T, a.T))[: problem.n]
+        states = problem.states(self.times, solution.coefficients, solution.share)
+        joints = problem.task.whole.joint_names
+        self.margins = Margins(problem.margins, problem.limits, joints)
+        self.rows = self.margins.rows(*states)
+        forces = problem.all_forces(states)[: problem.n]
         weights = np.concatenate([integration_weights(times) for times in self.times])
         self.torque_squared = float((forces**2).mean(axis=0) @ weights)
-        before, _ = pair
-        posture = before(0.0)
+        posture = splines.at_impact()[0] @ solution.coefficients
         self.impulse = np.asarray(problem.impulse_margins(posture, problem.jump(posture))).ravel()
         self.nearness = Nearness(problem, solution, self.times)
         deepest = max((gap.place.depth for gaps in self.nearness.gaps for gap in gaps), default=0.0)
@@ -179,7 +188,7 @@ class Verdict:
     def add_points(self, points: list[Array]) -> list[Array]:
         """Return times with those added at which a row is nearest to its limit."""
         needed = np.concatenate([
-            np.full(len(limit.labels), limit.reserve / 2) for limit in self.problem.limits
+            np.full(len(limit.labels), 1.5 * limit.reserve) for limit in self.problem.limits
         ])  # fmt: skip
         needed[[limit.by_splines for limit in self.problem.limits for _ in limit.labels]] = -np.inf
         shortfall = np.max(needed - self.rows, axis=1)
@@ -210,7 +219,7 @@ class Verdict:
         if shift is not None:
             lines += shift.warnings()
         if solution.share < 1.0 and solution.multipliers is not None:
-            lines.insert(0, self._held_back())
+            lines.insert(0, self._share_line())
         near = self.rows.min(axis=0)
         reached = [label for limit, label, row in labels if near[row] < limit.reserve + REACHED]
         placement = None if task.standing is None else task.standing.placement
@@ -224,17 +233,16 @@ class Verdict:
             self.margins,
             tuple(dict.fromkeys(lines)),
             solution if solution.share == 1.0 else None,
-            task.held,
+            task.aside,
             shift,
-            tuple(task.loaded),
+            problem.pushed(solution.coefficients, solution.share),
         )
-        use = 1.0 - self.rows[:, : 2 * problem.n].min(axis=0)  # torques, then speeds
         return PlannedMotion(
             motion,
             solution.share,
             self.torque_squared,
-            float(use[: problem.n].max()),
-            float(use[problem.n :].max()),
+            self._use(TorqueLimit),
+            self._use(SpeedLimit),
             tuple(dict.fromkeys(reached)),
             self.keeps_limits and (shift is None or not shift.warnings()),
             self.broken,
@@ -245,7 +253,26 @@ class Verdict:
         """Whether the whole launch is reached and all limits are kept."""
         return self.solution.share == 1.0 and self.broken == 0.0
 
-    def _held_back(self) -> str:
+    def overloaded(self) -> list[str]:
+        """Return the joints at rest that take more than their torque limits, or none.
+
+        Those that take more than `LOADED` of it are among them: they are the next ones.
+        """
+        joints = self.problem.task.resting
+        least = self.rows[:, self._columns(RestingTorqueLimit)].min(axis=0, initial=np.inf)
+        return [name for name, margin in zip(joints, least, strict=True)
+                if min(least) < 0.0 and margin < 1.0 - LOADED]  # fmt: skip
+
+    def _columns(self, kind: type[Limit]) -> NDArray[np.bool_]:
+        """Return which rows are of a kind of limit."""
+        limits = self._labels(self.problem.limits)
+        return np.array([isinstance(limit, kind) for limit, _, _ in limits])
+
+    def _use(self, kind: type[Limit]) -> float:
+        """Return the largest torque or speed over its limit."""
+        return 1.0 - float(self.rows[:, self._columns(kind)].min())
+
+    def _share_line(self) -> str:
         """Return a sentence on the share and on the limits that hold it back most."""
         effects, times = self.problem.effects(self.solution), np.concatenate(self.times)
         columns = {label: row for _, label, row in self._labels(self.problem.limits)}

@@ -58,10 +58,6 @@ ON_GROUND = 1e-6
 BOTH_FEET = "both-feet"
 """Motion that starts and ends on both feet."""
 
-CORRECTIONS, SAME_LAUNCH = 3, 5e-5
-"""Corrections of the impulse for joints that give way, at most, and difference of launches, over
-their speed, from which on there is one."""
-
 
 @validation.check_arguments
 def plan_kick(
@@ -192,7 +188,6 @@ def plan_kick(
         problem = kick_problem(leg, target, position, limits=limits, solver=solver)
         if motion:
             posture, v, outcome = _plan_motion(problem, both_feet=motion == BOTH_FEET)
-            target = outcome.pop("impact_target")
         else:
             posture, v, outcome = _plan_posture(problem, OBJECTIVES[objective]())
         impact = strike(posture, v, ball, target.contact)
@@ -243,7 +238,6 @@ def replan_motion(plan: KickPlan, velocity: ArrayLike, contact: Contact | None =
         problem = kick_problem(leg, target, position, limits=limits)
         both_feet = plan.motion.shift is not None
         posture, v, outcome = _plan_motion(problem, plan.motion, both_feet=both_feet)
-        target = outcome.pop("impact_target")
         impact = strike(posture, v, ball, target.contact)
         path = _path_like(plan, impact)
     return replace(plan, impact_target=target, impact=impact, path=path, **outcome)
@@ -306,11 +300,7 @@ def _path_like(plan: KickPlan, impact: Impact) -> Flight | Course:
 def _plan_motion(
     problem: KickProblem, near: Motion | None = None, *, both_feet: bool = False
 ) -> Chosen:
-    """Return the state at the impact that a motion from rest to rest contains.
-
-    Joints that the motion keeps at rest give way in `strike`. The impulse is corrected for that; it
-    is that of the `impact_target` in the attributes.
-    """
+    """Return the state at the impact that a motion from rest to rest contains."""
     if find_spec("casadi") is None:
         raise InvalidInput(
             'motions need the package casadi: install it with pip install "kickdyn[motion]"'
@@ -338,23 +328,9 @@ def _plan_motion(
         problem.find(MuscleTorqueLimit) is not None,
         standing.kicking_foot() if both_feet and standing is not None else None,
     )
-    planned, target = plan_motion(task, near), task.target
-    wished, ball = target.impulse / target.ball.mass, target.ball
-    for _ in range(CORRECTIONS):
-        posture, v = problem.robot.posture(planned.motion.q(0.0)), planned.motion.v(0.0)
-        struck = strike(posture, v, ball, target.contact).ball_after
-        lack = wished - struck.velocity
-        close = np.linalg.norm(lack) < SAME_LAUNCH * np.linalg.norm(wished)
-        if close or not planned.keeps_limits:
-            break
-        corrected = replace(target, impulse=target.impulse + ball.mass * lack)
-        again = plan_motion(replace(task, target=corrected), planned.motion)
-        if not again.keeps_limits:
-            break
-        planned, target = again, corrected
+    planned = plan_motion(task, near)
     posture = problem.robot.posture(planned.motion.q(0.0))
     outcome = {
-        "impact_target": target,
         "share": planned.share,
         "value": planned.torque_squared,
         "speed_use": planned.speed_use,

@@ -518,9 +518,9 @@ class Posture(JointSpace, ReprMixin):
         r"""Return the effective mass [kg] in the limits between which real drives are, by name.
 
         `without rotors`: all joints are free, and nothing is behind them. `with rotors`: the rotors
-        turn with them, as in a short contact, of a small `drive_number`. `stiff`: all joints hold,
-        as in a long one or with gears that cannot be driven back; inf where the base or a foot is
-        fixed.
+        turn with them, as in a short contact, of a small `drive_number`. `with stiff joints`: no
+        joint moves, as in a long contact or with gears that cannot be driven back; inf where the
+        base or a foot is fixed.
 
         Args:
             normal: direction n, shape `(3,)` of any length but zero [world frame].
@@ -537,7 +537,7 @@ class Posture(JointSpace, ReprMixin):
         return {
             "without rotors": without.effective_mass(n),
             "with rotors": self.without_stiff_joints.effective_mass(n),
-            "stiff": stiff,
+            "with stiff joints": stiff,
         }
 
     def drive_number(self, contact_time: float) -> dict[str, float]:

@@ -146,8 +146,7 @@ def _arguments(scene: Scene) -> dict[str, Any]:
 
 def fly_scene(scene: Scene, launch: BallState, tol: float = SMALLEST_TOLERANCE) -> Flight | Course:
     """Return the path of a scene's ball: by `follow` where the ground has a surface, else `fly`."""
-    has_surface = scene.ground is not None and scene.ground.surface is not None
-    method = follow if has_surface else fly
+    method = follow if scene.is_followed else fly
     return method(launch, scene.ball, scene.air, scene.ground, tol, plane=scene.plane)
 
 
@@ -175,15 +174,20 @@ def end_slopes(scene: Scene, path: Flight | Course) -> EndSlopes:
         return EndSlopes(*np.zeros((2, 3, 3)))
     try:
         if isinstance(path, Flight):
-            time, normal = path.duration, np.array([0.0, 0.0, 1.0])
-            if path.status == FlightStatus.AT_PLANE and scene.plane is not None:
-                normal = scene.plane.normal
+            time = path.duration
             flight = fly_with_launch_slopes(launch, scene.ball, scene.air, time, SMALLEST_TOLERANCE)
-            slopes, _ = flight.slopes_at_plane(normal, time)
+            slopes, _ = flight.slopes_at_plane(_normal_at_end(scene, path), time)
             return EndSlopes(slopes[:, :3], slopes[:, 3:6])
         return _differences(scene, path)
     except KickdynError:
         return EndSlopes(*np.full((2, 3, 3), math.inf))
+
+
+def _normal_at_end(scene: Scene, flight: Flight) -> Array:
+    """Return the normal of the ground or the plane that ends a flight, shape `(3,)`."""
+    if flight.status == FlightStatus.AT_PLANE and scene.plane is not None:
+        return scene.plane.normal
+    return np.array([0.0, 0.0, 1.0])
 
 
 def _differences(scene: Scene, path: Course) -> EndSlopes:
@@ -233,10 +237,7 @@ def _end_error(
 ) -> float:
     """Return `end_error` of a first flight, and of further times in the air and on the ground."""
     time, arrival = float(flight.duration), flight.landing.velocity
-    normal = np.array([0.0, 0.0, 1.0])
-    if flight.status == FlightStatus.AT_PLANE and scene.plane is not None:
-        normal = scene.plane.normal
-    across = abs(float(normal @ arrival))
+    across = abs(float(_normal_at_end(scene, flight) @ arrival))
     slant = math.hypot(*arrival) / across if across > 0.0 else math.inf
     slant = slant if time > 0.0 else 1.0
     moved = (
@@ -325,7 +326,7 @@ def least_duration(scene: Scene, launch: BallState) -> float:
         return 0.0
     drop = float(launch.position[2]) - scene.ball.radius - scene.ground.height
     time = 0.5 * float(time_to_fall(float(launch.velocity[2]), drop, GRAVITY))
-    return time if scene.ground.surface is None else 8.0 * time
+    return 8.0 * time if scene.is_followed else time
 
 
 def collision_error(scene: Scene, launch: BallState, tol: float) -> LaunchError:

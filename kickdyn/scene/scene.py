@@ -174,6 +174,11 @@ class Scene(ReprMixin):
         """Whether the contact has a finite duration."""
         return isinstance(self.law, Compliance)
 
+    @property
+    def is_followed(self) -> bool:
+        """Whether the ball is followed to rest, on a ground with a surface."""
+        return self.ground is not None and self.ground.surface is not None
+
     def as_instant(self) -> "Scene":
         """Return the scene with an instantaneous contact."""
         return self.replace(law="newton")

@@ -379,7 +379,7 @@ def _simulate(scene: Scene, tolerance: float | None) -> Simulation:
     may_neglect = launch_error.velocity < math.inf
     tol = SMALLEST_TOLERANCE
     with suppress(KickdynError):  # as where only this launch leaves the range of a coefficient
-        if scene.ground is not None and scene.ground.surface is not None:
+        if scene.is_followed:
             # a path that bounces and rolls costs as much as a contact: it is not followed in vain
             flight = first_flight(scene, launch)
             expected = partial(expected_end_error, scene, flight)
@@ -387,7 +387,7 @@ def _simulate(scene: Scene, tolerance: float | None) -> Simulation:
             tol = min(max(tol, 0.1 * allowed / relative_error(launch)), LARGEST_TOLERANCE)
             if may_neglect:
                 may_neglect = expected(launch_error) <= allowed
-        if may_neglect or scene.ground is None or scene.ground.surface is None:
+        if may_neglect or not scene.is_followed:
             answer = _with_path(scene, tolerance, instant)
             end_error_of = partial(end_error, scene, answer.path)
             if may_neglect:

@@ -276,11 +276,10 @@ def _flown(
     end, duration = np.full((n, 3), np.nan), np.full(n, np.nan)
     names = np.array([str(status) for status in StrikeStatus], dtype=object)[status]
     states = BallState(launch[flies, :3], launch[flies, 3:6], launch[flies, 6:])
-    follows = scene.ground is not None and scene.ground.surface is not None
     options: Any = {"ball": scene.ball, "air": scene.air, "ground": scene.ground,
                     "plane": scene.plane}  # fmt: skip
-    paths = (follow_many if follows else fly_many)(states, **options)
-    end[flies] = (paths.position if follows else paths.landing_position).values
+    paths = (follow_many if scene.is_followed else fly_many)(states, **options)
+    end[flies] = (paths.position if scene.is_followed else paths.landing_position).values
     duration[flies] = paths.duration.values
     flags = np.array(paths.status.attrs["flag_meanings"].split(), dtype=object)
     names[flies] = flags[paths.status.values]

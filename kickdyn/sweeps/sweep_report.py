@@ -190,7 +190,7 @@ def table(leg: Leg, lines: Sequence[ReportLine]) -> Table:
         free = (line.as_json()["free_effective_mass"] for line in lines)
         rows["all joints free, kg"] = ["" if mass is None else f"{mass:.4g}" for mass in free]
     if leg.workspace.model.armature.any():
-        for name in ("without rotors", "with rotors", "stiff"):
+        for name in ("without rotors", "with rotors", "with stiff joints"):
             hits = (line.outcome.impact for line in lines)
             limits = [hit and hit.posture.effective_mass_limits(hit.contact.normal) for hit in hits]
             rows[f"{name}, kg"] = [f"{masses[name]:.4g}" if masses else "" for masses in limits]

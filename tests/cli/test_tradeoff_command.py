@@ -51,7 +51,12 @@ def test_the_functions_are_measured_and_drawn(tmp_path, monkeypatch):
     assert table["strike"]["model"] == pytest.approx(model, rel=1e-6)
     assert table["collide"]["model"] is None
     assert [table[name]["is_batch"] for name in ("fly", "fly_many")] == [False, True]
-    assert "strike_many (per row)" in ended.stdout
+    printed = ended.stdout.splitlines()
+    for name, row in table.items():
+        label = name + (" (per row)" if row["is_batch"] else "")
+        errors = ("" if row[kind] is None else f"{row[kind]:.1e}" for kind in ("rounding", "model"))
+        cells = f"{1e6 * row['seconds']:12.3g}" + "".join(f"{text:>12}" for text in errors)
+        assert f"{label:28}{cells}".rstrip() in printed
     picture = plot.read_text()
     assert "rounding and integration" in picture
     assert "strike_many" in picture

@@ -8,7 +8,7 @@ from scipy.stats import chi2
 
 import kickdyn as kd
 from kickdyn.aerodynamics.drag import constant
-from kickdyn.identification.identify import flight_axes
+from kickdyn.identification.identify import Free, _Problem, flight_axes
 
 BALL = kd.Ball()
 
@@ -256,6 +256,18 @@ def test_a_flight_that_cannot_be_integrated_is_an_error(curving):
 
     with pytest.raises(kd.KickdynError, match="the flight cannot be integrated: no coefficient"):
         kd.identify(curving, BALL, kd.Air(lift=broken))
+
+
+def test_a_fit_does_not_go_far_beyond_any_ball(curving):
+    air = kd.Air()
+    problem = _Problem(curving, BALL, air, (Free.SPIN, Free.DRAG_SCALE))
+    start = [*curving.positions[0], 9.0, 1.0, 5.0, 0.0, 0.0, 0.0, 1.0]
+    assert problem.evaluate(1e-6, np.array(start))[0].size == curving.positions.size
+    for place, value in ((3, 1e5), (5, -1e5), (9, 1e5)):
+        far = np.array(start)
+        far[place] = value
+        with pytest.raises(kd.KickdynError, match="a speed or a coefficient far beyond any ball's"):
+            problem.evaluate(1e-6, far)
 
 
 def test_plot_and_representations(curving):

@@ -173,3 +173,15 @@ def test_one_contact_names_the_function_for_many():
     ):
         with pytest.raises(kd.InvalidInput, match=r"shape \(5, 3\).*; collide_many takes \(n, 3\)"):
             call()
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_contacts_are_left_to_collide_in_doubt_only(friction, monkeypatch):
+    rng, left = np.random.default_rng(6), []
+    q = rng.uniform(-0.4, 0.4, (24, 3))
+    v = np.tile([6.6, -14.5, 6.6], (24, 1)) * rng.uniform(0.5, 1.0, (24, 1))
+    monkeypatch.setattr("kickdyn.impact.collide_many.collide", lambda *row, **_: left.append(row))
+    many = kd.collide_many(LEG, q, v, kd.Ball(), kd.Contact((2, 0.3, 1), 0.8, friction))
+    assert left == []
+    assert np.isfinite(many.impulse[many.status < 2]).all()
+    assert (many.status < 2).sum() > 12

@@ -139,3 +139,14 @@ def test_a_wrong_number_of_rows_names_the_function_for_it(call, message):
 
 
 PARTS = kd.Ball(), kd.Contact(normal=(2, 0, 1), restitution=0.8, friction=0.4)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_strikes_are_left_to_strike_in_doubt_only(friction, monkeypatch):
+    rng = np.random.default_rng(6)
+    q = rng.uniform(-0.4, 0.4, (24, 3))
+    v = np.tile([6.6, -14.5, 6.6], (24, 1)) * rng.uniform(0.5, 1.0, (24, 1))
+    monkeypatch.setattr("kickdyn.impact.strike_many.strike", None)
+    contact = kd.Contact((2, 0.3, 1), 0.8, friction)
+    many = kd.strike_many(LEG, q, v, kd.Ball(), contact)
+    assert (many.status < 2).sum() > 12

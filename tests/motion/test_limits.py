@@ -16,6 +16,8 @@ from kickdyn.motion.limits import (
     Impulse,
     Pressure,
     PressureCentre,
+    RestingTorqueLimit,
+    Sample,
     Tilt,
     Twist,
 )
@@ -40,7 +42,7 @@ def margins(limit, sample):
 
 def test_the_ground_presses():
     sample = ground((30.0, -20.0, 100.0), MIDDLE)
-    assert margins(Pressure(), sample) == pytest.approx([100 / WEIGHT - 0.05])
+    assert margins(Pressure(0.05), sample) == pytest.approx([100 / WEIGHT - 0.05])
 
 
 @pytest.mark.parametrize("facet", range(8))
@@ -76,6 +78,15 @@ def test_the_impulse_of_the_ground_has_the_same_limits():
     sample, limit = ground((50.0, -30.0, 300.0), MIDDLE + 0.02, 3.0), Twist(STANDING, MU)
     assert margins(Impulse(limit), sample) == pytest.approx(margins(limit, sample))
     assert Impulse(limit).labels[0] == f"{limit.labels[0]} in the impact"
+
+
+def test_the_torque_of_a_joint_at_rest_is_a_share_of_its_limit():
+    limit = RestingTorqueLimit(("elbow",), np.array([4.0]), [1])
+    sample = Sample(None, ca.DM([99.0]), None, 1.0, ca.DM([9.0, -3.0]))
+    assert margins(limit, sample) == pytest.approx([0.25])
+    row, lowest, highest = limit.rows(sample)
+    assert float(row) == pytest.approx(-0.75)
+    assert (lowest, highest) == (-0.99, 0.99)
 
 
 def test_bodies_are_above_the_ground_and_beside_the_supporting_foot():

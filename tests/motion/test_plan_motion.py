@@ -13,7 +13,7 @@ import gymnasium
 import numpy as np
 import pinocchio as pin
 import pytest
-from planned_motions import BALL, HUMAN, SOLE, standing, swinging
+from planned_motions import BALL, HUMAN, SOLE, standing, swinging, waist
 from scipy.integrate import solve_ivp
 from scipy.interpolate import BSpline
 from scipy.spatial import ConvexHull
@@ -25,6 +25,7 @@ from kickdyn.motion.impact_rows import _restitution
 from kickdyn.motion.limbs import idle_limbs, limbs_aside
 from kickdyn.motion.limits import RangeLimit, SpeedLimit, TorqueLimit
 from kickdyn.motion.motion_problem import MotionProblem
+from kickdyn.motion.separation import Surroundings
 from kickdyn.motion.solution import Multipliers
 from kickdyn.motion.splines import MotionSplines
 from kickdyn.motion.verdict import Verdict
@@ -139,18 +140,32 @@ def test_a_goal_beyond_the_leg_gives_a_share_of_its_launch():
     )
     assert any(name.startswith("speed of ") for name in plan.binding)
     check_limits(plan)
-    words = (
-        r"the motion reaches 9\d % of the launch; limits that hold it back most: (\w+) of (\w+) "
-    )
-    what, name = re.match(words, plan.motion.warnings[0]).groups()
-    assert what == "speed"
-    faster = HUMAN.model
-    faster.velocityLimit = np.where(np.array(HUMAN.joint_names) == name, 1.3, 1.0) * (
-        faster.velocityLimit
-    )
-    other = kd.Leg.from_model(faster, "toe")
-    again = kd.plan_kick(other, kd.Goal(30, time=1.5), BALL, AIR, motion=True)
-    assert again.share > plan.share + 0.02
+    words, names = plan.motion.warnings[0].split("; limits that hold it back most: ")
+    assert re.fullmatch(r"the motion reaches 9\d % of the launch", words)
+    named = set(re.findall(r"\w+ of \w+", names))
+    assert any(name.startswith("speed of ") for name in named)
+    again = kd.plan_kick(relaxed(lambda name: name in named), plan.goal, BALL, AIR, motion=True)
+    assert again.status == "met"
+
+
+def relaxed(chosen):
+    """Return the human leg with limits by 0.3 rad or 30 % larger."""
+    model = HUMAN.model
+    for i, name in enumerate(HUMAN.joint_names):
+        model.velocityLimit[i] *= 1.3 if chosen(f"speed of {name}") else 1.0
+        model.effortLimit[i] *= 1.3 if chosen(f"torque of {name}") else 1.0
+        more = 0.3 if chosen(f"range of {name}") else 0.0
+        model.lowerPositionLimit[i] -= more
+        model.upperPositionLimit[i] += more
+    return kd.Leg.from_model(model, "toe")
+
+
+def test_limits_that_do_not_hold_a_motion_back_are_not_named():
+    plan = kd.plan_kick(HUMAN, kd.Goal(30, time=1.5), BALL, AIR, motion=True)
+    named = set(re.findall(r"\w+ of \w+", plan.motion.warnings[0]))
+    other = relaxed(lambda name: name not in named)
+    again = kd.plan_kick(other, plan.goal, BALL, AIR, motion=True)
+    assert again.share < plan.share + 5e-3
 
 
 def test_a_plan_takes_no_more_work_than_it_may(monkeypatch):
@@ -346,9 +361,36 @@ def test_trunk_and_arms_join_in_where_legs_do_not_suffice(monkeypatch):
     assert least >= 0.0
 
 
-def test_the_impact_of_a_standing_robot_conserves_momentum():
+def test_joints_at_rest_give_way_in_the_impact_and_return():
+    """The waist, while the legs kick; `strike` knows nothing of the motion."""
+    plan = waist()
+    motion, names = plan.motion, [f"waist_{axis}_joint" for axis in ("yaw", "roll", "pitch")]
+    columns = [plan.leg.velocity_index(name) for name in names]
+    assert not {*names} & {*motion.joints}
+    assert np.abs(motion.v(0.0)[columns]).max() < 1e-12
+    assert np.abs(motion.v_after[columns]).max() > 0.1
+    check_impact(plan)
+    before, after = motion.v(1e-3 - 1e-7), motion.v(1e-3 + 1e-7)
+    q = [motion.q(1e-3 + step)[7:] for step in (-1e-7, 1e-7)]
+    np.testing.assert_allclose((q[1] - q[0]) / 2e-7, (before + after)[6:] / 2, atol=1e-5)
+    np.testing.assert_allclose(motion.q(motion.end)[7:][np.array(columns) - 6], 0.0, atol=1e-12)
+
+
+def test_the_torques_of_joints_at_rest_keep_their_limits():
+    plan = waist()
+    motion = plan.motion
+    for t in times_of(motion):
+        assert (np.abs(motion.torque(t)) <= plan.leg.effort_limit)[6:].all()
+        margin = motion.margins(t)["torque of waist_roll_joint"]
+        column = plan.leg.velocity_index("waist_roll_joint")
+        use = abs(motion.torque(t)[column]) / plan.leg.effort_limit[column]
+        assert margin == pytest.approx(1.0 - use, abs=1e-9)
+
+
+@pytest.mark.parametrize("kick", [standing, waist])
+def test_the_impact_of_a_standing_robot_conserves_momentum(kick):
     """The ground's impulse and the ball's change the momentum about the world's origin."""
-    plan = standing()
+    plan = kick()
     model, impact = plan.leg.model, plan.impact
     data = model.createData()
     changes = []
@@ -500,8 +542,8 @@ def test_every_limit_that_is_broken_has_a_line_with_its_excess_and_time():
     ]  # fmt: skip
     verdict = object.__new__(Verdict)
     verdict.problem = SimpleNamespace(
-        task=SimpleNamespace(standing=None, robot=leg, leg=leg, held={}, loaded=()), limits=limits,
-        n=3, feet=None,
+        task=SimpleNamespace(standing=None, robot=leg, leg=leg, aside={}), limits=limits,
+        feet=None, pushed=lambda *_: {},
         impulse_limits=[SimpleNamespace(labels=["friction of the ground", "its pressure"])],
         splines=SimpleNamespace(motion=lambda _: (spline, spline)),
     )  # fmt: skip
@@ -534,7 +576,7 @@ def test_every_limit_that_is_broken_has_a_line_with_its_excess_and_time():
     assert limits[0].describe("the sole", -0.0031, -0.04) == words
 
 
-def test_limbs_are_held_aside_from_the_whole_motion(monkeypatch):
+def test_limbs_are_put_aside_of_the_whole_motion(monkeypatch):
     """Beginning, impact and end of it included."""
     leg, splines = kd.Leg.from_robot("g1"), MotionSplines(0.9, 0.4, (7, 3))
     whole, seen = kd.Leg.from_robot("g1", base="fixed"), []
@@ -542,26 +584,28 @@ def test_limbs_are_held_aside_from_the_whole_motion(monkeypatch):
     monkeypatch.setattr(plan_motion, "limbs_aside", lambda *given: seen.append(given[2]))
     problem = SimpleNamespace(task=SimpleNamespace(leg=leg), splines=splines)
     moved = SimpleNamespace(coefficients=coefficients)
-    assert plan_motion._hold_aside(problem, moved, whole, []) is problem
+    assert plan_motion._put_aside(problem, moved, whole, []) is problem
     moving = [whole.joint_names.index(name) for name in leg.joint_names]
     ends = splines.values([np.array([-0.9]), np.array([0.0, 0.4])], 0) @ coefficients
     assert seen[0][[0, len(seen[0]) // 2, -1]][:, moving] == pytest.approx(ends)
 
 
 def test_effects_have_the_names_of_their_limits():
-    """Each is the multiplier of one limit, ten times a tenth of it, or of 1 cm."""
+    """Each is the multiplier of one limit, ten times a tenth of it, or of 1 cm, if it is large."""
     n, rows = TESTBED.nv, [f"{name} of " for name in ("torque", "speed", "range")]
     problem = SimpleNamespace(
         task=SimpleNamespace(leg=TESTBED), path=SimpleNamespace(lower=range(2)), n=n,
         splines=SimpleNamespace(size=2), _on_path=[("height of a foot", "m"), ("lift", "N")],
         impulse_limits=[SimpleNamespace(labels=["slip", "tip"])],
-        _model=TESTBED.model,
+        surroundings=Surroundings(TESTBED, TESTBED, BALL.radius),
     )  # fmt: skip
     known = Multipliers(
         speeds=np.r_[10.0 + np.arange(n), -20.0 - np.arange(n)],
         impact=np.array([99.0, -7.0, 8.0]),
         bounds=np.r_[40.0 + np.arange(n), 50.0 + np.arange(n), 99.0],
-        points=np.array([np.r_[1.0, 2.0, 60.0 + np.arange(n)], np.r_[-3.0, -4.0, np.zeros(n)]]),
+        points=np.array(
+            [np.r_[1.0, 2.0, 60.0 + np.arange(n)], np.r_[-3.0, -4.0, np.full(n, 0.04)]]
+        ),
         apart=[(((1, -1), None, None), np.array([5.0])), (((2, 1), None, None), np.array([6.0]))],
     )
     joints = TESTBED.joint_names

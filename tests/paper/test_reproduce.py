@@ -10,7 +10,7 @@ import kickdyn as kd
 from kickdyn.core.mechanics import GRAVITY
 from kickdyn.paper import fig_1, fig_8, fig_9, fig_10, fig_15, reproduce, table_2, tables_4_5
 from kickdyn.paper.assumptions import ALTERNATIVES, BALL, DEFAULT, LIFT_WITHOUT_CRISIS, direction
-from kickdyn.paper.item import MEANINGS, MEASURED, Item, Verdict, judged, near
+from kickdyn.paper.item import MEANINGS, MEASURED, Item, Verdict, judged, near, shape
 from kickdyn.paper.reproduce import COLOURS, SECTIONS, chosen, show
 
 
@@ -112,6 +112,30 @@ def test_fig_8_keeps_its_order(choice):
     assert by_height[-1] == "top spin"
     assert min(paths, key=lambda name: paths[name].range) == "top spin"
     assert paths["vacuum"].range == pytest.approx(79.4, abs=0.1)
+
+
+def test_what_does_not_fly_as_the_paper_says_is_named(monkeypatch):
+    drawn = fig_8.flights()
+    turned = dict(zip(drawn, reversed(drawn.values()), strict=True))
+    monkeypatch.setattr(fig_8, "flights", lambda choice: turned)
+    items = fig_8.varying(DEFAULT)
+    assert {item.verdict for item in items} == {shape(False)}
+    assert {item.why for item in items} == {
+        "back spin does not fly highest, top spin not lowest and not shortest"
+    }
+    assert [item.ours for item in items[:2]] == [turned["drag"].range, turned["drag"].height]
+
+    drawn = fig_10.flights()
+    turned = dict(zip(drawn, reversed(drawn.values()), strict=True))
+    monkeypatch.setattr(fig_10, "flights", lambda choice=None: turned)
+    for item, name in zip(fig_10.varying(DEFAULT), turned, strict=True):
+        wish = {0: "flies straight", 1: "curves left", -1: "curves right"}[fig_10.CONTACTS[name]]
+        fits = fig_10.CONTACTS[name] == np.sign(np.round(fig_10.curve(turned[name]), 9))
+        said = wish if fits else f"does not fly as the paper says ({wish})"
+        path = turned[name]
+        numbers = f"launch at {path.launch.speed:.4g} m/s, range {path.range:.3g} m"
+        assert item.why == f"the ball {said}; {numbers}"
+        assert item.verdict == shape(fits)
 
 
 @pytest.mark.parametrize("choice", [DEFAULT, *ALTERNATIVES], ids=lambda choice: choice.name)

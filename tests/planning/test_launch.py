@@ -196,11 +196,10 @@ def test_the_walk_along_the_family_finds_what_newton_does_not():
     assert low.time < high.time
 
 
-@pytest.mark.parametrize("named", [{"apex": 2.3946}, {"speed": 14.008}])
-def test_every_launch_of_a_light_ball_that_the_wind_carries(named):
+def test_every_launch_of_a_light_ball_that_the_wind_carries():
     """Its launches form a closed curve, and it gets there in 2.4 to 3.1 s only."""
     ball, air = kd.Ball(0.02, 0.15), kd.Air(wind=(6.2, -6, 0.08), drag="goff-carre")
-    goal = kd.Goal((16.0916, -17.4704, 1.2390), **named, spin=(127, 37.5, 42))
+    goal = kd.Goal((16.0916, -17.4704, 1.2390), apex=2.3946, spin=(127, 37.5, 42))
     launch = kd.plan_launch(goal, ball, air)
     assert launch.status == "met"
     found = [launch, *launch.others]

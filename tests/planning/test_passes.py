@@ -83,3 +83,17 @@ def test_a_pass_of_a_speed_without_a_time():
     assert (slow.status, slow.limit) == ("unreachable", "least-speed")
     fast = kd.plan_pass(kd.Goal(18.0, speed=14.0), kd.Ball(), kd.Air(), speed_limit=10.0)
     assert (fast.status, fast.limit) == ("unreachable", "speed-limit")
+
+
+@pytest.mark.parametrize(
+    ("speed", "end"), [(14.0, "nearest is {:.4g} s"), (4.0, "farthest is {:.4g} m")]
+)
+def test_a_time_that_bounces_skip(speed, end, monkeypatch):
+    """No speed between those of which one arrives before and one after the time has it."""
+    monkeypatch.setattr("kickdyn.planning.passes._solve_speed", lambda delay, limit: (speed, None))
+    missed = kd.plan_pass(kd.Goal(20, time=2.4), BALL, AIR)
+    assert (missed.status, missed.limit) == ("unreachable", "bounce")
+    amount = missed.time if speed == 14.0 else missed.course.distance
+    assert missed.summary == (
+        f"the place where the ball bounces jumps as its speed changes; the {end.format(amount)}"
+    )

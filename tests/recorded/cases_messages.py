@@ -98,6 +98,8 @@ Frame#\tTime\ta
 2\t0.01\t1\t2\t3
 """
 IMPACT = {
+    "slow": lambda: kd.collide(POSTURE, 1e-8 * np.array(V), BALL, CONTACT),
+    "sole": lambda: kd.Support("FL_FOOT", friction=0.5, sole=[(0, 0, 0), (1, 0, 0.5), (2, 0, 1)]), "tilted": lambda: tilted_strike(),
     "immovable": lambda: kd.normal_impulse(3.0, 0.5, math.inf, math.inf),
     "no supports": lambda: kd.unilateral_strike(POSTURE, V, BALL, kd.Contact((1, 0, 0), 0.5)),
     "no friction": lambda: standing_strike(kd.Support("FL_FOOT")), "no sole": lambda: standing_strike(kd.Support("FL_FOOT", friction=0.5)),
@@ -116,6 +118,17 @@ IMPACT = {
 def standing_strike(*supports):
     leg = kd.Leg.from_robot("bolt", "FR_FOOT", base="floating").with_supports(*supports)
     posture = leg.posture(leg.configuration({}))
+    return kd.unilateral_strike(
+        posture, posture.admissible(np.ones(leg.nv)), BALL, kd.Contact((1, 0, 0), 0.5)
+    )
+
+
+def tilted_strike():
+    corners = [(0.1, 0.04, 0), (0.1, -0.04, 0), (-0.1, -0.04, 0), (-0.1, 0.04, 0)]
+    leg = kd.Leg.from_robot("bolt", "FR_FOOT", base="floating").with_supports(
+        kd.Support("FL_FOOT", friction=0.5, sole=corners)
+    )
+    posture = leg.posture(leg.configuration({"FL_KFE": 0.3}))
     return kd.unilateral_strike(
         posture, posture.admissible(np.ones(leg.nv)), BALL, kd.Contact((1, 0, 0), 0.5)
     )

@@ -124,9 +124,9 @@ def test_the_limits_of_the_effective_mass():
     assert masses["with rotors"] == posture.effective_mass((1, 0, 0.5))
     bare = kd.Leg.from_robot("bolt", base="floating", drives=False).posture(posture.q)
     assert masses["without rotors"] == pytest.approx(bare.effective_mass((1, 0, 0.5)), rel=1e-12)
-    assert masses["stiff"] == pytest.approx(heavy.effective_mass((1, 0, 0.5)), rel=1e-5)
+    assert masses["with stiff joints"] == pytest.approx(heavy.effective_mass((1, 0, 0.5)), rel=1e-5)
     fixed = kd.Leg.from_robot("bolt").posture(np.zeros(6))
-    assert fixed.effective_mass_limits((1, 0, 0))["stiff"] == np.inf
+    assert fixed.effective_mass_limits((1, 0, 0))["with stiff joints"] == np.inf
     contact = kd.Contact((1, 0, 0.5), 0.8)
     struck = kd.strike(posture, posture.joint_velocity((1, 0, 0.5)), kd.Ball(), contact)
     assert "limit without rotors" in str(struck)

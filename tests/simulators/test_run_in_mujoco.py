@@ -20,6 +20,7 @@ from kickdyn.planning import kick as kick_module
 from kickdyn.planning.kick import turn_plan
 from kickdyn.simulators import refine_kick as refinement
 from kickdyn.simulators import run_in_mujoco as module
+from kickdyn.simulators.disturbance import Disturbance
 from kickdyn.simulators.mujoco_field import MujocoField
 
 pytest.importorskip("mujoco")
@@ -262,6 +263,20 @@ def test_each_kind_of_noise_reaches_the_simulation():
             moved = noisy.ball_position[0] - run.ball_position[0]
             assert 0.001 < np.linalg.norm(moved) < 0.03
             assert moved[2] == 0.0
+
+
+def test_mass_and_inertia_are_multiplied():
+    plan, tuning = swinging(), carried_out(swinging).tuning
+    count = plan.motion.robot.model.njoints - 1
+    exact, noisy = (
+        MujocoField(plan.motion, plan.impact, None, tuning, Disturbance(factors, 1, 1, 0, [0, 0]))
+        for factors in (np.ones(count), np.linspace(0.8, 1.3, count))
+    )
+    for factor, name in zip(np.linspace(0.8, 1.3, count), exact.joints, strict=True):
+        body = int(exact.model.joint(name).bodyid[0])
+        assert noisy.model.body_mass[body] == pytest.approx(factor * exact.model.body_mass[body])
+        turned = exact.model.body_inertia[body]
+        assert noisy.model.body_inertia[body] == pytest.approx(factor * turned)
 
 
 def test_runs_with_noise_are_those_of_the_seeds():

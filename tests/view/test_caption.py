@@ -83,11 +83,15 @@ def test_a_course_along_the_ground():
     """Rolling 8 m at a deceleration of 1 m/s2, from 4 m/s to rest."""
     ball, felt = kd.Ball(), kd.Surface("felt", 0.5, 0.5, rolling_deceleration=1.0)
     launch = kd.BallState(velocity=(4, 0, 0), spin=(0, 4 / ball.radius, 0))
-    course = kd.follow(launch, ball, ground=kd.Ground(-ball.radius, felt))
-    said = rows(kick_panel(numbers(), course, ""))
-    assert said["path"] == "8 m along the ground"
-    assert said["time"] == "4 s"
-    assert said["final speed"] == "0 m/s"
+    for end, length, time, speed in (
+        (None, 8, 4, 0),
+        (kd.Plane((6, 0, 0), (-1, 0, 0), "centre"), 6, 2, 2),
+    ):
+        course = kd.follow(launch, ball, ground=kd.Ground(-ball.radius, felt), plane=end)
+        said = rows(kick_panel(numbers(), course, ""))
+        assert said["path"] == f"{length} m along the ground"
+        assert said["time"] == f"{time} s"
+        assert said["final speed"] == f"{speed} m/s"
 
 
 @pytest.mark.parametrize(("spin", "shown"), [(0.5, "0.5"), (1e-3, "0.001"), (1e-13, "0")])

@@ -13,7 +13,7 @@ import pytest
 import umsgpack
 
 import kickdyn as kd
-from kickdyn.view.show import ADDRESS
+from kickdyn.view.show import ADDRESS, HEARTBEAT
 
 
 class Browser:
@@ -163,3 +163,13 @@ def test_a_still_kick_moves_in_the_browser(kick, view):
     assert update["keeps_camera"]
     with pytest.raises(kd.InvalidInput, match=r"subject .* must be"):
         kd.show(impact.posture, still=True)
+
+
+def test_without_news_a_message_waits(view, monkeypatch):
+    waits = []
+    monkeypatch.setattr(view._changed, "wait", waits.append, raising=False)
+    messages = view._messages()
+    assert next(messages).startswith("data: ")
+    assert waits == []
+    assert [next(messages), next(messages)] == [": still here\n\n"] * 2
+    assert waits == [HEARTBEAT] * 2

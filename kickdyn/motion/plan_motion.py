@@ -161,7 +161,8 @@ def _plan(
         whole: the leg with the limbs that are at rest, which are put aside of the motion.
     """
     known = None if near.motion is None else near.motion.solution
-    problem, verdicts = _problem_of(task, () if known is None else known.limited), list[Verdict]()
+    limited = () if known is None else [name for name in known.limited if name in task.resting]
+    problem, verdicts = _problem_of(task, limited), list[Verdict]()
     idle = [] if whole is None or near.motion is not None else idle_limbs(whole, task.leg)
     for rest, start in islice(_starts(problem, near), max(starts, 2 if near.motion else 1)):
         search = _Search(problem, rest, work, partly=starts > 0)

@@ -362,14 +362,15 @@ def plan(
     if output.out is not None and motion is not None:
         motion.save(output.out)
     document = report.to_json()
-    results = {name: one for name, one in (("run", run), ("noisy_runs", noisy)) if one is not None}
-    document |= {name: one.to_json() for name, one in results.items()}
+    simulated = {"run": run, "noisy_runs": noisy}
+    results = {name: result for name, result in simulated.items() if result is not None}
+    document |= {name: result.to_json() for name, result in results.items()}
     output.write_json(document)
     if output.prints:
         print_wrapped("\n".join(sentences), indent=0)
         print_wrapped("\n".join(report.table()))
-        for one in results.values():
-            click.echo(f"\n{one}")
+        for result in results.values():
+            click.echo(f"\n{result}")
     output.save_plot(planned.plot)
     if output.view is not None:  # the page has the warnings itself
         caption = " ".join(line for line in sentences if not line.startswith("Warning: "))

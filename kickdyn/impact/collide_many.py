@@ -161,28 +161,29 @@ def collide_many(
     if kernel is not None:
         for first in range(0, n, CHUNK):
             rows = slice(first, min(first + CHUNK, n))
-            part = (
+            bodies = (
                 balls[rows] if len(balls) > 1 else balls,
                 contacts[rows] if len(contacts) > 1 else contacts,
             )
             motion = angles[rows], speeds[rows], velocity[rows], spin[rows]
-            left[rows] = kernel.collide(collisions, rows, motion, part, options, tol)
+            left[rows] = kernel.collide(collisions, rows, motion, bodies, options, tol)
     for i in np.flatnonzero(left).tolist():
         try:
             given = leg.posture(angles[i]), speeds[i], balls[i % len(balls)]
-            one = collide(
+            single = collide(
                 *given, contacts[i % len(contacts)], torque=torques, ball_velocity=velocity[i],
                 ball_spin=spin[i], tol=tol, **options,
             )  # fmt: skip
         except KickdynError as error:
             collisions.status[i] = StrikeStatus.of(error).flag
             continue
-        after, sticks = one.ball_after, one._motion.phases[-1].friction is Friction.STICKS
-        sticks = sticks and one.contact.friction > 0.0
+        after, sticks = single.ball_after, single._motion.phases[-1].friction is Friction.STICKS
+        sticks = sticks and single.contact.friction > 0.0
         status = StrikeStatus.STICKS if sticks else StrikeStatus.SLIPS
-        put_rows(collisions, i, one.impulse, after.velocity, after.spin, after.position,
-                 one.q_after, one.v_after, one.contact_time, one.deflection, one.approach_speed,
-                 one.energy_lost, one.energy_residual, status.flag)  # fmt: skip
+        put_rows(collisions, i, single.impulse, after.velocity, after.spin, after.position,
+                 single.q_after, single.v_after, single.contact_time, single.deflection,
+                 single.approach_speed, single.energy_lost, single.energy_residual,
+                 status.flag)  # fmt: skip
     return collisions
 
 

@@ -256,7 +256,7 @@ class Twist(GroundLimit):
     centre.
     """
 
-    unit = "m"
+    unit, reserve = "m", 0.0015
     labels = ("the moment about the vertical under the supporting foot",) * 2
 
     def __init__(self, standing: StandingRobot | Foot, coefficient: float) -> None:

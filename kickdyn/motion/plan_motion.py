@@ -49,6 +49,9 @@ MOST_WORK, LEGS_WORK, LEAST_ITERATIONS = 5500, 3600, 10
 """Iterations of Ipopt times joints that move: of a plan, and of its legs alone, at most. Fewer
 iterations than the last number are not begun. An iteration takes about 8 ms for each joint."""
 
+ROWS = 300
+"""Conditions of bodies that take as long as a joint in an iteration."""
+
 WHOLE, FULL, NEARLY, HOPE, LEAST_SHARE = 0.998, 0.98, 0.9, 0.6, 0.05
 """Shares of the launch: from which on the whole launch is sought, far from a motion that keeps its
 limits and near one; from which on the motion of the legs is improved, and one to start from; below
@@ -158,7 +161,8 @@ def _plan(
         whole: the leg with the limbs that are at rest, which are put aside of the motion.
     """
     known = None if near.motion is None else near.motion.solution
-    problem, verdicts = _problem_of(task, () if known is None else known.limited), list[Verdict]()
+    limited = () if known is None else [name for name in known.limited if name in task.resting]
+    problem, verdicts = _problem_of(task, limited), list[Verdict]()
     idle = [] if whole is None or near.motion is not None else idle_limbs(whole, task.leg)
     for rest, start in islice(_starts(problem, near), max(starts, 2 if near.motion else 1)):
         search = _Search(problem, rest, work, partly=starts > 0)
@@ -221,8 +225,9 @@ class _Search:
         *,
         relaxed: bool = False,
     ) -> Solution:
-        n = self.problem.n
-        most = min(options["max_iter"], self._work.iterations(n))
+        rows = sum(len(conditions.times) for conditions in apart)
+        joints = self.problem.n + rows // ROWS
+        most = min(options["max_iter"], self._work.iterations(joints))
         solution = self.problem.solve(
             start,
             self.rest,
@@ -232,7 +237,7 @@ class _Search:
             options={**options, "max_iter": most},
             apart=apart,
         )
-        self._work.left -= n * solution.iterations
+        self._work.left -= joints * solution.iterations
         return solution
 
     def put_aside(self, solution: Solution, whole: Leg, limbs: Sequence[Sequence[int]]) -> None:

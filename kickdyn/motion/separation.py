@@ -27,9 +27,6 @@ WITHIN = 0.08
 """Distance of bodies up to which they have conditions [m]: farther away, those of one motion say
 little about another."""
 
-NEAREST = 2
-"""Gaps of two frames that count, the nearest ones: a frame may have dozens of shapes."""
-
 RESERVE, BALL_RESERVE = 2e-3, -2.5e-3
 """Distance that bodies keep from each other and from the ball, which the foot touches [m]."""
 
@@ -80,7 +77,10 @@ class Surroundings:
         self._pairs = pairs.of(carriers[pairs.first] != carriers[pairs.second])
 
     def gaps(self, q: Array, ball: Array | None, within: float = WITHIN) -> list[Gap]:
-        """Return gaps below a distance at q [m]; those with a ball, if its centre is given."""
+        """Return gaps below a distance at q [m]; those with a ball, if its centre is given.
+
+        They are the nearest ones of two frames, of which each may have dozens of shapes.
+        """
         placed = Placed(self._robot, self._frames, self._space.model, self._space.data, q)
         pairs, least = self._pairs, placed.least_distances(self._pairs)
         near = [
@@ -90,14 +90,15 @@ class Surroundings:
         if ball is not None:
             bodies = placed.bodies_near(ball, self._radius + within)
             near += [(-np.inf, body, placed.place_ball(ball, self._radius)) for body in bodies]
-        found: dict[tuple[str, str], list[Gap]] = {(a.frame, b.frame): [] for _, a, b in near}
+        nearest: dict[tuple[str, str], Gap | None] = {(a.frame, b.frame): None for _, a, b in near}
         for distance, body, other in sorted(near, key=lambda pair: pair[0]):
-            gaps = found[body.frame, other.frame]
-            if len(gaps) < NEAREST or -gaps[-1].place.depth > distance:
-                gaps.append(Gap((body.frame, other.frame), placed.proximity(body, other)))
-                gaps.sort(key=lambda gap: -gap.place.depth)
-                del gaps[NEAREST:]
-        return [gap for gaps in found.values() for gap in gaps if gap.place.depth > -within]
+            frames = body.frame, other.frame
+            known = nearest[frames]
+            if known is None or -known.place.depth > distance:
+                place = placed.proximity(body, other)
+                if known is None or place.depth > known.place.depth:
+                    nearest[frames] = Gap(frames, place)
+        return [gap for gap in nearest.values() if gap is not None and gap.place.depth > -within]
 
     def joints(self, gap: Gap) -> tuple[int, int]:
         """Return the joints that carry two bodies; the second one is -1 for the ball."""

@@ -113,7 +113,7 @@ class ReachTable(ReprMixin):
 
     def plot(self) -> Any:
         """Return a figure of matplotlib: speeds and distances by elevation."""
-        from kickdyn.core.reach_plot import reach_figure  # it imports matplotlib
+        from kickdyn.planning.reach_plot import reach_figure  # it imports matplotlib
 
         return reach_figure(self)
 

@@ -4,7 +4,7 @@
 a thickness of 1e-7 of the size, not yet at 1e-4), which are therefore made `THICKNESS` thick.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
@@ -24,6 +24,10 @@ TOUCHING = 5e-3
 
 It is a choice: shapes are simpler than real bodies, and a ball is pressed in by more than this.
 """
+
+MEETING, ACROSS = 0.01, 0.5
+"""Distance of the axes of two joints up to which they meet, as in an ankle [m], and the sine of the
+least angle between them."""
 
 BALL = ""
 """Frame of a ball, a name that no frame of a robot has."""
@@ -214,9 +218,9 @@ def find_self_collisions(leg: Leg, q: Array) -> dict[tuple[str, str], float]:
 def body_pairs(leg: Leg) -> BodyPairs:
     """Return the pairs of a leg's bodies that must not be inside each other.
 
-    Bodies of one joint or of a joint and the body that carries it do not count, nor do pairs that
-    the SRDF beside the URDF disables (`disable_collisions`) or that touch where all joints are at
-    rest.
+    Bodies of one joint or of a joint and the body that carries it do not count, nor do those that
+    `find_forks` returns, pairs that the SRDF beside the URDF disables (`disable_collisions`), or
+    pairs that touch where all joints are at rest.
     """
     if leg not in _pairs:
         space, frames = leg.workspace, body_frames(leg)
@@ -230,7 +234,7 @@ def body_pairs(leg: Leg) -> BodyPairs:
         pairs = BodyPairs(bodies, first, second, reach[first] + reach[second])
         placed = Placed(leg, frames, model, space.data, rest_configuration(leg))
         touching = placed.find_overlaps(placed.near(pairs))
-        allowed = disabled_pairs(leg) | {*map(frozenset, touching)}
+        allowed = disabled_pairs(leg) | {*map(frozenset, touching)} | find_forks(leg)
         named = [
             frozenset((bodies[i].frame, bodies[j].frame))
             for i, j in zip(first, second, strict=True)
@@ -245,6 +249,50 @@ def _carrier(model: Any, joint: int) -> int:
     while carrier and model.inertias[carrier].mass == 0.0:
         carrier = int(model.parents[carrier])
     return carrier
+
+
+def find_forks(leg: Leg) -> set[frozenset[str]]:
+    """Return the pairs of frames whose bodies are on both sides of two joints whose axes meet.
+
+    Such bodies, as of an ankle, are forks around the place of the meeting, and their hulls are not.
+    Ranges of the joints keep them apart. A body counts if the sphere around it includes that place.
+    """
+    model, data, frames = leg.workspace.model, leg.workspace.data, body_frames(leg)
+    pin.computeJointJacobians(model, data, rest_configuration(leg))
+    pin.updateFramePlacements(model, data)
+    forks = set()
+    for joint in range(1, model.njoints):
+        before = int(model.parents[joint])
+        if not before or model.nvs[before] != 1 or model.nvs[joint] != 1:
+            continue
+        axes = data.J[3:, [model.idx_vs[before], model.idx_vs[joint]]]
+        origins = np.array([data.oMi[number].translation for number in (before, joint)])
+        along = np.linalg.lstsq(axes * [1.0, -1.0], origins[1] - origins[0])[0]
+        places = origins + along[:, None] * axes.T
+        across = np.linalg.norm(np.cross(*axes.T)) > ACROSS
+        if not across or np.linalg.norm(places[1] - places[0]) > MEETING:
+            continue
+        sides = [
+            [
+                name
+                for name, number in frames.items()
+                if int(model.frames[number].parentJoint) == side
+                and _includes(bodies_at(leg, name), data.oMf[number].actInv(places[1]))
+            ]
+            for side in (_carrier(model, before), joint)
+        ]
+        forks |= {frozenset((first, second)) for first in sides[0] for second in sides[1]}
+    return forks
+
+
+def _includes(bodies: Sequence[Body], point: Array) -> bool:
+    """Return whether a sphere around bodies of a frame includes a point, in the frame's axes."""
+    if not bodies:
+        return False
+    places = np.array([body.pose.translation for body in bodies])
+    centre = places.mean(axis=0)
+    reach = np.linalg.norm(places - centre, axis=1) + [body.reach for body in bodies]
+    return bool(np.linalg.norm(point - centre) < reach.max())
 
 
 def disabled_pairs(leg: Leg) -> set[frozenset[str]]:

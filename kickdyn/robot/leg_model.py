@@ -68,11 +68,11 @@ class LegModel(JointTable):
             vars(self).update(contact_normal_cone=read_only(cone))
         if self.base_velocity is not None:
             twist = validation.vector("base velocity", self.base_velocity, 6)
-            for what, part, unit in (
+            for what, velocity, unit in (
                 ("speed of the base", twist[:3], "m/s"),
                 ("angular speed of the base", twist[3:], "rad/s"),
             ):
-                validation.number(what, math.hypot(*part), at_most=FASTEST_BASE, unit=unit)
+                validation.number(what, math.hypot(*velocity), at_most=FASTEST_BASE, unit=unit)
             vars(self).update(base_velocity=read_only(twist) if twist.any() else None)
         if self.base_velocity is not None and (self.supports or has_floating_base(self._model)):
             raise InvalidInput(

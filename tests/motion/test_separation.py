@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.motion import separation
-from kickdyn.motion.separation import NEAREST, WITHIN, Surroundings
+from kickdyn.motion.separation import WITHIN, Surroundings
+from kickdyn.robot.collisions import Placed, bodies_at
+from kickdyn.robot.ground_clearance import body_frames
 
 LEG = kd.Leg.human()
 Q = np.radians([40.0, 30.0, -20.0])
@@ -56,7 +57,7 @@ def test_conditions_hold_the_nearest_points_at_the_deepest_times():
         assert column[6:] == pytest.approx(a - depth * (pose.rotation @ column[3:6]), abs=1e-9)
 
 
-def test_of_two_links_only_the_nearest_shapes_count(tmp_path, monkeypatch):
+def test_of_two_links_only_the_nearest_shapes_count(tmp_path):
     """A link may have dozens of shapes, and each of them would be a condition at every time.
 
     The long box has the largest sphere around it, and is farther away than balls are.
@@ -85,11 +86,13 @@ def test_of_two_links_only_the_nearest_shapes_count(tmp_path, monkeypatch):
     (tmp_path / "own.urdf").write_text(f'<robot name="own">{text}</robot>')
     leg = kd.Leg.from_urdf(tmp_path / "own.urdf", "toe", drives=False)
 
-    def depths():
-        gaps = Surroundings(leg, leg, 0.11).gaps(np.array([0.3, 0.1]), None)
-        assert {gap.frames for gap in gaps} == {("base", "toe")}
-        return [gap.place.depth for gap in gaps]
-
-    nearest = depths()
-    monkeypatch.setattr(separation, "NEAREST", 25)
-    assert nearest == sorted(depths(), reverse=True)[:NEAREST]
+    q = np.array([0.3, 0.1])
+    (gap,) = Surroundings(leg, leg, 0.11).gaps(q, None)
+    assert gap.frames == ("base", "toe")
+    placed = Placed(leg, body_frames(leg), leg.workspace.model, leg.workspace.data, q)
+    depths = [
+        placed.proximity(body, other).depth
+        for body in bodies_at(leg, "base")
+        for other in bodies_at(leg, "toe")
+    ]
+    assert gap.place.depth == max(depths)

@@ -120,3 +120,33 @@ def test_the_nearest_point_of_a_body_and_its_normal(tmp_path):
         assert contact.depth == pytest.approx(0.2 - ahead, abs=1e-6)
         assert contact.normal == pytest.approx([1, 0, 0], abs=1e-6)
         assert contact.point[0] == pytest.approx(0.1, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("second", "place", "size", "counts"),
+    [
+        ("1 0 0", "0 0 0", "0.3 0.3 0.1", False),  # axes that cross, bodies around the crossing
+        ("1 0 0", "0 0 -0.02", "0.3 0.3 0.1", True),  # axes 2 cm apart
+        ("0 1 0", "0 0 0", "0.3 0.3 0.1", True),  # parallel axes
+        ("1 0 0", "0 0 0", "0.01 0.01 0.01", True),  # a shape that is far from the crossing
+    ],
+)
+def test_bodies_on_both_sides_of_axes_that_meet_do_not_count(tmp_path, second, place, size, counts):
+    """Of an ankle whose roll and pitch axes cross, foot and shank are forks."""
+    xyz = "0 0.3 -0.12" if size == "0.01 0.01 0.01" else "0 0 -0.12"
+    inertial = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" '
+    inertial += 'izz="1"/></inertial>'
+    visual = '<visual><origin xyz="{}"/><geometry><box size="{}"/></geometry></visual>'
+    text = f'<robot name="ankle"><link name="shank">{inertial}'
+    text += visual.format("0 0 0.15", "0.1 0.9 0.2") + f'</link><link name="cross">{inertial}'
+    text += f'</link><link name="foot">{inertial}{visual.format(xyz, size)}</link>'
+    joint = '<joint name="{0}" type="revolute"><parent link="{1}"/><child link="{2}"/><origin '
+    joint += 'xyz="{3}"/><axis xyz="{4}"/><limit lower="-3" upper="3" effort="1" velocity="1"/>'
+    text += joint.format("pitch", "root", "shank", "0 0 0", "1 0 0") + "</joint>"
+    text += joint.format("first", "shank", "cross", "0 0 0", "0 1 0") + "</joint>"
+    text += joint.format("roll", "cross", "foot", place, second) + "</joint>"
+    (tmp_path / "ankle.urdf").write_text(f'{text}<link name="root"/></robot>')
+    leg = kd.Leg.from_urdf(tmp_path / "ankle.urdf", "foot", drives=False)
+    turned = leg.configuration({"first": 3.0})
+    expected = [("shank", "foot")] if counts else []
+    assert [*find_self_collisions(leg, turned)] == expected

@@ -44,9 +44,9 @@ record: $(VENV)/.dev
 	@echo "This takes about two minutes."
 	$(BIN)/python tools/record.py
 
-## test: the whole suite, about 8 minutes on 2 cores once everything is installed
+## test: the whole suite, about 15 minutes on 2 cores once everything is installed
 test: $(VENV)/.dev browser
-	@echo "The whole suite takes about 8 minutes on 2 cores, and longer on the first run, which compiles."
+	@echo "The whole suite takes about 15 minutes on 2 cores, and longer on the first run, which compiles."
 	$(BIN)/python -m pytest -n auto
 
 ## test-lowest: the tests, except docs and notebooks, with the lowest version of each package that pyproject.toml allows, in .venv-lowest

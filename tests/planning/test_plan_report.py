@@ -310,8 +310,8 @@ def test_every_number_of_the_table_is_that_of_the_plan(plan):
     ratios = plan.v[moving] / plan.leg.velocity_limit[moving]
     assert float(value) == pytest.approx(np.mean(ratios**2), rel=1e-3)
     masses = re.fullmatch(
-        r"drives  effective mass (\S+) kg without rotors, (\S+) kg with rotors, infinite stiff "
-        r"\(base or foot fixed\); planned with rotors",
+        r"drives  effective mass (\S+) kg without rotors, (\S+) kg with rotors, infinite with "
+        r"stiff joints \(base or foot fixed\); planned with rotors",
         drives,
     ).groups()
     bare = plan.leg.with_armature(dict.fromkeys(plan.leg.single_joints, 0.0)).posture(plan.q)

@@ -349,6 +349,7 @@ def _kind(samples: _Samples, piece: _Piece, rest_height: float) -> SegmentKind:
     if len(heights) < 4:
         return SegmentKind.OTHER
     is_level = float(np.ptp(heights)) < ROLLING_HEIGHT and abs(piece.fall) < MOST_LEVEL_FALL
+    # a ball that falls along a horizontal axis: the track's z is not up
     if samples.times[piece.last - 1] - samples.times[piece.first] > LEAST_ROLLING_TIME:
         is_level &= math.hypot(*piece.derivative(piece.middle, 2)[:2]) < LEAST_FALL
     if is_level and float(heights.max()) < rest_height + CONTACT_HEIGHT:

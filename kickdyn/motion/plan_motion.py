@@ -290,8 +290,8 @@ class _Search:
             known = solution.multipliers if solution.feasible else None
             former = [] if known is None else [conditions for conditions, _ in known.apart]
             apart = with_former(verdict.nearness.conditions(times), former)
-            whole = (full and not far) or solution.share > WHOLE
-            shares = (1.0, 1.0) if whole else (0.0, 1.0)
+            reaches_all = (full and not far) or solution.share > WHOLE
+            shares = (1.0, 1.0) if reaches_all else (0.0, 1.0)
             start = solution if solution.feasible else nearest.solution
             anew = self._limit_overloaded(verdict) or far
             start = replace(start, multipliers=None) if anew else start

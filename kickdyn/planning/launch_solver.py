@@ -225,8 +225,8 @@ def solve_launch(
     with its derivatives, and is halved while it does not reduce the errors.
 
     Without `last_slopes`, which goals of a time or a speed allow, a step from near the solution
-    integrates a flight without derivatives: the `slopes` of the solution are those of the step
-    before, and its trajectory has none.
+    integrates a flight without derivatives: the solution keeps the `slopes` of the step before,
+    and its trajectory has none.
     """
     length = float(np.linalg.norm(goal.target))
     size = {"time": goal.time, "speed": goal.speed}.get(goal.kind) or length

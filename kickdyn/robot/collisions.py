@@ -157,7 +157,7 @@ class Placed:
         return near
 
     def least_distances(self, pairs: BodyPairs) -> Array:
-        """Return distances that those of pairs are not below, shape `(k,)` [m]."""
+        """Return lower bounds of the distances of pairs, shape `(k,)` [m]."""
         places = [self.poses[body.frame].act(body.pose.translation) for body in pairs.bodies]
         centres = np.array(places).reshape(-1, 3)
         apart = np.linalg.norm(centres[pairs.first] - centres[pairs.second], axis=1)

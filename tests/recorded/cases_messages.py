@@ -2,13 +2,16 @@
 
 import math
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from scipy.interpolate import BSpline
 
 import kickdyn as kd
 from kickdyn.core import files, validation
 from kickdyn.planning import plan_report
+from kickdyn.robot.standing import StandingRobot
 from kickdyn.robot.urdf_file import shipped_urdf
 from kickdyn.sweeps.queries import condition
 from recorded.cases_commands import run
@@ -176,6 +179,34 @@ def told(plan):
     return [*report.sentences(), *report.table()]
 
 
+def larger(factor, *arguments):
+    """Return a motion of splines that is larger by a factor."""
+    from recorded.cases_planning import made_motion
+
+    motion = made_motion(*arguments)
+    splines = (BSpline(x.t, factor * x.c, x.k) for x in (motion.before, motion.after))
+    return replace(motion, **dict(zip(("before", "after"), splines, strict=True)))
+
+
+def swung_through_the_ball():
+    plan = kd.plan_kick(HUMAN, kd.Goal(20, time=1.2), BALL, None, ball_position=-0.72)
+    return replace(plan, motion=larger(-3.0)).warnings
+
+
+def swung_through_the_other_leg():
+    robot = kd.Leg.from_robot("g1", base="floating", legs_only=True, drives=False)
+    plan = kd.plan_kick(
+        robot.with_supports(kd.Support("left_ankle_roll_link", friction=0.7)),
+        kd.Goal(2, time=0.4),
+        BALL,
+        None,
+    )
+    stood = StandingRobot(plan.leg)
+    return replace(
+        plan, motion=larger(3.0, stood.robot, stood.placement, stood.leg.joint_names)
+    ).warnings
+
+
 SWEEPS = {
     "executor": lambda: kd.sweep(HUMAN, {"hip": 0.1}, kd.Kick(), threads=2, executor=ThreadPoolExecutor(1)),
     "resume": lambda: kd.sweep(HUMAN, {"hip": 0.1}, kd.Kick(), resume=True), "folder": lambda: kd.sweep(HUMAN, {"hip": 0.1}, kd.Kick(), store="none/a.zarr"),
@@ -191,6 +222,7 @@ SWEEPS = {
 SAID = {
     "ball": lambda: kd.Ball(430.0, 22.0).warnings, "ends of a loop": lambda: kd.Leg.from_urdf(shipped_urdf("leg_fourbar.urdf")).open_loops,
     "flattened": lambda: kd.collide(POSTURE, V, kd.Ball(0.43, 0.11, pressure=9e3), CONTACT, stiffness="pressure").warnings,
+    "a motion through the ball": swung_through_the_ball, "a motion through the other leg": swung_through_the_other_leg,
     "far from the posture": lambda: kd.infer_impact(POSTURE, V, BALL, HIT.ball_before, kd.BallState(HIT.ball_after.position, HIT.ball_after.velocity, (40, 9, 3))).warnings,
 }  # fmt: skip
 CLEAR = kd.Air()

@@ -51,6 +51,22 @@ def failed():
     ]  # fmt: skip
 
 
+def noisy():
+    """Runs that differ, one of which misses: what is counted, averaged and printed."""
+    after = run().ball_after
+    runs = [replace(run(), ball_after=kd.BallState(after.position, after.velocity + change, after.spin), upright=k != 1)
+            for k, change in enumerate(((0, 0, 0), (0.5, 0.8, -0.3), (-0.4, 0.1, 0.9)))]  # fmt: skip
+    many = kd.NoisyRuns((*runs, replace(run(), path=None)), kd.KickNoise())
+    return [
+        repr(many),
+        many.launch_errors,
+        many.means,
+        many.deviations,
+        many.misses,
+        many.to_json(),
+    ]
+
+
 def field():
     """The model of a robot on one foot, its drives, and the first steps of a motion."""
     robot = kd.Leg.from_robot("g1", base="floating", locked={"*wrist*": 0})
@@ -99,6 +115,6 @@ CASES = {
     "damping": lambda: [[mujoco_kick.damping_ratio(e), mujoco_kick.release_phase(mujoco_kick.damping_ratio(e))] for e in (0.3, 0.7, 0.95)],
     "goals": lambda: mujoco_fit.find_goals([
         mujoco_fit.KickError("", 0.05, 0.02, 0.03, 0.6), mujoco_fit.KickError("speed x 0.5", 0.06, 0.08, 0.09, 1.1)], 0.03),
-    "ran": ran, "failed": failed, "field": field,
+    "ran": ran, "failed": failed, "noisy": noisy, "field": field,
 }  # fmt: skip
 LOOSE = {"": 5e-2, "ran": 5e-2, "field": 1e-3, "bodies": 1e-6, "damping": 1e-6, "goals": 1e-6}

@@ -271,7 +271,7 @@ def _collected(faults: list[str]) -> Iterator[None]:
         faults.append(str(error))
 
 
-def _checked_axis(leg: Leg, name: str, given: ArrayLike, *, ascending: bool = True) -> Array:
+def _checked_axis(leg: Leg, name: str, given: ArrayLike, *, ascending: bool) -> Array:
     """Return the values of a joint of a grid; raise `InvalidInput` if it cannot take them."""
     leg.velocity_index(name)
     for mimic in leg.mimics:

@@ -213,3 +213,10 @@ def test_goff_carre_joins_its_formulas_between_spin_parameters_of_4_and_6_per_ce
     between = MODELS["goff-carre"](fast, 0.0400 * 1.5**0.5)  # half way in the logarithm
     mean = 0.5 * (level + 0.4127 * (0.0400 * 1.5**0.5) ** 0.3056)
     assert between == pytest.approx(mean, rel=1e-12)
+
+
+@pytest.mark.parametrize("name", sorted(BALLS))
+@pytest.mark.parametrize("reynolds", [4e4, 6e4, 1e5, 3e5])
+def test_a_drag_without_a_spin_parameter_is_of_no_spin(name, reynolds):
+    model = MODELS[name]
+    assert model(reynolds) == model(reynolds, 0.0) < model(reynolds, 0.1)

@@ -571,6 +571,11 @@ def test_every_limit_that_is_broken_has_a_line_with_its_excess_and_time():
     }
     assert (found.torque_use, found.speed_use) == pytest.approx((1.125, 1.02))
     assert not found.keeps_limits
+    words = "torque of hip is beyond its limit by 3.1 %, 40 ms after the impact"
+    assert limits[0].describe("torque of hip", -0.031, 0.04) == words
+    limits[0].unit = "N m"
+    words = "the moment is beyond its limit by 0.031 N m, 40 ms before the impact"
+    assert limits[0].describe("the moment", -0.031, -0.04) == words
     limits[0].unit = "m"
     words = "the sole is beyond its limit by 3.1 mm, 40 ms before the impact"
     assert limits[0].describe("the sole", -0.0031, -0.04) == words

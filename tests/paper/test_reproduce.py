@@ -376,6 +376,15 @@ def test_it_fits_and_no_number_is_cut(items_by_section, width, monkeypatch, caps
         assert item.difference in said
 
 
+def test_a_line_ends_every_section(items_by_section):
+    every = [item for section in items_by_section.values() for item in section]
+    why = list(dict.fromkeys(text for item in every for text in (item.why, *item.notes)))
+    rows, ends = reproduce.table(items_by_section, why).rows, []
+    for section in items_by_section.values():
+        ends += [False] * len(section) + [True]
+    assert [row.end_section for row in rows] == ends
+
+
 def test_a_reason_is_said_once_and_found_by_its_number(items_by_section, monkeypatch, capsys):
     monkeypatch.setattr(reproduce, "screen_width", lambda: 120)
     show({"Fig. 9": items_by_section["Fig. 9"]})

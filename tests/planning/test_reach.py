@@ -138,6 +138,17 @@ def test_a_row_says_that_no_larger_speed_was_tried(monkeypatch):
     assert row.reason == "the largest speed that is tried"
 
 
+def test_a_line_of_the_table_has_the_numbers_of_its_row():
+    heads, units, *lines = table().table()
+    assert heads.split() == ["azimuth", "elevation", "speed", "carpet", "turf"]
+    assert units.split() == ["[deg]", "[deg]", "[m/s]", "[m]", "[m]"]
+    assert len(lines) == len(table().rows) == 2
+    for line, row in zip(lines, table().rows, strict=True):
+        numbers = row.azimuth, row.elevation, row.speed, row.carpet, row.turf
+        assert line.split()[:5] == [f"{number:.3g}" for number in numbers]
+        assert line.endswith(row.reason)
+
+
 def test_the_command_prints_and_keeps_the_table(tmp_path):
     file, picture, numbers = (tmp_path / name for name in ("r.csv", "r.png", "r.json"))
     arguments = ["--leg", "human", "--elevation", "10", "--tolerance", "0.1"]

@@ -115,7 +115,7 @@ IMPACT = {
     "patch": lambda: kd.collide(POSTURE, V, BALL, CONTACT, model=kd.FootPatch(0.05), stiffness=1e5),
     "offset": lambda: kd.collide(POSTURE, V, BALL, CONTACT, model=kd.FootPatch(0.05, offset=0.3)),
     "covariance": lambda: HIT.uncertainty(q=[[1.0, 0.5, 0], [0.25, 1, 0], [0, 0, -3.0]]), "result": lambda: HIT.uncertainty(q=0.01).share("height"),
-    "no sensitivity": lambda: kd.strike(POSTURE, V, BALL, CONTACT, law="stronge").sensitivity(),
+    "rows": lambda: POSTURE.whiten(np.eye(2)), "no sensitivity": lambda: kd.strike(POSTURE, V, BALL, CONTACT, law="stronge").sensitivity(),
 }  # fmt: skip
 
 

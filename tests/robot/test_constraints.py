@@ -312,6 +312,13 @@ def test_supports_that_leave_no_motion_contradict_each_other():
     assert bolt.with_supports(*points).posture(q).constraint_projector.rank == 6
 
 
+def test_stiff_joints_are_named_with_the_supports():
+    bolt = kd.Leg.from_robot("bolt", "base_link", base="floating")
+    stiff = bolt.with_stiff_joints("FL_KFE", "FR_KFE").with_supports("FL_FOOT")
+    names = ["FL_FOOT", "FL_KFE, which is stiff", "FR_KFE, which is stiff"]
+    assert list(stiff.constraints.names) == names
+
+
 def chain_held():
     """A fixed base and a foot that stands: the whole stance leg cannot move."""
     leg = kd.Leg.from_robot("g1").with_supports(LEFT)

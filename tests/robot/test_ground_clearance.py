@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.robot.ground_clearance import TOLERANCE, find_depths, shapes_of
+from kickdyn.robot.ground_clearance import (
+    TOLERANCE,
+    find_depths,
+    shapes_of,
+    sphere_directions,
+)
 
 G1 = kd.Leg.from_robot("g1", base="fixed", legs_only=True)
 
@@ -67,3 +72,14 @@ def test_meshes_can_be_left_out(tmp_path):
     assert [len(shape.centres) for shape in shapes_of(leg, "body")] == [4, 8]
     (corners,) = shapes_of(leg, "body", meshes=False)
     assert np.abs(corners.centres) == pytest.approx(np.tile([0.1, 0.2, 0.3], (8, 1)))
+
+
+def test_directions_are_spread_over_the_whole_sphere():
+    """No two are nearer than 8 degrees, and none of all others is 8 degrees from its nearest."""
+    directions = sphere_directions()
+    assert np.linalg.norm(directions, axis=1) == pytest.approx(np.ones(len(directions)))
+    cosines = directions @ directions.T - 2.0 * np.eye(len(directions))
+    assert np.degrees(np.arccos(cosines.max())) > 8.0
+    others = np.random.default_rng(0).normal(size=(2000, 3))
+    others /= np.linalg.norm(others, axis=1, keepdims=True)
+    assert np.degrees(np.arccos((others @ directions.T).max(axis=1).min())) < 8.0

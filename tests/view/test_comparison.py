@@ -5,6 +5,7 @@ import pytest
 
 import kickdyn as kd
 from kickdyn.core.mechanics import GRAVITY
+from kickdyn.view import comparison
 from kickdyn.view.comparison import COLOURS, DOT_COLOUR
 
 BALL = kd.Ball()
@@ -36,6 +37,19 @@ def test_the_legend_says_how_far_and_how_long_a_ball_rolls():
     launch = kd.BallState(velocity=(4, 0, 0), spin=(0, 4 / BALL.radius, 0))
     course = kd.follow(launch, BALL, ground=kd.Ground(-BALL.radius, felt))
     assert "<td>8 m along the ground, 4 s</td>" in kd.page(course).html
+
+
+def test_a_curve_has_the_same_width_all_along_as_seen_by_the_camera(monkeypatch):
+    drawn, cameras, seen = [], [], comparison.camera_for
+    monkeypatch.setattr(
+        comparison, "camera_for", lambda *x: cameras.append(seen(*x)) or cameras[-1]
+    )
+    monkeypatch.setattr(comparison.marks, "draw_curve", lambda _, *curve: drawn.append(curve))
+    kd.page({"near": path(40), "far": path(-40, 30.0)})
+    assert [curve[3] for curve in drawn] == list(COLOURS[:2])
+    for points, radii, *_ in drawn:
+        assert radii == pytest.approx(0.00255 * cameras[0].distance(points), rel=1e-12)
+        assert np.ptp(radii) > 0.0
 
 
 def test_the_ball_has_its_size(commands_of):

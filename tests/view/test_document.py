@@ -2,6 +2,8 @@ import json
 import re
 import subprocess
 import sys
+from pathlib import Path
+from types import SimpleNamespace
 
 import matplotlib.image
 import meshcat.geometry as shapes
@@ -174,6 +176,30 @@ def test_a_browser_that_fails_leaves_nothing(monkeypatch, tmp_path):
     with pytest.raises(kd.KickdynError, match="made no picture"):
         save_picture("page", tmp_path / "a.png")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_browser_is_told_the_page_the_moment_and_the_file(monkeypatch, tmp_path):
+    commands = []
+
+    def run(command, **_):
+        commands.append(command)
+        page = command[-1].partition("#")[0].removeprefix("file://")
+        file = next(x for x in command if x.startswith("--screenshot="))
+        Path(file.removeprefix("--screenshot=")).write_text(Path(page).read_text() + "!")
+        return SimpleNamespace(returncode=0)
+
+    monkeypatch.setattr(document, "find_browser", lambda: "/usr/bin/chromium")
+    monkeypatch.setattr(document.subprocess, "run", run)
+    save_picture("the page", tmp_path / "a.png", -0.125)
+    save_picture("the page", tmp_path / "a.png")
+    assert (tmp_path / "a.png").read_text() == "the page!"
+    assert [command[-1].partition("#")[2] for command in commands] == [
+        "picture&at=-0.125", "picture&at=0"
+    ]  # fmt: skip
+    for command in commands:
+        assert command[0] == "/usr/bin/chromium"
+        (profile,) = (x for x in command if x.startswith("--user-data-dir="))
+        assert command[-1].startswith(f"file://{profile.partition('=')[2][: -len('/profile')]}/")
 
 
 def test_a_browser_without_its_sandbox_says_what_helps(monkeypatch, tmp_path):

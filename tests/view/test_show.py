@@ -24,10 +24,12 @@ class Browser:
         self.commands = {}
 
     def next_moves(self):
-        """Return the next message."""
-        line = b""
+        """Return the next message, which comes within 24 signs of life, two minutes."""
+        waits, line = 0, b""
         while not line.startswith(b"data: "):
             line = self.stream.readline()
+            waits += line.startswith(b": still here")
+            assert waits < 24, "no message has come"
         return json.loads(line.removeprefix(b"data: "))
 
     def next_update(self):

@@ -114,7 +114,7 @@ def spinning(ball: SoccerBall) -> Coefficient:
     """
     level = without_spin(ball)
 
-    def coefficient(reynolds: float, spin_parameter: float = 0.0) -> float:
+    def coefficient(reynolds: float, spin_parameter: float) -> float:
         ratio = min(_PER_LIMIT * spin_parameter, _ENDLESS)
         square = ratio * ratio
         eighth = math.sqrt(math.sqrt(math.sqrt(1.0 + square * square * square * square)))
@@ -127,7 +127,7 @@ def soccer(ball: SoccerBall) -> Coefficient:
     """Return C_D(Re, Sp) of a ball: the sphere's at low Re, joined (C3) between Re 2e4 and 7e4."""
     fast = spinning(ball)
 
-    def coefficient(reynolds: float, spin_parameter: float = 0.0) -> float:
+    def coefficient(reynolds: float, spin_parameter: float) -> float:
         if reynolds >= FAST:
             return fast(reynolds, spin_parameter)
         weight = smoothstep(reynolds, 2e4, FAST)

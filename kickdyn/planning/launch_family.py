@@ -120,7 +120,7 @@ class LaunchFamily:
     def _with_condition(self, **condition: Any) -> Goal:
         return Goal(self.goal.target, **condition, beside=self.goal.beside)
 
-    def _member(self, guess: Array, steps: int = 12) -> LaunchSolution | None:
+    def _member(self, guess: Array, steps: int) -> LaunchSolution | None:
         """Return the member with the time of a guess; None without one."""
         time = float(guess[-1])
         if not SHORTEST_TIME <= time <= LONGEST_TIME:
@@ -172,7 +172,7 @@ class LaunchFamily:
     def _between(
         self, a: LaunchSolution, b: LaunchSolution, fraction: float
     ) -> LaunchSolution | None:
-        return self._member(a.unknowns + fraction * (b.unknowns - a.unknowns))
+        return self._member(a.unknowns + fraction * (b.unknowns - a.unknowns), steps=12)
 
     def _root(
         self, value: Callable[[LaunchSolution], float], a: LaunchSolution, b: LaunchSolution

@@ -40,10 +40,13 @@ def test_the_legend_says_how_far_and_how_long_a_ball_rolls():
 
 
 def test_a_curve_has_the_same_width_all_along_as_seen_by_the_camera(monkeypatch):
-    drawn, cameras, seen = [], [], comparison.camera_for
-    monkeypatch.setattr(
-        comparison, "camera_for", lambda *x: cameras.append(seen(*x)) or cameras[-1]
-    )
+    drawn, cameras, find = [], [], comparison.camera_for
+
+    def find_and_keep(*boxes):
+        cameras.append(find(*boxes))
+        return cameras[-1]
+
+    monkeypatch.setattr(comparison, "camera_for", find_and_keep)
     monkeypatch.setattr(comparison.marks, "draw_curve", lambda _, *curve: drawn.append(curve))
     kd.page({"near": path(40), "far": path(-40, 30.0)})
     assert [curve[3] for curve in drawn] == list(COLOURS[:2])

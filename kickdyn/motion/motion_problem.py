@@ -57,6 +57,10 @@ LEAST_EFFECT, LEAST_MULTIPLIER = 1e-3, 0.05
 """Share of the launch below which a limit does not count as one that holds it back, and multiplier
 below which a row does not count: Ipopt gives those that are not reached small ones, too."""
 
+WHOLE_SHARE = 1.0 - 1e-4
+"""Share of the launch from which on a solution is one of the whole launch: an interior point is this
+far from a bound, and limits have larger reserves."""
+
 IMPACT_STEPS = 3
 """Steps of Newton's method after which the equations of the impact have no error but rounding."""
 
@@ -376,6 +380,7 @@ class MotionProblem:
         of_points = of_points.reshape(len(moments), -1)
         feasible = bool(np.abs(rows - np.clip(rows, lowest, highest)).max() <= TOLERANCE)
         coefficients, share = x[:last].reshape(splines.size, n), float(x[last])
+        share = share if share < WHOLE_SHARE else 1.0
         return Solution(
             rest,
             self._with_exact_impact(coefficients, share) if feasible else coefficients,

@@ -45,7 +45,7 @@ FAR = 0.02
 ROUNDS = 5
 """Solutions with points added where limits are broken."""
 
-MOST_WORK, LEGS_WORK, LEAST_ITERATIONS = 5500, 3600, 10
+MOST_WORK, LEGS_WORK, LEAST_ITERATIONS = 9000, 4500, 10
 """Iterations of Ipopt times joints that move: of a plan, and of its legs alone, at most. Fewer
 iterations than the last number are not begun. An iteration takes about 8 ms for each joint."""
 

@@ -313,7 +313,6 @@ class MotionProblem:
         rest: Array,
         times: list[Array],
         *,
-        relaxation: float,
         shares: tuple[float, float],
         options: dict[str, Any],
         apart: Sequence[Conditions] = (),
@@ -324,7 +323,6 @@ class MotionProblem:
             start: unknowns and multipliers to start from.
             rest: posture near which both ends are, shape `(n,)`.
             times: of the points, before and after the impact [s].
-            relaxation: of the limits of the ground's impulse at the share 0.
             shares: bounds of the share.
             options: of Ipopt, besides `OPTIONS`.
             apart: conditions of bodies.
@@ -335,7 +333,7 @@ class MotionProblem:
         size = last + 1 + self.task.whole.nv
         to_speeds = per_joint(splines.speed_rows(), n, 1)
         to_speeds = sp.diags(np.resize(1.0 / self.task.speed_limit, to_speeds.shape[0])) @ to_speeds
-        blocks = [*self._blocks(times, start, relaxation), *map(self._block_apart, apart)]
+        blocks = [*self._blocks(times, start), *map(self._block_apart, apart)]
         most = np.full(to_speeds.shape[0], 1.0 - SpeedLimit.reserve)
         lower = [np.tile(block.rows.lower, len(block.weights)) for block in blocks]
         upper = [np.tile(block.rows.upper, len(block.weights)) for block in blocks]
@@ -408,8 +406,8 @@ class MotionProblem:
         for _ in range(IMPACT_STEPS):
             state = maps @ coefficients
             z = np.concatenate([state.ravel(), [share], jump])
-            error = np.asarray(self.impact.values(z, 0.0)[0]).ravel()[equal]
-            slope = np.asarray(self.impact.jacobian(z, 0.0))[equal]
+            error = np.asarray(self.impact.values(z, [])[0]).ravel()[equal]
+            slope = np.asarray(self.impact.jacobian(z, []))[equal]
             of_state, of_jump = slope[:, : state.size], slope[:, state.size + 1 :]
             rows = np.einsum("kin,is->ksn", of_state.reshape(len(slope), len(maps), -1), maps)
             rows = np.hstack([rows.reshape(len(rows), -1), of_jump])
@@ -494,7 +492,7 @@ class MotionProblem:
             add(self.surroundings.label(joints), values, 0.01)
         return {label: value for label, value in total.items() if value > LEAST_EFFECT}
 
-    def _blocks(self, times: list[Array], start: Solution, relaxation: float) -> list[Block]:
+    def _blocks(self, times: list[Array], start: Solution) -> list[Block]:
         """Return the rows of the points and of the impact."""
         n, splines, free = self.n, self.splines, len(self._most)
         maps = np.stack([splines.values(times, order) for order in range(3)], axis=1)
@@ -510,7 +508,7 @@ class MotionProblem:
         weights = np.concatenate([integration_weights(t) for t in times])
         return [
             Block(self.path, to_points, self._changes(times, start), weights),
-            Block(self.impact, to_impact, np.array([[relaxation]]), np.zeros(1)),
+            Block(self.impact, to_impact, np.zeros((0, 1)), np.zeros(1)),
         ]
 
     def _block_apart(self, conditions: Conditions) -> Block:

@@ -11,7 +11,6 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.motion.kick_task import KickTask, check_limits, check_sole
 from kickdyn.motion.limbs import frames_of, idle_limbs, limbs_aside
-from kickdyn.motion.limits import Impulse
 from kickdyn.motion.motion import Motion
 from kickdyn.motion.motion_problem import MotionProblem
 from kickdyn.motion.separation import Conditions, with_former
@@ -222,8 +221,6 @@ class _Search:
         apart: Sequence[Conditions],
         options: dict[str, Any],
         shares: tuple[float, float] = (0.0, 1.0),
-        *,
-        relaxed: bool = False,
     ) -> Solution:
         rows = sum(len(conditions.times) for conditions in apart)
         joints = self.problem.n + rows // ROWS
@@ -232,7 +229,6 @@ class _Search:
             start,
             self.rest,
             times,
-            relaxation=Impulse.relaxation if relaxed else 0.0,
             shares=shares,
             options={**options, "max_iter": most},
             apart=apart,
@@ -273,7 +269,7 @@ class _Search:
         problem = self.problem
         near = problem.surroundings.without(aside)
         apart = Nearness(problem, start, start.times, near).conditions(start.times)
-        return self._solve(start, start.times, apart, NEARBY if moves else FIRST, relaxed=True)
+        return self._solve(start, start.times, apart, NEARBY if moves else FIRST)
 
     def refine(self, solution: Solution) -> Verdict:
         """Return the best verdict on solutions with points added where limits are broken."""

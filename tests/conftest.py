@@ -10,6 +10,11 @@ import numpy as np
 import pytest
 import umsgpack
 from hypothesis import settings
+from recorded.refusals import (  # noqa: F401
+    pytest_addoption,
+    pytest_runtest_call,
+    pytest_sessionfinish,
+)
 
 import kickdyn as kd
 

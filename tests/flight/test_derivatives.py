@@ -112,6 +112,19 @@ def test_without_air_the_derivatives_are_those_of_the_parabola():
     assert not position[:, 3:].any()
 
 
+def test_without_air_the_place_of_a_launch_may_depend_on_parameters():
+    def launch(values):
+        place, speed = values
+        return kd.BallState((0.5, place, 2 * place), (8, 1, speed)), None
+
+    flight = fly_with_slopes(launch, [0.3, 5.0], [1e-6, 1e-6], BALL, 0.7)
+    expected = np.array([[0, 0], [1, 0], [2, 0.7]])
+    for time in (0.2, 0.7):
+        expected[2, 1] = time
+        assert flight.slopes(time) == pytest.approx(expected, abs=1e-8)
+    assert flight.slopes(np.array([0.2, 0.7]))[1] == pytest.approx(expected, abs=1e-8)
+
+
 @pytest.mark.parametrize("air", [None, AIR])
 def test_a_plane_that_is_not_reached_is_an_error(air):
     away = kd.Plane((-1, 0, 0), (1, 0, 0))

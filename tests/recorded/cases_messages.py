@@ -2,16 +2,20 @@
 
 import math
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from scipy.interpolate import BSpline
 
 import kickdyn as kd
 from kickdyn.core import files, validation
+from kickdyn.planning import plan_report
+from kickdyn.robot.standing import StandingRobot
 from kickdyn.robot.urdf_file import shipped_urdf
 from kickdyn.sweeps.queries import condition
 from recorded.cases_commands import run
-from recorded.parts import AIR, BALL, CONTACT, HUMAN, POSTURE, V, faults, legs, measured
+from recorded.parts import AIR, BALL, BOX, CONTACT, HUMAN, POSTURE, V, faults, legs, measured
 
 TRACK = measured(30)
 HIT = kd.strike(POSTURE, V, BALL, CONTACT)
@@ -149,8 +153,60 @@ PLANNING = {
     "open": lambda: kd.strike(legs("fourbar").posture(np.full(legs("fourbar").nq, 0.1)), np.zeros(legs("fourbar").nv), BALL, CONTACT),
     "kept": lambda: legs("fourbar").close_loops(legs("fourbar").configuration(), keep="hip"), "legs": lambda: kd.Leg.from_robot("panda", legs_only=True),
     "packages": lambda: kd.Leg.from_urdf(shipped_urdf("leg_human.urdf"), package_dirs="/"), "folder": lambda: kd.Leg.from_urdf(shipped_urdf("leg_human.urdf"), package_dirs=["none"]),
+    "mjcf included twice": lambda: mjcf('<include file="part.xml"/><include file="part.xml"/><default>', "<default>"),
+    "mjcf twins": lambda: mjcf("<body ", '<body name="shank" ', '<body name="body3"', '<body name="thigh"'),
+    "no mjcf": lambda: kd.Leg.from_mjcf(written("a.xml", "<html/>"), "toe"), "no urdf": lambda: kd.Leg.from_urdf(written("a.urdf", "<html/>"), "toe"),
+    "slow receiver": lambda: kd.plan_kick(HUMAN, kd.Goal(20, speed=12, receiver_velocity=(11.9, 0, 0)), BALL, AIR),
+    "never in reach": lambda: kd.plan_kick(HUMAN, kd.Goal(40, time=1.2), BALL, None, incoming=kd.BallState((2.0, 0.0, -0.7042), (-1, 0.0, 0.0)), surface="carpet"),
+    "aside": lambda: kd.plan_trap(HUMAN, ROLLING, BALL, kd.Air(), velocity=(2, 0.5, 1)),
     "patterns": lambda: HUMAN.locked({"h*": 0.1, "*p": 0.2}), "velocity": lambda: POSTURE.joint_velocity((1e308, 1e308, 0)),
 }  # fmt: skip
+
+
+def mjcf(*edits):
+    """Read the robot of the tables with each new text for the old one behind it."""
+    text = BOX
+    for new, old in zip(edits[::2], edits[1::2], strict=True):
+        assert old in text
+        text = text.replace(old, new, 1)
+    written("part.xml", '<mujocoinclude><default class="x"/></mujocoinclude>')
+    return kd.Leg.from_mjcf(written("robot.xml", text), "toe")
+
+
+def told(plan):
+    """Return what the report of a plan says, in sentences and in its table."""
+    report = plan_report.PlanReport(plan)
+    return [*report.sentences(), *report.table()]
+
+
+def larger(factor, *arguments):
+    """Return a motion of splines that is larger by a factor."""
+    from recorded.cases_planning import made_motion
+
+    motion = made_motion(*arguments)
+    splines = (BSpline(x.t, factor * x.c, x.k) for x in (motion.before, motion.after))
+    return replace(motion, **dict(zip(("before", "after"), splines, strict=True)))
+
+
+def swung_through_the_ball():
+    plan = kd.plan_kick(HUMAN, kd.Goal(20, time=1.2), BALL, None, ball_position=-0.72)
+    return replace(plan, motion=larger(-3.0)).warnings
+
+
+def swung_through_the_other_leg():
+    robot = kd.Leg.from_robot("g1", base="floating", legs_only=True, drives=False)
+    plan = kd.plan_kick(
+        robot.with_supports(kd.Support("left_ankle_roll_link", friction=0.7)),
+        kd.Goal(2, time=0.4),
+        BALL,
+        None,
+    )
+    stood = StandingRobot(plan.leg)
+    return replace(
+        plan, motion=larger(3.0, stood.robot, stood.placement, stood.leg.joint_names)
+    ).warnings
+
+
 SWEEPS = {
     "executor": lambda: kd.sweep(HUMAN, {"hip": 0.1}, kd.Kick(), threads=2, executor=ThreadPoolExecutor(1)),
     "resume": lambda: kd.sweep(HUMAN, {"hip": 0.1}, kd.Kick(), resume=True), "folder": lambda: kd.sweep(HUMAN, {"hip": 0.1}, kd.Kick(), store="none/a.zarr"),
@@ -166,7 +222,16 @@ SWEEPS = {
 SAID = {
     "ball": lambda: kd.Ball(430.0, 22.0).warnings, "ends of a loop": lambda: kd.Leg.from_urdf(shipped_urdf("leg_fourbar.urdf")).open_loops,
     "flattened": lambda: kd.collide(POSTURE, V, kd.Ball(0.43, 0.11, pressure=9e3), CONTACT, stiffness="pressure").warnings,
+    "a motion through the ball": swung_through_the_ball, "a motion through the other leg": swung_through_the_other_leg,
     "far from the posture": lambda: kd.infer_impact(POSTURE, V, BALL, HIT.ball_before, kd.BallState(HIT.ball_after.position, HIT.ball_after.velocity, (40, 9, 3))).warnings,
+}  # fmt: skip
+CLEAR = kd.Air()
+PLANS = {
+    "late": lambda: kd.plan_kick(HUMAN, kd.Goal(15, time=0.55), BALL, CLEAR, surface="carpet"),
+    "late and high": lambda: kd.plan_kick(HUMAN, kd.Goal((30, 2, 5), time=1.3), BALL, CLEAR),
+    "stops": lambda: kd.plan_kick(legs("testbed"), kd.Goal(40, time=9), BALL, CLEAR, surface="turf"),
+    "trap": lambda: kd.plan_trap(HUMAN, ROLLING, BALL, CLEAR), "weak trap": lambda: kd.plan_trap(HUMAN, ROLLING, BALL, CLEAR, velocity=(60, 0, 1)),
+    "weak": lambda: kd.plan_kick(HUMAN, kd.Goal(40, time=1.2), BALL, CLEAR, incoming=ROLLING),
 }  # fmt: skip
 COMMANDS = {
     "distance": "plan", "ball position": "plan --distance 9 --ball-position 0,0,0.1 --ball-velocity 1,0,0 --ball-height -0.7", "picture": "view free_kick --at 1 --out a.html",
@@ -182,5 +247,6 @@ CASES = {
     **{f"{group} {name}": (lambda call=call: faults({"": call})[""]) for group, calls in {"flight": FLIGHT, "identification": IDENTIFICATION, "impact": IMPACT,
        "planning": PLANNING, "sweeps": SWEEPS}.items() for name, call in calls.items()},
     **{f"said of {name}": call for name, call in SAID.items()},
+    **{f"plan {name}": (lambda call=call: told(call())) for name, call in PLANS.items()},
     **{f"command {name}": (lambda line=line: run(*line.split())) for name, line in COMMANDS.items()},
 }  # fmt: skip

@@ -66,6 +66,12 @@ def test_nothing_is_recorded_that_no_case_computes():
         assert {f"{group}: {name}" for name in expected(group)} <= labels
 
 
+def test_the_tests_whose_refusals_are_recorded_exist():
+    for name in expected("refusals"):
+        path, *_, function = name.partition("[")[0].split("::")
+        assert f"def {function}(" in (Path(__file__).parents[1] / path).read_text("utf-8"), name
+
+
 def test_what_counts_as_a_difference():
     assert differences({"a": [1.0, 2e-12]}, {"a": [1.0 + 1e-9, 0.0]}) == []
     assert differences({"a": [1.0, 0.0]}, {"a": [1.0, 1e-4]}) == ["a: [1.0, 0.0001] for [1.0, 0.0]"]

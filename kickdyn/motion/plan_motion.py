@@ -44,7 +44,7 @@ FAR = 0.02
 ROUNDS = 5
 """Solutions with points added where limits are broken."""
 
-MOST_WORK, LEGS_WORK, LEAST_ITERATIONS = 9000, 4500, 10
+MOST_WORK, LEGS_WORK, LEAST_ITERATIONS = 14000, 4500, 10
 """Iterations of Ipopt times joints that move: of a plan, and of its legs alone, at most. Fewer
 iterations than the last number are not begun. An iteration takes about 8 ms for each joint."""
 
@@ -54,7 +54,8 @@ ROWS = 300
 WHOLE, FULL, NEARLY, HOPE, LEAST_SHARE = 0.998, 0.98, 0.9, 0.6, 0.05
 """Shares of the launch: from which on the whole launch is sought, far from a motion that keeps its
 limits and near one; from which on the motion of the legs is improved, and one to start from; below
-which legs alone are given up; and below which there is no kick."""
+which legs alone are given up, and all joints after two solutions; and below which there is no
+kick."""
 
 TIGHTER = {"mu_init": 1e-3, "max_iter": 150, "constr_viol_tol": 1e-7}
 """Options of Ipopt for a solution that others follow near it."""
@@ -276,8 +277,8 @@ class _Search:
         verdict, full = Verdict(self.problem, solution), solution.share > FULL
         verdicts: list[Verdict] = []  # the first solution keeps its limits at the points only
         nearest = verdict
-        for _ in range(ROUNDS):
-            if solution.share < (LEAST_SHARE if self._partly else NEARLY):
+        for number in range(ROUNDS):
+            if solution.share < (LEAST_SHARE if self._partly and number < 2 else NEARLY):
                 break
             if not self._work.iterations(self.problem.n):
                 break

@@ -187,7 +187,7 @@ def check_sole(standing: StandingRobot) -> None:
     if not width > least:
         frame = standing.support.frame
         raise InvalidInput(
-            f"the sole of {frame} is {width:.2g} mm wide: the centre of pressure of a motion stays "
+            f"the sole of {frame} is {width:.3g} mm wide: the centre of pressure of a motion stays "
             f"inside it, so it must be wider than {least:g} mm: name its corners, "
             f"Support({frame!r}, sole=...), --support {frame}:FRICTION:CORNERS"
         )

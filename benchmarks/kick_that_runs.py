@@ -154,7 +154,7 @@ def planned(name: str, words: str, leg: kd.Leg, goal: kd.Goal) -> dict[str, obje
         row["limits"] = [name for name in names if name]
         with left_out(row["limits"]):
             again = kd.plan_kick(relaxed(leg, row["limits"]), goal, BALL, AIR, **options)
-        row["relaxed"], row["relaxed_keeps"] = again.share, not again.motion.warnings
+        row["relaxed"], row["broken"] = again.share, list(again.motion.warnings)
     return row
 
 
@@ -212,7 +212,7 @@ def print_tables(rows: Sequence[dict]) -> None:
         if row["robot"] == "goals":
             again = ""
             if "relaxed" in row:
-                again = f"{row['relaxed']:.3f}, {'met' if row['relaxed_keeps'] else 'not met'}"
+                again = f"{row['relaxed']:.3f}, {'not met' if row['broken'] else 'met'}"
             names = "; ".join(row.get("limits", ()))
             print(f"| {row['goal']} | {row['launch']:.1f} | {row['status']} | {row['share']:.3f} | "
                   f"{row['seconds']:.1f} | {names} | {again} |")  # fmt: skip

@@ -40,8 +40,7 @@ class ImpactRows(NamedTuple):
     """Rows of the impact.
 
     Attributes:
-        every: of q, v before, the jump of v, s, and w; the parameter relaxes limits of the ground.
-            All but w are of the joints that move.
+        every: of q, v before, the jump of v, s, and w; all but w are of the joints that move.
         posture: of q alone.
         margins: CasADi's function of q and w: margins of the ground's limits.
         jump: likewise of q: matrix and right side of the equations for w.
@@ -71,7 +70,6 @@ def impact_rows(
     q, v, jump = tree.q, tree.v, ca.SX.sym("jump", tree.model.nv)
     of_whole = ca.SX.sym("of_whole", model.nv)
     share, none = ca.SX.sym("share"), ca.SX(0, 1)
-    relaxation = ca.SX.sym("relaxation")
     every = SymbolicTree(model, (at_rest, ca.SX(model.nv, 1), of_whole))
     needed, reaction = every.inverse_dynamics(gravity=False)
     moving = [task.whole.velocity_index(name) for name in leg.joint_names]
@@ -110,18 +108,14 @@ def impact_rows(
     moment = ca.cross(point, ca.DM(impulse))
     wrench = reaction + ca.vertcat(ca.DM(impulse), moment)
     sample = Sample(tree, torque=None, wrench=wrench, size=float(np.linalg.norm(impulse)))
-    for limit in limits:
-        row, low, high = limit.rows(sample)
-        rows.append((row + relaxation * (1.0 - share), low, high))
+    rows += [limit.rows(sample) for limit in limits]
     z = ca.vertcat(q, v, jump, share, of_whole)
     margins = [limit.margins(sample) for limit in limits]
     function = ca.Function("impulse_margins", [q, of_whole], [ca.vertcat(none, *margins)])
     of_jump = ca.Function("jump", [q], [ca.jacobian(needed, of_whole), force])
     centre = ca.Function("ball", [q], [point + ca.DM(ball.radius * normal)])
     posture = make_rows(q, none, posture_rows, ca.SX(0.0))
-    return ImpactRows(
-        make_rows(z, relaxation, rows, ca.SX(0.0)), posture, function, of_jump, centre
-    )
+    return ImpactRows(make_rows(z, none, rows, ca.SX(0.0)), posture, function, of_jump, centre)
 
 
 def _restitution(target: ImpactTarget, approach: Any) -> Any:

@@ -113,10 +113,9 @@ def limits_of(task: KickTask) -> tuple[list[Limit], list[Impulse]]:
     if standing is None:
         return limits, []
     friction = _friction(standing)
-    slip = Friction(friction)
-    limits += [Pressure(LEAST_PRESSURE), slip, PressureCentre(standing, INSIDE)]
-    limits.append(Twist(standing, friction))
-    in_impact = [Pressure(LEAST_IMPULSE), slip, PressureCentre(standing)]
+    slip, twist = Friction(friction), Twist(standing, friction)
+    limits += [Pressure(LEAST_PRESSURE), slip, PressureCentre(standing, INSIDE), twist]
+    in_impact = [Pressure(LEAST_IMPULSE), slip, PressureCentre(standing), twist]
     foot, posture = leg.contact_joint, leg.posture(leg.configuration())
     side = 1.0 if posture.contact_point[1] > standing.sole[:, 1].mean() else -1.0
     edge = float(side * (side * standing.sole[:, 1]).max())
@@ -188,7 +187,7 @@ def check_sole(standing: StandingRobot) -> None:
     if not width > least:
         frame = standing.support.frame
         raise InvalidInput(
-            f"the sole of {frame} is {width:.2g} mm wide: the centre of pressure of a motion stays "
+            f"the sole of {frame} is {width:.3g} mm wide: the centre of pressure of a motion stays "
             f"inside it, so it must be wider than {least:g} mm: name its corners, "
             f"Support({frame!r}, sole=...), --support {frame}:FRICTION:CORNERS"
         )

@@ -12,8 +12,7 @@ origin, and the sole is level at :math:`z = 0`. Its limits are
     \mu r f_z \ge |m_z - (c_x f_y - c_y f_x)|
 
 with the edges :math:`n_i \cdot x \le d_i` of the sole, its centre c and the arm r of its friction.
-They hold for the impulse of the ground in the impact too, but for the moment about the vertical: a
-foot that turns about it hardly changes the kick.
+They hold for the impulse of the ground in the impact too.
 """
 
 import math
@@ -236,7 +235,7 @@ class Friction(GroundLimit):
 class PressureCentre(GroundLimit):
     """The centre of pressure is inside the sole, by a distance from its edges [m]."""
 
-    unit, reserve = "m", 0.002
+    unit, reserve = "m", 0.004
 
     def __init__(self, standing: StandingRobot | Foot, inside: float = 0.0) -> None:
         self._normals, offsets = sole_edges(standing)
@@ -271,13 +270,7 @@ class Twist(GroundLimit):
 
 
 class Impulse(Limit):
-    """The same limit of the ground, for its impulse in the impact.
-
-    Attributes:
-        relaxation: of its rows where none of the launch is reached.
-    """
-
-    relaxation = 0.5
+    """The same limit of the ground, for its impulse in the impact."""
 
     def __init__(self, limit: Limit) -> None:
         self.limit, self.unit = limit, limit.unit

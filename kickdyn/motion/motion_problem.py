@@ -20,6 +20,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from kickdyn.core.validation import Array
 from kickdyn.motion.impact_rows import impact_rows
@@ -56,6 +57,10 @@ the posture at both ends [1/rad2] and of the share of the launch that is not rea
 LEAST_EFFECT, LEAST_MULTIPLIER = 1e-3, 0.05
 """Share of the launch below which a limit does not count as one that holds it back, and multiplier
 below which a row does not count: Ipopt gives those that are not reached small ones, too."""
+
+WHOLE_SHARE = 1.0 - 1e-4
+"""Share of the launch from which on a solution counts as the whole launch: interior points are this
+far from their bounds, and limits have larger reserves."""
 
 IMPACT_STEPS = 3
 """Steps of Newton's method after which the equations of the impact have no error but rounding."""
@@ -95,67 +100,36 @@ class MotionProblem:
         """Make it; `limited` are joints at rest whose torques have rows."""
         self.task, self.splines, self.limited = task, splines, tuple(limited)
         self.limits, self.impulse_limits = limits_of(task)
-        model = task.leg.model
+        model, whole = task.leg.model, task.whole
         self.n = int(model.nv)
         self.lower = np.maximum(model.lowerPositionLimit, -np.pi)
         self.upper = np.minimum(model.upperPositionLimit, np.pi)
         self._tree = tree = SymbolicTree(model)
-        torque, wrench = tree.inverse_dynamics()
-        weight = sum(body.mass for body in model.inertias) * 9.81
-        whole = task.whole
         self._at_rest = rest_configuration(whole, task.aside)
         self._moving, self._resting = (
             [whole.velocity_index(name) for name in names]
             for names in (task.leg.joint_names, task.resting)
         )
+        rest, still = self._at_rest, np.zeros(whole.nv)
+        states = [
+            self._among_all(rest, tree.q), self._among_all(still, tree.v),
+            self._among_all(still, tree.a),
+        ]  # fmt: skip
+        self._resting_torque = SymbolicTree(whole.model, states).inverse_dynamics()[0][
+            self._resting
+        ]
+        self._weight = sum(body.mass for body in model.inertias) * 9.81
         scale = np.asarray(model.effortLimit)
         if task.standing is not None:
-            scale = np.append(scale, weight * np.repeat([1.0, LENGTH], 3))
-        needed = ca.vertcat(torque, wrench)[: len(scale)] / ca.DM(scale)
-        self.forces = ca.Function("forces", [tree.q, tree.v, tree.a], [needed])
-        states = [self._among_all(*pair) for pair in zip(
-            (self._at_rest, *np.zeros((2, whole.nv))), (tree.q, tree.v, tree.a), strict=True
-        )]  # fmt: skip
-        resting = SymbolicTree(whole.model, states).inverse_dynamics()[0][self._resting]
-        every = SymbolicTree(whole.model)
-        of_all, on_ground = every.inverse_dynamics()
-        forces = ca.vertcat(of_all[self._moving], on_ground)[: len(scale)] / ca.DM(scale)
-        given = [every.q, every.v, every.a]
-        self._all_forces = ca.Function("forces", given, [
-            ca.vertcat(forces, of_all[self._resting])
-        ])  # fmt: skip
-        unknown = (ca.SX.sym("x", size) for size in (self.n, 6, len(self._resting)))
-        sample = Sample(tree, next(unknown), next(unknown), weight, next(unknown))
-        margins = ca.Function(
-            "margins",
-            [tree.q, tree.v, tree.a, sample.torque, sample.wrench, sample.resting],
-            [ca.vertcat(*(limit.margins(sample) for limit in self.limits))],
-        )
-        self.margins = ca.Function("margins", given, [margins(
-            *(x[self._moving] for x in given), of_all[self._moving], on_ground,
-            of_all[self._resting],
-        )])  # fmt: skip
+            scale = np.append(scale, self._weight * np.repeat([1.0, LENGTH], 3))
+        self._scale, of_ground = ca.DM(scale), len(scale) - self.n
         self._most = np.append(
-            np.full(self.n, 1.0 - TorqueLimit.reserve), np.full(len(scale) - self.n, np.inf)
+            np.full(self.n, 1.0 - TorqueLimit.reserve), np.full(of_ground, np.inf)
         )
-        forces = ca.SX.sym("forces", len(scale))
-        self._resting_torque = resting
-        change = ca.SX.sym("change", len(scale) + len(self._resting))  # by joints that gave way
-        given = ca.vertcat(ca.DM(scale) * forces, ca.SX(6, 1))
-        sample = Sample(tree, given[: self.n], given[self.n : self.n + 6], weight,
-                        resting + change[len(scale) :])  # fmt: skip
-        # splines keep some limits, and bounds of unknowns others
-        others = (TorqueLimit, SpeedLimit, RangeLimit, RestingTorqueLimit)
-        on_path = [limit for limit in self.limits if type(limit) not in others]
-        if limited:
-            on_path.append(resting_limit(task, limited))
-        self._on_path = [(label, limit.unit) for limit in on_path for label in limit.labels]
-        rows = [limit.rows(sample) for limit in on_path]
-        rows.append((forces - needed - change[: len(scale)], 0.0, 0.0))
-        of_heights = [[isinstance(limit, Clearance)] * len(limit.labels) for limit in on_path]
-        self._is_height = np.concatenate([*of_heights, np.zeros(len(scale), bool)]).astype(bool)
-        cost = ca.sumsqr(forces[: self.n]) / self.n
-        self.path = make_rows(ca.vertcat(tree.q, tree.v, tree.a, forces), change, rows, cost)
+        needed = ca.vertcat(*tree.inverse_dynamics())[: len(scale)] / self._scale
+        self.forces = ca.Function("forces", [tree.q, tree.v, tree.a], [needed])
+        self.margins, self._all_forces = self._of_all_joints()
+        self._on_path, self._is_height, self.path = self._path_rows(needed)
         self.impact, self.posture, self.impulse_margins, self._jump, self._ball_centre = (
             impact_rows(task, tree, states[0], self.impulse_limits)
         )
@@ -170,6 +144,60 @@ class MotionProblem:
             placed = tree.point(joint, np.zeros(3)) - ca.DM(pose.translation)
             closed = ca.vertcat(placed, ca.inv_skew(turned - turned.T) / 2)
             self._closed = make_rows(tree.q, ca.SX(0, 1), [(closed, 0.0, 0.0)], ca.SX(0.0))
+
+    def _of_all_joints(self) -> tuple[Any, Any]:
+        """Return `margins`, and `forces` with all joints, then torques of those at rest."""
+        tree, every = self._tree, SymbolicTree(self.task.whole.model)
+        torque, wrench = every.inverse_dynamics()
+        state, moving, resting = (
+            [every.q, every.v, every.a],
+            torque[self._moving],
+            torque[self._resting],
+        )
+        sample = Sample(
+            tree, ca.SX.sym("torque", self.n), ca.SX.sym("wrench", 6), self._weight,
+            ca.SX.sym("resting", len(self._resting)),
+        )  # fmt: skip
+        margins = ca.Function(
+            "margins",
+            [tree.q, tree.v, tree.a, sample.torque, sample.wrench, sample.resting],
+            [ca.vertcat(*(limit.margins(sample) for limit in self.limits))],
+        )
+        margins = margins(*(x[self._moving] for x in state), moving, wrench, resting)
+        forces = ca.vertcat(moving, wrench)[: self._scale.numel()] / self._scale
+        return (
+            ca.Function("margins", state, [margins]),
+            ca.Function("forces", state, [ca.vertcat(forces, resting)]),
+        )
+
+    def _path_rows(self, needed: Any) -> tuple[list[tuple[str, str]], NDArray[np.bool_], Rows]:
+        """Return labels and units of the limits at a point, which rows are heights, and the rows.
+
+        The unknowns are q, v, a and the forces over their scale; parameters are the changes by
+        joints at rest that gave way, of these forces and of the torques of joints at rest.
+
+        Args:
+            needed: the forces of q, v and a.
+        """
+        tree, count = self._tree, self._scale.numel()
+        forces = ca.SX.sym("forces", count)
+        change = ca.SX.sym("change", count + len(self._resting))
+        given = ca.vertcat(self._scale * forces, ca.SX(6, 1))
+        sample = Sample(tree, given[: self.n], given[self.n : self.n + 6], self._weight,
+                        self._resting_torque + change[count:])  # fmt: skip
+        # splines keep some limits, and bounds of unknowns others
+        others = (TorqueLimit, SpeedLimit, RangeLimit, RestingTorqueLimit)
+        limits = [limit for limit in self.limits if type(limit) not in others]
+        if self.limited:
+            limits.append(resting_limit(self.task, self.limited))
+        rows = [limit.rows(sample) for limit in limits]
+        rows.append((forces - needed - change[:count], 0.0, 0.0))
+        labels = [(label, limit.unit) for limit in limits for label in limit.labels]
+        of_heights = [[isinstance(limit, Clearance)] * len(limit.labels) for limit in limits]
+        is_height = np.concatenate([*of_heights, np.zeros(count, bool)]).astype(bool)
+        unknowns = ca.vertcat(tree.q, tree.v, tree.a, forces)
+        cost = ca.sumsqr(forces[: self.n]) / self.n
+        return labels, is_height, make_rows(unknowns, change, rows, cost)
 
     def ball_centre(self, q: Array) -> Array:
         """Return the centre of the ball that the foot touches at q, shape `(3,)` [m]."""
@@ -309,7 +337,6 @@ class MotionProblem:
         rest: Array,
         times: list[Array],
         *,
-        relaxation: float,
         shares: tuple[float, float],
         options: dict[str, Any],
         apart: Sequence[Conditions] = (),
@@ -320,7 +347,6 @@ class MotionProblem:
             start: unknowns and multipliers to start from.
             rest: posture near which both ends are, shape `(n,)`.
             times: of the points, before and after the impact [s].
-            relaxation: of the limits of the ground's impulse at the share 0.
             shares: bounds of the share.
             options: of Ipopt, besides `OPTIONS`.
             apart: conditions of bodies.
@@ -331,7 +357,7 @@ class MotionProblem:
         size = last + 1 + self.task.whole.nv
         to_speeds = per_joint(splines.speed_rows(), n, 1)
         to_speeds = sp.diags(np.resize(1.0 / self.task.speed_limit, to_speeds.shape[0])) @ to_speeds
-        blocks = [*self._blocks(times, start, relaxation), *map(self._block_apart, apart)]
+        blocks = [*self._blocks(times, start), *map(self._block_apart, apart)]
         most = np.full(to_speeds.shape[0], 1.0 - SpeedLimit.reserve)
         lower = [np.tile(block.rows.lower, len(block.weights)) for block in blocks]
         upper = [np.tile(block.rows.upper, len(block.weights)) for block in blocks]
@@ -376,6 +402,7 @@ class MotionProblem:
         of_points = of_points.reshape(len(moments), -1)
         feasible = bool(np.abs(rows - np.clip(rows, lowest, highest)).max() <= TOLERANCE)
         coefficients, share = x[:last].reshape(splines.size, n), float(x[last])
+        share = share if share < WHOLE_SHARE else 1.0
         return Solution(
             rest,
             self._with_exact_impact(coefficients, share) if feasible else coefficients,
@@ -403,8 +430,8 @@ class MotionProblem:
         for _ in range(IMPACT_STEPS):
             state = maps @ coefficients
             z = np.concatenate([state.ravel(), [share], jump])
-            error = np.asarray(self.impact.values(z, 0.0)[0]).ravel()[equal]
-            slope = np.asarray(self.impact.jacobian(z, 0.0))[equal]
+            error = np.asarray(self.impact.values(z, [])[0]).ravel()[equal]
+            slope = np.asarray(self.impact.jacobian(z, []))[equal]
             of_state, of_jump = slope[:, : state.size], slope[:, state.size + 1 :]
             rows = np.einsum("kin,is->ksn", of_state.reshape(len(slope), len(maps), -1), maps)
             rows = np.hstack([rows.reshape(len(rows), -1), of_jump])
@@ -489,7 +516,7 @@ class MotionProblem:
             add(self.surroundings.label(joints), values, 0.01)
         return {label: value for label, value in total.items() if value > LEAST_EFFECT}
 
-    def _blocks(self, times: list[Array], start: Solution, relaxation: float) -> list[Block]:
+    def _blocks(self, times: list[Array], start: Solution) -> list[Block]:
         """Return the rows of the points and of the impact."""
         n, splines, free = self.n, self.splines, len(self._most)
         maps = np.stack([splines.values(times, order) for order in range(3)], axis=1)
@@ -505,7 +532,7 @@ class MotionProblem:
         weights = np.concatenate([integration_weights(t) for t in times])
         return [
             Block(self.path, to_points, self._changes(times, start), weights),
-            Block(self.impact, to_impact, np.array([[relaxation]]), np.zeros(1)),
+            Block(self.impact, to_impact, np.zeros((0, 1)), np.zeros(1)),
         ]
 
     def _block_apart(self, conditions: Conditions) -> Block:

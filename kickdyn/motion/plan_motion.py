@@ -11,7 +11,6 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.motion.kick_task import KickTask, check_limits, check_sole
 from kickdyn.motion.limbs import frames_of, idle_limbs, limbs_aside
-from kickdyn.motion.limits import Impulse
 from kickdyn.motion.motion import Motion
 from kickdyn.motion.motion_problem import MotionProblem
 from kickdyn.motion.separation import Conditions, with_former
@@ -45,7 +44,7 @@ FAR = 0.02
 ROUNDS = 5
 """Solutions with points added where limits are broken."""
 
-MOST_WORK, LEGS_WORK, LEAST_ITERATIONS = 5500, 3600, 10
+MOST_WORK, LEGS_WORK, LEAST_ITERATIONS = 14000, 4500, 10
 """Iterations of Ipopt times joints that move: of a plan, and of its legs alone, at most. Fewer
 iterations than the last number are not begun. An iteration takes about 8 ms for each joint."""
 
@@ -55,7 +54,8 @@ ROWS = 300
 WHOLE, FULL, NEARLY, HOPE, LEAST_SHARE = 0.998, 0.98, 0.9, 0.6, 0.05
 """Shares of the launch: from which on the whole launch is sought, far from a motion that keeps its
 limits and near one; from which on the motion of the legs is improved, and one to start from; below
-which legs alone are given up; and below which there is no kick."""
+which legs alone are given up, and all joints after two solutions; and below which there is no
+kick."""
 
 TIGHTER = {"mu_init": 1e-3, "max_iter": 150, "constr_viol_tol": 1e-7}
 """Options of Ipopt for a solution that others follow near it."""
@@ -222,8 +222,6 @@ class _Search:
         apart: Sequence[Conditions],
         options: dict[str, Any],
         shares: tuple[float, float] = (0.0, 1.0),
-        *,
-        relaxed: bool = False,
     ) -> Solution:
         rows = sum(len(conditions.times) for conditions in apart)
         joints = self.problem.n + rows // ROWS
@@ -232,7 +230,6 @@ class _Search:
             start,
             self.rest,
             times,
-            relaxation=Impulse.relaxation if relaxed else 0.0,
             shares=shares,
             options={**options, "max_iter": most},
             apart=apart,
@@ -273,15 +270,15 @@ class _Search:
         problem = self.problem
         near = problem.surroundings.without(aside)
         apart = Nearness(problem, start, start.times, near).conditions(start.times)
-        return self._solve(start, start.times, apart, NEARBY if moves else FIRST, relaxed=True)
+        return self._solve(start, start.times, apart, NEARBY if moves else FIRST)
 
     def refine(self, solution: Solution) -> Verdict:
         """Return the best verdict on solutions with points added where limits are broken."""
         verdict, full = Verdict(self.problem, solution), solution.share > FULL
         verdicts: list[Verdict] = []  # the first solution keeps its limits at the points only
         nearest = verdict
-        for _ in range(ROUNDS):
-            if solution.share < (LEAST_SHARE if self._partly else NEARLY):
+        for number in range(ROUNDS):
+            if solution.share < (LEAST_SHARE if self._partly and number < 2 else NEARLY):
                 break
             if not self._work.iterations(self.problem.n):
                 break

@@ -59,11 +59,9 @@ def make_rows(z: Any, p: Any, rows: Sequence[tuple[Any, float, float]], cost: An
         np.repeat([low for _, low, _ in rows], sizes),
         np.repeat([high for _, _, high in rows], sizes),
         ca.Function("values", [z, p], [stacked, cost]),
-        ca.Function("jacobian", [z, p], [ca.densify(ca.jacobian(stacked, z))]),
+        ca.Function("jacobian", [z, p], [ca.jacobian(stacked, z)]),
         ca.Function("slope", [z, p], [ca.densify(ca.gradient(cost, z))]),
-        ca.Function(
-            "hessian", [z, p, multipliers, weight], [ca.densify(ca.hessian(lagrangian, z)[0])]
-        ),
+        ca.Function("hessian", [z, p, multipliers, weight], [ca.hessian(lagrangian, z)[0]]),
     )
 
 

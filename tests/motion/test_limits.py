@@ -112,7 +112,7 @@ def test_the_trunk_may_be_tilted_by_40_degrees(degrees, kept):
 
 def test_a_sole_without_room_for_the_centre_of_pressure_is_refused():
     support = SimpleNamespace(frame="foot")
-    wide, narrow = (np.array([(x, y) for x in (0, 0.2) for y in (0, w)]) for w in (0.0101, 0.0099))
+    wide, narrow = (np.array([(x, y) for x in (0, 0.2) for y in (0, w)]) for w in (0.0141, 0.0139))
     check_sole(SimpleNamespace(sole=wide, support=support))
-    with pytest.raises(InvalidInput, match=r"sole of foot is 9\.9 mm wide: .* wider than 10 mm"):
+    with pytest.raises(InvalidInput, match=r"sole of foot is 13\.9 mm wide: .* wider than 14 mm"):
         check_sole(SimpleNamespace(sole=narrow, support=support))

@@ -149,9 +149,7 @@ def test_a_shift_that_is_too_fast_names_the_limits_that_it_breaks():
 def test_both_ends_of_a_solution_are_the_posture_on_both_feet():
     of_motion, rest, start = problem()
     options = {"mu_init": 1e-3, "max_iter": 3}
-    solution = of_motion.solve(
-        start, rest, start.times, relaxation=0.5, shares=(0.0, 1.0), options=options
-    )
+    solution = of_motion.solve(start, rest, start.times, shares=(0.0, 1.0), options=options)
     for end in (0, -1):
         np.testing.assert_array_equal(solution.coefficients[end], rest)
     assert np.abs(solution.coefficients[5] - rest).max() > 1e-3

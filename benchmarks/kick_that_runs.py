@@ -34,7 +34,7 @@ from kickdyn.robot.standing import StandingRobot
 BALL, AIR = kd.Ball(), kd.Air()
 GOALS = {
     "7.9 m/s": kd.Goal(3, time=0.4),
-    "9.4 m/s": kd.Goal(3.5, time=0.4),
+    "9.4 m/s": kd.Goal(3.5, time=0.387),
     "11.4 m/s": kd.Goal(5, time=0.46),
 }
 ARMS = {"*wrist*": 0.0}

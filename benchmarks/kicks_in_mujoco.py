@@ -19,11 +19,7 @@ import numpy as np
 import kickdyn as kd
 
 BALL, AIR = kd.Ball(), kd.Air()
-ARMS_ASIDE = {
-    "left_shoulder_roll_joint": 0.8,
-    "right_shoulder_roll_joint": -0.8,
-    "*elbow*": 1.5,
-}
+ARMS = {"*wrist*": 0.0}
 HANDS = {"arm_*_[567]_joint": 0.0, "*gripper*": 0.0, "head_*": 0.0}
 NEAR = 3.0
 """Distance at which the balls are compared with the planned flight [m]."""
@@ -32,8 +28,8 @@ TOE = kd.Contact(friction=0.4, offset=(0.1, 0.0, 0.1))
 
 
 def g1() -> kd.Leg:
-    """Return G1 on its left foot, with its arms aside of the kicking leg."""
-    robot = kd.Leg.from_robot("g1", base="floating", legs_only=True, locked=ARMS_ASIDE)
+    """Return G1 with 23 joints on its left foot."""
+    robot = kd.Leg.from_robot("g1", base="floating", locked=ARMS)
     return robot.with_supports(kd.Support("left_ankle_roll_link", friction=0.7))
 
 

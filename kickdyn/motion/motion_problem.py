@@ -235,13 +235,12 @@ class MotionProblem:
         forces = self._all_forces.map(states.shape[1])(*states.transpose(0, 2, 1))
         return np.asarray(forces)
 
-    def _changes(self, times: list[Array], start: Solution) -> Array:
+    def _changes(self, times: list[Array], coefficients: Array, share: float) -> Array:
         """Return how joints at rest that gave way change forces, over their scale, at points.
 
         Torques of joints at rest follow, which have no scale.
         """
-        shares = start.share, 0.0
-        states = [self.states(times, start.coefficients, share) for share in shares]
+        states = [self.states(times, coefficients, each) for each in (share, 0.0)]
         after, rest = map(self.all_forces, states)
         return np.asarray(after - rest)
 
@@ -357,7 +356,11 @@ class MotionProblem:
         size = last + 1 + self.task.whole.nv
         to_speeds = per_joint(splines.speed_rows(), n, 1)
         to_speeds = sp.diags(np.resize(1.0 / self.task.speed_limit, to_speeds.shape[0])) @ to_speeds
-        blocks = [*self._blocks(times, start), *map(self._block_apart, apart)]
+        near = start.coefficients
+        if start.near is not None:  # solutions alternate without the mean
+            near = (near + start.near) / 2
+        changes = self._changes(times, near, start.share)
+        blocks = [*self._blocks(times, changes), *map(self._block_apart, apart)]
         most = np.full(to_speeds.shape[0], 1.0 - SpeedLimit.reserve)
         lower = [np.tile(block.rows.lower, len(block.weights)) for block in blocks]
         upper = [np.tile(block.rows.upper, len(block.weights)) for block in blocks]
@@ -418,6 +421,7 @@ class MotionProblem:
             feasible,
             int(solver.stats()["iter_count"]),
             self.limited,
+            near,
         )
 
     def _with_exact_impact(self, coefficients: Array, share: float) -> Array:
@@ -516,7 +520,7 @@ class MotionProblem:
             add(self.surroundings.label(joints), values, 0.01)
         return {label: value for label, value in total.items() if value > LEAST_EFFECT}
 
-    def _blocks(self, times: list[Array], start: Solution) -> list[Block]:
+    def _blocks(self, times: list[Array], changes: Array) -> list[Block]:
         """Return the rows of the points and of the impact."""
         n, splines, free = self.n, self.splines, len(self._most)
         maps = np.stack([splines.values(times, order) for order in range(3)], axis=1)
@@ -531,7 +535,7 @@ class MotionProblem:
         to_impact = sp.block_diag([per_joint(splines.at_impact(), n, 0), sp.eye(1 + jump)])
         weights = np.concatenate([integration_weights(t) for t in times])
         return [
-            Block(self.path, to_points, self._changes(times, start), weights),
+            Block(self.path, to_points, changes, weights),
             Block(self.impact, to_impact, np.zeros((0, 1)), np.zeros(1)),
         ]
 

@@ -137,17 +137,18 @@ class Launch(PlannedLaunch):
         if self.limit is None:
             count = 1 + len(self.others)
             return "1 launch meets the goal" if count == 1 else f"{count} launches meet the goal"
-        goal, reached = self.goal, self.reached
+        goal, reached, speed = self.goal, self.reached, f", at {self.speed:.4g} m/s"
         if (reached.target != goal.target).any():
-            nearest = f"the farthest is {reached.distance:.4g} m"
+            nearest = f"the farthest is {reached.distance:.4g} m{speed}"
         else:
             changed = reached.kind if reached.beside in (None, goal.beside) else "beside"
             named = {name: f"{name} {value} {unit}" for name, value, unit in reached.named_values()}
             straight = " without beside" if reached.beside is None and goal.beside else ""
             nearest = f"the nearest is {named[changed]}{straight}"
-        speed, spin = self.limits
-        reason = REASONS[self.limit].format(speed=speed, spin=spin)
-        return f"out of reach: {reason}; {nearest}, at {self.speed:.4g} m/s"
+            nearest += "" if changed == "speed" else speed
+        fastest, spin = self.limits
+        reason = REASONS[self.limit].format(speed=fastest, spin=spin)
+        return f"out of reach: {reason}; {nearest}"
 
 
 @validation.check_arguments

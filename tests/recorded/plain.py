@@ -95,8 +95,8 @@ def text_of(text):
     text = re.sub(r"((?:pin|numpy|scipy) )\d[\w.]+", r"\1N", text)
     text = re.sub(r"condition [1-9]e\+1[5-9]", "condition N", text)  # of rounding
     text = re.sub(r"(iterations(?:</th><td[^>]*>| +))\d+", r"\1N", text)
-    text = re.sub(re.escape(tempfile.gettempdir()) + r"/\w+", "TMP", text)
-    return re.sub(r"/[\w./-]*/(site-packages|urdf|scenes|data)/", r"\1/", text)
+    text = re.sub(r"/[\w./-]*/(site-packages|urdf|scenes|data)/", r"\1/", text)
+    return re.sub(re.escape(tempfile.gettempdir()) + r"/\w+", "TMP", text)
 
 
 def message(error):

@@ -272,7 +272,7 @@ class Motion(ReprMixin):
         return torque, np.asarray(wrench)
 
     def _on_robot(self, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
-        """Return q, v and the acceleration of the robot from those of its joints, in `_indices`."""
+        """Return q, v and a of the robot from those of the joints that move or are pushed."""
         robot, (qs, vs) = self.robot, self._indices
         model, data = robot.workspace.model, robot.workspace.data
         configuration = self._rest.copy()

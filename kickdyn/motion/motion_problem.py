@@ -356,10 +356,10 @@ class MotionProblem:
         size = last + 1 + self.task.whole.nv
         to_speeds = per_joint(splines.speed_rows(), n, 1)
         to_speeds = sp.diags(np.resize(1.0 / self.task.speed_limit, to_speeds.shape[0])) @ to_speeds
-        near = start.coefficients
-        if start.near is not None:  # solutions alternate without the mean
-            near = (near + start.near) / 2
-        changes = self._changes(times, near, start.share)
+        known = start.coefficients
+        if start.linearized is not None:  # without the mean, two solutions can alternate for ever
+            known = (known + start.linearized) / 2
+        changes = self._changes(times, known, start.share)
         blocks = [*self._blocks(times, changes), *map(self._block_apart, apart)]
         most = np.full(to_speeds.shape[0], 1.0 - SpeedLimit.reserve)
         lower = [np.tile(block.rows.lower, len(block.weights)) for block in blocks]
@@ -405,7 +405,7 @@ class MotionProblem:
         of_points = of_points.reshape(len(moments), -1)
         feasible = bool(np.abs(rows - np.clip(rows, lowest, highest)).max() <= TOLERANCE)
         coefficients, share = x[:last].reshape(splines.size, n), float(x[last])
-        share = share if share < WHOLE_SHARE else 1.0
+        share = 1.0 if share >= WHOLE_SHARE else share
         return Solution(
             rest,
             self._with_exact_impact(coefficients, share) if feasible else coefficients,
@@ -421,7 +421,7 @@ class MotionProblem:
             feasible,
             int(solver.stats()["iter_count"]),
             self.limited,
-            near,
+            known,
         )
 
     def _with_exact_impact(self, coefficients: Array, share: float) -> Array:

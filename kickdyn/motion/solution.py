@@ -47,8 +47,8 @@ class Solution:
         feasible: whether the rows are in their bounds, within `TOLERANCE`.
         iterations: number of its iterations.
         limited: joints at rest whose torques had rows.
-        near: coefficients near which the rows had the forces of joints at rest that give way; None
-            where there were no rows.
+        linearized: coefficients at which the forces of joints that give way in the impact were
+            computed for its rows; None where a solution does not start from those.
     """
 
     rest: Array
@@ -59,7 +59,7 @@ class Solution:
     feasible: bool = True
     iterations: int = 0
     limited: tuple[str, ...] = ()
-    near: Array | None = None
+    linearized: Array | None = None
 
 
 def taken_over(

@@ -155,6 +155,25 @@ def test_both_ends_of_a_solution_are_the_posture_on_both_feet():
     assert np.abs(solution.coefficients[5] - rest).max() > 1e-3
 
 
+def test_forces_of_joints_that_give_way_are_of_the_mean_of_two_solutions(monkeypatch):
+    of_motion, rest, start = problem()
+    find, seen = of_motion._changes, []
+
+    def keep(times, coefficients, share):
+        seen.append(coefficients)
+        return find(times, coefficients, share)
+
+    monkeypatch.setattr(of_motion, "_changes", keep)
+    options = {"shares": (0.0, 1.0), "options": {"mu_init": 1e-3, "max_iter": 2}}
+    for _ in range(2):
+        start = of_motion.solve(start, rest, start.times, **options)
+        assert start.linearized is seen[-1]
+    last = of_motion.solve(start, rest, start.times, **options)
+    np.testing.assert_array_equal(seen[2], (start.coefficients + seen[1]) / 2)
+    assert np.abs(seen[2] - start.coefficients).max() > 1e-3
+    assert last.linearized is seen[2]
+
+
 def test_a_kicking_limb_of_too_few_joints_is_refused():
     file = Path(gymnasium.__file__).parent / "envs/mujoco/assets/humanoid.xml"
     humanoid = kd.Leg.from_mjcf(file, "right_foot", base="floating").with_supports("left_foot")

@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constraint constraints.txt
 
-.PHONY: sweep help extremes fuzz mutants notebooks record test test-lowest test-all docs package lint browser clean
+.PHONY: sweep help extremes fuzz notebooks test test-slow test-lowest test-all docs package lint browser clean
 
 # versions of Python for `make test-all`, as `python3.11` and so on (pyenv or deadsnakes have them)
 PYTHONS ?= 3.11 3.12 3.13
@@ -28,26 +28,18 @@ fuzz: $(VENV)/.dev
 	@echo "This takes ten minutes."
 	$(BIN)/python tools/fuzz.py --seconds 600
 
-## mutants: mutation testing: a hundred deliberate code changes, and how many of them a test notices
-mutants: $(VENV)/.dev
-	@echo "This takes more than an hour on 2 cores."
-	mkdir -p build
-	$(BIN)/python tools/mutants.py --json build/mutants.json
-
 ## notebooks: runs the notebooks and stores their outputs, which tests compare; needs Chromium
 notebooks: $(VENV)/.dev browser
 	@echo "This takes about a minute, and longer on the first run, which compiles."
 	$(BIN)/python tools/notebook_outputs.py
 
-## record: stores what kickdyn computes, prints and draws today, which tests compare; prints what changed
-record: $(VENV)/.dev
-	@echo "This takes about two minutes."
-	$(BIN)/python tools/record.py
+## test: all that protects users, about 5 minutes on 2 idle cores once everything is installed and compiled
+test: $(VENV)/.dev
+	$(BIN)/python -m pytest -n auto -m "not slow" --processor-limit 2 $(PYTEST_OPTIONS)
 
-## test: the whole suite, about 15 minutes on 2 cores once everything is installed
-test: $(VENV)/.dev browser
-	@echo "The whole suite takes about 15 minutes on 2 cores, and longer on the first run, which compiles."
-	$(BIN)/python -m pytest -n auto
+## test-slow: notebooks, the site of the docs, pages in a browser, motions, MuJoCo, clusters, extremes; half an hour
+test-slow: $(VENV)/.dev browser
+	$(BIN)/python -m pytest -n auto -m slow $(PYTEST_OPTIONS)
 
 ## test-lowest: the tests, except docs and notebooks, with the lowest version of each package that pyproject.toml allows, in .venv-lowest
 test-lowest:
@@ -62,7 +54,7 @@ test-all: package
 	@for version in $(PYTHONS); do command -v python$$version >/dev/null || \
 		{ echo "no python$$version: install it, or name those that are here: make test-all PYTHONS='3.11'"; exit 1; }; done
 	set -e; for version in $(PYTHONS); do \
-		$(MAKE) test PYTHON=python$$version VENV=.venv-$$version; done
+		$(MAKE) test test-slow PYTHON=python$$version VENV=.venv-$$version; done
 
 ## package: wheel and sdist in dist/, their metadata checked, each installed into an empty environment and run
 package: $(VENV)/.dev

@@ -1,25 +1,81 @@
 """For all tests: the same examples in every run; a well-formed leg, ways to spoil and load it."""
 
 import base64
+import importlib
 import math
+import os
 import re
 import shutil
 import subprocess
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # two workers of two threads wait for each other
 
 import numpy as np
 import pytest
 import umsgpack
 from hypothesis import settings
-from recorded.refusals import (  # noqa: F401
-    pytest_addoption,
-    pytest_runtest_call,
-    pytest_sessionfinish,
-)
+from numba.core import event as numba_event
 
 import kickdyn as kd
 
 settings.register_profile("repeatable", derandomize=True, database=None, deadline=None)
 settings.load_profile("repeatable")
+
+IMPORTED = ("numba", "scipy.optimize", "xarray", "matplotlib.pyplot", "casadi", "mujoco")
+"""Packages that take long to import; with a limit of time they are imported before the tests."""
+
+
+def pytest_addoption(parser):
+    parser.addoption(
+        "--processor-limit", type=float, metavar="S",
+        help="fail tests not marked slow that take more processor time, compilation left out",
+    )  # fmt: skip
+
+
+def pytest_configure(config):
+    if config.getoption("--processor-limit"):
+        for name in IMPORTED:
+            importlib.import_module(name)
+
+
+class Compiling(numba_event.Listener):
+    """Adds up the processor time that numba compiles, nested compilations once."""
+
+    def __init__(self):
+        self.depth, self.begin, self.seconds = 0, 0.0, 0.0
+
+    def on_start(self, event):
+        if self.depth == 0:
+            self.begin = processor_time()
+        self.depth += 1
+
+    def on_end(self, event):
+        self.depth -= 1
+        if self.depth == 0:
+            self.seconds += processor_time() - self.begin
+
+
+def processor_time():
+    """Return the processor time of this process and of those it has waited for [s]."""
+    return sum(os.times()[:4])
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item):
+    """Limit the processor time, which depends less on what else is running than time does."""
+    limit = item.config.getoption("--processor-limit")
+    allowed = item.get_closest_marker("processor_limit")
+    if limit is None or item.get_closest_marker("slow"):
+        return (yield)
+    limit = allowed.args[0] if allowed else limit
+    compiling, begin = Compiling(), processor_time()
+    with numba_event.install_listener("numba:compile", compiling):
+        outcome = yield
+    seconds = processor_time() - begin - compiling.seconds
+    if seconds > limit:
+        pytest.fail(f"takes {seconds:.1f} s of processor time; {limit:g} s are allowed", False)
+    return outcome
+
 
 GOOD = """<robot name="leg">
   <link name="base"/>

@@ -8,11 +8,13 @@ import pwd
 import stat
 import types
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
+
+from kickdyn.core.lanes import JITABLE
 
 log = logging.getLogger(__name__)
 """Says at level INFO what is compiled."""
@@ -30,6 +32,28 @@ def uncollected() -> Iterator[None]:
     finally:
         if enabled:
             gc.enable()
+
+
+OPTIONS: dict[str, Any] = {"error_model": "numpy", "_nrt": False}
+"""How `kickdyn.core.lanes` is compiled: without memory management, since all arrays are the
+caller's."""
+
+
+@cache
+def _make_callable(count: int) -> None:
+    """Let machine code call the functions that are marked so far, of which there are `count`."""
+    from numba.extending import register_jitable
+
+    from kickdyn.core import simd  # noqa: F401  # what batches are
+
+    for function, inline in JITABLE.items():
+        if function not in _callable:
+            options = {"forceinline": True} if inline else {}
+            register_jitable(**OPTIONS, **WITHIN, **options)(function)
+            _callable.add(function)
+
+
+_callable: set[Callable[..., Any]] = set()
 
 
 WITHIN: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
@@ -126,8 +150,9 @@ def compiled(
     """
     import numba  # here, because it takes long to import
 
+    _make_callable(len(JITABLE))
     folder = cache_folder(function)
-    if folder is None or not any(folder.glob(f"*.{function.__qualname__}-*.nbi")):
+    if not is_on_disk(function):
         log.info("compiling %s", what)
     options |= {"nogil": True}
     with uncollected():
@@ -136,3 +161,57 @@ def compiled(
                 jit = numba.njit(signature, cache=True, **options)
                 return from_cache(function, lambda: jit(function))  # type: ignore[no-any-return]
         return numba.njit(signature, **options)(function)  # type: ignore[no-any-return]
+
+
+LOADING = 0.5
+"""Processor time to import numba and to read machine code from the disk, roughly [s]."""
+
+
+class Source(NamedTuple):
+    """What machine code is made of: a function named by `named`, its signature, numba's options."""
+
+    function: Callable[..., Any]
+    signature: Any
+    options: Mapping[str, Any]
+
+
+class MachineCode:
+    """A function that numba compiles when it is needed: call it to get the compiled function.
+
+    Args:
+        source: function that returns the source, and imports what it needs.
+        what: what the log calls it.
+        seconds: processor time of its compilation, and of what is compiled with it, roughly [s].
+    """
+
+    def __init__(self, source: Callable[[], Source], what: str, seconds: float) -> None:
+        self._source, self._what, self._seconds = source, what, seconds
+        self._code: Callable[..., Any] | None = None
+        self._in_python = 0.0
+
+    def __call__(self) -> Callable[..., Any]:
+        """Return the machine code, from the disk if it is there."""
+        if self._code is None:
+            function, signature, options = self._source()
+            self._code = compiled(function, signature, self._what, **options)
+        return self._code
+
+    def pays(self, in_python: float) -> bool:
+        """Return whether machine code is to compute what takes Python some seconds of processor.
+
+        It is where it is loaded already; or where Python would by now have taken longer than it
+        takes to load machine code that is on the disk, or else to compile it. So all calls
+        together take at most twice the least time, whichever way is faster.
+        """
+        if self._code is not None:
+            return True
+        self._in_python += in_python
+        if self._in_python < LOADING:
+            return False
+        return self._in_python >= self._seconds or is_on_disk(self._source().function)
+
+
+def is_on_disk(function: Callable[..., Any]) -> bool:
+    """Return whether there is machine code of a function on the disk."""
+    folder = cache_folder(function)
+    return folder is not None and any(folder.glob(f"*.{function.__qualname__}-*.nbi"))

@@ -1,12 +1,15 @@
 # mypy: allow-untyped-calls
-"""Batches: `BATCH` numbers that compiled code computes with one instruction of the processor.
+"""How numba compiles `kickdyn.core.lanes`: a batch is one vector of the processor.
 
 A compiler makes vector instructions of a loop only where it can prove that its arrays do not
 overlap; plain loops in numba take 4.7 times as long for the kinematics of `kickdyn.sweeps`.
 A batch needs no proof: ``+ - * /``, comparisons, ``math.sqrt``, ``math.fabs``, ``min`` and ``max``
 act on each of its numbers as on a float, and a float beside a batch stands for `BATCH` equal ones.
 Products and sums are rounded separately, so that the results are the same on every processor.
-`batches` reads arrays in this way; `choose` takes the place of ``if``.
+`batches` reads arrays in this way; `choose` takes the place of ``if``. Types, casts and operators
+are registered by numba's public extension interface; the record of batches and the instructions
+are made with its modules `numba.core` and `llvmlite.ir`, which may change. Without this file,
+kickdyn runs the same code on numpy's arrays.
 """
 
 import math
@@ -15,13 +18,11 @@ from collections.abc import Callable
 from itertools import product
 from typing import Any
 
-import numba
 import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, types
 from numba.core.typeconv.castgraph import Conversion
 from numba.extending import (
-    intrinsic,
     lower_builtin,
     lower_cast,
     models,
@@ -29,17 +30,21 @@ from numba.extending import (
     type_callable,
 )
 from numba.np.arrayobj import populate_array
-from numpy.typing import DTypeLike, NDArray
 
-from kickdyn.core.compilation import WITHIN
-
-BATCH = 16
-"""Numbers in a batch, a power of two: of 8, 16 and 32 the fastest for `kickdyn.sweeps`."""
+from kickdyn.core.lanes import (
+    BATCH,
+    batches,
+    choose,
+    larger,
+    magnitude,
+    smaller,
+    spread,
+    square_root,
+)
 
 _BYTES = 8 * BATCH
 _FLOATS = ir.VectorType(ir.DoubleType(), BATCH)
 _BITS = ir.VectorType(ir.IntType(1), BATCH)
-_intrinsic: Any = intrinsic
 
 
 class _Batch(types.Type):
@@ -121,8 +126,8 @@ for _operators, _instruction in (
     ((operator.sub, operator.isub), ir.IRBuilder.fsub),
     ((operator.mul, operator.imul), ir.IRBuilder.fmul),
     ((operator.truediv, operator.itruediv), ir.IRBuilder.fdiv),
-    ((min,), _extreme("<")),
-    ((max,), _extreme(">")),
+    ((min, smaller), _extreme("<")),
+    ((max, larger), _extreme(">")),
 ):
     for _operator in _operators:
         _define(_operator, _batch, _batch, _instruction)
@@ -132,8 +137,10 @@ for _operator, _sign in (
 ):  # fmt: skip
     _define(_operator, _batch, _mask, _compared(_sign))
 _define(operator.neg, _batch, _batch, ir.IRBuilder.fneg, count=1)
-_define(math.sqrt, _batch, _batch, _called("llvm.sqrt"), count=1)
-_define(math.fabs, _batch, _batch, _called("llvm.fabs"), count=1)
+for _function in (math.sqrt, square_root):
+    _define(_function, _batch, _batch, _called("llvm.sqrt"), count=1)
+for _function in (math.fabs, magnitude):
+    _define(_function, _batch, _batch, _called("llvm.fabs"), count=1)
 _define(operator.and_, _mask, _mask, ir.IRBuilder.and_)
 _define(operator.or_, _mask, _mask, ir.IRBuilder.or_)
 
@@ -143,52 +150,61 @@ def _cast(context: Any, builder: Any, old: Any, new: Any, value: Any) -> Any:
     return _spread(builder, value)
 
 
-@_intrinsic  # type: ignore[untyped-decorator]
-def spread(typing_context: Any, x: Any) -> Any:
-    """Return a batch of equal numbers."""
-
-    def generate(context: Any, builder: Any, called: Any, given: Any) -> Any:
-        return _spread(builder, given[0])
-
-    return _batch(numba.float64), generate
+@type_callable(spread)  # type: ignore[untyped-decorator]
+def _type_of_spread(context: Any) -> Any:
+    return lambda x: _batch if isinstance(x, types.Float | _Batch) else None
 
 
-@_intrinsic  # type: ignore[untyped-decorator]
-def choose(typing_context: Any, mask: Any, a: Any, b: Any) -> Any:
-    """Return a batch with the numbers of `a` where the mask is true, and of `b` elsewhere."""
-
-    def generate(context: Any, builder: Any, called: Any, given: Any) -> Any:
-        return builder.select(*(_spread(builder, value) for value in given))
-
-    return _batch(mask, a, b), generate
+def _spread_argument(context: Any, builder: Any, called: Any, given: Any) -> Any:
+    return _spread(builder, given[0])
 
 
-@_intrinsic  # type: ignore[untyped-decorator]
-def batches(typing_context: Any, array: Any) -> Any:
-    """Return an array of batches in the same memory.
+for _kind in (_batch, types.Float):
+    lower_builtin(spread, _kind)(_spread_argument)
 
-    The last axis of the array, or of every field of its records, has `BATCH` floats.
-    """
-    records = isinstance(array.dtype, types.Record)
-    kind = _record_of_batches(array.dtype) if records else _batch
-    ndim = array.ndim if records else array.ndim - 1
-    result = types.Array(kind, ndim, "C", aligned=False)
 
-    def generate(context: Any, builder: Any, called: Any, given: Any) -> Any:
-        old = context.make_array(array)(context, builder, given[0])
-        new = context.make_array(result)(context, builder)
-        size = array.dtype.size if records else _BYTES
-        populate_array(
-            new,
-            data=builder.bitcast(old.data, new.data.type),
-            shape=cgutils.unpack_tuple(builder, old.shape)[:ndim],
-            strides=cgutils.unpack_tuple(builder, old.strides)[:ndim],
-            itemsize=context.get_constant(types.intp, size),
-            meminfo=None,
-        )
-        return new._getvalue()
+@type_callable(choose)  # type: ignore[untyped-decorator]
+def _type_of_choose(context: Any) -> Any:
+    numbers = types.Float | _Batch
+    return lambda mask, a, b: (
+        _batch if mask is _mask and isinstance(a, numbers) and isinstance(b, numbers) else None
+    )
 
-    return result(array), generate
+
+def _select(context: Any, builder: Any, called: Any, given: Any) -> Any:
+    return builder.select(*(_spread(builder, value) for value in given))
+
+
+for _kinds in product((_batch, types.Float), repeat=2):
+    lower_builtin(choose, _mask, *_kinds)(_select)
+
+
+@type_callable(batches)  # type: ignore[untyped-decorator]
+def _type_of_batches(context: Any) -> Any:
+    def result_of(array: Any) -> Any:
+        records = isinstance(array.dtype, types.Record)
+        kind = _record_of_batches(array.dtype) if records else _batch
+        ndim = array.ndim if records else array.ndim - 1
+        return types.Array(kind, ndim, "C", aligned=False)
+
+    return result_of
+
+
+@lower_builtin(batches, types.Array)  # type: ignore[untyped-decorator]
+def _read_batches(context: Any, builder: Any, called: Any, given: Any) -> Any:
+    array, result = called.args[0], called.return_type
+    old = context.make_array(array)(context, builder, given[0])
+    new = context.make_array(result)(context, builder)
+    size = array.dtype.size if isinstance(array.dtype, types.Record) else _BYTES
+    populate_array(
+        new,
+        data=builder.bitcast(old.data, new.data.type),
+        shape=cgutils.unpack_tuple(builder, old.shape)[: result.ndim],
+        strides=cgutils.unpack_tuple(builder, old.strides)[: result.ndim],
+        itemsize=context.get_constant(types.intp, size),
+        meminfo=None,
+    )
+    return new._getvalue()
 
 
 def _record_of_batches(record: Any) -> Any:
@@ -201,44 +217,3 @@ def _record_of_batches(record: Any) -> Any:
             kind.aligned = False
         fields.append((name, {"type": kind, "offset": field.offset}))
     return _Batches(fields, record.size, aligned=False)
-
-
-def aligned_zeros(shape: tuple[int, ...], dtype: DTypeLike = float) -> NDArray[Any]:
-    """Return zeros in memory that begins at a multiple of the size of a batch.
-
-    The last axis, or each field of a record, has `BATCH` floats. The kernel of `kickdyn.sweeps`
-    takes 1.3 times as long with memory that begins elsewhere.
-    """
-    size = math.prod(shape) * np.dtype(dtype).itemsize
-    memory = np.zeros(size + _BYTES, np.uint8)
-    begin = -memory.ctypes.data % _BYTES
-    return memory[begin : begin + size].view(dtype).reshape(shape)
-
-
-_INTEGER = 1.5 * 2.0**52
-"""A number this large has no digits behind the point: adding it rounds, to the nearest."""
-_HALF_PI_HIGH, _HALF_PI_LOW = 1.57079632673412561417e00, 6.07710050650619224932e-11
-
-LARGEST_ANGLE = 1e5
-"""Angle up to which `sine_and_cosine` is within 3e-16 [rad]."""
-
-
-@numba.njit(error_model="numpy", forceinline=True, **WITHIN)  # type: ignore[untyped-decorator]
-def sine_and_cosine(x: Any) -> Any:
-    """Return sine and cosine of a batch of angles, by the polynomials of fdlibm's `sin`, `cos`."""
-    count = (x * (2.0 / math.pi) + _INTEGER) - _INTEGER
-    r = (x - count * _HALF_PI_HIGH) - count * _HALF_PI_LOW
-    z = r * r
-    p = -2.50507602534068634195e-08 + z * 1.58969099521155010221e-10
-    p = -1.98412698298579493134e-04 + z * (2.75573137070700676789e-06 + z * p)
-    sine = r + r * z * (-1.66666666666666324348e-01 + z * (8.33333333332248946124e-03 + z * p))
-    p = 2.08757232129817482790e-09 - z * 1.13596475577881948265e-11
-    p = 2.48015872894767294178e-05 + z * (-2.75573143513906633035e-07 + z * p)
-    p = 4.16666666666666019037e-02 + z * (-1.38888888888741095749e-03 + z * p)
-    cosine = 1.0 - (0.5 * z - z * z * p)
-    quarter = count - 4.0 * ((0.25 * count + _INTEGER) - _INTEGER)  # -2 to 2
-    turned = math.fabs(quarter)
-    odd, opposite = turned == 1.0, turned == 2.0
-    sign = choose(opposite | (quarter == -1.0), -1.0, spread(1.0))
-    other_sign = choose(opposite | (quarter == 1.0), -1.0, spread(1.0))
-    return sign * choose(odd, cosine, sine), other_sign * choose(odd, sine, cosine)

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -14,12 +14,13 @@ from kickdyn.aerodynamics.coefficient_model import CoefficientModel
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
+from kickdyn.core.compilation import MachineCode, Source
 from kickdyn.core.differences import difference_slopes
 from kickdyn.core.validation import Array
-from kickdyn.errors import InvalidInput
-from kickdyn.flight.compiling import compiled_ends, compiled_rates
+from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.flight.equations import FINEST, MAX_SPEED, tolerances
 from kickdyn.flight.events import (
+    NUMBERS,
     Event,
     checked_ends,
     distance_to_plane,
@@ -27,16 +28,26 @@ from kickdyn.flight.events import (
     plane_events,
 )
 from kickdyn.flight.flight_result import (
+    ALOFT,
+    FAILED,
+    FURTHER,
+    LANDED,
     ROUNDING,
     FlightStatus,
     least_error,
     outside_ranges,
     refinement,
 )
+from kickdyn.flight.fly import fly_arc
 from kickdyn.flight.forces import VACUUM, brakes, downward, fall_to_planes, is_ballistic
-from kickdyn.flight.march import ALOFT, FAILED, FURTHER, LANDED, Flights, march
 from kickdyn.ground import Ground
 from kickdyn.plane import Plane
+
+if TYPE_CHECKING:
+    from kickdyn.flight.march import Flights
+
+TIME_LIMIT = 1000.0
+"""Time after which a flight ends if the ball has not come down [s]."""
 
 
 @validation.check_arguments
@@ -48,7 +59,7 @@ def fly_many(
     tol: float = 1e-9,
     *,
     plane: Plane | None = None,
-    time_limit: float = 1000.0,
+    time_limit: float = TIME_LIMIT,
     error: bool = False,
     ends: Sequence[Event] = (),
     slopes: bool = False,
@@ -105,7 +116,9 @@ def fly_many(
     time_limit = validation.number("time limit", time_limit, above=0, unit="s")
     events = ground_event(ball, ground), *plane_events(ball, plane), *checked_ends(ends)
     launched = tuple(event.launched(states) for event in events)
-    task = _Task(states, ball, air, launched, time_limit)
+    each = 1 + 3 * validation.flag("error", error) + 40 * validation.flag("slopes", slopes)
+    in_python = len(states.position) * each * seconds_of_fly(tol)
+    task = _Task(states, ball, air, launched, time_limit, MARCH.pays(in_python))
     flown = _flown(task, tol)
     outside = _outside(states, flown.nodes, np.flatnonzero(flown.evaluations), ball, air)
     data = _variables(states, flown, outside)
@@ -117,12 +130,12 @@ def fly_many(
         "flag_meanings": " ".join(names),
     }
     data["status"] = ("flight", flown.status, flags)
-    if validation.flag("error", error):
+    if error:
         finer_tol, longest = refinement(tol, flown.nodes[:, 0], air)
         finer = _flown(task, finer_tol, longest).nodes
         meaning = {"units": "m", "long_name": "estimate of the error of the landing point"}
         data["error"] = ("flight", _errors(states, flown, finer, tol), meaning)
-    if validation.flag("slopes", slopes):
+    if slopes:
         data |= _slopes(task, events, tol)
     attributes = {
         "title": "flights of a ball",
@@ -143,6 +156,33 @@ DIFFERENCES_TOL = 1e-11
 """Tolerance of flights whose differences are taken: their errors count a thousand times."""
 
 
+def carries(
+    states: BallState, ball: Ball, air: Air | None, tol: float, *, machine_code: bool
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the distances back to the heights of the launches [m], and which balls land there.
+
+    Both have shape `(n,)`; `machine_code` is whether they fly in it, or one after the other.
+    """
+    ends = (ground_event(ball, None).launched(states),)
+    flown = _flown(_Task(states, ball, air, ends, TIME_LIMIT, machine_code), tol)
+    return np.hypot(flown.nodes[:, 1], flown.nodes[:, 2]), flown.status == LANDED
+
+
+def seconds_of_fly(tol: float) -> float:
+    """Return the processor time of one `fly`, roughly [s]."""
+    return 1.2e-3 * (1e-9 / tol) ** 0.125
+
+
+def _source() -> Source:
+    from kickdyn.flight import march  # imports numba
+
+    return march.source()
+
+
+MARCH = MachineCode(_source, "the integration of flights", 9.0)
+"""With the equations of motion, which are compiled for each ball and air."""
+
+
 class _Task(NamedTuple):
     """Launches of a ball, and the events that end the flights, the ground first."""
 
@@ -151,6 +191,7 @@ class _Task(NamedTuple):
     air: Air | None
     ends: tuple[Event, ...]
     time_limit: float
+    machine_code: bool
 
 
 class _Flown(NamedTuple):
@@ -262,6 +303,11 @@ def _numbers(task: _Task) -> Array:
 def _integrate(
     task: _Task, rows: slice | NDArray[np.intp], tol: float, longest: Array | None
 ) -> _Flown:
+    if not task.machine_code:
+        return _one_by_one(task, np.arange(len(task.states.position))[rows], tol, longest)
+    from kickdyn.flight.compiling import compiled_ends, compiled_rates
+    from kickdyn.flight.march import Flights, march
+
     ball, ends = task.ball, task.ends
     air = VACUUM if task.air is None else task.air
     rates = compiled_rates(ball, air)
@@ -269,12 +315,12 @@ def _integrate(
     flights = _flights(task, air, rows, tol, longest)
     limits = max(tol, FINEST), task.time_limit
     try:
-        march(rates, values, flights, *limits)
+        march(MARCH(), rates, values, flights, *limits)
     except Exception:  # a coefficient's own: only its rows shall fail
         for i in range(len(flights.status)):
             row = Flights._make(array[i : i + 1] for array in flights)
             try:
-                march(rates, values, row, *limits)
+                march(MARCH(), rates, values, row, *limits)
             except Exception:
                 row.nodes[:], row.status[:], row.evaluations[:] = np.nan, FAILED, 0
     landed = flights.status == LANDED
@@ -282,9 +328,38 @@ def _integrate(
     return _Flown(flights.nodes, flights.status, flights.evaluations)
 
 
+def _one_by_one(task: _Task, rows: NDArray[np.intp], tol: float, longest: Array | None) -> _Flown:
+    """Return flights as `fly` computes them."""
+    states, air, n = task.states, VACUUM if task.air is None else task.air, len(rows)
+    nodes, status = np.full((n, 16), np.nan), np.full(n, FAILED, np.int8)
+    evaluations, numbers = np.zeros(n, np.int64), _numbers(task)
+    for i, row in enumerate(rows.tolist()):
+        state = BallState.computed(
+            states.position[row], states.velocity[row], states.spin[row], 0.0
+        )
+        quadruples = numbers[row].reshape(-1, NUMBERS).tolist()
+        ends = [replace(end, numbers=tuple(quadruples[k])) for k, end in enumerate(task.ends)]
+        step = None if longest is None else float(longest[i])
+        try:
+            flown = fly_arc(state, task.ball, air, tol, ends, task.time_limit, step)
+            apex = flown.apex()
+        except KickdynError:
+            continue
+        reached, evaluations[i] = flown.arc.reached, flown.arc.evaluations
+        nodes[i] = np.concatenate([[flown.end[0]], flown.end[1], [apex[0]], apex[1]])
+        status[i] = ALOFT if reached is None else _flag_of(ends.index(reached))
+    return _Flown(nodes, status, evaluations)
+
+
+def _flag_of(end: int) -> int:
+    return LANDED if end == 0 else FURTHER - 1 + end
+
+
 def _flights(
     task: _Task, air: Air, rows: slice | NDArray[np.intp], tol: float, longest: Array | None
-) -> Flights:
+) -> "Flights":
+    from kickdyn.flight.march import Flights
+
     states, drop = task.states, np.asarray(task.ends[0].numbers[0])
     decays = _spins(states) & brakes(air, np.ones(3))
     height = states.position[:, 2]

@@ -31,6 +31,10 @@ ROUNDING = 4 * float(np.finfo(float).eps)
 """Of a position, relative to its size."""
 
 
+LANDED, ALOFT, FAILED, FURTHER = range(4)
+"""Status of one of many flights; `FURTHER` and more are of the ends after the ground."""
+
+
 class FlightStatus(StrEnum):
     """How a flight (the first three), a row of `fly_many` or a `Course` ends."""
 

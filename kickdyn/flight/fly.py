@@ -35,7 +35,7 @@ from kickdyn.flight.forces import (
     fall_to_planes,
     is_ballistic,
 )
-from kickdyn.flight.integrate import Tolerance, integrate, trajectory
+from kickdyn.flight.integrate import Arc, Tolerance, integrate, trajectory
 from kickdyn.ground import Ground
 from kickdyn.plane import Plane
 
@@ -179,9 +179,36 @@ def _closed_form(
     )
 
 
-def _integrated(flown: Callable[..., Flight], task: _Task, ends: tuple[Event, ...]) -> Flight:
-    state, ball, tol = task.state, task.ball, task.tol
-    air = task.air or VACUUM
+class FlownArc(NamedTuple):
+    """An integrated flight: states are those of `FlightEquations`.
+
+    Attributes:
+        arc: what `integrate` returns.
+        begin: states at the launch.
+        end: time [s] and states at the end; on the ground by definition, not but for rounding.
+    """
+
+    arc: Arc
+    begin: Array
+    end: tuple[float, Array]
+
+    def apex(self) -> tuple[float, Array]:
+        """Return time [s] and states at the highest point."""
+        crests = [locate() for _, locate in self.arc.passed]
+        nodes = (0.0, self.begin), self.end, *(c for c in crests if c[0] <= self.arc.end)
+        return max(nodes, key=lambda node: float(node[1][2]))
+
+
+def fly_arc(
+    state: BallState,
+    ball: Ball,
+    air: Air,
+    tol: float,
+    ends: Sequence[Event],
+    time_limit: float,
+    max_step: float | None,
+) -> FlownArc:
+    """Integrate a flight to the first of its ends, with the numbers of this launch; else raise."""
     speed = math.hypot(*state.velocity)
     if not speed <= MAX_SPEED:
         raise InvalidInput(
@@ -196,12 +223,12 @@ def _integrated(flown: Callable[..., Flight], task: _Task, ends: tuple[Event, ..
     drop = ends[0].numbers[0]
     relative, length, pace = tolerances(speed, drop, wind, ball, air, tight)
     absolute = np.array([*3 * [length], *3 * [pace], tight])
-    tolerance = Tolerance(relative, absolute, task.max_step or math.inf)
+    tolerance = Tolerance(relative, absolute, max_step or math.inf)
     try:
         vx, vy, vz = state.velocity.tolist()
         crest = STEEP_CREST if vz > STEEPNESS * math.hypot(vx, vy) else CREST
         start = 0.0, equations.begin
-        arc = integrate(equations.rates, start, [*ends, crest], task.time_limit, tolerance)
+        arc = integrate(equations.rates, start, [*ends, crest], time_limit, tolerance)
     except KickdynError as error:
         fault = equations.fault
         if fault is None:
@@ -211,21 +238,21 @@ def _integrated(flown: Callable[..., Flight], task: _Task, ends: tuple[Event, ..
     last = arc.end, arc.state.copy()
     if arc.reached is ends[0]:
         last[1][2] = -drop  # by definition; else but for rounding
+    return FlownArc(arc, equations.begin, last)
 
-    def find_apex() -> BallState:
-        crests = [locate() for _, locate in arc.passed]
-        nodes = (0.0, equations.begin), last, *(crest for crest in crests if crest[0] <= arc.end)
-        return _ball_at(state, *max(nodes, key=lambda node: float(node[1][2])))
 
-    spins = bool(state.spin.any())
+def _integrated(flown: Callable[..., Flight], task: _Task, ends: tuple[Event, ...]) -> Flight:
+    state, ball, tol, air = task.state, task.ball, task.tol, task.air or VACUUM
+    path = fly_arc(state, ball, air, tol, ends, task.time_limit, task.max_step)
+    spins, arc = bool(state.spin.any()), path.arc
     acting = {"drag": air.drag, "lift": spins and air.lift, "spin decay": spins and air.torque}
     effects = ", ".join(name for name, model in acting.items() if model and air.density > 0.0)
     effects = effects or "weight less buoyancy only"
-    states = trajectory(arc, equations.begin)
+    states = trajectory(arc, path.begin)
     return flown(
-        _ball_at(state, 0.0, equations.begin),
-        find_apex,
-        _ball_at(state, *last),
+        _ball_at(state, 0.0, path.begin),
+        lambda: _ball_at(state, *path.apex()),
+        _ball_at(state, *path.end),
         FlightStatus.ALOFT if arc.reached is None else arc.reached.name,
         f"DOP853, rtol {tol:g}, {effects}",
         arc.evaluations,

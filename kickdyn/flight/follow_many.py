@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
@@ -14,10 +14,9 @@ from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.flight.batch import fly_many
-from kickdyn.flight.compiling import compiled_ends, compiled_rolling
+from kickdyn.flight.batch import MARCH, fly_many
 from kickdyn.flight.events import Event, checked_ends, plane_events
-from kickdyn.flight.flight_result import FlightStatus
+from kickdyn.flight.flight_result import ALOFT, FAILED, FURTHER, LANDED, FlightStatus
 from kickdyn.flight.follow import LEAST_REBOUND, MOST_BOUNCES
 from kickdyn.flight.ground_motion import (
     LOOSEST_ROLLING,
@@ -29,9 +28,11 @@ from kickdyn.flight.ground_motion import (
     surface_of,
     time_to_rest,
 )
-from kickdyn.flight.march import ALOFT, FAILED, FURTHER, LANDED, Flights, march
 from kickdyn.ground import Ground, Surface
 from kickdyn.plane import Plane
+
+if TYPE_CHECKING:
+    from kickdyn.flight.march import Flights
 
 _FLYING, _DOWN = -1, -2
 """Statuses of a ball that is in the air, and of one that stays down."""
@@ -183,6 +184,9 @@ class _Balls:
         rows = np.flatnonzero(self.status == _DOWN)
         if not rows.size:
             return
+        from kickdyn.flight.compiling import compiled_ends, compiled_rolling
+        from kickdyn.flight.march import Flights, march
+
         begin = self.states(rows)
         rolling = rolling_of(begin, self.ball, self.air, self.surface)
         ends = rolling.slow_event, *self.ends
@@ -208,11 +212,11 @@ class _Balls:
             rates = compiled_rolling(self.ball, rolling.air, self.surface.rolling_deceleration)
             functions, names = zip(*((end.function, end.name) for end in ends), strict=True)
             moving = Flights._make(array[moves] for array in rolled)
-            march(rates, compiled_ends(functions, names), moving, tol, time_limit)
+            march(MARCH(), rates, compiled_ends(functions, names), moving, tol, time_limit)
             rolled.nodes[moves], rolled.status[moves] = moving.nodes, moving.status
         self._stop(rows, rolled, rolling.wind)
 
-    def _stop(self, rows: NDArray[np.intp], rolled: Flights, wind: Array) -> None:
+    def _stop(self, rows: NDArray[np.intp], rolled: "Flights", wind: Array) -> None:
         """Put in where balls that have become slow rest, and where others end."""
         nodes, status = rolled.nodes, rolled.status
         velocity, slow = nodes[:, 4:7] * [1.0, 1.0, 0.0], status == LANDED

@@ -14,7 +14,7 @@ through `_end_step`.
 # mypy: disable-error-code="no-untyped-def"
 
 import math
-from functools import cache
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numba
@@ -22,16 +22,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kickdyn.core import dop853
-from kickdyn.core.compilation import WITHIN, compiled, named
+from kickdyn.core.compilation import WITHIN, Source, named
 from kickdyn.core.dop853 import COUNT, STAGES, WEIGHT, WHICH_RATE
 from kickdyn.core.validation import Array
 from kickdyn.flight import compiling, events
 from kickdyn.flight.compiling import LANES, LEFT, OPTIONS, SIGNATURE, SIZE, U, V, W, X, Z
 from kickdyn.flight.events import AT_REST, NUMBERS
+from kickdyn.flight.flight_result import ALOFT, FAILED, FURTHER, LANDED
 from kickdyn.flight.integrate import MAX_EVALUATIONS
-
-LANDED, ALOFT, FAILED, FURTHER = 0, 1, 2, 3
-"""Status of a flight; `FURTHER` and more are of the events after the first, which is the ground."""
 
 STATES = 7
 
@@ -126,10 +124,18 @@ class Lanes(NamedTuple):
     calls: NDArray[np.int64]
 
 
-def march(rates_of: Any, values_of: Any, flights: Flights, rtol: float, time_limit: float) -> None:
+def march(
+    code: Callable[..., Any],
+    rates_of: Any,
+    values_of: Any,
+    flights: Flights,
+    rtol: float,
+    time_limit: float,
+) -> None:
     """Fill in nodes, status and evaluations of n flights.
 
-    `rates_of` is what `compiled_rates` returns, `values_of` what `compiled_ends` does.
+    `code` is the machine code of `source`, `rates_of` what `compiled_rates` returns, `values_of`
+    what `compiled_ends` does.
     """
     size = flights.numbers.shape[1] * LANES
     memory = Lanes._make([
@@ -137,19 +143,7 @@ def march(rates_of: Any, values_of: Any, flights: Flights, rtol: float, time_lim
         np.zeros(5 * LANES), np.zeros(size), *np.zeros((4, SIZE)), np.zeros(size // NUMBERS),
         *np.zeros((7, LANES)), np.full(LANES, -1), np.zeros(LANES, np.int64),
     ])  # fmt: skip
-    compiled_march()(rates_of, values_of, flights, memory, float(rtol), float(time_limit))
-
-
-@cache
-def compiled_march() -> Any:
-    """Return `_march` as machine code, from the disk if it can be kept there: it takes seconds."""
-    vector, matrix, integers = numba.float64[::1], numba.float64[:, ::1], numba.int64[::1]
-    flights = _named_tuple([*(matrix,) * 6, numba.int8[::1], integers], Flights)
-    lanes = _named_tuple([*(matrix,) * 4, *(vector,) * 14, integers, integers], Lanes)
-    equations, number = numba.types.FunctionType(SIGNATURE), numba.float64
-    signature = numba.void(equations, equations, flights, lanes, number, number)
-    function = named(_march, f"march_{MAX_EVALUATIONS}", compiling, events, dop853)
-    return compiled(function, signature, "the integration of flights", **_OPTIONS)
+    code(rates_of, values_of, flights, memory, float(rtol), float(time_limit))
 
 
 def _march(rates_of, values_of, flights, lane, rtol, time_limit):
@@ -568,3 +562,16 @@ def _end_step(values_of, i, flights, lane, time_limit):
         _write_node(i, time_limit, lane.new, flights.nodes, row, 8)
     _write_node(i, time_limit, lane.new, flights.nodes, row, 0)
     return ALOFT
+
+
+named(_march, f"march_{MAX_EVALUATIONS}", compiling, events, dop853)
+
+
+def source() -> Source:
+    """Return what the machine code of `_march` is made of."""
+    vector, matrix, integers = numba.float64[::1], numba.float64[:, ::1], numba.int64[::1]
+    flights = _named_tuple([*(matrix,) * 6, numba.int8[::1], integers], Flights)
+    lanes = _named_tuple([*(matrix,) * 4, *(vector,) * 14, integers, integers], Lanes)
+    equations, number = numba.types.FunctionType(SIGNATURE), numba.float64
+    signature = numba.void(equations, equations, flights, lanes, number, number)
+    return Source(_march, signature, _OPTIONS)

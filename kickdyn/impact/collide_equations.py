@@ -8,7 +8,7 @@ They are of `CompliantContact` for a tree of hinges and slides, and the force of
 
 import math
 
-from kickdyn.core.simd import BATCH, choose, sine_and_cosine, spread
+from kickdyn.core.lanes import BATCH, choose, inlined, jitable, sine_and_cosine, spread
 from kickdyn.impact import contact_motion, force_model
 from kickdyn.impact.compliant_contact import STARTING, Friction
 from kickdyn.impact.integrate_contact import BEYOND_SEPARATION
@@ -22,9 +22,7 @@ from kickdyn.robot.tree_kernel import (
     cross,
     delassus_matrix,
     factorize,
-    inlined,
     joint_space_inertia,
-    njit,
     place_bodies,
     velocity_torques,
     whiten,
@@ -77,7 +75,7 @@ _free_sliding = inlined(contact_motion.free_sliding)
 _slipping_force = inlined(contact_motion.slipping_force)
 _sticking_force = inlined(contact_motion.sticking_force)
 _slip_end = inlined(contact_motion.slip_end)
-_slip_direction = njit(contact_motion.slip_direction)
+_slip_direction = jitable(contact_motion.slip_direction)
 _spring = inlined(force_model.hysteretic_spring)
 
 
@@ -116,7 +114,7 @@ def from_first_joint(tree, bodies, k):
     return x, y, z
 
 
-@njit
+@jitable
 def place(tree, lanes, column, bodies):
     """Place the bodies by a column of the integrator."""
     for k in range(1, len(tree)):
@@ -128,7 +126,7 @@ def place(tree, lanes, column, bodies):
     place_bodies(tree, bodies)
 
 
-@njit
+@jitable
 def evaluate(tree, task, torque, lane, column, rate, floats, memory):
     """Fill in the rate of a column, and the rows of the lanes that are computed."""
     lanes, turned, bodies, motion, inertia, state = memory
@@ -271,7 +269,7 @@ def _push(lane, floats, i):
         lane[ENDS + 1, i] = largest - deflection
 
 
-@njit
+@jitable
 def energy_of(tree, lane, column, motion, inertia, bodies, i):
     """Return the energy of leg and ball of lane i at the column that was evaluated last [J]."""
     n, gx = len(tree), motion[0].acceleration[0, i]

@@ -9,17 +9,16 @@ anew, by a secant, until it ends just after that.
 
 import math
 from collections.abc import Callable
-from functools import cache
+from functools import partial
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from kickdyn.core import dop853, simd
-from kickdyn.core.compilation import compiled, named
+from kickdyn.core import dop853, lanes, simd
+from kickdyn.core.compilation import OPTIONS, MachineCode, Source, named
 from kickdyn.core.dop853 import COUNT, STAGES, WEIGHT, WHICH_RATE
-from kickdyn.core.simd import BATCH, LARGEST_ANGLE, batches, spread
+from kickdyn.core.lanes import BATCH, LARGEST_ANGLE, batches, inlined, jitable, spread
 from kickdyn.core.validation import Array
 from kickdyn.impact import (
     collide_equations,
@@ -78,7 +77,7 @@ from kickdyn.impact.compliant_contact import STARTING
 from kickdyn.impact.integrate_contact import BEYOND_SEPARATION, MAX_CONTACT_TIMES
 from kickdyn.impact.strike_kernel import TASK
 from kickdyn.robot import tree_kernel
-from kickdyn.robot.tree_kernel import BODY, D33, JOINT, MOTION, OPTIONS, STATE, inlined, njit
+from kickdyn.robot.tree_kernel import BODY, D33, JOINT, MOTION, STATE
 
 _slides = inlined(contact_motion.slides)
 
@@ -157,7 +156,7 @@ def _probe(tree, task, torque, given, answer, work, rtol):
                 answer[PROBED + k - 1, c + i] = inertia[0, k, i]
 
 
-@njit
+@jitable
 def _load(i, row, given, tree, lane, columns, scale, floats):
     """Put contact `row` into lane i."""
     nv = len(tree) - 1
@@ -401,15 +400,15 @@ def _collide(tree, task, torque, given, answer, work, rtol):
             busy -= 1
 
 
-_CALLED = (simd, dop853, tree_kernel, collide_equations, contact_motion, force_model,
+_CALLED = (lanes, simd, dop853, tree_kernel, collide_equations, contact_motion, force_model,
            compliant_contact, integrate_contact)  # fmt: skip
 for _function in (_probe, _collide):
     named(_function, _function.__name__, *_CALLED)
 
 
-@cache
-def compiled_kernels() -> tuple[Callable[..., None], Callable[..., None]]:
-    """Return `_probe` and `_collide`, from the disk where they are kept there."""
+def _source(function: Callable[..., None]) -> Source:
+    import numba  # here, because it takes long to import
+
     typeof: Any = numba.typeof
     tree, task, bodies, motion, state = (
         typeof(np.zeros(1, dtype)) for dtype in (JOINT, TASK, BODY, MOTION, STATE)
@@ -418,8 +417,10 @@ def compiled_kernels() -> tuple[Callable[..., None], Callable[..., None]]:
     kinds = matrix, cube, cube, matrix, numba.int64[::1], bodies, motion, cube, state
     work = numba.types.NamedTuple(kinds, Work)
     signature = numba.void(tree, task, vector, matrix, matrix, work, numba.float64)
-    probe, collide = (
-        compiled(function, signature, "the kernel of contacts that take time", **OPTIONS)
-        for function in (_probe, _collide)
-    )
-    return probe, collide
+    return Source(function, signature, OPTIONS)
+
+
+PROBE, COLLIDE = (
+    MachineCode(partial(_source, function), "the kernel of contacts that take time", 6.0)
+    for function in (_probe, _collide)
+)

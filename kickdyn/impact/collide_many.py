@@ -191,14 +191,14 @@ class _Kernel:
     """The machine code of contacts for one leg and its constant torques."""
 
     def __init__(self, leg: Leg, joints: Any, torque: Array) -> None:
-        from kickdyn.core.simd import BATCH, aligned_zeros
+        from kickdyn.core.lanes import BATCH, aligned_zeros
         from kickdyn.impact.collide_equations import START
-        from kickdyn.impact.collide_kernel import Work, compiled_kernels
+        from kickdyn.impact.collide_kernel import COLLIDE, PROBE, Work
         from kickdyn.impact.strike_kernel import TASK
         from kickdyn.robot.tree_kernel import BODY, MOTION, STATE, joint_tree
 
         self._leg, nv = leg, leg.nv
-        self._probe, self._collide = compiled_kernels()
+        self._probe, self._collide = PROBE(), COLLIDE()
         self._tree, frames, senses = joint_tree(leg, joints, np.eye(3))
         self._senses, self._foot_axes = senses[1:], frames[leg.contact_joint]
         self._torque = np.ascontiguousarray(self._senses * torque)

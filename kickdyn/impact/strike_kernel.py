@@ -1,28 +1,35 @@
 """The impact of many strikes in machine code, by the law `newton`.
 
 `BATCH` strikes go side by side, each with its own posture, velocity, contact and ball, see
-`kickdyn.core.simd`. What is not computed to full precision is marked as doubtful.
+`kickdyn.core.lanes`. What is not computed to full precision is marked as doubtful.
 """
 
 import math
-from collections.abc import Callable
-from functools import cache
 from typing import Any
 
-import numba
 import numpy as np
 
-from kickdyn.core import simd
-from kickdyn.core.compilation import compiled, named
-from kickdyn.core.simd import (
+from kickdyn.core import lanes as lanes_module
+from kickdyn.core.compilation import OPTIONS, MachineCode, Source, named
+from kickdyn.core.lanes import (
     BATCH,
     LARGEST_ANGLE,
     batches,
     choose,
+    inlined,
+    jitable,
+    magnitude,
     sine_and_cosine,
     spread,
 )
 from kickdyn.impact import newton_law
+from kickdyn.impact.newton_law import (
+    energy_lost,
+    meet_circle,
+    slip_conic,
+    slip_impulse,
+    stick_impulse,
+)
 from kickdyn.robot import tree_kernel
 from kickdyn.robot.tree_kernel import (
     BODY,
@@ -33,7 +40,6 @@ from kickdyn.robot.tree_kernel import (
     D23,
     D33,
     JOINT,
-    OPTIONS,
     STATE,
     add,
     contact_jacobian,
@@ -41,10 +47,8 @@ from kickdyn.robot.tree_kernel import (
     delassus_matrix,
     dot,
     factorize,
-    inlined,
     joint_impulses,
     joint_space_inertia,
-    njit,
     place_bodies,
     put,
     scale,
@@ -82,11 +86,13 @@ APPROACH, LOST, FIRST = 12, 13, 14
 ball [m], speed of approach [m/s], energy lost [J]; velocity of each joint, and the linear and
 angular impulse in each joint, in its frame."""
 
-STICK, SLIDE, ANEW = 0.0, 1.0, 2.0
-"""Flags of an answer: points stick, or slip, or the strike is to be computed anew."""
+STICK, SLIDE, PARTING, ANEW = 0.0, 1.0, 2.0, 3.0
+"""Flags of an answer: points stick, or slip, foot and ball move apart, or the strike is to be
+computed anew."""
 
-LEAST_APPROACH = 1e-12
-"""Speed of approach [m/s] below which a strike is to be computed anew."""
+LEAST_APPROACH, FASTEST = 1e-12, 1e100
+"""Least and largest speed of approach [m/s] that is told from rounding and from overflow; other
+strikes are to be computed anew."""
 
 LEAST_SHARE = 1e-6
 """Share that a pivot or a resistance must keep of its terms, or the strike is doubtful."""
@@ -94,14 +100,13 @@ LEAST_SHARE = 1e-6
 LEAST_RESISTANCE = 1e-3
 """Share of its mobility along the normal that a contact must resist with, or it is doubtful."""
 
-_stick_impulse = inlined(newton_law.stick_impulse)
-_slip_impulse = njit(newton_law.slip_impulse)
-_slip_conic = njit(newton_law.slip_conic)
-_meet_circle = njit(newton_law.meet_circle)
-_energy_lost = inlined(newton_law.energy_lost)
+for _law in (slip_impulse, slip_conic, meet_circle):
+    jitable(_law)
+for _law in (stick_impulse, energy_lost):
+    inlined(_law)
 
 
-@njit
+@jitable
 def _solve(lane, state):  # type: ignore[no-untyped-def]
     """Fill in the impulse in the contact's axes by the law `newton` where the points do not slip.
 
@@ -115,7 +120,7 @@ def _solve(lane, state):  # type: ignore[no-untyped-def]
         g33,
     )  # fmt: skip
     u = vector(lane.velocity)
-    (p1, p2, p3), _, (h22, h33) = _stick_impulse(g, u, e)
+    (p1, p2, p3), _, (h22, h33) = stick_impulse(g, u, e)
     sound = (h22 > LEAST_SHARE * g22) & (h33 > LEAST_SHARE * g33)
     most = mu * p3
     sticks = sound & (mu > 0.0) & (p3 >= 0.0) & (p1 * p1 + p2 * p2 <= most * most)
@@ -125,10 +130,10 @@ def _solve(lane, state):  # type: ignore[no-untyped-def]
     level = (0.0 - (1.0 + e) * u[2]) / g33
     impulse = choose(sticks, p1, 0.0), choose(sticks, p2, 0.0), choose(sticks, p3, level)
     put(state.impulse, impulse)
-    state.energy_lost = _energy_lost(impulse, u, (0.0, 0.0), e)
+    state.energy_lost = energy_lost(impulse, u, (0.0, 0.0), e)
 
 
-@njit
+@jitable
 def _slip(floats, lane, i):  # type: ignore[no-untyped-def]
     """Fill in the impulse of lane i by the law `newton` where the points slip."""
     delassus, mobility = floats.delassus, lane.tangent_mobility[i]
@@ -139,11 +144,108 @@ def _slip(floats, lane, i):  # type: ignore[no-untyped-def]
     )  # fmt: skip
     u = lane.velocity[0, i], lane.velocity[1, i], lane.velocity[2, i]
     e, mu = lane.restitution[i], lane.friction[i]
-    impulse, lost = _slip_impulse(g, u, e, mu, _meet_circle(_slip_conic(g, u, e, mu)))
+    impulse, lost = slip_impulse(g, u, e, mu, meet_circle(slip_conic(g, u, e, mu)))
     if not 0.0 < impulse[2] * (LEAST_RESISTANCE * g33) < -(1.0 + e) * u[2]:
         floats.doubt[i] = 1.0
     floats.impulse[0, i], floats.impulse[1, i], floats.impulse[2, i] = impulse
     floats.energy_lost[i] = lost
+
+
+@jitable
+def strike_batch(tree, frames, senses, task, given, g, memory):  # type: ignore[no-untyped-def]
+    """Fill in the answers of one batch of strikes; `given` is read at batch g.
+
+    `memory` is what it works in: lanes, their floats, bodies, the matrix of inertia, state, its
+    floats, and rows of joint angles, velocities, columns of the answer and the flag.
+    """
+    lanes, lane_floats, bodies, inertia, state, floats, row_of = memory
+    n = len(tree)
+    nv = n - 1
+    result, first = row_of[2 * nv :], FIRST + nv
+    width = len(result) - 1
+    doubt = spread(0.0)
+    for k in range(1, n):
+        angle = row_of[k - 1]
+        if tree[k].slides:
+            bodies[k].cosine = angle
+        else:
+            bodies[k].sine, bodies[k].cosine = sine_and_cosine(angle)
+            doubt = choose(magnitude(angle) < LARGEST_ANGLE, doubt, 1.0)
+    state.doubt = doubt
+    place_bodies(tree, bodies)
+    joint_space_inertia(tree, bodies, inertia)
+    lever = given[LEVER, g], given[LEVER + 1, g], given[LEVER + 2, g]
+    contact_jacobian(tree, bodies, task, lever, state)
+    a = (
+        (given[AXES, g], given[AXES + 1, g], given[AXES + 2, g]),
+        (given[AXES + 3, g], given[AXES + 4, g], given[AXES + 5, g]),
+        (given[AXES + 6, g], given[AXES + 7, g], given[AXES + 8, g]),
+    )
+    velocity = given[VELOCITY, g], given[VELOCITY + 1, g], given[VELOCITY + 2, g]
+    spin = given[SPIN, g], given[SPIN + 1, g], given[SPIN + 2, g]
+    turned, radius = cross(spin, a[2]), given[RADIUS, g]
+    w1 = velocity[0] - radius * turned[0]
+    w2 = velocity[1] - radius * turned[1]
+    w3 = velocity[2] - radius * turned[2]
+    u1, u2, u3 = dot(a[0], (w1, w2, w3)), dot(a[1], (w1, w2, w3)), dot(a[2], (w1, w2, w3))
+    for k in range(1, n):
+        row = bodies[k].jacobian
+        if not tree[k].carries_foot:
+            row[0], row[1], row[2] = 0.0, 0.0, 0.0
+            continue
+        column, speed = vector(row), row_of[nv + k - 1]
+        x, y, z = dot(a[0], column), dot(a[1], column), dot(a[2], column)
+        row[0], row[1], row[2] = x, y, z
+        u1, u2, u3 = u1 - x * speed, u2 - y * speed, u3 - z * speed
+    lanes.velocity[0], lanes.velocity[1], lanes.velocity[2] = u1, u2, u3
+    lanes.restitution, lanes.friction = given[RESTITUTION, g], given[FRICTION, g]
+    inverse, turning = given[INVERSE_MASS, g], given[TURNING, g]
+    lanes.tangent_mobility, lanes.normal_mobility = inverse + turning, inverse
+    factorize(tree, inertia, state)
+    whiten(tree, bodies, inertia, task)
+    delassus_matrix(tree, bodies, inertia, state)
+    _solve(lanes, state)
+    for i in range(lane_floats.slips.size):
+        if lane_floats.slips[i] > 0.0:
+            _slip(floats, lane_floats, i)
+    solve_velocity(tree, bodies, inertia, state)
+    s, t, p = state.impulse[0], state.impulse[1], state.impulse[2]
+    impulse = add(add(scale(s, a[0]), scale(t, a[1])), scale(p, a[2]))
+    put(state.impulse, impulse)
+    joint_impulses(tree, bodies, task, state)
+    point = vector(state.point)
+    k = task.foot
+    while k > 0:
+        point = add(point, vector(bodies[k].origin))
+        k = tree[k].parent
+    centre = given[CENTRE, g], given[CENTRE + 1, g], given[CENTRE + 2, g]
+    put(result[IMPULSE:], impulse)
+    put(result[BALL_VELOCITY:], add(velocity, scale(inverse, impulse)))
+    put(result[BALL_SPIN:], add(spin, scale(turning / radius, cross(impulse, a[2]))))
+    put(result[BALL_POSITION:], add(point, centre))
+    result[APPROACH], result[LOST] = 0.0 - u3, state.energy_lost
+    sound = (state.doubt == 0.0) & (magnitude(state.energy_lost) < math.inf)
+    speed = 0.0 - u3
+    sound = sound & (speed > LEAST_APPROACH)
+    parting = (u3 > LEAST_APPROACH) & (u3 < FASTEST) & (doubt == 0.0)
+    result[width] = choose(parting, PARTING, choose(sound, SLIDE - lanes.sticks, ANEW))
+    for k in range(1, n):
+        result[FIRST + k - 1] = senses[k] * (row_of[nv + k - 1] + bodies[k].jump)
+        _write(bodies[k].rotation, frames[k], bodies[k].force, result, first)
+        _write(bodies[k].rotation, frames[k], bodies[k].torque, result, first + 3)
+        first += 6
+    first -= 6 * nv
+
+
+@jitable
+def _write(rotation, frame, rows, result, first):  # type: ignore[no-untyped-def]
+    """Write a vector in the axes of its joint to rows of a result."""
+    x, y, z = rows[0], rows[1], rows[2]
+    u = rotation[0, 0] * x + rotation[1, 0] * y + rotation[2, 0] * z
+    v = rotation[0, 1] * x + rotation[1, 1] * y + rotation[2, 1] * z
+    w = rotation[0, 2] * x + rotation[1, 2] * y + rotation[2, 2] * z
+    for r in range(3):
+        result[first + r] = frame[r, 0] * u + frame[r, 1] * v + frame[r, 2] * w
 
 
 def _strike(tree, frames, task, senses, given, motion, memory, answer):  # type: ignore[no-untyped-def]
@@ -157,11 +259,12 @@ def _strike(tree, frames, task, senses, given, motion, memory, answer):  # type:
     (q, v), (answer, flags) = motion, answer
     lanes, bodies, inertia, state, floats_of = memory
     task, floats, lane_floats, count = task[0], state[0], lanes[0], len(q)
-    bodies, inertia, state = batches(bodies), batches(inertia), batches(state)[0]
-    lanes, given, row_of = batches(lanes)[0], batches(given), batches(floats_of)
-    n = len(tree)
-    nv, width = n - 1, answer.shape[1]
-    result, first = row_of[2 * nv :], FIRST + nv
+    batch = (
+        batches(lanes)[0], lane_floats, batches(bodies), batches(inertia), batches(state)[0],
+        floats, batches(floats_of),
+    )  # fmt: skip
+    given = batches(given)
+    nv, width = len(tree) - 1, answer.shape[1]
     for c in range((count + BATCH - 1) // BATCH):
         g = c if given.shape[1] > 1 else 0
         for i in range(BATCH):
@@ -169,76 +272,7 @@ def _strike(tree, frames, task, senses, given, motion, memory, answer):  # type:
             for k in range(nv):
                 floats_of[k, i] = senses[k + 1] * q[row, k]
                 floats_of[nv + k, i] = senses[k + 1] * v[row, k]
-        doubt = spread(0.0)
-        for k in range(1, n):
-            angle = row_of[k - 1]
-            if tree[k].slides:
-                bodies[k].cosine = angle
-            else:
-                bodies[k].sine, bodies[k].cosine = sine_and_cosine(angle)
-                doubt = choose(math.fabs(angle) < LARGEST_ANGLE, doubt, 1.0)
-        state.doubt = doubt
-        place_bodies(tree, bodies)
-        joint_space_inertia(tree, bodies, inertia)
-        lever = given[LEVER, g], given[LEVER + 1, g], given[LEVER + 2, g]
-        contact_jacobian(tree, bodies, task, lever, state)
-        a = (
-            (given[AXES, g], given[AXES + 1, g], given[AXES + 2, g]),
-            (given[AXES + 3, g], given[AXES + 4, g], given[AXES + 5, g]),
-            (given[AXES + 6, g], given[AXES + 7, g], given[AXES + 8, g]),
-        )
-        velocity = given[VELOCITY, g], given[VELOCITY + 1, g], given[VELOCITY + 2, g]
-        spin = given[SPIN, g], given[SPIN + 1, g], given[SPIN + 2, g]
-        turned, radius = cross(spin, a[2]), given[RADIUS, g]
-        w1 = velocity[0] - radius * turned[0]
-        w2 = velocity[1] - radius * turned[1]
-        w3 = velocity[2] - radius * turned[2]
-        u1, u2, u3 = dot(a[0], (w1, w2, w3)), dot(a[1], (w1, w2, w3)), dot(a[2], (w1, w2, w3))
-        for k in range(1, n):
-            row = bodies[k].jacobian
-            if not tree[k].carries_foot:
-                row[0], row[1], row[2] = 0.0, 0.0, 0.0
-                continue
-            column, speed = vector(row), row_of[nv + k - 1]
-            x, y, z = dot(a[0], column), dot(a[1], column), dot(a[2], column)
-            row[0], row[1], row[2] = x, y, z
-            u1, u2, u3 = u1 - x * speed, u2 - y * speed, u3 - z * speed
-        lanes.velocity[0], lanes.velocity[1], lanes.velocity[2] = u1, u2, u3
-        lanes.restitution, lanes.friction = given[RESTITUTION, g], given[FRICTION, g]
-        inverse, turning = given[INVERSE_MASS, g], given[TURNING, g]
-        lanes.tangent_mobility, lanes.normal_mobility = inverse + turning, inverse
-        factorize(tree, inertia, state)
-        whiten(tree, bodies, inertia, task)
-        delassus_matrix(tree, bodies, inertia, state)
-        _solve(lanes, state)
-        for i in range(BATCH):
-            if lane_floats.slips[i] > 0.0:
-                _slip(floats, lane_floats, i)
-        solve_velocity(tree, bodies, inertia, state)
-        s, t, p = state.impulse[0], state.impulse[1], state.impulse[2]
-        impulse = add(add(scale(s, a[0]), scale(t, a[1])), scale(p, a[2]))
-        put(state.impulse, impulse)
-        joint_impulses(tree, bodies, task, state)
-        point = vector(state.point)
-        k = task.foot
-        while k > 0:
-            point = add(point, vector(bodies[k].origin))
-            k = tree[k].parent
-        centre = given[CENTRE, g], given[CENTRE + 1, g], given[CENTRE + 2, g]
-        put(result[IMPULSE:], impulse)
-        put(result[BALL_VELOCITY:], add(velocity, scale(inverse, impulse)))
-        put(result[BALL_SPIN:], add(spin, scale(turning / radius, cross(impulse, a[2]))))
-        put(result[BALL_POSITION:], add(point, centre))
-        result[APPROACH], result[LOST] = 0.0 - u3, state.energy_lost
-        sound = (state.doubt == 0.0) & (math.fabs(state.energy_lost) < math.inf)
-        sound = sound & (result[APPROACH] > LEAST_APPROACH)
-        result[width] = choose(sound, SLIDE - lanes.sticks, ANEW)
-        for k in range(1, n):
-            result[FIRST + k - 1] = senses[k] * (row_of[nv + k - 1] + bodies[k].jump)
-            _write(bodies[k].rotation, frames[k], bodies[k].force, result, first)
-            _write(bodies[k].rotation, frames[k], bodies[k].torque, result, first + 3)
-            first += 6
-        first -= 6 * nv
+        strike_batch(tree, frames, senses, task, given, g, batch)
         for i in range(min(BATCH, count - BATCH * c)):
             flags[BATCH * c + i] = np.int8(floats_of[2 * nv + width, i])
             row, column = answer[BATCH * c + i], floats_of[2 * nv :, i]
@@ -246,23 +280,12 @@ def _strike(tree, frames, task, senses, given, motion, memory, answer):  # type:
                 row[r] = column[r]
 
 
-@njit
-def _write(rotation, frame, rows, result, first):  # type: ignore[no-untyped-def]
-    """Write a vector in the axes of its joint to rows of a result."""
-    x, y, z = rows[0], rows[1], rows[2]
-    u = rotation[0, 0] * x + rotation[1, 0] * y + rotation[2, 0] * z
-    v = rotation[0, 1] * x + rotation[1, 1] * y + rotation[2, 1] * z
-    w = rotation[0, 2] * x + rotation[1, 2] * y + rotation[2, 2] * z
-    for r in range(3):
-        result[first + r] = frame[r, 0] * u + frame[r, 1] * v + frame[r, 2] * w
+named(_strike, "strike", lanes_module, newton_law, tree_kernel)
 
 
-named(_strike, "strike", simd, newton_law, tree_kernel)
+def _source() -> Source:
+    import numba  # here, because it takes long to import
 
-
-@cache
-def compiled_kernel() -> Callable[..., None]:
-    """Return the kernel, from the disk where it is kept there."""
     typeof: Any = numba.typeof
     tree, task, lanes, bodies, state = (
         typeof(np.zeros(1, dtype)) for dtype in (JOINT, TASK, LANE, BODY, STATE)
@@ -272,4 +295,7 @@ def compiled_kernel() -> Callable[..., None]:
     memory, motion = tuple_of((lanes, bodies, cube, state, matrix)), tuple_of((matrix, matrix))
     answer = tuple_of((matrix, numba.int8[::1]))
     signature = numba.void(tree, cube, task, vector, cube, motion, memory, answer)
-    return compiled(_strike, signature, "the kernel of strikes", **OPTIONS)
+    return Source(_strike, signature, OPTIONS)
+
+
+KERNEL = MachineCode(_source, "the kernel of strikes", 7.0)

@@ -13,8 +13,10 @@ from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.differences import difference_slopes
+from kickdyn.core.lanes import BATCH, aligned_zeros, blank_records, namespaces
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput, KickdynError, NoImpact
+from kickdyn.impact import strike_kernel as kernel
 from kickdyn.impact.approach import AT_REST
 from kickdyn.impact.batch_arguments import (
     ContactRows,
@@ -27,10 +29,14 @@ from kickdyn.impact.laws import find_law, names_of_laws
 from kickdyn.impact.strike import strike
 from kickdyn.restitution import restitution_at
 from kickdyn.robot.leg import Leg
+from kickdyn.robot.tree_kernel import BODY, STATE, hinges_and_slides, joint_tree
 
 DIFFERENCE = 1e-3
 """Step of the differences of `Impacts` by q and v, relative to 1 rad (1 m) and to the speed."""
 
+
+SECONDS_IN_PYTHON = 2e-5
+"""Processor time of a strike by arrays of Python, roughly [s]: some of those that slip."""
 
 Rows = TypeVar("Rows")
 """A dataclass of arrays with a row for each strike."""
@@ -224,33 +230,21 @@ def put_rows(result: Any, rows: Any, *values: Any) -> None:
 
 
 class _Kernel:
-    """The machine code of strikes for one leg, and what is the same for all q and v."""
+    """The strikes of one leg at once, on arrays or in machine code, and what all q and v share."""
 
     def __init__(self, given: Strikes, joints: Any) -> None:
-        from kickdyn.core.simd import BATCH, aligned_zeros
-        from kickdyn.impact import strike_kernel as rows
-        from kickdyn.robot.tree_kernel import BODY, STATE, joint_tree
-
-        self._code, self._given, leg = rows.compiled_kernel(), given, given.leg
+        self._given, leg = given, given.leg
         tree, frames, senses = joint_tree(leg, joints, np.eye(3))
-        task, count, nv = np.zeros(1, rows.TASK), len(tree), leg.nv
+        task = np.zeros(1, kernel.TASK)
         task["foot"] = leg.contact_joint
         self._given_leg = tree, np.ascontiguousarray(frames), task, np.ascontiguousarray(senses)
-        self._columns = rows.FIRST + 7 * nv
-        self._memory = (
-            aligned_zeros((1,), rows.LANE), aligned_zeros((count,), BODY),
-            aligned_zeros((count, count, BATCH)), aligned_zeros((1,), STATE),
-            aligned_zeros((2 * nv + self._columns + 1, BATCH)),
-        )  # fmt: skip
+        self._columns = kernel.FIRST + 7 * leg.nv
         self._varies = bool(np.isnan(given.contacts.restitution).any())
         self._table = self._of_strikes(frames[leg.contact_joint].T)
 
     def _of_strikes(self, foot_axes: Array) -> Array:
         """Return what is given of the strikes beside q and v, shape `(rows, batches, 16)`."""
-        from kickdyn.core.simd import BATCH
-        from kickdyn.impact import strike_kernel as rows
-
-        given, leg = self._given, self._given.leg
+        rows, given, leg = kernel, self._given, self._given.leg
         frame = leg.workspace.model.frames[leg.frame_id].placement
         contacts = given.contacts
         levers = leg.contact_lever + contacts.offset @ frame.rotation.T
@@ -277,8 +271,6 @@ class _Kernel:
     @classmethod
     def of(cls, given: Strikes) -> "_Kernel | None":
         """Return the kernel of a leg, or None where there is none."""
-        from kickdyn.robot.tree_kernel import hinges_and_slides
-
         leg, movable = given.leg, all(ball.mass < math.inf for ball in given.balls)
         if leg.base_velocity is not None or leg.nq != leg.nv or not movable:
             return None
@@ -287,12 +279,13 @@ class _Kernel:
 
     def strike(self, q: Array, v: Array) -> tuple[Impacts, NDArray[np.bool_]]:
         """Return the impacts, and which of them are to be computed anew."""
-        from kickdyn.impact import strike_kernel as rows
-
-        answer, flags = self._run(q, v)
+        rows = kernel
+        run = self._run if kernel.KERNEL.pays(len(q) * SECONDS_IN_PYTHON) else self._in_python
+        answer, flags = run(q, v)
         if self._varies:
             self._set_restitution(answer[:, rows.APPROACH])
-            answer, flags = self._run(q, v)
+            answer, flags = run(q, v)
+        answer[flags == rows.PARTING] = np.nan
         (n, nv), first = q.shape, rows.FIRST + self._given.leg.nv
         impulse, velocity, spin, position = (
             answer[:, k : k + 3]
@@ -308,15 +301,36 @@ class _Kernel:
     def _run(self, q: Array, v: Array) -> tuple[Array, NDArray[np.int8]]:
         """Return the answers of the kernel, shape `(n, columns)`, and their flags."""
         answer = np.empty((len(q), self._columns)), np.empty(len(q), np.int8)
-        motion = np.ascontiguousarray(q), np.ascontiguousarray(v)
-        self._code(*self._given_leg, self._table, motion, self._memory, answer)
+        motion, count = (np.ascontiguousarray(q), np.ascontiguousarray(v)), len(self._given_leg[0])
+        memory = (
+            aligned_zeros((1,), kernel.LANE), aligned_zeros((count,), BODY),
+            aligned_zeros((count, count, BATCH)), aligned_zeros((1,), STATE),
+            aligned_zeros((2 * len(q.T) + self._columns + 1, BATCH)),
+        )  # fmt: skip
+        kernel.KERNEL()(*self._given_leg, self._table, motion, memory, answer)
         return answer
+
+    def _in_python(self, q: Array, v: Array) -> tuple[Array, NDArray[np.int8]]:
+        """Return what `_run` does, by the same functions on arrays of all strikes."""
+        tree, frames, task, senses = self._given_leg
+        (n, nv), count = q.shape, len(tree)
+        row_of = np.empty((2 * nv + self._columns + 1, n))
+        row_of[:nv], row_of[nv : 2 * nv] = (senses[1:] * q).T, (senses[1:] * v).T
+        table = self._table.reshape(kernel.GIVEN, 1, -1)
+        given = np.broadcast_to(table[..., :n] if table.shape[2] >= n else table[..., :1],
+                                (kernel.GIVEN, 1, n))  # fmt: skip
+        (lanes,), (state,) = blank_records(kernel.LANE, 1, n), blank_records(STATE, 1, n)
+        memory = (lanes, lanes, blank_records(BODY, count, n), np.zeros((count, count, n)),
+                  state, state, row_of)  # fmt: skip
+        with np.errstate(all="ignore"):  # of strikes that are computed anew
+            kernel.strike_batch(
+                namespaces(tree), frames, senses, *namespaces(task), given, 0, memory
+            )
+        return row_of[2 * nv : -1].T.copy(), row_of[-1].astype(np.int8)
 
     def _set_restitution(self, speeds: Array) -> None:
         """Put in the restitution at the speeds of approach where it depends on them."""
-        from kickdyn.impact.strike_kernel import RESTITUTION
-
-        contacts, restitution = self._given.contacts, self._table[RESTITUTION].reshape(-1)
+        contacts, restitution = self._given.contacts, self._table[kernel.RESTITUTION].reshape(-1)
         for i, speed in enumerate(speeds.tolist()):
             contact = contacts[i % len(contacts)]
             restitution[i] = restitution_at(contact.restitution, max(speed, 0.0))

@@ -3,30 +3,21 @@
 All vectors have the contact's axes (first and second tangent, normal). Moments are about the
 joint's own origin, so that a light foot far from the hip loses no digits. Every joint turns about,
 or slides along, the z axis of its own frame. The algorithms are from Featherstone, Rigid Body
-Dynamics Algorithms, 2008, written for batches, see `kickdyn.core.simd`.
+Dynamics Algorithms, 2008, written for batches, see `kickdyn.core.lanes`.
 
-`njit` allows no fused multiply-adds: which of them the compiler finds depends on what it inlines,
-and a resumed sweep must have the same bits as one that ran at once.
+Machine code has no fused multiply-adds: which of them the compiler finds depends on what it
+inlines, and a resumed sweep must have the same bits as one that ran at once.
 """
 
-import math
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from kickdyn.core.compilation import WITHIN
-from kickdyn.core.simd import BATCH, choose, spread
+from kickdyn.core.lanes import BATCH, choose, inlined, jitable, larger, magnitude, spread
 from kickdyn.core.validation import Array
 from kickdyn.robot.leg import Leg
-
-OPTIONS: dict[str, Any] = {"error_model": "numpy", "_nrt": False}
-"""How the kernel is compiled: without memory management, since all arrays are the caller's."""
-
-njit: Any = numba.njit(**OPTIONS, **WITHIN)
-inlined: Any = numba.njit(**OPTIONS, **WITHIN, forceinline=True)
 
 ALIGNED = 1e-15
 """Largest entry of a rotation minus the identity that is taken for rounding."""
@@ -232,7 +223,7 @@ def _axis(body):  # type: ignore[no-untyped-def]
     return body.rotation[0, 2], body.rotation[1, 2], body.rotation[2, 2]
 
 
-@njit
+@jitable
 def place_bodies(tree, bodies):  # type: ignore[no-untyped-def]
     r"""Fill in rotation, origin and carried moments of every body, from the base to the tips.
 
@@ -272,7 +263,7 @@ def _place_row(joint, body, i, row, origin):  # type: ignore[no-untyped-def]
         body.origin[i] = origin
 
 
-@njit
+@jitable
 def _place_moments(joint, body):  # type: ignore[no-untyped-def]
     r"""Fill in a body's moments of mass in the contact's axes, :math:`R h` and :math:`R I R^T`."""
     r = body.rotation
@@ -288,7 +279,7 @@ def _place_moments(joint, body):  # type: ignore[no-untyped-def]
         body.inertia[i] = carried[i]
 
 
-@njit
+@jitable
 def joint_space_inertia(tree, bodies, inertia):  # type: ignore[no-untyped-def]
     """Fill in the joint-space inertia M, each joint's row up to the base.
 
@@ -316,7 +307,7 @@ def joint_space_inertia(tree, bodies, inertia):  # type: ignore[no-untyped-def]
         _carry(body, bodies[joint.parent], joint.carried_mass)
 
 
-@njit
+@jitable
 def _carry(body, parent, mass):  # type: ignore[no-untyped-def]
     dx, dy, dz = d = vector(body.origin)
     hx, hy, hz = h = vector(body.carried_moment)
@@ -332,7 +323,7 @@ def _carry(body, parent, mass):  # type: ignore[no-untyped-def]
     total[5] += carried[5] + (xs + ys)
 
 
-@njit
+@jitable
 def contact_jacobian(tree, bodies, task, lever, state):  # type: ignore[no-untyped-def]
     r"""Fill in the contact point and the columns of its Jacobian.
 
@@ -355,7 +346,7 @@ def contact_jacobian(tree, bodies, task, lever, state):  # type: ignore[no-untyp
     put(state.from_base, distance)
 
 
-@njit
+@jitable
 def joint_impulses(tree, bodies, task, state):  # type: ignore[no-untyped-def]
     """Compute the impulses inside the joints from the jump of the joints' velocity.
 
@@ -385,8 +376,8 @@ def joint_impulses(tree, bodies, task, state):  # type: ignore[no-untyped-def]
         joint, body = tree[k], bodies[k]
         force, torque = vector(body.force), vector(body.torque)
         along = dot(_axis(body), force if joint.slides else torque)
-        largest = max(largest, dot(force, force))
-        residual = max(residual, math.fabs(along + joint.armature * body.jump))
+        largest = larger(largest, dot(force, force))
+        residual = larger(residual, magnitude(along + joint.armature * body.jump))
         if joint.parent > 0:
             parent = bodies[joint.parent]
             torque = add(torque, cross(vector(body.origin), force))
@@ -395,7 +386,7 @@ def joint_impulses(tree, bodies, task, state):  # type: ignore[no-untyped-def]
     state.largest_square, state.momentum_error = largest, residual
 
 
-@njit
+@jitable
 def velocity_torques(tree, bodies, motion):  # type: ignore[no-untyped-def]
     """Subtract from the torques `free` what gravity and the products of velocities take.
 
@@ -436,7 +427,7 @@ def velocity_torques(tree, bodies, motion):  # type: ignore[no-untyped-def]
             put(parent.torque, add(vector(parent.torque), torque))
 
 
-@njit
+@jitable
 def whiten_torques(tree, motion, factors):  # type: ignore[no-untyped-def]
     r"""Replace the torques `free` by :math:`L^{-T}` times them."""
     for k in range(len(tree) - 1, 0, -1):
@@ -446,7 +437,7 @@ def whiten_torques(tree, motion, factors):  # type: ignore[no-untyped-def]
             a = tree[a].parent
 
 
-@njit
+@jitable
 def factorize(tree, inertia, state):  # type: ignore[no-untyped-def]
     r"""Factorize the joint-space inertia in place, :math:`M = L^T D L` with unit triangular L.
 
@@ -473,7 +464,7 @@ def factorize(tree, inertia, state):  # type: ignore[no-untyped-def]
             a = tree[a].parent
 
 
-@njit
+@jitable
 def whiten(tree, bodies, factors, task):  # type: ignore[no-untyped-def]
     r"""Replace the rows of :math:`J^T` by the rows of :math:`W = L^{-T} J^T`.
 
@@ -491,7 +482,7 @@ def whiten(tree, bodies, factors, task):  # type: ignore[no-untyped-def]
                 a = tree[a].parent
 
 
-@njit
+@jitable
 def delassus_matrix(tree, bodies, factors, state):  # type: ignore[no-untyped-def]
     """Fill in the Delassus matrix of the foot from whitened rows."""
     d11, d12, d22 = spread(0.0), spread(0.0), spread(0.0)
@@ -513,7 +504,7 @@ def delassus_matrix(tree, bodies, factors, state):  # type: ignore[no-untyped-de
     delassus[D13], delassus[D23], delassus[D33] = d13, d23, d33
 
 
-@njit
+@jitable
 def solve_velocity(tree, bodies, factors, state):  # type: ignore[no-untyped-def]
     r"""Fill in the jump of the joints' velocity, :math:`v = L^{-1} z` with :math:`D z = -W p`.
 

@@ -9,17 +9,13 @@ A posture of a sweep takes 0.15 us with interpolated carries and 3.4 us if `fly_
 ball (human leg, tolerance 1e-6 m, one thread, `python benchmarks/sweep.py`).
 """
 
-from collections.abc import Callable
-from functools import cache
-
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from kickdyn.ball import BallState
-from kickdyn.core.compilation import compiled
+from kickdyn.core.compilation import MachineCode, Source
 from kickdyn.core.validation import Array
-from kickdyn.flight.batch import fly_many
+from kickdyn.flight.batch import carries
 from kickdyn.sweeps.kernel import KernelModel
 from kickdyn.sweeps.sweep_kick import FLIGHT_TOLERANCE
 
@@ -73,7 +69,7 @@ class CarryTable:
             if not 0 < len(corners) <= 1500:  # patches per halving: some ten seconds in all
                 break
         self._patches = np.array(patches) if patches else np.zeros((1, 3 + NODES**2))
-        self._evaluate = compiled_evaluate()
+        self._evaluate = EVALUATE()
 
     def __call__(self, normal: Array, tangent: Array, carry: Array) -> NDArray[np.bool_]:
         """Fill in the carries [m] of impulses along normal and tangent [N s], shapes `(n,)`.
@@ -113,8 +109,8 @@ class CarryTable:
         impulse = np.column_stack([slope * normal, np.zeros(len(share)), normal])
         kick = self._model.kick
         balls = launches(self._model, impulse)
-        flown = fly_many(balls, kick.ball, kick.air, tol=FLIGHT_TOLERANCE)
-        return np.asarray(np.where(flown.status.values == 0, flown.range.values, np.nan))
+        carry, landed = carries(balls, kick.ball, kick.air, FLIGHT_TOLERANCE, machine_code=True)
+        return np.where(landed, carry, np.nan)
 
 
 def _evaluate(normal, tangent, largest, slope, index, patches, carry, to_fly):  # type: ignore[no-untyped-def]
@@ -143,10 +139,13 @@ def _evaluate(normal, tangent, largest, slope, index, patches, carry, to_fly):  
         carry[i] = total * share * share
 
 
-@cache
-def compiled_evaluate() -> Callable[..., None]:
-    """Return `_evaluate` in machine code."""
+def _source() -> Source:
+    import numba  # here, because it takes long to import
+
     vector, index, patches = numba.float64[::1], numba.int64[:, ::1], numba.float64[:, ::1]
     number, flags = numba.float64, numba.boolean[::1]
     signature = numba.void(vector, vector, number, number, index, patches, vector, flags)
-    return compiled(_evaluate, signature, "the interpolation of carries", error_model="numpy")
+    return Source(_evaluate, signature, {"error_model": "numpy"})
+
+
+EVALUATE = MachineCode(_source, "the interpolation of carries", 0.4)

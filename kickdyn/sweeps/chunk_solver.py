@@ -1,7 +1,6 @@
 """All variables of a range of postures, by a compiled kernel and flights."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
@@ -10,17 +9,24 @@ from numpy.typing import NDArray
 from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
+from kickdyn.flight.batch import MARCH, carries, seconds_of_fly
 from kickdyn.impact.laws import find_law
 from kickdyn.robot.leg import Leg
+from kickdyn.sweeps.carry_table import CarryTable, launches
 from kickdyn.sweeps.dataset import VARIABLES, describe, variables_of
 from kickdyn.sweeps.grid import Grid
+from kickdyn.sweeps.kernel import KERNEL, NORMAL, TANGENT, Kernel, KernelModel, fill_variables
 from kickdyn.sweeps.sweep_kick import FLIGHT_TOLERANCE, Kick, PostureStatus, kick_from
 
-if TYPE_CHECKING:
-    from kickdyn.sweeps.kernel import Kernel, KernelModel
+SECONDS_IN_PYTHON = 3e-6
+"""Processor time of a posture without its flight, by arrays of Python, roughly [s]."""
 
-KERNEL_FROM = 2000
-"""Postures of a grid from which a kernel is used: compiling it takes seconds the first time."""
+STORED_FROM = 2000
+"""Postures from which the flights of a stored sweep are machine code, so that it has the same
+digits whether or not it was interrupted. In memory, `fly_many`'s rule decides."""
+
+TABLE_FROM = 5000
+"""Postures from which carries are interpolated: the table itself takes about as many flights."""
 
 CHUNK = 262_144
 """Postures per chunk, roughly."""
@@ -37,10 +43,10 @@ _CARRY = list(VARIABLES).index("carry")
 class ChunkSolver:
     """Computes all variables of ranges of postures; safe to call from several threads.
 
-    A grid of at least `KERNEL_FROM` postures is computed by a compiled kernel. Where there is none
-    (a base that floats or moves, supports, loops, wind that changes with height, a law without a
-    kernel), and where the kernel marks a posture as doubtful, it is `kick_from`, a thousand times
-    slower.
+    All postures go through `kernel` at once, on arrays or, for millions of them, in machine code.
+    Where it does not serve (a base that floats or moves, supports, loops, wind that changes with
+    height, a law without a kernel), and where it marks a posture as doubtful, `kick_from` computes
+    one after the other, a thousand times slower.
 
     Attributes:
         leg, grid, kick, tolerance: as for `kickdyn.sweep`.
@@ -48,24 +54,27 @@ class ChunkSolver:
         carry_tolerance: `tolerance` where carries are interpolated, else 0.
     """
 
-    def __init__(self, leg: Leg, grid: Grid, kick: Kick, tolerance: float = 0.0) -> None:
+    def __init__(
+        self, leg: Leg, grid: Grid, kick: Kick, tolerance: float = 0.0, *, stored: bool = False
+    ) -> None:
         self.tolerance = validation.number("tolerance", tolerance, at_least=0, unit="m")
         self.leg, self.grid, self.kick = leg, grid, kick
         self._model: KernelModel | None = None
         self._kernel: Kernel | None = None
         self._table: Callable[[Array, Array, Array], NDArray[np.bool_]] | None = None
         windy = kick.air is not None and callable(kick.air.wind)
-        if grid.size >= KERNEL_FROM and not windy and find_law(kick.law).has_kernel:
-            from kickdyn.sweeps import kernel  # numba is needed by large grids only
-
-            self._model = kernel.KernelModel.of(leg, kick)
+        if not windy and find_law(kick.law).has_kernel:
+            self._model = KernelModel.of(leg, kick)
+        self._stored, self._flies_in_machine_code = stored, False
         self.chunk = SLOW_CHUNK if self._model is None else CHUNK
         planar = self._model is not None and self._model.planar
-        self.carry_tolerance = self.tolerance if planar and kick.air is not None else 0.0
+        in_table = planar and kick.air is not None and grid.size >= TABLE_FROM
+        self.carry_tolerance = self.tolerance if in_table else 0.0
+        self._flight_tolerance = min(max(1e-3 * self.tolerance, FLIGHT_TOLERANCE), 1e-9)
 
     @property
     def seconds(self) -> float:
-        """Processor time that the whole grid takes, roughly [s]."""
+        """Processor time that a large grid takes, roughly [s]."""
         seconds = 2e-3 if self._model is None else 0.3e-6 if self.carry_tolerance > 0.0 else 4e-6
         return seconds * self.grid.size
 
@@ -77,10 +86,13 @@ class ChunkSolver:
         """Compile the kernel and fly the balls of the carry table; to be called before threads."""
         if self._model is None:
             return
-        from kickdyn.sweeps.carry_table import CarryTable
-        from kickdyn.sweeps.kernel import Kernel
-
-        self._kernel = Kernel(self._model, self.leg, self.grid)
+        count, tol = self.grid.size, self._flight_tolerance
+        if self._stored:
+            self._flies_in_machine_code = count >= STORED_FROM
+        else:
+            self._flies_in_machine_code = MARCH.pays(count * seconds_of_fly(tol))
+        machine_code = KERNEL.pays(count * SECONDS_IN_PYTHON)
+        self._kernel = Kernel(self._model, self.leg, self.grid, machine_code=machine_code)
         if self.carry_tolerance > 0.0:
             self._table = CarryTable(self._model, self.carry_tolerance)
 
@@ -108,13 +120,9 @@ class ChunkSolver:
         return rows, status
 
     def _compute(
-        self, model: "KernelModel", first: int, rows: Array, status: NDArray[np.int8]
+        self, model: KernelModel, first: int, rows: Array, status: NDArray[np.int8]
     ) -> NDArray[np.bool_]:
         """Fill in what kernel and flights give; return which postures are doubtful."""
-        from kickdyn.flight.batch import fly_many
-        from kickdyn.sweeps.carry_table import launches
-        from kickdyn.sweeps.kernel import NORMAL, TANGENT, fill_variables
-
         assert self._kernel is not None
         answer = self._kernel(first, len(status))
         doubtful = fill_variables(answer, model, rows, status)
@@ -124,7 +132,9 @@ class ChunkSolver:
         flown = np.flatnonzero(to_fly)
         if flown.size:
             balls = launches(model, answer[:3, flown].T)
-            flights = fly_many(balls, self.kick.ball, self.kick.air, tol=FLIGHT_TOLERANCE)
-            rows[_CARRY, flown] = flights.range.values
-            doubtful[flown[flights.status.values != 0]] = True
+            rows[_CARRY, flown], landed = carries(
+                balls, self.kick.ball, self.kick.air, self._flight_tolerance,
+                machine_code=self._flies_in_machine_code,
+            )  # fmt: skip
+            doubtful[flown[~landed]] = True
         return doubtful

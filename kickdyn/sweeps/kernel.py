@@ -1,24 +1,31 @@
-"""The impact of many postures in machine code: the answers of `kick_from`, without the flight.
+"""The impact of many postures at once: the answers of `kick_from`, without the flight.
 
-`BATCH` postures go side by side through kinematics, inertia, impact and joint impulses. What the
-kernel cannot compute to 1e-12 (a foot that can hardly move along the normal or across it, one much
-lighter than the ball, an inertia that has lost its digits) it marks as doubtful. What differs
-between legs are arrays, so that one kernel serves every leg.
+In machine code `BATCH` postures go side by side, in Python all of them, through kinematics,
+inertia, impact and joint impulses. What cannot be computed to 1e-12 (a foot that can hardly move
+along the normal or across it, one much lighter than the ball, an inertia that has lost its digits)
+is marked as doubtful. What differs between legs are arrays, so that one kernel serves every leg.
 """
 
-import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from kickdyn.core import simd
-from kickdyn.core.compilation import compiled, named
-from kickdyn.core.simd import BATCH, aligned_zeros, batches, choose
+from kickdyn.core import lanes
+from kickdyn.core.compilation import OPTIONS, MachineCode, Source, named
+from kickdyn.core.lanes import (
+    BATCH,
+    aligned_zeros,
+    batches,
+    blank_records,
+    choose,
+    jitable,
+    magnitude,
+    namespaces,
+    spread,
+    square_root,
+)
 from kickdyn.core.validation import Array
 from kickdyn.impact import contact_motion, newton_law
 from kickdyn.impact.contact_motion import contact_axes
@@ -28,11 +35,9 @@ from kickdyn.robot.tree_kernel import (
     BODY,
     D33,
     JOINT,
-    OPTIONS,
     STATE,
     hinges_and_slides,
     joint_tree,
-    njit,
 )
 from kickdyn.sweeps import kernel_impact, sweep_kick
 from kickdyn.sweeps.dataset import VARIABLES
@@ -147,10 +152,14 @@ def _plane_normal(axes: list[Array], slides: NDArray[np.bool_], normal: Array) -
 
 
 class Kernel:
-    """The kernel of a model of leg and kick, and a grid: call it with a range of postures."""
+    """The kernel of a model of leg and kick, and a grid: call it with a range of postures.
 
-    def __init__(self, model: KernelModel, leg: Leg, grid: Grid) -> None:
-        self._kernel, self._model = compiled_kernel(), model
+    It is machine code if `machine_code` is true, else Python on arrays.
+    """
+
+    def __init__(self, model: KernelModel, leg: Leg, grid: Grid, *, machine_code: bool) -> None:
+        self._kernel = KERNEL() if machine_code else None
+        self._model, self._grid = model, grid
         joints = [1 + leg.joint_names.index(name) for name in grid.axes]
         axes = np.zeros(len(joints), AXIS)
         axes["joint"], axes["steps"] = joints, [len(values) for values in grid.axes.values()]
@@ -171,6 +180,8 @@ class Kernel:
 
         Rows are as above. Without `joint_impulses`, the first five rows are computed.
         """
+        if self._kernel is None:
+            return self._in_python(first, count, joint_impulses=joint_impulses)
         answer = np.empty((ROWS, -(-count // BATCH), BATCH))
         axes, task = self._axes.copy(), self._model.task.copy()
         axes["number"] = first // axes["repeats"] % axes["steps"]
@@ -178,6 +189,24 @@ class Kernel:
         task["joint_impulses"] = joint_impulses
         self._kernel(axes, self._table, self._model.tree, task, *self._memory(), answer)
         return answer.reshape(ROWS, -1)[:, :count]
+
+    def _in_python(self, first: int, count: int, *, joint_impulses: bool) -> Array:
+        """Return what a call does, by the same functions on arrays of all postures."""
+        model, numbers = self._model, np.arange(first, first + count)
+        n = len(model.tree)
+        bodies, (state,) = blank_records(BODY, n, count), blank_records(STATE, 1, count)
+        for k in range(1, n):
+            bodies[k].cosine[:] = not model.tree["slides"][k]
+        for axis in self._axes:
+            number = numbers // axis["repeats"] % axis["steps"] + axis["first"]
+            body = bodies[axis["joint"]]
+            body.cosine, body.sine = self._table[:, number]
+        tree, (task,) = namespaces(model.tree), namespaces(model.task)
+        task.joint_impulses = joint_impulses
+        answer = np.empty((ROWS, 1, count))
+        with np.errstate(all="ignore"):  # of doubtful postures
+            solve_postures(tree, bodies, np.zeros((n, n, count)), task, state, state, answer, 0)
+        return answer.reshape(ROWS, count)
 
     def _motion(self, k: int, values: Array) -> Array:
         """Return what the kernel needs of a joint's values: cosine and sine, or a slide and 0."""
@@ -231,13 +260,41 @@ def fill_variables(
         return np.asarray((answer[DOUBT] != 0.0) | ~np.isfinite(answer.sum(axis=0)))
 
 
+@jitable
+def solve_postures(tree, bodies, inertia, task, state, floats, answer, c):  # type: ignore[no-untyped-def]
+    """Fill in batch c of the answers, given cosine and sine of all joints.
+
+    The arguments are described in `kernel_impact`; `floats` has the fields of `state` as floats.
+    """
+    state.doubt = spread(0.0)
+    tree_kernel.place_bodies(tree, bodies)
+    tree_kernel.joint_space_inertia(tree, bodies, inertia)
+    tree_kernel.contact_jacobian(tree, bodies, task, task.lever, state)
+    if task.joint_impulses:  # before the Jacobian is whitened
+        kernel_impact.least_speed_use(tree, bodies, task, state)
+    tree_kernel.factorize(tree, inertia, state)
+    tree_kernel.whiten(tree, bodies, inertia, task)
+    tree_kernel.delassus_matrix(tree, bodies, inertia, state)
+    kernel_impact.solve_impact(task, state)
+    if not task.planar:
+        kernel_impact.solve_slip(task, floats)
+    if task.joint_impulses:
+        kernel_impact.doubt_singular(task, state)
+        tree_kernel.solve_velocity(tree, bodies, inertia, state)
+        tree_kernel.joint_impulses(tree, bodies, task, state)
+        write_joint_impulses(task, state, answer, c)
+    answer[TANGENT, c], answer[ACROSS, c] = state.impulse[0], state.impulse[1]
+    answer[NORMAL, c], answer[MOBILITY, c] = state.impulse[2], state.delassus[D33]
+    answer[DOUBT, c] = state.doubt
+
+
 def _sweep(axes, table, tree, task, bodies, inertia, state, answer):  # type: ignore[no-untyped-def]
     """Fill in the answers of consecutive postures, `BATCH` at a time.
 
     `axes` are the axes of the grid, dtype `AXIS`, and `table` has cosine and sine of all their
     values in two rows. `bodies`, `inertia` and `state` are memory of the caller's, because code
-    that allocates none compiles in three quarters of the time. The arguments are described in
-    `kernel_impact`; here `task` and `state` have shape `(1,)`.
+    that allocates none compiles in three quarters of the time. Here `task` and `state` have shape
+    `(1,)`.
     """
     task, floats = task[0], state[0]
     bodies, inertia, state = batches(bodies), batches(inertia), batches(state)[0]
@@ -245,29 +302,10 @@ def _sweep(axes, table, tree, task, bodies, inertia, state, answer):  # type: ig
     for c in range(answer.shape[1]):
         for a in range(len(axes)):
             move_joint(axes[a], table, bodies[axes[a].joint], state.number)
-        state.doubt = 0.0
-        tree_kernel.place_bodies(tree, bodies)
-        tree_kernel.joint_space_inertia(tree, bodies, inertia)
-        tree_kernel.contact_jacobian(tree, bodies, task, task.lever, state)
-        if task.joint_impulses:  # before the Jacobian is whitened
-            kernel_impact.least_speed_use(tree, bodies, task, state)
-        tree_kernel.factorize(tree, inertia, state)
-        tree_kernel.whiten(tree, bodies, inertia, task)
-        tree_kernel.delassus_matrix(tree, bodies, inertia, state)
-        kernel_impact.solve_impact(task, state)
-        if not task.planar:
-            kernel_impact.solve_slip(task, floats)
-        if task.joint_impulses:
-            kernel_impact.doubt_singular(task, state)
-            tree_kernel.solve_velocity(tree, bodies, inertia, state)
-            tree_kernel.joint_impulses(tree, bodies, task, state)
-            write_joint_impulses(task, state, answer, c)
-        answer[TANGENT, c], answer[ACROSS, c] = state.impulse[0], state.impulse[1]
-        answer[NORMAL, c], answer[MOBILITY, c] = state.impulse[2], state.delassus[D33]
-        answer[DOUBT, c] = state.doubt
+        solve_postures(tree, bodies, inertia, task, state, floats, answer, c)
 
 
-@njit
+@jitable
 def move_joint(axis, table, body, number):  # type: ignore[no-untyped-def]
     """Fill in the motion of the joint of an axis for a batch of postures; move the axis on.
 
@@ -291,29 +329,32 @@ def move_joint(axis, table, body, number):  # type: ignore[no-untyped-def]
         axis.number, axis.done = following, done - axis.repeats
 
 
-@njit
+@jitable
 def write_joint_impulses(task, state, answer, c):  # type: ignore[no-untyped-def]
     """Write the rows of an answer that the impulses in the joints give, to batch c."""
     s, t, p = state.impulse[0], state.impulse[1], state.impulse[2]
     parting = p * task.normal_mobility - (task.speed + state.foot_jump)
-    size = math.sqrt(s * s + t * t + p * p)
+    size = square_root(s * s + t * t + p * p)
     answer[LOST, c], answer[USE, c] = state.energy_lost, state.speed_use
-    answer[WORST, c] = math.sqrt(state.largest_square)
-    error = math.fabs(parting - task.restitution * task.speed)
+    answer[WORST, c] = square_root(state.largest_square)
+    error = magnitude(parting - task.restitution * task.speed)
     answer[RESTITUTION, c] = error / task.speed
-    answer[MOMENTUM, c] = state.momentum_error / (math.sqrt(state.jacobian_square) * size)
+    answer[MOMENTUM, c] = state.momentum_error / (square_root(state.jacobian_square) * size)
 
 
-named(_sweep, "sweep", simd, tree_kernel, contact_motion, newton_law, kernel_impact, sweep_kick)
+named(_sweep, "sweep", lanes, tree_kernel, contact_motion, newton_law, kernel_impact, sweep_kick)
 
 
-@cache
-def compiled_kernel() -> Callable[..., None]:
-    """Return the kernel, from the disk where it is kept there."""
+def _source() -> Source:
+    import numba  # here, because it takes long to import
+
     typeof: Any = numba.typeof
     axes, tree, task, bodies, state = (
         typeof(np.zeros(1, dtype)) for dtype in (AXIS, JOINT, TASK, BODY, STATE)
     )
     matrix, cube = numba.float64[:, ::1], numba.float64[:, :, ::1]
     signature = numba.void(axes, matrix, tree, task, bodies, cube, state, cube)
-    return compiled(_sweep, signature, "the kernel of sweeps", **OPTIONS)
+    return Source(_sweep, signature, OPTIONS)
+
+
+KERNEL = MachineCode(_source, "the kernel of sweeps", 5.0)

@@ -1,6 +1,6 @@
 """From the joint-space inertia and the Jacobian to the impulse, many postures at once.
 
-Whatever depends on the posture is a batch of `BATCH` postures, see `kickdyn.core.simd`.
+Whatever depends on the posture is a batch of postures, see `kickdyn.core.lanes`.
 
 The functions have these arguments in common; joints count from 1, as Pinocchio's do:
 
@@ -12,36 +12,34 @@ The functions have these arguments in common; joints count from 1, as Pinocchio'
 
 import math
 
-from kickdyn.core.simd import BATCH, choose, spread
-from kickdyn.impact import contact_motion, newton_law
-from kickdyn.robot.tree_kernel import (
-    D11,
-    D12,
-    D13,
-    D22,
-    D23,
-    D33,
-    cross,
-    dot,
+from kickdyn.core.lanes import (
+    choose,
     inlined,
-    njit,
-    vector,
+    jitable,
+    larger,
+    magnitude,
+    smaller,
+    spread,
+    square_root,
 )
+from kickdyn.impact.contact_motion import slip_direction
+from kickdyn.impact.newton_law import energy_lost, slip_impulse, stick_impulse
+from kickdyn.robot.tree_kernel import D11, D12, D13, D22, D23, D33, cross, dot, vector
 from kickdyn.sweeps.sweep_kick import ROUNDING, UNLIMITED
 
 LEAST_DIFFERENCE = 1e-3
 """Share that a difference must keep of its terms, or the posture is doubtful."""
 
-_slip_direction = njit(contact_motion.slip_direction)
-_stick_impulse = inlined(newton_law.stick_impulse)
-_slip_impulse = njit(newton_law.slip_impulse)
-_energy_lost = inlined(newton_law.energy_lost)
+for _law in (slip_direction, slip_impulse):
+    jitable(_law)
+for _law in (stick_impulse, energy_lost):
+    inlined(_law)
 
 LEAST_SQUARE = 1e-6
 """Share that the square of a direction must keep as it is made orthogonal to others."""
 
 
-@njit
+@jitable
 def solve_impact(task, state):  # type: ignore[no-untyped-def]
     r"""Fill in the impulse on the ball and the energy lost, law `newton`.
 
@@ -55,10 +53,10 @@ def solve_impact(task, state):  # type: ignore[no-untyped-def]
         delassus[D13], delassus[D23], delassus[D33] + task.normal_mobility,
     )  # fmt: skip
     g11, g12, g22, g13, g23, g33 = g
-    _, (s, t), (h22, _) = _stick_impulse(g, (0.0, 0.0, -task.speed), e)
+    _, (s, t), (h22, _) = stick_impulse(g, (0.0, 0.0, -task.speed), e)
     sticks = s * s + t * t <= mu * mu
     flat = (g12 == 0.0) & (g23 == 0.0) | (mu == 0.0)
-    s = choose(flat, min(max(s, -mu), mu), s)
+    s = choose(flat, smaller(larger(s, -mu), mu), s)
     t = choose(flat, 0.0, t)
     resistance = g33 + (g13 * s + g23 * t)
     sound = (resistance > LEAST_DIFFERENCE * g33) & (flat | (h22 > LEAST_DIFFERENCE * g22))
@@ -66,19 +64,19 @@ def solve_impact(task, state):  # type: ignore[no-untyped-def]
     p = (1.0 + e) * task.speed / resistance
     sliding = choose(sticks, 0.0, (g11 * s + g13) * p)
     state.impulse[0], state.impulse[1], state.impulse[2] = s * p, t * p, p
-    lost = _energy_lost((s * p, t * p, p), (0.0, 0.0, -task.speed), (sliding, 0.0), e)
+    lost = energy_lost((s * p, t * p, p), (0.0, 0.0, -task.speed), (sliding, 0.0), e)
     state.energy_lost = lost
 
 
-@njit
+@jitable
 def solve_slip(task, state):  # type: ignore[no-untyped-def]
     """Put impulses that leave the friction cone on it, out of a plane.
 
     The foot arrives along the normal, so that one direction of slip is possible. The fields of
-    `state` are arrays of `BATCH` floats here.
+    `state` are arrays of floats here.
     """
     delassus, impulse, mu, e = state.delassus, state.impulse, task.friction, task.restitution
-    for i in range(BATCH):
+    for i in range(impulse.shape[1]):
         g12, g13, g23 = delassus[D12, i], delassus[D13, i], delassus[D23, i]
         s, t, largest = impulse[0, i], impulse[1, i], mu * impulse[2, i]
         sticks = s * s + t * t <= largest * largest
@@ -88,14 +86,14 @@ def solve_slip(task, state):  # type: ignore[no-untyped-def]
             delassus[D11, i] + task.tangent_mobility,
             delassus[D22, i] + task.tangent_mobility,
         )
-        x, y, _ = _slip_direction(mu * g11, mu * g12, mu * g22, g13, g23)
+        x, y, _ = slip_direction(mu * g11, mu * g12, mu * g22, g13, g23)
         g = g11, g12, g22, g13, g23, delassus[D33, i] + task.normal_mobility
-        slip, lost = _slip_impulse(g, (0.0, 0.0, -task.speed), e, mu, ((x, y),))
+        slip, lost = slip_impulse(g, (0.0, 0.0, -task.speed), e, mu, ((x, y),))
         impulse[0, i], impulse[1, i], impulse[2, i] = slip
         state.energy_lost[i] = lost
 
 
-@njit
+@jitable
 def doubt_singular(task, state):  # type: ignore[no-untyped-def]
     """Mark postures whose foot can hardly move along the normal alone, or across it."""
     delassus = state.delassus
@@ -107,7 +105,7 @@ def doubt_singular(task, state):  # type: ignore[no-untyped-def]
         h22, h23 = d22 - ratio * d12, d23 - ratio * d13
         square = square - h23 / h22 * h23
         sound = sound & (d22 > LEAST_SQUARE * d33) & (h22 > LEAST_SQUARE * d22)
-    sound = sound & (square > LEAST_SQUARE * max(max(d11, d22), d33))
+    sound = sound & (square > LEAST_SQUARE * larger(larger(d11, d22), d33))
     state.doubt = choose(sound, state.doubt, 1.0)
 
 
@@ -116,7 +114,7 @@ PARALLEL, ASKEW = ROUNDING**2, 1e-8
 product has digits enough; between them a posture is doubtful."""
 
 
-@njit
+@jitable
 def least_speed_use(tree, bodies, task, state):  # type: ignore[no-untyped-def]
     r"""Fill in the least possible value of the largest joint speed over its limit.
 
@@ -171,7 +169,7 @@ def _orthogonal(a, b, state):  # type: ignore[no-untyped-def]
     return askew * x, askew * y, askew * z
 
 
-@njit
+@jitable
 def _raise_speed_use(tree, bodies, state, least, y):  # type: ignore[no-untyped-def]
     r"""Raise the speed use to the value of a candidate :math:`y`, if that is larger.
 
@@ -183,12 +181,12 @@ def _raise_speed_use(tree, bodies, state, least, y):  # type: ignore[no-untyped-
         limit, a = tree[k].speed_limit, bodies[k].jacobian
         if not tree[k].carries_foot or limit == 0.0:
             continue
-        along = math.fabs(dot(a, y))
+        along = magnitude(dot(a, y))
         if limit > 1e3 * least:  # its product with a rounding error may count beside other joints
             limit = limit if limit <= UNLIMITED else math.inf
-            moves = along > ROUNDING * math.sqrt(dot(a, a) * dot(y, y))
+            moves = along > ROUNDING * square_root(dot(a, a) * dot(y, y))
             capacity += choose(moves, limit * along, 0.0)
         else:
             capacity += limit * along
-    gain = math.fabs(dot(state.needed, y))
-    state.speed_use = max(state.speed_use, choose(gain > 0.0, gain / capacity, 0.0))
+    gain = magnitude(dot(state.needed, y))
+    state.speed_use = larger(state.speed_use, choose(gain > 0.0, gain / capacity, 0.0))

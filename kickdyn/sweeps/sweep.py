@@ -127,7 +127,8 @@ def sweep(
     if store is None and (resume or executor is not None):
         raise InvalidInput("resume and executor need a store: name it with store=")
     kept = select_variables(variables)
-    solver = ChunkSolver(leg, Grid.of(leg, postures, samples), kick, tolerance)
+    stored = store is not None
+    solver = ChunkSolver(leg, Grid.of(leg, postures, samples), kick, tolerance, stored=stored)
     described = solver.describe()
     if store is None:
         check_size(solver.grid.shape, IN_MEMORY)
@@ -249,7 +250,7 @@ def _received(folder: str, digest: str) -> tuple[SweepStore, ChunkSolver]:
     if hashlib.sha256(sent).hexdigest() != digest:
         raise InvalidInput(f"{file} is not the sweep that was sent: run it again")
     path, variables, arguments = pickle.loads(sent)
-    solver = ChunkSolver(*arguments)
+    solver = ChunkSolver(*arguments, stored=True)
     store = SweepStore(path, solver.describe(), variables, solver.chunk, resume=True)
     solver.prepare()
     return store, solver

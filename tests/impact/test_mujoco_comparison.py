@@ -3,49 +3,39 @@
 import importlib.util
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 pytest.importorskip("mujoco", reason="needs MuJoCo")
+pytestmark = pytest.mark.slow
 
-ROOT = Path(__file__).parents[2]
-SCRIPT = ROOT / "benchmarks" / "mujoco_comparison.py"
+SCRIPT = Path(__file__).parents[2] / "benchmarks" / "mujoco_comparison.py"
 spec = importlib.util.spec_from_file_location("mujoco_comparison", SCRIPT)
-witness = importlib.util.module_from_spec(spec)
-spec.loader.exec_module(witness)
+peer = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(peer)
 
 
-@pytest.mark.parametrize("kick", witness.KICKS, ids=lambda kick: kick.name)
+@pytest.mark.parametrize("kick", peer.KICKS, ids=lambda kick: kick.name)
 def test_stiffer_is_nearer(kick):
-    apart = [witness.difference(kick, stiffness, 5e-6) for stiffness in witness.STIFFNESSES]
-    assert apart[0] > apart[1] > apart[2]
-    assert apart[2] <= 0.015
-    assert apart[0] / apart[2] > 5  # with the root of the stiffness: 10
+    """The error falls with the root of the stiffness, here 10 in all."""
+    errors = [peer.difference(kick, stiffness, 5e-6) for stiffness in peer.STIFFNESSES]
+    assert errors == sorted(errors, reverse=True)
+    assert errors[2] <= min(0.015, errors[0] / 5)
 
 
-def test_friction_matters_in_the_kicks_that_have_it():
-    for kick in witness.KICKS:
-        hit, smooth = witness.ours(kick), witness.ours(kick._replace(friction=0.0))
-        change = np.linalg.norm(hit.impulse - smooth.impulse) / np.linalg.norm(hit.impulse)
-        assert hit.sticking == (kick.friction > 0)
-        assert change > 0.1 if kick.friction else change == 0
-
-
-@pytest.mark.parametrize("kick", witness.KICKS, ids=lambda kick: kick.name)
+@pytest.mark.parametrize("kick", peer.KICKS, ids=lambda kick: kick.name)
 def test_the_limit_of_mujocos_law_is_ours_where_nothing_slides_under_friction(kick):
-    assert witness.apart(witness.relaxed(kick), witness.ours(kick).impulse) <= 1e-6
+    assert peer.apart(peer.relaxed(kick), peer.ours(kick).impulse) <= 1e-6
 
 
-@pytest.mark.parametrize(("friction", "restitution"), [(0.05, 0.8), (0.05, 1.0), (0.07, 0.9)])
-def test_sliding_it_approaches_its_own_limit(friction, restitution):
-    kick = witness.SLIDING._replace(friction=friction, restitution=restitution)
-    limit, hit = witness.relaxed(kick), witness.ours(kick)
-    assert not hit.sticking
-    assert witness.apart(limit, hit.impulse) > 0.02
-    apart = [
-        witness.apart(witness.mujoco_kick(hit, stiffness, 2e-6)(), limit)
-        for stiffness in witness.STIFFNESSES
+@pytest.mark.parametrize(("friction", "restitution"), [(0.05, 0.8), (0.07, 0.9)])
+def test_sliding_it_approaches_a_limit_of_its_law(friction, restitution):
+    kick = peer.SLIDING._replace(friction=friction, restitution=restitution)
+    limit, impact = peer.relaxed(kick), peer.ours(kick)
+    assert not impact.sticking
+    assert peer.apart(limit, impact.impulse) > 0.02
+    errors = [
+        peer.apart(peer.mujoco_kick(impact, stiffness, 2e-6)(), limit)
+        for stiffness in peer.STIFFNESSES
     ]
-    assert apart[0] > apart[1] > apart[2]
-    assert apart[2] <= 0.01
-    assert apart[0] / apart[2] > 5  # with the root of the stiffness: 10
+    assert errors == sorted(errors, reverse=True)
+    assert errors[2] <= min(0.01, errors[0] / 5)

@@ -136,9 +136,7 @@ def by_cone_solver(name, impact):
     axes[:, 0] *= np.linalg.det(axes)
     frame = pin.SE3(axes, impact.posture.contact_point)
     places = [data.oMi[i].actInv(frame) for i in (leg.contact_joint, joint)]
-    point = pin.PointContactConstraintModel(
-        model, leg.contact_joint, places[0], joint, places[1]
-    )
+    point = pin.PointContactConstraintModel(model, leg.contact_joint, places[0], joint, places[1])
     point.setFriction(contact.friction)
     models, datas = pin.StdVec_ConstraintModel(), pin.StdVec_ConstraintData()
     models.append(pin.ConstraintModel(point))

@@ -102,9 +102,7 @@ def by_constraint(posture, v, ball, contact, ball_velocity, ball_spin):
     rows = pin.getConstraintsJacobian(model, data, models, datas)
     closing = rows @ before
     closing[2] *= 1.0 + contact.restitution
-    operator = pin.DelassusOperatorDense(
-        np.asfortranarray(rows @ np.linalg.solve(inertia, rows.T))
-    )
+    operator = pin.DelassusOperatorDense(np.asfortranarray(rows @ np.linalg.solve(inertia, rows.T)))
     options, result = pin.PGSSolverSettings(), pin.PGSSolverResult()
     for kind in ("feasibility", "complementarity"):
         setattr(options, f"absolute_{kind}_tol", 1e-13)

@@ -1,12 +1,9 @@
-"""Impulses at several contacts: every branch enumerated, law `newton`, and Pinocchio's ADMM."""
-
-import itertools
+"""Impulses at several contacts: the laws themselves, law `newton`, and Pinocchio's ADMM."""
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from contacts import LegAndBall, by_newton
-from scipy.optimize import brentq, root
 from tolerances import agrees, differenced, optimized
 
 from kickdyn.impact.cone_solver import _equations, cone_residual, newton_iterations, solve_cones
@@ -35,50 +32,6 @@ def contacts(seed, count, decades=0.0, frictions=FRICTIONS):
     return rows @ rows.T, free, np.array(rng.choice(frictions, size=count))
 
 
-def enumerated(delassus, free, frictions):
-    """Every solution: each contact open, sticking or sliding, all roots of the directions."""
-    solutions = []
-    for modes in itertools.product(("open", "stick", "slip"), repeat=len(frictions)):
-        slips = [i for i, mode in enumerate(modes) if mode == "slip"]
-
-        def at(angles, modes=modes, slips=slips):
-            """Impulses of a mode with directions of friction, and the sliding across them."""
-            columns, rows = [], []
-            for i, mode in enumerate(modes):
-                unit = np.eye(len(free))[3 * i : 3 * i + 3]
-                if mode == "stick":
-                    columns += list(unit)
-                    rows += list(unit)
-                elif mode == "slip":
-                    a, mu = angles[slips.index(i)], frictions[i]
-                    columns.append(mu * (np.cos(a) * unit[0] + np.sin(a) * unit[1]) + unit[2])
-                    rows.append(unit[2])
-            basis, test = np.array(columns).T, np.array(rows)
-            coupled = test @ delassus @ basis
-            p = basis @ np.linalg.solve(coupled, -test @ free)
-            u = (delassus @ p + free).reshape(-1, 3) * np.linalg.det(coupled)  # no poles
-            angles = zip(slips, angles, strict=True)
-            return p, [u[i, 1] * np.cos(a) - u[i, 0] * np.sin(a) for i, a in angles]
-
-        if all(mode == "open" for mode in modes):
-            solutions.append(np.zeros(len(free)))
-        elif not slips:
-            solutions.append(at([])[0])
-        elif len(slips) == 1:
-            grid = np.linspace(-np.pi, np.pi, 181)
-            values = [at([a])[1][0] for a in grid]
-            for a, b, one, two in zip(grid[:-1], grid[1:], values[:-1], values[1:], strict=True):
-                if one * two <= 0.0:
-                    angle = brentq(lambda x: at([x])[1][0], a, b, xtol=1e-15)
-                    solutions.append(at([angle])[0])
-        else:
-            for start in itertools.product(np.linspace(-3, 3, 7), repeat=2):
-                search = root(lambda angles: at(angles)[1], start, tol=1e-13)
-                if search.success:
-                    solutions.append(at(search.x)[0])
-    return [p for p in solutions if obeys(delassus, free, frictions, p)]
-
-
 def obeys(delassus, free, frictions, p):
     """Signorini's and Coulomb's laws in words: no pull, no penetration, friction opposes."""
     u, p = (delassus @ p + free).reshape(-1, 3), p.reshape(-1, 3)
@@ -93,29 +46,20 @@ def obeys(delassus, free, frictions, p):
     return True
 
 
-@pytest.mark.parametrize(("count", "seeds"), [(1, 20), (2, 5)])
-def test_the_answer_is_one_of_all_solutions(count, seeds):
-    states = set()
-    for seed in range(seeds):
-        problem = contacts(seed, count, frictions=[0.1, 0.5, 1.0, 3.0])
-        impulses, residual = solve_cones(*problem)
-        assert residual < 1e-11, seed
-        gaps = [np.abs(impulses - p).max() for p in enumerated(*problem)]
-        assert min(gaps) <= optimized(1e-9) * max(np.abs(impulses).max(), 1e-300), seed
-        u = (problem[0] @ impulses + problem[1]).reshape(-1, 3)
-        for p, sliding in zip(impulses.reshape(-1, 3), np.hypot(u[:, 0], u[:, 1]), strict=True):
-            states.add("open" if p[2] == 0 else "slip" if sliding > 1e-6 else "stick")
-    assert states == {"open", "slip", "stick"}
-
-
 @pytest.mark.parametrize("count", [1, 3, 5])
 @pytest.mark.parametrize("decades", [0, 2, 6])
 def test_any_friction_and_any_scale(count, decades):
+    states = set()
     for seed in range(6):
         problem = contacts(seed, count, decades)
         impulses, residual = solve_cones(*problem)
         assert residual <= 1e-9, seed
         assert residual == cone_residual(*problem, impulses)
+        assert decades or obeys(*problem, impulses), seed
+        u = (problem[0] @ impulses + problem[1]).reshape(-1, 3)
+        for p, sliding in zip(impulses.reshape(-1, 3), np.hypot(u[:, 0], u[:, 1]), strict=True):
+            states.add("open" if p[2] == 0 else "slip" if sliding > 1e-6 else "stick")
+    assert count == 1 or states == {"open", "slip", "stick"}
 
 
 def test_pinocchios_admm_agrees_where_it_converges():

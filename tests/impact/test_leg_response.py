@@ -53,7 +53,7 @@ def external_impulses(impact):
     return total
 
 
-def check_bodies(impact, tolerance=closed_form(100)):
+def check_bodies(impact):
     """The momentum of each body changes by what its joints and the outside give it."""
     model = impact.posture.leg.model
     data, jump = model.createData(), impact.v_after - impact.v_before
@@ -65,7 +65,7 @@ def check_bodies(impact, tolerance=closed_form(100)):
         net[i] += transmitted
         net[model.parents[i]] -= transmitted
         gained[i] = data.oMi[i].act(model.inertias[i] * data.v[i]).vector
-    agrees(net[1:], gained[1:], tolerance * (1 + np.abs(net).max() / np.abs(gained).max()))
+    agrees(net[1:], gained[1:], closed_form(100) * (1 + np.abs(net).max() / np.abs(gained).max()))
     assert impact.momentum_residual <= closed_form(10)
 
 

@@ -91,7 +91,7 @@ def test_of_several_solutions_sticking_or_the_one_that_loses_most_is_taken(
     choices = 0
     for seed in itertools.chain(range(100, 160), range(5180, 5200)):
         contact = random_contact(seed, decades, friction)
-        impulse, sticking, lost, _ = by_newton(contact)
+        _, sticking, lost, _ = by_newton(contact)
         if sticking is not sticks:
             continue
         losses = [-p @ (contact.velocity + contact.matrix @ p / 2) for p in solutions(contact)]
@@ -167,7 +167,7 @@ def test_pinocchios_cone_solvers_agree_where_they_converge(solver, share):
     for seed in range(count):
         rng = np.random.default_rng(seed)
         leg = kd.Leg.human() if seed % 2 else random_leg(rng)
-        kick, options = random_kick(rng, leg, friction=[0.1, 0.4, 0.8][seed % 3])
+        kick, options = random_kick(rng, leg, friction=[0.0, 0.1, 0.4, 0.8][seed % 4])
         impact = kd.strike(*kick, **options)
         impulse, residual = by_cone_solver(solver, impact)
         if residual <= 1e-8:

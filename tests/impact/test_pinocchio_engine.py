@@ -1,12 +1,11 @@
-"""Closed form against Pinocchio's impulseDynamics, and against its constraint solver."""
+"""Closed form against Pinocchio's impulseDynamics; `test_newton_law` has its cone solvers."""
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from chains import by_pinocchio, random_kick, random_leg
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tolerances import agrees, closed_form, optimized
+from tolerances import agrees, closed_form
 
 import kickdyn as kd
 
@@ -70,53 +69,3 @@ def test_bad_input(friction, arguments, words):
     kick, options = random_kick(np.random.default_rng(1), LEGS["human"], friction=friction)
     with pytest.raises(kd.InvalidInput, match=words):
         kd.strike(*kick, **arguments, **options)
-
-
-def by_constraint(posture, v, ball, contact, ball_velocity, ball_spin):
-    """The same impact by a point contact without friction and Pinocchio's PGS solver.
-
-    Pinocchio 4 calls `impulseDynamics` with a Jacobian unsupported and names `RigidConstraintModel`
-    instead, of which it takes the velocity of the first body only: wrong for a ball that moves.
-    """
-    leg, n = posture.leg, contact.normal
-    model, joint = leg.model, leg.contact_joint
-    free = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "ball")
-    rigid = pin.Inertia(ball.mass, np.zeros(3), ball.inertia * np.eye(3))
-    model.appendBodyToJoint(free, rigid, pin.SE3.Identity())
-    data = model.createData()
-    q = np.concatenate([posture.q, posture.contact_point + ball.radius * n, [0, 0, 0, 1]])
-    before = np.concatenate([v, ball_velocity, ball_spin])
-    pin.forwardKinematics(model, data, q)
-    axes = np.linalg.svd(n.reshape(1, 3))[2][[1, 2, 0]].T
-    axes[:, 2] = n
-    axes[:, 0] *= np.sign(np.linalg.det(axes))
-    frame = pin.SE3(axes, posture.contact_point)
-    places = [data.oMi[i].actInv(frame) for i in (joint, free)]
-    point = pin.PointContactConstraintModel(model, joint, places[0], free, places[1])
-    point.setFriction(0.0)
-    models, datas = pin.StdVec_ConstraintModel(), pin.StdVec_ConstraintData()
-    models.append(pin.ConstraintModel(point))
-    datas.append(models[0].createData())
-    inertia = pin.crba(model, data, q, pin.Convention.WORLD)
-    models[0].calc(model, data, datas[0])
-    rows = pin.getConstraintsJacobian(model, data, models, datas)
-    closing = rows @ before
-    closing[2] *= 1.0 + contact.restitution
-    operator = pin.DelassusOperatorDense(np.asfortranarray(rows @ np.linalg.solve(inertia, rows.T)))
-    options, result = pin.PGSSolverSettings(), pin.PGSSolverResult()
-    for kind in ("feasibility", "complementarity"):
-        setattr(options, f"absolute_{kind}_tol", 1e-13)
-        setattr(options, f"relative_{kind}_tol", 1e-13)
-    pin.PGSConstraintSolver(3).solve(operator, closing, models, datas, options, result)
-    impulse = result.retrieveConstraintImpulses()
-    return axes @ impulse, (before + np.linalg.solve(inertia, rows.T @ impulse))[: leg.nv]
-
-
-@pytest.mark.parametrize("seed", range(8))
-def test_the_constraint_solver_agrees(seed):
-    rng = np.random.default_rng(seed)
-    kick, options = random_kick(rng, random_leg(rng) if seed % 2 else LEGS["human"])
-    peer = by_pinocchio(*kick, **options)
-    impulse, v_after = by_constraint(*kick, **options)
-    agrees(peer.impulse, impulse, optimized(1e-10))
-    agrees(peer.v_after, v_after, optimized(1e-10))

@@ -92,15 +92,18 @@ def floating_leg(rng):
 
 def floating_kick(rng, **contact):
     """A kick by a `floating_leg`."""
-    leg = floating_leg(rng)
-    q = pin.integrate(leg.model, pin.neutral(leg.model), rng.normal(size=leg.nv))
-    v = rng.normal(size=leg.nv) * 3
-    posture = leg.posture(q)
-    closing = posture.point_velocity(v)
-    normal = closing / np.linalg.norm(closing) + rng.uniform(-0.55, 0.55, size=3)
-    contact = kd.Contact(normal, rng.uniform(0, 1), **contact)
-    options = {"ball_velocity": np.zeros(3), "ball_spin": 20 * rng.normal(size=3)}
-    return (posture, v, kd.Ball(), contact), options
+    return any_kick(rng, floating_leg(rng), **contact)
+
+
+def free_body(mass=1.95):
+    """A body without support or gravity, whose contact frame is beside its centre of mass."""
+    model = pin.Model()
+    joint = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "free")
+    body = pin.Inertia(mass, np.array([-0.05, 0.01, 0.02]), np.diag([0.01, 0.02, 0.015]))
+    model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+    model.addFrame(pin.Frame("toe", joint, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
+    model.gravity = pin.Motion.Zero()
+    return kd.Leg.from_model(model, "toe").posture([0, 0, 0, 0, 0, 0, 1])
 
 
 def rails(axes="x", mass=2.0, gravity=False):

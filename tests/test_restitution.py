@@ -1,26 +1,23 @@
 """Restitution over the speed of approach: tables, models, and the functions that use them."""
 
-import json
 import math
-import pickle
 from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from chains import by_pinocchio, random_kick, random_leg
+from chains import by_pinocchio
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from impact_methods import solve_kkt
-from scipy.integrate import quad, solve_ivp
-from tolerances import agrees, closed_form, integrated
+from scipy.integrate import quad
+from tolerances import agrees, closed_form
 
 import kickdyn as kd
 from kickdyn.restitution import (
     SHELL_RESTITUTION,
     approach_speed,
     check_invertible,
-    least_restitution,
     range_warnings,
     read_restitution,
     restitution_at,
@@ -90,13 +87,6 @@ def test_a_speed_outside_the_rows_of_a_table_is_warned_of(restitution, speed, wa
         assert f"{restitution_at(table, speed):.4g}" in line
 
 
-def test_tables_are_compared_by_their_rows_and_shown():
-    table = contact(np.array(TABLE))
-    assert len({table, contact(TABLE), contact("peacock-ball"), contact(0.8)}) == 3
-    assert "[[5, 0.8], [10, 0.7], [20, 0.65]]" in repr(table)
-    assert [least_restitution(r) for r in (table.restitution, 0.3)] == [0.65, 0.3]
-
-
 @pytest.mark.parametrize(
     ("text", "value"),
     [("0.7", 0.7), ("peacock-ball", "peacock-ball"), ("5:0.8,20:0.65", ((5, 0.8), (20, 0.65)))],
@@ -141,25 +131,6 @@ def test_the_model_reproduces_the_measured_speeds(foot, ball):
     assert (1 + e) / heavier * foot == pytest.approx(ball, abs=0.02)
 
 
-def test_a_constant_table_is_a_number():
-    """For every law, for a contact that takes time, and in derivatives."""
-    for seed in range(8):
-        rng = np.random.default_rng(seed)
-        e, friction = rng.uniform(0.1, 1), float(rng.choice([0.0, 0.4]))
-        (posture, v, ball, normal_of), options = random_kick(rng, random_leg(rng))
-        flat = [[1.0, e], [2.0, e], [4.0, e]]
-        contacts = [kd.Contact(normal_of.normal, value, friction) for value in (e, flat)]
-        for law in ("newton", "stronge", "paper"):
-            one, other = (kd.strike(posture, v, ball, c, law, **options) for c in contacts)
-            assert one.impulse.tolist() == other.impulse.tolist()
-            assert (one.energy_lost, one.digits) == (other.energy_lost, other.digits)
-        slopes = [kd.strike(posture, v, ball, c, **options).sensitivity() for c in contacts]
-        for name, rows in slopes[0].v_after.items():
-            assert rows.tolist() == slopes[1].v_after[name].tolist(), name
-        one, other = (kd.collide(posture, v, ball, c, tol=1e-5, **options) for c in contacts)
-        assert one.impulse.tolist() == other.impulse.tolist()
-
-
 @pytest.mark.parametrize("coming", [0.0, 6.0])
 @pytest.mark.parametrize("speed", [3.0, 7.0, 15.0])
 def test_impacts_use_the_value_at_their_speed_of_approach(speed, coming):
@@ -180,82 +151,13 @@ def test_impacts_use_the_value_at_their_speed_of_approach(speed, coming):
         agrees(solve_kkt(POSTURE, v, BALL, smooth), peer, closed_form(10))
 
 
-def test_a_robot_that_stands_uses_the_value_at_its_speed():
-    sole = [(x, y, -0.035) for x in (-0.05, 0.12) for y in (-0.03, 0.03)]
-    robot = kd.Leg.from_robot("g1", "right_ankle_roll_link", base="floating")
-    robot = robot.with_supports(kd.Support("left_ankle_roll_link", friction=0.6, sole=sole))
-    posture = robot.posture(robot.configuration({"right_hip_pitch_joint": -0.4}))
-    wish = np.array([4.0, 0.5, 1.0])
-    kick, table = (posture, posture.joint_velocity(wish), BALL), [[2, 0.9], [6, 0.5]]
-    impact = kd.unilateral_strike(*kick, kd.Contact(wish, table, 0.3))
-    assert impact.restitution == pytest.approx(1.1 - 0.1 * impact.approach_speed, rel=1e-12)
-    number = kd.unilateral_strike(*kick, kd.Contact(wish, impact.restitution, 0.3))
-    assert impact.impulse.tolist() == number.impulse.tolist()
-
-
-def test_rounding_of_the_speed_counts_in_the_restitution():
-    """Where e rises steeply, the same rounding of the speed changes the impulse more."""
-    v = POSTURE.joint_velocity(10 * ATTACK)
-    steep = kd.strike(POSTURE, v, BALL, contact([[9.9, 0.0], [10.1, 1.0]], 0.0))
-    flat = kd.strike(POSTURE, v, BALL, contact(steep.restitution, 0.0))
-    assert steep.rounding.impulse > 5 * flat.rounding.impulse
-
-
-def rebound_by_integration(ball, speed):
-    """Deflection [m] and speed ratio of an inflated ball at a wall, integrated over time.
-
-    Compression: the flat part of the shell comes to rest, `(m - m d / 2 R) dv/dt = -p A`. Rebound:
-    it leaves the wall from rest, `d((m - m d / 2 R) v)/dt = p A`.
-    """
-    m, radius = ball.mass, ball.radius
-
-    def rest_of_mass(d):
-        return m - m * d / (2 * radius)
-
-    def force(d):
-        return ball.pressure * math.pi * (2 * radius * d - d * d)
-
-    def closing(_, y):
-        return y[1], -force(y[0]) / rest_of_mass(y[0])
-
-    def opening(_, y):
-        return -y[1] / rest_of_mass(y[0]), force(y[0])
-
-    def at_rest(_, y):
-        return y[1]
-
-    def apart(_, y):
-        return y[0]
-
-    at_rest.terminal = apart.terminal = True
-    at_rest.direction = apart.direction = -1
-    tol = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-14}
-    one = solve_ivp(closing, (0, 0.1), (0, speed), events=at_rest, **tol)
-    two = solve_ivp(opening, (0, 0.1), (one.y[0, -1], 0.0), events=apart, **tol)
-    return one.y[0, -1], two.y[1, -1] / m / speed
-
-
-@pytest.mark.parametrize(
-    "ball", [INFLATED, kd.Ball(0.41, pressure=60e3), kd.Ball(0.3, 0.09, pressure=110e3)]
-)
-def test_an_inflated_ball_loses_what_its_integrated_motion_loses(ball):
-    rows = contact("inflated").for_ball(ball).restitution.rows
-    assert rows[0] == (0.0, SHELL_RESTITUTION)
-    scale = math.sqrt(ball.mass / ball.stiffness)
-    for k in (2, 9, 16, 30):
-        speed, e = rows[k]
-        deflection, ratio = rebound_by_integration(ball, speed)
-        assert e == pytest.approx(SHELL_RESTITUTION * ratio, rel=integrated(1e-10))
-        assert deflection == pytest.approx(speed * scale, rel=integrated(1e-10))
-        assert deflection == pytest.approx(0.02 * k * ball.radius, rel=integrated(1e-10))
-    check_invertible(rows)
-
-
-@pytest.mark.parametrize("share", [0.0, 0.3, 0.97])
-def test_the_restitution_of_a_lighter_shell(share):
+@pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
+def test_the_restitution_of_a_shell(share):
     """Work and momentum as integrals, by scipy's quadrature."""
     ball = replace(INFLATED, shell_share=share)
     rows = contact("inflated").for_ball(ball).restitution.rows
+    check_invertible(rows)
+    assert rows[0] == (0.0, SHELL_RESTITUTION)
     for k in (7, 30):
         work = quad(lambda x: x * (2 - x) / (1 - share * x / 2), 0, 0.02 * k, epsrel=1e-13)[0]
         gained = quad(lambda x: x * (2 - x) * (1 - share * x / 2), 0, 0.02 * k, epsrel=1e-13)[0]
@@ -274,18 +176,6 @@ def test_the_shell_is_fitted_to_the_rebound_of_match_balls():
         u = speed / INFLATED.radius * math.sqrt(INFLATED.mass / INFLATED.stiffness)
         e = SHELL_RESTITUTION * math.sqrt(1 - 2 * u / 3 + u * u / 8)
         assert contact("inflated").restitution_at(speed, INFLATED) == pytest.approx(e, abs=2e-6)
-
-
-def test_a_contact_used_with_one_ball_serves_the_next():
-    v, inflated = POSTURE.joint_velocity(12 * ATTACK), contact("inflated")
-    soft, hard = kd.Ball(pressure=60e3), kd.Ball(pressure=110e3)
-    one = kd.strike(POSTURE, v, soft, inflated)
-    two = kd.strike(POSTURE, v, hard, one.contact)
-    assert two.impulse.tolist() == kd.strike(POSTURE, v, hard, inflated).impulse.tolist()
-    assert one.contact == two.contact == inflated
-    again = pickle.loads(pickle.dumps(one.contact))
-    assert again.restitution.rows == one.contact.restitution.rows
-    assert json.dumps(again.restitution) == '"inflated"'
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.4, 0.02])

@@ -5,7 +5,6 @@ import math
 import pickle
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from chains import (
     floating_kick,
@@ -15,7 +14,6 @@ from chains import (
     rails,
     random_kick,
     random_leg,
-    slides,
 )
 from tolerances import agrees, integrated
 
@@ -211,24 +209,6 @@ def test_with_supports_and_loops_the_instant_is_the_limit(name):
     assert joints[1] < min(0.12 * joints[0], 0.01 * np.abs(instant.joint_impulses).max())
 
 
-def test_a_supported_base_is_a_fixed_one():
-    """Under gravity, torque and friction; the other leg swings."""
-    held, fixed = BOLT.with_supports("base_link"), kd.Leg.from_robot("bolt")
-    contact, bend = kd.Contact((3, 0, 1), 0.7, friction=0.3), {"FR_HFE": 0.4, "FR_KFE": -0.8}
-    v = fixed.posture(fixed.configuration(bend)).joint_velocity([3, 0, 1])
-    torque = np.linspace(-1, 1, fixed.nv)
-    one, other = (
-        kd.collide(
-            leg.posture(leg.configuration(bend)), np.append(zeros, v), kd.Ball(), contact,
-            torque=np.append(zeros, torque),
-        )
-        for leg, zeros in ((held, np.zeros(6)), (fixed, []))
-    )  # fmt: skip
-    agrees(one.impulse, other.impulse, integrated(1e-9))
-    agrees(one.v_after[6:], other.v_after, integrated(1e-8))
-    np.testing.assert_allclose(one.v_after[:6], 0.0, atol=1e-9)
-
-
 @pytest.mark.parametrize("friction", [0.0, 0.4])
 def test_the_impulse_is_the_integral_of_the_force(friction):
     collision = human(kd.Contact((1, 0, 0.3), 0.5, friction))
@@ -264,32 +244,6 @@ def test_a_foot_that_turns_turns_the_force():
     assert abs(turn) > 0.07
 
 
-def test_joints_transmit_what_their_axes_do_not_give():
-    """A passive hinge no moment about its axis, while the leg turns; a rail nothing along it."""
-    impulses = human(kd.Contact((1, 0, 0.3), 0.7, friction=0.4)).joint_impulses
-    np.testing.assert_allclose(impulses[:, 4], 0.0, atol=1e-11 * np.abs(impulses).max())
-    contact = kd.Contact((1, 0.2, 0.3), 0.7, friction=0.4)
-    collision = kd.collide(rails().posture([0.0]), [8.0], kd.Ball(), contact)
-    assert collision.joint_impulses[0, 0] == pytest.approx(0.0, abs=1e-11)
-    agrees(collision.joint_impulses[0, 1:3], collision.impulse[1:], 1e-5)
-
-
-def test_a_contact_point_off_the_frame():
-    """A frame placed there, and an offset to there, are the same contact."""
-    offset, model = np.array([0.02, 0.01, -0.03]), LEG.model
-    toe = model.frames[LEG.frame_id]
-    there = toe.placement * pin.SE3(np.eye(3), offset)
-    model.addFrame(pin.Frame("there", toe.parentJoint, 0, there, pin.FrameType.OP_FRAME))
-    one, other = (
-        kd.collide(
-            leg.posture(Q), [0.1, -12.0, -6.0], kd.Ball(), kd.Contact((2, 0.2, 1), 0.7, **at)
-        )
-        for leg, at in ((kd.Leg.from_model(model, "there"), {}), (LEG, {"offset": offset}))
-    )
-    agrees(other.impulse, one.impulse, integrated(1e-9))
-    agrees(other.v_after, one.v_after, integrated(1e-9))
-
-
 def test_a_base_that_moves_is_another_frame_of_reference():
     hip, velocity = np.array([4.0, 0.5, -0.3]), np.array([1.0, 0.3, 0.2])
     kick = [8.25, -18.15, 2.48], kd.Ball(), kd.Contact((2, 0.3, 1), 0.7, 0.4)
@@ -303,40 +257,6 @@ def test_a_base_that_moves_is_another_frame_of_reference():
     agrees(collision.impulse, seen.impulse, 1e-12)
     with pytest.raises(kd.InvalidInput, match="base"):
         kd.collide(LEG.with_base_velocity(hip, (0, 1, 0)).posture(q), *kick)
-
-
-@pytest.mark.parametrize("seed", range(2))
-def test_units_change_no_more_than_the_integrator(seed):
-    rng, (m, kg, s) = np.random.default_rng(seed), (2.0**-8, 2.0**12, 2.0**3)
-    kick = random_kick(rng, random_leg(rng), restitution=0.7, friction=0.3 * seed)
-    (posture, v, ball, contact), motion = kick
-    leg, sliding = in_units(posture.leg, 1.0, 1.0), slides(posture.leg)
-    one = kd.collide(leg.posture(posture.q), v, ball, contact, contact_time=0.01, **motion)
-    other = kd.collide(
-        in_units(leg, m, kg).posture(posture.q * m**sliding), v * m**sliding / s,
-        kd.Ball(ball.mass * kg, ball.radius * m), contact, contact_time=0.01 * s,
-        ball_velocity=motion["ball_velocity"] * m / s, ball_spin=motion["ball_spin"] / s,
-    )  # fmt: skip
-    agrees(other.impulse, one.impulse * kg * m / s, integrated(1e-9))
-    assert other.contact_time == pytest.approx(one.contact_time * s, rel=integrated(1e-9))
-    assert other.energy_lost == pytest.approx(one.energy_lost * kg * m**2 / s**2, rel=1e-6)
-
-
-def test_drives_hold_and_rub_as_their_laws_say():
-    """k (q0 + v0 t - q) - f v / |v| as torques by hand; creep is negligible at these speeds."""
-    driven = LEG.with_drives({"knee": kd.Drive(1e-4, 30.0, stiffness=3000.0, friction=8.0)})
-    plain = LEG.with_drives({"knee": kd.Drive(1e-4, 30.0)})
-    q, v, contact = KICK[0].q, KICK[1], kd.Contact((1, 0, 0.3), 0.6, 0.3)
-
-    def by_hand(t, q_now, v_now):
-        knee = 3000.0 * (q[1] + v[1] * t - q_now[1]) - 8.0 * np.sign(v_now[1])
-        return np.array([0.0, knee, 0.0])
-
-    one = kd.collide(driven.posture(q), v, kd.Ball(), contact)
-    other = kd.collide(plain.posture(q), v, kd.Ball(), contact, torque=by_hand)
-    agrees(one.impulse, other.impulse, 1e-6)
-    without = kd.collide(plain.posture(q), v, kd.Ball(), contact).impulse
-    assert np.abs(one.impulse - without).max() > 1e-3 * np.abs(without).max()
 
 
 @pytest.mark.parametrize("options", [{}, {"torque": [50.0, 0.0, 0.0]}, {"stiffness": "pressure"}])
@@ -354,23 +274,6 @@ def test_a_copy_runs_again_to_the_same_digits(options):
     assert collision.error < 1e-3 * np.linalg.norm(collision.impulse)
     damped = human(torque=lambda t, q, v: -0.5 * v, tol=1e-6)
     assert copy.deepcopy(damped).impulse.tolist() == damped.impulse.tolist()
-
-
-def test_warnings_of_a_collision():
-    bent = LEG.posture(LEG.configuration({"knee": -0.2}))
-    fast, instant = (
-        function(bent, [20.0, 0, 0], kd.Ball(), kd.Contact(AHEAD, 0.7))
-        for function in (kd.collide, kd.strike)
-    )
-    assert len(fast.warnings) == 2
-    assert fast.warnings == instant.warnings
-    for speed, flattened in ((8.0, False), (30.0, True)):
-        v, ball = LEG.posture(Q).joint_velocity([speed, 0, 0]), kd.Ball(pressure=80e3)
-        contact = kd.Contact(AHEAD, 0.7)
-        hit = kd.collide(LEG.posture(Q), v, ball, contact, stiffness="pressure", tol=1e-6)
-        share = hit.deflection / ball.radius
-        assert (share > 0.4) is flattened
-        assert any(f"{share:.2f} of its radius" in line for line in hit.warnings) is flattened
 
 
 @pytest.mark.parametrize(

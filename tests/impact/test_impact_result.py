@@ -3,7 +3,6 @@
 import copy
 import dataclasses
 import pickle
-import re
 import threading
 
 import numpy as np
@@ -12,7 +11,6 @@ from chains import any_kick, random_kick
 from tolerances import closed_form
 
 import kickdyn as kd
-from kickdyn.core.representation import format_value
 
 ARM = kd.Leg.from_robot("g1", base="floating")
 LEGS = {"human": kd.Leg.human(), "g1": ARM, "g1 held": ARM.with_supports("left_ankle_roll_link")}
@@ -104,32 +102,3 @@ def test_stiff_joints_their_motors_and_the_limits_of_drives():
     assert abs(work) > 0.01
     assert free.motor_work == 0.0
     assert (free.drive_limit, held.drive_limit) == ("with rotors", "with rotors, stiff knee")
-
-
-def printed(result):
-    """Texts of value and unit by name, as `print` shows them."""
-    lines = [line.strip() for line in repr(result).splitlines()[1:]]
-    return dict(re.split(r"  +", line, maxsplit=1) for line in lines)
-
-
-def test_results_are_printed_in_their_units():
-    kick, options = any_kick(np.random.default_rng(3), LEGS["human"], restitution=0.7)
-    impact, collision = kd.strike(*kick, **options), kd.collide(*kick, **options, tol=1e-6)
-    for result, rows in (
-        (impact, [("effective mass", impact.effective_mass, "kg"),
-                  ("foot before", impact.foot_velocity, "m/s"),
-                  ("condition", impact.posture.condition, "")]),
-        (collision, [("contact time", 1e3 * collision.contact_time, "ms"),
-                     ("visible contact time", 1e3 * collision.visible_contact_time, "ms"),
-                     ("peak force", collision.peak_force, "N"),
-                     ("deflection", 1e3 * collision.deflection, "mm")]),
-    ):  # fmt: skip
-        rows += [
-            ("impulse on the ball", result.impulse, "N s"),
-            ("ball after", result.ball_after.velocity, "m/s"),
-            ("spin after", result.ball_after.spin, "rad/s"),
-            ("energy lost", result.energy_lost, "J"),
-        ]
-        text = printed(result)
-        for name, value, unit in rows:
-            assert text[name] == f"{format_value(value)} {unit}".rstrip(), name

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pinocchio as pin
 import pytest
-from chains import any_kick, random_kick
+from chains import random_kick
 from scipy.integrate import quad
 from tolerances import agrees, closed_form
 
@@ -55,16 +55,6 @@ def test_axes_are_those_of_the_impacts_posture():
     hip = kd.joint_loads(impact)["hip"]
     assert np.linalg.norm(hip.structure[3:]) > 1e-2
     np.testing.assert_allclose(hip.axis, 0.0, atol=1e-12)  # passive
-
-
-def test_a_floating_base_has_no_structure():
-    leg = kd.Leg.from_robot("bolt", base="floating", drives=False)
-    leg = leg.with_supports(kd.Support("FL_FOOT", point=True))
-    loads = kd.joint_loads(strike(leg, maker=any_kick))
-    np.testing.assert_allclose(loads["root_joint"].structure, 0.0, atol=1e-14)
-    for name in leg.joint_names[1:]:
-        assert np.linalg.norm(loads[name].structure) > 1e-6, name
-        assert np.linalg.norm(loads[name].axis) < 1e-11, name
 
 
 def test_the_peak_is_that_of_half_a_sine_with_the_same_impulse():

@@ -139,33 +139,6 @@ def test_a_closed_loop_answers_as_one_dense_system(seed):
     agrees(impact.loop_impulses[LOOP], reaction, integrated(1e-8))
 
 
-def test_standing_makes_the_foot_heavier():
-    q = FREE["g1 floating"].configuration({"right_hip_pitch_joint": -0.3, "right_knee_joint": 0.5})
-    free, held = (
-        leg.posture(q).effective_mass((1, 0, 0))
-        for leg in (FREE["g1 floating"], STANDING["g1 on a sole"])
-    )
-    assert free < held
-
-
-def test_an_impact_that_was_interrupted_leaves_nothing(monkeypatch):
-    leg = kd.Leg.from_robot("bolt", base="floating")
-    leg = leg.with_supports(kd.Support("FL_FOOT", point=True))
-    posture = leg.posture(leg.configuration({"FR_HFE": 0.4, "FR_KFE": -0.8}))
-    kick = posture, posture.joint_velocity([3, 0, 1]), kd.Ball(), kd.Contact((3, 0, 1), 0.7)
-    expected = kd.strike(*kick).joint_impulses
-
-    def interrupted(*_):
-        raise KeyboardInterrupt
-
-    with monkeypatch.context() as patch:
-        patch.setattr(pin, "rnea", interrupted)
-        with pytest.raises(KeyboardInterrupt):
-            _ = kd.strike(*kick).joint_impulses
-    leg.workspace.external_wrenches[1] += 1.0  # wherever it stopped
-    assert (kd.strike(*kick).joint_impulses == expected).all()
-
-
 @pytest.mark.parametrize("size", [1.0, 1e-6])
 def test_the_momentum_residual_is_relative_to_what_the_impulse_brings_into_the_joints(size):
     """With a jump that is wrong: |M jump + J^T p| over |J| |p|, whatever the impulse."""

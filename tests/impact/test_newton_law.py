@@ -4,16 +4,12 @@ import itertools
 import math
 
 import numpy as np
-import pinocchio as pin
 import pytest
-from chains import random_kick, random_leg
 from contacts import BareContact, by_newton, random_contact, random_problem, split
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 from tolerances import agrees, closed_form, optimized
-
-import kickdyn as kd
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -112,65 +108,3 @@ def test_it_can_create_energy():
     assert sticking
     agrees(impulse, [0.28, 0, 71 / 150], closed_form())
     assert lost == pytest.approx(-0.28 * 0.3 / 2, rel=closed_form(10))
-
-
-def cone_solver(name):
-    if name == "ADMM":
-        return pin.ADMMConstraintSolver(3), pin.ADMMSolverSettings(), pin.ADMMSolverResult()
-    return pin.PGSConstraintSolver(3), pin.PGSSolverSettings(), pin.PGSSolverResult()
-
-
-def by_cone_solver(name, impact):
-    """The impact of leg and free ball by one of Pinocchio's cone solvers: impulse, residual."""
-    leg, contact, ball = impact.posture.leg, impact.contact, impact.ball
-    model = leg.model
-    joint = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "ball")
-    shell = pin.Inertia(ball.mass, np.zeros(3), ball.inertia * np.eye(3))
-    model.appendBodyToJoint(joint, shell, pin.SE3.Identity())
-    data = model.createData()
-    q = np.concatenate([impact.posture.q, impact.ball_after.position, [0, 0, 0, 1]])
-    v = np.concatenate([impact.v_before, impact.ball_before.velocity, impact.ball_before.spin])
-    pin.forwardKinematics(model, data, q)
-    axes = np.linalg.svd(contact.normal.reshape(1, 3))[2][[1, 2, 0]].T
-    axes[:, 2] = contact.normal
-    axes[:, 0] *= np.linalg.det(axes)
-    frame = pin.SE3(axes, impact.posture.contact_point)
-    places = [data.oMi[i].actInv(frame) for i in (leg.contact_joint, joint)]
-    point = pin.PointContactConstraintModel(model, leg.contact_joint, places[0], joint, places[1])
-    point.setFriction(contact.friction)
-    models, datas = pin.StdVec_ConstraintModel(), pin.StdVec_ConstraintData()
-    models.append(pin.ConstraintModel(point))
-    datas.append(models[0].createData())
-    pin.crba(model, data, q, pin.Convention.WORLD)  # what the constraint's Jacobian reads
-    models[0].calc(model, data, datas[0])
-    jacobian = pin.getConstraintsJacobian(model, data, models, datas)
-    inertia = np.triu(data.M) + np.triu(data.M, 1).T
-    delassus = jacobian @ np.linalg.solve(inertia, jacobian.T)
-    free = jacobian @ v
-    free[2] *= 1 + contact.restitution
-    solver, options, result = cone_solver(name)
-    options.max_iterations = 20_000
-    for kind in ("feasibility", "complementarity"):
-        setattr(options, f"absolute_{kind}_tol", 1e-12)
-        setattr(options, f"relative_{kind}_tol", 1e-12)
-    # A fresh operator, because the solvers leave their damping in it. Their verdict is not read.
-    solver.solve(pin.DelassusOperatorDense(delassus), free, models, datas, options, result)
-    impulse = result.retrieveConstraintImpulses()
-    u, cone = delassus @ impulse + free, contact.friction * impulse[2]
-    opposed = abs(u[:2] @ impulse[:2] + cone * np.linalg.norm(u[:2]))
-    return axes @ impulse, max(abs(u[2]), np.linalg.norm(impulse[:2]) - cone, opposed)
-
-
-@pytest.mark.parametrize(("solver", "share"), [("ADMM", 0.9), ("PGS", 0.4)])
-def test_pinocchios_cone_solvers_agree_where_they_converge(solver, share):
-    converged, count = 0, 20
-    for seed in range(count):
-        rng = np.random.default_rng(seed)
-        leg = kd.Leg.human() if seed % 2 else random_leg(rng)
-        kick, options = random_kick(rng, leg, friction=[0.0, 0.1, 0.4, 0.8][seed % 4])
-        impact = kd.strike(*kick, **options)
-        impulse, residual = by_cone_solver(solver, impact)
-        if residual <= 1e-8:
-            converged += 1
-            agrees(impact.impulse, impulse, optimized(1e-8))
-    assert converged >= share * count

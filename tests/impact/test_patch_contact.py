@@ -4,29 +4,16 @@ import math
 import pickle
 
 import numpy as np
-import pinocchio as pin
 import pytest
-from chains import momentum, rails
-from scipy.integrate import dblquad, solve_ivp
+from chains import free_body, momentum, rails
+from scipy.integrate import dblquad
 from tolerances import agrees, integrated
 
 import kickdyn as kd
-from kickdyn.impact.inflated_force import OUTSIDE_PRESSURE
 from kickdyn.impact.patch_contact import overlap
 
 BALL = kd.Ball(pressure=80e3)
 R = BALL.radius
-
-
-def free_body(mass=1.95):
-    """A body without support or gravity, whose contact frame is beside its centre of mass."""
-    model = pin.Model()
-    joint = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "free")
-    body = pin.Inertia(mass, np.array([-0.05, 0.01, 0.02]), np.diag([0.01, 0.02, 0.015]))
-    model.appendBodyToJoint(joint, body, pin.SE3.Identity())
-    model.addFrame(pin.Frame("toe", joint, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
-    model.gravity = pin.Motion.Zero()
-    return kd.Leg.from_model(model, "toe").posture([0, 0, 0, 0, 0, 0, 1])
 
 
 FOOT, FREE = rails("xyz", 1.95).posture(np.zeros(3)), free_body()
@@ -90,14 +77,6 @@ def test_a_wide_strip_is_the_point(speed):
     assert parting == pytest.approx(14.0 * 0.7, rel=integrated(1e-8))
 
 
-def test_small_deflections_give_the_spring_from_pressure():
-    slow = kick(kd.FootPatch(0.2), e=1.0, v=(0.1, 0, 0))
-    spring = kd.collide(FOOT, (0.1, 0, 0), BALL, slow.contact, stiffness="pressure")
-    small = spring.deflection / R
-    assert slow.peak_force == pytest.approx(spring.peak_force, rel=small)
-    assert slow.contact_time == pytest.approx(spring.contact_time, rel=small)
-
-
 def test_spin_from_the_edge_of_a_strip():
     """None from its middle, the opposite from the other edge, none without loss and friction."""
     spins = {x: kick(kd.FootPatch(0.08, x)).ball_after.spin[2] for x in (0.0, 0.03, -0.03)}
@@ -121,44 +100,6 @@ def test_energy_and_momentum_are_balanced(friction, offset, e):
     agrees(after, before, integrated(1e-10))
     assert collision.energy_residual < integrated(1e-10)
     assert collision.energy_lost > 0.0
-
-
-@pytest.mark.slow
-def test_two_bodies_by_another_method():
-    """Radau in the plane, without friction: pressure, edges, rim, and losses of the shell."""
-    half, offset, mass, speed = 0.04, 0.03, 1.95, 14.0
-    m, inertia, flux = BALL.mass, BALL.inertia, BALL.mass / (4 * math.pi * R)
-
-    def rates(_, y, share):
-        d, c, foot_x, foot_y, vx, vy, spin = y
-        shape = overlap(d, c, R, half)
-        volume = 1 - shape.volume / (4 / 3 * math.pi * R**3)
-        p = share * ((80e3 + OUTSIDE_PRESSURE) * volume**-1.4 - OUTSIDE_PRESSURE)
-        closing, (angle, x, xx, _) = foot_x - vx, shape.rim
-        rim = flux * max(closing, 0.0) * (closing * angle + spin * x > 0.0)
-        stopped, moment = rim * (closing * angle + spin * x), -rim * (closing * x + spin * xx)
-        force, edge = p * shape.area + stopped, -p * shape.across
-        return [closing, vy - foot_y, -force / mass, -edge / mass, force / m, edge / m,
-                moment / inertia]  # fmt: skip
-
-    def full(_, y, share):
-        shape = overlap(y[0], y[1], R, half)
-        return shape.area * (y[2] - y[4]) + shape.across * (y[5] - y[3]) + (y[0] <= 0)
-
-    def apart(_, y, share):
-        return overlap(y[0], y[1], R, half).volume - 1e-15
-
-    full.terminal = apart.terminal = True
-    full.direction = apart.direction = -1
-    tol = {"method": "Radau", "rtol": 1e-9, "atol": 1e-12, "max_step": 1e-4}
-    start = (1e-13, offset, speed, 0, 0, 0, 0)
-    one = solve_ivp(rates, (0, 0.1), start, events=full, args=(1.0,), **tol)
-    two = solve_ivp(rates, (0, 0.1), one.y[:, -1], events=apart, args=(0.899**2,), **tol)
-    *_, foot_x, foot_y, vx, vy, spin = two.y[:, -1]
-    collision = kick(kd.FootPatch(2 * half, offset), tol=1e-10)
-    agrees(collision.ball_after.velocity[:2], [vx, vy], integrated(1e-9))
-    agrees(collision.ball_after.spin[2], spin, integrated(1e-8))
-    agrees(collision.v_after[:2], [foot_x, foot_y], integrated(1e-9))
 
 
 def bounce(grip, friction=0.8):
@@ -223,8 +164,3 @@ def test_the_surface_of_a_foot():
 def test_bad_input(call, words):
     with pytest.raises(kd.InvalidInput, match=words):
         call()
-
-
-def test_a_ball_flattened_beyond_the_model_is_warned_of():
-    (line,) = kick(kd.FootPatch(0.05, 0.01), v=(22.0, 0, 0), tol=1e-5).warnings
-    assert "22 m/s" in line

@@ -4,7 +4,6 @@ import dataclasses
 
 import numpy as np
 import pytest
-from chains import any_kick, rails
 from digits import FAMILIES, shortfalls
 from extremes import extreme_impacts
 from references.exact_impact import exact_impact, given
@@ -51,28 +50,8 @@ def test_digits_fall_with_what_cancels():
     assert np.diff(heavy).max() < -2
 
 
-def test_redundant_supports_claim_a_finite_number_of_digits():
-    leg = kd.Leg.from_robot("g1", base="floating").with_supports("left_ankle_roll_link")
-    kick, options = any_kick(np.random.default_rng(1), leg, friction=0.4)
-    impact = kd.strike(*kick, **options)
-    assert 10 < impact.digits < 15
-    assert impact.joint_digits.shape == (len(leg.joint_names),)
-    assert 10 < impact.joint_digits.max() < 15
-
-
 def test_digits_are_those_of_float64():
     np.testing.assert_allclose(digits_left(np.array([0.0, 1e-3, 2.0])), [16.0, 3.0, 0.0])
-
-
-def test_a_spin_takes_the_digits_of_a_velocity_that_moves_the_surface_alike():
-    """Either follows the foot across the normal at 1e4 times the speed of approach."""
-    posture, ball = rails("xz", 1.0).posture([0.0, 0.0]), kd.Ball()
-    kick = posture, [1.0, 1e4], ball, kd.Contact((1, 0, 0), 0.7, 0.5)
-    by_velocity = kd.strike(*kick, ball_velocity=(0, 0, 1e4))
-    by_spin = kd.strike(*kick, ball_spin=(0, 1e4 / ball.radius, 0))
-    np.testing.assert_allclose(by_spin.impulse, by_velocity.impulse, atol=1e-10)
-    assert by_spin.digits == pytest.approx(by_velocity.digits, abs=0.2)
-    assert by_spin.digits < 12.0
 
 
 @pytest.mark.parametrize(("share", "creates"), [(1e-13, False), (1e-11, True)])

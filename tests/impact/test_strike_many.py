@@ -113,20 +113,3 @@ def test_bad_input(changes, words):
 
 ROWS = np.full((5, 3), 0.3)
 POSTURE = LEG.posture(ROWS[0])
-
-
-@pytest.mark.parametrize(
-    ("call", "function"),
-    [
-        (lambda: LEG.posture(ROWS), "strike_many"),
-        (lambda: kd.strike(POSTURE, ROWS, BALL, CONTACT), "strike_many"),
-        (lambda: kd.strike(POSTURE, ROWS[0], BALL, CONTACT, ball_spin=ROWS), "strike_many"),
-        (lambda: kd.collide(POSTURE, ROWS, BALL, CONTACT), "collide_many"),
-        (lambda: kd.collide(POSTURE, ROWS[0], BALL, CONTACT, ball_spin=ROWS), "collide_many"),
-        (lambda: kd.fly(kd.BallState(velocity=ROWS), BALL), "fly_many"),
-        (lambda: kd.follow(kd.BallState(velocity=ROWS), BALL), "follow_many"),
-    ],
-)
-def test_rows_in_place_of_one_name_the_function_for_many(call, function):
-    with pytest.raises(kd.InvalidInput, match=function):
-        call()

@@ -30,11 +30,6 @@ def test_bad_input(name, value, word):
         kd.Contact(**(GOOD | {name: value}))
 
 
-def test_restitution_may_be_0_or_1_and_friction_is_0_by_default():
-    contacts = [kd.Contact((0, 0, 1), e) for e in (0, 1)]
-    assert [(contact.restitution, contact.friction) for contact in contacts] == [(0, 0), (1, 0)]
-
-
 @pytest.mark.parametrize("scale", [5e-324, 1e-160, 1.0, 1e300])
 def test_normal_of_any_length_becomes_a_unit_vector(scale):
     normal = kd.Contact((scale, 0, -scale), 0.5).normal

@@ -83,17 +83,6 @@ def test_rows_without_machine_code():
     assert kd.collide_many(LEG, Q[:0], V[:0], kd.Ball(), inflated).impulse.shape == (0, 3)
 
 
-@pytest.mark.parametrize("friction", [0.0, 0.3])
-def test_contacts_are_left_to_collide_in_doubt_only(friction, monkeypatch):
-    rng, rows = np.random.default_rng(6), []
-    q, v = rng.uniform(-0.4, 0.4, (24, 3)), V[:1] * rng.uniform(0.5, 1.0, (24, 1))
-    monkeypatch.setattr("kickdyn.impact.collide_many.collide", lambda *row, **_: rows.append(row))
-    many = kd.collide_many(LEG, q, v, kd.Ball(), kd.Contact((2, 0.3, 1), 0.8, friction))
-    assert rows == []
-    assert np.isfinite(many.impulse[many.status < 2]).all()
-    assert (many.status < 2).sum() > 12
-
-
 @pytest.mark.parametrize(
     ("changes", "words"),
     [

@@ -76,21 +76,6 @@ def test_slopes_are_those_of_the_sensitivity(friction):
                 agrees(slope, getattr(exact, result)[source], 1e-7)
 
 
-@pytest.mark.parametrize("leg", [LEG, random_leg(np.random.default_rng(4))])
-def test_strikes_are_left_to_strike_in_doubt_only(leg, monkeypatch):
-    q, v, balls, contacts, motion = random_strikes(np.random.default_rng(6), leg, 24)
-    impacts = []
-
-    def alone(*row, **motion):
-        impacts.append(kd.strike(*row, **motion))
-        return impacts[-1]
-
-    monkeypatch.setattr("kickdyn.impact.strike_many.strike", alone)
-    many = kd.strike_many(leg, q, v, balls, contacts, **motion)
-    assert len(impacts) < 3
-    assert (many.status < 2).sum() > 8
-
-
 @pytest.mark.parametrize(
     ("changes", "words"),
     [

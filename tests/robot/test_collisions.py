@@ -1,15 +1,11 @@
 """Bodies inside each other and inside a ball, against distances that geometry gives."""
 
-from pathlib import Path
-
-import gymnasium
 import numpy as np
 import pytest
 
 import kickdyn as kd
 from kickdyn.robot.collisions import Placed, bodies_at, find_ball_overlaps, find_self_collisions
 from kickdyn.robot.ground_clearance import body_frames
-from kickdyn.robot.urdf_file import shipped_urdf
 
 GJK = 1e-6
 """Absolute tolerance of the distance of two convex shapes by iteration [m]."""
@@ -58,20 +54,6 @@ def test_bodies_that_touch_at_rest_do_not_count(tmp_path):
     assert find_self_collisions(wide, wide.configuration({"l": -0.3, "r": 0.3})) == {}
 
 
-@pytest.mark.parametrize("name", ["g1", "talos"])
-def test_robots_do_not_touch_themselves_at_rest(name):
-    robot = kd.Leg.from_robot(name, base="floating", legs_only=True)
-    assert find_self_collisions(robot, robot.configuration()) == {}
-
-
-def test_a_body_and_the_one_that_carries_its_joints_do_not_count():
-    """An upper arm of gymnasium's humanoid has two hinges, and thus a joint without a body."""
-    file = Path(gymnasium.__file__).parent / "envs/mujoco/assets/humanoid.xml"
-    humanoid = kd.Leg.from_mjcf(file, "right_foot", base="floating")
-    raised = humanoid.configuration({"right_shoulder1": 1.0, "right_shoulder2": 0.39})
-    assert find_self_collisions(humanoid, raised) == {}
-
-
 INERTIAL = (
     '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
     "</inertial>"
@@ -89,8 +71,6 @@ JOINT = (
 @pytest.mark.parametrize(
     ("urdf", "srdf"),
     [
-        ("three.urdf", "three.srdf"),  # beside the file, by its name
-        ("urdf/other.urdf", "urdf/other.srdf"),
         ("urdf/other.urdf", "urdf/three.srdf"),  # by the name of the robot
         ("urdf/other.urdf", "srdf/Three.srdf"),  # in the folder srdf beside its folder
     ],
@@ -114,24 +94,6 @@ def test_pairs_that_the_srdf_disables_do_not_count(tmp_path, urdf, srdf):
     line = '<disable_collisions link1="shank" link2="trunk"/>'
     (tmp_path / srdf).write_text(f'<robot name="three">{line}</robot>')
     assert collisions() == []
-
-
-def test_a_faulty_srdf_is_refused(tmp_path):
-    (tmp_path / "leg_human.urdf").write_text(shipped_urdf("leg_human.urdf").read_text())
-    leg = kd.Leg.from_urdf(tmp_path / "leg_human.urdf", "toe")
-    (tmp_path / "leg_human.srdf").write_text("<robot")
-    with pytest.raises(kd.InvalidInput, match=r"leg_human\.srdf"):
-        kd.plan_kick(leg, kd.Goal(15, time=1), kd.Ball())
-
-
-def test_a_flat_hull_is_a_body(tmp_path):
-    """The library coal ends the process for hulls without thickness."""
-    leg = legs(tmp_path, "box", "0.1 0.04 1e-9")
-    depths = find_ball_overlaps(
-        leg.posture(leg.configuration()), np.array([0.0, -0.1, 0.6 + 0.08]), 0.1
-    )
-    thickness = 1e-3 * 0.2  # what a flat hull is given, relative to its length
-    assert depths == {"right": pytest.approx(0.02, abs=thickness)}
 
 
 @pytest.mark.parametrize("ahead", [0.15, 0.35])

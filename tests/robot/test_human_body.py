@@ -97,36 +97,6 @@ def test_segments_are_those_of_dumas(sex, side, outwards):
     assert leg.posture(leg.configuration()).contact_point == pytest.approx(toe)
 
 
-def test_segments_of_dumas_are_those_of_the_human_of_example_robot_data():
-    """That is a man of 75 kg and 1.80 m by the same tables, written by others, rounded to 1 mm."""
-    ours = kd.Leg.human(height=1.80, mass=75, model="3d", segments="Dumas").model
-    theirs = kd.Leg.from_robot("human").model
-    turn = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]])  # theirs have y up and z to the right
-    pairs = {"hip_rotation": "right_hip_Y", "knee": "right_knee_Z", "subtalar": "right_ankle_X"}
-    for name, peer in pairs.items():
-        a, b = ours.inertias[ours.getJointId(name)], theirs.inertias[theirs.getJointId(peer)]
-        assert a.mass == pytest.approx(b.mass, rel=2e-3)
-        assert a.lever == pytest.approx(turn @ b.lever, rel=0.05, abs=1e-3)  # a shorter foot
-        inertia = turn @ b.inertia @ turn.T
-        # all products of their shank are positive, without the imaginary units of the table
-        tensors = (a.inertia, inertia) if name != "knee" else (np.abs(a.inertia), np.abs(inertia))
-        rough = 0.12 if name == "subtalar" else 0.01
-        assert tensors[0] == pytest.approx(tensors[1], rel=rough, abs=2e-5)
-
-
-@pytest.mark.parametrize("sex", DUMAS)
-def test_the_two_tables_agree_as_far_as_persons_differ(sex):
-    size = {"height": 1.7, "mass": 65, "sex": sex, "base": "floating"}
-    legs = [kd.Leg.human(**size, segments=table) for table in ("de Leva", "Dumas")]
-    masses = [[inertia.mass for inertia in list(leg.model.inertias)[1:]] for leg in legs]
-    assert masses[1] == pytest.approx(masses[0], rel=0.28)  # feet and pelvis differ most
-    postures = [leg.posture(leg.configuration()) for leg in legs]
-    ends = [posture.contact_point for posture in postures]
-    assert ends[1] == pytest.approx(ends[0], abs=0.05)
-    effective = [posture.effective_mass((1, 0, 0)) for posture in postures]
-    assert effective[1] == pytest.approx(effective[0], rel=0.3)
-
-
 LEG_LEVELS = (
     "1L 3L 4L 5L 6L 8L 9L 1p 3p 4p 5p 6p 8p 9p 2p 7p 8w 9w 6d",
     "9.9 42.4 56.2 81.1 2.5 14.7 20.9 53.5 35 35 24 31 22 19 49 23 8.6 8.3 11",
@@ -203,23 +173,6 @@ def test_torques_are_those_of_anderson(sex, strength):
     assert leg.effort_limit == pytest.approx(np.array(strength) * 65 * 9.81 * 1.7)
 
 
-def test_without_arguments_it_is_the_leg_of_the_file():
-    leg, read = kd.Leg.human(), kd.Leg.from_urdf(shipped_urdf("leg_human.urdf"))
-    assert leg.model == read.model
-    assert leg.contact_normal_cone is None
-
-
-def test_the_text_of_a_sized_leg_is_a_urdf_of_the_same_leg(tmp_path):
-    leg = kd.Leg.human(**WOMAN, model="3d", side="left", frame="inside")
-    file = tmp_path / "leg.urdf"
-    file.write_text(leg.file.text)
-    read = kd.Leg.from_urdf(file, "inside")
-    assert read.joint_names == leg.joint_names
-    q = np.random.default_rng(1).uniform(-0.3, 0.3, 6)
-    agrees(read.posture(q).inertia, leg.posture(q).inertia, closed_form())
-    agrees(read.posture(q).jacobian, leg.posture(q).jacobian, closed_form())
-
-
 @pytest.mark.parametrize("frame", ["toe", "instep", "inside"])
 @pytest.mark.parametrize("segments", ["de Leva", "Dumas"])
 def test_the_left_leg_is_the_mirror_image_of_the_right_one(frame, segments):
@@ -262,19 +215,6 @@ def test_adduction_internal_rotation_and_inversion_are_positive(side, medial):
         assert np.degrees(leg.joint_range(joint)) == pytest.approx(span), joint
         assert math.isinf(leg.velocity_limit[index])
         assert math.isinf(leg.effort_limit[index])
-
-
-def test_in_the_plane_the_spatial_leg_is_the_planar_one():
-    q, v = np.array([0.7, 0.5, -0.3]), np.array([6.6, -14.5, 6.6])
-    flat, spatial = (kd.Leg.human(**WOMAN, model=model) for model in ("paper", "3d"))
-    at = [spatial.velocity_index(name) for name in flat.joint_names]
-    wide_q, wide_v = np.zeros(6), np.zeros(6)
-    wide_q[at], wide_v[at] = q, v
-    contact = kd.Contact((2, 0, 1), 0.8, 0.3)
-    a = kd.strike(flat.posture(q), v, kd.Ball(), contact)
-    b = kd.strike(spatial.posture(wide_q), wide_v, kd.Ball(), contact)
-    agrees(b.impulse, a.impulse, closed_form(b.posture.condition))
-    agrees(b.v_after[at], a.v_after, closed_form(b.posture.condition))
 
 
 @pytest.mark.parametrize("side", ["right", "left"])

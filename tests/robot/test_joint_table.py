@@ -1,16 +1,14 @@
 """Joints by name: configurations, ranges and limits; mimic joints against free bodies and gears."""
 
-import copy
 import math
-import pickle
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from chains import by_pinocchio, floating_leg
+from chains import floating_leg
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tolerances import agrees, closed_form, differenced, optimized
+from tolerances import agrees, closed_form, optimized
 from urdf_bodies import Bodies, random_urdf
 
 import kickdyn as kd
@@ -58,42 +56,13 @@ def test_joints_of_every_kind():
         assert leg.posture(short).q == pytest.approx(q, abs=1e-14)
 
 
-def test_a_floating_base_beside_a_continuous_joint():
-    leg, base = floating_leg(np.random.default_rng(0)), [1, 2, 3, 0, 0, 0, 1]
-    q = leg.posture([*base, 0.3, 0.4]).q
-    assert q == pytest.approx([*base, math.cos(0.3), math.sin(0.3), 0.4])
-    assert leg.joint_values(q) == pytest.approx({"hip": 0.3, "knee": 0.4})
-    for method in (leg.velocity_index, leg.joint_range, leg.joint_unit):
-        with pytest.raises(kd.InvalidInput, match="'base' has 6 degrees of freedom"):
-            method("base")
-
-
-@pytest.mark.parametrize(
-    ("angles", "said"),
-    [
-        ({"twist": 1}, "'twist' is unknown: mixed has turn, spin, slide"),
-        ({"turn": math.nan}, "turn is nan"),
-        ({"turn": "30"}, "turn is '30'"),
-        ({"universe": 1}, "'universe' is unknown"),
-        (["turn"], "^angles is .*names"),
-    ],
-)
-def test_bad_angles_are_refused(angles, said):
-    with pytest.raises(kd.InvalidInput, match=said):
-        mixed().configuration(angles)
-
-
 @pytest.mark.parametrize(
     ("q", "said"),
     [
         ([0, 0], r"shape \(2,\): .*\(3,\)"),
-        ([[0, 0, 0]], r"shape \(1, 3\)"),
         ([0, math.nan, 0], "finite"),
-        ([0, math.inf, 0], "finite"),
         ([0, 1j, 0], "real numbers"),
-        ("000", "real numbers"),
         ([True, False, True], "real numbers"),
-        (np.ma.array([0.0, 1.0, 2.0], mask=[0, 0, 1]), "masked"),
         ({"hip": 0.3}, r"\{'hip': 0.3\}: .*Leg.configuration"),
     ],
     ids=str,
@@ -140,7 +109,6 @@ def test_degrees_in_place_of_radians_are_announced(q, is_announced):
     ("values", "outside"),
     [
         ({}, {}),
-        ({"turn": -1, "spin": 3.1, "slide": 0.3}, {}),
         ({"turn": 2 + 0.5e-6}, {}),  # a millionth is rounding
         ({"turn": 2 + 2e-6}, {"turn": "deg"}),
         ({"turn": 2.001, "spin": 3.1, "slide": -0.01}, {"turn": "114.65 deg", "slide": "-0.01 m"}),
@@ -272,47 +240,11 @@ def test_an_impact_is_that_of_free_bodies_tied_by_joints_and_gears(tmp_path_fact
     assert separation == pytest.approx(contact.restitution * approach, abs=scale)
 
 
-@settings(max_examples=25)
-@given(SEEDS, st.booleans())
-def test_gears_are_the_reduced_coordinates(tmp_path_factory, seed, floats):
-    """v = G v_r, M_r = G^T M G, J_r = J G."""
-    _, kick = random_kick(seed, tmp_path_factory.mktemp("tree"), floats)
-    posture, v, *_ = kick
-    leg, hit = posture.leg, kd.strike(*kick)
-    mimicking = [leg.velocity_index(mimic.joint) for mimic in leg.mimics]
-    columns = [i for i in range(leg.nv) if i not in mimicking]
-    basis = np.eye(leg.nv)[:, columns]
-    for mimic in leg.mimics:
-        driver = columns.index(leg.velocity_index(mimic.driver))
-        basis[leg.velocity_index(mimic.joint), driver] = mimic.multiplier
-    reduced, jacobian = basis.T @ posture.inertia @ basis, posture.jacobian @ basis
-    rounding = closed_form(np.linalg.cond(reduced))
-    agrees(posture.delassus(), jacobian @ np.linalg.solve(reduced, jacobian.T), rounding)
-    jump = basis @ np.linalg.solve(reduced, -jacobian.T @ hit.impulse)
-    agrees(hit.v_after - v, jump, 10 * rounding)
-    least = posture.joint_velocity(posture.point_velocity(v))
-    agrees(posture.point_velocity(least), posture.point_velocity(v), optimized(1e-9))
-    assert least @ posture.inertia @ least <= (1 + 1e-9) * v @ posture.inertia @ v
-
-
-def test_pinocchios_solver_confirms_gears(geared):
-    posture = geared.posture([0.4])
-    v = posture.admissible([1.0, 0.0])
-    kick = posture, v, kd.Ball(), kd.Contact(posture.point_velocity(v), 0.8)
-    hit, other = kd.strike(*kick), by_pinocchio(*kick)
-    agrees(other.impulse, hit.impulse, optimized(1e-12))
-    agrees(other.joint_impulses, hit.joint_impulses, optimized(1e-12))
-    (gear,) = hit.constraint_impulses  # it acts along the axes, -y of the hip and y of the knee
-    along = hit.joint_impulses[:, 4] * [-1, 1]
-    assert along == pytest.approx([0.5 * gear, gear], rel=1e-9)
-    assert kd.joint_loads(hit)["knee"].axis[4] == pytest.approx(gear, rel=1e-9)
-
-
 def test_mimic_joints_are_where_their_drivers_put_them(geared):
     assert geared.mimics == (Mimic("knee", "hip", -0.5, 0.2),)
     q = geared.configuration({"hip": 0.6})
     assert q == pytest.approx([0.6, -0.1])
-    for same in ([0.6], q, q + [0, 0.5e-9]):  # a billionth is rounding
+    for same in ([0.6], q, q + np.array([0, 0.5e-9])):  # a billionth is rounding
         assert geared.posture(same).q.tolist() == q.tolist()
     assert geared.configuration().tolist() == [0.0, 0.2]
     assert geared.configuration(geared.joint_values(q)).tolist() == q.tolist()
@@ -320,7 +252,7 @@ def test_mimic_joints_are_where_their_drivers_put_them(geared):
     assert posture.admissible([1.0, 1.0]) @ [0.5, 1.0] == pytest.approx(0, abs=1e-14)
     for refused, said in (
         (lambda: geared.posture([0.6, 0.3]), "knee is 0.3: it mimics hip, .*-0.1"),
-        (lambda: geared.posture(q + [0, 2e-9]), "mimics hip"),
+        (lambda: geared.posture(q + np.array([0, 2e-9])), "mimics hip"),
         (lambda: geared.configuration({"hip": 0.6, "knee": 0.3}), "knee is 0.3: it mimics hip"),
         (lambda: geared.posture(np.zeros(3)), r"\(3,\): .*\(1,\)"),
         (lambda: posture.check_velocity(np.ones(2)), "knee, which mimics hip, .* 1.5 rad/s"),
@@ -351,13 +283,6 @@ def test_locking_the_driver_locks_both(spoil, tmp_path):
             refused()
 
 
-def test_copies_and_other_constraints_keep_the_gears(geared):
-    for leg in (copy.deepcopy(geared), pickle.loads(pickle.dumps(geared)),
-                geared.with_armature({"hip": 0.1}), geared.with_supports().with_loops()):  # fmt: skip
-        assert leg.mimics == geared.mimics
-        assert leg.constraints.size == 1
-
-
 @pytest.mark.parametrize(
     ("gear", "said"),
     [
@@ -374,40 +299,3 @@ def test_copies_and_other_constraints_keep_the_gears(geared):
 def test_bad_gears_are_refused_by_name(spoil, load, gear, said):
     with pytest.raises(kd.UrdfError, match=said):
         load(with_gear(spoil, gear))
-
-
-@pytest.mark.parametrize("name", ["knee", "k*"])
-def test_a_gear_to_nowhere_does_not_matter_where_the_joint_is_locked(spoil, tmp_path, name):
-    path = tmp_path / "leg.urdf"
-    path.write_text(with_gear(spoil, '<mimic joint="?"/>'))
-    assert kd.Leg.from_urdf(path, locked={name: 0.3}).joint_names == ("hip",)
-
-
-def test_a_mimic_of_a_mimic_has_the_driver_of_that(spoil, load):
-    gear = '<mimic joint="knee" multiplier="2" offset="1"/>'
-    leg = load(with_gear(spoil).replace("</robot>", END.format("revolute", gear)))
-    assert leg.mimics[1] == Mimic("extra", "hip", -1.0, 1.4)  # 2 (-0.5 q + 0.2) + 1
-
-
-def test_a_contact_that_takes_time_keeps_the_gear(geared):
-    posture = geared.posture([0.6])
-    v = posture.admissible([1.0, 0.0])
-    kick = posture, v, kd.Ball(), kd.Contact(posture.point_velocity(v), 0.8)
-    hit, instant = kd.collide(*kick, contact_time=1e-4), kd.strike(*kick)
-    agrees(hit.impulse, instant.impulse, 1e-2)  # the posture changes in the contact
-    geared.posture(hit.q_after).check_velocity(hit.v_after)
-    assert hit.energy_residual < 1e-6
-
-
-def test_derivatives_follow_the_gear(geared):
-    """Those of the impulse by q are central differences along what the gear allows."""
-    posture, h = geared.posture([0.6]), 1e-6
-    v = posture.admissible([2.0, 0.0])
-    contact = kd.Contact(posture.point_velocity(v) + 0.1, 0.8, friction=0.4)
-
-    def impulse(hip):
-        return kd.strike(geared.posture([hip]), v, kd.Ball(), contact).impulse
-
-    by_q = kd.strike(posture, v, kd.Ball(), contact).sensitivity().impulse["q"]
-    np.testing.assert_allclose(by_q @ [0.5, 1.0], 0.0, atol=1e-12 * np.abs(by_q).max())
-    agrees(by_q @ [1.0, -0.5], (impulse(0.6 + h) - impulse(0.6 - h)) / (2 * h), differenced())

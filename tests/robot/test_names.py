@@ -4,7 +4,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-import kickdyn as kd
 from kickdyn.robot.names import expand_patterns, lock_remedy
 
 JOINTS = ("hip", "knee", "finger1", "finger2", "finger[1]", "thumb")
@@ -56,17 +55,3 @@ def test_a_remedy_can_be_copied(lower, joints, values, options):
     text = lock_remedy(hand(("hip", "finger 1", "palm", "rail"), **lower), joints)
     assert f"locked={values} " in text
     assert f"--lock {options} " in text
-
-
-@pytest.mark.parametrize(
-    ("frame", "nearest"),
-    [
-        ("right_foot", "right_ankle_roll_link"),
-        ("left_sole", "left_ankle_roll_link"),
-        ("toee", "toe"),
-        ("pelvs", "pelvis"),
-    ],
-)
-def test_a_foot_that_no_frame_has_is_sought_at_the_ends_of_limbs(frame, nearest):
-    with pytest.raises(kd.InvalidInput, match=f"'{frame}' is unknown: .*'{nearest}'"):
-        kd.Leg.from_robot("g1", frame)

@@ -65,7 +65,6 @@ def test_names_in_the_robots_package(robot, name, file):
         "{top}/secret.stl",
         "link.stl",
         "package://robot_description/urdf/out/secret.stl",
-        "package://../secret.stl",
     ],
 )
 @pytest.mark.parametrize("is_named", [False, True])

@@ -71,19 +71,6 @@ def test_velocities_are_kept_and_momentum_and_energy_close(seed, law, is_rough):
         agrees(engine.impulse, hit.impulse, optimized(1e-8))
 
 
-def test_at_rest_a_stiff_joint_strikes_as_if_it_were_locked():
-    locked = HUMAN.locked({"ankle": Q[2]}).posture(Q[:2])
-    v, contact = locked.joint_velocity([4, 0, 1]), kd.Contact((1, 0, 0.2), 0.7, friction=0.3)
-    one = kd.strike(STIFF.posture(Q), [*v, 0.0], kd.Ball(), contact)
-    two = kd.strike(locked, v, kd.Ball(), contact)
-    rounding = closed_form(one.posture.condition)
-    agrees(one.impulse, two.impulse, rounding)
-    agrees(one.v_after, [*two.v_after, 0.0], rounding)
-    agrees(one.joint_impulses[:2], two.joint_impulses, rounding)
-    assert one.free_effective_mass == pytest.approx(HUMAN.posture(Q).effective_mass((1, 0, 0.2)))
-    assert one.free_effective_mass < one.effective_mass == pytest.approx(two.effective_mass)
-
-
 def test_sensitivities_are_differences():
     """Of a free chain, and of one with a loop along what the loop allows."""
     leg, h = FOURBAR.with_stiff_joints("hip"), 1e-6
@@ -111,17 +98,3 @@ def test_stiff_joints_stay_until_they_are_replaced():
         assert leg.stiff_joints == ("ankle",)
     assert STIFF.with_stiff_joints().constraints is None
     assert STIFF.locked({"ankle": 0.1}).stiff_joints == ()
-
-
-@pytest.mark.parametrize(
-    ("joints", "said"),
-    [
-        (("toe",), "'toe' is unknown"),
-        ((7,), "joint 7 is unknown"),
-        (("hip", "hip"), "'hip' is stiff twice"),
-        (("hip", "knee", "ankle"), "all joints of leg_human are stiff"),
-    ],
-)
-def test_bad_names_are_refused(joints, said):
-    with pytest.raises(kd.InvalidInput, match=said):
-        HUMAN.with_stiff_joints(*joints)

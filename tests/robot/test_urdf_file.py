@@ -6,7 +6,6 @@ import re
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 import kickdyn as kd
@@ -25,10 +24,8 @@ BAD_TEXT = {
     "an MJCF": (b"<mujoco/>", "Leg.from_mjcf"),
     "entity": (b'<!DOCTYPE r [<!ENTITY m "7">]><robot name="&m;"/>', "DOCTYPE"),
     "billion laughs": (LAUGHS.encode(), "DOCTYPE"),
-    "UTF-16": ('<robot name="leg"/>'.encode("utf-16"), "not UTF-8"),
     "latin-1": ('<robot name="\u00e9t\u00e9"/>'.encode("latin-1"), r"not UTF-8 text \(byte 13\)"),
     "200 000 tags deep": (b"<a>" * 200_000 + b"</a>" * 200_000, "deeper than 64"),
-    "an attribute twice": (b"<a " + b'a="" ' * 2 + b"/>", "duplicate attribute"),
 }
 
 
@@ -77,41 +74,6 @@ def test_pinocchio_tells_why_it_refuses(spoil, load, capfd, old, new, said):
     assert capfd.readouterr().err == ""
 
 
-def test_stderr_is_given_back(good_urdf, load, capfd, monkeypatch):
-    def build(text):
-        os.write(2, "no \u00e9t\u00e9 \xff\n\n".encode("latin-1"))
-        raise ValueError("three\npages")
-
-    monkeypatch.setattr(pin, "buildModelFromXML", build)
-    with pytest.raises(kd.UrdfError) as refusal:
-        load(good_urdf)
-    assert refusal.value.faults[1] == "no \ufffdt\ufffd \ufffd"
-    os.write(2, b"still here")
-    assert capfd.readouterr().err == "still here"
-
-
-BASE = """<link name="base"><inertial><mass value="4"/>
-<inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>"""
-
-
-def test_a_floating_base(good_urdf, tmp_path):
-    path = tmp_path / "leg.urdf"
-    path.write_text(good_urdf.replace('<link name="base"/>', BASE))
-    fixed, floating = (kd.Leg.from_urdf(path, base=base) for base in ("fixed", "floating"))
-    assert floating.joint_names == ("root_joint", *fixed.joint_names)
-    q = floating.configuration({"hip": 0.3, "knee": 0.5})
-    assert q[:7].tolist() == [0, 0, 0, 0, 0, 0, 1]
-    one, other = floating.posture(q), fixed.posture(q[7:])
-    assert one.contact_point == pytest.approx(other.contact_point, abs=1e-14)
-    assert one.inertia[6:, 6:] == pytest.approx(other.inertia, abs=1e-14)
-    assert one.inertia[:3, :3] == pytest.approx(14 * np.eye(3))  # base 4, thigh 7, shank 3 kg
-    with pytest.raises(kd.InvalidInput, match=r"'free': .*fixed or floating"):
-        kd.Leg.from_urdf(path, base="free")
-    path.write_text(good_urdf)
-    with pytest.raises(kd.UrdfError, match="the base floats and has no mass"):
-        kd.Leg.from_urdf(path, base="floating")
-
-
 THIGH_MASS = '<mass value="7"/>'
 THIGH_INERTIA = '<inertia ixx="0.08" ixy="0" ixz="0" iyy="0.07" iyz="0" izz="0.02"/>'
 SHANK_INERTIAL = re.compile(r'<inertial>\s*<mass value="3"/>.*?</inertial>', re.DOTALL)
@@ -142,9 +104,7 @@ REFUSED = [
     # mass and inertia
     (THIGH_MASS, '<mass value="0"/>', r"'hip' moves .*\(mass 0"),
     (THIGH_MASS, '<mass value="-7"/>', "'hip' moves .*mass -7 kg"),
-    (THIGH_MASS, '<mass value="1e308"/>', r"'hip' moves .*1e\+308 kg"),
     *mass("heavy", "1,5", "nan", "inf", "1e400", "0x10", "1_000", "\u0667", "", "9" * 9999),
-    (THIGH_MASS, "", "must have a mass element"),
     moments(1, "nan", 1, said="iyy is not"),
     ('ixx="0.08"', "", "missing ixx"),
     moments(1, 1, -1),
@@ -209,7 +169,6 @@ ACCEPTED = {
     "as it is, without mass on base and toe, which are fixed": ("", ""),
     "link and joint of one name": (KNEE, 'name="shank" type="revolute"'),
     "an axis of any sound length": (AXIS, '<axis xyz="0 1e-20 0"/>'),
-    "a line end in a name, which XML reads as a blank": (KNEE, 'name="k\nnee" type="revolute"'),
     "0 mass and 0 inertia on what is fixed: no body": (
         '<link name="toe"/>',
         f'<link name="toe"><inertial><mass value="0"/>{inertia(0, 0, 0)}</inertial></link>',
@@ -218,7 +177,6 @@ ACCEPTED = {
     "a limit of no width": ('upper="2.5"', 'upper="0"'),
     "what it does not know": (END, "<gazebo><x/></gazebo><transmission/></robot>"),
     "a mesh anywhere": (SPHERE, '<mesh filename="package://../../etc/passwd"/>'),
-    "a joint that is not in the tree of links": (END, '<a><joint name="x"/></a></robot>'),
 }
 
 

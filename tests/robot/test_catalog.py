@@ -170,12 +170,6 @@ def described(tmp_path, monkeypatch):
     return make
 
 
-def test_a_description_can_be_a_urdf(described, good_urdf):
-    name = described("atlas_v4_description", good_urdf, "URDF_PATH")
-    assert kd.Leg.from_robot(name, "shank").joint_names == ("hip", "knee")
-    assert load_leg(name, "shank", locked={"hip": 90}).joint_names == ("knee",)
-
-
 def test_a_description_can_be_an_mjcf_with_files_anywhere_in_its_package(described):
     name = described("g1_mj_description", MJCF, "MJCF_PATH")
     assert kd.Leg.from_robot(name, "foot").joint_names == ("hip",)

@@ -101,7 +101,6 @@ def test_a_surface_can_be_given(tmp_path):
     [
         ("foot:insid", "'insid' of foot .*heel, or X,Y,Z:NX,NY,NZ"),
         ("foot:1,2,3:4,5", "normal of surface"),
-        ("foot:1,2,3", "'1,2,3' of foot .*toe"),
         ("foot:1,2,3:0,0,0", "normal of surface .*0.0, 0.0, 0.0"),
         ("fot:toe", "frame 'fot' .*'foot'"),
         ("shank:toe", "shank .*FootSurface"),

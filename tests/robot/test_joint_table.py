@@ -296,3 +296,9 @@ def test_locking_the_driver_locks_both(spoil, tmp_path):
 def test_bad_gears_are_refused_by_name(spoil, load, gear, said):
     with pytest.raises(kd.UrdfError, match=said):
         load(with_gear(spoil, gear))
+
+
+def test_a_mimic_of_a_mimic_has_the_driver_of_that(spoil, load):
+    gear = '<mimic joint="knee" multiplier="2" offset="1"/>'
+    leg = load(with_gear(spoil).replace("</robot>", END.format("revolute", gear)))
+    assert leg.mimics[1] == Mimic("extra", "hip", -1.0, 1.4)  # 2 (-0.5 q + 0.2) + 1

@@ -1,7 +1,6 @@
 """Legs and their postures: kinematics and inertia by hand, velocities of least energy, copies."""
 
 import math
-import pickle
 import threading
 
 import numpy as np
@@ -266,14 +265,6 @@ def test_arrays_are_copies_and_read_only():
     for array in (*arrays, *limits):
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 1
-
-
-@pytest.mark.parametrize("leg", [kd.Leg.human(), kd.Leg.from_model(arm(0.1), "toe")])
-def test_a_pickled_leg_is_the_same(leg):
-    copy, q = pickle.loads(pickle.dumps(leg)), np.full(leg.nq, 0.3)
-    assert (repr(copy), copy.file) == (repr(leg), leg.file)
-    assert (copy.posture(q).inertia == leg.posture(q).inertia).all()
-    assert (copy.posture(q).jacobian == leg.posture(q).jacobian).all()
 
 
 def test_threads_do_not_mix():

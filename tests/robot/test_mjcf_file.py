@@ -12,7 +12,6 @@ from kickdyn.robot.visuals import Shape
 
 BODY = '<body name="arm"><joint name="j" axis="0 1 0"/><geom size="0.1"/></body>'
 MODEL = f"<mujoco><worldbody>{BODY}</worldbody></mujoco>"
-UNNAMED = BODY.replace('name="arm"', "").replace('name="j"', "")
 
 
 def write(folder, **texts):
@@ -39,7 +38,6 @@ BAD = {
     "universe": (MODEL.replace('"arm"', '"universe"'), "body name 'universe'"),
     "line end": (MODEL.replace('"arm"', '"a&#10;b"'), r"body name 'a\\nb' .*printable"),
     "model line end": (MODEL.replace("<mujoco", '<mujoco model="a&#10;b"'), "mujoco model"),
-    "251 joints": (MODEL.replace(BODY, 251 * UNNAMED), "251 joints: at most 250"),
     "99 copies of 99 of 99": (
         MODEL.replace(BODY, 3 * '<replicate count="99">' + BODY + 3 * "</replicate>"),
         "[0-9]+ elements",

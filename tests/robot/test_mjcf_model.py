@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
+from chains import floating_leg
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tolerances import agrees, closed_form
@@ -280,3 +281,15 @@ def test_settings_that_change_the_mechanics_are_refused(tmp_path, more, said):
     ends = '<site name="a" pos="1 0 1"/>' + ARM.format(BALL + '<site name="b" pos="0 0 -1"/>')
     with pytest.raises(kd.MjcfError, match=said):
         arm(tmp_path, ends, more)
+
+
+def test_weight_can_be_turned_off(tmp_path):
+    for more, weight in (("", -9.81), ('<option><flag gravity="disable"/></option>', 0)):
+        assert arm(tmp_path, more=more).model.gravity.linear.tolist() == [0, 0, weight]
+
+
+def test_continuous_joints_have_one_angle_in_mujoco():
+    leg = floating_leg(np.random.default_rng(0))
+    q = leg.configuration({"hip": 0.3, "knee": 0.4})
+    qpos, _ = mujoco_state(leg.model, q, np.zeros(leg.nv))
+    assert qpos[-2:] == pytest.approx([0.3, 0.4])

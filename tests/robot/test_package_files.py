@@ -64,7 +64,6 @@ def test_names_in_the_robots_package(robot, name, file):
         "package://robot_description/../../secret.stl",
         "{top}/secret.stl",
         "link.stl",
-        "package://robot_description/urdf/out/secret.stl",
     ],
 )
 @pytest.mark.parametrize("is_named", [False, True])

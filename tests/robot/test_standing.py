@@ -23,8 +23,8 @@ CORNERS = [(-0.1, -0.05, 0.0), (-0.1, 0.05, 0.0), (0.1, 0.05, 0.0), (0.1, -0.05,
 
 def random_robot(rng):
     """A floating base with a random tree of joints on it, one branch to a foot, one to a toe."""
-    model = pin.Model()
-    model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "base")
+    model, place = pin.Model(), pin.SE3(random_rotation(rng), rng.uniform(-0.4, 0.4, size=3))
+    model.addJoint(0, pin.JointModelFreeFlyer(), place, "base")
     kinds = pin.JointModelRX, pin.JointModelPZ, pin.JointModelRUBY
     ends, start = {}, 2
     for end in ("foot", "spur", "toe", "arm"):
@@ -60,8 +60,10 @@ def test_the_rooted_robot_moves_and_weighs_as_the_robot_on_its_support(seed):
     standing = StandingRobot(random_robot(rng))
     leg, robot = standing.leg, standing.robot
     q, _ = standing.robot_state(leg.configuration(), np.zeros(leg.nv))
-    assert q[:2] == pytest.approx([0.0, 0.0], abs=1e-12)  # with joints at 0, the base is upright
-    assert np.abs(q[3:7]) == pytest.approx([0.0, 0.0, 0.0, 1.0], abs=1e-12)
+    base = robot.model.jointPlacements[1]
+    move = base * pin.XYZQUATToSE3(q[:7]) * base.inverse()  # with joints at 0, it is vertical
+    assert move.rotation == pytest.approx(np.eye(3), abs=1e-12)
+    assert move.translation[:2] == pytest.approx([0.0, 0.0], abs=1e-12)
     q = pin.integrate(leg.model, leg.configuration(), rng.uniform(-1, 1, size=leg.nv))
     v = rng.normal(size=leg.nv)
     whole_q, whole_v = standing.robot_state(q, v)

@@ -80,10 +80,10 @@ def test_a_ball_at_a_contact_point_hardly_overlaps_with_the_foot(name):
     """It touches the foot of the visual meshes, for every normal that the surface allows."""
     leg, radius = kd.Leg.from_robot(name, legs_only=True), kd.Ball().radius
     poses, corners = joint_poses(leg, leg.configuration()), []
-    for part in leg_shapes(leg)[0]:
-        if part.joint == leg.contact_joint:
-            pose = poses[part.joint] @ part.pose
-            ends = part.geometry.vertices[part.geometry.faces]
+    for shape in leg_shapes(leg)[0]:
+        if shape.joint == leg.contact_joint:
+            pose = poses[shape.joint] @ shape.pose
+            ends = shape.geometry.vertices[shape.geometry.faces]
             corners.append(ends @ pose[:3, :3].T + pose[:3, 3])
     triangles = np.vstack(corners)
     mesh = trimesh.Trimesh(**trimesh.triangles.to_kwargs(triangles))
@@ -101,8 +101,8 @@ def test_a_ball_at_a_contact_point_hardly_overlaps_with_the_foot(name):
         rise = np.degrees(np.arcsin(np.clip(normals[:, 2], -1, 1)))
         low, high = RISES.get(point, (0, ROBOTS[name].steepest))
         assert (rise.min(), rise.max()) == pytest.approx((low, high), abs=1e-5), point
-        aside = np.degrees(np.arctan2(*(normals @ turn).T[1::-1]))[np.abs(rise) < 85]
-        assert (aside.min(), aside.max()) == pytest.approx((-15, 15), abs=1e-5), point
+        lateral = np.degrees(np.arctan2(*(normals @ turn).T[1::-1]))[np.abs(rise) < 85]
+        assert (lateral.min(), lateral.max()) == pytest.approx((-15, 15), abs=1e-5), point
         depth = radius - foot.query(posture.contact_point + radius * normals)[0]
         assert depth.max() < 1e-3 * OVERLAPS[name].get(point, 5), point
 

@@ -138,13 +138,13 @@ def test_a_measured_person_has_the_segments_of_yeadon(side, medial):
     straight = leg.posture(leg.configuration())
     assert straight.contact_point == pytest.approx([0.209, 0, -0.811])  # of the levels 9L and 5L
     # the shank of 0.387 m and the foot as one body, as Yeadon has it
-    down, across = np.diag([0.0, 0.0, -0.387]), np.array([[0, 0, 1], [0, 1, 0], [-1, 0, 0]])
-    place = pin.SE3(across, down @ np.ones(3))
+    shift, turn = np.diag([0.0, 0.0, -0.387]), np.array([[0, 0, 1], [0, 1, 0], [-1, 0, 0]])
+    place = pin.SE3(turn, shift @ np.ones(3))
     whole = shank + place.act(foot)
     centre = np.ravel(lower.center_of_mass - lower.pos)
     assert whole.lever == pytest.approx([0, 0, -abs(centre[2])], abs=1e-9)
-    own = np.asarray(lower.inertia)[np.ix_([1, 0, 2], [1, 0, 2])]  # its x is our y
-    agrees(np.diag(whole.inertia), share * np.diag(own), 1e-9)
+    moments = np.asarray(lower.inertia)[np.ix_([1, 0, 2], [1, 0, 2])]  # its x is our y
+    agrees(np.diag(whole.inertia), share * np.diag(moments), 1e-9)
     person.set_CFG("J1J2flexion", 0.5)
     person.set_CFG("K1K2flexion", 0.5)
     with pytest.raises(kd.InvalidInput, match="neutral"):

@@ -268,8 +268,8 @@ def test_locking_the_driver_locks_both(spoil, tmp_path):
     for locked in (leg.locked({"hip": 0.6}), *read):
         assert (locked.joint_names, locked.mimics, locked.constraints) == (("extra",), (), None)
         assert locked.posture([0.0]).contact_point == pytest.approx(tip, abs=1e-14)
-    rest = leg.locked({"extra": 0.1})
-    assert (rest.joint_names, rest.mimics) == (("hip", "knee"), leg.mimics)
+    unlocked = leg.locked({"extra": 0.1})
+    assert (unlocked.joint_names, unlocked.mimics) == (("hip", "knee"), leg.mimics)
     alone = pin.buildReducedModel(leg.model, [1], pin.neutral(leg.model))
     for refused, said in (
         (lambda: leg.locked({"knee": 0.1}), "'knee' mimics 'hip'"),

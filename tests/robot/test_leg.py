@@ -58,10 +58,10 @@ def textbook(limbs, q):
         angle = sum(mpf(float(a)) * t for a, t in zip(q, turns[k], strict=True))
         cos, sin = mp.cos(angle), mp.sin(angle)
         along = mp.matrix([cos, sin]) if k == 2 else mp.matrix([sin, -cos])
-        across = mp.matrix([-along[1], along[0]])  # d along / d angle
-        at_centre = jacobian + centre * across * turn
+        perpendicular = mp.matrix([-along[1], along[0]])  # d along / d angle
+        at_centre = jacobian + centre * perpendicular * turn
         inertia += mass * at_centre.T * at_centre + moment * turn.T * turn
-        joint, jacobian = joint + length * along, jacobian + length * across * turn
+        joint, jacobian = joint + length * along, jacobian + length * perpendicular * turn
     return joint, jacobian, inertia
 
 
@@ -181,12 +181,16 @@ def test_a_point_elsewhere_on_the_foot_is_a_frame_there(seed):
     q = rng.uniform(-2, 2, size=leg.nq)
     patch, origin = kd.Leg.from_model(model, "patch").posture(q), leg.posture(q)
     _ = origin.delassus(), origin.rounding_gain  # caches of the origin, which must not stay
-    moved = origin.with_contact_offset([1, 1, 1]).with_contact_offset(offset)
+    offset_posture = origin.with_contact_offset([1, 1, 1]).with_contact_offset(offset)
     for name in ("contact_point", "contact_lever", "jacobian"):
-        agrees(getattr(moved, name), getattr(patch, name), closed_form())
-    agrees(moved.delassus(), patch.delassus(), closed_form(np.linalg.cond(moved.inertia)))
-    assert moved.rounding_gain == pytest.approx(patch.rounding_gain, rel=1e-6)
-    assert moved.with_contact_offset(None) is moved
+        agrees(getattr(offset_posture, name), getattr(patch, name), closed_form())
+    agrees(
+        offset_posture.delassus(),
+        patch.delassus(),
+        closed_form(np.linalg.cond(offset_posture.inertia)),
+    )
+    assert offset_posture.rounding_gain == pytest.approx(patch.rounding_gain, rel=1e-6)
+    assert offset_posture.with_contact_offset(None) is offset_posture
     with pytest.raises(kd.InvalidInput, match=r"1001\.0: .* 1000 .m."):
         origin.with_contact_offset((0, -1001, 0))
 

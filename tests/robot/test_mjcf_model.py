@@ -233,8 +233,8 @@ def test_connected_bodies_are_a_loop(looped_mjcf):
     ],
 )
 def test_other_constraints_are_refused_unless_they_are_idle(looped_mjcf, equality, said):
-    start, _, rest = looped_mjcf.read_text().partition("<equality>")
-    looped_mjcf.write_text(f"{start}<equality>{equality}{rest[rest.index('</equality>') :]}")
+    start, _, end = looped_mjcf.read_text().partition("<equality>")
+    looped_mjcf.write_text(f"{start}<equality>{equality}{end[end.index('</equality>') :]}")
     if said is None:
         assert kd.Leg.from_mjcf(looped_mjcf, "c").constraints is None
         return

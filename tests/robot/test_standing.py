@@ -141,14 +141,14 @@ def test_a_foot_that_is_tilted_with_joints_at_0_is_turned_level(tmp_path, sole):
 def test_a_supported_foot_stays_while_the_joints_move():
     robot = StandingRobot(G1.with_supports(FOOT)).robot
     posture = robot.posture(robot.configuration())
-    moved = robot.configuration({"left_knee_joint": 0.7, "right_hip_pitch_joint": -1.0})
-    held, data, feet = hold_support(posture, moved), robot.model.createData(), []
+    bent = robot.configuration({"left_knee_joint": 0.7, "right_hip_pitch_joint": -1.0})
+    held, data, feet = hold_support(posture, bent), robot.model.createData(), []
     for q in (posture.q, held):
         pin.framesForwardKinematics(robot.model, data, q)
         feet.append(data.oMf[robot.model.getFrameId(FOOT)].homogeneous)
     np.testing.assert_allclose(feet[1], feet[0], atol=1e-12)
-    assert held[7:].tolist() == moved[7:].tolist()
-    assert hold_support(G1.posture(G1.configuration()), moved) is moved
+    assert held[7:].tolist() == bent[7:].tolist()
+    assert hold_support(G1.posture(G1.configuration()), bent) is bent
 
 
 def test_mimic_joints_of_neither_leg_are_locked_at_rest(leg_with_arm):

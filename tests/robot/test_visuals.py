@@ -132,9 +132,9 @@ def test_a_collada_file_is_turned_z_up(folder, up, size, middle):
     box.apply_translation([0.5, 0.6, 0.7])
     text = box.export(file_type="dae").decode()
     (folder / "up.dae").write_text(re.sub(r"<up_axis>\w+", f"<up_axis>{up}", text))
-    (part,) = read("up.dae", folder)
-    assert np.ptp(part.vertices, axis=0) == pytest.approx(size)
-    ends = part.vertices.max(axis=0) + part.vertices.min(axis=0)
+    (surface,) = read("up.dae", folder)
+    assert np.ptp(surface.vertices, axis=0) == pytest.approx(size)
+    ends = surface.vertices.max(axis=0) + surface.vertices.min(axis=0)
     assert ends / 2 == pytest.approx(middle)
 
 
@@ -158,8 +158,8 @@ def test_a_surface_is_grey_without_the_picture_that_it_names(folder, watch, imag
     text = text.replace("<library_effects>", IMAGES + "<library_effects>", 1)
     (folder / "a.dae").write_text(text.replace("<technique", PARAMETERS.format(image), 1))
     with watch() as opened:
-        (part,) = read("a.dae", folder)
-    assert part.rgba == pytest.approx([0.4, 0.4, 0.4, 1])
+        (surface,) = read("a.dae", folder)
+    assert surface.rgba == pytest.approx([0.4, 0.4, 0.4, 1])
     assert any("a.dae" in path for path in opened)
     assert not [path for path in opened if "secret" in path]
 

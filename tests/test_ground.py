@@ -29,15 +29,6 @@ def test_a_surface_bounces_and_rolls_as_measured(name):
     assert near <= speed**2 / (2 * surface.rolling_deceleration) <= far
 
 
-def test_steel_is_hard_floor_with_the_rebound_of_an_inflated_ball():
-    steel, floor = SURFACES["steel"], SURFACES["hard-floor"]
-    assert steel.restitution == "inflated"
-    assert (steel.friction, steel.rolling_deceleration) == (
-        floor.friction,
-        floor.rolling_deceleration,
-    )
-
-
 def test_surfaces_are_found_by_name_and_have_a_source():
     for name, surface in SURFACES.items():
         assert surface.name == name
@@ -46,22 +37,19 @@ def test_surfaces_are_found_by_name_and_have_a_source():
     assert kd.Ground() == kd.Ground(0.0, None)
 
 
-@pytest.mark.parametrize(
-    ("make", "words"),
-    [
-        *((lambda v=v: kd.Ground(v), "ground height is") for v in (math.nan, math.inf, "0", True)),
-        (lambda: kd.Ground(surface="ice"), "'ice'.*choose turf"),
-        (lambda: kd.Ground(surface=3), "surface is 3"),
-        (lambda: Surface("bad", 1.1, 0.5, 1), r"restitution is 1\.1"),
-        (lambda: Surface("bad", "air", 0.5, 1), "restitution is 'air'.*inflated"),
-        (lambda: Surface("bad", 0.5, -1, 1), "friction is -1"),
-        (lambda: Surface("bad", 0.5, 0.5, 0), "rolling deceleration is 0"),
-        (lambda: Surface("bad", 0.5, 0.5, 1, 2), "tangential restitution is 2"),
-        (lambda: Surface("bad", 0.5, 0.5, 1, -1.1), r"tangential restitution is -1\.1"),
-        (lambda: Surface("bad", 0.6, 0.5, 0.7, deviations={"bounce": 0.1}), "'bounce'.*friction"),
-        (lambda: Surface("bad", 0.6, 0.5, 0.7, deviations={"friction": -1}), "friction is -1"),
-    ],
-)
+@pytest.mark.parametrize(("make", "words"), [
+    *((lambda v=v: kd.Ground(v), "ground height is") for v in (math.nan, math.inf, "0", True)),
+    (lambda: kd.Ground(surface="ice"), "'ice'.*choose turf"),
+    (lambda: kd.Ground(surface=3), "surface is 3"),
+    (lambda: Surface("bad", 1.1, 0.5, 1), r"restitution is 1\.1"),
+    (lambda: Surface("bad", "air", 0.5, 1), "restitution is 'air'.*inflated"),
+    (lambda: Surface("bad", 0.5, -1, 1), "friction is -1"),
+    (lambda: Surface("bad", 0.5, 0.5, 0), "rolling deceleration is 0"),
+    (lambda: Surface("bad", 0.5, 0.5, 1, 2), "tangential restitution is 2"),
+    (lambda: Surface("bad", 0.5, 0.5, 1, -1.1), r"tangential restitution is -1\.1"),
+    (lambda: Surface("bad", 0.6, 0.5, 0.7, deviations={"bounce": 0.1}), "'bounce'.*friction"),
+    (lambda: Surface("bad", 0.6, 0.5, 0.7, deviations={"friction": -1}), "friction is -1")],
+    )  # fmt: skip
 def test_refusals(make, words):
     with pytest.raises(kd.InvalidInput, match=words):
         make()

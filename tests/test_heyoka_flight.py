@@ -1,6 +1,5 @@
 """heyoka's Taylor series: its equations are those of kickdyn, and it lands where kickdyn does."""
 
-import builtins
 import runpy
 from pathlib import Path
 
@@ -36,17 +35,6 @@ def test_the_rates_are_those_of_forces():
 
 
 @pytest.mark.slow
-def test_single_flights_land_where_fly_does():
-    pytest.importorskip("heyoka")
-    states = kicks(5)
-    launches = kd.BallState(*(np.array([getattr(state, name) for state in states])
-                              for name in ("position", "velocity", "spin")))  # fmt: skip
-    landed, _ = script["heyoka_landings"](BALL, AIR, 1e-15)(launches)
-    right = [kd.fly(state, BALL, AIR, tol=1e-13).landing.position for state in states]
-    assert landed == pytest.approx(np.array(right), abs=1e-10)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("air", [AIR, kd.Air(drag=0.2, lift=0.15, torque=0.01)])
 @pytest.mark.parametrize("ending", ["event", "dense output", "known time"])
 def test_batches_land_where_fly_many_does(air, ending):
@@ -56,16 +44,3 @@ def test_batches_land_where_fly_many_does(air, ending):
     fly = script["heyoka_batch_landings"](BALL, air, 1e-14, ending, 4)
     landed, _ = fly(states, many.duration.values)
     assert landed == pytest.approx(many.landing_position.values, abs=1e-9)
-
-
-def test_without_heyoka_there_is_no_peer(monkeypatch):
-    importing = builtins.__import__
-
-    def lacking(name, *rest, **named):
-        if name == "heyoka":
-            raise ImportError(name)
-        return importing(name, *rest, **named)
-
-    monkeypatch.setattr(builtins, "__import__", lacking)
-    assert script["heyoka_landings"](BALL, AIR, 1e-9) is None
-    assert script["heyoka_batch_landings"](BALL, AIR, 1e-9, "event") is None

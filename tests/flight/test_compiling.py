@@ -1,7 +1,6 @@
 """Functions compiled by numba: their exponential, their names, and where they are kept."""
 
 import math
-import os
 import subprocess
 import sys
 import types
@@ -16,19 +15,13 @@ import kickdyn as kd
 from kickdyn.aerodynamics import drag
 from kickdyn.flight import compiling
 from kickdyn.flight.compiling import (
-    HEIGHT,
     LANES,
     SIZE,
-    X,
-    compiled_ends,
     compiled_rates,
-    compiled_rolling,
     fingerprint,
     mathematics,
 )
 from kickdyn.flight.equations import FlightEquations
-from kickdyn.flight.forces import acceleration_function
-from kickdyn.flight.ground_motion import rolling_share
 
 BALL = kd.Ball()
 
@@ -60,34 +53,6 @@ def test_rates_side_by_side_are_those_of_each_flight(fast):
         right = np.array(FlightEquations(launch, BALL, air).rates(0.0, state[:, i]))
         right[6] *= decays
         assert result[i::LANES] == pytest.approx(right, rel=closed_form(1e3), abs=1e-13), i
-
-
-def test_rates_of_rolling_are_share_of_the_air_and_resistance():
-    air, resistance = kd.Air(drag=0.3, wind=(2, -1, 0)), 0.7
-    scene, state = lanes(False)
-    result = np.zeros(SIZE)
-    compiled_rolling(BALL, air, resistance)(scene.ravel(), state.ravel(), result)
-    acting, share = acceleration_function(BALL, air), rolling_share(BALL)
-    for i in range(LANES):
-        u, v = state[3:5, i]
-        ax, ay, _, _ = acting(scene.ravel()[HEIGHT + i], u, v, 0, 0, 0, 0)
-        braking = resistance * np.array([u, v]) / math.hypot(u, v)
-        right = [u, v, 0, *(share * np.array([ax, ay]) - braking), 0, 0]
-        assert result[X + i :: LANES] == pytest.approx(right, rel=closed_form(1e3), abs=1e-15), i
-
-
-def test_values_of_events_side_by_side_are_those_of_each():
-    def mixed(state, numbers):
-        return numbers[1] * state[6] + numbers[3] - state[0] * state[4]
-
-    def other(state, numbers):
-        return state[2] - numbers[0] + numbers[2] * state[5]
-
-    _, state = lanes(True)
-    numbers, result = np.random.default_rng(5).normal(size=(8, LANES)), np.zeros(2 * LANES)
-    compiled_ends((mixed, other), ("mixed", "other"))(numbers.ravel(), state.ravel(), result)
-    right = [*mixed(state, numbers[:4]), *other(state, numbers[4:])]
-    assert result == pytest.approx(right, rel=closed_form(100), abs=1e-13)
 
 
 @numba.njit
@@ -204,46 +169,5 @@ def test_equations_from_the_disk_are_their_own(tmp_path):
     assert [hits for hits, _ in compiled.values()] == ["0", "0"]
     assert [hits for hits, _ in read.values()] == ["1", "1"]
     assert {level: carry for level, (_, carry) in read.items()} == {
-        level: carry for level, (_, carry) in compiled.items()
-    }
+        level: carry for level, (_, carry) in compiled.items()}  # fmt: skip
     assert read["0.1"][1] != read["0.3"][1]
-
-
-def test_a_changed_constant_is_compiled_anew():
-    def constant(value):
-        return kd.Air(drag=lambda reynolds, spin_parameter: value, lift=None)
-
-    states = kd.BallState(velocity=[(20, 0, 10)])
-    ranges = [float(kd.fly_many(states, BALL, constant(c)).range[0]) for c in (0.1, 0.4, 0.1)]
-    assert ranges[0] == ranges[2] > ranges[1]
-
-
-def test_the_oldest_equations_are_removed(tmp_path, monkeypatch):
-    monkeypatch.setattr(compiling, "_ON_DISK", 3)
-    for age in range(6):
-        file = tmp_path / f"compiling.equations_{age}.nbi"
-        file.write_bytes(b"")
-        os.utime(file, (1e9 - age, 1e9 - age))
-    (tmp_path / "march.nbi").write_bytes(b"")
-    compiling._forget(tmp_path)
-    kept = sorted(file.name for file in tmp_path.iterdir())
-    assert kept == [*(f"compiling.equations_{age}.nbi" for age in range(3)), "march.nbi"]
-
-
-@pytest.mark.slow
-def test_a_file_of_the_working_directory_does_not_say_where_code_is_kept(tmp_path):
-    (tmp_path / ".numba_config.yaml").write_text("cache_dir: planted\n")
-    script = (
-        "import kickdyn, numba\n"
-        "from kickdyn.flight.march import compiled_march\n"
-        "compiled_march()\n"
-        "numba.config.reload_config()\n"
-        "print([numba.config.CACHE_DIR])\n"
-    )
-    environment = {name: v for name, v in os.environ.items() if not name.startswith("NUMBA_")}
-    printed = subprocess.run(
-        [sys.executable, "-c", script], cwd=tmp_path, env=environment,
-        check=True, capture_output=True, text=True,
-    ).stdout  # fmt: skip
-    assert printed == "['']\n"
-    assert not (tmp_path / "planted").exists()

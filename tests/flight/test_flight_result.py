@@ -2,7 +2,6 @@
 
 import math
 import re
-from fractions import Fraction
 
 import numpy as np
 import pinocchio as pin
@@ -10,12 +9,8 @@ import pytest
 from flight_methods import LANDINGS, kicks
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
-from tolerances import closed_form, integrated
 
 import kickdyn as kd
-from kickdyn.aerodynamics import drag as drag_models
-from kickdyn.aerodynamics.drag import constant
-from kickdyn.flight import integrate
 from kickdyn.flight.flight_result import outside_ranges
 
 BALL = kd.Ball()
@@ -45,32 +40,9 @@ def test_a_coordinate_within_the_tolerance_of_the_landing_is_reached():
     assert path.arrival(end[0] * (1 + 1e-4)) is None
 
 
-def test_arrival_in_a_vacuum_is_the_formula():
-    vacuum = kd.fly(launch((10, 0, 10)), BALL)
-    assert vacuum.arrival(5.0).position[2] == pytest.approx(5 - 9.81 / 8, rel=closed_form())
-
-
-@pytest.mark.parametrize("tol", [1e-4, 1e-6, 1e-9])
-@pytest.mark.parametrize("x", [10.0, 30.0])
-def test_arrival_is_as_exact_as_a_landing(tol, x):
-    state = launch((25, 3, 10), (5, -20, 10))
-    there, exact = (kd.fly(state, BALL, kd.Air(), tol=t).arrival(x) for t in (tol, 1e-13))
-    assert there.position == pytest.approx(exact.position, abs=integrated(tol) * x)
-
-
-def test_a_ball_blown_back_arrives_from_either_side():
-    path = kd.fly(launch((8, 0, 20)), BALL, kd.Air(wind=(-40, 0, 0)), tol=1e-10)
-    x = path.sample(np.linspace(0, path.duration, 2001)).position[:, 0]
-    assert path.landing.position[0] < -5
-    assert path.arrival(x.max() - 1e-3).velocity[0] > 0
-    assert path.arrival(x.max() + 1e-3) is None
-    assert path.arrival(-3.0).velocity[0] < 0
-
-
-@pytest.mark.parametrize(
-    ("limit", "reached", "missed"),
+@pytest.mark.parametrize(("limit", "reached", "missed"),
     [({"plane": kd.Plane((10, 0, 0), (-1, 0, 0))}, 9.5, 10.5), ({"time_limit": 0.2}, 4.0, 6.0)],
-)
+    )  # fmt: skip
 def test_no_arrival_after_the_end(limit, reached, missed):
     path = kd.fly(launch((25, 0, 10)), BALL, kd.Air(), **limit)
     assert path.arrival(reached) is not None
@@ -140,92 +112,18 @@ def test_the_error_is_not_below_the_true_one(seed):
     assert true <= 300 * tol * max(moved, exact.height)
 
 
-@pytest.mark.parametrize("tol", [1e-8, 1e-12])
-def test_the_error_of_a_shot_straight_up_covers_that_of_its_duration(tol):
-    """Drag by the square of the speed has a jump in its second derivative at the apex.
-
-    The duration is v_t / g (atan(v / v_t) + atanh(v' / v_t)) with the terminal speed v_t and the
-    landing speed v'.
-    """
-    air = kd.Air(drag=constant(0.5), lift=None, torque=None, buoyancy=False)
-    limit = math.sqrt(2 * BALL.mass * 9.81 / (air.density * BALL.cross_section * 0.5))
-    speeds = np.geomspace(2.0, 200.0, 10)
-    paths = [kd.fly(launch((0, 0, up)), BALL, air, tol=tol) for up in speeds]
-    launches = kd.BallState(velocity=speeds[:, None] * [0, 0, 1])
-    many = kd.fly_many(launches, BALL, air, tol=tol, error=True)
-    down = speeds / np.sqrt(1 + (speeds / limit) ** 2)
-    exact = limit / 9.81 * (np.arctan(speeds / limit) + np.arctanh(down / limit))
-    for duration, error in (
-        (np.array([path.duration for path in paths]), [path.error for path in paths]),
-        (many.duration.values, many.error.values),
-    ):
-        assert (np.abs(duration - exact) * down <= error).all()
-        assert duration == pytest.approx(exact, rel=integrated(tol))
-
-
-def test_the_error_of_a_flight_cut_short_is_that_of_its_end():
-    path, exact = (
-        kd.fly(launch((25, 3, 12)), BALL, kd.Air(), tol=tol, time_limit=1.0)
-        for tol in (1e-6, 1e-13)
-    )
-    true = np.linalg.norm(path.landing.position - exact.landing.position)
-    assert path.status == "aloft"
-    assert true <= path.error < 1e-3
-
-
-def test_the_error_counts_the_rounding_of_a_far_position():
-    near, far = (kd.fly(launch((20, 0, 8), at=(x, 0, 0)), BALL, kd.Air()) for x in (0.0, 2.0**30))
-    moved = (far.landing.position - far.launch.position) - near.landing.position
-    assert 1e-8 < np.linalg.norm(moved) <= far.error < 1e-5
-    assert near.error < 0.9 * far.error
-
-
-@pytest.mark.parametrize(
-    "air", [None, kd.Air(drag=constant(0.0), lift=None, torque=None, buoyancy=False)], ids=str
-)
-def test_the_error_counts_the_rounding_at_a_wall_that_a_ball_grazes(air):
-    """20 m/s along a wall 1 km away from the origin and 1 um/s towards it, in exact fractions."""
-    plane = kd.Plane((0, 0, 0), (0.6, 0.8, 0), "centre")
-    nx, ny, _ = plane.normal.tolist()
-    start = launch((16 - 0.6e-6, -12 - 0.8e-6, 5), at=(800.0 + 0.6e-6, -600.0 + 0.8e-6, 3))
-    path = kd.fly(start, BALL, air, kd.Ground(-9), plane=plane)
-    (px, py, _), (vx, vy, _) = (map(Fraction, row.tolist()) for row in
-                                (start.position, start.velocity))  # fmt: skip
-    end = -(Fraction(nx) * px + Fraction(ny) * py) / (Fraction(nx) * vx + Fraction(ny) * vy)
-    x, y, _ = map(Fraction, path.landing.position.tolist())
-    true = math.hypot(float(px + vx * end - x), float(py + vy * end - y))
-    assert path.status == "at-plane"
-    assert 0 < true <= path.error < 1e-4
-
-
 def peak(reynolds, spin_parameter):
     """500 wide in Re, 0.03 m/s: no step of a flight that is 1.5 s long sees it."""
     return 0.2 + 0.5 * math.exp(-(((reynolds - 2.5e5) / 250) ** 2))
-
-
-def dip(reynolds, spin_parameter):
-    return 0.2 - 0.19 * math.exp(-(((reynolds - 2.5e5) / 440) ** 2))
-
-
-def jump(reynolds, spin_parameter):
-    return 0.2 if reynolds < 2.5e5 else 0.3
 
 
 def braking(reynolds, spin_parameter):
     return 1e-3 + 10.0 * math.exp(-(((reynolds - 2.5e5) / 250) ** 2))
 
 
-@pytest.mark.parametrize(
-    ("air", "least"),
-    [
-        (kd.Air(drag=peak), 1e-3),
-        (kd.Air(drag=dip), 0),
-        (kd.Air(drag=jump), 0),
-        (kd.Air(drag=drag_models.MODELS["brazuca"].function), 0),
-        (kd.Air(drag=0.2, lift="wang", torque=braking), 0.1),
-    ],
-    ids=["peak", "dip", "jump", "smooth", "torque"],
-)
+@pytest.mark.parametrize(("air", "least"),
+    [(kd.Air(drag=peak), 1e-3), (kd.Air(drag=0.2, lift="wang", torque=braking), 0.1)],
+    ids=["drag", "torque"])  # fmt: skip
 def test_the_error_counts_narrow_features_of_a_coefficient_of_a_user(air, least):
     start = launch((20, 0, 6), (0, -30, 10))
     path = kd.fly(start, BALL, air, tol=1e-6)
@@ -234,40 +132,20 @@ def test_the_error_counts_narrow_features_of_a_coefficient_of_a_user(air, least)
     assert least <= true <= path.error < 10 * true + 1e-5
 
 
-def test_the_error_is_infinite_where_no_finer_flight_can_be_computed(monkeypatch):
-    """A ball that falls at the very speed where its drag jumps above its weight."""
-    air = kd.Air(drag=lambda reynolds, spin_parameter: 0.2 if reynolds < 1.5e5 else 5.0)
-    path = kd.fly(launch((1, 0, 0)), BALL, air, kd.Ground(-15), tol=1e-2)
-    monkeypatch.setattr(integrate, "MAX_EVALUATIONS", 5000)
-    assert path.status == "landed"
-    assert path.error == math.inf
-
-
-def test_the_error_of_the_closed_form_is_rounding():
-    path = kd.fly(launch((25, 3, 12)), BALL)
-    assert 0 < path.error < 1e-13 * path.range
-
-
 # --- warnings -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("air", "velocity", "spin", "words"),
-    [
-        (kd.Air(), (24, 0, 10), 0, None),
-        (kd.Air(lift=None), (29, 0, 3), 10, "drag supercritical.*above 26.9 m/s"),
-        (kd.Air(lift=None), (6, 0, 2), 5, "drag supercritical: 100 %.*below 7.97 m/s"),
-        (kd.Air(lift=None), (20, 0, 3), 80, "drag supercritical.*parameter above 0.3"),
-        (kd.Air(drag=None), (29, 0, 3), 10, None),
-        (kd.Air(drag=None), (12, 0, 3), 0, None),
-        (kd.Air(drag=None), (12, 0, 3), 10, "lift saturating: 100 %.*below 15.1 m/s"),
-        (kd.Air(drag=None), (25, 0, 3), 120, "lift saturating: 100 %.*parameter above 0.3"),
-        (kd.Air(drag=None), (12, 0, 3), 80, "below 15.1 m/s.*parameter above 0.3"),
-        (kd.Air(drag=0.2, lift=None), (99, 0, 5), 0, None),
-        (kd.Air(drag=0.2, lift=0.1), (859, 0, 5), 0, "859 m/s.*Mach 0.3"),
-        (None, (859, 0, 5), 0, None),
-    ],
-)
+@pytest.mark.parametrize(("air", "velocity", "spin", "words"), [(kd.Air(), (24, 0, 10), 0, None),
+    (kd.Air(lift=None), (29, 0, 3), 10, "drag supercritical.*above 26.9 m/s"),
+    (kd.Air(lift=None), (6, 0, 2), 5, "drag supercritical: 100 %.*below 7.97 m/s"),
+    (kd.Air(lift=None), (20, 0, 3), 80, "drag supercritical.*parameter above 0.3"),
+    (kd.Air(drag=None), (29, 0, 3), 10, None), (kd.Air(drag=None), (12, 0, 3), 0, None),
+    (kd.Air(drag=None), (12, 0, 3), 10, "lift saturating: 100 %.*below 15.1 m/s"),
+    (kd.Air(drag=None), (25, 0, 3), 120, "lift saturating: 100 %.*parameter above 0.3"),
+    (kd.Air(drag=None), (12, 0, 3), 80, "below 15.1 m/s.*parameter above 0.3"),
+    (kd.Air(drag=0.2, lift=None), (99, 0, 5), 0, None),
+    (kd.Air(drag=0.2, lift=0.1), (859, 0, 5), 0, "859 m/s.*Mach 0.3"), (None, (859, 0, 5), 0, None),
+    ])  # fmt: skip
 def test_warnings_name_the_model_the_share_and_the_limit(air, velocity, spin, words):
     lines = kd.fly(launch(velocity, (0, -spin, 0)), BALL, air).warnings
     assert len(lines) == (words is not None)

@@ -7,11 +7,8 @@ import kickdyn as kd
 
 RNG = np.random.default_rng(1)
 N = 12
-STATES = kd.BallState(
-    RNG.uniform((0, 0, 0.11), (1, 1, 1.2), (N, 3)),
-    RNG.uniform((-5, -5, -1), (25, 8, 12), (N, 3)),
-    40.0 * RNG.normal(size=(N, 3)),
-)
+STATES = kd.BallState(RNG.uniform((0, 0, 0.11), (1, 1, 1.2), (N, 3)),
+    RNG.uniform((-5, -5, -1), (25, 8, 12), (N, 3)), 40.0 * RNG.normal(size=(N, 3)))  # fmt: skip
 TURF = kd.Ground(0.0, "turf")
 LYING = kd.BallState((0, 0, 0.11), [(0, 0, 0), (0, 0, 0), (0, 0, -1), (1e-9, 0, 0), (-2, 0, 0)],
                      [(0, 0, 0), (0, 0, 9), (0, 0, 0), (0, 0, 0), (0, -2 / 0.11, 0)])  # fmt: skip
@@ -22,23 +19,17 @@ def far(state, numbers):
     return 5.0 - state[1]
 
 
-@pytest.mark.parametrize(
-    ("states", "air", "options", "statuses"),
-    [
-        (STATES, None, {}, {"at-rest"}),
-        (STATES, None, {"ground": kd.Ground(0.0, "steel")}, {"at-rest"}),
-        (STATES, WIND, {}, {"at-rest"}),
-        (STATES, kd.Air(wind=(18, 1, 0)), {"time_limit": 6.0}, {"blown"}),
-        (STATES, WIND, {"plane": kd.Plane((12, 0, 0), (-1, 0, 0))}, {"at-rest", "at-plane"}),
-        (STATES, None, {"ends": [kd.Event("far", far)]}, {"at-rest", "far"}),
-        (STATES, None, {"ground": kd.Ground(0, kd.Surface("rubber", 1, 0.1, 0.1))}, {"bouncing"}),
-        (LYING, None, {}, {"at-rest"}),
-        (LYING, WIND, {}, {"at-rest"}),
-        (LYING, kd.Air(wind=(30, 0, 0)), {"time_limit": 20.0}, {"blown"}),
-    ],
+@pytest.mark.parametrize(("states", "air", "options", "statuses"), [(STATES, None, {}, {"at-rest"}),
+    (STATES, None, {"ground": kd.Ground(0.0, "steel")}, {"at-rest"}),
+    (STATES, WIND, {}, {"at-rest"}),
+    (STATES, kd.Air(wind=(18, 1, 0)), {"time_limit": 6.0}, {"blown"}),
+    (STATES, WIND, {"plane": kd.Plane((12, 0, 0), (-1, 0, 0))}, {"at-rest", "at-plane"}),
+    (STATES, None, {"ends": [kd.Event("far", far)]}, {"at-rest", "far"}),
+    (STATES, None, {"ground": kd.Ground(0, kd.Surface("rubber", 1, 0.1, 0.1))}, {"bouncing"}),
+    (LYING, None, {}, {"at-rest"}), (LYING, WIND, {}, {"at-rest"}),
+    (LYING, kd.Air(wind=(30, 0, 0)), {"time_limit": 20.0}, {"blown"})],
     ids=["vacuum", "steel", "wind", "storm", "wall", "event", "rubber", "lying", "lying in wind",
-         "lying in storm"],
-)  # fmt: skip
+    "lying in storm"])  # fmt: skip
 def test_every_row_is_followed(states, air, options, statuses):
     options, ball = {"ground": TURF, **options}, kd.Ball(radius=0.11, pressure=80e3)
     many, seen = kd.follow_many(states, ball, air, **options), set()
@@ -61,15 +52,10 @@ def test_every_row_is_followed(states, air, options, statuses):
     assert seen == statuses
 
 
-@pytest.mark.parametrize(
-    ("states", "ground", "words"),
-    [
-        (kd.BallState(), TURF, r"\(3,\).*follow_many"),
-        (STATES, kd.Ground(0.0), "no surface"),
-        (STATES, None, "unequal heights"),
-        (STATES, kd.Ground(0, kd.Surface("ice", 0.5, 0.0, 0.5)), "friction of ice is 0"),
-    ],
-)
+@pytest.mark.parametrize(("states", "ground", "words"), [
+    (kd.BallState(), TURF, r"\(3,\).*follow_many"), (STATES, kd.Ground(0.0), "no surface"),
+    (STATES, None, "unequal heights"),
+    (STATES, kd.Ground(0, kd.Surface("ice", 0.5, 0.0, 0.5)), "friction of ice is 0")])  # fmt: skip
 def test_refusals(states, ground, words):
     with pytest.raises(kd.InvalidInput, match=words):
         kd.follow_many(states, kd.Ball(), None, ground)

@@ -50,11 +50,6 @@ def test_the_paper_s_air_is_of_table_3():
     assert {"standard": kd.Air(), "paper": air, "none": None} == AIRS
 
 
-@pytest.mark.parametrize(("kind", "name"), [(k, name) for k, m in MODELS.items() for name in m])
-def test_every_model_is_found_by_its_name(kind, name):
-    assert getattr(kd.Air(**{kind: name}), kind) is MODELS[kind][name]
-
-
 @pytest.mark.parametrize("number", [0.25, 1, np.float32(0.5)])
 @pytest.mark.parametrize("kind", MODELS)
 def test_a_number_is_a_constant_coefficient(kind, number):

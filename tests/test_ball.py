@@ -91,8 +91,6 @@ KICK = LEG.posture((0.1, 0.2, 0.3)), LEG.posture((0.1, 0.2, 0.3)).joint_velocity
 NOT_FOR_OBSTACLES = {"fly": lambda ball: kd.fly(LAUNCH, ball),
     "fly_many": lambda ball: kd.fly_many(kd.BallState(velocity=[(5, 0, 5)]), ball),
     "follow": lambda ball: kd.follow(LAUNCH, ball),
-    "plan_launch": lambda ball: kd.plan_launch(kd.Goal(20.0, time=1.5), ball),
-    "plan_pass": lambda ball: kd.plan_pass(kd.Goal(5.0, time=1.5), ball),
     "plan_kick": lambda ball: kd.plan_kick(LEG, kd.Goal(20.0, time=1.5), ball),
     "Kick": lambda ball: kd.Kick(speed=3.0, ball=ball),
     "Scene": lambda ball: kd.Scene(*KICK, ball, CONTACT),

@@ -12,11 +12,7 @@ FULL = 16.0
 
 
 class Correctness(StrEnum):
-    """How an answer compares with the reference.
-
-    `as-claimed` is an answer of fewer digits than its condition allows, which says how many it has,
-    and has them.
-    """
+    """How an answer compares; `as-claimed`: fewer digits than possible, but as many as it says."""
 
     RIGHT = "right"
     AS_CLAIMED = "as-claimed"

@@ -14,11 +14,7 @@ from tolerances import closed_form
 
 import kickdyn as kd
 from kickdyn.aerodynamics import drag, lift, spin_decay
-from kickdyn.aerodynamics.coefficient_model import (
-    CoefficientModel,
-    scaled,
-    smoothstep,
-)
+from kickdyn.aerodynamics.coefficient_model import CoefficientModel, scaled, smoothstep
 
 HALF = CoefficientModel("drag", "half", lambda reynolds, spin: 0.5 + spin, (1, 9), (0, 1), "here")
 SHIPPED = [m for package in (drag, lift, spin_decay) for m in package.MODELS.values()]

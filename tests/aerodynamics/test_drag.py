@@ -10,13 +10,7 @@ from hypothesis import strategies as st
 from tolerances import closed_form
 
 import kickdyn as kd
-from kickdyn.aerodynamics.drag import (
-    BALLS,
-    MODELS,
-    REYNOLDS_PER_SPEED,
-    brown_lawler,
-    sphere,
-)
+from kickdyn.aerodynamics.drag import BALLS, MODELS, REYNOLDS_PER_SPEED, brown_lawler, sphere
 
 # Kiratidis & Leinweber 2018, evaluated by others from their Eq. 5 and Table 1
 SPEEDS = (5, 10, 12, 14, 16, 18, 20, 25, 30, 35)

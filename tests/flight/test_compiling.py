@@ -14,13 +14,7 @@ from tolerances import closed_form
 import kickdyn as kd
 from kickdyn.aerodynamics import drag
 from kickdyn.flight import compiling
-from kickdyn.flight.compiling import (
-    LANES,
-    SIZE,
-    compiled_rates,
-    fingerprint,
-    mathematics,
-)
+from kickdyn.flight.compiling import LANES, SIZE, compiled_rates, fingerprint, mathematics
 from kickdyn.flight.equations import FlightEquations
 
 BALL = kd.Ball()

@@ -128,8 +128,28 @@ def test_the_error_counts_narrow_features_of_a_coefficient_of_a_user(air, least)
     start = launch((20, 0, 6), (0, -30, 10))
     path = kd.fly(start, BALL, air, tol=1e-6)
     exact = kd.fly(start, BALL, air, tol=1e-10, max_step=path.duration / 1000)
-    true = np.linalg.norm(path.landing.position - exact.landing.position)
-    assert least <= true <= path.error < 10 * true + 1e-5
+    launches = kd.BallState(velocity=[start.velocity], spin=start.spin)
+    row = kd.fly_many(launches, BALL, air, tol=1e-6, error=True).isel(flight=0)
+    for end, error in ((path.landing.position, path.error), (row.landing_position, row.error)):
+        true = np.linalg.norm(end - exact.landing.position)
+        assert least <= true <= float(error) < 10 * true + 1e-5
+
+
+@pytest.mark.parametrize("tol", [1e-8, 1e-12])
+def test_the_error_of_a_shot_straight_up_covers_that_of_its_duration(tol):
+    """v_t / g (atan(v / v_t) + atanh(v' / v_t)), with terminal speed v_t and landing speed v'."""
+    air = kd.Air(drag=0.5, lift=None, torque=None, buoyancy=False)
+    limit = math.sqrt(2 * BALL.mass * 9.81 / (air.density * BALL.cross_section * 0.5))
+    speeds = np.geomspace(2.0, 200.0, 10)
+    down = speeds / np.sqrt(1 + (speeds / limit) ** 2)
+    exact = limit / 9.81 * (np.arctan(speeds / limit) + np.arctanh(down / limit))
+    paths = [kd.fly(launch((0, 0, up)), BALL, air, tol=tol) for up in speeds]
+    launches = kd.BallState(velocity=speeds[:, None] * [0, 0, 1])
+    many = kd.fly_many(launches, BALL, air, tol=tol, error=True)
+    times, errors = np.array([[path.duration, path.error] for path in paths]).T
+    for time, error in ((times, errors), (many.duration.values, many.error.values)):
+        assert (np.abs(time - exact) * down <= error).all()
+        assert time == pytest.approx(exact, rel=integrated(tol))
 
 
 # --- warnings -----------------------------------------------------------------------------------

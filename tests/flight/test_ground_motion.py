@@ -10,14 +10,7 @@ from scipy.integrate import solve_ivp
 from tolerances import closed_form, integrated
 
 import kickdyn as kd
-from kickdyn.flight.ground_motion import (
-    bounce,
-    roll,
-    rolling_share,
-    slide,
-    slip,
-    time_to_rest,
-)
+from kickdyn.flight.ground_motion import bounce, roll, rolling_share, slide, slip, time_to_rest
 from kickdyn.ground import SURFACES, Surface
 
 BALL, HEAVY = kd.Ball(), kd.Ball(0.6, 0.2, 0.4)

@@ -10,14 +10,7 @@ from typing import Any
 import numpy as np
 
 from kickdyn.impact.impact_result import Impact
-from references.exact_leg import (
-    Exact,
-    ExactPosture,
-    leg_numbers,
-    length,
-    mp,
-    numbers,
-)
+from references.exact_leg import Exact, ExactPosture, leg_numbers, length, mp, numbers
 
 LARGEST, SMALLEST = np.finfo(float).max, np.finfo(float).tiny
 

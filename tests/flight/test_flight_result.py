@@ -9,6 +9,7 @@ import pytest
 from flight_methods import LANDINGS, kicks
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
+from tolerances import integrated
 
 import kickdyn as kd
 from kickdyn.flight.flight_result import outside_ranges

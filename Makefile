@@ -18,10 +18,10 @@ sweep: $(VENV)/.run
 help:
 	@sed -n 's/^## /make /p' Makefile
 
-## extremes: kickdyn against 50 digits for ill-conditioned input; tests compare what it stores with the docs
+## extremes: compares kickdyn with 50 digits for ill-conditioned input, and draws the picture of the docs
 extremes: $(VENV)/.dev
 	@echo "This takes about a minute."
-	$(BIN)/python tests/extremes --verdicts tests/extremes/verdicts.json
+	$(BIN)/python tests/extremes --plot docs/images/extremes.png
 
 ## fuzz: tries broken files and command lines for ten minutes; fails if one gives neither a result nor a clear refusal
 fuzz: $(VENV)/.dev

@@ -10,7 +10,6 @@ from tolerances import closed_form
 from kickdyn.core.simd import (
     BATCH,
     LARGEST_ANGLE,
-    aligned_zeros,
     batches,
     choose,
     sine_and_cosine,
@@ -18,7 +17,6 @@ from kickdyn.core.simd import (
 )
 
 A, B = (np.random.default_rng(seed).uniform(-2, 2, BATCH) for seed in (0, 1))
-RECORD = np.dtype([("matrix", float, (2, 2, BATCH)), ("number", float, BATCH)])
 
 
 @numba.njit(error_model="numpy", _nrt=False)
@@ -67,36 +65,6 @@ def test_operators_functions_and_choices(limit):
 def test_a_product_and_a_sum_are_not_fused():
     a, b = np.full(BATCH, 1.0 + 2.0**-30), np.full(BATCH, -1.0)
     assert set(computed(a, b, 1.0)[9, 0]) == {2.0**-29}  # fused, it would keep 2**-60
-
-
-def test_no_comparison_with_nan_is_true():
-    a, b = np.full(BATCH, np.nan), np.ones(BATCH)
-    floats = computed(a, b, 1.0)
-    assert np.isnan(floats[1:4, 0]).all()
-    assert set(floats[6, 0]) == {0.5}
-
-
-@pytest.mark.parametrize("offset", [0, 8])
-def test_fields_of_records_are_batches(offset):
-    @numba.njit(error_model="numpy", _nrt=False)
-    def fill(records):
-        records = batches(records)
-        for k in range(1, len(records)):
-            record, before = records[k], records[k - 1]
-            record.number = before.number * before.matrix[0, 1]
-            record.matrix[1, 0] = before.matrix[0, 1] - record.number
-            record.matrix[1, 1] = 2.0
-
-    memory = aligned_zeros((3 * RECORD.itemsize // 8 + BATCH,)).view(np.uint8)
-    assert memory.ctypes.data % (8 * BATCH) == 0
-    records = memory[offset : offset + 3 * RECORD.itemsize].view(RECORD)
-    records["matrix"][:, 0, 1], records["number"][0] = A, B
-    fill(records)
-    numbers = np.array([B, B * A, B * A * A])
-    np.testing.assert_array_equal(records["number"], numbers)
-    np.testing.assert_array_equal(records["matrix"][1:, 1, 0], A - numbers[1:])
-    assert set(records["matrix"][1:, 1, 1].ravel()) == {2.0}
-    assert not records["matrix"][:, 0, 0].any()
 
 
 @pytest.mark.parametrize("size", [1.0, 40.0, LARGEST_ANGLE])

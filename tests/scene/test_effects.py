@@ -33,20 +33,6 @@ def test_an_effect_alone_is_left_out(name):
 
 
 @pytest.mark.parametrize(
-    ("name", "part"),
-    [("contact time", lambda s: s.is_compliant), ("friction", lambda s: s.contact.friction),
-     ("ball rotation", lambda s: 1 / s.ball.inertia_factor), ("drag", lambda s: s.air.drag),
-     ("armature", lambda s: s.leg.model.armature.any()), ("lift", lambda s: s.air.lift),
-     ("spin decay", lambda s: s.air.torque), ("wind", lambda s: s.air.wind.any()),
-     ("buoyancy", lambda s: s.air.buoyancy)],
-)  # fmt: skip
-def test_the_scene_without_it_lacks_its_cause(name, part):
-    full = scene(law=kd.Compliance(contact_time=0.01))
-    assert part(full)
-    assert not part(BY_NAME[name].without(full, LAUNCH))
-
-
-@pytest.mark.parametrize(
     ("wind", "speed"), [((1, 2, 0), 9.0), (lambda z: (z, 0.0, 0.0), math.hypot(8.0, 2.0))]
 )
 def test_constant_drag_is_that_of_the_launch_relative_to_the_air(wind, speed):

@@ -14,29 +14,7 @@ from tolerances import agrees, closed_form, differenced
 import kickdyn as kd
 from kickdyn.core.mechanics import GRAVITY
 from kickdyn.impact.collide import duration
-from kickdyn.scene.launch_and_end import (
-    COLLIDE_SAFETY,
-    END_SAFETY,
-    SPIN_SAFETY,
-    VELOCITY_SAFETY,
-    EndSlopes,
-    LaunchError,
-    collide_scene,
-    collision_error,
-    contact_time_error,
-    contact_time_size,
-    contact_tolerance,
-    end_error,
-    end_of,
-    end_slopes,
-    expected_end_error,
-    first_flight,
-    fly_scene,
-    least_duration,
-    path_error,
-    strike_scene,
-    with_law,
-)
+from kickdyn.scene import launch_and_end as launch_end
 
 LAUNCH = kd.BallState((0, 0, 1), (12, 1, 5), (10, -40, 15))
 WIND = kd.Air(drag="brazuca", wind=(1, 2, 0))
@@ -55,7 +33,7 @@ def struck(seed, count, **parts):
     while len(pairs) < count:
         scene = random_scene(rng, **parts)
         with suppress(kd.NoImpact):
-            pairs.append((scene, strike_scene(scene)))
+            pairs.append((scene, launch_end.strike_scene(scene)))
     return pairs
 
 
@@ -73,8 +51,8 @@ def size(array):
 def test_the_launch_with_contact_time_is_within_its_error(parts):
     shares = []
     for scene, hit in struck(3, 5, **parts):
-        error = with_law(scene, hit, contact_time_error(scene, hit))
-        exact = collide_scene(scene, 1e-7).ball_after
+        error = launch_end.with_law(scene, hit, launch_end.contact_time_error(scene, hit))
+        exact = launch_end.collide_scene(scene, 1e-7).ball_after
         change = size(exact.velocity - hit.ball_after.velocity)
         assert change <= error.velocity
         assert size(exact.spin - hit.ball_after.spin) <= error.spin
@@ -85,13 +63,13 @@ def test_the_launch_with_contact_time_is_within_its_error(parts):
 
 def test_the_error_of_collide_is_within_its_bound():
     for scene, _ in struck(4, 4, contact_time=0.01):
-        exact, rough = (collide_scene(scene, tol).ball_after for tol in (1e-8, 1e-4))
-        error = collision_error(scene, exact, 1e-4)
+        exact, rough = (launch_end.collide_scene(scene, tol).ball_after for tol in (1e-8, 1e-4))
+        error = launch_end.collision_error(scene, exact, 1e-4)
         assert size(exact.velocity - rough.velocity) <= error.velocity
         assert size(exact.spin - rough.spin) <= error.spin
     launch = kd.BallState((0, 0, 0), (3, 0, 4), (0, 0, 6))
-    error = collision_error(scene_of(ball=kd.Ball(radius=0.5)), launch, 1e-4)
-    assert error == pytest.approx(COLLIDE_SAFETY * 1e-4 * np.array([5, 10, 0.5]))
+    error = launch_end.collision_error(scene_of(ball=kd.Ball(radius=0.5)), launch, 1e-4)
+    assert error == pytest.approx(launch_end.COLLIDE_SAFETY * 1e-4 * np.array([5, 10, 0.5]))
 
 
 def test_the_error_of_a_contact_time_is_the_change_of_a_strike_at_its_end_and_middle():
@@ -99,7 +77,7 @@ def test_the_error_of_a_contact_time_is_the_change_of_a_strike_at_its_end_and_mi
     posture = leg.posture(np.radians([5, 10, -5]))
     v, contact = posture.joint_velocity([9, 0, 4]), kd.Contact((2, 0, 1), 0.8, 0.4)
     scene = kd.Scene(posture, v, kd.Ball(), contact, kd.Compliance(contact_time=0.01))
-    hit = strike_scene(scene)
+    hit = launch_end.strike_scene(scene)
     time = 1.5 * duration(hit.approach, **scene.law.options)
     model, data = leg.model, leg.model.createData()
     frame, model.gravity = model.getFrameId("toe"), pin.Motion.Zero()  # it has a term of its own
@@ -121,17 +99,17 @@ def test_the_error_of_a_contact_time_is_the_change_of_a_strike_at_its_end_and_mi
                         size(after.spin - hit.ball_after.spin)])  # fmt: skip
     dv, dw = np.max(changes, axis=0)
     right = [
-        VELOCITY_SAFETY * dv + GRAVITY * time,
-        SPIN_SAFETY * dw + GRAVITY * time / scene.ball.radius,
+        launch_end.VELOCITY_SAFETY * dv + GRAVITY * time,
+        launch_end.SPIN_SAFETY * dw + GRAVITY * time / scene.ball.radius,
         time * (hit.ball_after.speed + dv),
     ]
-    error = contact_time_error(scene, hit)
+    error = launch_end.contact_time_error(scene, hit)
     assert error[:3] == pytest.approx(right, rel=closed_form(1e4))
     stronge = kd.strike(posture, v, kd.Ball(), contact, "stronge").ball_after
-    right[0] += VELOCITY_SAFETY * size(stronge.velocity - hit.ball_after.velocity)
-    right[1] += VELOCITY_SAFETY * size(stronge.spin - hit.ball_after.spin)
-    assert with_law(scene, hit, error)[:3] == pytest.approx(right, rel=closed_form(1e4))
-    assert contact_time_error(scene, hit, 0.1).velocity == math.inf
+    right[0] += launch_end.VELOCITY_SAFETY * size(stronge.velocity - hit.ball_after.velocity)
+    right[1] += launch_end.VELOCITY_SAFETY * size(stronge.spin - hit.ball_after.spin)
+    assert launch_end.with_law(scene, hit, error)[:3] == pytest.approx(right, rel=closed_form(1e4))
+    assert launch_end.contact_time_error(scene, hit, 0.1).velocity == math.inf
 
 
 @pytest.mark.parametrize("case", ["no contact on the way", "pressed into the ground", "supports"])
@@ -149,24 +127,7 @@ def test_an_error_that_cannot_be_estimated_is_infinite(case):
     scene = kd.Scene(
         posture, posture.joint_velocity(velocity), kd.Ball(), kd.Contact(normal, 0.7), **parts
     )
-    assert contact_time_error(scene, strike_scene(scene)).velocity == math.inf
-
-
-def test_a_flight_shows_that_the_contact_time_matters_less_than_its_bound():
-    shares = []
-    for scene, hit in struck(6, 20, contact_time=0.01, plane=None):
-        error, path = contact_time_error(scene, hit), fly_scene(scene, hit.ball_after)
-        bound = end_error(scene, path, with_law(scene, hit, error))
-        if not (bound < math.inf and isinstance(path, kd.Flight) and path.duration > 0.05):
-            continue
-        measured = contact_time_size(scene, hit, path, error, 0.5 * bound)
-        exact = fly_scene(scene, collide_scene(scene, 1e-7).ball_after)
-        if exact.status == path.status:
-            assert math.dist(exact.landing.position, path.landing.position) <= measured <= bound
-        assert contact_time_size(scene, hit, path, error, 2.0 * bound) == bound
-        shares.append(measured / bound)
-    assert len(shares) >= 4
-    assert min(shares) < 0.7
+    assert launch_end.contact_time_error(scene, launch_end.strike_scene(scene)).velocity == math.inf
 
 
 @pytest.mark.parametrize(
@@ -182,7 +143,7 @@ def test_a_flight_shows_that_the_contact_time_matters_less_than_its_bound():
 )
 def test_slopes_are_those_of_central_differences(parts):
     scene = scene_of(**parts)
-    slopes = end_slopes(scene, fly_scene(scene, LAUNCH))
+    slopes = launch_end.end_slopes(scene, launch_end.fly_scene(scene, LAUNCH))
     tolerance = 1e-2 if "turf" in repr(parts) else 1e3 * differenced(2)
     for name, step in (("velocity", 1e-4), ("spin", 1e-3)):
         right = np.zeros((3, 3))
@@ -192,7 +153,7 @@ def test_slopes_are_those_of_central_differences(parts):
                 state = {"velocity": LAUNCH.velocity.copy(), "spin": LAUNCH.spin.copy()}
                 state[name][axis] += sign * step
                 launch = kd.BallState(LAUNCH.position, **state)
-                ends.append(end_of(fly_scene(scene, launch, 1e-12)).position)
+                ends.append(launch_end.end_of(launch_end.fly_scene(scene, launch, 1e-12)).position)
             right[:, axis] = (ends[0] - ends[1]) / (2 * step)
         agrees(getattr(slopes, name), right, tolerance)
 
@@ -203,36 +164,41 @@ def test_the_deviation_of_an_end_is_that_of_sources_that_act_together():
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     direction, amounts = rng.normal(size=3), rng.normal(size=1000)
     velocity, spin = np.outer(amounts, direction), np.outer(0.3 * amounts, turn @ direction)
-    slopes = EndSlopes(2.0 * turn, 0.7 * np.eye(3))
+    slopes = launch_end.EndSlopes(2.0 * turn, 0.7 * np.eye(3))
     launch = SimpleNamespace(velocity=np.cov(velocity.T), spin=np.cov(spin.T))
     ends = velocity @ slopes.velocity.T + spin @ slopes.spin.T
     right = math.sqrt(np.trace(np.cov(ends.T)))
     assert slopes.deviation(launch) == pytest.approx(right, rel=closed_form(100))
-    unknown = EndSlopes(np.full((3, 3), math.inf), np.full((3, 3), math.inf))
+    unknown = launch_end.EndSlopes(np.full((3, 3), math.inf), np.full((3, 3), math.inf))
     assert unknown.deviation(launch) == math.inf
 
 
 def test_a_ball_without_an_end_or_without_a_flight():
     resting, deep = kd.BallState((0, 0, 1)), scene_of(ground=kd.Ground(-1e7))
     for scene, launch in ((scene_of(ground=kd.Ground(0.0)), resting), (deep, LAUNCH)):
-        assert (end_slopes(scene, fly_scene(scene, launch)).velocity == math.inf).all()
-    path = fly_scene(deep, LAUNCH)
+        assert (
+            launch_end.end_slopes(scene, launch_end.fly_scene(scene, launch)).velocity == math.inf
+        ).all()
+    path = launch_end.fly_scene(deep, LAUNCH)
     assert path.status == "aloft"
-    assert end_error(deep, path, LaunchError(1, 0, 0)) == math.inf
+    assert launch_end.end_error(deep, path, launch_end.LaunchError(1, 0, 0)) == math.inf
     scene = scene_of(air=WIND)
-    path = fly_scene(scene, kd.BallState((0, 0, 1), (5, 0, -2)))
+    path = launch_end.fly_scene(scene, kd.BallState((0, 0, 1), (5, 0, -2)))
     assert path.duration == 0.0
-    assert not end_slopes(scene, path).velocity.any()
-    assert end_error(scene, path, LaunchError(1.0, 10.0, 0.05)) == 0.05
+    assert not launch_end.end_slopes(scene, path).velocity.any()
+    assert launch_end.end_error(scene, path, launch_end.LaunchError(1.0, 10.0, 0.05)) == 0.05
 
 
 @pytest.mark.parametrize("surface", [None, "turf"])
 @pytest.mark.parametrize("tol", [1e-4, 1e-6])
 def test_the_error_of_a_path_is_about_its_distance_from_an_exact_one(surface, tol):
     scene = scene_of(air=WIND, ground=kd.Ground(-0.5, surface))
-    path, exact = fly_scene(scene, LAUNCH, tol), fly_scene(scene, LAUNCH, 1e-12)
-    distance = math.dist(end_of(path).position, end_of(exact).position)
-    assert 0.0 < distance <= path_error(scene, path) <= 50.0 * distance
+    path, exact = (
+        launch_end.fly_scene(scene, LAUNCH, tol),
+        launch_end.fly_scene(scene, LAUNCH, 1e-12),
+    )
+    distance = math.dist(launch_end.end_of(path).position, launch_end.end_of(exact).position)
+    assert 0.0 < distance <= launch_end.path_error(scene, path) <= 50.0 * distance
 
 
 def test_the_error_of_an_end_covers_paths_from_launches_beside_it():
@@ -240,10 +206,10 @@ def test_the_error_of_an_end_covers_paths_from_launches_beside_it():
     while len(shares) < 60:
         scene = wide_scene(rng)
         with suppress(kd.KickdynError):
-            launch = strike_scene(scene).ball_after
+            launch = launch_end.strike_scene(scene).ball_after
             speed = float(launch.speed)
-            error = LaunchError(1e-3 * speed, 1e-3 * speed / scene.ball.radius, 1e-4)
-            path, directions = fly_scene(scene, launch), rng.normal(size=(3, 3))
+            error = launch_end.LaunchError(1e-3 * speed, 1e-3 * speed / scene.ball.radius, 1e-4)
+            path, directions = launch_end.fly_scene(scene, launch), rng.normal(size=(3, 3))
             if path.duration == 0.0:
                 continue
             offset, change, turn = directions / np.linalg.norm(directions, axis=1)[:, None]
@@ -252,41 +218,51 @@ def test_the_error_of_an_end_covers_paths_from_launches_beside_it():
                 launch.velocity + error.velocity * change,
                 launch.spin + error.spin * turn,
             )
-            distance = size(end_of(fly_scene(scene, other)).position - end_of(path).position)
-            shares.append(distance / end_error(scene, path, error))
+            distance = size(
+                launch_end.end_of(launch_end.fly_scene(scene, other)).position
+                - launch_end.end_of(path).position
+            )
+            shares.append(distance / launch_end.end_error(scene, path, error))
     assert max(shares) <= 1.0
     assert np.quantile(shares, 0.8) > 0.3
 
 
 def test_in_a_vacuum_the_error_of_an_end_is_that_of_the_parabola():
     scene, change = scene_of(ground=LEVEL), 1e-6
-    path, v = fly_scene(scene, LAUNCH), LAUNCH.velocity
+    path, v = launch_end.fly_scene(scene, LAUNCH), LAUNCH.velocity
     slant = size(v) / v[2]  # it arrives as steeply as it started
-    right = END_SAFETY * slant * (0.02 + change * 2 * v[2] / GRAVITY)
-    assert end_error(scene, path, LaunchError(change, 0, 0.02)) == pytest.approx(right)
-    assert end_error(scene, path, LaunchError(math.inf, 0.0, 0.0)) == math.inf
-    assert least_duration(scene, LAUNCH) == pytest.approx(v[2] / GRAVITY)  # half of it
-    assert least_duration(scene_of(air=WIND), LAUNCH) == 0.0
+    right = launch_end.END_SAFETY * slant * (0.02 + change * 2 * v[2] / GRAVITY)
+    assert launch_end.end_error(
+        scene, path, launch_end.LaunchError(change, 0, 0.02)
+    ) == pytest.approx(right)
+    assert launch_end.end_error(scene, path, launch_end.LaunchError(math.inf, 0.0, 0.0)) == math.inf
+    assert launch_end.least_duration(scene, LAUNCH) == pytest.approx(v[2] / GRAVITY)  # half of it
+    assert launch_end.least_duration(scene_of(air=WIND), LAUNCH) == 0.0
 
 
 @pytest.mark.parametrize("surface", ["turf", "carpet"])
 def test_the_error_of_a_path_that_bounces_is_known_roughly_from_its_first_flight(surface):
     scene = scene_of(ground=replace(LEVEL, surface=surface))
-    error = LaunchError(1e-3, 0.1, 1e-3)
-    expected = expected_end_error(scene, first_flight(scene, LAUNCH), error)
-    assert expected == pytest.approx(end_error(scene, fly_scene(scene, LAUNCH), error), rel=0.3)
+    error = launch_end.LaunchError(1e-3, 0.1, 1e-3)
+    expected = launch_end.expected_end_error(scene, launch_end.first_flight(scene, LAUNCH), error)
+    assert expected == pytest.approx(
+        launch_end.end_error(scene, launch_end.fly_scene(scene, LAUNCH), error), rel=0.3
+    )
     windy = scene_of(air=kd.Air(wind=(20, 0, 0)), ground=replace(LEVEL, surface="hard-floor"))
-    assert expected_end_error(windy, first_flight(windy, LAUNCH), error) == math.inf
+    assert (
+        launch_end.expected_end_error(windy, launch_end.first_flight(windy, LAUNCH), error)
+        == math.inf
+    )
 
 
 @pytest.mark.parametrize("allowed", [0.3, 0.01, 1e-3])
 def test_a_tolerance_of_the_contact_keeps_the_end_within_what_is_allowed(allowed):
     scene = scene_of(air=WIND, ground=kd.Ground(-0.5))
-    path = fly_scene(scene, LAUNCH)
+    path = launch_end.fly_scene(scene, LAUNCH)
 
     def end_error_of(error):
-        return end_error(scene, path, error)
+        return launch_end.end_error(scene, path, error)
 
-    tol = contact_tolerance(scene, LAUNCH, end_error_of, allowed)
-    used = end_error_of(collision_error(scene, LAUNCH, tol)) / allowed
+    tol = launch_end.contact_tolerance(scene, LAUNCH, end_error_of, allowed)
+    used = end_error_of(launch_end.collision_error(scene, LAUNCH, tol)) / allowed
     assert 0.3 < used <= 1.0 or (used < 0.3 and tol == 1e-3)

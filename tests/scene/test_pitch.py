@@ -5,7 +5,6 @@ from dataclasses import astuple
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
 from tolerances import optimized
 
 import kickdyn as kd
@@ -79,28 +78,6 @@ def test_a_wall_is_read_with_its_default_width_of_five_players():
         with pytest.raises(kd.InvalidInput, match="DISTANCE:HEIGHT") as refused:
             read_wall(text)
         assert len(str(refused.value)) < 350
-
-
-def test_passage_and_score_are_of_the_path():
-    scene = kd.load_scene("free_kick")
-    answer = kd.simulate(scene, None)
-    start, ball = answer.launch.position, scene.ball.radius
-
-    def beyond(t):
-        return scene.ahead @ (answer.path.sample(t).position - start) - scene.wall.distance
-
-    crossing = answer.path.sample(brentq(beyond, 0.0, answer.path.duration)).position - start
-    offset = crossing - (crossing @ scene.ahead) * scene.ahead
-    assert answer.passage.above == pytest.approx(crossing[2] - scene.wall.height, abs=1e-6)
-    beside = math.hypot(*offset[:2]) - scene.wall.width / 2 - ball
-    assert answer.passage.beside == pytest.approx(beside, abs=1e-6)
-    assert answer.passage.left == pytest.approx(np.cross(scene.ahead, crossing)[2], abs=1e-6)
-    height = answer.end.position[2] - scene.ground.height
-    assert answer.score.bar == pytest.approx(BAR - height - ball, abs=1e-9)
-    along_line = np.cross([0, 0, 1], scene.plane.normal) @ (answer.end.position - scene.plane.point)
-    assert answer.score.post == pytest.approx(HALF - abs(along_line) - ball, abs=1e-9)
-    assert str(answer.passage) in answer.pitch_text
-    assert str(answer.score) in answer.pitch_text
 
 
 def test_the_free_kick_scores_around_the_wall_because_of_its_spin():

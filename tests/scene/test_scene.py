@@ -1,8 +1,5 @@
 """A scene made in Python is checked as its parts are, and prints their numbers."""
 
-import pickle
-import re
-
 import numpy as np
 import pytest
 
@@ -95,51 +92,3 @@ def test_the_offset_of_a_posture_stays_with_another_leg():
     other = made.with_leg(LEG.with_armature({"hip": 0.1}))
     np.testing.assert_allclose(other.posture.contact_point, shifted.contact_point)
     assert other.leg.model.armature.any()
-
-
-ROWS = {
-    "contact point": lambda made: made.posture.contact_point,
-    "foot speed": lambda made: [np.linalg.norm(made.posture.point_velocity(made.v))],
-    "ball": lambda made: [made.ball.mass, made.ball.radius],
-    "ball's velocity": lambda made: made.incoming.velocity,
-    "ball's spin": lambda made: made.incoming.spin,
-    "contact": lambda made: [
-        *made.contact.normal, made.contact.restitution, made.contact.friction, *made.contact.offset
-    ],
-    "contact time": lambda made: [12],
-    "air": lambda made: [made.air.density],
-    "ground": lambda made: [made.ground.height],
-    "plane": lambda made: [*made.plane.point, *made.plane.normal],
-    "wall": lambda made: [made.wall.distance, made.wall.height, made.wall.width],
-}  # fmt: skip
-
-
-def printed(made):
-    """Return the numbers of a printed scene by the names of their rows."""
-    rows = dict(re.split(r"  +", line.strip(), maxsplit=1) for line in repr(made).splitlines()[1:])
-    pattern = r"(?<![\w^.])-?\d+\.?\d*(?:e[-+]?\d+)?"
-    return {name: [float(n) for n in re.findall(pattern, text)] for name, text in rows.items()}
-
-
-@pytest.mark.parametrize("name", ROWS)
-def test_printed_numbers_are_those_of_the_scene(name):
-    made = scene(
-        law=kd.Compliance(contact_time=0.012),
-        incoming=kd.BallState(velocity=(-3, 0.5, 0), spin=(0, 12, 1)),
-        air=kd.Air(), ground=kd.Ground(-0.9, "turf"),
-        plane=kd.Plane((9, 1, 0), (-1, 0.2, 0), "back"), wall=kd.Wall(4, 1.9),
-    )  # fmt: skip
-    assert printed(made)[name] == pytest.approx(ROWS[name](made), rel=2e-4, abs=1e-9)
-
-
-def test_printed_compliances_have_their_unit():
-    assert printed(scene(law=kd.Compliance()))["contact time"] == [10]  # the default of `collide`
-    assert printed(scene(law=kd.Compliance(stiffness=3e5)))["stiffness"] == [3e5]
-    assert "stronge" in repr(scene(law="stronge"))
-    assert "ball's" not in repr(scene())
-
-
-def test_errors_can_be_pickled():
-    error = kd.SceneError("a.toml", ["one", "two"])
-    again = pickle.loads(pickle.dumps(error))
-    assert (str(again), again.faults) == (str(error), ("one", "two"))

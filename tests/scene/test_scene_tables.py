@@ -3,7 +3,6 @@
 import math
 import re
 
-import numpy as np
 import pytest
 from tolerances import closed_form
 
@@ -42,15 +41,6 @@ def test_limits_of_the_reference_page_are_those_of_the_constructor(table, key):
             construct(table, key, limit)
 
 
-@taking("vector")
-def test_a_vector_has_three_numbers(table, key):
-    check = key.check or (lambda value: construct(table, key, value))
-    check([1.0, 0.0, 0.5])
-    for bad in ([1.0, 0.0], [1.0, 0.0, "x"], 5.0, [1.0, 0.0, True]):
-        with pytest.raises(kd.InvalidInput):
-            check(bad)
-
-
 @pytest.mark.parametrize("table", TABLES, ids=lambda table: table.name)
 def test_keys_are_distinct_and_their_names_valid(table):
     names = [key.name for key in table.keys]
@@ -86,42 +76,3 @@ def test_a_normal_is_given_by_its_angles_up_and_to_the_left(attack, side, right)
     contact, law = BY_NAME["contact"].constructor(attack_deg=attack, side_deg=side, restitution=0.8)
     assert contact.normal == pytest.approx(right, abs=closed_form())
     assert law == "newton"
-
-
-def test_a_scene_with_a_base_that_moves_is_one_in_another_frame(tmp_path):
-    """In a vacuum; seen from the base, the ball comes with the opposite velocity."""
-    base = np.array([3.0, 0.2, 0.5])
-    text = """
-        [leg]
-        model = "human"
-        base_velocity_m_s = {}
-        base_angular_velocity_rad_s = [0, 0, 0]
-        [posture]
-        angles_deg = {{ hip = 40, knee = 30, ankle = -20 }}
-        joint_velocity_rad_s = {{ hip = 6.6, knee = -14.5, ankle = 6.6 }}
-        [ball]
-        velocity_m_s = {}
-        spin_rad_s = [1, -20, 3]
-        [contact]
-        normal = [2, 0.2, 1]
-        restitution = 0.8
-        friction = 0.4
-    """
-    ball, impacts = np.array([-2.0, 0.3, 0.1]), []
-    for base_velocity, ball_velocity in ((base, ball), (np.zeros(3), ball - base)):
-        file = tmp_path / f"{len(impacts)}.toml"
-        file.write_text(text.format(base_velocity.tolist(), ball_velocity.tolist()))
-        impacts.append(kd.simulate(kd.load_scene(file)).impact)
-    world, base_frame = impacts
-    close = {"rel": closed_form(100), "abs": closed_form(100)}
-    after = base_frame.ball_after
-    assert world.ball_after.velocity == pytest.approx(after.velocity + base, **close)
-    assert world.ball_after.spin == pytest.approx(after.spin, **close)
-    assert world.joint_impulses == pytest.approx(base_frame.joint_impulses, **close)
-
-
-def test_a_turning_base_moves_the_leg():
-    table = BY_NAME["leg"].constructor(
-        model="human", base_velocity=(4, 0, 1), base_angular_velocity=(0, -2, 0)
-    )
-    assert table.change(kd.Leg.human()).base_velocity.tolist() == [4, 0, 1, 0, -2, 0]

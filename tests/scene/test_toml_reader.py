@@ -86,39 +86,25 @@ def test_effects_that_are_not_named_are_not_modelled(read):
     assert not np.any(air.wind)
 
 
+TABLES = """
+ball = { model = "paper", radius_m = 0.11, velocity_m_s = [0, -1, 0], spin_rad_s = [1, 2, 3] }
+plane = { point_m = [11, 0, 0], normal = [-1, 0, 0], reached_by = "back" }
+wall = { distance_m = 5, height_m = 1.9 }
+ground = { surface = "turf" }
+uncertainty = { angles_deg = 2, restitution = 0.05 }
+[air]
+model = "paper"
+drag = "jabulani"
+lift = -0.1
+torque = 0
+wind_m_s = [1, 2, 0]
+buoyancy = true
+"""
+
+
 def test_values_arrive_in_their_units(read):
-    scene = read(
-        more="""
-        side_deg = 90
-        friction = 0.3
-        offset_m = [0, 0, 0.01]
-        law = "stronge"
-        [ball]
-        model = "paper"
-        radius_m = 0.11
-        velocity_m_s = [0, -1, 0]
-        spin_rad_s = [1, 2, 3]
-        [air]
-        model = "paper"
-        drag = "jabulani"
-        lift = -0.1
-        torque = 0
-        wind_m_s = [1, 2, 0]
-        buoyancy = true
-        [plane]
-        point_m = [11, 0, 0]
-        normal = [-1, 0, 0]
-        reached_by = "back"
-        [wall]
-        distance_m = 5
-        height_m = 1.9
-        [ground]
-        surface = "turf"
-        [uncertainty]
-        angles_deg = 2
-        restitution = 0.05
-    """
-    )
+    contact = "side_deg = 90\nfriction = 0.3\noffset_m = [0, 0, 0.01]\nlaw = 'stronge'\n"
+    scene = read(text=TABLES + SMALL, more=contact)
     np.testing.assert_allclose(scene.q, np.radians([5, 10, -5]))
     np.testing.assert_allclose(scene.posture.point_velocity(scene.v), [2, 0, 1], atol=1e-12)
     right = [0, math.cos(math.radians(30)), 0.5]
@@ -126,10 +112,7 @@ def test_values_arrive_in_their_units(read):
     assert (scene.contact.friction, scene.law) == (0.3, "stronge")
     assert scene.contact.offset.tolist() == [0, 0, 0.01]
     assert (scene.ball.mass, scene.ball.radius) == (kd.Ball.paper().mass, 0.11)
-    assert (scene.incoming.velocity.tolist(), scene.incoming.spin.tolist()) == (
-        [0, -1, 0],
-        [1, 2, 3],
-    )
+    assert scene.incoming == kd.BallState(velocity=(0, -1, 0), spin=(1, 2, 3))
     assert (scene.air.density, scene.air.drag.name, scene.air.buoyancy) == (1.22, "jabulani", True)
     assert (scene.air.lift.value, scene.air.torque.value) == (-0.1, 0.0)
     assert scene.air.wind.tolist() == [1, 2, 0]
@@ -140,9 +123,8 @@ def test_values_arrive_in_their_units(read):
     assert dict(scene.uncertainty) == pytest.approx({"q": math.radians(2), "restitution": 0.05})
     standard = read(more="[air]\naltitude_m = 1500\ntemperature_c = 10\n").air
     assert standard.density == kd.Air.at(1500, 10).density
-    assert read(
-        ("foot_velocity_m_s = [2, 0, 1]", "joint_velocity_rad_s = { knee = 3 }")
-    ).v.tolist() == [0, 3, 0]
+    rates = "joint_velocity_rad_s = { knee = 3 }"
+    assert read(("foot_velocity_m_s = [2, 0, 1]", rates)).v.tolist() == [0, 3, 0]
 
 
 @pytest.mark.parametrize(
@@ -162,30 +144,11 @@ def test_a_file_is_looked_for_from_the_folder_of_the_scene(read, tmp_path, slide
     np.testing.assert_allclose(scene.posture.contact_point, [reach, 0, 0.2], atol=1e-12)
 
 
-def test_package_dirs_are_looked_for_from_the_folder_of_the_scene(
-    read, faults, tmp_path, good_urdf
-):
-    (tmp_path / "my.urdf").write_text(good_urdf)
-    (tmp_path / "share").mkdir()
-    leg, small = 'file = "my.urdf"\npackage_dirs = ["share"]', (", ankle = -5", "")
-    assert read(('model = "human"', leg), small).leg.file.package_dirs == (tmp_path / "share",)
-    (line,) = faults(('model = "human"', leg.replace("share", "gone")), small)
-    assert "gone" in line
-
-
-def test_loops_of_a_file_stay_closed(read, looped_mjcf, tmp_path):
-    scene = read(
-        ('model = "human"', f'file = "{looped_mjcf}"\nframe = "c"'),
-        ("hip = 5, knee = 10, ankle = -5", "ja = 5"),
-        ("foot_velocity_m_s = [2, 0, 1]", "joint_velocity_rad_s = { ja = -1, jb = -1, jc = 1 }"),
-    )
-    assert constraint_speed(kd.simulate(scene, None).impact) < closed_form(100)
+def test_loops_are_closed_by_the_joints_that_are_not_named(read, tmp_path):
     (tmp_path / "fourbar.urdf").write_text(shipped_urdf("leg_fourbar.urdf").read_text())
-    loops = 'drives = "none"\nloops = [["shank_pin", "rocker_b_tip"]]'
-    scene = read(
-        ('model = "human"', f'file = "fourbar.urdf"\n{loops}'),
-        ("hip = 5, knee = 10, ankle = -5", "rocker_b = 40, hip = 10"),
-    )
+    file = 'file = "fourbar.urdf"\ndrives = "none"\nloops = [["shank_pin", "rocker_b_tip"]]'
+    angles = ("hip = 5, knee = 10, ankle = -5", "rocker_b = 40, hip = 10")
+    scene = read(('model = "human"', file), angles)
     assert scene.leg.angles_deg(scene.q)["rocker_b"] == pytest.approx(40)
     assert constraint_speed(kd.simulate(scene).impact) < closed_form(100)
 
@@ -211,111 +174,54 @@ def test_a_contact_that_takes_time_is_collide(read, contact, options):
     assert answer.impact.force_model == right.force_model
 
 
-def test_a_restitution_over_speed_is_used_at_the_speed_of_approach(read):
-    """Between two speeds it falls along Stronge's fifth root, or as its table: linearly."""
-    scene = read(("restitution = 0.8", "restitution = [[1, 0.8], [3, 0.6]]"))
-    approach = np.array([2, 0, 1]) @ scene.contact.normal
-    e = kd.simulate(scene).impact.restitution
-    assert e == pytest.approx(0.8 - 0.1 * (approach - 1), rel=closed_form())
-    peacock = read(("restitution = 0.8", 'restitution = "peacock-ball"'))
-    assert any("peacock" in line or "m/s" in line for line in kd.simulate(peacock).warnings)
-
-
-@pytest.mark.parametrize(
-    ("drives", "armature"), [("", 0.1), ('drives = "none"', 0.0), ('drives = "d.toml"', 0.02)]
-)
-def test_a_scene_can_name_the_drives_of_its_robot(read, tmp_path, drives, armature):
-    (tmp_path / "d.toml").write_text('[joints]\n"*" = { rotor_inertia_kg_m2 = 0.02 }')
-    leg = read(
-        ('model = "human"', f'robot = "talos"\nlegs_only = true\n{drives}'),
-        ("angles_deg = { hip = 5, knee = 10, ankle = -5 }", ""),
-        ("[2, 0, 1]", "[2, 0, 0.5]"),
-    ).leg
-    assert leg.model.armature == pytest.approx(np.full(leg.nv, armature))
-
-
-def test_supports_locked_and_stiff_joints(read):
-    scene = read(
-        (
-            'model = "human"',
-            """robot = "bolt"
-            frame = "FR_FOOT:heel"
-            base = "floating"
-            supports = [{ frame = "FL_FOOT", friction = 0.6, point = true }]""",
-        ),
-        ("angles_deg = { hip = 5, knee = 10, ankle = -5 }", ""),
-        ("[2, 0, 1]", "[-2, 0, 0.5]"),
-    )
+def test_supports_locked_stiff_and_geared_joints(read):
+    leg = """robot = "bolt"
+        frame = "FR_FOOT:heel"
+        base = "floating"
+        supports = [{ frame = "FL_FOOT", friction = 0.6, point = true }]"""
+    angles = ("angles_deg = { hip = 5, knee = 10, ankle = -5 }", "")
+    scene = read(('model = "human"', leg), angles, ("[2, 0, 1]", "[-2, 0, 0.5]"))
     assert scene.leg.supports == (kd.Support("FL_FOOT", friction=0.6, point=True),)
     assert scene.leg.frame == "heel"
-    stiff = kd.simulate(read(('"human"', '"human"\nstiff_joints = ["ankle"]'))).impact
-    assert stiff.v_after[2] == pytest.approx(stiff.v_before[2])
-    locked = read(
-        ('"human"', '"human"\nlocked = { ankle = -5 }'), (", ankle = -5 }\nfoot", " }\nfoot")
-    )
-    assert locked.leg.joint_names == ("hip", "knee")
-    assert locked.posture.contact_point == pytest.approx(read().posture.contact_point, abs=1e-12)
-    geared = read(('"human"', '"human"\narmature_kg_m2 = { hip = 0.1 }')).leg
-    assert geared.model.armature.tolist() == [0.1, 0, 0]
+    more = 'stiff_joints = ["knee"]\nlocked = { ankle = -5 }\narmature_kg_m2 = { hip = 0.1 }'
+    scene = read((HUMAN, f"{HUMAN}\n{more}"), (", ankle = -5 }\nfoot", " }\nfoot"))
+    assert scene.leg.joint_names == ("hip", "knee")
+    assert scene.leg.model.armature.tolist() == [0.1, 0]
+    assert scene.posture.contact_point == pytest.approx(read().posture.contact_point, abs=1e-12)
+    impact = kd.simulate(scene).impact
+    assert impact.v_after[1] == pytest.approx(impact.v_before[1])
+
+
+FAULTY = SMALL.replace("restitution = 0.8", "restitution = 1.8\nfricton = 0.4")
+JOINTS = """
+[leg]
+model = "human"
+armature_kg_m2 = { neck = 1 }
+[posture]
+angles_deg = { hipp = 5 }
+joint_velocity_rad_s = { hi = 3 }
+[contact]
+attack_deg = 0
+restitution = 0.8
+"""
 
 
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        (
-            "nmae = 'x'\n"
-            + SMALL.replace("restitution = 0.8", "restitution = 1.8\nfricton = 0.4")
-            + "[ball]\nmass_kg = -1\nradius_m = nan\n[air]\ndrag = 'brazucca'\nwind_m_s = [1, 2]\n"
-            "[grund]\n[plane]\nnormal = [0, 0, 0]\n[uncertainty]\nfriction = true\n",
-            [
-                "nmae",
-                "contact.restitution",
-                "friction?",
-                "ball.mass_kg",
-                "ball.radius_m",
-                "air.drag: drag model 'brazucca'",
-                "air.wind_m_s",
-                "ground?",
-                "plane.point_m is missing",
-                "plane.normal",
-                "uncertainty.friction",
-            ],
-        ),
-        (
-            "[leg]\nmodel = 'human'\narmature_kg_m2 = { hip = -1, knee = nan }\n"
-            "[contact]\nnormal = [0, 0, 0]\nrestitution = 2\n[air]\naltitude_m = 1e5\n"
-            "temperature_c = -99\npressure_pa = 3\n",
-            [
-                "hip is -1.0",
-                "knee is nan",
-                "contact.normal",
-                "contact.restitution",
-                "air.altitude_m",
-                "air.temperature_c",
-                "air.pressure_pa",
-                "[posture] is missing",
-            ],
-        ),
-        (
-            "[leg]\nmodel = 'human'\narmature_kg_m2 = { neck = 1, nope = 2 }\n"
-            "[posture]\nangles_deg = { hipp = 5 }\njoint_velocity_rad_s = { hi = 3 }\n"
-            "[contact]\nattack_deg = 0\nrestitution = 0.8\n",
-            ["'neck'", "'nope'", "'hipp'", "'hi'"],
-        ),
+        (f"nmae = 1\n{FAULTY}[ball]\nmass_kg = -1\n[grund]\n[plane]\nnormal = [0, 0, 0]\n",
+         ["nmae", "contact.restitution", "friction?", "ball.mass_kg", "ground?",
+          "plane.point_m is missing", "plane.normal"]),
+        (JOINTS, ["'neck'", "'hipp'", "'hi'"]),
         ("", ["[leg]", "[posture]", "[contact]"]),
-        (
-            "mass_kg = 1\nleg = 3\n" + SMALL.replace('[leg]\nmodel = "human"', ""),
-            ["mass_kg", "leg is 3"],
-        ),
     ],
-    ids=["tables", "values", "joints", "empty", "top"],
-)
+    ids=["tables", "joints", "empty"],
+)  # fmt: skip
 def test_all_faults_come_at_once_a_line_each(faults, text, words):
     lines = faults(text=text)
-    if "leg = 3" not in text:
-        assert len(lines) == len(words), lines
+    assert len(lines) == len(words), lines
     for word in words:
-        assert sum(word in line for line in lines) >= 1, (word, lines)
+        assert sum(word in line for line in lines) == 1, (word, lines)
 
 
 HUMAN, E = '"human"', "restitution = 0.8"
@@ -328,50 +234,20 @@ HUMAN, E = '"human"', "restitution = 0.8"
         ('model = "human"', 'file = "no.urdf"', "no.urdf"),
         (HUMAN, '"human"\nframe = "heel"', "heel"),
         (HUMAN, '"humn"', "human?"),
-        ('model = "human"', 'robot = "g2"', "robot 'g2' is unknown"),
-        ('model = "human"', "robot = 2", "leg.robot: 2"),
-        (HUMAN, '"human"\npackage_dirs = ["share"]', "leg.package_dirs is given without file"),
-        (HUMAN, '"human"\nsupports = [{ sole = [] }]', "frame"),
-        (HUMAN, f'"human"\nsupports = {["h"] * 101}', "at most 100"),
         (HUMAN, "\"human\"\nsupports = 'toe'", "leg.supports"),
         (HUMAN, '"human"\nstiff_joints = ["toe"]', "joint 'toe'"),
-        (HUMAN, '"human"\nstiff_joints = [3]', "leg"),
-        (HUMAN, '"human"\nlocked = { ankel = 5 }', "'ankle'"),
-        (HUMAN, '"human"\nlocked = { ankle = nan }', "leg.locked: ankle is nan"),
         (HUMAN, '"human"\nloops = ["toe"]', "loop is 'toe'"),
-        (HUMAN, '"human"\nloops = [["toe", "tow"]]', "'tow'"),
-        (HUMAN, '"human"\nloops = [["toe", "base"]]', "toe - base"),
         ("hip = 5", "hipp = 5", "'hipp'"),
-        ("foot_velocity_m_s = [2, 0, 1]", "", "posture has none of foot_velocity_m_s"),
         ("[2, 0, 1]", "[0, 1, 0]", "out of reach"),
-        ("foot_velocity_m_s = [2, 0, 1]", "joint_velocity_rad_s = { toe = 1 }", "'toe'"),
-        ("angles_deg = { hip = 5, knee = 10, ankle = -5 }", "angles_deg = 5", "table"),
-        ("hip = 5, knee = 10, ankle = -5 }", "hip = 5 }\npositions_m = { knee = 1 }", "rad"),
         ("attack_deg = 30", "normal = [0, 0, 0]", "contact.normal"),
-        ("attack_deg = 30", "normal = [true, 0, 1]", "real numbers"),
         ("attack_deg = 30", "normal = [1, 0, 0]\nside_deg = 3", "without attack_deg"),
-        (E, "restitution = [[3, 0.8], [1, 0.6]]", "[3.0, 1.0]"),
-        (E, "restitution = [[1, 0.8], [3, 1.6]]", "1.6"),
-        (E, 'restitution = "peacok"', "'peacok'"),
-        (E, f"{E}\nfriction = {'7' * 400}", "contact.friction"),
-        (E, f"{E}\nfriction = {'7' * 5001}", "TOML"),
         (E, f"{E}\ncontact_time_s = 10", "0.1 [s]"),
         (E, f"{E}\ncontact_time_s = 0.01\nlaw = 'paper'", "law is 'paper'"),
-        (E, "restitution = 0\ncontact_time_s = 0.01", "0.01"),
         (E, f"{E}\nstiffness = 'pressure'\ncontact_time_s = 0.01", "only one"),
         (E, f"{E}\nstiffness = 'pressure'", "pressure is None"),
-        (E, f"{E}\nstiffness = 'air'", "pressure, inflated"),
         (E, f"{E}\nstiffness = 'inflated'", "restitution"),
-        (E, f"{E}\n[ball]\nshell_share = 2", "shell share is 2"),
-        (E, f"{E}\n[ball]\npressure_pa = 0.8", "ball.pressure_pa: ball pressure is 0.8"),
-        (E, f"{E}\n[air]\ndrag = -0.25", "air.drag: drag coefficient is -0.25"),
-        (E, f"{E}\n[air]\ntorque = true", "smits-smith"),
-        (E, f"{E}\n[air]\nmodel = 'paper'\naltitude_m = 5", "altitude"),
         (E, f"{E}\n[ground]\nheight_m = 5", "ground.height_m is 5"),
-        (E, f'{E}\n"\\u001b[31mred" = 1', "\\x1b[31mred"),
-        (E, f"{E}\n{'restitution' * 5000} = 1", "contact"),
         ("[leg]", 'name = "\\u001b[31mred"\n[leg]', "printable"),
-        (HUMAN, "human", "model = human"),
         ("[leg]", "[leg", "TOML"),
     ],
     ids=lambda text: repr(text[-40:]),
@@ -380,22 +256,6 @@ def test_a_fault_is_one_line_that_names_it(faults, old, new, word):
     lines = faults((old, new))
     assert len(lines) == 1, lines
     assert word in lines[0]
-
-
-def test_a_hundred_faults_are_listed(faults):
-    unknown = faults(more="\n".join(f"k{i} = 1" for i in range(500)))
-    assert len(unknown) == 101
-    assert "400" in unknown[-1]
-    joints = faults(("hip = 5", ", ".join(f"h{i} = 1" for i in range(150))))
-    assert len(joints) == 101
-    assert "50" in joints[-1]
-
-
-@pytest.mark.parametrize("key", ["a." * 49_000 + "a = 1", "[" + "a." * 49_000 + "a]"])
-def test_deep_keys_are_refused_before_they_are_parsed(faults, monkeypatch, key):
-    monkeypatch.setattr("tomllib.loads", lambda text: pytest.fail("the text was parsed"))
-    (line,) = faults(more=key)
-    assert "dots" in line
 
 
 def test_files_that_are_no_scene(tmp_path):

@@ -74,16 +74,3 @@ def test_interpolation_changes_carries_only_and_within_the_tolerance():
     difference = np.abs(solved(LEG, grid, kick)[0] - solved(LEG, grid, kick, 1e-5)[0]).max(axis=1)
     assert 0 < difference[CARRY] <= 1e-5
     assert not np.delete(difference, CARRY).any()
-
-
-@pytest.mark.parametrize(
-    ("leg", "kick", "tolerance"),
-    [(LEG, Kick(), 1e-6), (LEG, Kick(air=None), 0.0),
-     (random_leg(np.random.default_rng(0), joints=3), Kick(), 0.0)],
-    ids=["planar", "vacuum", "in space"],
-)  # fmt: skip
-def test_only_planar_flights_through_air_are_interpolated(leg, kick, tolerance):
-    grid = Grid({name: np.zeros(1) for name in leg.joint_names})
-    assert ChunkSolver(leg, grid, kick, 1e-6).carry_tolerance == tolerance
-    windy = kd.Kick(air=kd.Air(wind=lambda height: (height, 0.0, 0.0)))
-    assert ChunkSolver(leg, grid, windy).chunk == chunk_solver.SLOW_CHUNK  # without a kernel

@@ -4,11 +4,9 @@ import os
 import signal
 import threading
 import time
-from concurrent.futures import Executor, Future, ProcessPoolExecutor
-from multiprocessing import get_context
+from concurrent.futures import Executor, Future
 
 import numpy as np
-import psutil
 import pytest
 
 import kickdyn as kd
@@ -70,32 +68,6 @@ def test_a_scheduler_that_closes_without_a_word_ends_the_wait(tmp_path, monkeypa
     stored(tmp_path / "silent.zarr", resume=True)
     stored(tmp_path / "whole.zarr")
     assert files(tmp_path / "silent.zarr") == files(tmp_path / "whole.zarr")
-
-
-@pytest.mark.slow
-def test_a_worker_that_is_killed_leaves_a_store_that_can_be_resumed(tmp_path):
-    large = POSTURES | {"ankle": np.linspace(-0.3, 0.8, 12_000)}  # some chunks of the kernel
-    stored(tmp_path / "whole.zarr", large)
-    path = tmp_path / "s.zarr"
-
-    def kill_one():
-        while not list(path.glob("status/c/*/*/*")):
-            time.sleep(0.001)
-        family = psutil.Process().children(recursive=True)
-        workers = [child for child in family if "spawn_main" in " ".join(child.cmdline())]
-        os.kill(workers[0].pid, signal.SIGKILL)
-
-    killer = threading.Thread(target=kill_one, daemon=True)
-    killer.start()
-    with ProcessPoolExecutor(1, get_context("spawn")) as executor:
-        try:
-            stored(path, large, executor=executor)
-        except Unfinished as error:
-            assert "resume=True" in str(error)  # noqa: PT017
-    killer.join(5)
-    with ProcessPoolExecutor(2, get_context("spawn")) as executor:
-        stored(path, large, resume=True, executor=executor)
-    assert files(path) == files(tmp_path / "whole.zarr")
 
 
 @pytest.mark.slow

@@ -5,17 +5,15 @@ import itertools
 import numpy as np
 import pinocchio as pin
 import pytest
-from chains import floating_leg, in_units, random_leg, slides
+from chains import floating_leg, random_leg
 from extremes.extreme_impacts import chain
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from tolerances import closed_form
 
 import kickdyn as kd
 from kickdyn.sweeps import kernel
 from kickdyn.sweeps.dataset import VARIABLES, variables_of
 from kickdyn.sweeps.grid import Grid
-from kickdyn.sweeps.kernel import ROWS, Kernel, KernelModel, fill_variables
+from kickdyn.sweeps.kernel import Kernel, KernelModel, fill_variables
 from kickdyn.sweeps.sweep_kick import Kick, kick_from
 
 LEG = kd.Leg.human()
@@ -76,17 +74,6 @@ def test_motion_in_space_is_kick_from(seed, friction):
     assert counts["sticks"] == 0 or friction > 0.1
 
 
-@pytest.mark.parametrize("planar", [True, False])
-@pytest.mark.parametrize(("last", "least", "most"), [(1e-2, 0.0, 0.1), (1e-6, 0.3, 1.0)])
-def test_short_light_feet_keep_their_digits_or_are_doubtful(last, least, most, planar):
-    kick = Kick(speed=3.0, attack=0.5, restitution=0.6, friction=0.15)
-    rods = chain((0.4, 0.4, 0.3 * last), (2.0, 2.0, last))
-    leg = rods if planar else random_leg(np.random.default_rng(0), 5, last=last)
-    axes = {name: np.linspace(-1.5, 1.4, 3 if planar else 2) for name in leg.joint_names}
-    _, counts = agree(leg, kick, axes, condition=1e4)
-    assert least <= counts["doubt"] / sum(counts.values()) <= most
-
-
 def test_branches_slides_and_rotors_count():
     model, here = pin.Model(), pin.SE3.Identity()
     body = pin.Inertia(2.0, np.array([0.1, 0.0, -0.2]), 0.05 * np.eye(3))
@@ -135,39 +122,6 @@ def test_a_foot_that_hardly_moves_along_the_normal_is_doubtful():
     assert answers(single, Kick(attack=0.0), {name: np.array([0.1, 0.3])})[1][kernel.DOUBT].all()
 
 
-powers = st.integers(-8, 8)
-
-
-@pytest.mark.parametrize("planar", [True, False])
-@given(seed=st.integers(0, 10**6), metre=powers, half=powers, second=powers)
-@settings(max_examples=8)
-def test_powers_of_two_of_the_units_change_no_digit(planar, seed, metre, half, second):
-    """Of the kilogram powers of four, for roots of masses are taken."""
-    rng = np.random.default_rng(seed)
-    leg = LEG if planar else random_leg(rng, joints=int(rng.integers(3, 7)))
-    axes = {name: rng.uniform(-1.5, 1.5, 2) for name in leg.joint_names[:4]}
-    limits, speed = rng.uniform(2.0, 20.0, leg.nv), rng.uniform(0.5, 9.0)
-    contact = {"attack": 0.4, "restitution": 0.6, "friction": rng.choice([0.0, 0.1, 0.5])}
-    m, kg, s, sliding = 2.0**metre, 4.0**half, 2.0**second, slides(leg)
-
-    def in_these(metre, kilogram, second):
-        model = in_units(leg, metre, kilogram).model
-        model.velocityLimit = limits * metre**sliding / second
-        ball = kd.Ball(0.43 * kilogram, 0.11 * metre)
-        kick = Kick(speed=speed * metre / second, ball=ball, **contact)
-        joints = dict(zip(leg.joint_names, metre**sliding, strict=True))
-        values = {name: joints[name] * each for name, each in axes.items()}
-        return answers(kd.Leg.from_model(model, leg.frame), kick, values)[1]
-
-    units = np.ones(ROWS)
-    units[[kernel.TANGENT, kernel.ACROSS, kernel.NORMAL, kernel.WORST]] = kg * m / s
-    units[kernel.MOBILITY], units[kernel.LOST] = 1 / kg, kg * m**2 / s**2
-    # the residual of momentum of hinges and slides is relative to a norm of both
-    rows = slice(kernel.MOMENTUM) if sliding.any() else slice(ROWS)
-    right = in_these(1.0, 1.0, 1.0) * units[:, None]
-    np.testing.assert_allclose(in_these(m, kg, s)[rows], right[rows], rtol=closed_form(), atol=0)
-
-
 @pytest.mark.parametrize("shape", [(3, 7, 13), (2, 2, 40), (5, 41, 1), (1, 1, 80)])
 def test_postures_are_those_of_the_grid_wherever_a_range_begins(shape):
     rng, kick = np.random.default_rng(0), Kick()
@@ -180,23 +134,3 @@ def test_postures_are_those_of_the_grid_wherever_a_range_begins(shape):
     for first, count in ((0, size), (1, 32), (size // 2 + 3, 33), (size - 1, 1), (17, 50)):
         swept = answers(LEG, kick, axes, first, count)[1]
         assert np.array_equal(swept, np.transpose(alone[first : first + count])), (first, count)
-
-
-def test_answers_that_are_not_finite_are_doubtful():
-    model = KernelModel.of(LEG, Kick())
-    computed = np.ones((ROWS, ROWS + 2))
-    computed[kernel.DOUBT] = 0.0
-    for row in range(ROWS):
-        computed[row, row] = np.inf if row % 2 else np.nan
-    computed[kernel.USE, ROWS + 1] = 2.0
-    status = np.zeros(ROWS + 2, np.int8)
-    doubtful = fill_variables(computed, model, np.zeros((len(VARIABLES), ROWS + 2)), status)
-    assert doubtful.tolist() == [True] * ROWS + [False] * 2
-    assert status[ROWS:].tolist() == [0, 1]
-
-
-def test_a_variable_that_the_kernel_does_not_compute_ends_the_sweep(monkeypatch):
-    monkeypatch.setattr(kernel, "VARIABLES", {**VARIABLES, "added": ("1", "added later")})
-    rows = np.full((len(VARIABLES) + 1, 2), np.nan)
-    with pytest.raises(KeyError, match="added"):
-        fill_variables(np.ones((ROWS, 2)), KernelModel.of(LEG, Kick()), rows, np.zeros(2, np.int8))

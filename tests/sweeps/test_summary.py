@@ -98,32 +98,3 @@ def test_a_condition_that_no_posture_fulfils_leaves_nothing(data):
     assert (result.chosen, result.worst, len(result.best), len(result.front)) == (0, -1, 0, 0)
     assert result.counts["ok"] > 0
     assert result.as_json()["best"]["ball_speed"] == []
-
-
-def test_neighbours_share_a_bin(data, chunks, monkeypatch):
-    monkeypatch.setattr(summary, "BINS", 2)
-    speed = data.ball_speed.where(possible(data)).max("hip").values
-    right = [[np.nanmax(speed[a, b]) for b in (slice(2), slice(2, 3))]
-             for a in (slice(2), slice(2, 4))]  # fmt: skip
-    for result in (summarize(data), by_chunks(chunks)):
-        binned = result.maps["knee", "ankle"]
-        assert binned.values["knee"] == pytest.approx([5.0, 25.0])
-        assert binned.values["ankle"] == pytest.approx([12.5, 50.0])
-        assert binned.best == pytest.approx(np.array(right))
-
-
-def test_a_single_joint_has_a_line():
-    data = kd.sweep(LEG, {"hip": [0.3], "knee": np.linspace(0.0, 0.5, 4)}, KICK)
-    (line,) = summarize(data).maps.values()
-    assert list(line.values) == ["knee"]
-    assert line.best.tolist() == data.ball_speed.values.ravel().tolist()
-
-
-def test_variables_must_suffice_for_summary_and_condition(data):
-    few = data.drop_vars(["restitution_residual", "momentum_residual", "carry"])
-    assert np.isnan(summarize(few).residual)
-    assert summarize(few).best.tolist() == summarize(data).best.tolist()
-    for dataset, where, word in ((few, "carry > 1", "'carry'"), (data, "kne < 30", "'kne'"),
-                                 (data.drop_vars("speed_use"), None, "speed_use")):  # fmt: skip
-        with pytest.raises(kd.InvalidInput, match=word):
-            summarize(dataset, where)

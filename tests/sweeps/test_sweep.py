@@ -1,9 +1,6 @@
 """Every posture of a sweep is a strike and a flight, by kernel or one by one."""
 
 import math
-import subprocess
-import sys
-import textwrap
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -16,7 +13,6 @@ from kickdyn.robot.urdf_file import shipped_urdf
 from kickdyn.sweeps import chunk_solver
 from kickdyn.sweeps.dataset import VARIABLES, variables_of
 from kickdyn.sweeps.queries import outcome_at
-from kickdyn.sweeps.sweep import sweep_chunks
 from kickdyn.sweeps.sweep_kick import PostureStatus, kick_from
 
 LEG = kd.Leg.human()
@@ -91,17 +87,6 @@ def test_variables_are_nan_only_out_of_reach():
         assert np.isnan(data[name].values.ravel()).tolist() == [False, True], name
 
 
-def test_chunks_are_the_whole_and_progress_counts_postures(small, monkeypatch):
-    monkeypatch.setattr(chunk_solver, "SLOW_CHUNK", 5)
-    calls = []
-    chunks = list(sweep_chunks(LEG, POSTURES, KICK, threads=2.0, progress=calls.append))
-    assert calls == [chunk.status.size for chunk in chunks] == 3 * [4]
-    for name in (*VARIABLES, "status"):
-        values = np.concatenate([chunk[name].values.ravel() for chunk in chunks])
-        np.testing.assert_array_equal(values, small[name].values.ravel())
-    assert chunks[1].hip.values.tolist() == [0.7]
-
-
 @pytest.mark.parametrize(
     ("change", "word"),
     [
@@ -151,21 +136,3 @@ def test_loops_and_supports_hold_in_every_posture():
             again = outcome_at(model, kick, cell).impact
             assert again.ball_after.speed == pytest.approx(impact.ball_after.speed)
     assert closed == 4
-
-
-@pytest.mark.slow
-def test_importing_compiles_nothing():
-    script = """
-        import sys
-        from numba.core.dispatcher import Dispatcher
-        calls = []
-        compile = Dispatcher.compile
-        def watched(self, *signature):
-            if self.py_func.__module__.startswith("kickdyn.sweeps"):
-                calls.append(self)
-            return compile(self, *signature)
-        Dispatcher.compile = watched
-        import kickdyn.sweeps.sweep, kickdyn.sweeps.kernel, kickdyn.sweeps.carry_table
-        sys.exit(len(calls))
-    """
-    assert subprocess.run([sys.executable, "-c", textwrap.dedent(script)]).returncode == 0

@@ -99,16 +99,6 @@ def test_joints_without_limit_and_joints_that_may_not_move(limits, use):
     assert outcome.speed_use == use or (use is None and 0 < outcome.speed_use < 1)
 
 
-def test_supports_hold_the_slowest_velocity():
-    leg = kd.Leg.from_robot("g1", base="floating").with_supports("left_ankle_roll_link")
-    joints = {"right_hip_pitch_joint": -0.3, "right_knee_joint": 0.5}
-    posture, wish = leg.posture(leg.configuration(joints)), np.array([1.0, 0.0, 0.2])
-    v = slowest_joint_velocity(posture, wish)
-    posture.check_velocity(v)
-    assert posture.point_velocity(v) == pytest.approx(wish, abs=1e-9)
-    assert speed_use(posture, v) < speed_use(posture, posture.joint_velocity(wish))
-
-
 def test_statuses_follow_from_reach_and_speed():
     kick = Kick(speed=10.0)  # the velocity of least energy would exceed a limit
     least_energy = POSTURE.joint_velocity(kick.speed * kick.direction)
@@ -123,19 +113,6 @@ def test_statuses_follow_from_reach_and_speed():
     assert (stretched.status, stretched.impact) == ("out-of-reach", None)
     assert math.isnan(stretched.carry)
     assert [status.flag for status in PostureStatus] == [0, 1, 2, 3, -1]
-
-
-@pytest.mark.parametrize(
-    ("change", "word"),
-    [({"speed": 0}, "foot speed is 0"), ({"speed": math.nan}, "foot speed is nan"),
-     ({"attack": 2.0}, r"attack is 2\.0.*1\.5708"), ({"restitution": 1.2}, r"restitution is 1\.2"),
-     ({"friction": -0.1}, r"friction is -0\.1"), ({"law": "hooke"}, "'hooke'"),
-     ({"ball": kd.Ball(mass=math.inf)}, "mass"), ({"air": "paper"}, "'paper'")],
-    ids=str,
-)  # fmt: skip
-def test_bad_kicks_are_refused(change, word):
-    with pytest.raises(kd.InvalidInput, match=word):
-        Kick(**change)
 
 
 @pytest.mark.parametrize("kernel_from", [1, 10**9], ids=["compiled", "one by one"])

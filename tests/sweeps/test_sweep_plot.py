@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.core.plot_style import save_figure
-from kickdyn.sweeps import summary as summaries
 from kickdyn.sweeps.grid import Grid
 from kickdyn.sweeps.summary import summarize
 from kickdyn.sweeps.sweep_plot import sweep_figure
@@ -51,23 +49,3 @@ def test_one_joint_is_a_curve():
     (curve,) = sweep_figure(summarize(data)).axes[0].lines
     assert curve.get_xdata() == pytest.approx([0, 10, 30])
     assert curve.get_ydata() == pytest.approx(data.speed_ratio.values)
-
-
-def test_the_title_has_the_numbers_of_the_kick_the_condition_and_the_share(data, tmp_path):
-    part = data.copy(deep=True)
-    part.status[2:] = -1
-    figure = sweep_figure(summarize(part, "knee < 10"))
-    for word in (LEG.name, "2.5 m/s", f"{np.degrees(0.3):g}°", "0.61", "0.2", "knee < 10", "50%"):
-        assert word in figure.get_suptitle()
-    save_figure(sweep_figure(summarize(data, "hip < 0")), tmp_path / "none.png")
-    assert (tmp_path / "none.png").stat().st_size > 0
-
-
-def test_a_large_sweep_is_a_sample_in_bins(data, monkeypatch):
-    monkeypatch.setattr(summaries, "SAMPLE_SIZE", 7)
-    monkeypatch.setattr(summaries, "BINS", 2)
-    *maps, right = sweep_figure(summarize(data)).axes[:4]
-    shown = np.asarray(maps[0].collections[0].get_array()).reshape(2, 2)
-    halves = [data.speed_ratio.values[half].max(axis=(0, 2)) for half in (slice(2), slice(2, 4))]
-    np.testing.assert_allclose(shown.T, halves)
-    assert len(right.collections[0].get_offsets()) == 7

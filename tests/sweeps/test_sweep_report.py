@@ -19,7 +19,6 @@ from kickdyn.sweeps.sweep_report import (
     page_lines,
     paper_lines,
     pinocchio_differences,
-    show,
     table,
     text,
 )
@@ -106,19 +105,6 @@ def test_json_has_the_values_of_the_kick_and_its_lines(report):
     assert (nothing.as_json()["carry"], nothing.as_json()["impulse_vector"]) == (None, None)
 
 
-def test_the_text_counts_postures_and_rounds_residuals_up(report):
-    _, _, summary, lines = report
-    for residual, power in ((3e-15, "1e-13"), (2e-16, "1e-14")):
-        summary.residual = residual
-        assert power in text(summary, lines)
-    assert "12 postures: 12 ok" in text(summary, lines)
-    where = swept(POSTURES, where="hip < 5 and knee > 1")[2]
-    for width in (60, 80):
-        paragraphs = text(where, lines, width)
-        assert "hip < 5" in paragraphs
-        assert width - 15 < max(map(len, paragraphs.splitlines())) <= width
-
-
 def test_the_report_compares_with_pinocchio(report, monkeypatch):
     assert max(pinocchio_differences(report[3])) < closed_form()
     exact = pinocchio_engine.solve_by_pinocchio
@@ -132,41 +118,6 @@ def test_the_report_compares_with_pinocchio(report, monkeypatch):
     assert max(pinocchio_differences(report[3])) == pytest.approx(3e-7, rel=1e-6)
     assert "1e-05" in text(report[2], report[3], 200)
     assert pinocchio_differences([]) == []
-
-
-def test_a_report_fits_80_columns(report, capsys):
-    show(LEG, KICK, *report[2:])
-    lines = capsys.readouterr().out.splitlines()
-    assert LEG.name in lines[0]
-    assert 70 < max(map(len, lines)) <= 80
-
-
-def test_only_joints_of_the_limb_and_moved_joints_are_shown():
-    leg = kd.Leg.from_robot("bolt", base="floating").with_supports("FL_FOOT")
-    joints = {"FR_HFE": [-0.5, 0.5], "FR_KFE": [-0.5, 0.0]}
-    _, data, _, lines = swept(joints, kd.Kick(speed=2.0), leg)
-    assert data.ball_speed.shape == (2, 2)
-    assert list(lines[0].angles) == list(leg.joint_names[1:])
-    shown = {row.split(",")[0] for row in printed(leg, lines)}
-    assert shown & set(leg.joint_names) == {"FR_HAA", "FR_HFE", "FR_KFE"}
-
-
-def test_stiff_joints_have_both_effective_masses():
-    leg = LEG.with_stiff_joints("ankle")
-    for line in swept({"knee": [0.2, 0.4]}, leg=leg)[3]:
-        free = kick_from(LEG.posture(line.outcome.posture.q), KICK).impact.effective_mass
-        assert line.as_json()["free_effective_mass"] == pytest.approx(free)
-        assert line.as_json()["effective_mass"] > free
-        cells = printed(leg, [line])["all joints free, kg"]
-        assert float(cells[0]) == pytest.approx(free, rel=1e-3)
-
-
-@pytest.mark.parametrize(("attack", "overlaps"), [(10, True), (40, False)])
-def test_a_normal_that_the_foot_cannot_have_is_named(attack, overlaps):
-    leg = kd.Leg.from_robot("g1", "instep", legs_only=True)  # it points 30 degrees down
-    joints = {"right_knee_joint": [0.5], "right_ankle_pitch_joint": [0.0]}
-    best = swept(joints, kd.Kick(attack=np.radians(attack)), leg)[3][0]
-    assert ("overlap" in best.explanation) is overlaps
 
 
 def test_a_page_shows_the_fastest_foot_that_the_joints_allow():

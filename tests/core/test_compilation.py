@@ -33,18 +33,6 @@ def plus(tmp_path):
     return run, sorted((tmp_path / "kept").rglob("*.nb?"))
 
 
-@pytest.mark.slow
-def test_damaged_machine_code_is_compiled_again(plus):
-    run, files = plus
-    contents = [file.read_bytes() for file in files]
-    for kind in ("empty", "garbage", "truncated"):
-        for file, content in zip(files, contents, strict=True):
-            damaged = {"empty": b"", "garbage": b"garbage"}
-            file.write_bytes(damaged.get(kind, content[: len(content) // 2]))
-        ended = run()
-        assert (ended.stdout, ended.stderr) == ("2.0\n", ""), kind
-
-
 def test_machine_code_that_others_could_have_written_is_not_read(plus, tmp_path):
     run, files = plus
     code = f"open({str(tmp_path / 'planted')!r}, 'w')"

@@ -1,13 +1,10 @@
 """Files are written whole or not at all, and lead nowhere else."""
 
-import json
-
 import pytest
 
 from kickdyn.core.files import (
     check_outputs,
     check_writable,
-    finite,
     replacing,
     shipped,
     write_json,
@@ -63,17 +60,6 @@ def test_places_that_cannot_be_written_are_refused_in_short(tmp_path, monkeypatc
     with pytest.raises(InvalidInput, match=word) as refused:
         check_writable(name)
     assert len(str(refused.value)) < 300
-
-
-def test_json_goes_to_a_file_or_to_stdout(tmp_path, capsys):
-    document = {"x": [1.5, finite(float("nan")), finite(2.0)]}
-    write_json(str(tmp_path / "a.json"), document)
-    write_json("-", document)
-    text = (tmp_path / "a.json").read_text()
-    assert text == capsys.readouterr().out
-    assert json.loads(text) == {"x": [1.5, None, 2.0]}
-    with pytest.raises(ValueError, match="nan"):
-        write_json("-", float("nan"))
 
 
 def test_outputs_are_writable_and_distinct(tmp_path, monkeypatch):

@@ -102,11 +102,6 @@ def test_lambdas_of_one_line_have_their_own_text(load):
     }  # fmt: skip
 
 
-def test_a_function_that_calls_itself_has_a_digest(load):
-    recursive = load(("return LEVEL * x", "return slope(x - 1) if x > 1 else LEVEL"))["drag"]
-    assert digest(recursive) != digest(load()["drag"])
-
-
 def test_numbers_count_to_twelve_digits_and_by_their_type():
     values = [0.1, -0.1, 1, 1.0, True, "1", None, (1.0,), [1.0], [1.0, 2.0], np.ones(1), {"a": 1.0}]
     assert len({digest(value) for value in values}) == len(values)

@@ -10,7 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tolerances import closed_form
 
-import kickdyn as kd
 from kickdyn.core import validation
 from kickdyn.errors import InvalidInput
 
@@ -107,15 +106,3 @@ def test_direction_is_unit_and_parallel_whatever_the_length(value):
 def test_length_is_that_of_every_row_at_any_size(size):
     rows = np.array([[3.0, 0.0, -4.0], [0.0, 0.0, 0.0], [1.0, 2.0, 2.0]])
     assert validation.length(size * rows) == pytest.approx(size * np.array([5.0, 0.0, 3.0]))
-
-
-def test_arguments_are_checked_by_their_annotations():
-    @validation.check_arguments
-    def shown(ball: kd.Ball, air: kd.Air | None = None, *, size: float = 1.0, on: bool = False):
-        return ball, air, size, on
-
-    assert shown(kd.Ball(), size="any", on=np.True_)[2] == "any"
-    for arguments, word in (({"ball": 3}, "ball is 3"), ({"air": "thin"}, "air is 'thin'.*None"),
-                            ({"on": 1}, "on is 1")):  # fmt: skip
-        with pytest.raises(InvalidInput, match=word):
-            shown(**{"ball": kd.Ball(), **arguments})

@@ -87,17 +87,3 @@ def test_the_free_kick_scores_around_the_wall_because_of_its_spin():
     assert curled.score.end == "in"
     straight = kd.simulate(scene.replace(air=kd.Air.at(250, 12, drag="brazuca", lift=None)), 0.05)
     assert straight.score.end != "in"
-
-
-def test_walls_out_of_place_are_refused_and_missed_walls_named():
-    scene = kd.load_scene("free_kick")
-    with pytest.raises(kd.InvalidInput, match="wall is at 30 m"):
-        scene.replace(wall=kd.Wall(30, 1.9))
-    with pytest.raises(kd.InvalidInput, match="without a plane"):
-        scene.replace(plane=None)
-    without = kd.simulate(scene.replace(plane=None, wall=None), 0.05)
-    assert (without.passage, without.score, without.pitch_text) == (None, None, "")
-    short = kd.simulate(scene.replace(v=0.4 * scene.v), 0.05)
-    assert (short.passage, short.score.end) == (None, "short")
-    hit = kd.simulate(scene.replace(wall=kd.Wall(9.15, 1.9, 5.0)), 0.05)
-    assert hit.passage.hit in hit.pitch_text

@@ -52,21 +52,6 @@ def test_bad_parts_are_refused(changes, word):
         scene(**changes)
 
 
-@pytest.mark.parametrize(
-    ("values", "word"),
-    [
-        ({"contact_time": 0}, "contact time is 0"),
-        ({"contact_time": 10}, r"contact time is 10.*0\.1"),
-        ({"contact_time": 0.01, "stiffness": 1e5}, "only one"),
-        ({"stiffness": "soft"}, "stiffness is 'soft'"),
-        ({"stiffness": -1.0}, "stiffness is -1"),
-    ],
-)
-def test_a_bad_compliance_is_refused(values, word):
-    with pytest.raises(kd.InvalidInput, match=word):
-        kd.Compliance(**values)
-
-
 def test_a_scene_cannot_be_changed():
     given = {"q": 0.1}
     made = scene(uncertainty=given)

@@ -52,13 +52,6 @@ def test_keys_are_distinct_and_their_names_valid(table):
             construct(table, key, choice)
 
 
-def test_the_air_of_the_paper_is_fixed():
-    for argument in ("altitude", "temperature_c"):
-        with pytest.raises(kd.InvalidInput, match=f"paper.*{argument}"):
-            BY_NAME["air"].constructor(model="paper", **{argument: 0.5})
-    assert BY_NAME["air"].constructor(model="paper", wind=(1, 0, 0)).density == 1.22
-
-
 def test_uncertainty_is_in_the_units_of_its_sources():
     table = BY_NAME["uncertainty"]
     assert {key.argument for key in table.keys} <= set(UNITS)

@@ -214,13 +214,6 @@ def test_the_size_of_friction_is_that_of_another_impact():
     assert full.modelled == ("friction", "ball rotation", "drag", "drag crisis", "lift")
 
 
-def test_contact_time_rotors_and_supports_have_sizes():
-    timed = {row.effect: row for row in kd.simulate(kd.load_scene("volley"), None).effects}
-    assert timed["contact time"].impulse > 0.1
-    robot = kd.simulate(kd.load_scene("robocup_carpet"), None).effect_sizes
-    assert robot["armature"] > robot["supports"] > 0
-
-
 def test_warnings_of_leg_impact_and_flight_are_passed_on_once():
     posture = LEG.posture(np.radians([5, 150, -5]))
     parts = posture, posture.joint_velocity([3, 0, 1]), kd.Ball(), kd.Contact((1, 0, 0.2), 0.8, 0.4)
@@ -252,11 +245,3 @@ def test_heights_are_from_the_ground_to_the_edges_of_the_ball(below):
 @pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
 def test_shipped_scenes_are_within_the_limits_of_their_legs(path):
     assert kd.simulate(kd.load_scene(path)).impact.warnings == ()
-
-
-def test_the_scene_of_the_paper_is_the_kick_that_it_prints():
-    scene = kd.load_scene("paper_kick")
-    attack = np.array([math.cos(math.radians(30)), 0, math.sin(math.radians(30))])
-    np.testing.assert_allclose(scene.posture.point_velocity(scene.v), 1.2 * attack, atol=1e-4)
-    np.testing.assert_allclose(scene.contact.normal, attack, atol=1e-12)
-    assert (scene.contact.friction, scene.ball, scene.air.density) == (0.4, kd.Ball.paper(), 1.22)

@@ -76,29 +76,3 @@ def test_the_spread_of_the_end_follows_from_its_slopes():
     assert many.deviation == pytest.approx(right, rel=sampled(4000))
     nominal = many.nominal.end.position
     assert many.mean == pytest.approx(nominal, abs=2 * sampled(4000) * many.deviation)
-
-
-@pytest.mark.slow
-def test_a_contact_that_takes_time_is_drawn_within_its_model_error():
-    scene = kd.load_scene("volley").replace(uncertainty={"v": 0.02, "restitution": 0.005})
-    many = kd.simulate_many(scene, 3, tolerance=None, seed=2)
-    assert many.model_error > 0.0
-    for i, drawn in enumerate(drawn_scenes(scene, 3, 2)):
-        exact = kd.simulate(drawn, None)
-        assert many.end[i] == pytest.approx(exact.end.position, abs=0.05 + 2 * many.model_error)
-
-
-@pytest.mark.parametrize(
-    ("spread", "draws", "seed", "word"),
-    [
-        ({}, 10, 0, "no uncertainty"),
-        ({"ball_mass": 0.01}, 10, 0, "ball_mass.* q, v,"),
-        ({"v": 0.1}, 0, 0, r"draws is 0\.0"),
-        ({"v": 0.1}, 1.5, 0, r"draws is 1\.5.*whole"),
-        ({"v": 0.1}, 3, 0.5, r"seed is 0\.5.*whole"),
-    ],
-)
-def test_bad_input_is_refused(spread, draws, seed, word):
-    scene = kd.load_scene("free_kick").replace(uncertainty=spread)
-    with pytest.raises(kd.InvalidInput, match=word):
-        kd.simulate_many(scene, draws, seed=seed)

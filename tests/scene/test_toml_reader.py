@@ -8,7 +8,7 @@ from chains import constraint_speed
 from tolerances import closed_form
 
 import kickdyn as kd
-from kickdyn.core.files import MAX_TOML_BYTES, shipped
+from kickdyn.core.files import shipped
 from kickdyn.robot.urdf_file import shipped_urdf
 
 SCENES = sorted(shipped("scenes").glob("*.toml"))
@@ -256,22 +256,3 @@ def test_a_fault_is_one_line_that_names_it(faults, old, new, word):
     lines = faults((old, new))
     assert len(lines) == 1, lines
     assert word in lines[0]
-
-
-def test_files_that_are_no_scene(tmp_path):
-    large, binary, red = (tmp_path / f"{name}.toml" for name in ("large", "binary", "a\x1b[31m"))
-    large.write_bytes(b"#" * (MAX_TOML_BYTES + 1))
-    binary.write_bytes(b"name = '\xff'")
-    red.write_text("[leg")
-    for path, word in (
-        (tmp_path / "none.toml", "no such file"),
-        (tmp_path, "regular file"),
-        (large, "bytes"),
-        (binary, "UTF-8"),
-        (red, "TOML"),
-    ):
-        with pytest.raises(kd.SceneError, match=word) as refused:
-            kd.load_scene(path)
-        assert refused.value.source.isprintable()
-    with pytest.raises(kd.InvalidInput, match="is 3"):
-        kd.load_scene(3)

@@ -7,8 +7,6 @@ from extremes.extreme_impacts import chain
 from tolerances import closed_form
 
 import kickdyn as kd
-from kickdyn.flight import batch
-from kickdyn.flight.batch import fly_many
 from kickdyn.sweeps import chunk_solver
 from kickdyn.sweeps.chunk_solver import ChunkSolver
 from kickdyn.sweeps.dataset import VARIABLES, variables_of
@@ -43,18 +41,6 @@ def test_doubtful_postures_of_short_light_feet_are_kick_from(planar):
         right = np.array(list(variables_of(outcome, KICK).values()))
         close = {"rel": closed_form(1e3), "abs": closed_form(10), "nan_ok": True}
         assert rows[:, i] == pytest.approx(right, **close), i
-
-
-def test_a_ball_that_the_batch_does_not_land_is_flown_alone(monkeypatch):
-    def one_is_lost(*args, **options):
-        flights = fly_many(*args, **options).copy(deep=True)
-        flights.status[0], flights.range[0] = 1, np.nan
-        return flights
-
-    monkeypatch.setattr(batch, "fly_many", one_is_lost)
-    rows, _ = solved(LEG, Grid({"hip": np.array([0.1, 0.2])}))
-    right = [kick_from(LEG.posture([hip, 0.0, 0.0]), KICK).carry for hip in (0.1, 0.2)]
-    assert rows[CARRY] == pytest.approx(right, rel=1e-9)
 
 
 def test_flown_carries_are_right_to_1e_8():

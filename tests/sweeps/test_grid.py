@@ -7,12 +7,9 @@ import pytest
 from scipy.stats import qmc
 
 import kickdyn as kd
-from kickdyn.robot.urdf_file import shipped_urdf
 from kickdyn.sweeps.grid import IN_MEMORY, LARGEST, Chunks, Grid, check_size, read_postures
 
 LEG = kd.Leg.human()
-FOURBAR = kd.Leg.from_urdf(shipped_urdf("leg_fourbar.urdf"))
-LOOPED = FOURBAR.with_loops(("shank_pin", "rocker_b_tip"))
 
 
 @pytest.mark.parametrize(
@@ -118,29 +115,3 @@ def test_chunks_are_consecutive_postures_of_like_size(shape, chunk):
         assert numbers == list(range(first, first + count))
         visited += numbers
     assert visited == list(range(number.size))
-
-
-def test_loops_are_closed_in_each_posture_or_refused():
-    grid = Grid.of(LOOPED, {"rocker_b": np.radians([0.0, 60.0]), "hip": [0.1, 0.2]})
-    for number in range(grid.size):
-        q = grid.configuration(LOOPED, number)
-        joints = LOOPED.joint_values(q)
-        right = grid.axes["rocker_b"][number // 2], grid.axes["hip"][number % 2]
-        assert (joints["rocker_b"], joints["hip"]) == pytest.approx(right, abs=1e-12)
-        LOOPED.posture(q)  # refuses open loops
-        assert LOOPED.outside_range(q) == []
-    assert grid.configuration(FOURBAR, 3)[1:].tolist() == [0, 0, 0, grid.axes["rocker_b"][1]]
-    for joint, value, word in (("rocker_a", 0.41, "open"), ("shank_pin_a", 1.89, "rocker_b at 7")):
-        with pytest.raises(kd.InvalidInput, match=word):
-            Grid.of(LOOPED, {joint: [value]}).configuration(LOOPED, 0)
-
-
-def test_mimic_joints_follow_their_driver(leg_with_arm):
-    leg = kd.Leg.from_urdf(leg_with_arm, "toe")  # elbow = shoulder + 0.3
-    grid = Grid.of(leg, {"shoulder": [0.1, 0.2]})
-    values = leg.joint_values(grid.configuration(leg, 1))
-    assert (values["shoulder"], values["elbow"]) == pytest.approx((0.2, 0.5))
-    with pytest.raises(kd.InvalidInput, match="elbow mimics shoulder"):
-        Grid.of(leg, {"elbow": [0.1]})
-    with pytest.raises(kd.InvalidInput, match=r"elbow is moved by shoulder.*71"):
-        Grid.of(leg, {"shoulder": [0.1, 0.95]})

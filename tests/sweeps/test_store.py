@@ -305,11 +305,7 @@ def test_netcdf_keeps_everything_and_a_failure_the_old_file(small, tmp_path, mon
     for name in ("sweep.csv", "no/where.nc", ".nc"):
         with pytest.raises(kd.InvalidInput, match=name):
             save_netcdf(small, tmp_path / name)
-
-    def fail(self, *arguments, **options):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(xr.Dataset, "to_netcdf", fail)
+    monkeypatch.setattr(Path, "write_bytes", lambda *_: (_ for _ in ()).throw(OSError(28, "full")))
     with pytest.raises(kd.InvalidInput, match="No space left"):
         save_netcdf(small, file)
     assert files(tmp_path) == before

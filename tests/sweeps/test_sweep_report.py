@@ -12,9 +12,7 @@ import kickdyn as kd
 from kickdyn.impact import pinocchio_engine
 from kickdyn.sweeps.grid import Grid
 from kickdyn.sweeps.summary import summarize
-from kickdyn.sweeps.sweep_kick import kick_from
 from kickdyn.sweeps.sweep_report import (
-    as_json,
     extreme_lines,
     page_lines,
     paper_lines,
@@ -87,22 +85,6 @@ def test_best_and_worst_are_the_extremes_of_the_possible_postures():
     for number in (f"{best.values['effective_mass']:.3g} kg", f"{best.values['speed_ratio']:.3g}"):
         assert number in best.explanation
     assert swept({"knee": [0.0, 0.2]}, kd.Kick(speed=500.0))[3] == []
-
-
-def test_json_has_the_values_of_the_kick_and_its_lines(report):
-    _, _, summary, lines = report
-    document = as_json(LEG, KICK, summary, lines)
-    assert document["status"]["ok"] == summary.counts["ok"]
-    assert (document["postures"], document["foot_speed_m_s"]) == (12, 1.0)
-    for line, entry in zip(lines, document["lines"], strict=True):
-        assert entry["ball_speed"] == line.values["ball_speed"]
-        assert np.linalg.norm(entry["impulse_vector"]) == pytest.approx(entry["impulse"])
-        assert entry["angles_deg"] == line.angles
-        assert entry["free_effective_mass"] == pytest.approx(entry["effective_mass"])
-    stretched = paper_lines(LEG, kd.Kick())[0]
-    out = kick_from(LEG.posture(np.radians([90, 0, 90])), kd.Kick(attack=0.0))
-    nothing = type(stretched)("none", {"hip": 90.0}, out, dict.fromkeys(stretched.values, math.nan))
-    assert (nothing.as_json()["carry"], nothing.as_json()["impulse_vector"]) == (None, None)
 
 
 def test_the_report_compares_with_pinocchio(report, monkeypatch):

@@ -136,7 +136,7 @@ from kickdyn.sweeps import chunk_solver
 chunk_solver.SLOW_CHUNK = 6
 replace, calls = Path.replace, []
 def count(draft, target):
-    calls.append(target)
+    if target.name.isdigit() and "draft" not in str(target): calls.append(target)
     if len(calls) == {n}: os.kill(os.getpid(), signal.SIGKILL)
     return replace(draft, target)
 Path.replace = count

@@ -1,4 +1,4 @@
-"""The numbers of docs/explanation/verification.md are those that are measured."""
+"""The errors on verification.md are those that are measured."""
 
 import re
 from pathlib import Path
@@ -18,33 +18,32 @@ def rows(heading):
     return [[cell.strip(" `") for cell in line.strip("|").split(" | ")] for line in lines[2:]]
 
 
+@pytest.mark.slow
 def test_the_errors_of_the_kick():
     pytest.importorskip("mujoco")
     from mujoco_comparison import mujoco_kick
 
     impact = kick(0.0)
     exact = exact_impact(*given(impact))["impulse"]
-    (ours, error, _), *simulated = rows("Impulse")
-    # Below 1e-15 the error is rounding, and its digits differ between machines.
-    assert (ours, error) == ("kd.strike", "< 1e-15")
-    assert exact.error(impact.impulse) < 1e-15
+    (_, bound, _), *simulated = rows("Impulse")
+    assert exact.error(impact.impulse) < float(bound.removeprefix("<"))
     assert len(simulated) == 2
     for name, error, _ in simulated:
         stiffness, dt = map(float, re.fullmatch(r"MuJoCo, (\S+) N/m, dt (\S+) s", name).groups())
-        assert f"{exact.error(mujoco_kick(impact, stiffness, dt)()):.1e}" == error
+        assert float(error) == pytest.approx(
+            exact.error(mujoco_kick(impact, stiffness, dt)()), rel=0.02
+        ), name
 
 
+@pytest.mark.slow
 def test_the_errors_of_the_flights():
-    measured = {
-        row.method: f"{row.error:.1e}" for row in measure_flights([1e-9]) if row.scene == "full"
-    }
-    shown = {name.removeprefix("scipy's `"): error for name, error, _ in rows("Method")}
-    assert len(shown) == 5
-    assert shown.items() <= measured.items()
+    """An integrator's error at a tolerance depends on rounding in the choice of its steps."""
+    measured = {row.method: row.error for row in measure_flights([1e-9]) if row.scene == "full"}
+    for name, error, _ in rows("Method"):
+        right = measured[name.removeprefix("scipy's `")]
+        assert float(error) == pytest.approx(right, rel=0.1), name
 
 
-def test_the_formulas_of_kickdyn_have_more_digits_than_those_of_textbooks():
-    compared = list(gains())
-    assert len(compared) == 6
-    for gain in compared:
-        assert gain.our_error < 1e-2 * gain.plain_error, gain.what
+@pytest.mark.parametrize("gain", list(gains()), ids=lambda gain: gain.what)
+def test_the_formulas_of_kickdyn_have_more_digits_than_those_of_textbooks(gain):
+    assert gain.our_error < 1e-2 * gain.plain_error

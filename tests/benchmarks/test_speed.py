@@ -1,4 +1,4 @@
-"""The tables of times are made from the stored figures."""
+"""The tables of times on the pages are made from the measured figures of docs/speed.json."""
 
 import json
 
@@ -9,22 +9,13 @@ STORED = json.loads(speed.STORED.read_text())
 
 
 @pytest.mark.parametrize("page", speed.TABLES)
-def test_a_page_shows_the_stored_figures(page):
+def test_a_page_shows_the_measured_figures(page):
     text = (speed.ROOT / page).read_text("utf-8")
     assert speed.TABLES[page](STORED) in text
     assert STORED["machine"] in text
-    assert speed.with_table(text, speed.TABLES[page](STORED)) == text
-
-
-def test_a_changed_figure_changes_both_pages():
     changed = json.loads(json.dumps(STORED))
     changed["functions"]["collide"]["seconds"] = 1.25e-2
-    for page, table in speed.TABLES.items():
-        text = (speed.ROOT / page).read_text("utf-8")
-        new = speed.with_table(text, table(changed))
-        assert "12 ms" in new
-        old, lines = text.splitlines(), new.splitlines()
-        assert sum(a != b for a, b in zip(old, lines, strict=True)) == 1
+    assert "12 ms" in speed.with_table(text, speed.TABLES[page](changed))
 
 
 @pytest.mark.parametrize(

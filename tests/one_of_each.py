@@ -118,7 +118,7 @@ def standing_impact():
 
 MADE = {
     "ball": lambda: BALL,
-    "incoming ball": lambda: kd.IncomingBall(kd.BallState((2, 0.1, -0.7), (-2.5, 0.2, 0), (0, -20, 1))),
+    "incoming ball": lambda: kd.IncomingBall(kd.BallState((2, 0, -1), (-3, 0.2, 0), (0, -9, 1))),
     "ground": lambda: kd.Ground(0.2, surface=kd.Surface("mud", 0.3, 0.9, 4.0)),
     "air": lambda: AIR,
     "contact": lambda: kd.Contact((2, 0.3, 1), 0.7, 0.1, offset=(0.01, 0, -0.02)),

@@ -19,16 +19,11 @@ ERRORS = {
 }
 
 
-@pytest.mark.parametrize(
-    ("kind", "parents"),
-    [
-        (kd.InvalidInput, (kd.KickdynError, ValueError)),
-        (kd.UrdfError, (kd.InvalidInput, kd.KickdynError, ValueError)),
-        (kd.NoImpact, (kd.KickdynError,)),
-    ],
-)
-def test_an_error_can_be_caught_by_its_kinds(kind, parents):
-    assert all(issubclass(kind, parent) for parent in parents)
+def test_an_error_can_be_caught_by_its_kinds():
+    assert issubclass(kd.UrdfError, kd.InvalidInput)
+    assert issubclass(kd.InvalidInput, kd.KickdynError)
+    assert issubclass(kd.InvalidInput, ValueError)
+    assert issubclass(kd.NoImpact, kd.KickdynError)
     assert not issubclass(kd.NoImpact, ValueError)  # an answer, not a bad value
 
 
@@ -47,12 +42,11 @@ def test_every_fault_is_in_the_message_and_on_its_own():
     assert str(ERRORS["scene"]).splitlines() == ["s.toml:", "has no leg", "has no contact"]
 
 
-@pytest.mark.parametrize("name", ["long", "long urdf", "long scene"])
-def test_a_long_name_of_a_file_loses_its_middle(name):
-    text = str(ERRORS[name])
-    assert "folder" in text
-    assert "leg.urdf" in text
-    assert len(text) < 300
+def test_a_long_name_of_a_file_loses_its_middle():
+    for name in ("long", "long urdf", "long scene"):
+        text = str(ERRORS[name])
+        assert all(end in text for end in ("folder", "leg.urdf")), name
+        assert len(text) < 300, name
 
 
 def test_a_message_is_one_printable_line():

@@ -93,10 +93,6 @@ def test_what_needs_an_extra_names_it_in_a_line(tmp_path):
         assert f'pip install "kickdyn[{extra}]"' in line
 
 
-def test_every_extra_of_a_feature_is_hidden():
-    assert set(OPTIONAL) - {"notebooks", "test", "docs", "dev"} == set(LACKING)
-
-
 def test_the_lowest_versions_are_those_of_pyproject():
     text = (ROOT / "constraints-lowest.txt").read_text("utf-8")
     lowest = dict(re.findall(r"^([\w-]+)==([\d.]+?)(?:\.0)*$", text, re.MULTILINE))

@@ -5,9 +5,8 @@ import re
 from pathlib import Path
 
 import inflated_ball
-import numpy as np
 import pytest
-from scipy.integrate import quad, solve_ivp
+from scipy.integrate import solve_ivp
 from shown_numbers import first_missing
 from test_compliance_page import printed_by
 from tolerances import integrated
@@ -57,27 +56,6 @@ def test_a_foot_that_moves_by_integration_over_time(mass):
     after = solve_ivp(opening, (0, 0.1), (end[0], 0.0), events=apart, **tol).y[1, -1]
     ratio = inflated_ball.ratio_of_foot(mass, speed)
     assert ratio == pytest.approx(after / speed, rel=integrated(1e-10))
-
-
-@pytest.mark.parametrize("speed", [2.0, 11.0, 19.0])
-@pytest.mark.parametrize("gas", ["constant", "compressed"])
-def test_energy_and_momentum_are_balanced(gas, speed):
-    """The shell loses energy where it stops and starts; the force has the momentum's change."""
-    m, pressure = BALL.mass, getattr(inflated_ball, gas)(70e3)
-    largest = inflated_ball.deflection_at(pressure, speed)
-    ratio = inflated_ball.ratio_at(pressure, speed)
-    before = inflated_ball.compression(pressure, largest)
-
-    def lost(u):
-        back = quad(lambda x: pressure(x) * x * (2 - x) ** 2, u, largest, epsabs=1e-9)[0]
-        scale = math.pi * BALL.radius**3 / m
-        square = before - inflated_ball.compression(pressure, u)
-        return 0.25 * m * (square + scale * back / (1 - 0.5 * u) ** 2)
-
-    energy = quad(lost, 0.0, largest, epsrel=1e-12)[0]
-    assert energy == pytest.approx(0.5 * m * speed**2 * (1 - ratio**2), rel=integrated(1e-10))
-    times, force = inflated_ball.force_over_time(pressure, speed)
-    assert np.trapezoid(force, times) == pytest.approx(m * speed * (1 + ratio), rel=1e-4)
 
 
 @pytest.mark.parametrize("speed", [0.1, 0.2])

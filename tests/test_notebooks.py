@@ -5,7 +5,6 @@ import re
 
 import nbformat
 import pytest
-from nbclient.exceptions import CellExecutionError
 from notebook_outputs import NOTEBOOKS, PICTURES, ROOT, outputs, run
 
 by_name = pytest.mark.parametrize("file", NOTEBOOKS, ids=lambda file: file.stem)
@@ -49,25 +48,3 @@ def test_a_notebook_is_stored_small_and_without_traces(file):
     assert str(ROOT) not in text
     assert "/tmp/" not in text
     assert f"notebooks/{file.name}" in (ROOT / "docs" / "examples.md").read_text("utf-8")
-
-
-NO_ROBOTS = """
-from importlib import metadata
-
-def files(name):
-    raise metadata.PackageNotFoundError(name)
-
-metadata.files = files
-"""
-
-
-@pytest.mark.slow
-def test_missing_robots_are_reported_in_one_line(tmp_path):
-    notebook = nbformat.read(ROOT / "notebooks" / "humanoid_kick.ipynb", as_version=4)
-    notebook.cells.insert(0, nbformat.v4.new_code_cell(NO_ROBOTS))
-    with pytest.raises(CellExecutionError):
-        run(notebook, tmp_path)
-    (output,) = faults(notebook)
-    (line,) = output.traceback
-    assert "\n" not in line
-    assert 'pip install "kickdyn[robots]"' in line

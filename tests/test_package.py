@@ -63,19 +63,8 @@ def test_wheel_and_sdist_hold_what_they_need(built):
     assert not [name for name in names if Path(name).name.startswith("test")]
     with tarfile.open(built[1]) as sdist:
         folders = {Path(name).parts[1] for name in sdist.getnames() if len(Path(name).parts) > 1}
-    assert (
-        set(
-            "Makefile constraints.txt kickdyn urdf tests tools scenes notebooks docs examples "
-            "benchmarks".split()
-        )
-        <= folders
-    )
-
-
-def test_an_import_is_quick_and_clean():
-    """It loads nothing heavy, and names are imported when they are first used."""
-    code = "import kickdyn, sys; print({'numpy', 'numba', 'pinocchio'} & sys.modules.keys())"
-    assert python(code) == "set()\n"
+    needed = "Makefile constraints.txt kickdyn urdf tests tools scenes docs examples benchmarks"
+    assert set(needed.split(" ")) <= folders
 
 
 @pytest.mark.slow
@@ -100,12 +89,6 @@ def test_no_public_name_hides_a_module_and_a_star_brings_all():
 def test_other_files_name_the_same_version(file):
     versions = re.findall(r"^ *version: \"?([\d.]+)\"?$", (ROOT / file).read_text("utf-8"), re.M)
     assert versions == [kd.__version__]
-
-
-def test_the_authors_are_those_of_the_license():
-    (author,) = (entry["name"] for entry in PROJECT["authors"])
-    assert f"Copyright (c) 2026, {author}".lower() in (ROOT / "LICENSE").read_text("utf-8").lower()
-    assert f"  - name: {author}\n" in (ROOT / "CITATION.cff").read_text("utf-8")
 
 
 def test_the_conda_recipe_needs_what_the_wheel_needs():

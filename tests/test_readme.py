@@ -5,7 +5,6 @@ import io
 import re
 import shlex
 import shutil
-import subprocess
 from itertools import pairwise
 from pathlib import Path
 
@@ -54,18 +53,6 @@ def test_commands_run(command, tmp_path, monkeypatch):
     for option, file in pairwise(words):
         if option in ("--view", "--out", "--scene-out"):
             assert Path(file).exists()
-
-
-def test_the_readme_has_snippets_and_commands_and_is_short():
-    assert SNIPPETS
-    assert COMMANDS
-    assert len(README.splitlines()) < 140
-
-
-@pytest.mark.parametrize("target", re.findall(r"^make (\w+)", README, re.MULTILINE))
-def test_make_targets_exist(target):
-    ended = subprocess.run(["make", "-n", target], cwd=ROOT, capture_output=True, text=True)
-    assert ended.returncode == 0, ended.stderr
 
 
 def test_pictures_and_links_exist():

@@ -2,7 +2,6 @@
 
 import impact_methods
 import measurement
-import numpy as np
 import pytest
 from references.exact_impact import exact_impact, given
 from tolerances import closed_form
@@ -60,10 +59,3 @@ def test_contacts_that_take_time_approach_the_instant(errors):
         soft, stiff = errors.get((kick, "MuJoCo"), (0.1, 0.01))
         assert 1e-2 < soft < 0.2
         assert stiff < soft / 4
-
-
-def test_the_kick_with_friction_sticks_and_turns_the_impulse():
-    with_friction, without = impact_methods.kick(0.4), impact_methods.kick(0.0)
-    assert with_friction.sticking
-    gap = np.linalg.norm(with_friction.impulse - without.impulse)
-    assert gap > 0.1 * np.linalg.norm(without.impulse)

@@ -2,20 +2,18 @@
 
 import json
 import shlex
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
-import kickdyn as kd
 from kickdyn.cli.command import run
 from kickdyn.cli.commands import kickdyn_command
 
 ROOT = Path(__file__).resolve().parents[2]
 
 
-@dataclass(frozen=True)
-class Ended:
+class Ended(NamedTuple):
     """How a command ended: its exit code, and what it wrote to standard output and error."""
 
     code: int
@@ -50,24 +48,14 @@ def written(tmp_path):
     """Return a function that writes a text to a file of the folder."""
 
     def write(name, text):
-        path = Path(tmp_path, name)
-        path.write_text(text, "utf-8")
-        return path
+        (tmp_path / name).write_text(text, "utf-8")
+        return tmp_path / name
 
     return write
-
-
-@pytest.fixture
-def human_urdf():
-    return kd.Leg.human().file.text
 
 
 @pytest.fixture
 def match_ball(written):
     """Return a function that writes a part of the measured match to match.csv."""
     rows = (ROOT / "data" / "match_ball.csv").read_text("utf-8").splitlines()
-
-    def write(first, last):
-        return written("match.csv", "\n".join([rows[0], *rows[first:last]]) + "\n")
-
-    return write
+    return lambda first, last: written("match.csv", "\n".join([rows[0], *rows[first:last]]) + "\n")

@@ -7,8 +7,7 @@ import click
 import pytest
 
 import kickdyn as kd
-from kickdyn.cli.command import Command, check_page_name, run
-from kickdyn.cli.option_groups import JsonOptions
+from kickdyn.cli.command import check_page_name, run
 
 INTERRUPTED = """
 import os
@@ -65,52 +64,12 @@ def test_bad_input_ends_with_2_and_any_other_error_with_1(error, code, lines, mo
     assert ends(kick, capsys) == (code, [f"kick: {line}" for line in lines])
 
 
-@click.command("kick", Command)
-@click.argument("ball", required=False, metavar="BALL")
-@click.option("--speed", default=1.0)
-@click.option("--leg", multiple=True)
-def kick(**_):
-    """Do nothing."""
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["--speed", "1,5"], ("--speed", "1,5")),
-        (["--leg", "left", "--leg", ""], ("--leg", "empty")),
-        ([""], ("BALL", "empty")),
-        (["--sped", "1"], ("--sped", "--speed")),
-    ],
-)
-def test_words_that_cannot_be_read_are_refused(arguments, words, monkeypatch, capsys):
-    monkeypatch.setattr(sys, "argv", ["kick", *arguments])
-    code, (line,) = ends(kick, capsys)
-    assert code == 2
-    assert all(word in line for word in words), line
-
-
 @pytest.mark.slow
 def test_output_that_cannot_be_written_ends_with_1():
     command = [sys.executable, "-m", "kickdyn", "paper", "--only", "fig8"]
     with open("/dev/full", "w") as full:  # noqa: PTH123
         ended = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True)
     assert (ended.returncode, ended.stderr) == (1, "kickdyn: No space left on device\n")
-
-
-def test_files_that_will_be_replaced_are_named(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    JsonOptions("b.json").check("a.png")
-    assert capsys.readouterr().err == ""
-    (tmp_path / "a.png").touch()
-    (tmp_path / "b.json").touch()
-    JsonOptions("-").check("a.png")
-    line = capsys.readouterr().err
-    assert "a.png" in line
-    assert "b.json" not in line
-    JsonOptions("b.json").check("a.png")
-    line = capsys.readouterr().err
-    assert "a.png" in line
-    assert "b.json" in line
 
 
 def test_a_page_is_written_under_the_endings_of_html():

@@ -77,12 +77,6 @@ def test_click_completes_commands_options_and_files(words, at, completed, monkey
     assert completed in completion.complete().split()
 
 
-def test_the_completion_of_the_page_exists():
-    (line,) = re.findall(r'eval "\$\((_KICKDYN_COMPLETE=bash_source) kickdyn\)"', PAGE)
-    name, value = line.split("=")
-    assert "_KICKDYN_COMPLETE=bash_complete" in started("-c", SCRIPT, **{name: value}).stdout
-
-
 PLACEHOLDERS = {
     **{"angles_deg": "JOINT", "joint_impulses": "JOINT", "status": "STATUS"},
     **{"neglected": "EFFECT", "values": "UNKNOWN", "deviations": "UNKNOWN"},

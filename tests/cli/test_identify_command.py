@@ -91,20 +91,6 @@ def test_the_segments_are_those_of_the_library(kickdyn, written, tmp_path):
         assert str(measured) in text
 
 
-@pytest.mark.slow
-def test_a_part_of_the_match_is_one_flight(match_ball, kickdyn, tmp_path):
-    """A flight of 1.9 s, its bounce, and a flight that is too short to fit."""
-    match_ball(2808, 2924)
-    text = kickdyn("identify match.csv --json out.json --plot out.png --view out.html").out
-    document = json.loads((tmp_path / "out.json").read_text())
-    (flight,) = document["flights"]
-    assert flight["rms"] < 0.04
-    assert (document["too_short"], document["drag"]) == (1, None)
-    for name in ("out.json", "out.png", "out.html"):
-        assert f"wrote {name}" in text
-        assert (tmp_path / name).stat().st_size > 0
-
-
 @pytest.mark.parametrize(
     ("drag", "fitted", "air"),
     [
@@ -151,9 +137,3 @@ def test_the_longest_flight_is_plotted_and_the_first_warning_named(
     last = [line.split()[0] for line in text.splitlines() if re.match(r"\d+-", line)][-1]
     assert "1 of 2 flights have warnings" in text
     assert f"--start {last.replace('-', ' --end ')} " in text
-
-
-def test_a_track_without_a_flight_says_what_units_are_read(kickdyn, written):
-    rows = "".join(f"{t / 50},{t / 5000},0,0.001\n" for t in range(50))
-    written("kilometres.csv", f"t,x,y,z\n{rows}")
-    assert "seconds" in kickdyn("identify kilometres.csv").out

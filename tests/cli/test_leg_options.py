@@ -31,20 +31,6 @@ def loaded(*words):
     return legs[0], result.stderr
 
 
-def test_the_human_leg_is_the_default():
-    leg, warnings = loaded()
-    assert leg.model == kd.Leg.human().model
-    assert (leg.frame, leg.constraints, warnings) == ("toe", None, "")
-
-
-def test_a_human_leg_of_a_size():
-    size = {"height": 1.65, "mass": 58, "sex": "female", "side": "left", "model": "3d"}
-    word = ",".join(f"{key}={value}" for key, value in size.items())
-    leg, _ = loaded("--leg", f"human:{word}", "--frame", "inside", "--lock", "subtalar=10")
-    right = kd.Leg.human(**size, frame="inside").locked({"subtalar": math.radians(10)})
-    assert leg.model == right.model
-
-
 def slide(text, joint="ankle"):
     """Return a URDF file with a prismatic joint in place of a revolute one."""
     revolute = f'name="{joint}" type="revolute"'
@@ -105,12 +91,6 @@ def test_loops_close_what_a_file_cuts_open():
     assert f"--loop {loop}" in loaded("--leg", FOURBAR)[1]
 
 
-def test_loops_of_a_file_stay_beside_those_of_options(looped_mjcf):
-    words = ("--leg", str(looped_mjcf), "--frame", "c")
-    (of_file,) = loaded(*words)[0].loops
-    assert loaded(*words, "--loop", "a:b")[0].loops == (of_file, ("a", "b"))
-
-
 def test_a_robot_on_a_support_has_both_legs_and_a_floating_base():
     leg, warnings = loaded(*BOLT, "--support", "FL_FOOT:0.6")
     (support,) = leg.supports
@@ -150,37 +130,6 @@ def test_a_name_is_one_of_kickdyn_a_robot_or_a_file(tmp_path):
     assert load_leg(str(tmp_path / "human.urdf")).name == kd.Leg.testbed().name
 
 
-MJCF_PART = '<joint name="{}" axis="0 1 0"/><geom size="0.1" pos="0 0 -1"/>'
-
-
-@pytest.mark.parametrize("name", ["leg.xml", "leg.urdf"])
-def test_an_mjcf_file_is_recognized_by_its_content(name, tmp_path):
-    """Its hip is locked at 90 deg, which lays the shank along -x."""
-    knee = f'<body name="toe" pos="0 0 -1">{MJCF_PART.format("knee")}</body>'
-    hip = f"<body>{MJCF_PART.format('hip')}{knee}</body>"
-    (tmp_path / name).write_text(f"<mujoco><worldbody>{hip}</worldbody></mujoco>")
-    leg = load_leg(str(tmp_path / name), locked={"hip": 90.0})
-    assert leg.joint_names == ("knee",)
-    assert leg.posture([0.0]).contact_point == pytest.approx([-1.0, 0.0, 0.0], abs=1e-12)
-
-
-@pytest.mark.parametrize("name", ["rail", ""], ids=["named", "unnamed"])
-def test_joints_of_an_mjcf_are_locked_before_it_is_judged(tmp_path, name):
-    """Joints of the file that move its root body make a floating base singular."""
-    knee = f'<body name="toe" pos="0 0 -1">{MJCF_PART.format("knee")}</body>'
-    rail = f'<joint {f"name={name!r}" if name else ""} type="slide" axis="1 0 0"/>'
-    body = f'<body name="body">{rail}{MJCF_PART.format("turn")}{knee}</body>'
-    file = tmp_path / "leg.xml"
-    file.write_text(f"<mujoco><worldbody>{body}</worldbody></mujoco>")
-    with pytest.raises(kd.MjcfError, match="lock them"):
-        load_leg(str(file), base="floating")
-    locked = {name or "body_joint": 0.25, "turn": 90.0}
-    leg = load_leg(str(file), base="floating", locked=locked)
-    assert leg.joint_names == ("root_joint", "knee")
-    point = leg.posture(leg.configuration()).contact_point
-    assert point == pytest.approx([0.25 - 1.0, 0.0, 0.0], abs=1e-12)
-
-
 @pytest.mark.parametrize(
     ("words", "value", "valid"),
     [
@@ -217,22 +166,3 @@ def test_a_bad_option_is_named_with_what_is_valid(words, value, valid):
     assert any(word in text for word in value.split("|")), text
     assert any(word in text for word in valid.split("|")), text
     assert "\n" not in text
-
-
-@pytest.mark.parametrize(
-    ("text", "value", "valid"),
-    [
-        ("frame = 'FL_FOOT'\nfriciton = 1", "friciton", "friction"),
-        ("friction = 1", "friction", "needs frame"),
-        ("frame = 'FL_FOOT'\nsole = [[0, 0, 0], [1, 1, 1]]", "(2, 3)", "shape"),
-        ("frame = 'FL_FOOT'\nsole = 'round'", "'round'", "sole"),
-        ("frame", "left.toml", "TOML"),
-    ],
-)
-def test_a_bad_file_of_a_support_is_refused(text, value, valid, tmp_path):
-    (tmp_path / "left.toml").write_text(text)
-    with pytest.raises(kd.InvalidInput) as refusal:
-        loaded(*BOLT, "--support", str(tmp_path / "left.toml"))
-    assert value in str(refusal.value)
-    assert valid in str(refusal.value)
-    assert "\n" not in str(refusal.value)

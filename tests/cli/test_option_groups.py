@@ -1,7 +1,6 @@
 """Groups of options: what their methods make of the words of a command line."""
 
 import math
-from dataclasses import dataclass
 
 import click
 import pytest
@@ -13,10 +12,8 @@ from kickdyn.cli.option_groups import (
     AirOptions,
     BallOptions,
     FootOptions,
-    Numbers,
     OutputOptions,
     PointOptions,
-    option,
     takes,
 )
 from kickdyn.cli.plan_command import WindyAirOptions
@@ -35,18 +32,6 @@ def received(group, *words):
     if ended.exception is not None:
         raise ended.exception
     return groups[0]
-
-
-def test_a_command_receives_groups_beside_its_own_options():
-    @click.command("kick", Command)
-    @takes(foot=FootOptions)
-    @click.option("--law", default="newton")
-    @takes(ball=BallOptions, air=AirOptions)
-    def kick(foot, law, ball, air):
-        click.echo(f"{foot.speed:g} {law} {ball.ball} {air.air}")
-
-    words = ["--speed", "3", "--air", "paper", "--law", "stronge"]
-    assert CliRunner().invoke(kick, words).output == "3 stronge size-5 paper\n"
 
 
 @pytest.mark.parametrize(
@@ -82,22 +67,6 @@ def test_a_contact_has_its_restitution_friction_and_offset():
 def test_the_attack_is_typed_in_degrees(degrees):
     foot = received(FootOptions, "--attack", str(degrees))
     assert foot.angle == pytest.approx(degrees * math.pi / 180)
-
-
-@dataclass(frozen=True)
-class Point:
-    at: tuple[float, float] | None = option("--point", type=Numbers("X:Z"))
-
-
-def test_numbers_in_one_word():
-    assert received(Point, "--point", "-1:2e3").at == (-1.0, 2000.0)
-    assert received(Point).at is None
-
-
-@pytest.mark.parametrize("text", ["1", "1:2:3", "1:x", "1:nan", "inf:0", "1,2", ":"])
-def test_other_numbers_are_refused(text):
-    with pytest.raises(click.BadParameter, match=r"0\.1:0\.2|X:Z must be finite"):
-        received(Point, "--point", text)
 
 
 def test_outputs_are_written_and_named(tmp_path, monkeypatch, capsys):

@@ -2,14 +2,12 @@
 
 import json
 import math
-import re
 from html import escape
 
 import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.core import console
 
 LEG, BALL, AIR = kd.Leg.human(), kd.Ball(), kd.Air()
 HEIGHT = -(0.371 + 0.443) + BALL.radius
@@ -33,13 +31,9 @@ OPTIONS = {
     "--distance 12 --over 6:2": {"goal": kd.Goal(12, over=(6, 2))},
     "--distance 12 --wall 6:1.5": {"goal": kd.Goal(12, over=(6, 1.6))},
     "--distance 10 --left 2 --height 0.5 --time 1": {"goal": kd.Goal((10, 2, 0.5), time=1)},
-    f"{TO} --receiver-velocity 1,0,0": {
-        "goal": kd.Goal(10, time=1, receiver_velocity=(1, 0, 0))
-    },
+    f"{TO} --receiver-velocity 1,0,0": {"goal": kd.Goal(10, time=1, receiver_velocity=(1, 0, 0))},
     f"{TO} --spin 0,0,0": {"goal": kd.Goal(10, time=1, spin=(0, 0, 0))},
-    "--distance 8 --time 2 --pass carpet": {
-        "goal": kd.Goal(8, time=2), "surface": "carpet"
-    },
+    "--distance 8 --time 2 --pass carpet": {"goal": kd.Goal(8, time=2), "surface": "carpet"},
     f"{TO} --leg testbed --no-limits --ball-height -0.5": {
         "leg": kd.Leg.testbed(), "limits": False, "ball_position": -0.5
     },
@@ -127,27 +121,6 @@ def test_a_free_kick_over_a_wall_into_the_corner(kickdyn, tmp_path):
     assert "still aloft" not in page
 
 
-def test_the_goal_of_a_page_stands_at_the_target(kickdyn, tmp_path, monkeypatch):
-    """Its posts and bar, from the ground below the ball, in the direction of x."""
-    shown, page = [], kd.page
-
-    def seen(plan, **options):
-        shown.append((plan, options["scenery"]))
-        made = page(plan, **options)
-        made.warnings = ("a mesh is missing",)
-        return made
-
-    monkeypatch.setattr("kickdyn.view.page.page", seen)
-    ended = kickdyn("plan --distance 11 --left 2 --height 1 --time 0.6 --goal --view kick.html")
-    assert ended.err == "warning: a mesh is missing\n"
-    ((plan, boxes),) = shown
-    corners = np.vstack([box.corners() for box in boxes]) - plan.path.launch.position
-    assert len(boxes) == 3
-    assert corners[:, 0] == pytest.approx(np.full(len(corners), 11.0), abs=0.1)
-    assert corners[:, 1].min() == pytest.approx(-corners[:, 1].max())
-    assert corners[:, 2].min() == pytest.approx(-BALL.radius)
-
-
 def test_warnings_are_in_text_page_and_json(kickdyn, tmp_path):
     ended = kickdyn(
         "plan --distance 100 --time 3 --no-limits --view kick.html --json kick.json"
@@ -187,28 +160,6 @@ def test_a_robot_with_a_goal_beyond_its_limits_gets_as_far_as_they_allow(kickdyn
 
 
 @pytest.mark.slow
-def test_a_robot_on_a_support_has_a_stance_within_friction(kickdyn):
-    """The least coefficient of friction is the horizontal over the vertical impulse."""
-    line = "--leg g1 --support left_ankle_roll_link:0.7 --distance 3 --time 0.4"
-    stance = kickdyn(f"plan {line} --json -").json["stance"]
-    x, y, z, *_ = stance["impulse"]["left_ankle_roll_link"]
-    friction = stance["friction"]["left_ankle_roll_link"]
-    assert math.hypot(x, y) / z == pytest.approx(friction)
-    assert friction <= 0.7
-    assert stance["balance"] >= 0
-
-
-@pytest.mark.slow
-def test_feet_under_the_ground_are_announced(kickdyn):
-    """By the height of a crouching robot's foot at most, 10 % of its leg."""
-    warnings = kickdyn("plan --leg g1 --distance 1.5 --time 0.5 --json -").json["warnings"]
-    (line,) = (line for line in warnings if "under the ground" in line)
-    depths = {frame: float(depth) for frame, depth in re.findall(r"(\w+) by (0\.\d+) m", line)}
-    for frame in ("left_ankle_roll_link", "right_ankle_roll_link"):
-        assert 0.05 < depths[frame] < 0.1, frame
-
-
-@pytest.mark.slow
 def test_a_motion_begins_and_ends_at_rest_and_has_the_velocity_of_the_impact(kickdyn, tmp_path):
     line = "--distance 10 --time 1 --motion --view kick.html --plot m.svg --json kick.json"
     ended = kickdyn(f"plan {line} --out m.csv")
@@ -221,15 +172,6 @@ def test_a_motion_begins_and_ends_at_rest_and_has_the_velocity_of_the_impact(kic
     assert f"{-motion['time'][0]:.3g} s" in ended.out
     assert (tmp_path / "m.svg").stat().st_size > 10_000
     assert (tmp_path / "m.csv").exists()
-
-
-def test_lines_are_as_wide_as_the_screen(kickdyn, monkeypatch):
-    line = "plan --distance 100 --time 3 --no-limits"
-    wide = kickdyn(line).out
-    monkeypatch.setattr(console, "screen_width", lambda: 80)
-    narrow = kickdyn(line).out
-    assert max(map(len, narrow.splitlines())) <= 80 < max(map(len, wide.splitlines()))
-    assert narrow.split() == wide.split()
 
 
 def test_a_base_that_moves_is_another_frame(kickdyn):

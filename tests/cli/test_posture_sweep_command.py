@@ -1,11 +1,9 @@
 """`kickdyn posture-sweep`: options, files, resuming, and what the table says."""
 
-import io
 import json
 import math
 import os
 import re
-import shutil
 import signal
 import subprocess
 import sys
@@ -13,14 +11,11 @@ import time
 
 import numpy as np
 import pytest
-import trimesh
 import xarray as xr
 
 import kickdyn as kd
 from kickdyn.cli import posture_sweep_command
 from kickdyn.cli.leg_options import load_leg
-from kickdyn.core import compilation
-from kickdyn.robot.urdf_file import shipped_urdf
 from kickdyn.sweeps.dataset import variables_of
 from kickdyn.sweeps.sweep_kick import kick_from
 
@@ -128,15 +123,6 @@ def test_a_store_says_what_a_file_says_and_is_resumed(kickdyn, tmp_path):
             assert one["angles_deg"] == another["angles_deg"]
 
 
-def test_chosen_variables_and_those_of_the_table_are_kept(kickdyn, tmp_path):
-    for file in ("x.nc", "x.zarr"):
-        kickdyn(f"{SWEEP} --variables 'carry, impulse' --out {file}")
-        with kd.open_sweep(tmp_path / file) as data:
-            asked = {"carry", "impulse", "status"}
-            needed = {"ball_speed", "worst_joint_impulse", "speed_use"}
-            assert set(data.data_vars) == asked | needed
-
-
 def test_a_condition_that_no_posture_fulfils_is_said(kickdyn, tmp_path):
     files = "--out s.nc --json j.json --plot p.png --view v.html"
     ended = kickdyn(f"{SWEEP} --where 'hip > 90' {files}")
@@ -145,20 +131,6 @@ def test_a_condition_that_no_posture_fulfils_is_said(kickdyn, tmp_path):
     document = json.loads((tmp_path / "j.json").read_text())
     assert (document["chosen"], document["status"]["ok"]) == (0, 3)
     assert {file.name for file in tmp_path.iterdir()} == {"s.nc", "j.json", "p.png"}
-
-
-def test_a_foot_that_is_too_fast_for_the_joints_is_said(kickdyn, tmp_path):
-    ended = kickdyn(f"{SWEEP} --speed 60 --view x.html --json x.json")
-    assert json.loads((tmp_path / "x.json").read_text())["status"]["too-fast"] == 3
-    assert "3 too-fast" in ended.out
-    assert not (tmp_path / "x.html").exists()
-
-
-def test_a_speed_outside_the_data_of_the_restitution_is_said(kickdyn):
-    """The drops of Peacock's ball were at 9.1 to 21.2 m/s."""
-    ended = kickdyn(f"{SWEEP} --speed 2 --restitution peacock-ball --json -")
-    assert "9.1 to 21.2 m/s" in ended.err
-    assert "9.1 to 21.2 m/s" in ended.json["warnings"][0]
 
 
 @pytest.mark.slow
@@ -218,20 +190,6 @@ def test_a_long_sweep_is_announced_with_its_size(kickdyn, monkeypatch):
     assert minutes["stronge"] > 100 * minutes["newton"] > 0
 
 
-class Terminal(io.StringIO):
-    def isatty(self):
-        return True
-
-
-def test_the_progress_says_what_is_compiled(monkeypatch):
-    monkeypatch.setattr(sys, "stderr", terminal := Terminal())
-    with posture_sweep_command._progress_bar(10):
-        compilation.log.info("compiling a kernel")
-    compilation.log.info("compiling for another caller")
-    assert "compiling a kernel" in terminal.getvalue()
-    assert "another caller" not in terminal.getvalue()
-
-
 def test_a_locked_joint_leaves_the_default_grid(kickdyn):
     """Hip from -10 to 40 and knee from 0 to 60 deg, in steps of 5 deg; no posture of the paper."""
     ended = kickdyn("posture-sweep --lock ankle=0 --json -")
@@ -246,51 +204,6 @@ def test_a_robot_is_swept_by_name(kickdyn):
     posture = whole.posture(whole.configuration({"right_knee_joint": np.radians(40)}))
     right = posture.effective_mass((math.cos(math.pi / 6), 0, 0.5))
     assert document["lines"][0]["effective_mass"] == pytest.approx(right, rel=1e-9)
-
-
-@pytest.mark.slow
-def test_any_urdf_and_any_name_of_a_joint(kickdyn, written, human_urdf, tmp_path):
-    odd = r"$\frac$ [red]"
-    written("mine.urdf", human_urdf.replace('"hip"', f'"{odd}"').replace("leg_human", "[b]x"))
-    shutil.copytree(shipped_urdf("meshes"), tmp_path / "meshes")
-    files = "--out x.nc --plot x.png --view x.html"
-    line = f"posture-sweep --leg mine.urdf --drives none {files} --joint"
-    ended = kickdyn(line, f"{odd}=0:10:5")
-    assert ended.err == ""
-    assert odd in ended.out
-    assert "[b]x" in ended.out
-
-
-@pytest.mark.slow
-def test_a_missing_mesh_costs_no_result(kickdyn, written, tmp_path):
-    text, box = kd.Leg.testbed().file.text, '<box size="0.1 0.14 0.08" />'
-    assert box in text
-    written("mine.urdf", text.replace(box, '<mesh filename="no.stl"/>'))
-    ended = kickdyn(f"{SWEEP} --leg mine.urdf --out x.nc --json x.json --view x.html")
-    assert "no.stl" in ended.err
-    assert "no.stl" in (tmp_path / "x.html").read_text()
-    assert {"x.nc", "x.json"} < {file.name for file in tmp_path.iterdir()}
-
-
-@pytest.mark.slow
-def test_a_ros_package_is_drawn_from_the_folder_that_is_named(kickdyn, tmp_path, human_urdf):
-    """Two meshes: one of the package that the file is in, and one of another."""
-    text = re.sub(r"<visual>.*?</visual>", "", human_urdf, flags=re.DOTALL)
-    robot, foot = tmp_path / "src/robot", tmp_path / "other/my_foot"
-    for folder in (robot / "urdf", robot / "meshes", foot):
-        folder.mkdir(parents=True)
-    for link, file in (("thigh", "my_robot/meshes/thigh.stl"), ("foot", "my_foot/foot.stl")):
-        mesh = f'<visual><geometry><mesh filename="package://{file}"/></geometry></visual>'
-        text = text.replace(f'<link name="{link}">', f'<link name="{link}">{mesh}')
-    (robot / "urdf/my.urdf").write_text(text)
-    (robot / "package.xml").write_text("<package><name>my_robot</name></package>")
-    for file in (robot / "meshes/thigh.stl", foot / "foot.stl"):
-        trimesh.creation.box((0.1, 0.1, 0.3)).export(file)
-    line = f"{SWEEP} --leg src/robot/urdf/my.urdf --drives none --view x.html"
-    assert kickdyn(f"{line} --package-dir src --package-dir other").err == ""
-    warning = kickdyn(line).err
-    assert "my_foot" in warning
-    assert "--package-dir" in warning
 
 
 def test_a_page_that_fails_comes_after_the_results(kickdyn, tmp_path, monkeypatch):

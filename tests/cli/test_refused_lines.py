@@ -1,8 +1,8 @@
 """What a command refuses: exit code 2 and one line for the fault, before anything is written."""
 
-import os
-
 import pytest
+
+import kickdyn as kd
 
 SWEEP = "posture-sweep --joint hip=0:40:20 --joint knee=10 --joint ankle=0"
 PLAN = "plan --distance 12 --time 1"
@@ -15,69 +15,49 @@ LONG = "x" * 5000
 REFUSED = [
     # words that click cannot read, unknown names, empty values
     ("simulat", "'simulat'", "'simulate'"),
-    ("posture_sweep", "'posture_sweep'", "'posture-sweep'"),
     (f"{SWEEP} --nose", "--nose"),
     (f"{SWEEP} --speed fast", "'fast'", "float"),
     (f"{SWEEP} --threads 0", "1<=x<=1024"),
-    (f"{SWEEP} --air thick", "'thick'", "standard"),
     (f"{PLAN} --objective x", "'x'", "joint-speed"),
     (f"{PLAN} --json ''", "--json is empty"),
     ("plan --time 1", "--distance"),
     (f"{PLAN} --beside 9", "'9'", "DISTANCE:LEFT"),
-    (f"{PLAN} --spin 1,2", "'1,2'", "X,Y,Z"),
     (f"{PLAN} --wind 1,2,x", "'1,2,x'", "0.1,0.2,0.3"),
-    (f"{PLAN} --ball-at 0,0,inf", "'0,0,inf'", "finite"),
     # leg
     (f"{SWEEP} --leg missing.urdf", "missing.urdf", "no such file"),
     (f"{SWEEP} --leg page.html", "<robot>"),
     (f"{SWEEP} --leg missing", "'missing'", "testbed, g1"),
     (f"{SWEEP} --leg {LONG}", "xxx...xxx", "testbed"),
     (f"{SWEEP} --frame nose", "'nose'", "toe"),
-    (f"{SWEEP} --package-dir gone", "'gone'", "not exist"),
     (f"{SWEEP} --package-dir .", "URDF", "human"),
     (f"{SWEEP} --leg human:age=3", "'age=3'", "height=METRES"),
-    (f"{SWEEP} --leg human:height=1.65,height=2", "'height=2'", "once"),
     # grid and condition
     (f"{SWEEP} --joint nose=1", "'nose'", "hip, knee, ankle"),
     (f"{SWEEP} --joint hip=5", "'hip'", "twice"),
     ("posture-sweep --joint hip=0:200:10", "-30 to 125 deg"),
-    (f"{SWEEP} --where kne<30", "'kne'", "knee [deg]"),
     (f"{SWEEP} --where knee=30", "'knee=30'", "comparisons"),
-    (f"{SWEEP} --where knee", "is a number"),
     (f"{SWEEP} --variables cary --out s.nc", "'cary'", "carry"),
     (f"{SWEEP} --variables carry", "--variables", "--out"),
     (f"{SWEEP} --variables carry --out s.nc --where 'impulse > 1'", "'impulse'", "knee [deg]"),
     # ball, contact, air
     (f"{SWEEP} --ball tennis", "'tennis'", "MASS:RADIUS"),
-    (f"{SWEEP} --ball 1:0.1:3:4", "'1:0.1:3:4'", "MASS:RADIUS"),
-    (f"{SWEEP} --ball inf:0.1", "ball mass is inf", "1000"),
     (f"{SWEEP} --ball 1001:0.1", "ball mass is 1001", "at most 1000 "),
-    (f"{SWEEP} --ball 0.4:1.01", "ball radius is 1.01", "at least 0.001 and at most 1 "),
     (f"{SWEEP} --restitution 1.2", "restitution is 1.2", "1"),
     (f"{PLAN} --restitution 5:1:6", "'5:1:6'", "5:0.8"),
-    (f"{SWEEP} --friction -0.1", "friction is -0.1", "at least 0"),
     (f"{SWEEP} --speed nan", "speed is nan", "finite"),
-    (f"{SWEEP} --attack 91", "attack is 91", "at most 90"),
-    (f"{SWEEP} --tolerance -1", "tolerance is -1", "at least 0"),
     (f"{PLAN} --drag golf", "'golf'", "brazuca"),
-    (f"{PLAN} --drag -1", "--drag is -1", "at least 0"),
     (f"{PLAN} --drag 0.2 --air none", "--drag is 0.2", "--air is none"),
     (f"{PLAN} --wind 1,0,0 --air none", "--wind is [1.0, 0.0, 0.0]", "--air is none"),
     (f"{PLAN} --wind 1e300,0,0", "wind is 1e+300", "343"),
     # files
     (f"{SWEEP} --out no/where.zarr", "no/where.zarr", "cannot be written"),
-    (f"{SWEEP} --out no/where.nc", "no/where.nc", "cannot be written"),
     (f"{SWEEP} --out s.csv", "s.csv", ".nc"),
     (f"{SWEEP} --out file.zarr", "file.zarr", "--resume"),
-    (f"{SWEEP} --out file.zarr --resume", "file.zarr", "read"),
     (f"{SWEEP} --resume", "--resume", "--out DIR.zarr"),
-    (f"{SWEEP} --out t.nc --resume", "--resume", "--out DIR.zarr"),
     (f"{SWEEP} --plot s.exe", "s.exe", ".png"),
     (f"{SWEEP} --view p.txt", "p.txt", ".html"),
-    (f"{SWEEP} --json .", "folder"),
     (f"{SWEEP} --leg page.html --json page.html", "page.html", "input"),
     (f"{SWEEP} --plot x.png --json x.png", "x.png", "two outputs"),
-    ("paper --json no/where.json", "no/where.json", "cannot be written"),
     ("paper --only 'table 7'", "'table 7'", "table2"),
     ("simulate no_such_scene", "no_such_scene", "free_kick"),
     ("view paper_kick", "--out, --png or --json"),
@@ -86,67 +66,39 @@ REFUSED = [
     # plans
     ("plan --distance 12", "time, apex, speed, over"),
     (f"{PLAN} --launch-speed 20", "time and speed"),
-    ("plan --distance 12 --launch-speed -1", "speed is -1", "finite number"),
     ("plan --distance 12 --time -1", "time is -1", "finite number"),
-    ("plan --distance nan --time 1", "distance is nan", "10000"),
     ("plan --distance 20000 --time 1", "distance is 20000", "10000"),
-    (f"{PLAN} --ball-height 1e300", "1e+300", "within"),
     ("plan --distance 12 --apex 1 --height 3", "low"),
     ("plan --distance 12 --wall 9.15", "'9.15'", "wall"),
-    ("plan --distance 12 --wall 25:1.9", "25 m"),
     ("plan --distance 20 --height 1 --time 0.7 --wall 9.15:1.9 --no-limits", "wall", "edge"),
-    ("plan --distance 8 --time 2 --pass carpet --wall 4:1", "wall", "edge"),
     ("plan --distance 4 --apex 1 --pass turf", "pass", "time"),
     (f"{PLAN} --plot a.png", "--plot is 'a.png'", "--motion"),
     (f"{PLAN} --out a.csv", "--out is 'a.csv'", "--motion"),
     (f"{PLAN} --both-feet", "--both-feet", "--motion"),
     (f"{PLAN} --corrections 2", "--corrections is 2", "--run mujoco"),
-    (f"{PLAN} --noisy-runs 2", "--noisy-runs is 2", "--run mujoco"),
-    (f"{PLAN} --motion --out a.txt", "a.txt", ".csv"),
     (f"{PLAN} --motion --no-limits", "limits is False"),
     (f"{PLAN} --trap 0,0,0", "--trap", "--ball-position and --ball-velocity"),
-    (f"{PLAN} --meet-at 1 --ball-velocity 1,0,0", "--ball-position missing"),
     (f"{PLAN} {MOVING} --trap 0,0,0", "--trap excludes --distance, --time"),
     (f"{PLAN} {MOVING} --ball-height 0", "--ball-position excludes", "--ball-height"),
-    (f"{PLAN} {MOVING} --motion", "--ball-position excludes", "--motion"),
-    (f"{PLAN} --ball-height 0 --ball-at 0,0,0", "--ball-height and --ball-at", "one"),
     (f"{G1} --motion --objective foot-speed", "foot-speed", "motion"),
     (f"{G1} --ball-height 0.5", "on its ground"),
-    (f"{G1} --support right_knee_link", "right_knee_link", "kicking limb"),
-    (f"{G1} --support pelvis", "pelvis", "one"),
-    (f"{G1} --loop left_knee_link:torso_link", "no loops"),
     # MuJoCo
-    (f"{TUNE} --timestep 0", "timestep is 0.0"),
     (f"{TUNE} --timestep 0.006", "0.005 s"),
     (f"{TUNE} --out - --json -", "--out and --json", "one"),
     ("tune-mujoco law.toml", "'stronge'", "'newton'"),
     ("tune-mujoco stiffness.toml", "'pressure'", "contact_time_s"),
     # measured tracks
     ("identify match.csv --start 50 --end 20", "--start 50 --end 20", "116"),
-    ("identify match.csv --start 0 --end 4", "4 samples", "5"),
     (f"{PART} --columns time,x,y,z", "'time'", "once each"),
-    (f"{PART} --columns t,x", "four columns"),
     (f"{PART} --marker ball", "'ball'", "C3D"),
     (f"{PART} --drag golf", "'golf'", "constant"),
     ("identify match.csv --ground-height 9", "9 m"),
 ]
 
-SCENE = """[leg]
-model = "human"
-[posture]
-foot_velocity_m_s = [5, 0, 2]
-[contact]
-attack_deg = 30
-restitution = 0.7
-"""
-
-
-def inputs(written, match_ball):
-    written("page.html", "<html><body/></html>")
-    written("file.zarr", "no store")
-    written("law.toml", f'{SCENE}law = "stronge"\n')
-    written("stiffness.toml", f'{SCENE}stiffness = "pressure"\n[ball]\npressure_pa = 80e3\n')
-    match_ball(2808, 2924)
+SCENE = (
+    '[leg]\nmodel = "human"\n[posture]\nfoot_velocity_m_s = [5, 0, 2]\n'
+    "[contact]\nattack_deg = 30\nrestitution = 0.7\n"
+)
 
 
 @pytest.mark.parametrize(("line", "said"), [(line, said) for line, *said in REFUSED],
@@ -154,8 +106,12 @@ def inputs(written, match_ball):
 def test_a_fault_is_one_line_with_the_value_and_what_is_valid(
     line, said, kickdyn, written, match_ball, tmp_path
 ):
-    inputs(written, match_ball)
-    before = sorted(os.listdir(tmp_path))
+    written("page.html", "<html><body/></html>")
+    written("file.zarr", "no store")
+    written("law.toml", f'{SCENE}law = "stronge"\n')
+    written("stiffness.toml", f'{SCENE}stiffness = "pressure"\n[ball]\npressure_pa = 80e3\n')
+    match_ball(2808, 2924)
+    before = set(tmp_path.iterdir())
     ended = kickdyn(line, code=2)
     assert ended.out == ""
     assert ended.err.startswith("kickdyn: ")
@@ -163,7 +119,7 @@ def test_a_fault_is_one_line_with_the_value_and_what_is_valid(
     assert len(ended.err) < 2000
     for word in said:
         assert word in ended.err
-    assert sorted(os.listdir(tmp_path)) == before
+    assert set(tmp_path.iterdir()) == before
 
 
 def test_every_fault_of_a_scene_has_a_line(kickdyn, written):
@@ -174,9 +130,9 @@ def test_every_fault_of_a_scene_has_a_line(kickdyn, written):
     assert any("modle" in line and "model" in line for line in lines)
 
 
-@pytest.mark.parametrize("name", ["carry", "status", "speed_ratio", "a/b", "."])
-def test_a_joint_whose_name_a_dataset_cannot_hold_is_refused(name, kickdyn, written, human_urdf):
-    written("mine.urdf", human_urdf.replace('"hip"', f'"{name}"'))
+@pytest.mark.parametrize("name", ["carry", "status", "a/b", "."])
+def test_a_joint_whose_name_a_dataset_cannot_hold_is_refused(name, kickdyn, written):
+    written("mine.urdf", kd.Leg.human().file.text.replace('"hip"', f'"{name}"'))
     ended = kickdyn(f"posture-sweep --leg mine.urdf --joint {name}=0:10:5 --out x.nc", code=2)
     assert f"joint '{name}' cannot be swept" in ended.err
 

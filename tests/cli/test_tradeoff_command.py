@@ -104,13 +104,6 @@ def test_effects_of_a_scene_are_those_of_the_library(kickdyn, tmp_path):
     assert "<svg" in (tmp_path / "x.svg").read_text()
 
 
-def test_a_name_is_no_markup(kickdyn, written):
-    scene = (ROOT / "scenes" / "paper_kick.toml").read_text("utf-8")
-    name = "[bold]x[/bold] [/foo]"
-    written("bold.toml", scene.replace("the paper's kick", name))
-    assert kickdyn("tradeoff --scene bold.toml").out.startswith(name)
-
-
 def test_bars_are_as_long_as_the_effects():
     rows = [
         EffectSize("buoyancy", math.nan, math.nan, "flies off"),

@@ -10,7 +10,6 @@ import pytest
 from one_of_each import one
 
 import kickdyn as kd
-from kickdyn.core import validation
 
 BAD = {
     "None": None,
@@ -133,23 +132,3 @@ def test_an_argument_of_any_type_is_taken_or_refused_in_a_line(name, tmp_path, m
         except Exception as error:
             if not (isinstance(error, kd.InvalidInput) and str(error).isprintable()):
                 pytest.fail(f"{bad}: {type(error).__name__}: {error}")
-
-
-@validation.check_arguments
-def annotated(ball: kd.Ball, air: kd.Air | None = None, *, strict: bool = False, rest: float = 0.0):
-    return ball, air, strict, rest
-
-
-@pytest.mark.parametrize(
-    ("args", "options", "words"),
-    [
-        ((None,), {}, r"ball is None.* kickdyn\.Ball"),
-        ((IMPACT,), {}, r"ball is .*Impact.* kickdyn\.Ball"),
-        ((BALL, BALL), {}, r"air is .* kickdyn\.Air or None"),
-        ((BALL,), {"strict": 1}, "strict is 1.* True or False"),
-    ],
-)
-def test_an_annotation_is_what_an_argument_must_be(args, options, words):
-    with pytest.raises(kd.InvalidInput, match=words):
-        annotated(*args, **options)
-    assert annotated(BALL, None, strict=np.True_, rest="x") == (BALL, None, np.True_, "x")

@@ -16,11 +16,6 @@ runpy.run_path(sys.argv[1], run_name="__main__")
 """
 
 
-def test_examples_are_short():
-    assert EXAMPLES
-    assert not [file.name for file in EXAMPLES if len(file.read_text().splitlines()) >= 40]
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("file", EXAMPLES, ids=lambda file: file.stem)
 def test_an_example_runs(file, tmp_path):

@@ -41,19 +41,14 @@ PATHS = {
 """Paths of attributes, the first of which that exists is meant, for rows of another name."""
 
 
-def steps(track):
-    return np.diff(track.times)
-
-
 FORMULAS = {
     ("track", "samples"): lambda track: len(track.times),
     ("track", "duration"): lambda track: track.times[-1] - track.times[0],
-    ("track", "median interval"): lambda track: np.median(steps(track)),
+    ("track", "median interval"): lambda track: np.median(np.diff(track.times)),
     ("track", "lowest corner"): lambda track: track.positions.min(axis=0),
     ("track", "highest corner"): lambda track: track.positions.max(axis=0),
     ("leg", "mass"): lambda leg: sum(body.mass for body in leg.model.inertias),
     ("posture", "hip"): lambda posture: posture.q[0],
-    ("posture", "ankle"): lambda posture: posture.q[2],
     ("scene", "foot speed"): lambda scene: np.linalg.norm(scene.posture.jacobian @ scene.v),
     ("launch", "time"): lambda launch: launch.flight.duration,
     ("launch", "largest error"): lambda launch: np.abs(launch.errors).max(),
@@ -65,18 +60,15 @@ FORMULAS = {
     ("slow scene", "contact time"): lambda scene: 0.008,
     ("leg motion", "contact"): lambda motion: (0.09, 0.0014),
     ("contact motion", "speed of hip"): lambda at: (at.v[0], at.v_deviations[0]),
-    ("restitution", "at 16.5 m/s"): lambda fit: (0.61, 0.034),
     ("learner", "landing scatter"): lambda x: math.sqrt(np.trace(x.landing_scatter)),
     ("learner", "landing uncertainty"): lambda x: math.sqrt(np.trace(x.landing_uncertainty)),
     ("tuning", "contact time"): lambda tuning: 0.009,
     ("tuning", "error, this kick"): lambda tuning: (2.0, 3.0, 0.6),
-    ("tuning", "goal, direction"): lambda tuning: (1.0, 3.0),
     ("run", "speed error"): lambda run: speeds(run) - 1.0,
     ("noisy runs", "speed error"): lambda noisy: mean_and_deviation(map(speeds, noisy.runs), 1.0),
     ("noisy runs", "upright"): lambda noisy: (1, 2),
     ("noisy runs", "miss, 90% of the runs"): lambda noisy: max(noisy.misses),
     ("body", "gaps of b"): lambda body: 2,
-    ("body", "duration"): lambda body: 0.09,
 }  # fmt: skip
 """Rows that are computed from attributes, in SI units."""
 

@@ -42,14 +42,6 @@ def test_methods_for_the_same_equations_agree(errors, kick):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("solver", ["ADMM", "PGS"])
-def test_solvers_of_the_friction_cone_are_as_exact_as_asked(errors, solver):
-    of_solver = errors["friction 0.4", f"Pinocchio {solver}"]
-    for error, tolerance in zip(of_solver, impact_methods.CONE_TOLERANCES, strict=True):
-        assert error < tolerance
-
-
-@pytest.mark.slow
 def test_contacts_that_take_time_approach_the_instant(errors):
     """A contact a hundredth as long has a hundredth of the error; MuJoCo's is the root of k."""
     long, short = errors["frictionless", "compliant contact"]

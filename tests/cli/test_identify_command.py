@@ -5,10 +5,9 @@ import re
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
 import kickdyn as kd
-from kickdyn.identification.identification_result import Identification, mean_over_flights
+from kickdyn.identification.identification_result import mean_over_flights
 
 BALL, DRAG, NOISE = kd.Ball(), 0.25, 0.004
 
@@ -123,17 +122,3 @@ def test_columns_and_ground_are_those_of_the_options(match_ball, kickdyn, writte
     assert moved["restitution"]["median"] == pytest.approx(plain["restitution"]["median"], rel=1e-6)
     drags = [document["flights"][0]["values"]["drag"] for document in (plain, moved)]
     assert drags[0] == pytest.approx(drags[1], rel=1e-3)
-
-
-def test_the_longest_flight_is_plotted_and_the_first_warning_named(
-    two_flights, kickdyn, monkeypatch
-):
-    drawn = []
-    monkeypatch.setattr(Identification, "plot", lambda fit: drawn.append(fit) or Figure())
-    late = property(lambda fit: ("late",) if fit.track.times[0] > 4.0 else ())
-    monkeypatch.setattr(Identification, "warnings", late)
-    text = kickdyn("identify two.csv --plot flight.png").out
-    assert [fit.track.duration > 0.9 for fit in drawn] == [True]
-    last = [line.split()[0] for line in text.splitlines() if re.match(r"\d+-", line)][-1]
-    assert "1 of 2 flights have warnings" in text
-    assert f"--start {last.replace('-', ' --end ')} " in text

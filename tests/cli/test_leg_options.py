@@ -113,15 +113,6 @@ def test_a_support_has_a_sole(by, tmp_path):
     assert support.sole.tolist() == CORNERS
 
 
-def test_of_a_robot_only_what_moves_the_foot_can_move():
-    whole, leg = kd.Leg.from_robot("g1", legs_only=True), load_leg("g1")
-    assert leg.nv < whole.nv
-    normal, knee = (np.cos(0.5), 0.0, np.sin(0.5)), {"right_knee_joint": 0.5}
-    masses = [robot.posture(robot.configuration(knee)).effective_mass(normal)
-              for robot in (whole, leg)]  # fmt: skip
-    assert masses[0] == pytest.approx(masses[1], rel=1e-12)
-
-
 def test_a_name_is_one_of_kickdyn_a_robot_or_a_file(tmp_path):
     assert set(LEGS) == {"testbed", *ROBOTS}
     assert len(LEGS) == len(set(LEGS))
@@ -134,25 +125,19 @@ def test_a_name_is_one_of_kickdyn_a_robot_or_a_file(tmp_path):
     ("words", "value", "valid"),
     [
         (["--lock", "knee"], "'knee'", "JOINT=VALUE"),
-        (["--lock", "=3"], "'=3'", "JOINT=VALUE"),
         (["--lock", "knee=x"], "'knee=x'", "JOINT=VALUE"),
-        (["--lock", "knee=nan"], "'knee=nan'", "JOINT=VALUE"),
         (["--lock", "knee=1", "--lock", "knee=2"], "'knee=2'", "once"),
         (["--lock", "ankle=500"], "500 deg", "-20 to 50 deg"),
         (["--lock", "kne=1"], "'kne'", "'knee'"),
         (["--loop", "a-b"], "'a-b'", "A:B"),
-        (["--loop", "toe:"], "'toe:'", "A:B"),
         (["--loop", "toe:foot"], "toe - foot", "itself"),
         (["--loop", "toe:tow"], "'tow'", "toe"),
         (["--stiff", "toe"], "'toe'", "hip, knee, ankle"),
         ([*BOLT, "--support", "FL_FOOT:-1"], "-1", "at least 0"),
         ([*BOLT, "--support", "FL_FOOT:much"], "much", "FRAME:FRICTION"),
         ([*BOLT, "--support", "FL_FOOT:0.7:0.1,0.05/0,0/1,1"], "(3, 2)", "corners"),
-        ([*BOLT, "--support", "FL_FOOT:0.7:0,0,0/1,0,0/2,0,0"], "0,0,0/1,0,0", "area"),
         ([*BOLT, "--support", "FR_FOOT"], "FR_FOOT", "kicking limb"),
         ([*BOLT, "--support", "tow"], "'tow'", "FL_FOOT"),
-        (["--support", "left_foot"], "'left_foot'", "'foot'"),
-        (["--support", "base"], "the base|leg_human", "mass|positive definite"),
         (["--leg", "hunam"], "'hunam'", "human, testbed"),
         (["--leg", "human:height=x"], "'height=x'", "height=METRES"),
         (["--package-dir", "/", "--leg", "g1"], "'/'", "URDF"),

@@ -174,23 +174,6 @@ def test_a_motion_begins_and_ends_at_rest_and_has_the_velocity_of_the_impact(kic
     assert (tmp_path / "m.csv").exists()
 
 
-def test_a_base_that_moves_is_another_frame(kickdyn):
-    """In a vacuum; seen from the hip, ball and target move with the opposite velocity."""
-    common = "plan --time 0.8 --air none --meet-at 0 --ball-position 0.5,0,-0.7 --json -"
-    moving, at_rest = (
-        kickdyn(f"{common} {line}").json
-        for line in (
-            "--base-velocity 2,0,0.2 --distance 15 --ball-velocity=-3,0,0.5",
-            "--height=-0.16 --distance 13.4 --ball-velocity=-5,0,0.3",
-        )
-    )
-    assert moving["impact"]["impulse"] == pytest.approx(at_rest["impact"]["impulse"], abs=1e-9)
-    seen = np.add(at_rest["impact"]["foot_velocity"], [2, 0, 0.2])
-    assert moving["impact"]["foot_velocity"] == pytest.approx(seen, abs=1e-9)
-    assert moving["leg"]["v"] == pytest.approx(at_rest["leg"]["v"], abs=1e-7)
-    assert moving["leg"]["q_deg"] == pytest.approx(at_rest["leg"]["q_deg"], abs=1e-6)
-
-
 @pytest.mark.slow
 def test_reach_has_the_rows_of_the_library(kickdyn, tmp_path):
     """Each of the options of its own: directions, accuracy, file and plot."""

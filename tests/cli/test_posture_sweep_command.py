@@ -102,11 +102,6 @@ def test_the_table_has_the_numbers_of_the_document(kickdyn, tmp_path):
         assert f"wrote {file}" in ended.out
 
 
-@pytest.mark.parametrize("line", ["--speed 2", "--restitution 0.7", "--attack 20", "--frame foot"])
-def test_the_paper_s_impulses_stand_beside_its_own_kick_only(line, kickdyn):
-    assert "in the paper" not in kickdyn(f"{SWEEP} {line}").out
-
-
 def test_a_store_says_what_a_file_says_and_is_resumed(kickdyn, tmp_path):
     line = f"{SWEEP} --speed 4 --where 'hip < 30' --json"
     stored = kickdyn(f"{line} z.json --out s.zarr")
@@ -131,21 +126,6 @@ def test_a_condition_that_no_posture_fulfils_is_said(kickdyn, tmp_path):
     document = json.loads((tmp_path / "j.json").read_text())
     assert (document["chosen"], document["status"]["ok"]) == (0, 3)
     assert {file.name for file in tmp_path.iterdir()} == {"s.nc", "j.json", "p.png"}
-
-
-@pytest.mark.slow
-def test_more_than_a_million_postures_without_a_store(kickdyn, tmp_path):
-    grid = "--joint hip=0:40:0.4 --joint knee=10:60:0.5 --joint ankle=0:20:0.2"
-    kickdyn(f"posture-sweep {grid} --where 'knee < 20' --json j.json --view v.html")
-    document = json.loads((tmp_path / "j.json").read_text())
-    assert document["postures"] == 101**3
-    assert (
-        max(document["best"]["angles_deg"]["knee"] + document["front"]["angles_deg"]["knee"]) < 20
-    )
-    best = document["lines"][-2]
-    assert best["angles_deg"]["hip"] == pytest.approx(document["best"]["angles_deg"]["hip"][0])
-    assert best["ball_speed"] == pytest.approx(document["best"]["ball_speed"][0], rel=1e-12)
-    assert "DIR.zarr" in kickdyn(f"posture-sweep {grid} --out s.nc", code=2).err
 
 
 def interruptible():
@@ -188,30 +168,3 @@ def test_a_long_sweep_is_announced_with_its_size(kickdyn, monkeypatch):
         gigabytes = float(re.search(r"([\d.]+) GB", announced)[1])
         assert 4 * count < gigabytes * 1e9 < 4 * 8 * count
     assert minutes["stronge"] > 100 * minutes["newton"] > 0
-
-
-def test_a_locked_joint_leaves_the_default_grid(kickdyn):
-    """Hip from -10 to 40 and knee from 0 to 60 deg, in steps of 5 deg; no posture of the paper."""
-    ended = kickdyn("posture-sweep --lock ankle=0 --json -")
-    assert ended.json["postures"] == 11 * 13
-    assert [entry["posture"] for entry in ended.json["lines"]] == ["best", "worst"]
-
-
-def test_a_robot_is_swept_by_name(kickdyn):
-    """Its effective mass is that of the whole robot on a fixed base."""
-    document = kickdyn("posture-sweep --leg g1 --joint right_knee_joint=40 --speed 2 --json -").json
-    whole = kd.Leg.from_robot("g1")
-    posture = whole.posture(whole.configuration({"right_knee_joint": np.radians(40)}))
-    right = posture.effective_mass((math.cos(math.pi / 6), 0, 0.5))
-    assert document["lines"][0]["effective_mass"] == pytest.approx(right, rel=1e-9)
-
-
-def test_a_page_that_fails_comes_after_the_results(kickdyn, tmp_path, monkeypatch):
-    """What is written first is what took the time."""
-
-    def fail(*_, **__):
-        raise kd.InvalidInput("no page")
-
-    monkeypatch.setattr("kickdyn.view.page.page", fail)
-    kickdyn(f"{SWEEP} --out x.nc --json x.json --view x.html", code=2)
-    assert {file.name for file in tmp_path.iterdir()} == {"x.nc", "x.json"}

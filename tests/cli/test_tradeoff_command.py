@@ -11,8 +11,6 @@ from tolerances import closed_form
 
 import kickdyn as kd
 from kickdyn.cli import function_costs
-from kickdyn.cli.tradeoff_command import effect_figure
-from kickdyn.scene.effects import EffectSize
 from kickdyn.scene.simulate import measure_effects
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -102,20 +100,3 @@ def test_effects_of_a_scene_are_those_of_the_library(kickdyn, tmp_path):
             [size.end, size.impulse], rel=5e-3
         )
     assert "<svg" in (tmp_path / "x.svg").read_text()
-
-
-def test_bars_are_as_long_as_the_effects():
-    rows = [
-        EffectSize("buoyancy", math.nan, math.nan, "flies off"),
-        EffectSize("drag", 12.3, 0.0),
-        EffectSize("lift", 2e-3, 0.0),
-        EffectSize("wind", 0.0, 0.0),
-    ]
-    (axes,) = effect_figure("a kick", rows, 0.05).axes
-    assert axes.get_xscale() == "log"
-    assert [bar.get_x() + bar.get_width() for bar in axes.patches] == pytest.approx([12.3, 2e-3])
-    low, high = axes.get_xlim()
-    assert low < 2e-3 < 12.3 < high
-    assert [tick.get_text() for tick in axes.get_yticklabels()] == [row.effect for row in rows]
-    (line,) = axes.lines
-    assert line.get_xdata() == [0.05, 0.05]

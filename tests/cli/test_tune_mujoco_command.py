@@ -55,7 +55,7 @@ SHOE = '<geom name="shoe" type="box" size="0.05 0.05 0.1" pos="0 0 -0.3"/>'
     ("shoes", "line", "words"),
     [
         (SHOE + SHOE.replace("shoe", "heel"), "", ("'toe'", "--foot", "shoe, heel")),
-        ('<geom type="sphere"/>', "", ("'toe'", "--foot", "none with a name")),
+        ('<geom size="0.1"/>', "", ("'toe'", "--foot", "none with a name")),
         (SHOE, "--foot shoes", ("'shoes'", "'shoe'")),
     ],
     ids=["two geoms", "a geom without a name", "an unknown geom"],

@@ -79,35 +79,3 @@ def test_a_bound_that_is_not_known_is_null(kickdyn, written):
     document = kickdyn("view slow.toml --json -").json
     assert document["neglected"] == {"contact time": None}
     assert document["error"] is None
-
-
-def test_the_moment_of_the_picture_is_passed_on(kickdyn, monkeypatch):
-    saved = []
-
-    class Page:
-        warnings = ()
-
-        def save(self, file, moment):
-            saved.append((file, moment))
-
-    monkeypatch.setattr("kickdyn.view.document.find_browser", lambda: "browser")
-    monkeypatch.setattr("kickdyn.view.page.page", lambda simulation: Page())
-    kickdyn("view paper_kick --png a.png --at 0.05")
-    kickdyn("view paper_kick --out a.html")
-    assert saved == [("a.png", 0.05), ("a.html", 0.0)]
-
-
-@pytest.mark.parametrize(
-    ("lengths", "shown"), [(0.5, True), (9.5, True), (10.5, False), (-0.5, False), (1e9, False)]
-)
-def test_a_wall_is_drawn_up_to_ten_times_the_length_of_the_path(
-    lengths, shown, written, commands_of
-):
-    flight = kd.simulate(kd.load_scene(written("kick.toml", fast_kick())), None)
-    start, end = flight.launch.position[0], flight.end.position[0]
-    x = start + lengths * (end - start)
-    wall = f"\n[plane]\npoint_m = [{x}, 0, 0]\nnormal = [{-np.sign(x)}, 0, 0]\n"
-    html = kd.page(kd.simulate(kd.load_scene(written("wall.toml", fast_kick(wall))), None)).html
-    drawn = any(entry["path"].startswith("/meshcat/scenery") for entry in commands_of(html))
-    assert drawn is shown
-    assert ("out of the picture" in html) is not shown

@@ -10,6 +10,7 @@ import pytest
 from one_of_each import one
 
 import kickdyn as kd
+from kickdyn.core import validation
 
 BAD = {
     "None": None,
@@ -132,3 +133,18 @@ def test_an_argument_of_any_type_is_taken_or_refused_in_a_line(name, tmp_path, m
         except Exception as error:
             if not (isinstance(error, kd.InvalidInput) and str(error).isprintable()):
                 pytest.fail(f"{bad}: {type(error).__name__}: {error}")
+
+
+def test_an_annotation_is_what_an_argument_must_be():
+    @validation.check_arguments
+    def call(ball: kd.Ball, air: kd.Air | None = None, *, strict: bool = False, rest: float = 0.0):
+        return ball, air, strict, rest
+
+    assert call(BALL, None, strict=np.True_, rest="x") == (BALL, None, np.True_, "x")
+    for args, strict, words in (
+        ((IMPACT,), False, r"ball is .*Impact.* kickdyn\.Ball"),
+        ((BALL, BALL), False, r"air is .* kickdyn\.Air or None"),
+        ((BALL,), 1, "strict is 1.* True or False"),
+    ):
+        with pytest.raises(kd.InvalidInput, match=words):
+            call(*args, strict=strict)

@@ -121,6 +121,23 @@ def test_a_name_is_one_of_kickdyn_a_robot_or_a_file(tmp_path):
     assert load_leg(str(tmp_path / "human.urdf")).name == kd.Leg.testbed().name
 
 
+@pytest.mark.parametrize("name", ["rail", ""], ids=["named", "unnamed"])
+def test_joints_of_an_mjcf_are_locked_before_it_is_judged(name, tmp_path):
+    """Joints of the file that move its root body make a floating base singular."""
+    joint = '<joint name="{}" axis="0 1 0"/><geom size="0.1" pos="0 0 -1"/>'
+    knee = f'<body name="toe" pos="0 0 -1">{joint.format("knee")}</body>'
+    rail = f'<joint {f"name={name!r}" if name else ""} type="slide" axis="1 0 0"/>'
+    body = f'<body name="body">{rail}{joint.format("turn")}{knee}</body>'
+    file = tmp_path / "leg.urdf"  # it is recognized by its content
+    file.write_text(f"<mujoco><worldbody>{body}</worldbody></mujoco>")
+    with pytest.raises(kd.MjcfError, match="lock them"):
+        load_leg(str(file), base="floating")
+    leg = load_leg(str(file), base="floating", locked={name or "body_joint": 0.25, "turn": 90.0})
+    assert leg.joint_names == ("root_joint", "knee")
+    point = leg.posture(leg.configuration()).contact_point
+    assert point == pytest.approx([0.25 - 1.0, 0.0, 0.0], abs=1e-12)
+
+
 @pytest.mark.parametrize(
     ("words", "value", "valid"),
     [

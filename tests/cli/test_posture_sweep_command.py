@@ -118,16 +118,6 @@ def test_a_store_says_what_a_file_says_and_is_resumed(kickdyn, tmp_path):
             assert one["angles_deg"] == another["angles_deg"]
 
 
-def test_a_condition_that_no_posture_fulfils_is_said(kickdyn, tmp_path):
-    files = "--out s.nc --json j.json --plot p.png --view v.html"
-    ended = kickdyn(f"{SWEEP} --where 'hip > 90' {files}")
-    assert "hip > 90" in ended.err
-    assert "hip > 90" in ended.out
-    document = json.loads((tmp_path / "j.json").read_text())
-    assert (document["chosen"], document["status"]["ok"]) == (0, 3)
-    assert {file.name for file in tmp_path.iterdir()} == {"s.nc", "j.json", "p.png"}
-
-
 def interruptible():
     """Heed Ctrl-C, which what a shell runs in the background does not."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)

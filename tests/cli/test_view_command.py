@@ -79,3 +79,13 @@ def test_a_bound_that_is_not_known_is_null(kickdyn, written):
     document = kickdyn("view slow.toml --json -").json
     assert document["neglected"] == {"contact time": None}
     assert document["error"] is None
+
+
+@pytest.mark.parametrize(("lengths", "shown"), [(9.5, True), (10.5, False), (-0.5, False)])
+def test_a_wall_is_drawn_up_to_ten_times_the_length_of_the_path(lengths, shown, written):
+    flight = kd.simulate(kd.load_scene(written("kick.toml", fast_kick())), None)
+    start, end = flight.launch.position[0], flight.end.position[0]
+    x = start + lengths * (end - start)
+    wall = f"\n[plane]\npoint_m = [{x}, 0, 0]\nnormal = [{-np.sign(x)}, 0, 0]\n"
+    html = kd.page(kd.simulate(kd.load_scene(written("wall.toml", fast_kick(wall))), None)).html
+    assert ("out of the picture" in html) is not shown

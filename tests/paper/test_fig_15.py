@@ -45,10 +45,6 @@ def test_newton_meets_the_goals_in_few_steps(goal):
     assert abs(rounds[-1].time_error) < 1e-9
 
 
-def test_the_vacuum_needs_no_correction():
-    assert len(learn_launch(20, 1.2, BALL, None)) == 1
-
-
 @pytest.mark.parametrize(
     ("goal", "air"),
     [

@@ -36,8 +36,8 @@ def numbers_of(text):
 
 def first_missing(shown, printed):
     """Return the first number shown that is not among those printed, in their order, or None."""
-    rest = iter(numbers_of(printed))
+    remaining = iter(numbers_of(printed))
     for number in numbers_of(shown):
-        if not any(number.agrees(other) for other in rest):
+        if not any(number.agrees(other) for other in remaining):
             return number.text
     return None

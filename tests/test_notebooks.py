@@ -13,7 +13,11 @@ by_name = pytest.mark.parametrize("file", NOTEBOOKS, ids=lambda file: file.stem)
 def faults(notebook):
     """Return the errors and warnings that cells wrote."""
     written = [output for cell in notebook.cells for output in cell.get("outputs", [])]
-    return [each for each in written if each.output_type == "error" or each.get("name") == "stderr"]
+    return [
+        output
+        for output in written
+        if output.output_type == "error" or output.get("name") == "stderr"
+    ]
 
 
 @pytest.mark.slow

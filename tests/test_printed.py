@@ -130,9 +130,9 @@ def test_a_row_shows_its_number_in_its_unit(name):
         scale = SCALES.get("%" if text.endswith("%") else unit.split(",")[0], 1.0)
         right = right if isinstance(right, tuple) else (right,)
         right = np.concatenate([np.ravel(value) for value in right]) * scale
-        found = numbers_of(text)
-        assert len(found) >= len(right), f"{row}: {text}"
-        for number, value in zip(found, right.tolist(), strict=False):
+        numbers = numbers_of(text)
+        assert len(numbers) >= len(right), f"{row}: {text}"
+        for number, value in zip(numbers, right.tolist(), strict=False):
             unit_of_rounding = max(number.last, 1e-12 * np.abs(right).max())
             assert number.value == pytest.approx(value, abs=0.51 * unit_of_rounding), (row, text)
         compared += 1

@@ -35,7 +35,9 @@ WITH_ASSUMPTIONS = list(csv.DictReader(TABLE.splitlines()))
 @pytest.mark.slow
 def test_rows_have_the_numbers_and_verdicts_of_the_script():
     """All but the row on the flights of the match, which takes long: the next test has some."""
-    computed = [row for part in validation.PARTS if part != validation.tracked for row in part()]
+    computed = [
+        row for section in validation.PARTS if section != validation.tracked for row in section()
+    ]
     for shown in (row for row in (*PAGE, *SHORT) if not re.match("A1|[PV]", row[0])):
         same = [
             row for row in computed if row.number == shown[0] and shown[1] in (row.what, row.short)

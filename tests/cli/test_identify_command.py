@@ -34,12 +34,12 @@ def test_the_fits_are_those_of_the_library_and_of_the_track(two_flights, kickdyn
     split, fits = kd.segments(track, BALL), []
     heads, *rows = (re.split(r"  +", line) for line in text.splitlines()
                     if re.match(r"\d+-|samples ", line))  # fmt: skip
-    for cells, flight, part in zip(rows, document["flights"], split.flights, strict=True):
-        fit = kd.identify(part, BALL, kd.Air(), free=["spin", "drag"])
+    for cells, flight, segment in zip(rows, document["flights"], split.flights, strict=True):
+        fit = kd.identify(segment, BALL, kd.Air(), free=["spin", "drag"])
         fits.append(fit)
         first, last = map(int, cells[0].split("-"))
         assert (flight["first"], flight["last"]) == (first, last)
-        assert track[first:last] == part
+        assert track[first:last] == segment
         assert flight["outliers"] == int(cells[2]) == fit.outliers
         assert float(cells[1]) == pytest.approx(fit.launch.speed, abs=5e-3)
         assert float(cells[3]) == pytest.approx(100 * fit.rms, abs=5e-3)
@@ -76,13 +76,13 @@ def test_the_segments_are_those_of_the_library(kickdyn, written, tmp_path):
     )  # fmt: skip
     lines = [line.split() for line in text.splitlines()
              if re.match(r"(flight|rolling|rest|other) +\d", line)]  # fmt: skip
-    for words, part, entry in zip(lines, split.parts, document["segments"], strict=True):
-        assert words[0] == entry["kind"] == part.kind
-        assert words[3] == entry["begins"] == part.begins
-        assert words[1] == f"{part.first}-{part.last}" == f"{entry['first']}-{entry['last']}"
-        ends = split.track.times[[part.first, part.last - 1]]
+    for words, segment, entry in zip(lines, split.parts, document["segments"], strict=True):
+        assert words[0] == entry["kind"] == segment.kind
+        assert words[3] == entry["begins"] == segment.begins
+        assert words[1] == f"{segment.first}-{segment.last}" == f"{entry['first']}-{entry['last']}"
+        ends = split.track.times[[segment.first, segment.last - 1]]
         assert [float(end) for end in words[2].split("-")] == pytest.approx(ends, abs=6e-3)
-        speed = np.linalg.norm(part.velocity_after)
+        speed = np.linalg.norm(segment.velocity_after)
         assert float(words[4]) == pytest.approx(speed, abs=6e-3)
     for name in ("restitution", "friction", "rolling_deceleration"):
         measured = getattr(split, name)
@@ -103,8 +103,8 @@ def test_the_drag_is_fitted_scaled_or_kept(drag, fitted, air, match_ball, kickdy
     line = f"identify match.csv --start 5 --end 60 --drag {drag} --ball 0.41:0.1 --json -"
     document = kickdyn(line).json
     free = ["spin"] if fitted is None else ["spin", fitted.replace("_", "-")]
-    part = kd.Track.from_csv(file)[5:60]
-    right = kd.identify(part, kd.Ball(0.41, 0.1), air, free=free)
+    segment = kd.Track.from_csv(file)[5:60]
+    right = kd.identify(segment, kd.Ball(0.41, 0.1), air, free=free)
     (flight,) = document["flights"]
     assert (flight["first"], flight["last"]) == (5, 60)
     assert flight["values"] == pytest.approx({name: right.values.get(name) for name in right.names})
@@ -118,8 +118,10 @@ def test_columns_and_ground_are_those_of_the_options(match_ball, kickdyn, writte
     written("raised.csv", f"up,s,left,ahead\n{text}\n")
     plain = kickdyn("identify match.csv --drag 0.15 --json -").json
     options = "--columns s,ahead,left,up --ground-height 2 --drag 0.15"
-    moved = kickdyn(f"identify raised.csv {options} --json -").json
-    assert [part["kind"] for part in moved["segments"]] == ["flight", "flight"]
-    assert moved["restitution"]["median"] == pytest.approx(plain["restitution"]["median"], rel=1e-6)
-    errors = [document["flights"][0]["rms"] for document in (plain, moved)]
+    shifted = kickdyn(f"identify raised.csv {options} --json -").json
+    assert [segment["kind"] for segment in shifted["segments"]] == ["flight", "flight"]
+    assert shifted["restitution"]["median"] == pytest.approx(
+        plain["restitution"]["median"], rel=1e-6
+    )
+    errors = [document["flights"][0]["rms"] for document in (plain, shifted)]
     assert errors[0] == pytest.approx(errors[1], rel=1e-3)

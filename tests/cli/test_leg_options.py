@@ -63,9 +63,8 @@ def test_stiff_joints_and_the_velocity_of_the_base():
     right = kd.Leg.human().with_stiff_joints("ankle", "knee")
     right = right.with_base_velocity((3, 0, 1), (0, 0.5, 0))
     assert leg.stiff_joints == right.stiff_joints
-    rest = np.zeros(3)
     point = leg.posture([0.2, 0.3, 0.1]).contact_point
-    velocity = leg.posture([0.2, 0.3, 0.1]).point_velocity(rest)
+    velocity = leg.posture([0.2, 0.3, 0.1]).point_velocity(np.zeros(3))
     assert velocity == pytest.approx((3 + 0.5 * point[2], 0, 1 - 0.5 * point[0]))
 
 
@@ -77,9 +76,9 @@ def test_stiff_joints_and_the_velocity_of_the_base():
 def test_drives_are_the_robot_s_own_none_or_those_of_a_file(words, rotor, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "drives.toml").write_text('[joints]\n"*knee*" = { rotor_inertia_kg_m2 = 0.02 }')
-    leg, own = loaded("--leg", "g1", *words)[0], kd.Leg.from_robot("g1")
+    leg, robot = loaded("--leg", "g1", *words)[0], kd.Leg.from_robot("g1")
     if rotor is None:
-        rotor = own.model.armature[own.velocity_index("right_knee_joint")]
+        rotor = robot.model.armature[robot.velocity_index("right_knee_joint")]
         assert rotor > 0
     assert leg.model.armature[leg.velocity_index("right_knee_joint")] == rotor
 

@@ -36,7 +36,7 @@ OPTIONS = {
     "--ball paper": {"ball": kd.Ball.paper()},
     "--air paper": {"air": kd.Air.paper()},
     "--air none": {"air": None},
-    "--drag 0.3": {"air": kd.Air(drag=0.3)},
+    "--air paper --drag sphere": {"air": kd.Air.paper(drag="sphere")},
     "--leg testbed": {"leg": kd.Leg.testbed()},
     "--frame foot": {"leg": load_leg("human", "foot")},
     "--stiff ankle": {"leg": kd.Leg.human().with_stiff_joints("ankle")},

@@ -20,6 +20,7 @@ REFUSED = [
     (f"{PLAN} --json ''", "--json is empty"),
     ("plan --time 1", "--distance"),
     (f"{PLAN} --beside 9", "'9'", "DISTANCE:LEFT"),
+    (f"{PLAN} --ball-at 0,0,inf", "'0,0,inf'", "finite"),
     (f"{PLAN} --wind 1,2,x", "'1,2,x'", "0.1,0.2,0.3"),
     # leg
     (f"{SWEEP} --leg missing", "'missing'", "testbed, g1"),

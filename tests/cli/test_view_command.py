@@ -62,13 +62,13 @@ def test_a_contact_shown_as_instantaneous_says_how_far_that_moves_the_end(kickdy
     ended = kickdyn("view volley --out kick.html --json kick.json")
     document = json.loads((tmp_path / "kick.json").read_text())
     whole = kd.simulate(kd.load_scene("volley"), None)
-    moved = math.dist(document["end"], whole.end.position)
-    assert document["neglected"] == {"contact time": pytest.approx(moved, rel=1e-3)}
-    assert moved <= document["error"] <= 1.001 * moved
+    distance = math.dist(document["end"], whole.end.position)
+    assert document["neglected"] == {"contact time": pytest.approx(distance, rel=1e-3)}
+    assert distance <= document["error"] <= 1.001 * distance
     page = (tmp_path / "kick.html").read_text("utf-8")
-    assert f"by {moved:.2g} m" in page
+    assert f"by {distance:.2g} m" in page
     assert f"{math.hypot(*document['impulse']):.4g} N s" in page
-    assert distance_in_words(moved) in ended.out
+    assert distance_in_words(distance) in ended.out
     assert ended.out.endswith("wrote kick.html\nwrote kick.json\n")
 
 

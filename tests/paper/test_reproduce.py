@@ -50,14 +50,14 @@ def test_a_launch_from_a_force_is_that_of_eqs_15_to_21(up, left, up_2, left_2, s
     normal = direction(up, left)
     force = size * direction(up_2, left_2)
     along = force @ normal
-    across = force - along * normal
-    slope = np.linalg.norm(across) / along
+    tangential = force - along * normal
+    slope = np.linalg.norm(tangential) / along
     assume(along > 0.1 * size and abs(slope - 0.4) > 1e-3 and slope > 1e-3)
-    across *= min(1.0, 0.4 / slope)
+    tangential *= min(1.0, 0.4 / slope)
     launch, sticks = launch_from_force(force, normal)
     assert sticks == (slope < 0.4)
-    agrees(launch.velocity, (along * normal + across) / 0.45, closed_form(10))
-    spin = np.cross(-0.1 * normal, across) / (2 / 3 * 0.45 * 0.1**2)
+    agrees(launch.velocity, (along * normal + tangential) / 0.45, closed_form(10))
+    spin = np.cross(-0.1 * normal, tangential) / (2 / 3 * 0.45 * 0.1**2)
     agrees(launch.spin, spin, closed_form(1e4))
 
 

@@ -7,9 +7,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from click.shell_completion import BashComplete
 
-from kickdyn.cli.commands import COMMANDS, kickdyn_command
+from kickdyn.cli.commands import COMMANDS
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "reference" / "commands.md").read_text("utf-8")
@@ -59,18 +58,6 @@ def test_every_command_has_an_example_json_and_a_place_on_the_page(name, kickdyn
     assert "--json FILE" in text
     assert f"`kickdyn {name}`" in PAGE
     assert f":prog: kickdyn {name}\n" in PAGE
-
-
-def test_click_completes_commands_options_and_files(monkeypatch):
-    for words, at, completed in (
-        ("kickdyn pos", "1", "plain,posture-sweep"),
-        ("kickdyn plan --rest", "2", "plain,--restitution"),
-        ("kickdyn view sce", "2", "file,sce"),
-    ):
-        monkeypatch.setenv("COMP_WORDS", words)
-        monkeypatch.setenv("COMP_CWORD", at)
-        completion = BashComplete(kickdyn_command, {}, "kickdyn", "_KICKDYN_COMPLETE")
-        assert completed in completion.complete().split()
 
 
 NAMED = "angles_deg joint_impulses status neglected values deviations effective_mass restitution"

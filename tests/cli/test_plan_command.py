@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
+from kickdyn.cli.leg_options import load_leg
+from kickdyn.cli.plan_command import height_of_ball
 
 LEG, BALL, AIR = kd.Leg.human(), kd.Ball(), kd.Air()
 HEIGHT = -(0.371 + 0.443) + BALL.radius
@@ -51,9 +53,6 @@ OPTIONS = {
     f"{TO} --drag 0.35": {"air": kd.Air(drag=0.35)},
     f"{TO} --wind 2,0,0": {"air": kd.Air(wind=(2, 0, 0))},
     f"{TO} --base-velocity 2,0,0": {"leg": LEG.with_base_velocity((2, 0, 0))},
-    f"{TO} {MOVING} --meet-at 0.7 --air none": {
-        "incoming": kd.IncomingBall(ROLLS, meet_at=0.7), "ball_position": None, "air": None
-    },
 }  # fmt: skip
 """Options, and the arguments of `plan_kick` that are not those of a plain kick over 10 m."""
 
@@ -75,12 +74,19 @@ def test_options_give_the_plan_of_the_library(line, kickdyn):
     assert document["time"] == pytest.approx(plan.path.duration, rel=1e-6)
 
 
-def test_a_ball_is_trapped(kickdyn):
-    plan = kd.plan_trap(LEG, kd.IncomingBall(ROLLS), BALL, AIR, velocity=(0.5, 0, 0),
+def test_a_ball_lies_at_the_foot_of_a_straight_leg_or_of_a_robot_with_hips_10_percent_lower():
+    robot, offset = load_leg("g1"), (0.0, 0.0, 0.01)
+    foot = robot.posture(robot.configuration()).contact_point[2]
+    assert height_of_ball(robot, BALL, None) == pytest.approx(0.9 * foot + BALL.radius)
+    assert height_of_ball(LEG, BALL, offset) == pytest.approx(HEIGHT + 0.01)
+    assert height_of_ball(kd.Leg.from_robot("bolt", base="floating"), BALL, None) is None
+
+
+def test_a_ball_is_trapped(kickdyn, tmp_path):
+    plan = kd.plan_trap(LEG, kd.IncomingBall(ROLLS, meet_at=0.7), BALL, AIR, velocity=(0.5, 0, 0),
                         contact=contact())  # fmt: skip
-    ended = kickdyn(f"plan {MOVING} --trap 0.5,0,0 --json t.json --plot t.png")
-    with open("t.json", encoding="utf-8") as file:  # noqa: PTH123
-        document = json.load(file)
+    ended = kickdyn(f"plan {MOVING} --meet-at 0.7 --trap 0.5,0,0 --json t.json --plot t.png")
+    document = json.loads((tmp_path / "t.json").read_text())
     assert document["launch"]["velocity"] == pytest.approx([0.5, 0, 0], abs=1e-6)
     assert document["impact"]["impulse"] == pytest.approx(plan.impact.impulse, rel=1e-4, abs=1e-4)
     assert len(document["meetings"]) == len(plan.meetings)
@@ -102,11 +108,14 @@ def test_the_kick_of_a_document_can_be_done_again(kickdyn):
         assert passed[2] == pytest.approx(height, abs=1e-6)
 
 
-def test_a_free_kick_over_a_wall_into_the_corner(kickdyn, tmp_path):
+def test_a_free_kick_over_a_wall_into_the_corner(kickdyn, tmp_path, monkeypatch):
     """Distances to post, bar and wall follow from the goal of 7.32 by 2.44 m and the ball."""
-    where = "--distance 20 --left 3.4 --height 2.1 --wall 9.15:1.9 --goal"
+    where, drawn = "--distance 20 --left 3.4 --height 2.1 --wall 9.15:1.9 --goal", []
+    goal_boxes = "kickdyn.view.wall_and_goal.goal_boxes"
+    monkeypatch.setattr(goal_boxes, lambda foot, distance: drawn.append(distance) or [])
     ended = kickdyn(f"plan {where} --view free.html --json free.json")
     document = json.loads((tmp_path / "free.json").read_text())
+    assert drawn == [pytest.approx(20.0)]
     post, bar = 7.32 / 2 - 3.4 - BALL.radius, 2.44 - 2.1 - 2 * BALL.radius
     assert document["goal_mouth"]["end"] == "in"
     assert document["goal_mouth"]["post"] == pytest.approx(post, abs=1e-6)

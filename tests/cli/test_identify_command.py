@@ -5,9 +5,10 @@ import re
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import kickdyn as kd
-from kickdyn.identification.identification_result import mean_over_flights
+from kickdyn.identification.identification_result import Identification, mean_over_flights
 
 BALL, DRAG, NOISE = kd.Ball(), 0.25, 0.004
 
@@ -26,9 +27,14 @@ def two_flights(written):
     return written("two.csv", "\n".join(rows))
 
 
-def test_the_fits_are_those_of_the_library_and_of_the_track(two_flights, kickdyn, tmp_path):
-    """The table shows the numbers of the document."""
-    text = kickdyn("identify two.csv --json two.json").out
+def test_the_fits_are_those_of_the_library_and_of_the_track(
+    two_flights, kickdyn, tmp_path, monkeypatch
+):
+    """The table shows the numbers of the document, and the plot the longest flight."""
+    drawn = []
+    monkeypatch.setattr(Identification, "plot", lambda fit: drawn.append(fit) or Figure())
+    text = kickdyn("identify two.csv --json two.json --plot two.png").out
+    assert [fit.track.duration > 0.9 for fit in drawn] == [True]
     document = json.loads((tmp_path / "two.json").read_text())
     track = kd.Track.from_csv(two_flights)
     split, fits = kd.segments(track, BALL), []
@@ -59,6 +65,7 @@ def test_the_fits_are_those_of_the_library_and_of_the_track(two_flights, kickdyn
     assert document["drag"]["mean"] == pytest.approx(DRAG, rel=0.2)
     assert str(mean) in text
     used = sum(map(len, split.flights))
+    assert document["too_short"] == 0
     assert document["samples_at_ends"] == len(track) - used
     assert f"{len(track) - used} samples" in text
 

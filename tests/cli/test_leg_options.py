@@ -31,30 +31,38 @@ def loaded(*words):
     return legs[0], result.stderr
 
 
-def slide(text, joint="ankle"):
-    """Return a URDF file with a prismatic joint in place of a revolute one."""
-    revolute = f'name="{joint}" type="revolute"'
-    assert revolute in text
-    return text.replace(revolute, f'name="{joint}" type="prismatic"')
+KNEE = {"right_knee_joint": math.radians(40)}
 
 
 @pytest.mark.parametrize(
     ("locks", "values"),
     [
-        ({"hip": 30, "ankle": 0.1}, {"hip": math.radians(30), "ankle": 0.1}),
-        ({"[ah]*": 0.1}, {"hip": math.radians(0.1), "ankle": 0.1}),
-        ({"knee": 30}, {"knee": math.radians(30)}),
+        ("hip=30 ankle=0.1", {"hip": math.radians(30), "ankle": 0.1}),
+        ("[ah]*=0.1", {"hip": math.radians(0.1), "ankle": 0.1}),
+        ("right_knee_joint=40", None),
     ],
-    ids=["two joints", "a pattern", "one joint"],
 )
 def test_joints_are_locked_in_degrees_or_metres(locks, values, tmp_path):
-    file = tmp_path / "slide.urdf"
-    file.write_text(slide(kd.Leg.human().file.text))
-    words = [word for name, value in locks.items() for word in ("--lock", f"{name}={value}")]
-    leg, right = loaded("--leg", str(file), *words)[0], kd.Leg.from_urdf(file, locked=values)
-    assert leg.joint_names == right.joint_names
-    q = np.linspace(0.2, 0.1, leg.nq)
-    assert leg.posture(q).contact_point == pytest.approx(right.posture(q).contact_point, abs=1e-14)
+    """The ankle is prismatic; the knee is that of a robot by name."""
+    file, text = tmp_path / "slide.urdf", kd.Leg.human().file.text
+    file.write_text(text.replace('name="ankle" type="revolute"', 'name="ankle" type="prismatic"'))
+    words = [word for lock in locks.split() for word in ("--lock", lock)]
+    leg, _ = loaded("--leg", "g1" if values is None else str(file), *words)
+    if values is None:
+        robot = kd.Leg.from_robot("g1")
+        posture, right = leg.posture(leg.configuration()), robot.posture(robot.configuration(KNEE))
+    else:
+        q = np.linspace(0.2, 0.1, leg.nq)
+        posture, right = leg.posture(q), kd.Leg.from_urdf(file, locked=values).posture(q)
+    assert posture.contact_point == pytest.approx(right.contact_point, abs=1e-12)
+
+
+def test_a_human_leg_of_a_size():
+    size = {"height": 1.65, "mass": 58, "sex": "female", "side": "left", "model": "3d"}
+    word = ",".join(f"{key}={value}" for key, value in size.items())
+    leg, _ = loaded("--leg", f"human:{word}", "--frame", "inside", "--lock", "subtalar=10")
+    right = kd.Leg.human(**size, frame="inside").locked({"subtalar": math.radians(10)})
+    assert leg.model == right.model
 
 
 def test_stiff_joints_and_the_velocity_of_the_base():

@@ -47,15 +47,6 @@ def test_rows_have_the_numbers_and_verdicts_of_the_script():
         assert shown[4] == same[0].verdict, shown
 
 
-@pytest.mark.slow
-def test_the_drag_of_flights_of_the_match_is_that_of_the_page():
-    """The two flights with the smallest and the largest drag coefficient."""
-    flights = validation.long_flights()
-    drags = [kd.identify(flights[i], kd.Ball()).values["drag"] for i in (3, 4)]
-    (shown,) = (row[3] for row in PAGE if row[0] == "A1")
-    assert first_missing(f"{drags[0]:.3f} {drags[1]:.3f}", shown) is None, shown
-
-
 def test_the_rules_of_the_verdicts():
     agrees, partly, disagrees = "agrees", "**partly**", "**disagrees**"
     assert validation.within(1, 3, 1, 3) == validation.range_within(1, 3, 1, 3) == agrees

@@ -7,7 +7,7 @@ import click
 import pytest
 
 import kickdyn as kd
-from kickdyn.cli.command import check_page_name, run
+from kickdyn.cli.command import run
 
 INTERRUPTED = """
 import os
@@ -70,11 +70,3 @@ def test_output_that_cannot_be_written_ends_with_1():
     with open("/dev/full", "w") as full:  # noqa: PTH123
         ended = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True)
     assert (ended.returncode, ended.stderr) == (1, "kickdyn: No space left on device\n")
-
-
-def test_a_page_is_written_under_the_endings_of_html():
-    for name in ("a.html", "a.HTM"):
-        check_page_name(name)
-    for name in ("a.txt", "a"):
-        with pytest.raises(kd.InvalidInput, match=rf"{name} .*\.html"):
-            check_page_name(name)

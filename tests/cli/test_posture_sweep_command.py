@@ -162,3 +162,8 @@ def test_a_long_sweep_is_announced_with_its_size(kickdyn, monkeypatch):
     measured = json.loads(SPEED.read_text())["functions"]["sweep"]["seconds"]
     assert 0.1 < 60 * minutes["newton"] / (count * measured) < 10  # machines differ
     assert minutes["stronge"] > 100 * minutes["newton"]
+
+
+def test_the_default_grid_has_steps_of_5_degrees(kickdyn):
+    """Hip from -10 to 40 and knee from 0 to 60 deg; the ankle is locked."""
+    assert kickdyn("posture-sweep --lock ankle=0 --json -").json["postures"] == 11 * 13

@@ -3,6 +3,7 @@
 import json
 import math
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
@@ -89,3 +90,12 @@ def test_a_wall_is_drawn_up_to_ten_times_the_length_of_the_path(lengths, shown, 
     wall = f"\n[plane]\npoint_m = [{x}, 0, 0]\nnormal = [{-np.sign(x)}, 0, 0]\n"
     html = kd.page(kd.simulate(kd.load_scene(written("wall.toml", fast_kick(wall))), None)).html
     assert ("out of the picture" in html) is not shown
+
+
+def test_the_moment_of_the_picture_is_passed_on(kickdyn, monkeypatch):
+    saved = []
+    page = SimpleNamespace(warnings=(), save=lambda file, moment: saved.append((file, moment)))
+    monkeypatch.setattr("kickdyn.view.document.find_browser", lambda: "browser")
+    monkeypatch.setattr("kickdyn.view.page.page", lambda simulation: page)
+    kickdyn("view paper_kick --png a.png --at 0.05")
+    assert saved == [("a.png", 0.05)]

@@ -38,9 +38,3 @@ def test_pictures_and_links_exist():
     assert links
     assert COMMANDS
     assert not [link for link in links if not (ROOT / link).exists()]
-
-
-@pytest.mark.parametrize("file", ["README.md", "docs/install.md", "docs/images/badge-python.svg"])
-def test_the_versions_of_python_are_those_of_the_package(file):
-    tested = re.findall(r"Python :: (3\.\d+)\"", (ROOT / "pyproject.toml").read_text("utf-8"))
-    assert f"{tested[0]} to {tested[-1]}" in (ROOT / file).read_text("utf-8")

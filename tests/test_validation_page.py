@@ -99,6 +99,8 @@ STATED = [
     (PAPER, r"takes (\d+), (\d+) and (\d+) with .*?, (\d+), (\d+) and (\d+) with the default",
      lambda: [item.ours for name in (DEFAULT.name, PLAIN)
               for item in fig_15.varying(CHOICES[name])]),
+    (PAPER, r"minus knee, (\S+) to (\S+) deg, and e, (\S+) to (\S+)\. That",
+     lambda: [number.value for number in numbers_of(table_2.items()[0].why)][:4]),
     (PAPER, r"gives more than (\S+) N s in case \(c\)",
      lambda: [kd.normal_impulse(1.0, 0.8, table_2.search(1.0)[1].max(axis=0)[2], 0.45)]),
 ]  # fmt: skip

@@ -85,12 +85,11 @@ def test_a_ball_lies_at_the_foot_of_a_straight_leg_or_of_a_robot_with_hips_10_pe
 def test_a_ball_is_trapped(kickdyn, tmp_path):
     plan = kd.plan_trap(LEG, kd.IncomingBall(ROLLS, meet_at=0.7), BALL, AIR, velocity=(0.5, 0, 0),
                         contact=contact())  # fmt: skip
-    ended = kickdyn(f"plan {MOVING} --meet-at 0.7 --trap 0.5,0,0 --json t.json --plot t.png")
+    kickdyn(f"plan {MOVING} --meet-at 0.7 --trap 0.5,0,0 --json t.json --plot t.png")
     document = json.loads((tmp_path / "t.json").read_text())
     assert document["launch"]["velocity"] == pytest.approx([0.5, 0, 0], abs=1e-6)
     assert document["impact"]["impulse"] == pytest.approx(plan.impact.impulse, rel=1e-4, abs=1e-4)
     assert len(document["meetings"]) == len(plan.meetings)
-    assert "wrote t.png" in ended.out
 
 
 def test_the_kick_of_a_document_can_be_done_again(kickdyn):

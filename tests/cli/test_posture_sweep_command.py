@@ -100,8 +100,7 @@ def test_the_table_has_the_numbers_of_the_document(kickdyn, tmp_path):
         right = [scale * entry[name] for entry in lines]
         assert [float(cell) for cell in table[row]] == pytest.approx(right, rel=1e-3, abs=6e-3), row
     assert table["the same in the paper, N s"] == ["1.554", "0.944", "0.646"]
-    for file in ("s.json", "s.png"):
-        assert f"wrote {file}" in ended.out
+    assert (tmp_path / "s.png").stat().st_size > 0
 
 
 def test_a_store_says_what_a_file_says_and_is_resumed(kickdyn, tmp_path):

@@ -274,6 +274,17 @@ def test_a_number_is_reproduced_within_its_limit():
     assert near(2.18, 2.0, 0.1, Verdict.FITTED) == "fitted"
 
 
+def test_items_are_judged_by_other_coefficients_and_say_what_flies_farthest():
+    paths = fig_9.flights(DEFAULT)
+    farthest, highest = (1 + int(np.argmax([getattr(path, name) for path in paths]))
+                         for name in ("range", "height"))  # fmt: skip
+    for item in chosen("fig 9")[0].compare()[0]:
+        flies = item.item.endswith(("distance", "apex"))
+        assert (item.verdict == "depends-on-coefficient") == flies, item.item
+        if flies:
+            assert f"case {farthest} flies farthest and case {highest} highest" in item.why
+
+
 def test_a_number_that_more_than_doubles_depends_on_the_coefficient():
     base = Item("a", None, 1.0, "m", Verdict.SHAPE_REPRODUCED, "", "")
 
@@ -281,6 +292,7 @@ def test_a_number_that_more_than_doubles_depends_on_the_coefficient():
         return replace(base, ours=ours, verdict=verdict, variant=f"C = {ours}")
 
     assert judged(base, [varied(1.9), varied(-0.6)], "drag x") == base
+    assert judged(replace(base, ours=0.0), [varied(0.0)], "drag x").verdict == base.verdict
     wide = judged(base, [varied(2.1), varied(0.4)], "drag x")
     assert wide.verdict == "depends-on-coefficient"
     assert all(words in wide.notes[0] for words in ("1 m with drag x", "0.4 m with C = 0.4"))

@@ -28,7 +28,7 @@ fuzz: $(VENV)/.dev
 	@echo "This takes ten minutes."
 	$(BIN)/python tools/fuzz.py --seconds 600
 
-## notebooks: runs the notebooks and stores their outputs, which tests compare; needs Chromium
+## notebooks: runs the notebooks and stores their outputs for readers; needs Chromium
 notebooks: $(VENV)/.dev browser
 	@echo "This takes about a minute, and longer on the first run, which compiles."
 	$(BIN)/python tools/notebook_outputs.py

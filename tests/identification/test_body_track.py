@@ -67,16 +67,6 @@ def test_a_faulty_file_is_refused(tmp_path, ending, text, message):
         getattr(kd.BodyTrack, f"from_{ending}")(file)
 
 
-def test_arrays_that_are_no_track_are_refused():
-    for arguments, message in (
-        (([0, 0], ["a"], np.zeros((2, 1, 3))), "times"), (([0, 1], "ab"), "'ab'"),
-        (([0, 1], ["a", "a"], np.zeros((2, 2, 3))), "'a' is named twice"),
-        (([0, 1], ["a"], np.zeros((2, 3))), r"\(2, 3\): it must be \(2, 1, 3\)"),
-    ):  # fmt: skip
-        with pytest.raises(kd.InvalidInput, match=message):
-            kd.BodyTrack(*arguments)
-
-
 def test_markers_are_found_by_name_without_the_prefix_of_a_subject_and_gaps_are_left_out():
     points = np.concatenate([POINTS, POINTS[:, :1]], axis=1)
     points[2, 1, 0] = np.nan

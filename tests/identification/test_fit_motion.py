@@ -166,11 +166,9 @@ def test_joint_angles_of_a_file():
     assert moving.at_contact().foot_velocity - at.foot_velocity == pytest.approx([4, 0, 0])
     (line,) = kd.fit_motion(whole, leg, angles=names | {"knee": "knee_r"}).warnings
     assert "knee is outside its range of 0 to 140 deg in 48 frames" in line
-    degrees = kd.BodyTrack(times, angles={name: np.degrees(x) for name, x in angles.items()})
-    for body, robot, named, message in (
-        (whole, leg, {"hip": "hip_r"}, "hip, knee"), (whole, LEG, names, "fixed base"),
-        (degrees, leg, names, "'hip_r' is up to .* degrees"),
-        (whole, leg, names | {"hip": "x"}, "'x' is not in the track"),
-    ):  # fmt: skip
+    for named, message in (
+        ({"hip": "hip_r"}, "hip, knee"),
+        (names | {"hip": "x"}, "'x' is not in"),
+    ):
         with pytest.raises(kd.InvalidInput, match=message):
-            kd.fit_motion(body, robot, angles=named)
+            kd.fit_motion(whole, leg, angles=named)

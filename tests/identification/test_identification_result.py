@@ -11,7 +11,6 @@ from kickdyn.identification.identification_result import (
     Identification,
     mean_over_flights,
     weighted_mean,
-    with_deviation,
 )
 
 BALL = kd.Ball()
@@ -61,15 +60,6 @@ def test_only_flights_that_determine_the_value_count():
     assert mean[3:] == (2, pytest.approx(15.0), pytest.approx(20.0))
     assert f"{mean.mean:.3f} +- {mean.deviation:.3f}" in str(mean)
     assert mean_over_flights(fits[1:], "drag") is None
-
-
-@pytest.mark.parametrize(
-    ("value", "deviation", "text"),
-    [(0.19982, 0.0104, "0.200 +- 0.010"), (0.25061, 0.00061, "0.25061 +- 0.00061"),
-     (-12.2, 58.9, "-12 +- 59"), (0.2, 0.0, "0.200 +- 0.000")],
-)  # fmt: skip
-def test_a_value_has_the_digits_that_its_deviation_allows(value, deviation, text):
-    assert with_deviation(value, deviation) == text
 
 
 @pytest.mark.parametrize(

@@ -70,16 +70,6 @@ def test_drag_lift_and_wind_of_a_flight(free, wind):
     agrees(result.air.wind, [2.0, -1.0, 0.5], 10 * optimized())
 
 
-def test_without_spin_the_ball_does_not_turn():
-    """Times may count from 1970, as the clocks of computers do, which are exact to 2.4e-7 s."""
-    late = kd.Track(1.7e9 + STRAIGHT.times, STRAIGHT.positions)
-    result = kd.identify(late, BALL, kd.Air(), free="drag-scale")
-    assert result.names == ("x", "y", "z", "vx", "vy", "vz", "drag_scale")
-    assert not result.launch.spin.any()
-    assert result.values["drag_scale"] == pytest.approx(1.0, rel=1e-3)
-    assert result.launch.time == 1.7e9 + 3.0
-
-
 @pytest.mark.parametrize("velocity", [(20, 3, 8), (-12, 9, -4), (0, -15, 1)], ids=str)
 def test_back_spin_lifts_and_side_spin_bends_to_the_left(velocity):
     """By the accelerations of flights with lift, against those of a flight without spin."""
@@ -171,10 +161,7 @@ def test_residuals_that_go_together_widen_the_deviations(fitted):
 @pytest.mark.slow
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_where_the_sum_of_squares_is_not_quadratic_the_deviation_is_that_of_its_profile(sign):
-    """The drag coefficient of a slow ball falls steeply with its speed, so that a linear fit is
-    13 deviations off. With the factor fixed two deviations away, the sum of squares is larger by
-    about four variances of the noise.
-    """
+    """Two deviations away, the sum of squares is larger by about four variances of the noise."""
     up, aside = 0.4, 1.0
     level = 9.5 * np.cos(up)
     velocity = level * np.cos(aside), level * np.sin(aside), 9.5 * np.sin(up)

@@ -117,31 +117,23 @@ def test_deviations_are_those_of_repeated_measurements():
 
 def test_what_is_no_impact_is_refused():
     hit = struck(0.3)
-    posture, v, before, after = hit.posture, hit.v_before, hit.ball_before, hit.ball_after
+    v, before, after = hit.v_before, hit.ball_before, hit.ball_after
     turning = changed(after, spin=1e4 * np.cross(hit.impulse, (0, 0, 1)))
-    robot = kd.Leg.from_robot("g1", base="floating", legs_only=True)
-    held = robot.with_supports("left_ankle_roll_link").posture(robot.configuration())
     for arguments, options, message in (
-        ((posture, v, BALL, before, before), {}, "the same before and after"),
-        ((posture, -v, BALL, before, after), {}, f"separate at {hit.approach_speed:.3g}"),
-        ((posture, [1.0], BALL, before, after), {}, "v has shape"),
-        ((posture, v, 1, before, after), {}, "kickdyn"),
-        ((posture, v, BALL, before, kd.BallState(np.zeros((2, 3)))), {}, "one state"),
-        ((posture, v, kd.Ball(mass=np.inf), before, after), {}, "finite"),
-        ((held, np.ones(robot.nv), BALL, before, after), {}, "left_ankle_roll_link"),
-        ((posture, v, BALL, before, turning), {}, "changes it by less than"),
-        ((posture, v, BALL, before, after), {"velocity_deviation": -1.0}, "below 0"),
-        ((posture, v, BALL, before, after), {"spin_deviation": (1.0, 2.0, 3.0)}, r"\(3,\)"),
-    ):
+        ((v, BALL, before, before), {}, "same before and after"), (([1.0],), {}, "ball_before"),
+        ((-v, BALL, before, after), {}, f"separate at {hit.approach_speed:.3g}"),
+        (([1.0], BALL, before, after), {}, "v has shape"), ((v, 1, before, after), {}, "kickdyn"),
+        ((v, kd.Ball(mass=np.inf), before, after), {}, "finite"),
+        ((v, BALL, before, turning), {}, "changes it by less than"),
+        ((v, BALL, before, after), {"velocity_deviation": -1.0}, "below 0"),
+    ):  # fmt: skip
         with pytest.raises(kd.KickdynError, match=message):
-            kd.infer_impact(*arguments, **options)
+            kd.infer_impact(hit.posture, *arguments, **options)
 
 
 @pytest.mark.parametrize("law", ["newton", "stronge"])
 def test_without_spin_the_deviations_cover_what_friction_may_have_done(law):
-    """Kicks beside the centre, which slide or stick: with the impulse as normal, e is too small.
-    The motion has constant velocities and is known to 0.1 mm and 0.1 mrad.
-    """
+    """Kicks beside the centre, which slide or stick: with the impulse as normal, e is too small."""
     leg = kd.Leg.human(height=1.65, mass=58, sex="female", model="3d", frame="instep")
     q = leg.configuration({"hip": 0.35, "knee": 0.6, "ankle": 0.7, "subtalar": 0.1})
     v, frames = np.array([5.5, 1.0, 2.0, -18.0, 1.0, 0.0]), np.arange(-0.1, -1e-4, 1 / 250)

@@ -32,22 +32,3 @@ def test_each_kick_has_values_and_deviations():
     ):  # fmt: skip
         assert table.loc[row, column] == pytest.approx(value), (row, column)
     assert table["fast +-"].isna().all()
-
-
-def test_a_latex_table_has_deviations_to_two_digits():
-    slow, fast = inferred(10.0, velocity_deviation=(0.0, 0.03)), inferred(15.0)
-    text = kd.kick_table({"slow_1": slow, "fast": fast}, latex=True)
-    assert r"slow\_1" in text
-    (row,) = (line for line in text.splitlines() if line.startswith("impulse in knee"))
-    sizes, deviation = [x.joint_sizes["knee"] for x in (slow, fast)], slow.joint_deviations["knee"]
-    assert 0.001 <= deviation < 0.01
-    assert f"${sizes[0]:.4f} \\pm {deviation:.4f}$ & ${sizes[1]:.4g}$" in row
-
-
-def test_what_gives_no_table_is_refused():
-    other = inferred(10.0, kd.Leg.human(height=1.65, mass=58, model="3d"))
-    kicks_and_messages = (({}, "empty"), ({"b": POSTURE}, "kick b"),
-                          ({"a": inferred(10.0), "b": other}, "'b' has other joints"))  # fmt: skip
-    for kicks, message in kicks_and_messages:
-        with pytest.raises(kd.InvalidInput, match=message):
-            kd.kick_table(kicks)

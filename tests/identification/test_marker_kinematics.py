@@ -53,17 +53,6 @@ def test_markers_and_their_jacobian(t):
     agrees(jacobian, expected, differenced())
 
 
-def test_the_nearest_configuration_is_found_from_afar():
-    truth = state(-0.04)
-    points = placed(truth).reshape(-1, 3)
-    kinematics = MarkerKinematics(MODEL, MARKERS)
-    start = pin.integrate(MODEL, truth, np.full(LEG.nv, 0.3))
-    for solved in (kinematics.solve(start, points, ALL), kinematics.first(points, ALL)):
-        error = pin.difference(MODEL, truth, solved.q)
-        assert error == pytest.approx(np.zeros(LEG.nv), abs=optimized(1e-10))
-        assert (solved.rank, solved.complete) == (LEG.nv, True)
-
-
 SCALES = np.ones(JOINTS)
 DETERMINED = [LEG.joint_names.index(name) for name in ("hip_rotation", "knee", "subtalar")]
 SCALES[[0, *DETERMINED]] = 1.03, 0.96, 1.04, 1.02

@@ -7,10 +7,7 @@ from tolerances import sampled
 import kickdyn as kd
 from kickdyn.core.mechanics import GRAVITY
 from kickdyn.identification.segments import _median
-from kickdyn.identification.segments_result import (
-    CutReason,
-    SegmentKind,
-)
+from kickdyn.identification.segments_result import CutReason, SegmentKind
 
 BALL = kd.Ball()
 GROUND = kd.Ground(surface=kd.Surface("test", 0.6, 0.5, 0.8))

@@ -31,11 +31,7 @@ def spline(q, growth=0.0):
 
 
 def on_a_grid(y, density, growth, step=2e-3):
-    """Return velocity and deviation at time 0 of the curve on a grid that minimises the functional.
-
-    Derivatives are differences, the integral is a sum; it ends with the knots, two mean intervals
-    between measurements after the last one.
-    """
+    """Return v and its deviation at 0 on a grid, which ends with the knots after the last time."""
     count = round((TIMES[-1] - TIMES[0] + 2 * 0.15 / 76) / step) + 1
     grid = TIMES[0] + step * np.arange(count)
     nearest = np.eye(count)[np.rint((TIMES - TIMES[0]) / step).astype(int)]

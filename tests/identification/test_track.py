@@ -23,19 +23,6 @@ def test_a_slice_is_a_track():
             track[index]
 
 
-@pytest.mark.parametrize(
-    ("times", "positions", "message"),
-    [([0, 1], [[0, 0, 0]], r"\(2,\) and positions \(1, 3\)"),
-     ([0, 1, 1], np.zeros((3, 3)), r"times\[2\] is 1 s"),
-     ([0, 1], [[0, 0, 0], [0, np.nan, 0]], r"positions\[1\] is .*nan"),
-     ([0, 1e20], np.zeros((2, 3)), r"times\[1\] is 1e\+20"), ("a", np.zeros((2, 3)), "real")],
-    ids=range(5),
-)  # fmt: skip
-def test_arrays_that_are_no_track_are_refused(times, positions, message):
-    with pytest.raises(kd.InvalidInput, match=message):
-        kd.Track(times, positions)
-
-
 def test_a_csv_file_with_gaps_other_names_and_a_long_cell(tmp_path):
     file, limit = tmp_path / "track.csv", csv.field_size_limit()
     file.write_text(
@@ -62,9 +49,7 @@ def test_a_faulty_csv_file_is_refused(tmp_path, text, message):
 
 @pytest.mark.parametrize("share", [0.5, 0.95, 1.05, 1.9])
 def test_a_ball_that_falls_as_in_another_unit_is_refused(share):
-    """Drag and lift may make a ball fall half or twice as fast as gravity; in feet, the range is
-    narrow, because lift alone can make a ball fall as fast.
-    """
+    """Drag and lift halve or double gravity; in feet, lift alone can make a ball fall as fast."""
     t = np.arange(50) / 50
     path = np.column_stack([10 * t, 0 * t, 5 * t - share * GRAVITY * t**2 / 2])
     units = {"millimetres": 1e3, "centimetres": 1e2, "inches": 1 / 0.0254, "feet": 1 / 0.3048}

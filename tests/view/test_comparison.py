@@ -1,6 +1,5 @@
 """Several flights in one picture: curves where the balls fly, a legend with their numbers."""
 
-
 import numpy as np
 import pytest
 from drawn_scene import DrawnScene

@@ -59,22 +59,6 @@ def test_what_two_scenes_share_is_on_the_page_once(commands_of):
     assert all(near[command] == far[command] for command in near.keys() & far.keys())
 
 
-@pytest.mark.parametrize(
-    ("script", "message"),
-    [(None, "package chromium"), ("exit 1", "made no picture"),
-     ("echo 'No usable sandbox!' >&2\nexit 1", "chromium-sandbox")],
-)  # fmt: skip
-def test_a_browser_that_is_missing_or_fails_leaves_nothing(monkeypatch, tmp_path, script, message):
-    browser, folder = tmp_path / "chromium", tmp_path / "pictures"
-    folder.mkdir()
-    browser.write_text(f"#!/bin/sh\n{script}\n")
-    browser.chmod(0o755)
-    monkeypatch.setattr(document.shutil, "which", lambda name: script and str(browser))
-    with pytest.raises(kd.KickdynError, match=message):
-        save_picture("page", folder / "a.png")
-    assert list(folder.iterdir()) == []
-
-
 def test_the_browser_gets_the_page_the_time_and_the_file(monkeypatch, tmp_path):
     """A browser that copies the page, and the end of its address, into the picture."""
     browser, picture = tmp_path / "chromium", tmp_path / "a.png"

@@ -1,7 +1,5 @@
 """Sliders move a kick."""
 
-import sys
-
 import numpy as np
 import pytest
 from tolerances import agrees, closed_form
@@ -39,11 +37,3 @@ def test_each_slider_moves_the_kick():
     assert shown.message
     assert shown.impact is before
     shown.view.close()
-
-
-def test_a_leg_with_many_joints_and_missing_ipywidgets_are_refused(monkeypatch):
-    with pytest.raises(kd.InvalidInput, match="12 joints"):
-        KickSliders(kd.Leg.from_robot("g1", legs_only=True))
-    monkeypatch.setitem(sys.modules, "ipywidgets", None)
-    with pytest.raises(kd.InvalidInput, match="pip install"):
-        KickSliders()

@@ -71,13 +71,3 @@ def test_a_file_is_replaced_as_a_whole_or_refused(tmp_path, name, page, monkeypa
         page.save(tmp_path / "kick.html")
     assert (tmp_path / "kick.html").read_bytes() == page.html.encode()
     assert {f.name for f in tmp_path.iterdir()} == {"folder.html", "file", "kick.html"}
-
-
-def test_what_a_page_cannot_show_is_refused(kick):
-    impact, _, path = kick
-    for shown, reason in (
-        ((1,), "subject is 1.*kickdyn.Impact"), (("kick",), "a str"), (([],), "0 flights"),
-        (([impact, path],), "not both"), ((path, path), "path is given with a Flight"),
-    ):  # fmt: skip
-        with pytest.raises(kd.InvalidInput, match=reason):
-            kd.page(*shown)

@@ -3,7 +3,6 @@
 import base64
 import http.client
 import json
-import sys
 import urllib.error
 import urllib.request
 from urllib.parse import urlsplit
@@ -68,18 +67,6 @@ def test_a_browser_gets_what_the_page_has(view, kick):
     assert 0 < len(browser.sent) < len(commands) / 2  # only what is new
     latecomer = Browser(view)
     assert not latecomer.next_update()[0]["keeps_camera"]
-
-
-def test_one_tab_is_opened(kick, opened, monkeypatch):
-    monkeypatch.delitem(sys.modules, "ipykernel", raising=False)  # outside of Jupyter
-    kd.show(kick[0].posture, browser=False).close()  # a view that another test may have left
-    view = kd.show(kick[0].posture)
-    assert kd.show(kick[0].posture) is view
-    assert opened == [view.url]
-    view.close()
-    view.close()
-    with pytest.raises(urllib.error.URLError):
-        urllib.request.urlopen(view.url, timeout=600)
 
 
 def test_only_this_machine_and_who_knows_the_address_get_it(view):

@@ -68,16 +68,14 @@ class DrawnScene:
         return local @ pose[:3, :3].T + pose[:3, 3]
 
     def curve(self, path):
-        """Return the middle of a tube, whose rings have eight points."""
         return self.vertices(path).reshape(-1, 8, 3).mean(axis=1)
 
     def arrow(self, path):
         """Return the start of an arrow, and the vector to its tip, in the world."""
-        ends = []
-        for part in ("shaft", "head"):
-            half = self.shape(f"{path}/{part}")["height"] / 2
-            pose = self.pose(f"{path}/{part}")
-            ends += [(pose @ (0, -half, 0, 1))[:3], (pose @ (0, half, 0, 1))[:3]]
+        ends = [
+            (self.pose(node) @ (0, side * self.shape(node)["height"], 0, 1))[:3]
+            for node in (f"{path}/shaft", f"{path}/head") for side in (-0.5, 0.5)
+        ]  # fmt: skip
         np.testing.assert_allclose(ends[1], ends[2], atol=1e-9)
         assert self.shape(f"{path}/head")["radiusTop"] == 0
         return ends[0], ends[3] - ends[0]

@@ -125,8 +125,7 @@ def test_gaps_are_named_and_the_markers_that_are_seen_count():
     for k, coordinates in ((5, 12), (7, 6), (9, 12)):  # only the pelvis in frame 7
         error = pin.difference(LEG.model, state(motion.times[k]), motion.configurations[k])
         assert error[:coordinates] == pytest.approx(np.zeros(coordinates), abs=1e-5), f"frame {k}"
-    (line,) = motion.warnings
-    assert "frame 30, 'foot2'" in line
+    assert any("frame 30, 'foot2'" in line for line in motion.warnings)
 
 
 KEEP = put(0, 0, value=np.nan)

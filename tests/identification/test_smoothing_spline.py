@@ -6,14 +6,7 @@ from tolerances import sampled
 
 import kickdyn as kd
 from kickdyn.identification import smoothing_spline
-from kickdyn.identification.smoothing_spline import (
-    ANGLE_DENSITY,
-    DENSITY_DEVIATION,
-    GROWTH,
-    GROWTH_TIME,
-    JERK_TIME,
-    SmoothingSpline,
-)
+from kickdyn.identification.smoothing_spline import GROWTH, SmoothingSpline
 
 MODEL = kd.Leg.human().model
 TIMES = np.linspace(-0.15, 0.0, 76)
@@ -36,10 +29,10 @@ def on_a_grid(y, density, growth, step=2e-3):
     grid = TIMES[0] + step * np.arange(count)
     nearest = np.eye(count)[np.rint((TIMES - TIMES[0]) / step).astype(int)]
     hessian = nearest.T @ nearest / DEVIATION**2
-    for order, share, size in ((3, 0.5, 1 / JERK_TIME**2), (4, 1.0, 1.0)):
+    for order, share, size in ((3, 0.5, 1 / smoothing_spline.JERK_TIME**2), (4, 1.0, 1.0)):
         rows = np.diff(np.eye(count), order, axis=0) / step**order
         middles = grid[: len(rows)] + 0.5 * order * step
-        grown = growth * np.maximum(middles, -GROWTH_TIME)
+        grown = growth * np.maximum(middles, -smoothing_spline.GROWTH_TIME)
         hessian += rows.T @ (rows * (np.exp(-share * grown) * size * step / density)[:, None])
     covariance = np.linalg.inv(hessian)
     curve, k = covariance @ nearest.T @ y / DEVIATION**2, round(0.15 / step)
@@ -66,10 +59,11 @@ def test_deviations_cover_curves_of_the_prior():
     """Curves whose jerk is an Ornstein-Uhlenbeck process, with densities of the prior."""
     rng, scores, fine = np.random.default_rng(7), [], 5e-4
     steps = round(0.15 / fine)
-    decay = np.exp(-fine / JERK_TIME)
+    decay = np.exp(-fine / smoothing_spline.JERK_TIME)
     for _ in range(15):
-        density = 10.0 ** (ANGLE_DENSITY + DENSITY_DEVIATION * rng.normal(size=3))
-        size = np.sqrt(density * JERK_TIME / 2)
+        prior = smoothing_spline.ANGLE_DENSITY, smoothing_spline.DENSITY_DEVIATION
+        density = 10.0 ** rng.normal(*prior, 3)
+        size = np.sqrt(density * smoothing_spline.JERK_TIME / 2)
         jerk = [size * rng.normal(size=3)]
         for _ in range(steps):
             jerk.append(decay * jerk[-1] + size * np.sqrt(1 - decay**2) * rng.normal(size=3))

@@ -16,22 +16,14 @@ from tolerances import agrees, closed_form, differenced
 import kickdyn as kd
 from kickdyn.planning.meeting import arrival_of
 from kickdyn.robot.ground_clearance import find_depths
+from kickdyn.view import kick_scene
 from kickdyn.view.document import recording_viewer
-from kickdyn.view.kick_scene import (
-    RATE,
-    SWING_LENGTH,
-    ball_pose,
-    draw_kick,
-    impulse_arrows,
-    kick_pace,
-    leg_configuration,
-)
 
 
 def drawn_kick(impact, path, **options):
     """Return the scene of a kick, its pace, and the sentence about the ground."""
     viewer = recording_viewer()
-    pace, text = draw_kick(viewer, impact, path, **options)
+    pace, text = kick_scene.draw_kick(viewer, impact, path, **options)
     return DrawnScene(viewer), pace, text
 
 
@@ -44,7 +36,7 @@ def test_leg_and_ball_are_where_they_are_at_each_time(kick, drawn):
     """The joints move with v before the impact, and come to rest exponentially after it."""
     (impact, _, path), (scene, pace, _) = kick, drawn
     leg, last = impact.posture.leg, len(pace.times) - 1
-    stop = SWING_LENGTH / np.abs(impact.v_after).max()
+    stop = kick_scene.SWING_LENGTH / np.abs(impact.v_after).max()
     for frame in (0, pace.impact // 2, pace.impact, pace.impact + 5, last // 2, last, pace.end):
         time = pace.times[min(frame, last)]
         change = time * impact.v_before
@@ -96,10 +88,10 @@ def test_arrows_have_the_direction_and_length_of_their_impulses(kick, drawn):
     for frame in (0, pace.impact, pace.end):
         agrees(scene.point("joint_arrows/3", frame), scene.point("leg/3", frame), SINGLE)
     sizes = np.sort(np.linalg.norm(impact.joint_impulses[:, :3], axis=1))
-    arrows = impulse_arrows(impact, (sizes[0] + sizes[1]) / 2)
+    arrows = kick_scene.impulse_arrows(impact, (sizes[0] + sizes[1]) / 2)
     assert [arrow.size for arrow in arrows[1:]] == pytest.approx(sizes[:0:-1])
     none = impact.solution._replace(impulses=np.zeros((1, 3)))
-    assert impulse_arrows(dataclasses.replace(impact, solution=none), 0.0) == []
+    assert kick_scene.impulse_arrows(dataclasses.replace(impact, solution=none), 0.0) == []
 
 
 @pytest.mark.parametrize("duration", [0.0, 0.1, 2.5, 1000.0])
@@ -108,32 +100,32 @@ def test_arrows_have_the_direction_and_length_of_their_impulses(kick, drawn):
 def test_the_whole_kick_is_shown_in_some_seconds(duration, speed, backswing):
     """With the impact at time 0; the clock of the page is linear between its knots."""
     impact = SimpleNamespace(v_before=np.array([speed, -speed / 2]), v_after=np.full(2, speed / 3))
-    pace = kick_pace(impact, duration, backswing)
-    assert 3.9 < len(pace.times) / RATE < pace.end / RATE < 7.0
+    pace = kick_scene.kick_pace(impact, duration, backswing)
+    assert 3.9 < len(pace.times) / kick_scene.RATE < pace.end / kick_scene.RATE < 7.0
     assert (np.diff(pace.times) > 0).all()
     assert pace.times[pace.impact] == pytest.approx(0, abs=1e-12)
     if backswing is not None:
         assert pace.times[0] == pytest.approx(-backswing)
         assert pace.times[-1] >= duration * (1 - closed_form())
     elif duration or speed:
-        swing = SWING_LENGTH / speed if speed else math.inf
+        swing = kick_scene.SWING_LENGTH / speed if speed else math.inf
         assert pace.times[-1] == pytest.approx(duration or 2.8 / 1.2 * swing)
         # a hard strike is shown slower than its flight, a slow one in one pace
         assert -pace.times[0] == pytest.approx(min(swing, 1.2 / 2.8 * (duration or math.inf)))
-    shown = np.interp(np.arange(len(pace.times)) / RATE, *pace.knots.T)
+    shown = np.interp(np.arange(len(pace.times)) / kick_scene.RATE, *pace.knots.T)
     np.testing.assert_allclose(shown, pace.times, rtol=1e-9, atol=1e-12 * pace.times[-1])
 
 
 def test_the_leg_passes_the_impact_with_its_velocities_within_its_limits(make_kick):
     hit, step = make_kick(kd.Leg.human(), 5.0, degrees=(20, 40, 0))[0], 1e-6
     q, leg = hit.posture.q, hit.posture.leg
-    agrees((q - leg_configuration(hit, -step)) / step, hit.v_before, differenced(1))
-    agrees((leg_configuration(hit, step) - q) / step, hit.v_after, 100 * step)
-    late = [leg_configuration(hit, time) for time in (-10.0, 0.1, 10.0, 20.0)]
+    agrees((q - kick_scene.leg_configuration(hit, -step)) / step, hit.v_before, differenced(1))
+    agrees((kick_scene.leg_configuration(hit, step) - q) / step, hit.v_after, 100 * step)
+    late = [kick_scene.leg_configuration(hit, time) for time in (-10.0, 0.1, 10.0, 20.0)]
     assert all(((leg.lower <= x) & (x <= leg.upper)).all() for x in late)
     np.testing.assert_allclose(late[2], late[3])
     outside = make_kick(kd.Leg.human(), 1.0, degrees=(-30, -20, 0))[0]
-    np.testing.assert_array_equal(leg_configuration(outside, 0.0), outside.posture.q)
+    np.testing.assert_array_equal(kick_scene.leg_configuration(outside, 0.0), outside.posture.q)
 
 
 def test_a_support_stays_where_it_is():
@@ -144,7 +136,7 @@ def test_a_support_stays_where_it_is():
     hit = kd.strike(posture, v, kd.Ball(), kd.Contact((4, 0, 1), 0.8))
     data, places = leg.model.createData(), []
     for time in (0.0, -0.1, 0.05, 3.0):
-        q = leg_configuration(hit, time)
+        q = kick_scene.leg_configuration(hit, time)
         assert pin.isNormalized(leg.model, q, 1e-9)
         pin.framesForwardKinematics(leg.model, data, q)
         places.append(data.oMf[leg.model.getFrameId(foot)].homogeneous)
@@ -157,12 +149,12 @@ def test_a_ball_that_comes_or_rolls_is_shown_doing_so():
     velocity, spin = np.array([-5.0, 1.0, 0.0]), np.array([0.0, 30.0, 4.0])
     hit = kd.strike(posture, np.zeros(3), ball, kd.Contact([1, 0, 0.3], 0.8, 0.4),
                     ball_velocity=velocity, ball_spin=spin)  # fmt: skip
-    pose = ball_pose(hit.ball_before, kd.fly(hit.ball_after, ball), -0.1)
+    pose = kick_scene.ball_pose(hit.ball_before, kd.fly(hit.ball_after, ball), -0.1)
     agrees(pose[:3, 3], hit.ball_before.position - 0.1 * velocity, closed_form(100))
     agrees(pose[:3, :3], Rotation.from_rotvec(-0.1 * spin).as_matrix(), closed_form(100))
     start = kd.BallState((0, 0, ball.radius), (2.0, 0, 0), (0, 2.0 / ball.radius, 0))
     course = kd.follow(start, ball, None, kd.Ground(surface="turf"))
-    x, pose = course.sample(0.5).position[0], ball_pose(start, course, 0.5)
+    x, pose = course.sample(0.5).position[0], kick_scene.ball_pose(start, course, 0.5)
     agrees(pose[:3, :3], Rotation.from_rotvec((0, x / ball.radius, 0)).as_matrix(), 1e-3)
     assert pose[0, 3] == pytest.approx(x)
 
@@ -173,7 +165,7 @@ def test_a_ball_that_is_trapped_is_on_its_path_to_the_foot():
     plan = kd.plan_trap(kd.Leg.human(), kd.IncomingBall(comes, ground), ball, air)
     arrival, course = arrival_of(plan.meeting, ball), kd.follow(comes, ball, air, ground)
     for before in (0.05, 0.3):
-        pose = ball_pose(plan.impact.ball_before, plan.path, -before, arrival)
+        pose = kick_scene.ball_pose(plan.impact.ball_before, plan.path, -before, arrival)
         agrees(pose[:3, 3], course.sample(plan.meeting.time - before).position, SINGLE)
     scene, *_ = drawn_kick(plan.impact, plan.path, arrival=arrival)
     assert f"met after {plan.meeting.time:.3g} s" in scene.labels
@@ -196,7 +188,7 @@ def test_a_ball_that_need_not_lie_on_the_ground_is_on_a_tee_above_the_lowest_poi
     hit, ball, path = make_kick(kd.Leg.human(), 5.0, degrees=(40, 30, -20))
     scene, pace, text = drawn_kick(hit, path, lies=False)
     floor, bottom = scene.point("ground")[2], hit.ball_before.position[2] - ball.radius
-    moved = [leg_configuration(hit, time) for time in pace.times[::4]]
+    moved = [kick_scene.leg_configuration(hit, time) for time in pace.times[::4]]
     assert not any(find_depths(hit.posture.leg, q, floor - 1e-6) for q in moved)
     assert any(find_depths(hit.posture.leg, q, floor + 5e-3) for q in moved)
     assert f"tee, {bottom - floor:.2g} m above" in text

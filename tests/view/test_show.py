@@ -20,18 +20,14 @@ class Browser:
         self.stream = urllib.request.urlopen(f"{view.url}events", timeout=600)
         self.commands = {}
 
-    def next_message(self):
-        """Return the next message, which comes within 24 signs of life, two minutes."""
+    def next_update(self):
+        """Return the next update within 24 signs of life, and the commands of its scenes."""
         waits, line = 0, b""
         while not line.startswith(b"data: "):
             line = self.stream.readline()
             waits += line.startswith(b": still here")
             assert waits < 24, "no message has come"
-        return json.loads(line.removeprefix(b"data: "))
-
-    def next_update(self):
-        """Return the next update, with the commands of its scenes."""
-        update = self.next_message()
+        update = json.loads(line.removeprefix(b"data: "))
         self.sent = update["commands"]
         self.commands |= {number: base64.b64decode(text) for number, text in self.sent}
         numbers = [number for scene in update["scenes"] for number in scene["commands"]]

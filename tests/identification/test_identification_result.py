@@ -18,7 +18,7 @@ BALL = kd.Ball()
 
 def result(estimates, deviations, speed=20.0, count=4, **changes):
     """Return a fit of a ball that moves straight on, with estimates by name."""
-    times = np.arange(count) / 10
+    times = 7.0 + np.arange(count) / 10
     residuals = np.outer(np.arange(count), (0.1, 0.0, 0.0))  # of 1 m/s along the path
     return Identification(**{
         "track": kd.Track(times, np.outer(times, (speed - 1.0, 0, 0))),

@@ -28,6 +28,7 @@ def test_every_flight_is_a_curve_along_its_path():
         away = np.linalg.norm(centres - scene.camera()[0], axis=1)
         angles = np.linalg.norm(radii, axis=2) / away[:, None]
         np.testing.assert_allclose(angles, angles[0, 0], rtol=1e-2)
+    assert scene.point("ground")[2] == pytest.approx(-BALL.radius)
     agrees(scene.point("ball"), PARABOLA.launch.position, 1e-9)
     size = np.ptp(scene.vertices("ball/hexagons"), axis=0)
     assert size == pytest.approx(2 * BALL.radius, rel=1e-2)

@@ -109,17 +109,17 @@ def test_shapes_of_other_formats_are_drawn_in_the_frame_that_they_name():
     class Shown(RobotFile):
         def visuals(self):
             pose = np.eye(4)
-            pose[:3, 3] = 0.1, 0.2, 0.3
+            pose[:3] = (0, -1, 0, 0.1), (1, 0, 0, 0.2), (0, 0, 1, 0.3)  # turned about z
             return [
-                Visual("shank", pose, Shape.ELLIPSOID, (1.0, 2.0, 3.0), rgba=(1, 0, 0, 1)),
-                Visual("shank", pose, Shape.CAPSULE, (2.0, 0.5)),
+                Visual("toe", pose, Shape.ELLIPSOID, (1.0, 2.0, 3.0), rgba=(1, 0, 0, 1)),
+                Visual("toe", pose, Shape.CAPSULE, (2.0, 0.5)),
             ]
 
     leg = kd.Leg(human.model, "toe", Shown(human.file.text, human.file.folder, "shown"))
-    ellipsoid, _, *ends = [part for part in leg_shapes(leg)[0] if part.joint == 2]
-    body = human.model.frames[human.model.getFrameId("shank")].placement.translation
+    ellipsoid, _, *ends = [part for part in leg_shapes(leg)[0] if part.joint == 3]
+    body = human.model.frames[human.model.getFrameId("toe")].placement.translation
     agrees(ellipsoid.pose[:3, 3], body + np.array((0.1, 0.2, 0.3)), closed_form())
     heights = [(part.pose[2, 3] - body[2], part.geometry.radius) for part in ends]
     agrees(heights, [(-0.7, 0.5), (1.3, 0.5)], closed_form())
     _, corners = drawn(leg, human.configuration())
-    assert np.ptp(corners, axis=0)[1:] == pytest.approx((4.0, 6.0))
+    assert np.ptp(corners, axis=0)[1:] == pytest.approx((2.0, 6.0))

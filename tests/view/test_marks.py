@@ -20,7 +20,6 @@ def drawn(draw, *args):
 
 
 def test_a_curve_keeps_its_thickness():
-    """A ball that does not move has none."""
     t = np.linspace(0, 1, 40)
     points, radii = np.stack([t, 0 * t, t * (1 - t)], axis=1), 0.01 + 0.02 * t
     scene = drawn(marks.draw_curve, points, radii, -Y)
@@ -40,8 +39,9 @@ def test_an_arrow_has_the_direction_and_length_of_its_vector(vector):
 
 
 def test_the_ground_is_level_with_stripes_across_the_flight():
-    vertices = drawn(marks.draw_ground, np.array([1.0, 2.0, -3.0]), Y, 0.5, 10.0).vertices("x")
-    vertices = vertices - (1, 2, -3)
+    scene = drawn(marks.draw_ground, np.array([1.0, 2.0, -3.0]), Y, 0.5, 10.0)
+    vertices = scene.vertices("x") - (1, 2, -3)
+    assert np.linalg.det(scene.pose("x")) == pytest.approx(1.0)
     assert not vertices[:, 2].any()
     near = vertices[np.abs(vertices).max(axis=1) < 9.7, 1]
     agrees(np.unique(near.round(5)), 0.5 * np.arange(-19, 20), SINGLE)

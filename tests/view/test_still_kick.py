@@ -22,15 +22,15 @@ def kick(knee=20.0, speed=10.0, normal=(2, 0, 1)):
 
 
 def test_the_moves_place_all_that_another_kick_moves():
-    other = kick(knee=50.0, speed=6.0)
+    other = kick(knee=50.0, speed=6.0, normal=(1, 0, 2))  # the ball is above the sole
     moves = StillKick(kick()).moves(other, caption="slower")
     scene = DrawnScene(moves.commands)
     check_joints(scene, "leg", LEG, other.posture.q)
     agrees(scene.point("ball"), other.ball_before.position, SINGLE)
     floor, bottom = scene.point("ground")[2], other.ball_before.position[2] - other.ball.radius
-    assert floor <= bottom + 1e-9
+    assert floor < bottom - 1e-3
     assert not find_depths(LEG, other.posture.q, floor - 1e-6)
-    assert floor == pytest.approx(bottom) or find_depths(LEG, other.posture.q, floor + 1e-3)
+    assert find_depths(LEG, other.posture.q, floor + 5e-3)
     path = kd.fly(other.ball_after, other.ball, kd.Air())
     agrees(scene.point("end"), path.landing.position, SINGLE)
     agrees(scene.curve("curve")[-1], path.landing.position, 10 * SINGLE)

@@ -18,17 +18,17 @@ sweep: $(VENV)/.run
 help:
 	@sed -n 's/^## /make /p' Makefile
 
-## extremes: kickdyn against 50 digits for ill-conditioned input; tests compare what it stores with the docs
+## extremes: compares kickdyn with 50 digits for ill-conditioned input, and draws the picture of the docs
 extremes: $(VENV)/.dev
 	@echo "This takes about a minute."
-	$(BIN)/python tests/extremes --verdicts tests/extremes/verdicts.json
+	$(BIN)/python tests/extremes --plot docs/images/extremes.png
 
 ## fuzz: tries broken files and command lines for ten minutes; fails if one gives neither a result nor a clear refusal
 fuzz: $(VENV)/.dev
 	@echo "This takes ten minutes."
 	$(BIN)/python tools/fuzz.py --seconds 600
 
-## notebooks: runs the notebooks and stores their outputs, which tests compare; needs Chromium
+## notebooks: runs the notebooks and stores their outputs for readers; needs Chromium
 notebooks: $(VENV)/.dev browser
 	@echo "This takes about a minute, and longer on the first run, which compiles."
 	$(BIN)/python tools/notebook_outputs.py

@@ -1,4 +1,4 @@
-"""Random legs for property tests: serial chains of 1 to 7 joints with sound inertias."""
+"""Legs for tests: random chains of 1 to 7 joints, bodies on rails; momentum and energy."""
 
 import numpy as np
 import pinocchio as pin
@@ -64,9 +64,7 @@ def any_kick(rng, leg, **contact):
     """As `random_kick`, for legs with a floating base, supports or loops."""
     model = leg.model
     q = pin.integrate(model, pin.neutral(model), rng.uniform(-0.7, 0.7, size=leg.nv))
-    if leg.constraints:
-        q = leg.close_loops(q)
-    posture = leg.posture(q)
+    posture = leg.posture(leg.close_loops(q) if leg.constraints else q)
     v = posture.admissible(rng.normal(size=leg.nv) * 2)
     ball_velocity, ball_spin = rng.normal(size=3) * 0.3, rng.normal(size=3) * 20
     closing = posture.point_velocity(v) - ball_velocity
@@ -94,15 +92,54 @@ def floating_leg(rng):
 
 def floating_kick(rng, **contact):
     """A kick by a `floating_leg`."""
-    leg = floating_leg(rng)
-    q = pin.integrate(leg.model, pin.neutral(leg.model), rng.normal(size=leg.nv))
-    v = rng.normal(size=leg.nv) * 3
-    posture = leg.posture(q)
-    closing = posture.point_velocity(v)
-    normal = closing / np.linalg.norm(closing) + rng.uniform(-0.55, 0.55, size=3)
-    contact = kd.Contact(normal, rng.uniform(0, 1), **contact)
-    options = {"ball_velocity": np.zeros(3), "ball_spin": 20 * rng.normal(size=3)}
-    return (posture, v, kd.Ball(), contact), options
+    return any_kick(rng, floating_leg(rng), **contact)
+
+
+def free_body(mass=1.95):
+    """A body without support or gravity, whose contact frame is beside its centre of mass."""
+    model = pin.Model()
+    joint = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "free")
+    body = pin.Inertia(mass, np.array([-0.05, 0.01, 0.02]), np.diag([0.01, 0.02, 0.015]))
+    model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+    model.addFrame(pin.Frame("toe", joint, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
+    model.gravity = pin.Motion.Zero()
+    return kd.Leg.from_model(model, "toe").posture([0, 0, 0, 0, 0, 0, 1])
+
+
+def rails(axes="x", mass=2.0, gravity=False):
+    """A mass that slides along each of some axes; the carriages between hardly weigh anything."""
+    model, parent = pin.Model(), 0
+    for axis in axes:
+        kind = getattr(pin, f"JointModelP{axis.upper()}")()
+        parent = model.addJoint(parent, kind, pin.SE3.Identity(), f"rail_{axis}")
+        body = mass if axis == axes[-1] else 1e-9
+        inertia = pin.Inertia(body, np.zeros(3), 0.01 * np.eye(3))
+        model.appendBodyToJoint(parent, inertia, pin.SE3.Identity())
+    model.addFrame(pin.Frame("toe", parent, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
+    if not gravity:
+        model.gravity = pin.Motion.Zero()
+    return kd.Leg.from_model(model, "toe")
+
+
+def momentum(leg, q, v, ball=None, state=None):
+    """Linear momentum, and angular about the world's origin, of a robot and a ball, `(6,)`."""
+    model = leg.model
+    data = model.createData()
+    robot = pin.computeCentroidalMomentum(model, data, q, v)
+    total = np.concatenate([robot.linear, robot.angular + np.cross(data.com[0], robot.linear)])
+    if ball is None:
+        return total
+    linear = ball.mass * state.velocity
+    turning = ball.inertia * state.spin + np.cross(state.position, linear)
+    return total + np.concatenate([linear, turning])
+
+
+def kinetic_energy(posture, v, ball, state):
+    """Kinetic energy of leg and ball [J]."""
+    model = posture.leg.workspace.model
+    leg = v @ pin.crba(model, model.createData(), posture.q) @ v
+    turning = ball.inertia * state.spin @ state.spin if ball.inertia < np.inf else 0.0
+    return 0.5 * (leg + ball.mass * state.velocity @ state.velocity + turning)
 
 
 def in_units(leg, metre, kilogram):

@@ -8,19 +8,20 @@ from typing import NamedTuple
 import numpy as np
 
 import kickdyn as kd
-from kickdyn.impact.body import BallBody, LegBody
+from kickdyn.impact.body import BallBody, Body, LegBody
 from kickdyn.impact.contact_problem import ContactPoint, ContactProblem
 from kickdyn.impact.laws import solve_paper
 from kickdyn.impact.newton_law import solve_newton
 from kickdyn.impact.stronge_law import solve_stronge
 
 
-class BareBody(NamedTuple):
-    """A body given by its Delassus matrix and velocity alone, as the laws see it."""
+class BareBody(Body):
+    """A body given by its Delassus matrix alone, as the laws see it."""
 
-    matrix: np.ndarray
-    is_free: bool = True
-    turning: float = 0.0
+    is_free = True
+
+    def __init__(self, matrix):
+        self.matrix = matrix
 
     def delassus(self, axes):
         return axes[0].T @ self.matrix @ axes[0]
@@ -70,13 +71,12 @@ class LegAndBall:
 
     @property
     def velocity(self):
-        return np.array(self.problem().contacts[0].velocity)
+        return self.centre_velocity - self.ball.radius * np.cross(self.spin, self.normal)
 
     def delassus(self):
-        turning = self.ball.turning
-        ball = (1.0 / self.ball.mass + turning) * np.eye(3)
-        ball -= turning * np.outer(self.normal, self.normal)
-        return self.delassus_factor @ self.delassus_factor.T + ball
+        ball, n = self.ball, self.normal
+        turning = ball.radius**2 / ball.inertia * (np.eye(3) - np.outer(n, n))
+        return self.delassus_factor @ self.delassus_factor.T + np.eye(3) / ball.mass + turning
 
 
 class SingleSolution(NamedTuple):
@@ -99,7 +99,7 @@ by_paper = partial(solve_single, solve_paper)
 
 
 def random_contact(seed, decades=6, friction=None, restitution=None):
-    """Any symmetric positive matrix of condition up to 10^decades, mu and e at their ends too."""
+    """Any symmetric positive matrix of condition up to 10^decades, mu and e at their ends, too."""
     rng = np.random.default_rng(seed)
     turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     matrix = (turn * 10 ** rng.uniform(-decades / 2, decades / 2, size=3)) @ turn.T
@@ -109,13 +109,8 @@ def random_contact(seed, decades=6, friction=None, restitution=None):
     velocity -= 2.0 * max(0.0, velocity @ normal) * normal
     mu = rng.choice([0.0, 10 ** rng.uniform(-2, 1), rng.uniform(0, 10)], p=[0.1, 0.5, 0.4])
     e = rng.choice([0.0, 1.0, rng.random()])
-    return BareContact(
-        (matrix + matrix.T) / 2,
-        velocity,
-        e if restitution is None else restitution,
-        mu if friction is None else friction,
-        normal,
-    )
+    e, mu = e if restitution is None else restitution, mu if friction is None else friction
+    return BareContact((matrix + matrix.T) / 2, velocity, e, mu, normal)
 
 
 def random_problem(seed, friction=None):
@@ -126,52 +121,32 @@ def random_problem(seed, friction=None):
     normal /= np.linalg.norm(normal)
     velocity = rng.normal(size=3) * 10 ** rng.uniform(-2, 2)
     velocity -= (1.0 + rng.random()) * max(0.0, velocity @ normal) * normal
-    return LegAndBall(
-        normal=normal,
-        delassus_factor=rows,
-        ball=kd.Ball(mass=10 ** rng.uniform(-2, 1), radius=10 ** rng.uniform(-2, 0)),
-        centre_velocity=velocity,
-        spin=rng.normal(size=3) * 10 ** rng.uniform(-2, 2),
-        restitution=rng.choice([0.0, 1.0, rng.random()]),
-        friction=10 ** rng.uniform(-2, 1) if friction is None else friction,
-    )
+    ball = kd.Ball(mass=10 ** rng.uniform(-2, 1), radius=10 ** rng.uniform(-2, 0))
+    spin, e = rng.normal(size=3) * 10 ** rng.uniform(-2, 2), rng.choice([0.0, 1.0, rng.random()])
+    mu = 10 ** rng.uniform(-2, 1) if friction is None else friction
+    return LegAndBall(normal, rows, velocity, e, mu, ball, spin)
 
 
 def split(problem, vector):
-    """Return the part along the normal, and the rest."""
+    """Return the part along the normal, and the part across it."""
     normal = float(problem.normal @ vector)
     return normal, vector - normal * problem.normal
 
 
 def planar_attack(friction, offset, speed=14.0, e=0.8):
     """A particle of a leg that attacks along x; the normal leans by `offset` [rad]."""
-    return LegAndBall(
-        normal=np.array([math.cos(offset), 0.0, math.sin(offset)]),
-        delassus_factor=np.eye(3) / np.sqrt(5.0),
-        ball=kd.Ball.paper(),
-        centre_velocity=np.array([-speed, 0.0, 0.0]),
-        spin=np.zeros(3),
-        restitution=e,
-        friction=friction,
-    )
+    normal, velocity = np.array([math.cos(offset), 0.0, math.sin(offset)]), np.array([-speed, 0, 0])
+    return LegAndBall(normal, np.eye(3) / np.sqrt(5.0), velocity, e, friction, kd.Ball.paper())
 
 
 def random_strikes(rng, leg, n, speed_table=False):
     """Contacts of all directions, with spin and offsets: they stick, slip, or there is none."""
     q, v = rng.uniform(-0.6, 0.6, (n, leg.nq)), 5.0 * rng.normal(size=(n, leg.nv))
-    table = [(2.0, 0.8), (20.0, 0.5)]
-    contacts = [
-        kd.Contact(
-            rng.normal(size=3),
-            table if speed_table else rng.uniform(0, 1),
-            rng.uniform(0, 0.8) * rng.integers(0, 2),
-            offset=0.02 * rng.normal(size=3),
-        )
-        for _ in range(n)
-    ]
-    balls = [
-        kd.Ball(rng.uniform(0.2, 0.6), rng.uniform(0.05, 0.15), rng.uniform(0.3, 0.6))
-        for _ in range(n)
-    ]
+    contacts, balls = [], []
+    for _ in range(n):
+        e = [(2.0, 0.8), (20.0, 0.5)] if speed_table else rng.uniform(0, 1)
+        friction = float(rng.choice([0.0, 0.2, 2.0]))
+        contacts.append(kd.Contact(rng.normal(size=3), e, friction, 0.02 * rng.normal(size=3)))
+        balls.append(kd.Ball(*rng.uniform((0.2, 0.05, 0.3), (0.6, 0.15, 0.6))))
     motion = {"ball_velocity": rng.normal(size=(n, 3)), "ball_spin": 20 * rng.normal(size=(n, 3))}
     return q, v, balls, contacts, motion

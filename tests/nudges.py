@@ -1,4 +1,4 @@
-"""Strikes with one source moved a little, for derivatives by differences."""
+"""Strikes with one source changed a little, for derivatives by differences."""
 
 import numpy as np
 import pinocchio as pin
@@ -7,42 +7,30 @@ import kickdyn as kd
 
 
 def nudged(kick, options, name, step):
-    """The same strike with one source moved by `step`, shape `(n,)`; what holds the leg holds."""
+    """The same strike with one source changed by `step`, shape `(n,)`; constraints hold."""
     (posture, v, ball, contact), options = kick, dict(options)
-    leg, q = posture.leg, posture.q
-    normal, e, mu, mass, radius = (
-        contact.normal,
-        contact.restitution,
-        contact.friction,
-        *vars_of(ball),
-    )
+    leg, q, normal, e = posture.leg, posture.q, contact.normal, contact.restitution
+    change = {name: float(step[0])}.get  # of a source that is a number
     if name == "q":
         q = leg.close_loops(pin.integrate(leg.model, q, step))
         v = leg.posture(q).admissible(v)
     elif name == "v":
         v = leg.posture(q).admissible(v + step)
-    elif name == "restitution":
-        if isinstance(e, tuple):  # the whole table
-            e = [(speed, value + float(step[0])) for speed, value in e]
-        else:
-            e += float(step[0])
-    elif name == "friction":
-        mu += float(step[0])
     elif name == "normal":
         normal = normal + step
-    elif name == "ball_mass":
-        mass += float(step[0])
-    elif name == "ball_radius":
-        radius += float(step[0])
     elif name in options:
         options[name] = options[name] + step
-    else:
+    elif name == "link_mass":
         leg = reweighed(leg, step)
-    return kd.strike(leg.posture(q), v, kd.Ball(mass, radius), kd.Contact(normal, e, mu), **options)
+    more = change("restitution", 0.0)
+    e = [(u, value + more) for u, value in e] if isinstance(e, tuple) else e + more
+    ball = kd.Ball(ball.mass + change("ball_mass", 0.0), ball.radius + change("ball_radius", 0.0))
+    contact = kd.Contact(normal, e, contact.friction + change("friction", 0.0))
+    return kd.strike(leg.posture(q), v, ball, contact, **options)
 
 
 def reweighed(leg, step):
-    """The leg with other links, held as before."""
+    """The leg with other masses of links at the same shape, and the same constraints."""
     model = leg.model
     for i in range(1, model.njoints):
         numbers = model.inertias[i].toDynamicParameters()
@@ -57,36 +45,33 @@ def reweighed(leg, step):
     return new
 
 
-def vars_of(ball):
-    return ball.mass, ball.radius
-
-
-def margin(hit):
-    n, p, mu = hit.contact.normal, hit.impulse, hit.contact.friction
+def margin(impact):
+    """Friction impulse that remains until the points slip, or the speed of their sliding."""
+    n, p, mu = impact.contact.normal, impact.impulse, impact.contact.friction
     if mu == 0:
         return 0.0
-    if hit.sticking:
+    if impact.sticking:
         return mu * float(n @ p) - np.linalg.norm(p - (n @ p) * n)
-    foot = hit.posture.point_velocity(hit.v_after)
-    after = hit.ball_after.velocity - hit.ball.radius * np.cross(hit.ball_after.spin, n) - foot
+    state, foot = impact.ball_after, impact.posture.point_velocity(impact.v_after)
+    after = state.velocity - impact.ball.radius * np.cross(state.spin, n) - foot
     return np.linalg.norm(after - (n @ after) * n)
 
 
 RESULTS = {
-    "impulse": lambda hit: hit.impulse,
-    "velocity": lambda hit: hit.ball_after.velocity,
-    "spin": lambda hit: hit.ball_after.spin,
-    "v_after": lambda hit: hit.v_after,
-    "joint_impulses": lambda hit: hit.joint_impulses,
-    "margin_slope": lambda hit: np.array([margin(hit)]),
+    "impulse": lambda impact: impact.impulse,
+    "velocity": lambda impact: impact.ball_after.velocity,
+    "spin": lambda impact: impact.ball_after.spin,
+    "v_after": lambda impact: impact.v_after,
+    "joint_impulses": lambda impact: impact.joint_impulses,
+    "margin_slope": lambda impact: np.array([margin(impact)]),
 }
 
 
-def by_differences(kick, options, name, way, h=1e-4):
-    """Derivatives along `way`, by central differences of fourth order; and the hits."""
-    hits = [nudged(kick, options, name, k * h * way) for k in (-2, -1, 1, 2)]
+def by_differences(kick, options, name, direction, h=1e-4):
+    """Derivatives along a direction, by central differences of fourth order; and the impacts."""
+    impacts = [nudged(kick, options, name, k * h * direction) for k in (-2, -1, 1, 2)]
     slopes = {}
     for result, read in RESULTS.items():
-        far, near, then, beyond = (read(one) for one in hits)
-        slopes[result] = (far - 8 * near + 8 * then - beyond) / (12 * h)
-    return slopes, hits
+        a, b, c, d = (read(impact) for impact in impacts)
+        slopes[result] = (a - 8 * b + 8 * c - d) / (12 * h)
+    return slopes, impacts

@@ -18,13 +18,8 @@ from kickdyn.robot.leg import Leg
 from kickdyn.scene.scene import Compliance, Scene
 
 BALLS = (
-    Ball(),
-    Ball(0.2, 0.07),
-    Ball(0.3, 0.09),
-    Ball(0.05, 0.11),
-    Ball(0.1, 0.2),
-    Ball(0.02, 0.11),
-)
+    Ball(), Ball(0.2, 0.07), Ball(0.3, 0.09), Ball(0.05, 0.11), Ball(0.1, 0.2), Ball(0.02, 0.11)
+)  # fmt: skip
 """Two of them a beach ball and a balloon."""
 
 
@@ -34,11 +29,9 @@ def _legs() -> tuple[Leg, Leg]:
 
 
 def random_scene(rng: np.random.Generator, **parts: Any) -> Scene:
-    """Return a scene whose foot comes at 0.5 to 16 m/s; half have a contact that takes time.
+    """Return a scene with a foot of 0.5 to 16 m/s; `parts` replace random ones.
 
-    Args:
-        rng: where it comes from.
-        **parts: of the scene, in place of random ones.
+    Half of the scenes have a contact that takes time.
     """
     leg = _legs()[rng.integers(2)]
     q = np.radians([rng.uniform(-20, 50), rng.uniform(5, 60), rng.uniform(-20, 40)])

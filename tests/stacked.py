@@ -52,22 +52,3 @@ def solved(inertia, rows, impulse):
     system = np.block([[inertia, -rows.T], [rows, np.zeros((m, m))]])
     answer = np.linalg.lstsq(system, np.concatenate([impulse, np.zeros(m)]), rcond=1e-9)[0]
     return answer[:n], answer[n:]
-
-
-def struck(leg, q, v, ball, contact, ball_velocity):
-    """Joint velocity after, impulses of the supports, and the impulse along the normal.
-
-    Frictionless: M (v+ - v) = A^T r - J^T n p, A v+ = 0, and n . u+ = -e n . u-, u of the ball
-    against the foot, all in one system.
-    """
-    inertia, rows = inertia_of(leg, q), held_rows(leg, q)
-    along, n, m = contact.normal @ rows_of(leg, q, leg.frame)[:3], leg.nv, len(rows)
-    system = np.zeros((n + m + 1, n + m + 1))
-    system[:n, :n], system[:n, n : n + m], system[:n, -1] = inertia, -rows.T, along
-    system[n : n + m, :n] = rows
-    system[-1, :n], system[-1, -1] = -along, 1 / ball.mass
-    before = contact.normal @ ball_velocity
-    bounced = -contact.restitution * (before - along @ v)
-    right = np.concatenate([inertia @ v, np.zeros(m), [bounced - before]])
-    answer = np.linalg.lstsq(system, right, rcond=1e-9)[0]
-    return answer[:n], answer[n:-1], answer[-1]

@@ -1,3 +1,5 @@
+"""The contact of foot and ball: what it checks, and that it cannot change."""
+
 import dataclasses
 import math
 
@@ -10,12 +12,12 @@ GOOD = {"normal": (1, 0, 0), "restitution": 0.8, "friction": 0.4}
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "said"),
+    ("name", "value", "word"),
     [
         ("normal", (0, 0, 0), "length 0"),
         ("normal", (1, 0), "shape"),
         ("normal", (math.nan, 0, 1), "finite"),
-        ("normal", "abc", "real numbers"),
+        ("normal", "abc", "numbers"),
         *[("restitution", e, "at least 0 and at most 1") for e in (1.2, -0.1, math.nan, "0.5")],
         *[("restitution", e, "at least 0") for e in (True, None, math.inf, [0.5])],
         ("offset", (0, 0), "shape"),
@@ -23,64 +25,43 @@ GOOD = {"normal": (1, 0, 0), "restitution": 0.8, "friction": 0.4}
         *[("friction", mu, "at least 0") for mu in (-1e-9, math.nan, math.inf, "0.4", True)],
     ],
 )
-def test_contact_refuses(name, value, said):
-    with pytest.raises(kd.InvalidInput, match=f"{name} .*{said}"):
-        kd.Contact(**{**GOOD, name: value})
+def test_bad_input(name, value, word):
+    with pytest.raises(kd.InvalidInput, match=f"{name} .*{word}"):
+        kd.Contact(**(GOOD | {name: value}))
 
 
-@pytest.mark.parametrize("restitution", [0, 1])
-def test_limits_belong_to_the_range(restitution):
-    contact = kd.Contact((0, 0, 1), restitution)
-    assert (contact.restitution, contact.friction) == (
-        restitution,
-        0.0,
-    )  # frictionless if not named
-
-
-@pytest.mark.parametrize("scale", [5e-324, 1e-300, 1e-160, 1.0, 1e160, 1e300])
+@pytest.mark.parametrize("scale", [5e-324, 1e-160, 1.0, 1e300])
 def test_normal_of_any_length_becomes_a_unit_vector(scale):
     normal = kd.Contact((scale, 0, -scale), 0.5).normal
     assert normal == pytest.approx([math.sqrt(0.5), 0, -math.sqrt(0.5)], abs=1e-15)
-    assert math.hypot(*normal) == pytest.approx(1, abs=1e-15)
 
 
-def test_contact_cannot_be_changed():
-    given = np.array([0.0, 0.0, 1.0])
-    contact = kd.Contact(given, 0.5)
-    given[0] = 9
-    assert contact.normal.tolist() == [0, 0, 1]
-    with pytest.raises(ValueError, match="read-only"):
-        contact.normal[0] = 1
+def test_a_contact_keeps_copies_that_cannot_be_changed():
+    normal, offset = np.array([0.0, 0.0, 1.0]), np.array([0.1, 0.0, 0.02])
+    contact = kd.Contact(normal, 0.5, offset=offset)
+    normal[0] = offset[0] = 9
+    assert (contact.normal.tolist(), contact.offset.tolist()) == ([0, 0, 1], [0.1, 0.0, 0.02])
+    for array in (contact.normal, contact.offset):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1
     with pytest.raises(dataclasses.FrozenInstanceError):
         contact.friction = 0.1
 
 
-def test_offset_is_none_or_kept():
-    assert kd.Contact(**GOOD).offset is None
-    offset = np.array([0.1, 0.0, 0.02])
-    contact = kd.Contact(**GOOD, offset=offset)
-    offset[0] = 9
-    assert contact.offset.tolist() == [0.1, 0.0, 0.02]
-    with pytest.raises(ValueError, match="read-only"):
-        contact.offset[0] = 1
-
-
 def test_equal_numbers_make_equal_contacts():
     contact = kd.Contact(**GOOD, offset=(0.1, 0, 0))
-    assert contact == kd.Contact((2, 0, 0), 0.8, 0.4, (0.1, 0, 0))
-    assert hash(contact) == hash(kd.Contact(**GOOD, offset=(0.1, 0, 0)))
+    same = kd.Contact((2, 0, 0), 0.8, 0.4, (0.1, 0, 0))
     others = [kd.Contact(**GOOD), kd.Contact((1, 0, 0), 0.7, 0.4, (0.1, 0, 0))]
-    assert len({contact, *others}) == 3
+    assert contact == same
+    assert len({contact, same, *others}) == 3
     assert contact != "contact"
 
 
 def test_an_impact_needs_a_normal():
     open_contact, leg = kd.Contact(restitution=0.7, friction=0.2), kd.Leg.human()
     posture, v = leg.posture([0.1, -0.4, 0.2]), [1.0, 2.0, 0.0]
-    assert repr(open_contact) == "Contact(normal=None, restitution=0.7, friction=0.2)"
-    assert [name for name, *_ in open_contact._rows()] == ["restitution", "friction"]
     assert open_contact == kd.Contact(None, 0.7, 0.2) != kd.Contact((1, 0, 0), 0.7, 0.2)
     assert dataclasses.replace(open_contact, normal=(2, 0, 0)).normal.tolist() == [1.0, 0.0, 0.0]
     for impact in (kd.strike, kd.collide, kd.unilateral_strike, kd.Scene):
-        with pytest.raises(kd.InvalidInput, match=r"^the contact has no normal: it must have one"):
+        with pytest.raises(kd.InvalidInput, match="has no normal"):
             impact(posture, v, kd.Ball(), open_contact)

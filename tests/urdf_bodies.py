@@ -14,74 +14,67 @@ def _numbers(*values):
     return " ".join(repr(float(value)) for value in values)
 
 
-def _inertial(rng, share=1.0):
-    a, b, c = (
-        share * rng.uniform(0.001, 0.05, size=3)
-    ).tolist()  # sums of pairs keep the triangle inequality
+def _inertial(mass, moments, xyz=(0, 0, 0), rpy=(0, 0, 0)):
+    moments = "".join(
+        f' i{axes}="{x!r}"' for axes, x in zip(("xx", "yy", "zz"), moments, strict=True)
+    )
     return (
-        f'<inertial><origin xyz="{_numbers(*rng.uniform(-0.2, 0.2, 3))}" '
-        f'rpy="{_numbers(*rng.uniform(-3, 3, 3))}"/><mass value="{share * rng.uniform(0.2, 8)!r}"/>'
-        f'<inertia ixx="{a + b!r}" iyy="{b + c!r}" izz="{c + a!r}" ixy="0" ixz="0" iyz="0"/>'
-        "</inertial>"
+        f'<inertial><origin xyz="{_numbers(*xyz)}" rpy="{_numbers(*rpy)}"/><mass value="{mass!r}"/>'
+        f'<inertia{moments} ixy="0" ixz="0" iyz="0"/></inertial>'
+    )
+
+
+def _sound(rng, share=1.0):
+    a, b, c = (share * rng.uniform(0.001, 0.05, size=3)).tolist()  # sums keep the triangle
+    place = rng.uniform(-0.2, 0.2, 3), rng.uniform(-3, 3, 3)
+    return _inertial(share * rng.uniform(0.2, 8), (a + b, b + c, c + a), *place)
+
+
+def _joint(rng, kind, parent, child, extra=""):
+    axis = rng.normal(size=3)
+    return (
+        f'<joint name="{child.replace("l", "j")}" type="{kind}"><parent link="{parent}"/>'
+        f'<child link="{child}"/><origin xyz="{_numbers(*rng.uniform(-0.4, 0.4, 3))}" '
+        f'rpy="{_numbers(*rng.uniform(-3, 3, 3))}"/>'
+        f'<axis xyz="{_numbers(*(axis / np.linalg.norm(axis)))}"/>'
+        f'<limit lower="-3" upper="3" effort="9" velocity="9"/>{extra}</joint>'
     )
 
 
 def random_urdf(rng, mimics=0):
     """A tree of 2 to 6 moving joints of all kinds, each with a sound link and odd ones fixed to it.
 
-    Fixed links: an impossible one of rounding size, a massless one, one of mass, none.
+    Fixed links: a massless one, an impossible one of rounding size, one of mass, none.
     """
     count = int(rng.integers(2 + mimics, 7))
-    links, joints, parents = [f'<link name="l0">{_inertial(rng)}</link>'], [], ["l0"]
-    odd = (
-        '<inertial><mass value="0"/><inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/>'
-        "</inertial>",
-        '<inertial><mass value="1e-13"/><inertia ixx="1e-14" iyy="1e-14" izz="3e-14" ixy="0" '
-        'ixz="0" iyz="0"/></inertial>',
-        _inertial(rng, 0.3),
-        "",
-    )
-
-    def join(kind, parent, child, extra=""):
-        axis = rng.normal(size=3)
-        joints.append(
-            f'<joint name="{child.replace("l", "j")}" type="{kind}"><parent link="{parent}"/>'
-            f'<child link="{child}"/><origin xyz="{_numbers(*rng.uniform(-0.4, 0.4, 3))}" '
-            f'rpy="{_numbers(*rng.uniform(-3, 3, 3))}"/>'
-            f'<axis xyz="{_numbers(*(axis / np.linalg.norm(axis)))}"/>'
-            f'<limit lower="-3" upper="3" effort="9" velocity="9"/>{extra}</joint>'
-        )
-
+    odd = (_inertial(0, (0, 0, 0)), _inertial(1e-13, (1e-14, 1e-14, 3e-14)), _sound(rng, 0.3), "")
+    parts, parents = [f'<link name="l0">{_sound(rng)}</link>'], ["l0"]
     for k in range(1, count + 1):
-        kind = ("revolute", "revolute", "prismatic", "continuous")[rng.integers(4)]
-        gear = ""
-        if k in (1, 2) and mimics:
+        kind, gear = ("revolute", "revolute", "prismatic", "continuous")[rng.integers(4)], ""
+        if mimics and (k <= 2 or count - mimics < k):
             kind = "revolute" if k == 1 or rng.random() < 0.7 else "prismatic"
         if count - mimics < k:
-            kind = "revolute" if rng.random() < 0.7 else "prismatic"
-            driver = "j1" if rng.random() < 0.5 else "j2"
             gear = (
-                f'<mimic joint="{driver}" multiplier="{rng.uniform(-2, 2)!r}" '
+                f'<mimic joint="{rng.choice(["j1", "j2"])}" multiplier="{rng.uniform(-2, 2)!r}" '
                 f'offset="{rng.uniform(-1, 1)!r}"/>'
             )
-        links.append(f'<link name="l{k}">{_inertial(rng)}</link>')
-        join(
-            kind, parents[int(rng.integers(max(0, len(parents) - 2), len(parents)))], f"l{k}", gear
-        )
+        parent = parents[int(rng.integers(max(0, len(parents) - 2), len(parents)))]
+        parts += [
+            f'<link name="l{k}">{_sound(rng)}</link>',
+            _joint(rng, kind, parent, f"l{k}", gear),
+        ]
+        parts += [f'<link name="l{k}x">{odd[rng.integers(4)]}</link>']
+        parts += [_joint(rng, "fixed", f"l{k}", f"l{k}x")]
         parents.append(f"l{k}")
-        links.append(f'<link name="l{k}x">{odd[rng.integers(4)]}</link>')
-        join("fixed", f"l{k}", f"l{k}x")
-    links.append('<link name="toe"/>')
-    join("fixed", f"l{rng.integers(1, count + 1)}x", "toe")
-    return f'<robot name="tree">{"".join(links + joints)}</robot>'
+    toe = _joint(rng, "fixed", f"l{rng.integers(1, count + 1)}x", "toe")
+    return f'<robot name="tree">{"".join(parts)}<link name="toe"/>{toe}</robot>'
 
 
 def _rotation(rpy):
     (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)
     about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
     about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
-    about_z = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
-    return about_z @ about_y @ about_x
+    return np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]]) @ about_y @ about_x
 
 
 def skew(a):
@@ -142,13 +135,11 @@ class Bodies:
             own, offset = _place(inertial)
             self.centres[k] = at + turn @ offset
             if inertial is not None:
-                moments = np.diag(
-                    [float(inertial.find("inertia").get(key)) for key in ("ixx", "iyy", "izz")]
-                )
-                mass = float(inertial.find("mass").get("value"))
-                self.mass[6 * k : 6 * k + 3, 6 * k : 6 * k + 3] = mass * np.eye(3)
-                both = turn @ own
-                self.mass[6 * k + 3 : 6 * k + 6, 6 * k + 3 : 6 * k + 6] = both @ moments @ both.T
+                inertia, axes = inertial.find("inertia"), turn @ own
+                moments = np.diag([float(inertia.get(key)) for key in ("ixx", "iyy", "izz")])
+                linear, angular = slice(6 * k, 6 * k + 3), slice(6 * k + 3, 6 * k + 6)
+                self.mass[linear, linear] = float(inertial.find("mass").get("value")) * np.eye(3)
+                self.mass[angular, angular] = axes @ moments @ axes.T
         self._tie()
 
     def motion(self, link, point):

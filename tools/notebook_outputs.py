@@ -2,7 +2,7 @@
 
     python tools/notebook_outputs.py [NOTEBOOK...]
 
-`tests/test_notebooks.py` runs them again and compares.
+The outputs are for readers: tests run the notebooks, and do not compare what is stored.
 """
 
 import base64
@@ -26,10 +26,6 @@ NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 WIDGET = "application/vnd.jupyter.widget-view+json"
 LIVE_VIEW = '<iframe src="http://127.0.0.1:'
 PICTURES = ("image/png", "image/jpeg")
-
-NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:e[-+]?\d+)?", re.IGNORECASE)
-SMALLEST = 1e-6
-"""Numbers below it are residuals, which are of rounding and differ between machines."""
 
 
 class _Output(OutputWidget):
@@ -74,37 +70,6 @@ def outputs(cell):
 def is_page(data):
     """Return whether the data of an output are those of a 3-D page."""
     return data.get("text/html", "").startswith("<iframe srcdoc=")
-
-
-def texts(cell):
-    """Return the texts that a cell writes, a page by its title; all without addresses."""
-    found = []
-    for output in outputs(cell):
-        data = output.get("data", {})
-        text = output.get("text", data.get("text/plain", ""))
-        found.append(re.sub(r"0x[0-9a-f]+", "0x", text))
-    return found
-
-
-def pictures(cell):
-    """Return how many pictures or pages each output of a cell shows."""
-    data = [output.get("data", {}) for output in outputs(cell)]
-    return [is_page(each) or any(kind in each for kind in PICTURES) for each in data]
-
-
-def same(one, other):
-    """Return whether two texts are the same, numbers within 2 % or a unit of the last digit."""
-    if " ".join(NUMBER.sub("#", one).split()) != " ".join(NUMBER.sub("#", other).split()):
-        return False
-    return all(map(_near, NUMBER.findall(one), NUMBER.findall(other)))
-
-
-def _near(one, other):
-    """Return whether two numbers, as texts, are nearly the same."""
-    mantissa, _, exponent = max(one, other, key=len).lower().partition("e")
-    last = 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))
-    a, b = float(one), float(other)
-    return max(abs(a), abs(b)) < SMALLEST or abs(a - b) <= 1.001 * last + 0.02 * max(abs(a), abs(b))
 
 
 def _small_png(picture):

@@ -10,7 +10,7 @@ import numpy as np
 
 from kickdyn.ball import BallState
 from kickdyn.core import validation
-from kickdyn.core.representation import ROUNDING, Row, warned
+from kickdyn.core.representation import ROUNDING, Row, freeze_arrays, warned
 from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.approach import AfterApproach, Approach
@@ -219,7 +219,9 @@ class Impact(AfterApproach):
     @cached_property
     def rounding(self) -> Rounding:
         """Shares of the impulse and of the joints' linear impulses that may be rounding."""
-        return estimate_rounding(self.approach, self.solution, self.joint_impulses)
+        rounding = estimate_rounding(self.approach, self.solution, self.joint_impulses)
+        freeze_arrays(rounding)
+        return rounding
 
     @property
     def digits(self) -> float:

@@ -26,6 +26,12 @@ MAX_RESIDUAL = 1e-9
 TANGENT = 1e-8
 """Share by which a line may miss a circle that it touches but for rounding."""
 
+LEAST_RESISTANCE = 1e-14
+"""Resistance to an impulse along the cone, relative to its terms, up to which it is rounding."""
+
+ASTRAY = 0.01
+"""Sliding across the friction, relative to the velocity before, from which it does not oppose."""
+
 Matrix = tuple[float, float, float, float, float, float]
 """Entries 11, 12, 22, 13, 23, 33 of a symmetric matrix."""
 
@@ -144,7 +150,8 @@ def slip_impulse(
     Along a direction of `meet_circle`, the impulse :math:`p\, (\mu c, \mu s, 1)` follows from
     the normal row. Where the cone hardly resists, p alone would have few digits, so that Newton's
     method improves p and the direction together. Impulses whose friction would drive the sliding
-    are none; without any, the energy lost is -inf.
+    are none, nor are those that nothing but rounding resists; without any, the energy lost is
+    -inf.
 
     Args:
         g: as for `stick_impulse`.
@@ -155,6 +162,7 @@ def slip_impulse(
     """
     g11, g12, g22, g13, g23, g33 = g
     f3 = (1.0 + e) * u[2]
+    terms, speed = mu * (abs(g13) + abs(g23)) + g33, abs(u[0]) + abs(u[1]) - f3
     impulse, most = (0.0, 0.0, 0.0), -math.inf
     for c, s in directions:
         resistance = mu * (g13 * c + g23 * s) + g33
@@ -182,9 +190,11 @@ def slip_impulse(
             c, s = c / size, s / size
             if abs(turn) <= 1e-9 and abs(step) <= 1e-9:
                 break
+        if p < 0.0 or p * (LEAST_RESISTANCE * terms) > -f3:
+            continue
         x = p * (mu * (g11 * c + g12 * s) + g13) + u[0]
         y = p * (mu * (g12 * c + g22 * s) + g23) + u[1]
-        if c * x + s * y > 0.0:  # friction would drive the sliding
+        if c * x + s * y > 0.0 or abs(c * y - s * x) > ASTRAY * speed:  # friction would drive it
             continue
         lost = 0.5 * p * (-u[2] * (1.0 - e) - mu * (c * (u[0] + x) + s * (u[1] + y)))
         if lost > most:

@@ -22,6 +22,10 @@ from kickdyn.impact.contact_problem import (
 ORDER = 24
 """Order of the Taylor series of a step."""
 
+LOCKED = 1e-14
+"""Growth of the normal velocity, relative to its terms, up to which it is rounding, and then the
+normal velocity, relative to the largest one before, that is rounding, too."""
+
 MAX_STEPS = 2000
 """Steps after which the sliding counts as one that does not end."""
 
@@ -125,6 +129,10 @@ class _Course:
     def _line(self, f1: float, f2: float, gain: float, end: float) -> bool:
         """Advance with constant friction; return whether the impact ended before impulse `end`."""
         rate = self.g33 + self.b1 * f1 + self.b2 * f2
+        terms = self.g33 + abs(self.b1 * f1) + abs(self.b2 * f2)
+        if abs(rate) <= LOCKED * terms:
+            rate = 0.0
+            self.normal = self.normal if abs(self.normal) > LOCKED else 0.0
         while True:
             compressing = self.normal < 0.0 or (self.normal == 0.0 and rate < 0.0)
             due = 0.0 if compressing else self._work_due()

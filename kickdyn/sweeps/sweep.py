@@ -34,7 +34,7 @@ from kickdyn.core.validation import Array, ArrayLike
 from kickdyn.errors import InvalidInput, Unfinished
 from kickdyn.robot.leg import Leg
 from kickdyn.sweeps.chunk_solver import ChunkSolver
-from kickdyn.sweeps.dataset import select_variables, with_variables
+from kickdyn.sweeps.dataset import check_identified, select_variables, with_variables
 from kickdyn.sweeps.grid import IN_MEMORY, Chunks, Grid, check_size
 from kickdyn.sweeps.store import SweepStore, open_sweep
 from kickdyn.sweeps.sweep_kick import Kick
@@ -137,6 +137,8 @@ def sweep(
         return with_variables(described.assign_attrs(finished=1), rows, status, kept)
     sent = None if executor is None else _pickled(Path(store).absolute(), kept, solver)
     filled = SweepStore(store, described, kept, solver.chunk, resume=resume)
+    if not filled.created:
+        check_identified(kick)
     writing = nullcontext(partial(_write_chunk, filled, solver))
     sending = writing if sent is None else _put_beside(filled.path.absolute(), sent)
     computing = _pool(threads) if executor is None else nullcontext(executor)

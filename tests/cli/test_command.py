@@ -1,13 +1,13 @@
+"""How a command ends: its exit code, a line for each fault, and nothing else."""
+
 import subprocess
 import sys
-from contextlib import nullcontext
 
 import click
 import pytest
 
 import kickdyn as kd
-from kickdyn.cli.command import Command, check_page_name, run
-from kickdyn.cli.option_groups import JsonOptions
+from kickdyn.cli.command import run
 
 INTERRUPTED = """
 import os
@@ -26,92 +26,47 @@ run(kick)
 
 
 def test_ctrl_c_ends_a_command_in_one_line():
-    ended = subprocess.run(
-        [sys.executable, "-c", INTERRUPTED], capture_output=True, text=True, timeout=3600
-    )
+    ended = subprocess.run([sys.executable, "-c", INTERRUPTED], capture_output=True, text=True)
     assert (ended.returncode, ended.stdout) == (1, "")
     assert ended.stderr.strip() == "kick: interrupted"
 
 
+def ends(command, capsys):
+    """Return the exit code of a command, and the lines on standard error."""
+    with pytest.raises(SystemExit) as end:
+        run(command)
+    return end.value.code, capsys.readouterr().err.splitlines()
+
+
 @pytest.mark.parametrize(
-    ("error", "code", "line"),
+    ("error", "code", "lines"),
     [
-        (None, 0, ""),
-        (kd.InvalidInput("mass is -1 kg"), 2, "kick: mass is -1 kg"),
-        (kd.InvalidInput("mass is -1 kg", "e is 2"), 2, "kick: mass is -1 kg\nkick: e is 2"),
-        (kd.UrdfError("a.urdf", ["no link", "no joint"]), 2, "kick: a.urdf: no link; no joint"),
-        (kd.NoImpact("the foot recedes"), 2, "kick: the foot recedes"),
-        (kd.SceneError("s.toml", ["a", "b"]), 2, "kick: s.toml: a\nkick: s.toml: b"),
-        (kd.KickdynError("no\x1b answer"), 1, "kick: no\\x1b answer"),
-        (FileNotFoundError(2, "No such file", "robot.stl"), 1, "kick: robot.stl: No such file"),
-        (click.UsageError("no " + "x" * 999), 2, f"kick: no {'x' * 100}...{'x' * 100}"),
-        (OSError("the port is taken"), 1, "kick: the port is taken"),
+        (None, 0, []),
+        (kd.InvalidInput("mass is -1 kg"), 2, ["mass is -1 kg"]),
+        (kd.InvalidInput("mass is -1 kg", "e is 2"), 2, ["mass is -1 kg", "e is 2"]),
+        (kd.UrdfError("a.urdf", ["no link", "no joint"]), 2, ["a.urdf: no link; no joint"]),
+        (kd.SceneError("s.toml", ["a", "b"]), 2, ["s.toml: a", "s.toml: b"]),
+        (kd.NoImpact("the foot recedes"), 2, ["the foot recedes"]),
+        (click.UsageError("no " + "x" * 999), 2, [f"no {'x' * 100}...{'x' * 100}"]),
+        (kd.KickdynError("no\x1b answer"), 1, ["no\\x1b answer"]),
+        (FileNotFoundError(2, "No such file", "robot.stl"), 1, ["robot.stl: No such file"]),
+        (OSError("the port is taken"), 1, ["the port is taken"]),
     ],
+    ids=repr,
 )
-def test_how_a_command_ends(error, code, line, monkeypatch, capsys):
+def test_bad_input_ends_with_2_and_any_other_error_with_1(error, code, lines, monkeypatch, capsys):
     @click.command("kick")
     def kick():
         if error is not None:
             raise error
 
     monkeypatch.setattr(sys, "argv", ["kick"])
-    with pytest.raises(SystemExit) as ended:
-        run(kick)
-    assert ended.value.code == code
-    assert capsys.readouterr().err.strip() == line
+    assert ends(kick, capsys) == (code, [f"kick: {line}" for line in lines])
 
 
-@click.command("kick", Command)
-@click.argument("ball", required=False, metavar="BALL")
-@click.option("--speed", default=1.0)
-@click.option("--count", type=click.IntRange(1, 9))
-@click.option("--first", type=int)
-@click.option("--leg", multiple=True)
-def kick(**_):
-    """Do nothing."""
-
-
-@pytest.mark.parametrize(
-    ("arguments", "line"),
-    [
-        (["--speed", "1,5"], "Invalid value for '--speed': '1,5' is not a valid float."),
-        (["--count", "x"], "Invalid value for '--count': 'x' is not a valid integer range."),
-        (["--count", "10"], "Invalid value for '--count': 10 is not in the range 1<=x<=9."),
-        (["--first", "1.0"], "Invalid value for '--first': '1.0' is not a valid integer."),
-        (["--speed="], "Invalid value for '--speed': '' is not a valid float."),
-        (["--leg", "left", "--leg", ""], "--leg is empty: it needs a value"),
-        ([""], "BALL is empty: it needs a value"),
-        (["--sped", "1"], "No such option '--sped'. Did you mean '--speed'?"),
-        (["--workers", "1"], "No such option '--workers'."),
-        (["-x"], "No such option '-x'."),
-    ],
-)
-def test_what_cannot_be_read_is_refused_in_plain_words(arguments, line, monkeypatch, capsys):
-    monkeypatch.setattr(sys, "argv", ["kick", *arguments])
-    monkeypatch.setattr("click.core._detect_program_name", lambda: "kick")
-    with pytest.raises(SystemExit) as ended:
-        run(kick)
-    assert ended.value.code == 2
-    assert capsys.readouterr().err == f"kick: {line}\n"
-
-
-def test_files_that_will_be_replaced_are_named(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    JsonOptions("b.json").check("a.png")
-    assert capsys.readouterr().err == ""
-    for name in ("a.png", "b.json"):
-        (tmp_path / name).touch()
-    JsonOptions("-").check("a.png")
-    JsonOptions("b.json").check("a.png")
-    first, second = capsys.readouterr().err.splitlines()
-    assert first == "a.png exists and will be replaced"
-    assert second == "b.json, a.png exist and will be replaced"
-
-
-@pytest.mark.parametrize(
-    ("name", "refused"),
-    [("a.html", False), ("a.HTM", False), ("a.htm", False), ("a.txt", True), ("a", True)],
-)
-def test_a_page_is_written_under_the_endings_of_html(name, refused):
-    with pytest.raises(kd.InvalidInput, match="html") if refused else nullcontext():
-        check_page_name(name)
+@pytest.mark.slow
+def test_output_that_cannot_be_written_ends_with_1():
+    command = [sys.executable, "-m", "kickdyn", "paper", "--only", "fig8"]
+    with open("/dev/full", "w") as full:  # noqa: PTH123
+        ended = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True)
+    assert (ended.returncode, ended.stderr) == (1, "kickdyn: No space left on device\n")

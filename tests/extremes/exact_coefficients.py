@@ -18,16 +18,7 @@ NUDGE = 10.0 ** -(DIGITS // 2)
 
 
 class Constants:
-    """Makes mpmath's numbers of floats: exactly, or each changed by a share, up or down.
-
-    Args:
-        m: context of mpmath.
-        seed: of the signs; None changes nothing.
-
-    Attributes:
-        m: as given.
-        count: of the numbers that were made.
-    """
+    """Makes mpmath's numbers of floats: exactly, or each changed by a share, up or down."""
 
     def __init__(self, m: Any = mp, seed: int | None = None) -> None:
         self.m, self.count = m, 0
@@ -47,7 +38,6 @@ Formula = Callable[[Constants, float, float], Any]
 
 
 def _joined(c: Constants, x: Any, low: Any, high: Any) -> Any:
-    """Return the weight of a smooth transition from 0 to 1."""
     m = c.m
     if x <= low:
         return m.zero
@@ -57,18 +47,15 @@ def _joined(c: Constants, x: Any, low: Any, high: Any) -> Any:
 
 
 def _stokes(c: Constants, reynolds: float, _: float) -> Any:
-    """Return the drag of creeping flow."""
     return 24 / c(reynolds)
 
 
 def _brown_lawler(c: Constants, reynolds: float, _: float) -> Any:
-    """Return the drag of a sphere by Brown and Lawler."""
     re = c(reynolds)
     return 24 / re * (1 + c(0.150) * re ** c(0.681)) + c(0.407) / (1 + c(8710.0) / re)
 
 
 def _sphere(c: Constants, reynolds: float, spin: float) -> Any:
-    """Return the drag of a smooth sphere."""
     weight = _joined(c, c.m.mpf(reynolds), 1, 10)
     creeping = _stokes(c, reynolds, spin)
     if weight == 0:
@@ -77,7 +64,6 @@ def _sphere(c: Constants, reynolds: float, spin: float) -> Any:
 
 
 def _level(c: Constants, ball: drag.SoccerBall, reynolds: float) -> Any:
-    """Return Eq. 5 of Kiratidis and Leinweber, its straight line turned level at `v_max`."""
     m, v = c.m, c(reynolds) / c(drag.REYNOLDS_PER_SPEED)
     a, v_c, v_s, low, high = (c(x) for x in (ball.a, ball.v_c, ball.v_s, ball.b_min, ball.b_max))
     v_min, v_max = c(ball.v_min), c(ball.v_max)
@@ -89,7 +75,6 @@ def _level(c: Constants, ball: drag.SoccerBall, reynolds: float) -> Any:
 
 
 def _soccer(ball: drag.SoccerBall) -> Formula:
-    """Return the formula of a soccer ball's drag."""
 
     def formula(c: Constants, reynolds: float, spin: float) -> Any:
         m = c.m
@@ -105,13 +90,11 @@ def _soccer(ball: drag.SoccerBall) -> Formula:
 
 
 def _supercritical(c: Constants, reynolds: float, spin: float) -> Any:
-    """Return the drag of a soccer ball beyond its crisis."""
     weight = _joined(c, c.m.mpf(reynolds), c.m.mpf(20000), c.m.mpf(70000))
     return (1 - weight) * _sphere(c, reynolds, spin) + weight * c(0.2)
 
 
 def _goff_carre(c: Constants, reynolds: float, spin: float) -> Any:
-    """Return the drag by Goff and Carre."""
     m, v, middle = c.m, c(reynolds) / c(drag.REYNOLDS_PER_SPEED), c(12.19)
     level = c(0.155) + c(0.346) / (1 + m.exp((v - middle) / c(1.309)))
     weight = _joined(c, v, c(0.9) * middle, c(1.1) * middle)
@@ -120,7 +103,6 @@ def _goff_carre(c: Constants, reynolds: float, spin: float) -> Any:
 
 
 def _saturating(c: Constants, reynolds: float, spin: float) -> Any:
-    """Return the lift that saturates."""
     plateau, sp = c(0.4740), c(spin)
     drop = plateau - _level(c, drag.BALLS["brazuca"], reynolds)
     gate = drop / (plateau - c(0.1748588996))
@@ -128,29 +110,21 @@ def _saturating(c: Constants, reynolds: float, spin: float) -> Any:
 
 
 def _wang(c: Constants, _: float, spin: float) -> Any:
-    """Return the lift by Wang."""
     return c(spin) ** c(0.4) / 2
 
 
 def _nathan(c: Constants, _: float, spin: float) -> Any:
-    """Return the lift by Nathan."""
     sp = c(spin)
     return c(1.12) * sp / (c(0.583) + c(2.333) * sp)
 
 
-FORMULAS: dict[tuple[str, str], Formula] = {
-    ("drag", "stokes"): _stokes,
-    ("drag", "brown-lawler"): _brown_lawler,
-    ("drag", "sphere"): _sphere,
+FORMULAS: dict[tuple[str, str], Formula] = {("drag", "stokes"): _stokes,
+    ("drag", "brown-lawler"): _brown_lawler, ("drag", "sphere"): _sphere,
     **{("drag", name): _soccer(ball) for name, ball in drag.BALLS.items()},
-    ("drag", "supercritical"): _supercritical,
-    ("drag", "goff-carre"): _goff_carre,
-    ("lift", "saturating"): _saturating,
-    ("lift", "wang"): _wang,
-    ("lift", "nathan"): _nathan,
+    ("drag", "supercritical"): _supercritical, ("drag", "goff-carre"): _goff_carre,
+    ("lift", "saturating"): _saturating, ("lift", "wang"): _wang, ("lift", "nathan"): _nathan,
     ("torque", "smits-smith"): lambda c, _, __: c(0.010),
-    ("torque", "tavares"): lambda c, _, __: c(0.012),
-}
+    ("torque", "tavares"): lambda c, _, __: c(0.012)}  # fmt: skip
 """By kind and name."""
 
 MODELS = {"drag": drag.MODELS, "lift": lift.MODELS, "torque": spin_decay.MODELS}

@@ -3,25 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass
 from enum import StrEnum
-
-from kickdyn.errors import KickdynError
 
 FULL = 16.0
 """Digits that a float64 can have."""
 
-NOT_FINITE = "not finite"
-"""Family of the cases whose arguments are NaN, inf, or a Reynolds number of 0."""
-
 
 class Correctness(StrEnum):
-    """How an answer compares with the reference.
-
-    `as-claimed` is an answer of fewer digits than its condition allows, which says how many it has,
-    and has them.
-    """
+    """How an answer compares; `as-claimed`: fewer digits than possible, but as many as it says."""
 
     RIGHT = "right"
     AS_CLAIMED = "as-claimed"
@@ -34,11 +25,10 @@ class ExtremeCase:
     """How right one answer is, or that there is none.
 
     Attributes:
-        family, case: what was asked.
+        family, case: the input.
         quantity: of its answers, the one nearest to the limit.
         error: of that quantity, relative to 50 digits.
-        condition: of that quantity; see `exact_impact.conditions`.
-        worst_error: the largest of all answers.
+        condition: of that quantity; see `extreme_impacts.conditions`.
         refusal: the message, where kickdyn refuses.
         claimed: digits that the answer itself says it has at least.
     """
@@ -48,14 +38,14 @@ class ExtremeCase:
     quantity: str = ""
     error: float = 0.0
     condition: float = 1.0
-    worst_error: float = 0.0
     refusal: str = ""
     claimed: float = FULL
 
-    @property
-    def digits(self) -> float:
-        """Digits that are right."""
-        return digits(self.error)
+    def __str__(self) -> str:
+        if self.refusal:
+            return f"{self.family}: {self.case}: refused: {self.refusal}"
+        sizes = f"{self.quantity} has an error of {self.error:.1e}, condition {self.condition:.1e}"
+        return f"{self.family}: {self.case}: {self.verdict}: {sizes}"
 
     @property
     def allowed(self) -> float:
@@ -67,17 +57,10 @@ class ExtremeCase:
         """How the answer compares with what the condition allows, and with what it claims."""
         if self.refusal:
             return Correctness.REFUSED
-        if self.error == math.inf or self.digits < min(self.allowed, self.claimed):
+        if self.error == math.inf or digits(self.error) < min(self.allowed, self.claimed):
             return Correctness.WRONG
-        return Correctness.RIGHT if self.digits >= self.allowed else Correctness.AS_CLAIMED
-
-    def as_json(self) -> dict[str, object]:
-        """Return plain values and the verdict; what is infinite, of something wrong, as null."""
-        values = {
-            name: None if isinstance(value, float) and not math.isfinite(value) else value
-            for name, value in asdict(self).items()
-        }
-        return values | {"verdict": self.verdict}
+        right = digits(self.error) >= self.allowed
+        return Correctness.RIGHT if right else Correctness.AS_CLAIMED
 
 
 def digits(error: float) -> float:
@@ -92,26 +75,11 @@ def compare(
     conditions: Mapping[str, float],
     claims: Mapping[str, float],
 ) -> ExtremeCase:
-    """Return the case with the worst verdict; among equals, what has least digits to spare.
-
-    Relative errors, conditions and the digits claimed are those of its answers by name; an answer
-    that claims none has `FULL`.
-    """
-    worst = max(errors.values())
-    cases = [
-        ExtremeCase(
-            family, case, name, error, conditions[name], worst, claimed=claims.get(name, FULL)
-        )
-        for name, error in errors.items()
-    ]
+    """Return the case with the worst verdict; among equals, the one with least digits to spare."""
     order = (Correctness.WRONG, Correctness.AS_CLAIMED, Correctness.RIGHT)
-    return min(cases, key=lambda case: (order.index(case.verdict), case.digits - case.allowed))
-
-
-def expect_refusal(case: str, attempt: Callable[[], object]) -> ExtremeCase:
-    """Return the case of an argument that must be refused."""
-    try:
-        attempt()
-    except KickdynError as error:
-        return ExtremeCase(NOT_FINITE, case, refusal=str(error))
-    return ExtremeCase(NOT_FINITE, case, "taken", math.inf, 1.0, math.inf)
+    cases = [
+        ExtremeCase(family, case, name, error, conditions[name], claimed=claims.get(name, FULL))
+        for name, error in errors.items()]  # fmt: skip
+    return min(
+        cases, key=lambda case: (order.index(case.verdict), digits(case.error) - case.allowed)
+    )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,7 +12,7 @@ from numpy.typing import ArrayLike
 from references.exact_impact import Quantity, exact_impact, given
 from references.exact_leg import DIGITS, Exact, length, mapped, mp
 
-from extremes.extreme_case import FULL, ExtremeCase, compare, expect_refusal
+from extremes.extreme_case import FULL, ExtremeCase, compare
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.core.validation import Array
@@ -25,6 +24,9 @@ from kickdyn.robot.leg import Leg
 FORWARD, DOWN = (1.0, 0.0, 0.0), (0.0, 0.0, -1.0)
 OBLIQUE, SIDEWAYS = (2.0, 0.3, 1.0), (2.0, 0.8, 1.0)
 """Normals."""
+
+ROUGH = Contact(OBLIQUE, 0.8, 0.4)
+"""A contact with friction."""
 
 BENT, SPEEDS = (0.4, 0.7, -0.3), (-3.0, -5.0, -4.0)
 """Angles of the joints [rad] and their velocities [rad/s]."""
@@ -40,12 +42,7 @@ LONGEST = 500
 
 
 class ExtremeKick(NamedTuple):
-    """A strike that is compared with the reference.
-
-    Attributes:
-        name: of the case.
-        leg, q, v, ball, contact, ball_velocity, ball_spin: as for `strike`.
-    """
+    """A strike that is compared with the reference."""
 
     name: str
     leg: Leg
@@ -58,10 +55,8 @@ class ExtremeKick(NamedTuple):
 
     def impact(self) -> Impact:
         """Return kickdyn's answer."""
-        return strike(
-            self.leg.posture(self.q), self.v, self.ball, self.contact,
-            ball_velocity=self.ball_velocity, ball_spin=self.ball_spin,
-        )  # fmt: skip
+        return strike(self.leg.posture(self.q), self.v, self.ball, self.contact,
+            ball_velocity=self.ball_velocity, ball_spin=self.ball_spin)  # fmt: skip
 
 
 def chain(
@@ -70,11 +65,7 @@ def chain(
     base: ArrayLike = (0.0, 0.0, 0.0),
     turn: Array | None = None,
 ) -> Leg:
-    """Return slender rods that hang from each other, hinged about y; contact at the last one's end.
-
-    Lengths are in m, masses in kg, 1 when not named; the first rod hangs at `base` [m], and `turn`
-    is a rotation of the whole.
-    """
+    """Return slender rods that hang from each other, hinged about y; contact at the last end."""
     model, parent = pin.Model(), 0
     model.name = f"chain of {len(lengths)}"
     place = pin.SE3(np.eye(3) if turn is None else turn, np.array(base, dtype=float))
@@ -106,9 +97,6 @@ def postures() -> Iterator[ExtremeKick]:
         yield usual("straight leg" + name, contact, q=still, v=still, **coming)
         for bend in (1e-3, 1e-6, 1e-9, 1e-12, 1e-200):
             yield usual(f"bent by {bend:g} rad" + name, contact, q=(0.0, bend, 0.0), **coming)
-    level, coming = (-math.pi / 2, 0.0, 0.0), {"ball_velocity": (-4.0, 0.0, 0.3)}
-    name = "straight leg at pi/2, normal along it"
-    yield usual(name, Contact(FORWARD, 0.8), q=level, v=still, **coming)
 
 
 def masses() -> Iterator[ExtremeKick]:
@@ -126,8 +114,7 @@ def coefficients() -> Iterator[ExtremeKick]:
     """Yield the ends of restitution and friction."""
     for e in (0.0, 1.0, 1.0 - 1e-15):
         for mu in (0.0, 0.1, 0.4):
-            name = f"e {'1 - 1e-15' if 0.9 < e < 1 else f'{e:g}'}, mu {mu:g}"
-            yield usual(name, Contact(OBLIQUE, e, mu))
+            yield usual(f"e {e:.16g}, mu {mu:g}", Contact(OBLIQUE, e, mu))
     for mu in (1e-300, 1e-12, 1e6, 1e300):
         yield usual(f"mu {mu:g}", Contact(SIDEWAYS, 0.8, mu))
 
@@ -140,51 +127,32 @@ def grazes() -> Iterator[ExtremeKick]:
             sliding = (-speed, 0.5, 0.2)
             yield usual(name, Contact(FORWARD, 0.8, mu), v=np.zeros(3), ball_velocity=sliding)
     for spin in (1e6, 1e12, 1e100):
-        contact = Contact(OBLIQUE, 0.8, 0.4)
-        yield usual(f"spin of {spin:g} rad/s", contact, ball_spin=(0.3 * spin, spin, 0.0))
+        yield usual(f"spin of {spin:g} rad/s", ROUGH, ball_spin=(0.3 * spin, spin, 0.0))
 
 
 def sizes(longest: int = LONGEST) -> Iterator[ExtremeKick]:
     """Yield chains of 1 to 500 joints, lengths of 12 decades, and a base far away."""
-    for n in (1, 2, 50, 500):
-        if n > longest:
-            continue
+    for n in (n for n in (1, 2, 50, 500) if n <= longest):
         rng = np.random.default_rng(n)
         leg = chain([1.0 / n] * n, [1.0 / n] * n)
         q, v = rng.uniform(-0.5, 0.5, n), rng.normal(size=n)
         velocity = leg.posture(q).point_velocity(v)
         normal = velocity / np.linalg.norm(velocity) + (0.1, 0.0, 0.2)
         yield usual(f"chain of {n}", Contact(normal, 0.8, 0.4), leg=leg, q=q, v=v)
-    contact = Contact(OBLIQUE, 0.8, 0.4)
     for size in ((1e-6,) * 3, (1e6,) * 3, (1e-6, 1.0, 1e6), (1e6, 1.0, 1e-6)):
-        yield usual(_links(size), contact, size)
-    yield usual("base at 1e9 m", contact, leg=chain(USUAL, base=(1e9, -1e9, 1e9)))
+        yield usual(_links(size), ROUGH, size)
+    yield usual("base at 1e9 m", ROUGH, leg=chain(USUAL, base=(1e9, -1e9, 1e9)))
 
 
 def short_links() -> Iterator[ExtremeKick]:
     """Yield short links before long ones, and light ones before heavy: M loses its digits."""
     short = [(0.1, 1.0, 1.0), (0.01, 1.0, 1.0), (0.01, 100.0, 1.0), (1e-3, 1e3, 1.0)]
     for size in [*short, (0.01, 1.0, 0.01), (1.0, 1e-3, 1e3), (1e3, 1e-3, 1.0)]:
-        yield usual(_links(size), Contact(OBLIQUE, 0.8, 0.4), size)
+        yield usual(_links(size), ROUGH, size)
 
 
 def _links(lengths: Sequence[float]) -> str:
-    """Return the name of a chain."""
     return f"links of {', '.join(f'{one:g}' for one in lengths)} m"
-
-
-def inertia_factors() -> Iterator[ExtremeKick]:
-    """Yield balls from a shell to nearly a particle, which resists turning by nothing."""
-    for factor in (2 / 3, 1e-4, 1e-10, 1e-16, 1e-100, 1e-300):
-        ball = Ball(inertia_factor=factor)
-        yield usual(f"inertia factor {factor:.2g}", Contact(OBLIQUE, 0.8, 0.4), ball=ball)
-
-
-def slow_kicks() -> Iterator[ExtremeKick]:
-    """Yield kicks that slip, ever slower: the law knows no speed."""
-    for speed in (1.0, 1e-60, 1e-100, 1e-300):
-        v = speed * np.array(SPEEDS)
-        yield usual(f"slip at {speed:g} of the speed", Contact(SIDEWAYS, 0.8, 0.4), v=v)
 
 
 def heavy_balls() -> Iterator[ExtremeKick]:
@@ -195,58 +163,23 @@ def heavy_balls() -> Iterator[ExtremeKick]:
         for bend in (1e-3, 1e-9):
             name = f"ball of {mass:g} kg, bent by {bend:g} rad, mu 3"
             yield usual(name, contact, q=(0.0, bend, 0.0), ball=Ball(mass), **motion)
-    leg = chain(USUAL, (1e-8, 1e8, 1e-8))
-    yield usual("links of 1e-8, 1e8, 1e-8 kg", Contact(OBLIQUE, 0.8, 0.4), leg=leg)
+    yield usual("links of 1e-8, 1e8, 1e-8 kg", ROUGH, leg=chain(USUAL, (1e-8, 1e8, 1e-8)))
 
 
 def cancellations() -> Iterator[ExtremeKick]:
     """Yield normals across the foot's velocity but for a share: the approach cancels."""
     along = chain(USUAL).posture(BENT).point_velocity(SPEEDS)
     along /= np.linalg.norm(along)
-    aside = np.array([along[2], 0.0, -along[0]])
+    across = np.array([along[2], 0.0, -along[0]])
     for share in (1e-4, 1e-8, 1e-12, 1e-14, 1e-15, 1e-16):
-        yield usual(f"approach of {share:g} of the speed", Contact(aside + share * along, 0.8, 0.4))
-
-
-def central_kicks() -> Iterator[ExtremeKick]:
-    """Yield feet that come along the normal but for a share: sliding cancels, friction needs it."""
-    posture = chain(USUAL).posture(BENT)
-    normal, aside = np.array([0.8, 0.0, 0.6]), np.array([-0.6, 0.0, 0.8])
-    for share in (1e-3, 1e-6, 1e-9, 1e-11, 1e-13):
-        v = posture.joint_velocity(3.0 * (normal + share * aside))
-        for mu in (0.05, 3.0):
-            name = f"slides at {share:g} of the approach, mu {mu:g}"
-            yield usual(name, Contact(normal, 0.8, mu), v=v)
-
-
-def ranks() -> Iterator[ExtremeKick]:
-    """Yield Jacobians of rank 1 and 2, their empty rows in every order."""
-    for joints in (1, 2, 3):
-        for order in ((0, 1, 2), (1, 2, 0), (2, 0, 1), (0, 2, 1), (2, 1, 0), (1, 0, 2)):
-            turn = np.eye(3)[list(order)]
-            turn *= np.linalg.det(turn)
-            leg = chain(USUAL[:joints], turn=turn)
-            q, v = BENT[:joints], SPEEDS[:joints]
-            velocity = leg.posture(q).point_velocity(v)
-            normal = velocity / np.linalg.norm(velocity) + turn @ (0.1, 0.2, 0.1)
-            name = f"{joints} parallel hinges, axes {''.join('xyz'[i] for i in order)}"
-            yield usual(name, Contact(normal, 0.8, 0.4), leg=leg, q=q, v=v)
+        normal = across + share * along
+        yield usual(f"approach of {share:g} of the speed", Contact(normal, 0.8, 0.4))
 
 
 FAMILIES: dict[str, Callable[[], Iterator[ExtremeKick]]] = {
-    "posture": postures,
-    "mass": masses,
-    "coefficient": coefficients,
-    "approach": grazes,
-    "size": sizes,
-    "short link": short_links,
-    "turning": inertia_factors,
-    "slow": slow_kicks,
-    "heavy ball": heavy_balls,
-    "cancelling": cancellations,
-    "central": central_kicks,
-    "rank": ranks,
-}
+    "posture": postures, "mass": masses, "coefficient": coefficients, "approach": grazes,
+    "size": sizes, "short link": short_links, "heavy ball": heavy_balls,
+    "cancelling": cancellations}  # fmt: skip
 """By name of the family."""
 
 
@@ -301,15 +234,10 @@ def conditions(
 
 def answers(impact: Impact) -> dict[str, Any]:
     """Return the answers of `strike`, by the names of `exact_impact`."""
-    found: dict[str, Any] = {
-        "impulse": impact.impulse,
-        "effective mass": impact.effective_mass,
-        "foot velocity": impact.foot_velocity,
-        "ball velocity": impact.ball_after.velocity,
-        "ball spin": impact.ball_after.spin,
-        "joint velocity": impact.v_after,
-        "energy lost": impact.energy_lost,
-    }
+    found: dict[str, Any] = {"impulse": impact.impulse, "effective mass": impact.effective_mass,
+        "foot velocity": impact.foot_velocity, "ball velocity": impact.ball_after.velocity,
+        "ball spin": impact.ball_after.spin, "joint velocity": impact.v_after,
+        "energy lost": impact.energy_lost}  # fmt: skip
     return found | {f"joint {i + 1}": wrench for i, wrench in enumerate(impact.joint_impulses)}
 
 
@@ -318,43 +246,3 @@ def impact_cases(longest: int = LONGEST) -> Iterator[ExtremeCase]:
     for family, kicks in FAMILIES.items():
         for kick in sizes(longest) if family == "size" else kicks():
             yield judge(family, kick)
-
-
-def impact_refusals() -> list[ExtremeCase]:
-    """Return what becomes of NaN and inf in every argument of a strike; a ball may weigh inf."""
-    return [
-        expect_refusal(f"{name} = {bad}", attempt)
-        for bad in (math.nan, math.inf, -math.inf)
-        for name, attempt in _bad_strikes(bad).items()
-        if (name, bad) != ("ball mass", math.inf)
-    ]
-
-
-def _bad_strikes(bad: float) -> dict[str, Callable[[], object]]:
-    """Return strikes with one bad argument each, by its name."""
-    leg, ball, contact = chain(USUAL), Ball(), Contact(OBLIQUE, 0.8, 0.4)
-    good: dict[str, Any] = {"q": BENT, "v": SPEEDS, "ball_velocity": (0.0,) * 3}
-    good["ball_spin"] = (0.0,) * 3
-
-    def attempt(q: ArrayLike, v: ArrayLike, **motion: Any) -> Impact:
-        return strike(leg.posture(q), v, ball, contact, **motion)
-
-    def with_link(attribute: str, value: object) -> Leg:
-        model = chain(USUAL).model
-        setattr(model.inertias[1], attribute, value)
-        return Leg.from_model(model, "toe")
-
-    attempts: dict[str, Callable[[], object]] = {
-        name: partial(attempt, **(good | {name: (*value[:2], bad)})) for name, value in good.items()
-    }
-    return attempts | {
-        "normal": lambda: Contact((1.0, bad, 0.0), 0.8),
-        "restitution": lambda: Contact(FORWARD, bad),
-        "friction": lambda: Contact(FORWARD, 0.8, bad),
-        "offset": lambda: Contact(FORWARD, 0.8, 0.0, (0.0, bad, 0.0)),
-        "ball mass": lambda: Ball(mass=bad),
-        "ball radius": lambda: Ball(radius=bad),
-        "link mass": lambda: with_link("mass", bad),
-        "link lever": lambda: with_link("lever", np.array([0.0, bad, 0.0])),
-        "base": lambda: chain(USUAL, base=(bad, 0.0, 0.0)),
-    }

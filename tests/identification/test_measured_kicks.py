@@ -1,4 +1,4 @@
-"""The C3D files of the guide and the notebook are what their script makes, with the truth."""
+"""The files in `data/`: synthetic kicks with their truth, and a measured match."""
 
 import re
 from pathlib import Path
@@ -7,44 +7,47 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
+from kickdyn.core.mechanics import GRAVITY
 
-ROOT = Path(__file__).resolve().parents[2]
+DATA = Path(__file__).resolve().parents[2] / "data"
+DOCS = DATA.parent / "docs" / "how-to" / "measured-impacts.md"
 measured_kicks = pytest.importorskip("measured_kicks", reason="tools come with the checkout only")
+pytest.importorskip("ezc3d")
 
 
 @pytest.mark.parametrize("number", [0, 1])
-def test_files_are_those_of_the_script(number):
+def test_files_are_those_of_the_script_and_the_truth_is_beside_them(number):
     surface = list(measured_kicks.KICKS)[number]
-    track = kd.BodyTrack.from_c3d(ROOT / "data" / f"kick_{surface}.c3d")
+    track = kd.BodyTrack.from_c3d(DATA / f"kick_{surface}.c3d")
     assert track.markers == (*measured_kicks.MARKERS, "ball")
     made = measured_kicks.record(surface, np.random.default_rng(number))
-    assert track.positions == pytest.approx(made, abs=1e-6, nan_ok=True)
+    assert track.positions == pytest.approx(made, abs=1e-6, nan_ok=True)  # from millimetres
+    assert np.diff(track.times) == pytest.approx(1 / measured_kicks.RATE)
+    ball = kd.Track.from_c3d(DATA / f"kick_{surface}.c3d", "ball")
+    np.testing.assert_array_equal(ball.positions, track.positions[:, -1])
+    np.testing.assert_array_equal(ball.times, track.times)
+    turned = kd.BodyTrack.from_c3d(DATA / f"kick_{surface}.c3d", up="y").positions[0, -1]
+    assert turned.tolist() == (track.positions[0, -1, [0, 2, 1]] * (1, -1, 1)).tolist()
+    with pytest.raises(kd.InvalidInput, match=r"'head'.*'RASI'"):
+        kd.Track.from_c3d(DATA / f"kick_{surface}.c3d", "head")
+    hit = measured_kicks.impact(surface)
+    sizes = np.linalg.norm(hit.joint_impulses[:, :3], axis=1)
+    sizes = dict(zip(hit.posture.leg.joint_names, sizes, strict=True))
+    truth = [np.linalg.norm(hit.foot_velocity), hit.ball_after.speed]
+    truth += [sizes[joint] for joint in ("hip", "knee", "ankle")]
+    rows = re.findall(r"\| (\d+\.\d+) \| (\d+\.\d+) \|", (DATA / "README.md").read_text("utf-8"))
+    assert [float(row[number]) for row in rows] == pytest.approx(truth, rel=1e-3)
 
 
-def test_the_truth_is_beside_them():
-    page = (ROOT / "data" / "README.md").read_text("utf-8")
-    rows = [re.findall(r"\| (\d+\.\d+) \| (\d+\.\d+) \|", line) for line in page.splitlines()]
-    shown = np.array([row[0] for row in rows if row], dtype=float).T
-    for values, surface in zip(shown, measured_kicks.KICKS, strict=True):
-        hit = measured_kicks.impact(surface)
-        names = hit.posture.leg.joint_names
-        sizes = dict(zip(names, np.linalg.norm(hit.joint_impulses[:, :3], axis=1), strict=True))
-        truth = [np.linalg.norm(hit.foot_velocity), hit.ball_after.speed]
-        truth += [sizes[joint] for joint in ("hip", "knee", "ankle")]
-        assert values == pytest.approx(truth, rel=1e-3)
-
-
-@pytest.mark.parametrize(("height", "lines"), [(1.65, 0), (1.72, 1)])
-def test_a_leg_of_another_height_is_noticed(height, lines):
-    page = (ROOT / "docs" / "how-to" / "measured-impacts.md").read_text("utf-8")
-    (places,) = re.findall(r"^markers = (\{.*?^\})", page, re.DOTALL | re.MULTILINE)
-    person = {"mass": 58, "sex": "female", "side": "right", "model": "3d"}
-    leg = kd.Leg.human(height=height, base="floating", frame="instep", **person)
-    track = kd.BodyTrack.from_c3d(ROOT / "data" / "kick_instep.c3d")
-    few = kd.BodyTrack(track.times[::4], track.markers, track.positions[::4])
-    motion = kd.fit_motion(few, leg, eval(places), contact=0.2007)
-    assert len(motion.warnings) == lines
-    for line in motion.warnings:
-        assert re.match(
-            r"the places .* or the height of the leg, do not fit: .*'\w+' by 1\d mm", line
-        )
+def test_the_ground_of_a_measured_match_is_as_fifa_requires():
+    """A rebound of 0.6 to 1.0 m from 2 m, and a roll of 4 to 10 m from a ramp 1 m high."""
+    track = kd.Track.from_csv(DATA / "match_ball.csv")[:1500]
+    found = kd.segments(track)
+    low, high = np.sqrt([0.6 / 2.0, 1.0 / 2.0])
+    spread = 2.0 * found.restitution.deviation
+    assert spread < 0.15
+    assert low - spread < found.restitution.median < high + spread
+    rolling = found.rolling_deceleration
+    longest, shortest = GRAVITY * 1.0 / (1.0 + 2.0 / 3.0) / np.array([10.0, 4.0])  # of a shell
+    spread = 2.0 * rolling.deviation
+    assert longest - spread < rolling.median < shortest + spread

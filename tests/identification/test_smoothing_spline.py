@@ -1,7 +1,8 @@
-"""The smoothing spline of configurations: limits in closed form, and a prior that grows."""
+"""The smoothing spline of configurations: limits in closed form, its functional, its coverage."""
 
 import numpy as np
 import pytest
+from tolerances import sampled
 
 import kickdyn as kd
 from kickdyn.identification import smoothing_spline
@@ -22,46 +23,56 @@ def spline(q, growth=0.0):
     return SmoothingSpline(MODEL, TIMES, q, information, growth)
 
 
-def test_a_quadratic_is_fitted_as_by_least_squares(monkeypatch):
-    """Its jerk is 0: smoothing that is as strong as can be leaves it as it is."""
-    monkeypatch.setattr(smoothing_spline, "ANGLE_DENSITY", -10.0)
-    q = np.array([0.2 + 3.0 * TIMES + 20.0 * TIMES**2] * 3).T
-    q[::2] += 0.3 * DEVIATION
-    q[1::2] -= 0.3 * DEVIATION  # alternating errors, which no smooth curve follows
-    x, v, covariance = spline(q).state(0.0)
-    rows = np.vander(TIMES, 3, increasing=True)
-    inverse = np.linalg.inv(rows.T @ rows)
-    expected = inverse @ rows.T @ q
-    assert x == pytest.approx(expected[0], rel=1e-6)
-    assert v == pytest.approx(expected[1], rel=1e-6)
-    deviations = DEVIATION * np.sqrt(inverse.diagonal()[:2])
-    assert np.sqrt(covariance.diagonal()) == pytest.approx(np.repeat(deviations, 3), rel=1e-5)
+def on_a_grid(y, density, growth, step=2e-3):
+    """Return v and its deviation at 0 on a grid, which ends with the knots after the last time."""
+    count = round((TIMES[-1] - TIMES[0] + 2 * 0.15 / 76) / step) + 1
+    grid = TIMES[0] + step * np.arange(count)
+    nearest = np.eye(count)[np.rint((TIMES - TIMES[0]) / step).astype(int)]
+    hessian = nearest.T @ nearest / DEVIATION**2
+    for order, share, size in ((3, 0.5, 1 / smoothing_spline.JERK_TIME**2), (4, 1.0, 1.0)):
+        rows = np.diff(np.eye(count), order, axis=0) / step**order
+        middles = grid[: len(rows)] + 0.5 * order * step
+        grown = growth * np.maximum(middles, -smoothing_spline.GROWTH_TIME)
+        hessian += rows.T @ (rows * (np.exp(-share * grown) * size * step / density)[:, None])
+    covariance = np.linalg.inv(hessian)
+    curve, k = covariance @ nearest.T @ y / DEVIATION**2, round(0.15 / step)
+    slope = np.zeros(count)
+    slope[[k - 1, k + 1]] = -0.5 / step, 0.5 / step
+    return slope @ curve, np.sqrt(slope @ covariance @ slope)
 
 
-def test_each_coordinate_is_smoothed_by_its_own_noise():
-    """Hinges with independent errors are fitted one by one."""
-    sizes = np.array([0.3, 1.0, 4.0]) * DEVIATION
-    wave = np.sin(40.0 * TIMES)[:, None]
-    q = 0.1 * wave + sizes * np.random.default_rng(2).normal(size=(len(TIMES), 3))
-    splines = [
-        SmoothingSpline(MODEL, TIMES, q, np.tile(np.diag(1.0 / size**2), (len(TIMES), 1, 1)))
-        for size in (sizes, *(np.full(3, size) for size in sizes))
-    ]
-    x, v, covariance = splines[0].state(-0.02)
-    for j, one in enumerate(splines[1:]):
-        alone = one.state(-0.02)
-        assert (x[j], v[j]) == pytest.approx((alone[0][j], alone[1][j]), rel=1e-9)
-        assert covariance[3 + j, 3 + j] == pytest.approx(alone[2][3 + j, 3 + j], rel=1e-9)
+@pytest.mark.parametrize("growth", [0.0, GROWTH])
+@pytest.mark.parametrize("exponent", [7.0, 9.0])
+def test_the_curve_minimises_its_functional(monkeypatch, growth, exponent):
+    """Against a curve on a grid; the spline's knots are 10 ms apart."""
+    monkeypatch.setattr(smoothing_spline, "_likely_density", lambda *_: 10.0**exponent)
+    size = 10.0 ** ((exponent - 9.0) / 2.0)  # a density grows as the square of the curve
+    q = measured(lambda t: size * np.tanh(t / 0.06), 4)
+    _, v, covariance = spline(q, growth).state(0.0)
+    for j in range(3):
+        velocity, deviation = on_a_grid(q[:, j], 10.0**exponent, growth)
+        assert np.sqrt(covariance[3 + j, 3 + j]) == pytest.approx(deviation, rel=0.03)
+        assert v[j] == pytest.approx(velocity, abs=0.1 * deviation)
 
 
-def test_a_growing_prior_covers_velocities_that_change_at_the_end():
-    def curve(t):
-        return np.tanh(t / 0.06)
-
-    scores = {0.0: [], GROWTH: []}
-    for growth, of_growth in scores.items():
-        for seed in range(20):
-            _, v, covariance = spline(measured(curve, seed), growth).state(0.0)
-            of_growth += [(v - 1 / 0.06) / np.sqrt(covariance.diagonal()[3:])]
-    constant, growing = (np.sqrt(np.mean(np.square(values))) for values in scores.values())
-    assert growing < 1.25 < constant
+def test_deviations_cover_curves_of_the_prior():
+    """Curves whose jerk is an Ornstein-Uhlenbeck process, with densities of the prior."""
+    rng, scores, fine = np.random.default_rng(7), [], 5e-4
+    steps = round(0.15 / fine)
+    decay = np.exp(-fine / smoothing_spline.JERK_TIME)
+    for _ in range(15):
+        prior = smoothing_spline.ANGLE_DENSITY, smoothing_spline.DENSITY_DEVIATION
+        density = 10.0 ** rng.normal(*prior, 3)
+        size = np.sqrt(density * smoothing_spline.JERK_TIME / 2)
+        jerk = [size * rng.normal(size=3)]
+        for _ in range(steps):
+            jerk.append(decay * jerk[-1] + size * np.sqrt(1 - decay**2) * rng.normal(size=3))
+        rates = [np.array(jerk)]  # then acceleration, velocity, position, by trapezoids
+        for start in ((5.0, 3.0, 20.0), (3.0, -4.0, 2.0), (0.3, 0.5, -0.2)):
+            steps_of_x = fine * (rates[-1][1:] + rates[-1][:-1]) / 2
+            rates.append(start + np.vstack([np.zeros(3), np.cumsum(steps_of_x, axis=0)]))
+        positions, velocity = rates[3][:: steps // 75], rates[2][-1]
+        q = positions + DEVIATION * rng.normal(size=positions.shape)
+        _, v, covariance = spline(q).state(0.0)
+        scores.append((v - velocity) / np.sqrt(covariance.diagonal()[3:]))
+    assert np.mean(np.square(scores)) == pytest.approx(1.0, abs=np.sqrt(2) * sampled(45, 4.0))

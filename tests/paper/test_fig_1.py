@@ -1,64 +1,74 @@
+"""Self-motion: postures with one contact point, and the impulses that they give."""
+
+import math
+
 import numpy as np
-import pinocchio as pin
 import pytest
+from tolerances import closed_form
 
 import kickdyn as kd
+from kickdyn.paper import fig_1
 from kickdyn.paper.fig_1 import self_motion
 
-LEG = kd.Leg.human()
+LEG, START = kd.Leg.human(), np.radians([25, 40, 10])
+THIGH, SHANK, FOOT = 0.371, 0.443, 0.145
+"""Lengths of the paper's Table 1 [m]."""
 
 
-def test_the_contact_point_stays():
-    postures = self_motion(LEG, np.radians([25, 40, 10]))
+@pytest.fixture(scope="module")
+def postures():
+    return self_motion(LEG, START)
+
+
+def test_the_contact_point_stays_and_the_joints_go_from_limit_to_limit(postures):
     points = np.array([posture.contact_point for posture in postures])
     assert np.ptp(points, axis=0).max() < 1e-11
     q = np.array([posture.q for posture in postures])
     steps = np.linalg.norm(np.diff(q, axis=0), axis=1)
-    assert steps.max() < 0.011
-    assert steps.min() > 0.009
+    assert steps == pytest.approx(np.full(len(steps), fig_1.STEP), rel=0.1)
+    for end in (q[0], q[-1]):
+        room = np.minimum(end - LEG.lower, LEG.upper - end).min()
+        assert 0 <= room < 3 * fig_1.STEP
 
 
-def test_it_goes_from_limit_to_limit():
-    postures = self_motion(LEG, np.radians([25, 40, 10]))
-    for end in (postures[0], postures[-1]):
-        room = np.minimum(end.q - LEG.lower, LEG.upper - end.q).min()
-        assert 0 <= room < 0.03
-
-
-def test_every_posture_is_that_of_two_circles():
-    """Independent of the KIC: hip, knee and ankle by the law of cosines from the foot's angle."""
-    for posture in self_motion(LEG, np.radians([25, 40, 10]))[::20]:
+def test_every_posture_obeys_the_law_of_cosines(postures):
+    """The knee angle follows from the distance of the ankle, which the foot's angle gives."""
+    for posture in postures[::20]:
         hip, knee, ankle = posture.q
-        foot = -hip + knee + ankle  # below the horizontal
+        pitch = -hip + knee + ankle  # of the foot, below the horizontal
         toe = posture.contact_point[[0, 2]]
-        at_ankle = toe - 0.145 * np.array([np.cos(foot), -np.sin(foot)])
-        reach = np.linalg.norm(at_ankle)
-        cosine = (reach**2 - 0.371**2 - 0.443**2) / (2 * 0.371 * 0.443)
-        assert np.arccos(cosine) == pytest.approx(knee, abs=1e-9)
+        distance = np.linalg.norm(toe - FOOT * np.array([np.cos(pitch), -np.sin(pitch)]))
+        cosine = (distance**2 - THIGH**2 - SHANK**2) / (2 * THIGH * SHANK)
+        assert math.acos(cosine) == pytest.approx(knee, abs=1e-9)
+
+
+def test_items_are_the_extremes_of_impulses_by_eq_10(postures):
+    """p = (1 + e) v / (1/m + 1/M) along the attack; on an obstacle, 1/M is 0."""
+    items = {item.item: item for item in fig_1.items()}
+    attack, start = np.array([math.cos(math.pi / 6), 0, 0.5]), postures
+    for struck, mobility in (("a ball", 1 / 0.45), ("an obstacle", 0.0)):
+        right = [1.8 * 1.0 / (1 / posture.effective_mass(attack) + mobility) for posture in start]
+        for label, value in (("most", max(right)), ("least", min(right))):
+            item = items[f"Fig. 1 {label} impulse on {struck}"]
+            assert item.ours == pytest.approx(value, rel=closed_form(1e3)), item.item
+            assert f"{max(right) / min(right):.2f}" in item.why
+            assert item.verdict == "shape-reproduced"
+            posture = start[right.index(value)]
+            ball = kd.Ball(mass=1 / mobility if mobility else math.inf, radius=0.1)
+            hit = kd.strike(posture, posture.joint_velocity(attack), ball, kd.Contact(attack, 0.8))
+            joint, inside = hit.worst_joint
+            name = f"Fig. 1 {label} impulse on {struck}, in the {joint}"
+            assert items[name].ours == pytest.approx(inside, rel=closed_form(1e3)), name
 
 
 @pytest.mark.parametrize(
-    ("q", "words"),
-    [([0.0, -1.0, 0], "outside the joints' range"), ([0.0, 0.0], r"q has shape \(2,\)")],
+    ("leg", "q", "words"),
+    [
+        (LEG, [0.0, -1.0, 0], "range"),
+        (LEG, [0.0, 0.0], r"shape \(2,\)"),
+        (LEG.locked({"ankle": 0.0}), [0.1, 0.2], "0 degrees of self-motion"),
+    ],
 )
-def test_bad_input(q, words):
+def test_a_leg_without_self_motion_and_other_bad_input_is_refused(leg, q, words):
     with pytest.raises(kd.InvalidInput, match=words):
-        self_motion(LEG, q)
-
-
-def test_a_leg_without_redundancy_is_refused():
-    chain = pin.Model()
-    joint = chain.addJoint(0, pin.JointModelRY(), pin.SE3.Identity(), "only")
-    chain.appendBodyToJoint(joint, pin.Inertia(1.0, np.zeros(3), np.eye(3)), pin.SE3.Identity())
-    tip = pin.SE3(np.eye(3), np.array([0.1, 0.0, 0.0]))
-    chain.addFrame(pin.Frame("toe", joint, 0, tip, pin.FrameType.OP_FRAME))
-    chain.lowerPositionLimit, chain.upperPositionLimit = np.array([-1.0]), np.array([1.0])
-    with pytest.raises(kd.InvalidInput, match="0 degrees of self-motion"):
-        self_motion(kd.Leg.from_model(chain, "toe"), [0.0])
-
-
-def test_a_held_leg_is_refused():
-    robot = kd.Leg.from_robot("bolt", base="floating")
-    leg = robot.with_supports(kd.Support("FL_FOOT", point=True))
-    with pytest.raises(kd.InvalidInput, match="a leg without supports, loops and mimic joints"):
-        self_motion(leg, leg.configuration())
+        self_motion(leg, q)

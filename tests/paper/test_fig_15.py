@@ -1,67 +1,78 @@
+"""The learning loop of the paper, and Newton's method on the same goals."""
+
 import numpy as np
 import pytest
 
 import kickdyn as kd
+from kickdyn.core.mechanics import GRAVITY
+from kickdyn.paper import fig_15
 from kickdyn.paper.fig_15 import learn_launch, newton_rounds
-from kickdyn.planning.goal import nominal_velocity
 
 BALL, AIR = kd.Ball.paper(), kd.Air.paper(lift=None)
-GOALS = {(30.0, 1.5): 3, (50.0, 2.0): 3, (100.0, 3.0): 4}
-"""And how many steps Newton's method takes."""
+GOALS = [(30.0, 1.5), (50.0, 2.0), (100.0, 3.0)]
+by_goal = pytest.mark.parametrize("goal", GOALS, ids=str)
 
 
-@pytest.mark.parametrize("goal", GOALS)
-def test_newton_meets_the_papers_goals_in_few_steps(goal):
+def in_vacuum(distance, time):
+    """Eqs. (24)-(25): the launch velocity that covers a distance in a time."""
+    return [distance / time, 0.0, GRAVITY * time / 2]
+
+
+@by_goal
+def test_the_loop_adds_the_errors_to_the_command(goal):
+    """It ends at the first round within 0.05 m and 0.005 s, and never asks for less than a goal."""
+    rounds, command = learn_launch(*goal, BALL, AIR), np.array(goal)
+    for number, step in enumerate(rounds, 1):
+        assert (command >= np.array(goal) * (1 - 1e-12)).all()
+        assert step.flight.launch.velocity == pytest.approx(in_vacuum(*command), rel=1e-12)
+        landing = step.flight.landing
+        errors = goal[0] - landing.position[0], goal[1] - landing.time
+        assert (step.distance_error, step.time_error) == pytest.approx(errors, abs=1e-12)
+        met = abs(errors[0]) <= 0.05 and abs(errors[1]) <= 0.005
+        assert step.is_met == met == (number == len(rounds))
+        command = command + errors
+
+
+@by_goal
+def test_newton_meets_the_goals_in_few_steps(goal):
     launch = kd.plan_launch(kd.Goal(goal[0], time=goal[1]), BALL, AIR)
     rounds = newton_rounds(launch)
-    assert len(rounds) - 1 == launch.iterations == GOALS[goal]
-    assert abs(rounds[-1].distance_error) < 1e-8
+    assert len(rounds) - 1 == launch.iterations <= 5
+    assert rounds[0].flight.launch.velocity == pytest.approx(in_vacuum(*goal))
+    errors = [abs(step.distance_error) for step in rounds]
+    assert errors == sorted(errors, reverse=True)
+    assert errors[-1] < 1e-8
     assert abs(rounds[-1].time_error) < 1e-9
-    last = rounds[-1].flight.launch
-    assert (last.speed, last.elevation) == pytest.approx((launch.speed, launch.angle))
-
-
-@pytest.mark.parametrize("goal", GOALS)
-def test_the_learning_loop_adds_the_errors_to_the_command(goal):
-    rounds, command = learn_launch(*goal, BALL, AIR), np.array(goal)
-    for this in rounds:
-        velocity = this.flight.launch.velocity
-        wished = nominal_velocity(np.array([command[0], 0, 0]), command[1])
-        assert velocity == pytest.approx(wished, rel=1e-12)
-        command = np.add(command, [this.distance_error, this.time_error])
-    assert [this.is_met for this in rounds] == [False] * (len(rounds) - 1) + [True]
-
-
-@pytest.mark.parametrize("goal", GOALS)
-@pytest.mark.parametrize("drag", ["brazuca", "sphere"])
-def test_no_command_falls_below_the_goal(goal, drag):
-    """So a bound at the goal's own launch, a reading of the paper's words, would not act."""
-    command = np.array(goal)
-    for this in learn_launch(*goal, BALL, kd.Air.paper(drag=drag, lift=None)):
-        assert (command >= np.array(goal) * (1 - 1e-12)).all()
-        command = np.add(command, [this.distance_error, this.time_error])
-
-
-def test_farther_goals_take_the_learning_loop_longer():
-    rounds = [len(learn_launch(*goal, BALL, AIR)) for goal in GOALS]
-    assert rounds == sorted(rounds)
-    assert rounds[0] < rounds[-1]
-
-
-def test_the_vacuum_needs_no_correction():
-    assert len(learn_launch(20, 1.2, BALL, None)) == 1
 
 
 @pytest.mark.parametrize(
     ("goal", "air"),
     [
-        ((1000, 5), kd.Air()),  # faster than sound
-        ((60, 6), kd.Air(wind=(-30, 0, 0))),  # too many rounds
-        ((1, 1), kd.Air(wind=(0, 0, 60))),  # a flight that does not land
+        ((1000, 5), kd.Air()),
+        ((60, 6), kd.Air(wind=(-30, 0, 0))),
+        ((1, 1), kd.Air(wind=(0, 0, 60))),
     ],
+    ids=["faster than sound", "too many rounds", "a flight that does not land"],
 )
-def test_the_learning_loop_ends_where_it_does_not_meet_the_goal(goal, air):
+def test_the_loop_ends_where_it_does_not_meet_the_goal(goal, air):
     rounds = learn_launch(*goal, kd.Ball(), air)
-    assert not any(this.is_met for this in rounds)
-    assert all(this.flight.launch.speed <= 343 * (1 + 1e-9) for this in rounds)
+    assert not any(step.is_met for step in rounds)
+    assert all(step.flight.launch.speed <= 343 * (1 + 1e-9) for step in rounds)
     assert len(rounds) <= 201
+
+
+def test_items_count_corrections_and_have_the_errors_of_the_first_flight():
+    """The paper's numbers of rounds are the ends of its figure's axes: 3, 8, 25."""
+    items, counts = {item.item: item for item in fig_15.items()}, []
+    for (distance, time), printed in zip(GOALS, (3, 8, 25), strict=True):
+        goal = f"Fig. 13-15 {distance:g} m, {time:g} s"
+        rounds = learn_launch(distance, time, BALL, AIR)
+        loop, planner = items[f"{goal} learning loop rounds"], items[f"{goal} planner steps"]
+        counts.append(len(rounds) - 1)
+        assert (loop.paper, loop.ours, loop.verdict) == (printed, counts[-1], "shape-reproduced")
+        assert f"{rounds[0].distance_error:.2f} m and {rounds[0].time_error:.3f} s" in loop.why
+        launch = kd.plan_launch(kd.Goal(distance, time=time), BALL, AIR)
+        assert (planner.paper, planner.ours, planner.verdict) == (None, launch.iterations, "ours")
+        assert f"{launch.speed:.4f} m/s, {np.degrees(launch.angle):.4f} deg" in planner.why
+    assert counts == sorted(counts)
+    assert counts[0] < counts[-1]

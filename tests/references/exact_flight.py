@@ -67,11 +67,7 @@ def acceleration(
 
 
 def landing(state: BallState, ball: Ball, air: Air) -> Array:
-    """Return where a ball comes back to the height of its launch, shape `(3,)` [m], to 20 digits.
-
-    The midpoint rule is extrapolated. The air must be that of `acceleration`; a ball without spin
-    has no lift.
-    """
+    """Return where a ball is back at the height of its launch, shape `(3,)` [m], to 20 digits."""
     spin = [mp.mpf(float(part)) for part in state.spin]
     turns = bool(state.spin.any())
 
@@ -102,10 +98,7 @@ def landing(state: BallState, ball: Ball, air: Air) -> Array:
 
 
 def extrapolated(rates: Any, y: list[Any], step: Any) -> list[Any]:
-    """Return the states after one step of Gragg, Bulirsch and Stoer, of order 24.
-
-    Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, II.9.
-    """
+    """Return the states after one step of Gragg, Bulirsch and Stoer, of order 24."""
     table: list[list[Any]] = []
     counts = range(2, 26, 2)  # of the steps of twelve midpoint rules
     for k, count in enumerate(counts):

@@ -10,14 +10,7 @@ from typing import Any
 import numpy as np
 
 from kickdyn.impact.impact_result import Impact
-from references.exact_leg import (
-    Exact,
-    ExactPosture,
-    leg_numbers,
-    length,
-    mp,
-    numbers,
-)
+from references.exact_leg import Exact, ExactPosture, leg_numbers, length, mp, numbers
 
 LARGEST, SMALLEST = np.finfo(float).max, np.finfo(float).tiny
 
@@ -37,10 +30,7 @@ class Quantity:
     units: Sequence[float] = ()
 
     def error(self, found: Any) -> float:
-        """Return how far a float64 answer is off, relative to the scale; inf if that is 0.
-
-        What is beyond float64's range must be inf, and what is below may be 0.
-        """
+        """Return how far a float64 answer is off, relative to the scale; inf if that is 0."""
         if self.scale > LARGEST:
             return 0.0 if found == math.inf else math.inf
         if not np.isfinite(found).all():
@@ -56,15 +46,11 @@ def given(impact: Impact) -> tuple[dict[str, Any], dict[str, Exact]]:
     """Return what a strike was given: the leg's structure, and every number of the scene."""
     ball, contact, before = impact.ball, impact.contact, impact.ball_before
     structure, values = leg_numbers(impact.posture.leg)
-    return structure, values | {
-        "q": numbers(impact.posture.q),
-        "v": numbers(impact.v_before),
+    return structure, values | {"q": numbers(impact.posture.q), "v": numbers(impact.v_before),
         "ball": numbers([ball.mass, ball.radius, ball.inertia_factor]),
         "normal": numbers(contact.normal),
         "coefficients": numbers([contact.restitution, contact.friction]),
-        "ball_velocity": numbers(before.velocity),
-        "ball_spin": numbers(before.spin),
-    }
+        "ball_velocity": numbers(before.velocity), "ball_spin": numbers(before.spin)}  # fmt: skip
 
 
 def exact_impact(structure: dict[str, Any], scene: dict[str, Exact]) -> dict[str, Quantity]:
@@ -90,15 +76,11 @@ def exact_impact(structure: dict[str, Any], scene: dict[str, Exact]) -> dict[str
     after = u + delassus @ impulse + impulse / mass + turning * tangential
     spin_change = np.cross(n, tangential) / (factor * mass * radius)
     spin = scene["ball_spin"] - spin_change
-    answers = {
-        "impulse": impulse,
+    answers = {"impulse": impulse,
         "effective mass": np.array([1 / per_impulse if per_impulse else mp.inf]),
-        "foot velocity": foot,
-        "ball velocity": scene["ball_velocity"] + impulse / mass,
-        "ball spin": spin,
-        "joint velocity": scene["v"] + jump,
-        "energy lost": np.array([-(impulse @ (u + after)) / 2]),
-    }
+        "foot velocity": foot, "ball velocity": scene["ball_velocity"] + impulse / mass,
+        "ball spin": spin, "joint velocity": scene["v"] + jump,
+        "energy lost": np.array([-(impulse @ (u + after)) / 2])}  # fmt: skip
     found = {name: Quantity(value, length(value)) for name, value in answers.items()}
     if mu == 0:
         lost = -(n @ impulse) * (1 - e) * (n @ centre) / 2
@@ -179,10 +161,7 @@ def roots(function: Callable[[Any], Any]) -> list[Any]:
     values = [function(angle) for angle in angles]
     # made large, for the search ends at once where a function is below its tolerance
     large = mp.mpf(10) ** 600 / (max(abs(value) for value in values) or 1)
-    return [
-        mp.findroot(
-            lambda angle: large * function(angle), (low, high), solver="anderson", verify=False
-        )
+    return [mp.findroot(
+        lambda angle: large * function(angle), (low, high), solver="anderson", verify=False)
         for low, high, at_low, at_high in zip(angles, angles[1:], values, values[1:], strict=False)
-        if at_low * at_high <= 0 and at_low != at_high
-    ]
+        if at_low * at_high <= 0 and at_low != at_high]  # fmt: skip

@@ -53,11 +53,7 @@ def length(vector: Exact) -> Any:
 
 
 def leg_numbers(leg: Leg) -> tuple[dict[str, Any], dict[str, Exact]]:
-    """Return all that an impact needs of a leg: its structure, and its numbers by name.
-
-    Raises:
-        InvalidInput: a joint that is neither revolute with one angle nor prismatic, or constraints.
-    """
+    """Return all that an impact needs of a leg: its structure, and its numbers by name."""
     model = leg.model
     if leg.constraints is not None:
         raise InvalidInput(f"{leg.name} has constraints: the reference is for free legs only")
@@ -73,21 +69,16 @@ def leg_numbers(leg: Leg) -> tuple[dict[str, Any], dict[str, Exact]]:
         prismatic.append(bool(axis[:3].any()))
         axes.append(axis[:3] if prismatic[-1] else axis[3:])
     placements, inertias = list(model.jointPlacements)[1:], list(model.inertias)[1:]
-    structure = {
-        "parents": [int(parent) - 1 for parent in list(model.parents)[1:]],
-        "prismatic": prismatic,
-        "contact_joint": leg.contact_joint - 1,
-    }
-    return structure, {
-        "axes": numbers(axes),
+    structure = {"parents": [int(parent) - 1 for parent in list(model.parents)[1:]],
+        "prismatic": prismatic, "contact_joint": leg.contact_joint - 1}  # fmt: skip
+    return structure, {"axes": numbers(axes),
         "rotations": numbers([place.rotation for place in placements]),
         "offsets": numbers([place.translation for place in placements]),
         "masses": numbers([inertia.mass for inertia in inertias]),
         "levers": numbers([inertia.lever for inertia in inertias]),
         "moments": numbers([inertia.inertia[np.triu_indices(3)] for inertia in inertias]),
-        "armature": numbers(model.armature),
-        "contact_lever": numbers(leg.contact_lever),
-    }
+        "armature": numbers(model.armature), "contact_lever": numbers(leg.contact_lever),
+        }  # fmt: skip
 
 
 class ExactPosture:
@@ -190,12 +181,7 @@ class ExactPosture:
         return np.array(left)
 
     def joint_impulses(self, jump: Exact, impulse: Exact) -> list[Exact]:
-        """Return `Impact.joint_impulses`: each subtree's change of momentum less what acts on it.
-
-        Args:
-            jump: change of the joint velocity.
-            impulse: on the foot, at the contact point.
-        """
+        """Return `Impact.joint_impulses`: changes of momentum less the impulses on each."""
         twists: list[Exact] = []
         for i in range(self.n):
             own = jump[i] * self.twists[i]
@@ -226,11 +212,7 @@ def rotation(axis: Exact, angle: Any) -> Exact:
 
 
 def cholesky(matrix: Exact) -> list[list[Any]]:
-    r"""Return the rows of L up to their diagonal, where :math:`L L^T` is the matrix.
-
-    Raises:
-        InvalidInput: it is not positive definite.
-    """
+    r"""Return the rows of L up to their diagonal, where :math:`L L^T` is the matrix."""
     found: list[list[Any]] = []
     for row in matrix:
         line: list[Any] = []

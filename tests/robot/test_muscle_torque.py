@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
-from kickdyn.robot.muscle_torque import HILL, muscle_share, muscle_share_slope
+from kickdyn.robot.muscle_torque import muscle_share, muscle_share_slope
+
+HILL = 0.25
+"""a / F_0 of Hill 1938, Proc. R. Soc. Lond. B 126:136."""
 
 
 def test_it_is_the_hyperbola_of_hill():

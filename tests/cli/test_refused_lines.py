@@ -1,0 +1,129 @@
+"""What a command refuses: exit code 2 and one line for the fault, before anything is written."""
+
+import pytest
+
+import kickdyn as kd
+
+SWEEP = "posture-sweep --joint hip=0:40:20 --joint knee=10 --joint ankle=0"
+PLAN = "plan --distance 12 --time 1"
+TUNE = "tune-mujoco free_kick"
+MOVING = "--ball-position 2,0,-0.7042 --ball-velocity=-2.5,0,0"
+G1 = "plan --leg g1 --support left_ankle_roll_link:0.7 --distance 3 --time 0.4"
+PART = "identify match.csv --start 0 --end 80"
+LONG = "x" * 5000
+
+REFUSED = [
+    # words that click cannot read, unknown names, empty values
+    ("simulat", "'simulat'", "'simulate'"),
+    (f"{SWEEP} --nose", "--nose"),
+    (f"{SWEEP} --speed fast", "'fast'", "float"),
+    (f"{PLAN} --json ''", "--json is empty"),
+    ("plan --time 1", "--distance"),
+    (f"{PLAN} --beside 9", "'9'", "DISTANCE:LEFT"),
+    (f"{PLAN} --ball-at 0,0,inf", "'0,0,inf'", "finite"),
+    (f"{PLAN} --wind 1,2,x", "'1,2,x'", "0.1,0.2,0.3"),
+    # leg
+    (f"{SWEEP} --leg missing", "'missing'", "testbed, g1"),
+    (f"{SWEEP} --leg {LONG}", "xxx...xxx", "testbed"),
+    (f"{SWEEP} --frame nose", "'nose'", "toe"),
+    (f"{SWEEP} --package-dir .", "URDF", "human"),
+    # grid and condition
+    (f"{SWEEP} --joint nose=1", "'nose'", "hip, knee, ankle"),
+    (f"{SWEEP} --joint hip=5", "'hip'", "twice"),
+    ("posture-sweep --joint hip=0:200:10", "-30 to 125 deg"),
+    (f"{SWEEP} --variables carry", "--variables", "--out"),
+    (f"{SWEEP} --variables carry --out s.nc --where 'impulse > 1'", "'impulse'", "knee [deg]"),
+    # ball, contact, air
+    (f"{SWEEP} --ball tennis", "'tennis'", "MASS:RADIUS"),
+    (f"{SWEEP} --ball 1001:0.1", "ball mass is 1001", "at most 1000 "),
+    (f"{SWEEP} --restitution 1.2", "restitution is 1.2", "1"),
+    (f"{SWEEP} --speed nan", "speed is nan", "finite"),
+    (f"{PLAN} --drag golf", "'golf'", "brazuca"),
+    (f"{PLAN} --wind 1e300,0,0", "wind is 1e+300", "343"),
+    # files
+    (f"{SWEEP} --out no/where.zarr", "no/where.zarr", "cannot be written"),
+    (f"{SWEEP} --out file.zarr", "file.zarr", "--resume"),
+    (f"{SWEEP} --resume", "--resume", "--out DIR.zarr"),
+    (f"{SWEEP} --view p.txt", "p.txt", ".html"),
+    (f"{SWEEP} --leg page.html --json page.html", "page.html", "input"),
+    (f"{SWEEP} --plot x.png --json x.png", "x.png", "two outputs"),
+    ("paper --only 'table 7'", "'table 7'", "table2"),
+    ("view paper_kick", "--out, --png or --json"),
+    ("view paper_kick --json a.json --at 1", "--at", "--png"),
+    ("tradeoff --scene paper_kick --plot x.bmp", "x.bmp", ".png"),
+    # plans
+    ("plan --distance 12", "time, apex, speed, over"),
+    (f"{PLAN} --launch-speed 20", "time and speed"),
+    ("plan --distance 12 --time -1", "time is -1", "finite number"),
+    ("plan --distance 20000 --time 1", "distance is 20000", "10000"),
+    ("plan --distance 20 --height 1 --time 0.7 --wall 9.15:1.9 --no-limits", "wall", "edge"),
+    ("plan --distance 4 --apex 1 --pass turf", "pass", "time"),
+    (f"{PLAN} --out a.csv", "--out is 'a.csv'", "--motion"),
+    (f"{PLAN} --both-feet", "--both-feet", "--motion"),
+    (f"{PLAN} --corrections 2", "--corrections is 2", "--run mujoco"),
+    (f"{PLAN} --motion --no-limits", "limits is False"),
+    (f"{PLAN} --trap 0,0,0", "--trap", "--ball-position and --ball-velocity"),
+    (f"{PLAN} {MOVING} --trap 0,0,0", "--trap excludes --distance, --time"),
+    (f"{PLAN} {MOVING} --ball-height 0", "--ball-position excludes", "--ball-height"),
+    (f"{G1} --motion --objective foot-speed", "foot-speed", "motion"),
+    (f"{G1} --ball-height 0.5", "on its ground"),
+    # MuJoCo
+    (f"{TUNE} --timestep 0.006", "0.005 s"),
+    (f"{TUNE} --out - --json -", "--out and --json", "one"),
+    ("tune-mujoco law.toml", "'stronge'", "'newton'"),
+    ("tune-mujoco stiffness.toml", "'pressure'", "contact_time_s"),
+    # measured tracks
+    ("identify match.csv --start 50 --end 20", "--start 50 --end 20", "116"),
+    (f"{PART} --marker ball", "'ball'", "C3D"),
+    (f"{PART} --drag golf", "'golf'", "constant"),
+    ("identify match.csv --ground-height 9", "9 m"),
+]
+
+SCENE = (
+    '[leg]\nmodel = "human"\n[posture]\nfoot_velocity_m_s = [5, 0, 2]\n'
+    "[contact]\nattack_deg = 30\nrestitution = 0.7\n"
+)
+
+
+@pytest.mark.parametrize(("line", "said"), [(line, said) for line, *said in REFUSED],
+                         ids=[line[:90] for line, *_ in REFUSED])  # fmt: skip
+def test_a_fault_is_one_line_with_the_value_and_what_is_valid(
+    line, said, kickdyn, written, match_ball, tmp_path
+):
+    written("page.html", "<html><body/></html>")
+    written("file.zarr", "no store")
+    written("law.toml", f'{SCENE}law = "stronge"\n')
+    written("stiffness.toml", f'{SCENE}stiffness = "pressure"\n[ball]\npressure_pa = 80e3\n')
+    match_ball(2808, 2924)
+    before = set(tmp_path.iterdir())
+    ended = kickdyn(line, code=2)
+    assert ended.out == ""
+    assert ended.err.startswith("kickdyn: ")
+    assert ended.err.count("\n") == 1, ended.err
+    assert len(ended.err) < 2000
+    for word in said:
+        assert word in ended.err
+    assert set(tmp_path.iterdir()) == before
+
+
+def test_every_fault_of_a_scene_has_a_line(kickdyn, written):
+    written("bad.toml", "[leg]\nmodle = 'human'\n")
+    lines = kickdyn("tradeoff --scene bad.toml", code=2).err.splitlines()
+    assert len(lines) > 1
+    assert all(line.startswith("kickdyn: bad.toml: ") for line in lines)
+    assert any("modle" in line and "model" in line for line in lines)
+
+
+@pytest.mark.parametrize("name", ["carry", "status", "a/b", "."])
+def test_a_joint_whose_name_a_dataset_cannot_hold_is_refused(name, kickdyn, written):
+    written("mine.urdf", kd.Leg.human().file.text.replace('"hip"', f'"{name}"'))
+    ended = kickdyn(f"posture-sweep --leg mine.urdf --joint {name}=0:10:5 --out x.nc", code=2)
+    assert f"joint '{name}' cannot be swept" in ended.err
+
+
+@pytest.mark.parametrize("at", ["-1", "nan", "99"])
+def test_a_moment_outside_the_flight_is_refused(at, kickdyn, monkeypatch, tmp_path):
+    monkeypatch.setattr("kickdyn.view.document.find_browser", lambda: "browser")
+    ended = kickdyn(f"view paper_kick --png a.png --at {at}", code=2)
+    assert "at least 0 and at most 0.1" in ended.err
+    assert not list(tmp_path.iterdir())

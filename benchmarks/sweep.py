@@ -156,7 +156,7 @@ def compare(name: str, leg: kd.Leg, target: float, program: Path | None) -> str:
     grid = fine(leg.joint_names)
     numbers = np.random.default_rng(0).choice(MANY, FEW, replace=False)
     postures = np.array([grid.configuration(leg, int(number)) for number in numbers])
-    kernel, frictionless = Kernel(model, leg, grid), Kernel(level, leg, grid)
+    kernel, frictionless = (Kernel(each, leg, grid, machine_code=True) for each in (model, level))
     answers = frictionless(0, MANY)[:, numbers]
     loop = python_loop(leg, postures)
     sure = answers[DOUBT] == 0.0
@@ -210,7 +210,7 @@ def main() -> None:
     exact, read = (ChunkSolver(human, postures, KICK, each) for each in (0.0, CARRY_TOLERANCE))
     exact.prepare()
     read.prepare()
-    kernel = Kernel(model, human, postures)
+    kernel = Kernel(model, human, postures, machine_code=True)
     launched = launches(model, kernel(0, MANY)[:3, :: MANY // FLOWN].T)
     few = np.random.default_rng(0).uniform(-0.5, 0.7, (FEW, human.nq))
     struck, by_hand, flown, swept = shortest(

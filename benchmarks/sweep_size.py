@@ -132,7 +132,7 @@ def per_posture(most: float) -> float:
     """Return the cost of a posture of a grid of that size [us]."""
     model, postures = KernelModel.of(LEG, KICK), grid(most)
     assert model is not None
-    kernel, times = Kernel(model, LEG, postures), []
+    kernel, times = Kernel(model, LEG, postures, machine_code=True), []
     for _ in range(min(30, max(1, int(3e7 / most)))):  # small ones are soon over
         begin = time.process_time()
         for first in range(0, postures.size, CHUNK):

@@ -39,21 +39,20 @@ OPTIONS: dict[str, Any] = {"error_model": "numpy", "_nrt": False}
 caller's."""
 
 
-@cache
-def _make_callable(count: int) -> None:
-    """Let machine code call the functions that are marked so far, of which there are `count`."""
+def register_jitable_functions() -> None:
+    """Let machine code call the functions that are marked in `kickdyn.core.lanes`."""
     from numba.extending import register_jitable
 
     from kickdyn.core import simd  # noqa: F401  # what batches are
 
     for function, inline in JITABLE.items():
-        if function not in _callable:
+        if function not in _registered:
             options = {"forceinline": True} if inline else {}
             register_jitable(**OPTIONS, **WITHIN, **options)(function)
-            _callable.add(function)
+            _registered.add(function)
 
 
-_callable: set[Callable[..., Any]] = set()
+_registered: set[Callable[..., Any]] = set()
 
 
 WITHIN: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
@@ -150,7 +149,7 @@ def compiled(
     """
     import numba  # here, because it takes long to import
 
-    _make_callable(len(JITABLE))
+    register_jitable_functions()
     folder = cache_folder(function)
     if not is_on_disk(function):
         log.info("compiling %s", what)

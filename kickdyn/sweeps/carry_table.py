@@ -105,7 +105,8 @@ class CarryTable:
         scales = np.array([self._largest_impulse, self._largest_slope, *self._corner, *self._sides])
         pays = EVALUATE.pays(len(normal) * SECONDS_IN_PYTHON)
         evaluate = EVALUATE() if pays else _evaluate
-        evaluate(normal, tangent, scales, self._index, self._patches, carry, to_fly)
+        with np.errstate(divide="ignore", invalid="ignore"):  # of impulses that are 0
+            evaluate(normal, tangent, scales, self._index, self._patches, carry, to_fly)
         return to_fly
 
     def _fit(self, corners: NDArray[np.int64], depth: int) -> tuple[Array, Array]:

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from tolerances import closed_form
 
-from kickdyn.core.simd import (
+from kickdyn.core.compilation import register_jitable_functions
+from kickdyn.core.lanes import (
     BATCH,
     LARGEST_ANGLE,
     batches,
@@ -15,6 +16,8 @@ from kickdyn.core.simd import (
     sine_and_cosine,
     spread,
 )
+
+register_jitable_functions()
 
 A, B = (np.random.default_rng(seed).uniform(-2, 2, BATCH) for seed in (0, 1))
 

@@ -129,10 +129,11 @@ FLIGHTS = """
 import sys
 import numba
 import kickdyn as kd
-from kickdyn.flight.march import compiled_march
+from kickdyn.flight.batch import MARCH
 from kickdyn.flight.compiling import compiled_rates
 
-compiled_march()  # kept where it always is
+MARCH()  # kept where it always is
+MARCH.pays = lambda in_python: True
 numba.config.CACHE_DIR = sys.argv[1]
 
 def model(level):

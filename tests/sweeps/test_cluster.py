@@ -66,7 +66,7 @@ def test_a_scheduler_that_closes_without_a_word_ends_the_wait(tmp_path, monkeypa
 @pytest.mark.filterwarnings("ignore")  # of dask, about what the test does to its workers
 def test_a_cluster_that_loses_workers_and_scheduler_fills_the_same_store(tmp_path, monkeypatch):
     distributed = pytest.importorskip("distributed")
-    monkeypatch.setattr(chunk_solver, "SLOW_CHUNK", 8)
+    monkeypatch.setattr(chunk_solver, "CHUNK", 8)
     stored(tmp_path / "whole.zarr")
     right = files(tmp_path / "whole.zarr")
     options = {"processes": True, "threads_per_worker": 1, "dashboard_address": None}

@@ -1,4 +1,4 @@
-"""The compiled kernel has the answers of `kick_from`, or marks a posture as doubtful."""
+"""The kernel has the answers of `kick_from`, or marks a posture as doubtful."""
 
 import itertools
 
@@ -21,7 +21,13 @@ LEG = kd.Leg.human()
 
 def answers(leg, kick, axes, first=0, count=None):
     model, grid = KernelModel.of(leg, kick), Grid(axes)
-    return model, Kernel(model, leg, grid)(first, grid.size if count is None else count)
+    count = grid.size if count is None else count
+    answer, compiled = (
+        Kernel(model, leg, grid, machine_code=machine_code)(first, count)
+        for machine_code in (False, True)
+    )
+    np.testing.assert_array_equal(answer, compiled)  # to the last bit, nan included
+    return model, answer
 
 
 def agree(leg, kick, axes, condition=100.0):

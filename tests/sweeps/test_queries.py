@@ -24,7 +24,7 @@ POSTURES = read_postures(LEG, ["hip=0:90:30", "knee=0:30:10", "ankle=0:50:25"])
 def folder(tmp_path_factory):
     path = tmp_path_factory.mktemp("sweeps")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(chunk_solver, "SLOW_CHUNK", 12)
+        patch.setattr(chunk_solver, "CHUNK", 12)
         kd.sweep(LEG, POSTURES, KICK, store=path / "s.zarr")
     return path
 

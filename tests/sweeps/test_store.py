@@ -29,7 +29,7 @@ CHUNKS, COUNT = 4, 24
 
 @pytest.fixture(autouse=True)
 def small_chunks(monkeypatch):
-    monkeypatch.setattr(chunk_solver, "SLOW_CHUNK", 6)
+    monkeypatch.setattr(chunk_solver, "CHUNK", 6)
 
 
 def stored(path, postures=POSTURES, kick=KICK, leg=LEG, **options):
@@ -66,7 +66,7 @@ def whole(tmp_path_factory):
     """A finished store, not to be changed."""
     path = tmp_path_factory.mktemp("whole") / "whole.zarr"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(chunk_solver, "SLOW_CHUNK", 6)
+        patch.setattr(chunk_solver, "CHUNK", 6)
         stored(path, threads=2)
     return path
 
@@ -133,7 +133,7 @@ import os, signal
 from pathlib import Path
 import kickdyn as kd
 from kickdyn.sweeps import chunk_solver
-chunk_solver.SLOW_CHUNK = 6
+chunk_solver.CHUNK = 6
 replace, calls = Path.replace, []
 def count(draft, target):
     if target.name.isdigit() and "draft" not in str(target): calls.append(target)

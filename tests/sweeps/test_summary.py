@@ -31,7 +31,7 @@ def data():
 @pytest.fixture(scope="module")
 def chunks():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(chunk_solver, "SLOW_CHUNK", 12)
+        patch.setattr(chunk_solver, "CHUNK", 12)
         return list(sweep_chunks(LEG, POSTURES, KICK))
 
 

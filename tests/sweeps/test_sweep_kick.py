@@ -9,7 +9,6 @@ from chains import random_leg
 from tolerances import agrees, closed_form, optimized
 
 import kickdyn as kd
-from kickdyn.sweeps import chunk_solver
 from kickdyn.sweeps.sweep_kick import (
     Kick,
     PostureStatus,
@@ -115,10 +114,8 @@ def test_statuses_follow_from_reach_and_speed():
     assert [status.flag for status in PostureStatus] == [0, 1, 2, 3, -1]
 
 
-@pytest.mark.parametrize("kernel_from", [1, 10**9], ids=["compiled", "one by one"])
 @pytest.mark.parametrize("restitution", [[[5.0, 0.8], [15.0, 0.6]], "inflated"], ids=str)
-def test_restitution_is_that_at_the_speed_of_the_foot(kernel_from, restitution, monkeypatch):
-    monkeypatch.setattr(chunk_solver, "KERNEL_FROM", kernel_from)
+def test_restitution_is_that_at_the_speed_of_the_foot(restitution):
     kick = Kick(speed=10.0, restitution=restitution, ball=kd.Ball(pressure=70e3))
     table = kd.sweep(LEG, {"hip": [0.1, 0.35], "knee": 0.5, "ankle": 0.17}, kick)
     if restitution != "inflated":
@@ -131,10 +128,8 @@ def test_restitution_is_that_at_the_speed_of_the_foot(kernel_from, restitution, 
     assert isinstance(table.attrs["restitution_given"], str)  # netCDF takes no list of lists
 
 
-@pytest.mark.parametrize("kernel_from", [1, 10**9], ids=["compiled", "one by one"])
-def test_a_sweep_with_a_base_that_moves_is_one_in_another_frame(monkeypatch, kernel_from):
+def test_a_sweep_with_a_base_that_moves_is_one_in_another_frame():
     """Seen from the base, which is at rest there, the ball comes with the opposite velocity."""
-    monkeypatch.setattr(chunk_solver, "KERNEL_FROM", kernel_from)
     base, kick, ball = np.array([3.0, 0.0, 0.5]), Kick(speed=9.0, air=None), kd.Ball()
     grid = {"hip": [0.1, 0.5], "knee": [0.4, 1.1]}
     table = kd.sweep(LEG.with_base_velocity(base), grid, kick)

@@ -1,20 +1,17 @@
-"""Bodies of a robot stay out of the ball and of each other, by hulls of the meshes' vertices."""
-
-from functools import cache
-from itertools import permutations
+"""Bodies of a robot stay out of the ball and of each other: slopes and distances."""
 
 import numpy as np
-import pinocchio as pin
 import pytest
-from scipy.spatial import ConvexHull
 from tolerances import agrees
 
 import kickdyn as kd
 from kickdyn.motion.impact_target import impact_target_for
-from kickdyn.planning.ball_clearance import RESERVE, BodyClearance, bodies_near_ball
+from kickdyn.planning.ball_clearance import RESERVE, BodyClearance
 from kickdyn.planning.kick_terms import KickVariables
-from kickdyn.robot.collisions import TOUCHING, bodies_at, find_self_collisions
-from kickdyn.robot.ground_clearance import body_frames, shapes_of
+from kickdyn.robot.collisions import (
+    TOUCHING,
+    bodies_at,
+)
 
 G1, BALL, AIR = kd.Leg.from_robot("g1", legs_only=True), kd.Ball(), kd.Air()
 COAL = 1e-6
@@ -39,12 +36,6 @@ def compare_slopes(term, variables, q):
     ]
     slopes = term.derivatives(variables.posture(q), None)[0][:, variables.vs]
     agrees(slopes, np.transpose(differences), COAL)
-
-
-def test_slopes_to_the_ball_are_those_of_the_distances(variables):
-    term = BodyClearance(G1, variables, bodies_near_ball(G1))
-    for q in np.random.default_rng(1).uniform(-0.3, 0.5, (3, variables.n)):
-        compare_slopes(term, variables, q)
 
 
 def test_slopes_between_bodies_are_those_of_the_distances(variables):
@@ -81,83 +72,3 @@ def test_the_distance_of_a_sphere_from_the_ball_is_that_of_their_centres(tmp_pat
         apart = np.linalg.norm(centre - ([0, 0, 1] + rotation @ [0, 0, -0.7]))
         depth = 0.04 + BALL.radius - apart
         assert term.residual(posture, None) == pytest.approx([TOUCHING - RESERVE - depth], abs=1e-9)
-
-
-@cache
-def hulls(leg):
-    """Return the hulls of the meshes' vertices, each with its frame."""
-    return [
-        (frame, number, ConvexHull(centres))
-        for frame, number in body_frames(leg).items()
-        for centres, radii in shapes_of(leg, frame)
-        if not radii.any()
-    ]
-
-
-def placed(leg, q):
-    """Return vertices and half spaces of the hulls in the world, with frame and joint."""
-    model = leg.model
-    data, bodies = model.createData(), []
-    pin.framesForwardKinematics(model, data, q)
-    for frame, number, hull in hulls(leg):
-        pose, joint = data.oMf[number], int(model.frames[number].parentJoint)
-        points = hull.points[hull.vertices] @ pose.rotation.T + pose.translation
-        faces = hull.equations[:, :3] @ pose.rotation.T
-        offsets = hull.equations[:, 3] - faces @ pose.translation
-        bodies.append((frame, joint, points, np.column_stack([faces, offsets])))
-    return bodies
-
-
-def deepest(points, half_spaces):
-    """Return how deep the deepest of some points is in a hull; below 0, none is."""
-    return -(half_spaces[:, :3] @ points.T + half_spaces[:, 3:]).max(axis=0).min()
-
-
-def overlaps(leg, q):
-    """Return frames of which a vertex of one is deep inside the other, neighbours left out."""
-    parents, pairs = leg.model.parents, set()
-    for (one, first, points, _), (other, second, corners, faces) in permutations(placed(leg, q), 2):
-        low, high = corners.min(axis=0), corners.max(axis=0)
-        near = points[((points > low) & (points < high)).all(axis=1)]
-        if (
-            first != second
-            and first != parents[second]
-            and second != parents[first]
-            and len(near)
-            and deepest(near, faces) > TOUCHING
-        ):
-            pairs.add(frozenset((one, other)))
-    return pairs
-
-
-@pytest.mark.slow
-def test_no_plan_is_met_with_a_body_inside_the_ball_or_another_body():
-    """Of drawn kicks to the side, a fifth of which would put the hand into the hip."""
-    leg, draw = kd.Leg.from_robot("g1", "inside", legs_only=True), np.random.default_rng(3)
-    at_rest, met = overlaps(leg, leg.configuration()), 0
-    for _ in range(5):
-        azimuth, distance = np.radians(draw.uniform(50, 130)), draw.uniform(0.5, 3.0)
-        target = (distance * np.cos(azimuth), distance * np.sin(azimuth), 0)
-        plan = kd.plan_kick(leg, kd.Goal(target, time=draw.uniform(0.4, 0.7)), BALL, AIR)
-        if plan.status == "met":
-            met += 1
-            assert find_self_collisions(leg, plan.q) == {}
-            assert overlaps(leg, plan.q) <= at_rest
-            centre, radius = plan.impact.ball_before.position, plan.impact.ball.radius
-            for _, _, points, faces in placed(leg, plan.q):
-                assert radius - np.linalg.norm(points - centre, axis=1).min() < TOUCHING
-                assert deepest(centre[None], faces) < 0
-    assert met > 2
-
-
-@pytest.mark.slow
-def test_a_contact_point_inside_the_foot_is_never_met():
-    """The origin of the ankle: whichever way the foot turns, the ball is in it."""
-    ankle = kd.Leg.from_robot("g1", "right_ankle_roll_link", legs_only=True)
-    plan = kd.plan_kick(ankle, kd.Goal((4, 1, 0), time=0.8), BALL, AIR)
-    assert plan.status == "collides"
-    assert any("right_ankle_roll_link by" in line for line in plan.collisions)
-
-
-def test_a_leg_without_shapes_has_no_bodies():
-    assert bodies_near_ball(kd.Leg.from_model(G1.model, "toe")) == []

@@ -1,20 +1,16 @@
 """The flight that a launch is solved with: against `fly`, differences, and dense samples."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
-from tolerances import agrees, differenced, integrated, optimized
+from tolerances import agrees, differenced, integrated
 
 import kickdyn as kd
 from kickdyn.planning.launch_solver import (
     ShootingProblem,
     apex,
     crossing,
-    distinct,
     goal_condition,
     lowest,
-    solve_launch,
     step_in_root,
     target_equations,
 )
@@ -62,15 +58,6 @@ def test_slopes_of_all_equations_are_those_of_differences(condition):
         agrees(equations(x)[1], np.transpose(expected), differenced(1))
 
 
-def test_a_struck_ball_keeps_its_spin_along_the_impulse():
-    before, velocity = kd.BallState(velocity=(-3, 1, 0), spin=(9, -4, 6)), np.array([8.0, 2, 5])
-    spin = ShootingProblem(kd.Ball(), None, SPIN, struck=before).spin_of(velocity)
-    along = velocity - before.velocity
-    along /= np.linalg.norm(along)
-    assert spin @ along == pytest.approx(before.spin @ along, rel=1e-12)
-    assert np.cross(spin, along) == pytest.approx(np.cross(SPIN, along), rel=1e-12)
-
-
 @pytest.mark.parametrize("spin", [(0, -80.0, 0), (0, 0, 0)])
 @pytest.mark.parametrize("up", [-0.05, 0.4])
 def test_lowest_and_highest_places(spin, up):
@@ -84,13 +71,6 @@ def test_lowest_and_highest_places(spin, up):
         assert apex(shot)[0] > 0.2
 
 
-def test_a_flight_that_fails_is_none():
-    def broken(reynolds, spin_parameter):
-        raise ArithmeticError("no coefficient")
-
-    assert ShootingProblem(kd.Ball(), kd.Air(drag=broken), SPIN).shoot(VELOCITY, 1.1) is None
-
-
 def test_a_step_in_the_root_of_the_speed_is_newtons_to_first_order():
     """w = v / sqrt|v| changes by its derivative times the step."""
 
@@ -100,23 +80,3 @@ def test_a_step_in_the_root_of_the_speed_is_newtons_to_first_order():
     step, h = np.array([0.7, -0.4, 1.1]), 1e-6
     change = (root(VELOCITY + h * step) - root(VELOCITY - h * step)) / (2 * h)
     assert root(step_in_root(VELOCITY, step)) == pytest.approx(root(VELOCITY) + change, rel=1e-7)
-
-
-def test_a_solution_without_last_slopes_has_those_of_the_step_before():
-    problem = ShootingProblem(kd.Ball(), kd.Air(), SPIN)
-    goal = kd.Goal((18.0, 2.0, 1.0), time=1.1)
-    exact = solve_launch(problem, goal, np.array([*VELOCITY, 1.1]))
-    start = exact.unknowns + np.array([1e-5, -1e-5, 1e-5, 0.0])
-    quick = solve_launch(problem, goal, start, last_slopes=False)
-    agrees(quick.velocity, exact.velocity, optimized(1e-10))
-    agrees(quick.slopes, exact.slopes, 1e-4)
-    assert not len(quick.trajectory.increments)
-
-
-def test_solutions_are_distinct_and_in_the_order_of_time():
-    def solution(time, speed):
-        return SimpleNamespace(unknowns=np.array([speed, 0.0, 1.0, time]), time=time)
-
-    problem = SimpleNamespace(sizes=lambda unknowns: np.ones(4))
-    late, early, again = solution(2.0, 20.0), solution(1.0, 10.0), solution(2.0 + 1e-9, 20.0)
-    assert distinct([late, early, again], problem) == [early, late]

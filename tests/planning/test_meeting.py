@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 from tolerances import agrees
 
 import kickdyn as kd
-from kickdyn.planning.meeting import arrival_of, error_that_matters
+from kickdyn.planning.meeting import error_that_matters
 
 BALL, AIR = kd.Ball(), kd.Air()
 HUMAN = kd.Leg.human()
@@ -79,21 +79,3 @@ def test_an_error_without_effect_is_infinite():
     timing, _, place = plan.meeting.landing_slopes.tolerances
     assert timing == math.inf
     assert 1e-4 < place < 0.01
-
-
-def test_the_arrival_and_the_picture_are_those_of_the_meetings():
-    plan = kd.plan_kick(HUMAN, kd.Goal(18, time=1.2), BALL, AIR, incoming=ROLLING)
-    arrival = arrival_of(plan.meeting, BALL)
-    agrees(arrival.sample(-arrival.wait).position, ROLLING.position, 1e-12)
-    agrees(arrival.sample(0.0).position, plan.meeting.ball.position, 1e-9)
-    left, right, timing = plan.plot().axes
-    kicks = [meeting for meeting in plan.meetings if meeting.impact is not None]
-    assert left.lines[1].get_xdata().tolist() == [meeting.time for meeting in kicks]
-    agrees(left.lines[1].get_ydata(), [100 * meeting.speed_use for meeting in kicks], 1e-12)
-    late = [1e3 * meeting.landing_slopes.tolerances[0] for meeting in kicks]
-    agrees(timing.lines[0].get_ydata(), late, 1e-9)
-    ends = [line.get_xydata()[-1] for line in right.lines[1:]]
-    assert [math.hypot(*end) for end in ends] == pytest.approx([10.0] * len(ends), rel=0.02)
-    slope = plan.meeting.landing_slopes.time
-    end = 10 * np.array([-(plan.goal.left @ slope), slope[2]]) / np.linalg.norm(slope)
-    agrees(ends[0], end, 1e-9)

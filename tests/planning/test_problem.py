@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from kickdyn.planning.problem import TOLERANCE, Bounds, Function, Kind, Problem, keep_last, slsqp
+from kickdyn.planning.problem import TOLERANCE, Bounds, Function, Kind, Problem, slsqp
 
 
 class Distance(Function):
@@ -59,15 +59,14 @@ def problem(*terms):
 @pytest.mark.parametrize(
     ("terms", "solution"),
     [
-        ([], (3.0, -1.0)),
-        ([Plane(1.0, Kind.EQUALITY)], (1.0, -1.0)),
+        ([], (3.0, -1.0)), ([Plane(1.0, Kind.EQUALITY)], (1.0, -1.0)),
         ([Plane(1.0, Kind.INEQUALITY)], (3.0, -1.0)),
         ([Plane(5.0, Kind.INEQUALITY)], (5.0, -1.0)),
         ([Plane(5.0, Kind.INEQUALITY, scale=10.0, margin=0.01)], (5.1, -1.0)),
         ([Box((-1.0, 0.0), (2.0, np.inf))], (2.0, 0.0)),
         ([Box((-9.0, 0.0), (9.0, 9.0)), Box((-np.inf, -9.0), (1.0, 9.0))], (1.0, 0.0)),
     ],
-)
+)  # fmt: skip
 def test_terms_alone_define_a_problem(terms, solution):
     result = problem(Distance(3.0, -1.0), *terms).solve(np.array([20.0, 20.0]), slsqp)
     assert result == pytest.approx(solution, abs=TOLERANCE)
@@ -89,11 +88,6 @@ def test_a_bound_that_is_reached_stays_so_when_a_solution_is_polished():
     assert polished == pytest.approx((0.2, -np.sqrt(0.96)), abs=1e-13)
 
 
-def test_what_is_no_solution_is_not_polished():
-    far = np.array([0.0, -1.0])
-    assert problem(Distance(5.0, 0.0), Circle(Kind.EQUALITY)).polish(far) is far
-
-
 def test_a_problem_without_a_solution_has_none():
     apart = Plane(5.0, Kind.EQUALITY), Box((0.0, 0.0), (2.0, 2.0))
     assert problem(Distance(0.0, 0.0), *apart).solve(np.zeros(2), slsqp) is None
@@ -104,49 +98,12 @@ def test_a_problem_without_a_solution_has_none():
     [
         (Kind.EQUALITY, [1.0 + 0.9 * TOLERANCE, 7.0], True),
         (Kind.EQUALITY, [1.0 - 2.0 * TOLERANCE, 7.0], False),
-        (Kind.EQUALITY, [np.nan, 0.0], False),
-        (Kind.INEQUALITY, [9.0, 0.0], True),
+        (Kind.EQUALITY, [np.nan, 0.0], False), (Kind.INEQUALITY, [9.0, 0.0], True),
         (Kind.INEQUALITY, [1.0 - 0.9 * TOLERANCE, 7.0], True),
         (Kind.INEQUALITY, [1.0 - 2.0 * TOLERANCE, 7.0], False),
     ],
-)
+)  # fmt: skip
 def test_what_a_solver_returns_is_judged_by_the_terms(kind, answer, accepted):
     judged = problem(Distance(0.0, 0.0), Plane(1.0, kind))
     solution = judged.solve(np.zeros(2), lambda _, __: np.array(answer))
     assert (solution is not None) == accepted
-
-
-@pytest.mark.parametrize(
-    ("kind", "x", "violation"),
-    [
-        (Kind.EQUALITY, 7.0, 0.4),
-        (Kind.EQUALITY, 3.0, 0.4),
-        (Kind.INEQUALITY, 7.0, 0.0),
-        (Kind.INEQUALITY, 3.0, 0.4),
-    ],
-)
-def test_a_violation_is_in_units_of_the_scale(kind, x, violation):
-    term = Plane(5.0, kind, scale=5.0)
-    assert term.total_violation(np.array([x, 0.0])) == pytest.approx(violation)
-
-
-def test_only_the_last_place_is_kept():
-    places = []
-
-    @keep_last
-    def squared(place):
-        places.append(place.tolist())
-        return place**2
-
-    for place in ([1.0, 2.0], [1.0, 2.0], [3.0, 2.0], [1.0, 2.0]):
-        assert squared(np.array(place)).tolist() == [place[0] ** 2, 4.0]
-    assert places == [[1.0, 2.0], [3.0, 2.0], [1.0, 2.0]]
-
-
-def test_a_solver_may_change_its_array_afterwards():
-    kept = keep_last(lambda place: place)
-    place = np.array([1.0, 2.0])
-    result = kept(place)
-    place[0] = 5.0
-    assert result.tolist() == [1.0, 2.0]
-    assert kept(place).tolist() == [5.0, 2.0]

@@ -7,7 +7,7 @@ import pytest
 from tolerances import agrees, differenced
 
 import kickdyn as kd
-from kickdyn.planning.scatter import UNITS, landing_slopes, scatter
+from kickdyn.planning.scatter import landing_slopes, scatter
 
 LEG, BALL, AIR = kd.Leg.from_robot("g1", legs_only=True), kd.Ball(), kd.Air(drag="brazuca")
 SMALL = {"speed": 2e-3, "angle": 1e-3, "contact": 1e-4, "restitution": 2e-3}
@@ -66,40 +66,9 @@ def test_the_covariances_of_independent_sources_add_up():
     assert result.mean == pytest.approx(landing[:2] - hit.ball_after.position[:2], rel=1e-8)
 
 
-def test_drag_alone_is_a_difference_of_flights():
-    hit, function = struck(0.4), kd.Air(drag="brazuca").drag.function
-    thin, thick = (
-        kd.Air(drag=lambda re, s, k=k: k * function(re, s)) for k in (1 - 1e-4, 1 + 1e-4)
-    )
-    ends = [kd.fly(hit.ball_after, BALL, air, tol=1e-12).landing.position for air in (thin, thick)]
-    expected = np.linalg.norm((ends[0] - ends[1])[:2]) / 2e-4 * 0.02
-    assert scatter(hit, AIR, drag=0.02).radius == pytest.approx(expected, rel=1e-4)
-
-
 def test_landing_slopes_are_those_of_the_parabola():
     landing, slopes = landing_slopes(kd.BallState(velocity=(8, 1, 5)), BALL, None)
     time = 10 / 9.81
     assert landing == pytest.approx([8 * time, time])
     agrees(slopes[:, :3], [[time, 0, 2 * 8 / 9.81], [0, time, 2 / 9.81]], 1e-9)
     assert not slopes[:, 3:].any()
-
-
-@pytest.mark.parametrize("air", [None, AIR])
-@pytest.mark.parametrize("velocity", [(8, 0, -1), (8, 0, 0)])
-def test_a_ball_that_does_not_come_down_has_no_landing(air, velocity):
-    with pytest.raises(kd.InvalidInput, match="no landing"):
-        landing_slopes(kd.BallState(velocity=velocity, spin=(0, 9, 0)), BALL, air)
-
-
-@pytest.mark.parametrize(
-    ("spread", "words"),
-    [
-        ({}, "no source"),
-        ({"luck": 1}, f"'luck' is unknown.*{', '.join(UNITS)}"),
-        ({"angle": -1}, "angle is -1"),
-        ({"angle": math.nan}, "angle is nan"),
-    ],
-)
-def test_bad_input(spread, words):
-    with pytest.raises(kd.InvalidInput, match=words):
-        scatter(struck(0.4), AIR, **spread)

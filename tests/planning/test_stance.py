@@ -98,25 +98,3 @@ def test_the_trunk_is_upright_within_30_degrees_of_the_vertical():
         assert value == pytest.approx(height - math.cos(TILT), abs=1e-9)
         seen.add(bool(value >= 0.0))
     assert seen == {False, True}
-
-
-def test_a_trunk_that_is_the_foot_is_upright():
-    robot = kd.Leg.from_robot("g1", base="floating").with_supports(
-        kd.Support("pelvis", sole=[(0.1, 0.1, -0.1), (-0.1, 0.1, -0.1), (0.0, -0.1, -0.1)])
-    )
-    upright = Upright(standing := StandingRobot(robot))
-    posture, still = standing.leg.posture(np.full(standing.leg.nq, 0.1)), np.zeros(standing.leg.nv)
-    assert upright.residual(posture, still) == pytest.approx([upright.scale])
-    assert not upright.derivatives(posture, still)[0].any()
-
-
-@pytest.mark.slow
-def test_a_kick_of_talos_has_its_foot_above_the_ground():
-    talos = kd.Leg.from_robot("talos", base="floating", legs_only=True)
-    robot = talos.with_supports(kd.Support("left_sole_link", friction=0.8))
-    plan = kd.plan_kick(robot, kd.Goal(3, time=0.4), kd.Ball(), kd.Air())
-    foot, data = joint_spheres(robot, robot.contact_joint), robot.model.createData()
-    pin.forwardKinematics(robot.model, data, plan.q)
-    pose = data.oMi[robot.contact_joint]
-    lowest = (foot.centres @ pose.rotation[2] - foot.radii).min() + pose.translation[2]
-    assert lowest > 0.5 * CLEARANCE

@@ -5,7 +5,6 @@ import pinocchio as pin
 import pytest
 from tolerances import agrees
 
-import kickdyn as kd
 from kickdyn.simulators.mujoco_kick import COMPILER, write_bodies
 
 READ = 1e-12
@@ -61,17 +60,3 @@ def test_keyframes_put_mujocos_bodies_where_pinocchio_has_them(walking, tmp_path
             assert state.xpos[body] == pytest.approx(data.oMi[number].translation, abs=1e-9)
             assert velocity[:3] == pytest.approx(rotation @ right.angular, abs=1e-8)
             assert velocity[3:] == pytest.approx(rotation @ right.linear, abs=1e-8)
-
-
-@pytest.mark.parametrize(
-    ("name", "rate", "message"),
-    [
-        ("kick.txt", 100, r"'\.txt'.*\.csv"), ("kick", 100, "extension ''"),
-        ("no/folder/kick.csv", 100, "cannot be written"),
-        ("kick.csv", 49, r"rate is 49\.0.*50.*500"), ("kick.csv", float("nan"), "rate is nan"),
-    ],
-)  # fmt: skip
-def test_bad_input(swinging, tmp_path, name, rate, message):
-    with pytest.raises(kd.InvalidInput, match=message):
-        swinging.save(tmp_path / name, rate)
-    assert list(tmp_path.iterdir()) == []

@@ -157,17 +157,3 @@ def test_a_flight_meets_a_receiver_who_runs(condition):
     agrees(met.landing.position, goal.target + launch.time * running, optimized(1e-8))
     for name in {"time", "speed"} & condition.keys():
         assert getattr(launch, name) == pytest.approx(condition[name], rel=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "options", "words"),
-    [
-        ((30,), {}, "goal is 30"),
-        ((kd.Goal(30, time=1),), {"speed_limit": 500}, "speed limit is 500"),
-        ((kd.Goal(30, time=1),), {"spin_limit": 0}, "spin limit is 0"),
-        ((kd.Goal(30, time=1, beside=(9, 1)),), {}, "beside is 9 m.*air with density and lift"),
-    ],
-)  # fmt: skip
-def test_bad_input(arguments, options, words):
-    with pytest.raises(kd.InvalidInput, match=words):
-        kd.plan_launch(*arguments, BALL, **options)

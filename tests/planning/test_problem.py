@@ -88,11 +88,6 @@ def test_a_bound_that_is_reached_stays_so_when_a_solution_is_polished():
     assert polished == pytest.approx((0.2, -np.sqrt(0.96)), abs=1e-13)
 
 
-def test_a_problem_without_a_solution_has_none():
-    apart = Plane(5.0, Kind.EQUALITY), Box((0.0, 0.0), (2.0, 2.0))
-    assert problem(Distance(0.0, 0.0), *apart).solve(np.zeros(2), slsqp) is None
-
-
 @pytest.mark.parametrize(
     ("kind", "answer", "accepted"),
     [

@@ -7,7 +7,7 @@ from tolerances import agrees
 
 import kickdyn as kd
 from kickdyn.impact.approach import find_approach
-from kickdyn.simulators.mujoco_kick import MujocoContact, MujocoKick
+from kickdyn.simulators.mujoco_kick import MujocoContact, MujocoKick, ball_spin
 
 mujoco = pytest.importorskip("mujoco")
 
@@ -69,6 +69,11 @@ def test_mujoco_has_the_same_leg_and_ball(kick):
     mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_GEOM, foot.id, velocity, 0)
     at_toe = velocity[3:] + np.cross(velocity[:3], place - foot.xpos)
     agrees(at_toe, kick.foot_velocity, 1e-9)
+    data.qpos[-4:] = 0.8, 0.0, 0.36, 0.48  # the ball's spin is in the world's axes
+    mujoco.mj_forward(model, data)
+    ball_id = model.body("ball").id
+    mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_BODY, ball_id, velocity, 0)
+    agrees(ball_spin(data), velocity[:3], 1e-12)
 
 
 def test_a_simulation_that_diverges_or_does_not_end_is_an_error(kick, tmp_path, monkeypatch, capfd):

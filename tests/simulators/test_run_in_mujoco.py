@@ -70,7 +70,7 @@ def test_the_drives_follow_the_motion_to_the_impact_and_the_ball_flies(plan, run
 
 
 def test_a_ball_that_is_not_reached(plan, run, monkeypatch):
-    monkeypatch.setattr(module, "LATEST_IMPACT", -0.3)
+    monkeypatch.setattr(module, "LATEST_IMPACT", -0.1)
     missed = kd.run_in_mujoco(plan, tuning=run.tuning)
     assert (missed.path, missed.miss, missed.speed_error) == (None, math.inf, -1.0)
     assert math.isnan(missed.direction_error)

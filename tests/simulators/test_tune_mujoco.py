@@ -1,7 +1,6 @@
 """Contacts for MuJoCo: closed forms of two masses, and the errors of scenes that users simulate."""
 
 import math
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -152,9 +151,3 @@ def test_two_milliseconds_are_small_enough(e, friction):
 def test_bad_input(given, message):
     with pytest.raises(kd.InvalidInput, match=message):
         tune(**({"e": 0.7} | given))
-
-
-def test_without_mujoco_it_says_what_to_install(monkeypatch):
-    monkeypatch.setitem(sys.modules, "mujoco", None)
-    with pytest.raises(kd.InvalidInput, match=r'pip install "kickdyn\[mjcf\]"'):
-        tune(0.7)

@@ -117,7 +117,9 @@ def test_draws_have_their_standard_deviations():
     ):  # fmt: skip
         assert np.mean(values) == pytest.approx(0, abs=sampled(count) * size)
         assert np.std(values) == pytest.approx(size, rel=sampled(count))
-    assert min(one.delay for one in draws) >= 0
+    columns = [[*one.masses, one.ground_friction, one.ball_friction, *one.place] for one in draws]
+    independent = np.corrcoef(columns, rowvar=False) - np.eye(6)
+    assert np.abs(independent).max() < sampled(count)
 
 
 def test_runs_are_counted_and_their_launches_compared(plan, run):

@@ -21,9 +21,13 @@ VELOCITY, PLANE = np.array([12.0, 0.0, 5.0]), np.eye(3)[[0, 2]]
 TABLE = ((3.0, 0.9), (9.0, 0.7), (20.0, 0.5))
 
 
-def problem_of(restitution=0.8, friction=0.4, centre=None):
+def target_of(restitution, friction):
     contact = kd.Contact(None, restitution, friction, (0.02, 0.0, 0.01))
-    target = impact_target_for(VELOCITY, np.zeros(3), BALL, contact)
+    return impact_target_for(VELOCITY, -8.0 * (friction > 0.0) * np.eye(3)[1], BALL, contact)
+
+
+def problem_of(restitution=0.8, friction=0.4, centre=None):
+    target = target_of(restitution, friction)
     rows, place = (np.zeros((0, 3)), np.zeros(3)) if centre is None else (PLANE, centre)
     task = KickTask(LEG, LEG, target, PLANE, rows, place, np.zeros((0, 3)), None)
     return MotionProblem(task, MotionSplines(0.5, 0.5, (4, 3)))
@@ -37,10 +41,9 @@ def problem():
 @pytest.mark.parametrize("share", [0.4, 1.0])
 @pytest.mark.parametrize(("restitution", "friction"), [(0.8, 0.4), (TABLE, 0.4), (TABLE, 0.0)])
 def test_a_strike_keeps_the_rows_of_the_impact(restitution, friction, share):
-    """And with a velocity that is a little larger, the row of the restitution is broken."""
     q = np.array([0.5, 0.6, -0.3])
     posture = LEG.posture(q).with_contact_offset((0.02, 0.0, 0.01))
-    normal = VELOCITY / np.linalg.norm(VELOCITY)
+    normal = target_of(restitution, friction).contact.normal
     problem = problem_of(restitution, friction, posture.contact_point + BALL.radius * normal)
     target = problem.task.target
     agrees(problem.ball_centre(q), problem.task.ball_centre, 1e-12)
@@ -69,7 +72,6 @@ def test_forces_and_margins_are_those_of_pinocchio(problem):
 
 
 def test_bodies_are_apart_by_the_rows_of_their_points(problem):
-    """Of a point of the shank, and of the ball where the foot touches it in the impact."""
     q, hit = np.array([0.5, 0.6, -0.3]), np.array([0.1, 0.4, 0.0])
     data = LEG.model.createData()
     pin.forwardKinematics(LEG.model, data, q)
@@ -101,7 +103,6 @@ def test_the_cost_beside_the_torques_is_the_jerk_the_ends_and_the_share(problem)
 
 
 def test_derivatives_of_blocks_are_differences():
-    """Of two points with a row and a cost each, a linear row and a quadratic cost."""
     z, p, draw = ca.SX.sym("z", 2), ca.SX.sym("p"), np.random.default_rng(3)
     rows = make_rows(z, p, [(ca.sin(z[0]) * z[1] + p, -1.0, 2.0)], z[0] ** 2 * z[1])
     agrees([rows.lower[0], rows.upper[0]], [-1.0, 2.0], 0)

@@ -58,7 +58,6 @@ def test_the_impulse_of_the_support_is_that_of_a_strike():
 
 
 def test_a_support_impulse_is_kept_where_the_strike_says_that_the_foot_stands():
-    """Away from the edges of the cone and the sole, where rounding decides."""
     (support,) = STANDING.robot.constraints.supports
     draw, seen = np.random.default_rng(1), set()
     for _ in range(300):

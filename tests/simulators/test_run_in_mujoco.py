@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pinocchio as pin
 import pytest
-from planned_motions import AIR, BALL, HUMAN, standing
+from planned_motions import AIR, BALL, HUMAN, standing, swinging
 from scipy.interpolate import BSpline
 from tolerances import agrees, sampled
 
@@ -162,7 +162,7 @@ def test_corrections_learn_how_the_ball_answers(plan, monkeypatch):
 
 
 @pytest.mark.slow
-def test_a_robot_kicks_from_one_foot_stays_upright_and_may_be_turned():
+def test_a_robot_kicks_from_one_foot_and_may_be_turned():
     plan = standing()
     run = kd.run_in_mujoco(plan)
     assert run.upright
@@ -174,8 +174,9 @@ def test_a_robot_kicks_from_one_foot_stays_upright_and_may_be_turned():
     agrees(turned.impact.ball_before.position, plan.impact.ball_before.position, 1e-12)
     again = kd.run_in_mujoco(turned, tuning=run.tuning)
     agrees(again.ball_after.velocity, rotation @ run.ball_after.velocity, 1e-6)
-    corrected = kd.run_in_mujoco(kd.refine_kick(plan, rounds=1, by="mujoco"), tuning=run.tuning)
-    assert corrected.miss < 0.5 * run.miss
+    plan = swinging()
+    corrected = kd.refine_kick(plan, rounds=1, by="mujoco")
+    assert kd.run_in_mujoco(corrected).miss < 0.2 * kd.run_in_mujoco(plan).miss
 
 
 def test_margins_of_the_sole_are_the_least_of_averaged_loads(monkeypatch):
@@ -200,7 +201,6 @@ def test_margins_of_the_sole_are_the_least_of_averaged_loads(monkeypatch):
     ("tilt", "height", "upright"), [(50, 0.9, False), (40, 0.9, True), (0.0, 0.5, False)]
 )
 def test_a_robot_is_upright_by_its_base(tilt, height, upright):
-    """Turned from the planned pose about an axis that is level, at a share of its height."""
     robot = kd.Leg.from_robot("g1", base="floating", legs_only=True)
     planned = robot.configuration()
     planned[2] = 0.8

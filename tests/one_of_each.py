@@ -87,12 +87,12 @@ def body():
     points[3:5, 1] = np.nan
     angles = {name: np.arange(10.0) / 50 for name in LEG.joint_names}
     angles["hip"][9] = np.nan
-    return kd.BodyTrack(np.arange(10) / 100, ["a", "b"], points, angles=angles)
+    return kd.BodyTrack(0.05 + np.arange(10) / 100, ["a", "b"], points, angles=angles)
 
 
 def leg_motion():
     names = {name: name for name in LEG.joint_names}
-    return kd.fit_motion(body(), LEG, angles=names, contact=(0.09, 0.0014))
+    return kd.fit_motion(body(), LEG, angles=names, contact=(0.14, 0.0014))
 
 
 def scene(**law):

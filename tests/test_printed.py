@@ -55,27 +55,28 @@ FORMULAS = {
     ("pass", "time"): lambda launch: launch.course.rest.time,
     ("plan", "objective joint-speed"):
         lambda plan: np.mean((plan.v / plan.leg.velocity_limit) ** 2),
-    ("goal", "distance"): lambda goal: 20.0,
     ("reach", "-10, 20 deg"): lambda reach: (21.43, 31.3, 44.3),
-    ("slow scene", "contact time"): lambda scene: 0.008,
-    ("leg motion", "contact"): lambda motion: (0.09, 0.0014),
+    ("leg motion", "contact"): lambda motion: (0.14, 0.0014),
     ("contact motion", "speed of hip"): lambda at: (at.v[0], at.v_deviations[0]),
     ("learner", "landing scatter"): lambda x: math.sqrt(np.trace(x.landing_scatter)),
     ("learner", "landing uncertainty"): lambda x: math.sqrt(np.trace(x.landing_uncertainty)),
-    ("tuning", "contact time"): lambda tuning: 0.009,
     ("tuning", "error, this kick"): lambda tuning: (2.0, 3.0, 0.6),
     ("run", "speed error"): lambda run: speeds(run) - 1.0,
     ("noisy runs", "speed error"): lambda noisy: mean_and_deviation(map(speeds, noisy.runs), 1.0),
-    ("noisy runs", "upright"): lambda noisy: (1, 2),
+    ("noisy runs", "azimuth error"): lambda noisy: mean_and_deviation(
+        map(azimuth, [run.ball_after for run in noisy.runs]), azimuth(one("plan").launch)),
     ("noisy runs", "miss, 90% of the runs"): lambda noisy: max(noisy.misses),
-    ("body", "gaps of b"): lambda body: 2,
+    ("body", "duration"): lambda body: 0.09,
 }  # fmt: skip
 """Rows that are computed from attributes, in SI units."""
 
 
 def speeds(run):
-    """Return the speed of the ball over that of the plan."""
     return np.linalg.norm(run.ball_after.velocity) / np.linalg.norm(run.plan.launch.velocity)
+
+
+def azimuth(ball):
+    return math.atan2(ball.velocity[1], ball.velocity[0])
 
 
 def mean_and_deviation(values, less):

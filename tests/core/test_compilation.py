@@ -5,9 +5,6 @@ import sys
 
 import pytest
 
-"""Two functions of one factory, each within a kernel that is kept on the disk."""
-
-
 PLUS = """
 import numba
 from kickdyn.core.compilation import compiled, named

@@ -67,7 +67,7 @@ def test_samples_are_continuous_and_meet_the_bounces():
         assert around.velocity[1] == pytest.approx(node.velocity, abs=1e-5)
     end = course.sample(course.duration)
     assert end.position == pytest.approx(course.rest.position, abs=1e-12)
-    assert end.velocity.tolist() == [0, 0, 0]
+    assert end.velocity == pytest.approx(np.zeros(3), abs=1e-12)
     assert course.distance == pytest.approx(math.hypot(*course.rest.position[:2]))
 
 

@@ -9,7 +9,7 @@ from kickdyn.motion.motion import Motion
 from kickdyn.robot.standing import StandingRobot
 
 
-def spline_motion(robot, joints, placement=None):
+def spline_motion(robot, joints, placement=None, **options):
     """Return a motion of clamped cubic splines, from -0.53 to 0.61 s."""
     draw = np.random.default_rng(0)
     first, hit, last = draw.uniform(-0.2, 0.2, (3, len(joints)))
@@ -19,7 +19,7 @@ def spline_motion(robot, joints, placement=None):
         table = np.linspace(*rows, 7) + draw.normal(0.0, 0.1, (7, len(joints)))
         table[0], table[-1] = rows
         splines.append(BSpline(knots, table, 3))
-    return Motion(robot, joints, *splines, placement)
+    return Motion(robot, joints, *splines, placement, **options)
 
 
 @pytest.fixture(scope="session")

@@ -1,72 +1,120 @@
-"""Where and when balls are met."""
+"""Where and when balls that move come within the reach of a leg."""
+
+import math
 
 import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.planning.interception import reach_of, waits_in_reach
-from kickdyn.robot.ground_clearance import find_depths
-from kickdyn.robot.kicking_chain import rest_configuration
+from kickdyn.planning.interception import (
+    CANDIDATES,
+    Reach,
+    reach_of,
+    state_at,
+    waits_in_plane,
+    waits_in_reach,
+)
 
 BALL, AIR = kd.Ball(), kd.Air()
 HUMAN = kd.Leg.human()
 G1 = kd.Leg.from_robot("g1", base="fixed", legs_only=True)
 ROLLING = kd.BallState((2.0, 0.0, -0.7042), (-2.5, 0.0, 0.0), (0.0, -2.5 / BALL.radius, 0.0), 5.0)
-ASIDE = kd.BallState((1.2, 0.5, -0.2), (-2.0, -0.9, 1.0), (8.0, -17.0, 3.0))
 DROPPING = kd.BallState((2.2, 0.0, -0.3), (-5.0, 0.0, 0.3), (0.0, 6.0, 0.0))
+FLOOR = kd.Ground(-9.0, "turf")
 
 
-def test_a_ball_behind_the_leg_is_not_met():
-    plan = kd.plan_trap(HUMAN, ROLLING, BALL, AIR)
-    assert all(meeting.ball.position[0] > -BALL.radius for meeting in plan.meetings)
-    for leg, goal in ((HUMAN, kd.Goal(18, time=1.2)), (G1, kd.Goal((6, 1, 0), time=0.9))):
-        late = kd.IncomingBall(ROLLING, meet_at=6.2)
-        with pytest.raises(kd.InvalidInput, match=r"behind the leg at meet_at: it is 0\.\d+ m"):
-            kd.plan_kick(leg, goal, BALL, AIR, incoming=late)
-    overtakes = kd.BallState((-0.7, 0.0, -0.7042), (0.4, 0.0, 0.0), (0.0, 0.4 / BALL.radius, 0.0))
-    with pytest.raises(kd.InvalidInput, match="only behind the leg"):
-        kd.plan_kick(HUMAN, kd.Goal(18, time=1.2), BALL, AIR, incoming=overtakes)
+def waits(incoming, reach, seconds, changes=None):
+    """Return the times at which a kick is tried of a ball in the vacuum."""
+    meets = incoming if isinstance(incoming, kd.IncomingBall) else kd.IncomingBall(incoming, FLOOR)
+    course = meets.course(BALL, None, seconds)
+    still = changes or (lambda times: np.zeros((len(times), 3)))
+    return waits_in_reach(meets, course, reach, BALL.radius, still, lambda _: "")
 
 
-def test_a_half_volley():
-    """The ball is met 20 ms after its bounce."""
-    ground = kd.Ground(-0.82, "turf")
-    bounce = kd.follow(DROPPING, BALL, AIR, ground, 1e-12).bounces[0]
-    goal = kd.Goal((10.0, 0.0, 0.6), time=0.9)
-    incoming = kd.IncomingBall(DROPPING, ground, bounce.time + 0.02)
-    plan = kd.plan_kick(HUMAN, goal, BALL, AIR, incoming=incoming)
-    assert plan.status == "met"
-    assert plan.meeting.ball.velocity[2] > 1.0
-    end = plan.path.landing.position
-    assert end == pytest.approx(DROPPING.position + goal.target, abs=1e-6)
+def test_the_reach_is_that_of_the_straight_leg_from_the_hip():
+    reach = reach_of(HUMAN, BALL)
+    hip = HUMAN.model.jointPlacements[1].translation
+    draw, points = np.random.default_rng(5), []
+    for q in draw.uniform(HUMAN.lower, HUMAN.upper, (2000, 3)):
+        points.append(HUMAN.posture(q).contact_point)
+    longest = np.linalg.norm(np.array(points) - hip, axis=1).max() + BALL.radius
+    assert reach.centre == pytest.approx(hip)
+    assert reach.radius == pytest.approx(longest, rel=0.05)
+    assert reach.across == pytest.approx([0, 1, 0], abs=1e-9)
+    assert reach.beside == pytest.approx(points[0][1], abs=1e-9)
+    assert reach_of(G1, BALL).across is None
 
 
-def test_the_default_ground_of_a_flying_ball_is_under_the_leg_and_beside_it():
-    """It is under the foot of the straight leg, or under the other foot of the robot, or lower."""
-    toe, ankle = (leg.posture(leg.configuration()).contact_point[2] for leg in (HUMAN, G1))
-    ground = kd.IncomingBall(DROPPING).on_ground_of(HUMAN, BALL).ground
-    assert ground == kd.Ground(toe, "turf")
-    ground = kd.IncomingBall(DROPPING).on_ground_of(G1, BALL).ground
-    rest = rest_configuration(G1)
-    assert ground.height < ankle - 0.01
-    assert find_depths(G1, rest, ground.height) == {}
-    assert "left_ankle_roll_link" in find_depths(G1, rest, ground.height + 0.002)
-    below = kd.BallState((2.2, 0.0, ground.height), (-5.0, 0.0, 0.3))
-    lower = kd.IncomingBall(below).on_ground_of(G1, BALL).ground
-    assert lower.height == pytest.approx(ground.height - BALL.radius, abs=1e-12)
+def test_times_within_reach_are_those_of_the_parabola():
+    """Past a sphere of 1 m about the origin, 0.6 m aside, before the leg until x = -r."""
+    state = kd.BallState((3.0, 0.6, 0.0), (-4.0, 0.0, 3.68))
+    times = waits(state, Reach(np.zeros(3), 1.0, None, 0.0), 1.2)
+    dense = np.linspace(0.0, 1.2, 12001)
+    heights = 3.68 * dense - 4.905 * dense**2
+    inside = (3 - 4 * dense) ** 2 + 0.36 + heights**2 <= 1.0
+    inside &= 3 - 4 * dense >= -BALL.radius
+    first, last = dense[inside][[0, -1]]
+    assert len(times) == CANDIDATES
+    # evenly between both ends, which are known to the path's 400 samples
+    expected = np.linspace(first, last, CANDIDATES + 2)[1:-1]
+    assert times == pytest.approx(expected, abs=1.2 / 400)
 
 
-@pytest.mark.parametrize(("passes", "beside"), [(0.2, 0.0), (0.2, 0.004), (0.0, 0.0), (0.45, 0.0)])
+@pytest.mark.parametrize(("passes", "beside"), [(0.2, 0.0), (0.2, 0.004), (0.0, 0.0), (0.44, 0.0)])
 def test_a_place_on_the_path_gives_the_time(passes, beside):
-    """In the middle, at the ends of the path, and a little beside it."""
+    """In the middle, at the beginning and near the end of the path, and a little beside it."""
     flies = kd.BallState((0.4, 0.0, 0.5), (-1.0, 0.0, 0.0), time=2.0)
     ground = kd.Ground(-0.79, "turf")
     point = kd.follow(flies, BALL, None, ground, 1e-12).sample(passes).position
-    place = point + np.array([0.0, beside, 0.0])
-    meets = kd.IncomingBall(flies, ground, place).on_ground_of(HUMAN, BALL)
-    course = meets.course(BALL, None, 0.45)
-    reach = reach_of(HUMAN, BALL)
-    waits = waits_in_reach(
-        meets, course, reach, BALL.radius, lambda t: np.zeros((len(t), 3)), lambda _: ""
-    )
-    assert waits == pytest.approx([passes], abs=1e-11)
+    meets = kd.IncomingBall(flies, ground, point + np.array([0.0, beside, 0.0]))
+    assert waits(meets, reach_of(HUMAN, BALL), 0.45) == pytest.approx([passes], abs=1e-10)
+    timed = kd.IncomingBall(flies, ground, 2.25)
+    assert waits(timed, reach_of(HUMAN, BALL), 0.45) == pytest.approx([0.25])
+    ball = state_at(meets, meets.course(BALL, None), passes)
+    assert ball.time == pytest.approx(2.0 + passes)
+    assert ball.position == pytest.approx(point, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("meet_at", "words"),
+    [
+        ((1, 2, 3), "passes it at a distance of"), (5.3, r"out of reach at meet_at: .* 0\.3 s"),
+        (14.0, r"meet_at is 14 s: it must be at most .* comes to rest"),
+        (6.4, "behind the leg at meet_at"),
+    ],
+)  # fmt: skip
+def test_a_meeting_that_cannot_be_is_named(meet_at, words):
+    meets = kd.IncomingBall(ROLLING, meet_at=meet_at).on_ground_of(HUMAN, BALL)
+    course, reach = meets.course(BALL, AIR), reach_of(HUMAN, BALL)
+
+    def forwards(times):
+        return np.tile([9.0, 0.0, 3.0], (len(times), 1))
+
+    with pytest.raises(kd.InvalidInput, match=words):
+        waits_in_reach(meets, course, reach, BALL.radius, forwards, lambda _: "")
+
+
+def test_times_in_the_plane_are_the_roots_of_the_distance():
+    times = np.linspace(0.0, 2.0, 9)
+    roots = waits_in_plane(times, lambda t: math.cos(2.0 * t))
+    assert roots == pytest.approx([math.pi / 4], abs=1e-9)
+    assert waits_in_plane(times, lambda t: 1e-9).tolist() == times.tolist()
+    with pytest.raises(kd.InvalidInput, match=r"at least 0\.5 m away"):
+        waits_in_plane(times, lambda t: 0.5 + t)
+
+
+@pytest.mark.parametrize(
+    ("state", "options", "words"),
+    [
+        (kd.BallState(velocity=(101, 0, 0)), {}, "speed of the incoming ball is 101"),
+        (ROLLING, {"meet_at": (math.nan, 0, 0)}, "finite"),
+        (ROLLING, {"meet_at": (1, 0)}, r"shape \(2,\)"),
+        (kd.BallState(velocity=[(1, 0, 0)] * 2), {}, "several states"),
+        (ROLLING, {"meet_at": 1.0}, "meet_at is 1 s: it must be at least 5 s"),
+        (ROLLING, {"ground": kd.Ground(-0.7, "turf")}, r"0\.114 m in the ground"),
+        (ROLLING, {"ground": kd.Ground(-0.9)}, "no surface"),
+    ],
+)  # fmt: skip
+def test_bad_input(state, options, words):
+    with pytest.raises(kd.InvalidInput, match=words):
+        kd.IncomingBall(state, **options).on_ground_of(HUMAN, BALL)

@@ -203,7 +203,7 @@ def test_the_error_of_a_path_is_about_its_distance_from_an_exact_one(surface, to
 
 def test_the_error_of_an_end_covers_paths_from_launches_beside_it():
     rng, shares = np.random.default_rng(8), []
-    while len(shares) < 60:
+    while len(shares) < 40:
         scene = wide_scene(rng)
         with suppress(kd.KickdynError):
             launch = launch_end.strike_scene(scene).ball_after

@@ -9,7 +9,6 @@ from tolerances import closed_form
 
 import kickdyn as kd
 from kickdyn.core.files import shipped
-from kickdyn.robot.urdf_file import shipped_urdf
 
 SCENES = sorted(shipped("scenes").glob("*.toml"))
 SMALL = """
@@ -142,15 +141,6 @@ def test_a_file_is_looked_for_from_the_folder_of_the_scene(read, tmp_path, slide
     np.testing.assert_allclose(scene.q, [np.pi / 2, 0.3 * slide])
     reach = 1.0 + 0.3 * slide  # along x; the toe is 0.2 m above
     np.testing.assert_allclose(scene.posture.contact_point, [reach, 0, 0.2], atol=1e-12)
-
-
-def test_loops_are_closed_by_the_joints_that_are_not_named(read, tmp_path):
-    (tmp_path / "fourbar.urdf").write_text(shipped_urdf("leg_fourbar.urdf").read_text())
-    file = 'file = "fourbar.urdf"\ndrives = "none"\nloops = [["shank_pin", "rocker_b_tip"]]'
-    angles = ("hip = 5, knee = 10, ankle = -5", "rocker_b = 40, hip = 10")
-    scene = read(('model = "human"', file), angles)
-    assert scene.leg.angles_deg(scene.q)["rocker_b"] == pytest.approx(40)
-    assert constraint_speed(kd.simulate(scene).impact) < closed_form(100)
 
 
 @pytest.mark.parametrize(

@@ -1,426 +1,206 @@
-"""Planned motions in MuJoCo: a leg on a fixed base, and a robot on one foot."""
+"""Motions carried out in MuJoCo: a leg that swings by hand, and a planned robot on one foot."""
 
-import json
 import math
-import sys
 from dataclasses import replace
-from functools import cache
 from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
 import pytest
-import umsgpack
-from click.testing import CliRunner
-from planned_motions import AIR, BALL, standing, swinging
+from planned_motions import AIR, BALL, HUMAN, standing, swinging
+from scipy.interpolate import BSpline
+from tolerances import agrees, sampled
 
 import kickdyn as kd
-from kickdyn.cli.plan_command import plan as plan_command
-from kickdyn.planning import kick as kick_module
+from kickdyn.motion.motion import Motion
 from kickdyn.planning.kick import turn_plan
 from kickdyn.simulators import refine_kick as refinement
 from kickdyn.simulators import run_in_mujoco as module
-from kickdyn.simulators.disturbance import Disturbance
+from kickdyn.simulators.disturbance import Disturbance, draw
 from kickdyn.simulators.mujoco_field import MujocoField
 
 pytest.importorskip("mujoco")
-pytest.importorskip("casadi")
+SWING = 0.25
 
 
-@cache
-def carried_out(plan):
-    return kd.run_in_mujoco(plan())
+@pytest.fixture(scope="module")
+def plan():
+    """A kick with a motion of constant accelerations: from rest to the impact, and to rest."""
+    plan = kd.plan_kick(HUMAN, kd.Goal(10, time=0.9), BALL, AIR)
+    splines = []
+    for begin, end, v in ((-SWING, 0.0, plan.v), (0.0, SWING, plan.impact.v_after)):
+        half = 0.5 * SWING * v  # Bezier points of a parabola
+        points = [plan.q - half, plan.q - half, plan.q] if end == 0.0 else [
+            plan.q, plan.q + half, plan.q + half
+        ]  # fmt: skip
+        splines.append(BSpline([begin] * 3 + [end] * 3, points, 2))
+    return replace(plan, motion=Motion(plan.leg, HUMAN.joint_names, *splines))
 
 
-def check_before(run, tolerance):
-    """Check that the drives follow the motion to the impact, by the torques of the plan."""
-    motion = run.plan.motion
-    robot = motion.robot
-    numbers = np.flatnonzero(run.t < -0.01)[::20]
-    for number in numbers:
-        planned = robot.joint_values(motion.q(run.t[number]))
-        simulated = robot.joint_values(run.q[number])
-        for name in motion.joints:
-            assert simulated[name] == pytest.approx(planned[name], abs=tolerance)
+@pytest.fixture(scope="module")
+def run(plan):
+    return kd.run_in_mujoco(plan)
 
 
-def test_a_leg_on_a_fixed_base_kicks_as_planned():
-    run = carried_out(swinging)
-    check_before(run, 0.003)
-    assert abs(run.speed_error) < 0.05
-    assert run.direction_error < math.radians(10)  # ankle and knee give way under the ball
-    assert abs(run.delay) < 0.006
-    assert run.upright
-    assert (np.abs(run.torque) <= swinging().leg.effort_limit).all()
-    assert str(run).startswith("MujocoRun\n  launch")
-
-
-def test_the_ball_lies_still_until_it_is_hit_and_then_flies():
-    run = carried_out(swinging)
+def test_the_drives_follow_the_motion_to_the_impact_and_the_ball_flies(plan, run):
+    motion, launch = plan.motion, plan.launch.velocity
+    for number in np.flatnonzero(run.t < -0.01)[::20]:
+        assert run.q[number] == pytest.approx(motion.q(run.t[number]), abs=0.01)
+    assert abs(run.speed_error) < 0.1
+    assert run.direction_error < math.radians(12)  # ankle and knee give way under the ball
+    assert abs(run.delay) < 0.008
+    assert 0.005 < run.contact_time < 0.02
+    assert (np.abs(run.torque) <= HUMAN.effort_limit * (1 + 1e-9)).all()
     still = run.ball_position[run.t <= run.delay]
-    assert np.ptp(still, axis=0) == pytest.approx(0, abs=1e-12)
-    launch = swinging().launch.velocity
-    ratio = run.ball_after.speed / np.linalg.norm(launch)
-    assert run.speed_error == pytest.approx(ratio - 1)
-    end = run.path.landing.position - still[0]
-    assert run.miss == pytest.approx(np.linalg.norm(end - swinging().goal.target))
-    assert end[0] == pytest.approx(20, abs=1e-6) or end[2] < 0.0  # the plane or the ground
-    # between the contact and the end MuJoCo's ball has gravity alone
-    free = run.t > run.ball_after.time
-    fallen = np.diff(run.ball_position[free, 2], 2) / 0.002**2
-    assert fallen == pytest.approx(-9.81, rel=1e-3)
+    assert np.ptp(still, axis=0).max() < 1e-12
+    velocity = run.ball_after.velocity
+    assert run.speed_error == pytest.approx(np.linalg.norm(velocity) / np.linalg.norm(launch) - 1)
+    cosine = velocity @ launch / np.linalg.norm(velocity) / np.linalg.norm(launch)
+    assert run.direction_error == pytest.approx(math.acos(cosine), rel=1e-6)
+    end = run.path.landing.position - plan.impact.ball_before.position
+    assert run.miss == pytest.approx(np.linalg.norm(end - plan.goal.target))
+    free = run.t > run.ball_after.time  # MuJoCo's ball has gravity alone
+    assert np.diff(run.ball_position[free, 2], 2) / 0.002**2 == pytest.approx(-9.81, rel=1e-3)
+    track = run.track
+    start = run.path.launch.position - plan.impact.ball_before.position
+    agrees(track.positions[0], start, 1e-12)
+    assert track.times[0] == pytest.approx(0.5 * (run.ball_after.time - run.delay))
+    use = np.abs(run.torque) / HUMAN.effort_limit
+    assert run.margins["torque"] == pytest.approx(1 - use.max())
 
 
-def test_a_robot_kicks_from_one_foot_and_stays_upright():
-    run = carried_out(standing)
-    check_before(run, 0.02)
-    assert run.upright
-    assert 0.1 < run.speed_error < 0.4  # drives push on during a contact of 14 ms
-    assert run.direction_error < math.radians(9)
-    assert abs(run.delay) < 0.01
-    assert set(run.margins) == {"torque", "speed", "friction", "centre of pressure"}
-    assert 0.0 < run.margins["friction"] < 1.0
-    assert 0.0 <= run.margins["centre of pressure"] < 0.04  # between corners, which carry it
-    tipped = replace(run, margins={"centre of pressure": 0.0})
-    assert "margin, centre of pressure  0 m: the sole tips about an edge or" in str(tipped)
-    drives = standing().leg.effort_limit[6:]
-    assert (np.abs(run.torque[:, 6:]) <= drives * (1 + 1e-9)).all()
-    assert not run.torque[:, :6].any()
+def test_a_ball_that_is_not_reached(plan, run, monkeypatch):
+    monkeypatch.setattr(module, "LATEST_IMPACT", -0.1)
+    missed = kd.run_in_mujoco(plan, tuning=run.tuning)
+    assert (missed.path, missed.miss, missed.speed_error) == (None, math.inf, -1.0)
+    assert math.isnan(missed.direction_error)
+    assert any("does not reach" in line for line in missed.warnings)
+    with pytest.raises(kd.InvalidInput, match="misses the ball"):
+        _ = missed.track
 
 
-def test_a_robot_without_torques_of_the_motion_does_not_follow_it():
-    run = kd.run_in_mujoco(swinging(), controller="pd")
-    motion = swinging().motion
-    number = np.searchsorted(run.t, -0.1)
-    late = np.abs(run.q[number] - motion.q(run.t[number])).max()
-    exact = carried_out(swinging).q[number] - motion.q(run.t[number])
-    assert late > 5 * np.abs(exact).max()
+def test_each_kind_of_noise_reaches_the_simulation(plan, run):
+    silent = kd.KickNoise(mass=0, friction=0, delay=0, place=0)
+    exact = kd.run_in_mujoco(plan, tuning=run.tuning, seed=1, noise=silent)
+    agrees(exact.ball_after.velocity, run.ball_after.velocity, 1e-12)
+    for name, amount in (("mass", 0.1), ("friction", 0.3), ("delay", 0.02), ("place", 0.01)):
+        noise = replace(silent, **{name: amount})
+        noisy, drawn = (
+            kd.run_in_mujoco(plan, tuning=run.tuning, seed=1, noise=noise),
+            draw(noise, 1, 3),
+        )
+        change = np.linalg.norm(noisy.ball_after.velocity - run.ball_after.velocity)
+        assert change > 1e-4, name
+        if name == "delay":  # in steps of 2 ms
+            assert noisy.delay - run.delay == pytest.approx(drawn.delay, abs=0.0041)
+        place = noisy.ball_position[0] - run.ball_position[0]
+        agrees(place, [*drawn.place, 0.0], 1e-9)
+    factors = np.linspace(0.8, 1.3, 3)
+    fields = [
+        MujocoField(plan.motion, plan.impact, None, run.tuning, Disturbance(x, 1, 1, 0, [0, 0]))
+        for x in (np.ones(3), factors)
+    ]
+    for factor, name in zip(factors, HUMAN.joint_names, strict=True):
+        body = int(fields[0].model.joint(name).bodyid[0])
+        for values in ("body_mass", "body_inertia"):
+            plain, noisy = (getattr(field.model, values)[body] for field in fields)
+            assert noisy == pytest.approx(factor * plain)
 
 
-def test_a_ball_that_is_not_reached(monkeypatch):
-    monkeypatch.setattr(module, "LATEST_IMPACT", -0.3)
-    run = kd.run_in_mujoco(swinging())
-    assert run.path is None
-    assert run.miss == math.inf
-    assert math.isnan(run.direction_error)
-    assert run.speed_error == -1.0
-    assert "the foot does not reach the ball" in run.warnings
-    assert json.dumps(run.to_json(), allow_nan=False)
+def test_draws_have_their_standard_deviations():
+    noise, count = kd.KickNoise(0.02, 0.1, 0.005, 0.004), 2000
+    draws = [draw(noise, seed, 2) for seed in range(count)]
+    for values, size in (
+        ([one.masses[1] - 1 for one in draws], 0.02), ([one.place[0] for one in draws], 0.004),
+        ([one.ground_friction - 1 for one in draws], 0.1),
+        ([one.delay - 0.0025 for one in draws], 0.005 / math.sqrt(12)),
+    ):  # fmt: skip
+        assert np.mean(values) == pytest.approx(0, abs=sampled(count) * size)
+        assert np.std(values) == pytest.approx(size, rel=sampled(count))
+    columns = [[*one.masses, one.ground_friction, one.ball_friction, *one.place] for one in draws]
+    independent = np.corrcoef(columns, rowvar=False) - np.eye(6)
+    assert np.abs(independent).max() < sampled(count)
 
 
-def test_bad_input(monkeypatch):
-    with pytest.raises(kd.InvalidInput, match="controller is 'mpc': it must be one of torque"):
-        kd.run_in_mujoco(swinging(), controller="mpc")
-    with pytest.raises(kd.InvalidInput, match=r"timestep is 1\.0: it must be"):
-        kd.run_in_mujoco(swinging(), timestep=1)
-    with pytest.raises(kd.InvalidInput, match="the plan has no motion: plan it with plan_kick"):
-        kd.run_in_mujoco(replace(swinging(), motion=None))
-    with pytest.raises(kd.InvalidInput, match="the plan has no motion"):
-        kd.refine_kick(replace(swinging(), motion=None))
-    with pytest.raises(kd.InvalidInput, match="by is 'eye': it must be one of collide, mujoco"):
-        kd.refine_kick(swinging(), by="eye")
-    with pytest.raises(kd.InvalidInput, match="rounds is 0"):
-        kd.refine_kick(swinging(), rounds=0)
-    with pytest.raises(kd.InvalidInput, match=r"rounds is 1\.5"):
-        kd.refine_kick(swinging(), rounds=1.5)
-    with pytest.raises(kd.InvalidInput, match="noise is given without a seed"):
-        kd.run_in_mujoco(swinging(), noise=kd.KickNoise())
-    with pytest.raises(kd.InvalidInput, match="runs is 0"):
-        kd.run_with_noise(swinging(), 0)
-    with pytest.raises(kd.InvalidInput, match="seed is -1"):
-        kd.run_in_mujoco(swinging(), seed=-1)
-    with pytest.raises(kd.InvalidInput, match=r"mass is 0\.5: it must be"):
-        kd.KickNoise(mass=0.5)
-    monkeypatch.setitem(sys.modules, "mujoco", None)
-    with pytest.raises(kd.InvalidInput, match=r'install it with pip install "kickdyn\[mjcf\]"$'):
-        kd.run_in_mujoco(swinging())
+def test_runs_are_counted_and_their_launches_compared(plan, run):
+    launch, turn = plan.launch.velocity, pin.rpy.rpyToMatrix(0, -0.02, 0)
+    runs = [run, replace(run, upright=False), replace(run, path=None)]
+    errors = [(1.1, 0.05), (0.9, -0.03), (1.0, 0.0)]
+    for k, (speed, azimuth) in enumerate(errors):
+        velocity = speed * pin.rpy.rpyToMatrix(0, 0, azimuth) @ turn @ launch
+        runs[k] = replace(runs[k], ball_after=replace(run.ball_after, velocity=velocity))
+    noisy = kd.NoisyRuns(tuple(runs), kd.KickNoise())
+    assert (noisy.upright, len(noisy.hits)) == (2, 2)
+    agrees(noisy.launch_errors, [[0.1, 0.05, 0.02], [-0.1, -0.03, 0.02]], 1e-9)
+    assert noisy.means == pytest.approx([0, 0.01, 0.02])
+    assert noisy.deviations == pytest.approx([math.sqrt(0.02), 0.08 / math.sqrt(2), 0], abs=1e-9)
+    assert noisy.misses.tolist() == [run.miss, run.miss, math.inf]
 
 
-def miss_by_collide(plan):
-    """Return how far the ball of `collide` is from the target at its height [m]."""
-    impact = plan.impact
-    hit = kd.collide(impact.posture, impact.v_before, impact.ball, impact.contact)
-    end = kd.fly(hit.ball_after, BALL, AIR, kd.Ground(impact.ball_before.position[2] - BALL.radius))
-    return np.linalg.norm(end.landing.position - impact.ball_before.position - plan.goal.target)
-
-
-def test_a_corrected_kick_meets_the_target_with_a_contact_that_takes_time():
-    plan = swinging()
-    corrected = kd.refine_kick(plan, rounds=1)
-    assert miss_by_collide(corrected) < 0.1 * miss_by_collide(plan)
-    assert corrected.launch is plan.launch
-
-
-def test_a_kick_at_a_ball_of_given_height_is_corrected():
-    leg, goal = kd.Leg.human(), kd.Goal(20, time=1.2)
-    plan = kd.plan_kick(leg, goal, BALL, AIR, ball_position=-0.7042, motion=True)
-    corrected = kd.refine_kick(plan, rounds=1)
-    assert corrected.impact.ball_before.position[2] == pytest.approx(-0.7042, abs=1e-6)
-    assert miss_by_collide(corrected) < 0.1 * miss_by_collide(plan)
-
-
-def test_a_corrected_kick_meets_the_target_in_mujoco():
-    """The ball of the correction differs from the wished one as far as the first one did not."""
-    plan, run = swinging(), carried_out(swinging)
-    corrected = kd.refine_kick(plan, rounds=1, by="mujoco")
-    again = kd.run_in_mujoco(corrected)
-    assert corrected.launch is plan.launch
-    ball = run.ball_after
-    goal = plan.goal.seen_from(ball.position - plan.impact.ball_before.position, 0.0)
-    goal = kd.Goal(goal.target, time=goal.time - 0.5 * run.contact_time, spin=ball.spin)
-    wished = kd.plan_launch(goal, BALL, AIR).velocity
-    command = plan.impact.ball_after.velocity + wished - ball.velocity
-    np.testing.assert_allclose(corrected.impact.ball_after.velocity, command, atol=1e-9)
-    assert again.miss < 0.2 * run.miss
-    assert again.direction_error < run.direction_error
-
-
-def test_corrections_learn_how_the_ball_answers(monkeypatch):
+def test_corrections_learn_how_the_ball_answers(plan, monkeypatch):
     """Of a ball that answers a correction twice as much, and aside; without planning any motion."""
-    plan, wished, seen = swinging(), np.array([17.0, 0.0, 5.0]), []
-    off_at_first = np.array([0.4, 0.0, -0.6])
+    wished, offset = np.array([17.0, 0.0, 5.0]), np.array([0.4, 0.0, -0.6])
     answer = np.array([[1.9, 0.0, -1.2], [0.0, 1.0, 0.0], [0.4, 0.0, 0.8]])
+    first, errors = plan.impact.ball_after.velocity, []
 
     def replan(plan, velocity):
         after = replace(plan.impact.ball_after, velocity=velocity)
         return replace(plan, impact=replace(plan.impact, ball_after=after))
 
     def observed(plan, by):
-        off = plan.impact.ball_after.velocity - swinging().impact.ball_after.velocity
-        seen.append(wished + off_at_first + answer @ off)
-        return replace(plan.impact.ball_after, velocity=seen[-1])
+        change = plan.impact.ball_after.velocity - first
+        return replace(plan.impact.ball_after, velocity=wished + offset + answer @ change)
 
     monkeypatch.setattr(refinement, "replan_motion", replan)
     monkeypatch.setattr(refinement, "_observe", observed)
     monkeypatch.setattr(refinement, "_wished_velocity", lambda plan, ball: wished)
-    errors = []
     for rounds in (1, 2, 6):
         corrected = kd.refine_kick(plan, rounds=rounds).impact.ball_after.velocity
-        off = answer @ (corrected - plan.impact.ball_after.velocity)
-        errors.append(np.linalg.norm(off_at_first + off))
-    first = seen[0] - wished
-    np.testing.assert_allclose(seen[1] - wished, first - answer @ first)  # with the slope 1
-    assert errors[2] < 0.02 * np.linalg.norm(first)
+        errors.append(np.linalg.norm(offset + answer @ (corrected - first)))
     assert errors == sorted(errors, reverse=True)
+    assert errors[2] < 0.02 * np.linalg.norm(offset)
 
 
-def test_a_standing_robot_turned_about_the_ball_kicks_the_same_way():
-    plan, run = standing(), carried_out(standing)
-    angle = 0.05
-    turned = turn_plan(plan, angle)
-    rotation = pin.rpy.rpyToMatrix(0, 0, angle)
-    assert turned.heading == pytest.approx(angle)
-    ball = plan.impact.ball_before.position
-    np.testing.assert_allclose(turned.impact.ball_before.position, ball, atol=1e-12)
-    velocity = rotation @ plan.impact.ball_after.velocity
-    np.testing.assert_allclose(turned.impact.ball_after.velocity, velocity, atol=1e-9)
-    again = kd.run_in_mujoco(turned, tuning=run.tuning)
-    np.testing.assert_allclose(
-        again.ball_after.velocity, rotation @ run.ball_after.velocity, atol=1e-6
-    )
-    assert again.margins == pytest.approx(run.margins, abs=1e-6)
-    for t in (-0.3, 0.2):
-        foot = turned.motion.ground_wrench(t)
-        np.testing.assert_allclose(foot[:3], rotation @ plan.motion.ground_wrench(t)[:3])
-
-
-def test_a_correction_turns_a_standing_robot_by_the_error_of_the_azimuth(monkeypatch):
-    """Without the planner: the same motion again, whose only error is then that of the azimuth."""
-    plan, run = standing(), carried_out(standing)
-    monkeypatch.setattr(refinement, "replan_motion", lambda plan, velocity: plan)
-    monkeypatch.setattr(refinement, "run_in_mujoco", lambda plan: run)
-    corrected = kd.refine_kick(plan, rounds=1, by="mujoco")
-    again = kd.run_in_mujoco(corrected, tuning=run.tuning)
-    assert abs(run.ball_after.velocity[1]) > 0.05
-    aside = again.path.landing.position[1] - plan.impact.ball_before.position[1]
-    assert aside == pytest.approx(0.0, abs=2e-3)
-
-
-def test_seeded_noise_is_the_same_for_a_seed_and_scatters_the_ball():
-    plan, run = swinging(), carried_out(swinging)
-    first, same, other = (
-        kd.run_in_mujoco(plan, tuning=run.tuning, seed=seed) for seed in (3, 3, 4)
-    )
-    assert (first.ball_after.velocity == same.ball_after.velocity).all()
-    assert first.seed == 3
-    scattered = [first.ball_after.velocity, other.ball_after.velocity, run.ball_after.velocity]
-    assert np.ptp(scattered, axis=0)[[0, 2]].min() > 1e-3
-    silent = kd.KickNoise(mass=0, friction=0, delay=0, place=0)
-    exact = kd.run_in_mujoco(plan, tuning=run.tuning, seed=3, noise=silent)
-    np.testing.assert_array_equal(exact.ball_after.velocity, run.ball_after.velocity)
-
-
-def test_each_kind_of_noise_reaches_the_simulation():
-    plan, run = swinging(), carried_out(swinging)
-    still = {"mass": 0, "friction": 0, "delay": 0, "place": 0}
-    for name, amount in (("mass", 0.1), ("friction", 0.3), ("delay", 0.02), ("place", 0.01)):
-        noise = kd.KickNoise(**{**still, name: amount})
-        noisy = kd.run_in_mujoco(plan, tuning=run.tuning, seed=1, noise=noise)
-        assert np.linalg.norm(noisy.ball_after.velocity - run.ball_after.velocity) > 1e-4, name
-        if name == "delay":  # by up to 20 ms, of which a step is 2 ms
-            assert 0.002 <= noisy.delay - run.delay <= 0.022
-        if name == "place":
-            moved = noisy.ball_position[0] - run.ball_position[0]
-            assert 0.001 < np.linalg.norm(moved) < 0.03
-            assert moved[2] == 0.0
-
-
-def test_mass_and_inertia_are_multiplied():
-    plan, tuning = swinging(), carried_out(swinging).tuning
-    count = plan.motion.robot.model.njoints - 1
-    exact, noisy = (
-        MujocoField(plan.motion, plan.impact, None, tuning, Disturbance(factors, 1, 1, 0, [0, 0]))
-        for factors in (np.ones(count), np.linspace(0.8, 1.3, count))
-    )
-    for factor, name in zip(np.linspace(0.8, 1.3, count), exact.joints, strict=True):
-        body = int(exact.model.joint(name).bodyid[0])
-        assert noisy.model.body_mass[body] == pytest.approx(factor * exact.model.body_mass[body])
-        turned = exact.model.body_inertia[body]
-        assert noisy.model.body_inertia[body] == pytest.approx(factor * turned)
-
-
-def test_runs_with_noise_are_those_of_the_seeds():
-    plan, run, lines = swinging(), carried_out(swinging), []
-    noisy = kd.run_with_noise(plan, 3, tuning=run.tuning, progress=lines.append)
-    assert lines == ["run 1 of 3", "run 2 of 3", "run 3 of 3"]
-    third = kd.run_in_mujoco(plan, tuning=run.tuning, seed=2)
-    np.testing.assert_array_equal(noisy.runs[2].ball_after.velocity, third.ball_after.velocity)
-    speeds = [one.speed_error for one in noisy.runs]
-    assert noisy.means[0] == pytest.approx(np.mean(speeds))
-    assert noisy.deviations[0] == pytest.approx(np.std(speeds, ddof=1))
-    launch = plan.launch.velocity
-    for one, (_, azimuth, elevation) in zip(noisy.runs, noisy.launch_errors, strict=True):
-        turned = pin.rpy.rpyToMatrix(0, -elevation, 0) @ launch  # the launch is along x and z
-        turned = pin.rpy.rpyToMatrix(0, 0, azimuth) @ turned * one.ball_after.speed
-        direction = turned / np.linalg.norm(launch)
-        np.testing.assert_allclose(one.ball_after.velocity, direction, atol=1e-9)
-    assert noisy.misses.tolist() == [one.miss for one in noisy.runs]
-    assert noisy.to_json()["upright"] == 3
-
-
-def test_runs_that_fall_or_miss_are_counted():
-    run = carried_out(swinging)
-    runs = (run, replace(run, upright=False), replace(run, path=None))
-    noisy = kd.NoisyRuns(runs, kd.KickNoise())
-    assert (noisy.upright, len(noisy.hits)) == (2, 2)
-    assert noisy.misses.tolist() == [run.miss, run.miss, math.inf]
-    assert f"up to {run.miss:.3g} m" in str(noisy)
-    assert "up to inf m" in str(noisy)
-    missed = kd.NoisyRuns(runs[2:], kd.KickNoise())
-    assert np.isnan([*missed.means, *missed.deviations]).all()
-    assert json.dumps(missed.to_json(), allow_nan=False)
-
-
-def test_the_track_of_a_run_is_its_flight_since_the_kick():
-    run = carried_out(swinging)
-    track = run.track
-    start = run.plan.impact.ball_before.position
-    np.testing.assert_allclose(track.positions[0] + start, run.path.launch.position)
-    assert track.times[0] == pytest.approx(0.5 * (run.ball_after.time - run.delay))
-
-
-def test_a_learner_meets_the_target_with_kicks_of_a_noisy_robot():
-    goal, prior = swinging().goal, {"elevation": 0.15}
-    learner = kd.Learner(goal, BALL, AIR, kd.Leg.human(), motion=True, scatter=0.02, prior=prior)
-    tuning, misses = carried_out(swinging).tuning, []
-    for seed in range(3):
-        run = kd.run_in_mujoco(learner.command, tuning=tuning, seed=seed)
-        misses.append(run.miss)
-        learner.observe(run.track)
-        assert learner.command.motion is not None
-    assert misses[0] > 2.0
-    assert max(misses[1:]) < 0.5
-    assert np.mean(misses[1:]) < 0.3
-    assert learner.estimates["elevation"] > 0.1
-    with pytest.raises(kd.InvalidInput, match="motion is True without a leg"):
-        kd.Learner(goal, BALL, AIR, motion=True)
-
-
-def test_a_correction_of_a_standing_robot_is_turned_to_its_azimuth(monkeypatch):
+@pytest.mark.slow
+def test_a_robot_kicks_from_one_foot_and_may_be_turned():
     plan = standing()
-    monkeypatch.setattr(kick_module, "replan_motion", lambda plan, velocity, contact: plan)
-    before, angle = plan.impact.ball_after.velocity, 0.1
-    wished = pin.rpy.rpyToMatrix(0, 0, angle) @ before
-    turned = kick_module.replan_turned(plan, wished)
-    np.testing.assert_allclose(turned.impact.ball_after.velocity, wished, atol=1e-9)
-    assert turned.heading == pytest.approx(angle)
-
-
-def test_a_page_shows_the_run_beside_the_plan():
-    run = carried_out(swinging)
-    page = kd.page(run)
-    said = [umsgpack.unpackb(packed) for packed in page.viewer.window.commands]
-    (film,) = (command for command in said if command["type"] == "set_animation")
-    tracks = {
-        (animation["path"], track["name"]): [key["value"] for key in track["keys"]]
-        for animation in film["animations"]
-        for track in animation["clip"]["tracks"]
-    }
-    leg = {path for path, _ in tracks if "/run/leg/" in path}
-    assert len(leg) == 3
-    ball = tracks["/meshcat/run/ball", ".position"]
-    np.testing.assert_allclose(ball[0], run.ball_position[0], atol=1e-9)
-    np.testing.assert_allclose(ball[-1], run.path.landing.position, atol=1e-6)
-    assert "misses the target by" in page.panel
-    missed = replace(run, path=None)
-    assert "the foot misses the ball" in kd.page(missed).panel
-
-
-def test_the_command_writes_the_motion_and_carries_it_out(tmp_path):
-    kick = ["--distance", "20", "--time", "1.2", "--leg", "human"]
-    out, numbers = tmp_path / "kick.csv", tmp_path / "kick.json"
-    ended = CliRunner().invoke(
-        plan_command,
-        [
-            *[*kick, "--motion", "--run", "mujoco", "--corrections", "1", "--noisy-runs", "2"],
-            *["--out", str(out), "--json", str(numbers)],
-        ],
-    )
-    assert ended.exit_code == 0, ended.output
-    assert "The launch is corrected by its motion in MuJoCo" in ended.output
-    assert "MujocoRun" in ended.output
-    assert "2 of 2" in ended.output
-    assert np.loadtxt(out, delimiter=",").shape[1] == 3
-    written = json.loads(numbers.read_text())
-    assert written["run"]["upright"]
-    assert written["corrected_by"] == "mujoco"
-    assert len(written["noisy_runs"]["misses"]) == 2
-    ended = CliRunner().invoke(plan_command, [*kick, "--out", str(out)])
-    assert str(ended.exception).endswith("it needs the motion, so add --motion")
-    ended = CliRunner().invoke(plan_command, [*kick, "--motion", "--noisy-runs", "5"])
-    assert str(ended.exception) == "--noisy-runs is 5: it needs a simulator, so add --run mujoco"
-    ended = CliRunner().invoke(plan_command, [*kick, "--motion", "--out", "kick.txt"])
-    assert str(ended.exception).startswith("kick.txt has the extension '.txt'")
+    run = kd.run_in_mujoco(plan)
+    assert run.upright
+    assert 0.0 < run.speed_error < 0.4  # drives push on during a contact of 14 ms
+    assert 0.0 < run.margins["friction"] < 1.0
+    assert 0.0 <= run.margins["centre of pressure"] < 0.04
+    turned, rotation = turn_plan(plan, 0.05), pin.rpy.rpyToMatrix(0, 0, 0.05)
+    agrees(turned.impact.ball_after.velocity, rotation @ plan.impact.ball_after.velocity, 1e-9)
+    agrees(turned.impact.ball_before.position, plan.impact.ball_before.position, 1e-12)
+    again = kd.run_in_mujoco(turned, tuning=run.tuning)
+    agrees(again.ball_after.velocity, rotation @ run.ball_after.velocity, 1e-6)
+    plan = swinging()
+    corrected = kd.refine_kick(plan, rounds=1, by="mujoco")
+    assert kd.run_in_mujoco(corrected).miss < 0.2 * kd.run_in_mujoco(plan).miss
 
 
 def test_margins_of_the_sole_are_the_least_of_averaged_loads(monkeypatch):
     """A square sole of 0.2 m; the load moves to an edge and then pulls across the ground."""
     edges = np.array([[1.0, 0], [-1, 0], [0, 1], [0, -1]]), np.full(4, 0.1)
     monkeypatch.setattr(module, "sole_edges", lambda standing: edges)
-    leg = kd.Leg.human()
-    weight = 9.81 * sum(body.mass for body in leg.model.inertias)
-    field = SimpleNamespace(
-        standing="stands", timestep=0.01, friction=0.5, motion=SimpleNamespace(robot=leg)
-    )
+    weight = 9.81 * sum(body.mass for body in HUMAN.model.inertias)
+    motion = SimpleNamespace(robot=HUMAN)
+    field = SimpleNamespace(standing="stands", timestep=0.01, friction=0.5, motion=motion)
     rows = [(1, 0, 0, 0, 0), (1, 0.1, 0, 0.05, 0), (1, 0.3, 0, 0, 0.02), (0.01, 9, 9, 9, 9)]
     loads = [weight * np.array(row) for row in np.repeat(rows, 5, axis=0)]
+    steady = module._ground_margins(field, SimpleNamespace(ground=loads[:15]))
+    assert steady["friction"] == pytest.approx(1 - 0.3 / 0.5)
+    assert steady["centre of pressure"] == pytest.approx(0.1 - 0.05)
     margins = module._ground_margins(field, SimpleNamespace(ground=loads))
     mixed = (0.3 + 9) / (0.5 * 1.01)  # of the mean over the last two rows that carry weight
     assert margins["friction"] == pytest.approx(1 - math.hypot(mixed, 9 / (0.5 * 1.01)))
     assert margins["centre of pressure"] == pytest.approx(0.1 - 9.02 / 1.01)
-    steady = module._ground_margins(field, SimpleNamespace(ground=loads[:15]))
-    assert steady["friction"] == pytest.approx(1 - 0.3 / 0.5)
-    assert steady["centre of pressure"] == pytest.approx(0.1 - 0.05)
-    lifted = module._ground_margins(field, SimpleNamespace(ground=loads[15:]))
-    assert set(lifted.values()) == {-math.inf}
 
 
 @pytest.mark.parametrize(
-    ("tilt", "height", "upright"),
-    [(0.0, 1.0, True), (50, 0.9, False), (40, 0.9, True), (0.0, 0.5, False), (0.0, -1.0, False)],
+    ("tilt", "height", "upright"), [(50, 0.9, False), (40, 0.9, True), (0.0, 0.5, False)]
 )
 def test_a_robot_is_upright_by_its_base(tilt, height, upright):
-    """Turned from the planned pose about an axis that is level, at a share of its height."""
     robot = kd.Leg.from_robot("g1", base="floating", legs_only=True)
     planned = robot.configuration()
     planned[2] = 0.8

@@ -1,0 +1,184 @@
+"""The nonlinear program of a motion: strikes keep its rows, derivatives are differences."""
+
+import casadi as ca
+import numpy as np
+import pinocchio as pin
+import pytest
+import scipy.sparse as sp
+from tolerances import agrees, differenced
+
+import kickdyn as kd
+from kickdyn.motion.impact_target import impact_target_for
+from kickdyn.motion.kick_task import KickTask
+from kickdyn.motion.motion_problem import ENDS, JERK, SHARE, MotionProblem
+from kickdyn.motion.row_blocks import Block, Cost, block_solver, make_rows
+from kickdyn.motion.solution import Solution
+from kickdyn.motion.splines import MotionSplines
+from kickdyn.motion.verdict import Verdict
+
+BALL, LEG = kd.Ball(), kd.Leg.human()
+VELOCITY, PLANE = np.array([12.0, 0.0, 5.0]), np.eye(3)[[0, 2]]
+TABLE = ((3.0, 0.9), (9.0, 0.7), (20.0, 0.5))
+
+
+def target_of(restitution, friction):
+    contact = kd.Contact(None, restitution, friction, (0.02, 0.0, 0.01))
+    return impact_target_for(VELOCITY, -8.0 * (friction > 0.0) * np.eye(3)[1], BALL, contact)
+
+
+def problem_of(restitution=0.8, friction=0.4, centre=None):
+    target = target_of(restitution, friction)
+    rows, place = (np.zeros((0, 3)), np.zeros(3)) if centre is None else (PLANE, centre)
+    task = KickTask(LEG, LEG, target, PLANE, rows, place, np.zeros((0, 3)), None)
+    return MotionProblem(task, MotionSplines(0.5, 0.5, (4, 3)))
+
+
+@pytest.fixture(scope="module")
+def problem():
+    return problem_of()
+
+
+@pytest.mark.parametrize("share", [0.4, 1.0])
+@pytest.mark.parametrize(("restitution", "friction"), [(0.8, 0.4), (TABLE, 0.4), (TABLE, 0.0)])
+def test_a_strike_keeps_the_rows_of_the_impact(restitution, friction, share):
+    q = np.array([0.5, 0.6, -0.3])
+    posture = LEG.posture(q).with_contact_offset((0.02, 0.0, 0.01))
+    normal = target_of(restitution, friction).contact.normal
+    problem = problem_of(restitution, friction, posture.contact_point + BALL.radius * normal)
+    target = problem.task.target
+    agrees(problem.ball_centre(q), problem.task.ball_centre, 1e-12)
+    for factor in (1.0, 1.02):
+        v = factor * posture.joint_velocity(target.foot_velocity(posture, share))
+        hit = kd.strike(posture, v, BALL, target.contact)
+        whole = posture.solve(-target.impulse @ posture.jacobian)
+        agrees(problem.jump(q), whole, 1e-10)
+        if factor == 1.0:
+            agrees(share * whole, hit.v_after - v, 1e-9)
+        z = np.concatenate([q, v, share * whole, [share], whole])
+        values = np.asarray(problem.impact.values(z, [])[0]).ravel()
+        broken = np.abs(values - np.clip(values, problem.impact.lower, problem.impact.upper)).max()
+        assert (broken < 1e-10) == (factor == 1.0), (factor, values)
+
+
+def test_forces_and_margins_are_those_of_pinocchio(problem):
+    model, draw = LEG.model, np.random.default_rng(1)
+    for q, v, a in draw.uniform(-0.5, 0.5, (3, 3, 3)):
+        torque = pin.rnea(model, model.createData(), q, v, a)
+        agrees(np.asarray(problem.forces(q, v, a)).ravel(), torque / LEG.effort_limit, 1e-12)
+        ends = np.minimum(q - LEG.lower, LEG.upper - q)
+        uses = np.abs(torque) / LEG.effort_limit, np.abs(v) / LEG.velocity_limit
+        right = np.concatenate([1 - uses[0], 1 - uses[1], ends])
+        agrees(np.asarray(problem.margins(q, v, a)).ravel(), right, 1e-12)
+
+
+def test_bodies_are_apart_by_the_rows_of_their_points(problem):
+    q, hit = np.array([0.5, 0.6, -0.3]), np.array([0.1, 0.4, 0.0])
+    data = LEG.model.createData()
+    pin.forwardKinematics(LEG.model, data, q)
+    a, n, b = np.array([0.1, 0.0, -0.2]), np.array([0.6, 0.0, 0.8]), np.array([0.0, 0.1, -0.3])
+    rows = problem._rows_apart((2, 1))
+    p = np.concatenate([a, n, b])
+    value = float(rows.values(q, p)[0])
+    apart = data.oMi[1].act(b) - data.oMi[2].act(a)
+    assert value == pytest.approx(data.oMi[2].rotation @ n @ apart - 2e-3, abs=1e-12)
+    rows = problem._rows_apart((2, -1))
+    value = float(rows.values(np.append(q, hit), p)[0])
+    distance = np.linalg.norm(problem.ball_centre(hit) - data.oMi[2].act(a))
+    least = BALL.radius - 2.5e-3
+    assert value == pytest.approx((distance**2 - least**2) / (2 * BALL.radius), abs=1e-12)
+
+
+def test_the_cost_beside_the_torques_is_the_jerk_the_ends_and_the_share(problem):
+    splines, rest = problem.splines, np.array([0.1, 0.2, -0.1])
+    cost, draw = problem._cost(rest), np.random.default_rng(2)
+    c = draw.normal(size=(splines.size, 3))
+    x = c.ravel() - cost.centre
+    value = 0.5 * x @ (cost.quadratic @ x) + cost.slope @ np.append(c.ravel(), 0.7)
+    jerk = 0.0
+    for spline, grid in zip(splines.motion(c - rest), splines.grids, strict=True):
+        middles = (grid[1:] + grid[:-1]) / 2
+        jerk += np.diff(grid) @ (spline(middles, 3) ** 2).sum(axis=1)
+    ends = ENDS * (np.sum((c[0] - rest) ** 2) + np.sum((c[-1] - rest) ** 2))
+    assert value == pytest.approx(0.5 * (JERK[False] / 3 * jerk + ends) - 0.7 * SHARE, rel=1e-9)
+
+
+def test_derivatives_of_blocks_are_differences():
+    z, p, draw = ca.SX.sym("z", 2), ca.SX.sym("p"), np.random.default_rng(3)
+    rows = make_rows(z, p, [(ca.sin(z[0]) * z[1] + p, -1.0, 2.0)], z[0] ** 2 * z[1])
+    agrees([rows.lower[0], rows.upper[0]], [-1.0, 2.0], 0)
+    maps, weights, ps = draw.normal(size=(4, 3)), np.array([0.5, 2.0]), np.array([[0.3, -0.2]])
+    quadratic, centre, slope = np.diag([1.0, 2.0]), np.array([0.5, -1.0]), np.array([0, 0, 3.0])
+    linear = np.array([[1.0, -2.0, 0.5]])
+    block = Block(rows, sp.csr_matrix(maps), ps, weights)
+    cost = Cost(sp.csr_matrix(quadratic), centre, slope)
+    solver = block_solver([block], sp.csr_matrix(linear), cost, 3, {})
+
+    def values(x):
+        """Return the cost and the rows by hand."""
+        points = (maps @ x).reshape(2, 2)
+        total = 0.5 * (x[:2] - centre) @ quadratic @ (x[:2] - centre) + slope @ x
+        total += weights @ (points[:, 0] ** 2 * points[:, 1])
+        return total, np.append(linear @ x, np.sin(points[:, 0]) * points[:, 1] + ps[0])
+
+    x, multipliers, h = draw.normal(size=3), np.array([0.7, -1.1, 0.4]), 1e-5
+    gradient = solver.get_function("nlp_grad_f")
+    jacobian, hessian = solver.get_function("nlp_jac_g"), solver.get_function("nlp_hess_l")
+    assert float(gradient(x, [])[0]) == pytest.approx(values(x)[0], rel=1e-12)
+    agrees(np.asarray(jacobian(x, [])[0]).ravel(), values(x)[1], 1e-12)
+    ends = [(values(x + h * e), values(x - h * e)) for e in np.eye(3)]
+    slopes = [(a[0] - b[0]) / (2 * h) for a, b in ends]
+    agrees(np.asarray(gradient(x, [])[1]).ravel(), slopes, 10 * differenced())
+    rows_by_x = np.transpose([(a[1] - b[1]) / (2 * h) for a, b in ends])
+    agrees(np.asarray(jacobian(x, [])[1]), rows_by_x, 10 * differenced())
+
+    def lagrangian_slope(x):
+        g = np.asarray(gradient(x, [])[1]).ravel()
+        return 1.5 * g + np.asarray(jacobian(x, [])[1]).T @ multipliers
+
+    second = [
+        (lagrangian_slope(x + h * e) - lagrangian_slope(x - h * e)) / (2 * h) for e in np.eye(3)
+    ]
+    upper = np.asarray(ca.DM(hessian(x, [], 1.5, multipliers)))
+    agrees(np.triu(upper), np.triu(second), 10 * differenced())
+
+
+def drawn_solution(problem, size=0.15):
+    draw = np.random.default_rng(5)
+    c = np.array([0.1, 0.3, -0.1]) + draw.normal(0.0, size, (problem.splines.size, 3))
+    return Solution(c[0], c, 1.0, problem.splines.times(2, 4))
+
+
+def test_the_verdict_is_by_inverse_dynamics_on_a_finer_grid(problem):
+    solution = drawn_solution(problem)
+    verdict, model, data = Verdict(problem, solution), LEG.model, LEG.model.createData()
+    splines, total, worst = problem.splines.motion(solution.coefficients), 0.0, {}
+    for spline, times in zip(splines, verdict.times, strict=True):
+        states = [[spline(t, order) for t in times] for order in range(3)]
+        torque = np.array([pin.rnea(model, data, *state) for state in zip(*states, strict=True)])
+        use = np.abs(torque) / LEG.effort_limit
+        total += np.trapezoid((use**2).mean(axis=1), times)
+        worst["torque"] = max(use.max(), worst.get("torque", 0.0))
+        speed = np.abs(states[1]) / LEG.velocity_limit
+        worst["speed"] = max(speed.max(), worst.get("speed", 0.0))
+    assert verdict.torque_squared == pytest.approx(total, rel=1e-9)
+    planned = verdict.planned()
+    assert (planned.torque_use, planned.speed_use) == pytest.approx(
+        (worst["torque"], worst["speed"])
+    )
+    broken = [line for line in planned.motion.warnings if "beyond its limit" in line]
+    assert bool(broken) == (verdict.rows.min() < 0.0)
+    assert verdict.broken >= -verdict.rows.min()
+    agrees(planned.motion.q(-0.2), splines[0](-0.2), 1e-12)
+
+
+def test_times_are_added_where_limits_are_nearest(problem):
+    solution = drawn_solution(problem, size=0.6)
+    verdict = Verdict(problem, solution)
+    torque = verdict.rows[:, :3].min(axis=1)
+    worst = np.concatenate(verdict.times)[torque.argmin()]
+    assert torque.min() < 0.0
+    added = verdict.add_points(solution.times)
+    assert worst in np.concatenate(added)
+    for before, after in zip(solution.times, added, strict=True):
+        assert set(before) <= set(after)
+        assert (np.diff(after) > 0).all()

@@ -1,0 +1,58 @@
+"""Splines of a motion as linear maps: against differences, quadrature and their convex hull."""
+
+import numpy as np
+import pytest
+from tolerances import agrees
+
+from kickdyn.motion.splines import MotionSplines, integration_weights
+
+SPLINES = MotionSplines(0.5, 0.7, (6, 4))
+COEFFICIENTS = np.random.default_rng(0).normal(size=(SPLINES.size, 2))
+
+
+def values(t, order=0):
+    sides = [np.array([t]), np.zeros(0)] if t <= 0 else [np.zeros(0), np.array([t])]
+    return (SPLINES.values(sides, order) @ COEFFICIENTS)[0]
+
+
+def test_a_motion_starts_and_ends_at_rest_and_does_not_jump_at_the_impact():
+    for t in (-0.5, 0.7):
+        for order in (1, 2):
+            assert values(t, order) == pytest.approx(np.zeros(2), abs=1e-9)
+    agrees(values(-0.5), COEFFICIENTS[0], 1e-12)
+    agrees(values(0.7), COEFFICIENTS[-1], 1e-12)
+    q, before, jump = SPLINES.at_impact() @ COEFFICIENTS
+    first, second = SPLINES.motion(COEFFICIENTS)
+    agrees(first(0.0), q, 1e-12)
+    agrees(second(0.0), q, 1e-12)
+    agrees(before, first(0.0, 1), 1e-12)
+    agrees(jump, second(0.0, 1) - first(0.0, 1), 1e-12)
+    assert np.abs(jump).min() > 0.1
+
+
+@pytest.mark.parametrize("t", [-0.31, -0.04, 0.02, 0.4])
+def test_derivatives_are_those_of_differences(t):
+    h = 1e-3  # differences of the fourth order are exact for cubics
+    for order in (0, 1, 2):
+        wide, close = ((values(t + k * h, order) - values(t - k * h, order)) for k in (2, 1))
+        agrees(values(t, order + 1), (8 * close - wide) / (12 * h), 1e-9)
+
+
+def test_coefficients_are_those_of_a_motion():
+    agrees(SPLINES.coefficients(*SPLINES.motion(COEFFICIENTS)), COEFFICIENTS, 1e-14)
+
+
+def test_coefficients_of_the_velocities_bound_them():
+    rows = SPLINES.speed_rows() @ COEFFICIENTS
+    times = [np.linspace(-0.5, 0, 300), np.linspace(0, 0.7, 300)]
+    speeds = SPLINES.values(times, 1) @ COEFFICIENTS
+    assert (speeds.max(axis=0) <= rows.max(axis=0)).all()
+    assert (speeds.min(axis=0) >= rows.min(axis=0)).all()
+
+
+def test_weights_integrate_lines_exactly():
+    times = np.array([0.0, 0.1, 0.4, 1.0])
+    weights = integration_weights(times)
+    assert weights @ (3 * times + 2) == pytest.approx(3.5, rel=1e-14)
+    curve = times**2
+    assert weights @ curve == pytest.approx(np.trapezoid(curve, times), rel=1e-14)

@@ -1,0 +1,156 @@
+"""The terms and objectives of a kick: slopes against differences, values against strikes."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from tolerances import agrees, differenced
+
+import kickdyn as kd
+from kickdyn.motion.impact_target import impact_target_for
+from kickdyn.planning.kick_problem import kick_problem
+from kickdyn.planning.kick_terms import (
+    KickVariables,
+    SpeedLimit,
+    StrikeVelocity,
+    TorqueLimit,
+)
+from kickdyn.planning.muscle_limit import MuscleTorqueLimit
+from kickdyn.planning.objectives import OBJECTIVES, LargestShare
+from kickdyn.planning.problem import Function
+from kickdyn.planning.stance import Balance, Clearance, SupportImpulse, Upright
+
+BALL = kd.Ball()
+LEGS = {"human": kd.Leg.human(), "g1": kd.Leg.from_robot("g1", legs_only=True)}
+STANDING = kd.Leg.from_robot("g1", base="floating", legs_only=True).with_supports(
+    kd.Support("left_ankle_roll_link", friction=0.6)
+)
+VELOCITY = np.array([6.0, 0.0, 3.0])
+TABLE = ((2.0, 0.9), (20.0, 0.4))
+
+
+def target_of(friction=0.4, restitution=0.8, offset=None, velocity=VELOCITY):
+    spin = np.array([0.0, -10.0 if friction else 0.0, 0.0])
+    contact = kd.Contact(None, restitution, friction, offset)
+    return impact_target_for(np.asarray(velocity), spin, BALL, contact)
+
+
+def drawn(variables, share=0.8, low=0.1, high=0.5, seed=0):
+    """Return unknowns of a drawn posture and velocity."""
+    draw = np.random.default_rng(seed)
+    return np.append(draw.uniform(low, high, 2 * variables.n), share)
+
+
+def compare_slopes(term, variables, x, tolerance):
+    """Compare the slope of a term with central differences of its value."""
+    step = 1e-6
+    differences = [
+        (term.value(variables.point(x + way)) - term.value(variables.point(x - way))) / (2 * step)
+        for way in step * np.eye(len(x))
+    ]
+    agrees(term.slope(variables.point(x)), np.transpose(differences), tolerance)
+
+
+@pytest.mark.parametrize(
+    ("name", "friction", "restitution", "offset"),
+    [
+        ("human", 0.4, 0.8, None), ("human", 0.0, TABLE, (0.02, 0, 0.01)),
+        ("g1", 0.4, TABLE, None), ("g1", 0.0, 0.8, (0.02, 0, 0.01)),
+    ],
+)  # fmt: skip
+def test_slopes_are_those_of_the_values(name, friction, restitution, offset):
+    problem = kick_problem(LEGS[name], target_of(friction, restitution, offset), -0.6)
+    variables, x = problem.variables, drawn(problem.variables)
+    for term in (term for term in problem.terms if isinstance(term, Function)):
+        compare_slopes(term, variables, x, 10 * differenced())
+    for objective in OBJECTIVES.values():
+        compare_slopes(objective(), variables, x, 10 * differenced(1))
+    compare_slopes(LargestShare(), variables, x, differenced())
+
+
+@pytest.mark.parametrize("offset", [None, (0.02, 0, 0.01)])
+def test_slopes_of_a_stance_are_those_of_the_values(offset):
+    problem = kick_problem(STANDING, target_of(offset=offset, velocity=(3, 0.0, 1.5)), BALL.radius)
+    variables, x = problem.variables, drawn(problem.variables, low=-0.5)
+    for kind in (Balance, Clearance, Upright):
+        compare_slopes(problem.find(kind), variables, x, 10 * differenced())
+    compare_slopes(problem.find(SupportImpulse), variables, x, 10 * differenced(1))
+
+
+@pytest.mark.parametrize("share", [0.4, 1.0])
+@pytest.mark.parametrize("restitution", [0.8, TABLE])
+@pytest.mark.parametrize("friction", [0.0, 0.4])
+def test_a_foot_with_the_strike_velocity_gives_a_share_of_the_launch(friction, restitution, share):
+    target = target_of(friction, restitution)
+    problem = kick_problem(LEGS["g1"], target)
+    term, start = problem.find(StrikeVelocity), problem.variables.point(drawn(problem.variables))
+    assert np.abs(term.value(start)).max() > 0.1
+    x = np.append(start.x[:-1], share)
+    exact = term.make_exact(problem.variables.point(x))
+    assert np.abs(term.value(exact)).max() < 1e-13
+    assert exact.x[: problem.variables.n].tolist() == start.x[: problem.variables.n].tolist()
+    hit = kd.strike(exact.posture, exact.v, BALL, target.contact)
+    agrees(hit.ball_after.velocity, share * VELOCITY, 1e-11)
+    spin = np.array([0.0, -10.0 if friction else 0.0, 0.0])
+    assert hit.ball_after.spin == pytest.approx(share * spin, abs=1e-9)
+
+
+def test_the_torque_keeps_the_speed_of_the_joints():
+    """Coriolis forces and gravity, over the limit: 1 less the square of its use."""
+    for name, leg in LEGS.items():
+        variables = KickVariables(leg, target_of())
+        point, term = variables.point(drawn(variables)), TorqueLimit(variables)
+        model, data = leg.model, leg.model.createData()
+        torque = pin.nonLinearEffects(model, data, point.posture.q, point.v)[variables.vs]
+        limit = leg.effort_limit[variables.vs]
+        agrees(term.use(point), np.abs(torque) / limit, 1e-12)
+        agrees(term.value(point), 1 - (torque / limit) ** 2, 1e-12)
+        speed = SpeedLimit(variables)
+        use = np.abs(point.v[variables.vs]) / leg.velocity_limit[variables.vs]
+        agrees(speed.use(point), use, 1e-12)
+        over = np.append(np.zeros(variables.n), [*np.full(variables.n, 1.0), 1.0])
+        named = speed.binding(variables.point(over))
+        assert named == [f"speed of {joint}" for joint in variables.names], name
+
+
+def test_each_objective_is_what_its_name_says():
+    leg = LEGS["human"]
+    variables = KickVariables(leg, target_of())
+    point = variables.point(drawn(variables))
+    posture, v, impulse = point.posture, point.v, variables.target.impulse
+    values = {name: term().quantity(point) for name, term in OBJECTIVES.items()}
+    data = leg.model.createData()
+    energy = pin.computeKineticEnergy(leg.model, data, posture.q, v)
+    assert values["kinetic-energy"] == pytest.approx(energy, rel=1e-12)
+    assert values["joint-speed"] == pytest.approx(np.mean((v / leg.velocity_limit) ** 2))
+    assert values["foot-speed"] == pytest.approx(np.linalg.norm(posture.jacobian @ v))
+    contact = variables.target.contact
+    closing = variables.target.foot_velocity(posture)
+    hit = kd.strike(posture, posture.joint_velocity(closing), BALL, contact)
+    agrees(hit.impulse, impulse, 1e-9)
+    worst = hit.worst_joint[1]
+    assert worst <= values["joint-impulse"] <= 3 ** (1 / 12) * worst
+    assert values["most-joint-impulse"] == values["joint-impulse"]
+    signs = {name: term().value(point)[0] / values[name] for name, term in OBJECTIVES.items()}
+    assert signs.pop("most-joint-impulse") == -1
+    assert set(signs.values()) == {1}
+
+
+def test_the_torques_of_muscles_fall_with_the_speed():
+    """Hill 1938: (1 - u) / (1 + 4 u) of the limit at the share u of the speed limit."""
+
+    def hill(speed):
+        return (1 - np.maximum(speed, 0)) / (1 + 4 * np.maximum(speed, 0))
+
+    leg = LEGS["human"]
+    variables = KickVariables(leg, target_of())
+    term, plain = MuscleTorqueLimit(variables), TorqueLimit(variables)
+    for x in ([0.4, 0.7, -0.2, 0.3, -0.4, 0.2, 0.9], [0.1, 1.2, 0.3, -0.6, 0.5, -0.1, 1.0]):
+        point = variables.point(np.array(x))
+        share = plain.torque(point.posture, point.v) / leg.effort_limit
+        speed = point.v / leg.velocity_limit
+        up, down = term.value(point).reshape(2, 3)
+        agrees(up, hill(speed) - share, 1e-12)
+        agrees(down, hill(-speed) + share, 1e-12)
+        most = np.where(share > 0, hill(speed), hill(-speed))
+        agrees(term.use(point), np.abs(share) / most, 1e-12)
+        compare_slopes(term, variables, np.array(x), 10 * differenced())

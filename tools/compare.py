@@ -103,7 +103,7 @@ def parts(value: Any, depth: int) -> Iterator[tuple[str, Any]]:
         value = sorted(value, key=str) if isinstance(value, set | frozenset) else value
         try:
             array = np.array(value)
-        except ValueError:  # lists of unequal lengths
+        except (TypeError, ValueError):  # datasets, or lists of unequal lengths
             array = np.array(None)
         if array.dtype.kind in "iufc" and array.size:
             yield "", array

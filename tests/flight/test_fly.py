@@ -228,7 +228,9 @@ def broken(reynolds, spin_parameter):
 
 @pytest.mark.parametrize("kind", ["drag", "lift", "torque"])
 @pytest.mark.parametrize(
-    "coefficient", [broken, *(constant(value) for value in (math.nan, math.inf))], ids=str
+    "coefficient",
+    [broken, *(constant(value) for value in (math.nan, math.inf))],
+    ids=["raises", "nan", "inf"],
 )
 def test_a_coefficient_that_is_no_number_ends_in_an_error(kind, coefficient):
     words = "KeyError" if coefficient is broken else "not finite|could not be integrated"

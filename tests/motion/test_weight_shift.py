@@ -74,7 +74,6 @@ def shifting():
 
 @pytest.mark.slow
 def test_torques_and_the_wrenches_on_both_feet_accelerate_the_robot(shifting):
-    """And each foot is pressed inside its sole, within friction."""
     motion, h = shifting.motion, 1e-6
     model, feet, loaded = motion.robot.model, motion.shift.feet, 0
     data, limit = model.createData(), motion.robot.effort_limit[6:]

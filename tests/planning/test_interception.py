@@ -55,7 +55,6 @@ def test_times_within_reach_are_those_of_the_parabola():
     inside &= 3 - 4 * dense >= -BALL.radius
     first, last = dense[inside][[0, -1]]
     assert len(times) == CANDIDATES
-    # evenly between both ends, which are known to the path's 400 samples
     expected = np.linspace(first, last, CANDIDATES + 2)[1:-1]
     assert times == pytest.approx(expected, abs=1.2 / 400)
 

@@ -67,7 +67,6 @@ def drawn_postures(height, normal, count):
 
 @pytest.mark.parametrize("objective", [o for o in OBJECTIVES if o != "most-joint-impulse"])
 def test_no_drawn_kick_of_the_human_leg_is_better(objective):
-    """Of the least joint velocity or energy of each posture, within speed and torque limits."""
     goal, height = kd.Goal(15, time=1.1), -0.704
     plan = kd.plan_kick(HUMAN, goal, BALL, AIR, objective=objective, ball_position=height)
     assert plan.share == 1.0
@@ -131,7 +130,6 @@ def test_a_goal_beyond_the_limits_gives_the_hardest_kick_in_its_direction():
     assert 0.3 < plan.share < 0.8
     agrees(plan.impact.ball_after.velocity, plan.share * plan.launch.velocity, 1e-7)
     assert plan.speed_use == pytest.approx(1, abs=1e-3)
-    # it ends on the ground that the ball lay on, and misses from there
     start, end = plan.impact.ball_after.position, plan.path.landing.position
     assert end[2] == pytest.approx(start[2], abs=1e-9)
     assert plan.landing_error == pytest.approx(100 - (end - start)[0])

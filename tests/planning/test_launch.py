@@ -71,7 +71,7 @@ LOW, FAR = (20.0, 0.0, 2.2), (25.0, 0.0, 1.0)
     ("goal", "limit", "nearest"),
     [
         (kd.Goal(FAR, speed=12), "least-speed", math.sqrt(G * (1 + math.hypot(25, 1)))),
-        (kd.Goal(300, time=4), "speed-limit", 35**2 / G),
+        (kd.Goal((300, 0, 30), time=4), "speed-limit", 35**2 / G * (math.sqrt(1.01) - 0.1)),
         (kd.Goal(LOW, apex=2.0), "lowest-path", 2.2),
         (kd.Goal(LOW, over=(9.15, 80)), "highest-path", None),
         (kd.Goal(LOW, time=0.4), "speed-limit", None),

@@ -38,7 +38,6 @@ def test_the_flight_is_that_of_fly(air):
     "condition", [{"time": 1.0}, {"speed": 20.0}, {"over": (9.0, 2.0)}, {"apex": 3.0}]
 )
 def test_slopes_of_all_equations_are_those_of_differences(condition):
-    """With the ball struck while it spins, whose spin along the impulse depends on the launch."""
     struck = kd.BallState(velocity=(-3.0, 1.0, 0.5), spin=(9.0, -4.0, 6.0))
     air, axis = kd.Air(drag="brazuca"), SPIN / np.linalg.norm(SPIN)
     goal = kd.Goal((18.0, 2.0, 1.0), **condition, beside=(8.0, 0.5))
@@ -56,6 +55,9 @@ def test_slopes_of_all_equations_are_those_of_differences(condition):
             (equations(x + step)[0] - equations(x - step)[0]) / 2e-3 for step in 1e-3 * np.eye(5)
         ]
         agrees(equations(x)[1], np.transpose(expected), differenced(1))
+    along = VELOCITY - struck.velocity
+    along /= np.linalg.norm(along)
+    assert problem.spin_of(x[:-1]) @ along == pytest.approx(struck.spin @ along, rel=1e-12)
 
 
 @pytest.mark.parametrize("spin", [(0, -80.0, 0), (0, 0, 0)])
@@ -72,7 +74,6 @@ def test_lowest_and_highest_places(spin, up):
 
 
 def test_a_step_in_the_root_of_the_speed_is_newtons_to_first_order():
-    """w = v / sqrt|v| changes by its derivative times the step."""
 
     def root(v):
         return v / np.sqrt(np.linalg.norm(v))

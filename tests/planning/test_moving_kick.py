@@ -112,7 +112,8 @@ def test_a_ball_that_is_seen_again_is_met_at_the_same_time(rolling):
     ],
 )
 def test_where_a_ball_is_and_how_it_moves_away(ball, word):
-    incoming, goal = kd.IncomingBall(ball, kd.Ground(-1.0, "turf")), kd.Goal((9, 1, 0), time=0.9)
+    incoming, running = kd.IncomingBall(ball, kd.Ground(-1.0, "turf")), np.array([0.5, 0.3, 0.0])
+    goal = kd.Goal((9, 1, 0), time=0.9, receiver_velocity=running)
     contact, objective = checked_contact(None), KickObjective.JOINT_SPEED
     settings = KickSettings(goal, BALL, AIR, contact, objective, True, None, "slsqp")
     balls = Interceptor(HUMAN, settings, incoming)
@@ -120,6 +121,8 @@ def test_where_a_ball_is_and_how_it_moves_away(ball, word):
     velocity, launch = kick.before.velocity, kick.launch.velocity
     impulse = launch - velocity
     agrees(kick.target.impulse, BALL.mass * impulse, 1e-12)
+    target = ball.position + goal.target + (0.1 + 0.9) * running
+    agrees(kick.before.position + kick.goal.target, target, 1e-12)
     across = np.array([-impulse[1], impulse[0], 0.0]) / np.hypot(*impulse[:2])
     assert balls.beside(0.1) == pytest.approx(float(kick.before.position @ across))
     away, along = velocity @ impulse, velocity @ launch / np.linalg.norm(launch)

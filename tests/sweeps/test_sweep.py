@@ -101,7 +101,7 @@ def test_variables_are_nan_only_out_of_reach():
         ({"variables": ["ball_sped"]}, "'ball_sped'.*'ball_speed'"),
         ({"variables": []}, r"variables is \[\]"),
     ],
-    ids=str,
+    ids=lambda value: ", ".join(value) if isinstance(value, dict) else value,
 )  # fmt: skip
 def test_bad_arguments_are_refused_in_one_line(change, word):
     arguments = {"leg": LEG, "postures": {"hip": 0.1}, "kick": KICK, **change}

@@ -10,7 +10,7 @@ change an array in place that it has read before, because Python's arrays share 
 import math
 from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -18,19 +18,17 @@ from numpy.typing import DTypeLike, NDArray
 BATCH = 16
 """Numbers in a batch, a power of two: of 8, 16 and 32 the fastest for `kickdyn.sweeps`."""
 
-F = TypeVar("F", bound=Callable[..., Any])
-
 JITABLE: dict[Any, bool] = {}
 """Functions that machine code may call, and whether they are inlined."""
 
 
-def jitable(function: F) -> F:
+def jitable(function: Callable[..., Any]) -> Any:
     """Mark a function that machine code may call; Python calls it as it is."""
     JITABLE.setdefault(function, False)
     return function
 
 
-def inlined(function: F) -> F:
+def inlined(function: Callable[..., Any]) -> Any:
     """Mark a function that machine code may call, and that is inlined there."""
     JITABLE[function] = True
     return function

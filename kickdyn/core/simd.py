@@ -150,7 +150,7 @@ def _cast(context: Any, builder: Any, old: Any, new: Any, value: Any) -> Any:
     return _spread(builder, value)
 
 
-@type_callable(spread)  # type: ignore[untyped-decorator]
+@type_callable(spread)
 def _type_of_spread(context: Any) -> Any:
     return lambda x: _batch if isinstance(x, types.Float | _Batch) else None
 
@@ -163,7 +163,7 @@ for _kind in (_batch, types.Float):
     lower_builtin(spread, _kind)(_spread_argument)
 
 
-@type_callable(choose)  # type: ignore[untyped-decorator]
+@type_callable(choose)
 def _type_of_choose(context: Any) -> Any:
     numbers = types.Float | _Batch
     return lambda mask, a, b: (
@@ -179,7 +179,7 @@ for _kinds in product((_batch, types.Float), repeat=2):
     lower_builtin(choose, _mask, *_kinds)(_select)
 
 
-@type_callable(batches)  # type: ignore[untyped-decorator]
+@type_callable(batches)
 def _type_of_batches(context: Any) -> Any:
     def result_of(array: Any) -> Any:
         records = isinstance(array.dtype, types.Record)

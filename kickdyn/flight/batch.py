@@ -170,7 +170,7 @@ def carries(
 
 def seconds_of_fly(tol: float) -> float:
     """Return the processor time of one `fly`, roughly [s]."""
-    return 1.2e-3 * (1e-9 / tol) ** 0.125
+    return float(1.2e-3 * (1e-9 / tol) ** 0.125)
 
 
 def _source() -> Source:

@@ -100,10 +100,8 @@ LEAST_SHARE = 1e-6
 LEAST_RESISTANCE = 1e-3
 """Share of its mobility along the normal that a contact must resist with, or it is doubtful."""
 
-for _law in (slip_impulse, slip_conic, meet_circle):
-    jitable(_law)
-for _law in (stick_impulse, energy_lost):
-    inlined(_law)
+jitable(slip_impulse), jitable(slip_conic), jitable(meet_circle)
+inlined(stick_impulse), inlined(energy_lost)
 
 
 @jitable

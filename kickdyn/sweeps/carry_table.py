@@ -104,7 +104,7 @@ class CarryTable:
         to_fly = np.empty(len(normal), bool)
         scales = np.array([self._largest_impulse, self._largest_slope, *self._corner, *self._sides])
         pays = EVALUATE.pays(len(normal) * SECONDS_IN_PYTHON)
-        evaluate = EVALUATE() if pays else _evaluate
+        evaluate: Callable[..., None] = EVALUATE() if pays else _evaluate
         with np.errstate(divide="ignore", invalid="ignore"):  # of impulses that are 0
             evaluate(normal, tangent, scales, self._index, self._patches, carry, to_fly)
         return to_fly

@@ -30,10 +30,7 @@ from kickdyn.sweeps.sweep_kick import ROUNDING, UNLIMITED
 LEAST_DIFFERENCE = 1e-3
 """Share that a difference must keep of its terms, or the posture is doubtful."""
 
-for _law in (slip_direction, slip_impulse):
-    jitable(_law)
-for _law in (stick_impulse, energy_lost):
-    inlined(_law)
+jitable(slip_direction), jitable(slip_impulse), inlined(stick_impulse), inlined(energy_lost)
 
 LEAST_SQUARE = 1e-6
 """Share that the square of a direction must keep as it is made orthogonal to others."""

@@ -9,6 +9,9 @@ A posture of a sweep takes 0.15 us with interpolated carries and 3.4 us if `fly_
 ball (human leg, tolerance 1e-6 m, one thread, `python benchmarks/sweep.py`).
 """
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 

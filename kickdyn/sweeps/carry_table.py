@@ -10,7 +10,6 @@ ball (human leg, tolerance 1e-6 m, one thread, `python benchmarks/sweep.py`).
 """
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray

@@ -47,6 +47,7 @@ def test_flown_carries_are_right_to_1e_8():
     assert solved(LEG, grid, kick)[0][CARRY] == pytest.approx(exact, rel=1e-8)
 
 
+@pytest.mark.processor_limit(10)  # of 750 flights one by one, where machine code is not stored
 def test_interpolation_changes_carries_only_and_within_the_tolerance():
     kick = Kick(speed=14.0)
     axes = {"hip": np.linspace(-0.2, 1.4, 15), "knee": np.linspace(0, 2.2, 25), "ankle": [0, 0.5]}

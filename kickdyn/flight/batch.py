@@ -1,4 +1,4 @@
-"""Thousands of flights at once: the answers of `fly`, in machine code."""
+"""Many flights: the answers of `fly`, one after the other or thousands in machine code."""
 
 import math
 from collections.abc import Sequence
@@ -66,9 +66,10 @@ def fly_many(
 ) -> xr.Dataset:
     """Return the flights of a ball from many launches.
 
-    The results are as from `fly`, computed hundreds of times as fast. The first call in a process
-    takes about a second to load, the very first some ten to compile, and each new air, ball or
-    event another one.
+    The results are as from `fly`. Some hundred flights are computed by it, one after the other.
+    Machine code, which is a hundred times as fast, is loaded or compiled when the calls of a
+    process have taken as long as that would, half a second or nine; a new air, ball or event then
+    takes another one. Both ways keep the tolerance, with errors of their own.
 
     Args:
         states: the launches, such as `BallState(velocity=velocities)` with velocities of shape
@@ -76,7 +77,7 @@ def fly_many(
             for all launches. Their times are not used.
         ball: the ball; its mass and radius count.
         air: the air; None is the vacuum. Wind and coefficients that are functions must be written
-            with floats and `math`, so that numba can compile them.
+            with floats and `math`, so that numba can compile them for many flights.
         ground: the ground, where the flights end; None ends each at the height of its launch.
         tol: relative tolerance of the integration, as for `fly`.
         plane: a wall or a goal line, which ends each flight that reaches it before the ground.

@@ -2,10 +2,8 @@
 
 import ast
 import builtins
-import dis
 import hashlib
 import inspect
-import symtable
 import sys
 import textwrap
 import types
@@ -21,11 +19,6 @@ DIGITS = 12
 
 LIBRARIES = {"numpy", "scipy", "kickdyn", *sys.stdlib_module_names}
 """Packages whose modules, classes and compiled functions are identified by their names."""
-
-RETURNING = {"RESUME", "LOAD_CONST", "LOAD_SMALL_INT", "RETURN_CONST", "RETURN_VALUE"}
-"""Instructions of a function that returns a constant."""
-
-Function = ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda
 
 
 class NotIdentifiedError(Exception):
@@ -100,7 +93,7 @@ def _of_function(function: types.FunctionType, visited: set[int]) -> Iterator[st
     yield from _texts((function.__defaults__, function.__kwdefaults__), visited)
     cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
     enclosing = dict(cells)
-    for name in _outer_names(text):
+    for name in sorted(_names(function.__code__)):
         try:
             if name in enclosing:
                 value = enclosing[name].cell_contents
@@ -116,7 +109,7 @@ def _of_function(function: types.FunctionType, visited: set[int]) -> Iterator[st
 
 
 def source_text(function: types.FunctionType) -> str:
-    """Return the source text of a function or a lambda, without its decorators and indentation.
+    """Return the source text of a function, of a lambda the statement in which it stands.
 
     Raises `NotIdentifiedError` if there is none.
     """
@@ -126,87 +119,39 @@ def source_text(function: types.FunctionType) -> str:
         raise missing
     try:
         text = "".join(inspect.findsource(function)[0])
-        functions = _functions(text)
+        statements = _statements(text)
     except (OSError, TypeError, SyntaxError, IndexError):
         raise missing from None
-    parameters = set(inspect.signature(function, follow_wrapped=False).parameters)
-    candidates = [
-        node
-        for node in functions
-        if _first_line(node) == code.co_firstlineno
-        and getattr(node, "name", "<lambda>") == code.co_name
-        and {argument.arg for argument in _arguments(node)} == parameters
-    ]
-    if len(candidates) > 1 and code.co_name == "<lambda>":  # in one line
-        candidates = _around(candidates, code)
-    if len(candidates) != 1:
+    line = code.co_firstlineno
+    if code.co_name == "<lambda>":
+        around = [node for node in statements if _first_line(node) <= line <= _last_line(node)]
+    else:
+        around = [
+            node
+            for node in statements
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+            and (node.name, _first_line(node)) == (code.co_name, line)
+        ]
+    if not around:
         raise missing
-    segment = ast.get_source_segment(text, candidates[0], padded=True)
-    return textwrap.dedent(segment or "")
+    innermost = max(around, key=lambda node: (_first_line(node), node.col_offset))
+    return textwrap.dedent(ast.get_source_segment(text, innermost, padded=True) or "")
 
 
 @lru_cache(maxsize=16)
-def _functions(text: str) -> tuple[Function, ...]:
-    """Return the functions of a module in the order of its text."""
-    return tuple(node for node in ast.walk(ast.parse(text)) if isinstance(node, Function))
+def _statements(text: str) -> tuple[ast.stmt, ...]:
+    return tuple(node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.stmt))
 
 
-def _first_line(node: Function) -> int:
-    decorators = [] if isinstance(node, ast.Lambda) else node.decorator_list
-    return min([node.lineno, *(decorator.lineno for decorator in decorators)])
+def _first_line(node: ast.stmt) -> int:
+    return min([node.lineno, *(line.lineno for line in getattr(node, "decorator_list", []))])
 
 
-def _arguments(node: Function) -> list[ast.arg]:
-    every = node.args
-    starred = [argument for argument in (every.vararg, every.kwarg) if argument is not None]
-    return [*every.posonlyargs, *every.args, *every.kwonlyargs, *starred]
+def _last_line(node: ast.stmt) -> int:
+    return node.end_lineno or node.lineno
 
 
-def _around(lambdas: list[Function], code: types.CodeType) -> list[Function]:
-    """Return the smallest lambda whose text encloses all instructions of a code, if any.
-
-    From Python 3.12 on, a lambda that returns a constant has instructions without a place: it is
-    the one with that constant.
-    """
-    places = [
-        ((line, column), (end_line, end_column))
-        for line, end_line, column, end_column in code.co_positions()
-        if line and end_line and column is not None and end_column
-        if (line, column) < (end_line, end_column)
-    ]
-    if not places:
-        if any(instruction.opname not in RETURNING for instruction in dis.get_instructions(code)):
-            return []  # Python was started with `-X no_debug_ranges`
-        return [node for node in lambdas if _constant(node) == repr(code.co_consts[-1:])][-1:]
-    enclosing = [
-        node
-        for node in lambdas
-        if (node.lineno, node.col_offset) <= min(begin for begin, _ in places)
-        and max(end for _, end in places) <= (node.end_lineno or 0, node.end_col_offset or 0)
-    ]
-    return enclosing[-1:]  # ast.walk visits outer functions before inner ones
-
-
-def _constant(node: Function) -> str:
-    """Return the constant that a lambda returns, as `repr` of a tuple."""
-    if not isinstance(node, ast.Lambda):
-        return ""
-    return repr(compile(ast.Expression(node.body), "lambda", "eval").co_consts[-1:])
-
-
-def _outer_names(text: str) -> list[str]:
-    """Return the names that a function reads and does not define, sorted."""
-    in_brackets = f"({text.strip()})"
-    try:
-        table = symtable.symtable(in_brackets, "lambda", "eval")
-    except SyntaxError:
-        try:
-            table = symtable.symtable(text, "def", "exec")
-        except SyntaxError as error:
-            raise NotIdentifiedError(f"the names of a function are not clear ({error})") from None
-    tables, names = list(table.get_children()), set()
-    while tables:
-        inner = tables.pop()
-        tables += inner.get_children()
-        names |= {symbol.get_name() for symbol in inner.get_symbols() if symbol.is_global()}
-    return sorted(names)
+def _names(code: types.CodeType) -> set[str]:
+    """Return the names of globals and enclosing variables that a code may use, and more."""
+    inner = (constant for constant in code.co_consts if isinstance(constant, types.CodeType))
+    return {*code.co_names, *code.co_freevars}.union(*map(_names, inner))
